@@ -1,0 +1,200 @@
+//! From machine coordinates to motor steps.
+
+use crate::square_root::square_root;
+
+/// Units of 10 nm in a millimetre.
+pub const UNITS_PER_MM: i64 = 100_000;
+
+/// Largest coordinate, either sign, in units of 10 nm: 10 m. Keeps every product below in 64 bits.
+pub const MAX_COORDINATE_10NM: i64 = 10_000 * UNITS_PER_MM;
+
+/// How X and Y are driven.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kinematics {
+    /// One motor an axis.
+    Cartesian,
+    /// Two fixed motors, both driving both axes: A = X + Y, B = X - Y.
+    CoreXy,
+}
+
+/// Steps a millimetre, exact to five decimals, above 0 and at most 10,000.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct StepsPerMm {
+    hundred_thousandths: i64,
+}
+
+impl StepsPerMm {
+    /// The nearest value with five decimals; `None` outside 0.00001 to 10,000.
+    pub fn from_f64(steps_per_mm: f64) -> Option<Self> {
+        let scaled = steps_per_mm * 100_000.0 + 0.5;
+        // NaN fails both comparisons.
+        (scaled >= 1.0 && scaled < 1e9 + 1.0).then_some(Self { hundred_thousandths: scaled as i64 })
+    }
+
+    /// The value, steps/mm.
+    pub fn to_f64(self) -> f64 {
+        self.hundred_thousandths as f64 / 100_000.0
+    }
+
+    /// The value in units of 1e-5 steps/mm.
+    pub const fn hundred_thousandths(self) -> i64 {
+        self.hundred_thousandths
+    }
+
+    /// The motor position for a coordinate of at most twice [`MAX_COORDINATE_10NM`]: the exact product, rounded half
+    /// away from zero.
+    pub fn steps(self, coordinate_10nm: i64) -> i32 {
+        const UNIT: i64 = UNITS_PER_MM * 100_000;
+        let limit = 2 * MAX_COORDINATE_10NM;
+        // |product| <= 2e9 * 1e9, in range of i64; the quotient, at most 2e8, is in range of i32.
+        let product = coordinate_10nm.clamp(-limit, limit) * self.hundred_thousandths;
+        let magnitude = (product.abs() + UNIT / 2) / UNIT;
+        (if product < 0 { -magnitude } else { magnitude }) as i32
+    }
+
+    /// The coordinate in units of 10 nm nearest to a motor position.
+    pub fn coordinate_10nm(self, steps: i64) -> i64 {
+        let exact = steps as f64 / self.to_f64() * UNITS_PER_MM as f64;
+        round_half_away(exact)
+    }
+}
+
+/// Nearest integer, halves away from zero; saturates at the range of i64.
+pub fn round_half_away(x: f64) -> i64 {
+    (if x < 0.0 { x - 0.5 } else { x + 0.5 }) as i64
+}
+
+/// Which motors a machine has and how far a step goes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Geometry {
+    /// How X and Y are driven.
+    pub kinematics: Kinematics,
+    /// Steps/mm of X, Y, Z and the extruder (CoreXY: of the motors A and B for X and Y).
+    pub steps_per_mm: [StepsPerMm; 4],
+    /// Step events nearer than this join, in ticks; also the shortest interval of any motor.
+    pub minimum_event_interval_ticks: u32,
+}
+
+impl Geometry {
+    /// Where the X, Y and Z motors stand for a machine position in units of 10 nm.
+    ///
+    /// CoreXY: A = round((x + y) s), B = round((x - y) s).
+    pub fn motor_steps(&self, position_10nm: [i64; 3]) -> [i32; 3] {
+        let [x, y, z] = position_10nm;
+        let [steps_x, steps_y, steps_z, _] = self.steps_per_mm;
+        match self.kinematics {
+            Kinematics::Cartesian => [steps_x.steps(x), steps_y.steps(y), steps_z.steps(z)],
+            Kinematics::CoreXy => [steps_x.steps(x + y), steps_y.steps(x - y), steps_z.steps(z)],
+        }
+    }
+
+    /// The machine position, in units of 10 nm, nearest to where the motors stand.
+    pub fn position_10nm(&self, motor_steps: [i64; 3]) -> [i64; 3] {
+        let [steps_x, steps_y, steps_z, _] = self.steps_per_mm;
+        let first = steps_x.coordinate_10nm(motor_steps[0]);
+        let second = steps_y.coordinate_10nm(motor_steps[1]);
+        let z = steps_z.coordinate_10nm(motor_steps[2]);
+        match self.kinematics {
+            Kinematics::Cartesian => [first, second, z],
+            Kinematics::CoreXy => [(first + second) / 2, (first - second) / 2, z],
+        }
+    }
+
+    /// Path length, mm, of a straight move of the X, Y and Z motors.
+    pub fn path_length_mm(&self, steps: [i32; 3]) -> f64 {
+        let [steps_x, steps_y, steps_z, _] = self.steps_per_mm;
+        let first = f64::from(steps[0]) / steps_x.to_f64();
+        let second = f64::from(steps[1]) / steps_y.to_f64();
+        let z = f64::from(steps[2]) / steps_z.to_f64();
+        let plane_squared = match self.kinematics {
+            Kinematics::Cartesian => first * first + second * second,
+            // x = (a + b)/2 and y = (a - b)/2, so x^2 + y^2 = (a^2 + b^2)/2.
+            Kinematics::CoreXy => (first * first + second * second) / 2.0,
+        };
+        square_root(plane_squared + z * z)
+    }
+
+    /// Filament length, mm, of a number of 1/256 extruder steps.
+    pub fn filament_length_mm(&self, extruder_256ths: i32) -> f64 {
+        f64::from(extruder_256ths.unsigned_abs()) / (256.0 * self.steps_per_mm[3].to_f64())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use proptest::prelude::*;
+
+    fn steps(value: f64) -> StepsPerMm {
+        StepsPerMm::from_f64(value).unwrap()
+    }
+
+    fn geometry(kinematics: Kinematics) -> Geometry {
+        Geometry {
+            kinematics,
+            steps_per_mm: [steps(80.0), steps(80.0), steps(400.0), steps(95.0)],
+            minimum_event_interval_ticks: 168,
+        }
+    }
+
+    #[test]
+    fn halves_round_away_from_zero() {
+        // 0.00625 mm is half a step at 80 steps/mm.
+        assert_eq!(steps(80.0).steps(625), 1);
+        assert_eq!(steps(80.0).steps(-625), -1);
+        assert_eq!(steps(80.0).steps(624), 0);
+        assert_eq!(steps(80.0).steps(-624), 0);
+    }
+
+    #[test]
+    fn steps_per_mm_outside_their_range_are_refused() {
+        for bad in [0.0, -1.0, 0.000_001, 10_001.0, f64::NAN, f64::INFINITY] {
+            assert_eq!(StepsPerMm::from_f64(bad), None, "{bad}");
+        }
+        assert_eq!(steps(415.305).hundred_thousandths(), 41_530_500);
+    }
+
+    #[test]
+    fn core_xy_turns_both_motors_for_either_axis() {
+        let machine = geometry(Kinematics::CoreXy);
+        assert_eq!(machine.motor_steps([1_000_000, 0, 0]), [800, 800, 0]);
+        assert_eq!(machine.motor_steps([0, 1_000_000, 0]), [800, -800, 0]);
+        // CoreXY paper: X = 120, Y = -30 pulses of 0.01 mm make A = 90, B = 150.
+        let paper = Geometry {
+            steps_per_mm: [steps(100.0), steps(100.0), steps(400.0), steps(95.0)],
+            ..machine
+        };
+        assert_eq!(paper.motor_steps([120_000, -30_000, 0]), [90, 150, 0]);
+    }
+
+    proptest! {
+        #[test]
+        fn the_product_is_exact(coordinate in -MAX_COORDINATE_10NM..=MAX_COORDINATE_10NM, scaled in 1i64..=1_000_000_000) {
+            let value = StepsPerMm { hundred_thousandths: scaled };
+            let product = i128::from(coordinate) * i128::from(scaled);
+            let half = 5_000_000_000i128;
+            let expected = if product < 0 { -((-product + half) / (2 * half)) } else { (product + half) / (2 * half) };
+            prop_assert_eq!(i128::from(value.steps(coordinate)), expected);
+        }
+
+        #[test]
+        fn positions_come_back_within_half_a_step(x in -30_000_000i64..30_000_000, y in -30_000_000i64..30_000_000, core in any::<bool>()) {
+            let machine = geometry(if core { Kinematics::CoreXy } else { Kinematics::Cartesian });
+            let motors = machine.motor_steps([x, y, 0]);
+            let back = machine.position_10nm(motors.map(i64::from));
+            prop_assert!((back[0] - x).abs() <= 626 && (back[1] - y).abs() <= 626);
+        }
+
+        #[test]
+        fn length_is_that_of_the_plane(x in -1_000i32..1_000, y in -1_000i32..1_000) {
+            let exact = |a: f64, b: f64| (a * a + b * b).sqrt() * 10.0;
+            let position = [i64::from(x) * 1_000_000, i64::from(y) * 1_000_000, 0];
+            for kinematics in [Kinematics::Cartesian, Kinematics::CoreXy] {
+                let machine = geometry(kinematics);
+                let length = machine.path_length_mm(machine.motor_steps(position));
+                prop_assert!((length - exact(f64::from(x), f64::from(y))).abs() < 1e-6);
+            }
+        }
+    }
+}

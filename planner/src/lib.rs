@@ -1,0 +1,41 @@
+//! From moves to step events: the motion code of Ferrostep, the same on the desk and on the board.
+//!
+//! A [`Move`] passes four stages, each a module: [`kinematics`] turns it into motor steps, [`look_ahead`] finds the
+//! speeds at its ends, [`time_law`] gives s(t), and [`interpolator`] turns that into [`StepEntry`]s.
+//! [`Planner`] connects them.
+//!
+//! No text, no hardware, no heap. The results are bit-identical on every target: positions and times accumulate in
+//! integers, arithmetic once a block is f64, arithmetic once a step is f32, both with + - * / and square root alone.
+#![cfg_attr(not(test), no_std)]
+
+pub mod bresenham;
+pub mod digest;
+pub mod extruder;
+pub mod interpolator;
+pub mod junction;
+pub mod kinematics;
+pub mod look_ahead;
+pub mod step_queue;
+pub mod step_times;
+pub mod time_law;
+
+mod block;
+mod limits;
+mod planner;
+mod square_root;
+
+pub use block::{Acceleration, Block, PlannedBlock, Speed};
+pub use digest::StepDigests;
+pub use kinematics::{Geometry, Kinematics, StepsPerMm};
+pub use limits::{AXES, Limits};
+pub use planner::{MIN_FEED_MM_PER_S, Move, MoveError, Moved, Planner, Progress, filament_100pm};
+pub use step_queue::{Notice, StepEntry, StepKind, StepSink};
+
+/// Frequency of the nominal time base, in ticks a second.
+///
+/// Every planned time is a number of these ticks. A board whose timer runs at another frequency stretches time; it
+/// never plans other ticks.
+pub const TICKS_PER_SECOND: u32 = 84_000_000;
+
+/// Bit of the extruder in an axis mask; X (A), Y (B) and Z are bits 0 to 2.
+pub const EXTRUDER: u8 = 1 << 3;

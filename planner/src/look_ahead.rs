@@ -1,0 +1,341 @@
+//! The ring of blocks whose speeds are not settled yet.
+
+use crate::block::{Block, PlannedBlock, Speed};
+use crate::square_root::square_root;
+
+/// A block in the ring with what the passes need.
+#[derive(Clone, Copy, Debug)]
+struct Waiting {
+    block: Block,
+    length_mm: f64,
+    /// 2 a S, mm^2/s^2: how much the squared speed can change over the block.
+    reach: f64,
+    /// Bound of the squared entry speed from the junction and both nominal speeds.
+    entry_bound: f64,
+    /// Squared entry speed from the reverse pass, or the settled one.
+    entry: f64,
+    /// The block before has left with this speed.
+    settled: bool,
+}
+
+/// Something that keeps its place among the blocks but takes no time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Marker {
+    /// A move too short for a step ends here.
+    MoveEnded {
+        /// Its source line.
+        line: u32,
+    },
+    /// The fan changes here.
+    FanPower {
+        /// Power, 0 to 255.
+        power: u8,
+    },
+}
+
+/// What leaves the ring.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Left {
+    /// A block with settled speeds.
+    Block(PlannedBlock),
+    /// A marker.
+    Marker(Marker),
+}
+
+/// A place in the ring. Callers only provide the memory.
+#[derive(Clone, Copy, Debug)]
+pub struct Slot(Content);
+
+#[derive(Clone, Copy, Debug)]
+enum Content {
+    Empty,
+    Block(Waiting),
+    Marker(Marker),
+}
+
+impl Slot {
+    /// An empty place.
+    pub const EMPTY: Self = Self(Content::Empty);
+}
+
+/// The look-ahead ring (Yu 2019).
+///
+/// Its plan depends on the order of the blocks only, not on when they come: a block leaves when the ring is full, on
+/// a flush, or when [`Self::release`] says that steps run out.
+#[derive(Debug)]
+pub struct LookAhead<S> {
+    slots: S,
+    first: usize,
+    length: usize,
+    /// Blocks and markers that may leave although the ring is not full.
+    released: usize,
+    /// The next block starts from standstill.
+    stopped: bool,
+    /// Nominal speed of the newest block.
+    newest_nominal: Speed,
+    /// Squared speed with which the last block left, for the next to start with.
+    left_with: f64,
+    /// Blocks in the ring, markers not counted.
+    blocks: usize,
+}
+
+impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
+    /// A ring in the given memory; it needs at least two places to be of use.
+    pub fn new(slots: S) -> Self {
+        Self {
+            slots,
+            first: 0,
+            length: 0,
+            released: 0,
+            stopped: true,
+            newest_nominal: Speed::ZERO,
+            left_with: 0.0,
+            blocks: 0,
+        }
+    }
+
+    /// Whether another block or marker fits.
+    pub fn has_room(&self) -> bool {
+        self.length < self.slots.as_ref().len()
+    }
+
+    /// Whether nothing waits here.
+    pub fn is_empty(&self) -> bool {
+        self.length == 0
+    }
+
+    /// Number of blocks and markers that wait here.
+    pub fn len(&self) -> usize {
+        self.length
+    }
+
+    /// Whether the oldest block or marker may leave.
+    pub fn can_leave(&self) -> bool {
+        self.length > 0 && (self.released > 0 || !self.has_room())
+    }
+
+    /// Adds a block and lets its stopping distance raise the speeds before it; `false` without room.
+    ///
+    /// `junction` is the squared speed bound of the corner before it.
+    pub fn push(&mut self, block: Block, length_mm: f64, junction: f64) -> bool {
+        if !self.has_room() {
+            return false;
+        }
+        let bound = if self.stopped {
+            0.0
+        } else {
+            junction.min(block.nominal.squared()).min(self.newest_nominal.squared())
+        };
+        let reach = 2.0 * block.acceleration.mm_per_s2() * length_mm;
+        // Where the block before has left already, it left with a speed that this one starts with.
+        let settled = self.blocks == 0;
+        let entry = if settled { self.left_with } else { bound.min(reach) };
+        self.stopped = false;
+        self.newest_nominal = block.nominal;
+        let place = self.length;
+        self.put(place, Content::Block(Waiting { block, length_mm, reach, entry_bound: bound, entry, settled }));
+        self.length += 1;
+        self.blocks += 1;
+        if !settled {
+            self.reverse_pass(place, entry);
+        }
+        true
+    }
+
+    /// Adds a marker; `false` without room.
+    pub fn push_marker(&mut self, marker: Marker) -> bool {
+        if !self.has_room() {
+            return false;
+        }
+        self.put(self.length, Content::Marker(marker));
+        self.length += 1;
+        true
+    }
+
+    /// Yu 2019: v_s = sqrt(v_e^2 + 2 a s), from the newest block backwards until nothing changes any more: speeds
+    /// only rise when a block is added, and a block that keeps its speed keeps all before it.
+    fn reverse_pass(&mut self, newest: usize, newest_entry: f64) {
+        let mut exit = newest_entry;
+        for place in (0..newest).rev() {
+            let Content::Block(waiting) = self.at(place) else { continue };
+            if waiting.settled {
+                return;
+            }
+            let entry = waiting.entry_bound.min(exit + waiting.reach);
+            if entry == waiting.entry {
+                return;
+            }
+            waiting.entry = entry;
+            exit = entry;
+        }
+    }
+
+    /// Takes the oldest block or marker if it may leave. Yu's forward pass happens here, a block at a time: the exit
+    /// speed is what the next block's entry and this block's own acceleration allow.
+    pub fn pop(&mut self) -> Option<Left> {
+        if !self.can_leave() {
+            return None;
+        }
+        let oldest = *self.at(0);
+        *self.at(0) = Content::Empty;
+        self.first = (self.first + 1) % self.slots.as_ref().len().max(1);
+        self.length -= 1;
+        self.released = self.released.saturating_sub(1);
+        match oldest {
+            Content::Empty => None,
+            Content::Marker(marker) => Some(Left::Marker(marker)),
+            Content::Block(waiting) => {
+                self.blocks -= 1;
+                let exit = self.settle_next(waiting.entry + waiting.reach);
+                self.left_with = exit.squared();
+                Some(Left::Block(PlannedBlock {
+                    block: waiting.block,
+                    entry: Speed::from_mm_per_s(square_root(waiting.entry)),
+                    exit,
+                    length_mm: waiting.length_mm,
+                }))
+            }
+        }
+    }
+
+    /// Fixes the entry speed of the oldest block that is left; zero where there is none, and then the next block
+    /// that comes starts from standstill.
+    fn settle_next(&mut self, reachable: f64) -> Speed {
+        for place in 0..self.length {
+            if let Content::Block(next) = self.at(place) {
+                let speed = Speed::from_mm_per_s(square_root(next.entry.min(reachable)));
+                next.entry = speed.squared();
+                next.settled = true;
+                return speed;
+            }
+        }
+        self.stopped = true;
+        Speed::ZERO
+    }
+
+    /// Motion stops after the newest block; all that wait may leave.
+    pub fn flush(&mut self) {
+        self.stopped = true;
+        self.released = self.length;
+    }
+
+    /// Lets one more leave although the ring is not full, because steps run out.
+    pub fn release(&mut self) {
+        self.released = (self.released + 1).min(self.length);
+    }
+
+    /// Forgets all that waits; the next block starts from standstill.
+    pub fn clear(&mut self) {
+        self.length = 0;
+        self.blocks = 0;
+        self.released = 0;
+        self.stopped = true;
+        self.left_with = 0.0;
+    }
+
+    fn put(&mut self, place: usize, content: Content) {
+        *self.at(place) = content;
+    }
+
+    fn at(&mut self, place: usize) -> &mut Content {
+        let slots = self.slots.as_mut();
+        let capacity = slots.len();
+        let index = self.first + place;
+        &mut slots[if index >= capacity { index - capacity } else { index }].0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::block::Acceleration;
+    use proptest::prelude::*;
+
+    fn block(nominal: f64, acceleration: f64) -> Block {
+        Block {
+            steps: [100, 0, 0],
+            extruder_256ths: 0,
+            nominal: Speed::from_mm_per_s(nominal),
+            acceleration: Acceleration::from_mm_per_s2(acceleration),
+            line: 0,
+            ends_move: true,
+        }
+    }
+
+    /// Both passes over the whole list, the plain way.
+    fn reference(moves: &[(f64, f64, f64, f64)]) -> Vec<f64> {
+        let mut entries: Vec<f64> = vec![0.0; moves.len() + 1];
+        for i in 1..moves.len() {
+            entries[i] = moves[i].3.min(moves[i].0 * moves[i].0).min(moves[i - 1].0 * moves[i - 1].0);
+        }
+        for i in (0..moves.len()).rev() {
+            entries[i] = entries[i].min(entries[i + 1] + 2.0 * moves[i].1 * moves[i].2);
+        }
+        entries[0] = 0.0;
+        for i in 0..moves.len() {
+            entries[i + 1] = entries[i + 1].min(entries[i] + 2.0 * moves[i].1 * moves[i].2);
+        }
+        entries.iter().map(|squared| squared.sqrt()).collect()
+    }
+
+    proptest! {
+        #[test]
+        fn an_ample_ring_equals_both_passes_over_everything(
+            moves in proptest::collection::vec((1.0f64..300.0, 100.0f64..10_000.0, 0.01f64..20.0, 0.0f64..40_000.0), 1..60),
+            markers in any::<u64>(),
+        ) {
+            let mut ring = LookAhead::new(vec![Slot::EMPTY; 128]);
+            for (i, &(nominal, acceleration, length, junction)) in moves.iter().enumerate() {
+                prop_assert!(ring.push(block(nominal, acceleration), length, junction));
+                if markers >> (i % 64) & 1 == 1 {
+                    let pushed = ring.push_marker(Marker::MoveEnded { line: 7 });
+                    prop_assert!(pushed);
+                }
+            }
+            prop_assert!(!ring.can_leave());
+            ring.flush();
+            let expected = reference(&moves);
+            let mut at = 0;
+            while let Some(left) = ring.pop() {
+                let Left::Block(planned) = left else { continue };
+                prop_assert!((planned.entry.mm_per_s() - expected[at]).abs() < 1e-3);
+                prop_assert!((planned.exit.mm_per_s() - expected[at + 1]).abs() < 1e-3);
+                at += 1;
+            }
+            prop_assert_eq!(at, moves.len());
+        }
+
+        #[test]
+        fn a_small_ring_never_breaks_an_acceleration(
+            moves in proptest::collection::vec((1.0f64..300.0, 100.0f64..10_000.0, 0.01f64..20.0, 0.0f64..40_000.0), 1..200),
+            capacity in 2usize..16, flushes in any::<u128>(),
+        ) {
+            let mut ring = LookAhead::new(vec![Slot::EMPTY; capacity]);
+            let mut left = Vec::new();
+            for (i, &(nominal, acceleration, length, junction)) in moves.iter().enumerate() {
+                while !ring.has_room() {
+                    left.extend(ring.pop());
+                }
+                prop_assert!(ring.push(block(nominal, acceleration), length, junction));
+                if flushes >> (i % 128) & 7 == 7 {
+                    ring.release();
+                    left.extend(ring.pop());
+                }
+            }
+            ring.flush();
+            while let Some(one) = ring.pop() {
+                left.push(one);
+            }
+            let mut speed = Speed::ZERO;
+            for one in left {
+                let Left::Block(planned) = one else { continue };
+                prop_assert_eq!(planned.entry, speed);
+                speed = planned.exit;
+                let reach = 2.0 * planned.block.acceleration.mm_per_s2() * planned.length_mm;
+                prop_assert!((planned.exit.squared() - planned.entry.squared()).abs() <= reach + 0.02);
+                prop_assert!(planned.entry <= planned.block.nominal && planned.exit <= planned.block.nominal);
+            }
+            prop_assert_eq!(speed, Speed::ZERO);
+        }
+    }
+}

@@ -1,0 +1,16 @@
+//! The square root of f32 and f64, correctly rounded on every target.
+//!
+//! `core` has none that is stable; libm's is the processor's own instruction where it has one and an exact
+//! algorithm elsewhere, so that both give the same bits. This module is the one place to change for VSQRT.
+
+/// Square root of `x`; of a negative number zero (rounding can leave a tiny one).
+#[inline]
+pub fn square_root(x: f64) -> f64 {
+    if x > 0.0 { libm::sqrt(x) } else { 0.0 }
+}
+
+/// Square root of `x`, which is not negative.
+#[inline]
+pub fn square_root_f32(x: f32) -> f32 {
+    libm::sqrtf(x)
+}

@@ -1,0 +1,129 @@
+//! What stands in the queue between planner and step timer.
+
+/// One entry of the step queue, 8 bytes.
+///
+/// A *stair* (Wu 2024) is `count` events at one interval; each steps `axes`, the last one `added` as well. All
+/// intervals count from the event before. Times are ticks of the motion clock, which advances only while blocks run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct StepEntry {
+    interval_ticks: u32,
+    count: u16,
+    axes: u8,
+    /// `added` of a stair, the direction bits of a direction change.
+    other: u8,
+}
+
+/// What an entry asks for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StepKind {
+    /// Events that step motors.
+    Stair {
+        /// From the event before to the first, and between events.
+        interval_ticks: u32,
+        /// Number of events, at least 1.
+        count: u16,
+        /// Motors that step in each event.
+        axes: u8,
+        /// Motors that also step in the last.
+        added: u8,
+    },
+    /// Time passes without a step: an interval longer than 32 bits.
+    Wait {
+        /// How long.
+        interval_ticks: u32,
+    },
+    /// The direction signals change, right after the event before.
+    Directions {
+        /// Bit i = motor i runs backwards.
+        directions: u8,
+    },
+}
+
+impl StepEntry {
+    /// A stair; `None` without events or without motors.
+    pub const fn stair(interval_ticks: u32, count: u16, axes: u8, added: u8) -> Option<Self> {
+        if count == 0 || axes == 0 {
+            return None;
+        }
+        Some(Self { interval_ticks, count, axes, other: added })
+    }
+
+    /// Time without a step.
+    pub const fn wait(interval_ticks: u32) -> Self {
+        Self { interval_ticks, count: 0, axes: 0, other: 0 }
+    }
+
+    /// A change of the direction signals.
+    pub const fn directions(directions: u8) -> Self {
+        Self { interval_ticks: 0, count: 0, axes: u8::MAX, other: directions }
+    }
+
+    /// What the entry asks for.
+    #[inline]
+    pub const fn kind(self) -> StepKind {
+        match (self.count, self.axes) {
+            (0, u8::MAX) => StepKind::Directions { directions: self.other },
+            (0, _) => StepKind::Wait { interval_ticks: self.interval_ticks },
+            (count, axes) => StepKind::Stair { interval_ticks: self.interval_ticks, count, axes, added: self.other },
+        }
+    }
+}
+
+/// Something that happens between steps, at a tick of the motion clock: after the steps up to that tick and before
+/// the later ones.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Notice {
+    /// A move has ended.
+    MoveEnded {
+        /// When.
+        tick: u64,
+        /// Its source line.
+        line: u32,
+    },
+    /// The fan changes with the motion around it.
+    FanPower {
+        /// When.
+        tick: u64,
+        /// Power, 0 to 255.
+        power: u8,
+    },
+}
+
+impl Notice {
+    /// When it happens.
+    pub const fn tick(self) -> u64 {
+        match self {
+            Self::MoveEnded { tick, .. } | Self::FanPower { tick, .. } => tick,
+        }
+    }
+}
+
+/// Where the planner puts what it has made. The step queue, a file, a counter.
+pub trait StepSink {
+    /// Takes an entry.
+    fn entry(&mut self, entry: StepEntry);
+    /// Takes a notice.
+    fn notice(&mut self, notice: Notice);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_entry_takes_eight_bytes_and_says_what_it_was_made_of() {
+        assert_eq!(core::mem::size_of::<StepEntry>(), 8);
+        assert_eq!(StepEntry::wait(7).kind(), StepKind::Wait { interval_ticks: 7 });
+        assert_eq!(StepEntry::directions(5).kind(), StepKind::Directions { directions: 5 });
+        assert_eq!(
+            StepEntry::stair(9, 3, 1, 2).map(StepEntry::kind),
+            Some(StepKind::Stair { interval_ticks: 9, count: 3, axes: 1, added: 2 })
+        );
+    }
+
+    #[test]
+    fn a_stair_without_steps_is_refused() {
+        assert_eq!(StepEntry::stair(9, 0, 1, 0), None);
+        assert_eq!(StepEntry::stair(9, 1, 0, 1), None);
+    }
+}
