@@ -161,10 +161,7 @@ mod tests {
         assert_eq!(machine.motor_steps([1_000_000, 0, 0]), [800, 800, 0]);
         assert_eq!(machine.motor_steps([0, 1_000_000, 0]), [800, -800, 0]);
         // CoreXY paper: X = 120, Y = -30 pulses of 0.01 mm make A = 90, B = 150.
-        let paper = Geometry {
-            steps_per_mm: [steps(100.0), steps(100.0), steps(400.0), steps(95.0)],
-            ..machine
-        };
+        let paper = Geometry { steps_per_mm: [steps(100.0), steps(100.0), steps(400.0), steps(95.0)], ..machine };
         assert_eq!(paper.motor_steps([120_000, -30_000, 0]), [90, 150, 0]);
     }
 

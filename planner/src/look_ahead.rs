@@ -121,11 +121,8 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
         if !self.has_room() {
             return false;
         }
-        let bound = if self.stopped {
-            0.0
-        } else {
-            junction.min(block.nominal.squared()).min(self.newest_nominal.squared())
-        };
+        let bound =
+            if self.stopped { 0.0 } else { junction.min(block.nominal.squared()).min(self.newest_nominal.squared()) };
         let reach = 2.0 * block.acceleration.mm_per_s2() * length_mm;
         // Where the block before has left already, it left with a speed that this one starts with.
         let settled = self.blocks == 0;

@@ -151,6 +151,11 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         self.look_ahead.is_empty() && !self.interpolator.is_busy()
     }
 
+    /// Whether no move waits for its speeds.
+    pub fn is_look_ahead_empty(&self) -> bool {
+        self.look_ahead.is_empty()
+    }
+
     /// Whether the last entry handed out leaves the motors running.
     pub fn is_in_motion(&self) -> bool {
         self.interpolator.is_busy() || self.look_ahead.can_leave()
@@ -211,8 +216,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
     fn block(&self, request: &Move, steps: [i32; 3], extruder_256ths: i32) -> (Block, f64, f64, Option<Previous>) {
         let limits = &self.limits;
         let filament_mm = self.geometry.filament_length_mm(extruder_256ths);
-        let step_rate =
-            f64::from(TICKS_PER_SECOND) / f64::from(self.geometry.minimum_event_interval_ticks.max(1));
+        let step_rate = f64::from(TICKS_PER_SECOND) / f64::from(self.geometry.minimum_event_interval_ticks.max(1));
         let mut feed = request.feed_mm_per_s.max(MIN_FEED_MM_PER_S);
         let mut acceleration;
         let length_mm;

@@ -58,6 +58,17 @@ impl StepEntry {
         Self { interval_ticks: 0, count: 0, axes: u8::MAX, other: directions }
     }
 
+    /// The same entry as single events, for a player that looks at something after each (homing).
+    pub fn events(self) -> impl Iterator<Item = Self> {
+        let single = self.count.max(1);
+        (1..=single).map(move |index| match self.count {
+            0 => self,
+            // The last event steps the added motors too.
+            _ if index == single => Self { count: 1, axes: self.axes | self.other, other: 0, ..self },
+            _ => Self { count: 1, other: 0, ..self },
+        })
+    }
+
     /// What the entry asks for.
     #[inline]
     pub const fn kind(self) -> StepKind {

@@ -1,0 +1,335 @@
+//! The machine on the desk: planner, step queue and virtual board, and the virtual time they share.
+
+mod handles;
+
+pub use handles::{DeskHeating, DeskMotion};
+
+use std::collections::VecDeque;
+
+use ferrostep_hal_shim::virtual_board::{VirtualBoard, VirtualClock, VirtualEndStop};
+use ferrostep_hal_shim::{EndStops, Fan};
+use ferrostep_planner::interpolator::MAX_ENTRIES;
+use ferrostep_planner::look_ahead::Slot;
+use ferrostep_planner::{Geometry, Notice, Planner, Progress, StepDigests, StepEntry, StepSink, TICKS_PER_SECOND};
+use ferrostep_printer::heat::{HeatControl, HeatFault};
+use ferrostep_printer::{HomeEnd, Profile, Seek};
+
+use crate::record::Observer;
+
+/// Blocks in the look-ahead ring, as on the target.
+pub const LOOK_AHEAD_BLOCKS: usize = 128;
+
+/// Entries in the step queue, as on the target.
+const STEP_QUEUE_ENTRIES: usize = 2048;
+
+/// Interval of heater control.
+const HEAT_INTERVAL_NS: u64 = 100_000_000;
+
+/// Where the tool head truly stands when the machine is switched on, mm from the machine's origin.
+const START_MM: [i64; 3] = [60, 50, 12];
+
+/// What a command waits for, so that time passes until it is there.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Awaited {
+    Nothing,
+    /// Room in the look-ahead ring.
+    Room,
+    /// The end of all motion.
+    Idle,
+    /// The end stop of an axis, or the end of all motion.
+    EndStop(usize),
+}
+
+/// Whether steps are made or only counted in time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mode {
+    /// Every step.
+    Print,
+    /// Durations only.
+    Estimate,
+}
+
+/// Entries and notices on their way from the planner to the motors.
+#[derive(Debug, Default)]
+struct Queues {
+    entries: VecDeque<StepEntry>,
+    notices: VecDeque<Notice>,
+}
+
+impl StepSink for Queues {
+    #[inline]
+    fn entry(&mut self, entry: StepEntry) {
+        self.entries.push_back(entry);
+    }
+
+    fn notice(&mut self, notice: Notice) {
+        self.notices.push_back(notice);
+    }
+}
+
+impl Queues {
+    fn has_room(&self) -> bool {
+        self.entries.len() + MAX_ENTRIES <= STEP_QUEUE_ENTRIES
+    }
+}
+
+/// What a print did, in numbers.
+#[derive(Clone, Copy, Debug)]
+pub struct Figures {
+    /// Virtual time from the start to the last step, s.
+    pub print_time_s: f64,
+    /// Sum of the durations of all blocks, homing left out, s.
+    pub motion_time_s: f64,
+    /// Steps issued, both directions.
+    pub motor_steps: [u64; 4],
+    /// Most events in any millisecond, times 1000.
+    pub max_event_rate_hz: u64,
+    /// How often the step queue was empty at non-zero speed.
+    pub underruns: u64,
+    /// How often a block left the look-ahead ring because steps ran out.
+    pub starvation_flushes: u64,
+    /// Digests of all step events.
+    pub digests: StepDigests,
+}
+
+/// The machine.
+pub struct Desk<O> {
+    mode: Mode,
+    planner: Planner<Vec<Slot>>,
+    queues: Queues,
+    board: VirtualBoard,
+    heat: HeatControl,
+    observer: O,
+    awaited: Awaited,
+    sought: Option<Seek>,
+    /// Time during which the motion clock stood still.
+    idle_ns: u64,
+    next_heat_ns: u64,
+    last_step_ns: u64,
+    underruns: u64,
+    homing_ticks: u64,
+    homing_since: Option<u64>,
+}
+
+impl<O: Observer> Desk<O> {
+    /// A machine that has just been switched on.
+    pub fn new(profile: &Profile, mode: Mode, look_ahead: usize, observer: O) -> Self {
+        let geometry = Geometry {
+            kinematics: profile.kinematics,
+            steps_per_mm: profile.steps_per_mm,
+            minimum_event_interval_ticks: profile.minimum_event_interval_ticks,
+        };
+        let end_stops = profile
+            .homing
+            .map(|homing| VirtualEndStop { position_10nm: homing.position_10nm, at_max: homing.end == HomeEnd::Max });
+        let mut desk = Self {
+            mode,
+            planner: Planner::new(geometry, profile.limits, vec![Slot::EMPTY; look_ahead]),
+            queues: Queues::default(),
+            board: VirtualBoard::new(geometry, end_stops, START_MM.map(|mm| mm * 100_000)),
+            heat: HeatControl::new(profile.nozzle, profile.bed),
+            observer,
+            awaited: Awaited::Nothing,
+            sought: None,
+            idle_ns: 0,
+            next_heat_ns: HEAT_INTERVAL_NS,
+            last_step_ns: 0,
+            underruns: 0,
+            homing_ticks: 0,
+            homing_since: None,
+        };
+        // The first temperatures are there before the first command.
+        let _ = desk.heat.update(&mut desk.board, 0.0);
+        desk
+    }
+
+    /// What was done so far.
+    pub fn figures(&self) -> Figures {
+        let seconds = |ticks: u64| ticks as f64 / f64::from(TICKS_PER_SECOND);
+        Figures {
+            print_time_s: self.last_step_ns as f64 * 1e-9,
+            motion_time_s: seconds(self.planner.motion_ticks() - self.homing_ticks),
+            motor_steps: self.board.steps.issued(),
+            max_event_rate_hz: self.board.steps.max_event_rate_hz(),
+            underruns: self.underruns,
+            starvation_flushes: self.planner.starvation_flushes(),
+            digests: self.board.steps.digests(),
+        }
+    }
+
+    /// The board, to look at.
+    pub fn board(&self) -> &VirtualBoard {
+        &self.board
+    }
+
+    /// What watched the motors.
+    pub fn into_observer(self) -> O {
+        self.observer
+    }
+
+    /// Lets time pass until what the last command waits for is there: its moves, or its moment.
+    ///
+    /// # Errors
+    /// A heater or thermometer failed; heaters are off and motion has stopped.
+    pub fn pass_time(&mut self, clock: &VirtualClock) -> Result<(), HeatFault> {
+        match std::mem::replace(&mut self.awaited, Awaited::Nothing) {
+            Awaited::Room => self.run_until(Self::has_room),
+            Awaited::Idle => self.run_until(Self::is_idle),
+            Awaited::EndStop(axis) => self.run_to_end_stop(axis),
+            Awaited::Nothing => {}
+        }
+        let now_ns = match clock.take_wake_ns() {
+            Some(wake_ns) => {
+                self.idle_ns += wake_ns.saturating_sub(self.now_ns());
+                wake_ns
+            }
+            None => self.now_ns(),
+        };
+        clock.advance_to(now_ns);
+        self.heat_until(now_ns)
+    }
+
+    /// Whether a move would be taken.
+    fn has_room(&self) -> bool {
+        self.planner.has_room()
+    }
+
+    /// Whether all motion has ended.
+    fn is_idle(&self) -> bool {
+        self.planner.is_idle() && self.queues.entries.is_empty()
+    }
+
+    fn motion_tick(&self) -> u64 {
+        match self.mode {
+            Mode::Print => self.board.steps.tick(),
+            Mode::Estimate => self.planner.motion_ticks(),
+        }
+    }
+
+    fn now_ns(&self) -> u64 {
+        self.idle_ns + (u128::from(self.motion_tick()) * 1_000_000_000 / u128::from(TICKS_PER_SECOND)) as u64
+    }
+
+    fn heat_until(&mut self, now_ns: u64) -> Result<(), HeatFault> {
+        let seconds = HEAT_INTERVAL_NS as f32 * 1e-9;
+        while self.next_heat_ns <= now_ns {
+            self.next_heat_ns += HEAT_INTERVAL_NS;
+            self.board.advance_heat(seconds);
+            if let Err(fault) = self.heat.update(&mut self.board, seconds) {
+                self.stop();
+                return Err(fault);
+            }
+        }
+        Ok(())
+    }
+
+    /// Plans and plays until `done`; the step queue is kept as full as it gets, as on the board.
+    fn run_until(&mut self, done: impl Fn(&Self) -> bool) {
+        if self.mode == Mode::Estimate {
+            while !done(self) && self.planner.next_planned().is_some() {}
+            self.last_step_ns = self.now_ns();
+            return;
+        }
+        while !done(self) {
+            if self.queues.has_room() && self.planner.advance(&mut self.queues) == Progress::Worked {
+                continue;
+            }
+            // Half the queue at a time is kinder to the caches than one entry.
+            let keep = if self.queues.has_room() { 0 } else { STEP_QUEUE_ENTRIES / 2 };
+            let played = self.play_down_to(keep);
+            if !played && !done(self) {
+                // Nothing to plan and nothing to play: what is awaited will not come.
+                return;
+            }
+        }
+        if self.is_idle() {
+            self.deliver_notices(u64::MAX);
+        }
+    }
+
+    /// Plays entries until `keep` are left; whether any was there.
+    fn play_down_to(&mut self, keep: usize) -> bool {
+        let mut played = false;
+        while self.queues.entries.len() > keep {
+            let Some(entry) = self.queues.entries.pop_front() else { break };
+            played = true;
+            if !self.queues.notices.is_empty() {
+                self.deliver_notices(self.board.steps.first_tick(entry).saturating_sub(1));
+            }
+            self.board.steps.play(entry, &mut self.observer);
+        }
+        if played {
+            self.last_step_ns = self.now_ns();
+            if self.queues.entries.is_empty() && self.planner.is_in_motion() {
+                self.underruns += 1;
+            }
+        }
+        played
+    }
+
+    /// Acts on the notices up to a tick.
+    fn deliver_notices(&mut self, upto: u64) {
+        while let Some(notice) = self.queues.notices.pop_front_if(|notice| notice.tick() <= upto) {
+            match notice {
+                Notice::MoveEnded { tick, line } => self.observer.move_ended(tick, line),
+                Notice::FanPower { power, .. } => self.board.set_fan_power(power),
+            }
+        }
+    }
+
+    /// Plays event by event and looks at the end stop after each.
+    fn run_to_end_stop(&mut self, axis: usize) {
+        self.homing_since.get_or_insert(self.planner.motion_ticks());
+        if self.mode == Mode::Estimate {
+            self.run_until(Self::is_idle);
+            self.sought = Some(Seek::Triggered);
+            return;
+        }
+        let mut triggered = self.board.is_triggered(axis);
+        while !triggered && !self.is_idle() {
+            if self.queues.has_room() && self.planner.advance(&mut self.queues) == Progress::Worked {
+                continue;
+            }
+            let Some(entry) = self.queues.entries.pop_front() else { break };
+            triggered = self.play_watching(entry, axis);
+        }
+        if triggered {
+            self.stop();
+        }
+        self.last_step_ns = self.now_ns();
+        self.sought = Some(if triggered { Seek::Triggered } else { Seek::Missed });
+    }
+
+    fn play_watching(&mut self, entry: StepEntry, axis: usize) -> bool {
+        for event in entry.events() {
+            self.board.steps.play(event, &mut self.observer);
+            if self.board.is_triggered(axis) {
+                return true;
+            }
+        }
+        false
+    }
+
+    /// The motors stand where they are; all that was planned is forgotten.
+    fn stop(&mut self) {
+        if self.mode == Mode::Estimate {
+            // Without steps there is no place on the way to stop at.
+            self.planner.flush();
+            self.run_until(Self::is_idle);
+            return;
+        }
+        self.queues = Queues::default();
+        let steps = &self.board.steps;
+        self.planner.stand_at(steps.motor_steps(), steps.tick(), steps.directions());
+    }
+
+    /// Homing: the machine is at this position.
+    fn set_position(&mut self, position_10nm: [i64; 3]) {
+        let motors = self.planner.set_position(position_10nm);
+        self.board.redefine_motor_steps(motors.map(i64::from));
+        self.observer.redefined(self.board.steps.tick(), self.board.steps.motor_steps());
+        if let Some(since) = self.homing_since.take() {
+            self.homing_ticks += self.planner.motion_ticks() - since;
+        }
+    }
+}

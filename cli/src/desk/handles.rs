@@ -1,0 +1,160 @@
+//! The machine as the printer's commands see it.
+
+use std::cell::RefCell;
+use std::future::poll_fn;
+use std::task::Poll;
+
+use ferrostep_hal_shim::{EndStops, Fan, Heater, MotorEnable};
+use ferrostep_planner::{Limits, Move, MoveError, Moved};
+use ferrostep_printer::{HeaterStatus, Heating, Motion, MotionError, Seek, Signals};
+
+use super::{Awaited, Desk};
+use crate::record::Observer;
+
+/// All motors.
+const ALL: u8 = 0b1111;
+
+/// The desk's motion, seen from the command side.
+#[derive(Clone, Copy)]
+pub struct DeskMotion<'a, O> {
+    /// The machine.
+    pub desk: &'a RefCell<Desk<O>>,
+    /// M112 ends every wait for motion.
+    pub signals: &'a Signals,
+}
+
+impl<O: Observer> DeskMotion<'_, O> {
+    /// Polls `attempt` until it is ready; time passes in between.
+    async fn wait<T>(&self, mut attempt: impl FnMut(&mut Desk<O>) -> Option<T>) -> Result<T, MotionError> {
+        poll_fn(|_| {
+            if self.signals.is_halted() {
+                return Poll::Ready(Err(MotionError::Stopped));
+            }
+            match attempt(&mut self.desk.borrow_mut()) {
+                Some(value) => Poll::Ready(Ok(value)),
+                None => Poll::Pending,
+            }
+        })
+        .await
+    }
+
+    async fn wait_until_idle(&self) -> Result<(), MotionError> {
+        self.wait(|desk| {
+            if desk.is_idle() {
+                return Some(());
+            }
+            desk.awaited = Awaited::Idle;
+            None
+        })
+        .await
+    }
+}
+
+impl<O: Observer> Motion for DeskMotion<'_, O> {
+    async fn add(&mut self, request: Move) -> Result<Moved, MotionError> {
+        self.wait(|desk| match desk.planner.add(&request) {
+            Err(MoveError::NoRoom) => {
+                desk.awaited = Awaited::Room;
+                None
+            }
+            Err(error) => Some(Err(MotionError::Move(error))),
+            Ok(moved) => {
+                desk.board.set_motors_enabled(ALL, true);
+                Some(Ok(moved))
+            }
+        })
+        .await?
+    }
+
+    async fn set_fan_power(&mut self, power: u8) -> Result<(), MotionError> {
+        self.wait(|desk| {
+            if desk.planner.is_look_ahead_empty() {
+                desk.board.set_fan_power(power);
+            } else if !desk.planner.add_fan_power(power) {
+                desk.awaited = Awaited::Room;
+                return None;
+            }
+            Some(())
+        })
+        .await
+    }
+
+    async fn finish(&mut self) -> Result<(), MotionError> {
+        self.desk.borrow_mut().planner.flush();
+        self.wait_until_idle().await
+    }
+
+    async fn seek(&mut self, request: Move, axis: usize) -> Result<Seek, MotionError> {
+        self.finish().await?;
+        if self.add(request).await? == Moved::Nothing {
+            return Ok(Seek::Missed);
+        }
+        {
+            let mut desk = self.desk.borrow_mut();
+            desk.planner.flush();
+            desk.sought = None;
+        }
+        self.wait(|desk| {
+            desk.awaited = Awaited::EndStop(axis);
+            desk.sought.take()
+        })
+        .await
+    }
+
+    fn position_10nm(&self) -> [i64; 3] {
+        self.desk.borrow().planner.position_10nm()
+    }
+
+    fn set_position(&mut self, position_10nm: [i64; 3]) {
+        self.desk.borrow_mut().set_position(position_10nm);
+    }
+
+    fn motor_steps(&self) -> [i64; 4] {
+        self.desk.borrow().board.steps.motor_steps()
+    }
+
+    fn limits(&self) -> Limits {
+        *self.desk.borrow().planner.limits()
+    }
+
+    fn set_limits(&mut self, limits: Limits) {
+        self.desk.borrow_mut().planner.set_limits(limits);
+    }
+
+    fn set_motors_enabled(&mut self, axes: u8, enabled: bool) {
+        self.desk.borrow_mut().board.set_motors_enabled(axes, enabled);
+    }
+
+    fn is_end_stop_triggered(&self, axis: usize) -> bool {
+        self.desk.borrow().board.is_triggered(axis)
+    }
+
+    fn stop(&mut self) {
+        self.desk.borrow_mut().stop();
+    }
+}
+
+/// The desk's heaters, seen from the command side.
+#[derive(Clone, Copy)]
+pub struct DeskHeating<'a, O> {
+    /// The machine.
+    pub desk: &'a RefCell<Desk<O>>,
+}
+
+impl<O: Observer> Heating for DeskHeating<'_, O> {
+    fn set_target(&mut self, heater: Heater, celsius: f32) {
+        self.desk.borrow_mut().heat.set_target(heater, celsius);
+    }
+
+    fn status(&self, heater: Heater) -> HeaterStatus {
+        self.desk.borrow().heat.status(heater)
+    }
+
+    fn all_off(&mut self) {
+        let mut desk = self.desk.borrow_mut();
+        desk.heat.all_off();
+        for heater in Heater::ALL {
+            ferrostep_hal_shim::ThermalBoard::set_power(&mut desk.board, heater, 0.0);
+        }
+    }
+}

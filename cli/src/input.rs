@@ -1,0 +1,110 @@
+//! The job's file: plain or gzip, read in portions.
+
+use std::cell::Cell;
+use std::fmt;
+use std::fs::File;
+use std::io::{self, BufRead, BufReader, Read};
+use std::path::Path;
+use std::rc::Rc;
+
+use flate2::bufread::MultiGzDecoder;
+
+/// Bytes at a file's start that are looked at to tell text from anything else.
+const LOOK_BYTES: usize = 64 * 1024;
+
+/// Why a job could not be started from a file.
+#[derive(Debug)]
+pub enum InputError {
+    /// It cannot be opened or read.
+    Read(io::Error),
+    /// Nothing is in it.
+    Empty,
+    /// It holds bytes that no G-code has.
+    NotText {
+        /// Where the first of them stands, from 0.
+        offset: usize,
+        /// The byte.
+        byte: u8,
+    },
+}
+
+impl fmt::Display for InputError {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Read(error) => write!(out, "cannot be read: {error}"),
+            Self::Empty => write!(out, "the file is empty, expected G-code"),
+            Self::NotText { offset, byte } => {
+                write!(out, "not a text file: byte 0x{byte:02x} at offset {offset}, expected G-code (or gzip of it)")
+            }
+        }
+    }
+}
+
+impl std::error::Error for InputError {}
+
+/// Counts the bytes that pass.
+struct Counting<R> {
+    inner: R,
+    count: Rc<Cell<u64>>,
+}
+
+impl<R: Read> Read for Counting<R> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let read = self.inner.read(buffer)?;
+        self.count.set(self.count.get() + read as u64);
+        Ok(read)
+    }
+}
+
+/// An open job.
+pub struct Input {
+    reader: Box<dyn BufRead>,
+    read: Rc<Cell<u64>>,
+    size: u64,
+}
+
+impl Input {
+    /// Opens a file and looks at its beginning.
+    pub fn open(path: &Path) -> Result<Self, InputError> {
+        let file = File::open(path).map_err(InputError::Read)?;
+        let size = file.metadata().map_err(InputError::Read)?.len();
+        let read = Rc::new(Cell::new(0));
+        let mut plain = BufReader::with_capacity(LOOK_BYTES, Counting { inner: file, count: Rc::clone(&read) });
+        let is_gzip = plain.fill_buf().map_err(InputError::Read)?.starts_with(&[0x1f, 0x8b]);
+        let mut reader: Box<dyn BufRead> = if is_gzip {
+            Box::new(BufReader::with_capacity(LOOK_BYTES, MultiGzDecoder::new(plain)))
+        } else {
+            Box::new(plain)
+        };
+        let start = reader.fill_buf().map_err(InputError::Read)?;
+        if start.is_empty() {
+            return Err(InputError::Empty);
+        }
+        // Bytes from 0x80 on may be UTF-8 in a comment; the line reader looks closer where it matters.
+        let control = |byte: &u8| *byte < 0x20 && !b"\t\n\x0b\x0c\r\x1b".contains(byte);
+        if let Some(offset) = start.iter().position(control) {
+            return Err(InputError::NotText { offset, byte: start[offset] });
+        }
+        if start.starts_with(b"\xef\xbb\xbf") {
+            // The byte order mark that some editors on Windows write.
+            reader.consume(3);
+        }
+        Ok(Self { reader, read, size })
+    }
+
+    /// Counts the bytes of the file that have been read, as they lie on the disk.
+    pub fn counter(&self) -> Rc<Cell<u64>> {
+        Rc::clone(&self.read)
+    }
+
+    /// Size of the file.
+    pub fn size_bytes(&self) -> u64 {
+        self.size
+    }
+}
+
+impl Read for Input {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        self.reader.read(buffer)
+    }
+}

@@ -1,0 +1,197 @@
+//! A job: lines from a file, one after the other.
+
+use std::fmt;
+use std::io::{self, Read};
+
+use ferrostep_gcode::{Checksum, Line, LineError, LineReader};
+use ferrostep_printer::{CommandError, Replies};
+
+use crate::record::Observer;
+use crate::session::DeskPrinter;
+
+/// Bytes read at once.
+const PORTION_BYTES: usize = 64 * 1024;
+
+/// Why a job stopped before its end.
+#[derive(Debug)]
+pub enum JobError {
+    /// At this line.
+    Line {
+        /// Its number in the file, from 1.
+        line: u32,
+        /// Its text, as far as it could be read.
+        text: String,
+        /// What was wrong, and what was expected.
+        message: String,
+    },
+    /// The file could not be read on.
+    Read {
+        /// The last line before.
+        line: u32,
+        /// Why.
+        error: io::Error,
+    },
+    /// All lines were taken, but the motion they asked for was stopped.
+    Stopped(CommandError),
+}
+
+impl fmt::Display for JobError {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Line { line, text, message } => write!(out, "line {line}: {text:?}: {message}"),
+            Self::Read { line, error } => write!(out, "after line {line}: the file cannot be read: {error}"),
+            Self::Stopped(error) => write!(out, "at the end: {error}"),
+        }
+    }
+}
+
+impl std::error::Error for JobError {}
+
+/// How far a job is.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct JobProgress {
+    /// Lines of the file so far.
+    pub lines: u32,
+    /// Layers begun, by the slicer's comments.
+    pub layers: u32,
+}
+
+/// Executes all lines of `input` and waits for the end of their motion.
+///
+/// A line that cannot be executed ends the job: the moves before it are finished, nothing of it happens. `look` is
+/// called after each portion of the file.
+pub async fn run<O: Observer, R: Replies>(
+    input: &mut impl Read,
+    printer: &mut DeskPrinter<'_, O, R>,
+    progress: &mut JobProgress,
+    mut look: impl FnMut(&JobProgress),
+) -> Result<(), JobError> {
+    let outcome = lines(input, printer, progress, &mut look).await;
+    let finished = printer.finish().await;
+    outcome?;
+    finished.map_err(JobError::Stopped)
+}
+
+async fn lines<O: Observer, R: Replies>(
+    input: &mut impl Read,
+    printer: &mut DeskPrinter<'_, O, R>,
+    progress: &mut JobProgress,
+    look: &mut impl FnMut(&JobProgress),
+) -> Result<(), JobError> {
+    let mut reader = LineReader::new();
+    let mut layers = LayerComments::default();
+    let mut buffer = vec![0; PORTION_BYTES];
+    loop {
+        let length = match input.read(&mut buffer) {
+            Ok(0) => break,
+            Ok(length) => length,
+            Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
+            Err(error) => return Err(JobError::Read { line: progress.lines, error }),
+        };
+        let mut portion = &buffer[..length];
+        progress.layers += layers.count(portion);
+        while !portion.is_empty() {
+            let (used, line) = reader.feed(portion);
+            portion = &portion[used..];
+            if let Some(line) = line {
+                execute(printer, line, progress).await?;
+            }
+        }
+        progress.lines = reader.lines_ended();
+        look(progress);
+    }
+    if let Some(line) = reader.finish() {
+        execute(printer, line, progress).await?;
+    }
+    progress.lines = reader.lines_ended();
+    Ok(())
+}
+
+/// Executes one line. Numbers of lines are of no use in a file, but a checksum that is there must hold.
+async fn execute<O: Observer, R: Replies>(
+    printer: &mut DeskPrinter<'_, O, R>,
+    line: Result<Line<'_>, LineError>,
+    progress: &mut JobProgress,
+) -> Result<(), JobError> {
+    let stop = |line, text: &str, message| Err(JobError::Line { line, text: text.to_owned(), message });
+    let line = match line {
+        Ok(line) => line,
+        Err(error) => {
+            progress.lines = error.line_number();
+            return stop(error.line_number(), "", error.to_string());
+        }
+    };
+    match line.checksum {
+        Checksum::Absent | Checksum::Right => {}
+        Checksum::Wrong { expected, computed } => {
+            progress.lines = line.line_number;
+            let message = format!("checksum mismatch: the line says {expected}, expected {computed}");
+            return stop(line.line_number, line.text, message);
+        }
+        Checksum::Malformed => {
+            progress.lines = line.line_number;
+            let message = "malformed checksum, expected a number from 0 to 255 after the '*'".to_owned();
+            return stop(line.line_number, line.text, message);
+        }
+    }
+    match printer.execute(line.line_number, line.text).await {
+        Ok(()) => Ok(()),
+        Err(failure) => {
+            progress.lines = line.line_number;
+            stop(line.line_number, line.text, failure.to_string())
+        }
+    }
+}
+
+/// Counts the comments with which slicers begin a layer, in portions of any size.
+#[derive(Default)]
+struct LayerComments {
+    /// How much of each mark the last bytes match.
+    matched: [usize; 2],
+}
+
+impl LayerComments {
+    /// PrusaSlicer and its family; Cura.
+    const MARKS: [&'static [u8]; 2] = [b"\n;LAYER_CHANGE", b"\n;LAYER:"];
+
+    fn count(&mut self, portion: &[u8]) -> u32 {
+        let mut layers = 0;
+        for (mark, matched) in Self::MARKS.iter().zip(&mut self.matched) {
+            let mut rest = portion;
+            while !rest.is_empty() {
+                if *matched == 0 {
+                    // Both marks begin with a newline and have no other.
+                    let Some(at) = rest.iter().position(|&byte| byte == b'\n') else { break };
+                    rest = &rest[at + 1..];
+                    *matched = 1;
+                    continue;
+                }
+                let same = mark[*matched..].iter().zip(rest).take_while(|(a, b)| a == b).count();
+                *matched += same;
+                rest = &rest[same..];
+                if *matched == mark.len() {
+                    layers += 1;
+                    *matched = 0;
+                } else if !rest.is_empty() {
+                    *matched = 0;
+                }
+            }
+        }
+        layers
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn layers_are_counted_whatever_the_portions() {
+        let text = b";x\n;LAYER_CHANGE\n;Z:0.2\n\n;LAYER:3\nG1 X1\n;LAYERS\n;LAYER_CHANGE\n";
+        for size in 1..text.len() {
+            let mut layers = LayerComments::default();
+            let total: u32 = text.chunks(size).map(|portion| layers.count(portion)).sum();
+            assert_eq!(total, 3, "{size}");
+        }
+    }
+}

@@ -1,0 +1,8 @@
+//! The desk: the whole machine in virtual time, and what the `ferrostep` command is made of.
+
+pub mod desk;
+pub mod input;
+pub mod job;
+pub mod record;
+pub mod report;
+pub mod session;

@@ -1,0 +1,70 @@
+//! What a print leaves behind: a trace for programs, a waveform for people.
+
+mod trace;
+mod vcd;
+
+pub use trace::TraceWriter;
+pub use vcd::VcdWriter;
+
+use ferrostep_hal_shim::virtual_board::StepObserver;
+use std::io;
+
+/// Sees all that the motors do.
+pub trait Observer: StepObserver {
+    /// The motors' positions are redefined (homing).
+    fn redefined(&mut self, tick: u64, motor_steps: [i64; 4]);
+    /// A move has ended.
+    fn move_ended(&mut self, tick: u64, line: u32);
+}
+
+impl Observer for () {
+    fn redefined(&mut self, _tick: u64, _motor_steps: [i64; 4]) {}
+    fn move_ended(&mut self, _tick: u64, _line: u32) {}
+}
+
+/// A trace, a waveform, or both.
+#[derive(Default)]
+pub struct Recorder {
+    /// `--trace`
+    pub trace: Option<TraceWriter>,
+    /// `--vcd`
+    pub vcd: Option<VcdWriter>,
+}
+
+impl Recorder {
+    /// Writes what is still held back; the first error of the whole recording, if there was one.
+    pub fn finish(&mut self) -> io::Result<()> {
+        if let Some(trace) = &mut self.trace {
+            trace.finish()?;
+        }
+        if let Some(vcd) = &mut self.vcd {
+            vcd.finish()?;
+        }
+        Ok(())
+    }
+}
+
+impl StepObserver for Recorder {
+    fn stepped(&mut self, tick: u64, axes: u8, directions: u8) {
+        if let Some(trace) = &mut self.trace {
+            trace.stepped(tick, axes, directions);
+        }
+        if let Some(vcd) = &mut self.vcd {
+            vcd.stepped(tick, axes, directions);
+        }
+    }
+}
+
+impl Observer for Recorder {
+    fn redefined(&mut self, tick: u64, motor_steps: [i64; 4]) {
+        if let Some(trace) = &mut self.trace {
+            trace.redefined(tick, motor_steps);
+        }
+    }
+
+    fn move_ended(&mut self, tick: u64, line: u32) {
+        if let Some(trace) = &mut self.trace {
+            trace.move_ended(tick, line);
+        }
+    }
+}

@@ -1,0 +1,88 @@
+//! Step and direction signals as a value change dump (IEEE 1364), for GTKWave and its like.
+
+use std::fs::File;
+use std::io::{self, BufWriter, Write};
+use std::path::Path;
+
+use ferrostep_planner::{Kinematics, TICKS_PER_SECOND};
+use ferrostep_printer::Profile;
+
+/// Identifiers of the step signals; the direction signals are the next four.
+const STEP_IDS: [char; 4] = ['!', '"', '#', '$'];
+const DIRECTION_IDS: [char; 4] = ['%', '&', '\'', '('];
+
+/// Writes the waveform.
+pub struct VcdWriter {
+    out: BufWriter<File>,
+    error: Option<io::Error>,
+    pulse_ns: u64,
+    /// When the present pulses end, and which.
+    falling: Option<(u64, u8)>,
+    directions: u8,
+}
+
+impl VcdWriter {
+    /// Creates the file and declares the signals.
+    pub fn create(path: &Path, profile: &Profile) -> io::Result<Self> {
+        let mut out = BufWriter::with_capacity(1 << 20, File::create(path)?);
+        let names = match profile.kinematics {
+            Kinematics::Cartesian => ["x", "y", "z", "e"],
+            Kinematics::CoreXy => ["a", "b", "z", "e"],
+        };
+        writeln!(out, "$comment motion clock, idle time left out $end\n$timescale 1 ns $end")?;
+        writeln!(out, "$scope module {} $end", profile.name)?;
+        for (signal, ids) in [("step", STEP_IDS), ("direction", DIRECTION_IDS)] {
+            for (name, id) in names.iter().zip(ids) {
+                writeln!(out, "$var wire 1 {id} {signal}_{name} $end")?;
+            }
+        }
+        writeln!(out, "$upscope $end\n$enddefinitions $end\n#0\n$dumpvars")?;
+        for id in STEP_IDS.into_iter().chain(DIRECTION_IDS) {
+            writeln!(out, "0{id}")?;
+        }
+        writeln!(out, "$end")?;
+        Ok(Self { out, error: None, pulse_ns: u64::from(profile.driver.pulse_width_ns), falling: None, directions: 0 })
+    }
+
+    pub(super) fn stepped(&mut self, tick: u64, axes: u8, directions: u8) {
+        if self.error.is_none() {
+            self.error = self.pulse(tick, axes, directions).err();
+        }
+    }
+
+    fn pulse(&mut self, tick: u64, axes: u8, directions: u8) -> io::Result<()> {
+        let now = (u128::from(tick) * 1_000_000_000 / u128::from(TICKS_PER_SECOND)) as u64;
+        self.fall()?;
+        writeln!(self.out, "#{now}")?;
+        let changed = (self.directions ^ directions) & axes;
+        self.directions ^= changed;
+        for motor in 0..4 {
+            if changed >> motor & 1 == 1 {
+                writeln!(self.out, "{}{}", directions >> motor & 1, DIRECTION_IDS[motor])?;
+            }
+            if axes >> motor & 1 == 1 {
+                writeln!(self.out, "1{}", STEP_IDS[motor])?;
+            }
+        }
+        self.falling = Some((now + self.pulse_ns, axes));
+        Ok(())
+    }
+
+    fn fall(&mut self) -> io::Result<()> {
+        if let Some((when, axes)) = self.falling.take() {
+            writeln!(self.out, "#{when}")?;
+            for (_, id) in STEP_IDS.iter().enumerate().filter(|(motor, _)| axes >> motor & 1 == 1) {
+                writeln!(self.out, "0{id}")?;
+            }
+        }
+        Ok(())
+    }
+
+    pub(super) fn finish(&mut self) -> io::Result<()> {
+        if let Some(error) = self.error.take() {
+            return Err(error);
+        }
+        self.fall()?;
+        self.out.flush()
+    }
+}

@@ -1,0 +1,185 @@
+//! What a print says about itself at its end.
+
+use std::fmt;
+
+use ferrostep_printer::{Profile, Tally};
+use serde::Serialize;
+
+use crate::desk::Figures;
+use crate::job::{JobError, JobProgress};
+
+/// A value for each motor, or each coordinate.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct PerAxis<T> {
+    /// X (CoreXY motors: A).
+    pub x: T,
+    /// Y (CoreXY motors: B).
+    pub y: T,
+    /// Z.
+    pub z: T,
+    /// The extruder.
+    pub e: T,
+}
+
+impl<T> From<[T; 4]> for PerAxis<T> {
+    fn from([x, y, z, e]: [T; 4]) -> Self {
+        Self { x, y, z, e }
+    }
+}
+
+/// Where and why a job stopped.
+#[derive(Clone, Debug, Serialize)]
+pub struct Stop {
+    /// The line's number, where there is one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub line: Option<u32>,
+    /// What was wrong and what was expected.
+    pub message: String,
+}
+
+impl From<&JobError> for Stop {
+    fn from(error: &JobError) -> Self {
+        let line = match error {
+            JobError::Line { line, .. } | JobError::Read { line, .. } => Some(*line),
+            JobError::Stopped(_) => None,
+        };
+        Self { line, message: error.to_string() }
+    }
+}
+
+/// The motors' part of a summary; absent from an estimate.
+#[derive(Clone, Debug, Serialize)]
+pub struct Motors {
+    /// Steps issued, both directions.
+    pub motor_steps: PerAxis<u64>,
+    /// Most events in any millisecond, times 1000.
+    pub max_event_rate_hz: u64,
+    /// How often the step queue was empty at non-zero speed.
+    pub underruns: u64,
+    /// How often a block left the look-ahead ring because steps ran out.
+    pub starvation_flushes: u64,
+    /// FNV-1a-64 over the order of the step events.
+    pub order_digest: String,
+    /// FNV-1a-64 over the step events with their times.
+    pub step_digest: String,
+}
+
+/// The summary of `print` and `estimate`, and their `--json`.
+#[derive(Clone, Debug, Serialize)]
+pub struct Summary {
+    /// The job's file, as given.
+    pub file: String,
+    /// Name of the machine.
+    pub profile: String,
+    /// Lines of the file that were read.
+    pub lines: u32,
+    /// G0 to G3 that displaced something.
+    pub moves: u64,
+    /// The different unknown commands.
+    pub unknown_commands: Vec<String>,
+    /// Moves whose target a soft limit changed.
+    pub clamped_moves: u64,
+    /// Virtual time from the first line to the last step.
+    pub print_time_s: f64,
+    /// Sum of the blocks' durations, homing left out.
+    pub motion_time_s: f64,
+    /// Net filament.
+    pub filament_mm: f64,
+    /// Position as M114 reports it.
+    pub position_mm: PerAxis<f64>,
+    /// Steps.
+    #[serde(flatten)]
+    pub motors: Option<Motors>,
+    /// Real time, s.
+    pub wall_s: f64,
+    /// Motion time over real time.
+    pub realtime_factor: f64,
+    /// Layers, by the slicer's comments.
+    pub layers: u32,
+    /// Why the job stopped before its end.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stopped: Option<Stop>,
+}
+
+impl Summary {
+    /// Puts the parts together.
+    #[allow(clippy::too_many_arguments)]
+    pub fn new(
+        file: String,
+        profile: &Profile,
+        progress: &JobProgress,
+        tally: &Tally,
+        unknown_commands: Vec<String>,
+        logical_10nm: [i64; 4],
+        figures: &Figures,
+        with_motors: bool,
+        wall_s: f64,
+        stopped: Option<Stop>,
+    ) -> Self {
+        Self {
+            file,
+            profile: profile.name.to_owned(),
+            lines: progress.lines,
+            moves: tally.moves,
+            unknown_commands,
+            clamped_moves: tally.clamped_moves,
+            print_time_s: figures.print_time_s,
+            motion_time_s: figures.motion_time_s,
+            filament_mm: tally.filament_100pm as f64 / 1e7,
+            position_mm: logical_10nm.map(|length| length as f64 / 1e5).into(),
+            motors: with_motors.then(|| Motors {
+                motor_steps: figures.motor_steps.into(),
+                max_event_rate_hz: figures.max_event_rate_hz,
+                underruns: figures.underruns,
+                starvation_flushes: figures.starvation_flushes,
+                order_digest: format!("{:016x}", figures.digests.order),
+                step_digest: format!("{:016x}", figures.digests.step),
+            }),
+            wall_s,
+            realtime_factor: figures.motion_time_s / wall_s.max(1e-9),
+            layers: progress.layers,
+            stopped,
+        }
+    }
+}
+
+/// Hours, minutes and seconds.
+pub fn hms(seconds: f64) -> String {
+    let whole = seconds.round() as u64;
+    let (hours, minutes, seconds) = (whole / 3600, whole / 60 % 60, whole % 60);
+    if hours > 0 {
+        format!("{hours} h {minutes:02} min {seconds:02} s")
+    } else {
+        format!("{minutes} min {seconds:02} s")
+    }
+}
+
+impl fmt::Display for Summary {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let ended = if self.stopped.is_some() { "stopped" } else { "done" };
+        writeln!(out, "{} on {}: {ended}", self.file, self.profile)?;
+        writeln!(out, "  print time   {} ({} of it in motion)", hms(self.print_time_s), hms(self.motion_time_s))?;
+        writeln!(out, "  filament     {:.2} m", self.filament_mm / 1000.0)?;
+        let layers = if self.layers > 0 { format!(", {} layers", self.layers) } else { String::new() };
+        writeln!(out, "  moves        {} in {} lines{layers}", self.moves, self.lines)?;
+        let at = &self.position_mm;
+        writeln!(out, "  position     X{:.3} Y{:.3} Z{:.3} E{:.5}", at.x, at.y, at.z, at.e)?;
+        if let Some(motors) = &self.motors {
+            let steps = &motors.motor_steps;
+            writeln!(out, "  steps        X {} Y {} Z {} E {}", steps.x, steps.y, steps.z, steps.e)?;
+            writeln!(
+                out,
+                "  step events  at most {} /s; {} underruns, {} starvation flushes",
+                motors.max_event_rate_hz, motors.underruns, motors.starvation_flushes
+            )?;
+            writeln!(out, "  digests      order {} step {}", motors.order_digest, motors.step_digest)?;
+        }
+        if self.clamped_moves > 0 {
+            writeln!(out, "  soft limits  changed {} moves", self.clamped_moves)?;
+        }
+        if !self.unknown_commands.is_empty() {
+            writeln!(out, "  unknown      {}", self.unknown_commands.join(", "))?;
+        }
+        write!(out, "  real time    {:.2} s, {:.0} times faster than the printer", self.wall_s, self.realtime_factor)
+    }
+}

@@ -1,0 +1,234 @@
+//! What a line asks for, as an enum.
+
+use crate::Decimal;
+
+/// The X, Y, Z and E words of a line; `None` where the word is absent.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct AxisWords {
+    /// The X word.
+    pub x: Option<Decimal>,
+    /// The Y word.
+    pub y: Option<Decimal>,
+    /// The Z word.
+    pub z: Option<Decimal>,
+    /// The E word.
+    pub e: Option<Decimal>,
+}
+
+/// Which axes a line names, with or without a value.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct AxisFlags {
+    /// X is named.
+    pub x: bool,
+    /// Y is named.
+    pub y: bool,
+    /// Z is named.
+    pub z: bool,
+    /// E is named.
+    pub e: bool,
+}
+
+impl AxisFlags {
+    /// Whether no axis is named (which most commands take as "all").
+    pub const fn is_empty(self) -> bool {
+        !(self.x || self.y || self.z || self.e)
+    }
+}
+
+/// How G2 and G3 name the circle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ArcForm {
+    /// I and J: the centre, relative to the start. An absent word is zero.
+    Centre {
+        /// The I word: X offset of the centre.
+        i: Decimal,
+        /// The J word: Y offset of the centre.
+        j: Decimal,
+    },
+    /// R: the radius; negative asks for the longer arc.
+    Radius(Decimal),
+}
+
+/// Length unit of the coordinates that follow.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Units {
+    /// G21.
+    Millimetres,
+    /// G20.
+    Inches,
+}
+
+/// Parameters of firmware retraction (M207, M208).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct RetractionWords {
+    /// S: filament length (M207) or extra length on recovery (M208).
+    pub length: Option<Decimal>,
+    /// F: feed rate, per minute.
+    pub feed: Option<Decimal>,
+    /// Z: lift (M207 only).
+    pub lift: Option<Decimal>,
+}
+
+/// Target of M104, M109, M140 and M190.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum WaitTarget {
+    /// S: wait only while heating.
+    Heating(Decimal),
+    /// R: wait for cooling as well.
+    HeatingOrCooling(Decimal),
+    /// Neither: wait for the target that is already set.
+    Current,
+}
+
+/// One command, its words checked for form but not against any machine.
+///
+/// Feeds are per minute and lengths in the current unit (G20, G21), as written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Command<'a> {
+    /// G0, G1.
+    Linear {
+        /// Where to.
+        axes: AxisWords,
+        /// F.
+        feed: Option<Decimal>,
+    },
+    /// G2, G3 in the XY plane; Z and E follow evenly.
+    Arc {
+        /// G2.
+        clockwise: bool,
+        /// Where to.
+        axes: AxisWords,
+        /// Which circle.
+        form: ArcForm,
+        /// F.
+        feed: Option<Decimal>,
+    },
+    /// G4: P milliseconds, or S seconds (S wins, as in Marlin).
+    Dwell {
+        /// Time in milliseconds.
+        milliseconds: u64,
+    },
+    /// G10 without parameters.
+    Retract,
+    /// G11.
+    Recover,
+    /// G20, G21.
+    SetUnits(Units),
+    /// G28; no axis means all.
+    Home(AxisFlags),
+    /// G90: all axes, the extruder included.
+    AbsolutePositioning,
+    /// G91: all axes, the extruder included.
+    RelativePositioning,
+    /// G92; no word means all to zero.
+    SetPosition(AxisWords),
+    /// M17.
+    EnableMotors(AxisFlags),
+    /// M18, M84 without S; no axis means all.
+    DisableMotors(AxisFlags),
+    /// M18 S, M84 S: idle seconds after which motors are switched off; 0 = never.
+    IdleTimeout {
+        /// Seconds.
+        seconds: u64,
+    },
+    /// M82.
+    AbsoluteExtrusion,
+    /// M83.
+    RelativeExtrusion,
+    /// M104 S; without S only reports nothing and changes nothing.
+    SetNozzle(Option<Decimal>),
+    /// M109.
+    WaitNozzle(WaitTarget),
+    /// M140 S.
+    SetBed(Option<Decimal>),
+    /// M190.
+    WaitBed(WaitTarget),
+    /// M105.
+    ReportTemperatures,
+    /// M155 S: seconds between automatic reports, 0 = off.
+    AutoReportTemperatures {
+        /// Seconds.
+        seconds: u8,
+    },
+    /// M106 S (0 to 255; 255 without S). `index` is P.
+    Fan {
+        /// Which fan.
+        index: u8,
+        /// Power, 0 to 255.
+        power: u8,
+    },
+    /// M108: end a wait.
+    EndWait,
+    /// M110 N: the last line number.
+    SetLineNumber(Option<i64>),
+    /// M112.
+    EmergencyStop,
+    /// M113 S: seconds between `busy` messages, 0 = off; without S a query.
+    KeepAlive(Option<u8>),
+    /// M114.
+    ReportPosition,
+    /// M115.
+    ReportFirmware,
+    /// M117: text for the display.
+    Display(&'a str),
+    /// M118: text for the host.
+    Echo {
+        /// E1: prefix `echo:`.
+        echo_prefix: bool,
+        /// A1: prefix `//`.
+        action_prefix: bool,
+        /// The text.
+        text: &'a str,
+    },
+    /// M119.
+    ReportEndStops,
+    /// M201 X Y Z E: largest accelerations.
+    MaxAcceleration(AxisWords),
+    /// M203 X Y Z E: largest feed rates, mm/s.
+    MaxFeed(AxisWords),
+    /// M204.
+    Acceleration {
+        /// P.
+        print: Option<Decimal>,
+        /// R.
+        retract: Option<Decimal>,
+        /// T.
+        travel: Option<Decimal>,
+        /// S: print and travel together (older slicers).
+        both: Option<Decimal>,
+    },
+    /// M205; only J (junction deviation) has an effect, X Y Z E S T B are accepted.
+    Junction {
+        /// J, mm.
+        deviation: Option<Decimal>,
+    },
+    /// M207.
+    RetractSettings(RetractionWords),
+    /// M208.
+    RecoverSettings(RetractionWords),
+    /// M211 S: soft limits on or off; without S a query.
+    SoftLimits(Option<bool>),
+    /// M220 S: feed rate in percent; without S a query.
+    FeedPercent(Option<Decimal>),
+    /// M221 S: flow in percent; without S a query.
+    FlowPercent(Option<Decimal>),
+    /// M302: S = smallest extrusion temperature, P1 = allow cold extrusion; neither: a query.
+    ColdExtrusion {
+        /// S, degrees Celsius.
+        minimum: Option<Decimal>,
+        /// P.
+        allow: Option<bool>,
+    },
+    /// M400.
+    Finish,
+    /// M410.
+    QuickStop,
+    /// M999.
+    Restart,
+    /// T: the tool.
+    SelectTool(u32),
+    /// A command that is accepted and changes nothing on this machine (M73, M486, M900 ...).
+    Accepted,
+    /// Anything else: answered `echo:Unknown command: "..."`.
+    Unknown(&'a str),
+}

@@ -1,0 +1,29 @@
+//! G-code for 3D printers: bytes to lines, lines to commands, replies to text.
+//!
+//! `no_std`, no heap, no panics: every byte sequence is answered.
+//!
+//! [`LineReader`] cuts bytes into [`Line`]s, [`LineNumbers`] says which of them a host must send again, [`parse`]
+//! makes a [`Command`] of a line's text, and a [`Reply`] prints what goes back. [`EmergencyScanner`] watches the raw
+//! bytes for the few commands that must not wait their turn.
+#![cfg_attr(not(test), no_std)]
+
+mod command;
+mod decimal;
+mod emergency;
+mod line;
+mod line_reader;
+mod parse_error;
+mod parser;
+mod protocol;
+mod reply;
+mod reply_text;
+
+pub use command::{ArcForm, AxisFlags, AxisWords, Command, RetractionWords, Units, WaitTarget};
+pub use decimal::{Decimal, NumberError};
+pub use emergency::{Emergency, EmergencyScanner};
+pub use line::{Checksum, Line, LineError};
+pub use line_reader::{LINE_CAPACITY, LineReader};
+pub use parse_error::{ParseError, ShortText};
+pub use parser::parse;
+pub use protocol::{LineNumbers, Verdict};
+pub use reply::{EndStopState, FirmwareInfo, Position, Reply, ResendReason, Temperatures};

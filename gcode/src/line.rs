@@ -1,0 +1,294 @@
+//! One line of input: its number, its checksum, its text.
+
+use core::fmt;
+
+/// One line, taken apart but not yet read as a command.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Line<'a> {
+    /// Number of the physical line in the file or stream, from 1.
+    pub line_number: u32,
+    /// The command: without comment, line number, checksum and surrounding blanks.
+    ///
+    /// Empty only when a line number stands alone.
+    pub text: &'a str,
+    /// The `N` word at the start; beyond the range of `i64` it is the nearest end of that range.
+    pub number: Option<i64>,
+    /// What the checksum says; always [`Checksum::Absent`] without an `N` word, for then a `*` belongs to the text.
+    pub checksum: Checksum,
+}
+
+/// The checksum of a numbered line: the XOR of its bytes before the `*`, in decimal.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Checksum {
+    /// None is there.
+    Absent,
+    /// It agrees with the bytes.
+    Right,
+    /// It does not agree with the bytes.
+    Wrong {
+        /// What the line says.
+        expected: u8,
+        /// What its bytes give.
+        computed: u8,
+    },
+    /// Something other than a number from 0 to 255 stands after the `*`.
+    Malformed,
+}
+
+/// Why a line cannot be handed out. It is reported once, where the line ends.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LineError {
+    /// More characters before the comment than [`LINE_CAPACITY`](crate::LINE_CAPACITY).
+    TooLong {
+        /// Number of the physical line, from 1.
+        line_number: u32,
+        /// Whether the line begins with an `N` word, so that a host can be asked for it again.
+        numbered: bool,
+    },
+    /// A control character other than a tab, or bytes that are not UTF-8, before the comment.
+    NotText {
+        /// Number of the physical line, from 1.
+        line_number: u32,
+        /// The first such byte.
+        byte: u8,
+        /// Whether the line begins with an `N` word, so that a host can be asked for it again.
+        numbered: bool,
+    },
+}
+
+impl LineError {
+    /// Number of the physical line, from 1.
+    pub const fn line_number(&self) -> u32 {
+        match *self {
+            LineError::TooLong { line_number, .. } | LineError::NotText { line_number, .. } => line_number,
+        }
+    }
+
+    /// Whether the line begins with an `N` word, so that a host can be asked for it again.
+    pub const fn is_numbered(&self) -> bool {
+        match *self {
+            LineError::TooLong { numbered, .. } | LineError::NotText { numbered, .. } => numbered,
+        }
+    }
+}
+
+impl fmt::Display for LineError {
+    /// What is wrong, without the line's number.
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            LineError::TooLong { .. } => {
+                write!(formatter, "longer than {} characters", crate::LINE_CAPACITY)
+            }
+            LineError::NotText { byte, .. } => write!(formatter, "not text: byte 0x{byte:02x}"),
+        }
+    }
+}
+
+impl core::error::Error for LineError {}
+
+/// The XOR of the bytes so far, and what the last `*` among them introduces.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct ChecksumScan {
+    xor: u8,
+    xor_before_star: u8,
+    tail: Tail,
+}
+
+/// What has been read since the last `*`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Tail {
+    NoStar,
+    Star,
+    Digits(u8),
+    DigitsThenBlanks(u8),
+    Malformed,
+}
+
+impl ChecksumScan {
+    pub(crate) const fn new() -> Self {
+        ChecksumScan { xor: 0, xor_before_star: 0, tail: Tail::NoStar }
+    }
+
+    pub(crate) fn extend(&mut self, bytes: &[u8]) {
+        for &byte in bytes {
+            self.tail = match (self.tail, byte) {
+                (_, b'*') => {
+                    self.xor_before_star = self.xor;
+                    Tail::Star
+                }
+                (Tail::NoStar, _) => Tail::NoStar,
+                (Tail::Star, b'0'..=b'9') => Tail::Digits(byte - b'0'),
+                (Tail::Digits(value), b'0'..=b'9') => {
+                    match value.checked_mul(10).and_then(|tens| tens.checked_add(byte - b'0')) {
+                        Some(value) => Tail::Digits(value),
+                        None => Tail::Malformed,
+                    }
+                }
+                (Tail::Digits(value) | Tail::DigitsThenBlanks(value), b' ' | b'\t') => Tail::DigitsThenBlanks(value),
+                _ => Tail::Malformed,
+            };
+            self.xor ^= byte;
+        }
+    }
+
+    pub(crate) fn has_star(&self) -> bool {
+        self.tail != Tail::NoStar
+    }
+
+    pub(crate) fn verdict(&self) -> Checksum {
+        match self.tail {
+            Tail::NoStar => Checksum::Absent,
+            Tail::Star | Tail::Malformed => Checksum::Malformed,
+            Tail::Digits(expected) | Tail::DigitsThenBlanks(expected) => {
+                let computed = self.xor_before_star;
+                if expected == computed { Checksum::Right } else { Checksum::Wrong { expected, computed } }
+            }
+        }
+    }
+}
+
+/// The `N` word at the start of a line, and where the rest begins.
+pub(crate) fn number_word(text: &[u8]) -> Option<(i64, usize)> {
+    let mut at = skip_blanks(text, 0);
+    if !matches!(text.get(at), Some(b'N' | b'n')) {
+        return None;
+    }
+    at = skip_blanks(text, at + 1);
+    let negative = text.get(at) == Some(&b'-');
+    if negative {
+        at += 1;
+    }
+    let start = at;
+    let mut value: i64 = 0;
+    while let Some(&byte @ b'0'..=b'9') = text.get(at) {
+        let digit = i64::from(byte - b'0');
+        value = value.saturating_mul(10);
+        value = if negative { value.saturating_sub(digit) } else { value.saturating_add(digit) };
+        at += 1;
+    }
+    (at > start).then_some((value, at))
+}
+
+fn skip_blanks(text: &[u8], mut at: usize) -> usize {
+    while matches!(text.get(at), Some(b' ' | b'\t')) {
+        at += 1;
+    }
+    at
+}
+
+/// The first byte that makes `bytes` no text, if any.
+fn first_byte_not_text(bytes: &[u8]) -> Option<u8> {
+    let valid = match core::str::from_utf8(bytes) {
+        Ok(_) => bytes.len(),
+        Err(error) => error.valid_up_to(),
+    };
+    let is_control = |&byte: &u8| byte.is_ascii_control() && byte != b'\t';
+    bytes.iter().take(valid).copied().find(|byte| is_control(byte)).or_else(|| bytes.get(valid).copied())
+}
+
+/// Takes a line apart. `bytes` is what stands before the comment, `plain` says that all of it is known to be printable
+/// ASCII, `in_comment` is the checksum found in the comment.
+pub(crate) fn take_apart<'a>(
+    bytes: &'a [u8],
+    plain: bool,
+    line_number: u32,
+    in_comment: Checksum,
+) -> Result<Line<'a>, LineError> {
+    let numbered = number_word(bytes);
+    let not_text = |byte: u8| LineError::NotText { line_number, byte, numbered: numbered.is_some() };
+    if !plain && let Some(byte) = first_byte_not_text(bytes) {
+        return Err(not_text(byte));
+    }
+    let (number, command, checksum) = match numbered {
+        None => (None, bytes, Checksum::Absent),
+        Some((number, start)) => {
+            let mut scan = ChecksumScan::new();
+            scan.extend(bytes);
+            let star = bytes.iter().rposition(|&byte| byte == b'*').unwrap_or(bytes.len());
+            let command = bytes.get(start..star).unwrap_or_default();
+            (Some(number), command, if scan.has_star() { scan.verdict() } else { in_comment })
+        }
+    };
+    // Cut at ASCII bytes, text stays text.
+    let text = core::str::from_utf8(trim(command)).map_err(|_| not_text(0xff))?;
+    Ok(Line { line_number, text, number, checksum })
+}
+
+/// `bytes` without the spaces and tabs around them.
+fn trim(mut bytes: &[u8]) -> &[u8] {
+    while let [b' ' | b'\t', rest @ ..] = bytes {
+        bytes = rest;
+    }
+    while let [rest @ .., b' ' | b'\t'] = bytes {
+        bytes = rest;
+    }
+    bytes
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+
+    fn line(text: &str) -> Line<'_> {
+        take_apart(text.as_bytes(), false, 1, Checksum::Absent).unwrap()
+    }
+
+    #[test]
+    fn checksums_of_the_protocol() {
+        for (text, number, command) in [
+            ("N3 T0*57", 3, "T0"),
+            ("N4 G92 E0*67", 4, "G92 E0"),
+            ("N0 M110 N0*125", 0, "M110 N0"),
+            ("N-1 M110 N-1*125", -1, "M110 N-1"),
+            ("N1 M73 P0 R21*39 ", 1, "M73 P0 R21"),
+            ("N24 G1 Z2.0 F3000*45", 24, "G1 Z2.0 F3000"),
+        ] {
+            let line = line(text);
+            assert_eq!(line.number, Some(number), "{text}");
+            assert_eq!(line.text, command, "{text}");
+            assert_eq!(line.checksum, Checksum::Right, "{text}");
+        }
+    }
+
+    #[test]
+    fn checksums_that_fail() {
+        assert_eq!(line("N3 T0*56").checksum, Checksum::Wrong { expected: 56, computed: 57 });
+        assert_eq!(line("N3 T0").checksum, Checksum::Absent);
+        for text in ["N3 T0*", "N3 T0*x", "N3 T0*300", "N3 T0*-5", "N3 T0*5 7", "N3 T0* 57"] {
+            assert_eq!(line(text).checksum, Checksum::Malformed, "{text}");
+            assert_eq!(line(text).text, "T0");
+        }
+        // The last `*` counts.
+        let last = line("N5 M117 20*3*0");
+        assert_eq!(last.text, "M117 20*3");
+        assert!(matches!(last.checksum, Checksum::Wrong { expected: 0, .. }));
+    }
+
+    #[test]
+    fn a_star_without_a_number_is_text() {
+        let line = line("  M117 20*3 ");
+        assert_eq!((line.text, line.number, line.checksum), ("M117 20*3", None, Checksum::Absent));
+    }
+
+    #[test]
+    fn number_words() {
+        assert_eq!(number_word(b" n12G1"), Some((12, 4)));
+        assert_eq!(number_word(b"N 12 G1"), Some((12, 4)));
+        assert_eq!(number_word(b"N99999999999999999999"), Some((i64::MAX, 21)));
+        assert_eq!(number_word(b"N-99999999999999999999"), Some((i64::MIN, 22)));
+        for text in ["N", "N G1", "NX", "N-", "G1 N5", ""] {
+            assert_eq!(number_word(text.as_bytes()), None, "{text}");
+        }
+    }
+
+    #[test]
+    fn bytes_that_are_not_text() {
+        let refused = |bytes: &[u8]| take_apart(bytes, false, 7, Checksum::Absent).unwrap_err();
+        assert_eq!(refused(b"G1\0"), LineError::NotText { line_number: 7, byte: 0, numbered: false });
+        assert_eq!(refused(b"N5 \x7f"), LineError::NotText { line_number: 7, byte: 0x7f, numbered: true });
+        assert_eq!(refused(b"M117 \xff\x01").to_string(), "not text: byte 0xff");
+        assert_eq!(refused(b"M117 \x01\xff").to_string(), "not text: byte 0x01");
+        assert_eq!(line("M117\tGr\u{fc}\u{df}e").text, "M117\tGr\u{fc}\u{df}e");
+    }
+}

@@ -1,0 +1,169 @@
+//! Why a line is no command.
+
+use core::fmt;
+
+use crate::Decimal;
+
+/// Bytes a [`ShortText`] keeps.
+const SHORT_TEXT_CAPACITY: usize = 24;
+
+/// The start of a piece of the line, kept so that an error outlives the line.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub struct ShortText {
+    bytes: [u8; SHORT_TEXT_CAPACITY],
+    length: u8,
+    cut: bool,
+}
+
+impl ShortText {
+    /// The first characters of `text`, at most 24 bytes.
+    pub fn new(text: &str) -> Self {
+        let mut length = text.len().min(SHORT_TEXT_CAPACITY);
+        while !text.is_char_boundary(length) {
+            length -= 1;
+        }
+        let mut bytes = [0; SHORT_TEXT_CAPACITY];
+        for (to, from) in bytes.iter_mut().zip(text.bytes().take(length)) {
+            *to = from;
+        }
+        ShortText { bytes, length: length as u8, cut: length < text.len() }
+    }
+
+    /// The characters kept.
+    pub fn as_str(&self) -> &str {
+        self.bytes
+            .get(..usize::from(self.length))
+            .and_then(|bytes| core::str::from_utf8(bytes).ok())
+            .unwrap_or_default()
+    }
+}
+
+impl fmt::Display for ShortText {
+    /// The characters kept, with `...` where some are missing.
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.write_str(self.as_str())?;
+        if self.cut { formatter.write_str("...") } else { Ok(()) }
+    }
+}
+
+impl fmt::Debug for ShortText {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Debug::fmt(self.as_str(), formatter)
+    }
+}
+
+/// Why a line is no command. `Display` names the field and what was expected there.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ParseError {
+    /// The line does not begin with a letter.
+    CommandLetterExpected {
+        /// What it begins with.
+        found: char,
+    },
+    /// A character that no word begins with.
+    UnexpectedCharacter(char),
+    /// A letter without the number it needs.
+    NumberExpected {
+        /// The letter, upper case.
+        letter: char,
+    },
+    /// What follows the letter has digits, points or signs but is no number.
+    NotANumber {
+        /// The letter, upper case.
+        letter: char,
+        /// What follows it.
+        text: ShortText,
+    },
+    /// The number does not fit a [`Decimal`] or its field.
+    TooLarge {
+        /// The letter, upper case.
+        letter: char,
+        /// The number.
+        text: ShortText,
+    },
+    /// A fraction where a whole number belongs.
+    NotWhole {
+        /// The letter, upper case.
+        letter: char,
+        /// The number.
+        value: Decimal,
+    },
+    /// Zero or less where something must move or change.
+    NotAboveZero {
+        /// The letter, upper case.
+        letter: char,
+        /// The number.
+        value: Decimal,
+    },
+    /// A negative number where none can be.
+    BelowZero {
+        /// The letter, upper case.
+        letter: char,
+        /// The number.
+        value: Decimal,
+    },
+    /// A number outside its range.
+    OutOfRange {
+        /// The letter, upper case.
+        letter: char,
+        /// The number.
+        value: Decimal,
+        /// Smallest allowed.
+        low: u16,
+        /// Largest allowed.
+        high: u16,
+    },
+    /// Words that the command cannot do without.
+    WordsExpected {
+        /// The command, such as `G4`.
+        command: &'static str,
+        /// The words, such as `P or S`.
+        words: &'static str,
+    },
+    /// A second G or M word in the line: commands stand one to a line.
+    SecondCommand {
+        /// G or M.
+        letter: char,
+    },
+    /// G18 or G19: arcs are made in the XY plane only.
+    PlaneNotSupported,
+}
+
+impl fmt::Display for ParseError {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            ParseError::CommandLetterExpected { found } => {
+                write!(formatter, "expected a command letter, found '{found}'")
+            }
+            ParseError::UnexpectedCharacter(character) => {
+                write!(formatter, "unexpected character '{character}'")
+            }
+            ParseError::NumberExpected { letter } => {
+                write!(formatter, "{letter}: a number is expected after it")
+            }
+            ParseError::NotANumber { letter, text } => {
+                write!(formatter, "{letter}: \"{text}\" is not a number")
+            }
+            ParseError::TooLarge { letter, text } => write!(formatter, "{letter}: {text} is too large"),
+            ParseError::NotWhole { letter, value } => {
+                write!(formatter, "{letter}: {value} is not a whole number")
+            }
+            ParseError::NotAboveZero { letter, value } => {
+                write!(formatter, "{letter}: {value} is not above 0")
+            }
+            ParseError::BelowZero { letter, value } => write!(formatter, "{letter}: {value} is below 0"),
+            ParseError::OutOfRange { letter, value, low, high } => {
+                write!(formatter, "{letter}: {value} is not between {low} and {high}")
+            }
+            ParseError::WordsExpected { command, words } => {
+                write!(formatter, "{command}: expected {words}")
+            }
+            ParseError::SecondCommand { letter } => {
+                write!(formatter, "{letter}: a second command in the line")
+            }
+            ParseError::PlaneNotSupported => formatter.write_str("only the XY plane (G17) is supported"),
+        }
+    }
+}
+
+impl core::error::Error for ParseError {}

@@ -1,0 +1,155 @@
+//! Heaters, fans, limits, reports and the rest of the machine.
+
+use super::Code;
+use crate::{Command, Decimal, ParseError, RetractionWords, WaitTarget};
+
+/// Longest interval of M113 and M155, seconds.
+const MAX_INTERVAL_S: u8 = 60;
+/// Largest M220 and M221.
+const MAX_PERCENT: u16 = 999;
+
+pub(super) fn parse(code: Code<'_>) -> Result<Command<'_>, ParseError> {
+    if code.has_subcode {
+        // M862.1 to M862.6: checks of the printer's model and nozzle.
+        return Ok(if code.number == 862 { Command::Accepted } else { code.unknown() });
+    }
+    match code.number {
+        17 => Ok(Command::EnableMotors(code.words()?.axis_flags())),
+        18 | 84 => {
+            let words = code.words()?;
+            Ok(match words.nearest(b'S', 1)? {
+                Some(seconds) => Command::IdleTimeout { seconds },
+                None => Command::DisableMotors(words.axis_flags()),
+            })
+        }
+        82 => code.without_words(Command::AbsoluteExtrusion),
+        83 => code.without_words(Command::RelativeExtrusion),
+        104 | 109 | 140 | 190 => temperature(code),
+        106 | 107 => fan(code),
+        105 => Ok(Command::ReportTemperatures),
+        108 => Ok(Command::EndWait),
+        110 => Ok(Command::SetLineNumber(code.words()?.whole(b'N')?)),
+        112 => Ok(Command::EmergencyStop),
+        113 => Ok(Command::KeepAlive(code.words()?.whole_to(b'S', MAX_INTERVAL_S)?)),
+        114 => Ok(Command::ReportPosition),
+        115 => Ok(Command::ReportFirmware),
+        117 => Ok(Command::Display(code.free_text())),
+        118 => Ok(echo(code.free_text())),
+        119 => Ok(Command::ReportEndStops),
+        155 => match code.words()?.whole_to(b'S', MAX_INTERVAL_S)? {
+            Some(seconds) => Ok(Command::AutoReportTemperatures { seconds }),
+            None => Err(ParseError::WordsExpected { command: "M155", words: "S" }),
+        },
+        201 => Ok(Command::MaxAcceleration(code.words()?.axis_limits()?)),
+        203 => Ok(Command::MaxFeed(code.words()?.axis_limits()?)),
+        204 => {
+            let words = code.words()?;
+            Ok(Command::Acceleration {
+                print: words.above_zero(b'P')?,
+                retract: words.above_zero(b'R')?,
+                travel: words.above_zero(b'T')?,
+                both: words.above_zero(b'S')?,
+            })
+        }
+        205 => Ok(Command::Junction { deviation: code.words()?.above_zero(b'J')? }),
+        207 => {
+            let words = code.words()?;
+            Ok(Command::RetractSettings(RetractionWords {
+                length: words.not_negative(b'S')?,
+                feed: words.above_zero(b'F')?,
+                lift: words.not_negative(b'Z')?,
+            }))
+        }
+        208 => {
+            let words = code.words()?;
+            // Extra length may be negative: less comes back than went.
+            let (length, feed) = (words.value(b'S')?, words.above_zero(b'F')?);
+            Ok(Command::RecoverSettings(RetractionWords { length, feed, lift: None }))
+        }
+        211 => Ok(Command::SoftLimits(code.words()?.switch(b'S')?)),
+        220 => Ok(Command::FeedPercent(code.words()?.above_zero_to(b'S', MAX_PERCENT)?)),
+        221 => {
+            let words = code.words()?;
+            if words.names_other_tool()? {
+                return Ok(code.unknown());
+            }
+            Ok(Command::FlowPercent(words.above_zero_to(b'S', MAX_PERCENT)?))
+        }
+        302 => {
+            let words = code.words()?;
+            Ok(Command::ColdExtrusion { minimum: words.not_negative(b'S')?, allow: words.switch(b'P')? })
+        }
+        400 => Ok(Command::Finish),
+        410 => Ok(Command::QuickStop),
+        999 => Ok(Command::Restart),
+        // Progress and timers of a display, sounds, object labels; parts and corrections this machine has not.
+        73..=77
+        | 141
+        | 142
+        | 300
+        | 412
+        | 413
+        | 420
+        | 425
+        | 486
+        | 530
+        | 532
+        | 555
+        | 569
+        | 572
+        | 573
+        | 593
+        | 862
+        | 900
+        | 907 => Ok(Command::Accepted),
+        _ => Ok(code.unknown()),
+    }
+}
+
+fn temperature(code: Code<'_>) -> Result<Command<'_>, ParseError> {
+    let words = code.words()?;
+    let is_nozzle = matches!(code.number, 104 | 109);
+    if is_nozzle && words.names_other_tool()? {
+        return Ok(code.unknown());
+    }
+    let target = words.not_negative(b'S')?;
+    Ok(match code.number {
+        104 => Command::SetNozzle(target),
+        140 => Command::SetBed(target),
+        _ => {
+            let wait = match (target, words.not_negative(b'R')?) {
+                (Some(target), _) => WaitTarget::Heating(target),
+                (None, Some(target)) => WaitTarget::HeatingOrCooling(target),
+                (None, None) => WaitTarget::Current,
+            };
+            if is_nozzle { Command::WaitNozzle(wait) } else { Command::WaitBed(wait) }
+        }
+    })
+}
+
+/// M106 and M107. Slicers write powers such as 252.45: the nearest whole one is meant.
+fn fan(code: Code<'_>) -> Result<Command<'_>, ParseError> {
+    let words = code.words()?;
+    let index = words.whole_to(b'P', u8::MAX)?.unwrap_or(0);
+    let power = if code.number == 106 { words.nearest_byte(b'S')?.unwrap_or(u8::MAX) } else { 0 };
+    Ok(Command::Fan { index, power })
+}
+
+/// M118: the flags E1, A1 and P (port), upper case, each followed by a blank, then the text.
+fn echo(mut text: &str) -> Command<'_> {
+    let (mut echo_prefix, mut action_prefix) = (false, false);
+    loop {
+        let end = text.find([' ', '\t']).unwrap_or(text.len());
+        let (word, rest) = text.split_at(end);
+        match word.as_bytes() {
+            b"E1" => echo_prefix = true,
+            b"A1" => action_prefix = true,
+            // Off, as by default.
+            b"E0" | b"A0" => {}
+            // There is one port, the one the command came by.
+            [b'P', digits @ ..] if Decimal::parse(digits).is_ok_and(|port| !port.is_negative()) => {}
+            _ => return Command::Echo { echo_prefix, action_prefix, text },
+        }
+        text = rest.trim_start_matches([' ', '\t']);
+    }
+}

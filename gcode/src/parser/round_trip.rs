@@ -1,0 +1,343 @@
+//! Random commands, printed as programs print them, read back as the same commands.
+
+use proptest::option::of;
+use proptest::prelude::*;
+
+use crate::{ArcForm, AxisFlags, AxisWords, Command, Decimal, LineReader, RetractionWords, Units, WaitTarget, parse};
+
+/// A command's words: letter and number.
+type Words = Vec<(char, Option<Decimal>)>;
+
+const TEXTS: [&str; 5] = ["", "Hello", "Layer 3/100 (50 %)", "20*3", "Gr\u{fc}n \u{2014} fertig"];
+
+fn whole(value: i64) -> Decimal {
+    Decimal::from_nanos(value * 1_000_000_000)
+}
+
+/// `name` and `words` in one of the ways a program may write them.
+#[derive(Clone, Copy, Debug)]
+struct Style {
+    spaces: bool,
+    lower_case: bool,
+    leading_zero: bool,
+    rotate: usize,
+    comment: bool,
+}
+
+fn style() -> impl Strategy<Value = Style> {
+    (any::<bool>(), any::<bool>(), any::<bool>(), 0usize..4, any::<bool>()).prop_map(
+        |(spaces, lower_case, leading_zero, rotate, comment)| Style {
+            spaces,
+            lower_case,
+            leading_zero,
+            rotate,
+            comment,
+        },
+    )
+}
+
+fn axes(axes: AxisWords) -> Words {
+    [('X', axes.x), ('Y', axes.y), ('Z', axes.z), ('E', axes.e)]
+        .into_iter()
+        .filter(|(_, value)| value.is_some())
+        .collect()
+}
+
+fn flags(flags: AxisFlags) -> Words {
+    [('X', flags.x), ('Y', flags.y), ('Z', flags.z), ('E', flags.e)]
+        .into_iter()
+        .filter_map(|(letter, named)| named.then_some((letter, None)))
+        .collect()
+}
+
+fn given<const N: usize>(words: [(char, Option<Decimal>); N]) -> Words {
+    words.into_iter().filter(|(_, value)| value.is_some()).collect()
+}
+
+fn switch(value: Option<bool>) -> Option<Decimal> {
+    value.map(|value| whole(i64::from(value)))
+}
+
+fn wait(target: WaitTarget) -> Words {
+    match target {
+        WaitTarget::Heating(value) => given([('S', Some(value))]),
+        WaitTarget::HeatingOrCooling(value) => given([('R', Some(value))]),
+        WaitTarget::Current => Words::new(),
+    }
+}
+
+fn retraction(words: RetractionWords) -> Words {
+    given([('S', words.length), ('F', words.feed), ('Z', words.lift)])
+}
+
+/// Letter and number of the command, and its words.
+fn take_apart(command: Command<'_>) -> (char, u32, Words) {
+    let (code, words) = match command {
+        Command::Linear { axes: to, feed } => (1, [axes(to), given([('F', feed)])].concat()),
+        Command::Arc { clockwise, axes: to, form, feed } => {
+            let circle = match form {
+                ArcForm::Centre { i, j } => given([('I', Some(i)), ('J', Some(j))]),
+                ArcForm::Radius(radius) => given([('R', Some(radius))]),
+            };
+            (if clockwise { 2 } else { 3 }, [axes(to), circle, given([('F', feed)])].concat())
+        }
+        Command::Dwell { milliseconds } => (4, given([('P', Some(whole(milliseconds as i64)))])),
+        Command::Retract => (10, vec![]),
+        Command::Recover => (11, vec![]),
+        Command::SetUnits(Units::Inches) => (20, vec![]),
+        Command::SetUnits(Units::Millimetres) => (21, vec![]),
+        Command::Home(which) => (28, flags(which)),
+        Command::AbsolutePositioning => (90, vec![]),
+        Command::RelativePositioning => (91, vec![]),
+        Command::SetPosition(to) => (92, axes(to)),
+        Command::SelectTool(tool) => return ('T', tool, vec![]),
+        other => {
+            let (code, words) = take_apart_m(other);
+            return ('M', code, words);
+        }
+    };
+    ('G', code, words)
+}
+
+fn take_apart_m(command: Command<'_>) -> (u32, Words) {
+    match command {
+        Command::EnableMotors(which) => (17, flags(which)),
+        Command::DisableMotors(which) => (84, flags(which)),
+        Command::IdleTimeout { seconds } => (18, given([('S', Some(whole(seconds as i64)))])),
+        Command::AbsoluteExtrusion => (82, vec![]),
+        Command::RelativeExtrusion => (83, vec![]),
+        Command::SetNozzle(target) => (104, given([('S', target)])),
+        Command::WaitNozzle(target) => (109, wait(target)),
+        Command::SetBed(target) => (140, given([('S', target)])),
+        Command::WaitBed(target) => (190, wait(target)),
+        Command::AutoReportTemperatures { seconds } => (155, given([('S', Some(whole(seconds.into())))])),
+        Command::Fan { index, power } => {
+            (106, given([('P', Some(whole(index.into()))), ('S', Some(whole(power.into())))]))
+        }
+        Command::SetLineNumber(number) => (110, given([('N', number.map(whole))])),
+        Command::KeepAlive(seconds) => (113, given([('S', seconds.map(|value| whole(value.into())))])),
+        Command::MaxAcceleration(limits) => (201, axes(limits)),
+        Command::MaxFeed(limits) => (203, axes(limits)),
+        Command::Acceleration { print, retract, travel, both } => {
+            (204, given([('P', print), ('R', retract), ('T', travel), ('S', both)]))
+        }
+        Command::Junction { deviation } => (205, given([('J', deviation)])),
+        Command::RetractSettings(words) => (207, retraction(words)),
+        Command::RecoverSettings(words) => (208, retraction(words)),
+        Command::SoftLimits(on) => (211, given([('S', switch(on))])),
+        Command::FeedPercent(percent) => (220, given([('S', percent)])),
+        Command::FlowPercent(percent) => (221, given([('S', percent)])),
+        Command::ColdExtrusion { minimum, allow } => (302, given([('S', minimum), ('P', switch(allow))])),
+        Command::ReportTemperatures => (105, vec![]),
+        Command::EndWait => (108, vec![]),
+        Command::EmergencyStop => (112, vec![]),
+        Command::ReportPosition => (114, vec![]),
+        Command::ReportFirmware => (115, vec![]),
+        Command::ReportEndStops => (119, vec![]),
+        Command::Finish => (400, vec![]),
+        Command::QuickStop => (410, vec![]),
+        Command::Restart => (999, vec![]),
+        other => panic!("{other:?} is printed elsewhere"),
+    }
+}
+
+fn print(command: Command<'_>, style: Style) -> String {
+    match command {
+        Command::Display(text) => return format!("M117 {text}"),
+        Command::Echo { echo_prefix, action_prefix, text } => {
+            let echo = if echo_prefix { "E1 " } else { "" };
+            let action = if action_prefix { "A1 " } else { "" };
+            return format!("M118 {action}{echo}{text}");
+        }
+        Command::Accepted => return "M900 K0.05".to_owned(),
+        Command::Unknown(text) => return text.to_owned(),
+        _ => {}
+    }
+    let (letter, code, mut words) = take_apart(command);
+    let turn = style.rotate.min(words.len());
+    words.rotate_left(turn);
+    let zero = if style.leading_zero { "0" } else { "" };
+    let gap = if style.spaces { " " } else { "" };
+    let mut line = format!("{letter}{zero}{code}");
+    for (letter, value) in words {
+        let value = value.map(|value| format!("{gap}{value}")).unwrap_or_default();
+        line += &format!("{gap}{letter}{value}");
+    }
+    if style.comment {
+        line += " (G1 X1) ; G1 X2";
+    }
+    if style.lower_case { line.to_lowercase() } else { line }
+}
+
+fn any_number() -> impl Strategy<Value = Decimal> {
+    prop_oneof![
+        (-300_000_000i64..300_000_000).prop_map(|micro| Decimal::from_nanos(micro * 1000)),
+        (-i64::MAX..=i64::MAX).prop_map(Decimal::from_nanos),
+    ]
+}
+
+fn above_zero() -> impl Strategy<Value = Decimal> {
+    (1..=i64::MAX).prop_map(Decimal::from_nanos)
+}
+
+fn not_negative() -> impl Strategy<Value = Decimal> {
+    (0..=i64::MAX).prop_map(Decimal::from_nanos)
+}
+
+fn percent() -> impl Strategy<Value = Decimal> {
+    (1i64..=999_000_000_000).prop_map(Decimal::from_nanos)
+}
+
+fn any_axes() -> impl Strategy<Value = AxisWords> {
+    (of(any_number()), of(any_number()), of(any_number()), of(any_number())).prop_map(|(x, y, z, e)| AxisWords {
+        x,
+        y,
+        z,
+        e,
+    })
+}
+
+fn any_limits() -> impl Strategy<Value = AxisWords> {
+    (of(above_zero()), of(above_zero()), of(above_zero()), of(above_zero())).prop_map(|(x, y, z, e)| AxisWords {
+        x,
+        y,
+        z,
+        e,
+    })
+}
+
+fn any_flags() -> impl Strategy<Value = AxisFlags> {
+    any::<[bool; 4]>().prop_map(|[x, y, z, e]| AxisFlags { x, y, z, e })
+}
+
+fn any_wait() -> impl Strategy<Value = WaitTarget> {
+    prop_oneof![
+        not_negative().prop_map(WaitTarget::Heating),
+        not_negative().prop_map(WaitTarget::HeatingOrCooling),
+        Just(WaitTarget::Current),
+    ]
+}
+
+fn any_form() -> impl Strategy<Value = ArcForm> {
+    prop_oneof![
+        (any_number(), any_number()).prop_map(|(i, j)| ArcForm::Centre { i, j }),
+        any_number().prop_map(ArcForm::Radius),
+    ]
+}
+
+fn motion() -> impl Strategy<Value = Command<'static>> {
+    prop_oneof![
+        (any_axes(), of(above_zero())).prop_map(|(axes, feed)| Command::Linear { axes, feed }),
+        (any::<bool>(), any_axes(), any_form(), of(above_zero()))
+            .prop_map(|(clockwise, axes, form, feed)| Command::Arc { clockwise, axes, form, feed }),
+        (0u64..9_000_000_000).prop_map(|milliseconds| Command::Dwell { milliseconds }),
+        any_flags().prop_map(Command::Home),
+        any_axes().prop_map(Command::SetPosition),
+        (0u32..u32::MAX).prop_map(Command::SelectTool),
+        proptest::sample::select(vec![
+            Command::Retract,
+            Command::Recover,
+            Command::SetUnits(Units::Inches),
+            Command::SetUnits(Units::Millimetres),
+            Command::AbsolutePositioning,
+            Command::RelativePositioning,
+        ]),
+    ]
+}
+
+fn settings() -> impl Strategy<Value = Command<'static>> {
+    prop_oneof![
+        any_limits().prop_map(Command::MaxAcceleration),
+        any_limits().prop_map(Command::MaxFeed),
+        (of(above_zero()), of(above_zero()), of(above_zero()), of(above_zero()))
+            .prop_map(|(print, retract, travel, both)| Command::Acceleration { print, retract, travel, both }),
+        of(above_zero()).prop_map(|deviation| Command::Junction { deviation }),
+        (of(not_negative()), of(above_zero()), of(not_negative()))
+            .prop_map(|(length, feed, lift)| { Command::RetractSettings(RetractionWords { length, feed, lift }) }),
+        (of(any_number()), of(above_zero()))
+            .prop_map(|(length, feed)| { Command::RecoverSettings(RetractionWords { length, feed, lift: None }) }),
+        of(any::<bool>()).prop_map(Command::SoftLimits),
+        of(percent()).prop_map(Command::FeedPercent),
+        of(percent()).prop_map(Command::FlowPercent),
+        (of(not_negative()), of(any::<bool>())).prop_map(|(minimum, allow)| Command::ColdExtrusion { minimum, allow }),
+    ]
+}
+
+fn machine() -> impl Strategy<Value = Command<'static>> {
+    prop_oneof![
+        any_flags().prop_map(Command::EnableMotors),
+        any_flags().prop_map(Command::DisableMotors),
+        (0u64..9_000_000_000).prop_map(|seconds| Command::IdleTimeout { seconds }),
+        of(not_negative()).prop_map(Command::SetNozzle),
+        of(not_negative()).prop_map(Command::SetBed),
+        any_wait().prop_map(Command::WaitNozzle),
+        any_wait().prop_map(Command::WaitBed),
+        (0u8..=60).prop_map(|seconds| Command::AutoReportTemperatures { seconds }),
+        of(0u8..=60).prop_map(Command::KeepAlive),
+        any::<(u8, u8)>().prop_map(|(index, power)| Command::Fan { index, power }),
+        of(-9_000_000_000i64..9_000_000_000).prop_map(Command::SetLineNumber),
+        proptest::sample::select(&TEXTS[..]).prop_map(Command::Display),
+        (any::<bool>(), any::<bool>(), proptest::sample::select(&TEXTS[..]))
+            .prop_map(|(echo_prefix, action_prefix, text)| Command::Echo { echo_prefix, action_prefix, text }),
+        proptest::sample::select(vec![
+            Command::AbsoluteExtrusion,
+            Command::RelativeExtrusion,
+            Command::ReportTemperatures,
+            Command::EndWait,
+            Command::EmergencyStop,
+            Command::ReportPosition,
+            Command::ReportFirmware,
+            Command::ReportEndStops,
+            Command::Finish,
+            Command::QuickStop,
+            Command::Restart,
+            Command::Accepted,
+            Command::Unknown("M500 S3"),
+        ]),
+    ]
+}
+
+proptest! {
+    #[test]
+    fn a_printed_program_reads_back(
+        program in proptest::collection::vec((prop_oneof![motion(), settings(), machine()], style()), 1..30),
+        numbered: bool,
+    ) {
+        let mut text = String::new();
+        for (index, (command, style)) in program.iter().enumerate() {
+            let line = print(*command, *style);
+            if numbered {
+                let line = format!("N{index} {line}");
+                let checksum = line.bytes().fold(0, |sum, byte| sum ^ byte);
+                text += &format!("{line}*{checksum}\n");
+            } else {
+                text += &format!("{line}\n");
+            }
+        }
+        let mut reader = LineReader::new();
+        let mut rest = text.as_bytes();
+        for (index, (command, _)) in program.iter().enumerate() {
+            let (consumed, line) = reader.feed(rest);
+            rest = &rest[consumed..];
+            let Some(Ok(line)) = line else { panic!("{line:?} in {text}") };
+            prop_assert_eq!(line.line_number, index as u32 + 1);
+            prop_assert_eq!(line.number, numbered.then_some(index as i64));
+            if numbered {
+                prop_assert_eq!(line.checksum, crate::Checksum::Right);
+            }
+            prop_assert_eq!(parse(line.text), Ok(*command), "{}", line.text);
+        }
+        prop_assert!(rest.is_empty());
+    }
+
+    #[test]
+    fn any_text_is_answered(text in "\\PC{0,60}", words in "[ GMTXYZEFIJPRSN0-9.*(;-]{0,60}") {
+        for text in [&text, &words, &format!("G1 {words}"), &format!("M204{text}")] {
+            match parse(text) {
+                Ok(Command::Unknown(unknown)) => prop_assert!(text.contains(unknown)),
+                Ok(_) => {}
+                Err(error) => prop_assert!(!error.to_string().is_empty()),
+            }
+        }
+    }
+}

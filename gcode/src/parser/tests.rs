@@ -1,0 +1,303 @@
+#![allow(clippy::unwrap_used)]
+
+use super::*;
+use crate::{ArcForm, AxisFlags, AxisWords, Decimal, RetractionWords, Units, WaitTarget};
+
+fn number(text: &str) -> Decimal {
+    Decimal::parse(text.as_bytes()).unwrap()
+}
+
+fn some(text: &str) -> Option<Decimal> {
+    Some(number(text))
+}
+
+/// What the parser says about a line it refuses.
+fn refused(text: &str) -> String {
+    match parse(text) {
+        Ok(command) => panic!("{text:?} is {command:?}"),
+        Err(error) => error.to_string(),
+    }
+}
+
+#[track_caller]
+fn reads(text: &str, expected: Command<'_>) {
+    assert_eq!(parse(text), Ok(expected), "{text:?}");
+}
+
+#[test]
+fn moves_as_slicers_write_them() {
+    let axes = AxisWords { x: some("87.153"), y: some("86.702"), e: some("0.03647"), z: None };
+    reads("G1 X87.153 Y86.702 E.03647", Command::Linear { axes, feed: None });
+    for text in ["g01x87.153y86.702e.03647", "G 1 E.03647(e) Y 86.702 (y) X87.153*12", "G1 X1 X87.153Y86.702E.03647;"] {
+        reads(text, Command::Linear { axes, feed: None });
+    }
+    let retract = AxisWords { e: some("-0.8"), ..AxisWords::default() };
+    reads("G1 E-.8 F2100", Command::Linear { axes: retract, feed: some("2100") });
+    let lift = AxisWords { z: some("0.2"), ..AxisWords::default() };
+    reads("G00 F4500 Z.2", Command::Linear { axes: lift, feed: some("4500") });
+    // A second letter ends a number: no exponents here.
+    let both = AxisWords { x: some("10"), e: some("5"), ..AxisWords::default() };
+    reads("G1 X10E5", Command::Linear { axes: both, feed: None });
+    reads("G1", Command::Linear { axes: AxisWords::default(), feed: None });
+    // Words of no concern need no number.
+    reads("G1 X10 E5 H S0", Command::Linear { axes: both, feed: None });
+}
+
+#[test]
+fn arcs() {
+    let axes = AxisWords { x: some("99.983"), y: some("108.356"), e: some("0.06334"), z: None };
+    let form = ArcForm::Centre { i: number("1.847"), j: number("-7.907") };
+    reads("G2 X99.983 Y108.356 I1.847 J-7.907 E.06334", Command::Arc { clockwise: true, axes, form, feed: None });
+    let form = ArcForm::Centre { i: Decimal::ZERO, j: number("5") };
+    let none = AxisWords::default();
+    reads("G03 J5 F300 P0", Command::Arc { clockwise: false, axes: none, form, feed: some("300") });
+    let form = ArcForm::Radius(number("-3"));
+    reads("G3 R-3 I1", Command::Arc { clockwise: false, axes: none, form, feed: None });
+    assert_eq!(refused("G2 X5"), "G2: expected I and J, or R");
+    reads("G3 X5 J1 K1", Command::Unknown("G3 X5 J1 K1"));
+    assert_eq!(refused("G18"), "only the XY plane (G17) is supported");
+    reads("G2 I5 P3", Command::Unknown("G2 I5 P3"));
+}
+
+#[test]
+fn other_g_codes() {
+    reads("G4 P500", Command::Dwell { milliseconds: 500 });
+    reads("G4 P500 S1.5", Command::Dwell { milliseconds: 1500 });
+    reads("G4 S0", Command::Dwell { milliseconds: 0 });
+    reads("G10", Command::Retract);
+    reads("G10 S1", Command::Retract);
+    reads("G11", Command::Recover);
+    reads("G10 L2 X0", Command::Unknown("G10 L2 X0"));
+    reads("G10 P0 R150", Command::Unknown("G10 P0 R150"));
+    reads("G20", Command::SetUnits(Units::Inches));
+    reads("G21 ", Command::SetUnits(Units::Millimetres));
+    reads("G28", Command::Home(AxisFlags::default()));
+    reads("G28 W", Command::Home(AxisFlags::default()));
+    reads("G28 X0 Y", Command::Home(AxisFlags { x: true, y: true, ..AxisFlags::default() }));
+    reads("G90", Command::AbsolutePositioning);
+    reads("G91", Command::RelativePositioning);
+    let e = AxisWords { e: Some(Decimal::ZERO), ..AxisWords::default() };
+    reads("G92 E0", Command::SetPosition(e));
+    reads("G92", Command::SetPosition(AxisWords::default()));
+    for text in ["G29", "G29 P1", "G29.1 X", "G17", "G53", "G53 (machine)", "G54", "G80"] {
+        reads(text, Command::Accepted);
+    }
+    for text in ["G53 G1 X5", "G28.1", "G92.1", "G1.5 X1", "G38.2 Z-5", "G99999999999999999999"] {
+        reads(text, Command::Unknown(text));
+    }
+}
+
+#[test]
+fn heaters_and_fans() {
+    reads("M104 S210 ; set", Command::SetNozzle(some("210")));
+    reads("M104 T0 S210", Command::SetNozzle(some("210")));
+    reads("M104 T1 S210", Command::Unknown("M104 T1 S210"));
+    reads("M104", Command::SetNozzle(None));
+    reads("M140 S60", Command::SetBed(some("60")));
+    reads("M109 S205", Command::WaitNozzle(WaitTarget::Heating(number("205"))));
+    reads("M109 R40", Command::WaitNozzle(WaitTarget::HeatingOrCooling(number("40"))));
+    reads("M190 R40 S60", Command::WaitBed(WaitTarget::Heating(number("60"))));
+    reads("M190", Command::WaitBed(WaitTarget::Current));
+    assert_eq!(refused("M104 S-5"), "S: -5 is below 0");
+    assert_eq!(refused("M190 R-0.5"), "R: -0.5 is below 0");
+    reads("M106", Command::Fan { index: 0, power: 255 });
+    reads("M106 S252.45", Command::Fan { index: 0, power: 252 });
+    reads("M106 P2 S249.9", Command::Fan { index: 2, power: 250 });
+    reads("M107 P1", Command::Fan { index: 1, power: 0 });
+    assert_eq!(refused("M106 S300"), "S: 300 is not between 0 and 255");
+    assert_eq!(refused("M106 S-.3"), "S: -0.3 is not between 0 and 255");
+    assert_eq!(refused("M106 P1.5"), "P: 1.5 is not a whole number");
+    assert_eq!(refused("M106 P256"), "P: 256 is not between 0 and 255");
+    reads("M302 S170 P1", Command::ColdExtrusion { minimum: some("170"), allow: Some(true) });
+    assert_eq!(refused("M302 P2"), "P: 2 is not between 0 and 1");
+}
+
+#[test]
+fn motors_and_limits() {
+    reads("M17", Command::EnableMotors(AxisFlags::default()));
+    let xe = AxisFlags { x: true, e: true, ..AxisFlags::default() };
+    reads("M84 X E", Command::DisableMotors(xe));
+    reads("M18 E0 X0", Command::DisableMotors(xe));
+    reads("M84 S60", Command::IdleTimeout { seconds: 60 });
+    reads("M84 S0", Command::IdleTimeout { seconds: 0 });
+    let limits = AxisWords { x: some("1000"), y: some("1000"), z: some("200"), e: some("5000") };
+    reads("M201 X1000 Y1000 Z200 E5000 ; sets", Command::MaxAcceleration(limits));
+    let limits = AxisWords { z: some("0.5"), ..AxisWords::default() };
+    reads("M203 Z.5", Command::MaxFeed(limits));
+    reads(
+        "M204 P1000 R1250 T900",
+        Command::Acceleration { print: some("1000"), retract: some("1250"), travel: some("900"), both: None },
+    );
+    reads("M204 S500", Command::Acceleration { print: None, retract: None, travel: None, both: some("500") });
+    reads("M205 X8.00 Y8.00 Z0.40 E4.50 S0 T0", Command::Junction { deviation: None });
+    reads("M205 J0.013", Command::Junction { deviation: some("0.013") });
+    for (text, error) in [
+        ("M201 X0", "X: 0 is not above 0"),
+        ("M203 E-5", "E: -5 is not above 0"),
+        ("M204 S0", "S: 0 is not above 0"),
+        ("M205 J0", "J: 0 is not above 0"),
+        ("M201 X", "X: a number is expected after it"),
+        ("M203 Y Z5", "Y: a number is expected after it"),
+        ("M84 S-1", "S: -1 is below 0"),
+    ] {
+        assert_eq!(refused(text), error, "{text}");
+    }
+    let words = RetractionWords { length: some("2"), feed: some("1800"), lift: some("0.4") };
+    reads("M207 S2 F1800 Z.4", Command::RetractSettings(words));
+    let words = RetractionWords { length: some("-0.1"), feed: None, lift: None };
+    reads("M208 S-.1 Z5", Command::RecoverSettings(words));
+    assert_eq!(refused("M207 S-1"), "S: -1 is below 0");
+    assert_eq!(refused("M208 F0"), "F: 0 is not above 0");
+    reads("M211 S0", Command::SoftLimits(Some(false)));
+    reads("M211", Command::SoftLimits(None));
+    reads("M220 S80", Command::FeedPercent(some("80")));
+    reads("M220 S999", Command::FeedPercent(some("999")));
+    reads("M220", Command::FeedPercent(None));
+    reads("M221 S95 T0", Command::FlowPercent(some("95")));
+    reads("M221 T1 S95", Command::Unknown("M221 T1 S95"));
+    assert_eq!(refused("M220 S0"), "S: 0 is not above 0");
+    assert_eq!(refused("M221 S999.5"), "S: 999.5 is not between 0 and 999");
+}
+
+#[test]
+fn host_commands() {
+    for (text, command) in [
+        ("M105", Command::ReportTemperatures),
+        ("M105 T0", Command::ReportTemperatures),
+        ("M108", Command::EndWait),
+        ("M110 N5", Command::SetLineNumber(Some(5))),
+        ("M110 N-1*12", Command::SetLineNumber(Some(-1))),
+        ("M110", Command::SetLineNumber(None)),
+        ("M112", Command::EmergencyStop),
+        ("M113 S2", Command::KeepAlive(Some(2))),
+        ("M113", Command::KeepAlive(None)),
+        ("M114 D", Command::ReportPosition),
+        ("M115", Command::ReportFirmware),
+        ("M115 U3.1.0", Command::ReportFirmware),
+        ("M119", Command::ReportEndStops),
+        ("M155 S2", Command::AutoReportTemperatures { seconds: 2 }),
+        ("M400", Command::Finish),
+        ("M410", Command::QuickStop),
+        ("M999 S1", Command::Restart),
+        ("M82 ", Command::AbsoluteExtrusion),
+        ("M83(e)", Command::RelativeExtrusion),
+        ("T0", Command::SelectTool(0)),
+        ("t 3", Command::SelectTool(3)),
+    ] {
+        reads(text, command);
+    }
+    assert_eq!(refused("M155"), "M155: expected S");
+    assert_eq!(refused("M155 S61"), "S: 61 is not between 0 and 60");
+    assert_eq!(refused("M110 N1.5"), "N: 1.5 is not a whole number");
+    assert_eq!(refused("T4294967295"), "T: 4294967295 is too large");
+}
+
+#[test]
+fn text_commands_keep_their_text() {
+    reads("M117 20*3 (two) % Gr\u{fc}n", Command::Display("20*3 (two) % Gr\u{fc}n"));
+    reads("M117", Command::Display(""));
+    reads("m117Hello", Command::Display("Hello"));
+    let plain = |text| Command::Echo { echo_prefix: false, action_prefix: false, text };
+    reads("M118 hello G28", plain("hello G28"));
+    reads(
+        "M118 E1 A1 P0  action:notification",
+        Command::Echo { echo_prefix: true, action_prefix: true, text: "action:notification" },
+    );
+    reads("M118 A1", Command::Echo { echo_prefix: false, action_prefix: true, text: "" });
+    reads("M118 E0 P2 E1a E1", plain("E1a E1"));
+    reads("M118 P P1", plain("P P1"));
+}
+
+#[test]
+fn accepted_and_unknown() {
+    for text in [
+        "",
+        " ",
+        "(nothing)",
+        "*5",
+        "; c",
+        "M73 P0 R21",
+        "M74 W1",
+        "M75",
+        "M76",
+        "M77",
+        "M141 S0",
+        "M142 S35",
+        "M300 S440 P200",
+        "M412 S1",
+        "M413 S0",
+        "M420 S1",
+        "M425",
+        "M486 Acube.stl (Instance 1)",
+        "M530 S1 L1",
+        "M532 X0",
+        "M555 X0 Y0",
+        "M569 S1 X",
+        "M572 D0 S0.04",
+        "M573",
+        "M593 F40",
+        "M862 P0",
+        "M862.3 P \"MK3\"",
+        "M900 K0.05",
+        "M907 E538",
+    ] {
+        reads(text, Command::Accepted);
+    }
+    for text in [
+        "M21",
+        "M20 L",
+        "M23 a b.gco",
+        "M28 x",
+        "M30 %",
+        "M500",
+        "M851 Z-1",
+        "M104.1 S5",
+        "X10",
+        "D576",
+        "Tx",
+        "T?",
+        "T-1",
+        "T0.5",
+        "N5",
+        "M1121",
+        "M99999999999",
+        "Z \u{1f600}",
+    ] {
+        reads(text, Command::Unknown(text));
+    }
+    reads(" M21 \t", Command::Unknown("M21"));
+}
+
+#[test]
+fn malformed_lines_name_the_field() {
+    for (text, error) in [
+        ("G1 X1.2.3 Y5", "X: \"1.2.3\" is not a number"),
+        ("G1 Y", "Y: a number is expected after it"),
+        ("G1 YX5", "Y: a number is expected after it"),
+        ("G1 X5 X", "X: a number is expected after it"),
+        ("G1 X-", "X: \"-\" is not a number"),
+        ("G1 X1-2", "X: \"1-2\" is not a number"),
+        ("G1 H.", "H: \".\" is not a number"),
+        ("G1 X99999999999", "X: 99999999999 is too large"),
+        ("G1 X1111111111111111111111111111111", "X: 111111111111111111111111... is too large"),
+        ("G1 X5 %", "unexpected character '%'"),
+        ("G1 X5 \u{2212}3", "unexpected character '\u{2212}'"),
+        ("G1 X\u{e9}", "unexpected character '\u{e9}'"),
+        ("%", "expected a command letter, found '%'"),
+        ("\u{e9}5", "expected a command letter, found '\u{e9}'"),
+        ("5", "expected a command letter, found '5'"),
+        ("G", "G: a number is expected after it"),
+        ("M-5", "M: a number is expected after it"),
+        ("GX5", "G: a number is expected after it"),
+        ("G1 F0", "F: 0 is not above 0"),
+        ("G1 F-100", "F: -100 is not above 0"),
+        ("G2 I1 F0", "F: 0 is not above 0"),
+        ("G4", "G4: expected P or S"),
+        ("G4 P-5", "P: -5 is below 0"),
+        ("G92 E", "E: a number is expected after it"),
+        ("G90 G1 X5", "G: a second command in the line"),
+        ("G1 X5 M106", "M: a second command in the line"),
+    ] {
+        assert_eq!(refused(text), error, "{text:?}");
+    }
+}

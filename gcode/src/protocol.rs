@@ -1,0 +1,185 @@
+//! Line numbers and checksums of the serial protocol: which lines are done, which are asked for again.
+
+use crate::{Checksum, Command, Line, LineError, ResendReason, parse};
+
+/// What to do with a line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// Do what it says and answer `ok`.
+    Execute,
+    /// It has been done already: answer `ok` and do nothing.
+    Repeat,
+    /// Ask for the line after the last good one, whose number is the second field.
+    Resend(ResendReason, i64),
+}
+
+/// The last good line number of one port.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LineNumbers {
+    last: i64,
+}
+
+impl LineNumbers {
+    /// Line 1 comes next.
+    pub const fn new() -> Self {
+        LineNumbers { last: 0 }
+    }
+
+    /// Number of the last good line, or what M110 set.
+    pub const fn last(&self) -> i64 {
+        self.last
+    }
+
+    /// Judges a line and, when it is good, takes its number.
+    ///
+    /// Un-numbered lines are always good. M110 takes effect here, so that the lines behind it are judged by the new
+    /// number: `N12 M110 N5` makes 5 the last number, `N12 M110` makes it 12, and `M110` alone changes nothing. It is
+    /// exempt from the sequence but not from the checksum.
+    ///
+    /// The number is looked at before the checksum, as hosts expect from the error they are told. A line counts as
+    /// repeated only if its checksum is right too: a garbled number must not make a new line pass for an old one.
+    pub fn check(&mut self, line: &Line<'_>) -> Verdict {
+        let line_number_command = line_number_command(line.text);
+        let Some(number) = line.number else {
+            if let Some(Some(new)) = line_number_command {
+                self.last = new;
+            }
+            return Verdict::Execute;
+        };
+        let repeated = number == self.last || self.last.checked_sub(1).is_some_and(|before| number == before);
+        let in_sequence = self.last.checked_add(1) == Some(number);
+        if line_number_command.is_none() && !in_sequence && !repeated {
+            return Verdict::Resend(ResendReason::WrongNumber, self.last);
+        }
+        match line.checksum {
+            Checksum::Right => {}
+            Checksum::Absent => return Verdict::Resend(ResendReason::NoChecksum, self.last),
+            Checksum::Wrong { .. } | Checksum::Malformed => {
+                return Verdict::Resend(ResendReason::WrongChecksum, self.last);
+            }
+        }
+        match line_number_command {
+            Some(new) => self.last = new.unwrap_or(number),
+            None if repeated => return Verdict::Repeat,
+            None => self.last = number,
+        }
+        Verdict::Execute
+    }
+
+    /// Judges a line that could not be read: one that began with a number is asked for again as if its checksum had
+    /// failed. `None` means that it cannot be asked for; it deserves a notice and its `ok`.
+    pub const fn check_unreadable(&self, error: &LineError) -> Option<Verdict> {
+        if error.is_numbered() { Some(Verdict::Resend(ResendReason::WrongChecksum, self.last)) } else { None }
+    }
+}
+
+/// The N word of an M110 (`Some(None)` without one); `None` for every other command.
+fn line_number_command(text: &str) -> Option<Option<i64>> {
+    // Nearly every line is something else and must not pay for the parser twice.
+    if !matches!(text.as_bytes().first(), Some(b'M' | b'm')) {
+        return None;
+    }
+    match parse(text) {
+        Ok(Command::SetLineNumber(number)) => Some(number),
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use crate::LineReader;
+
+    /// Judges the lines of `text` in turn.
+    fn judge(numbers: &mut LineNumbers, text: &str) -> Vec<Verdict> {
+        let mut reader = LineReader::new();
+        let mut rest = text.as_bytes();
+        let mut verdicts = Vec::new();
+        while !rest.is_empty() {
+            let (consumed, line) = reader.feed(rest);
+            rest = &rest[consumed..];
+            match line {
+                Some(Ok(line)) => verdicts.push(numbers.check(&line)),
+                Some(Err(error)) => verdicts.extend(numbers.check_unreadable(&error)),
+                None => {}
+            }
+        }
+        verdicts
+    }
+
+    /// `text` with its checksum and a line end.
+    fn with_checksum(text: &str) -> String {
+        format!("{text}*{}\n", text.bytes().fold(0, |sum, byte| sum ^ byte))
+    }
+
+    #[test]
+    fn a_connection_as_hosts_make_it() {
+        let mut numbers = LineNumbers::new();
+        let octoprint = "N0 M110 N0*125\nN0 M110 N0*125\nN0 M110 N0*125\nN1 M115*39\nM21\nM155 S2\nN0 M110 N0*125\n\
+                         N1 M73 P0 R21*39\nN2 M73 Q0 S21*36\nN3 M201 X1000 Y1000 Z200 E5000*10\n";
+        assert_eq!(judge(&mut numbers, octoprint), [Verdict::Execute; 10]);
+        assert_eq!(numbers.last(), 3);
+        let printcore = "M105\nN-1 M110 N-1*125\nN0 M73 P0 R21*38\nN1 M73 Q0 S21*39\n";
+        assert_eq!(judge(&mut numbers, printcore), [Verdict::Execute; 4]);
+        assert_eq!(numbers.last(), 1);
+        let with_comments = "N0 M110 N0*125\nN1 M73 P0 R21*39\nN2 M73 Q0 S21*36\n\
+                             N3 M201 X1000 Y1000 Z200 E5000 ; sets maximum accelerations, mm/sec^2*3\n\
+                             N4 M203 X200 Y200 Z12 E60 ; sets maximum feedrates, mm / sec*90\n";
+        assert_eq!(judge(&mut numbers, with_comments), [Verdict::Execute; 5]);
+        assert_eq!(numbers.last(), 4);
+    }
+
+    #[test]
+    fn lines_that_are_asked_for_again() {
+        let mut numbers = LineNumbers { last: 10 };
+        use ResendReason::*;
+        for (text, reason) in [
+            (with_checksum("N12 G28"), WrongNumber),
+            (with_checksum("N8 G28"), WrongNumber),
+            ("N12 G28*1\n".into(), WrongNumber),
+            ("N11 G28*1\n".into(), WrongChecksum),
+            ("N11 G28*x\n".into(), WrongChecksum),
+            ("N11 G28\n".into(), NoChecksum),
+            ("N10 G28*1\n".into(), WrongChecksum),
+            ("N3 M110 N3\n".into(), NoChecksum),
+            ("N3 M110 N3*1\n".into(), WrongChecksum),
+            (format!("N11 {}\n", "x".repeat(300)), WrongChecksum),
+            ("N11 G28\u{1}*1\n".into(), WrongChecksum),
+        ] {
+            assert_eq!(judge(&mut numbers, &text), [Verdict::Resend(reason, 10)], "{text:?}");
+        }
+        assert_eq!(judge(&mut numbers, "G28\u{1}\n"), []);
+        assert_eq!(judge(&mut numbers, &with_checksum("N11 G28")), [Verdict::Execute]);
+        assert_eq!(judge(&mut numbers, &with_checksum("N11 G28")), [Verdict::Repeat]);
+        assert_eq!(judge(&mut numbers, &with_checksum("N10 G28")), [Verdict::Repeat]);
+        assert_eq!(numbers.last(), 11);
+    }
+
+    #[test]
+    fn m110_in_all_its_forms() {
+        for (text, last) in [
+            (with_checksum("N12 M110 N5"), 5),
+            (with_checksum("N12 M110"), 12),
+            (with_checksum("N12 M110 ; x"), 12),
+            ("M110 N7\n".into(), 7),
+            ("m110n-3\n".into(), -3),
+            ("M110\n".into(), 99),
+            ("M1100 N3\n".into(), 99),
+            ("M117 M110 N3\n".into(), 99),
+        ] {
+            let mut numbers = LineNumbers { last: 99 };
+            assert_eq!(judge(&mut numbers, &text), [Verdict::Execute], "{text:?}");
+            assert_eq!(numbers.last(), last, "{text:?}");
+        }
+    }
+
+    #[test]
+    fn the_ends_of_the_range() {
+        let mut numbers = LineNumbers { last: i64::MAX };
+        let text = with_checksum("N99999999999999999999 G28");
+        assert_eq!(judge(&mut numbers, &text), [Verdict::Repeat]);
+        let mut numbers = LineNumbers { last: i64::MIN };
+        assert_eq!(judge(&mut numbers, &text), [Verdict::Resend(ResendReason::WrongNumber, i64::MIN)]);
+    }
+}

@@ -1,0 +1,126 @@
+//! What the printer says to the host, as text.
+//!
+//! `Display` of a [`Reply`] is one or more complete lines, without the final newline.
+
+/// Temperatures of a report (M105, M155, and the waits M109 and M190).
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Temperatures {
+    /// Nozzle now, degrees Celsius.
+    pub nozzle: f32,
+    /// Nozzle target; 0 = off.
+    pub nozzle_target: f32,
+    /// Bed now.
+    pub bed: f32,
+    /// Bed target; 0 = off.
+    pub bed_target: f32,
+    /// Nozzle power, 0 to 127.
+    pub nozzle_power: u8,
+    /// Bed power, 0 to 127.
+    pub bed_power: u8,
+}
+
+/// Where the machine stands (M114): logical coordinates in units of 10 nm, and motor step counters.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Position {
+    /// X, Y, Z and E as the G-code sees them.
+    pub logical_10nm: [i64; 4],
+    /// Live step counters of the X, Y and Z motors (CoreXY: A, B, Z).
+    pub motor_steps: [i64; 3],
+    /// Whether the first two counters are called A and B.
+    pub core_xy: bool,
+}
+
+/// State of one end stop (M119).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct EndStopState {
+    /// `x_min`, `y_max`, `z_probe` ...
+    pub name: &'static str,
+    /// Whether it is triggered.
+    pub triggered: bool,
+}
+
+/// What M115 reports.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FirmwareInfo<'a> {
+    /// Version of the firmware, `0.1.0`.
+    pub version: &'a str,
+    /// Name of the machine.
+    pub machine: &'a str,
+    /// `Cartesian` or `COREXY`.
+    pub kinematics: &'a str,
+    /// Travel of X, Y and Z, units of 10 nm (for the `area:` line).
+    pub size_10nm: [i64; 3],
+    /// Whether M112, M108 and M410 are acted on as their bytes arrive.
+    pub emergency_parser: bool,
+}
+
+/// One answer.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Reply<'a> {
+    /// `start`, at boot.
+    Start,
+    /// `ok`
+    Ok,
+    /// `ok T:21.30 /0.00 B:22.00 /60.00 @:0 B@:0`
+    OkTemperatures(Temperatures),
+    /// ` T:21.30 /0.00 B:22.00 /60.00 @:0 B@:0` (begins with a space)
+    Temperatures(Temperatures),
+    /// The same, ` W:?` or ` W:<seconds left>` at its end.
+    Waiting(Temperatures, Option<u32>),
+    /// `X:0.00 Y:0.00 Z:0.00 E:0.00 Count X:0 Y:0 Z:0` (CoreXY: `Count A:0 B:0 Z:0`)
+    Position(Position),
+    /// `Reporting endstop status` and a line for each end stop.
+    EndStops(&'a [EndStopState]),
+    /// Firmware line, capabilities and area (protocol.md section 7).
+    Firmware(FirmwareInfo<'a>),
+    /// `echo:Unknown command: "<text>"`
+    UnknownCommand(&'a str),
+    /// `echo:busy: processing`
+    Busy,
+    /// `echo:M113 S<n>`
+    KeepAlive(u8),
+    /// `Line: <n>`
+    LastLine(i64),
+    /// `FR:<n>%`
+    FeedPercent(u16),
+    /// `echo:E0 Flow: <n>%`
+    FlowPercent(u16),
+    /// `echo:Cold extrudes are <en|dis>abled (min temp <n>C)`
+    ColdExtrusion {
+        /// Whether extrusion is allowed at any temperature.
+        allowed: bool,
+        /// The limit, degrees Celsius.
+        minimum: f32,
+    },
+    /// `echo:Active Extruder: <n>`
+    ActiveExtruder(u32),
+    /// `echo:; Soft endstops:` and the M211 line, as protocol.md section 11.
+    SoftLimits {
+        /// On or off.
+        enabled: bool,
+        /// Upper ends of X, Y and Z, units of 10 nm.
+        max_10nm: [i64; 3],
+    },
+    /// Any text, sent as it is (M118, notices such as `echo:...`).
+    Text(&'a str),
+    /// `Error:checksum mismatch, Last Line: <n>`, `Resend: <n+1>`, `ok`: three lines; likewise the other two.
+    Resend {
+        /// What was wrong.
+        reason: ResendReason,
+        /// Last good line number.
+        last: i64,
+    },
+    /// `Error:Printer halted. kill() called!`
+    Killed,
+}
+
+/// Why a line is asked for again.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ResendReason {
+    /// `Error:Line Number is not Last Line Number+1, Last Line: <n>`
+    WrongNumber,
+    /// `Error:checksum mismatch, Last Line: <n>`
+    WrongChecksum,
+    /// `Error:No Checksum with line number, Last Line: <n>`
+    NoChecksum,
+}

@@ -1,0 +1,307 @@
+//! The text of each [`Reply`]. Hosts match these strings letter by letter.
+
+use core::fmt::{self, Display, Formatter, Write};
+
+use crate::decimal::divide_half_away;
+use crate::{FirmwareInfo, Position, Reply, ResendReason, Temperatures};
+
+/// What M115 says this firmware can do, in the order hosts know from Marlin. EMERGENCY_PARSER stands between the two
+/// lists, for it depends on the port.
+const CAPABILITIES_BEFORE: [(&str, bool); 17] = [
+    ("PAREN_COMMENTS", true),
+    ("SERIAL_XON_XOFF", false),
+    ("BINARY_FILE_TRANSFER", false),
+    ("EEPROM", false),
+    ("VOLUMETRIC", false),
+    ("AUTOREPORT_POS", false),
+    ("AUTOREPORT_TEMP", true),
+    ("PROGRESS", false),
+    ("PRINT_JOB", false),
+    ("AUTOLEVEL", false),
+    ("RUNOUT", false),
+    ("Z_PROBE", false),
+    ("LEVELING_DATA", false),
+    ("BUILD_PERCENT", false),
+    ("SOFTWARE_POWER", false),
+    ("TOGGLE_LIGHTS", false),
+    ("CASE_LIGHT_BRIGHTNESS", false),
+];
+
+/// The capabilities after EMERGENCY_PARSER.
+const CAPABILITIES_AFTER: [(&str, bool); 19] = [
+    ("HOST_ACTION_COMMANDS", false),
+    ("PROMPT_SUPPORT", false),
+    ("SDCARD", false),
+    ("REPEAT", false),
+    ("SD_WRITE", false),
+    ("AUTOREPORT_SD_STATUS", false),
+    ("LONG_FILENAME", false),
+    ("LFN_WRITE", false),
+    ("CUSTOM_FIRMWARE_UPLOAD", false),
+    ("EXTENDED_M20", false),
+    ("THERMAL_PROTECTION", false),
+    ("MOTION_MODES", false),
+    ("ARCS", true),
+    ("BABYSTEPPING", false),
+    ("EP_BABYSTEP", false),
+    ("CHAMBER_TEMPERATURE", false),
+    ("COOLER_TEMPERATURE", false),
+    ("MEATPACK", false),
+    ("CONFIG_EXPORT", false),
+];
+
+impl Display for Reply<'_> {
+    fn fmt(&self, formatter: &mut Formatter<'_>) -> fmt::Result {
+        match self {
+            Reply::Start => formatter.write_str("start"),
+            Reply::Ok => formatter.write_str("ok"),
+            Reply::OkTemperatures(temperatures) => {
+                formatter.write_str("ok")?;
+                write_temperatures(formatter, temperatures)
+            }
+            Reply::Temperatures(temperatures) => write_temperatures(formatter, temperatures),
+            Reply::Waiting(temperatures, seconds_left) => {
+                write_temperatures(formatter, temperatures)?;
+                match seconds_left {
+                    Some(seconds) => write!(formatter, " W:{seconds}"),
+                    None => formatter.write_str(" W:?"),
+                }
+            }
+            Reply::Position(position) => write_position(formatter, position),
+            Reply::EndStops(states) => {
+                formatter.write_str("Reporting endstop status")?;
+                states.iter().try_for_each(|state| {
+                    let word = if state.triggered { "TRIGGERED" } else { "open" };
+                    write!(formatter, "\n{}: {word}", state.name)
+                })
+            }
+            Reply::Firmware(info) => write_firmware(formatter, info),
+            Reply::UnknownCommand(text) => write!(formatter, "echo:Unknown command: \"{text}\""),
+            Reply::Busy => formatter.write_str("echo:busy: processing"),
+            Reply::KeepAlive(seconds) => write!(formatter, "echo:M113 S{seconds}"),
+            Reply::LastLine(number) => write!(formatter, "Line: {number}"),
+            Reply::FeedPercent(percent) => write!(formatter, "FR:{percent}%"),
+            Reply::FlowPercent(percent) => write!(formatter, "echo:E0 Flow: {percent}%"),
+            Reply::ColdExtrusion { allowed, minimum } => {
+                let state = if *allowed { "en" } else { "dis" };
+                write!(formatter, "echo:Cold extrudes are {state}abled (min temp ")?;
+                write_real(formatter, *minimum, 0)?;
+                formatter.write_str("C)")
+            }
+            Reply::ActiveExtruder(tool) => write!(formatter, "echo:Active Extruder: {tool}"),
+            Reply::SoftLimits { enabled, max_10nm: [x, y, z] } => {
+                let (digit, word) = if *enabled { (1, "ON") } else { (0, "OFF") };
+                let (x, y, z) = (Millimetres(*x), Millimetres(*y), Millimetres(*z));
+                write!(
+                    formatter,
+                    "echo:; Soft endstops:\necho:  M211 S{digit} ; {word}\n\
+                     echo:  Min:  X0.00 Y0.00 Z0.00   Max:  X{x} Y{y} Z{z}"
+                )
+            }
+            Reply::Text(text) => formatter.write_str(text),
+            Reply::Resend { reason, last } => {
+                let what = match reason {
+                    ResendReason::WrongNumber => "Line Number is not Last Line Number+1",
+                    ResendReason::WrongChecksum => "checksum mismatch",
+                    ResendReason::NoChecksum => "No Checksum with line number",
+                };
+                let next = last.saturating_add(1);
+                write!(formatter, "Error:{what}, Last Line: {last}\nResend: {next}\nok")
+            }
+            Reply::Killed => formatter.write_str("Error:Printer halted. kill() called!"),
+        }
+    }
+}
+
+/// A length in units of 10 nm, as millimetres with two decimals, halves away from zero.
+struct Millimetres(i64);
+
+impl Display for Millimetres {
+    fn fmt(&self, formatter: &mut Formatter<'_>) -> fmt::Result {
+        write_hundredths(formatter, divide_half_away(self.0, 1000))
+    }
+}
+
+/// `hundredths / 100` with two decimals; zero has no sign.
+fn write_hundredths(formatter: &mut Formatter<'_>, hundredths: i64) -> fmt::Result {
+    let magnitude = hundredths.unsigned_abs();
+    let sign = if hundredths < 0 { "-" } else { "" };
+    write!(formatter, "{sign}{}.{:02}", magnitude / 100, magnitude % 100)
+}
+
+/// `value` with two decimals or none, halves away from zero and zero without a sign.
+///
+/// What is not finite is written as such: hosts then find no temperature there, rather than a wrong one.
+fn write_real(formatter: &mut Formatter<'_>, value: f32, decimals: u8) -> fmt::Result {
+    if !value.is_finite() {
+        return write!(formatter, "{value}");
+    }
+    let half = if value < 0.0 { -0.5 } else { 0.5 };
+    // The conversion cuts towards zero and saturates. In f64 the product is exact.
+    if decimals == 0 {
+        write!(formatter, "{}", (f64::from(value) + half) as i64)
+    } else {
+        write_hundredths(formatter, (f64::from(value) * 100.0 + half) as i64)
+    }
+}
+
+fn write_temperatures(formatter: &mut Formatter<'_>, temperatures: &Temperatures) -> fmt::Result {
+    let fields = [
+        (" T:", temperatures.nozzle),
+        (" /", temperatures.nozzle_target),
+        (" B:", temperatures.bed),
+        (" /", temperatures.bed_target),
+    ];
+    for (label, value) in fields {
+        formatter.write_str(label)?;
+        write_real(formatter, value, 2)?;
+    }
+    write!(formatter, " @:{} B@:{}", temperatures.nozzle_power, temperatures.bed_power)
+}
+
+fn write_position(formatter: &mut Formatter<'_>, position: &Position) -> fmt::Result {
+    let [x, y, z, e] = position.logical_10nm.map(Millimetres);
+    let [first, second, third] = position.motor_steps;
+    let (first_name, second_name) = if position.core_xy { ('A', 'B') } else { ('X', 'Y') };
+    write!(formatter, "X:{x} Y:{y} Z:{z} E:{e} Count {first_name}:{first} {second_name}:{second} Z:{third}")
+}
+
+fn write_firmware(formatter: &mut Formatter<'_>, info: &FirmwareInfo<'_>) -> fmt::Result {
+    let FirmwareInfo { version, machine, kinematics, size_10nm, emergency_parser } = info;
+    write!(
+        formatter,
+        "FIRMWARE_NAME:Ferrostep {version} PROTOCOL_VERSION:1.0 MACHINE_TYPE:{machine} \
+         KINEMATICS:{kinematics} EXTRUDER_COUNT:1"
+    )?;
+    let emergency = [("EMERGENCY_PARSER", *emergency_parser)];
+    for (name, has) in CAPABILITIES_BEFORE.iter().chain(&emergency).chain(&CAPABILITIES_AFTER) {
+        write!(formatter, "\nCap:{name}:{}", u8::from(*has))?;
+    }
+    formatter.write_str("\narea:{")?;
+    for (region, end) in [("full", ','), ("work", '}')] {
+        let [x, y, z] = size_10nm.map(Millimetres);
+        write!(formatter, "{region}:{{min:{{x:0.00,y:0.00,z:0.00}},max:{{x:{x},y:{y},z:{z}}}}}")?;
+        formatter.write_char(end)?;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::EndStopState;
+
+    #[track_caller]
+    fn says(reply: Reply<'_>, text: &str) {
+        assert_eq!(reply.to_string(), text);
+    }
+
+    #[test]
+    fn temperatures() {
+        let temperatures = Temperatures {
+            nozzle: 21.3,
+            nozzle_target: 0.0,
+            bed: 22.0,
+            bed_target: 60.0,
+            nozzle_power: 0,
+            bed_power: 127,
+        };
+        says(Reply::OkTemperatures(temperatures), "ok T:21.30 /0.00 B:22.00 /60.00 @:0 B@:127");
+        says(Reply::Temperatures(temperatures), " T:21.30 /0.00 B:22.00 /60.00 @:0 B@:127");
+        says(Reply::Waiting(temperatures, None), " T:21.30 /0.00 B:22.00 /60.00 @:0 B@:127 W:?");
+        says(Reply::Waiting(temperatures, Some(9)), " T:21.30 /0.00 B:22.00 /60.00 @:0 B@:127 W:9");
+        let odd = Temperatures {
+            nozzle: f32::NAN,
+            nozzle_target: f32::INFINITY,
+            bed: -0.004,
+            bed_target: -15.125,
+            ..temperatures
+        };
+        says(Reply::Temperatures(odd), " T:NaN /inf B:0.00 /-15.13 @:0 B@:127");
+        says(
+            Reply::ColdExtrusion { allowed: false, minimum: 169.6 },
+            "echo:Cold extrudes are disabled (min temp 170C)",
+        );
+        says(Reply::ColdExtrusion { allowed: true, minimum: -0.2 }, "echo:Cold extrudes are enabled (min temp 0C)");
+    }
+
+    #[test]
+    fn positions() {
+        let position =
+            Position { logical_10nm: [8_715_300, -499, -500, i64::MIN], motor_steps: [6972, -40, 0], core_xy: false };
+        says(Reply::Position(position), "X:87.15 Y:0.00 Z:-0.01 E:-92233720368547.76 Count X:6972 Y:-40 Z:0");
+        says(
+            Reply::Position(Position { core_xy: true, ..Position::default() }),
+            "X:0.00 Y:0.00 Z:0.00 E:0.00 Count A:0 B:0 Z:0",
+        );
+        says(
+            Reply::SoftLimits { enabled: true, max_10nm: [20_000_000, 20_000_000, 18_500_500] },
+            "echo:; Soft endstops:\necho:  M211 S1 ; ON\n\
+             echo:  Min:  X0.00 Y0.00 Z0.00   Max:  X200.00 Y200.00 Z185.01",
+        );
+    }
+
+    #[test]
+    fn resends() {
+        let resend = |reason| Reply::Resend { reason, last: 11 };
+        says(
+            resend(ResendReason::WrongNumber),
+            "Error:Line Number is not Last Line Number+1, Last Line: 11\nResend: 12\nok",
+        );
+        says(resend(ResendReason::WrongChecksum), "Error:checksum mismatch, Last Line: 11\nResend: 12\nok");
+        says(
+            Reply::Resend { reason: ResendReason::NoChecksum, last: -1 },
+            "Error:No Checksum with line number, Last Line: -1\nResend: 0\nok",
+        );
+    }
+
+    #[test]
+    fn the_rest() {
+        says(Reply::Start, "start");
+        says(Reply::Ok, "ok");
+        says(Reply::UnknownCommand("M862 P"), "echo:Unknown command: \"M862 P\"");
+        says(Reply::Busy, "echo:busy: processing");
+        says(Reply::KeepAlive(2), "echo:M113 S2");
+        says(Reply::LastLine(-1), "Line: -1");
+        says(Reply::FeedPercent(100), "FR:100%");
+        says(Reply::FlowPercent(95), "echo:E0 Flow: 95%");
+        says(Reply::ActiveExtruder(0), "echo:Active Extruder: 0");
+        says(Reply::Text("//action:notification hello"), "//action:notification hello");
+        says(Reply::Killed, "Error:Printer halted. kill() called!");
+        let states =
+            [EndStopState { name: "x_min", triggered: true }, EndStopState { name: "z_probe", triggered: false }];
+        says(Reply::EndStops(&states), "Reporting endstop status\nx_min: TRIGGERED\nz_probe: open");
+    }
+
+    #[test]
+    fn firmware() {
+        let info = FirmwareInfo {
+            version: "0.1.0",
+            machine: "corexy",
+            kinematics: "COREXY",
+            size_10nm: [30_000_000, 30_000_000, 29_999_900],
+            emergency_parser: true,
+        };
+        let text = Reply::Firmware(info).to_string();
+        let lines: Vec<&str> = text.lines().collect();
+        assert_eq!(
+            lines[0],
+            "FIRMWARE_NAME:Ferrostep 0.1.0 PROTOCOL_VERSION:1.0 MACHINE_TYPE:corexy KINEMATICS:COREXY \
+             EXTRUDER_COUNT:1"
+        );
+        assert_eq!(lines.len(), 1 + 37 + 1);
+        let capabilities = &lines[1..38];
+        assert!(capabilities.iter().all(|line| line.starts_with("Cap:")));
+        let on: Vec<_> = capabilities.iter().filter(|line| line.ends_with(":1")).copied().collect();
+        assert_eq!(on, ["Cap:PAREN_COMMENTS:1", "Cap:AUTOREPORT_TEMP:1", "Cap:EMERGENCY_PARSER:1", "Cap:ARCS:1"]);
+        assert_eq!(
+            lines[38],
+            "area:{full:{min:{x:0.00,y:0.00,z:0.00},max:{x:300.00,y:300.00,z:300.00}},\
+             work:{min:{x:0.00,y:0.00,z:0.00},max:{x:300.00,y:300.00,z:300.00}}}"
+        );
+        // Hosts switch on quirks of other firmware at these names.
+        let lower = text.to_lowercase();
+        let names = ["repetier", "klipper", "prusa-firmware", "malyan", "reprapfirmware", "teacup", "ultimaker2"];
+        assert!(names.iter().all(|name| !lower.contains(name)));
+    }
+}

@@ -1,0 +1,69 @@
+//! What the printer needs of a board, as a few traits, and a board that exists in memory only.
+//!
+//! embedded-hal's traits stand where they exist: waits are [`embedded_hal_async::delay::DelayNs`].
+#![cfg_attr(not(test), no_std)]
+
+pub mod virtual_board;
+
+/// A heater with its thermometer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Heater {
+    /// The hot end.
+    Nozzle,
+    /// The heated bed.
+    Bed,
+}
+
+impl Heater {
+    /// All heaters, in the order of their index.
+    pub const ALL: [Self; 2] = [Self::Nozzle, Self::Bed];
+
+    /// 0 for the nozzle, 1 for the bed.
+    pub const fn index(self) -> usize {
+        match self {
+            Self::Nozzle => 0,
+            Self::Bed => 1,
+        }
+    }
+}
+
+/// Why a thermometer has no reading.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SensorError {
+    /// Its circuit is open.
+    Open,
+    /// Its circuit is shorted.
+    Shorted,
+}
+
+/// Time that never goes back.
+pub trait Clock {
+    /// Milliseconds since start.
+    fn now_ms(&self) -> u64;
+}
+
+/// Thermometers and heaters.
+pub trait ThermalBoard {
+    /// Temperature at a heater, degrees Celsius.
+    fn celsius(&mut self, heater: Heater) -> Result<f32, SensorError>;
+    /// Heater power from 0 to 1; anything else is cut to that.
+    fn set_power(&mut self, heater: Heater, power: f32);
+}
+
+/// The part-cooling fan.
+pub trait Fan {
+    /// Power, 0 to 255.
+    fn set_fan_power(&mut self, power: u8);
+}
+
+/// The motors' enable signals.
+pub trait MotorEnable {
+    /// Switches the motors in the mask on or off.
+    fn set_motors_enabled(&mut self, axes: u8, enabled: bool);
+}
+
+/// End stops and probe.
+pub trait EndStops {
+    /// Whether the sensor that homes X (0), Y (1) or Z (2) is triggered.
+    fn is_triggered(&self, axis: usize) -> bool;
+}

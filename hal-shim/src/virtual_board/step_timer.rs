@@ -1,0 +1,102 @@
+//! The step interrupt of the virtual board: plays entries, counts motors.
+
+use ferrostep_planner::{StepDigests, StepEntry, StepKind};
+
+use super::EventRate;
+
+/// Sees every step event as it happens.
+pub trait StepObserver {
+    /// Motors in `axes` step at `tick`; bit i of `directions` = motor i steps backwards.
+    fn stepped(&mut self, tick: u64, axes: u8, directions: u8);
+}
+
+impl StepObserver for () {
+    #[inline]
+    fn stepped(&mut self, _tick: u64, _axes: u8, _directions: u8) {}
+}
+
+/// Plays step entries on counting motors.
+#[derive(Clone, Debug, Default)]
+pub struct StepTimer {
+    tick: u64,
+    directions: u8,
+    motor_steps: [i64; 4],
+    issued: [u64; 4],
+    digests: StepDigests,
+    rate: EventRate,
+}
+
+impl StepTimer {
+    /// Motion clock at the last event.
+    pub fn tick(&self) -> u64 {
+        self.tick
+    }
+
+    /// The direction signals.
+    pub fn directions(&self) -> u8 {
+        self.directions
+    }
+
+    /// Where the X, Y, Z (A, B, Z) and extruder motors stand.
+    pub fn motor_steps(&self) -> [i64; 4] {
+        self.motor_steps
+    }
+
+    /// Steps issued so far, both directions added.
+    pub fn issued(&self) -> [u64; 4] {
+        self.issued
+    }
+
+    /// Digests of all events so far.
+    pub fn digests(&self) -> StepDigests {
+        self.digests
+    }
+
+    /// Most events in any millisecond, times 1000.
+    pub fn max_event_rate_hz(&self) -> u64 {
+        self.rate.most_hz()
+    }
+
+    /// Tick of the entry's first event, or of its end where it has none.
+    #[inline]
+    pub fn first_tick(&self, entry: StepEntry) -> u64 {
+        self.tick
+            + match entry.kind() {
+                StepKind::Stair { interval_ticks, .. } | StepKind::Wait { interval_ticks } => u64::from(interval_ticks),
+                StepKind::Directions { .. } => 0,
+            }
+    }
+
+    /// Plays an entry.
+    #[inline]
+    pub fn play(&mut self, entry: StepEntry, observer: &mut impl StepObserver) {
+        match entry.kind() {
+            StepKind::Directions { directions } => self.directions = directions,
+            StepKind::Wait { interval_ticks } => self.tick += u64::from(interval_ticks),
+            StepKind::Stair { interval_ticks, count, axes, added } => {
+                for left in (0..count).rev() {
+                    self.tick += u64::from(interval_ticks);
+                    self.event(if left == 0 { axes | added } else { axes }, observer);
+                }
+            }
+        }
+    }
+
+    #[inline]
+    fn event(&mut self, axes: u8, observer: &mut impl StepObserver) {
+        let backwards = self.directions & axes;
+        for motor in 0..4 {
+            let steps = i64::from(axes >> motor & 1);
+            self.motor_steps[motor] += steps - 2 * i64::from(backwards >> motor & 1);
+            self.issued[motor] += steps as u64;
+        }
+        self.digests.add(self.tick, axes, backwards);
+        self.rate.add(self.tick);
+        observer.stepped(self.tick, axes, backwards);
+    }
+
+    /// Sets the counters of X, Y and Z (A, B, Z).
+    pub fn redefine_motor_steps(&mut self, motor_steps: [i64; 3]) {
+        self.motor_steps[..3].copy_from_slice(&motor_steps);
+    }
+}

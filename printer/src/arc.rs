@@ -1,0 +1,165 @@
+//! G2 and G3: a circle as chords.
+
+use ferrostep_planner::kinematics::round_half_away;
+
+use crate::error::CommandError;
+
+/// Farthest a chord may be from its arc, mm.
+pub const CHORD_TOLERANCE_MM: f64 = 0.01;
+
+/// Most the radii at both ends may differ, mm, before the line is taken for an error. Slicers round coordinates to
+/// 1 um, and old ones I and J to 10 um.
+const RADIUS_TOLERANCE_MM: f64 = 0.1;
+
+const MM: f64 = 100_000.0;
+
+/// An arc in the XY plane from the start to the end point, units of 10 nm.
+#[derive(Clone, Copy, Debug)]
+pub struct Arc {
+    centre: [f64; 2],
+    /// Start point seen from the centre, as a unit vector.
+    start: [f64; 2],
+    start_radius: f64,
+    end_radius: f64,
+    angle: f64,
+    chords: u32,
+}
+
+fn length(vector: [f64; 2]) -> f64 {
+    libm::sqrt(vector[0] * vector[0] + vector[1] * vector[1])
+}
+
+impl Arc {
+    /// The arc around `centre`; equal start and end make a full circle.
+    pub fn around(start: [i64; 2], end: [i64; 2], centre: [i64; 2], clockwise: bool) -> Result<Self, CommandError> {
+        let from = [(start[0] - centre[0]) as f64, (start[1] - centre[1]) as f64];
+        let to = [(end[0] - centre[0]) as f64, (end[1] - centre[1]) as f64];
+        let (start_radius, end_radius) = (length(from), length(to));
+        let apart = (start_radius - end_radius).abs();
+        if start_radius < 1.0 || end_radius < 1.0 || apart > RADIUS_TOLERANCE_MM * MM {
+            return Err(CommandError::ArcGeometry {
+                start_radius_mm: start_radius / MM,
+                end_radius_mm: end_radius / MM,
+            });
+        }
+        let turn = core::f64::consts::TAU;
+        let cross = from[0] * to[1] - from[1] * to[0];
+        let dot = from[0] * to[0] + from[1] * to[1];
+        let mut angle = libm::atan2(cross, dot);
+        if start == end {
+            angle = if clockwise { -turn } else { turn };
+        } else if clockwise && angle > 0.0 {
+            angle -= turn;
+        } else if !clockwise && angle < 0.0 {
+            angle += turn;
+        }
+        // A chord over angle p is r (1 - cos(p/2)) <= r p^2/8 away from its arc.
+        let radius = start_radius.max(end_radius);
+        let widest = libm::sqrt(8.0 * CHORD_TOLERANCE_MM * MM / radius);
+        let chords = ((angle.abs() / widest) as u32).saturating_add(1);
+        Ok(Self {
+            centre: [centre[0] as f64, centre[1] as f64],
+            start: [from[0] / start_radius, from[1] / start_radius],
+            start_radius,
+            end_radius,
+            angle,
+            chords,
+        })
+    }
+
+    /// The arc of a given radius; a negative one asks for the longer way round.
+    pub fn with_radius(start: [i64; 2], end: [i64; 2], radius: i64, clockwise: bool) -> Result<Self, CommandError> {
+        let chord = [(end[0] - start[0]) as f64, (end[1] - start[1]) as f64];
+        let distance = length(chord);
+        let size = radius as f64;
+        let height_squared = size * size - distance * distance / 4.0;
+        // Half circles miss by the rounding of their coordinates.
+        if distance < 1.0 || height_squared < -(RADIUS_TOLERANCE_MM * MM * size.abs()) {
+            return Err(CommandError::ArcRadius { radius_mm: size / MM, chord_mm: distance / MM });
+        }
+        let height = libm::sqrt(height_squared.max(0.0));
+        let side = if clockwise == (radius > 0) { 1.0 } else { -1.0 };
+        let across = [chord[1] / distance * height * side, -chord[0] / distance * height * side];
+        let centre = [
+            start[0] + round_half_away(chord[0] / 2.0 + across[0]),
+            start[1] + round_half_away(chord[1] / 2.0 + across[1]),
+        ];
+        Self::around(start, end, centre, clockwise)
+    }
+
+    /// Number of chords, at least 1.
+    pub fn chords(&self) -> u32 {
+        self.chords
+    }
+
+    /// The ends of all chords but the last, whose end is the arc's own.
+    pub fn inner_points(&self) -> impl Iterator<Item = [i64; 2]> + use<> {
+        let arc = *self;
+        let step = arc.angle / f64::from(arc.chords);
+        let (sine, cosine) = (libm::sin(step), libm::cos(step));
+        let mut direction = arc.start;
+        (1..arc.chords).map(move |index| {
+            direction = [direction[0] * cosine - direction[1] * sine, direction[0] * sine + direction[1] * cosine];
+            let share = f64::from(index) / f64::from(arc.chords);
+            let radius = arc.start_radius + (arc.end_radius - arc.start_radius) * share;
+            [0, 1].map(|axis| round_half_away(arc.centre[axis] + direction[axis] * radius))
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn a_quarter_turn_anticlockwise() {
+        let arc = Arc::around([1_000_000, 0], [0, 1_000_000], [0, 0], false).unwrap();
+        let middle = arc.inner_points().nth(arc.chords() as usize / 2 - 1).unwrap();
+        assert!(middle[0] > 0 && middle[1] > 0);
+        let other = Arc::around([1_000_000, 0], [0, 1_000_000], [0, 0], true).unwrap();
+        assert!(other.chords() > 2 * arc.chords());
+    }
+
+    #[test]
+    fn radius_form_finds_the_same_circle() {
+        // From (0,0) to (10,0) over a radius of 10: clockwise bulges upwards.
+        for (clockwise, radius, sign) in [(true, 1_000_000, 1), (false, 1_000_000, -1)] {
+            let arc = Arc::with_radius([0, 0], [1_000_000, 0], radius, clockwise).unwrap();
+            let points: Vec<_> = arc.inner_points().collect();
+            assert!(points.iter().all(|point| point[1] * sign > 0), "{clockwise}");
+            let long = Arc::with_radius([0, 0], [1_000_000, 0], -radius, clockwise).unwrap();
+            assert!(long.chords() > 3 * arc.chords());
+        }
+        assert!(Arc::with_radius([0, 0], [1_000_000, 0], 300_000, true).is_err());
+        assert!(Arc::with_radius([0, 0], [0, 0], 300_000, true).is_err());
+    }
+
+    #[test]
+    fn an_end_off_the_circle_is_refused() {
+        assert!(Arc::around([1_000_000, 0], [0, 1_500_000], [0, 0], false).is_err());
+        assert!(Arc::around([0, 0], [0, 0], [0, 0], false).is_err());
+    }
+
+    proptest! {
+        #[test]
+        fn chords_stay_within_tolerance(radius in 0.05f64..150.0, from in 0.0f64..6.28, sweep in 0.01f64..6.2, clockwise in any::<bool>()) {
+            let point = |angle: f64| [round_half_away(radius * angle.cos() * MM), round_half_away(radius * angle.sin() * MM)];
+            let (start, end) = (point(from), point(if clockwise { from - sweep } else { from + sweep }));
+            prop_assume!(start != end);
+            let arc = Arc::around(start, end, [0, 0], clockwise).unwrap();
+            let mut before = start;
+            let mut travelled = 0.0;
+            for next in arc.inner_points().chain([end]) {
+                let middle = [(before[0] + next[0]) as f64 / 2.0, (before[1] + next[1]) as f64 / 2.0];
+                let sagitta = radius - length(middle) / MM;
+                prop_assert!(sagitta.abs() <= CHORD_TOLERANCE_MM + 1e-4, "{}", sagitta);
+                travelled += length([(next[0] - before[0]) as f64, (next[1] - before[1]) as f64]) / MM;
+                before = next;
+            }
+            // The chords go the right way round.
+            prop_assert!((travelled / (radius * sweep) - 1.0).abs() < 0.2 || travelled < 0.3);
+        }
+    }
+}

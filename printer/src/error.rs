@@ -1,0 +1,143 @@
+//! Why a command was refused.
+
+use core::fmt;
+
+use ferrostep_gcode::ParseError;
+use ferrostep_planner::{MIN_FEED_MM_PER_S, MoveError};
+
+use crate::AXIS_NAMES;
+use crate::ports::MotionError;
+
+/// Why a command was not executed. Nothing of it has happened then; a command that was stopped on its way
+/// ([`CommandError::Stopped`]) leaves the machine where it says it stands.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum CommandError {
+    /// A coordinate is beyond 10 m.
+    TooFar,
+    /// More filament than one move may push.
+    TooMuchFilament,
+    /// The feed is below what the planner takes.
+    FeedTooSlow {
+        /// The feed, mm/s.
+        feed_mm_per_s: f64,
+    },
+    /// The nozzle is too cold to extrude.
+    ColdExtrusion {
+        /// Nozzle temperature, degrees Celsius.
+        celsius: f32,
+        /// Smallest allowed.
+        minimum_celsius: f32,
+    },
+    /// The radius does not fit the end point.
+    ArcGeometry {
+        /// Distance of the start from the centre, mm.
+        start_radius_mm: f64,
+        /// Distance of the end from the centre, mm.
+        end_radius_mm: f64,
+    },
+    /// An arc given by R whose end is its start, or farther than twice the radius.
+    ArcRadius {
+        /// The R word, mm.
+        radius_mm: f64,
+        /// Distance between start and end, mm.
+        chord_mm: f64,
+    },
+    /// A target above what the heater may reach.
+    TooHot {
+        /// The target.
+        celsius: f64,
+        /// Highest allowed.
+        maximum_celsius: f32,
+    },
+    /// A word is outside its range.
+    OutOfRange {
+        /// The word's letter.
+        word: char,
+        /// Its value.
+        value: f64,
+        /// Smallest allowed.
+        minimum: f64,
+        /// Largest allowed.
+        maximum: f64,
+    },
+    /// The end stop did not trigger within one and a half times the axis' length.
+    HomingFailed {
+        /// Index of the axis.
+        axis: usize,
+    },
+    /// A tool that does not exist.
+    InvalidTool(u32),
+    /// The machine was stopped by M112, here or before, and waits for M999.
+    Halted,
+    /// Motion was stopped on the way.
+    Stopped,
+}
+
+impl From<MotionError> for CommandError {
+    fn from(error: MotionError) -> Self {
+        match error {
+            MotionError::Stopped | MotionError::Move(MoveError::NoRoom) => Self::Stopped,
+            MotionError::Move(MoveError::TooFar) => Self::TooFar,
+            MotionError::Move(MoveError::TooMuchFilament) => Self::TooMuchFilament,
+            MotionError::Move(MoveError::Feed) => Self::FeedTooSlow { feed_mm_per_s: 0.0 },
+        }
+    }
+}
+
+impl fmt::Display for CommandError {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::TooFar => write!(out, "the target is too far away, expected coordinates within 10 m"),
+            Self::TooMuchFilament => write!(out, "E: too long extrusion prevented, expected at most 1 m in one move"),
+            Self::FeedTooSlow { feed_mm_per_s } => {
+                let (minimum, feed) = (MIN_FEED_MM_PER_S * 60.0, feed_mm_per_s * 60.0);
+                write!(out, "F: {feed} mm/min is too slow, expected at least {minimum} mm/min")
+            }
+            Self::ColdExtrusion { celsius, minimum_celsius } => write!(
+                out,
+                "E: cold extrusion prevented, the nozzle is at {celsius:.1} C, expected at least {minimum_celsius} C"
+            ),
+            Self::ArcGeometry { start_radius_mm, end_radius_mm } => write!(
+                out,
+                "I, J: the arc starts {start_radius_mm:.3} mm from its centre and ends {end_radius_mm:.3} mm from it, \
+                 expected the same distance"
+            ),
+            Self::ArcRadius { radius_mm, chord_mm } => write!(
+                out,
+                "R: a radius of {radius_mm:.3} mm does not reach over {chord_mm:.3} mm, expected at least half the way \
+                 and an end apart from the start"
+            ),
+            Self::TooHot { celsius, maximum_celsius } => {
+                write!(out, "S: {celsius} C is too hot, expected at most {maximum_celsius} C")
+            }
+            Self::OutOfRange { word, value, minimum, maximum } => {
+                write!(out, "{word}: {value} is out of range, expected {minimum} to {maximum}")
+            }
+            Self::HomingFailed { axis } => {
+                let name = AXIS_NAMES.get(*axis).copied().unwrap_or('?');
+                write!(out, "homing {name} failed: its end stop did not trigger, expected it within the axis' length")
+            }
+            Self::InvalidTool(tool) => write!(out, "T{tool} - Invalid extruder number !, expected T0"),
+            Self::Halted => write!(out, "the printer is halted (M112), expected M999 to restart"),
+            Self::Stopped => write!(out, "motion was stopped"),
+        }
+    }
+}
+
+/// Why a line was not executed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Failure {
+    /// It cannot be read.
+    Parse(ParseError),
+    /// It cannot be done.
+    Command(CommandError),
+}
+
+impl fmt::Display for Failure {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Parse(error) => write!(out, "{error}"),
+            Self::Command(error) => write!(out, "{error}"),
+        }
+    }
+}

@@ -1,0 +1,67 @@
+//! G28.
+
+use embedded_hal_async::delay::DelayNs;
+use ferrostep_gcode::{AxisFlags, Reply};
+use ferrostep_hal_shim::Clock;
+use ferrostep_planner::Move;
+
+use crate::error::CommandError;
+use crate::ports::{Heating, Motion, Replies, Seek};
+use crate::printer::Printer;
+use crate::profile::HomeEnd;
+
+impl<M: Motion, H: Heating, T: Clock + DelayNs, R: Replies> Printer<'_, M, H, T, R> {
+    /// Homes X, then Y, then Z, those that are named or all.
+    pub(crate) async fn home(&mut self, axes: AxisFlags) -> Result<(), CommandError> {
+        self.motion.finish().await?;
+        let all = !(axes.x || axes.y || axes.z);
+        for (axis, named) in [axes.x, axes.y, axes.z].into_iter().enumerate() {
+            if named || all {
+                self.home_axis(axis).await?;
+            }
+        }
+        self.replies.send(Reply::Position(self.position()));
+        Ok(())
+    }
+
+    /// A fast approach until the sensor triggers, a way back, and a slow one that counts.
+    async fn home_axis(&mut self, axis: usize) -> Result<(), CommandError> {
+        let homing = self.profile.homing[axis];
+        let towards = if homing.end == HomeEnd::Max { 1 } else { -1 };
+        let reach = self.profile.size_10nm[axis] * 3 / 2;
+        self.modal.homed[axis] = false;
+        self.motion.set_motors_enabled(1 << axis, true);
+
+        let outcome = async {
+            self.seek(axis, towards * reach, homing.fast_mm_per_s).await?;
+            let mut back = self.motion.position_10nm();
+            back[axis] -= towards * homing.back_off_10nm;
+            self.move_to(back, homing.fast_mm_per_s).await?;
+            self.motion.finish().await?;
+            self.seek(axis, towards * homing.back_off_10nm * 2, homing.slow_mm_per_s).await
+        }
+        .await;
+        // Even after a failure the G-code's position is where the motors stand.
+        let mut position = self.modal.machine_10nm;
+        position[axis] = match outcome {
+            Ok(()) => homing.position_10nm,
+            Err(_) => self.motion.position_10nm()[axis],
+        };
+        self.motion.set_position(position);
+        self.modal.machine_10nm = position;
+        outcome?;
+        self.modal.offset_10nm[axis] = 0;
+        self.modal.homed[axis] = true;
+        Ok(())
+    }
+
+    async fn seek(&mut self, axis: usize, distance_10nm: i64, feed_mm_per_s: f64) -> Result<(), CommandError> {
+        let mut target_10nm = self.motion.position_10nm();
+        target_10nm[axis] += distance_10nm;
+        let request = Move { target_10nm, filament_100pm: 0, feed_mm_per_s, line: self.line, ends_move: false };
+        match self.motion.seek(request, axis).await? {
+            Seek::Triggered => Ok(()),
+            Seek::Missed => Err(CommandError::HomingFailed { axis }),
+        }
+    }
+}

@@ -1,0 +1,30 @@
+//! The machine that executes commands: modal state, moves, homing, heat, reports.
+//!
+//! Generic over what it needs of its surroundings (see [`ports`]); it knows neither registers nor tasks. Commands are
+//! asynchronous: a wait is an await, and every wait ends when it is cancelled ([`Signals`]).
+#![cfg_attr(not(test), no_std)]
+
+pub mod heat;
+pub mod ports;
+
+mod arc;
+mod error;
+mod homing;
+mod host;
+mod modal;
+mod moves;
+mod printer;
+mod profile;
+mod settings;
+mod waits;
+
+pub use error::{CommandError, Failure};
+pub use host::Host;
+pub use modal::Tally;
+pub use ports::{HeaterStatus, Heating, Motion, MotionError, Replies, Seek, Signals};
+pub use printer::Printer;
+pub use profile::{AxisHoming, DriverTiming, FirmwareRetraction, HeaterSettings, HomeEnd, Profile};
+pub use waits::temperatures;
+
+/// Names of the axes, in the order of their index.
+pub const AXIS_NAMES: [char; 4] = ['X', 'Y', 'Z', 'E'];

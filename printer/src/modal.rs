@@ -1,0 +1,110 @@
+//! What lasts from line to line.
+
+use ferrostep_gcode::{AxisWords, Decimal, Units};
+
+use crate::profile::{FirmwareRetraction, Profile};
+
+/// What a job did, in numbers.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Tally {
+    /// G0 to G3 that displaced something.
+    pub moves: u64,
+    /// Moves whose target a soft limit changed.
+    pub clamped_moves: u64,
+    /// Net filament of all moves and retractions, units of 0.1 nm, flow included.
+    pub filament_100pm: i64,
+}
+
+/// Modal state.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Modal {
+    pub units: Units,
+    pub relative: bool,
+    pub relative_extruder: bool,
+    /// Feed at 100 %, units of 10 nm a minute.
+    pub feed_10nm_per_min: i64,
+    pub feed_percent: u16,
+    pub flow_percent: u16,
+    /// Machine position after all commands so far.
+    pub machine_10nm: [i64; 3],
+    /// Logical minus machine coordinates (G92).
+    pub offset_10nm: [i64; 3],
+    /// Logical extruder position.
+    pub extruder_10nm: i64,
+    pub homed: [bool; 3],
+    pub soft_limits: bool,
+    pub retraction: FirmwareRetraction,
+    pub retracted: bool,
+    pub min_extrusion_celsius: f32,
+    pub cold_extrusion_allowed: bool,
+}
+
+/// Feed before the first F word: 25 mm/s.
+const DEFAULT_FEED_10NM_PER_MIN: i64 = 1_500 * 100_000;
+
+impl Modal {
+    pub fn new(profile: &Profile) -> Self {
+        Self {
+            units: Units::Millimetres,
+            relative: false,
+            relative_extruder: false,
+            feed_10nm_per_min: DEFAULT_FEED_10NM_PER_MIN,
+            feed_percent: 100,
+            flow_percent: 100,
+            machine_10nm: [0; 3],
+            offset_10nm: [0; 3],
+            extruder_10nm: 0,
+            homed: [false; 3],
+            soft_limits: true,
+            retraction: profile.retraction,
+            retracted: false,
+            min_extrusion_celsius: profile.min_extrusion_celsius,
+            cold_extrusion_allowed: false,
+        }
+    }
+
+    /// A length as written, in units of 10 nm; `None` beyond any machine.
+    pub fn length_10nm(&self, value: Decimal) -> Option<i64> {
+        match self.units {
+            Units::Millimetres => Some(value.to_10nm_from_mm()),
+            Units::Inches => value.to_10nm_from_inches(),
+        }
+    }
+
+    /// X, Y, Z and E as the G-code sees them.
+    pub fn logical_10nm(&self) -> [i64; 4] {
+        let [x, y, z] = self.machine_10nm;
+        let [dx, dy, dz] = self.offset_10nm;
+        [x + dx, y + dy, z + dz, self.extruder_10nm]
+    }
+
+    /// Machine target of the X, Y and Z words, and the logical E target; `None` where a number is beyond any machine.
+    pub fn target(&self, words: &AxisWords) -> Option<([i64; 3], i64)> {
+        let mut machine = self.machine_10nm;
+        for (axis, word) in [words.x, words.y, words.z].into_iter().enumerate() {
+            if let Some(value) = word {
+                let base = if self.relative { machine[axis] } else { -self.offset_10nm[axis] };
+                machine[axis] = base.checked_add(self.length_10nm(value)?)?;
+            }
+        }
+        let extruder = match words.e {
+            None => self.extruder_10nm,
+            Some(value) if self.relative_extruder => self.extruder_10nm.checked_add(self.length_10nm(value)?)?,
+            Some(value) => self.length_10nm(value)?,
+        };
+        Some((machine, extruder))
+    }
+
+    /// The feed with an F word applied, units of 10 nm a minute.
+    pub fn feed(&self, word: Option<Decimal>) -> Option<i64> {
+        match word {
+            None => Some(self.feed_10nm_per_min),
+            Some(value) => self.length_10nm(value),
+        }
+    }
+
+    /// mm/s of a feed at the present percentage (M220).
+    pub fn feed_mm_per_s(&self, feed_10nm_per_min: i64) -> f64 {
+        feed_10nm_per_min as f64 * f64::from(self.feed_percent) / (60.0 * 100.0 * 100_000.0)
+    }
+}

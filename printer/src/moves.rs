@@ -1,0 +1,271 @@
+//! G0 to G4, G10, G11 and G92.
+
+use embedded_hal_async::delay::DelayNs;
+use ferrostep_gcode::{ArcForm, AxisWords, Decimal, Reply};
+use ferrostep_hal_shim::{Clock, Heater};
+use ferrostep_planner::kinematics::MAX_COORDINATE_10NM;
+use ferrostep_planner::{MIN_FEED_MM_PER_S, Move, Moved, filament_100pm};
+
+use crate::AXIS_NAMES;
+use crate::arc::Arc;
+use crate::error::CommandError;
+use crate::ports::{Heating, Motion, Replies};
+use crate::printer::Printer;
+
+/// Logical extruder positions stay within 10,000 km.
+const MAX_EXTRUDER_10NM: i64 = 1_000_000_000_000_000;
+
+/// A move whose words have been checked.
+struct Target {
+    machine_10nm: [i64; 3],
+    extruder_10nm: i64,
+    feed_10nm_per_min: i64,
+}
+
+impl<M: Motion, H: Heating, T: Clock + DelayNs, R: Replies> Printer<'_, M, H, T, R> {
+    /// G0, G1.
+    pub(crate) async fn linear(&mut self, axes: &AxisWords, feed: Option<Decimal>) -> Result<(), CommandError> {
+        let mut target = self.target(axes, feed)?;
+        let clamped = self.clamp(&mut target.machine_10nm);
+        let filament = self.filament(&target);
+        let request = Move {
+            target_10nm: target.machine_10nm,
+            filament_100pm: filament,
+            feed_mm_per_s: self.modal.feed_mm_per_s(target.feed_10nm_per_min),
+            line: self.line,
+            ends_move: true,
+        };
+        let displaces = request.target_10nm != self.modal.machine_10nm || filament != 0;
+        if displaces {
+            self.motion.add(request).await?;
+        }
+        self.moved(&target, filament, displaces, clamped);
+        Ok(())
+    }
+
+    /// G2, G3: chords at most 0.01 mm off; Z and E follow evenly.
+    pub(crate) async fn arc(
+        &mut self,
+        clockwise: bool,
+        axes: &AxisWords,
+        form: ArcForm,
+        feed: Option<Decimal>,
+    ) -> Result<(), CommandError> {
+        let mut target = self.target(axes, feed)?;
+        let from = self.modal.machine_10nm;
+        let [start, end] = [from, target.machine_10nm].map(|[x, y, _]| [x, y]);
+        let arc = match form {
+            ArcForm::Centre { i, j } => {
+                let i = self.modal.length_10nm(i).ok_or(CommandError::TooFar)?;
+                let j = self.modal.length_10nm(j).ok_or(CommandError::TooFar)?;
+                if i.abs().max(j.abs()) > MAX_COORDINATE_10NM {
+                    return Err(CommandError::TooFar);
+                }
+                Arc::around(start, end, [start[0] + i, start[1] + j], clockwise)?
+            }
+            ArcForm::Radius(radius) => {
+                let radius = self.modal.length_10nm(radius).ok_or(CommandError::TooFar)?;
+                if radius.abs() > MAX_COORDINATE_10NM {
+                    return Err(CommandError::TooFar);
+                }
+                Arc::with_radius(start, end, radius, clockwise)?
+            }
+        };
+        let filament = self.filament(&target);
+        let feed_mm_per_s = self.modal.feed_mm_per_s(target.feed_10nm_per_min);
+        let chords = i128::from(arc.chords());
+        // Shares of a whole that add up to it exactly.
+        let share = |whole: i64, index: u32| (i128::from(whole) * i128::from(index) / chords) as i64;
+        let rise = target.machine_10nm[2] - from[2];
+
+        let mut clamped = [false; 3];
+        let mut pushed = 0;
+        for (index, [x, y]) in (1..).zip(arc.inner_points()) {
+            let mut point = [x, y, from[2] + share(rise, index)];
+            self.clamp_into(&mut point, &mut clamped);
+            let upto = share(filament, index);
+            let chord = Move {
+                target_10nm: point,
+                filament_100pm: upto - pushed,
+                feed_mm_per_s,
+                line: self.line,
+                ends_move: false,
+            };
+            pushed = upto;
+            let added = self.motion.add(chord).await;
+            self.modal.machine_10nm = point;
+            added?;
+        }
+        self.clamp_into(&mut target.machine_10nm, &mut clamped);
+        let last = Move {
+            target_10nm: target.machine_10nm,
+            filament_100pm: filament - pushed,
+            feed_mm_per_s,
+            line: self.line,
+            ends_move: true,
+        };
+        self.motion.add(last).await?;
+        self.moved(&target, filament, true, clamped);
+        Ok(())
+    }
+
+    /// Where a move goes, or why it does not; changes nothing.
+    fn target(&self, axes: &AxisWords, feed: Option<Decimal>) -> Result<Target, CommandError> {
+        let (machine_10nm, extruder_10nm) = self.modal.target(axes).ok_or(CommandError::TooFar)?;
+        if machine_10nm.iter().any(|coordinate| coordinate.unsigned_abs() > MAX_COORDINATE_10NM as u64) {
+            return Err(CommandError::TooFar);
+        }
+        if extruder_10nm.unsigned_abs() > MAX_EXTRUDER_10NM as u64 {
+            return Err(CommandError::TooMuchFilament);
+        }
+        let feed_10nm_per_min = self.modal.feed(feed).ok_or(CommandError::TooFar)?;
+        let feed_mm_per_s = self.modal.feed_mm_per_s(feed_10nm_per_min);
+        if feed_mm_per_s < MIN_FEED_MM_PER_S {
+            return Err(CommandError::FeedTooSlow { feed_mm_per_s });
+        }
+        if extruder_10nm != self.modal.extruder_10nm {
+            self.check_extrusion_temperature()?;
+        }
+        Ok(Target { machine_10nm, extruder_10nm, feed_10nm_per_min })
+    }
+
+    pub(crate) fn check_extrusion_temperature(&self) -> Result<(), CommandError> {
+        let celsius = self.heating.status(Heater::Nozzle).celsius;
+        let minimum_celsius = self.modal.min_extrusion_celsius;
+        if self.modal.cold_extrusion_allowed || celsius >= minimum_celsius {
+            return Ok(());
+        }
+        Err(CommandError::ColdExtrusion { celsius, minimum_celsius })
+    }
+
+    fn filament(&self, target: &Target) -> i64 {
+        filament_100pm(target.extruder_10nm - self.modal.extruder_10nm, i64::from(self.modal.flow_percent))
+    }
+
+    /// Soft limits: draws a target into the travel of the homed axes. Returns which axes that changed.
+    fn clamp(&self, target_10nm: &mut [i64; 3]) -> [bool; 3] {
+        let mut clamped = [false; 3];
+        self.clamp_into(target_10nm, &mut clamped);
+        clamped
+    }
+
+    fn clamp_into(&self, target_10nm: &mut [i64; 3], clamped: &mut [bool; 3]) {
+        if !self.modal.soft_limits {
+            return;
+        }
+        for axis in 0..3 {
+            let inside = target_10nm[axis].clamp(0, self.profile.size_10nm[axis]);
+            if self.modal.homed[axis] && inside != target_10nm[axis] {
+                target_10nm[axis] = inside;
+                clamped[axis] = true;
+            }
+        }
+    }
+
+    /// The move has been taken: state and tallies follow.
+    fn moved(&mut self, target: &Target, filament_100pm: i64, displaces: bool, clamped: [bool; 3]) {
+        self.modal.machine_10nm = target.machine_10nm;
+        self.modal.extruder_10nm = target.extruder_10nm;
+        self.modal.feed_10nm_per_min = target.feed_10nm_per_min;
+        self.tally.moves += u64::from(displaces);
+        self.tally.filament_100pm += filament_100pm;
+        if clamped.contains(&true) {
+            self.tally.clamped_moves += 1;
+            self.say_clamped(clamped);
+        }
+    }
+
+    fn say_clamped(&self, clamped: [bool; 3]) {
+        let mut text = crate::printer::Text::new();
+        let line = self.line;
+        let mut complete = core::fmt::write(&mut text, format_args!("echo:line {line}: outside the soft limits,"));
+        for axis in (0..3).filter(|&axis| clamped[axis]) {
+            let at = self.modal.machine_10nm[axis] as f64 / 100_000.0;
+            let end = self.profile.size_10nm[axis] as f64 / 100_000.0;
+            let name = AXIS_NAMES[axis];
+            complete = complete
+                .and(core::fmt::write(&mut text, format_args!(" {name} ends at {at:.2} (allowed 0.00 to {end:.2})")));
+        }
+        if complete.is_ok() {
+            self.replies.send(Reply::Text(&text));
+        }
+    }
+
+    /// G10, G11 with the settings of M207 and M208; a second one in a row does nothing, as in Marlin.
+    pub(crate) async fn firmware_retract(&mut self, retract: bool) -> Result<(), CommandError> {
+        if retract == self.modal.retracted {
+            return Ok(());
+        }
+        self.check_extrusion_temperature()?;
+        let settings = self.modal.retraction;
+        let (length_10nm, rate) = if retract {
+            (-settings.length_10nm, settings.retract_10nm_per_s)
+        } else {
+            (settings.length_10nm + settings.extra_recover_10nm, settings.recover_10nm_per_s)
+        };
+        // As in Marlin, the flow does not scale a retraction: what is drawn back must be what is pushed again.
+        let filament = filament_100pm(length_10nm, 100);
+        let mut position = self.modal.machine_10nm;
+        let lift = Move {
+            target_10nm: position,
+            filament_100pm: 0,
+            feed_mm_per_s: self.profile.limits.max_feed_mm_per_s[2],
+            line: self.line,
+            ends_move: false,
+        };
+        let filament_move = Move { filament_100pm: filament, feed_mm_per_s: rate as f64 / 100_000.0, ..lift };
+        // Draw back before lifting, lower before pushing forward: the nozzle never oozes in the air.
+        let rise = if retract { settings.lift_10nm } else { -settings.lift_10nm };
+        position[2] += rise;
+        self.clamp(&mut position);
+        let lift = Move { target_10nm: position, ..lift };
+        if retract {
+            self.motion.add(filament_move).await?;
+            self.motion.add(lift).await?;
+        } else {
+            self.motion.add(lift).await?;
+            self.motion.add(Move { target_10nm: position, ..filament_move }).await?;
+        }
+        // The G-code does not see the lift: its coordinates shift with it.
+        self.modal.offset_10nm[2] -= position[2] - self.modal.machine_10nm[2];
+        self.modal.machine_10nm = position;
+        self.modal.retracted = retract;
+        self.tally.filament_100pm += filament;
+        Ok(())
+    }
+
+    /// G4.
+    pub(crate) async fn dwell(&mut self, milliseconds: u64) -> Result<(), CommandError> {
+        self.motion.finish().await?;
+        self.wait_ms(milliseconds).await
+    }
+
+    /// G92: the coordinates change, the machine stands. Without words all become zero.
+    pub(crate) fn set_position(&mut self, words: &AxisWords) -> Result<(), CommandError> {
+        let mut words = *words;
+        if words == AxisWords::default() {
+            let zero = Some(Decimal::from_nanos(0));
+            words = AxisWords { x: zero, y: zero, z: zero, e: zero };
+        }
+        let mut offset = self.modal.offset_10nm;
+        for (axis, word) in [words.x, words.y, words.z].into_iter().enumerate() {
+            if let Some(value) = word {
+                let logical = self.modal.length_10nm(value).filter(|length| length.abs() <= MAX_COORDINATE_10NM);
+                offset[axis] = logical.ok_or(CommandError::TooFar)? - self.modal.machine_10nm[axis];
+            }
+        }
+        let extruder = match words.e {
+            Some(value) => self.modal.length_10nm(value).filter(|length| length.abs() <= MAX_EXTRUDER_10NM),
+            None => Some(self.modal.extruder_10nm),
+        };
+        self.modal.extruder_10nm = extruder.ok_or(CommandError::TooMuchFilament)?;
+        self.modal.offset_10nm = offset;
+        Ok(())
+    }
+
+    /// Adds a move outside the G-code's own (homing).
+    pub(crate) async fn move_to(&mut self, target_10nm: [i64; 3], feed_mm_per_s: f64) -> Result<Moved, CommandError> {
+        let request = Move { target_10nm, filament_100pm: 0, feed_mm_per_s, line: self.line, ends_move: false };
+        Ok(self.motion.add(request).await?)
+    }
+}

@@ -1,0 +1,159 @@
+//! What the printer needs of its surroundings.
+
+use core::future::Future;
+use core::sync::atomic::{AtomicBool, AtomicU8, Ordering};
+
+use ferrostep_gcode::Reply;
+use ferrostep_hal_shim::Heater;
+use ferrostep_planner::{Limits, Move, MoveError, Moved};
+
+use crate::error::Failure;
+
+/// Why motion was not possible.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MotionError {
+    /// The planner refused the move.
+    Move(MoveError),
+    /// Motion was stopped (M112, M410) before it ended.
+    Stopped,
+}
+
+/// How a move towards an end stop ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Seek {
+    /// The end stop triggered; the motors stand there.
+    Triggered,
+    /// The move ended without it.
+    Missed,
+}
+
+/// The planner and the motors, seen from the command side.
+pub trait Motion {
+    /// Queues a move; waits for room.
+    fn add(&mut self, request: Move) -> impl Future<Output = Result<Moved, MotionError>>;
+    /// Changes the fan with the motion queued so far; waits for room.
+    fn set_fan_power(&mut self, power: u8) -> impl Future<Output = Result<(), MotionError>>;
+    /// Waits until all queued motion has ended.
+    fn finish(&mut self) -> impl Future<Output = Result<(), MotionError>>;
+    /// Runs a move at standstill until the end stop of `axis` triggers or the move ends.
+    fn seek(&mut self, request: Move, axis: usize) -> impl Future<Output = Result<Seek, MotionError>>;
+    /// Machine position at the end of all queued motion, units of 10 nm.
+    fn position_10nm(&self) -> [i64; 3];
+    /// Says where the machine is, at standstill.
+    fn set_position(&mut self, position_10nm: [i64; 3]);
+    /// Live step counters of X, Y, Z (A, B, Z) and the extruder.
+    fn motor_steps(&self) -> [i64; 4];
+    /// Limits of the moves to come.
+    fn limits(&self) -> Limits;
+    /// Sets the limits of the moves to come.
+    fn set_limits(&mut self, limits: Limits);
+    /// Switches the motors of the axes in the mask on or off.
+    fn set_motors_enabled(&mut self, axes: u8, enabled: bool);
+    /// Whether the end stop of an axis is triggered.
+    fn is_end_stop_triggered(&self, axis: usize) -> bool;
+    /// Stops at once and forgets all queued motion; the position is then where the motors stand.
+    fn stop(&mut self);
+}
+
+/// A heater as a report shows it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct HeaterStatus {
+    /// Temperature, degrees Celsius.
+    pub celsius: f32,
+    /// Target, degrees Celsius; 0 = off.
+    pub target_celsius: f32,
+    /// Power, 0 to 1.
+    pub power: f32,
+}
+
+/// Heater control, seen from the command side.
+pub trait Heating {
+    /// Sets a target, degrees Celsius; 0 switches the heater off.
+    fn set_target(&mut self, heater: Heater, celsius: f32);
+    /// How a heater is.
+    fn status(&self, heater: Heater) -> HeaterStatus;
+    /// Switches all heaters off.
+    fn all_off(&mut self);
+}
+
+/// Where replies go. Several commands may answer, so this takes a shared reference.
+pub trait Replies {
+    /// Sends a reply, line by line.
+    fn send(&self, reply: Reply<'_>);
+
+    /// Explains why a line was refused.
+    fn refuse(&self, line: u32, failure: &Failure) {
+        let mut text = heapless::String::<384>::new();
+        // A text that does not fit is cut; the failure itself is whole.
+        let _ = core::fmt::write(&mut text, format_args!("echo:line {line}: {failure}"));
+        self.send(Reply::Text(&text));
+    }
+}
+
+/// Flags between the command side and those who act on bytes as they arrive, or on time.
+#[derive(Debug, Default)]
+pub struct Signals {
+    end_wait: AtomicBool,
+    halted: AtomicBool,
+    report_interval_s: AtomicU8,
+    keep_alive_s: AtomicU8,
+}
+
+impl Signals {
+    /// Nothing signalled; `busy` messages every two seconds.
+    pub const fn new() -> Self {
+        Self {
+            end_wait: AtomicBool::new(false),
+            halted: AtomicBool::new(false),
+            report_interval_s: AtomicU8::new(0),
+            keep_alive_s: AtomicU8::new(2),
+        }
+    }
+
+    /// M108: the present wait ends.
+    pub fn end_wait(&self) {
+        self.end_wait.store(true, Ordering::Release);
+    }
+
+    /// Takes the request to end a wait.
+    pub(crate) fn take_end_wait(&self) -> bool {
+        let was = self.end_wait.load(Ordering::Acquire);
+        // Load and store suffice, one side only sets and the other only clears; armv7em has no contention here.
+        self.end_wait.store(false, Ordering::Release);
+        was
+    }
+
+    /// M112: every wait ends and every command is refused until M999. Who sets it has switched heaters off and
+    /// stopped the motors.
+    pub fn halt(&self) {
+        self.halted.store(true, Ordering::Release);
+    }
+
+    /// Whether the machine is halted.
+    pub fn is_halted(&self) -> bool {
+        self.halted.load(Ordering::Acquire)
+    }
+
+    /// M999.
+    pub(crate) fn restart(&self) {
+        self.halted.store(false, Ordering::Release);
+    }
+
+    /// Seconds between temperature reports (M155); 0 = off.
+    pub fn report_interval_s(&self) -> u8 {
+        self.report_interval_s.load(Ordering::Relaxed)
+    }
+
+    pub(crate) fn set_report_interval_s(&self, seconds: u8) {
+        self.report_interval_s.store(seconds, Ordering::Relaxed);
+    }
+
+    /// Seconds between `busy` messages (M113); 0 = off.
+    pub fn keep_alive_s(&self) -> u8 {
+        self.keep_alive_s.load(Ordering::Relaxed)
+    }
+
+    pub(crate) fn set_keep_alive_s(&self, seconds: u8) {
+        self.keep_alive_s.store(seconds, Ordering::Relaxed);
+    }
+}

@@ -1,0 +1,269 @@
+//! The printer: a line in, its effects and its replies out.
+
+use embedded_hal_async::delay::DelayNs;
+use ferrostep_gcode::{AxisFlags, Command, EndStopState, FirmwareInfo, Position, Reply, parse};
+use ferrostep_hal_shim::{Clock, Heater};
+use ferrostep_planner::Kinematics;
+
+use crate::error::{CommandError, Failure};
+use crate::modal::{Modal, Tally};
+use crate::ports::{Heating, Motion, Replies, Signals};
+use crate::profile::{HomeEnd, Profile};
+use crate::waits::temperatures;
+
+/// A line of text that is put together here.
+pub(crate) type Text = heapless::String<384>;
+
+/// Masks of all motors, and of those that a command names.
+const ALL_MOTORS: u8 = 0b1111;
+
+fn mask(axes: AxisFlags) -> u8 {
+    if axes.is_empty() {
+        return ALL_MOTORS;
+    }
+    u8::from(axes.x) | u8::from(axes.y) << 1 | u8::from(axes.z) << 2 | u8::from(axes.e) << 3
+}
+
+/// The machine that executes commands.
+///
+/// `M` moves, `H` heats, `T` tells and waits for the time, `R` takes the replies.
+#[derive(Debug)]
+pub struct Printer<'a, M, H, T, R> {
+    pub(crate) profile: &'a Profile,
+    pub(crate) motion: M,
+    pub(crate) heating: H,
+    pub(crate) clock: T,
+    pub(crate) replies: &'a R,
+    pub(crate) signals: &'a Signals,
+    pub(crate) modal: Modal,
+    pub(crate) tally: Tally,
+    /// Number of the line being executed.
+    pub(crate) line: u32,
+    last_line: i64,
+    emergency_parser: bool,
+}
+
+impl<'a, M: Motion, H: Heating, T: Clock + DelayNs, R: Replies> Printer<'a, M, H, T, R> {
+    /// A printer that has just been switched on: nothing homed, everything cold.
+    pub fn new(profile: &'a Profile, motion: M, heating: H, clock: T, replies: &'a R, signals: &'a Signals) -> Self {
+        Self {
+            profile,
+            motion,
+            heating,
+            clock,
+            replies,
+            signals,
+            modal: Modal::new(profile),
+            tally: Tally::default(),
+            line: 0,
+            last_line: 0,
+            emergency_parser: false,
+        }
+    }
+
+    /// Says that M112, M108 and M410 are acted on as their bytes arrive (M115 reports it).
+    pub fn set_emergency_parser(&mut self, present: bool) {
+        self.emergency_parser = present;
+    }
+
+    /// What has been done so far.
+    pub fn tally(&self) -> Tally {
+        self.tally
+    }
+
+    /// X, Y, Z and E as the G-code sees them, units of 10 nm.
+    pub fn logical_10nm(&self) -> [i64; 4] {
+        self.modal.logical_10nm()
+    }
+
+    pub(crate) fn replies(&self) -> &'a R {
+        self.replies
+    }
+
+    pub(crate) fn set_last_line(&mut self, number: i64) {
+        self.last_line = number;
+    }
+
+    /// Waits until all motion has ended, as at the end of a job.
+    pub async fn finish(&mut self) -> Result<(), CommandError> {
+        Ok(self.motion.finish().await?)
+    }
+
+    /// Executes the text of a line and answers it with exactly one `ok`; a refused one is explained by an `echo:`
+    /// before it.
+    pub async fn execute(&mut self, line: u32, text: &str) -> Result<(), Failure> {
+        self.line = line;
+        let failure = match parse(text) {
+            Ok(command) => match self.command(&command).await {
+                Ok(reported) => {
+                    if !reported {
+                        self.replies.send(Reply::Ok);
+                    }
+                    return Ok(());
+                }
+                Err(error) => Failure::Command(error),
+            },
+            Err(error) => Failure::Parse(error),
+        };
+        self.replies.refuse(line, &failure);
+        self.replies.send(Reply::Ok);
+        Err(failure)
+    }
+
+    /// Executes a command; `true` when it has sent its own `ok`.
+    async fn command(&mut self, command: &Command<'_>) -> Result<bool, CommandError> {
+        if self.signals.is_halted() && *command != Command::Restart {
+            self.follow_the_motors();
+            return Err(CommandError::Halted);
+        }
+        let result = self.dispatch(command).await;
+        if matches!(result, Err(CommandError::Stopped | CommandError::Halted)) {
+            self.follow_the_motors();
+        }
+        result
+    }
+
+    /// After a stop the G-code's position is where the motors stand.
+    fn follow_the_motors(&mut self) {
+        self.modal.machine_10nm = self.motion.position_10nm();
+    }
+
+    async fn dispatch(&mut self, command: &Command<'_>) -> Result<bool, CommandError> {
+        match *command {
+            Command::Linear { ref axes, feed } => self.linear(axes, feed).await?,
+            Command::Arc { clockwise, ref axes, form, feed } => self.arc(clockwise, axes, form, feed).await?,
+            Command::Dwell { milliseconds } => self.dwell(milliseconds).await?,
+            Command::Retract => self.firmware_retract(true).await?,
+            Command::Recover => self.firmware_retract(false).await?,
+            Command::SetUnits(units) => self.modal.units = units,
+            Command::Home(axes) => self.home(axes).await?,
+            Command::AbsolutePositioning => self.set_relative(false),
+            Command::RelativePositioning => self.set_relative(true),
+            Command::SetPosition(ref words) => self.set_position(words)?,
+            Command::EnableMotors(axes) => self.motion.set_motors_enabled(mask(axes), true),
+            Command::DisableMotors(axes) => self.disable_motors(axes).await?,
+            Command::AbsoluteExtrusion => self.modal.relative_extruder = false,
+            Command::RelativeExtrusion => self.modal.relative_extruder = true,
+            Command::SetNozzle(Some(celsius)) => self.set_temperature(Heater::Nozzle, celsius.to_f64())?,
+            Command::SetBed(Some(celsius)) => self.set_temperature(Heater::Bed, celsius.to_f64())?,
+            Command::WaitNozzle(target) => self.wait_for_heat(Heater::Nozzle, target).await?,
+            Command::WaitBed(target) => self.wait_for_heat(Heater::Bed, target).await?,
+            Command::ReportTemperatures => {
+                self.replies.send(Reply::OkTemperatures(temperatures(&self.heating)));
+                return Ok(true);
+            }
+            Command::AutoReportTemperatures { seconds } => self.signals.set_report_interval_s(seconds),
+            Command::Fan { index: 0, power } => self.motion.set_fan_power(power).await?,
+            Command::EndWait => self.signals.end_wait(),
+            Command::SetLineNumber(None) => self.replies.send(Reply::LastLine(self.last_line)),
+            Command::EmergencyStop => return self.emergency_stop(),
+            Command::KeepAlive(Some(seconds)) => self.signals.set_keep_alive_s(seconds),
+            Command::KeepAlive(None) => self.replies.send(Reply::KeepAlive(self.signals.keep_alive_s())),
+            Command::ReportPosition => self.replies.send(Reply::Position(self.position())),
+            Command::ReportFirmware => self.report_firmware(),
+            Command::ReportEndStops => self.report_end_stops(),
+            Command::Echo { echo_prefix, action_prefix, text } => self.echo(echo_prefix, action_prefix, text),
+            Command::MaxAcceleration(ref words) => self.set_max_acceleration(words)?,
+            Command::MaxFeed(ref words) => self.set_max_feed(words)?,
+            Command::Acceleration { print, retract, travel, both } => {
+                self.set_acceleration(print, retract, travel, both)?;
+            }
+            Command::Junction { deviation } => self.set_junction_deviation(deviation)?,
+            Command::RetractSettings(ref words) => self.set_retraction(words, false)?,
+            Command::RecoverSettings(ref words) => self.set_retraction(words, true)?,
+            Command::SoftLimits(enabled) => self.soft_limits(enabled),
+            Command::FeedPercent(value) => self.feed_percent(value)?,
+            Command::FlowPercent(value) => self.flow_percent(value)?,
+            Command::ColdExtrusion { minimum, allow } => self.cold_extrusion(minimum, allow)?,
+            Command::Finish => self.motion.finish().await?,
+            Command::QuickStop => {
+                self.motion.stop();
+                self.follow_the_motors();
+            }
+            Command::Restart => self.signals.restart(),
+            Command::SelectTool(0) => {}
+            Command::SelectTool(tool) => return Err(CommandError::InvalidTool(tool)),
+            Command::Unknown(text) => self.replies.send(Reply::UnknownCommand(text)),
+            // Without a display, a second fan or an idle timer these change nothing here.
+            Command::Display(_)
+            | Command::Fan { .. }
+            | Command::IdleTimeout { .. }
+            | Command::SetNozzle(None)
+            | Command::SetBed(None)
+            | Command::SetLineNumber(Some(_))
+            | Command::Accepted => {}
+        }
+        Ok(false)
+    }
+
+    /// G90, G91: as in Marlin they rule the extruder too, until M82 or M83 says otherwise.
+    fn set_relative(&mut self, relative: bool) {
+        self.modal.relative = relative;
+        self.modal.relative_extruder = relative;
+    }
+
+    /// M18, M84: a motor without current may be turned by hand, so its axis is no longer homed.
+    async fn disable_motors(&mut self, axes: AxisFlags) -> Result<(), CommandError> {
+        self.motion.finish().await?;
+        let motors = mask(axes);
+        self.motion.set_motors_enabled(motors, false);
+        for (axis, homed) in self.modal.homed.iter_mut().enumerate() {
+            *homed &= motors >> axis & 1 == 0;
+        }
+        Ok(())
+    }
+
+    /// M112: heat first, then motion.
+    fn emergency_stop(&mut self) -> Result<bool, CommandError> {
+        self.heating.all_off();
+        self.motion.stop();
+        self.signals.halt();
+        self.replies.send(Reply::Killed);
+        Err(CommandError::Halted)
+    }
+
+    pub(crate) fn position(&self) -> Position {
+        let [x, y, z, _] = self.motion.motor_steps();
+        Position {
+            logical_10nm: self.modal.logical_10nm(),
+            motor_steps: [x, y, z],
+            core_xy: self.profile.kinematics == Kinematics::CoreXy,
+        }
+    }
+
+    fn report_firmware(&self) {
+        self.replies.send(Reply::Firmware(FirmwareInfo {
+            version: env!("CARGO_PKG_VERSION"),
+            machine: self.profile.name,
+            kinematics: match self.profile.kinematics {
+                Kinematics::Cartesian => "Cartesian",
+                Kinematics::CoreXy => "COREXY",
+            },
+            size_10nm: self.profile.size_10nm,
+            emergency_parser: self.emergency_parser,
+        }));
+    }
+
+    fn report_end_stops(&self) {
+        const NAMES: [[&str; 2]; 3] = [["x_min", "x_max"], ["y_min", "y_max"], ["z_min", "z_max"]];
+        let mut states = [EndStopState { name: "", triggered: false }; 3];
+        for (axis, state) in states.iter_mut().enumerate() {
+            let homing = &self.profile.homing[axis];
+            let name = if homing.probe { "z_probe" } else { NAMES[axis][usize::from(homing.end == HomeEnd::Max)] };
+            *state = EndStopState { name, triggered: self.motion.is_end_stop_triggered(axis) };
+        }
+        self.replies.send(Reply::EndStops(&states));
+    }
+
+    fn echo(&self, echo_prefix: bool, action_prefix: bool, text: &str) {
+        let mut reply = Text::new();
+        let prefix = match (echo_prefix, action_prefix) {
+            (true, _) => "echo:",
+            (false, true) => "//",
+            (false, false) => "",
+        };
+        if core::fmt::write(&mut reply, format_args!("{prefix}{text}")).is_ok() {
+            self.replies.send(Reply::Text(&reply));
+        }
+    }
+}

@@ -1,0 +1,105 @@
+//! The machine as numbers: what a profile file or a board's constants say.
+
+use ferrostep_planner::{Kinematics, Limits, StepsPerMm};
+
+/// Which end of its travel an axis homes to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum HomeEnd {
+    /// Towards smaller coordinates.
+    Min,
+    /// Towards larger coordinates.
+    Max,
+}
+
+/// How an axis finds its home.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AxisHoming {
+    /// Which end.
+    pub end: HomeEnd,
+    /// Whether a probe stands in for the end stop (only Z).
+    pub probe: bool,
+    /// Machine coordinate at which the sensor triggers, in units of 10 nm.
+    pub position_10nm: i64,
+    /// Speed of the first approach, mm/s.
+    pub fast_mm_per_s: f64,
+    /// Speed of the second approach, mm/s.
+    pub slow_mm_per_s: f64,
+    /// Way back between the two, in units of 10 nm.
+    pub back_off_10nm: i64,
+}
+
+/// Range and control of a heater; temperatures in degrees Celsius, powers from 0 to 1.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HeaterSettings {
+    /// Below this the sensor is taken for open.
+    pub min_celsius: f32,
+    /// At or above this the heaters are switched off.
+    pub max_celsius: f32,
+    /// Proportional gain, power per degree.
+    pub proportional: f32,
+    /// Integral gain, power per degree and second.
+    pub integral: f32,
+    /// Derivative gain, power seconds per degree.
+    pub derivative: f32,
+    /// M109 and M190 wait until the temperature stays this near the target, degrees.
+    pub residency_window_celsius: f32,
+    /// ... for this long, milliseconds.
+    pub residency_ms: u32,
+}
+
+/// G10 and G11 as M207 and M208 find them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FirmwareRetraction {
+    /// Filament drawn back, units of 10 nm.
+    pub length_10nm: i64,
+    /// Speed of retraction, units of 10 nm a second.
+    pub retract_10nm_per_s: i64,
+    /// Filament pushed beyond the length on recovery, units of 10 nm.
+    pub extra_recover_10nm: i64,
+    /// Speed of recovery, units of 10 nm a second.
+    pub recover_10nm_per_s: i64,
+    /// Lift of Z while retracted, units of 10 nm.
+    pub lift_10nm: i64,
+}
+
+/// What the motor drivers ask of a pulse, in nanoseconds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DriverTiming {
+    /// Shortest high and shortest low time of a step pulse.
+    pub pulse_width_ns: u32,
+    /// From a direction change to the step after it.
+    pub direction_setup_ns: u32,
+    /// Whether both edges of the step signal step.
+    pub both_edges: bool,
+}
+
+/// A machine.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Profile {
+    /// Name, for M115 and reports.
+    pub name: &'static str,
+    /// How X and Y are driven.
+    pub kinematics: Kinematics,
+    /// Upper end of X, Y and Z in machine coordinates (the lower is 0), units of 10 nm.
+    pub size_10nm: [i64; 3],
+    /// Steps/mm of X, Y, Z and the extruder (CoreXY: of the motors A and B for X and Y).
+    pub steps_per_mm: [StepsPerMm; 4],
+    /// Speeds, accelerations and junctions at start-up.
+    pub limits: Limits,
+    /// Largest jerk, mm/s^3 (S-curve only).
+    pub jerk_mm_per_s3: f64,
+    /// Step events nearer than this join, ticks of the nominal time base.
+    pub minimum_event_interval_ticks: u32,
+    /// Homing of X, Y and Z.
+    pub homing: [AxisHoming; 3],
+    /// Extrusion is refused below this nozzle temperature, degrees Celsius.
+    pub min_extrusion_celsius: f32,
+    /// The nozzle's heater.
+    pub nozzle: HeaterSettings,
+    /// The bed's heater.
+    pub bed: HeaterSettings,
+    /// Firmware retraction at start-up.
+    pub retraction: FirmwareRetraction,
+    /// Step and direction signals.
+    pub driver: DriverTiming,
+}

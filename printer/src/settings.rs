@@ -1,0 +1,175 @@
+//! M201 to M221: what a job may change about the machine.
+
+use embedded_hal_async::delay::DelayNs;
+use ferrostep_gcode::{AxisWords, Decimal, Reply, RetractionWords};
+use ferrostep_hal_shim::Clock;
+
+use crate::error::CommandError;
+use crate::ports::{Heating, Motion, Replies};
+use crate::printer::Printer;
+
+/// Largest speed and acceleration that may be set, mm/s and mm/s^2.
+const LARGEST_LIMIT: f64 = 1_000_000.0;
+
+/// A value within its range.
+fn in_range(word: char, value: f64, minimum: f64, maximum: f64) -> Result<f64, CommandError> {
+    if value >= minimum && value <= maximum {
+        Ok(value)
+    } else {
+        Err(CommandError::OutOfRange { word, value, minimum, maximum })
+    }
+}
+
+fn limit(word: char, value: Decimal) -> Result<f64, CommandError> {
+    in_range(word, value.to_f64(), 0.001, LARGEST_LIMIT)
+}
+
+fn percent(value: Decimal) -> Result<u16, CommandError> {
+    let percent = in_range('S', value.to_f64(), 1.0, 999.0)?;
+    // Whole percents, as Marlin: so that a flow times a length stays exact.
+    Ok(percent as u16)
+}
+
+fn set_axes(limits: &mut [f64; 4], words: &AxisWords) -> Result<(), CommandError> {
+    let words = [('X', words.x), ('Y', words.y), ('Z', words.z), ('E', words.e)];
+    for (limit_of_axis, (letter, word)) in limits.iter_mut().zip(words) {
+        if let Some(value) = word {
+            *limit_of_axis = limit(letter, value)?;
+        }
+    }
+    Ok(())
+}
+
+impl<M: Motion, H: Heating, T: Clock + DelayNs, R: Replies> Printer<'_, M, H, T, R> {
+    /// M201.
+    pub(crate) fn set_max_acceleration(&mut self, words: &AxisWords) -> Result<(), CommandError> {
+        let mut limits = self.motion.limits();
+        set_axes(&mut limits.max_acceleration_mm_per_s2, words)?;
+        self.motion.set_limits(limits);
+        Ok(())
+    }
+
+    /// M203.
+    pub(crate) fn set_max_feed(&mut self, words: &AxisWords) -> Result<(), CommandError> {
+        let mut limits = self.motion.limits();
+        set_axes(&mut limits.max_feed_mm_per_s, words)?;
+        self.motion.set_limits(limits);
+        Ok(())
+    }
+
+    /// M204; S sets print and travel, and P and T win over it.
+    pub(crate) fn set_acceleration(
+        &mut self,
+        print: Option<Decimal>,
+        retract: Option<Decimal>,
+        travel: Option<Decimal>,
+        both: Option<Decimal>,
+    ) -> Result<(), CommandError> {
+        let mut limits = self.motion.limits();
+        if let Some(value) = both {
+            limits.print_acceleration_mm_per_s2 = limit('S', value)?;
+            limits.travel_acceleration_mm_per_s2 = limits.print_acceleration_mm_per_s2;
+        }
+        if let Some(value) = print {
+            limits.print_acceleration_mm_per_s2 = limit('P', value)?;
+        }
+        if let Some(value) = retract {
+            limits.retract_acceleration_mm_per_s2 = limit('R', value)?;
+        }
+        if let Some(value) = travel {
+            limits.travel_acceleration_mm_per_s2 = limit('T', value)?;
+        }
+        self.motion.set_limits(limits);
+        Ok(())
+    }
+
+    /// M205 J.
+    pub(crate) fn set_junction_deviation(&mut self, deviation: Option<Decimal>) -> Result<(), CommandError> {
+        if let Some(value) = deviation {
+            let mut limits = self.motion.limits();
+            limits.junction_deviation_mm = in_range('J', value.to_f64(), 0.000_01, 10.0)?;
+            self.motion.set_limits(limits);
+        }
+        Ok(())
+    }
+
+    /// M207 and M208.
+    pub(crate) fn set_retraction(&mut self, words: &RetractionWords, recover: bool) -> Result<(), CommandError> {
+        let mut settings = self.modal.retraction;
+        let length = |word: char, value: Decimal, largest_mm: f64| -> Result<i64, CommandError> {
+            let length_10nm = self.modal.length_10nm(value).ok_or(CommandError::TooFar)?;
+            let smallest_mm = if word == 'S' && recover { -largest_mm } else { 0.0 };
+            in_range(word, length_10nm as f64 / 100_000.0, smallest_mm, largest_mm)?;
+            Ok(length_10nm)
+        };
+        if let Some(value) = words.length {
+            let length_10nm = length('S', value, 100.0)?;
+            if recover {
+                settings.extra_recover_10nm = length_10nm;
+            } else {
+                settings.length_10nm = length_10nm;
+            }
+        }
+        if let Some(value) = words.feed {
+            let rate = length('F', value, 60_000.0)? / 60;
+            in_range('F', rate as f64, 1_000.0, f64::MAX)?;
+            if recover {
+                settings.recover_10nm_per_s = rate;
+            } else {
+                settings.retract_10nm_per_s = rate;
+            }
+        }
+        if let Some(value) = words.lift {
+            settings.lift_10nm = length('Z', value, 100.0)?;
+        }
+        self.modal.retraction = settings;
+        Ok(())
+    }
+
+    /// M220.
+    pub(crate) fn feed_percent(&mut self, value: Option<Decimal>) -> Result<(), CommandError> {
+        match value {
+            Some(value) => self.modal.feed_percent = percent(value)?,
+            None => self.replies.send(Reply::FeedPercent(self.modal.feed_percent)),
+        }
+        Ok(())
+    }
+
+    /// M221.
+    pub(crate) fn flow_percent(&mut self, value: Option<Decimal>) -> Result<(), CommandError> {
+        match value {
+            Some(value) => self.modal.flow_percent = percent(value)?,
+            None => self.replies.send(Reply::FlowPercent(self.modal.flow_percent)),
+        }
+        Ok(())
+    }
+
+    /// M211.
+    pub(crate) fn soft_limits(&mut self, enabled: Option<bool>) {
+        match enabled {
+            Some(enabled) => self.modal.soft_limits = enabled,
+            None => self
+                .replies
+                .send(Reply::SoftLimits { enabled: self.modal.soft_limits, max_10nm: self.profile.size_10nm }),
+        }
+    }
+
+    /// M302.
+    pub(crate) fn cold_extrusion(&mut self, minimum: Option<Decimal>, allow: Option<bool>) -> Result<(), CommandError> {
+        if let Some(value) = minimum {
+            self.modal.min_extrusion_celsius = in_range('S', value.to_f64(), 0.0, 500.0)? as f32;
+            // Marlin: S0 allows cold extrusion, any other S forbids it again.
+            self.modal.cold_extrusion_allowed = value.nanos() == 0;
+        }
+        if let Some(allow) = allow {
+            self.modal.cold_extrusion_allowed = allow;
+        }
+        if minimum.is_none() && allow.is_none() {
+            self.replies.send(Reply::ColdExtrusion {
+                allowed: self.modal.cold_extrusion_allowed,
+                minimum: self.modal.min_extrusion_celsius,
+            });
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,122 @@
+//! Waits: for time, for heat.
+
+use embedded_hal_async::delay::DelayNs;
+use ferrostep_gcode::{Reply, Temperatures, WaitTarget};
+use ferrostep_hal_shim::{Clock, Heater};
+
+use crate::error::CommandError;
+use crate::ports::{Heating, Motion, Replies};
+use crate::printer::Printer;
+
+/// How often a wait looks around. A cancelled wait ends within this time.
+const LOOK_MS: u64 = 100;
+
+/// Interval of the lines that M109 and M190 print.
+const REPORT_MS: u64 = 1000;
+
+impl<M: Motion, H: Heating, T: Clock + DelayNs, R: Replies> Printer<'_, M, H, T, R> {
+    /// Waits for a while; ends early when the machine is halted.
+    pub(crate) async fn wait_ms(&mut self, milliseconds: u64) -> Result<(), CommandError> {
+        let end = self.clock.now_ms().saturating_add(milliseconds);
+        let mut last_busy = self.clock.now_ms();
+        loop {
+            if self.signals.is_halted() {
+                return Err(CommandError::Halted);
+            }
+            let now = self.clock.now_ms();
+            if now >= end {
+                return Ok(());
+            }
+            let keep_alive_ms = u64::from(self.signals.keep_alive_s()) * 1000;
+            if keep_alive_ms > 0 && now - last_busy >= keep_alive_ms {
+                last_busy = now;
+                self.replies.send(Reply::Busy);
+            }
+            self.clock.delay_ms((end - now).min(LOOK_MS) as u32).await;
+        }
+    }
+
+    /// M104, M140.
+    pub(crate) fn set_temperature(&mut self, heater: Heater, celsius: f64) -> Result<(), CommandError> {
+        let settings = match heater {
+            Heater::Nozzle => &self.profile.nozzle,
+            Heater::Bed => &self.profile.bed,
+        };
+        if celsius >= f64::from(settings.max_celsius) {
+            return Err(CommandError::TooHot { celsius, maximum_celsius: settings.max_celsius });
+        }
+        self.heating.set_target(heater, celsius as f32);
+        Ok(())
+    }
+
+    /// M109, M190: until the temperature has stayed near its target for the profile's residency time. S waits only
+    /// if it has to heat. M108 ends the wait, not the heating.
+    pub(crate) async fn wait_for_heat(&mut self, heater: Heater, target: WaitTarget) -> Result<(), CommandError> {
+        let cooling_counts = match target {
+            WaitTarget::Heating(value) => {
+                self.set_temperature(heater, value.to_f64())?;
+                false
+            }
+            WaitTarget::HeatingOrCooling(value) => {
+                self.set_temperature(heater, value.to_f64())?;
+                true
+            }
+            WaitTarget::Current => false,
+        };
+        self.motion.finish().await?;
+        // An M108 from before this wait is not meant for it.
+        self.signals.take_end_wait();
+        let settings = match heater {
+            Heater::Nozzle => self.profile.nozzle,
+            Heater::Bed => self.profile.bed,
+        };
+        let mut near_since: Option<u64> = None;
+        let mut next_report = self.clock.now_ms() + REPORT_MS;
+        loop {
+            if self.signals.is_halted() {
+                return Err(CommandError::Halted);
+            }
+            if self.signals.take_end_wait() {
+                return Ok(());
+            }
+            let status = self.heating.status(heater);
+            let above = status.celsius - status.target_celsius;
+            if status.target_celsius <= 0.0 || !cooling_counts && above > settings.residency_window_celsius {
+                return Ok(());
+            }
+            let now = self.clock.now_ms();
+            if above.abs() > settings.residency_window_celsius {
+                near_since = None;
+            }
+            let near = above.abs() <= settings.residency_window_celsius;
+            let left_ms = near.then(|| {
+                let since = *near_since.get_or_insert(now);
+                u64::from(settings.residency_ms).saturating_sub(now - since)
+            });
+            if left_ms == Some(0) {
+                return Ok(());
+            }
+            if now >= next_report {
+                next_report = now + REPORT_MS;
+                let left_s = left_ms.map(|left| left.div_ceil(1000) as u32);
+                self.replies.send(Reply::Waiting(temperatures(&self.heating), left_s));
+            }
+            self.clock.delay_ms(LOOK_MS as u32).await;
+        }
+    }
+}
+
+/// All temperatures as reports show them.
+pub fn temperatures(heating: &impl Heating) -> Temperatures {
+    let nozzle = heating.status(Heater::Nozzle);
+    let bed = heating.status(Heater::Bed);
+    let power = |share: f32| (share * 127.0) as u8;
+    Temperatures {
+        nozzle: nozzle.celsius,
+        nozzle_target: nozzle.target_celsius,
+        bed: bed.celsius,
+        bed_target: bed.target_celsius,
+        nozzle_power: power(nozzle.power),
+        bed_power: power(bed.power),
+    }
+}

@@ -1,0 +1,271 @@
+//! From the checked text to the machine: ranges, units, and the values that must fit each other.
+
+use ferrostep_planner::{Kinematics, Limits, StepsPerMm, TICKS_PER_SECOND};
+use ferrostep_printer::{AxisHoming, DriverTiming, FirmwareRetraction, HeaterSettings, HomeEnd, Profile};
+
+use crate::check::{Checker, Range, range};
+use crate::error::ProfileError;
+use crate::file::{
+    DriverTable, EndName, HeaterTable, HomingTable, KinematicsName, Number, ProfileFile, RetractionTable, SensorName,
+    Xyze,
+};
+
+/// Units of 10 nm in a mm.
+const UNITS_PER_MM: f64 = 100_000.0;
+/// Ticks of the nominal time base in a microsecond.
+const TICKS_PER_US: f64 = TICKS_PER_SECOND as f64 / 1e6;
+
+const SIZE: Range = range(10.0, 2_000.0, "mm");
+const STEPS_PER_MM: Range = range(1.0, 10_000.0, "steps/mm");
+const FEED: Range = range(0.01, 2_000.0, "mm/s");
+const ACCELERATION: Range = range(0.1, 100_000.0, "mm/s^2");
+const JUNCTION_DEVIATION: Range = range(0.000_1, 1.0, "mm");
+const JERK: Range = range(1.0, 10_000_000.0, "mm/s^3");
+const EVENT_INTERVAL: Range = range(0.5, 100.0, "us");
+const MIN_EXTRUSION: Range = range(0.0, 400.0, "degrees Celsius");
+const BACK_OFF: Range = range(0.1, 50.0, "mm");
+const HEATER_MIN: Range = range(-50.0, 50.0, "degrees Celsius");
+const NOZZLE_MAX: Range = range(60.0, 500.0, "degrees Celsius");
+const BED_MAX: Range = range(60.0, 200.0, "degrees Celsius");
+const PROPORTIONAL: Range = range(0.000_1, 10.0, "per degree");
+const INTEGRAL: Range = range(0.0, 10.0, "per degree and second");
+const DERIVATIVE: Range = range(0.0, 100.0, "seconds per degree");
+const RESIDENCY_WINDOW: Range = range(0.1, 20.0, "degrees");
+const RESIDENCY: Range = range(0.0, 600.0, "s");
+const RETRACTION: Range = range(0.0, 100.0, "mm");
+const EXTRA_RECOVER: Range = range(-100.0, 100.0, "mm");
+const LIFT: Range = range(0.0, 50.0, "mm");
+const PULSE_WIDTH: Range = range(0.01, 50.0, "us");
+const DIRECTION_SETUP: Range = range(0.0, 100.0, "us");
+
+/// Longest name, bytes.
+const MAX_NAME: usize = 32;
+
+/// Checks every value of a profile and converts it to the machine's units.
+pub fn profile(file: &ProfileFile, check: &Checker<'_>) -> Result<Profile, ProfileError> {
+    let name = checked_name(file, check)?;
+    let kinematics = match file.kinematics {
+        KinematicsName::Cartesian => Kinematics::Cartesian,
+        KinematicsName::CoreXy => Kinematics::CoreXy,
+    };
+    let size_mm = check.three("size_mm", &file.size_mm, SIZE)?;
+    let steps = check.four("steps_per_mm", &file.steps_per_mm, STEPS_PER_MM)?;
+    let steps_per_mm = fixed_point_steps(steps, file, check)?;
+    let limits = limits(file, check)?;
+    let jerk_mm_per_s3 = check.number("jerk_mm_per_s3", &file.jerk_mm_per_s3, JERK)?;
+    let interval_us = check.number("minimum_event_interval_us", &file.minimum_event_interval_us, EVENT_INTERVAL)?;
+    motor_rates(kinematics, steps, &limits, interval_us, file, check)?;
+    let min_extrusion = check.number("min_extrusion_celsius", &file.min_extrusion_celsius, MIN_EXTRUSION)?;
+    let homing = [
+        homing("x", &file.homing.x, size_mm[0], limits.max_feed_mm_per_s[0], check)?,
+        homing("y", &file.homing.y, size_mm[1], limits.max_feed_mm_per_s[1], check)?,
+        homing("z", &file.homing.z, size_mm[2], limits.max_feed_mm_per_s[2], check)?,
+    ];
+    let nozzle = heater("nozzle", &file.nozzle, NOZZLE_MAX, check)?;
+    let bed = heater("bed", &file.bed, BED_MAX, check)?;
+    if min_extrusion as f32 >= nozzle.max_celsius {
+        let expected = format!("less than nozzle.max_celsius = {}", nozzle.max_celsius);
+        return Err(check.refuse("min_extrusion_celsius", &file.min_extrusion_celsius, expected));
+    }
+    Ok(Profile {
+        kinematics,
+        size_10nm: size_mm.map(units_10nm),
+        steps_per_mm,
+        limits,
+        jerk_mm_per_s3,
+        minimum_event_interval_ticks: (interval_us * TICKS_PER_US).round() as u32,
+        homing,
+        min_extrusion_celsius: min_extrusion as f32,
+        nozzle,
+        bed,
+        retraction: retraction(&file.firmware_retraction, check)?,
+        driver: driver(&file.driver, interval_us, check)?,
+        // Leaked last, so that only profiles without a fault leave something behind.
+        name: Box::leak(name.to_owned().into_boxed_str()),
+    })
+}
+
+/// A name that M115 can put into its line.
+fn checked_name<'a>(file: &'a ProfileFile, check: &Checker<'_>) -> Result<&'a str, ProfileError> {
+    let name = file.name.get_ref();
+    let printable = name.bytes().all(|byte| byte == b' ' || byte.is_ascii_graphic());
+    if printable && !name.trim().is_empty() && name.len() <= MAX_NAME {
+        return Ok(name);
+    }
+    let expected = format!("1 to {MAX_NAME} printable ASCII characters, not all blank");
+    let shown = toml::Spanned::new(file.name.span(), format!("{name:?}"));
+    Err(check.refuse("name", &shown, expected))
+}
+
+/// Steps/mm in the planner's fixed-point form.
+fn fixed_point_steps(
+    steps: [f64; 4],
+    file: &ProfileFile,
+    check: &Checker<'_>,
+) -> Result<[StepsPerMm; 4], ProfileError> {
+    let convert = |index: usize, key: &str, value: &Number| {
+        StepsPerMm::from_f64(steps[index]).ok_or_else(|| check.refuse(key, value, STEPS_PER_MM))
+    };
+    let values = &file.steps_per_mm;
+    Ok([
+        convert(0, "steps_per_mm.x", &values.x)?,
+        convert(1, "steps_per_mm.y", &values.y)?,
+        convert(2, "steps_per_mm.z", &values.z)?,
+        convert(3, "steps_per_mm.e", &values.e)?,
+    ])
+}
+
+/// Speeds, accelerations and the junction deviation.
+fn limits(file: &ProfileFile, check: &Checker<'_>) -> Result<Limits, ProfileError> {
+    let moves = &file.acceleration_mm_per_s2;
+    let acceleration = |name: &str, value| check.number(&format!("acceleration_mm_per_s2.{name}"), value, ACCELERATION);
+    Ok(Limits {
+        max_feed_mm_per_s: check.four("max_feed_mm_per_s", &file.max_feed_mm_per_s, FEED)?,
+        max_acceleration_mm_per_s2: check.four(
+            "max_acceleration_mm_per_s2",
+            &file.max_acceleration_mm_per_s2,
+            ACCELERATION,
+        )?,
+        print_acceleration_mm_per_s2: acceleration("print", &moves.print)?,
+        travel_acceleration_mm_per_s2: acceleration("travel", &moves.travel)?,
+        retract_acceleration_mm_per_s2: acceleration("retract", &moves.retract)?,
+        junction_deviation_mm: check.number(
+            "junction_deviation_mm",
+            &file.junction_deviation_mm,
+            JUNCTION_DEVIATION,
+        )?,
+    })
+}
+
+/// No motor may have to step more often than events may follow each other.
+fn motor_rates(
+    kinematics: Kinematics,
+    steps: [f64; 4],
+    limits: &Limits,
+    interval_us: f64,
+    file: &ProfileFile,
+    check: &Checker<'_>,
+) -> Result<(), ProfileError> {
+    let [x, y, z, e] = limits.max_feed_mm_per_s;
+    // Both motors of a CoreXY machine turn fastest on a diagonal, by the sum of the speeds.
+    let motor_feeds_mm_per_s = match kinematics {
+        Kinematics::Cartesian => [x, y, z, e],
+        Kinematics::CoreXy => [x + y, x + y, z, e],
+    };
+    let Xyze { x, y, z, e } = &file.max_feed_mm_per_s;
+    for (index, (axis, value)) in [("x", x), ("y", y), ("z", z), ("e", e)].into_iter().enumerate() {
+        let steps_per_s = motor_feeds_mm_per_s[index] * steps[index];
+        let highest_per_s = 1e6 / interval_us;
+        if steps_per_s > highest_per_s {
+            let expected = format!(
+                "a motor rate of at most {highest_per_s:.0} steps/s (minimum_event_interval_us = {interval_us}), \
+                 not {steps_per_s:.0}"
+            );
+            return Err(check.refuse(&format!("max_feed_mm_per_s.{axis}"), value, expected));
+        }
+    }
+    Ok(())
+}
+
+/// Homing of one axis, within its travel and its speed.
+fn homing(
+    axis: &str,
+    table: &HomingTable,
+    size_mm: f64,
+    max_feed_mm_per_s: f64,
+    check: &Checker<'_>,
+) -> Result<AxisHoming, ProfileError> {
+    let key = |name: &str| format!("homing.{axis}.{name}");
+    let probe = *table.sensor.get_ref() == SensorName::Probe;
+    if probe && axis != "z" {
+        let shown = toml::Spanned::new(table.sensor.span(), "\"probe\"");
+        return Err(check.refuse(&key("sensor"), &shown, "\"end-stop\": only Z homes by a probe"));
+    }
+    // An end that contradicts its position would let the soft limits drive into the frame.
+    let (end, travel) = match table.end {
+        EndName::Min => (HomeEnd::Min, range(0.0, size_mm / 2.0, "mm")),
+        EndName::Max => (HomeEnd::Max, range(size_mm / 2.0, size_mm, "mm")),
+    };
+    let position = table.position_mm.get_ref();
+    if !(travel.low..=travel.high).contains(position) {
+        let word = if end == HomeEnd::Min { "min" } else { "max" };
+        let expected = format!("{travel}, the half of the travel at end = \"{word}\"");
+        return Err(check.refuse(&key("position_mm"), &table.position_mm, expected));
+    }
+    let fast_mm_per_s = check.number(
+        &key("fast_mm_per_s"),
+        &table.fast_mm_per_s,
+        range(FEED.low, max_feed_mm_per_s, "mm/s, the axis's max_feed_mm_per_s"),
+    )?;
+    let slow_mm_per_s = check.number(
+        &key("slow_mm_per_s"),
+        &table.slow_mm_per_s,
+        range(FEED.low, fast_mm_per_s, "mm/s, this axis's fast_mm_per_s"),
+    )?;
+    let back_off = range(BACK_OFF.low, BACK_OFF.high.min(size_mm / 2.0), BACK_OFF.unit);
+    Ok(AxisHoming {
+        end,
+        probe,
+        position_10nm: units_10nm(*position),
+        fast_mm_per_s,
+        slow_mm_per_s,
+        back_off_10nm: units_10nm(check.number(&key("back_off_mm"), &table.back_off_mm, back_off)?),
+    })
+}
+
+/// Range and control of one heater.
+fn heater(
+    name: &str,
+    table: &HeaterTable,
+    max_celsius: Range,
+    check: &Checker<'_>,
+) -> Result<HeaterSettings, ProfileError> {
+    let number = |key: &str, value: &Number, range| check.number(&format!("{name}.{key}"), value, range);
+    let residency_window = &table.residency_window_celsius;
+    Ok(HeaterSettings {
+        min_celsius: number("min_celsius", &table.min_celsius, HEATER_MIN)? as f32,
+        max_celsius: number("max_celsius", &table.max_celsius, max_celsius)? as f32,
+        proportional: number("proportional", &table.proportional, PROPORTIONAL)? as f32,
+        integral: number("integral", &table.integral, INTEGRAL)? as f32,
+        derivative: number("derivative", &table.derivative, DERIVATIVE)? as f32,
+        residency_window_celsius: number("residency_window_celsius", residency_window, RESIDENCY_WINDOW)? as f32,
+        residency_ms: (number("residency_s", &table.residency_s, RESIDENCY)? * 1e3).round() as u32,
+    })
+}
+
+/// Firmware retraction at start-up.
+fn retraction(table: &RetractionTable, check: &Checker<'_>) -> Result<FirmwareRetraction, ProfileError> {
+    let units = |key: &str, value: &Number, range| {
+        check.number(&format!("firmware_retraction.{key}"), value, range).map(units_10nm)
+    };
+    Ok(FirmwareRetraction {
+        length_10nm: units("length_mm", &table.length_mm, RETRACTION)?,
+        retract_10nm_per_s: units("retract_mm_per_s", &table.retract_mm_per_s, FEED)?,
+        extra_recover_10nm: units("extra_recover_mm", &table.extra_recover_mm, EXTRA_RECOVER)?,
+        recover_10nm_per_s: units("recover_mm_per_s", &table.recover_mm_per_s, FEED)?,
+        lift_10nm: units("lift_mm", &table.lift_mm, LIFT)?,
+    })
+}
+
+/// Step and direction signals, fast enough for the event interval.
+fn driver(table: &DriverTable, interval_us: f64, check: &Checker<'_>) -> Result<DriverTiming, ProfileError> {
+    let pulse_us = check.number("driver.pulse_width_us", &table.pulse_width_us, PULSE_WIDTH)?;
+    // A step is a high and a low time, or only one of them where both edges step.
+    let levels = if table.both_edges { 1.0 } else { 2.0 };
+    if pulse_us * levels > interval_us {
+        let longest = interval_us / levels;
+        let expected = format!("at most {longest} us (minimum_event_interval_us = {interval_us})");
+        return Err(check.refuse("driver.pulse_width_us", &table.pulse_width_us, expected));
+    }
+    let setup_us = check.number("driver.direction_setup_us", &table.direction_setup_us, DIRECTION_SETUP)?;
+    Ok(DriverTiming {
+        pulse_width_ns: (pulse_us * 1e3).round() as u32,
+        direction_setup_ns: (setup_us * 1e3).round() as u32,
+        both_edges: table.both_edges,
+    })
+}
+
+/// Millimetres to units of 10 nm. The ranges above keep the product far within both types.
+fn units_10nm(length_mm: f64) -> i64 {
+    (length_mm * UNITS_PER_MM).round() as i64
+}

@@ -1,0 +1,126 @@
+//! What can be wrong with a profile, and where.
+
+use std::fmt;
+
+/// A profile that could not be loaded: where it came from, the line and the problem.
+///
+/// Displays as one line, `ORIGIN:LINE: PROBLEM`.
+#[derive(Debug)]
+pub struct ProfileError {
+    origin: String,
+    line: Option<usize>,
+    problem: Problem,
+}
+
+/// What is wrong. Keys are full paths with dots, such as `homing.x.end`.
+#[derive(Debug)]
+#[non_exhaustive]
+pub enum Problem {
+    /// The file could not be read (and its name is not that of a built-in profile).
+    Read(std::io::Error),
+    /// The text is not TOML.
+    Syntax(String),
+    /// A key that a profile does not have.
+    UnknownKey {
+        /// The key.
+        key: String,
+        /// What may stand in its place, in words.
+        expected: String,
+    },
+    /// A key that a profile must have.
+    MissingKey {
+        /// The key.
+        key: String,
+    },
+    /// A value of the wrong type, or a word that is none of the key's.
+    WrongType {
+        /// The key; empty if it could not be told.
+        key: String,
+        /// What was found and what was expected.
+        message: String,
+    },
+    /// A value outside its range, or one that contradicts another.
+    OutOfRange {
+        /// The key.
+        key: String,
+        /// The value as it was read.
+        value: String,
+        /// What it should have been, in words and with its unit.
+        expected: String,
+    },
+}
+
+impl ProfileError {
+    pub(crate) fn new(origin: &str, line: Option<usize>, problem: Problem) -> ProfileError {
+        ProfileError { origin: origin.to_owned(), line, problem }
+    }
+
+    /// The path or built-in name of the profile.
+    pub fn origin(&self) -> &str {
+        &self.origin
+    }
+
+    /// Line of the text, counted from 1; `None` where no line is to blame, as for a key missing at the top level.
+    pub fn line(&self) -> Option<usize> {
+        self.line
+    }
+
+    /// What is wrong.
+    pub fn problem(&self) -> &Problem {
+        &self.problem
+    }
+
+    /// Full path of the key to blame, if it is a key.
+    pub fn key(&self) -> Option<&str> {
+        match &self.problem {
+            Problem::UnknownKey { key, .. }
+            | Problem::MissingKey { key }
+            | Problem::WrongType { key, .. }
+            | Problem::OutOfRange { key, .. } => Some(key),
+            Problem::Read(_) | Problem::Syntax(_) => None,
+        }
+    }
+}
+
+impl fmt::Display for ProfileError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}:", self.origin)?;
+        if let Some(line) = self.line {
+            write!(f, "{line}:")?;
+        }
+        write!(f, " {}", self.problem)
+    }
+}
+
+impl fmt::Display for Problem {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Problem::Read(error) => {
+                write!(f, "cannot read profile: {error}; the built-in profiles are ")?;
+                for (index, name) in crate::builtin_names().enumerate() {
+                    write!(f, "{}{name}", if index == 0 { "" } else { ", " })?;
+                }
+                Ok(())
+            }
+            Problem::Syntax(message) => write!(f, "not valid TOML: {message}"),
+            Problem::UnknownKey { key, expected } => {
+                write!(f, "unknown key \"{key}\", expected {expected}")
+            }
+            Problem::MissingKey { key } => write!(f, "missing key \"{key}\""),
+            Problem::WrongType { key, message } if key.is_empty() => f.write_str(message),
+            Problem::WrongType { key, message } => write!(f, "{key}: {message}"),
+            Problem::OutOfRange { key, value, expected } => {
+                write!(f, "{key} = {value}: expected {expected}")
+            }
+        }
+    }
+}
+
+impl std::error::Error for ProfileError {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        match &self.problem {
+            Problem::Read(error) => Some(error),
+            _ => None,
+        }
+    }
+}

@@ -1,0 +1,138 @@
+//! The shape of a profile's text: names of keys and their types, no ranges.
+//!
+//! Every value carries its span, so that a refused one can be found in the text. What the keys mean is said in the
+//! built-in profiles.
+
+use serde::Deserialize;
+use toml::Spanned;
+
+/// A number with its place in the text; TOML integers are taken too.
+pub type Number = Spanned<f64>;
+
+/// A whole profile.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, expecting = "a profile")]
+pub struct ProfileFile {
+    pub name: Spanned<String>,
+    pub kinematics: KinematicsName,
+    pub size_mm: Xyz,
+    pub steps_per_mm: Xyze,
+    pub max_feed_mm_per_s: Xyze,
+    pub max_acceleration_mm_per_s2: Xyze,
+    pub acceleration_mm_per_s2: MoveAccelerations,
+    pub junction_deviation_mm: Number,
+    pub jerk_mm_per_s3: Number,
+    pub minimum_event_interval_us: Number,
+    pub min_extrusion_celsius: Number,
+    pub homing: HomingTables,
+    pub nozzle: HeaterTable,
+    pub bed: HeaterTable,
+    pub firmware_retraction: RetractionTable,
+    pub driver: DriverTable,
+}
+
+/// How X and Y are driven.
+#[derive(Clone, Copy, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum KinematicsName {
+    Cartesian,
+    CoreXy,
+}
+
+/// A value for each of the three axes.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, expecting = "a table with the keys x, y, z")]
+pub struct Xyz {
+    pub x: Number,
+    pub y: Number,
+    pub z: Number,
+}
+
+/// A value for each of the three axes and the extruder.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, expecting = "a table with the keys x, y, z, e")]
+pub struct Xyze {
+    pub x: Number,
+    pub y: Number,
+    pub z: Number,
+    pub e: Number,
+}
+
+/// Acceleration by the kind of move.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, expecting = "a table with the keys print, travel, retract")]
+pub struct MoveAccelerations {
+    pub print: Number,
+    pub travel: Number,
+    pub retract: Number,
+}
+
+/// The three homing tables.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, expecting = "the tables homing.x, homing.y, homing.z")]
+pub struct HomingTables {
+    pub x: HomingTable,
+    pub y: HomingTable,
+    pub z: HomingTable,
+}
+
+/// How one axis finds its home.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, expecting = "a table of homing values")]
+pub struct HomingTable {
+    pub end: EndName,
+    pub sensor: Spanned<SensorName>,
+    pub position_mm: Number,
+    pub fast_mm_per_s: Number,
+    pub slow_mm_per_s: Number,
+    pub back_off_mm: Number,
+}
+
+/// Which end of the travel.
+#[derive(Clone, Copy, Deserialize, PartialEq)]
+#[serde(rename_all = "kebab-case")]
+pub enum EndName {
+    Min,
+    Max,
+}
+
+/// What triggers there.
+#[derive(Clone, Copy, Deserialize, PartialEq)]
+#[serde(rename_all = "kebab-case")]
+pub enum SensorName {
+    EndStop,
+    Probe,
+}
+
+/// Range and control of a heater.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, expecting = "a table of heater values")]
+pub struct HeaterTable {
+    pub min_celsius: Number,
+    pub max_celsius: Number,
+    pub proportional: Number,
+    pub integral: Number,
+    pub derivative: Number,
+    pub residency_window_celsius: Number,
+    pub residency_s: Number,
+}
+
+/// G10 and G11 at start-up.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, expecting = "a table of retraction values")]
+pub struct RetractionTable {
+    pub length_mm: Number,
+    pub retract_mm_per_s: Number,
+    pub extra_recover_mm: Number,
+    pub recover_mm_per_s: Number,
+    pub lift_mm: Number,
+}
+
+/// Step and direction signals.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, expecting = "a table of driver values")]
+pub struct DriverTable {
+    pub pulse_width_us: Number,
+    pub direction_setup_us: Number,
+    pub both_edges: bool,
+}

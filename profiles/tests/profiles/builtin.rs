@@ -1,0 +1,172 @@
+//! The three built-in profiles hold the values that the design document shares with outside checks.
+
+use ferrostep_planner::{Kinematics, Limits, StepsPerMm};
+use ferrostep_printer::{AxisHoming, DriverTiming, FirmwareRetraction, HeaterSettings, HomeEnd, Profile};
+use ferrostep_profiles::{Problem, builtin_names, builtin_text, load};
+
+const MM: i64 = 100_000;
+
+/// What differs between the machines, as the design document's table has it.
+struct Expected {
+    name: &'static str,
+    kinematics: Kinematics,
+    size_mm: [i64; 3],
+    steps_per_mm: [f64; 4],
+    limits: Limits,
+    jerk_mm_per_s3: f64,
+    homes: [(HomeEnd, bool, i64); 3],
+}
+
+fn check(expected: &Expected) -> Profile {
+    let profile = load(expected.name).unwrap();
+    assert_eq!(profile.name, expected.name);
+    assert_eq!(profile.kinematics, expected.kinematics);
+    assert_eq!(profile.size_10nm, expected.size_mm.map(|mm| mm * MM));
+    assert_eq!(profile.steps_per_mm, expected.steps_per_mm.map(|steps| StepsPerMm::from_f64(steps).unwrap()));
+    assert_eq!(profile.limits, expected.limits);
+    assert_eq!(profile.jerk_mm_per_s3, expected.jerk_mm_per_s3);
+    for (homing, (end, probe, position_mm)) in profile.homing.iter().zip(expected.homes) {
+        assert_eq!((homing.end, homing.probe, homing.position_10nm), (end, probe, position_mm * MM));
+    }
+    // 2 us at 84 MHz.
+    assert_eq!(profile.minimum_event_interval_ticks, 168);
+    assert_eq!(profile.min_extrusion_celsius, 170.0);
+    assert_eq!(
+        profile.retraction,
+        FirmwareRetraction {
+            length_10nm: 3 * MM,
+            retract_10nm_per_s: 45 * MM,
+            extra_recover_10nm: 0,
+            recover_10nm_per_s: 8 * MM,
+            lift_10nm: 0,
+        }
+    );
+    for heater in [profile.nozzle, profile.bed] {
+        assert_eq!((heater.residency_window_celsius, heater.residency_ms), (1.0, 10_000));
+    }
+    profile
+}
+
+#[test]
+fn cartesian_is_as_designed() {
+    let profile = check(&Expected {
+        name: "cartesian",
+        kinematics: Kinematics::Cartesian,
+        size_mm: [200, 200, 200],
+        steps_per_mm: [80.0, 80.0, 400.0, 95.0],
+        limits: Limits {
+            max_feed_mm_per_s: [200.0, 200.0, 10.0, 60.0],
+            max_acceleration_mm_per_s2: [1500.0, 1500.0, 100.0, 5000.0],
+            print_acceleration_mm_per_s2: 1000.0,
+            travel_acceleration_mm_per_s2: 1000.0,
+            retract_acceleration_mm_per_s2: 1500.0,
+            junction_deviation_mm: 0.1,
+        },
+        jerk_mm_per_s3: 10_000.0,
+        homes: [(HomeEnd::Min, false, 0), (HomeEnd::Min, false, 0), (HomeEnd::Min, false, 0)],
+    });
+    // The conversions that the table has no column for, once each.
+    assert_eq!(
+        profile.homing[2],
+        AxisHoming {
+            end: HomeEnd::Min,
+            probe: false,
+            position_10nm: 0,
+            fast_mm_per_s: 4.0,
+            slow_mm_per_s: 2.0,
+            back_off_10nm: 2 * MM,
+        }
+    );
+    assert_eq!(
+        profile.nozzle,
+        HeaterSettings {
+            min_celsius: 5.0,
+            max_celsius: 275.0,
+            proportional: 0.1,
+            integral: 0.004,
+            derivative: 0.1,
+            residency_window_celsius: 1.0,
+            residency_ms: 10_000,
+        }
+    );
+    assert_eq!(profile.driver, DriverTiming { pulse_width_ns: 1000, direction_setup_ns: 200, both_edges: false });
+}
+
+#[test]
+fn corexy_is_as_designed() {
+    check(&Expected {
+        name: "corexy",
+        kinematics: Kinematics::CoreXy,
+        size_mm: [300, 300, 300],
+        steps_per_mm: [160.0, 160.0, 800.0, 400.0],
+        limits: Limits {
+            max_feed_mm_per_s: [500.0, 500.0, 20.0, 80.0],
+            max_acceleration_mm_per_s2: [10_000.0, 10_000.0, 500.0, 10_000.0],
+            print_acceleration_mm_per_s2: 10_000.0,
+            travel_acceleration_mm_per_s2: 10_000.0,
+            retract_acceleration_mm_per_s2: 3000.0,
+            junction_deviation_mm: 0.02,
+        },
+        jerk_mm_per_s3: 300_000.0,
+        homes: [(HomeEnd::Max, false, 300), (HomeEnd::Max, false, 300), (HomeEnd::Min, false, 0)],
+    });
+}
+
+#[test]
+fn prusa_mini_is_as_designed() {
+    check(&Expected {
+        name: "prusa-mini",
+        kinematics: Kinematics::Cartesian,
+        size_mm: [180, 180, 185],
+        steps_per_mm: [100.0, 100.0, 400.0, 325.0],
+        limits: Limits {
+            max_feed_mm_per_s: [180.0, 180.0, 12.0, 80.0],
+            max_acceleration_mm_per_s2: [2500.0, 2500.0, 400.0, 4000.0],
+            print_acceleration_mm_per_s2: 1250.0,
+            travel_acceleration_mm_per_s2: 1250.0,
+            retract_acceleration_mm_per_s2: 1250.0,
+            junction_deviation_mm: 0.05,
+        },
+        jerk_mm_per_s3: 15_000.0,
+        homes: [(HomeEnd::Max, false, 180), (HomeEnd::Min, false, 0), (HomeEnd::Min, true, 0)],
+    });
+}
+
+#[test]
+fn the_names_are_those_that_load() {
+    let names: Vec<_> = builtin_names().collect();
+    assert_eq!(names, ["cartesian", "corexy", "prusa-mini"]);
+    for name in names {
+        assert_eq!(load(name).unwrap().name, name);
+    }
+    assert_eq!(builtin_text("delta"), None);
+}
+
+#[test]
+fn a_path_is_read_and_equals_the_built_in_text() {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/prusa-mini.toml");
+    assert_eq!(load(path).unwrap(), load("prusa-mini").unwrap());
+}
+
+#[test]
+fn what_is_neither_a_name_nor_a_file_is_answered_with_the_names() {
+    let error = load("carthesian").unwrap_err();
+    assert!(matches!(error.problem(), Problem::Read(_)));
+    let text = error.to_string();
+    assert!(text.starts_with("carthesian: cannot read profile: "), "{text}");
+    assert!(text.ends_with("the built-in profiles are cartesian, corexy, prusa-mini"), "{text}");
+}
+
+#[test]
+fn a_folder_a_binary_file_and_an_endless_one_are_refused() {
+    let this_program = std::env::current_exe().unwrap();
+    let this_program = this_program.to_str().unwrap();
+    for path in [env!("CARGO_MANIFEST_DIR"), this_program] {
+        let error = load(path).unwrap_err();
+        assert!(matches!(error.problem(), Problem::Read(_)), "{path}: {error}");
+    }
+    if cfg!(unix) {
+        let error = load("/dev/zero").unwrap_err();
+        assert!(error.to_string().contains("larger than 1 MiB"), "{error}");
+    }
+}

@@ -1,0 +1,265 @@
+//! Every key missing, misspelt, mistyped or out of range is refused with its name, value and line.
+
+use ferrostep_profiles::{Problem, ProfileError, builtin_names, builtin_text, parse};
+use toml::{Table, Value};
+
+fn text() -> &'static str {
+    builtin_text("cartesian").unwrap()
+}
+
+fn table() -> Table {
+    text().parse().unwrap()
+}
+
+fn refused(table: &Table) -> ProfileError {
+    let text = toml::to_string(table).unwrap();
+    parse(&text, "test.toml").expect_err(&text)
+}
+
+/// The one-line error after a replacement in the cartesian profile.
+fn error_after(from: &str, to: &str) -> String {
+    assert_eq!(text().matches(from).count(), 1, "{from:?} must occur once");
+    parse(&text().replace(from, to), "test.toml").expect_err(to).to_string()
+}
+
+/// Line of the cartesian profile, counted from 1, on which a text stands.
+fn line(wanted: &str) -> usize {
+    1 + text().lines().position(|line| line.contains(wanted)).unwrap()
+}
+
+/// Paths of all keys, tables included.
+fn keys(table: &Table) -> Vec<String> {
+    let mut paths = Vec::new();
+    for (key, value) in table {
+        paths.push(key.clone());
+        if let Value::Table(inner) = value {
+            paths.extend(keys(inner).into_iter().map(|path| format!("{key}.{path}")));
+        }
+    }
+    paths
+}
+
+/// The table that holds a key, and the key's last part.
+fn holder<'a, 'b>(root: &'a mut Table, path: &'b str) -> (&'a mut Table, &'b str) {
+    match path.split_once('.') {
+        None => (root, path),
+        Some((first, rest)) => holder(root.get_mut(first).unwrap().as_table_mut().unwrap(), rest),
+    }
+}
+
+fn value<'a>(root: &'a mut Table, path: &str) -> &'a mut Value {
+    let (first, rest) = path.split_once('.').map_or((path, None), |(first, rest)| (first, Some(rest)));
+    let inner = root.get_mut(first).unwrap();
+    match rest {
+        None => inner,
+        Some(rest) => value(inner.as_table_mut().unwrap(), rest),
+    }
+}
+
+#[test]
+fn all_keys_are_seen() {
+    // 64 values in 13 tables: that the loops below have something to do.
+    let keys = keys(&table());
+    assert_eq!(keys.len(), 77, "{keys:?}");
+}
+
+#[test]
+fn each_key_is_required() {
+    for path in keys(&table()) {
+        let mut table = table();
+        let (holder, last) = holder(&mut table, &path);
+        holder.remove(last).unwrap();
+        let error = refused(&table);
+        assert!(matches!(error.problem(), Problem::MissingKey { key } if *key == path), "{path}: {error}");
+    }
+}
+
+#[test]
+fn each_misspelt_key_is_named_with_the_right_ones() {
+    for path in keys(&table()) {
+        let mut table = table();
+        let (holder, last) = holder(&mut table, &path);
+        let value = holder.remove(last).unwrap();
+        holder.insert(format!("{last}s"), value);
+        let error = refused(&table);
+        let Problem::UnknownKey { key, expected } = error.problem() else {
+            panic!("{path}: {error}");
+        };
+        assert_eq!(*key, format!("{path}s"));
+        assert!(expected.contains(&format!("\"{last}\"")), "{path}: {error}");
+        assert!(error.line().is_some());
+    }
+}
+
+#[test]
+fn each_number_has_a_range() {
+    let mut numbers = 0;
+    for path in keys(&table()) {
+        if !value(&mut table(), &path).is_integer() && !value(&mut table(), &path).is_float() {
+            continue;
+        }
+        numbers += 1;
+        for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, -1e9, 1e12, f64::MAX] {
+            let mut table = table();
+            *value(&mut table, &path) = Value::Float(bad);
+            let error = refused(&table);
+            assert!(
+                matches!(error.problem(), Problem::OutOfRange { key, .. } if *key == path),
+                "{path} = {bad}: {error}"
+            );
+        }
+    }
+    assert_eq!(numbers, 55);
+}
+
+#[test]
+fn each_value_has_a_type() {
+    for path in keys(&table()) {
+        for bad in [Value::Boolean(true), Value::Integer(1), Value::String("?".into()), Value::Array(vec![])] {
+            let mut table = table();
+            let value = value(&mut table, &path);
+            // The name may be any text; numbers and flags have tests of their own.
+            let fits = bad.same_type(value) || (bad.is_integer() && value.is_float());
+            if fits && !(bad.is_str() && path != "name") {
+                continue;
+            }
+            *value = bad;
+            let error = refused(&table);
+            assert!(matches!(error.problem(), Problem::WrongType { key, .. } if *key == path), "{path}: {error}");
+        }
+    }
+}
+
+#[test]
+fn errors_read_as_they_should() {
+    let feed = line("max_feed_mm_per_s =");
+    assert_eq!(
+        error_after("{ x = 200, y = 200, z = 10, e = 60 }", "{ x = 200, y = -5, z = 10, e = 60 }"),
+        format!("test.toml:{feed}: max_feed_mm_per_s.y = -5: expected 0.01 to 2000 mm/s")
+    );
+    assert_eq!(
+        error_after("{ x = 200, y = 200, z = 10, e = 60 }", "{ x = 200, y = 200, e = 60 }"),
+        format!("test.toml:{feed}: missing key \"max_feed_mm_per_s.z\"")
+    );
+    assert_eq!(error_after("jerk_mm_per_s3 = 10000", ""), "test.toml: missing key \"jerk_mm_per_s3\"");
+    assert_eq!(
+        error_after("max_celsius = 125\n", ""),
+        format!("test.toml:{}: missing key \"bed.max_celsius\"", line("[bed]"))
+    );
+    assert_eq!(
+        error_after("slow_mm_per_s = 2\n", "slow_mm_per_second = 2\n"),
+        format!(
+            "test.toml:{}: unknown key \"homing.z.slow_mm_per_second\", expected one of \"end\", \"sensor\", \
+             \"position_mm\", \"fast_mm_per_s\", \"slow_mm_per_s\", \"back_off_mm\"",
+            line("[homing.z]") + 5
+        )
+    );
+    assert_eq!(
+        error_after("kinematics = \"cartesian\"", "kinematics = \"delta\""),
+        format!(
+            "test.toml:{}: kinematics: unknown word \"delta\", expected \"cartesian\" or \"corexy\"",
+            line("kinematics =")
+        )
+    );
+    assert_eq!(
+        error_after("both_edges = false", "both_edges = 0"),
+        format!(
+            "test.toml:{}: driver.both_edges: invalid type: integer \"0\", expected a boolean",
+            line("both_edges =")
+        )
+    );
+    let syntax = error_after("[driver]", "[driver");
+    assert!(syntax.starts_with(&format!("test.toml:{}: not valid TOML: ", line("[driver]"))), "{syntax}");
+    assert!(!syntax.contains('\n'), "{syntax}");
+}
+
+#[test]
+fn names_that_would_break_a_report_are_refused() {
+    for bad in ["", "   ", "two\\nlines", "caf\\u00e9", "123456789012345678901234567890123"] {
+        let error = error_after("name = \"cartesian\"", &format!("name = \"{bad}\""));
+        assert!(error.contains("name = \""), "{error}");
+        assert!(error.contains("printable ASCII"), "{error}");
+        assert!(!error.contains('\n'), "{error}");
+    }
+}
+
+/// A profile after a replacement, with the key that is to blame.
+fn assert_conflict(profile: &str, from: &str, to: &str, blamed: &str) {
+    let text = builtin_text(profile).unwrap();
+    assert!(text.contains(from), "{from}");
+    let error = parse(&text.replacen(from, to, 1), "test.toml").expect_err(to);
+    assert!(matches!(error.problem(), Problem::OutOfRange { key, .. } if key == blamed), "{blamed}: {error}");
+}
+
+#[test]
+fn home_lies_inside_the_travel_and_at_its_end() {
+    assert_conflict("corexy", "position_mm = 300", "position_mm = 300.01", "homing.x.position_mm");
+    assert_conflict("corexy", "position_mm = 300", "position_mm = 149", "homing.x.position_mm");
+    assert_conflict("cartesian", "position_mm = 0", "position_mm = 200", "homing.x.position_mm");
+    assert_conflict("cartesian", "position_mm = 0", "position_mm = -0.01", "homing.x.position_mm");
+    assert_conflict("cartesian", "end = \"min\"", "end = \"max\"", "homing.x.position_mm");
+}
+
+#[test]
+fn homing_keeps_to_the_axis_and_its_speed() {
+    assert_conflict("cartesian", "fast_mm_per_s = 4", "fast_mm_per_s = 10.5", "homing.z.fast_mm_per_s");
+    assert_conflict("cartesian", "slow_mm_per_s = 25", "slow_mm_per_s = 51", "homing.x.slow_mm_per_s");
+    assert_conflict("cartesian", "\"end-stop\"\n", "\"probe\"\n", "homing.x.sensor");
+}
+
+#[test]
+fn a_step_pulse_fits_between_two_events() {
+    // Two levels of 1 us are exactly the interval.
+    assert_conflict("cartesian", "us = 1.0", "us = 1.001", "driver.pulse_width_us");
+    let text = builtin_text("cartesian").unwrap().replace("us = 1.0", "us = 2.0");
+    let both_edges = text.replace("both_edges = false", "both_edges = true");
+    assert!(parse(&text, "test.toml").is_err());
+    assert_eq!(parse(&both_edges, "test.toml").unwrap().driver.pulse_width_ns, 2000);
+}
+
+#[test]
+fn motors_step_no_faster_than_events_may_follow() {
+    // 500,000 steps/s at 2 us: exactly at x 1000 mm/s and 500 steps/mm.
+    let fast = |feed: &str, steps: &str, profile: &str| {
+        let text = builtin_text(profile).unwrap();
+        let text = text.replace("{ x = 200, y = 200, z = 10", &format!("{{ x = {feed}, y = 200, z = 10"));
+        let text = text.replace("{ x = 80, y = 80", &format!("{{ x = {steps}, y = 80"));
+        parse(&text, "test.toml")
+    };
+    assert!(fast("1000", "500", "cartesian").is_ok());
+    let error = fast("1000", "500.1", "cartesian").unwrap_err();
+    assert_eq!(error.key(), Some("max_feed_mm_per_s.x"));
+
+    // A motor of a CoreXY machine sees the sum of both axes' speeds: 1000 mm/s at 160 steps/mm, 6.25 us a step.
+    assert_conflict(
+        "corexy",
+        "minimum_event_interval_us = 2.0",
+        "minimum_event_interval_us = 6.26",
+        "max_feed_mm_per_s.x",
+    );
+    let enough =
+        builtin_text("corexy").unwrap().replace("minimum_event_interval_us = 2.0", "minimum_event_interval_us = 6.25");
+    assert!(parse(&enough, "test.toml").is_ok());
+}
+
+#[test]
+fn extrusion_is_allowed_below_the_nozzle_limit_only() {
+    assert_conflict("cartesian", "min_extrusion_celsius = 170", "min_extrusion_celsius = 275", "min_extrusion_celsius");
+}
+
+#[test]
+fn dotted_keys_and_other_spellings_of_the_same_values_are_the_same_profile() {
+    for name in builtin_names() {
+        let text = builtin_text(name).unwrap();
+        let table: Table = text.parse().unwrap();
+        // The writer turns the inline tables into sections.
+        let sections = toml::to_string(&table).unwrap();
+        assert_eq!(parse(&sections, "sections").unwrap(), parse(text, name).unwrap());
+        assert_eq!(parse(&text.replace('\n', "\r\n"), "crlf").unwrap(), parse(text, name).unwrap());
+    }
+    let dotted = text()
+        .replace("size_mm = { x = 200, y = 200, z = 200 }", "size_mm.x = 2e2\nsize_mm.y = 200.0\nsize_mm.z = 0xC8");
+    assert_eq!(parse(&dotted, "dotted").unwrap(), parse(text(), "plain").unwrap());
+    let error = parse(&dotted.replace("size_mm.y = 200.0\n", ""), "dotted").unwrap_err();
+    assert_eq!(error.key(), Some("size_mm.y"));
+}

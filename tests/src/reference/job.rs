@@ -1,0 +1,93 @@
+//! What the interpreter hands to the planner: moves with exact ends.
+
+use super::profile::Acceleration;
+
+/// The extruder's total is kept in hundredths of a unit of 10 nm, so that a flow factor in whole percent stays exact.
+pub const EXTRUDER_FRACTIONS_PER_UNIT: i128 = 100;
+
+/// Limits of speed and acceleration in force for a move. Axes are in the order x, y, z, e.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Limits {
+    /// Largest speed of each axis, mm/s.
+    pub max_feed_mm_per_s: [f64; 4],
+    /// Largest acceleration of each axis, mm/s^2.
+    pub max_acceleration_mm_per_s2: [f64; 4],
+    /// Acceleration along the path by the kind of move, mm/s^2.
+    pub acceleration_mm_per_s2: Acceleration,
+    /// Yu's delta, mm.
+    pub junction_deviation_mm: f64,
+}
+
+/// What a move came from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MoveKind {
+    /// A G0 or G1: one block, ended by a record in the trace.
+    Line,
+    /// One chord of a G2 or G3; only the last chord is ended by a record.
+    ArcChord {
+        /// Whether this is the arc's last chord.
+        last: bool,
+    },
+    /// A part of G10 or G11; it leaves no record of its own.
+    FirmwareRetraction,
+}
+
+impl MoveKind {
+    /// Whether the trace holds an end-of-move record behind this move.
+    pub fn ends_with_a_record(self) -> bool {
+        matches!(self, Self::Line | Self::ArcChord { last: true })
+    }
+}
+
+/// One straight piece of motion in machine coordinates.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Move {
+    /// Number of the source line, from 1.
+    pub line: u32,
+    /// What it came from.
+    pub kind: MoveKind,
+    /// Where X, Y, Z begin, in units of 10 nm.
+    pub start_10nm: [i64; 3],
+    /// Where X, Y, Z end, in units of 10 nm.
+    pub end_10nm: [i64; 3],
+    /// The extruder's total before the move, flow applied, in 1/[`EXTRUDER_FRACTIONS_PER_UNIT`] of 10 nm.
+    pub extruder_start: i128,
+    /// The extruder's total after the move.
+    pub extruder_end: i128,
+    /// Speed asked for along the path, mm/s, the feed factor applied.
+    pub feed_mm_per_s: f64,
+    /// Which of [`Job::limits`] apply.
+    pub limits: usize,
+    /// Whether motion must have stopped before this move.
+    pub stop_before: bool,
+    /// Whether axes were homed between the move before and this one.
+    pub homing_before: bool,
+}
+
+/// A whole job, interpreted.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Job {
+    /// Its moves, in order.
+    pub moves: Vec<Move>,
+    /// The sets of limits its moves refer to; never empty.
+    pub limits: Vec<Limits>,
+    /// Lines in the text.
+    pub lines: u32,
+    /// G0-G3 whose target (or, on an arc, any point) a soft limit moved.
+    pub clamped_moves: u32,
+    /// Whether axes were homed behind the last move.
+    pub homed_at_end: bool,
+}
+
+impl Job {
+    /// G0-G3 that displace something: the number of end-of-move records a trace of this job has.
+    pub fn move_count(&self) -> usize {
+        self.moves.iter().filter(|one| one.kind.ends_with_a_record()).count()
+    }
+
+    /// Net filament in mm, flow applied.
+    pub fn filament_mm(&self) -> f64 {
+        let total = self.moves.last().map_or(0, |one| one.extruder_end);
+        total as f64 / (EXTRUDER_FRACTIONS_PER_UNIT as f64 * super::UNITS_PER_MM as f64)
+    }
+}

@@ -1,0 +1,77 @@
+//! One block's steps against its time law.
+
+use super::report::Deviation;
+use crate::reference::Trapezoid;
+
+/// A step event by motor: -1, 0 or 1 for each.
+#[derive(Clone, Copy, Debug)]
+pub struct MotorEvent {
+    /// When.
+    pub tick: u64,
+    /// Which way each motor steps.
+    pub steps: [i8; 4],
+}
+
+/// A block as it was traced, and the law it should follow.
+pub struct TracedBlock<'a> {
+    /// Its source line.
+    pub line: u32,
+    /// Tick at which it begins.
+    pub start_tick: u64,
+    /// Tick at which it ends; later than `start_tick`.
+    pub end_tick: u64,
+    /// Where the motors stand at the start.
+    pub start: [i64; 4],
+    /// Where the law has the motors at the start, in steps.
+    pub ideal_start: [f64; 4],
+    /// Where the law has the motors at the end, in steps.
+    pub ideal_end: [f64; 4],
+    /// Its step events, in order.
+    pub events: &'a [MotorEvent],
+    /// The law; its time is stretched to the block's duration.
+    pub law: &'a Trapezoid,
+    /// Ticks within which events may have been joined.
+    pub event_interval_ticks: f64,
+    /// What else is allowed, in steps: one for the step itself and a little for rounding.
+    pub tolerance_steps: f64,
+}
+
+impl TracedBlock<'_> {
+    /// The deviation of each motor that is largest by its excess. A motor's place changes at its steps only and the
+    /// law is monotone, so that before and after each step are the places to look.
+    pub fn deviations(&self) -> [Option<Deviation>; 4] {
+        let mut largest: [Option<Deviation>; 4] = [None; 4];
+        let mut motors = self.start;
+        let duration_ticks = (self.end_tick - self.start_tick) as f64;
+        let seconds_per_tick = self.law.duration_s() / duration_ticks;
+        for event in self.events {
+            let ticks = event.tick.saturating_sub(self.start_tick) as f64;
+            let (position_mm, speed_mm_per_s) = self.law.at(ticks * seconds_per_tick);
+            let part = position_mm / self.law.length_mm;
+            let part_per_tick = speed_mm_per_s * seconds_per_tick / self.law.length_mm;
+            for (motor, step) in event.steps.into_iter().enumerate().filter(|(_, step)| *step != 0) {
+                let before = motors[motor];
+                motors[motor] += i64::from(step);
+                let distance = self.ideal_end[motor] - self.ideal_start[motor];
+                let ideal = self.ideal_start[motor] + distance * part;
+                let off = (before as f64 - ideal).abs().max((motors[motor] as f64 - ideal).abs());
+                let joined = distance.abs() * part_per_tick * self.event_interval_ticks;
+                let deviation = Deviation {
+                    steps: off,
+                    allowed_steps: self.tolerance_steps + joined,
+                    line: self.line,
+                    tick: event.tick,
+                };
+                keep_larger(&mut largest[motor], deviation);
+            }
+        }
+        largest
+    }
+}
+
+/// Keeps the deviation with the larger excess.
+pub fn keep_larger(largest: &mut Option<Deviation>, deviation: Deviation) {
+    if largest.is_none_or(|one| deviation.excess_steps() > one.excess_steps()) {
+        *largest = Some(deviation);
+    }
+}

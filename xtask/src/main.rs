@@ -1,0 +1,83 @@
+//! Build, test, bench, flash: what CI and a person both type.
+//!
+//! Each subcommand is a list of steps that run one after the other; the first that fails ends the run.
+#![forbid(unsafe_code)]
+
+mod no_std;
+mod steps;
+mod system;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+use steps::{Failure, Run};
+use system::cargo;
+
+/// Proptest cases a property in `ci`; the default of 256 serves `test`.
+const CI_PROPTEST_CASES: &str = "4096";
+
+/// Tasks of the Ferrostep workspace.
+#[derive(Parser)]
+#[command(name = "cargo xtask", bin_name = "cargo xtask", version)]
+struct Arguments {
+    #[command(subcommand)]
+    task: Task,
+}
+
+/// The tasks.
+#[derive(Clone, Copy, Subcommand)]
+enum Task {
+    /// Install what is missing, then check format, lints, tests, documentation and the target build
+    Test,
+    /// All of `test`, then the tests again as released code and with more random cases
+    Ci,
+    /// Check that the firmware's crates build for thumbv7em-none-eabihf, without std
+    NoStd,
+}
+
+fn main() -> ExitCode {
+    let task = Arguments::parse().task;
+    let name = match task {
+        Task::Test => "test",
+        Task::Ci => "ci",
+        Task::NoStd => "no-std",
+    };
+    let mut run = Run::new(name);
+    let result = match task {
+        Task::Test => test(&mut run),
+        Task::Ci => test(&mut run).and_then(|()| slow_tests(&mut run)),
+        Task::NoStd => no_std::check(&mut run),
+    };
+    run.finish(result)
+}
+
+/// Everything a change must pass.
+fn test(run: &mut Run) -> Result<(), Failure> {
+    run.step("rustfmt and clippy are installed", || {
+        system::rustup_component("rustfmt", "fmt")?;
+        system::rustup_component("clippy", "clippy")
+    })?;
+    run.step("format", || system::run(cargo().args(["fmt", "--all", "--check"])))?;
+    run.step("lints", || {
+        system::run(cargo().args(["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"]))
+    })?;
+    // The test profile and not release: it is optimised but checks overflows and debug assertions, and does not spend
+    // minutes on link-time optimisation of every test program.
+    run.step("tests", || system::run(cargo().args(["test", "--workspace"])))?;
+    run.step("documentation", || {
+        system::run(
+            cargo()
+                .args(["doc", "--workspace", "--no-deps", "--document-private-items"])
+                .env("RUSTDOCFLAGS", "-D warnings"),
+        )
+    })?;
+    no_std::check(run)
+}
+
+/// What takes too long for every change: the code as it is shipped must give the same answers as the checked one.
+fn slow_tests(run: &mut Run) -> Result<(), Failure> {
+    run.step("tests as released, with more random cases", || {
+        system::run(cargo().args(["test", "--workspace", "--release"]).env("PROPTEST_CASES", CI_PROPTEST_CASES))
+    })
+}

@@ -1,0 +1,131 @@
+//! Programs on this machine: running them, finding them, installing them.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use crate::steps::Failure;
+
+/// The workspace's root folder.
+pub fn root() -> PathBuf {
+    // Cargo sets the variable for programs it runs; the built-in path is for a program run by hand.
+    let own =
+        std::env::var_os("CARGO_MANIFEST_DIR").map_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")), PathBuf::from);
+    own.parent().map_or_else(|| own.clone(), Path::to_path_buf)
+}
+
+/// The folder cargo builds into.
+pub fn target_directory() -> PathBuf {
+    // A relative CARGO_TARGET_DIR is relative to where cargo runs, which is the root for every command here.
+    std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), |folder| root().join(folder))
+}
+
+/// The cargo that runs this program, at the workspace's root.
+pub fn cargo() -> Command {
+    let program = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
+    let mut command = Command::new(program);
+    command.current_dir(root());
+    command
+}
+
+/// Runs a command with its output shown; anything but success is a failure.
+pub fn run(command: &mut Command) -> Result<(), Failure> {
+    let shown = show(command);
+    eprintln!("    {shown}");
+    let status = command.status().map_err(|error| format!("cannot run `{shown}`: {error}"))?;
+    if status.success() { Ok(()) } else { Err(format!("`{shown}`: {status}")) }
+}
+
+/// Standard output of a command, trimmed; `None` if it fails.
+pub fn output(command: &mut Command) -> Option<String> {
+    let output = command.stderr(Stdio::null()).output().ok()?;
+    let text = String::from_utf8(output.stdout).ok()?;
+    output.status.success().then(|| text.trim().to_owned())
+}
+
+/// Makes a rustup component available whose command is `cargo SUBCOMMAND`.
+pub fn rustup_component(component: &str, subcommand: &str) -> Result<(), Failure> {
+    let present = || output(cargo().args([subcommand, "--version"])).is_some();
+    if present() {
+        return Ok(());
+    }
+    // Whether rustup did it is seen by asking again: its own failure says less than the missing command.
+    let added = run(Command::new("rustup").args(["component", "add", component]));
+    if present() {
+        return Ok(());
+    }
+    let reason = added.err().unwrap_or_else(|| "rustup reported no error".to_owned());
+    Err(format!("`cargo {subcommand}` is missing and could not be added: {reason}"))
+}
+
+/// Whether Debian's package manager can be used: a Debian system (or a relative of one) and the user root.
+pub fn can_install_debian_packages() -> bool {
+    let os_release = std::fs::read_to_string("/etc/os-release").unwrap_or_default();
+    is_debian(&os_release) && output(Command::new("id").arg("-u")).as_deref() == Some("0")
+}
+
+/// Installs Debian packages from fresh package lists.
+pub fn install_debian_packages(packages: &[&str]) -> Result<(), Failure> {
+    let apt_get = || {
+        let mut command = Command::new("apt-get");
+        command.env("DEBIAN_FRONTEND", "noninteractive");
+        command
+    };
+    run(apt_get().arg("update"))?;
+    run(apt_get().args(["install", "--yes", "--no-install-recommends"]).args(packages))
+}
+
+/// Whether the text of `/etc/os-release` is of Debian or one of its relatives.
+fn is_debian(os_release: &str) -> bool {
+    os_release
+        .lines()
+        .filter_map(|line| line.strip_prefix("ID=").or_else(|| line.strip_prefix("ID_LIKE=")))
+        .flat_map(|value| value.trim_matches(['"', '\'']).split_whitespace())
+        .any(|id| id == "debian")
+}
+
+/// A command as one would type it, with the variables it sets.
+fn show(command: &Command) -> String {
+    let variables = command.get_envs().filter_map(|(key, value)| {
+        let value = value?.to_string_lossy();
+        let quote = if value.contains(' ') { "'" } else { "" };
+        Some(format!("{}={quote}{value}{quote}", key.to_string_lossy()))
+    });
+    let program = Path::new(command.get_program());
+    let program = program.file_name().unwrap_or(program.as_os_str()).to_string_lossy();
+    let arguments = command.get_args().map(|argument| argument.to_string_lossy().into_owned());
+    variables.chain([program.into_owned()]).chain(arguments).collect::<Vec<_>>().join(" ")
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn debian_and_its_relatives_are_told_from_others() {
+        assert!(is_debian("PRETTY_NAME=\"Debian GNU/Linux 12\"\nID=debian\n"));
+        assert!(is_debian("ID=linuxmint\nID_LIKE=\"ubuntu debian\"\n"));
+        assert!(!is_debian("ID=fedora\nHOME_URL=\"https://example.org/debian\"\n"));
+        assert!(!is_debian("VARIANT_ID=debian\n"));
+        assert!(!is_debian(""));
+    }
+
+    #[test]
+    fn a_failing_command_is_named_with_its_variables() {
+        let error = run(Command::new("false").arg("now").env("FLAGS", "-D warnings")).unwrap_err();
+        assert!(error.starts_with("`FLAGS='-D warnings' false now`: "), "{error}");
+        assert_eq!(run(&mut Command::new("true")), Ok(()));
+    }
+
+    #[test]
+    fn a_command_that_does_not_exist_is_a_failure() {
+        let error = run(&mut Command::new("ferrostep-no-such-program")).unwrap_err();
+        assert!(error.starts_with("cannot run `ferrostep-no-such-program`: "), "{error}");
+        assert_eq!(output(&mut Command::new("ferrostep-no-such-program")), None);
+    }
+
+    #[test]
+    fn the_root_holds_the_workspace() {
+        assert!(root().join("xtask/src/main.rs").is_file());
+    }
+}
