@@ -1,5 +1,7 @@
 //! What look-ahead hands to interpolation: a move made of integers.
 
+use crate::kinematics::UNITS_PER_MM;
+
 /// A speed along the path in units of 2^-16 mm/s.
 ///
 /// Fine enough that 0.01 mm/s is met to 0.2 %, coarse enough for 32 bits (65 m/s).
@@ -49,6 +51,9 @@ pub struct Block {
     pub steps: [i32; 3],
     /// Signed travel of the extruder in 1/256 steps.
     pub extruder_256ths: i32,
+    /// Path length in units of 10 nm, at least 1: that of X, Y and Z, of the filament where nothing else moves. A move
+    /// can be too short for a step and still take its time.
+    pub length_10nm: u32,
     /// Largest speed along the path.
     pub nominal: Speed,
     /// Acceleration and deceleration along the path.
@@ -60,9 +65,9 @@ pub struct Block {
 }
 
 impl Block {
-    /// Whether no motor but the extruder moves.
-    pub fn is_extruder_only(&self) -> bool {
-        self.steps == [0; 3]
+    /// Path length, mm.
+    pub fn length_mm(&self) -> f64 {
+        f64::from(self.length_10nm) / UNITS_PER_MM as f64
     }
 }
 
@@ -75,6 +80,4 @@ pub struct PlannedBlock {
     pub entry: Speed,
     /// Speed at its end.
     pub exit: Speed,
-    /// Path length, mm: a function of the block's steps (of its filament, where nothing else moves).
-    pub length_mm: f64,
 }

@@ -26,6 +26,9 @@ pub struct Interpolator {
     clock: u64,
     /// Tick of the last event handed out or held.
     last_event: u64,
+    /// First tick that belongs to the present block: an extruder step due at its very start stays behind the end of
+    /// the move before.
+    block_start: u64,
     /// The last event is held back while a later one may still join it.
     held: Option<Stair>,
     /// The direction signals as they stand.
@@ -58,6 +61,8 @@ struct Run {
     master_bit: u8,
     followers: [Follower; 2],
     extruder: StepTimes,
+    /// [`EXTRUDER`] when its step waits for the master's next one, which is near.
+    joining: u8,
     line: Option<u32>,
 }
 
@@ -98,6 +103,7 @@ impl Interpolator {
             minimum_interval: u64::from(minimum_event_interval_ticks),
             clock: 0,
             last_event: 0,
+            block_start: 0,
             held: None,
             directions: 0,
             extruder_256ths: 0,
@@ -125,7 +131,8 @@ impl Interpolator {
             _ => 2,
         };
         let count = magnitudes[master];
-        let spacing = planned.length_mm / f64::from(count.max(1));
+        let length_mm = block.length_mm();
+        let spacing = length_mm / f64::from(count.max(1));
         let follower = |index: usize| Follower::new(1 << index, count, magnitudes[index]);
 
         let start_256ths = self.extruder_256ths;
@@ -133,7 +140,7 @@ impl Interpolator {
         let extruder_steps = rounded_steps(end_256ths).abs_diff(rounded_steps(start_256ths)) as u32;
         let forward = block.extruder_256ths >= 0;
         let threshold = rounded_steps(start_256ths) * 256 + if forward { 128 } else { -128 };
-        let mm_per_256th = planned.length_mm / f64::from(block.extruder_256ths.unsigned_abs().max(1));
+        let mm_per_256th = length_mm / f64::from(block.extruder_256ths.unsigned_abs().max(1));
         let first = threshold.abs_diff(start_256ths) as f64 * mm_per_256th;
 
         let mut moving = 0;
@@ -153,6 +160,7 @@ impl Interpolator {
         }
 
         let duration = (law.duration_s * f64::from(TICKS_PER_SECOND) + 0.5) as u64;
+        self.block_start = self.notice_tick() + 1;
         self.run = Some(Run {
             end: self.clock + duration,
             extruder_end_256ths: end_256ths,
@@ -160,6 +168,7 @@ impl Interpolator {
             master_bit: 1 << master,
             followers: [follower((master + 1) % 3), follower((master + 2) % 3)],
             extruder: StepTimes::new(law, first, 256.0 * mm_per_256th, extruder_steps),
+            joining: 0,
             line: block.ends_move.then_some(block.line),
         });
         duration
@@ -184,7 +193,12 @@ impl Interpolator {
         }
         if master != Some(due) {
             run.extruder.take(1);
-            self.place(tick, EXTRUDER, sink);
+            if master.is_some_and(|master| rounded_tick(master - due) < self.minimum_interval) {
+                // The extruder, the slower of the two, gives way: it steps with the master, which stays on time.
+                run.joining = EXTRUDER;
+            } else {
+                self.place(tick, EXTRUDER, sink);
+            }
             return;
         }
         if let Some(stair) = cruise_stair(run, due, extruder, self.clock, self.last_event, self.minimum_interval) {
@@ -195,7 +209,8 @@ impl Interpolator {
             return;
         }
         run.master.take(1);
-        let axes = run.followers.iter_mut().fold(run.master_bit, |axes, follower| axes | follower.pass(1));
+        let own = run.master_bit | core::mem::take(&mut run.joining);
+        let axes = run.followers.iter_mut().fold(own, |axes, follower| axes | follower.pass(1));
         self.place(tick, axes, sink);
     }
 
@@ -214,7 +229,7 @@ impl Interpolator {
             }
             return;
         }
-        let tick = tick.max(earliest);
+        let tick = tick.max(earliest).max(self.block_start);
         self.hand_out(sink);
         self.held = Some(Stair { interval: (tick - self.last_event) as u32, count: 1, axes, added: 0 });
         self.last_event = tick;
@@ -283,7 +298,7 @@ fn cruise_stair(
 ) -> Option<Stair> {
     let (interval, left) = run.master.cruise()?;
     let mut count = left.min(LONGEST_STAIR).min(run.followers[0].until).min(run.followers[1].until);
-    if count < 2 {
+    if count < 2 || run.joining != 0 {
         return None;
     }
     let tolerance = u64::from(LONGEST_STAIR / 2);

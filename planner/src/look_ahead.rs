@@ -7,7 +7,6 @@ use crate::square_root::square_root;
 #[derive(Clone, Copy, Debug)]
 struct Waiting {
     block: Block,
-    length_mm: f64,
     /// 2 a S, mm^2/s^2: how much the squared speed can change over the block.
     reach: f64,
     /// Bound of the squared entry speed from the junction and both nominal speeds.
@@ -21,11 +20,6 @@ struct Waiting {
 /// Something that keeps its place among the blocks but takes no time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Marker {
-    /// A move too short for a step ends here.
-    MoveEnded {
-        /// Its source line.
-        line: u32,
-    },
     /// The fan changes here.
     FanPower {
         /// Power, 0 to 255.
@@ -117,20 +111,20 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
     /// Adds a block and lets its stopping distance raise the speeds before it; `false` without room.
     ///
     /// `junction` is the squared speed bound of the corner before it.
-    pub fn push(&mut self, block: Block, length_mm: f64, junction: f64) -> bool {
+    pub fn push(&mut self, block: Block, junction: f64) -> bool {
         if !self.has_room() {
             return false;
         }
         let bound =
             if self.stopped { 0.0 } else { junction.min(block.nominal.squared()).min(self.newest_nominal.squared()) };
-        let reach = 2.0 * block.acceleration.mm_per_s2() * length_mm;
+        let reach = 2.0 * block.acceleration.mm_per_s2() * block.length_mm();
         // Where the block before has left already, it left with a speed that this one starts with.
         let settled = self.blocks == 0;
         let entry = if settled { self.left_with } else { bound.min(reach) };
         self.stopped = false;
         self.newest_nominal = block.nominal;
         let place = self.length;
-        self.put(place, Content::Block(Waiting { block, length_mm, reach, entry_bound: bound, entry, settled }));
+        self.put(place, Content::Block(Waiting { block, reach, entry_bound: bound, entry, settled }));
         self.length += 1;
         self.blocks += 1;
         if !settled {
@@ -189,7 +183,6 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
                     block: waiting.block,
                     entry: Speed::from_mm_per_s(square_root(waiting.entry)),
                     exit,
-                    length_mm: waiting.length_mm,
                 }))
             }
         }
@@ -248,10 +241,11 @@ mod tests {
     use crate::block::Acceleration;
     use proptest::prelude::*;
 
-    fn block(nominal: f64, acceleration: f64) -> Block {
+    fn block(nominal: f64, acceleration: f64, length_mm: f64) -> Block {
         Block {
             steps: [100, 0, 0],
             extruder_256ths: 0,
+            length_10nm: (length_mm * 100_000.0).round() as u32,
             nominal: Speed::from_mm_per_s(nominal),
             acceleration: Acceleration::from_mm_per_s2(acceleration),
             line: 0,
@@ -281,11 +275,13 @@ mod tests {
             moves in proptest::collection::vec((1.0f64..300.0, 100.0f64..10_000.0, 0.01f64..20.0, 0.0f64..40_000.0), 1..60),
             markers in any::<u64>(),
         ) {
+            // Whole units of 10 nm, as in a block.
+            let moves: Vec<_> = moves.into_iter().map(|(v, a, length, j)| (v, a, f64::floor(length * 1e5) / 1e5, j)).collect();
             let mut ring = LookAhead::new(vec![Slot::EMPTY; 128]);
             for (i, &(nominal, acceleration, length, junction)) in moves.iter().enumerate() {
-                prop_assert!(ring.push(block(nominal, acceleration), length, junction));
+                prop_assert!(ring.push(block(nominal, acceleration, length), junction));
                 if markers >> (i % 64) & 1 == 1 {
-                    let pushed = ring.push_marker(Marker::MoveEnded { line: 7 });
+                    let pushed = ring.push_marker(Marker::FanPower { power: 7 });
                     prop_assert!(pushed);
                 }
             }
@@ -313,7 +309,7 @@ mod tests {
                 while !ring.has_room() {
                     left.extend(ring.pop());
                 }
-                prop_assert!(ring.push(block(nominal, acceleration), length, junction));
+                prop_assert!(ring.push(block(nominal, acceleration, length), junction));
                 if flushes >> (i % 128) & 7 == 7 {
                     ring.release();
                     left.extend(ring.pop());
@@ -328,7 +324,7 @@ mod tests {
                 let Left::Block(planned) = one else { continue };
                 prop_assert_eq!(planned.entry, speed);
                 speed = planned.exit;
-                let reach = 2.0 * planned.block.acceleration.mm_per_s2() * planned.length_mm;
+                let reach = 2.0 * planned.block.acceleration.mm_per_s2() * planned.block.length_mm();
                 prop_assert!((planned.exit.squared() - planned.entry.squared()).abs() <= reach + 0.02);
                 prop_assert!(planned.entry <= planned.block.nominal && planned.exit <= planned.block.nominal);
             }

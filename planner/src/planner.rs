@@ -13,14 +13,18 @@ use crate::step_queue::{Notice, StepSink};
 use crate::time_law::TimeLaw;
 use crate::{TICKS_PER_SECOND, kinematics};
 
-/// Slowest feed that is planned, mm/s; slower ones are raised to it. A block of 10 m then ends within 12 days, which
-/// the time base holds.
+/// Slowest feed that is planned, mm/s; slower ones are raised to it. The longest block then ends within 20 days, which the
+/// time base holds.
 pub const MIN_FEED_MM_PER_S: f64 = 0.01;
+
+/// A move with more filament than this for its path, 1000 to 1, is planned as an extruder-only move: there is no
+/// speed along a path so short that the extruder's speed could be told by.
+const MOST_FILAMENT_PER_PATH: f64 = 1000.0;
 
 /// A straight move to a machine position.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Move {
-    /// Where X, Y and Z end, machine coordinates in units of 10 nm, at most 10 m either way.
+    /// Where X, Y and Z end, machine coordinates in units of 10 nm, at most 5 m either way.
     pub target_10nm: [i64; 3],
     /// Filament to push (or draw back), units of 0.1 nm.
     pub filament_100pm: i64,
@@ -37,7 +41,7 @@ pub struct Move {
 pub enum MoveError {
     /// The look-ahead ring is full; try again when it is not.
     NoRoom,
-    /// A coordinate is beyond 10 m, or a motor would run more than 2^28 steps.
+    /// A coordinate is beyond 5 m, or a motor would run more than 2^28 steps.
     TooFar,
     /// More filament than one move may push.
     TooMuchFilament,
@@ -50,7 +54,7 @@ pub enum MoveError {
 pub enum Moved {
     /// It displaces nothing and was dropped.
     Nothing,
-    /// It will be executed, if only as a share of the next step.
+    /// It will be executed.
     Queued,
 }
 
@@ -78,8 +82,6 @@ pub struct Planner<S> {
     limits: Limits,
     /// Target of the last move taken.
     position_10nm: [i64; 3],
-    /// Where the geometry of the next move begins: the same, unless the last moves were too short for a step.
-    start_10nm: [i64; 3],
     /// Motor positions at the end of the last block.
     motor_steps: [i32; 3],
     extruder: Extruder,
@@ -99,7 +101,6 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
             geometry,
             limits,
             position_10nm: [0; 3],
-            start_10nm: [0; 3],
             motor_steps: [0; 3],
             extruder: Extruder::new(geometry.steps_per_mm[3]),
             extruder_256ths: 0,
@@ -193,50 +194,40 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
             return Err(MoveError::TooMuchFilament);
         };
 
-        self.extruder = extruder;
-        self.position_10nm = request.target_10nm;
-        let whole_steps = crate::extruder::rounded_steps;
-        if steps == [0; 3] && whole_steps(extruder_end) == whole_steps(self.extruder_256ths) {
-            // Too short for any step: the next move begins where this one did, and carries its filament.
-            if request.ends_move {
-                self.look_ahead.push_marker(Marker::MoveEnded { line: request.line });
-            }
-            return Ok(Moved::Queued);
-        }
-        let (block, length_mm, junction, previous) = self.block(request, steps, extruder_256ths);
-        self.look_ahead.push(block, length_mm, junction);
+        let (block, junction, previous) = self.block(request, steps, extruder_256ths);
+        self.look_ahead.push(block, junction);
         self.previous = previous;
-        self.start_10nm = request.target_10nm;
-        self.motor_steps = motor_steps;
+        self.extruder = extruder;
         self.extruder_256ths = extruder_end;
+        self.position_10nm = request.target_10nm;
+        self.motor_steps = motor_steps;
         Ok(Moved::Queued)
     }
 
-    /// The block of a move that steps, its length, its squared junction speed, and what the next junction needs.
-    fn block(&self, request: &Move, steps: [i32; 3], extruder_256ths: i32) -> (Block, f64, f64, Option<Previous>) {
+    /// The block of a move, its squared junction speed, and what the next junction needs.
+    fn block(&self, request: &Move, steps: [i32; 3], extruder_256ths: i32) -> (Block, f64, Option<Previous>) {
         let limits = &self.limits;
-        let filament_mm = self.geometry.filament_length_mm(extruder_256ths);
-        let step_rate = f64::from(TICKS_PER_SECOND) / f64::from(self.geometry.minimum_event_interval_ticks.max(1));
+        let filament_mm = request.filament_100pm.unsigned_abs() as f64 / FILAMENT_UNITS_PER_MM as f64;
+        let mut path_mm = [0.0; 3];
+        for (component, (to, from)) in path_mm.iter_mut().zip(request.target_10nm.iter().zip(self.position_10nm)) {
+            *component = (to - from) as f64 / UNITS_PER_MM as f64;
+        }
+        let [x, y, z] = path_mm;
+        let exact_mm = square_root(x * x + y * y + z * z);
         let mut feed = request.feed_mm_per_s.max(MIN_FEED_MM_PER_S);
         let mut acceleration;
         let length_mm;
         let mut previous = None;
         let mut junction = 0.0;
 
-        if steps == [0; 3] {
+        if exact_mm * MOST_FILAMENT_PER_PATH <= filament_mm {
             length_mm = filament_mm;
             feed = feed.min(limits.max_feed_mm_per_s[3]);
             acceleration = limits.retract_acceleration_mm_per_s2.min(limits.max_acceleration_mm_per_s2[3]);
         } else {
-            length_mm = self.geometry.path_length_mm(steps);
-            // Limits and corners follow the exact path, not its rounding to steps.
-            let mut unit = [0.0; 3];
-            for (component, (to, from)) in unit.iter_mut().zip(request.target_10nm.iter().zip(self.start_10nm)) {
-                *component = (to - from) as f64 / UNITS_PER_MM as f64;
-            }
-            let exact_mm = square_root(unit[0] * unit[0] + unit[1] * unit[1] + unit[2] * unit[2]);
-            unit = unit.map(|component| component / exact_mm);
-            acceleration = if extruder_256ths == 0 {
+            length_mm = exact_mm;
+            let unit = path_mm.map(|component| component / exact_mm);
+            acceleration = if request.filament_100pm == 0 {
                 limits.travel_acceleration_mm_per_s2
             } else {
                 limits.print_acceleration_mm_per_s2
@@ -249,8 +240,6 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
                     acceleration = acceleration.min(limits.max_acceleration_mm_per_s2[axis] / share);
                 }
             }
-            let master = steps.iter().fold(1, |most, steps| steps.unsigned_abs().max(most));
-            feed = feed.min(length_mm / f64::from(master) * step_rate);
             if let Some(before) = &self.previous {
                 let corner = Corner { before: before.unit, after: unit, shorter_mm: exact_mm.min(before.length_mm) };
                 junction =
@@ -258,19 +247,23 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
             }
             previous = Some(Previous { unit, length_mm: exact_mm, acceleration_mm_per_s2: acceleration });
         }
-        if extruder_256ths != 0 {
-            let steps_of_filament = f64::from(extruder_256ths.unsigned_abs()) / 256.0;
-            feed = feed.min(length_mm / steps_of_filament * step_rate);
+        // No motor steps faster than events may follow each other.
+        let step_rate = f64::from(TICKS_PER_SECOND) / f64::from(self.geometry.minimum_event_interval_ticks.max(1));
+        let master = steps.iter().fold(0, |most, steps| steps.unsigned_abs().max(most));
+        let most_steps = f64::from(master).max(f64::from(extruder_256ths.unsigned_abs()) / 256.0);
+        if most_steps > 0.0 {
+            feed = feed.min(length_mm / most_steps * step_rate);
         }
         let block = Block {
             steps,
             extruder_256ths,
+            length_10nm: ((length_mm * UNITS_PER_MM as f64 + 0.5) as u32).max(1),
             nominal: Speed::from_mm_per_s(feed).max(Speed(1)),
             acceleration: Acceleration::from_mm_per_s2(acceleration),
             line: request.line,
             ends_move: request.ends_move,
         };
-        (block, length_mm, junction, previous)
+        (block, junction, previous)
     }
 
     /// Changes the fan when the moves taken so far are done; `false` without room.
@@ -306,10 +299,8 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
             }
             Some(Left::Marker(marker)) => {
                 let tick = self.interpolator.notice_tick();
-                sink.notice(match marker {
-                    Marker::MoveEnded { line } => Notice::MoveEnded { tick, line },
-                    Marker::FanPower { power } => Notice::FanPower { tick, power },
-                });
+                let Marker::FanPower { power } = marker;
+                sink.notice(Notice::FanPower { tick, power });
             }
             None => return Progress::Waiting,
         }
@@ -342,13 +333,11 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         let [x, y, z, _] = motor_steps;
         self.motor_steps = [x, y, z].map(|steps| steps as i32);
         self.position_10nm = self.geometry.position_10nm([x, y, z]);
-        self.start_10nm = self.position_10nm;
     }
 
     /// Says where the machine is, at standstill (homing). Returns where its motors therefore stand.
     pub fn set_position(&mut self, position_10nm: [i64; 3]) -> [i32; 3] {
         self.position_10nm = position_10nm;
-        self.start_10nm = position_10nm;
         self.motor_steps = self.geometry.motor_steps(position_10nm);
         self.previous = None;
         self.motor_steps

@@ -197,16 +197,18 @@ mod tests {
             entry in 0.0f64..200.0, share in 0.0f64..=1.0, nominal in 0.05f64..400.0, acceleration in 5.0f64..20_000.0,
             count in 1u32..30_000, spacing in 0.001f64..0.02, lead in 0.0f64..1.0, tail in 0.0f64..1.0,
         ) {
-            let length_mm = (f64::from(count - 1) + lead + tail).max(0.01) * spacing;
+            // Whole units of 10 nm, and the spacing to fit.
+            let length_10nm = ((f64::from(count - 1) + lead + tail).max(0.01) * spacing * 100_000.0).ceil();
+            let length_mm = length_10nm / 100_000.0;
             let entry = entry.min(nominal);
             let reach = 2.0 * acceleration * length_mm;
             let slowest = (entry * entry - reach).max(0.0).sqrt();
             let fastest = (entry * entry + reach).sqrt().min(nominal);
             let exit = slowest + (fastest - slowest) * share;
             let law = TimeLaw::trapezoid(&PlannedBlock {
-                block: Block { steps: [1, 0, 0], extruder_256ths: 0, nominal: Speed::from_mm_per_s(nominal),
+                block: Block { steps: [1, 0, 0], extruder_256ths: 0, length_10nm: length_10nm as u32, nominal: Speed::from_mm_per_s(nominal),
                     acceleration: Acceleration::from_mm_per_s2(acceleration), line: 1, ends_move: true },
-                entry: Speed::from_mm_per_s(entry), exit: Speed::from_mm_per_s(exit), length_mm,
+                entry: Speed::from_mm_per_s(entry), exit: Speed::from_mm_per_s(exit),
             });
             prop_assume!(law.duration_s < 20.0);
             let mut times = StepTimes::new(&law, lead * spacing, spacing, count);

@@ -53,10 +53,10 @@ impl Arc {
         } else if !clockwise && angle < 0.0 {
             angle += turn;
         }
-        // A chord over angle p is r (1 - cos(p/2)) <= r p^2/8 away from its arc.
+        // A chord over angle p is r (1 - cos(p/2)) away from its arc.
         let radius = start_radius.max(end_radius);
-        let widest = libm::sqrt(8.0 * CHORD_TOLERANCE_MM * MM / radius);
-        let chords = ((angle.abs() / widest) as u32).saturating_add(1);
+        let widest = 2.0 * libm::acos((1.0 - CHORD_TOLERANCE_MM * MM / radius).max(0.0));
+        let chords = (libm::ceil(angle.abs() / widest) as u32).max(1);
         Ok(Self {
             centre: [centre[0] as f64, centre[1] as f64],
             start: [from[0] / start_radius, from[1] / start_radius],

@@ -12,7 +12,7 @@ use crate::ports::MotionError;
 /// ([`CommandError::Stopped`]) leaves the machine where it says it stands.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum CommandError {
-    /// A coordinate is beyond 10 m.
+    /// A coordinate is beyond 5 m.
     TooFar,
     /// More filament than one move may push.
     TooMuchFilament,
@@ -87,7 +87,7 @@ impl From<MotionError> for CommandError {
 impl fmt::Display for CommandError {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::TooFar => write!(out, "the target is too far away, expected coordinates within 10 m"),
+            Self::TooFar => write!(out, "the target is too far away, expected coordinates within 5 m"),
             Self::TooMuchFilament => write!(out, "E: too long extrusion prevented, expected at most 1 m in one move"),
             Self::FeedTooSlow { feed_mm_per_s } => {
                 let (minimum, feed) = (MIN_FEED_MM_PER_S * 60.0, feed_mm_per_s * 60.0);

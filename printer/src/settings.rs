@@ -21,7 +21,7 @@ fn in_range(word: char, value: f64, minimum: f64, maximum: f64) -> Result<f64, C
 }
 
 fn limit(word: char, value: Decimal) -> Result<f64, CommandError> {
-    in_range(word, value.to_f64(), 0.001, LARGEST_LIMIT)
+    in_range(word, value.to_f64(), 0.01, LARGEST_LIMIT)
 }
 
 fn percent(value: Decimal) -> Result<u16, CommandError> {

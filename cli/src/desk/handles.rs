@@ -95,8 +95,11 @@ impl<O: Observer> Motion for DeskMotion<'_, O> {
             desk.sought = None;
         }
         self.wait(|desk| {
-            desk.awaited = Awaited::EndStop(axis);
-            desk.sought.take()
+            let sought = desk.sought.take();
+            if sought.is_none() {
+                desk.awaited = Awaited::EndStop(axis);
+            }
+            sought
         })
         .await
     }
