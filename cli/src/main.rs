@@ -3,6 +3,7 @@
 mod progress;
 
 use std::cell::Cell;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
@@ -12,8 +13,10 @@ use ferrostep::desk::{LOOK_AHEAD_BLOCKS, Mode};
 use ferrostep::input::Input;
 use ferrostep::job::{self, JobProgress};
 use ferrostep::record::{Observer, Recorder, TraceWriter, VcdWriter};
-use ferrostep::report::{Stop, Summary};
+use ferrostep::report::{Motors, Stop, Summary};
 use ferrostep::session::{JobReplies, Session};
+use ferrostep_planner::extruder::FILAMENT_UNITS_PER_MM;
+use ferrostep_planner::kinematics::UNITS_PER_MM;
 use ferrostep_printer::Profile;
 
 use progress::Progress;
@@ -65,7 +68,6 @@ struct JobArguments {
 }
 
 fn main() -> ExitCode {
-    // A closed pipe (`| head`) is no failure of the print.
     match Arguments::parse().command {
         Command::Print { job, look_ahead, trace, vcd } => {
             print(&job, look_ahead as usize, trace.as_deref(), vcd.as_deref())
@@ -146,24 +148,32 @@ fn run<O: Observer>(
     let wall_s = started.elapsed().as_secs_f64();
     progress.end();
 
-    let stopped = outcome.as_ref().err().map(Stop::from);
-    let summary = Summary::new(
-        name.clone(),
-        &profile,
-        &done,
-        &printer.tally(),
-        session.replies().unknown_commands(),
-        printer.logical_10nm(),
-        &session.desk().borrow().figures(),
-        mode == Mode::Print,
+    let figures = session.desk().borrow().figures();
+    let tally = printer.tally();
+    let summary = Summary {
+        file: name.clone(),
+        profile: profile.name.to_owned(),
+        lines: done.lines,
+        moves: tally.moves,
+        unknown_commands: session.replies().unknown_commands(),
+        clamped_moves: tally.clamped_moves,
+        print_time_s: figures.print_time_s,
+        motion_time_s: figures.motion_time_s,
+        filament_mm: tally.filament_100pm as f64 / FILAMENT_UNITS_PER_MM as f64,
+        position_mm: printer.logical_10nm().map(|length| length as f64 / UNITS_PER_MM as f64).into(),
+        motors: (mode == Mode::Print).then(|| Motors::from(&figures)),
         wall_s,
-        stopped,
-    );
-    if job.json {
-        println!("{}", serde_json::to_string_pretty(&summary).map_err(|error| error.to_string())?);
+        realtime_factor: figures.motion_time_s / wall_s.max(1e-9),
+        layers: done.layers,
+        stopped: outcome.as_ref().err().map(Stop::from),
+    };
+    let text = if job.json {
+        serde_json::to_string_pretty(&summary).map_err(|error| error.to_string())?
     } else {
-        println!("{summary}");
-    }
+        summary.to_string()
+    };
+    // Who closes the pipe early (`| head`) has read enough.
+    let _ = writeln!(std::io::stdout(), "{text}");
     let code = match outcome {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
@@ -171,6 +181,5 @@ fn run<O: Observer>(
             ExitCode::from(1)
         }
     };
-    drop(printer);
     Ok((code, session.into_observer()))
 }

@@ -2,11 +2,10 @@
 
 use std::fmt;
 
-use ferrostep_printer::{Profile, Tally};
 use serde::Serialize;
 
 use crate::desk::Figures;
-use crate::job::{JobError, JobProgress};
+use crate::job::JobError;
 
 /// A value for each motor, or each coordinate.
 #[derive(Clone, Copy, Debug, Serialize)]
@@ -101,44 +100,15 @@ pub struct Summary {
     pub stopped: Option<Stop>,
 }
 
-impl Summary {
-    /// Puts the parts together.
-    #[allow(clippy::too_many_arguments)]
-    pub fn new(
-        file: String,
-        profile: &Profile,
-        progress: &JobProgress,
-        tally: &Tally,
-        unknown_commands: Vec<String>,
-        logical_10nm: [i64; 4],
-        figures: &Figures,
-        with_motors: bool,
-        wall_s: f64,
-        stopped: Option<Stop>,
-    ) -> Self {
+impl From<&Figures> for Motors {
+    fn from(figures: &Figures) -> Self {
         Self {
-            file,
-            profile: profile.name.to_owned(),
-            lines: progress.lines,
-            moves: tally.moves,
-            unknown_commands,
-            clamped_moves: tally.clamped_moves,
-            print_time_s: figures.print_time_s,
-            motion_time_s: figures.motion_time_s,
-            filament_mm: tally.filament_100pm as f64 / 1e7,
-            position_mm: logical_10nm.map(|length| length as f64 / 1e5).into(),
-            motors: with_motors.then(|| Motors {
-                motor_steps: figures.motor_steps.into(),
-                max_event_rate_hz: figures.max_event_rate_hz,
-                underruns: figures.underruns,
-                starvation_flushes: figures.starvation_flushes,
-                order_digest: format!("{:016x}", figures.digests.order),
-                step_digest: format!("{:016x}", figures.digests.step),
-            }),
-            wall_s,
-            realtime_factor: figures.motion_time_s / wall_s.max(1e-9),
-            layers: progress.layers,
-            stopped,
+            motor_steps: figures.motor_steps.into(),
+            max_event_rate_hz: figures.max_event_rate_hz,
+            underruns: figures.underruns,
+            starvation_flushes: figures.starvation_flushes,
+            order_digest: format!("{:016x}", figures.digests.order),
+            step_digest: format!("{:016x}", figures.digests.step),
         }
     }
 }

@@ -144,7 +144,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn chords_stay_within_tolerance(radius in 0.05f64..150.0, from in 0.0f64..6.28, sweep in 0.01f64..6.2, clockwise in any::<bool>()) {
+        fn chords_stay_within_tolerance(radius in 0.05f64..150.0, from in 0.0f64..6.2, sweep in 0.01f64..6.2, clockwise in any::<bool>()) {
             let point = |angle: f64| [round_half_away(radius * angle.cos() * MM), round_half_away(radius * angle.sin() * MM)];
             let (start, end) = (point(from), point(if clockwise { from - sweep } else { from + sweep }));
             prop_assume!(start != end);

@@ -104,8 +104,7 @@ impl HeatControl {
                 Ok(celsius) if celsius >= control.settings.max_celsius => {
                     self.fault = self.fault.or(Some(HeatFault::TooHot(heater, celsius)));
                 }
-                // NaN is below every minimum.
-                Ok(celsius) if !(celsius >= control.settings.min_celsius) => {
+                Ok(celsius) if celsius.is_nan() || celsius < control.settings.min_celsius => {
                     self.fault = self.fault.or(Some(HeatFault::TooCold(heater, celsius)));
                 }
                 Ok(celsius) => control.update(celsius, seconds),
