@@ -129,7 +129,7 @@ impl fmt::Display for Summary {
         let ended = if self.stopped.is_some() { "stopped" } else { "done" };
         writeln!(out, "{} on {}: {ended}", self.file, self.profile)?;
         writeln!(out, "  print time   {} ({} of it in motion)", hms(self.print_time_s), hms(self.motion_time_s))?;
-        writeln!(out, "  filament     {:.2} m", self.filament_mm / 1000.0)?;
+        writeln!(out, "  filament     {:.3} m", self.filament_mm / 1000.0)?;
         let layers = if self.layers > 0 { format!(", {} layers", self.layers) } else { String::new() };
         writeln!(out, "  moves        {} in {} lines{layers}", self.moves, self.lines)?;
         let at = &self.position_mm;

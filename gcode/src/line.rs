@@ -77,9 +77,11 @@ impl fmt::Display for LineError {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             LineError::TooLong { .. } => {
-                write!(formatter, "longer than {} characters", crate::LINE_CAPACITY)
+                write!(formatter, "the line is too long, expected at most {} characters", crate::LINE_CAPACITY)
             }
-            LineError::NotText { byte, .. } => write!(formatter, "not text: byte 0x{byte:02x}"),
+            LineError::NotText { byte, .. } => {
+                write!(formatter, "not text: byte 0x{byte:02x}, expected UTF-8 without control characters")
+            }
         }
     }
 }
@@ -287,8 +289,14 @@ mod tests {
         let refused = |bytes: &[u8]| take_apart(bytes, false, 7, Checksum::Absent).unwrap_err();
         assert_eq!(refused(b"G1\0"), LineError::NotText { line_number: 7, byte: 0, numbered: false });
         assert_eq!(refused(b"N5 \x7f"), LineError::NotText { line_number: 7, byte: 0x7f, numbered: true });
-        assert_eq!(refused(b"M117 \xff\x01").to_string(), "not text: byte 0xff");
-        assert_eq!(refused(b"M117 \x01\xff").to_string(), "not text: byte 0x01");
+        assert_eq!(
+            refused(b"M117 \xff\x01").to_string(),
+            "not text: byte 0xff, expected UTF-8 without control characters"
+        );
+        assert_eq!(
+            refused(b"M117 \x01\xff").to_string(),
+            "not text: byte 0x01, expected UTF-8 without control characters"
+        );
         assert_eq!(line("M117\tGr\u{fc}\u{df}e").text, "M117\tGr\u{fc}\u{df}e");
     }
 }

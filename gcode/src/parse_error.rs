@@ -136,32 +136,36 @@ impl fmt::Display for ParseError {
                 write!(formatter, "expected a command letter, found '{found}'")
             }
             ParseError::UnexpectedCharacter(character) => {
-                write!(formatter, "unexpected character '{character}'")
+                write!(formatter, "unexpected character '{character}', expected a letter with its number")
             }
             ParseError::NumberExpected { letter } => {
-                write!(formatter, "{letter}: a number is expected after it")
+                write!(formatter, "{letter}: expected a number after it")
             }
             ParseError::NotANumber { letter, text } => {
-                write!(formatter, "{letter}: \"{text}\" is not a number")
+                write!(formatter, "{letter}: \"{text}\" is not a number, expected one like 12.5 or -.8")
             }
-            ParseError::TooLarge { letter, text } => write!(formatter, "{letter}: {text} is too large"),
+            ParseError::TooLarge { letter, text } => {
+                write!(formatter, "{letter}: {text} is too large, expected at most 9 digits before the point")
+            }
             ParseError::NotWhole { letter, value } => {
-                write!(formatter, "{letter}: {value} is not a whole number")
+                write!(formatter, "{letter}: {value} is not a whole number, expected one")
             }
             ParseError::NotAboveZero { letter, value } => {
-                write!(formatter, "{letter}: {value} is not above 0")
+                write!(formatter, "{letter}: {value} is not above 0, expected a larger number")
             }
-            ParseError::BelowZero { letter, value } => write!(formatter, "{letter}: {value} is below 0"),
+            ParseError::BelowZero { letter, value } => {
+                write!(formatter, "{letter}: {value} is below 0, expected 0 or more")
+            }
             ParseError::OutOfRange { letter, value, low, high } => {
-                write!(formatter, "{letter}: {value} is not between {low} and {high}")
+                write!(formatter, "{letter}: {value} is out of range, expected {low} to {high}")
             }
             ParseError::WordsExpected { command, words } => {
                 write!(formatter, "{command}: expected {words}")
             }
             ParseError::SecondCommand { letter } => {
-                write!(formatter, "{letter}: a second command in the line")
+                write!(formatter, "{letter}: a second command in the line, expected one")
             }
-            ParseError::PlaneNotSupported => formatter.write_str("only the XY plane (G17) is supported"),
+            ParseError::PlaneNotSupported => formatter.write_str("this plane is not supported, expected G17 (XY)"),
         }
     }
 }

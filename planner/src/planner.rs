@@ -90,6 +90,8 @@ pub struct Planner<S> {
     previous: Option<Previous>,
     look_ahead: LookAhead<S>,
     interpolator: Interpolator,
+    /// Speed at the end of the last block handed to the interpolator.
+    exit: Speed,
     motion_ticks: u64,
     starvation_flushes: u64,
 }
@@ -107,6 +109,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
             previous: None,
             look_ahead: LookAhead::new(ring),
             interpolator: Interpolator::new(geometry.minimum_event_interval_ticks),
+            exit: Speed::ZERO,
             motion_ticks: 0,
             starvation_flushes: 0,
         }
@@ -159,7 +162,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
 
     /// Whether the last entry handed out leaves the motors running.
     pub fn is_in_motion(&self) -> bool {
-        self.interpolator.is_busy() || self.look_ahead.can_leave()
+        self.interpolator.is_busy() || self.exit > Speed::ZERO
     }
 
     /// Takes a move.
@@ -295,6 +298,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         match self.look_ahead.pop() {
             Some(Left::Block(planned)) => {
                 let law = TimeLaw::trapezoid(&planned);
+                self.exit = planned.exit;
                 self.motion_ticks += self.interpolator.begin(&planned, &law, sink);
             }
             Some(Left::Marker(marker)) => {
@@ -325,6 +329,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
     /// the motion clock, with these direction signals. The position becomes the nearest to where they stand.
     pub fn stand_at(&mut self, motor_steps: [i64; 4], tick: u64, directions: u8) {
         self.look_ahead.clear();
+        self.exit = Speed::ZERO;
         self.interpolator.abandon(tick, motor_steps[3]);
         self.interpolator.set_directions(directions);
         self.extruder.set_steps(motor_steps[3]);

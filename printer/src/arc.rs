@@ -1,6 +1,6 @@
 //! G2 and G3: a circle as chords.
 
-use ferrostep_planner::kinematics::round_half_away;
+use ferrostep_planner::kinematics::{MAX_COORDINATE_10NM, UNITS_PER_MM, round_half_away};
 
 use crate::error::CommandError;
 
@@ -11,7 +11,7 @@ pub const CHORD_TOLERANCE_MM: f64 = 0.01;
 /// 1 um, and old ones I and J to 10 um.
 const RADIUS_TOLERANCE_MM: f64 = 0.1;
 
-const MM: f64 = 100_000.0;
+const MM: f64 = UNITS_PER_MM as f64;
 
 /// An arc in the XY plane from the start to the end point, units of 10 nm.
 #[derive(Clone, Copy, Debug)]
@@ -55,6 +55,10 @@ impl Arc {
         }
         // A chord over angle p is r (1 - cos(p/2)) away from its arc.
         let radius = start_radius.max(end_radius);
+        // Every chord is executable before the first one is.
+        if centre.iter().any(|&middle| (middle as f64).abs() + radius > MAX_COORDINATE_10NM as f64) {
+            return Err(CommandError::TooFar);
+        }
         let widest = 2.0 * libm::acos((1.0 - CHORD_TOLERANCE_MM * MM / radius).max(0.0));
         let chords = (libm::ceil(angle.abs() / widest) as u32).max(1);
         Ok(Self {

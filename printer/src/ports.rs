@@ -117,10 +117,7 @@ impl Signals {
 
     /// Takes the request to end a wait.
     pub(crate) fn take_end_wait(&self) -> bool {
-        let was = self.end_wait.load(Ordering::Acquire);
-        // Load and store suffice, one side only sets and the other only clears; armv7em has no contention here.
-        self.end_wait.store(false, Ordering::Release);
-        was
+        self.end_wait.swap(false, Ordering::AcqRel)
     }
 
     /// M112: every wait ends and every command is refused until M999. Who sets it has switched heaters off and

@@ -55,7 +55,7 @@ fn arcs() {
     reads("G3 R-3 I1", Command::Arc { clockwise: false, axes: none, form, feed: None });
     assert_eq!(refused("G2 X5"), "G2: expected I and J, or R");
     reads("G3 X5 J1 K1", Command::Unknown("G3 X5 J1 K1"));
-    assert_eq!(refused("G18"), "only the XY plane (G17) is supported");
+    assert_eq!(refused("G18"), "this plane is not supported, expected G17 (XY)");
     reads("G2 I5 P3", Command::Unknown("G2 I5 P3"));
 }
 
@@ -98,18 +98,18 @@ fn heaters_and_fans() {
     reads("M109 R40", Command::WaitNozzle(WaitTarget::HeatingOrCooling(number("40"))));
     reads("M190 R40 S60", Command::WaitBed(WaitTarget::Heating(number("60"))));
     reads("M190", Command::WaitBed(WaitTarget::Current));
-    assert_eq!(refused("M104 S-5"), "S: -5 is below 0");
-    assert_eq!(refused("M190 R-0.5"), "R: -0.5 is below 0");
+    assert_eq!(refused("M104 S-5"), "S: -5 is below 0, expected 0 or more");
+    assert_eq!(refused("M190 R-0.5"), "R: -0.5 is below 0, expected 0 or more");
     reads("M106", Command::Fan { index: 0, power: 255 });
     reads("M106 S252.45", Command::Fan { index: 0, power: 252 });
     reads("M106 P2 S249.9", Command::Fan { index: 2, power: 250 });
     reads("M107 P1", Command::Fan { index: 1, power: 0 });
-    assert_eq!(refused("M106 S300"), "S: 300 is not between 0 and 255");
-    assert_eq!(refused("M106 S-.3"), "S: -0.3 is not between 0 and 255");
-    assert_eq!(refused("M106 P1.5"), "P: 1.5 is not a whole number");
-    assert_eq!(refused("M106 P256"), "P: 256 is not between 0 and 255");
+    assert_eq!(refused("M106 S300"), "S: 300 is out of range, expected 0 to 255");
+    assert_eq!(refused("M106 S-.3"), "S: -0.3 is out of range, expected 0 to 255");
+    assert_eq!(refused("M106 P1.5"), "P: 1.5 is not a whole number, expected one");
+    assert_eq!(refused("M106 P256"), "P: 256 is out of range, expected 0 to 255");
     reads("M302 S170 P1", Command::ColdExtrusion { minimum: some("170"), allow: Some(true) });
-    assert_eq!(refused("M302 P2"), "P: 2 is not between 0 and 1");
+    assert_eq!(refused("M302 P2"), "P: 2 is out of range, expected 0 to 1");
 }
 
 #[test]
@@ -132,13 +132,13 @@ fn motors_and_limits() {
     reads("M205 X8.00 Y8.00 Z0.40 E4.50 S0 T0", Command::Junction { deviation: None });
     reads("M205 J0.013", Command::Junction { deviation: some("0.013") });
     for (text, error) in [
-        ("M201 X0", "X: 0 is not above 0"),
-        ("M203 E-5", "E: -5 is not above 0"),
-        ("M204 S0", "S: 0 is not above 0"),
-        ("M205 J0", "J: 0 is not above 0"),
-        ("M201 X", "X: a number is expected after it"),
-        ("M203 Y Z5", "Y: a number is expected after it"),
-        ("M84 S-1", "S: -1 is below 0"),
+        ("M201 X0", "X: 0 is not above 0, expected a larger number"),
+        ("M203 E-5", "E: -5 is not above 0, expected a larger number"),
+        ("M204 S0", "S: 0 is not above 0, expected a larger number"),
+        ("M205 J0", "J: 0 is not above 0, expected a larger number"),
+        ("M201 X", "X: expected a number after it"),
+        ("M203 Y Z5", "Y: expected a number after it"),
+        ("M84 S-1", "S: -1 is below 0, expected 0 or more"),
     ] {
         assert_eq!(refused(text), error, "{text}");
     }
@@ -146,8 +146,8 @@ fn motors_and_limits() {
     reads("M207 S2 F1800 Z.4", Command::RetractSettings(words));
     let words = RetractionWords { length: some("-0.1"), feed: None, lift: None };
     reads("M208 S-.1 Z5", Command::RecoverSettings(words));
-    assert_eq!(refused("M207 S-1"), "S: -1 is below 0");
-    assert_eq!(refused("M208 F0"), "F: 0 is not above 0");
+    assert_eq!(refused("M207 S-1"), "S: -1 is below 0, expected 0 or more");
+    assert_eq!(refused("M208 F0"), "F: 0 is not above 0, expected a larger number");
     reads("M211 S0", Command::SoftLimits(Some(false)));
     reads("M211", Command::SoftLimits(None));
     reads("M220 S80", Command::FeedPercent(some("80")));
@@ -155,8 +155,8 @@ fn motors_and_limits() {
     reads("M220", Command::FeedPercent(None));
     reads("M221 S95 T0", Command::FlowPercent(some("95")));
     reads("M221 T1 S95", Command::Unknown("M221 T1 S95"));
-    assert_eq!(refused("M220 S0"), "S: 0 is not above 0");
-    assert_eq!(refused("M221 S999.5"), "S: 999.5 is not between 0 and 999");
+    assert_eq!(refused("M220 S0"), "S: 0 is not above 0, expected a larger number");
+    assert_eq!(refused("M221 S999.5"), "S: 999.5 is out of range, expected 0 to 999");
 }
 
 #[test]
@@ -187,9 +187,9 @@ fn host_commands() {
         reads(text, command);
     }
     assert_eq!(refused("M155"), "M155: expected S");
-    assert_eq!(refused("M155 S61"), "S: 61 is not between 0 and 60");
-    assert_eq!(refused("M110 N1.5"), "N: 1.5 is not a whole number");
-    assert_eq!(refused("T4294967295"), "T: 4294967295 is too large");
+    assert_eq!(refused("M155 S61"), "S: 61 is out of range, expected 0 to 60");
+    assert_eq!(refused("M110 N1.5"), "N: 1.5 is not a whole number, expected one");
+    assert_eq!(refused("T4294967295"), "T: 4294967295 is too large, expected at most 9 digits before the point");
 }
 
 #[test]
@@ -271,32 +271,35 @@ fn accepted_and_unknown() {
 #[test]
 fn malformed_lines_name_the_field() {
     for (text, error) in [
-        ("G1 X1.2.3 Y5", "X: \"1.2.3\" is not a number"),
-        ("G1 Y", "Y: a number is expected after it"),
-        ("G1 YX5", "Y: a number is expected after it"),
-        ("G1 X5 X", "X: a number is expected after it"),
-        ("G1 X-", "X: \"-\" is not a number"),
-        ("G1 X1-2", "X: \"1-2\" is not a number"),
-        ("G1 H.", "H: \".\" is not a number"),
-        ("G1 X99999999999", "X: 99999999999 is too large"),
-        ("G1 X1111111111111111111111111111111", "X: 111111111111111111111111... is too large"),
-        ("G1 X5 %", "unexpected character '%'"),
-        ("G1 X5 \u{2212}3", "unexpected character '\u{2212}'"),
-        ("G1 X\u{e9}", "unexpected character '\u{e9}'"),
+        ("G1 X1.2.3 Y5", "X: \"1.2.3\" is not a number, expected one like 12.5 or -.8"),
+        ("G1 Y", "Y: expected a number after it"),
+        ("G1 YX5", "Y: expected a number after it"),
+        ("G1 X5 X", "X: expected a number after it"),
+        ("G1 X-", "X: \"-\" is not a number, expected one like 12.5 or -.8"),
+        ("G1 X1-2", "X: \"1-2\" is not a number, expected one like 12.5 or -.8"),
+        ("G1 H.", "H: \".\" is not a number, expected one like 12.5 or -.8"),
+        ("G1 X99999999999", "X: 99999999999 is too large, expected at most 9 digits before the point"),
+        (
+            "G1 X1111111111111111111111111111111",
+            "X: 111111111111111111111111... is too large, expected at most 9 digits before the point",
+        ),
+        ("G1 X5 %", "unexpected character '%', expected a letter with its number"),
+        ("G1 X5 \u{2212}3", "unexpected character '\u{2212}', expected a letter with its number"),
+        ("G1 X\u{e9}", "unexpected character '\u{e9}', expected a letter with its number"),
         ("%", "expected a command letter, found '%'"),
         ("\u{e9}5", "expected a command letter, found '\u{e9}'"),
         ("5", "expected a command letter, found '5'"),
-        ("G", "G: a number is expected after it"),
-        ("M-5", "M: a number is expected after it"),
-        ("GX5", "G: a number is expected after it"),
-        ("G1 F0", "F: 0 is not above 0"),
-        ("G1 F-100", "F: -100 is not above 0"),
-        ("G2 I1 F0", "F: 0 is not above 0"),
+        ("G", "G: expected a number after it"),
+        ("M-5", "M: expected a number after it"),
+        ("GX5", "G: expected a number after it"),
+        ("G1 F0", "F: 0 is not above 0, expected a larger number"),
+        ("G1 F-100", "F: -100 is not above 0, expected a larger number"),
+        ("G2 I1 F0", "F: 0 is not above 0, expected a larger number"),
         ("G4", "G4: expected P or S"),
-        ("G4 P-5", "P: -5 is below 0"),
-        ("G92 E", "E: a number is expected after it"),
-        ("G90 G1 X5", "G: a second command in the line"),
-        ("G1 X5 M106", "M: a second command in the line"),
+        ("G4 P-5", "P: -5 is below 0, expected 0 or more"),
+        ("G92 E", "E: expected a number after it"),
+        ("G90 G1 X5", "G: a second command in the line, expected one"),
+        ("G1 X5 M106", "M: a second command in the line, expected one"),
     ] {
         assert_eq!(refused(text), error, "{text:?}");
     }
