@@ -68,65 +68,75 @@ struct JobArguments {
 }
 
 fn main() -> ExitCode {
-    match Arguments::parse().command {
+    let outcome = match Arguments::parse().command {
         Command::Print { job, look_ahead, trace, vcd } => {
             print(&job, look_ahead as usize, trace.as_deref(), vcd.as_deref())
         }
-        Command::Estimate { job } => with_profile(&job, |profile| {
-            run(&job, profile, Mode::Estimate, LOOK_AHEAD_BLOCKS, ()).map(|(code, ())| code)
-        }),
-    }
-}
-
-/// Could not start: says why.
-fn refuse(what: impl std::fmt::Display) -> ExitCode {
-    eprintln!("error: {what}");
-    ExitCode::from(2)
-}
-
-fn with_profile(job: &JobArguments, go: impl FnOnce(Profile) -> Result<ExitCode, String>) -> ExitCode {
-    match ferrostep_profiles::load(&job.profile) {
-        Ok(profile) => go(profile).unwrap_or_else(refuse),
-        Err(error) => refuse(error),
-    }
-}
-
-fn print(job: &JobArguments, look_ahead: usize, trace: Option<&Path>, vcd: Option<&Path>) -> ExitCode {
-    with_profile(job, |profile| {
-        if trace.is_none() && vcd.is_none() {
-            return run(job, profile, Mode::Print, look_ahead, ()).map(|(code, ())| code);
-        }
-        // The job must be readable before files are made for it.
-        Input::open(&job.file).map_err(|error| format!("{}: {error}", job.file.display()))?;
-        let cannot = |path: &Path, error| format!("{}: cannot be written: {error}", path.display());
-        let mut recorder = Recorder::default();
-        if let Some(path) = trace {
-            recorder.trace = Some(TraceWriter::create(path, &profile).map_err(|error| cannot(path, error))?);
-        }
-        if let Some(path) = vcd {
-            recorder.vcd = Some(VcdWriter::create(path, &profile).map_err(|error| cannot(path, error))?);
-        }
-        let (code, mut recorder) = run(job, profile, Mode::Print, look_ahead, recorder)?;
-        match recorder.finish() {
-            Ok(()) => Ok(code),
-            Err(error) => {
-                eprintln!("error: the trace is incomplete: {error}");
-                Ok(ExitCode::from(1))
-            }
-        }
+        Command::Estimate { job } => estimate(&job),
+    };
+    // What could not start says why and exits like wrong arguments do.
+    outcome.unwrap_or_else(|reason| {
+        eprintln!("error: {reason}");
+        ExitCode::from(2)
     })
+}
+
+/// The machine and the open file of a job.
+fn open(job: &JobArguments) -> Result<(Profile, Input), String> {
+    let profile = ferrostep_profiles::load(&job.profile).map_err(|error| error.to_string())?;
+    let input = Input::open(&job.file).map_err(|error| format!("{}: {error}", job.file.display()))?;
+    Ok((profile, input))
+}
+
+fn estimate(job: &JobArguments) -> Result<ExitCode, String> {
+    let (profile, input) = open(job)?;
+    run(job, input, profile, Mode::Estimate, LOOK_AHEAD_BLOCKS, ()).map(|(code, ())| code)
+}
+
+fn print(job: &JobArguments, look_ahead: usize, trace: Option<&Path>, vcd: Option<&Path>) -> Result<ExitCode, String> {
+    let (profile, input) = open(job)?;
+    if trace.is_none() && vcd.is_none() {
+        return run(job, input, profile, Mode::Print, look_ahead, ()).map(|(code, ())| code);
+    }
+    let mut recorder = Recorder::default();
+    if let Some(path) = trace {
+        recorder.trace = Some(TraceWriter::create(writable(path, job)?, &profile).map_err(|e| unwritable(path, e))?);
+    }
+    if let Some(path) = vcd {
+        recorder.vcd = Some(VcdWriter::create(writable(path, job)?, &profile).map_err(|e| unwritable(path, e))?);
+    }
+    let (code, mut recorder) = run(job, input, profile, Mode::Print, look_ahead, recorder)?;
+    match recorder.finish() {
+        Ok(()) => Ok(code),
+        Err(error) => {
+            eprintln!("error: the trace is incomplete: {error}");
+            Ok(ExitCode::from(1))
+        }
+    }
+}
+
+fn unwritable(path: &Path, error: impl std::fmt::Display) -> String {
+    format!("{}: cannot be written: {error}", path.display())
+}
+
+/// A path that may be written: anything but the job itself.
+fn writable<'a>(path: &'a Path, job: &JobArguments) -> Result<&'a Path, String> {
+    match (path.canonicalize(), job.file.canonicalize()) {
+        (Ok(out), Ok(input)) if out == input => Err(unwritable(path, "it is the file to print, expected another name")),
+        _ => Ok(path),
+    }
 }
 
 /// Runs the job and prints its summary; the observer comes back to be finished.
 fn run<O: Observer>(
     job: &JobArguments,
+    mut input: Input,
     profile: Profile,
     mode: Mode,
     look_ahead: usize,
     observer: O,
 ) -> Result<(ExitCode, O), String> {
     let name = job.file.display().to_string();
-    let mut input = Input::open(&job.file).map_err(|error| format!("{name}: {error}"))?;
     let progress = Progress::new(input.size_bytes());
     let shown = Cell::new(0);
     let replies = JobReplies::new(|text: &str| {

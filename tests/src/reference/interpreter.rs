@@ -5,10 +5,10 @@
 
 use super::arc::Arc;
 use super::decimal::{Decimal, OutOfRange, UNITS_PER_MM};
+use super::interpret_error::InterpretError;
 use super::job::{EXTRUDER_FRACTIONS_PER_UNIT, Job, Limits, Move, MoveKind};
 use super::line::Command;
 use super::profile::ReferenceProfile;
-use std::fmt;
 
 /// 25.4 mm in units of 10 nm.
 const UNITS_PER_INCH: i64 = 2_540_000;
@@ -34,29 +34,6 @@ pub struct InterpretOptions {
     pub without_limits: bool,
 }
 
-/// A job could not be interpreted.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum InterpretError {
-    /// A number or a position is too large to be meant; the line, from 1.
-    OutOfRange {
-        /// The line.
-        line: u32,
-    },
-    /// More lines than a u32 counts.
-    TooManyLines,
-}
-
-impl fmt::Display for InterpretError {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::OutOfRange { line } => write!(formatter, "line {line}: a number is out of range"),
-            Self::TooManyLines => write!(formatter, "too many lines"),
-        }
-    }
-}
-
-impl std::error::Error for InterpretError {}
-
 /// Interprets a whole job from its text.
 ///
 /// # Errors
@@ -75,6 +52,7 @@ pub fn interpret(gcode: &[u8], profile: &ReferenceProfile, options: InterpretOpt
         }
     }
     state.job.homed_at_end = state.homing_before;
+    state.job.logical_end_10nm = state.logical_10nm();
     Ok(state.job)
 }
 
@@ -131,7 +109,7 @@ impl State {
         };
         let retraction = profile.firmware_retraction;
         Self {
-            job: Job { moves: Vec::new(), limits: vec![limits], lines: 0, clamped_moves: 0, homed_at_end: false },
+            job: Job::new(limits),
             options,
             limits,
             size_10nm: profile.size_mm.map(units),
@@ -191,6 +169,13 @@ impl State {
             _ => {}
         }
         Ok(())
+    }
+
+    /// Where the G-code believes to be: neither homing's offset nor a retraction's lift shows there.
+    fn logical_10nm(&self) -> [i64; 4] {
+        let [x, y, z] = self.position_10nm;
+        let [offset_x, offset_y, offset_z] = self.offset_10nm;
+        [x - offset_x, y - offset_y, z - offset_z, self.extruder_10nm]
     }
 
     fn length_10nm(&self, value: Decimal) -> Result<i64, OutOfRange> {

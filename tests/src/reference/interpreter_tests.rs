@@ -198,3 +198,11 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn the_end_is_told_as_the_gcode_counts() {
+    let end = |gcode: &str| job(gcode).logical_end_10nm.map(|units| units as f64 / MM as f64);
+    assert_eq!(end("G28\nG1 X10 Y5 Z1 E3\nG92 X1 E0\nG91\nG1 X2 E.5"), [3.0, 5.0, 1.0, 0.5]);
+    assert_eq!(end("G28\nM207 Z1\nG1 Z2\nG10\nG1 X1"), [1.0, 0.0, 2.0, 0.0]);
+    assert_eq!(end("G28\nG1 X500 Z1\nG92 X1\nG28 X"), [0.0, 0.0, 1.0, 0.0]);
+}

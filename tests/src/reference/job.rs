@@ -77,9 +77,23 @@ pub struct Job {
     pub clamped_moves: u32,
     /// Whether axes were homed behind the last move.
     pub homed_at_end: bool,
+    /// X, Y, Z and E behind the last line as the G-code itself counts them, in units of 10 nm.
+    pub logical_end_10nm: [i64; 4],
 }
 
 impl Job {
+    /// A job without lines, on a machine with these limits.
+    pub(super) fn new(limits: Limits) -> Self {
+        Self {
+            moves: Vec::new(),
+            limits: vec![limits],
+            lines: 0,
+            clamped_moves: 0,
+            homed_at_end: false,
+            logical_end_10nm: [0; 4],
+        }
+    }
+
     /// G0-G3 that displace something: the number of end-of-move records a trace of this job has.
     pub fn move_count(&self) -> usize {
         self.moves.iter().filter(|one| one.kind.ends_with_a_record()).count()

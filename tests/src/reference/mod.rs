@@ -5,6 +5,7 @@
 
 mod arc;
 mod decimal;
+mod interpret_error;
 mod interpreter;
 #[cfg(test)]
 mod interpreter_tests;
@@ -16,7 +17,8 @@ mod profile;
 mod trapezoid;
 
 pub use decimal::{Decimal, UNITS_PER_MM};
-pub use interpreter::{InterpretError, InterpretOptions, interpret};
+pub use interpret_error::InterpretError;
+pub use interpreter::{InterpretOptions, interpret};
 pub use job::{EXTRUDER_FRACTIONS_PER_UNIT, Job, Limits, Move, MoveKind};
 pub use planner::{Plan, PlannedMove, plan};
 pub use position::{ExtruderSteps, MotorScale};

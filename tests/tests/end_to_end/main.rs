@@ -1,1 +1,15 @@
-//! x
+//! The whole machine at work: the `ferrostep` command and the library it is made of, held against the independent
+//! reference of this crate.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+mod bad_input;
+mod command;
+mod desk;
+mod hosts;
+mod prints;
+mod programs;
+mod refusals;
+mod repeats;
+mod reports;
+mod waits;
+mod waveform;
