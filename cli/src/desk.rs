@@ -102,6 +102,8 @@ pub struct Desk<O> {
     observer: O,
     awaited: Awaited,
     sought: Option<Seek>,
+    /// Durations of the blocks that an estimate did not execute.
+    estimated_ticks: u64,
     /// Time during which the motion clock stood still.
     idle_ns: u64,
     next_heat_ns: u64,
@@ -131,6 +133,7 @@ impl<O: Observer> Desk<O> {
             observer,
             awaited: Awaited::Nothing,
             sought: None,
+            estimated_ticks: 0,
             idle_ns: 0,
             next_heat_ns: HEAT_INTERVAL_NS,
             last_step_ns: 0,
@@ -200,10 +203,7 @@ impl<O: Observer> Desk<O> {
     }
 
     fn motion_tick(&self) -> u64 {
-        match self.mode {
-            Mode::Print => self.board.steps.tick(),
-            Mode::Estimate => self.planner.motion_ticks(),
-        }
+        self.board.steps.tick() + self.estimated_ticks
     }
 
     fn now_ns(&self) -> u64 {
@@ -223,10 +223,12 @@ impl<O: Observer> Desk<O> {
         Ok(())
     }
 
-    /// Plans and plays until `done`; the step queue is kept as full as it gets, as on the board.
+    /// Plans and plays until `done`; the step queue is kept as full as it gets, as on the board. An estimate plans only.
     fn run_until(&mut self, done: impl Fn(&Self) -> bool) {
         if self.mode == Mode::Estimate {
+            let before = self.planner.motion_ticks();
             while !done(self) && self.planner.next_planned().is_some() {}
+            self.estimated_ticks += self.planner.motion_ticks() - before;
             self.last_step_ns = self.now_ns();
             return;
         }
@@ -277,14 +279,10 @@ impl<O: Observer> Desk<O> {
         }
     }
 
-    /// Plays event by event and looks at the end stop after each.
+    /// Plays event by event and looks at the end stop after each; in an estimate too, for how long it takes depends on
+    /// where the end stop is.
     fn run_to_end_stop(&mut self, axis: usize) {
         self.homing_since.get_or_insert(self.planner.motion_ticks());
-        if self.mode == Mode::Estimate {
-            self.run_until(Self::is_idle);
-            self.sought = Some(Seek::Triggered);
-            return;
-        }
         let mut triggered = self.board.is_triggered(axis);
         while !triggered && !self.is_idle() {
             if self.queues.has_room() && self.planner.advance(&mut self.queues) == Progress::Worked {
@@ -294,7 +292,7 @@ impl<O: Observer> Desk<O> {
             triggered = self.play_watching(entry, axis);
         }
         if triggered {
-            self.stop();
+            self.stand();
         }
         self.last_step_ns = self.now_ns();
         self.sought = Some(if triggered { Seek::Triggered } else { Seek::Missed });
@@ -316,8 +314,13 @@ impl<O: Observer> Desk<O> {
             // Without steps there is no place on the way to stop at.
             self.planner.flush();
             self.run_until(Self::is_idle);
-            return;
+        } else {
+            self.stand();
         }
+    }
+
+    fn stand(&mut self) {
+        self.deliver_notices(self.board.steps.tick());
         self.queues = Queues::default();
         let steps = &self.board.steps;
         self.planner.stand_at(steps.motor_steps(), steps.tick(), steps.directions());
