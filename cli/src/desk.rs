@@ -308,22 +308,23 @@ impl<O: Observer> Desk<O> {
         false
     }
 
-    /// The motors stand where they are; all that was planned is forgotten.
-    fn stop(&mut self) {
+    /// The motors stand where they are; all that was planned is forgotten. Returns the filament that was not pushed,
+    /// units of 0.1 nm.
+    fn stop(&mut self) -> i64 {
         if self.mode == Mode::Estimate {
             // Without steps there is no place on the way to stop at.
             self.planner.flush();
             self.run_until(Self::is_idle);
-        } else {
-            self.stand();
+            return 0;
         }
+        self.stand()
     }
 
-    fn stand(&mut self) {
+    fn stand(&mut self) -> i64 {
         self.deliver_notices(self.board.steps.tick());
         self.queues = Queues::default();
         let steps = &self.board.steps;
-        self.planner.stand_at(steps.motor_steps(), steps.tick(), steps.directions());
+        self.planner.stand_at(steps.motor_steps(), steps.tick(), steps.directions())
     }
 
     /// Homing: the machine is at this position.

@@ -46,10 +46,14 @@ impl Extruder {
         self.whole_steps * 256 + parts / UNITS_PER_STEP + cut_upwards
     }
 
-    /// Puts the extruder at a whole step, where an abandoned move left its motor.
-    pub fn set_steps(&mut self, steps: i64) {
+    /// Puts the extruder at a whole step, where an abandoned move left its motor. Returns the filament between there
+    /// and where it would have gone, units of 0.1 nm.
+    pub fn stand_at(&mut self, steps: i64) -> i64 {
+        let whole = i128::from(self.whole_steps) - i128::from(steps);
+        let missing = whole * i128::from(UNITS_PER_STEP) + i128::from(self.remainder);
         self.whole_steps = steps;
         self.remainder = 0;
+        (missing / i128::from(self.steps_per_mm.hundred_thousandths())) as i64
     }
 }
 
@@ -83,6 +87,15 @@ mod tests {
                 prop_assert_eq!(i128::from(extruder.position_256ths()), sum * 256 / unit);
             }
         }
+    }
+
+    #[test]
+    fn filament_that_was_not_pushed_is_told() {
+        let mut extruder = Extruder::new(StepsPerMm::from_f64(100.0).unwrap());
+        extruder.advance(3 * FILAMENT_UNITS_PER_MM + 12_345);
+        assert_eq!(extruder.stand_at(50), 25 * FILAMENT_UNITS_PER_MM / 10 + 12_345);
+        assert_eq!(extruder.position_256ths(), 50 * 256);
+        assert_eq!(extruder.stand_at(60), -FILAMENT_UNITS_PER_MM / 10);
     }
 
     #[test]

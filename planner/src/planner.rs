@@ -326,18 +326,20 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
     }
 
     /// Forgets all motion that has not happened: the motors stand at these steps (X, Y, Z, extruder), at this tick of
-    /// the motion clock, with these direction signals. The position becomes the nearest to where they stand.
-    pub fn stand_at(&mut self, motor_steps: [i64; 4], tick: u64, directions: u8) {
+    /// the motion clock, with these direction signals. The position becomes the nearest to where they stand. Returns the
+    /// filament that has been taken and not pushed, units of 0.1 nm.
+    pub fn stand_at(&mut self, motor_steps: [i64; 4], tick: u64, directions: u8) -> i64 {
         self.look_ahead.clear();
         self.exit = Speed::ZERO;
         self.interpolator.abandon(tick, motor_steps[3]);
         self.interpolator.set_directions(directions);
-        self.extruder.set_steps(motor_steps[3]);
+        let dropped_100pm = self.extruder.stand_at(motor_steps[3]);
         self.extruder_256ths = self.extruder.position_256ths();
         self.previous = None;
         let [x, y, z, _] = motor_steps;
         self.motor_steps = [x, y, z].map(|steps| steps as i32);
         self.position_10nm = self.geometry.position_10nm([x, y, z]);
+        dropped_100pm
     }
 
     /// Says where the machine is, at standstill (homing). Returns where its motors therefore stand.

@@ -51,8 +51,9 @@ pub trait Motion {
     fn set_motors_enabled(&mut self, axes: u8, enabled: bool);
     /// Whether the end stop of an axis is triggered.
     fn is_end_stop_triggered(&self, axis: usize) -> bool;
-    /// Stops at once and forgets all queued motion; the position is then where the motors stand.
-    fn stop(&mut self);
+    /// Stops at once and forgets all queued motion; the position is then where the motors stand. Returns the filament
+    /// that was queued and not pushed, units of 0.1 nm.
+    fn stop(&mut self) -> i64;
 }
 
 /// A heater as a report shows it.

@@ -128,6 +128,14 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs, R: Replies> Printer<'a, M, H
         self.modal.machine_10nm = self.motion.position_10nm();
     }
 
+    /// Motion stops at once; position, extruder and filament are what has really happened.
+    fn stop_motion(&mut self) {
+        let dropped_100pm = self.motion.stop();
+        self.tally.filament_100pm -= dropped_100pm;
+        self.modal.extruder_10nm -= dropped_100pm / i64::from(self.modal.flow_percent.max(1));
+        self.follow_the_motors();
+    }
+
     async fn dispatch(&mut self, command: &Command<'_>) -> Result<bool, CommandError> {
         match *command {
             Command::Linear { ref axes, feed } => self.linear(axes, feed).await?,
@@ -176,10 +184,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs, R: Replies> Printer<'a, M, H
             Command::FlowPercent(value) => self.flow_percent(value)?,
             Command::ColdExtrusion { minimum, allow } => self.cold_extrusion(minimum, allow)?,
             Command::Finish => self.motion.finish().await?,
-            Command::QuickStop => {
-                self.motion.stop();
-                self.follow_the_motors();
-            }
+            Command::QuickStop => self.stop_motion(),
             Command::Restart => self.signals.restart(),
             Command::SelectTool(0) => {}
             Command::SelectTool(tool) => return Err(CommandError::InvalidTool(tool)),
@@ -216,7 +221,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs, R: Replies> Printer<'a, M, H
     /// M112: heat first, then motion.
     fn emergency_stop(&mut self) -> Result<bool, CommandError> {
         self.heating.all_off();
-        self.motion.stop();
+        self.stop_motion();
         self.signals.halt();
         self.replies.send(Reply::Killed);
         Err(CommandError::Halted)

@@ -132,8 +132,8 @@ impl<O: Observer> Motion for DeskMotion<'_, O> {
         self.desk.borrow().board.is_triggered(axis)
     }
 
-    fn stop(&mut self) {
-        self.desk.borrow_mut().stop();
+    fn stop(&mut self) -> i64 {
+        self.desk.borrow_mut().stop()
     }
 }
 
