@@ -20,7 +20,7 @@ pub use digest::Fnv1a64;
 pub use report::{Deviation, DurationDifference, Finding, MOTOR_NAMES, TraceReport};
 
 use crate::reference::{
-    InterpretError, InterpretOptions, Job, MotorScale, Move, MoveKind, Plan, ReferenceProfile, interpret, plan,
+    InterpretError, InterpretOptions, Job, Limits, MotorScale, Move, MoveKind, Plan, ReferenceProfile, interpret, plan,
 };
 use crate::trace::{Record, StepEvent, TraceError, TraceHeader, TraceReader};
 use axis_limits::{AxisLimits, Excess};
@@ -113,7 +113,7 @@ pub fn check_trace<R: Read>(
         tick_hz: tick_hz as f64,
         event_interval_ticks,
         axis_limits: AxisLimits::new(profile, tick_hz, event_interval_ticks),
-        limits_in_force: 0,
+        limits_in_force: None,
         order_digest: Fnv1a64::default(),
         step_digest: Fnv1a64::default(),
         motors: [0; 4],
@@ -170,7 +170,8 @@ struct Checker<'a> {
     tick_hz: f64,
     event_interval_ticks: f64,
     axis_limits: AxisLimits,
-    limits_in_force: usize,
+    /// The loosest of those that apply up to the next end of a move.
+    limits_in_force: Option<Limits>,
     order_digest: Fnv1a64,
     step_digest: Fnv1a64,
     motors: [i64; 4],
@@ -233,8 +234,8 @@ impl Checker<'_> {
             }
         }
         self.events.push(MotorEvent { tick, steps });
-        if let Some(limits) = self.job.limits.get(self.limits_in_force) {
-            let excess = self.axis_limits.speed(tick, self.motors, limits, &mut self.report.speed_ratio);
+        if let Some(limits) = self.limits_in_force {
+            let excess = self.axis_limits.speed(tick, self.motors, &limits, &mut self.report.speed_ratio);
             if let Some(Excess { axis, tick, ratio }) = excess {
                 self.find(Finding::TooFast { axis, tick, ratio });
             }
@@ -263,9 +264,13 @@ impl Checker<'_> {
         self.events.clear();
     }
 
-    /// Windows of speed do not reach over a change of limits.
+    /// Windows of speed do not reach over a change of limits. A retraction leaves no record of its own, so that limits
+    /// may change between two records.
     fn choose_limits(&mut self) {
-        let limits = self.job.moves.get(self.next_move).map_or(self.limits_in_force, |one| one.limits);
+        let rest = self.job.moves.get(self.next_move..).unwrap_or_default();
+        let group = rest.split_inclusive(|one| one.kind.ends_with_a_record()).next().unwrap_or_default();
+        let applying = group.iter().filter_map(|one| self.job.limits.get(one.limits)).copied();
+        let limits = applying.reduce(Limits::loosest).or(self.limits_in_force);
         if limits != self.limits_in_force {
             self.limits_in_force = limits;
             self.axis_limits.restart();

@@ -18,6 +18,22 @@ pub struct Limits {
     pub junction_deviation_mm: f64,
 }
 
+impl Limits {
+    /// Of each axis the larger of two limits of speed and of acceleration; the rest is `self`'s.
+    pub fn loosest(mut self, other: Self) -> Self {
+        let of_axes = [
+            (&mut self.max_feed_mm_per_s, other.max_feed_mm_per_s),
+            (&mut self.max_acceleration_mm_per_s2, other.max_acceleration_mm_per_s2),
+        ];
+        for (limits, others) in of_axes {
+            for (limit, other) in limits.iter_mut().zip(others) {
+                *limit = limit.max(other);
+            }
+        }
+        self
+    }
+}
+
 /// What a move came from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MoveKind {

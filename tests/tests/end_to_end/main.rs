@@ -5,6 +5,7 @@
 mod bad_input;
 mod command;
 mod desk;
+mod exactness;
 mod hosts;
 mod prints;
 mod programs;
