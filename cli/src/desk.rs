@@ -25,6 +25,9 @@ const STEP_QUEUE_ENTRIES: usize = 2048;
 /// Interval of heater control.
 const HEAT_INTERVAL_NS: u64 = 100_000_000;
 
+/// Longest time that passes at once while a command waits for motion, so that it can look around.
+const LONGEST_LEAP_TICKS: u64 = TICKS_PER_SECOND as u64 / 2;
+
 /// Where the tool head truly stands when the machine is switched on, mm from the machine's origin.
 const START_MM: [i64; 3] = [60, 50, 12];
 
@@ -102,6 +105,8 @@ pub struct Desk<O> {
     observer: O,
     awaited: Awaited,
     sought: Option<Seek>,
+    /// Tick of the last move's end.
+    last_notice: u64,
     /// Durations of the blocks that an estimate did not execute.
     estimated_ticks: u64,
     /// Time during which the motion clock stood still.
@@ -133,6 +138,7 @@ impl<O: Observer> Desk<O> {
             observer,
             awaited: Awaited::Nothing,
             sought: None,
+            last_notice: 0,
             estimated_ticks: 0,
             idle_ns: 0,
             next_heat_ns: HEAT_INTERVAL_NS,
@@ -223,7 +229,7 @@ impl<O: Observer> Desk<O> {
         Ok(())
     }
 
-    /// Plans and plays until `done`; the step queue is kept as full as it gets, as on the board. An estimate plans only.
+    /// Plans and plays until `done`, or for a while; the step queue is kept as full as it gets, as on the board. An estimate plans only.
     fn run_until(&mut self, done: impl Fn(&Self) -> bool) {
         if self.mode == Mode::Estimate {
             let before = self.planner.motion_ticks();
@@ -232,16 +238,16 @@ impl<O: Observer> Desk<O> {
             self.last_step_ns = self.now_ns();
             return;
         }
+        let latest = self.board.steps.tick() + LONGEST_LEAP_TICKS;
         while !done(self) {
             if self.queues.has_room() && self.planner.advance(&mut self.queues) == Progress::Worked {
                 continue;
             }
             // Half the queue at a time is kinder to the caches than one entry.
             let keep = if self.queues.has_room() { 0 } else { STEP_QUEUE_ENTRIES / 2 };
-            let played = self.play_down_to(keep);
-            if !played && !done(self) {
-                // Nothing to plan and nothing to play: what is awaited will not come.
-                return;
+            if !self.play_down_to(keep, latest) || self.board.steps.tick() > latest {
+                // Whoever waits looks again, and waits again if it must.
+                break;
             }
         }
         if self.is_idle() {
@@ -249,10 +255,10 @@ impl<O: Observer> Desk<O> {
         }
     }
 
-    /// Plays entries until `keep` are left; whether any was there.
-    fn play_down_to(&mut self, keep: usize) -> bool {
+    /// Plays entries until `keep` are left or `latest` has passed; whether any was there.
+    fn play_down_to(&mut self, keep: usize, latest: u64) -> bool {
         let mut played = false;
-        while self.queues.entries.len() > keep {
+        while self.queues.entries.len() > keep && self.board.steps.tick() <= latest {
             let Some(entry) = self.queues.entries.pop_front() else { break };
             played = true;
             if !self.queues.notices.is_empty() {
@@ -273,7 +279,10 @@ impl<O: Observer> Desk<O> {
     fn deliver_notices(&mut self, upto: u64) {
         while let Some(notice) = self.queues.notices.pop_front_if(|notice| notice.tick() <= upto) {
             match notice {
-                Notice::MoveEnded { tick, line } => self.observer.move_ended(tick, line),
+                Notice::MoveEnded { tick, line } => {
+                    self.last_notice = tick;
+                    self.observer.move_ended(tick, line);
+                }
                 Notice::FanPower { power, .. } => self.board.set_fan_power(power),
             }
         }
@@ -283,8 +292,13 @@ impl<O: Observer> Desk<O> {
     /// where the end stop is.
     fn run_to_end_stop(&mut self, axis: usize) {
         self.homing_since.get_or_insert(self.planner.motion_ticks());
+        let latest = self.board.steps.tick() + LONGEST_LEAP_TICKS;
         let mut triggered = self.board.is_triggered(axis);
         while !triggered && !self.is_idle() {
+            if self.board.steps.tick() > latest {
+                // Not there yet: the command waits on.
+                return;
+            }
             if self.queues.has_room() && self.planner.advance(&mut self.queues) == Progress::Worked {
                 continue;
             }
@@ -323,6 +337,8 @@ impl<O: Observer> Desk<O> {
     fn stand(&mut self) -> i64 {
         self.deliver_notices(self.board.steps.tick());
         self.queues = Queues::default();
+        // A move ends half a step after its last event; standing there, the clock does not go back.
+        self.board.steps.pass_to(self.last_notice);
         let steps = &self.board.steps;
         self.planner.stand_at(steps.motor_steps(), steps.tick(), steps.directions())
     }

@@ -46,9 +46,12 @@ impl Extruder {
         self.whole_steps * 256 + parts / UNITS_PER_STEP + cut_upwards
     }
 
-    /// Puts the extruder at a whole step, where an abandoned move left its motor. Returns the filament between there
-    /// and where it would have gone, units of 0.1 nm.
+    /// The motor stands at this step after an abandoned move. Returns the filament between there and where it would have
+    /// gone, units of 0.1 nm; nothing, fractions of a step included, where that is the same step.
     pub fn stand_at(&mut self, steps: i64) -> i64 {
+        if rounded_steps(self.position_256ths()) == steps {
+            return 0;
+        }
         let whole = i128::from(self.whole_steps) - i128::from(steps);
         let missing = whole * i128::from(UNITS_PER_STEP) + i128::from(self.remainder);
         self.whole_steps = steps;
@@ -96,6 +99,10 @@ mod tests {
         assert_eq!(extruder.stand_at(50), 25 * FILAMENT_UNITS_PER_MM / 10 + 12_345);
         assert_eq!(extruder.position_256ths(), 50 * 256);
         assert_eq!(extruder.stand_at(60), -FILAMENT_UNITS_PER_MM / 10);
+        // Standing where it should keeps the fraction.
+        extruder.advance(12_345);
+        assert_eq!(extruder.stand_at(60), 0);
+        assert_eq!(extruder.position_256ths(), 60 * 256 + 31);
     }
 
     #[test]

@@ -259,13 +259,13 @@ impl Interpolator {
         self.clock.max(self.last_event)
     }
 
-    /// Forgets the present block; the motors stood still at `clock`, the extruder at a whole step.
-    pub fn abandon(&mut self, clock: u64, extruder_steps: i64) {
+    /// Forgets the present block; the motors stood still at `clock`, and the extruder is here.
+    pub fn abandon(&mut self, clock: u64, extruder_256ths: i64) {
         self.run = None;
         self.held = None;
         self.clock = clock;
         self.last_event = clock;
-        self.extruder_256ths = extruder_steps * 256;
+        self.extruder_256ths = extruder_256ths;
     }
 
     /// The direction signals as they will stand after the last entry.

@@ -331,10 +331,10 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
     pub fn stand_at(&mut self, motor_steps: [i64; 4], tick: u64, directions: u8) -> i64 {
         self.look_ahead.clear();
         self.exit = Speed::ZERO;
-        self.interpolator.abandon(tick, motor_steps[3]);
         self.interpolator.set_directions(directions);
         let dropped_100pm = self.extruder.stand_at(motor_steps[3]);
         self.extruder_256ths = self.extruder.position_256ths();
+        self.interpolator.abandon(tick, self.extruder_256ths);
         self.previous = None;
         let [x, y, z, _] = motor_steps;
         self.motor_steps = [x, y, z].map(|steps| steps as i32);

@@ -10,7 +10,7 @@ use crate::ports::{Heating, Motion, Replies, Seek};
 use crate::printer::Printer;
 use crate::profile::HomeEnd;
 
-impl<M: Motion, H: Heating, T: Clock + DelayNs, R: Replies> Printer<'_, M, H, T, R> {
+impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, M, H, T, R> {
     /// Homes X, then Y, then Z, those that are named or all.
     pub(crate) async fn home(&mut self, axes: AxisFlags) -> Result<(), CommandError> {
         self.motion.finish().await?;
@@ -42,13 +42,17 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs, R: Replies> Printer<'_, M, H, T,
         }
         .await;
         // Even after a failure the G-code's position is where the motors stand.
-        let mut position = self.modal.machine_10nm;
+        if axis == 2 {
+            // Z is where its sensor says; nothing is left to lower.
+            self.modal.lift_10nm = 0;
+        }
+        let mut position = self.raised(self.modal.machine_10nm);
         position[axis] = match outcome {
             Ok(()) => homing.position_10nm,
             Err(_) => self.motion.position_10nm()[axis],
         };
         self.motion.set_position(position);
-        self.modal.machine_10nm = position;
+        self.modal.machine_10nm[axis] = position[axis];
         outcome?;
         self.modal.offset_10nm[axis] = 0;
         self.modal.homed[axis] = true;

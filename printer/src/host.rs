@@ -21,7 +21,7 @@ impl Host {
 
     /// Answers what the line reader made of some bytes: executes a good line, `ok`s a repeated one, asks for a
     /// garbled one again.
-    pub async fn answer<M: Motion, H: Heating, T: Clock + DelayNs, R: Replies>(
+    pub async fn answer<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies>(
         &mut self,
         printer: &mut Printer<'_, M, H, T, R>,
         line: Result<Line<'_>, LineError>,

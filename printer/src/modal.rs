@@ -25,7 +25,7 @@ pub(crate) struct Modal {
     pub feed_10nm_per_min: i64,
     pub feed_percent: u16,
     pub flow_percent: u16,
-    /// Machine position after all commands so far.
+    /// Machine position after all commands so far, the lift of a firmware retraction left out.
     pub machine_10nm: [i64; 3],
     /// Logical minus machine coordinates (G92).
     pub offset_10nm: [i64; 3],
@@ -35,6 +35,8 @@ pub(crate) struct Modal {
     pub soft_limits: bool,
     pub retraction: FirmwareRetraction,
     pub retracted: bool,
+    /// How far Z is lifted while retracted. The G-code's coordinates do not see it.
+    pub lift_10nm: i64,
     pub min_extrusion_celsius: f32,
     pub cold_extrusion_allowed: bool,
 }
@@ -58,8 +60,17 @@ impl Modal {
             soft_limits: true,
             retraction: profile.retraction,
             retracted: false,
+            lift_10nm: 0,
             min_extrusion_celsius: profile.min_extrusion_celsius,
             cold_extrusion_allowed: false,
+        }
+    }
+
+    /// The unit of lengths as written, mm.
+    pub fn unit_mm(&self) -> f64 {
+        match self.units {
+            Units::Millimetres => 1.0,
+            Units::Inches => 25.4,
         }
     }
 

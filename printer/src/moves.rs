@@ -3,6 +3,7 @@
 use embedded_hal_async::delay::DelayNs;
 use ferrostep_gcode::{ArcForm, AxisWords, Decimal, Reply};
 use ferrostep_hal_shim::{Clock, Heater};
+use ferrostep_planner::extruder::Extruder;
 use ferrostep_planner::kinematics::MAX_COORDINATE_10NM;
 use ferrostep_planner::{MIN_FEED_MM_PER_S, Move, Moved, filament_100pm};
 
@@ -15,6 +16,9 @@ use crate::printer::Printer;
 /// Logical extruder positions stay within 10,000 km.
 const MAX_EXTRUDER_10NM: i64 = 1_000_000_000_000_000;
 
+/// A dwell of more than eleven days is a mistake.
+const LONGEST_DWELL_MS: u64 = 1_000_000_000;
+
 /// A move whose words have been checked.
 struct Target {
     machine_10nm: [i64; 3],
@@ -22,20 +26,20 @@ struct Target {
     feed_10nm_per_min: i64,
 }
 
-impl<M: Motion, H: Heating, T: Clock + DelayNs, R: Replies> Printer<'_, M, H, T, R> {
+impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, M, H, T, R> {
     /// G0, G1.
     pub(crate) async fn linear(&mut self, axes: &AxisWords, feed: Option<Decimal>) -> Result<(), CommandError> {
         let mut target = self.target(axes, feed)?;
         let clamped = self.clamp(&mut target.machine_10nm);
         let filament = self.filament(&target);
         let request = Move {
-            target_10nm: target.machine_10nm,
+            target_10nm: self.raised(target.machine_10nm),
             filament_100pm: filament,
             feed_mm_per_s: self.modal.feed_mm_per_s(target.feed_10nm_per_min),
             line: self.line,
             ends_move: true,
         };
-        let displaces = request.target_10nm != self.modal.machine_10nm || filament != 0;
+        let displaces = target.machine_10nm != self.modal.machine_10nm || filament != 0;
         if displaces {
             self.motion.add(request).await?;
         }
@@ -85,7 +89,7 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs, R: Replies> Printer<'_, M, H, T,
             self.clamp_into(&mut point, &mut clamped);
             let upto = share(filament, index);
             let chord = Move {
-                target_10nm: point,
+                target_10nm: self.raised(point),
                 filament_100pm: upto - pushed,
                 feed_mm_per_s,
                 line: self.line,
@@ -98,7 +102,7 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs, R: Replies> Printer<'_, M, H, T,
         }
         self.clamp_into(&mut target.machine_10nm, &mut clamped);
         let last = Move {
-            target_10nm: target.machine_10nm,
+            target_10nm: self.raised(target.machine_10nm),
             filament_100pm: filament - pushed,
             feed_mm_per_s,
             line: self.line,
@@ -126,7 +130,12 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs, R: Replies> Printer<'_, M, H, T,
         if extruder_10nm != self.modal.extruder_10nm {
             self.check_extrusion_temperature()?;
         }
-        Ok(Target { machine_10nm, extruder_10nm, feed_10nm_per_min })
+        let target = Target { machine_10nm, extruder_10nm, feed_10nm_per_min };
+        // Looked at here, not only by the planner: an arc goes there in many moves.
+        if self.filament(&target).abs() > Extruder::new(self.profile.steps_per_mm[3]).longest_move_100pm() {
+            return Err(CommandError::TooMuchFilament);
+        }
+        Ok(target)
     }
 
     pub(crate) fn check_extrusion_temperature(&self) -> Result<(), CommandError> {
@@ -205,37 +214,46 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs, R: Replies> Printer<'_, M, H, T,
         };
         // As in Marlin, the flow does not scale a retraction: what is drawn back must be what is pushed again.
         let filament = filament_100pm(length_10nm, 100);
-        let mut position = self.modal.machine_10nm;
-        let lift = Move {
-            target_10nm: position,
-            filament_100pm: 0,
-            feed_mm_per_s: self.profile.limits.max_feed_mm_per_s[2],
-            line: self.line,
-            ends_move: false,
-        };
+        let here = self.motion.position_10nm();
+        let there = self.lifted(self.modal.machine_10nm, if retract { settings.lift_10nm } else { 0 });
+        let feed_mm_per_s = self.motion.limits().max_feed_mm_per_s[2];
+        let lift = Move { target_10nm: there, filament_100pm: 0, feed_mm_per_s, line: self.line, ends_move: false };
         let filament_move = Move { filament_100pm: filament, feed_mm_per_s: rate as f64 / 100_000.0, ..lift };
         // Draw back before lifting, lower before pushing forward: the nozzle never oozes in the air.
-        let rise = if retract { settings.lift_10nm } else { -settings.lift_10nm };
-        position[2] += rise;
-        self.clamp(&mut position);
-        let lift = Move { target_10nm: position, ..lift };
         if retract {
-            self.motion.add(filament_move).await?;
+            self.motion.add(Move { target_10nm: here, ..filament_move }).await?;
             self.motion.add(lift).await?;
         } else {
             self.motion.add(lift).await?;
-            self.motion.add(Move { target_10nm: position, ..filament_move }).await?;
+            self.motion.add(filament_move).await?;
         }
-        // The G-code does not see the lift: its coordinates shift with it.
-        self.modal.offset_10nm[2] -= position[2] - self.modal.machine_10nm[2];
-        self.modal.machine_10nm = position;
+        self.modal.lift_10nm = if retract { settings.lift_10nm } else { 0 };
         self.modal.retracted = retract;
         self.tally.filament_100pm += filament;
         Ok(())
     }
 
+    /// A machine position with Z lifted, as far as the soft limits let it.
+    fn lifted(&self, machine_10nm: [i64; 3], lift_10nm: i64) -> [i64; 3] {
+        let [x, y, z] = machine_10nm;
+        let mut lifted = [x, y, z + lift_10nm];
+        if lift_10nm != 0 {
+            self.clamp(&mut lifted);
+        }
+        lifted
+    }
+
+    /// Where the motors go for a machine position of the G-code.
+    pub(crate) fn raised(&self, machine_10nm: [i64; 3]) -> [i64; 3] {
+        self.lifted(machine_10nm, self.modal.lift_10nm)
+    }
+
     /// G4.
     pub(crate) async fn dwell(&mut self, milliseconds: u64) -> Result<(), CommandError> {
+        if milliseconds > LONGEST_DWELL_MS {
+            let (value, maximum) = (milliseconds as f64, LONGEST_DWELL_MS as f64);
+            return Err(CommandError::OutOfRange { word: 'P', value, minimum: 0.0, maximum });
+        }
         self.motion.finish().await?;
         self.wait_ms(milliseconds).await
     }

@@ -96,6 +96,7 @@ pub trait Replies {
 pub struct Signals {
     end_wait: AtomicBool,
     halted: AtomicBool,
+    waiting_for_heat: AtomicBool,
     report_interval_s: AtomicU8,
     keep_alive_s: AtomicU8,
 }
@@ -106,6 +107,7 @@ impl Signals {
         Self {
             end_wait: AtomicBool::new(false),
             halted: AtomicBool::new(false),
+            waiting_for_heat: AtomicBool::new(false),
             report_interval_s: AtomicU8::new(0),
             keep_alive_s: AtomicU8::new(2),
         }
@@ -137,9 +139,17 @@ impl Signals {
         self.halted.store(false, Ordering::Release);
     }
 
-    /// Seconds between temperature reports (M155); 0 = off.
+    /// Seconds between temperature reports (M155); 0 = off, and while a wait for heat prints its own.
     pub fn report_interval_s(&self) -> u8 {
-        self.report_interval_s.load(Ordering::Relaxed)
+        if self.is_waiting_for_heat() { 0 } else { self.report_interval_s.load(Ordering::Relaxed) }
+    }
+
+    pub(crate) fn is_waiting_for_heat(&self) -> bool {
+        self.waiting_for_heat.load(Ordering::Relaxed)
+    }
+
+    pub(crate) fn set_waiting_for_heat(&self, waiting: bool) {
+        self.waiting_for_heat.store(waiting, Ordering::Relaxed);
     }
 
     pub(crate) fn set_report_interval_s(&self, seconds: u8) {

@@ -1,5 +1,8 @@
 //! The printer: a line in, its effects and its replies out.
 
+use core::future::{Future, poll_fn};
+use core::pin::pin;
+
 use embedded_hal_async::delay::DelayNs;
 use ferrostep_gcode::{AxisFlags, Command, EndStopState, FirmwareInfo, Position, Reply, parse};
 use ferrostep_hal_shim::{Clock, Heater};
@@ -43,7 +46,7 @@ pub struct Printer<'a, M, H, T, R> {
     emergency_parser: bool,
 }
 
-impl<'a, M: Motion, H: Heating, T: Clock + DelayNs, R: Replies> Printer<'a, M, H, T, R> {
+impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'a, M, H, T, R> {
     /// A printer that has just been switched on: nothing homed, everything cold.
     pub fn new(profile: &'a Profile, motion: M, heating: H, clock: T, replies: &'a R, signals: &'a Signals) -> Self {
         Self {
@@ -94,7 +97,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs, R: Replies> Printer<'a, M, H
     pub async fn execute(&mut self, line: u32, text: &str) -> Result<(), Failure> {
         self.line = line;
         let failure = match parse(text) {
-            Ok(command) => match self.command(&command).await {
+            Ok(command) => match self.command_with_signs_of_life(&command).await {
                 Ok(reported) => {
                     if !reported {
                         self.replies.send(Reply::Ok);
@@ -108,6 +111,30 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs, R: Replies> Printer<'a, M, H
         self.replies.refuse(line, &failure);
         self.replies.send(Reply::Ok);
         Err(failure)
+    }
+
+    /// Executes a command and, while it takes long, says `busy` as often as M113 asks: hosts take a printer that is
+    /// silent for too long for dead. A wait for heat reports temperatures instead.
+    async fn command_with_signs_of_life(&mut self, command: &Command<'_>) -> Result<bool, CommandError> {
+        let (clock, replies, signals) = (self.clock.clone(), self.replies, self.signals);
+        let mut execution = pin!(self.command(command));
+        let mut last_sign_ms = None;
+        poll_fn(|context| {
+            let progress = execution.as_mut().poll(context);
+            if progress.is_pending() {
+                let now_ms = clock.now_ms();
+                let since_ms = now_ms - *last_sign_ms.get_or_insert(now_ms);
+                let interval_ms = u64::from(signals.keep_alive_s()) * 1000;
+                if signals.is_waiting_for_heat() {
+                    last_sign_ms = Some(now_ms);
+                } else if interval_ms > 0 && since_ms >= interval_ms {
+                    last_sign_ms = Some(now_ms);
+                    replies.send(Reply::Busy);
+                }
+            }
+            progress
+        })
+        .await
     }
 
     /// Executes a command; `true` when it has sent its own `ok`.
@@ -126,6 +153,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs, R: Replies> Printer<'a, M, H
     /// After a stop the G-code's position is where the motors stand.
     fn follow_the_motors(&mut self) {
         self.modal.machine_10nm = self.motion.position_10nm();
+        self.modal.lift_10nm = 0;
     }
 
     /// Motion stops at once; position, extruder and filament are what has really happened.

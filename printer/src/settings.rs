@@ -20,8 +20,9 @@ fn in_range(word: char, value: f64, minimum: f64, maximum: f64) -> Result<f64, C
     }
 }
 
-fn limit(word: char, value: Decimal) -> Result<f64, CommandError> {
-    in_range(word, value.to_f64(), 0.01, LARGEST_LIMIT)
+/// A speed or acceleration in mm, as written in a unit of so many mm.
+fn limit(word: char, value: Decimal, unit_mm: f64) -> Result<f64, CommandError> {
+    in_range(word, value.to_f64() * unit_mm, 0.01, LARGEST_LIMIT)
 }
 
 fn percent(value: Decimal) -> Result<u16, CommandError> {
@@ -30,21 +31,21 @@ fn percent(value: Decimal) -> Result<u16, CommandError> {
     Ok(percent as u16)
 }
 
-fn set_axes(limits: &mut [f64; 4], words: &AxisWords) -> Result<(), CommandError> {
+fn set_axes(limits: &mut [f64; 4], words: &AxisWords, unit_mm: f64) -> Result<(), CommandError> {
     let words = [('X', words.x), ('Y', words.y), ('Z', words.z), ('E', words.e)];
     for (limit_of_axis, (letter, word)) in limits.iter_mut().zip(words) {
         if let Some(value) = word {
-            *limit_of_axis = limit(letter, value)?;
+            *limit_of_axis = limit(letter, value, unit_mm)?;
         }
     }
     Ok(())
 }
 
-impl<M: Motion, H: Heating, T: Clock + DelayNs, R: Replies> Printer<'_, M, H, T, R> {
+impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, M, H, T, R> {
     /// M201.
     pub(crate) fn set_max_acceleration(&mut self, words: &AxisWords) -> Result<(), CommandError> {
         let mut limits = self.motion.limits();
-        set_axes(&mut limits.max_acceleration_mm_per_s2, words)?;
+        set_axes(&mut limits.max_acceleration_mm_per_s2, words, self.modal.unit_mm())?;
         self.motion.set_limits(limits);
         Ok(())
     }
@@ -52,7 +53,7 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs, R: Replies> Printer<'_, M, H, T,
     /// M203.
     pub(crate) fn set_max_feed(&mut self, words: &AxisWords) -> Result<(), CommandError> {
         let mut limits = self.motion.limits();
-        set_axes(&mut limits.max_feed_mm_per_s, words)?;
+        set_axes(&mut limits.max_feed_mm_per_s, words, self.modal.unit_mm())?;
         self.motion.set_limits(limits);
         Ok(())
     }
@@ -65,19 +66,20 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs, R: Replies> Printer<'_, M, H, T,
         travel: Option<Decimal>,
         both: Option<Decimal>,
     ) -> Result<(), CommandError> {
+        let unit_mm = self.modal.unit_mm();
         let mut limits = self.motion.limits();
         if let Some(value) = both {
-            limits.print_acceleration_mm_per_s2 = limit('S', value)?;
+            limits.print_acceleration_mm_per_s2 = limit('S', value, unit_mm)?;
             limits.travel_acceleration_mm_per_s2 = limits.print_acceleration_mm_per_s2;
         }
         if let Some(value) = print {
-            limits.print_acceleration_mm_per_s2 = limit('P', value)?;
+            limits.print_acceleration_mm_per_s2 = limit('P', value, unit_mm)?;
         }
         if let Some(value) = retract {
-            limits.retract_acceleration_mm_per_s2 = limit('R', value)?;
+            limits.retract_acceleration_mm_per_s2 = limit('R', value, unit_mm)?;
         }
         if let Some(value) = travel {
-            limits.travel_acceleration_mm_per_s2 = limit('T', value)?;
+            limits.travel_acceleration_mm_per_s2 = limit('T', value, unit_mm)?;
         }
         self.motion.set_limits(limits);
         Ok(())
@@ -87,7 +89,7 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs, R: Replies> Printer<'_, M, H, T,
     pub(crate) fn set_junction_deviation(&mut self, deviation: Option<Decimal>) -> Result<(), CommandError> {
         if let Some(value) = deviation {
             let mut limits = self.motion.limits();
-            limits.junction_deviation_mm = in_range('J', value.to_f64(), 0.000_01, 10.0)?;
+            limits.junction_deviation_mm = in_range('J', value.to_f64() * self.modal.unit_mm(), 0.000_01, 10.0)?;
             self.motion.set_limits(limits);
         }
         Ok(())

@@ -14,11 +14,10 @@ const LOOK_MS: u64 = 100;
 /// Interval of the lines that M109 and M190 print.
 const REPORT_MS: u64 = 1000;
 
-impl<M: Motion, H: Heating, T: Clock + DelayNs, R: Replies> Printer<'_, M, H, T, R> {
+impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, M, H, T, R> {
     /// Waits for a while; ends early when the machine is halted.
     pub(crate) async fn wait_ms(&mut self, milliseconds: u64) -> Result<(), CommandError> {
         let end = self.clock.now_ms().saturating_add(milliseconds);
-        let mut last_busy = self.clock.now_ms();
         loop {
             if self.signals.is_halted() {
                 return Err(CommandError::Halted);
@@ -26,11 +25,6 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs, R: Replies> Printer<'_, M, H, T,
             let now = self.clock.now_ms();
             if now >= end {
                 return Ok(());
-            }
-            let keep_alive_ms = u64::from(self.signals.keep_alive_s()) * 1000;
-            if keep_alive_ms > 0 && now - last_busy >= keep_alive_ms {
-                last_busy = now;
-                self.replies.send(Reply::Busy);
             }
             self.clock.delay_ms((end - now).min(LOOK_MS) as u32).await;
         }
@@ -66,6 +60,14 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs, R: Replies> Printer<'_, M, H, T,
         self.motion.finish().await?;
         // An M108 from before this wait is not meant for it.
         self.signals.take_end_wait();
+        self.signals.set_waiting_for_heat(true);
+        let outcome = self.stay_near_target(heater, cooling_counts).await;
+        self.signals.set_waiting_for_heat(false);
+        outcome
+    }
+
+    /// Waits until the temperature has stayed near its target for long enough.
+    async fn stay_near_target(&mut self, heater: Heater, cooling_counts: bool) -> Result<(), CommandError> {
         let settings = match heater {
             Heater::Nozzle => self.profile.nozzle,
             Heater::Bed => self.profile.bed,

@@ -32,6 +32,11 @@ impl StepTimer {
         self.tick
     }
 
+    /// Lets the motion clock run on to a tick without an event, to the end of a move; it never goes back.
+    pub fn pass_to(&mut self, tick: u64) {
+        self.tick = self.tick.max(tick);
+    }
+
     /// The direction signals.
     pub fn directions(&self) -> u8 {
         self.directions

@@ -1,0 +1,117 @@
+//! Runs jobs on the desk without the command around it.
+
+use std::cell::RefCell;
+use std::io::Read;
+
+use ferrostep::desk::{Figures, LOOK_AHEAD_BLOCKS, Mode};
+use ferrostep::job::{self, JobError, JobProgress};
+use ferrostep::record::Observer;
+use ferrostep::session::{JobReplies, Session};
+use ferrostep_hal_shim::virtual_board::StepObserver;
+use ferrostep_planner::{Kinematics, TICKS_PER_SECOND};
+use ferrostep_printer::{Profile, Tally};
+
+/// One of the shipped machines.
+pub fn profile(name: &str) -> Profile {
+    ferrostep_profiles::load(name).unwrap()
+}
+
+/// A job that has ended.
+#[derive(Debug)]
+pub struct Ended {
+    /// How.
+    pub outcome: Result<(), JobError>,
+    /// Lines that were read.
+    pub lines: u32,
+    /// What the motors did.
+    pub figures: Figures,
+    /// X, Y, Z and E as the G-code counts them, units of 10 nm.
+    pub logical_10nm: [i64; 4],
+    /// What the printer counted.
+    pub tally: Tally,
+    /// What a person was told.
+    pub notices: Vec<String>,
+    /// The trace, as a file would hold it.
+    pub trace: Vec<u8>,
+}
+
+/// Runs a job; keeps no trace.
+pub fn rehearse(profile: &Profile, look_ahead: usize, input: &mut impl Read) -> Ended {
+    run(profile, look_ahead, input, Trace { bytes: Vec::new(), kept: false })
+}
+
+/// Runs a job with the usual look-ahead and keeps its trace.
+pub fn rehearse_traced(profile: &Profile, input: &mut impl Read) -> Ended {
+    run(profile, LOOK_AHEAD_BLOCKS, input, Trace::new(profile))
+}
+
+fn run(profile: &Profile, look_ahead: usize, input: &mut impl Read, trace: Trace) -> Ended {
+    let notices = RefCell::new(Vec::new());
+    let replies = JobReplies::new(|text: &str| notices.borrow_mut().push(text.to_owned()));
+    let session = Session::new(*profile, Mode::Print, look_ahead, trace, replies);
+    let mut progress = JobProgress::default();
+    let (outcome, tally, logical_10nm) = {
+        let mut printer = session.printer();
+        let outcome = session.run(job::run(input, &mut printer, &mut progress, |_| {}));
+        (outcome, printer.tally(), printer.logical_10nm())
+    };
+    let figures = session.desk().borrow().figures();
+    let trace = session.into_observer().bytes;
+    let notices = notices.take();
+    Ended { outcome, lines: progress.lines, figures, logical_10nm, tally, notices, trace }
+}
+
+/// The trace format in memory, written from its definition.
+struct Trace {
+    bytes: Vec<u8>,
+    kept: bool,
+}
+
+impl Trace {
+    fn new(profile: &Profile) -> Self {
+        let (kinematics, axes) = match profile.kinematics {
+            Kinematics::Cartesian => ("cartesian", "xyze"),
+            Kinematics::CoreXy => ("corexy", "abze"),
+        };
+        let header = serde_json::json!({
+            "format": "ferrostep-trace",
+            "version": 1,
+            "tick_hz": TICKS_PER_SECOND,
+            "axes": axes.chars().collect::<Vec<_>>(),
+            "steps_per_mm": profile.steps_per_mm.map(|steps| steps.to_f64()),
+            "kinematics": kinematics,
+        });
+        Self { bytes: format!("{header}\n").into_bytes(), kept: true }
+    }
+
+    fn record(&mut self, tick: u64, rest: [u8; 4]) {
+        if self.kept {
+            self.bytes.extend(tick.to_le_bytes());
+            self.bytes.extend(rest);
+        }
+    }
+}
+
+impl StepObserver for Trace {
+    fn stepped(&mut self, tick: u64, axes: u8, directions: u8) {
+        self.record(tick, [0, axes, directions, 0]);
+    }
+}
+
+impl Observer for Trace {
+    fn redefined(&mut self, tick: u64, motor_steps: [i64; 4]) {
+        self.record(tick, [1, 0, 0, 0]);
+        if self.kept {
+            for steps in motor_steps {
+                self.bytes.extend(i32::try_from(steps).unwrap().to_le_bytes());
+            }
+        }
+    }
+
+    fn move_ended(&mut self, tick: u64, line: u32) {
+        self.record(tick, [2, 0, 0, 0]);
+        if self.kept {
+            self.bytes.extend(line.to_le_bytes());
+        }
+    }
+}

@@ -1,0 +1,255 @@
+//! The conversation with a host over a serial line.
+
+use ferrostep::desk::{LOOK_AHEAD_BLOCKS, Mode};
+use ferrostep::session::{DeskPrinter, Session};
+use ferrostep_gcode::LineReader;
+use ferrostep_printer::{Host, Profile};
+
+use crate::command::example;
+use crate::desk::{profile, rehearse};
+use crate::refusals::Collector;
+use crate::repeats::Seeded;
+
+/// A machine with a serial line.
+pub type Machine = Session<(), Collector>;
+
+/// A machine that has just been switched on.
+pub fn machine(profile: &Profile) -> Machine {
+    Session::new(*profile, Mode::Print, LOOK_AHEAD_BLOCKS, (), Collector::default())
+}
+
+/// The host's end of the line, and the printer's behind it.
+pub struct Conversation<'a> {
+    machine: &'a Machine,
+    printer: DeskPrinter<'a, (), Collector>,
+    host: Host,
+    reader: LineReader,
+}
+
+impl<'a> Conversation<'a> {
+    /// Nothing has been said.
+    pub fn new(machine: &'a Machine) -> Self {
+        Self { machine, printer: machine.printer(), host: Host::new(), reader: LineReader::new() }
+    }
+
+    /// Says a line and waits until it is answered.
+    pub fn say(&mut self, line: &str) -> Vec<String> {
+        self.say_bytes(format!("{line}\n").as_bytes())
+    }
+
+    /// Says some bytes and waits until all lines that end in them are answered.
+    pub fn say_bytes(&mut self, bytes: &[u8]) -> Vec<String> {
+        self.say_while(bytes, |_| {})
+    }
+
+    /// The same; `between` is called whenever time has passed.
+    pub fn say_while(&mut self, mut bytes: &[u8], mut between: impl FnMut(&Machine)) -> Vec<String> {
+        while !bytes.is_empty() {
+            let (used, line) = self.reader.feed(bytes);
+            bytes = &bytes[used..];
+            if let Some(line) = line {
+                self.machine.run_with(self.host.answer(&mut self.printer, line), &mut between);
+            }
+        }
+        self.machine.replies().take()
+    }
+
+    /// Waits for the end of all motion.
+    pub fn finish(&mut self) {
+        self.machine.run(self.printer.finish()).unwrap();
+    }
+
+    /// X, Y, Z and E as the G-code counts them, mm.
+    pub fn position_mm(&self) -> [f64; 4] {
+        self.printer.logical_10nm().map(|units| units as f64 / 100_000.0)
+    }
+}
+
+/// A line as hosts number it.
+pub fn numbered(number: i64, text: &str) -> String {
+    let line = format!("N{number} {text}");
+    let checksum = line.bytes().fold(0, |sum, byte| sum ^ byte);
+    format!("{line}*{checksum}")
+}
+
+fn oks(replies: &[String]) -> usize {
+    replies.iter().filter(|reply| reply.starts_with("ok")).count()
+}
+
+/// The number a host is asked to go back to.
+fn resend(replies: &[String]) -> Option<i64> {
+    replies.iter().find_map(|reply| reply.strip_prefix("Resend: ")?.parse().ok())
+}
+
+/// What real hosts said when they connected and printed.
+#[test]
+fn recorded_hosts_are_understood() {
+    for (name, text, end) in [
+        ("OctoPrint", include_str!("../../data/octoprint.host"), [5.4, 180.0, 0.28, 0.0]),
+        ("printcore", include_str!("../../data/printcore.host"), [5.1, 180.0, 0.28, 0.0]),
+        ("marlin-host", include_str!("../../data/marlin-host.host"), [5.4, 20.0, 2.0, 0.0]),
+        ("pronsole", include_str!("../../data/pronsole.host"), [0.0, 0.0, 0.0, 0.0]),
+    ] {
+        let machine = machine(&profile("cartesian"));
+        let mut conversation = Conversation::new(&machine);
+        for line in text.lines() {
+            let replies = conversation.say(line);
+            assert_eq!(oks(&replies), 1, "{name} says {line:?}: {replies:?}");
+            assert_eq!(resend(&replies), None, "{name} says {line:?}: {replies:?}");
+            assert!(!replies.iter().any(|reply| reply.contains("rror")), "{name} says {line:?}: {replies:?}");
+            let last = replies.last().unwrap();
+            if line.contains("M105") {
+                assert!(last.starts_with("ok T:"), "{name}: {replies:?}");
+            } else {
+                assert_eq!(last, "ok", "{name} says {line:?}: {replies:?}");
+            }
+        }
+        conversation.finish();
+        let position = conversation.position_mm();
+        let [x, y, z, _] = position;
+        assert_eq!([x, y, z], end[..3], "{name}: {position:?}");
+    }
+}
+
+/// The first lines of a sliced file, as a host sends them: without comments and blank lines.
+fn lines_to_send() -> Vec<String> {
+    let text = String::from_utf8(example("cube.gcode")).unwrap();
+    let commands = text.lines().map(|line| line.split(';').next().unwrap_or_default().trim().to_owned());
+    commands.filter(|command| !command.is_empty()).take(3000).collect()
+}
+
+/// A line with something wrong in it: another byte, or one less.
+fn garbled(line: &str, random: &mut Seeded) -> Vec<u8> {
+    let mut bytes = line.as_bytes().to_vec();
+    let at = random.below(bytes.len());
+    if random.below(4) == 0 {
+        bytes.remove(at);
+    } else {
+        // Another printable character.
+        bytes[at] = b' ' + (bytes[at] - b' ' + 1 + random.below(93) as u8) % 94;
+    }
+    bytes.push(b'\n');
+    bytes
+}
+
+#[test]
+fn a_bad_line_changes_nothing_but_the_time() {
+    let profile = profile("cartesian");
+    let lines = lines_to_send();
+    let clean = rehearse(&profile, LOOK_AHEAD_BLOCKS, &mut lines.join("\n").as_bytes());
+    assert!(clean.outcome.is_ok(), "{:?}", clean.outcome);
+
+    for (seed, one_in) in [(11, usize::MAX), (12, 100), (13, 100), (14, 20)] {
+        let mut random = Seeded::new(seed);
+        let machine = machine(&profile);
+        let mut conversation = Conversation::new(&machine);
+        assert_eq!(conversation.say(&numbered(0, "M110 N0")), ["ok"]);
+        let (mut next, mut spoilt, mut resent) = (0, 0, 0);
+        while next < lines.len() {
+            let number = next as i64 + 1;
+            let line = numbered(number, &lines[next]);
+            let replies = match random.below(one_in) {
+                0 => {
+                    spoilt += 1;
+                    conversation.say_bytes(&garbled(&line, &mut random))
+                }
+                // A host that has missed an `ok` repeats itself.
+                1 => [conversation.say(&line), conversation.say(&line)].concat(),
+                _ => conversation.say(&line),
+            };
+            assert!(oks(&replies) > 0, "{line:?}: {replies:?}");
+            match resend(&replies) {
+                Some(wanted) => {
+                    // A line that lost its number was taken for one without, and the gap shows with the next.
+                    assert!(wanted == number || wanted == number - 1, "{line:?}: {replies:?}");
+                    let error = replies.iter().find(|reply| reply.starts_with("Error:")).unwrap();
+                    assert!(error.ends_with(&format!(", Last Line: {}", wanted - 1)), "{replies:?}");
+                    assert_eq!(replies.last().map(String::as_str), Some("ok"), "{replies:?}");
+                    resent += 1;
+                    next = usize::try_from(wanted - 1).unwrap();
+                }
+                None => next += 1,
+            }
+        }
+        conversation.finish();
+        assert_eq!(spoilt > 0, one_in < usize::MAX);
+        assert_eq!(spoilt, resent, "each bad line is asked for once");
+        let figures = machine.desk().borrow().figures();
+        assert_eq!(figures.digests, clean.figures.digests, "one in {one_in}");
+        assert_eq!(conversation.position_mm(), clean.logical_10nm.map(|units| units as f64 / 100_000.0));
+    }
+}
+
+#[test]
+fn a_repeated_line_is_answered_and_not_done_again() {
+    let machine = machine(&profile("cartesian"));
+    let mut conversation = Conversation::new(&machine);
+    for line in ["G91", "G1 X5 F3000", "G1 X5"].iter().zip(1..).map(|(text, number)| numbered(number, text)) {
+        assert_eq!(conversation.say(&line), ["ok"]);
+    }
+    assert_eq!(conversation.say(&numbered(3, "G1 X5")), ["ok"]);
+    assert_eq!(conversation.say(&numbered(2, "G1 X5 F3000")), ["ok"]);
+    assert_eq!(conversation.position_mm()[0], 10.0);
+    assert_eq!(conversation.say(&numbered(4, "G1 X5")), ["ok"]);
+    assert_eq!(conversation.position_mm()[0], 15.0);
+}
+
+#[test]
+fn lines_that_must_come_again() {
+    let machine = machine(&profile("cartesian"));
+    let mut conversation = Conversation::new(&machine);
+    assert_eq!(conversation.say(&numbered(5, "M110 N5")), ["ok"]);
+    assert_eq!(conversation.say(&numbered(6, "G91")), ["ok"]);
+    for (line, error) in [
+        ("N7 G1 X5".to_owned(), "No Checksum with line number"),
+        ("N7 G1 X5*1".to_owned(), "checksum mismatch"),
+        ("N7 G1 X5*five".to_owned(), "checksum mismatch"),
+        (numbered(9, "G1 X5"), "Line Number is not Last Line Number+1"),
+        (numbered(4, "G1 X5"), "Line Number is not Last Line Number+1"),
+        (numbered(7, &"G1 X5 ".repeat(60)), "checksum mismatch"),
+        (numbered(7, "G1 X5\u{7}"), "checksum mismatch"),
+    ] {
+        let replies = conversation.say(&line);
+        assert_eq!(replies, [format!("Error:{error}, Last Line: 6"), "Resend: 7".into(), "ok".into()], "{line:?}");
+    }
+    assert_eq!(conversation.position_mm(), [0.0; 4]);
+    assert_eq!(conversation.say(&numbered(7, "G1 X5")), ["ok"]);
+    assert_eq!(conversation.position_mm()[0], 5.0);
+}
+
+#[test]
+fn m110_in_every_form() {
+    let machine = machine(&profile("cartesian"));
+    let mut conversation = Conversation::new(&machine);
+    for (line, last) in [
+        ("M110".to_owned(), 0),
+        (numbered(0, "M110 N0"), 0),
+        (numbered(-1, "M110 N-1"), -1),
+        (numbered(12, "M110"), 12),
+        (numbered(3, "M110 N40"), 40),
+        ("M110 N7".to_owned(), 7),
+    ] {
+        assert_eq!(conversation.say(&line).last().map(String::as_str), Some("ok"), "{line}");
+        assert_eq!(conversation.say(&numbered(last + 1, "M110")).last().map(String::as_str), Some("ok"), "{line}");
+        assert_eq!(conversation.say("M110"), [format!("Line: {}", last + 1), "ok".into()], "{line}");
+        assert_eq!(conversation.say(&numbered(last + 2, "M400")), ["ok"], "{line}");
+        let gap = conversation.say(&numbered(last + 9, "M400"));
+        assert_eq!(resend(&gap), Some(last + 3), "{line}: {gap:?}");
+    }
+}
+
+#[test]
+fn whatever_has_no_number_needs_no_checksum() {
+    let machine = machine(&profile("cartesian"));
+    let mut conversation = Conversation::new(&machine);
+    assert_eq!(conversation.say("G91"), ["ok"]);
+    assert_eq!(conversation.say("G1 X5 F3000"), ["ok"]);
+    assert_eq!(conversation.say_bytes(b"\n\r\n; nothing\n   \n"), [""; 0]);
+    let refused = conversation.say("G1 X5 Y1.2.3");
+    assert_eq!(refused.len(), 2, "{refused:?}");
+    assert!(refused[0].starts_with("echo:line ") && refused[0].contains("Y:") && refused[1] == "ok", "{refused:?}");
+    let unreadable = conversation.say_bytes(b"G1 X5 \xff\n");
+    assert!(unreadable[0].starts_with("echo:line ") && unreadable[1] == "ok", "{unreadable:?}");
+    assert_eq!(conversation.say("M7777"), ["echo:Unknown command: \"M7777\"", "ok"]);
+    assert_eq!(conversation.position_mm()[0], 5.0);
+}

@@ -1,0 +1,131 @@
+//! A refused line changes nothing: what follows it is done as if it had not been there.
+
+use std::cell::RefCell;
+
+use ferrostep::desk::{LOOK_AHEAD_BLOCKS, Mode};
+use ferrostep::session::Session;
+use ferrostep_gcode::Reply;
+use ferrostep_planner::StepDigests;
+use ferrostep_printer::{Profile, Replies};
+
+use crate::desk::profile;
+
+/// Keeps what the printer says, line by line.
+#[derive(Debug, Default)]
+pub struct Collector(RefCell<Vec<String>>);
+
+impl Collector {
+    /// Takes the lines so far.
+    pub fn take(&self) -> Vec<String> {
+        self.0.take()
+    }
+}
+
+impl Replies for Collector {
+    fn send(&self, reply: Reply<'_>) {
+        self.0.borrow_mut().extend(reply.to_string().lines().map(str::to_owned));
+    }
+}
+
+/// What a machine has done after some lines.
+#[derive(Debug, PartialEq)]
+struct Done {
+    digests: StepDigests,
+    motor_steps: [u64; 4],
+    motion_time_s: f64,
+    logical_10nm: [i64; 4],
+    /// Positions as reported in the middle and at the end.
+    replies: Vec<String>,
+}
+
+/// Executes lines as a host sends them: a refused one is followed by the next. Returns what was done, and for each
+/// line whether it was refused.
+fn execute<'a>(profile: &Profile, lines: impl IntoIterator<Item = &'a str>) -> (Done, Vec<bool>) {
+    let session = Session::new(*profile, Mode::Print, LOOK_AHEAD_BLOCKS, (), Collector::default());
+    let mut printer = session.printer();
+    let mut refused = Vec::new();
+    let mut reports = Vec::new();
+    for (number, line) in (1..).zip(lines) {
+        refused.push(session.run(printer.execute(number, line)).is_err());
+        let replies = session.replies().take();
+        assert_eq!(replies.iter().filter(|reply| reply.starts_with("ok")).count(), 1, "{line}: {replies:?}");
+        reports.extend(replies.into_iter().filter(|reply| reply.starts_with("X:") || reply.starts_with("FR:")));
+    }
+    session.run(printer.finish()).unwrap();
+    let logical_10nm = printer.logical_10nm();
+    let figures = session.desk().borrow().figures();
+    let done = Done {
+        digests: figures.digests,
+        motor_steps: figures.motor_steps,
+        motion_time_s: figures.motion_time_s,
+        logical_10nm,
+        replies: reports,
+    };
+    (done, refused)
+}
+
+/// Holds a program with one bad line in its middle against the program without it.
+#[track_caller]
+fn changes_nothing(profile: &Profile, before: &[&str], bad: &str, after: &[&str]) {
+    let (expected, refused) = execute(profile, before.iter().chain(after).copied());
+    assert!(!refused.contains(&true), "the program itself is good: {refused:?}");
+    let (done, refused) = execute(profile, before.iter().chain(&[bad]).chain(after).copied());
+    assert!(refused[before.len()], "{bad} is refused");
+    assert_eq!(done, expected, "{bad}");
+}
+
+#[test]
+fn neither_place_nor_feed_nor_limits() {
+    let profile = profile("cartesian");
+    let before = ["G28", "G1 X10 Y20 Z3 F3000", "G1 X20 Y30"];
+    let after = ["M220", "G1 X40", "M114", "G1 Y60 Z3.5", "G1 X10", "G91", "G1 X5 Y5", "G2 I4 J3", "M114"];
+    for bad in [
+        "G1 X99 Y1.2.3",
+        "G1 X99 Y1 F6000 E5",
+        "G1 F6000 X99 Y",
+        "G1 X99 F0",
+        "G1 X6000 F600",
+        "G0 F0.1 X99",
+        "G2 X60 Y60 I1 J2 F9000",
+        "G3 X60 F9000",
+        "G2 X40 Y40 R3 F9000",
+        "G2 X40 Y30 I10 J0 E4 F9000",
+        "G92 X99 Y6000",
+        "G92 X3 E.",
+        "M220 S1000",
+        "M221 S0",
+        "M203 X1 Y0",
+        "M203 X1 Y9999999",
+        "M201 X5 Y-2",
+        "M204 P5 T-1",
+        "M204 S5 T9999999",
+        "M205 J100",
+        "M207 S1 Z500",
+        "M104 S900",
+        "G10",
+        "T3",
+        "M155 S61",
+        "G20 X1.2.3",
+        "G91 #",
+    ] {
+        changes_nothing(&profile, &before, bad, &after);
+    }
+}
+
+/// An arc may leave the reach of the planner between ends that are well inside.
+#[test]
+fn not_even_the_first_chords_of_an_arc() {
+    let profile = profile("cartesian");
+    let before = ["G1 X4990 Y0 F60000"];
+    changes_nothing(&profile, &before, "G3 X4990 Y100 I0 J50", &["M114", "G1 X4980 Y5", "M114"]);
+}
+
+#[test]
+fn nor_the_filament() {
+    let profile = profile("cartesian");
+    let before = ["G28", "M302 P1", "G1 X10 Y20 E2 F3000"];
+    let after = ["G1 X20 E3", "M83", "G1 X30 E1", "M114"];
+    for bad in ["G1 X99 E1500", "G1 E-1100 F100", "G1 X5 E1..2", "G2 X99 Y20 I44.5 E9999999", "M221 S2000"] {
+        changes_nothing(&profile, &before, bad, &after);
+    }
+}

@@ -1,0 +1,98 @@
+//! The waveform of `--vcd`, read as a viewer reads it.
+
+use std::collections::BTreeMap;
+
+use crate::command::{directory, example, ferrostep, file};
+
+/// One signal on its way through the file.
+#[derive(Debug, Default)]
+struct Signal {
+    high: bool,
+    changed_ns: u64,
+    rising_edges: u64,
+    shortest_high_ns: Option<u64>,
+    shortest_low_ns: Option<u64>,
+}
+
+impl Signal {
+    fn set(&mut self, high: bool, now_ns: u64) {
+        if self.high == high {
+            return;
+        }
+        let lasted = now_ns - self.changed_ns;
+        let shortest = if high { &mut self.shortest_low_ns } else { &mut self.shortest_high_ns };
+        *shortest = Some(shortest.map_or(lasted, |before| before.min(lasted)));
+        self.rising_edges += u64::from(high);
+        (self.high, self.changed_ns) = (high, now_ns);
+    }
+}
+
+/// All signals by name, after the last change.
+fn read(text: &str) -> BTreeMap<String, Signal> {
+    let (head, body) = text.split_once("$enddefinitions $end").unwrap();
+    assert!(head.contains("$timescale 1 ns $end"), "{head}");
+    let mut names = BTreeMap::new();
+    for declaration in head.lines().filter(|line| line.starts_with("$var ")) {
+        let words: Vec<&str> = declaration.split_whitespace().collect();
+        assert_eq!((words[1], words[2], words[5]), ("wire", "1", "$end"), "{declaration}");
+        assert_eq!(names.insert(words[3], words[4]), None, "an identifier stands for one signal");
+    }
+    let mut signals: BTreeMap<String, Signal> =
+        names.values().map(|name| ((*name).to_owned(), Signal::default())).collect();
+    let mut now_ns = 0;
+    for word in body.split_whitespace() {
+        match word.split_at(1) {
+            ("#", time) => {
+                let time: u64 = time.parse().unwrap();
+                assert!(time >= now_ns, "time goes from {now_ns} back to {time}");
+                now_ns = time;
+            }
+            ("$", _) => {}
+            (value @ ("0" | "1"), id) => signals.get_mut(names[id]).unwrap().set(value == "1", now_ns),
+            _ => panic!("{word:?} is no change of a signal"),
+        }
+    }
+    signals
+}
+
+#[track_caller]
+fn check(job: &[u8], profile: &str, names: [&str; 4], pulse_ns: u64) {
+    let directory = directory();
+    let (job, vcd) = (file(&directory, "job.gcode", job), directory.path().join("out.vcd"));
+    let outcome = ferrostep([
+        "print".as_ref(),
+        job.as_os_str(),
+        "--profile".as_ref(),
+        profile.as_ref(),
+        "--json".as_ref(),
+        "--vcd".as_ref(),
+        vcd.as_os_str(),
+    ]);
+    assert_eq!(outcome.status, Some(0), "{outcome:#?}");
+    let summary = outcome.json();
+    let signals = read(&std::fs::read_to_string(vcd).unwrap());
+    for (axis, name) in ["x", "y", "z", "e"].into_iter().zip(names) {
+        let signal = &signals[&format!("step_{name}")];
+        assert!(signal.rising_edges > 0, "{name} does not move");
+        assert_eq!(summary["motor_steps"][axis], signal.rising_edges, "{name}");
+        assert!(!signal.high, "{name} stays high");
+        assert_eq!(signal.shortest_high_ns, Some(pulse_ns), "{name}");
+        assert!(signal.shortest_low_ns >= Some(pulse_ns), "{name}: {signal:?}");
+        assert!(signals[&format!("direction_{name}")].rising_edges > 0, "{name} never turns round");
+    }
+    assert_eq!(signals.len(), 8);
+}
+
+/// The first layer of a cube.
+#[test]
+fn steps_of_a_sliced_file() {
+    let text = String::from_utf8(example("cube.gcode")).unwrap();
+    let layer: String = text.split_inclusive('\n').take(900).collect();
+    check(layer.as_bytes(), "cartesian", ["x", "y", "z", "e"], 1000);
+}
+
+#[test]
+fn motors_of_corexy_are_called_a_and_b() {
+    let job = "G28\nM302 P1\nG1 X100 Y120 Z5 F30000\nG2 I10 J5 E3\nG1 X200 Y50 Z2 E1\n";
+    check(job.as_bytes(), "corexy", ["a", "b", "z", "e"], 200);
+}
