@@ -45,7 +45,7 @@ impl Arc {
     pub fn points_between(&self, centre: [f64; 2]) -> Vec<([f64; 2], f64)> {
         let from = [self.start[0] - centre[0], self.start[1] - centre[1]];
         let to = [self.end[0] - centre[0], self.end[1] - centre[1]];
-        let radius = from[0].hypot(from[1]);
+        let (radius, end_radius) = (from[0].hypot(from[1]), to[0].hypot(to[1]));
         let mut angle = (from[0] * to[1] - from[1] * to[0]).atan2(from[0] * to[0] + from[1] * to[1]).rem_euclid(TAU);
         if self.clockwise {
             angle -= TAU;
@@ -53,15 +53,17 @@ impl Arc {
         if self.start == self.end {
             angle = if self.clockwise { -TAU } else { TAU };
         }
-        // A chord of angle p stands off r*(1 - cos(p/2)).
-        let widest = 2.0 * (1.0 - CHORD_TOLERANCE_10NM / radius).max(0.0).acos();
+        // A chord of angle p stands off r*(1 - cos(p/2)), most where the radius is larger.
+        let widest = 2.0 * (1.0 - CHORD_TOLERANCE_10NM / radius.max(end_radius)).max(0.0).acos();
         let chords = (angle.abs() / widest).ceil().clamp(1.0, CHORDS_MAX);
         let mut points = Vec::new();
         for index in 1..chords as u32 {
             let part = f64::from(index) / chords;
             let (sine, cosine) = (angle * part).sin_cos();
-            let x = centre[0] + from[0] * cosine - from[1] * sine;
-            let y = centre[1] + from[0] * sine + from[1] * cosine;
+            // Slicers round, so the end is seldom exactly on the circle: the radius changes evenly towards it.
+            let scale = 1.0 + (end_radius / radius - 1.0) * part;
+            let x = centre[0] + (from[0] * cosine - from[1] * sine) * scale;
+            let y = centre[1] + (from[0] * sine + from[1] * cosine) * scale;
             points.push(([x, y], part));
         }
         points

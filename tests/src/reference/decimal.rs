@@ -26,7 +26,7 @@ impl Decimal {
     /// `E` begins the next word. `None` if there is no digit.
     ///
     /// # Errors
-    /// [`OutOfRange`] if the integer part exceeds 10^9.
+    /// `OutOfRange` if the integer part exceeds 10^9.
     pub fn parse_prefix(text: &[u8]) -> Result<Option<Self>, OutOfRange> {
         let (negative, text) = match text.split_first() {
             Some((b'-', rest)) => (true, rest),

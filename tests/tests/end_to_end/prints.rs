@@ -6,14 +6,10 @@ use std::path::Path;
 
 use ferrostep_tests::reference::{InterpretOptions, Job, ReferenceProfile, interpret, plan};
 use ferrostep_tests::trace::{Record, TraceReader};
-use ferrostep_tests::trace_check::{Finding, TraceCheckOptions, TraceReport, check_trace};
+use ferrostep_tests::trace_check::{TraceCheckOptions, TraceReport, check_trace};
 use serde_json::Value;
 
 use crate::command::{directory, example, ferrostep, file, repository};
-
-/// Moves next to arcs that may be off the reference's law: where the chords of an arc end is a matter of choice, and
-/// the junction with them changes with it.
-const FINDINGS_NEXT_TO_ARCS: u64 = 9;
 
 fn reference_profile(name: &str) -> ReferenceProfile {
     match name {
@@ -71,12 +67,6 @@ fn most_events_hz(trace: &Path) -> u64 {
     most as u64 * 1000
 }
 
-fn check_findings(report: &TraceReport, has_arcs: bool) {
-    let next_to_arcs = |finding: &Finding| matches!(finding, Finding::OffTheLaw { .. } | Finding::WrongDuration(_));
-    let accepted = has_arcs && report.finding_count <= FINDINGS_NEXT_TO_ARCS;
-    assert!(report.passed() || accepted && report.findings.iter().all(next_to_arcs), "{report}");
-}
-
 fn check_summary(summary: &Value, job: &Job, report: &TraceReport) {
     assert_eq!(summary["unknown_commands"], serde_json::json!([]));
     for key in ["underruns", "starvation_flushes", "clamped_moves"] {
@@ -103,7 +93,6 @@ fn check(name: &str, profile_name: &str) {
     let profile = reference_profile(profile_name);
     let job = interpret(&text, &profile, InterpretOptions::default()).unwrap();
     let motion_time_s = plan(&job, None).motion_time_s;
-    let has_arcs = name.starts_with("arcs");
     let directory = directory();
     let trace = directory.path().join("trace");
     let path = format!("examples/{name}");
@@ -123,7 +112,7 @@ fn check(name: &str, profile_name: &str) {
         near("motion_time_s", &summary["motion_time_s"], motion_time_s, 1e-4 * motion_time_s);
         assert_eq!(summary["max_event_rate_hz"], most_events_hz(&trace));
         let report = check_trace(File::open(&trace).unwrap(), &text, &profile, &TraceCheckOptions::default()).unwrap();
-        check_findings(&report, has_arcs);
+        assert!(report.passed(), "{report}");
         check_summary(&summary, &job, &report);
         motor_steps.push(report.motor_steps);
     }
