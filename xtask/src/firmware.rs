@@ -22,7 +22,7 @@ impl Program {
     fn source(self) -> &'static str {
         match self {
             Self::Firmware => "app/src/main.rs",
-            Self::Bench => "app/src/bin/bench.rs",
+            Self::Bench => "app/src/bin/bench/main.rs",
         }
     }
 }
@@ -58,7 +58,7 @@ fn build_command(core_library: &CoreLibrary, program: Program) -> Result<Command
     match program {
         // By its package's name, which the package alone decides.
         Program::Firmware => command.args(["--bin", &package_name()?]),
-        Program::Bench => command.args(["--bin", "bench"]),
+        Program::Bench => command.args(["--bin", "bench", "--features", "bench"]),
     };
     core_library.apply(&mut command);
     core_library.apply_linker(&mut command)?;
