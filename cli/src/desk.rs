@@ -6,13 +6,14 @@ pub use handles::{DeskHeating, DeskMotion};
 
 use std::collections::VecDeque;
 
-use ferrostep_hal_shim::virtual_board::{VirtualBoard, VirtualClock, VirtualEndStop};
+use ferrostep_gcode::MotionFigures;
+use ferrostep_hal_shim::virtual_board::{EventRate, StepObserver, VirtualBoard, VirtualClock, VirtualHeaters};
 use ferrostep_hal_shim::{EndStops, Fan};
 use ferrostep_planner::interpolator::MAX_ENTRIES;
 use ferrostep_planner::look_ahead::Slot;
-use ferrostep_planner::{Geometry, Notice, Planner, Progress, StepDigests, StepEntry, StepSink, TICKS_PER_SECOND};
+use ferrostep_planner::{Notice, Planner, Progress, StepDigests, StepEntry, StepSink, TICKS_PER_SECOND};
 use ferrostep_printer::heat::{HeatControl, HeatFault};
-use ferrostep_printer::{HomeEnd, Profile, Seek};
+use ferrostep_printer::{Profile, Seek};
 
 use crate::record::Observer;
 
@@ -24,9 +25,6 @@ const STEP_QUEUE_ENTRIES: usize = 2048;
 
 /// Interval of heater control.
 const HEAT_INTERVAL_NS: u64 = 100_000_000;
-
-/// Where the tool head truly stands when the machine is switched on, mm from the machine's origin.
-const START_MM: [i64; 3] = [60, 50, 12];
 
 /// What a command waits for, so that time passes until it is there.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -73,6 +71,20 @@ impl Queues {
     }
 }
 
+/// What watches the motors, and the event rate for the report.
+struct Watch<O> {
+    rate: EventRate,
+    observer: O,
+}
+
+impl<O: StepObserver> StepObserver for Watch<O> {
+    #[inline]
+    fn stepped(&mut self, tick: u64, axes: u8, directions: u8) {
+        self.rate.add(tick);
+        self.observer.stepped(tick, axes, directions);
+    }
+}
+
 /// What a print did, in numbers.
 #[derive(Clone, Copy, Debug)]
 pub struct Figures {
@@ -99,7 +111,7 @@ pub struct Desk<O> {
     queues: Queues,
     board: VirtualBoard,
     heat: HeatControl,
-    observer: O,
+    observer: Watch<O>,
     awaited: Awaited,
     sought: Option<Seek>,
     /// Time during which the motion clock stood still.
@@ -114,21 +126,13 @@ pub struct Desk<O> {
 impl<O: Observer> Desk<O> {
     /// A machine that has just been switched on.
     pub fn new(profile: &Profile, mode: Mode, look_ahead: usize, observer: O) -> Self {
-        let geometry = Geometry {
-            kinematics: profile.kinematics,
-            steps_per_mm: profile.steps_per_mm,
-            minimum_event_interval_ticks: profile.minimum_event_interval_ticks,
-        };
-        let end_stops = profile
-            .homing
-            .map(|homing| VirtualEndStop { position_10nm: homing.position_10nm, at_max: homing.end == HomeEnd::Max });
         let mut desk = Self {
             mode,
-            planner: Planner::new(geometry, profile.limits, vec![Slot::EMPTY; look_ahead]),
+            planner: Planner::new(profile.geometry(), profile.limits, vec![Slot::EMPTY; look_ahead]),
             queues: Queues::default(),
-            board: VirtualBoard::new(geometry, end_stops, START_MM.map(|mm| mm * 100_000)),
+            board: VirtualBoard { motors: profile.virtual_motors(), heaters: VirtualHeaters::new() },
             heat: HeatControl::new(profile.nozzle, profile.bed),
-            observer,
+            observer: Watch { rate: EventRate::default(), observer },
             awaited: Awaited::Nothing,
             sought: None,
             idle_ns: 0,
@@ -139,7 +143,7 @@ impl<O: Observer> Desk<O> {
             homing_since: None,
         };
         // The first temperatures are there before the first command.
-        let _ = desk.heat.update(&mut desk.board, 0.0);
+        let _ = desk.heat.update(&mut desk.board.heaters, 0.0);
         desk
     }
 
@@ -149,11 +153,25 @@ impl<O: Observer> Desk<O> {
         Figures {
             print_time_s: self.last_step_ns as f64 * 1e-9,
             motion_time_s: seconds(self.planner.motion_ticks() - self.homing_ticks),
-            motor_steps: self.board.steps.issued(),
-            max_event_rate_hz: self.board.steps.max_event_rate_hz(),
+            motor_steps: self.board.motors.steps.issued(),
+            max_event_rate_hz: self.observer.rate.most_hz(),
             underruns: self.underruns,
             starvation_flushes: self.planner.starvation_flushes(),
-            digests: self.board.steps.digests(),
+            digests: self.board.motors.steps.digests(),
+        }
+    }
+
+    /// What M797 reports.
+    fn motion_figures(&self) -> MotionFigures {
+        let StepDigests { order, step } = self.board.motors.steps.digests();
+        MotionFigures {
+            order_digest: order,
+            step_digest: step,
+            underruns: self.underruns,
+            starvation_flushes: self.planner.starvation_flushes(),
+            // Here lines are always at hand.
+            idle_flushes: 0,
+            issued_steps: self.board.motors.steps.issued(),
         }
     }
 
@@ -164,7 +182,7 @@ impl<O: Observer> Desk<O> {
 
     /// What watched the motors.
     pub fn into_observer(self) -> O {
-        self.observer
+        self.observer.observer
     }
 
     /// Lets time pass until what the last command waits for is there: its moves, or its moment.
@@ -201,7 +219,7 @@ impl<O: Observer> Desk<O> {
 
     fn motion_tick(&self) -> u64 {
         match self.mode {
-            Mode::Print => self.board.steps.tick(),
+            Mode::Print => self.board.motors.steps.tick(),
             Mode::Estimate => self.planner.motion_ticks(),
         }
     }
@@ -214,8 +232,8 @@ impl<O: Observer> Desk<O> {
         let seconds = HEAT_INTERVAL_NS as f32 * 1e-9;
         while self.next_heat_ns <= now_ns {
             self.next_heat_ns += HEAT_INTERVAL_NS;
-            self.board.advance_heat(seconds);
-            if let Err(fault) = self.heat.update(&mut self.board, seconds) {
+            self.board.heaters.advance(seconds);
+            if let Err(fault) = self.heat.update(&mut self.board.heaters, seconds) {
                 self.stop();
                 return Err(fault);
             }
@@ -254,9 +272,9 @@ impl<O: Observer> Desk<O> {
             let Some(entry) = self.queues.entries.pop_front() else { break };
             played = true;
             if !self.queues.notices.is_empty() {
-                self.deliver_notices(self.board.steps.first_tick(entry).saturating_sub(1));
+                self.deliver_notices(self.board.motors.steps.first_tick(entry).saturating_sub(1));
             }
-            self.board.steps.play(entry, &mut self.observer);
+            self.board.motors.steps.play(entry, &mut self.observer);
         }
         if played {
             self.last_step_ns = self.now_ns();
@@ -271,8 +289,8 @@ impl<O: Observer> Desk<O> {
     fn deliver_notices(&mut self, upto: u64) {
         while let Some(notice) = self.queues.notices.pop_front_if(|notice| notice.tick() <= upto) {
             match notice {
-                Notice::MoveEnded { tick, line } => self.observer.move_ended(tick, line),
-                Notice::FanPower { power, .. } => self.board.set_fan_power(power),
+                Notice::MoveEnded { tick, line } => self.observer.observer.move_ended(tick, line),
+                Notice::FanPower { power, .. } => self.board.heaters.set_fan_power(power),
             }
         }
     }
@@ -285,29 +303,19 @@ impl<O: Observer> Desk<O> {
             self.sought = Some(Seek::Triggered);
             return;
         }
-        let mut triggered = self.board.is_triggered(axis);
+        let mut triggered = self.board.motors.is_triggered(axis);
         while !triggered && !self.is_idle() {
             if self.queues.has_room() && self.planner.advance(&mut self.queues) == Progress::Worked {
                 continue;
             }
             let Some(entry) = self.queues.entries.pop_front() else { break };
-            triggered = self.play_watching(entry, axis);
+            (_, triggered) = self.board.motors.play_until_triggered(entry, axis, &mut self.observer);
         }
         if triggered {
             self.stop();
         }
         self.last_step_ns = self.now_ns();
         self.sought = Some(if triggered { Seek::Triggered } else { Seek::Missed });
-    }
-
-    fn play_watching(&mut self, entry: StepEntry, axis: usize) -> bool {
-        for event in entry.events() {
-            self.board.steps.play(event, &mut self.observer);
-            if self.board.is_triggered(axis) {
-                return true;
-            }
-        }
-        false
     }
 
     /// The motors stand where they are; all that was planned is forgotten.
@@ -319,15 +327,15 @@ impl<O: Observer> Desk<O> {
             return;
         }
         self.queues = Queues::default();
-        let steps = &self.board.steps;
+        let steps = &self.board.motors.steps;
         self.planner.stand_at(steps.motor_steps(), steps.tick(), steps.directions());
     }
 
     /// Homing: the machine is at this position.
     fn set_position(&mut self, position_10nm: [i64; 3]) {
         let motors = self.planner.set_position(position_10nm);
-        self.board.redefine_motor_steps(motors.map(i64::from));
-        self.observer.redefined(self.board.steps.tick(), self.board.steps.motor_steps());
+        self.board.motors.redefine_motor_steps(motors.map(i64::from));
+        self.observer.observer.redefined(self.board.motors.steps.tick(), self.board.motors.steps.motor_steps());
         if let Some(since) = self.homing_since.take() {
             self.homing_ticks += self.planner.motion_ticks() - since;
         }
