@@ -6,13 +6,14 @@ pub use handles::{DeskHeating, DeskMotion};
 
 use std::collections::VecDeque;
 
-use ferrostep_hal_shim::virtual_board::{VirtualBoard, VirtualClock, VirtualEndStop};
+use ferrostep_gcode::MotionFigures;
+use ferrostep_hal_shim::virtual_board::{EventRate, StepObserver, VirtualBoard, VirtualClock, VirtualHeaters};
 use ferrostep_hal_shim::{EndStops, Fan};
 use ferrostep_planner::interpolator::MAX_ENTRIES;
 use ferrostep_planner::look_ahead::Slot;
-use ferrostep_planner::{Geometry, Notice, Planner, Progress, StepDigests, StepEntry, StepSink, TICKS_PER_SECOND};
+use ferrostep_planner::{Notice, Planner, Progress, StepDigests, StepEntry, StepSink, TICKS_PER_SECOND};
 use ferrostep_printer::heat::{HeatControl, HeatFault};
-use ferrostep_printer::{HomeEnd, Profile, Seek};
+use ferrostep_printer::{Profile, Seek};
 
 use crate::record::Observer;
 
@@ -27,9 +28,6 @@ const HEAT_INTERVAL_NS: u64 = 100_000_000;
 
 /// Longest time that passes at once while a command waits for motion, so that it can look around.
 const LONGEST_LEAP_TICKS: u64 = TICKS_PER_SECOND as u64 / 2;
-
-/// Where the tool head truly stands when the machine is switched on, mm from the machine's origin.
-const START_MM: [i64; 3] = [60, 50, 12];
 
 /// What a command waits for, so that time passes until it is there.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -76,6 +74,20 @@ impl Queues {
     }
 }
 
+/// What watches the motors, and the event rate for the report.
+struct Watch<O> {
+    rate: EventRate,
+    observer: O,
+}
+
+impl<O: StepObserver> StepObserver for Watch<O> {
+    #[inline]
+    fn stepped(&mut self, tick: u64, axes: u8, directions: u8) {
+        self.rate.add(tick);
+        self.observer.stepped(tick, axes, directions);
+    }
+}
+
 /// What a print did, in numbers.
 #[derive(Clone, Copy, Debug)]
 pub struct Figures {
@@ -102,7 +114,7 @@ pub struct Desk<O> {
     queues: Queues,
     board: VirtualBoard,
     heat: HeatControl,
-    observer: O,
+    observer: Watch<O>,
     awaited: Awaited,
     sought: Option<Seek>,
     /// Tick of the last move's end.
@@ -121,21 +133,13 @@ pub struct Desk<O> {
 impl<O: Observer> Desk<O> {
     /// A machine that has just been switched on.
     pub fn new(profile: &Profile, mode: Mode, look_ahead: usize, observer: O) -> Self {
-        let geometry = Geometry {
-            kinematics: profile.kinematics,
-            steps_per_mm: profile.steps_per_mm,
-            minimum_event_interval_ticks: profile.minimum_event_interval_ticks,
-        };
-        let end_stops = profile
-            .homing
-            .map(|homing| VirtualEndStop { position_10nm: homing.position_10nm, at_max: homing.end == HomeEnd::Max });
         let mut desk = Self {
             mode,
-            planner: Planner::new(geometry, profile.limits, vec![Slot::EMPTY; look_ahead]),
+            planner: Planner::new(profile.geometry(), profile.limits, vec![Slot::EMPTY; look_ahead]),
             queues: Queues::default(),
-            board: VirtualBoard::new(geometry, end_stops, START_MM.map(|mm| mm * 100_000)),
+            board: VirtualBoard { motors: profile.virtual_motors(), heaters: VirtualHeaters::new() },
             heat: HeatControl::new(profile.nozzle, profile.bed),
-            observer,
+            observer: Watch { rate: EventRate::default(), observer },
             awaited: Awaited::Nothing,
             sought: None,
             last_notice: 0,
@@ -148,7 +152,7 @@ impl<O: Observer> Desk<O> {
             homing_since: None,
         };
         // The first temperatures are there before the first command.
-        let _ = desk.heat.update(&mut desk.board, 0.0);
+        let _ = desk.heat.update(&mut desk.board.heaters, 0.0);
         desk
     }
 
@@ -158,11 +162,25 @@ impl<O: Observer> Desk<O> {
         Figures {
             print_time_s: self.last_step_ns as f64 * 1e-9,
             motion_time_s: seconds(self.planner.motion_ticks() - self.homing_ticks),
-            motor_steps: self.board.steps.issued(),
-            max_event_rate_hz: self.board.steps.max_event_rate_hz(),
+            motor_steps: self.board.motors.steps.issued(),
+            max_event_rate_hz: self.observer.rate.most_hz(),
             underruns: self.underruns,
             starvation_flushes: self.planner.starvation_flushes(),
-            digests: self.board.steps.digests(),
+            digests: self.board.motors.steps.digests(),
+        }
+    }
+
+    /// What M797 reports.
+    fn motion_figures(&self) -> MotionFigures {
+        let StepDigests { order, step } = self.board.motors.steps.digests();
+        MotionFigures {
+            order_digest: order,
+            step_digest: step,
+            underruns: self.underruns,
+            starvation_flushes: self.planner.starvation_flushes(),
+            // Here lines are always at hand.
+            idle_flushes: 0,
+            issued_steps: self.board.motors.steps.issued(),
         }
     }
 
@@ -173,7 +191,7 @@ impl<O: Observer> Desk<O> {
 
     /// What watched the motors.
     pub fn into_observer(self) -> O {
-        self.observer
+        self.observer.observer
     }
 
     /// Lets time pass until what the last command waits for is there: its moves, or its moment.
@@ -209,7 +227,7 @@ impl<O: Observer> Desk<O> {
     }
 
     fn motion_tick(&self) -> u64 {
-        self.board.steps.tick() + self.estimated_ticks
+        self.board.motors.steps.tick() + self.estimated_ticks
     }
 
     fn now_ns(&self) -> u64 {
@@ -220,8 +238,8 @@ impl<O: Observer> Desk<O> {
         let seconds = HEAT_INTERVAL_NS as f32 * 1e-9;
         while self.next_heat_ns <= now_ns {
             self.next_heat_ns += HEAT_INTERVAL_NS;
-            self.board.advance_heat(seconds);
-            if let Err(fault) = self.heat.update(&mut self.board, seconds) {
+            self.board.heaters.advance(seconds);
+            if let Err(fault) = self.heat.update(&mut self.board.heaters, seconds) {
                 self.stop();
                 return Err(fault);
             }
@@ -238,14 +256,14 @@ impl<O: Observer> Desk<O> {
             self.last_step_ns = self.now_ns();
             return;
         }
-        let latest = self.board.steps.tick() + LONGEST_LEAP_TICKS;
+        let latest = self.board.motors.steps.tick() + LONGEST_LEAP_TICKS;
         while !done(self) {
             if self.queues.has_room() && self.planner.advance(&mut self.queues) == Progress::Worked {
                 continue;
             }
             // Half the queue at a time is kinder to the caches than one entry.
             let keep = if self.queues.has_room() { 0 } else { STEP_QUEUE_ENTRIES / 2 };
-            if !self.play_down_to(keep, latest) || self.board.steps.tick() > latest {
+            if !self.play_down_to(keep, latest) || self.board.motors.steps.tick() > latest {
                 // Whoever waits looks again, and waits again if it must.
                 break;
             }
@@ -258,13 +276,13 @@ impl<O: Observer> Desk<O> {
     /// Plays entries until `keep` are left or `latest` has passed; whether any was there.
     fn play_down_to(&mut self, keep: usize, latest: u64) -> bool {
         let mut played = false;
-        while self.queues.entries.len() > keep && self.board.steps.tick() <= latest {
+        while self.queues.entries.len() > keep && self.board.motors.steps.tick() <= latest {
             let Some(entry) = self.queues.entries.pop_front() else { break };
             played = true;
             if !self.queues.notices.is_empty() {
-                self.deliver_notices(self.board.steps.first_tick(entry).saturating_sub(1));
+                self.deliver_notices(self.board.motors.steps.first_tick(entry).saturating_sub(1));
             }
-            self.board.steps.play(entry, &mut self.observer);
+            self.board.motors.steps.play(entry, &mut self.observer);
         }
         if played {
             self.last_step_ns = self.now_ns();
@@ -281,9 +299,9 @@ impl<O: Observer> Desk<O> {
             match notice {
                 Notice::MoveEnded { tick, line } => {
                     self.last_notice = tick;
-                    self.observer.move_ended(tick, line);
+                    self.observer.observer.move_ended(tick, line);
                 }
-                Notice::FanPower { power, .. } => self.board.set_fan_power(power),
+                Notice::FanPower { power, .. } => self.board.heaters.set_fan_power(power),
             }
         }
     }
@@ -292,10 +310,10 @@ impl<O: Observer> Desk<O> {
     /// where the end stop is.
     fn run_to_end_stop(&mut self, axis: usize) {
         self.homing_since.get_or_insert(self.planner.motion_ticks());
-        let latest = self.board.steps.tick() + LONGEST_LEAP_TICKS;
-        let mut triggered = self.board.is_triggered(axis);
+        let latest = self.board.motors.steps.tick() + LONGEST_LEAP_TICKS;
+        let mut triggered = self.board.motors.is_triggered(axis);
         while !triggered && !self.is_idle() {
-            if self.board.steps.tick() > latest {
+            if self.board.motors.steps.tick() > latest {
                 // Not there yet: the command waits on.
                 return;
             }
@@ -303,23 +321,13 @@ impl<O: Observer> Desk<O> {
                 continue;
             }
             let Some(entry) = self.queues.entries.pop_front() else { break };
-            triggered = self.play_watching(entry, axis);
+            (_, triggered) = self.board.motors.play_until_triggered(entry, axis, &mut self.observer);
         }
         if triggered {
             self.stand();
         }
         self.last_step_ns = self.now_ns();
         self.sought = Some(if triggered { Seek::Triggered } else { Seek::Missed });
-    }
-
-    fn play_watching(&mut self, entry: StepEntry, axis: usize) -> bool {
-        for event in entry.events() {
-            self.board.steps.play(event, &mut self.observer);
-            if self.board.is_triggered(axis) {
-                return true;
-            }
-        }
-        false
     }
 
     /// The motors stand where they are; all that was planned is forgotten. Returns the filament that was not pushed,
@@ -335,19 +343,19 @@ impl<O: Observer> Desk<O> {
     }
 
     fn stand(&mut self) -> i64 {
-        self.deliver_notices(self.board.steps.tick());
+        self.deliver_notices(self.board.motors.steps.tick());
         self.queues = Queues::default();
         // A move ends half a step after its last event; standing there, the clock does not go back.
-        self.board.steps.pass_to(self.last_notice);
-        let steps = &self.board.steps;
+        self.board.motors.steps.pass_to(self.last_notice);
+        let steps = &self.board.motors.steps;
         self.planner.stand_at(steps.motor_steps(), steps.tick(), steps.directions())
     }
 
     /// Homing: the machine is at this position.
     fn set_position(&mut self, position_10nm: [i64; 3]) {
         let motors = self.planner.set_position(position_10nm);
-        self.board.redefine_motor_steps(motors.map(i64::from));
-        self.observer.redefined(self.board.steps.tick(), self.board.steps.motor_steps());
+        self.board.motors.redefine_motor_steps(motors.map(i64::from));
+        self.observer.observer.redefined(self.board.motors.steps.tick(), self.board.motors.steps.motor_steps());
         if let Some(since) = self.homing_since.take() {
             self.homing_ticks += self.planner.motion_ticks() - since;
         }

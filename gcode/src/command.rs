@@ -223,6 +223,8 @@ pub enum Command<'a> {
     Finish,
     /// M410.
     QuickStop,
+    /// M797: digests of all steps issued so far, and motion counters.
+    ReportMotion,
     /// M999.
     Restart,
     /// T: the tool.

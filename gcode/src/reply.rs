@@ -30,6 +30,26 @@ pub struct Position {
     pub core_xy: bool,
 }
 
+/// What the motors were told since the start (M797).
+///
+/// The desk and the board print the same two digests for the same job: that is how a print is compared with its
+/// rehearsal.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct MotionFigures {
+    /// Digest of which motors stepped which way, in which order.
+    pub order_digest: u64,
+    /// Digest of the same with the times.
+    pub step_digest: u64,
+    /// How often the step queue was empty at non-zero speed.
+    pub underruns: u64,
+    /// How often a block left the look-ahead ring because steps ran out.
+    pub starvation_flushes: u64,
+    /// How often what waited for more moves was executed because the host sent none.
+    pub idle_flushes: u64,
+    /// Steps issued to the X, Y, Z (A, B, Z) and extruder motors, both directions added.
+    pub issued_steps: [u64; 4],
+}
+
 /// State of one end stop (M119).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct EndStopState {
@@ -69,6 +89,9 @@ pub enum Reply<'a> {
     Waiting(Temperatures, Option<u32>),
     /// `X:0.00 Y:0.00 Z:0.00 E:0.00 Count X:0 Y:0 Z:0` (CoreXY: `Count A:0 B:0 Z:0`)
     Position(Position),
+    /// `echo:motion order_digest:<16 hex> step_digest:<16 hex> underruns:0 starvation_flushes:0 steps X:0 Y:0 Z:0 E:0
+    /// idle_flushes:0` (one line)
+    Motion(MotionFigures),
     /// `Reporting endstop status` and a line for each end stop.
     EndStops(&'a [EndStopState]),
     /// Firmware line, capabilities and area (protocol.md section 7).

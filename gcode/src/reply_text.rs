@@ -3,7 +3,7 @@
 use core::fmt::{self, Display, Formatter, Write};
 
 use crate::decimal::divide_half_away;
-use crate::{FirmwareInfo, Position, Reply, ResendReason, Temperatures};
+use crate::{FirmwareInfo, MotionFigures, Position, Reply, ResendReason, Temperatures};
 
 /// What M115 says this firmware can do, in the order hosts know from Marlin. EMERGENCY_PARSER stands between the two
 /// lists, for it depends on the port.
@@ -68,6 +68,7 @@ impl Display for Reply<'_> {
                 }
             }
             Reply::Position(position) => write_position(formatter, position),
+            Reply::Motion(figures) => write_motion(formatter, figures),
             Reply::EndStops(states) => {
                 formatter.write_str("Reporting endstop status")?;
                 states.iter().try_for_each(|state| {
@@ -166,6 +167,17 @@ fn write_position(formatter: &mut Formatter<'_>, position: &Position) -> fmt::Re
     write!(formatter, "X:{x} Y:{y} Z:{z} E:{e} Count {first_name}:{first} {second_name}:{second} Z:{third}")
 }
 
+fn write_motion(formatter: &mut Formatter<'_>, figures: &MotionFigures) -> fmt::Result {
+    let MotionFigures { order_digest, step_digest, underruns, starvation_flushes, idle_flushes, issued_steps } =
+        figures;
+    let [x, y, z, e] = issued_steps;
+    write!(
+        formatter,
+        "echo:motion order_digest:{order_digest:016x} step_digest:{step_digest:016x} underruns:{underruns} \
+         starvation_flushes:{starvation_flushes} steps X:{x} Y:{y} Z:{z} E:{e} idle_flushes:{idle_flushes}"
+    )
+}
+
 fn write_firmware(formatter: &mut Formatter<'_>, info: &FirmwareInfo<'_>) -> fmt::Result {
     let FirmwareInfo { version, machine, kinematics, size_10nm, emergency_parser } = info;
     write!(
@@ -238,6 +250,23 @@ mod tests {
             Reply::SoftLimits { enabled: true, max_10nm: [20_000_000, 20_000_000, 18_500_500] },
             "echo:; Soft endstops:\necho:  M211 S1 ; ON\n\
              echo:  Min:  X0.00 Y0.00 Z0.00   Max:  X200.00 Y200.00 Z185.01",
+        );
+    }
+
+    #[test]
+    fn motion() {
+        let figures = MotionFigures {
+            order_digest: 0xcbf2_9ce4_8422_2325,
+            step_digest: 0x2a,
+            underruns: 1,
+            starvation_flushes: 2,
+            idle_flushes: 7,
+            issued_steps: [3, 4, 5, 6],
+        };
+        says(
+            Reply::Motion(figures),
+            "echo:motion order_digest:cbf29ce484222325 step_digest:000000000000002a underruns:1 \
+             starvation_flushes:2 steps X:3 Y:4 Z:5 E:6 idle_flushes:7",
         );
     }
 

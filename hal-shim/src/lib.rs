@@ -3,7 +3,13 @@
 //! embedded-hal's traits stand where they exist: waits are [`embedded_hal_async::delay::DelayNs`].
 #![cfg_attr(not(test), no_std)]
 
+pub mod step_player;
+pub mod step_ring;
 pub mod virtual_board;
+
+use ferrostep_planner::StepEntry;
+
+use step_player::StepLink;
 
 /// A heater with its thermometer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -54,6 +60,18 @@ pub trait ThermalBoard {
 pub trait Fan {
     /// Power, 0 to 255.
     fn set_fan_power(&mut self, power: u8);
+}
+
+/// The queue of step entries, seen from the side that fills it, and the interrupt that empties it.
+pub trait StepOutput: MotorEnable {
+    /// Entries that wait to be played.
+    fn waiting(&self) -> usize;
+    /// How many more fit.
+    fn room(&self) -> usize;
+    /// Adds an entry; one without room is lost, so ask for room first.
+    fn push(&mut self, entry: StepEntry);
+    /// The flags shared with the interrupt.
+    fn link(&self) -> &StepLink;
 }
 
 /// The motors' enable signals.

@@ -30,6 +30,15 @@ impl StepsPerMm {
         (1.0..1e9 + 1.0).contains(&scaled).then_some(Self { hundred_thousandths: scaled as i64 })
     }
 
+    /// The value in units of 1e-5 steps/mm, for machines that are constants of a program; `None` outside
+    /// 1 to 1,000,000,000.
+    pub const fn from_hundred_thousandths(hundred_thousandths: i64) -> Option<Self> {
+        if hundred_thousandths < 1 || hundred_thousandths > 1_000_000_000 {
+            return None;
+        }
+        Some(Self { hundred_thousandths })
+    }
+
     /// The value, steps/mm.
     pub fn to_f64(self) -> f64 {
         self.hundred_thousandths as f64 / 100_000.0
@@ -133,6 +142,10 @@ mod tests {
             assert_eq!(StepsPerMm::from_f64(bad), None, "{bad}");
         }
         assert_eq!(steps(415.305).hundred_thousandths(), 41_530_500);
+        assert_eq!(StepsPerMm::from_hundred_thousandths(41_530_500), Some(steps(415.305)));
+        for bad in [0, -1, 1_000_000_001, i64::MIN, i64::MAX] {
+            assert_eq!(StepsPerMm::from_hundred_thousandths(bad), None, "{bad}");
+        }
     }
 
     #[test]

@@ -58,6 +58,18 @@ impl StepEntry {
         Self { interval_ticks: 0, count: 0, axes: u8::MAX, other: directions }
     }
 
+    /// The entry as two words, for a queue that shares words between tasks.
+    #[inline]
+    pub const fn to_words(self) -> [u32; 2] {
+        [self.interval_ticks, self.count as u32 | (self.axes as u32) << 16 | (self.other as u32) << 24]
+    }
+
+    /// The entry of [`Self::to_words`].
+    #[inline]
+    pub const fn from_words([interval_ticks, rest]: [u32; 2]) -> Self {
+        Self { interval_ticks, count: rest as u16, axes: (rest >> 16) as u8, other: (rest >> 24) as u8 }
+    }
+
     /// The same entry as single events, for a player that looks at something after each (homing).
     pub fn events(self) -> impl Iterator<Item = Self> {
         let single = self.count.max(1);
@@ -67,6 +79,16 @@ impl StepEntry {
             _ if index == single => Self { count: 1, axes: self.axes | self.other, other: 0, ..self },
             _ => Self { count: 1, other: 0, ..self },
         })
+    }
+
+    /// An entry with the first `count` events of this one (all of them if it has no more); `None` for none of a
+    /// stair's.
+    pub const fn first_events(self, count: u16) -> Option<Self> {
+        if self.count == 0 || count >= self.count {
+            return Some(self);
+        }
+        // The added motors step in the last event only, which is left out.
+        Self::stair(self.interval_ticks, count, self.axes, 0)
     }
 
     /// What the entry asks for.
@@ -130,6 +152,24 @@ mod tests {
             StepEntry::stair(9, 3, 1, 2).map(StepEntry::kind),
             Some(StepKind::Stair { interval_ticks: 9, count: 3, axes: 1, added: 2 })
         );
+    }
+
+    #[test]
+    fn words_hold_the_whole_entry() {
+        let entry = StepEntry { interval_ticks: 0x8765_4321, count: 0xfedc, axes: 0xba, other: 0x98 };
+        assert_eq!(entry.to_words(), [0x8765_4321, 0x98ba_fedc]);
+        assert_eq!(StepEntry::from_words(entry.to_words()), entry);
+    }
+
+    #[test]
+    fn the_first_events_of_an_entry() {
+        let entry = StepEntry { interval_ticks: 9, count: 3, axes: 1, other: 2 };
+        assert_eq!(entry.first_events(0), None);
+        assert_eq!(entry.first_events(2), StepEntry::stair(9, 2, 1, 0));
+        for count in [3, 4] {
+            assert_eq!(entry.first_events(count), Some(entry));
+        }
+        assert_eq!(StepEntry::wait(7).first_events(0), Some(StepEntry::wait(7)));
     }
 
     #[test]

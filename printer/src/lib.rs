@@ -5,6 +5,7 @@
 #![cfg_attr(not(test), no_std)]
 
 pub mod heat;
+pub mod machine;
 pub mod ports;
 
 mod arc;

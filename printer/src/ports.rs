@@ -3,7 +3,7 @@
 use core::future::Future;
 use core::sync::atomic::{AtomicBool, AtomicU8, Ordering};
 
-use ferrostep_gcode::Reply;
+use ferrostep_gcode::{MotionFigures, Reply};
 use ferrostep_hal_shim::Heater;
 use ferrostep_planner::{Limits, Move, MoveError, Moved};
 
@@ -43,6 +43,8 @@ pub trait Motion {
     fn set_position(&mut self, position_10nm: [i64; 3]);
     /// Live step counters of X, Y, Z (A, B, Z) and the extruder.
     fn motor_steps(&self) -> [i64; 4];
+    /// Digests and counters of all motion handed to the motors so far.
+    fn figures(&self) -> MotionFigures;
     /// Limits of the moves to come.
     fn limits(&self) -> Limits;
     /// Sets the limits of the moves to come.

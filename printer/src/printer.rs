@@ -150,8 +150,13 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
         result
     }
 
-    /// After a stop the G-code's position is where the motors stand.
+    /// After a stop the G-code's position is where the motors stand. A halt also takes their current away, and with it
+    /// what homing knew.
     fn follow_the_motors(&mut self) {
+        if self.signals.is_halted() {
+            self.motion.set_motors_enabled(ALL_MOTORS, false);
+            self.modal.homed = [false; 3];
+        }
         self.modal.machine_10nm = self.motion.position_10nm();
         self.modal.lift_10nm = 0;
     }
@@ -198,6 +203,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
             Command::ReportPosition => self.replies.send(Reply::Position(self.position())),
             Command::ReportFirmware => self.report_firmware(),
             Command::ReportEndStops => self.report_end_stops(),
+            Command::ReportMotion => self.replies.send(Reply::Motion(self.motion.figures())),
             Command::Echo { echo_prefix, action_prefix, text } => self.echo(echo_prefix, action_prefix, text),
             Command::MaxAcceleration(ref words) => self.set_max_acceleration(words)?,
             Command::MaxFeed(ref words) => self.set_max_feed(words)?,

@@ -1,6 +1,7 @@
 //! The machine as numbers: what a profile file or a board's constants say.
 
-use ferrostep_planner::{Kinematics, Limits, StepsPerMm};
+use ferrostep_hal_shim::virtual_board::{START_10NM, VirtualEndStop, VirtualMotors};
+use ferrostep_planner::{Geometry, Kinematics, Limits, StepsPerMm};
 
 /// Which end of its travel an axis homes to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -102,4 +103,23 @@ pub struct Profile {
     pub retraction: FirmwareRetraction,
     /// Step and direction signals.
     pub driver: DriverTiming,
+}
+
+impl Profile {
+    /// What the planner must know of the machine.
+    pub const fn geometry(&self) -> Geometry {
+        Geometry {
+            kinematics: self.kinematics,
+            steps_per_mm: self.steps_per_mm,
+            minimum_event_interval_ticks: self.minimum_event_interval_ticks,
+        }
+    }
+
+    /// Counting motors with this machine's end stops, as they stand when it is switched on.
+    pub fn virtual_motors(&self) -> VirtualMotors {
+        let end_stops = self
+            .homing
+            .map(|homing| VirtualEndStop { position_10nm: homing.position_10nm, at_max: homing.end == HomeEnd::Max });
+        VirtualMotors::new(self.geometry(), end_stops, START_10NM)
+    }
 }

@@ -3,19 +3,29 @@
 //! Each subcommand is a list of steps that run one after the other; the first that fails ends the run.
 #![forbid(unsafe_code)]
 
+mod bench;
+mod core_library;
+mod emulator;
+mod firmware;
 mod no_std;
+mod size;
 mod steps;
 mod system;
 
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
+use firmware::Program;
 use steps::{Failure, Run};
 use system::cargo;
 
 /// Proptest cases a property in `ci`; the default of 256 serves `test`.
 const CI_PROPTEST_CASES: &str = "4096";
+
+/// Environment variable that tells the tests where the firmware image is.
+const FIRMWARE_VARIABLE: &str = "FERROSTEP_FIRMWARE";
 
 /// Tasks of the Ferrostep workspace.
 #[derive(Parser)]
@@ -32,6 +42,14 @@ enum Task {
     Test,
     /// All of `test`, then the tests again as released code and with more random cases
     Ci,
+    /// Build the firmware image and print its size table; the image's path is the first line of the output
+    Firmware,
+    /// Count the target's instructions for the parts of a print, in an emulator: the same on every machine
+    Bench {
+        /// Prints one JSON object and nothing else on standard output
+        #[arg(long)]
+        json: bool,
+    },
     /// Check that the firmware's crates build for thumbv7em-none-eabihf, without std
     NoStd,
 }
@@ -41,19 +59,30 @@ fn main() -> ExitCode {
     let name = match task {
         Task::Test => "test",
         Task::Ci => "ci",
+        Task::Firmware => "firmware",
+        Task::Bench { .. } => "bench",
         Task::NoStd => "no-std",
     };
     let mut run = Run::new(name);
     let result = match task {
-        Task::Test => test(&mut run),
-        Task::Ci => test(&mut run).and_then(|()| slow_tests(&mut run)),
+        Task::Test => test(&mut run).map(|_| ()),
+        Task::Ci => test(&mut run).and_then(|image| slow_tests(&mut run, &image)),
+        Task::Firmware => build_firmware(&mut run).map(|_| ()),
+        Task::Bench { json } => bench::run(&mut run, json),
         Task::NoStd => no_std::check(&mut run),
     };
     run.finish(result)
 }
 
-/// Everything a change must pass.
-fn test(run: &mut Run) -> Result<(), Failure> {
+/// The firmware image, its sizes on standard output.
+fn build_firmware(run: &mut Run) -> Result<PathBuf, Failure> {
+    let image = firmware::build(run, Program::Firmware)?;
+    run.step("sizes", || firmware::print_sizes(&image))?;
+    Ok(image)
+}
+
+/// Everything a change must pass. Returns the path of the firmware image that was tested.
+fn test(run: &mut Run) -> Result<PathBuf, Failure> {
     run.step("rustfmt and clippy are installed", || {
         system::rustup_component("rustfmt", "fmt")?;
         system::rustup_component("clippy", "clippy")
@@ -62,9 +91,11 @@ fn test(run: &mut Run) -> Result<(), Failure> {
     run.step("lints", || {
         system::run(cargo().args(["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"]))
     })?;
+    run.step("emulator", emulator::find)?;
+    let image = build_firmware(run)?;
     // The test profile and not release: it is optimised but checks overflows and debug assertions, and does not spend
     // minutes on link-time optimisation of every test program.
-    run.step("tests", || system::run(cargo().args(["test", "--workspace"])))?;
+    run.step("tests", || system::run(cargo().args(["test", "--workspace"]).env(FIRMWARE_VARIABLE, &image)))?;
     run.step("documentation", || {
         system::run(
             cargo()
@@ -72,12 +103,18 @@ fn test(run: &mut Run) -> Result<(), Failure> {
                 .env("RUSTDOCFLAGS", "-D warnings"),
         )
     })?;
-    no_std::check(run)
+    no_std::check(run)?;
+    Ok(image)
 }
 
 /// What takes too long for every change: the code as it is shipped must give the same answers as the checked one.
-fn slow_tests(run: &mut Run) -> Result<(), Failure> {
+fn slow_tests(run: &mut Run, image: &Path) -> Result<(), Failure> {
     run.step("tests as released, with more random cases", || {
-        system::run(cargo().args(["test", "--workspace", "--release"]).env("PROPTEST_CASES", CI_PROPTEST_CASES))
+        system::run(
+            cargo()
+                .args(["test", "--workspace", "--release"])
+                .env("PROPTEST_CASES", CI_PROPTEST_CASES)
+                .env(FIRMWARE_VARIABLE, image),
+        )
     })
 }

@@ -35,6 +35,17 @@ pub fn run(command: &mut Command) -> Result<(), Failure> {
     if status.success() { Ok(()) } else { Err(format!("`{shown}`: {status}")) }
 }
 
+/// Runs a command with its standard error shown and returns its standard output; anything but success is a failure.
+pub fn run_for_output(command: &mut Command) -> Result<String, Failure> {
+    let shown = show(command);
+    eprintln!("    {shown}");
+    let output = command.stderr(Stdio::inherit()).output().map_err(|error| format!("cannot run `{shown}`: {error}"))?;
+    if !output.status.success() {
+        return Err(format!("`{shown}`: {}", output.status));
+    }
+    String::from_utf8(output.stdout).map_err(|error| format!("`{shown}`: {error}"))
+}
+
 /// Standard output of a command, trimmed; `None` if it fails.
 pub fn output(command: &mut Command) -> Option<String> {
     let output = command.stderr(Stdio::null()).output().ok()?;
@@ -122,6 +133,12 @@ mod tests {
         let error = run(&mut Command::new("ferrostep-no-such-program")).unwrap_err();
         assert!(error.starts_with("cannot run `ferrostep-no-such-program`: "), "{error}");
         assert_eq!(output(&mut Command::new("ferrostep-no-such-program")), None);
+    }
+
+    #[test]
+    fn output_is_returned_of_a_success_only() {
+        assert_eq!(run_for_output(Command::new("echo").arg("two words")), Ok("two words\n".to_owned()));
+        assert!(run_for_output(&mut Command::new("false")).is_err());
     }
 
     #[test]

@@ -4,6 +4,7 @@ use std::cell::RefCell;
 use std::future::poll_fn;
 use std::task::Poll;
 
+use ferrostep_gcode::MotionFigures;
 use ferrostep_hal_shim::{EndStops, Fan, Heater, MotorEnable};
 use ferrostep_planner::{Limits, Move, MoveError, Moved};
 use ferrostep_printer::{HeaterStatus, Heating, Motion, MotionError, Seek, Signals};
@@ -59,7 +60,7 @@ impl<O: Observer> Motion for DeskMotion<'_, O> {
             }
             Err(error) => Some(Err(MotionError::Move(error))),
             Ok(moved) => {
-                desk.board.set_motors_enabled(ALL, true);
+                desk.board.motors.set_motors_enabled(ALL, true);
                 Some(Ok(moved))
             }
         })
@@ -69,7 +70,7 @@ impl<O: Observer> Motion for DeskMotion<'_, O> {
     async fn set_fan_power(&mut self, power: u8) -> Result<(), MotionError> {
         self.wait(|desk| {
             if desk.planner.is_look_ahead_empty() {
-                desk.board.set_fan_power(power);
+                desk.board.heaters.set_fan_power(power);
             } else if !desk.planner.add_fan_power(power) {
                 desk.awaited = Awaited::Room;
                 return None;
@@ -113,7 +114,11 @@ impl<O: Observer> Motion for DeskMotion<'_, O> {
     }
 
     fn motor_steps(&self) -> [i64; 4] {
-        self.desk.borrow().board.steps.motor_steps()
+        self.desk.borrow().board.motors.steps.motor_steps()
+    }
+
+    fn figures(&self) -> MotionFigures {
+        self.desk.borrow().motion_figures()
     }
 
     fn limits(&self) -> Limits {
@@ -125,11 +130,11 @@ impl<O: Observer> Motion for DeskMotion<'_, O> {
     }
 
     fn set_motors_enabled(&mut self, axes: u8, enabled: bool) {
-        self.desk.borrow_mut().board.set_motors_enabled(axes, enabled);
+        self.desk.borrow_mut().board.motors.set_motors_enabled(axes, enabled);
     }
 
     fn is_end_stop_triggered(&self, axis: usize) -> bool {
-        self.desk.borrow().board.is_triggered(axis)
+        self.desk.borrow().board.motors.is_triggered(axis)
     }
 
     fn stop(&mut self) -> i64 {
@@ -157,7 +162,7 @@ impl<O: Observer> Heating for DeskHeating<'_, O> {
         let mut desk = self.desk.borrow_mut();
         desk.heat.all_off();
         for heater in Heater::ALL {
-            ferrostep_hal_shim::ThermalBoard::set_power(&mut desk.board, heater, 0.0);
+            ferrostep_hal_shim::ThermalBoard::set_power(&mut desk.board.heaters, heater, 0.0);
         }
     }
 }

@@ -81,6 +81,7 @@ pub(super) fn parse(code: Code<'_>) -> Result<Command<'_>, ParseError> {
         }
         400 => Ok(Command::Finish),
         410 => Ok(Command::QuickStop),
+        797 => Ok(Command::ReportMotion),
         999 => Ok(Command::Restart),
         // Progress and timers of a display, sounds, object labels; parts and corrections this machine has not.
         73..=77

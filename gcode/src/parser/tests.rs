@@ -175,6 +175,7 @@ fn host_commands() {
         ("M115", Command::ReportFirmware),
         ("M115 U3.1.0", Command::ReportFirmware),
         ("M119", Command::ReportEndStops),
+        ("M797", Command::ReportMotion),
         ("M155 S2", Command::AutoReportTemperatures { seconds: 2 }),
         ("M400", Command::Finish),
         ("M410", Command::QuickStop),

@@ -2,8 +2,6 @@
 
 use ferrostep_planner::{StepDigests, StepEntry, StepKind};
 
-use super::EventRate;
-
 /// Sees every step event as it happens.
 pub trait StepObserver {
     /// Motors in `axes` step at `tick`; bit i of `directions` = motor i steps backwards.
@@ -23,7 +21,6 @@ pub struct StepTimer {
     motor_steps: [i64; 4],
     issued: [u64; 4],
     digests: StepDigests,
-    rate: EventRate,
 }
 
 impl StepTimer {
@@ -55,11 +52,6 @@ impl StepTimer {
     /// Digests of all events so far.
     pub fn digests(&self) -> StepDigests {
         self.digests
-    }
-
-    /// Most events in any millisecond, times 1000.
-    pub fn max_event_rate_hz(&self) -> u64 {
-        self.rate.most_hz()
     }
 
     /// Tick of the entry's first event, or of its end where it has none.
@@ -96,8 +88,18 @@ impl StepTimer {
             self.issued[motor] += steps as u64;
         }
         self.digests.add(self.tick, axes, backwards);
-        self.rate.add(self.tick);
         observer.stepped(self.tick, axes, backwards);
+    }
+
+    /// Takes back steps that were played but never reached the motors, because motion was stopped before them. The
+    /// digests keep them: they are of all that was handed out.
+    ///
+    /// `steps` are signed by direction, `issued` counts both directions.
+    pub fn take_back(&mut self, steps: [i32; 4], issued: [u32; 4]) {
+        for motor in 0..4 {
+            self.motor_steps[motor] -= i64::from(steps[motor]);
+            self.issued[motor] = self.issued[motor].saturating_sub(u64::from(issued[motor]));
+        }
     }
 
     /// Sets the counters of X, Y and Z (A, B, Z).

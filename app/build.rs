@@ -1,0 +1,127 @@
+//! Puts the linker's memory map and the machine's profile where the firmware's build finds them.
+//!
+//! The profile is the TOML that the desk reads too, checked by the same code, written out as a Rust constant: one
+//! source of numbers. `FERROSTEP_PROFILE` names another profile, by name or path.
+
+use std::path::{Path, PathBuf};
+use std::{env, fs};
+
+use ferrostep_planner::{Kinematics, Limits, StepsPerMm};
+use ferrostep_printer::{AxisHoming, DriverTiming, FirmwareRetraction, HeaterSettings, HomeEnd, Profile};
+
+/// The bench's machine.
+const DEFAULT_PROFILE: &str = "cartesian";
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let out = PathBuf::from(env::var("OUT_DIR")?);
+    let root = Path::new(&env::var("CARGO_MANIFEST_DIR")?).join("..");
+    let memory = root.join("memory.x");
+    fs::copy(&memory, out.join("memory.x"))?;
+    println!("cargo:rustc-link-search={}", out.display());
+    println!("cargo:rerun-if-changed={}", memory.display());
+
+    let name = env::var("FERROSTEP_PROFILE").unwrap_or_else(|_| DEFAULT_PROFILE.to_owned());
+    let profile = ferrostep_profiles::load(&name).map_err(|error| error.to_string())?;
+    fs::write(out.join("profile.rs"), constant(&profile))?;
+    println!("cargo:rerun-if-env-changed=FERROSTEP_PROFILE");
+    if Path::new(&name).exists() {
+        println!("cargo:rerun-if-changed={name}");
+    }
+    Ok(())
+}
+
+/// The profile as an expression. Every field is taken apart by name, so that a new one cannot be forgotten here.
+/// `{:?}` of a float is the shortest text that reads back as the same number.
+fn constant(profile: &Profile) -> String {
+    let Profile {
+        name,
+        kinematics,
+        size_10nm,
+        steps_per_mm,
+        limits,
+        jerk_mm_per_s3,
+        minimum_event_interval_ticks,
+        homing: [home_x, home_y, home_z],
+        min_extrusion_celsius,
+        nozzle,
+        bed,
+        retraction,
+        driver,
+    } = profile;
+    let kinematics = match kinematics {
+        Kinematics::Cartesian => "Cartesian",
+        Kinematics::CoreXy => "CoreXy",
+    };
+    let steps_per_mm: Vec<String> = steps_per_mm.iter().map(steps).collect();
+    let FirmwareRetraction { length_10nm, retract_10nm_per_s, extra_recover_10nm, recover_10nm_per_s, lift_10nm } =
+        retraction;
+    let DriverTiming { pulse_width_ns, direction_setup_ns, both_edges } = driver;
+    format!(
+        "Profile {{ name: {name:?}, kinematics: Kinematics::{kinematics}, size_10nm: {size_10nm:?}, \
+         steps_per_mm: [{}], limits: {}, jerk_mm_per_s3: {jerk_mm_per_s3:?}, \
+         minimum_event_interval_ticks: {minimum_event_interval_ticks}, homing: [{}, {}, {}], \
+         min_extrusion_celsius: {min_extrusion_celsius:?}, nozzle: {}, bed: {}, \
+         retraction: FirmwareRetraction {{ length_10nm: {length_10nm}, retract_10nm_per_s: {retract_10nm_per_s}, \
+         extra_recover_10nm: {extra_recover_10nm}, recover_10nm_per_s: {recover_10nm_per_s}, lift_10nm: {lift_10nm} }}, \
+         driver: DriverTiming {{ pulse_width_ns: {pulse_width_ns}, direction_setup_ns: {direction_setup_ns}, \
+         both_edges: {both_edges} }} }}",
+        steps_per_mm.join(", "),
+        limits_constant(limits),
+        homing(home_x),
+        homing(home_y),
+        homing(home_z),
+        heater(nozzle),
+        heater(bed),
+    )
+}
+
+fn steps(steps: &StepsPerMm) -> String {
+    format!("steps_per_mm({})", steps.hundred_thousandths())
+}
+
+fn limits_constant(limits: &Limits) -> String {
+    let Limits {
+        max_feed_mm_per_s,
+        max_acceleration_mm_per_s2,
+        print_acceleration_mm_per_s2,
+        travel_acceleration_mm_per_s2,
+        retract_acceleration_mm_per_s2,
+        junction_deviation_mm,
+    } = limits;
+    format!(
+        "Limits {{ max_feed_mm_per_s: {max_feed_mm_per_s:?}, max_acceleration_mm_per_s2: {max_acceleration_mm_per_s2:?}, \
+         print_acceleration_mm_per_s2: {print_acceleration_mm_per_s2:?}, \
+         travel_acceleration_mm_per_s2: {travel_acceleration_mm_per_s2:?}, \
+         retract_acceleration_mm_per_s2: {retract_acceleration_mm_per_s2:?}, \
+         junction_deviation_mm: {junction_deviation_mm:?} }}"
+    )
+}
+
+fn homing(homing: &AxisHoming) -> String {
+    let AxisHoming { end, probe, position_10nm, fast_mm_per_s, slow_mm_per_s, back_off_10nm } = homing;
+    let end = match end {
+        HomeEnd::Min => "Min",
+        HomeEnd::Max => "Max",
+    };
+    format!(
+        "AxisHoming {{ end: HomeEnd::{end}, probe: {probe}, position_10nm: {position_10nm}, \
+         fast_mm_per_s: {fast_mm_per_s:?}, slow_mm_per_s: {slow_mm_per_s:?}, back_off_10nm: {back_off_10nm} }}"
+    )
+}
+
+fn heater(heater: &HeaterSettings) -> String {
+    let HeaterSettings {
+        min_celsius,
+        max_celsius,
+        proportional,
+        integral,
+        derivative,
+        residency_window_celsius,
+        residency_ms,
+    } = heater;
+    format!(
+        "HeaterSettings {{ min_celsius: {min_celsius:?}, max_celsius: {max_celsius:?}, proportional: {proportional:?}, \
+         integral: {integral:?}, derivative: {derivative:?}, residency_window_celsius: {residency_window_celsius:?}, \
+         residency_ms: {residency_ms} }}"
+    )
+}

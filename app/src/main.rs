@@ -1,0 +1,270 @@
+//! The firmware: RTIC tasks of a few lines, their priorities, and nothing else.
+//!
+//! | priority | task | trigger | resources | worst-case job |
+//! |---|---|---|---|---|
+//! | 16 | `step_timer` | TIM2 update | `local` only: timer, pins, player; a lock-free ring and atomics | the event that ends a stair: one pop; while stopping, 32 pops |
+//! | 13 | `serial` | USART1 | `local` only: port, two byte rings, the emergency scanner | 16 bytes to send, the received one; M112 |
+//! | 8 | `temperature` | every 100 ms | `heat` | two PID loops and their checks |
+//! | 8 | `emergency` | M112 | `heat` | heaters off |
+//! | 4 | `planner` | a move, or 2 ms | `machine` | fills the step queue: 4096 entries a lock |
+//! | 2 | `printer` | received bytes | `machine`, `heat`, `writer` | one line; a wait is an await |
+//! | 1 | `reports` | every 100 ms | `heat`, `writer` | M155's line |
+//!
+//! 16 is above what BASEPRI can mask: only the short critical sections of timer queue, signals and log delay a step.
+//! `machine` has ceiling 4, `heat` 8, `writer` 2, so that heating is safe whatever the planner does, and bytes are
+//! received whatever anyone does.
+#![no_std]
+#![no_main]
+#![deny(unsafe_code)]
+
+mod clock;
+mod fault;
+mod heat;
+mod host_line;
+mod ports;
+mod profile;
+
+use defmt_rtt as _;
+
+#[rtic::app(device = ferrostep_stm32f4::pac, peripherals = true, dispatchers = [SPI1, SPI2, SPI3, I2C1_EV])]
+mod app {
+    use core::cell::RefCell;
+    use core::fmt::Write as _;
+    use core::sync::atomic::{AtomicBool, AtomicU8, Ordering};
+
+    use ferrostep_gcode::{Emergency, EmergencyScanner, LineReader, Reply};
+    use ferrostep_hal_shim::step_player::StepLink;
+    use ferrostep_hal_shim::step_ring::StepRing;
+    use ferrostep_planner::look_ahead::Slot;
+    use ferrostep_printer::{Host, Printer, Replies, Signals, temperatures};
+    use ferrostep_stm32f4::bench::{self, BenchPins};
+    use ferrostep_stm32f4::clock::{self, ClockSource};
+    use ferrostep_stm32f4::motion_clock::MotionClock;
+    use ferrostep_stm32f4::serial::{Serial, Transmit};
+    use ferrostep_stm32f4::step_timer::{StepQueue, StepTimer};
+    use heapless::spsc::{Consumer, Producer, Queue};
+    use rtic_monotonics::systick::prelude::*;
+    use rtic_sync::signal::SignalReader;
+
+    use crate::clock::{Mono, SystemClock};
+    use crate::heat::{self, Heat};
+    use crate::host_line::{self, Patience, Reader, Writer};
+    use crate::ports::{
+        BoardHeating, BoardMachine, BoardMotion, BoardReplies, LOOK_AHEAD_BLOCKS, PLANNER_WORK, STEP_QUEUE_ENTRIES,
+    };
+    use crate::profile::PROFILE;
+
+    /// Speed of the host's line.
+    const BAUD: u32 = 115_200;
+
+    /// The planner looks at the step queue this often, ms: at 100,000 events a second a tenth of the queue.
+    const PLANNER_INTERVAL_MS: u64 = 2;
+
+    static STEPS: StepRing<STEP_QUEUE_ENTRIES> = StepRing::new();
+    static STEP_LINK: StepLink = StepLink::new();
+    static SIGNALS: Signals = Signals::new();
+    /// The fan as the planner task last set it, for the heaters' model.
+    static FAN_POWER: AtomicU8 = AtomicU8::new(0);
+    /// Someone has halted the machine and the host does not know yet.
+    static HALT_UNTOLD: AtomicBool = AtomicBool::new(false);
+
+    #[shared]
+    struct Shared {
+        machine: BoardMachine,
+        heat: Heat,
+        writer: Writer,
+    }
+
+    #[local]
+    struct Local {
+        step_timer: StepTimer<BenchPins, STEP_QUEUE_ENTRIES>,
+        port: Serial,
+        received: Producer<'static, u8>,
+        to_send: Consumer<'static, u8>,
+        scanner: EmergencyScanner,
+        reader: Reader,
+        planner_work: SignalReader<'static, ()>,
+        motion_clock: MotionClock,
+        patience: Patience,
+    }
+
+    #[init(local = [
+        slots: [Slot; LOOK_AHEAD_BLOCKS] = [Slot::EMPTY; LOOK_AHEAD_BLOCKS],
+        receive: Queue<u8, { host_line::RECEIVE_BYTES }> = Queue::new(),
+        send: Queue<u8, { host_line::SEND_BYTES }> = Queue::new(),
+        pins: Option<BenchPins> = None,
+    ])]
+    fn init(cx: init::Context) -> (Shared, Local) {
+        let device = cx.device;
+        let clock = clock::start(&device.RCC, &device.FLASH, bench::CRYSTAL_MHZ);
+        Mono::start(cx.core.SYST, clock.core_hz);
+        let motion_clock = MotionClock::start(device.TIM5, &device.RCC);
+        let pins = &*cx.local.pins.insert(BenchPins::new(device.GPIOC, &device.GPIOA, &device.RCC));
+
+        let pulse_ns = u64::from(PROFILE.driver.pulse_width_ns);
+        let pulse_ticks = (pulse_ns * u64::from(clock.timer_hz)).div_ceil(1_000_000_000) as u32;
+        let step_timer = StepTimer::start(device.TIM2, &device.RCC, pins, &STEPS, &STEP_LINK, pulse_ticks);
+        let queue = StepQueue::new(pins, &STEPS, &STEP_LINK);
+        let machine = BoardMachine::new(&PROFILE, &mut cx.local.slots[..], queue);
+
+        let port = Serial::start(device.USART1, &device.RCC, clock.apb2_hz, BAUD);
+        let (received, to_read) = cx.local.receive.split();
+        let (to_write, to_send) = cx.local.send.split();
+        let mut writer = Writer(to_write);
+        writer.line(Reply::Start);
+        let source = match clock.source {
+            ClockSource::Crystal => "crystal with PLL",
+            ClockSource::InternalWithPll => "HSI with PLL, the crystal did not start,",
+            ClockSource::Internal => "HSI",
+        };
+        let (mhz, percent) = (clock.core_hz / 1_000_000, clock.stretch_percent());
+        // Writing to the line's buffer cannot fail.
+        let _ = write!(writer, "echo:clock: {source} {mhz} MHz");
+        if percent == 100 {
+            writer.line("");
+        } else {
+            writer.line(format_args!(", time stretched {}.{:02} times", percent / 100, percent % 100));
+        }
+
+        // Both signals are taken here and nowhere else.
+        let (Some(reader), Some(planner_work)) = (Reader::new(to_read, motion_clock), PLANNER_WORK.try_take_reader()) else {
+            unreachable!("init runs once")
+        };
+        let spawned = (printer::spawn(), planner::spawn(), temperature::spawn(), reports::spawn());
+        defmt::debug!("started: {}", matches!(spawned, (Ok(()), Ok(()), Ok(()), Ok(()))));
+        (
+            Shared { machine, heat: Heat::new(&PROFILE), writer },
+            Local {
+                step_timer,
+                port,
+                received,
+                to_send,
+                scanner: EmergencyScanner::new(),
+                reader,
+                planner_work,
+                motion_clock,
+                patience: Patience::new(clock.source),
+            },
+        )
+    }
+
+    /// Pops stairs, toggles pins. Must end before the next event, 2 us or more away; a late one delays an edge.
+    #[task(binds = TIM2, priority = 16, local = [step_timer])]
+    fn step_timer(cx: step_timer::Context) {
+        cx.local.step_timer.update();
+    }
+
+    /// Bytes in and out. Must take a byte before the next but one has come: 87 us at 115,200 baud.
+    #[task(binds = USART1, priority = 13, local = [port, received, to_send, scanner])]
+    fn serial(cx: serial::Context) {
+        while let Some(byte) = cx.local.port.receive() {
+            match cx.local.scanner.feed(byte) {
+                Some(Emergency::Stop) => {
+                    SIGNALS.halt();
+                    STEP_LINK.request_stop();
+                    // Already on its way is as good.
+                    let _ = emergency::spawn();
+                }
+                Some(Emergency::QuickStop) => STEP_LINK.request_stop(),
+                Some(Emergency::EndWait) => SIGNALS.end_wait(),
+                Some(Emergency::PromptAnswer(_)) | None => {}
+            }
+            host_line::received(byte, cx.local.received);
+        }
+        if cx.local.port.transmit(|| cx.local.to_send.dequeue()) == Transmit::Again {
+            rtic::pend(ferrostep_stm32f4::pac::Interrupt::USART1);
+        }
+    }
+
+    /// Heater control; a fault halts the machine. Must run every 100 ms, whatever the tasks below do.
+    #[task(priority = 8, shared = [heat])]
+    async fn temperature(mut cx: temperature::Context) {
+        let mut next = Mono::now();
+        loop {
+            next += heat::INTERVAL_MS.millis();
+            Mono::delay_until(next).await;
+            let healthy = cx.shared.heat.lock(|heat| heat.update(FAN_POWER.load(Ordering::Relaxed)));
+            if !healthy && !SIGNALS.is_halted() {
+                SIGNALS.halt();
+                STEP_LINK.request_stop();
+                HALT_UNTOLD.store(true, Ordering::Release);
+            }
+        }
+    }
+
+    /// M112: the step interrupt has been told already; heaters off as soon as the line's interrupt returns.
+    #[task(priority = 8, shared = [heat])]
+    async fn emergency(mut cx: emergency::Context) {
+        cx.shared.heat.lock(|heat| heat.all_off());
+        HALT_UNTOLD.store(true, Ordering::Release);
+    }
+
+    /// Keeps the step queue full. Must run often enough that 2048 entries last.
+    #[task(priority = 4, shared = [machine], local = [planner_work, motion_clock, patience])]
+    async fn planner(mut cx: planner::Context) {
+        loop {
+            let silence = cx.local.patience.silence(cx.local.motion_clock.now_ticks());
+            while cx.shared.machine.lock(|machine| {
+                let more = machine.work(silence);
+                FAN_POWER.store(machine.fan_power(), Ordering::Relaxed);
+                more
+            }) {}
+            // Woken or not, it looks.
+            let _ = Mono::timeout_after(PLANNER_INTERVAL_MS.millis(), cx.local.planner_work.wait()).await;
+        }
+    }
+
+    /// Lines to commands, commands to moves and replies.
+    #[task(priority = 2, shared = [machine, heat, writer], local = [reader])]
+    async fn printer(cx: printer::Context) {
+        let motion = BoardMotion::new(cx.shared.machine, &SIGNALS);
+        let heating = BoardHeating(RefCell::new(cx.shared.heat));
+        let replies = BoardReplies(RefCell::new(cx.shared.writer));
+        let mut printer = Printer::new(&PROFILE, motion, heating, SystemClock, &replies, &SIGNALS);
+        printer.set_emergency_parser(true);
+        let mut host = Host::new();
+        let mut lines = LineReader::new();
+        let mut buffer = [0; 64];
+        loop {
+            let mut bytes = cx.local.reader.read(&mut buffer).await;
+            while !bytes.is_empty() {
+                let (used, line) = lines.feed(bytes);
+                bytes = bytes.get(used..).unwrap_or_default();
+                if let Some(line) = line {
+                    host.answer(&mut printer, line).await;
+                }
+            }
+        }
+    }
+
+    /// What is said without being asked: temperatures (M155), a halt, lost bytes.
+    #[task(priority = 1, shared = [heat, writer])]
+    async fn reports(cx: reports::Context) {
+        let heating = BoardHeating(RefCell::new(cx.shared.heat));
+        let replies = BoardReplies(RefCell::new(cx.shared.writer));
+        let mut next_ms = 0;
+        loop {
+            Mono::delay(100.millis()).await;
+            if HALT_UNTOLD.swap(false, Ordering::AcqRel) {
+                replies.halted(heating.fault());
+            }
+            replies.lost_bytes(host_line::take_lost_bytes());
+            let interval_ms = u64::from(SIGNALS.report_interval_s()) * 1000;
+            let now_ms = Mono::now().ticks();
+            if interval_ms == 0 {
+                next_ms = 0;
+            } else if now_ms >= next_ms {
+                next_ms = now_ms + interval_ms;
+                replies.send(Reply::Temperatures(temperatures(&heating)));
+            }
+        }
+    }
+
+    /// Sleeps until an interrupt.
+    #[idle]
+    fn idle(_: idle::Context) -> ! {
+        loop {
+            cortex_m::asm::wfi();
+        }
+    }
+}

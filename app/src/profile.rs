@@ -1,0 +1,15 @@
+//! The machine this firmware is for.
+
+use ferrostep_planner::{Kinematics, Limits, StepsPerMm};
+use ferrostep_printer::{AxisHoming, DriverTiming, FirmwareRetraction, HeaterSettings, HomeEnd, Profile};
+
+/// The profile, as `build.rs` found it in its TOML file.
+pub static PROFILE: Profile = include!(concat!(env!("OUT_DIR"), "/profile.rs"));
+
+/// Steps/mm as the profile's constant names them; a value out of range ends the build.
+const fn steps_per_mm(hundred_thousandths: i64) -> StepsPerMm {
+    match StepsPerMm::from_hundred_thousandths(hundred_thousandths) {
+        Some(steps) => steps,
+        None => panic!("steps/mm out of range"),
+    }
+}

@@ -1,0 +1,157 @@
+//! The motors of the virtual board and the end stops they drive into.
+
+use ferrostep_planner::{Geometry, StepEntry};
+
+use super::{StepObserver, StepTimer};
+use crate::{EndStops, MotorEnable};
+
+/// Where the tool head truly stands when a virtual machine is switched on, units of 10 nm from its origin.
+pub const START_10NM: [i64; 3] = [6_000_000, 5_000_000, 1_200_000];
+
+/// The sensor an axis homes with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct VirtualEndStop {
+    /// Machine coordinate at which it triggers, units of 10 nm.
+    pub position_10nm: i64,
+    /// Whether it triggers at and above that coordinate (else at and below).
+    pub at_max: bool,
+}
+
+/// Motors that count, and end stops that know where the tool head truly is.
+#[derive(Debug)]
+pub struct VirtualMotors {
+    /// Plays step entries and counts.
+    pub steps: StepTimer,
+    geometry: Geometry,
+    end_stops: [VirtualEndStop; 3],
+    /// Motor positions, in steps from the machine's true origin, when all counters were zero.
+    true_offset: [i64; 3],
+    enabled: u8,
+}
+
+impl VirtualMotors {
+    /// Motors without current; the tool head truly stands at `true_position_10nm`, which the printer doesn't know.
+    pub fn new(geometry: Geometry, end_stops: [VirtualEndStop; 3], true_position_10nm: [i64; 3]) -> Self {
+        Self {
+            steps: StepTimer::default(),
+            geometry,
+            end_stops,
+            true_offset: geometry.motor_steps(true_position_10nm).map(i64::from),
+            enabled: 0,
+        }
+    }
+
+    /// Mask of the motors that are switched on.
+    pub fn enabled_motors(&self) -> u8 {
+        self.enabled
+    }
+
+    /// Says that the motors stand at these positions (homing); where they truly stand does not change.
+    pub fn redefine_motor_steps(&mut self, motor_steps: [i64; 3]) {
+        let [x, y, z, _] = self.steps.motor_steps();
+        for (offset, (was, is)) in self.true_offset.iter_mut().zip([x, y, z].into_iter().zip(motor_steps)) {
+            *offset += was - is;
+        }
+        self.steps.redefine_motor_steps(motor_steps);
+    }
+
+    /// Where the tool head truly is, units of 10 nm.
+    pub fn true_position_10nm(&self) -> [i64; 3] {
+        let mut motors = self.true_offset;
+        for (motor, steps) in motors.iter_mut().zip(self.steps.motor_steps()) {
+            *motor += steps;
+        }
+        self.geometry.position_10nm(motors)
+    }
+
+    /// Plays an entry event by event up to the one that triggers the end stop of `axis` (homing).
+    ///
+    /// Returns what of the entry was played, as an entry, and whether the end stop triggered.
+    pub fn play_until_triggered(
+        &mut self,
+        entry: StepEntry,
+        axis: usize,
+        observer: &mut impl StepObserver,
+    ) -> (Option<StepEntry>, bool) {
+        for (index, event) in (1..).zip(entry.events()) {
+            self.steps.play(event, observer);
+            if self.is_triggered(axis) {
+                return (entry.first_events(index), true);
+            }
+        }
+        (Some(entry), false)
+    }
+}
+
+impl EndStops for VirtualMotors {
+    fn is_triggered(&self, axis: usize) -> bool {
+        let (Some(stop), Some(position)) = (self.end_stops.get(axis), self.true_position_10nm().get(axis).copied())
+        else {
+            return false;
+        };
+        if stop.at_max { position >= stop.position_10nm } else { position <= stop.position_10nm }
+    }
+}
+
+impl MotorEnable for VirtualMotors {
+    fn set_motors_enabled(&mut self, axes: u8, enabled: bool) {
+        self.enabled = if enabled { self.enabled | axes } else { self.enabled & !axes };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use ferrostep_planner::{Kinematics, StepsPerMm};
+
+    fn motors(kinematics: Kinematics) -> VirtualMotors {
+        let steps = |value| StepsPerMm::from_f64(value).unwrap();
+        let geometry = Geometry {
+            kinematics,
+            steps_per_mm: [steps(80.0), steps(80.0), steps(400.0), steps(95.0)],
+            minimum_event_interval_ticks: 168,
+        };
+        let stop = VirtualEndStop { position_10nm: 0, at_max: false };
+        VirtualMotors::new(geometry, [stop; 3], [100_000, 200_000, 300_000])
+    }
+
+    #[test]
+    fn an_end_stop_triggers_where_the_head_truly_is() {
+        let mut motors = motors(Kinematics::CoreXy);
+        assert!(!motors.is_triggered(0));
+        // 1 mm towards -X is 80 steps back of both motors.
+        motors.steps.play(StepEntry::directions(0b11), &mut ());
+        motors.steps.play(StepEntry::stair(1_000, 79, 0b11, 0).unwrap(), &mut ());
+        assert!(!motors.is_triggered(0));
+        motors.steps.play(StepEntry::stair(1_000, 1, 0b11, 0).unwrap(), &mut ());
+        assert!(motors.is_triggered(0) && !motors.is_triggered(1));
+        assert_eq!(motors.true_position_10nm(), [0, 200_000, 300_000]);
+    }
+
+    #[test]
+    fn an_entry_is_played_up_to_the_event_that_triggers() {
+        let mut motors = motors(Kinematics::Cartesian);
+        let directions = StepEntry::directions(0b1);
+        assert_eq!(motors.play_until_triggered(directions, 0, &mut ()), (Some(directions), false));
+        let short = StepEntry::stair(1_000, 20, 0b1, 0b1000).unwrap();
+        assert_eq!(motors.play_until_triggered(short, 0, &mut ()), (Some(short), false));
+        let long = StepEntry::stair(1_000, 100, 0b1, 0b1000).unwrap();
+        let (played, triggered) = motors.play_until_triggered(long, 0, &mut ());
+        // The event that triggers is not the entry's last: what is added to that one has not stepped.
+        assert_eq!((played, triggered), (StepEntry::stair(1_000, 60, 0b1, 0), true));
+        assert_eq!(motors.steps.motor_steps(), [-80, 0, 0, 1]);
+        assert_eq!(motors.steps.tick(), 80_000);
+    }
+
+    #[test]
+    fn redefining_positions_moves_nothing() {
+        let mut motors = motors(Kinematics::Cartesian);
+        motors.steps.play(StepEntry::stair(1_000, 10, 0b1, 0).unwrap(), &mut ());
+        let before = motors.true_position_10nm();
+        motors.redefine_motor_steps([5, 6, 7]);
+        assert_eq!(motors.true_position_10nm(), before);
+        assert_eq!(motors.steps.motor_steps(), [5, 6, 7, 0]);
+        assert_eq!(motors.steps.issued(), [10, 0, 0, 0]);
+    }
+}

@@ -1,0 +1,87 @@
+//! The bench: an Olimex STM32-H405 or any bare STM32F405/407 board. STEP PC0 to PC3, DIR PC4 to PC7, ENABLE PC8 (low =
+//! on), serial line USART1 on PA9 and PA10.
+//!
+//! It has neither drivers nor heaters nor sensors: the virtual board's models stand in for them.
+
+use stm32f4xx_hal::pac::{GPIOA, GPIOC, RCC};
+
+use crate::step_timer::MotorPins;
+
+/// Frequency of the crystal, MHz.
+pub const CRYSTAL_MHZ: u8 = 8;
+
+const STEP: u32 = 0b1111;
+const DIRECTION_SHIFT: u32 = 4;
+const ENABLE: u32 = 1 << 8;
+/// In BSRR the upper half resets what the lower half sets.
+const RESET_SHIFT: u32 = 16;
+
+/// The motors' signals.
+pub struct BenchPins {
+    port: GPIOC,
+}
+
+impl BenchPins {
+    /// Makes the pins outputs, drivers off, and connects the serial line's.
+    pub fn new(port: GPIOC, serial: &GPIOA, rcc: &RCC) -> Self {
+        rcc.ahb1enr().modify(|_, w| w.gpioaen().set_bit().gpiocen().set_bit());
+        let pins = Self { port };
+        pins.enable(false);
+        // SAFETY: two bits a pin, 01 = output: PC0 to PC8.
+        pins.port.moder().modify(|r, w| unsafe { w.bits(r.bits() & !0x3_ffff | 0x1_5555) });
+        // SAFETY: two bits a pin, 10 = high speed (edges of some ns, as the step pulse wants): PC0 to PC7.
+        pins.port.ospeedr().modify(|r, w| unsafe { w.bits(r.bits() & !0xffff | 0xaaaa) });
+        // SAFETY: four bits a pin from PA8 on, 7 = USART1 (datasheet, table 9): PA9 and PA10.
+        serial.afrh().modify(|r, w| unsafe { w.bits(r.bits() & !0xff0 | 0x770) });
+        // SAFETY: two bits a pin, 01 = pull-up, so that an open line is silent: PA10.
+        serial.pupdr().modify(|r, w| unsafe { w.bits(r.bits() & !(0b11 << 20) | 0b01 << 20) });
+        // SAFETY: two bits a pin, 10 = alternate function: PA9 and PA10.
+        serial.moder().modify(|r, w| unsafe { w.bits(r.bits() & !(0b1111 << 18) | 0b1010 << 18) });
+        pins
+    }
+
+    #[inline]
+    fn write(&self, word: u32) {
+        write(&self.port, word);
+    }
+}
+
+#[inline]
+fn write(port: &stm32f4xx_hal::pac::gpioc::RegisterBlock, word: u32) {
+    // SAFETY: every bit of BSRR sets or resets one pin, and zeros do nothing; the words here name PC0 to PC8 only.
+    port.bsrr().write(|w| unsafe { w.bits(word) });
+}
+
+impl MotorPins for BenchPins {
+    #[inline]
+    fn step(&self, axes: u8) {
+        self.write(u32::from(axes) & STEP);
+    }
+
+    #[inline]
+    fn unstep(&self, axes: u8) {
+        self.write((u32::from(axes) & STEP) << RESET_SHIFT);
+    }
+
+    #[inline]
+    fn set_directions(&self, directions: u8) {
+        let set = u32::from(directions) & STEP;
+        let reset = !set & STEP;
+        self.write((set | reset << RESET_SHIFT) << DIRECTION_SHIFT);
+    }
+
+    fn enable(&self, enabled: bool) {
+        self.write(if enabled { ENABLE << RESET_SHIFT } else { ENABLE });
+    }
+}
+
+// SAFETY: all that is done to the port is one store to BSRR, which is atomic.
+unsafe impl Sync for BenchPins {}
+
+/// For the panic and fault handlers: heaters off, then motors off.
+pub(crate) fn all_off() {
+    // The bench has no heater; on a board that has some this is the first line.
+    // SAFETY: a single store to BSRR, at a moment when nothing else runs any more.
+    let port = unsafe { &*GPIOC::ptr() };
+    write(port, ENABLE | STEP << RESET_SHIFT);
+}

@@ -1,0 +1,17 @@
+//! Registers of the STM32F4 behind hal-shim's traits: clock, step timer, serial line, safe state, and a small file a
+//! board.
+//!
+//! The only crate of the firmware with unsafe code of its own. What it is for: register fields that the register
+//! description leaves unchecked ("any value may be written here"), and the two places that must reach a port whoever
+//! owns it, the panic and fault handlers. Each use says which.
+#![no_std]
+#![deny(clippy::undocumented_unsafe_blocks)]
+
+pub mod bench;
+pub mod clock;
+pub mod motion_clock;
+pub mod safe_state;
+pub mod serial;
+pub mod step_timer;
+
+pub use stm32f4xx_hal::pac;

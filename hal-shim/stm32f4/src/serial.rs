@@ -1,0 +1,63 @@
+//! USART1, the host's line.
+
+use stm32f4xx_hal::pac::{RCC, USART1};
+
+/// Most bytes handed to the transmitter in one interrupt. A real one takes two; QEMU's would take all there are.
+const BYTES_AT_ONCE: usize = 16;
+
+/// Whether there is more to send.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Transmit {
+    /// All has been handed over.
+    Done,
+    /// The transmitter asks again by its interrupt.
+    Waits,
+    /// It would take more at once: come again soon.
+    Again,
+}
+
+/// The port; its interrupt calls [`Self::receive`] and [`Self::transmit`].
+pub struct Serial {
+    usart: USART1,
+}
+
+impl Serial {
+    /// Starts the port: 8 bits, no parity, 1 stop bit; the receive interrupt is on. `apb2_hz` is the port's clock.
+    pub fn start(usart: USART1, rcc: &RCC, apb2_hz: u32, baud: u32) -> Self {
+        rcc.apb2enr().modify(|_, w| w.usart1en().set_bit());
+        // Sixteenths of the divider, rounded, are what BRR holds; 84 MHz / 9600 baud fit its 16 bits.
+        let divider = (apb2_hz + baud / 2) / baud.max(1);
+        // SAFETY: any value is a divider.
+        usart.brr().write(|w| unsafe { w.bits(divider as u16) });
+        usart.cr1().write(|w| w.ue().set_bit().te().set_bit().re().set_bit().rxneie().set_bit());
+        Self { usart }
+    }
+
+    /// The byte that has come, if one has. A byte lost before it (overrun) shows in the line's checksum.
+    #[inline]
+    pub fn receive(&mut self) -> Option<u8> {
+        let status = self.usart.sr().read();
+        // Reading status and data clears the overrun, which would otherwise interrupt for ever.
+        let (has_byte, overrun) = (status.rxne().bit_is_set(), status.ore().bit_is_set());
+        let byte = (has_byte || overrun).then(|| self.usart.dr().read().dr().bits() as u8);
+        byte.filter(|_| has_byte)
+    }
+
+    /// Hands bytes from `next` to the transmitter while it takes them.
+    pub fn transmit(&mut self, mut next: impl FnMut() -> Option<u8>) -> Transmit {
+        for _ in 0..BYTES_AT_ONCE {
+            if self.usart.sr().read().txe().bit_is_clear() {
+                self.usart.cr1().modify(|_, w| w.txeie().set_bit());
+                return Transmit::Waits;
+            }
+            match next() {
+                Some(byte) => self.usart.dr().write(|w| w.dr().set(u16::from(byte))),
+                None => {
+                    self.usart.cr1().modify(|_, w| w.txeie().clear_bit());
+                    return Transmit::Done;
+                }
+            };
+        }
+        Transmit::Again
+    }
+}

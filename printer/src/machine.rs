@@ -1,0 +1,358 @@
+//! Planner, step queue and counting motors as one machine: what a board's planner task works on.
+//!
+//! Every entry is played on counting motors as it is queued. They know where the motors will stand, make the digests
+//! that M797 reports, and on a board without sensors tell where its end stops trigger; there homing ends at the very
+//! event that triggers, as on the desk.
+
+use ferrostep_gcode::MotionFigures;
+use ferrostep_hal_shim::virtual_board::VirtualMotors;
+use ferrostep_hal_shim::{EndStops, MotorEnable, StepOutput};
+use ferrostep_planner::interpolator::MAX_ENTRIES;
+use ferrostep_planner::look_ahead::Slot;
+use ferrostep_planner::{Limits, Move, MoveError, Moved, Notice, Planner, Progress, StepDigests, StepEntry, StepSink};
+
+use crate::ports::Seek;
+use crate::profile::Profile;
+
+/// Entries that wait before the motors start from standstill. Blocks leave the look-ahead ring one for each that
+/// comes in: without this head start a few short ones would be over before the host has sent the next line.
+const START_ENTRIES: usize = 512;
+
+/// With fewer entries in motion and no input at hand, blocks leave the look-ahead ring before it is full.
+const LOW_ENTRIES: usize = 128;
+
+/// Fan changes on their way through the step queue.
+const FAN_CHANGES: usize = 32;
+
+/// Steps of work in one call of [`Machine::work`], so that other users of the machine get their turn.
+const WORK_AT_ONCE: usize = 4096;
+
+/// All motors.
+const ALL: u8 = 0b1111;
+
+/// What the planner may do because the host sends nothing, and no line is at hand.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Silence {
+    /// In motion: let blocks leave the look-ahead ring before it is full, if the step queue runs low.
+    pub may_release: bool,
+    /// At standstill: execute what waits in the ring, as the host seems to have no more.
+    pub may_flush: bool,
+}
+
+/// The machine; `R` is the memory of the look-ahead ring, `Q` the step queue.
+#[derive(Debug)]
+pub struct Machine<R, Q> {
+    planner: Planner<R>,
+    motors: VirtualMotors,
+    queue: Q,
+    fan: FanChanges,
+    /// Entries queued so far, modulo 2^32.
+    queued: u32,
+    /// Everything that is planned shall be executed now.
+    flushed: bool,
+    /// The entries queued so far leave the motors running.
+    in_motion: bool,
+    underruns: u64,
+    idle_flushes: u64,
+    /// Axis whose end stop ends the present move.
+    seeking: Option<usize>,
+    sought: Option<Seek>,
+    /// How often motion was stopped.
+    stops: u32,
+}
+
+/// Fan changes that take effect when the entries before them have been taken.
+#[derive(Debug, Default)]
+struct FanChanges {
+    waiting: heapless::Deque<(u32, u8), FAN_CHANGES>,
+    power: u8,
+}
+
+impl FanChanges {
+    /// Applies the changes due when `taken` entries have left the queue.
+    fn advance(&mut self, taken: u32) {
+        while let Some(&(due, power)) = self.waiting.front()
+            && taken.wrapping_sub(due) as i32 >= 0
+        {
+            self.power = power;
+            self.waiting.pop_front();
+        }
+    }
+}
+
+/// Where the planner's entries go.
+struct Sink<'a, Q> {
+    motors: &'a mut VirtualMotors,
+    queue: &'a mut Q,
+    fan: &'a mut FanChanges,
+    queued: &'a mut u32,
+    seeking: Option<usize>,
+    triggered: bool,
+}
+
+impl<Q: StepOutput> StepSink for Sink<'_, Q> {
+    fn entry(&mut self, entry: StepEntry) {
+        if self.triggered {
+            // The rest of the way is not gone.
+            return;
+        }
+        let played = match self.seeking {
+            None => {
+                self.motors.steps.play(entry, &mut ());
+                Some(entry)
+            }
+            Some(axis) => {
+                let (played, triggered) = self.motors.play_until_triggered(entry, axis, &mut ());
+                self.triggered = triggered;
+                played
+            }
+        };
+        if let Some(entry) = played {
+            self.queue.push(entry);
+            *self.queued = self.queued.wrapping_add(1);
+        }
+    }
+
+    fn notice(&mut self, notice: Notice) {
+        if let Notice::FanPower { power, .. } = notice
+            && self.fan.waiting.push_back((*self.queued, power)).is_err()
+        {
+            // There is room whenever the planner advances; if not, early is better than never.
+            self.fan.power = power;
+        }
+    }
+}
+
+impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
+    /// A machine that has just been switched on.
+    pub fn new(profile: &Profile, ring: R, queue: Q) -> Self {
+        Self {
+            planner: Planner::new(profile.geometry(), profile.limits, ring),
+            motors: profile.virtual_motors(),
+            queue,
+            fan: FanChanges::default(),
+            queued: 0,
+            flushed: false,
+            in_motion: false,
+            underruns: 0,
+            idle_flushes: 0,
+            seeking: None,
+            sought: None,
+            stops: 0,
+        }
+    }
+
+    /// Takes a move.
+    ///
+    /// # Errors
+    /// As [`Planner::add`]; [`MoveError::NoRoom`] passes.
+    pub fn add(&mut self, request: &Move) -> Result<Moved, MoveError> {
+        if self.queue.link().is_stopping() {
+            return Err(MoveError::NoRoom);
+        }
+        let moved = self.planner.add(request)?;
+        if moved == Moved::Queued {
+            self.flushed = false;
+            self.set_motors_enabled(ALL, true);
+        }
+        Ok(moved)
+    }
+
+    /// Changes the fan with the motion taken so far; `false` without room.
+    pub fn add_fan_power(&mut self, power: u8) -> bool {
+        if self.planner.is_look_ahead_empty() {
+            self.fan.waiting.clear();
+            self.fan.power = power;
+            return true;
+        }
+        self.planner.add_fan_power(power)
+    }
+
+    /// The fan's power now, 0 to 255.
+    pub fn fan_power(&self) -> u8 {
+        self.fan.power
+    }
+
+    /// Executes all that was taken.
+    pub fn flush(&mut self) {
+        self.planner.flush();
+        self.flushed = true;
+    }
+
+    /// Whether all that was taken has been executed, to the last step.
+    pub fn is_idle(&self) -> bool {
+        self.planner.is_idle()
+            && self.queue.waiting() == 0
+            && !self.queue.link().is_busy()
+            && !self.queue.link().is_stopping()
+    }
+
+    /// The move just taken ends where the end stop of `axis` triggers. Standstill before it is the caller's to see to.
+    pub fn begin_seek(&mut self, axis: usize) {
+        self.flush();
+        self.sought = None;
+        self.seeking = Some(axis);
+        if self.motors.is_triggered(axis) {
+            self.end_seek(Seek::Triggered);
+        }
+    }
+
+    /// How the seek ended, once the motors stand.
+    pub fn take_sought(&mut self) -> Option<Seek> {
+        if !self.is_idle() {
+            return None;
+        }
+        if self.seeking.is_some() {
+            self.end_seek(Seek::Missed);
+        }
+        self.sought.take()
+    }
+
+    fn end_seek(&mut self, outcome: Seek) {
+        self.seeking = None;
+        self.sought = Some(outcome);
+        if outcome == Seek::Triggered {
+            self.forget_plan();
+            self.flushed = true;
+        }
+    }
+
+    /// The planner forgets what has not been queued: the motors will stand where the queue takes them.
+    fn forget_plan(&mut self) {
+        let steps = &self.motors.steps;
+        self.planner.stand_at(steps.motor_steps(), steps.tick(), steps.directions());
+        self.in_motion = false;
+    }
+
+    /// Machine position at the end of all that was taken, units of 10 nm.
+    pub fn position_10nm(&self) -> [i64; 3] {
+        self.planner.position_10nm()
+    }
+
+    /// Says where the machine is, at standstill.
+    pub fn set_position(&mut self, position_10nm: [i64; 3]) {
+        let motors = self.planner.set_position(position_10nm);
+        self.motors.redefine_motor_steps(motors.map(i64::from));
+    }
+
+    /// Step counters of all motors at the end of the queue.
+    pub fn motor_steps(&self) -> [i64; 4] {
+        self.motors.steps.motor_steps()
+    }
+
+    /// Limits of the moves to come.
+    pub fn limits(&self) -> Limits {
+        *self.planner.limits()
+    }
+
+    /// Sets the limits of the moves to come.
+    pub fn set_limits(&mut self, limits: Limits) {
+        self.planner.set_limits(limits);
+    }
+
+    /// Switches the motors in the mask on or off.
+    pub fn set_motors_enabled(&mut self, axes: u8, enabled: bool) {
+        self.motors.set_motors_enabled(axes, enabled);
+        self.queue.set_motors_enabled(axes, enabled);
+    }
+
+    /// Whether the end stop of an axis is triggered.
+    pub fn is_end_stop_triggered(&self, axis: usize) -> bool {
+        self.motors.is_triggered(axis)
+    }
+
+    /// Digests and counters.
+    pub fn figures(&self) -> MotionFigures {
+        let StepDigests { order, step } = self.motors.steps.digests();
+        MotionFigures {
+            order_digest: order,
+            step_digest: step,
+            underruns: self.underruns,
+            starvation_flushes: self.planner.starvation_flushes(),
+            idle_flushes: self.idle_flushes,
+            issued_steps: self.motors.steps.issued(),
+        }
+    }
+
+    /// How often motion was stopped so far; whoever waits for motion compares.
+    pub fn stops(&self) -> u32 {
+        self.stops
+    }
+
+    /// From the next event on no motor steps; [`Self::work`] sees to the rest.
+    pub fn request_stop(&mut self) {
+        self.queue.link().request_stop();
+    }
+
+    /// After a stop, once the queue is empty: plan and counters follow the motors.
+    fn follow_stop(&mut self) {
+        let Some(dropped) = self.queue.link().take_stopped() else { return };
+        self.motors.steps.take_back(dropped.signed, dropped.issued);
+        self.forget_plan();
+        self.fan.waiting.clear();
+        self.seeking = None;
+        self.sought = None;
+        self.flushed = false;
+        self.stops = self.stops.wrapping_add(1);
+    }
+
+    /// Keeps the step queue full; to be called when something was added, and at a steady pace. Whether there is more
+    /// to do at once.
+    pub fn work(&mut self, silence: Silence) -> bool {
+        if self.queue.link().is_stopping() {
+            self.follow_stop();
+            return false;
+        }
+        if self.queue.link().take_ran_dry() && self.in_motion {
+            self.underruns += 1;
+        }
+        self.fan.advance(self.queued.wrapping_sub(self.queue.waiting() as u32));
+        self.free_blocks(silence);
+        let more = self.plan();
+        self.in_motion = self.planner.is_in_motion();
+        let waiting = self.queue.waiting();
+        let full = waiting + MAX_ENTRIES > waiting + self.queue.room();
+        if waiting > 0 && !self.queue.link().is_running() && (self.flushed || full || waiting >= START_ENTRIES) {
+            self.queue.link().start();
+        }
+        more
+    }
+
+    /// Lets blocks leave a look-ahead ring that is not full, where waiting for more would be wrong.
+    fn free_blocks(&mut self, silence: Silence) {
+        if !self.queue.link().is_running() {
+            let something_waits = !self.planner.is_look_ahead_empty() || self.queue.waiting() > 0;
+            if silence.may_flush && something_waits && !self.flushed {
+                self.idle_flushes += 1;
+                self.flush();
+            }
+        } else if silence.may_release && self.in_motion && self.queue.waiting() < LOW_ENTRIES {
+            self.planner.release();
+        }
+    }
+
+    /// Plans while there is room; whether there is more to do at once.
+    fn plan(&mut self) -> bool {
+        for _ in 0..WORK_AT_ONCE {
+            if self.queue.room() < MAX_ENTRIES || self.fan.waiting.is_full() {
+                return false;
+            }
+            let mut sink = Sink {
+                motors: &mut self.motors,
+                queue: &mut self.queue,
+                fan: &mut self.fan,
+                queued: &mut self.queued,
+                seeking: self.seeking,
+                triggered: false,
+            };
+            let progress = self.planner.advance(&mut sink);
+            if sink.triggered {
+                self.end_seek(Seek::Triggered);
+            }
+            if progress == Progress::Waiting {
+                return false;
+            }
+        }
+        true
+    }
+}

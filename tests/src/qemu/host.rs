@@ -1,0 +1,421 @@
+//! A host on the serial line: numbers, checksums, one line at a time, sends again what is asked for.
+
+use std::fmt;
+use std::io;
+use std::time::{Duration, Instant};
+
+use super::noise::Noise;
+
+/// What was heard last is kept for error messages.
+const REMEMBERED_LINES: usize = 12;
+
+/// A serial line with a printer at its other end.
+pub trait Port {
+    /// Sends bytes.
+    ///
+    /// # Errors
+    /// The printer is gone.
+    fn send(&mut self, bytes: &[u8]) -> io::Result<()>;
+
+    /// The next line from the printer, without its end; `None` when none has come in time.
+    ///
+    /// # Errors
+    /// The printer is gone.
+    fn receive(&mut self, until: Instant) -> io::Result<Option<String>>;
+}
+
+/// Why the conversation ended.
+#[derive(Debug)]
+pub enum HostError {
+    /// The printer is gone.
+    Port(io::Error),
+    /// Nothing of what was waited for came within the time limit.
+    Silent {
+        /// What was waited for.
+        awaited: String,
+        /// The last lines that came.
+        heard: Vec<String>,
+    },
+    /// An `Error:` that is not about a garbled line.
+    Fatal(String),
+    /// A line was asked for that was never sent.
+    NeverSent(i64),
+}
+
+impl fmt::Display for HostError {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Port(error) => write!(out, "the serial line broke: {error}"),
+            Self::Silent { awaited, heard } => {
+                write!(out, "waited in vain for {awaited}; the last lines were:")?;
+                heard.iter().try_for_each(|line| write!(out, "\n  {line}"))
+            }
+            Self::Fatal(line) => write!(out, "the printer says {line:?}"),
+            Self::NeverSent(number) => write!(out, "the printer asks for line {number}, which was never sent"),
+        }
+    }
+}
+
+impl std::error::Error for HostError {}
+
+impl From<io::Error> for HostError {
+    fn from(error: io::Error) -> Self {
+        Self::Port(error)
+    }
+}
+
+/// `text` with the checksum of the serial protocol and a line end.
+pub fn with_checksum(text: &str) -> String {
+    let checksum = text.bytes().fold(0, |sum, byte| sum ^ byte);
+    format!("{text}*{checksum}\n")
+}
+
+/// The host.
+#[derive(Debug)]
+pub struct Host<P> {
+    port: P,
+    noise: Option<Noise>,
+    deadline: Instant,
+    /// All numbered lines; the first has number 1.
+    history: Vec<String>,
+    /// Index in `history` of the line to send next.
+    next: usize,
+    heard: Vec<String>,
+    acknowledged: u64,
+    resends: u32,
+}
+
+impl<P: Port> Host<P> {
+    /// A host that gives up on everything after `limit`.
+    pub fn new(port: P, limit: Duration) -> Self {
+        Self {
+            port,
+            noise: None,
+            deadline: Instant::now() + limit,
+            history: Vec::new(),
+            next: 0,
+            heard: Vec::new(),
+            acknowledged: 0,
+            resends: 0,
+        }
+    }
+
+    /// From here on numbered lines pass through noise.
+    pub fn set_noise(&mut self, noise: Noise) {
+        self.noise = Some(noise);
+    }
+
+    /// The noise, to ask what it did.
+    pub fn noise(&self) -> Option<&Noise> {
+        self.noise.as_ref()
+    }
+
+    /// How often the printer asked for a line again.
+    pub fn resends(&self) -> u32 {
+        self.resends
+    }
+
+    /// How many `ok`s have come.
+    pub fn acknowledged(&self) -> u64 {
+        self.acknowledged
+    }
+
+    /// The serial line.
+    pub fn port(&mut self) -> &mut P {
+        &mut self.port
+    }
+
+    /// Waits for the printer's `start` and sets the line number, as hosts do.
+    ///
+    /// # Errors
+    /// The printer does not start, or does not answer.
+    pub fn connect(&mut self) -> Result<(), HostError> {
+        self.wait_for("start", |line| line == "start")?;
+        self.port.send(with_checksum("N0 M110 N0").as_bytes())?;
+        self.wait_for_ok()
+    }
+
+    /// Sends a command as the next numbered line and waits until the printer has acknowledged it, sending again what
+    /// the printer asks for.
+    ///
+    /// # Errors
+    /// See [`HostError`].
+    pub fn send(&mut self, command: &str) -> Result<(), HostError> {
+        self.history.push(command.to_owned());
+        self.settle()
+    }
+
+    /// Sends a command and returns the first line of its answer that begins with `prefix`.
+    ///
+    /// # Errors
+    /// See [`HostError`].
+    pub fn ask(&mut self, command: &str, prefix: &str) -> Result<String, HostError> {
+        self.history.push(command.to_owned());
+        loop {
+            // The answer comes before the last `ok`; after a garbled line an `ok` too many may have come before.
+            let mut answer = None;
+            while self.next < self.history.len() {
+                self.transmit()?;
+                loop {
+                    let line = self.hear(prefix)?;
+                    if line.starts_with(prefix) {
+                        answer = Some(line);
+                    } else if self.digest_line(&line)? {
+                        break;
+                    }
+                }
+            }
+            if let Some(answer) = answer {
+                return Ok(answer);
+            }
+            let line = self.hear(prefix)?;
+            if line.starts_with(prefix) {
+                return Ok(line);
+            }
+            self.digest_line(&line)?;
+        }
+    }
+
+    /// Sends bytes as they are: no number, no checksum, no waiting.
+    ///
+    /// # Errors
+    /// The printer is gone.
+    pub fn send_raw(&mut self, bytes: &[u8]) -> Result<(), HostError> {
+        Ok(self.port.send(bytes)?)
+    }
+
+    /// Waits for a line; all before it is only remembered.
+    ///
+    /// # Errors
+    /// It does not come in time, or the printer is gone.
+    pub fn wait_for(&mut self, awaited: &str, is_it: impl Fn(&str) -> bool) -> Result<String, HostError> {
+        loop {
+            let line = self.hear(awaited)?;
+            if line.starts_with("ok") {
+                self.acknowledged += 1;
+            }
+            if is_it(&line) {
+                return Ok(line);
+            }
+        }
+    }
+
+    /// Lines that come within a time.
+    ///
+    /// # Errors
+    /// The printer is gone.
+    pub fn listen(&mut self, time: Duration) -> Result<Vec<String>, HostError> {
+        let until = Instant::now() + time;
+        let mut lines = Vec::new();
+        while let Some(line) = self.port.receive(until)? {
+            lines.push(line);
+        }
+        Ok(lines)
+    }
+
+    fn settle(&mut self) -> Result<(), HostError> {
+        while self.next < self.history.len() {
+            self.transmit()?;
+            self.wait_for_ok()?;
+        }
+        Ok(())
+    }
+
+    /// Sends the next line of the history.
+    fn transmit(&mut self) -> Result<(), HostError> {
+        let Some(command) = self.history.get(self.next) else { return Ok(()) };
+        self.next += 1;
+        let mut line = with_checksum(&format!("N{} {command}", self.next)).into_bytes();
+        if let Some(noise) = &mut self.noise {
+            noise.pass(&mut line);
+        }
+        Ok(self.port.send(&line)?)
+    }
+
+    fn wait_for_ok(&mut self) -> Result<(), HostError> {
+        loop {
+            let line = self.hear("ok")?;
+            if self.digest_line(&line)? {
+                return Ok(());
+            }
+        }
+    }
+
+    /// Acts on a line from the printer; `true` when it is an `ok`.
+    fn digest_line(&mut self, line: &str) -> Result<bool, HostError> {
+        if line.starts_with("ok") {
+            self.acknowledged += 1;
+            return Ok(true);
+        }
+        if let Some(number) = line.strip_prefix("Resend:") {
+            let number: i64 = number.trim().parse().map_err(|_| HostError::Fatal(line.to_owned()))?;
+            // Number 1 is index 0; the number after the last one means that nothing is missing.
+            match usize::try_from(number - 1) {
+                Ok(index) if index <= self.history.len() => self.next = index,
+                _ => return Err(HostError::NeverSent(number)),
+            }
+            self.resends += 1;
+        } else if let Some(reason) = line.strip_prefix("Error:") {
+            // The words by which hosts tell what can be sent again from what cannot.
+            let reason = reason.to_ascii_lowercase();
+            if !reason.contains("line number") && !reason.contains("checksum") {
+                return Err(HostError::Fatal(line.to_owned()));
+            }
+        } else if line == "start" {
+            return Err(HostError::Fatal("start (it was reset)".to_owned()));
+        }
+        Ok(false)
+    }
+
+    /// The next line, whatever it is.
+    fn hear(&mut self, awaited: &str) -> Result<String, HostError> {
+        match self.port.receive(self.deadline)? {
+            Some(line) => {
+                if self.heard.len() == REMEMBERED_LINES {
+                    self.heard.remove(0);
+                }
+                self.heard.push(line.clone());
+                Ok(line)
+            }
+            None => Err(HostError::Silent { awaited: awaited.to_owned(), heard: self.heard.clone() }),
+        }
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+    use std::collections::VecDeque;
+
+    /// A printer that follows the written protocol, line by line.
+    #[derive(Default)]
+    struct Fake {
+        last: i64,
+        executed: Vec<String>,
+        replies: VecDeque<String>,
+        mute: bool,
+    }
+
+    impl Fake {
+        fn reply(&mut self, lines: &[&str]) {
+            self.replies.extend(lines.iter().map(|&line| line.to_owned()));
+        }
+
+        fn refuse(&mut self, reason: &str) {
+            let (error, resend) =
+                (format!("Error:{reason}, Last Line: {}", self.last), format!("Resend: {}", self.last + 1));
+            self.reply(&[&error, &resend, "ok"]);
+        }
+
+        fn line(&mut self, line: &str) {
+            let Some(rest) = line.strip_prefix('N') else {
+                self.reply(&["echo:Unknown command", "ok"]);
+                return;
+            };
+            let Some((content, checksum)) = line.rsplit_once('*') else {
+                return self.refuse("No Checksum with line number");
+            };
+            let (number, command) = rest.split_once(' ').unwrap_or((rest, ""));
+            let command = command.split('*').next().unwrap();
+            let number: i64 = number.parse().unwrap_or(-99);
+            let right = content.bytes().fold(0, |sum, byte| sum ^ byte).to_string() == checksum;
+            if command == "M110 N0" && right {
+                self.last = 0;
+                return self.reply(&["ok"]);
+            }
+            if number != self.last + 1 && number != self.last {
+                return self.refuse("Line Number is not Last Line Number+1");
+            }
+            if !right {
+                return self.refuse("checksum mismatch");
+            }
+            if number == self.last + 1 {
+                self.last = number;
+                self.executed.push(command.to_owned());
+                match command {
+                    "M112" => return self.reply(&["Error:Printer halted. kill() called!"]),
+                    "M114" => self.reply(&["X:1.00 Y:0.00"]),
+                    _ => self.reply(&["echo:busy: processing"]),
+                }
+            }
+            self.reply(&["ok"]);
+        }
+    }
+
+    impl Port for Fake {
+        fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
+            if !self.mute {
+                for line in String::from_utf8_lossy(bytes).split(['\n', '\r']).filter(|line| !line.is_empty()) {
+                    self.line(line);
+                }
+            }
+            Ok(())
+        }
+
+        fn receive(&mut self, _until: Instant) -> io::Result<Option<String>> {
+            Ok(self.replies.pop_front())
+        }
+    }
+
+    fn host() -> Host<Fake> {
+        let mut fake = Fake::default();
+        fake.reply(&["", "start", "echo:clock"]);
+        let mut host = Host::new(fake, Duration::from_secs(1));
+        host.connect().unwrap();
+        host
+    }
+
+    #[test]
+    fn checksums_as_documented() {
+        assert_eq!(with_checksum("N3 T0"), "N3 T0*57\n");
+        assert_eq!(with_checksum("N0 M110 N0"), "N0 M110 N0*125\n");
+    }
+
+    #[test]
+    fn lines_are_executed_in_their_order_and_answers_found() {
+        let mut host = host();
+        host.send("G28").unwrap();
+        assert_eq!(host.ask("M114", "X:").unwrap(), "X:1.00 Y:0.00");
+        host.send("G1 X5").unwrap();
+        assert_eq!(host.port().executed, ["G28", "M114", "G1 X5"]);
+        assert_eq!((host.resends(), host.acknowledged()), (0, 4));
+    }
+
+    #[test]
+    fn whatever_the_noise_every_line_is_executed_once() {
+        let commands: Vec<String> = (0..300).map(|index| format!("G1 X{index}.5 E-0.25")).collect();
+        let mut resends = 0;
+        for seed in 0..50 {
+            let mut host = host();
+            host.set_noise(Noise::new(seed));
+            for command in &commands {
+                host.send(command).unwrap();
+            }
+            assert_eq!(host.ask("M114", "X:").unwrap(), "X:1.00 Y:0.00");
+            let executed = &host.port().executed;
+            assert_eq!(executed.len(), 301, "seed {seed}");
+            assert_eq!(executed[..300], commands, "seed {seed}");
+            resends += host.resends();
+        }
+        assert!(resends > 100, "{resends}");
+    }
+
+    #[test]
+    fn a_printer_that_stops_or_falls_silent_ends_the_wait() {
+        assert!(matches!(host().send("M112"), Err(HostError::Fatal(line)) if line.contains("kill")));
+        let mut host = host();
+        host.port().mute = true;
+        let error = host.send("G28").unwrap_err();
+        assert!(error.to_string().contains("waited in vain for ok"), "{error}");
+    }
+
+    #[test]
+    fn what_was_never_sent_cannot_be_sent_again() {
+        for number in ["7", "0", "-1"] {
+            let mut host = host();
+            host.port().reply(&[&format!("Resend: {number}"), "ok"]);
+            assert!(matches!(host.send("G28"), Err(HostError::NeverSent(_))), "{number}");
+        }
+    }
+}

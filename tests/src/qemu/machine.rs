@@ -1,0 +1,123 @@
+//! The emulator as a process.
+
+use std::fs::File;
+use std::io::{self, BufRead, BufReader, Write};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::thread;
+use std::time::Instant;
+
+use super::host::Port;
+
+/// The program. Version 7.2 is known to work.
+pub const EMULATOR: &str = "qemu-system-arm";
+
+/// `netduinoplus2` is the board with an STM32F405. Virtual time runs 64 ns an instruction; timers count it at the
+/// frequency that the image falls back to, as the emulator's RCC never reports a crystal or a PLL.
+const ARGUMENTS: [&str; 15] = [
+    "-machine",
+    "netduinoplus2",
+    "-icount",
+    "shift=6",
+    "-global",
+    "stm32f2xx-timer.clock-frequency=16000000",
+    "-display",
+    "none",
+    "-monitor",
+    "none",
+    "-serial",
+    "stdio",
+    "-d",
+    "unimp",
+    "-D",
+];
+
+/// A running image. It is ended when this is dropped.
+#[derive(Debug)]
+pub struct Machine {
+    child: Child,
+    to_image: Sender<Vec<u8>>,
+    from_image: Receiver<String>,
+    pin_log: PathBuf,
+    messages: PathBuf,
+}
+
+impl Machine {
+    /// Starts an image; its logs go into `folder`.
+    ///
+    /// # Errors
+    /// The emulator does not start, or the folder cannot be written to.
+    pub fn start(image: &Path, folder: &Path) -> io::Result<Self> {
+        let (pin_log, messages) = (folder.join("pins.log"), folder.join("emulator.log"));
+        let mut child = Command::new(EMULATOR)
+            .args(ARGUMENTS)
+            .arg(&pin_log)
+            .arg("-kernel")
+            .arg(image)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(File::create(&messages)?)
+            .spawn()?;
+        let (Some(mut input), Some(output)) = (child.stdin.take(), child.stdout.take()) else {
+            return Err(io::Error::other("the emulator has no serial line"));
+        };
+        // Threads of their own, so that an image that reads or says nothing cannot hold up the test's time limit.
+        // Both end with the emulator.
+        let (to_image, outgoing) = channel::<Vec<u8>>();
+        thread::spawn(move || {
+            outgoing.iter().try_for_each(|bytes| input.write_all(&bytes).and_then(|()| input.flush()))
+        });
+        let (incoming, from_image) = channel();
+        thread::spawn(move || {
+            let mut output = BufReader::new(output);
+            let mut line = Vec::new();
+            while output.read_until(b'\n', &mut line).is_ok_and(|length| length > 0) {
+                let text = String::from_utf8_lossy(&line).trim_end_matches(['\r', '\n']).to_owned();
+                line.clear();
+                if incoming.send(text).is_err() {
+                    break;
+                }
+            }
+        });
+        Ok(Self { child, to_image, from_image, pin_log, messages })
+    }
+
+    /// The log of pins, as long as it is by now; the emulator writes each access at once.
+    pub fn pin_log(&self) -> &Path {
+        &self.pin_log
+    }
+
+    /// Ends the emulator; the log of pins is then complete.
+    pub fn stop(&mut self) {
+        // It may have ended by itself, which is as good.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+
+    fn ended(&mut self) -> io::Error {
+        let status = self.child.try_wait();
+        let messages = std::fs::read_to_string(&self.messages).unwrap_or_default();
+        io::Error::new(io::ErrorKind::UnexpectedEof, format!("the emulator ended ({status:?}): {messages}"))
+    }
+}
+
+impl Drop for Machine {
+    fn drop(&mut self) {
+        self.stop();
+    }
+}
+
+impl Port for Machine {
+    fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
+        self.to_image.send(bytes.to_vec()).map_err(|_| self.ended())
+    }
+
+    fn receive(&mut self, until: Instant) -> io::Result<Option<String>> {
+        match self.from_image.recv_timeout(until.saturating_duration_since(Instant::now())) {
+            Ok(line) => Ok(Some(line)),
+            Err(RecvTimeoutError::Timeout) => Ok(None),
+            Err(RecvTimeoutError::Disconnected) => Err(self.ended()),
+        }
+    }
+}

@@ -1,0 +1,75 @@
+//! What no host should send, in the middle of a print: answered, and without effect on a single step.
+
+use std::time::Duration;
+
+use ferrostep_tests::qemu::{Host, Machine};
+
+use crate::image::Bench;
+use crate::job::Job;
+use crate::same_steps::{LINES, assert_printed_as_rehearsed};
+
+/// Lines of the job after which the look-ahead ring is full and the motors run.
+const LINES_INTO_THE_PRINT: usize = 200;
+
+/// Where the job pauses, so that a silent host is nothing to the look-ahead.
+const PAUSE: usize = 260;
+
+/// Lines in a burst: no more bytes than the image's receive buffer holds while a command waits for room.
+const BURST: usize = 240;
+
+/// Sends lines without numbers and waits until each has got its `ok`.
+fn answered(host: &mut Host<Machine>, bytes: &[u8], lines: usize) {
+    host.send_raw(bytes).unwrap();
+    for line in 0..lines {
+        host.wait_for(&format!("ok {} of {lines}", line + 1), |line| line.starts_with("ok")).unwrap();
+    }
+}
+
+/// Sends bytes that look like a numbered line and waits until the line is asked for.
+fn asked_for_again(host: &mut Host<Machine>, bytes: &[u8], number: usize) {
+    host.send_raw(bytes).unwrap();
+    let resend = format!("Resend: {number}");
+    host.wait_for(&resend, |line| line == resend).unwrap();
+    host.wait_for("ok", |line| line == "ok").unwrap();
+}
+
+/// Bytes that are no text at all, in lines.
+fn garbage(lines: usize) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    for line in 0..lines {
+        bytes.extend((0..40).map(|index| ((line * 37 + index * 11) % 128) as u8 | 0x80));
+        // A NUL, a control character and half of a command.
+        bytes.extend(b"\0\x07M1");
+        bytes.push(b'\n');
+    }
+    bytes
+}
+
+#[test]
+fn nonsense_in_mid_print_is_answered_and_changes_no_step() {
+    let mut job = Job::cube(LINES);
+    job.insert(PAUSE, "M400");
+    let mut bench = Bench::boot();
+    for (index, line) in job.lines().enumerate() {
+        let host = &mut bench.host;
+        // Lines are numbered from 1, so this is the number that comes next.
+        let number = index + 1;
+        if index == LINES_INTO_THE_PRINT {
+            answered(host, &garbage(20), 20);
+            answered(host, &[&[b'x'; 1000], b"\n".as_slice()].concat(), 1);
+            asked_for_again(host, format!("N{number} {}\n", "G".repeat(1000)).as_bytes(), number);
+            for _ in 0..10 {
+                answered(host, &b"M105\n".repeat(BURST), BURST);
+            }
+            answered(host, &b"\n\r\n;\n".repeat(50), 0);
+        }
+        if index == PAUSE + 1 {
+            host.send_raw(format!("N{number} G1 X50").as_bytes()).unwrap();
+            let heard = host.listen(Duration::from_millis(500)).unwrap();
+            assert!(!heard.iter().any(|line| line.starts_with("ok")), "half a line was answered: {heard:?}");
+            asked_for_again(host, b"\n", number);
+        }
+        host.send(line).unwrap_or_else(|error| panic!("{}: {error}", job.source(number)));
+    }
+    assert_printed_as_rehearsed(bench, &job);
+}

@@ -1,0 +1,71 @@
+//! M112: motors still, heaters off, and the reply that hosts expect.
+
+use std::time::Duration;
+
+use crate::image::Bench;
+use crate::job::Job;
+use crate::rehearsal::Rehearsal;
+use crate::same_steps::LINES;
+
+/// Marlin's words.
+const KILLED: &str = "Error:Printer halted. kill() called!";
+
+/// Lines of the cube after which the look-ahead ring is full and the motors run.
+const LINES_INTO_THE_PRINT: usize = 200;
+
+/// Long enough for thousands of steps.
+const A_WHILE: Duration = Duration::from_millis(500);
+
+/// Sends M112 out of turn and checks that all motion has ended when the reply comes.
+fn stop(bench: &mut Bench) {
+    bench.host.send_raw(b"M112\n").unwrap();
+    bench.host.wait_for(KILLED, |line| line == KILLED).unwrap();
+    let at_once = bench.pins().events().len();
+    let heard = bench.host.listen(A_WHILE).unwrap();
+    let pins = bench.pins();
+    assert_eq!(pins.events().len(), at_once, "the motors went on");
+    assert!(pins.motors_disabled(), "the motors are still switched on");
+    assert!(!heard.iter().any(|line| line == KILLED), "killed twice: {heard:?}");
+}
+
+/// Checks that only M999 makes the machine listen again, and that its heaters are off.
+fn assert_cold_after_restart(bench: &mut Bench) {
+    bench.host.send_raw(b"M104 S200\n").unwrap();
+    bench.host.wait_for("a refusal", |line| line.contains("M999")).unwrap();
+    bench.host.wait_for("ok", |line| line == "ok").unwrap();
+    bench.host.send_raw(b"M999\nM105\n").unwrap();
+    let temperatures = bench.host.wait_for("temperatures", |line| line.starts_with("ok T:")).unwrap();
+    assert_eq!(temperatures.matches("/0.00").count(), 2, "a target is left: {temperatures}");
+    assert!(temperatures.ends_with(" @:0 B@:0"), "a heater is on: {temperatures}");
+}
+
+#[test]
+fn an_emergency_stop_ends_a_print_at_once() {
+    let job = Job::cube(LINES);
+    let mut bench = Bench::boot();
+    for line in job.lines().take(LINES_INTO_THE_PRINT) {
+        bench.host.send(line).unwrap();
+    }
+    let before = bench.pins().events().len();
+    stop(&mut bench);
+    assert_cold_after_restart(&mut bench);
+    let pins = bench.switch_off();
+    let rehearsal = Rehearsal::of(&job);
+    rehearsal.assert_begins_with(&job, &pins);
+    assert!(before > 0, "nothing had moved yet");
+    let (seen, whole) = (pins.events().len(), rehearsal.event_count());
+    assert!(seen < whole, "the print was over already");
+}
+
+#[test]
+fn an_emergency_stop_ends_a_wait_for_heat() {
+    let mut bench = Bench::boot();
+    bench.host.send("M140 S60").unwrap();
+    bench.host.send_raw(b"M109 S210\n").unwrap();
+    let waiting = bench.host.wait_for("a report of the wait", |line| line.contains(" W:")).unwrap();
+    assert!(waiting.contains("/210.00") && waiting.contains("/60.00"), "{waiting}");
+    assert!(!waiting.contains(" @:0 "), "the nozzle is not heated: {waiting}");
+    stop(&mut bench);
+    assert_cold_after_restart(&mut bench);
+    assert_eq!(bench.switch_off().events(), []);
+}

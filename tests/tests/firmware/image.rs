@@ -1,0 +1,70 @@
+//! The image, and one emulator at a time.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
+use std::time::Duration;
+
+use ferrostep_tests::qemu::{EMULATOR, Host, Machine, PinLog, Pins};
+use tempfile::TempDir;
+
+/// Far more than any of these conversations takes.
+const LIMIT: Duration = Duration::from_secs(240);
+
+/// While the image sleeps, its time is the wall clock's: emulators that share a processor would disturb each other.
+static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
+
+/// Path of the firmware image; built when nobody has.
+fn image() -> &'static Path {
+    static IMAGE: OnceLock<PathBuf> = OnceLock::new();
+    IMAGE.get_or_init(|| match std::env::var_os("FERROSTEP_FIRMWARE") {
+        Some(path) => PathBuf::from(path),
+        None => built_image(),
+    })
+}
+
+fn built_image() -> PathBuf {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap();
+    let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
+    let output = Command::new(cargo).args(["xtask", "firmware"]).current_dir(root).output().unwrap();
+    assert!(output.status.success(), "cargo xtask firmware: {}", String::from_utf8_lossy(&output.stderr));
+    // Its first line is the path, the size table follows.
+    let text = String::from_utf8(output.stdout).unwrap();
+    PathBuf::from(text.lines().next().unwrap())
+}
+
+/// A running image with a host connected to it.
+pub struct Bench {
+    /// The host.
+    pub host: Host<Machine>,
+    // Fields are dropped in their order: the emulator before its folder, the turn last.
+    _folder: TempDir,
+    _turn: MutexGuard<'static, ()>,
+}
+
+impl Bench {
+    /// Boots the image.
+    pub fn boot() -> Self {
+        let image = image();
+        // A test that failed while it had its turn leaves nothing behind that matters here.
+        let turn = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
+        let folder = tempfile::tempdir().unwrap();
+        let machine = Machine::start(image, folder.path()).unwrap_or_else(|error| {
+            panic!("{EMULATOR} does not start ({error}): `cargo xtask test` installs it on Debian")
+        });
+        let mut host = Host::new(machine, LIMIT);
+        host.connect().unwrap_or_else(|error| panic!("no connection to {}: {error}", image.display()));
+        Self { host, _folder: folder, _turn: turn }
+    }
+
+    /// What the pins have done so far.
+    pub fn pins(&mut self) -> PinLog {
+        PinLog::read(self.host.port().pin_log(), Pins::BENCH).unwrap()
+    }
+
+    /// Ends the emulator and returns what the pins have done.
+    pub fn switch_off(mut self) -> PinLog {
+        self.host.port().stop();
+        self.pins()
+    }
+}

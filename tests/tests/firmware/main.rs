@@ -1,0 +1,11 @@
+//! The firmware image in an emulator prints what the desk rehearsed: the same steps, whatever the serial line does.
+//!
+//! `cargo xtask test` builds the image first and names it in `FERROSTEP_FIRMWARE`; without it the tests build it.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+mod bad_input;
+mod emergency;
+mod image;
+mod job;
+mod rehearsal;
+mod same_steps;

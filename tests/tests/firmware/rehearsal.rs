@@ -1,0 +1,102 @@
+//! The same job on the desk, and the comparison.
+
+use ferrostep::desk::{Figures, LOOK_AHEAD_BLOCKS, Mode};
+use ferrostep::job::{self, JobProgress};
+use ferrostep::record::Observer;
+use ferrostep::session::{JobReplies, Session};
+use ferrostep_hal_shim::virtual_board::StepObserver;
+use ferrostep_tests::qemu::{PinEvent, PinLog};
+
+use crate::job::Job;
+
+/// What the desk did with a job.
+pub struct Rehearsal {
+    /// Counts and digests.
+    pub figures: Figures,
+    events: Vec<PinEvent>,
+    /// Number of the source line of each event; 0 = homing.
+    lines: Vec<u32>,
+}
+
+impl Rehearsal {
+    /// Prints a job on the virtual board.
+    pub fn of(job: &Job) -> Self {
+        let profile = ferrostep_profiles::load("cartesian").unwrap();
+        let replies = JobReplies::new(|_: &str| {});
+        let session = Session::new(profile, Mode::Print, LOOK_AHEAD_BLOCKS, Watcher::default(), replies);
+        let mut printer = session.printer();
+        let text = job.text();
+        let mut progress = JobProgress::default();
+        session.run(job::run(&mut text.as_bytes(), &mut printer, &mut progress, |_| {})).unwrap();
+        let figures = session.desk().borrow().figures();
+        let mut watcher = session.into_observer();
+        watcher.lines.resize(watcher.events.len(), 0);
+        Self { figures, events: watcher.events, lines: watcher.lines }
+    }
+
+    /// How many step events there are.
+    pub fn event_count(&self) -> usize {
+        self.events.len()
+    }
+
+    /// Where each motor has come to, as [`PinLog::displacement`] counts.
+    pub fn displacement(&self) -> [i64; 4] {
+        let mut displacement = [0; 4];
+        for event in &self.events {
+            for (motor, steps) in displacement.iter_mut().enumerate() {
+                let forwards = (event.axes & !event.directions) >> motor & 1;
+                let backwards = (event.axes & event.directions) >> motor & 1;
+                *steps += i64::from(forwards) - i64::from(backwards);
+            }
+        }
+        displacement
+    }
+
+    /// Fails with the first event that differs, unless the pins did all of the rehearsal and no more.
+    pub fn assert_same_events(&self, job: &Job, pins: &PinLog) {
+        self.assert_begins_with(job, pins);
+        let (rehearsed, seen) = (self.events.len(), pins.events().len());
+        if seen < rehearsed {
+            panic!(
+                "the image stopped after {seen} of {rehearsed} step events, before {:?} of {}",
+                self.events[seen],
+                job.source(self.lines[seen] as usize)
+            );
+        }
+    }
+
+    /// Fails with the first event that differs, unless the rehearsal begins with what the pins did.
+    pub fn assert_begins_with(&self, job: &Job, pins: &PinLog) {
+        for (index, seen) in pins.events().iter().enumerate() {
+            let Some(rehearsed) = self.events.get(index) else {
+                panic!("the image makes {} events more than the desk's {index}", pins.events().len() - index);
+            };
+            let source = || job.source(self.lines[index] as usize);
+            assert_eq!(seen, rehearsed, "step event {index} differs: left the image, right the desk; {}", source());
+        }
+    }
+}
+
+/// Notes all events with their source lines.
+#[derive(Default)]
+struct Watcher {
+    events: Vec<PinEvent>,
+    lines: Vec<u32>,
+}
+
+impl StepObserver for Watcher {
+    fn stepped(&mut self, _tick: u64, axes: u8, directions: u8) {
+        self.events.push(PinEvent { axes, directions });
+    }
+}
+
+impl Observer for Watcher {
+    fn redefined(&mut self, _tick: u64, _motor_steps: [i64; 4]) {
+        // The seek that led here was stopped by its end stop, so its end is not told.
+        self.lines.resize(self.events.len(), 0);
+    }
+
+    fn move_ended(&mut self, _tick: u64, line: u32) {
+        self.lines.resize(self.events.len(), line);
+    }
+}

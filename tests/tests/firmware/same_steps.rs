@@ -1,0 +1,95 @@
+//! A whole job streamed into the image.
+
+use ferrostep_tests::qemu::{Host, Machine, Noise, PinLog};
+
+use crate::image::Bench;
+use crate::job::Job;
+use crate::rehearsal::Rehearsal;
+
+/// Lines of the cube: up to the infill of the first layer.
+pub const LINES: usize = 320;
+
+/// What M797 answers.
+#[derive(Debug)]
+struct Motion {
+    order_digest: u64,
+    step_digest: u64,
+    underruns: u64,
+    starvation_flushes: u64,
+    steps: [u64; 4],
+}
+
+impl Motion {
+    fn parse(line: &str) -> Self {
+        let word = |name: &str| {
+            let rest = line.split_once(&format!(" {name}:")).unwrap_or_else(|| panic!("no {name} in {line:?}")).1;
+            rest.split(' ').next().unwrap().to_owned()
+        };
+        let digest = |name| u64::from_str_radix(&word(name), 16).unwrap();
+        let count = |name| word(name).parse().unwrap();
+        Self {
+            order_digest: digest("order_digest"),
+            step_digest: digest("step_digest"),
+            underruns: count("underruns"),
+            starvation_flushes: count("starvation_flushes"),
+            steps: ["X", "Y", "Z", "E"].map(count),
+        }
+    }
+}
+
+/// Waits for the end of motion, switches the machine off, and holds what it says and what its pins did against the
+/// desk's print of the same job.
+pub fn assert_printed_as_rehearsed(mut bench: Bench, job: &Job) {
+    bench.host.send("M400").unwrap();
+    let reported = Motion::parse(&bench.host.ask("M797", "echo:motion ").unwrap());
+    let resends = bench.host.resends();
+    let pins = bench.switch_off();
+    let rehearsal = Rehearsal::of(job);
+    eprintln!("{} step events, {resends} resends; the image reports {reported:x?}", pins.events().len());
+
+    assert_eq!(reported.starvation_flushes, 0, "the host was too slow for the image's look-ahead: {reported:?}");
+    rehearsal.assert_same_events(job, &pins);
+    assert_same_figures(&reported, &pins, &rehearsal);
+}
+
+fn assert_same_figures(reported: &Motion, pins: &PinLog, rehearsal: &Rehearsal) {
+    let figures = &rehearsal.figures;
+    assert_eq!(pins.order_digest(), figures.digests.order);
+    assert_eq!(reported.order_digest, figures.digests.order);
+    assert_eq!(
+        reported.step_digest, figures.digests.step,
+        "the order of the steps is the desk's but their times are not ({} underruns)",
+        reported.underruns
+    );
+    assert_eq!(pins.displacement(), rehearsal.displacement());
+    assert_eq!(pins.issued(), figures.motor_steps);
+    assert_eq!(reported.steps, figures.motor_steps);
+}
+
+/// Sends all lines.
+pub fn stream(host: &mut Host<Machine>, job: &Job) {
+    for (index, line) in job.lines().enumerate() {
+        host.send(line).unwrap_or_else(|error| panic!("{}: {error}", job.source(index + 1)));
+    }
+}
+
+#[test]
+fn the_image_makes_the_steps_that_the_desk_rehearsed() {
+    let job = Job::cube(LINES);
+    let mut bench = Bench::boot();
+    stream(&mut bench.host, &job);
+    assert_eq!(bench.host.resends(), 0, "bytes were lost on a perfect serial line");
+    assert_printed_as_rehearsed(bench, &job);
+}
+
+#[test]
+fn corrupted_lines_are_sent_again_and_change_no_step() {
+    let job = Job::cube(LINES);
+    let mut bench = Bench::boot();
+    bench.host.set_noise(Noise::new(3));
+    stream(&mut bench.host, &job);
+    let corrupted = bench.host.noise().unwrap().corrupted();
+    assert!(corrupted >= 3, "only {corrupted} lines were corrupted");
+    assert!(bench.host.resends() >= corrupted, "{} resends of {corrupted}", bench.host.resends());
+    assert_printed_as_rehearsed(bench, &job);
+}
