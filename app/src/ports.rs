@@ -136,7 +136,7 @@ impl<M: Mutex<T = BoardMachine>> Motion for BoardMotion<'_, M> {
     }
 
     /// Returns when the motors' position is known again: after a few milliseconds.
-    fn stop(&mut self) {
+    fn stop(&mut self) -> i64 {
         let stops = self.with(|machine| {
             machine.request_stop();
             machine.stops()
@@ -150,6 +150,7 @@ impl<M: Mutex<T = BoardMachine>> Motion for BoardMotion<'_, M> {
                 break;
             }
         }
+        self.with(|machine| machine.take_dropped_100pm())
     }
 }
 

@@ -48,6 +48,10 @@ pub struct Machine<R, Q> {
     fan: FanChanges,
     /// Entries queued so far, modulo 2^32.
     queued: u32,
+    /// Tick of the last move's end.
+    last_move_end: u64,
+    /// Filament that stops have left unpushed since somebody asked, units of 0.1 nm.
+    dropped_100pm: i64,
     /// Everything that is planned shall be executed now.
     flushed: bool,
     /// The entries queued so far leave the motors running.
@@ -86,6 +90,7 @@ struct Sink<'a, Q> {
     queue: &'a mut Q,
     fan: &'a mut FanChanges,
     queued: &'a mut u32,
+    last_move_end: &'a mut u64,
     seeking: Option<usize>,
     triggered: bool,
 }
@@ -114,11 +119,14 @@ impl<Q: StepOutput> StepSink for Sink<'_, Q> {
     }
 
     fn notice(&mut self, notice: Notice) {
-        if let Notice::FanPower { power, .. } = notice
-            && self.fan.waiting.push_back((*self.queued, power)).is_err()
-        {
-            // There is room whenever the planner advances; if not, early is better than never.
-            self.fan.power = power;
+        match notice {
+            Notice::MoveEnded { tick, .. } => *self.last_move_end = tick,
+            Notice::FanPower { power, .. } => {
+                if self.fan.waiting.push_back((*self.queued, power)).is_err() {
+                    // There is room whenever the planner advances; if not, early is better than never.
+                    self.fan.power = power;
+                }
+            }
         }
     }
 }
@@ -132,6 +140,8 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
             queue,
             fan: FanChanges::default(),
             queued: 0,
+            last_move_end: 0,
+            dropped_100pm: 0,
             flushed: false,
             in_motion: false,
             underruns: 0,
@@ -219,8 +229,10 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
 
     /// The planner forgets what has not been queued: the motors will stand where the queue takes them.
     fn forget_plan(&mut self) {
-        let steps = &self.motors.steps;
-        self.planner.stand_at(steps.motor_steps(), steps.tick(), steps.directions());
+        let steps = &mut self.motors.steps;
+        // A move ends half a step after its last event; standing there, the clock does not go back.
+        steps.pass_to(self.last_move_end);
+        self.dropped_100pm += self.planner.stand_at(steps.motor_steps(), steps.tick(), steps.directions());
         self.in_motion = false;
     }
 
@@ -277,6 +289,11 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
     /// How often motion was stopped so far; whoever waits for motion compares.
     pub fn stops(&self) -> u32 {
         self.stops
+    }
+
+    /// Takes the filament that stops have left unpushed, units of 0.1 nm.
+    pub fn take_dropped_100pm(&mut self) -> i64 {
+        core::mem::take(&mut self.dropped_100pm)
     }
 
     /// From the next event on no motor steps; [`Self::work`] sees to the rest.
@@ -342,6 +359,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
                 queue: &mut self.queue,
                 fan: &mut self.fan,
                 queued: &mut self.queued,
+                last_move_end: &mut self.last_move_end,
                 seeking: self.seeking,
                 triggered: false,
             };
