@@ -168,7 +168,8 @@ fn write_position(formatter: &mut Formatter<'_>, position: &Position) -> fmt::Re
 }
 
 fn write_motion(formatter: &mut Formatter<'_>, figures: &MotionFigures) -> fmt::Result {
-    let MotionFigures { order_digest, step_digest, underruns, starvation_flushes, idle_flushes, issued_steps } = figures;
+    let MotionFigures { order_digest, step_digest, underruns, starvation_flushes, idle_flushes, issued_steps } =
+        figures;
     let [x, y, z, e] = issued_steps;
     write!(
         formatter,

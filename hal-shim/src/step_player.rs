@@ -168,7 +168,17 @@ impl StepPlayer {
     /// A player at standstill, all direction signals forwards.
     pub const fn new() -> Self {
         let idle = Event { interval_ticks: IDLE_TICKS, axes: 0, directions: 0, is_motion: false };
-        Self { due: idle, after: idle, left: 0, gap_ticks: 0, interval_ticks: 0, axes: 0, added: 0, directions: 0, pins: 0 }
+        Self {
+            due: idle,
+            after: idle,
+            left: 0,
+            gap_ticks: 0,
+            interval_ticks: 0,
+            axes: 0,
+            added: 0,
+            directions: 0,
+            pins: 0,
+        }
     }
 
     /// At an update: the motors that step now. Once an update, before [`Self::advance`].

@@ -9,9 +9,7 @@ use ferrostep_hal_shim::virtual_board::VirtualMotors;
 use ferrostep_hal_shim::{EndStops, MotorEnable, StepOutput};
 use ferrostep_planner::interpolator::MAX_ENTRIES;
 use ferrostep_planner::look_ahead::Slot;
-use ferrostep_planner::{
-    Limits, Move, MoveError, Moved, Notice, Planner, Progress, StepDigests, StepEntry, StepSink,
-};
+use ferrostep_planner::{Limits, Move, MoveError, Moved, Notice, Planner, Progress, StepDigests, StepEntry, StepSink};
 
 use crate::ports::Seek;
 use crate::profile::Profile;
@@ -358,3 +356,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
         true
     }
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests;

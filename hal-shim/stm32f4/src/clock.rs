@@ -71,9 +71,8 @@ fn start_pll(rcc: &RCC, flash: &FLASH, oscillator_mhz: u8, from_crystal: bool) -
     let (divider, multiplier, half_divider_code, usb_divider) = (u32::from(oscillator_mhz), 336, 0, 7);
     let source = u32::from(from_crystal) << 22;
     // SAFETY: the register has no reserved combination among these; RM0090 6.3.2: M 2 to 63, N 50 to 432, P 2, Q 7.
-    rcc.pllcfgr().write(|w| unsafe {
-        w.bits(divider | multiplier << 6 | half_divider_code << 16 | source | usb_divider << 24)
-    });
+    rcc.pllcfgr()
+        .write(|w| unsafe { w.bits(divider | multiplier << 6 | half_divider_code << 16 | source | usb_divider << 24) });
     rcc.cr().modify(|_, w| w.pllon().set_bit());
     if !comes_true(|| rcc.cr().read().pllrdy().bit_is_set()) {
         rcc.cr().modify(|_, w| w.pllon().clear_bit());
