@@ -4,6 +4,7 @@
 //! |---|---|---|---|---|
 //! | 16 | `step_timer` | TIM2 update | `local` only: timer, pins, player; a lock-free ring and atomics | the event that ends a stair: one pop; while stopping, 32 pops |
 //! | 13 | `serial` | USART1 | `local` only: port, two byte rings, the emergency scanner | 16 bytes to send, the received one; M112 |
+//! | 9 | SysTick (rtic-monotonics) | every ms | the queue of waits | wakes the tasks whose waits end |
 //! | 8 | `temperature` | every 100 ms | `heat` | two PID loops and their checks |
 //! | 8 | `emergency` | M112 | `heat` | heaters off |
 //! | 4 | `planner` | a move, or 2 ms | `machine` | fills the step queue: 4096 entries a lock |
@@ -57,6 +58,9 @@ mod app {
     /// Speed of the host's line.
     const BAUD: u32 = 115_200;
 
+    /// SysTick, which ends the waits of the tasks: above all that wait, below the host's line.
+    const WAITS_PRIORITY: u8 = 9;
+
     /// The planner looks at the step queue this often, ms: at 100,000 events a second a tenth of the queue.
     const PLANNER_INTERVAL_MS: u32 = 2;
 
@@ -100,8 +104,10 @@ mod app {
     ])]
     fn init(cx: init::Context) -> (Shared, Local) {
         let device = cx.device;
+        let mut core = cx.core;
         let clock = clock::start(&device.RCC, &device.FLASH, bench::CRYSTAL_MHZ);
-        Mono::start(cx.core.SYST, clock.core_hz);
+        clock::set_systick_priority(&mut core.SCB, WAITS_PRIORITY);
+        Mono::start(core.SYST, clock.core_hz);
         let motion_clock = MotionClock::start(device.TIM5, &device.RCC);
         let pins = &*cx.local.pins.insert(BenchPins::new(device.GPIOC, &device.GPIOA, &device.RCC));
 
