@@ -1,5 +1,7 @@
 //! Time for the command side: SysTick's milliseconds.
 
+use core::cell::Cell;
+
 use embedded_hal_async::delay::DelayNs;
 use ferrostep_hal_shim::Clock;
 use rtic_monotonics::systick::prelude::*;
@@ -7,25 +9,33 @@ use rtic_monotonics::systick::prelude::*;
 systick_monotonic!(Mono, 1_000);
 
 /// Tells the time and waits for it.
-#[derive(Clone, Copy, Debug)]
-pub struct SystemClock;
+#[derive(Clone, Debug, Default)]
+pub struct SystemClock {
+    /// SysTick's count is 32 bits of milliseconds, 49 days: its last reading, and how often it has wrapped.
+    last_ms: Cell<u32>,
+    wraps: Cell<u32>,
+}
 
 impl Clock for SystemClock {
     fn now_ms(&self) -> u64 {
-        Mono::now().ticks()
+        let now_ms = Mono::now().ticks();
+        if now_ms < self.last_ms.replace(now_ms) {
+            self.wraps.set(self.wraps.get().wrapping_add(1));
+        }
+        u64::from(self.wraps.get()) << 32 | u64::from(now_ms)
     }
 }
 
 impl DelayNs for SystemClock {
     async fn delay_ns(&mut self, ns: u32) {
-        Mono::delay(u64::from(ns).nanos()).await;
+        Mono::delay(ns.div_ceil(1_000_000).millis()).await;
     }
 
     async fn delay_us(&mut self, us: u32) {
-        Mono::delay(u64::from(us).micros()).await;
+        Mono::delay(us.div_ceil(1_000).millis()).await;
     }
 
     async fn delay_ms(&mut self, ms: u32) {
-        Mono::delay(u64::from(ms).millis()).await;
+        Mono::delay(ms.millis()).await;
     }
 }

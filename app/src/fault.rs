@@ -1,17 +1,20 @@
-//! The end: heaters off, motors off, then a word about why.
+//! The end: heaters off, motors off, then a word about why. Faults of the core end the same way in
+//! [`ferrostep_stm32f4::fault`].
 
+use core::fmt::Write;
 use core::panic::PanicInfo;
 
-use cortex_m_rt::{ExceptionFrame, exception};
-use ferrostep_stm32f4::safe_state;
+use cortex_m_rt::exception;
+use ferrostep_stm32f4::safe_state::{self, LastWords};
 
 /// A programming error, an overflow included.
 #[panic_handler]
 fn panic(info: &PanicInfo<'_>) -> ! {
     safe_state::enter();
-    safe_state::say("\nError:firmware panic, printer halted. kill() called!\n");
-    defmt::error!("panic: {}", defmt::Display2Format(info));
-    rest()
+    // The line cannot fail, and nobody is left to tell.
+    let _ = write!(LastWords, "\nError:firmware panic, printer halted. kill() called!\necho:{info}\n");
+    defmt::error!("{}", defmt::Display2Format(info));
+    safe_state::rest()
 }
 
 // cortex-m-rt asks for `unsafe` here because a handler may meet any state; this one reads nothing but its argument.
@@ -19,28 +22,12 @@ fn panic(info: &PanicInfo<'_>) -> ! {
 mod handlers {
     use super::*;
 
-    /// A stack overflow ends here too: the stack's lower end is the end of RAM.
-    #[exception]
-    unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
-        safe_state::enter();
-        safe_state::say("\nError:firmware fault, printer halted. kill() called!\n");
-        defmt::error!("hard fault at {=u32:#x}", frame.pc());
-        rest()
-    }
-
     /// An interrupt that nobody has asked for.
     #[exception]
     unsafe fn DefaultHandler(interrupt: i16) {
         safe_state::enter();
-        safe_state::say("\nError:unexpected interrupt, printer halted. kill() called!\n");
+        let _ = write!(LastWords, "\nError:unexpected interrupt {interrupt}, printer halted. kill() called!\n");
         defmt::error!("unexpected interrupt {}", interrupt);
-        rest()
-    }
-}
-
-/// Until someone resets the board: a machine that starts again on its own might start heating.
-fn rest() -> ! {
-    loop {
-        cortex_m::asm::wfi();
+        safe_state::rest()
     }
 }

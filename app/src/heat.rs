@@ -7,7 +7,7 @@ use ferrostep_printer::heat::{HeatControl, HeatFault};
 use ferrostep_printer::{HeaterStatus, Profile};
 
 /// Interval of heater control, ms.
-pub const INTERVAL_MS: u64 = 100;
+pub const INTERVAL_MS: u32 = 100;
 
 /// Control and heaters.
 pub struct Heat {

@@ -4,11 +4,12 @@
 //! |---|---|---|---|---|
 //! | 16 | `step_timer` | TIM2 update | `local` only: timer, pins, player; a lock-free ring and atomics | the event that ends a stair: one pop; while stopping, 32 pops |
 //! | 13 | `serial` | USART1 | `local` only: port, two byte rings, the emergency scanner | 16 bytes to send, the received one; M112 |
+//! | 9 | SysTick (rtic-monotonics) | every ms | the queue of waits | wakes the tasks whose waits end |
 //! | 8 | `temperature` | every 100 ms | `heat` | two PID loops and their checks |
 //! | 8 | `emergency` | M112 | `heat` | heaters off |
 //! | 4 | `planner` | a move, or 2 ms | `machine` | fills the step queue: 4096 entries a lock |
 //! | 2 | `printer` | received bytes | `machine`, `heat`, `writer` | one line; a wait is an await |
-//! | 1 | `reports` | every 100 ms | `heat`, `writer` | M155's line |
+//! | 1 | `reports` | a halt, or 100 ms | `heat`, `writer` | M155's line |
 //!
 //! 16 is above what BASEPRI can mask: only the short critical sections of timer queue, signals and log delay a step.
 //! `machine` has ceiling 4, `heat` 8, `writer` 2, so that heating is safe whatever the planner does, and bytes are
@@ -30,7 +31,7 @@ use defmt_rtt as _;
 mod app {
     use core::cell::RefCell;
     use core::fmt::Write as _;
-    use core::sync::atomic::{AtomicBool, AtomicU8, Ordering};
+    use core::sync::atomic::{AtomicU8, Ordering};
 
     use ferrostep_gcode::{Emergency, EmergencyScanner, LineReader, Reply};
     use ferrostep_hal_shim::step_player::StepLink;
@@ -44,7 +45,7 @@ mod app {
     use ferrostep_stm32f4::step_timer::{StepQueue, StepTimer};
     use heapless::spsc::{Consumer, Producer, Queue};
     use rtic_monotonics::systick::prelude::*;
-    use rtic_sync::signal::SignalReader;
+    use rtic_sync::signal::{Signal, SignalReader};
 
     use crate::clock::{Mono, SystemClock};
     use crate::heat::{self, Heat};
@@ -57,16 +58,22 @@ mod app {
     /// Speed of the host's line.
     const BAUD: u32 = 115_200;
 
+    /// SysTick, which ends the waits of the tasks: above all that wait, below the host's line.
+    const WAITS_PRIORITY: u8 = 9;
+
     /// The planner looks at the step queue this often, ms: at 100,000 events a second a tenth of the queue.
-    const PLANNER_INTERVAL_MS: u64 = 2;
+    const PLANNER_INTERVAL_MS: u32 = 2;
+
+    /// The reports task looks around this often, ms.
+    const REPORTS_INTERVAL_MS: u32 = 100;
 
     static STEPS: StepRing<STEP_QUEUE_ENTRIES> = StepRing::new();
     static STEP_LINK: StepLink = StepLink::new();
     static SIGNALS: Signals = Signals::new();
     /// The fan as the planner task last set it, for the heaters' model.
     static FAN_POWER: AtomicU8 = AtomicU8::new(0);
-    /// Someone has halted the machine and the host does not know yet.
-    static HALT_UNTOLD: AtomicBool = AtomicBool::new(false);
+    /// The machine has been halted, and the host should know.
+    static HALTED: Signal<()> = Signal::new();
 
     #[shared]
     struct Shared {
@@ -84,6 +91,7 @@ mod app {
         scanner: EmergencyScanner,
         reader: Reader,
         planner_work: SignalReader<'static, ()>,
+        halted: SignalReader<'static, ()>,
         motion_clock: MotionClock,
         patience: Patience,
     }
@@ -96,8 +104,10 @@ mod app {
     ])]
     fn init(cx: init::Context) -> (Shared, Local) {
         let device = cx.device;
+        let mut core = cx.core;
         let clock = clock::start(&device.RCC, &device.FLASH, bench::CRYSTAL_MHZ);
-        Mono::start(cx.core.SYST, clock.core_hz);
+        clock::set_systick_priority(&mut core.SCB, WAITS_PRIORITY);
+        Mono::start(core.SYST, clock.core_hz);
         let motion_clock = MotionClock::start(device.TIM5, &device.RCC);
         let pins = &*cx.local.pins.insert(BenchPins::new(device.GPIOC, &device.GPIOA, &device.RCC));
 
@@ -126,8 +136,10 @@ mod app {
             writer.line(format_args!(", time stretched {}.{:02} times", percent / 100, percent % 100));
         }
 
-        // Both signals are taken here and nowhere else.
-        let (Some(reader), Some(planner_work)) = (Reader::new(to_read, motion_clock), PLANNER_WORK.try_take_reader()) else {
+        // Each of them is taken here and nowhere else.
+        let (Some(reader), Some(planner_work), Some(halted)) =
+            (Reader::new(to_read, motion_clock), PLANNER_WORK.try_take_reader(), HALTED.try_take_reader())
+        else {
             unreachable!("init runs once")
         };
         let spawned = (printer::spawn(), planner::spawn(), temperature::spawn(), reports::spawn());
@@ -142,6 +154,7 @@ mod app {
                 scanner: EmergencyScanner::new(),
                 reader,
                 planner_work,
+                halted,
                 motion_clock,
                 patience: Patience::new(clock.source),
             },
@@ -187,7 +200,7 @@ mod app {
             if !healthy && !SIGNALS.is_halted() {
                 SIGNALS.halt();
                 STEP_LINK.request_stop();
-                HALT_UNTOLD.store(true, Ordering::Release);
+                HALTED.writer().write(());
             }
         }
     }
@@ -196,7 +209,7 @@ mod app {
     #[task(priority = 8, shared = [heat])]
     async fn emergency(mut cx: emergency::Context) {
         cx.shared.heat.lock(|heat| heat.all_off());
-        HALT_UNTOLD.store(true, Ordering::Release);
+        HALTED.writer().write(());
     }
 
     /// Keeps the step queue full. Must run often enough that 2048 entries last.
@@ -220,7 +233,7 @@ mod app {
         let motion = BoardMotion::new(cx.shared.machine, &SIGNALS);
         let heating = BoardHeating(RefCell::new(cx.shared.heat));
         let replies = BoardReplies(RefCell::new(cx.shared.writer));
-        let mut printer = Printer::new(&PROFILE, motion, heating, SystemClock, &replies, &SIGNALS);
+        let mut printer = Printer::new(&PROFILE, motion, heating, SystemClock::default(), &replies, &SIGNALS);
         printer.set_emergency_parser(true);
         let mut host = Host::new();
         let mut lines = LineReader::new();
@@ -238,23 +251,21 @@ mod app {
     }
 
     /// What is said without being asked: temperatures (M155), a halt, lost bytes.
-    #[task(priority = 1, shared = [heat, writer])]
+    #[task(priority = 1, shared = [heat, writer], local = [halted])]
     async fn reports(cx: reports::Context) {
         let heating = BoardHeating(RefCell::new(cx.shared.heat));
         let replies = BoardReplies(RefCell::new(cx.shared.writer));
-        let mut next_ms = 0;
+        let mut reported_ms = 0;
         loop {
-            Mono::delay(100.millis()).await;
-            if HALT_UNTOLD.swap(false, Ordering::AcqRel) {
+            let interval = REPORTS_INTERVAL_MS.millis();
+            if let Ok(()) = Mono::timeout_after(interval, cx.local.halted.wait()).await {
                 replies.halted(heating.fault());
             }
             replies.lost_bytes(host_line::take_lost_bytes());
-            let interval_ms = u64::from(SIGNALS.report_interval_s()) * 1000;
+            let interval_ms = u32::from(SIGNALS.report_interval_s()) * 1000;
             let now_ms = Mono::now().ticks();
-            if interval_ms == 0 {
-                next_ms = 0;
-            } else if now_ms >= next_ms {
-                next_ms = now_ms + interval_ms;
+            if interval_ms > 0 && now_ms.wrapping_sub(reported_ms) >= interval_ms {
+                reported_ms = now_ms;
                 replies.send(Reply::Temperatures(temperatures(&heating)));
             }
         }

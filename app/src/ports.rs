@@ -35,7 +35,7 @@ pub type BoardMachine = Machine<&'static mut [Slot], StepQueue<BenchPins, STEP_Q
 pub static PLANNER_WORK: Signal<()> = Signal::new();
 
 /// How often a command that waits for motion looks whether it has come.
-const LOOK_MS: u64 = 1;
+const LOOK_MS: u32 = 1;
 
 /// Most looks for the end of a stop: the step interrupt empties its queue within 64 of its idle intervals.
 const MOST_STOP_LOOKS: u32 = 1_000_000;

@@ -328,7 +328,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
         let more = self.plan();
         self.in_motion = self.planner.is_in_motion();
         let waiting = self.queue.waiting();
-        let full = waiting + MAX_ENTRIES > waiting + self.queue.room();
+        let full = self.queue.room() < MAX_ENTRIES;
         if waiting > 0 && !self.queue.link().is_running() && (self.flushed || full || waiting >= START_ENTRIES) {
             self.queue.link().start();
         }
@@ -374,3 +374,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
         true
     }
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests;

@@ -110,8 +110,8 @@ proptest! {
         let dropped = dropped.unwrap();
         let mut made = [0i64; 4];
         for (_, axes, directions) in &bench.events {
-            for motor in 0..4 {
-                made[motor] += i64::from(axes >> motor & 1) * (1 - 2 * i64::from(directions >> motor & 1));
+            for (motor, made) in made.iter_mut().enumerate() {
+                *made += i64::from(axes >> motor & 1) * (1 - 2 * i64::from(directions >> motor & 1));
             }
         }
         all.take_back(dropped.signed, dropped.issued);

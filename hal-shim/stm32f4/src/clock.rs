@@ -1,5 +1,7 @@
 //! The system clock, with every wait bounded: a board with a broken crystal still prints, and says so.
 
+use cortex_m::peripheral::SCB;
+use cortex_m::peripheral::scb::SystemHandler;
 use stm32f4xx_hal::pac::{FLASH, RCC};
 
 use ferrostep_planner::TICKS_PER_SECOND;
@@ -71,9 +73,8 @@ fn start_pll(rcc: &RCC, flash: &FLASH, oscillator_mhz: u8, from_crystal: bool) -
     let (divider, multiplier, half_divider_code, usb_divider) = (u32::from(oscillator_mhz), 336, 0, 7);
     let source = u32::from(from_crystal) << 22;
     // SAFETY: the register has no reserved combination among these; RM0090 6.3.2: M 2 to 63, N 50 to 432, P 2, Q 7.
-    rcc.pllcfgr().write(|w| unsafe {
-        w.bits(divider | multiplier << 6 | half_divider_code << 16 | source | usb_divider << 24)
-    });
+    rcc.pllcfgr()
+        .write(|w| unsafe { w.bits(divider | multiplier << 6 | half_divider_code << 16 | source | usb_divider << 24) });
     rcc.cr().modify(|_, w| w.pllon().set_bit());
     if !comes_true(|| rcc.cr().read().pllrdy().bit_is_set()) {
         rcc.cr().modify(|_, w| w.pllon().clear_bit());
@@ -90,6 +91,15 @@ fn start_pll(rcc: &RCC, flash: &FLASH, oscillator_mhz: u8, from_crystal: bool) -
         rcc.cfgr().modify(|_, w| unsafe { w.ppre1().bits(0).ppre2().bits(0).sw().bits(0) });
     }
     switched
+}
+
+/// Gives SysTick, the timer of the waits, a priority from 1 to 16 in RTIC's sense. After reset it has the highest, and
+/// the step interrupt would have to wait for it.
+pub fn set_systick_priority(scb: &mut SCB, priority: u8) {
+    // Four bits of priority, in the upper half of the byte, 0 the highest.
+    let hardware = (16 - priority.clamp(1, 16)) << 4;
+    // SAFETY: called in `init`, before any task or critical section by priority exists.
+    unsafe { scb.set_priority(SystemHandler::SysTick, hardware) };
 }
 
 /// Whether a flag comes up within [`MOST_LOOKS`].

@@ -2,13 +2,14 @@
 //! board.
 //!
 //! The only crate of the firmware with unsafe code of its own. What it is for: register fields that the register
-//! description leaves unchecked ("any value may be written here"), and the two places that must reach a port whoever
-//! owns it, the panic and fault handlers. Each use says which.
+//! description leaves unchecked ("any value may be written here"), a counter that many read, and the panic and fault
+//! handlers, which must reach a port whoever owns it. Each use says which.
 #![no_std]
 #![deny(clippy::undocumented_unsafe_blocks)]
 
 pub mod bench;
 pub mod clock;
+pub mod fault;
 pub mod motion_clock;
 pub mod safe_state;
 pub mod serial;

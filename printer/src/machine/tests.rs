@@ -1,0 +1,317 @@
+//! The machine against the planner alone, with the step interrupt's own player at the other end of the queue.
+
+use super::*;
+use crate::profile::{AxisHoming, DriverTiming, FirmwareRetraction, HeaterSettings, HomeEnd};
+use ferrostep_hal_shim::step_player::{StepLink, StepPlayer};
+use ferrostep_hal_shim::step_ring::StepRing;
+use ferrostep_hal_shim::virtual_board::StepTimer;
+use ferrostep_planner::{Kinematics, StepsPerMm};
+use proptest::prelude::*;
+
+const NO_SILENCE: Silence = Silence { may_release: false, may_flush: false };
+
+fn profile() -> Profile {
+    let steps = |value| StepsPerMm::from_f64(value).unwrap();
+    let heater = HeaterSettings {
+        min_celsius: 5.0,
+        max_celsius: 275.0,
+        proportional: 0.1,
+        integral: 0.0,
+        derivative: 0.0,
+        residency_window_celsius: 1.0,
+        residency_ms: 0,
+    };
+    let homing = AxisHoming {
+        end: HomeEnd::Min,
+        probe: false,
+        position_10nm: 0,
+        fast_mm_per_s: 50.0,
+        slow_mm_per_s: 25.0,
+        back_off_10nm: 500_000,
+    };
+    Profile {
+        name: "test",
+        kinematics: Kinematics::Cartesian,
+        size_10nm: [20_000_000; 3],
+        steps_per_mm: [steps(80.0), steps(80.0), steps(400.0), steps(95.0)],
+        limits: Limits {
+            max_feed_mm_per_s: [200.0, 200.0, 10.0, 60.0],
+            max_acceleration_mm_per_s2: [1500.0, 1500.0, 100.0, 5000.0],
+            print_acceleration_mm_per_s2: 1000.0,
+            travel_acceleration_mm_per_s2: 1000.0,
+            retract_acceleration_mm_per_s2: 1500.0,
+            junction_deviation_mm: 0.1,
+        },
+        jerk_mm_per_s3: 10_000.0,
+        minimum_event_interval_ticks: 168,
+        homing: [homing; 3],
+        min_extrusion_celsius: 170.0,
+        nozzle: heater,
+        bed: heater,
+        retraction: FirmwareRetraction {
+            length_10nm: 0,
+            retract_10nm_per_s: 1,
+            extra_recover_10nm: 0,
+            recover_10nm_per_s: 1,
+            lift_10nm: 0,
+        },
+        driver: DriverTiming { pulse_width_ns: 1000, direction_setup_ns: 200, both_edges: false },
+    }
+}
+
+struct Queue<'a> {
+    ring: &'a StepRing<2048>,
+    link: &'a StepLink,
+    enabled: u8,
+}
+
+impl StepOutput for Queue<'_> {
+    fn waiting(&self) -> usize {
+        self.ring.len()
+    }
+    fn room(&self) -> usize {
+        self.ring.room()
+    }
+    fn push(&mut self, entry: StepEntry) {
+        assert!(self.ring.push(entry), "pushed without room");
+    }
+    fn link(&self) -> &StepLink {
+        self.link
+    }
+}
+
+impl MotorEnable for Queue<'_> {
+    fn set_motors_enabled(&mut self, axes: u8, enabled: bool) {
+        self.enabled = if enabled { self.enabled | axes } else { self.enabled & !axes };
+    }
+}
+
+/// The far end of the queue: motors that count what the pins do.
+struct Interrupt<'a> {
+    ring: &'a StepRing<2048>,
+    link: &'a StepLink,
+    player: StepPlayer,
+    directions: u8,
+    motor_steps: [i64; 4],
+    events: usize,
+}
+
+impl Interrupt<'_> {
+    fn update(&mut self) {
+        let axes = self.player.due_axes(self.link);
+        self.events += usize::from(axes != 0);
+        for (motor, steps) in self.motor_steps.iter_mut().enumerate() {
+            *steps += i64::from(axes >> motor & 1) * (1 - 2 * i64::from(self.directions >> motor & 1));
+        }
+        let next = self.player.advance(self.link, || self.ring.pop());
+        self.directions = next.directions.unwrap_or(self.directions);
+    }
+}
+
+type TestMachine<'a> = Machine<Vec<Slot>, Queue<'a>>;
+
+/// Runs `test` with a machine and the interrupt that plays its steps.
+fn with_machine<T>(look_ahead: usize, test: impl FnOnce(TestMachine<'_>, Interrupt<'_>) -> T) -> T {
+    let (ring, link) = (StepRing::new(), StepLink::new());
+    let queue = Queue { ring: &ring, link: &link, enabled: 0 };
+    let machine = Machine::new(&profile(), vec![Slot::EMPTY; look_ahead], queue);
+    let player = StepPlayer::new();
+    let interrupt = Interrupt { ring: &ring, link: &link, player, directions: 0, motor_steps: [0; 4], events: 0 };
+    test(machine, interrupt)
+}
+
+fn travel(x_mm: i64, y_mm: i64) -> Move {
+    Move {
+        target_10nm: [x_mm * 100_000, y_mm * 100_000, 0],
+        filament_100pm: 0,
+        feed_mm_per_s: 100.0,
+        line: 1,
+        ends_move: true,
+    }
+}
+
+fn run_until_idle(machine: &mut TestMachine<'_>, interrupt: &mut Interrupt<'_>) {
+    for _ in 0..1_000_000 {
+        if machine.is_idle() {
+            return;
+        }
+        machine.work(NO_SILENCE);
+        interrupt.update();
+    }
+    panic!("never idle");
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+    #[test]
+    fn steps_are_the_planner_s_whenever_the_interrupt_comes(
+        corners in proptest::collection::vec((0i64..30, 0i64..30), 1..60),
+        updates in proptest::collection::vec(0usize..200, 8),
+        look_ahead in 2usize..20,
+    ) {
+        let mut planner = Planner::new(profile().geometry(), profile().limits, vec![Slot::EMPTY; look_ahead]);
+        #[derive(Default)]
+        struct Plain(StepTimer);
+        impl StepSink for Plain {
+            fn entry(&mut self, entry: StepEntry) {
+                self.0.play(entry, &mut ());
+            }
+            fn notice(&mut self, _notice: Notice) {}
+        }
+        let mut plain = Plain::default();
+        for &(x, y) in &corners {
+            while planner.add(&travel(x, y)) == Err(MoveError::NoRoom) {
+                planner.advance(&mut plain);
+            }
+        }
+        planner.flush();
+        while planner.advance(&mut plain) == Progress::Worked {}
+
+        with_machine(look_ahead, |mut machine, mut interrupt| {
+            for (index, &(x, y)) in corners.iter().enumerate() {
+                for _ in 0..updates[index % updates.len()] {
+                    interrupt.update();
+                }
+                while machine.add(&travel(x, y)) == Err(MoveError::NoRoom) {
+                    machine.work(NO_SILENCE);
+                    interrupt.update();
+                }
+            }
+            machine.flush();
+            run_until_idle(&mut machine, &mut interrupt);
+            let figures = machine.figures();
+            prop_assert_eq!(figures.order_digest, plain.0.digests().order);
+            prop_assert_eq!(figures.step_digest, plain.0.digests().step);
+            prop_assert_eq!(figures.issued_steps, plain.0.issued());
+            prop_assert_eq!(interrupt.motor_steps, plain.0.motor_steps());
+            Ok(())
+        })?;
+    }
+
+    #[test]
+    fn after_a_stop_the_position_is_where_the_motors_stand(
+        corners in proptest::collection::vec((0i64..30, 0i64..30), 1..20), updates in 0usize..6000,
+    ) {
+        with_machine(32, |mut machine, mut interrupt| {
+            for &(x, y) in &corners {
+                let _ = machine.add(&travel(x, y)).unwrap();
+            }
+            machine.flush();
+            for _ in 0..updates {
+                machine.work(NO_SILENCE);
+                interrupt.update();
+            }
+            machine.request_stop();
+            prop_assert_eq!(machine.add(&travel(5, 5)), Err(MoveError::NoRoom));
+            let events = interrupt.events;
+            while machine.stops() == 0 {
+                machine.work(NO_SILENCE);
+                interrupt.update();
+            }
+            prop_assert_eq!(interrupt.events, events);
+            prop_assert!(machine.is_idle());
+            prop_assert_eq!(machine.motor_steps(), interrupt.motor_steps);
+            let [x, y, ..] = interrupt.motor_steps;
+            prop_assert_eq!(machine.position_10nm(), [x * 1250, y * 1250, 0]);
+            // It goes on from there.
+            let _ = machine.add(&travel(40, 40)).unwrap();
+            machine.flush();
+            run_until_idle(&mut machine, &mut interrupt);
+            prop_assert_eq!(interrupt.motor_steps, [3200, 3200, 0, 0]);
+            Ok(())
+        })?;
+    }
+}
+
+#[test]
+fn a_lone_move_waits_for_more_until_the_host_has_been_silent() {
+    with_machine(8, |mut machine, mut interrupt| {
+        assert_eq!(machine.add(&travel(1, 0)), Ok(Moved::Queued));
+        assert_eq!(machine.queue.enabled, ALL);
+        for _ in 0..100 {
+            machine.work(Silence { may_release: true, may_flush: false });
+            interrupt.update();
+        }
+        assert_eq!((interrupt.events, machine.figures().idle_flushes), (0, 0));
+        machine.work(Silence { may_release: true, may_flush: true });
+        run_until_idle(&mut machine, &mut interrupt);
+        assert_eq!(interrupt.motor_steps, [80, 0, 0, 0]);
+        let figures = machine.figures();
+        assert_eq!((figures.idle_flushes, figures.starvation_flushes, figures.underruns), (1, 0, 0));
+    });
+}
+
+#[test]
+fn blocks_leave_early_only_when_steps_run_out_in_motion() {
+    with_machine(8, |mut machine, mut interrupt| {
+        // Straight on, so that no block ends at standstill.
+        for x in 1..=8 {
+            assert_eq!(machine.add(&travel(x, 0)), Ok(Moved::Queued));
+        }
+        machine.work(Silence { may_release: true, may_flush: false });
+        assert!(machine.figures().starvation_flushes == 0 && !interrupt.link.is_running());
+        machine.queue.link().start();
+        for _ in 0..40 {
+            interrupt.update();
+        }
+        machine.work(NO_SILENCE);
+        assert_eq!(machine.figures().starvation_flushes, 0);
+        machine.work(Silence { may_release: true, may_flush: false });
+        assert_eq!(machine.figures().starvation_flushes, 1);
+        for _ in 0..1000 {
+            interrupt.update();
+        }
+        // Nothing was released any more: the queue ran dry at full speed.
+        machine.work(NO_SILENCE);
+        assert_eq!(machine.figures().underruns, 1);
+    });
+}
+
+#[test]
+fn a_seek_ends_at_the_event_that_triggers() {
+    with_machine(8, |mut machine, mut interrupt| {
+        // The head truly stands at 60 mm, where the machine believes 0.
+        let _ = machine.add(&travel(-100, 0)).unwrap();
+        machine.begin_seek(0);
+        run_until_idle(&mut machine, &mut interrupt);
+        assert_eq!(machine.take_sought(), Some(Seek::Triggered));
+        assert_eq!(interrupt.motor_steps, [-4800, 0, 0, 0]);
+        assert_eq!(machine.position_10nm(), [-6_000_000, 0, 0]);
+        machine.set_position([0; 3]);
+        assert_eq!(machine.motor_steps(), [0; 4]);
+        // Already there: not a step.
+        let _ = machine.add(&travel(-10, 0)).unwrap();
+        machine.begin_seek(0);
+        run_until_idle(&mut machine, &mut interrupt);
+        assert_eq!((machine.take_sought(), interrupt.motor_steps), (Some(Seek::Triggered), [-4800, 0, 0, 0]));
+        // Y stands at 50 mm and goes 10 mm only.
+        let _ = machine.add(&travel(0, -10)).unwrap();
+        machine.begin_seek(1);
+        assert_eq!(machine.take_sought(), None);
+        run_until_idle(&mut machine, &mut interrupt);
+        assert_eq!((machine.take_sought(), interrupt.motor_steps), (Some(Seek::Missed), [-4800, -800, 0, 0]));
+    });
+}
+
+#[test]
+fn the_fan_changes_between_the_moves_around_it() {
+    with_machine(8, |mut machine, mut interrupt| {
+        assert!(machine.add_fan_power(10));
+        assert_eq!(machine.fan_power(), 10);
+        let _ = machine.add(&travel(1, 0)).unwrap();
+        assert!(machine.add_fan_power(200));
+        let _ = machine.add(&travel(2, 0)).unwrap();
+        machine.flush();
+        machine.work(NO_SILENCE);
+        let mut before = 0;
+        while machine.fan_power() == 10 {
+            interrupt.update();
+            machine.work(NO_SILENCE);
+            before = interrupt.motor_steps[0];
+        }
+        assert_eq!(machine.fan_power(), 200);
+        assert!((1..=80).contains(&before), "{before}");
+        run_until_idle(&mut machine, &mut interrupt);
+        assert_eq!(interrupt.motor_steps[0], 160);
+    });
+}
