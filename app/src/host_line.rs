@@ -3,9 +3,9 @@
 use core::fmt::{self, Write};
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
+use ferrostep_hal_shim::clock_tree::ClockSource;
 use ferrostep_planner::TICKS_PER_SECOND;
 use ferrostep_printer::machine::Silence;
-use ferrostep_stm32f4::clock::ClockSource;
 use ferrostep_stm32f4::motion_clock::MotionClock;
 use ferrostep_stm32f4::pac::Interrupt;
 use heapless::spsc::{Consumer, Producer};

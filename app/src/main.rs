@@ -30,7 +30,6 @@ use defmt_rtt as _;
 #[rtic::app(device = ferrostep_stm32f4::pac, peripherals = true, dispatchers = [SPI1, SPI2, SPI3, I2C1_EV])]
 mod app {
     use core::cell::RefCell;
-    use core::fmt::Write as _;
     use core::sync::atomic::{AtomicU8, Ordering};
 
     use ferrostep_gcode::{Emergency, EmergencyScanner, LineReader, Reply};
@@ -39,7 +38,7 @@ mod app {
     use ferrostep_planner::look_ahead::Slot;
     use ferrostep_printer::{Host, Printer, Replies, Signals, temperatures};
     use ferrostep_stm32f4::bench::{self, BenchPins};
-    use ferrostep_stm32f4::clock::{self, ClockSource};
+    use ferrostep_stm32f4::clock;
     use ferrostep_stm32f4::motion_clock::MotionClock;
     use ferrostep_stm32f4::serial::{Serial, Transmit};
     use ferrostep_stm32f4::step_timer::{StepQueue, StepTimer};
@@ -111,30 +110,17 @@ mod app {
         let motion_clock = MotionClock::start(device.TIM5, &device.RCC);
         let pins = &*cx.local.pins.insert(BenchPins::new(device.GPIOC, &device.GPIOA, &device.RCC));
 
-        let pulse_ns = u64::from(PROFILE.driver.pulse_width_ns);
-        let pulse_ticks = (pulse_ns * u64::from(clock.timer_hz)).div_ceil(1_000_000_000) as u32;
+        let pulse_ticks = clock.timer_ticks(PROFILE.driver.pulse_width_ns);
         let step_timer = StepTimer::start(device.TIM2, &device.RCC, pins, &STEPS, &STEP_LINK, pulse_ticks);
         let queue = StepQueue::new(pins, &STEPS, &STEP_LINK);
         let machine = BoardMachine::new(&PROFILE, &mut cx.local.slots[..], queue);
 
-        let port = Serial::start(device.USART1, &device.RCC, clock.apb2_hz, BAUD);
+        let port = Serial::start(device.USART1, &device.RCC, clock.serial_hz, BAUD);
         let (received, to_read) = cx.local.receive.split();
         let (to_write, to_send) = cx.local.send.split();
         let mut writer = Writer(to_write);
         writer.line(Reply::Start);
-        let source = match clock.source {
-            ClockSource::Crystal => "crystal with PLL",
-            ClockSource::InternalWithPll => "HSI with PLL, the crystal did not start,",
-            ClockSource::Internal => "HSI",
-        };
-        let (mhz, percent) = (clock.core_hz / 1_000_000, clock.stretch_percent());
-        // Writing to the line's buffer cannot fail.
-        let _ = write!(writer, "echo:clock: {source} {mhz} MHz");
-        if percent == 100 {
-            writer.line("");
-        } else {
-            writer.line(format_args!(", time stretched {}.{:02} times", percent / 100, percent % 100));
-        }
+        writer.line(format_args!("echo:clock: {clock}"));
 
         // Each of them is taken here and nowhere else.
         let (Some(reader), Some(planner_work), Some(halted)) =

@@ -3,6 +3,7 @@
 //! embedded-hal's traits stand where they exist: waits are [`embedded_hal_async::delay::DelayNs`].
 #![cfg_attr(not(test), no_std)]
 
+pub mod clock_tree;
 pub mod step_player;
 pub mod step_ring;
 pub mod virtual_board;
