@@ -79,7 +79,7 @@ fn wait(child: &mut Child, longest: Duration) -> Result<(), Failure> {
     }
 }
 
-/// Names and numbers of a flat JSON object, in its order.
+/// Names and numbers of a flat JSON object, by name.
 fn counts(report: &str) -> Result<Vec<(String, f64)>, Failure> {
     let object: serde_json::Map<String, serde_json::Value> =
         serde_json::from_str(report).map_err(|error| format!("the bench printed no JSON object: {error}: {report}"))?;

@@ -47,7 +47,7 @@ fn garbage(lines: usize) -> Vec<u8> {
 
 #[test]
 fn nonsense_in_mid_print_is_answered_and_changes_no_step() {
-    let mut job = Job::cube(LINES);
+    let mut job = Job::cube(LINES).without_heating();
     job.insert(PAUSE, "M400");
     let mut bench = Bench::boot();
     for (index, line) in job.lines().enumerate() {

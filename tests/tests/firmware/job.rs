@@ -28,6 +28,16 @@ impl Job {
         Self { lines }
     }
 
+    /// Prints cold instead of waiting for heat: for what has nothing to do with it, and is not to take so long.
+    pub fn without_heating(mut self) -> Self {
+        for (line, _) in &mut self.lines {
+            if ["M104 ", "M109 ", "M140 ", "M190 "].iter().any(|code| line.starts_with(code)) {
+                *line = "M302 P1".to_owned();
+            }
+        }
+        self
+    }
+
     /// Puts a line that is not in the file before line `index`.
     pub fn insert(&mut self, index: usize, line: &str) {
         let number = self.lines[index].1;

@@ -5,7 +5,7 @@ use ferrostep::job::{self, JobProgress};
 use ferrostep::record::Observer;
 use ferrostep::session::{JobReplies, Session};
 use ferrostep_hal_shim::virtual_board::StepObserver;
-use ferrostep_tests::qemu::{PinEvent, PinLog};
+use ferrostep_tests::qemu::{PinEvent, PinLog, Pins};
 
 use crate::job::Job;
 
@@ -99,4 +99,61 @@ impl Observer for Watcher {
     fn move_ended(&mut self, _tick: u64, line: u32) {
         self.lines.resize(self.events.len(), line);
     }
+}
+
+/// The pin log that an image leaves which does what was rehearsed, but for what `change` does to its events.
+fn log_of(rehearsal: &Rehearsal, change: impl FnOnce(&mut Vec<PinEvent>)) -> PinLog {
+    let mut events = rehearsal.events.clone();
+    change(&mut events);
+    let mut log = PinLog::new(Pins::BENCH);
+    let mut store = |value: u32| {
+        log.add_line(
+            format!("GPIOC: unimplemented device write (size 4, offset 0x018, value 0x{value:08x})\n").as_bytes(),
+        );
+    };
+    for PinEvent { axes, directions } in events {
+        let (forwards, backwards) = (u32::from(axes & !directions), u32::from(directions));
+        store(forwards << 20 | backwards << 4);
+        store(u32::from(axes));
+        store(u32::from(axes) << 16);
+    }
+    log
+}
+
+/// A short job, and an event in its last move.
+fn short() -> (Job, Rehearsal, usize) {
+    let job = Job::cube(44).without_heating();
+    let rehearsal = Rehearsal::of(&job);
+    let last = rehearsal.event_count() - 1;
+    (job, rehearsal, last)
+}
+
+#[test]
+fn the_same_events_are_the_same() {
+    let (job, rehearsal, _) = short();
+    let log = log_of(&rehearsal, |_| {});
+    rehearsal.assert_same_events(&job, &log);
+    assert_eq!(log.order_digest(), rehearsal.figures.digests.order);
+    assert_eq!((log.issued(), log.displacement()), (rehearsal.figures.motor_steps, rehearsal.displacement()));
+}
+
+#[test]
+#[should_panic(expected = "of examples/cube.gcode: G1 X110 Y85.643 E1.48541")]
+fn another_direction_is_found_with_its_line() {
+    let (job, rehearsal, last) = short();
+    rehearsal.assert_same_events(&job, &log_of(&rehearsal, |events| events[last].directions ^= events[last].axes));
+}
+
+#[test]
+#[should_panic(expected = "the image stopped after")]
+fn a_missing_step_is_found() {
+    let (job, rehearsal, last) = short();
+    rehearsal.assert_same_events(&job, &log_of(&rehearsal, |events| events.truncate(last)));
+}
+
+#[test]
+#[should_panic(expected = "the image makes 1 events more")]
+fn a_step_too_many_is_found() {
+    let (job, rehearsal, last) = short();
+    rehearsal.assert_same_events(&job, &log_of(&rehearsal, |events| events.push(events[last])));
 }

@@ -16,6 +16,7 @@ struct Motion {
     step_digest: u64,
     underruns: u64,
     starvation_flushes: u64,
+    idle_flushes: u64,
     steps: [u64; 4],
 }
 
@@ -32,6 +33,7 @@ impl Motion {
             step_digest: digest("step_digest"),
             underruns: count("underruns"),
             starvation_flushes: count("starvation_flushes"),
+            idle_flushes: count("idle_flushes"),
             steps: ["X", "Y", "Z", "E"].map(count),
         }
     }
@@ -47,8 +49,10 @@ pub fn assert_printed_as_rehearsed(mut bench: Bench, job: &Job) {
     let rehearsal = Rehearsal::of(job);
     eprintln!("{} step events, {resends} resends; the image reports {reported:x?}", pins.events().len());
 
-    assert_eq!(reported.starvation_flushes, 0, "the host was too slow for the image's look-ahead: {reported:?}");
+    let early = reported.starvation_flushes + reported.idle_flushes;
+    assert_eq!(early, 0, "this machine was too slow a host: blocks left the look-ahead ring early: {reported:?}");
     rehearsal.assert_same_events(job, &pins);
+    assert!(!pins.motors_disabled(), "the motors were stepped without current");
     assert_same_figures(&reported, &pins, &rehearsal);
 }
 
@@ -86,7 +90,7 @@ fn the_image_makes_the_steps_that_the_desk_rehearsed() {
 fn corrupted_lines_are_sent_again_and_change_no_step() {
     let job = Job::cube(LINES);
     let mut bench = Bench::boot();
-    bench.host.set_noise(Noise::new(3));
+    bench.host.set_noise(Noise::new(8));
     stream(&mut bench.host, &job);
     let corrupted = bench.host.noise().unwrap().corrupted();
     assert!(corrupted >= 3, "only {corrupted} lines were corrupted");
