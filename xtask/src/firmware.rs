@@ -41,6 +41,29 @@ pub fn build(run: &mut Run, program: Program) -> Result<PathBuf, Failure> {
     })
 }
 
+/// Format and lints of the firmware's own packages, which the workspace at the root does not know.
+pub fn check(run: &mut Run) -> Result<(), Failure> {
+    run.step("format of the firmware", || {
+        // By name: `--all` would follow the paths into the workspace at the root.
+        system::run(app_cargo().args([
+            "fmt",
+            "--package",
+            "ferrostep-firmware",
+            "--package",
+            "ferrostep-stm32f4",
+            "--check",
+        ]))
+    })?;
+    let core_library = run.step("core library of thumbv7em-none-eabihf", core_library::find)?;
+    run.step("lints of the firmware", || match core_library {
+        CoreLibrary::Installed => system::run(&mut lint_command(&core_library)),
+        CoreLibrary::FromSource { .. } => {
+            eprintln!("    left out: clippy cannot read what Debian's compiler has made");
+            Ok(())
+        }
+    })
+}
+
 /// Prints how much of the board's memory an image takes.
 pub fn print_sizes(image: &Path) -> Result<(), Failure> {
     let bytes = std::fs::read(image).map_err(|error| format!("{}: {error}", image.display()))?;
@@ -50,9 +73,24 @@ pub fn print_sizes(image: &Path) -> Result<(), Failure> {
 }
 
 /// Cargo in the firmware's folder, which is a workspace of its own with settings of its own for the linker.
-fn build_command(core_library: &CoreLibrary, program: Program) -> Result<Command, Failure> {
+fn app_cargo() -> Command {
     let mut command = cargo();
     command.current_dir(system::root().join("app"));
+    command
+}
+
+fn lint_command(core_library: &CoreLibrary) -> Command {
+    let mut command = app_cargo();
+    command.args(["clippy", "--release", "--locked", "--workspace", "--bins", "--lib"]);
+    command.args(["--features", "bench,ferrostep-stm32f4/stm32f405"]);
+    command.arg("--target-dir").arg(system::target_directory().join("firmware"));
+    core_library.apply(&mut command);
+    command.args(["--", "-D", "warnings"]);
+    command
+}
+
+fn build_command(core_library: &CoreLibrary, program: Program) -> Result<Command, Failure> {
+    let mut command = app_cargo();
     command.args(["build", "--release", "--locked", "--message-format", "json-render-diagnostics"]);
     command.arg("--target-dir").arg(system::target_directory().join("firmware"));
     match program {

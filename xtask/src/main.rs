@@ -91,6 +91,7 @@ fn test(run: &mut Run) -> Result<PathBuf, Failure> {
     run.step("lints", || {
         system::run(cargo().args(["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"]))
     })?;
+    firmware::check(run)?;
     run.step("emulator", emulator::find)?;
     let image = build_firmware(run)?;
     // The test profile and not release: it is optimised but checks overflows and debug assertions, and does not spend
