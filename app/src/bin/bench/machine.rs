@@ -73,7 +73,9 @@ impl Motion for Machine<'_> {
         false
     }
 
-    fn stop(&mut self) {}
+    fn stop(&mut self) -> i64 {
+        0
+    }
 }
 
 impl Heating for Machine<'_> {
