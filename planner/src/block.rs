@@ -1,5 +1,6 @@
 //! What look-ahead hands to interpolation: a move made of integers.
 
+use crate::inner_ends::InnerEnds;
 use crate::kinematics::UNITS_PER_MM;
 
 /// A speed along the path in units of 2^-16 mm/s.
@@ -62,6 +63,8 @@ pub struct Block {
     pub line: u32,
     /// Whether the line's move ends with this block (an arc has many).
     pub ends_move: bool,
+    /// Moves that end inside, where several were merged.
+    pub inner_ends: InnerEnds,
 }
 
 impl Block {

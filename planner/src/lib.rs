@@ -11,6 +11,7 @@
 pub mod bresenham;
 pub mod digest;
 pub mod extruder;
+pub mod inner_ends;
 pub mod interpolator;
 pub mod junction;
 pub mod kinematics;

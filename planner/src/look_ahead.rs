@@ -250,6 +250,7 @@ mod tests {
             acceleration: Acceleration::from_mm_per_s2(acceleration),
             line: 0,
             ends_move: true,
+            inner_ends: Default::default(),
         }
     }
 

@@ -3,6 +3,7 @@
 use crate::block::{Acceleration, Block, PlannedBlock, Speed};
 use crate::bresenham::MAX_STEPS;
 use crate::extruder::{Extruder, FILAMENT_UNITS_PER_MM};
+use crate::inner_ends::InnerEnds;
 use crate::interpolator::Interpolator;
 use crate::junction::Corner;
 use crate::kinematics::{Geometry, MAX_COORDINATE_10NM, UNITS_PER_MM};
@@ -265,6 +266,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
             acceleration: Acceleration::from_mm_per_s2(acceleration),
             line: request.line,
             ends_move: request.ends_move,
+            inner_ends: InnerEnds::NONE,
         };
         (block, junction, previous)
     }

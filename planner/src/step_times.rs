@@ -207,7 +207,7 @@ mod tests {
             let exit = slowest + (fastest - slowest) * share;
             let law = TimeLaw::trapezoid(&PlannedBlock {
                 block: Block { steps: [1, 0, 0], extruder_256ths: 0, length_10nm: length_10nm as u32, nominal: Speed::from_mm_per_s(nominal),
-                    acceleration: Acceleration::from_mm_per_s2(acceleration), line: 1, ends_move: true },
+                    acceleration: Acceleration::from_mm_per_s2(acceleration), line: 1, ends_move: true, inner_ends: Default::default() },
                 entry: Speed::from_mm_per_s(entry), exit: Speed::from_mm_per_s(exit),
             });
             prop_assume!(law.duration_s < 20.0);

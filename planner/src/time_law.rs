@@ -106,6 +106,7 @@ mod tests {
                 acceleration: Acceleration::from_mm_per_s2(acceleration),
                 line: 1,
                 ends_move: true,
+                inner_ends: Default::default(),
             },
             entry: Speed::from_mm_per_s(entry),
             exit: Speed::from_mm_per_s(exit),
