@@ -4,6 +4,7 @@
 #![cfg_attr(not(test), no_std)]
 
 pub mod clock_tree;
+pub mod histogram;
 pub mod step_player;
 pub mod step_ring;
 pub mod virtual_board;
@@ -73,6 +74,14 @@ pub trait StepOutput: MotorEnable {
     fn push(&mut self, entry: StepEntry);
     /// The flags shared with the interrupt.
     fn link(&self) -> &StepLink;
+
+    /// A portion of planning begins. A queue that measures how long planning takes notes the time; others need not
+    /// care.
+    fn planning_begins(&mut self) {}
+    /// The last entry of a move has been planned, within the present portion.
+    fn move_planned(&mut self) {}
+    /// The portion has ended.
+    fn planning_ends(&mut self) {}
 }
 
 /// The motors' enable signals.

@@ -9,10 +9,12 @@
 
 pub mod bench;
 pub mod clock;
+mod critical_section;
 pub mod fault;
 pub mod motion_clock;
 pub mod safe_state;
 pub mod serial;
 pub mod step_timer;
 
-pub use stm32f4xx_hal::pac;
+#[cfg(feature = "stm32f405")]
+pub use stm32f4::stm32f405 as pac;

@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-use stm32f4xx_hal::pac::USART1;
+use crate::pac::USART1;
 
 use crate::bench;
 
