@@ -11,7 +11,9 @@
 //! | 2 | `printer` | received bytes | `machine`, `heat`, `writer` | one line; a wait is an await |
 //! | 1 | `reports` | a halt, or 100 ms | `heat`, `writer` | M155's line |
 //!
-//! 16 is above what BASEPRI can mask: only the short critical sections of timer queue, signals and log delay a step.
+//! 16 is above what BASEPRI can mask, and critical sections mask no more than that
+//! (`hal-shim/stm32f4/src/critical_section.rs`): nothing delays a step. So the step task must never have a `#[shared]`
+//! resource, nor use a signal or the log.
 //! `machine` has ceiling 4, `heat` 8, `writer` 2, so that heating is safe whatever the planner does, and bytes are
 //! received whatever anyone does.
 #![no_std]
@@ -24,6 +26,7 @@ mod heat;
 mod host_line;
 mod ports;
 mod profile;
+mod timing;
 
 use defmt_rtt as _;
 
@@ -39,9 +42,11 @@ mod app {
     use ferrostep_printer::{Host, Printer, Replies, Signals, temperatures};
     use ferrostep_stm32f4::bench::{self, BenchPins};
     use ferrostep_stm32f4::clock;
+    use ferrostep_stm32f4::measured::Switch;
     use ferrostep_stm32f4::motion_clock::MotionClock;
     use ferrostep_stm32f4::serial::{Serial, Transmit};
     use ferrostep_stm32f4::step_timer::{StepQueue, StepTimer};
+    use ferrostep_stm32f4::vector_table::VectorTable;
     use heapless::spsc::{Consumer, Producer, Queue};
     use rtic_monotonics::systick::prelude::*;
     use rtic_sync::signal::{Signal, SignalReader};
@@ -53,6 +58,7 @@ mod app {
         BoardHeating, BoardMachine, BoardMotion, BoardReplies, LOOK_AHEAD_BLOCKS, PLANNER_WORK, STEP_QUEUE_ENTRIES,
     };
     use crate::profile::PROFILE;
+    use crate::timing::{self, BoardTiming};
 
     /// Speed of the host's line.
     const BAUD: u32 = 115_200;
@@ -93,6 +99,7 @@ mod app {
         halted: SignalReader<'static, ()>,
         motion_clock: MotionClock,
         patience: Patience,
+        measured: Switch,
     }
 
     #[init(local = [
@@ -108,6 +115,7 @@ mod app {
         clock::set_systick_priority(&mut core.SCB, WAITS_PRIORITY);
         Mono::start(core.SYST, clock.core_hz);
         let motion_clock = MotionClock::start(device.TIM5, &device.RCC);
+        let measured = Switch::new(VectorTable::new(core.SCB), core.DCB, core.DWT, motion_clock);
         let pins = &*cx.local.pins.insert(BenchPins::new(device.GPIOC, &device.GPIOA, &device.RCC));
 
         let pulse_ticks = clock.timer_ticks(PROFILE.driver.pulse_width_ns);
@@ -143,6 +151,7 @@ mod app {
                 halted,
                 motion_clock,
                 patience: Patience::new(clock.source),
+                measured,
             },
         )
     }
@@ -214,13 +223,15 @@ mod app {
     }
 
     /// Lines to commands, commands to moves and replies.
-    #[task(priority = 2, shared = [machine, heat, writer], local = [reader])]
+    #[task(priority = 2, shared = [machine, heat, writer], local = [reader, measured])]
     async fn printer(cx: printer::Context) {
         let motion = BoardMotion::new(cx.shared.machine, &SIGNALS);
         let heating = BoardHeating(RefCell::new(cx.shared.heat));
         let replies = BoardReplies(RefCell::new(cx.shared.writer));
         let mut printer = Printer::new(&PROFILE, motion, heating, SystemClock::default(), &replies, &SIGNALS);
         printer.set_emergency_parser(true);
+        let timing = BoardTiming::new(cx.local.measured);
+        printer.set_timing(&timing);
         let mut host = Host::new();
         let mut lines = LineReader::new();
         let mut buffer = [0; 64];
@@ -236,12 +247,13 @@ mod app {
         }
     }
 
-    /// What is said without being asked: temperatures (M155), a halt, lost bytes.
+    /// What is said without being asked: temperatures (M155), a halt, lost bytes; to the log, times (M798).
     #[task(priority = 1, shared = [heat, writer], local = [halted])]
     async fn reports(cx: reports::Context) {
         let heating = BoardHeating(RefCell::new(cx.shared.heat));
         let replies = BoardReplies(RefCell::new(cx.shared.writer));
         let mut reported_ms = 0;
+        let mut logged_ms = 0;
         loop {
             let interval = REPORTS_INTERVAL_MS.millis();
             if let Ok(()) = Mono::timeout_after(interval, cx.local.halted.wait()).await {
@@ -253,6 +265,10 @@ mod app {
             if interval_ms > 0 && now_ms.wrapping_sub(reported_ms) >= interval_ms {
                 reported_ms = now_ms;
                 replies.send(Reply::Temperatures(temperatures(&heating)));
+            }
+            if now_ms.wrapping_sub(logged_ms) >= timing::LOG_INTERVAL_MS {
+                logged_ms = now_ms;
+                timing::log();
             }
         }
     }

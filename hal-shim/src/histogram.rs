@@ -111,14 +111,7 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn every_value_is_in_its_bucket_and_no_other() {
-        for exponent in 0..32 {
-            for value in [1u32 << exponent, (3u32 << exponent) >> 1, ((3u64 << exponent) as u32 >> 1).wrapping_sub(1)] {
-                let bucket = bucket_of(value);
-                assert!(value <= upper_limit(bucket), "{value} in {bucket}");
-                assert!(bucket < 2 || value > upper_limit(bucket - 1) || bucket == 2, "{value} in {bucket}");
-            }
-        }
+    fn small_values_have_buckets_of_their_own() {
         assert_eq!([0, 1, 2, 3, 4, 5, 6, 7, 8, 11, 12].map(bucket_of), [0, 0, 2, 3, 4, 4, 5, 5, 6, 6, 7]);
         assert_eq!([0, 2, 3, 4, 5, 6, 7].map(upper_limit), [1, 2, 3, 5, 7, 11, 15]);
         assert_eq!((bucket_of(u32::MAX), upper_limit(63)), (63, u32::MAX));
@@ -145,7 +138,8 @@ mod tests {
             let bucket = bucket_of(value);
             prop_assert!(bucket < BUCKETS && value <= upper_limit(bucket));
             // Bucket 1 stays empty, since 0 and 1 share the first.
-            prop_assert!(bucket == 0 || value > upper_limit(if bucket == 2 { 0 } else { bucket - 1 }));
+            let below = if bucket == 2 { 0 } else { bucket.saturating_sub(1) };
+            prop_assert!(bucket == 0 || value > upper_limit(below));
             // Half as much again is the most that a percentile exceeds the value by.
             prop_assert!(u64::from(upper_limit(bucket)) < u64::from(value.max(1)) * 3 / 2 + 1);
         }
