@@ -181,10 +181,7 @@ fn write_motion(formatter: &mut Formatter<'_>, figures: &MotionFigures) -> fmt::
 
 fn write_timing(formatter: &mut Formatter<'_>, figures: &TimingFigures) -> fmt::Result {
     let TimingFigures { name, count, p50, p99, p99_9, max, unit } = figures;
-    write!(
-        formatter,
-        "echo:timing {name} count:{count} p50:{p50} p99:{p99} p99.9:{p99_9} max:{max} unit:{unit}"
-    )
+    write!(formatter, "echo:timing {name} count:{count} p50:{p50} p99:{p99} p99.9:{p99_9} max:{max} unit:{unit}")
 }
 
 fn write_firmware(formatter: &mut Formatter<'_>, info: &FirmwareInfo<'_>) -> fmt::Result {

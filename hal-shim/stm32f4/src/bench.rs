@@ -4,7 +4,6 @@
 //! It has neither drivers nor heaters nor sensors: the virtual board's models stand in for them.
 
 use crate::pac::{GPIOA, GPIOC, RCC};
-
 use crate::step_timer::MotorPins;
 
 /// Frequency of the crystal, MHz.

@@ -5,6 +5,7 @@ use ferrostep_hal_shim::StepOutput;
 use ferrostep_hal_shim::step_player::{IDLE_TICKS, StepLink, StepPlayer};
 use ferrostep_hal_shim::step_ring::StepRing;
 use ferrostep_planner::StepEntry;
+
 use crate::pac::{RCC, TIM2};
 
 /// Step, direction and enable signals of a board. Bit i of a mask is motor i; no method may wait.

@@ -47,6 +47,11 @@ fn all(bench: &mut Bench) -> [Times; 3] {
     all
 }
 
+/// Whether a line of the job displaces something: a feed on its own does not.
+fn is_move(line: &str) -> bool {
+    line.starts_with("G1 ") && line.contains(['X', 'Y', 'Z', 'E'])
+}
+
 #[test]
 fn times_are_measured_while_it_is_switched_on_and_no_step_changes() {
     let mut job = Job::cube(LINES).without_heating();
@@ -75,13 +80,14 @@ fn times_are_measured_while_it_is_switched_on_and_no_step_changes() {
         let Times { p50, p99, p99_9, max, .. } = times;
         assert!(0 < *p50 && p50 <= p99 && p99 <= p99_9 && p99_9 <= max, "{times:?}");
     }
-    // Between motions the step timer's interrupt comes as well, to look for one.
+    // Its values mean nothing here: the emulator's step timer does not count from 0 at an update. Between motions the step timer's interrupt comes as well, to look for one.
     assert!(latency.count >= events, "{latency:?} of {events} events");
     assert_eq!(latency.count, duration.count);
     assert_eq!(latency.unit, "ticks");
     // The emulator's core counts no cycles.
     assert_eq!((duration.unit.as_str(), planning.unit.as_str()), ("ticks", "ticks"));
-    assert!(planning.count >= (OFF - ON) as u64 / 2, "{planning:?}");
+    let moves = job.lines().take(off).skip(on).filter(|line| is_move(line)).count() as u64;
+    assert_eq!(planning.count, moves, "{planning:?}");
     assert!(planning.p50 > duration.p50, "planning a move takes longer than a step of it: {seen:?}");
 
     for line in job.lines().skip(off) {
