@@ -216,3 +216,39 @@ pub fn constant(function: &[Instruction], register: &str) -> Option<u32> {
     let setting = function.get(place)?;
     setting.target().or_else(|| constant(function.get(..place)?, setting.operands.rsplit(' ').next()?))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn instruction(name: &str, operands: &str) -> Instruction {
+        Instruction { address: 0, length: 2, name: name.to_owned(), operands: operands.to_owned() }
+    }
+
+    #[test]
+    fn targets_and_written_registers() {
+        assert_eq!(instruction("b", "#0x8000108").target(), Some(0x0800_0108));
+        assert_eq!(instruction("cbz", "r0, #0x10").target(), Some(0x10));
+        assert_eq!(instruction("movs", "r0, #224").target(), Some(224));
+        assert_eq!(instruction("blx", "r3").target(), None);
+        assert_eq!(instruction("msr", "basepri_max, r0").written_register(), Some("basepri_max"));
+        assert_eq!(instruction("mrs", "r0, basepri").written_register(), None);
+        assert_eq!(instruction("cpsid", "i").written_register(), Some("primask"));
+        assert_eq!(instruction("cpsid", "if").written_register(), Some("faultmask"));
+    }
+
+    #[test]
+    fn a_constant_is_found_through_other_registers() {
+        let function = [
+            instruction("movs", "r4, #0x10"),
+            instruction("movs", "r0, #0xc0"),
+            instruction("mov", "r1, r4"),
+            instruction("movs", "r4, #1"),
+            instruction("mov", "r2, r3"),
+        ];
+        assert_eq!(constant(&function, "r0"), Some(0xc0));
+        assert_eq!(constant(&function, "r1"), Some(0x10));
+        assert_eq!(constant(&function, "r2"), None);
+        assert_eq!(constant(&function, "r5"), None);
+    }
+}
