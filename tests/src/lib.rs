@@ -3,10 +3,11 @@
 //! Nothing here shares code with the crates under test. [`mod@reference`] reads G-code and plans it a second time,
 //! with floating point and all the memory it wants; [`trace`] reads the records that `ferrostep print --trace`
 //! writes; [`trace_check`] holds one against the other; [`qemu`] runs the firmware image and
-//! reads its pins. What they have in common is the written interface only.
+//! reads its pins; [`code`] reads its instructions. What they have in common is the written interface only.
 #![deny(missing_docs)]
 #![forbid(unsafe_code)]
 
+pub mod code;
 pub mod qemu;
 pub mod reference;
 pub mod trace;

@@ -4,7 +4,8 @@
 
 use std::collections::BTreeMap;
 
-use crate::code::{Code, Instruction};
+use ferrostep_tests::code::{Code, Instruction, constant};
+
 use crate::image::image;
 
 /// The functions that may set PRIMASK, and why. `main` and the handlers' names are fixed by cortex-m-rt and the compiler.
@@ -24,7 +25,7 @@ fn instructions(code: &Code) -> Vec<Instruction> {
 
 #[test]
 fn only_the_start_and_the_end_mask_the_step_interrupt() {
-    let code = Code::of(image());
+    let code = Code::of(image()).unwrap();
     let mut masking = instructions(&code);
     masking.retain(|instruction| matches!(instruction.written_register(), Some("primask" | "faultmask")));
     let forbidden: Vec<String> = masking
@@ -43,23 +44,11 @@ fn only_the_start_and_the_end_mask_the_step_interrupt() {
     }
 }
 
-/// The constant that a register was last set to, by the instructions of a function as they stand one after the other.
-fn constant(function: &[Instruction], register: &str) -> Option<u32> {
-    let is_set = |instruction: &Instruction| {
-        instruction.name.starts_with("mov") && instruction.operands.split(',').next() == Some(register)
-    };
-    let place = function.iter().rposition(is_set)?;
-    function[place].target().or_else(|| {
-        let source = function[place].operands.rsplit(' ').next()?;
-        constant(&function[..place], source)
-    })
-}
-
 /// Lists where the image raises its priority, and to which of RTIC's: 15 in critical sections, which delay all but
 /// steps, and in locks the ceiling of the resource.
 #[test]
 fn a_raised_priority_masks_something() {
-    let code = Code::of(image());
+    let code = Code::of(image()).unwrap();
     let all = instructions(&code);
     let mut sites = BTreeMap::<(Option<u32>, String), usize>::new();
     for (place, raised) in all.iter().enumerate() {

@@ -1,8 +1,10 @@
 //! What the step interrupt can reach in the image: short, straight, and alone.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
 
-use crate::code::{Code, Instruction};
+use ferrostep_tests::code::{Code, Instruction};
+
 use crate::image::image;
 
 /// TIM2's number (RM0090, table 61).
@@ -182,14 +184,26 @@ fn assert_short_and_alone(code: &Code, entry: u32, computed_calls: usize) {
 
 #[test]
 fn the_step_interrupt_calls_nothing_waits_for_nothing_and_cannot_panic() {
-    let code = Code::of(image());
-    assert_short_and_alone(&code, code.handler(STEP_TIMER), 0);
+    let code = Code::of(image()).unwrap();
+    assert_short_and_alone(&code, code.handler(STEP_TIMER).unwrap(), 0);
+}
+
+/// Critical sections do not keep out RTIC's priority 16, and RTIC would guard what a task of that priority shares by
+/// just these. The image cannot show that; the application's text can.
+#[test]
+fn the_step_task_is_alone_at_its_priority_and_shares_nothing() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../app/src/main.rs");
+    let text = std::fs::read_to_string(path).unwrap();
+    let tasks: Vec<&str> = text.split("#[task(").skip(1).map(|task| task.split(")]").next().unwrap()).collect();
+    let at_highest: Vec<&&str> = tasks.iter().filter(|task| task.contains("priority = 16")).collect();
+    let [step_task] = at_highest[..] else { panic!("at priority 16 are {at_highest:?}") };
+    assert!(step_task.contains("binds = TIM2") && !step_task.contains("shared"), "{step_task}");
 }
 
 /// While M798 measures, the vector leads here.
 #[test]
 fn neither_does_the_measured_one_but_for_the_handler_it_measures() {
-    let code = Code::of(image());
+    let code = Code::of(image()).unwrap();
     let [entry] = code.functions_named(MEASURED)[..] else {
         panic!("not one function is called {MEASURED}: {:x?}", code.functions_named(MEASURED))
     };

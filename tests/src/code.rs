@@ -1,9 +1,10 @@
-//! The instructions of the image, as its symbols tell them apart from data.
+//! The instructions of a firmware image, as its symbols tell them apart from data.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::path::Path;
 
+use capstone::arch::arm::{ArchExtraMode, ArchMode};
 use capstone::prelude::*;
 use object::{Object, ObjectSection, ObjectSymbol, SectionKind, SymbolKind};
 
@@ -67,24 +68,24 @@ pub struct Code {
     kinds: BTreeMap<u32, bool>,
     /// Functions by their address; several names may share one.
     functions: BTreeMap<u32, Vec<String>>,
+    /// Address and bytes of the sections of constants, the table of handlers among them.
     flash: Vec<(u32, Vec<u8>)>,
 }
 
 impl Code {
     /// Reads an image.
-    pub fn of(image: &Path) -> Self {
-        let bytes = std::fs::read(image).unwrap_or_else(|error| panic!("{}: {error}", image.display()));
-        let file = object::File::parse(&*bytes).unwrap();
-        let disassembler = Capstone::new()
-            .arm()
-            .mode(arch::arm::ArchMode::Thumb)
-            .extra_mode([arch::arm::ArchExtraMode::MClass].into_iter())
-            .build()
-            .unwrap();
+    ///
+    /// # Errors
+    /// It cannot be read, or is no ELF file.
+    pub fn of(image: &Path) -> Result<Self, String> {
+        let bytes = std::fs::read(image).map_err(|error| format!("{}: {error}", image.display()))?;
+        let file = object::File::parse(&*bytes).map_err(|error| format!("{}: {error}", image.display()))?;
+        let builder = Capstone::new().arm().mode(ArchMode::Thumb).extra_mode([ArchExtraMode::MClass].into_iter());
+        let disassembler = builder.build().map_err(|error| error.to_string())?;
         let mut sections = Vec::new();
         let mut flash = Vec::new();
         for section in file.sections().filter(|section| section.size() > 0) {
-            let place = (section.address() as u32, section.data().unwrap().to_vec());
+            let place = (section.address() as u32, section.data().map_err(|error| error.to_string())?.to_vec());
             match section.kind() {
                 SectionKind::Text if section.name() != Ok(".vector_table") => sections.push(place),
                 SectionKind::Text | SectionKind::ReadOnlyData => flash.push(place),
@@ -104,7 +105,7 @@ impl Code {
                 _ => {}
             }
         }
-        Self { disassembler, sections, kinds, functions, flash }
+        Ok(Self { disassembler, sections, kinds, functions, flash })
     }
 
     /// The names of the function that an address is in: the linker joins equal ones, and unused vectors share one.
@@ -130,16 +131,31 @@ impl Code {
         self.functions.iter().filter(|(_, names)| names_it(names)).map(|(&address, _)| address).collect()
     }
 
+    /// All handlers of exceptions and interrupts.
+    pub fn handlers(&self) -> BTreeSet<u32> {
+        let table = self.flash.iter().find(|(start, _)| *start == VECTOR_TABLE);
+        let (words, _) = table.map(|(_, bytes)| bytes.as_chunks::<4>()).unwrap_or_default();
+        let words = words.iter().map(|word| u32::from_le_bytes(*word));
+        // The first word is the stack pointer, and a function's address has bit 0 set.
+        words.skip(1).filter(|word| word & 1 == 1).map(|handler| handler & !1).collect()
+    }
+
     /// The handler of an interrupt, by its number in the reference manual.
-    pub fn handler(&self, interrupt: u32) -> u32 {
+    ///
+    /// # Errors
+    /// There is no vector, or it leads to no function.
+    pub fn handler(&self, interrupt: u32) -> Result<u32, String> {
         let place = VECTOR_TABLE + 4 * (EXCEPTIONS + interrupt);
         let word = self.flash.iter().find_map(|(start, bytes)| {
             let offset = place.checked_sub(*start)? as usize;
             bytes.get(offset..offset + 4)?.try_into().ok().map(u32::from_le_bytes)
         });
-        let handler = word.unwrap_or_else(|| panic!("no vector of interrupt {interrupt} at {place:#010x}"));
-        assert_eq!(handler & 1, 1, "the vector of interrupt {interrupt} is {handler:#010x}, which is no function");
-        handler & !1
+        match word {
+            // Bit 0 says Thumb, without which the core would fault.
+            Some(handler) if handler & 1 == 1 => Ok(handler & !1),
+            Some(handler) => Err(format!("the vector of interrupt {interrupt} is {handler:#010x}, no function")),
+            None => Err(format!("no vector of interrupt {interrupt} at {place:#010x}")),
+        }
     }
 
     /// The instruction at an address.
@@ -188,5 +204,51 @@ impl Code {
             }
         }
         Ok(all)
+    }
+}
+
+/// The constant that a register was last set to, by the instructions of a function as they stand one after the other.
+pub fn constant(function: &[Instruction], register: &str) -> Option<u32> {
+    let is_set = |instruction: &Instruction| {
+        instruction.name.starts_with("mov") && instruction.operands.split(',').next() == Some(register)
+    };
+    let place = function.iter().rposition(is_set)?;
+    let setting = function.get(place)?;
+    setting.target().or_else(|| constant(function.get(..place)?, setting.operands.rsplit(' ').next()?))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn instruction(name: &str, operands: &str) -> Instruction {
+        Instruction { address: 0, length: 2, name: name.to_owned(), operands: operands.to_owned() }
+    }
+
+    #[test]
+    fn targets_and_written_registers() {
+        assert_eq!(instruction("b", "#0x8000108").target(), Some(0x0800_0108));
+        assert_eq!(instruction("cbz", "r0, #0x10").target(), Some(0x10));
+        assert_eq!(instruction("movs", "r0, #224").target(), Some(224));
+        assert_eq!(instruction("blx", "r3").target(), None);
+        assert_eq!(instruction("msr", "basepri_max, r0").written_register(), Some("basepri_max"));
+        assert_eq!(instruction("mrs", "r0, basepri").written_register(), None);
+        assert_eq!(instruction("cpsid", "i").written_register(), Some("primask"));
+        assert_eq!(instruction("cpsid", "if").written_register(), Some("faultmask"));
+    }
+
+    #[test]
+    fn a_constant_is_found_through_other_registers() {
+        let function = [
+            instruction("movs", "r4, #0x10"),
+            instruction("movs", "r0, #0xc0"),
+            instruction("mov", "r1, r4"),
+            instruction("movs", "r4, #1"),
+            instruction("mov", "r2, r3"),
+        ];
+        assert_eq!(constant(&function, "r0"), Some(0xc0));
+        assert_eq!(constant(&function, "r1"), Some(0x10));
+        assert_eq!(constant(&function, "r2"), None);
+        assert_eq!(constant(&function, "r5"), None);
     }
 }
