@@ -36,7 +36,7 @@ mod app {
     use core::sync::atomic::{AtomicU8, Ordering};
 
     use ferrostep_gcode::{Emergency, EmergencyScanner, LineReader, Reply};
-    use ferrostep_hal_shim::stepping::{self, SlotSteps, StepFeeder};
+    use ferrostep_hal_shim::stepping::{self, SlotAccount, StepFeeder};
     use ferrostep_planner::look_ahead::Slot;
     use ferrostep_printer::{Host, Printer, Replies, Signals, temperatures};
     use ferrostep_stm32f4::bench::{self, BenchPins};
@@ -80,6 +80,9 @@ mod app {
 
     #[shared]
     struct Shared {
+        /// Of the two tasks of priority 16 only.
+        #[lock_free]
+        step_timer: BoardStepTimer,
         machine: BoardMachine,
         heat: Heat,
         writer: Writer,
@@ -87,7 +90,6 @@ mod app {
 
     #[local]
     struct Local {
-        step_timer: BoardStepTimer,
         port: Serial,
         received: Producer<'static, u8>,
         to_send: Consumer<'static, u8>,
@@ -104,8 +106,7 @@ mod app {
         slots: [Slot; LOOK_AHEAD_BLOCKS] = [Slot::EMPTY; LOOK_AHEAD_BLOCKS],
         receive: Queue<u8, { host_line::RECEIVE_BYTES }> = Queue::new(),
         send: Queue<u8, { host_line::SEND_BYTES }> = Queue::new(),
-        pins: Option<BenchPins> = None,
-        slot_steps: [SlotSteps; STEP_QUEUE_SLOTS] = [SlotSteps::NONE; STEP_QUEUE_SLOTS],
+        slot_steps: [SlotAccount; STEP_QUEUE_SLOTS] = [SlotAccount::NONE; STEP_QUEUE_SLOTS],
     ])]
     fn init(cx: init::Context) -> (Shared, Local) {
         let device = cx.device;
@@ -115,14 +116,14 @@ mod app {
         Mono::start(core.SYST, clock.core_hz);
         let motion_clock = MotionClock::start(device.TIM5, &device.RCC);
         let measured = Switch::new(VectorTable::new(core.SCB), core.DCB, core.DWT, motion_clock);
-        let pins = &*cx.local.pins.insert(BenchPins::new(device.GPIOC, &device.GPIOA, &device.RCC));
+        let pins = BenchPins::new(device.GPIOC, &device.GPIOA, &device.RCC);
 
         let signals = stepping::Signals {
             pulse_ticks: clock.timer_ticks(PROFILE.driver.pulse_width_ns),
             direction_setup_ticks: clock.timer_ticks(PROFILE.driver.direction_setup_ns),
         };
         let feeder = StepFeeder::new(&STEPS, bench::PINS, signals, cx.local.slot_steps);
-        let step_timer = StepTimer::start(device.TIM2, device.TIM9, &device.RCC, pins, &STEPS);
+        let step_timer = StepTimer::start(device.TIM2, device.TIM9, &device.RCC, &pins, &STEPS);
         let queue = StepQueue::new(pins, feeder);
         let machine = BoardMachine::new(&PROFILE, &mut cx.local.slots[..], queue);
 
@@ -142,9 +143,8 @@ mod app {
         let spawned = (printer::spawn(), planner::spawn(), temperature::spawn(), reports::spawn());
         defmt::debug!("started: {}", matches!(spawned, (Ok(()), Ok(()), Ok(()), Ok(()))));
         (
-            Shared { machine, heat: Heat::new(&PROFILE), writer },
+            Shared { step_timer, machine, heat: Heat::new(&PROFILE), writer },
             Local {
-                step_timer,
                 port,
                 received,
                 to_send,
@@ -160,9 +160,16 @@ mod app {
     }
 
     /// Takes slots, sets pins. A late event delays an edge, never the next one.
-    #[task(binds = TIM2, priority = 16, local = [step_timer])]
+    #[task(binds = TIM2, priority = 16, shared = [step_timer])]
     fn steps(cx: steps::Context) {
-        cx.local.step_timer.update();
+        cx.shared.step_timer.update();
+    }
+
+    /// The end of a motion, and steps that follow each other so closely that it is worth to stay for them; at most 128
+    /// looks at the timer.
+    #[task(binds = TIM1_BRK_TIM9, priority = 16, shared = [step_timer])]
+    fn near_steps(cx: near_steps::Context) {
+        cx.shared.step_timer.stay();
     }
 
     /// Bytes in and out. Must take a byte before the next but one has come: 87 us at 115,200 baud.

@@ -65,14 +65,12 @@ pub trait Fan {
 
 /// The queue of step entries, seen from the side that fills it, and the interrupt that empties it.
 pub trait StepOutput: MotorEnable {
-    /// Number of slots that entries have filled so far, modulo 2^32.
+    /// Number of slots that entries have filled so far, modulo 2^32. The newest event is not in one yet.
     fn queued(&self) -> u32;
     /// How many of them have been played, modulo 2^32.
     fn played(&self) -> u32;
-    /// Slots that wait to be played, or are being played.
-    fn waiting(&self) -> usize {
-        self.queued().wrapping_sub(self.played()) as usize
-    }
+    /// Slots that wait to be played, or are being played, the newest event included.
+    fn waiting(&self) -> usize;
     /// How many more fit at least.
     fn room(&self) -> usize;
     /// Adds an entry.
@@ -82,14 +80,17 @@ pub trait StepOutput: MotorEnable {
     fn push(&mut self, entry: StepEntry) -> Result<(), FeedError>;
     /// The motion ends with the newest entry.
     fn seal(&mut self);
+    /// Lets the interrupt play what is queued, unless it does.
+    fn start(&mut self);
     /// The flags shared with the interrupt.
     fn link(&self) -> &StepLink;
     /// From now on no motor steps; [`Self::drop_all`] must follow.
     fn request_stop(&mut self);
     /// After a stop: forgets what has not been played, and says what it was. Motion may start again.
     fn drop_all(&mut self) -> DroppedSteps;
-    /// Updates that the interrupt missed, because it was held up for longer than an interval, and made up.
-    fn made_up_updates(&self) -> u32;
+    /// Looks whether the interrupt has missed updates of its timer, because it was held up for longer than an interval,
+    /// and makes up for them: the events that are owed follow in between. Returns how many there were.
+    fn make_up_missed(&mut self) -> u32;
 
     /// A portion of planning begins. A queue that measures how long planning takes notes the time; others need not
     /// care.

@@ -57,6 +57,7 @@ pub struct Machine<R, Q> {
     /// The queue has refused an entry.
     refused: bool,
     refused_entries: u64,
+    made_up_updates: u64,
     underruns: u64,
     idle_flushes: u64,
     /// Axis whose end stop ends the present move.
@@ -127,7 +128,10 @@ impl<Q: StepOutput> StepSink for Sink<'_, Q> {
 
     fn notice(&mut self, notice: Notice) {
         match notice {
-            Notice::MoveEnded { tick, .. } => *self.last_move_end = tick,
+            Notice::MoveEnded { tick, .. } => {
+                *self.last_move_end = tick;
+                self.queue.move_planned();
+            }
             Notice::FanPower { power, .. } => {
                 if self.fan.waiting.push_back((self.queue.queued(), power)).is_err() {
                     // There is room whenever the planner advances; if not, early is better than never.
@@ -152,6 +156,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
             in_motion: false,
             refused: false,
             refused_entries: 0,
+            made_up_updates: 0,
             underruns: 0,
             idle_flushes: 0,
             seeking: None,
@@ -325,6 +330,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
             self.follow_stop();
             return false;
         }
+        self.made_up_updates += u64::from(self.queue.make_up_missed());
         if self.queue.link().take_ran_dry() && self.in_motion {
             self.underruns += 1;
         }
@@ -338,7 +344,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
         let waiting = self.queue.waiting();
         let full = self.queue.room() < MAX_ENTRIES;
         if waiting > 0 && !self.queue.link().is_running() && (self.flushed || full || waiting >= START_ENTRIES) {
-            self.queue.link().start();
+            self.queue.start();
         }
         more
     }
@@ -362,6 +368,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
             if self.queue.room() < MAX_ENTRIES || self.fan.waiting.is_full() {
                 return false;
             }
+            self.queue.planning_begins();
             let mut sink = Sink {
                 motors: &mut self.motors,
                 queue: &mut self.queue,
@@ -383,6 +390,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
             if progress == Progress::Waiting {
                 return false;
             }
+            self.queue.planning_ends();
         }
         true
     }

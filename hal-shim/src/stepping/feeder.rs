@@ -38,50 +38,64 @@ pub struct DroppedSteps {
 }
 
 impl DroppedSteps {
-    fn add(&mut self, axes: u8, directions: u8, count: u32) {
+    fn add(&mut self, steps: Steps, count: u32) {
         for (motor, (signed, issued)) in self.signed.iter_mut().zip(&mut self.issued).enumerate() {
-            if axes >> motor & 1 != 0 {
+            if steps.axes >> motor & 1 != 0 {
                 *issued = issued.wrapping_add(count);
+                let backwards = steps.directions >> motor & 1 != 0;
                 let count = count as i32;
-                *signed = signed.wrapping_add(if directions >> motor & 1 != 0 { count.wrapping_neg() } else { count });
+                *signed = signed.wrapping_add(if backwards { count.wrapping_neg() } else { count });
             }
         }
     }
 }
 
-/// What a slot's events step, for the accounts after a stop.
+/// What an event steps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct SlotSteps {
+struct Steps {
     axes: u8,
-    /// Motors that step in the last event only.
-    added: u8,
     directions: u8,
 }
 
-impl SlotSteps {
-    /// No motor, all forwards.
-    pub const NONE: Self = Self { axes: 0, added: 0, directions: 0 };
+impl Steps {
+    const NONE: Self = Self { axes: 0, directions: 0 };
 }
 
-/// A slot that waits for the interval of the one behind it.
-#[derive(Clone, Copy, Debug)]
-struct Pending<const PORTS: usize> {
-    first: [u32; PORTS],
-    last: [u32; PORTS],
+/// What a slot holds, for the accounts after a stop.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SlotAccount {
+    /// Its first event.
+    first: Steps,
+    /// The others.
+    then: Steps,
     events: u16,
-    near: bool,
-    steps: SlotSteps,
+}
+
+impl SlotAccount {
+    /// No events.
+    pub const NONE: Self = Self { first: Steps::NONE, then: Steps::NONE, events: 0 };
+}
+
+/// An event that waits for the interval behind it.
+#[derive(Clone, Copy, Debug)]
+struct Held<const PORTS: usize> {
+    words: [u32; PORTS],
+    /// What it steps; of a pulse's end nothing, its start has stepped.
+    steps: Steps,
+    /// Whether there is anything to be seen of it on the pins.
+    counts: bool,
 }
 
 /// Turns step entries into slots of a [`StepPlayer`].
 ///
-/// The newest slot is held back until the next entry tells its interval. [`Self::seal`] lets it go at the end of a motion.
+/// The newest event is held back until the next entry tells the interval behind it. [`Self::seal`] lets it go at the end
+/// of a motion.
 #[derive(Debug)]
 pub struct StepFeeder<'a, M, const PORTS: usize, const N: usize> {
     player: &'a StepPlayer<M, PORTS, N>,
     pins: PinMap<PORTS>,
     signals: Signals,
-    /// Slots filled so far, modulo 2^32.
+    /// Slots filled so far, modulo 2^32; the place of the next is its remainder by `N`.
     filled: u32,
     /// Events in them, modulo 2^15.
     number: u16,
@@ -91,31 +105,32 @@ pub struct StepFeeder<'a, M, const PORTS: usize, const N: usize> {
     directions: u8,
     /// Direction signals from the next step on.
     turning: Option<u8>,
-    pending: Pending<PORTS>,
-    steps: &'a mut [SlotSteps; N],
+    held: Held<PORTS>,
+    accounts: &'a mut [SlotAccount; N],
 }
 
 impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORTS, N> {
-    /// The feeder of a player that has not run yet; there must be no other. All signals are low. `steps` is memory for
-    /// its accounts.
+    /// The feeder of a player that has not run yet; there must be no other. All signals are low. `accounts` is memory to
+    /// keep books in.
     pub fn new(
         player: &'a StepPlayer<M, PORTS, N>,
         pins: PinMap<PORTS>,
         signals: Signals,
-        steps: &'a mut [SlotSteps; N],
+        accounts: &'a mut [SlotAccount; N],
     ) -> Self {
-        player.set_pulse_reload(signals.pulse_ticks.max(2) - 1);
+        let signals = Signals { pulse_ticks: signals.pulse_ticks.max(2), ..signals };
+        player.set_pulse_reload(signals.pulse_ticks - 1);
         Self {
             player,
             pins,
             signals,
-            filled: player.played(),
+            filled: player.next_number(),
             number: 0,
             levels: 0,
             directions: 0,
             turning: None,
-            pending: Self::nothing(0),
-            steps,
+            held: Self::nothing(),
+            accounts,
         }
     }
 
@@ -124,30 +139,31 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         self.player.link()
     }
 
-    /// Updates that the interrupt missed and made up.
-    pub fn made_up_updates(&self) -> u32 {
-        self.player.made_up_updates()
-    }
-
-    /// Slots filled so far and the one held back, modulo 2^32.
+    /// Slots filled so far, modulo 2^32.
     pub fn queued(&self) -> u32 {
-        self.filled.wrapping_add(u32::from(self.pending.steps.axes != 0))
+        self.filled
     }
 
-    /// Slots played so far, modulo 2^32.
+    /// Slots played so far to their last event, modulo 2^32.
     pub fn played(&self) -> u32 {
-        self.player.played()
+        // Read in this order, a slot that ends in between is counted once too often, never once too few.
+        let in_play = u32::from(self.player.left() != Head::EMPTY);
+        self.filled.wrapping_sub(self.unplayed()).wrapping_sub(in_play)
     }
 
-    /// Slots that have not been played, the one that is being played and the one held back included.
+    /// Slots that have not been played, the one in play and the event held back included.
     pub fn waiting(&self) -> usize {
-        self.queued().wrapping_sub(self.played()) as usize
+        self.filled.wrapping_sub(self.played()) as usize + usize::from(self.held.counts)
+    }
+
+    /// Slots that the interrupt has not begun.
+    fn unplayed(&self) -> u32 {
+        self.filled.wrapping_sub(self.player.next_number())
     }
 
     /// How many entries fit at least.
     pub fn room(&self) -> usize {
-        let used = self.filled.wrapping_sub(self.player.played()) as usize;
-        N.saturating_sub(used) / MOST_SLOTS_AN_ENTRY
+        N.saturating_sub(self.unplayed() as usize) / MOST_SLOTS_AN_ENTRY
     }
 
     /// Adds an entry.
@@ -156,12 +172,18 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
     /// The ring is full, or the entry is nearer to the one before than the drivers allow; nothing was added.
     #[inline]
     pub fn push(&mut self, entry: StepEntry) -> Result<(), FeedError> {
-        if self.room() == 0 {
+        if self.unplayed() as usize > N - MOST_SLOTS_AN_ENTRY {
             return Err(FeedError::Full);
         }
         match entry.kind() {
             StepKind::Directions { directions } => self.turning = (directions != self.directions).then_some(directions),
-            StepKind::Wait { interval_ticks } => self.pass(interval_ticks)?,
+            StepKind::Wait { interval_ticks } => {
+                if interval_ticks < self.shortest_interval() {
+                    return Err(FeedError::TooNear);
+                }
+                // In pulses an event without steps begins and ends nothing.
+                self.fill(interval_ticks, [0; PORTS], Steps::NONE, 1, Self::nothing());
+            }
             StepKind::Stair { interval_ticks, count, axes, added } => {
                 if interval_ticks < self.shortest_interval() {
                     return Err(FeedError::TooNear);
@@ -177,10 +199,31 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
 
     /// The motion ends with the newest entry: what was held back may be played.
     pub fn seal(&mut self) {
-        if self.pending.steps.axes != 0 {
-            let nothing = Self::nothing(self.directions);
-            self.hold(IDLE_TICKS, nothing);
+        if self.held.counts {
+            self.fill(IDLE_TICKS, [0; PORTS], Steps::NONE, 1, Self::nothing());
         }
+    }
+
+    /// Whether there is something to play and nothing is being played: then [`StepPlayer::stay`] is to be called.
+    pub fn start(&mut self) -> bool {
+        let idle = self.player.left() == Head::EMPTY && self.unplayed() > 0;
+        if idle {
+            self.player.link().start();
+        }
+        idle
+    }
+
+    /// How many updates of the timer the interrupt has missed, because it was held up for longer than an interval: by
+    /// how much the hardware's count of updates, modulo 2^15, is ahead of the events played. Those events are owed.
+    pub fn missed_updates(&self, update_count: u16) -> u16 {
+        // One word, so that both are of the same moment.
+        let left = self.player.left();
+        if left == Head::EMPTY {
+            return 0;
+        }
+        let ahead = update_count.wrapping_sub(left.number().wrapping_sub(left.events() as u16)) & MOST_EVENTS;
+        // Behind, that is: there is no such count, or the interrupt came between the looks.
+        if ahead > MOST_EVENTS / 2 { 0 } else { ahead }
     }
 
     /// While the interrupt is masked, because somebody has stopped motion: forgets what has not been played.
@@ -188,24 +231,22 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
     /// Afterwards [`Self::rest_words`] belong on the ports, and the interrupt may run again.
     pub fn drop_all(&mut self) -> DroppedSteps {
         let mut dropped = DroppedSteps::default();
-        let mut left = self.player.events_left();
-        let mut number = self.player.played();
-        while number != self.filled {
-            if left == 0 {
-                left = match self.player.slot_of(number).head() {
-                    Head::Empty => 0,
-                    Head::Far { but_one } | Head::Near { but_one } => but_one.unsigned_abs() + 1,
-                };
-            }
-            let steps = self.steps[number as usize & (N - 1)];
-            self.drop_events(steps, left, &mut dropped);
-            left = 0;
-            number = number.wrapping_add(1);
+        let first = self.filled.wrapping_sub(self.unplayed());
+        let left = self.player.left().events();
+        if left > 0 {
+            self.drop_events(self.account(first.wrapping_sub(1)), left, &mut dropped);
         }
-        self.drop_events(self.pending.steps, u32::from(self.pending.events), &mut dropped);
+        for number in 0..self.unplayed() {
+            let account = self.account(first.wrapping_add(number));
+            self.drop_events(account, u32::from(account.events), &mut dropped);
+        }
+        if M::EVENTS_A_STEP == 1 {
+            dropped.add(self.held.steps, 1);
+            self.levels ^= self.held.steps.axes;
+        }
         self.player.forget(self.filled);
         self.directions = self.turning.take().unwrap_or(self.directions);
-        self.pending = Self::nothing(self.directions);
+        self.held = Self::nothing();
         dropped
     }
 
@@ -219,82 +260,87 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         words
     }
 
-    /// A step whose rising edge is out has been made, whatever becomes of its end.
-    fn drop_events(&mut self, steps: SlotSteps, events: u32, dropped: &mut DroppedSteps) {
-        let count = events / M::EVENTS_A_STEP;
-        if count == 0 {
+    fn account(&self, number: u32) -> SlotAccount {
+        self.accounts[number as usize & (N - 1)]
+    }
+
+    /// The last `events` of a slot are not played.
+    fn drop_events(&mut self, account: SlotAccount, events: u32, dropped: &mut DroppedSteps) {
+        let SlotAccount { first, then, events: all, .. } = account;
+        if M::EVENTS_A_STEP == 2 {
+            // Every second event, the last one included, is the start of a pulse; the first ends one that has stepped.
+            dropped.add(then, events.div_ceil(2));
             return;
         }
-        dropped.add(steps.axes, steps.directions, count);
-        dropped.add(steps.added & !steps.axes, steps.directions, 1);
-        if M::EVENTS_A_STEP == 1 {
-            self.levels ^= if count & 1 == 1 { steps.axes } else { 0 } ^ (steps.added & !steps.axes);
+        let first_too = events == u32::from(all);
+        let others = if first_too { events.saturating_sub(1) } else { events };
+        dropped.add(then, others);
+        self.levels ^= if others & 1 == 1 { then.axes } else { 0 };
+        if first_too {
+            dropped.add(first, 1);
+            self.levels ^= first.axes;
         }
     }
 
     fn shortest_interval(&self) -> u32 {
         let Signals { pulse_ticks, direction_setup_ticks } = self.signals;
-        let levels = (pulse_ticks * M::EVENTS_A_STEP).max(2 * M::EVENTS_A_STEP);
+        let levels = pulse_ticks * M::EVENTS_A_STEP;
         if self.turning.is_none() {
             return levels;
         }
         // With pulses the direction changes at the end of the pulse before.
-        let before = if M::EVENTS_A_STEP == 2 { pulse_ticks.max(2) } else { 2 };
+        let before = if M::EVENTS_A_STEP == 2 { pulse_ticks } else { 2 };
         levels.max(before + direction_setup_ticks.max(2))
     }
 
     /// An event without steps.
-    fn nothing(directions: u8) -> Pending<PORTS> {
-        Pending {
-            first: [0; PORTS],
-            last: [0; PORTS],
-            events: M::EVENTS_A_STEP as u16,
-            near: false,
-            steps: SlotSteps { axes: 0, added: 0, directions },
-        }
-    }
-
-    fn pass(&mut self, interval_ticks: u32) -> Result<(), FeedError> {
-        if interval_ticks < 2 * M::EVENTS_A_STEP {
-            return Err(FeedError::TooNear);
-        }
-        let nothing = Self::nothing(self.directions);
-        self.hold(interval_ticks, nothing);
-        Ok(())
+    const fn nothing() -> Held<PORTS> {
+        Held { words: [0; PORTS], steps: Steps::NONE, counts: false }
     }
 
     #[inline]
     fn stair(&mut self, interval_ticks: u32, count: u16, axes: u8, added: u8) {
-        if M::EVENTS_A_STEP == 2 && count > 1 && added & !axes != 0 {
-            // The pulse of the last step is another one.
-            self.plain_stair(interval_ticks, count - 1, axes, 0);
-            self.plain_stair(interval_ticks, 1, axes | added, 0);
-        } else if M::EVENTS_A_STEP == 2 && u32::from(count) * M::EVENTS_A_STEP > u32::from(MOST_EVENTS) {
-            self.plain_stair(interval_ticks, count / 2, axes, 0);
-            self.plain_stair(interval_ticks, count - count / 2, axes, added);
-        } else {
-            self.plain_stair(interval_ticks, count, axes, added);
+        if M::EVENTS_A_STEP == 1 {
+            self.edges(interval_ticks, count, axes, added);
+            return;
         }
+        if added & !axes == 0 {
+            self.pulses(interval_ticks, count, axes);
+            return;
+        }
+        // The last pulse is another one.
+        if count > 1 {
+            self.pulses(interval_ticks, count - 1, axes);
+        }
+        self.pulses(interval_ticks, 1, axes | added);
     }
 
+    /// Both edges: `count` events, of which the last is held back.
     #[inline]
-    fn plain_stair(&mut self, interval_ticks: u32, count: u16, axes: u8, added: u8) {
-        let steps = SlotSteps { axes, added, directions: self.directions };
-        let (first, last);
-        if M::EVENTS_A_STEP == 1 {
-            first = self.pins.steps(axes & !self.levels, axes & self.levels);
-            let before_last = self.levels ^ if count & 1 == 0 { axes } else { 0 };
-            let all = axes | added;
-            last = self.pins.steps(all & !before_last, all & before_last);
-            self.levels = before_last ^ all;
+    fn edges(&mut self, interval_ticks: u32, count: u16, axes: u8, added: u8) {
+        let then = self.pins.steps(axes & !self.levels, axes & self.levels);
+        let before_last = self.levels ^ if count & 1 == 0 { axes } else { 0 };
+        let all = axes | added;
+        let words = self.pins.steps(all & !before_last, all & before_last);
+        self.levels = before_last ^ all;
+        let steps = Steps { axes, directions: self.directions };
+        let held = Held { words, steps: Steps { axes: all, ..steps }, counts: true };
+        self.fill(interval_ticks, then, steps, count, held);
+    }
+
+    /// `count` pulses, of which the last one's end is held back.
+    #[inline]
+    fn pulses(&mut self, interval_ticks: u32, count: u16, axes: u8) {
+        let steps = Steps { axes, directions: self.directions };
+        let rise = self.pins.steps(axes, 0);
+        let held = Held { words: self.pins.steps(0, axes), steps: Steps::NONE, counts: true };
+        let half = MOST_EVENTS / 2;
+        if count > half {
+            self.fill(interval_ticks, rise, steps, half, held);
+            self.fill(interval_ticks, rise, steps, count - half, held);
         } else {
-            first = self.pins.steps(axes | added, 0);
-            last = self.pins.steps(0, axes | added);
+            self.fill(interval_ticks, rise, steps, count, held);
         }
-        let gap = if M::STAYS_FOR_PULSE { interval_ticks - self.signals.pulse_ticks } else { interval_ticks };
-        let near = gap < NEAR_TICKS && (M::EVENTS_A_STEP == 1 || M::STAYS_FOR_PULSE);
-        let events = (u32::from(count) * M::EVENTS_A_STEP) as u16;
-        self.hold(interval_ticks, Pending { first, last, events, near, steps });
     }
 
     /// The first stair in a new direction.
@@ -303,7 +349,7 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         let words = self.pins.directions(directions);
         if M::EVENTS_A_STEP == 2 {
             // The signals change with the end of the pulse before.
-            for (word, direction) in self.pending.last.iter_mut().zip(words) {
+            for (word, direction) in self.held.words.iter_mut().zip(words) {
                 *word |= direction;
             }
             self.stair(interval_ticks, count, axes, added);
@@ -311,27 +357,31 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         }
         // Half way, or as late as the set-up time allows: an event of its own.
         let before = (interval_ticks / 2).min(interval_ticks - self.signals.direction_setup_ticks.max(2)).max(2);
-        let turn = Pending { first: words, last: words, ..Self::nothing(directions) };
-        self.hold(before, turn);
+        let turn = Held { words, steps: Steps::NONE, counts: true };
+        self.fill(before, [0; PORTS], Steps::NONE, 1, turn);
         let rest = interval_ticks - before;
         if count == 1 {
-            self.plain_stair(rest, 1, axes, added);
+            self.edges(rest, 1, axes, added);
         } else {
-            self.plain_stair(rest, 1, axes, 0);
-            self.plain_stair(interval_ticks, count - 1, axes, added);
+            self.edges(rest, 1, axes, 0);
+            self.edges(interval_ticks, count - 1, axes, added);
         }
     }
 
-    /// Fills a slot with what was held back, whose successor comes after `interval_ticks`, and holds the successor back.
+    /// Fills a slot: the event that was held back, and `steps_in_it` steps, the last of them (or the end of its pulse)
+    /// left for `held`.
     #[inline]
-    fn hold(&mut self, interval_ticks: u32, next: Pending<PORTS>) {
-        let pulse = if M::EVENTS_A_STEP == 2 { self.signals.pulse_ticks.max(2) } else { 0 };
-        let Pending { first, last, events, near, steps } = core::mem::replace(&mut self.pending, next);
+    fn fill(&mut self, interval_ticks: u32, then: [u32; PORTS], steps: Steps, steps_in_it: u16, held: Held<PORTS>) {
+        let gap = if M::EVENTS_A_STEP == 2 { interval_ticks - self.signals.pulse_ticks } else { interval_ticks };
+        // A pulse is followed by its end first.
+        let near = gap < NEAR_TICKS && (M::EVENTS_A_STEP == 1 || self.signals.pulse_ticks < NEAR_TICKS);
+        let events = (u32::from(steps_in_it) * M::EVENTS_A_STEP) as u16 & MOST_EVENTS;
         self.number = self.number.wrapping_add(events) & MOST_EVENTS;
-        let next_reload = interval_ticks.saturating_sub(pulse).max(2) - 1;
-        self.steps[self.filled as usize & (N - 1)] = steps;
-        let slot = self.player.slot_of(self.filled);
-        slot.fill(&Filling { first, last, next_reload, events, near, number: self.number });
+        let Held { words: first, steps: first_steps, .. } = core::mem::replace(&mut self.held, held);
+        let account = SlotAccount { first: first_steps, then: steps, events };
+        self.accounts[self.filled as usize & (N - 1)] = account;
+        let filling = Filling { first, then, reload: gap - 1, events, near, number: self.number };
+        self.player.slot_of(self.filled).fill(&filling);
         self.filled = self.filled.wrapping_add(1);
     }
 }

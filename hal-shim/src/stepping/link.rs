@@ -8,6 +8,7 @@ pub struct StepLink {
     run: WordU8,
     ran_dry: WordU8,
     stop: WordU8,
+    owed: WordU8,
 }
 
 impl Default for StepLink {
@@ -19,11 +20,11 @@ impl Default for StepLink {
 impl StepLink {
     /// Nothing runs.
     pub const fn new() -> Self {
-        Self { run: WordU8::new(0), ran_dry: WordU8::new(0), stop: WordU8::new(0) }
+        Self { run: WordU8::new(0), ran_dry: WordU8::new(0), stop: WordU8::new(0), owed: WordU8::new(0) }
     }
 
-    /// Lets the player take slots, until it finds none.
-    pub fn start(&self) {
+    /// The player takes slots, until it finds none.
+    pub(super) fn start(&self) {
         self.run.store(1);
     }
 
@@ -49,6 +50,22 @@ impl StepLink {
         ran_dry
     }
 
+    /// An event is owed, because the interrupt has missed an update: [`super::StepPlayer::stay`], which is to be called
+    /// now, plays it.
+    pub fn owe(&self) {
+        self.owed.store(1);
+    }
+
+    /// Whether an event was owed.
+    #[inline(always)]
+    pub(super) fn take_owed(&self) -> bool {
+        let owed = self.owed.load() != 0;
+        if owed {
+            self.owed.store(0);
+        }
+        owed
+    }
+
     /// Somebody wants motion to stop, and has masked the step interrupt before this call. The planner task sees to the
     /// rest. From any priority below the interrupt's.
     pub fn request_stop(&self) {
@@ -65,5 +82,6 @@ impl StepLink {
         self.run.store(0);
         self.ran_dry.store(0);
         self.stop.store(0);
+        self.owed.store(0);
     }
 }

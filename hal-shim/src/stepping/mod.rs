@@ -16,11 +16,11 @@ mod player;
 mod slot;
 mod word;
 
-pub use feeder::{DroppedSteps, FeedError, MOST_SLOTS_AN_ENTRY, Signals, SlotSteps, StepFeeder};
+pub use feeder::{DroppedSteps, FeedError, MOST_SLOTS_AN_ENTRY, Signals, SlotAccount, StepFeeder};
 pub use link::StepLink;
 pub use pins::{MotorPins, Pin, PinMap};
 pub use player::{
-    BothEdges, MOST_STAYED_EVENTS, NEAR_TICKS, OutputPort, Pulses, ShortPulses, StepPlayer, Stepping, UpdateTimer,
+    BothEdges, MOST_LOOKS, NEAR_TICKS, NextWords, OutputPorts, Pulses, StepPlayer, Stepping, UpdateTimer,
 };
 
 pub use slot::MOST_EVENTS;

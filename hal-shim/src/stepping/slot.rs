@@ -1,28 +1,24 @@
 //! A slot of the ring between planner task and step interrupt.
 
-use super::word::{WordU16, WordU32};
+use super::word::{WordI32, WordU32};
 
-/// Most events in one slot.
+/// Most events in one slot; events are numbered modulo one more.
 pub const MOST_EVENTS: u16 = 0x7fff;
 
-/// Set in a slot's head when its events are nearer than leaving and entering the interrupt would take.
-const NEAR: u16 = 0x8000;
-
-/// Events with one interval. Its head doubles as its full flag: the producer stores it last, the interrupt clears it
-/// when the slot's last event is out.
+/// Events that are followed by one interval. The slot's head doubles as its full flag: the producer stores it last, the
+/// interrupt clears it when it has copied the rest.
 #[derive(Debug)]
 pub struct Slot<const PORTS: usize> {
-    /// The word to store to each port at the first event; at the others the same turned by 16 bits each time, so that
-    /// what one sets the next resets.
+    /// The words to store to the ports at the first event: the last of the stair before.
     first: [WordU32; PORTS],
-    /// The words of the last event.
-    last: [WordU32; PORTS],
-    /// Reload value for the gaps of the slot behind this one.
-    next_reload: WordU32,
-    /// Number of events, 0 = empty, and [`NEAR`].
-    head: WordU16,
-    /// Number of all events up to the end of this slot, modulo 2^15.
-    number: WordU16,
+    /// The words of the second; at the others the same turned by 16 bits each time, so that what one sets the next
+    /// resets.
+    then: [WordU32; PORTS],
+    /// Reload value for the gaps behind the events.
+    reload: WordU32,
+    /// Upper half: minus the number of events; the number itself where they are near; 0 for an empty slot. Lower half:
+    /// number of all events up to the end of this slot, modulo 2^15.
+    head: WordI32,
 }
 
 /// A slot's contents.
@@ -30,43 +26,60 @@ pub struct Slot<const PORTS: usize> {
 pub struct Filling<const PORTS: usize> {
     /// See [`Slot::first`].
     pub first: [u32; PORTS],
-    /// See [`Slot::last`].
-    pub last: [u32; PORTS],
-    /// See [`Slot::next_reload`].
-    pub next_reload: u32,
+    /// See [`Slot::then`].
+    pub then: [u32; PORTS],
+    /// See [`Slot::reload`].
+    pub reload: u32,
     /// Number of events, 1 to [`MOST_EVENTS`].
     pub events: u16,
-    /// See [`NEAR`].
+    /// Whether they are nearer than leaving and entering the interrupt would take.
     pub near: bool,
-    /// See [`Slot::number`].
+    /// Number of all events up to the end of this slot, modulo 2^15.
     pub number: u16,
 }
 
-/// What the head of a full slot says.
+/// What a slot's head says, and what is left of it while it is played: the upper half counts up to 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Head {
-    /// Nothing is there.
-    Empty,
-    /// Events far enough apart to leave the interrupt in between.
-    Far {
-        /// How many, less one.
-        but_one: i32,
-    },
-    /// Events so near that the interrupt stays for them.
-    Near {
-        /// How many, less one.
-        but_one: i32,
-    },
+pub struct Head(pub i32);
+
+impl Head {
+    /// An event in a head.
+    pub const EVENT: i32 = 1 << 16;
+
+    /// Of an empty slot, or when none is being played.
+    pub const EMPTY: Self = Self(0);
+
+    /// Whether there are events, far enough apart to leave the interrupt in between.
+    #[inline(always)]
+    pub fn is_far(self) -> bool {
+        self.0 < 0
+    }
+
+    /// The head as that of a slot of far events, in which form it is played.
+    #[inline(always)]
+    pub fn as_far(self) -> Self {
+        let events = self.0 >> 16;
+        Self(if events > 0 { (events.wrapping_neg() << 16) | (self.0 & 0xffff) } else { self.0 })
+    }
+
+    /// Events that are left.
+    pub fn events(self) -> u32 {
+        (self.0 >> 16).unsigned_abs()
+    }
+
+    /// Number of all events up to the end of the slot, modulo 2^15.
+    pub fn number(self) -> u16 {
+        self.0 as u16
+    }
 }
 
 impl<const PORTS: usize> Slot<PORTS> {
     /// An empty slot.
     pub const EMPTY: Self = Self {
         first: [const { WordU32::new(0) }; PORTS],
-        last: [const { WordU32::new(0) }; PORTS],
-        next_reload: WordU32::new(0),
-        head: WordU16::new(0),
-        number: WordU16::new(0),
+        then: [const { WordU32::new(0) }; PORTS],
+        reload: WordU32::new(0),
+        head: WordI32::new(0),
     };
 
     /// For the producer: fills an empty slot; the interrupt may take it at once.
@@ -75,56 +88,42 @@ impl<const PORTS: usize> Slot<PORTS> {
         for (word, value) in self.first.iter().zip(filling.first) {
             word.store(value);
         }
-        for (word, value) in self.last.iter().zip(filling.last) {
+        for (word, value) in self.then.iter().zip(filling.then) {
             word.store(value);
         }
-        self.next_reload.store(filling.next_reload);
-        self.number.store(filling.number);
+        self.reload.store(filling.reload);
         super::word::publish();
-        self.head.store(filling.events & MOST_EVENTS | if filling.near { NEAR } else { 0 });
+        let events = i32::from(filling.events & MOST_EVENTS);
+        self.head.store((if filling.near { events } else { -events }) << 16 | i32::from(filling.number));
     }
 
     /// How many events, and how near.
     #[inline(always)]
     pub fn head(&self) -> Head {
-        // One comparison for the usual case: neither empty nor near.
-        let head = i32::from(self.head.load() as i16);
+        let head = self.head.load();
         super::word::acquire();
-        let but_one = head - 1;
-        if but_one >= 0 {
-            Head::Far { but_one }
-        } else if head == 0 {
-            Head::Empty
-        } else {
-            Head::Near { but_one: (head & i32::from(MOST_EVENTS)) - 1 }
-        }
+        Head(head)
     }
 
-    /// The words of the first event.
+    /// The words of the first event, by port.
     #[inline(always)]
     pub fn first(&self, port: usize) -> u32 {
         self.first[port].load()
     }
 
-    /// The words of the last event.
+    /// The words of the second event, by port.
     #[inline(always)]
-    pub fn last(&self, port: usize) -> u32 {
-        self.last[port].load()
+    pub fn then(&self, port: usize) -> u32 {
+        self.then[port].load()
     }
 
-    /// Reload value for the gaps of the slot behind.
+    /// Reload value for the gaps behind the events.
     #[inline(always)]
-    pub fn next_reload(&self) -> u32 {
-        self.next_reload.load()
+    pub fn reload(&self) -> u32 {
+        self.reload.load()
     }
 
-    /// Number of all events up to the end of this slot, modulo 2^15.
-    #[inline(always)]
-    pub fn number(&self) -> u16 {
-        self.number.load()
-    }
-
-    /// Its last event is out.
+    /// The producer may fill it again.
     #[inline(always)]
     pub fn clear(&self) {
         self.head.store(0);

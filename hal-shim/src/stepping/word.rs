@@ -4,7 +4,7 @@
 //! words, which is what relaxed atomics are on a Cortex-M, and an order that the compiler keeps are enough: no barrier
 //! instruction. On a host, where tests run the two sides in threads, the order is the processor's too.
 
-use core::sync::atomic::{AtomicI32, AtomicU8, AtomicU16, AtomicU32, Ordering};
+use core::sync::atomic::{AtomicI32, AtomicU8, AtomicU32, Ordering};
 
 /// Before publishing: what was stored before is seen by whoever sees what is stored after.
 #[inline(always)]
@@ -54,5 +54,4 @@ macro_rules! word {
 
 word!(WordI32, AtomicI32, i32);
 word!(WordU8, AtomicU8, u8);
-word!(WordU16, AtomicU16, u16);
 word!(WordU32, AtomicU32, u32);

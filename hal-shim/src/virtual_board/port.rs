@@ -3,7 +3,7 @@
 use core::cell::Cell;
 
 use super::VirtualUpdateTimer;
-use crate::stepping::{MotorPins, OutputPort, Pin, PinMap};
+use crate::stepping::{MotorPins, OutputPorts, Pin, PinMap};
 
 /// Motors on one port: step signals on pins 0 to 3, directions on 4 to 7.
 #[derive(Debug)]
@@ -64,8 +64,8 @@ impl<'a> VirtualPort<'a> {
     }
 }
 
-impl OutputPort for VirtualPort<'_> {
-    fn write(&self, word: u32) {
+impl OutputPorts<1> for VirtualPort<'_> {
+    fn write(&self, _port: usize, word: u32) {
         let level = self.level.get() & !((word >> 16) as u16) | word as u16;
         let before = self.level.replace(level);
         let stepped = if self.both_edges { level ^ before } else { level & !before } & 0b1111;

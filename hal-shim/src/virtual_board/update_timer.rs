@@ -2,7 +2,7 @@
 
 use core::cell::Cell;
 
-use crate::stepping::{IDLE_TICKS, MOST_EVENTS, UpdateTimer};
+use crate::stepping::{IDLE_TICKS, MOST_EVENTS, NextWords, OutputPorts, StepPlayer, Stepping, UpdateTimer};
 
 /// Cycles of the core in a tick of the timer.
 pub const CYCLES_A_TICK: u64 = 2;
@@ -21,6 +21,8 @@ pub struct VirtualUpdateTimer {
     count_is_wired: Cell<bool>,
     /// What an access costs, cycles.
     access_cycles: Cell<u64>,
+    staying: Cell<bool>,
+    masked: Cell<bool>,
 }
 
 impl Default for VirtualUpdateTimer {
@@ -36,6 +38,8 @@ impl Default for VirtualUpdateTimer {
             latched: Cell::new(false),
             count_is_wired: Cell::new(false),
             access_cycles: Cell::new(0),
+            staying: Cell::new(false),
+            masked: Cell::new(true),
         }
     }
 }
@@ -54,6 +58,11 @@ impl VirtualUpdateTimer {
     /// Whether a second timer counts the updates.
     pub fn wire_update_count(&self, wired: bool) {
         self.count_is_wired.set(wired);
+    }
+
+    /// The second timer's count of updates, modulo 2^15; 0 without one.
+    pub fn update_count(&self) -> u16 {
+        if self.count_is_wired.get() { self.updates.get() } else { 0 }
     }
 
     /// When the next update comes, cycles.
@@ -79,26 +88,37 @@ impl VirtualUpdateTimer {
         self.pass_to(self.now.get() + cycles);
     }
 
-    /// Lets time pass to the next call of the interrupt, unless one waits.
+    /// Lets time pass to the next update, unless one waits to be served.
     pub fn next_update(&self) {
         if !self.latched.get() {
             self.pass_to(self.next_at());
         }
     }
 
-    /// The interrupt has returned: it is called again where the flag still stands.
-    pub fn leave(&self) {
-        self.latched.set(self.latched.get() || self.due.get());
-    }
-
     /// Whether the interrupt is called.
     pub fn is_called(&self) -> bool {
-        self.latched.get()
+        self.latched.get() && !self.masked.get()
     }
 
-    /// The interrupt is entered.
-    pub fn enter(&self) {
+    /// Whether the interrupt is masked.
+    pub fn is_masked(&self) -> bool {
+        self.masked.get()
+    }
+
+    /// Calls the player as the processor does: the step interrupt, and then the one that stays if it was asked for.
+    pub fn interrupt<M: Stepping, const PORTS: usize, const N: usize>(
+        &self,
+        player: &StepPlayer<M, PORTS, N>,
+        next: &mut NextWords<PORTS>,
+        ports: &impl OutputPorts<PORTS>,
+    ) {
         self.latched.set(false);
+        player.update(next, self, ports);
+        if self.staying.take() {
+            player.stay(next, self, ports);
+        }
+        // The line is the flag's level.
+        self.latched.set(self.latched.get() || self.due.get());
     }
 }
 
@@ -119,17 +139,20 @@ impl UpdateTimer for VirtualUpdateTimer {
         self.preloaded.set(reload);
     }
 
-    fn counter(&self) -> u32 {
-        self.pass(self.access_cycles.get().max(1));
-        ((self.now.get() - self.period_start.get()) / CYCLES_A_TICK) as u32
-    }
-
-    fn update_count(&self) -> u16 {
-        if self.count_is_wired.get() { self.updates.get() } else { 0 }
-    }
-
     fn set_update_count(&self, count: u16) {
         self.updates.set(count);
+    }
+
+    fn call_stay(&self) {
+        self.staying.set(true);
+    }
+
+    fn mask(&self) {
+        self.masked.set(true);
+    }
+
+    fn unmask(&self) {
+        self.masked.set(false);
     }
 
     fn forget_served(&self) {

@@ -2,18 +2,19 @@
 
 use cortex_m::peripheral::NVIC;
 use ferrostep_hal_shim::stepping::{
-    DroppedSteps, FeedError, IDLE_TICKS, MOST_EVENTS, OutputPort, StepFeeder, StepLink, StepPlayer, Stepping,
-    UpdateTimer,
+    DroppedSteps, FeedError, IDLE_TICKS, MOST_EVENTS, NextWords, OutputPorts, StepFeeder, StepLink, StepPlayer,
+    Stepping, UpdateTimer,
 };
 use ferrostep_hal_shim::{MotorEnable, StepOutput};
 use ferrostep_planner::StepEntry;
 
+use crate::measured::PlanningMeter;
 use crate::pac::{Interrupt, RCC, TIM2, TIM9, tim2};
 
 /// A board's motors.
 pub trait Motors<const PORTS: usize> {
     /// The ports that carry their step and direction signals.
-    fn ports(&self) -> [MotorPort; PORTS];
+    fn ports(&self) -> MotorPorts<PORTS>;
     /// Switches all drivers on or off.
     fn enable(&self, enabled: bool);
 }
@@ -37,36 +38,37 @@ impl MotorPort {
     }
 }
 
-impl OutputPort for MotorPort {
+/// The ports of a board.
+#[derive(Clone, Copy, Debug)]
+pub struct MotorPorts<const PORTS: usize>(pub [MotorPort; PORTS]);
+
+impl<const PORTS: usize> OutputPorts<PORTS> for MotorPorts<PORTS> {
     #[inline(always)]
-    fn write(&self, word: u32) {
-        // SAFETY: the address is a port's BSRR, always writable; the words name motor pins only.
-        unsafe { self.bsrr.write_volatile(word) }
+    fn write(&self, port: usize, word: u32) {
+        if let Some(port) = self.0.get(port) {
+            // SAFETY: the address is a port's BSRR, always writable; the words name motor pins only.
+            unsafe { port.bsrr.write_volatile(word) }
+        }
     }
 }
 
-/// The step interrupt: timer, ports, and the player with its queue.
+/// The step interrupt: the addresses that it needs and its state, side by side.
 pub struct StepTimer<M: 'static, const PORTS: usize, const N: usize> {
-    timer: Timer,
-    ports: [MotorPort; PORTS],
+    ports: MotorPorts<PORTS>,
     player: &'static StepPlayer<M, PORTS, N>,
+    timer: Timer,
+    next: NextWords<PORTS>,
 }
 
-/// The registers that the interrupt uses.
-struct Timer {
-    registers: &'static tim2::RegisterBlock,
-    /// TIM9's counter, or a zero where there is no TIM9 (an emulator).
-    updates: *mut u32,
-}
+/// TIM2's registers.
+#[derive(Clone, Copy)]
+struct Timer(&'static tim2::RegisterBlock);
 
-// SAFETY: only the interrupt's owner has one, and its stores are of whole registers.
+// SAFETY: the interrupt is the only one to have it, and its stores are of whole registers.
 unsafe impl Send for Timer {}
 
-/// Stands for the counter of updates where there is none.
-static NO_COUNT: core::sync::atomic::AtomicU32 = core::sync::atomic::AtomicU32::new(0);
-
 impl<M: Stepping, const PORTS: usize, const N: usize> StepTimer<M, PORTS, N> {
-    /// Starts the timer, which never stops: between motions it looks for a new one.
+    /// Starts the timer, which never stops. Its interrupt is masked until a motion starts.
     ///
     /// The counter is used as reset has left it. QEMU adds the time of the last write to the counter to every
     /// interval, so it is never written.
@@ -78,85 +80,110 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepTimer<M, PORTS, N> {
         player: &'static StepPlayer<M, PORTS, N>,
     ) -> Self {
         rcc.apb1enr().modify(|_, w| w.tim2en().set_bit());
-        let updates = start_count(counter, rcc);
+        start_count(counter, rcc);
         // TRGO = update (RM0090 18.4.2, MMS 010): what TIM9 counts.
         // SAFETY: a value that the field has.
         timer.cr2().write(|w| unsafe { w.bits(0b010 << 4) });
         // SAFETY: any reload value is valid. Without preload this takes effect at once; the interrupt writes all others
         // with preload.
         timer.arr().write(|w| unsafe { w.bits(IDLE_TICKS - 1) });
-        timer.dier().write(|w| w.uie().set_bit());
         timer.cr1().write(|w| w.arpe().set_bit().cen().set_bit());
-        // SAFETY: TIM2 was given up for this; but for `halt` and `resume`, which touch DIER only, nobody else uses it.
-        let registers = unsafe { &*TIM2::ptr() };
-        Self { timer: Timer { registers, updates }, ports: motors.ports(), player }
+        Self { timer: Timer::new(), player, ports: motors.ports(), next: NextWords::NONE }
     }
 
-    /// The interrupt.
+    /// The interrupt, for TIM2.
     #[inline(always)]
     pub fn update(&mut self) {
-        self.player.update(&self.timer, &self.ports);
+        // Copied, so that nobody thinks it might change in between.
+        let timer = self.timer;
+        self.player.update(&mut self.next, &timer, &self.ports);
+    }
+
+    /// The interrupt that the first calls, for TIM9: of the same priority, and in the table before TIM2, so that it comes
+    /// first where both wait. TIM9 itself never asks for it.
+    #[inline(always)]
+    pub fn stay(&mut self) {
+        let timer = self.timer;
+        self.player.stay(&mut self.next, &timer, &self.ports);
     }
 }
 
-/// Lets TIM9 count the updates of TIM2, modulo 2^15; where its count is.
+impl Timer {
+    /// TIM2 was given up to [`StepTimer::start`]; but for the planner task, which does so only while the interrupt is
+    /// masked, nobody else writes to it.
+    fn new() -> Self {
+        // SAFETY: as said above.
+        Self(unsafe { &*TIM2::ptr() })
+    }
+}
+
+/// Lets TIM9 count the updates of TIM2, modulo 2^15. Without a TIM9 (in an emulator) nothing counts.
 ///
 /// Slave of TIM2: external clock mode 1 on ITR0 (RM0090 19.4.3, SMS 111, TS 000; table 99: TIM9's ITR0 is TIM2).
-fn start_count(counter: TIM9, rcc: &RCC) -> *mut u32 {
+fn start_count(counter: TIM9, rcc: &RCC) {
     rcc.apb2enr().modify(|_, w| w.tim9en().set_bit());
     // SAFETY: any reload value is valid.
     counter.arr().write(|w| unsafe { w.bits(u32::from(MOST_EVENTS)) });
-    if counter.arr().read().bits() != u32::from(MOST_EVENTS) {
-        return NO_COUNT.as_ptr();
-    }
     // SAFETY: values that the fields have.
     counter.smcr().write(|w| unsafe { w.bits(0b111) });
     counter.cr1().write(|w| w.cen().set_bit());
-    counter.cnt().as_ptr().cast()
 }
 
 impl UpdateTimer for Timer {
     #[inline(always)]
     fn clear_update(&self) {
-        // All flags but the update's are unused.
-        // SAFETY: zeros clear flags.
-        self.registers.sr().write(|w| unsafe { w.bits(0) });
+        // Zeros clear flags, ones do nothing, and all flags but the update's, bit 0, are unused. So any word with that
+        // bit clear will do: an address that is in a register anyway saves an instruction.
+        let word = core::ptr::from_ref(self.0) as u32;
+        // SAFETY: as said.
+        self.0.sr().write(|w| unsafe { w.bits(word) });
     }
 
     #[inline(always)]
     fn is_update_due(&self) -> bool {
-        self.registers.sr().read().bits() & 1 != 0
+        self.0.sr().read().bits() & 1 != 0
     }
 
     #[inline(always)]
     fn set_reload(&self, reload: u32) {
         // SAFETY: any reload value is valid.
-        self.registers.arr().write(|w| unsafe { w.bits(reload) });
-    }
-
-    #[inline(always)]
-    fn counter(&self) -> u32 {
-        self.registers.cnt().read().bits()
-    }
-
-    #[inline(always)]
-    fn update_count(&self) -> u16 {
-        // SAFETY: TIM9's counter, which may be read at any time, or a word that nobody writes.
-        unsafe { self.updates.read_volatile() as u16 }
+        self.0.arr().write(|w| unsafe { w.bits(reload) });
     }
 
     #[inline(always)]
     fn set_update_count(&self, count: u16) {
-        if self.updates != NO_COUNT.as_ptr() {
-            // SAFETY: TIM9's counter is this side's.
-            unsafe { self.updates.write_volatile(u32::from(count)) }
-        }
+        // SAFETY: the interrupt is the only one to write TIM9's counter; any value is valid.
+        unsafe { &*TIM9::ptr() }.cnt().write(|w| unsafe { w.bits(u32::from(count)) });
+    }
+
+    #[inline(always)]
+    fn call_stay(&self) {
+        NVIC::pend(Interrupt::TIM1_BRK_TIM9);
     }
 
     #[inline(always)]
     fn forget_served(&self) {
+        // The line is the flag's level: an update that has not been served calls again.
         NVIC::unpend(Interrupt::TIM2);
     }
+
+    #[inline(always)]
+    fn mask(&self) {
+        // SAFETY: zeros enable nothing.
+        self.0.dier().write(|w| unsafe { w.bits(0) });
+    }
+
+    #[inline(always)]
+    fn unmask(&self) {
+        self.0.dier().write(|w| w.uie().set_bit());
+    }
+}
+
+/// Calls [`StepTimer::stay`]; it has returned when this returns.
+fn call_stay() {
+    NVIC::pend(Interrupt::TIM1_BRK_TIM9);
+    cortex_m::asm::dsb();
+    cortex_m::asm::isb();
 }
 
 /// From the next instruction on no motor steps; the planner task sees to the rest. From any task but the step interrupt.
@@ -166,30 +193,72 @@ pub fn stop(link: &StepLink) {
 }
 
 fn halt() {
-    // SAFETY: a store to a register whose only other writer, `resume`, is the planner task's.
+    // SAFETY: a store to a register that only the step interrupt writes besides.
     unsafe { &*TIM2::ptr() }.dier().write(|w| w.uie().clear_bit());
     // An update that came before the store is played before the next instruction.
     cortex_m::asm::dsb();
     cortex_m::asm::isb();
 }
 
-fn resume() {
-    // SAFETY: as in `halt`.
-    unsafe { &*TIM2::ptr() }.dier().write(|w| w.uie().set_bit());
-}
-
 /// The queue's near end, for the planner task.
-pub struct StepQueue<B: 'static, M: 'static, const PORTS: usize, const N: usize> {
-    motors: &'static B,
+pub struct StepQueue<B, M: 'static, const PORTS: usize, const N: usize> {
+    motors: B,
     feeder: StepFeeder<'static, M, PORTS, N>,
+    meter: PlanningMeter,
     enabled: u8,
 }
 
 impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> StepQueue<B, M, PORTS, N> {
     /// The producer's side.
-    pub fn new(motors: &'static B, feeder: StepFeeder<'static, M, PORTS, N>) -> Self {
-        Self { motors, feeder, enabled: 0 }
+    pub fn new(motors: B, feeder: StepFeeder<'static, M, PORTS, N>) -> Self {
+        Self { motors, feeder, meter: PlanningMeter::default(), enabled: 0 }
     }
+}
+
+/// Most events that are made up at once.
+const MOST_MADE_UP: u16 = 32;
+
+/// Most looks at the counter for a moment between two updates: some intervals of the fastest motion.
+const MOST_LOOKS: u32 = 500;
+
+/// Waits until the present interval is half over, if that is soon: an event that is owed then keeps its distance from
+/// the others.
+fn wait_for_the_middle() {
+    // SAFETY: registers are only read.
+    let timer = unsafe { &*TIM2::ptr() };
+    let interval = timer.arr().read().bits();
+    for _ in 0..MOST_LOOKS {
+        let counter = timer.cnt().read().bits();
+        if counter > interval / 3 && counter < interval / 3 * 2 {
+            return;
+        }
+    }
+}
+
+impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> StepQueue<B, M, PORTS, N> {
+    /// How many updates the interrupt has missed.
+    fn missed(&self) -> u32 {
+        if !has_count() {
+            return 0;
+        }
+        // SAFETY: TIM9's counter is only read.
+        let count = || unsafe { &*TIM9::ptr() }.cnt().read().bits() as u16;
+        for _ in 0..4 {
+            let before = count();
+            let missed = self.feeder.missed_updates(before);
+            // Without an update in between both sides were read at the same moment.
+            if count() == before {
+                return u32::from(missed.min(MOST_MADE_UP));
+            }
+        }
+        0
+    }
+}
+
+/// Whether there is a TIM9.
+fn has_count() -> bool {
+    // SAFETY: a register is read that nobody writes after the start.
+    unsafe { &*TIM9::ptr() }.arr().read().bits() == u32::from(MOST_EVENTS)
 }
 
 impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> StepOutput for StepQueue<B, M, PORTS, N> {
@@ -199,6 +268,10 @@ impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> StepOutp
 
     fn played(&self) -> u32 {
         self.feeder.played()
+    }
+
+    fn waiting(&self) -> usize {
+        self.feeder.waiting()
     }
 
     fn room(&self) -> usize {
@@ -214,6 +287,12 @@ impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> StepOutp
         self.feeder.seal();
     }
 
+    fn start(&mut self) {
+        if self.feeder.start() {
+            call_stay();
+        }
+    }
+
     fn link(&self) -> &StepLink {
         self.feeder.link()
     }
@@ -224,15 +303,34 @@ impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> StepOutp
 
     fn drop_all(&mut self) -> DroppedSteps {
         let dropped = self.feeder.drop_all();
-        for (port, word) in self.motors.ports().iter().zip(self.feeder.rest_words()) {
-            port.write(word);
+        for (port, word) in self.feeder.rest_words().into_iter().enumerate() {
+            self.motors.ports().write(port, word);
         }
-        resume();
         dropped
     }
 
-    fn made_up_updates(&self) -> u32 {
-        self.feeder.made_up_updates()
+    #[inline]
+    fn planning_begins(&mut self) {
+        self.meter.begin();
+    }
+
+    fn move_planned(&mut self) {
+        self.meter.move_planned();
+    }
+
+    #[inline]
+    fn planning_ends(&mut self) {
+        self.meter.end();
+    }
+
+    fn make_up_missed(&mut self) -> u32 {
+        let missed = self.missed();
+        for _ in 0..missed {
+            wait_for_the_middle();
+            self.feeder.link().owe();
+            call_stay();
+        }
+        missed
     }
 }
 

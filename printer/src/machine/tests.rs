@@ -1,9 +1,12 @@
 //! The machine against the planner alone, with the step interrupt's own player at the other end of the queue.
 
+use core::cell::RefCell;
+
 use super::*;
 use crate::profile::{AxisHoming, DriverTiming, FirmwareRetraction, HeaterSettings, HomeEnd};
 use ferrostep_hal_shim::stepping::{
-    DroppedSteps, FeedError, OutputPort, Pulses, Signals, SlotSteps, StepFeeder, StepLink, StepPlayer,
+    DroppedSteps, FeedError, NextWords, OutputPorts, Pulses, Signals, SlotAccount, StepFeeder, StepLink, StepPlayer,
+    UpdateTimer,
 };
 use ferrostep_hal_shim::virtual_board::{StepTimer, VirtualPort, VirtualUpdateTimer};
 use ferrostep_planner::{Kinematics, StepsPerMm};
@@ -66,7 +69,9 @@ type Player = StepPlayer<Pulses, 1, 2048>;
 struct Queue<'a> {
     feeder: StepFeeder<'a, Pulses, 1, 2048>,
     player: &'a Player,
+    timer: &'a VirtualUpdateTimer,
     port: &'a VirtualPort<'a>,
+    next: &'a RefCell<NextWords<1>>,
     enabled: u8,
 }
 
@@ -77,6 +82,10 @@ impl StepOutput for Queue<'_> {
     fn played(&self) -> u32 {
         self.feeder.played()
     }
+
+    fn waiting(&self) -> usize {
+        self.feeder.waiting()
+    }
     fn room(&self) -> usize {
         self.feeder.room()
     }
@@ -86,21 +95,27 @@ impl StepOutput for Queue<'_> {
     fn seal(&mut self) {
         self.feeder.seal();
     }
+    fn start(&mut self) {
+        if self.feeder.start() {
+            self.player.stay(&mut self.next.borrow_mut(), self.timer, self.port);
+        }
+    }
     fn link(&self) -> &StepLink {
         self.player.link()
     }
     fn request_stop(&mut self) {
+        self.timer.mask();
         self.link().request_stop();
     }
     fn drop_all(&mut self) -> DroppedSteps {
         let dropped = self.feeder.drop_all();
         for word in self.feeder.rest_words() {
-            self.port.write(word);
+            self.port.write(0, word);
         }
         dropped
     }
-    fn made_up_updates(&self) -> u32 {
-        self.feeder.made_up_updates()
+    fn make_up_missed(&mut self) -> u32 {
+        0
     }
 }
 
@@ -115,16 +130,15 @@ struct Interrupt<'a> {
     player: &'a Player,
     timer: &'a VirtualUpdateTimer,
     port: &'a VirtualPort<'a>,
+    next: &'a RefCell<NextWords<1>>,
 }
 
 impl Interrupt<'_> {
-    /// An update of the timer, unless the interrupt is masked because of a stop.
+    /// An update of the timer, if one is waited for.
     fn update(&mut self) {
         self.timer.next_update();
-        if !self.player.link().is_stopping() {
-            self.timer.enter();
-            self.player.update(self.timer, core::array::from_ref(self.port));
-            self.timer.leave();
+        if self.timer.is_called() {
+            self.timer.interrupt(self.player, &mut self.next.borrow_mut(), self.port);
         }
     }
 
@@ -144,11 +158,12 @@ fn with_machine<T>(look_ahead: usize, test: impl FnOnce(TestMachine<'_>, Interru
     let (player, timer) = (Box::new(Player::new()), VirtualUpdateTimer::default());
     let port = VirtualPort::new(&timer, false);
     let signals = Signals { pulse_ticks: 84, direction_setup_ticks: 17 };
-    let mut accounts = [SlotSteps::NONE; 2048];
+    let next = RefCell::new(NextWords::NONE);
+    let mut accounts = [SlotAccount::NONE; 2048];
     let feeder = StepFeeder::new(&player, VirtualPort::pins(), signals, &mut accounts);
-    let queue = Queue { feeder, player: &player, port: &port, enabled: 0 };
+    let queue = Queue { feeder, player: &player, timer: &timer, port: &port, next: &next, enabled: 0 };
     let machine = Machine::new(&profile(), vec![Slot::EMPTY; look_ahead], queue);
-    test(machine, Interrupt { player: &player, timer: &timer, port: &port })
+    test(machine, Interrupt { player: &player, timer: &timer, port: &port, next: &next })
 }
 
 fn travel(x_mm: i64, y_mm: i64) -> Move {
@@ -281,7 +296,7 @@ fn blocks_leave_early_only_when_steps_run_out_in_motion() {
         }
         machine.work(Silence { may_release: true, may_flush: false });
         assert!(machine.figures().starvation_flushes == 0 && !interrupt.player.link().is_running());
-        machine.queue.link().start();
+        machine.queue.start();
         for _ in 0..40 {
             interrupt.update();
         }

@@ -60,37 +60,20 @@ impl Choices {
     }
 }
 
-use super::model::Edges;
+use super::model::{Interrupt, SIGNALS};
 use crate::stepping::*;
-use crate::virtual_board::VirtualUpdateTimer;
 use ferrostep_planner::StepEntry;
 use std::rc::Rc;
 
-/// The player of one schedule, with its timer and port.
-struct Interrupted {
-    player: StepPlayer<BothEdges, 1, 8>,
-    timer: Rc<VirtualUpdateTimer>,
-    port: [Edges; 1],
-}
-
-impl Interrupted {
-    fn update(&self) {
-        self.timer.next_update();
-        self.player.update(&*self.timer, &self.port);
-    }
-}
+type Board = Interrupt<BothEdges, 1, 8>;
 
 /// Runs the task once for every schedule of at most `most` interrupts.
-fn every_schedule(most: u32, mut task: impl FnMut(&'static Interrupted, &mut dyn FnMut(&mut dyn FnMut()))) -> u64 {
+fn every_schedule(most: u32, mut task: impl FnMut(&'static Board, &mut dyn FnMut(&mut dyn FnMut()))) -> u64 {
     let choices = Rc::new(RefCell::new(Choices::default()));
     let mut schedules = 0;
     loop {
         // Leaked: a few hundred bytes a schedule, so that the interrupt may outlive the borrow checker's doubts.
-        let machine: &'static Interrupted = Box::leak(Box::new(Interrupted {
-            player: StepPlayer::new(),
-            timer: Rc::new(VirtualUpdateTimer::default()),
-            port: [Edges::default()],
-        }));
+        let machine = Board::leaked();
         let left = Rc::new(std::cell::Cell::new(most));
         let mut run = |piece: &mut dyn FnMut()| {
             let (choices, left) = (choices.clone(), left.clone());
@@ -112,38 +95,33 @@ fn every_schedule(most: u32, mut task: impl FnMut(&'static Interrupted, &mut dyn
 }
 
 /// The steps of the port's log, as masks of pins that changed.
-fn toggles(machine: &Interrupted) -> Vec<u16> {
-    machine.port[0].changes().into_iter().map(|(_, _, changed)| changed).collect()
+fn toggles(machine: &Board) -> Vec<u16> {
+    machine.ports[0].changes().into_iter().map(|(_, _, changed)| changed).collect()
 }
 
 #[test]
 fn no_schedule_loses_or_doubles_an_event() {
     let schedules = every_schedule(4, |machine, run| {
-        let mut feeder = StepFeeder::new(
-            &machine.player,
-            super::model::pins::<1>(),
-            super::model::SIGNALS,
-            super::model::accounts(),
-        );
+        let mut feeder = machine.feeder(SIGNALS);
         let entries = [
             StepEntry::stair(100, 1, 1, 2).unwrap(),
             StepEntry::stair(90, 2, 2, 0).unwrap(),
             StepEntry::stair(80, 1, 3, 0).unwrap(),
         ];
         let mut expected: VecDeque<u16> = VecDeque::from([3, 2, 2, 3]);
-        machine.player.link().start();
+        machine.start(&mut feeder);
         let mut pushed = entries.iter();
         run(&mut || {
             for entry in pushed.by_ref() {
                 feeder.push(*entry).unwrap();
-                feeder.link().start();
+                machine.start(&mut feeder);
             }
             feeder.seal();
-            feeder.link().start();
+            machine.start(&mut feeder);
         });
         for _ in 0..20 {
             machine.update();
-            machine.player.link().start();
+            machine.start(&mut feeder);
         }
         for toggle in toggles(machine) {
             assert_eq!(Some(toggle), expected.pop_front());
@@ -157,18 +135,13 @@ fn no_schedule_loses_or_doubles_an_event() {
 #[test]
 fn a_full_ring_is_refused_and_filled_again_in_every_schedule() {
     let schedules = every_schedule(3, |machine, run| {
-        let mut feeder = StepFeeder::new(
-            &machine.player,
-            super::model::pins::<1>(),
-            super::model::SIGNALS,
-            super::model::accounts(),
-        );
+        let mut feeder = machine.feeder(SIGNALS);
         let entry = StepEntry::stair(100, 1, 1, 0).unwrap();
         let mut pushed = 0;
         while feeder.push(entry).is_ok() {
             pushed += 1;
         }
-        feeder.link().start();
+        machine.start(&mut feeder);
         run(&mut || {
             for _ in 0..2 {
                 pushed += usize::from(feeder.push(entry).is_ok());
@@ -177,7 +150,7 @@ fn a_full_ring_is_refused_and_filled_again_in_every_schedule() {
         feeder.seal();
         for _ in 0..30 {
             machine.update();
-            machine.player.link().start();
+            machine.start(&mut feeder);
         }
         assert_eq!(toggles(machine).len(), pushed);
     });
@@ -187,37 +160,32 @@ fn a_full_ring_is_refused_and_filled_again_in_every_schedule() {
 #[test]
 fn a_stop_at_every_moment_knows_what_was_not_played() {
     let schedules = every_schedule(4, |machine, run| {
-        let mut feeder = StepFeeder::new(
-            &machine.player,
-            super::model::pins::<1>(),
-            super::model::SIGNALS,
-            super::model::accounts(),
-        );
-        machine.player.link().start();
+        let mut feeder = machine.feeder(SIGNALS);
+        machine.start(&mut feeder);
         let mut dropped = None;
         run(&mut || {
             feeder.push(StepEntry::stair(100, 2, 1, 2).unwrap()).unwrap();
             feeder.push(StepEntry::directions(1)).unwrap();
             feeder.push(StepEntry::stair(100, 2, 1, 0).unwrap()).unwrap();
-            feeder.link().start();
+            machine.start(&mut feeder);
         });
         // From here on the interrupt is masked.
         dropped = dropped.or(Some(feeder.drop_all()));
         let dropped = dropped.unwrap();
-        let played = machine.port[0].steps();
+        let played = machine.ports[0].steps();
         assert_eq!([dropped.signed[0] + played[0], dropped.signed[1] + played[1]], [0, 1]);
         // And it runs again, from the levels where the signals stand.
-        let before = machine.port[0].steps();
+        let before = machine.ports[0].steps();
         feeder.push(StepEntry::stair(100, 3, 3, 0).unwrap()).unwrap();
         feeder.seal();
-        feeder.link().start();
+        machine.start(&mut feeder);
         for word in feeder.rest_words() {
-            machine.port[0].write(word);
+            machine.ports[0].put_out(word);
         }
         for _ in 0..10 {
             machine.update();
         }
-        let after = machine.port[0].steps();
+        let after = machine.ports[0].steps();
         assert_eq!([after[0] - before[0], after[1] - before[1]], [-3, 3]);
     });
     assert!(schedules > 1_000, "{schedules}");

@@ -62,8 +62,14 @@ impl Edges {
     }
 }
 
-impl OutputPort for Edges {
-    fn write(&self, word: u32) {
+impl<const PORTS: usize> OutputPorts<PORTS> for [Edges; PORTS] {
+    fn write(&self, port: usize, word: u32) {
+        self[port].put_out(word);
+    }
+}
+
+impl Edges {
+    pub fn put_out(&self, word: u32) {
         let level = self.level.get() & !((word >> 16) as u16) | word as u16;
         if level != self.level.replace(level) {
             self.log.borrow_mut().push((self.timer.now_cycles(), level));
@@ -71,7 +77,56 @@ impl OutputPort for Edges {
     }
 }
 
-/// Memory for a feeder's accounts.
-pub fn accounts<const N: usize>() -> &'static mut [SlotSteps; N] {
-    Box::leak(Box::new([SlotSteps::NONE; N]))
+/// A player with all that its interrupt needs.
+pub struct Interrupt<M, const PORTS: usize, const N: usize> {
+    pub player: StepPlayer<M, PORTS, N>,
+    pub timer: Rc<VirtualUpdateTimer>,
+    pub ports: [Edges; PORTS],
+    next: RefCell<NextWords<PORTS>>,
+}
+
+impl<M: Stepping, const PORTS: usize, const N: usize> Interrupt<M, PORTS, N> {
+    pub fn leaked() -> &'static Self {
+        let timer = Rc::new(VirtualUpdateTimer::default());
+        let ports = std::array::from_fn(|_| Edges::of(&timer));
+        let (player, next) = (StepPlayer::new(), RefCell::new(NextWords::NONE));
+        Box::leak(Box::new(Self { player, timer, ports, next }))
+    }
+
+    pub fn feeder(&'static self, signals: Signals) -> StepFeeder<'static, M, PORTS, N> {
+        StepFeeder::new(&self.player, pins::<PORTS>(), signals, Box::leak(Box::new([SlotAccount::NONE; N])))
+    }
+
+    /// The interrupt comes, whoever has called it.
+    pub fn call(&self) {
+        self.timer.interrupt(&self.player, &mut self.next.borrow_mut(), &self.ports);
+    }
+
+    /// Time passes to the next update, which is served unless the interrupt is masked.
+    pub fn update(&self) {
+        self.timer.next_update();
+        if self.timer.is_called() {
+            self.call();
+        }
+    }
+
+    /// Starts a motion as the producer does; whether there was one to start.
+    pub fn start(&self, feeder: &mut StepFeeder<'_, M, PORTS, N>) -> bool {
+        let starts = feeder.start();
+        if starts {
+            self.stay();
+        }
+        starts
+    }
+
+    /// The other interrupt comes.
+    pub fn stay(&self) {
+        self.player.stay(&mut self.next.borrow_mut(), &*self.timer, &self.ports);
+    }
+
+    /// Somebody stops motion.
+    pub fn stop(&self) {
+        self.timer.mask();
+        self.player.link().request_stop();
+    }
 }
