@@ -13,7 +13,6 @@ pub mod digest;
 pub mod extruder;
 pub mod inner_ends;
 pub mod interpolator;
-pub mod junction;
 pub mod kinematics;
 pub mod look_ahead;
 pub mod step_queue;
@@ -21,14 +20,21 @@ pub mod step_times;
 pub mod time_law;
 
 mod block;
+mod budget;
+mod division;
+mod junction;
 mod limits;
+mod merge;
+mod pace;
+mod path;
 mod planner;
 mod square_root;
 
-pub use block::{Acceleration, Block, PlannedBlock, Speed};
+pub use block::{Acceleration, Block, PlannedBlock, Speed, SquaredSpeed};
 pub use digest::StepDigests;
 pub use kinematics::{Geometry, Kinematics, StepsPerMm};
 pub use limits::{AXES, Limits};
+pub use pace::Pace;
 pub use planner::{MIN_FEED_MM_PER_S, Move, MoveError, Moved, Planner, Progress, filament_100pm};
 pub use step_queue::{Notice, StepEntry, StepKind, StepSink};
 

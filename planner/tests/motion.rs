@@ -56,6 +56,8 @@ fn geometry(kinematics: Kinematics, steps_per_mm: [f64; 4]) -> Geometry {
         kinematics,
         steps_per_mm: steps_per_mm.map(|steps| StepsPerMm::from_f64(steps).unwrap()),
         minimum_event_interval_ticks: MINIMUM_INTERVAL,
+        event_cost_ticks: 0,
+        move_cost_ticks: 0,
     }
 }
 
@@ -78,7 +80,7 @@ fn moves() -> impl Strategy<Value = Vec<Move>> {
         proptest::array::uniform3(coordinate),
         0u8..8,
         filament,
-        prop_oneof![0.5f64..20.0, 20.0f64..400.0],
+        prop_oneof![0.5f32..20.0, 20.0f32..400.0],
         any::<bool>(),
     );
     proptest::collection::vec(one, 1..40).prop_map(|list| {
@@ -346,7 +348,7 @@ fn digest(player: &Player) -> StepDigests {
     digests
 }
 
-fn request(target_10nm: [i64; 3], filament_100pm: i64, feed_mm_per_s: f64) -> Move {
+fn request(target_10nm: [i64; 3], filament_100pm: i64, feed_mm_per_s: f32) -> Move {
     Move { target_10nm, filament_100pm, feed_mm_per_s, line: 1, ends_move: true }
 }
 
@@ -357,7 +359,7 @@ fn bad_moves_are_refused_and_change_nothing() {
     assert_eq!(planner.add(&request([far, 0, 0], 0, 10.0)), Err(MoveError::TooFar));
     assert_eq!(planner.add(&request([i64::MIN, 0, 0], 0, 10.0)), Err(MoveError::TooFar));
     assert_eq!(planner.add(&request([0; 3], i64::MIN, 10.0)), Err(MoveError::TooMuchFilament));
-    for feed in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+    for feed in [0.0, -1.0, f32::NAN, f32::INFINITY] {
         assert_eq!(planner.add(&request([1_000, 0, 0], 0, feed)), Err(MoveError::Feed));
     }
     assert_eq!(planner.add(&request([0; 3], 0, 10.0)), Ok(Moved::Nothing));

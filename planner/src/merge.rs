@@ -1,0 +1,174 @@
+//! Moves that continue each other become one block.
+//!
+//! Slicers cut curves, and at times straight lines, into moves of a few hundredths of a mm. Each would take a place of
+//! the look-ahead ring, which then sees only millimetres ahead. So the newest block stays open, outside the ring, until
+//! the next move is there, and takes it in if nobody could tell the difference: neither in the speeds nor in where the
+//! motors stand when a move ends.
+
+use crate::block::{Block, SquaredSpeed};
+use crate::extruder::rounded_steps;
+use crate::inner_ends::{InnerEnd, MAX_INNER_ENDS};
+use crate::path::Path;
+
+/// Longest block that is made of several moves, units of 10 nm: what an inner end's place can tell.
+const LONGEST_10NM: u32 = u16::MAX as u32;
+
+/// How far an end inside a block may be from the block's straight line, on each axis, units of 10 nm: together at most
+/// 1 um, a twelfth of a step of 1/80 mm.
+const TOLERANCE_10NM: i64 = 57;
+
+/// A move planned by itself.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Planned {
+    /// Its block.
+    pub block: Block,
+    /// Bound of the squared speed at its start, by the corner there.
+    pub junction: SquaredSpeed,
+    /// Its way; `None` for the filament alone.
+    pub path: Option<Path>,
+    /// Its acceleration, not yet rounded to the block's units.
+    pub acceleration_mm_per_s2: f32,
+}
+
+/// A place inside the block.
+#[derive(Clone, Copy, Debug, Default)]
+struct Inside {
+    vector_10nm: [i32; 3],
+    length_10nm: u32,
+    steps: [i32; 3],
+    extruder_256ths: i32,
+    /// Whether a move ends here; otherwise it is a corner of an arc.
+    ends_move: bool,
+}
+
+/// The newest block, which may still grow.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Open {
+    /// The moves so far as one block.
+    pub block: Block,
+    /// Bound of the squared speed at its start.
+    pub junction: SquaredSpeed,
+    /// Number of moves in it.
+    pub moves: u32,
+    /// Where the extruder stands at its start.
+    pub extruder_256ths: i64,
+    /// The way from its start to its end; `None` for the filament alone.
+    vector_10nm: Option<[i32; 3]>,
+    inside: [Inside; MAX_INNER_ENDS],
+}
+
+impl Open {
+    /// A block of one move that starts with the extruder here.
+    pub fn new(planned: &Planned, extruder_256ths: i64) -> Self {
+        Self {
+            block: planned.block,
+            junction: planned.junction,
+            moves: 1,
+            extruder_256ths,
+            vector_10nm: planned.path.map(|path| path.vector_10nm),
+            inside: [Inside::default(); MAX_INNER_ENDS],
+        }
+    }
+
+    /// Takes the next move in, if that changes nothing: same nominal speed and acceleration, a corner that limits
+    /// neither, and at each end inside the motors at the steps where they would have stood.
+    pub fn absorb(&mut self, next: &Planned) -> bool {
+        // The commonest reasons against it come first.
+        let length_10nm = self.block.length_10nm.saturating_add(next.block.length_10nm);
+        if length_10nm > LONGEST_10NM
+            || next.block.nominal != self.block.nominal
+            || next.block.acceleration != self.block.acceleration
+            || next.junction < self.block.nominal.into()
+            || next.block.extruder_256ths.signum() != self.block.extruder_256ths.signum()
+        {
+            return false;
+        }
+        match self.joined(next, length_10nm) {
+            Some(joined) => {
+                *self = joined;
+                true
+            }
+            None => false,
+        }
+    }
+
+    /// The block with the next move; `None` where that would change something.
+    fn joined(&self, next: &Planned, length_10nm: u32) -> Option<Self> {
+        let mut joined = *self;
+        let vector_10nm = self.vector_10nm?;
+        *joined.inside.get_mut(self.moves as usize - 1)? = Inside {
+            vector_10nm,
+            length_10nm: self.block.length_10nm,
+            steps: self.block.steps,
+            extruder_256ths: self.block.extruder_256ths,
+            ends_move: self.block.ends_move,
+        };
+        joined.moves += 1;
+        joined.vector_10nm = Some(sums(vector_10nm, next.path?.vector_10nm)?);
+        let block = &mut joined.block;
+        block.steps = sums(block.steps, next.block.steps)?;
+        block.extruder_256ths = block.extruder_256ths.checked_add(next.block.extruder_256ths)?;
+        block.length_10nm = length_10nm;
+        block.line = next.block.line;
+        block.ends_move = next.block.ends_move;
+        if self.block.ends_move {
+            let end = InnerEnd { length_10nm: self.block.length_10nm, line: self.block.line };
+            block.inner_ends = block.inner_ends.with(end, next.block.line)?;
+        } else if self.block.line != next.block.line {
+            return None;
+        }
+        let places = joined.inside.get(..self.moves as usize)?;
+        places.iter().all(|place| joined.passes(place)).then_some(joined)
+    }
+
+    /// Whether the block comes near enough to a place inside it and, where a move ends, has the motors at its steps.
+    fn passes(&self, place: &Inside) -> bool {
+        let (at, whole) = (i64::from(place.length_10nm), i64::from(self.block.length_10nm));
+        let ends = self.vector_10nm.unwrap_or_default();
+        let near = place.vector_10nm.iter().zip(ends).all(|(place, end)| {
+            (i64::from(*place) * whole - i64::from(end) * at).abs() <= TOLERANCE_10NM * whole
+        });
+        near && (!place.ends_move || self.motors_stand_at(place) && self.extruder_stands_at(place))
+    }
+
+    /// As the interpolator steps: the master's step k of N at (k - 1/2) S/N, the followers with the master's step k where
+    /// 2 k n first passes (2 j - 1) N. A tie counts as a difference.
+    fn motors_stand_at(&self, place: &Inside) -> bool {
+        let (at, whole) = (i64::from(place.length_10nm), i64::from(self.block.length_10nm));
+        let totals = self.block.steps.map(|steps| i64::from(steps).abs());
+        // Steps against the direction of the whole count as negative, and are never right.
+        let [x, y, z] = [0, 1, 2].map(|motor: usize| {
+            let (steps, total) = (place.steps[motor], self.block.steps[motor]);
+            i64::from(if total < 0 { steps.saturating_neg() } else { steps })
+        });
+        let steps = [x, y, z];
+        let master = match totals {
+            [x, y, z] if x >= y && x >= z => 0,
+            [_, y, z] if y >= z => 1,
+            _ => 2,
+        };
+        let (all, made) = (totals[master], steps[master]);
+        let master_agrees = (2 * made - 1) * whole < 2 * all * at && 2 * all * at < (2 * made + 1) * whole;
+        master_agrees
+            && (0..3).filter(|&motor| motor != master).all(|motor| {
+                let (total, stands) = (totals[motor], steps[motor]);
+                total == 0 && stands == 0
+                    || 2 * made * total > (2 * stands - 1) * all && 2 * made * total <= (2 * stands + 1) * all
+            })
+    }
+
+    /// Whether e0 + dE s/S rounds to the step at which the place has the extruder. A tie counts as a difference.
+    fn extruder_stands_at(&self, place: &Inside) -> bool {
+        let (at, whole) = (i64::from(place.length_10nm), i64::from(self.block.length_10nm));
+        let stands = rounded_steps(self.extruder_256ths + i64::from(place.extruder_256ths));
+        let from_start = stands * 256 - self.extruder_256ths;
+        let travel = i64::from(self.block.extruder_256ths) * at;
+        (from_start - 128) * whole < travel && travel < (from_start + 128) * whole
+    }
+}
+
+/// Sums of the components, where they are in range.
+fn sums(one: [i32; 3], other: [i32; 3]) -> Option<[i32; 3]> {
+    let ([x, y, z], [dx, dy, dz]) = (one, other);
+    Some([x.checked_add(dx)?, y.checked_add(dy)?, z.checked_add(dz)?])
+}
