@@ -139,6 +139,18 @@ pub struct Block {
 }
 
 impl Block {
+    /// What stands where there is no block.
+    pub(crate) const NONE: Self = Self {
+        steps: [0; 3],
+        extruder_256ths: 0,
+        length_10nm: 0,
+        nominal: Speed::ZERO,
+        acceleration: Acceleration(1),
+        line: 0,
+        ends_move: false,
+        inner_ends: InnerEnds::NONE,
+    };
+
     /// Path length, mm.
     pub fn length_mm(&self) -> f64 {
         f64::from(self.length_10nm) / UNITS_PER_MM as f64

@@ -31,7 +31,7 @@ pub(crate) struct Planned {
 }
 
 /// A place inside the block.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 struct Inside {
     vector_10nm: [i32; 3],
     length_10nm: u32,
@@ -41,6 +41,12 @@ struct Inside {
     ends_move: bool,
 }
 
+impl Inside {
+    /// The start.
+    const START: Self =
+        Self { vector_10nm: [0; 3], length_10nm: 0, steps: [0; 3], extruder_256ths: 0, ends_move: false };
+}
+
 /// The newest block, which may still grow.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Open {
@@ -48,26 +54,44 @@ pub(crate) struct Open {
     pub block: Block,
     /// Bound of the squared speed at its start.
     pub junction: SquaredSpeed,
-    /// Number of moves in it.
+    /// Number of moves in it; 0 where no block is open.
     pub moves: u32,
     /// Where the extruder stands at its start.
     pub extruder_256ths: i64,
     /// The way from its start to its end; `None` for the filament alone.
     vector_10nm: Option<[i32; 3]>,
+    /// The places inside, as many as moves but the last.
     inside: [Inside; MAX_INNER_ENDS],
 }
 
 impl Open {
+    /// No block.
+    pub const NONE: Self = Self {
+        block: Block::NONE,
+        junction: SquaredSpeed::ZERO,
+        moves: 0,
+        extruder_256ths: 0,
+        vector_10nm: None,
+        inside: [Inside::START; MAX_INNER_ENDS],
+    };
+
+    /// Whether there is a block.
+    pub fn is_some(&self) -> bool {
+        self.moves > 0
+    }
+
     /// A block of one move that starts with the extruder here.
-    pub fn new(planned: &Planned, extruder_256ths: i64) -> Self {
-        Self {
-            block: planned.block,
-            junction: planned.junction,
-            moves: 1,
-            extruder_256ths,
-            vector_10nm: planned.path.map(|path| path.vector_10nm),
-            inside: [Inside::default(); MAX_INNER_ENDS],
-        }
+    pub fn begin(&mut self, planned: &Planned, extruder_256ths: i64) {
+        self.block = planned.block;
+        self.junction = planned.junction;
+        self.moves = 1;
+        self.extruder_256ths = extruder_256ths;
+        self.vector_10nm = planned.path.map(|path| path.vector_10nm);
+    }
+
+    /// Forgets the block.
+    pub fn clear(&mut self) {
+        self.moves = 0;
     }
 
     /// Takes the next move in, if that changes nothing: same nominal speed and acceleration, a corner that limits
@@ -76,6 +100,7 @@ impl Open {
         // The commonest reasons against it come first.
         let length_10nm = self.block.length_10nm.saturating_add(next.block.length_10nm);
         if length_10nm > LONGEST_10NM
+            || !self.is_some()
             || next.block.nominal != self.block.nominal
             || next.block.acceleration != self.block.acceleration
             || next.junction < self.block.nominal.into()
@@ -83,29 +108,12 @@ impl Open {
         {
             return false;
         }
-        match self.joined(next, length_10nm) {
-            Some(joined) => {
-                *self = joined;
-                true
-            }
-            None => false,
-        }
+        self.joined(next, length_10nm).is_some_and(|whole| self.become_whole(whole))
     }
 
-    /// The block with the next move; `None` where that would change something.
-    fn joined(&self, next: &Planned, length_10nm: u32) -> Option<Self> {
-        let mut joined = *self;
-        let vector_10nm = self.vector_10nm?;
-        *joined.inside.get_mut(self.moves as usize - 1)? = Inside {
-            vector_10nm,
-            length_10nm: self.block.length_10nm,
-            steps: self.block.steps,
-            extruder_256ths: self.block.extruder_256ths,
-            ends_move: self.block.ends_move,
-        };
-        joined.moves += 1;
-        joined.vector_10nm = Some(sums(vector_10nm, next.path?.vector_10nm)?);
-        let block = &mut joined.block;
+    /// The block and its way with the next move in it; `None` where they are out of range.
+    fn joined(&self, next: &Planned, length_10nm: u32) -> Option<Whole> {
+        let mut block = self.block;
         block.steps = sums(block.steps, next.block.steps)?;
         block.extruder_256ths = block.extruder_256ths.checked_add(next.block.extruder_256ths)?;
         block.length_10nm = length_10nm;
@@ -117,17 +125,48 @@ impl Open {
         } else if self.block.line != next.block.line {
             return None;
         }
-        let places = joined.inside.get(..self.moves as usize)?;
-        places.iter().all(|place| joined.passes(place)).then_some(joined)
+        let vector_10nm = sums(self.vector_10nm?, next.path?.vector_10nm)?;
+        Some(Whole { block, vector_10nm, extruder_256ths: self.extruder_256ths })
     }
 
+    /// Takes a longer block's shape if that passes all places inside; whether it does.
+    fn become_whole(&mut self, whole: Whole) -> bool {
+        let end = Inside {
+            vector_10nm: self.vector_10nm.unwrap_or_default(),
+            length_10nm: self.block.length_10nm,
+            steps: self.block.steps,
+            extruder_256ths: self.block.extruder_256ths,
+            ends_move: self.block.ends_move,
+        };
+        let (before, rest) = self.inside.split_at_mut((self.moves as usize - 1).min(MAX_INNER_ENDS));
+        let Some(place) = rest.first_mut() else { return false };
+        if !whole.passes(&end) || !before.iter().all(|place| whole.passes(place)) {
+            return false;
+        }
+        *place = end;
+        self.block = whole.block;
+        self.vector_10nm = Some(whole.vector_10nm);
+        self.moves += 1;
+        true
+    }
+}
+
+/// A block as it would become.
+struct Whole {
+    block: Block,
+    vector_10nm: [i32; 3],
+    extruder_256ths: i64,
+}
+
+impl Whole {
     /// Whether the block comes near enough to a place inside it and, where a move ends, has the motors at its steps.
     fn passes(&self, place: &Inside) -> bool {
         let (at, whole) = (i64::from(place.length_10nm), i64::from(self.block.length_10nm));
-        let ends = self.vector_10nm.unwrap_or_default();
-        let near = place.vector_10nm.iter().zip(ends).all(|(place, end)| {
-            (i64::from(*place) * whole - i64::from(end) * at).abs() <= TOLERANCE_10NM * whole
-        });
+        let near = place
+            .vector_10nm
+            .iter()
+            .zip(self.vector_10nm)
+            .all(|(place, end)| (i64::from(*place) * whole - i64::from(end) * at).abs() <= TOLERANCE_10NM * whole);
         near && (!place.ends_move || self.motors_stand_at(place) && self.extruder_stands_at(place))
     }
 

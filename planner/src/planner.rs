@@ -102,7 +102,7 @@ pub struct Planner<S> {
     previous: Option<Previous>,
     /// The newest block, which the next move may continue. It enters the ring when that is known, never sooner than the
     /// ring has room, so that a full ring holds the same blocks however late the next move comes.
-    open: Option<Open>,
+    open: Open,
     /// A flush waits until the open block has entered the ring.
     flushing: bool,
     look_ahead: LookAhead<S>,
@@ -129,7 +129,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
             extruder: Extruder::new(geometry.steps_per_mm[3]),
             extruder_256ths: 0,
             previous: None,
-            open: None,
+            open: Open::NONE,
             flushing: false,
             look_ahead: LookAhead::new(ring),
             interpolator: Interpolator::new(geometry.minimum_event_interval_ticks),
@@ -193,9 +193,9 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         self.slowed_moves
     }
 
-    /// Whether any move would be taken now. One that continues the move before may be taken all the same.
+    /// Whether any move or fan change would be taken now; some are even if this says no.
     pub fn has_room(&self) -> bool {
-        self.open.is_none() || self.look_ahead.has_room()
+        self.look_ahead.has_room()
     }
 
     /// Whether all moves taken have become step entries.
@@ -205,7 +205,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
 
     /// Whether no move waits for its speeds.
     pub fn is_look_ahead_empty(&self) -> bool {
-        self.open.is_none() && self.look_ahead.is_empty()
+        !self.open.is_some() && self.look_ahead.is_empty()
     }
 
     /// Whether the last entry handed out leaves the motors running.
@@ -243,10 +243,10 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         };
 
         let planned = self.plan(request, steps, extruder_256ths);
-        if self.open.as_mut().is_some_and(|open| !self.flushing && open.absorb(&planned)) {
+        if !self.flushing && self.open.absorb(&planned) {
             self.merged_moves += 1;
         } else if self.close() {
-            self.open = Some(Open::new(&planned, self.extruder_256ths));
+            self.open.begin(&planned, self.extruder_256ths);
         } else {
             return Err(MoveError::NoRoom);
         }
@@ -309,7 +309,8 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
 
     /// The open block enters the ring, within the budget; `false` without room. A flush that waited for it follows.
     fn close(&mut self) -> bool {
-        if let Some(open) = &mut self.open {
+        let open = &mut self.open;
+        if open.is_some() {
             if !self.look_ahead.has_room() {
                 return false;
             }
@@ -318,7 +319,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
                 self.slowed_moves += u64::from(open.moves);
             }
             self.look_ahead.push(&open.block, open.junction);
-            self.open = None;
+            open.clear();
         }
         if self.flushing {
             self.flushing = false;
@@ -398,7 +399,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
     /// filament that has been taken and not pushed, units of 0.1 nm.
     pub fn stand_at(&mut self, motor_steps: [i64; 4], tick: u64, directions: u8) -> i64 {
         self.look_ahead.clear();
-        self.open = None;
+        self.open.clear();
         self.flushing = false;
         self.exit = Speed::ZERO;
         self.interpolator.set_directions(directions);

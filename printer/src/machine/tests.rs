@@ -44,6 +44,8 @@ fn profile() -> Profile {
         },
         jerk_mm_per_s3: 10_000.0,
         minimum_event_interval_ticks: 168,
+        event_cost_ticks: 210,
+        move_cost_ticks: 10_500,
         homing: [homing; 3],
         min_extrusion_celsius: 170.0,
         nozzle: heater,
