@@ -9,11 +9,16 @@ pub const FILAMENT_UNITS_PER_MM: i64 = 10_000_000;
 /// A unit of filament times a unit of [`StepsPerMm`], a 256th of a step's worth of them.
 const UNITS_PER_256TH: u64 = FILAMENT_UNITS_PER_MM as u64 * 100_000 / 256;
 
+/// The longest delta, 1 m.
+const LONGEST_MOVE_100PM: i64 = 1_000 * FILAMENT_UNITS_PER_MM;
+
+/// The largest product of a delta and the steps/mm that fits in an i64 beside a remainder.
+const LARGEST_PRODUCT: u64 = 4_000_000_000_000_000_000;
+
 /// The extruder's exact position, the sum of all its deltas, in whole 1/256 steps and a remainder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Extruder {
     steps_per_mm: StepsPerMm,
-    longest_move_100pm: i64,
     whole_256ths: i64,
     /// 0 to [`UNITS_PER_256TH`] - 1, also below zero.
     remainder: u32,
@@ -22,22 +27,25 @@ pub struct Extruder {
 impl Extruder {
     /// An extruder that stands at zero.
     pub const fn new(steps_per_mm: StepsPerMm) -> Self {
-        let in_range = 4_000_000_000_000_000_000 / steps_per_mm.hundred_thousandths();
-        let metre = 1_000 * FILAMENT_UNITS_PER_MM;
-        let longest_move_100pm = if in_range < metre { in_range } else { metre };
-        Self { steps_per_mm, longest_move_100pm, whole_256ths: 0, remainder: 0 }
+        Self { steps_per_mm, whole_256ths: 0, remainder: 0 }
     }
 
-    /// The longest single delta, in units of 0.1 nm: 1 m, or less where the product would leave 64 bits.
-    pub const fn longest_move_100pm(&self) -> i64 {
-        self.longest_move_100pm
+    /// Whether the extruder can move by a delta, in units of 0.1 nm, at once: at most 1 m either way, and less above
+    /// 4,000 steps/mm, where the product with the steps would leave 64 bits.
+    pub const fn can_push(steps_per_mm: StepsPerMm, delta_100pm: i64) -> bool {
+        // 1 m times the most steps/mm is 10^19, in range of u64; there is no division to be paid for each line.
+        let magnitude = delta_100pm.unsigned_abs();
+        magnitude <= LONGEST_MOVE_100PM as u64
+            && magnitude * steps_per_mm.hundred_thousandths().unsigned_abs() <= LARGEST_PRODUCT
     }
 
-    /// Adds a delta in units of 0.1 nm, at most [`Self::longest_move_100pm`] either way (longer ones are cut there).
+    /// Adds a delta in units of 0.1 nm for which [`Self::can_push`] holds (one that is too long is left out).
     pub fn advance(&mut self, delta_100pm: i64) {
         const BY_UNITS: Divisor = Divisor::new(UNITS_PER_256TH);
-        let longest = self.longest_move_100pm;
-        let product = delta_100pm.clamp(-longest, longest) * self.steps_per_mm.hundred_thousandths();
+        if !Self::can_push(self.steps_per_mm, delta_100pm) {
+            return;
+        }
+        let product = delta_100pm * self.steps_per_mm.hundred_thousandths();
         let (whole, remainder) = BY_UNITS.divide_floor(i64::from(self.remainder) + product);
         self.whole_256ths += whole;
         self.remainder = remainder as u32;

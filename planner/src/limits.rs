@@ -82,7 +82,7 @@ impl PathLimits {
     }
 }
 
-/// The smaller of two numbers.
-fn smaller(one: f32, other: f32) -> f32 {
+/// The smaller of two numbers; `f32::min` is a call, as it cares for NaN.
+pub(crate) fn smaller(one: f32, other: f32) -> f32 {
     if other < one { other } else { one }
 }

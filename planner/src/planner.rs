@@ -8,7 +8,7 @@ use crate::inner_ends::InnerEnds;
 use crate::interpolator::Interpolator;
 use crate::junction::radius_10nm;
 use crate::kinematics::{Geometry, MAX_COORDINATE_10NM, UNITS_PER_MM};
-use crate::limits::{Limits, PathLimits};
+use crate::limits::{Limits, PathLimits, smaller};
 use crate::look_ahead::{Left, LookAhead, Marker, Slot};
 use crate::merge::{Open, Planned};
 use crate::pace::Pace;
@@ -221,7 +221,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         if request.target_10nm.iter().any(|coordinate| coordinate.unsigned_abs() > MAX_COORDINATE_10NM as u64) {
             return Err(MoveError::TooFar);
         }
-        if request.filament_100pm.unsigned_abs() > self.extruder.longest_move_100pm() as u64 {
+        if !Extruder::can_push(self.geometry.steps_per_mm[3], request.filament_100pm) {
             return Err(MoveError::TooMuchFilament);
         }
         if request.target_10nm == self.position_10nm && request.filament_100pm == 0 {
@@ -261,7 +261,8 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
 
     /// A move as a block of its own, its speed not yet within the budget.
     fn plan(&self, request: &Move, steps: [i32; 3], extruder_256ths: i32) -> Planned {
-        let feed = request.feed_mm_per_s.max(MIN_FEED_MM_PER_S as f32);
+        let least = MIN_FEED_MM_PER_S as f32;
+        let feed = if request.feed_mm_per_s < least { least } else { request.feed_mm_per_s };
         let filament_100pm = request.filament_100pm.abs();
         let filament = filament_100pm as f32 / FILAMENT_UNITS_PER_10NM as f32;
         let path = Path::between(self.position_10nm, request.target_10nm);
@@ -303,7 +304,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
     fn junction(&self, path: Option<&Path>, acceleration_mm_per_s2: f32) -> SquaredSpeed {
         let (Some(path), Some(before)) = (path, &self.previous) else { return SquaredSpeed::ZERO };
         let radius = radius_10nm(&before.path, path, self.path_limits.junction_deviation_10nm);
-        let acceleration = acceleration_mm_per_s2.min(before.acceleration_mm_per_s2);
+        let acceleration = smaller(acceleration_mm_per_s2, before.acceleration_mm_per_s2);
         SquaredSpeed::from_mm2_per_s2(radius / UNITS_PER_MM as f32 * acceleration)
     }
 

@@ -133,7 +133,7 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         }
         let target = Target { machine_10nm, extruder_10nm, feed_10nm_per_min };
         // Looked at here, not only by the planner: an arc goes there in many moves.
-        if self.filament(&target).abs() > Extruder::new(self.profile.steps_per_mm[3]).longest_move_100pm() {
+        if !Extruder::can_push(self.profile.steps_per_mm[3], self.filament(&target)) {
             return Err(CommandError::TooMuchFilament);
         }
         Ok(target)
