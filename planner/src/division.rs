@@ -45,7 +45,7 @@ impl Divisor {
 const fn high_product(a: u64, b: u64) -> u64 {
     let (a_high, a_low) = (a >> 32, a & 0xFFFF_FFFF);
     let (b_high, b_low) = (b >> 32, b & 0xFFFF_FFFF);
-    let middle = a_high * b_low + (a_low * b_low >> 32);
+    let middle = a_high * b_low + ((a_low * b_low) >> 32);
     let carried = a_low * b_high + (middle & 0xFFFF_FFFF);
     a_high * b_high + (middle >> 32) + (carried >> 32)
 }

