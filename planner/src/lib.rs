@@ -1,11 +1,11 @@
 //! From moves to step events: the motion code of Ferrostep, the same on the desk and on the board.
 //!
-//! A [`Move`] passes four stages, each a module: [`kinematics`] turns it into motor steps, [`look_ahead`] finds the
+//! A [`Move`] passes four stages, each a module (short ones that continue each other first become one block): [`kinematics`] turns it into motor steps, [`look_ahead`] finds the
 //! speeds at its ends, [`time_law`] gives s(t), and [`interpolator`] turns that into [`StepEntry`]s.
 //! [`Planner`] connects them.
 //!
 //! No text, no hardware, no heap. The results are bit-identical on every target: positions and times accumulate in
-//! integers, arithmetic once a block is f64, arithmetic once a step is f32, both with + - * / and square root alone.
+//! integers, arithmetic once a block is f64, once a move and once a step f32, all with + - * / and square root alone.
 #![cfg_attr(not(test), no_std)]
 
 pub mod bresenham;
