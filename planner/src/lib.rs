@@ -1,7 +1,8 @@
 //! From moves to step events: the motion code of Ferrostep, the same on the desk and on the board.
 //!
-//! A [`Move`] passes four stages, each a module (short ones that continue each other first become one block): [`kinematics`] turns it into motor steps, [`look_ahead`] finds the
-//! speeds at its ends, [`time_law`] gives s(t), and [`interpolator`] turns that into [`StepEntry`]s.
+//! A [`Move`] passes four stages, each a module: [`kinematics`] turns it into motor steps, [`look_ahead`] finds the
+//! speeds at its ends, [`time_law`] gives s(t), and [`interpolator`] turns that into [`StepEntry`]s. Short moves that
+//! continue each other become one block before look-ahead.
 //! [`Planner`] connects them.
 //!
 //! No text, no hardware, no heap. The results are bit-identical on every target: positions and times accumulate in
