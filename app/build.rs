@@ -43,6 +43,8 @@ fn constant(profile: &Profile) -> String {
         limits,
         jerk_mm_per_s3,
         minimum_event_interval_ticks,
+        event_cost_ticks,
+        move_cost_ticks,
         homing: [home_x, home_y, home_z],
         min_extrusion_celsius,
         nozzle,
@@ -61,7 +63,8 @@ fn constant(profile: &Profile) -> String {
     format!(
         "Profile {{ name: {name:?}, kinematics: Kinematics::{kinematics}, size_10nm: {size_10nm:?}, \
          steps_per_mm: [{}], limits: {}, jerk_mm_per_s3: {jerk_mm_per_s3:?}, \
-         minimum_event_interval_ticks: {minimum_event_interval_ticks}, homing: [{}, {}, {}], \
+         minimum_event_interval_ticks: {minimum_event_interval_ticks}, event_cost_ticks: {event_cost_ticks}, \
+         move_cost_ticks: {move_cost_ticks}, homing: [{}, {}, {}], \
          min_extrusion_celsius: {min_extrusion_celsius:?}, nozzle: {}, bed: {}, \
          retraction: FirmwareRetraction {{ length_10nm: {length_10nm}, retract_10nm_per_s: {retract_10nm_per_s}, \
          extra_recover_10nm: {extra_recover_10nm}, recover_10nm_per_s: {recover_10nm_per_s}, lift_10nm: {lift_10nm} }}, \

@@ -81,16 +81,24 @@ impl Decimal {
             }
             _ => false,
         };
-        let mut digits = 0;
-        let mut whole: u64 = 0;
+        let start = at;
+        // Nine digits fit in 32 bits.
+        let mut head: u32 = 0;
+        while at < start + FRACTION_DIGITS
+            && let Some(digit) = digit_at(text, at)
+        {
+            head = head * 10 + u32::from(digit);
+            at += 1;
+        }
+        let mut whole = u64::from(head);
         while let Some(digit) = digit_at(text, at) {
             // Past the limit the value no longer matters, only that it is past.
             if whole <= MAX_WHOLE {
                 whole = whole * 10 + u64::from(digit);
             }
             at += 1;
-            digits += 1;
         }
+        let mut digits = at - start;
         let mut fraction: u32 = 0;
         let mut kept = 0;
         if text.get(at) == Some(&b'.') {
@@ -126,7 +134,16 @@ impl Decimal {
 
     /// A length in millimetres as units of 10 nm, halves away from zero.
     pub const fn to_10nm_from_mm(self) -> i64 {
-        divide_half_away(self.0, 10_000)
+        const DIVISOR: u64 = 10_000;
+        const RECIPROCAL: u64 = u64::MAX / DIVISOR;
+        // Every coordinate passes here, and 64 bits are divided in software where this has to be fast. The cut
+        // reciprocal makes the quotient right or one short.
+        let magnitude = self.0.unsigned_abs() + DIVISOR / 2;
+        let mut quotient = upper_half_of_product(magnitude, RECIPROCAL);
+        if magnitude - quotient * DIVISOR >= DIVISOR {
+            quotient += 1;
+        }
+        if self.0 < 0 { -(quotient as i64) } else { quotient as i64 }
     }
 
     /// A length in inches (25.4 mm) as units of 10 nm, halves away from zero.
@@ -186,6 +203,14 @@ impl fmt::Display for Decimal {
 fn digit_at(text: &[u8], at: usize) -> Option<u8> {
     let digit = text.get(at)?.wrapping_sub(b'0');
     (digit <= 9).then_some(digit)
+}
+
+/// The upper 64 of the 128 bits of a product.
+const fn upper_half_of_product(a: u64, b: u64) -> u64 {
+    let ((a_high, a_low), (b_high, b_low)) = ((a >> 32, a & 0xFFFF_FFFF), (b >> 32, b & 0xFFFF_FFFF));
+    let middle = a_high * b_low + ((a_low * b_low) >> 32);
+    let carried = a_low * b_high + (middle & 0xFFFF_FFFF);
+    a_high * b_high + (middle >> 32) + (carried >> 32)
 }
 
 /// `value / divisor`, halves away from zero; `divisor` is even and positive.

@@ -2,6 +2,7 @@
 
 use crate::inner_ends::InnerEnds;
 use crate::kinematics::UNITS_PER_MM;
+use crate::square_root::square_root_f32;
 
 /// A speed along the path in units of 2^-16 mm/s.
 ///
@@ -27,6 +28,71 @@ impl Speed {
     pub fn squared(self) -> f64 {
         self.mm_per_s() * self.mm_per_s()
     }
+
+    /// As [`Self::from_mm_per_s`], of a single-precision speed.
+    pub fn from_mm_per_s_f32(mm_per_s: f32) -> Self {
+        Self((mm_per_s * 65_536.0) as u32)
+    }
+}
+
+/// A squared speed, in units of 1/12,800,000 mm^2/s^2.
+///
+/// The unit is that of twice an [`Acceleration`]'s unit times 10 nm, so that 2 a S is an exact product of integers and
+/// the passes of look-ahead add and compare without rounding. A speed of 2^-16 mm/s is 0.003 units, one of 0.003 mm/s
+/// is 115; the square of the largest [`Speed`] takes 56 bits.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub struct SquaredSpeed(u64);
+
+impl SquaredSpeed {
+    /// Standstill.
+    pub const ZERO: Self = Self(0);
+
+    /// Units in a mm^2/s^2.
+    const PER_MM2_PER_S2: f32 = 12_800_000.0;
+
+    /// The largest representable square not above this one in mm^2/s^2; zero for NaN and below zero, and the largest of
+    /// all for an infinite one.
+    pub fn from_mm2_per_s2(squared: f32) -> Self {
+        Self((squared * Self::PER_MM2_PER_S2) as u64)
+    }
+
+    /// The largest squared speed that can be reached from this one over a block, or the largest from which this one can
+    /// be reached: v^2 + 2 a S (Yu 2019).
+    pub fn changed_over(self, block: &Block) -> Self {
+        Self(self.0.saturating_add(block.reach()))
+    }
+
+    /// The smallest squared speed that can be reached from this one over a block.
+    pub fn slowed_over(self, block: &Block) -> Self {
+        Self(self.0.saturating_sub(block.reach()))
+    }
+
+    /// The largest speed whose square is not above this.
+    pub fn root(self) -> Speed {
+        // 2^32 / 12,800,000: from these units to squared units of Speed.
+        const SCALE: f32 = 1_048_576.0 / 3_125.0;
+        // The single-precision root is off by a few units, the more the faster: 2 at 256 mm/s, 12 at 2 m/s.
+        let mut speed = Speed(square_root_f32(self.0 as f32 * SCALE) as u32);
+        while Self::from(speed) > self {
+            speed.0 -= 1;
+        }
+        while let Some(faster) = speed.0.checked_add(1).map(Speed)
+            && Self::from(faster) <= self
+        {
+            speed = faster;
+        }
+        speed
+    }
+}
+
+impl From<Speed> for SquaredSpeed {
+    /// The square, the next whole number of units not below it, so that only standstill has none.
+    fn from(speed: Speed) -> Self {
+        // 12,800,000 / 2^32 = 3,125 / 2^20, in two parts so that 64 bits are enough.
+        let square = u64::from(speed.0) * u64::from(speed.0);
+        let (high, low) = (square >> 20, square & 0xF_FFFF);
+        Self(high * 3_125 + ((low * 3_125 + 0xF_FFFF) >> 20))
+    }
 }
 
 /// An acceleration along the path in units of 2^-8 mm/s^2, never zero.
@@ -42,6 +108,11 @@ impl Acceleration {
     /// The acceleration, mm/s^2.
     pub fn mm_per_s2(self) -> f64 {
         f64::from(self.0) / 256.0
+    }
+
+    /// As [`Self::from_mm_per_s2`], of a single-precision acceleration.
+    pub fn from_mm_per_s2_f32(mm_per_s2: f32) -> Self {
+        Self(((mm_per_s2 * 256.0) as u32).max(1))
     }
 }
 
@@ -68,9 +139,31 @@ pub struct Block {
 }
 
 impl Block {
+    /// What stands where there is no block.
+    pub(crate) const NONE: Self = Self {
+        steps: [0; 3],
+        extruder_256ths: 0,
+        length_10nm: 0,
+        nominal: Speed::ZERO,
+        acceleration: Acceleration(1),
+        line: 0,
+        ends_move: false,
+        inner_ends: InnerEnds::NONE,
+    };
+
     /// Path length, mm.
     pub fn length_mm(&self) -> f64 {
         f64::from(self.length_10nm) / UNITS_PER_MM as f64
+    }
+
+    /// 2 a S in units of [`SquaredSpeed`].
+    fn reach(&self) -> u64 {
+        u64::from(self.acceleration.0) * u64::from(self.length_10nm)
+    }
+
+    /// Step events: those of the motor with most steps; the others step with it.
+    pub fn master_steps(&self) -> u32 {
+        self.steps.iter().fold(0, |most, steps| steps.unsigned_abs().max(most))
     }
 }
 
@@ -83,4 +176,43 @@ pub struct PlannedBlock {
     pub entry: Speed,
     /// Speed at its end.
     pub exit: Speed,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// Units of a squared speed, in 128 bits.
+    fn units(speed: u64) -> u64 {
+        ((u128::from(speed) * u128::from(speed) * 12_800_000 + u128::from(u32::MAX)) >> 32) as u64
+    }
+
+    proptest! {
+        #[test]
+        fn a_square_has_its_root(speed in prop_oneof![0u32..100_000, 100_000u32..40_000_000, any::<u32>()]) {
+            let squared = SquaredSpeed::from(Speed(speed));
+            prop_assert_eq!(squared.0, units(u64::from(speed)));
+            let root = squared.root();
+            // Below 0.003 mm/s several speeds have one square, and the root is always the same of them.
+            prop_assert!(root.0 >= speed && units(u64::from(root.0)) == squared.0);
+            prop_assert!(root.0 == speed || speed < 200);
+        }
+
+        #[test]
+        fn a_root_is_the_largest_speed_that_is_not_above(units_of_square in 0u64..1 << 56) {
+            let root = SquaredSpeed(units_of_square).root();
+            prop_assert!(units(u64::from(root.0)) <= units_of_square);
+            prop_assert!(root.0 == u32::MAX || units(u64::from(root.0) + 1) > units_of_square);
+        }
+    }
+
+    #[test]
+    fn bounds_that_are_no_numbers_of_units() {
+        assert_eq!(SquaredSpeed::from_mm2_per_s2(f32::INFINITY), SquaredSpeed(u64::MAX));
+        assert_eq!(SquaredSpeed::from_mm2_per_s2(f32::NAN), SquaredSpeed::ZERO);
+        assert_eq!(SquaredSpeed::from_mm2_per_s2(-1.0), SquaredSpeed::ZERO);
+        assert_eq!(SquaredSpeed(u64::MAX).root(), Speed(u32::MAX));
+        assert_eq!(SquaredSpeed::ZERO.root(), Speed::ZERO);
+    }
 }

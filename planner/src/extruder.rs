@@ -1,39 +1,54 @@
 //! Where the filament is: an exact sum, handed out in 1/256 steps.
 
+use crate::division::Divisor;
 use crate::kinematics::StepsPerMm;
 
 /// Units of filament in a millimetre: 0.1 nm, so that a length of 10 nm times a flow in percent is exact.
 pub const FILAMENT_UNITS_PER_MM: i64 = 10_000_000;
 
-/// A unit of filament times a unit of [`StepsPerMm`], a step's worth of them.
-const UNITS_PER_STEP: i64 = FILAMENT_UNITS_PER_MM * 100_000;
+/// A unit of filament times a unit of [`StepsPerMm`], a 256th of a step's worth of them.
+const UNITS_PER_256TH: u64 = FILAMENT_UNITS_PER_MM as u64 * 100_000 / 256;
 
-/// The extruder's exact position, the sum of all its deltas, in whole steps and a remainder.
+/// The longest delta, 1 m.
+const LONGEST_MOVE_100PM: i64 = 1_000 * FILAMENT_UNITS_PER_MM;
+
+/// The largest product of a delta and the steps/mm that fits in an i64 beside a remainder.
+const LARGEST_PRODUCT: u64 = 4_000_000_000_000_000_000;
+
+/// The extruder's exact position, the sum of all its deltas, in whole 1/256 steps and a remainder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Extruder {
     steps_per_mm: StepsPerMm,
-    whole_steps: i64,
-    /// 0 to [`UNITS_PER_STEP`] - 1, also below zero.
-    remainder: i64,
+    whole_256ths: i64,
+    /// 0 to [`UNITS_PER_256TH`] - 1, also below zero.
+    remainder: u32,
 }
 
 impl Extruder {
     /// An extruder that stands at zero.
     pub const fn new(steps_per_mm: StepsPerMm) -> Self {
-        Self { steps_per_mm, whole_steps: 0, remainder: 0 }
+        Self { steps_per_mm, whole_256ths: 0, remainder: 0 }
     }
 
-    /// The longest single delta, in units of 0.1 nm: 1 m, or less where the product would leave 64 bits.
-    pub fn longest_move_100pm(&self) -> i64 {
-        (4_000_000_000_000_000_000 / self.steps_per_mm.hundred_thousandths()).min(1_000 * FILAMENT_UNITS_PER_MM)
+    /// Whether the extruder can move by a delta, in units of 0.1 nm, at once: at most 1 m either way, and less above
+    /// 4,000 steps/mm, where the product with the steps would leave 64 bits.
+    pub const fn can_push(steps_per_mm: StepsPerMm, delta_100pm: i64) -> bool {
+        // 1 m times the most steps/mm is 10^19, in range of u64; there is no division to be paid for each line.
+        let magnitude = delta_100pm.unsigned_abs();
+        magnitude <= LONGEST_MOVE_100PM as u64
+            && magnitude * steps_per_mm.hundred_thousandths().unsigned_abs() <= LARGEST_PRODUCT
     }
 
-    /// Adds a delta in units of 0.1 nm, at most [`Self::longest_move_100pm`] either way (longer ones are cut there).
+    /// Adds a delta in units of 0.1 nm for which [`Self::can_push`] holds (one that is too long is left out).
     pub fn advance(&mut self, delta_100pm: i64) {
-        let longest = self.longest_move_100pm();
-        let sum = self.remainder + delta_100pm.clamp(-longest, longest) * self.steps_per_mm.hundred_thousandths();
-        self.whole_steps += sum.div_euclid(UNITS_PER_STEP);
-        self.remainder = sum.rem_euclid(UNITS_PER_STEP);
+        const BY_UNITS: Divisor = Divisor::new(UNITS_PER_256TH);
+        if !Self::can_push(self.steps_per_mm, delta_100pm) {
+            return;
+        }
+        let product = delta_100pm * self.steps_per_mm.hundred_thousandths();
+        let (whole, remainder) = BY_UNITS.divide_floor(i64::from(self.remainder) + product);
+        self.whole_256ths += whole;
+        self.remainder = remainder as u32;
     }
 
     /// Position in 1/256 steps, cut towards zero.
@@ -41,9 +56,7 @@ impl Extruder {
     /// Cut, not rounded: [`rounded_steps`] of the cut value is then always the rounding of the exact one (nested
     /// floors), which rounding twice would miss.
     pub fn position_256ths(&self) -> i64 {
-        let parts = self.remainder * 256;
-        let cut_upwards = i64::from(self.whole_steps < 0 && parts % UNITS_PER_STEP != 0);
-        self.whole_steps * 256 + parts / UNITS_PER_STEP + cut_upwards
+        self.whole_256ths + i64::from(self.whole_256ths < 0 && self.remainder != 0)
     }
 
     /// The motor stands at this step after an abandoned move. Returns the filament between there and where it would have
@@ -52,9 +65,9 @@ impl Extruder {
         if rounded_steps(self.position_256ths()) == steps {
             return 0;
         }
-        let whole = i128::from(self.whole_steps) - i128::from(steps);
-        let missing = whole * i128::from(UNITS_PER_STEP) + i128::from(self.remainder);
-        self.whole_steps = steps;
+        let whole = i128::from(self.whole_256ths) - 256 * i128::from(steps);
+        let missing = whole * i128::from(UNITS_PER_256TH) + i128::from(self.remainder);
+        self.whole_256ths = 256 * steps;
         self.remainder = 0;
         (missing / i128::from(self.steps_per_mm.hundred_thousandths())) as i64
     }
@@ -83,7 +96,7 @@ mod tests {
             for delta in deltas {
                 extruder.advance(delta);
                 sum += i128::from(delta) * i128::from(steps_per_mm.hundred_thousandths());
-                let unit = i128::from(UNITS_PER_STEP);
+                let unit = 256 * i128::from(UNITS_PER_256TH);
                 let magnitude = (sum.abs() + unit / 2) / unit;
                 let expected = if sum < 0 { -magnitude } else { magnitude };
                 prop_assert_eq!(i128::from(rounded_steps(extruder.position_256ths())), expected);

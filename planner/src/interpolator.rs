@@ -7,6 +7,8 @@
 
 use crate::bresenham::{MAX_STEPS, StepBresenham};
 use crate::extruder::rounded_steps;
+use crate::inner_ends::{InnerEnd, InnerEnds};
+use crate::kinematics::UNITS_PER_MM;
 use crate::step_queue::{Notice, StepEntry, StepSink};
 use crate::step_times::{FRACTION_BITS, StepTimes};
 use crate::time_law::TimeLaw;
@@ -26,9 +28,9 @@ pub struct Interpolator {
     clock: u64,
     /// Tick of the last event handed out or held.
     last_event: u64,
-    /// First tick that belongs to the present block: an extruder step due at its very start stays behind the end of
-    /// the move before.
-    block_start: u64,
+    /// First tick that belongs to the present move: an extruder step due at its very start stays behind the end of the
+    /// move before.
+    move_start: u64,
     /// The last event is held back while a later one may still join it.
     held: Option<Stair>,
     /// The direction signals as they stand.
@@ -64,6 +66,59 @@ struct Run {
     /// [`EXTRUDER`] when its step waits for the master's next one, which is near.
     joining: u8,
     line: Option<u32>,
+    /// Where moves end inside, and what tells where the motors stand there; `None` in all but merged blocks.
+    inside: Option<Inside>,
+}
+
+/// The moves that end inside the present block.
+#[derive(Clone, Copy, Debug)]
+struct Inside {
+    law: TimeLaw,
+    ends: InnerEnds,
+    /// How many of them have been passed.
+    passed: usize,
+    /// Line of the block's last move.
+    line: u32,
+    length_10nm: u32,
+    master_steps: u32,
+    /// Travel of the extruder in the block, either way, 1/256 steps.
+    extruder_256ths: u32,
+    /// The travel up to its first step.
+    extruder_first_256ths: u32,
+}
+
+impl Inside {
+    fn next(&self) -> Option<InnerEnd> {
+        self.ends.iter(self.line).nth(self.passed)
+    }
+
+    /// Steps of the master up to the next end, by the rule that its step k of N is due at (k - 1/2) S/N.
+    fn master_steps(&self) -> u32 {
+        let Some(end) = self.next() else { return u32::MAX };
+        let (length, whole) = (u64::from(end.length_10nm), u64::from(self.length_10nm.max(1)));
+        let steps = (2 * u64::from(self.master_steps) * length + whole) / (2 * whole);
+        u32::try_from(steps).unwrap_or(u32::MAX)
+    }
+
+    /// Steps of the extruder up to the next end.
+    fn extruder_steps(&self) -> u32 {
+        let Some(end) = self.next() else { return u32::MAX };
+        let travel = u64::from(self.extruder_256ths) * u64::from(end.length_10nm) / u64::from(self.length_10nm.max(1));
+        match travel.checked_sub(u64::from(self.extruder_first_256ths)) {
+            Some(beyond_first) => u32::try_from(beyond_first / 256 + 1).unwrap_or(u32::MAX),
+            None => 0,
+        }
+    }
+}
+
+impl Run {
+    /// The motors step up to the next end of a move inside the block.
+    fn limit_to_next_end(&mut self) {
+        if let Some(inside) = &self.inside {
+            self.master.limit(inside.master_steps());
+            self.extruder.limit(inside.extruder_steps());
+        }
+    }
 }
 
 /// A motor that steps with some of the master's steps.
@@ -103,7 +158,7 @@ impl Interpolator {
             minimum_interval: u64::from(minimum_event_interval_ticks),
             clock: 0,
             last_event: 0,
-            block_start: 0,
+            move_start: 0,
             held: None,
             directions: 0,
             extruder_256ths: 0,
@@ -141,7 +196,8 @@ impl Interpolator {
         let forward = block.extruder_256ths >= 0;
         let threshold = rounded_steps(start_256ths) * 256 + if forward { 128 } else { -128 };
         let mm_per_256th = length_mm / f64::from(block.extruder_256ths.unsigned_abs().max(1));
-        let first = threshold.abs_diff(start_256ths) as f64 * mm_per_256th;
+        let first_256ths = threshold.abs_diff(start_256ths) as u32;
+        let first = f64::from(first_256ths) * mm_per_256th;
 
         let mut moving = 0;
         let mut backwards = 0;
@@ -160,8 +216,18 @@ impl Interpolator {
         }
 
         let duration = (law.duration_s * f64::from(TICKS_PER_SECOND) + 0.5) as u64;
-        self.block_start = self.notice_tick() + 1;
-        self.run = Some(Run {
+        self.move_start = self.notice_tick() + 1;
+        let inside = (!block.inner_ends.is_empty()).then(|| Inside {
+            law: *law,
+            ends: block.inner_ends,
+            passed: 0,
+            line: block.line,
+            length_10nm: block.length_10nm,
+            master_steps: count,
+            extruder_256ths: block.extruder_256ths.unsigned_abs(),
+            extruder_first_256ths: first_256ths,
+        });
+        let mut run = Run {
             end: self.clock + duration,
             extruder_end_256ths: end_256ths,
             master: StepTimes::new(law, spacing * 0.5, spacing, count),
@@ -170,7 +236,10 @@ impl Interpolator {
             extruder: StepTimes::new(law, first, 256.0 * mm_per_256th, extruder_steps),
             joining: 0,
             line: block.ends_move.then_some(block.line),
-        });
+            inside,
+        };
+        run.limit_to_next_end();
+        self.run = Some(run);
         duration
     }
 
@@ -181,7 +250,11 @@ impl Interpolator {
         let master = run.master.next_time();
         let extruder = run.extruder.next_time();
         let Some(due) = master.into_iter().chain(extruder).min() else {
-            self.finish(sink);
+            if run.inside.is_some_and(|inside| inside.next().is_some()) {
+                self.end_inside(sink);
+            } else {
+                self.finish(sink);
+            }
             return;
         };
         let tick = self.clock + rounded_tick(due);
@@ -201,7 +274,9 @@ impl Interpolator {
             }
             return;
         }
-        if let Some(stair) = cruise_stair(run, due, extruder, self.clock, self.last_event, self.minimum_interval) {
+        if let Some(stair) =
+            cruise_stair(run, due, extruder, self.clock, self.last_event, self.move_start, self.minimum_interval)
+        {
             run.master.take(u32::from(stair.count));
             self.hand_out(sink);
             self.last_event += u64::from(stair.interval) * u64::from(stair.count);
@@ -229,7 +304,7 @@ impl Interpolator {
             }
             return;
         }
-        let tick = tick.max(earliest).max(self.block_start);
+        let tick = tick.max(earliest).max(self.move_start);
         self.hand_out(sink);
         self.held = Some(Stair { interval: (tick - self.last_event) as u32, count: 1, axes, added: 0 });
         self.last_event = tick;
@@ -240,6 +315,22 @@ impl Interpolator {
         if let Some(entry) = self.held.take().and_then(Stair::entry) {
             sink.entry(entry);
         }
+    }
+
+    /// Ends a move inside the block: all steps up to it have been made.
+    fn end_inside(&mut self, sink: &mut impl StepSink) {
+        self.hand_out(sink);
+        let Some(run) = self.run.as_mut() else { return };
+        let Some(inside) = run.inside.as_mut() else { return };
+        let Some(end) = inside.next() else { return };
+        let seconds = inside.law.time_at(f64::from(end.length_10nm) / UNITS_PER_MM as f64);
+        let ticks = (seconds * f64::from(TICKS_PER_SECOND) + 0.5) as u64;
+        inside.passed += 1;
+        run.limit_to_next_end();
+        // Not before an event that had to keep its distance, nor before the end that was told last.
+        let tick = (self.clock + ticks).min(run.end).max(self.last_event).max(self.move_start - 1);
+        self.move_start = tick + 1;
+        sink.notice(Notice::MoveEnded { tick, line: end.line });
     }
 
     fn finish(&mut self, sink: &mut impl StepSink) {
@@ -294,6 +385,7 @@ fn cruise_stair(
     extruder: Option<u64>,
     clock: u64,
     last_event: u64,
+    move_start: u64,
     minimum_interval: u64,
 ) -> Option<Stair> {
     let (interval, left) = run.master.cruise()?;
@@ -317,7 +409,8 @@ fn cruise_stair(
     let last = clock + rounded_tick(due + interval * u64::from(count - 1));
     let events = u64::from(count);
     let rounded = (last - last_event + events / 2) / events;
-    if rounded < minimum_interval || rounded > u64::from(u32::MAX) {
+    // The rounded interval must not take the first step before a move's end.
+    if rounded < minimum_interval || rounded > u64::from(u32::MAX) || last_event + rounded < move_start {
         return None;
     }
     let added = run.followers.iter_mut().fold(0, |added, follower| added | follower.pass(count));

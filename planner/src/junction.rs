@@ -1,37 +1,27 @@
 //! How fast a corner may be taken.
 
-use crate::square_root::square_root;
+use crate::path::{Path, half_turn};
+use crate::square_root::square_root_f32;
 
-/// The corner between two straight moves.
-#[derive(Clone, Copy, Debug)]
-pub struct Corner {
-    /// Unit vector of the move before.
-    pub before: [f64; 3],
-    /// Unit vector of the move after.
-    pub after: [f64; 3],
-    /// Length of the shorter of the two, mm.
-    pub shorter_mm: f64,
-}
-
-impl Corner {
-    /// Radius, mm, of the arc that rounds the corner; infinite when the moves are in line, 0 when they reverse.
-    ///
-    /// Yu 2019, fig. 2: the arc stays within `deviation_mm` of the corner,
-    /// R = delta cos(theta/2) / (1 - cos(theta/2)), theta being the angle between the two directions. It must also
-    /// fit: it touches each move at R tan(theta/2) from the corner, which may not pass the move's middle, so
-    /// R <= (d/2) / tan(theta/2).
-    pub fn radius_mm(&self, deviation_mm: f64) -> f64 {
-        let cosine = self.before[0] * self.after[0] + self.before[1] * self.after[1] + self.before[2] * self.after[2];
-        let cosine_half = square_root((1.0 + cosine) * 0.5);
-        let sine_half = square_root((1.0 - cosine) * 0.5);
-        let gap = 1.0 - cosine_half;
-        if gap <= 0.0 || sine_half <= 0.0 {
-            return f64::INFINITY;
-        }
-        let within_deviation = deviation_mm * cosine_half / gap;
-        let fitting = 0.5 * self.shorter_mm * cosine_half / sine_half;
-        within_deviation.min(fitting)
+/// Radius, units of 10 nm, of the arc that rounds the corner between two moves; infinite when they are in line, 0 when
+/// they reverse or one of them goes nowhere.
+///
+/// Yu 2019, fig. 2: the arc stays within `deviation_10nm` of the corner,
+/// R = delta cos(theta/2) / (1 - cos(theta/2)), theta being the angle between the two directions. It must also
+/// fit: it touches each move at R tan(theta/2) from the corner, which may not pass the move's middle, so
+/// R <= (d/2) / tan(theta/2), d being the length of the shorter move.
+///
+/// 1 - cos(theta/2) is taken as sin^2(theta/2) / (1 + cos(theta/2)), which keeps its precision at small angles.
+pub fn radius_10nm(before: &Path, after: &Path, deviation_10nm: f32) -> f32 {
+    let Some((sine_squared, cosine_squared)) = half_turn(before, after) else { return 0.0 };
+    if sine_squared <= 0.0 {
+        return f32::INFINITY;
     }
+    let (sine, cosine) = (square_root_f32(sine_squared), square_root_f32(cosine_squared));
+    let shorter = if before.length < after.length { before.length } else { after.length };
+    let within_deviation = deviation_10nm * cosine * (1.0 + cosine) / sine_squared;
+    let fitting = 0.5 * shorter * cosine / sine;
+    if within_deviation < fitting { within_deviation } else { fitting }
 }
 
 #[cfg(test)]
@@ -39,29 +29,52 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn corner(angle: f64, shorter_mm: f64) -> Corner {
-        Corner { before: [1.0, 0.0, 0.0], after: [angle.cos(), angle.sin(), 0.0], shorter_mm }
+    /// A corner of so many radians between two moves, the first of 100 mm.
+    fn corner(angle: f64, second_mm: f64) -> (Path, Path) {
+        let units = second_mm * 1e5;
+        let turned = [(angle.cos() * units).round() as i64, (angle.sin() * units).round() as i64, 0];
+        (Path::between([0; 3], [10_000_000, 0, 0]), Path::between([0; 3], turned))
+    }
+
+    fn radius_mm(angle: f64, second_mm: f64, deviation_mm: f64) -> f64 {
+        let (before, after) = corner(angle, second_mm);
+        f64::from(radius_10nm(&before, &after, (deviation_mm * 1e5) as f32)) / 1e5
     }
 
     #[test]
     fn straight_on_is_unbounded_and_reversal_stops() {
-        assert_eq!(corner(0.0, 1.0).radius_mm(0.1), f64::INFINITY);
-        assert!(corner(core::f64::consts::PI, 1.0).radius_mm(0.1) < 1e-8);
+        assert_eq!(radius_mm(0.0, 1.0, 0.1), f64::INFINITY);
+        assert_eq!(radius_mm(core::f64::consts::PI, 1.0, 0.1), 0.0);
     }
 
     #[test]
     fn a_right_angle_of_long_moves_keeps_the_deviation() {
-        let radius = corner(core::f64::consts::FRAC_PI_2, 100.0).radius_mm(0.1);
+        let radius = radius_mm(core::f64::consts::FRAC_PI_2, 100.0, 0.1);
         // The arc's distance from the corner is R (1/cos(theta/2) - 1).
-        assert!((radius * (2f64.sqrt() - 1.0) - 0.1).abs() < 1e-12);
+        assert!((radius * (2f64.sqrt() - 1.0) - 0.1).abs() < 1e-7);
     }
 
     proptest! {
         #[test]
-        fn the_arc_stays_within_deviation_and_fits(angle in 0.001f64..3.1, shorter in 0.01f64..50.0, deviation in 0.001f64..1.0) {
-            let radius = corner(angle, shorter).radius_mm(deviation);
+        fn the_arc_stays_within_deviation_and_fits(angle in 0.001f64..3.1, second in 1.0f64..50.0, deviation in 0.001f64..1.0) {
+            let radius = radius_mm(angle, second, deviation);
+            let (before, after) = corner(angle, second);
+            // The angle that the rounded vectors have.
+            let [x, y, _] = after.vector_10nm.map(f64::from);
+            let angle = y.atan2(x);
             prop_assert!(radius * (1.0 / (angle / 2.0).cos() - 1.0) <= deviation * (1.0 + 1e-6));
-            prop_assert!(radius * (angle / 2.0).tan() <= shorter / 2.0 * (1.0 + 1e-9));
+            let shorter = f64::from(before.length.min(after.length)) / 1e5;
+            prop_assert!(radius * (angle / 2.0).tan() <= shorter / 2.0 * (1.0 + 1e-6));
+        }
+
+        #[test]
+        fn one_of_both_bounds_is_met(angle in 0.001f64..3.1, deviation in 0.001f64..1.0) {
+            let radius = radius_mm(angle, 20.0, deviation);
+            let (_, after) = corner(angle, 20.0);
+            let [x, y, _] = after.vector_10nm.map(f64::from);
+            let half = y.atan2(x) / 2.0;
+            let expected = (deviation * half.cos() / (1.0 - half.cos())).min(10.0 / half.tan());
+            prop_assert!((radius - expected).abs() <= 2e-6 * expected, "{} {}", radius, expected);
         }
     }
 }

@@ -1,5 +1,7 @@
 //! From machine coordinates to motor steps.
 
+use crate::division::Divisor;
+
 /// Units of 10 nm in a millimetre.
 pub const UNITS_PER_MM: i64 = 100_000;
 
@@ -52,12 +54,13 @@ impl StepsPerMm {
     /// The motor position for a coordinate of at most twice [`MAX_COORDINATE_10NM`]: the exact product, rounded half
     /// away from zero.
     pub fn steps(self, coordinate_10nm: i64) -> i32 {
-        const UNIT: i64 = UNITS_PER_MM * 100_000;
+        const UNIT: u64 = UNITS_PER_MM as u64 * 100_000;
+        const BY_UNIT: Divisor = Divisor::new(UNIT);
         let limit = 2 * MAX_COORDINATE_10NM;
         // |product| <= 1e9 * 1e9, in range of i64; the quotient, at most 1e8, is in range of i32.
         let product = coordinate_10nm.clamp(-limit, limit) * self.hundred_thousandths;
-        let magnitude = (product.abs() + UNIT / 2) / UNIT;
-        (if product < 0 { -magnitude } else { magnitude }) as i32
+        let (magnitude, _) = BY_UNIT.divide(product.unsigned_abs() + UNIT / 2);
+        if product < 0 { -(magnitude as i32) } else { magnitude as i32 }
     }
 
     /// The coordinate in units of 10 nm nearest to a motor position.
@@ -81,6 +84,11 @@ pub struct Geometry {
     pub steps_per_mm: [StepsPerMm; 4],
     /// Step events nearer than this join, in ticks; also the shortest interval of any motor.
     pub minimum_event_interval_ticks: u32,
+    /// Processor time that a step event costs, in ticks, drawn out by the share of the processor that motion gets: a
+    /// block takes at least this long for each of its events. 0 where steps cost nothing.
+    pub event_cost_ticks: u32,
+    /// The same for each move, from its line to its last step, its events not counted.
+    pub move_cost_ticks: u32,
 }
 
 impl Geometry {
@@ -124,6 +132,8 @@ mod tests {
             kinematics,
             steps_per_mm: [steps(80.0), steps(80.0), steps(400.0), steps(95.0)],
             minimum_event_interval_ticks: 168,
+            event_cost_ticks: 0,
+            move_cost_ticks: 0,
         }
     }
 

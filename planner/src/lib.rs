@@ -1,11 +1,12 @@
 //! From moves to step events: the motion code of Ferrostep, the same on the desk and on the board.
 //!
 //! A [`Move`] passes four stages, each a module: [`kinematics`] turns it into motor steps, [`look_ahead`] finds the
-//! speeds at its ends, [`time_law`] gives s(t), and [`interpolator`] turns that into [`StepEntry`]s.
+//! speeds at its ends, [`time_law`] gives s(t), and [`interpolator`] turns that into [`StepEntry`]s. Short moves that
+//! continue each other become one block before look-ahead.
 //! [`Planner`] connects them.
 //!
 //! No text, no hardware, no heap. The results are bit-identical on every target: positions and times accumulate in
-//! integers, arithmetic once a block is f64, arithmetic once a step is f32, both with + - * / and square root alone.
+//! integers, arithmetic once a block is f64, once a move and once a step f32, all with + - * / and square root alone.
 #![cfg_attr(not(test), no_std)]
 
 pub mod bresenham;
@@ -13,7 +14,6 @@ pub mod digest;
 pub mod extruder;
 pub mod inner_ends;
 pub mod interpolator;
-pub mod junction;
 pub mod kinematics;
 pub mod look_ahead;
 pub mod step_queue;
@@ -21,14 +21,21 @@ pub mod step_times;
 pub mod time_law;
 
 mod block;
+mod budget;
+mod division;
+mod junction;
 mod limits;
+mod merge;
+mod pace;
+mod path;
 mod planner;
 mod square_root;
 
-pub use block::{Acceleration, Block, PlannedBlock, Speed};
+pub use block::{Acceleration, Block, PlannedBlock, Speed, SquaredSpeed};
 pub use digest::StepDigests;
 pub use kinematics::{Geometry, Kinematics, StepsPerMm};
 pub use limits::{AXES, Limits};
+pub use pace::Pace;
 pub use planner::{MIN_FEED_MM_PER_S, Move, MoveError, Moved, Planner, Progress, filament_100pm};
 pub use step_queue::{Notice, StepEntry, StepKind, StepSink};
 

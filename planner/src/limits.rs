@@ -1,5 +1,7 @@
 //! What the machine may do: feed, acceleration and junction limits, in mm and seconds.
 
+use crate::kinematics::UNITS_PER_MM;
+
 /// Number of axes a limit is kept for: X, Y, Z and the extruder, in this order.
 pub const AXES: usize = 4;
 
@@ -20,4 +22,67 @@ pub struct Limits {
     pub retract_acceleration_mm_per_s2: f64,
     /// How far the arc that rounds a corner may stay from it, mm (Yu 2019, delta; M205 J).
     pub junction_deviation_mm: f64,
+}
+
+/// The limits as the planning of a block uses them: in single precision, for which the Cortex-M4F has
+/// instructions; double precision is software there, some hundred instructions an operation.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct PathLimits {
+    max_feed_mm_per_s: [f32; AXES],
+    max_acceleration_mm_per_s2: [f32; AXES],
+    print_acceleration_mm_per_s2: f32,
+    travel_acceleration_mm_per_s2: f32,
+    retract_acceleration_mm_per_s2: f32,
+    /// Junction deviation, units of 10 nm.
+    pub junction_deviation_10nm: f32,
+}
+
+/// Feed, mm/s, and acceleration, mm/s^2, along a path.
+pub(crate) type FeedAndAcceleration = (f32, f32);
+
+impl PathLimits {
+    /// These limits.
+    pub fn new(limits: &Limits) -> Self {
+        Self {
+            max_feed_mm_per_s: limits.max_feed_mm_per_s.map(|limit| limit as f32),
+            max_acceleration_mm_per_s2: limits.max_acceleration_mm_per_s2.map(|limit| limit as f32),
+            print_acceleration_mm_per_s2: limits.print_acceleration_mm_per_s2 as f32,
+            travel_acceleration_mm_per_s2: limits.travel_acceleration_mm_per_s2 as f32,
+            retract_acceleration_mm_per_s2: limits.retract_acceleration_mm_per_s2 as f32,
+            junction_deviation_10nm: (limits.junction_deviation_mm * UNITS_PER_MM as f64) as f32,
+        }
+    }
+
+    /// What is left of a feed where only the filament moves.
+    pub fn of_filament(&self, feed_mm_per_s: f32) -> FeedAndAcceleration {
+        let [.., max_feed] = self.max_feed_mm_per_s;
+        let [.., max_acceleration] = self.max_acceleration_mm_per_s2;
+        (smaller(feed_mm_per_s, max_feed), smaller(self.retract_acceleration_mm_per_s2, max_acceleration))
+    }
+
+    /// What is left of a feed along a path of this length and these travels of X, Y, Z and the filament, all in units of
+    /// 10 nm, with or without extrusion.
+    ///
+    /// An axis whose travel has the share u of the path allows v / |u| and a / |u|. Whether it limits at all is asked by
+    /// multiplication; only one that does costs a division.
+    pub fn along(&self, feed_mm_per_s: f32, length: f32, travels: [f32; AXES], prints: bool) -> FeedAndAcceleration {
+        let mut feed = feed_mm_per_s;
+        let mut acceleration =
+            if prints { self.print_acceleration_mm_per_s2 } else { self.travel_acceleration_mm_per_s2 };
+        let axes = travels.iter().zip(&self.max_feed_mm_per_s).zip(&self.max_acceleration_mm_per_s2);
+        for ((travel, max_feed), max_acceleration) in axes {
+            if feed * travel > max_feed * length {
+                feed = max_feed * length / travel;
+            }
+            if acceleration * travel > max_acceleration * length {
+                acceleration = max_acceleration * length / travel;
+            }
+        }
+        (feed, acceleration)
+    }
+}
+
+/// The smaller of two numbers; `f32::min` is a call, as it cares for NaN.
+pub(crate) fn smaller(one: f32, other: f32) -> f32 {
+    if other < one { other } else { one }
 }

@@ -1,18 +1,16 @@
 //! The ring of blocks whose speeds are not settled yet.
 
-use crate::block::{Block, PlannedBlock, Speed};
-use crate::square_root::square_root;
+use crate::block::{Block, PlannedBlock, Speed, SquaredSpeed};
+use crate::pace::Pace;
 
 /// A block in the ring with what the passes need.
 #[derive(Clone, Copy, Debug)]
 struct Waiting {
     block: Block,
-    /// 2 a S, mm^2/s^2: how much the squared speed can change over the block.
-    reach: f64,
     /// Bound of the squared entry speed from the junction and both nominal speeds.
-    entry_bound: f64,
+    entry_bound: SquaredSpeed,
     /// Squared entry speed from the reverse pass, or the settled one.
-    entry: f64,
+    entry: SquaredSpeed,
     /// The block before has left with this speed.
     settled: bool,
 }
@@ -65,10 +63,10 @@ pub struct LookAhead<S> {
     released: usize,
     /// The next block starts from standstill.
     stopped: bool,
-    /// Nominal speed of the newest block.
-    newest_nominal: Speed,
+    /// Squared nominal speed of the newest block.
+    newest_nominal: SquaredSpeed,
     /// Squared speed with which the last block left, for the next to start with.
-    left_with: f64,
+    left_with: SquaredSpeed,
     /// Blocks in the ring, markers not counted.
     blocks: usize,
 }
@@ -82,8 +80,8 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
             length: 0,
             released: 0,
             stopped: true,
-            newest_nominal: Speed::ZERO,
-            left_with: 0.0,
+            newest_nominal: SquaredSpeed::ZERO,
+            left_with: SquaredSpeed::ZERO,
             blocks: 0,
         }
     }
@@ -111,20 +109,19 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
     /// Adds a block and lets its stopping distance raise the speeds before it; `false` without room.
     ///
     /// `junction` is the squared speed bound of the corner before it.
-    pub fn push(&mut self, block: Block, junction: f64) -> bool {
+    pub fn push(&mut self, block: &Block, junction: SquaredSpeed) -> bool {
         if !self.has_room() {
             return false;
         }
-        let bound =
-            if self.stopped { 0.0 } else { junction.min(block.nominal.squared()).min(self.newest_nominal.squared()) };
-        let reach = 2.0 * block.acceleration.mm_per_s2() * block.length_mm();
+        let nominal = SquaredSpeed::from(block.nominal);
+        let bound = if self.stopped { SquaredSpeed::ZERO } else { junction.min(nominal).min(self.newest_nominal) };
         // Where the block before has left already, it left with a speed that this one starts with.
         let settled = self.blocks == 0;
-        let entry = if settled { self.left_with } else { bound.min(reach) };
+        let entry = if settled { self.left_with } else { bound.min(SquaredSpeed::ZERO.changed_over(block)) };
         self.stopped = false;
-        self.newest_nominal = block.nominal;
+        self.newest_nominal = nominal;
         let place = self.length;
-        self.put(place, Content::Block(Waiting { block, reach, entry_bound: bound, entry, settled }));
+        *self.at(place) = Content::Block(Waiting { block: *block, entry_bound: bound, entry, settled });
         self.length += 1;
         self.blocks += 1;
         if !settled {
@@ -138,21 +135,21 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
         if !self.has_room() {
             return false;
         }
-        self.put(self.length, Content::Marker(marker));
+        *self.at(self.length) = Content::Marker(marker);
         self.length += 1;
         true
     }
 
     /// Yu 2019: v_s = sqrt(v_e^2 + 2 a s), from the newest block backwards until nothing changes any more: speeds
     /// only rise when a block is added, and a block that keeps its speed keeps all before it.
-    fn reverse_pass(&mut self, newest: usize, newest_entry: f64) {
+    fn reverse_pass(&mut self, newest: usize, newest_entry: SquaredSpeed) {
         let mut exit = newest_entry;
         for place in (0..newest).rev() {
             let Content::Block(waiting) = self.at(place) else { continue };
             if waiting.settled {
                 return;
             }
-            let entry = waiting.entry_bound.min(exit + waiting.reach);
+            let entry = waiting.entry_bound.min(exit.changed_over(&waiting.block));
             if entry == waiting.entry {
                 return;
             }
@@ -163,38 +160,46 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
 
     /// Takes the oldest block or marker if it may leave. Yu's forward pass happens here, a block at a time: the exit
     /// speed is what the next block's entry and this block's own acceleration allow.
-    pub fn pop(&mut self) -> Option<Left> {
+    ///
+    /// A block that leaves is held to the pace, as far as it can slow down to it on its own length.
+    pub fn pop(&mut self, pace: Pace) -> Option<Left> {
         if !self.can_leave() {
             return None;
         }
-        let oldest = *self.at(0);
-        *self.at(0) = Content::Empty;
-        self.first = (self.first + 1) % self.slots.as_ref().len().max(1);
+        let first = self.first;
+        let next = first + 1;
+        let content = self.slots.as_ref().get(first)?.0;
+        self.first = if next == self.slots.as_ref().len() { 0 } else { next };
         self.length -= 1;
         self.released = self.released.saturating_sub(1);
-        match oldest {
+        match content {
             Content::Empty => None,
             Content::Marker(marker) => Some(Left::Marker(marker)),
             Content::Block(waiting) => {
                 self.blocks -= 1;
-                let exit = self.settle_next(waiting.entry + waiting.reach);
-                self.left_with = exit.squared();
-                Some(Left::Block(PlannedBlock {
-                    block: waiting.block,
-                    entry: Speed::from_mm_per_s(square_root(waiting.entry)),
-                    exit,
-                }))
+                let mut block = waiting.block;
+                let mut reachable = waiting.entry.changed_over(&block);
+                if pace != Pace::FULL {
+                    let capped = pace.of(block.nominal);
+                    reachable = reachable.min(SquaredSpeed::from(capped).max(waiting.entry.slowed_over(&block)));
+                    block.nominal = capped;
+                }
+                let exit = self.settle_next(reachable);
+                self.left_with = exit.into();
+                let entry = waiting.entry.root();
+                block.nominal = block.nominal.max(entry).max(exit);
+                Some(Left::Block(PlannedBlock { block, entry, exit }))
             }
         }
     }
 
     /// Fixes the entry speed of the oldest block that is left; zero where there is none, and then the next block
     /// that comes starts from standstill.
-    fn settle_next(&mut self, reachable: f64) -> Speed {
+    fn settle_next(&mut self, reachable: SquaredSpeed) -> Speed {
         for place in 0..self.length {
             if let Content::Block(next) = self.at(place) {
-                let speed = Speed::from_mm_per_s(square_root(next.entry.min(reachable)));
-                next.entry = speed.squared();
+                let speed = next.entry.min(reachable).root();
+                next.entry = speed.into();
                 next.settled = true;
                 return speed;
             }
@@ -220,11 +225,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
         self.blocks = 0;
         self.released = 0;
         self.stopped = true;
-        self.left_with = 0.0;
-    }
-
-    fn put(&mut self, place: usize, content: Content) {
-        *self.at(place) = content;
+        self.left_with = SquaredSpeed::ZERO;
     }
 
     fn at(&mut self, place: usize) -> &mut Content {
@@ -280,7 +281,7 @@ mod tests {
             let moves: Vec<_> = moves.into_iter().map(|(v, a, length, j)| (v, a, f64::floor(length * 1e5) / 1e5, j)).collect();
             let mut ring = LookAhead::new(vec![Slot::EMPTY; 128]);
             for (i, &(nominal, acceleration, length, junction)) in moves.iter().enumerate() {
-                prop_assert!(ring.push(block(nominal, acceleration, length), junction));
+                prop_assert!(ring.push(&block(nominal, acceleration, length), SquaredSpeed::from_mm2_per_s2(junction as f32)));
                 if markers >> (i % 64) & 1 == 1 {
                     let pushed = ring.push_marker(Marker::FanPower { power: 7 });
                     prop_assert!(pushed);
@@ -290,7 +291,7 @@ mod tests {
             ring.flush();
             let expected = reference(&moves);
             let mut at = 0;
-            while let Some(left) = ring.pop() {
+            while let Some(left) = ring.pop(Pace::FULL) {
                 let Left::Block(planned) = left else { continue };
                 prop_assert!((planned.entry.mm_per_s() - expected[at]).abs() < 1e-3);
                 prop_assert!((planned.exit.mm_per_s() - expected[at + 1]).abs() < 1e-3);
@@ -308,16 +309,16 @@ mod tests {
             let mut left = Vec::new();
             for (i, &(nominal, acceleration, length, junction)) in moves.iter().enumerate() {
                 while !ring.has_room() {
-                    left.extend(ring.pop());
+                    left.extend(ring.pop(Pace::FULL));
                 }
-                prop_assert!(ring.push(block(nominal, acceleration, length), junction));
+                prop_assert!(ring.push(&block(nominal, acceleration, length), SquaredSpeed::from_mm2_per_s2(junction as f32)));
                 if flushes >> (i % 128) & 7 == 7 {
                     ring.release();
-                    left.extend(ring.pop());
+                    left.extend(ring.pop(Pace::FULL));
                 }
             }
             ring.flush();
-            while let Some(one) = ring.pop() {
+            while let Some(one) = ring.pop(Pace::FULL) {
                 left.push(one);
             }
             let mut speed = Speed::ZERO;

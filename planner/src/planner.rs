@@ -1,15 +1,18 @@
 //! The stages connected: moves in, step entries out.
 
-use crate::block::{Acceleration, Block, PlannedBlock, Speed};
+use crate::block::{Acceleration, Block, PlannedBlock, Speed, SquaredSpeed};
 use crate::bresenham::MAX_STEPS;
+use crate::budget::Budget;
 use crate::extruder::{Extruder, FILAMENT_UNITS_PER_MM};
 use crate::inner_ends::InnerEnds;
 use crate::interpolator::Interpolator;
-use crate::junction::Corner;
+use crate::junction::radius_10nm;
 use crate::kinematics::{Geometry, MAX_COORDINATE_10NM, UNITS_PER_MM};
-use crate::limits::Limits;
+use crate::limits::{Limits, PathLimits, smaller};
 use crate::look_ahead::{Left, LookAhead, Marker, Slot};
-use crate::square_root::square_root;
+use crate::merge::{Open, Planned};
+use crate::pace::Pace;
+use crate::path::Path;
 use crate::step_queue::{Notice, StepSink};
 use crate::time_law::TimeLaw;
 use crate::{TICKS_PER_SECOND, kinematics};
@@ -20,7 +23,13 @@ pub const MIN_FEED_MM_PER_S: f64 = 0.01;
 
 /// A move with more filament than this for its path, 1000 to 1, is planned as an extruder-only move: there is no
 /// speed along a path so short that the extruder's speed could be told by.
-const MOST_FILAMENT_PER_PATH: f64 = 1000.0;
+const MOST_FILAMENT_PER_PATH: i64 = 1000;
+
+/// Units of filament in a unit of length.
+const FILAMENT_UNITS_PER_10NM: i64 = FILAMENT_UNITS_PER_MM / UNITS_PER_MM;
+
+/// Ticks for 10 nm at 1 mm/s.
+const TICKS_PER_10NM_AT_1_MM_PER_S: f32 = (TICKS_PER_SECOND as i64 / UNITS_PER_MM) as f32;
 
 /// A straight move to a machine position.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -30,7 +39,7 @@ pub struct Move {
     /// Filament to push (or draw back), units of 0.1 nm.
     pub filament_100pm: i64,
     /// Speed along the path, of the filament where nothing else moves, mm/s.
-    pub feed_mm_per_s: f64,
+    pub feed_mm_per_s: f32,
     /// Number of the source line.
     pub line: u32,
     /// Whether the line's move ends here.
@@ -71,9 +80,8 @@ pub enum Progress {
 /// The move before, as its successor's junction sees it.
 #[derive(Clone, Copy, Debug)]
 struct Previous {
-    unit: [f64; 3],
-    length_mm: f64,
-    acceleration_mm_per_s2: f64,
+    path: Path,
+    acceleration_mm_per_s2: f32,
 }
 
 /// Moves in, step entries out.
@@ -81,6 +89,9 @@ struct Previous {
 pub struct Planner<S> {
     geometry: Geometry,
     limits: Limits,
+    path_limits: PathLimits,
+    budget: Budget,
+    pace: Pace,
     /// Target of the last move taken.
     position_10nm: [i64; 3],
     /// Motor positions at the end of the last block.
@@ -89,12 +100,19 @@ pub struct Planner<S> {
     /// Extruder position at the end of the last block.
     extruder_256ths: i64,
     previous: Option<Previous>,
+    /// The newest block, which the next move may continue. It enters the ring when that is known, never sooner than the
+    /// ring has room, so that a full ring holds the same blocks however late the next move comes.
+    open: Open,
+    /// A flush waits until the open block has entered the ring.
+    flushing: bool,
     look_ahead: LookAhead<S>,
     interpolator: Interpolator,
     /// Speed at the end of the last block handed to the interpolator.
     exit: Speed,
     motion_ticks: u64,
     starvation_flushes: u64,
+    merged_moves: u64,
+    slowed_moves: u64,
 }
 
 impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
@@ -103,16 +121,23 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         Self {
             geometry,
             limits,
+            path_limits: PathLimits::new(&limits),
+            budget: Budget::new(&geometry),
+            pace: Pace::FULL,
             position_10nm: [0; 3],
             motor_steps: [0; 3],
             extruder: Extruder::new(geometry.steps_per_mm[3]),
             extruder_256ths: 0,
             previous: None,
+            open: Open::NONE,
+            flushing: false,
             look_ahead: LookAhead::new(ring),
             interpolator: Interpolator::new(geometry.minimum_event_interval_ticks),
             exit: Speed::ZERO,
             motion_ticks: 0,
             starvation_flushes: 0,
+            merged_moves: 0,
+            slowed_moves: 0,
         }
     }
 
@@ -124,6 +149,18 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
     /// Sets the limits for moves to come; those taken keep theirs.
     pub fn set_limits(&mut self, limits: Limits) {
         self.limits = limits;
+        self.path_limits = PathLimits::new(&limits);
+    }
+
+    /// Holds the blocks that leave look-ahead from now on to a share of their nominal speeds, within what acceleration
+    /// allows. For a machine that cannot keep up; [`Pace::FULL`] at first, and then nothing is changed.
+    pub fn set_pace(&mut self, pace: Pace) {
+        self.pace = pace;
+    }
+
+    /// The share of their nominal speeds that blocks keep.
+    pub fn pace(&self) -> Pace {
+        self.pace
     }
 
     /// Motors and steps of the machine.
@@ -146,19 +183,29 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         self.starvation_flushes
     }
 
-    /// Whether a move would be taken now.
+    /// How many moves were joined to the one before, two moves that became one block counting as one.
+    pub fn merged_moves(&self) -> u64 {
+        self.merged_moves
+    }
+
+    /// How many moves became slower because the processor could not have kept up with them.
+    pub fn slowed_moves(&self) -> u64 {
+        self.slowed_moves
+    }
+
+    /// Whether any move or fan change would be taken now; some are even if this says no.
     pub fn has_room(&self) -> bool {
         self.look_ahead.has_room()
     }
 
     /// Whether all moves taken have become step entries.
     pub fn is_idle(&self) -> bool {
-        self.look_ahead.is_empty() && !self.interpolator.is_busy()
+        self.is_look_ahead_empty() && !self.interpolator.is_busy()
     }
 
     /// Whether no move waits for its speeds.
     pub fn is_look_ahead_empty(&self) -> bool {
-        self.look_ahead.is_empty()
+        !self.open.is_some() && self.look_ahead.is_empty()
     }
 
     /// Whether the last entry handed out leaves the motors running.
@@ -174,14 +221,11 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         if request.target_10nm.iter().any(|coordinate| coordinate.unsigned_abs() > MAX_COORDINATE_10NM as u64) {
             return Err(MoveError::TooFar);
         }
-        if request.filament_100pm.unsigned_abs() > self.extruder.longest_move_100pm() as u64 {
+        if !Extruder::can_push(self.geometry.steps_per_mm[3], request.filament_100pm) {
             return Err(MoveError::TooMuchFilament);
         }
         if request.target_10nm == self.position_10nm && request.filament_100pm == 0 {
             return Ok(Moved::Nothing);
-        }
-        if !self.has_room() {
-            return Err(MoveError::NoRoom);
         }
         let motor_steps = self.geometry.motor_steps(request.target_10nm);
         let mut steps = [0; 3];
@@ -198,9 +242,16 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
             return Err(MoveError::TooMuchFilament);
         };
 
-        let (block, junction, previous) = self.block(request, steps, extruder_256ths);
-        self.look_ahead.push(block, junction);
-        self.previous = previous;
+        let planned = self.plan(request, steps, extruder_256ths);
+        if !self.flushing && self.open.absorb(&planned) {
+            self.merged_moves += 1;
+        } else if self.close() {
+            self.open.begin(&planned, self.extruder_256ths);
+        } else {
+            return Err(MoveError::NoRoom);
+        }
+        let acceleration_mm_per_s2 = planned.acceleration_mm_per_s2;
+        self.previous = planned.path.map(|path| Previous { path, acceleration_mm_per_s2 });
         self.extruder = extruder;
         self.extruder_256ths = extruder_end;
         self.position_10nm = request.target_10nm;
@@ -208,83 +259,92 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         Ok(Moved::Queued)
     }
 
-    /// The block of a move, its squared junction speed, and what the next junction needs.
-    fn block(&self, request: &Move, steps: [i32; 3], extruder_256ths: i32) -> (Block, f64, Option<Previous>) {
-        let limits = &self.limits;
-        let filament_mm = request.filament_100pm.unsigned_abs() as f64 / FILAMENT_UNITS_PER_MM as f64;
-        let mut path_mm = [0.0; 3];
-        for (component, (to, from)) in path_mm.iter_mut().zip(request.target_10nm.iter().zip(self.position_10nm)) {
-            *component = (to - from) as f64 / UNITS_PER_MM as f64;
-        }
-        let [x, y, z] = path_mm;
-        let exact_mm = square_root(x * x + y * y + z * z);
-        let mut feed = request.feed_mm_per_s.max(MIN_FEED_MM_PER_S);
-        let mut acceleration;
-        let length_mm;
-        let mut previous = None;
-        let mut junction = 0.0;
+    /// A move as a block of its own, its speed not yet within the budget.
+    fn plan(&self, request: &Move, steps: [i32; 3], extruder_256ths: i32) -> Planned {
+        let least = MIN_FEED_MM_PER_S as f32;
+        let feed = if request.feed_mm_per_s < least { least } else { request.feed_mm_per_s };
+        let filament_100pm = request.filament_100pm.abs();
+        let filament = filament_100pm as f32 / FILAMENT_UNITS_PER_10NM as f32;
+        let path = Path::between(self.position_10nm, request.target_10nm);
+        let path_10nm = path.length_10nm();
 
-        if exact_mm * MOST_FILAMENT_PER_PATH <= filament_mm {
-            length_mm = filament_mm;
-            feed = feed.min(limits.max_feed_mm_per_s[3]);
-            acceleration = limits.retract_acceleration_mm_per_s2.min(limits.max_acceleration_mm_per_s2[3]);
+        let moves_filament_alone =
+            i64::from(path_10nm) * (MOST_FILAMENT_PER_PATH * FILAMENT_UNITS_PER_10NM) <= filament_100pm;
+        let (length, length_10nm, (mut feed, acceleration)) = if moves_filament_alone {
+            let rounded = (filament_100pm + FILAMENT_UNITS_PER_10NM / 2) / FILAMENT_UNITS_PER_10NM;
+            (filament, (rounded as u32).max(1), self.path_limits.of_filament(feed))
         } else {
-            length_mm = exact_mm;
-            let unit = path_mm.map(|component| component / exact_mm);
-            acceleration = if request.filament_100pm == 0 {
-                limits.travel_acceleration_mm_per_s2
-            } else {
-                limits.print_acceleration_mm_per_s2
-            };
-            let shares = [unit[0], unit[1], unit[2], filament_mm / exact_mm];
-            for (axis, share) in shares.into_iter().enumerate() {
-                let share = share.abs();
-                if share > 0.0 {
-                    feed = feed.min(limits.max_feed_mm_per_s[axis] / share);
-                    acceleration = acceleration.min(limits.max_acceleration_mm_per_s2[axis] / share);
-                }
-            }
-            if let Some(before) = &self.previous {
-                let corner = Corner { before: before.unit, after: unit, shorter_mm: exact_mm.min(before.length_mm) };
-                junction =
-                    corner.radius_mm(limits.junction_deviation_mm) * acceleration.min(before.acceleration_mm_per_s2);
-            }
-            previous = Some(Previous { unit, length_mm: exact_mm, acceleration_mm_per_s2: acceleration });
-        }
-        // No motor steps faster than events may follow each other.
-        let step_rate = f64::from(TICKS_PER_SECOND) / f64::from(self.geometry.minimum_event_interval_ticks.max(1));
-        let master = steps.iter().fold(0, |most, steps| steps.unsigned_abs().max(most));
-        let most_steps = f64::from(master).max(f64::from(extruder_256ths.unsigned_abs()) / 256.0);
-        if most_steps > 0.0 {
-            feed = feed.min(length_mm / most_steps * step_rate);
-        }
-        let block = Block {
+            let [x, y, z] = path.vector_10nm.map(|component| component.unsigned_abs() as f32);
+            let prints = filament_100pm != 0;
+            (path.length, path_10nm, self.path_limits.along(feed, path.length, [x, y, z, filament], prints))
+        };
+        let mut block = Block {
             steps,
             extruder_256ths,
-            length_10nm: ((length_mm * UNITS_PER_MM as f64 + 0.5) as u32).max(1),
-            nominal: Speed::from_mm_per_s(feed).max(Speed(1)),
-            acceleration: Acceleration::from_mm_per_s2(acceleration),
+            length_10nm,
+            nominal: Speed::ZERO,
+            acceleration: Acceleration::from_mm_per_s2_f32(acceleration),
             line: request.line,
             ends_move: request.ends_move,
             inner_ends: InnerEnds::NONE,
         };
-        (block, junction, previous)
+        // No motor steps faster than events may follow each other: v / S * steps <= 1 / interval.
+        let most_256ths = (block.master_steps() * 256).max(extruder_256ths.unsigned_abs());
+        let shortest_ticks = most_256ths as f32 / 256.0 * self.geometry.minimum_event_interval_ticks as f32;
+        if feed * shortest_ticks > length * TICKS_PER_10NM_AT_1_MM_PER_S {
+            feed = length * TICKS_PER_10NM_AT_1_MM_PER_S / shortest_ticks;
+        }
+        block.nominal = Speed::from_mm_per_s_f32(feed).max(Speed(1));
+        let path = (!moves_filament_alone).then_some(path);
+        let junction = self.junction(path.as_ref(), acceleration);
+        Planned { block, junction, path, acceleration_mm_per_s2: acceleration }
+    }
+
+    /// Bound of the squared speed in the corner before a path: v^2 = a R (Yu 2019); a stop next to a move without one.
+    fn junction(&self, path: Option<&Path>, acceleration_mm_per_s2: f32) -> SquaredSpeed {
+        let (Some(path), Some(before)) = (path, &self.previous) else { return SquaredSpeed::ZERO };
+        let radius = radius_10nm(&before.path, path, self.path_limits.junction_deviation_10nm);
+        let acceleration = smaller(acceleration_mm_per_s2, before.acceleration_mm_per_s2);
+        SquaredSpeed::from_mm2_per_s2(radius / UNITS_PER_MM as f32 * acceleration)
+    }
+
+    /// The open block enters the ring, within the budget; `false` without room. A flush that waited for it follows.
+    fn close(&mut self) -> bool {
+        let open = &mut self.open;
+        if open.is_some() {
+            if !self.look_ahead.has_room() {
+                return false;
+            }
+            if let Some(slower) = self.budget.slower_nominal(&open.block, open.moves, open.extruder_256ths) {
+                open.block.nominal = slower;
+                self.slowed_moves += u64::from(open.moves);
+            }
+            self.look_ahead.push(&open.block, open.junction);
+            open.clear();
+        }
+        if self.flushing {
+            self.flushing = false;
+            self.look_ahead.flush();
+        }
+        true
     }
 
     /// Changes the fan when the moves taken so far are done; `false` without room.
     pub fn add_fan_power(&mut self, power: u8) -> bool {
-        self.look_ahead.push_marker(Marker::FanPower { power })
+        self.close() && self.look_ahead.push_marker(Marker::FanPower { power })
     }
 
     /// Motion ends with the last move taken; everything in the look-ahead ring may leave.
     pub fn flush(&mut self) {
-        self.look_ahead.flush();
+        self.flushing = true;
+        self.close();
         self.previous = None;
     }
 
     /// The step queue runs low and no input is at hand: the oldest block leaves with the speeds it has.
     pub fn release(&mut self) {
-        if !self.look_ahead.is_empty() && !self.look_ahead.can_leave() {
+        if !self.is_look_ahead_empty() && !self.look_ahead.can_leave() {
+            self.close();
             self.look_ahead.release();
             self.starvation_flushes += 1;
         }
@@ -297,7 +357,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
             self.interpolator.advance(sink);
             return Progress::Worked;
         }
-        match self.look_ahead.pop() {
+        match self.pop() {
             Some(Left::Block(planned)) => {
                 let law = TimeLaw::trapezoid(&planned);
                 self.exit = planned.exit;
@@ -313,10 +373,18 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         Progress::Worked
     }
 
+    /// What may leave look-ahead now.
+    fn pop(&mut self) -> Option<Left> {
+        if self.flushing {
+            self.close();
+        }
+        self.look_ahead.pop(self.pace)
+    }
+
     /// For estimates: takes the next block that may leave without executing it.
     pub fn next_planned(&mut self) -> Option<PlannedBlock> {
         loop {
-            match self.look_ahead.pop()? {
+            match self.pop()? {
                 Left::Block(planned) => {
                     let seconds = TimeLaw::trapezoid(&planned).duration_s;
                     self.motion_ticks += (seconds * f64::from(TICKS_PER_SECOND) + 0.5) as u64;
@@ -332,6 +400,8 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
     /// filament that has been taken and not pushed, units of 0.1 nm.
     pub fn stand_at(&mut self, motor_steps: [i64; 4], tick: u64, directions: u8) -> i64 {
         self.look_ahead.clear();
+        self.open.clear();
+        self.flushing = false;
         self.exit = Speed::ZERO;
         self.interpolator.set_directions(directions);
         let dropped_100pm = self.extruder.stand_at(motor_steps[3]);

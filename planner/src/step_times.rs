@@ -25,6 +25,8 @@ pub struct StepTimes {
     left: u32,
     /// Steps handed out.
     done: u32,
+    /// Steps that may be handed out, of which `done` have been.
+    limit: u32,
     phase: usize,
     /// Steps of this phase not yet handed out, the next one included.
     left_in_phase: u32,
@@ -51,6 +53,7 @@ impl StepTimes {
             spacing_mm,
             left: count,
             done: 0,
+            limit: count,
             phase: 0,
             left_in_phase: 0,
             next: 0,
@@ -62,17 +65,22 @@ impl StepTimes {
         times
     }
 
-    /// When the next step is due; `None` after the last.
-    #[inline]
-    pub fn next_time(&self) -> Option<u64> {
-        (self.left > 0).then_some(self.next)
+    /// Hands out the first `count` steps only, until another limit is set.
+    pub fn limit(&mut self, count: u32) {
+        self.limit = count.clamp(self.done, self.done + self.left);
     }
 
-    /// In the cruise: the constant interval, and how many steps are left in it, the next one included.
+    /// When the next step is due; `None` after the last and at the limit.
+    #[inline]
+    pub fn next_time(&self) -> Option<u64> {
+        (self.done < self.limit).then_some(self.next)
+    }
+
+    /// In the cruise: the constant interval, and how many steps are left in it and to the limit, the next one included.
     #[inline]
     pub fn cruise(&self) -> Option<(u64, u32)> {
         match self.pace {
-            Pace::Cruise { interval } => Some((interval, self.left_in_phase)),
+            Pace::Cruise { interval } => Some((interval, self.left_in_phase.min(self.limit - self.done))),
             Pace::Ramp { .. } => None,
         }
     }

@@ -65,6 +65,24 @@ impl TimeLaw {
         Self::joined([(up, entry, peak), (0.0, peak, peak), (length - up, peak, exit)])
     }
 
+    /// When the path position `position_mm` is reached, s from the block's start; positions outside are taken to the
+    /// nearer end.
+    pub fn time_at(&self, position_mm: f64) -> f64 {
+        let mut time_s = 0.0;
+        for phase in &self.phases {
+            let inside_mm = (position_mm - phase.start_mm).min(phase.length_mm);
+            if inside_mm <= 0.0 {
+                continue;
+            }
+            let start = phase.start_mm_per_s;
+            let here = square_root(start * start + 2.0 * phase.acceleration_mm_per_s2 * inside_mm);
+            let sum = start + here;
+            let inside_s = if sum > 0.0 { 2.0 * inside_mm / sum } else { 0.0 };
+            time_s = phase.start_s + inside_s.min(phase.duration_s);
+        }
+        time_s
+    }
+
     /// Phases from their lengths and end speeds.
     fn joined(parts: [(f64, f64, f64); PHASES]) -> Self {
         let mut law = Self::default();

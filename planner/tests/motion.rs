@@ -5,8 +5,8 @@
 use ferrostep_planner::extruder::{Extruder, rounded_steps};
 use ferrostep_planner::look_ahead::Slot;
 use ferrostep_planner::{
-    Geometry, Kinematics, Limits, Move, MoveError, Moved, Notice, PlannedBlock, Planner, Progress, StepDigests,
-    StepEntry, StepKind, StepSink, StepsPerMm, TICKS_PER_SECOND,
+    Geometry, Kinematics, Limits, Move, MoveError, Moved, Notice, Pace, PlannedBlock, Planner, Progress, Speed,
+    StepDigests, StepEntry, StepKind, StepSink, StepsPerMm, TICKS_PER_SECOND,
 };
 use proptest::prelude::*;
 
@@ -56,6 +56,8 @@ fn geometry(kinematics: Kinematics, steps_per_mm: [f64; 4]) -> Geometry {
         kinematics,
         steps_per_mm: steps_per_mm.map(|steps| StepsPerMm::from_f64(steps).unwrap()),
         minimum_event_interval_ticks: MINIMUM_INTERVAL,
+        event_cost_ticks: 0,
+        move_cost_ticks: 0,
     }
 }
 
@@ -78,7 +80,7 @@ fn moves() -> impl Strategy<Value = Vec<Move>> {
         proptest::array::uniform3(coordinate),
         0u8..8,
         filament,
-        prop_oneof![0.5f64..20.0, 20.0f64..400.0],
+        prop_oneof![0.5f32..20.0, 20.0f32..400.0],
         any::<bool>(),
     );
     proptest::collection::vec(one, 1..40).prop_map(|list| {
@@ -346,7 +348,7 @@ fn digest(player: &Player) -> StepDigests {
     digests
 }
 
-fn request(target_10nm: [i64; 3], filament_100pm: i64, feed_mm_per_s: f64) -> Move {
+fn request(target_10nm: [i64; 3], filament_100pm: i64, feed_mm_per_s: f32) -> Move {
     Move { target_10nm, filament_100pm, feed_mm_per_s, line: 1, ends_move: true }
 }
 
@@ -357,7 +359,7 @@ fn bad_moves_are_refused_and_change_nothing() {
     assert_eq!(planner.add(&request([far, 0, 0], 0, 10.0)), Err(MoveError::TooFar));
     assert_eq!(planner.add(&request([i64::MIN, 0, 0], 0, 10.0)), Err(MoveError::TooFar));
     assert_eq!(planner.add(&request([0; 3], i64::MIN, 10.0)), Err(MoveError::TooMuchFilament));
-    for feed in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+    for feed in [0.0, -1.0, f32::NAN, f32::INFINITY] {
         assert_eq!(planner.add(&request([1_000, 0, 0], 0, feed)), Err(MoveError::Feed));
     }
     assert_eq!(planner.add(&request([0; 3], 0, 10.0)), Ok(Moved::Nothing));
@@ -417,4 +419,167 @@ fn after_a_stop_motion_goes_on_from_where_the_motors_stand() {
         }
     }
     assert_eq!(motors[..3], [0, 0, 0]);
+}
+
+/// A job and its plan, with a fan change after each move that keeps it from merging with the next, or without.
+fn plan(geometry: Geometry, moves: &[Move], apart: bool) -> (Planner<Vec<Slot>>, Player) {
+    let mut planner = planner(geometry, 1_000);
+    let mut player = Player::default();
+    for each in moves {
+        planner.add(each).unwrap();
+        assert!(!apart || planner.add_fan_power(1));
+        while !planner.has_room() {
+            assert_eq!(planner.advance(&mut player), Progress::Worked);
+        }
+    }
+    planner.flush();
+    while planner.advance(&mut player) == Progress::Worked {}
+    (planner, player)
+}
+
+fn ends(player: &Player) -> Vec<(u64, u32)> {
+    let ends = player.notices.iter().filter_map(|notice| match *notice {
+        Notice::MoveEnded { tick, line } => Some((tick, line)),
+        Notice::FanPower { .. } => None,
+    });
+    ends.collect()
+}
+
+/// Short moves that go on nearly as the ones before, some of them in units that suit the motors.
+fn short_moves() -> impl Strategy<Value = Vec<Move>> {
+    let one = (prop_oneof![Just(5_000i64), Just(1_250), 1_000i64..20_000], -3i64..=3, any::<u8>(), any::<bool>());
+    let directions = (0usize..6, prop_oneof![Just(0i64), 1i64..100], 10.0f32..100.0);
+    (directions, proptest::collection::vec(one, 2..120)).prop_map(|((direction, filament, feed_mm_per_s), list)| {
+        let [dx, dy] = [[1, 0], [0, 1], [-1, 1], [2, 1], [-3, -1], [5, 4]][direction];
+        let mut target = [0i64; 3];
+        (1..)
+            .zip(list)
+            .map(|(line, (length, off, turn, ends_move))| {
+                target[0] += dx * length + if turn < 30 { off } else { 0 };
+                target[1] += dy * length + if turn < 20 { off * 40 } else { 0 };
+                let filament_100pm = filament * length / 10;
+                Move { target_10nm: target, filament_100pm, feed_mm_per_s, line, ends_move: ends_move || turn > 20 }
+            })
+            .collect()
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(500))]
+
+    #[test]
+    fn merging_changes_no_end_and_no_time(machine in machines(), moves in short_moves()) {
+        let (merged_planner, merged) = plan(machine, &moves, false);
+        let (apart_planner, apart) = plan(machine, &moves, true);
+        prop_assert_eq!(apart_planner.merged_moves(), 0);
+        let (ends, expected) = (ends(&merged), ends(&apart));
+        prop_assert_eq!(ends.len(), expected.len());
+        let count = |player: &Player, tick: u64| {
+            let mut motors = [0i64; 4];
+            for event in player.events.iter().take_while(|event| event.tick <= tick) {
+                for (motor, steps) in motors.iter_mut().enumerate() {
+                    if event.axes >> motor & 1 == 1 {
+                        *steps += if event.directions >> motor & 1 == 1 { -1 } else { 1 };
+                    }
+                }
+            }
+            motors
+        };
+        for (&(tick, line), &(expected_tick, expected_line)) in ends.iter().zip(&expected) {
+            prop_assert_eq!(line, expected_line);
+            prop_assert_eq!(count(&merged, tick), count(&apart, expected_tick), "line {}", line);
+            // A speed is cut to 2^-16 mm/s and a duration rounded to a tick at each end of a block; an event that
+            // keeps its distance may put an end off.
+            let slack = 1e-6 * tick as f64 + 4.0 * f64::from(MINIMUM_INTERVAL) + 200.0;
+            prop_assert!((tick as f64 - expected_tick as f64).abs() < slack, "{} {} {}", line, tick, expected_tick);
+        }
+        prop_assert_eq!(merged_planner.position_10nm(), apart_planner.position_10nm());
+    }
+
+    #[test]
+    fn no_block_is_faster_than_the_budget(machine in machines(), moves in prop_oneof![moves(), short_moves()]) {
+        let machine = Geometry { event_cost_ticks: 2_100, move_cost_ticks: 84_000, ..machine };
+        let mut extruder = 0i64;
+        for planned in blocks(machine, 24, &moves) {
+            let block = planned.block;
+            let extruder_steps = rounded_steps(extruder + i64::from(block.extruder_256ths)).abs_diff(rounded_steps(extruder));
+            extruder += i64::from(block.extruder_256ths);
+            let master = block.steps.iter().map(|steps| u64::from(steps.unsigned_abs())).max().unwrap();
+            let lines = 1 + block.inner_ends.iter(block.line).count() as u64;
+            let cost_ticks = (master + extruder_steps) * 2_100 + lines * 84_000;
+            let ticks = Law::new(&planned).duration() * f64::from(TICKS_PER_SECOND);
+            prop_assert!(ticks >= cost_ticks as f64 * (1.0 - 1e-6), "{} {}", ticks, cost_ticks);
+        }
+    }
+
+    #[test]
+    fn any_pace_keeps_the_limits(machine in machines(), moves in moves(), ring in 2usize..40, paces in proptest::collection::vec(0u16..300, 1..40)) {
+        let mut planner = planner(machine, ring);
+        let mut planned = Vec::new();
+        let mut paces = paces.into_iter().cycle();
+        let mut next = |planner: &mut Planner<Vec<Slot>>| {
+            let pace = Pace::from_256ths(paces.next().unwrap());
+            planner.set_pace(pace);
+            planner.next_planned().map(|block| (pace, block))
+        };
+        for each in &moves {
+            while let Err(MoveError::NoRoom) = planner.add(each) {
+                planned.extend(next(&mut planner));
+            }
+        }
+        planner.flush();
+        while let Some(one) = next(&mut planner) {
+            planned.push(one);
+        }
+        let full = blocks(machine, ring, &moves);
+        prop_assert_eq!(planned.len(), full.len());
+        let mut speed = Speed::ZERO;
+        for ((pace, planned), full) in planned.into_iter().zip(full) {
+            prop_assert_eq!(planned.entry, speed);
+            speed = planned.exit;
+            let reach = 2.0 * planned.block.acceleration.mm_per_s2() * planned.block.length_mm();
+            let change = planned.exit.squared() - planned.entry.squared();
+            prop_assert!(change.abs() <= reach * (1.0 + 1e-9) + 0.05, "{} > {}", change, reach);
+            let capped = pace.of(full.block.nominal);
+            prop_assert_eq!(planned.block.nominal, capped.max(planned.entry).max(planned.exit));
+            prop_assert!(planned.block.nominal <= full.block.nominal && planned.exit <= full.exit);
+            // Above the pace only what the length cannot take away.
+            let least = (planned.entry.squared() - reach).max(0.0).sqrt();
+            prop_assert!(planned.exit <= capped || planned.exit.mm_per_s() <= least * (1.0 + 1e-6) + 1e-3);
+        }
+        prop_assert_eq!(speed, Speed::ZERO);
+    }
+}
+
+/// A straight line in pieces of 0.05 mm, four steps each.
+fn pieces_of_a_line(filament_100pm: i64) -> Vec<Move> {
+    (1..=800).map(|line| Move { line, ..request([i64::from(line) * 5_000, 0, 0], filament_100pm, 60.0) }).collect()
+}
+
+#[test]
+fn a_line_in_short_pieces_takes_an_eighth_of_the_places() {
+    let machine = geometry(Kinematics::Cartesian, [80.0, 80.0, 400.0, 95.0]);
+    assert_eq!(blocks(machine, 128, &pieces_of_a_line(0)).len(), 100);
+    let (planner, player) = plan(machine, &pieces_of_a_line(0), false);
+    assert_eq!(planner.merged_moves(), 700);
+    assert_eq!(ends(&player).iter().map(|end| end.1).collect::<Vec<_>>(), (1..=800).collect::<Vec<_>>());
+    // The extruder's steps need not fall as evenly.
+    let with_filament = blocks(machine, 128, &pieces_of_a_line(40_000)).len();
+    assert!(with_filament < 120, "{with_filament}");
+}
+
+#[test]
+fn a_circle_in_short_pieces_takes_fewer_places_than_pieces() {
+    // 50 mm radius, 0.05 mm a piece: a third of the ends fall on the steps of a longer chord.
+    let machine = geometry(Kinematics::Cartesian, [80.0, 80.0, 400.0, 95.0]);
+    let pieces = 6_283;
+    let moves: Vec<_> = (1..=pieces)
+        .map(|line| {
+            let angle = f64::from(line) / f64::from(pieces) * core::f64::consts::TAU;
+            let [x, y] = [angle.cos() - 1.0, angle.sin()].map(|share| (share * 5_000_000.0).round() as i64);
+            Move { line, ..request([x, y, 0], 20_000, 60.0) }
+        })
+        .collect();
+    let count = blocks(machine, 128, &moves).len();
+    assert!(count < 4_600, "{count}");
 }

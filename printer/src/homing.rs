@@ -62,6 +62,7 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
     async fn seek(&mut self, axis: usize, distance_10nm: i64, feed_mm_per_s: f64) -> Result<(), CommandError> {
         let mut target_10nm = self.motion.position_10nm();
         target_10nm[axis] += distance_10nm;
+        let feed_mm_per_s = feed_mm_per_s as f32;
         let request = Move { target_10nm, filament_100pm: 0, feed_mm_per_s, line: self.line, ends_move: false };
         match self.motion.seek(request, axis).await? {
             Seek::Triggered => Ok(()),

@@ -24,7 +24,10 @@ pub use host::Host;
 pub use modal::Tally;
 pub use ports::{HeaterStatus, Heating, Motion, MotionError, Replies, Seek, Signals, Timing};
 pub use printer::Printer;
-pub use profile::{AxisHoming, DriverTiming, FirmwareRetraction, HeaterSettings, HomeEnd, Profile};
+pub use profile::{
+    AxisHoming, DEFAULT_EVENTS_PER_S, DEFAULT_MOVES_PER_S, DriverTiming, FirmwareRetraction, HeaterSettings, HomeEnd,
+    Profile,
+};
 pub use waits::temperatures;
 
 /// Names of the axes, in the order of their index.

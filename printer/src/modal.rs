@@ -1,6 +1,7 @@
 //! What lasts from line to line.
 
 use ferrostep_gcode::{AxisWords, Decimal, Units};
+use ferrostep_planner::MIN_FEED_MM_PER_S;
 
 use crate::profile::{FirmwareRetraction, Profile};
 
@@ -114,8 +115,16 @@ impl Modal {
         }
     }
 
+    /// Whether a feed at the present percentage is at least [`MIN_FEED_MM_PER_S`].
+    pub fn is_feed_fast_enough(&self, feed_10nm_per_min: i64) -> bool {
+        const MIN_FEED_10NM_PER_MIN: i64 = (MIN_FEED_MM_PER_S * 60.0 * 100_000.0) as i64;
+        const _: () = assert!(MIN_FEED_10NM_PER_MIN == 60_000);
+        // At 1 %, the least, 100 times the slowest feed is enough; so the product need not hold faster ones.
+        feed_10nm_per_min.min(100 * MIN_FEED_10NM_PER_MIN) * i64::from(self.feed_percent) >= 100 * MIN_FEED_10NM_PER_MIN
+    }
+
     /// mm/s of a feed at the present percentage (M220).
-    pub fn feed_mm_per_s(&self, feed_10nm_per_min: i64) -> f64 {
-        feed_10nm_per_min as f64 * f64::from(self.feed_percent) / (60.0 * 100.0 * 100_000.0)
+    pub fn feed_mm_per_s(&self, feed_10nm_per_min: i64) -> f32 {
+        feed_10nm_per_min as f32 * f32::from(self.feed_percent) / (60.0 * 100.0 * 100_000.0)
     }
 }

@@ -5,7 +5,7 @@ use ferrostep_gcode::{ArcForm, AxisWords, Decimal, Reply};
 use ferrostep_hal_shim::{Clock, Heater};
 use ferrostep_planner::extruder::Extruder;
 use ferrostep_planner::kinematics::MAX_COORDINATE_10NM;
-use ferrostep_planner::{MIN_FEED_MM_PER_S, Move, Moved, filament_100pm};
+use ferrostep_planner::{Move, Moved, filament_100pm};
 
 use crate::AXIS_NAMES;
 use crate::arc::Arc;
@@ -123,8 +123,9 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
             return Err(CommandError::TooMuchFilament);
         }
         let feed_10nm_per_min = self.modal.feed(feed).ok_or(CommandError::TooFar)?;
-        let feed_mm_per_s = self.modal.feed_mm_per_s(feed_10nm_per_min);
-        if feed_mm_per_s < MIN_FEED_MM_PER_S {
+        if !self.modal.is_feed_fast_enough(feed_10nm_per_min) {
+            let percent = f64::from(self.modal.feed_percent);
+            let feed_mm_per_s = feed_10nm_per_min as f64 * percent / (60.0 * 100.0 * 100_000.0);
             return Err(CommandError::FeedTooSlow { feed_mm_per_s });
         }
         if extruder_10nm != self.modal.extruder_10nm {
@@ -132,7 +133,7 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         }
         let target = Target { machine_10nm, extruder_10nm, feed_10nm_per_min };
         // Looked at here, not only by the planner: an arc goes there in many moves.
-        if self.filament(&target).abs() > Extruder::new(self.profile.steps_per_mm[3]).longest_move_100pm() {
+        if !Extruder::can_push(self.profile.steps_per_mm[3], self.filament(&target)) {
             return Err(CommandError::TooMuchFilament);
         }
         Ok(target)
@@ -216,9 +217,9 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         let filament = filament_100pm(length_10nm, 100);
         let here = self.motion.position_10nm();
         let there = self.lifted(self.modal.machine_10nm, if retract { settings.lift_10nm } else { 0 });
-        let feed_mm_per_s = self.motion.limits().max_feed_mm_per_s[2];
+        let feed_mm_per_s = self.motion.limits().max_feed_mm_per_s[2] as f32;
         let lift = Move { target_10nm: there, filament_100pm: 0, feed_mm_per_s, line: self.line, ends_move: false };
-        let filament_move = Move { filament_100pm: filament, feed_mm_per_s: rate as f64 / 100_000.0, ..lift };
+        let filament_move = Move { filament_100pm: filament, feed_mm_per_s: rate as f32 / 100_000.0, ..lift };
         // Draw back before lifting, lower before pushing forward: the nozzle never oozes in the air.
         if retract {
             self.motion.add(Move { target_10nm: here, ..filament_move }).await?;
@@ -283,6 +284,7 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
 
     /// Adds a move outside the G-code's own (homing).
     pub(crate) async fn move_to(&mut self, target_10nm: [i64; 3], feed_mm_per_s: f64) -> Result<Moved, CommandError> {
+        let feed_mm_per_s = feed_mm_per_s as f32;
         let request = Move { target_10nm, filament_100pm: 0, feed_mm_per_s, line: self.line, ends_move: false };
         Ok(self.motion.add(request).await?)
     }

@@ -103,8 +103,9 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
     /// before it.
     pub async fn execute(&mut self, line: u32, text: &str) -> Result<(), Failure> {
         self.line = line;
-        let failure = match parse(text) {
-            Ok(command) => match self.command_with_signs_of_life(&command).await {
+        let parsed = parse(text);
+        let failure = match &parsed {
+            Ok(command) => match self.command_with_signs_of_life(command).await {
                 Ok(reported) => {
                     if !reported {
                         self.replies.send(Reply::Ok);
@@ -113,7 +114,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
                 }
                 Err(error) => Failure::Command(error),
             },
-            Err(error) => Failure::Parse(error),
+            Err(error) => Failure::Parse(*error),
         };
         self.replies.refuse(line, &failure);
         self.replies.send(Reply::Ok);

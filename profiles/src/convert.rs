@@ -1,7 +1,10 @@
 //! From the checked text to the machine: ranges, units, and the values that must fit each other.
 
 use ferrostep_planner::{Kinematics, Limits, StepsPerMm, TICKS_PER_SECOND};
-use ferrostep_printer::{AxisHoming, DriverTiming, FirmwareRetraction, HeaterSettings, HomeEnd, Profile};
+use ferrostep_printer::{
+    AxisHoming, DEFAULT_EVENTS_PER_S, DEFAULT_MOVES_PER_S, DriverTiming, FirmwareRetraction, HeaterSettings, HomeEnd,
+    Profile,
+};
 
 use crate::check::{Checker, Range, range};
 use crate::error::ProfileError;
@@ -36,6 +39,8 @@ const RETRACTION: Range = range(0.0, 100.0, "mm");
 const EXTRA_RECOVER: Range = range(-100.0, 100.0, "mm");
 const LIFT: Range = range(0.0, 50.0, "mm");
 const PULSE_WIDTH: Range = range(0.01, 50.0, "us");
+const EVENTS_PER_S: Range = range(1_000.0, 10_000_000.0, "events/s");
+const MOVES_PER_S: Range = range(10.0, 1_000_000.0, "moves/s");
 const DIRECTION_SETUP: Range = range(0.0, 100.0, "us");
 
 /// Longest name, bytes.
@@ -67,6 +72,9 @@ pub fn profile(file: &ProfileFile, check: &Checker<'_>) -> Result<Profile, Profi
         let expected = format!("less than nozzle.max_celsius = {}", nozzle.max_celsius);
         return Err(check.refuse("min_extrusion_celsius", &file.min_extrusion_celsius, expected));
     }
+    let budget = &file.budget;
+    let event_cost_ticks = cost_ticks("events_per_s", &budget.events_per_s, DEFAULT_EVENTS_PER_S, EVENTS_PER_S, check)?;
+    let move_cost_ticks = cost_ticks("moves_per_s", &budget.moves_per_s, DEFAULT_MOVES_PER_S, MOVES_PER_S, check)?;
     Ok(Profile {
         kinematics,
         size_10nm: size_mm.map(units_10nm),
@@ -74,6 +82,8 @@ pub fn profile(file: &ProfileFile, check: &Checker<'_>) -> Result<Profile, Profi
         limits,
         jerk_mm_per_s3,
         minimum_event_interval_ticks: (interval_us * TICKS_PER_US).round() as u32,
+        event_cost_ticks,
+        move_cost_ticks,
         homing,
         min_extrusion_celsius: min_extrusion as f32,
         nozzle,
@@ -263,6 +273,21 @@ fn driver(table: &DriverTable, interval_us: f64, check: &Checker<'_>) -> Result<
         direction_setup_ns: (setup_us * 1e3).round() as u32,
         both_edges: table.both_edges,
     })
+}
+
+/// Ticks that each of so many things a second costs, rounded up.
+fn cost_ticks(
+    key: &str,
+    value: &Option<Number>,
+    default_per_s: u32,
+    range: Range,
+    check: &Checker<'_>,
+) -> Result<u32, ProfileError> {
+    let per_s = match value {
+        Some(value) => check.number(&format!("budget.{key}"), value, range)?,
+        None => f64::from(default_per_s),
+    };
+    Ok((f64::from(TICKS_PER_SECOND) / per_s).ceil() as u32)
 }
 
 /// Millimetres to units of 10 nm. The ranges above keep the product far within both types.

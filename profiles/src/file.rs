@@ -29,6 +29,8 @@ pub struct ProfileFile {
     pub bed: HeaterTable,
     pub firmware_retraction: RetractionTable,
     pub driver: DriverTable,
+    #[serde(default)]
+    pub budget: BudgetTable,
 }
 
 /// How X and Y are driven.
@@ -135,4 +137,12 @@ pub struct DriverTable {
     pub pulse_width_us: Number,
     pub direction_setup_us: Number,
     pub both_edges: bool,
+}
+
+/// What the processor can keep up with; where nothing is said, what an STM32F407 can.
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields, expecting = "a table of budget values")]
+pub struct BudgetTable {
+    pub events_per_s: Option<Number>,
+    pub moves_per_s: Option<Number>,
 }

@@ -1,6 +1,7 @@
 //! Motion and geometry.
 
 use super::Code;
+use super::words::Words;
 use crate::{ArcForm, Command, Decimal, ParseError, Units};
 
 pub(super) fn parse(code: Code<'_>) -> Result<Command<'_>, ParseError> {
@@ -10,7 +11,8 @@ pub(super) fn parse(code: Code<'_>) -> Result<Command<'_>, ParseError> {
     }
     match code.number {
         0 | 1 => {
-            let words = code.words()?;
+            let mut words = Words::NONE;
+            words.read(code.rest)?;
             Ok(Command::Linear { axes: words.axes()?, feed: words.above_zero(b'F')? })
         }
         2 => arc(code, true),

@@ -18,9 +18,19 @@ const fn bit(letter: u8) -> u32 {
 }
 
 impl Words {
+    /// No words.
+    pub(super) const NONE: Self = Words { present: 0, valued: 0, values: [Decimal::ZERO; 26] };
+
     pub(super) fn parse(text: &str) -> Result<Self, ParseError> {
+        let mut words = Words::NONE;
+        words.read(text)?;
+        Ok(words)
+    }
+
+    /// Reads the words of a line into an empty list: for the commonest commands, as a list is long to copy.
+    pub(super) fn read(&mut self, text: &str) -> Result<(), ParseError> {
+        let words = self;
         let bytes = text.as_bytes();
-        let mut words = Words { present: 0, valued: 0, values: [Decimal::ZERO; 26] };
         let mut at = 0;
         loop {
             at = skip_blanks(bytes, at);
@@ -58,7 +68,7 @@ impl Words {
                 return Err(ParseError::SecondCommand { letter: char::from(letter) });
             }
         }
-        Ok(words)
+        Ok(())
     }
 
     /// Whether the letter is there, with or without a number.

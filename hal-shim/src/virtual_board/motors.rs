@@ -111,6 +111,8 @@ mod tests {
             kinematics,
             steps_per_mm: [steps(80.0), steps(80.0), steps(400.0), steps(95.0)],
             minimum_event_interval_ticks: 168,
+            event_cost_ticks: 0,
+            move_cost_ticks: 0,
         };
         let stop = VirtualEndStop { position_10nm: 0, at_max: false };
         VirtualMotors::new(geometry, [stop; 3], [100_000, 200_000, 300_000])

@@ -30,6 +30,8 @@ fn check(expected: &Expected) -> Profile {
     }
     // 2 us at 84 MHz.
     assert_eq!(profile.minimum_event_interval_ticks, 168);
+    // 400,000 events and 8,000 moves a second.
+    assert_eq!((profile.event_cost_ticks, profile.move_cost_ticks), (210, 10_500));
     assert_eq!(profile.min_extrusion_celsius, 170.0);
     assert_eq!(
         profile.retraction,

@@ -263,3 +263,25 @@ fn dotted_keys_and_other_spellings_of_the_same_values_are_the_same_profile() {
     let error = parse(&dotted.replace("size_mm.y = 200.0\n", ""), "dotted").unwrap_err();
     assert_eq!(error.key(), Some("size_mm.y"));
 }
+
+#[test]
+fn a_budget_may_be_left_out_but_not_misspelt() {
+    let with = |tail: &str| parse(&format!("{}\n{tail}", text()), "test.toml");
+    let costs = |tail: &str| {
+        let profile = with(tail).unwrap();
+        (profile.event_cost_ticks, profile.move_cost_ticks)
+    };
+    assert_eq!(costs(""), (210, 10_500));
+    assert_eq!(costs("[budget]\n"), (210, 10_500));
+    assert_eq!(costs("[budget]\nmoves_per_s = 1000\n"), (210, 84_000));
+    assert_eq!(costs("[budget]\nevents_per_s = 900000\n"), (94, 10_500));
+    let misspelt = with("[budget]\nlines_per_s = 8000\n").unwrap_err().to_string();
+    assert!(misspelt.contains("unknown key \"budget.lines_per_s\""), "{misspelt}");
+    for (key, value) in
+        [("events_per_s", "999"), ("events_per_s", "10000001"), ("moves_per_s", "9"), ("moves_per_s", "nan")]
+    {
+        let error = with(&format!("[budget]\n{key} = {value}\n")).unwrap_err();
+        let blamed = format!("budget.{key}");
+        assert!(matches!(error.problem(), Problem::OutOfRange { key, .. } if *key == blamed), "{error}");
+    }
+}

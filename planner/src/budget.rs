@@ -1,0 +1,95 @@
+//! Speeds that the processor can keep up with.
+
+use crate::TICKS_PER_SECOND;
+use crate::block::{Block, Speed};
+use crate::extruder::rounded_steps;
+use crate::kinematics::{Geometry, UNITS_PER_MM};
+
+/// What moves and step events cost, in ticks of the time that motion is granted.
+///
+/// Every move has its cost, also where several became one block: a line is read and planned before anybody knows that
+/// it continues the one before.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Budget {
+    event_ticks: f32,
+    move_ticks: f32,
+}
+
+impl Budget {
+    /// The budget of a machine.
+    pub fn new(geometry: &Geometry) -> Self {
+        Self { event_ticks: geometry.event_cost_ticks as f32, move_ticks: geometry.move_cost_ticks as f32 }
+    }
+
+    /// The speed at which a block of so many moves takes as long as it costs, S / (events * c_event + moves * c_move),
+    /// where its nominal speed is faster; its extruder starts here. A step of the extruder is taken for an event of its
+    /// own, though some join the master's.
+    pub fn slower_nominal(&self, block: &Block, moves: u32, extruder_256ths: i64) -> Option<Speed> {
+        // A tick at one unit of speed is so many units of 10 nm.
+        const PER_10NM: f32 = (65_536 * (TICKS_PER_SECOND as i64 / UNITS_PER_MM)) as f32;
+        let extruder_end = extruder_256ths + i64::from(block.extruder_256ths);
+        let extruder_steps = rounded_steps(extruder_end).abs_diff(rounded_steps(extruder_256ths)) as u32;
+        let events = block.master_steps().saturating_add(extruder_steps);
+        let cost_ticks = events as f32 * self.event_ticks + moves as f32 * self.move_ticks;
+        let distance = block.length_10nm as f32 * PER_10NM;
+        if block.nominal.0 as f32 * cost_ticks <= distance {
+            return None;
+        }
+        let slower = Speed((distance / cost_ticks) as u32).max(Speed(1));
+        (slower < block.nominal).then_some(slower)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::block::Acceleration;
+    use crate::inner_ends::InnerEnds;
+    use proptest::prelude::*;
+
+    fn block(length_10nm: u32, steps: i32, extruder_256ths: i32, mm_per_s: f64) -> Block {
+        Block {
+            steps: [steps, steps / 2, 0],
+            extruder_256ths,
+            length_10nm,
+            nominal: Speed::from_mm_per_s(mm_per_s),
+            acceleration: Acceleration::from_mm_per_s2(1000.0),
+            line: 1,
+            ends_move: true,
+            inner_ends: InnerEnds::NONE,
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn no_block_is_shorter_than_it_costs(
+            length in 1u32..100_000_000, steps in -100_000i32..100_000, extruder in -10_000_000i32..10_000_000,
+            start in -1_000_000i64..1_000_000, mm_per_s in 0.1f64..500.0, moves in 1u32..9,
+        ) {
+            // 400,000 events and 8,000 moves a second.
+            let budget = Budget { event_ticks: 210.0, move_ticks: 10_500.0 };
+            let block = block(length, steps, extruder, mm_per_s);
+            let slower = budget.slower_nominal(&block, moves, start);
+            let extruder_steps = (rounded_steps(start + i64::from(extruder)) - rounded_steps(start)).unsigned_abs();
+            let events = u64::from(steps.unsigned_abs()) + extruder_steps;
+            let cost_s = events as f64 / 400_000.0 + f64::from(moves) / 8_000.0;
+            let seconds = |nominal: Speed| block.length_mm() / nominal.mm_per_s();
+            match slower {
+                None => prop_assert!(seconds(block.nominal) >= cost_s * (1.0 - 1e-6)),
+                Some(slower) if slower > Speed(1) => {
+                    prop_assert!(slower < block.nominal);
+                    prop_assert!(seconds(slower) >= cost_s * (1.0 - 1e-6));
+                    // No slower than it must: the next faster speed would be too fast.
+                    prop_assert!(seconds(Speed(slower.0 + 1 + slower.0 / 5_000_000)) <= cost_s * (1.0 + 1e-6));
+                }
+                Some(_) => prop_assert!(seconds(Speed(2)) <= cost_s),
+            }
+        }
+    }
+
+    #[test]
+    fn without_costs_nothing_is_slowed() {
+        let budget = Budget { event_ticks: 0.0, move_ticks: 0.0 };
+        assert_eq!(budget.slower_nominal(&block(1, 1_000, 1_000, 500.0), 1, 0), None);
+    }
+}
