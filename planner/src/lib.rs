@@ -17,13 +17,19 @@ pub mod junction;
 pub mod kinematics;
 pub mod look_ahead;
 pub mod step_queue;
-pub mod step_times;
 pub mod time_law;
 
 mod block;
+mod follower;
+mod inside;
 mod limits;
 mod planner;
+mod real;
+mod spacing;
 mod square_root;
+mod step_times;
+#[cfg(test)]
+mod step_times_tests;
 
 pub use block::{Acceleration, Block, PlannedBlock, Speed};
 pub use digest::StepDigests;
