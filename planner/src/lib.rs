@@ -5,7 +5,8 @@
 //! [`Planner`] connects them.
 //!
 //! No text, no hardware, no heap. The results are bit-identical on every target: positions and times accumulate in
-//! integers, arithmetic once a block is f64, arithmetic once a step is f32, both with + - * / and square root alone.
+//! integers, arithmetic once a block is f32 or, where that is not exact enough, f64, arithmetic once a step is f32, all
+//! with + - * / and square root alone.
 #![cfg_attr(not(test), no_std)]
 
 pub mod bresenham;
