@@ -105,6 +105,11 @@ impl Acceleration {
         Self(((mm_per_s2 * 256.0) as u32).max(1))
     }
 
+    /// The acceleration in units of 2^-8 mm/s^2.
+    pub fn quantised(self) -> u32 {
+        self.0
+    }
+
     /// The acceleration, mm/s^2.
     pub fn mm_per_s2(self) -> f64 {
         f64::from(self.0) / 256.0

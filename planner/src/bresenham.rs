@@ -3,20 +3,18 @@
 /// Largest step count either axis of a line may have; keeps every decision value in 32 bits.
 pub const MAX_STEPS: u32 = 1 << 28;
 
-/// The stairs of a line: runs of major-axis steps, the last of each with a minor-axis step.
+/// A line, walked by stairs: runs of major-axis steps, the last of each with a minor-axis step.
 ///
-/// The points are those of classic Bresenham (Wu 2024, eq. 3). Every width between the first and the last is 2n-2,
-/// 2n-1 or 2n, with n the width of the first (corollary 2); one or two comparisons choose among them. Iterating
-/// yields one width for each minor-axis step; the major-axis steps after the last of them are the caller's.
+/// The points are those of classic Bresenham (Wu 2024, eq. 3). Wu finds the width of the next stair among 2n-2, 2n-1
+/// and 2n, with n the width of the first (corollary 2), by comparisons instead of a division. A Cortex-M4 divides in 2
+/// to 12 cycles, less than the comparisons take, and from any point of a stair; the corollary is tested.
 #[derive(Clone, Copy, Debug)]
 pub struct StepBresenham {
-    major: i32,
-    minor: i32,
-    /// Minor-axis steps not yet handed out.
-    left: i32,
-    /// n, width of the first stair; 0 until it is handed out.
-    first_width: i32,
-    /// Decision value of the last step of the stair before.
+    /// 2 dy, by which the decision value rises with each step.
+    rise: i32,
+    /// 2 dx, by which it falls where the minor axis steps.
+    fall: i32,
+    /// Decision value of the last step, not above zero: the minor axis steps when it would be.
     decision: i32,
 }
 
@@ -26,42 +24,58 @@ impl StepBresenham {
         if minor > major || major > MAX_STEPS {
             return None;
         }
-        Some(Self { major: major as i32, minor: minor as i32, left: minor as i32, first_width: 0, decision: 0 })
+        let (dx, dy) = (major as i32, minor as i32);
+        Some(Self { rise: 2 * dy, fall: 2 * dx, decision: -dx })
     }
 
     /// A line that never steps its minor axis.
     pub const fn level() -> Self {
-        Self { major: 0, minor: 0, left: 0, first_width: 0, decision: 0 }
+        Self { rise: 0, fall: 0, decision: 0 }
+    }
+
+    /// What is left of the present stair: major-axis steps up to and including the next one with a minor-axis step, out
+    /// of reach where there is none.
+    #[inline]
+    pub const fn width(&self) -> u32 {
+        if self.rise == 0 {
+            return u32::MAX;
+        }
+        (self.decision.wrapping_neg() / self.rise) as u32 + 1
+    }
+
+    /// Passes `count` major-axis steps, at most [`Self::width`]; whether the minor axis steps with the last of them.
+    #[inline(always)]
+    pub const fn pass(&mut self, count: u32) -> bool {
+        // At most the rise above zero, which fits, as `count` is at most the width.
+        self.decision = self.decision.wrapping_add(self.rise.wrapping_mul(count as i32));
+        let steps = self.decision > 0;
+        if steps {
+            self.decision = self.decision.wrapping_sub(self.fall);
+        }
+        steps
+    }
+
+    /// The widths of the stairs still to come; the major-axis steps behind the last of them are the caller's.
+    pub const fn stairs(self) -> Stairs {
+        Stairs { left: self.rise as u32 / 2, line: self }
     }
 }
 
-impl Iterator for StepBresenham {
+/// The widths of a line's stairs, one for each minor-axis step.
+#[derive(Clone, Copy, Debug)]
+pub struct Stairs {
+    line: StepBresenham,
+    left: u32,
+}
+
+impl Iterator for Stairs {
     type Item = u32;
 
-    #[inline]
     fn next(&mut self) -> Option<u32> {
-        if self.left == 0 {
-            return None;
-        }
-        self.left -= 1;
-        let (dx, dy, n) = (self.major, self.minor, self.first_width);
-        if n == 0 {
-            // The first d_i = 2 i dy - dx above zero. Wu counts up to it; one division costs 12 cycles at most.
-            let width = dx / (2 * dy) + 1;
-            self.first_width = width;
-            self.decision = 2 * dy * width - dx;
-            return Some(width as u32);
-        }
-        let shortest = self.decision + 2 * (dy - dx) + 2 * (2 * n - 3) * dy;
-        let (width, decision) = if shortest > 0 {
-            (2 * n - 2, shortest)
-        } else if shortest > -2 * dy {
-            (2 * n - 1, shortest + 2 * dy)
-        } else {
-            (2 * n, shortest + 4 * dy)
-        };
-        self.decision = decision;
-        Some(width as u32)
+        self.left = self.left.checked_sub(1)?;
+        let width = self.line.width();
+        self.line.pass(width);
+        Some(width)
     }
 }
 
@@ -93,8 +107,19 @@ mod tests {
     fn every_small_line_equals_classic_bresenham() {
         for dx in 0..=300u32 {
             for dy in 0..=dx {
-                let stairs: Vec<u32> = StepBresenham::new(dx, dy).unwrap().collect();
+                let stairs: Vec<u32> = StepBresenham::new(dx, dy).unwrap().stairs().collect();
                 assert_eq!(stairs, classic(i64::from(dx), i64::from(dy)), "{dx} {dy}");
+            }
+        }
+    }
+
+    #[test]
+    fn widths_are_those_of_corollary_2() {
+        for dx in 1..=300u32 {
+            for dy in 1..=dx {
+                let mut stairs = StepBresenham::new(dx, dy).unwrap().stairs();
+                let n = stairs.next().unwrap();
+                assert!(stairs.all(|width| (2 * n - 2..=2 * n).contains(&width)), "{dx} {dy}");
             }
         }
     }
@@ -110,15 +135,29 @@ mod tests {
         #[test]
         fn long_lines_equal_classic_bresenham(dx in 1u32..200_000, share in 0.0f64..=1.0) {
             let dy = (f64::from(dx) * share) as u32;
-            let stairs: Vec<u32> = StepBresenham::new(dx, dy).unwrap().collect();
+            let stairs: Vec<u32> = StepBresenham::new(dx, dy).unwrap().stairs().collect();
             prop_assert_eq!(stairs, classic(i64::from(dx), i64::from(dy)));
+        }
+
+        #[test]
+        fn any_way_to_pass_gives_the_same_points(dx in 1u32..5_000, share in 0.0f64..=1.0, parts in proptest::collection::vec(1u32..50, 1..200)) {
+            let dy = (f64::from(dx) * share) as u32;
+            let mut at_once = StepBresenham::new(dx, dy).unwrap();
+            let mut singly = at_once;
+            let mut left = dx;
+            for part in parts {
+                let count = part.min(at_once.width()).min(left);
+                let steps = (0..count).filter(|_| singly.pass(1)).count();
+                prop_assert_eq!(usize::from(at_once.pass(count)), steps);
+                left -= count;
+            }
         }
 
         #[test]
         fn the_longest_lines_stay_in_range(dx in MAX_STEPS - 1000..=MAX_STEPS, dy in 1u32..=1000) {
             let mut total = 0u64;
             let mut count = 0;
-            for width in StepBresenham::new(dx, dy).unwrap() {
+            for width in StepBresenham::new(dx, dy).unwrap().stairs() {
                 total += u64::from(width);
                 count += 1;
             }

@@ -5,41 +5,77 @@
 //! follow it by step Bresenham. The extruder has times of its own: it steps where e(t) = e0 + lambda s(t) passes a
 //! half step, lambda = dE/S (Wu 2024, eqs. 10 and 11).
 
-use crate::bresenham::{MAX_STEPS, StepBresenham};
+use crate::EXTRUDER;
+use crate::block::{Block, PlannedBlock};
+use crate::bresenham::MAX_STEPS;
 use crate::extruder::rounded_steps;
-use crate::inner_ends::{InnerEnd, InnerEnds};
-use crate::kinematics::UNITS_PER_MM;
+use crate::follower::Follower;
+use crate::inside::Inside;
+use crate::real::Real;
+use crate::spacing::{ExtruderTravel, Spacing};
 use crate::step_queue::{Notice, StepEntry, StepSink};
-use crate::step_times::{FRACTION_BITS, StepTimes};
-use crate::time_law::TimeLaw;
-use crate::{EXTRUDER, PlannedBlock, TICKS_PER_SECOND};
+use crate::step_times::{NEVER, StepTimes};
+use crate::time_law::{FRACTION_BITS, HALF_TICK, Precision, TimeLaw, Trapezoid};
 
 /// Most entries a single [`Interpolator::advance`] or [`Interpolator::begin`] hands to its sink.
-pub const MAX_ENTRIES: usize = 2;
+pub const MAX_ENTRIES: usize = EVENTS_AT_ONCE + 1;
 
-/// Most steps in one stair. Its one interval is rounded to a tick, so its steps are at most half as many ticks off.
-const LONGEST_STAIR: u32 = 64;
+/// Events or stairs worked out in one call of [`Interpolator::advance`].
+const EVENTS_AT_ONCE: usize = 32;
+
+/// Most ticks that the first and the last step of a stair may be off: 0.4 us.
+const STAIR_TOLERANCE: u32 = 32;
+
+/// The bits of a time without its fraction of a tick.
+const WHOLE_TICKS: u64 = !(ONE_TICK as u64 - 1);
+
+/// A tick, in time units.
+const ONE_TICK: u32 = 1 << FRACTION_BITS;
+
+/// In [`Interpolator::joining`]: no event of the master since the move began.
+const MOVE_BEGINS: u8 = 1 << 7;
+
+/// A gap of so many time units or more is no 32-bit number of ticks.
+const FAR: u64 = 1 << (32 + FRACTION_BITS);
 
 /// Turns one block at a time into step events.
+///
+/// Within a block, times are in units of 2^-16 tick from its start. They wrap: what is before it is just below 2^64.
 #[derive(Clone, Copy, Debug)]
 pub struct Interpolator {
-    minimum_interval: u64,
-    /// Motion clock at the start of the next (or present) block.
+    /// Least ticks between events.
+    minimum_interval: u32,
+    /// An extruder step nearer than this to the master's next one waits for it.
+    near: u64,
+    /// Motion clock at the start of the next (or present) block, in ticks.
     clock: u64,
-    /// Tick of the last event handed out or held.
-    last_event: u64,
-    /// First tick that belongs to the present move: an extruder step due at its very start stays behind the end of the
-    /// move before.
+    /// Time of the last event handed out or held, a whole tick.
+    last: u64,
+    /// When the move before ended, a whole tick: an extruder step due at the very start of a move stays behind.
     move_start: u64,
     /// The last event is held back while a later one may still join it.
-    held: Option<Stair>,
+    held: Stair,
     /// The direction signals as they stand.
     directions: u8,
     /// Extruder position at the start of the next (or present) block.
     extruder_256ths: i64,
-    run: Option<Run>,
+    is_busy: bool,
+    /// The present block's duration.
+    duration_ticks: u64,
+    extruder_end_256ths: i64,
+    /// Line of the move that ends with the block.
+    line: Option<u32>,
+    master: StepTimes,
+    master_bit: u8,
+    followers: [Follower; 2],
+    extruder: StepTimes,
+    /// What the master's next event has to mind: [`EXTRUDER`] when its step waits for it, being near, and
+    /// [`MOVE_BEGINS`].
+    joining: u8,
+    inside: Inside,
 }
 
+/// An entry that may still change; none if its count is zero.
 #[derive(Clone, Copy, Debug)]
 struct Stair {
     interval: u32,
@@ -49,126 +85,45 @@ struct Stair {
 }
 
 impl Stair {
+    const NONE: Self = Self { interval: 0, count: 0, axes: 0, added: 0 };
+
+    #[inline(always)]
     fn entry(self) -> Option<StepEntry> {
         StepEntry::stair(self.interval, self.count, self.axes, self.added)
     }
 }
 
-/// The block that is being executed.
-#[derive(Clone, Copy, Debug)]
-struct Run {
-    end: u64,
-    extruder_end_256ths: i64,
-    master: StepTimes,
-    master_bit: u8,
-    followers: [Follower; 2],
-    extruder: StepTimes,
-    /// [`EXTRUDER`] when its step waits for the master's next one, which is near.
-    joining: u8,
-    line: Option<u32>,
-    /// Where moves end inside, and what tells where the motors stand there; `None` in all but merged blocks.
-    inside: Option<Inside>,
-}
-
-/// The moves that end inside the present block.
-#[derive(Clone, Copy, Debug)]
-struct Inside {
-    law: TimeLaw,
-    ends: InnerEnds,
-    /// How many of them have been passed.
-    passed: usize,
-    /// Line of the block's last move.
-    line: u32,
-    length_10nm: u32,
-    master_steps: u32,
-    /// Travel of the extruder in the block, either way, 1/256 steps.
-    extruder_256ths: u32,
-    /// The travel up to its first step.
-    extruder_first_256ths: u32,
-}
-
-impl Inside {
-    fn next(&self) -> Option<InnerEnd> {
-        self.ends.iter(self.line).nth(self.passed)
-    }
-
-    /// Steps of the master up to the next end, by the rule that its step k of N is due at (k - 1/2) S/N.
-    fn master_steps(&self) -> u32 {
-        let Some(end) = self.next() else { return u32::MAX };
-        let (length, whole) = (u64::from(end.length_10nm), u64::from(self.length_10nm.max(1)));
-        let steps = (2 * u64::from(self.master_steps) * length + whole) / (2 * whole);
-        u32::try_from(steps).unwrap_or(u32::MAX)
-    }
-
-    /// Steps of the extruder up to the next end.
-    fn extruder_steps(&self) -> u32 {
-        let Some(end) = self.next() else { return u32::MAX };
-        let travel = u64::from(self.extruder_256ths) * u64::from(end.length_10nm) / u64::from(self.length_10nm.max(1));
-        match travel.checked_sub(u64::from(self.extruder_first_256ths)) {
-            Some(beyond_first) => u32::try_from(beyond_first / 256 + 1).unwrap_or(u32::MAX),
-            None => 0,
-        }
-    }
-}
-
-impl Run {
-    /// The motors step up to the next end of a move inside the block.
-    fn limit_to_next_end(&mut self) {
-        if let Some(inside) = &self.inside {
-            self.master.limit(inside.master_steps());
-            self.extruder.limit(inside.extruder_steps());
-        }
-    }
-}
-
-/// A motor that steps with some of the master's steps.
-#[derive(Clone, Copy, Debug)]
-struct Follower {
-    bit: u8,
-    stairs: StepBresenham,
-    /// Master steps up to and including the next common one.
-    until: u32,
-}
-
-impl Follower {
-    fn new(bit: u8, master_steps: u32, steps: u32) -> Self {
-        let mut stairs = StepBresenham::new(master_steps, steps).unwrap_or(StepBresenham::level());
-        let until = stairs.next().unwrap_or(u32::MAX);
-        Self { bit, stairs, until }
-    }
-
-    /// Passes `count` master steps, at most `until`; the motor's bit if it steps with the last of them.
-    fn pass(&mut self, count: u32) -> u8 {
-        if self.until == u32::MAX {
-            return 0;
-        }
-        self.until -= count;
-        if self.until > 0 {
-            return 0;
-        }
-        self.until = self.stairs.next().unwrap_or(u32::MAX);
-        self.bit
-    }
-}
-
 impl Interpolator {
-    /// An interpolator at tick 0 of the motion clock, all motors forwards.
+    /// An interpolator at tick 0 of the motion clock, all motors forwards. Events are at least a tick apart.
     pub fn new(minimum_event_interval_ticks: u32) -> Self {
+        let minimum_interval = minimum_event_interval_ticks.max(1);
         Self {
-            minimum_interval: u64::from(minimum_event_interval_ticks),
+            minimum_interval,
+            // The distance in ticks is rounded before it is compared.
+            near: (u64::from(minimum_interval) << FRACTION_BITS) - HALF_TICK,
             clock: 0,
-            last_event: 0,
+            last: 0,
             move_start: 0,
-            held: None,
+            held: Stair::NONE,
             directions: 0,
             extruder_256ths: 0,
-            run: None,
+            is_busy: false,
+            duration_ticks: 0,
+            extruder_end_256ths: 0,
+            line: None,
+            master: StepTimes::NONE,
+            master_bit: 0,
+            followers: [Follower::NONE; 2],
+            extruder: StepTimes::NONE,
+            joining: 0,
+            inside: Inside::NONE,
         }
     }
 
     /// Whether a block is being executed.
+    #[inline]
     pub fn is_busy(&self) -> bool {
-        self.run.is_some()
+        self.is_busy
     }
 
     /// Motion clock at the end of the last finished block.
@@ -177,126 +132,197 @@ impl Interpolator {
     }
 
     /// Starts a block; the one before must be finished. Returns the block's duration in ticks.
+    #[inline]
     pub fn begin(&mut self, planned: &PlannedBlock, law: &TimeLaw, sink: &mut impl StepSink) -> u64 {
         let block = &planned.block;
-        let magnitudes = block.steps.map(|steps| steps.unsigned_abs().min(MAX_STEPS));
-        let master = match magnitudes {
-            [x, y, z] if x >= y && x >= z => 0,
-            [_, y, z] if y >= z => 1,
-            _ => 2,
-        };
-        let count = magnitudes[master];
-        let length_mm = block.length_mm();
-        let spacing = length_mm / f64::from(count.max(1));
-        let follower = |index: usize| Follower::new(1 << index, count, magnitudes[index]);
-
         let start_256ths = self.extruder_256ths;
         let end_256ths = start_256ths + i64::from(block.extruder_256ths);
-        let extruder_steps = rounded_steps(end_256ths).abs_diff(rounded_steps(start_256ths)) as u32;
+        let (start_steps, end_steps) = (rounded_steps(start_256ths), rounded_steps(end_256ths));
         let forward = block.extruder_256ths >= 0;
-        let threshold = rounded_steps(start_256ths) * 256 + if forward { 128 } else { -128 };
-        let mm_per_256th = length_mm / f64::from(block.extruder_256ths.unsigned_abs().max(1));
-        let first_256ths = threshold.abs_diff(start_256ths) as u32;
-        let first = f64::from(first_256ths) * mm_per_256th;
+        let threshold = start_steps * 256 + if forward { 128 } else { -128 };
+        let extruder = ExtruderTravel {
+            whole: block.extruder_256ths.unsigned_abs(),
+            first: threshold.abs_diff(start_256ths) as u32,
+            count: end_steps.abs_diff(start_steps) as u32,
+        };
+        self.set_directions_of(block, extruder.count > 0, sink);
+        self.extruder_end_256ths = end_256ths;
+        self.line = block.ends_move.then_some(block.line);
+        self.joining = MOVE_BEGINS;
+        self.move_start = if (self.last as i64) > 0 { self.last } else { 0 };
+        self.is_busy = true;
+        match &law.0 {
+            Precision::Short(law) => self.start(block, law, &extruder),
+            Precision::Long(law) => self.start_long(block, law, &extruder),
+        }
+        self.duration_ticks
+    }
 
+    fn set_directions_of(&mut self, block: &Block, extruder_moves: bool, sink: &mut impl StepSink) {
         let mut moving = 0;
         let mut backwards = 0;
         for (index, steps) in block.steps.iter().enumerate() {
             moving |= u8::from(*steps != 0) << index;
             backwards |= u8::from(*steps < 0) << index;
         }
-        if extruder_steps > 0 {
+        if extruder_moves {
             moving |= EXTRUDER;
-            backwards |= if forward { 0 } else { EXTRUDER };
+            backwards |= if block.extruder_256ths < 0 { EXTRUDER } else { 0 };
         }
         let directions = self.directions & !moving | backwards;
         if directions != self.directions {
             self.directions = directions;
             sink.entry(StepEntry::directions(directions));
         }
-
-        let duration = (law.duration_s * f64::from(TICKS_PER_SECOND) + 0.5) as u64;
-        self.move_start = self.notice_tick() + 1;
-        let inside = (!block.inner_ends.is_empty()).then(|| Inside {
-            law: *law,
-            ends: block.inner_ends,
-            passed: 0,
-            line: block.line,
-            length_10nm: block.length_10nm,
-            master_steps: count,
-            extruder_256ths: block.extruder_256ths.unsigned_abs(),
-            extruder_first_256ths: first_256ths,
-        });
-        let mut run = Run {
-            end: self.clock + duration,
-            extruder_end_256ths: end_256ths,
-            master: StepTimes::new(law, spacing * 0.5, spacing, count),
-            master_bit: 1 << master,
-            followers: [follower((master + 1) % 3), follower((master + 2) % 3)],
-            extruder: StepTimes::new(law, first, 256.0 * mm_per_256th, extruder_steps),
-            joining: 0,
-            line: block.ends_move.then_some(block.line),
-            inside,
-        };
-        run.limit_to_next_end();
-        self.run = Some(run);
-        duration
     }
 
-    /// Works out the next event or stair, or ends the block. Does nothing without one.
+    #[cold]
+    #[inline(never)]
+    fn start_long(&mut self, block: &Block, law: &Trapezoid<f64>, extruder: &ExtruderTravel) {
+        self.start(block, law, extruder);
+    }
+
+    /// The motors' steps along the block.
+    #[inline]
+    fn start<F: Real>(&mut self, block: &Block, law: &Trapezoid<F>, extruder: &ExtruderTravel) {
+        self.duration_ticks = law.duration_ticks();
+        let magnitudes = block.steps.map(|steps| steps.unsigned_abs().min(MAX_STEPS));
+        let [x, y, z] = magnitudes;
+        // Z, which rarely steps with others, is the second follower.
+        let (count, master_bit, followers) = if x >= y && x >= z {
+            (x, 1, [(2, y), (4, z)])
+        } else if y >= z {
+            (y, 2, [(1, x), (4, z)])
+        } else {
+            (z, 4, [(1, x), (2, y)])
+        };
+        self.master_bit = master_bit;
+        self.followers = followers.map(|(bit, steps)| Follower::new(bit, count, steps));
+
+        self.master.start(law, &Spacing::of_master(law, count), HALF_TICK);
+        self.extruder.start(law, &Spacing::of_extruder(law, extruder), HALF_TICK);
+        self.inside.start(block, law, magnitudes[0].max(y).max(z), extruder);
+        if !self.inside.is_over() {
+            self.allow_to_next_end(0);
+        }
+    }
+
+    /// Works out the next events, or ends the block. Does nothing without one.
     #[inline]
     pub fn advance(&mut self, sink: &mut impl StepSink) {
-        let Some(run) = self.run.as_mut() else { return };
-        let master = run.master.next_time();
-        let extruder = run.extruder.next_time();
-        let Some(due) = master.into_iter().chain(extruder).min() else {
-            if run.inside.is_some_and(|inside| inside.next().is_some()) {
-                self.end_inside(sink);
-            } else {
-                self.finish(sink);
+        if !self.is_busy {
+            return;
+        }
+        let mut room = EVENTS_AT_ONCE;
+        while room > 0 {
+            room -= 1;
+            let (master, extruder) = (self.master.next(), self.extruder.next());
+            let due = master.min(extruder);
+            if due == NEVER {
+                self.end_part(sink);
+                return;
             }
-            return;
-        };
-        let tick = self.clock + rounded_tick(due);
-        if tick.saturating_sub(self.last_event) > u64::from(u32::MAX) {
-            self.hand_out(sink);
-            sink.entry(StepEntry::wait(u32::MAX));
-            self.last_event += u64::from(u32::MAX);
-            return;
-        }
-        if master != Some(due) {
-            run.extruder.take(1);
-            if master.is_some_and(|master| rounded_tick(master - due) < self.minimum_interval) {
-                // The extruder, the slower of the two, gives way: it steps with the master, which stays on time.
-                run.joining = EXTRUDER;
-            } else {
-                self.place(tick, EXTRUDER, sink);
+            // From the last event to the nearest tick; wraps where that is behind.
+            let gap = due.wrapping_add(HALF_TICK).wrapping_sub(self.last);
+            if gap >= FAR && self.has_waited(gap, sink) {
+                return;
             }
-            return;
-        }
-        if let Some(stair) =
-            cruise_stair(run, due, extruder, self.clock, self.last_event, self.move_start, self.minimum_interval)
-        {
-            run.master.take(u32::from(stair.count));
+            let interval = (gap >> FRACTION_BITS) as u32;
+            let is_early = gap >= FAR || interval < self.minimum_interval;
+            if extruder >= master && !is_early && self.master.is_in_ramp() {
+                // One event at least.
+                let taken = self.run_ramp(gap, extruder, room + 1, sink);
+                if taken > 0 {
+                    room -= taken - 1;
+                    continue;
+                }
+            }
+            let mut event = Stair { interval, count: 1, axes: EXTRUDER, added: 0 };
+            let mut last = due.wrapping_add(HALF_TICK) & WHOLE_TICKS;
+            if extruder < master {
+                self.extruder.take(1);
+                if master - extruder < self.near {
+                    // The extruder, the slower of the two, gives way: it steps with the master, which stays on time.
+                    self.joining |= EXTRUDER;
+                    continue;
+                }
+            } else if gap < FAR
+                && let Some(stair) = self.stair(due, interval, extruder)
+            {
+                last = self.last.wrapping_add((u64::from(stair.interval) * u64::from(stair.count)) << FRACTION_BITS);
+                event = stair;
+            } else {
+                self.master.take(1);
+                let [first, second] = &mut self.followers;
+                event.axes = self.master_bit | self.joining & EXTRUDER | first.pass(1) | second.pass(1);
+                self.joining = 0;
+            }
+            if gap >= FAR || event.interval < self.minimum_interval {
+                self.place_near(event.axes, sink);
+                continue;
+            }
             self.hand_out(sink);
-            self.last_event += u64::from(stair.interval) * u64::from(stair.count);
-            self.held = Some(stair);
-            return;
+            self.held = event;
+            self.last = last;
         }
-        run.master.take(1);
-        let own = run.master_bit | core::mem::take(&mut run.joining);
-        let axes = run.followers.iter_mut().fold(own, |axes, follower| axes | follower.pass(1));
-        self.place(tick, axes, sink);
     }
 
-    /// Adds an event: it joins the one before if that is too near, or waits until it is far enough.
-    #[inline]
-    fn place(&mut self, tick: u64, axes: u8, sink: &mut impl StepSink) {
-        let earliest = self.last_event + self.minimum_interval;
-        if tick < earliest
-            && let Some(held) = self.held.as_mut()
-            && (held.axes | held.added) & axes == 0
-        {
+    /// The master's steps in a ramp, the first of them `gap` behind the last event, up to the next one of the extruder or
+    /// of the second follower, and at most `most`. How many there are.
+    #[inline(never)]
+    fn run_ramp(&mut self, gap: u64, extruder: u64, most: usize, sink: &mut impl StepSink) -> usize {
+        if self.joining & EXTRUDER != 0 {
+            return 0;
+        }
+        let [first, second] = self.followers;
+        let most = second.until().wrapping_sub(1).min(most as u32);
+        let fraction = gap as u32 & (ONE_TICK - 1);
+        let Some(mut run) = self.master.run(most, self.minimum_interval, extruder, fraction) else { return 0 };
+        self.hand_out(sink);
+        let mut ticks = (gap >> FRACTION_BITS) as u32;
+        let first_event = self.last.wrapping_add(u64::from(ticks) << FRACTION_BITS);
+        let mut follower = first;
+        loop {
+            let axes = self.master_bit | follower.pass(1);
+            let Some(next) = run.take() else {
+                self.held = Stair { interval: ticks, count: 1, axes, added: 0 };
+                break;
+            };
+            if let Some(entry) = StepEntry::stair(ticks, 1, axes, 0) {
+                sink.entry(entry);
+            }
+            ticks = next;
+        }
+        self.joining = 0;
+        let [first, second] = &mut self.followers;
+        *first = follower;
+        self.last = first_event.wrapping_add(u64::from(run.passed()) << FRACTION_BITS);
+        let taken = self.master.end_run(&run, self.last);
+        second.pass(taken);
+        taken as usize
+    }
+
+    /// What to do with a gap that is no 32-bit number of ticks: lets time pass, or nothing where it wrapped.
+    #[cold]
+    #[inline(never)]
+    fn has_waited(&mut self, gap: u64, sink: &mut impl StepSink) -> bool {
+        // Events are late by a few intervals at most.
+        if gap >= NEVER - FAR {
+            return false;
+        }
+        self.hand_out(sink);
+        self.held = Stair::NONE;
+        sink.entry(StepEntry::wait(u32::MAX));
+        self.last = self.last.wrapping_add(u64::from(u32::MAX) << FRACTION_BITS);
+        true
+    }
+
+    /// Adds an event that is too near to the one before, or behind it: it joins that, or waits until it is far enough.
+    #[cold]
+    #[inline(never)]
+    fn place_near(&mut self, axes: u8, sink: &mut impl StepSink) {
+        let held = &mut self.held;
+        if held.count > 0 && (held.axes | held.added) & axes == 0 {
             if held.count == 1 {
                 held.axes |= axes;
             } else {
@@ -304,58 +330,122 @@ impl Interpolator {
             }
             return;
         }
-        let tick = tick.max(earliest).max(self.move_start);
         self.hand_out(sink);
-        self.held = Some(Stair { interval: (tick - self.last_event) as u32, count: 1, axes, added: 0 });
-        self.last_event = tick;
+        self.held = Stair { interval: self.minimum_interval, count: 1, axes, added: 0 };
+        self.last = self.last.wrapping_add(u64::from(self.minimum_interval) << FRACTION_BITS);
     }
 
+    /// The stair that starts with the master's next step, `gap_ticks` behind the last event, if two steps or more fit
+    /// into one: all in the cruise, no follower before the last, no extruder step before the last, and all of them about
+    /// where they are due.
     #[inline]
+    fn stair(&mut self, due: u64, gap_ticks: u32, extruder: u64) -> Option<Stair> {
+        let (cruise, left) = self.master.cruise()?;
+        let [first, second] = &mut self.followers;
+        let mut count = left.min(cruise.longest_stair).min(first.until()).min(second.until());
+        let interval = cruise.ticks;
+        if count < 2 || interval < self.minimum_interval {
+            return None;
+        }
+        // By how many ticks the stair's first step comes before it is due.
+        let early = gap_ticks.wrapping_sub(interval) as i32;
+        // And its last: whole ticks drift away from the interval.
+        let drift = cruise.drift.wrapping_mul(count as i32 - 1) >> FRACTION_BITS;
+        if early.unsigned_abs() > STAIR_TOLERANCE || early.wrapping_sub(drift).unsigned_abs() > STAIR_TOLERANCE {
+            return None;
+        }
+        if self.joining != 0 && !self.may_begin_with_stair(interval) {
+            return None;
+        }
+        let span = cruise.interval.wrapping_mul(u64::from(count - 1));
+        if extruder < due.wrapping_add(span) {
+            // Cut, so that none too many is counted, and one too few very rarely.
+            let distance = u32::try_from((extruder - due) >> 12).unwrap_or(u32::MAX);
+            let interval = u32::try_from(cruise.interval >> 12).unwrap_or(u32::MAX).saturating_add(1);
+            count = (distance / interval).saturating_add(1).min(count);
+            if count < 2 {
+                return None;
+            }
+        }
+        let [first, second] = &mut self.followers;
+        let added = first.pass(count) | second.pass(count);
+        self.master.take(count);
+        self.joining = 0;
+        // Not longer than the longest stair, which 16 bits hold.
+        Some(Stair { interval, count: count as u16, axes: self.master_bit, added })
+    }
+
+    /// Whether a stair may begin although something is in [`Self::joining`]: nothing is that steps with the first event
+    /// alone, and that event does not come before the move does.
+    fn may_begin_with_stair(&self, interval: u32) -> bool {
+        let first = self.last.wrapping_add(u64::from(interval) << FRACTION_BITS);
+        self.joining & EXTRUDER == 0 && first.wrapping_sub(self.move_start) as i64 > 0
+    }
+
+    #[inline(always)]
     fn hand_out(&mut self, sink: &mut impl StepSink) {
-        if let Some(entry) = self.held.take().and_then(Stair::entry) {
+        if let Some(entry) = self.held.entry() {
             sink.entry(entry);
         }
     }
 
-    /// Ends a move inside the block: all steps up to it have been made.
-    fn end_inside(&mut self, sink: &mut impl StepSink) {
+    /// All steps up to the next move's end inside the block, or to its own end, have been made.
+    #[inline(never)]
+    fn end_part(&mut self, sink: &mut impl StepSink) {
+        let end = self.duration_ticks << FRACTION_BITS;
+        let gap = end.wrapping_sub(self.last);
+        if gap >= FAR && self.has_waited(gap, sink) {
+            return;
+        }
+        // Nothing of the next move joins the last event of this one: at a move's end the motors stand at its end.
         self.hand_out(sink);
-        let Some(run) = self.run.as_mut() else { return };
-        let Some(inside) = run.inside.as_mut() else { return };
-        let Some(end) = inside.next() else { return };
-        let seconds = inside.law.time_at(f64::from(end.length_10nm) / UNITS_PER_MM as f64);
-        let ticks = (seconds * f64::from(TICKS_PER_SECOND) + 0.5) as u64;
-        inside.passed += 1;
-        run.limit_to_next_end();
-        // Not before an event that had to keep its distance, nor before the end that was told last.
-        let tick = (self.clock + ticks).min(run.end).max(self.last_event).max(self.move_start - 1);
-        self.move_start = tick + 1;
-        sink.notice(Notice::MoveEnded { tick, line: end.line });
-    }
-
-    fn finish(&mut self, sink: &mut impl StepSink) {
-        // Nothing of the next block joins the last event of this one: at a move's end the motors stand at its end.
-        self.hand_out(sink);
-        if let Some(run) = self.run.take() {
-            self.clock = run.end;
-            self.extruder_256ths = run.extruder_end_256ths;
-            if let Some(line) = run.line {
-                sink.notice(Notice::MoveEnded { tick: run.end.max(self.last_event), line });
+        self.held = Stair::NONE;
+        match self.inside.pass() {
+            Some(inner) => {
+                // Not before an event that had to keep its distance, nor before the end that was told last.
+                let time = inner.time.min(end).saturating_add(HALF_TICK) & WHOLE_TICKS;
+                self.joining |= MOVE_BEGINS;
+                self.move_start = later(later(time, self.last), self.move_start);
+                let tick = self.tick(self.move_start);
+                self.allow_to_next_end(self.move_start.wrapping_add(HALF_TICK));
+                sink.notice(Notice::MoveEnded { tick, line: inner.line });
+            }
+            None => {
+                let tick = self.tick(later(end, self.last));
+                self.is_busy = false;
+                self.clock += self.duration_ticks;
+                self.last = self.last.wrapping_sub(end);
+                self.extruder_256ths = self.extruder_end_256ths;
+                if let Some(line) = self.line {
+                    sink.notice(Notice::MoveEnded { tick, line });
+                }
             }
         }
     }
 
+    /// The motors step up to the next end of a move inside the block.
+    fn allow_to_next_end(&mut self, earliest: u64) {
+        let [master, extruder] = self.inside.steps_to_next();
+        self.master.allow(master, earliest);
+        self.extruder.allow(extruder, earliest);
+    }
+
+    /// Tick of the motion clock at a time of the block, a whole tick; wraps.
+    fn tick(&self, time: u64) -> u64 {
+        self.clock.wrapping_add_signed(time as i64 >> FRACTION_BITS)
+    }
+
     /// Tick at which something without steps happens between the blocks.
     pub fn notice_tick(&self) -> u64 {
-        self.clock.max(self.last_event)
+        self.tick(later(self.last, 0))
     }
 
     /// Forgets the present block; the motors stood still at `clock`, and the extruder is here.
     pub fn abandon(&mut self, clock: u64, extruder_256ths: i64) {
-        self.run = None;
-        self.held = None;
+        self.is_busy = false;
+        self.held = Stair::NONE;
         self.clock = clock;
-        self.last_event = clock;
+        self.last = 0;
         self.extruder_256ths = extruder_256ths;
     }
 
@@ -370,49 +460,7 @@ impl Interpolator {
     }
 }
 
-/// Nearest tick to a time in units of 2^-16 tick.
-#[inline]
-fn rounded_tick(time: u64) -> u64 {
-    (time + (1 << (FRACTION_BITS - 1))) >> FRACTION_BITS
-}
-
-/// The stair that starts with the master's next step, if two steps or more fit into one: all in the cruise, no
-/// follower before the last, no extruder step before the last, and the event before about one interval away.
-#[inline]
-fn cruise_stair(
-    run: &mut Run,
-    due: u64,
-    extruder: Option<u64>,
-    clock: u64,
-    last_event: u64,
-    move_start: u64,
-    minimum_interval: u64,
-) -> Option<Stair> {
-    let (interval, left) = run.master.cruise()?;
-    let mut count = left.min(LONGEST_STAIR).min(run.followers[0].until).min(run.followers[1].until);
-    if count < 2 || run.joining != 0 {
-        return None;
-    }
-    let tolerance = u64::from(LONGEST_STAIR / 2);
-    let gap = (clock + rounded_tick(due)).checked_sub(last_event)?;
-    if gap.abs_diff(rounded_tick(interval)) > tolerance {
-        return None;
-    }
-    if let Some(extruder) = extruder
-        && extruder < due + interval * u64::from(count - 1)
-    {
-        count = ((extruder - due) / interval.max(1)) as u32 + 1;
-        if count < 2 {
-            return None;
-        }
-    }
-    let last = clock + rounded_tick(due + interval * u64::from(count - 1));
-    let events = u64::from(count);
-    let rounded = (last - last_event + events / 2) / events;
-    // The rounded interval must not take the first step before a move's end.
-    if rounded < minimum_interval || rounded > u64::from(u32::MAX) || last_event + rounded < move_start {
-        return None;
-    }
-    let added = run.followers.iter_mut().fold(0, |added, follower| added | follower.pass(count));
-    Some(Stair { interval: rounded as u32, count: count as u16, axes: run.master_bit, added })
+/// The later of two times of a block, either of which may be before its start.
+fn later(a: u64, b: u64) -> u64 {
+    if (a.wrapping_sub(b) as i64) < 0 { b } else { a }
 }

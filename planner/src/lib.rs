@@ -6,7 +6,8 @@
 //! [`Planner`] connects them.
 //!
 //! No text, no hardware, no heap. The results are bit-identical on every target: positions and times accumulate in
-//! integers, arithmetic once a block is f64, once a move and once a step f32, all with + - * / and square root alone.
+//! integers, arithmetic once a move is f32, once a block f32 or, where that is not exact enough, f64, once a step f32, all
+//! with + - * / and square root alone.
 #![cfg_attr(not(test), no_std)]
 
 pub mod bresenham;
@@ -17,19 +18,25 @@ pub mod interpolator;
 pub mod kinematics;
 pub mod look_ahead;
 pub mod step_queue;
-pub mod step_times;
 pub mod time_law;
 
 mod block;
 mod budget;
 mod division;
+mod follower;
+mod inside;
 mod junction;
 mod limits;
 mod merge;
 mod pace;
 mod path;
 mod planner;
+mod real;
+mod spacing;
 mod square_root;
+mod step_times;
+#[cfg(test)]
+mod step_times_tests;
 
 pub use block::{Acceleration, Block, PlannedBlock, Speed, SquaredSpeed};
 pub use digest::StepDigests;

@@ -386,8 +386,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         loop {
             match self.pop()? {
                 Left::Block(planned) => {
-                    let seconds = TimeLaw::trapezoid(&planned).duration_s;
-                    self.motion_ticks += (seconds * f64::from(TICKS_PER_SECOND) + 0.5) as u64;
+                    self.motion_ticks += TimeLaw::trapezoid(&planned).duration_ticks();
                     return Some(planned);
                 }
                 Left::Marker(_) => {}

@@ -1,7 +1,7 @@
 //! The square root of f32 and f64, correctly rounded on every target.
 //!
-//! `core` has none that is stable; libm's is the processor's own instruction where it has one and an exact
-//! algorithm elsewhere, so that both give the same bits. This module is the one place to change for VSQRT.
+//! `core` has none that is stable. f32 has a crate of its own with the processor's instruction; f64 is libm's exact
+//! algorithm, so that both give the same bits everywhere.
 
 /// Square root of `x`; of a negative number zero (rounding can leave a tiny one).
 #[inline]
@@ -12,5 +12,5 @@ pub fn square_root(x: f64) -> f64 {
 /// Square root of `x`, which is not negative.
 #[inline]
 pub fn square_root_f32(x: f32) -> f32 {
-    libm::sqrtf(x)
+    ferrostep_square_root::square_root(x)
 }

@@ -1,239 +1,395 @@
 //! When each step of one motor is due: s(t) solved for equally spaced path positions.
 
-use crate::TICKS_PER_SECOND;
-use crate::square_root::{square_root, square_root_f32};
-use crate::time_law::{PHASES, Phase, TimeLaw};
+use crate::real::Real;
+use crate::spacing::Spacing;
+use crate::square_root::square_root_f32;
+use crate::time_law::{FRACTION_BITS, HALF_TICK, Trapezoid, cruise_time, ramp_time, steps_per_tick};
 
-/// Bits of fraction in the times of this module.
-pub const FRACTION_BITS: u32 = 16;
+/// No step is due, now or later.
+pub(crate) const NEVER: u64 = u64::MAX;
 
-/// Time units a second.
-const UNITS_PER_SECOND: f64 = TICKS_PER_SECOND as f64 * (1u64 << FRACTION_BITS) as f64;
-
-/// The step times of a motor along one block, in units of 2^-16 tick from the block's start, never decreasing.
-///
-/// Each phase begins anew from its exact f64 time, so that rounding never adds up over more than a phase. Inside a
-/// ramp the interval is 2h/(v_k + v_k+1) with v_k = sqrt(v_0^2 + 2 a h k), in f32; inside the cruise it is constant.
-#[derive(Clone, Copy, Debug)]
-pub struct StepTimes {
-    law: TimeLaw,
-    /// Path position of the first step, mm.
-    first_mm: f64,
-    /// Path length a step, mm.
-    spacing_mm: f64,
-    /// Steps not yet handed out, the next one included.
-    left: u32,
-    /// Steps handed out.
-    done: u32,
-    /// Steps that may be handed out, of which `done` have been.
-    limit: u32,
-    phase: usize,
-    /// Steps of this phase not yet handed out, the next one included.
-    left_in_phase: u32,
-    /// When the next step is due.
-    next: u64,
-    pace: Pace,
-}
+/// Number of phases of a trapezoid.
+const PHASES: usize = 3;
 
 /// How the time advances within a phase.
 #[derive(Clone, Copy, Debug)]
 enum Pace {
     /// A constant interval.
-    Cruise { interval: u64 },
-    /// Squared speeds in steps^2/tick^2: at index k from the ramp's slow end, `slow + k * gain`.
-    Ramp { slow: f32, gain: f32, index: f32, direction: f32, speed: f32 },
+    Cruise(Cruise),
+    /// A constant acceleration.
+    Ramp(Ramp),
+}
+
+/// A constant interval between steps.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Cruise {
+    /// The interval, in time units.
+    pub(crate) interval: u64,
+    /// What is beyond it, in 2^-16 time units: over millions of steps it adds up.
+    beyond: u16,
+    /// The interval in whole ticks, the nearest.
+    pub(crate) ticks: u32,
+    /// By how much those are longer than it, in time units.
+    pub(crate) drift: i32,
+    /// How many steps at whole ticks add up to [`STAIR_DRIFT`] at most; 0 where the interval is no 32-bit number.
+    pub(crate) longest_stair: u32,
+}
+
+/// Most that a stair may be off because its one interval is a whole number of ticks, in time units: 31 ticks, 0.4 us.
+const STAIR_DRIFT: u32 = 31 << FRACTION_BITS;
+
+impl Cruise {
+    const EMPTY: Self = Self { interval: 0, beyond: 0, ticks: 0, drift: 0, longest_stair: 0 };
+
+    #[inline]
+    fn new(interval: u64, beyond: u16) -> Self {
+        let rounded = interval.saturating_add(HALF_TICK) >> FRACTION_BITS;
+        let ticks = rounded as u32;
+        // At most half a tick.
+        let drift = (ticks << FRACTION_BITS).wrapping_sub(interval as u32) as i32;
+        let longest = if rounded > u64::from(u32::MAX) { 0 } else { STAIR_DRIFT / drift.unsigned_abs().max(1) };
+        Self { interval, beyond, ticks, drift, longest_stair: longest.min(u32::from(u16::MAX)) }
+    }
+}
+
+/// Squared speeds in steps^2/tick^2: at index k from the ramp's slow end, `slow + k * gain`.
+///
+/// From the slow end, where relative errors would hurt most.
+#[derive(Clone, Copy, Debug)]
+struct Ramp {
+    slow: f32,
+    gain: f32,
+    /// Speed at the next step.
+    speed: f32,
+    index: u32,
+    /// 1, or -1 as a wrapping number while slowing down.
+    direction: u32,
+}
+
+/// Time units in a tick.
+const UNITS_PER_TICK: f32 = (1u32 << FRACTION_BITS) as f32;
+
+/// Ticks in time units, the nearest: cut, they would add up.
+#[inline(always)]
+fn whole_units(ticks: f32) -> u64 {
+    let units = ticks * UNITS_PER_TICK + 0.5;
+    // One instruction, and enough for all but slow steps.
+    let short = units as u32;
+    if short < u32::MAX { u64::from(short) } else { units.to_u64() }
+}
+
+impl Ramp {
+    /// Goes on to the next step; how long it takes, in ticks.
+    #[inline(always)]
+    fn interval(&mut self) -> f32 {
+        self.index = self.index.wrapping_add(self.direction);
+        let speed = square_root_f32(self.slow + self.index as f32 * self.gain);
+        let interval = 2.0 / (self.speed + speed);
+        self.speed = speed;
+        interval
+    }
+}
+
+/// Steps of a ramp that are taken one after the other, with times that fit into registers: half the cost.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct RampRun {
+    ramp: Ramp,
+    /// Steps that may be taken.
+    left: u32,
+    /// As many at first.
+    steps: u32,
+    /// Least ticks between steps.
+    least: u32,
+    /// Ticks before which the next step must be, from the last one.
+    room: u32,
+    /// The same from the first one.
+    whole: u32,
+    /// From the last step's tick to when it was due, and half a tick: below one, in ticks.
+    fraction: f32,
+    /// Ticks from when the last step was due to when the one behind the run is.
+    behind: f32,
+}
+
+impl RampRun {
+    /// Takes a step. How many ticks behind it the next one of the run is; `None` at the run's end.
+    #[inline(always)]
+    pub(crate) fn take(&mut self) -> Option<u32> {
+        self.left = self.left.wrapping_sub(1);
+        let interval = self.ramp.interval();
+        let sum = self.fraction + interval;
+        let ticks = sum as u32;
+        if self.left == 0 || ticks >= self.room || ticks < self.least {
+            self.behind = interval;
+            return None;
+        }
+        self.room = self.room.wrapping_sub(ticks);
+        self.fraction = sum - ticks as f32;
+        Some(ticks)
+    }
+
+    /// Ticks from the first step to the last one taken.
+    #[inline(always)]
+    pub(crate) fn passed(&self) -> u32 {
+        self.whole.wrapping_sub(self.room)
+    }
+}
+
+/// The steps of one phase.
+#[derive(Clone, Copy, Debug)]
+struct Phase {
+    count: u32,
+    /// When its first step is due.
+    first: u64,
+    pace: Pace,
+}
+
+impl Phase {
+    const EMPTY: Self = Self { count: 0, first: 0, pace: Pace::Cruise(Cruise::EMPTY) };
+
+    /// `count` steps of a ramp, told from its slow end, where the speed is `end`: lengths from there to the slowest and
+    /// to the first step, and the index of the first from the slowest. And how long it takes from the slow end to the
+    /// first step.
+    #[inline]
+    fn ramp<F: Real>(law: &Trapezoid<F>, steps: &Spacing<F>, end: F, lengths: [F; 2], index: u32) -> (Pace, F) {
+        let [to_slowest, to_first] = lengths;
+        let end_squared = end * end;
+        let steps_per_tick = steps_per_tick(steps.per_spacing);
+        let square = steps_per_tick * steps_per_tick;
+        let speed = (end_squared + law.gain * to_first).square_root();
+        let ramp = Ramp {
+            slow: ((end_squared + law.gain * to_slowest) * square).to_f32(),
+            gain: (law.gain * steps.spacing * square).to_f32(),
+            speed: (speed * steps_per_tick).to_f32(),
+            index,
+            direction: if index == 0 { 1 } else { u32::MAX },
+        };
+        (Pace::Ramp(ramp), ramp_time(to_first, end, speed))
+    }
+}
+
+/// The step times of a motor along one block, in units of 2^-16 tick from the block's start, never decreasing.
+///
+/// Each phase begins anew from its own time, so that rounding never adds up over more than a phase. Inside a ramp the
+/// interval is 2h/(v_k + v_k+1) with v_k = sqrt(v_0^2 + 2 a h k), in f32; inside the cruise it is constant.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct StepTimes {
+    /// When the next step is due; [`NEVER`] after the last and at the limit.
+    next: u64,
+    /// Steps before something changes: the phase ends, or the limit is reached.
+    left: u32,
+    pace: Pace,
+    /// 2^-16 time units that `next` lacks.
+    beyond: u32,
+    /// Steps of the phase behind those `left`.
+    more_in_phase: u32,
+    /// Steps that may be handed out behind those `left`.
+    more_allowed: u32,
+    /// When the first step behind the limit is due.
+    resumed: u64,
+    phases: [Phase; PHASES],
+    /// The phase after the present one.
+    next_phase: usize,
 }
 
 impl StepTimes {
-    /// `count` steps at path positions `first_mm + k * spacing_mm`, all within the law's length.
-    pub fn new(law: &TimeLaw, first_mm: f64, spacing_mm: f64, count: u32) -> Self {
-        let mut times = Self {
-            law: *law,
-            first_mm,
-            spacing_mm,
-            left: count,
-            done: 0,
-            limit: count,
-            phase: 0,
-            left_in_phase: 0,
-            next: 0,
-            pace: Pace::Cruise { interval: 0 },
+    /// No steps.
+    pub(crate) const NONE: Self = Self {
+        next: NEVER,
+        left: 0,
+        pace: Phase::EMPTY.pace,
+        beyond: 0,
+        more_in_phase: 0,
+        more_allowed: 0,
+        resumed: NEVER,
+        phases: [Phase::EMPTY; PHASES],
+        next_phase: PHASES,
+    };
+
+    /// Starts with the steps of a block, none of them due before `earliest`.
+    #[inline]
+    pub(crate) fn start<F: Real>(&mut self, law: &Trapezoid<F>, steps: &Spacing<F>, earliest: u64) {
+        self.next = NEVER;
+        self.resumed = NEVER;
+        self.left = 0;
+        self.more_in_phase = 0;
+        if steps.count == 0 {
+            return;
+        }
+        self.set_phases(law, steps);
+        self.next = earliest;
+        self.more_allowed = u32::MAX;
+        self.next_phase = 0;
+        self.enter_phase();
+    }
+
+    /// How many steps each phase has, and the time of its first.
+    #[inline]
+    fn set_phases<F: Real>(&mut self, law: &Trapezoid<F>, steps: &Spacing<F>) {
+        let &Spacing { count, first, after_last, spacing, per_spacing } = steps;
+        // The first step in a length, and as many as spacings fit behind it. Casts saturate.
+        let fitting = |length: F| (length * per_spacing + F::from_u32(1)).to_u32();
+        let up = if law.up > F::ZERO { fitting(law.up - first).min(count) } else { 0 };
+        let down = match (law.down > F::ZERO, law.cruise > F::ZERO) {
+            (true, true) => fitting(law.down - after_last).min(count - up),
+            // Without a cruise, the ramps share all steps, whatever the rounding.
+            (true, false) => count - up,
+            (false, _) => 0,
         };
-        if count > 0 {
-            times.enter_phase(0);
+        let up = if law.cruise > F::ZERO || down > 0 { up } else { count };
+        let cruise = count - up - down;
+        let [phase_up, phase_cruise, phase_down] = &mut self.phases;
+        phase_up.count = up;
+        phase_cruise.count = cruise;
+        phase_down.count = down;
+        if up > 0 {
+            let (pace, delay) = Phase::ramp(law, steps, law.entry, [first, first], 0);
+            *phase_up = Phase { count: up, first: delay.to_u64(), pace };
         }
-        times
+        if cruise > 0 {
+            let inside = first + F::from_u32(up) * spacing - law.up;
+            let inside = if inside > F::ZERO { inside } else { F::ZERO };
+            let delay = law.up_time + cruise_time(inside, law.peak);
+            let interval = cruise_time(spacing, law.peak);
+            let whole = interval.to_u64();
+            let beyond = (interval * F::from_u32(1 << 16)).to_u64() as u16;
+            let pace = Pace::Cruise(Cruise::new(whole, beyond));
+            *phase_cruise = Phase { count: cruise, first: delay.to_u64(), pace };
+        }
+        if down > 0 {
+            let index = down - 1;
+            let to_first = after_last + F::from_u32(index) * spacing;
+            let (pace, rest) = Phase::ramp(law, steps, law.exit, [after_last, to_first], index);
+            *phase_down = Phase { count: down, first: (law.duration - rest).to_u64(), pace };
+        }
     }
 
-    /// Hands out the first `count` steps only, until another limit is set.
-    pub fn limit(&mut self, count: u32) {
-        self.limit = count.clamp(self.done, self.done + self.left);
-    }
-
-    /// When the next step is due; `None` after the last and at the limit.
+    /// When the next step is due; [`NEVER`] after the last and at the limit.
     #[inline]
-    pub fn next_time(&self) -> Option<u64> {
-        (self.done < self.limit).then_some(self.next)
+    pub(crate) fn next(&self) -> u64 {
+        self.next
     }
 
-    /// In the cruise: the constant interval, and how many steps are left in it and to the limit, the next one included.
+    /// In the cruise: its interval, and how many steps are left in it and to the limit, the next one included.
     #[inline]
-    pub fn cruise(&self) -> Option<(u64, u32)> {
+    pub(crate) fn cruise(&self) -> Option<(&Cruise, u32)> {
+        match &self.pace {
+            Pace::Cruise(cruise) => Some((cruise, self.left)),
+            Pace::Ramp(_) => None,
+        }
+    }
+
+    /// Whether the next step is in a ramp and not the last before something changes.
+    #[inline(always)]
+    pub(crate) fn is_in_ramp(&self) -> bool {
+        self.left > 1 && matches!(self.pace, Pace::Ramp(_))
+    }
+
+    /// `count` more steps are handed out and no others, none of them due before `earliest`.
+    pub(crate) fn allow(&mut self, count: u32, earliest: u64) {
+        let in_phase = self.left + self.more_in_phase;
+        if in_phase == 0 {
+            return;
+        }
+        if self.next == NEVER {
+            self.next = self.resumed;
+        }
+        self.next = self.next.max(earliest);
+        self.more_allowed = count;
+        self.divide(in_phase);
+    }
+
+    /// In a ramp: at most `most` of its steps, to be taken one after the other at least `least` ticks apart, none of them
+    /// due behind `until` and none the last before something changes; the next one is `fraction` of a tick, in time
+    /// units, behind half a tick before its tick. `None` where there are none.
+    #[inline(always)]
+    pub(crate) fn run(&self, most: u32, least: u32, until: u64, fraction: u32) -> Option<RampRun> {
+        let left = most.min(self.left.saturating_sub(1));
         match self.pace {
-            Pace::Cruise { interval } => Some((interval, self.left_in_phase.min(self.limit - self.done))),
-            Pace::Ramp { .. } => None,
+            Pace::Ramp(ramp) if left > 0 => {
+                let room = u32::try_from(until.wrapping_sub(self.next) >> FRACTION_BITS).unwrap_or(u32::MAX);
+                let fraction = fraction as f32 * (1.0 / UNITS_PER_TICK);
+                Some(RampRun { ramp, left, steps: left, least, room, whole: room, fraction, behind: 0.0 })
+            }
+            _ => None,
         }
+    }
+
+    /// Takes over what a run has done, the last of its steps at the tick `last`. How many steps it took.
+    #[inline(always)]
+    pub(crate) fn end_run(&mut self, run: &RampRun, last: u64) -> u32 {
+        let taken = run.steps.wrapping_sub(run.left);
+        self.pace = Pace::Ramp(run.ramp);
+        self.left = self.left.wrapping_sub(taken);
+        let fraction = (run.fraction * UNITS_PER_TICK) as u32;
+        let due = last.wrapping_add(u64::from(fraction)).wrapping_sub(HALF_TICK);
+        self.next = due.wrapping_add(whole_units(run.behind));
+        taken
     }
 
     /// Takes `count` steps; more than one only where [`Self::cruise`] has as many.
     #[inline]
-    pub fn take(&mut self, count: u32) {
-        let count = count.min(self.left_in_phase);
-        self.left -= count;
-        self.done += count;
-        self.left_in_phase -= count;
-        if self.left_in_phase == 0 {
-            if self.left > 0 {
-                self.enter_phase(self.phase + 1);
-            }
-            return;
-        }
-        match &mut self.pace {
-            Pace::Cruise { interval } => self.next += *interval * u64::from(count),
-            Pace::Ramp { slow, gain, index, direction, speed } => {
-                *index += *direction;
-                let faster = square_root_f32(*slow + *index * *gain);
-                let interval = INTERVAL_NUMERATOR / (*speed + faster);
-                *speed = faster;
-                self.next += to_units(interval);
-            }
-        }
-    }
-
-    /// Finds the first phase from `phase` on that has steps, and the exact time of its first one.
-    fn enter_phase(&mut self, mut phase: usize) {
-        loop {
-            let bounds = self.law.phases[phase.min(PHASES - 1)];
-            let last = phase + 1 >= PHASES;
-            let count = if last {
-                self.left
-            } else {
-                // Steps up to the phase's end; the float is never negative enough to matter and casts saturate.
-                let reach = (bounds.start_mm + bounds.length_mm - self.first_mm) / self.spacing_mm + 1.0;
-                (reach as u32).saturating_sub(self.done).min(self.left)
-            };
-            if count == 0 && !last {
-                phase += 1;
-                continue;
-            }
-            self.phase = phase;
-            self.left_in_phase = count;
-            let offset_mm = (self.first_mm + f64::from(self.done) * self.spacing_mm - bounds.start_mm).max(0.0);
-            self.start_pace(&bounds, offset_mm);
-            return;
-        }
-    }
-
-    fn start_pace(&mut self, phase: &Phase, offset_mm: f64) {
-        let speed_squared = phase.start_mm_per_s * phase.start_mm_per_s;
-        let twice_acceleration = 2.0 * phase.acceleration_mm_per_s2;
-        let here_squared = (speed_squared + twice_acceleration * offset_mm).max(0.0);
-        let sum = phase.start_mm_per_s + square_root(here_squared);
-        let delay_s = if offset_mm > 0.0 && sum > 0.0 { 2.0 * offset_mm / sum } else { 0.0 };
-        let due = (phase.start_s + delay_s.min(phase.duration_s)) * UNITS_PER_SECOND;
-        self.next = self.next.max(due as u64);
-
-        if phase.acceleration_mm_per_s2 == 0.0 {
-            let interval = self.spacing_mm / phase.end_mm_per_s * UNITS_PER_SECOND;
-            self.pace = Pace::Cruise { interval: interval as u64 };
-            return;
-        }
-        // From mm/s to steps/tick.
-        let scale = 1.0 / (self.spacing_mm * f64::from(TICKS_PER_SECOND));
-        let gain = (twice_acceleration * self.spacing_mm).abs() * scale * scale;
-        // Squared speed at the ramp's slow end, which for a deceleration is its last step.
-        let steps_after = f64::from(self.left_in_phase - 1);
-        let (slow_squared, index, direction) = if twice_acceleration > 0.0 {
-            (here_squared, 0.0, 1.0)
+    pub(crate) fn take(&mut self, count: u32) {
+        self.left = self.left.wrapping_sub(count);
+        if self.left == 0 {
+            self.turn(count);
         } else {
-            let last_mm = offset_mm + steps_after * self.spacing_mm;
-            let to_end_mm = (phase.length_mm - last_mm).max(0.0);
-            let end_squared = phase.end_mm_per_s * phase.end_mm_per_s;
-            (end_squared - twice_acceleration * to_end_mm, steps_after as f32, -1.0)
-        };
-        let slow = (slow_squared * scale * scale) as f32;
-        let gain = gain as f32;
-        let speed = square_root_f32(slow + index * gain);
-        self.pace = Pace::Ramp { slow, gain, index, direction, speed };
-    }
-}
-
-/// 2 steps, in time units a tick.
-const INTERVAL_NUMERATOR: f32 = 2.0 * (1u32 << FRACTION_BITS) as f32;
-
-/// A float of time units as an integer; 32 bits serve all but the slowest steps, and cost a tenth on a Cortex-M4.
-#[inline]
-fn to_units(interval: f32) -> u64 {
-    if interval < 4_294_967_040.0 { u64::from(interval as u32) } else { interval as u64 }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::block::{Acceleration, Block, PlannedBlock, Speed};
-    use proptest::prelude::*;
-
-    /// t(s) by the textbook, in ticks.
-    fn exact_tick(law: &TimeLaw, s: f64) -> f64 {
-        let phase = law
-            .phases
-            .iter()
-            .rev()
-            .find(|phase| phase.length_mm > 0.0 && s >= phase.start_mm)
-            .unwrap_or(&law.phases[0]);
-        let ds = (s - phase.start_mm).clamp(0.0, phase.length_mm);
-        let v = phase.start_mm_per_s;
-        let end = (v * v + 2.0 * phase.acceleration_mm_per_s2 * ds).max(0.0).sqrt();
-        let dt = if ds > 0.0 { 2.0 * ds / (v + end) } else { 0.0 };
-        (phase.start_s + dt) * f64::from(TICKS_PER_SECOND)
+            self.pass(count);
+        }
     }
 
-    proptest! {
-        #![proptest_config(ProptestConfig::with_cases(400))]
-        #[test]
-        fn times_meet_the_law_within_a_microsecond(
-            entry in 0.0f64..200.0, share in 0.0f64..=1.0, nominal in 0.05f64..400.0, acceleration in 5.0f64..20_000.0,
-            count in 1u32..30_000, spacing in 0.001f64..0.02, lead in 0.0f64..1.0, tail in 0.0f64..1.0,
-        ) {
-            // Whole units of 10 nm, and the spacing to fit.
-            let length_10nm = ((f64::from(count - 1) + lead + tail).max(0.01) * spacing * 100_000.0).ceil();
-            let length_mm = length_10nm / 100_000.0;
-            let entry = entry.min(nominal);
-            let reach = 2.0 * acceleration * length_mm;
-            let slowest = (entry * entry - reach).max(0.0).sqrt();
-            let fastest = (entry * entry + reach).sqrt().min(nominal);
-            let exit = slowest + (fastest - slowest) * share;
-            let law = TimeLaw::trapezoid(&PlannedBlock {
-                block: Block { steps: [1, 0, 0], extruder_256ths: 0, length_10nm: length_10nm as u32, nominal: Speed::from_mm_per_s(nominal),
-                    acceleration: Acceleration::from_mm_per_s2(acceleration), line: 1, ends_move: true, inner_ends: Default::default() },
-                entry: Speed::from_mm_per_s(entry), exit: Speed::from_mm_per_s(exit),
-            });
-            prop_assume!(law.duration_s < 20.0);
-            let mut times = StepTimes::new(&law, lead * spacing, spacing, count);
-            let mut before = 0;
-            for k in 0..count {
-                let time = times.next_time();
-                prop_assert!(time.is_some());
-                let time = time.unwrap_or(0);
-                prop_assert!(time >= before);
-                before = time;
-                let exact = exact_tick(&law, (lead + f64::from(k)) * spacing);
-                let off = time as f64 / 65_536.0 - exact;
-                prop_assert!(off.abs() < 84.0, "step {} of {} is {} ticks off", k, count, off);
-                // In the cruise several may be taken at once; the ramp is one by one.
-                times.take(1);
+    /// The time of the next step in the same phase.
+    #[inline]
+    fn pass(&mut self, count: u32) {
+        match &mut self.pace {
+            Pace::Ramp(ramp) => self.next = self.next.wrapping_add(whole_units(ramp.interval())),
+            Pace::Cruise(cruise) => {
+                let beyond = self.beyond.wrapping_add(u32::from(cruise.beyond).wrapping_mul(count));
+                self.beyond = beyond & 0xffff;
+                let passed = cruise.interval.wrapping_mul(u64::from(count)).wrapping_add(u64::from(beyond >> 16));
+                self.next = self.next.wrapping_add(passed);
             }
-            prop_assert_eq!(times.next_time(), None);
+        }
+    }
+
+    /// Goes on at the end of a phase or of what is allowed.
+    #[inline(never)]
+    fn turn(&mut self, count: u32) {
+        if self.more_in_phase > 0 {
+            self.pass(count);
+            self.divide(self.more_in_phase);
+        } else {
+            self.enter_phase();
+        }
+    }
+
+    /// Begins with the next phase that has steps.
+    #[inline]
+    fn enter_phase(&mut self) {
+        while let Some(phase) = self.phases.get(self.next_phase) {
+            self.next_phase += 1;
+            if phase.count > 0 {
+                self.pace = phase.pace;
+                self.beyond = 0;
+                self.next = self.next.max(phase.first);
+                let count = phase.count;
+                self.divide(count);
+                return;
+            }
+        }
+        self.next = NEVER;
+        self.resumed = NEVER;
+        self.more_in_phase = 0;
+    }
+
+    /// Divides the steps of the phase into those that are allowed and the others.
+    #[inline]
+    fn divide(&mut self, in_phase: u32) {
+        self.left = in_phase.min(self.more_allowed);
+        self.more_in_phase = in_phase - self.left;
+        self.more_allowed -= self.left;
+        if self.left == 0 {
+            self.resumed = self.next;
+            self.next = NEVER;
         }
     }
 }

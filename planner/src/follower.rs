@@ -1,0 +1,33 @@
+//! A motor that steps with some of the master's steps.
+
+use crate::bresenham::StepBresenham;
+
+/// A motor that follows the master by step Bresenham.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Follower {
+    bit: u8,
+    line: StepBresenham,
+}
+
+impl Follower {
+    /// A motor that never steps.
+    pub(crate) const NONE: Self = Self { bit: 0, line: StepBresenham::level() };
+
+    /// The motor of this bit, which makes `steps` along with `master_steps` of the master.
+    #[inline]
+    pub(crate) fn new(bit: u8, master_steps: u32, steps: u32) -> Self {
+        Self { bit, line: StepBresenham::new(master_steps, steps).unwrap_or(StepBresenham::level()) }
+    }
+
+    /// Master steps up to and including the next common one; out of reach where there is none.
+    #[inline]
+    pub(crate) fn until(&self) -> u32 {
+        self.line.width()
+    }
+
+    /// Passes `count` master steps, at most [`Self::until`]; the motor's bit if it steps with the last of them.
+    #[inline(always)]
+    pub(crate) fn pass(&mut self, count: u32) -> u8 {
+        if self.line.pass(count) { self.bit } else { 0 }
+    }
+}
