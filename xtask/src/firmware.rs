@@ -66,10 +66,14 @@ pub fn check(run: &mut Run) -> Result<(), Failure> {
 
 /// Prints how much of the board's memory an image takes.
 pub fn print_sizes(image: &Path) -> Result<(), Failure> {
-    let bytes = std::fs::read(image).map_err(|error| format!("{}: {error}", image.display()))?;
-    let sizes = Sizes::of_elf(&bytes).map_err(|error| format!("{}: {error}", image.display()))?;
-    println!("{}\n{sizes}", image.display());
+    println!("{}\n{}", image.display(), sizes(image)?);
     Ok(())
+}
+
+/// How much of the board's memory an image takes.
+pub fn sizes(image: &Path) -> Result<Sizes, Failure> {
+    let bytes = std::fs::read(image).map_err(|error| format!("{}: {error}", image.display()))?;
+    Sizes::of_elf(&bytes).map_err(|error| format!("{}: {error}", image.display()))
 }
 
 /// Cargo in the firmware's folder, which is a workspace of its own with settings of its own for the linker.
