@@ -6,6 +6,7 @@ mod cycle_model;
 mod emulation;
 mod host;
 mod page;
+mod per_event;
 
 use std::path::Path;
 
@@ -65,12 +66,17 @@ fn compare(run: &mut Run, figures: &Value) -> Result<(), Failure> {
 
 /// What is the same on every run and every machine.
 fn count(run: &mut Run, firmware: &Path) -> Result<Value, Failure> {
+    let tally = firmware::build(run, Program::Tally)?;
+    let workload = run.step("events to make", || emulation::count(&tally))?;
     let bench = firmware::build(run, Program::Bench)?;
-    let mut figures = run.step("bench", || emulation::count(&bench))?;
+    let counts = run.step("instructions", || emulation::count(&bench))?;
     let sizes = firmware::sizes(firmware)?;
-    insert(&mut figures, "image", json!({"text": sizes.text, "data": sizes.data, "bss": sizes.bss}));
-    insert(&mut figures, "compiler", json!(core_library::find()?.compiler_version()?));
-    Ok(figures)
+    Ok(json!({
+        "target": per_event::target(&counts, &workload)?,
+        "workload": per_event::workload(&counts, workload)?,
+        "image": {"text": sizes.text, "data": sizes.data, "bss": sizes.bss},
+        "compiler": core_library::find()?.compiler_version()?,
+    }))
 }
 
 fn insert(figures: &mut Value, key: &str, value: Value) {

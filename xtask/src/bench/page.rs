@@ -182,7 +182,7 @@ fn line_to_queue(out: &mut String, figures: &Value) -> std::fmt::Result {
         let count = shown(number(figures, &format!("target.{key}")));
         writeln!(out, "| {what} | `target.{key}` | {count} | {goal} |")?;
     }
-    let workload = |key: &str| shown(number(figures, &format!("workload.{key}")));
+    let workload = |key: &str| shown(number(figures, &format!("workload.print.{key}")));
     writeln!(
         out,
         "\nThe print is `examples/gyroid.gcode.gz` at 80 steps/mm: {} lines with G0 or G1, {} entries in the\nqueue, {} \

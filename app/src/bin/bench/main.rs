@@ -23,15 +23,21 @@ use core::panic::PanicInfo;
 
 use cortex_m_semihosting::{debug, hprintln};
 use ferrostep_planner::look_ahead::Slot;
+use ferrostep_stm32f4::motion_clock::MotionClock;
 
 use counter::Counter;
-use host_file::HostFile;
 use profile::PROFILE;
 use queue::BenchQueue;
-use report::Report;
+use report::{Report, StepEvents, Workload};
 
 /// Blocks in the look-ahead ring, as in the firmware.
 const LOOK_AHEAD_BLOCKS: usize = 128;
+
+/// X and Y of a trapezoid 30 mm long whose second motor steps with three of the first one's four steps.
+const TWO_AXES_MM: [i64; 2] = [24, 18];
+
+/// The same along X.
+const ONE_AXIS_MM: [i64; 2] = [30, 0];
 
 #[rtic::app(device = ferrostep_stm32f4::pac, peripherals = true)]
 mod app {
@@ -78,12 +84,16 @@ mod app {
 }
 
 /// Measures, says what, and ends the emulator.
-fn run(clock: ferrostep_stm32f4::motion_clock::MotionClock, queue: &mut BenchQueue, ring: &mut [Slot]) -> ! {
-    match Counter::start(clock).and_then(|counter| measure(&counter, queue, ring)) {
-        Ok(report) => {
-            hprintln!("{}", report);
-            debug::exit(debug::EXIT_SUCCESS);
+fn run(clock: MotionClock, queue: &mut BenchQueue, ring: &mut [Slot]) -> ! {
+    let outcome = Counter::start(clock).and_then(|counter| {
+        if cfg!(feature = "tally") {
+            tally(&counter, queue, ring).map(|workload| hprintln!("{}", workload))
+        } else {
+            measure(&counter, queue, ring).map(|report| hprintln!("{}", report))
         }
+    });
+    match outcome {
+        Ok(()) => debug::exit(debug::EXIT_SUCCESS),
         Err(reason) => hprintln!("{}", reason),
     }
     debug::exit(debug::EXIT_FAILURE);
@@ -92,19 +102,29 @@ fn run(clock: ferrostep_stm32f4::motion_clock::MotionClock, queue: &mut BenchQue
 
 /// Every piece, then all of them together.
 fn measure(counter: &Counter, queue: &mut BenchQueue, ring: &mut [Slot]) -> Result<Report, &'static str> {
-    let mut file = HostFile::open(c"print.gcode")?;
     let mut report = Report {
         step_event: step_events::synthetic(counter, queue)?,
         parse_line: pieces::parse_lines(counter)?,
         line_to_block: pieces::lines_to_blocks(counter, &PROFILE, ring, queue)?,
         block_full_look_ahead: pieces::moves_to_blocks(counter, &PROFILE, ring, queue)?,
-        trapezoid: pieces::trapezoid(counter, &PROFILE, ring, queue, [24, 18])?,
-        trapezoid_one_axis: pieces::trapezoid(counter, &PROFILE, ring, queue, [30, 0])?,
+        trapezoid: pieces::trapezoid(counter, &PROFILE, ring, queue, TWO_AXES_MM)?,
+        trapezoid_one_axis: pieces::trapezoid(counter, &PROFILE, ring, queue, ONE_AXIS_MM)?,
         bresenham: wu_lines::measure(counter, queue)?,
         ..Report::default()
     };
-    report.print = whole_print::measure(counter, &PROFILE, ring, queue, &mut report.step_event, &mut file)?;
+    report.print = whole_print::measure(counter, &PROFILE, ring, queue, &mut report.step_event)?;
     Ok(report)
+}
+
+/// How much these are of.
+fn tally(counter: &Counter, queue: &mut BenchQueue, ring: &mut [Slot]) -> Result<Workload, &'static str> {
+    wu_lines::measure(counter, queue)?;
+    pieces::trapezoid(counter, &PROFILE, ring, queue, TWO_AXES_MM)?;
+    let trapezoid = queue.take_tally();
+    pieces::trapezoid(counter, &PROFILE, ring, queue, ONE_AXIS_MM)?;
+    let trapezoid_one_axis = queue.take_tally();
+    whole_print::measure(counter, &PROFILE, ring, queue, &mut StepEvents::default())?;
+    Ok(Workload { trapezoid, trapezoid_one_axis, print: queue.take_tally() })
 }
 
 fn halt() -> ! {

@@ -107,24 +107,60 @@ fn relative(extruded_100pm: &mut i64, text: &str) -> Result<Move, &'static str> 
 
 /// Lets blocks leave until one more fits.
 fn make_room(planner: &mut BenchPlanner<'_>, queue: &mut BenchQueue) -> Result<(), &'static str> {
-    while !planner.has_room() {
-        if planner.advance(queue) == Progress::Waiting {
-            return Err("no block leaves the full ring");
+    loop {
+        let outcome = advance(planner, queue, Goal::OneBlock);
+        queue.empty();
+        match outcome {
+            Outcome::Reached => return Ok(()),
+            Outcome::QueueFull => {}
+            Outcome::Waiting => return Err("no block leaves the full ring"),
         }
-        queue.drain();
     }
-    Ok(())
 }
 
-/// A trapezoid of 30 mm along `path_mm` (X and Y) with 1 mm of filament, at 100 mm/s and 1000 mm/s^2: from the popped
-/// block to entries in the queue, for each step event.
+/// How many blocks shall leave the look-ahead ring.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Goal {
+    /// So many that another fits.
+    OneBlock,
+    /// All.
+    AllBlocks,
+}
+
+/// Why [`advance`] has returned.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Outcome {
+    /// Its goal is reached.
+    Reached,
+    /// The queue must be emptied first.
+    QueueFull,
+    /// No block may leave.
+    Waiting,
+}
+
+/// Blocks to the step queue. One copy, as in the firmware.
+#[inline(never)]
+pub fn advance(planner: &mut BenchPlanner<'_>, queue: &mut BenchQueue, goal: Goal) -> Outcome {
+    while goal == Goal::AllBlocks || !planner.has_room() {
+        if !queue.has_room() {
+            return Outcome::QueueFull;
+        }
+        if planner.advance(queue) == Progress::Waiting {
+            return Outcome::Waiting;
+        }
+    }
+    Outcome::Reached
+}
+
+/// A trapezoid of 30 mm along `path_mm` (X and Y) with 1 mm of filament, at 100 mm/s and 1000 mm/s^2: instructions from
+/// the popped block to entries in the queue.
 pub fn trapezoid(
     counter: &Counter,
     profile: &Profile,
     ring: &mut [Slot],
     queue: &mut BenchQueue,
     [x_mm, y_mm]: [i64; 2],
-) -> Result<Mean, &'static str> {
+) -> Result<u32, &'static str> {
     let limits = Limits {
         max_feed_mm_per_s: [200.0; 4],
         max_acceleration_mm_per_s2: [5000.0; 4],
@@ -141,28 +177,13 @@ pub fn trapezoid(
     };
     planner.add(&request).map_err(|_| "the trapezoid was refused")?;
     planner.flush();
-    let events_before = queue.events;
     let mut instructions = 0;
     loop {
-        let (part, progress) = counter.count(|| advance_all(&mut planner, queue));
+        let (part, outcome) = counter.count(|| advance(&mut planner, queue, Goal::AllBlocks));
         instructions += part;
-        queue.drain();
-        if progress == Progress::Waiting {
-            break;
+        queue.empty();
+        if outcome != Outcome::QueueFull {
+            return Ok(instructions);
         }
     }
-    let mut mean = Mean::default();
-    mean.add(instructions, queue.events - events_before);
-    Ok(mean)
-}
-
-/// Works until the queue or the planner has no more to offer.
-#[inline]
-fn advance_all(planner: &mut BenchPlanner<'_>, queue: &mut BenchQueue) -> Progress {
-    while queue.has_room() {
-        if planner.advance(queue) == Progress::Waiting {
-            return Progress::Waiting;
-        }
-    }
-    Progress::Worked
 }

@@ -3,6 +3,7 @@
 use ferrostep_hal_shim::StepOutput;
 use ferrostep_hal_shim::step_player::StepLink;
 use ferrostep_hal_shim::step_ring::StepRing;
+use ferrostep_planner::interpolator::MAX_ENTRIES;
 use ferrostep_planner::{Notice, StepEntry, StepKind, StepSink};
 use ferrostep_stm32f4::bench::BenchPins;
 use ferrostep_stm32f4::pac::{Interrupt, RCC, TIM2};
@@ -20,9 +21,19 @@ static STEP_LINK: StepLink = StepLink::new();
 pub type BenchTimer = StepTimer<BenchPins, STEP_QUEUE_ENTRIES>;
 
 /// The queue's near end.
+///
+/// The one sink of the bench, as the firmware has one: a second type would change what the compiler inlines into the
+/// planner. So there are two builds of this program. With the feature `tally` entries are counted instead of queued,
+/// so that counting has no part in what queuing costs.
 pub struct BenchQueue {
     queue: StepQueue<BenchPins, STEP_QUEUE_ENTRIES>,
-    /// Entries that were taken out.
+    tally: Tally,
+}
+
+/// How much there is to queue.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Tally {
+    /// Entries.
     pub entries: u32,
     /// Step events in them.
     pub events: u32,
@@ -34,7 +45,7 @@ pub fn start(timer: TIM2, rcc: &RCC, pins: &'static BenchPins) -> (BenchTimer, B
     let timer = StepTimer::start(timer, rcc, pins, &STEPS, &STEP_LINK, 0);
     // SAFETY: the handler, which owns the timer, does not run yet and does not use this register.
     unsafe { &*TIM2::ptr() }.dier().write(|w| w.uie().clear_bit());
-    (timer, BenchQueue { queue: StepQueue::new(pins, &STEPS, &STEP_LINK), entries: 0, events: 0 })
+    (timer, BenchQueue { queue: StepQueue::new(pins, &STEPS, &STEP_LINK), tally: Tally::default() })
 }
 
 /// An event of the interrupt.
@@ -46,21 +57,20 @@ pub struct Event {
 }
 
 impl BenchQueue {
+    /// What has been counted since the last call.
+    pub fn take_tally(&mut self) -> Tally {
+        core::mem::take(&mut self.tally)
+    }
+
     /// Whether the blocks' next entries fit.
     #[inline]
     pub fn has_room(&self) -> bool {
-        self.queue.room() >= ferrostep_planner::interpolator::MAX_ENTRIES
+        self.queue.room() >= MAX_ENTRIES
     }
 
     /// Entries that wait.
     pub fn waiting(&self) -> usize {
         self.queue.waiting()
-    }
-
-    /// Adds an entry.
-    #[inline]
-    pub fn push(&mut self, entry: StepEntry) {
-        self.queue.push(entry);
     }
 
     /// Lets the interrupt take entries.
@@ -80,34 +90,23 @@ impl BenchQueue {
         Event { instructions, is_new: self.waiting() != before }
     }
 
-    /// Empties the queue without the interrupt and counts what was in it.
-    pub fn drain(&mut self) {
-        while STEPS.pop().map(|entry| self.count(entry)).is_some() {}
-    }
-
-    /// The same, and puts it all back for the interrupt to play: what is made can be counted without a part in making
-    /// it.
-    pub fn recount(&mut self) {
-        for _ in 0..self.waiting() {
-            if let Some(entry) = STEPS.pop() {
-                self.count(entry);
-                self.push(entry);
-            }
-        }
-    }
-
-    fn count(&mut self, entry: StepEntry) {
-        self.entries += 1;
-        if let StepKind::Stair { count, .. } = entry.kind() {
-            self.events += u32::from(count);
-        }
+    /// Empties the queue without the interrupt.
+    pub fn empty(&mut self) {
+        while STEPS.pop().is_some() {}
     }
 }
 
 impl StepSink for BenchQueue {
     #[inline]
     fn entry(&mut self, entry: StepEntry) {
-        self.push(entry);
+        if cfg!(feature = "tally") {
+            self.tally.entries += 1;
+            if let StepKind::Stair { count, .. } = entry.kind() {
+                self.tally.events += u32::from(count);
+            }
+        } else {
+            self.queue.push(entry);
+        }
     }
 
     fn notice(&mut self, _notice: Notice) {}

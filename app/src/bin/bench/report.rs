@@ -2,6 +2,8 @@
 
 use core::fmt;
 
+use crate::queue::Tally;
+
 /// A mean of instruction counts.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Mean {
@@ -19,6 +21,11 @@ impl Mean {
     /// The same for each of so many units.
     pub fn each_of(self, units: u32) -> Self {
         Self { units: u64::from(units), ..self }
+    }
+
+    /// All of it.
+    pub fn total(self) -> u64 {
+        self.instructions
     }
 
     /// Both, each once for the units of the first.
@@ -118,10 +125,6 @@ pub struct Print {
     pub interpolate: Mean,
     /// Lines with G0 or G1.
     pub moves: u32,
-    /// Entries in the step queue.
-    pub entries: u32,
-    /// Step events in them.
-    pub events: u32,
 }
 
 /// Everything.
@@ -135,10 +138,10 @@ pub struct Report {
     pub line_to_block: Mean,
     /// A move to a block in the full look-ahead ring, with the reverse pass.
     pub block_full_look_ahead: Mean,
-    /// A long trapezoid to the step queue, for each step event: X, Y and filament.
-    pub trapezoid: Mean,
+    /// A long trapezoid to the step queue: X, Y and filament.
+    pub trapezoid: u32,
     /// The same along X, with filament.
-    pub trapezoid_one_axis: Mean,
+    pub trapezoid_one_axis: u32,
     /// Wu's lines.
     pub bresenham: heapless::Vec<Line, 5>,
     /// A whole print.
@@ -148,27 +151,50 @@ pub struct Report {
 impl fmt::Display for Report {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(out, "{{\"target\": {{\"step_event\": {}", self.step_event)?;
-        let Print { parse, plan, interpolate, moves, entries, events } = self.print;
+        let Print { parse, plan, interpolate, moves } = self.print;
         let pieces = [
             ("parse_line", self.parse_line),
             ("line_to_block", self.line_to_block),
             ("block_full_look_ahead", self.block_full_look_ahead),
-            ("interpolate_per_step_trapezoid", self.trapezoid),
-            ("interpolate_per_step_trapezoid_one_axis", self.trapezoid_one_axis),
             ("line_to_queue_mean", parse.plus(plan).plus(interpolate)),
         ];
         for (name, mean) in pieces {
             write!(out, ", \"{name}\": {mean}")?;
         }
-        let per_event = interpolate.each_of(events);
-        write!(out, ", \"line_to_queue\": {{\"parse\": {parse}, \"plan\": {plan}, \"interpolate\": {interpolate}, ")?;
-        write!(out, "\"interpolate_per_event\": {per_event}}}, \"bresenham\": {{")?;
+        write!(out, ", \"line_to_queue\": {{\"parse\": {parse}, \"plan\": {plan}, \"interpolate\": {interpolate}}}")?;
+        out.write_str(", \"bresenham\": {")?;
         for (index, line) in self.bresenham.iter().enumerate() {
             let Line { name, classic, classic_coalesced, step } = line;
             let separator = if index == 0 { "" } else { ", " };
             write!(out, "{separator}\"{name}\": {{\"classic\": {classic}, ")?;
             write!(out, "\"classic_coalesced\": {classic_coalesced}, \"step\": {step}}}")?;
         }
-        write!(out, "}}}}, \"workload\": {{\"moves\": {moves}, \"entries\": {entries}, \"events\": {events}}}}}")
+        let Self { trapezoid, trapezoid_one_axis, .. } = self;
+        write!(out, "}}}}, \"moves\": {moves}, \"interpolation\": {{\"trapezoid\": {trapezoid}, ")?;
+        write!(out, "\"trapezoid_one_axis\": {trapezoid_one_axis}, \"print\": {}}}}}", interpolate.total())
+    }
+}
+
+/// What there is to queue, from the build that counts it.
+#[derive(Clone, Copy, Debug)]
+pub struct Workload {
+    /// Of the first trapezoid.
+    pub trapezoid: Tally,
+    /// Of the other.
+    pub trapezoid_one_axis: Tally,
+    /// Of the whole print.
+    pub print: Tally,
+}
+
+impl fmt::Display for Workload {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { trapezoid, trapezoid_one_axis, print } = self;
+        let tallies = [("trapezoid", trapezoid), ("trapezoid_one_axis", trapezoid_one_axis), ("print", print)];
+        let mut separator = "{";
+        for (name, Tally { entries, events }) in tallies {
+            write!(out, "{separator}\"{name}\": {{\"entries\": {entries}, \"events\": {events}}}")?;
+            separator = ", ";
+        }
+        out.write_str("}")
     }
 }

@@ -1,6 +1,6 @@
 //! The step interrupt, event by event.
 
-use ferrostep_planner::StepEntry;
+use ferrostep_planner::{StepEntry, StepSink};
 
 use crate::counter::Counter;
 use crate::queue::BenchQueue;
@@ -33,7 +33,7 @@ pub fn synthetic(counter: &Counter, queue: &mut BenchQueue) -> Result<StepEvents
 fn stairs(counter: &Counter, queue: &mut BenchQueue, axes: u8) -> Result<Events, &'static str> {
     let entry = StepEntry::stair(INTERVAL_TICKS, STAIR_EVENTS, axes, 0).ok_or("a stair without events")?;
     for _ in 0..STAIRS {
-        queue.push(entry);
+        queue.entry(entry);
     }
     queue.start();
     let mut events = Events::default();

@@ -1,27 +1,32 @@
 //! A whole file, from its bytes to the step queue.
 
 use core::cell::RefCell;
+use core::ffi::CStr;
 use core::hint::black_box;
 
 use ferrostep_gcode::{Command, LineReader, parse};
-use ferrostep_planner::Progress;
 use ferrostep_planner::look_ahead::Slot;
+
 use ferrostep_printer::{Printer, Profile, Signals};
 
 use crate::counter::Counter;
 use crate::host_file::HostFile;
 use crate::machine::{BenchPlanner, Machine, NoReplies, QuickTime, execute};
+use crate::pieces::{Goal, Outcome, advance};
 use crate::queue::BenchQueue;
 use crate::report::{Mean, Print, StepEvents};
 use crate::step_events;
 
-/// The step interrupt is counted for the first of so many entries; the queue is emptied without it then.
-const PLAYED_ENTRIES: u32 = 50_000;
+/// The file, in the emulator's working folder.
+const FILE: &CStr = c"print.gcode";
+
+/// The step interrupt plays the first of so many queues; later ones are emptied without it.
+const PLAYED_QUEUES: u32 = 1000;
 
 /// Bytes read at once. Reading is not counted.
 const PORTION_BYTES: usize = 2048;
 
-/// Prints a file: instructions for each G0 and G1, everything else only executed. The step interrupt plays the first
+/// Prints the file: instructions for each G0 and G1, everything else only executed. The step interrupt plays the first
 /// part of it.
 pub fn measure(
     counter: &Counter,
@@ -29,23 +34,31 @@ pub fn measure(
     ring: &mut [Slot],
     queue: &mut BenchQueue,
     step_events: &mut StepEvents,
-    file: &mut HostFile,
 ) -> Result<Print, &'static str> {
-    (queue.entries, queue.events) = (0, 0);
+    let mut played = 0;
+    let mut empty = |queue: &mut BenchQueue| {
+        if played < PLAYED_QUEUES && queue.waiting() > 0 {
+            played += 1;
+            step_events::play_waiting(counter, queue, step_events);
+        }
+        queue.empty();
+    };
+    let mut file = HostFile::open(FILE)?;
     let planner = RefCell::new(BenchPlanner::new(profile.geometry(), profile.limits, ring));
     let machine = Machine { planner: &planner };
     let signals = Signals::new();
     let mut printer = Printer::new(profile, machine, machine, QuickTime, &NoReplies, &signals);
     let mut print = Print::default();
-    let mut make_room = |interpolate: &mut Mean, queue: &mut BenchQueue, all| {
+    let mut make_room = |interpolate: &mut Mean, goal| {
         loop {
-            let (instructions, progress) = counter.count(|| advance(&mut planner.borrow_mut(), queue, all));
+            let (instructions, outcome) = counter.count(|| advance(&mut planner.borrow_mut(), queue, goal));
             interpolate.add(instructions, 0);
-            empty(counter, queue, step_events);
-            match progress {
-                Some(Progress::Worked) => {}
-                Some(Progress::Waiting) if !all => return Err("no block leaves the full ring"),
-                _ => return Ok(()),
+            empty(queue);
+            match outcome {
+                Outcome::Reached => return Ok(()),
+                Outcome::QueueFull => {}
+                Outcome::Waiting if goal == Goal::AllBlocks => return Ok(()),
+                Outcome::Waiting => return Err("no block leaves the full ring"),
             }
         }
     };
@@ -65,7 +78,7 @@ pub fn measure(
             read_instructions += instructions;
             let Some(line) = line else { continue };
             let text = line.map_err(|_| "a line cannot be read")?.text;
-            make_room(&mut print.interpolate, queue, false)?;
+            make_room(&mut print.interpolate, Goal::OneBlock)?;
             let (parse_instructions, command) = counter.count(|| parse(black_box(text)));
             let (execute_instructions, outcome) = counter.count(|| execute(&mut printer, black_box(text)));
             outcome?;
@@ -79,33 +92,7 @@ pub fn measure(
         }
     }
     planner.borrow_mut().flush();
-    make_room(&mut print.interpolate, queue, true)?;
+    make_room(&mut print.interpolate, Goal::AllBlocks)?;
     print.interpolate = print.interpolate.each_of(print.moves);
-    (print.entries, print.events) = (queue.entries, queue.events);
     Ok(print)
-}
-
-/// Lets blocks leave until one more fits, or all of them; `None` when that is so, and an answer when the queue is full
-/// or nothing moves.
-#[inline]
-fn advance(planner: &mut BenchPlanner<'_>, queue: &mut BenchQueue, all: bool) -> Option<Progress> {
-    while all || !planner.has_room() {
-        if !queue.has_room() {
-            return Some(Progress::Worked);
-        }
-        if planner.advance(queue) == Progress::Waiting {
-            return Some(Progress::Waiting);
-        }
-    }
-    None
-}
-
-/// Empties the queue, by the interrupt at first.
-fn empty(counter: &Counter, queue: &mut BenchQueue, step_events: &mut StepEvents) {
-    if queue.entries < PLAYED_ENTRIES {
-        queue.recount();
-        step_events::play_waiting(counter, queue, step_events);
-    } else {
-        queue.drain();
-    }
 }
