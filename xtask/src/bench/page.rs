@@ -104,12 +104,14 @@ fn step_interrupt(out: &mut String, figures: &Value) -> std::fmt::Result {
     writeln!(out, "![Instructions of an event that steps motors](images/step-interrupt.svg)\n")?;
     writeln!(out, "Instructions from vector to return; keys are those of `target.step_event`.\n")?;
     writeln!(out, "| event | key | Ferrostep | Klipper |\n|---|---|---|---|")?;
-    let (one, three) = (shown(Some(KLIPPER_ONE_MOTOR)), shown(Some(3.0 * KLIPPER_EACH_OF_MANY)));
-    let rows: [(&str, &str, &str); 12] = [
-        ("inside a stair, one motor", "within_stair_1_axis", &one),
+    let (one, three) = (shown(Some(KLIPPER_ONE_MOTOR)), format!("three: {}", shown(Some(3.0 * KLIPPER_EACH_OF_MANY))));
+    let rows = [
+        ("inside a stair, one motor", "within_stair_1_axis", one.as_str()),
+        ("the one of these that prepares the next stair", "most_within_stair_1_axis", ""),
         ("ends a stair, fetches the next, one motor", "new_stair_1_axis", &one),
-        ("inside a stair, four motors at once", "within_stair_4_axes", &format!("three: {three}")),
-        ("ends a stair, fetches the next, four motors at once", "new_stair_4_axes", &format!("three: {three}")),
+        ("inside a stair, four motors at once", "within_stair_4_axes", &three),
+        ("ends a stair, fetches the next, four motors at once", "new_stair_4_axes", &three),
+        ("is a stair of its own, four motors at once", "single_event_stair_4_axes", &three),
         ("inside a stair, the handler stays for it", "staying_within_stair", &one),
         ("ends a stair, the handler stays for it", "staying_new_stair", &one),
         ("inside a stair, motors on two ports", "two_ports.within_stair", ""),
@@ -134,10 +136,7 @@ fn steps_per_second(out: &mut String, figures: &Value) -> std::fmt::Result {
          instruction\n(what Klipper's 46 cycles for 33 instructions come to). All motors of a port step with one \
          store, so steps are events\ntimes motors. In thousands a second, the processor doing nothing else:\n"
     )?;
-    writeln!(
-        out,
-        "| motors at once | all events inside stairs: events | steps | each event a new stair: events | steps | others |"
-    )?;
+    writeln!(out, "| motors at once | events inside stairs | steps | events that are a stair each | steps | others |")?;
     writeln!(out, "|---|---|---|---|---|---|")?;
     let others = [
         (1.0, "1_axis", format!("Klipper {}", thousands(Some(KLIPPER_ONE_MOTOR_PER_S)))),
@@ -145,8 +144,8 @@ fn steps_per_second(out: &mut String, figures: &Value) -> std::fmt::Result {
         (4.0, "4_axes", format!("Marlin {} events", thousands(Some(MARLIN_FOUR_AXES_PER_S)))),
     ];
     for (motors, axes, others) in others {
-        let rate = |sort: &str| event(figures, &format!("{sort}_stair_{axes}")).map(events_per_s);
-        let (within, new) = (rate("within"), rate("new"));
+        let within = event(figures, &format!("within_stair_{axes}")).map(events_per_s);
+        let new = event(figures, "single_event_stair_4_axes").map(events_per_s);
         let steps = |events: Option<f64>| thousands(events.map(|events| events * motors));
         let (within_events, new_events) = (thousands(within), thousands(new));
         writeln!(out, "| {motors} | {within_events} | {} | {new_events} | {} | {others} |", steps(within), steps(new))?;

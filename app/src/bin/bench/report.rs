@@ -54,11 +54,13 @@ impl fmt::Display for OrNull {
     }
 }
 
-/// The step interrupt's event inside a stair, and the one that ends a stair and fetches the next.
+/// The step interrupt's events inside a stair, and the one that ends a stair and fetches the next.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Events {
-    /// Inside.
+    /// Inside: most of them.
     pub within: Option<u32>,
+    /// Inside: the one with most to do.
+    pub most_within: Option<u32>,
     /// With the fetch.
     pub new: Option<u32>,
 }
@@ -76,6 +78,8 @@ pub struct StepEvents {
     pub two_ports: Events,
     /// Motors on three ports.
     pub three_ports: Events,
+    /// Stairs of one event each, four motors: everything in every event.
+    pub single: Option<u32>,
     /// A look at an empty queue.
     pub idle: u32,
     /// Of a real print.
@@ -88,15 +92,18 @@ impl fmt::Display for StepEvents {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         let axes = [("1_axis", self.one_axis), ("4_axes", self.four_axes)];
         out.write_str("{")?;
-        for (name, Events { within, new }) in axes {
-            write!(out, "\"within_stair_{name}\": {}, \"new_stair_{name}\": {}, ", OrNull(within), OrNull(new))?;
+        for (name, Events { within, most_within, new }) in axes {
+            let (within, most_within, new) = (OrNull(within), OrNull(most_within), OrNull(new));
+            write!(out, "\"within_stair_{name}\": {within}, \"most_within_stair_{name}\": {most_within}, ")?;
+            write!(out, "\"new_stair_{name}\": {new}, ")?;
         }
-        let Events { within, new } = self.staying;
+        let Events { within, new, .. } = self.staying;
         write!(out, "\"staying_within_stair\": {}, \"staying_new_stair\": {}, ", OrNull(within), OrNull(new))?;
-        for (name, Events { within, new }) in [("two_ports", self.two_ports), ("three_ports", self.three_ports)] {
+        for (name, Events { within, new, .. }) in [("two_ports", self.two_ports), ("three_ports", self.three_ports)] {
             let (within, new) = (OrNull(within), OrNull(new));
             write!(out, "\"{name}\": {{\"within_stair\": {within}, \"new_stair\": {new}}}, ")?;
         }
+        write!(out, "\"single_event_stair_4_axes\": {}, ", OrNull(self.single))?;
         write!(out, "\"idle\": {}, \"mean\": {}, \"worst\": {}}}", self.idle, self.mean, self.worst)
     }
 }
