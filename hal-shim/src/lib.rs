@@ -4,13 +4,12 @@
 #![cfg_attr(not(test), no_std)]
 
 pub mod clock_tree;
-pub mod step_player;
-pub mod step_ring;
+pub mod stepping;
 pub mod virtual_board;
 
 use ferrostep_planner::StepEntry;
 
-use step_player::StepLink;
+use stepping::{DroppedSteps, FeedError, StepLink};
 
 /// A heater with its thermometer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -65,14 +64,31 @@ pub trait Fan {
 
 /// The queue of step entries, seen from the side that fills it, and the interrupt that empties it.
 pub trait StepOutput: MotorEnable {
-    /// Entries that wait to be played.
-    fn waiting(&self) -> usize;
-    /// How many more fit.
+    /// Number of slots that entries have filled so far, modulo 2^32.
+    fn queued(&self) -> u32;
+    /// How many of them have been played, modulo 2^32.
+    fn played(&self) -> u32;
+    /// Slots that wait to be played, or are being played.
+    fn waiting(&self) -> usize {
+        self.queued().wrapping_sub(self.played()) as usize
+    }
+    /// How many more fit at least.
     fn room(&self) -> usize;
-    /// Adds an entry; one without room is lost, so ask for room first.
-    fn push(&mut self, entry: StepEntry);
+    /// Adds an entry.
+    ///
+    /// # Errors
+    /// It does not fit, or comes too soon after the one before; nothing was added.
+    fn push(&mut self, entry: StepEntry) -> Result<(), FeedError>;
+    /// The motion ends with the newest entry.
+    fn seal(&mut self);
     /// The flags shared with the interrupt.
     fn link(&self) -> &StepLink;
+    /// From now on no motor steps; [`Self::drop_all`] must follow.
+    fn request_stop(&mut self);
+    /// After a stop: forgets what has not been played, and says what it was. Motion may start again.
+    fn drop_all(&mut self) -> DroppedSteps;
+    /// Updates that the interrupt missed, because it was held up for longer than an interval, and made up.
+    fn made_up_updates(&self) -> u32;
 }
 
 /// The motors' enable signals.

@@ -46,8 +46,6 @@ pub struct Machine<R, Q> {
     motors: VirtualMotors,
     queue: Q,
     fan: FanChanges,
-    /// Entries queued so far, modulo 2^32.
-    queued: u32,
     /// Tick of the last move's end.
     last_move_end: u64,
     /// Filament that stops have left unpushed since somebody asked, units of 0.1 nm.
@@ -56,6 +54,9 @@ pub struct Machine<R, Q> {
     flushed: bool,
     /// The entries queued so far leave the motors running.
     in_motion: bool,
+    /// The queue has refused an entry.
+    refused: bool,
+    refused_entries: u64,
     underruns: u64,
     idle_flushes: u64,
     /// Axis whose end stop ends the present move.
@@ -65,7 +66,7 @@ pub struct Machine<R, Q> {
     stops: u32,
 }
 
-/// Fan changes that take effect when the entries before them have been taken.
+/// Fan changes that take effect when the entries before them have been played.
 #[derive(Debug, Default)]
 struct FanChanges {
     waiting: heapless::Deque<(u32, u8), FAN_CHANGES>,
@@ -73,10 +74,10 @@ struct FanChanges {
 }
 
 impl FanChanges {
-    /// Applies the changes due when `taken` entries have left the queue.
-    fn advance(&mut self, taken: u32) {
+    /// Applies the changes due when so many slots have been played.
+    fn advance(&mut self, played: u32) {
         while let Some(&(due, power)) = self.waiting.front()
-            && taken.wrapping_sub(due) as i32 >= 0
+            && played.wrapping_sub(due) as i32 >= 0
         {
             self.power = power;
             self.waiting.pop_front();
@@ -89,10 +90,18 @@ struct Sink<'a, Q> {
     motors: &'a mut VirtualMotors,
     queue: &'a mut Q,
     fan: &'a mut FanChanges,
-    queued: &'a mut u32,
     last_move_end: &'a mut u64,
+    refused: &'a mut bool,
     seeking: Option<usize>,
     triggered: bool,
+}
+
+impl<Q: StepOutput> Sink<'_, Q> {
+    /// There is room, and the planner keeps the intervals that the profile's checks ask for. If not, all motion stops
+    /// rather than to go on out of step.
+    fn queue_entry(&mut self, entry: StepEntry) {
+        *self.refused |= self.queue.push(entry).is_err();
+    }
 }
 
 impl<Q: StepOutput> StepSink for Sink<'_, Q> {
@@ -101,20 +110,18 @@ impl<Q: StepOutput> StepSink for Sink<'_, Q> {
             // The rest of the way is not gone.
             return;
         }
-        let played = match self.seeking {
+        match self.seeking {
             None => {
+                self.queue_entry(entry);
                 self.motors.steps.play(entry, &mut ());
-                Some(entry)
             }
             Some(axis) => {
                 let (played, triggered) = self.motors.play_until_triggered(entry, axis, &mut ());
                 self.triggered = triggered;
-                played
+                if let Some(entry) = played {
+                    self.queue_entry(entry);
+                }
             }
-        };
-        if let Some(entry) = played {
-            self.queue.push(entry);
-            *self.queued = self.queued.wrapping_add(1);
         }
     }
 
@@ -122,7 +129,7 @@ impl<Q: StepOutput> StepSink for Sink<'_, Q> {
         match notice {
             Notice::MoveEnded { tick, .. } => *self.last_move_end = tick,
             Notice::FanPower { power, .. } => {
-                if self.fan.waiting.push_back((*self.queued, power)).is_err() {
+                if self.fan.waiting.push_back((self.queue.queued(), power)).is_err() {
                     // There is room whenever the planner advances; if not, early is better than never.
                     self.fan.power = power;
                 }
@@ -139,11 +146,12 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
             motors: profile.virtual_motors(),
             queue,
             fan: FanChanges::default(),
-            queued: 0,
             last_move_end: 0,
             dropped_100pm: 0,
             flushed: false,
             in_motion: false,
+            refused: false,
+            refused_entries: 0,
             underruns: 0,
             idle_flushes: 0,
             seeking: None,
@@ -191,10 +199,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
 
     /// Whether all that was taken has been executed, to the last step.
     pub fn is_idle(&self) -> bool {
-        self.planner.is_idle()
-            && self.queue.waiting() == 0
-            && !self.queue.link().is_busy()
-            && !self.queue.link().is_stopping()
+        self.planner.is_idle() && self.queue.waiting() == 0 && !self.queue.link().is_stopping()
     }
 
     /// The move just taken ends where the end stop of `axis` triggers. Standstill before it is the caller's to see to.
@@ -298,12 +303,12 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
 
     /// From the next event on no motor steps; [`Self::work`] sees to the rest.
     pub fn request_stop(&mut self) {
-        self.queue.link().request_stop();
+        self.queue.request_stop();
     }
 
-    /// After a stop, once the queue is empty: plan and counters follow the motors.
+    /// After a stop: plan and counters follow the motors.
     fn follow_stop(&mut self) {
-        let Some(dropped) = self.queue.link().take_stopped() else { return };
+        let dropped = self.queue.drop_all();
         self.motors.steps.take_back(dropped.signed, dropped.issued);
         self.forget_plan();
         self.fan.waiting.clear();
@@ -323,9 +328,12 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
         if self.queue.link().take_ran_dry() && self.in_motion {
             self.underruns += 1;
         }
-        self.fan.advance(self.queued.wrapping_sub(self.queue.waiting() as u32));
+        self.fan.advance(self.queue.played());
         self.free_blocks(silence);
         let more = self.plan();
+        if self.planner.is_idle() {
+            self.queue.seal();
+        }
         self.in_motion = self.planner.is_in_motion();
         let waiting = self.queue.waiting();
         let full = self.queue.room() < MAX_ENTRIES;
@@ -358,7 +366,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
                 motors: &mut self.motors,
                 queue: &mut self.queue,
                 fan: &mut self.fan,
-                queued: &mut self.queued,
+                refused: &mut self.refused,
                 last_move_end: &mut self.last_move_end,
                 seeking: self.seeking,
                 triggered: false,
@@ -366,6 +374,11 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
             let progress = self.planner.advance(&mut sink);
             if sink.triggered {
                 self.end_seek(Seek::Triggered);
+            }
+            if core::mem::take(&mut self.refused) {
+                self.refused_entries += 1;
+                self.queue.request_stop();
+                return true;
             }
             if progress == Progress::Waiting {
                 return false;

@@ -7,15 +7,19 @@ mod clock;
 mod event_rate;
 mod heaters;
 mod motors;
+mod port;
 mod step_timer;
 mod thermal_model;
+mod update_timer;
 
 pub use clock::{VirtualClock, VirtualDelay};
 pub use event_rate::EventRate;
 pub use heaters::VirtualHeaters;
 pub use motors::{START_10NM, VirtualEndStop, VirtualMotors};
+pub use port::VirtualPort;
 pub use step_timer::{StepObserver, StepTimer};
 pub use thermal_model::ThermalModel;
+pub use update_timer::{CYCLES_A_TICK, VirtualUpdateTimer};
 
 /// The board.
 #[derive(Debug)]

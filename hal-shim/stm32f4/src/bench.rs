@@ -5,7 +5,9 @@
 
 use stm32f4xx_hal::pac::{GPIOA, GPIOC, RCC};
 
-use crate::step_timer::MotorPins;
+use ferrostep_hal_shim::stepping::{MotorPins, Pin, PinMap};
+
+use crate::step_timer::{MotorPort, Motors};
 
 /// Frequency of the crystal, MHz.
 pub const CRYSTAL_MHZ: u8 = 8;
@@ -52,22 +54,27 @@ fn write(port: &stm32f4xx_hal::pac::gpioc::RegisterBlock, word: u32) {
     port.bsrr().write(|w| unsafe { w.bits(word) });
 }
 
-impl MotorPins for BenchPins {
-    #[inline]
-    fn step(&self, axes: u8) {
-        self.write(u32::from(axes) & STEP);
+/// Step and direction pins of the motors.
+pub const PINS: PinMap<1> = {
+    let mut motors = [MotorPins { step: Pin { port: 0, number: 0 }, direction: Pin { port: 0, number: 0 } }; 4];
+    let mut motor = 0;
+    while motor < 4 {
+        let number = motor as u8;
+        motors[motor] = MotorPins {
+            step: Pin { port: 0, number },
+            direction: Pin { port: 0, number: number + DIRECTION_SHIFT as u8 },
+        };
+        motor += 1;
     }
-
-    #[inline]
-    fn unstep(&self, axes: u8) {
-        self.write((u32::from(axes) & STEP) << RESET_SHIFT);
+    match PinMap::new(motors) {
+        Some(map) => map,
+        None => panic!("a port has 16 pins"),
     }
+};
 
-    #[inline]
-    fn set_directions(&self, directions: u8) {
-        let set = u32::from(directions) & STEP;
-        let reset = !set & STEP;
-        self.write((set | reset << RESET_SHIFT) << DIRECTION_SHIFT);
+impl Motors<1> for BenchPins {
+    fn ports(&self) -> [MotorPort; 1] {
+        [MotorPort::new(&self.port)]
     }
 
     fn enable(&self, enabled: bool) {

@@ -1,142 +1,242 @@
-//! TIM2, the timer that makes the steps.
+//! TIM2, the timer that makes the steps, and TIM9, which counts its updates.
 
-use ferrostep_hal_shim::MotorEnable;
-use ferrostep_hal_shim::StepOutput;
-use ferrostep_hal_shim::step_player::{IDLE_TICKS, StepLink, StepPlayer};
-use ferrostep_hal_shim::step_ring::StepRing;
+use ferrostep_hal_shim::stepping::{
+    DroppedSteps, FeedError, IDLE_TICKS, MOST_EVENTS, OutputPort, StepFeeder, StepLink, StepPlayer, Stepping,
+    UpdateTimer,
+};
+use ferrostep_hal_shim::{MotorEnable, StepOutput};
 use ferrostep_planner::StepEntry;
-use stm32f4xx_hal::pac::{RCC, TIM2};
+use stm32f4xx_hal::pac::{Interrupt, NVIC, RCC, TIM2, TIM9, tim2};
 
-/// Step, direction and enable signals of a board. Bit i of a mask is motor i; no method may wait.
-pub trait MotorPins {
-    /// Raises the step signals in the mask.
-    fn step(&self, axes: u8);
-    /// Lowers them.
-    fn unstep(&self, axes: u8);
-    /// Sets all direction signals; 1 = backwards.
-    fn set_directions(&self, directions: u8);
+/// A board's motors.
+pub trait Motors<const PORTS: usize> {
+    /// The ports that carry their step and direction signals.
+    fn ports(&self) -> [MotorPort; PORTS];
     /// Switches all drivers on or off.
     fn enable(&self, enabled: bool);
 }
 
-/// Most looks at the counter while a step signal is high: twice what the longest pulse of a profile, 50 us, takes.
-const MOST_LOOKS: u32 = 4_000;
-
-/// The step interrupt: timer, pins, player and the queue's far end.
-pub struct StepTimer<P: 'static, const N: usize> {
-    timer: TIM2,
-    pins: &'static P,
-    ring: &'static StepRing<N>,
-    link: &'static StepLink,
-    player: StepPlayer,
-    pulse_ticks: u32,
+/// A port that carries step and direction signals.
+#[derive(Clone, Copy, Debug)]
+pub struct MotorPort {
+    /// Where its BSRR is: one store sets and resets pins, and nobody has to read.
+    bsrr: *mut u32,
 }
 
-impl<P: MotorPins, const N: usize> StepTimer<P, N> {
-    /// Starts the timer, which never stops: between motions it looks for a new one. `pulse_ticks` is how long a step
-    /// signal stays high at least, in ticks of the timer's true frequency.
+// SAFETY: a store to BSRR is atomic, and what it does is told by the word alone.
+unsafe impl Send for MotorPort {}
+// SAFETY: the same.
+unsafe impl Sync for MotorPort {}
+
+impl MotorPort {
+    /// The port of a register block.
+    pub fn new(port: &stm32f4xx_hal::pac::gpioc::RegisterBlock) -> Self {
+        Self { bsrr: port.bsrr().as_ptr() }
+    }
+}
+
+impl OutputPort for MotorPort {
+    #[inline(always)]
+    fn write(&self, word: u32) {
+        // SAFETY: the address is a port's BSRR, always writable; the words name motor pins only.
+        unsafe { self.bsrr.write_volatile(word) }
+    }
+}
+
+/// The step interrupt: timer, ports, and the player with its queue.
+pub struct StepTimer<M: 'static, const PORTS: usize, const N: usize> {
+    timer: Timer,
+    ports: [MotorPort; PORTS],
+    player: &'static StepPlayer<M, PORTS, N>,
+}
+
+/// The registers that the interrupt uses.
+struct Timer {
+    registers: &'static tim2::RegisterBlock,
+    /// TIM9's counter, or a zero where there is no TIM9 (an emulator).
+    updates: *mut u32,
+}
+
+// SAFETY: only the interrupt's owner has one, and its stores are of whole registers.
+unsafe impl Send for Timer {}
+
+/// Stands for the counter of updates where there is none.
+static NO_COUNT: core::sync::atomic::AtomicU32 = core::sync::atomic::AtomicU32::new(0);
+
+impl<M: Stepping, const PORTS: usize, const N: usize> StepTimer<M, PORTS, N> {
+    /// Starts the timer, which never stops: between motions it looks for a new one.
     ///
     /// The counter is used as reset has left it. QEMU adds the time of the last write to the counter to every
     /// interval, so it is never written.
     pub fn start(
         timer: TIM2,
+        counter: TIM9,
         rcc: &RCC,
-        pins: &'static P,
-        ring: &'static StepRing<N>,
-        link: &'static StepLink,
-        pulse_ticks: u32,
+        motors: &impl Motors<PORTS>,
+        player: &'static StepPlayer<M, PORTS, N>,
     ) -> Self {
         rcc.apb1enr().modify(|_, w| w.tim2en().set_bit());
-        // Without preload this takes effect at once; the interrupt writes all others with preload.
-        set_interval(&timer, IDLE_TICKS);
+        let updates = start_count(counter, rcc);
+        // TRGO = update (RM0090 18.4.2, MMS 010): what TIM9 counts.
+        // SAFETY: a value that the field has.
+        timer.cr2().write(|w| unsafe { w.bits(0b010 << 4) });
+        // SAFETY: any reload value is valid. Without preload this takes effect at once; the interrupt writes all others
+        // with preload.
+        timer.arr().write(|w| unsafe { w.bits(IDLE_TICKS - 1) });
         timer.dier().write(|w| w.uie().set_bit());
         timer.cr1().write(|w| w.arpe().set_bit().cen().set_bit());
-        Self { timer, pins, ring, link, player: StepPlayer::new(), pulse_ticks }
+        // SAFETY: TIM2 was given up for this; but for `halt` and `resume`, which touch DIER only, nobody else uses it.
+        let registers = unsafe { &*TIM2::ptr() };
+        Self { timer: Timer { registers, updates }, ports: motors.ports(), player }
     }
 
-    /// The interrupt: puts out the event that is due and prepares the one after the next. No lock, no float, no
-    /// division, no panic.
-    ///
-    /// Steps that share an event rise with one store a port. They fall when the work is done and the pulse long enough:
-    /// waiting for it here costs less than an interrupt of its own would. A direction changes right after the step
-    /// before it, so that its set-up time is the whole interval.
-    #[inline]
+    /// The interrupt.
+    #[inline(always)]
     pub fn update(&mut self) {
-        self.timer.sr().write(|w| w.uif().clear_bit());
-        let axes = self.player.due_axes(self.link);
-        let risen = self.timer.cnt().read().bits();
-        if axes != 0 {
-            self.pins.step(axes);
-        }
-        let next = self.player.advance(self.link, || self.ring.pop());
-        set_interval(&self.timer, next.interval_ticks);
-        if axes != 0 {
-            self.hold(risen);
-            self.pins.unstep(axes);
-        }
-        if let Some(directions) = next.directions {
-            self.pins.set_directions(directions);
-        }
-    }
-
-    #[inline]
-    fn hold(&self, risen: u32) {
-        for _ in 0..MOST_LOOKS {
-            // A counter that has begun anew since makes the difference huge: then the next event is due already.
-            if self.timer.cnt().read().bits().wrapping_sub(risen) >= self.pulse_ticks {
-                break;
-            }
-        }
+        self.player.update(&self.timer, &self.ports);
     }
 }
 
-#[inline]
-fn set_interval(timer: &TIM2, interval_ticks: u32) {
-    // SAFETY: any reload value is valid; the counter passes it once in `interval_ticks`.
-    timer.arr().write(|w| unsafe { w.bits(interval_ticks.wrapping_sub(1)) });
+/// Lets TIM9 count the updates of TIM2, modulo 2^15; where its count is.
+///
+/// Slave of TIM2: external clock mode 1 on ITR0 (RM0090 19.4.3, SMS 111, TS 000; table 99: TIM9's ITR0 is TIM2).
+fn start_count(counter: TIM9, rcc: &RCC) -> *mut u32 {
+    rcc.apb2enr().modify(|_, w| w.tim9en().set_bit());
+    // SAFETY: any reload value is valid.
+    counter.arr().write(|w| unsafe { w.bits(u32::from(MOST_EVENTS)) });
+    if counter.arr().read().bits() != u32::from(MOST_EVENTS) {
+        return NO_COUNT.as_ptr();
+    }
+    // SAFETY: values that the fields have.
+    counter.smcr().write(|w| unsafe { w.bits(0b111) });
+    counter.cr1().write(|w| w.cen().set_bit());
+    counter.cnt().as_ptr().cast()
+}
+
+impl UpdateTimer for Timer {
+    #[inline(always)]
+    fn clear_update(&self) {
+        // All flags but the update's are unused.
+        // SAFETY: zeros clear flags.
+        self.registers.sr().write(|w| unsafe { w.bits(0) });
+    }
+
+    #[inline(always)]
+    fn is_update_due(&self) -> bool {
+        self.registers.sr().read().bits() & 1 != 0
+    }
+
+    #[inline(always)]
+    fn set_reload(&self, reload: u32) {
+        // SAFETY: any reload value is valid.
+        self.registers.arr().write(|w| unsafe { w.bits(reload) });
+    }
+
+    #[inline(always)]
+    fn counter(&self) -> u32 {
+        self.registers.cnt().read().bits()
+    }
+
+    #[inline(always)]
+    fn update_count(&self) -> u16 {
+        // SAFETY: TIM9's counter, which may be read at any time, or a word that nobody writes.
+        unsafe { self.updates.read_volatile() as u16 }
+    }
+
+    #[inline(always)]
+    fn set_update_count(&self, count: u16) {
+        if self.updates != NO_COUNT.as_ptr() {
+            // SAFETY: TIM9's counter is this side's.
+            unsafe { self.updates.write_volatile(u32::from(count)) }
+        }
+    }
+
+    #[inline(always)]
+    fn forget_served(&self) {
+        NVIC::unpend(Interrupt::TIM2);
+    }
+}
+
+/// From the next instruction on no motor steps, whoever calls it. [`StepLink::request_stop`] must follow.
+pub fn halt() {
+    // SAFETY: a store to a register whose only other writer, `resume`, is the planner task's.
+    unsafe { &*TIM2::ptr() }.dier().write(|w| w.uie().clear_bit());
+    // An update that came before the store is played before the next instruction.
+    cortex_m::asm::dsb();
+    cortex_m::asm::isb();
+}
+
+fn resume() {
+    // SAFETY: as in `halt`.
+    unsafe { &*TIM2::ptr() }.dier().write(|w| w.uie().set_bit());
 }
 
 /// The queue's near end, for the planner task.
-pub struct StepQueue<P: 'static, const N: usize> {
-    pins: &'static P,
-    ring: &'static StepRing<N>,
-    link: &'static StepLink,
+pub struct StepQueue<B: 'static, M: 'static, const PORTS: usize, const N: usize> {
+    motors: &'static B,
+    feeder: StepFeeder<'static, M, PORTS, N>,
     enabled: u8,
 }
 
-impl<P: MotorPins, const N: usize> StepQueue<P, N> {
-    /// The producer's side of `ring`; there must be no other.
-    pub fn new(pins: &'static P, ring: &'static StepRing<N>, link: &'static StepLink) -> Self {
-        Self { pins, ring, link, enabled: 0 }
+impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> StepQueue<B, M, PORTS, N> {
+    /// The producer's side.
+    pub fn new(motors: &'static B, feeder: StepFeeder<'static, M, PORTS, N>) -> Self {
+        Self { motors, feeder, enabled: 0 }
     }
 }
 
-impl<P: MotorPins, const N: usize> StepOutput for StepQueue<P, N> {
-    fn waiting(&self) -> usize {
-        self.ring.len()
+impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> StepOutput for StepQueue<B, M, PORTS, N> {
+    fn queued(&self) -> u32 {
+        self.feeder.queued()
+    }
+
+    fn played(&self) -> u32 {
+        self.feeder.played()
     }
 
     fn room(&self) -> usize {
-        self.ring.room()
+        self.feeder.room()
     }
 
     #[inline]
-    fn push(&mut self, entry: StepEntry) {
-        self.ring.push(entry);
+    fn push(&mut self, entry: StepEntry) -> Result<(), FeedError> {
+        self.feeder.push(entry)
+    }
+
+    fn seal(&mut self) {
+        self.feeder.seal();
     }
 
     fn link(&self) -> &StepLink {
-        self.link
+        self.feeder.link()
+    }
+
+    fn request_stop(&mut self) {
+        halt();
+        self.feeder.link().request_stop();
+    }
+
+    fn drop_all(&mut self) -> DroppedSteps {
+        let dropped = self.feeder.drop_all();
+        for (port, word) in self.motors.ports().iter().zip(self.feeder.rest_words()) {
+            port.write(word);
+        }
+        resume();
+        dropped
+    }
+
+    fn made_up_updates(&self) -> u32 {
+        self.feeder.made_up_updates()
     }
 }
 
-impl<P: MotorPins, const N: usize> MotorEnable for StepQueue<P, N> {
+impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> MotorEnable for StepQueue<B, M, PORTS, N> {
     /// The drivers share one signal: it is on while any motor is.
     fn set_motors_enabled(&mut self, axes: u8, enabled: bool) {
         let before = self.enabled;
         self.enabled = if enabled { before | axes } else { before & !axes };
         if (self.enabled != 0) != (before != 0) {
-            self.pins.enable(self.enabled != 0);
+            self.motors.enable(self.enabled != 0);
         }
     }
 }

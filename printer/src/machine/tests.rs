@@ -2,9 +2,10 @@
 
 use super::*;
 use crate::profile::{AxisHoming, DriverTiming, FirmwareRetraction, HeaterSettings, HomeEnd};
-use ferrostep_hal_shim::step_player::{StepLink, StepPlayer};
-use ferrostep_hal_shim::step_ring::StepRing;
-use ferrostep_hal_shim::virtual_board::StepTimer;
+use ferrostep_hal_shim::stepping::{
+    DroppedSteps, FeedError, OutputPort, Pulses, Signals, SlotSteps, StepFeeder, StepLink, StepPlayer,
+};
+use ferrostep_hal_shim::virtual_board::{StepTimer, VirtualPort, VirtualUpdateTimer};
 use ferrostep_planner::{Kinematics, StepsPerMm};
 use proptest::prelude::*;
 
@@ -59,24 +60,47 @@ fn profile() -> Profile {
     }
 }
 
+/// The step queue of a board whose pins are on one port.
+type Player = StepPlayer<Pulses, 1, 2048>;
+
 struct Queue<'a> {
-    ring: &'a StepRing<2048>,
-    link: &'a StepLink,
+    feeder: StepFeeder<'a, Pulses, 1, 2048>,
+    player: &'a Player,
+    port: &'a VirtualPort<'a>,
     enabled: u8,
 }
 
 impl StepOutput for Queue<'_> {
-    fn waiting(&self) -> usize {
-        self.ring.len()
+    fn queued(&self) -> u32 {
+        self.feeder.queued()
+    }
+    fn played(&self) -> u32 {
+        self.feeder.played()
     }
     fn room(&self) -> usize {
-        self.ring.room()
+        self.feeder.room()
     }
-    fn push(&mut self, entry: StepEntry) {
-        assert!(self.ring.push(entry), "pushed without room");
+    fn push(&mut self, entry: StepEntry) -> Result<(), FeedError> {
+        self.feeder.push(entry)
+    }
+    fn seal(&mut self) {
+        self.feeder.seal();
     }
     fn link(&self) -> &StepLink {
-        self.link
+        self.player.link()
+    }
+    fn request_stop(&mut self) {
+        self.link().request_stop();
+    }
+    fn drop_all(&mut self) -> DroppedSteps {
+        let dropped = self.feeder.drop_all();
+        for word in self.feeder.rest_words() {
+            self.port.write(word);
+        }
+        dropped
+    }
+    fn made_up_updates(&self) -> u32 {
+        self.feeder.made_up_updates()
     }
 }
 
@@ -86,25 +110,30 @@ impl MotorEnable for Queue<'_> {
     }
 }
 
-/// The far end of the queue: motors that count what the pins do.
+/// The far end of the queue: the step interrupt, and motors that count what the pins do.
 struct Interrupt<'a> {
-    ring: &'a StepRing<2048>,
-    link: &'a StepLink,
-    player: StepPlayer,
-    directions: u8,
-    motor_steps: [i64; 4],
-    events: usize,
+    player: &'a Player,
+    timer: &'a VirtualUpdateTimer,
+    port: &'a VirtualPort<'a>,
 }
 
 impl Interrupt<'_> {
+    /// An update of the timer, unless the interrupt is masked because of a stop.
     fn update(&mut self) {
-        let axes = self.player.due_axes(self.link);
-        self.events += usize::from(axes != 0);
-        for (motor, steps) in self.motor_steps.iter_mut().enumerate() {
-            *steps += i64::from(axes >> motor & 1) * (1 - 2 * i64::from(self.directions >> motor & 1));
+        self.timer.next_update();
+        if !self.player.link().is_stopping() {
+            self.timer.enter();
+            self.player.update(self.timer, core::array::from_ref(self.port));
+            self.timer.leave();
         }
-        let next = self.player.advance(self.link, || self.ring.pop());
-        self.directions = next.directions.unwrap_or(self.directions);
+    }
+
+    fn motor_steps(&self) -> [i64; 4] {
+        self.port.motor_steps()
+    }
+
+    fn events(&self) -> u64 {
+        self.port.events()
     }
 }
 
@@ -112,12 +141,14 @@ type TestMachine<'a> = Machine<Vec<Slot>, Queue<'a>>;
 
 /// Runs `test` with a machine and the interrupt that plays its steps.
 fn with_machine<T>(look_ahead: usize, test: impl FnOnce(TestMachine<'_>, Interrupt<'_>) -> T) -> T {
-    let (ring, link) = (StepRing::new(), StepLink::new());
-    let queue = Queue { ring: &ring, link: &link, enabled: 0 };
+    let (player, timer) = (Box::new(Player::new()), VirtualUpdateTimer::default());
+    let port = VirtualPort::new(&timer, false);
+    let signals = Signals { pulse_ticks: 84, direction_setup_ticks: 17 };
+    let mut accounts = [SlotSteps::NONE; 2048];
+    let feeder = StepFeeder::new(&player, VirtualPort::pins(), signals, &mut accounts);
+    let queue = Queue { feeder, player: &player, port: &port, enabled: 0 };
     let machine = Machine::new(&profile(), vec![Slot::EMPTY; look_ahead], queue);
-    let player = StepPlayer::new();
-    let interrupt = Interrupt { ring: &ring, link: &link, player, directions: 0, motor_steps: [0; 4], events: 0 };
-    test(machine, interrupt)
+    test(machine, Interrupt { player: &player, timer: &timer, port: &port })
 }
 
 fn travel(x_mm: i64, y_mm: i64) -> Move {
@@ -183,7 +214,7 @@ proptest! {
             prop_assert_eq!(figures.order_digest, plain.0.digests().order);
             prop_assert_eq!(figures.step_digest, plain.0.digests().step);
             prop_assert_eq!(figures.issued_steps, plain.0.issued());
-            prop_assert_eq!(interrupt.motor_steps, plain.0.motor_steps());
+            prop_assert_eq!(interrupt.motor_steps(), plain.0.motor_steps());
             Ok(())
         })?;
     }
@@ -203,21 +234,21 @@ proptest! {
             }
             machine.request_stop();
             prop_assert_eq!(machine.add(&travel(5, 5)), Err(MoveError::NoRoom));
-            let events = interrupt.events;
+            let events = interrupt.events();
             while machine.stops() == 0 {
                 machine.work(NO_SILENCE);
                 interrupt.update();
             }
-            prop_assert_eq!(interrupt.events, events);
+            prop_assert_eq!(interrupt.events(), events);
             prop_assert!(machine.is_idle());
-            prop_assert_eq!(machine.motor_steps(), interrupt.motor_steps);
-            let [x, y, ..] = interrupt.motor_steps;
+            prop_assert_eq!(machine.motor_steps(), interrupt.motor_steps());
+            let [x, y, ..] = interrupt.motor_steps();
             prop_assert_eq!(machine.position_10nm(), [x * 1250, y * 1250, 0]);
             // It goes on from there.
             let _ = machine.add(&travel(40, 40)).unwrap();
             machine.flush();
             run_until_idle(&mut machine, &mut interrupt);
-            prop_assert_eq!(interrupt.motor_steps, [3200, 3200, 0, 0]);
+            prop_assert_eq!(interrupt.motor_steps(), [3200, 3200, 0, 0]);
             Ok(())
         })?;
     }
@@ -232,10 +263,10 @@ fn a_lone_move_waits_for_more_until_the_host_has_been_silent() {
             machine.work(Silence { may_release: true, may_flush: false });
             interrupt.update();
         }
-        assert_eq!((interrupt.events, machine.figures().idle_flushes), (0, 0));
+        assert_eq!((interrupt.events(), machine.figures().idle_flushes), (0, 0));
         machine.work(Silence { may_release: true, may_flush: true });
         run_until_idle(&mut machine, &mut interrupt);
-        assert_eq!(interrupt.motor_steps, [80, 0, 0, 0]);
+        assert_eq!(interrupt.motor_steps(), [80, 0, 0, 0]);
         let figures = machine.figures();
         assert_eq!((figures.idle_flushes, figures.starvation_flushes, figures.underruns), (1, 0, 0));
     });
@@ -249,7 +280,7 @@ fn blocks_leave_early_only_when_steps_run_out_in_motion() {
             assert_eq!(machine.add(&travel(x, 0)), Ok(Moved::Queued));
         }
         machine.work(Silence { may_release: true, may_flush: false });
-        assert!(machine.figures().starvation_flushes == 0 && !interrupt.link.is_running());
+        assert!(machine.figures().starvation_flushes == 0 && !interrupt.player.link().is_running());
         machine.queue.link().start();
         for _ in 0..40 {
             interrupt.update();
@@ -275,7 +306,7 @@ fn a_seek_ends_at_the_event_that_triggers() {
         machine.begin_seek(0);
         run_until_idle(&mut machine, &mut interrupt);
         assert_eq!(machine.take_sought(), Some(Seek::Triggered));
-        assert_eq!(interrupt.motor_steps, [-4800, 0, 0, 0]);
+        assert_eq!(interrupt.motor_steps(), [-4800, 0, 0, 0]);
         assert_eq!(machine.position_10nm(), [-6_000_000, 0, 0]);
         machine.set_position([0; 3]);
         assert_eq!(machine.motor_steps(), [0; 4]);
@@ -283,13 +314,13 @@ fn a_seek_ends_at_the_event_that_triggers() {
         let _ = machine.add(&travel(-10, 0)).unwrap();
         machine.begin_seek(0);
         run_until_idle(&mut machine, &mut interrupt);
-        assert_eq!((machine.take_sought(), interrupt.motor_steps), (Some(Seek::Triggered), [-4800, 0, 0, 0]));
+        assert_eq!((machine.take_sought(), interrupt.motor_steps()), (Some(Seek::Triggered), [-4800, 0, 0, 0]));
         // Y stands at 50 mm and goes 10 mm only.
         let _ = machine.add(&travel(0, -10)).unwrap();
         machine.begin_seek(1);
         assert_eq!(machine.take_sought(), None);
         run_until_idle(&mut machine, &mut interrupt);
-        assert_eq!((machine.take_sought(), interrupt.motor_steps), (Some(Seek::Missed), [-4800, -800, 0, 0]));
+        assert_eq!((machine.take_sought(), interrupt.motor_steps()), (Some(Seek::Missed), [-4800, -800, 0, 0]));
     });
 }
 
@@ -307,11 +338,11 @@ fn the_fan_changes_between_the_moves_around_it() {
         while machine.fan_power() == 10 {
             interrupt.update();
             machine.work(NO_SILENCE);
-            before = interrupt.motor_steps[0];
+            before = interrupt.motor_steps()[0];
         }
         assert_eq!(machine.fan_power(), 200);
         assert!((1..=80).contains(&before), "{before}");
         run_until_idle(&mut machine, &mut interrupt);
-        assert_eq!(interrupt.motor_steps[0], 160);
+        assert_eq!(interrupt.motor_steps()[0], 160);
     });
 }

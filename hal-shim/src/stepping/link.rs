@@ -1,0 +1,69 @@
+//! What else the planner task and the step interrupt tell each other.
+
+use super::word::WordU8;
+
+/// Flags between those who make step entries, those who stop motion, and the interrupt that plays them.
+#[derive(Debug)]
+pub struct StepLink {
+    run: WordU8,
+    ran_dry: WordU8,
+    stop: WordU8,
+}
+
+impl Default for StepLink {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl StepLink {
+    /// Nothing runs.
+    pub const fn new() -> Self {
+        Self { run: WordU8::new(0), ran_dry: WordU8::new(0), stop: WordU8::new(0) }
+    }
+
+    /// Lets the player take slots, until it finds none.
+    pub fn start(&self) {
+        self.run.store(1);
+    }
+
+    /// Whether the player takes slots.
+    #[inline(always)]
+    pub fn is_running(&self) -> bool {
+        self.run.load() != 0
+    }
+
+    /// The player has found no slot; it waits for [`Self::start`].
+    #[inline(always)]
+    pub(super) fn run_dry(&self) {
+        self.run.store(0);
+        self.ran_dry.store(1);
+    }
+
+    /// Whether the player has found no slot since the last call.
+    pub fn take_ran_dry(&self) -> bool {
+        let ran_dry = self.ran_dry.load() != 0;
+        if ran_dry {
+            self.ran_dry.store(0);
+        }
+        ran_dry
+    }
+
+    /// Somebody wants motion to stop, and has masked the step interrupt before this call. The planner task sees to the
+    /// rest. From any priority below the interrupt's.
+    pub fn request_stop(&self) {
+        self.stop.store(1);
+    }
+
+    /// Whether a stop has been asked for and not been taken note of.
+    pub fn is_stopping(&self) -> bool {
+        self.stop.load() != 0
+    }
+
+    /// The stop has been taken note of; nothing runs.
+    pub(super) fn stopped(&self) {
+        self.run.store(0);
+        self.ran_dry.store(0);
+        self.stop.store(0);
+    }
+}

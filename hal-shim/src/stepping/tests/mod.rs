@@ -1,0 +1,8 @@
+//! Feeder and player against a model of the timer, and against the virtual board's motors, which play the same entries
+//! the plain way.
+
+pub mod interleave;
+mod model;
+mod play;
+mod rate;
+mod stop;

@@ -1,0 +1,230 @@
+//! The pins show what the entries say.
+
+use super::model::{CYCLES_A_TICK, Edges, SIGNALS, pins};
+use crate::stepping::*;
+use crate::virtual_board::VirtualUpdateTimer;
+use crate::virtual_board::{StepObserver, StepTimer};
+use ferrostep_planner::StepEntry;
+use proptest::prelude::*;
+use std::rc::Rc;
+
+#[derive(Default)]
+struct Events(Vec<(u64, u8, u8)>);
+
+impl StepObserver for Events {
+    fn stepped(&mut self, tick: u64, axes: u8, directions: u8) {
+        self.0.push((tick, axes, directions));
+    }
+}
+
+fn plain(entries: &[StepEntry]) -> (StepTimer, Vec<(u64, u8, u8)>) {
+    let (mut plain, mut expected) = (StepTimer::default(), Events::default());
+    for entry in entries {
+        plain.play(*entry, &mut expected);
+    }
+    (plain, expected.0)
+}
+
+fn any_entry() -> impl Strategy<Value = StepEntry> {
+    prop_oneof![
+        6 => (40u32..100_000, 1u16..70, 1u8..16, 0u8..16).prop_map(|(t, n, a, b)| StepEntry::stair(t, n, a, b).unwrap()),
+        2 => (40u32..60, 1u16..70, 1u8..16, 0u8..16).prop_map(|(t, n, a, b)| StepEntry::stair(t, n, a, b).unwrap()),
+        1 => (40u32..100_000_000, 1u16..4, 1u8..16).prop_map(|(t, n, a)| StepEntry::stair(t, n, a, 0).unwrap()),
+        1 => (40u32..=u32::MAX).prop_map(StepEntry::wait),
+        2 => (0u8..16).prop_map(StepEntry::directions),
+    ]
+}
+
+/// What the step pins of all ports did: tick, motors that stepped, their directions.
+fn seen<M: Stepping, const PORTS: usize>(ports: &[Edges; PORTS]) -> Vec<(u64, u8, u8)> {
+    let mut times: Vec<u64> = ports.iter().flat_map(Edges::levels).map(|(now, _)| now).collect();
+    times.sort_unstable();
+    times.dedup();
+    let logs = ports.each_ref().map(Edges::levels);
+    let mut next = [0; PORTS];
+    let mut levels = [0u16; PORTS];
+    let mut events = Vec::new();
+    for now in times {
+        let before = levels;
+        for port in 0..PORTS {
+            while logs[port].get(next[port]).is_some_and(|(at, _)| *at == now) {
+                levels[port] = logs[port][next[port]].1;
+                next[port] += 1;
+            }
+        }
+        let (mut axes, mut directions) = (0, 0);
+        for motor in 0..4 {
+            let (was, is) = (before[motor % PORTS] >> motor & 1, levels[motor % PORTS] >> motor & 1);
+            let stepped = if M::EVENTS_A_STEP == 1 { was != is } else { was < is };
+            axes |= u8::from(stepped) << motor;
+            directions |= (u8::from(stepped) & (levels[(motor + 1) % PORTS] >> (motor + 4) & 1) as u8) << motor;
+        }
+        if axes != 0 {
+            events.push((now / CYCLES_A_TICK, axes, directions));
+        }
+    }
+    events
+}
+
+/// Plays entries on time; the ports' edges, and the tick at which the motion clock started.
+fn play<M: Stepping, const PORTS: usize>(entries: &[StepEntry], signals: Signals) -> ([Edges; PORTS], u64) {
+    let player = Box::leak(Box::new(StepPlayer::<M, PORTS, 64>::new()));
+    let timer = Rc::new(VirtualUpdateTimer::default());
+    let ports = std::array::from_fn(|_| Edges::of(&timer));
+    let mut feeder = StepFeeder::new(player, pins::<PORTS>(), signals, super::model::accounts());
+    let mut entries = entries.iter();
+    let mut started = None;
+    let mut sealed = false;
+    loop {
+        while feeder.room() > 0 && !sealed {
+            match entries.next() {
+                Some(entry) => feeder.push(*entry).unwrap(),
+                None => {
+                    feeder.seal();
+                    sealed = true;
+                }
+            }
+        }
+        if started.is_none() {
+            player.link().start();
+        }
+        timer.next_update();
+        timer.enter();
+        player.update(&*timer, &ports);
+        // The slot without steps comes first: the clock starts with it.
+        if started.is_none() && player.played() == 1 {
+            // A pulse that has no steps has an end too.
+            let pulse_ticks = if M::EVENTS_A_STEP == 2 { u64::from(signals.pulse_ticks) } else { 0 };
+            started = Some(timer.now_cycles() / CYCLES_A_TICK - pulse_ticks);
+        }
+        if sealed && feeder.waiting() == 0 {
+            assert!(!player.link().is_running() || player.link().take_ran_dry());
+            return (ports, started.unwrap_or(0));
+        }
+    }
+}
+
+fn assert_played<M: Stepping, const PORTS: usize>(entries: &[StepEntry], signals: Signals) {
+    let (_, expected) = plain(entries);
+    let (ports, start) = play::<M, PORTS>(entries, signals);
+    let seen: Vec<_> =
+        seen::<M, PORTS>(&ports).into_iter().map(|(tick, axes, directions)| (tick - start, axes, directions)).collect();
+    assert_eq!(seen, expected);
+    for port in &ports {
+        let mut last_change = [None; 16];
+        let mut last_level = 0;
+        for (now, level) in port.levels() {
+            for (pin, last) in
+                last_change.iter_mut().enumerate().filter(|(pin, _)| (level ^ last_level) >> pin & 1 == 1)
+            {
+                if let Some(last) = last.replace(now)
+                    && pin < 4
+                {
+                    assert!(now - last >= u64::from(signals.pulse_ticks) * CYCLES_A_TICK, "a pulse is too short");
+                }
+            }
+            last_level = level;
+        }
+    }
+}
+
+proptest! {
+    #[test]
+    fn both_edges_on_one_port(entries in proptest::collection::vec(any_entry(), 0..40)) {
+        assert_played::<BothEdges, 1>(&entries, SIGNALS);
+    }
+
+    #[test]
+    fn both_edges_on_three_ports(entries in proptest::collection::vec(any_entry(), 0..40)) {
+        assert_played::<BothEdges, 3>(&entries, SIGNALS);
+    }
+
+    #[test]
+    fn pulses_on_one_port(entries in proptest::collection::vec(any_entry(), 0..40), pulse_ticks in 2u32..20) {
+        assert_played::<Pulses, 1>(&entries, Signals { pulse_ticks, ..SIGNALS });
+    }
+
+    #[test]
+    fn short_pulses_on_two_ports(entries in proptest::collection::vec(any_entry(), 0..40), pulse_ticks in 2u32..20) {
+        assert_played::<ShortPulses, 2>(&entries, Signals { pulse_ticks, ..SIGNALS });
+    }
+}
+
+/// Time between the last change of a motor's direction signal and each of its steps.
+#[test]
+fn a_direction_is_set_up_before_the_step() {
+    let entries: Vec<_> = (0..40)
+        .flat_map(|k| [StepEntry::directions(k as u8 & 1), StepEntry::stair(40 + k, 1 + (k % 3) as u16, 1, 0).unwrap()])
+        .collect();
+    let signals = Signals { pulse_ticks: 8, direction_setup_ticks: 30 };
+    for ports in [play::<BothEdges, 1>(&entries, signals).0, play::<Pulses, 1>(&entries, signals).0] {
+        let (mut turned, mut before) = (0, 0);
+        let mut steps = 0;
+        for (now, level) in ports[0].levels() {
+            if (level ^ before) >> 4 & 1 == 1 {
+                turned = now;
+            }
+            if (level & !before) & 1 == 1 {
+                steps += 1;
+                assert!(
+                    now - turned >= 30 * CYCLES_A_TICK || turned == 0,
+                    "set up only {} cycles before",
+                    now - turned
+                );
+            }
+            before = level;
+        }
+        assert!(steps >= 39);
+    }
+}
+
+#[test]
+fn what_cannot_be_played_is_refused_and_changes_nothing() {
+    let player = StepPlayer::<Pulses, 1, 8>::new();
+    let mut feeder = StepFeeder::new(
+        &player,
+        pins::<1>(),
+        Signals { pulse_ticks: 84, direction_setup_ticks: 17 },
+        super::model::accounts(),
+    );
+    // Two levels of a pulse are the least.
+    assert_eq!(feeder.push(StepEntry::stair(167, 1, 1, 0).unwrap()), Err(FeedError::TooNear));
+    assert_eq!(feeder.push(StepEntry::wait(1)), Err(FeedError::TooNear));
+    assert_eq!((feeder.waiting(), feeder.room()), (0, 2));
+    feeder.push(StepEntry::stair(168, 1, 1, 0).unwrap()).unwrap();
+    let mut taken = 1;
+    while feeder.push(StepEntry::stair(168, 1, 1, 0).unwrap()).is_ok() {
+        taken += 1;
+    }
+    assert_eq!(feeder.push(StepEntry::stair(168, 1, 1, 0).unwrap()), Err(FeedError::Full));
+    // The slot without steps that starts a motion is one of those filled, and the newest is held back.
+    assert_eq!(feeder.waiting(), taken + 1);
+    let set_up = Signals { pulse_ticks: 2, direction_setup_ticks: 100 };
+    let player = StepPlayer::<BothEdges, 1, 8>::new();
+    let mut feeder = StepFeeder::new(&player, pins::<1>(), set_up, super::model::accounts());
+    feeder.push(StepEntry::directions(1)).unwrap();
+    assert_eq!(feeder.push(StepEntry::stair(101, 1, 1, 0).unwrap()), Err(FeedError::TooNear));
+    feeder.push(StepEntry::stair(102, 1, 1, 0).unwrap()).unwrap();
+}
+
+#[test]
+fn entries_wait_until_the_player_is_started() {
+    let player = StepPlayer::<BothEdges, 1, 16>::new();
+    let timer = Rc::new(VirtualUpdateTimer::default());
+    let ports = [Edges::of(&timer)];
+    let mut feeder = StepFeeder::new(&player, pins::<1>(), SIGNALS, super::model::accounts());
+    feeder.push(StepEntry::stair(100, 3, 1, 0).unwrap()).unwrap();
+    feeder.seal();
+    for _ in 0..10 {
+        timer.next_update();
+        player.update(&*timer, &ports);
+    }
+    assert!(ports[0].changes().is_empty() && !player.link().take_ran_dry());
+    player.link().start();
+    for _ in 0..10 {
+        timer.next_update();
+        player.update(&*timer, &ports);
+    }
+    assert_eq!(ports[0].changes().len(), 3);
+    assert!(player.link().take_ran_dry() && !player.link().is_running());
+}

@@ -1,0 +1,85 @@
+//! A stop at any moment.
+
+use super::model::{Edges, SIGNALS, pins};
+use crate::stepping::*;
+use crate::virtual_board::StepTimer;
+use crate::virtual_board::VirtualUpdateTimer;
+use ferrostep_planner::StepEntry;
+use proptest::prelude::*;
+use std::rc::Rc;
+
+fn any_entry() -> impl Strategy<Value = StepEntry> {
+    prop_oneof![
+        6 => (40u32..1_000, 1u16..70, 1u8..16, 0u8..16).prop_map(|(t, n, a, b)| StepEntry::stair(t, n, a, b).unwrap()),
+        1 => (40u32..1_000_000).prop_map(StepEntry::wait),
+        2 => (0u8..16).prop_map(StepEntry::directions),
+    ]
+}
+
+fn assert_stopped<M: Stepping>(entries: &[StepEntry], updates: usize) {
+    let player = Box::leak(Box::new(StepPlayer::<M, 1, 512>::new()));
+    let timer = Rc::new(VirtualUpdateTimer::default());
+    let ports = [Edges::of(&timer)];
+    let mut feeder = StepFeeder::new(player, pins::<1>(), SIGNALS, super::model::accounts());
+    let mut all = StepTimer::default();
+    for entry in entries {
+        feeder.push(*entry).unwrap();
+        all.play(*entry, &mut ());
+    }
+    if updates % 3 == 0 {
+        feeder.seal();
+    }
+    player.link().start();
+    for _ in 0..updates {
+        timer.next_update();
+        player.update(&*timer, &ports);
+    }
+    // The mask of the interrupt is the caller's.
+    player.link().request_stop();
+    assert!(player.link().is_stopping());
+    let made = |ports: &[Edges; 1]| {
+        let mut made = [0i64; 4];
+        for (_, level, changed) in ports[0].changes() {
+            let stepped = if M::EVENTS_A_STEP == 1 { changed } else { changed & level };
+            for (motor, made) in made.iter_mut().enumerate() {
+                *made += i64::from(stepped >> motor & 1) * (1 - 2 * i64::from(level >> (motor + 4) & 1));
+            }
+        }
+        made
+    };
+    let dropped = feeder.drop_all();
+    assert!(!player.link().is_stopping());
+    all.take_back(dropped.signed, dropped.issued);
+    assert_eq!(all.motor_steps(), made(&ports));
+    assert_eq!(feeder.waiting(), 0);
+    for (port, word) in ports.iter().zip(feeder.rest_words()) {
+        port.write(word);
+    }
+    assert_eq!(made(&ports), all.motor_steps(), "putting the signals to rest stepped a motor");
+    // And it runs again, in the directions that were asked for last.
+    let before = made(&ports);
+    feeder.push(StepEntry::stair(100, 3, 0b101, 0b010).unwrap()).unwrap();
+    feeder.seal();
+    player.link().start();
+    for _ in 0..12 {
+        timer.next_update();
+        player.update(&*timer, &ports);
+    }
+    let after = made(&ports);
+    for (motor, count) in [3, 1, 3, 0].into_iter().enumerate() {
+        let sign = 1 - 2 * i64::from(all.directions() >> motor & 1);
+        assert_eq!(after[motor] - before[motor], sign * count, "motor {motor}");
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(3_000))]
+    #[test]
+    fn counts_every_step_that_was_not_made(
+        entries in proptest::collection::vec(any_entry(), 1..120), updates in 0usize..1_500,
+    ) {
+        assert_stopped::<BothEdges>(&entries, updates);
+        assert_stopped::<Pulses>(&entries, updates);
+        assert_stopped::<ShortPulses>(&entries, updates);
+    }
+}

@@ -1,0 +1,139 @@
+//! A timer with a preloaded reload register, as the step interrupt's player sees it, in cycles of the core.
+
+use core::cell::Cell;
+
+use crate::stepping::{IDLE_TICKS, MOST_EVENTS, UpdateTimer};
+
+/// Cycles of the core in a tick of the timer.
+pub const CYCLES_A_TICK: u64 = 2;
+
+/// Time in cycles of the core; what the interrupt does takes time.
+#[derive(Debug)]
+pub struct VirtualUpdateTimer {
+    now: Cell<u64>,
+    period_start: Cell<u64>,
+    /// Reload value that is in force, and the preloaded one.
+    active: Cell<u32>,
+    preloaded: Cell<u32>,
+    due: Cell<bool>,
+    updates: Cell<u16>,
+    latched: Cell<bool>,
+    count_is_wired: Cell<bool>,
+    /// What an access costs, cycles.
+    access_cycles: Cell<u64>,
+}
+
+impl Default for VirtualUpdateTimer {
+    /// A timer that has just been started.
+    fn default() -> Self {
+        Self {
+            now: Cell::new(0),
+            period_start: Cell::new(0),
+            active: Cell::new(IDLE_TICKS - 1),
+            preloaded: Cell::new(IDLE_TICKS - 1),
+            due: Cell::new(false),
+            updates: Cell::new(0),
+            latched: Cell::new(false),
+            count_is_wired: Cell::new(false),
+            access_cycles: Cell::new(0),
+        }
+    }
+}
+
+impl VirtualUpdateTimer {
+    /// Now, in cycles of the core.
+    pub fn now_cycles(&self) -> u64 {
+        self.now.get()
+    }
+
+    /// What every access of the interrupt to the timer costs, cycles: stands for the instructions around it.
+    pub fn set_access_cycles(&self, cycles: u64) {
+        self.access_cycles.set(cycles);
+    }
+
+    /// Whether a second timer counts the updates.
+    pub fn wire_update_count(&self, wired: bool) {
+        self.count_is_wired.set(wired);
+    }
+
+    /// When the next update comes, cycles.
+    pub fn next_at(&self) -> u64 {
+        self.period_start.get() + (u64::from(self.active.get()) + 1) * CYCLES_A_TICK
+    }
+
+    /// Lets time pass, with the updates that fall into it.
+    pub fn pass_to(&self, cycle: u64) {
+        while self.next_at() <= cycle {
+            self.period_start.set(self.next_at());
+            self.active.set(self.preloaded.get());
+            // The interrupt's line rises once; it is the flag.
+            let was_due = self.due.replace(true);
+            self.latched.set(self.latched.get() || !was_due);
+            self.updates.set(self.updates.get() + 1 & MOST_EVENTS);
+        }
+        self.now.set(self.now.get().max(cycle));
+    }
+
+    /// Lets some cycles pass.
+    pub fn pass(&self, cycles: u64) {
+        self.pass_to(self.now.get() + cycles);
+    }
+
+    /// Lets time pass to the next call of the interrupt, unless one waits.
+    pub fn next_update(&self) {
+        if !self.latched.get() {
+            self.pass_to(self.next_at());
+        }
+    }
+
+    /// The interrupt has returned: it is called again where the flag still stands.
+    pub fn leave(&self) {
+        self.latched.set(self.latched.get() || self.due.get());
+    }
+
+    /// Whether the interrupt is called.
+    pub fn is_called(&self) -> bool {
+        self.latched.get()
+    }
+
+    /// The interrupt is entered.
+    pub fn enter(&self) {
+        self.latched.set(false);
+    }
+}
+
+impl UpdateTimer for VirtualUpdateTimer {
+    fn clear_update(&self) {
+        self.pass(self.access_cycles.get());
+        self.due.set(false);
+    }
+
+    fn is_update_due(&self) -> bool {
+        self.pass(self.access_cycles.get());
+        self.due.get()
+    }
+
+    fn set_reload(&self, reload: u32) {
+        debug_assert!(reload >= 1);
+        self.pass(self.access_cycles.get());
+        self.preloaded.set(reload);
+    }
+
+    fn counter(&self) -> u32 {
+        self.pass(self.access_cycles.get().max(1));
+        ((self.now.get() - self.period_start.get()) / CYCLES_A_TICK) as u32
+    }
+
+    fn update_count(&self) -> u16 {
+        if self.count_is_wired.get() { self.updates.get() } else { 0 }
+    }
+
+    fn set_update_count(&self, count: u16) {
+        self.updates.set(count);
+    }
+
+    fn forget_served(&self) {
+        // The line is the flag's level: an update that has not been served stays.
+        self.latched.set(self.due.get());
+    }
+}
