@@ -27,7 +27,7 @@ use ferrostep_stm32f4::motion_clock::MotionClock;
 
 use counter::Counter;
 use profile::PROFILE;
-use queue::BenchQueue;
+use queue::{BenchQueue, PrintQueue, SHORT_QUEUE_SLOTS};
 use report::{Report, StepEvents, Workload};
 
 /// Blocks in the look-ahead ring, as in the firmware.
@@ -41,34 +41,53 @@ const ONE_AXIS_MM: [i64; 2] = [30, 0];
 
 #[rtic::app(device = ferrostep_stm32f4::pac, peripherals = true)]
 mod app {
+    use ferrostep_hal_shim::stepping::{BothEdges, SlotSteps, StepPlayer};
     use ferrostep_planner::look_ahead::Slot;
     use ferrostep_stm32f4::bench::BenchPins;
     use ferrostep_stm32f4::motion_clock::MotionClock;
+    use ferrostep_stm32f4::pac::Interrupt;
 
-    use crate::LOOK_AHEAD_BLOCKS;
-    use crate::queue::{self, BenchQueue, BenchTimer};
+    use crate::queue::{self, BenchTimer, Ports, SHORT_QUEUE_SLOTS, STEP_QUEUE_SLOTS};
+    use crate::{LOOK_AHEAD_BLOCKS, Queues};
+
+    static STEPS: StepPlayer<BothEdges, 1, STEP_QUEUE_SLOTS> = StepPlayer::new();
+    static STEPS_OF_TWO_PORTS: StepPlayer<BothEdges, 2, SHORT_QUEUE_SLOTS> = StepPlayer::new();
+    static STEPS_OF_THREE_PORTS: StepPlayer<BothEdges, 3, SHORT_QUEUE_SLOTS> = StepPlayer::new();
 
     #[shared]
     struct Shared {}
 
     #[local]
     struct Local {
-        step_timer: BenchTimer,
-        queue: BenchQueue,
+        step_timer: BenchTimer<1, STEP_QUEUE_SLOTS>,
+        two_ports: BenchTimer<2, SHORT_QUEUE_SLOTS>,
+        three_ports: BenchTimer<3, SHORT_QUEUE_SLOTS>,
+        queues: Queues,
         clock: MotionClock,
         ring: &'static mut [Slot],
     }
 
     #[init(local = [
         slots: [Slot; LOOK_AHEAD_BLOCKS] = [Slot::EMPTY; LOOK_AHEAD_BLOCKS],
-        pins: Option<BenchPins> = None,
+        ports: Option<Ports> = None,
+        steps: [SlotSteps; STEP_QUEUE_SLOTS] = [SlotSteps::NONE; STEP_QUEUE_SLOTS],
+        steps_of_two: [SlotSteps; SHORT_QUEUE_SLOTS] = [SlotSteps::NONE; SHORT_QUEUE_SLOTS],
+        steps_of_three: [SlotSteps; SHORT_QUEUE_SLOTS] = [SlotSteps::NONE; SHORT_QUEUE_SLOTS],
     ])]
     fn init(cx: init::Context) -> (Shared, Local) {
         let device = cx.device;
-        let pins = &*cx.local.pins.insert(BenchPins::new(device.GPIOC, &device.GPIOA, &device.RCC));
+        let pins = BenchPins::new(device.GPIOC, &device.GPIOA, &device.RCC);
+        let ports = &*cx.local.ports.insert(Ports::new(&pins));
         let clock = MotionClock::start(device.TIM5, &device.RCC);
-        let (step_timer, queue) = queue::start(device.TIM2, &device.RCC, pins);
-        (Shared {}, Local { step_timer, queue, clock, ring: cx.local.slots })
+        let (Some((step_timer, print)), Some((two_ports, of_two)), Some((three_ports, of_three))) = (
+            queue::start(&device.RCC, ports, &STEPS, cx.local.steps, Interrupt::TIM2),
+            queue::start(&device.RCC, ports, &STEPS_OF_TWO_PORTS, cx.local.steps_of_two, Interrupt::TIM3),
+            queue::start(&device.RCC, ports, &STEPS_OF_THREE_PORTS, cx.local.steps_of_three, Interrupt::SPI1),
+        ) else {
+            panic!("a port has 16 pins")
+        };
+        let queues = Queues { print, of_two, of_three };
+        (Shared {}, Local { step_timer, two_ports, three_ports, queues, clock, ring: cx.local.slots })
     }
 
     /// The firmware's step interrupt.
@@ -77,19 +96,38 @@ mod app {
         cx.local.step_timer.update();
     }
 
-    #[idle(local = [queue, clock, ring])]
+    /// The same for motors on two ports.
+    #[task(binds = TIM3, priority = 16, local = [two_ports])]
+    fn two_ports(cx: two_ports::Context) {
+        cx.local.two_ports.update();
+    }
+
+    /// The same for motors on three.
+    #[task(binds = SPI1, priority = 16, local = [three_ports])]
+    fn three_ports(cx: three_ports::Context) {
+        cx.local.three_ports.update();
+    }
+
+    #[idle(local = [queues, clock, ring])]
     fn idle(cx: idle::Context) -> ! {
-        crate::run(*cx.local.clock, cx.local.queue, cx.local.ring)
+        crate::run(*cx.local.clock, cx.local.queues, cx.local.ring)
     }
 }
 
+/// The queues of motors on one port, two, and three.
+pub struct Queues {
+    print: PrintQueue,
+    of_two: BenchQueue<2, SHORT_QUEUE_SLOTS>,
+    of_three: BenchQueue<3, SHORT_QUEUE_SLOTS>,
+}
+
 /// Measures, says what, and ends the emulator.
-fn run(clock: MotionClock, queue: &mut BenchQueue, ring: &mut [Slot]) -> ! {
+fn run(clock: MotionClock, queues: &mut Queues, ring: &mut [Slot]) -> ! {
     let outcome = Counter::start(clock).and_then(|counter| {
         if cfg!(feature = "tally") {
-            tally(&counter, queue, ring).map(|workload| hprintln!("{}", workload))
+            tally(&counter, &mut queues.print, ring).map(|workload| hprintln!("{}", workload))
         } else {
-            measure(&counter, queue, ring).map(|report| hprintln!("{}", report))
+            measure(&counter, queues, ring).map(|report| hprintln!("{}", report))
         }
     });
     match outcome {
@@ -101,9 +139,13 @@ fn run(clock: MotionClock, queue: &mut BenchQueue, ring: &mut [Slot]) -> ! {
 }
 
 /// Every piece, then all of them together.
-fn measure(counter: &Counter, queue: &mut BenchQueue, ring: &mut [Slot]) -> Result<Report, &'static str> {
+fn measure(counter: &Counter, queues: &mut Queues, ring: &mut [Slot]) -> Result<Report, &'static str> {
+    let two_ports = step_events::synthetic(counter, &mut queues.of_two)?.four_axes;
+    let three_ports = step_events::synthetic(counter, &mut queues.of_three)?.four_axes;
+    let queue = &mut queues.print;
+    let step_event = step_events::synthetic(counter, queue)?;
     let mut report = Report {
-        step_event: step_events::synthetic(counter, queue)?,
+        step_event: StepEvents { two_ports, three_ports, ..step_event },
         parse_line: pieces::parse_lines(counter)?,
         line_to_block: pieces::lines_to_blocks(counter, &PROFILE, ring, queue)?,
         block_full_look_ahead: pieces::moves_to_blocks(counter, &PROFILE, ring, queue)?,
@@ -117,7 +159,7 @@ fn measure(counter: &Counter, queue: &mut BenchQueue, ring: &mut [Slot]) -> Resu
 }
 
 /// How much these are of.
-fn tally(counter: &Counter, queue: &mut BenchQueue, ring: &mut [Slot]) -> Result<Workload, &'static str> {
+fn tally(counter: &Counter, queue: &mut PrintQueue, ring: &mut [Slot]) -> Result<Workload, &'static str> {
     wu_lines::measure(counter, queue)?;
     pieces::trapezoid(counter, &PROFILE, ring, queue, TWO_AXES_MM)?;
     let trapezoid = queue.take_tally();

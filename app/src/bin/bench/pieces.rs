@@ -11,7 +11,7 @@ use ferrostep_printer::{Printer, Profile, Signals};
 use crate::counter::Counter;
 use crate::cube_lines::LINES;
 use crate::machine::{BenchPlanner, Machine, NoReplies, QuickTime, execute};
-use crate::queue::BenchQueue;
+use crate::queue::PrintQueue;
 use crate::report::Mean;
 
 /// Rounds over the lines before anything is counted: the look-ahead ring is then full, as in a long print.
@@ -42,7 +42,7 @@ pub fn lines_to_blocks(
     counter: &Counter,
     profile: &Profile,
     ring: &mut [Slot],
-    queue: &mut BenchQueue,
+    queue: &mut PrintQueue,
 ) -> Result<Mean, &'static str> {
     let planner = RefCell::new(BenchPlanner::new(profile.geometry(), profile.limits, ring));
     let machine = Machine { planner: &planner };
@@ -69,7 +69,7 @@ pub fn moves_to_blocks(
     counter: &Counter,
     profile: &Profile,
     ring: &mut [Slot],
-    queue: &mut BenchQueue,
+    queue: &mut PrintQueue,
 ) -> Result<Mean, &'static str> {
     let mut planner = BenchPlanner::new(profile.geometry(), profile.limits, ring);
     let mut mean = Mean::default();
@@ -106,7 +106,7 @@ fn relative(extruded_100pm: &mut i64, text: &str) -> Result<Move, &'static str> 
 }
 
 /// Lets blocks leave until one more fits.
-fn make_room(planner: &mut BenchPlanner<'_>, queue: &mut BenchQueue) -> Result<(), &'static str> {
+fn make_room(planner: &mut BenchPlanner<'_>, queue: &mut PrintQueue) -> Result<(), &'static str> {
     loop {
         let outcome = advance(planner, queue, Goal::OneBlock);
         queue.empty();
@@ -140,7 +140,7 @@ pub enum Outcome {
 
 /// Blocks to the step queue. One copy, as in the firmware.
 #[inline(never)]
-pub fn advance(planner: &mut BenchPlanner<'_>, queue: &mut BenchQueue, goal: Goal) -> Outcome {
+pub fn advance(planner: &mut BenchPlanner<'_>, queue: &mut PrintQueue, goal: Goal) -> Outcome {
     while goal == Goal::AllBlocks || !planner.has_room() {
         if !queue.has_room() {
             return Outcome::QueueFull;
@@ -158,7 +158,7 @@ pub fn trapezoid(
     counter: &Counter,
     profile: &Profile,
     ring: &mut [Slot],
-    queue: &mut BenchQueue,
+    queue: &mut PrintQueue,
     [x_mm, y_mm]: [i64; 2],
 ) -> Result<u32, &'static str> {
     let limits = Limits {

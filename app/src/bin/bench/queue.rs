@@ -1,34 +1,67 @@
 //! The step queue and its far end, the interrupt: all that the bench knows of either.
 
 use ferrostep_hal_shim::StepOutput;
-use ferrostep_hal_shim::step_player::StepLink;
-use ferrostep_hal_shim::step_ring::StepRing;
+use ferrostep_hal_shim::stepping::{BothEdges, MotorPins, Pin, PinMap, Signals, SlotSteps, StepFeeder, StepPlayer};
 use ferrostep_planner::interpolator::MAX_ENTRIES;
 use ferrostep_planner::{Notice, StepEntry, StepKind, StepSink};
 use ferrostep_stm32f4::bench::BenchPins;
-use ferrostep_stm32f4::pac::{Interrupt, RCC, TIM2};
-use ferrostep_stm32f4::step_timer::{StepQueue, StepTimer};
+use ferrostep_stm32f4::pac::{Interrupt, Peripherals, RCC, TIM2};
+use ferrostep_stm32f4::step_timer::{MotorPort, Motors, StepQueue, StepTimer};
 
 use crate::counter::Counter;
 
-/// Entries in the step queue, as in the firmware.
-const STEP_QUEUE_ENTRIES: usize = 2048;
+/// Slots of the queue that prints, as in the firmware.
+pub const STEP_QUEUE_SLOTS: usize = 2048;
 
-static STEPS: StepRing<STEP_QUEUE_ENTRIES> = StepRing::new();
-static STEP_LINK: StepLink = StepLink::new();
+/// Slots of the queues of more ports.
+pub const SHORT_QUEUE_SLOTS: usize = 64;
 
-/// What the interrupt owns.
-pub type BenchTimer = StepTimer<BenchPins, STEP_QUEUE_ENTRIES>;
+/// What the interrupt of a machine with `PORTS` ports owns.
+pub type BenchTimer<const PORTS: usize, const N: usize> = StepTimer<BothEdges, PORTS, N>;
+
+/// The signals may change as soon as the timer can tell.
+const SIGNALS: Signals = Signals { pulse_ticks: 2, direction_setup_ticks: 2 };
+
+/// As many ports as are asked for, all of them the same one.
+pub struct Ports(MotorPort);
+
+impl<const PORTS: usize> Motors<PORTS> for Ports {
+    fn ports(&self) -> [MotorPort; PORTS] {
+        [self.0; PORTS]
+    }
+
+    fn enable(&self, _enabled: bool) {}
+}
+
+impl Ports {
+    /// Copies of the board's only one.
+    pub fn new(pins: &BenchPins) -> Self {
+        let [port] = Motors::<1>::ports(pins);
+        Self(port)
+    }
+}
+
+/// Step and direction pins of the four motors, dealt out to the ports.
+fn pin_map<const PORTS: usize>() -> Option<PinMap<PORTS>> {
+    PinMap::new([0, 1, 2, 3].map(|number: u8| {
+        let pin = |number| Pin { port: usize::from(number) % PORTS, number };
+        MotorPins { step: pin(number), direction: Pin { number: number + 4, ..pin(number) } }
+    }))
+}
 
 /// The queue's near end.
 ///
 /// The one sink of the bench, as the firmware has one: a second type would change what the compiler inlines into the
 /// planner. So there are two builds of this program. With the feature `tally` entries are counted instead of queued,
 /// so that counting has no part in what queuing costs.
-pub struct BenchQueue {
-    queue: StepQueue<BenchPins, STEP_QUEUE_ENTRIES>,
+pub struct BenchQueue<const PORTS: usize, const N: usize> {
+    queue: StepQueue<Ports, BothEdges, PORTS, N>,
+    interrupt: Interrupt,
     tally: Tally,
 }
+
+/// The queue that prints: one port.
+pub type PrintQueue = BenchQueue<1, STEP_QUEUE_SLOTS>;
 
 /// How much there is to queue.
 #[derive(Clone, Copy, Debug, Default)]
@@ -39,24 +72,38 @@ pub struct Tally {
     pub events: u32,
 }
 
-/// Starts the timer as the firmware does, then forbids it to interrupt: events come when they are counted. The step
-/// signals' length is no work, so none is waited for.
-pub fn start(timer: TIM2, rcc: &RCC, pins: &'static BenchPins) -> (BenchTimer, BenchQueue) {
-    let timer = StepTimer::start(timer, rcc, pins, &STEPS, &STEP_LINK, 0);
-    // SAFETY: the handler, which owns the timer, does not run yet and does not use this register.
-    unsafe { &*TIM2::ptr() }.dier().write(|w| w.uie().clear_bit());
-    (timer, BenchQueue { queue: StepQueue::new(pins, &STEPS, &STEP_LINK), tally: Tally::default() })
+/// Starts the timer as the firmware does, then forbids it to interrupt: events come when they are counted. The timer may
+/// be started for several handlers, of which the one at `interrupt` gets this one.
+pub fn start<const PORTS: usize, const N: usize>(
+    rcc: &RCC,
+    ports: &'static Ports,
+    player: &'static StepPlayer<BothEdges, PORTS, N>,
+    steps: &'static mut [SlotSteps; N],
+    interrupt: Interrupt,
+) -> Option<(BenchTimer<PORTS, N>, BenchQueue<PORTS, N>)> {
+    // SAFETY: only one of the handlers runs at a time, and all of them use the timer alike.
+    let Peripherals { TIM2: timer, TIM9: counter, .. } = unsafe { Peripherals::steal() };
+    let timer = StepTimer::start(timer, counter, rcc, ports, player);
+    set_armed(false);
+    let queue = StepQueue::new(ports, StepFeeder::new(player, pin_map()?, SIGNALS, steps));
+    Some((timer, BenchQueue { queue, interrupt, tally: Tally::default() }))
+}
+
+/// Whether the timer interrupts by itself.
+fn set_armed(armed: bool) {
+    // SAFETY: the handlers do not use this register.
+    unsafe { &*TIM2::ptr() }.dier().write(|w| w.uie().bit(armed));
 }
 
 /// An event of the interrupt.
 pub struct Event {
     /// Its instructions.
     pub instructions: u32,
-    /// Whether it took an entry from the queue.
+    /// Whether it took a slot from the queue.
     pub is_new: bool,
 }
 
-impl BenchQueue {
+impl<const PORTS: usize, const N: usize> BenchQueue<PORTS, N> {
     /// What has been counted since the last call.
     pub fn take_tally(&mut self) -> Tally {
         core::mem::take(&mut self.tally)
@@ -68,35 +115,46 @@ impl BenchQueue {
         self.queue.room() >= MAX_ENTRIES
     }
 
-    /// Entries that wait.
+    /// Slots that wait, the one that is held back until its successor comes included.
     pub fn waiting(&self) -> usize {
         self.queue.waiting()
     }
 
-    /// Lets the interrupt take entries.
+    /// Lets the interrupt take slots.
     pub fn start(&self) {
         self.queue.link().start();
     }
 
-    /// Whether the interrupt has events to play.
-    pub fn is_busy(&self) -> bool {
-        self.queue.link().is_busy()
+    /// Whether the interrupt has found no end of them yet.
+    pub fn is_running(&self) -> bool {
+        self.queue.link().is_running()
     }
 
     /// Runs the interrupt once.
     pub fn play(&self, counter: &Counter) -> Event {
-        let before = self.waiting();
-        let instructions = counter.count_handler(Interrupt::TIM2);
-        Event { instructions, is_new: self.waiting() != before }
+        let before = self.queue.played();
+        let instructions = counter.count_handler(self.interrupt);
+        Event { instructions, is_new: self.queue.played() != before }
+    }
+
+    /// The same, while the timer interrupts by itself too: for events that follow at once.
+    pub fn play_with_timer(&self, counter: &Counter) -> Event {
+        set_armed(true);
+        let event = self.play(counter);
+        set_armed(false);
+        event
     }
 
     /// Empties the queue without the interrupt.
     pub fn empty(&mut self) {
-        while STEPS.pop().is_some() {}
+        self.queue.request_stop();
+        self.queue.drop_all();
+        // Which has let the timer interrupt again.
+        set_armed(false);
     }
 }
 
-impl StepSink for BenchQueue {
+impl<const PORTS: usize, const N: usize> StepSink for BenchQueue<PORTS, N> {
     #[inline]
     fn entry(&mut self, entry: StepEntry) {
         if cfg!(feature = "tally") {
@@ -104,10 +162,16 @@ impl StepSink for BenchQueue {
             if let StepKind::Stair { count, .. } = entry.kind() {
                 self.tally.events += u32::from(count);
             }
-        } else {
-            self.queue.push(entry);
+        } else if self.queue.push(entry).is_err() {
+            refused();
         }
     }
 
     fn notice(&mut self, _notice: Notice) {}
+}
+
+/// There was room, and time between the events.
+#[cold]
+fn refused() -> ! {
+    panic!("the queue refuses an entry")
 }

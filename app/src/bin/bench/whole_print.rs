@@ -13,7 +13,7 @@ use crate::counter::Counter;
 use crate::host_file::HostFile;
 use crate::machine::{BenchPlanner, Machine, NoReplies, QuickTime, execute};
 use crate::pieces::{Goal, Outcome, advance};
-use crate::queue::BenchQueue;
+use crate::queue::PrintQueue;
 use crate::report::{Mean, Print, StepEvents};
 use crate::step_events;
 
@@ -32,16 +32,17 @@ pub fn measure(
     counter: &Counter,
     profile: &Profile,
     ring: &mut [Slot],
-    queue: &mut BenchQueue,
+    queue: &mut PrintQueue,
     step_events: &mut StepEvents,
 ) -> Result<Print, &'static str> {
     let mut played = 0;
-    let mut empty = |queue: &mut BenchQueue| {
-        if played < PLAYED_QUEUES && queue.waiting() > 0 {
+    let mut empty = |queue: &mut PrintQueue| {
+        if played < PLAYED_QUEUES {
             played += 1;
             step_events::play_waiting(counter, queue, step_events);
+        } else {
+            queue.empty();
         }
-        queue.empty();
     };
     let mut file = HostFile::open(FILE)?;
     let planner = RefCell::new(BenchPlanner::new(profile.geometry(), profile.limits, ring));

@@ -6,7 +6,7 @@ use ferrostep_planner::bresenham::StepBresenham;
 use ferrostep_planner::{StepEntry, StepSink};
 
 use crate::counter::Counter;
-use crate::queue::BenchQueue;
+use crate::queue::PrintQueue;
 use crate::report::Line;
 
 /// Name and steps of X and Y, from (0, 0).
@@ -20,10 +20,10 @@ const Y: u8 = 2;
 const INTERVAL_TICKS: u32 = 8400;
 
 /// All lines, all three ways. The queue is empty before and after.
-pub fn measure(counter: &Counter, queue: &mut BenchQueue) -> Result<heapless::Vec<Line, 5>, &'static str> {
+pub fn measure(counter: &Counter, queue: &mut PrintQueue) -> Result<heapless::Vec<Line, 5>, &'static str> {
     let mut lines = heapless::Vec::new();
     for (name, dx, dy) in LINES {
-        let mut count = |draw: fn(u32, u32, &mut BenchQueue)| {
+        let mut count = |draw: fn(u32, u32, &mut PrintQueue)| {
             let (dx, dy) = (black_box(dx), black_box(dy));
             let instructions = counter.count(|| draw(dx, dy, queue)).0;
             queue.empty();
@@ -39,7 +39,7 @@ pub fn measure(counter: &Counter, queue: &mut BenchQueue) -> Result<heapless::Ve
 }
 
 #[inline]
-fn push(queue: &mut BenchQueue, count: u32, axes: u8, added: u8) {
+fn push(queue: &mut PrintQueue, count: u32, axes: u8, added: u8) {
     if let Some(entry) = StepEntry::stair(INTERVAL_TICKS, count as u16, axes, added) {
         queue.entry(entry);
     }
@@ -59,7 +59,7 @@ fn next_axes(decision: &mut i32, dx: i32, dy: i32) -> u8 {
 
 /// An entry a step.
 #[inline(never)]
-fn classic(dx: u32, dy: u32, queue: &mut BenchQueue) {
+fn classic(dx: u32, dy: u32, queue: &mut PrintQueue) {
     let (dx, dy) = (dx as i32, dy as i32);
     let mut decision = 2 * dy - dx;
     for _ in 0..dx {
@@ -69,7 +69,7 @@ fn classic(dx: u32, dy: u32, queue: &mut BenchQueue) {
 
 /// An entry a run of equal steps.
 #[inline(never)]
-fn classic_coalesced(dx: u32, dy: u32, queue: &mut BenchQueue) {
+fn classic_coalesced(dx: u32, dy: u32, queue: &mut PrintQueue) {
     let (dx, dy) = (dx as i32, dy as i32);
     let mut decision = 2 * dy - dx;
     let (mut run_axes, mut run) = (X, 0);
@@ -86,7 +86,7 @@ fn classic_coalesced(dx: u32, dy: u32, queue: &mut BenchQueue) {
 
 /// An entry a stair.
 #[inline(never)]
-fn step(dx: u32, dy: u32, queue: &mut BenchQueue) {
+fn step(dx: u32, dy: u32, queue: &mut PrintQueue) {
     let Some(stairs) = StepBresenham::new(dx, dy) else { return };
     let mut left = dx;
     for width in stairs {
