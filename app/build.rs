@@ -6,7 +6,8 @@
 use std::path::{Path, PathBuf};
 use std::{env, fs};
 
-use ferrostep_planner::{Kinematics, Limits, StepsPerMm};
+use ferrostep_hal_shim::stepping::NEAR_TICKS;
+use ferrostep_planner::{Kinematics, Limits, StepsPerMm, TICKS_PER_SECOND};
 use ferrostep_printer::{AxisHoming, DriverTiming, FirmwareRetraction, HeaterSettings, HomeEnd, Profile};
 
 /// The bench's machine.
@@ -23,6 +24,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let name = env::var("FERROSTEP_PROFILE").unwrap_or_else(|_| DEFAULT_PROFILE.to_owned());
     let profile = ferrostep_profiles::load(&name).map_err(|error| error.to_string())?;
     fs::write(out.join("profile.rs"), constant(&profile))?;
+    fs::write(out.join("step_signals.rs"), step_signals(&profile.driver))?;
     println!("cargo:rerun-if-env-changed=FERROSTEP_PROFILE");
     if Path::new(&name).exists() {
         println!("cargo:rerun-if-changed={name}");
@@ -73,6 +75,17 @@ fn constant(profile: &Profile) -> String {
         heater(nozzle),
         heater(bed),
     )
+}
+
+/// How the step interrupt makes a step, as a type: it is compiled for that one way.
+fn step_signals(driver: &DriverTiming) -> String {
+    let near_ns = u64::from(NEAR_TICKS) * 1_000_000_000 / u64::from(TICKS_PER_SECOND);
+    let name = match driver {
+        DriverTiming { both_edges: true, .. } => "BothEdges",
+        DriverTiming { pulse_width_ns, .. } if u64::from(*pulse_width_ns) < near_ns => "ShortPulses",
+        DriverTiming { .. } => "Pulses",
+    };
+    format!("/// What the drivers take for a step.\npub type StepSignals = ferrostep_hal_shim::stepping::{name};\n")
 }
 
 fn steps(steps: &StepsPerMm) -> String {

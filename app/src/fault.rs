@@ -3,9 +3,20 @@
 
 use core::fmt::Write;
 use core::panic::PanicInfo;
+use core::sync::atomic::{AtomicBool, Ordering};
 
 use cortex_m_rt::exception;
 use ferrostep_stm32f4::safe_state::{self, LastWords};
+
+/// The log has been told, or was about to be.
+static IS_LOGGED: AtomicBool = AtomicBool::new(false);
+
+/// Tells the log, once: if the end came in the midst of one of its lines, the log panics, and that ends here again.
+fn log(tell: impl FnOnce()) {
+    if !IS_LOGGED.swap(true, Ordering::Relaxed) {
+        tell();
+    }
+}
 
 /// A programming error, an overflow included.
 #[panic_handler]
@@ -13,7 +24,7 @@ fn panic(info: &PanicInfo<'_>) -> ! {
     safe_state::enter();
     // The line cannot fail, and nobody is left to tell.
     let _ = write!(LastWords, "\nError:firmware panic, printer halted. kill() called!\necho:{info}\n");
-    defmt::error!("{}", defmt::Display2Format(info));
+    log(|| defmt::error!("{}", defmt::Display2Format(info)));
     safe_state::rest()
 }
 
@@ -27,7 +38,7 @@ mod handlers {
     unsafe fn DefaultHandler(interrupt: i16) {
         safe_state::enter();
         let _ = write!(LastWords, "\nError:unexpected interrupt {interrupt}, printer halted. kill() called!\n");
-        defmt::error!("unexpected interrupt {}", interrupt);
+        log(|| defmt::error!("unexpected interrupt {}", interrupt));
         safe_state::rest()
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! | priority | task | trigger | resources | worst-case job |
 //! |---|---|---|---|---|
-//! | 16 | `step_timer` | TIM2 update | `local` only: timer, pins, player; a lock-free ring and atomics | the event that ends a stair: one pop; while stopping, 32 pops |
+//! | 16 | `steps` | TIM2 update | `local` only: timer, ports; a lock-free ring of words | the event that ends a stair; 32 near ones in a row |
 //! | 13 | `serial` | USART1 | `local` only: port, two byte rings, the emergency scanner | 16 bytes to send, the received one; M112 |
 //! | 9 | SysTick (rtic-monotonics) | every ms | the queue of waits | wakes the tasks whose waits end |
 //! | 8 | `temperature` | every 100 ms | `heat` | two PID loops and their checks |
@@ -11,7 +11,9 @@
 //! | 2 | `printer` | received bytes | `machine`, `heat`, `writer` | one line; a wait is an await |
 //! | 1 | `reports` | a halt, or 100 ms | `heat`, `writer` | M155's line |
 //!
-//! 16 is above what BASEPRI can mask: only the short critical sections of timer queue, signals and log delay a step.
+//! 16 is above what BASEPRI can mask, and critical sections mask no more than that
+//! (`hal-shim/stm32f4/src/critical_section.rs`): nothing delays a step. So the step task must never have a `#[shared]`
+//! resource, nor use a signal or the log.
 //! `machine` has ceiling 4, `heat` 8, `writer` 2, so that heating is safe whatever the planner does, and bytes are
 //! received whatever anyone does.
 #![no_std]
@@ -24,6 +26,7 @@ mod heat;
 mod host_line;
 mod ports;
 mod profile;
+mod timing;
 
 use defmt_rtt as _;
 
@@ -33,15 +36,16 @@ mod app {
     use core::sync::atomic::{AtomicU8, Ordering};
 
     use ferrostep_gcode::{Emergency, EmergencyScanner, LineReader, Reply};
-    use ferrostep_hal_shim::step_player::StepLink;
-    use ferrostep_hal_shim::step_ring::StepRing;
+    use ferrostep_hal_shim::stepping::{self, SlotSteps, StepFeeder};
     use ferrostep_planner::look_ahead::Slot;
     use ferrostep_printer::{Host, Printer, Replies, Signals, temperatures};
     use ferrostep_stm32f4::bench::{self, BenchPins};
     use ferrostep_stm32f4::clock;
+    use ferrostep_stm32f4::measured::Switch;
     use ferrostep_stm32f4::motion_clock::MotionClock;
     use ferrostep_stm32f4::serial::{Serial, Transmit};
-    use ferrostep_stm32f4::step_timer::{StepQueue, StepTimer};
+    use ferrostep_stm32f4::step_timer::{self, StepQueue, StepTimer};
+    use ferrostep_stm32f4::vector_table::VectorTable;
     use heapless::spsc::{Consumer, Producer, Queue};
     use rtic_monotonics::systick::prelude::*;
     use rtic_sync::signal::{Signal, SignalReader};
@@ -50,9 +54,11 @@ mod app {
     use crate::heat::{self, Heat};
     use crate::host_line::{self, Patience, Reader, Writer};
     use crate::ports::{
-        BoardHeating, BoardMachine, BoardMotion, BoardReplies, LOOK_AHEAD_BLOCKS, PLANNER_WORK, STEP_QUEUE_ENTRIES,
+        BoardHeating, BoardMachine, BoardMotion, BoardReplies, BoardStepTimer, LOOK_AHEAD_BLOCKS, PLANNER_WORK,
+        STEP_QUEUE_SLOTS, STEPS,
     };
     use crate::profile::PROFILE;
+    use crate::timing::{self, BoardTiming};
 
     /// Speed of the host's line.
     const BAUD: u32 = 115_200;
@@ -66,8 +72,6 @@ mod app {
     /// The reports task looks around this often, ms.
     const REPORTS_INTERVAL_MS: u32 = 100;
 
-    static STEPS: StepRing<STEP_QUEUE_ENTRIES> = StepRing::new();
-    static STEP_LINK: StepLink = StepLink::new();
     static SIGNALS: Signals = Signals::new();
     /// The fan as the planner task last set it, for the heaters' model.
     static FAN_POWER: AtomicU8 = AtomicU8::new(0);
@@ -83,7 +87,7 @@ mod app {
 
     #[local]
     struct Local {
-        step_timer: StepTimer<BenchPins, STEP_QUEUE_ENTRIES>,
+        step_timer: BoardStepTimer,
         port: Serial,
         received: Producer<'static, u8>,
         to_send: Consumer<'static, u8>,
@@ -93,6 +97,7 @@ mod app {
         halted: SignalReader<'static, ()>,
         motion_clock: MotionClock,
         patience: Patience,
+        measured: Switch,
     }
 
     #[init(local = [
@@ -100,6 +105,7 @@ mod app {
         receive: Queue<u8, { host_line::RECEIVE_BYTES }> = Queue::new(),
         send: Queue<u8, { host_line::SEND_BYTES }> = Queue::new(),
         pins: Option<BenchPins> = None,
+        slot_steps: [SlotSteps; STEP_QUEUE_SLOTS] = [SlotSteps::NONE; STEP_QUEUE_SLOTS],
     ])]
     fn init(cx: init::Context) -> (Shared, Local) {
         let device = cx.device;
@@ -108,11 +114,16 @@ mod app {
         clock::set_systick_priority(&mut core.SCB, WAITS_PRIORITY);
         Mono::start(core.SYST, clock.core_hz);
         let motion_clock = MotionClock::start(device.TIM5, &device.RCC);
+        let measured = Switch::new(VectorTable::new(core.SCB), core.DCB, core.DWT, motion_clock);
         let pins = &*cx.local.pins.insert(BenchPins::new(device.GPIOC, &device.GPIOA, &device.RCC));
 
-        let pulse_ticks = clock.timer_ticks(PROFILE.driver.pulse_width_ns);
-        let step_timer = StepTimer::start(device.TIM2, &device.RCC, pins, &STEPS, &STEP_LINK, pulse_ticks);
-        let queue = StepQueue::new(pins, &STEPS, &STEP_LINK);
+        let signals = stepping::Signals {
+            pulse_ticks: clock.timer_ticks(PROFILE.driver.pulse_width_ns),
+            direction_setup_ticks: clock.timer_ticks(PROFILE.driver.direction_setup_ns),
+        };
+        let feeder = StepFeeder::new(&STEPS, bench::PINS, signals, cx.local.slot_steps);
+        let step_timer = StepTimer::start(device.TIM2, device.TIM9, &device.RCC, pins, &STEPS);
+        let queue = StepQueue::new(pins, feeder);
         let machine = BoardMachine::new(&PROFILE, &mut cx.local.slots[..], queue);
 
         let port = Serial::start(device.USART1, &device.RCC, clock.serial_hz, BAUD);
@@ -143,13 +154,14 @@ mod app {
                 halted,
                 motion_clock,
                 patience: Patience::new(clock.source),
+                measured,
             },
         )
     }
 
-    /// Pops stairs, toggles pins. Must end before the next event, 2 us or more away; a late one delays an edge.
+    /// Takes slots, sets pins. A late event delays an edge, never the next one.
     #[task(binds = TIM2, priority = 16, local = [step_timer])]
-    fn step_timer(cx: step_timer::Context) {
+    fn steps(cx: steps::Context) {
         cx.local.step_timer.update();
     }
 
@@ -160,11 +172,11 @@ mod app {
             match cx.local.scanner.feed(byte) {
                 Some(Emergency::Stop) => {
                     SIGNALS.halt();
-                    STEP_LINK.request_stop();
+                    step_timer::stop(STEPS.link());
                     // Already on its way is as good.
                     let _ = emergency::spawn();
                 }
-                Some(Emergency::QuickStop) => STEP_LINK.request_stop(),
+                Some(Emergency::QuickStop) => step_timer::stop(STEPS.link()),
                 Some(Emergency::EndWait) => SIGNALS.end_wait(),
                 Some(Emergency::PromptAnswer(_)) | None => {}
             }
@@ -185,7 +197,7 @@ mod app {
             let healthy = cx.shared.heat.lock(|heat| heat.update(FAN_POWER.load(Ordering::Relaxed)));
             if !healthy && !SIGNALS.is_halted() {
                 SIGNALS.halt();
-                STEP_LINK.request_stop();
+                step_timer::stop(STEPS.link());
                 HALTED.writer().write(());
             }
         }
@@ -214,13 +226,15 @@ mod app {
     }
 
     /// Lines to commands, commands to moves and replies.
-    #[task(priority = 2, shared = [machine, heat, writer], local = [reader])]
+    #[task(priority = 2, shared = [machine, heat, writer], local = [reader, measured])]
     async fn printer(cx: printer::Context) {
         let motion = BoardMotion::new(cx.shared.machine, &SIGNALS);
         let heating = BoardHeating(RefCell::new(cx.shared.heat));
         let replies = BoardReplies(RefCell::new(cx.shared.writer));
         let mut printer = Printer::new(&PROFILE, motion, heating, SystemClock::default(), &replies, &SIGNALS);
         printer.set_emergency_parser(true);
+        let timing = BoardTiming::new(cx.local.measured);
+        printer.set_timing(&timing);
         let mut host = Host::new();
         let mut lines = LineReader::new();
         let mut buffer = [0; 64];
@@ -236,12 +250,13 @@ mod app {
         }
     }
 
-    /// What is said without being asked: temperatures (M155), a halt, lost bytes.
+    /// What is said without being asked: temperatures (M155), a halt, lost bytes; to the log, times (M798).
     #[task(priority = 1, shared = [heat, writer], local = [halted])]
     async fn reports(cx: reports::Context) {
         let heating = BoardHeating(RefCell::new(cx.shared.heat));
         let replies = BoardReplies(RefCell::new(cx.shared.writer));
         let mut reported_ms = 0;
+        let mut logged_ms = 0;
         loop {
             let interval = REPORTS_INTERVAL_MS.millis();
             if let Ok(()) = Mono::timeout_after(interval, cx.local.halted.wait()).await {
@@ -253,6 +268,10 @@ mod app {
             if interval_ms > 0 && now_ms.wrapping_sub(reported_ms) >= interval_ms {
                 reported_ms = now_ms;
                 replies.send(Reply::Temperatures(temperatures(&heating)));
+            }
+            if now_ms.wrapping_sub(logged_ms) >= timing::LOG_INTERVAL_MS {
+                logged_ms = now_ms;
+                timing::log();
             }
         }
     }

@@ -7,13 +7,14 @@ use core::cell::RefCell;
 
 use ferrostep_gcode::{MotionFigures, Reply};
 use ferrostep_hal_shim::Heater;
+use ferrostep_hal_shim::stepping::StepPlayer;
 use ferrostep_planner::look_ahead::Slot;
 use ferrostep_planner::{Limits, Move, MoveError, Moved};
 use ferrostep_printer::heat::HeatFault;
 use ferrostep_printer::machine::Machine;
 use ferrostep_printer::{HeaterStatus, Heating, Motion, MotionError, Replies, Seek, Signals};
 use ferrostep_stm32f4::bench::BenchPins;
-use ferrostep_stm32f4::step_timer::StepQueue;
+use ferrostep_stm32f4::step_timer::{StepQueue, StepTimer};
 use rtic::Mutex;
 use rtic_monotonics::systick::prelude::*;
 use rtic_sync::signal::Signal;
@@ -21,24 +22,31 @@ use rtic_sync::signal::Signal;
 use crate::clock::Mono;
 use crate::heat::Heat;
 use crate::host_line::Writer;
+use crate::profile::StepSignals;
 
 /// Blocks in the look-ahead ring, as on the desk.
 pub const LOOK_AHEAD_BLOCKS: usize = 128;
 
-/// Entries in the step queue, as on the desk: 16 KiB.
-pub const STEP_QUEUE_ENTRIES: usize = 2048;
+/// Slots in the step queue, about as many as entries on the desk: 32 KiB.
+pub const STEP_QUEUE_SLOTS: usize = 2048;
+
+/// Ports that carry the board's step and direction signals.
+const MOTOR_PORTS: usize = 1;
+
+/// The step queue and the state of the step interrupt.
+pub static STEPS: StepPlayer<StepSignals, MOTOR_PORTS, STEP_QUEUE_SLOTS> = StepPlayer::new();
+
+/// The step interrupt of this board.
+pub type BoardStepTimer = StepTimer<StepSignals, MOTOR_PORTS, STEP_QUEUE_SLOTS>;
 
 /// The machine of this board.
-pub type BoardMachine = Machine<&'static mut [Slot], StepQueue<BenchPins, STEP_QUEUE_ENTRIES>>;
+pub type BoardMachine = Machine<&'static mut [Slot], StepQueue<BenchPins, StepSignals, MOTOR_PORTS, STEP_QUEUE_SLOTS>>;
 
 /// There is something for the planner task to do.
 pub static PLANNER_WORK: Signal<()> = Signal::new();
 
 /// How often a command that waits for motion looks whether it has come.
 const LOOK_MS: u32 = 1;
-
-/// Most looks for the end of a stop: the step interrupt empties its queue within 64 of its idle intervals.
-const MOST_STOP_LOOKS: u32 = 1_000_000;
 
 /// Planner and motors.
 pub struct BoardMotion<'a, M> {
@@ -135,21 +143,11 @@ impl<M: Mutex<T = BoardMachine>> Motion for BoardMotion<'_, M> {
         self.with(|machine| machine.is_end_stop_triggered(axis))
     }
 
-    /// Returns when the motors' position is known again: after a few milliseconds.
     fn stop(&mut self) -> i64 {
-        let stops = self.with(|machine| {
+        self.with(|machine| {
             machine.request_stop();
-            machine.stops()
+            machine.work(Default::default());
         });
-        for _ in 0..MOST_STOP_LOOKS {
-            let stopped = self.with(|machine| {
-                machine.work(Default::default());
-                machine.stops() != stops
-            });
-            if stopped {
-                break;
-            }
-        }
         self.with(|machine| machine.take_dropped_100pm())
     }
 }

@@ -6,6 +6,8 @@ use ferrostep_printer::{AxisHoming, DriverTiming, FirmwareRetraction, HeaterSett
 /// The profile, as `build.rs` found it in its TOML file.
 pub static PROFILE: Profile = include!(concat!(env!("OUT_DIR"), "/profile.rs"));
 
+include!(concat!(env!("OUT_DIR"), "/step_signals.rs"));
+
 /// Steps/mm as the profile's constant names them; a value out of range ends the build.
 const fn steps_per_mm(hundred_thousandths: i64) -> StepsPerMm {
     match StepsPerMm::from_hundred_thousandths(hundred_thousandths) {

@@ -225,6 +225,13 @@ pub enum Command<'a> {
     QuickStop,
     /// M797: digests of all steps issued so far, and motion counters.
     ReportMotion,
+    /// M798: S switches the measuring of times on (and begins anew) or off, R begins anew; neither: a query.
+    Timing {
+        /// S.
+        on: Option<bool>,
+        /// R.
+        clear: bool,
+    },
     /// M999.
     Restart,
     /// T: the tool.

@@ -26,4 +26,6 @@ pub use line_reader::{LINE_CAPACITY, LineReader};
 pub use parse_error::{ParseError, ShortText};
 pub use parser::parse;
 pub use protocol::{LineNumbers, Verdict};
-pub use reply::{EndStopState, FirmwareInfo, MotionFigures, Position, Reply, ResendReason, Temperatures};
+pub use reply::{
+    EndStopState, FirmwareInfo, MotionFigures, Position, Reply, ResendReason, Temperatures, TimingFigures,
+};

@@ -50,6 +50,25 @@ pub struct MotionFigures {
     pub issued_steps: [u64; 4],
 }
 
+/// How long something takes that happens often (M798). Percentiles are upper limits.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct TimingFigures {
+    /// What was measured: `step_latency` ...
+    pub name: &'static str,
+    /// How often it happened.
+    pub count: u32,
+    /// Half of them took this or less.
+    pub p50: u32,
+    /// 99 % did.
+    pub p99: u32,
+    /// 99.9 % did.
+    pub p99_9: u32,
+    /// The longest, exactly.
+    pub max: u32,
+    /// Unit of the times: `cycles` of the core or `ticks` of a timer.
+    pub unit: &'static str,
+}
+
 /// State of one end stop (M119).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct EndStopState {
@@ -92,6 +111,8 @@ pub enum Reply<'a> {
     /// `echo:motion order_digest:<16 hex> step_digest:<16 hex> underruns:0 starvation_flushes:0 steps X:0 Y:0 Z:0 E:0
     /// idle_flushes:0` (one line)
     Motion(MotionFigures),
+    /// `echo:timing <name> count:0 p50:0 p99:0 p99.9:0 max:0 unit:<unit>`
+    Timing(TimingFigures),
     /// `Reporting endstop status` and a line for each end stop.
     EndStops(&'a [EndStopState]),
     /// Firmware line, capabilities and area (protocol.md section 7).

@@ -3,7 +3,7 @@
 use core::fmt::{self, Display, Formatter, Write};
 
 use crate::decimal::divide_half_away;
-use crate::{FirmwareInfo, MotionFigures, Position, Reply, ResendReason, Temperatures};
+use crate::{FirmwareInfo, MotionFigures, Position, Reply, ResendReason, Temperatures, TimingFigures};
 
 /// What M115 says this firmware can do, in the order hosts know from Marlin. EMERGENCY_PARSER stands between the two
 /// lists, for it depends on the port.
@@ -69,6 +69,7 @@ impl Display for Reply<'_> {
             }
             Reply::Position(position) => write_position(formatter, position),
             Reply::Motion(figures) => write_motion(formatter, figures),
+            Reply::Timing(figures) => write_timing(formatter, figures),
             Reply::EndStops(states) => {
                 formatter.write_str("Reporting endstop status")?;
                 states.iter().try_for_each(|state| {
@@ -178,6 +179,11 @@ fn write_motion(formatter: &mut Formatter<'_>, figures: &MotionFigures) -> fmt::
     )
 }
 
+fn write_timing(formatter: &mut Formatter<'_>, figures: &TimingFigures) -> fmt::Result {
+    let TimingFigures { name, count, p50, p99, p99_9, max, unit } = figures;
+    write!(formatter, "echo:timing {name} count:{count} p50:{p50} p99:{p99} p99.9:{p99_9} max:{max} unit:{unit}")
+}
+
 fn write_firmware(formatter: &mut Formatter<'_>, info: &FirmwareInfo<'_>) -> fmt::Result {
     let FirmwareInfo { version, machine, kinematics, size_10nm, emergency_parser } = info;
     write!(
@@ -267,6 +273,23 @@ mod tests {
             Reply::Motion(figures),
             "echo:motion order_digest:cbf29ce484222325 step_digest:000000000000002a underruns:1 \
              starvation_flushes:2 steps X:3 Y:4 Z:5 E:6 idle_flushes:7",
+        );
+    }
+
+    #[test]
+    fn timing() {
+        let figures = TimingFigures {
+            name: "step_latency",
+            count: 12,
+            p50: 31,
+            p99: 47,
+            p99_9: u32::MAX,
+            max: u32::MAX,
+            unit: "ticks",
+        };
+        says(
+            Reply::Timing(figures),
+            "echo:timing step_latency count:12 p50:31 p99:47 p99.9:4294967295 max:4294967295 unit:ticks",
         );
     }
 

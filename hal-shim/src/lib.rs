@@ -4,6 +4,7 @@
 #![cfg_attr(not(test), no_std)]
 
 pub mod clock_tree;
+pub mod histogram;
 pub mod stepping;
 pub mod virtual_board;
 
@@ -89,6 +90,14 @@ pub trait StepOutput: MotorEnable {
     fn drop_all(&mut self) -> DroppedSteps;
     /// Updates that the interrupt missed, because it was held up for longer than an interval, and made up.
     fn made_up_updates(&self) -> u32;
+
+    /// A portion of planning begins. A queue that measures how long planning takes notes the time; others need not
+    /// care.
+    fn planning_begins(&mut self) {}
+    /// The last entry of a move has been planned, within the present portion.
+    fn move_planned(&mut self) {}
+    /// The portion has ended.
+    fn planning_ends(&mut self) {}
 }
 
 /// The motors' enable signals.

@@ -3,7 +3,7 @@
 use core::future::Future;
 use core::sync::atomic::{AtomicBool, AtomicU8, Ordering};
 
-use ferrostep_gcode::{MotionFigures, Reply};
+use ferrostep_gcode::{MotionFigures, Reply, TimingFigures};
 use ferrostep_hal_shim::Heater;
 use ferrostep_planner::{Limits, Move, MoveError, Moved};
 
@@ -77,6 +77,16 @@ pub trait Heating {
     fn status(&self, heater: Heater) -> HeaterStatus;
     /// Switches all heaters off.
     fn all_off(&mut self);
+}
+
+/// Times that a board measures of itself while it prints (M798). A board need not have it.
+pub trait Timing: core::fmt::Debug {
+    /// Switches the measuring on or off; what was measured stays.
+    fn switch(&self, on: bool);
+    /// Forgets what was measured.
+    fn clear(&self);
+    /// What was measured so far.
+    fn figures(&self) -> [TimingFigures; 3];
 }
 
 /// Where replies go. Several commands may answer, so this takes a shared reference.

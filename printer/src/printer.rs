@@ -10,7 +10,7 @@ use ferrostep_planner::Kinematics;
 
 use crate::error::{CommandError, Failure};
 use crate::modal::{Modal, Tally};
-use crate::ports::{Heating, Motion, Replies, Signals};
+use crate::ports::{Heating, Motion, Replies, Signals, Timing};
 use crate::profile::{HomeEnd, Profile};
 use crate::waits::temperatures;
 
@@ -44,6 +44,7 @@ pub struct Printer<'a, M, H, T, R> {
     pub(crate) line: u32,
     last_line: i64,
     emergency_parser: bool,
+    timing: Option<&'a dyn Timing>,
 }
 
 impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'a, M, H, T, R> {
@@ -61,12 +62,18 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
             line: 0,
             last_line: 0,
             emergency_parser: false,
+            timing: None,
         }
     }
 
     /// Says that M112, M108 and M410 are acted on as their bytes arrive (M115 reports it).
     pub fn set_emergency_parser(&mut self, present: bool) {
         self.emergency_parser = present;
+    }
+
+    /// The board measures times of itself (M798).
+    pub fn set_timing(&mut self, timing: &'a dyn Timing) {
+        self.timing = Some(timing);
     }
 
     /// What has been done so far.
@@ -204,6 +211,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
             Command::ReportFirmware => self.report_firmware(),
             Command::ReportEndStops => self.report_end_stops(),
             Command::ReportMotion => self.replies.send(Reply::Motion(self.motion.figures())),
+            Command::Timing { on, clear } => self.timing(on, clear),
             Command::Echo { echo_prefix, action_prefix, text } => self.echo(echo_prefix, action_prefix, text),
             Command::MaxAcceleration(ref words) => self.set_max_acceleration(words)?,
             Command::MaxFeed(ref words) => self.set_max_feed(words)?,
@@ -281,6 +289,25 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
             size_10nm: self.profile.size_10nm,
             emergency_parser: self.emergency_parser,
         }));
+    }
+
+    /// M798. Measuring begins anew when it is switched on, so that what is reported has all been measured alike.
+    fn timing(&self, on: Option<bool>, clear: bool) {
+        let Some(timing) = self.timing else {
+            return self.replies.send(Reply::Text("echo:timing: this machine measures none"));
+        };
+        if on == Some(false) {
+            timing.switch(false);
+        }
+        if clear || on == Some(true) {
+            timing.clear();
+        }
+        if on == Some(true) {
+            timing.switch(true);
+        }
+        if on.is_none() && !clear {
+            timing.figures().into_iter().for_each(|figures| self.replies.send(Reply::Timing(figures)));
+        }
     }
 
     fn report_end_stops(&self) {

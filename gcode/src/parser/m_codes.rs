@@ -82,6 +82,10 @@ pub(super) fn parse(code: Code<'_>) -> Result<Command<'_>, ParseError> {
         400 => Ok(Command::Finish),
         410 => Ok(Command::QuickStop),
         797 => Ok(Command::ReportMotion),
+        798 => {
+            let words = code.words()?;
+            Ok(Command::Timing { on: words.switch(b'S')?, clear: words.has(b'R') })
+        }
         999 => Ok(Command::Restart),
         // Progress and timers of a display, sounds, object labels; parts and corrections this machine has not.
         73..=77

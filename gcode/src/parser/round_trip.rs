@@ -135,6 +135,9 @@ fn take_apart_m(command: Command<'_>) -> (u32, Words) {
         Command::ReportFirmware => (115, vec![]),
         Command::ReportEndStops => (119, vec![]),
         Command::ReportMotion => (797, vec![]),
+        Command::Timing { on, clear } => {
+            (798, [given([('S', switch(on))]), if clear { vec![('R', None)] } else { vec![] }].concat())
+        }
         Command::Finish => (400, vec![]),
         Command::QuickStop => (410, vec![]),
         Command::Restart => (999, vec![]),
@@ -275,6 +278,7 @@ fn machine() -> impl Strategy<Value = Command<'static>> {
         any_wait().prop_map(Command::WaitBed),
         (0u8..=60).prop_map(|seconds| Command::AutoReportTemperatures { seconds }),
         of(0u8..=60).prop_map(Command::KeepAlive),
+        (of(any::<bool>()), any::<bool>()).prop_map(|(on, clear)| Command::Timing { on, clear }),
         any::<(u8, u8)>().prop_map(|(index, power)| Command::Fan { index, power }),
         of(-9_000_000_000i64..9_000_000_000).prop_map(Command::SetLineNumber),
         proptest::sample::select(&TEXTS[..]).prop_map(Command::Display),

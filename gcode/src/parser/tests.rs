@@ -176,6 +176,9 @@ fn host_commands() {
         ("M115 U3.1.0", Command::ReportFirmware),
         ("M119", Command::ReportEndStops),
         ("M797", Command::ReportMotion),
+        ("M798", Command::Timing { on: None, clear: false }),
+        ("M798 S1", Command::Timing { on: Some(true), clear: false }),
+        ("M798 R S0", Command::Timing { on: Some(false), clear: true }),
         ("M155 S2", Command::AutoReportTemperatures { seconds: 2 }),
         ("M400", Command::Finish),
         ("M410", Command::QuickStop),
@@ -188,6 +191,7 @@ fn host_commands() {
         reads(text, command);
     }
     assert_eq!(refused("M155"), "M155: expected S");
+    assert_eq!(refused("M798 S2"), "S: 2 is out of range, expected 0 to 1");
     assert_eq!(refused("M155 S61"), "S: 61 is out of range, expected 0 to 60");
     assert_eq!(refused("M110 N1.5"), "N: 1.5 is not a whole number, expected one");
     assert_eq!(refused("T4294967295"), "T: 4294967295 is too large, expected at most 9 digits before the point");

@@ -3,7 +3,7 @@
 //!
 //! It has neither drivers nor heaters nor sensors: the virtual board's models stand in for them.
 
-use stm32f4xx_hal::pac::{GPIOA, GPIOC, RCC};
+use crate::pac::{GPIOA, GPIOC, RCC};
 
 use ferrostep_hal_shim::stepping::{MotorPins, Pin, PinMap};
 
@@ -49,7 +49,7 @@ impl BenchPins {
 }
 
 #[inline]
-fn write(port: &stm32f4xx_hal::pac::gpioc::RegisterBlock, word: u32) {
+fn write(port: &crate::pac::gpioc::RegisterBlock, word: u32) {
     // SAFETY: every bit of BSRR sets or resets one pin, and zeros do nothing; the words here name PC0 to PC8 only.
     port.bsrr().write(|w| unsafe { w.bits(word) });
 }

@@ -3,7 +3,8 @@
 use cortex_m::peripheral::SCB;
 use cortex_m::peripheral::scb::SystemHandler;
 use ferrostep_hal_shim::clock_tree::{self, Clock, ClockSource, ClockTree, PllSource};
-use stm32f4xx_hal::pac::{FLASH, RCC};
+
+use crate::pac::{FLASH, RCC};
 
 /// Most looks at a ready flag. A crystal takes 2 ms, a PLL 0.2 ms; a look takes at least four cycles of 16 MHz, so this
 /// waits for 12 ms or longer.

@@ -2,17 +2,22 @@
 //! board.
 //!
 //! The only crate of the firmware with unsafe code of its own. What it is for: register fields that the register
-//! description leaves unchecked ("any value may be written here"), a counter that many read, and the panic and fault
-//! handlers, which must reach a port whoever owns it. Each use says which.
+//! description leaves unchecked ("any value may be written here"), a counter that many read, the panic and fault
+//! handlers, which must reach a port whoever owns it, critical sections, and the table of interrupt handlers. Each use
+//! says which.
 #![no_std]
 #![deny(clippy::undocumented_unsafe_blocks)]
 
 pub mod bench;
 pub mod clock;
+mod critical_section;
 pub mod fault;
+pub mod measured;
 pub mod motion_clock;
 pub mod safe_state;
 pub mod serial;
 pub mod step_timer;
+pub mod vector_table;
 
-pub use stm32f4xx_hal::pac;
+#[cfg(feature = "stm32f405")]
+pub use stm32f4::stm32f405 as pac;

@@ -1,6 +1,6 @@
 //! TIM5 as a clock that runs at the motion clock's pace, whatever that is in seconds.
 
-use stm32f4xx_hal::pac::{RCC, TIM5};
+use crate::pac::{RCC, TIM5};
 
 /// A counter of ticks, 32 bits, about 51 s at full speed. A handle: copies read the same counter.
 #[derive(Clone, Copy, Debug)]

@@ -2,9 +2,8 @@
 
 use core::fmt;
 
-use stm32f4xx_hal::pac::USART1;
-
 use crate::bench;
+use crate::pac::USART1;
 
 /// Most looks at the transmitter for one byte: more than a byte takes at 9600 baud and 168 MHz.
 const MOST_LOOKS: u32 = 200_000;

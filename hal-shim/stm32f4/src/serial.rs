@@ -1,6 +1,6 @@
 //! USART1, the host's line.
 
-use stm32f4xx_hal::pac::{RCC, USART1};
+use crate::pac::{RCC, USART1};
 
 /// Most bytes handed to the transmitter in one interrupt. A real one takes two; QEMU's would take all there are.
 const BYTES_AT_ONCE: usize = 16;

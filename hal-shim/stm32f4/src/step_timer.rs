@@ -1,12 +1,14 @@
 //! TIM2, the timer that makes the steps, and TIM9, which counts its updates.
 
+use cortex_m::peripheral::NVIC;
 use ferrostep_hal_shim::stepping::{
     DroppedSteps, FeedError, IDLE_TICKS, MOST_EVENTS, OutputPort, StepFeeder, StepLink, StepPlayer, Stepping,
     UpdateTimer,
 };
 use ferrostep_hal_shim::{MotorEnable, StepOutput};
 use ferrostep_planner::StepEntry;
-use stm32f4xx_hal::pac::{Interrupt, NVIC, RCC, TIM2, TIM9, tim2};
+
+use crate::pac::{Interrupt, RCC, TIM2, TIM9, tim2};
 
 /// A board's motors.
 pub trait Motors<const PORTS: usize> {
@@ -30,7 +32,7 @@ unsafe impl Sync for MotorPort {}
 
 impl MotorPort {
     /// The port of a register block.
-    pub fn new(port: &stm32f4xx_hal::pac::gpioc::RegisterBlock) -> Self {
+    pub fn new(port: &crate::pac::gpioc::RegisterBlock) -> Self {
         Self { bsrr: port.bsrr().as_ptr() }
     }
 }
@@ -157,8 +159,13 @@ impl UpdateTimer for Timer {
     }
 }
 
-/// From the next instruction on no motor steps, whoever calls it. [`StepLink::request_stop`] must follow.
-pub fn halt() {
+/// From the next instruction on no motor steps; the planner task sees to the rest. From any task but the step interrupt.
+pub fn stop(link: &StepLink) {
+    halt();
+    link.request_stop();
+}
+
+fn halt() {
     // SAFETY: a store to a register whose only other writer, `resume`, is the planner task's.
     unsafe { &*TIM2::ptr() }.dier().write(|w| w.uie().clear_bit());
     // An update that came before the store is played before the next instruction.
@@ -212,8 +219,7 @@ impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> StepOutp
     }
 
     fn request_stop(&mut self) {
-        halt();
-        self.feeder.link().request_stop();
+        stop(self.feeder.link());
     }
 
     fn drop_all(&mut self) -> DroppedSteps {

@@ -1,5 +1,9 @@
 //! What the printer reports, read with the expressions that hosts read it with.
 
+use std::cell::RefCell;
+
+use ferrostep_gcode::TimingFigures;
+use ferrostep_printer::Timing;
 use regex_lite::Regex;
 
 use crate::desk::profile;
@@ -162,4 +166,55 @@ fn notices_are_no_errors() {
         let forgiven = |reply: &String| !reply.starts_with("Error") && !reply.starts_with("!!") && reply != "start";
         assert!(replies.iter().all(forgiven), "{line:?}: {replies:?}");
     }
+}
+
+#[test]
+fn the_desk_measures_no_times() {
+    let machine = machine(&profile("cartesian"));
+    let mut conversation = Conversation::new(&machine);
+    for line in ["M798", "M798 S1", "M798 R"] {
+        assert_eq!(conversation.say(line), ["echo:timing: this machine measures none", "ok"], "{line}");
+    }
+    assert_eq!(conversation.say("M798 S2"), ["echo:line 4: S: 2 is out of range, expected 0 to 1", "ok"]);
+}
+
+/// A board that notes what it is asked for.
+#[derive(Debug, Default)]
+struct Noted(RefCell<Vec<&'static str>>);
+
+impl Timing for Noted {
+    fn switch(&self, on: bool) {
+        self.0.borrow_mut().push(if on { "on" } else { "off" });
+    }
+
+    fn clear(&self) {
+        self.0.borrow_mut().push("clear");
+    }
+
+    fn figures(&self) -> [TimingFigures; 3] {
+        ["a", "b", "c"].map(|name| TimingFigures { name, unit: "ticks", ..TimingFigures::default() })
+    }
+}
+
+#[test]
+fn times_are_cleared_before_they_are_measured_anew() {
+    let machine = machine(&profile("cartesian"));
+    let board = Noted::default();
+    let mut printer = machine.printer();
+    printer.set_timing(&board);
+    for (line, asked) in [
+        ("M798 S1", vec!["clear", "on"]),
+        ("M798 S1 R", vec!["clear", "on"]),
+        ("M798 R", vec!["clear"]),
+        ("M798 R S0", vec!["off", "clear"]),
+        ("M798 S0", vec!["off"]),
+    ] {
+        machine.run(printer.execute(1, line)).unwrap();
+        assert_eq!(board.0.take(), asked, "{line}");
+        assert_eq!(machine.replies().take(), ["ok"], "{line}");
+    }
+    machine.run(printer.execute(1, "M798")).unwrap();
+    assert!(board.0.take().is_empty());
+    let lines = ["a", "b", "c"].map(|name| format!("echo:timing {name} count:0 p50:0 p99:0 p99.9:0 max:0 unit:ticks"));
+    assert_eq!(machine.replies().take(), [lines.as_slice(), &["ok".to_owned()]].concat());
 }

@@ -15,7 +15,7 @@ const LIMIT: Duration = Duration::from_secs(240);
 static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
 
 /// Path of the firmware image; built when nobody has.
-fn image() -> &'static Path {
+pub fn image() -> &'static Path {
     static IMAGE: OnceLock<PathBuf> = OnceLock::new();
     IMAGE.get_or_init(|| match std::env::var_os("FERROSTEP_FIRMWARE") {
         Some(path) => PathBuf::from(path),

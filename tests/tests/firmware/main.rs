@@ -4,8 +4,12 @@
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 mod bad_input;
+mod code;
 mod emergency;
 mod image;
 mod job;
+mod masks;
 mod rehearsal;
 mod same_steps;
+mod step_interrupt;
+mod timing;

@@ -22,6 +22,7 @@ mod wu_lines;
 use core::panic::PanicInfo;
 
 use cortex_m_semihosting::{debug, hprintln};
+use ferrostep_hal_shim::stepping::BothEdges;
 use ferrostep_planner::look_ahead::Slot;
 use ferrostep_stm32f4::motion_clock::MotionClock;
 
@@ -29,6 +30,7 @@ use counter::Counter;
 use profile::PROFILE;
 use queue::{BenchQueue, PrintQueue, SHORT_QUEUE_SLOTS};
 use report::{Report, StepEvents, Workload};
+use step_events::{FOUR_AXES, STAIR_EVENTS};
 
 /// Blocks in the look-ahead ring, as in the firmware.
 const LOOK_AHEAD_BLOCKS: usize = 128;
@@ -46,22 +48,26 @@ mod app {
     use ferrostep_stm32f4::bench::BenchPins;
     use ferrostep_stm32f4::motion_clock::MotionClock;
     use ferrostep_stm32f4::pac::Interrupt;
+    use ferrostep_stm32f4::step_timer::StepTimer;
 
-    use crate::queue::{self, BenchTimer, Ports, SHORT_QUEUE_SLOTS, STEP_QUEUE_SLOTS};
+    use crate::profile::StepSignals;
+    use crate::queue::{self, Ports, SHORT_QUEUE_SLOTS, STEP_QUEUE_SLOTS};
     use crate::{LOOK_AHEAD_BLOCKS, Queues};
 
-    static STEPS: StepPlayer<BothEdges, 1, STEP_QUEUE_SLOTS> = StepPlayer::new();
-    static STEPS_OF_TWO_PORTS: StepPlayer<BothEdges, 2, SHORT_QUEUE_SLOTS> = StepPlayer::new();
-    static STEPS_OF_THREE_PORTS: StepPlayer<BothEdges, 3, SHORT_QUEUE_SLOTS> = StepPlayer::new();
+    static STEPS: StepPlayer<StepSignals, 1, STEP_QUEUE_SLOTS> = StepPlayer::new();
+    static EDGES: StepPlayer<BothEdges, 1, SHORT_QUEUE_SLOTS> = StepPlayer::new();
+    static EDGES_ON_TWO_PORTS: StepPlayer<BothEdges, 2, SHORT_QUEUE_SLOTS> = StepPlayer::new();
+    static EDGES_ON_THREE_PORTS: StepPlayer<BothEdges, 3, SHORT_QUEUE_SLOTS> = StepPlayer::new();
 
     #[shared]
     struct Shared {}
 
     #[local]
     struct Local {
-        step_timer: BenchTimer<1, STEP_QUEUE_SLOTS>,
-        two_ports: BenchTimer<2, SHORT_QUEUE_SLOTS>,
-        three_ports: BenchTimer<3, SHORT_QUEUE_SLOTS>,
+        step_timer: StepTimer<StepSignals, 1, STEP_QUEUE_SLOTS>,
+        one_port: StepTimer<BothEdges, 1, SHORT_QUEUE_SLOTS>,
+        two_ports: StepTimer<BothEdges, 2, SHORT_QUEUE_SLOTS>,
+        three_ports: StepTimer<BothEdges, 3, SHORT_QUEUE_SLOTS>,
         queues: Queues,
         clock: MotionClock,
         ring: &'static mut [Slot],
@@ -71,6 +77,7 @@ mod app {
         slots: [Slot; LOOK_AHEAD_BLOCKS] = [Slot::EMPTY; LOOK_AHEAD_BLOCKS],
         ports: Option<Ports> = None,
         steps: [SlotSteps; STEP_QUEUE_SLOTS] = [SlotSteps::NONE; STEP_QUEUE_SLOTS],
+        steps_of_one: [SlotSteps; SHORT_QUEUE_SLOTS] = [SlotSteps::NONE; SHORT_QUEUE_SLOTS],
         steps_of_two: [SlotSteps; SHORT_QUEUE_SLOTS] = [SlotSteps::NONE; SHORT_QUEUE_SLOTS],
         steps_of_three: [SlotSteps; SHORT_QUEUE_SLOTS] = [SlotSteps::NONE; SHORT_QUEUE_SLOTS],
     ])]
@@ -79,15 +86,17 @@ mod app {
         let pins = BenchPins::new(device.GPIOC, &device.GPIOA, &device.RCC);
         let ports = &*cx.local.ports.insert(Ports::new(&pins));
         let clock = MotionClock::start(device.TIM5, &device.RCC);
-        let (Some((step_timer, print)), Some((two_ports, of_two)), Some((three_ports, of_three))) = (
+        let (Some(print), Some(of_one), Some(of_two), Some(of_three)) = (
             queue::start(&device.RCC, ports, &STEPS, cx.local.steps, Interrupt::TIM2),
-            queue::start(&device.RCC, ports, &STEPS_OF_TWO_PORTS, cx.local.steps_of_two, Interrupt::TIM3),
-            queue::start(&device.RCC, ports, &STEPS_OF_THREE_PORTS, cx.local.steps_of_three, Interrupt::SPI1),
+            queue::start(&device.RCC, ports, &EDGES, cx.local.steps_of_one, Interrupt::SPI2),
+            queue::start(&device.RCC, ports, &EDGES_ON_TWO_PORTS, cx.local.steps_of_two, Interrupt::TIM3),
+            queue::start(&device.RCC, ports, &EDGES_ON_THREE_PORTS, cx.local.steps_of_three, Interrupt::SPI1),
         ) else {
             panic!("a port has 16 pins")
         };
-        let queues = Queues { print, of_two, of_three };
-        (Shared {}, Local { step_timer, two_ports, three_ports, queues, clock, ring: cx.local.slots })
+        let queues = Queues { print: print.1, of_one: of_one.1, of_two: of_two.1, of_three: of_three.1 };
+        let (step_timer, one_port, two_ports, three_ports) = (print.0, of_one.0, of_two.0, of_three.0);
+        (Shared {}, Local { step_timer, one_port, two_ports, three_ports, queues, clock, ring: cx.local.slots })
     }
 
     /// The firmware's step interrupt.
@@ -96,13 +105,19 @@ mod app {
         cx.local.step_timer.update();
     }
 
-    /// The same for motors on two ports.
+    /// The same for drivers that step at both edges.
+    #[task(binds = SPI2, priority = 16, local = [one_port])]
+    fn one_port(cx: one_port::Context) {
+        cx.local.one_port.update();
+    }
+
+    /// These with motors on two ports.
     #[task(binds = TIM3, priority = 16, local = [two_ports])]
     fn two_ports(cx: two_ports::Context) {
         cx.local.two_ports.update();
     }
 
-    /// The same for motors on three.
+    /// With motors on three.
     #[task(binds = SPI1, priority = 16, local = [three_ports])]
     fn three_ports(cx: three_ports::Context) {
         cx.local.three_ports.update();
@@ -114,11 +129,12 @@ mod app {
     }
 }
 
-/// The queues of motors on one port, two, and three.
+/// The firmware's queue, and those of drivers that step at both edges, with motors on one port, two, and three.
 pub struct Queues {
     print: PrintQueue,
-    of_two: BenchQueue<2, SHORT_QUEUE_SLOTS>,
-    of_three: BenchQueue<3, SHORT_QUEUE_SLOTS>,
+    of_one: BenchQueue<BothEdges, 1, SHORT_QUEUE_SLOTS>,
+    of_two: BenchQueue<BothEdges, 2, SHORT_QUEUE_SLOTS>,
+    of_three: BenchQueue<BothEdges, 3, SHORT_QUEUE_SLOTS>,
 }
 
 /// Measures, says what, and ends the emulator.
@@ -140,12 +156,15 @@ fn run(clock: MotionClock, queues: &mut Queues, ring: &mut [Slot]) -> ! {
 
 /// Every piece, then all of them together.
 fn measure(counter: &Counter, queues: &mut Queues, ring: &mut [Slot]) -> Result<Report, &'static str> {
-    let two_ports = step_events::synthetic(counter, &mut queues.of_two)?.four_axes;
-    let three_ports = step_events::synthetic(counter, &mut queues.of_three)?.four_axes;
-    let queue = &mut queues.print;
-    let step_event = step_events::synthetic(counter, queue)?;
+    let Queues { print: queue, of_one, of_two, of_three } = queues;
+    let step_event = StepEvents {
+        profile: step_events::stairs(counter, queue, FOUR_AXES, STAIR_EVENTS)?,
+        two_ports: step_events::stairs(counter, of_two, FOUR_AXES, STAIR_EVENTS)?,
+        three_ports: step_events::stairs(counter, of_three, FOUR_AXES, STAIR_EVENTS)?,
+        ..step_events::synthetic(counter, of_one)?
+    };
     let mut report = Report {
-        step_event: StepEvents { two_ports, three_ports, ..step_event },
+        step_event,
         parse_line: pieces::parse_lines(counter)?,
         line_to_block: pieces::lines_to_blocks(counter, &PROFILE, ring, queue)?,
         block_full_look_ahead: pieces::moves_to_blocks(counter, &PROFILE, ring, queue)?,

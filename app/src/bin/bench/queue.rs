@@ -1,7 +1,8 @@
 //! The step queue and its far end, the interrupt: all that the bench knows of either.
 
+use cortex_m::peripheral::NVIC;
 use ferrostep_hal_shim::StepOutput;
-use ferrostep_hal_shim::stepping::{BothEdges, MotorPins, Pin, PinMap, Signals, SlotSteps, StepFeeder, StepPlayer};
+use ferrostep_hal_shim::stepping::{MotorPins, Pin, PinMap, Signals, SlotSteps, StepFeeder, StepPlayer, Stepping};
 use ferrostep_planner::interpolator::MAX_ENTRIES;
 use ferrostep_planner::{Notice, StepEntry, StepKind, StepSink};
 use ferrostep_stm32f4::bench::BenchPins;
@@ -9,15 +10,13 @@ use ferrostep_stm32f4::pac::{Interrupt, Peripherals, RCC, TIM2};
 use ferrostep_stm32f4::step_timer::{MotorPort, Motors, StepQueue, StepTimer};
 
 use crate::counter::Counter;
+use crate::profile::StepSignals;
 
 /// Slots of the queue that prints, as in the firmware.
 pub const STEP_QUEUE_SLOTS: usize = 2048;
 
-/// Slots of the queues of more ports.
+/// Slots of the queues that do not print.
 pub const SHORT_QUEUE_SLOTS: usize = 64;
-
-/// What the interrupt of a machine with `PORTS` ports owns.
-pub type BenchTimer<const PORTS: usize, const N: usize> = StepTimer<BothEdges, PORTS, N>;
 
 /// The signals may change as soon as the timer can tell.
 const SIGNALS: Signals = Signals { pulse_ticks: 2, direction_setup_ticks: 2 };
@@ -54,14 +53,14 @@ fn pin_map<const PORTS: usize>() -> Option<PinMap<PORTS>> {
 /// The one sink of the bench, as the firmware has one: a second type would change what the compiler inlines into the
 /// planner. So there are two builds of this program. With the feature `tally` entries are counted instead of queued,
 /// so that counting has no part in what queuing costs.
-pub struct BenchQueue<const PORTS: usize, const N: usize> {
-    queue: StepQueue<Ports, BothEdges, PORTS, N>,
+pub struct BenchQueue<M: 'static, const PORTS: usize, const N: usize> {
+    queue: StepQueue<Ports, M, PORTS, N>,
     interrupt: Interrupt,
     tally: Tally,
 }
 
-/// The queue that prints: one port.
-pub type PrintQueue = BenchQueue<1, STEP_QUEUE_SLOTS>;
+/// The queue that prints: the firmware's.
+pub type PrintQueue = BenchQueue<StepSignals, 1, STEP_QUEUE_SLOTS>;
 
 /// How much there is to queue.
 #[derive(Clone, Copy, Debug, Default)]
@@ -74,13 +73,13 @@ pub struct Tally {
 
 /// Starts the timer as the firmware does, then forbids it to interrupt: events come when they are counted. The timer may
 /// be started for several handlers, of which the one at `interrupt` gets this one.
-pub fn start<const PORTS: usize, const N: usize>(
+pub fn start<M: Stepping, const PORTS: usize, const N: usize>(
     rcc: &RCC,
     ports: &'static Ports,
-    player: &'static StepPlayer<BothEdges, PORTS, N>,
+    player: &'static StepPlayer<M, PORTS, N>,
     steps: &'static mut [SlotSteps; N],
     interrupt: Interrupt,
-) -> Option<(BenchTimer<PORTS, N>, BenchQueue<PORTS, N>)> {
+) -> Option<(StepTimer<M, PORTS, N>, BenchQueue<M, PORTS, N>)> {
     // SAFETY: only one of the handlers runs at a time, and all of them use the timer alike.
     let Peripherals { TIM2: timer, TIM9: counter, .. } = unsafe { Peripherals::steal() };
     let timer = StepTimer::start(timer, counter, rcc, ports, player);
@@ -103,7 +102,7 @@ pub struct Event {
     pub is_new: bool,
 }
 
-impl<const PORTS: usize, const N: usize> BenchQueue<PORTS, N> {
+impl<M: Stepping, const PORTS: usize, const N: usize> BenchQueue<M, PORTS, N> {
     /// What has been counted since the last call.
     pub fn take_tally(&mut self) -> Tally {
         core::mem::take(&mut self.tally)
@@ -137,12 +136,17 @@ impl<const PORTS: usize, const N: usize> BenchQueue<PORTS, N> {
         Event { instructions, is_new: self.queue.played() != before }
     }
 
-    /// The same, while the timer interrupts by itself too: for events that follow at once.
-    pub fn play_with_timer(&self, counter: &Counter) -> Event {
+    /// Lets a piece of work play events that follow at once: the handler sees updates of the timer. The interrupt of
+    /// the timer itself is masked meanwhile, as its handler is another than this queue's.
+    pub fn with_updates<T>(&mut self, work: impl FnOnce(&mut Self) -> T) -> T {
+        NVIC::mask(Interrupt::TIM2);
         set_armed(true);
-        let event = self.play(counter);
+        let result = work(self);
         set_armed(false);
-        event
+        NVIC::unpend(Interrupt::TIM2);
+        // SAFETY: no critical section relies on the mask.
+        unsafe { NVIC::unmask(Interrupt::TIM2) };
+        result
     }
 
     /// Empties the queue without the interrupt.
@@ -154,7 +158,7 @@ impl<const PORTS: usize, const N: usize> BenchQueue<PORTS, N> {
     }
 }
 
-impl<const PORTS: usize, const N: usize> StepSink for BenchQueue<PORTS, N> {
+impl<M: Stepping, const PORTS: usize, const N: usize> StepSink for BenchQueue<M, PORTS, N> {
     #[inline]
     fn entry(&mut self, entry: StepEntry) {
         if cfg!(feature = "tally") {

@@ -74,6 +74,8 @@ pub struct StepEvents {
     pub four_axes: Events,
     /// An event that follows so soon that the handler stays for it.
     pub staying: Events,
+    /// Step signals as the profile's drivers want them: with pulses a step is two events.
+    pub profile: Events,
     /// Motors on two ports.
     pub two_ports: Events,
     /// Motors on three ports.
@@ -99,7 +101,9 @@ impl fmt::Display for StepEvents {
         }
         let Events { within, new, .. } = self.staying;
         write!(out, "\"staying_within_stair\": {}, \"staying_new_stair\": {}, ", OrNull(within), OrNull(new))?;
-        for (name, Events { within, new, .. }) in [("two_ports", self.two_ports), ("three_ports", self.three_ports)] {
+        for (name, Events { within, new, .. }) in
+            [("profile", self.profile), ("two_ports", self.two_ports), ("three_ports", self.three_ports)]
+        {
             let (within, new) = (OrNull(within), OrNull(new));
             write!(out, "\"{name}\": {{\"within_stair\": {within}, \"new_stair\": {new}}}, ")?;
         }

@@ -1,5 +1,6 @@
 //! The step interrupt, event by event.
 
+use ferrostep_hal_shim::stepping::Stepping;
 use ferrostep_planner::{StepEntry, StepSink};
 
 use crate::counter::Counter;
@@ -7,14 +8,16 @@ use crate::queue::BenchQueue;
 use crate::report::{Events, StepEvents};
 
 /// Events of a stair.
-const STAIR_EVENTS: u16 = 5;
+pub const STAIR_EVENTS: u16 = 5;
 
 /// Stairs of a run.
 const STAIRS: usize = 16;
 
-/// One motor, and all four.
+/// One motor.
 const ONE_AXIS: u8 = 0b0001;
-const FOUR_AXES: u8 = 0b1111;
+
+/// All motors.
+pub const FOUR_AXES: u8 = 0b1111;
 
 /// Fetches until the run is counted.
 const WARM_UP_FETCHES: usize = 4;
@@ -26,15 +29,15 @@ const LEFT_SLOTS: usize = 2;
 const FAR_TICKS: u32 = 84_000;
 
 /// Ticks between events that are due again before the handler is done with one.
-const NEAR_TICKS: u32 = 2;
+const NEAR_TICKS: u32 = 4;
 
 /// Events of stairs for which the handler stays, two such stairs being less than it stays for at once.
 const NEAR_EVENTS: u16 = 8;
 
 /// Events of made-up stairs, and a look at the empty queue.
-pub fn synthetic<const PORTS: usize, const N: usize>(
+pub fn synthetic<M: Stepping, const PORTS: usize, const N: usize>(
     counter: &Counter,
-    queue: &mut BenchQueue<PORTS, N>,
+    queue: &mut BenchQueue<M, PORTS, N>,
 ) -> Result<StepEvents, &'static str> {
     let one_axis = stairs(counter, queue, ONE_AXIS, STAIR_EVENTS)?;
     let four_axes = stairs(counter, queue, FOUR_AXES, STAIR_EVENTS)?;
@@ -46,9 +49,9 @@ pub fn synthetic<const PORTS: usize, const N: usize>(
 
 /// Stairs of one kind, once the run is under way. Inside a stair one event may have more to do, to prepare the next
 /// stair: the least of the others is that of most.
-pub fn stairs<const PORTS: usize, const N: usize>(
+pub fn stairs<M: Stepping, const PORTS: usize, const N: usize>(
     counter: &Counter,
-    queue: &mut BenchQueue<PORTS, N>,
+    queue: &mut BenchQueue<M, PORTS, N>,
     axes: u8,
     events: u16,
 ) -> Result<Events, &'static str> {
@@ -75,8 +78,8 @@ pub fn stairs<const PORTS: usize, const N: usize>(
     Ok(events)
 }
 
-fn push<const PORTS: usize, const N: usize>(
-    queue: &mut BenchQueue<PORTS, N>,
+fn push<M: Stepping, const PORTS: usize, const N: usize>(
+    queue: &mut BenchQueue<M, PORTS, N>,
     interval_ticks: u32,
     events: u16,
     axes: u8,
@@ -86,9 +89,9 @@ fn push<const PORTS: usize, const N: usize>(
 }
 
 /// Events that follow at once, by what more of them add to the interrupt that stays for them.
-fn staying<const PORTS: usize, const N: usize>(
+fn staying<M: Stepping, const PORTS: usize, const N: usize>(
     counter: &Counter,
-    queue: &mut BenchQueue<PORTS, N>,
+    queue: &mut BenchQueue<M, PORTS, N>,
 ) -> Result<Events, &'static str> {
     let short = burst(counter, queue, &[NEAR_EVENTS])?;
     let long = burst(counter, queue, &[2 * NEAR_EVENTS])?;
@@ -99,9 +102,9 @@ fn staying<const PORTS: usize, const N: usize>(
 }
 
 /// Stairs of so many near events among others: the longest interrupt, which is the one that stays for all of them.
-fn burst<const PORTS: usize, const N: usize>(
+fn burst<M: Stepping, const PORTS: usize, const N: usize>(
     counter: &Counter,
-    queue: &mut BenchQueue<PORTS, N>,
+    queue: &mut BenchQueue<M, PORTS, N>,
     stairs: &[u16],
 ) -> Result<u32, &'static str> {
     push(queue, FAR_TICKS, STAIR_EVENTS, ONE_AXIS)?;
@@ -111,18 +114,21 @@ fn burst<const PORTS: usize, const N: usize>(
     push(queue, FAR_TICKS, STAIR_EVENTS, ONE_AXIS)?;
     push(queue, FAR_TICKS, STAIR_EVENTS, ONE_AXIS)?;
     queue.start();
-    let mut longest = 0;
-    while queue.is_running() {
-        longest = longest.max(queue.play_with_timer(counter).instructions);
-    }
+    let longest = queue.with_updates(|queue| {
+        let mut longest = 0;
+        while queue.is_running() {
+            longest = longest.max(queue.play(counter).instructions);
+        }
+        longest
+    });
     queue.empty();
     Ok(longest)
 }
 
 /// Plays what waits in the queue but for the last slots.
-pub fn play_waiting<const PORTS: usize, const N: usize>(
+pub fn play_waiting<M: Stepping, const PORTS: usize, const N: usize>(
     counter: &Counter,
-    queue: &BenchQueue<PORTS, N>,
+    queue: &BenchQueue<M, PORTS, N>,
     report: &mut StepEvents,
 ) {
     queue.start();

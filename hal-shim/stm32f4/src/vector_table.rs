@@ -1,0 +1,88 @@
+//! Another handler for an interrupt while the program runs.
+//!
+//! The core finds its handlers in a table, by an address that it keeps in VTOR (PM0214, 4.4.4). The table of the image
+//! lies in flash. To replace a handler, a copy in RAM takes its place for as long; then the interrupt's own code needs
+//! no flag to look at, and costs what it did before when nothing is replaced.
+
+use core::sync::atomic::{AtomicU32, Ordering};
+
+use cortex_m::asm::{dsb, isb};
+use cortex_m::peripheral::SCB;
+
+use crate::pac::Interrupt;
+
+/// Entries before the first interrupt: the initial stack pointer and 15 exceptions.
+const EXCEPTIONS: usize = 16;
+
+/// All entries. The floating-point unit's interrupt is the last that this chip has (RM0090, table 61).
+const ENTRIES: usize = EXCEPTIONS + Interrupt::FPU as usize + 1;
+
+/// A handler, as the core calls it.
+pub type Handler = unsafe extern "C" fn();
+
+/// The copy. VTOR wants it aligned to its size, rounded up to a power of two.
+#[repr(C, align(512))]
+struct Table([AtomicU32; ENTRIES]);
+
+const _: () = assert!(size_of::<Table>() == 512, "the alignment is less than the table");
+
+static COPY: Table = Table([const { AtomicU32::new(0) }; ENTRIES]);
+
+unsafe extern "C" {
+    /// The image's table, where the linker script of cortex-m-rt has put it. An entry that the chip does not have is 0;
+    /// the first is the stack pointer, which only the core makes use of.
+    static __vector_table: [Option<Handler>; ENTRIES];
+}
+
+/// The handler that the image has for an interrupt.
+#[inline(always)]
+pub fn original(interrupt: Interrupt) -> Option<Handler> {
+    // SAFETY: the table is in flash, as long as said, and never written; `None` is what a word of 0 means for such a
+    // type, and any other word is a handler (or the stack pointer, which no interrupt's number leads to).
+    unsafe { __vector_table.get(EXCEPTIONS.wrapping_add(interrupt as usize)).copied().flatten() }
+}
+
+/// The core's vector table register.
+pub struct VectorTable {
+    scb: SCB,
+    /// Where the image's table is, as the core knew it: cortex-m-rt leaves it at 0, where flash shows as well.
+    of_image: u32,
+}
+
+impl VectorTable {
+    /// Takes charge of VTOR.
+    pub fn new(scb: SCB) -> Self {
+        let of_image = scb.vtor.read();
+        Self { scb, of_image }
+    }
+
+    /// From now on `handler` is called at an interrupt. Replaces at most one; the last one counts.
+    ///
+    /// # Safety
+    /// `handler` must be sound to run at any moment at which the interrupt may come, at its priority, and do all that
+    /// the handler it replaces is relied on for.
+    pub unsafe fn replace(&mut self, interrupt: Interrupt, handler: Handler) {
+        // SAFETY: as in `original`; read as words, of which each is valid.
+        let image = unsafe { &*(&raw const __vector_table).cast::<[u32; ENTRIES]>() };
+        for (entry, (copy, &word)) in COPY.0.iter().zip(image).enumerate() {
+            let is_replaced = entry == EXCEPTIONS.wrapping_add(interrupt as usize);
+            // On this target an address has 32 bits; bit 0 says Thumb and is set in every function's.
+            copy.store(if is_replaced { handler as usize as u32 } else { word }, Ordering::Relaxed);
+        }
+        self.point_to((&raw const COPY) as usize as u32);
+    }
+
+    /// The image's own handlers again.
+    pub fn restore(&mut self) {
+        self.point_to(self.of_image);
+    }
+
+    fn point_to(&mut self, table: u32) {
+        // The copy is complete before the core may read it, and the next interrupt is taken by the new table.
+        dsb();
+        // SAFETY: a table of handlers, aligned as it has to be: either the image's or the copy, complete by now.
+        unsafe { self.scb.vtor.write(table) };
+        dsb();
+        isb();
+    }
+}

@@ -1,0 +1,86 @@
+//! Nothing in the image masks the step interrupt but its start and its end.
+//!
+//! BASEPRI cannot mask the step task's priority; PRIMASK and FAULTMASK can. Whoever sets one of these is in the list.
+
+use std::collections::BTreeMap;
+
+use crate::code::{Code, Instruction};
+use crate::image::image;
+
+/// The functions that may set PRIMASK, and why. `main` and the handlers' names are fixed by cortex-m-rt and the compiler.
+const MAY_SET_PRIMASK: [(&str, &str); 4] = [
+    ("main", "RTIC's start: from reset to the end of `init`, when no task runs yet"),
+    ("__rustc::rust_begin_unwind", "the panic handler: heaters and motors off, for good"),
+    ("ferrostep_stm32f4::fault::handle", "the hard fault: the same"),
+    ("DefaultHandler", "an interrupt that nobody has asked for: the same"),
+];
+
+/// Every instruction of the image.
+fn instructions(code: &Code) -> Vec<Instruction> {
+    let all = code.instructions().unwrap();
+    assert!(all.len() > 10_000, "only {} instructions were found", all.len());
+    all
+}
+
+#[test]
+fn only_the_start_and_the_end_mask_the_step_interrupt() {
+    let code = Code::of(image());
+    let mut masking = instructions(&code);
+    masking.retain(|instruction| matches!(instruction.written_register(), Some("primask" | "faultmask")));
+    let forbidden: Vec<String> = masking
+        .iter()
+        .filter(|instruction| {
+            let names = code.names(instruction.address);
+            let may = MAY_SET_PRIMASK.iter().any(|(name, _)| names.iter().any(|one| one == name));
+            instruction.written_register() != Some("primask") || !may
+        })
+        .map(|instruction| format!("{instruction}   in {}", code.function(instruction.address)))
+        .collect();
+    assert!(forbidden.is_empty(), "the step interrupt is masked by\n  {}", forbidden.join("\n  "));
+    for (name, why) in MAY_SET_PRIMASK {
+        let is_used = masking.iter().any(|instruction| code.names(instruction.address).iter().any(|one| one == name));
+        assert!(is_used, "{name} ({why}) does not mask any longer: take it off the list");
+    }
+}
+
+/// The constant that a register was last set to, by the instructions of a function as they stand one after the other.
+fn constant(function: &[Instruction], register: &str) -> Option<u32> {
+    let is_set = |instruction: &Instruction| {
+        instruction.name.starts_with("mov") && instruction.operands.split(',').next() == Some(register)
+    };
+    let place = function.iter().rposition(is_set)?;
+    function[place].target().or_else(|| {
+        let source = function[place].operands.rsplit(' ').next()?;
+        constant(&function[..place], source)
+    })
+}
+
+/// Lists where the image raises its priority, and to which of RTIC's: 15 in critical sections, which delay all but
+/// steps, and in locks the ceiling of the resource.
+#[test]
+fn a_raised_priority_masks_something() {
+    let code = Code::of(image());
+    let all = instructions(&code);
+    let mut sites = BTreeMap::<(Option<u32>, String), usize>::new();
+    for (place, raised) in all.iter().enumerate() {
+        if raised.written_register() != Some("basepri_max") {
+            continue;
+        }
+        let start = code.function_start(raised.address).unwrap();
+        let first = all.partition_point(|instruction| instruction.address < start);
+        let register = raised.operands.rsplit(' ').next().unwrap();
+        let site = format!("{raised}   in {}", code.function(raised.address));
+        let mask = constant(&all[first..place], register);
+        // The upper four bits of a byte, 0 being the highest priority, but as a mask no mask at all.
+        assert!(mask.is_none_or(|mask| (0x10..=0xf0).contains(&mask) && mask & 0xf == 0), "{mask:x?}: {site}");
+        *sites.entry((mask.map(|mask| 16 - mask / 16), code.function(raised.address))).or_default() += 1;
+    }
+    for ((priority, function), count) in sites.iter().rev() {
+        // A constant that travels through a branch is not followed.
+        let priority = priority.map_or("?".to_owned(), |priority| priority.to_string());
+        eprintln!("to {priority:>2}, {count:3} times in {function}");
+    }
+    let places = |wanted| sites.iter().filter(|((priority, _), _)| *priority == wanted).map(|(_, count)| count).sum();
+    let (sections, unknown): (usize, usize) = (places(Some(15)), places(None));
+    assert!(sections > unknown, "{sections} critical sections, {unknown} places whose mask could not be read");
+}
