@@ -1,120 +1,99 @@
-//! Counts the target's instructions for the parts of a print.
-//!
-//! The emulator's clock runs one nanosecond an instruction and its timer at 1 GHz, so the timer that the bench image
-//! reads counts instructions: the same on every run and on every machine.
+//! Counts: the target's instructions for the parts of a print, the image's bytes, and how fast the desk is.
 
-use std::io::Read;
+mod baseline;
+mod chart;
+mod cycle_model;
+mod emulation;
+mod host;
+mod page;
+mod per_event;
+
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
-use std::time::{Duration, Instant};
 
+use serde_json::{Value, json};
+
+use crate::core_library;
 use crate::emulator;
 use crate::firmware::{self, Program};
 use crate::steps::{Failure, Run};
 
-/// The bench takes about a second; an image that never ends is not waited for.
-const LONGEST: Duration = Duration::from_secs(120);
+/// What to do with the counts.
+#[derive(Clone, Copy, Debug, clap::Args)]
+pub struct Options {
+    /// Prints one JSON object and nothing else on standard output
+    #[arg(long)]
+    json: bool,
+    /// Fails when a count of the target or the image's size is more than 3 % above the committed baseline
+    #[arg(long)]
+    check: bool,
+    /// Makes these counts the baseline and writes the book's page of benchmarks
+    #[arg(long, conflicts_with = "check")]
+    save_baseline: bool,
+}
 
-/// Builds the bench, runs it and prints what it counted.
-pub fn run(run: &mut Run, json: bool) -> Result<(), Failure> {
+/// Builds both images, counts, and does what was asked for. The desk is measured for a reader only.
+pub fn run(run: &mut Run, options: Options) -> Result<(), Failure> {
     run.step("emulator", emulator::find)?;
-    let image = firmware::build(run, Program::Bench)?;
-    let report = run.step("bench", || output_of(&mut emulator_command(&image), LONGEST))?;
-    let counts = counts(&report)?;
-    if json {
-        println!("{}", report.trim());
-        return Ok(());
+    let image = firmware::build(run, Program::Firmware)?;
+    let mut figures = count(run, &image)?;
+    if options.json || !(options.check || options.save_baseline) {
+        let host = run.step("the desk", host::measure)?;
+        insert(&mut figures, "host", host);
     }
-    println!("{:<44} {:>12}", "instructions", "each");
-    for (name, count) in counts {
-        println!("{name:<44} {count:>12.1}");
+    if options.json {
+        println!("{figures:#}");
+    } else {
+        print_table(&figures);
+    }
+    if options.save_baseline {
+        run.step("baseline and page", || baseline::write(&figures).and_then(|()| page::write(&figures)))?;
+    }
+    if options.check {
+        compare(run, &figures)?;
     }
     Ok(())
 }
 
-fn emulator_command(image: &Path) -> Command {
-    let mut command = Command::new(emulator::PROGRAM);
-    command.args(["-machine", "netduinoplus2", "-icount", "shift=0", "-display", "none", "-monitor", "none"]);
-    command.args(["-serial", "none", "-semihosting-config", "enable=on,target=native", "-kernel"]);
-    command.arg(image);
-    command
+/// Counts and compares, the firmware's image being there.
+pub fn check(run: &mut Run, firmware: &Path) -> Result<(), Failure> {
+    let figures = count(run, firmware)?;
+    compare(run, &figures)
 }
 
-/// Standard output of a command that must end by itself within a time, and in success.
-fn output_of(command: &mut Command, longest: Duration) -> Result<String, Failure> {
-    let mut child = command
-        .stdin(Stdio::null())
-        .stdout(Stdio::piped())
-        .spawn()
-        .map_err(|error| format!("cannot run {:?}: {error}", command.get_program()))?;
-    let reader = child.stdout.take().map(|mut output| {
-        std::thread::spawn(move || {
-            let mut text = String::new();
-            output.read_to_string(&mut text).map(|_| text)
-        })
-    });
-    let ended = wait(&mut child, longest);
-    if ended.is_err() {
-        // It may have ended just now; either way it is gone afterwards.
-        let _ = child.kill();
-        let _ = child.wait();
-    }
-    let text = match reader.map(std::thread::JoinHandle::join) {
-        Some(Ok(Ok(text))) => text,
-        _ => return Err("the output of the bench cannot be read".to_owned()),
-    };
-    ended.map(|()| text.clone()).map_err(|reason| format!("the bench {reason}; its output was: {text}"))
+fn compare(run: &mut Run, figures: &Value) -> Result<(), Failure> {
+    run.step("counts against the baseline", || baseline::check(&baseline::read()?, figures))
 }
 
-fn wait(child: &mut Child, longest: Duration) -> Result<(), Failure> {
-    let start = Instant::now();
-    loop {
-        match child.try_wait() {
-            Ok(Some(status)) if status.success() => return Ok(()),
-            Ok(Some(status)) => return Err(format!("failed: {status}")),
-            Ok(None) if start.elapsed() < longest => std::thread::sleep(Duration::from_millis(10)),
-            Ok(None) => return Err(format!("did not end within {} s", longest.as_secs())),
-            Err(error) => return Err(error.to_string()),
-        }
+/// What is the same on every run and every machine.
+fn count(run: &mut Run, firmware: &Path) -> Result<Value, Failure> {
+    let tally = firmware::build(run, Program::Tally)?;
+    let workload = run.step("events to make", || emulation::count(&tally))?;
+    let bench = firmware::build(run, Program::Bench)?;
+    let counts = run.step("instructions", || emulation::count(&bench))?;
+    let sizes = firmware::sizes(firmware)?;
+    Ok(json!({
+        "target": per_event::target(&counts, &workload)?,
+        "workload": per_event::workload(&counts, workload)?,
+        "image": {"text": sizes.text, "data": sizes.data, "bss": sizes.bss},
+        "compiler": core_library::find()?.compiler_version()?,
+    }))
+}
+
+fn insert(figures: &mut Value, key: &str, value: Value) {
+    if let Some(object) = figures.as_object_mut() {
+        object.insert(key.to_owned(), value);
     }
 }
 
-/// Names and numbers of a flat JSON object, by name.
-fn counts(report: &str) -> Result<Vec<(String, f64)>, Failure> {
-    let object: serde_json::Map<String, serde_json::Value> =
-        serde_json::from_str(report).map_err(|error| format!("the bench printed no JSON object: {error}: {report}"))?;
-    if object.is_empty() {
-        return Err("the bench counted nothing".to_owned());
-    }
-    object
-        .into_iter()
-        .map(|(name, value)| match value.as_f64() {
-            Some(count) => Ok((name, count)),
-            None => Err(format!("the bench printed {name}: {value}, expected a number")),
-        })
-        .collect()
-}
-
-#[cfg(test)]
-#[allow(clippy::unwrap_used)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_report_is_numbers_by_name() {
-        let report = "{\"target.parse_line\": 812, \"target.step_event\": 40.5}\n";
-        let expected = [("target.parse_line".to_owned(), 812.0), ("target.step_event".to_owned(), 40.5)];
-        assert_eq!(counts(report).unwrap(), expected);
-        for broken in ["", "{}", "[1]", "{\"a\": \"b\"}", "panicked"] {
-            assert!(counts(broken).is_err(), "{broken:?}");
-        }
-    }
-
-    #[test]
-    fn a_bench_must_end_by_itself_and_in_success() {
-        assert_eq!(output_of(Command::new("echo").arg("{}"), LONGEST).unwrap(), "{}\n");
-        assert!(output_of(&mut Command::new("false"), LONGEST).unwrap_err().contains("failed"));
-        let error = output_of(Command::new("sleep").arg("60"), Duration::from_millis(50)).unwrap_err();
-        assert!(error.contains("did not end"), "{error}");
+/// Each figure, and what it was in the baseline where it is not that any more.
+fn print_table(figures: &Value) {
+    let baseline = baseline::read().unwrap_or_default();
+    let changes = baseline::changes(&baseline, figures);
+    println!("{:<58} {:>14}", "instructions, bytes, numbers", "");
+    for (key, number) in baseline::numbers(figures) {
+        let change = changes.iter().find(|change| change.key == key);
+        let percent = change.and_then(baseline::Change::percent);
+        let note = percent.map(|percent| format!("  {percent:+.1} %")).unwrap_or_default();
+        println!("{key:<58} {number:>14}{note}");
     }
 }

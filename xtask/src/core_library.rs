@@ -84,6 +84,16 @@ impl CoreLibrary {
         }
     }
 
+    /// Name and version of the compiler that builds with this library.
+    pub fn compiler_version(&self) -> Result<String, Failure> {
+        let mut rustc = match self {
+            CoreLibrary::Installed => Command::new("rustc"),
+            CoreLibrary::FromSource { rustc } => Command::new(rustc),
+        };
+        rustc.arg("--version").current_dir(system::root());
+        system::output(&mut rustc).ok_or_else(|| "`rustc --version` fails".to_owned())
+    }
+
     /// Makes a cargo command that [`CoreLibrary::apply`] has prepared also link.
     ///
     /// # Errors

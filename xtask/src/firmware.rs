@@ -8,13 +8,15 @@ use crate::size::Sizes;
 use crate::steps::{Failure, Run};
 use crate::system::{self, cargo};
 
-/// The two programs that the firmware's folder holds.
+/// The programs that the firmware's folder holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Program {
     /// What prints.
     Firmware,
     /// What counts the instructions of its parts.
     Bench,
+    /// The same built to count the step events that those instructions make. It takes the place of the other's image.
+    Tally,
 }
 
 impl Program {
@@ -22,7 +24,7 @@ impl Program {
     fn source(self) -> &'static str {
         match self {
             Self::Firmware => "app/src/main.rs",
-            Self::Bench => "app/src/bin/bench/main.rs",
+            Self::Bench | Self::Tally => "app/src/bin/bench/main.rs",
         }
     }
 }
@@ -33,6 +35,7 @@ pub fn build(run: &mut Run, program: Program) -> Result<PathBuf, Failure> {
     let name = match program {
         Program::Firmware => "firmware image",
         Program::Bench => "bench image",
+        Program::Tally => "tally image",
     };
     run.step(name, || {
         let messages = system::run_for_output(&mut build_command(&core_library, program)?)?;
@@ -66,10 +69,14 @@ pub fn check(run: &mut Run) -> Result<(), Failure> {
 
 /// Prints how much of the board's memory an image takes.
 pub fn print_sizes(image: &Path) -> Result<(), Failure> {
-    let bytes = std::fs::read(image).map_err(|error| format!("{}: {error}", image.display()))?;
-    let sizes = Sizes::of_elf(&bytes).map_err(|error| format!("{}: {error}", image.display()))?;
-    println!("{}\n{sizes}", image.display());
+    println!("{}\n{}", image.display(), sizes(image)?);
     Ok(())
+}
+
+/// How much of the board's memory an image takes.
+pub fn sizes(image: &Path) -> Result<Sizes, Failure> {
+    let bytes = std::fs::read(image).map_err(|error| format!("{}: {error}", image.display()))?;
+    Sizes::of_elf(&bytes).map_err(|error| format!("{}: {error}", image.display()))
 }
 
 /// Cargo in the firmware's folder, which is a workspace of its own with settings of its own for the linker.
@@ -97,6 +104,7 @@ fn build_command(core_library: &CoreLibrary, program: Program) -> Result<Command
         // By its package's name, which the package alone decides.
         Program::Firmware => command.args(["--bin", &package_name()?]),
         Program::Bench => command.args(["--bin", "bench", "--features", "bench"]),
+        Program::Tally => command.args(["--bin", "bench", "--features", "tally"]),
     };
     core_library.apply(&mut command);
     core_library.apply_linker(&mut command)?;

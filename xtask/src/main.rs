@@ -45,11 +45,7 @@ enum Task {
     /// Build the firmware image and print its size table; the image's path is the first line of the output
     Firmware,
     /// Count the target's instructions for the parts of a print, in an emulator: the same on every machine
-    Bench {
-        /// Prints one JSON object and nothing else on standard output
-        #[arg(long)]
-        json: bool,
-    },
+    Bench(bench::Options),
     /// Check that the firmware's crates build for thumbv7em-none-eabihf, without std
     NoStd,
 }
@@ -60,7 +56,7 @@ fn main() -> ExitCode {
         Task::Test => "test",
         Task::Ci => "ci",
         Task::Firmware => "firmware",
-        Task::Bench { .. } => "bench",
+        Task::Bench(_) => "bench",
         Task::NoStd => "no-std",
     };
     let mut run = Run::new(name);
@@ -68,7 +64,7 @@ fn main() -> ExitCode {
         Task::Test => test(&mut run).map(|_| ()),
         Task::Ci => test(&mut run).and_then(|image| slow_tests(&mut run, &image)),
         Task::Firmware => build_firmware(&mut run).map(|_| ()),
-        Task::Bench { json } => bench::run(&mut run, json),
+        Task::Bench(options) => bench::run(&mut run, options),
         Task::NoStd => no_std::check(&mut run),
     };
     run.finish(result)
@@ -94,6 +90,7 @@ fn test(run: &mut Run) -> Result<PathBuf, Failure> {
     firmware::check(run)?;
     run.step("emulator", emulator::find)?;
     let image = build_firmware(run)?;
+    bench::check(run, &image)?;
     // The test profile and not release: it is optimised but checks overflows and debug assertions, and does not spend
     // minutes on link-time optimisation of every test program.
     run.step("tests", || system::run(cargo().args(["test", "--workspace"]).env(FIRMWARE_VARIABLE, &image)))?;

@@ -1,31 +1,32 @@
 //! The least of a machine: it takes moves and is warm; nothing waits, nothing is said.
 
 use core::cell::RefCell;
+use core::future::Future;
+use core::pin::pin;
+use core::sync::atomic::{AtomicU32, Ordering};
+use core::task::{Context, Poll, Waker};
 
 use embedded_hal_async::delay::DelayNs;
 use ferrostep_gcode::{MotionFigures, Reply};
 use ferrostep_hal_shim::{Clock, Heater};
 use ferrostep_planner::look_ahead::Slot;
-use ferrostep_planner::{Limits, Move, Moved, Notice, Planner, StepEntry, StepKind, StepSink};
-use ferrostep_printer::{HeaterStatus, Heating, Motion, MotionError, Replies, Seek};
+use ferrostep_planner::{Limits, Move, Moved, Planner};
+use ferrostep_printer::{HeaterStatus, Heating, Motion, MotionError, Printer, Replies, Seek};
 
-/// Blocks in the look-ahead ring, as in the firmware.
-pub const LOOK_AHEAD_BLOCKS: usize = 128;
-
-/// The planner with the firmware's look-ahead ring.
-pub type BenchPlanner = Planner<&'static mut [Slot]>;
+/// The planner with its look-ahead ring in memory of somebody else's.
+pub type BenchPlanner<'a> = Planner<&'a mut [Slot]>;
 
 /// Warm enough to extrude.
 const CELSIUS: f32 = 210.0;
 
 /// Takes the printer's moves straight into the planner.
 #[derive(Clone, Copy)]
-pub struct Machine<'a> {
+pub struct Machine<'a, 's> {
     /// The planner.
-    pub planner: &'a RefCell<BenchPlanner>,
+    pub planner: &'a RefCell<BenchPlanner<'s>>,
 }
 
-impl Motion for Machine<'_> {
+impl Motion for Machine<'_, '_> {
     async fn add(&mut self, request: Move) -> Result<Moved, MotionError> {
         self.planner.borrow_mut().add(&request).map_err(MotionError::Move)
     }
@@ -78,7 +79,7 @@ impl Motion for Machine<'_> {
     }
 }
 
-impl Heating for Machine<'_> {
+impl Heating for Machine<'_, '_> {
     fn set_target(&mut self, _heater: Heater, _celsius: f32) {}
 
     fn status(&self, _heater: Heater) -> HeaterStatus {
@@ -88,17 +89,20 @@ impl Heating for Machine<'_> {
     fn all_off(&mut self) {}
 }
 
-/// Time stands still.
+/// Time that passes when it is asked for, so that every wait ends.
 #[derive(Clone, Copy)]
-pub struct NoTime;
+pub struct QuickTime;
 
-impl Clock for NoTime {
+/// Seconds so far.
+static NOW_S: AtomicU32 = AtomicU32::new(0);
+
+impl Clock for QuickTime {
     fn now_ms(&self) -> u64 {
-        0
+        u64::from(NOW_S.fetch_add(1, Ordering::Relaxed)) * 1000
     }
 }
 
-impl DelayNs for NoTime {
+impl DelayNs for QuickTime {
     async fn delay_ns(&mut self, _ns: u32) {}
 }
 
@@ -109,35 +113,17 @@ impl Replies for NoReplies {
     fn send(&self, _reply: Reply<'_>) {}
 }
 
-/// Step entries that are kept for the step handler.
-pub const KEPT_ENTRIES: usize = 512;
+/// A printer on such a machine.
+pub type BenchPrinter<'a, 's> = Printer<'a, Machine<'a, 's>, Machine<'a, 's>, QuickTime, NoReplies>;
 
-/// Counts what the planner makes, and keeps the last of it.
-pub struct Entries {
-    /// All entries.
-    pub entries: u32,
-    /// Step events in them.
-    pub events: u32,
-    /// The last ones.
-    pub kept: heapless::HistoryBuf<StepEntry, KEPT_ENTRIES>,
-}
-
-impl Entries {
-    /// Nothing yet.
-    pub const fn new() -> Self {
-        Self { entries: 0, events: 0, kept: heapless::HistoryBuf::new() }
+/// Executes a line that has nothing to wait for.
+///
+/// # Errors
+/// The line was refused, or waits.
+pub fn execute(printer: &mut BenchPrinter<'_, '_>, text: &str) -> Result<(), &'static str> {
+    match pin!(printer.execute(0, text)).poll(&mut Context::from_waker(Waker::noop())) {
+        Poll::Ready(Ok(())) => Ok(()),
+        Poll::Ready(Err(_)) => Err("a line was refused"),
+        Poll::Pending => Err("a line waits, with nothing to wait for"),
     }
-}
-
-impl StepSink for Entries {
-    #[inline]
-    fn entry(&mut self, entry: StepEntry) {
-        self.entries += 1;
-        if let StepKind::Stair { count, .. } = entry.kind() {
-            self.events += u32::from(count);
-        }
-        self.kept.write(entry);
-    }
-
-    fn notice(&mut self, _notice: Notice) {}
 }

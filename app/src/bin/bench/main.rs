@@ -2,215 +2,190 @@
 //!
 //! In the emulator the timer that is read here advances once an instruction, so the numbers are exact: the same on
 //! every run and every machine. What an instruction costs on silicon (flash wait states, interrupt entry) is not in
-//! them. Each number is a mean over [`lines::LINES`].
+//! them. It is an RTIC application so that the step interrupt is the firmware's, dispatch included.
 #![no_std]
 #![no_main]
 
-mod lines;
+mod counter;
+mod cube_lines;
+mod host_file;
 mod machine;
+mod pieces;
 #[path = "../../profile.rs"]
 mod profile;
+mod queue;
 mod report;
+mod step_events;
+mod whole_print;
+mod wu_lines;
 
-use core::cell::RefCell;
-use core::future::Future;
-use core::hint::black_box;
 use core::panic::PanicInfo;
-use core::pin::pin;
-use core::sync::atomic::{Ordering, compiler_fence};
-use core::task::{Context, Poll, Waker};
 
-use cortex_m::singleton;
-use cortex_m_rt::entry;
 use cortex_m_semihosting::{debug, hprintln};
-use ferrostep_gcode::{LineReader, parse};
-use ferrostep_hal_shim::step_player::StepLink;
-use ferrostep_hal_shim::step_ring::StepRing;
+use ferrostep_hal_shim::stepping::BothEdges;
 use ferrostep_planner::look_ahead::Slot;
-use ferrostep_planner::{Progress, StepKind};
-use ferrostep_printer::{Printer, Signals};
-use ferrostep_stm32f4::bench::BenchPins;
 use ferrostep_stm32f4::motion_clock::MotionClock;
-use ferrostep_stm32f4::pac::{Peripherals, RCC, TIM2};
-use ferrostep_stm32f4::step_timer::StepTimer;
 
-use lines::LINES;
-use machine::{BenchPlanner, Entries, LOOK_AHEAD_BLOCKS, Machine, NoReplies, NoTime};
+use counter::Counter;
 use profile::PROFILE;
-use report::{Mean, Report};
+use queue::{BenchQueue, PrintQueue, SHORT_QUEUE_SLOTS};
+use report::{Report, StepEvents, Workload};
+use step_events::{FOUR_AXES, STAIR_EVENTS};
 
-/// Rounds over the lines before anything is counted: the look-ahead ring is then full, as in a long print.
-const WARM_UP_ROUNDS: usize = 3;
+/// Blocks in the look-ahead ring, as in the firmware.
+const LOOK_AHEAD_BLOCKS: usize = 128;
 
-/// Entries in the step ring of the step handler's bench.
-const STEP_RING_ENTRIES: usize = 2 * machine::KEPT_ENTRIES;
+/// X and Y of a trapezoid 30 mm long whose second motor steps with three of the first one's four steps.
+const TWO_AXES_MM: [i64; 2] = [24, 18];
 
-/// The ring that the step handler empties.
-static STEP_RING: StepRing<STEP_RING_ENTRIES> = StepRing::new();
+/// The same along X.
+const ONE_AXIS_MM: [i64; 2] = [30, 0];
 
-/// Its flags.
-static STEP_LINK: StepLink = StepLink::new();
+#[rtic::app(device = ferrostep_stm32f4::pac, peripherals = true)]
+mod app {
+    use ferrostep_hal_shim::stepping::{BothEdges, SlotSteps, StepPlayer};
+    use ferrostep_planner::look_ahead::Slot;
+    use ferrostep_stm32f4::bench::BenchPins;
+    use ferrostep_stm32f4::motion_clock::MotionClock;
+    use ferrostep_stm32f4::pac::Interrupt;
+    use ferrostep_stm32f4::step_timer::StepTimer;
 
-/// The board's parts that the bench takes.
-struct Parts {
-    counter: Counter,
-    step_timer: TIM2,
-    rcc: RCC,
-    pins: &'static BenchPins,
-}
+    use crate::profile::StepSignals;
+    use crate::queue::{self, Ports, SHORT_QUEUE_SLOTS, STEP_QUEUE_SLOTS};
+    use crate::{LOOK_AHEAD_BLOCKS, Queues};
 
-impl Parts {
-    fn take() -> Option<Self> {
-        let peripherals = Peripherals::take()?;
-        let rcc = peripherals.RCC;
-        let pins = singleton!(: BenchPins = BenchPins::new(peripherals.GPIOC, &peripherals.GPIOA, &rcc))?;
-        let counter = Counter::start(MotionClock::start(peripherals.TIM5, &rcc));
-        Some(Self { counter, step_timer: peripherals.TIM2, rcc, pins })
+    static STEPS: StepPlayer<StepSignals, 1, STEP_QUEUE_SLOTS> = StepPlayer::new();
+    static EDGES: StepPlayer<BothEdges, 1, SHORT_QUEUE_SLOTS> = StepPlayer::new();
+    static EDGES_ON_TWO_PORTS: StepPlayer<BothEdges, 2, SHORT_QUEUE_SLOTS> = StepPlayer::new();
+    static EDGES_ON_THREE_PORTS: StepPlayer<BothEdges, 3, SHORT_QUEUE_SLOTS> = StepPlayer::new();
+
+    #[shared]
+    struct Shared {}
+
+    #[local]
+    struct Local {
+        step_timer: StepTimer<StepSignals, 1, STEP_QUEUE_SLOTS>,
+        one_port: StepTimer<BothEdges, 1, SHORT_QUEUE_SLOTS>,
+        two_ports: StepTimer<BothEdges, 2, SHORT_QUEUE_SLOTS>,
+        three_ports: StepTimer<BothEdges, 3, SHORT_QUEUE_SLOTS>,
+        queues: Queues,
+        clock: MotionClock,
+        ring: &'static mut [Slot],
+    }
+
+    #[init(local = [
+        slots: [Slot; LOOK_AHEAD_BLOCKS] = [Slot::EMPTY; LOOK_AHEAD_BLOCKS],
+        ports: Option<Ports> = None,
+        steps: [SlotSteps; STEP_QUEUE_SLOTS] = [SlotSteps::NONE; STEP_QUEUE_SLOTS],
+        steps_of_one: [SlotSteps; SHORT_QUEUE_SLOTS] = [SlotSteps::NONE; SHORT_QUEUE_SLOTS],
+        steps_of_two: [SlotSteps; SHORT_QUEUE_SLOTS] = [SlotSteps::NONE; SHORT_QUEUE_SLOTS],
+        steps_of_three: [SlotSteps; SHORT_QUEUE_SLOTS] = [SlotSteps::NONE; SHORT_QUEUE_SLOTS],
+    ])]
+    fn init(cx: init::Context) -> (Shared, Local) {
+        let device = cx.device;
+        let pins = BenchPins::new(device.GPIOC, &device.GPIOA, &device.RCC);
+        let ports = &*cx.local.ports.insert(Ports::new(&pins));
+        let clock = MotionClock::start(device.TIM5, &device.RCC);
+        let (Some(print), Some(of_one), Some(of_two), Some(of_three)) = (
+            queue::start(&device.RCC, ports, &STEPS, cx.local.steps, Interrupt::TIM2),
+            queue::start(&device.RCC, ports, &EDGES, cx.local.steps_of_one, Interrupt::SPI2),
+            queue::start(&device.RCC, ports, &EDGES_ON_TWO_PORTS, cx.local.steps_of_two, Interrupt::TIM3),
+            queue::start(&device.RCC, ports, &EDGES_ON_THREE_PORTS, cx.local.steps_of_three, Interrupt::SPI1),
+        ) else {
+            panic!("a port has 16 pins")
+        };
+        let queues = Queues { print: print.1, of_one: of_one.1, of_two: of_two.1, of_three: of_three.1 };
+        let (step_timer, one_port, two_ports, three_ports) = (print.0, of_one.0, of_two.0, of_three.0);
+        (Shared {}, Local { step_timer, one_port, two_ports, three_ports, queues, clock, ring: cx.local.slots })
+    }
+
+    /// The firmware's step interrupt.
+    #[task(binds = TIM2, priority = 16, local = [step_timer])]
+    fn step_timer(cx: step_timer::Context) {
+        cx.local.step_timer.update();
+    }
+
+    /// The same for drivers that step at both edges.
+    #[task(binds = SPI2, priority = 16, local = [one_port])]
+    fn one_port(cx: one_port::Context) {
+        cx.local.one_port.update();
+    }
+
+    /// These with motors on two ports.
+    #[task(binds = TIM3, priority = 16, local = [two_ports])]
+    fn two_ports(cx: two_ports::Context) {
+        cx.local.two_ports.update();
+    }
+
+    /// With motors on three.
+    #[task(binds = SPI1, priority = 16, local = [three_ports])]
+    fn three_ports(cx: three_ports::Context) {
+        cx.local.three_ports.update();
+    }
+
+    #[idle(local = [queues, clock, ring])]
+    fn idle(cx: idle::Context) -> ! {
+        crate::run(*cx.local.clock, cx.local.queues, cx.local.ring)
     }
 }
 
-/// The clock that counts instructions.
-struct Counter {
-    clock: MotionClock,
-    /// What counting nothing counts.
-    overhead: u32,
+/// The firmware's queue, and those of drivers that step at both edges, with motors on one port, two, and three.
+pub struct Queues {
+    print: PrintQueue,
+    of_one: BenchQueue<BothEdges, 1, SHORT_QUEUE_SLOTS>,
+    of_two: BenchQueue<BothEdges, 2, SHORT_QUEUE_SLOTS>,
+    of_three: BenchQueue<BothEdges, 3, SHORT_QUEUE_SLOTS>,
 }
 
-impl Counter {
-    fn start(clock: MotionClock) -> Self {
-        let mut counter = Self { clock, overhead: 0 };
-        counter.overhead = counter.count(|| ()).0;
-        counter
-    }
-
-    fn now(&self) -> u32 {
-        // Nothing moves from one side of the reading to the other.
-        compiler_fence(Ordering::SeqCst);
-        let now = self.clock.now_ticks();
-        compiler_fence(Ordering::SeqCst);
-        now
-    }
-
-    /// Runs a piece; how many instructions it took, and its result.
-    fn count<T>(&self, piece: impl FnOnce() -> T) -> (u32, T) {
-        let start = self.now();
-        let result = black_box(piece());
-        let end = self.now();
-        (end.wrapping_sub(start).saturating_sub(self.overhead), result)
-    }
-}
-
-#[entry]
-fn main() -> ! {
-    let report = Parts::take().map(measure);
-    match report {
-        Some(Ok(report)) => {
-            hprintln!("{}", report);
-            debug::exit(debug::EXIT_SUCCESS);
+/// Measures, says what, and ends the emulator.
+fn run(clock: MotionClock, queues: &mut Queues, ring: &mut [Slot]) -> ! {
+    let outcome = Counter::start(clock).and_then(|counter| {
+        if cfg!(feature = "tally") {
+            tally(&counter, &mut queues.print, ring).map(|workload| hprintln!("{}", workload))
+        } else {
+            measure(&counter, queues, ring).map(|report| hprintln!("{}", report))
         }
-        Some(Err(reason)) => hprintln!("{}", reason),
-        None => hprintln!("the peripherals were taken before"),
+    });
+    match outcome {
+        Ok(()) => debug::exit(debug::EXIT_SUCCESS),
+        Err(reason) => hprintln!("{}", reason),
     }
     debug::exit(debug::EXIT_FAILURE);
     halt()
 }
 
-/// Every piece, in the order of a print.
-fn measure(parts: Parts) -> Result<Report, &'static str> {
-    let mut report = Report { parse_line: parse_lines(&parts.counter)?, ..Report::default() };
-    let entries = singleton!(: Entries = Entries::new()).ok_or("no memory for the step entries")?;
-    print_lines(&parts.counter, entries, &mut report)?;
-    report.step_event = step_events(parts, entries);
+/// Every piece, then all of them together.
+fn measure(counter: &Counter, queues: &mut Queues, ring: &mut [Slot]) -> Result<Report, &'static str> {
+    let Queues { print: queue, of_one, of_two, of_three } = queues;
+    let step_event = StepEvents {
+        profile: step_events::stairs(counter, queue, FOUR_AXES, STAIR_EVENTS)?,
+        two_ports: step_events::stairs(counter, of_two, FOUR_AXES, STAIR_EVENTS)?,
+        three_ports: step_events::stairs(counter, of_three, FOUR_AXES, STAIR_EVENTS)?,
+        ..step_events::synthetic(counter, of_one)?
+    };
+    let mut report = Report {
+        step_event,
+        parse_line: pieces::parse_lines(counter)?,
+        line_to_block: pieces::lines_to_blocks(counter, &PROFILE, ring, queue)?,
+        block_full_look_ahead: pieces::moves_to_blocks(counter, &PROFILE, ring, queue)?,
+        trapezoid: pieces::trapezoid(counter, &PROFILE, ring, queue, TWO_AXES_MM)?,
+        trapezoid_one_axis: pieces::trapezoid(counter, &PROFILE, ring, queue, ONE_AXIS_MM)?,
+        bresenham: wu_lines::measure(counter, queue)?,
+        ..Report::default()
+    };
+    report.print = whole_print::measure(counter, &PROFILE, ring, queue, &mut report.step_event)?;
     Ok(report)
 }
 
-/// Bytes to a command: line reader and parser.
-fn parse_lines(counter: &Counter) -> Result<Mean, &'static str> {
-    let mut reader = LineReader::new();
-    let mut mean = Mean::default();
-    for text in LINES {
-        let mut bytes = heapless::Vec::<u8, 64>::from_slice(text.as_bytes()).map_err(|_| "a line is too long")?;
-        bytes.push(b'\n').map_err(|_| "a line is too long")?;
-        let bytes = black_box(bytes.as_slice());
-        let (instructions, parsed) = counter.count(|| match reader.feed(bytes).1 {
-            Some(Ok(line)) => black_box(parse(line.text)).is_ok(),
-            _ => false,
-        });
-        if !parsed {
-            return Err("a line does not parse");
-        }
-        mean.add(instructions, 1);
-    }
-    Ok(mean)
-}
-
-/// Text to a block in the full look-ahead ring, and the blocks that leave it to step entries.
-fn print_lines(counter: &Counter, entries: &mut Entries, report: &mut Report) -> Result<(), &'static str> {
-    let profile = &PROFILE;
-    let ring: &'static mut [Slot] = singleton!(: [Slot; LOOK_AHEAD_BLOCKS] = [Slot::EMPTY; LOOK_AHEAD_BLOCKS])
-        .ok_or("no memory for the look-ahead ring")?;
-    let planner = RefCell::new(BenchPlanner::new(profile.geometry(), profile.limits, ring));
-    let machine = Machine { planner: &planner };
-    let signals = Signals::new();
-    let mut printer = Printer::new(profile, machine, machine, NoTime, &NoReplies, &signals);
-    let mut execute = |text: &str| match poll_once(printer.execute(0, black_box(text))) {
-        Some(Ok(())) => Ok(()),
-        Some(Err(_)) => Err("a line was refused"),
-        None => Err("a line waits, with nothing to wait for"),
-    };
-    execute("G1 F1200")?;
-    for round in 0..=WARM_UP_ROUNDS {
-        execute("G92 E0")?;
-        for text in LINES {
-            while !machine.planner.borrow().has_room() {
-                let (entries_before, events_before) = (entries.entries, entries.events);
-                let (instructions, progress) = counter.count(|| machine.planner.borrow_mut().advance(entries));
-                if progress == Progress::Waiting {
-                    return Err("no block leaves the full ring");
-                }
-                if round == WARM_UP_ROUNDS {
-                    report.block_to_queue_per_step.add(instructions, entries.events - events_before);
-                    report.block_to_queue_per_entry.add(instructions, entries.entries - entries_before);
-                }
-            }
-            let (instructions, outcome) = counter.count(|| execute(text));
-            outcome?;
-            if round == WARM_UP_ROUNDS {
-                report.line_to_block.add(instructions, 1);
-            }
-        }
-    }
-    Ok(())
-}
-
-/// The step interrupt's work for each event, without the processor's own entry and exit and without the time that it
-/// waits for a step signal to be long enough.
-fn step_events(parts: Parts, entries: &Entries) -> Mean {
-    let Parts { counter, step_timer, rcc, pins } = parts;
-    let mut events = 0;
-    for &entry in entries.kept.oldest_ordered() {
-        STEP_RING.push(entry);
-        if let StepKind::Stair { count, .. } = entry.kind() {
-            events += u32::from(count);
-        }
-    }
-    let mut handler = StepTimer::start(step_timer, &rcc, pins, &STEP_RING, &STEP_LINK, 0);
-    STEP_LINK.start();
-    let mut instructions = 0;
-    while STEP_LINK.is_busy() {
-        instructions += counter.count(|| handler.update()).0;
-    }
-    let mut mean = Mean::default();
-    mean.add(instructions, events);
-    mean
-}
-
-/// The result of a future that has nothing to wait for.
-fn poll_once<F: Future>(future: F) -> Option<F::Output> {
-    match pin!(future).poll(&mut Context::from_waker(Waker::noop())) {
-        Poll::Ready(output) => Some(output),
-        Poll::Pending => None,
-    }
+/// How much these are of.
+fn tally(counter: &Counter, queue: &mut PrintQueue, ring: &mut [Slot]) -> Result<Workload, &'static str> {
+    wu_lines::measure(counter, queue)?;
+    pieces::trapezoid(counter, &PROFILE, ring, queue, TWO_AXES_MM)?;
+    let trapezoid = queue.take_tally();
+    pieces::trapezoid(counter, &PROFILE, ring, queue, ONE_AXIS_MM)?;
+    let trapezoid_one_axis = queue.take_tally();
+    whole_print::measure(counter, &PROFILE, ring, queue, &mut StepEvents::default())?;
+    Ok(Workload { trapezoid, trapezoid_one_axis, print: queue.take_tally() })
 }
 
 fn halt() -> ! {

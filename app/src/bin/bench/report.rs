@@ -2,6 +2,8 @@
 
 use core::fmt;
 
+use crate::queue::Tally;
+
 /// A mean of instruction counts.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Mean {
@@ -15,6 +17,21 @@ impl Mean {
         self.instructions += u64::from(instructions);
         self.units += u64::from(units);
     }
+
+    /// The same for each of so many units.
+    pub fn each_of(self, units: u32) -> Self {
+        Self { units: u64::from(units), ..self }
+    }
+
+    /// All of it.
+    pub fn total(self) -> u64 {
+        self.instructions
+    }
+
+    /// Both, each once for the units of the first.
+    pub fn plus(self, other: Self) -> Self {
+        Self { instructions: self.instructions + other.instructions, ..self }
+    }
 }
 
 impl fmt::Display for Mean {
@@ -25,33 +42,168 @@ impl fmt::Display for Mean {
     }
 }
 
-/// Instructions for each piece.
+/// A number, or `null` for what there is none of.
+struct OrNull(Option<u32>);
+
+impl fmt::Display for OrNull {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.0 {
+            Some(number) => write!(out, "{number}"),
+            None => out.write_str("null"),
+        }
+    }
+}
+
+/// The step interrupt's events inside a stair, and the one that ends a stair and fetches the next.
 #[derive(Clone, Copy, Debug, Default)]
+pub struct Events {
+    /// Inside: most of them.
+    pub within: Option<u32>,
+    /// Inside: the one with most to do.
+    pub most_within: Option<u32>,
+    /// With the fetch.
+    pub new: Option<u32>,
+}
+
+/// The step interrupt, from vector to return.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct StepEvents {
+    /// One motor steps.
+    pub one_axis: Events,
+    /// Four motors step at once.
+    pub four_axes: Events,
+    /// An event that follows so soon that the handler stays for it.
+    pub staying: Events,
+    /// Step signals as the profile's drivers want them: with pulses a step is two events.
+    pub profile: Events,
+    /// Motors on two ports.
+    pub two_ports: Events,
+    /// Motors on three ports.
+    pub three_ports: Events,
+    /// Stairs of one event each, four motors: everything in every event.
+    pub single: Option<u32>,
+    /// A look at an empty queue.
+    pub idle: u32,
+    /// Of a real print.
+    pub mean: Mean,
+    /// The most of any event of a real print.
+    pub worst: u32,
+}
+
+impl fmt::Display for StepEvents {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let axes = [("1_axis", self.one_axis), ("4_axes", self.four_axes)];
+        out.write_str("{")?;
+        for (name, Events { within, most_within, new }) in axes {
+            let (within, most_within, new) = (OrNull(within), OrNull(most_within), OrNull(new));
+            write!(out, "\"within_stair_{name}\": {within}, \"most_within_stair_{name}\": {most_within}, ")?;
+            write!(out, "\"new_stair_{name}\": {new}, ")?;
+        }
+        let Events { within, new, .. } = self.staying;
+        write!(out, "\"staying_within_stair\": {}, \"staying_new_stair\": {}, ", OrNull(within), OrNull(new))?;
+        for (name, Events { within, new, .. }) in
+            [("profile", self.profile), ("two_ports", self.two_ports), ("three_ports", self.three_ports)]
+        {
+            let (within, new) = (OrNull(within), OrNull(new));
+            write!(out, "\"{name}\": {{\"within_stair\": {within}, \"new_stair\": {new}}}, ")?;
+        }
+        write!(out, "\"single_event_stair_4_axes\": {}, ", OrNull(self.single))?;
+        write!(out, "\"idle\": {}, \"mean\": {}, \"worst\": {}}}", self.idle, self.mean, self.worst)
+    }
+}
+
+/// A line of Wu 2024's tables 1 to 5, to entries in the step queue.
+#[derive(Clone, Copy, Debug)]
+pub struct Line {
+    /// Its name here.
+    pub name: &'static str,
+    /// Classic Bresenham, an entry a step.
+    pub classic: u32,
+    /// Classic Bresenham, runs of equal steps in one entry.
+    pub classic_coalesced: u32,
+    /// Step Bresenham, an entry a stair.
+    pub step: u32,
+}
+
+/// Mean instructions for each G0 or G1 of a whole print.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Print {
+    /// Bytes to a command.
+    pub parse: Mean,
+    /// Command to a block in the full ring.
+    pub plan: Mean,
+    /// Blocks to entries in the step queue.
+    pub interpolate: Mean,
+    /// Lines with G0 or G1.
+    pub moves: u32,
+}
+
+/// Everything.
+#[derive(Clone, Debug, Default)]
 pub struct Report {
+    /// The step interrupt.
+    pub step_event: StepEvents,
     /// The bytes of a line to a command.
     pub parse_line: Mean,
     /// The text of a line to a block in the full look-ahead ring, parsing included.
     pub line_to_block: Mean,
-    /// A block that leaves the ring to step entries, for each step event in them.
-    pub block_to_queue_per_step: Mean,
-    /// The same for each entry: a stair of many events is one.
-    pub block_to_queue_per_entry: Mean,
-    /// The step interrupt, for each event that steps a motor.
-    pub step_event: Mean,
+    /// A move to a block in the full look-ahead ring, with the reverse pass.
+    pub block_full_look_ahead: Mean,
+    /// A long trapezoid to the step queue: X, Y and filament.
+    pub trapezoid: u32,
+    /// The same along X, with filament.
+    pub trapezoid_one_axis: u32,
+    /// Wu's lines.
+    pub bresenham: heapless::Vec<Line, 5>,
+    /// A whole print.
+    pub print: Print,
 }
 
 impl fmt::Display for Report {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(out, "{{\"target\": {{\"step_event\": {}", self.step_event)?;
+        let Print { parse, plan, interpolate, moves } = self.print;
         let pieces = [
             ("parse_line", self.parse_line),
             ("line_to_block", self.line_to_block),
-            ("block_to_queue_per_step", self.block_to_queue_per_step),
-            ("block_to_queue_per_entry", self.block_to_queue_per_entry),
-            ("step_event", self.step_event),
+            ("block_full_look_ahead", self.block_full_look_ahead),
+            ("line_to_queue_mean", parse.plus(plan).plus(interpolate)),
         ];
-        let mut separator = "{";
         for (name, mean) in pieces {
-            write!(out, "{separator}\"target.{name}\": {mean}")?;
+            write!(out, ", \"{name}\": {mean}")?;
+        }
+        write!(out, ", \"line_to_queue\": {{\"parse\": {parse}, \"plan\": {plan}, \"interpolate\": {interpolate}}}")?;
+        out.write_str(", \"bresenham\": {")?;
+        for (index, line) in self.bresenham.iter().enumerate() {
+            let Line { name, classic, classic_coalesced, step } = line;
+            let separator = if index == 0 { "" } else { ", " };
+            write!(out, "{separator}\"{name}\": {{\"classic\": {classic}, ")?;
+            write!(out, "\"classic_coalesced\": {classic_coalesced}, \"step\": {step}}}")?;
+        }
+        let Self { trapezoid, trapezoid_one_axis, .. } = self;
+        write!(out, "}}}}, \"moves\": {moves}, \"interpolation\": {{\"trapezoid\": {trapezoid}, ")?;
+        write!(out, "\"trapezoid_one_axis\": {trapezoid_one_axis}, \"print\": {}}}}}", interpolate.total())
+    }
+}
+
+/// What there is to queue, from the build that counts it.
+#[derive(Clone, Copy, Debug)]
+pub struct Workload {
+    /// Of the first trapezoid.
+    pub trapezoid: Tally,
+    /// Of the other.
+    pub trapezoid_one_axis: Tally,
+    /// Of the whole print.
+    pub print: Tally,
+}
+
+impl fmt::Display for Workload {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { trapezoid, trapezoid_one_axis, print } = self;
+        let tallies = [("trapezoid", trapezoid), ("trapezoid_one_axis", trapezoid_one_axis), ("print", print)];
+        let mut separator = "{";
+        for (name, Tally { entries, events }) in tallies {
+            write!(out, "{separator}\"{name}\": {{\"entries\": {entries}, \"events\": {events}}}")?;
             separator = ", ";
         }
         out.write_str("}")

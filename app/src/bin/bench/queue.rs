@@ -1,0 +1,181 @@
+//! The step queue and its far end, the interrupt: all that the bench knows of either.
+
+use cortex_m::peripheral::NVIC;
+use ferrostep_hal_shim::StepOutput;
+use ferrostep_hal_shim::stepping::{MotorPins, Pin, PinMap, Signals, SlotSteps, StepFeeder, StepPlayer, Stepping};
+use ferrostep_planner::interpolator::MAX_ENTRIES;
+use ferrostep_planner::{Notice, StepEntry, StepKind, StepSink};
+use ferrostep_stm32f4::bench::BenchPins;
+use ferrostep_stm32f4::pac::{Interrupt, Peripherals, RCC, TIM2};
+use ferrostep_stm32f4::step_timer::{MotorPort, Motors, StepQueue, StepTimer};
+
+use crate::counter::Counter;
+use crate::profile::StepSignals;
+
+/// Slots of the queue that prints, as in the firmware.
+pub const STEP_QUEUE_SLOTS: usize = 2048;
+
+/// Slots of the queues that do not print.
+pub const SHORT_QUEUE_SLOTS: usize = 64;
+
+/// The signals may change as soon as the timer can tell.
+const SIGNALS: Signals = Signals { pulse_ticks: 2, direction_setup_ticks: 2 };
+
+/// As many ports as are asked for, all of them the same one.
+pub struct Ports(MotorPort);
+
+impl<const PORTS: usize> Motors<PORTS> for Ports {
+    fn ports(&self) -> [MotorPort; PORTS] {
+        [self.0; PORTS]
+    }
+
+    fn enable(&self, _enabled: bool) {}
+}
+
+impl Ports {
+    /// Copies of the board's only one.
+    pub fn new(pins: &BenchPins) -> Self {
+        let [port] = Motors::<1>::ports(pins);
+        Self(port)
+    }
+}
+
+/// Step and direction pins of the four motors, dealt out to the ports.
+fn pin_map<const PORTS: usize>() -> Option<PinMap<PORTS>> {
+    PinMap::new([0, 1, 2, 3].map(|number: u8| {
+        let pin = |number| Pin { port: usize::from(number) % PORTS, number };
+        MotorPins { step: pin(number), direction: Pin { number: number + 4, ..pin(number) } }
+    }))
+}
+
+/// The queue's near end.
+///
+/// The one sink of the bench, as the firmware has one: a second type would change what the compiler inlines into the
+/// planner. So there are two builds of this program. With the feature `tally` entries are counted instead of queued,
+/// so that counting has no part in what queuing costs.
+pub struct BenchQueue<M: 'static, const PORTS: usize, const N: usize> {
+    queue: StepQueue<Ports, M, PORTS, N>,
+    interrupt: Interrupt,
+    tally: Tally,
+}
+
+/// The queue that prints: the firmware's.
+pub type PrintQueue = BenchQueue<StepSignals, 1, STEP_QUEUE_SLOTS>;
+
+/// How much there is to queue.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Tally {
+    /// Entries.
+    pub entries: u32,
+    /// Step events in them.
+    pub events: u32,
+}
+
+/// Starts the timer as the firmware does, then forbids it to interrupt: events come when they are counted. The timer may
+/// be started for several handlers, of which the one at `interrupt` gets this one.
+pub fn start<M: Stepping, const PORTS: usize, const N: usize>(
+    rcc: &RCC,
+    ports: &'static Ports,
+    player: &'static StepPlayer<M, PORTS, N>,
+    steps: &'static mut [SlotSteps; N],
+    interrupt: Interrupt,
+) -> Option<(StepTimer<M, PORTS, N>, BenchQueue<M, PORTS, N>)> {
+    // SAFETY: only one of the handlers runs at a time, and all of them use the timer alike.
+    let Peripherals { TIM2: timer, TIM9: counter, .. } = unsafe { Peripherals::steal() };
+    let timer = StepTimer::start(timer, counter, rcc, ports, player);
+    set_armed(false);
+    let queue = StepQueue::new(ports, StepFeeder::new(player, pin_map()?, SIGNALS, steps));
+    Some((timer, BenchQueue { queue, interrupt, tally: Tally::default() }))
+}
+
+/// Whether the timer interrupts by itself.
+fn set_armed(armed: bool) {
+    // SAFETY: the handlers do not use this register.
+    unsafe { &*TIM2::ptr() }.dier().write(|w| w.uie().bit(armed));
+}
+
+/// An event of the interrupt.
+pub struct Event {
+    /// Its instructions.
+    pub instructions: u32,
+    /// Whether it took a slot from the queue.
+    pub is_new: bool,
+}
+
+impl<M: Stepping, const PORTS: usize, const N: usize> BenchQueue<M, PORTS, N> {
+    /// What has been counted since the last call.
+    pub fn take_tally(&mut self) -> Tally {
+        core::mem::take(&mut self.tally)
+    }
+
+    /// Whether the blocks' next entries fit.
+    #[inline]
+    pub fn has_room(&self) -> bool {
+        self.queue.room() >= MAX_ENTRIES
+    }
+
+    /// Slots that wait, the one that is held back until its successor comes included.
+    pub fn waiting(&self) -> usize {
+        self.queue.waiting()
+    }
+
+    /// Lets the interrupt take slots.
+    pub fn start(&self) {
+        self.queue.link().start();
+    }
+
+    /// Whether the interrupt has found no end of them yet.
+    pub fn is_running(&self) -> bool {
+        self.queue.link().is_running()
+    }
+
+    /// Runs the interrupt once.
+    pub fn play(&self, counter: &Counter) -> Event {
+        let before = self.queue.played();
+        let instructions = counter.count_handler(self.interrupt);
+        Event { instructions, is_new: self.queue.played() != before }
+    }
+
+    /// Lets a piece of work play events that follow at once: the handler sees updates of the timer. The interrupt of
+    /// the timer itself is masked meanwhile, as its handler is another than this queue's.
+    pub fn with_updates<T>(&mut self, work: impl FnOnce(&mut Self) -> T) -> T {
+        NVIC::mask(Interrupt::TIM2);
+        set_armed(true);
+        let result = work(self);
+        set_armed(false);
+        NVIC::unpend(Interrupt::TIM2);
+        // SAFETY: no critical section relies on the mask.
+        unsafe { NVIC::unmask(Interrupt::TIM2) };
+        result
+    }
+
+    /// Empties the queue without the interrupt.
+    pub fn empty(&mut self) {
+        self.queue.request_stop();
+        self.queue.drop_all();
+        // Which has let the timer interrupt again.
+        set_armed(false);
+    }
+}
+
+impl<M: Stepping, const PORTS: usize, const N: usize> StepSink for BenchQueue<M, PORTS, N> {
+    #[inline]
+    fn entry(&mut self, entry: StepEntry) {
+        if cfg!(feature = "tally") {
+            self.tally.entries += 1;
+            if let StepKind::Stair { count, .. } = entry.kind() {
+                self.tally.events += u32::from(count);
+            }
+        } else if self.queue.push(entry).is_err() {
+            refused();
+        }
+    }
+
+    fn notice(&mut self, _notice: Notice) {}
+}
+
+/// There was room, and time between the events.
+#[cold]
+fn refused() -> ! {
+    panic!("the queue refuses an entry")
+}

@@ -1,0 +1,140 @@
+//! The step interrupt, event by event.
+
+use ferrostep_hal_shim::stepping::Stepping;
+use ferrostep_planner::{StepEntry, StepSink};
+
+use crate::counter::Counter;
+use crate::queue::BenchQueue;
+use crate::report::{Events, StepEvents};
+
+/// Events of a stair.
+pub const STAIR_EVENTS: u16 = 5;
+
+/// Stairs of a run.
+const STAIRS: usize = 16;
+
+/// One motor.
+const ONE_AXIS: u8 = 0b0001;
+
+/// All motors.
+pub const FOUR_AXES: u8 = 0b1111;
+
+/// Fetches until the run is counted.
+const WARM_UP_FETCHES: usize = 4;
+
+/// Slots that are left in a queue that is played for a while: without one to fetch it would run dry.
+const LEFT_SLOTS: usize = 2;
+
+/// Ticks between events: too long for the handler to stay for the next one.
+const FAR_TICKS: u32 = 84_000;
+
+/// Ticks between events that are due again before the handler is done with one.
+const NEAR_TICKS: u32 = 4;
+
+/// Events of stairs for which the handler stays, two such stairs being less than it stays for at once.
+const NEAR_EVENTS: u16 = 8;
+
+/// Events of made-up stairs, and a look at the empty queue.
+pub fn synthetic<M: Stepping, const PORTS: usize, const N: usize>(
+    counter: &Counter,
+    queue: &mut BenchQueue<M, PORTS, N>,
+) -> Result<StepEvents, &'static str> {
+    let one_axis = stairs(counter, queue, ONE_AXIS, STAIR_EVENTS)?;
+    let four_axes = stairs(counter, queue, FOUR_AXES, STAIR_EVENTS)?;
+    let single = stairs(counter, queue, FOUR_AXES, 1)?.new;
+    let idle = queue.play(counter).instructions;
+    let staying = staying(counter, queue)?;
+    Ok(StepEvents { one_axis, four_axes, single, idle, staying, ..StepEvents::default() })
+}
+
+/// Stairs of one kind, once the run is under way. Inside a stair one event may have more to do, to prepare the next
+/// stair: the least of the others is that of most.
+pub fn stairs<M: Stepping, const PORTS: usize, const N: usize>(
+    counter: &Counter,
+    queue: &mut BenchQueue<M, PORTS, N>,
+    axes: u8,
+    events: u16,
+) -> Result<Events, &'static str> {
+    for _ in 0..STAIRS {
+        push(queue, FAR_TICKS, events, axes)?;
+    }
+    queue.start();
+    let mut events = Events::default();
+    let mut fetches = 0;
+    while queue.is_running() {
+        let event = queue.play(counter);
+        fetches += usize::from(event.is_new);
+        if fetches >= WARM_UP_FETCHES && queue.waiting() > LEFT_SLOTS {
+            let count = Some(event.instructions);
+            if event.is_new {
+                events.new = events.new.max(count);
+            } else {
+                events.within = events.within.map(|least| least.min(event.instructions)).or(count);
+                events.most_within = events.most_within.max(count);
+            }
+        }
+    }
+    queue.empty();
+    Ok(events)
+}
+
+fn push<M: Stepping, const PORTS: usize, const N: usize>(
+    queue: &mut BenchQueue<M, PORTS, N>,
+    interval_ticks: u32,
+    events: u16,
+    axes: u8,
+) -> Result<(), &'static str> {
+    queue.entry(StepEntry::stair(interval_ticks, events, axes, 0).ok_or("a stair without events")?);
+    Ok(())
+}
+
+/// Events that follow at once, by what more of them add to the interrupt that stays for them.
+fn staying<M: Stepping, const PORTS: usize, const N: usize>(
+    counter: &Counter,
+    queue: &mut BenchQueue<M, PORTS, N>,
+) -> Result<Events, &'static str> {
+    let short = burst(counter, queue, &[NEAR_EVENTS])?;
+    let long = burst(counter, queue, &[2 * NEAR_EVENTS])?;
+    let two = burst(counter, queue, &[NEAR_EVENTS; 2])?;
+    let within = long.saturating_sub(short) / u32::from(NEAR_EVENTS);
+    let new = (two + within).saturating_sub(long);
+    Ok(Events { within: Some(within), most_within: None, new: Some(new) })
+}
+
+/// Stairs of so many near events among others: the longest interrupt, which is the one that stays for all of them.
+fn burst<M: Stepping, const PORTS: usize, const N: usize>(
+    counter: &Counter,
+    queue: &mut BenchQueue<M, PORTS, N>,
+    stairs: &[u16],
+) -> Result<u32, &'static str> {
+    push(queue, FAR_TICKS, STAIR_EVENTS, ONE_AXIS)?;
+    for events in stairs {
+        push(queue, NEAR_TICKS, *events, ONE_AXIS)?;
+    }
+    push(queue, FAR_TICKS, STAIR_EVENTS, ONE_AXIS)?;
+    push(queue, FAR_TICKS, STAIR_EVENTS, ONE_AXIS)?;
+    queue.start();
+    let longest = queue.with_updates(|queue| {
+        let mut longest = 0;
+        while queue.is_running() {
+            longest = longest.max(queue.play(counter).instructions);
+        }
+        longest
+    });
+    queue.empty();
+    Ok(longest)
+}
+
+/// Plays what waits in the queue but for the last slots.
+pub fn play_waiting<M: Stepping, const PORTS: usize, const N: usize>(
+    counter: &Counter,
+    queue: &BenchQueue<M, PORTS, N>,
+    report: &mut StepEvents,
+) {
+    queue.start();
+    while queue.waiting() > LEFT_SLOTS {
+        let event = queue.play(counter);
+        report.mean.add(event.instructions, 1);
+        report.worst = report.worst.max(event.instructions);
+    }
+}

@@ -1,0 +1,228 @@
+//! The committed counts, and what has changed since.
+
+use std::fmt;
+use std::path::PathBuf;
+
+use serde_json::Value;
+
+use crate::steps::Failure;
+use crate::system;
+
+/// A count may grow by so many percent; more fails the check.
+const TOLERANCE_PERCENT: f64 = 3.0;
+
+/// The same where another compiler than the baseline's has built the images: that alone was seen to change counts by up
+/// to 10 %.
+const OTHER_COMPILER_TOLERANCE_PERCENT: f64 = 20.0;
+
+/// The parts of the figures that are the same on every run and every machine, and are costs.
+const COMPARED: [&str; 2] = ["target", "image"];
+
+/// A count that is not what it was.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Change {
+    /// Its key, with dots.
+    pub key: String,
+    /// The committed count; `None` where there was none.
+    pub before: Option<f64>,
+    /// The count now; `None` where there is none any more.
+    pub now: Option<f64>,
+}
+
+impl Change {
+    /// How much it grew, percent; `None` for a new or lost count.
+    pub fn percent(&self) -> Option<f64> {
+        let (before, now) = (self.before?, self.now?);
+        Some(if before > 0.0 { (now / before - 1.0) * 100.0 } else { f64::INFINITY })
+    }
+
+    /// Whether the check fails by it: it grew too much, or is no longer counted.
+    fn is_failure(&self, tolerance_percent: f64) -> bool {
+        match (self.before, self.now) {
+            (Some(before), Some(now)) => now * 100.0 > before * (100.0 + tolerance_percent),
+            (_, now) => now.is_none(),
+        }
+    }
+}
+
+impl fmt::Display for Change {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { key, before, now } = self;
+        match (before, now, self.percent()) {
+            (Some(before), Some(now), Some(percent)) => write!(out, "{key}: {before} -> {now} ({percent:+.1} %)"),
+            (Some(before), ..) => write!(out, "{key}: {before} -> no longer counted"),
+            (None, Some(now), _) => write!(out, "{key}: {now}, not in the baseline"),
+            (None, None, _) => write!(out, "{key}: never counted"),
+        }
+    }
+}
+
+/// Where the committed counts are.
+fn path() -> PathBuf {
+    system::root().join("xtask/bench-baseline.json")
+}
+
+/// The committed counts.
+pub fn read() -> Result<Value, Failure> {
+    let path = path();
+    let text = std::fs::read_to_string(&path).map_err(|error| format!("{}: {error}", path.display()))?;
+    serde_json::from_str(&text).map_err(|error| format!("{}: {error}", path.display()))
+}
+
+/// Makes these the committed counts: all but what differs from run to run.
+pub fn write(figures: &Value) -> Result<(), Failure> {
+    let mut kept = figures.clone();
+    if let Some(object) = kept.as_object_mut() {
+        object.remove("host");
+    }
+    let path = path();
+    let text = format!("{kept:#}\n");
+    std::fs::write(&path, text).map_err(|error| format!("{}: {error}", path.display()))
+}
+
+/// All numbers in nested objects, by their keys with dots, in the order of the file.
+pub fn numbers(value: &Value) -> Vec<(String, f64)> {
+    fn collect(prefix: &str, value: &Value, found: &mut Vec<(String, f64)>) {
+        match value {
+            Value::Object(object) => {
+                for (key, value) in object {
+                    let key = if prefix.is_empty() { key.clone() } else { format!("{prefix}.{key}") };
+                    collect(&key, value, found);
+                }
+            }
+            _ => found.extend(value.as_f64().map(|number| (prefix.to_owned(), number))),
+        }
+    }
+    let mut found = Vec::new();
+    collect("", value, &mut found);
+    found
+}
+
+/// Every compared count that differs from the baseline.
+pub fn changes(baseline: &Value, figures: &Value) -> Vec<Change> {
+    let compared = |value: &Value| -> Vec<(String, f64)> {
+        let parts = COMPARED.iter().filter_map(|part| Some((part, value.get(part)?)));
+        parts
+            .flat_map(|(part, value)| {
+                numbers(value).into_iter().map(move |(key, number)| (format!("{part}.{key}"), number))
+            })
+            .collect()
+    };
+    let (before, now) = (compared(baseline), compared(figures));
+    let find = |list: &[(String, f64)], key: &str| list.iter().find(|entry| entry.0 == key).map(|entry| entry.1);
+    let kept =
+        before.iter().map(|(key, count)| Change { key: key.clone(), before: Some(*count), now: find(&now, key) });
+    let added = now.iter().filter(|(key, _)| find(&before, key).is_none()).map(|(key, count)| Change {
+        key: key.clone(),
+        before: None,
+        now: Some(*count),
+    });
+    kept.chain(added).filter(|change| change.before != change.now).collect()
+}
+
+/// Says what changed; an error when something grew too much or is no longer counted.
+pub fn check(baseline: &Value, figures: &Value) -> Result<(), Failure> {
+    let changes = changes(baseline, figures);
+    for change in &changes {
+        eprintln!("    {change}");
+    }
+    let (theirs, own) = (compiler(baseline), compiler(figures));
+    let tolerance = if theirs == own {
+        TOLERANCE_PERCENT
+    } else {
+        eprintln!("    the baseline is of code by {theirs}, these counts by {own}: they may differ more");
+        OTHER_COMPILER_TOLERANCE_PERCENT
+    };
+    let failures: Vec<String> =
+        changes.iter().filter(|change| change.is_failure(tolerance)).map(Change::to_string).collect();
+    if failures.is_empty() {
+        eprintln!(
+            "    {} counts differ from the baseline, none is lost or more than {tolerance} % above",
+            changes.len()
+        );
+        return Ok(());
+    }
+    Err(format!(
+        "more than {tolerance} % above the baseline, or lost: {}. If it must be so, `cargo xtask bench \
+         --save-baseline` makes these the baseline",
+        failures.join("; ")
+    ))
+}
+
+/// What built the images.
+fn compiler(figures: &Value) -> &str {
+    figures.get("compiler").and_then(Value::as_str).unwrap_or("an unknown compiler")
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    fn figures(parse: f64, text: u32) -> Value {
+        json!({"target": {"parse_line": parse, "step_event": {"worst": 40, "staying": null}},
+            "image": {"text": text}, "host": {"realtime_factor": parse}, "workload": {"events": parse}})
+    }
+
+    #[test]
+    fn numbers_are_found_by_their_keys() {
+        let found = numbers(&json!({"a": {"b": 1, "c": {"d": 2.5}}, "e": null, "f": 3}));
+        let expected = [("a.b".to_owned(), 1.0), ("a.c.d".to_owned(), 2.5), ("f".to_owned(), 3.0)];
+        assert_eq!(found, expected);
+    }
+
+    #[test]
+    fn growth_within_the_tolerance_passes_and_beyond_it_fails() {
+        let baseline = figures(1000.0, 5000);
+        for (parse, passes) in [(1.0, true), (1000.0, true), (1030.0, true), (1030.1, false), (9000.0, false)] {
+            assert_eq!(check(&baseline, &figures(parse, 5000)).is_ok(), passes, "{parse}");
+        }
+        assert!(check(&baseline, &figures(1000.0, 5151)).unwrap_err().contains("image.text: 5000 -> 5151 (+3.0 %)"));
+    }
+
+    #[test]
+    fn another_compiler_may_differ_more_but_not_without_bound() {
+        let by = |compiler: &str, parse| {
+            let mut figures = figures(parse, 1);
+            figures["compiler"] = json!(compiler);
+            figures
+        };
+        for (compiler, parse, passes) in [("a", 1040.0, false), ("b", 1040.0, true), ("b", 1201.0, false)] {
+            assert_eq!(check(&by("a", 1000.0), &by(compiler, parse)).is_ok(), passes, "{compiler} {parse}");
+        }
+    }
+
+    #[test]
+    fn a_failure_names_key_both_counts_and_percent() {
+        let error = check(&figures(1000.0, 1), &figures(1100.0, 1)).unwrap_err();
+        assert!(error.contains("target.parse_line: 1000 -> 1100 (+10.0 %)"), "{error}");
+        assert!(!error.contains("host") && !error.contains("workload"), "{error}");
+    }
+
+    #[test]
+    fn a_lost_count_fails_and_a_new_one_does_not() {
+        let baseline = figures(1000.0, 1);
+        let mut lost = baseline.clone();
+        lost["target"]["step_event"]["worst"] = Value::Null;
+        assert!(check(&baseline, &lost).unwrap_err().contains("target.step_event.worst: 40 -> no longer counted"));
+        let mut more = baseline.clone();
+        more["target"]["step_event"]["staying"] = json!(8);
+        assert_eq!(check(&baseline, &more), Ok(()));
+        assert_eq!(changes(&baseline, &more).len(), 1);
+    }
+
+    #[test]
+    fn improvements_are_reported() {
+        let changes = changes(&figures(1000.0, 1), &figures(900.0, 1));
+        assert_eq!(changes.len(), 1);
+        assert_eq!(changes[0].to_string(), "target.parse_line: 1000 -> 900 (-10.0 %)");
+        assert!(!changes[0].is_failure(0.0));
+    }
+
+    #[test]
+    fn a_count_that_was_zero_may_not_grow() {
+        let change = Change { key: "a".to_owned(), before: Some(0.0), now: Some(1.0) };
+        assert!(change.is_failure(100.0));
+    }
+}

@@ -1,0 +1,299 @@
+//! The book's page of benchmarks: its tables and its chart, from the committed counts.
+
+use std::fmt::Write;
+use std::path::PathBuf;
+
+use serde_json::Value;
+
+use super::chart::{self, Bar, Group};
+use super::cycle_model::{events_per_s, staying_events_per_s};
+use crate::steps::Failure;
+use crate::system;
+
+/// The page. What stands between the two marks is generated, the rest is written by hand.
+const PAGE: &str = "docs/src/benchmarks.md";
+const CHART: &str = "docs/src/images/step-interrupt.svg";
+const BEGIN: &str = "<!-- What follows is written by `cargo xtask bench --save-baseline`. -->\n";
+const END: &str = "<!-- Here it ends. -->\n";
+
+/// Klipper's step, instructions: one motor, and each of two or more (counted by executing its image).
+const KLIPPER_ONE_MOTOR: f64 = 33.0;
+const KLIPPER_EACH_OF_MANY: f64 = 50.0;
+
+/// Steps a second by its own benchmark on an STM32F407: one motor, three motors.
+const KLIPPER_ONE_MOTOR_PER_S: f64 = 3_652e3;
+const KLIPPER_THREE_MOTORS_PER_S: f64 = 2_459e3;
+
+/// Steps a second of one motor while four are on the way, from its own cycle constants at 168 MHz.
+const MARLIN_FOUR_AXES_PER_S: f64 = 143.6e3;
+
+/// Wu 2024, tables 1 to 5: the line, its key, and how much longer the classic algorithm took.
+const WU_LINES: [(&str, &str, &str); 5] = [
+    ("y = x/3, (30, 10)", "x3", "1.23"),
+    ("y = x/10, (100, 10)", "x10", "1.56"),
+    ("y = x/50, (500, 10)", "x50", "1.96"),
+    ("y = x/100, (1000, 10)", "x100", "2.92"),
+    ("y = x, (30, 30)", "x1", "1.00"),
+];
+
+/// Writes tables and chart.
+pub fn write(figures: &Value) -> Result<(), Failure> {
+    let page = system::root().join(PAGE);
+    let text = std::fs::read_to_string(&page).map_err(|error| format!("{}: {error}", page.display()))?;
+    let text = replaced(&text, &tables(figures)).ok_or_else(|| format!("{PAGE} has lost its marks"))?;
+    let save = |path: PathBuf, text: String| {
+        std::fs::write(&path, text).map_err(|error| format!("{}: {error}", path.display()))
+    };
+    save(page, text)?;
+    save(system::root().join(CHART), step_chart(figures))
+}
+
+/// The page with another generated part.
+fn replaced(page: &str, generated: &str) -> Option<String> {
+    let (before, rest) = page.split_once(BEGIN)?;
+    let (_, after) = rest.split_once(END)?;
+    Some(format!("{before}{BEGIN}\n{generated}\n{END}{after}"))
+}
+
+/// A count by its key in `target.step_event`, if there is one.
+fn event(figures: &Value, key: &str) -> Option<f64> {
+    number(figures, &format!("target.step_event.{key}"))
+}
+
+/// A number by its key with dots.
+fn number(figures: &Value, key: &str) -> Option<f64> {
+    key.split('.').try_fold(figures, |value, key| value.get(key))?.as_f64()
+}
+
+/// With groups of three digits, and a decimal as long as they are few; a dash for none.
+fn shown(count: Option<f64>) -> String {
+    let Some(count) = count else { return "-".to_owned() };
+    if count < 1000.0 && count.fract() != 0.0 {
+        return format!("{count:.1}");
+    }
+    let digits = format!("{count:.0}");
+    let mut grouped = String::new();
+    for (index, digit) in digits.chars().enumerate() {
+        if index > 0 && (digits.len() - index) % 3 == 0 {
+            grouped.push(' ');
+        }
+        grouped.push(digit);
+    }
+    grouped
+}
+
+/// Thousands a second.
+fn thousands(per_s: Option<f64>) -> String {
+    shown(per_s.map(|per_s| (per_s / 1000.0).round()))
+}
+
+/// The generated part of the page.
+fn tables(figures: &Value) -> String {
+    let mut out = String::new();
+    // Writing to a string does not fail.
+    let _ = step_interrupt(&mut out, figures);
+    let _ = steps_per_second(&mut out, figures);
+    let _ = line_to_queue(&mut out, figures);
+    let _ = bresenham(&mut out, figures);
+    let _ = image(&mut out, figures);
+    out.trim_end().to_owned() + "\n"
+}
+
+fn step_interrupt(out: &mut String, figures: &Value) -> std::fmt::Result {
+    writeln!(out, "## The step interrupt\n")?;
+    writeln!(out, "![Instructions of an event that steps motors](images/step-interrupt.svg)\n")?;
+    writeln!(
+        out,
+        "Instructions from vector to return; keys are those of `target.step_event`. A step is an event, for drivers \
+         that step at\nboth edges. With pulses, as in the firmware's profile, it is two: then Klipper takes 81 \
+         instructions with one motor, 115\neach with more.\n"
+    )?;
+    writeln!(out, "| event | key | Ferrostep | Klipper |\n|---|---|---|---|")?;
+    let (one, three) = (shown(Some(KLIPPER_ONE_MOTOR)), format!("three: {}", shown(Some(3.0 * KLIPPER_EACH_OF_MANY))));
+    let rows = [
+        ("inside a stair, one motor", "within_stair_1_axis", one.as_str()),
+        ("the one of these that prepares the next stair", "most_within_stair_1_axis", ""),
+        ("ends a stair, fetches the next, one motor", "new_stair_1_axis", &one),
+        ("inside a stair, four motors at once", "within_stair_4_axes", &three),
+        ("ends a stair, fetches the next, four motors at once", "new_stair_4_axes", &three),
+        ("is a stair of its own, four motors at once", "single_event_stair_4_axes", &three),
+        ("inside a stair, the handler stays for it", "staying_within_stair", &one),
+        ("ends a stair, the handler stays for it", "staying_new_stair", &one),
+        ("inside a stair, motors on two ports", "two_ports.within_stair", ""),
+        ("ends a stair, motors on two ports", "two_ports.new_stair", ""),
+        ("inside a stair, motors on three ports", "three_ports.within_stair", ""),
+        ("ends a stair, motors on three ports", "three_ports.new_stair", ""),
+        ("inside a stair, an edge of the firmware's profile", "profile.within_stair", ""),
+        ("ends a stair, an edge of the firmware's profile", "profile.new_stair", ""),
+        ("the queue is empty", "idle", ""),
+        ("mean of a real print", "mean", ""),
+    ];
+    for (what, key, klipper) in rows {
+        writeln!(out, "| {what} | `{key}` | {} | {klipper} |", shown(event(figures, key)))?;
+    }
+    writeln!(out, "| the most in a real print | `worst` | {} | |\n", shown(event(figures, "worst")))
+}
+
+/// What one more motor costs nothing for is the same for three as for four.
+fn steps_per_second(out: &mut String, figures: &Value) -> std::fmt::Result {
+    writeln!(out, "## Steps a second\n")?;
+    writeln!(
+        out,
+        "A model until silicon confirms it: at 168 MHz 12 cycles to enter the interrupt, 10 to leave it, and 1.4 an \
+         instruction\n(what Klipper's 46 cycles for 33 instructions come to). All motors of a port step with one \
+         store, so steps are events\ntimes motors. In thousands a second, the processor doing nothing else:\n"
+    )?;
+    writeln!(out, "| motors at once | events inside stairs | steps | events that are a stair each | steps | others |")?;
+    writeln!(out, "|---|---|---|---|---|---|")?;
+    let others = [
+        (1.0, "1_axis", format!("Klipper {}", thousands(Some(KLIPPER_ONE_MOTOR_PER_S)))),
+        (3.0, "4_axes", format!("Klipper {}", thousands(Some(KLIPPER_THREE_MOTORS_PER_S)))),
+        (4.0, "4_axes", format!("Marlin {} events", thousands(Some(MARLIN_FOUR_AXES_PER_S)))),
+    ];
+    for (motors, axes, others) in others {
+        let within = event(figures, &format!("within_stair_{axes}")).map(events_per_s);
+        let new = event(figures, "single_event_stair_4_axes").map(events_per_s);
+        let steps = |events: Option<f64>| thousands(events.map(|events| events * motors));
+        let (within_events, new_events) = (thousands(within), thousands(new));
+        writeln!(out, "| {motors} | {within_events} | {} | {new_events} | {} | {others} |", steps(within), steps(new))?;
+    }
+    let staying = event(figures, "staying_within_stair").map(staying_events_per_s);
+    if staying.is_some() {
+        writeln!(out, "\nInside a burst, where the handler stays: {} thousand events a second.", thousands(staying))?;
+    }
+    writeln!(
+        out,
+        "\nKlipper's figures are measured, by its own benchmark on an STM32F407 at 168 MHz. Marlin's follow from its own\n\
+         cycle constants at the same frequency (one step an interrupt; 97.8 with linear advance and input shaping). \
+         grblHAL's,\n400 on an STM32F446, were seen on an oscilloscope.\n"
+    )
+}
+
+fn line_to_queue(out: &mut String, figures: &Value) -> std::fmt::Result {
+    writeln!(out, "## From a line to the step queue\n")?;
+    writeln!(out, "| part | key | instructions | goal |\n|---|---|---|---|")?;
+    let rows = [
+        ("read and parse a line of the cube", "parse_line", ""),
+        ("the same lines' text to a block in the full ring", "line_to_block", ""),
+        ("their moves alone to a block, reverse pass included", "block_full_look_ahead", ""),
+        ("a step event of a long trapezoid: X, Y, filament", "interpolate_per_step_trapezoid", "90"),
+        ("the same along X: one motor and filament", "interpolate_per_step_trapezoid_one_axis", "90"),
+        ("a G0 or G1 of a whole print, from bytes to queue", "line_to_queue_mean", "12 000"),
+        ("of these: to read and parse it", "line_to_queue.parse", ""),
+        ("to plan it", "line_to_queue.plan", ""),
+        ("to make its events", "line_to_queue.interpolate", ""),
+        ("the last for each event", "line_to_queue.interpolate_per_event", ""),
+    ];
+    for (what, key, goal) in rows {
+        let count = shown(number(figures, &format!("target.{key}")));
+        writeln!(out, "| {what} | `target.{key}` | {count} | {goal} |")?;
+    }
+    let workload = |key: &str| shown(number(figures, &format!("workload.print.{key}")));
+    writeln!(
+        out,
+        "\nThe print is `examples/gyroid.gcode.gz` at 80 steps/mm: {} lines with G0 or G1, {} entries in the\nqueue, {} \
+         step events.\n",
+        workload("moves"),
+        workload("entries"),
+        workload("events"),
+    )
+}
+
+fn bresenham(out: &mut String, figures: &Value) -> std::fmt::Result {
+    writeln!(out, "## Step Bresenham\n")?;
+    writeln!(
+        out,
+        "Wu's five lines, instructions from end point to entries in the step queue (`target.bresenham`). His ratio (tables\n\
+         1 to 5) is of run times in MATLAB, classic to step.\n"
+    )?;
+    writeln!(
+        out,
+        "| line | classic, an entry a step | classic, equal steps in one entry | step | ratio | Wu's ratio |"
+    )?;
+    writeln!(out, "|---|---|---|---|---|---|")?;
+    for (line, key, wu_ratio) in WU_LINES {
+        let count = |way: &str| number(figures, &format!("target.bresenham.{key}.{way}"));
+        let (classic, coalesced, step) = (count("classic"), count("classic_coalesced"), count("step"));
+        let ratio = classic.zip(step).map_or("-".to_owned(), |(classic, step)| format!("{:.2}", classic / step));
+        let (classic, coalesced, step) = (shown(classic), shown(coalesced), shown(step));
+        writeln!(out, "| {line} | {classic} | {coalesced} | {step} | {ratio} | {wu_ratio} |")?;
+    }
+    writeln!(out)
+}
+
+fn image(out: &mut String, figures: &Value) -> std::fmt::Result {
+    let bytes = |key: &str| shown(number(figures, &format!("image.{key}")));
+    writeln!(out, "## The image\n")?;
+    writeln!(out, "| text | data | bss |\n|---|---|---|")?;
+    writeln!(out, "| {} | {} | {} |\n", bytes("text"), bytes("data"), bytes("bss"))?;
+    let compiler = figures.get("compiler").and_then(Value::as_str).unwrap_or("an unknown compiler");
+    writeln!(out, "Bytes of the firmware. All figures of this page are of code by `{compiler}`.")
+}
+
+fn step_chart(figures: &Value) -> String {
+    let bar = |label: &str, instructions: Option<f64>, own| {
+        Some(Bar { label: label.to_owned(), instructions: instructions?, own })
+    };
+    let group = |heading: &str, axes: &str, staying: Option<f64>, klipper| {
+        let count = |sort: &str| event(figures, &format!("{sort}_stair_{axes}"));
+        let bars = [
+            bar("Ferrostep, staying for it", staying, true),
+            bar("Ferrostep, inside a stair", count("within"), true),
+            bar("Ferrostep, a new stair", count("new"), true),
+            bar("Klipper", Some(klipper), false),
+        ];
+        Group { heading: heading.to_owned(), bars: bars.into_iter().flatten().collect() }
+    };
+    let staying = event(figures, "staying_within_stair");
+    let groups = [
+        group("One motor steps", "1_axis", staying, KLIPPER_ONE_MOTOR),
+        group("Three motors step at the same instant", "4_axes", staying, 3.0 * KLIPPER_EACH_OF_MANY),
+    ];
+    chart::svg("Instructions of an event that steps motors", &groups)
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::super::baseline;
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn page_and_chart_show_the_committed_counts() {
+        let figures = baseline::read().unwrap();
+        let page = std::fs::read_to_string(system::root().join(PAGE)).unwrap();
+        assert!(
+            replaced(&page, &tables(&figures)).as_ref() == Some(&page),
+            "`cargo xtask bench --save-baseline` writes {PAGE}"
+        );
+        let chart = std::fs::read_to_string(system::root().join(CHART)).unwrap();
+        assert!(chart == step_chart(&figures), "`cargo xtask bench --save-baseline` writes {CHART}");
+    }
+
+    #[test]
+    fn only_what_stands_between_the_marks_is_replaced() {
+        let page = format!("by hand\n{BEGIN}old\n{END}more by hand\n");
+        assert_eq!(replaced(&page, "new\n").unwrap(), format!("by hand\n{BEGIN}\nnew\n\n{END}more by hand\n"));
+        assert_eq!(replaced("no marks", "new"), None);
+    }
+
+    #[test]
+    fn counts_are_grouped_and_what_is_missing_is_a_dash() {
+        assert_eq!(shown(Some(1_234_567.0)), "1 234 567");
+        assert_eq!(shown(Some(120.62)), "120.6");
+        assert_eq!(shown(Some(33.0)), "33");
+        assert_eq!(shown(Some(48_530.4)), "48 530");
+        assert_eq!(shown(None), "-");
+    }
+
+    #[test]
+    fn a_count_that_is_null_is_a_dash_in_its_row() {
+        let figures = json!({"target": {"step_event": {"within_stair_1_axis": 17, "staying_within_stair": null}}});
+        let tables = tables(&figures);
+        assert!(tables.contains("| `within_stair_1_axis` | 17 | 33 |"), "{tables}");
+        assert!(tables.contains("| `staying_within_stair` | - | 33 |"), "{tables}");
+        // 168 MHz / (22 + 1.4 * 17) cycles.
+        assert!(tables.contains("| 1 | 3 668 | 3 668 | - | - | Klipper 3 652 |"), "{tables}");
+    }
+}

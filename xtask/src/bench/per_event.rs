@@ -1,0 +1,91 @@
+//! Instructions by the step events that they make: the bench counts the former, its other build the latter.
+
+use serde_json::{Value, json};
+
+use crate::steps::Failure;
+
+/// What is counted for each event: its place in the counts and the workload, and its key in the target's figures.
+const PER_EVENT: [(&str, &[&str]); 3] = [
+    ("trapezoid", &["interpolate_per_step_trapezoid"]),
+    ("trapezoid_one_axis", &["interpolate_per_step_trapezoid_one_axis"]),
+    ("print", &["line_to_queue", "interpolate_per_event"]),
+];
+
+/// The target's figures.
+pub fn target(counts: &Value, workload: &Value) -> Result<Value, Failure> {
+    let mut target = counts.get("target").cloned().ok_or("the bench counted nothing of the target")?;
+    for (what, keys) in PER_EVENT {
+        let instructions = number(counts, &["interpolation", what])?;
+        let events = number(workload, &[what, "events"])?;
+        if events <= 0.0 {
+            return Err(format!("the bench made no events: {what}"));
+        }
+        // With one decimal, as the means that the bench works out itself.
+        let each = (instructions / events * 10.0).round() / 10.0;
+        let mut place = &mut target;
+        for key in keys {
+            place = place
+                .as_object_mut()
+                .ok_or_else(|| format!("the bench counted no {key}"))?
+                .entry(*key)
+                .or_insert(Value::Null);
+        }
+        *place = json!(each);
+    }
+    Ok(target)
+}
+
+/// How much there was to do.
+pub fn workload(counts: &Value, mut workload: Value) -> Result<Value, Failure> {
+    let moves = counts.get("moves").cloned().ok_or("the bench counted no moves")?;
+    workload
+        .get_mut("print")
+        .and_then(Value::as_object_mut)
+        .ok_or("the bench made no print")?
+        .insert("moves".to_owned(), moves);
+    Ok(workload)
+}
+
+fn number(value: &Value, keys: &[&str]) -> Result<f64, Failure> {
+    keys.iter()
+        .try_fold(value, |value, key| value.get(key))
+        .and_then(Value::as_f64)
+        .ok_or_else(|| format!("the bench counted no {}", keys.join(".")))
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    fn counts() -> Value {
+        json!({"target": {"parse_line": 7, "line_to_queue": {"plan": 8}}, "moves": 5,
+            "interpolation": {"trapezoid": 1000, "trapezoid_one_axis": 500, "print": 100}})
+    }
+
+    fn tallies(print_events: u32) -> Value {
+        json!({"trapezoid": {"events": 3}, "trapezoid_one_axis": {"events": 5}, "print": {"events": print_events}})
+    }
+
+    #[test]
+    fn instructions_are_divided_by_events() {
+        let expected = json!({"parse_line": 7, "interpolate_per_step_trapezoid": 333.3,
+            "interpolate_per_step_trapezoid_one_axis": 100.0,
+            "line_to_queue": {"plan": 8, "interpolate_per_event": 50.0}});
+        assert_eq!(target(&counts(), &tallies(2)).unwrap(), expected);
+    }
+
+    #[test]
+    fn what_was_not_counted_is_named() {
+        assert!(target(&json!({}), &tallies(2)).is_err());
+        assert!(target(&counts(), &tallies(0)).unwrap_err().contains("print"));
+        let error = target(&counts(), &json!({})).unwrap_err();
+        assert!(error.contains("trapezoid.events"), "{error}");
+    }
+
+    #[test]
+    fn the_print_has_its_moves() {
+        assert_eq!(workload(&counts(), tallies(2)).unwrap()["print"], json!({"events": 2, "moves": 5}));
+        assert!(workload(&json!({}), tallies(2)).is_err());
+    }
+}
