@@ -58,6 +58,30 @@ impl StepEntry {
         Self { interval_ticks: 0, count: 0, axes: u8::MAX, other: directions }
     }
 
+    /// From the event before to the first, and between events; of a direction change 0.
+    #[inline]
+    pub const fn interval_ticks(self) -> u32 {
+        self.interval_ticks
+    }
+
+    /// Number of events, 0 for what is not a stair.
+    #[inline]
+    pub const fn count(self) -> u16 {
+        self.count
+    }
+
+    /// Motors that step in each event of a stair.
+    #[inline]
+    pub const fn axes(self) -> u8 {
+        self.axes
+    }
+
+    /// Motors that step in a stair's last event as well.
+    #[inline]
+    pub const fn added(self) -> u8 {
+        self.other
+    }
+
     /// The entry as two words, for a queue that shares words between tasks.
     #[inline]
     pub const fn to_words(self) -> [u32; 2] {
