@@ -128,22 +128,22 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
     /// # Errors
     /// As [`Self::push`]; the entries before the one that is meant were added.
     pub fn push_all(&mut self, mut entries: &[StepEntry]) -> Result<(), FeedError> {
-        while let Some((first, rest)) = entries.split_first() {
-            // The room does not shrink meanwhile.
-            let fitting = entries.len().min(self.room());
+        while let Some((first, others)) = entries.split_first() {
+            // There is not less room meanwhile.
+            let fitting = entries.get(..self.room()).unwrap_or(entries);
             let mut newest = self.newest;
             let mut usual = self.usual();
-            let mut pushed = 0;
-            for entry in entries.iter().take(fitting) {
-                if !usual.push(&mut newest, *entry) {
-                    break;
-                }
-                pushed += 1;
+            let mut left = fitting.iter();
+            while let Some(entry) = left.as_slice().first()
+                && usual.push(&mut newest, *entry)
+            {
+                left.next();
             }
             self.newest = newest;
+            let pushed = fitting.len() - left.as_slice().len();
             if pushed == 0 {
                 self.push(*first)?;
-                entries = rest;
+                entries = others;
             } else {
                 entries = entries.get(pushed..).unwrap_or_default();
             }

@@ -76,20 +76,12 @@ impl<M: Stepping, const PORTS: usize, const N: usize> Usual<'_, M, PORTS, N> {
         if interval_ticks <= self.above_ticks || count.wrapping_sub(1) >= most {
             return false;
         }
-        let (axes, added) = (entry.axes(), entry.added());
+        let (axes, added) = (entry.axes() & 15, entry.added());
         if M::EVENTS_A_STEP == 1 {
             self.edges(newest, interval_ticks, count, axes, added);
-            return true;
+        } else {
+            self.pulses(newest, interval_ticks, count, axes, added);
         }
-        if added & !axes == 0 {
-            self.pulses(newest, interval_ticks, count, axes);
-            return true;
-        }
-        // The last pulse is another one.
-        if count > 1 {
-            self.pulses(newest, interval_ticks, count - 1, axes);
-        }
-        self.pulses(newest, interval_ticks, 1, axes | added);
         true
     }
 
@@ -99,30 +91,41 @@ impl<M: Stepping, const PORTS: usize, const N: usize> Usual<'_, M, PORTS, N> {
         let steps = Steps::new(axes, self.directions);
         let then = self.pins.toggled(axes, newest.levels);
         let mut held = Held { words: then, steps };
-        if count > 1 || added != 0 {
+        if count | u32::from(added) << 16 == 1 {
+            newest.levels ^= axes;
+        } else {
             newest.levels ^= if count & 1 == 0 { axes } else { 0 };
             let all = axes | added;
             held = Held { words: self.pins.toggled(all, newest.levels), steps: Steps::new(all, self.directions) };
             newest.levels ^= all;
-        } else {
-            newest.levels ^= axes;
         }
-        self.fill(newest, Following { gap_ticks, then, steps, events: count, held });
+        newest.fill(self.player, self.accounts, false, Following { gap_ticks, then, steps, events: count, held });
     }
 
-    /// `count` pulses, of which the last one's end is held back.
+    /// `count` pulses, of which the last one's end is held back; that one may be another.
     #[inline(always)]
-    fn pulses(&mut self, newest: &mut Newest<PORTS>, interval_ticks: u32, count: u32, axes: u8) {
-        let steps = Steps::new(axes, self.directions);
-        let then = self.pins.raised(axes);
-        let held = Held { words: then.map(PinMap::<PORTS>::turned), steps: Steps::NONE };
+    fn pulses(&mut self, newest: &mut Newest<PORTS>, interval_ticks: u32, count: u32, axes: u8, added: u8) {
         let gap_ticks = interval_ticks.wrapping_sub(self.pulse_ticks);
-        self.fill(newest, Following { gap_ticks, then, steps, events: count * M::EVENTS_A_STEP, held });
-    }
-
-    #[inline(always)]
-    fn fill(&mut self, newest: &mut Newest<PORTS>, following: Following<PORTS>) {
-        newest.fill(self.player, self.accounts, false, following);
+        let (mut axes, mut count, mut last) = (axes, count, 0);
+        if added & !axes != 0 {
+            last = axes | added & 15;
+            count -= 1;
+            if count == 0 {
+                (axes, count, last) = (last, 1, 0);
+            }
+        }
+        // One copy of this code.
+        loop {
+            let steps = Steps::new(axes, self.directions);
+            let then = self.pins.raised(axes);
+            let held = Held { words: then.map(PinMap::<PORTS>::turned), steps: Steps::NONE };
+            let following = Following { gap_ticks, then, steps, events: count * M::EVENTS_A_STEP, held };
+            newest.fill(self.player, self.accounts, false, following);
+            if last == 0 {
+                return;
+            }
+            (axes, count, last) = (last, 1, 0);
+        }
     }
 }
 
@@ -138,7 +141,9 @@ impl<const PORTS: usize> Newest<PORTS> {
     ) {
         let Following { gap_ticks, then, steps, events, held } = following;
         self.number = self.number.wrapping_add(events) & u32::from(MOST_EVENTS);
-        accounts[self.filled as usize & (N - 1)] = SlotAccount::new(self.held.steps, steps, events);
+        // The end of a pulse steps nothing.
+        let first_steps = if M::EVENTS_A_STEP == 2 { Steps::NONE } else { self.held.steps };
+        accounts[self.filled as usize & (N - 1)] = SlotAccount::new(first_steps, steps, events);
         let (first, reload) = (self.held.words, gap_ticks.wrapping_sub(1));
         player.slot_of(self.filled).fill(&Filling { first, then, reload, events, near, number: self.number });
         self.filled = self.filled.wrapping_add(1);
