@@ -40,7 +40,8 @@ impl StepBresenham {
         if self.rise == 0 {
             return u32::MAX;
         }
-        (self.decision.wrapping_neg() / self.rise) as u32 + 1
+        // Neither is negative.
+        (self.decision.wrapping_neg() as u32 / self.rise as u32).wrapping_add(1)
     }
 
     /// Passes `count` major-axis steps, at most [`Self::width`]; whether the minor axis steps with the last of them.

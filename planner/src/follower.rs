@@ -19,6 +19,21 @@ impl Follower {
         Self { bit, line: StepBresenham::new(master_steps, steps).unwrap_or(StepBresenham::level()) }
     }
 
+    /// The motor's bit.
+    pub(crate) fn bit(&self) -> u8 {
+        self.bit
+    }
+
+    /// Where it is on its line.
+    pub(crate) fn line(&self) -> StepBresenham {
+        self.line
+    }
+
+    /// Takes over how far it was passed.
+    pub(crate) fn set_line(&mut self, line: StepBresenham) {
+        self.line = line;
+    }
+
     /// Master steps up to and including the next common one; out of reach where there is none.
     #[inline]
     pub(crate) fn until(&self) -> u32 {

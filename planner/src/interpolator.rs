@@ -277,75 +277,93 @@ impl Interpolator {
 
     /// The master's steps in a ramp, and the extruder's between them, as long as none is too near to another: at most
     /// `most` events, the master's first step `gap` time units behind the last event, half a tick included. How many
-    /// events there are, and whether an extruder step waits for the master's next one.
+    /// events there are, and whether anything has happened.
     #[inline(never)]
     fn run_ramp(&mut self, mut gap: u32, most: usize) -> (usize, bool) {
-        let [mut follower, second] = self.followers;
+        let [first, second] = self.followers;
+        let Some((mut run, steps)) = self.master.run() else { return (0, false) };
         // Up to the second follower's next step.
-        let Some(mut run) = self.master.run(second.until().wrapping_sub(1)) else { return (0, false) };
-        let mut joined = self.joining & EXTRUDER;
-        // Ticks from the last event up to which no step of the extruder is due.
-        let mut alone = self.extruder.ticks_from(self.last);
-        let (mut start, mut whole) = (self.last, alone);
-        let mut free = self.entries.room(most).iter_mut();
-        let room = free.len();
+        let steps = steps.min(second.until().wrapping_sub(1));
+        let places = self.entries.room(most.min(steps as usize));
+        let most = places.len();
+        let least = self.minimum_interval;
+        let [alone, common] = [0, first.bit()].map(|bit| StepEntry::event(0, self.master_bit | bit));
+        let mut line = first.line();
+        // The event at which an extruder step waits for the master's.
+        let mut joint = if self.joining & EXTRUDER == 0 { usize::MAX } else { 0 };
         let mut has_joined = false;
-        // Whether `gap` is up to the next step, not the last one's.
-        let is_ahead = loop {
+        let mut extruded = 0;
+        // The last event, and how many ticks behind it no step of the extruder is due: both so far, and of `start`.
+        let mut start = self.last;
+        let mut whole = self.extruder.ticks_from(start);
+        let mut free = whole;
+        let mut left = places.iter_mut();
+        // What the master's last step leaves over a tick.
+        let mut fraction = 0;
+        // Whether something is in the way before the master's next step, and not its own last step here is the end.
+        let is_held_up = loop {
             let ticks = gap >> FRACTION_BITS;
-            if ticks >= alone {
-                let last = start.wrapping_add(u64::from(whole - alone) << FRACTION_BITS);
-                match ExtruderStep::before(&self.extruder, last, gap, self.near, self.minimum_interval) {
+            if ticks >= free {
+                let number = most - left.len();
+                let last = start.wrapping_add(u64::from(whole.wrapping_sub(free)) << FRACTION_BITS);
+                match ExtruderStep::before(&self.extruder, last, gap, self.near, least) {
                     ExtruderStep::Later => {}
-                    ExtruderStep::Joins => {
+                    ExtruderStep::Joins if joint == usize::MAX => {
                         self.extruder.take(1);
-                        joined = EXTRUDER;
-                        has_joined = true;
-                        (start, alone) = (last, self.extruder.ticks_from(last));
-                        whole = alone;
+                        (joint, has_joined) = (number, true);
+                        start = last;
+                        whole = self.extruder.ticks_from(start);
+                        free = whole;
                         continue;
                     }
-                    ExtruderStep::After(ticks) => {
-                        let Some(place) = free.next() else { break true };
-                        self.extruder.take(1);
+                    ExtruderStep::After(ticks) if joint != number => {
+                        let Some(place) = left.next() else { break true };
                         *place = StepEntry::event(ticks, EXTRUDER);
+                        self.extruder.take(1);
+                        extruded += 1;
                         gap = gap.wrapping_sub(ticks << FRACTION_BITS);
                         start = last.wrapping_add(u64::from(ticks) << FRACTION_BITS);
-                        alone = self.extruder.ticks_from(start);
-                        whole = alone;
+                        whole = self.extruder.ticks_from(start);
+                        free = whole;
+                        if left.as_slice().is_empty() {
+                            break true;
+                        }
                         continue;
                     }
-                    ExtruderStep::TooNear => break true,
+                    _ => break true,
                 }
             }
-            if ticks < self.minimum_interval {
+            if ticks < least {
                 break true;
             }
-            let Some(place) = free.next() else { break true };
-            *place = StepEntry::event(ticks, self.master_bit | joined | follower.pass(1));
-            joined = 0;
-            alone = alone.wrapping_sub(ticks);
-            // Behind the tick of the step.
-            gap &= ONE_TICK - 1;
-            let Some(next) = run.take() else { break false };
-            match gap.checked_add(next) {
-                Some(next) => gap = next,
-                None => break false,
+            let Some(place) = left.next() else { break true };
+            *place = if line.pass(1) { common } else { alone }.at(ticks);
+            free = free.wrapping_sub(ticks);
+            fraction = gap & (ONE_TICK - 1);
+            let units = run.take();
+            let (next, is_far) = fraction.overflowing_add(units);
+            if left.as_slice().is_empty() || is_far || units == u32::MAX {
+                break false;
             }
+            gap = next;
         };
-        let events = room - free.len();
+        let events = most - left.len();
+        let steps = (events - extruded) as u32;
+        self.last = start.wrapping_add(u64::from(whole.wrapping_sub(free)) << FRACTION_BITS);
         self.entries.filled(events);
-        self.last = start.wrapping_add(u64::from(whole.wrapping_sub(alone)) << FRACTION_BITS);
-        let taken = run.taken();
-        if taken > 0 {
-            let due = self.last.wrapping_add(u64::from(gap)).wrapping_sub(HALF_TICK);
-            self.master.end_run(&run, due, is_ahead);
-            let [first, second] = &mut self.followers;
-            *first = follower;
-            second.pass(taken);
-            self.joining = joined;
-        } else {
-            self.joining |= joined;
+        let behind = if is_held_up { gap } else { fraction };
+        let due = self.last.wrapping_add(u64::from(behind)).wrapping_sub(HALF_TICK);
+        self.master.end_run(&run, steps, due, is_held_up);
+        let [first, second] = &mut self.followers;
+        first.set_line(line);
+        second.pass(steps);
+        if steps > 0 {
+            self.joining = 0;
+        }
+        if joint < events {
+            self.entries.join(events - joint, EXTRUDER);
+        } else if joint < usize::MAX {
+            self.joining |= EXTRUDER;
         }
         (events, has_joined)
     }
