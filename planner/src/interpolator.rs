@@ -365,7 +365,7 @@ impl Interpolator {
                     Look::Step(ticks) => {
                         let Some(place) = places.next() else { break };
                         *place = StepEntry::event(ticks, EXTRUDER);
-                        gap -= u64::from(ticks) << FRACTION_BITS;
+                        gap = gap.wrapping_sub(u64::from(ticks) << FRACTION_BITS);
                         continue;
                     }
                     Look::TooNear => break,
@@ -382,13 +382,13 @@ impl Interpolator {
                 // By how many ticks the stair's first step comes before it is due.
                 let early = ticks.wrapping_sub(cruise.ticks) as i32;
                 // And its last: whole ticks drift away from the interval.
-                let drift = cruise.drift.wrapping_mul(count as i32 - 1) >> FRACTION_BITS;
+                let drift = cruise.drift.wrapping_mul(count.wrapping_sub(1) as i32) >> FRACTION_BITS;
                 if early.unsigned_abs() > STAIR_TOLERANCE
                     || early.wrapping_sub(drift).unsigned_abs() > STAIR_TOLERANCE
                     || begins && !is_after(between.last(between.free), cruise.ticks, self.move_start)
                 {
                     count = 1;
-                } else if gap.wrapping_add(cruise.interval.wrapping_mul(u64::from(count - 1))) >> FRACTION_BITS
+                } else if gap.wrapping_add(cruise.interval.wrapping_mul(u64::from(count.wrapping_sub(1)))) >> FRACTION_BITS
                     >= u64::from(between.free)
                 {
                     // Cut, so that none too many is counted, and one too few very rarely.
@@ -408,7 +408,7 @@ impl Interpolator {
                 axes |= first.bit();
                 first.pass_diagonal(count);
             }
-            beyond += u32::from(cruise.beyond).wrapping_mul(count);
+            beyond = beyond.wrapping_add(u32::from(cruise.beyond).wrapping_mul(count));
             gap = gap.wrapping_add(u64::from(beyond >> 16));
             beyond &= 0xffff;
             let passed = if count > 1 {
@@ -422,7 +422,7 @@ impl Interpolator {
                 u64::from(ticks)
             };
             between.pass(passed);
-            left -= count;
+            left = left.wrapping_sub(count);
             begins = false;
         }
         let entries = most - places.len();
