@@ -9,12 +9,12 @@ use crate::EXTRUDER;
 use crate::between::{Between, Look};
 use crate::block::{Block, PlannedBlock};
 use crate::bresenham::MAX_STEPS;
+use crate::entries::Entries;
 use crate::extruder::rounded_steps;
 use crate::follower::Follower;
 use crate::inside::Inside;
 use crate::real::Real;
 use crate::spacing::{ExtruderTravel, Spacing};
-use crate::entries::Entries;
 use crate::step_queue::{Notice, StepEntry, StepSink};
 use crate::step_times::{Cruise, NEVER, StepTimes};
 use crate::time_law::{FRACTION_BITS, HALF_TICK, Precision, TimeLaw, Trapezoid};
@@ -23,7 +23,7 @@ use crate::time_law::{FRACTION_BITS, HALF_TICK, Precision, TimeLaw, Trapezoid};
 pub const MAX_ENTRIES: usize = EVENTS_AT_ONCE + 1;
 
 /// Events or stairs worked out in one call of [`Interpolator::advance`].
-const EVENTS_AT_ONCE: usize = 32;
+const EVENTS_AT_ONCE: usize = 64;
 
 /// Most ticks that the first and the last step of a stair may be off: 0.4 us.
 const STAIR_TOLERANCE: u32 = 32;
@@ -285,7 +285,8 @@ impl Interpolator {
             return (0, false);
         }
         let mut left = places.iter_mut();
-        let mut between = Between::new(&self.extruder, self.last, self.joining & EXTRUDER != 0, self.near, self.minimum_interval);
+        let mut between =
+            Between::new(&self.extruder, self.last, self.joining & EXTRUDER != 0, self.near, self.minimum_interval);
         let mut free = between.free;
         let [alone, common] = [0, first.bit()].map(|bit| StepEntry::event(0, self.master_bit | bit));
         let least = self.minimum_interval;
@@ -349,7 +350,8 @@ impl Interpolator {
     fn run_cruise(&mut self, cruise: Cruise, mut left: u32, mut gap: u64, most: usize) -> (usize, bool) {
         let [mut first, mut second] = self.followers;
         let mut beyond = self.master.beyond();
-        let mut between = Between::new(&self.extruder, self.last, self.joining & EXTRUDER != 0, self.near, self.minimum_interval);
+        let mut between =
+            Between::new(&self.extruder, self.last, self.joining & EXTRUDER != 0, self.near, self.minimum_interval);
         let mut begins = self.joining & MOVE_BEGINS != 0;
         let places = self.entries.room(most);
         let most = places.len();
@@ -388,7 +390,8 @@ impl Interpolator {
                     || begins && !is_after(between.last(between.free), cruise.ticks, self.move_start)
                 {
                     count = 1;
-                } else if gap.wrapping_add(cruise.interval.wrapping_mul(u64::from(count.wrapping_sub(1)))) >> FRACTION_BITS
+                } else if gap.wrapping_add(cruise.interval.wrapping_mul(u64::from(count.wrapping_sub(1))))
+                    >> FRACTION_BITS
                     >= u64::from(between.free)
                 {
                     // Cut, so that none too many is counted, and one too few very rarely.

@@ -82,6 +82,12 @@ impl StepEntry {
         self.rest as u16
     }
 
+    /// Whether it is one event.
+    #[inline(always)]
+    pub const fn is_single(self) -> bool {
+        self.rest & 0xff00_ffff == 1
+    }
+
     /// Motors that step in each event of a stair.
     #[inline(always)]
     pub const fn axes(self) -> u8 {
