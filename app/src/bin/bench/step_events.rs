@@ -114,13 +114,10 @@ fn burst<M: Stepping, const PORTS: usize, const N: usize>(
     push(queue, FAR_TICKS, STAIR_EVENTS, ONE_AXIS)?;
     push(queue, FAR_TICKS, STAIR_EVENTS, ONE_AXIS)?;
     queue.start();
-    let longest = queue.with_updates(|queue| {
-        let mut longest = 0;
-        while queue.is_running() {
-            longest = longest.max(queue.play(counter).instructions);
-        }
-        longest
-    });
+    let mut longest = 0;
+    while queue.is_running() {
+        longest = longest.max(queue.play(counter).instructions);
+    }
     queue.empty();
     Ok(longest)
 }
@@ -128,7 +125,7 @@ fn burst<M: Stepping, const PORTS: usize, const N: usize>(
 /// Plays what waits in the queue but for the last slots.
 pub fn play_waiting<M: Stepping, const PORTS: usize, const N: usize>(
     counter: &Counter,
-    queue: &BenchQueue<M, PORTS, N>,
+    queue: &mut BenchQueue<M, PORTS, N>,
     report: &mut StepEvents,
 ) {
     queue.start();
