@@ -2,6 +2,7 @@
 
 use core::sync::atomic::{AtomicU16, Ordering};
 
+use cortex_m::peripheral::NVIC;
 use ferrostep_hal_shim::StepOutput;
 use ferrostep_hal_shim::stepping::{MotorPins, Pin, PinMap, Signals, SlotAccount, StepFeeder, StepPlayer, Stepping};
 use ferrostep_planner::interpolator::MAX_ENTRIES;
@@ -122,10 +123,16 @@ impl<M: Stepping, const PORTS: usize, const N: usize> BenchQueue<M, PORTS, N> {
         self.queue.waiting()
     }
 
-    /// Lets the interrupt take slots.
-    pub fn start(&mut self) {
+    /// Lets the interrupt take slots: the instructions of what it begins with.
+    pub fn start(&mut self, counter: &Counter) -> u32 {
         PLAYING.store(self.interrupt as u16, Ordering::Relaxed);
+        // The queue calls it, masked; and once more where it is counted.
+        NVIC::mask(Interrupt::TIM1_BRK_TIM9);
         self.queue.start();
+        NVIC::unpend(Interrupt::TIM1_BRK_TIM9);
+        // SAFETY: no critical section relies on the mask.
+        unsafe { NVIC::unmask(Interrupt::TIM1_BRK_TIM9) };
+        counter.count_handler(Interrupt::TIM1_BRK_TIM9)
     }
 
     /// Whether the interrupt has found no end of them yet.
