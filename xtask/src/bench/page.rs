@@ -147,8 +147,8 @@ fn steps_per_second(out: &mut String, figures: &Value) -> std::fmt::Result {
         "A model until silicon confirms it: at 168 MHz 12 cycles to enter the interrupt, 10 to leave it, and 1.4 an \
          instruction\n(what Klipper's 46 cycles for 33 instructions come to). All motors of a port step with one \
          store, so steps are events\ntimes motors. The handler stays for stairs whose events are within 0.36 us, for up \
-         to 128 looks at the\ntimer; it enters for all other events, the rest of a longer stair included. In thousands \
-         of steps a second, the processor\ndoing nothing else:\n"
+         to 128 looks at the timer; it enters\nfor all other events, the rest of a longer stair included. In thousands of \
+         steps a second, the processor doing\nnothing else:\n"
     )?;
     writeln!(
         out,
