@@ -5,8 +5,9 @@
 //! follow it by step Bresenham. The extruder has times of its own: it steps where e(t) = e0 + lambda s(t) passes a
 //! half step, lambda = dE/S (Wu 2024, eqs. 10 and 11).
 
+mod runs;
+
 use crate::EXTRUDER;
-use crate::between::{Between, Look};
 use crate::block::{Block, PlannedBlock};
 use crate::bresenham::MAX_STEPS;
 use crate::entries::Entries;
@@ -16,7 +17,7 @@ use crate::inside::Inside;
 use crate::real::Real;
 use crate::spacing::{ExtruderTravel, Spacing};
 use crate::step_queue::{Notice, StepEntry, StepSink};
-use crate::step_times::{Cruise, NEVER, StepTimes};
+use crate::step_times::{NEVER, StepTimes};
 use crate::time_law::{FRACTION_BITS, HALF_TICK, Precision, TimeLaw, Trapezoid};
 
 /// Most entries a single [`Interpolator::advance`] or [`Interpolator::begin`] hands to its sink.
@@ -24,9 +25,6 @@ pub const MAX_ENTRIES: usize = EVENTS_AT_ONCE + 1;
 
 /// Events or stairs worked out in one call of [`Interpolator::advance`].
 const EVENTS_AT_ONCE: usize = 64;
-
-/// Most ticks that the first and the last step of a stair may be off: 0.4 us.
-const STAIR_TOLERANCE: u32 = 32;
 
 /// The bits of a time without its fraction of a tick.
 const WHOLE_TICKS: u64 = !(ONE_TICK as u64 - 1);
@@ -227,7 +225,10 @@ impl Interpolator {
             if behind < FAR {
                 let (entries, has_joined) = match self.master.cruise() {
                     Some((cruise, steps)) => self.run_cruise(cruise, steps, behind, room),
-                    None => self.run_ramp(behind, room),
+                    None => match u32::try_from(behind) {
+                        Ok(gap) => self.run_ramp(gap, room),
+                        Err(_) => self.run_ramp(behind, room),
+                    },
                 };
                 room -= entries;
                 if entries > 0 || has_joined {
@@ -268,187 +269,6 @@ impl Interpolator {
             self.last = due.wrapping_add(HALF_TICK) & WHOLE_TICKS;
         }
         Work::Events
-    }
-
-    /// The master's steps in a ramp, and the extruder's between them, as long as none is too near to another: at most
-    /// `most` events, the master's first step `gap` time units behind the last event, half a tick included. How many
-    /// events there are, and whether anything has happened.
-    #[inline(never)]
-    fn run_ramp(&mut self, gap: u64, most: usize) -> (usize, bool) {
-        let (Some((mut run, steps)), Ok(mut gap)) = (self.master.run(), u32::try_from(gap)) else { return (0, false) };
-        let [first, second] = self.followers;
-        // Up to the second follower's next step.
-        let steps = steps.min(second.until().wrapping_sub(1));
-        let places = self.entries.room(most.min(steps as usize));
-        let most = places.len();
-        if most == 0 {
-            return (0, false);
-        }
-        let mut left = places.iter_mut();
-        let mut between =
-            Between::new(&self.extruder, self.last, self.joining & EXTRUDER != 0, self.near, self.minimum_interval);
-        let mut free = between.free;
-        let [alone, common] = [0, first.bit()].map(|bit| StepEntry::event(0, self.master_bit | bit));
-        let least = self.minimum_interval;
-        let mut line = first.line();
-        // What the master's last step leaves over a tick.
-        let mut fraction = 0;
-        // Whether something is in the way before the master's next step, and not its own last step here is the end.
-        let is_held_up = loop {
-            let ticks = gap >> FRACTION_BITS;
-            if ticks >= free {
-                let look = between.look(&mut self.extruder, free, u64::from(gap), most - left.len());
-                free = between.free;
-                match look {
-                    Look::Free => {}
-                    Look::Again => continue,
-                    Look::Step(ticks) => {
-                        // The loop goes on only while there are places.
-                        let Some(place) = left.next() else { break true };
-                        *place = StepEntry::event(ticks, EXTRUDER);
-                        gap = gap.wrapping_sub(ticks << FRACTION_BITS);
-                        if left.as_slice().is_empty() {
-                            break true;
-                        }
-                        continue;
-                    }
-                    Look::TooNear => break true,
-                }
-            }
-            if ticks < least {
-                break true;
-            }
-            let Some(place) = left.next() else { break true };
-            *place = if line.pass(1) { common } else { alone }.at(ticks);
-            free = free.wrapping_sub(ticks);
-            fraction = gap & (ONE_TICK - 1);
-            let units = run.take();
-            if left.as_slice().is_empty() || units > u32::MAX - ONE_TICK {
-                break false;
-            }
-            gap = fraction.wrapping_add(units);
-        };
-        let events = most - left.len();
-        let steps = (events - between.steps) as u32;
-        let behind = if is_held_up { gap } else { fraction };
-        let due = between.last(free).wrapping_add(u64::from(behind)).wrapping_sub(HALF_TICK);
-        self.master.end_run(&run, steps, due, is_held_up);
-        let [first, second] = &mut self.followers;
-        first.set_line(line);
-        second.pass(steps);
-        self.end_run(&between, free, events, steps > 0);
-        (events, between.has_joined)
-    }
-
-    /// The same in the cruise, of which `left` steps are left, with stairs: of steps that no follower takes part in but
-    /// perhaps the last, or of steps that the first one takes part in. How many entries there are, and whether anything
-    /// has happened.
-    ///
-    /// Wu 2024; the second kind is the stairs' complement. All of a stair's steps are about where they are due, and no
-    /// step of the extruder comes before the last.
-    #[inline(never)]
-    fn run_cruise(&mut self, cruise: Cruise, mut left: u32, mut gap: u64, most: usize) -> (usize, bool) {
-        let [mut first, mut second] = self.followers;
-        let mut beyond = self.master.beyond();
-        let mut between =
-            Between::new(&self.extruder, self.last, self.joining & EXTRUDER != 0, self.near, self.minimum_interval);
-        let mut begins = self.joining & MOVE_BEGINS != 0;
-        let places = self.entries.room(most);
-        let most = places.len();
-        let mut places = places.iter_mut();
-        let steps = left;
-        while left > 0 && gap < FAR && !places.as_slice().is_empty() {
-            let ticks = (gap >> FRACTION_BITS) as u32;
-            let number = most - places.len();
-            if ticks >= between.free {
-                match between.look(&mut self.extruder, between.free, gap, number) {
-                    Look::Free => {}
-                    Look::Again => continue,
-                    Look::Step(ticks) => {
-                        let Some(place) = places.next() else { break };
-                        *place = StepEntry::event(ticks, EXTRUDER);
-                        gap = gap.wrapping_sub(u64::from(ticks) << FRACTION_BITS);
-                        continue;
-                    }
-                    Look::TooNear => break,
-                }
-            }
-            if ticks < between.least {
-                break;
-            }
-            let Some(place) = places.next() else { break };
-            let diagonal = first.diagonal();
-            let width = if diagonal == 0 { first.until() } else { diagonal };
-            let mut count = left.min(cruise.longest_stair).min(width).min(second.until());
-            if count > 1 && cruise.ticks >= between.least && between.joint != number {
-                // By how many ticks the stair's first step comes before it is due.
-                let early = ticks.wrapping_sub(cruise.ticks) as i32;
-                // And its last: whole ticks drift away from the interval.
-                let drift = cruise.drift.wrapping_mul(count.wrapping_sub(1) as i32) >> FRACTION_BITS;
-                if early.unsigned_abs() > STAIR_TOLERANCE
-                    || early.wrapping_sub(drift).unsigned_abs() > STAIR_TOLERANCE
-                    || begins && !is_after(between.last(between.free), cruise.ticks, self.move_start)
-                {
-                    count = 1;
-                } else if gap.wrapping_add(cruise.interval.wrapping_mul(u64::from(count.wrapping_sub(1))))
-                    >> FRACTION_BITS
-                    >= u64::from(between.free)
-                {
-                    // Cut, so that none too many is counted, and one too few very rarely.
-                    let distance = between.distance(&self.extruder).saturating_sub(gap) >> 12;
-                    let interval = u32::try_from(cruise.interval >> 12).unwrap_or(u32::MAX).saturating_add(1);
-                    let fitting = u32::try_from(distance).unwrap_or(u32::MAX) / interval;
-                    count = fitting.saturating_add(1).min(count);
-                }
-            } else {
-                count = 1;
-            }
-            let mut axes = self.master_bit;
-            let mut added = second.pass(count);
-            if diagonal == 0 {
-                added |= first.pass(count);
-            } else {
-                axes |= first.bit();
-                first.pass_diagonal(count);
-            }
-            beyond = beyond.wrapping_add(u32::from(cruise.beyond).wrapping_mul(count));
-            gap = gap.wrapping_add(u64::from(beyond >> 16));
-            beyond &= 0xffff;
-            let passed = if count > 1 {
-                // Not longer than the longest stair, which 16 bits hold.
-                *place = StepEntry::of(cruise.ticks, count as u16, axes, added);
-                gap = gap.wrapping_sub(i64::from(cruise.drift.wrapping_mul(count as i32)) as u64);
-                u64::from(cruise.ticks) * u64::from(count)
-            } else {
-                *place = StepEntry::event(ticks, axes | added);
-                gap = (gap & u64::from(ONE_TICK - 1)).wrapping_add(cruise.interval);
-                u64::from(ticks)
-            };
-            between.pass(passed);
-            left = left.wrapping_sub(count);
-            begins = false;
-        }
-        let entries = most - places.len();
-        let due = between.last(between.free).wrapping_add(gap).wrapping_sub(HALF_TICK);
-        self.master.end_cruise(steps - left, due, beyond);
-        self.followers = [first, second];
-        self.end_run(&between, between.free, entries, steps > left);
-        (entries, between.has_joined)
-    }
-
-    /// Takes over what a run has done besides the master's steps.
-    #[inline(always)]
-    fn end_run(&mut self, between: &Between, free: u32, entries: usize, has_stepped: bool) {
-        self.last = between.last(free);
-        self.entries.filled(entries);
-        if has_stepped {
-            self.joining = 0;
-        }
-        if between.joint < entries {
-            self.entries.join(entries - between.joint, EXTRUDER);
-        } else if between.joint < usize::MAX {
-            self.joining |= EXTRUDER;
-        }
     }
 
     /// What to do with a gap that is no 32-bit number of ticks: lets time pass, or nothing where it wrapped.
@@ -551,11 +371,6 @@ enum Work {
     Events,
     /// Nothing joins the last of them. What happens behind it.
     Closed(Option<Notice>),
-}
-
-/// Whether an event so many ticks behind `last` is later than another time; any of them may be before the block's start.
-fn is_after(last: u64, ticks: u32, other: u64) -> bool {
-    last.wrapping_add(u64::from(ticks) << FRACTION_BITS).wrapping_sub(other) as i64 > 0
 }
 
 /// The later of two times of a block, either of which may be before its start.

@@ -74,7 +74,7 @@ const UNITS_IN_TWO_TICKS: f32 = (2u32 << FRACTION_BITS) as f32;
 
 /// What [`Ramp::units_and_half`] gives, as a whole number: the nearest, for cut they would add up.
 #[inline(always)]
-fn whole_units(units_and_half: f32) -> u64 {
+pub(crate) fn whole_units(units_and_half: f32) -> u64 {
     // One instruction, and enough for all but slow steps.
     let short = units_and_half as u32;
     if short < u32::MAX { u64::from(short) } else { units_and_half.to_u64() }
@@ -110,15 +110,14 @@ pub(crate) struct RampRun {
 }
 
 impl RampRun {
-    /// Takes a step. Time units from it to the next one, cut to 32 bits; no matter what behind a ramp's last step.
+    /// Takes a step. Time units from it to the next one, and half of one; no matter what behind a ramp's last step.
     #[inline(always)]
-    pub(crate) fn take(&mut self) -> u32 {
+    pub(crate) fn take(&mut self) -> f32 {
         self.index += self.direction;
         let speed = square_root_f32(self.slow + self.index * self.gain);
         self.units_and_half = UNITS_IN_TWO_TICKS / (self.speed + speed) + 0.5;
         self.speed = speed;
-        // One instruction, which saturates.
-        self.units_and_half as u32
+        self.units_and_half
     }
 }
 
