@@ -55,11 +55,10 @@ impl Head {
         self.0 < 0
     }
 
-    /// The head as that of a slot of far events, in which form it is played.
+    /// The head of a slot of near events as that of one of far events, in which form it is played.
     #[inline(always)]
     pub fn as_far(self) -> Self {
-        let events = self.0 >> 16;
-        Self(if events > 0 { (events.wrapping_neg() << 16) | (self.0 & 0xffff) } else { self.0 })
+        Self(((self.0 & 0xffff) << 1).wrapping_sub(self.0))
     }
 
     /// Events that are left.
