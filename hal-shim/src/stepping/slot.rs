@@ -31,11 +31,11 @@ pub struct Filling<const PORTS: usize> {
     /// See [`Slot::reload`].
     pub reload: u32,
     /// Number of events, 1 to [`MOST_EVENTS`].
-    pub events: u16,
+    pub events: u32,
     /// Whether they are nearer than leaving and entering the interrupt would take.
     pub near: bool,
     /// Number of all events up to the end of this slot, modulo 2^15.
-    pub number: u16,
+    pub number: u32,
 }
 
 /// What a slot's head says, and what is left of it while it is played: the upper half counts up to 0.
@@ -82,7 +82,7 @@ impl<const PORTS: usize> Slot<PORTS> {
     };
 
     /// For the producer: fills an empty slot; the interrupt may take it at once.
-    #[inline]
+    #[inline(always)]
     pub fn fill(&self, filling: &Filling<PORTS>) {
         for (word, value) in self.first.iter().zip(filling.first) {
             word.store(value);
@@ -92,8 +92,9 @@ impl<const PORTS: usize> Slot<PORTS> {
         }
         self.reload.store(filling.reload);
         super::word::publish();
-        let events = i32::from(filling.events & MOST_EVENTS);
-        self.head.store((if filling.near { events } else { -events }) << 16 | i32::from(filling.number));
+        let events = filling.events << 16;
+        let head = if filling.near { filling.number.wrapping_add(events) } else { filling.number.wrapping_sub(events) };
+        self.head.store(head as i32);
     }
 
     /// How many events, and how near.
