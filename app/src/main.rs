@@ -54,8 +54,8 @@ mod app {
     use crate::heat::{self, Heat};
     use crate::host_line::{self, Patience, Reader, Writer};
     use crate::ports::{
-        BoardHeating, BoardMachine, BoardMotion, BoardReplies, BoardStepTimer, LOOK_AHEAD_BLOCKS, PLANNER_WORK,
-        STEP_QUEUE_SLOTS, STEPS,
+        BoardHeating, BoardMachine, BoardMotion, BoardReplies, BoardStepTimer, LOOK_AHEAD_BLOCKS, Overload,
+        PLANNER_WORK, STEP_QUEUE_SLOTS, STEPS,
     };
     use crate::profile::PROFILE;
     use crate::timing::{self, BoardTiming};
@@ -257,11 +257,13 @@ mod app {
         }
     }
 
-    /// What is said without being asked: temperatures (M155), a halt, lost bytes; to the log, times (M798).
-    #[task(priority = 1, shared = [heat, writer], local = [halted])]
+    /// What is said without being asked: temperatures (M155), a halt, lost bytes, overload; to the log, times (M798).
+    #[task(priority = 1, shared = [machine, heat, writer], local = [halted])]
     async fn reports(cx: reports::Context) {
         let heating = BoardHeating(RefCell::new(cx.shared.heat));
         let replies = BoardReplies(RefCell::new(cx.shared.writer));
+        let mut machine = cx.shared.machine;
+        let mut reported = Overload::default();
         let mut reported_ms = 0;
         let mut logged_ms = 0;
         loop {
@@ -279,6 +281,10 @@ mod app {
             if now_ms.wrapping_sub(logged_ms) >= timing::LOG_INTERVAL_MS {
                 logged_ms = now_ms;
                 timing::log();
+                let overload = machine.lock(|machine| Overload::of(&machine.figures()));
+                if overload != core::mem::replace(&mut reported, overload) {
+                    replies.overload(overload);
+                }
             }
         }
     }
