@@ -16,13 +16,13 @@ use std::cell::{Cell, RefCell};
 use std::pin::pin;
 use std::task::{Context, Poll, Waker};
 
-use ferrostep_gcode::MotionFigures;
+use ferrostep_gcode::{Emergency, MotionFigures};
 use ferrostep_hal_shim::stepping::{Signals as StepSignals, SlotAccount, StepFeeder, Stepping};
 use ferrostep_hal_shim::virtual_board::{VirtualClock, VirtualDelay, VirtualPort, VirtualUpdateTimer};
 use ferrostep_planner::TICKS_PER_SECOND;
 use ferrostep_planner::look_ahead::Slot;
 use ferrostep_printer::machine::{Machine, Silence};
-use ferrostep_printer::{Failure, Printer, Profile, Signals};
+use ferrostep_printer::{Failure, Printer, Profile};
 
 use interrupts::{Interrupts, Player};
 use queue::Queue;
@@ -49,8 +49,7 @@ const FLUSH_AFTER: u64 = 100 * CYCLES_A_MS;
 type BoardMachine<'a, M> = Machine<Vec<Slot>, Queue<'a, M>>;
 
 /// The printer on the board.
-pub type BoardPrinter<'b, 'a, M> =
-    Printer<'b, BoardMotion<'b, 'a, M>, ColdHeaters, VirtualDelay<'b>, Transcript>;
+pub type BoardPrinter<'b, 'a, M> = Printer<'b, BoardMotion<'b, 'a, M>, ColdHeaters, VirtualDelay<'b>, Transcript>;
 
 /// The board.
 pub struct Board<'a, M> {
@@ -58,17 +57,35 @@ pub struct Board<'a, M> {
     interrupts: &'a Interrupts<'a, M>,
     machine: RefCell<BoardMachine<'a, M>>,
     clock: VirtualClock,
-    signals: Signals,
     replies: Transcript,
     costs: Costs,
     /// When the planner task looks again.
     next_plan: Cell<u64>,
     /// Since when the executor waits for a line.
     awaits_since: Cell<Option<u64>>,
+    stop_reports: RefCell<Vec<StopReport>>,
 }
 
-/// Runs `job` with a board that has just been switched on.
-pub fn with_board<M: Stepping, T>(profile: &Profile, costs: Costs, job: impl FnOnce(&Board<'_, M>) -> T) -> T {
+/// What the machine believed at the moment when it had followed a stop, and what is true.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct StopReport {
+    /// Where the machine believes its motors to be.
+    pub motor_steps: [i64; 4],
+    /// Its position, units of 10 nm.
+    pub position_10nm: [i64; 3],
+    /// Where the motors stand, by their signals.
+    pub counted_steps: [i64; 4],
+    /// Whether a motor stepped between the stop and now.
+    pub stepped_after: bool,
+}
+
+/// Runs `job` with a board that has just been switched on, with a look-ahead ring of so many blocks.
+pub fn with_board<M: Stepping, T>(
+    profile: &Profile,
+    look_ahead: usize,
+    costs: Costs,
+    job: impl FnOnce(&Board<'_, M>) -> T,
+) -> T {
     let (player, timer) = (Box::new(Player::<M>::new()), VirtualUpdateTimer::default());
     let port = WatchedPort::new(&timer, M::EVENTS_A_STEP == 1);
     let interrupts = Interrupts::new(&player, &timer, &port);
@@ -83,13 +100,13 @@ pub fn with_board<M: Stepping, T>(profile: &Profile, costs: Costs, job: impl FnO
     job(&Board {
         profile,
         interrupts: &interrupts,
-        machine: RefCell::new(Machine::new(profile, vec![Slot::EMPTY; LOOK_AHEAD_BLOCKS], queue)),
+        machine: RefCell::new(Machine::new(profile, vec![Slot::EMPTY; look_ahead], queue)),
         clock: VirtualClock::default(),
-        signals: Signals::new(),
         replies: Transcript::default(),
         costs,
         next_plan: Cell::new(PLANNER_INTERVAL),
         awaits_since: Cell::new(None),
+        stop_reports: RefCell::default(),
     })
 }
 
@@ -98,7 +115,7 @@ impl<'a, M: Stepping> Board<'a, M> {
     pub fn printer(&self) -> BoardPrinter<'_, 'a, M> {
         let clock = VirtualDelay(&self.clock);
         let mut printer =
-            Printer::new(self.profile, BoardMotion(self), ColdHeaters, clock, &self.replies, &self.signals);
+            Printer::new(self.profile, BoardMotion(self), ColdHeaters, clock, &self.replies, self.interrupts.signals());
         printer.set_emergency_parser(true);
         printer
     }
@@ -110,13 +127,28 @@ impl<'a, M: Stepping> Board<'a, M> {
 
     /// The planner task, once.
     fn plan(&self) {
-        let silence = self.awaits_since.get().map_or(Silence::default(), |since| Silence {
-            may_release: true,
-            may_flush: self.now() - since >= FLUSH_AFTER,
-        });
-        while self.machine.borrow_mut().work(silence) {}
+        let may_flush = self.awaits_since.get().is_some_and(|since| self.now() - since >= FLUSH_AFTER);
+        let silence = Silence { may_release: true, may_flush };
+        while self.work(silence) {}
         self.next_plan.set(self.now() + PLANNER_INTERVAL);
         self.clock.advance_to(to_ns(self.now()));
+    }
+
+    /// A portion of the planner's work; whether there is more. What the machine makes of a stop is noted before anything
+    /// else happens.
+    fn work(&self, silence: Silence) -> bool {
+        let mut machine = self.machine.borrow_mut();
+        let stops = machine.stops();
+        let more = machine.work(silence);
+        if machine.stops() != stops {
+            self.stop_reports.borrow_mut().push(StopReport {
+                motor_steps: machine.motor_steps(),
+                position_10nm: machine.position_10nm(),
+                counted_steps: self.counted_steps(),
+                stepped_after: self.interrupts.take_events_at_stop().is_some_and(|events| events != self.events()),
+            });
+        }
+        more
     }
 
     /// Lets time pass up to a cycle, in which the executor has nothing to do.
@@ -189,19 +221,15 @@ impl<'a, M: Stepping> Board<'a, M> {
         Ok(())
     }
 
-    /// M112 or M410 comes at a cycle; the interrupt that receives it acts on it, whatever the tasks are at.
-    pub fn stop_at(&self, cycle: u64) {
-        self.interrupts.stop_at(cycle);
+    /// M112 or M410 comes at a cycle; the interrupt that receives it acts on it, whatever the tasks are at. The line
+    /// itself is the caller's to send.
+    pub fn stop_at(&self, cycle: u64, emergency: Emergency) {
+        self.interrupts.stop_at(cycle, emergency);
     }
 
-    /// The flags of those who act on bytes as they arrive.
-    pub fn signals(&self) -> &Signals {
-        &self.signals
-    }
-
-    /// How often motion was stopped.
-    pub fn stops(&self) -> u32 {
-        self.machine.borrow().stops()
+    /// Takes the notes of the stops so far.
+    pub fn take_stop_reports(&self) -> Vec<StopReport> {
+        self.stop_reports.take()
     }
 
     /// Whether all motion has ended.

@@ -32,7 +32,7 @@ impl HostLine {
     }
 
     /// When the next line is there, given the cycle of the last `ok`.
-    pub(super) fn next_at(&mut self, ok_at: u64) -> u64 {
+    pub fn next_at(&mut self, ok_at: u64) -> u64 {
         let mut at = ok_at;
         if self.taken.is_multiple_of(self.burst) {
             if self.taken > 0 {

@@ -2,8 +2,10 @@
 
 use std::cell::{Cell, RefCell};
 
+use ferrostep_gcode::Emergency;
 use ferrostep_hal_shim::stepping::{NextWords, OutputPorts, StepPlayer, Stepping, UpdateTimer};
 use ferrostep_hal_shim::virtual_board::VirtualUpdateTimer;
+use ferrostep_printer::Signals;
 
 use super::STEP_QUEUE_SLOTS;
 use super::recording::WatchedPort;
@@ -18,20 +20,27 @@ pub(super) struct Interrupts<'a, M> {
     timer: &'a VirtualUpdateTimer,
     port: &'a WatchedPort<'a>,
     next: RefCell<NextWords<1>>,
-    stop_at: Cell<Option<u64>>,
+    signals: Signals,
+    stop_at: Cell<Option<(u64, Emergency)>>,
+    /// How often motors had stepped when motion was stopped.
+    events_at_stop: Cell<Option<u64>>,
 }
 
 impl<'a, M: Stepping> Interrupts<'a, M> {
     pub fn new(player: &'a Player<M>, timer: &'a VirtualUpdateTimer, port: &'a WatchedPort<'a>) -> Self {
-        Self { player, timer, port, next: RefCell::new(NextWords::NONE), stop_at: Cell::new(None) }
+        Self {
+            player,
+            timer,
+            port,
+            next: RefCell::new(NextWords::NONE),
+            signals: Signals::new(),
+            stop_at: Cell::new(None),
+            events_at_stop: Cell::new(None),
+        }
     }
 
     pub fn now(&self) -> u64 {
         self.timer.now_cycles()
-    }
-
-    pub fn player(&self) -> &'a Player<M> {
-        self.player
     }
 
     pub fn port(&self) -> &'a WatchedPort<'a> {
@@ -40,11 +49,14 @@ impl<'a, M: Stepping> Interrupts<'a, M> {
 
     /// Lets time pass up to a cycle, if that is not over.
     pub fn pass_to(&self, cycle: u64) {
-        if let Some(stop) = self.stop_at.get()
-            && stop <= cycle
+        if let Some((at, emergency)) = self.stop_at.get()
+            && at <= cycle
         {
             self.stop_at.set(None);
-            self.play_to(stop);
+            self.play_to(at);
+            if emergency == Emergency::Stop {
+                self.signals.halt();
+            }
             self.stop();
         }
         self.play_to(cycle);
@@ -72,14 +84,25 @@ impl<'a, M: Stepping> Interrupts<'a, M> {
     }
 
     /// The serial interrupt acts on M112 or M410 at a cycle, whatever the tasks do then.
-    pub fn stop_at(&self, cycle: u64) {
-        self.stop_at.set(Some(cycle));
+    pub fn stop_at(&self, cycle: u64, emergency: Emergency) {
+        self.stop_at.set(Some((cycle, emergency)));
+    }
+
+    /// The flags of those who act on bytes as they arrive.
+    pub fn signals(&self) -> &Signals {
+        &self.signals
     }
 
     /// From now on no motor steps, as the serial interrupt does it.
     pub fn stop(&self) {
         self.timer.mask();
         self.player.link().request_stop();
+        self.events_at_stop.set(self.events_at_stop.get().or(Some(self.port.port().events())));
+    }
+
+    /// Takes the number of step events at the moment of the stop.
+    pub fn take_events_at_stop(&self) -> Option<u64> {
+        self.events_at_stop.take()
     }
 
     /// The player looks for the first slot of a motion.

@@ -8,6 +8,7 @@ use ferrostep_hal_shim::Heater;
 use ferrostep_hal_shim::stepping::Stepping;
 use ferrostep_hal_shim::virtual_board::VirtualDelay;
 use ferrostep_planner::{Limits, Move, MoveError, Moved};
+use ferrostep_printer::machine::Silence;
 use ferrostep_printer::{Failure, HeaterStatus, Heating, Motion, MotionError, Replies, Seek};
 
 use super::{Board, BoardMachine};
@@ -27,7 +28,7 @@ impl<'a, M: Stepping> BoardMotion<'_, 'a, M> {
     async fn wait<T>(&self, mut attempt: impl FnMut(&mut BoardMachine<'a, M>) -> Option<T>) -> Result<T, MotionError> {
         let stops = self.with(|machine| machine.stops());
         loop {
-            if self.0.signals.is_halted() || self.with(|machine| machine.stops()) != stops {
+            if self.0.interrupts.signals().is_halted() || self.with(|machine| machine.stops()) != stops {
                 return Err(MotionError::Stopped);
             }
             if let Some(value) = self.with(&mut attempt) {
@@ -102,11 +103,9 @@ impl<M: Stepping> Motion for BoardMotion<'_, '_, M> {
     }
 
     fn stop(&mut self) -> i64 {
-        self.with(|machine| {
-            machine.request_stop();
-            machine.work(Default::default());
-            machine.take_dropped_100pm()
-        })
+        self.with(|machine| machine.request_stop());
+        self.0.work(Silence::default());
+        self.with(|machine| machine.take_dropped_100pm())
     }
 }
 

@@ -93,12 +93,7 @@ impl Watch {
 
 impl<'a> WatchedPort<'a> {
     pub fn new(timer: &'a VirtualUpdateTimer, both_edges: bool) -> Self {
-        Self {
-            port: VirtualPort::new(timer, both_edges),
-            timer,
-            watch: RefCell::default(),
-            events: Cell::new(0),
-        }
+        Self { port: VirtualPort::new(timer, both_edges), timer, watch: RefCell::default(), events: Cell::new(0) }
     }
 
     pub fn port(&self) -> &VirtualPort<'a> {
