@@ -2,18 +2,19 @@
 //!
 //! | priority | task | trigger | resources | worst-case job |
 //! |---|---|---|---|---|
-//! | 16 | `steps` | TIM2 update | `local` only: timer, ports; a lock-free ring of words | the event that ends a stair; 32 near ones in a row |
+//! | 16 | `steps` | TIM2 update | `step_timer`, lock-free: timer, ports, a ring of words | the event that ends a stair: 33 instructions |
+//! | 16 | `near_steps` | `steps`, `planner` | the same | 128 looks at the timer; start or end of a motion: 80 instructions |
 //! | 13 | `serial` | USART1 | `local` only: port, two byte rings, the emergency scanner | 16 bytes to send, the received one; M112 |
 //! | 9 | SysTick (rtic-monotonics) | every ms | the queue of waits | wakes the tasks whose waits end |
 //! | 8 | `temperature` | every 100 ms | `heat` | two PID loops and their checks |
 //! | 8 | `emergency` | M112 | `heat` | heaters off |
-//! | 4 | `planner` | a move, or 2 ms | `machine` | fills the step queue: 4096 entries a lock |
+//! | 4 | `planner` | a move, or 2 ms | `machine` | fills the step queue: 256 portions a lock |
 //! | 2 | `printer` | received bytes | `machine`, `heat`, `writer` | one line; a wait is an await |
-//! | 1 | `reports` | a halt, or 100 ms | `heat`, `writer` | M155's line |
+//! | 1 | `reports` | a halt, or 100 ms | `machine`, `heat`, `writer` | M155's line |
 //!
 //! 16 is above what BASEPRI can mask, and critical sections mask no more than that
-//! (`hal-shim/stm32f4/src/critical_section.rs`): nothing delays a step. So the step task must never have a `#[shared]`
-//! resource, nor use a signal or the log.
+//! (`hal-shim/stm32f4/src/critical_section.rs`): nothing delays a step. So the two step tasks must never share
+//! anything with a task below, nor use a signal or the log.
 //! `machine` has ceiling 4, `heat` 8, `writer` 2, so that heating is safe whatever the planner does, and bytes are
 //! received whatever anyone does.
 #![no_std]

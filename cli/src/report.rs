@@ -145,8 +145,8 @@ impl fmt::Display for Summary {
             writeln!(out, "  steps        X {} Y {} Z {} E {}", steps.x, steps.y, steps.z, steps.e)?;
             writeln!(
                 out,
-                "  step events  at most {} /s; {} underruns, {} starvation flushes",
-                motors.max_event_rate_hz, motors.underruns, motors.starvation_flushes
+                "  step events  at most {} /s; {} underruns, {} starvation flushes; {} moves slowed for the board",
+                motors.max_event_rate_hz, motors.underruns, motors.starvation_flushes, motors.slowed_moves
             )?;
             writeln!(out, "  digests      order {} step {}", motors.order_digest, motors.step_digest)?;
         }

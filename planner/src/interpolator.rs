@@ -13,6 +13,7 @@ use crate::follower::Follower;
 use crate::inside::Inside;
 use crate::real::Real;
 use crate::spacing::{ExtruderTravel, Spacing};
+use crate::entries::Entries;
 use crate::step_queue::{Notice, StepEntry, StepSink};
 use crate::step_times::{NEVER, StepTimes};
 use crate::time_law::{FRACTION_BITS, HALF_TICK, Precision, TimeLaw, Trapezoid};
@@ -53,8 +54,8 @@ pub struct Interpolator {
     last: u64,
     /// When the move before ended, a whole tick: an extruder step due at the very start of a move stays behind.
     move_start: u64,
-    /// The last event is held back while a later one may still join it.
-    held: Stair,
+    /// Entries on their way out. The last of them is held back while a later event may still join it.
+    entries: Entries,
     /// The direction signals as they stand.
     directions: u8,
     /// Extruder position at the start of the next (or present) block.
@@ -75,24 +76,6 @@ pub struct Interpolator {
     inside: Inside,
 }
 
-/// An entry that may still change; none if its count is zero.
-#[derive(Clone, Copy, Debug)]
-struct Stair {
-    interval: u32,
-    count: u16,
-    axes: u8,
-    added: u8,
-}
-
-impl Stair {
-    const NONE: Self = Self { interval: 0, count: 0, axes: 0, added: 0 };
-
-    #[inline(always)]
-    fn entry(self) -> Option<StepEntry> {
-        StepEntry::stair(self.interval, self.count, self.axes, self.added)
-    }
-}
-
 impl Interpolator {
     /// An interpolator at tick 0 of the motion clock, all motors forwards. Events are at least a tick apart.
     pub fn new(minimum_event_interval_ticks: u32) -> Self {
@@ -104,7 +87,7 @@ impl Interpolator {
             clock: 0,
             last: 0,
             move_start: 0,
-            held: Stair::NONE,
+            entries: Entries::NONE,
             directions: 0,
             extruder_256ths: 0,
             is_busy: false,
@@ -134,7 +117,17 @@ impl Interpolator {
     /// Starts a block; the one before must be finished. Returns the block's duration in ticks.
     #[inline]
     pub fn begin(&mut self, planned: &PlannedBlock, law: &TimeLaw, sink: &mut impl StepSink) -> u64 {
-        let block = &planned.block;
+        let before = self.directions;
+        self.begin_block(&planned.block, law);
+        if self.directions != before {
+            sink.entry(StepEntry::directions(self.directions));
+        }
+        self.duration_ticks
+    }
+
+    /// What needs no sink, and is there once.
+    #[inline(never)]
+    fn begin_block(&mut self, block: &Block, law: &TimeLaw) {
         let start_256ths = self.extruder_256ths;
         let end_256ths = start_256ths + i64::from(block.extruder_256ths);
         let (start_steps, end_steps) = (rounded_steps(start_256ths), rounded_steps(end_256ths));
@@ -145,7 +138,7 @@ impl Interpolator {
             first: threshold.abs_diff(start_256ths) as u32,
             count: end_steps.abs_diff(start_steps) as u32,
         };
-        self.set_directions_of(block, extruder.count > 0, sink);
+        self.set_directions_of(block, extruder.count > 0);
         self.extruder_end_256ths = end_256ths;
         self.line = block.ends_move.then_some(block.line);
         self.joining = MOVE_BEGINS;
@@ -155,10 +148,9 @@ impl Interpolator {
             Precision::Short(law) => self.start(block, law, &extruder),
             Precision::Long(law) => self.start_long(block, law, &extruder),
         }
-        self.duration_ticks
     }
 
-    fn set_directions_of(&mut self, block: &Block, extruder_moves: bool, sink: &mut impl StepSink) {
+    fn set_directions_of(&mut self, block: &Block, extruder_moves: bool) {
         let mut moving = 0;
         let mut backwards = 0;
         for (index, steps) in block.steps.iter().enumerate() {
@@ -169,11 +161,7 @@ impl Interpolator {
             moving |= EXTRUDER;
             backwards |= if block.extruder_256ths < 0 { EXTRUDER } else { 0 };
         }
-        let directions = self.directions & !moving | backwards;
-        if directions != self.directions {
-            self.directions = directions;
-            sink.entry(StepEntry::directions(directions));
-        }
+        self.directions = self.directions & !moving | backwards;
     }
 
     #[cold]
@@ -213,106 +201,164 @@ impl Interpolator {
         if !self.is_busy {
             return;
         }
+        match self.work() {
+            Work::Events => {
+                sink.entries(self.entries.all_but_last());
+                self.entries.keep_last();
+            }
+            Work::Closed(notice) => {
+                sink.entries(self.entries.all());
+                self.entries.clear();
+                if let Some(notice) = notice {
+                    sink.notice(notice);
+                }
+            }
+        }
+    }
+
+    /// What needs no sink, and is there once: the next events, in [`Self::entries`].
+    #[inline(never)]
+    fn work(&mut self) -> Work {
         let mut room = EVENTS_AT_ONCE;
         while room > 0 {
-            room -= 1;
             let (master, extruder) = (self.master.next(), self.extruder.next());
-            let due = master.min(extruder);
-            if due == NEVER {
-                self.end_part(sink);
-                return;
-            }
-            // From the last event to the nearest tick; wraps where that is behind.
-            let gap = due.wrapping_add(HALF_TICK).wrapping_sub(self.last);
-            if gap >= FAR && self.has_waited(gap, sink) {
-                return;
-            }
-            let interval = (gap >> FRACTION_BITS) as u32;
-            let is_early = gap >= FAR || interval < self.minimum_interval;
-            if extruder >= master && !is_early && self.master.is_in_ramp() {
-                // One event at least.
-                let taken = self.run_ramp(gap, extruder, room + 1, sink);
-                if taken > 0 {
-                    room -= taken - 1;
+            let behind = master.wrapping_add(HALF_TICK).wrapping_sub(self.last);
+            if let Ok(gap) = u32::try_from(behind)
+                && self.master.is_in_ramp()
+            {
+                let (events, has_joined) = self.run_ramp(gap, room);
+                room -= events;
+                if events > 0 || has_joined {
                     continue;
                 }
             }
-            let mut event = Stair { interval, count: 1, axes: EXTRUDER, added: 0 };
+            let due = master.min(extruder);
+            if due == NEVER {
+                return self.end_part();
+            }
+            // From the last event to the nearest tick; wraps where that is behind.
+            let gap = due.wrapping_add(HALF_TICK).wrapping_sub(self.last);
+            if gap >= FAR && self.has_waited(gap) {
+                return Work::Closed(None);
+            }
+            room -= 1;
+            let interval = (gap >> FRACTION_BITS) as u32;
             let mut last = due.wrapping_add(HALF_TICK) & WHOLE_TICKS;
-            if extruder < master {
+            let event = if extruder < master {
                 self.extruder.take(1);
                 if master - extruder < self.near {
                     // The extruder, the slower of the two, gives way: it steps with the master, which stays on time.
                     self.joining |= EXTRUDER;
                     continue;
                 }
+                StepEntry::event(interval, EXTRUDER)
             } else if gap < FAR
                 && let Some(stair) = self.stair(due, interval, extruder)
             {
-                last = self.last.wrapping_add((u64::from(stair.interval) * u64::from(stair.count)) << FRACTION_BITS);
-                event = stair;
+                let ticks = u64::from(stair.interval_ticks()) * u64::from(stair.count());
+                last = self.last.wrapping_add(ticks << FRACTION_BITS);
+                stair
             } else {
                 self.master.take(1);
                 let [first, second] = &mut self.followers;
-                event.axes = self.master_bit | self.joining & EXTRUDER | first.pass(1) | second.pass(1);
+                let axes = self.master_bit | self.joining & EXTRUDER | first.pass(1) | second.pass(1);
                 self.joining = 0;
-            }
-            if gap >= FAR || event.interval < self.minimum_interval {
-                self.place_near(event.axes, sink);
+                StepEntry::event(interval, axes)
+            };
+            if gap >= FAR || event.interval_ticks() < self.minimum_interval {
+                self.place_near(event.axes());
                 continue;
             }
-            self.hand_out(sink);
-            self.held = event;
+            self.entries.push(event);
             self.last = last;
         }
+        Work::Events
     }
 
-    /// The master's steps in a ramp, the first of them `gap` behind the last event, up to the next one of the extruder or
-    /// of the second follower, and at most `most`. How many there are.
+    /// The master's steps in a ramp, and the extruder's between them, as long as none is too near to another: at most
+    /// `most` events, the master's first step `gap` time units behind the last event, half a tick included. How many
+    /// events there are, and whether an extruder step waits for the master's next one.
     #[inline(never)]
-    fn run_ramp(&mut self, gap: u64, extruder: u64, most: usize, sink: &mut impl StepSink) -> usize {
-        if self.joining & EXTRUDER != 0 {
-            return 0;
-        }
-        let [first, second] = self.followers;
-        let most = second.until().wrapping_sub(1).min(most as u32);
-        let fraction = gap as u32 & (ONE_TICK - 1);
-        let Some(mut run) = self.master.run(most, self.minimum_interval, extruder, fraction) else { return 0 };
-        self.hand_out(sink);
-        let mut ticks = (gap >> FRACTION_BITS) as u32;
-        let first_event = self.last.wrapping_add(u64::from(ticks) << FRACTION_BITS);
-        let mut follower = first;
-        loop {
-            let axes = self.master_bit | follower.pass(1);
-            let Some(next) = run.take() else {
-                self.held = Stair { interval: ticks, count: 1, axes, added: 0 };
-                break;
-            };
-            if let Some(entry) = StepEntry::stair(ticks, 1, axes, 0) {
-                sink.entry(entry);
+    fn run_ramp(&mut self, mut gap: u32, most: usize) -> (usize, bool) {
+        let [mut follower, second] = self.followers;
+        // Up to the second follower's next step.
+        let Some(mut run) = self.master.run(second.until().wrapping_sub(1)) else { return (0, false) };
+        let mut joined = self.joining & EXTRUDER;
+        // Ticks from the last event up to which no step of the extruder is due.
+        let mut alone = self.extruder.ticks_from(self.last);
+        let (mut start, mut whole) = (self.last, alone);
+        let mut free = self.entries.room(most).iter_mut();
+        let room = free.len();
+        let mut has_joined = false;
+        // Whether `gap` is up to the next step, not the last one's.
+        let is_ahead = loop {
+            let ticks = gap >> FRACTION_BITS;
+            if ticks >= alone {
+                let last = start.wrapping_add(u64::from(whole - alone) << FRACTION_BITS);
+                match ExtruderStep::before(&self.extruder, last, gap, self.near, self.minimum_interval) {
+                    ExtruderStep::Later => {}
+                    ExtruderStep::Joins => {
+                        self.extruder.take(1);
+                        joined = EXTRUDER;
+                        has_joined = true;
+                        (start, alone) = (last, self.extruder.ticks_from(last));
+                        whole = alone;
+                        continue;
+                    }
+                    ExtruderStep::After(ticks) => {
+                        let Some(place) = free.next() else { break true };
+                        self.extruder.take(1);
+                        *place = StepEntry::event(ticks, EXTRUDER);
+                        gap = gap.wrapping_sub(ticks << FRACTION_BITS);
+                        start = last.wrapping_add(u64::from(ticks) << FRACTION_BITS);
+                        alone = self.extruder.ticks_from(start);
+                        whole = alone;
+                        continue;
+                    }
+                    ExtruderStep::TooNear => break true,
+                }
             }
-            ticks = next;
+            if ticks < self.minimum_interval {
+                break true;
+            }
+            let Some(place) = free.next() else { break true };
+            *place = StepEntry::event(ticks, self.master_bit | joined | follower.pass(1));
+            joined = 0;
+            alone = alone.wrapping_sub(ticks);
+            // Behind the tick of the step.
+            gap &= ONE_TICK - 1;
+            let Some(next) = run.take() else { break false };
+            match gap.checked_add(next) {
+                Some(next) => gap = next,
+                None => break false,
+            }
+        };
+        let events = room - free.len();
+        self.entries.filled(events);
+        self.last = start.wrapping_add(u64::from(whole.wrapping_sub(alone)) << FRACTION_BITS);
+        let taken = run.taken();
+        if taken > 0 {
+            let due = self.last.wrapping_add(u64::from(gap)).wrapping_sub(HALF_TICK);
+            self.master.end_run(&run, due, is_ahead);
+            let [first, second] = &mut self.followers;
+            *first = follower;
+            second.pass(taken);
+            self.joining = joined;
+        } else {
+            self.joining |= joined;
         }
-        self.joining = 0;
-        let [first, second] = &mut self.followers;
-        *first = follower;
-        self.last = first_event.wrapping_add(u64::from(run.passed()) << FRACTION_BITS);
-        let taken = self.master.end_run(&run, self.last);
-        second.pass(taken);
-        taken as usize
+        (events, has_joined)
     }
 
     /// What to do with a gap that is no 32-bit number of ticks: lets time pass, or nothing where it wrapped.
     #[cold]
     #[inline(never)]
-    fn has_waited(&mut self, gap: u64, sink: &mut impl StepSink) -> bool {
+    fn has_waited(&mut self, gap: u64) -> bool {
         // Events are late by a few intervals at most.
         if gap >= NEVER - FAR {
             return false;
         }
-        self.hand_out(sink);
-        self.held = Stair::NONE;
-        sink.entry(StepEntry::wait(u32::MAX));
+        self.entries.push(StepEntry::wait(u32::MAX));
         self.last = self.last.wrapping_add(u64::from(u32::MAX) << FRACTION_BITS);
         true
     }
@@ -320,18 +366,14 @@ impl Interpolator {
     /// Adds an event that is too near to the one before, or behind it: it joins that, or waits until it is far enough.
     #[cold]
     #[inline(never)]
-    fn place_near(&mut self, axes: u8, sink: &mut impl StepSink) {
-        let held = &mut self.held;
-        if held.count > 0 && (held.axes | held.added) & axes == 0 {
-            if held.count == 1 {
-                held.axes |= axes;
-            } else {
-                held.added |= axes;
+    fn place_near(&mut self, axes: u8) {
+        if let Some(joint) = self.entries.last().and_then(|held| held.joined(axes)) {
+            if let Some(held) = self.entries.last() {
+                *held = joint;
             }
             return;
         }
-        self.hand_out(sink);
-        self.held = Stair { interval: self.minimum_interval, count: 1, axes, added: 0 };
+        self.entries.push(StepEntry::event(self.minimum_interval, axes));
         self.last = self.last.wrapping_add(u64::from(self.minimum_interval) << FRACTION_BITS);
     }
 
@@ -339,7 +381,7 @@ impl Interpolator {
     /// into one: all in the cruise, no follower before the last, no extruder step before the last, and all of them about
     /// where they are due.
     #[inline]
-    fn stair(&mut self, due: u64, gap_ticks: u32, extruder: u64) -> Option<Stair> {
+    fn stair(&mut self, due: u64, gap_ticks: u32, extruder: u64) -> Option<StepEntry> {
         let (cruise, left) = self.master.cruise()?;
         let [first, second] = &mut self.followers;
         let mut count = left.min(cruise.longest_stair).min(first.until()).min(second.until());
@@ -372,7 +414,7 @@ impl Interpolator {
         self.master.take(count);
         self.joining = 0;
         // Not longer than the longest stair, which 16 bits hold.
-        Some(Stair { interval, count: count as u16, axes: self.master_bit, added })
+        StepEntry::stair(interval, count as u16, self.master_bit, added)
     }
 
     /// Whether a stair may begin although something is in [`Self::joining`]: nothing is that steps with the first event
@@ -382,24 +424,15 @@ impl Interpolator {
         self.joining & EXTRUDER == 0 && first.wrapping_sub(self.move_start) as i64 > 0
     }
 
-    #[inline(always)]
-    fn hand_out(&mut self, sink: &mut impl StepSink) {
-        if let Some(entry) = self.held.entry() {
-            sink.entry(entry);
-        }
-    }
-
     /// All steps up to the next move's end inside the block, or to its own end, have been made.
     #[inline(never)]
-    fn end_part(&mut self, sink: &mut impl StepSink) {
+    fn end_part(&mut self) -> Work {
         let end = self.duration_ticks << FRACTION_BITS;
         let gap = end.wrapping_sub(self.last);
-        if gap >= FAR && self.has_waited(gap, sink) {
-            return;
+        if gap >= FAR && self.has_waited(gap) {
+            return Work::Closed(None);
         }
         // Nothing of the next move joins the last event of this one: at a move's end the motors stand at its end.
-        self.hand_out(sink);
-        self.held = Stair::NONE;
         match self.inside.pass() {
             Some(inner) => {
                 // Not before an event that had to keep its distance, nor before the end that was told last.
@@ -408,7 +441,7 @@ impl Interpolator {
                 self.move_start = later(later(time, self.last), self.move_start);
                 let tick = self.tick(self.move_start);
                 self.allow_to_next_end(self.move_start.wrapping_add(HALF_TICK));
-                sink.notice(Notice::MoveEnded { tick, line: inner.line });
+                Work::Closed(Some(Notice::MoveEnded { tick, line: inner.line }))
             }
             None => {
                 let tick = self.tick(later(end, self.last));
@@ -416,9 +449,7 @@ impl Interpolator {
                 self.clock += self.duration_ticks;
                 self.last = self.last.wrapping_sub(end);
                 self.extruder_256ths = self.extruder_end_256ths;
-                if let Some(line) = self.line {
-                    sink.notice(Notice::MoveEnded { tick, line });
-                }
+                Work::Closed(self.line.map(|line| Notice::MoveEnded { tick, line }))
             }
         }
     }
@@ -443,7 +474,7 @@ impl Interpolator {
     /// Forgets the present block; the motors stood still at `clock`, and the extruder is here.
     pub fn abandon(&mut self, clock: u64, extruder_256ths: i64) {
         self.is_busy = false;
-        self.held = Stair::NONE;
+        self.entries.clear();
         self.clock = clock;
         self.last = 0;
         self.extruder_256ths = extruder_256ths;
@@ -457,6 +488,50 @@ impl Interpolator {
     /// Takes over the direction signals as they stand after an abandoned block.
     pub fn set_directions(&mut self, directions: u8) {
         self.directions = directions;
+    }
+}
+
+/// What [`Interpolator::work`] has done.
+enum Work {
+    /// Events; another may still join the last of them.
+    Events,
+    /// Nothing joins the last of them. What happens behind it.
+    Closed(Option<Notice>),
+}
+
+/// The extruder's next step, seen from the master's.
+enum ExtruderStep {
+    /// Not before it.
+    Later,
+    /// So little before it that it waits for it.
+    Joins,
+    /// Before it, so many ticks behind the last event.
+    After(u32),
+    /// Before it, and too near to the last event.
+    TooNear,
+}
+
+impl ExtruderStep {
+    /// With the last event at `last`, a whole tick, and the master's next step `gap` behind it.
+    #[inline]
+    fn before(extruder: &StepTimes, last: u64, gap: u32, near: u64, least: u32) -> Self {
+        if extruder.next() == NEVER {
+            return Self::Later;
+        }
+        let behind = extruder.next().wrapping_add(HALF_TICK).wrapping_sub(last);
+        match u32::try_from(behind) {
+            Ok(behind) if behind < gap => {
+                if u64::from(gap - behind) < near {
+                    Self::Joins
+                } else if behind >> FRACTION_BITS < least {
+                    Self::TooNear
+                } else {
+                    Self::After(behind >> FRACTION_BITS)
+                }
+            }
+            Err(_) if behind > NEVER / 2 => Self::TooNear,
+            _ => Self::Later,
+        }
     }
 }
 

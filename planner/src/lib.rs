@@ -23,6 +23,7 @@ pub mod time_law;
 mod block;
 mod budget;
 mod division;
+mod entries;
 mod follower;
 mod inside;
 mod junction;

@@ -48,6 +48,12 @@ impl StepEntry {
         Some(Self { interval_ticks, count, axes, other: added })
     }
 
+    /// An event that steps `axes`, at least one motor.
+    #[inline(always)]
+    pub(crate) const fn event(interval_ticks: u32, axes: u8) -> Self {
+        Self { interval_ticks, count: 1, axes, other: 0 }
+    }
+
     /// Time without a step.
     pub const fn wait(interval_ticks: u32) -> Self {
         Self { interval_ticks, count: 0, axes: 0, other: 0 }
@@ -56,6 +62,30 @@ impl StepEntry {
     /// A change of the direction signals.
     pub const fn directions(directions: u8) -> Self {
         Self { interval_ticks: 0, count: 0, axes: u8::MAX, other: directions }
+    }
+
+    /// From the event before to the first, and between events; of a direction change 0.
+    #[inline]
+    pub const fn interval_ticks(self) -> u32 {
+        self.interval_ticks
+    }
+
+    /// Number of events, 0 for what is not a stair.
+    #[inline]
+    pub const fn count(self) -> u16 {
+        self.count
+    }
+
+    /// Motors that step in each event of a stair.
+    #[inline]
+    pub const fn axes(self) -> u8 {
+        self.axes
+    }
+
+    /// Motors that step in a stair's last event as well.
+    #[inline]
+    pub const fn added(self) -> u8 {
+        self.other
     }
 
     /// The entry as two words, for a queue that shares words between tasks.
@@ -89,6 +119,18 @@ impl StepEntry {
         }
         // The added motors step in the last event only, which is left out.
         Self::stair(self.interval_ticks, count, self.axes, 0)
+    }
+
+    /// The same stair with other motors stepping in its last event too; `None` if one of them does so already, or the
+    /// entry is no stair.
+    pub(crate) const fn joined(self, axes: u8) -> Option<Self> {
+        if self.count == 0 || (self.axes | self.other) & axes != 0 {
+            None
+        } else if self.count == 1 {
+            Some(Self { axes: self.axes | axes, ..self })
+        } else {
+            Some(Self { other: self.other | axes, ..self })
+        }
     }
 
     /// What the entry asks for.
@@ -135,6 +177,13 @@ impl Notice {
 pub trait StepSink {
     /// Takes an entry.
     fn entry(&mut self, entry: StepEntry);
+    /// Takes entries, in their order.
+    #[inline]
+    fn entries(&mut self, entries: &[StepEntry]) {
+        for entry in entries {
+            self.entry(*entry);
+        }
+    }
     /// Takes a notice.
     fn notice(&mut self, notice: Notice);
 }

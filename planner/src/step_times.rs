@@ -66,71 +66,58 @@ struct Ramp {
     direction: u32,
 }
 
-/// Time units in a tick.
-const UNITS_PER_TICK: f32 = (1u32 << FRACTION_BITS) as f32;
+/// Time units in two ticks.
+const UNITS_IN_TWO_TICKS: f32 = (2u32 << FRACTION_BITS) as f32;
 
-/// Ticks in time units, the nearest: cut, they would add up.
+/// What [`Ramp::units_and_half`] gives, as a whole number: the nearest, for cut they would add up.
 #[inline(always)]
-fn whole_units(ticks: f32) -> u64 {
-    let units = ticks * UNITS_PER_TICK + 0.5;
+fn whole_units(units_and_half: f32) -> u64 {
     // One instruction, and enough for all but slow steps.
-    let short = units as u32;
-    if short < u32::MAX { u64::from(short) } else { units.to_u64() }
+    let short = units_and_half as u32;
+    if short < u32::MAX { u64::from(short) } else { units_and_half.to_u64() }
 }
 
 impl Ramp {
-    /// Goes on to the next step; how long it takes, in ticks.
+    /// Goes on to the next step; how long it takes, in time units, and half of one.
     #[inline(always)]
-    fn interval(&mut self) -> f32 {
+    fn units_and_half(&mut self) -> f32 {
         self.index = self.index.wrapping_add(self.direction);
         let speed = square_root_f32(self.slow + self.index as f32 * self.gain);
-        let interval = 2.0 / (self.speed + speed);
+        let units = UNITS_IN_TWO_TICKS / (self.speed + speed);
         self.speed = speed;
-        interval
+        units + 0.5
     }
 }
 
-/// Steps of a ramp that are taken one after the other, with times that fit into registers: half the cost.
+/// Steps of a ramp that are taken one after the other, while what changes is kept in registers.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct RampRun {
     ramp: Ramp,
-    /// Steps that may be taken.
+    /// Steps that may be taken, at least one.
     left: u32,
     /// As many at first.
     steps: u32,
-    /// Least ticks between steps.
-    least: u32,
-    /// Ticks before which the next step must be, from the last one.
-    room: u32,
-    /// The same from the first one.
-    whole: u32,
-    /// From the last step's tick to when it was due, and half a tick: below one, in ticks.
-    fraction: f32,
-    /// Ticks from when the last step was due to when the one behind the run is.
-    behind: f32,
+    /// From the last step to the next, in time units and half of one.
+    units_and_half: f32,
 }
 
 impl RampRun {
-    /// Takes a step. How many ticks behind it the next one of the run is; `None` at the run's end.
+    /// How many steps were taken.
+    #[inline(always)]
+    pub(crate) fn taken(&self) -> u32 {
+        self.steps.wrapping_sub(self.left)
+    }
+
+    /// Takes a step. Time units from it to the next one; `None` where the run ends, or that is not within 32 bits.
     #[inline(always)]
     pub(crate) fn take(&mut self) -> Option<u32> {
         self.left = self.left.wrapping_sub(1);
-        let interval = self.ramp.interval();
-        let sum = self.fraction + interval;
-        let ticks = sum as u32;
-        if self.left == 0 || ticks >= self.room || ticks < self.least {
-            self.behind = interval;
+        if self.left == 0 {
             return None;
         }
-        self.room = self.room.wrapping_sub(ticks);
-        self.fraction = sum - ticks as f32;
-        Some(ticks)
-    }
-
-    /// Ticks from the first step to the last one taken.
-    #[inline(always)]
-    pub(crate) fn passed(&self) -> u32 {
-        self.whole.wrapping_sub(self.room)
+        self.units_and_half = self.ramp.units_and_half();
+        let units = self.units_and_half as u32;
+        (units < u32::MAX).then_some(units)
     }
 }
 
@@ -269,6 +256,19 @@ impl StepTimes {
         self.next
     }
 
+    /// Ticks from `last`, a whole tick, up to which no step is due; cut to 32 bits.
+    #[inline]
+    pub(crate) fn ticks_from(&self, last: u64) -> u32 {
+        let behind = self.next.wrapping_add(HALF_TICK).wrapping_sub(last);
+        if self.next == NEVER {
+            u32::MAX
+        } else if behind > NEVER / 2 {
+            0
+        } else {
+            u32::try_from(behind >> FRACTION_BITS).unwrap_or(u32::MAX)
+        }
+    }
+
     /// In the cruise: its interval, and how many steps are left in it and to the limit, the next one included.
     #[inline]
     pub(crate) fn cruise(&self) -> Option<(&Cruise, u32)> {
@@ -278,10 +278,10 @@ impl StepTimes {
         }
     }
 
-    /// Whether the next step is in a ramp and not the last before something changes.
+    /// Whether the next step is in a ramp.
     #[inline(always)]
     pub(crate) fn is_in_ramp(&self) -> bool {
-        self.left > 1 && matches!(self.pace, Pace::Ramp(_))
+        self.left > 0 && matches!(self.pace, Pace::Ramp(_))
     }
 
     /// `count` more steps are handed out and no others, none of them due before `earliest`.
@@ -298,32 +298,29 @@ impl StepTimes {
         self.divide(in_phase);
     }
 
-    /// In a ramp: at most `most` of its steps, to be taken one after the other at least `least` ticks apart, none of them
-    /// due behind `until` and none the last before something changes; the next one is `fraction` of a tick, in time
-    /// units, behind half a tick before its tick. `None` where there are none.
+    /// In a ramp: at most `most` of its steps, to be taken one after the other. `None` where there are none.
     #[inline(always)]
-    pub(crate) fn run(&self, most: u32, least: u32, until: u64, fraction: u32) -> Option<RampRun> {
-        let left = most.min(self.left.saturating_sub(1));
+    pub(crate) fn run(&self, most: u32) -> Option<RampRun> {
+        let steps = most.min(self.left);
         match self.pace {
-            Pace::Ramp(ramp) if left > 0 => {
-                let room = u32::try_from(until.wrapping_sub(self.next) >> FRACTION_BITS).unwrap_or(u32::MAX);
-                let fraction = fraction as f32 * (1.0 / UNITS_PER_TICK);
-                Some(RampRun { ramp, left, steps: left, least, room, whole: room, fraction, behind: 0.0 })
-            }
+            Pace::Ramp(ramp) if steps > 0 => Some(RampRun { ramp, left: steps, steps, units_and_half: 0.0 }),
             _ => None,
         }
     }
 
-    /// Takes over what a run has done, the last of its steps at the tick `last`. How many steps it took.
+    /// Takes over what a run has done. The next step is due at `due`, or, unless that `is_ahead`, the last one was.
     #[inline(always)]
-    pub(crate) fn end_run(&mut self, run: &RampRun, last: u64) -> u32 {
-        let taken = run.steps.wrapping_sub(run.left);
+    pub(crate) fn end_run(&mut self, run: &RampRun, due: u64, is_ahead: bool) {
         self.pace = Pace::Ramp(run.ramp);
-        self.left = self.left.wrapping_sub(taken);
-        let fraction = (run.fraction * UNITS_PER_TICK) as u32;
-        let due = last.wrapping_add(u64::from(fraction)).wrapping_sub(HALF_TICK);
-        self.next = due.wrapping_add(whole_units(run.behind));
-        taken
+        self.next = due;
+        self.left = self.left.wrapping_sub(run.taken());
+        if self.left == 0 {
+            self.turn(1);
+        } else if run.left == 0 {
+            self.pass(1);
+        } else if !is_ahead {
+            self.next = due.wrapping_add(whole_units(run.units_and_half));
+        }
     }
 
     /// Takes `count` steps; more than one only where [`Self::cruise`] has as many.
@@ -341,7 +338,7 @@ impl StepTimes {
     #[inline]
     fn pass(&mut self, count: u32) {
         match &mut self.pace {
-            Pace::Ramp(ramp) => self.next = self.next.wrapping_add(whole_units(ramp.interval())),
+            Pace::Ramp(ramp) => self.next = self.next.wrapping_add(whole_units(ramp.units_and_half())),
             Pace::Cruise(cruise) => {
                 let beyond = self.beyond.wrapping_add(u32::from(cruise.beyond).wrapping_mul(count));
                 self.beyond = beyond & 0xffff;

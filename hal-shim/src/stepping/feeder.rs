@@ -2,9 +2,11 @@
 
 use ferrostep_planner::{StepEntry, StepKind};
 
+use super::account::{DroppedSteps, SlotAccount, Steps};
+use super::newest::{Following, Held, Newest, Usual};
 use super::pins::PinMap;
 use super::player::{NEAR_TICKS, StepPlayer, Stepping};
-use super::slot::{Filling, Head, MOST_EVENTS};
+use super::slot::{Head, MOST_EVENTS};
 use super::{IDLE_TICKS, StepLink};
 
 /// Most slots that one entry takes: a direction change, the first step after it, the others.
@@ -28,64 +30,6 @@ pub enum FeedError {
     TooNear,
 }
 
-/// Steps that were in the queue when motion was stopped: signed by direction, and both directions added.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct DroppedSteps {
-    /// Forwards minus backwards, a motor each.
-    pub signed: [i32; 4],
-    /// All, a motor each.
-    pub issued: [u32; 4],
-}
-
-impl DroppedSteps {
-    fn add(&mut self, steps: Steps, count: u32) {
-        for (motor, (signed, issued)) in self.signed.iter_mut().zip(&mut self.issued).enumerate() {
-            if steps.axes >> motor & 1 != 0 {
-                *issued = issued.wrapping_add(count);
-                let backwards = steps.directions >> motor & 1 != 0;
-                let count = count as i32;
-                *signed = signed.wrapping_add(if backwards { count.wrapping_neg() } else { count });
-            }
-        }
-    }
-}
-
-/// What an event steps.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Steps {
-    axes: u8,
-    directions: u8,
-}
-
-impl Steps {
-    const NONE: Self = Self { axes: 0, directions: 0 };
-}
-
-/// What a slot holds, for the accounts after a stop.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct SlotAccount {
-    /// Its first event.
-    first: Steps,
-    /// The others.
-    then: Steps,
-    events: u16,
-}
-
-impl SlotAccount {
-    /// No events.
-    pub const NONE: Self = Self { first: Steps::NONE, then: Steps::NONE, events: 0 };
-}
-
-/// An event that waits for the interval behind it.
-#[derive(Clone, Copy, Debug)]
-struct Held<const PORTS: usize> {
-    words: [u32; PORTS],
-    /// What it steps; of a pulse's end nothing, its start has stepped.
-    steps: Steps,
-    /// Whether there is anything to be seen of it on the pins.
-    counts: bool,
-}
-
 /// Turns step entries into slots of a [`StepPlayer`].
 ///
 /// The newest event is held back until the next entry tells the interval behind it. [`Self::seal`] lets it go at the end
@@ -95,17 +39,13 @@ pub struct StepFeeder<'a, M, const PORTS: usize, const N: usize> {
     player: &'a StepPlayer<M, PORTS, N>,
     pins: PinMap<PORTS>,
     signals: Signals,
-    /// Slots filled so far, modulo 2^32; the place of the next is its remainder by `N`.
-    filled: u32,
-    /// Events in them, modulo 2^15.
-    number: u16,
-    /// Both edges: the level of each step signal after the newest event.
-    levels: u8,
+    /// Stairs with intervals above this, and no others, are usual: [`Usual`].
+    usual_above_ticks: u32,
+    newest: Newest<PORTS>,
     /// Direction signals at the newest event.
     directions: u8,
     /// Direction signals from the next step on.
     turning: Option<u8>,
-    held: Held<PORTS>,
     accounts: &'a mut [SlotAccount; N],
 }
 
@@ -120,18 +60,18 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
     ) -> Self {
         let signals = Signals { pulse_ticks: signals.pulse_ticks.max(2), ..signals };
         player.set_pulse_reload(signals.pulse_ticks - 1);
-        Self {
+        let mut feeder = Self {
             player,
             pins,
             signals,
-            filled: player.next_number(),
-            number: 0,
-            levels: 0,
+            usual_above_ticks: 0,
+            newest: Newest { filled: player.next_number(), number: 0, levels: 0, held: Held::NOTHING },
             directions: 0,
             turning: None,
-            held: Self::nothing(),
             accounts,
-        }
+        };
+        feeder.turn(None);
+        feeder
     }
 
     /// The flags shared with the interrupt.
@@ -141,24 +81,24 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
 
     /// Slots filled so far, modulo 2^32.
     pub fn queued(&self) -> u32 {
-        self.filled
+        self.newest.filled
     }
 
     /// Slots played so far to their last event, modulo 2^32.
     pub fn played(&self) -> u32 {
         // Read in this order, a slot that ends in between is counted once too often, never once too few.
         let in_play = u32::from(self.player.left() != Head::EMPTY);
-        self.filled.wrapping_sub(self.unplayed()).wrapping_sub(in_play)
+        self.newest.filled.wrapping_sub(self.unplayed()).wrapping_sub(in_play)
     }
 
     /// Slots that have not been played, the one in play and the event held back included.
     pub fn waiting(&self) -> usize {
-        self.filled.wrapping_sub(self.played()) as usize + usize::from(self.held.counts)
+        self.newest.filled.wrapping_sub(self.played()) as usize + usize::from(self.newest.held.counts())
     }
 
     /// Slots that the interrupt has not begun.
     fn unplayed(&self) -> u32 {
-        self.filled.wrapping_sub(self.player.next_number())
+        self.newest.filled.wrapping_sub(self.player.next_number())
     }
 
     /// How many entries fit at least.
@@ -175,32 +115,106 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         if self.unplayed() as usize > N - MOST_SLOTS_AN_ENTRY {
             return Err(FeedError::Full);
         }
+        let mut newest = self.newest;
+        if self.usual().push(&mut newest, entry) {
+            self.newest = newest;
+            return Ok(());
+        }
+        self.push_unusual(entry)
+    }
+
+    /// Adds entries, at half the cost that they have one by one.
+    ///
+    /// # Errors
+    /// As [`Self::push`]; the entries before the one that is meant were added.
+    pub fn push_all(&mut self, mut entries: &[StepEntry]) -> Result<(), FeedError> {
+        while let Some((first, others)) = entries.split_first() {
+            // There is not less room meanwhile.
+            let fitting = entries.get(..self.room()).unwrap_or(entries);
+            let mut newest = self.newest;
+            let mut usual = self.usual();
+            let mut left = fitting.iter();
+            while let Some(entry) = left.as_slice().first()
+                && usual.push(&mut newest, *entry)
+            {
+                left.next();
+            }
+            self.newest = newest;
+            let pushed = fitting.len() - left.as_slice().len();
+            if pushed == 0 {
+                self.push(*first)?;
+                entries = others;
+            } else {
+                entries = entries.get(pushed..).unwrap_or_default();
+            }
+        }
+        Ok(())
+    }
+
+    /// The ways of a usual stair, as they are now.
+    #[inline(always)]
+    fn usual(&mut self) -> Usual<'_, M, PORTS, N> {
+        Usual {
+            player: self.player,
+            pins: &self.pins,
+            accounts: self.accounts,
+            above_ticks: self.usual_above_ticks,
+            pulse_ticks: self.signals.pulse_ticks,
+            directions: self.directions,
+        }
+    }
+
+    /// Adds any entry, for which there is room.
+    #[cold]
+    #[inline(never)]
+    fn push_unusual(&mut self, entry: StepEntry) -> Result<(), FeedError> {
         match entry.kind() {
-            StepKind::Directions { directions } => self.turning = (directions != self.directions).then_some(directions),
+            StepKind::Directions { directions } => self.turn((directions != self.directions).then_some(directions)),
             StepKind::Wait { interval_ticks } => {
                 if interval_ticks < self.shortest_interval() {
                     return Err(FeedError::TooNear);
                 }
                 // In pulses an event without steps begins and ends nothing.
-                self.fill(interval_ticks, [0; PORTS], Steps::NONE, 1, Self::nothing());
+                self.fill(interval_ticks, [0; PORTS], Steps::NONE, 1, Held::NOTHING);
             }
             StepKind::Stair { interval_ticks, count, axes, added } => {
                 if interval_ticks < self.shortest_interval() {
                     return Err(FeedError::TooNear);
                 }
-                match self.turning.take() {
+                match self.turning {
                     None => self.stair(interval_ticks, count, axes, added),
-                    Some(directions) => self.turn_and_stair(directions, interval_ticks, count, axes, added),
+                    Some(directions) => {
+                        self.turn(None);
+                        self.turn_and_stair(directions, interval_ticks, count, axes, added);
+                    }
                 }
             }
         }
         Ok(())
     }
 
+    /// From the next step on the direction signals are these; as they are now where there are none.
+    fn turn(&mut self, directions: Option<u8>) {
+        self.turning = directions;
+        self.usual_above_ticks = match directions {
+            Some(_) => u32::MAX,
+            None => {
+                let lead = if M::EVENTS_A_STEP == 2 { self.signals.pulse_ticks } else { 0 };
+                let far_from = if self.can_be_near() { lead.saturating_add(NEAR_TICKS) } else { 0 };
+                self.shortest_interval().max(far_from) - 1
+            }
+        };
+    }
+
+    /// Whether events may be so near that the interrupt stays for them: a pulse is followed by its end first.
+    fn can_be_near(&self) -> bool {
+        M::EVENTS_A_STEP == 1 || self.signals.pulse_ticks < NEAR_TICKS
+    }
+
     /// The motion ends with the newest entry: what was held back may be played.
     pub fn seal(&mut self) {
-        if self.held.counts {
-            self.fill(IDLE_TICKS, [0; PORTS], Steps::NONE, 1, Self::nothing());
+        if self.newest.held.counts() {
+            self.fill(IDLE_TICKS, [0; PORTS], Steps::NONE, 1, Held::NOTHING);
         }
     }
 
@@ -231,29 +245,30 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
     /// Afterwards [`Self::rest_words`] belong on the ports, and the interrupt may run again.
     pub fn drop_all(&mut self) -> DroppedSteps {
         let mut dropped = DroppedSteps::default();
-        let first = self.filled.wrapping_sub(self.unplayed());
+        let first = self.newest.filled.wrapping_sub(self.unplayed());
         let left = self.player.left().events();
         if left > 0 {
             self.drop_events(self.account(first.wrapping_sub(1)), left, &mut dropped);
         }
         for number in 0..self.unplayed() {
             let account = self.account(first.wrapping_add(number));
-            self.drop_events(account, u32::from(account.events), &mut dropped);
+            self.drop_events(account, account.events(), &mut dropped);
         }
         if M::EVENTS_A_STEP == 1 {
-            dropped.add(self.held.steps, 1);
-            self.levels ^= self.held.steps.axes;
+            dropped.add(self.newest.held.steps, 1);
+            self.newest.levels ^= self.newest.held.steps.axes();
         }
-        self.player.forget(self.filled);
-        self.directions = self.turning.take().unwrap_or(self.directions);
-        self.held = Self::nothing();
+        self.player.forget(self.newest.filled);
+        self.directions = self.turning.unwrap_or(self.directions);
+        self.turn(None);
+        self.newest.held = Held::NOTHING;
         dropped
     }
 
     /// The words that put the signals where this side believes them to be after [`Self::drop_all`].
     pub fn rest_words(&self) -> [u32; PORTS] {
         let low = if M::EVENTS_A_STEP == 2 { 0b1111 } else { 0 };
-        let mut words = self.pins.steps(0, low);
+        let mut words = self.pins.raised(low).map(PinMap::<PORTS>::turned);
         for (word, direction) in words.iter_mut().zip(self.pins.directions(self.directions)) {
             *word |= direction;
         }
@@ -266,25 +281,25 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
 
     /// The last `events` of a slot are not played.
     fn drop_events(&mut self, account: SlotAccount, events: u32, dropped: &mut DroppedSteps) {
-        let SlotAccount { first, then, events: all, .. } = account;
+        let (first, then, all) = (account.first(), account.then(), account.events());
         if M::EVENTS_A_STEP == 2 {
             // Every second event, the last one included, is the start of a pulse; the first ends one that has stepped.
             dropped.add(then, events.div_ceil(2));
             return;
         }
-        let first_too = events == u32::from(all);
+        let first_too = events == all;
         let others = if first_too { events.saturating_sub(1) } else { events };
         dropped.add(then, others);
-        self.levels ^= if others & 1 == 1 { then.axes } else { 0 };
+        self.newest.levels ^= if others & 1 == 1 { then.axes() } else { 0 };
         if first_too {
             dropped.add(first, 1);
-            self.levels ^= first.axes;
+            self.newest.levels ^= first.axes();
         }
     }
 
     fn shortest_interval(&self) -> u32 {
         let Signals { pulse_ticks, direction_setup_ticks } = self.signals;
-        let levels = pulse_ticks * M::EVENTS_A_STEP;
+        let levels = pulse_ticks.saturating_mul(M::EVENTS_A_STEP);
         if self.turning.is_none() {
             return levels;
         }
@@ -293,12 +308,7 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         levels.max(before + direction_setup_ticks.max(2))
     }
 
-    /// An event without steps.
-    const fn nothing() -> Held<PORTS> {
-        Held { words: [0; PORTS], steps: Steps::NONE, counts: false }
-    }
-
-    #[inline]
+    /// A stair of any kind in the present directions.
     fn stair(&mut self, interval_ticks: u32, count: u16, axes: u8, added: u8) {
         if M::EVENTS_A_STEP == 1 {
             self.edges(interval_ticks, count, axes, added);
@@ -316,31 +326,34 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
     }
 
     /// Both edges: `count` events, of which the last is held back.
-    #[inline]
-    fn edges(&mut self, interval_ticks: u32, count: u16, axes: u8, added: u8) {
-        let then = self.pins.steps(axes & !self.levels, axes & self.levels);
-        let before_last = self.levels ^ if count & 1 == 0 { axes } else { 0 };
+    fn edges(&mut self, interval_ticks: u32, mut count: u16, axes: u8, added: u8) {
+        while count > MOST_EVENTS {
+            self.edges_in_a_slot(interval_ticks, MOST_EVENTS, axes, 0);
+            count -= MOST_EVENTS;
+        }
+        self.edges_in_a_slot(interval_ticks, count, axes, added);
+    }
+
+    fn edges_in_a_slot(&mut self, interval_ticks: u32, count: u16, axes: u8, added: u8) {
+        let then = self.pins.toggled(axes, self.newest.levels);
+        let before_last = self.newest.levels ^ if count & 1 == 0 { axes } else { 0 };
         let all = axes | added;
-        let words = self.pins.steps(all & !before_last, all & before_last);
-        self.levels = before_last ^ all;
-        let steps = Steps { axes, directions: self.directions };
-        let held = Held { words, steps: Steps { axes: all, ..steps }, counts: true };
-        self.fill(interval_ticks, then, steps, count, held);
+        self.newest.levels = before_last ^ all;
+        let words = self.pins.toggled(all, before_last);
+        let held = Held { words, steps: Steps::new(all, self.directions) };
+        self.fill(interval_ticks, then, Steps::new(axes, self.directions), count, held);
     }
 
     /// `count` pulses, of which the last one's end is held back.
-    #[inline]
-    fn pulses(&mut self, interval_ticks: u32, count: u16, axes: u8) {
-        let steps = Steps { axes, directions: self.directions };
-        let rise = self.pins.steps(axes, 0);
-        let held = Held { words: self.pins.steps(0, axes), steps: Steps::NONE, counts: true };
-        let half = MOST_EVENTS / 2;
-        if count > half {
-            self.fill(interval_ticks, rise, steps, half, held);
-            self.fill(interval_ticks, rise, steps, count - half, held);
-        } else {
-            self.fill(interval_ticks, rise, steps, count, held);
+    fn pulses(&mut self, interval_ticks: u32, mut count: u16, axes: u8) {
+        let steps = Steps::new(axes, self.directions);
+        let rise = self.pins.raised(axes);
+        let held = Held { words: rise.map(PinMap::<PORTS>::turned), steps: Steps::NONE };
+        while count > MOST_EVENTS / 2 {
+            self.fill(interval_ticks, rise, steps, MOST_EVENTS / 2, held);
+            count -= MOST_EVENTS / 2;
         }
+        self.fill(interval_ticks, rise, steps, count, held);
     }
 
     /// The first stair in a new direction.
@@ -349,7 +362,7 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         let words = self.pins.directions(directions);
         if M::EVENTS_A_STEP == 2 {
             // The signals change with the end of the pulse before.
-            for (word, direction) in self.held.words.iter_mut().zip(words) {
+            for (word, direction) in self.newest.held.words.iter_mut().zip(words) {
                 *word |= direction;
             }
             self.stair(interval_ticks, count, axes, added);
@@ -357,7 +370,7 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         }
         // Half way, or as late as the set-up time allows: an event of its own.
         let before = (interval_ticks / 2).min(interval_ticks - self.signals.direction_setup_ticks.max(2)).max(2);
-        let turn = Held { words, steps: Steps::NONE, counts: true };
+        let turn = Held { words, steps: Steps::NONE };
         self.fill(before, [0; PORTS], Steps::NONE, 1, turn);
         let rest = interval_ticks - before;
         if count == 1 {
@@ -370,18 +383,11 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
 
     /// Fills a slot: the event that was held back, and `steps_in_it` steps, the last of them (or the end of its pulse)
     /// left for `held`.
-    #[inline]
     fn fill(&mut self, interval_ticks: u32, then: [u32; PORTS], steps: Steps, steps_in_it: u16, held: Held<PORTS>) {
-        let gap = if M::EVENTS_A_STEP == 2 { interval_ticks - self.signals.pulse_ticks } else { interval_ticks };
-        // A pulse is followed by its end first.
-        let near = gap < NEAR_TICKS && (M::EVENTS_A_STEP == 1 || self.signals.pulse_ticks < NEAR_TICKS);
-        let events = (u32::from(steps_in_it) * M::EVENTS_A_STEP) as u16 & MOST_EVENTS;
-        self.number = self.number.wrapping_add(events) & MOST_EVENTS;
-        let Held { words: first, steps: first_steps, .. } = core::mem::replace(&mut self.held, held);
-        let account = SlotAccount { first: first_steps, then: steps, events };
-        self.accounts[self.filled as usize & (N - 1)] = account;
-        let filling = Filling { first, then, reload: gap - 1, events, near, number: self.number };
-        self.player.slot_of(self.filled).fill(&filling);
-        self.filled = self.filled.wrapping_add(1);
+        let lead = if M::EVENTS_A_STEP == 2 { self.signals.pulse_ticks } else { 0 };
+        let gap_ticks = interval_ticks - lead;
+        let near = gap_ticks < NEAR_TICKS && self.can_be_near();
+        let events = u32::from(steps_in_it) * M::EVENTS_A_STEP;
+        self.newest.fill(self.player, self.accounts, near, Following { gap_ticks, then, steps, events, held });
     }
 }

@@ -51,12 +51,24 @@ impl<const PORTS: usize> PinMap<PORTS> {
         Some(map)
     }
 
-    /// The words that raise the step signals of `up` and lower those of `down`.
-    #[inline]
-    pub fn steps(&self, up: u8, down: u8) -> [u32; PORTS] {
+    /// The words that raise the step signals of `axes`.
+    #[inline(always)]
+    pub fn raised(&self, axes: u8) -> [u32; PORTS] {
+        self.step.each_ref().map(|masks| u32::from(masks[usize::from(axes & 15)]))
+    }
+
+    /// A word that lowers what the other raises, and the other way round.
+    #[inline(always)]
+    pub fn turned(word: u32) -> u32 {
+        word.rotate_left(RESET_SHIFT)
+    }
+
+    /// The words that turn the step signals of `axes` to the other level, with `high` the motors whose signals are high.
+    #[inline(always)]
+    pub fn toggled(&self, axes: u8, high: u8) -> [u32; PORTS] {
         self.step.each_ref().map(|masks| {
-            let [up, down] = [up, down].map(|axes| u32::from(masks[usize::from(axes & 15)]));
-            up | down << RESET_SHIFT
+            let [axes, high] = [axes, high].map(|motors| u32::from(masks[usize::from(motors & 15)]));
+            axes & !high | (axes & high) << RESET_SHIFT
         })
     }
 

@@ -157,18 +157,21 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
         if left < 0 {
             self.go_on(left, next, timer);
         } else if self.turn(next, timer) {
-            for _ in 0..MOST_LOOKS {
-                if !timer.is_update_due() {
-                    continue;
-                }
-                timer.clear_update();
-                let left = self.put_out(next, ports);
-                if left < 0 {
-                    self.go_on(left, next, timer);
-                } else if !self.turn(next, timer) {
-                    break;
+            let mut words = *next;
+            let mut looks = MOST_LOOKS;
+            while looks > 0 {
+                looks -= 1;
+                if timer.is_update_due() {
+                    timer.clear_update();
+                    let left = self.put_out(&words, ports);
+                    if left < 0 {
+                        self.go_on(left, &mut words, timer);
+                    } else if !self.turn(&mut words, timer) {
+                        break;
+                    }
                 }
             }
+            *next = words;
         }
         if starting {
             self.start(timer);
@@ -225,14 +228,18 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
     fn turn<T: UpdateTimer>(&self, next: &mut NextWords<PORTS>, timer: &T) -> bool {
         let slot = self.next_slot();
         let head = slot.head();
+        if head.0 > 0 {
+            self.begin(slot, head.as_far(), next, timer);
+            return true;
+        }
         if head == Head::EMPTY {
             timer.mask();
             self.left.store(Head::EMPTY.0);
             self.link.run_dry();
-            return false;
+        } else {
+            self.begin(slot, head, next, timer);
         }
-        self.begin(slot, head.as_far(), next, timer);
-        !head.is_far()
+        false
     }
 
     #[inline(always)]

@@ -31,11 +31,11 @@ pub struct Filling<const PORTS: usize> {
     /// See [`Slot::reload`].
     pub reload: u32,
     /// Number of events, 1 to [`MOST_EVENTS`].
-    pub events: u16,
+    pub events: u32,
     /// Whether they are nearer than leaving and entering the interrupt would take.
     pub near: bool,
     /// Number of all events up to the end of this slot, modulo 2^15.
-    pub number: u16,
+    pub number: u32,
 }
 
 /// What a slot's head says, and what is left of it while it is played: the upper half counts up to 0.
@@ -55,11 +55,10 @@ impl Head {
         self.0 < 0
     }
 
-    /// The head as that of a slot of far events, in which form it is played.
+    /// The head of a slot of near events as that of one of far events, in which form it is played.
     #[inline(always)]
     pub fn as_far(self) -> Self {
-        let events = self.0 >> 16;
-        Self(if events > 0 { (events.wrapping_neg() << 16) | (self.0 & 0xffff) } else { self.0 })
+        Self(((self.0 & 0xffff) << 1).wrapping_sub(self.0))
     }
 
     /// Events that are left.
@@ -83,7 +82,7 @@ impl<const PORTS: usize> Slot<PORTS> {
     };
 
     /// For the producer: fills an empty slot; the interrupt may take it at once.
-    #[inline]
+    #[inline(always)]
     pub fn fill(&self, filling: &Filling<PORTS>) {
         for (word, value) in self.first.iter().zip(filling.first) {
             word.store(value);
@@ -93,8 +92,9 @@ impl<const PORTS: usize> Slot<PORTS> {
         }
         self.reload.store(filling.reload);
         super::word::publish();
-        let events = i32::from(filling.events & MOST_EVENTS);
-        self.head.store((if filling.near { events } else { -events }) << 16 | i32::from(filling.number));
+        let events = filling.events << 16;
+        let head = if filling.near { filling.number.wrapping_add(events) } else { filling.number.wrapping_sub(events) };
+        self.head.store(head as i32);
     }
 
     /// How many events, and how near.

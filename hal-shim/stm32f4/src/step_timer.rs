@@ -104,7 +104,8 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepTimer<M, PORTS, N> {
     #[inline(always)]
     pub fn stay(&mut self) {
         let timer = self.timer;
-        self.player.stay(&mut self.next, &timer, &self.ports);
+        let ports = self.ports;
+        self.player.stay(&mut self.next, &timer, &ports);
     }
 }
 

@@ -43,7 +43,7 @@ const ONE_AXIS_MM: [i64; 2] = [30, 0];
 
 #[rtic::app(device = ferrostep_stm32f4::pac, peripherals = true)]
 mod app {
-    use ferrostep_hal_shim::stepping::{BothEdges, SlotSteps, StepPlayer};
+    use ferrostep_hal_shim::stepping::{BothEdges, SlotAccount, StepPlayer};
     use ferrostep_planner::look_ahead::Slot;
     use ferrostep_stm32f4::bench::BenchPins;
     use ferrostep_stm32f4::motion_clock::MotionClock;
@@ -60,14 +60,19 @@ mod app {
     static EDGES_ON_THREE_PORTS: StepPlayer<BothEdges, 3, SHORT_QUEUE_SLOTS> = StepPlayer::new();
 
     #[shared]
-    struct Shared {}
+    struct Shared {
+        #[lock_free]
+        print: StepTimer<StepSignals, 1, STEP_QUEUE_SLOTS>,
+        #[lock_free]
+        one_port: StepTimer<BothEdges, 1, SHORT_QUEUE_SLOTS>,
+        #[lock_free]
+        two_ports: StepTimer<BothEdges, 2, SHORT_QUEUE_SLOTS>,
+        #[lock_free]
+        three_ports: StepTimer<BothEdges, 3, SHORT_QUEUE_SLOTS>,
+    }
 
     #[local]
     struct Local {
-        step_timer: StepTimer<StepSignals, 1, STEP_QUEUE_SLOTS>,
-        one_port: StepTimer<BothEdges, 1, SHORT_QUEUE_SLOTS>,
-        two_ports: StepTimer<BothEdges, 2, SHORT_QUEUE_SLOTS>,
-        three_ports: StepTimer<BothEdges, 3, SHORT_QUEUE_SLOTS>,
         queues: Queues,
         clock: MotionClock,
         ring: &'static mut [Slot],
@@ -75,52 +80,64 @@ mod app {
 
     #[init(local = [
         slots: [Slot; LOOK_AHEAD_BLOCKS] = [Slot::EMPTY; LOOK_AHEAD_BLOCKS],
-        ports: Option<Ports> = None,
-        steps: [SlotSteps; STEP_QUEUE_SLOTS] = [SlotSteps::NONE; STEP_QUEUE_SLOTS],
-        steps_of_one: [SlotSteps; SHORT_QUEUE_SLOTS] = [SlotSteps::NONE; SHORT_QUEUE_SLOTS],
-        steps_of_two: [SlotSteps; SHORT_QUEUE_SLOTS] = [SlotSteps::NONE; SHORT_QUEUE_SLOTS],
-        steps_of_three: [SlotSteps; SHORT_QUEUE_SLOTS] = [SlotSteps::NONE; SHORT_QUEUE_SLOTS],
+        of_print: [SlotAccount; STEP_QUEUE_SLOTS] = [SlotAccount::NONE; STEP_QUEUE_SLOTS],
+        of_one: [SlotAccount; SHORT_QUEUE_SLOTS] = [SlotAccount::NONE; SHORT_QUEUE_SLOTS],
+        of_two: [SlotAccount; SHORT_QUEUE_SLOTS] = [SlotAccount::NONE; SHORT_QUEUE_SLOTS],
+        of_three: [SlotAccount; SHORT_QUEUE_SLOTS] = [SlotAccount::NONE; SHORT_QUEUE_SLOTS],
     ])]
     fn init(cx: init::Context) -> (Shared, Local) {
         let device = cx.device;
-        let pins = BenchPins::new(device.GPIOC, &device.GPIOA, &device.RCC);
-        let ports = &*cx.local.ports.insert(Ports::new(&pins));
+        let ports = Ports::new(&BenchPins::new(device.GPIOC, &device.GPIOA, &device.RCC));
         let clock = MotionClock::start(device.TIM5, &device.RCC);
         let (Some(print), Some(of_one), Some(of_two), Some(of_three)) = (
-            queue::start(&device.RCC, ports, &STEPS, cx.local.steps, Interrupt::TIM2),
-            queue::start(&device.RCC, ports, &EDGES, cx.local.steps_of_one, Interrupt::SPI2),
-            queue::start(&device.RCC, ports, &EDGES_ON_TWO_PORTS, cx.local.steps_of_two, Interrupt::TIM3),
-            queue::start(&device.RCC, ports, &EDGES_ON_THREE_PORTS, cx.local.steps_of_three, Interrupt::SPI1),
+            queue::start(&device.RCC, ports, &STEPS, cx.local.of_print, Interrupt::SPI3),
+            queue::start(&device.RCC, ports, &EDGES, cx.local.of_one, Interrupt::SPI2),
+            queue::start(&device.RCC, ports, &EDGES_ON_TWO_PORTS, cx.local.of_two, Interrupt::TIM3),
+            queue::start(&device.RCC, ports, &EDGES_ON_THREE_PORTS, cx.local.of_three, Interrupt::SPI1),
         ) else {
             panic!("a port has 16 pins")
         };
         let queues = Queues { print: print.1, of_one: of_one.1, of_two: of_two.1, of_three: of_three.1 };
-        let (step_timer, one_port, two_ports, three_ports) = (print.0, of_one.0, of_two.0, of_three.0);
-        (Shared {}, Local { step_timer, one_port, two_ports, three_ports, queues, clock, ring: cx.local.slots })
+        let shared = Shared { print: print.0, one_port: of_one.0, two_ports: of_two.0, three_ports: of_three.0 };
+        (shared, Local { queues, clock, ring: cx.local.slots })
     }
 
-    /// The firmware's step interrupt.
-    #[task(binds = TIM2, priority = 16, local = [step_timer])]
-    fn step_timer(cx: step_timer::Context) {
-        cx.local.step_timer.update();
+    /// The firmware's step interrupt. Here it is not at TIM2, where the timer would call it.
+    #[task(binds = SPI3, priority = 16, shared = [print])]
+    fn print(cx: print::Context) {
+        cx.shared.print.update();
     }
 
     /// The same for drivers that step at both edges.
-    #[task(binds = SPI2, priority = 16, local = [one_port])]
+    #[task(binds = SPI2, priority = 16, shared = [one_port])]
     fn one_port(cx: one_port::Context) {
-        cx.local.one_port.update();
+        cx.shared.one_port.update();
     }
 
     /// These with motors on two ports.
-    #[task(binds = TIM3, priority = 16, local = [two_ports])]
+    #[task(binds = TIM3, priority = 16, shared = [two_ports])]
     fn two_ports(cx: two_ports::Context) {
-        cx.local.two_ports.update();
+        cx.shared.two_ports.update();
     }
 
     /// With motors on three.
-    #[task(binds = SPI1, priority = 16, local = [three_ports])]
+    #[task(binds = SPI1, priority = 16, shared = [three_ports])]
     fn three_ports(cx: three_ports::Context) {
-        cx.local.three_ports.update();
+        cx.shared.three_ports.update();
+    }
+
+    /// What the others call when something is not usual: for the one of them that is being played.
+    #[task(binds = TIM1_BRK_TIM9, priority = 16, shared = [print, one_port, two_ports, three_ports])]
+    fn stay(cx: stay::Context) {
+        if queue::is_playing(Interrupt::SPI2) {
+            cx.shared.one_port.stay();
+        } else if queue::is_playing(Interrupt::TIM3) {
+            cx.shared.two_ports.stay();
+        } else if queue::is_playing(Interrupt::SPI1) {
+            cx.shared.three_ports.stay();
+        } else {
+            cx.shared.print.stay();
+        }
     }
 
     #[idle(local = [queues, clock, ring])]

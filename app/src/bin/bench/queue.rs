@@ -1,13 +1,15 @@
 //! The step queue and its far end, the interrupt: all that the bench knows of either.
 
+use core::sync::atomic::{AtomicU16, Ordering};
+
 use cortex_m::peripheral::NVIC;
 use ferrostep_hal_shim::StepOutput;
-use ferrostep_hal_shim::stepping::{MotorPins, Pin, PinMap, Signals, SlotSteps, StepFeeder, StepPlayer, Stepping};
+use ferrostep_hal_shim::stepping::{MotorPins, Pin, PinMap, Signals, SlotAccount, StepFeeder, StepPlayer, Stepping};
 use ferrostep_planner::interpolator::MAX_ENTRIES;
 use ferrostep_planner::{Notice, StepEntry, StepKind, StepSink};
 use ferrostep_stm32f4::bench::BenchPins;
-use ferrostep_stm32f4::pac::{Interrupt, Peripherals, RCC, TIM2};
-use ferrostep_stm32f4::step_timer::{MotorPort, Motors, StepQueue, StepTimer};
+use ferrostep_stm32f4::pac::{Interrupt, Peripherals, RCC};
+use ferrostep_stm32f4::step_timer::{MotorPort, MotorPorts, Motors, StepQueue, StepTimer};
 
 use crate::counter::Counter;
 use crate::profile::StepSignals;
@@ -22,11 +24,12 @@ pub const SHORT_QUEUE_SLOTS: usize = 64;
 const SIGNALS: Signals = Signals { pulse_ticks: 2, direction_setup_ticks: 2 };
 
 /// As many ports as are asked for, all of them the same one.
+#[derive(Clone, Copy)]
 pub struct Ports(MotorPort);
 
 impl<const PORTS: usize> Motors<PORTS> for Ports {
-    fn ports(&self) -> [MotorPort; PORTS] {
-        [self.0; PORTS]
+    fn ports(&self) -> MotorPorts<PORTS> {
+        MotorPorts([self.0; PORTS])
     }
 
     fn enable(&self, _enabled: bool) {}
@@ -35,7 +38,7 @@ impl<const PORTS: usize> Motors<PORTS> for Ports {
 impl Ports {
     /// Copies of the board's only one.
     pub fn new(pins: &BenchPins) -> Self {
-        let [port] = Motors::<1>::ports(pins);
+        let MotorPorts([port]) = Motors::<1>::ports(pins);
         Self(port)
     }
 }
@@ -71,27 +74,28 @@ pub struct Tally {
     pub events: u32,
 }
 
-/// Starts the timer as the firmware does, then forbids it to interrupt: events come when they are counted. The timer may
-/// be started for several handlers, of which the one at `interrupt` gets this one.
+/// Starts the timer as the firmware does. The interrupt is at `interrupt` instead of the timer's own place, which has no
+/// handler here: events come when they are counted. So the timer may be started for several interrupts.
 pub fn start<M: Stepping, const PORTS: usize, const N: usize>(
     rcc: &RCC,
-    ports: &'static Ports,
+    ports: Ports,
     player: &'static StepPlayer<M, PORTS, N>,
-    steps: &'static mut [SlotSteps; N],
+    accounts: &'static mut [SlotAccount; N],
     interrupt: Interrupt,
 ) -> Option<(StepTimer<M, PORTS, N>, BenchQueue<M, PORTS, N>)> {
-    // SAFETY: only one of the handlers runs at a time, and all of them use the timer alike.
+    // SAFETY: only one of the interrupts runs at a time, and all of them use the timer alike.
     let Peripherals { TIM2: timer, TIM9: counter, .. } = unsafe { Peripherals::steal() };
-    let timer = StepTimer::start(timer, counter, rcc, ports, player);
-    set_armed(false);
-    let queue = StepQueue::new(ports, StepFeeder::new(player, pin_map()?, SIGNALS, steps));
+    let timer = StepTimer::start(timer, counter, rcc, &ports, player);
+    let queue = StepQueue::new(ports, StepFeeder::new(player, pin_map()?, SIGNALS, accounts));
     Some((timer, BenchQueue { queue, interrupt, tally: Tally::default() }))
 }
 
-/// Whether the timer interrupts by itself.
-fn set_armed(armed: bool) {
-    // SAFETY: the handlers do not use this register.
-    unsafe { &*TIM2::ptr() }.dier().write(|w| w.uie().bit(armed));
+/// Number of the interrupt that plays.
+static PLAYING: AtomicU16 = AtomicU16::new(0);
+
+/// Whether it is this interrupt that plays.
+pub fn is_playing(interrupt: Interrupt) -> bool {
+    PLAYING.load(Ordering::Relaxed) == interrupt as u16
 }
 
 /// An event of the interrupt.
@@ -119,9 +123,16 @@ impl<M: Stepping, const PORTS: usize, const N: usize> BenchQueue<M, PORTS, N> {
         self.queue.waiting()
     }
 
-    /// Lets the interrupt take slots.
-    pub fn start(&self) {
-        self.queue.link().start();
+    /// Lets the interrupt take slots: the instructions of what it begins with.
+    pub fn start(&mut self, counter: &Counter) -> u32 {
+        PLAYING.store(self.interrupt as u16, Ordering::Relaxed);
+        // The queue calls it, masked; and once more where it is counted.
+        NVIC::mask(Interrupt::TIM1_BRK_TIM9);
+        self.queue.start();
+        NVIC::unpend(Interrupt::TIM1_BRK_TIM9);
+        // SAFETY: no critical section relies on the mask.
+        unsafe { NVIC::unmask(Interrupt::TIM1_BRK_TIM9) };
+        counter.count_handler(Interrupt::TIM1_BRK_TIM9)
     }
 
     /// Whether the interrupt has found no end of them yet.
@@ -136,25 +147,10 @@ impl<M: Stepping, const PORTS: usize, const N: usize> BenchQueue<M, PORTS, N> {
         Event { instructions, is_new: self.queue.played() != before }
     }
 
-    /// Lets a piece of work play events that follow at once: the handler sees updates of the timer. The interrupt of
-    /// the timer itself is masked meanwhile, as its handler is another than this queue's.
-    pub fn with_updates<T>(&mut self, work: impl FnOnce(&mut Self) -> T) -> T {
-        NVIC::mask(Interrupt::TIM2);
-        set_armed(true);
-        let result = work(self);
-        set_armed(false);
-        NVIC::unpend(Interrupt::TIM2);
-        // SAFETY: no critical section relies on the mask.
-        unsafe { NVIC::unmask(Interrupt::TIM2) };
-        result
-    }
-
     /// Empties the queue without the interrupt.
     pub fn empty(&mut self) {
         self.queue.request_stop();
         self.queue.drop_all();
-        // Which has let the timer interrupt again.
-        set_armed(false);
     }
 }
 

@@ -82,11 +82,13 @@ pub struct StepEvents {
     pub three_ports: Events,
     /// Stairs of one event each, four motors: everything in every event.
     pub single: Option<u32>,
-    /// A look at an empty queue.
-    pub idle: u32,
+    /// What a motion begins with, before its first event.
+    pub start_of_motion: u32,
+    /// Its last event.
+    pub end_of_motion: u32,
     /// Of a real print.
     pub mean: Mean,
-    /// The most of any event of a real print.
+    /// The most of any event of a real print, between its start and its end.
     pub worst: u32,
 }
 
@@ -108,7 +110,9 @@ impl fmt::Display for StepEvents {
             write!(out, "\"{name}\": {{\"within_stair\": {within}, \"new_stair\": {new}}}, ")?;
         }
         write!(out, "\"single_event_stair_4_axes\": {}, ", OrNull(self.single))?;
-        write!(out, "\"idle\": {}, \"mean\": {}, \"worst\": {}}}", self.idle, self.mean, self.worst)
+        let Self { start_of_motion, end_of_motion, mean, worst, .. } = self;
+        write!(out, "\"start_of_motion\": {start_of_motion}, \"end_of_motion\": {end_of_motion}, ")?;
+        write!(out, "\"mean\": {mean}, \"worst\": {worst}}}")
     }
 }
 

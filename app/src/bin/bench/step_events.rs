@@ -34,7 +34,7 @@ const NEAR_TICKS: u32 = 4;
 /// Events of stairs for which the handler stays, two such stairs being less than it stays for at once.
 const NEAR_EVENTS: u16 = 8;
 
-/// Events of made-up stairs, and a look at the empty queue.
+/// Events of made-up stairs, and the two ends of a motion.
 pub fn synthetic<M: Stepping, const PORTS: usize, const N: usize>(
     counter: &Counter,
     queue: &mut BenchQueue<M, PORTS, N>,
@@ -42,13 +42,13 @@ pub fn synthetic<M: Stepping, const PORTS: usize, const N: usize>(
     let one_axis = stairs(counter, queue, ONE_AXIS, STAIR_EVENTS)?;
     let four_axes = stairs(counter, queue, FOUR_AXES, STAIR_EVENTS)?;
     let single = stairs(counter, queue, FOUR_AXES, 1)?.new;
-    let idle = queue.play(counter).instructions;
+    let (start_of_motion, end_of_motion) = ends(counter, queue)?;
     let staying = staying(counter, queue)?;
-    Ok(StepEvents { one_axis, four_axes, single, idle, staying, ..StepEvents::default() })
+    Ok(StepEvents { one_axis, four_axes, single, start_of_motion, end_of_motion, staying, ..StepEvents::default() })
 }
 
-/// Stairs of one kind, once the run is under way. Inside a stair one event may have more to do, to prepare the next
-/// stair: the least of the others is that of most.
+/// Stairs of one kind, once the run is under way. Should the events inside a stair not all cost the same, the least of
+/// them is taken for that of most.
 pub fn stairs<M: Stepping, const PORTS: usize, const N: usize>(
     counter: &Counter,
     queue: &mut BenchQueue<M, PORTS, N>,
@@ -58,7 +58,7 @@ pub fn stairs<M: Stepping, const PORTS: usize, const N: usize>(
     for _ in 0..STAIRS {
         push(queue, FAR_TICKS, events, axes)?;
     }
-    queue.start();
+    queue.start(counter);
     let mut events = Events::default();
     let mut fetches = 0;
     while queue.is_running() {
@@ -76,6 +76,22 @@ pub fn stairs<M: Stepping, const PORTS: usize, const N: usize>(
     }
     queue.empty();
     Ok(events)
+}
+
+/// What a motion begins and ends with: both are interrupts that do more than play an event.
+fn ends<M: Stepping, const PORTS: usize, const N: usize>(
+    counter: &Counter,
+    queue: &mut BenchQueue<M, PORTS, N>,
+) -> Result<(u32, u32), &'static str> {
+    push(queue, FAR_TICKS, STAIR_EVENTS, ONE_AXIS)?;
+    push(queue, FAR_TICKS, STAIR_EVENTS, ONE_AXIS)?;
+    let start = queue.start(counter);
+    let mut end = 0;
+    while queue.is_running() {
+        end = queue.play(counter).instructions;
+    }
+    queue.empty();
+    Ok((start, end))
 }
 
 fn push<M: Stepping, const PORTS: usize, const N: usize>(
@@ -113,14 +129,11 @@ fn burst<M: Stepping, const PORTS: usize, const N: usize>(
     }
     push(queue, FAR_TICKS, STAIR_EVENTS, ONE_AXIS)?;
     push(queue, FAR_TICKS, STAIR_EVENTS, ONE_AXIS)?;
-    queue.start();
-    let longest = queue.with_updates(|queue| {
-        let mut longest = 0;
-        while queue.is_running() {
-            longest = longest.max(queue.play(counter).instructions);
-        }
-        longest
-    });
+    queue.start(counter);
+    let mut longest = 0;
+    while queue.is_running() {
+        longest = longest.max(queue.play(counter).instructions);
+    }
     queue.empty();
     Ok(longest)
 }
@@ -128,10 +141,13 @@ fn burst<M: Stepping, const PORTS: usize, const N: usize>(
 /// Plays what waits in the queue but for the last slots.
 pub fn play_waiting<M: Stepping, const PORTS: usize, const N: usize>(
     counter: &Counter,
-    queue: &BenchQueue<M, PORTS, N>,
+    queue: &mut BenchQueue<M, PORTS, N>,
     report: &mut StepEvents,
 ) {
-    queue.start();
+    // One that plays already would take this for an event that is near.
+    if !queue.is_running() {
+        queue.start(counter);
+    }
     while queue.waiting() > LEFT_SLOTS {
         let event = queue.play(counter);
         report.mean.add(event.instructions, 1);

@@ -87,9 +87,9 @@ fn classic_coalesced(dx: u32, dy: u32, queue: &mut PrintQueue) {
 /// An entry a stair.
 #[inline(never)]
 fn step(dx: u32, dy: u32, queue: &mut PrintQueue) {
-    let Some(stairs) = StepBresenham::new(dx, dy) else { return };
+    let Some(line) = StepBresenham::new(dx, dy) else { return };
     let mut left = dx;
-    for width in stairs {
+    for width in line.stairs() {
         push(queue, width, X, Y);
         left -= width;
     }

@@ -1,0 +1,67 @@
+//! What the interpolator has made and not handed out yet.
+
+use crate::interpolator::MAX_ENTRIES;
+use crate::step_queue::StepEntry;
+
+/// Entries in their order. Handed out together, they cost whoever takes them less.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Entries {
+    entries: [StepEntry; MAX_ENTRIES],
+    count: usize,
+}
+
+impl Entries {
+    /// None.
+    pub(crate) const NONE: Self = Self { entries: [StepEntry::wait(0); MAX_ENTRIES], count: 0 };
+
+    /// Adds an entry; there is room.
+    #[inline(always)]
+    pub(crate) fn push(&mut self, entry: StepEntry) {
+        if let Some(place) = self.entries.get_mut(self.count) {
+            *place = entry;
+            self.count += 1;
+        }
+    }
+
+    /// Room for more entries, at most so many; how many were put there, [`Self::filled`] is to be told.
+    #[inline(always)]
+    pub(crate) fn room(&mut self, most: usize) -> &mut [StepEntry] {
+        let free = self.entries.get_mut(self.count..).unwrap_or_default();
+        let most = most.min(free.len());
+        free.get_mut(..most).unwrap_or_default()
+    }
+
+    /// So many entries more are there.
+    #[inline(always)]
+    pub(crate) fn filled(&mut self, count: usize) {
+        self.count += count;
+    }
+
+    /// The last one.
+    pub(crate) fn last(&mut self) -> Option<&mut StepEntry> {
+        self.count.checked_sub(1).and_then(|last| self.entries.get_mut(last))
+    }
+
+    /// All of them.
+    pub(crate) fn all(&self) -> &[StepEntry] {
+        self.entries.get(..self.count).unwrap_or_default()
+    }
+
+    /// All but the last.
+    pub(crate) fn all_but_last(&self) -> &[StepEntry] {
+        self.entries.get(..self.count.saturating_sub(1)).unwrap_or_default()
+    }
+
+    /// Forgets all but the last.
+    pub(crate) fn keep_last(&mut self) {
+        if let Some(last) = self.last().copied() {
+            self.count = 0;
+            self.push(last);
+        }
+    }
+
+    /// Forgets all.
+    pub(crate) fn clear(&mut self) {
+        self.count = 0;
+    }
+}
