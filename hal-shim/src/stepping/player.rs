@@ -148,6 +148,10 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
     /// that one, before the next update is served.
     #[inline(always)]
     pub fn stay<T: UpdateTimer, P: OutputPorts<PORTS>>(&self, next: &mut NextWords<PORTS>, timer: &T, ports: &P) {
+        if self.link.is_stopping() {
+            // Asked for before the stop came: a start would undo its mask, an owed event would step.
+            return;
+        }
         let starting = self.left() == Head::EMPTY;
         let left = if self.link.take_owed() { self.put_out(next, ports) } else { 0 };
         if left < 0 {

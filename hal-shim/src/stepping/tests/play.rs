@@ -216,3 +216,28 @@ fn entries_wait_until_the_player_is_started() {
     assert_eq!(board.ports[0].changes().len(), 3);
     assert!(link.take_ran_dry() && !link.is_running() && board.timer.is_masked());
 }
+
+#[test]
+fn a_start_after_a_stop_moves_nothing() {
+    let board = Interrupt::<Pulses, 1, 64>::leaked();
+    let mut feeder = board.feeder(SIGNALS);
+    feeder.push(StepEntry::stair(1_000, 20, 0b1, 0).unwrap()).unwrap();
+    feeder.push(StepEntry::stair(1_000, 20, 0b1, 0).unwrap()).unwrap();
+    // The producer has looked before the stop came, and starts after it.
+    board.stop();
+    board.start(&mut feeder);
+    assert!(board.timer.is_masked());
+    for _ in 0..10 {
+        board.update();
+    }
+    assert_eq!(board.ports[0].steps(), [0; 4]);
+    assert_eq!(feeder.drop_all().issued, [40, 0, 0, 0]);
+    // The next motion is whole.
+    feeder.push(StepEntry::stair(1_000, 20, 0b1, 0).unwrap()).unwrap();
+    feeder.seal();
+    assert!(board.start(&mut feeder));
+    for _ in 0..60 {
+        board.update();
+    }
+    assert_eq!(board.ports[0].steps(), [20, 0, 0, 0]);
+}

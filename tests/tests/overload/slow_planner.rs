@@ -1,0 +1,49 @@
+//! A planner that is too slow.
+
+use ferrostep_tests::board_model::Costs;
+use ferrostep_tests::stress_file::stress_file;
+
+use crate::bystander::{Speeds, is_smooth, print, profile};
+
+/// 0.3 m, one second at full feed.
+const PIECES: u32 = 6_000;
+
+fn slower(times: u64) -> Speeds {
+    Speeds { costs: Costs::BOARD.with_slower_planner(times), ..Speeds::ample() }
+}
+
+#[test]
+fn a_planner_with_time_to_spare_changes_nothing() {
+    let text = stress_file(PIECES, 5);
+    let ample = print(&profile(), &text, &Speeds::ample());
+    let slow = print(&profile(), &text, &slower(3));
+    is_smooth(&slow, &profile());
+    assert_eq!(slow.figures.planning_slowdowns, 0);
+    assert!((slow.watch.seconds() / ample.watch.seconds() - 1.0).abs() < 0.001);
+}
+
+#[test]
+fn steps_are_exact_however_slow_the_planner() {
+    let text = stress_file(PIECES, 5);
+    let ample = print(&profile(), &text, &Speeds::ample());
+    for times in [8, 16, 32, 64, 256] {
+        let slow = print(&profile(), &text, &slower(times));
+        assert_eq!(slow.counted_steps, ample.counted_steps);
+        assert!(slow.watch.seconds() > ample.watch.seconds());
+    }
+}
+
+#[test]
+fn a_planner_that_cannot_keep_up_lowers_the_feed() {
+    let text = stress_file(PIECES, 5);
+    for times in [8, 16, 32, 64] {
+        let slow = print(&profile(), &text, &slower(times));
+        println!(
+            "planner {times} times slower: {:.2} s, {} underruns, {} slowdowns",
+            slow.watch.seconds(),
+            slow.figures.underruns,
+            slow.figures.planning_slowdowns
+        );
+        is_smooth(&slow, &profile());
+    }
+}
