@@ -40,7 +40,8 @@ impl StepBresenham {
         if self.rise == 0 {
             return u32::MAX;
         }
-        (self.decision.wrapping_neg() / self.rise) as u32 + 1
+        // Neither is negative.
+        (self.decision.wrapping_neg() as u32 / self.rise as u32).wrapping_add(1)
     }
 
     /// Passes `count` major-axis steps, at most [`Self::width`]; whether the minor axis steps with the last of them.
@@ -53,6 +54,28 @@ impl StepBresenham {
             self.decision = self.decision.wrapping_sub(self.fall);
         }
         steps
+    }
+
+    /// Major-axis steps, one after the other from the next on, with each of which the minor axis steps; out of reach where
+    /// it does with all. The complement of a stair: on a line steeper than 1/2 these are most.
+    #[inline]
+    pub const fn diagonal(&self) -> u32 {
+        let above = self.decision.wrapping_add(self.rise);
+        if above <= 0 {
+            return 0;
+        }
+        if self.fall == self.rise {
+            return u32::MAX;
+        }
+        // By so much the decision value falls with each of them; neither is negative.
+        let step = self.fall.wrapping_sub(self.rise) as u32;
+        ((above - 1) as u32 / step).wrapping_add(1)
+    }
+
+    /// Passes `count` major-axis steps, at most [`Self::diagonal`].
+    #[inline(always)]
+    pub const fn pass_diagonal(&mut self, count: u32) {
+        self.decision = self.decision.wrapping_add(self.rise.wrapping_sub(self.fall).wrapping_mul(count as i32));
     }
 
     /// The widths of the stairs still to come; the major-axis steps behind the last of them are the caller's.
@@ -150,6 +173,24 @@ mod tests {
                 let steps = (0..count).filter(|_| singly.pass(1)).count();
                 prop_assert_eq!(usize::from(at_once.pass(count)), steps);
                 left -= count;
+            }
+        }
+
+        #[test]
+        fn diagonals_are_the_same_points(dx in 1u32..5_000, share in 0.0f64..=1.0) {
+            let dy = (f64::from(dx) * share) as u32;
+            let mut line = StepBresenham::new(dx, dy).unwrap();
+            let mut singly = line;
+            let mut left = dx;
+            while left > 0 {
+                let diagonal = line.diagonal().min(left);
+                line.pass_diagonal(diagonal);
+                prop_assert!((0..diagonal).all(|_| singly.pass(1)));
+                left -= diagonal;
+                if left > 0 {
+                    prop_assert!(!singly.pass(1) && !line.pass(1));
+                    left -= 1;
+                }
             }
         }
 

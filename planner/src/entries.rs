@@ -37,6 +37,13 @@ impl Entries {
         self.count += count;
     }
 
+    /// The one that is `from_end` from the end, 1 being the last, steps `axes` too.
+    pub(crate) fn join(&mut self, from_end: usize, axes: u8) {
+        if let Some(entry) = self.count.checked_sub(from_end).and_then(|index| self.entries.get_mut(index)) {
+            *entry = entry.with(axes);
+        }
+    }
+
     /// The last one.
     pub(crate) fn last(&mut self) -> Option<&mut StepEntry> {
         self.count.checked_sub(1).and_then(|last| self.entries.get_mut(last))

@@ -19,10 +19,37 @@ impl Follower {
         Self { bit, line: StepBresenham::new(master_steps, steps).unwrap_or(StepBresenham::level()) }
     }
 
+    /// The motor's bit.
+    pub(crate) fn bit(&self) -> u8 {
+        self.bit
+    }
+
+    /// Where it is on its line.
+    pub(crate) fn line(&self) -> StepBresenham {
+        self.line
+    }
+
+    /// Takes over how far it was passed.
+    pub(crate) fn set_line(&mut self, line: StepBresenham) {
+        self.line = line;
+    }
+
     /// Master steps up to and including the next common one; out of reach where there is none.
     #[inline]
     pub(crate) fn until(&self) -> u32 {
         self.line.width()
+    }
+
+    /// Master steps from the next on that are all common.
+    #[inline]
+    pub(crate) fn diagonal(&self) -> u32 {
+        self.line.diagonal()
+    }
+
+    /// Passes `count` master steps, all of them common: at most [`Self::diagonal`].
+    #[inline(always)]
+    pub(crate) fn pass_diagonal(&mut self, count: u32) {
+        self.line.pass_diagonal(count);
     }
 
     /// Passes `count` master steps, at most [`Self::until`]; the motor's bit if it steps with the last of them.

@@ -277,75 +277,97 @@ impl Interpolator {
 
     /// The master's steps in a ramp, and the extruder's between them, as long as none is too near to another: at most
     /// `most` events, the master's first step `gap` time units behind the last event, half a tick included. How many
-    /// events there are, and whether an extruder step waits for the master's next one.
+    /// events there are, and whether anything has happened.
     #[inline(never)]
     fn run_ramp(&mut self, mut gap: u32, most: usize) -> (usize, bool) {
-        let [mut follower, second] = self.followers;
+        let [first, second] = self.followers;
+        let Some((mut run, steps)) = self.master.run() else { return (0, false) };
         // Up to the second follower's next step.
-        let Some(mut run) = self.master.run(second.until().wrapping_sub(1)) else { return (0, false) };
-        let mut joined = self.joining & EXTRUDER;
-        // Ticks from the last event up to which no step of the extruder is due.
-        let mut alone = self.extruder.ticks_from(self.last);
-        let (mut start, mut whole) = (self.last, alone);
-        let mut free = self.entries.room(most).iter_mut();
-        let room = free.len();
+        let steps = steps.min(second.until().wrapping_sub(1));
+        let places = self.entries.room(most.min(steps as usize));
+        let most = places.len();
+        if most == 0 {
+            return (0, false);
+        }
+        let least = self.minimum_interval;
+        let [alone, common] = [0, first.bit()].map(|bit| StepEntry::event(0, self.master_bit | bit));
+        let mut line = first.line();
+        // The event at which an extruder step waits for the master's.
+        let mut joint = if self.joining & EXTRUDER == 0 { usize::MAX } else { 0 };
+        // Where it is longer than that, everything before the next step is near.
+        let near = u32::try_from(self.near).unwrap_or(u32::MAX);
         let mut has_joined = false;
-        // Whether `gap` is up to the next step, not the last one's.
-        let is_ahead = loop {
+        let mut extruded = 0;
+        // The last event, and how many ticks behind it no step of the extruder is due: both so far, and of `start`.
+        let mut start = self.last;
+        let mut whole = self.extruder.ticks_from(start);
+        let mut free = whole;
+        let mut left = places.iter_mut();
+        // What the master's last step leaves over a tick.
+        let mut fraction = 0;
+        // Whether something is in the way before the master's next step, and not its own last step here is the end.
+        let is_held_up = loop {
             let ticks = gap >> FRACTION_BITS;
-            if ticks >= alone {
-                let last = start.wrapping_add(u64::from(whole - alone) << FRACTION_BITS);
-                match ExtruderStep::before(&self.extruder, last, gap, self.near, self.minimum_interval) {
+            if ticks >= free {
+                start = start.wrapping_add(u64::from(whole.wrapping_sub(free)) << FRACTION_BITS);
+                whole = free;
+                // One joins in a run: another would have to be noted elsewhere.
+                let may_join = joint == usize::MAX;
+                match ExtruderStep::take(&mut self.extruder, start, gap, [near, least], may_join) {
                     ExtruderStep::Later => {}
                     ExtruderStep::Joins => {
-                        self.extruder.take(1);
-                        joined = EXTRUDER;
-                        has_joined = true;
-                        (start, alone) = (last, self.extruder.ticks_from(last));
-                        whole = alone;
+                        (joint, has_joined) = (most - left.len(), true);
+                        whole = self.extruder.ticks_from(start);
+                        free = whole;
                         continue;
                     }
                     ExtruderStep::After(ticks) => {
-                        let Some(place) = free.next() else { break true };
-                        self.extruder.take(1);
+                        // The loop goes on only while there are places.
+                        let Some(place) = left.next() else { break true };
                         *place = StepEntry::event(ticks, EXTRUDER);
+                        extruded += 1;
                         gap = gap.wrapping_sub(ticks << FRACTION_BITS);
-                        start = last.wrapping_add(u64::from(ticks) << FRACTION_BITS);
-                        alone = self.extruder.ticks_from(start);
-                        whole = alone;
+                        start = start.wrapping_add(u64::from(ticks) << FRACTION_BITS);
+                        whole = self.extruder.ticks_from(start);
+                        free = whole;
+                        if left.as_slice().is_empty() {
+                            break true;
+                        }
                         continue;
                     }
                     ExtruderStep::TooNear => break true,
                 }
             }
-            if ticks < self.minimum_interval {
+            if ticks < least {
                 break true;
             }
-            let Some(place) = free.next() else { break true };
-            *place = StepEntry::event(ticks, self.master_bit | joined | follower.pass(1));
-            joined = 0;
-            alone = alone.wrapping_sub(ticks);
-            // Behind the tick of the step.
-            gap &= ONE_TICK - 1;
-            let Some(next) = run.take() else { break false };
-            match gap.checked_add(next) {
-                Some(next) => gap = next,
-                None => break false,
+            let Some(place) = left.next() else { break true };
+            *place = if line.pass(1) { common } else { alone }.at(ticks);
+            free = free.wrapping_sub(ticks);
+            fraction = gap & (ONE_TICK - 1);
+            let units = run.take();
+            if left.as_slice().is_empty() || units > u32::MAX - ONE_TICK {
+                break false;
             }
+            gap = fraction.wrapping_add(units);
         };
-        let events = room - free.len();
+        let events = most - left.len();
+        let steps = (events - extruded) as u32;
+        self.last = start.wrapping_add(u64::from(whole.wrapping_sub(free)) << FRACTION_BITS);
         self.entries.filled(events);
-        self.last = start.wrapping_add(u64::from(whole.wrapping_sub(alone)) << FRACTION_BITS);
-        let taken = run.taken();
-        if taken > 0 {
-            let due = self.last.wrapping_add(u64::from(gap)).wrapping_sub(HALF_TICK);
-            self.master.end_run(&run, due, is_ahead);
-            let [first, second] = &mut self.followers;
-            *first = follower;
-            second.pass(taken);
-            self.joining = joined;
-        } else {
-            self.joining |= joined;
+        let behind = if is_held_up { gap } else { fraction };
+        let due = self.last.wrapping_add(u64::from(behind)).wrapping_sub(HALF_TICK);
+        self.master.end_run(&run, steps, due, is_held_up);
+        let [first, second] = &mut self.followers;
+        first.set_line(line);
+        second.pass(steps);
+        if steps > 0 {
+            self.joining = 0;
+        }
+        if joint < events {
+            self.entries.join(events - joint, EXTRUDER);
+        } else if joint < usize::MAX {
+            self.joining |= EXTRUDER;
         }
         (events, has_joined)
     }
@@ -384,7 +406,9 @@ impl Interpolator {
     fn stair(&mut self, due: u64, gap_ticks: u32, extruder: u64) -> Option<StepEntry> {
         let (cruise, left) = self.master.cruise()?;
         let [first, second] = &mut self.followers;
-        let mut count = left.min(cruise.longest_stair).min(first.until()).min(second.until());
+        let diagonal = first.diagonal();
+        let width = if diagonal == 0 { first.until() } else { diagonal };
+        let mut count = left.min(cruise.longest_stair).min(width).min(second.until());
         let interval = cruise.ticks;
         if count < 2 || interval < self.minimum_interval {
             return None;
@@ -410,11 +434,18 @@ impl Interpolator {
             }
         }
         let [first, second] = &mut self.followers;
-        let added = first.pass(count) | second.pass(count);
+        let mut axes = self.master_bit;
+        let mut added = second.pass(count);
+        if diagonal == 0 {
+            added |= first.pass(count);
+        } else {
+            axes |= first.bit();
+            first.pass_diagonal(count);
+        }
         self.master.take(count);
         self.joining = 0;
         // Not longer than the longest stair, which 16 bits hold.
-        StepEntry::stair(interval, count as u16, self.master_bit, added)
+        StepEntry::stair(interval, count as u16, axes, added)
     }
 
     /// Whether a stair may begin although something is in [`Self::joining`]: nothing is that steps with the first event
@@ -512,26 +543,26 @@ enum ExtruderStep {
 }
 
 impl ExtruderStep {
-    /// With the last event at `last`, a whole tick, and the master's next step `gap` behind it.
-    #[inline]
-    fn before(extruder: &StepTimes, last: u64, gap: u32, near: u64, least: u32) -> Self {
-        if extruder.next() == NEVER {
-            return Self::Later;
-        }
+    /// Takes it, unless it comes later or too near. The last event is at `last`, a whole tick, and the master's next step
+    /// `gap` behind it. A step that is less than `near` before it joins it, if it may; one less than `least` ticks behind
+    /// the last event is too near to that.
+    #[inline(never)]
+    fn take(extruder: &mut StepTimes, last: u64, gap: u32, [near, least]: [u32; 2], may_join: bool) -> Self {
         let behind = extruder.next().wrapping_add(HALF_TICK).wrapping_sub(last);
-        match u32::try_from(behind) {
-            Ok(behind) if behind < gap => {
-                if u64::from(gap - behind) < near {
-                    Self::Joins
-                } else if behind >> FRACTION_BITS < least {
-                    Self::TooNear
-                } else {
-                    Self::After(behind >> FRACTION_BITS)
-                }
-            }
-            Err(_) if behind > NEVER / 2 => Self::TooNear,
-            _ => Self::Later,
+        if extruder.next() == NEVER || behind >= u64::from(gap) {
+            // It wraps where an event had to keep its distance, and is behind already.
+            let is_late = extruder.next() != NEVER && behind > NEVER / 2;
+            return if is_late { Self::TooNear } else { Self::Later };
         }
+        let behind = behind as u32;
+        let ticks = behind >> FRACTION_BITS;
+        let is_near = gap - behind < near;
+        if is_near && !may_join || !is_near && ticks < least {
+            return Self::TooNear;
+        }
+        let step = if is_near { Self::Joins } else { Self::After(ticks) };
+        extruder.take(1);
+        step
     }
 }
 

@@ -7,10 +7,9 @@
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StepEntry {
     interval_ticks: u32,
-    count: u16,
-    axes: u8,
-    /// `added` of a stair, the direction bits of a direction change.
-    other: u8,
+    /// From bit 0 on the count, from bit 16 on the axes, from bit 24 on what else there is: `added` of a stair, the
+    /// direction bits of a direction change. One word, so that an entry is stored at once.
+    rest: u32,
 }
 
 /// What an entry asks for.
@@ -41,105 +40,123 @@ pub enum StepKind {
 
 impl StepEntry {
     /// A stair; `None` without events or without motors.
+    #[inline]
     pub const fn stair(interval_ticks: u32, count: u16, axes: u8, added: u8) -> Option<Self> {
         if count == 0 || axes == 0 {
             return None;
         }
-        Some(Self { interval_ticks, count, axes, other: added })
+        Some(Self::of(interval_ticks, count, axes, added))
+    }
+
+    #[inline(always)]
+    const fn of(interval_ticks: u32, count: u16, axes: u8, other: u8) -> Self {
+        Self { interval_ticks, rest: count as u32 | (axes as u32) << 16 | (other as u32) << 24 }
     }
 
     /// An event that steps `axes`, at least one motor.
     #[inline(always)]
     pub(crate) const fn event(interval_ticks: u32, axes: u8) -> Self {
-        Self { interval_ticks, count: 1, axes, other: 0 }
+        Self::of(interval_ticks, 1, axes, 0)
     }
 
     /// Time without a step.
     pub const fn wait(interval_ticks: u32) -> Self {
-        Self { interval_ticks, count: 0, axes: 0, other: 0 }
+        Self::of(interval_ticks, 0, 0, 0)
     }
 
     /// A change of the direction signals.
     pub const fn directions(directions: u8) -> Self {
-        Self { interval_ticks: 0, count: 0, axes: u8::MAX, other: directions }
+        Self::of(0, 0, u8::MAX, directions)
     }
 
     /// From the event before to the first, and between events; of a direction change 0.
-    #[inline]
+    #[inline(always)]
     pub const fn interval_ticks(self) -> u32 {
         self.interval_ticks
     }
 
     /// Number of events, 0 for what is not a stair.
-    #[inline]
+    #[inline(always)]
     pub const fn count(self) -> u16 {
-        self.count
+        self.rest as u16
     }
 
     /// Motors that step in each event of a stair.
-    #[inline]
+    #[inline(always)]
     pub const fn axes(self) -> u8 {
-        self.axes
+        (self.rest >> 16) as u8
     }
 
     /// Motors that step in a stair's last event as well.
-    #[inline]
+    #[inline(always)]
     pub const fn added(self) -> u8 {
-        self.other
+        (self.rest >> 24) as u8
     }
 
     /// The entry as two words, for a queue that shares words between tasks.
-    #[inline]
+    #[inline(always)]
     pub const fn to_words(self) -> [u32; 2] {
-        [self.interval_ticks, self.count as u32 | (self.axes as u32) << 16 | (self.other as u32) << 24]
+        [self.interval_ticks, self.rest]
     }
 
     /// The entry of [`Self::to_words`].
-    #[inline]
+    #[inline(always)]
     pub const fn from_words([interval_ticks, rest]: [u32; 2]) -> Self {
-        Self { interval_ticks, count: rest as u16, axes: (rest >> 16) as u8, other: (rest >> 24) as u8 }
+        Self { interval_ticks, rest }
     }
 
     /// The same entry as single events, for a player that looks at something after each (homing).
     pub fn events(self) -> impl Iterator<Item = Self> {
-        let single = self.count.max(1);
-        (1..=single).map(move |index| match self.count {
+        let single = self.count().max(1);
+        (1..=single).map(move |index| match self.count() {
             0 => self,
             // The last event steps the added motors too.
-            _ if index == single => Self { count: 1, axes: self.axes | self.other, other: 0, ..self },
-            _ => Self { count: 1, other: 0, ..self },
+            _ if index == single => Self::event(self.interval_ticks, self.axes() | self.added()),
+            _ => Self::event(self.interval_ticks, self.axes()),
         })
     }
 
     /// An entry with the first `count` events of this one (all of them if it has no more); `None` for none of a
     /// stair's.
     pub const fn first_events(self, count: u16) -> Option<Self> {
-        if self.count == 0 || count >= self.count {
+        if self.count() == 0 || count >= self.count() {
             return Some(self);
         }
         // The added motors step in the last event only, which is left out.
-        Self::stair(self.interval_ticks, count, self.axes, 0)
+        Self::stair(self.interval_ticks, count, self.axes(), 0)
+    }
+
+    /// The same at another interval.
+    #[inline(always)]
+    pub(crate) const fn at(self, interval_ticks: u32) -> Self {
+        Self { interval_ticks, ..self }
+    }
+
+    /// The same event with more motors stepping.
+    #[inline(always)]
+    pub(crate) const fn with(self, axes: u8) -> Self {
+        Self { rest: self.rest | (axes as u32) << 16, ..self }
     }
 
     /// The same stair with other motors stepping in its last event too; `None` if one of them does so already, or the
     /// entry is no stair.
     pub(crate) const fn joined(self, axes: u8) -> Option<Self> {
-        if self.count == 0 || (self.axes | self.other) & axes != 0 {
+        let shift = if self.count() == 1 { 16 } else { 24 };
+        if self.count() == 0 || (self.axes() | self.added()) & axes != 0 {
             None
-        } else if self.count == 1 {
-            Some(Self { axes: self.axes | axes, ..self })
         } else {
-            Some(Self { other: self.other | axes, ..self })
+            Some(Self { rest: self.rest | (axes as u32) << shift, ..self })
         }
     }
 
     /// What the entry asks for.
     #[inline]
     pub const fn kind(self) -> StepKind {
-        match (self.count, self.axes) {
-            (0, u8::MAX) => StepKind::Directions { directions: self.other },
-            (0, _) => StepKind::Wait { interval_ticks: self.interval_ticks },
-            (count, axes) => StepKind::Stair { interval_ticks: self.interval_ticks, count, axes, added: self.other },
+        let interval_ticks = self.interval_ticks;
+        match (self.count(), self.axes()) {
+            (0, u8::MAX) => StepKind::Directions { directions: self.added() },
+            (0, _) => StepKind::Wait { interval_ticks },
+            (count, axes) => StepKind::Stair { interval_ticks, count, axes, added: self.added() },
         }
     }
 }
@@ -205,14 +222,14 @@ mod tests {
 
     #[test]
     fn words_hold_the_whole_entry() {
-        let entry = StepEntry { interval_ticks: 0x8765_4321, count: 0xfedc, axes: 0xba, other: 0x98 };
+        let entry = StepEntry::of(0x8765_4321, 0xfedc, 0xba, 0x98);
         assert_eq!(entry.to_words(), [0x8765_4321, 0x98ba_fedc]);
         assert_eq!(StepEntry::from_words(entry.to_words()), entry);
     }
 
     #[test]
     fn the_first_events_of_an_entry() {
-        let entry = StepEntry { interval_ticks: 9, count: 3, axes: 1, other: 2 };
+        let entry = StepEntry::of(9, 3, 1, 2);
         assert_eq!(entry.first_events(0), None);
         assert_eq!(entry.first_events(2), StepEntry::stair(9, 2, 1, 0));
         for count in [3, 4] {

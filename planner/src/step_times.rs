@@ -89,35 +89,33 @@ impl Ramp {
     }
 }
 
+/// Longest ramp that is run: the numbers of its steps are exact in f32.
+const LONGEST_RUN: u32 = 1 << 24;
+
 /// Steps of a ramp that are taken one after the other, while what changes is kept in registers.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct RampRun {
-    ramp: Ramp,
-    /// Steps that may be taken, at least one.
-    left: u32,
-    /// As many at first.
-    steps: u32,
+    slow: f32,
+    gain: f32,
+    speed: f32,
+    /// As in [`Ramp`], and exact.
+    index: f32,
+    /// 1 or -1.
+    direction: f32,
     /// From the last step to the next, in time units and half of one.
     units_and_half: f32,
 }
 
 impl RampRun {
-    /// How many steps were taken.
+    /// Takes a step. Time units from it to the next one, cut to 32 bits; no matter what behind a ramp's last step.
     #[inline(always)]
-    pub(crate) fn taken(&self) -> u32 {
-        self.steps.wrapping_sub(self.left)
-    }
-
-    /// Takes a step. Time units from it to the next one; `None` where the run ends, or that is not within 32 bits.
-    #[inline(always)]
-    pub(crate) fn take(&mut self) -> Option<u32> {
-        self.left = self.left.wrapping_sub(1);
-        if self.left == 0 {
-            return None;
-        }
-        self.units_and_half = self.ramp.units_and_half();
-        let units = self.units_and_half as u32;
-        (units < u32::MAX).then_some(units)
+    pub(crate) fn take(&mut self) -> u32 {
+        self.index += self.direction;
+        let speed = square_root_f32(self.slow + self.index * self.gain);
+        self.units_and_half = UNITS_IN_TWO_TICKS / (self.speed + speed) + 0.5;
+        self.speed = speed;
+        // One instruction, which saturates.
+        self.units_and_half as u32
     }
 }
 
@@ -298,28 +296,39 @@ impl StepTimes {
         self.divide(in_phase);
     }
 
-    /// In a ramp: at most `most` of its steps, to be taken one after the other. `None` where there are none.
+    /// In a ramp: its next steps, to be taken one after the other, at most as many as are told.
     #[inline(always)]
-    pub(crate) fn run(&self, most: u32) -> Option<RampRun> {
-        let steps = most.min(self.left);
+    pub(crate) fn run(&self) -> Option<(RampRun, u32)> {
         match self.pace {
-            Pace::Ramp(ramp) if steps > 0 => Some(RampRun { ramp, left: steps, steps, units_and_half: 0.0 }),
+            Pace::Ramp(Ramp { slow, gain, speed, index, direction }) if self.left > 0 && index < LONGEST_RUN => {
+                let (most, direction) =
+                    if direction == 1 { (LONGEST_RUN - index, 1.0) } else { (index.saturating_add(1), -1.0) };
+                let run = RampRun { slow, gain, speed, index: index as f32, direction, units_and_half: 0.0 };
+                Some((run, most.min(self.left)))
+            }
             _ => None,
         }
     }
 
-    /// Takes over what a run has done. The next step is due at `due`, or, unless that `is_ahead`, the last one was.
+    /// Takes over what a run has done, which took `count` steps. The next one is due at `due` if that `is_next`; if not,
+    /// the last one taken was.
     #[inline(always)]
-    pub(crate) fn end_run(&mut self, run: &RampRun, due: u64, is_ahead: bool) {
-        self.pace = Pace::Ramp(run.ramp);
+    pub(crate) fn end_run(&mut self, run: &RampRun, count: u32, due: u64, is_next: bool) {
         self.next = due;
-        self.left = self.left.wrapping_sub(run.taken());
-        if self.left == 0 {
-            self.turn(1);
-        } else if run.left == 0 {
-            self.pass(1);
-        } else if !is_ahead {
+        self.left = self.left.wrapping_sub(count);
+        if self.left == 0 && self.more_in_phase == 0 {
+            self.enter_phase();
+            return;
+        }
+        if let Pace::Ramp(ramp) = &mut self.pace {
+            ramp.speed = run.speed;
+            ramp.index = run.index as u32;
+        }
+        if !is_next {
             self.next = due.wrapping_add(whole_units(run.units_and_half));
+        }
+        if self.left == 0 {
+            self.divide(self.more_in_phase);
         }
     }
 
@@ -360,7 +369,7 @@ impl StepTimes {
     }
 
     /// Begins with the next phase that has steps.
-    #[inline]
+    #[inline(never)]
     fn enter_phase(&mut self) {
         while let Some(phase) = self.phases.get(self.next_phase) {
             self.next_phase += 1;
