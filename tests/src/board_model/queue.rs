@@ -1,6 +1,7 @@
 //! The step queue's near end, whose every call takes time.
 
 use ferrostep_hal_shim::stepping::{DroppedSteps, FeedError, StepFeeder, StepLink, Stepping};
+use ferrostep_hal_shim::virtual_board::CYCLES_A_TICK;
 use ferrostep_hal_shim::{MotorEnable, StepOutput};
 use ferrostep_planner::StepEntry;
 
@@ -83,6 +84,10 @@ impl<M: Stepping> StepOutput for Queue<'_, M> {
     fn make_up_missed(&mut self) -> u32 {
         self.interrupts.pass(CALL);
         0
+    }
+
+    fn now_ticks(&self) -> Option<u32> {
+        Some((self.interrupts.now() / CYCLES_A_TICK) as u32)
     }
 
     fn move_planned(&mut self) {
