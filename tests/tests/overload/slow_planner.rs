@@ -53,6 +53,16 @@ fn a_planner_that_cannot_keep_up_lowers_the_feed() {
     }
 }
 
+#[test]
+fn a_budget_that_says_so_needs_no_pace() {
+    let mut slow_machine = profile();
+    // Planning 16 times slower takes 27,600 ticks a move.
+    slow_machine.move_cost_ticks = 45_000;
+    let slow = print(&slow_machine, &stress_file(PIECES, 5), &slower(16));
+    is_smooth(&slow, &slow_machine);
+    assert_eq!((slow.figures.slowed_moves, slow.figures.planning_slowdowns), (u64::from(PIECES), 0));
+}
+
 /// What the file costs at least, s: its lines, and a move and two entries for each in the planner task.
 fn busy_seconds(times: u64) -> f64 {
     let Costs { line, planned_move, entry } = Costs::BOARD.with_slower_planner(times);
