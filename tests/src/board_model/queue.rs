@@ -27,6 +27,11 @@ impl<'a, M: Stepping> Queue<'a, M> {
     ) -> Self {
         Self { feeder, interrupts, costs }
     }
+
+    /// The planner task works for so many cycles, or as many times longer as it is slower now.
+    fn plan_for(&self, cycles: u64) {
+        self.interrupts.pass(cycles * self.costs.slowness_at(self.interrupts.now()));
+    }
 }
 
 impl<M: Stepping> StepOutput for Queue<'_, M> {
@@ -47,7 +52,7 @@ impl<M: Stepping> StepOutput for Queue<'_, M> {
     }
 
     fn push(&mut self, entry: StepEntry) -> Result<(), FeedError> {
-        self.interrupts.pass(self.costs.entry);
+        self.plan_for(self.costs.entry);
         self.feeder.push(entry)
     }
 
@@ -91,7 +96,7 @@ impl<M: Stepping> StepOutput for Queue<'_, M> {
     }
 
     fn move_planned(&mut self) {
-        self.interrupts.pass(self.costs.planned_move);
+        self.plan_for(self.costs.planned_move);
     }
 }
 

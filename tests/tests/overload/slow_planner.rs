@@ -9,7 +9,7 @@ use crate::invariants::{Speeds, is_smooth, print, profile};
 const PIECES: u32 = 6_000;
 
 fn slower(times: u64) -> Speeds {
-    Speeds { costs: Costs::BOARD.with_slower_planner(times), ..Speeds::ample() }
+    Speeds { costs: Costs::BOARD.with_slower_planner(times, 0), ..Speeds::ample() }
 }
 
 #[test]
@@ -53,6 +53,26 @@ fn a_planner_that_cannot_keep_up_lowers_the_feed() {
     }
 }
 
+/// The queue holds 43 ms of motion at full feed, and braking takes 30 ms: 90 moves, for which a planner that is 16 times
+/// slower needs 40 ms and one that is 32 times slower 80 ms.
+#[test]
+fn a_planner_that_becomes_slow_at_speed_brakes_in_time() {
+    let text = stress_file(PIECES, 5);
+    for (times, most_underruns) in [(8, 0), (16, 0), (32, 1)] {
+        for from_ms in [100, 200, 300, 500, 777] {
+            let costs = Costs::BOARD.with_slower_planner(times, from_ms);
+            let slow = print(&profile(), &text, &Speeds { costs, ..Speeds::ample() });
+            let underruns = slow.figures.underruns;
+            println!("{times} times slower from {from_ms} ms on: {underruns} underruns");
+            assert_eq!(underruns, slow.watch.all_stops_from_speed());
+            assert!(underruns <= most_underruns);
+            if underruns == 0 {
+                is_smooth(&slow, &profile());
+            }
+        }
+    }
+}
+
 #[test]
 fn a_budget_that_says_so_needs_no_pace() {
     let mut slow_machine = profile();
@@ -65,6 +85,6 @@ fn a_budget_that_says_so_needs_no_pace() {
 
 /// What the file costs at least, s: its lines, and a move and two entries for each in the planner task.
 fn busy_seconds(times: u64) -> f64 {
-    let Costs { line, planned_move, entry } = Costs::BOARD.with_slower_planner(times);
-    (u64::from(PIECES) * (line + planned_move + 2 * entry)) as f64 / CYCLES_PER_S as f64
+    let Costs { line, planned_move, entry, .. } = Costs::BOARD;
+    (u64::from(PIECES) * (line + (planned_move + 2 * entry) * times)) as f64 / CYCLES_PER_S as f64
 }
