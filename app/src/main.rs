@@ -37,6 +37,7 @@ mod app {
     use core::sync::atomic::{AtomicU8, Ordering};
 
     use ferrostep_gcode::{Emergency, EmergencyScanner, LineReader, Reply};
+    use ferrostep_hal_shim::clock_tree::ClockSource;
     use ferrostep_hal_shim::stepping::{self, SlotAccount, StepFeeder};
     use ferrostep_planner::look_ahead::Slot;
     use ferrostep_printer::{Host, Printer, Replies, Signals, temperatures};
@@ -125,7 +126,9 @@ mod app {
         };
         let feeder = StepFeeder::new(&STEPS, bench::PINS, signals, cx.local.slot_steps);
         let step_timer = StepTimer::start(device.TIM2, device.TIM9, &device.RCC, &pins, &STEPS);
-        let queue = StepQueue::new(pins, feeder);
+        // On the bare internal oscillator the plan shall not depend on time, as for the host's line.
+        let planning_clock = (clock.source != ClockSource::Internal).then_some(motion_clock);
+        let queue = StepQueue::new(pins, feeder, planning_clock);
         let machine = BoardMachine::new(&PROFILE, &mut cx.local.slots[..], queue);
 
         let port = Serial::start(device.USART1, &device.RCC, clock.serial_hz, BAUD);

@@ -5,6 +5,7 @@
 //! event that triggers, as on the desk.
 
 mod timeline;
+mod workload;
 
 use ferrostep_gcode::MotionFigures;
 use ferrostep_hal_shim::virtual_board::VirtualMotors;
@@ -18,6 +19,7 @@ use ferrostep_planner::{
 use crate::ports::Seek;
 use crate::profile::Profile;
 use timeline::Timeline;
+use workload::Workload;
 
 /// Ticks in a millisecond.
 const MS: u64 = TICKS_PER_SECOND as u64 / 1000;
@@ -32,18 +34,6 @@ const START_ENTRIES: usize = 512;
 /// With less than this in the step queue, in motion, blocks leave the look-ahead ring before it is full: some of the
 /// planner task's visits, and what it takes to make a block's steps.
 const LOW_TICKS: u64 = 8 * MS;
-
-/// With less than this in the step queue although there are blocks to plan, planning does not keep up.
-const BEHIND_TICKS: u64 = 4 * MS;
-
-/// ... and with fewer slots than this, so that a full queue of fast events is not taken for an empty one.
-const BEHIND_SLOTS: usize = 256;
-
-/// What is planned while planning does not keep up loses this share of its speed, again and again: 1/8.
-const SLOWER: u16 = 3;
-
-/// With the queue full again, so much of it comes back at a time, in 256ths.
-const FASTER_256THS: u16 = 4;
 
 /// Fan changes on their way through the step queue.
 const FAN_CHANGES: usize = 32;
@@ -83,6 +73,7 @@ pub struct Machine<R, Q> {
     refused_entries: u64,
     made_up_updates: u64,
     timeline: Timeline,
+    workload: Workload,
     /// How often the pace was lowered because planning did not keep up.
     planning_slowdowns: u64,
     underruns: u64,
@@ -185,6 +176,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
             refused_entries: 0,
             made_up_updates: 0,
             timeline: Timeline::default(),
+            workload: Workload::default(),
             planning_slowdowns: 0,
             underruns: 0,
             idle_flushes: 0,
@@ -415,19 +407,14 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
         self.timeline.left_ticks(self.motors.steps.tick())
     }
 
-    /// After some entries were queued: lowers the pace of what is to come if the motors are about to catch up although
-    /// there is enough to plan, and gives it back when the queue is full.
-    fn adjust_pace(&mut self) {
+    /// After some planning that began at a tick: what is to come keeps the pace that planning can.
+    fn adjust_pace(&mut self, began: Option<u32>) {
         self.timeline.mark(self.queue.queued(), self.motors.steps.tick());
         self.timeline.pass(self.queue.played());
-        let pace = self.planner.pace().in_256ths();
-        let behind = self.left_ticks() < BEHIND_TICKS && self.queue.waiting() < BEHIND_SLOTS;
-        // With room in the look-ahead ring it is the input that is slow.
-        if behind && self.in_motion && self.queue.link().is_running() && !self.planner.has_room() {
-            self.planning_slowdowns += 1;
-            self.planner.set_pace(Pace::from_256ths(pace - (pace >> SLOWER)));
-        } else if self.queue.room() < MAX_ENTRIES && pace < Pace::FULL.in_256ths() {
-            self.planner.set_pace(Pace::from_256ths(pace + FASTER_256THS));
+        let (Some(began), Some(now)) = (began, self.queue.now_ticks()) else { return };
+        if let Some(pace) = self.workload.add(now.wrapping_sub(began), self.planner.nominal_ticks()) {
+            self.planning_slowdowns += u64::from(pace < self.planner.pace());
+            self.planner.set_pace(pace);
         }
     }
 
@@ -438,6 +425,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
                 return false;
             }
             self.queue.planning_begins();
+            let began = self.queue.now_ticks();
             let mut sink = Sink {
                 motors: &mut self.motors,
                 queue: &mut self.queue,
@@ -463,7 +451,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
                 return false;
             }
             self.queue.planning_ends();
-            self.adjust_pace();
+            self.adjust_pace(began);
         }
         true
     }

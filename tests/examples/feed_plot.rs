@@ -45,8 +45,11 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut planner = Vec::new();
     for times in SLOWNESS {
         let label = if times == 1 { "planner as it is".to_owned() } else { format!("{times} times slower") };
-        planner.push(panel(label, Costs::BOARD.with_slower_planner(times), HostLine::steady(AMPLE))?);
+        planner.push(panel(label, Costs::BOARD.with_slower_planner(times, 0), HostLine::steady(AMPLE))?);
     }
+
+    let sudden = Costs::BOARD.with_slower_planner(16, 200);
+    planner.push(panel("16 times at 0.2 s".to_owned(), sudden, HostLine::steady(AMPLE))?);
 
     let images = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/src/images"));
     let title = "Pieces of 0.05 mm at 300 mm/s from a slow host";

@@ -108,7 +108,12 @@ fn draw(out: &mut String, axes: &Axes, panel: &Panel, top: f64) {
         );
     }
     out.push_str("<path d=\"");
-    for (ms, feed) in panel.feeds.iter().take(axes.end_ms + 1).enumerate() {
+    let feeds = &panel.feeds[..panel.feeds.len().min(axes.end_ms + 1)];
+    for (ms, feed) in feeds.iter().enumerate() {
+        // On the straight between two equal ones a point says nothing.
+        if ms > 0 && feeds[ms - 1] == *feed && feeds.get(ms + 1) == Some(feed) {
+            continue;
+        }
         let command = if ms == 0 { 'M' } else { 'L' };
         let _ = write!(out, "{command}{:.1} {:.1}", place_ms(axes, ms), height_of(*feed));
     }

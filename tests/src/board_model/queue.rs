@@ -1,6 +1,7 @@
 //! The step queue's near end, whose every call takes time.
 
 use ferrostep_hal_shim::stepping::{DroppedSteps, FeedError, StepFeeder, StepLink, Stepping};
+use ferrostep_hal_shim::virtual_board::CYCLES_A_TICK;
 use ferrostep_hal_shim::{MotorEnable, StepOutput};
 use ferrostep_planner::StepEntry;
 
@@ -26,6 +27,11 @@ impl<'a, M: Stepping> Queue<'a, M> {
     ) -> Self {
         Self { feeder, interrupts, costs }
     }
+
+    /// The planner task works for so many cycles, or as many times longer as it is slower now.
+    fn plan_for(&self, cycles: u64) {
+        self.interrupts.pass(cycles * self.costs.slowness_at(self.interrupts.now()));
+    }
 }
 
 impl<M: Stepping> StepOutput for Queue<'_, M> {
@@ -46,7 +52,7 @@ impl<M: Stepping> StepOutput for Queue<'_, M> {
     }
 
     fn push(&mut self, entry: StepEntry) -> Result<(), FeedError> {
-        self.interrupts.pass(self.costs.entry);
+        self.plan_for(self.costs.entry);
         self.feeder.push(entry)
     }
 
@@ -85,8 +91,12 @@ impl<M: Stepping> StepOutput for Queue<'_, M> {
         0
     }
 
+    fn now_ticks(&self) -> Option<u32> {
+        Some((self.interrupts.now() / CYCLES_A_TICK) as u32)
+    }
+
     fn move_planned(&mut self) {
-        self.interrupts.pass(self.costs.planned_move);
+        self.plan_for(self.costs.planned_move);
     }
 }
 

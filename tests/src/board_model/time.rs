@@ -31,16 +31,24 @@ pub struct Costs {
     pub planned_move: u64,
     /// An entry for the step queue.
     pub entry: u64,
+    /// The planner task takes so many times longer, from this cycle on.
+    pub slower_planner: (u64, u64),
 }
 
 impl Costs {
     /// About what a board of 168 MHz takes: 7000 instructions a move at 1.4 cycles, two thirds of them for the line, and
     /// 90 an event (`ferrostep_printer::DEFAULT_MOVES_PER_S`, `DEFAULT_EVENTS_PER_S`).
-    pub const BOARD: Self = Self { line: 6_600, planned_move: 3_200, entry: 126 };
+    pub const BOARD: Self = Self { line: 6_600, planned_move: 3_200, entry: 126, slower_planner: (1, 0) };
 
-    /// The same with a planner task so many times slower.
-    pub const fn with_slower_planner(self, times: u64) -> Self {
-        Self { planned_move: self.planned_move * times, entry: self.entry * times, ..self }
+    /// The same with a planner task so many times slower, from a millisecond on.
+    pub const fn with_slower_planner(self, times: u64, from_ms: u64) -> Self {
+        Self { slower_planner: (times, from_ms * CYCLES_A_MS), ..self }
+    }
+
+    /// By how much the planner task is slower at a cycle.
+    pub(super) fn slowness_at(&self, now: u64) -> u64 {
+        let (times, from) = self.slower_planner;
+        if now >= from { times } else { 1 }
     }
 }
 

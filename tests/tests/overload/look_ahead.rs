@@ -2,7 +2,7 @@
 
 use ferrostep_tests::stress_file::{FEED_MM_PER_S, PIECE_MM, stress_file};
 
-use crate::bystander::{Speeds, is_smooth, print, profile};
+use crate::invariants::{Speeds, is_smooth, print, profile};
 
 /// 3 m.
 const PIECES: u32 = 60_000;

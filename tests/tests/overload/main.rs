@@ -2,7 +2,7 @@
 //! firmware's parts on the model of the board. Counts and positions decide, never the time a test takes.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-mod bystander;
+mod invariants;
 mod look_ahead;
 mod slow_input;
 mod slow_planner;

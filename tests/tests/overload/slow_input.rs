@@ -3,7 +3,7 @@
 use ferrostep_tests::board_model::{Costs, HostLine, LOOK_AHEAD_BLOCKS};
 use ferrostep_tests::stress_file::stress_file;
 
-use crate::bystander::{Print, Speeds, is_smooth, print, profile};
+use crate::invariants::{Print, Speeds, is_smooth, print, profile};
 
 /// 0.3 m, one second at full feed.
 const PIECES: u32 = 6_000;

@@ -219,7 +219,7 @@ fn entries_wait_until_the_player_is_started() {
 
 #[test]
 fn a_start_after_a_stop_moves_nothing() {
-    let board = Interrupt::<Pulses, 1, 64>::leaked();
+    let board = Interrupt::<BothEdges, 1, 64>::leaked();
     let mut feeder = board.feeder(SIGNALS);
     feeder.push(StepEntry::stair(1_000, 20, 0b1, 0).unwrap()).unwrap();
     feeder.push(StepEntry::stair(1_000, 20, 0b1, 0).unwrap()).unwrap();
