@@ -6,23 +6,24 @@
 //! half step, lambda = dE/S (Wu 2024, eqs. 10 and 11).
 
 use crate::EXTRUDER;
+use crate::between::{Between, Look};
 use crate::block::{Block, PlannedBlock};
 use crate::bresenham::MAX_STEPS;
+use crate::entries::Entries;
 use crate::extruder::rounded_steps;
 use crate::follower::Follower;
 use crate::inside::Inside;
 use crate::real::Real;
 use crate::spacing::{ExtruderTravel, Spacing};
-use crate::entries::Entries;
 use crate::step_queue::{Notice, StepEntry, StepSink};
-use crate::step_times::{NEVER, StepTimes};
+use crate::step_times::{Cruise, NEVER, StepTimes};
 use crate::time_law::{FRACTION_BITS, HALF_TICK, Precision, TimeLaw, Trapezoid};
 
 /// Most entries a single [`Interpolator::advance`] or [`Interpolator::begin`] hands to its sink.
 pub const MAX_ENTRIES: usize = EVENTS_AT_ONCE + 1;
 
 /// Events or stairs worked out in one call of [`Interpolator::advance`].
-const EVENTS_AT_ONCE: usize = 32;
+const EVENTS_AT_ONCE: usize = 64;
 
 /// Most ticks that the first and the last step of a stair may be off: 0.4 us.
 const STAIR_TOLERANCE: u32 = 32;
@@ -223,12 +224,13 @@ impl Interpolator {
         while room > 0 {
             let (master, extruder) = (self.master.next(), self.extruder.next());
             let behind = master.wrapping_add(HALF_TICK).wrapping_sub(self.last);
-            if let Ok(gap) = u32::try_from(behind)
-                && self.master.is_in_ramp()
-            {
-                let (events, has_joined) = self.run_ramp(gap, room);
-                room -= events;
-                if events > 0 || has_joined {
+            if behind < FAR {
+                let (entries, has_joined) = match self.master.cruise() {
+                    Some((cruise, steps)) => self.run_cruise(cruise, steps, behind, room),
+                    None => self.run_ramp(behind, room),
+                };
+                room -= entries;
+                if entries > 0 || has_joined {
                     continue;
                 }
             }
@@ -243,7 +245,6 @@ impl Interpolator {
             }
             room -= 1;
             let interval = (gap >> FRACTION_BITS) as u32;
-            let mut last = due.wrapping_add(HALF_TICK) & WHOLE_TICKS;
             let event = if extruder < master {
                 self.extruder.take(1);
                 if master - extruder < self.near {
@@ -252,12 +253,6 @@ impl Interpolator {
                     continue;
                 }
                 StepEntry::event(interval, EXTRUDER)
-            } else if gap < FAR
-                && let Some(stair) = self.stair(due, interval, extruder)
-            {
-                let ticks = u64::from(stair.interval_ticks()) * u64::from(stair.count());
-                last = self.last.wrapping_add(ticks << FRACTION_BITS);
-                stair
             } else {
                 self.master.take(1);
                 let [first, second] = &mut self.followers;
@@ -270,7 +265,7 @@ impl Interpolator {
                 continue;
             }
             self.entries.push(event);
-            self.last = last;
+            self.last = due.wrapping_add(HALF_TICK) & WHOLE_TICKS;
         }
         Work::Events
     }
@@ -279,9 +274,9 @@ impl Interpolator {
     /// `most` events, the master's first step `gap` time units behind the last event, half a tick included. How many
     /// events there are, and whether anything has happened.
     #[inline(never)]
-    fn run_ramp(&mut self, mut gap: u32, most: usize) -> (usize, bool) {
+    fn run_ramp(&mut self, gap: u64, most: usize) -> (usize, bool) {
+        let (Some((mut run, steps)), Ok(mut gap)) = (self.master.run(), u32::try_from(gap)) else { return (0, false) };
         let [first, second] = self.followers;
-        let Some((mut run, steps)) = self.master.run() else { return (0, false) };
         // Up to the second follower's next step.
         let steps = steps.min(second.until().wrapping_sub(1));
         let places = self.entries.room(most.min(steps as usize));
@@ -289,53 +284,35 @@ impl Interpolator {
         if most == 0 {
             return (0, false);
         }
-        let least = self.minimum_interval;
-        let [alone, common] = [0, first.bit()].map(|bit| StepEntry::event(0, self.master_bit | bit));
-        let mut line = first.line();
-        // The event at which an extruder step waits for the master's.
-        let mut joint = if self.joining & EXTRUDER == 0 { usize::MAX } else { 0 };
-        // Where it is longer than that, everything before the next step is near.
-        let near = u32::try_from(self.near).unwrap_or(u32::MAX);
-        let mut has_joined = false;
-        let mut extruded = 0;
-        // The last event, and how many ticks behind it no step of the extruder is due: both so far, and of `start`.
-        let mut start = self.last;
-        let mut whole = self.extruder.ticks_from(start);
-        let mut free = whole;
         let mut left = places.iter_mut();
+        let mut between =
+            Between::new(&self.extruder, self.last, self.joining & EXTRUDER != 0, self.near, self.minimum_interval);
+        let mut free = between.free;
+        let [alone, common] = [0, first.bit()].map(|bit| StepEntry::event(0, self.master_bit | bit));
+        let least = self.minimum_interval;
+        let mut line = first.line();
         // What the master's last step leaves over a tick.
         let mut fraction = 0;
         // Whether something is in the way before the master's next step, and not its own last step here is the end.
         let is_held_up = loop {
             let ticks = gap >> FRACTION_BITS;
             if ticks >= free {
-                start = start.wrapping_add(u64::from(whole.wrapping_sub(free)) << FRACTION_BITS);
-                whole = free;
-                // One joins in a run: another would have to be noted elsewhere.
-                let may_join = joint == usize::MAX;
-                match ExtruderStep::take(&mut self.extruder, start, gap, [near, least], may_join) {
-                    ExtruderStep::Later => {}
-                    ExtruderStep::Joins => {
-                        (joint, has_joined) = (most - left.len(), true);
-                        whole = self.extruder.ticks_from(start);
-                        free = whole;
-                        continue;
-                    }
-                    ExtruderStep::After(ticks) => {
+                let look = between.look(&mut self.extruder, free, u64::from(gap), most - left.len());
+                free = between.free;
+                match look {
+                    Look::Free => {}
+                    Look::Again => continue,
+                    Look::Step(ticks) => {
                         // The loop goes on only while there are places.
                         let Some(place) = left.next() else { break true };
                         *place = StepEntry::event(ticks, EXTRUDER);
-                        extruded += 1;
                         gap = gap.wrapping_sub(ticks << FRACTION_BITS);
-                        start = start.wrapping_add(u64::from(ticks) << FRACTION_BITS);
-                        whole = self.extruder.ticks_from(start);
-                        free = whole;
                         if left.as_slice().is_empty() {
                             break true;
                         }
                         continue;
                     }
-                    ExtruderStep::TooNear => break true,
+                    Look::TooNear => break true,
                 }
             }
             if ticks < least {
@@ -352,24 +329,126 @@ impl Interpolator {
             gap = fraction.wrapping_add(units);
         };
         let events = most - left.len();
-        let steps = (events - extruded) as u32;
-        self.last = start.wrapping_add(u64::from(whole.wrapping_sub(free)) << FRACTION_BITS);
-        self.entries.filled(events);
+        let steps = (events - between.steps) as u32;
         let behind = if is_held_up { gap } else { fraction };
-        let due = self.last.wrapping_add(u64::from(behind)).wrapping_sub(HALF_TICK);
+        let due = between.last(free).wrapping_add(u64::from(behind)).wrapping_sub(HALF_TICK);
         self.master.end_run(&run, steps, due, is_held_up);
         let [first, second] = &mut self.followers;
         first.set_line(line);
         second.pass(steps);
-        if steps > 0 {
+        self.end_run(&between, free, events, steps > 0);
+        (events, between.has_joined)
+    }
+
+    /// The same in the cruise, of which `left` steps are left, with stairs: of steps that no follower takes part in but
+    /// perhaps the last, or of steps that the first one takes part in. How many entries there are, and whether anything
+    /// has happened.
+    ///
+    /// Wu 2024; the second kind is the stairs' complement. All of a stair's steps are about where they are due, and no
+    /// step of the extruder comes before the last.
+    #[inline(never)]
+    fn run_cruise(&mut self, cruise: Cruise, mut left: u32, mut gap: u64, most: usize) -> (usize, bool) {
+        let [mut first, mut second] = self.followers;
+        let mut beyond = self.master.beyond();
+        let mut between =
+            Between::new(&self.extruder, self.last, self.joining & EXTRUDER != 0, self.near, self.minimum_interval);
+        let mut begins = self.joining & MOVE_BEGINS != 0;
+        let places = self.entries.room(most);
+        let most = places.len();
+        let mut places = places.iter_mut();
+        let steps = left;
+        while left > 0 && gap < FAR && !places.as_slice().is_empty() {
+            let ticks = (gap >> FRACTION_BITS) as u32;
+            let number = most - places.len();
+            if ticks >= between.free {
+                match between.look(&mut self.extruder, between.free, gap, number) {
+                    Look::Free => {}
+                    Look::Again => continue,
+                    Look::Step(ticks) => {
+                        let Some(place) = places.next() else { break };
+                        *place = StepEntry::event(ticks, EXTRUDER);
+                        gap = gap.wrapping_sub(u64::from(ticks) << FRACTION_BITS);
+                        continue;
+                    }
+                    Look::TooNear => break,
+                }
+            }
+            if ticks < between.least {
+                break;
+            }
+            let Some(place) = places.next() else { break };
+            let diagonal = first.diagonal();
+            let width = if diagonal == 0 { first.until() } else { diagonal };
+            let mut count = left.min(cruise.longest_stair).min(width).min(second.until());
+            if count > 1 && cruise.ticks >= between.least && between.joint != number {
+                // By how many ticks the stair's first step comes before it is due.
+                let early = ticks.wrapping_sub(cruise.ticks) as i32;
+                // And its last: whole ticks drift away from the interval.
+                let drift = cruise.drift.wrapping_mul(count.wrapping_sub(1) as i32) >> FRACTION_BITS;
+                if early.unsigned_abs() > STAIR_TOLERANCE
+                    || early.wrapping_sub(drift).unsigned_abs() > STAIR_TOLERANCE
+                    || begins && !is_after(between.last(between.free), cruise.ticks, self.move_start)
+                {
+                    count = 1;
+                } else if gap.wrapping_add(cruise.interval.wrapping_mul(u64::from(count.wrapping_sub(1))))
+                    >> FRACTION_BITS
+                    >= u64::from(between.free)
+                {
+                    // Cut, so that none too many is counted, and one too few very rarely.
+                    let distance = between.distance(&self.extruder).saturating_sub(gap) >> 12;
+                    let interval = u32::try_from(cruise.interval >> 12).unwrap_or(u32::MAX).saturating_add(1);
+                    let fitting = u32::try_from(distance).unwrap_or(u32::MAX) / interval;
+                    count = fitting.saturating_add(1).min(count);
+                }
+            } else {
+                count = 1;
+            }
+            let mut axes = self.master_bit;
+            let mut added = second.pass(count);
+            if diagonal == 0 {
+                added |= first.pass(count);
+            } else {
+                axes |= first.bit();
+                first.pass_diagonal(count);
+            }
+            beyond = beyond.wrapping_add(u32::from(cruise.beyond).wrapping_mul(count));
+            gap = gap.wrapping_add(u64::from(beyond >> 16));
+            beyond &= 0xffff;
+            let passed = if count > 1 {
+                // Not longer than the longest stair, which 16 bits hold.
+                *place = StepEntry::of(cruise.ticks, count as u16, axes, added);
+                gap = gap.wrapping_sub(i64::from(cruise.drift.wrapping_mul(count as i32)) as u64);
+                u64::from(cruise.ticks) * u64::from(count)
+            } else {
+                *place = StepEntry::event(ticks, axes | added);
+                gap = (gap & u64::from(ONE_TICK - 1)).wrapping_add(cruise.interval);
+                u64::from(ticks)
+            };
+            between.pass(passed);
+            left = left.wrapping_sub(count);
+            begins = false;
+        }
+        let entries = most - places.len();
+        let due = between.last(between.free).wrapping_add(gap).wrapping_sub(HALF_TICK);
+        self.master.end_cruise(steps - left, due, beyond);
+        self.followers = [first, second];
+        self.end_run(&between, between.free, entries, steps > left);
+        (entries, between.has_joined)
+    }
+
+    /// Takes over what a run has done besides the master's steps.
+    #[inline(always)]
+    fn end_run(&mut self, between: &Between, free: u32, entries: usize, has_stepped: bool) {
+        self.last = between.last(free);
+        self.entries.filled(entries);
+        if has_stepped {
             self.joining = 0;
         }
-        if joint < events {
-            self.entries.join(events - joint, EXTRUDER);
-        } else if joint < usize::MAX {
+        if between.joint < entries {
+            self.entries.join(entries - between.joint, EXTRUDER);
+        } else if between.joint < usize::MAX {
             self.joining |= EXTRUDER;
         }
-        (events, has_joined)
     }
 
     /// What to do with a gap that is no 32-bit number of ticks: lets time pass, or nothing where it wrapped.
@@ -397,62 +476,6 @@ impl Interpolator {
         }
         self.entries.push(StepEntry::event(self.minimum_interval, axes));
         self.last = self.last.wrapping_add(u64::from(self.minimum_interval) << FRACTION_BITS);
-    }
-
-    /// The stair that starts with the master's next step, `gap_ticks` behind the last event, if two steps or more fit
-    /// into one: all in the cruise, no follower before the last, no extruder step before the last, and all of them about
-    /// where they are due.
-    #[inline]
-    fn stair(&mut self, due: u64, gap_ticks: u32, extruder: u64) -> Option<StepEntry> {
-        let (cruise, left) = self.master.cruise()?;
-        let [first, second] = &mut self.followers;
-        let diagonal = first.diagonal();
-        let width = if diagonal == 0 { first.until() } else { diagonal };
-        let mut count = left.min(cruise.longest_stair).min(width).min(second.until());
-        let interval = cruise.ticks;
-        if count < 2 || interval < self.minimum_interval {
-            return None;
-        }
-        // By how many ticks the stair's first step comes before it is due.
-        let early = gap_ticks.wrapping_sub(interval) as i32;
-        // And its last: whole ticks drift away from the interval.
-        let drift = cruise.drift.wrapping_mul(count as i32 - 1) >> FRACTION_BITS;
-        if early.unsigned_abs() > STAIR_TOLERANCE || early.wrapping_sub(drift).unsigned_abs() > STAIR_TOLERANCE {
-            return None;
-        }
-        if self.joining != 0 && !self.may_begin_with_stair(interval) {
-            return None;
-        }
-        let span = cruise.interval.wrapping_mul(u64::from(count - 1));
-        if extruder < due.wrapping_add(span) {
-            // Cut, so that none too many is counted, and one too few very rarely.
-            let distance = u32::try_from((extruder - due) >> 12).unwrap_or(u32::MAX);
-            let interval = u32::try_from(cruise.interval >> 12).unwrap_or(u32::MAX).saturating_add(1);
-            count = (distance / interval).saturating_add(1).min(count);
-            if count < 2 {
-                return None;
-            }
-        }
-        let [first, second] = &mut self.followers;
-        let mut axes = self.master_bit;
-        let mut added = second.pass(count);
-        if diagonal == 0 {
-            added |= first.pass(count);
-        } else {
-            axes |= first.bit();
-            first.pass_diagonal(count);
-        }
-        self.master.take(count);
-        self.joining = 0;
-        // Not longer than the longest stair, which 16 bits hold.
-        StepEntry::stair(interval, count as u16, axes, added)
-    }
-
-    /// Whether a stair may begin although something is in [`Self::joining`]: nothing is that steps with the first event
-    /// alone, and that event does not come before the move does.
-    fn may_begin_with_stair(&self, interval: u32) -> bool {
-        let first = self.last.wrapping_add(u64::from(interval) << FRACTION_BITS);
-        self.joining & EXTRUDER == 0 && first.wrapping_sub(self.move_start) as i64 > 0
     }
 
     /// All steps up to the next move's end inside the block, or to its own end, have been made.
@@ -530,40 +553,9 @@ enum Work {
     Closed(Option<Notice>),
 }
 
-/// The extruder's next step, seen from the master's.
-enum ExtruderStep {
-    /// Not before it.
-    Later,
-    /// So little before it that it waits for it.
-    Joins,
-    /// Before it, so many ticks behind the last event.
-    After(u32),
-    /// Before it, and too near to the last event.
-    TooNear,
-}
-
-impl ExtruderStep {
-    /// Takes it, unless it comes later or too near. The last event is at `last`, a whole tick, and the master's next step
-    /// `gap` behind it. A step that is less than `near` before it joins it, if it may; one less than `least` ticks behind
-    /// the last event is too near to that.
-    #[inline(never)]
-    fn take(extruder: &mut StepTimes, last: u64, gap: u32, [near, least]: [u32; 2], may_join: bool) -> Self {
-        let behind = extruder.next().wrapping_add(HALF_TICK).wrapping_sub(last);
-        if extruder.next() == NEVER || behind >= u64::from(gap) {
-            // It wraps where an event had to keep its distance, and is behind already.
-            let is_late = extruder.next() != NEVER && behind > NEVER / 2;
-            return if is_late { Self::TooNear } else { Self::Later };
-        }
-        let behind = behind as u32;
-        let ticks = behind >> FRACTION_BITS;
-        let is_near = gap - behind < near;
-        if is_near && !may_join || !is_near && ticks < least {
-            return Self::TooNear;
-        }
-        let step = if is_near { Self::Joins } else { Self::After(ticks) };
-        extruder.take(1);
-        step
-    }
+/// Whether an event so many ticks behind `last` is later than another time; any of them may be before the block's start.
+fn is_after(last: u64, ticks: u32, other: u64) -> bool {
+    last.wrapping_add(u64::from(ticks) << FRACTION_BITS).wrapping_sub(other) as i64 > 0
 }
 
 /// The later of two times of a block, either of which may be before its start.

@@ -20,6 +20,7 @@ pub mod look_ahead;
 pub mod step_queue;
 pub mod time_law;
 
+mod between;
 mod block;
 mod budget;
 mod division;

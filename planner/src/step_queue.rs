@@ -48,8 +48,9 @@ impl StepEntry {
         Some(Self::of(interval_ticks, count, axes, added))
     }
 
+    /// A stair, of at least one event and one motor.
     #[inline(always)]
-    const fn of(interval_ticks: u32, count: u16, axes: u8, other: u8) -> Self {
+    pub(crate) const fn of(interval_ticks: u32, count: u16, axes: u8, other: u8) -> Self {
         Self { interval_ticks, rest: count as u32 | (axes as u32) << 16 | (other as u32) << 24 }
     }
 
@@ -79,6 +80,12 @@ impl StepEntry {
     #[inline(always)]
     pub const fn count(self) -> u16 {
         self.rest as u16
+    }
+
+    /// Whether it is one event.
+    #[inline(always)]
+    pub const fn is_single(self) -> bool {
+        self.rest & 0xff00_ffff == 1
     }
 
     /// Motors that step in each event of a stair.

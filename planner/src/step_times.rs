@@ -26,7 +26,7 @@ pub(crate) struct Cruise {
     /// The interval, in time units.
     pub(crate) interval: u64,
     /// What is beyond it, in 2^-16 time units: over millions of steps it adds up.
-    beyond: u16,
+    pub(crate) beyond: u16,
     /// The interval in whole ticks, the nearest.
     pub(crate) ticks: u32,
     /// By how much those are longer than it, in time units.
@@ -38,6 +38,9 @@ pub(crate) struct Cruise {
 /// Most that a stair may be off because its one interval is a whole number of ticks, in time units: 31 ticks, 0.4 us.
 const STAIR_DRIFT: u32 = 31 << FRACTION_BITS;
 
+/// Most steps of a stair: the players' slots hold as many.
+const LONGEST_STAIR: u32 = 1 << 13;
+
 impl Cruise {
     const EMPTY: Self = Self { interval: 0, beyond: 0, ticks: 0, drift: 0, longest_stair: 0 };
 
@@ -48,7 +51,7 @@ impl Cruise {
         // At most half a tick.
         let drift = (ticks << FRACTION_BITS).wrapping_sub(interval as u32) as i32;
         let longest = if rounded > u64::from(u32::MAX) { 0 } else { STAIR_DRIFT / drift.unsigned_abs().max(1) };
-        Self { interval, beyond, ticks, drift, longest_stair: longest.min(u32::from(u16::MAX)) }
+        Self { interval, beyond, ticks, drift, longest_stair: longest.min(LONGEST_STAIR) }
     }
 }
 
@@ -269,17 +272,37 @@ impl StepTimes {
 
     /// In the cruise: its interval, and how many steps are left in it and to the limit, the next one included.
     #[inline]
-    pub(crate) fn cruise(&self) -> Option<(&Cruise, u32)> {
-        match &self.pace {
+    pub(crate) fn cruise(&self) -> Option<(Cruise, u32)> {
+        match self.pace {
             Pace::Cruise(cruise) => Some((cruise, self.left)),
             Pace::Ramp(_) => None,
         }
     }
 
-    /// Whether the next step is in a ramp.
-    #[inline(always)]
-    pub(crate) fn is_in_ramp(&self) -> bool {
-        self.left > 0 && matches!(self.pace, Pace::Ramp(_))
+    /// 2^-16 time units by which the next step is due later.
+    #[inline]
+    pub(crate) fn beyond(&self) -> u32 {
+        self.beyond
+    }
+
+    /// In the cruise: `count` steps were taken. The next one of the cruise would be due at `due`, and `beyond` later.
+    #[inline]
+    pub(crate) fn end_cruise(&mut self, count: u32, due: u64, beyond: u32) {
+        self.left = self.left.wrapping_sub(count);
+        self.next = due;
+        self.beyond = beyond;
+        if self.left > 0 {
+            return;
+        }
+        if self.more_in_phase > 0 {
+            self.divide(self.more_in_phase);
+        } else {
+            // Not before the last one.
+            if let Pace::Cruise(cruise) = &self.pace {
+                self.next = due.wrapping_sub(cruise.interval);
+            }
+            self.enter_phase();
+        }
     }
 
     /// `count` more steps are handed out and no others, none of them due before `earliest`.

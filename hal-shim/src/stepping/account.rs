@@ -25,18 +25,18 @@ impl DroppedSteps {
 
 /// What an event steps: from bit 0 on its four motors, from bit 4 on their directions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Steps(u8);
+pub(super) struct Steps(u32);
 
 impl Steps {
     pub(super) const NONE: Self = Self(0);
 
     #[inline(always)]
     pub(super) fn new(axes: u8, directions: u8) -> Self {
-        Self(axes & 15 | directions << 4)
+        Self(u32::from(axes & 15) | u32::from(directions & 15) << 4)
     }
 
     pub(super) fn axes(self) -> u8 {
-        self.0 & 15
+        self.0 as u8 & 15
     }
 }
 
@@ -50,17 +50,18 @@ impl SlotAccount {
     /// No events.
     pub const NONE: Self = Self(0);
 
+    /// At most 2^16 events.
     #[inline(always)]
     pub(super) fn new(first: Steps, then: Steps, events: u32) -> Self {
-        Self(u32::from(first.0) | u32::from(then.0) << 8 | events << 16)
+        Self(first.0 | then.0 << 8 | events << 16)
     }
 
     pub(super) fn first(self) -> Steps {
-        Steps(self.0 as u8)
+        Steps(self.0 & 0xff)
     }
 
     pub(super) fn then(self) -> Steps {
-        Steps((self.0 >> 8) as u8)
+        Steps(self.0 >> 8 & 0xff)
     }
 
     pub(super) fn events(self) -> u32 {

@@ -9,7 +9,8 @@ use super::player::{NEAR_TICKS, StepPlayer, Stepping};
 use super::slot::{Head, MOST_EVENTS};
 use super::{IDLE_TICKS, StepLink};
 
-/// Most slots that one entry takes: a direction change, the first step after it, the others.
+/// Most slots that one entry takes, unless it has more events than a slot: a direction change, the first step after it,
+/// the others.
 pub const MOST_SLOTS_AN_ENTRY: usize = 3;
 
 /// What the drivers ask of the signals, in ticks of the timer.
@@ -128,27 +129,31 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
     /// # Errors
     /// As [`Self::push`]; the entries before the one that is meant were added.
     pub fn push_all(&mut self, mut entries: &[StepEntry]) -> Result<(), FeedError> {
-        while let Some((first, others)) = entries.split_first() {
+        loop {
             // There is not less room meanwhile.
             let fitting = entries.get(..self.room()).unwrap_or(entries);
             let mut newest = self.newest;
             let mut usual = self.usual();
             let mut left = fitting.iter();
             while let Some(entry) = left.as_slice().first()
-                && usual.push(&mut newest, *entry)
+                && (usual.push_single(&mut newest, *entry) || usual.push(&mut newest, *entry))
             {
                 left.next();
             }
             self.newest = newest;
             let pushed = fitting.len() - left.as_slice().len();
-            if pushed == 0 {
-                self.push(*first)?;
-                entries = others;
-            } else {
-                entries = entries.get(pushed..).unwrap_or_default();
-            }
+            let Some((first, others)) = entries.get(pushed..).and_then(<[StepEntry]>::split_first) else {
+                return Ok(());
+            };
+            self.push_one(*first)?;
+            entries = others;
         }
-        Ok(())
+    }
+
+    /// [`Self::push`], for those who have no use for a copy of it.
+    #[inline(never)]
+    fn push_one(&mut self, entry: StepEntry) -> Result<(), FeedError> {
+        self.push(entry)
     }
 
     /// The ways of a usual stair, as they are now.
@@ -164,7 +169,7 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         }
     }
 
-    /// Adds any entry, for which there is room.
+    /// Adds any entry; there is room for [`MOST_SLOTS_AN_ENTRY`].
     #[cold]
     #[inline(never)]
     fn push_unusual(&mut self, entry: StepEntry) -> Result<(), FeedError> {
@@ -180,6 +185,12 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
             StepKind::Stair { interval_ticks, count, axes, added } => {
                 if interval_ticks < self.shortest_interval() {
                     return Err(FeedError::TooNear);
+                }
+                // No stair of the planner's is so long that this is more.
+                let slots =
+                    usize::from(count) / (MOST_EVENTS as usize / M::EVENTS_A_STEP as usize) + MOST_SLOTS_AN_ENTRY;
+                if self.unplayed() as usize + slots > N {
+                    return Err(FeedError::Full);
                 }
                 match self.turning {
                     None => self.stair(interval_ticks, count, axes, added),

@@ -85,6 +85,28 @@ impl<M: Stepping, const PORTS: usize, const N: usize> Usual<'_, M, PORTS, N> {
         true
     }
 
+    /// The same for an entry of a single event, which most are.
+    #[inline(always)]
+    pub(super) fn push_single(&mut self, newest: &mut Newest<PORTS>, entry: StepEntry) -> bool {
+        if entry.interval_ticks() <= self.above_ticks || !entry.is_single() {
+            return false;
+        }
+        let axes = entry.axes() & 15;
+        let steps = Steps::new(axes, self.directions);
+        let (gap_ticks, then, held) = if M::EVENTS_A_STEP == 1 {
+            let words = self.pins.toggled(axes, newest.levels);
+            newest.levels ^= axes;
+            (entry.interval_ticks(), words, Held { words, steps })
+        } else {
+            let words = self.pins.raised(axes);
+            let held = Held { words: words.map(PinMap::<PORTS>::turned), steps: Steps::NONE };
+            (entry.interval_ticks().wrapping_sub(self.pulse_ticks), words, held)
+        };
+        let following = Following { gap_ticks, then, steps, events: M::EVENTS_A_STEP, held };
+        newest.fill(self.player, self.accounts, false, following);
+        true
+    }
+
     /// Both edges: `count` events, of which the last is held back.
     #[inline(always)]
     fn edges(&mut self, newest: &mut Newest<PORTS>, gap_ticks: u32, count: u32, axes: u8, added: u8) {

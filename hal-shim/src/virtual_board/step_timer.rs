@@ -71,22 +71,37 @@ impl StepTimer {
             StepKind::Directions { directions } => self.directions = directions,
             StepKind::Wait { interval_ticks } => self.tick += u64::from(interval_ticks),
             StepKind::Stair { interval_ticks, count, axes, added } => {
-                for left in (0..count).rev() {
-                    self.tick += u64::from(interval_ticks);
-                    self.event(if left == 0 { axes | added } else { axes }, observer);
+                let all = axes | added;
+                self.count(all, 1);
+                for _ in 1..count {
+                    self.event(interval_ticks, axes, observer);
+                }
+                self.event(interval_ticks, all, observer);
+                if count > 1 {
+                    self.count(axes, count - 1);
                 }
             }
         }
     }
 
+    /// The motors' steps of so many events.
     #[inline]
-    fn event(&mut self, axes: u8, observer: &mut impl StepObserver) {
-        let backwards = self.directions & axes;
-        for motor in 0..4 {
-            let steps = i64::from(axes >> motor & 1);
-            self.motor_steps[motor] += steps - 2 * i64::from(backwards >> motor & 1);
-            self.issued[motor] += steps as u64;
+    fn count(&mut self, axes: u8, events: u16) {
+        let mut motors = axes & 15;
+        while motors != 0 {
+            let motor = motors.trailing_zeros() as usize & 3;
+            motors &= motors.wrapping_sub(1);
+            let events = u64::from(events);
+            self.issued[motor] = self.issued[motor].wrapping_add(events);
+            let steps = if self.directions >> motor & 1 == 0 { events } else { events.wrapping_neg() };
+            self.motor_steps[motor] = self.motor_steps[motor].wrapping_add_unsigned(steps);
         }
+    }
+
+    #[inline]
+    fn event(&mut self, interval_ticks: u32, axes: u8, observer: &mut impl StepObserver) {
+        self.tick = self.tick.wrapping_add(u64::from(interval_ticks));
+        let backwards = self.directions & axes;
         self.digests.add(self.tick, axes, backwards);
         observer.stepped(self.tick, axes, backwards);
     }

@@ -241,3 +241,42 @@ fn a_start_after_a_stop_moves_nothing() {
     }
     assert_eq!(board.ports[0].steps(), [20, 0, 0, 0]);
 }
+
+#[test]
+fn entries_at_once_are_played_like_one_by_one() {
+    fn play_both<M: Stepping + 'static>(entries: &[StepEntry]) {
+        let [singly, at_once] = [false, true].map(|at_once| {
+            let board = Interrupt::<M, 2, 128>::leaked();
+            let mut feeder = board.feeder(SIGNALS);
+            if at_once {
+                feeder.push_all(entries).unwrap();
+            } else {
+                entries.iter().for_each(|entry| feeder.push(*entry).unwrap());
+            }
+            feeder.seal();
+            board.start(&mut feeder);
+            while feeder.waiting() > 0 {
+                board.update();
+            }
+            board.ports.each_ref().map(Edges::levels)
+        });
+        assert_eq!(singly, at_once);
+        assert!(singly.iter().all(|levels| levels.len() > 12));
+    }
+    let stair = |interval, count, axes, added| StepEntry::stair(interval, count, axes, added).unwrap();
+    let mut entries = vec![stair(500, 1, 1, 0); 8];
+    entries.extend([stair(400, 5, 3, 4), stair(300, 1, 2, 0), StepEntry::directions(3), stair(300, 1, 3, 8)]);
+    entries.extend([StepEntry::wait(1_000), stair(300, 4, 3, 0), stair(45, 7, 15, 0), stair(200, 1, 15, 0)]);
+    play_both::<BothEdges>(&entries);
+    play_both::<Pulses>(&entries);
+}
+
+#[test]
+fn a_stair_of_more_events_than_a_slot_holds_is_played_to_its_end() {
+    fn play_long<M: Stepping + 'static>() {
+        let entries = [StepEntry::directions(1), StepEntry::stair(100, u16::MAX, 1, 2).unwrap()];
+        assert_played::<M, 1>(&entries, SIGNALS);
+    }
+    play_long::<BothEdges>();
+    play_long::<Pulses>();
+}

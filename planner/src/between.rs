@@ -1,0 +1,97 @@
+//! The extruder's steps between the master's.
+
+use crate::step_times::{NEVER, StepTimes};
+use crate::time_law::{FRACTION_BITS, HALF_TICK};
+
+/// What comes before the master's next step.
+pub(crate) enum Look {
+    /// Nothing.
+    Free,
+    /// A step of the extruder, so little before it that it waits for it.
+    Again,
+    /// A step of the extruder, so many ticks behind the last event.
+    Step(u32),
+    /// A step of the extruder, too near to the last event; it has not been taken.
+    TooNear,
+}
+
+/// The extruder's steps while the master's are taken one after the other.
+pub(crate) struct Between {
+    /// The last event, a whole tick, when the extruder was looked at.
+    start: u64,
+    /// No step of the extruder was due for so many ticks from then on.
+    pub(crate) free: u32,
+    /// An extruder step nearer than this to the master's next one waits for it.
+    near: u64,
+    /// Least ticks between events.
+    pub(crate) least: u32,
+    /// Number of the event that an extruder step waits for; out of reach where none does.
+    pub(crate) joint: usize,
+    /// Whether one has begun to wait.
+    pub(crate) has_joined: bool,
+    /// How many were taken that are events of their own.
+    pub(crate) steps: usize,
+}
+
+impl Between {
+    /// The last event is at `last`; perhaps a step waits for the next one.
+    #[inline(always)]
+    pub(crate) fn new(extruder: &StepTimes, last: u64, waits: bool, near: u64, least: u32) -> Self {
+        let joint = if waits { 0 } else { usize::MAX };
+        Self { start: last, free: extruder.ticks_from(last), near, least, joint, has_joined: false, steps: 0 }
+    }
+
+    /// The last event, while no step of the extruder is due for `free` ticks.
+    #[inline(always)]
+    pub(crate) fn last(&self, free: u32) -> u64 {
+        self.start.wrapping_add(u64::from(self.free.wrapping_sub(free)) << FRACTION_BITS)
+    }
+
+    /// The master has stepped, for the last time so many ticks behind the last event.
+    #[inline(always)]
+    pub(crate) fn pass(&mut self, ticks: u64) {
+        self.start = self.start.wrapping_add(ticks << FRACTION_BITS);
+        self.free = u32::try_from(u64::from(self.free).saturating_sub(ticks)).unwrap_or(0);
+    }
+
+    /// How far behind the last event the extruder's next step is, in time units, half a tick included; out of reach where
+    /// there is none.
+    pub(crate) fn distance(&self, extruder: &StepTimes) -> u64 {
+        if extruder.next() == NEVER {
+            return NEVER;
+        }
+        extruder.next().wrapping_add(HALF_TICK).wrapping_sub(self.start)
+    }
+
+    /// Takes the extruder's next step, if it comes before the master's, which is `gap` behind the last event and will be
+    /// the event of this number; none is due for `free` ticks.
+    #[inline(never)]
+    pub(crate) fn look(&mut self, extruder: &mut StepTimes, free: u32, gap: u64, number: usize) -> Look {
+        self.start = self.last(free);
+        self.free = free;
+        let behind = self.distance(extruder);
+        if behind >= gap {
+            // It wraps where an event had to keep its distance, and is behind already.
+            let is_late = behind != NEVER && behind > NEVER / 2;
+            return if is_late { Look::TooNear } else { Look::Free };
+        }
+        let ticks = (behind >> FRACTION_BITS) as u32;
+        let waits = gap - behind < self.near;
+        // One waits in a run: another would have to be noted elsewhere.
+        if waits && self.joint != usize::MAX || !waits && ticks < self.least {
+            return Look::TooNear;
+        }
+        extruder.take(1);
+        let look = if waits {
+            self.joint = number;
+            self.has_joined = true;
+            Look::Again
+        } else {
+            self.steps += 1;
+            self.start = self.start.wrapping_add(u64::from(ticks) << FRACTION_BITS);
+            Look::Step(ticks)
+        };
+        self.free = extruder.ticks_from(self.start);
+        look
+    }
+}
