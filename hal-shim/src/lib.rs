@@ -78,6 +78,14 @@ pub trait StepOutput: MotorEnable {
     /// # Errors
     /// It does not fit, or comes too soon after the one before; nothing was added.
     fn push(&mut self, entry: StepEntry) -> Result<(), FeedError>;
+    /// Adds entries. A queue may do so at a lower cost than one by one.
+    ///
+    /// # Errors
+    /// As [`Self::push`]; the entries before the one that is meant were added.
+    #[inline]
+    fn push_all(&mut self, entries: &[StepEntry]) -> Result<(), FeedError> {
+        entries.iter().try_for_each(|entry| self.push(*entry))
+    }
     /// The motion ends with the newest entry.
     fn seal(&mut self);
     /// Lets the interrupt play what is queued, unless it does.

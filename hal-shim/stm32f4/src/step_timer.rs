@@ -286,6 +286,11 @@ impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> StepOutp
         self.feeder.push(entry)
     }
 
+    #[inline]
+    fn push_all(&mut self, entries: &[StepEntry]) -> Result<(), FeedError> {
+        self.feeder.push_all(entries)
+    }
+
     fn seal(&mut self) {
         self.feeder.seal();
     }

@@ -167,6 +167,17 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepSink for BenchQueue<M,
         }
     }
 
+    #[inline]
+    fn entries(&mut self, entries: &[StepEntry]) {
+        if cfg!(feature = "tally") {
+            for entry in entries {
+                self.entry(*entry);
+            }
+        } else if self.queue.push_all(entries).is_err() {
+            refused();
+        }
+    }
+
     fn notice(&mut self, _notice: Notice) {}
 }
 
