@@ -124,6 +124,15 @@ impl<Q: StepOutput> Sink<'_, Q> {
 }
 
 impl<Q: StepOutput> StepSink for Sink<'_, Q> {
+    fn entries(&mut self, entries: &[StepEntry]) {
+        if self.triggered || self.seeking.is_some() {
+            entries.iter().for_each(|&entry| self.entry(entry));
+            return;
+        }
+        *self.refused |= self.queue.push_all(entries).is_err();
+        entries.iter().for_each(|&entry| self.motors.steps.play(entry, &mut ()));
+    }
+
     fn entry(&mut self, entry: StepEntry) {
         if self.triggered {
             // The rest of the way is not gone.
