@@ -31,6 +31,9 @@ const START_TICKS: u64 = 100 * MS;
 /// comes in: without this head start a few short ones would be over before the host has sent the next line.
 const START_ENTRIES: usize = 512;
 
+/// So many entries are queued before somebody looks whether they are worth a mark in the timeline.
+const MARKED_ENTRIES: usize = 8;
+
 /// With less than this in the step queue, in motion, blocks leave the look-ahead ring before it is full: some of the
 /// planner task's visits, and what it takes to make a block's steps.
 const LOW_TICKS: u64 = 8 * MS;
@@ -111,6 +114,7 @@ struct Sink<'a, Q> {
     fan: &'a mut FanChanges,
     last_move_end: &'a mut u64,
     refused: &'a mut bool,
+    timeline: &'a mut Timeline,
     seeking: Option<usize>,
     triggered: bool,
 }
@@ -129,8 +133,11 @@ impl<Q: StepOutput> StepSink for Sink<'_, Q> {
             entries.iter().for_each(|&entry| self.entry(entry));
             return;
         }
-        *self.refused |= self.queue.push_all(entries).is_err();
-        entries.iter().for_each(|&entry| self.motors.steps.play(entry, &mut ()));
+        for some in entries.chunks(MARKED_ENTRIES) {
+            *self.refused |= self.queue.push_all(some).is_err();
+            some.iter().for_each(|&entry| self.motors.steps.play(entry, &mut ()));
+            self.timeline.mark(self.queue.queued(), self.motors.steps.tick());
+        }
     }
 
     fn entry(&mut self, entry: StepEntry) {
@@ -440,6 +447,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
                 queue: &mut self.queue,
                 fan: &mut self.fan,
                 refused: &mut self.refused,
+                timeline: &mut self.timeline,
                 last_move_end: &mut self.last_move_end,
                 seeking: self.seeking,
                 triggered: false,
