@@ -110,7 +110,7 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
             next: WordU32::new(0),
             reloads: [const { WordU32::new(0) }; 2],
             link: StepLink::new(),
-            slots: [const { Slot::EMPTY }; N],
+            slots: [const { Slot::empty() }; N],
             stepping: PhantomData,
         }
     }

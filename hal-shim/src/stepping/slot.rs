@@ -74,12 +74,14 @@ impl Head {
 
 impl<const PORTS: usize> Slot<PORTS> {
     /// An empty slot.
-    pub const EMPTY: Self = Self {
-        first: [const { WordU32::new(0) }; PORTS],
-        then: [const { WordU32::new(0) }; PORTS],
-        reload: WordU32::new(0),
-        head: WordI32::new(0),
-    };
+    pub const fn empty() -> Self {
+        Self {
+            first: [const { WordU32::new(0) }; PORTS],
+            then: [const { WordU32::new(0) }; PORTS],
+            reload: WordU32::new(0),
+            head: WordI32::new(0),
+        }
+    }
 
     /// For the producer: fills an empty slot; the interrupt may take it at once.
     #[inline(always)]
