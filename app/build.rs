@@ -6,8 +6,7 @@
 use std::path::{Path, PathBuf};
 use std::{env, fs};
 
-use ferrostep_hal_shim::stepping::NEAR_TICKS;
-use ferrostep_planner::{Kinematics, Limits, StepsPerMm, TICKS_PER_SECOND};
+use ferrostep_planner::{Kinematics, Limits, StepsPerMm};
 use ferrostep_printer::{AxisHoming, DriverTiming, FirmwareRetraction, HeaterSettings, HomeEnd, Profile};
 
 /// The bench's machine.
@@ -82,12 +81,7 @@ fn constant(profile: &Profile) -> String {
 
 /// How the step interrupt makes a step, as a type: it is compiled for that one way.
 fn step_signals(driver: &DriverTiming) -> String {
-    let near_ns = u64::from(NEAR_TICKS) * 1_000_000_000 / u64::from(TICKS_PER_SECOND);
-    let name = match driver {
-        DriverTiming { both_edges: true, .. } => "BothEdges",
-        DriverTiming { pulse_width_ns, .. } if u64::from(*pulse_width_ns) < near_ns => "ShortPulses",
-        DriverTiming { .. } => "Pulses",
-    };
+    let name = if driver.both_edges { "BothEdges" } else { "Pulses" };
     format!("/// What the drivers take for a step.\npub type StepSignals = ferrostep_hal_shim::stepping::{name};\n")
 }
 

@@ -2,18 +2,19 @@
 //!
 //! | priority | task | trigger | resources | worst-case job |
 //! |---|---|---|---|---|
-//! | 16 | `steps` | TIM2 update | `local` only: timer, ports; a lock-free ring of words | the event that ends a stair; 32 near ones in a row |
+//! | 16 | `steps` | TIM2 update | `step_timer`, lock-free: timer, ports, a ring of words | the event that ends a stair: 33 instructions |
+//! | 16 | `near_steps` | `steps`, `planner` | the same | 128 looks at the timer; start or end of a motion: 80 instructions |
 //! | 13 | `serial` | USART1 | `local` only: port, two byte rings, the emergency scanner | 16 bytes to send, the received one; M112 |
 //! | 9 | SysTick (rtic-monotonics) | every ms | the queue of waits | wakes the tasks whose waits end |
 //! | 8 | `temperature` | every 100 ms | `heat` | two PID loops and their checks |
 //! | 8 | `emergency` | M112 | `heat` | heaters off |
-//! | 4 | `planner` | a move, or 2 ms | `machine` | fills the step queue: 4096 entries a lock |
+//! | 4 | `planner` | a move, or 2 ms | `machine` | fills the step queue: 256 portions a lock |
 //! | 2 | `printer` | received bytes | `machine`, `heat`, `writer` | one line; a wait is an await |
-//! | 1 | `reports` | a halt, or 100 ms | `heat`, `writer` | M155's line |
+//! | 1 | `reports` | a halt, or 100 ms | `machine`, `heat`, `writer` | M155's line |
 //!
 //! 16 is above what BASEPRI can mask, and critical sections mask no more than that
-//! (`hal-shim/stm32f4/src/critical_section.rs`): nothing delays a step. So the step task must never have a `#[shared]`
-//! resource, nor use a signal or the log.
+//! (`hal-shim/stm32f4/src/critical_section.rs`): nothing delays a step. So the two step tasks must never share
+//! anything with a task below, nor use a signal or the log.
 //! `machine` has ceiling 4, `heat` 8, `writer` 2, so that heating is safe whatever the planner does, and bytes are
 //! received whatever anyone does.
 #![no_std]
@@ -36,6 +37,7 @@ mod app {
     use core::sync::atomic::{AtomicU8, Ordering};
 
     use ferrostep_gcode::{Emergency, EmergencyScanner, LineReader, Reply};
+    use ferrostep_hal_shim::clock_tree::ClockSource;
     use ferrostep_hal_shim::stepping::{self, SlotAccount, StepFeeder};
     use ferrostep_planner::look_ahead::Slot;
     use ferrostep_printer::{Host, Printer, Replies, Signals, temperatures};
@@ -54,8 +56,8 @@ mod app {
     use crate::heat::{self, Heat};
     use crate::host_line::{self, Patience, Reader, Writer};
     use crate::ports::{
-        BoardHeating, BoardMachine, BoardMotion, BoardReplies, BoardStepTimer, LOOK_AHEAD_BLOCKS, PLANNER_WORK,
-        STEP_QUEUE_SLOTS, STEPS,
+        BoardHeating, BoardMachine, BoardMotion, BoardReplies, BoardStepTimer, LOOK_AHEAD_BLOCKS, Overload,
+        PLANNER_WORK, STEP_QUEUE_SLOTS, STEPS,
     };
     use crate::profile::PROFILE;
     use crate::timing::{self, BoardTiming};
@@ -124,7 +126,9 @@ mod app {
         };
         let feeder = StepFeeder::new(&STEPS, bench::PINS, signals, cx.local.slot_steps);
         let step_timer = StepTimer::start(device.TIM2, device.TIM9, &device.RCC, &pins, &STEPS);
-        let queue = StepQueue::new(pins, feeder);
+        // On the bare internal oscillator the plan shall not depend on time, as for the host's line.
+        let planning_clock = (clock.source != ClockSource::Internal).then_some(motion_clock);
+        let queue = StepQueue::new(pins, feeder, planning_clock);
         let machine = BoardMachine::new(&PROFILE, &mut cx.local.slots[..], queue);
 
         let port = Serial::start(device.USART1, &device.RCC, clock.serial_hz, BAUD);
@@ -257,11 +261,13 @@ mod app {
         }
     }
 
-    /// What is said without being asked: temperatures (M155), a halt, lost bytes; to the log, times (M798).
-    #[task(priority = 1, shared = [heat, writer], local = [halted])]
+    /// What is said without being asked: temperatures (M155), a halt, lost bytes, overload; to the log, times (M798).
+    #[task(priority = 1, shared = [machine, heat, writer], local = [halted])]
     async fn reports(cx: reports::Context) {
         let heating = BoardHeating(RefCell::new(cx.shared.heat));
         let replies = BoardReplies(RefCell::new(cx.shared.writer));
+        let mut machine = cx.shared.machine;
+        let mut reported = Overload::default();
         let mut reported_ms = 0;
         let mut logged_ms = 0;
         loop {
@@ -279,6 +285,10 @@ mod app {
             if now_ms.wrapping_sub(logged_ms) >= timing::LOG_INTERVAL_MS {
                 logged_ms = now_ms;
                 timing::log();
+                let overload = machine.lock(|machine| Overload::of(&machine.figures()));
+                if overload != core::mem::replace(&mut reported, overload) {
+                    replies.overload(overload);
+                }
             }
         }
     }

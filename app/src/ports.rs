@@ -198,6 +198,40 @@ impl<W: Mutex<T = Writer>> BoardReplies<W> {
     }
 }
 
+/// How often something could not keep up, since the start.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Overload {
+    /// Blocks that left the look-ahead ring early because steps ran out.
+    starvation_flushes: u64,
+    planning_slowdowns: u64,
+    underruns: u64,
+    made_up_updates: u64,
+    refused_entries: u64,
+}
+
+impl Overload {
+    /// Its part of all figures.
+    pub fn of(figures: &MotionFigures) -> Self {
+        let MotionFigures {
+            starvation_flushes, planning_slowdowns, underruns, made_up_updates, refused_entries, ..
+        } = *figures;
+        Self { starvation_flushes, planning_slowdowns, underruns, made_up_updates, refused_entries }
+    }
+}
+
+impl<W: Mutex<T = Writer>> BoardReplies<W> {
+    /// Says what could not keep up so far.
+    pub fn overload(&self, overload: Overload) {
+        let Overload { starvation_flushes, planning_slowdowns, underruns, made_up_updates, refused_entries } = overload;
+        self.0.borrow_mut().lock(|writer| {
+            writer.line(format_args!(
+                "echo:overload starvation_flushes:{starvation_flushes} planning_slowdowns:{planning_slowdowns} \
+                 underruns:{underruns} made_up_updates:{made_up_updates} refused_entries:{refused_entries}"
+            ));
+        });
+    }
+}
+
 impl<W: Mutex<T = Writer>> Replies for BoardReplies<W> {
     fn send(&self, reply: Reply<'_>) {
         self.0.borrow_mut().lock(|writer| writer.line(reply));

@@ -103,6 +103,10 @@ pub struct Figures {
     pub underruns: u64,
     /// How often a block left the look-ahead ring because steps ran out.
     pub starvation_flushes: u64,
+    /// Moves planned slower than asked for, because a board could not keep up with them.
+    pub slowed_moves: u64,
+    /// Moves that became one block with the one before.
+    pub merged_moves: u64,
     /// Digests of all step events.
     pub digests: StepDigests,
 }
@@ -166,6 +170,8 @@ impl<O: Observer> Desk<O> {
             max_event_rate_hz: self.observer.rate.most_hz(),
             underruns: self.underruns,
             starvation_flushes: self.planner.starvation_flushes(),
+            slowed_moves: self.planner.slowed_moves(),
+            merged_moves: self.planner.merged_moves(),
             digests: self.board.motors.steps.digests(),
         }
     }
@@ -181,6 +187,12 @@ impl<O: Observer> Desk<O> {
             // Here lines are always at hand.
             idle_flushes: 0,
             issued_steps: self.board.motors.steps.issued(),
+            slowed_moves: self.planner.slowed_moves(),
+            merged_moves: self.planner.merged_moves(),
+            // Here planning takes no time, and the motors play whatever they are given.
+            planning_slowdowns: 0,
+            made_up_updates: 0,
+            refused_entries: 0,
         }
     }
 

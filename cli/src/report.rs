@@ -57,6 +57,10 @@ pub struct Motors {
     pub underruns: u64,
     /// How often a block left the look-ahead ring because steps ran out.
     pub starvation_flushes: u64,
+    /// Moves planned slower than asked for, because a board could not keep up with them.
+    pub slowed_moves: u64,
+    /// Moves that became one block with the one before.
+    pub merged_moves: u64,
     /// FNV-1a-64 over the order of the step events.
     pub order_digest: String,
     /// FNV-1a-64 over the step events with their times.
@@ -107,6 +111,8 @@ impl From<&Figures> for Motors {
             max_event_rate_hz: figures.max_event_rate_hz,
             underruns: figures.underruns,
             starvation_flushes: figures.starvation_flushes,
+            slowed_moves: figures.slowed_moves,
+            merged_moves: figures.merged_moves,
             order_digest: format!("{:016x}", figures.digests.order),
             step_digest: format!("{:016x}", figures.digests.step),
         }
@@ -139,8 +145,8 @@ impl fmt::Display for Summary {
             writeln!(out, "  steps        X {} Y {} Z {} E {}", steps.x, steps.y, steps.z, steps.e)?;
             writeln!(
                 out,
-                "  step events  at most {} /s; {} underruns, {} starvation flushes",
-                motors.max_event_rate_hz, motors.underruns, motors.starvation_flushes
+                "  step events  at most {} /s; {} underruns, {} starvation flushes; {} moves slowed for the board",
+                motors.max_event_rate_hz, motors.underruns, motors.starvation_flushes, motors.slowed_moves
             )?;
             writeln!(out, "  digests      order {} step {}", motors.order_digest, motors.step_digest)?;
         }

@@ -48,6 +48,16 @@ pub struct MotionFigures {
     pub idle_flushes: u64,
     /// Steps issued to the X, Y, Z (A, B, Z) and extruder motors, both directions added.
     pub issued_steps: [u64; 4],
+    /// Moves that were planned slower than asked for, because the board could not keep up with their events.
+    pub slowed_moves: u64,
+    /// Moves that became one block with the one before.
+    pub merged_moves: u64,
+    /// How often planning did not keep up and lowered the speed of what was to come.
+    pub planning_slowdowns: u64,
+    /// Updates of the step timer that its interrupt missed, and made up.
+    pub made_up_updates: u64,
+    /// Entries that the step queue refused; each has stopped motion.
+    pub refused_entries: u64,
 }
 
 /// How long something takes that happens often (M798). Percentiles are upper limits.
@@ -109,7 +119,7 @@ pub enum Reply<'a> {
     /// `X:0.00 Y:0.00 Z:0.00 E:0.00 Count X:0 Y:0 Z:0` (CoreXY: `Count A:0 B:0 Z:0`)
     Position(Position),
     /// `echo:motion order_digest:<16 hex> step_digest:<16 hex> underruns:0 starvation_flushes:0 steps X:0 Y:0 Z:0 E:0
-    /// idle_flushes:0` (one line)
+    /// idle_flushes:0 slowed_moves:0 ...` (one line)
     Motion(MotionFigures),
     /// `echo:timing <name> count:0 p50:0 p99:0 p99.9:0 max:0 unit:<unit>`
     Timing(TimingFigures),

@@ -100,6 +100,12 @@ pub trait StepOutput: MotorEnable {
     /// and makes up for them: the events that are owed follow in between. Returns how many there were.
     fn make_up_missed(&mut self) -> u32;
 
+    /// A clock that runs all the time, ticks of the nominal time base modulo 2^32: with it the machine knows how long
+    /// planning takes. `None` where there is none, and then planning is taken to keep up.
+    fn now_ticks(&self) -> Option<u32> {
+        None
+    }
+
     /// A portion of planning begins. A queue that measures how long planning takes notes the time; others need not
     /// care.
     fn planning_begins(&mut self) {}

@@ -1,5 +1,6 @@
 //! What look-ahead hands to interpolation: a move made of integers.
 
+use crate::TICKS_PER_SECOND;
 use crate::inner_ends::InnerEnds;
 use crate::kinematics::UNITS_PER_MM;
 use crate::square_root::square_root_f32;
@@ -22,6 +23,13 @@ impl Speed {
     /// The speed, mm/s.
     pub fn mm_per_s(self) -> f64 {
         f64::from(self.0) / 65_536.0
+    }
+
+    /// Ticks for a length in units of 10 nm at this speed, to single precision; as many as fit for standstill.
+    pub fn ticks_for(self, length_10nm: u32) -> u64 {
+        // A tick at one unit of speed is so many units of 10 nm.
+        const PER_10NM: f32 = (65_536 * (TICKS_PER_SECOND as i64 / UNITS_PER_MM)) as f32;
+        (length_10nm as f32 * PER_10NM / self.0 as f32) as u64
     }
 
     /// Its square, mm^2/s^2.

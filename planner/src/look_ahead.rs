@@ -69,6 +69,8 @@ pub struct LookAhead<S> {
     left_with: SquaredSpeed,
     /// Blocks in the ring, markers not counted.
     blocks: usize,
+    /// What the last block that left had wanted for its nominal speed.
+    left_nominal: Speed,
 }
 
 impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
@@ -83,6 +85,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
             newest_nominal: SquaredSpeed::ZERO,
             left_with: SquaredSpeed::ZERO,
             blocks: 0,
+            left_nominal: Speed::ZERO,
         }
     }
 
@@ -99,6 +102,11 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
     /// Number of blocks and markers that wait here.
     pub fn len(&self) -> usize {
         self.length
+    }
+
+    /// The nominal speed of the last block that left, before the pace was taken off.
+    pub fn left_nominal(&self) -> Speed {
+        self.left_nominal
     }
 
     /// Whether the oldest block or marker may leave.
@@ -178,6 +186,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
             Content::Block(waiting) => {
                 self.blocks -= 1;
                 let mut block = waiting.block;
+                self.left_nominal = block.nominal;
                 let mut reachable = waiting.entry.changed_over(&block);
                 if pace != Pace::FULL {
                     let capped = pace.of(block.nominal);

@@ -110,6 +110,7 @@ pub struct Planner<S> {
     /// Speed at the end of the last block handed to the interpolator.
     exit: Speed,
     motion_ticks: u64,
+    nominal_ticks: u64,
     starvation_flushes: u64,
     merged_moves: u64,
     slowed_moves: u64,
@@ -135,6 +136,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
             interpolator: Interpolator::new(geometry.minimum_event_interval_ticks),
             exit: Speed::ZERO,
             motion_ticks: 0,
+            nominal_ticks: 0,
             starvation_flushes: 0,
             merged_moves: 0,
             slowed_moves: 0,
@@ -176,6 +178,12 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
     /// Sum of the durations of all blocks so far, in ticks.
     pub fn motion_ticks(&self) -> u64 {
         self.motion_ticks
+    }
+
+    /// How long all blocks begun so far would have lasted at their nominal speeds, in ticks: neither the pace nor ramps
+    /// make them longer. What planning may take of the processor's time to keep up at full speed.
+    pub fn nominal_ticks(&self) -> u64 {
+        self.nominal_ticks
     }
 
     /// How often a block left the look-ahead ring early because steps ran out.
@@ -361,6 +369,8 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
             Some(Left::Block(planned)) => {
                 let law = TimeLaw::trapezoid(&planned);
                 self.exit = planned.exit;
+                let nominal_ticks = self.look_ahead.left_nominal().ticks_for(planned.block.length_10nm);
+                self.nominal_ticks = self.nominal_ticks.saturating_add(nominal_ticks);
                 self.motion_ticks += self.interpolator.begin(&planned, &law, sink);
             }
             Some(Left::Marker(marker)) => {

@@ -4,28 +4,45 @@
 //! that M797 reports, and on a board without sensors tell where its end stops trigger; there homing ends at the very
 //! event that triggers, as on the desk.
 
+mod timeline;
+mod workload;
+
 use ferrostep_gcode::MotionFigures;
 use ferrostep_hal_shim::virtual_board::VirtualMotors;
 use ferrostep_hal_shim::{EndStops, MotorEnable, StepOutput};
 use ferrostep_planner::interpolator::MAX_ENTRIES;
 use ferrostep_planner::look_ahead::Slot;
-use ferrostep_planner::{Limits, Move, MoveError, Moved, Notice, Planner, Progress, StepDigests, StepEntry, StepSink};
+use ferrostep_planner::{
+    Limits, Move, MoveError, Moved, Notice, Pace, Planner, Progress, StepDigests, StepEntry, StepSink, TICKS_PER_SECOND,
+};
 
 use crate::ports::Seek;
 use crate::profile::Profile;
+use timeline::Timeline;
+use workload::Workload;
+
+/// Ticks in a millisecond.
+const MS: u64 = TICKS_PER_SECOND as u64 / 1000;
+
+/// Motion that waits before the motors start from standstill, where it takes fewer entries than below.
+const START_TICKS: u64 = 100 * MS;
 
 /// Entries that wait before the motors start from standstill. Blocks leave the look-ahead ring one for each that
 /// comes in: without this head start a few short ones would be over before the host has sent the next line.
 const START_ENTRIES: usize = 512;
 
-/// With fewer entries in motion and no input at hand, blocks leave the look-ahead ring before it is full.
-const LOW_ENTRIES: usize = 128;
+/// So many entries are queued before somebody looks whether they are worth a mark in the timeline.
+const MARKED_ENTRIES: usize = 8;
+
+/// With less than this in the step queue, in motion, blocks leave the look-ahead ring before it is full: some of the
+/// planner task's visits, and what it takes to make a block's steps.
+const LOW_TICKS: u64 = 8 * MS;
 
 /// Fan changes on their way through the step queue.
 const FAN_CHANGES: usize = 32;
 
 /// Steps of work in one call of [`Machine::work`], so that other users of the machine get their turn.
-const WORK_AT_ONCE: usize = 4096;
+const WORK_AT_ONCE: usize = 256;
 
 /// All motors.
 const ALL: u8 = 0b1111;
@@ -58,6 +75,10 @@ pub struct Machine<R, Q> {
     refused: bool,
     refused_entries: u64,
     made_up_updates: u64,
+    timeline: Timeline,
+    workload: Workload,
+    /// How often the pace was lowered because planning did not keep up.
+    planning_slowdowns: u64,
     underruns: u64,
     idle_flushes: u64,
     /// Axis whose end stop ends the present move.
@@ -93,6 +114,7 @@ struct Sink<'a, Q> {
     fan: &'a mut FanChanges,
     last_move_end: &'a mut u64,
     refused: &'a mut bool,
+    timeline: &'a mut Timeline,
     seeking: Option<usize>,
     triggered: bool,
 }
@@ -106,6 +128,18 @@ impl<Q: StepOutput> Sink<'_, Q> {
 }
 
 impl<Q: StepOutput> StepSink for Sink<'_, Q> {
+    fn entries(&mut self, entries: &[StepEntry]) {
+        if self.triggered || self.seeking.is_some() {
+            entries.iter().for_each(|&entry| self.entry(entry));
+            return;
+        }
+        for some in entries.chunks(MARKED_ENTRIES) {
+            *self.refused |= self.queue.push_all(some).is_err();
+            some.iter().for_each(|&entry| self.motors.steps.play(entry, &mut ()));
+            self.timeline.mark(self.queue.queued(), self.motors.steps.tick());
+        }
+    }
+
     fn entry(&mut self, entry: StepEntry) {
         if self.triggered {
             // The rest of the way is not gone.
@@ -157,6 +191,9 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
             refused: false,
             refused_entries: 0,
             made_up_updates: 0,
+            timeline: Timeline::default(),
+            workload: Workload::default(),
+            planning_slowdowns: 0,
             underruns: 0,
             idle_flushes: 0,
             seeking: None,
@@ -244,6 +281,8 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
         steps.pass_to(self.last_move_end);
         self.dropped_100pm += self.planner.stand_at(steps.motor_steps(), steps.tick(), steps.directions());
         self.in_motion = false;
+        self.timeline.clear(self.motors.steps.tick());
+        self.planner.set_pace(Pace::FULL);
     }
 
     /// Machine position at the end of all that was taken, units of 10 nm.
@@ -293,6 +332,11 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
             starvation_flushes: self.planner.starvation_flushes(),
             idle_flushes: self.idle_flushes,
             issued_steps: self.motors.steps.issued(),
+            slowed_moves: self.planner.slowed_moves(),
+            merged_moves: self.planner.merged_moves(),
+            planning_slowdowns: self.planning_slowdowns,
+            made_up_updates: self.made_up_updates,
+            refused_entries: self.refused_entries,
         }
     }
 
@@ -334,46 +378,76 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
         if self.queue.link().take_ran_dry() && self.in_motion {
             self.underruns += 1;
         }
-        self.fan.advance(self.queue.played());
-        self.free_blocks(silence);
-        let more = self.plan();
+        let played = self.queue.played();
+        self.fan.advance(played);
+        self.timeline.pass(played);
+        if silence.may_flush {
+            self.flush_at_standstill();
+        }
+        let more = self.plan(silence.may_release);
         if self.planner.is_idle() {
             self.queue.seal();
+            self.planner.set_pace(Pace::FULL);
         }
         self.in_motion = self.planner.is_in_motion();
         let waiting = self.queue.waiting();
         let full = self.queue.room() < MAX_ENTRIES;
-        if waiting > 0 && !self.queue.link().is_running() && (self.flushed || full || waiting >= START_ENTRIES) {
+        let enough = waiting >= START_ENTRIES || self.left_ticks() >= START_TICKS;
+        if waiting > 0 && !self.queue.link().is_running() && (self.flushed || full || enough) {
             self.queue.start();
         }
         more
     }
 
-    /// Lets blocks leave a look-ahead ring that is not full, where waiting for more would be wrong.
-    fn free_blocks(&mut self, silence: Silence) {
-        if !self.queue.link().is_running() {
-            let something_waits = !self.planner.is_look_ahead_empty() || self.queue.waiting() > 0;
-            if silence.may_flush && something_waits && !self.flushed {
-                self.idle_flushes += 1;
-                self.flush();
-            }
-        } else if silence.may_release && self.in_motion && self.queue.waiting() < LOW_ENTRIES {
+    /// At standstill: executes what waits, as nothing more seems to come.
+    fn flush_at_standstill(&mut self) {
+        let something_waits = !self.planner.is_look_ahead_empty() || self.queue.waiting() > 0;
+        if something_waits && !self.flushed && !self.queue.link().is_running() {
+            self.idle_flushes += 1;
+            self.flush();
+        }
+    }
+
+    /// In motion: lets a block leave a look-ahead ring that is not full, if steps run out. Whether it did.
+    fn release(&mut self) -> bool {
+        let runs_out = self.planner.is_in_motion() && self.left_ticks() < LOW_TICKS;
+        let releases = runs_out && self.queue.link().is_running() && !self.planner.is_look_ahead_empty();
+        if releases {
             self.planner.release();
+        }
+        releases
+    }
+
+    /// How much motion is in the step queue, at least.
+    fn left_ticks(&self) -> u64 {
+        self.timeline.left_ticks(self.motors.steps.tick())
+    }
+
+    /// After some planning that began at a tick: what is to come keeps the pace that planning can.
+    fn adjust_pace(&mut self, began: Option<u32>) {
+        self.timeline.mark(self.queue.queued(), self.motors.steps.tick());
+        self.timeline.pass(self.queue.played());
+        let (Some(began), Some(now)) = (began, self.queue.now_ticks()) else { return };
+        if let Some(pace) = self.workload.add(now.wrapping_sub(began), self.planner.nominal_ticks()) {
+            self.planning_slowdowns += u64::from(pace < self.planner.pace());
+            self.planner.set_pace(pace);
         }
     }
 
     /// Plans while there is room; whether there is more to do at once.
-    fn plan(&mut self) -> bool {
+    fn plan(&mut self, may_release: bool) -> bool {
         for _ in 0..WORK_AT_ONCE {
             if self.queue.room() < MAX_ENTRIES || self.fan.waiting.is_full() {
                 return false;
             }
             self.queue.planning_begins();
+            let began = self.queue.now_ticks();
             let mut sink = Sink {
                 motors: &mut self.motors,
                 queue: &mut self.queue,
                 fan: &mut self.fan,
                 refused: &mut self.refused,
+                timeline: &mut self.timeline,
                 last_move_end: &mut self.last_move_end,
                 seeking: self.seeking,
                 triggered: false,
@@ -388,9 +462,13 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
                 return true;
             }
             if progress == Progress::Waiting {
+                if may_release && self.release() {
+                    continue;
+                }
                 return false;
             }
             self.queue.planning_ends();
+            self.adjust_pace(began);
         }
         true
     }

@@ -177,6 +177,15 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
         self.follow_the_motors();
     }
 
+    /// M999. Whoever halted the machine has stopped the motors, but what they left undone of the filament has not been
+    /// reckoned.
+    fn restart(&mut self) {
+        if self.signals.is_halted() {
+            self.stop_motion();
+            self.signals.restart();
+        }
+    }
+
     async fn dispatch(&mut self, command: &Command<'_>) -> Result<bool, CommandError> {
         match *command {
             Command::Linear { ref axes, feed } => self.linear(axes, feed).await?,
@@ -228,7 +237,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
             Command::ColdExtrusion { minimum, allow } => self.cold_extrusion(minimum, allow)?,
             Command::Finish => self.motion.finish().await?,
             Command::QuickStop => self.stop_motion(),
-            Command::Restart => self.signals.restart(),
+            Command::Restart => self.restart(),
             Command::SelectTool(0) => {}
             Command::SelectTool(tool) => return Err(CommandError::InvalidTool(tool)),
             Command::Unknown(text) => self.replies.send(Reply::UnknownCommand(text)),

@@ -268,6 +268,13 @@ fn driver(table: &DriverTable, interval_us: f64, check: &Checker<'_>) -> Result<
         return Err(check.refuse("driver.pulse_width_us", &table.pulse_width_us, expected));
     }
     let setup_us = check.number("driver.direction_setup_us", &table.direction_setup_us, DIRECTION_SETUP)?;
+    // A direction changes at the end of a pulse, or right after an edge that was a step.
+    let before_us = if table.both_edges { 0.1 } else { pulse_us };
+    if before_us + setup_us > interval_us {
+        let longest = interval_us - before_us;
+        let expected = format!("at most {longest} us (minimum_event_interval_us = {interval_us}, after a pulse)");
+        return Err(check.refuse("driver.direction_setup_us", &table.direction_setup_us, expected));
+    }
     Ok(DriverTiming {
         pulse_width_ns: (pulse_us * 1e3).round() as u32,
         direction_setup_ns: (setup_us * 1e3).round() as u32,

@@ -1,15 +1,21 @@
-//! Independent checks: a plain f64 reference planner and a reader of step traces.
+//! Independent checks: a plain f64 reference planner and a reader of step traces; and a board in virtual time.
 //!
-//! Nothing here shares code with the crates under test. [`mod@reference`] reads G-code and plans it a second time,
+//! No check shares code with the crates under test. [`mod@reference`] reads G-code and plans it a second time,
 //! with floating point and all the memory it wants; [`trace`] reads the records that `ferrostep print --trace`
 //! writes; [`trace_check`] holds one against the other; [`qemu`] runs the firmware image and
 //! reads its pins; [`code`] reads its instructions. What they have in common is the written interface only.
+//!
+//! [`board_model`] is made of the crates under test: it runs them as the firmware does, at any speed of host and
+//! processor. [`stress_file`] makes a print that asks much of both, [`feed_chart`] draws what came out.
 #![deny(missing_docs)]
 #![forbid(unsafe_code)]
 
+pub mod board_model;
 pub mod code;
+pub mod feed_chart;
 pub mod qemu;
 pub mod reference;
+pub mod stress_file;
 pub mod trace;
 pub mod trace_check;
 

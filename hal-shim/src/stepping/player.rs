@@ -110,7 +110,7 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
             next: WordU32::new(0),
             reloads: [const { WordU32::new(0) }; 2],
             link: StepLink::new(),
-            slots: [const { Slot::EMPTY }; N],
+            slots: [const { Slot::empty() }; N],
             stepping: PhantomData,
         }
     }
@@ -148,23 +148,30 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
     /// that one, before the next update is served.
     #[inline(always)]
     pub fn stay<T: UpdateTimer, P: OutputPorts<PORTS>>(&self, next: &mut NextWords<PORTS>, timer: &T, ports: &P) {
+        if self.link.is_stopping() {
+            // Asked for before the stop came: a start would undo its mask, an owed event would step.
+            return;
+        }
         let starting = self.left() == Head::EMPTY;
         let left = if self.link.take_owed() { self.put_out(next, ports) } else { 0 };
         if left < 0 {
             self.go_on(left, next, timer);
         } else if self.turn(next, timer) {
-            for _ in 0..MOST_LOOKS {
-                if !timer.is_update_due() {
-                    continue;
-                }
-                timer.clear_update();
-                let left = self.put_out(next, ports);
-                if left < 0 {
-                    self.go_on(left, next, timer);
-                } else if !self.turn(next, timer) {
-                    break;
+            let mut words = *next;
+            let mut looks = MOST_LOOKS;
+            while looks > 0 {
+                looks -= 1;
+                if timer.is_update_due() {
+                    timer.clear_update();
+                    let left = self.put_out(&words, ports);
+                    if left < 0 {
+                        self.go_on(left, &mut words, timer);
+                    } else if !self.turn(&mut words, timer) {
+                        break;
+                    }
                 }
             }
+            *next = words;
         }
         if starting {
             self.start(timer);
@@ -221,14 +228,18 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
     fn turn<T: UpdateTimer>(&self, next: &mut NextWords<PORTS>, timer: &T) -> bool {
         let slot = self.next_slot();
         let head = slot.head();
+        if head.0 > 0 {
+            self.begin(slot, head.as_far(), next, timer);
+            return true;
+        }
         if head == Head::EMPTY {
             timer.mask();
             self.left.store(Head::EMPTY.0);
             self.link.run_dry();
-            return false;
+        } else {
+            self.begin(slot, head, next, timer);
         }
-        self.begin(slot, head.as_far(), next, timer);
-        !head.is_far()
+        false
     }
 
     #[inline(always)]

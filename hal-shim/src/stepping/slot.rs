@@ -55,11 +55,10 @@ impl Head {
         self.0 < 0
     }
 
-    /// The head as that of a slot of far events, in which form it is played.
+    /// The head of a slot of near events as that of one of far events, in which form it is played.
     #[inline(always)]
     pub fn as_far(self) -> Self {
-        let events = self.0 >> 16;
-        Self(if events > 0 { (events.wrapping_neg() << 16) | (self.0 & 0xffff) } else { self.0 })
+        Self(((self.0 & 0xffff) << 1).wrapping_sub(self.0))
     }
 
     /// Events that are left.
@@ -75,12 +74,14 @@ impl Head {
 
 impl<const PORTS: usize> Slot<PORTS> {
     /// An empty slot.
-    pub const EMPTY: Self = Self {
-        first: [const { WordU32::new(0) }; PORTS],
-        then: [const { WordU32::new(0) }; PORTS],
-        reload: WordU32::new(0),
-        head: WordI32::new(0),
-    };
+    pub const fn empty() -> Self {
+        Self {
+            first: [const { WordU32::new(0) }; PORTS],
+            then: [const { WordU32::new(0) }; PORTS],
+            reload: WordU32::new(0),
+            head: WordI32::new(0),
+        }
+    }
 
     /// For the producer: fills an empty slot; the interrupt may take it at once.
     #[inline(always)]

@@ -78,7 +78,7 @@ impl VirtualUpdateTimer {
             // The interrupt's line rises once; it is the flag.
             let was_due = self.due.replace(true);
             self.latched.set(self.latched.get() || !was_due);
-            self.updates.set(self.updates.get() + 1 & MOST_EVENTS);
+            self.updates.set((self.updates.get() + 1) & MOST_EVENTS);
         }
         self.now.set(self.now.get().max(cycle));
     }

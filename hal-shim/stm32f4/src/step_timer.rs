@@ -9,6 +9,7 @@ use ferrostep_hal_shim::{MotorEnable, StepOutput};
 use ferrostep_planner::StepEntry;
 
 use crate::measured::PlanningMeter;
+use crate::motion_clock::MotionClock;
 use crate::pac::{Interrupt, RCC, TIM2, TIM9, tim2};
 
 /// A board's motors.
@@ -104,7 +105,8 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepTimer<M, PORTS, N> {
     #[inline(always)]
     pub fn stay(&mut self) {
         let timer = self.timer;
-        self.player.stay(&mut self.next, &timer, &self.ports);
+        let ports = self.ports;
+        self.player.stay(&mut self.next, &timer, &ports);
     }
 }
 
@@ -205,13 +207,14 @@ pub struct StepQueue<B, M: 'static, const PORTS: usize, const N: usize> {
     motors: B,
     feeder: StepFeeder<'static, M, PORTS, N>,
     meter: PlanningMeter,
+    clock: Option<MotionClock>,
     enabled: u8,
 }
 
 impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> StepQueue<B, M, PORTS, N> {
-    /// The producer's side.
-    pub fn new(motors: B, feeder: StepFeeder<'static, M, PORTS, N>) -> Self {
-        Self { motors, feeder, meter: PlanningMeter::default(), enabled: 0 }
+    /// The producer's side. The clock tells how long planning takes; without one it is taken to keep up.
+    pub fn new(motors: B, feeder: StepFeeder<'static, M, PORTS, N>, clock: Option<MotionClock>) -> Self {
+        Self { motors, feeder, meter: PlanningMeter::default(), clock, enabled: 0 }
     }
 }
 
@@ -312,6 +315,11 @@ impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> StepOutp
             self.motors.ports().write(port, word);
         }
         dropped
+    }
+
+    #[inline]
+    fn now_ticks(&self) -> Option<u32> {
+        self.clock.map(MotionClock::now_ticks)
     }
 
     #[inline]

@@ -300,7 +300,13 @@ fn blocks_leave_early_only_when_steps_run_out_in_motion() {
         machine.work(Silence { may_release: true, may_flush: false });
         assert!(machine.figures().starvation_flushes == 0 && !interrupt.player.link().is_running());
         machine.queue.start();
+        // The first of them takes 45 ms, and most of it is left.
         for _ in 0..40 {
+            interrupt.update();
+        }
+        machine.work(Silence { may_release: true, may_flush: false });
+        assert_eq!(machine.figures().starvation_flushes, 0);
+        for _ in 0..110 {
             interrupt.update();
         }
         machine.work(NO_SILENCE);

@@ -86,7 +86,7 @@ pub fn start<M: Stepping, const PORTS: usize, const N: usize>(
     // SAFETY: only one of the interrupts runs at a time, and all of them use the timer alike.
     let Peripherals { TIM2: timer, TIM9: counter, .. } = unsafe { Peripherals::steal() };
     let timer = StepTimer::start(timer, counter, rcc, &ports, player);
-    let queue = StepQueue::new(ports, StepFeeder::new(player, pin_map()?, SIGNALS, accounts));
+    let queue = StepQueue::new(ports, StepFeeder::new(player, pin_map()?, SIGNALS, accounts), None);
     Some((timer, BenchQueue { queue, interrupt, tally: Tally::default() }))
 }
 

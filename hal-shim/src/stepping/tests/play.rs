@@ -218,6 +218,31 @@ fn entries_wait_until_the_player_is_started() {
 }
 
 #[test]
+fn a_start_after_a_stop_moves_nothing() {
+    let board = Interrupt::<BothEdges, 1, 64>::leaked();
+    let mut feeder = board.feeder(SIGNALS);
+    feeder.push(StepEntry::stair(1_000, 20, 0b1, 0).unwrap()).unwrap();
+    feeder.push(StepEntry::stair(1_000, 20, 0b1, 0).unwrap()).unwrap();
+    // The producer has looked before the stop came, and starts after it.
+    board.stop();
+    board.start(&mut feeder);
+    assert!(board.timer.is_masked());
+    for _ in 0..10 {
+        board.update();
+    }
+    assert_eq!(board.ports[0].steps(), [0; 4]);
+    assert_eq!(feeder.drop_all().issued, [40, 0, 0, 0]);
+    // The next motion is whole.
+    feeder.push(StepEntry::stair(1_000, 20, 0b1, 0).unwrap()).unwrap();
+    feeder.seal();
+    assert!(board.start(&mut feeder));
+    for _ in 0..60 {
+        board.update();
+    }
+    assert_eq!(board.ports[0].steps(), [20, 0, 0, 0]);
+}
+
+#[test]
 fn entries_at_once_are_played_like_one_by_one() {
     fn play_both<M: Stepping + 'static>(entries: &[StepEntry]) {
         let [singly, at_once] = [false, true].map(|at_once| {

@@ -52,7 +52,7 @@ fn run(interval_ticks: u32, steps: u32, most_latency: u64, most_masked: u64, is_
     let board = Board::leaked();
     let timer = &board.timer;
     timer.wire_update_count(is_counter_wired);
-    // Within: 17 instructions in 3 accesses or so; a new stair has one or two more accesses.
+    // An event within a stair takes 15 instructions or so in two accesses, a new stair twice as many in three.
     timer.set_access_cycles(9);
     let mut feeder = board.feeder(Signals { pulse_ticks: 8, direction_setup_ticks: 8 });
     let mut random = Random(1);

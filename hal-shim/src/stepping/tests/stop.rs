@@ -22,7 +22,7 @@ fn assert_stopped<M: Stepping + 'static>(entries: &[StepEntry], updates: usize) 
         feeder.push(*entry).unwrap();
         all.play(*entry, &mut ());
     }
-    if updates % 3 == 0 {
+    if updates.is_multiple_of(3) {
         feeder.seal();
     }
     board.start(&mut feeder);

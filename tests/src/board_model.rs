@@ -1,0 +1,279 @@
+//! The board as it runs, in virtual time: the firmware's own parts, and a clock that work and waiting take from.
+//!
+//! G-code executor, planner, look-ahead ring, step queue, step interrupt and emergency stop are those that the firmware
+//! runs. The model adds what RTIC and the processor do: the step interrupt comes at each update of its timer, whatever
+//! else goes on; the planner task every 2 ms and after each move; the executor in the time that is left. How fast the
+//! host sends and what work costs can be chosen.
+
+mod host_line;
+mod interrupts;
+mod ports;
+mod queue;
+mod recording;
+mod time;
+
+use std::cell::{Cell, RefCell};
+use std::pin::pin;
+use std::task::{Context, Poll, Waker};
+
+use ferrostep_gcode::{Emergency, MotionFigures};
+use ferrostep_hal_shim::stepping::{Signals as StepSignals, SlotAccount, StepFeeder, Stepping};
+use ferrostep_hal_shim::virtual_board::{VirtualClock, VirtualDelay, VirtualPort, VirtualUpdateTimer};
+use ferrostep_planner::TICKS_PER_SECOND;
+use ferrostep_planner::look_ahead::Slot;
+use ferrostep_printer::machine::{Machine, Silence};
+use ferrostep_printer::{Failure, Printer, Profile};
+
+use interrupts::{Interrupts, Player};
+use queue::Queue;
+use recording::WatchedPort;
+use time::{from_ns, to_ns};
+
+pub use host_line::HostLine;
+pub use ports::{BoardMotion, ColdHeaters, Transcript};
+pub use recording::Watch;
+pub use time::{CYCLES_A_MS, CYCLES_A_US, CYCLES_PER_S, Costs};
+
+/// Blocks in the look-ahead ring, as in the firmware.
+pub const LOOK_AHEAD_BLOCKS: usize = 128;
+
+/// Slots in the step queue, as in the firmware.
+const STEP_QUEUE_SLOTS: usize = 2048;
+
+/// The planner task looks at the step queue this often, as in the firmware.
+const PLANNER_INTERVAL: u64 = 2 * CYCLES_A_MS;
+
+/// At standstill, what waits is executed after this much silence, as in the firmware.
+const FLUSH_AFTER: u64 = 100 * CYCLES_A_MS;
+
+type BoardMachine<'a, M> = Machine<Vec<Slot>, Queue<'a, M>>;
+
+/// The printer on the board.
+pub type BoardPrinter<'b, 'a, M> = Printer<'b, BoardMotion<'b, 'a, M>, ColdHeaters, VirtualDelay<'b>, Transcript>;
+
+/// The board.
+pub struct Board<'a, M> {
+    profile: &'a Profile,
+    interrupts: &'a Interrupts<'a, M>,
+    machine: RefCell<BoardMachine<'a, M>>,
+    clock: VirtualClock,
+    replies: Transcript,
+    costs: Costs,
+    /// When the planner task looks again.
+    next_plan: Cell<u64>,
+    /// Since when the executor waits for a line.
+    awaits_since: Cell<Option<u64>>,
+    stop_reports: RefCell<Vec<StopReport>>,
+}
+
+/// What the machine believed at the moment when it had followed a stop, and what is true.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct StopReport {
+    /// Where the machine believes its motors to be.
+    pub motor_steps: [i64; 4],
+    /// Its position, units of 10 nm.
+    pub position_10nm: [i64; 3],
+    /// Where the motors stand, by their signals.
+    pub counted_steps: [i64; 4],
+    /// Whether a motor stepped between the stop and now.
+    pub stepped_after: bool,
+}
+
+/// Runs `job` with a board that has just been switched on, with a look-ahead ring of so many blocks.
+pub fn with_board<M: Stepping, T>(
+    profile: &Profile,
+    look_ahead: usize,
+    costs: Costs,
+    job: impl FnOnce(&Board<'_, M>) -> T,
+) -> T {
+    let (player, timer) = (Box::new(Player::<M>::new()), VirtualUpdateTimer::default());
+    let port = WatchedPort::new(&timer, M::EVENTS_A_STEP == 1);
+    let interrupts = Interrupts::new(&player, &timer, &port);
+    let ticks = |ns: u32| (u64::from(ns) * u64::from(TICKS_PER_SECOND)).div_ceil(1_000_000_000) as u32;
+    let signals = StepSignals {
+        pulse_ticks: ticks(profile.driver.pulse_width_ns),
+        direction_setup_ticks: ticks(profile.driver.direction_setup_ns),
+    };
+    let mut accounts = Box::new([SlotAccount::NONE; STEP_QUEUE_SLOTS]);
+    let feeder = StepFeeder::new(&player, VirtualPort::pins(), signals, &mut accounts);
+    let queue = Queue::new(feeder, &interrupts, costs);
+    job(&Board {
+        profile,
+        interrupts: &interrupts,
+        machine: RefCell::new(Machine::new(profile, vec![Slot::EMPTY; look_ahead], queue)),
+        clock: VirtualClock::default(),
+        replies: Transcript::default(),
+        costs,
+        next_plan: Cell::new(PLANNER_INTERVAL),
+        awaits_since: Cell::new(None),
+        stop_reports: RefCell::default(),
+    })
+}
+
+impl<'a, M: Stepping> Board<'a, M> {
+    /// The executor of G-code; one at a time makes sense.
+    pub fn printer(&self) -> BoardPrinter<'_, 'a, M> {
+        let clock = VirtualDelay(&self.clock);
+        let mut printer =
+            Printer::new(self.profile, BoardMotion(self), ColdHeaters, clock, &self.replies, self.interrupts.signals());
+        printer.set_emergency_parser(true);
+        printer
+    }
+
+    /// Now, cycles since the start.
+    pub fn now(&self) -> u64 {
+        self.interrupts.now()
+    }
+
+    /// The planner task, once.
+    fn plan(&self) {
+        let may_flush = self.awaits_since.get().is_some_and(|since| self.now() - since >= FLUSH_AFTER);
+        let silence = Silence { may_release: true, may_flush };
+        while self.work(silence) {}
+        self.next_plan.set(self.now() + PLANNER_INTERVAL);
+        self.clock.advance_to(to_ns(self.now()));
+    }
+
+    /// A portion of the planner's work; whether there is more. What the machine makes of a stop is noted before anything
+    /// else happens.
+    fn work(&self, silence: Silence) -> bool {
+        let mut machine = self.machine.borrow_mut();
+        let stops = machine.stops();
+        let more = machine.work(silence);
+        if machine.stops() != stops {
+            self.stop_reports.borrow_mut().push(StopReport {
+                motor_steps: machine.motor_steps(),
+                position_10nm: machine.position_10nm(),
+                counted_steps: self.counted_steps(),
+                stepped_after: self.interrupts.take_events_at_stop().is_some_and(|events| events != self.events()),
+            });
+        }
+        more
+    }
+
+    /// Lets time pass up to a cycle, in which the executor has nothing to do.
+    fn pass_to(&self, cycle: u64) {
+        while self.next_plan.get() <= cycle {
+            self.interrupts.pass_to(self.next_plan.get());
+            self.plan();
+        }
+        self.interrupts.pass_to(cycle);
+        self.clock.advance_to(to_ns(self.now()));
+    }
+
+    /// The executor works for so many cycles, with the planner task's time on top.
+    fn work_for(&self, cycles: u64) {
+        let mut end = self.now() + cycles;
+        while self.next_plan.get() <= end {
+            self.interrupts.pass_to(self.next_plan.get());
+            let before = self.now();
+            self.plan();
+            end += self.now() - before;
+        }
+        self.pass_to(end);
+    }
+
+    /// The executor waits for a line that comes at a cycle.
+    pub fn wait_for_line(&self, cycle: u64) {
+        self.awaits_since.set(Some(self.now()));
+        self.pass_to(cycle);
+        self.awaits_since.set(None);
+    }
+
+    /// The host says nothing for so long.
+    pub fn stay_silent(&self, milliseconds: u64) {
+        self.wait_for_line(self.now() + milliseconds * CYCLES_A_MS);
+    }
+
+    /// Executes a line.
+    ///
+    /// # Errors
+    /// As the printer refuses it.
+    pub fn execute(&self, printer: &mut BoardPrinter<'_, 'a, M>, number: u32, text: &str) -> Result<(), Failure> {
+        self.work_for(self.costs.line);
+        let mut execution = pin!(printer.execute(number, text));
+        let mut context = Context::from_waker(Waker::noop());
+        loop {
+            if let Poll::Ready(outcome) = execution.as_mut().poll(&mut context) {
+                return outcome;
+            }
+            let wake = self.clock.take_wake_ns().map_or(self.now() + 1, from_ns);
+            self.pass_to(wake.max(self.now()));
+        }
+    }
+
+    /// Prints the lines of a text as they arrive and then waits in silence until all motion has ended, as a host's file
+    /// that ends.
+    ///
+    /// # Errors
+    /// The number of the line that was refused, and why.
+    pub fn print(&self, text: &str, host: &mut HostLine) -> Result<(), (u32, Failure)> {
+        let mut printer = self.printer();
+        for (number, line) in (1..).zip(text.lines()) {
+            self.wait_for_line(host.next_at(self.now()));
+            self.execute(&mut printer, number, line).map_err(|failure| (number, failure))?;
+        }
+        while !self.machine.borrow().is_idle() {
+            self.awaits_since.set(self.awaits_since.get().or(Some(self.now())));
+            self.pass_to(self.now() + CYCLES_A_MS);
+        }
+        self.awaits_since.set(None);
+        Ok(())
+    }
+
+    /// M112 or M410 comes at a cycle; the interrupt that receives it acts on it, whatever the tasks are at. The line
+    /// itself is the caller's to send.
+    pub fn stop_at(&self, cycle: u64, emergency: Emergency) {
+        self.interrupts.stop_at(cycle, emergency);
+    }
+
+    /// Takes the notes of the stops so far.
+    pub fn take_stop_reports(&self) -> Vec<StopReport> {
+        self.stop_reports.take()
+    }
+
+    /// Whether all motion has ended.
+    pub fn is_idle(&self) -> bool {
+        self.machine.borrow().is_idle()
+    }
+
+    /// Where the machine believes its motors to be at the end of the queue.
+    pub fn motor_steps(&self) -> [i64; 4] {
+        self.machine.borrow().motor_steps()
+    }
+
+    /// Machine position at the end of all moves taken, units of 10 nm.
+    pub fn position_10nm(&self) -> [i64; 3] {
+        self.machine.borrow().position_10nm()
+    }
+
+    /// What M797 reports.
+    pub fn figures(&self) -> MotionFigures {
+        self.machine.borrow().figures()
+    }
+
+    /// Where the motors stand, by their signals.
+    pub fn counted_steps(&self) -> [i64; 4] {
+        self.interrupts.port().port().motor_steps()
+    }
+
+    /// Moments at which motors stepped.
+    pub fn events(&self) -> u64 {
+        self.interrupts.port().port().events()
+    }
+
+    /// The shortest time between two of them, cycles.
+    pub fn shortest_interval(&self) -> u64 {
+        self.interrupts.port().port().shortest_cycles()
+    }
+
+    /// What the motors did.
+    pub fn watch(&self) -> Watch {
+        self.interrupts.port().watch()
+    }
+
+    /// What was said to the host, but for `ok`.
+    pub fn replies(&self) -> Vec<String> {
+        self.replies.0.borrow().clone()
+    }
+}

@@ -1,0 +1,117 @@
+//! The step interrupt in virtual time, and a stop that comes at any cycle.
+
+use std::cell::{Cell, RefCell};
+
+use ferrostep_gcode::Emergency;
+use ferrostep_hal_shim::stepping::{NextWords, OutputPorts, StepPlayer, Stepping, UpdateTimer};
+use ferrostep_hal_shim::virtual_board::VirtualUpdateTimer;
+use ferrostep_printer::Signals;
+
+use super::STEP_QUEUE_SLOTS;
+use super::recording::WatchedPort;
+
+/// The step queue of a board whose pins are on one port.
+pub(super) type Player<M> = StepPlayer<M, 1, STEP_QUEUE_SLOTS>;
+
+/// What comes between whatever the tasks do: the step interrupt at each update of its timer, and once the emergency
+/// scanner's stop.
+pub(super) struct Interrupts<'a, M> {
+    player: &'a Player<M>,
+    timer: &'a VirtualUpdateTimer,
+    port: &'a WatchedPort<'a>,
+    next: RefCell<NextWords<1>>,
+    signals: Signals,
+    stop_at: Cell<Option<(u64, Emergency)>>,
+    /// How often motors had stepped when motion was stopped.
+    events_at_stop: Cell<Option<u64>>,
+}
+
+impl<'a, M: Stepping> Interrupts<'a, M> {
+    pub fn new(player: &'a Player<M>, timer: &'a VirtualUpdateTimer, port: &'a WatchedPort<'a>) -> Self {
+        Self {
+            player,
+            timer,
+            port,
+            next: RefCell::new(NextWords::NONE),
+            signals: Signals::new(),
+            stop_at: Cell::new(None),
+            events_at_stop: Cell::new(None),
+        }
+    }
+
+    pub fn now(&self) -> u64 {
+        self.timer.now_cycles()
+    }
+
+    pub fn port(&self) -> &'a WatchedPort<'a> {
+        self.port
+    }
+
+    /// Lets time pass up to a cycle, if that is not over.
+    pub fn pass_to(&self, cycle: u64) {
+        if let Some((at, emergency)) = self.stop_at.get()
+            && at <= cycle
+        {
+            self.stop_at.set(None);
+            self.play_to(at);
+            if emergency == Emergency::Stop {
+                self.signals.halt();
+            }
+            self.stop();
+        }
+        self.play_to(cycle);
+    }
+
+    /// Lets some cycles pass.
+    pub fn pass(&self, cycles: u64) {
+        self.pass_to(self.now() + cycles);
+    }
+
+    fn play_to(&self, cycle: u64) {
+        loop {
+            if self.timer.is_called() {
+                self.timer.interrupt(self.player, &mut self.next.borrow_mut(), self.port);
+            } else if self.timer.is_masked() || self.timer.next_at() > cycle {
+                break;
+            } else {
+                self.timer.next_update();
+            }
+        }
+        self.timer.pass_to(cycle);
+        if self.timer.is_called() {
+            self.timer.interrupt(self.player, &mut self.next.borrow_mut(), self.port);
+        }
+    }
+
+    /// The serial interrupt acts on M112 or M410 at a cycle, whatever the tasks do then.
+    pub fn stop_at(&self, cycle: u64, emergency: Emergency) {
+        self.stop_at.set(Some((cycle, emergency)));
+    }
+
+    /// The flags of those who act on bytes as they arrive.
+    pub fn signals(&self) -> &Signals {
+        &self.signals
+    }
+
+    /// From now on no motor steps, as the serial interrupt does it.
+    pub fn stop(&self) {
+        self.timer.mask();
+        self.player.link().request_stop();
+        self.events_at_stop.set(self.events_at_stop.get().or(Some(self.port.port().events())));
+    }
+
+    /// Takes the number of step events at the moment of the stop.
+    pub fn take_events_at_stop(&self) -> Option<u64> {
+        self.events_at_stop.take()
+    }
+
+    /// The player looks for the first slot of a motion.
+    pub fn stay(&self) {
+        self.player.stay(&mut self.next.borrow_mut(), self.timer, self.port);
+    }
+
+    /// Puts a word on the pins.
+    pub fn write(&self, word: u32) {
+        self.port.write(0, word);
+    }
+}

@@ -1,0 +1,106 @@
+//! The step queue's near end, whose every call takes time.
+
+use ferrostep_hal_shim::stepping::{DroppedSteps, FeedError, StepFeeder, StepLink, Stepping};
+use ferrostep_hal_shim::virtual_board::CYCLES_A_TICK;
+use ferrostep_hal_shim::{MotorEnable, StepOutput};
+use ferrostep_planner::StepEntry;
+
+use super::STEP_QUEUE_SLOTS;
+use super::interrupts::Interrupts;
+use super::time::Costs;
+
+/// Cycles around a call: time for an interrupt to come in between.
+const CALL: u64 = 20;
+
+/// Queue of a board; the interrupts go on while it is filled.
+pub(super) struct Queue<'a, M> {
+    feeder: StepFeeder<'a, M, 1, STEP_QUEUE_SLOTS>,
+    interrupts: &'a Interrupts<'a, M>,
+    costs: Costs,
+}
+
+impl<'a, M: Stepping> Queue<'a, M> {
+    pub fn new(
+        feeder: StepFeeder<'a, M, 1, STEP_QUEUE_SLOTS>,
+        interrupts: &'a Interrupts<'a, M>,
+        costs: Costs,
+    ) -> Self {
+        Self { feeder, interrupts, costs }
+    }
+
+    /// The planner task works for so many cycles, or as many times longer as it is slower now.
+    fn plan_for(&self, cycles: u64) {
+        self.interrupts.pass(cycles * self.costs.slowness_at(self.interrupts.now()));
+    }
+}
+
+impl<M: Stepping> StepOutput for Queue<'_, M> {
+    fn queued(&self) -> u32 {
+        self.feeder.queued()
+    }
+
+    fn played(&self) -> u32 {
+        self.feeder.played()
+    }
+
+    fn waiting(&self) -> usize {
+        self.feeder.waiting()
+    }
+
+    fn room(&self) -> usize {
+        self.feeder.room()
+    }
+
+    fn push(&mut self, entry: StepEntry) -> Result<(), FeedError> {
+        self.plan_for(self.costs.entry);
+        self.feeder.push(entry)
+    }
+
+    fn seal(&mut self) {
+        self.interrupts.pass(CALL);
+        self.feeder.seal();
+    }
+
+    fn start(&mut self) {
+        self.interrupts.pass(CALL);
+        if self.feeder.start() {
+            self.interrupts.stay();
+        }
+    }
+
+    fn link(&self) -> &StepLink {
+        self.feeder.link()
+    }
+
+    fn request_stop(&mut self) {
+        self.interrupts.stop();
+    }
+
+    fn drop_all(&mut self) -> DroppedSteps {
+        self.interrupts.pass(CALL);
+        let dropped = self.feeder.drop_all();
+        for word in self.feeder.rest_words() {
+            self.interrupts.write(word);
+        }
+        dropped
+    }
+
+    /// The model's interrupt is never late.
+    fn make_up_missed(&mut self) -> u32 {
+        self.interrupts.pass(CALL);
+        0
+    }
+
+    fn now_ticks(&self) -> Option<u32> {
+        Some((self.interrupts.now() / CYCLES_A_TICK) as u32)
+    }
+
+    fn move_planned(&mut self) {
+        self.plan_for(self.costs.planned_move);
+    }
+}
+
+impl<M> MotorEnable for Queue<'_, M> {
+    /// The motors of the model hold without current.
+    fn set_motors_enabled(&mut self, _axes: u8, _enabled: bool) {}
+}

@@ -1,0 +1,27 @@
+//! Pieces of 0.05 mm at 300 mm/s: the ring sees far enough.
+
+use ferrostep_tests::stress_file::{FEED_MM_PER_S, PIECE_MM, stress_file};
+
+use crate::invariants::{Speeds, is_smooth, print, profile};
+
+/// 3 m.
+const PIECES: u32 = 60_000;
+
+#[test]
+fn the_feed_is_that_of_a_ring_without_end() {
+    // With three decimals corners of rounding limit the feed, with five the file's feed does.
+    for (decimals, least_feed) in [(3, 0.5), (5, 0.85)] {
+        let text = stress_file(PIECES, decimals);
+        let whole = Speeds { look_ahead: PIECES as usize + 10, ..Speeds::ample() };
+        let unlimited = print(&profile(), &text, &whole);
+        let board = print(&profile(), &text, &Speeds::ample());
+        assert_eq!(board.figures.issued_steps, unlimited.figures.issued_steps);
+        assert_eq!(board.figures.slowed_moves, 0);
+        is_smooth(&board, &profile());
+        let mean = |seconds: f64| f64::from(PIECES) * PIECE_MM / seconds;
+        let (fed, wanted) = (mean(board.watch.seconds()), mean(unlimited.watch.seconds()));
+        println!("{decimals} decimals: {fed:.2} mm/s, {wanted:.2} mm/s without end");
+        assert!(wanted > least_feed * FEED_MM_PER_S, "{wanted} mm/s is no stress");
+        assert!((fed / wanted - 1.0).abs() < 0.02, "{fed} mm/s instead of {wanted}");
+    }
+}

@@ -1,0 +1,9 @@
+//! What happens when the host, the executor or the planner cannot keep up, and when motion is stopped at any moment: the
+//! firmware's parts on the model of the board. Counts and positions decide, never the time a test takes.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+mod invariants;
+mod look_ahead;
+mod slow_input;
+mod slow_planner;
+mod stops;
