@@ -154,9 +154,16 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
         }
         let starting = self.left() == Head::EMPTY;
         let left = if self.link.take_owed() { self.put_out(next, ports) } else { 0 };
-        if left < 0 {
+        let near = if left < 0 {
             self.go_on(left, next, timer);
-        } else if self.turn(next, timer) {
+            false
+        } else {
+            self.turn(next, timer)
+        };
+        if starting {
+            self.start(timer);
+        }
+        if near {
             let mut words = *next;
             let mut looks = MOST_LOOKS;
             while looks > 0 {
@@ -172,9 +179,6 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
                 }
             }
             *next = words;
-        }
-        if starting {
-            self.start(timer);
         }
         timer.forget_served();
     }
@@ -197,7 +201,10 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
                 break;
             }
         }
+        let reload = self.slot(self.next.load().wrapping_sub(1)).reload();
         timer.unmask();
+        // Once more: QEMU's timer stands still after an update while it is masked, until it is told an interval.
+        timer.set_reload(reload);
     }
 
     /// Stores the event's words. Returns the head of its slot without it, not below 0 after the last.
