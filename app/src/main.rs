@@ -42,7 +42,7 @@ mod app {
     use ferrostep_planner::look_ahead::Slot;
     use ferrostep_printer::machine::SharedMotion;
     use ferrostep_printer::{Host, Printer, Replies, Signals, temperatures};
-    use ferrostep_stm32f4::bench::{self, BenchPins};
+    use ferrostep_stm32f4::board::{self, BoardPins};
     use ferrostep_stm32f4::clock;
     use ferrostep_stm32f4::measured::Switch;
     use ferrostep_stm32f4::motion_clock::MotionClock;
@@ -114,18 +114,26 @@ mod app {
     fn init(cx: init::Context) -> (Shared, Local) {
         let device = cx.device;
         let mut core = cx.core;
-        let clock = clock::start(&device.RCC, &device.FLASH, bench::CRYSTAL_MHZ);
+        let clock = clock::start(&device.RCC, &device.FLASH);
         clock::set_systick_priority(&mut core.SCB, WAITS_PRIORITY);
         Mono::start(core.SYST, clock.core_hz);
         let motion_clock = MotionClock::start(device.TIM5, &device.RCC);
         let measured = Switch::new(VectorTable::new(core.SCB), core.DCB, core.DWT, motion_clock);
-        let pins = BenchPins::new(device.GPIOC, &device.GPIOA, &device.RCC);
+        let pins = BoardPins::new((
+            device.GPIOA,
+            device.GPIOB,
+            device.GPIOC,
+            device.GPIOD,
+            device.GPIOE,
+            device.GPIOF,
+            device.GPIOG,
+        ));
 
         let signals = stepping::Signals {
             pulse_ticks: clock.timer_ticks(PROFILE.driver.pulse_width_ns),
             direction_setup_ticks: clock.timer_ticks(PROFILE.driver.direction_setup_ns),
         };
-        let feeder = StepFeeder::new(&STEPS, bench::PINS, signals, cx.local.slot_steps);
+        let feeder = StepFeeder::new(&STEPS, board::PIN_MAP, signals, cx.local.slot_steps);
         let step_timer = StepTimer::start(device.TIM2, device.TIM9, &device.RCC, &pins, &STEPS);
         // On the bare internal oscillator the plan shall not depend on time, as for the host's line.
         let planning_clock = (clock.source != ClockSource::Internal).then_some(motion_clock);
@@ -137,6 +145,7 @@ mod app {
         let (to_write, to_send) = cx.local.send.split();
         let mut writer = Writer(to_write);
         writer.line(Reply::Start);
+        writer.line(format_args!("echo:board: {}", board::NAME));
         writer.line(format_args!("echo:clock: {clock}"));
 
         // Each of them is taken here and nowhere else.
@@ -245,6 +254,7 @@ mod app {
         let replies = BoardReplies(RefCell::new(cx.shared.writer));
         let mut printer = Printer::new(&PROFILE, motion, heating, SystemClock::default(), &replies, &SIGNALS);
         printer.set_emergency_parser(true);
+        printer.set_equipment(heat::EQUIPMENT);
         let timing = BoardTiming::new(cx.local.measured);
         printer.set_timing(&timing);
         let mut host = Host::new();
@@ -279,7 +289,8 @@ mod app {
             replies.lost_bytes(host_line::take_lost_bytes());
             let interval_ms = u32::from(SIGNALS.report_interval_s()) * 1000;
             let now_ms = Mono::now().ticks();
-            if interval_ms > 0 && now_ms.wrapping_sub(reported_ms) >= interval_ms {
+            let is_due = interval_ms > 0 && now_ms.wrapping_sub(reported_ms) >= interval_ms;
+            if is_due && heat::EQUIPMENT.heaters {
                 reported_ms = now_ms;
                 replies.send(Reply::Temperatures(temperatures(&heating)));
             }

@@ -65,6 +65,8 @@ pub enum CommandError {
         /// Index of the axis.
         axis: usize,
     },
+    /// What the command needs cannot be used on this board: `heaters`, `thermometers`, `end stops`, `fan`.
+    NotEquipped(&'static str),
     /// A tool that does not exist.
     InvalidTool(u32),
     /// The machine was stopped by M112, here or before, and waits for M999.
@@ -117,6 +119,7 @@ impl fmt::Display for CommandError {
                 let name = AXIS_NAMES.get(*axis).copied().unwrap_or('?');
                 write!(out, "homing {name} failed: its end stop did not trigger, expected it within the axis' length")
             }
+            Self::NotEquipped(what) => write!(out, "the firmware does not use this board's {what} yet"),
             Self::InvalidTool(tool) => write!(out, "T{tool} - Invalid extruder number !, expected T0"),
             Self::Halted => write!(out, "the printer is halted (M112), expected M999 to restart"),
             Self::Stopped => write!(out, "motion was stopped"),

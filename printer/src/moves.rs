@@ -140,6 +140,9 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
     }
 
     pub(crate) fn check_extrusion_temperature(&self) -> Result<(), CommandError> {
+        if !self.modal.cold_extrusion_allowed {
+            self.needs(self.equipment.heaters, "thermometers")?;
+        }
         let celsius = self.heating.status(Heater::Nozzle).celsius;
         let minimum_celsius = self.modal.min_extrusion_celsius;
         if self.modal.cold_extrusion_allowed || celsius >= minimum_celsius {

@@ -1,5 +1,6 @@
 //! From the checked text to the machine: ranges, units, and the values that must fit each other.
 
+use ferrostep_checked_toml::{Checker, Range, range};
 use ferrostep_planner::{
     AccelerationProfile, DualRatePeriods, Interpolation, Kinematics, Limits, MotionChoice, SCurveTableSettings,
     StepsPerMm, TICKS_PER_SECOND,
@@ -9,8 +10,8 @@ use ferrostep_printer::{
     Profile,
 };
 
-use crate::check::{Checker, Range, range};
-use crate::error::ProfileError;
+use crate::ProfileError;
+use crate::check::CheckAxes;
 use crate::file::{
     AccelerationName, DriverTable, DualRateTable, EndName, HeaterTable, HomingTable, InterpolationName, KinematicsName,
     Number, ProfileFile, RetractionTable, SCurveTable, SensorName, Xyze,

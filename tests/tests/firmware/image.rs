@@ -26,8 +26,9 @@ pub fn image() -> &'static Path {
 fn built_image() -> PathBuf {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap();
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
-    let output = Command::new(cargo).args(["xtask", "firmware"]).current_dir(root).output().unwrap();
-    assert!(output.status.success(), "cargo xtask firmware: {}", String::from_utf8_lossy(&output.stderr));
+    let output =
+        Command::new(cargo).args(["xtask", "firmware", "--board", "bench"]).current_dir(root).output().unwrap();
+    assert!(output.status.success(), "cargo xtask firmware --board bench: {}", String::from_utf8_lossy(&output.stderr));
     // Its first line is the path, the size table follows.
     let text = String::from_utf8(output.stdout).unwrap();
     PathBuf::from(text.lines().next().unwrap())

@@ -45,7 +45,7 @@ const ONE_AXIS_MM: [i64; 2] = [30, 0];
 mod app {
     use ferrostep_hal_shim::stepping::{BothEdges, SlotAccount, StepPlayer};
     use ferrostep_planner::look_ahead::Slot;
-    use ferrostep_stm32f4::bench::BenchPins;
+    use ferrostep_stm32f4::board::BoardPins;
     use ferrostep_stm32f4::motion_clock::MotionClock;
     use ferrostep_stm32f4::pac::Interrupt;
     use ferrostep_stm32f4::step_timer::StepTimer;
@@ -87,7 +87,15 @@ mod app {
     ])]
     fn init(cx: init::Context) -> (Shared, Local) {
         let device = cx.device;
-        let ports = Ports::new(&BenchPins::new(device.GPIOC, &device.GPIOA, &device.RCC));
+        let ports = Ports::new(&BoardPins::new((
+            device.GPIOA,
+            device.GPIOB,
+            device.GPIOC,
+            device.GPIOD,
+            device.GPIOE,
+            device.GPIOF,
+            device.GPIOG,
+        )));
         let clock = MotionClock::start(device.TIM5, &device.RCC);
         let (Some(print), Some(of_one), Some(of_two), Some(of_three)) = (
             queue::start(&device.RCC, ports, &STEPS, cx.local.of_print, Interrupt::SPI3),

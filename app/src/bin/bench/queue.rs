@@ -7,7 +7,7 @@ use ferrostep_hal_shim::StepOutput;
 use ferrostep_hal_shim::stepping::{MotorPins, Pin, PinMap, Signals, SlotAccount, StepFeeder, StepPlayer, Stepping};
 use ferrostep_planner::interpolator::MAX_ENTRIES;
 use ferrostep_planner::{Notice, StepEntry, StepKind, StepSink};
-use ferrostep_stm32f4::bench::BenchPins;
+use ferrostep_stm32f4::board::BoardPins;
 use ferrostep_stm32f4::pac::{Interrupt, Peripherals, RCC};
 use ferrostep_stm32f4::step_timer::{MotorPort, MotorPorts, Motors, StepQueue, StepTimer};
 
@@ -32,13 +32,13 @@ impl<const PORTS: usize> Motors<PORTS> for Ports {
         MotorPorts([self.0; PORTS])
     }
 
-    fn enable(&self, _enabled: bool) {}
+    fn enable(&self, _on: u8) {}
 }
 
 impl Ports {
-    /// Copies of the board's only one.
-    pub fn new(pins: &BenchPins) -> Self {
-        let MotorPorts([port]) = Motors::<1>::ports(pins);
+    /// Copies of the board's first.
+    pub fn new(pins: &BoardPins) -> Self {
+        let MotorPorts([port, ..]) = pins.ports();
         Self(port)
     }
 }
