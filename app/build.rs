@@ -6,7 +6,7 @@
 use std::path::{Path, PathBuf};
 use std::{env, fs};
 
-use ferrostep_planner::{Kinematics, Limits, StepsPerMm};
+use ferrostep_planner::{DualRatePeriods, Kinematics, Limits, MotionChoice, SCurveTableSettings, StepsPerMm};
 use ferrostep_printer::{AxisHoming, DriverTiming, FirmwareRetraction, HeaterSettings, HomeEnd, Profile};
 
 /// The bench's machine.
@@ -40,7 +40,7 @@ fn constant(profile: &Profile) -> String {
         size_10nm,
         steps_per_mm,
         limits,
-        jerk_mm_per_s3,
+        motion,
         minimum_event_interval_ticks,
         event_cost_ticks,
         move_cost_ticks,
@@ -61,7 +61,7 @@ fn constant(profile: &Profile) -> String {
     let DriverTiming { pulse_width_ns, direction_setup_ns, both_edges } = driver;
     format!(
         "Profile {{ name: {name:?}, kinematics: Kinematics::{kinematics}, size_10nm: {size_10nm:?}, \
-         steps_per_mm: [{}], limits: {}, jerk_mm_per_s3: {jerk_mm_per_s3:?}, \
+         steps_per_mm: [{}], limits: {}, motion: {}, \
          minimum_event_interval_ticks: {minimum_event_interval_ticks}, event_cost_ticks: {event_cost_ticks}, \
          move_cost_ticks: {move_cost_ticks}, homing: [{}, {}, {}], \
          min_extrusion_celsius: {min_extrusion_celsius:?}, nozzle: {}, bed: {}, \
@@ -71,6 +71,7 @@ fn constant(profile: &Profile) -> String {
          both_edges: {both_edges} }} }}",
         steps_per_mm.join(", "),
         limits_constant(limits),
+        motion_constant(motion),
         homing(home_x),
         homing(home_y),
         homing(home_z),
@@ -104,6 +105,20 @@ fn limits_constant(limits: &Limits) -> String {
          travel_acceleration_mm_per_s2: {travel_acceleration_mm_per_s2:?}, \
          retract_acceleration_mm_per_s2: {retract_acceleration_mm_per_s2:?}, \
          junction_deviation_mm: {junction_deviation_mm:?} }}"
+    )
+}
+
+fn motion_constant(motion: &MotionChoice) -> String {
+    let MotionChoice { interpolation, acceleration, jerk_mm_per_s3, dual_rate, s_curve_table } = motion;
+    let DualRatePeriods { shortest_ns, longest_ns } = dual_rate;
+    let SCurveTableSettings { start_hz, top_hz, jerk_hz_per_s2 } = s_curve_table;
+    // The names of the choices are those that `Debug` shows.
+    format!(
+        "MotionChoice {{ interpolation: Interpolation::{interpolation:?}, \
+         acceleration: AccelerationProfile::{acceleration:?}, jerk_mm_per_s3: {jerk_mm_per_s3:?}, \
+         dual_rate: DualRatePeriods {{ shortest_ns: {shortest_ns}, longest_ns: {longest_ns} }}, \
+         s_curve_table: SCurveTableSettings {{ start_hz: {start_hz}, top_hz: {top_hz}, \
+         jerk_hz_per_s2: {jerk_hz_per_s2} }} }}"
     )
 }
 

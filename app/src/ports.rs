@@ -9,7 +9,7 @@ use ferrostep_gcode::{MotionFigures, Reply};
 use ferrostep_hal_shim::Heater;
 use ferrostep_hal_shim::stepping::StepPlayer;
 use ferrostep_planner::look_ahead::Slot;
-use ferrostep_planner::{Limits, Move, MoveError, Moved};
+use ferrostep_planner::{Limits, MotionChoice, Move, MoveError, Moved};
 use ferrostep_printer::heat::HeatFault;
 use ferrostep_printer::machine::Machine;
 use ferrostep_printer::{HeaterStatus, Heating, Motion, MotionError, Replies, Seek, Signals};
@@ -133,6 +133,14 @@ impl<M: Mutex<T = BoardMachine>> Motion for BoardMotion<'_, M> {
 
     fn set_limits(&mut self, limits: Limits) {
         self.with(|machine| machine.set_limits(limits));
+    }
+
+    fn motion_choice(&self) -> MotionChoice {
+        self.with(|machine| machine.motion_choice())
+    }
+
+    fn set_motion_choice(&mut self, choice: &MotionChoice) {
+        self.with(|machine| machine.set_motion_choice(choice));
     }
 
     fn set_motors_enabled(&mut self, axes: u8, enabled: bool) {

@@ -1,6 +1,9 @@
 //! The machine this firmware is for.
 
-use ferrostep_planner::{Kinematics, Limits, StepsPerMm};
+use ferrostep_planner::{
+    AccelerationProfile, DualRatePeriods, Interpolation, Kinematics, Limits, MotionChoice, SCurveTableSettings,
+    StepsPerMm,
+};
 use ferrostep_printer::{AxisHoming, DriverTiming, FirmwareRetraction, HeaterSettings, HomeEnd, Profile};
 
 /// The profile, as `build.rs` found it in its TOML file.

@@ -137,9 +137,11 @@ pub struct Desk<O> {
 impl<O: Observer> Desk<O> {
     /// A machine that has just been switched on.
     pub fn new(profile: &Profile, mode: Mode, look_ahead: usize, observer: O) -> Self {
+        let mut planner = Planner::new(profile.geometry(), profile.limits, vec![Slot::EMPTY; look_ahead]);
+        planner.set_motion_choice(&profile.motion);
         let mut desk = Self {
             mode,
-            planner: Planner::new(profile.geometry(), profile.limits, vec![Slot::EMPTY; look_ahead]),
+            planner,
             queues: Queues::default(),
             board: VirtualBoard { motors: profile.virtual_motors(), heaters: VirtualHeaters::new() },
             heat: HeatControl::new(profile.nozzle, profile.bed),

@@ -223,6 +223,13 @@ pub enum Command<'a> {
     Finish,
     /// M410.
     QuickStop,
+    /// M796: I chooses the interpolation, A the acceleration's profile, by their numbers; neither: a query.
+    MotionChoice {
+        /// I, 0 to 4.
+        interpolation: Option<u8>,
+        /// A, 0 to 2.
+        acceleration: Option<u8>,
+    },
     /// M797: digests of all steps issued so far, and motion counters.
     ReportMotion,
     /// M798: S switches the measuring of times on (and begins anew) or off, R begins anew; neither: a query.

@@ -121,6 +121,13 @@ pub enum Reply<'a> {
     /// `echo:motion order_digest:<16 hex> step_digest:<16 hex> underruns:0 starvation_flushes:0 steps X:0 Y:0 Z:0 E:0
     /// idle_flushes:0 slowed_moves:0 ...` (one line)
     Motion(MotionFigures),
+    /// `echo:motion interpolation:<name> acceleration:<name>` (M796)
+    MotionChoice {
+        /// `step-bresenham` ...
+        interpolation: &'a str,
+        /// `trapezoid` ...
+        acceleration: &'a str,
+    },
     /// `echo:timing <name> count:0 p50:0 p99:0 p99.9:0 max:0 unit:<unit>`
     Timing(TimingFigures),
     /// `Reporting endstop status` and a line for each end stop.

@@ -69,6 +69,9 @@ impl Display for Reply<'_> {
             }
             Reply::Position(position) => write_position(formatter, position),
             Reply::Motion(figures) => write_motion(formatter, figures),
+            Reply::MotionChoice { interpolation, acceleration } => {
+                write!(formatter, "echo:motion interpolation:{interpolation} acceleration:{acceleration}")
+            }
             Reply::Timing(figures) => write_timing(formatter, figures),
             Reply::EndStops(states) => {
                 formatter.write_str("Reporting endstop status")?;

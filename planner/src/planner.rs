@@ -11,6 +11,7 @@ use crate::kinematics::{Geometry, MAX_COORDINATE_10NM, UNITS_PER_MM};
 use crate::limits::{Limits, PathLimits, smaller};
 use crate::look_ahead::{Left, LookAhead, Marker, Slot};
 use crate::merge::{Open, Planned};
+use crate::motion_choice::MotionChoice;
 use crate::pace::Pace;
 use crate::path::Path;
 use crate::step_queue::{Notice, StepSink};
@@ -90,6 +91,7 @@ pub struct Planner<S> {
     geometry: Geometry,
     limits: Limits,
     path_limits: PathLimits,
+    choice: MotionChoice,
     budget: Budget,
     pace: Pace,
     /// Target of the last move taken.
@@ -123,6 +125,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
             geometry,
             limits,
             path_limits: PathLimits::new(&limits),
+            choice: MotionChoice::DEFAULT,
             budget: Budget::new(&geometry),
             pace: Pace::FULL,
             position_10nm: [0; 3],
@@ -152,6 +155,20 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
     pub fn set_limits(&mut self, limits: Limits) {
         self.limits = limits;
         self.path_limits = PathLimits::new(&limits);
+    }
+
+    /// The methods that make the steps.
+    pub fn motion_choice(&self) -> &MotionChoice {
+        &self.choice
+    }
+
+    /// Sets the methods that make the steps; `false` where moves wait, and then nothing has changed.
+    pub fn set_motion_choice(&mut self, choice: &MotionChoice) -> bool {
+        let is_idle = self.is_idle();
+        if is_idle {
+            self.choice = *choice;
+        }
+        is_idle
     }
 
     /// Holds the blocks that leave look-ahead from now on to a share of their nominal speeds, within what acceleration

@@ -13,7 +13,8 @@ use ferrostep_hal_shim::{EndStops, MotorEnable, StepOutput};
 use ferrostep_planner::interpolator::MAX_ENTRIES;
 use ferrostep_planner::look_ahead::Slot;
 use ferrostep_planner::{
-    Limits, Move, MoveError, Moved, Notice, Pace, Planner, Progress, StepDigests, StepEntry, StepSink, TICKS_PER_SECOND,
+    Limits, MotionChoice, Move, MoveError, Moved, Notice, Pace, Planner, Progress, StepDigests, StepEntry, StepSink,
+    TICKS_PER_SECOND,
 };
 
 use crate::ports::Seek;
@@ -179,8 +180,10 @@ impl<Q: StepOutput> StepSink for Sink<'_, Q> {
 impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
     /// A machine that has just been switched on.
     pub fn new(profile: &Profile, ring: R, queue: Q) -> Self {
+        let mut planner = Planner::new(profile.geometry(), profile.limits, ring);
+        planner.set_motion_choice(&profile.motion);
         Self {
-            planner: Planner::new(profile.geometry(), profile.limits, ring),
+            planner,
             motors: profile.virtual_motors(),
             queue,
             fan: FanChanges::default(),
@@ -309,6 +312,16 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
     /// Sets the limits of the moves to come.
     pub fn set_limits(&mut self, limits: Limits) {
         self.planner.set_limits(limits);
+    }
+
+    /// The methods that make the steps.
+    pub fn motion_choice(&self) -> MotionChoice {
+        *self.planner.motion_choice()
+    }
+
+    /// Sets the methods that make the steps, at standstill; in motion nothing changes.
+    pub fn set_motion_choice(&mut self, choice: &MotionChoice) {
+        self.planner.set_motion_choice(choice);
     }
 
     /// Switches the motors in the mask on or off.

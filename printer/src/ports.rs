@@ -5,7 +5,7 @@ use core::sync::atomic::{AtomicBool, AtomicU8, Ordering};
 
 use ferrostep_gcode::{MotionFigures, Reply, TimingFigures};
 use ferrostep_hal_shim::Heater;
-use ferrostep_planner::{Limits, Move, MoveError, Moved};
+use ferrostep_planner::{Limits, MotionChoice, Move, MoveError, Moved};
 
 use crate::error::Failure;
 
@@ -49,6 +49,10 @@ pub trait Motion {
     fn limits(&self) -> Limits;
     /// Sets the limits of the moves to come.
     fn set_limits(&mut self, limits: Limits);
+    /// The methods that make the steps.
+    fn motion_choice(&self) -> MotionChoice;
+    /// Sets the methods that make the steps, at standstill.
+    fn set_motion_choice(&mut self, choice: &MotionChoice);
     /// Switches the motors of the axes in the mask on or off.
     fn set_motors_enabled(&mut self, axes: u8, enabled: bool);
     /// Whether the end stop of an axis is triggered.

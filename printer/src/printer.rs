@@ -6,7 +6,7 @@ use core::pin::pin;
 use embedded_hal_async::delay::DelayNs;
 use ferrostep_gcode::{AxisFlags, Command, EndStopState, FirmwareInfo, Position, Reply, parse};
 use ferrostep_hal_shim::{Clock, Heater};
-use ferrostep_planner::Kinematics;
+use ferrostep_planner::{AccelerationProfile, Interpolation, Kinematics};
 
 use crate::error::{CommandError, Failure};
 use crate::modal::{Modal, Tally};
@@ -221,6 +221,9 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
             Command::ReportFirmware => self.report_firmware(),
             Command::ReportEndStops => self.report_end_stops(),
             Command::ReportMotion => self.replies.send(Reply::Motion(self.motion.figures())),
+            Command::MotionChoice { interpolation, acceleration } => {
+                self.choose_motion(interpolation, acceleration).await?;
+            }
             Command::Timing { on, clear } => self.timing(on, clear),
             Command::Echo { echo_prefix, action_prefix, text } => self.echo(echo_prefix, action_prefix, text),
             Command::MaxAcceleration(ref words) => self.set_max_acceleration(words)?,
@@ -299,6 +302,28 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
             size_10nm: self.profile.size_10nm,
             emergency_parser: self.emergency_parser,
         }));
+    }
+
+    /// M796. The machine stands still before its motion changes.
+    async fn choose_motion(&mut self, interpolation: Option<u8>, acceleration: Option<u8>) -> Result<(), CommandError> {
+        let mut choice = self.motion.motion_choice();
+        let number = |number: Option<u8>| number.map(usize::from);
+        if let Some(chosen) = number(interpolation).and_then(|number| Interpolation::ALL.get(number)) {
+            choice.interpolation = *chosen;
+        }
+        if let Some(chosen) = number(acceleration).and_then(|number| AccelerationProfile::ALL.get(number)) {
+            choice.acceleration = *chosen;
+        }
+        if interpolation.is_some() || acceleration.is_some() {
+            self.motion.finish().await?;
+            self.motion.set_motion_choice(&choice);
+        } else {
+            self.replies.send(Reply::MotionChoice {
+                interpolation: choice.interpolation.name(),
+                acceleration: choice.acceleration.name(),
+            });
+        }
+        Ok(())
     }
 
     /// M798. Measuring begins anew when it is switched on, so that what is reported has all been measured alike.

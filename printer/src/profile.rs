@@ -1,7 +1,7 @@
 //! The machine as numbers: what a profile file or a board's constants say.
 
 use ferrostep_hal_shim::virtual_board::{START_10NM, VirtualEndStop, VirtualMotors};
-use ferrostep_planner::{Geometry, Kinematics, Limits, StepsPerMm};
+use ferrostep_planner::{Geometry, Kinematics, Limits, MotionChoice, StepsPerMm};
 
 /// Step events a second that the processor can make if it has nothing else to do for motion, where a profile does not
 /// say: an STM32F407 at 168 MHz.
@@ -102,8 +102,8 @@ pub struct Profile {
     pub steps_per_mm: [StepsPerMm; 4],
     /// Speeds, accelerations and junctions at start-up.
     pub limits: Limits,
-    /// Largest jerk, mm/s^3 (S-curve only).
-    pub jerk_mm_per_s3: f64,
+    /// The methods that make the steps at start-up.
+    pub motion: MotionChoice,
     /// Step events nearer than this join, ticks of the nominal time base.
     pub minimum_event_interval_ticks: u32,
     /// Processor time of a step event as [`Geometry::event_cost_ticks`] has it, ticks of the nominal time base.

@@ -1,6 +1,9 @@
 //! From the checked text to the machine: ranges, units, and the values that must fit each other.
 
-use ferrostep_planner::{Kinematics, Limits, StepsPerMm, TICKS_PER_SECOND};
+use ferrostep_planner::{
+    AccelerationProfile, DualRatePeriods, Interpolation, Kinematics, Limits, MotionChoice, SCurveTableSettings,
+    StepsPerMm, TICKS_PER_SECOND,
+};
 use ferrostep_printer::{
     AxisHoming, DEFAULT_EVENTS_PER_S, DEFAULT_MOVES_PER_S, DriverTiming, FirmwareRetraction, HeaterSettings, HomeEnd,
     Profile,
@@ -9,8 +12,8 @@ use ferrostep_printer::{
 use crate::check::{Checker, Range, range};
 use crate::error::ProfileError;
 use crate::file::{
-    DriverTable, EndName, HeaterTable, HomingTable, KinematicsName, Number, ProfileFile, RetractionTable, SensorName,
-    Xyze,
+    AccelerationName, DriverTable, DualRateTable, EndName, HeaterTable, HomingTable, InterpolationName, KinematicsName,
+    Number, ProfileFile, RetractionTable, SCurveTable, SensorName, Xyze,
 };
 
 /// Units of 10 nm in a mm.
@@ -41,6 +44,9 @@ const LIFT: Range = range(0.0, 50.0, "mm");
 const PULSE_WIDTH: Range = range(0.01, 50.0, "us");
 const EVENTS_PER_S: Range = range(1_000.0, 10_000_000.0, "events/s");
 const MOVES_PER_S: Range = range(10.0, 1_000_000.0, "moves/s");
+const PERIOD: Range = range(1.0, 1_000_000.0, "us");
+const FREQUENCY: Range = range(1.0, 1_000_000.0, "steps/s");
+const TABLE_JERK: Range = range(1.0, 1_000_000_000.0, "steps/s^3");
 const DIRECTION_SETUP: Range = range(0.0, 100.0, "us");
 
 /// Longest name, bytes.
@@ -57,7 +63,7 @@ pub fn profile(file: &ProfileFile, check: &Checker<'_>) -> Result<Profile, Profi
     let steps = check.four("steps_per_mm", &file.steps_per_mm, STEPS_PER_MM)?;
     let steps_per_mm = fixed_point_steps(steps, file, check)?;
     let limits = limits(file, check)?;
-    let jerk_mm_per_s3 = check.number("jerk_mm_per_s3", &file.jerk_mm_per_s3, JERK)?;
+    let motion = motion(file, check)?;
     let interval_us = check.number("minimum_event_interval_us", &file.minimum_event_interval_us, EVENT_INTERVAL)?;
     motor_rates(kinematics, steps, &limits, interval_us, file, check)?;
     let min_extrusion = check.number("min_extrusion_celsius", &file.min_extrusion_celsius, MIN_EXTRUSION)?;
@@ -80,7 +86,7 @@ pub fn profile(file: &ProfileFile, check: &Checker<'_>) -> Result<Profile, Profi
         size_10nm: size_mm.map(units_10nm),
         steps_per_mm,
         limits,
-        jerk_mm_per_s3,
+        motion,
         minimum_event_interval_ticks: (interval_us * TICKS_PER_US).round() as u32,
         event_cost_ticks,
         move_cost_ticks,
@@ -145,6 +151,52 @@ fn limits(file: &ProfileFile, check: &Checker<'_>) -> Result<Limits, ProfileErro
             JUNCTION_DEVIATION,
         )?,
     })
+}
+
+/// The methods that make the steps.
+fn motion(file: &ProfileFile, check: &Checker<'_>) -> Result<MotionChoice, ProfileError> {
+    let default = MotionChoice::DEFAULT;
+    Ok(MotionChoice {
+        interpolation: match file.interpolation {
+            InterpolationName::StepBresenham => Interpolation::StepBresenham,
+            InterpolationName::Bresenham => Interpolation::Bresenham,
+            InterpolationName::PointByPoint => Interpolation::PointByPoint,
+            InterpolationName::MinimumDeviation => Interpolation::MinimumDeviation,
+            InterpolationName::DualRate => Interpolation::DualRate,
+        },
+        acceleration: match file.acceleration {
+            AccelerationName::Trapezoid => AccelerationProfile::Trapezoid,
+            AccelerationName::SCurve => AccelerationProfile::SCurve,
+            AccelerationName::SCurveTable => AccelerationProfile::SCurveTable,
+        },
+        jerk_mm_per_s3: check.number("jerk_mm_per_s3", &file.jerk_mm_per_s3, JERK)?,
+        dual_rate: match &file.dual_rate {
+            Some(table) => dual_rate(table, check)?,
+            None => default.dual_rate,
+        },
+        s_curve_table: match &file.s_curve_table {
+            Some(table) => s_curve_table(table, check)?,
+            None => default.s_curve_table,
+        },
+    })
+}
+
+/// Periods, the longest not below the shortest.
+fn dual_rate(table: &DualRateTable, check: &Checker<'_>) -> Result<DualRatePeriods, ProfileError> {
+    let shortest_us = check.number("dual_rate.min_period_us", &table.min_period_us, PERIOD)?;
+    let longest = range(shortest_us, PERIOD.high, "us, at least min_period_us");
+    let longest_us = check.number("dual_rate.max_period_us", &table.max_period_us, longest)?;
+    let [shortest_ns, longest_ns] = [shortest_us, longest_us].map(|us| (us * 1e3).round() as u32);
+    Ok(DualRatePeriods { shortest_ns, longest_ns })
+}
+
+/// What the table of frequencies is made of; it ends above where it starts.
+fn s_curve_table(table: &SCurveTable, check: &Checker<'_>) -> Result<SCurveTableSettings, ProfileError> {
+    let start_hz = check.number("s_curve_table.start_hz", &table.start_hz, FREQUENCY)?.round();
+    let top = range(start_hz + 1.0, FREQUENCY.high, "steps/s, above start_hz");
+    let top_hz = check.number("s_curve_table.top_hz", &table.top_hz, top)?.round();
+    let jerk = check.number("s_curve_table.jerk_hz_per_s2", &table.jerk_hz_per_s2, TABLE_JERK)?.round();
+    Ok(SCurveTableSettings { start_hz: start_hz as u32, top_hz: top_hz as u32, jerk_hz_per_s2: jerk as u32 })
 }
 
 /// No motor may have to step more often than events may follow each other.

@@ -31,6 +31,51 @@ pub struct ProfileFile {
     pub driver: DriverTable,
     #[serde(default)]
     pub budget: BudgetTable,
+    #[serde(default)]
+    pub interpolation: InterpolationName,
+    #[serde(default)]
+    pub acceleration: AccelerationName,
+    pub dual_rate: Option<DualRateTable>,
+    pub s_curve_table: Option<SCurveTable>,
+}
+
+/// How steps follow a line.
+#[derive(Clone, Copy, Default, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum InterpolationName {
+    #[default]
+    StepBresenham,
+    Bresenham,
+    PointByPoint,
+    MinimumDeviation,
+    DualRate,
+}
+
+/// How speed changes.
+#[derive(Clone, Copy, Default, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum AccelerationName {
+    #[default]
+    Trapezoid,
+    SCurve,
+    SCurveTable,
+}
+
+/// Pulse periods of a motor.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, expecting = "a table with the keys min_period_us, max_period_us")]
+pub struct DualRateTable {
+    pub min_period_us: Number,
+    pub max_period_us: Number,
+}
+
+/// What the table of frequencies is made of.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, expecting = "a table with the keys start_hz, top_hz, jerk_hz_per_s2")]
+pub struct SCurveTable {
+    pub start_hz: Number,
+    pub top_hz: Number,
+    pub jerk_hz_per_s2: Number,
 }
 
 /// How X and Y are driven.

@@ -6,7 +6,7 @@ use std::task::Poll;
 
 use ferrostep_gcode::MotionFigures;
 use ferrostep_hal_shim::{EndStops, Fan, Heater, MotorEnable};
-use ferrostep_planner::{Limits, Move, MoveError, Moved};
+use ferrostep_planner::{Limits, MotionChoice, Move, MoveError, Moved};
 use ferrostep_printer::{HeaterStatus, Heating, Motion, MotionError, Seek, Signals};
 
 use super::{Awaited, Desk};
@@ -127,6 +127,14 @@ impl<O: Observer> Motion for DeskMotion<'_, O> {
 
     fn set_limits(&mut self, limits: Limits) {
         self.desk.borrow_mut().planner.set_limits(limits);
+    }
+
+    fn motion_choice(&self) -> MotionChoice {
+        *self.desk.borrow().planner.motion_choice()
+    }
+
+    fn set_motion_choice(&mut self, choice: &MotionChoice) {
+        self.desk.borrow_mut().planner.set_motion_choice(choice);
     }
 
     fn set_motors_enabled(&mut self, axes: u8, enabled: bool) {

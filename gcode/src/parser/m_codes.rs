@@ -81,6 +81,13 @@ pub(super) fn parse(code: Code<'_>) -> Result<Command<'_>, ParseError> {
         }
         400 => Ok(Command::Finish),
         410 => Ok(Command::QuickStop),
+        796 => {
+            let words = code.words()?;
+            Ok(Command::MotionChoice {
+                interpolation: words.whole_to(b'I', 4)?,
+                acceleration: words.whole_to(b'A', 2)?,
+            })
+        }
         797 => Ok(Command::ReportMotion),
         798 => {
             let words = code.words()?;

@@ -134,6 +134,10 @@ fn take_apart_m(command: Command<'_>) -> (u32, Words) {
         Command::ReportPosition => (114, vec![]),
         Command::ReportFirmware => (115, vec![]),
         Command::ReportEndStops => (119, vec![]),
+        Command::MotionChoice { interpolation, acceleration } => {
+            let number = |value: Option<u8>| value.map(|value| whole(value.into()));
+            (796, given([('I', number(interpolation)), ('A', number(acceleration))]))
+        }
         Command::ReportMotion => (797, vec![]),
         Command::Timing { on, clear } => {
             (798, [given([('S', switch(on))]), if clear { vec![('R', None)] } else { vec![] }].concat())
@@ -278,6 +282,8 @@ fn machine() -> impl Strategy<Value = Command<'static>> {
         any_wait().prop_map(Command::WaitBed),
         (0u8..=60).prop_map(|seconds| Command::AutoReportTemperatures { seconds }),
         of(0u8..=60).prop_map(Command::KeepAlive),
+        (of(0u8..=4), of(0u8..=2))
+            .prop_map(|(interpolation, acceleration)| Command::MotionChoice { interpolation, acceleration }),
         (of(any::<bool>()), any::<bool>()).prop_map(|(on, clear)| Command::Timing { on, clear }),
         any::<(u8, u8)>().prop_map(|(index, power)| Command::Fan { index, power }),
         of(-9_000_000_000i64..9_000_000_000).prop_map(Command::SetLineNumber),

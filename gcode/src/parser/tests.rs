@@ -175,6 +175,8 @@ fn host_commands() {
         ("M115", Command::ReportFirmware),
         ("M115 U3.1.0", Command::ReportFirmware),
         ("M119", Command::ReportEndStops),
+        ("M796", Command::MotionChoice { interpolation: None, acceleration: None }),
+        ("M796 A2 I4", Command::MotionChoice { interpolation: Some(4), acceleration: Some(2) }),
         ("M797", Command::ReportMotion),
         ("M798", Command::Timing { on: None, clear: false }),
         ("M798 S1", Command::Timing { on: Some(true), clear: false }),
@@ -191,6 +193,8 @@ fn host_commands() {
         reads(text, command);
     }
     assert_eq!(refused("M155"), "M155: expected S");
+    assert_eq!(refused("M796 I5"), "I: 5 is out of range, expected 0 to 4");
+    assert_eq!(refused("M796 A0.5"), "A: 0.5 is not a whole number, expected one");
     assert_eq!(refused("M798 S2"), "S: 2 is out of range, expected 0 to 1");
     assert_eq!(refused("M155 S61"), "S: 61 is out of range, expected 0 to 60");
     assert_eq!(refused("M110 N1.5"), "N: 1.5 is not a whole number, expected one");

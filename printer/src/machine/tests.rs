@@ -9,7 +9,7 @@ use ferrostep_hal_shim::stepping::{
     UpdateTimer,
 };
 use ferrostep_hal_shim::virtual_board::{StepTimer, VirtualPort, VirtualUpdateTimer};
-use ferrostep_planner::{Kinematics, StepsPerMm};
+use ferrostep_planner::{Kinematics, MotionChoice, StepsPerMm};
 use proptest::prelude::*;
 
 const NO_SILENCE: Silence = Silence { may_release: false, may_flush: false };
@@ -46,7 +46,7 @@ fn profile() -> Profile {
             retract_acceleration_mm_per_s2: 1500.0,
             junction_deviation_mm: 0.1,
         },
-        jerk_mm_per_s3: 10_000.0,
+        motion: MotionChoice::DEFAULT,
         minimum_event_interval_ticks: 168,
         event_cost_ticks: 210,
         move_cost_ticks: 10_500,

@@ -24,7 +24,7 @@ fn check(expected: &Expected) -> Profile {
     assert_eq!(profile.size_10nm, expected.size_mm.map(|mm| mm * MM));
     assert_eq!(profile.steps_per_mm, expected.steps_per_mm.map(|steps| StepsPerMm::from_f64(steps).unwrap()));
     assert_eq!(profile.limits, expected.limits);
-    assert_eq!(profile.jerk_mm_per_s3, expected.jerk_mm_per_s3);
+    assert_eq!(profile.motion.jerk_mm_per_s3, expected.jerk_mm_per_s3);
     for (homing, (end, probe, position_mm)) in profile.homing.iter().zip(expected.homes) {
         assert_eq!((homing.end, homing.probe, homing.position_10nm), (end, probe, position_mm * MM));
     }

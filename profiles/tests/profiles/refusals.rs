@@ -1,5 +1,6 @@
 //! Every key missing, misspelt, mistyped or out of range is refused with its name, value and line.
 
+use ferrostep_planner::{AccelerationProfile, Interpolation, MotionChoice};
 use ferrostep_profiles::{Problem, ProfileError, builtin_names, builtin_text, parse};
 use toml::{Table, Value};
 
@@ -262,6 +263,36 @@ fn dotted_keys_and_other_spellings_of_the_same_values_are_the_same_profile() {
     assert_eq!(parse(&dotted, "dotted").unwrap(), parse(text(), "plain").unwrap());
     let error = parse(&dotted.replace("size_mm.y = 200.0\n", ""), "dotted").unwrap_err();
     assert_eq!(error.key(), Some("size_mm.y"));
+}
+
+#[test]
+fn the_motion_may_be_left_out_but_not_misspelt() {
+    let with = |text: &str| parse(&format!("{text}\n{}", builtin_text("cartesian").unwrap()), "test.toml");
+    let plain = with("").unwrap().motion;
+    assert_eq!(plain, MotionChoice::DEFAULT);
+    let chosen = with("interpolation = \"dual-rate\"\nacceleration = \"s-curve-table\"").unwrap().motion;
+    assert_eq!(chosen.interpolation, Interpolation::DualRate);
+    assert_eq!(chosen.acceleration, AccelerationProfile::SCurveTable);
+    for choice in Interpolation::ALL {
+        assert_eq!(with(&format!("interpolation = \"{}\"", choice.name())).unwrap().motion.interpolation, choice);
+    }
+    for choice in AccelerationProfile::ALL {
+        assert_eq!(with(&format!("acceleration = \"{}\"", choice.name())).unwrap().motion.acceleration, choice);
+    }
+    for (text, blamed) in [
+        ("interpolation = \"straight\"", "interpolation"),
+        ("acceleration = 3", "acceleration"),
+        ("dual_rate = { min_period_us = 10 }", "dual_rate.max_period_us"),
+        ("dual_rate = { min_period_us = 10, max_period_us = 9 }", "dual_rate.max_period_us"),
+        ("dual_rate = { min_period_us = 0, max_period_us = 9 }", "dual_rate.min_period_us"),
+        ("s_curve_table = { start_hz = 1000, top_hz = 1000, jerk_hz_per_s2 = 1 }", "s_curve_table.top_hz"),
+        ("s_curve_table = { start_hz = 0, top_hz = 1000, jerk_hz_per_s2 = 1 }", "s_curve_table.start_hz"),
+        ("s_curve_table = { start_hz = 1, top_hz = 1000, jerk_hz_per_s2 = nan }", "s_curve_table.jerk_hz_per_s2"),
+        ("s_curve_table = { start_hz = 1, top_hz = 1000, jerk_hz_per_s2 = -1 }", "s_curve_table.jerk_hz_per_s2"),
+    ] {
+        let error = with(text).unwrap_err().to_string();
+        assert!(error.starts_with("test.toml:1: ") && error.contains(blamed), "{error}");
+    }
 }
 
 #[test]

@@ -7,7 +7,7 @@ use ferrostep_gcode::{MotionFigures, Reply};
 use ferrostep_hal_shim::Heater;
 use ferrostep_hal_shim::stepping::Stepping;
 use ferrostep_hal_shim::virtual_board::VirtualDelay;
-use ferrostep_planner::{Limits, Move, MoveError, Moved};
+use ferrostep_planner::{Limits, MotionChoice, Move, MoveError, Moved};
 use ferrostep_printer::machine::Silence;
 use ferrostep_printer::{Failure, HeaterStatus, Heating, Motion, MotionError, Replies, Seek};
 
@@ -92,6 +92,14 @@ impl<M: Stepping> Motion for BoardMotion<'_, '_, M> {
 
     fn set_limits(&mut self, limits: Limits) {
         self.with(|machine| machine.set_limits(limits));
+    }
+
+    fn motion_choice(&self) -> MotionChoice {
+        self.with(|machine| machine.motion_choice())
+    }
+
+    fn set_motion_choice(&mut self, choice: &MotionChoice) {
+        self.with(|machine| machine.set_motion_choice(choice));
     }
 
     fn set_motors_enabled(&mut self, axes: u8, enabled: bool) {

@@ -10,7 +10,7 @@ use embedded_hal_async::delay::DelayNs;
 use ferrostep_gcode::{MotionFigures, Reply};
 use ferrostep_hal_shim::{Clock, Heater};
 use ferrostep_planner::look_ahead::Slot;
-use ferrostep_planner::{Limits, Move, Moved, Planner};
+use ferrostep_planner::{Limits, MotionChoice, Move, Moved, Planner};
 use ferrostep_printer::{HeaterStatus, Heating, Motion, MotionError, Printer, Replies, Seek};
 
 /// The planner with its look-ahead ring in memory of somebody else's.
@@ -66,6 +66,14 @@ impl Motion for Machine<'_, '_> {
 
     fn set_limits(&mut self, limits: Limits) {
         self.planner.borrow_mut().set_limits(limits);
+    }
+
+    fn motion_choice(&self) -> MotionChoice {
+        *self.planner.borrow().motion_choice()
+    }
+
+    fn set_motion_choice(&mut self, choice: &MotionChoice) {
+        self.planner.borrow_mut().set_motion_choice(choice);
     }
 
     fn set_motors_enabled(&mut self, _axes: u8, _enabled: bool) {}

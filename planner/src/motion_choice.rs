@@ -1,0 +1,110 @@
+//! Which of the papers' methods drive the motors.
+
+/// How the motors' steps follow a straight line.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Interpolation {
+    /// Step Bresenham: runs of the longest axis's steps, each ended by a step of another (Wu 2024).
+    #[default]
+    StepBresenham,
+    /// Classic Bresenham, a decision each step (Wu 2024, eq. 3).
+    Bresenham,
+    /// Point-by-point comparison: each pulse along X or along Y (CoreXY paper, method 1).
+    PointByPoint,
+    /// Minimum deviation: pulses along the longer axis or diagonally (CoreXY paper, method 2).
+    MinimumDeviation,
+    /// Each motor at a rate of its own (CoreXY paper, method 3).
+    DualRate,
+}
+
+impl Interpolation {
+    /// All of them, in the order in which M796 numbers them.
+    pub const ALL: [Self; 5] =
+        [Self::StepBresenham, Self::Bresenham, Self::PointByPoint, Self::MinimumDeviation, Self::DualRate];
+
+    /// The name that profiles use.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::StepBresenham => "step-bresenham",
+            Self::Bresenham => "bresenham",
+            Self::PointByPoint => "point-by-point",
+            Self::MinimumDeviation => "minimum-deviation",
+            Self::DualRate => "dual-rate",
+        }
+    }
+}
+
+/// How speed changes along the path.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum AccelerationProfile {
+    /// At a constant acceleration (Wu 2024, eqs. 8 to 12).
+    #[default]
+    Trapezoid,
+    /// At an acceleration that rises and falls at a constant jerk, in closed form (Li 2017).
+    SCurve,
+    /// The same from Li's table of frequencies.
+    SCurveTable,
+}
+
+impl AccelerationProfile {
+    /// All of them, in the order in which M796 numbers them.
+    pub const ALL: [Self; 3] = [Self::Trapezoid, Self::SCurve, Self::SCurveTable];
+
+    /// The name that profiles use.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Trapezoid => "trapezoid",
+            Self::SCurve => "s-curve",
+            Self::SCurveTable => "s-curve-table",
+        }
+    }
+}
+
+/// Shortest and longest pulse period of a motor under dual-rate interpolation (CoreXY paper: T_min and T_max), ns.
+///
+/// A motor that would have to be slower, against the other at its shortest, is in the dead zone.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DualRatePeriods {
+    /// T_min, ns, above zero.
+    pub shortest_ns: u32,
+    /// T_max, ns, at least T_min.
+    pub longest_ns: u32,
+}
+
+/// What Li's table is made of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SCurveTableSettings {
+    /// Start frequency f0, steps/s, above zero. The table's slices last 2/f0.
+    pub start_hz: u32,
+    /// Highest frequency, steps/s, above f0.
+    pub top_hz: u32,
+    /// Jerk, steps/s^3, above zero.
+    pub jerk_hz_per_s2: u32,
+}
+
+/// The methods in use and their parameters.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MotionChoice {
+    /// How the motors' steps follow a straight line.
+    pub interpolation: Interpolation,
+    /// How speed changes along the path.
+    pub acceleration: AccelerationProfile,
+    /// Largest jerk along the path under [`AccelerationProfile::SCurve`], mm/s^3, above zero.
+    pub jerk_mm_per_s3: f64,
+    /// Periods of [`Interpolation::DualRate`].
+    pub dual_rate: DualRatePeriods,
+    /// The table of [`AccelerationProfile::SCurveTable`].
+    pub s_curve_table: SCurveTableSettings,
+}
+
+impl MotionChoice {
+    /// Step Bresenham and trapezoids; the other parameters as profiles have them that do not say otherwise.
+    pub const DEFAULT: Self = Self {
+        interpolation: Interpolation::StepBresenham,
+        acceleration: AccelerationProfile::Trapezoid,
+        jerk_mm_per_s3: 10_000.0,
+        // CoreXY paper: what drivers can do.
+        dual_rate: DualRatePeriods { shortest_ns: 10_000, longest_ns: 3_000_000 },
+        // Li 2017, experiment.
+        s_curve_table: SCurveTableSettings { start_hz: 1_000, top_hz: 10_000, jerk_hz_per_s2: 100_000 },
+    };
+}
