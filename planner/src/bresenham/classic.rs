@@ -20,7 +20,8 @@ impl<D: Decisions> Classic<D> {
     #[inline]
     pub fn new(slope: Slope) -> Self {
         let (dx, dy) = (slope.dx(), slope.dy());
-        Self { rise: 2 * dy, fall: 2 * (dy - dx), decision: 2 * dy - dx, decisions: D::default() }
+        let (rise, fall) = (dy.wrapping_mul(2), dy.wrapping_sub(dx).wrapping_mul(2));
+        Self { rise, fall, decision: rise.wrapping_sub(dx), decisions: D::default() }
     }
 
     /// Passes `count` steps of the major axis, a decision each; whether the minor axis steps with the last of them.

@@ -24,6 +24,8 @@ impl core::fmt::Display for LineError {
 impl core::error::Error for LineError {}
 
 /// Steps of the major axis, and how many of them the minor axis joins.
+///
+/// Arithmetic with them wraps in words only: from 0 to 2^28, no product here reaches 2^31.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Slope {
     major: i32,
@@ -74,13 +76,13 @@ impl Slope {
     /// axes then, each ended by one of the major axis alone.
     #[inline(always)]
     pub const fn is_steep(self) -> bool {
-        self.minor > self.major - self.minor
+        self.minor > self.major.wrapping_sub(self.minor)
     }
 
     /// The line's stairs as those of a slope of at most 1/2: how often the rarer kind of step comes.
     #[inline(always)]
     pub(super) const fn rarer(self) -> i32 {
-        if self.is_steep() { self.major - self.minor } else { self.minor }
+        if self.is_steep() { self.major.wrapping_sub(self.minor) } else { self.minor }
     }
 
     /// What decision values of stairs begin with, before the first step.
@@ -91,6 +93,6 @@ impl Slope {
     /// d' >= 0, in integers d' + 1 > 0: the complement's decision values are 1 more.
     #[inline(always)]
     pub(super) const fn start(self) -> i32 {
-        if self.is_steep() { 1 - self.major } else { -self.major }
+        if self.is_steep() { 1i32.wrapping_sub(self.major) } else { self.major.wrapping_neg() }
     }
 }

@@ -30,6 +30,23 @@ impl<W: Widths> Stairs<W> {
         Self { widths: W::new(slope), whole: slope.rarer() as u32, steps: slope.major() }
     }
 
+    /// The widths of the whole stairs to come. [`Self::rest`] is behind them.
+    #[inline(always)]
+    pub fn whole(&mut self) -> impl Iterator<Item = u32> {
+        core::iter::from_fn(|| {
+            self.whole = self.whole.checked_sub(1)?;
+            let width = self.widths.width();
+            self.steps = self.steps.wrapping_sub(width);
+            Some(width)
+        })
+    }
+
+    /// Steps behind the last whole stair, once all of these were told.
+    #[inline(always)]
+    pub fn rest(&self) -> u32 {
+        self.steps
+    }
+
     /// Decision values compared so far.
     pub fn decisions(&self) -> u64 {
         self.widths.decisions()
@@ -41,10 +58,7 @@ impl<W: Widths> Iterator for Stairs<W> {
 
     #[inline(always)]
     fn next(&mut self) -> Option<Stair> {
-        if self.whole > 0 {
-            self.whole = self.whole.wrapping_sub(1);
-            let width = self.widths.width();
-            self.steps = self.steps.wrapping_sub(width);
+        if let Some(width) = self.whole().next() {
             return Some(Stair { width, is_whole: true });
         }
         let width = core::mem::take(&mut self.steps);

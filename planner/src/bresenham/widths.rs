@@ -46,14 +46,14 @@ impl<D: Decisions> FromFirstStair<D> {
         if self.rise == 0 {
             return 0;
         }
-        let mut width = 1;
+        let mut width = 1u32;
         let mut value = self.decision.wrapping_add(self.rise);
         while !self.decisions.is_above_zero(value) {
             value = value.wrapping_add(self.rise);
-            width += 1;
+            width = width.wrapping_add(1);
         }
         self.decision = value.wrapping_sub(self.fall);
-        let least = 2 * (width - 1);
+        let least = width.wrapping_sub(1).wrapping_mul(2);
         self.least = Some((least, self.rise.wrapping_mul(least as i32)));
         width
     }
@@ -62,7 +62,7 @@ impl<D: Decisions> FromFirstStair<D> {
 impl<D: Decisions> Widths for FromFirstStair<D> {
     #[inline(always)]
     fn new(slope: Slope) -> Self {
-        let (rise, fall) = (2 * slope.rarer(), 2 * slope.dx());
+        let (rise, fall) = (slope.rarer().wrapping_mul(2), slope.dx().wrapping_mul(2));
         Self { rise, fall, decision: slope.start(), least: None, decisions: D::default() }
     }
 
@@ -114,12 +114,12 @@ impl<D: Decisions> Widths for FromQuotient<D> {
     #[inline(always)]
     fn new(slope: Slope) -> Self {
         let (dx, dy) = (slope.dx(), slope.rarer());
-        let rise = 2 * dy;
+        let rise = dy.wrapping_mul(2);
         let quotient = (dx as u32).checked_div(dy as u32).unwrap_or(0);
         let run = rise.wrapping_mul(quotient as i32);
         let least = quotient / 2;
         let decision = slope.start().wrapping_add(rise.wrapping_mul(least as i32));
-        Self { rise, least, quotient, lower: (2 * dx).wrapping_sub(run), decision, decisions: D::default() }
+        Self { rise, least, quotient, lower: dx.wrapping_mul(2).wrapping_sub(run), decision, decisions: D::default() }
     }
 
     #[inline(always)]
