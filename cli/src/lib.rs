@@ -3,6 +3,7 @@
 pub mod desk;
 pub mod input;
 pub mod job;
+pub mod papers;
 pub mod record;
 pub mod report;
 pub mod session;

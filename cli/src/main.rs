@@ -12,12 +12,14 @@ use clap::{Parser, Subcommand};
 use ferrostep::desk::{LOOK_AHEAD_BLOCKS, Mode};
 use ferrostep::input::Input;
 use ferrostep::job::{self, JobProgress};
+use ferrostep::papers::{Chapter, Paper, choices};
 use ferrostep::record::{Observer, Recorder, TraceWriter, VcdWriter};
 use ferrostep::report::{Motors, Stop, Summary};
 use ferrostep::session::{JobReplies, Session};
 use ferrostep_planner::extruder::FILAMENT_UNITS_PER_MM;
 use ferrostep_planner::kinematics::UNITS_PER_MM;
 use ferrostep_printer::Profile;
+use indicatif::{ProgressBar, ProgressStyle};
 
 use progress::Progress;
 
@@ -53,6 +55,48 @@ enum Command {
         #[command(flatten)]
         job: JobArguments,
     },
+    /// The tables and figures of the papers that the machine works by, made anew; all papers without a name.
+    Papers {
+        /// Which paper.
+        #[arg(value_enum)]
+        paper: Option<PaperName>,
+        /// Prints one JSON object.
+        #[arg(long)]
+        json: bool,
+        /// Draws the figures into a folder.
+        #[arg(long, value_name = "DIR")]
+        svg: Option<PathBuf>,
+        /// Instead, prints a file in every way to interpolate and to accelerate, and compares them.
+        #[arg(long, value_name = "FILE", conflicts_with_all = ["paper", "svg"])]
+        compare: Option<PathBuf>,
+        /// The machine to compare on: cartesian, corexy, prusa-mini, or a TOML file.
+        #[arg(long, value_name = "NAME|PATH", default_value = "cartesian", requires = "compare")]
+        profile: String,
+    },
+}
+
+/// The papers by their short names.
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum PaperName {
+    /// Step Bresenham and velocity-adaptive extrusion (2024).
+    Wu,
+    /// Planning on the computer, look-ahead (2019).
+    Yu,
+    /// CoreXY plane control.
+    Corexy,
+    /// S-curve acceleration (2017).
+    Li,
+}
+
+impl From<PaperName> for Paper {
+    fn from(name: PaperName) -> Self {
+        match name {
+            PaperName::Wu => Self::Wu,
+            PaperName::Yu => Self::Yu,
+            PaperName::Corexy => Self::CoreXy,
+            PaperName::Li => Self::Li,
+        }
+    }
 }
 
 #[derive(clap::Args)]
@@ -73,12 +117,52 @@ fn main() -> ExitCode {
             print(&job, look_ahead as usize, trace.as_deref(), vcd.as_deref())
         }
         Command::Estimate { job } => estimate(&job),
+        Command::Papers { compare: Some(file), profile, json, .. } => compare(&file, &profile, json),
+        Command::Papers { paper, json, svg, .. } => papers(paper.map(Paper::from), json, svg.as_deref()),
     };
     // What could not start says why and exits like wrong arguments do.
     outcome.unwrap_or_else(|reason| {
         eprintln!("error: {reason}");
         ExitCode::from(2)
     })
+}
+
+fn papers(paper: Option<Paper>, json: bool, folder: Option<&Path>) -> Result<ExitCode, String> {
+    let papers = paper.map_or_else(|| Paper::ALL.to_vec(), |paper| vec![paper]);
+    let chapters: Vec<_> = papers.into_iter().map(Paper::chapter).collect();
+    if let Some(folder) = folder {
+        for chapter in &chapters {
+            for path in chapter.draw(folder).map_err(|error| error.to_string())? {
+                eprintln!("{}", path.display());
+            }
+        }
+    }
+    let out = if json {
+        serde_json::to_string(&serde_json::json!({ "papers": chapters })).map_err(|error| error.to_string())? + "\n"
+    } else {
+        chapters.iter().map(Chapter::text).collect::<Vec<_>>().join("\n")
+    };
+    write!(std::io::stdout(), "{out}").map_err(|error| format!("standard output: {error}"))?;
+    Ok(ExitCode::SUCCESS)
+}
+
+fn compare(file: &Path, profile: &str, json: bool) -> Result<ExitCode, String> {
+    let profile = ferrostep_profiles::load(profile).map_err(|error| error.to_string())?;
+    let bar = ProgressBar::new(choices::ways().count() as u64)
+        .with_style(ProgressStyle::with_template("{bar:40} {pos}/{len} {msg}").map_err(|error| error.to_string())?);
+    let table = choices::compare(file, &profile, |interpolation, acceleration| {
+        bar.set_message(format!("{}, {}", interpolation.name(), acceleration.name()));
+        bar.inc(1);
+    });
+    bar.finish_and_clear();
+    let table = table.map_err(|error| format!("{}: {error}", file.display()))?;
+    let out = if json {
+        serde_json::to_string(&serde_json::json!({ "choices": table })).map_err(|error| error.to_string())? + "\n"
+    } else {
+        table.text()
+    };
+    write!(std::io::stdout(), "{out}").map_err(|error| format!("standard output: {error}"))?;
+    Ok(ExitCode::SUCCESS)
 }
 
 /// The machine and the open file of a job.
