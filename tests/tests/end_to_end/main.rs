@@ -7,6 +7,7 @@ mod command;
 mod desk;
 mod exactness;
 mod hosts;
+mod methods;
 mod prints;
 mod programs;
 mod refusals;
