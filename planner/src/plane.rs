@@ -12,7 +12,7 @@ mod minimum_deviation;
 mod motors;
 mod point_by_point;
 
-pub use core_xy::{CoreXyLine, PlaneMethod};
+pub use core_xy::{CoreXyLine, LineEvent, PlaneMethod};
 pub use dual_rate::{DualRate, TwoRates};
 pub use figures::LineFigures;
 pub use minimum_deviation::MinimumDeviation;

@@ -4,6 +4,7 @@
 
 use ferrostep_planner::extruder::{Extruder, rounded_steps};
 use ferrostep_planner::look_ahead::Slot;
+use ferrostep_planner::plane::{CoreXyLine, PlaneMethod};
 use ferrostep_planner::{
     DualRatePeriods, Geometry, Interpolation, Kinematics, Limits, MotionChoice, Move, MoveError, Notice, PlannedBlock,
     Planner, Progress, StepEntry, StepKind, StepSink, StepsPerMm, TICKS_PER_SECOND,
@@ -523,6 +524,39 @@ fn a_slow_move_s_intervals_are_longer_than_32_bits() {
         player.events.iter().for_each(|event| event.apply(&mut motors));
         assert_eq!(motors, [24, 8, 0, 0]);
         assert!(player.tick > 20 * u64::from(TICKS_PER_SECOND));
+    }
+}
+
+/// The machine's pulses are those that the methods' own lines have.
+#[test]
+fn a_move_is_the_method_s_line() {
+    let machine = geometry(Kinematics::CoreXy, [80.0, 80.0, 400.0, 95.0]);
+    for (interpolation, method) in [
+        (Interpolation::PointByPoint, PlaneMethod::PointByPoint),
+        (Interpolation::MinimumDeviation, PlaneMethod::MinimumDeviation),
+        (Interpolation::DualRate, PlaneMethod::DualRate),
+    ] {
+        let choice = choice(interpolation, false);
+        for target in
+            [[97_500, 31_250, 0], [-20_000, 61_250, 0], [-47_500, -46_250, 0], [53_750, -23_750, 0], [0, 7_500, 0]]
+        {
+            let player = play(machine, &choice, 4, &[request(target, 0, 5.0)], || 0);
+            let [first, second, _] = machine.motor_steps(target).map(i64::from);
+            let made = player.events.iter().map(|event| {
+                let step = |bit: u8| match (event.axes & bit != 0, event.directions & bit != 0) {
+                    (false, _) => 0i8,
+                    (true, false) => 1,
+                    (true, true) => -1,
+                };
+                [step(1), step(2)]
+            });
+            let line = CoreXyLine::new(method, first, second, &choice.dual_rate).unwrap();
+            assert_eq!(
+                made.collect::<Vec<_>>(),
+                line.map(|event| event.steps).collect::<Vec<_>>(),
+                "{method:?} {target:?}"
+            );
+        }
     }
 }
 

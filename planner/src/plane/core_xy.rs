@@ -24,11 +24,30 @@ enum Rule {
     Nothing,
 }
 
-/// What the motors A and B do along a line, event by event, -1, 0 or 1 each and not both 0. A diagonal pulse is two
-/// events, two steps of one motor.
+/// One or both motors step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LineEvent {
+    /// When, as a share of the line's time at a constant speed.
+    pub share: f64,
+    /// What A and B do, -1, 0 or 1 each, not both 0.
+    pub steps: [i8; 2],
+}
+
+/// What the motors A and B do along a line. A diagonal pulse is two events, two steps of one motor.
+///
+/// Events are in the middle of their parts of the time, as in a print: of an N-th for N pulses, a half of that for each
+/// half of a diagonal, and of each motor's own period under dual-rate.
 #[derive(Clone, Copy, Debug)]
 pub struct CoreXyLine {
     rule: Rule,
+    /// Steps of A and B in all.
+    whole: [i64; 2],
+    /// Steps of A and B so far.
+    made: [i64; 2],
+    /// Quarters of pulses, of minimum deviation's or 4 for each of point-by-point's, passed so far.
+    quarters: u64,
+    /// All of them.
+    all_quarters: u64,
     feeds: FeedSteps,
     /// The second step of a diagonal.
     second: Option<MotorSteps>,
@@ -48,17 +67,32 @@ impl CoreXyLine {
         if method == PlaneMethod::DualRate
             && let DualRate::TwoRates(line) = DualRate::new(first, second, periods)?
         {
-            return Ok(Self { rule: Rule::TwoRates(line), feeds: feeds([0; 2]), second: None, rest: None });
+            return Ok(Self::of(Rule::TwoRates(line), [first, second], feeds([0; 2]), 0, None));
         }
         let CoreXyTarget { pulses: [x, y], rest } = CoreXyTarget::new(first, second);
-        let rule = match method {
-            _ if [x, y] == [0; 2] => Rule::Nothing,
-            PlaneMethod::PointByPoint => Rule::PointByPoint(PointByPoint::new(x, y)?),
+        let (rule, pulses) = match method {
+            _ if [x, y] == [0; 2] => (Rule::Nothing, 0),
+            PlaneMethod::PointByPoint => {
+                let line = PointByPoint::new(x, y)?;
+                (Rule::PointByPoint(line), line.len())
+            }
             PlaneMethod::MinimumDeviation | PlaneMethod::DualRate => {
-                Rule::MinimumDeviation(MinimumDeviation::new(x, y)?)
+                let line = MinimumDeviation::new(x, y)?;
+                (Rule::MinimumDeviation(line), line.len())
             }
         };
-        Ok(Self { rule, feeds: feeds([x, y]), second: None, rest })
+        Ok(Self::of(rule, [first, second], feeds([x, y]), pulses as u64, rest))
+    }
+
+    fn of(rule: Rule, whole: [i64; 2], feeds: FeedSteps, pulses: u64, rest: Option<MotorSteps>) -> Self {
+        // The odd step takes as long as half a diagonal, and as a whole pulse of point-by-point's.
+        let rest_quarters = match (&rule, &rest) {
+            (_, None) => 0,
+            (Rule::MinimumDeviation(_), Some(_)) => 2,
+            _ => 4,
+        };
+        let all_quarters = 4 * pulses + rest_quarters;
+        Self { rule, whole, made: [0; 2], quarters: 0, all_quarters, feeds, second: None, rest }
     }
 
     /// Whether each motor has a rate of its own.
@@ -68,9 +102,26 @@ impl CoreXyLine {
 }
 
 impl Iterator for CoreXyLine {
-    type Item = [i8; 2];
+    type Item = LineEvent;
 
-    fn next(&mut self) -> Option<[i8; 2]> {
+    fn next(&mut self) -> Option<LineEvent> {
+        let steps = self.next_steps()?;
+        for (made, step) in self.made.iter_mut().zip(steps) {
+            *made += i64::from(step);
+        }
+        if !self.has_two_rates() {
+            return Some(LineEvent { share: self.pass_quarters(steps), steps });
+        }
+        // Step k of N, by the motor that makes it; both say the same where both do.
+        let motor = usize::from(steps[0] == 0);
+        let share = (self.made[motor].unsigned_abs() as f64 - 0.5) / self.whole[motor].unsigned_abs() as f64;
+        Some(LineEvent { share, steps })
+    }
+}
+
+impl CoreXyLine {
+    /// What the motors do next.
+    fn next_steps(&mut self) -> Option<[i8; 2]> {
         if let Some(second) = self.second.take() {
             return Some(second.signed());
         }
@@ -86,6 +137,15 @@ impl Iterator for CoreXyLine {
             self.second = Some(steps);
         }
         Some(steps.signed())
+    }
+
+    /// The time of these steps, the next: minimum deviation's have half a pulse where one motor steps alone.
+    fn pass_quarters(&mut self, steps: [i8; 2]) -> f64 {
+        let is_half = matches!(self.rule, Rule::MinimumDeviation(_)) && steps.contains(&0);
+        let quarters = if is_half { 2 } else { 4 };
+        let middle = self.quarters + quarters / 2;
+        self.quarters += quarters;
+        middle as f64 / self.all_quarters as f64
     }
 }
 
@@ -106,10 +166,13 @@ mod tests {
                     };
                     let has_two_rates = line.has_two_rates();
                     let (mut here, mut steps) = ([0; 2], [0; 2]);
-                    for events in line {
+                    let mut last = 0.0;
+                    for event in line {
+                        assert!(event.share > last && event.share < 1.0, "{a} {b} {event:?}");
+                        last = event.share;
                         for motor in 0..2 {
-                            here[motor] += i64::from(events[motor]);
-                            steps[motor] += i64::from(events[motor].abs());
+                            here[motor] += i64::from(event.steps[motor]);
+                            steps[motor] += i64::from(event.steps[motor].abs());
                         }
                     }
                     assert_eq!(here, [a, b]);

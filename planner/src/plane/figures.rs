@@ -1,6 +1,6 @@
 //! How good a method's line is.
 
-use super::{CoreXyLine, PlaneError, PlaneMethod, Target};
+use super::{CoreXyLine, LineEvent, PlaneError, PlaneMethod, Target};
 use crate::motion_choice::DualRatePeriods;
 use crate::square_root::square_root;
 
@@ -22,7 +22,7 @@ pub struct LineFigures {
     pub reversals: u64,
     /// Largest distance from the ideal line behind an event, in pulses along X or Y.
     pub largest_distance: f64,
-    /// Mean of the distances from the ideal line behind all events, in pulses.
+    /// Mean distance from the ideal line over the line's time, the motors standing still between their steps, in pulses.
     pub mean_distance: f64,
 }
 
@@ -42,13 +42,30 @@ impl LineFigures {
             PlaneMethod::DualRate if has_two_rates => first.unsigned_abs().max(second.unsigned_abs()),
             PlaneMethod::MinimumDeviation | PlaneMethod::DualRate => x_pulses.max(y_pulses),
         };
+        Ok(Self { has_two_rates, ..Self::measured(&target, feeds, line) })
+    }
+
+    /// Those of events that somebody else has made of the line from 0 to (x, y) pulses.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn of_events(x: i64, y: i64, events: impl Iterator<Item = LineEvent>) -> Result<Self, PlaneError> {
+        let figures = Self::measured(&Target::new(x, y)?, 0, events);
+        Ok(Self { feeds: figures.events, ..figures })
+    }
+
+    fn measured(target: &Target, feeds: u64, line: impl Iterator<Item = LineEvent>) -> Self {
+        let [x, y] = [0, 1].map(|axis| i64::from(target.magnitudes[axis]) * i64::from(target.signs[axis]));
         let mut here = [0i64; 2];
         let mut steps = [0u64; 2];
         let mut last = [0i8; 2];
         let mut reversals = 0;
         let mut events = 0u64;
-        let (mut largest, mut sum) = (0u64, 0u64);
-        for event in line {
+        let (mut largest, mut sum) = (0u64, 0.0);
+        let (mut off, mut since) = (0u64, 0.0);
+        for LineEvent { share, steps: event } in line {
+            sum += off as f64 * (share - since);
+            since = share;
             for motor in 0..2 {
                 here[motor] += i64::from(event[motor]);
                 steps[motor] += u64::from(event[motor].unsigned_abs());
@@ -60,21 +77,20 @@ impl LineFigures {
             events += 1;
             // The distance is |X y - Y x| / sqrt(X^2 + Y^2); in half pulses the point is whole.
             let [twice_x, twice_y] = [here[0] + here[1], here[0] - here[1]];
-            let off = (x * twice_y - y * twice_x).unsigned_abs();
+            off = (x * twice_y - y * twice_x).unsigned_abs();
             largest = largest.max(off);
-            sum = sum.saturating_add(off);
         }
         let half_length = 0.5 / square_root((x * x + y * y) as f64);
-        Ok(Self {
-            has_two_rates,
+        Self {
+            has_two_rates: false,
             feeds,
             events,
             motor_steps: steps[0] + steps[1],
             busiest_motor_steps: steps[0].max(steps[1]),
             reversals,
             largest_distance: largest as f64 * half_length,
-            mean_distance: sum as f64 * half_length / events as f64,
-        })
+            mean_distance: sum * half_length,
+        }
     }
 }
 
@@ -92,7 +108,7 @@ mod tests {
 
     #[test]
     fn a_line_of_few_pulses_by_hand() {
-        // (2, 1) by x y x: F is -1, 1, 0 behind the pulses, and the distances |F| / sqrt(5).
+        // (2, 1) by x y x: F is -1, 1, 0 behind the pulses, a third of the time each, and the distances |F| / sqrt(5).
         let line = figures(PlaneMethod::PointByPoint, 2, 1);
         assert_eq!((line.feeds, line.events, line.motor_steps, line.busiest_motor_steps), (3, 3, 6, 3));
         // B goes forwards, backwards, forwards.
@@ -103,7 +119,8 @@ mod tests {
         let line = figures(PlaneMethod::MinimumDeviation, 2, 1);
         assert_eq!((line.feeds, line.events, line.motor_steps, line.reversals), (2, 3, 4, 0));
         assert!((line.largest_distance - 1.0 / 5f64.sqrt()).abs() < 1e-12);
-        assert!((line.mean_distance - 1.5 / 3.0 / 5f64.sqrt()).abs() < 1e-12);
+        // 1/2 for a quarter of the time, 1 for three eighths.
+        assert!((line.mean_distance - 0.5 / 5f64.sqrt()).abs() < 1e-12);
         // A = 3, B = 1: A, both, A.
         let line = figures(PlaneMethod::DualRate, 2, 1);
         assert_eq!((line.feeds, line.events, line.motor_steps, line.has_two_rates), (3, 3, 4, true));

@@ -8,6 +8,7 @@ mod desk;
 mod exactness;
 mod hosts;
 mod methods;
+mod papers;
 mod prints;
 mod programs;
 mod refusals;
