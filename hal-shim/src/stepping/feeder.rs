@@ -325,7 +325,7 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
             self.edges(interval_ticks, count, axes, added);
             return;
         }
-        if added & !axes == 0 {
+        if added == 0 {
             self.pulses(interval_ticks, count, axes);
             return;
         }
@@ -333,7 +333,7 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         if count > 1 {
             self.pulses(interval_ticks, count - 1, axes);
         }
-        self.pulses(interval_ticks, 1, axes | added);
+        self.pulses(interval_ticks, 1, axes ^ added);
     }
 
     /// Both edges: `count` events, of which the last is held back.
@@ -348,7 +348,7 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
     fn edges_in_a_slot(&mut self, interval_ticks: u32, count: u16, axes: u8, added: u8) {
         let then = self.pins.toggled(axes, self.newest.levels);
         let before_last = self.newest.levels ^ if count & 1 == 0 { axes } else { 0 };
-        let all = axes | added;
+        let all = axes ^ added;
         self.newest.levels = before_last ^ all;
         let words = self.pins.toggled(all, before_last);
         let held = Held { words, steps: Steps::new(all, self.directions) };

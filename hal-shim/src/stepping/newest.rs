@@ -117,7 +117,7 @@ impl<M: Stepping, const PORTS: usize, const N: usize> Usual<'_, M, PORTS, N> {
             newest.levels ^= axes;
         } else {
             newest.levels ^= if count & 1 == 0 { axes } else { 0 };
-            let all = axes | added;
+            let all = axes ^ added;
             held = Held { words: self.pins.toggled(all, newest.levels), steps: Steps::new(all, self.directions) };
             newest.levels ^= all;
         }
@@ -129,8 +129,9 @@ impl<M: Stepping, const PORTS: usize, const N: usize> Usual<'_, M, PORTS, N> {
     fn pulses(&mut self, newest: &mut Newest<PORTS>, interval_ticks: u32, count: u32, axes: u8, added: u8) {
         let gap_ticks = interval_ticks.wrapping_sub(self.pulse_ticks);
         let (mut axes, mut count, mut last) = (axes, count, 0);
-        if added & !axes != 0 {
-            last = axes | added & 15;
+        let added = added & 15;
+        if added != 0 {
+            last = axes ^ added;
             count -= 1;
             if count == 0 {
                 (axes, count, last) = (last, 1, 0);
