@@ -17,6 +17,7 @@ pub mod inner_ends;
 pub mod interpolator;
 pub mod kinematics;
 pub mod look_ahead;
+pub mod plane;
 pub mod step_queue;
 pub mod time_law;
 
@@ -30,6 +31,7 @@ mod inside;
 mod junction;
 mod limits;
 mod merge;
+mod method;
 mod motion_choice;
 mod pace;
 mod path;

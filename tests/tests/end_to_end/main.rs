@@ -8,6 +8,8 @@ mod desk;
 mod exactness;
 mod extrusion;
 mod hosts;
+mod methods;
+mod papers;
 mod prints;
 mod programs;
 mod refusals;
