@@ -8,7 +8,6 @@ use ferrostep_planner::bresenham::{
     Classic, FromFirstStair, FromQuotient, Line, LineStair, Slope, Stairs, StepBresenham, Uncounted, Widths,
 };
 use indicatif::{ProgressBar, ProgressStyle};
-use proptest::test_runner::{RngAlgorithm, TestRng};
 
 /// Longest lines, as a power of two.
 const LONGEST_BITS: f64 = 24.0;
@@ -17,7 +16,7 @@ fn main() {
     let mut arguments = std::env::args().skip(1);
     let points: u64 = arguments.next().map_or(1_000_000_000, |text| text.parse().expect("a number of points"));
     let seed: u64 = arguments.next().map_or(2024, |text| text.parse().expect("a number for a seed"));
-    let mut random = Random::new(seed);
+    let mut random = Random(seed);
     let bar = ProgressBar::new(points);
     let style =
         ProgressStyle::with_template("{bar:40} {human_pos}/{human_len} points {elapsed} of {duration}").unwrap();
@@ -85,19 +84,15 @@ fn check_line(displacement: [i64; 3]) {
     assert!(line.stairs::<StepBresenham>().eq(line.stairs::<FromQuotient>()), "{displacement:?}");
 }
 
-/// Random numbers, the same for a seed everywhere.
-struct Random(TestRng);
+/// Random numbers (SplitMix64), the same for a seed everywhere.
+struct Random(u64);
 
 impl Random {
-    fn new(seed: u64) -> Self {
-        let mut bytes = [0; 32];
-        bytes[..8].copy_from_slice(&seed.to_le_bytes());
-        Self(TestRng::from_seed(RngAlgorithm::ChaCha, &bytes))
-    }
-
     /// Evenly from 0 to below the limit.
     fn number(&mut self, limit: f64) -> f64 {
-        use proptest::prelude::RngCore;
-        (self.0.next_u64() >> 11) as f64 / (1u64 << 53) as f64 * limit
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mixed = (self.0 ^ self.0 >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        let mixed = (mixed ^ mixed >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((mixed ^ mixed >> 31) >> 11) as f64 / (1u64 << 53) as f64 * limit
     }
 }
