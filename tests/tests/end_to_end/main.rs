@@ -6,6 +6,7 @@ mod bad_input;
 mod command;
 mod desk;
 mod exactness;
+mod extrusion;
 mod hosts;
 mod methods;
 mod papers;
