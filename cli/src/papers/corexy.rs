@@ -251,7 +251,7 @@ fn fan() -> Table {
                and dual-rate more exact and faster than both. More exact than point-by-point: confirmed, by half. \
                Dual-rate more exact than minimum deviation: confirmed for motors that turn evenly, whose lines are \
                straight outside the dead zone; where they stand still it is as far off at the worst and nearer by a \
-               seventh in the mean. Faster: not confirmed. A diagonal pulse is two pulses of one motor; with no motor \
+               seventh to a sixth in the mean. Faster: not confirmed. A diagonal pulse is two pulses of one motor; with no motor \
                pulse shorter than T_min all take the same time, max(|A|, |B|) T_min, and if a diagonal counted as one \
                pulse minimum deviation would be the fastest. Step Bresenham on the motors' own steps, which drives the \
                machine by default, is nearer than any of them where motors stand still."
