@@ -39,10 +39,10 @@ pub fn chapter() -> Chapter {
         source: "Hebei University of Technology: CoreXY plane control for FDM printers",
         tables: vec![worked_example(), traces(), fan()],
         figures: vec![
-            trace("trace-3a", "figure 3", 5, 7),
-            trace("trace-3b", "figure 3", 7, 5),
-            trace("trace-5a", "figure 5", 4, 7),
-            trace("trace-5b", "figure 5", 7, 4),
+            trace("corexy-trace-3a", "figure 3", 5, 7),
+            trace("corexy-trace-3b", "figure 3", 7, 5),
+            trace("corexy-trace-5a", "figure 5", 4, 7),
+            trace("corexy-trace-5b", "figure 5", 7, 4),
             distances(),
         ],
     }
@@ -251,7 +251,7 @@ fn fan() -> Table {
                and dual-rate more exact and faster than both. More exact than point-by-point: confirmed, by half. \
                Dual-rate more exact than minimum deviation: confirmed for motors that turn evenly, whose lines are \
                straight outside the dead zone; where they stand still it is as far off at the worst and nearer by a \
-               seventh in the mean. Faster: not confirmed. A diagonal pulse is two pulses of one motor; with no motor \
+               seventh to a sixth in the mean. Faster: not confirmed. A diagonal pulse is two pulses of one motor; with no motor \
                pulse shorter than T_min all take the same time, max(|A|, |B|) T_min, and if a diagonal counted as one \
                pulse minimum deviation would be the fastest. Step Bresenham on the motors' own steps, which drives the \
                machine by default, is nearer than any of them where motors stand still."
@@ -301,7 +301,7 @@ fn distances() -> Figure {
     let mut curves = METHODS.map(|(method, name)| curve(name, &by_method(method, DRIVERS))).to_vec();
     curves.push(curve("step-bresenham, ours", &bresenham));
     Figure {
-        name: "fan",
+        name: "corexy-fan",
         title: "Largest distance from the line, 1000 pulses, periods 10 us to 3 ms".to_owned(),
         x_label: "direction, degrees",
         y_label: "distance, pulses",

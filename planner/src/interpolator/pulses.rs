@@ -46,10 +46,10 @@ enum Rule {
 /// the middle it is half a pulse either way, the rule of the default's master, and no pulse is due at the very end of a
 /// block, where at standstill the time of a hair of path is long. A diagonal pulse of a CoreXY machine is two steps of one
 /// motor: each is in the middle of its half.
+///
+/// When the middle of the next part is, or of the next half where pulses have halves, the caller's [`StepTimes`] says.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Pulses {
-    /// When the middle of the next part is; of the next half where pulses have halves.
-    times: StepTimes,
     rule: Rule,
     feeds: FeedSteps,
     /// Each pulse has two halves, which may be an event each.
@@ -64,7 +64,6 @@ pub(super) struct Pulses {
 impl Pulses {
     /// No motor ever steps.
     pub const NONE: Self = Self {
-        times: StepTimes::NONE,
         rule: Rule::Nothing,
         feeds: FeedSteps::NONE,
         has_halves: false,
@@ -74,15 +73,15 @@ impl Pulses {
     };
 
     /// One motor by itself.
-    pub fn start_alone<F: Real>(&mut self, law: &Trapezoid<F>, bit: u8, steps: i32) {
+    pub fn start_alone<F: Real>(&mut self, times: &mut StepTimes, law: &Trapezoid<F>, bit: u8, steps: i32) {
         let count = steps.unsigned_abs().min(MAX_STEPS);
         let backwards = if steps < 0 { bit } else { 0 };
         self.rule = Rule::Always(MotorSteps { axes: bit, backwards, twice: false });
-        self.begin(law, count, false, None);
+        self.begin(times, law, count, false, None);
     }
 
     /// Classic Bresenham: the motor with most steps, the others with some of its steps.
-    pub fn start_bresenham<F: Real>(&mut self, law: &Trapezoid<F>, steps: [i32; 3]) {
+    pub fn start_bresenham<F: Real>(&mut self, times: &mut StepTimes, law: &Trapezoid<F>, steps: [i32; 3]) {
         let [x, y, z] = steps.map(|steps| steps.unsigned_abs().min(MAX_STEPS));
         let (count, master, others) = if x >= y && x >= z {
             (x, 1, [(2, y), (4, z)])
@@ -95,11 +94,17 @@ impl Pulses {
         let backwards = bits.fold(0, |mask, (bit, steps)| if steps < 0 { mask | bit } else { mask });
         let followers = others.map(|(bit, steps)| Follower::new(bit, count, steps));
         self.rule = Rule::Bresenham { master, followers, backwards };
-        self.begin(law, count, false, None);
+        self.begin(times, law, count, false, None);
     }
 
     /// X and Y together by point-by-point comparison or minimum deviation.
-    pub fn start_plane<F: Real>(&mut self, law: &Trapezoid<F>, method: &Method, first: i32, second: i32) {
+    pub fn start_plane<F: Real>(
+        &mut self,
+        times: &mut StepTimes,
+        law: &Trapezoid<F>,
+        method: &Method,
+        [first, second, _]: [i32; 3],
+    ) {
         let motors = [first, second].map(i64::from);
         let CoreXyTarget { pulses: [x, y], rest } = match method.kinematics {
             Kinematics::Cartesian => CoreXyTarget { pulses: motors, rest: None },
@@ -119,16 +124,23 @@ impl Pulses {
             count = line.len() as u32 * if has_halves { 2 } else { 1 };
             self.rule = Rule::MinimumDeviation(line);
         }
-        self.begin(law, count + u32::from(rest.is_some()), has_halves, rest);
+        self.begin(times, law, count + u32::from(rest.is_some()), has_halves, rest);
     }
 
     /// So many parts, the first event's time included.
-    fn begin<F: Real>(&mut self, law: &Trapezoid<F>, parts: u32, has_halves: bool, rest: Option<MotorSteps>) {
+    fn begin<F: Real>(
+        &mut self,
+        times: &mut StepTimes,
+        law: &Trapezoid<F>,
+        parts: u32,
+        has_halves: bool,
+        rest: Option<MotorSteps>,
+    ) {
         self.has_halves = has_halves;
         self.second = None;
         self.rest = rest;
-        self.times.start(law, &Spacing::of_master(law, parts), HALF_TICK);
-        self.advance();
+        times.start(law, &Spacing::of_master(law, parts), HALF_TICK);
+        self.advance(times);
     }
 
     /// The next event.
@@ -138,23 +150,23 @@ impl Pulses {
     }
 
     /// Goes on to the event after it.
-    pub fn advance(&mut self) {
-        let mut time = self.times.next();
+    pub fn advance(&mut self, times: &mut StepTimes) {
+        let mut time = times.next();
         if time == NEVER {
             self.next.time = NEVER;
             return;
         }
-        self.times.take(1);
+        times.take(1);
         let steps = match self.second.take() {
             Some(second) => second,
             None => {
                 let steps = self.next_steps();
                 if steps.twice {
                     self.second = Some(steps);
-                } else if self.has_halves && self.times.next() != NEVER {
+                } else if self.has_halves && times.next() != NEVER {
                     // The middle of both halves. Only what is behind the last pulse has but one.
-                    time += (self.times.next() - time) / 2;
-                    self.times.take(1);
+                    time += (times.next() - time) / 2;
+                    times.take(1);
                 }
                 steps
             }

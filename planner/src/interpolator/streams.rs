@@ -34,8 +34,9 @@ const Z: u8 = 1 << 2;
 pub(super) struct Streams {
     /// The present block is made of them.
     pub are_on: bool,
-    /// X and Y: the second under dual-rate only.
+    /// X and Y: the second under dual-rate only. The first one's times are the interpolator's master's.
     plane: [Pulses; 2],
+    second: StepTimes,
     z: StepTimes,
     /// Z and extruder steps that wait for the plane's next event, being near.
     waiting: u8,
@@ -43,24 +44,25 @@ pub(super) struct Streams {
 
 impl Streams {
     /// None.
-    pub const NONE: Self = Self { are_on: false, plane: [Pulses::NONE; 2], z: StepTimes::NONE, waiting: 0 };
+    pub const NONE: Self =
+        Self { are_on: false, plane: [Pulses::NONE; 2], second: StepTimes::NONE, z: StepTimes::NONE, waiting: 0 };
 
     /// Those of a block.
-    fn start<F: Real>(&mut self, method: &Method, block: &Block, law: &Trapezoid<F>) {
+    fn start<F: Real>(&mut self, times: &mut StepTimes, method: &Method, block: &Block, law: &Trapezoid<F>) {
         let [x, y, z] = block.steps;
         let [first, second] = &mut self.plane;
         *second = Pulses::NONE;
         self.z = StepTimes::NONE;
         self.waiting = 0;
         if method.interpolation == Interpolation::Bresenham {
-            first.start_bresenham(law, block.steps);
+            first.start_bresenham(times, law, block.steps);
             return;
         }
         if method.has_two_rates(block.steps) {
-            first.start_alone(law, 1, x);
-            second.start_alone(law, 2, y);
+            first.start_alone(times, law, 1, x);
+            second.start_alone(&mut self.second, law, 2, y);
         } else {
-            first.start_plane(law, method, x, y);
+            first.start_plane(times, law, method, block.steps);
         }
         self.z.start(law, &Spacing::of_master(law, z.unsigned_abs()), HALF_TICK);
     }
@@ -86,7 +88,7 @@ impl Interpolator {
     fn start_streams_in<F: Real>(&mut self, block: &Block, law: &Trapezoid<F>, extruder: &ExtruderTravel) {
         self.duration_ticks = law.duration_ticks();
         self.joining = 0;
-        self.streams.start(&self.method, block, law);
+        self.streams.start(&mut self.master, &self.method, block, law);
         self.extruder.start(law, &Spacing::of_extruder(law, extruder), HALF_TICK);
         self.inside.start(block, law, 0, extruder);
     }
@@ -118,8 +120,11 @@ impl Interpolator {
                 }
                 continue;
             }
-            if let Some(stream) = self.streams.plane.get_mut(stream) {
-                stream.advance();
+            let [first, second] = &mut self.streams.plane;
+            if stream == 0 {
+                first.advance(&mut self.master);
+            } else {
+                second.advance(&mut self.streams.second);
             }
             let axes = plane.axes | core::mem::take(&mut self.streams.waiting);
             let directions = self.directions & !plane.axes | plane.backwards;
