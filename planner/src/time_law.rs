@@ -4,6 +4,8 @@ use crate::TICKS_PER_SECOND;
 use crate::block::PlannedBlock;
 use crate::kinematics::UNITS_PER_MM;
 use crate::real::Real;
+use crate::s_curve::law::Along;
+use crate::s_curve::staircase::Staircase;
 
 /// Bits of fraction in a time unit: it is 2^-16 tick.
 pub const FRACTION_BITS: u32 = 16;
@@ -178,7 +180,7 @@ impl<F: Real> Trapezoid<F> {
     }
 }
 
-/// The trapezoid of a block, in the precision that its duration asks for.
+/// The time law of a block: a trapezoid, in the precision that its duration asks for, or another.
 #[derive(Clone, Copy, Debug)]
 pub struct TimeLaw(pub(crate) Precision);
 
@@ -186,6 +188,10 @@ pub struct TimeLaw(pub(crate) Precision);
 pub(crate) enum Precision {
     Short(Trapezoid<f32>),
     Long(Trapezoid<f64>),
+    /// Of an S-curve.
+    Run(Along),
+    /// Of a table of frequencies.
+    Staircase(Staircase),
 }
 
 impl TimeLaw {
@@ -207,6 +213,8 @@ impl TimeLaw {
         match &self.0 {
             Precision::Short(law) => law.duration_ticks(),
             Precision::Long(law) => law.duration_ticks(),
+            Precision::Run(law) => law.duration_ticks(),
+            Precision::Staircase(law) => law.duration_ticks(),
         }
     }
 }

@@ -1,0 +1,131 @@
+//! Neighbouring blocks under one S-curve.
+
+use super::CurveError;
+use super::bounds::Bounds;
+use crate::block::{Acceleration, Speed};
+use crate::kinematics::UNITS_PER_MM;
+
+/// A jerk along the path, mm/s^3, never zero.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Jerk(u32);
+
+impl Jerk {
+    /// The largest whole number of mm/s^3 not above this, but at least 1.
+    ///
+    /// # Errors
+    /// [`CurveError::Jerk`] where it is not a finite number above zero.
+    pub fn from_mm_per_s3(mm_per_s3: f64) -> Result<Self, CurveError> {
+        if mm_per_s3 > 0.0 && mm_per_s3.is_finite() { Ok(Self((mm_per_s3 as u32).max(1))) } else { Err(CurveError::Jerk) }
+    }
+
+    /// The jerk, mm/s^3.
+    pub fn mm_per_s3(self) -> f64 {
+        f64::from(self.0)
+    }
+}
+
+/// One time law of a whole run of blocks: a ramp from `entry` to `peak`, a cruise, a ramp to `exit`. The acceleration is
+/// zero at both ends of the run and nowhere asked to be in between.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Run {
+    /// Length of all its blocks, units of 10 nm, at least 1.
+    pub length_10nm: u32,
+    /// Speed at its start.
+    pub entry: Speed,
+    /// Speed of the cruise, not below the others.
+    pub peak: Speed,
+    /// Speed at its end.
+    pub exit: Speed,
+    /// Largest acceleration.
+    pub acceleration: Acceleration,
+    /// Largest jerk.
+    pub jerk: Jerk,
+}
+
+/// What planning does not use of jerk and acceleration: rounding in f32 is less.
+const KEPT_BACK: f32 = 1.0 / 16_384.0;
+
+/// What is allowed along a run, as look-ahead sees it: in f32, which the board's processor has in hardware. It asks for a
+/// little less than it might, so that the law, which is worked out in f64, always finds room.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Planning(Bounds<f32>);
+
+/// In mm/s.
+fn speed(speed: Speed) -> f32 {
+    speed.0 as f32 * (1.0 / 65_536.0)
+}
+
+/// In mm.
+fn length(length_10nm: u32) -> f32 {
+    length_10nm as f32 * (1.0 / UNITS_PER_MM as f32)
+}
+
+impl Planning {
+    /// With this jerk and acceleration.
+    pub(crate) fn new(jerk: Jerk, acceleration: Acceleration) -> Self {
+        let kept = 1.0 - KEPT_BACK;
+        Self(Bounds {
+            jerk: jerk.0 as f32 * kept,
+            acceleration: acceleration.quantised() as f32 * (kept / 256.0),
+        })
+    }
+
+    /// Whether a length is enough to go from one speed to another.
+    pub(crate) fn fits(&self, entry: Speed, exit: Speed, length_10nm: u32) -> bool {
+        self.0.length(speed(entry), speed(exit)) <= length(length_10nm)
+    }
+
+    /// The fastest speed that a length allows beside `from`.
+    pub(crate) fn reach(&self, from: Speed, length_10nm: u32) -> Speed {
+        Speed::from_mm_per_s_f32(self.0.reach(speed(from), length(length_10nm))).max(from)
+    }
+
+    /// The largest speed at most `wanted` to which one can go from `entry` over a length; where nothing slower than `entry`
+    /// is near enough, the slowest that is.
+    pub(crate) fn exit_within(&self, entry: Speed, wanted: Speed, length_10nm: u32) -> Speed {
+        if wanted == entry {
+            return entry;
+        }
+        let exit = Speed::from_mm_per_s_f32(self.0.exit_within(speed(entry), speed(wanted), length(length_10nm)));
+        let exit = if wanted > entry { exit.clamp(entry, wanted) } else { exit };
+        self.rounded(entry, exit, length_10nm)
+    }
+
+    /// The slowest speed not below `wanted`, which is below `entry`, that is near enough.
+    pub(crate) fn slowest(&self, entry: Speed, wanted: Speed, length_10nm: u32) -> Speed {
+        let exit = self.0.slowest_near(speed(entry), speed(wanted), length(length_10nm));
+        self.rounded(entry, Speed::from_mm_per_s_f32(exit).clamp(wanted.min(entry), entry), length_10nm)
+    }
+
+    /// A speed, or a few units faster where its own rounding made it too slow.
+    fn rounded(&self, entry: Speed, exit: Speed, length_10nm: u32) -> Speed {
+        // f32 tells 65 m/s from 65 m/s and 256 units.
+        let coarse = Speed(exit.0.saturating_add(1 + (exit.0 >> 22)));
+        if exit < entry && !self.fits(entry, exit, length_10nm) && self.fits(entry, coarse.min(entry), length_10nm) {
+            coarse.min(entry)
+        } else {
+            exit
+        }
+    }
+
+    /// The greatest speed at most `most` between these two.
+    pub(crate) fn peak(&self, entry: Speed, exit: Speed, most: Speed, length_10nm: u32) -> Speed {
+        let least = entry.max(exit);
+        if most <= least {
+            return least;
+        }
+        let peak = self.0.peak(speed(entry), speed(exit), speed(most), length(length_10nm));
+        Speed::from_mm_per_s_f32(peak).clamp(least, most)
+    }
+
+    /// How long a length takes, s, as fast as it can.
+    pub(crate) fn duration(&self, entry: Speed, exit: Speed, most: Speed, length_10nm: u32) -> f32 {
+        let peak = self.peak(entry, exit, most, length_10nm);
+        self.0.duration(speed(entry), speed(peak), speed(exit), length(length_10nm))
+    }
+
+    /// How long a ramp between two speeds is, units of 10 nm, rounded up.
+    pub(crate) fn ramp_10nm(&self, one: Speed, other: Speed) -> u64 {
+        (self.0.length(speed(one), speed(other)) * UNITS_PER_MM as f32) as u64 + 1
+    }
+}
