@@ -1,10 +1,11 @@
 //! s(t) of a block: how long its phases are, in path and in time.
 
 use crate::TICKS_PER_SECOND;
-use crate::block::PlannedBlock;
+use crate::block::{PlannedBlock, Speed};
 use crate::kinematics::UNITS_PER_MM;
 use crate::real::Real;
-use crate::s_curve::law::Along;
+use crate::s_curve::FrequencyTable;
+use crate::s_curve::law::{Along, Curve};
 use crate::s_curve::staircase::Staircase;
 
 /// Bits of fraction in a time unit: it is 2^-16 tick.
@@ -202,6 +203,17 @@ impl TimeLaw {
         if short.duration <= LONGEST_IN_F32 { Self(Precision::Short(short)) } else { Self::long(planned) }
     }
 
+    /// The law of a run along the block that begins so far behind the run's start, and the speed at the block's end.
+    pub(crate) fn along(curve: &Curve, offset_10nm: u32, length_10nm: u32) -> (Self, Speed) {
+        let law = Along::new(curve, offset_10nm, length_10nm);
+        (Self(Precision::Run(law)), law.exit())
+    }
+
+    /// A planned block at the frequencies of a table, Li 2017.
+    pub(crate) fn staircase(planned: &PlannedBlock, table: &FrequencyTable) -> Self {
+        Self(Precision::Staircase(Staircase::new(planned, table)))
+    }
+
     #[cold]
     #[inline(never)]
     fn long(planned: &PlannedBlock) -> Self {
@@ -222,7 +234,7 @@ impl TimeLaw {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::block::{Acceleration, Block, Speed};
+    use crate::block::{Acceleration, Block};
     use crate::inner_ends::InnerEnds;
     use proptest::prelude::*;
 

@@ -70,25 +70,34 @@ impl Planning {
         })
     }
 
+    /// How long a ramp between two speeds is, mm. Their difference is exact: f32 does not tell fast speeds apart.
+    fn ramp(&self, one: Speed, other: Speed) -> f32 {
+        let change = one.0.abs_diff(other.0) as f32 * (1.0 / 65_536.0);
+        (speed(one) + speed(other)) * self.0.half_time_of(change)
+    }
+
     /// Whether a length is enough to go from one speed to another.
     pub(crate) fn fits(&self, entry: Speed, exit: Speed, length_10nm: u32) -> bool {
-        self.0.length(speed(entry), speed(exit)) <= length(length_10nm)
+        self.ramp(entry, exit) <= length(length_10nm)
     }
 
     /// The fastest speed that a length allows beside `from`.
     pub(crate) fn reach(&self, from: Speed, length_10nm: u32) -> Speed {
-        Speed::from_mm_per_s_f32(self.0.reach(speed(from), length(length_10nm))).max(from)
+        let reached = Speed::from_mm_per_s_f32(self.0.reach(speed(from), length(length_10nm)));
+        lowered(reached, from, |faster| self.fits(from, faster, length_10nm))
     }
 
     /// The largest speed at most `wanted` to which one can go from `entry` over a length; where nothing slower than `entry`
     /// is near enough, the slowest that is.
     pub(crate) fn exit_within(&self, entry: Speed, wanted: Speed, length_10nm: u32) -> Speed {
-        if wanted == entry {
-            return entry;
+        if wanted > entry {
+            return self.reach(entry, length_10nm).min(wanted);
         }
-        let exit = Speed::from_mm_per_s_f32(self.0.exit_within(speed(entry), speed(wanted), length(length_10nm)));
-        let exit = if wanted > entry { exit.clamp(entry, wanted) } else { exit };
-        self.rounded(entry, exit, length_10nm)
+        if self.fits(entry, wanted, length_10nm) {
+            return wanted;
+        }
+        let exit = self.0.exit_within(speed(entry), speed(wanted), length(length_10nm));
+        self.rounded(entry, Speed::from_mm_per_s_f32(exit), length_10nm)
     }
 
     /// The slowest speed not below `wanted`, which is below `entry`, that is near enough.
@@ -115,7 +124,9 @@ impl Planning {
             return least;
         }
         let peak = self.0.peak(speed(entry), speed(exit), speed(most), length(length_10nm));
-        Speed::from_mm_per_s_f32(peak).clamp(least, most)
+        let whole = length(length_10nm);
+        let fits = |peak: Speed| self.ramp(entry, peak) + self.ramp(peak, exit) <= whole;
+        lowered(Speed::from_mm_per_s_f32(peak).clamp(least, most), least, fits)
     }
 
     /// How long a length takes, s, as fast as it can.
@@ -126,6 +137,21 @@ impl Planning {
 
     /// How long a ramp between two speeds is, units of 10 nm, rounded up.
     pub(crate) fn ramp_10nm(&self, one: Speed, other: Speed) -> u64 {
-        (self.0.length(speed(one), speed(other)) * UNITS_PER_MM as f32) as u64 + 1
+        (self.ramp(one, other) * UNITS_PER_MM as f32) as u64 + 1
     }
+}
+
+/// As fast as f32 tells, or slower by what it does not, so that something holds; `least` where it holds for none of those.
+fn lowered(fast: Speed, least: Speed, holds: impl Fn(Speed) -> bool) -> Speed {
+    let mut tried = fast;
+    for _ in 0..4 {
+        if tried <= least {
+            break;
+        }
+        if holds(tried) {
+            return tried;
+        }
+        tried = Speed(tried.0.saturating_sub(1 + (tried.0 >> 23)));
+    }
+    least
 }
