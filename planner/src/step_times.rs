@@ -2,6 +2,8 @@
 
 mod jerk;
 mod pieces;
+#[cfg(test)]
+mod run_tests;
 
 use crate::real::Real;
 use crate::s_curve::law::Along;

@@ -197,7 +197,7 @@ impl Curve {
     pub(crate) fn speed_at(&self, place: &Place) -> Speed {
         // 10 nm a time unit are so many units of speed.
         let of = |curve: Cubic<f64>, x: f64, half_time: f64| {
-            if half_time > 0.0 { curve.slope(x) / half_time * cruise_time(1.0, 1.0) } else { 0.0 }
+            if half_time > 0.0 { curve.slope(x) / half_time * cruise_time(1.0, 1.0) } else { self.peak }
         };
         let speed = match self.piece_at(place) {
             Some(Piece::From { anchor, curve, half_time, .. }) => {

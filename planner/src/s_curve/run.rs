@@ -100,12 +100,6 @@ impl Planning {
         self.rounded(entry, Speed::from_mm_per_s_f32(exit), length_10nm)
     }
 
-    /// The slowest speed not below `wanted`, which is below `entry`, that is near enough.
-    pub(crate) fn slowest(&self, entry: Speed, wanted: Speed, length_10nm: u32) -> Speed {
-        let exit = self.0.slowest_near(speed(entry), speed(wanted), length(length_10nm));
-        self.rounded(entry, Speed::from_mm_per_s_f32(exit).clamp(wanted.min(entry), entry), length_10nm)
-    }
-
     /// A speed, or a few units faster where its own rounding made it too slow.
     fn rounded(&self, entry: Speed, exit: Speed, length_10nm: u32) -> Speed {
         // f32 tells 65 m/s from 65 m/s and 256 units.

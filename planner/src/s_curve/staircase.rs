@@ -179,11 +179,16 @@ impl Staircase {
 
     /// When a path position is reached, in time units from the block's start.
     pub(crate) fn time_at(&self, length_10nm: u32) -> u64 {
-        let Self { plan, table, .. } = self;
         let position = f64::from(length_10nm);
         if position >= self.length {
             return self.duration_ticks << FRACTION_BITS;
         }
+        Real::to_u64(self.time(position))
+    }
+
+    /// The same, of a position inside.
+    pub(crate) fn time(&self, position: f64) -> f64 {
+        let Self { plan, table, .. } = self;
         let pulses = position / self.per_pulse;
         let behind = pulses - plan.acceleration;
         let seconds = if behind < 0.0 {
@@ -194,6 +199,6 @@ impl Staircase {
             let here = self.down_start - (behind - plan.cruise);
             self.up_s + self.cruise_s + table.time_after(self.down_start) - table.time_after(here)
         };
-        Real::to_u64(seconds * PER_SECOND)
+        seconds * PER_SECOND
     }
 }
