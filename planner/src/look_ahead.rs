@@ -20,10 +20,11 @@ struct Waiting {
     entry: SquaredSpeed,
     /// The block before has left with this speed.
     settled: bool,
-    /// A run begins here; under an S-curve only.
-    starts_run: bool,
-    /// The entry speed where a run begins; of very slow ones several have one square.
+    /// Under an S-curve: bound of the entry speed, the speed from which everything from here on can be done, and how many
+    /// places ahead the corner is to which one ramp from it goes. Of very slow speeds several have one square.
+    run_bound: Speed,
     run_entry: Speed,
+    anchor: u8,
 }
 
 /// How speeds change along the blocks.
@@ -31,8 +32,10 @@ struct Waiting {
 pub enum SpeedLaw {
     /// At a constant acceleration.
     Trapezoid,
-    /// At a constant jerk.
+    /// At a constant jerk, under which neighbouring blocks share one law where that is faster.
     SCurve(Jerk),
+    /// At a constant jerk, and at no acceleration at the ends of every block: what the former gains is seen by this.
+    SCurveBlockByBlock(Jerk),
     /// As a table of frequencies has it.
     Table(FrequencyTable),
 }
@@ -127,7 +130,8 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
     pub fn set_law(&mut self, law: &SpeedLaw) {
         self.law = match law {
             SpeedLaw::Trapezoid => Law::Trapezoid,
-            SpeedLaw::SCurve(jerk) => Law::Runs(Runs::new(*jerk)),
+            SpeedLaw::SCurve(jerk) => Law::Runs(Runs::new(*jerk, true)),
+            SpeedLaw::SCurveBlockByBlock(jerk) => Law::Runs(Runs::new(*jerk, false)),
             SpeedLaw::Table(table) => Law::Table(*table),
         };
         self.clear();
@@ -173,7 +177,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
         let table = match self.law {
             Law::Trapezoid => None,
             Law::Runs(runs) => {
-                self.law = Law::Runs(self.push_to_runs(runs, block, bound));
+                self.push_to_runs(&runs, block, bound);
                 return true;
             }
             Law::Table(table) => Some(table),
@@ -182,8 +186,8 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
         let settled = self.blocks == 0;
         let place = self.length;
         let entry = if settled { self.left_with } else { bound.min(reach(&table, SquaredSpeed::ZERO, block)) };
-        let (starts_run, run_entry) = (false, Speed::ZERO);
-        self.place_block(Waiting { block: *block, entry_bound: bound, entry, settled, starts_run, run_entry });
+        let (run_bound, run_entry, anchor) = (Speed::ZERO, Speed::ZERO, 0);
+        self.place_block(Waiting { block: *block, entry_bound: bound, entry, settled, run_bound, run_entry, anchor });
         if !settled {
             self.reverse_pass(&table, place, entry);
         }

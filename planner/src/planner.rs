@@ -180,7 +180,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         self.choice = *choice;
         self.table = match law {
             SpeedLaw::Table(table) => Some(table),
-            SpeedLaw::Trapezoid | SpeedLaw::SCurve(_) => None,
+            SpeedLaw::Trapezoid | SpeedLaw::SCurve(_) | SpeedLaw::SCurveBlockByBlock(_) => None,
         };
         self.look_ahead.set_law(&law);
         true

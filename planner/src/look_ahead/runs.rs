@@ -1,20 +1,25 @@
-//! Look-ahead under an S-curve: neighbouring blocks become runs, each under one time law.
+//! Look-ahead under an S-curve: neighbouring blocks share one time law.
 //!
-//! Were every block to begin and end without acceleration, curves of short blocks would never gain speed. So blocks are
-//! joined to *runs*, and the acceleration is zero at the ends of those only. Li 2017 plans segment by segment and does not
-//! know this.
+//! Were every block to begin and end without acceleration, curves of short blocks would never gain speed. So blocks leave
+//! in *runs*, each under one law, and the acceleration is zero at the ends of runs only. Li 2017 plans segment by segment
+//! and does not know this. The best places for an end are those where the speed is lowest, and there the acceleration is
+//! zero anyway.
 //!
-//! - A new block joins the newest run where the corner between them does not limit, or where holding the whole run to the
-//!   corner's speed costs less time than a stop of acceleration there.
-//! - Reverse pass, over runs: entry <= reach(exit, length), the S-curve's reach in the place of v^2 + 2as.
-//! - A run is settled when its first block leaves. What leaves is cut off where the run cruises, if it does at the end of a
-//!   block: that costs nothing, and the rest may still grow. A run that may still grow and has no such place is cut in its
-//!   middle, at a speed from which its rest can stop.
+//! - *Reverse pass.* For each corner the speed from which, without acceleration there, everything behind it can be done:
+//!   by one ramp to an *anchor*, a corner behind it whose speed is known already, over all blocks between and no faster
+//!   than any of them or of the corners between. The anchor is kept as long as that gives more than a ramp to the next
+//!   corner, which becomes the anchor otherwise.
+//! - *A run is settled when its first block leaves.* It ends at the first corner that limits, that is where the corner
+//!   itself bounds the speed, and that can be reached with that speed; the corners between have to be passed no faster
+//!   than they may, which the law is asked. Where they would, the run is made slower, or ends there, whichever takes less
+//!   time.
+//! - What leaves is cut off where the run cruises, if that is at the end of a block: it costs nothing, and what is behind
+//!   may still become faster. A run that ends where no more blocks are known and has no such place is cut in its middle.
 //!
 //! One thing is not as under a constant acceleration: to slow down to x takes longer than to slow down to a standstill
-//! where x is small, since the acceleration has to be gone at x ([`crate::s_curve::bounds`]). A faster exit can therefore
-//! make an entry impossible that was possible before. Entries that were once granted are kept: the slower exit, from which
-//! everything behind was planned already, is taken then.
+//! where x is small, since the acceleration has to be gone at x ([`crate::s_curve::bounds`]). So a corner's speed could
+//! fall when the anchor's rises. It is kept then, with its anchor: what was possible before remains possible, at the
+//! anchor perhaps with less than its speed.
 
 use super::{Content, Left, LookAhead, Slot, Waiting};
 use crate::block::{Acceleration, Block, Speed, SquaredSpeed};
@@ -33,42 +38,6 @@ pub struct Part {
     pub offset_10nm: u32,
 }
 
-/// What several blocks have in common.
-#[derive(Clone, Copy, Debug)]
-struct Shape {
-    length_10nm: u32,
-    /// No faster anywhere: nominal speeds, and corners inside.
-    cruise: SquaredSpeed,
-    acceleration: Acceleration,
-}
-
-impl Shape {
-    fn of(block: &Block) -> Self {
-        Self { length_10nm: block.length_10nm, cruise: block.nominal.into(), acceleration: block.acceleration }
-    }
-
-    /// With one more at the end or the start, and this bound at the corner between; `None` where that is too long.
-    fn with(&self, block: &Block, corner: SquaredSpeed) -> Option<Self> {
-        Some(Self {
-            length_10nm: self.length_10nm.checked_add(block.length_10nm)?,
-            cruise: self.cruise.min(corner).min(block.nominal.into()),
-            acceleration: self.acceleration.min(block.acceleration),
-        })
-    }
-}
-
-/// The newest run, while it may grow.
-#[derive(Clone, Copy, Debug)]
-struct Newest {
-    shape: Shape,
-    /// Number of its first block or marker, since the beginning.
-    first: usize,
-    /// Bound of the speed at its start, and the speed from which it can stop; settled if the run before has left.
-    entry_bound: Speed,
-    entry: Speed,
-    settled: bool,
-}
-
 /// The run whose blocks are leaving.
 #[derive(Clone, Copy, Debug)]
 struct Leaving {
@@ -81,163 +50,137 @@ struct Leaving {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Runs {
     jerk: Jerk,
-    /// How many have left the ring, blocks and markers; wraps.
-    left: usize,
-    newest: Option<Newest>,
+    /// Whether blocks share laws at all.
+    joins: bool,
     leaving: Option<Leaving>,
 }
 
-/// The end of what leaves, inside a run.
-#[derive(Clone, Copy, Debug)]
-struct Cut {
-    /// Place of the first block behind it.
-    place: usize,
-    blocks: usize,
-    length_10nm: u32,
-    exit: Speed,
-}
-
-/// The oldest run.
-#[derive(Clone, Copy, Debug)]
-struct Oldest {
-    shape: Shape,
-    blocks: usize,
-    /// Place of the run behind it; `None` where it is the newest.
-    next: Option<usize>,
-}
-
 impl Runs {
-    pub(super) fn new(jerk: Jerk) -> Self {
-        Self { jerk, left: 0, newest: None, leaving: None }
+    pub(super) fn new(jerk: Jerk, joins: bool) -> Self {
+        Self { jerk, joins, leaving: None }
     }
 
     pub(super) fn clear(&mut self) {
-        *self = Self::new(self.jerk);
-    }
-
-    fn planning(&self, shape: &Shape) -> Planning {
-        Planning::new(self.jerk, shape.acceleration)
-    }
-
-    /// The newest run with one more block, if that is no loss; `bound` is that of the corner between.
-    fn joined(&self, newest: &Newest, block: &Block, bound: SquaredSpeed) -> Option<Shape> {
-        let before = &newest.shape;
-        let whole = before.with(block, bound)?;
-        let cruise = whole.cruise.root();
-        let planning = self.planning(&whole);
-        // What was granted must stay possible.
-        if cruise < newest.entry || cruise == Speed::ZERO || planning.reach(Speed::ZERO, whole.length_10nm) < newest.entry
-        {
-            return None;
-        }
-        let behind = Shape::of(block);
-        if whole.cruise == before.cruise
-            && whole.cruise == behind.cruise
-            && before.acceleration == behind.acceleration
-        {
-            return Some(whole);
-        }
-        // Either way from the same entry to the same exit, as fast as what is known allows.
-        let (first, second) = (self.planning(before), self.planning(&behind));
-        let corner = bound.min(before.cruise).min(behind.cruise).root();
-        let entry = if newest.settled {
-            newest.entry
-        } else {
-            newest.entry_bound.min(cruise).min(first.reach(corner, before.length_10nm)).max(newest.entry)
-        };
-        let corner = first.exit_within(entry, corner, before.length_10nm);
-        let exit = cruise.min(second.reach(corner, behind.length_10nm));
-        let exit = second.exit_within(corner, planning.exit_within(entry, exit, whole.length_10nm), behind.length_10nm);
-        let apart = first.duration(entry, corner, before.cruise.root(), before.length_10nm)
-            + second.duration(corner, exit, block.nominal, behind.length_10nm);
-        let together = planning.duration(entry, exit, cruise, whole.length_10nm);
-        (together <= apart).then_some(whole)
+        self.leaving = None;
     }
 }
 
+/// A corner as the end of a run that begins at the oldest block.
+#[derive(Clone, Copy, Debug)]
+struct End {
+    /// Place of the block behind it; the ring's length where there is none.
+    place: usize,
+    /// Blocks before it, their length, and the smallest of their accelerations.
+    blocks: usize,
+    length_10nm: u32,
+    acceleration: Acceleration,
+    /// Largest of their nominal speeds.
+    fastest: Speed,
+    /// Bound of the speed there, and the speed from which everything behind can be done.
+    bound: Speed,
+    speed: Speed,
+    /// Nominal speed of the last of them.
+    nominal: Speed,
+    /// No block is known behind it.
+    is_last: bool,
+}
+
+/// Speeds of a run to an end.
+#[derive(Clone, Copy, Debug)]
+struct Speeds {
+    peak: Speed,
+    exit: Speed,
+}
+
+/// The corner to which a ramp goes from the corners before it.
+#[derive(Clone, Copy, Debug)]
+struct Anchor {
+    place: usize,
+    speed: Speed,
+    /// Path to it, and the smallest acceleration and the slowest nominal speed or corner on it.
+    length_10nm: u32,
+    acceleration: Acceleration,
+    slowest: Speed,
+}
+
+impl Anchor {
+    /// With one more block before it.
+    fn behind(&self, block: &Block) -> Self {
+        Self {
+            length_10nm: self.length_10nm.saturating_add(block.length_10nm),
+            acceleration: self.acceleration.min(block.acceleration),
+            slowest: self.slowest.min(block.nominal),
+            ..*self
+        }
+    }
+
+    /// The fastest that one ramp to it may begin with.
+    fn reach(&self, jerk: Jerk) -> Speed {
+        if self.slowest <= self.speed {
+            return self.slowest;
+        }
+        Planning::new(jerk, self.acceleration).reach(self.speed, self.length_10nm).min(self.slowest)
+    }
+}
+
+/// Steps in which a run is made slower.
+const SLOWER_STEPS: u32 = 8;
+
 impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
     /// Adds a block, for which there is room.
-    pub(super) fn push_to_runs(&mut self, mut runs: Runs, block: &Block, bound: SquaredSpeed) -> Runs {
+    pub(super) fn push_to_runs(&mut self, runs: &Runs, block: &Block, bound: SquaredSpeed) {
+        let bound = bound.root();
         let place = self.length;
-        if let Some(newest) = runs.newest
-            && let Some(shape) = runs.joined(&newest, block, bound)
-        {
-            self.place_block(Waiting {
-                block: *block,
-                entry_bound: bound,
-                entry: SquaredSpeed::ZERO,
-                settled: false,
-                starts_run: false,
-                run_entry: Speed::ZERO,
-            });
-            let reach = runs.planning(&shape).reach(Speed::ZERO, shape.length_10nm);
-            let entry = newest.entry_bound.min(shape.cruise.root()).min(reach).max(newest.entry);
-            let entry = if newest.settled { newest.entry } else { entry };
-            runs.newest = Some(Newest { shape, entry, ..newest });
-            if entry != newest.entry {
-                let first = newest.first.wrapping_sub(runs.left);
-                self.set_entry(first, entry);
-                self.reverse_pass_over_runs(&runs, first, entry);
-            }
-            return runs;
-        }
-        let shape = Shape::of(block);
-        // Where all before have left or are leaving, they end with a stop.
-        let settled = runs.newest.is_none();
-        let entry_bound = bound.root();
-        let reach = runs.planning(&shape).reach(Speed::ZERO, shape.length_10nm);
-        let entry = if settled { Speed::ZERO } else { entry_bound.min(reach) };
         self.place_block(Waiting {
             block: *block,
-            entry_bound: bound,
+            entry_bound: bound.into(),
             entry: SquaredSpeed::ZERO,
-            settled,
-            starts_run: true,
-            run_entry: entry,
+            settled: false,
+            run_bound: bound,
+            run_entry: Speed::ZERO,
+            anchor: 1,
         });
-        let first = runs.left.wrapping_add(place);
-        runs.newest = Some(Newest { shape, first, entry_bound, entry, settled });
-        if !settled {
-            self.reverse_pass_over_runs(&runs, place, entry);
-        }
-        runs
+        self.reverse_pass_over_corners(runs, place);
     }
 
-    fn set_entry(&mut self, place: usize, entry: Speed) {
-        if let Content::Block(waiting) = self.at(place) {
-            waiting.run_entry = entry;
-        }
-    }
-
-    /// From the newest run backwards, until nothing changes any more.
-    fn reverse_pass_over_runs(&mut self, runs: &Runs, newest: usize, newest_entry: Speed) {
-        let mut exit = newest_entry;
-        let mut shape: Option<Shape> = None;
-        let mut corner = SquaredSpeed::ZERO;
-        for place in (0..newest).rev() {
+    /// From the newest corner backwards, to one that is as fast as it may be already.
+    fn reverse_pass_over_corners(&mut self, runs: &Runs, newest: usize) {
+        let end = Anchor {
+            place: newest + 1,
+            speed: Speed::ZERO,
+            length_10nm: 0,
+            acceleration: Acceleration::MAX,
+            slowest: Speed(u32::MAX),
+        };
+        let mut anchor = end;
+        // The corner behind the present block.
+        let mut next = end;
+        for place in (0..=newest).rev() {
             let Content::Block(waiting) = self.at(place) else { continue };
-            let one = match shape {
-                // A run is never longer than what a shape can tell.
-                Some(shape) => shape.with(&waiting.block, corner),
-                None => Some(Shape::of(&waiting.block)),
-            };
-            let Some(one) = one else { return };
-            if !waiting.starts_run {
-                corner = waiting.entry_bound;
-                shape = Some(one);
-                continue;
-            }
-            shape = None;
             if waiting.settled {
                 return;
             }
-            let reach = runs.planning(&one).reach(exit, one.length_10nm);
-            let entry = waiting.entry_bound.min(one.cruise).root().min(reach).max(waiting.run_entry);
-            if entry == waiting.run_entry {
+            anchor = anchor.behind(&waiting.block);
+            next = next.behind(&waiting.block);
+            let mut reach = anchor.reach(runs.jerk);
+            if anchor.place != next.place {
+                let beside = next.reach(runs.jerk);
+                if beside > reach || !runs.joins || anchor.place - place > usize::from(u8::MAX) {
+                    anchor = next;
+                    reach = beside;
+                }
+            }
+            let entry = reach.min(waiting.run_bound);
+            let before = waiting.run_entry;
+            if entry > before {
+                waiting.run_entry = entry;
+                // Only markers can put the next corner further away.
+                waiting.anchor = u8::try_from(anchor.place - place).unwrap_or(u8::MAX);
+            } else if before == waiting.run_bound && place != newest {
                 return;
             }
-            waiting.run_entry = entry;
-            exit = entry;
+            anchor.slowest = anchor.slowest.min(waiting.run_bound);
+            next = Anchor { place, speed: waiting.run_entry, ..end };
         }
     }
 
@@ -246,9 +189,8 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
         if let Content::Block(waiting) = *self.at(0)
             && runs.leaving.is_none()
         {
-            self.settle(runs, &waiting, pace);
+            runs.leaving = Some(self.settle(runs, &waiting, pace));
         }
-        runs.left = runs.left.wrapping_add(1);
         let waiting = match self.take_first()? {
             Content::Empty => return None,
             Content::Marker(marker) => return Some(Left::Marker(marker)),
@@ -266,169 +208,260 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
         Some(Left::Part(part))
     }
 
-    fn oldest_run(&mut self, first: &Block) -> Oldest {
-        let mut oldest = Oldest { shape: Shape::of(first), blocks: 1, next: None };
-        let mut seen = 0;
-        for place in 0..self.length {
-            let Content::Block(waiting) = self.at(place) else { continue };
-            seen += 1;
-            if seen == 1 {
-                continue;
-            }
-            let grown = oldest.shape.with(&waiting.block, waiting.entry_bound);
-            match grown {
-                Some(shape) if !waiting.starts_run => {
-                    oldest.shape = shape;
-                    oldest.blocks += 1;
-                }
-                _ => {
-                    oldest.next = Some(place);
-                    break;
-                }
-            }
-        }
-        oldest
-    }
-
-    /// Settles the law of the oldest run or of its first part.
-    fn settle(&mut self, runs: &mut Runs, first: &Waiting, pace: Pace) {
-        let oldest = self.oldest_run(&first.block);
-        let Oldest { shape, blocks, next } = oldest;
-        let planning = runs.planning(&shape);
+    /// Settles the law of the blocks that leave next.
+    fn settle(&mut self, runs: &Runs, first: &Waiting, pace: Pace) -> Leaving {
         let entry = first.run_entry;
-        let cruise = shape.cruise.root();
-        let held = if pace == Pace::FULL { cruise } else { pace.of(cruise) };
-        let most = held.max(entry);
-        let most_behind = match next.map(|place| *self.at(place)) {
-            Some(Content::Block(waiting)) => waiting.run_entry,
-            _ => Speed::ZERO,
-        };
-        let length = shape.length_10nm;
-        let mut exit = planning.exit_within(entry, most_behind.min(held), length);
-        if exit > most_behind {
-            exit = planning.exit_within(entry, most_behind, length).min(most_behind);
-        }
-        let peak = planning.peak(entry, exit, most, length);
-        let may_grow = next.is_none() && !self.stopped;
-        let mut cut = None;
-        if peak == most && exit < peak {
-            let up = planning.ramp_10nm(entry, peak);
-            let down = planning.ramp_10nm(peak, exit);
-            cut = self.cut_in_cruise(blocks, up, u64::from(length).saturating_sub(down), peak);
-        }
-        if cut.is_none() && may_grow {
-            cut = self.cut_in_middle(&planning, blocks, length, entry, held);
-        }
-        let (length_10nm, exit, count) = match cut {
-            Some(cut) => (cut.length_10nm, cut.exit, cut.blocks),
-            None => (length, exit, blocks),
-        };
-        let run = Run {
-            length_10nm,
-            entry,
-            peak: planning.peak(entry, exit, most, length_10nm),
-            exit,
-            acceleration: shape.acceleration,
-            jerk: runs.jerk,
-        };
-        runs.leaving = Some(Leaving { run, passed_10nm: 0, blocks: count });
-        match cut.map(|cut| cut.place).or(next) {
-            Some(place) => self.begin_run(runs, place, exit, cut.is_some() && next.is_none()),
-            None => {
-                runs.newest = None;
-                self.stopped = true;
+        let settling = Settling { jerk: runs.jerk, entry, pace };
+        let mut end = self.first_limit(runs, &settling);
+        let mut law = None;
+        while law.is_none() {
+            match self.law_to(&settling, &end) {
+                Ok(speeds) => law = Some((end, speeds)),
+                Err(Some(nearer)) => end = nearer,
+                Err(None) => break,
             }
         }
+        let (mut end, mut speeds) = law.unwrap_or_else(|| self.granted(&settling, first));
+        let may_grow = end.is_last && !self.stopped;
+        if let Some(cut) = self.cut_in_cruise(&settling, &end, &speeds) {
+            // What was asked of the law holds for the same law only.
+            end = End { acceleration: end.acceleration, ..cut };
+            speeds.exit = speeds.peak;
+        } else if may_grow && let Some((cut, slower)) = self.cut_in_middle(&settling, &end) {
+            (end, speeds) = (cut, slower);
+        }
+        match self.content(end.place) {
+            Some(Content::Block(waiting)) => {
+                waiting.run_entry = speeds.exit;
+                waiting.settled = true;
+            }
+            _ => self.stopped = true,
+        }
+        let Speeds { peak, exit } = speeds;
+        let End { length_10nm, acceleration, blocks, .. } = end;
+        let run = Run { length_10nm, entry, peak, exit, acceleration, jerk: runs.jerk };
+        Leaving { run, passed_10nm: 0, blocks }
     }
 
-    /// A run begins at a place with a speed that is settled; `is_rest` if it is the newest and was cut.
-    fn begin_run(&mut self, runs: &mut Runs, place: usize, entry: Speed, is_rest: bool) {
-        let Content::Block(waiting) = self.at(place) else { return };
-        waiting.run_entry = entry;
-        waiting.settled = true;
-        waiting.starts_run = true;
-        let first = waiting.block;
-        let number = runs.left.wrapping_add(place);
-        if is_rest {
-            let mut shape = Shape::of(&first);
-            for place in place + 1..self.length {
-                if let Content::Block(waiting) = self.at(place) {
-                    shape = shape.with(&waiting.block, waiting.entry_bound).unwrap_or(shape);
+    /// A place in the ring that is in use.
+    fn content(&mut self, place: usize) -> Option<&mut Content> {
+        (place < self.length).then(|| self.at(place))
+    }
+
+    /// Looks at the corners from the oldest on, the ring's end included, until something is found.
+    fn find_end<T>(&mut self, mut look: impl FnMut(&End) -> Option<T>) -> Option<T> {
+        let mut end = End {
+            place: 0,
+            blocks: 0,
+            length_10nm: 0,
+            acceleration: Acceleration::MAX,
+            fastest: Speed::ZERO,
+            bound: Speed::ZERO,
+            speed: Speed::ZERO,
+            nominal: Speed::ZERO,
+            is_last: false,
+        };
+        for place in 0..self.length {
+            let Content::Block(waiting) = *self.at(place) else { continue };
+            let block = &waiting.block;
+            if end.blocks > 0 {
+                end = End { place, bound: waiting.run_bound, speed: waiting.run_entry, ..end };
+                if let Some(found) = look(&end) {
+                    return Some(found);
                 }
             }
-            runs.newest = Some(Newest { shape, first: number, entry_bound: entry, entry, settled: true });
-        } else if let Some(newest) = &mut runs.newest
-            && newest.first == number
-        {
-            newest.entry = entry;
-            newest.settled = true;
+            end.blocks += 1;
+            // A run is no longer than 42 m; where it would be, what is found there has to do.
+            end.length_10nm = end.length_10nm.checked_add(block.length_10nm)?;
+            end.acceleration = end.acceleration.min(block.acceleration);
+            end.fastest = end.fastest.max(block.nominal);
+            end.nominal = block.nominal;
+        }
+        end = End { place: self.length, bound: Speed::ZERO, speed: Speed::ZERO, is_last: true, ..end };
+        look(&end)
+    }
+
+    /// The first corner that limits and can be reached with its speed, or the last of all.
+    fn first_limit(&mut self, runs: &Runs, settling: &Settling) -> End {
+        let mut last = None;
+        let found = self.find_end(|end| {
+            last = Some(*end);
+            let limits = end.speed == end.bound
+                && settling.planning(end).reach(settling.entry, end.length_10nm) >= end.speed;
+            (end.is_last || limits || !runs.joins).then_some(*end)
+        });
+        found.or(last).unwrap_or(End {
+            place: 1,
+            blocks: 1,
+            length_10nm: 1,
+            acceleration: Acceleration::MAX,
+            fastest: Speed::ZERO,
+            bound: Speed::ZERO,
+            speed: Speed::ZERO,
+            nominal: Speed::ZERO,
+            is_last: true,
+        })
+    }
+
+    /// The speeds of one run to an end; or a nearer end that is better, or none if it cannot be reached.
+    fn law_to(&mut self, settling: &Settling, end: &End) -> Result<Speeds, Option<End>> {
+        let Some((exit, most)) = settling.exit(end) else { return Err(None) };
+        let planning = settling.planning(end);
+        let (entry, length) = (settling.entry, end.length_10nm);
+        let peak = planning.peak(entry, exit, most, length);
+        let Some(passed) = self.too_fast(settling, end, &Speeds { peak, exit }) else {
+            return Ok(Speeds { peak, exit });
+        };
+        let least = entry.max(exit);
+        if self.too_fast(settling, end, &Speeds { peak: least, exit }).is_some() {
+            return Err(Some(passed));
+        }
+        let (mut low, mut high) = (least, peak);
+        for _ in 0..SLOWER_STEPS {
+            let middle = Speed(low.0.midpoint(high.0));
+            match self.too_fast(settling, end, &Speeds { peak: middle, exit }) {
+                None => low = middle,
+                Some(_) => high = middle,
+            }
+        }
+        let slower = planning.duration(entry, exit, low, length);
+        let parts = settling.exit(&passed).map(|(corner, most_before)| {
+            let (before, rest) = (passed.length_10nm, length - passed.length_10nm);
+            planning.duration(entry, corner, most_before, before)
+                + planning.duration(corner, planning.exit_within(corner, exit, rest), most, rest)
+        });
+        match parts {
+            Some(parts) if parts < slower => Err(Some(passed)),
+            _ => Ok(Speeds { peak: low, exit }),
         }
     }
 
-    /// The last end of a block of the oldest run that is within these lengths, and not the run's own end.
-    fn cut_in_cruise(&mut self, blocks: usize, from_10nm: u64, to_10nm: u64, speed: Speed) -> Option<Cut> {
-        let mut found = None;
-        self.visit_ends(blocks, |cut| {
-            let length = u64::from(cut.length_10nm);
-            if length >= from_10nm && length <= to_10nm {
-                found = Some(Cut { exit: speed, ..cut });
+    /// The first corner or block of a run that it would pass too fast, as an end.
+    fn too_fast(&mut self, settling: &Settling, end: &End, speeds: &Speeds) -> Option<End> {
+        let hump = settling.planning(end).hump(settling.entry, speeds.peak, speeds.exit, end.length_10nm);
+        let cruise = hump.cruise_10nm();
+        let mut before: Option<End> = None;
+        self.find_end(|corner| {
+            let start = before.map_or(0, |end| end.length_10nm);
+            let cruises = start < cruise[1] && corner.length_10nm > cruise[0];
+            if speeds.peak > corner.nominal && cruises {
+                return Some(before.or((corner.place < end.place).then_some(*corner)));
             }
+            if corner.place >= end.place {
+                return Some(None);
+            }
+            before = Some(*corner);
+            // Most corners do not limit at all.
+            let is_too_fast = speeds.peak > corner.bound && hump.is_faster_at(corner.length_10nm, corner.bound);
+            is_too_fast.then_some(Some(*corner))
+        })
+        .flatten()
+    }
+
+    /// The run that the reverse pass has granted: one ramp to the anchor, or to what of its speed is possible.
+    fn granted(&mut self, settling: &Settling, first: &Waiting) -> (End, Speeds) {
+        let place = usize::from(first.anchor);
+        let mut last = None;
+        let found = self.find_end(|end| {
+            last = Some(*end);
+            (end.is_last || end.place >= place).then_some(*end)
+        });
+        let end = found.or(last).unwrap_or_else(|| End {
+            place: 1,
+            blocks: 1,
+            length_10nm: first.block.length_10nm,
+            acceleration: first.block.acceleration,
+            fastest: first.block.nominal,
+            bound: Speed::ZERO,
+            speed: Speed::ZERO,
+            nominal: first.block.nominal,
+            is_last: true,
+        });
+        let entry = settling.entry;
+        // The anchor may have become faster since then; the blocks and corners before it have not.
+        let wanted = end.speed.min(entry);
+        let exit = settling.planning(&end).exit_within(entry, wanted, end.length_10nm).min(wanted);
+        (end, Speeds { peak: entry, exit })
+    }
+
+    /// The last corner that a run passes while it cruises, before it slows down, with a speed that was granted there.
+    fn cut_in_cruise(&mut self, settling: &Settling, end: &End, speeds: &Speeds) -> Option<End> {
+        if speeds.exit >= speeds.peak {
+            return None;
+        }
+        let hump = settling.planning(end).hump(settling.entry, speeds.peak, speeds.exit, end.length_10nm);
+        let [from, to] = hump.cruise_10nm();
+        let mut found = None;
+        self.find_end(|corner| {
+            if corner.place >= end.place {
+                return Some(());
+            }
+            let length = corner.length_10nm;
+            if length >= from && length <= to && speeds.peak <= corner.speed {
+                found = Some(*corner);
+            }
+            None
         });
         found
     }
 
-    /// The end of a block nearest to the middle of the oldest run at which it can be left with a speed from which the rest
-    /// can stop; if there is none near, the one with the fastest such speed.
-    fn cut_in_middle(
-        &mut self,
-        planning: &Planning,
-        blocks: usize,
-        length: u32,
-        entry: Speed,
-        most: Speed,
-    ) -> Option<Cut> {
-        let at = |cut: Cut| {
-            let stops_from = planning.reach(Speed::ZERO, length - cut.length_10nm);
-            let exit = planning.exit_within(entry, stops_from.min(most), cut.length_10nm);
-            // Held back by the pace it may be left faster, as long as it can stop.
-            let possible = exit <= stops_from && (exit >= entry || planning.fits(entry, exit, cut.length_10nm));
-            possible.then_some(Cut { exit, ..cut })
-        };
-        let mut middle: Option<Cut> = None;
-        self.visit_ends(blocks, |cut| {
-            let distance = |cut: &Cut| cut.length_10nm.abs_diff(length / 2);
-            if middle.is_none_or(|one| distance(&cut) < distance(&one)) {
-                middle = Some(cut);
+    /// The corner nearest to the middle of a run at which it can end, or of the others the one with the fastest end.
+    fn cut_in_middle(&mut self, settling: &Settling, end: &End) -> Option<(End, Speeds)> {
+        let mut middle: Option<End> = None;
+        self.find_end(|corner| {
+            let distance = |corner: &End| corner.length_10nm.abs_diff(end.length_10nm / 2);
+            if corner.place >= end.place {
+                return Some(());
             }
+            if middle.is_none_or(|one| distance(corner) < distance(&one)) {
+                middle = Some(*corner);
+            }
+            None
         });
-        if let Some(cut) = middle.and_then(at) {
-            return Some(cut);
+        let middle = middle?;
+        if let Ok(speeds) = self.law_to(settling, &middle) {
+            return Some((middle, speeds));
         }
-        let mut best: Option<Cut> = None;
-        self.visit_ends(blocks, |cut| {
-            if let Some(cut) = at(cut)
-                && best.is_none_or(|one| cut.exit > one.exit)
-            {
-                best = Some(cut);
+        let mut best: Option<(End, Speed)> = None;
+        self.find_end(|corner| {
+            if corner.place >= end.place {
+                return Some(());
             }
+            if let Some((exit, _)) = settling.exit(corner)
+                && best.is_none_or(|(_, one)| exit > one)
+            {
+                best = Some((*corner, exit));
+            }
+            None
         });
-        best
+        let (best, _) = best?;
+        self.law_to(settling, &best).ok().map(|speeds| (best, speeds))
+    }
+}
+
+/// What a run begins with.
+#[derive(Clone, Copy, Debug)]
+struct Settling {
+    jerk: Jerk,
+    entry: Speed,
+    pace: Pace,
+}
+
+impl Settling {
+    fn planning(&self, end: &End) -> Planning {
+        Planning::new(self.jerk, end.acceleration)
     }
 
-    /// Shows the ends of the oldest run's blocks but the last.
-    fn visit_ends(&mut self, blocks: usize, mut look: impl FnMut(Cut)) {
-        let mut end = Cut { place: 0, blocks: 0, length_10nm: 0, exit: Speed::ZERO };
-        for place in 0..self.length {
-            let Content::Block(waiting) = self.at(place) else { continue };
-            let length = waiting.block.length_10nm;
-            if end.blocks > 0 {
-                look(Cut { place, ..end });
-            }
-            end.blocks += 1;
-            if end.blocks == blocks {
-                return;
-            }
-            end.length_10nm = end.length_10nm.saturating_add(length);
+    /// The speed with which an end can be reached that everything behind it can be done from, and the greatest on the way;
+    /// `None` where there is no such speed.
+    fn exit(&self, end: &End) -> Option<(Speed, Speed)> {
+        let planning = self.planning(end);
+        let held = if self.pace == Pace::FULL { end.fastest } else { self.pace.of(end.fastest) };
+        let length = end.length_10nm;
+        let mut exit = planning.exit_within(self.entry, end.speed.min(held), length);
+        if exit > end.speed {
+            exit = planning.exit_within(self.entry, end.speed, length);
         }
+        (exit <= end.speed && planning.fits(self.entry, exit, length)).then_some((exit, held.max(self.entry)))
     }
 }

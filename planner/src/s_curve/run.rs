@@ -2,6 +2,7 @@
 
 use super::CurveError;
 use super::bounds::Bounds;
+use super::cubic::Cubic;
 use crate::block::{Acceleration, Speed};
 use crate::kinematics::UNITS_PER_MM;
 
@@ -129,9 +130,81 @@ impl Planning {
         self.0.duration(speed(entry), speed(peak), speed(exit), length(length_10nm))
     }
 
-    /// How long a ramp between two speeds is, units of 10 nm, rounded up.
-    pub(crate) fn ramp_10nm(&self, one: Speed, other: Speed) -> u64 {
-        (self.ramp(one, other) * UNITS_PER_MM as f32) as u64 + 1
+    /// The law between these speeds, which fit.
+    pub(crate) fn hump(&self, entry: Speed, peak: Speed, exit: Speed, length_10nm: u32) -> Hump {
+        Hump {
+            up: HumpRamp::new(&self.0, entry, peak),
+            down: HumpRamp::new(&self.0, exit, peak),
+            length: length(length_10nm),
+        }
+    }
+}
+
+/// A ramp as look-ahead sees it, in mm and mm/s.
+#[derive(Clone, Copy, Debug)]
+struct HumpRamp {
+    slow: f32,
+    change: f32,
+    half_time: f32,
+}
+
+impl HumpRamp {
+    fn new(bounds: &Bounds<f32>, slow: Speed, fast: Speed) -> Self {
+        let change = fast.0.abs_diff(slow.0) as f32 * (1.0 / 65_536.0);
+        Self { slow: speed(slow), change, half_time: bounds.half_time_of(change) }
+    }
+
+    fn length(&self) -> f32 {
+        (self.slow + self.slow + self.change) * self.half_time
+    }
+
+    /// Speed so far from its slow end; `inside` it.
+    fn speed_at(&self, inside: f32) -> f32 {
+        let Self { slow, change, half_time } = *self;
+        let bend = change * half_time * (1.0 / 6.0);
+        let half = slow * half_time + bend;
+        if inside < half {
+            let x = Cubic { linear: slow * half_time, cubic: bend }.solve_f32(inside);
+            slow + 0.5 * change * x * x
+        } else {
+            let fast = slow + change;
+            let x = Cubic { linear: fast * half_time, cubic: -bend }.solve_f32(self.length() - inside);
+            fast - 0.5 * change * x * x
+        }
+    }
+}
+
+/// The law of a run as look-ahead sees it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Hump {
+    up: HumpRamp,
+    down: HumpRamp,
+    length: f32,
+}
+
+/// How much faster than it may a corner is passed at most, for rounding in f32 is not to be taken for speed.
+const TOLERANCE: f32 = 1.0 + 1e-5;
+
+impl Hump {
+    /// Where its cruise begins and ends, units of 10 nm, at the next whole ones inside.
+    pub(crate) fn cruise_10nm(&self) -> [u32; 2] {
+        let [start, end] =
+            [self.up.length(), self.length - self.down.length()].map(|length| (length * UNITS_PER_MM as f32) as u32);
+        [start.saturating_add(1), end]
+    }
+
+    /// Whether a place is passed faster than this.
+    pub(crate) fn is_faster_at(&self, length_10nm: u32, bound: Speed) -> bool {
+        let place = length(length_10nm);
+        let to_end = self.length - place;
+        let passed = if place < self.up.length() {
+            self.up.speed_at(place)
+        } else if to_end < self.down.length() {
+            self.down.speed_at(to_end)
+        } else {
+            self.up.slow + self.up.change
+        };
+        passed > speed(bound) * TOLERANCE
     }
 }
 
