@@ -37,7 +37,13 @@ impl Inside {
 
     /// Those of a block.
     #[inline]
-    pub(crate) fn start<F: Real>(&mut self, block: &Block, law: &impl BlockLaw<F>, master: u32, extruder: &ExtruderTravel) {
+    pub(crate) fn start<F: Real>(
+        &mut self,
+        block: &Block,
+        law: &impl BlockLaw<F>,
+        master: u32,
+        extruder: &ExtruderTravel,
+    ) {
         self.count = 0;
         self.passed = 0;
         if !block.inner_ends.is_empty() {

@@ -186,6 +186,18 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         true
     }
 
+    /// For comparison: under an S-curve, lets every block begin and end without acceleration instead of giving neighbours
+    /// one law. `false` where moves wait or the motion is not of that kind, and then nothing has changed.
+    pub fn plan_block_by_block(&mut self) -> bool {
+        match speed_law(&self.choice) {
+            Some(SpeedLaw::SCurve(jerk)) if self.is_idle() => {
+                self.look_ahead.set_law(&SpeedLaw::SCurveBlockByBlock(jerk));
+                true
+            }
+            _ => false,
+        }
+    }
+
     /// Holds the blocks that leave look-ahead from now on to a share of their nominal speeds, within what acceleration
     /// allows. For a machine that cannot keep up; [`Pace::FULL`] at first, and then nothing is changed.
     pub fn set_pace(&mut self, pace: Pace) {

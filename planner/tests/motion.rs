@@ -5,8 +5,8 @@
 use ferrostep_planner::extruder::{Extruder, rounded_steps};
 use ferrostep_planner::look_ahead::Slot;
 use ferrostep_planner::{
-    AccelerationProfile, Geometry, Kinematics, Limits, MotionChoice, Move, MoveError, Moved, Notice, Pace, PlannedBlock,
-    Planner, Progress, Speed, StepDigests, StepEntry, StepKind, StepSink, StepsPerMm, TICKS_PER_SECOND,
+    AccelerationProfile, Geometry, Kinematics, Limits, MotionChoice, Move, MoveError, Moved, Notice, Pace,
+    PlannedBlock, Planner, Progress, Speed, StepDigests, StepEntry, StepKind, StepSink, StepsPerMm, TICKS_PER_SECOND,
 };
 use proptest::prelude::*;
 

@@ -182,14 +182,7 @@ fn check_a_job(random: &mut Random, blocks: u64) -> (u64, u64) {
     let mut pace = Pace::FULL;
     let starves = random.one_in(4);
     let overloads = random.one_in(4);
-    let mut checker = Checker {
-        jerk,
-        waiting: Default::default(),
-        speed: Speed::ZERO,
-        run: None,
-        runs: 0,
-        blocks: 0,
-    };
+    let mut checker = Checker { jerk, waiting: Default::default(), speed: Speed::ZERO, run: None, runs: 0, blocks: 0 };
     let mut stopped = true;
     let mut nominal_before = Speed::ZERO;
     for _ in 0..blocks {

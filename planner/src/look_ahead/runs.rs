@@ -286,8 +286,8 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
         let mut last = None;
         let found = self.find_end(|end| {
             last = Some(*end);
-            let limits = end.speed == end.bound
-                && settling.planning(end).reach(settling.entry, end.length_10nm) >= end.speed;
+            let limits =
+                end.speed == end.bound && settling.planning(end).reach(settling.entry, end.length_10nm) >= end.speed;
             (end.is_last || limits || !runs.joins).then_some(*end)
         });
         found.or(last).unwrap_or(End {

@@ -110,12 +110,7 @@ impl Profile {
     ///
     /// # Errors
     /// [`CurveError`] where a number is out of range, or the length does not even hold a ramp from `entry` to `exit`.
-    pub fn new(
-        [entry, most, exit]: [f64; 3],
-        length: f64,
-        jerk: f64,
-        acceleration: f64,
-    ) -> Result<Self, CurveError> {
+    pub fn new([entry, most, exit]: [f64; 3], length: f64, jerk: f64, acceleration: f64) -> Result<Self, CurveError> {
         let bounds = bounds(jerk, acceleration)?;
         speeds(&[entry, most, exit])?;
         if !(length >= 0.0 && length.is_finite()) {

@@ -16,7 +16,11 @@ impl Jerk {
     /// # Errors
     /// [`CurveError::Jerk`] where it is not a finite number above zero.
     pub fn from_mm_per_s3(mm_per_s3: f64) -> Result<Self, CurveError> {
-        if mm_per_s3 > 0.0 && mm_per_s3.is_finite() { Ok(Self((mm_per_s3 as u32).max(1))) } else { Err(CurveError::Jerk) }
+        if mm_per_s3 > 0.0 && mm_per_s3.is_finite() {
+            Ok(Self((mm_per_s3 as u32).max(1)))
+        } else {
+            Err(CurveError::Jerk)
+        }
     }
 
     /// The jerk, mm/s^3.
@@ -65,10 +69,7 @@ impl Planning {
     /// With this jerk and acceleration.
     pub(crate) fn new(jerk: Jerk, acceleration: Acceleration) -> Self {
         let kept = 1.0 - KEPT_BACK;
-        Self(Bounds {
-            jerk: jerk.0 as f32 * kept,
-            acceleration: acceleration.quantised() as f32 * (kept / 256.0),
-        })
+        Self(Bounds { jerk: jerk.0 as f32 * kept, acceleration: acceleration.quantised() as f32 * (kept / 256.0) })
     }
 
     /// How long a ramp between two speeds is, mm. Their difference is exact: f32 does not tell fast speeds apart.

@@ -49,14 +49,7 @@ impl Segments {
     /// Nothing read yet; motion starts at f0.
     pub fn new(table: &FrequencyTable) -> Self {
         let none = Line { pulses: 0.0, run_hz: 0.0 };
-        Self {
-            table: *table,
-            lines: [none; LINES],
-            first: 0,
-            count: 0,
-            before_hz: table.start_hz(),
-            is_over: false,
-        }
+        Self { table: *table, lines: [none; LINES], first: 0, count: 0, before_hz: table.start_hz(), is_over: false }
     }
 
     /// Reads a line; `false` without room, and where it asks for nothing that can be done: pulses and frequency are finite
@@ -165,7 +158,9 @@ mod tests {
     fn impossible_lines_are_refused() {
         let mut segments = Segments::new(&table());
         for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-            assert!(!segments.read(Line { pulses: bad, run_hz: 1.0 }) && !segments.read(Line { pulses: 1.0, run_hz: bad }));
+            assert!(
+                !segments.read(Line { pulses: bad, run_hz: 1.0 }) && !segments.read(Line { pulses: 1.0, run_hz: bad })
+            );
         }
         assert_eq!(segments.waiting(), 0);
     }

@@ -154,8 +154,7 @@ impl Staircase {
         } else if index - ups <= downs {
             let number = index - ups - 1;
             let slice = table.at(down_first - number);
-            let from =
-                if number > 0 { table.at(down_first - number + 1).pulses_before } else { self.down_start };
+            let from = if number > 0 { table.at(down_first - number + 1).pulses_before } else { self.down_start };
             let to = if number + 1 < downs { slice.pulses_before } else { plan.stop };
             let before = plan.acceleration + plan.cruise;
             let seconds = table.time_after(self.down_start) - table.time_after(from);

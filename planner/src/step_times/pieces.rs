@@ -112,18 +112,9 @@ fn run_phase(law: &Along, piece: &Piece, steps: &Spacing<f64>, index: u32, count
 }
 
 /// Half of a ramp in steps, away from where the acceleration is zero.
-fn ramp(
-    curve: Cubic<f64>,
-    half_time: f64,
-    steps: &Spacing<f64>,
-    time: f64,
-    base: f64,
-    index: u32,
-) -> JerkRamp {
-    let curve = Cubic {
-        linear: (curve.linear * steps.per_spacing) as f32,
-        cubic: (curve.cubic * steps.per_spacing) as f32,
-    };
+fn ramp(curve: Cubic<f64>, half_time: f64, steps: &Spacing<f64>, time: f64, base: f64, index: u32) -> JerkRamp {
+    let curve =
+        Cubic { linear: (curve.linear * steps.per_spacing) as f32, cubic: (curve.cubic * steps.per_spacing) as f32 };
     JerkRamp {
         curve,
         half_time: half_time as f32,
