@@ -85,6 +85,21 @@ struct End {
     is_last: bool,
 }
 
+impl End {
+    /// The beginning.
+    const NONE: Self = Self {
+        place: 0,
+        blocks: 0,
+        length_10nm: 0,
+        acceleration: Acceleration::MAX,
+        fastest: Speed::ZERO,
+        bound: Speed::ZERO,
+        speed: Speed::ZERO,
+        nominal: Speed::ZERO,
+        is_last: false,
+    };
+}
+
 /// Speeds of a run to an end.
 #[derive(Clone, Copy, Debug)]
 struct Speeds {
@@ -250,17 +265,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
 
     /// Looks at the corners from the oldest on, the ring's end included, until something is found.
     fn find_end<T>(&mut self, mut look: impl FnMut(&End) -> Option<T>) -> Option<T> {
-        let mut end = End {
-            place: 0,
-            blocks: 0,
-            length_10nm: 0,
-            acceleration: Acceleration::MAX,
-            fastest: Speed::ZERO,
-            bound: Speed::ZERO,
-            speed: Speed::ZERO,
-            nominal: Speed::ZERO,
-            is_last: false,
-        };
+        let mut end = End::NONE;
         for place in 0..self.length {
             let Content::Block(waiting) = *self.at(place) else { continue };
             let block = &waiting.block;
@@ -290,17 +295,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
                 end.speed == end.bound && settling.planning(end).reach(settling.entry, end.length_10nm) >= end.speed;
             (end.is_last || limits || !runs.joins).then_some(*end)
         });
-        found.or(last).unwrap_or(End {
-            place: 1,
-            blocks: 1,
-            length_10nm: 1,
-            acceleration: Acceleration::MAX,
-            fastest: Speed::ZERO,
-            bound: Speed::ZERO,
-            speed: Speed::ZERO,
-            nominal: Speed::ZERO,
-            is_last: true,
-        })
+        found.or(last).unwrap_or(End::NONE)
     }
 
     /// The speeds of one run to an end; or a nearer end that is better, or none if it cannot be reached.
@@ -366,17 +361,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
             last = Some(*end);
             (end.is_last || end.place >= place).then_some(*end)
         });
-        let end = found.or(last).unwrap_or_else(|| End {
-            place: 1,
-            blocks: 1,
-            length_10nm: first.block.length_10nm,
-            acceleration: first.block.acceleration,
-            fastest: first.block.nominal,
-            bound: Speed::ZERO,
-            speed: Speed::ZERO,
-            nominal: first.block.nominal,
-            is_last: true,
-        });
+        let end = found.or(last).unwrap_or(End::NONE);
         let entry = settling.entry;
         // The anchor may have become faster since then; the blocks and corners before it have not.
         let wanted = end.speed.min(entry);

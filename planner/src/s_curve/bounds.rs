@@ -53,7 +53,7 @@ impl<F: Real> Bounds<F> {
     /// with one root there. Newton's steps from above it go down to it, a fixed number of them. Both sqrt and the limit of
     /// acceleration, v^2 + aL = v'^2, hold; the smaller is taken.
     pub(crate) fn reach(&self, speed: F, length: F) -> F {
-        if !(length > F::ZERO) {
+        if length <= F::ZERO {
             return speed;
         }
         let length = length * F::constant(1.0 - KEPT_BACK);

@@ -29,7 +29,7 @@ fn bounds(jerk: f64, acceleration: f64) -> Result<Bounds<f64>, CurveError> {
         return Err(CurveError::Jerk);
     }
     // Infinite is no limit.
-    if !(acceleration > 0.0) {
+    if acceleration.is_nan() || acceleration <= 0.0 {
         return Err(CurveError::Acceleration);
     }
     Ok(Bounds { jerk, acceleration })

@@ -55,14 +55,14 @@ impl<F: Real> Cubic<F> {
 impl Cubic<f32> {
     /// As [`Cubic::solve`], to single precision.
     pub(crate) fn solve_f32(&self, distance: f32) -> f32 {
-        if !(distance > 0.0) {
+        if distance <= 0.0 || self.linear <= 0.0 && self.cubic <= 0.0 {
             return 0.0;
         }
         let mut x = distance / self.linear;
         if self.cubic > 0.0 {
             let root = cube_root_above(distance / self.cubic);
-            // Also where there is no speed: the quotient is infinite then.
-            if !(x < root) {
+            // Where there is no speed, the quotient is infinite.
+            if x > root {
                 x = root;
             }
         }

@@ -254,7 +254,7 @@ impl Along {
     }
 
     /// A time of the run from the block's start.
-    pub(crate) fn from_start(&self, time: f64) -> u64 {
+    pub(crate) fn since_start(&self, time: f64) -> u64 {
         Real::to_u64(time).saturating_sub(self.start)
     }
 
@@ -262,7 +262,7 @@ impl Along {
     pub(crate) fn time_at(&self, length_10nm: u32) -> u64 {
         let position = f64::from(length_10nm);
         let place = Place { from_start: self.offset + position, to_end: self.rest + (self.length - position) };
-        self.from_start(self.curve.time_at(&place))
+        self.since_start(self.curve.time_at(&place))
     }
 
     /// Speed at the block's end.

@@ -65,7 +65,7 @@ impl FrequencyTable {
         // Li 2017, eq. 4.
         let half_time_s = square_root((top_hz - start_hz) / jerk_hz_per_s2);
         let slices = 2.0 * half_time_s / slice_s;
-        if !(slices <= MOST_SLICES) {
+        if slices.is_nan() || slices > MOST_SLICES {
             return Err(CurveError::TooManySlices);
         }
         // No slice for what rounding leaves of the last.
@@ -138,7 +138,7 @@ impl FrequencyTable {
         let gained = frequency_hz - self.start_hz;
         let missing = self.top_hz - frequency_hz;
         let time = |change_hz: f64| square_root(2.0 * change_hz / self.jerk_hz_per_s2);
-        if !(gained > 0.0) {
+        if gained <= 0.0 {
             0.0
         } else if missing <= 0.0 {
             2.0 * self.half_time_s
@@ -164,7 +164,7 @@ impl FrequencyTable {
 
     /// When so many pulses are made.
     pub fn time_after(&self, pulses: f64) -> f64 {
-        if !(pulses > 0.0) {
+        if pulses <= 0.0 {
             return 0.0;
         }
         let slice = self.at(self.slice_of(pulses));

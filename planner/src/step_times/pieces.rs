@@ -90,7 +90,7 @@ fn run_phase(law: &Along, piece: &Piece, steps: &Spacing<f64>, index: u32, count
         Piece::Cruise { start, start_time } => {
             let inside = law.offset + position_of(steps, index) - start;
             let time = start_time + law.curve.cruise_time(if inside > 0.0 { inside } else { 0.0 });
-            cruise(count, law.from_start(time), law.curve.cruise_time(steps.spacing))
+            cruise(count, law.since_start(time), law.curve.cruise_time(steps.spacing))
         }
         Piece::From { anchor, anchor_time, curve, half_time } => {
             let distance = (law.offset - anchor) + position_of(steps, index);
@@ -98,7 +98,7 @@ fn run_phase(law: &Along, piece: &Piece, steps: &Spacing<f64>, index: u32, count
             let time = curve.solve(distance) * half_time;
             let base = distance * steps.per_spacing;
             let ramp = ramp(curve, half_time, steps, time, base, 0);
-            Phase { count, first: law.from_start(anchor_time + time), pace: Pace::Jerk(ramp) }
+            Phase { count, first: law.since_start(anchor_time + time), pace: Pace::Jerk(ramp) }
         }
         Piece::To { before_end, anchor_time, curve, half_time } => {
             let last = (law.rest - before_end) + behind(steps, index + (count - 1));
@@ -106,7 +106,7 @@ fn run_phase(law: &Along, piece: &Piece, steps: &Spacing<f64>, index: u32, count
             let time = curve.solve(last + f64::from(count - 1) * steps.spacing) * half_time;
             let ramp = ramp(curve, half_time, steps, time, last * steps.per_spacing, count - 1);
             let ramp = JerkRamp { direction: u32::MAX, ..ramp };
-            Phase { count, first: law.from_start(anchor_time - time), pace: Pace::Jerk(ramp) }
+            Phase { count, first: law.since_start(anchor_time - time), pace: Pace::Jerk(ramp) }
         }
     }
 }
