@@ -40,6 +40,7 @@ mod app {
     use ferrostep_hal_shim::clock_tree::ClockSource;
     use ferrostep_hal_shim::stepping::{self, SlotAccount, StepFeeder};
     use ferrostep_planner::look_ahead::Slot;
+    use ferrostep_printer::machine::SharedMotion;
     use ferrostep_printer::{Host, Printer, Replies, Signals, temperatures};
     use ferrostep_stm32f4::bench::{self, BenchPins};
     use ferrostep_stm32f4::clock;
@@ -56,7 +57,7 @@ mod app {
     use crate::heat::{self, Heat};
     use crate::host_line::{self, Patience, Reader, Writer};
     use crate::ports::{
-        BoardHeating, BoardMachine, BoardMotion, BoardReplies, BoardStepTimer, LOOK_AHEAD_BLOCKS, Overload,
+        BoardHeating, BoardMachine, BoardMachineLock, BoardReplies, BoardStepTimer, LOOK_AHEAD_BLOCKS, Overload,
         PLANNER_WORK, STEP_QUEUE_SLOTS, STEPS,
     };
     use crate::profile::PROFILE;
@@ -239,7 +240,7 @@ mod app {
     /// Lines to commands, commands to moves and replies.
     #[task(priority = 2, shared = [machine, heat, writer], local = [reader, measured])]
     async fn printer(cx: printer::Context) {
-        let motion = BoardMotion::new(cx.shared.machine, &SIGNALS);
+        let motion = SharedMotion(BoardMachineLock::new(cx.shared.machine, &SIGNALS));
         let heating = BoardHeating(RefCell::new(cx.shared.heat));
         let replies = BoardReplies(RefCell::new(cx.shared.writer));
         let mut printer = Printer::new(&PROFILE, motion, heating, SystemClock::default(), &replies, &SIGNALS);

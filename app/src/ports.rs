@@ -9,10 +9,9 @@ use ferrostep_gcode::{MotionFigures, Reply};
 use ferrostep_hal_shim::Heater;
 use ferrostep_hal_shim::stepping::StepPlayer;
 use ferrostep_planner::look_ahead::Slot;
-use ferrostep_planner::{Limits, MotionChoice, Move, MoveError, Moved};
 use ferrostep_printer::heat::HeatFault;
-use ferrostep_printer::machine::Machine;
-use ferrostep_printer::{HeaterStatus, Heating, Motion, MotionError, Replies, Seek, Signals};
+use ferrostep_printer::machine::{Machine, SharedMachine};
+use ferrostep_printer::{HeaterStatus, Heating, Replies, Signals};
 use ferrostep_stm32f4::bench::BenchPins;
 use ferrostep_stm32f4::step_timer::{StepQueue, StepTimer};
 use rtic::Mutex;
@@ -39,8 +38,11 @@ pub static STEPS: StepPlayer<StepSignals, MOTOR_PORTS, STEP_QUEUE_SLOTS> = StepP
 /// The step interrupt of this board.
 pub type BoardStepTimer = StepTimer<StepSignals, MOTOR_PORTS, STEP_QUEUE_SLOTS>;
 
+/// The step queue of this board.
+pub type BoardStepQueue = StepQueue<BenchPins, StepSignals, MOTOR_PORTS, STEP_QUEUE_SLOTS>;
+
 /// The machine of this board.
-pub type BoardMachine = Machine<&'static mut [Slot], StepQueue<BenchPins, StepSignals, MOTOR_PORTS, STEP_QUEUE_SLOTS>>;
+pub type BoardMachine = Machine<&'static mut [Slot], BoardStepQueue>;
 
 /// There is something for the planner task to do.
 pub static PLANNER_WORK: Signal<()> = Signal::new();
@@ -48,115 +50,37 @@ pub static PLANNER_WORK: Signal<()> = Signal::new();
 /// How often a command that waits for motion looks whether it has come.
 const LOOK_MS: u32 = 1;
 
-/// Planner and motors.
-pub struct BoardMotion<'a, M> {
+/// The machine, as the task that executes commands shares it.
+pub struct BoardMachineLock<'a, M> {
     machine: RefCell<M>,
     signals: &'a Signals,
 }
 
-impl<'a, M: Mutex<T = BoardMachine>> BoardMotion<'a, M> {
+impl<'a, M: Mutex<T = BoardMachine>> BoardMachineLock<'a, M> {
     /// The view of a machine. M112 ends every wait.
     pub fn new(machine: M, signals: &'a Signals) -> Self {
         Self { machine: RefCell::new(machine), signals }
     }
+}
+
+impl<M: Mutex<T = BoardMachine>> SharedMachine for BoardMachineLock<'_, M> {
+    type Ring = &'static mut [Slot];
+    type Queue = BoardStepQueue;
 
     fn with<T>(&self, act: impl FnOnce(&mut BoardMachine) -> T) -> T {
         self.machine.borrow_mut().lock(act)
     }
 
-    /// Tries until it succeeds, then wakes the planner task; that is above the caller's, so what it makes of the change
-    /// is there before the next try.
-    async fn wait<T>(&self, mut attempt: impl FnMut(&mut BoardMachine) -> Option<T>) -> Result<T, MotionError> {
-        let stops = self.with(|machine| machine.stops());
-        loop {
-            if self.signals.is_halted() || self.with(|machine| machine.stops()) != stops {
-                return Err(MotionError::Stopped);
-            }
-            if let Some(value) = self.with(&mut attempt) {
-                PLANNER_WORK.writer().write(());
-                return Ok(value);
-            }
-            Mono::delay(LOOK_MS.millis()).await;
-        }
-    }
-}
-
-impl<M: Mutex<T = BoardMachine>> Motion for BoardMotion<'_, M> {
-    async fn add(&mut self, request: Move) -> Result<Moved, MotionError> {
-        self.wait(|machine| match machine.add(&request) {
-            Err(MoveError::NoRoom) => None,
-            Err(error) => Some(Err(MotionError::Move(error))),
-            Ok(moved) => Some(Ok(moved)),
-        })
-        .await?
-    }
-
-    async fn set_fan_power(&mut self, power: u8) -> Result<(), MotionError> {
-        self.wait(|machine| machine.add_fan_power(power).then_some(())).await
-    }
-
-    async fn finish(&mut self) -> Result<(), MotionError> {
-        self.with(|machine| machine.flush());
+    fn wake_planner(&self) {
         PLANNER_WORK.writer().write(());
-        self.wait(|machine| machine.is_idle().then_some(())).await
     }
 
-    async fn seek(&mut self, request: Move, axis: usize) -> Result<Seek, MotionError> {
-        self.finish().await?;
-        if self.add(request).await? == Moved::Nothing {
-            return Ok(Seek::Missed);
-        }
-        self.with(|machine| machine.begin_seek(axis));
-        PLANNER_WORK.writer().write(());
-        self.wait(|machine| machine.take_sought()).await
+    fn is_halted(&self) -> bool {
+        self.signals.is_halted()
     }
 
-    fn position_10nm(&self) -> [i64; 3] {
-        self.with(|machine| machine.position_10nm())
-    }
-
-    fn set_position(&mut self, position_10nm: [i64; 3]) {
-        self.with(|machine| machine.set_position(position_10nm));
-    }
-
-    fn motor_steps(&self) -> [i64; 4] {
-        self.with(|machine| machine.motor_steps())
-    }
-
-    fn figures(&self) -> MotionFigures {
-        self.with(|machine| machine.figures())
-    }
-
-    fn limits(&self) -> Limits {
-        self.with(|machine| machine.limits())
-    }
-
-    fn set_limits(&mut self, limits: Limits) {
-        self.with(|machine| machine.set_limits(limits));
-    }
-
-    fn motion_choice(&self) -> MotionChoice {
-        self.with(|machine| machine.motion_choice())
-    }
-
-    fn set_motion_choice(&mut self, choice: &MotionChoice) {
-        self.with(|machine| machine.set_motion_choice(choice));
-    }
-
-    fn set_motors_enabled(&mut self, axes: u8, enabled: bool) {
-        self.with(|machine| machine.set_motors_enabled(axes, enabled));
-    }
-
-    fn is_end_stop_triggered(&self, axis: usize) -> bool {
-        self.with(|machine| machine.is_end_stop_triggered(axis))
-    }
-
-    fn stop(&mut self) -> i64 {
-        self.with(|machine| {
-            machine.request_stop();
-            machine.work(Default::default());
-        });
-        self.with(|machine| machine.take_dropped_100pm())
+    async fn pause(&self) {
+        Mono::delay(LOOK_MS.millis()).await;
     }
 }
 

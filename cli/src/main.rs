@@ -12,13 +12,14 @@ use clap::{Parser, Subcommand};
 use ferrostep::desk::{LOOK_AHEAD_BLOCKS, Mode};
 use ferrostep::input::Input;
 use ferrostep::job::{self, JobProgress};
-use ferrostep::papers::{Chapter, Paper};
+use ferrostep::papers::{Chapter, Paper, choices};
 use ferrostep::record::{Observer, Recorder, TraceWriter, VcdWriter};
 use ferrostep::report::{Motors, Stop, Summary};
 use ferrostep::session::{JobReplies, Session};
 use ferrostep_planner::extruder::FILAMENT_UNITS_PER_MM;
 use ferrostep_planner::kinematics::UNITS_PER_MM;
 use ferrostep_printer::Profile;
+use indicatif::{ProgressBar, ProgressStyle};
 
 use progress::Progress;
 
@@ -65,6 +66,12 @@ enum Command {
         /// Draws the figures into a folder.
         #[arg(long, value_name = "DIR")]
         svg: Option<PathBuf>,
+        /// Instead, prints a file in every way to interpolate and to accelerate, and compares them.
+        #[arg(long, value_name = "FILE", conflicts_with_all = ["paper", "svg"])]
+        compare: Option<PathBuf>,
+        /// The machine to compare on: cartesian, corexy, prusa-mini, or a TOML file.
+        #[arg(long, value_name = "NAME|PATH", default_value = "cartesian", requires = "compare")]
+        profile: String,
     },
 }
 
@@ -110,7 +117,8 @@ fn main() -> ExitCode {
             print(&job, look_ahead as usize, trace.as_deref(), vcd.as_deref())
         }
         Command::Estimate { job } => estimate(&job),
-        Command::Papers { paper, json, svg } => papers(paper.map(Paper::from), json, svg.as_deref()),
+        Command::Papers { compare: Some(file), profile, json, .. } => compare(&file, &profile, json),
+        Command::Papers { paper, json, svg, .. } => papers(paper.map(Paper::from), json, svg.as_deref()),
     };
     // What could not start says why and exits like wrong arguments do.
     outcome.unwrap_or_else(|reason| {
@@ -133,6 +141,25 @@ fn papers(paper: Option<Paper>, json: bool, folder: Option<&Path>) -> Result<Exi
         serde_json::to_string(&serde_json::json!({ "papers": chapters })).map_err(|error| error.to_string())? + "\n"
     } else {
         chapters.iter().map(Chapter::text).collect::<Vec<_>>().join("\n")
+    };
+    write!(std::io::stdout(), "{out}").map_err(|error| format!("standard output: {error}"))?;
+    Ok(ExitCode::SUCCESS)
+}
+
+fn compare(file: &Path, profile: &str, json: bool) -> Result<ExitCode, String> {
+    let profile = ferrostep_profiles::load(profile).map_err(|error| error.to_string())?;
+    let bar = ProgressBar::new(choices::ways().count() as u64)
+        .with_style(ProgressStyle::with_template("{bar:40} {pos}/{len} {msg}").map_err(|error| error.to_string())?);
+    let table = choices::compare(file, &profile, |interpolation, acceleration| {
+        bar.set_message(format!("{}, {}", interpolation.name(), acceleration.name()));
+        bar.inc(1);
+    });
+    bar.finish_and_clear();
+    let table = table.map_err(|error| format!("{}: {error}", file.display()))?;
+    let out = if json {
+        serde_json::to_string(&serde_json::json!({ "choices": table })).map_err(|error| error.to_string())? + "\n"
+    } else {
+        table.text()
     };
     write!(std::io::stdout(), "{out}").map_err(|error| format!("standard output: {error}"))?;
     Ok(ExitCode::SUCCESS)

@@ -2,6 +2,7 @@
 //!
 //! A chapter is data: what it says as text, as JSON and as pictures is decided in one place for all of them.
 
+pub mod choices;
 pub mod corexy;
 pub mod li;
 pub mod wu;
@@ -138,6 +139,13 @@ pub enum Style {
     Points,
     /// Each, and joined.
     LineAndPoints,
+}
+
+impl Table {
+    /// As text.
+    pub fn text(&self) -> String {
+        text::of_table(self)
+    }
 }
 
 impl Chapter {

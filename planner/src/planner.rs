@@ -8,9 +8,10 @@ use crate::inner_ends::InnerEnds;
 use crate::interpolator::Interpolator;
 use crate::junction::radius_10nm;
 use crate::kinematics::{Geometry, MAX_COORDINATE_10NM, UNITS_PER_MM};
-use crate::limits::{Limits, PathLimits, smaller};
+use crate::limits::{Limits, PathLimits, larger, smaller};
 use crate::look_ahead::{Left, LookAhead, Marker, Part, Slot, SpeedLaw};
 use crate::merge::{Open, Planned};
+use crate::method::Method;
 use crate::motion_choice::{AccelerationProfile, MotionChoice};
 use crate::pace::Pace;
 use crate::path::Path;
@@ -94,6 +95,7 @@ pub struct Planner<S> {
     limits: Limits,
     path_limits: PathLimits,
     choice: MotionChoice,
+    method: Method,
     budget: Budget,
     pace: Pace,
     /// Target of the last move taken.
@@ -132,6 +134,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
             limits,
             path_limits: PathLimits::new(&limits),
             choice: MotionChoice::DEFAULT,
+            method: Method::new(&MotionChoice::DEFAULT, geometry.kinematics),
             budget: Budget::new(&geometry),
             pace: Pace::FULL,
             position_10nm: [0; 3],
@@ -178,6 +181,8 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         }
         let Some(law) = speed_law(choice) else { return false };
         self.choice = *choice;
+        self.method = Method::new(choice, self.geometry.kinematics);
+        self.interpolator.set_method(choice, self.geometry.kinematics);
         self.table = match law {
             SpeedLaw::Table(table) => Some(table),
             SpeedLaw::Trapezoid | SpeedLaw::SCurve(_) | SpeedLaw::SCurveBlockByBlock(_) => None,
@@ -295,7 +300,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         };
 
         let planned = self.plan(request, steps, extruder_256ths);
-        if !self.flushing && self.open.absorb(&planned) {
+        if !self.flushing && self.method.is_default() && self.open.absorb(&planned) {
             self.merged_moves += 1;
         } else if self.close() {
             self.open.begin(&planned, self.extruder_256ths);
@@ -341,8 +346,9 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
             inner_ends: InnerEnds::NONE,
         };
         // No motor steps faster than events may follow each other: v / S * steps <= 1 / interval.
-        let most_256ths = (block.master_steps() * 256).max(extruder_256ths.unsigned_abs());
-        let shortest_ticks = most_256ths as f32 / 256.0 * self.geometry.minimum_event_interval_ticks as f32;
+        let most = larger(self.method.densest(steps) as f32, extruder_256ths.unsigned_abs() as f32 / 256.0);
+        let shortest_ticks = most * self.geometry.minimum_event_interval_ticks as f32;
+        let shortest_ticks = larger(shortest_ticks, self.method.least_ticks(steps));
         if feed * shortest_ticks > length * TICKS_PER_10NM_AT_1_MM_PER_S {
             feed = length * TICKS_PER_10NM_AT_1_MM_PER_S / shortest_ticks;
         }
@@ -367,7 +373,8 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
             if !self.look_ahead.has_room() {
                 return false;
             }
-            if let Some(slower) = self.budget.slower_nominal(&open.block, open.moves, open.extruder_256ths) {
+            let events = self.method.events(open.block.steps);
+            if let Some(slower) = self.budget.slower_nominal(&open.block, events, open.moves, open.extruder_256ths) {
                 open.block.nominal = slower;
                 self.slowed_moves += u64::from(open.moves);
             }

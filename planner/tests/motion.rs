@@ -38,7 +38,7 @@ impl StepSink for Player {
             StepKind::Stair { interval_ticks, count, axes, added } => {
                 for index in 1..=count {
                     self.tick += u64::from(interval_ticks);
-                    let axes = if index == count { axes | added } else { axes };
+                    let axes = if index == count { axes ^ added } else { axes };
                     let directions = self.directions & axes;
                     self.events.push(Event { tick: self.tick, axes, directions });
                 }

@@ -4,6 +4,7 @@
 //! that M797 reports, and on a board without sensors tell where its end stops trigger; there homing ends at the very
 //! event that triggers, as on the desk.
 
+mod shared;
 mod timeline;
 mod workload;
 
@@ -19,6 +20,7 @@ use ferrostep_planner::{
 
 use crate::ports::Seek;
 use crate::profile::Profile;
+pub use shared::{SharedMachine, SharedMotion};
 use timeline::Timeline;
 use workload::Workload;
 

@@ -21,16 +21,16 @@ use ferrostep_hal_shim::stepping::{Signals as StepSignals, SlotAccount, StepFeed
 use ferrostep_hal_shim::virtual_board::{VirtualClock, VirtualDelay, VirtualPort, VirtualUpdateTimer};
 use ferrostep_planner::TICKS_PER_SECOND;
 use ferrostep_planner::look_ahead::Slot;
-use ferrostep_printer::machine::{Machine, Silence};
+use ferrostep_printer::machine::{Machine, SharedMotion, Silence};
 use ferrostep_printer::{Failure, Printer, Profile};
 
 use interrupts::{Interrupts, Player};
-use queue::Queue;
 use recording::WatchedPort;
 use time::{from_ns, to_ns};
 
 pub use host_line::HostLine;
-pub use ports::{BoardMotion, ColdHeaters, Transcript};
+pub use ports::{ColdHeaters, Transcript};
+pub use queue::Queue;
 pub use recording::Watch;
 pub use time::{CYCLES_A_MS, CYCLES_A_US, CYCLES_PER_S, Costs};
 
@@ -46,10 +46,12 @@ const PLANNER_INTERVAL: u64 = 2 * CYCLES_A_MS;
 /// At standstill, what waits is executed after this much silence, as in the firmware.
 const FLUSH_AFTER: u64 = 100 * CYCLES_A_MS;
 
-type BoardMachine<'a, M> = Machine<Vec<Slot>, Queue<'a, M>>;
+/// Planner, motors and step queue of the board.
+pub type BoardMachine<'a, M> = Machine<Vec<Slot>, Queue<'a, M>>;
 
 /// The printer on the board.
-pub type BoardPrinter<'b, 'a, M> = Printer<'b, BoardMotion<'b, 'a, M>, ColdHeaters, VirtualDelay<'b>, Transcript>;
+pub type BoardPrinter<'b, 'a, M> =
+    Printer<'b, SharedMotion<&'b Board<'a, M>>, ColdHeaters, VirtualDelay<'b>, Transcript>;
 
 /// The board.
 pub struct Board<'a, M> {
@@ -114,8 +116,14 @@ impl<'a, M: Stepping> Board<'a, M> {
     /// The executor of G-code; one at a time makes sense.
     pub fn printer(&self) -> BoardPrinter<'_, 'a, M> {
         let clock = VirtualDelay(&self.clock);
-        let mut printer =
-            Printer::new(self.profile, BoardMotion(self), ColdHeaters, clock, &self.replies, self.interrupts.signals());
+        let mut printer = Printer::new(
+            self.profile,
+            SharedMotion(self),
+            ColdHeaters,
+            clock,
+            &self.replies,
+            self.interrupts.signals(),
+        );
         printer.set_emergency_parser(true);
         printer
     }

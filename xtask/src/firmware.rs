@@ -44,25 +44,15 @@ pub fn build(run: &mut Run, program: Program) -> Result<PathBuf, Failure> {
     })
 }
 
-/// Format and lints of the firmware's own packages, which the workspace at the root does not know.
+/// Lints of the firmware's own packages, which the desk cannot build.
 pub fn check(run: &mut Run) -> Result<(), Failure> {
-    run.step("format of the firmware", || {
-        // By name: `--all` would follow the paths into the workspace at the root.
-        system::run(app_cargo().args([
-            "fmt",
-            "--package",
-            "ferrostep-firmware",
-            "--package",
-            "ferrostep-stm32f4",
-            "--check",
-        ]))
-    })?;
     let core_library = run.step("core library of thumbv7em-none-eabihf", core_library::find)?;
     run.step("lints of the firmware", || match core_library {
         // The tally is the bench's source over again, so that only that is looked at twice.
         CoreLibrary::Installed => {
-            let everything = ["--workspace", "--bins", "--lib", "--features", "bench,ferrostep-stm32f4/stm32f405"];
-            system::run(&mut lint_command(&core_library, &everything))?;
+            let stm32f4 = ["--package", "ferrostep-stm32f4", "--lib", "--features", "stm32f405"];
+            system::run(&mut lint_command(&core_library, &stm32f4))?;
+            system::run(&mut lint_command(&core_library, &["--bins", "--features", "bench"]))?;
             system::run(&mut lint_command(&core_library, &["--bin", "bench", "--features", "tally"]))
         }
         CoreLibrary::FromSource { .. } => {
@@ -84,7 +74,7 @@ pub fn sizes(image: &Path) -> Result<Sizes, Failure> {
     Sizes::of_elf(&bytes).map_err(|error| format!("{}: {error}", image.display()))
 }
 
-/// Cargo in the firmware's folder, which is a workspace of its own with settings of its own for the linker.
+/// Cargo in the firmware's folder, which has settings of its own for the linker.
 fn app_cargo() -> Command {
     let mut command = cargo();
     command.current_dir(system::root().join("app"));

@@ -7,14 +7,17 @@ use plotters::prelude::*;
 
 use super::{Curve, Figure, Style};
 
-/// Width of a picture, pixels.
-const WIDTH: u32 = 960;
+/// Width of a picture, pixels. The library draws at whole pixels: fewer would show.
+const WIDTH: u32 = 1920;
 
 /// Height of a picture whose scales are its own, pixels.
-const HEIGHT: u32 = 560;
+const HEIGHT: u32 = 1120;
 
 /// Room for labels beside and below the axes, pixels.
-const MARGINS: [u32; 2] = [84, 110];
+const MARGINS: [u32; 2] = [168, 220];
+
+/// Height of a line of the legend, pixels.
+const LEGEND_LINE: u32 = 44;
 
 /// Colours that those who see few colours can tell apart (Okabe and Ito).
 const COLOURS: [RGBColor; 6] = [
@@ -59,7 +62,7 @@ fn equal_height(x: (f64, f64), y: (f64, f64)) -> u32 {
     let [beside, below] = MARGINS;
     let pixels_per_unit = f64::from(WIDTH - beside) / (x.1 - x.0);
     // Of a very flat figure there is still something to be seen.
-    (((y.1 - y.0) * pixels_per_unit) as u32).clamp(120, 2 * WIDTH) + below
+    (((y.1 - y.0) * pixels_per_unit) as u32).clamp(240, 2 * WIDTH) + below
 }
 
 /// Draws a figure into a folder; where it is.
@@ -75,6 +78,11 @@ fn svg(figure: &Figure) -> Result<String, String> {
     let points = || figure.curves.iter().flat_map(|curve| curve.points.iter());
     let (x, y) = (range(points().map(|point| point.0)), range(points().map(|point| point.1)));
     let height = if figure.equal_scales { equal_height(x, y) } else { HEIGHT };
+    // The legend stands above everything that is drawn.
+    let legend = LEGEND_LINE * figure.curves.len() as u32 + LEGEND_LINE;
+    let [_, below] = MARGINS;
+    let y = (y.0, y.1 + (y.1 - y.0) * f64::from(legend) / f64::from(height - below));
+    let height = height + legend;
     let mut text = String::new();
     {
         let area = SVGBackend::with_string(&mut text, (WIDTH, height)).into_drawing_area();
@@ -88,36 +96,37 @@ type Area<'a> = DrawingArea<SVGBackend<'a>, plotters::coord::Shift>;
 fn fill(area: &Area<'_>, figure: &Figure, x: (f64, f64), y: (f64, f64)) -> Result<(), Box<dyn std::error::Error>> {
     area.fill(&WHITE)?;
     let mut chart = ChartBuilder::on(area)
-        .caption(&figure.title, ("sans-serif", 18))
-        .margin(12)
-        .x_label_area_size(44)
-        .y_label_area_size(60)
+        .caption(&figure.title, ("sans-serif", 34))
+        .margin(24)
+        .x_label_area_size(84)
+        .y_label_area_size(116)
         .build_cartesian_2d(x.0..x.1, y.0..y.1)?;
     chart
         .configure_mesh()
         .light_line_style(TRANSPARENT)
         .x_desc(figure.x_label)
         .y_desc(figure.y_label)
-        .label_style(("sans-serif", 13))
+        .label_style(("sans-serif", 26))
         .draw()?;
     for (curve, colour) in figure.curves.iter().zip(COLOURS.iter().cycle()) {
         let Curve { name, style, points } = curve;
-        let line = colour.stroke_width(2);
+        let line = colour.stroke_width(3);
         let drawn = match style {
             Style::Line | Style::LineAndPoints => chart.draw_series(LineSeries::new(points.iter().copied(), line))?,
-            Style::Dashed => chart.draw_series(DashedLineSeries::new(points.iter().copied(), 6, 4, line))?,
-            Style::Points => chart.draw_series(points.iter().map(|&point| Circle::new(point, 3, colour.filled())))?,
+            Style::Dashed => chart.draw_series(DashedLineSeries::new(points.iter().copied(), 12, 8, line))?,
+            Style::Points => chart.draw_series(points.iter().map(|&point| Circle::new(point, 6, colour.filled())))?,
         };
-        drawn.label(name).legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], line));
+        drawn.label(name).legend(move |(x, y)| PathElement::new([(x, y), (x + 36, y)], line));
         if *style == Style::LineAndPoints {
-            chart.draw_series(points.iter().map(|&point| Circle::new(point, 3, colour.filled())))?;
+            chart.draw_series(points.iter().map(|&point| Circle::new(point, 6, colour.filled())))?;
         }
     }
     chart
         .configure_series_labels()
         .background_style(WHITE.mix(0.85))
         .border_style(BLACK.mix(0.3))
-        .label_font(("sans-serif", 13))
+        .legend_area_size(44)
+        .label_font(("sans-serif", 26))
         .position(SeriesLabelPosition::UpperLeft)
         .draw()?;
     area.present()?;

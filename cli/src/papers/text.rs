@@ -9,12 +9,16 @@ use super::{Cell, Chapter, Table};
 pub(super) fn of(chapter: &Chapter) -> String {
     let mut text = format!("{}\n", chapter.source);
     for table in &chapter.tables {
-        text.push_str(&format!("\n{}\n\n{}\n", table.title, lines(table)));
-        if !table.note.is_empty() {
-            text.push_str(&format!("\n{}\n", table.note));
-        }
+        text.push('\n');
+        text.push_str(&of_table(table));
     }
     text
+}
+
+/// A table, its title above and its note below.
+pub(super) fn of_table(table: &Table) -> String {
+    let text = format!("{}\n\n{}\n", table.title, lines(table));
+    if table.note.is_empty() { text } else { format!("{text}\n{}\n", table.note) }
 }
 
 fn lines(table: &Table) -> comfy_table::Table {

@@ -13,14 +13,14 @@ use super::time::Costs;
 const CALL: u64 = 20;
 
 /// Queue of a board; the interrupts go on while it is filled.
-pub(super) struct Queue<'a, M> {
+pub struct Queue<'a, M> {
     feeder: StepFeeder<'a, M, 1, STEP_QUEUE_SLOTS>,
     interrupts: &'a Interrupts<'a, M>,
     costs: Costs,
 }
 
 impl<'a, M: Stepping> Queue<'a, M> {
-    pub fn new(
+    pub(super) fn new(
         feeder: StepFeeder<'a, M, 1, STEP_QUEUE_SLOTS>,
         interrupts: &'a Interrupts<'a, M>,
         costs: Costs,

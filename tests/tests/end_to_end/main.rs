@@ -8,6 +8,8 @@ mod command;
 mod desk;
 mod exactness;
 mod hosts;
+mod methods;
+mod papers;
 mod prints;
 mod programs;
 mod refusals;

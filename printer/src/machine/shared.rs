@@ -1,0 +1,137 @@
+//! The machine as commands see it that share it with the planner task.
+
+use core::future::Future;
+
+use ferrostep_gcode::MotionFigures;
+use ferrostep_hal_shim::StepOutput;
+use ferrostep_planner::look_ahead::Slot;
+use ferrostep_planner::{Limits, MotionChoice, Move, MoveError, Moved};
+
+use super::{Machine, Silence};
+use crate::ports::{Motion, MotionError, Seek};
+
+/// How a board shares its machine between the task that executes commands and the planner task.
+pub trait SharedMachine {
+    /// Memory of the look-ahead ring.
+    type Ring: AsRef<[Slot]> + AsMut<[Slot]>;
+    /// The step queue.
+    type Queue: StepOutput;
+
+    /// Has the machine to itself for one call into it.
+    fn with<T>(&self, act: impl FnOnce(&mut Machine<Self::Ring, Self::Queue>) -> T) -> T;
+
+    /// Wakes the planner task, which comes before the commands' task goes on: what it makes of a change is there then.
+    fn wake_planner(&self);
+
+    /// What the planner task does, at once.
+    fn work(&self) {
+        self.with(|machine| machine.work(Silence::default()));
+    }
+
+    /// Whether M112 has stopped everything.
+    fn is_halted(&self) -> bool;
+
+    /// Lets a little time pass, before a command that waits for motion looks again.
+    fn pause(&self) -> impl Future<Output = ()>;
+}
+
+/// Planner and motors of a board.
+#[derive(Debug)]
+pub struct SharedMotion<S>(pub S);
+
+impl<S: SharedMachine> SharedMotion<S> {
+    /// Tries until it succeeds, then wakes the planner task.
+    async fn wait<T>(
+        &self,
+        mut attempt: impl FnMut(&mut Machine<S::Ring, S::Queue>) -> Option<T>,
+    ) -> Result<T, MotionError> {
+        let stops = self.0.with(|machine| machine.stops());
+        loop {
+            if self.0.is_halted() || self.0.with(|machine| machine.stops()) != stops {
+                return Err(MotionError::Stopped);
+            }
+            if let Some(value) = self.0.with(&mut attempt) {
+                self.0.wake_planner();
+                return Ok(value);
+            }
+            self.0.pause().await;
+        }
+    }
+}
+
+impl<S: SharedMachine> Motion for SharedMotion<S> {
+    async fn add(&mut self, request: Move) -> Result<Moved, MotionError> {
+        self.wait(|machine| match machine.add(&request) {
+            Err(MoveError::NoRoom) => None,
+            Err(error) => Some(Err(MotionError::Move(error))),
+            Ok(moved) => Some(Ok(moved)),
+        })
+        .await?
+    }
+
+    async fn set_fan_power(&mut self, power: u8) -> Result<(), MotionError> {
+        self.wait(|machine| machine.add_fan_power(power).then_some(())).await
+    }
+
+    async fn finish(&mut self) -> Result<(), MotionError> {
+        self.0.with(|machine| machine.flush());
+        self.0.wake_planner();
+        self.wait(|machine| machine.is_idle().then_some(())).await
+    }
+
+    async fn seek(&mut self, request: Move, axis: usize) -> Result<Seek, MotionError> {
+        self.finish().await?;
+        if self.add(request).await? == Moved::Nothing {
+            return Ok(Seek::Missed);
+        }
+        self.0.with(|machine| machine.begin_seek(axis));
+        self.0.wake_planner();
+        self.wait(|machine| machine.take_sought()).await
+    }
+
+    fn position_10nm(&self) -> [i64; 3] {
+        self.0.with(|machine| machine.position_10nm())
+    }
+
+    fn set_position(&mut self, position_10nm: [i64; 3]) {
+        self.0.with(|machine| machine.set_position(position_10nm));
+    }
+
+    fn motor_steps(&self) -> [i64; 4] {
+        self.0.with(|machine| machine.motor_steps())
+    }
+
+    fn figures(&self) -> MotionFigures {
+        self.0.with(|machine| machine.figures())
+    }
+
+    fn limits(&self) -> Limits {
+        self.0.with(|machine| machine.limits())
+    }
+
+    fn set_limits(&mut self, limits: Limits) {
+        self.0.with(|machine| machine.set_limits(limits));
+    }
+
+    fn motion_choice(&self) -> MotionChoice {
+        self.0.with(|machine| machine.motion_choice())
+    }
+
+    fn set_motion_choice(&mut self, choice: &MotionChoice) {
+        self.0.with(|machine| machine.set_motion_choice(choice));
+    }
+
+    fn set_motors_enabled(&mut self, axes: u8, enabled: bool) {
+        self.0.with(|machine| machine.set_motors_enabled(axes, enabled));
+    }
+
+    fn is_end_stop_triggered(&self, axis: usize) -> bool {
+        self.0.with(|machine| machine.is_end_stop_triggered(axis))
+    }
+
+    fn stop(&mut self) -> i64 {
+        self.0.with(|machine| machine.request_stop());
+        self.0.work();
+        self.0.with(|machine| machine.take_dropped_100pm())
+    }
+}
