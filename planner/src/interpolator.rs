@@ -11,6 +11,7 @@ mod streams;
 
 use crate::EXTRUDER;
 use crate::block::{Block, PlannedBlock};
+use crate::block_law::BlockLaw;
 use crate::bresenham::MAX_STEPS;
 use crate::entries::Entries;
 use crate::extruder::rounded_steps;
@@ -23,7 +24,7 @@ use crate::real::Real;
 use crate::spacing::{ExtruderTravel, Spacing};
 use crate::step_queue::{Notice, StepEntry, StepSink};
 use crate::step_times::{NEVER, StepTimes};
-use crate::time_law::{FRACTION_BITS, HALF_TICK, Precision, TimeLaw, Trapezoid};
+use crate::time_law::{FRACTION_BITS, HALF_TICK, Precision, TimeLaw};
 use streams::Streams;
 
 /// Most entries a single [`Interpolator::advance`] or [`Interpolator::begin`] hands to its sink.
@@ -171,6 +172,8 @@ impl Interpolator {
         match &law.0 {
             Precision::Short(law) => self.start(block, law, &extruder),
             Precision::Long(law) => self.start_long(block, law, &extruder),
+            Precision::Run(law) => self.start_long(block, law, &extruder),
+            Precision::Staircase(law) => self.start_long(block, law, &extruder),
         }
     }
 
@@ -190,13 +193,13 @@ impl Interpolator {
 
     #[cold]
     #[inline(never)]
-    fn start_long(&mut self, block: &Block, law: &Trapezoid<f64>, extruder: &ExtruderTravel) {
+    fn start_long(&mut self, block: &Block, law: &impl BlockLaw<f64>, extruder: &ExtruderTravel) {
         self.start(block, law, extruder);
     }
 
     /// The motors' steps along the block.
     #[inline]
-    fn start<F: Real>(&mut self, block: &Block, law: &Trapezoid<F>, extruder: &ExtruderTravel) {
+    fn start<F: Real>(&mut self, block: &Block, law: &impl BlockLaw<F>, extruder: &ExtruderTravel) {
         self.duration_ticks = law.duration_ticks();
         let magnitudes = block.steps.map(|steps| steps.unsigned_abs().min(MAX_STEPS));
         let [x, y, z] = magnitudes;
@@ -213,8 +216,8 @@ impl Interpolator {
         let [(first_bit, _), _] = followers;
         self.masters_events = [master_bit, master_bit | first_bit].map(|bits| StepEntry::event(0, bits));
 
-        self.master.start(law, &Spacing::of_master(law, count), HALF_TICK);
-        self.extruder.start(law, &Spacing::of_extruder(law, extruder), HALF_TICK);
+        law.start(&mut self.master, &Spacing::of_master(law, count), HALF_TICK);
+        law.start(&mut self.extruder, &Spacing::of_extruder(law, extruder), HALF_TICK);
         self.inside.start(block, law, magnitudes[0].max(y).max(z), extruder);
         if !self.inside.is_over() {
             self.allow_to_next_end(0);

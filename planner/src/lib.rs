@@ -18,11 +18,13 @@ pub mod interpolator;
 pub mod kinematics;
 pub mod look_ahead;
 pub mod plane;
+pub mod s_curve;
 pub mod step_queue;
 pub mod time_law;
 
 mod between;
 mod block;
+mod block_law;
 mod budget;
 mod division;
 mod entries;

@@ -1,9 +1,18 @@
 //! When each step of one motor is due: s(t) solved for equally spaced path positions.
 
+mod jerk;
+mod pieces;
+#[cfg(test)]
+mod run_tests;
+
 use crate::real::Real;
+use crate::s_curve::law::Along;
+use crate::s_curve::staircase::Staircase;
 use crate::spacing::Spacing;
 use crate::square_root::square_root_f32;
 use crate::time_law::{FRACTION_BITS, HALF_TICK, Trapezoid, cruise_time, ramp_time, steps_per_tick};
+use jerk::JerkRamp;
+use pieces::Pieces;
 
 /// No step is due, now or later.
 pub(crate) const NEVER: u64 = u64::MAX;
@@ -18,6 +27,8 @@ enum Pace {
     Cruise(Cruise),
     /// A constant acceleration.
     Ramp(Ramp),
+    /// A constant jerk.
+    Jerk(JerkRamp),
 }
 
 /// A constant interval between steps.
@@ -174,6 +185,8 @@ pub(crate) struct StepTimes {
     phases: [Phase; PHASES],
     /// The phase after the present one.
     next_phase: usize,
+    /// What the phases behind those are made of.
+    pieces: Pieces,
 }
 
 impl StepTimes {
@@ -188,6 +201,7 @@ impl StepTimes {
         resumed: NEVER,
         phases: [Phase::EMPTY; PHASES],
         next_phase: PHASES,
+        pieces: Pieces::None,
     };
 
     /// Starts with the steps of a block, none of them due before `earliest`.
@@ -204,6 +218,26 @@ impl StepTimes {
         self.next = earliest;
         self.more_allowed = u32::MAX;
         self.next_phase = 0;
+        self.pieces = Pieces::None;
+        self.enter_phase();
+    }
+
+    /// The same along a block of a run.
+    pub(crate) fn start_run(&mut self, law: &Along, steps: &Spacing<f64>, earliest: u64) {
+        self.start_pieces(Pieces::Run { law: *law, steps: *steps, next: 0, done: 0 }, earliest);
+    }
+
+    /// The same along a block at the frequencies of a table.
+    pub(crate) fn start_staircase(&mut self, law: &Staircase, steps: &Spacing<f64>, earliest: u64) {
+        self.start_pieces(Pieces::Staircase { law: *law, steps: *steps, next: 0, done: 0 }, earliest);
+    }
+
+    fn start_pieces(&mut self, pieces: Pieces, earliest: u64) {
+        self.left = 0;
+        self.next = earliest;
+        self.more_allowed = u32::MAX;
+        self.next_phase = PHASES;
+        self.pieces = pieces;
         self.enter_phase();
     }
 
@@ -272,7 +306,7 @@ impl StepTimes {
     pub(crate) fn cruise(&self) -> Option<(Cruise, u32)> {
         match self.pace {
             Pace::Cruise(cruise) => Some((cruise, self.left)),
-            Pace::Ramp(_) => None,
+            Pace::Ramp(_) | Pace::Jerk(_) => None,
         }
     }
 
@@ -377,6 +411,7 @@ impl StepTimes {
     fn pass(&mut self, count: u32) {
         match &mut self.pace {
             Pace::Ramp(ramp) => self.next = self.next.wrapping_add(whole_units(ramp.units_and_half())),
+            Pace::Jerk(ramp) => self.next = self.next.wrapping_add(ramp.units()),
             Pace::Cruise(cruise) => {
                 let beyond = self.beyond.wrapping_add(u32::from(cruise.beyond).wrapping_mul(count));
                 self.beyond = beyond & 0xffff;
@@ -410,6 +445,13 @@ impl StepTimes {
                 self.divide(count);
                 return;
             }
+        }
+        if let Some(phase) = self.pieces.next_phase() {
+            self.pace = phase.pace;
+            self.beyond = 0;
+            self.next = self.next.max(phase.first);
+            self.divide(phase.count);
+            return;
         }
         self.next = NEVER;
         self.resumed = NEVER;

@@ -1,5 +1,6 @@
 //! The motors' steps in the plane, one event after the other, by any of the methods.
 
+use crate::block_law::BlockLaw;
 use crate::bresenham::MAX_STEPS;
 use crate::follower::Follower;
 use crate::kinematics::Kinematics;
@@ -9,7 +10,7 @@ use crate::plane::{CoreXyTarget, FeedSteps, MinimumDeviation, MotorSteps, PointB
 use crate::real::Real;
 use crate::spacing::Spacing;
 use crate::step_times::{NEVER, StepTimes};
-use crate::time_law::{HALF_TICK, Trapezoid};
+use crate::time_law::HALF_TICK;
 
 /// A step event and when it is due.
 #[derive(Clone, Copy, Debug)]
@@ -73,7 +74,7 @@ impl Pulses {
     };
 
     /// One motor by itself.
-    pub fn start_alone<F: Real>(&mut self, times: &mut StepTimes, law: &Trapezoid<F>, bit: u8, steps: i32) {
+    pub fn start_alone<F: Real>(&mut self, times: &mut StepTimes, law: &impl BlockLaw<F>, bit: u8, steps: i32) {
         let count = steps.unsigned_abs().min(MAX_STEPS);
         let backwards = if steps < 0 { bit } else { 0 };
         self.rule = Rule::Always(MotorSteps { axes: bit, backwards, twice: false });
@@ -81,7 +82,7 @@ impl Pulses {
     }
 
     /// Classic Bresenham: the motor with most steps, the others with some of its steps.
-    pub fn start_bresenham<F: Real>(&mut self, times: &mut StepTimes, law: &Trapezoid<F>, steps: [i32; 3]) {
+    pub fn start_bresenham<F: Real>(&mut self, times: &mut StepTimes, law: &impl BlockLaw<F>, steps: [i32; 3]) {
         let [x, y, z] = steps.map(|steps| steps.unsigned_abs().min(MAX_STEPS));
         let (count, master, others) = if x >= y && x >= z {
             (x, 1, [(2, y), (4, z)])
@@ -101,7 +102,7 @@ impl Pulses {
     pub fn start_plane<F: Real>(
         &mut self,
         times: &mut StepTimes,
-        law: &Trapezoid<F>,
+        law: &impl BlockLaw<F>,
         method: &Method,
         [first, second, _]: [i32; 3],
     ) {
@@ -131,7 +132,7 @@ impl Pulses {
     fn begin<F: Real>(
         &mut self,
         times: &mut StepTimes,
-        law: &Trapezoid<F>,
+        law: &impl BlockLaw<F>,
         parts: u32,
         has_halves: bool,
         rest: Option<MotorSteps>,
@@ -139,7 +140,7 @@ impl Pulses {
         self.has_halves = has_halves;
         self.second = None;
         self.rest = rest;
-        times.start(law, &Spacing::of_master(law, parts), HALF_TICK);
+        law.start(times, &Spacing::of_master(law, parts), HALF_TICK);
         self.advance(times);
     }
 

@@ -13,13 +13,14 @@
 use super::{FAR, Interpolator, MAX_ENTRIES, WHOLE_TICKS, Work};
 use crate::EXTRUDER;
 use crate::block::Block;
+use crate::block_law::BlockLaw;
 use crate::method::Method;
 use crate::motion_choice::Interpolation;
 use crate::real::Real;
 use crate::spacing::{ExtruderTravel, Spacing};
 use crate::step_queue::StepEntry;
 use crate::step_times::{NEVER, StepTimes};
-use crate::time_law::{FRACTION_BITS, HALF_TICK, Precision, TimeLaw, Trapezoid};
+use crate::time_law::{FRACTION_BITS, HALF_TICK, Precision, TimeLaw};
 
 use super::pulses::{Due, Pulses};
 
@@ -48,7 +49,7 @@ impl Streams {
         Self { are_on: false, plane: [Pulses::NONE; 2], second: StepTimes::NONE, z: StepTimes::NONE, waiting: 0 };
 
     /// Those of a block.
-    fn start<F: Real>(&mut self, times: &mut StepTimes, method: &Method, block: &Block, law: &Trapezoid<F>) {
+    fn start<F: Real>(&mut self, times: &mut StepTimes, method: &Method, block: &Block, law: &impl BlockLaw<F>) {
         let [x, y, z] = block.steps;
         let [first, second] = &mut self.plane;
         *second = Pulses::NONE;
@@ -64,7 +65,7 @@ impl Streams {
         } else {
             first.start_plane(times, law, method, block.steps);
         }
-        self.z.start(law, &Spacing::of_master(law, z.unsigned_abs()), HALF_TICK);
+        law.start(&mut self.z, &Spacing::of_master(law, z.unsigned_abs()), HALF_TICK);
     }
 
     /// The plane's next event, and which of its streams has it.
@@ -82,14 +83,16 @@ impl Interpolator {
         match &law.0 {
             Precision::Short(law) => self.start_streams_in(block, law, extruder),
             Precision::Long(law) => self.start_streams_in(block, law, extruder),
+            Precision::Run(law) => self.start_streams_in(block, law, extruder),
+            Precision::Staircase(law) => self.start_streams_in(block, law, extruder),
         }
     }
 
-    fn start_streams_in<F: Real>(&mut self, block: &Block, law: &Trapezoid<F>, extruder: &ExtruderTravel) {
+    fn start_streams_in<F: Real>(&mut self, block: &Block, law: &impl BlockLaw<F>, extruder: &ExtruderTravel) {
         self.duration_ticks = law.duration_ticks();
         self.joining = 0;
         self.streams.start(&mut self.master, &self.method, block, law);
-        self.extruder.start(law, &Spacing::of_extruder(law, extruder), HALF_TICK);
+        law.start(&mut self.extruder, &Spacing::of_extruder(law, extruder), HALF_TICK);
         self.inside.start(block, law, 0, extruder);
     }
 

@@ -2,6 +2,7 @@
 //! reference of this crate.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
+mod accelerations;
 mod bad_input;
 mod command;
 mod desk;
