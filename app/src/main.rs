@@ -106,7 +106,8 @@ mod app {
     }
 
     #[init(local = [
-        slots: [Slot; LOOK_AHEAD_BLOCKS] = [Slot::EMPTY; LOOK_AHEAD_BLOCKS],
+        // Filled here and not by the compiler, which would keep a copy of it in flash.
+        slots: heapless::Vec<Slot, LOOK_AHEAD_BLOCKS> = heapless::Vec::new(),
         receive: Queue<u8, { host_line::RECEIVE_BYTES }> = Queue::new(),
         send: Queue<u8, { host_line::SEND_BYTES }> = Queue::new(),
         slot_steps: [SlotAccount; STEP_QUEUE_SLOTS] = [SlotAccount::NONE; STEP_QUEUE_SLOTS],
@@ -138,7 +139,9 @@ mod app {
         // On the bare internal oscillator the plan shall not depend on time, as for the host's line.
         let planning_clock = (clock.source != ClockSource::Internal).then_some(motion_clock);
         let queue = StepQueue::new(pins, feeder, planning_clock);
-        let machine = BoardMachine::new(&PROFILE, &mut cx.local.slots[..], queue);
+        let slots = cx.local.slots;
+        while slots.push(Slot::EMPTY).is_ok() {}
+        let machine = BoardMachine::new(&PROFILE, slots.as_mut_slice(), queue);
 
         let port = Serial::start(device.USART1, &device.RCC, clock.serial_hz, BAUD);
         let (received, to_read) = cx.local.receive.split();
@@ -231,7 +234,7 @@ mod app {
         HALTED.writer().write(());
     }
 
-    /// Keeps the step queue full. Must run often enough that 2048 entries last.
+    /// Keeps the step queue full. Must run often enough that the queue's entries last.
     #[task(priority = 4, shared = [machine], local = [planner_work, motion_clock, patience])]
     async fn planner(mut cx: planner::Context) {
         loop {

@@ -71,9 +71,10 @@ impl ClockTree for Registers<'_> {
             return false;
         }
         // Before the core speeds up (RM0090 3.5.1); caches hide most of the wait states.
-        // SAFETY: a latency that the chips have.
         flash.acr().modify(|_, w| {
-            unsafe { w.latency().bits(FLASH_WAIT_STATES) }.prften().set_bit().icen().set_bit().dcen().set_bit()
+            // SAFETY: a latency that the chips have.
+            let w = unsafe { w.latency().bits(FLASH_WAIT_STATES) };
+            w.prften().set_bit().icen().set_bit().dcen().set_bit()
         });
         // SAFETY: dividers that keep the buses within their limits; SW = PLL.
         rcc.cfgr().modify(|_, w| unsafe { w.ppre1().bits(APB1_CODE).ppre2().bits(APB2_CODE).sw().bits(0b10) });

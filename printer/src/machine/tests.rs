@@ -3,7 +3,7 @@
 use core::cell::RefCell;
 
 use super::*;
-use crate::profile::{AxisHoming, DriverTiming, FirmwareRetraction, HeaterSettings, HomeEnd};
+use crate::profile::{AxisHoming, DriverTiming, ExtrusionSettings, FirmwareRetraction, HeaterSettings, HomeEnd};
 use ferrostep_hal_shim::stepping::{
     DroppedSteps, FeedError, NextWords, OutputPorts, Pulses, Signals, SlotAccount, StepFeeder, StepLink, StepPlayer,
     UpdateTimer,
@@ -62,6 +62,7 @@ fn profile() -> Profile {
             lift_10nm: 0,
         },
         driver: DriverTiming { pulse_width_ns: 1000, direction_setup_ns: 200, both_edges: false },
+        extrusion: ExtrusionSettings::DEFAULT,
     }
 }
 
