@@ -68,6 +68,8 @@ pub struct Interpolator {
     master: StepTimes,
     master_bit: u8,
     followers: [Follower; 2],
+    /// An event of the master without the followers, and of master and first follower.
+    masters_events: [StepEntry; 2],
     extruder: StepTimes,
     /// What the master's next event has to mind: [`EXTRUDER`] when its step waits for it, being near, and
     /// [`MOVE_BEGINS`].
@@ -96,6 +98,7 @@ impl Interpolator {
             master: StepTimes::NONE,
             master_bit: 0,
             followers: [Follower::NONE; 2],
+            masters_events: [StepEntry::wait(0); 2],
             extruder: StepTimes::NONE,
             joining: 0,
             inside: Inside::NONE,
@@ -185,6 +188,8 @@ impl Interpolator {
         };
         self.master_bit = master_bit;
         self.followers = followers.map(|(bit, steps)| Follower::new(bit, count, steps));
+        let [(first_bit, _), _] = followers;
+        self.masters_events = [master_bit, master_bit | first_bit].map(|bits| StepEntry::event(0, bits));
 
         self.master.start(law, &Spacing::of_master(law, count), HALF_TICK);
         self.extruder.start(law, &Spacing::of_extruder(law, extruder), HALF_TICK);

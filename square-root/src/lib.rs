@@ -5,6 +5,10 @@
 //! correctly rounded, so both give the same bits.
 #![no_std]
 
+mod ramp;
+
+pub use ramp::Ramp;
+
 #[cfg(all(target_arch = "arm", target_os = "none", target_abi = "eabihf"))]
 // SAFETY: C's sqrtf takes and returns a float, and any float will do. Without an operating system it is that of the
 // `compiler_builtins` crate, which is in every program.
