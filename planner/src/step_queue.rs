@@ -82,10 +82,10 @@ impl StepEntry {
         self.rest as u16
     }
 
-    /// Whether it is one event.
+    /// Whether it is one event, of no motors but the first four.
     #[inline(always)]
     pub const fn is_single(self) -> bool {
-        self.rest & 0xff00_ffff == 1
+        self.rest & 0xfff0_ffff == 1
     }
 
     /// Motors that step in each event of a stair.
