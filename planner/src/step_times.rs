@@ -31,7 +31,7 @@ pub(crate) struct Cruise {
     pub(crate) ticks: u32,
     /// By how much those are longer than it, in time units.
     pub(crate) drift: i32,
-    /// How many steps at whole ticks add up to [`STAIR_DRIFT`] at most; 0 where the interval is no 32-bit number.
+    /// How many steps at whole ticks add up to [`STAIR_DRIFT`] and [`LONGEST_STAIR_TICKS`] at most; at least 1.
     pub(crate) longest_stair: u32,
 }
 
@@ -40,6 +40,9 @@ const STAIR_DRIFT: u32 = 31 << FRACTION_BITS;
 
 /// Most steps of a stair: the players' slots hold as many.
 const LONGEST_STAIR: u32 = 1 << 13;
+
+/// Most ticks from a stair's first step to its last, some 25 s: with an interval more, they are still a 32-bit number.
+const LONGEST_STAIR_TICKS: u32 = 1 << 31;
 
 impl Cruise {
     const EMPTY: Self = Self { interval: 0, beyond: 0, ticks: 0, drift: 0, longest_stair: 0 };
@@ -50,7 +53,11 @@ impl Cruise {
         let ticks = rounded as u32;
         // At most half a tick.
         let drift = (ticks << FRACTION_BITS).wrapping_sub(interval as u32) as i32;
-        let longest = if rounded > u64::from(u32::MAX) { 0 } else { STAIR_DRIFT / drift.unsigned_abs().max(1) };
+        let longest = if rounded > u64::from(u32::MAX) {
+            1
+        } else {
+            (STAIR_DRIFT / drift.unsigned_abs().max(1)).min(LONGEST_STAIR_TICKS / ticks.max(1)).max(1)
+        };
         Self { interval, beyond, ticks, drift, longest_stair: longest.min(LONGEST_STAIR) }
     }
 }
