@@ -179,8 +179,8 @@ pub(crate) struct StepTimes {
     /// When the first step behind the limit is due.
     resumed: u64,
     phases: [Phase; PHASES],
-    /// The phase after the present one.
-    next_phase: usize,
+    /// Those that have steps and are still to come: bit i = phase i.
+    phases_to_come: u8,
 }
 
 impl StepTimes {
@@ -194,7 +194,7 @@ impl StepTimes {
         more_allowed: 0,
         resumed: NEVER,
         phases: [Phase::EMPTY; PHASES],
-        next_phase: PHASES,
+        phases_to_come: 0,
     };
 
     /// Starts with the steps of a block, none of them due before `earliest`.
@@ -210,7 +210,6 @@ impl StepTimes {
         self.set_phases(law, steps);
         self.next = earliest;
         self.more_allowed = u32::MAX;
-        self.next_phase = 0;
         self.enter_phase();
     }
 
@@ -230,14 +229,14 @@ impl StepTimes {
         let up = if law.cruise > F::ZERO || down > 0 { up } else { count };
         let cruise = count - up - down;
         let [phase_up, phase_cruise, phase_down] = &mut self.phases;
-        phase_up.count = up;
-        phase_cruise.count = cruise;
-        phase_down.count = down;
+        self.phases_to_come = 0;
         if up > 0 {
+            self.phases_to_come = 1;
             let (pace, delay) = Phase::ramp(law, steps, law.entry, [first, first], 0);
             *phase_up = Phase { count: up, first: delay.to_u64(), pace };
         }
         if cruise > 0 {
+            self.phases_to_come |= 2;
             let inside = first + F::from_u32(up) * spacing - law.up;
             let inside = if inside > F::ZERO { inside } else { F::ZERO };
             let delay = law.up_time + cruise_time(inside, law.peak);
@@ -248,6 +247,7 @@ impl StepTimes {
             *phase_cruise = Phase { count: cruise, first: delay.to_u64(), pace };
         }
         if down > 0 {
+            self.phases_to_come |= 4;
             let index = down - 1;
             let to_first = after_last + F::from_u32(index) * spacing;
             let (pace, rest) = Phase::ramp(law, steps, law.exit, [after_last, to_first], index);
@@ -407,20 +407,18 @@ impl StepTimes {
     /// Begins with the next phase that has steps.
     #[inline(never)]
     fn enter_phase(&mut self) {
-        while let Some(phase) = self.phases.get(self.next_phase) {
-            self.next_phase += 1;
-            if phase.count > 0 {
-                self.pace = phase.pace;
-                self.beyond = 0;
-                self.next = self.next.max(phase.first);
-                let count = phase.count;
-                self.divide(count);
-                return;
-            }
-        }
-        self.next = NEVER;
-        self.resumed = NEVER;
-        self.more_in_phase = 0;
+        let Some(phase) = self.phases.get(self.phases_to_come.trailing_zeros() as usize) else {
+            self.next = NEVER;
+            self.resumed = NEVER;
+            self.more_in_phase = 0;
+            return;
+        };
+        // All but the lowest bit.
+        self.phases_to_come &= self.phases_to_come.wrapping_sub(1);
+        self.pace = phase.pace;
+        self.beyond = 0;
+        self.next = self.next.max(phase.first);
+        self.divide(phase.count);
     }
 
     /// Divides the steps of the phase into those that are allowed and the others.
