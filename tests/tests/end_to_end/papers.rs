@@ -67,6 +67,25 @@ fn the_book_s_pictures_are_those_that_the_command_draws() {
 }
 
 #[test]
+fn the_book_s_tables_of_choices_are_those_that_the_command_prints() {
+    const PLACE: &str = "<!-- what `papers --compare` prints -->\n";
+    let page = repository().join("docs/src/papers.md");
+    let text = std::fs::read_to_string(&page).unwrap();
+    let (before, kept) = text.split_once(PLACE).unwrap();
+    let mut printed = String::new();
+    for file in ["examples/cube.gcode", "examples/gyroid.gcode.gz"] {
+        let compared = ferrostep(["papers", "--compare", file]);
+        assert_eq!(compared.status, Some(0), "{compared:?}");
+        printed = format!("{printed}\n{}", compared.stdout);
+    }
+    if std::env::var_os(REFRESH_VARIABLE).is_some() {
+        std::fs::write(page, format!("{before}{PLACE}{printed}")).unwrap();
+    } else {
+        assert!(kept == printed, "the tables have changed: look at them, then set {REFRESH_VARIABLE} to keep them");
+    }
+}
+
+#[test]
 fn a_file_is_printed_in_every_way() {
     let folder = TempDir::new().unwrap();
     let file = folder.path().join("corner.gcode");
