@@ -2,6 +2,7 @@
 
 use core::fmt;
 
+use ferrostep_gcode::Real;
 use ferrostep_hal_shim::{Heater, SensorError, ThermalBoard};
 
 use crate::ports::HeaterStatus;
@@ -31,7 +32,9 @@ impl fmt::Display for HeatFault {
         };
         write!(out, "Error:{what} triggered, system stopped! Heater_ID: {name}")?;
         match self {
-            Self::TooHot(_, celsius) | Self::TooCold(_, celsius) => write!(out, " (temp: {celsius:.2})"),
+            Self::TooHot(_, celsius) | Self::TooCold(_, celsius) => {
+                write!(out, " (temp: {})", Real::fixed(*celsius, 2))
+            }
             Self::Sensor(..) => Ok(()),
         }
     }
