@@ -85,6 +85,11 @@ fn build_image(run: &mut Run, target: &Target) -> Result<PathBuf, Failure> {
         let image = image::export(&elf, &target.board)?;
         let sizes = sizes(&image)?;
         println!("{}\n{sizes}", image.display());
+        eprintln!(
+            "    by a debug probe: probe-rs download --chip {} {}",
+            target.board.chip.probe_name,
+            image.display()
+        );
         sizes.check().map(|()| image)
     })
 }
