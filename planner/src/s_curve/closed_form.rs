@@ -187,6 +187,45 @@ mod tests {
         assert_eq!(Profile::new([0.0, 1.0, 0.0], 0.0, 1.0, 1.0).unwrap().duration_s(), 0.0);
     }
 
+    /// Any float, and those that are none.
+    fn any_number() -> impl Strategy<Value = f64> {
+        prop_oneof![
+            proptest::num::f64::ANY,
+            proptest::sample::select(&[0.0, -0.0, -1.0, f64::MIN_POSITIVE, f64::MAX, f64::INFINITY, f64::NAN][..]),
+            -10.0f64..1e6,
+        ]
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(20_000))]
+
+        #[test]
+        fn the_acceleration_lowers_the_jerk(
+            from in 0.0f64..500.0, to in 0.0f64..500.0, jerk in 10.0f64..1e7, acceleration in 10.0f64..50_000.0,
+        ) {
+            prop_assume!((to - from).abs() > 1e-6);
+            let ramp = Ramp::new(from, to, jerk, acceleration).unwrap();
+            let effective = jerk.min(acceleration * acceleration / (to - from).abs());
+            prop_assert!((ramp.jerk().abs() / effective - 1.0).abs() < 1e-9, "{} {}", ramp.jerk(), effective);
+        }
+
+        #[test]
+        fn whatever_is_asked_is_answered_or_refused(
+            speeds in proptest::array::uniform3(any_number()), length in any_number(), jerk in any_number(),
+            acceleration in any_number(), time in any_number(),
+        ) {
+            let is_good = |state: State| [state.length, state.speed, state.acceleration].iter().all(|x| x.is_finite());
+            if let Ok(ramp) = Ramp::new(speeds[0], speeds[1], jerk, acceleration) {
+                prop_assert!(ramp.half_time_s().is_finite() && ramp.length().is_finite());
+                prop_assert!(time.is_nan() || is_good(ramp.at(time)), "{:?} {}", ramp, time);
+            }
+            if let Ok(profile) = Profile::new(speeds, length, jerk, acceleration) {
+                prop_assert!(profile.duration_s().is_finite(), "{:?}", profile);
+                prop_assert!(time.is_nan() || is_good(profile.at(time)), "{:?} {}", profile, time);
+            }
+        }
+    }
+
     proptest! {
         #[test]
         fn profiles_keep_their_limits_and_fill_their_length(

@@ -266,6 +266,19 @@ mod tests {
 
     proptest! {
         #[test]
+        fn whatever_is_asked_is_answered_or_refused(
+            start in any::<f64>(), share in 0.0f64..1e5, top in any::<f64>(), jerk in any::<f64>(), asked in any::<f64>(),
+        ) {
+            for top in [top, start * share] {
+                let Ok(table) = FrequencyTable::new(start, top, jerk) else { continue };
+                prop_assert!(table.pulses().is_finite() && !table.is_empty(), "{:?}", table);
+                for frequency in [asked, start, top] {
+                    prop_assert!(table.frequency_after(table.pulses_to(frequency)).is_finite(), "{:?} {}", table, frequency);
+                }
+            }
+        }
+
+        #[test]
         fn sums_are_those_of_the_slices(table in tables()) {
             let mut sum = 0.0;
             for slice in table.iter() {
