@@ -1,7 +1,7 @@
 //! The S-curve in closed form, for whoever wants to see it: figures, tests, comparisons.
 
-use super::CurveError;
 use super::bounds::Bounds;
+use super::{CurveError, MOST, is_in_range, is_zero_or_in_range};
 
 /// A ramp between two speeds in two halves of opposite jerks (Li 2017, eqs. 1 to 4). Any unit of length; seconds.
 ///
@@ -25,18 +25,18 @@ pub struct State {
 }
 
 fn bounds(jerk: f64, acceleration: f64) -> Result<Bounds<f64>, CurveError> {
-    if !(jerk > 0.0 && jerk.is_finite()) {
+    if !is_in_range(jerk) {
         return Err(CurveError::Jerk);
     }
     // Infinite is no limit.
-    if acceleration.is_nan() || acceleration <= 0.0 {
+    if !(is_in_range(acceleration) || acceleration > MOST) {
         return Err(CurveError::Acceleration);
     }
     Ok(Bounds { jerk, acceleration })
 }
 
 fn speeds(speeds: &[f64]) -> Result<(), CurveError> {
-    if speeds.iter().all(|speed| *speed >= 0.0 && speed.is_finite()) { Ok(()) } else { Err(CurveError::Speed) }
+    if speeds.iter().all(|&speed| is_zero_or_in_range(speed)) { Ok(()) } else { Err(CurveError::Speed) }
 }
 
 impl Ramp {
@@ -113,8 +113,12 @@ impl Profile {
     pub fn new([entry, most, exit]: [f64; 3], length: f64, jerk: f64, acceleration: f64) -> Result<Self, CurveError> {
         let bounds = bounds(jerk, acceleration)?;
         speeds(&[entry, most, exit])?;
-        if !(length >= 0.0 && length.is_finite()) {
+        if !is_zero_or_in_range(length) {
             return Err(CurveError::Length);
+        }
+        // At no speed nothing is passed.
+        if length > 0.0 && entry + most + exit <= 0.0 {
+            return Err(CurveError::Speed);
         }
         if bounds.length(entry, exit) > length {
             return Err(CurveError::TooShort);
@@ -182,6 +186,7 @@ mod tests {
         assert_eq!(Ramp::new(0.0, 1.0, f64::INFINITY, 1.0).unwrap_err(), CurveError::Jerk);
         assert_eq!(Ramp::new(-1.0, 1.0, 1.0, 1.0).unwrap_err(), CurveError::Speed);
         assert_eq!(Profile::new([0.0, f64::NAN, 0.0], 1.0, 1.0, 1.0).unwrap_err(), CurveError::Speed);
+        assert_eq!(Profile::new([0.0, 0.0, 0.0], 1.0, 1.0, 1.0).unwrap_err(), CurveError::Speed);
         assert_eq!(Profile::new([0.0, 1.0, 0.0], -1.0, 1.0, 1.0).unwrap_err(), CurveError::Length);
         assert_eq!(Profile::new([9.0, 9.0, 0.0], 1.0, 1.0, 1.0).unwrap_err(), CurveError::TooShort);
         assert_eq!(Profile::new([0.0, 1.0, 0.0], 0.0, 1.0, 1.0).unwrap().duration_s(), 0.0);
