@@ -1,5 +1,6 @@
 //! From the checked text to the machine: ranges, units, and the values that must fit each other.
 
+use ferrostep_planner::s_curve::FrequencyTable;
 use ferrostep_planner::{
     AccelerationProfile, DualRatePeriods, Interpolation, Kinematics, Limits, MotionChoice, SCurveTableSettings,
     StepsPerMm, TICKS_PER_SECOND,
@@ -193,10 +194,15 @@ fn dual_rate(table: &DualRateTable, check: &Checker<'_>) -> Result<DualRatePerio
 
 /// What the table of frequencies is made of; it ends above where it starts.
 fn s_curve_table(table: &SCurveTable, check: &Checker<'_>) -> Result<SCurveTableSettings, ProfileError> {
-    let start_hz = check.number("s_curve_table.start_hz", &table.start_hz, FREQUENCY)?.round();
+    let lower = range(FREQUENCY.low, FREQUENCY.high - 1.0, "steps/s");
+    let start_hz = check.number("s_curve_table.start_hz", &table.start_hz, lower)?.round();
     let top = range(start_hz + 1.0, FREQUENCY.high, "steps/s, above start_hz");
     let top_hz = check.number("s_curve_table.top_hz", &table.top_hz, top)?.round();
     let jerk = check.number("s_curve_table.jerk_hz_per_s2", &table.jerk_hz_per_s2, TABLE_JERK)?.round();
+    if FrequencyTable::new(start_hz, top_hz, jerk).is_err() {
+        let expected = "a table of at most 65536 slices of 2/start_hz: a larger jerk or a lower start_hz";
+        return Err(check.refuse("s_curve_table.jerk_hz_per_s2", &table.jerk_hz_per_s2, expected));
+    }
     Ok(SCurveTableSettings { start_hz: start_hz as u32, top_hz: top_hz as u32, jerk_hz_per_s2: jerk as u32 })
 }
 

@@ -312,6 +312,8 @@ fn the_motion_may_be_left_out_but_not_misspelt() {
         ("dual_rate = { min_period_us = 10, max_period_us = 9 }", "dual_rate.max_period_us"),
         ("dual_rate = { min_period_us = 0, max_period_us = 9 }", "dual_rate.min_period_us"),
         ("s_curve_table = { start_hz = 1000, top_hz = 1000, jerk_hz_per_s2 = 1 }", "s_curve_table.top_hz"),
+        ("s_curve_table = { start_hz = 900000, top_hz = 1000000, jerk_hz_per_s2 = 1 }", "a table of at most 65536"),
+        ("s_curve_table = { start_hz = 1000000, top_hz = 1000000, jerk_hz_per_s2 = 1 }", "expected 1 to 999999"),
         ("s_curve_table = { start_hz = 0, top_hz = 1000, jerk_hz_per_s2 = 1 }", "s_curve_table.start_hz"),
         ("s_curve_table = { start_hz = 1, top_hz = 1000, jerk_hz_per_s2 = nan }", "s_curve_table.jerk_hz_per_s2"),
         ("s_curve_table = { start_hz = 1, top_hz = 1000, jerk_hz_per_s2 = -1 }", "s_curve_table.jerk_hz_per_s2"),
