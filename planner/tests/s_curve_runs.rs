@@ -364,7 +364,7 @@ fn check_a_job(random: &mut Random, blocks: u64, sum: &mut Sum) {
 
 #[test]
 fn random_runs_keep_every_limit_and_make_their_steps() {
-    let wanted = std::env::var(RUNS_VARIABLE).map_or(RUNS, |text| text.parse().expect(RUNS_VARIABLE));
+    let wanted = std::env::var(RUNS_VARIABLE).map_or(RUNS, |text| text.parse().unwrap());
     let mut random = Random(20_170_801);
     let mut sum = Sum::default();
     while sum.runs < wanted {

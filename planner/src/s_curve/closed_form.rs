@@ -166,6 +166,7 @@ impl Profile {
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
+    use crate::s_curve::Jerk;
     use proptest::prelude::*;
 
     #[test]
@@ -180,6 +181,7 @@ mod tests {
     #[test]
     fn bad_numbers_are_told() {
         for bad in [0.0, -1.0, f64::NAN] {
+            assert_eq!(Jerk::from_mm_per_s3(bad).unwrap_err(), CurveError::Jerk);
             assert_eq!(Ramp::new(0.0, 1.0, bad, 1.0).unwrap_err(), CurveError::Jerk);
             assert_eq!(Ramp::new(0.0, 1.0, 1.0, bad).unwrap_err(), CurveError::Acceleration);
         }
