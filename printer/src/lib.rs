@@ -25,8 +25,8 @@ pub use modal::Tally;
 pub use ports::{HeaterStatus, Heating, Motion, MotionError, Replies, Seek, Signals, Timing};
 pub use printer::Printer;
 pub use profile::{
-    AxisHoming, DEFAULT_EVENTS_PER_S, DEFAULT_MOVES_PER_S, DriverTiming, FirmwareRetraction, HeaterSettings, HomeEnd,
-    Profile,
+    AxisHoming, DEFAULT_EVENTS_PER_S, DEFAULT_MOVES_PER_S, DriverTiming, FirmwareRetraction, HeaterSettings,
+    HeaterWatch, HomeEnd, Profile,
 };
 pub use waits::temperatures;
 
