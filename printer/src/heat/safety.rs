@@ -12,7 +12,7 @@
 //! | no power at the heater, thermistor out or frozen, while heating up | [`Trip::HeatingFailed`] | the watch period |
 //! | the same, at the target | [`Trip::Runaway`] | the runaway period below the hysteresis |
 //! | transistor failed closed | [`Trip::RisesUnpowered`], or [`Trip::TooHot`] | with the power at 0, a quarter of the watch period and 10 degrees |
-//! | converter stands still, at the target | [`Trip::Frozen`] | the runaway period, and 5 % of power |
+//! | converter stands still, at the target | [`Trip::Frozen`] | the runaway period, once the power has changed by 5 % |
 
 use core::fmt;
 
@@ -101,12 +101,10 @@ pub struct Safety {
     unpowered: u32,
     /// The lowest temperature without power, of late.
     lowest: Since,
-    /// Since when the reading has been exactly the same.
-    same: Since,
-    /// The power then.
-    same_since_power: f32,
-    /// Whether the power has changed since then so much that the reading should have.
-    should_have_changed: bool,
+    /// The last temperature that was another than the one before, and the power then.
+    changed: (f32, f32),
+    /// Samples since the power has become so different that the reading should have changed again.
+    unanswered: u32,
 }
 
 impl Safety {
@@ -118,9 +116,8 @@ impl Safety {
             target: 0.0,
             unpowered: 0,
             lowest: Since::now(0.0),
-            same: Since::now(0.0),
-            same_since_power: 0.0,
-            should_have_changed: false,
+            changed: (0.0, 0.0),
+            unanswered: 0,
         }
     }
 
@@ -205,14 +202,14 @@ impl Safety {
 
     /// At the target the reading must change when the power does. On the way there the watch tells.
     fn check_same(&mut self, celsius: f32, power: f32) -> Result<(), Trip> {
-        if celsius != self.same.celsius || !matches!(self.phase, Phase::Holding(_)) {
-            self.same = Since::now(celsius);
-            self.same_since_power = power;
-            self.should_have_changed = false;
+        let (same_celsius, same_power) = self.changed;
+        if celsius != same_celsius || !matches!(self.phase, Phase::Holding(_)) {
+            self.changed = (celsius, power);
+            self.unanswered = 0;
+        } else if self.unanswered > 0 || (power - same_power).abs() >= POWER_THAT_SHOWS {
+            self.unanswered = self.unanswered.saturating_add(1);
         }
-        self.same.tick();
-        self.should_have_changed |= (power - self.same_since_power).abs() >= POWER_THAT_SHOWS;
-        if self.should_have_changed && self.same.samples >= self.settings.watch.runaway_ms / SAMPLE_MS {
+        if self.unanswered >= self.settings.watch.runaway_ms / SAMPLE_MS {
             return Err(Trip::Frozen(celsius));
         }
         Ok(())

@@ -73,7 +73,7 @@ mod tests {
             let mut readings = [good[0], bad[0], good[1], bad[1], good[2]];
             readings.rotate_left(turn);
             let mut thermometer = Thermometer::new(THERMISTOR, [0; MEDIAN_OF]);
-            readings.map(|reading| thermometer.add(reading));
+            readings.into_iter().for_each(|reading| thermometer.add(reading));
             let ends = [good.iter().max(), good.iter().min()].map(|end| THERMISTOR.celsius(*end.unwrap()).unwrap());
             prop_assert!((ends[0]..=ends[1]).contains(&thermometer.celsius().unwrap()));
         }
