@@ -6,6 +6,7 @@ mod bad_input;
 mod command;
 mod desk;
 mod exactness;
+mod heater_faults;
 mod hosts;
 mod prints;
 mod programs;
