@@ -5,6 +5,7 @@
 
 mod bad_input;
 mod emergency;
+mod heater_fault;
 mod image;
 mod job;
 mod masks;
