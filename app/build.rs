@@ -8,7 +8,9 @@ use std::{env, fs};
 
 use ferrostep_hal_shim::thermistor::{Thermistor, ThermistorType};
 use ferrostep_planner::{DualRatePeriods, Kinematics, Limits, MotionChoice, SCurveTableSettings, StepsPerMm};
-use ferrostep_printer::{AxisHoming, DriverTiming, FirmwareRetraction, HeaterSettings, HeaterWatch, HomeEnd, Profile};
+use ferrostep_printer::{
+    AxisHoming, DriverTiming, ExtrusionSettings, FirmwareRetraction, HeaterSettings, HeaterWatch, HomeEnd, Profile,
+};
 
 /// The bench's machine.
 const DEFAULT_PROFILE: &str = "cartesian";
@@ -51,6 +53,7 @@ fn constant(profile: &Profile) -> String {
         bed,
         retraction,
         driver,
+        extrusion,
     } = profile;
     let kinematics = match kinematics {
         Kinematics::Cartesian => "Cartesian",
@@ -59,6 +62,7 @@ fn constant(profile: &Profile) -> String {
     let steps_per_mm: Vec<String> = steps_per_mm.iter().map(steps).collect();
     let FirmwareRetraction { length_10nm, retract_10nm_per_s, extra_recover_10nm, recover_10nm_per_s, lift_10nm } =
         retraction;
+    let ExtrusionSettings { adaptive, layer_height_10nm, line_width_10nm, filament_diameter_10nm } = extrusion;
     let DriverTiming { pulse_width_ns, direction_setup_ns, both_edges } = driver;
     format!(
         "Profile {{ name: {name:?}, kinematics: Kinematics::{kinematics}, size_10nm: {size_10nm:?}, \
@@ -69,7 +73,9 @@ fn constant(profile: &Profile) -> String {
          retraction: FirmwareRetraction {{ length_10nm: {length_10nm}, retract_10nm_per_s: {retract_10nm_per_s}, \
          extra_recover_10nm: {extra_recover_10nm}, recover_10nm_per_s: {recover_10nm_per_s}, lift_10nm: {lift_10nm} }}, \
          driver: DriverTiming {{ pulse_width_ns: {pulse_width_ns}, direction_setup_ns: {direction_setup_ns}, \
-         both_edges: {both_edges} }} }}",
+         both_edges: {both_edges} }}, \
+         extrusion: ExtrusionSettings {{ adaptive: {adaptive}, layer_height_10nm: {layer_height_10nm}, \
+         line_width_10nm: {line_width_10nm}, filament_diameter_10nm: {filament_diameter_10nm} }} }}",
         steps_per_mm.join(", "),
         limits_constant(limits),
         motion_constant(motion),

@@ -198,6 +198,11 @@ impl<O: Observer> Desk<O> {
         }
     }
 
+    /// For comparison: see [`Planner::plan_block_by_block`].
+    pub fn plan_block_by_block(&mut self) -> bool {
+        self.planner.plan_block_by_block()
+    }
+
     /// The board, to look at.
     pub fn board(&self) -> &VirtualBoard {
         &self.board

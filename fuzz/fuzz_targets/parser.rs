@@ -14,7 +14,7 @@ fn reads_back(number: Option<Decimal>) {
 
 fuzz_target!(|text: &str| {
     match parse(text) {
-        Ok(Command::Linear { axes: AxisWords { x, y, z, e }, feed }) => {
+        Ok(Command::Linear { axes: AxisWords { x, y, z, e }, feed, .. }) => {
             [x, y, z, e, feed].into_iter().for_each(reads_back);
             assert!(feed.is_none_or(|feed| feed > Decimal::ZERO));
         }

@@ -87,6 +87,8 @@ pub enum WaitTarget {
 pub enum Command<'a> {
     /// G0, G1.
     Linear {
+        /// G0: nothing is laid on the way.
+        rapid: bool,
         /// Where to.
         axes: AxisWords,
         /// F.
@@ -229,6 +231,18 @@ pub enum Command<'a> {
         interpolation: Option<u8>,
         /// A, 0 to 2.
         acceleration: Option<u8>,
+    },
+    /// M795: S chooses whether moves without E extrude by their length (1) or not (0); H, W and D, in the current unit,
+    /// are what they extrude by. None of them: a query.
+    AdaptiveExtrusion {
+        /// S.
+        on: Option<bool>,
+        /// H: layer height.
+        layer_height: Option<Decimal>,
+        /// W: line width.
+        line_width: Option<Decimal>,
+        /// D: the filament's diameter.
+        filament_diameter: Option<Decimal>,
     },
     /// M797: digests of all steps issued so far, and motion counters.
     ReportMotion,

@@ -128,6 +128,15 @@ pub enum Reply<'a> {
         /// `trapezoid` ...
         acceleration: &'a str,
     },
+    /// `echo:extrusion <gcode|adaptive> H:0.200 W:0.450 D:1.750 lambda:0.037418` (M795)
+    Extrusion {
+        /// Whether moves without E extrude by their length.
+        adaptive: bool,
+        /// Layer height, line width, filament diameter, units of 10 nm.
+        sizes_10nm: [i64; 3],
+        /// mm of filament a mm of path.
+        lambda: f64,
+    },
     /// `echo:timing <name> count:0 p50:0 p99:0 p99.9:0 max:0 unit:<unit>`
     Timing(TimingFigures),
     /// `Reporting endstop status` and a line for each end stop.

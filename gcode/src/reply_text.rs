@@ -72,6 +72,11 @@ impl Display for Reply<'_> {
             Reply::MotionChoice { interpolation, acceleration } => {
                 write!(formatter, "echo:motion interpolation:{interpolation} acceleration:{acceleration}")
             }
+            Reply::Extrusion { adaptive, sizes_10nm, lambda } => {
+                let mode = if *adaptive { "adaptive" } else { "gcode" };
+                let [h, w, d] = sizes_10nm.map(|size| size as f64 / 100_000.0);
+                write!(formatter, "echo:extrusion {mode} H:{h:.3} W:{w:.3} D:{d:.3} lambda:{lambda:.6}")
+            }
             Reply::Timing(figures) => write_timing(formatter, figures),
             Reply::EndStops(states) => {
                 formatter.write_str("Reporting endstop status")?;

@@ -65,6 +65,8 @@ impl Between {
 
     /// Takes the extruder's next step, if it comes before the master's, which is `gap` behind the last event and will be
     /// the event of this number; none is due for `free` ticks.
+    // Most steps have none of the extruder's before them.
+    #[cold]
     #[inline(never)]
     pub(crate) fn look(&mut self, extruder: &mut StepTimes, free: u32, gap: u64, number: usize) -> Look {
         self.start = self.last(free);
@@ -73,7 +75,12 @@ impl Between {
         if behind >= gap {
             // It wraps where an event had to keep its distance, and is behind already.
             let is_late = behind != NEVER && behind > NEVER / 2;
-            return if is_late { Look::TooNear } else { Look::Free };
+            if is_late {
+                return Look::TooNear;
+            }
+            // It may be of the same tick. There is no other question before the one for the event after that.
+            self.free = free.max(((gap >> FRACTION_BITS) as u32).saturating_add(1));
+            return Look::Free;
         }
         let ticks = (behind >> FRACTION_BITS) as u32;
         let waits = gap - behind < self.near;

@@ -108,6 +108,9 @@ impl From<Speed> for SquaredSpeed {
 pub struct Acceleration(u32);
 
 impl Acceleration {
+    /// The largest.
+    pub(crate) const MAX: Self = Self(u32::MAX);
+
     /// The largest representable acceleration not above `mm_per_s2`, but at least 2^-8 mm/s^2.
     pub fn from_mm_per_s2(mm_per_s2: f64) -> Self {
         Self(((mm_per_s2 * 256.0) as u32).max(1))

@@ -1,10 +1,10 @@
 //! The moves that end inside the block that is being executed.
 
 use crate::block::Block;
+use crate::block_law::BlockLaw;
 use crate::inner_ends::MAX_INNER_ENDS;
 use crate::real::Real;
 use crate::spacing::ExtruderTravel;
-use crate::time_law::Trapezoid;
 
 /// A move's end inside a block.
 #[derive(Clone, Copy, Debug)]
@@ -37,7 +37,13 @@ impl Inside {
 
     /// Those of a block.
     #[inline]
-    pub(crate) fn start<F: Real>(&mut self, block: &Block, law: &Trapezoid<F>, master: u32, extruder: &ExtruderTravel) {
+    pub(crate) fn start<F: Real>(
+        &mut self,
+        block: &Block,
+        law: &impl BlockLaw<F>,
+        master: u32,
+        extruder: &ExtruderTravel,
+    ) {
         self.count = 0;
         self.passed = 0;
         if !block.inner_ends.is_empty() {
@@ -46,7 +52,7 @@ impl Inside {
     }
 
     #[cold]
-    fn fill<F: Real>(&mut self, block: &Block, law: &Trapezoid<F>, master: u32, extruder: &ExtruderTravel) {
+    fn fill<F: Real>(&mut self, block: &Block, law: &impl BlockLaw<F>, master: u32, extruder: &ExtruderTravel) {
         let whole = u64::from(block.length_10nm.max(1));
         for (place, end) in self.ends.iter_mut().zip(block.inner_ends.iter(block.line)) {
             let length = u64::from(end.length_10nm).min(whole);

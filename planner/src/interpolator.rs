@@ -5,20 +5,27 @@
 //! follow it by step Bresenham. The extruder has times of its own: it steps where e(t) = e0 + lambda s(t) passes a
 //! half step, lambda = dE/S (Wu 2024, eqs. 10 and 11).
 
+mod pulses;
 mod runs;
+mod streams;
 
 use crate::EXTRUDER;
 use crate::block::{Block, PlannedBlock};
+use crate::block_law::BlockLaw;
 use crate::bresenham::MAX_STEPS;
 use crate::entries::Entries;
 use crate::extruder::rounded_steps;
 use crate::follower::Follower;
 use crate::inside::Inside;
+use crate::kinematics::Kinematics;
+use crate::method::Method;
+use crate::motion_choice::MotionChoice;
 use crate::real::Real;
 use crate::spacing::{ExtruderTravel, Spacing};
 use crate::step_queue::{Notice, StepEntry, StepSink};
 use crate::step_times::{NEVER, StepTimes};
-use crate::time_law::{FRACTION_BITS, HALF_TICK, Precision, TimeLaw, Trapezoid};
+use crate::time_law::{FRACTION_BITS, HALF_TICK, Precision, TimeLaw};
+use streams::Streams;
 
 /// Most entries a single [`Interpolator::advance`] or [`Interpolator::begin`] hands to its sink.
 pub const MAX_ENTRIES: usize = EVENTS_AT_ONCE + 1;
@@ -68,11 +75,15 @@ pub struct Interpolator {
     master: StepTimes,
     master_bit: u8,
     followers: [Follower; 2],
+    /// An event of the master without the followers, and of master and first follower.
+    masters_events: [StepEntry; 2],
     extruder: StepTimes,
     /// What the master's next event has to mind: [`EXTRUDER`] when its step waits for it, being near, and
     /// [`MOVE_BEGINS`].
     joining: u8,
     inside: Inside,
+    method: Method,
+    streams: Streams,
 }
 
 impl Interpolator {
@@ -96,10 +107,19 @@ impl Interpolator {
             master: StepTimes::NONE,
             master_bit: 0,
             followers: [Follower::NONE; 2],
+            masters_events: [StepEntry::wait(0); 2],
             extruder: StepTimes::NONE,
             joining: 0,
             inside: Inside::NONE,
+            method: Method::new(&MotionChoice::DEFAULT, Kinematics::Cartesian),
+            streams: Streams::NONE,
         }
+    }
+
+    /// The method of interpolation for the blocks to come, and what it drives; step Bresenham at first, the same on
+    /// any machine. The block in execution goes on as it began.
+    pub fn set_method(&mut self, choice: &MotionChoice, kinematics: Kinematics) {
+        self.method = Method::new(choice, kinematics);
     }
 
     /// Whether a block is being executed.
@@ -143,9 +163,17 @@ impl Interpolator {
         self.joining = MOVE_BEGINS;
         self.move_start = if (self.last as i64) > 0 { self.last } else { 0 };
         self.is_busy = true;
+        // What was merged has ends inside, which only the default steps up to.
+        self.streams.are_on = !self.method.is_default() && block.inner_ends.is_empty();
+        if self.streams.are_on {
+            self.start_streams(block, law, &extruder);
+            return;
+        }
         match &law.0 {
             Precision::Short(law) => self.start(block, law, &extruder),
             Precision::Long(law) => self.start_long(block, law, &extruder),
+            Precision::Run(law) => self.start_long(block, law, &extruder),
+            Precision::Staircase(law) => self.start_long(block, law, &extruder),
         }
     }
 
@@ -165,13 +193,13 @@ impl Interpolator {
 
     #[cold]
     #[inline(never)]
-    fn start_long(&mut self, block: &Block, law: &Trapezoid<f64>, extruder: &ExtruderTravel) {
+    fn start_long(&mut self, block: &Block, law: &impl BlockLaw<f64>, extruder: &ExtruderTravel) {
         self.start(block, law, extruder);
     }
 
     /// The motors' steps along the block.
     #[inline]
-    fn start<F: Real>(&mut self, block: &Block, law: &Trapezoid<F>, extruder: &ExtruderTravel) {
+    fn start<F: Real>(&mut self, block: &Block, law: &impl BlockLaw<F>, extruder: &ExtruderTravel) {
         self.duration_ticks = law.duration_ticks();
         let magnitudes = block.steps.map(|steps| steps.unsigned_abs().min(MAX_STEPS));
         let [x, y, z] = magnitudes;
@@ -185,9 +213,11 @@ impl Interpolator {
         };
         self.master_bit = master_bit;
         self.followers = followers.map(|(bit, steps)| Follower::new(bit, count, steps));
+        let [(first_bit, _), _] = followers;
+        self.masters_events = [master_bit, master_bit | first_bit].map(|bits| StepEntry::event(0, bits));
 
-        self.master.start(law, &Spacing::of_master(law, count), HALF_TICK);
-        self.extruder.start(law, &Spacing::of_extruder(law, extruder), HALF_TICK);
+        law.start(&mut self.master, &Spacing::of_master(law, count), HALF_TICK);
+        law.start(&mut self.extruder, &Spacing::of_extruder(law, extruder), HALF_TICK);
         self.inside.start(block, law, magnitudes[0].max(y).max(z), extruder);
         if !self.inside.is_over() {
             self.allow_to_next_end(0);
@@ -200,7 +230,8 @@ impl Interpolator {
         if !self.is_busy {
             return;
         }
-        match self.work() {
+        let work = if self.streams.are_on { self.work_streams() } else { self.work() };
+        match work {
             Work::Events => {
                 sink.entries(self.entries.all_but_last());
                 self.entries.keep_last();

@@ -82,6 +82,11 @@ impl PathLimits {
     }
 }
 
+/// The larger of two numbers, as [`smaller`] has it.
+pub(crate) fn larger(one: f32, other: f32) -> f32 {
+    if other > one { other } else { one }
+}
+
 /// The smaller of two numbers; `f32::min` is a call, as it cares for NaN.
 pub(crate) fn smaller(one: f32, other: f32) -> f32 {
     if other < one { other } else { one }

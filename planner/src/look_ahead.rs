@@ -1,7 +1,14 @@
 //! The ring of blocks whose speeds are not settled yet.
 
+mod runs;
+
 use crate::block::{Block, PlannedBlock, Speed, SquaredSpeed};
 use crate::pace::Pace;
+use crate::s_curve::staircase::Pulses;
+use crate::s_curve::{FrequencyTable, Jerk};
+use runs::Runs;
+
+pub use runs::Part;
 
 /// A block in the ring with what the passes need.
 #[derive(Clone, Copy, Debug)]
@@ -13,6 +20,32 @@ struct Waiting {
     entry: SquaredSpeed,
     /// The block before has left with this speed.
     settled: bool,
+    /// Under an S-curve: bound of the entry speed, the speed from which everything from here on can be done, and how many
+    /// places ahead the corner is to which one ramp from it goes. Of very slow speeds several have one square.
+    run_bound: Speed,
+    run_entry: Speed,
+    anchor: u8,
+}
+
+/// How speeds change along the blocks.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum SpeedLaw {
+    /// At a constant acceleration.
+    Trapezoid,
+    /// At a constant jerk, under which neighbouring blocks share one law where that is faster.
+    SCurve(Jerk),
+    /// At a constant jerk, and at no acceleration at the ends of every block: what the former gains is seen by this.
+    SCurveBlockByBlock(Jerk),
+    /// As a table of frequencies has it.
+    Table(FrequencyTable),
+}
+
+/// The law, with what only its look-ahead needs.
+#[derive(Clone, Copy, Debug)]
+enum Law {
+    Trapezoid,
+    Runs(Runs),
+    Table(FrequencyTable),
 }
 
 /// Something that keeps its place among the blocks but takes no time.
@@ -30,6 +63,8 @@ pub enum Marker {
 pub enum Left {
     /// A block with settled speeds.
     Block(PlannedBlock),
+    /// A block of a run, under an S-curve.
+    Part(Part),
     /// A marker.
     Marker(Marker),
 }
@@ -71,6 +106,7 @@ pub struct LookAhead<S> {
     blocks: usize,
     /// What the last block that left had wanted for its nominal speed.
     left_nominal: Speed,
+    law: Law,
 }
 
 impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
@@ -86,7 +122,19 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
             left_with: SquaredSpeed::ZERO,
             blocks: 0,
             left_nominal: Speed::ZERO,
+            law: Law::Trapezoid,
         }
+    }
+
+    /// Sets how speeds change, for a ring that is empty.
+    pub fn set_law(&mut self, law: &SpeedLaw) {
+        self.law = match law {
+            SpeedLaw::Trapezoid => Law::Trapezoid,
+            SpeedLaw::SCurve(jerk) => Law::Runs(Runs::new(*jerk, true)),
+            SpeedLaw::SCurveBlockByBlock(jerk) => Law::Runs(Runs::new(*jerk, false)),
+            SpeedLaw::Table(table) => Law::Table(*table),
+        };
+        self.clear();
     }
 
     /// Whether another block or marker fits.
@@ -121,21 +169,45 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
         if !self.has_room() {
             return false;
         }
+        let block = &self.held(block);
         let nominal = SquaredSpeed::from(block.nominal);
         let bound = if self.stopped { SquaredSpeed::ZERO } else { junction.min(nominal).min(self.newest_nominal) };
-        // Where the block before has left already, it left with a speed that this one starts with.
-        let settled = self.blocks == 0;
-        let entry = if settled { self.left_with } else { bound.min(SquaredSpeed::ZERO.changed_over(block)) };
         self.stopped = false;
         self.newest_nominal = nominal;
+        let table = match self.law {
+            Law::Trapezoid => None,
+            Law::Runs(runs) => {
+                self.push_to_runs(&runs, block, bound);
+                return true;
+            }
+            Law::Table(table) => Some(table),
+        };
+        // Where the block before has left already, it left with a speed that this one starts with.
+        let settled = self.blocks == 0;
         let place = self.length;
-        *self.at(place) = Content::Block(Waiting { block: *block, entry_bound: bound, entry, settled });
-        self.length += 1;
-        self.blocks += 1;
+        let entry = if settled { self.left_with } else { bound.min(reach(&table, SquaredSpeed::ZERO, block)) };
+        let (run_bound, run_entry, anchor) = (Speed::ZERO, Speed::ZERO, 0);
+        self.place_block(Waiting { block: *block, entry_bound: bound, entry, settled, run_bound, run_entry, anchor });
         if !settled {
-            self.reverse_pass(place, entry);
+            self.reverse_pass(&table, place, entry);
         }
         true
+    }
+
+    /// A block no faster than the table goes.
+    fn held(&self, block: &Block) -> Block {
+        match &self.law {
+            Law::Table(table) => {
+                Block { nominal: block.nominal.min(Pulses::of(block).speed(table.top_hz())), ..*block }
+            }
+            _ => *block,
+        }
+    }
+
+    fn place_block(&mut self, waiting: Waiting) {
+        *self.at(self.length) = Content::Block(waiting);
+        self.length += 1;
+        self.blocks += 1;
     }
 
     /// Adds a marker; `false` without room.
@@ -150,14 +222,14 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
 
     /// Yu 2019: v_s = sqrt(v_e^2 + 2 a s), from the newest block backwards until nothing changes any more: speeds
     /// only rise when a block is added, and a block that keeps its speed keeps all before it.
-    fn reverse_pass(&mut self, newest: usize, newest_entry: SquaredSpeed) {
+    fn reverse_pass(&mut self, table: &Option<FrequencyTable>, newest: usize, newest_entry: SquaredSpeed) {
         let mut exit = newest_entry;
         for place in (0..newest).rev() {
             let Content::Block(waiting) = self.at(place) else { continue };
             if waiting.settled {
                 return;
             }
-            let entry = waiting.entry_bound.min(exit.changed_over(&waiting.block));
+            let entry = waiting.entry_bound.min(reach(table, exit, &waiting.block));
             if entry == waiting.entry {
                 return;
             }
@@ -174,12 +246,16 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
         if !self.can_leave() {
             return None;
         }
-        let first = self.first;
-        let next = first + 1;
-        let content = self.slots.as_ref().get(first)?.0;
-        self.first = if next == self.slots.as_ref().len() { 0 } else { next };
-        self.length -= 1;
-        self.released = self.released.saturating_sub(1);
+        let table = match self.law {
+            Law::Trapezoid => None,
+            Law::Runs(mut runs) => {
+                let left = self.pop_from_runs(&mut runs, pace);
+                self.law = Law::Runs(runs);
+                return left;
+            }
+            Law::Table(table) => Some(table),
+        };
+        let content = self.take_first()?;
         match content {
             Content::Empty => None,
             Content::Marker(marker) => Some(Left::Marker(marker)),
@@ -187,10 +263,14 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
                 self.blocks -= 1;
                 let mut block = waiting.block;
                 self.left_nominal = block.nominal;
-                let mut reachable = waiting.entry.changed_over(&block);
+                let mut reachable = reach(&table, waiting.entry, &block);
                 if pace != Pace::FULL {
                     let capped = pace.of(block.nominal);
-                    reachable = reachable.min(SquaredSpeed::from(capped).max(waiting.entry.slowed_over(&block)));
+                    let slowed = match &table {
+                        None => waiting.entry.slowed_over(&block),
+                        Some(table) => Pulses::of(&block).slowest(table, waiting.entry.root(), capped).into(),
+                    };
+                    reachable = reachable.min(SquaredSpeed::from(capped).max(slowed));
                     block.nominal = capped;
                 }
                 let exit = self.settle_next(reachable);
@@ -200,6 +280,17 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
                 Some(Left::Block(PlannedBlock { block, entry, exit }))
             }
         }
+    }
+
+    /// Takes the oldest place.
+    fn take_first(&mut self) -> Option<Content> {
+        let first = self.first;
+        let next = first + 1;
+        let content = self.slots.as_ref().get(first)?.0;
+        self.first = if next == self.slots.as_ref().len() { 0 } else { next };
+        self.length -= 1;
+        self.released = self.released.saturating_sub(1);
+        Some(content)
     }
 
     /// Fixes the entry speed of the oldest block that is left; zero where there is none, and then the next block
@@ -235,6 +326,9 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
         self.released = 0;
         self.stopped = true;
         self.left_with = SquaredSpeed::ZERO;
+        if let Law::Runs(runs) = &mut self.law {
+            runs.clear();
+        }
     }
 
     fn at(&mut self, place: usize) -> &mut Content {
@@ -242,6 +336,15 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
         let capacity = slots.len();
         let index = self.first + place;
         &mut slots[if index >= capacity { index - capacity } else { index }].0
+    }
+}
+
+/// The largest squared speed that can be reached from this one over a block.
+#[inline]
+fn reach(table: &Option<FrequencyTable>, from: SquaredSpeed, block: &Block) -> SquaredSpeed {
+    match table {
+        None => from.changed_over(block),
+        Some(table) => Pulses::of(block).reach(table, from.root()).into(),
     }
 }
 

@@ -8,12 +8,15 @@ use crate::inner_ends::InnerEnds;
 use crate::interpolator::Interpolator;
 use crate::junction::radius_10nm;
 use crate::kinematics::{Geometry, MAX_COORDINATE_10NM, UNITS_PER_MM};
-use crate::limits::{Limits, PathLimits, smaller};
-use crate::look_ahead::{Left, LookAhead, Marker, Slot};
+use crate::limits::{Limits, PathLimits, larger, smaller};
+use crate::look_ahead::{Left, LookAhead, Marker, Part, Slot, SpeedLaw};
 use crate::merge::{Open, Planned};
-use crate::motion_choice::MotionChoice;
+use crate::method::Method;
+use crate::motion_choice::{AccelerationProfile, MotionChoice};
 use crate::pace::Pace;
 use crate::path::Path;
+use crate::s_curve::law::Curve;
+use crate::s_curve::{FrequencyTable, Jerk};
 use crate::step_queue::{Notice, StepSink};
 use crate::time_law::TimeLaw;
 use crate::{TICKS_PER_SECOND, kinematics};
@@ -92,6 +95,7 @@ pub struct Planner<S> {
     limits: Limits,
     path_limits: PathLimits,
     choice: MotionChoice,
+    method: Method,
     budget: Budget,
     pace: Pace,
     /// Target of the last move taken.
@@ -108,6 +112,10 @@ pub struct Planner<S> {
     /// A flush waits until the open block has entered the ring.
     flushing: bool,
     look_ahead: LookAhead<S>,
+    /// The law of the run whose blocks are leaving; under an S-curve only.
+    curve: Curve,
+    /// The frequencies, under a table only.
+    table: Option<FrequencyTable>,
     interpolator: Interpolator,
     /// Speed at the end of the last block handed to the interpolator.
     exit: Speed,
@@ -126,6 +134,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
             limits,
             path_limits: PathLimits::new(&limits),
             choice: MotionChoice::DEFAULT,
+            method: Method::new(&MotionChoice::DEFAULT, geometry.kinematics),
             budget: Budget::new(&geometry),
             pace: Pace::FULL,
             position_10nm: [0; 3],
@@ -136,6 +145,8 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
             open: Open::NONE,
             flushing: false,
             look_ahead: LookAhead::new(ring),
+            curve: Curve::NONE,
+            table: None,
             interpolator: Interpolator::new(geometry.minimum_event_interval_ticks),
             exit: Speed::ZERO,
             motion_ticks: 0,
@@ -162,13 +173,34 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         &self.choice
     }
 
-    /// Sets the methods that make the steps; `false` where moves wait, and then nothing has changed.
+    /// Sets the methods that make the steps; `false` where moves wait, or the chosen profile's parameters are out of range
+    /// (a profile's file has been checked for that), and then nothing has changed.
     pub fn set_motion_choice(&mut self, choice: &MotionChoice) -> bool {
-        let is_idle = self.is_idle();
-        if is_idle {
-            self.choice = *choice;
+        if !self.is_idle() {
+            return false;
         }
-        is_idle
+        let Some(law) = speed_law(choice) else { return false };
+        self.choice = *choice;
+        self.method = Method::new(choice, self.geometry.kinematics);
+        self.interpolator.set_method(choice, self.geometry.kinematics);
+        self.table = match law {
+            SpeedLaw::Table(table) => Some(table),
+            SpeedLaw::Trapezoid | SpeedLaw::SCurve(_) | SpeedLaw::SCurveBlockByBlock(_) => None,
+        };
+        self.look_ahead.set_law(&law);
+        true
+    }
+
+    /// For comparison: under an S-curve, lets every block begin and end without acceleration instead of giving neighbours
+    /// one law. `false` where moves wait or the motion is not of that kind, and then nothing has changed.
+    pub fn plan_block_by_block(&mut self) -> bool {
+        match speed_law(&self.choice) {
+            Some(SpeedLaw::SCurve(jerk)) if self.is_idle() => {
+                self.look_ahead.set_law(&SpeedLaw::SCurveBlockByBlock(jerk));
+                true
+            }
+            _ => false,
+        }
     }
 
     /// Holds the blocks that leave look-ahead from now on to a share of their nominal speeds, within what acceleration
@@ -268,7 +300,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         };
 
         let planned = self.plan(request, steps, extruder_256ths);
-        if !self.flushing && self.open.absorb(&planned) {
+        if !self.flushing && self.method.is_default() && self.open.absorb(&planned) {
             self.merged_moves += 1;
         } else if self.close() {
             self.open.begin(&planned, self.extruder_256ths);
@@ -314,8 +346,9 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
             inner_ends: InnerEnds::NONE,
         };
         // No motor steps faster than events may follow each other: v / S * steps <= 1 / interval.
-        let most_256ths = (block.master_steps() * 256).max(extruder_256ths.unsigned_abs());
-        let shortest_ticks = most_256ths as f32 / 256.0 * self.geometry.minimum_event_interval_ticks as f32;
+        let most = larger(self.method.densest(steps) as f32, extruder_256ths.unsigned_abs() as f32 / 256.0);
+        let shortest_ticks = most * self.geometry.minimum_event_interval_ticks as f32;
+        let shortest_ticks = larger(shortest_ticks, self.method.least_ticks(steps));
         if feed * shortest_ticks > length * TICKS_PER_10NM_AT_1_MM_PER_S {
             feed = length * TICKS_PER_10NM_AT_1_MM_PER_S / shortest_ticks;
         }
@@ -340,7 +373,8 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
             if !self.look_ahead.has_room() {
                 return false;
             }
-            if let Some(slower) = self.budget.slower_nominal(&open.block, open.moves, open.extruder_256ths) {
+            let events = self.method.events(open.block.steps);
+            if let Some(slower) = self.budget.slower_nominal(&open.block, events, open.moves, open.extruder_256ths) {
                 open.block.nominal = slower;
                 self.slowed_moves += u64::from(open.moves);
             }
@@ -384,11 +418,15 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         }
         match self.pop() {
             Some(Left::Block(planned)) => {
-                let law = TimeLaw::trapezoid(&planned);
-                self.exit = planned.exit;
-                let nominal_ticks = self.look_ahead.left_nominal().ticks_for(planned.block.length_10nm);
-                self.nominal_ticks = self.nominal_ticks.saturating_add(nominal_ticks);
-                self.motion_ticks += self.interpolator.begin(&planned, &law, sink);
+                let law = match &self.table {
+                    None => TimeLaw::trapezoid(&planned),
+                    Some(table) => TimeLaw::staircase(&planned, table),
+                };
+                self.begin(&planned, &law, sink);
+            }
+            Some(Left::Part(part)) => {
+                let (planned, law) = self.along(&part);
+                self.begin(&planned, &law, sink);
             }
             Some(Left::Marker(marker)) => {
                 let tick = self.interpolator.notice_tick();
@@ -398,6 +436,30 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
             None => return Progress::Waiting,
         }
         Progress::Worked
+    }
+
+    #[inline]
+    fn begin(&mut self, planned: &PlannedBlock, law: &TimeLaw, sink: &mut impl StepSink) {
+        self.exit = planned.exit;
+        let nominal_ticks = self.look_ahead.left_nominal().ticks_for(planned.block.length_10nm);
+        self.nominal_ticks = self.nominal_ticks.saturating_add(nominal_ticks);
+        self.motion_ticks += self.interpolator.begin(planned, law, sink);
+    }
+
+    /// The speeds and the law of a block of a run.
+    #[inline(never)]
+    fn along(&mut self, part: &Part) -> (PlannedBlock, TimeLaw) {
+        let entry = if part.offset_10nm == 0 {
+            self.curve = Curve::new(&part.run);
+            part.run.entry
+        } else {
+            self.exit
+        };
+        let (law, exit) = TimeLaw::along(&self.curve, part.offset_10nm, part.block.length_10nm);
+        let ends_run = part.offset_10nm.saturating_add(part.block.length_10nm) >= part.run.length_10nm;
+        let exit = if ends_run { part.run.exit } else { exit };
+        self.exit = exit;
+        (PlannedBlock { block: part.block, entry, exit }, law)
     }
 
     /// What may leave look-ahead now.
@@ -413,7 +475,15 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         loop {
             match self.pop()? {
                 Left::Block(planned) => {
-                    self.motion_ticks += TimeLaw::trapezoid(&planned).duration_ticks();
+                    self.motion_ticks += match &self.table {
+                        None => TimeLaw::trapezoid(&planned).duration_ticks(),
+                        Some(table) => TimeLaw::staircase(&planned, table).duration_ticks(),
+                    };
+                    return Some(planned);
+                }
+                Left::Part(part) => {
+                    let (planned, law) = self.along(&part);
+                    self.motion_ticks += law.duration_ticks();
                     return Some(planned);
                 }
                 Left::Marker(_) => {}
@@ -447,6 +517,21 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         self.previous = None;
         self.motor_steps
     }
+}
+
+/// How speeds change under a choice; `None` where its parameters are out of range.
+fn speed_law(choice: &MotionChoice) -> Option<SpeedLaw> {
+    Some(match choice.acceleration {
+        AccelerationProfile::Trapezoid => SpeedLaw::Trapezoid,
+        AccelerationProfile::SCurve => SpeedLaw::SCurve(Jerk::from_mm_per_s3(choice.jerk_mm_per_s3).ok()?),
+        AccelerationProfile::SCurveTable => {
+            let [start_hz, top_hz, jerk_hz_per_s2] = {
+                let table = &choice.s_curve_table;
+                [table.start_hz, table.top_hz, table.jerk_hz_per_s2].map(f64::from)
+            };
+            SpeedLaw::Table(FrequencyTable::new(start_hz, top_hz, jerk_hz_per_s2).ok()?)
+        }
+    })
 }
 
 /// Filament in units of 0.1 nm for a length in units of 10 nm at a flow in percent: the exact product.

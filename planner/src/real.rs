@@ -21,6 +21,9 @@ pub(crate) trait Real:
     /// The nearest value, of a constant.
     fn constant(x: f64) -> Self;
 
+    /// The same value.
+    fn from_f32(x: f32) -> Self;
+
     /// The square root; of a negative number zero (rounding can leave a tiny one).
     fn square_root(self) -> Self;
 
@@ -48,6 +51,11 @@ impl Real for f32 {
     #[inline]
     fn constant(x: f64) -> Self {
         x as Self
+    }
+
+    #[inline]
+    fn from_f32(x: f32) -> Self {
+        x
     }
 
     #[inline]
@@ -85,6 +93,11 @@ impl Real for f64 {
     #[inline]
     fn constant(x: f64) -> Self {
         x
+    }
+
+    #[inline]
+    fn from_f32(x: f32) -> Self {
+        Self::from(x)
     }
 
     #[inline]

@@ -2,8 +2,9 @@
 
 /// One entry of the step queue, 8 bytes.
 ///
-/// A *stair* (Wu 2024) is `count` events at one interval; each steps `axes`, the last one `added` as well. All
-/// intervals count from the event before. Times are ticks of the motion clock, which advances only while blocks run.
+/// A *stair* (Wu 2024) is `count` events at one interval; each steps `axes`. In the last one it is the other way round
+/// with `added`: what does not step in the others steps there, and what does (on a steep line) does not. All intervals
+/// count from the event before. Times are ticks of the motion clock, which advances only while blocks run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StepEntry {
     interval_ticks: u32,
@@ -23,7 +24,7 @@ pub enum StepKind {
         count: u16,
         /// Motors that step in each event.
         axes: u8,
-        /// Motors that also step in the last.
+        /// Motors that step in the last only; those of them that are among `axes`, in all but the last.
         added: u8,
     },
     /// Time passes without a step: an interval longer than 32 bits.
@@ -39,10 +40,10 @@ pub enum StepKind {
 }
 
 impl StepEntry {
-    /// A stair; `None` without events or without motors.
+    /// A stair; `None` without events or without motors, in the last event too.
     #[inline]
     pub const fn stair(interval_ticks: u32, count: u16, axes: u8, added: u8) -> Option<Self> {
-        if count == 0 || axes == 0 {
+        if count == 0 || axes == 0 || axes == added {
             return None;
         }
         Some(Self::of(interval_ticks, count, axes, added))
@@ -82,10 +83,10 @@ impl StepEntry {
         self.rest as u16
     }
 
-    /// Whether it is one event.
+    /// Whether it is one event, of no motors but the first four.
     #[inline(always)]
     pub const fn is_single(self) -> bool {
-        self.rest & 0xff00_ffff == 1
+        self.rest & 0xfff0_ffff == 1
     }
 
     /// Motors that step in each event of a stair.
@@ -94,7 +95,7 @@ impl StepEntry {
         (self.rest >> 16) as u8
     }
 
-    /// Motors that step in a stair's last event as well.
+    /// Motors that step in a stair's last event only, or in all but the last.
     #[inline(always)]
     pub const fn added(self) -> u8 {
         (self.rest >> 24) as u8
@@ -117,8 +118,7 @@ impl StepEntry {
         let single = self.count().max(1);
         (1..=single).map(move |index| match self.count() {
             0 => self,
-            // The last event steps the added motors too.
-            _ if index == single => Self::event(self.interval_ticks, self.axes() | self.added()),
+            _ if index == single => Self::event(self.interval_ticks, self.axes() ^ self.added()),
             _ => Self::event(self.interval_ticks, self.axes()),
         })
     }
@@ -129,7 +129,7 @@ impl StepEntry {
         if self.count() == 0 || count >= self.count() {
             return Some(self);
         }
-        // The added motors step in the last event only, which is left out.
+        // The last event, which alone is different, is left out.
         Self::stair(self.interval_ticks, count, self.axes(), 0)
     }
 
@@ -145,8 +145,8 @@ impl StepEntry {
         Self { rest: self.rest | (axes as u32) << 16, ..self }
     }
 
-    /// The same stair with other motors stepping in its last event too; `None` if one of them does so already, or the
-    /// entry is no stair.
+    /// The same stair with other motors stepping in its last event too; `None` if one of them steps anywhere in it, or
+    /// the entry is no stair.
     pub(crate) const fn joined(self, axes: u8) -> Option<Self> {
         let shift = if self.count() == 1 { 16 } else { 24 };
         if self.count() == 0 || (self.axes() | self.added()) & axes != 0 {
@@ -246,8 +246,18 @@ mod tests {
     }
 
     #[test]
+    fn the_last_event_differs_by_what_is_added() {
+        let axes = |axes, added| StepEntry::of(9, 3, axes, added).events().map(StepEntry::axes).collect::<Vec<_>>();
+        assert_eq!(axes(1, 2), [1, 1, 3]);
+        assert_eq!(axes(3, 2), [3, 3, 1]);
+        assert_eq!(axes(3, 6), [3, 3, 5]);
+        assert_eq!(StepEntry::of(9, 1, 3, 2).events().map(StepEntry::axes).collect::<Vec<_>>(), [1]);
+    }
+
+    #[test]
     fn a_stair_without_steps_is_refused() {
         assert_eq!(StepEntry::stair(9, 0, 1, 0), None);
         assert_eq!(StepEntry::stair(9, 1, 0, 1), None);
+        assert_eq!(StepEntry::stair(9, 5, 1, 1), None);
     }
 }

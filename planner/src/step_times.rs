@@ -1,9 +1,18 @@
 //! When each step of one motor is due: s(t) solved for equally spaced path positions.
 
+mod jerk;
+mod pieces;
+#[cfg(test)]
+mod run_tests;
+
 use crate::real::Real;
+use crate::s_curve::law::Along;
+use crate::s_curve::staircase::Staircase;
 use crate::spacing::Spacing;
 use crate::square_root::square_root_f32;
 use crate::time_law::{FRACTION_BITS, HALF_TICK, Trapezoid, cruise_time, ramp_time, steps_per_tick};
+use jerk::JerkRamp;
+use pieces::Pieces;
 
 /// No step is due, now or later.
 pub(crate) const NEVER: u64 = u64::MAX;
@@ -18,6 +27,8 @@ enum Pace {
     Cruise(Cruise),
     /// A constant acceleration.
     Ramp(Ramp),
+    /// A constant jerk.
+    Jerk(JerkRamp),
 }
 
 /// A constant interval between steps.
@@ -74,7 +85,7 @@ const UNITS_IN_TWO_TICKS: f32 = (2u32 << FRACTION_BITS) as f32;
 
 /// What [`Ramp::units_and_half`] gives, as a whole number: the nearest, for cut they would add up.
 #[inline(always)]
-pub(crate) fn whole_units(units_and_half: f32) -> u64 {
+fn whole_units(units_and_half: f32) -> u64 {
     // One instruction, and enough for all but slow steps.
     let short = units_and_half as u32;
     if short < u32::MAX { u64::from(short) } else { units_and_half.to_u64() }
@@ -95,29 +106,27 @@ impl Ramp {
 /// Longest ramp that is run: the numbers of its steps are exact in f32.
 const LONGEST_RUN: u32 = 1 << 24;
 
-/// Steps of a ramp that are taken one after the other, while what changes is kept in registers.
+/// Steps of a ramp that are taken one after the other.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct RampRun {
-    slow: f32,
-    gain: f32,
-    speed: f32,
-    /// As in [`Ramp`], and exact.
-    index: f32,
-    /// 1 or -1.
-    direction: f32,
-    /// From the last step to the next, in time units and half of one.
-    units_and_half: f32,
-}
+pub(crate) struct RampRun(ferrostep_square_root::Ramp);
 
 impl RampRun {
-    /// Takes a step. Time units from it to the next one, and half of one; no matter what behind a ramp's last step.
+    /// Takes a step. Time units from it to the next one, cut to 32 bits; no matter what behind a ramp's last step.
     #[inline(always)]
-    pub(crate) fn take(&mut self) -> f32 {
-        self.index += self.direction;
-        let speed = square_root_f32(self.slow + self.index * self.gain);
-        self.units_and_half = UNITS_IN_TWO_TICKS / (self.speed + speed) + 0.5;
-        self.speed = speed;
-        self.units_and_half
+    pub(crate) fn take(&mut self) -> u32 {
+        self.0.advance()
+    }
+
+    /// What [`Self::take`] has told last.
+    #[inline(always)]
+    pub(crate) fn short_units(&self) -> u32 {
+        self.0.interval_and_half as u32
+    }
+
+    /// The same, not cut.
+    #[inline(always)]
+    pub(crate) fn units(&self) -> u64 {
+        whole_units(self.0.interval_and_half)
     }
 }
 
@@ -176,6 +185,8 @@ pub(crate) struct StepTimes {
     phases: [Phase; PHASES],
     /// The phase after the present one.
     next_phase: usize,
+    /// What the phases behind those are made of.
+    pieces: Pieces,
 }
 
 impl StepTimes {
@@ -190,6 +201,7 @@ impl StepTimes {
         resumed: NEVER,
         phases: [Phase::EMPTY; PHASES],
         next_phase: PHASES,
+        pieces: Pieces::None,
     };
 
     /// Starts with the steps of a block, none of them due before `earliest`.
@@ -206,6 +218,26 @@ impl StepTimes {
         self.next = earliest;
         self.more_allowed = u32::MAX;
         self.next_phase = 0;
+        self.pieces = Pieces::None;
+        self.enter_phase();
+    }
+
+    /// The same along a block of a run.
+    pub(crate) fn start_run(&mut self, law: &Along, steps: &Spacing<f64>, earliest: u64) {
+        self.start_pieces(Pieces::Run { law: *law, steps: *steps, next: 0, done: 0 }, earliest);
+    }
+
+    /// The same along a block at the frequencies of a table.
+    pub(crate) fn start_staircase(&mut self, law: &Staircase, steps: &Spacing<f64>, earliest: u64) {
+        self.start_pieces(Pieces::Staircase { law: *law, steps: *steps, next: 0, done: 0 }, earliest);
+    }
+
+    fn start_pieces(&mut self, pieces: Pieces, earliest: u64) {
+        self.left = 0;
+        self.next = earliest;
+        self.more_allowed = u32::MAX;
+        self.next_phase = PHASES;
+        self.pieces = pieces;
         self.enter_phase();
     }
 
@@ -274,7 +306,7 @@ impl StepTimes {
     pub(crate) fn cruise(&self) -> Option<(Cruise, u32)> {
         match self.pace {
             Pace::Cruise(cruise) => Some((cruise, self.left)),
-            Pace::Ramp(_) => None,
+            Pace::Ramp(_) | Pace::Jerk(_) => None,
         }
     }
 
@@ -325,29 +357,38 @@ impl StepTimes {
             Pace::Ramp(Ramp { slow, gain, speed, index, direction }) if self.left > 0 && index < LONGEST_RUN => {
                 let (most, direction) =
                     if direction == 1 { (LONGEST_RUN - index, 1.0) } else { (index.saturating_add(1), -1.0) };
-                let run = RampRun { slow, gain, speed, index: index as f32, direction, units_and_half: 0.0 };
-                Some((run, most.min(self.left)))
+                let run = ferrostep_square_root::Ramp::new(
+                    [index as f32, direction],
+                    speed,
+                    [slow, gain],
+                    UNITS_IN_TWO_TICKS,
+                );
+                Some((RampRun(run), most.min(self.left)))
             }
             _ => None,
         }
     }
 
-    /// Takes over what a run has done, which took `count` steps. The next one is due at `due` if that `is_next`; if not,
-    /// the last one taken was.
+    /// Takes over what a run has done, which took `count` steps. The one behind the last would be due at `due` if that
+    /// `is_next`; if not, the last one taken was.
     #[inline(always)]
     pub(crate) fn end_run(&mut self, run: &RampRun, count: u32, due: u64, is_next: bool) {
         self.next = due;
         self.left = self.left.wrapping_sub(count);
         if self.left == 0 && self.more_in_phase == 0 {
+            if is_next && count > 0 {
+                // Not before the last one.
+                self.next = due.wrapping_sub(run.units());
+            }
             self.enter_phase();
             return;
         }
         if let Pace::Ramp(ramp) = &mut self.pace {
-            ramp.speed = run.speed;
-            ramp.index = run.index as u32;
+            ramp.speed = run.0.speed;
+            ramp.index = run.0.index as u32;
         }
         if !is_next {
-            self.next = due.wrapping_add(whole_units(run.units_and_half));
+            self.next = due.wrapping_add(run.units());
         }
         if self.left == 0 {
             self.divide(self.more_in_phase);
@@ -370,6 +411,7 @@ impl StepTimes {
     fn pass(&mut self, count: u32) {
         match &mut self.pace {
             Pace::Ramp(ramp) => self.next = self.next.wrapping_add(whole_units(ramp.units_and_half())),
+            Pace::Jerk(ramp) => self.next = self.next.wrapping_add(ramp.units()),
             Pace::Cruise(cruise) => {
                 let beyond = self.beyond.wrapping_add(u32::from(cruise.beyond).wrapping_mul(count));
                 self.beyond = beyond & 0xffff;
@@ -403,6 +445,13 @@ impl StepTimes {
                 self.divide(count);
                 return;
             }
+        }
+        if let Some(phase) = self.pieces.next_phase() {
+            self.pace = phase.pace;
+            self.beyond = 0;
+            self.next = self.next.max(phase.first);
+            self.divide(phase.count);
+            return;
         }
         self.next = NEVER;
         self.resumed = NEVER;

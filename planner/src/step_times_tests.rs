@@ -174,6 +174,7 @@ fn check(planned: &PlannedBlock, steps: &Steps, random: &mut Random) -> [f64; 2]
         (Precision::Long(law), None) => times.start(law, &Spacing::of_master(law, steps.count), 0),
         (Precision::Short(law), Some(travel)) => times.start(law, &Spacing::of_extruder(law, travel), 0),
         (Precision::Long(law), Some(travel)) => times.start(law, &Spacing::of_extruder(law, travel), 0),
+        (Precision::Run(_) | Precision::Staircase(_), _) => unreachable!("a trapezoid"),
     }
     let every = random.next().is_multiple_of(16);
     let unit = 1.0 / (1u64 << FRACTION_BITS) as f64;

@@ -1,9 +1,12 @@
 //! s(t) of a block: how long its phases are, in path and in time.
 
 use crate::TICKS_PER_SECOND;
-use crate::block::PlannedBlock;
+use crate::block::{PlannedBlock, Speed};
 use crate::kinematics::UNITS_PER_MM;
 use crate::real::Real;
+use crate::s_curve::FrequencyTable;
+use crate::s_curve::law::{Along, Curve};
+use crate::s_curve::staircase::Staircase;
 
 /// Bits of fraction in a time unit: it is 2^-16 tick.
 pub const FRACTION_BITS: u32 = 16;
@@ -178,7 +181,7 @@ impl<F: Real> Trapezoid<F> {
     }
 }
 
-/// The trapezoid of a block, in the precision that its duration asks for.
+/// The time law of a block: a trapezoid, in the precision that its duration asks for, or another.
 #[derive(Clone, Copy, Debug)]
 pub struct TimeLaw(pub(crate) Precision);
 
@@ -186,6 +189,10 @@ pub struct TimeLaw(pub(crate) Precision);
 pub(crate) enum Precision {
     Short(Trapezoid<f32>),
     Long(Trapezoid<f64>),
+    /// Of an S-curve.
+    Run(Along),
+    /// Of a table of frequencies.
+    Staircase(Staircase),
 }
 
 impl TimeLaw {
@@ -194,6 +201,17 @@ impl TimeLaw {
     pub fn trapezoid(planned: &PlannedBlock) -> Self {
         let short = Trapezoid::<f32>::new(planned);
         if short.duration <= LONGEST_IN_F32 { Self(Precision::Short(short)) } else { Self::long(planned) }
+    }
+
+    /// The law of a run along the block that begins so far behind the run's start, and the speed at the block's end.
+    pub(crate) fn along(curve: &Curve, offset_10nm: u32, length_10nm: u32) -> (Self, Speed) {
+        let law = Along::new(curve, offset_10nm, length_10nm);
+        (Self(Precision::Run(law)), law.exit())
+    }
+
+    /// A planned block at the frequencies of a table, Li 2017.
+    pub(crate) fn staircase(planned: &PlannedBlock, table: &FrequencyTable) -> Self {
+        Self(Precision::Staircase(Staircase::new(planned, table)))
     }
 
     #[cold]
@@ -207,6 +225,8 @@ impl TimeLaw {
         match &self.0 {
             Precision::Short(law) => law.duration_ticks(),
             Precision::Long(law) => law.duration_ticks(),
+            Precision::Run(law) => law.duration_ticks(),
+            Precision::Staircase(law) => law.duration_ticks(),
         }
     }
 }
@@ -214,7 +234,7 @@ impl TimeLaw {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::block::{Acceleration, Block, Speed};
+    use crate::block::{Acceleration, Block};
     use crate::inner_ends::InnerEnds;
     use proptest::prelude::*;
 

@@ -42,7 +42,7 @@ impl StepSink for Record {
             StepKind::Stair { interval_ticks, count, axes, added } => {
                 for index in 1..=count {
                     self.tick += u64::from(interval_ticks);
-                    let axes = if index == count { axes | added } else { axes };
+                    let axes = if index == count { axes ^ added } else { axes };
                     self.happened.push(Happened::Event { tick: self.tick, axes });
                 }
             }

@@ -5,8 +5,8 @@
 use ferrostep_planner::extruder::{Extruder, rounded_steps};
 use ferrostep_planner::look_ahead::Slot;
 use ferrostep_planner::{
-    Geometry, Kinematics, Limits, Move, MoveError, Moved, Notice, Pace, PlannedBlock, Planner, Progress, Speed,
-    StepDigests, StepEntry, StepKind, StepSink, StepsPerMm, TICKS_PER_SECOND,
+    AccelerationProfile, Geometry, Kinematics, Limits, MotionChoice, Move, MoveError, Moved, Notice, Pace,
+    PlannedBlock, Planner, Progress, Speed, StepDigests, StepEntry, StepKind, StepSink, StepsPerMm, TICKS_PER_SECOND,
 };
 use proptest::prelude::*;
 
@@ -38,7 +38,7 @@ impl StepSink for Player {
             StepKind::Stair { interval_ticks, count, axes, added } => {
                 for index in 1..=count {
                     self.tick += u64::from(interval_ticks);
-                    let axes = if index == count { axes | added } else { axes };
+                    let axes = if index == count { axes ^ added } else { axes };
                     let directions = self.directions & axes;
                     self.events.push(Event { tick: self.tick, axes, directions });
                 }
@@ -105,9 +105,24 @@ fn planner(geometry: Geometry, ring: usize) -> Planner<Vec<Slot>> {
     Planner::new(geometry, limits(), vec![Slot::EMPTY; ring])
 }
 
-/// Everything a job of moves becomes.
-fn play(geometry: Geometry, ring: usize, moves: &[Move], mut pause: impl FnMut() -> usize) -> Player {
+/// The same machine under another law of acceleration.
+fn planner_under(acceleration: AccelerationProfile, geometry: Geometry, ring: usize) -> Planner<Vec<Slot>> {
     let mut planner = planner(geometry, ring);
+    assert!(planner.set_motion_choice(&MotionChoice { acceleration, ..MotionChoice::DEFAULT }));
+    planner
+}
+
+fn accelerations() -> impl Strategy<Value = AccelerationProfile> {
+    proptest::sample::select(&AccelerationProfile::ALL[..])
+}
+
+/// Everything a job of moves becomes.
+fn play(geometry: Geometry, ring: usize, moves: &[Move], pause: impl FnMut() -> usize) -> Player {
+    play_on(planner(geometry, ring), moves, pause)
+}
+
+/// The same under any law of acceleration.
+fn play_on(mut planner: Planner<Vec<Slot>>, moves: &[Move], mut pause: impl FnMut() -> usize) -> Player {
     let mut player = Player::default();
     for each in moves {
         // Work a random amount before the next move comes, and as much as is needed to make room.
@@ -194,8 +209,10 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(300))]
 
     #[test]
-    fn motors_end_every_move_exactly_where_it_ends(machine in machines(), moves in moves(), ring in 2usize..40) {
-        let player = play(machine, ring, &moves, || 0);
+    fn motors_end_every_move_exactly_where_it_ends(
+        machine in machines(), moves in moves(), ring in 2usize..40, law in accelerations(),
+    ) {
+        let player = play_on(planner_under(law, machine, ring), &moves, || 0);
         let mut extruder = Extruder::new(machine.steps_per_mm[3]);
         let mut motors = [0i64; 4];
         let mut events = player.events.iter().peekable();
@@ -224,8 +241,8 @@ proptest! {
     }
 
     #[test]
-    fn events_keep_their_distance(machine in machines(), moves in moves()) {
-        let player = play(machine, 16, &moves, || 0);
+    fn events_keep_their_distance(machine in machines(), moves in moves(), law in accelerations()) {
+        let player = play_on(planner_under(law, machine, 16), &moves, || 0);
         for pair in player.events.windows(2) {
             prop_assert!(pair[1].tick - pair[0].tick >= u64::from(MINIMUM_INTERVAL));
         }
@@ -302,7 +319,9 @@ proptest! {
     }
 
     #[test]
-    fn the_plan_does_not_depend_on_when_moves_come(machine in machines(), moves in moves(), ring in 2usize..40, seed in any::<u64>()) {
+    fn the_plan_does_not_depend_on_when_moves_come(
+        machine in machines(), moves in moves(), ring in 2usize..40, seed in any::<u64>(), law in accelerations(),
+    ) {
         let mut state = seed | 1;
         let random = || {
             state ^= state << 13;
@@ -310,10 +329,40 @@ proptest! {
             state ^= state << 17;
             (state % 400) as usize
         };
-        let prompt = play(machine, ring, &moves, || 0);
-        let halting = play(machine, ring, &moves, random);
+        let prompt = play_on(planner_under(law, machine, ring), &moves, || 0);
+        let halting = play_on(planner_under(law, machine, ring), &moves, random);
         prop_assert_eq!(digest(&prompt), digest(&halting));
         prop_assert_eq!(prompt.notices, halting.notices);
+    }
+
+    #[test]
+    fn an_estimate_takes_as_long_as_the_motion(
+        machine in machines(), moves in moves(), ring in 2usize..40, law in accelerations(),
+    ) {
+        let mut player = Player::default();
+        let mut planned = planner_under(law, machine, ring);
+        let mut played = planner_under(law, machine, ring);
+        let mut speed = Speed::ZERO;
+        for each in &moves {
+            while let Err(MoveError::NoRoom) = planned.add(each) {
+                let block = planned.next_planned().unwrap();
+                prop_assert_eq!(block.entry, speed);
+                speed = block.exit;
+            }
+            while let Err(MoveError::NoRoom) = played.add(each) {
+                played.advance(&mut player);
+            }
+        }
+        planned.flush();
+        played.flush();
+        while let Some(block) = planned.next_planned() {
+            prop_assert_eq!(block.entry, speed);
+            speed = block.exit;
+        }
+        while played.advance(&mut player) == Progress::Worked {}
+        prop_assert_eq!(speed, Speed::ZERO);
+        prop_assert_eq!(planned.motion_ticks(), played.motion_ticks());
+        prop_assert!(!played.is_in_motion());
     }
 
     #[test]
@@ -391,8 +440,14 @@ fn a_step_that_takes_minutes_is_waited_for() {
 
 #[test]
 fn after_a_stop_motion_goes_on_from_where_the_motors_stand() {
+    for law in AccelerationProfile::ALL {
+        goes_on_after_a_stop(law);
+    }
+}
+
+fn goes_on_after_a_stop(law: AccelerationProfile) {
     let machine = geometry(Kinematics::CoreXy, [160.0, 160.0, 800.0, 400.0]);
-    let mut planner = planner(machine, 8);
+    let mut planner = planner_under(law, machine, 8);
     let mut player = Player::default();
     planner.add(&request([5_000_000, 3_000_000, 0], 100_000_000, 100.0)).unwrap();
     planner.flush();
@@ -419,6 +474,36 @@ fn after_a_stop_motion_goes_on_from_where_the_motors_stand() {
         }
     }
     assert_eq!(motors[..3], [0, 0, 0]);
+}
+
+#[test]
+fn the_law_changes_at_a_standstill_only() {
+    let machine = geometry(Kinematics::Cartesian, [80.0, 80.0, 400.0, 95.0]);
+    let mut planner = planner(machine, 8);
+    let choice = |acceleration, jerk_mm_per_s3, top_hz| {
+        let mut choice = MotionChoice { acceleration, jerk_mm_per_s3, ..MotionChoice::DEFAULT };
+        choice.s_curve_table.top_hz = top_hz;
+        choice
+    };
+    let good = choice(AccelerationProfile::SCurve, 5_000.0, 2_000);
+    for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+        assert!(!planner.set_motion_choice(&choice(AccelerationProfile::SCurve, bad, 2_000)));
+    }
+    assert!(!planner.set_motion_choice(&choice(AccelerationProfile::SCurveTable, 1.0, 1_000)));
+    assert_eq!(*planner.motion_choice(), MotionChoice::DEFAULT);
+    planner.add(&request([1_000_000, 0, 0], 0, 50.0)).unwrap();
+    assert!(!planner.set_motion_choice(&good));
+    planner.flush();
+    let mut player = Player::default();
+    while planner.advance(&mut player) == Progress::Worked {}
+    let trapezoid = planner.motion_ticks();
+    assert!(planner.set_motion_choice(&good));
+    planner.add(&request([0; 3], 0, 50.0)).unwrap();
+    planner.flush();
+    while planner.advance(&mut player) == Progress::Worked {}
+    assert_eq!(player.events.len(), 1_600);
+    // Less jerk takes longer.
+    assert!(planner.motion_ticks() > 2 * trapezoid + trapezoid / 10);
 }
 
 /// A job and its plan, with a fan change after each move that keeps it from merging with the next, or without.

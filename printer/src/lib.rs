@@ -10,6 +10,7 @@ pub mod ports;
 
 mod arc;
 mod error;
+mod extrusion;
 mod homing;
 mod host;
 mod modal;
@@ -25,8 +26,8 @@ pub use modal::Tally;
 pub use ports::{HeaterStatus, Heating, Motion, MotionError, Replies, Seek, Signals, Timing};
 pub use printer::Printer;
 pub use profile::{
-    AxisHoming, DEFAULT_EVENTS_PER_S, DEFAULT_MOVES_PER_S, DriverTiming, FirmwareRetraction, HeaterSettings,
-    HeaterWatch, HomeEnd, Profile,
+    AxisHoming, DEFAULT_EVENTS_PER_S, DEFAULT_MOVES_PER_S, DriverTiming, ExtrusionSettings, FirmwareRetraction,
+    HeaterSettings, HeaterWatch, HomeEnd, Profile,
 };
 pub use waits::temperatures;
 

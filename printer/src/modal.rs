@@ -3,6 +3,7 @@
 use ferrostep_gcode::{AxisWords, Decimal, Units};
 use ferrostep_planner::MIN_FEED_MM_PER_S;
 
+use crate::extrusion::AdaptiveExtrusion;
 use crate::profile::{FirmwareRetraction, Profile};
 
 /// What a job did, in numbers.
@@ -35,6 +36,7 @@ pub(crate) struct Modal {
     pub homed: [bool; 3],
     pub soft_limits: bool,
     pub retraction: FirmwareRetraction,
+    pub extrusion: AdaptiveExtrusion,
     pub retracted: bool,
     /// How far Z is lifted while retracted. The G-code's coordinates do not see it.
     pub lift_10nm: i64,
@@ -60,6 +62,7 @@ impl Modal {
             homed: [false; 3],
             soft_limits: true,
             retraction: profile.retraction,
+            extrusion: AdaptiveExtrusion::new(profile.extrusion),
             retracted: false,
             lift_10nm: 0,
             min_extrusion_celsius: profile.min_extrusion_celsius,

@@ -10,11 +10,15 @@ use ferrostep_planner::{Move, Moved, filament_100pm};
 use crate::AXIS_NAMES;
 use crate::arc::Arc;
 use crate::error::CommandError;
+use crate::extrusion::AdaptiveExtrusion;
 use crate::ports::{Heating, Motion, Replies};
 use crate::printer::Printer;
 
 /// Logical extruder positions stay within 10,000 km.
 const MAX_EXTRUDER_10NM: i64 = 1_000_000_000_000_000;
+
+/// No chord is longer: 2 sqrt(2 r c) with the largest radius, 10 m, and c of 0.01 mm is 28.3 mm.
+const LONGEST_CHORD_10NM: i64 = 3_000_000;
 
 /// A dwell of more than eleven days is a mistake.
 const LONGEST_DWELL_MS: u64 = 1_000_000_000;
@@ -28,10 +32,19 @@ struct Target {
 
 impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, M, H, T, R> {
     /// G0, G1.
-    pub(crate) async fn linear(&mut self, axes: &AxisWords, feed: Option<Decimal>) -> Result<(), CommandError> {
+    pub(crate) async fn linear(
+        &mut self,
+        rapid: bool,
+        axes: &AxisWords,
+        feed: Option<Decimal>,
+    ) -> Result<(), CommandError> {
         let mut target = self.target(axes, feed)?;
         let clamped = self.clamp(&mut target.machine_10nm);
-        let filament = self.filament(&target);
+        let (mut filament, mut extrusion) = (self.filament(&target), self.modal.extrusion);
+        if !rapid && self.extrudes_by_length(axes, &target) {
+            (filament, extrusion) = self.along(extrusion, self.modal.machine_10nm, target.machine_10nm);
+            self.check_extrusion(filament)?;
+        }
         let request = Move {
             target_10nm: self.raised(target.machine_10nm),
             filament_100pm: filament,
@@ -43,8 +56,34 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         if displaces {
             self.motion.add(request).await?;
         }
+        self.modal.extrusion = extrusion;
         self.moved(&target, filament, displaces, clamped);
         Ok(())
+    }
+
+    /// Whether a move gets filament by its length (M795): one in the plane, without an E of its own, and with the
+    /// filament not drawn back.
+    fn extrudes_by_length(&self, axes: &AxisWords, target: &Target) -> bool {
+        let [from, to] = [self.modal.machine_10nm[2], target.machine_10nm[2]];
+        self.modal.extrusion.settings().adaptive && axes.e.is_none() && from == to && !self.modal.retracted
+    }
+
+    /// Filament along a way in the plane, and what is owed behind it.
+    fn along(&self, extrusion: AdaptiveExtrusion, from: [i64; 3], to: [i64; 3]) -> (i64, AdaptiveExtrusion) {
+        let [from, to] = [from, to].map(|[x, y, _]| [x, y]);
+        extrusion.along(from, to, self.modal.flow_percent)
+    }
+
+    /// Whether a move may push so much.
+    fn check_extrusion(&self, filament_100pm: i64) -> Result<(), CommandError> {
+        if filament_100pm != 0 {
+            self.check_extrusion_temperature()?;
+        }
+        if Extruder::can_push(self.profile.steps_per_mm[3], filament_100pm) {
+            Ok(())
+        } else {
+            Err(CommandError::TooMuchFilament)
+        }
     }
 
     /// G2, G3: chords at most 0.01 mm off; Z and E follow evenly.
@@ -76,6 +115,11 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
             }
         };
         let filament = self.filament(&target);
+        let by_length = self.extrudes_by_length(axes, &target);
+        if by_length {
+            let longest = [from[0] + LONGEST_CHORD_10NM, from[1], from[2]];
+            self.check_extrusion(self.along(self.modal.extrusion, from, longest).0)?;
+        }
         let feed_mm_per_s = self.modal.feed_mm_per_s(target.feed_10nm_per_min);
         let chords = i128::from(arc.chords());
         // Shares of a whole that add up to it exactly.
@@ -87,29 +131,40 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         for (index, [x, y]) in (1..).zip(arc.inner_points()) {
             let mut point = [x, y, from[2] + share(rise, index)];
             self.clamp_into(&mut point, &mut clamped);
-            let upto = share(filament, index);
+            let mut extrusion = self.modal.extrusion;
+            let mut push = share(filament, index) - pushed;
+            if by_length {
+                (push, extrusion) = self.along(extrusion, self.modal.machine_10nm, point);
+            }
             let chord = Move {
                 target_10nm: self.raised(point),
-                filament_100pm: upto - pushed,
+                filament_100pm: push,
                 feed_mm_per_s,
                 line: self.line,
                 ends_move: false,
             };
-            pushed = upto;
+            pushed += push;
             let added = self.motion.add(chord).await;
             self.modal.machine_10nm = point;
             added?;
+            self.modal.extrusion = extrusion;
         }
         self.clamp_into(&mut target.machine_10nm, &mut clamped);
+        let mut extrusion = self.modal.extrusion;
+        let mut push = filament - pushed;
+        if by_length {
+            (push, extrusion) = self.along(extrusion, self.modal.machine_10nm, target.machine_10nm);
+        }
         let last = Move {
             target_10nm: self.raised(target.machine_10nm),
-            filament_100pm: filament - pushed,
+            filament_100pm: push,
             feed_mm_per_s,
             line: self.line,
             ends_move: true,
         };
         self.motion.add(last).await?;
-        self.moved(&target, filament, true, clamped);
+        self.modal.extrusion = extrusion;
+        self.moved(&target, pushed + push, true, clamped);
         Ok(())
     }
 

@@ -173,7 +173,10 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
     fn stop_motion(&mut self) {
         let dropped_100pm = self.motion.stop();
         self.tally.filament_100pm -= dropped_100pm;
-        self.modal.extruder_10nm -= dropped_100pm / i64::from(self.modal.flow_percent.max(1));
+        // What moves extrude by their length is no part of the G-code's position.
+        if !self.modal.extrusion.settings().adaptive {
+            self.modal.extruder_10nm -= dropped_100pm / i64::from(self.modal.flow_percent.max(1));
+        }
         self.follow_the_motors();
     }
 
@@ -200,7 +203,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
 
     async fn dispatch(&mut self, command: &Command<'_>) -> Result<bool, CommandError> {
         match *command {
-            Command::Linear { ref axes, feed } => self.linear(axes, feed).await?,
+            Command::Linear { rapid, ref axes, feed } => self.linear(rapid, axes, feed).await?,
             Command::Arc { clockwise, ref axes, form, feed } => self.arc(clockwise, axes, form, feed).await?,
             Command::Dwell { milliseconds } => self.dwell(milliseconds).await?,
             Command::Retract => self.firmware_retract(true).await?,
@@ -235,6 +238,9 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
             Command::ReportMotion => self.replies.send(Reply::Motion(self.motion.figures())),
             Command::MotionChoice { interpolation, acceleration } => {
                 self.choose_motion(interpolation, acceleration).await?;
+            }
+            Command::AdaptiveExtrusion { on, layer_height, line_width, filament_diameter } => {
+                self.adaptive_extrusion(on, [layer_height, line_width, filament_diameter])?;
             }
             Command::Timing { on, clear } => self.timing(on, clear),
             Command::Echo { echo_prefix, action_prefix, text } => self.echo(echo_prefix, action_prefix, text),

@@ -114,6 +114,28 @@ pub struct DriverTiming {
     pub both_edges: bool,
 }
 
+/// Filament for moves that tell none (Wu 2024, eqs. 10 and 11).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ExtrusionSettings {
+    /// Whether G1 to G3 in the plane without E extrude by their length.
+    pub adaptive: bool,
+    /// h, units of 10 nm.
+    pub layer_height_10nm: i64,
+    /// b, units of 10 nm.
+    pub line_width_10nm: i64,
+    /// D: of the filament, or of the barrel that is pushed, units of 10 nm.
+    pub filament_diameter_10nm: i64,
+}
+
+impl ExtrusionSettings {
+    /// Smallest and largest layer height, line width and filament diameter, units of 10 nm.
+    pub const RANGES_10NM: [(i64, i64); 3] = [(1_000, 500_000), (5_000, 2_000_000), (50_000, 10_000_000)];
+
+    /// Filament as the G-code tells; 0.2 mm by 0.45 mm of 1.75 mm filament otherwise.
+    pub const DEFAULT: Self =
+        Self { adaptive: false, layer_height_10nm: 20_000, line_width_10nm: 45_000, filament_diameter_10nm: 175_000 };
+}
+
 /// A machine.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Profile {
@@ -147,6 +169,8 @@ pub struct Profile {
     pub retraction: FirmwareRetraction,
     /// Step and direction signals.
     pub driver: DriverTiming,
+    /// Filament for moves that tell none, at start-up.
+    pub extrusion: ExtrusionSettings,
 }
 
 impl Profile {

@@ -5,8 +5,10 @@ use ferrostep_gcode::{AxisWords, Decimal, Reply, RetractionWords};
 use ferrostep_hal_shim::Clock;
 
 use crate::error::CommandError;
+use crate::extrusion::AdaptiveExtrusion;
 use crate::ports::{Heating, Motion, Replies};
 use crate::printer::Printer;
+use crate::profile::ExtrusionSettings;
 
 /// Largest speed and acceleration that may be set, mm/s and mm/s^2.
 const LARGEST_LIMIT: f64 = 1_000_000.0;
@@ -142,6 +144,33 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         match value {
             Some(value) => self.modal.flow_percent = percent(value)?,
             None => self.replies.send(Reply::FlowPercent(self.modal.flow_percent)),
+        }
+        Ok(())
+    }
+
+    /// M795: holds for the moves behind it.
+    pub(crate) fn adaptive_extrusion(
+        &mut self,
+        on: Option<bool>,
+        sizes: [Option<Decimal>; 3],
+    ) -> Result<(), CommandError> {
+        let mut settings = self.modal.extrusion.settings();
+        let mut sizes_10nm = [settings.layer_height_10nm, settings.line_width_10nm, settings.filament_diameter_10nm];
+        let words = ['H', 'W', 'D'].into_iter().zip(ExtrusionSettings::RANGES_10NM);
+        for ((size_10nm, written), (word, (least, most))) in sizes_10nm.iter_mut().zip(sizes).zip(words) {
+            if let Some(value) = written {
+                let [least_mm, most_mm] = [least, most].map(|limit| limit as f64 / 100_000.0);
+                in_range(word, value.to_f64() * self.modal.unit_mm(), least_mm, most_mm)?;
+                *size_10nm = self.modal.length_10nm(value).ok_or(CommandError::TooFar)?;
+            }
+        }
+        [settings.layer_height_10nm, settings.line_width_10nm, settings.filament_diameter_10nm] = sizes_10nm;
+        settings.adaptive = on.unwrap_or(settings.adaptive);
+        if on.is_some() || sizes != [None; 3] {
+            self.modal.extrusion = AdaptiveExtrusion::new(settings);
+        } else {
+            let (adaptive, lambda) = (settings.adaptive, self.modal.extrusion.lambda());
+            self.replies.send(Reply::Extrusion { adaptive, sizes_10nm, lambda });
         }
         Ok(())
     }

@@ -6,15 +6,16 @@ use ferrostep_planner::{
     StepsPerMm, TICKS_PER_SECOND,
 };
 use ferrostep_printer::{
-    AxisHoming, DEFAULT_EVENTS_PER_S, DEFAULT_MOVES_PER_S, DriverTiming, FirmwareRetraction, HeaterSettings,
-    HeaterWatch, HomeEnd, Profile,
+    AxisHoming, DEFAULT_EVENTS_PER_S, DEFAULT_MOVES_PER_S, DriverTiming, ExtrusionSettings, FirmwareRetraction,
+    HeaterSettings, HeaterWatch, HomeEnd, Profile,
 };
 
 use crate::check::{Checker, Range, range};
 use crate::error::ProfileError;
 use crate::file::{
-    AccelerationName, DriverTable, DualRateTable, EndName, HeaterTable, HomingTable, InterpolationName, KinematicsName,
-    Number, ProfileFile, RetractionTable, SCurveTable, SensorName, ThermistorName, ThermistorValue, Xyze,
+    AccelerationName, DriverTable, DualRateTable, EndName, ExtrusionName, ExtrusionTable, HeaterTable, HomingTable,
+    InterpolationName, KinematicsName, Number, ProfileFile, RetractionTable, SCurveTable, SensorName, ThermistorName,
+    ThermistorValue, Xyze,
 };
 
 /// Units of 10 nm in a mm.
@@ -106,6 +107,7 @@ pub fn profile(file: &ProfileFile, check: &Checker<'_>) -> Result<Profile, Profi
         bed,
         retraction: retraction(&file.firmware_retraction, check)?,
         driver: driver(&file.driver, interval_us, check)?,
+        extrusion: extrusion(&file.extrusion, check)?,
         // Leaked last, so that only profiles without a fault leave something behind.
         name: Box::leak(name.to_owned().into_boxed_str()),
     })
@@ -388,6 +390,24 @@ fn retraction(table: &RetractionTable, check: &Checker<'_>) -> Result<FirmwareRe
         extra_recover_10nm: units("extra_recover_mm", &table.extra_recover_mm, EXTRA_RECOVER)?,
         recover_10nm_per_s: units("recover_mm_per_s", &table.recover_mm_per_s, FEED)?,
         lift_10nm: units("lift_mm", &table.lift_mm, LIFT)?,
+    })
+}
+
+/// Filament for moves that tell none.
+fn extrusion(table: &ExtrusionTable, check: &Checker<'_>) -> Result<ExtrusionSettings, ProfileError> {
+    let default = ExtrusionSettings::DEFAULT;
+    let [height, width, diameter] = ExtrusionSettings::RANGES_10NM
+        .map(|(least, most)| range(least as f64 / UNITS_PER_MM, most as f64 / UNITS_PER_MM, "mm"));
+    let size = |key: &str, value: &Option<Number>, range, default| match value {
+        Some(value) => check.number(&format!("extrusion.{key}"), value, range).map(units_10nm),
+        None => Ok(default),
+    };
+    let diameter_mm = &table.filament_diameter_mm;
+    Ok(ExtrusionSettings {
+        adaptive: table.mode == ExtrusionName::Adaptive,
+        layer_height_10nm: size("layer_height_mm", &table.layer_height_mm, height, default.layer_height_10nm)?,
+        line_width_10nm: size("line_width_mm", &table.line_width_mm, width, default.line_width_10nm)?,
+        filament_diameter_10nm: size("filament_diameter_mm", diameter_mm, diameter, default.filament_diameter_10nm)?,
     })
 }
 

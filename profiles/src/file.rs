@@ -41,6 +41,31 @@ pub struct ProfileFile {
     pub acceleration: AccelerationName,
     pub dual_rate: Option<DualRateTable>,
     pub s_curve_table: Option<SCurveTable>,
+    #[serde(default)]
+    pub extrusion: ExtrusionTable,
+}
+
+/// Filament for moves that tell none.
+#[derive(Default, Deserialize)]
+#[serde(
+    deny_unknown_fields,
+    expecting = "a table with the keys mode, layer_height_mm, line_width_mm, filament_diameter_mm"
+)]
+pub struct ExtrusionTable {
+    #[serde(default)]
+    pub mode: ExtrusionName,
+    pub layer_height_mm: Option<Number>,
+    pub line_width_mm: Option<Number>,
+    pub filament_diameter_mm: Option<Number>,
+}
+
+/// Where filament comes from.
+#[derive(Clone, Copy, Default, Deserialize, PartialEq)]
+#[serde(rename_all = "kebab-case")]
+pub enum ExtrusionName {
+    #[default]
+    Gcode,
+    Adaptive,
 }
 
 /// How steps follow a line.

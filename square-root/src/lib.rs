@@ -5,26 +5,25 @@
 //! correctly rounded, so both give the same bits.
 #![no_std]
 
+mod ramp;
+
+pub use ramp::Ramp;
+
+#[cfg(all(target_arch = "arm", target_os = "none", target_abi = "eabihf"))]
+// SAFETY: C's sqrtf takes and returns a float, and any float will do. Without an operating system it is that of the
+// `compiler_builtins` crate, which is in every program.
+unsafe extern "C" {
+    safe fn sqrtf(x: f32) -> f32;
+}
+
 /// Square root of `x`; NaN below zero.
+///
+/// The compiler knows the function of C: it puts in the instruction, and calls only where that has given NaN. An `asm!`
+/// block would take core registers only, and two moves each way.
 #[cfg(all(target_arch = "arm", target_os = "none", target_abi = "eabihf"))]
 #[inline]
 pub fn square_root(x: f32) -> f32 {
-    let root: u32;
-    // The compiler refuses floating-point registers as operands here, but not as a clobber.
-    // SAFETY: moves between registers and one arithmetic instruction; no memory, no stack, and the flags of the core
-    // stay. The target's ABI (hard float) says that the unit is there and on. s0 is declared as overwritten.
-    unsafe {
-        core::arch::asm!(
-            "vmov s0, {x}",
-            "vsqrt.f32 s0, s0",
-            "vmov {root}, s0",
-            x = in(reg) x.to_bits(),
-            root = lateout(reg) root,
-            out("s0") _,
-            options(pure, nomem, nostack, preserves_flags),
-        );
-    }
-    f32::from_bits(root)
+    sqrtf(x)
 }
 
 /// Square root of `x`; NaN below zero.

@@ -10,6 +10,7 @@
 mod axis_limits;
 mod digest;
 mod law;
+mod path_error;
 mod report;
 #[cfg(test)]
 mod synthetic;
@@ -25,6 +26,7 @@ use crate::reference::{
 use crate::trace::{Record, StepEvent, TraceError, TraceHeader, TraceReader};
 use axis_limits::{AxisLimits, Excess};
 use law::{MotorEvent, TracedBlock, keep_larger};
+use path_error::PlaneScale;
 use std::fmt;
 use std::io::Read;
 use std::num::NonZeroUsize;
@@ -46,6 +48,9 @@ pub struct TraceCheckOptions {
     pub duration_tolerance: f64,
     /// What a motor may be away from its law beyond one step and joined events, in steps.
     pub law_tolerance_steps: f64,
+    /// What the two motors of X and Y may be away beyond that, in steps: some methods step them pulse by pulse along the
+    /// axes, not each by its own law.
+    pub plane_tolerance_steps: f64,
     /// How many findings the report keeps; all are counted.
     pub findings_kept: usize,
 }
@@ -57,6 +62,7 @@ impl Default for TraceCheckOptions {
             interpret: InterpretOptions::default(),
             duration_tolerance: 0.01,
             law_tolerance_steps: 0.02,
+            plane_tolerance_steps: 0.0,
             findings_kept: 40,
         }
     }
@@ -109,6 +115,7 @@ pub fn check_trace<R: Read>(
         job: &job,
         plan: &plan,
         scale: MotorScale::new(profile),
+        plane: PlaneScale::new(profile),
         motor_of_bit,
         tick_hz: tick_hz as f64,
         event_interval_ticks,
@@ -166,6 +173,7 @@ struct Checker<'a> {
     job: &'a Job,
     plan: &'a Plan,
     scale: MotorScale,
+    plane: PlaneScale,
     motor_of_bit: [usize; 4],
     tick_hz: f64,
     event_interval_ticks: f64,
@@ -342,6 +350,8 @@ impl Checker<'_> {
         ideal_start[3] = self.scale.extruder(one.extruder_start).exact;
         ideal_end[3] = self.scale.extruder(one.extruder_end).exact;
         let events = std::mem::take(&mut self.events);
+        let other = 1.0 + self.options.law_tolerance_steps;
+        let plane = other + self.options.plane_tolerance_steps;
         let deviations = TracedBlock {
             line: one.line,
             start_tick: self.block_start_tick,
@@ -352,7 +362,7 @@ impl Checker<'_> {
             events: &events,
             law: &planned.law,
             event_interval_ticks: self.event_interval_ticks,
-            tolerance_steps: 1.0 + self.options.law_tolerance_steps,
+            tolerance_steps: [plane, plane, other, other],
         }
         .deviations();
         for (motor, deviation) in deviations.into_iter().enumerate() {
@@ -369,6 +379,9 @@ impl Checker<'_> {
             {
                 self.find(Finding::TooMuchAcceleration { axis, tick, ratio });
             }
+        }
+        if let Some(error_mm) = self.plane.largest_error_mm(self.block_start, self.motors, &events) {
+            self.report.largest_path_error_mm = self.report.largest_path_error_mm.max(error_mm);
         }
         // Give the allocation back for the next block.
         self.events = events;

@@ -5,6 +5,7 @@ mod chart;
 mod cycle_model;
 mod emulation;
 mod host;
+mod lines;
 mod page;
 mod per_event;
 
@@ -67,9 +68,11 @@ fn compare(run: &mut Run, figures: &Value) -> Result<(), Failure> {
 /// What is the same on every run and every machine.
 fn count(run: &mut Run, firmware: &Path) -> Result<Value, Failure> {
     let tally = firmware::build(run, Program::Tally)?;
-    let workload = run.step("events to make", || emulation::count(&tally))?;
+    let mut workload = run.step("events to make", || emulation::count(&tally))?;
     let bench = firmware::build(run, Program::Bench)?;
-    let counts = run.step("instructions", || emulation::count(&bench))?;
+    let mut counts = run.step("instructions", || emulation::count(&bench))?;
+    let target = counts.get_mut("target").ok_or("the bench counted nothing of the target")?;
+    lines::join(target, &mut workload)?;
     let sizes = firmware::sizes(firmware)?;
     Ok(json!({
         "target": per_event::target(&counts, &workload)?,

@@ -13,7 +13,7 @@ pub(super) fn parse(code: Code<'_>) -> Result<Command<'_>, ParseError> {
         0 | 1 => {
             let mut words = Words::NONE;
             words.read(code.rest)?;
-            Ok(Command::Linear { axes: words.axes()?, feed: words.above_zero(b'F')? })
+            Ok(Command::Linear { rapid: code.number == 0, axes: words.axes()?, feed: words.above_zero(b'F')? })
         }
         2 => arc(code, true),
         3 => arc(code, false),

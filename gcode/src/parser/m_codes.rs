@@ -81,6 +81,15 @@ pub(super) fn parse(code: Code<'_>) -> Result<Command<'_>, ParseError> {
         }
         400 => Ok(Command::Finish),
         410 => Ok(Command::QuickStop),
+        795 => {
+            let words = code.words()?;
+            Ok(Command::AdaptiveExtrusion {
+                on: words.switch(b'S')?,
+                layer_height: words.above_zero(b'H')?,
+                line_width: words.above_zero(b'W')?,
+                filament_diameter: words.above_zero(b'D')?,
+            })
+        }
         796 => {
             let words = code.words()?;
             Ok(Command::MotionChoice {

@@ -73,7 +73,7 @@ fn retraction(words: RetractionWords) -> Words {
 /// Letter and number of the command, and its words.
 fn take_apart(command: Command<'_>) -> (char, u32, Words) {
     let (code, words) = match command {
-        Command::Linear { axes: to, feed } => (1, [axes(to), given([('F', feed)])].concat()),
+        Command::Linear { rapid, axes: to, feed } => (u32::from(!rapid), [axes(to), given([('F', feed)])].concat()),
         Command::Arc { clockwise, axes: to, form, feed } => {
             let circle = match form {
                 ArcForm::Centre { i, j } => given([('I', Some(i)), ('J', Some(j))]),
@@ -134,6 +134,9 @@ fn take_apart_m(command: Command<'_>) -> (u32, Words) {
         Command::ReportPosition => (114, vec![]),
         Command::ReportFirmware => (115, vec![]),
         Command::ReportEndStops => (119, vec![]),
+        Command::AdaptiveExtrusion { on, layer_height, line_width, filament_diameter } => {
+            (795, given([('S', switch(on)), ('H', layer_height), ('W', line_width), ('D', filament_diameter)]))
+        }
         Command::MotionChoice { interpolation, acceleration } => {
             let number = |value: Option<u8>| value.map(|value| whole(value.into()));
             (796, given([('I', number(interpolation)), ('A', number(acceleration))]))
@@ -235,7 +238,11 @@ fn any_form() -> impl Strategy<Value = ArcForm> {
 
 fn motion() -> impl Strategy<Value = Command<'static>> {
     prop_oneof![
-        (any_axes(), of(above_zero())).prop_map(|(axes, feed)| Command::Linear { axes, feed }),
+        (any::<bool>(), any_axes(), of(above_zero())).prop_map(|(rapid, axes, feed)| Command::Linear {
+            rapid,
+            axes,
+            feed
+        }),
         (any::<bool>(), any_axes(), any_form(), of(above_zero()))
             .prop_map(|(clockwise, axes, form, feed)| Command::Arc { clockwise, axes, form, feed }),
         (0u64..9_000_000_000).prop_map(|milliseconds| Command::Dwell { milliseconds }),
@@ -282,6 +289,14 @@ fn machine() -> impl Strategy<Value = Command<'static>> {
         any_wait().prop_map(Command::WaitBed),
         (0u8..=60).prop_map(|seconds| Command::AutoReportTemperatures { seconds }),
         of(0u8..=60).prop_map(Command::KeepAlive),
+        (of(any::<bool>()), of(above_zero()), of(above_zero()), of(above_zero())).prop_map(
+            |(on, layer_height, line_width, filament_diameter)| Command::AdaptiveExtrusion {
+                on,
+                layer_height,
+                line_width,
+                filament_diameter,
+            }
+        ),
         (of(0u8..=4), of(0u8..=2))
             .prop_map(|(interpolation, acceleration)| Command::MotionChoice { interpolation, acceleration }),
         (of(any::<bool>()), any::<bool>()).prop_map(|(on, clear)| Command::Timing { on, clear }),

@@ -27,20 +27,20 @@ fn reads(text: &str, expected: Command<'_>) {
 #[test]
 fn moves_as_slicers_write_them() {
     let axes = AxisWords { x: some("87.153"), y: some("86.702"), e: some("0.03647"), z: None };
-    reads("G1 X87.153 Y86.702 E.03647", Command::Linear { axes, feed: None });
+    reads("G1 X87.153 Y86.702 E.03647", Command::Linear { rapid: false, axes, feed: None });
     for text in ["g01x87.153y86.702e.03647", "G 1 E.03647(e) Y 86.702 (y) X87.153*12", "G1 X1 X87.153Y86.702E.03647;"] {
-        reads(text, Command::Linear { axes, feed: None });
+        reads(text, Command::Linear { rapid: false, axes, feed: None });
     }
     let retract = AxisWords { e: some("-0.8"), ..AxisWords::default() };
-    reads("G1 E-.8 F2100", Command::Linear { axes: retract, feed: some("2100") });
+    reads("G1 E-.8 F2100", Command::Linear { rapid: false, axes: retract, feed: some("2100") });
     let lift = AxisWords { z: some("0.2"), ..AxisWords::default() };
-    reads("G00 F4500 Z.2", Command::Linear { axes: lift, feed: some("4500") });
+    reads("G00 F4500 Z.2", Command::Linear { rapid: true, axes: lift, feed: some("4500") });
     // A second letter ends a number: no exponents here.
     let both = AxisWords { x: some("10"), e: some("5"), ..AxisWords::default() };
-    reads("G1 X10E5", Command::Linear { axes: both, feed: None });
-    reads("G1", Command::Linear { axes: AxisWords::default(), feed: None });
+    reads("G1 X10E5", Command::Linear { rapid: false, axes: both, feed: None });
+    reads("G1", Command::Linear { rapid: false, axes: AxisWords::default(), feed: None });
     // Words of no concern need no number.
-    reads("G1 X10 E5 H S0", Command::Linear { axes: both, feed: None });
+    reads("G1 X10 E5 H S0", Command::Linear { rapid: false, axes: both, feed: None });
 }
 
 #[test]
@@ -159,6 +159,10 @@ fn motors_and_limits() {
     assert_eq!(refused("M221 S999.5"), "S: 999.5 is out of range, expected 0 to 999");
 }
 
+fn adaptive(on: Option<bool>, [layer_height, line_width, filament_diameter]: [Option<Decimal>; 3]) -> Command<'static> {
+    Command::AdaptiveExtrusion { on, layer_height, line_width, filament_diameter }
+}
+
 #[test]
 fn host_commands() {
     for (text, command) in [
@@ -175,6 +179,8 @@ fn host_commands() {
         ("M115", Command::ReportFirmware),
         ("M115 U3.1.0", Command::ReportFirmware),
         ("M119", Command::ReportEndStops),
+        ("M795", adaptive(None, [None, None, None])),
+        ("M795 S1 H0.2 W.45 D1.75", adaptive(Some(true), [some("0.2"), some("0.45"), some("1.75")])),
         ("M796", Command::MotionChoice { interpolation: None, acceleration: None }),
         ("M796 A2 I4", Command::MotionChoice { interpolation: Some(4), acceleration: Some(2) }),
         ("M797", Command::ReportMotion),
@@ -193,6 +199,8 @@ fn host_commands() {
         reads(text, command);
     }
     assert_eq!(refused("M155"), "M155: expected S");
+    assert!(refused("M795 H0").starts_with("H: "));
+    assert!(refused("M795 S2").starts_with("S: "));
     assert_eq!(refused("M796 I5"), "I: 5 is out of range, expected 0 to 4");
     assert_eq!(refused("M796 A0.5"), "A: 0.5 is not a whole number, expected one");
     assert_eq!(refused("M798 S2"), "S: 2 is out of range, expected 0 to 1");

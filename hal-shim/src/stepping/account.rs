@@ -56,6 +56,18 @@ impl SlotAccount {
         Self(first.0 | then.0 << 8 | events << 16)
     }
 
+    /// The same, of a slot whose other events step these motors too.
+    #[inline(always)]
+    pub(super) fn with_axes(self, axes: u8) -> Self {
+        Self(self.0 | u32::from(axes) << 8)
+    }
+
+    /// The same, of a slot whose first event steps this.
+    #[inline(always)]
+    pub(super) fn with_first(self, first: Steps) -> Self {
+        Self(self.0 | first.0)
+    }
+
     pub(super) fn first(self) -> Steps {
         Steps(self.0 & 0xff)
     }

@@ -1,12 +1,14 @@
 //! Entries to slots: the producer's side of the queue.
 
+use core::marker::PhantomData;
+
 use ferrostep_planner::{StepEntry, StepKind};
 
 use super::account::{DroppedSteps, SlotAccount, Steps};
-use super::newest::{Following, Held, Newest, Usual};
+use super::newest::{Following, Held, Newest, Usual, UsualSteps};
 use super::pins::PinMap;
 use super::player::{NEAR_TICKS, StepPlayer, Stepping};
-use super::slot::{Head, MOST_EVENTS};
+use super::slot::{Head, MOST_EVENTS, Numbering};
 use super::{IDLE_TICKS, StepLink};
 
 /// Most slots that one entry takes, unless it has more events than a slot: a direction change, the first step after it,
@@ -45,6 +47,8 @@ pub struct StepFeeder<'a, M, const PORTS: usize, const N: usize> {
     newest: Newest<PORTS>,
     /// Direction signals at the newest event.
     directions: u8,
+    /// Account of a slot with one step in these directions, which motor's is left open.
+    step_account: SlotAccount,
     /// Direction signals from the next step on.
     turning: Option<u8>,
     accounts: &'a mut [SlotAccount; N],
@@ -66,11 +70,18 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
             pins,
             signals,
             usual_above_ticks: 0,
-            newest: Newest { filled: player.next_number(), number: 0, levels: 0, held: Held::NOTHING },
+            newest: Newest {
+                filled: player.next_number(),
+                numbering: Numbering::new(M::EVENTS_A_STEP),
+                levels: 0,
+                held: Held::NOTHING,
+            },
             directions: 0,
+            step_account: SlotAccount::NONE,
             turning: None,
             accounts,
         };
+        feeder.set_directions(0);
         feeder.turn(None);
         feeder
     }
@@ -117,7 +128,8 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
             return Err(FeedError::Full);
         }
         let mut newest = self.newest;
-        if self.usual().push(&mut newest, entry) {
+        let mut usual = self.usual();
+        if usual.push(&mut newest, entry) {
             self.newest = newest;
             return Ok(());
         }
@@ -135,10 +147,12 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
             let mut newest = self.newest;
             let mut usual = self.usual();
             let mut left = fitting.iter();
-            while let Some(entry) = left.as_slice().first()
-                && (usual.push_single(&mut newest, *entry) || usual.push(&mut newest, *entry))
-            {
-                left.next();
+            loop {
+                usual.push_steps(&mut newest, &mut left);
+                match left.as_slice().first() {
+                    Some(entry) if usual.push(&mut newest, *entry) => left.next(),
+                    _ => break,
+                };
             }
             self.newest = newest;
             let pushed = fitting.len() - left.as_slice().len();
@@ -161,11 +175,15 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
     fn usual(&mut self) -> Usual<'_, M, PORTS, N> {
         Usual {
             player: self.player,
-            pins: &self.pins,
             accounts: self.accounts,
             above_ticks: self.usual_above_ticks,
-            pulse_ticks: self.signals.pulse_ticks,
-            directions: self.directions,
+            steps: UsualSteps {
+                pins: &self.pins,
+                pulse_ticks: self.signals.pulse_ticks,
+                directions: self.directions,
+                account: self.step_account,
+                stepping: PhantomData,
+            },
         }
     }
 
@@ -215,6 +233,11 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
                 self.shortest_interval().max(far_from) - 1
             }
         };
+    }
+
+    fn set_directions(&mut self, directions: u8) {
+        self.directions = directions;
+        self.step_account = SlotAccount::new(Steps::NONE, Steps::new(0, directions), M::EVENTS_A_STEP);
     }
 
     /// Whether events may be so near that the interrupt stays for them: a pulse is followed by its end first.
@@ -270,7 +293,7 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
             self.newest.levels ^= self.newest.held.steps.axes();
         }
         self.player.forget(self.newest.filled);
-        self.directions = self.turning.unwrap_or(self.directions);
+        self.set_directions(self.turning.unwrap_or(self.directions));
         self.turn(None);
         self.newest.held = Held::NOTHING;
         dropped
@@ -325,7 +348,7 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
             self.edges(interval_ticks, count, axes, added);
             return;
         }
-        if added & !axes == 0 {
+        if added == 0 {
             self.pulses(interval_ticks, count, axes);
             return;
         }
@@ -333,7 +356,7 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         if count > 1 {
             self.pulses(interval_ticks, count - 1, axes);
         }
-        self.pulses(interval_ticks, 1, axes | added);
+        self.pulses(interval_ticks, 1, axes ^ added);
     }
 
     /// Both edges: `count` events, of which the last is held back.
@@ -348,7 +371,7 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
     fn edges_in_a_slot(&mut self, interval_ticks: u32, count: u16, axes: u8, added: u8) {
         let then = self.pins.toggled(axes, self.newest.levels);
         let before_last = self.newest.levels ^ if count & 1 == 0 { axes } else { 0 };
-        let all = axes | added;
+        let all = axes ^ added;
         self.newest.levels = before_last ^ all;
         let words = self.pins.toggled(all, before_last);
         let held = Held { words, steps: Steps::new(all, self.directions) };
@@ -369,7 +392,7 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
 
     /// The first stair in a new direction.
     fn turn_and_stair(&mut self, directions: u8, interval_ticks: u32, count: u16, axes: u8, added: u8) {
-        self.directions = directions;
+        self.set_directions(directions);
         let words = self.pins.directions(directions);
         if M::EVENTS_A_STEP == 2 {
             // The signals change with the end of the pulse before.

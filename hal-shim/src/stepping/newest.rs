@@ -1,11 +1,15 @@
 //! The newest event, held back, and the slots that are filled when its successor comes.
 
+use core::hint::cold_path;
+use core::marker::PhantomData;
+use core::slice::Iter;
+
 use ferrostep_planner::StepEntry;
 
 use super::account::{SlotAccount, Steps};
 use super::pins::PinMap;
 use super::player::{StepPlayer, Stepping};
-use super::slot::{Filling, MOST_EVENTS};
+use super::slot::{Filling, MOST_EVENTS, Numbering, Slot};
 
 /// An event that waits for the interval behind it.
 #[derive(Clone, Copy, Debug)]
@@ -31,8 +35,8 @@ impl<const PORTS: usize> Held<PORTS> {
 pub(super) struct Newest<const PORTS: usize> {
     /// Slots filled so far, modulo 2^32; the place of the next is its remainder by the size of the ring.
     pub(super) filled: u32,
-    /// Events in them, modulo 2^15.
-    pub(super) number: u32,
+    /// Events in them.
+    pub(super) numbering: Numbering,
     /// Both edges: the level of each step signal after the newest event.
     pub(super) levels: u8,
     /// The newest event.
@@ -56,97 +60,122 @@ pub(super) struct Following<const PORTS: usize> {
 /// What stays the same while stairs go on in the same directions.
 pub(super) struct Usual<'a, M, const PORTS: usize, const N: usize> {
     pub(super) player: &'a StepPlayer<M, PORTS, N>,
-    pub(super) pins: &'a PinMap<PORTS>,
     pub(super) accounts: &'a mut [SlotAccount; N],
     /// Intervals above this are usual.
     pub(super) above_ticks: u32,
+    pub(super) steps: UsualSteps<'a, M, PORTS>,
+}
+
+/// How they step.
+pub(super) struct UsualSteps<'a, M, const PORTS: usize> {
+    pub(super) pins: &'a PinMap<PORTS>,
     /// How long a pulse is.
     pub(super) pulse_ticks: u32,
     pub(super) directions: u8,
+    /// Of a slot with one step, which motor's is left open.
+    pub(super) account: SlotAccount,
+    pub(super) stepping: PhantomData<M>,
 }
 
 impl<M: Stepping, const PORTS: usize, const N: usize> Usual<'_, M, PORTS, N> {
+    /// Adds entries of a single event each, as most are, as long as they are as [`Self::push`] wants them. There must be
+    /// room for them.
+    #[inline(always)]
+    pub(super) fn push_steps(&mut self, newest: &mut Newest<PORTS>, entries: &mut Iter<'_, StepEntry>) {
+        while let Some(entry) = entries.as_slice().first()
+            && entry.interval_ticks() > self.above_ticks
+            && entry.is_single()
+        {
+            let account = &mut self.accounts[newest.filled as usize & (N - 1)];
+            let slot = self.player.slot_of(newest.filled);
+            self.steps.step(newest, slot, account, entry.interval_ticks(), entry.axes());
+            newest.filled = newest.filled.wrapping_add(1);
+            entries.next();
+        }
+    }
+
     /// Adds an entry if it is a stair as most are: it goes on in the same directions, and its events are neither too near
     /// nor so near that the interrupt stays for them. Whether it was one; if not, nothing has changed. For one entry there
     /// must be room.
     #[inline(always)]
     pub(super) fn push(&mut self, newest: &mut Newest<PORTS>, entry: StepEntry) -> bool {
+        cold_path();
         let (interval_ticks, count) = (entry.interval_ticks(), u32::from(entry.count()));
         let most = u32::from(MOST_EVENTS) / M::EVENTS_A_STEP;
         if interval_ticks <= self.above_ticks || count.wrapping_sub(1) >= most {
             return false;
         }
-        let (axes, added) = (entry.axes() & 15, entry.added());
+        let (axes, added) = (entry.axes() & 15, entry.added() & 15);
+        let has_other = added != 0;
         if M::EVENTS_A_STEP == 1 {
-            self.edges(newest, interval_ticks, count, axes, added);
-        } else {
-            self.pulses(newest, interval_ticks, count, axes, added);
+            let following = self.steps.edges(newest, interval_ticks, count, axes, added);
+            newest.fill(self.player, self.accounts, false, following);
+            return true;
+        }
+        // The last of pulses may be another one.
+        let alike = count - u32::from(has_other);
+        if alike > 0 {
+            let following = self.steps.pulses(interval_ticks, alike, axes);
+            newest.fill(self.player, self.accounts, false, following);
+        }
+        if has_other {
+            let account = &mut self.accounts[newest.filled as usize & (N - 1)];
+            self.steps.step(newest, self.player.slot_of(newest.filled), account, interval_ticks, axes ^ added);
+            newest.filled = newest.filled.wrapping_add(1);
         }
         true
     }
+}
 
-    /// The same for an entry of a single event, which most are.
+impl<M: Stepping, const PORTS: usize> UsualSteps<'_, M, PORTS> {
+    /// Fills a slot with an event of its own, as most are: all of it is known in advance but the motors.
     #[inline(always)]
-    pub(super) fn push_single(&mut self, newest: &mut Newest<PORTS>, entry: StepEntry) -> bool {
-        if entry.interval_ticks() <= self.above_ticks || !entry.is_single() {
-            return false;
-        }
-        let axes = entry.axes() & 15;
-        let steps = Steps::new(axes, self.directions);
-        let (gap_ticks, then, held) = if M::EVENTS_A_STEP == 1 {
-            let words = self.pins.toggled(axes, newest.levels);
+    fn step(
+        &self,
+        newest: &mut Newest<PORTS>,
+        slot: &Slot<PORTS>,
+        account: &mut SlotAccount,
+        interval_ticks: u32,
+        axes: u8,
+    ) {
+        let first = newest.held.words;
+        let (then, gap_ticks);
+        if M::EVENTS_A_STEP == 1 {
+            *account = self.account.with_axes(axes).with_first(newest.held.steps);
+            (then, gap_ticks) = (self.pins.toggled(axes, newest.levels), interval_ticks);
             newest.levels ^= axes;
-            (entry.interval_ticks(), words, Held { words, steps })
+            newest.held = Held { words: then, steps: Steps::new(axes, self.directions) };
         } else {
-            let words = self.pins.raised(axes);
-            let held = Held { words: words.map(PinMap::<PORTS>::turned), steps: Steps::NONE };
-            (entry.interval_ticks().wrapping_sub(self.pulse_ticks), words, held)
-        };
-        let following = Following { gap_ticks, then, steps, events: M::EVENTS_A_STEP, held };
-        newest.fill(self.player, self.accounts, false, following);
-        true
+            *account = self.account.with_axes(axes);
+            (then, gap_ticks) = (self.pins.raised(axes), interval_ticks.wrapping_sub(self.pulse_ticks));
+            // The end of a pulse steps nothing, as the one before.
+            newest.held.words = then.map(PinMap::<PORTS>::turned);
+        }
+        newest.numbering.advance(M::EVENTS_A_STEP);
+        slot.fill(&Filling { first, then, reload: gap_ticks.wrapping_sub(1), head: newest.numbering.head_of_step() });
     }
 
     /// Both edges: `count` events, of which the last is held back.
     #[inline(always)]
-    fn edges(&mut self, newest: &mut Newest<PORTS>, gap_ticks: u32, count: u32, axes: u8, added: u8) {
-        let steps = Steps::new(axes, self.directions);
+    fn edges(&self, newest: &mut Newest<PORTS>, gap_ticks: u32, count: u32, axes: u8, added: u8) -> Following<PORTS> {
         let then = self.pins.toggled(axes, newest.levels);
-        let mut held = Held { words: then, steps };
-        if count | u32::from(added) << 16 == 1 {
-            newest.levels ^= axes;
-        } else {
-            newest.levels ^= if count & 1 == 0 { axes } else { 0 };
-            let all = axes | added;
-            held = Held { words: self.pins.toggled(all, newest.levels), steps: Steps::new(all, self.directions) };
-            newest.levels ^= all;
-        }
-        newest.fill(self.player, self.accounts, false, Following { gap_ticks, then, steps, events: count, held });
+        newest.levels ^= if count & 1 == 0 { axes } else { 0 };
+        let all = axes ^ added;
+        let held = Held { words: self.pins.toggled(all, newest.levels), steps: Steps::new(all, self.directions) };
+        newest.levels ^= all;
+        Following { gap_ticks, then, steps: Steps::new(axes, self.directions), events: count, held }
     }
 
-    /// `count` pulses, of which the last one's end is held back; that one may be another.
+    /// `count` pulses, of which the last one's end is held back.
     #[inline(always)]
-    fn pulses(&mut self, newest: &mut Newest<PORTS>, interval_ticks: u32, count: u32, axes: u8, added: u8) {
-        let gap_ticks = interval_ticks.wrapping_sub(self.pulse_ticks);
-        let (mut axes, mut count, mut last) = (axes, count, 0);
-        if added & !axes != 0 {
-            last = axes | added & 15;
-            count -= 1;
-            if count == 0 {
-                (axes, count, last) = (last, 1, 0);
-            }
-        }
-        // One copy of this code.
-        loop {
-            let steps = Steps::new(axes, self.directions);
-            let then = self.pins.raised(axes);
-            let held = Held { words: then.map(PinMap::<PORTS>::turned), steps: Steps::NONE };
-            let following = Following { gap_ticks, then, steps, events: count * M::EVENTS_A_STEP, held };
-            newest.fill(self.player, self.accounts, false, following);
-            if last == 0 {
-                return;
-            }
-            (axes, count, last) = (last, 1, 0);
+    fn pulses(&self, interval_ticks: u32, count: u32, axes: u8) -> Following<PORTS> {
+        let then = self.pins.raised(axes);
+        Following {
+            gap_ticks: interval_ticks.wrapping_sub(self.pulse_ticks),
+            then,
+            steps: Steps::new(axes, self.directions),
+            events: count * M::EVENTS_A_STEP,
+            held: Held { words: then.map(PinMap::<PORTS>::turned), steps: Steps::NONE },
         }
     }
 }
@@ -162,13 +191,17 @@ impl<const PORTS: usize> Newest<PORTS> {
         following: Following<PORTS>,
     ) {
         let Following { gap_ticks, then, steps, events, held } = following;
-        self.number = self.number.wrapping_add(events) & u32::from(MOST_EVENTS);
         // The end of a pulse steps nothing.
         let first_steps = if M::EVENTS_A_STEP == 2 { Steps::NONE } else { self.held.steps };
         accounts[self.filled as usize & (N - 1)] = SlotAccount::new(first_steps, steps, events);
+        self.numbering.advance(events);
         let (first, reload) = (self.held.words, gap_ticks.wrapping_sub(1));
-        player.slot_of(self.filled).fill(&Filling { first, then, reload, events, near, number: self.number });
+        let head = self.numbering.head(events, near);
+        player.slot_of(self.filled).fill(&Filling { first, then, reload, head });
         self.filled = self.filled.wrapping_add(1);
-        self.held = held;
+        self.held.words = held.words;
+        if M::EVENTS_A_STEP == 1 {
+            self.held.steps = held.steps;
+        }
     }
 }

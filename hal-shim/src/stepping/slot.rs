@@ -30,12 +30,8 @@ pub struct Filling<const PORTS: usize> {
     pub then: [u32; PORTS],
     /// See [`Slot::reload`].
     pub reload: u32,
-    /// Number of events, 1 to [`MOST_EVENTS`].
-    pub events: u32,
-    /// Whether they are nearer than leaving and entering the interrupt would take.
-    pub near: bool,
-    /// Number of all events up to the end of this slot, modulo 2^15.
-    pub number: u32,
+    /// See [`Slot::head`].
+    pub head: Head,
 }
 
 /// What a slot's head says, and what is left of it while it is played: the upper half counts up to 0.
@@ -72,6 +68,41 @@ impl Head {
     }
 }
 
+/// The number of all events up to the end of the slot filled last, modulo 2^15: in the upper 15 bits, where it wraps by
+/// itself. Below are the upper bits of the head of a slot that holds one far step, which so is this turned by 17 bits.
+#[derive(Clone, Copy, Debug)]
+pub struct Numbering(u32);
+
+impl Numbering {
+    /// Where the number begins.
+    const SHIFT: u32 = 17;
+
+    /// No events, where a step takes so many of them.
+    pub const fn new(events_a_step: u32) -> Self {
+        Self((events_a_step << 16).wrapping_neg() >> 15)
+    }
+
+    /// So many events more.
+    #[inline(always)]
+    pub fn advance(&mut self, events: u32) {
+        self.0 = self.0.wrapping_add(events << Self::SHIFT);
+    }
+
+    /// The head of a slot that ends here, with one far step.
+    #[inline(always)]
+    pub fn head_of_step(self) -> Head {
+        Head(self.0.rotate_right(Self::SHIFT) as i32)
+    }
+
+    /// The head of a slot that ends here, with so many events, 1 to [`MOST_EVENTS`]. Near are those between which leaving
+    /// and entering the interrupt would take too long.
+    #[inline(always)]
+    pub fn head(self, events: u32, near: bool) -> Head {
+        let (number, events) = (self.0 >> Self::SHIFT, events << 16);
+        Head(if near { number.wrapping_add(events) } else { number.wrapping_sub(events) } as i32)
+    }
+}
+
 impl<const PORTS: usize> Slot<PORTS> {
     /// An empty slot.
     pub const fn empty() -> Self {
@@ -94,9 +125,7 @@ impl<const PORTS: usize> Slot<PORTS> {
         }
         self.reload.store(filling.reload);
         super::word::publish();
-        let events = filling.events << 16;
-        let head = if filling.near { filling.number.wrapping_add(events) } else { filling.number.wrapping_sub(events) };
-        self.head.store(head as i32);
+        self.head.store(filling.head.0);
     }
 
     /// How many events, and how near.
@@ -129,5 +158,32 @@ impl<const PORTS: usize> Slot<PORTS> {
     #[inline(always)]
     pub fn clear(&self) {
         self.head.store(0);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_head_of_a_step_is_that_of_its_events() {
+        for events in [1, 2] {
+            let mut numbering = Numbering::new(events);
+            for _ in 0..70_000 {
+                numbering.advance(events);
+                assert_eq!(numbering.head_of_step(), numbering.head(events, false));
+            }
+        }
+    }
+
+    #[test]
+    fn a_head_tells_events_and_number() {
+        let mut numbering = Numbering::new(2);
+        numbering.advance(0x7ffe);
+        numbering.advance(9);
+        for near in [false, true] {
+            let head = numbering.head(9, near);
+            assert_eq!((head.events(), head.number(), head.is_far()), (9, 7, !near));
+        }
     }
 }

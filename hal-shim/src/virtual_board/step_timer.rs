@@ -71,7 +71,7 @@ impl StepTimer {
             StepKind::Directions { directions } => self.directions = directions,
             StepKind::Wait { interval_ticks } => self.tick += u64::from(interval_ticks),
             StepKind::Stair { interval_ticks, count, axes, added } => {
-                let all = axes | added;
+                let all = axes ^ added;
                 self.count(all, 1);
                 for _ in 1..count {
                     self.event(interval_ticks, axes, observer);

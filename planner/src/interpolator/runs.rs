@@ -4,7 +4,7 @@ use super::{FAR, Interpolator, MOVE_BEGINS, ONE_TICK};
 use crate::EXTRUDER;
 use crate::between::{Between, Look};
 use crate::step_queue::StepEntry;
-use crate::step_times::{Cruise, whole_units};
+use crate::step_times::{Cruise, RampRun};
 use crate::time_law::{FRACTION_BITS, HALF_TICK};
 
 /// Most ticks that the first and the last step of a stair may be off: 0.4 us.
@@ -13,8 +13,14 @@ const STAIR_TOLERANCE: u32 = 32;
 /// Time units from an event, a whole tick, to when the next one is due, half a tick included: in 32 bits, for all but slow
 /// steps, or as many as it takes.
 pub(super) trait Gap: Copy {
-    /// From what the last step has left over its tick, and how far the next one is behind it; `None` if that is too far.
-    fn of(fraction: u32, units_and_half: f32) -> Option<Self>;
+    /// Whether a step behind so many time units can be told by it, added to less than a tick.
+    fn holds(units: u64) -> bool;
+
+    /// Takes a step, so far behind the last event: how far the next one is behind it, and whether that is told.
+    fn behind(self, run: &mut RampRun) -> (Self, bool);
+
+    /// What the step taken last leaves over its tick; this is what [`Self::behind`] has given.
+    fn left_over(self, run: &RampRun) -> u64;
 
     /// In time units.
     fn units(self) -> u64;
@@ -27,20 +33,23 @@ pub(super) trait Gap: Copy {
     fn ticks(self) -> u32 {
         (self.units() >> FRACTION_BITS) as u32
     }
-
-    /// Less than a tick.
-    #[inline(always)]
-    fn fraction(self) -> u32 {
-        self.units() as u32 & (ONE_TICK - 1)
-    }
 }
 
 impl Gap for u32 {
     #[inline(always)]
-    fn of(fraction: u32, units_and_half: f32) -> Option<Self> {
-        // Saturates, in one instruction.
-        let units = units_and_half as u32;
-        (units <= u32::MAX - ONE_TICK).then(|| fraction.wrapping_add(units))
+    fn holds(units: u64) -> bool {
+        units <= u64::from(u32::MAX - ONE_TICK)
+    }
+
+    #[inline(always)]
+    fn behind(self, run: &mut RampRun) -> (Self, bool) {
+        let units = run.take();
+        ((self & (ONE_TICK - 1)).wrapping_add(units), units <= u32::MAX - ONE_TICK)
+    }
+
+    #[inline(always)]
+    fn left_over(self, run: &RampRun) -> u64 {
+        u64::from(self.wrapping_sub(run.short_units()))
     }
 
     #[inline(always)]
@@ -56,10 +65,21 @@ impl Gap for u32 {
 
 impl Gap for u64 {
     #[inline(always)]
-    fn of(fraction: u32, units_and_half: f32) -> Option<Self> {
-        let units = whole_units(units_and_half);
+    fn holds(units: u64) -> bool {
         // Faster ones go on in 32 bits.
-        (u64::from(u32::MAX)..FAR - u64::from(ONE_TICK)).contains(&units).then(|| units.wrapping_add(fraction.into()))
+        (u64::from(u32::MAX)..FAR - u64::from(ONE_TICK)).contains(&units)
+    }
+
+    #[inline(always)]
+    fn behind(self, run: &mut RampRun) -> (Self, bool) {
+        run.take();
+        let units = run.units();
+        ((self & u64::from(ONE_TICK - 1)).wrapping_add(units), Self::holds(units))
+    }
+
+    #[inline(always)]
+    fn left_over(self, run: &RampRun) -> u64 {
+        self.wrapping_sub(run.units())
     }
 
     #[inline(always)]
@@ -82,64 +102,57 @@ impl Interpolator {
         let Some((mut run, steps)) = self.master.run() else { return (0, false) };
         let [first, second] = self.followers;
         // Up to the second follower's next step.
-        let steps = steps.min(second.until().wrapping_sub(1));
-        let places = self.entries.room(most.min(steps as usize));
-        let most = places.len();
-        if most == 0 {
-            return (0, false);
-        }
-        let mut left = places.iter_mut();
+        let steps = steps.min(second.until().wrapping_sub(1)) as usize;
+        let places = self.entries.room(most);
         let mut between =
             Between::new(&self.extruder, self.last, self.joining & EXTRUDER != 0, self.near, self.minimum_interval);
         let mut free = between.free;
-        let [alone, common] = [0, first.bit()].map(|bit| StepEntry::event(0, self.master_bit | bit));
+        let [alone, common] = self.masters_events;
         let least = self.minimum_interval;
         let mut line = first.line();
-        // What the master's last step leaves over a tick.
-        let mut fraction = 0;
-        // Whether something is in the way before the master's next step, and not its own last step here is the end.
-        let is_held_up = loop {
-            let ticks = gap.ticks();
-            if ticks >= free {
-                let look = between.look(&mut self.extruder, free, gap.units(), most - left.len());
-                free = between.free;
-                match look {
-                    Look::Free => {}
-                    Look::Again => continue,
-                    Look::Step(ticks) => {
-                        // The loop goes on only while there are places.
-                        let Some(place) = left.next() else { break true };
-                        *place = StepEntry::event(ticks, EXTRUDER);
-                        gap = gap.less(ticks);
-                        if left.as_slice().is_empty() {
-                            break true;
-                        }
-                        continue;
-                    }
-                    Look::TooNear => break true,
+        let mut events = 0;
+        loop {
+            // As many places as the master's steps will take, for nothing else is counted.
+            let steps_left = steps.saturating_sub(events - between.steps);
+            let rest = places.get_mut(events..).unwrap_or_default();
+            let here = rest.len().min(steps_left);
+            let mut left = rest.get_mut(..here).unwrap_or_default().iter_mut();
+            while gap.ticks() < free && gap.ticks() >= least {
+                let Some(place) = left.next() else { break };
+                *place = if line.pass(1) { common } else { alone }.at(gap.ticks());
+                free = free.wrapping_sub(gap.ticks());
+                let is_held;
+                (gap, is_held) = gap.behind(&mut run);
+                if !is_held {
+                    break;
                 }
             }
-            if ticks < least {
-                break true;
+            let left = left.len();
+            events += here - left;
+            if left == 0 || gap.ticks() < free || events > between.steps && !G::holds(run.units()) {
+                break;
             }
-            let Some(place) = left.next() else { break true };
-            *place = if line.pass(1) { common } else { alone }.at(ticks);
-            free = free.wrapping_sub(ticks);
-            fraction = gap.fraction();
-            let units_and_half = run.take();
-            if left.as_slice().is_empty() {
-                break false;
+            let look = between.look(&mut self.extruder, free, gap.units(), events);
+            free = between.free;
+            match look {
+                Look::Free | Look::Again => {}
+                Look::Step(ticks) => {
+                    gap = gap.less(ticks);
+                    // There is a place: one of those for the master's steps.
+                    if let Some(place) = places.get_mut(events) {
+                        *place = StepEntry::event(ticks, EXTRUDER);
+                    }
+                    events += 1;
+                }
+                Look::TooNear => break,
             }
-            match G::of(fraction, units_and_half) {
-                Some(next) => gap = next,
-                None => break false,
-            }
-        };
-        let events = most - left.len();
+        }
         let steps = (events - between.steps) as u32;
-        let behind = if is_held_up { gap.units() } else { u64::from(fraction) };
+        // No event has come behind a step whose successor is too far.
+        let is_held = steps == 0 || G::holds(run.units());
+        let behind = if is_held { gap.units() } else { gap.left_over(&run) };
         let due = between.last(free).wrapping_add(behind).wrapping_sub(HALF_TICK);
-        self.master.end_run(&run, steps, due, is_held_up);
+        self.master.end_run(&run, steps, due, is_held);
         let [first, second] = &mut self.followers;
         first.set_line(line);
         second.pass(steps);

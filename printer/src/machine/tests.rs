@@ -3,7 +3,9 @@
 use core::cell::RefCell;
 
 use super::*;
-use crate::profile::{AxisHoming, DriverTiming, FirmwareRetraction, HeaterSettings, HeaterWatch, HomeEnd};
+use crate::profile::{
+    AxisHoming, DriverTiming, ExtrusionSettings, FirmwareRetraction, HeaterSettings, HeaterWatch, HomeEnd,
+};
 use ferrostep_hal_shim::stepping::{
     DroppedSteps, FeedError, NextWords, OutputPorts, Pulses, Signals, SlotAccount, StepFeeder, StepLink, StepPlayer,
     UpdateTimer,
@@ -65,6 +67,7 @@ fn profile() -> Profile {
             lift_10nm: 0,
         },
         driver: DriverTiming { pulse_width_ns: 1000, direction_setup_ns: 200, both_edges: false },
+        extrusion: ExtrusionSettings::DEFAULT,
     }
 }
 

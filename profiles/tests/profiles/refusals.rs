@@ -2,7 +2,7 @@
 
 use ferrostep_hal_shim::thermistor::ThermistorType;
 use ferrostep_planner::{AccelerationProfile, Interpolation, MotionChoice};
-use ferrostep_printer::{HeaterWatch, Profile};
+use ferrostep_printer::{ExtrusionSettings, HeaterWatch, Profile};
 use ferrostep_profiles::{Problem, ProfileError, builtin_names, builtin_text, parse};
 use toml::{Table, Value};
 
@@ -265,6 +265,31 @@ fn dotted_keys_and_other_spellings_of_the_same_values_are_the_same_profile() {
     assert_eq!(parse(&dotted, "dotted").unwrap(), parse(text(), "plain").unwrap());
     let error = parse(&dotted.replace("size_mm.y = 200.0\n", ""), "dotted").unwrap_err();
     assert_eq!(error.key(), Some("size_mm.y"));
+}
+
+#[test]
+fn filament_by_length_is_chosen_and_kept_within_its_ranges() {
+    let with = |text: &str| parse(&format!("{}\n[extrusion]\n{text}", builtin_text("cartesian").unwrap()), "test.toml");
+    assert_eq!(with("").unwrap().extrusion, ExtrusionSettings::DEFAULT);
+    assert_eq!(with("mode = \"gcode\"").unwrap().extrusion, ExtrusionSettings::DEFAULT);
+    let chosen = "mode = \"adaptive\"\nlayer_height_mm = 1\nline_width_mm = 2.5\nfilament_diameter_mm = 40";
+    let expected = ExtrusionSettings {
+        adaptive: true,
+        layer_height_10nm: 100_000,
+        line_width_10nm: 250_000,
+        filament_diameter_10nm: 4_000_000,
+    };
+    assert_eq!(with(chosen).unwrap().extrusion, expected);
+    for (text, blamed) in [
+        ("layer_height_mm = 0", "extrusion.layer_height_mm"),
+        ("layer_height_mm = nan", "extrusion.layer_height_mm"),
+        ("line_width_mm = 20.1", "extrusion.line_width_mm"),
+        ("filament_diameter_mm = -1.75", "extrusion.filament_diameter_mm"),
+        ("mode = \"volumetric\"", "extrusion.mode"),
+        ("nozzle_mm = 0.4", "extrusion.nozzle_mm"),
+    ] {
+        assert_eq!(with(text).unwrap_err().key(), Some(blamed), "{text}");
+    }
 }
 
 #[test]

@@ -32,8 +32,8 @@ pub struct TracedBlock<'a> {
     pub law: &'a Trapezoid,
     /// Ticks within which events may have been joined.
     pub event_interval_ticks: f64,
-    /// What else is allowed, in steps: one for the step itself and a little for rounding.
-    pub tolerance_steps: f64,
+    /// What else each motor is allowed, in steps: one for the step itself and a little for rounding.
+    pub tolerance_steps: [f64; 4],
 }
 
 impl TracedBlock<'_> {
@@ -58,7 +58,7 @@ impl TracedBlock<'_> {
                 let joined = distance.abs() * part_per_tick * self.event_interval_ticks;
                 let deviation = Deviation {
                     steps: off,
-                    allowed_steps: self.tolerance_steps + joined,
+                    allowed_steps: self.tolerance_steps[motor] + joined,
                     line: self.line,
                     tick: event.tick,
                 };

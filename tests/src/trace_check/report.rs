@@ -147,6 +147,9 @@ pub struct TraceReport {
     pub planned_motion_time_s: f64,
     /// For each motor the deviation from the law that is largest by its excess over what is allowed.
     pub largest_deviation: [Option<Deviation>; 4],
+    /// Largest distance in X and Y from the straight line of a move whose law was checked, between the steps at which it
+    /// starts and ends, mm.
+    pub largest_path_error_mm: f64,
     /// The largest relative difference in duration among moves of at least 1 mm.
     pub largest_duration_difference: Option<DurationDifference>,
     /// Ticks between the two step events that are nearest to each other.
@@ -251,6 +254,7 @@ impl fmt::Display for TraceReport {
                 writeln!(formatter, "motor {}            {deviation}", name(motor))?;
             }
         }
+        writeln!(formatter, "path error         {:.4} mm", self.largest_path_error_mm)?;
         let ratios = self.speed_ratio.iter().zip(&self.acceleration_ratio).enumerate();
         for (axis, (speed, acceleration)) in ratios {
             let name = name(axis);

@@ -2,12 +2,16 @@
 //! reference of this crate.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
+mod accelerations;
 mod bad_input;
 mod command;
 mod desk;
 mod exactness;
+mod extrusion;
 mod heater_faults;
 mod hosts;
+mod methods;
+mod papers;
 mod prints;
 mod programs;
 mod refusals;

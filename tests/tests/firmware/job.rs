@@ -28,6 +28,32 @@ impl Job {
         Self { lines }
     }
 
+    /// The lines before the cube's first layer, then some moves of its infill again and again, each time with the next of
+    /// the choices that M796 has.
+    pub fn cube_in_every_way(before: usize, moves: usize) -> Self {
+        let cube = Self::cube(320);
+        let (start, layer) = cube.lines.split_at(before);
+        let is_print = |line: &str| line.starts_with("G1 X") && line.contains(" E");
+        let printed: Vec<_> = layer.iter().filter(|(line, _)| is_print(line)).collect();
+        // The skirt's first moves turn through a quarter of a circle, the last ones are infill.
+        let (curve, infill) = (&printed[..moves / 2], &printed[printed.len() - (moves - moves / 2)..]);
+        let mut lines = start.to_vec();
+        for acceleration in 0..=2 {
+            for interpolation in 0..=4 {
+                lines.push((format!("M796 I{interpolation} A{acceleration}"), 0));
+                for part in [curve, infill] {
+                    // Where the part begins, and its filament from there.
+                    let first = &part[0].0;
+                    let filament = first.split(" E").nth(1).unwrap_or_default();
+                    lines.push((format!("G92 E{filament}"), 0));
+                    lines.push((first.split(" E").next().unwrap_or_default().to_owned(), part[0].1));
+                    lines.extend(part.iter().map(|&line| line.clone()));
+                }
+            }
+        }
+        Self { lines }
+    }
+
     /// Prints cold instead of waiting for heat: for what has nothing to do with it, and is not to take so long.
     pub fn without_heating(mut self) -> Self {
         for (line, _) in &mut self.lines {

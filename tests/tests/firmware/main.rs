@@ -4,6 +4,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 mod bad_input;
+mod choices;
 mod emergency;
 mod heater_fault;
 mod image;

@@ -80,15 +80,14 @@ pub fn write(figures: &Value) -> Result<(), Failure> {
     std::fs::write(&path, text).map_err(|error| format!("{}: {error}", path.display()))
 }
 
-/// All numbers in nested objects, by their keys with dots, in the order of the file.
+/// All numbers in nested objects and lists, by their keys with dots, in the order of the file.
 pub fn numbers(value: &Value) -> Vec<(String, f64)> {
     fn collect(prefix: &str, value: &Value, found: &mut Vec<(String, f64)>) {
+        let key_of = |key: &str| if prefix.is_empty() { key.to_owned() } else { format!("{prefix}.{key}") };
         match value {
-            Value::Object(object) => {
-                for (key, value) in object {
-                    let key = if prefix.is_empty() { key.clone() } else { format!("{prefix}.{key}") };
-                    collect(&key, value, found);
-                }
+            Value::Object(object) => object.iter().for_each(|(key, value)| collect(&key_of(key), value, found)),
+            Value::Array(list) => {
+                list.iter().enumerate().for_each(|(index, value)| collect(&key_of(&index.to_string()), value, found));
             }
             _ => found.extend(value.as_f64().map(|number| (prefix.to_owned(), number))),
         }
@@ -167,8 +166,9 @@ mod tests {
 
     #[test]
     fn numbers_are_found_by_their_keys() {
-        let found = numbers(&json!({"a": {"b": 1, "c": {"d": 2.5}}, "e": null, "f": 3}));
-        let expected = [("a.b".to_owned(), 1.0), ("a.c.d".to_owned(), 2.5), ("f".to_owned(), 3.0)];
+        let found = numbers(&json!({"a": {"b": 1, "c": {"d": 2.5}}, "e": null, "f": [3, {"g": 4}]}));
+        let expected = [("a.b", 1.0), ("a.c.d", 2.5), ("f.0", 3.0), ("f.1.g", 4.0)];
+        let expected = expected.map(|(key, number)| (key.to_owned(), number));
         assert_eq!(found, expected);
     }
 

@@ -7,6 +7,7 @@ use serde_json::Value;
 
 use super::chart::{self, Bar, Group};
 use super::cycle_model::{events_per_s, staying_events_per_s};
+use super::lines;
 use crate::steps::Failure;
 use crate::system;
 
@@ -26,15 +27,6 @@ const KLIPPER_THREE_MOTORS_PER_S: f64 = 2_459e3;
 
 /// Steps a second of one motor while four are on the way, from its own cycle constants at 168 MHz.
 const MARLIN_FOUR_AXES_PER_S: f64 = 143.6e3;
-
-/// Wu 2024, tables 1 to 5: the line, its key, and how much longer the classic algorithm took.
-const WU_LINES: [(&str, &str, &str); 5] = [
-    ("y = x/3, (30, 10)", "x3", "1.23"),
-    ("y = x/10, (100, 10)", "x10", "1.56"),
-    ("y = x/50, (500, 10)", "x50", "1.96"),
-    ("y = x/100, (1000, 10)", "x100", "2.92"),
-    ("y = x, (30, 30)", "x1", "1.00"),
-];
 
 /// Writes tables and chart.
 pub fn write(figures: &Value) -> Result<(), Failure> {
@@ -61,12 +53,12 @@ fn event(figures: &Value, key: &str) -> Option<f64> {
 }
 
 /// A number by its key with dots.
-fn number(figures: &Value, key: &str) -> Option<f64> {
+pub fn number(figures: &Value, key: &str) -> Option<f64> {
     key.split('.').try_fold(figures, |value, key| value.get(key))?.as_f64()
 }
 
 /// With groups of three digits, and a decimal as long as they are few; a dash for none.
-fn shown(count: Option<f64>) -> String {
+pub fn shown(count: Option<f64>) -> String {
     let Some(count) = count else { return "-".to_owned() };
     if count < 1000.0 && count.fract() != 0.0 {
         return format!("{count:.1}");
@@ -94,7 +86,7 @@ fn tables(figures: &Value) -> String {
     let _ = step_interrupt(&mut out, figures);
     let _ = steps_per_second(&mut out, figures);
     let _ = line_to_queue(&mut out, figures);
-    let _ = bresenham(&mut out, figures);
+    let _ = lines::tables(&mut out, figures);
     let _ = image(&mut out, figures);
     out.trim_end().to_owned() + "\n"
 }
@@ -209,28 +201,6 @@ fn line_to_queue(out: &mut String, figures: &Value) -> std::fmt::Result {
         workload("entries"),
         workload("events"),
     )
-}
-
-fn bresenham(out: &mut String, figures: &Value) -> std::fmt::Result {
-    writeln!(out, "## Step Bresenham\n")?;
-    writeln!(
-        out,
-        "Wu's five lines, instructions from end point to entries in the step queue (`target.bresenham`). His ratio (tables\n\
-         1 to 5) is of run times in MATLAB, classic to step.\n"
-    )?;
-    writeln!(
-        out,
-        "| line | classic, an entry a step | classic, equal steps in one entry | step | ratio | Wu's ratio |"
-    )?;
-    writeln!(out, "|---|---|---|---|---|---|")?;
-    for (line, key, wu_ratio) in WU_LINES {
-        let count = |way: &str| number(figures, &format!("target.bresenham.{key}.{way}"));
-        let (classic, coalesced, step) = (count("classic"), count("classic_coalesced"), count("step"));
-        let ratio = classic.zip(step).map_or("-".to_owned(), |(classic, step)| format!("{:.2}", classic / step));
-        let (classic, coalesced, step) = (shown(classic), shown(coalesced), shown(step));
-        writeln!(out, "| {line} | {classic} | {coalesced} | {step} | {ratio} | {wu_ratio} |")?;
-    }
-    writeln!(out)
 }
 
 fn image(out: &mut String, figures: &Value) -> std::fmt::Result {

@@ -29,7 +29,7 @@ use ferrostep_stm32f4::motion_clock::MotionClock;
 use counter::Counter;
 use profile::PROFILE;
 use queue::{BenchQueue, PrintQueue, SHORT_QUEUE_SLOTS};
-use report::{Report, StepEvents, Workload};
+use report::{Lines, Print, Report, StepEvents, Workload};
 use step_events::{FOUR_AXES, STAIR_EVENTS};
 
 /// Blocks in the look-ahead ring, as in the firmware.
@@ -52,6 +52,7 @@ mod app {
 
     use crate::profile::StepSignals;
     use crate::queue::{self, Ports, SHORT_QUEUE_SLOTS, STEP_QUEUE_SLOTS};
+    use crate::report::Lines;
     use crate::{LOOK_AHEAD_BLOCKS, Queues};
 
     static STEPS: StepPlayer<StepSignals, 1, STEP_QUEUE_SLOTS> = StepPlayer::new();
@@ -76,6 +77,7 @@ mod app {
         queues: Queues,
         clock: MotionClock,
         ring: &'static mut [Slot],
+        lines: &'static mut Lines,
     }
 
     #[init(local = [
@@ -84,6 +86,7 @@ mod app {
         of_one: [SlotAccount; SHORT_QUEUE_SLOTS] = [SlotAccount::NONE; SHORT_QUEUE_SLOTS],
         of_two: [SlotAccount; SHORT_QUEUE_SLOTS] = [SlotAccount::NONE; SHORT_QUEUE_SLOTS],
         of_three: [SlotAccount; SHORT_QUEUE_SLOTS] = [SlotAccount::NONE; SHORT_QUEUE_SLOTS],
+        of_lines: Lines = Lines::NONE,
     ])]
     fn init(cx: init::Context) -> (Shared, Local) {
         let device = cx.device;
@@ -99,7 +102,7 @@ mod app {
         };
         let queues = Queues { print: print.1, of_one: of_one.1, of_two: of_two.1, of_three: of_three.1 };
         let shared = Shared { print: print.0, one_port: of_one.0, two_ports: of_two.0, three_ports: of_three.0 };
-        (shared, Local { queues, clock, ring: cx.local.slots })
+        (shared, Local { queues, clock, ring: cx.local.slots, lines: cx.local.of_lines })
     }
 
     /// The firmware's step interrupt. Here it is not at TIM2, where the timer would call it.
@@ -140,9 +143,9 @@ mod app {
         }
     }
 
-    #[idle(local = [queues, clock, ring])]
+    #[idle(local = [queues, clock, ring, lines])]
     fn idle(cx: idle::Context) -> ! {
-        crate::run(*cx.local.clock, cx.local.queues, cx.local.ring)
+        crate::run(*cx.local.clock, cx.local.queues, cx.local.ring, cx.local.lines)
     }
 }
 
@@ -155,12 +158,12 @@ pub struct Queues {
 }
 
 /// Measures, says what, and ends the emulator.
-fn run(clock: MotionClock, queues: &mut Queues, ring: &mut [Slot]) -> ! {
+fn run(clock: MotionClock, queues: &mut Queues, ring: &mut [Slot], lines: &mut Lines) -> ! {
     let outcome = Counter::start(clock).and_then(|counter| {
         if cfg!(feature = "tally") {
-            tally(&counter, &mut queues.print, ring).map(|workload| hprintln!("{}", workload))
+            tally(&counter, &mut queues.print, ring, lines).map(|workload| hprintln!("{}", workload))
         } else {
-            measure(&counter, queues, ring).map(|report| hprintln!("{}", report))
+            measure(&counter, queues, ring, lines).map(|report| hprintln!("{}", report))
         }
     });
     match outcome {
@@ -172,7 +175,12 @@ fn run(clock: MotionClock, queues: &mut Queues, ring: &mut [Slot]) -> ! {
 }
 
 /// Every piece, then all of them together.
-fn measure(counter: &Counter, queues: &mut Queues, ring: &mut [Slot]) -> Result<Report, &'static str> {
+fn measure<'a>(
+    counter: &Counter,
+    queues: &mut Queues,
+    ring: &mut [Slot],
+    lines: &'a mut Lines,
+) -> Result<Report<'a>, &'static str> {
     let Queues { print: queue, of_one, of_two, of_three } = queues;
     let step_event = StepEvents {
         profile: step_events::stairs(counter, queue, FOUR_AXES, STAIR_EVENTS)?,
@@ -180,6 +188,7 @@ fn measure(counter: &Counter, queues: &mut Queues, ring: &mut [Slot]) -> Result<
         three_ports: step_events::stairs(counter, of_three, FOUR_AXES, STAIR_EVENTS)?,
         ..step_events::synthetic(counter, of_one)?
     };
+    wu_lines::measure(counter, queue, lines)?;
     let mut report = Report {
         step_event,
         parse_line: pieces::parse_lines(counter)?,
@@ -187,22 +196,27 @@ fn measure(counter: &Counter, queues: &mut Queues, ring: &mut [Slot]) -> Result<
         block_full_look_ahead: pieces::moves_to_blocks(counter, &PROFILE, ring, queue)?,
         trapezoid: pieces::trapezoid(counter, &PROFILE, ring, queue, TWO_AXES_MM)?,
         trapezoid_one_axis: pieces::trapezoid(counter, &PROFILE, ring, queue, ONE_AXIS_MM)?,
-        bresenham: wu_lines::measure(counter, queue)?,
-        ..Report::default()
+        lines,
+        print: Print::default(),
     };
     report.print = whole_print::measure(counter, &PROFILE, ring, queue, &mut report.step_event)?;
     Ok(report)
 }
 
 /// How much these are of.
-fn tally(counter: &Counter, queue: &mut PrintQueue, ring: &mut [Slot]) -> Result<Workload, &'static str> {
-    wu_lines::measure(counter, queue)?;
+fn tally<'a>(
+    counter: &Counter,
+    queue: &mut PrintQueue,
+    ring: &mut [Slot],
+    lines: &'a mut Lines,
+) -> Result<Workload<'a>, &'static str> {
+    wu_lines::measure(counter, queue, lines)?;
     pieces::trapezoid(counter, &PROFILE, ring, queue, TWO_AXES_MM)?;
     let trapezoid = queue.take_tally();
     pieces::trapezoid(counter, &PROFILE, ring, queue, ONE_AXIS_MM)?;
     let trapezoid_one_axis = queue.take_tally();
     whole_print::measure(counter, &PROFILE, ring, queue, &mut StepEvents::default())?;
-    Ok(Workload { trapezoid, trapezoid_one_axis, print: queue.take_tally() })
+    Ok(Workload { trapezoid, trapezoid_one_axis, print: queue.take_tally(), lines })
 }
 
 fn halt() -> ! {

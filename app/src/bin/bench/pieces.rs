@@ -1,4 +1,7 @@
 //! The parts of a print on its way to the step queue, one at a time.
+//!
+//! Each has a planner of its own on the stack, and leaves it before the next: they are not inlined into one function,
+//! whose planners would not all fit.
 
 use core::cell::RefCell;
 use core::hint::black_box;
@@ -38,6 +41,7 @@ pub fn parse_lines(counter: &Counter) -> Result<Mean, &'static str> {
 }
 
 /// Text to a block in the full look-ahead ring.
+#[inline(never)]
 pub fn lines_to_blocks(
     counter: &Counter,
     profile: &Profile,
@@ -65,6 +69,7 @@ pub fn lines_to_blocks(
 }
 
 /// The same lines' moves to blocks: kinematics, corner and the reverse pass through the full ring.
+#[inline(never)]
 pub fn moves_to_blocks(
     counter: &Counter,
     profile: &Profile,
@@ -139,7 +144,6 @@ pub enum Outcome {
 }
 
 /// Blocks to the step queue. One copy, as in the firmware.
-#[inline(never)]
 pub fn advance(planner: &mut BenchPlanner<'_>, queue: &mut PrintQueue, goal: Goal) -> Outcome {
     while goal == Goal::AllBlocks || !planner.has_room() {
         if !queue.has_room() {
@@ -154,6 +158,7 @@ pub fn advance(planner: &mut BenchPlanner<'_>, queue: &mut PrintQueue, goal: Goa
 
 /// A trapezoid of 30 mm along `path_mm` (X and Y) with 1 mm of filament, at 100 mm/s and 1000 mm/s^2: instructions from
 /// the popped block to entries in the queue.
+#[inline(never)]
 pub fn trapezoid(
     counter: &Counter,
     profile: &Profile,

@@ -116,17 +116,84 @@ impl fmt::Display for StepEvents {
     }
 }
 
-/// A line of Wu 2024's tables 1 to 5, to entries in the step queue.
+/// What a line costs, from its end point to entries in the step queue. One build of this program tells the instructions,
+/// the other the rest.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct LineCost {
+    /// Instructions.
+    pub instructions: u32,
+    /// Entries.
+    pub entries: u32,
+    /// Decision values compared with zero.
+    pub decisions: u32,
+}
+
+/// A line of Wu 2024's tables 1 to 5.
 #[derive(Clone, Copy, Debug)]
-pub struct Line {
+pub struct WuLine {
     /// Its name here.
     pub name: &'static str,
     /// Classic Bresenham, an entry a step.
-    pub classic: u32,
+    pub classic: LineCost,
     /// Classic Bresenham, runs of equal steps in one entry.
-    pub classic_coalesced: u32,
-    /// Step Bresenham, an entry a stair.
-    pub step: u32,
+    pub classic_coalesced: LineCost,
+    /// Step Bresenham, an entry a stair: one division a line.
+    pub step: LineCost,
+    /// The same without a division.
+    pub step_first_stair: LineCost,
+    /// The same with a division a stair.
+    pub step_division: LineCost,
+}
+
+impl WuLine {
+    /// The ways and their names.
+    fn ways(&self) -> [(&'static str, LineCost); 5] {
+        let Self { classic, classic_coalesced, step, step_first_stair, step_division, .. } = *self;
+        [
+            ("classic", classic),
+            ("classic_coalesced", classic_coalesced),
+            ("step", step),
+            ("step_first_stair", step_first_stair),
+            ("step_division", step_division),
+        ]
+    }
+}
+
+/// A line of some slope.
+#[derive(Clone, Copy, Debug)]
+pub struct SlopeLine {
+    /// Steps of X.
+    pub dx: u32,
+    /// Steps of Y.
+    pub dy: u32,
+    /// See [`WuLine::classic`].
+    pub classic: LineCost,
+    /// See [`WuLine::classic_coalesced`].
+    pub classic_coalesced: LineCost,
+    /// See [`WuLine::step`].
+    pub step: LineCost,
+}
+
+impl SlopeLine {
+    /// The ways and their names.
+    fn ways(&self) -> [(&'static str, LineCost); 3] {
+        let Self { classic, classic_coalesced, step, .. } = *self;
+        [("classic", classic), ("classic_coalesced", classic_coalesced), ("step", step)]
+    }
+}
+
+/// All lines, ways and figures: memory that the stack has not got.
+#[derive(Debug)]
+pub struct Lines {
+    /// Wu's.
+    pub wu: heapless::Vec<WuLine, 5>,
+    /// Of every slope.
+    pub slopes: heapless::Vec<SlopeLine, 23>,
+}
+
+impl Lines {
+    /// None yet.
+    pub const NONE: Self = Self { wu: heapless::Vec::new(), slopes: heapless::Vec::new() };
 }
 
 /// Mean instructions for each G0 or G1 of a whole print.
@@ -143,8 +210,8 @@ pub struct Print {
 }
 
 /// Everything.
-#[derive(Clone, Debug, Default)]
-pub struct Report {
+#[derive(Clone, Debug)]
+pub struct Report<'a> {
     /// The step interrupt.
     pub step_event: StepEvents,
     /// The bytes of a line to a command.
@@ -157,13 +224,13 @@ pub struct Report {
     pub trapezoid: u32,
     /// The same along X, with filament.
     pub trapezoid_one_axis: u32,
-    /// Wu's lines.
-    pub bresenham: heapless::Vec<Line, 5>,
+    /// Lines of two axes.
+    pub lines: &'a Lines,
     /// A whole print.
     pub print: Print,
 }
 
-impl fmt::Display for Report {
+impl fmt::Display for Report<'_> {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(out, "{{\"target\": {{\"step_event\": {}", self.step_event)?;
         let Print { parse, plan, interpolate, moves } = self.print;
@@ -178,38 +245,77 @@ impl fmt::Display for Report {
         }
         write!(out, ", \"line_to_queue\": {{\"parse\": {parse}, \"plan\": {plan}, \"interpolate\": {interpolate}}}")?;
         out.write_str(", \"bresenham\": {")?;
-        for (index, line) in self.bresenham.iter().enumerate() {
-            let Line { name, classic, classic_coalesced, step } = line;
-            let separator = if index == 0 { "" } else { ", " };
-            write!(out, "{separator}\"{name}\": {{\"classic\": {classic}, ")?;
-            write!(out, "\"classic_coalesced\": {classic_coalesced}, \"step\": {step}}}")?;
+        for (index, line) in self.lines.wu.iter().enumerate() {
+            write!(out, "{}\"{}\": {{", separator(index), line.name)?;
+            for (index, (name, cost)) in line.ways().into_iter().enumerate() {
+                write!(out, "{}\"{name}\": {}", separator(index), cost.instructions)?;
+            }
+            out.write_str("}")?;
         }
+        out.write_str("}, \"bresenham_slopes\": [")?;
+        for (index, line) in self.lines.slopes.iter().enumerate() {
+            write!(out, "{}{{\"dx\": {}, \"dy\": {}", separator(index), line.dx, line.dy)?;
+            for (name, cost) in line.ways() {
+                write!(out, ", \"{name}\": {{\"instructions\": {}}}", cost.instructions)?;
+            }
+            out.write_str("}")?;
+        }
+        out.write_str("]")?;
         let Self { trapezoid, trapezoid_one_axis, .. } = self;
-        write!(out, "}}}}, \"moves\": {moves}, \"interpolation\": {{\"trapezoid\": {trapezoid}, ")?;
+        write!(out, "}}, \"moves\": {moves}, \"interpolation\": {{\"trapezoid\": {trapezoid}, ")?;
         write!(out, "\"trapezoid_one_axis\": {trapezoid_one_axis}, \"print\": {}}}}}", interpolate.total())
     }
 }
 
+/// What stands before an element of a list.
+fn separator(index: usize) -> &'static str {
+    if index == 0 { "" } else { ", " }
+}
+
 /// What there is to queue, from the build that counts it.
-#[derive(Clone, Copy, Debug)]
-pub struct Workload {
+#[derive(Clone, Debug)]
+pub struct Workload<'a> {
     /// Of the first trapezoid.
     pub trapezoid: Tally,
     /// Of the other.
     pub trapezoid_one_axis: Tally,
     /// Of the whole print.
     pub print: Tally,
+    /// Of the lines of two axes.
+    pub lines: &'a Lines,
 }
 
-impl fmt::Display for Workload {
+/// Entries and decisions.
+impl fmt::Display for LineCost {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { trapezoid, trapezoid_one_axis, print } = self;
+        write!(out, "{{\"entries\": {}, \"decisions\": {}}}", self.entries, self.decisions)
+    }
+}
+
+impl fmt::Display for Workload<'_> {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { trapezoid, trapezoid_one_axis, print, lines } = self;
         let tallies = [("trapezoid", trapezoid), ("trapezoid_one_axis", trapezoid_one_axis), ("print", print)];
-        let mut separator = "{";
+        out.write_str("{")?;
         for (name, Tally { entries, events }) in tallies {
-            write!(out, "{separator}\"{name}\": {{\"entries\": {entries}, \"events\": {events}}}")?;
-            separator = ", ";
+            write!(out, "\"{name}\": {{\"entries\": {entries}, \"events\": {events}}}, ")?;
         }
-        out.write_str("}")
+        out.write_str("\"bresenham\": {")?;
+        for (index, line) in lines.wu.iter().enumerate() {
+            write!(out, "{}\"{}\": {{", separator(index), line.name)?;
+            for (index, (name, cost)) in line.ways().into_iter().enumerate() {
+                write!(out, "{}\"{name}\": {cost}", separator(index))?;
+            }
+            out.write_str("}")?;
+        }
+        out.write_str("}, \"bresenham_slopes\": [")?;
+        for (index, line) in lines.slopes.iter().enumerate() {
+            write!(out, "{}{{", separator(index))?;
+            for (index, (name, cost)) in line.ways().into_iter().enumerate() {
+                write!(out, "{}\"{name}\": {cost}", separator(index))?;
+            }
+            out.write_str("}")?;
+        }
+        out.write_str("]}")
     }
 }

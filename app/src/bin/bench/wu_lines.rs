@@ -1,17 +1,28 @@
-//! The lines of Wu 2024, tables 1 to 5, from end point to entries in the step queue, three ways.
+//! The lines of Wu 2024, tables 1 to 5, and lines of every slope, from end point to entries in the step queue, three
+//! ways.
 
 use core::hint::black_box;
 
-use ferrostep_planner::bresenham::StepBresenham;
+#[cfg(feature = "tally")]
+use ferrostep_planner::bresenham::Counted;
+#[cfg(not(feature = "tally"))]
+use ferrostep_planner::bresenham::Uncounted;
+use ferrostep_planner::bresenham::{Classic, FromFirstStair, FromQuotient, Slope, Stairs, StepBresenham, Widths};
 use ferrostep_planner::{StepEntry, StepSink};
 
 use crate::counter::Counter;
 use crate::queue::PrintQueue;
-use crate::report::Line;
+use crate::report::{LineCost, Lines, SlopeLine, WuLine};
 
 /// Name and steps of X and Y, from (0, 0).
 const LINES: [(&str, u32, u32); 5] =
     [("x3", 30, 10), ("x10", 100, 10), ("x50", 500, 10), ("x100", 1000, 10), ("x1", 30, 30)];
+
+/// X of the lines of every slope.
+const SLOPE_X: u32 = 100;
+
+/// Their Y.
+const SLOPES_Y: [u32; 23] = [0, 1, 2, 3, 5, 10, 15, 20, 25, 30, 33, 40, 45, 50, 51, 55, 60, 70, 80, 90, 95, 99, 100];
 
 const X: u8 = 1;
 const Y: u8 = 2;
@@ -19,79 +30,133 @@ const Y: u8 = 2;
 /// Ticks between steps; any number would do.
 const INTERVAL_TICKS: u32 = 8400;
 
-/// All lines, all three ways. The queue is empty before and after.
-pub fn measure(counter: &Counter, queue: &mut PrintQueue) -> Result<heapless::Vec<Line, 5>, &'static str> {
-    let mut lines = heapless::Vec::new();
-    for (name, dx, dy) in LINES {
-        let mut count = |draw: fn(u32, u32, &mut PrintQueue)| {
-            let (dx, dy) = (black_box(dx), black_box(dy));
-            let instructions = counter.count(|| draw(dx, dy, queue)).0;
-            queue.empty();
-            // Entries are told by one build of this program only.
-            let is_whole = queue.take_tally().events == dx || !cfg!(feature = "tally");
-            if is_whole { Ok(instructions) } else { Err("a line has lost steps") }
-        };
-        let (classic, classic_coalesced) = (count(classic)?, count(classic_coalesced)?);
-        let line = Line { name, classic, classic_coalesced, step: count(step)? };
-        lines.push(line).map_err(|_| "too many lines")?;
-    }
-    Ok(lines)
+/// Entries that go to the queue together.
+const BATCH: usize = 32;
+
+/// Entries on their way to a queue, which takes several at once for less than it takes them one by one. All ways to draw
+/// a line push like this.
+struct Batch<'a> {
+    queue: &'a mut PrintQueue,
+    entries: [StepEntry; BATCH],
 }
 
-#[inline]
-fn push(queue: &mut PrintQueue, count: u32, axes: u8, added: u8) {
-    if let Some(entry) = StepEntry::stair(INTERVAL_TICKS, count as u16, axes, added) {
-        queue.entry(entry);
+impl<'a> Batch<'a> {
+    fn new(queue: &'a mut PrintQueue) -> Self {
+        Self { queue, entries: [StepEntry::wait(0); BATCH] }
     }
-}
 
-/// The axes that step next by Wu 2024 eq. 3, `decision` going with them.
-#[inline]
-fn next_axes(decision: &mut i32, dx: i32, dy: i32) -> u8 {
-    if *decision > 0 {
-        *decision += 2 * (dy - dx);
-        X | Y
-    } else {
-        *decision += 2 * dy;
-        X
-    }
-}
-
-/// An entry a step.
-#[inline(never)]
-fn classic(dx: u32, dy: u32, queue: &mut PrintQueue) {
-    let (dx, dy) = (dx as i32, dy as i32);
-    let mut decision = 2 * dy - dx;
-    for _ in 0..dx {
-        push(queue, 1, next_axes(&mut decision, dx, dy), 0);
-    }
-}
-
-/// An entry a run of equal steps.
-#[inline(never)]
-fn classic_coalesced(dx: u32, dy: u32, queue: &mut PrintQueue) {
-    let (dx, dy) = (dx as i32, dy as i32);
-    let mut decision = 2 * dy - dx;
-    let (mut run_axes, mut run) = (X, 0);
-    for _ in 0..dx {
-        let axes = next_axes(&mut decision, dx, dy);
-        if axes != run_axes {
-            push(queue, run, run_axes, 0);
-            (run_axes, run) = (axes, 0);
+    /// Adds a stair to those that wait, of which there are `waiting`. How many there are then.
+    #[inline(always)]
+    fn push(&mut self, waiting: usize, count: u32, axes: u8, added: u8) -> usize {
+        let Some(entry) = StepEntry::stair(INTERVAL_TICKS, count as u16, axes, added) else { return waiting };
+        self.entries[waiting % BATCH] = entry;
+        let waiting = waiting.wrapping_add(1);
+        if waiting < BATCH {
+            return waiting;
         }
-        run += 1;
+        self.flush(waiting);
+        0
     }
-    push(queue, run, run_axes, 0);
+
+    /// Takes those that wait to the queue.
+    #[inline(never)]
+    fn flush(&mut self, waiting: usize) {
+        self.queue.entries(self.entries.get(..waiting).unwrap_or_default());
+    }
 }
 
-/// An entry a stair.
-#[inline(never)]
-fn step(dx: u32, dy: u32, queue: &mut PrintQueue) {
-    let Some(line) = StepBresenham::new(dx, dy) else { return };
-    let mut left = dx;
-    for width in line.stairs() {
-        push(queue, width, X, Y);
-        left -= width;
+/// The build that counts entries counts decisions as well.
+#[cfg(feature = "tally")]
+type Told = Counted;
+#[cfg(not(feature = "tally"))]
+type Told = Uncounted;
+
+/// A way to draw a line; how many decisions it took.
+type Draw = fn(Slope, &mut Batch<'_>) -> u64;
+
+/// All lines, all ways. The queue is empty before and after.
+pub fn measure(counter: &Counter, queue: &mut PrintQueue, lines: &mut Lines) -> Result<(), &'static str> {
+    let batch = &mut Batch::new(queue);
+    for (name, dx, dy) in LINES {
+        let mut cost = |draw| cost(counter, batch, draw, dx, dy);
+        let line = WuLine {
+            name,
+            classic: cost(classic)?,
+            classic_coalesced: cost(classic_coalesced)?,
+            step: cost(step::<FromQuotient<Told>>)?,
+            step_first_stair: cost(step::<FromFirstStair<Told>>)?,
+            step_division: cost(step::<StepBresenham>)?,
+        };
+        lines.wu.push(line).map_err(|_| "too many lines")?;
     }
-    push(queue, left, X, 0);
+    for dy in SLOPES_Y {
+        let mut cost = |draw| cost(counter, batch, draw, SLOPE_X, dy);
+        let line = SlopeLine {
+            dx: SLOPE_X,
+            dy,
+            classic: cost(classic)?,
+            classic_coalesced: cost(classic_coalesced)?,
+            step: cost(step::<FromQuotient<Told>>)?,
+        };
+        lines.slopes.push(line).map_err(|_| "too many lines")?;
+    }
+    Ok(())
+}
+
+/// What a line costs.
+fn cost(counter: &Counter, batch: &mut Batch<'_>, draw: Draw, dx: u32, dy: u32) -> Result<LineCost, &'static str> {
+    let slope = Slope::new(dx, dy).map_err(|_| "there is no such line")?;
+    let (slope, draw) = (black_box(slope), black_box(draw));
+    let (instructions, decisions) = counter.count(|| draw(slope, batch));
+    batch.queue.empty();
+    let tally = batch.queue.take_tally();
+    // Entries are told by one build of this program only.
+    if tally.events != dx && cfg!(feature = "tally") {
+        return Err("a line has lost steps");
+    }
+    Ok(LineCost { instructions, entries: tally.entries, decisions: decisions as u32 })
+}
+
+/// Classic Bresenham, an entry a step.
+#[inline(never)]
+fn classic(slope: Slope, batch: &mut Batch<'_>) -> u64 {
+    let mut line = Classic::<Told>::new(slope);
+    let mut waiting = 0;
+    for _ in 0..slope.major() {
+        waiting = batch.push(waiting, 1, if line.pass(1) { X | Y } else { X }, 0);
+    }
+    batch.flush(waiting);
+    line.decisions()
+}
+
+/// Classic Bresenham, an entry a run of equal steps.
+#[inline(never)]
+fn classic_coalesced(slope: Slope, batch: &mut Batch<'_>) -> u64 {
+    let mut line = Classic::<Told>::new(slope);
+    let (mut waiting, mut run, mut run_steps) = (0, 0u32, false);
+    for _ in 0..slope.major() {
+        let steps = line.pass(1);
+        if steps != run_steps {
+            waiting = batch.push(waiting, run, if run_steps { X | Y } else { X }, 0);
+            (run, run_steps) = (0, steps);
+        }
+        run = run.wrapping_add(1);
+    }
+    waiting = batch.push(waiting, run, if run_steps { X | Y } else { X }, 0);
+    batch.flush(waiting);
+    line.decisions()
+}
+
+/// Step Bresenham, an entry a stair.
+#[inline(never)]
+fn step<W: Widths>(slope: Slope, batch: &mut Batch<'_>) -> u64 {
+    let axes = if slope.is_steep() { X | Y } else { X };
+    let mut stairs = Stairs::<W>::new(slope);
+    let mut waiting = 0;
+    for width in stairs.by_ref().whole() {
+        waiting = batch.push(waiting, width, axes, Y);
+    }
+    waiting = batch.push(waiting, stairs.rest(), axes, 0);
+    batch.flush(waiting);
+    stairs.decisions()
 }

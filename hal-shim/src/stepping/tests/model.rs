@@ -1,7 +1,11 @@
 //! A board of the tests: its pins, and a port that notes its edges.
 
 use std::cell::{Cell, RefCell};
+use std::ops::Range;
 use std::rc::Rc;
+
+use ferrostep_planner::StepEntry;
+use proptest::prelude::*;
 
 use crate::stepping::*;
 pub use crate::virtual_board::CYCLES_A_TICK;
@@ -14,6 +18,14 @@ pub fn pins<const PORTS: usize>() -> PinMap<PORTS> {
         direction: Pin { port: (motor + 1) % PORTS, number: motor as u8 + 4 },
     });
     PinMap::new(motors).unwrap()
+}
+
+/// Stairs at an interval, with any motors in the last event but at least one.
+pub fn any_stair(ticks: Range<u32>) -> impl Strategy<Value = StepEntry> {
+    (ticks, 1u16..70, 1u8..16, 0u8..15).prop_map(|(ticks, count, axes, other)| {
+        let added = if other < axes { other } else { other + 1 };
+        StepEntry::stair(ticks, count, axes, added).unwrap()
+    })
 }
 
 pub const SIGNALS: Signals = Signals { pulse_ticks: 8, direction_setup_ticks: 16 };

@@ -1,6 +1,6 @@
 //! The pins show what the entries say.
 
-use super::model::{CYCLES_A_TICK, Edges, Interrupt, SIGNALS};
+use super::model::{CYCLES_A_TICK, Edges, Interrupt, SIGNALS, any_stair};
 use crate::stepping::*;
 use crate::virtual_board::{StepObserver, StepTimer};
 use ferrostep_planner::StepEntry;
@@ -25,8 +25,8 @@ fn plain(entries: &[StepEntry]) -> (StepTimer, Vec<(u64, u8, u8)>) {
 
 fn any_entry() -> impl Strategy<Value = StepEntry> {
     prop_oneof![
-        6 => (40u32..100_000, 1u16..70, 1u8..16, 0u8..16).prop_map(|(t, n, a, b)| StepEntry::stair(t, n, a, b).unwrap()),
-        2 => (40u32..60, 1u16..70, 1u8..16, 0u8..16).prop_map(|(t, n, a, b)| StepEntry::stair(t, n, a, b).unwrap()),
+        6 => any_stair(40..100_000),
+        2 => any_stair(40..60),
         1 => (40u32..100_000_000, 1u16..4, 1u8..16).prop_map(|(t, n, a)| StepEntry::stair(t, n, a, 0).unwrap()),
         1 => (40u32..=u32::MAX).prop_map(StepEntry::wait),
         2 => (0u8..16).prop_map(StepEntry::directions),

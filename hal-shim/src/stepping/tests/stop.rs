@@ -1,6 +1,6 @@
 //! A stop at any moment.
 
-use super::model::{Edges, Interrupt, SIGNALS};
+use super::model::{Edges, Interrupt, SIGNALS, any_stair};
 use crate::stepping::*;
 use crate::virtual_board::StepTimer;
 use ferrostep_planner::StepEntry;
@@ -8,7 +8,7 @@ use proptest::prelude::*;
 
 fn any_entry() -> impl Strategy<Value = StepEntry> {
     prop_oneof![
-        6 => (40u32..1_000, 1u16..70, 1u8..16, 0u8..16).prop_map(|(t, n, a, b)| StepEntry::stair(t, n, a, b).unwrap()),
+        6 => any_stair(40..1_000),
         1 => (40u32..1_000_000).prop_map(StepEntry::wait),
         2 => (0u8..16).prop_map(StepEntry::directions),
     ]

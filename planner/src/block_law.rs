@@ -1,0 +1,97 @@
+//! What the time law of a block is asked for, whatever its kind.
+
+use crate::real::Real;
+use crate::s_curve::law::Along;
+use crate::s_curve::staircase::Staircase;
+use crate::spacing::Spacing;
+use crate::step_times::StepTimes;
+use crate::time_law::Trapezoid;
+
+/// s(t) of a block: path in units of 10 nm, time in units of 2^-16 tick, both from its start.
+pub(crate) trait BlockLaw<F: Real> {
+    /// Path length of the block.
+    fn length(&self) -> F;
+
+    /// Its reciprocal.
+    fn per_length(&self) -> F;
+
+    /// Duration in whole ticks, the nearest.
+    fn duration_ticks(&self) -> u64;
+
+    /// When a path position is reached; positions outside are taken to the nearer end.
+    fn time_at(&self, length_10nm: u32) -> u64;
+
+    /// Starts with the steps of a motor along the block, none of them due before `earliest`.
+    fn start(&self, times: &mut StepTimes, steps: &Spacing<F>, earliest: u64);
+}
+
+impl<F: Real> BlockLaw<F> for Trapezoid<F> {
+    #[inline]
+    fn length(&self) -> F {
+        self.length
+    }
+
+    #[inline]
+    fn per_length(&self) -> F {
+        self.per_length
+    }
+
+    #[inline]
+    fn duration_ticks(&self) -> u64 {
+        self.duration_ticks()
+    }
+
+    #[inline]
+    fn time_at(&self, length_10nm: u32) -> u64 {
+        self.time_at(length_10nm)
+    }
+
+    #[inline]
+    fn start(&self, times: &mut StepTimes, steps: &Spacing<F>, earliest: u64) {
+        times.start(self, steps, earliest);
+    }
+}
+
+impl BlockLaw<f64> for Along {
+    fn length(&self) -> f64 {
+        self.length
+    }
+
+    fn per_length(&self) -> f64 {
+        1.0 / self.length
+    }
+
+    fn duration_ticks(&self) -> u64 {
+        self.duration_ticks()
+    }
+
+    fn time_at(&self, length_10nm: u32) -> u64 {
+        self.time_at(length_10nm)
+    }
+
+    fn start(&self, times: &mut StepTimes, steps: &Spacing<f64>, earliest: u64) {
+        times.start_run(self, steps, earliest);
+    }
+}
+
+impl BlockLaw<f64> for Staircase {
+    fn length(&self) -> f64 {
+        self.length
+    }
+
+    fn per_length(&self) -> f64 {
+        1.0 / self.length
+    }
+
+    fn duration_ticks(&self) -> u64 {
+        self.duration_ticks()
+    }
+
+    fn time_at(&self, length_10nm: u32) -> u64 {
+        self.time_at(length_10nm)
+    }
+
+    fn start(&self, times: &mut StepTimes, steps: &Spacing<f64>, earliest: u64) {
+        times.start_staircase(self, steps, earliest);
+    }
+}

@@ -1,0 +1,43 @@
+//! How many decision values are compared with zero: what Wu 2024 saves.
+
+/// Who compares decision values, and may keep count of them. All comparisons of an algorithm pass through here, so that
+/// none is left out.
+pub trait Decisions: Copy + Default {
+    /// Whether a decision value is above zero.
+    fn is_above_zero(&mut self, value: i32) -> bool;
+
+    /// Comparisons so far.
+    fn count(&self) -> u64;
+}
+
+/// Keeps no count, and costs nothing.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Uncounted;
+
+impl Decisions for Uncounted {
+    #[inline(always)]
+    fn is_above_zero(&mut self, value: i32) -> bool {
+        value > 0
+    }
+
+    /// Always 0.
+    fn count(&self) -> u64 {
+        0
+    }
+}
+
+/// Keeps count.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counted(u64);
+
+impl Decisions for Counted {
+    #[inline]
+    fn is_above_zero(&mut self, value: i32) -> bool {
+        self.0 = self.0.wrapping_add(1);
+        value > 0
+    }
+
+    fn count(&self) -> u64 {
+        self.0
+    }
+}

@@ -1,0 +1,67 @@
+//! A line of two axes, stair by stair.
+
+use super::slope::Slope;
+use super::widths::{FromQuotient, Widths};
+
+/// Steps of a line that are alike, but for the last where the stair is whole.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Stair {
+    /// Steps of the major axis, at least 1.
+    pub width: u32,
+    /// Whether its last step is of the rarer kind: with the minor axis, or without it on a steep line
+    /// ([`Slope::is_steep`]). Not so in what is left behind the last stair.
+    pub is_whole: bool,
+}
+
+/// A line's stairs, and what is left behind the last: at most min(dy, dx - dy) + 1.
+#[derive(Clone, Copy, Debug)]
+pub struct Stairs<W = FromQuotient> {
+    widths: W,
+    /// Whole stairs to come.
+    whole: u32,
+    /// Steps to come.
+    steps: u32,
+}
+
+impl<W: Widths> Stairs<W> {
+    /// From the start of a line.
+    #[inline(always)]
+    pub fn new(slope: Slope) -> Self {
+        Self { widths: W::new(slope), whole: slope.rarer() as u32, steps: slope.major() }
+    }
+
+    /// The widths of the whole stairs to come. [`Self::rest`] is behind them.
+    #[inline(always)]
+    pub fn whole(&mut self) -> impl Iterator<Item = u32> {
+        core::iter::from_fn(|| {
+            self.whole = self.whole.checked_sub(1)?;
+            let width = self.widths.width();
+            self.steps = self.steps.wrapping_sub(width);
+            Some(width)
+        })
+    }
+
+    /// Steps behind the last whole stair, once all of these were told.
+    #[inline(always)]
+    pub fn rest(&self) -> u32 {
+        self.steps
+    }
+
+    /// Decision values compared so far.
+    pub fn decisions(&self) -> u64 {
+        self.widths.decisions()
+    }
+}
+
+impl<W: Widths> Iterator for Stairs<W> {
+    type Item = Stair;
+
+    #[inline(always)]
+    fn next(&mut self) -> Option<Stair> {
+        if let Some(width) = self.whole().next() {
+            return Some(Stair { width, is_whole: true });
+        }
+        let width = core::mem::take(&mut self.steps);
+        (width > 0).then_some(Stair { width, is_whole: false })
+    }
+}

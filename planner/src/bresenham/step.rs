@@ -1,0 +1,98 @@
+//! Step ("staircase") Bresenham as the interpolator uses it: a division when a width is asked for.
+
+use super::slope::Slope;
+use super::widths::Widths;
+
+/// A line, walked by stairs: runs of major-axis steps, the last of each with a minor-axis step.
+///
+/// The points are those of classic Bresenham (Wu 2024, eq. 3).
+#[derive(Clone, Copy, Debug)]
+pub struct StepBresenham {
+    /// 2 dy, by which the decision value rises with each step.
+    rise: i32,
+    /// 2 dx, by which it falls where the minor axis steps.
+    fall: i32,
+    /// Decision value of the last step, not above zero: the minor axis steps when it would be.
+    decision: i32,
+}
+
+impl StepBresenham {
+    /// The line of `major` by `minor` steps; `None` unless `minor <= major <=` [`super::MAX_STEPS`].
+    pub const fn new(major: u32, minor: u32) -> Option<Self> {
+        match Slope::new(major, minor) {
+            Ok(slope) => Some(Self { rise: 2 * slope.dy(), fall: 2 * slope.dx(), decision: -slope.dx() }),
+            Err(_) => None,
+        }
+    }
+
+    /// A line that never steps its minor axis.
+    pub const fn level() -> Self {
+        Self { rise: 0, fall: 0, decision: 0 }
+    }
+
+    /// What is left of the present stair: major-axis steps up to and including the next one with a minor-axis step, out
+    /// of reach where there is none.
+    #[inline]
+    pub const fn width(&self) -> u32 {
+        if self.rise == 0 {
+            return u32::MAX;
+        }
+        // Neither is negative.
+        (self.decision.wrapping_neg() as u32 / self.rise as u32).wrapping_add(1)
+    }
+
+    /// Passes `count` major-axis steps, at most [`Self::width`]; whether the minor axis steps with the last of them.
+    #[inline(always)]
+    pub const fn pass(&mut self, count: u32) -> bool {
+        // At most the rise above zero, which fits, as `count` is at most the width.
+        self.decision = self.decision.wrapping_add(self.rise.wrapping_mul(count as i32));
+        let steps = self.decision > 0;
+        if steps {
+            self.decision = self.decision.wrapping_sub(self.fall);
+        }
+        steps
+    }
+
+    /// Major-axis steps, one after the other from the next on, with each of which the minor axis steps; out of reach where
+    /// it does with all. The complement of a stair: on a line steeper than 1/2 these are most.
+    #[inline]
+    pub const fn diagonal(&self) -> u32 {
+        let above = self.decision.wrapping_add(self.rise);
+        if above <= 0 {
+            return 0;
+        }
+        if self.fall == self.rise {
+            return u32::MAX;
+        }
+        // By so much the decision value falls with each of them; neither is negative.
+        let step = self.fall.wrapping_sub(self.rise) as u32;
+        ((above - 1) as u32 / step).wrapping_add(1)
+    }
+
+    /// Passes `count` major-axis steps, at most [`Self::diagonal`].
+    #[inline(always)]
+    pub const fn pass_diagonal(&mut self, count: u32) {
+        self.decision = self.decision.wrapping_add(self.rise.wrapping_sub(self.fall).wrapping_mul(count as i32));
+    }
+}
+
+/// Of a steep line the stairs are the complement's, as with the other rules.
+impl Widths for StepBresenham {
+    #[inline(always)]
+    fn new(slope: Slope) -> Self {
+        Self { rise: 2 * slope.rarer(), fall: 2 * slope.dx(), decision: slope.start() }
+    }
+
+    #[inline(always)]
+    fn width(&mut self) -> u32 {
+        let width = Self::width(self);
+        let end = self.decision.wrapping_add(self.rise.wrapping_mul(width as i32));
+        self.decision = end.wrapping_sub(self.fall);
+        width
+    }
+
+    /// None: it divides.
+    fn decisions(&self) -> u64 {
+        0
+    }
+}

@@ -1,0 +1,196 @@
+//! The motors' steps in the plane, one event after the other, by any of the methods.
+
+use crate::block_law::BlockLaw;
+use crate::bresenham::MAX_STEPS;
+use crate::follower::Follower;
+use crate::kinematics::Kinematics;
+use crate::method::Method;
+use crate::motion_choice::Interpolation;
+use crate::plane::{CoreXyTarget, FeedSteps, MinimumDeviation, MotorSteps, PointByPoint};
+use crate::real::Real;
+use crate::spacing::Spacing;
+use crate::step_times::{NEVER, StepTimes};
+use crate::time_law::HALF_TICK;
+
+/// A step event and when it is due.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Due {
+    /// In time units from the block's start; [`NEVER`] behind the last.
+    pub time: u64,
+    /// The motors that step.
+    pub axes: u8,
+    /// Those of them that run backwards.
+    pub backwards: u8,
+}
+
+/// Which motors step in an event.
+#[derive(Clone, Copy, Debug)]
+enum Rule {
+    /// The same always.
+    Always(MotorSteps),
+    /// The first, and with some of its steps the others (Wu 2024, eq. 3).
+    Bresenham {
+        master: u8,
+        followers: [Follower; 2],
+        backwards: u8,
+    },
+    PointByPoint(PointByPoint),
+    MinimumDeviation(MinimumDeviation),
+    /// Less than a pulse.
+    Nothing,
+}
+
+/// The steps of some motors, at equal distances along the block.
+///
+/// N pulses divide the path into N parts, and pulse k is due in the middle of its part, at (k - 1/2) S/N. The paper does
+/// not say where: at the end, as a pulse of a constant period, it would be late by up to a whole pulse and always late. In
+/// the middle it is half a pulse either way, the rule of the default's master, and no pulse is due at the very end of a
+/// block, where at standstill the time of a hair of path is long. A diagonal pulse of a CoreXY machine is two steps of one
+/// motor: each is in the middle of its half.
+///
+/// When the middle of the next part is, or of the next half where pulses have halves, the caller's [`StepTimes`] says.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Pulses {
+    rule: Rule,
+    feeds: FeedSteps,
+    /// Each pulse has two halves, which may be an event each.
+    has_halves: bool,
+    /// The second half of a diagonal.
+    second: Option<MotorSteps>,
+    /// A step behind the last pulse.
+    rest: Option<MotorSteps>,
+    next: Due,
+}
+
+impl Pulses {
+    /// No motor ever steps.
+    pub const NONE: Self = Self {
+        rule: Rule::Nothing,
+        feeds: FeedSteps::NONE,
+        has_halves: false,
+        second: None,
+        rest: None,
+        next: Due { time: NEVER, axes: 0, backwards: 0 },
+    };
+
+    /// One motor by itself.
+    pub fn start_alone<F: Real>(&mut self, times: &mut StepTimes, law: &impl BlockLaw<F>, bit: u8, steps: i32) {
+        let count = steps.unsigned_abs().min(MAX_STEPS);
+        let backwards = if steps < 0 { bit } else { 0 };
+        self.rule = Rule::Always(MotorSteps { axes: bit, backwards, twice: false });
+        self.begin(times, law, count, false, None);
+    }
+
+    /// Classic Bresenham: the motor with most steps, the others with some of its steps.
+    pub fn start_bresenham<F: Real>(&mut self, times: &mut StepTimes, law: &impl BlockLaw<F>, steps: [i32; 3]) {
+        let [x, y, z] = steps.map(|steps| steps.unsigned_abs().min(MAX_STEPS));
+        let (count, master, others) = if x >= y && x >= z {
+            (x, 1, [(2, y), (4, z)])
+        } else if y >= z {
+            (y, 2, [(1, x), (4, z)])
+        } else {
+            (z, 4, [(1, x), (2, y)])
+        };
+        let bits = [1u8, 2, 4].into_iter().zip(steps);
+        let backwards = bits.fold(0, |mask, (bit, steps)| if steps < 0 { mask | bit } else { mask });
+        let followers = others.map(|(bit, steps)| Follower::new(bit, count, steps));
+        self.rule = Rule::Bresenham { master, followers, backwards };
+        self.begin(times, law, count, false, None);
+    }
+
+    /// X and Y together by point-by-point comparison or minimum deviation.
+    pub fn start_plane<F: Real>(
+        &mut self,
+        times: &mut StepTimes,
+        law: &impl BlockLaw<F>,
+        method: &Method,
+        [first, second, _]: [i32; 3],
+    ) {
+        let motors = [first, second].map(i64::from);
+        let CoreXyTarget { pulses: [x, y], rest } = match method.kinematics {
+            Kinematics::Cartesian => CoreXyTarget { pulses: motors, rest: None },
+            Kinematics::CoreXy => CoreXyTarget::new(motors[0], motors[1]),
+        };
+        self.feeds = FeedSteps::new(method.kinematics, x, y);
+        let mut has_halves = false;
+        let mut count = 0;
+        self.rule = Rule::Nothing;
+        if method.interpolation == Interpolation::PointByPoint {
+            if let Ok(line) = PointByPoint::new(x, y) {
+                count = line.len() as u32;
+                self.rule = Rule::PointByPoint(line);
+            }
+        } else if let Ok(line) = MinimumDeviation::new(x, y) {
+            has_halves = method.kinematics == Kinematics::CoreXy;
+            count = line.len() as u32 * if has_halves { 2 } else { 1 };
+            self.rule = Rule::MinimumDeviation(line);
+        }
+        self.begin(times, law, count + u32::from(rest.is_some()), has_halves, rest);
+    }
+
+    /// So many parts, the first event's time included.
+    fn begin<F: Real>(
+        &mut self,
+        times: &mut StepTimes,
+        law: &impl BlockLaw<F>,
+        parts: u32,
+        has_halves: bool,
+        rest: Option<MotorSteps>,
+    ) {
+        self.has_halves = has_halves;
+        self.second = None;
+        self.rest = rest;
+        law.start(times, &Spacing::of_master(law, parts), HALF_TICK);
+        self.advance(times);
+    }
+
+    /// The next event.
+    #[inline]
+    pub fn next(&self) -> Due {
+        self.next
+    }
+
+    /// Goes on to the event after it.
+    pub fn advance(&mut self, times: &mut StepTimes) {
+        let mut time = times.next();
+        if time == NEVER {
+            self.next.time = NEVER;
+            return;
+        }
+        times.take(1);
+        let steps = match self.second.take() {
+            Some(second) => second,
+            None => {
+                let steps = self.next_steps();
+                if steps.twice {
+                    self.second = Some(steps);
+                } else if self.has_halves && times.next() != NEVER {
+                    // The middle of both halves. Only what is behind the last pulse has but one.
+                    time += (times.next() - time) / 2;
+                    times.take(1);
+                }
+                steps
+            }
+        };
+        self.next = Due { time, axes: steps.axes, backwards: steps.backwards };
+    }
+
+    /// What the next pulse asks for, and after the last what is left.
+    fn next_steps(&mut self) -> MotorSteps {
+        let pulse = match &mut self.rule {
+            Rule::Always(steps) => return *steps,
+            Rule::Bresenham { master, followers: [first, second], backwards } => {
+                let axes = *master | first.pass(1) | second.pass(1);
+                return MotorSteps { axes, backwards: *backwards & axes, twice: false };
+            }
+            Rule::PointByPoint(line) => line.next(),
+            Rule::MinimumDeviation(line) => line.next(),
+            Rule::Nothing => None,
+        };
+        match (pulse, self.rest) {
+            (Some(pulse), _) => self.feeds.of(pulse),
+            // There are as many parts as pulses, and one for the rest.
+            (None, rest) => rest.unwrap_or(MotorSteps::NONE),
+        }
+    }
+}

@@ -1,0 +1,154 @@
+//! The papers' other methods: streams of steps with times of their own, merged.
+//!
+//! The plane has one stream of pulses, two under dual-rate; Z and the extruder have their own. All of them follow the
+//! block's time law. The plane's pulses are on time: as with the default, an extruder or Z step that would come less than
+//! the minimum event interval before one of them waits for it, one that would come so little behind the last event joins
+//! it. Two of the plane's own join where they are as near, the later stepping early. Nothing joins across a change of
+//! direction, so a motor that turns round does it no sooner than the interval behind the event before, and the signals
+//! change right behind that: the profile has seen to it that pulse and set-up time fit into the interval.
+//!
+//! At a block's end all motors stand at its end, as every stream has made all its steps. Blocks are not merged under these
+//! methods, so that is every move's end too; one that was is made by the default.
+
+use super::{FAR, Interpolator, MAX_ENTRIES, WHOLE_TICKS, Work};
+use crate::EXTRUDER;
+use crate::block::Block;
+use crate::block_law::BlockLaw;
+use crate::method::Method;
+use crate::motion_choice::Interpolation;
+use crate::real::Real;
+use crate::spacing::{ExtruderTravel, Spacing};
+use crate::step_queue::StepEntry;
+use crate::step_times::{NEVER, StepTimes};
+use crate::time_law::{FRACTION_BITS, HALF_TICK, Precision, TimeLaw};
+
+use super::pulses::{Due, Pulses};
+
+/// Most entries that an event takes: the directions, and itself.
+const MOST_ENTRIES_AN_EVENT: usize = 2;
+
+/// Z's bit.
+const Z: u8 = 1 << 2;
+
+/// The streams of a block, but the extruder's.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Streams {
+    /// The present block is made of them.
+    pub are_on: bool,
+    /// X and Y: the second under dual-rate only. The first one's times are the interpolator's master's.
+    plane: [Pulses; 2],
+    second: StepTimes,
+    z: StepTimes,
+    /// Z and extruder steps that wait for the plane's next event, being near.
+    waiting: u8,
+}
+
+impl Streams {
+    /// None.
+    pub const NONE: Self =
+        Self { are_on: false, plane: [Pulses::NONE; 2], second: StepTimes::NONE, z: StepTimes::NONE, waiting: 0 };
+
+    /// Those of a block.
+    fn start<F: Real>(&mut self, times: &mut StepTimes, method: &Method, block: &Block, law: &impl BlockLaw<F>) {
+        let [x, y, z] = block.steps;
+        let [first, second] = &mut self.plane;
+        *second = Pulses::NONE;
+        self.z = StepTimes::NONE;
+        self.waiting = 0;
+        if method.interpolation == Interpolation::Bresenham {
+            first.start_bresenham(times, law, block.steps);
+            return;
+        }
+        if method.has_two_rates(block.steps) {
+            first.start_alone(times, law, 1, x);
+            second.start_alone(&mut self.second, law, 2, y);
+        } else {
+            first.start_plane(times, law, method, block.steps);
+        }
+        law.start(&mut self.z, &Spacing::of_master(law, z.unsigned_abs()), HALF_TICK);
+    }
+
+    /// The plane's next event, and which of its streams has it.
+    #[inline]
+    fn next_of_plane(&self) -> (Due, usize) {
+        let [first, second] = [self.plane[0].next(), self.plane[1].next()];
+        if second.time < first.time { (second, 1) } else { (first, 0) }
+    }
+}
+
+impl Interpolator {
+    /// Begins a block that is made of streams.
+    #[inline(never)]
+    pub(super) fn start_streams(&mut self, block: &Block, law: &TimeLaw, extruder: &ExtruderTravel) {
+        match &law.0 {
+            Precision::Short(law) => self.start_streams_in(block, law, extruder),
+            Precision::Long(law) => self.start_streams_in(block, law, extruder),
+            Precision::Run(law) => self.start_streams_in(block, law, extruder),
+            Precision::Staircase(law) => self.start_streams_in(block, law, extruder),
+        }
+    }
+
+    fn start_streams_in<F: Real>(&mut self, block: &Block, law: &impl BlockLaw<F>, extruder: &ExtruderTravel) {
+        self.duration_ticks = law.duration_ticks();
+        self.joining = 0;
+        self.streams.start(&mut self.master, &self.method, block, law);
+        law.start(&mut self.extruder, &Spacing::of_extruder(law, extruder), HALF_TICK);
+        self.inside.start(block, law, 0, extruder);
+    }
+
+    /// As [`Interpolator::work`], by streams.
+    #[inline(never)]
+    pub(super) fn work_streams(&mut self) -> Work {
+        while self.entries.all().len() + MOST_ENTRIES_AN_EVENT <= MAX_ENTRIES {
+            let (plane, stream) = self.streams.next_of_plane();
+            let (z, extruder) = (self.streams.z.next(), self.extruder.next());
+            let other = z.min(extruder);
+            let due = plane.time.min(other);
+            if due == NEVER {
+                return self.end_part();
+            }
+            // From the last event to the nearest tick; wraps where that is behind.
+            let gap = due.wrapping_add(HALF_TICK).wrapping_sub(self.last);
+            if gap >= FAR && self.has_waited(gap) {
+                return Work::Closed(None);
+            }
+            if other < plane.time {
+                let (times, bit) =
+                    if z <= extruder { (&mut self.streams.z, Z) } else { (&mut self.extruder, EXTRUDER) };
+                times.take(1);
+                if plane.time - other < self.near && self.streams.waiting & bit == 0 {
+                    self.streams.waiting |= bit;
+                } else {
+                    self.place(due, gap, bit);
+                }
+                continue;
+            }
+            let [first, second] = &mut self.streams.plane;
+            if stream == 0 {
+                first.advance(&mut self.master);
+            } else {
+                second.advance(&mut self.streams.second);
+            }
+            let axes = plane.axes | core::mem::take(&mut self.streams.waiting);
+            let directions = self.directions & !plane.axes | plane.backwards;
+            if directions != self.directions {
+                self.directions = directions;
+                self.entries.push(StepEntry::directions(directions));
+            }
+            self.place(due, gap, axes);
+        }
+        Work::Events
+    }
+
+    /// Adds an event, at its time or as near as another allows.
+    #[inline]
+    fn place(&mut self, due: u64, gap: u64, axes: u8) {
+        let interval = (gap >> FRACTION_BITS) as u32;
+        if gap >= FAR || interval < self.minimum_interval {
+            self.place_near(axes);
+            return;
+        }
+        self.entries.push(StepEntry::event(interval, axes));
+        self.last = due.wrapping_add(HALF_TICK) & WHOLE_TICKS;
+    }
+}

@@ -1,0 +1,452 @@
+//! Look-ahead under an S-curve: neighbouring blocks share one time law.
+//!
+//! Were every block to begin and end without acceleration, curves of short blocks would never gain speed. So blocks leave
+//! in *runs*, each under one law, and the acceleration is zero at the ends of runs only. Li 2017 plans segment by segment
+//! and does not know this. The best places for an end are those where the speed is lowest, and there the acceleration is
+//! zero anyway.
+//!
+//! - *Reverse pass.* For each corner the speed from which, without acceleration there, everything behind it can be done:
+//!   by one ramp to an *anchor*, a corner behind it whose speed is known already, over all blocks between and no faster
+//!   than any of them or of the corners between. The anchor is kept as long as that gives more than a ramp to the next
+//!   corner, which becomes the anchor otherwise.
+//! - *A run is settled when its first block leaves.* It ends at the first corner that limits, that is where the corner
+//!   itself bounds the speed, and that can be reached with that speed; the corners between have to be passed no faster
+//!   than they may, which the law is asked. Where they would, the run is made slower, or ends there, whichever takes less
+//!   time.
+//! - What leaves is cut off where the run cruises, if that is at the end of a block: it costs nothing, and what is behind
+//!   may still become faster. A run that ends where no more blocks are known and has no such place is cut in its middle.
+//!
+//! One thing is not as under a constant acceleration: to slow down to x takes longer than to slow down to a standstill
+//! where x is small, since the acceleration has to be gone at x ([`crate::s_curve::bounds`]). So a corner's speed could
+//! fall when the anchor's rises. It is kept then, with its anchor: what was possible before remains possible, at the
+//! anchor perhaps with less than its speed.
+
+use super::{Content, Left, LookAhead, Slot, Waiting};
+use crate::block::{Acceleration, Block, Speed, SquaredSpeed};
+use crate::pace::Pace;
+use crate::s_curve::run::Planning;
+use crate::s_curve::{Jerk, Run};
+
+/// A block of a run.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Part {
+    /// The block.
+    pub block: Block,
+    /// The run that it is part of.
+    pub run: Run,
+    /// Where in the run it begins, units of 10 nm.
+    pub offset_10nm: u32,
+}
+
+/// The run whose blocks are leaving.
+#[derive(Clone, Copy, Debug)]
+struct Leaving {
+    run: Run,
+    passed_10nm: u32,
+    blocks: usize,
+}
+
+/// What look-ahead under an S-curve knows besides the ring.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Runs {
+    jerk: Jerk,
+    /// Whether blocks share laws at all.
+    joins: bool,
+    leaving: Option<Leaving>,
+}
+
+impl Runs {
+    pub(super) fn new(jerk: Jerk, joins: bool) -> Self {
+        Self { jerk, joins, leaving: None }
+    }
+
+    pub(super) fn clear(&mut self) {
+        self.leaving = None;
+    }
+}
+
+/// A corner as the end of a run that begins at the oldest block.
+#[derive(Clone, Copy, Debug)]
+struct End {
+    /// Place of the block behind it; the ring's length where there is none.
+    place: usize,
+    /// Blocks before it, their length, and the smallest of their accelerations.
+    blocks: usize,
+    length_10nm: u32,
+    acceleration: Acceleration,
+    /// Largest of their nominal speeds.
+    fastest: Speed,
+    /// Bound of the speed there, and the speed from which everything behind can be done.
+    bound: Speed,
+    speed: Speed,
+    /// Nominal speed of the last of them.
+    nominal: Speed,
+    /// No block is known behind it.
+    is_last: bool,
+}
+
+impl End {
+    /// The beginning.
+    const NONE: Self = Self {
+        place: 0,
+        blocks: 0,
+        length_10nm: 0,
+        acceleration: Acceleration::MAX,
+        fastest: Speed::ZERO,
+        bound: Speed::ZERO,
+        speed: Speed::ZERO,
+        nominal: Speed::ZERO,
+        is_last: false,
+    };
+}
+
+/// Speeds of a run to an end.
+#[derive(Clone, Copy, Debug)]
+struct Speeds {
+    peak: Speed,
+    exit: Speed,
+}
+
+/// The corner to which a ramp goes from the corners before it.
+#[derive(Clone, Copy, Debug)]
+struct Anchor {
+    place: usize,
+    speed: Speed,
+    /// Path to it, and the smallest acceleration and the slowest nominal speed or corner on it.
+    length_10nm: u32,
+    acceleration: Acceleration,
+    slowest: Speed,
+}
+
+impl Anchor {
+    /// With one more block before it.
+    fn behind(&self, block: &Block) -> Self {
+        Self {
+            length_10nm: self.length_10nm.saturating_add(block.length_10nm),
+            acceleration: self.acceleration.min(block.acceleration),
+            slowest: self.slowest.min(block.nominal),
+            ..*self
+        }
+    }
+
+    /// The fastest that one ramp to it may begin with.
+    fn reach(&self, jerk: Jerk) -> Speed {
+        if self.slowest <= self.speed {
+            return self.slowest;
+        }
+        Planning::new(jerk, self.acceleration).reach(self.speed, self.length_10nm).min(self.slowest)
+    }
+}
+
+/// Steps in which a run is made slower.
+const SLOWER_STEPS: u32 = 8;
+
+impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
+    /// Adds a block, for which there is room.
+    pub(super) fn push_to_runs(&mut self, runs: &Runs, block: &Block, bound: SquaredSpeed) {
+        let bound = bound.root();
+        let place = self.length;
+        self.place_block(Waiting {
+            block: *block,
+            entry_bound: bound.into(),
+            entry: SquaredSpeed::ZERO,
+            settled: false,
+            run_bound: bound,
+            run_entry: Speed::ZERO,
+            anchor: 1,
+        });
+        self.reverse_pass_over_corners(runs, place);
+    }
+
+    /// From the newest corner backwards, to one that is as fast as it may be already.
+    fn reverse_pass_over_corners(&mut self, runs: &Runs, newest: usize) {
+        let end = Anchor {
+            place: newest + 1,
+            speed: Speed::ZERO,
+            length_10nm: 0,
+            acceleration: Acceleration::MAX,
+            slowest: Speed(u32::MAX),
+        };
+        let mut anchor = end;
+        // The corner behind the present block.
+        let mut next = end;
+        for place in (0..=newest).rev() {
+            let Content::Block(waiting) = self.at(place) else { continue };
+            if waiting.settled {
+                return;
+            }
+            anchor = anchor.behind(&waiting.block);
+            next = next.behind(&waiting.block);
+            let mut reach = anchor.reach(runs.jerk);
+            if anchor.place != next.place {
+                let beside = next.reach(runs.jerk);
+                if beside > reach || !runs.joins || anchor.place - place > usize::from(u8::MAX) {
+                    anchor = next;
+                    reach = beside;
+                }
+            }
+            let entry = reach.min(waiting.run_bound);
+            let before = waiting.run_entry;
+            if entry > before {
+                waiting.run_entry = entry;
+                // Only markers can put the next corner further away.
+                waiting.anchor = u8::try_from(anchor.place - place).unwrap_or(u8::MAX);
+            } else if before == waiting.run_bound && place != newest {
+                return;
+            }
+            anchor.slowest = anchor.slowest.min(waiting.run_bound);
+            next = Anchor { place, speed: waiting.run_entry, ..end };
+        }
+    }
+
+    /// Takes the oldest block or marker, which may leave.
+    pub(super) fn pop_from_runs(&mut self, runs: &mut Runs, pace: Pace) -> Option<Left> {
+        if let Content::Block(waiting) = *self.at(0)
+            && runs.leaving.is_none()
+        {
+            runs.leaving = Some(self.settle(runs, &waiting, pace));
+        }
+        let waiting = match self.take_first()? {
+            Content::Empty => return None,
+            Content::Marker(marker) => return Some(Left::Marker(marker)),
+            Content::Block(waiting) => waiting,
+        };
+        self.blocks -= 1;
+        self.left_nominal = waiting.block.nominal;
+        let leaving = runs.leaving.as_mut()?;
+        let part = Part { block: waiting.block, run: leaving.run, offset_10nm: leaving.passed_10nm };
+        leaving.passed_10nm = leaving.passed_10nm.saturating_add(waiting.block.length_10nm);
+        leaving.blocks = leaving.blocks.saturating_sub(1);
+        if leaving.blocks == 0 {
+            runs.leaving = None;
+        }
+        Some(Left::Part(part))
+    }
+
+    /// Settles the law of the blocks that leave next.
+    fn settle(&mut self, runs: &Runs, first: &Waiting, pace: Pace) -> Leaving {
+        let entry = first.run_entry;
+        let settling = Settling { jerk: runs.jerk, entry, pace };
+        let mut end = self.first_limit(runs, &settling);
+        let mut law = None;
+        while law.is_none() {
+            match self.law_to(&settling, &end) {
+                Ok(speeds) => law = Some((end, speeds)),
+                Err(Some(nearer)) => end = nearer,
+                Err(None) => break,
+            }
+        }
+        let (mut end, mut speeds) = law.unwrap_or_else(|| self.granted(&settling, first));
+        let may_grow = end.is_last && !self.stopped;
+        if let Some(cut) = self.cut_in_cruise(&settling, &end, &speeds) {
+            // What was asked of the law holds for the same law only.
+            end = End { acceleration: end.acceleration, ..cut };
+            speeds.exit = speeds.peak;
+        } else if may_grow && let Some((cut, slower)) = self.cut_in_middle(&settling, &end) {
+            (end, speeds) = (cut, slower);
+        }
+        match self.content(end.place) {
+            Some(Content::Block(waiting)) => {
+                waiting.run_entry = speeds.exit;
+                waiting.settled = true;
+            }
+            _ => self.stopped = true,
+        }
+        let Speeds { peak, exit } = speeds;
+        let End { length_10nm, acceleration, blocks, .. } = end;
+        let run = Run { length_10nm, entry, peak, exit, acceleration, jerk: runs.jerk };
+        Leaving { run, passed_10nm: 0, blocks }
+    }
+
+    /// A place in the ring that is in use.
+    fn content(&mut self, place: usize) -> Option<&mut Content> {
+        (place < self.length).then(|| self.at(place))
+    }
+
+    /// Looks at the corners from the oldest on, the ring's end included, until something is found.
+    fn find_end<T>(&mut self, mut look: impl FnMut(&End) -> Option<T>) -> Option<T> {
+        let mut end = End::NONE;
+        for place in 0..self.length {
+            let Content::Block(waiting) = *self.at(place) else { continue };
+            let block = &waiting.block;
+            if end.blocks > 0 {
+                end = End { place, bound: waiting.run_bound, speed: waiting.run_entry, ..end };
+                if let Some(found) = look(&end) {
+                    return Some(found);
+                }
+            }
+            end.blocks += 1;
+            // A run is no longer than 42 m; where it would be, what is found there has to do.
+            end.length_10nm = end.length_10nm.checked_add(block.length_10nm)?;
+            end.acceleration = end.acceleration.min(block.acceleration);
+            end.fastest = end.fastest.max(block.nominal);
+            end.nominal = block.nominal;
+        }
+        end = End { place: self.length, bound: Speed::ZERO, speed: Speed::ZERO, is_last: true, ..end };
+        look(&end)
+    }
+
+    /// The first corner that limits and can be reached with its speed, or the last of all.
+    fn first_limit(&mut self, runs: &Runs, settling: &Settling) -> End {
+        let mut last = None;
+        let found = self.find_end(|end| {
+            last = Some(*end);
+            let limits =
+                end.speed == end.bound && settling.planning(end).reach(settling.entry, end.length_10nm) >= end.speed;
+            (end.is_last || limits || !runs.joins).then_some(*end)
+        });
+        found.or(last).unwrap_or(End::NONE)
+    }
+
+    /// The speeds of one run to an end; or a nearer end that is better, or none if it cannot be reached.
+    fn law_to(&mut self, settling: &Settling, end: &End) -> Result<Speeds, Option<End>> {
+        let Some((exit, most)) = settling.exit(end) else { return Err(None) };
+        let planning = settling.planning(end);
+        let (entry, length) = (settling.entry, end.length_10nm);
+        let peak = planning.peak(entry, exit, most, length);
+        let Some(passed) = self.too_fast(settling, end, &Speeds { peak, exit }) else {
+            return Ok(Speeds { peak, exit });
+        };
+        let least = entry.max(exit);
+        if self.too_fast(settling, end, &Speeds { peak: least, exit }).is_some() {
+            return Err(Some(passed));
+        }
+        let (mut low, mut high) = (least, peak);
+        for _ in 0..SLOWER_STEPS {
+            let middle = Speed(low.0.midpoint(high.0));
+            match self.too_fast(settling, end, &Speeds { peak: middle, exit }) {
+                None => low = middle,
+                Some(_) => high = middle,
+            }
+        }
+        let slower = planning.duration(entry, exit, low, length);
+        let parts = settling.exit(&passed).map(|(corner, most_before)| {
+            let (before, rest) = (passed.length_10nm, length - passed.length_10nm);
+            planning.duration(entry, corner, most_before, before)
+                + planning.duration(corner, planning.exit_within(corner, exit, rest), most, rest)
+        });
+        match parts {
+            Some(parts) if parts < slower => Err(Some(passed)),
+            _ => Ok(Speeds { peak: low, exit }),
+        }
+    }
+
+    /// The first corner or block of a run that it would pass too fast, as an end.
+    fn too_fast(&mut self, settling: &Settling, end: &End, speeds: &Speeds) -> Option<End> {
+        let hump = settling.planning(end).hump(settling.entry, speeds.peak, speeds.exit, end.length_10nm);
+        let cruise = hump.cruise_10nm();
+        let mut before: Option<End> = None;
+        self.find_end(|corner| {
+            let start = before.map_or(0, |end| end.length_10nm);
+            let cruises = start < cruise[1] && corner.length_10nm > cruise[0];
+            if speeds.peak > corner.nominal && cruises {
+                return Some(before.or((corner.place < end.place).then_some(*corner)));
+            }
+            if corner.place >= end.place {
+                return Some(None);
+            }
+            before = Some(*corner);
+            // Most corners do not limit at all.
+            let is_too_fast = speeds.peak > corner.bound && hump.is_faster_at(corner.length_10nm, corner.bound);
+            is_too_fast.then_some(Some(*corner))
+        })
+        .flatten()
+    }
+
+    /// The run that the reverse pass has granted: one ramp to the anchor, or to what of its speed is possible.
+    fn granted(&mut self, settling: &Settling, first: &Waiting) -> (End, Speeds) {
+        let place = usize::from(first.anchor);
+        let mut last = None;
+        let found = self.find_end(|end| {
+            last = Some(*end);
+            (end.is_last || end.place >= place).then_some(*end)
+        });
+        let end = found.or(last).unwrap_or(End::NONE);
+        let entry = settling.entry;
+        // The anchor may have become faster since then; the blocks and corners before it have not.
+        let wanted = end.speed.min(entry);
+        let exit = settling.planning(&end).exit_within(entry, wanted, end.length_10nm).min(wanted);
+        (end, Speeds { peak: entry, exit })
+    }
+
+    /// The last corner that a run passes while it cruises, before it slows down, with a speed that was granted there.
+    fn cut_in_cruise(&mut self, settling: &Settling, end: &End, speeds: &Speeds) -> Option<End> {
+        if speeds.exit >= speeds.peak {
+            return None;
+        }
+        let hump = settling.planning(end).hump(settling.entry, speeds.peak, speeds.exit, end.length_10nm);
+        let [from, to] = hump.cruise_10nm();
+        let mut found = None;
+        self.find_end(|corner| {
+            if corner.place >= end.place {
+                return Some(());
+            }
+            let length = corner.length_10nm;
+            if length >= from && length <= to && speeds.peak <= corner.speed {
+                found = Some(*corner);
+            }
+            None
+        });
+        found
+    }
+
+    /// The corner nearest to the middle of a run at which it can end, or of the others the one with the fastest end.
+    fn cut_in_middle(&mut self, settling: &Settling, end: &End) -> Option<(End, Speeds)> {
+        let mut middle: Option<End> = None;
+        self.find_end(|corner| {
+            let distance = |corner: &End| corner.length_10nm.abs_diff(end.length_10nm / 2);
+            if corner.place >= end.place {
+                return Some(());
+            }
+            if middle.is_none_or(|one| distance(corner) < distance(&one)) {
+                middle = Some(*corner);
+            }
+            None
+        });
+        let middle = middle?;
+        if let Ok(speeds) = self.law_to(settling, &middle) {
+            return Some((middle, speeds));
+        }
+        let mut best: Option<(End, Speed)> = None;
+        self.find_end(|corner| {
+            if corner.place >= end.place {
+                return Some(());
+            }
+            if let Some((exit, _)) = settling.exit(corner)
+                && best.is_none_or(|(_, one)| exit > one)
+            {
+                best = Some((*corner, exit));
+            }
+            None
+        });
+        let (best, _) = best?;
+        self.law_to(settling, &best).ok().map(|speeds| (best, speeds))
+    }
+}
+
+/// What a run begins with.
+#[derive(Clone, Copy, Debug)]
+struct Settling {
+    jerk: Jerk,
+    entry: Speed,
+    pace: Pace,
+}
+
+impl Settling {
+    fn planning(&self, end: &End) -> Planning {
+        Planning::new(self.jerk, end.acceleration)
+    }
+
+    /// The speed with which an end can be reached that everything behind it can be done from, and the greatest on the way;
+    /// `None` where there is no such speed.
+    fn exit(&self, end: &End) -> Option<(Speed, Speed)> {
+        let planning = self.planning(end);
+        let held = if self.pace == Pace::FULL { end.fastest } else { self.pace.of(end.fastest) };
+        let length = end.length_10nm;
+        let mut exit = planning.exit_within(self.entry, end.speed.min(held), length);
+        if exit > end.speed {
+            exit = planning.exit_within(self.entry, end.speed, length);
+        }
+        (exit <= end.speed && planning.fits(self.entry, exit, length)).then_some((exit, held.max(self.entry)))
+    }
+}

@@ -1,0 +1,225 @@
+//! Neighbouring blocks under one S-curve.
+
+use super::CurveError;
+use super::bounds::Bounds;
+use super::cubic::Cubic;
+use crate::block::{Acceleration, Speed};
+use crate::kinematics::UNITS_PER_MM;
+
+/// A jerk along the path, mm/s^3, never zero.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Jerk(u32);
+
+impl Jerk {
+    /// The largest whole number of mm/s^3 not above this, but at least 1.
+    ///
+    /// # Errors
+    /// [`CurveError::Jerk`] where it is not a finite number above zero.
+    pub fn from_mm_per_s3(mm_per_s3: f64) -> Result<Self, CurveError> {
+        if mm_per_s3 > 0.0 && mm_per_s3.is_finite() {
+            Ok(Self((mm_per_s3 as u32).max(1)))
+        } else {
+            Err(CurveError::Jerk)
+        }
+    }
+
+    /// The jerk, mm/s^3.
+    pub fn mm_per_s3(self) -> f64 {
+        f64::from(self.0)
+    }
+}
+
+/// One time law of a whole run of blocks: a ramp from `entry` to `peak`, a cruise, a ramp to `exit`. The acceleration is
+/// zero at both ends of the run and nowhere asked to be in between.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Run {
+    /// Length of all its blocks, units of 10 nm, at least 1.
+    pub length_10nm: u32,
+    /// Speed at its start.
+    pub entry: Speed,
+    /// Speed of the cruise, not below the others.
+    pub peak: Speed,
+    /// Speed at its end.
+    pub exit: Speed,
+    /// Largest acceleration.
+    pub acceleration: Acceleration,
+    /// Largest jerk.
+    pub jerk: Jerk,
+}
+
+/// What planning does not use of jerk and acceleration: rounding in f32 is less.
+const KEPT_BACK: f32 = 1.0 / 16_384.0;
+
+/// What is allowed along a run, as look-ahead sees it: in f32, which the board's processor has in hardware. It asks for a
+/// little less than it might, so that the law, which is worked out in f64, always finds room.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Planning(Bounds<f32>);
+
+/// In mm/s.
+fn speed(speed: Speed) -> f32 {
+    speed.0 as f32 * (1.0 / 65_536.0)
+}
+
+/// In mm.
+fn length(length_10nm: u32) -> f32 {
+    length_10nm as f32 * (1.0 / UNITS_PER_MM as f32)
+}
+
+impl Planning {
+    /// With this jerk and acceleration.
+    pub(crate) fn new(jerk: Jerk, acceleration: Acceleration) -> Self {
+        let kept = 1.0 - KEPT_BACK;
+        Self(Bounds { jerk: jerk.0 as f32 * kept, acceleration: acceleration.quantised() as f32 * (kept / 256.0) })
+    }
+
+    /// How long a ramp between two speeds is, mm. Their difference is exact: f32 does not tell fast speeds apart.
+    fn ramp(&self, one: Speed, other: Speed) -> f32 {
+        let change = one.0.abs_diff(other.0) as f32 * (1.0 / 65_536.0);
+        (speed(one) + speed(other)) * self.0.half_time_of(change)
+    }
+
+    /// Whether a length is enough to go from one speed to another.
+    pub(crate) fn fits(&self, entry: Speed, exit: Speed, length_10nm: u32) -> bool {
+        self.ramp(entry, exit) <= length(length_10nm)
+    }
+
+    /// The fastest speed that a length allows beside `from`.
+    pub(crate) fn reach(&self, from: Speed, length_10nm: u32) -> Speed {
+        let reached = Speed::from_mm_per_s_f32(self.0.reach(speed(from), length(length_10nm)));
+        lowered(reached, from, |faster| self.fits(from, faster, length_10nm))
+    }
+
+    /// The largest speed at most `wanted` to which one can go from `entry` over a length; where nothing slower than `entry`
+    /// is near enough, the slowest that is.
+    pub(crate) fn exit_within(&self, entry: Speed, wanted: Speed, length_10nm: u32) -> Speed {
+        if wanted > entry {
+            return self.reach(entry, length_10nm).min(wanted);
+        }
+        if self.fits(entry, wanted, length_10nm) {
+            return wanted;
+        }
+        let exit = self.0.exit_within(speed(entry), speed(wanted), length(length_10nm));
+        self.rounded(entry, Speed::from_mm_per_s_f32(exit), length_10nm)
+    }
+
+    /// A speed, or a few units faster where its own rounding made it too slow.
+    fn rounded(&self, entry: Speed, exit: Speed, length_10nm: u32) -> Speed {
+        // f32 tells 65 m/s from 65 m/s and 256 units.
+        let coarse = Speed(exit.0.saturating_add(1 + (exit.0 >> 22)));
+        if exit < entry && !self.fits(entry, exit, length_10nm) && self.fits(entry, coarse.min(entry), length_10nm) {
+            coarse.min(entry)
+        } else {
+            exit
+        }
+    }
+
+    /// The greatest speed at most `most` between these two.
+    pub(crate) fn peak(&self, entry: Speed, exit: Speed, most: Speed, length_10nm: u32) -> Speed {
+        let least = entry.max(exit);
+        if most <= least {
+            return least;
+        }
+        let peak = self.0.peak(speed(entry), speed(exit), speed(most), length(length_10nm));
+        let whole = length(length_10nm);
+        let fits = |peak: Speed| self.ramp(entry, peak) + self.ramp(peak, exit) <= whole;
+        lowered(Speed::from_mm_per_s_f32(peak).clamp(least, most), least, fits)
+    }
+
+    /// How long a length takes, s, as fast as it can.
+    pub(crate) fn duration(&self, entry: Speed, exit: Speed, most: Speed, length_10nm: u32) -> f32 {
+        let peak = self.peak(entry, exit, most, length_10nm);
+        self.0.duration(speed(entry), speed(peak), speed(exit), length(length_10nm))
+    }
+
+    /// The law between these speeds, which fit.
+    pub(crate) fn hump(&self, entry: Speed, peak: Speed, exit: Speed, length_10nm: u32) -> Hump {
+        Hump {
+            up: HumpRamp::new(&self.0, entry, peak),
+            down: HumpRamp::new(&self.0, exit, peak),
+            length: length(length_10nm),
+        }
+    }
+}
+
+/// A ramp as look-ahead sees it, in mm and mm/s.
+#[derive(Clone, Copy, Debug)]
+struct HumpRamp {
+    slow: f32,
+    change: f32,
+    half_time: f32,
+}
+
+impl HumpRamp {
+    fn new(bounds: &Bounds<f32>, slow: Speed, fast: Speed) -> Self {
+        let change = fast.0.abs_diff(slow.0) as f32 * (1.0 / 65_536.0);
+        Self { slow: speed(slow), change, half_time: bounds.half_time_of(change) }
+    }
+
+    fn length(&self) -> f32 {
+        (self.slow + self.slow + self.change) * self.half_time
+    }
+
+    /// Speed so far from its slow end; `inside` it.
+    fn speed_at(&self, inside: f32) -> f32 {
+        let Self { slow, change, half_time } = *self;
+        let bend = change * half_time * (1.0 / 6.0);
+        let half = slow * half_time + bend;
+        if inside < half {
+            let x = Cubic { linear: slow * half_time, cubic: bend }.solve_f32(inside);
+            slow + 0.5 * change * x * x
+        } else {
+            let fast = slow + change;
+            let x = Cubic { linear: fast * half_time, cubic: -bend }.solve_f32(self.length() - inside);
+            fast - 0.5 * change * x * x
+        }
+    }
+}
+
+/// The law of a run as look-ahead sees it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Hump {
+    up: HumpRamp,
+    down: HumpRamp,
+    length: f32,
+}
+
+/// How much faster than it may a corner is passed at most, for rounding in f32 is not to be taken for speed.
+const TOLERANCE: f32 = 1.0 + 1e-5;
+
+impl Hump {
+    /// Where its cruise begins and ends, units of 10 nm, at the next whole ones inside.
+    pub(crate) fn cruise_10nm(&self) -> [u32; 2] {
+        let [start, end] =
+            [self.up.length(), self.length - self.down.length()].map(|length| (length * UNITS_PER_MM as f32) as u32);
+        [start.saturating_add(1), end]
+    }
+
+    /// Whether a place is passed faster than this.
+    pub(crate) fn is_faster_at(&self, length_10nm: u32, bound: Speed) -> bool {
+        let place = length(length_10nm);
+        let to_end = self.length - place;
+        let passed = if place < self.up.length() {
+            self.up.speed_at(place)
+        } else if to_end < self.down.length() {
+            self.down.speed_at(to_end)
+        } else {
+            self.up.slow + self.up.change
+        };
+        passed > speed(bound) * TOLERANCE
+    }
+}
+
+/// As fast as f32 tells, or slower by what it does not, so that something holds; `least` where it holds for none of those.
+fn lowered(fast: Speed, least: Speed, holds: impl Fn(Speed) -> bool) -> Speed {
+    let mut tried = fast;
+    for _ in 0..4 {
+        if tried <= least {
+            break;
+        }
+        if holds(tried) {
+            return tried;
+        }
+        tried = Speed(tried.0.saturating_sub(1 + (tried.0 >> 23)));
+    }
+    least
+}

@@ -1,0 +1,61 @@
+//! Steps at a constant jerk.
+
+use crate::real::Real;
+use crate::s_curve::cubic::Cubic;
+
+/// Steps from where the acceleration is zero, nearer than which each step's time is worked out from there.
+const NEAR: f32 = 8.0;
+
+/// What part of a step's deviation from the path the next interval takes away. Rounding makes a hair of deviation with
+/// each step; taking all of it away would put the rounding of the absolute time into the interval.
+const CORRECTION: f32 = 1.0 / 16.0;
+
+/// Half of an S-curve's ramp, in steps: `linear x + cubic x^3` of them up to the share x of its duration, counted from
+/// where the acceleration is zero.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct JerkRamp {
+    pub(super) curve: Cubic<f32>,
+    /// Its duration, time units, and the reciprocal.
+    pub(super) half_time: f32,
+    pub(super) per_half_time: f32,
+    /// Time units between the next step and where the acceleration is zero.
+    pub(super) time: u64,
+    /// Steps from there at index 0, and the next step's index.
+    pub(super) base: f32,
+    pub(super) index: u32,
+    /// 1 away from there, -1 as a wrapping number towards it.
+    pub(super) direction: u32,
+}
+
+impl JerkRamp {
+    /// Goes on to the next step; how long it takes, in time units.
+    ///
+    /// The time from where the acceleration is zero is a whole number, so that intervals add up without rounding. From
+    /// it follow speed v and acceleration, and from those, by two of Newton's steps from 1/v, the interval in which one
+    /// step is made.
+    pub(super) fn units(&mut self) -> u64 {
+        self.index = self.index.wrapping_add(self.direction);
+        let distance = self.base + self.index as f32;
+        let is_leaving = self.direction == 1;
+        let before = self.time;
+        if distance < NEAR {
+            self.time = (self.curve.solve_f32(distance) * self.half_time).to_u64();
+            return if is_leaving { self.time.saturating_sub(before) } else { before.saturating_sub(self.time) };
+        }
+        let x = before as f32 * self.per_half_time;
+        let Cubic { linear, cubic } = self.curve;
+        let signed = if is_leaving { 3.0 * cubic * x } else { -3.0 * cubic * x };
+        let speed = linear + 3.0 * cubic * x * x;
+        let mut share = 1.0 / speed;
+        for _ in 0..2 {
+            let path = share * (speed + share * (signed + cubic * share));
+            share -= (path - 1.0) / (speed + share * (signed + signed + 3.0 * cubic * share));
+        }
+        let there = if is_leaving { x + share } else { x - share };
+        let missing = (distance - self.curve.at(there)) / speed * CORRECTION;
+        let share = if is_leaving { share + missing } else { share - missing };
+        let units = (share * self.half_time + 0.5).to_u64();
+        self.time = if is_leaving { before.saturating_add(units) } else { before.saturating_sub(units) };
+        units
+    }
+}

@@ -1,0 +1,259 @@
+//! Step times of S-curves and staircases against f64.
+#![allow(clippy::unwrap_used)]
+
+use super::{NEVER, StepTimes};
+use crate::TICKS_PER_SECOND;
+use crate::block::{Acceleration, Block, PlannedBlock, Speed};
+use crate::block_law::BlockLaw;
+use crate::inner_ends::InnerEnds;
+use crate::s_curve::law::{Along, Curve};
+use crate::s_curve::run::Planning;
+use crate::s_curve::staircase::{Pulses, Staircase};
+use crate::s_curve::{FrequencyTable, Jerk, Ramp, Run};
+use crate::spacing::{ExtruderTravel, Spacing};
+use crate::time_law::FRACTION_BITS;
+
+/// A microsecond.
+const MOST_TICKS_OFF: f64 = 84.0;
+
+const MOST_STEPS_PER_S: f64 = 500_000.0;
+
+const UNIT: f64 = 1.0 / (1u64 << FRACTION_BITS) as f64;
+
+/// Marsaglia's xorshift.
+struct Random(u64);
+
+impl Random {
+    fn next(&mut self) -> u64 {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        self.0
+    }
+
+    fn share(&mut self) -> f64 {
+        (self.next() >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    fn magnitude(&mut self, from: f64, to: f64) -> f64 {
+        from * (to / from).powf(self.share())
+    }
+}
+
+fn random_run(random: &mut Random) -> Run {
+    loop {
+        let jerk = Jerk::from_mm_per_s3(random.magnitude(100.0, 5e6)).unwrap();
+        let acceleration = Acceleration::from_mm_per_s2(random.magnitude(20.0, 20_000.0));
+        let planning = Planning::new(jerk, acceleration);
+        let length_10nm = random.magnitude(1.0, 3e7) as u32 + 1;
+        let most = Speed::from_mm_per_s(random.magnitude(0.05, 500.0));
+        let entry = match random.next() % 3 {
+            0 => Speed::ZERO,
+            _ => Speed((f64::from(most.0) * random.share()) as u32),
+        };
+        let wanted = Speed((f64::from(most.0) * random.share()) as u32);
+        let wanted = if random.next().is_multiple_of(3) { Speed::ZERO } else { wanted };
+        let exit = planning.exit_within(entry, wanted, length_10nm);
+        if exit > most || !planning.fits(entry, exit, length_10nm) {
+            continue;
+        }
+        let peak = planning.peak(entry, exit, most, length_10nm);
+        let run = Run { length_10nm, entry, peak, exit, acceleration, jerk };
+        let law = Along::new(&Curve::new(&run), 0, length_10nm);
+        if law.duration_ticks() < 20 * u64::from(TICKS_PER_SECOND) {
+            return run;
+        }
+    }
+}
+
+/// t(s) of a run, by bisection of s(t): from its start in the first half of the whole, from its end in the second.
+struct Exact {
+    up: Ramp,
+    down: Ramp,
+    cruise_mm: f64,
+    cruise_s: f64,
+}
+
+impl Exact {
+    fn new(run: &Run) -> Self {
+        let ramp = |from: Speed, to: Speed| {
+            Ramp::new(from.mm_per_s(), to.mm_per_s(), run.jerk.mm_per_s3(), run.acceleration.mm_per_s2()).unwrap()
+        };
+        let peak = run.peak.max(Speed(1));
+        let (up, down) = (ramp(run.entry, peak), ramp(run.exit, peak));
+        let cruise_mm = f64::from(run.length_10nm) / 1e5 - up.length() - down.length();
+        Self { up, down, cruise_mm, cruise_s: cruise_mm / peak.mm_per_s() }
+    }
+
+    fn duration_s(&self) -> f64 {
+        2.0 * (self.up.half_time_s() + self.down.half_time_s()) + self.cruise_s
+    }
+
+    /// When a place is passed, s.
+    fn seconds(&self, from_start: f64, to_end: f64) -> f64 {
+        let solve = |ramp: &Ramp, length: f64| {
+            let (mut low, mut high) = (0.0, 2.0 * ramp.half_time_s());
+            for _ in 0..80 {
+                let middle = (low + high) / 2.0;
+                if ramp.at(middle).length < length { low = middle } else { high = middle }
+            }
+            low
+        };
+        if from_start < self.up.length() {
+            solve(&self.up, from_start)
+        } else if to_end < self.down.length() {
+            // A deceleration is the acceleration backwards.
+            self.duration_s() - solve(&self.down, to_end)
+        } else {
+            2.0 * self.up.half_time_s() + (from_start - self.up.length()) / self.cruise_mm.max(1e-30) * self.cruise_s
+        }
+    }
+}
+
+/// Where steps are in a block: shares of its length.
+fn random_steps<L: BlockLaw<f64>>(random: &mut Random, law: &L, fastest: f64) -> Option<(Spacing<f64>, u32)> {
+    let length_mm = law.length() / 1e5;
+    let most = (MOST_STEPS_PER_S / fastest * length_mm).min(200_000.0);
+    if most < 1.0 {
+        return None;
+    }
+    let count = random.magnitude(1.0, (length_mm * 1_600.0).clamp(1.0, most)) as u32;
+    if !random.next().is_multiple_of(4) {
+        return Some((Spacing::of_master(law, count), count));
+    }
+    let first = (random.next() % 257) as u32;
+    let whole = (first + (random.next() % 256) as u32 + (count - 1) * 256).max(1);
+    Some((Spacing::of_extruder(law, &ExtruderTravel { whole, first, count }), count))
+}
+
+/// Times of all steps against the exact ones: ticks off at most; and by how much an interval was, as a share of a tick and
+/// a ten-thousandth of it.
+fn deviations<L: BlockLaw<f64>>(
+    law: &L,
+    (steps, count): (Spacing<f64>, u32),
+    random: &mut Random,
+    exact: impl Fn(f64, f64) -> f64,
+) -> [f64; 2] {
+    let mut times = StepTimes::NONE;
+    law.start(&mut times, &steps, 0);
+    let (mut worst, mut interval) = (0.0f64, 0.0f64);
+    let mut before: Option<(u64, f64)> = None;
+    let mut last = 0;
+    let sparse = count > 2_000;
+    for index in 0..count {
+        let time = times.next();
+        assert!(time != NEVER && time >= last, "step {index} of {count}");
+        if !sparse || index < 20 || count - index < 20 || random.next().is_multiple_of(64) {
+            let place = steps.first + f64::from(index) * steps.spacing;
+            let rest = steps.after_last + f64::from(count - 1 - index) * steps.spacing;
+            let tick = exact(place, rest);
+            worst = worst.max((time as f64 * UNIT - tick).abs());
+            if let Some((before, exact_before)) = before {
+                let exact = tick - exact_before;
+                let off = ((time - before) as f64 * UNIT - exact).abs();
+                interval = interval.max(off / (1.0 + 1e-4 * exact));
+            }
+            before = Some((time, tick));
+        } else {
+            before = None;
+        }
+        last = time;
+        times.take(1);
+    }
+    assert_eq!(times.next(), NEVER);
+    [worst, interval]
+}
+
+#[test]
+fn steps_of_random_runs_are_within_a_microsecond() {
+    let mut random = Random(20_170_802);
+    let (mut worst, mut worst_interval) = (0.0f64, 0.0f64);
+    for _ in 0..40_000 {
+        let run = random_run(&mut random);
+        let curve = Curve::new(&run);
+        let exact = Exact::new(&run);
+        let whole = run.length_10nm;
+        // All of it, or a block of it.
+        let offset = if random.next().is_multiple_of(2) { 0 } else { (f64::from(whole - 1) * random.share()) as u32 };
+        let length = match random.next() % 3 {
+            0 => whole - offset,
+            _ => ((f64::from(whole - offset) * random.share()) as u32).max(1),
+        };
+        let law = Along::new(&curve, offset, length);
+        let fastest = run.peak.mm_per_s().max(0.001);
+        let Some(steps) = random_steps(&mut random, &law, fastest) else { continue };
+        let rest = whole - offset - length;
+        let start_tick = law.start as f64 * UNIT;
+        let [off, interval] = deviations(&law, steps, &mut random, |place, behind| {
+            let (from_start, to_end) = (f64::from(offset) + place, f64::from(rest) + behind);
+            exact.seconds(from_start / 1e5, to_end / 1e5) * f64::from(TICKS_PER_SECOND) - start_tick
+        });
+        assert!(off <= MOST_TICKS_OFF, "{off} ticks off: {run:?} {offset} {length} {steps:?}");
+        worst = worst.max(off);
+        worst_interval = worst_interval.max(interval);
+    }
+    println!("{worst:.2} ticks off at most, intervals {worst_interval:.2}");
+    assert!(worst_interval <= 2.0, "{worst_interval}");
+}
+
+#[test]
+fn durations_of_a_run_s_blocks_add_up_to_its_own() {
+    let mut random = Random(77);
+    for _ in 0..5_000 {
+        let run = random_run(&mut random);
+        let curve = Curve::new(&run);
+        let exact = Exact::new(&run).duration_s() * f64::from(TICKS_PER_SECOND);
+        let whole = Along::new(&curve, 0, run.length_10nm).duration_ticks();
+        assert!((whole as f64 - exact).abs() <= 1.0 + 1e-9 * exact, "{whole} {exact} {run:?}");
+        let (mut offset, mut sum) = (0, 0);
+        let mut speed = run.entry;
+        while offset < run.length_10nm {
+            let length = (random.magnitude(1.0, f64::from(run.length_10nm)) as u32).clamp(1, run.length_10nm - offset);
+            let law = Along::new(&curve, offset, length);
+            sum += law.duration_ticks();
+            let exit = law.exit();
+            // No faster than the acceleration allows, from block to block.
+            let seconds = (law.duration_ticks() + 2) as f64 / f64::from(TICKS_PER_SECOND);
+            let most = run.acceleration.mm_per_s2() * seconds * (1.0 + 1e-3) + 1e-3;
+            assert!((exit.mm_per_s() - speed.mm_per_s()).abs() <= most, "{run:?} {offset} {length}");
+            speed = exit;
+            offset += length;
+        }
+        assert_eq!(sum, whole);
+        assert!(speed.0.abs_diff(run.exit.0) <= 1 + (run.exit.0 >> 20), "{speed:?} {run:?}");
+    }
+}
+
+#[test]
+fn steps_of_random_staircases_are_within_a_microsecond() {
+    let mut random = Random(1_000);
+    let mut worst = 0.0f64;
+    for _ in 0..20_000 {
+        let start_hz = random.magnitude(100.0, 3_000.0);
+        let top_hz = start_hz * random.magnitude(1.01, 80.0);
+        let table = FrequencyTable::new(start_hz, top_hz, random.magnitude(2e4, 5e7)).unwrap();
+        let steps = random.magnitude(1.0, 30_000.0) as i32;
+        let block = Block {
+            steps: [steps, 0, 0],
+            extruder_256ths: 0,
+            length_10nm: (f64::from(steps) * random.magnitude(100.0, 2_000.0)) as u32,
+            nominal: Speed::from_mm_per_s(random.magnitude(0.5, 400.0)),
+            acceleration: Acceleration::from_mm_per_s2(1.0),
+            line: 1,
+            ends_move: true,
+            inner_ends: InnerEnds::NONE,
+        };
+        let pulses = Pulses::of(&block);
+        let nominal = block.nominal.min(pulses.speed(top_hz)).max(Speed(1));
+        let entry = Speed((f64::from(nominal.0) * random.share()) as u32);
+        let exit = pulses.reach(&table, entry).min(Speed((f64::from(nominal.0) * random.share()) as u32));
+        let exit = exit.max(pulses.slowest(&table, entry, Speed::ZERO));
+        let planned = PlannedBlock { block, entry, exit };
+        let law = Staircase::new(&planned, &table);
+        let Some(steps) = random_steps(&mut random, &law, nominal.mm_per_s()) else { continue };
+        let [off, _] = deviations(&law, steps, &mut random, |place, _| law.time(place) * UNIT);
+        assert!(off <= MOST_TICKS_OFF, "{off} ticks off: {planned:?} {table:?}");
+        worst = worst.max(off);
+    }
+    println!("{worst:.2} ticks off at most");
+}

@@ -1,0 +1,111 @@
+//! Whole prints under each law of acceleration.
+
+use std::fs::File;
+
+use ferrostep::desk::{LOOK_AHEAD_BLOCKS, Mode};
+use ferrostep::job::{self, JobProgress};
+use ferrostep::session::{JobReplies, Session};
+use ferrostep_planner::AccelerationProfile;
+use ferrostep_tests::reference::{InterpretOptions, ReferenceProfile, interpret};
+use ferrostep_tests::trace_check::{TraceCheckOptions, check_trace};
+
+use crate::command::{directory, example, ferrostep, file};
+use crate::desk::profile;
+
+/// The steps are looked at by the reference: where the motors stand at each move's end, how far events are apart, how
+/// fast and how much faster axes get. Its own law is the trapezoid; how these laws are kept, the planner's tests see.
+fn options() -> TraceCheckOptions {
+    TraceCheckOptions { duration_tolerance: f64::INFINITY, law_tolerance_steps: f64::INFINITY, ..Default::default() }
+}
+
+#[track_caller]
+fn check(name: &str, law: AccelerationProfile) {
+    let text = example(name);
+    let directory = directory();
+    let machine =
+        format!("acceleration = \"{}\"\n{}", law.name(), ferrostep_profiles::builtin_text("cartesian").unwrap());
+    let machine = file(&directory, "machine.toml", machine);
+    let trace = directory.path().join("trace");
+    let path = format!("examples/{name}");
+    let outcome = ferrostep([
+        "print".as_ref(),
+        path.as_ref(),
+        "--profile".as_ref(),
+        machine.as_os_str(),
+        "--json".as_ref(),
+        "--trace".as_ref(),
+        trace.as_os_str(),
+    ]);
+    assert_eq!((outcome.status, outcome.stderr.as_str()), (Some(0), ""), "{outcome:#?}");
+    let summary = outcome.json();
+    let reference = ReferenceProfile::cartesian();
+    let report = check_trace(File::open(&trace).unwrap(), &text, &reference, &options()).unwrap();
+    assert!(report.passed(), "{report}");
+    let job = interpret(&text, &reference, InterpretOptions::default()).unwrap();
+    assert_eq!(report.moves, job.move_count() as u64);
+    for key in ["underruns", "starvation_flushes", "clamped_moves"] {
+        assert_eq!(summary[key], 0, "{key}");
+    }
+    for (axis, units) in ["x", "y", "z", "e"].into_iter().zip(job.logical_end_10nm) {
+        let stands = summary["position_mm"][axis].as_f64().unwrap();
+        assert!((stands - units as f64 / 1e5).abs() < 1e-9, "{axis}: {stands}");
+    }
+    for (axis, steps) in ["x", "y", "z", "e"].into_iter().zip(report.motor_steps) {
+        assert_eq!(summary["motor_steps"][axis], steps, "{axis}");
+    }
+    let estimate =
+        ferrostep(["estimate".as_ref(), path.as_ref(), "--profile".as_ref(), machine.as_os_str(), "--json".as_ref()]);
+    assert_eq!(estimate.json()["motion_time_s"], summary["motion_time_s"]);
+}
+
+#[test]
+fn a_cube_under_an_s_curve() {
+    check("cube.gcode", AccelerationProfile::SCurve);
+}
+
+#[test]
+fn a_cube_under_a_table() {
+    check("cube.gcode", AccelerationProfile::SCurveTable);
+}
+
+#[test]
+fn a_gyroid_under_an_s_curve() {
+    check("gyroid.gcode.gz", AccelerationProfile::SCurve);
+}
+
+#[test]
+fn a_gyroid_under_a_table() {
+    check("gyroid.gcode.gz", AccelerationProfile::SCurveTable);
+}
+
+/// How long a file's motion takes, s.
+fn motion_s(machine: &str, name: &str, law: AccelerationProfile, block_by_block: bool) -> f64 {
+    let mut machine = profile(machine);
+    machine.motion.acceleration = law;
+    let replies = JobReplies::new(|text: &str| panic!("{text}"));
+    let session = Session::new(machine, Mode::Estimate, LOOK_AHEAD_BLOCKS, (), replies);
+    assert!(!block_by_block || session.desk().borrow_mut().plan_block_by_block());
+    let mut progress = JobProgress::default();
+    let mut printer = session.printer();
+    session.run(job::run(&mut example(name).as_slice(), &mut printer, &mut progress, |_| {})).unwrap();
+    session.desk().borrow().figures().motion_time_s
+}
+
+/// What neighbours under one law gain over a stop of acceleration at the end of every block.
+#[test]
+fn shared_laws_gain_most_in_curves() {
+    for (machine, name, least) in [
+        ("cartesian", "cube.gcode", 0.01),
+        ("cartesian", "gyroid.gcode.gz", 0.08),
+        ("corexy", "arcs-corexy.gcode.gz", 0.1),
+    ] {
+        let trapezoid = motion_s(machine, name, AccelerationProfile::Trapezoid, false);
+        let alone = motion_s(machine, name, AccelerationProfile::SCurve, true);
+        let shared = motion_s(machine, name, AccelerationProfile::SCurve, false);
+        let table = motion_s(machine, name, AccelerationProfile::SCurveTable, false);
+        println!(
+            "{name}: trapezoid {trapezoid:.1} s, block by block {alone:.1} s, shared {shared:.1} s, table {table:.1} s"
+        );
+        assert!(trapezoid < shared && shared <= alone * (1.0 - least), "{name}: {trapezoid} {shared} {alone}");
+    }
+}

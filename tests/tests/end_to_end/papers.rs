@@ -1,0 +1,123 @@
+//! `ferrostep papers`: tables, pictures, comparisons.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use serde_json::Value;
+use tempfile::TempDir;
+
+use crate::command::{ferrostep, repository};
+
+/// Set, the pictures in the book are written anew.
+const REFRESH_VARIABLE: &str = "FERROSTEP_REFRESH";
+
+/// Name and text of every picture in a folder.
+fn pictures(folder: &Path) -> BTreeMap<String, String> {
+    std::fs::read_dir(folder)
+        .unwrap()
+        .map(|entry| {
+            let path = entry.unwrap().path();
+            (path.file_name().unwrap().to_str().unwrap().to_owned(), std::fs::read_to_string(path).unwrap())
+        })
+        .collect()
+}
+
+#[test]
+fn every_paper_has_its_tables() {
+    let all = ferrostep(["papers", "--json"]);
+    assert_eq!((all.status, all.stderr.as_str()), (Some(0), ""));
+    let all = all.json();
+    let papers = all["papers"].as_array().unwrap();
+    let names: Vec<_> = papers.iter().map(|paper| paper["name"].as_str().unwrap()).collect();
+    assert_eq!(names, ["wu", "yu", "corexy", "li"]);
+    for (name, paper) in names.iter().zip(papers) {
+        let tables = paper["tables"].as_array().unwrap();
+        assert!(
+            !tables.is_empty() && tables.iter().all(|table| !table["rows"].as_array().unwrap().is_empty()),
+            "{name}"
+        );
+        let alone = ferrostep(["papers", name, "--json"]).json();
+        assert_eq!(&alone["papers"][0], paper);
+        let text = ferrostep(["papers", name]);
+        assert_eq!(text.status, Some(0));
+        for table in tables {
+            assert!(text.stdout.contains(table["title"].as_str().unwrap()), "{name}");
+        }
+    }
+}
+
+#[test]
+fn the_book_s_pictures_are_those_that_the_command_draws() {
+    let in_book = repository().join("docs/src/images/papers");
+    let folder = TempDir::new().unwrap();
+    let drawn = ferrostep(["papers".as_ref(), "--svg".as_ref(), folder.path().as_os_str()]);
+    assert_eq!(drawn.status, Some(0), "{drawn:?}");
+    let drawn = pictures(folder.path());
+    if std::env::var_os(REFRESH_VARIABLE).is_some() {
+        std::fs::create_dir_all(&in_book).unwrap();
+        for (name, text) in &drawn {
+            std::fs::write(in_book.join(name), text).unwrap();
+        }
+    }
+    let kept = pictures(&in_book);
+    assert_eq!(drawn.keys().collect::<Vec<_>>(), kept.keys().collect::<Vec<_>>());
+    for (name, text) in &drawn {
+        assert!(&kept[name] == text, "{name} has changed: look at it, then set {REFRESH_VARIABLE} to keep it");
+    }
+}
+
+#[test]
+fn a_file_is_printed_in_every_way() {
+    let folder = TempDir::new().unwrap();
+    let file = folder.path().join("corner.gcode");
+    std::fs::write(&file, "M302 P1\nG28\nG1 X30 Y20 F6000\nG1 X60 Y21 E1\nG1 X60 Y60 E2\nG1 Z2\n").unwrap();
+    for profile in ["cartesian", "corexy"] {
+        let compared = ferrostep([
+            "papers".as_ref(),
+            "--compare".as_ref(),
+            file.as_os_str(),
+            "--profile".as_ref(),
+            profile.as_ref(),
+            "--json".as_ref(),
+        ]);
+        assert_eq!(compared.status, Some(0), "{compared:?}");
+        let table = &compared.json()["choices"];
+        let rows = table["rows"].as_array().unwrap();
+        assert_eq!(rows.len(), 15);
+        let column = |name: &str| {
+            let columns = table["columns"].as_array().unwrap();
+            columns.iter().position(|column| column.as_str().unwrap().starts_with(name)).unwrap()
+        };
+        for row in rows {
+            let number = |name: &str| row[column(name)].as_f64().unwrap();
+            let limit = if profile == "corexy" { 10_000.0 } else { 1_000.0 };
+            assert!(number("motion") > 1.0 && number("most events") > 1_000.0, "{row}");
+            assert!(number("peak acceleration") > 0.1 * limit && number("peak acceleration") < 1.1 * limit, "{row}");
+            assert!(number("largest path error") < 0.03, "{row}");
+        }
+        // Each way makes steps of its own.
+        let digests: std::collections::BTreeSet<_> =
+            rows.iter().map(|row| row[column("step digest")].to_string()).collect();
+        assert!(digests.len() >= 14, "{digests:?}");
+        let jerk = |acceleration: &str| {
+            let of = |row: &&Value| row[0] == "step-bresenham" && row[1] == acceleration;
+            rows.iter().find(of).unwrap()[column("peak jerk")].as_f64().unwrap()
+        };
+        assert!(jerk("s-curve") < 0.5 * jerk("trapezoid"), "{profile}: {} {}", jerk("s-curve"), jerk("trapezoid"));
+    }
+}
+
+#[test]
+fn what_cannot_be_compared_or_drawn_is_said() {
+    let missing = ferrostep(["papers", "--compare", "no-such-file.gcode"]);
+    assert_eq!(missing.status, Some(2));
+    assert!(missing.stderr.contains("no-such-file.gcode"), "{missing:?}");
+    let folder = TempDir::new().unwrap();
+    let file = folder.path().join("in-the-way");
+    std::fs::write(&file, "G1 X1000000\n").unwrap();
+    let drawn = ferrostep(["papers".as_ref(), "yu".as_ref(), "--svg".as_ref(), file.as_os_str()]);
+    assert_eq!(drawn.status, Some(2));
+    assert!(drawn.stderr.contains("in-the-way: cannot be written"), "{drawn:?}");
+    assert_eq!(ferrostep(["papers", "euclid"]).status, Some(2));
+    assert_eq!(ferrostep(["papers", "--profile", "corexy"]).status, Some(2));
+}
