@@ -13,7 +13,7 @@ mod text;
 
 use std::path::{Path, PathBuf};
 
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 
 pub use chart::DrawError;
 
@@ -82,9 +82,16 @@ pub enum Cell {
     /// A whole number.
     Count(i64),
     /// A number shown with so many decimals.
-    Number(f64, #[serde(skip)] usize),
+    #[serde(serialize_with = "bare_number")]
+    Number(f64, usize),
     /// Nothing.
     Empty,
+}
+
+/// A number as such: who reads JSON rounds for himself.
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "as the caller has it")]
+fn bare_number<S: Serializer>(number: &f64, _decimals: &usize, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_f64(*number)
 }
 
 impl From<&str> for Cell {

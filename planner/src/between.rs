@@ -47,20 +47,45 @@ impl Between {
         self.start.wrapping_add(u64::from(self.free.wrapping_sub(free)) << FRACTION_BITS)
     }
 
-    /// The master has stepped, for the last time so many ticks behind the last event.
+    /// The master has stepped, and no step of the extruder is due for `free` ticks.
     #[inline(always)]
-    pub(crate) fn pass(&mut self, ticks: u64) {
-        self.start = self.start.wrapping_add(ticks << FRACTION_BITS);
-        self.free = u32::try_from(u64::from(self.free).saturating_sub(ticks)).unwrap_or(0);
+    fn settle(&mut self, free: u32) {
+        self.start = self.last(free);
+        self.free = free;
     }
 
     /// How far behind the last event the extruder's next step is, in time units, half a tick included; out of reach where
     /// there is none.
-    pub(crate) fn distance(&self, extruder: &StepTimes) -> u64 {
+    fn distance(&self, extruder: &StepTimes) -> u64 {
         if extruder.next() == NEVER {
             return NEVER;
         }
         extruder.next().wrapping_add(HALF_TICK).wrapping_sub(self.start)
+    }
+
+    /// How many of `count` steps of the master come before the extruder's next step, of which none is due for `free`
+    /// ticks: the first step is `gap` time units behind the last event and the others follow at this interval. At least
+    /// one; none too many, and one too few very rarely.
+    #[cold]
+    #[inline(never)]
+    pub(crate) fn fitting(&mut self, extruder: &StepTimes, free: u32, [gap, interval]: [u64; 2], count: u32) -> u32 {
+        self.settle(free);
+        let last = gap.wrapping_add(interval.wrapping_mul(u64::from(count.wrapping_sub(1))));
+        if last >> FRACTION_BITS < u64::from(free) {
+            return count;
+        }
+        // Cut.
+        let distance = self.distance(extruder).saturating_sub(gap) >> 12;
+        let interval = u32::try_from(interval >> 12).unwrap_or(u32::MAX).saturating_add(1);
+        let fitting = u32::try_from(distance).unwrap_or(u32::MAX) / interval;
+        fitting.saturating_add(1).min(count)
+    }
+
+    /// A stair ends so many ticks behind the last event, perhaps a little later than the extruder's next step, which then
+    /// is asked for behind it. For how many ticks none is asked for.
+    pub(crate) fn free_for(&mut self, ticks: u32) -> u32 {
+        self.free = self.free.max(ticks);
+        self.free
     }
 
     /// Takes the extruder's next step, if it comes before the master's, which is `gap` behind the last event and will be
@@ -69,8 +94,7 @@ impl Between {
     #[cold]
     #[inline(never)]
     pub(crate) fn look(&mut self, extruder: &mut StepTimes, free: u32, gap: u64, number: usize) -> Look {
-        self.start = self.last(free);
-        self.free = free;
+        self.settle(free);
         let behind = self.distance(extruder);
         if behind >= gap {
             // It wraps where an event had to keep its distance, and is behind already.

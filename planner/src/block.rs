@@ -79,17 +79,26 @@ impl SquaredSpeed {
     pub fn root(self) -> Speed {
         // 2^32 / 12,800,000: from these units to squared units of Speed.
         const SCALE: f32 = 1_048_576.0 / 3_125.0;
+        const FASTEST: Speed = Speed(u32::MAX);
+        if self >= Self::from(FASTEST) {
+            return FASTEST;
+        }
         // The single-precision root is off by a few units, the more the faster: 2 at 256 mm/s, 12 at 2 m/s.
-        let mut speed = Speed(square_root_f32(self.0 as f32 * SCALE) as u32);
-        while Self::from(speed) > self {
-            speed.0 -= 1;
+        let mut speed = square_root_f32(self.0 as f32 * SCALE) as u32;
+        // What is left of this, in 2^-20 units. It is so much less than 2^63 that the terms may wrap.
+        let square = u64::from(speed) * u64::from(speed);
+        let mut rest = (self.0 << 20).wrapping_sub(square.wrapping_mul(3_125)).cast_signed();
+        // From the square to the next one.
+        let step = |speed: u32| (2 * i64::from(speed) + 1) * 3_125;
+        while rest < 0 {
+            speed = speed.wrapping_sub(1);
+            rest += step(speed);
         }
-        while let Some(faster) = speed.0.checked_add(1).map(Speed)
-            && Self::from(faster) <= self
-        {
-            speed = faster;
+        while rest >= step(speed) {
+            rest -= step(speed);
+            speed = speed.wrapping_add(1);
         }
-        speed
+        Speed(speed)
     }
 }
 

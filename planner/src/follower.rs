@@ -40,18 +40,6 @@ impl Follower {
         self.line.width()
     }
 
-    /// Master steps from the next on that are all common.
-    #[inline]
-    pub(crate) fn diagonal(&self) -> u32 {
-        self.line.diagonal()
-    }
-
-    /// Passes `count` master steps, all of them common: at most [`Self::diagonal`].
-    #[inline(always)]
-    pub(crate) fn pass_diagonal(&mut self, count: u32) {
-        self.line.pass_diagonal(count);
-    }
-
     /// Passes `count` master steps, at most [`Self::until`]; the motor's bit if it steps with the last of them.
     #[inline(always)]
     pub(crate) fn pass(&mut self, count: u32) -> u8 {

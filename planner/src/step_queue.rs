@@ -145,6 +145,18 @@ impl StepEntry {
         Self { rest: self.rest | (axes as u32) << 16, ..self }
     }
 
+    /// The same event so many times, 1 to 2^16 - 1.
+    #[inline(always)]
+    pub(crate) const fn times(self, count: u32) -> Self {
+        Self { rest: self.rest.wrapping_add(count).wrapping_sub(1), ..self }
+    }
+
+    /// The same stair with more motors stepping in its last event, none of which steps anywhere in it.
+    #[inline(always)]
+    pub(crate) const fn with_added(self, axes: u8) -> Self {
+        Self { rest: self.rest | (axes as u32) << 24, ..self }
+    }
+
     /// The same stair with other motors stepping in its last event too; `None` if one of them steps anywhere in it, or
     /// the entry is no stair.
     pub(crate) const fn joined(self, axes: u8) -> Option<Self> {

@@ -42,7 +42,7 @@ pub(crate) struct Cruise {
     pub(crate) ticks: u32,
     /// By how much those are longer than it, in time units.
     pub(crate) drift: i32,
-    /// How many steps at whole ticks add up to [`STAIR_DRIFT`] at most; 0 where the interval is no 32-bit number.
+    /// How many steps at whole ticks add up to [`STAIR_DRIFT`] and [`LONGEST_STAIR_TICKS`] at most; at least 1.
     pub(crate) longest_stair: u32,
 }
 
@@ -51,6 +51,9 @@ const STAIR_DRIFT: u32 = 31 << FRACTION_BITS;
 
 /// Most steps of a stair: the players' slots hold as many.
 const LONGEST_STAIR: u32 = 1 << 13;
+
+/// Most ticks from a stair's first step to its last, some 25 s: with an interval more, they are still a 32-bit number.
+const LONGEST_STAIR_TICKS: u32 = 1 << 31;
 
 impl Cruise {
     const EMPTY: Self = Self { interval: 0, beyond: 0, ticks: 0, drift: 0, longest_stair: 0 };
@@ -61,7 +64,11 @@ impl Cruise {
         let ticks = rounded as u32;
         // At most half a tick.
         let drift = (ticks << FRACTION_BITS).wrapping_sub(interval as u32) as i32;
-        let longest = if rounded > u64::from(u32::MAX) { 0 } else { STAIR_DRIFT / drift.unsigned_abs().max(1) };
+        let longest = if rounded > u64::from(u32::MAX) {
+            1
+        } else {
+            (STAIR_DRIFT / drift.unsigned_abs().max(1)).min(LONGEST_STAIR_TICKS / ticks.max(1)).max(1)
+        };
         Self { interval, beyond, ticks, drift, longest_stair: longest.min(LONGEST_STAIR) }
     }
 }
@@ -183,8 +190,8 @@ pub(crate) struct StepTimes {
     /// When the first step behind the limit is due.
     resumed: u64,
     phases: [Phase; PHASES],
-    /// The phase after the present one.
-    next_phase: usize,
+    /// Those that have steps and are still to come: bit i = phase i.
+    phases_to_come: u8,
     /// What the phases behind those are made of.
     pieces: Pieces,
 }
@@ -200,7 +207,7 @@ impl StepTimes {
         more_allowed: 0,
         resumed: NEVER,
         phases: [Phase::EMPTY; PHASES],
-        next_phase: PHASES,
+        phases_to_come: 0,
         pieces: Pieces::None,
     };
 
@@ -217,7 +224,6 @@ impl StepTimes {
         self.set_phases(law, steps);
         self.next = earliest;
         self.more_allowed = u32::MAX;
-        self.next_phase = 0;
         self.pieces = Pieces::None;
         self.enter_phase();
     }
@@ -236,7 +242,7 @@ impl StepTimes {
         self.left = 0;
         self.next = earliest;
         self.more_allowed = u32::MAX;
-        self.next_phase = PHASES;
+        self.phases_to_come = 0;
         self.pieces = pieces;
         self.enter_phase();
     }
@@ -257,14 +263,14 @@ impl StepTimes {
         let up = if law.cruise > F::ZERO || down > 0 { up } else { count };
         let cruise = count - up - down;
         let [phase_up, phase_cruise, phase_down] = &mut self.phases;
-        phase_up.count = up;
-        phase_cruise.count = cruise;
-        phase_down.count = down;
+        self.phases_to_come = 0;
         if up > 0 {
+            self.phases_to_come = 1;
             let (pace, delay) = Phase::ramp(law, steps, law.entry, [first, first], 0);
             *phase_up = Phase { count: up, first: delay.to_u64(), pace };
         }
         if cruise > 0 {
+            self.phases_to_come |= 2;
             let inside = first + F::from_u32(up) * spacing - law.up;
             let inside = if inside > F::ZERO { inside } else { F::ZERO };
             let delay = law.up_time + cruise_time(inside, law.peak);
@@ -275,6 +281,7 @@ impl StepTimes {
             *phase_cruise = Phase { count: cruise, first: delay.to_u64(), pace };
         }
         if down > 0 {
+            self.phases_to_come |= 4;
             let index = down - 1;
             let to_first = after_last + F::from_u32(index) * spacing;
             let (pace, rest) = Phase::ramp(law, steps, law.exit, [after_last, to_first], index);
@@ -435,27 +442,25 @@ impl StepTimes {
     /// Begins with the next phase that has steps.
     #[inline(never)]
     fn enter_phase(&mut self) {
-        while let Some(phase) = self.phases.get(self.next_phase) {
-            self.next_phase += 1;
-            if phase.count > 0 {
-                self.pace = phase.pace;
-                self.beyond = 0;
-                self.next = self.next.max(phase.first);
-                let count = phase.count;
-                self.divide(count);
-                return;
-            }
+        if let Some(phase) = self.phases.get(self.phases_to_come.trailing_zeros() as usize) {
+            // All but the lowest bit.
+            self.phases_to_come &= self.phases_to_come.wrapping_sub(1);
+            let phase = *phase;
+            self.enter(&phase);
+        } else if let Some(phase) = self.pieces.next_phase() {
+            self.enter(&phase);
+        } else {
+            self.next = NEVER;
+            self.resumed = NEVER;
+            self.more_in_phase = 0;
         }
-        if let Some(phase) = self.pieces.next_phase() {
-            self.pace = phase.pace;
-            self.beyond = 0;
-            self.next = self.next.max(phase.first);
-            self.divide(phase.count);
-            return;
-        }
-        self.next = NEVER;
-        self.resumed = NEVER;
-        self.more_in_phase = 0;
+    }
+
+    fn enter(&mut self, phase: &Phase) {
+        self.pace = phase.pace;
+        self.beyond = 0;
+        self.next = self.next.max(phase.first);
+        self.divide(phase.count);
     }
 
     /// Divides the steps of the phase into those that are allowed and the others.

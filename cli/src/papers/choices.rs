@@ -84,11 +84,23 @@ pub fn compare(
             "step digest",
         ],
         rows,
-        note: "Accelerations and jerks are those along the path, from the steps as they were made, differences over \
-               10 ms. The path error is from where the motors stand to the straight line between where they stood at \
-               the ends of the move."
-            .to_owned(),
+        note: note(profile),
     })
+}
+
+/// What the figures are, and how well the coarser ones are known.
+fn note(profile: &Profile) -> String {
+    // Positions are whole steps: each is off by half of one at the most, and in a difference all may be off the worse way.
+    let [x, y, ..] = profile.steps_per_mm.map(|steps| steps.to_f64());
+    let off_mm = 0.5 / x.min(y);
+    let (acceleration, jerk) = (4.0 * off_mm / WINDOW_S.powi(2), 8.0 * off_mm / WINDOW_S.powi(3));
+    format!(
+        "Accelerations and jerks are those along the path, from the steps as they were made: differences over \
+         {:.0} ms, which whole steps make uncertain by up to {acceleration:.0} mm/s^2 and {jerk:.0} mm/s^3. The table's \
+         first frequency is reached in no time, as the paper has it. The path error is from where the motors stand to \
+         the straight line between where they stood at the ends of the move.",
+        WINDOW_S * 1000.0
+    )
 }
 
 fn print(path: &Path, profile: &Profile) -> Result<Vec<Cell>, CompareError> {

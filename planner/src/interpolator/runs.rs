@@ -10,6 +10,12 @@ use crate::time_law::{FRACTION_BITS, HALF_TICK};
 /// Most ticks that the first and the last step of a stair may be off: 0.4 us.
 const STAIR_TOLERANCE: u32 = 32;
 
+/// A stair's last step may be due so many ticks, and no more, behind where it is.
+const FARTHEST: u32 = STAIR_TOLERANCE + 1;
+
+/// Bits of a cruise's interval beyond its time units.
+const BITS_BEYOND: u32 = 16;
+
 /// Time units from an event, a whole tick, to when the next one is due, half a tick included: in 32 bits, for all but slow
 /// steps, or as many as it takes.
 pub(super) trait Gap: Copy {
@@ -167,93 +173,128 @@ impl Interpolator {
     /// Wu 2024; the second kind is the stairs' complement. All of a stair's steps are about where they are due, and no
     /// step of the extruder comes before the last.
     #[inline(never)]
-    pub(super) fn run_cruise(&mut self, cruise: Cruise, mut left: u32, mut gap: u64, most: usize) -> (usize, bool) {
-        let [mut first, mut second] = self.followers;
-        let mut beyond = self.master.beyond();
-        let mut between =
-            Between::new(&self.extruder, self.last, self.joining & EXTRUDER != 0, self.near, self.minimum_interval);
+    pub(super) fn run_cruise(&mut self, cruise: Cruise, mut left: u32, gap: u64, most: usize) -> (usize, bool) {
+        if cruise.interval >= FAR {
+            return (0, false);
+        }
+        let [first, mut second] = self.followers;
+        let mut line = first.line();
+        let mut to_second = second.until();
+        let waits = self.joining & EXTRUDER != 0;
+        let mut between = Between::new(&self.extruder, self.last, waits, self.near, self.minimum_interval);
+        let mut free = between.free;
+        let least = self.minimum_interval;
+        // In 2^-32 tick, so that whole ticks are a word: from the last event to the master's next step; from one step to
+        // the next, and by how much that is longer than whole ticks.
+        let mut gap = gap << BITS_BEYOND | u64::from(self.master.beyond());
+        let interval = cruise.interval << BITS_BEYOND | u64::from(cruise.beyond);
+        let surplus = interval as i32;
+        let longest = if cruise.ticks >= least { cruise.longest_stair } else { 1 };
+        // The next event is no stair where a step of the extruder waits for it, or the move before would end in it.
         let mut begins = self.joining & MOVE_BEGINS != 0;
+        let mut is_single = waits;
+        let [alone, common] = self.masters_events;
+        let ending = alone.with_added(first.bit());
         let places = self.entries.room(most);
-        let most = places.len();
-        let mut places = places.iter_mut();
         let steps = left;
-        while left > 0 && gap < FAR && !places.as_slice().is_empty() {
-            let ticks = (gap >> FRACTION_BITS) as u32;
-            let number = most - places.len();
-            if ticks >= between.free {
-                match between.look(&mut self.extruder, between.free, gap, number) {
-                    Look::Free => {}
-                    Look::Again => continue,
-                    Look::Step(ticks) => {
-                        let Some(place) = places.next() else { break };
-                        *place = StepEntry::event(ticks, EXTRUDER);
-                        gap = gap.wrapping_sub(u64::from(ticks) << FRACTION_BITS);
-                        continue;
+        let mut events = 0;
+        while left > 0 {
+            is_single |= begins && !is_after(between.last(free), cruise.ticks, self.move_start);
+            let mut longest_now = if is_single { 1 } else { longest };
+            let until = left.min(to_second);
+            let mut to_go = until;
+            let rest = places.get_mut(events..).unwrap_or_default();
+            let here = rest.len();
+            let mut rest = rest.iter_mut();
+            while to_go > 0 && gap_ticks(gap) < free && gap_ticks(gap) >= least {
+                let Some(place) = rest.next() else { break };
+                let ticks = gap_ticks(gap);
+                let diagonal = line.diagonal();
+                let width = if diagonal == 0 { line.width() } else { diagonal };
+                let mut count = width.min(to_go).min(longest_now);
+                longest_now = longest;
+                // By how many ticks the stair's first step comes before it is due.
+                let early = ticks.wrapping_sub(cruise.ticks);
+                if count > 1 {
+                    // And its last: whole ticks drift away from the interval.
+                    let others = count.wrapping_sub(1);
+                    let drift = cruise.drift.wrapping_mul(others as i32) >> FRACTION_BITS;
+                    if !is_tolerable(early) || !is_tolerable(early.wrapping_sub(drift as u32)) {
+                        count = 1;
+                    } else if free.wrapping_sub(ticks) <= cruise.ticks.wrapping_mul(others).wrapping_add(FARTHEST) {
+                        let units = [gap >> BITS_BEYOND, cruise.interval];
+                        count = between.fitting(&self.extruder, free, units, count);
+                        if count > 1 {
+                            free = between.free_for(cruise.ticks.wrapping_mul(count));
+                        }
                     }
-                    Look::TooNear => break,
+                }
+                if count > 1 {
+                    let event = if diagonal > 0 {
+                        line.pass_diagonal(count);
+                        common
+                    } else if line.pass(count) {
+                        ending
+                    } else {
+                        alone
+                    };
+                    *place = event.at(cruise.ticks).times(count);
+                    gap = gap.wrapping_add((i64::from(surplus) * i64::from(count as i32)) as u64);
+                    free = free.wrapping_sub(cruise.ticks.wrapping_mul(count));
+                } else {
+                    *place = if line.pass(1) { common } else { alone }.at(ticks);
+                    gap = u64::from(gap as u32).wrapping_add(interval);
+                    free = free.wrapping_sub(ticks);
+                }
+                to_go = to_go.wrapping_sub(count);
+            }
+            let places_left = rest.len();
+            events += here - places_left;
+            let passed = until.wrapping_sub(to_go);
+            left = left.wrapping_sub(passed);
+            if passed > 0 {
+                (is_single, begins) = (false, false);
+                to_second = to_second.wrapping_sub(passed);
+                let axes = second.pass(passed);
+                if axes != 0 {
+                    // With the last of them.
+                    to_second = second.until();
+                    if let Some(place) = events.checked_sub(1).and_then(|last| places.get_mut(last)) {
+                        *place = place.joined(axes).unwrap_or(*place);
+                    }
                 }
             }
-            if ticks < between.least {
+            if left == 0 || places_left == 0 {
                 break;
             }
-            let Some(place) = places.next() else { break };
-            let diagonal = first.diagonal();
-            let width = if diagonal == 0 { first.until() } else { diagonal };
-            let mut count = left.min(cruise.longest_stair).min(width).min(second.until());
-            if count > 1 && cruise.ticks >= between.least && between.joint != number {
-                // By how many ticks the stair's first step comes before it is due.
-                let early = ticks.wrapping_sub(cruise.ticks) as i32;
-                // And its last: whole ticks drift away from the interval.
-                let drift = cruise.drift.wrapping_mul(count.wrapping_sub(1) as i32) >> FRACTION_BITS;
-                if early.unsigned_abs() > STAIR_TOLERANCE
-                    || early.wrapping_sub(drift).unsigned_abs() > STAIR_TOLERANCE
-                    || begins && !is_after(between.last(between.free), cruise.ticks, self.move_start)
-                {
-                    count = 1;
-                } else if gap.wrapping_add(cruise.interval.wrapping_mul(u64::from(count.wrapping_sub(1))))
-                    >> FRACTION_BITS
-                    >= u64::from(between.free)
-                {
-                    // Cut, so that none too many is counted, and one too few very rarely.
-                    let distance = between.distance(&self.extruder).saturating_sub(gap) >> 12;
-                    let interval = u32::try_from(cruise.interval >> 12).unwrap_or(u32::MAX).saturating_add(1);
-                    let fitting = u32::try_from(distance).unwrap_or(u32::MAX) / interval;
-                    count = fitting.saturating_add(1).min(count);
+            if to_go == 0 {
+                continue;
+            }
+            if gap_ticks(gap) < free {
+                break;
+            }
+            let look = between.look(&mut self.extruder, free, gap >> BITS_BEYOND, events);
+            free = between.free;
+            match look {
+                Look::Free => {}
+                Look::Again => is_single = true,
+                Look::Step(ticks) => {
+                    gap = gap.wrapping_sub(u64::from(ticks) << 32);
+                    if let Some(place) = places.get_mut(events) {
+                        *place = StepEntry::event(ticks, EXTRUDER);
+                        events += 1;
+                    }
                 }
-            } else {
-                count = 1;
+                Look::TooNear => break,
             }
-            let mut axes = self.master_bit;
-            let mut added = second.pass(count);
-            if diagonal == 0 {
-                added |= first.pass(count);
-            } else {
-                axes |= first.bit();
-                first.pass_diagonal(count);
-            }
-            beyond = beyond.wrapping_add(u32::from(cruise.beyond).wrapping_mul(count));
-            gap = gap.wrapping_add(u64::from(beyond >> 16));
-            beyond &= 0xffff;
-            let passed = if count > 1 {
-                // Not longer than the longest stair, which 16 bits hold.
-                *place = StepEntry::of(cruise.ticks, count as u16, axes, added);
-                gap = gap.wrapping_sub(i64::from(cruise.drift.wrapping_mul(count as i32)) as u64);
-                u64::from(cruise.ticks) * u64::from(count)
-            } else {
-                *place = StepEntry::event(ticks, axes | added);
-                gap = (gap & u64::from(ONE_TICK - 1)).wrapping_add(cruise.interval);
-                u64::from(ticks)
-            };
-            between.pass(passed);
-            left = left.wrapping_sub(count);
-            begins = false;
         }
-        let entries = most - places.len();
-        let due = between.last(between.free).wrapping_add(gap).wrapping_sub(HALF_TICK);
-        self.master.end_cruise(steps - left, due, beyond);
+        let due = between.last(free).wrapping_add(gap >> BITS_BEYOND).wrapping_sub(HALF_TICK);
+        self.master.end_cruise(steps.wrapping_sub(left), due, gap as u32 & 0xffff);
+        let mut first = first;
+        first.set_line(line);
         self.followers = [first, second];
-        self.end_run(&between, between.free, entries, steps > left);
-        (entries, between.has_joined)
+        self.end_run(&between, free, events, steps > left);
+        (events, between.has_joined)
     }
 
     /// Takes over what a run has done besides the master's steps.
@@ -270,6 +311,18 @@ impl Interpolator {
             self.joining |= EXTRUDER;
         }
     }
+}
+
+/// Whole ticks of a gap in the cruise.
+#[inline(always)]
+fn gap_ticks(gap: u64) -> u32 {
+    (gap >> 32) as u32
+}
+
+/// Whether a step of a stair may be so many ticks off, wrapping where it is too early.
+#[inline(always)]
+fn is_tolerable(ticks: u32) -> bool {
+    ticks.wrapping_add(STAIR_TOLERANCE) <= 2 * STAIR_TOLERANCE
 }
 
 /// Whether an event so many ticks behind `last` is later than another time; any of them may be before the block's start.

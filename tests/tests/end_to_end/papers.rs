@@ -67,6 +67,25 @@ fn the_book_s_pictures_are_those_that_the_command_draws() {
 }
 
 #[test]
+fn the_book_s_tables_of_choices_are_those_that_the_command_prints() {
+    const PLACE: &str = "<!-- what `papers --compare` prints -->\n";
+    let page = repository().join("docs/src/papers.md");
+    let text = std::fs::read_to_string(&page).unwrap();
+    let (before, kept) = text.split_once(PLACE).unwrap();
+    let mut printed = String::new();
+    for file in ["examples/cube.gcode", "examples/gyroid.gcode.gz"] {
+        let compared = ferrostep(["papers", "--compare", file]);
+        assert_eq!(compared.status, Some(0), "{compared:?}");
+        printed = format!("{printed}\n{}", compared.stdout);
+    }
+    if std::env::var_os(REFRESH_VARIABLE).is_some() {
+        std::fs::write(page, format!("{before}{PLACE}{printed}")).unwrap();
+    } else {
+        assert!(kept == printed, "the tables have changed: look at them, then set {REFRESH_VARIABLE} to keep them");
+    }
+}
+
+#[test]
 fn a_file_is_printed_in_every_way() {
     let folder = TempDir::new().unwrap();
     let file = folder.path().join("corner.gcode");
@@ -89,10 +108,17 @@ fn a_file_is_printed_in_every_way() {
             columns.iter().position(|column| column.as_str().unwrap().starts_with(name)).unwrap()
         };
         for row in rows {
-            let number = |name: &str| row[column(name)].as_f64().unwrap();
+            let number = |name: &str| row[column(name)].as_f64().unwrap_or_else(|| panic!("{name} of {row}"));
             let limit = if profile == "corexy" { 10_000.0 } else { 1_000.0 };
             assert!(number("motion") > 1.0 && number("most events") > 1_000.0, "{row}");
-            assert!(number("peak acceleration") > 0.1 * limit && number("peak acceleration") < 1.1 * limit, "{row}");
+            // Differences over 10 ms of positions that are whole steps, which of point-by-point are the coarsest. The
+            // paper's table is slow: 30,000 Hz/s at the most, whatever the machine could do.
+            let (least, most) = match (row[0].as_str().unwrap(), row[1].as_str().unwrap()) {
+                (_, "s-curve-table") => (100.0, limit),
+                ("point-by-point", _) => (0.4 * limit, 1.2 * limit),
+                _ => (0.4 * limit, 1.05 * limit),
+            };
+            assert!(number("peak acceleration") > least && number("peak acceleration") < most, "{row}");
             assert!(number("largest path error") < 0.03, "{row}");
         }
         // Each way makes steps of its own.

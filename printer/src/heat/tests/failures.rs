@@ -134,7 +134,6 @@ fn a_thermistor_that_fell_out_is_noticed_before_the_heater_is_too_hot() {
         assert!(after_s <= runaway_s + 0.5, "{after_s} s");
         // 40 s at full power are what the default allows the nozzle.
         let reached = rig.board.true_celsius(heater);
-        eprintln!("DBG {heater:?} {fault} {after_s} {reached}");
         assert!(reached < settings(heater).max_celsius + 25.0, "{reached}");
     }
 }
@@ -151,7 +150,6 @@ fn a_transistor_that_failed_closed_is_noticed_whatever_the_target() {
             let (fault, after_s) = rig.fault_after(600.0);
             assert!(matches!(fault.trip, Trip::RisesUnpowered(_)), "{fault}");
             assert!(after_s <= periods_s(heater).0, "{fault} after {after_s} s");
-            eprintln!("DBG {heater:?} {fault} {after_s} {}", rig.board.true_celsius(heater));
             assert!(rig.board.true_celsius(heater) < settings(heater).max_celsius);
         }
     }
@@ -185,7 +183,6 @@ fn a_reading_that_stands_still_is_noticed() {
         assert!(matches!(fault.trip, Trip::Frozen(_)), "{fault}");
         assert!((after_s - runaway_s).abs() < 0.1, "{after_s} s");
         let reached = rig.board.true_celsius(heater);
-        eprintln!("DBG {heater:?} {fault} {after_s} {reached}");
         assert!(reached < target + 30.0, "{reached}");
     }
 }
