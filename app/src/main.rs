@@ -276,6 +276,13 @@ mod app {
         loop {
             let interval = REPORTS_INTERVAL_MS.millis();
             if let Ok(()) = Mono::timeout_after(interval, cx.local.halted.wait()).await {
+                // A command at work has done it already; where none is, nobody else does. Whether the machine is still
+                // halted must not change in between: after M999 the motors are needed.
+                machine.lock(|machine| {
+                    if SIGNALS.is_halted() {
+                        machine.switch_motors_off();
+                    }
+                });
                 replies.halted(heating.fault());
             }
             replies.lost_bytes(host_line::take_lost_bytes());
