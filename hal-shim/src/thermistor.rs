@@ -35,11 +35,11 @@ struct SteinhartHart {
 
 /// Through 20, 150 and 300 degrees of the maker's table for 104GT (Semitec, GT thermistors): 126.8 k, 1.360 k and
 /// 80.65 ohms. Nowhere in the table from -50 to 300 degrees is it 0.1 degrees off.
-const SEMITEC_104GT_2: SteinhartHart = SteinhartHart { a: 8.096_510_5e-4, b: 2.116_360_3e-4, c: 7.074_208_8e-8 };
+const SEMITEC_104GT_2: SteinhartHart = SteinhartHart { a: 8.096_510_5e-4, b: 2.116_360_3e-4, c: 7.074_209e-8 };
 
 /// Through 25, 150 and 250 degrees as EPCOS names them for B57560G104F: 100 k, 1641.9 and 226.15 ohms. B25/100 comes
 /// out at 4091 K; the data sheet says 4092 K, +-1 %.
-const EPCOS_100K: SteinhartHart = SteinhartHart { a: 7.221_363_1e-4, b: 2.167_665_7e-4, c: 8.929_358e-8 };
+const EPCOS_100K: SteinhartHart = SteinhartHart { a: 7.221_363e-4, b: 2.167_665_7e-4, c: 8.929_358e-8 };
 
 /// A type of thermistor.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -146,4 +146,5 @@ impl Thermistor {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used)]
 mod tests;

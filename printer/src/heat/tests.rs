@@ -83,7 +83,7 @@ impl Rig {
     /// Runs until a fault: what it was, and after how many seconds.
     fn fault_after(&mut self, at_most_s: f32) -> (HeatFault, f32) {
         let since = self.samples;
-        let fault = self.run(at_most_s).expect_err("no fault");
+        let fault = self.run(at_most_s).unwrap_err();
         for heater in Heater::ALL {
             assert_eq!(self.board.power(heater), 0.0, "{heater:?} is on in the very sample of {fault}");
         }

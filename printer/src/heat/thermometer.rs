@@ -43,6 +43,7 @@ impl Thermometer {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
     use ferrostep_hal_shim::thermistor::ThermistorType;

@@ -51,9 +51,8 @@ impl<S: SharedMachine> SharedMotion<S> {
                 return Err(MotionError::Stopped);
             }
             // In one look: a stop between the two would be over, and what is added now would move a halted machine.
-            let outcome = self.0.with(|machine| match machine.stops() == stops {
-                true => attempt(machine).map(Ok),
-                false => Some(Err(MotionError::Stopped)),
+            let outcome = self.0.with(|machine| {
+                if machine.stops() == stops { attempt(machine).map(Ok) } else { Some(Err(MotionError::Stopped)) }
             });
             match outcome {
                 Some(Ok(value)) => {
