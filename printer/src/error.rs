@@ -69,7 +69,7 @@ pub enum CommandError {
     NotEquipped(&'static str),
     /// A tool that does not exist.
     InvalidTool(u32),
-    /// The machine was stopped by M112, here or before, and waits for M999.
+    /// The machine was stopped by M112 or a heater fault, here or before, and waits for M999.
     Halted,
     /// Motion was stopped on the way.
     Stopped,
@@ -129,7 +129,7 @@ impl fmt::Display for CommandError {
             }
             Self::NotEquipped(what) => write!(out, "the firmware does not use this board's {what} yet"),
             Self::InvalidTool(tool) => write!(out, "T{tool} - Invalid extruder number !, expected T0"),
-            Self::Halted => write!(out, "the printer is halted (M112), expected M999 to restart"),
+            Self::Halted => write!(out, "the printer is halted (M112 or a heater fault), expected M999 to restart"),
             Self::Stopped => write!(out, "motion was stopped"),
         }
     }

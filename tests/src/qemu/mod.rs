@@ -13,7 +13,7 @@ mod port_log;
 
 pub use debugger::{Debugger, Register};
 pub use host::{Host, HostError, Port, with_checksum};
-pub use machine::{EMULATOR, Machine};
+pub use machine::{EMULATOR, Machine, Sleep};
 pub use noise::Noise;
 pub use pin_log::{PinEvent, PinLog, Pins};
 pub use port_log::{BSRR, MODER, Pin, PortState, PortWrite};

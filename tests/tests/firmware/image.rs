@@ -6,7 +6,7 @@ use std::process::Command;
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::Duration;
 
-use ferrostep_tests::qemu::{EMULATOR, Host, Machine, PinLog, Pins, PortWrite};
+use ferrostep_tests::qemu::{EMULATOR, Host, Machine, PinLog, Pins, PortWrite, Sleep};
 use tempfile::TempDir;
 
 /// Far more than any of these conversations takes.
@@ -59,15 +59,24 @@ pub struct Bench {
 impl Bench {
     /// Boots the bench board's image.
     pub fn boot() -> Self {
-        Self::boot_image(image())
+        Self::boot_with(Sleep::RealTime)
+    }
+
+    /// Boots the bench board's image, and says what becomes of its sleep.
+    pub fn boot_with(sleep: Sleep) -> Self {
+        Self::start(image(), sleep)
     }
 
     /// Boots an image.
     pub fn boot_image(image: &Path) -> Self {
+        Self::start(image, Sleep::RealTime)
+    }
+
+    fn start(image: &Path, sleep: Sleep) -> Self {
         // A test that failed while it had its turn leaves nothing behind that matters here.
         let turn = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
         let folder = tempfile::tempdir().unwrap();
-        let machine = Machine::start(image, folder.path()).unwrap_or_else(|error| {
+        let machine = Machine::start(image, folder.path(), sleep).unwrap_or_else(|error| {
             panic!("{EMULATOR} does not start ({error}): `cargo xtask test` installs it on Debian")
         });
         let mut host = Host::new(machine, LIMIT);

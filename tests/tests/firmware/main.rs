@@ -9,6 +9,7 @@ mod board_pins;
 mod boards;
 mod choices;
 mod emergency;
+mod heater_fault;
 mod image;
 mod job;
 mod masks;
