@@ -136,9 +136,16 @@ pub fn check(run: &mut Run) -> Result<(), Failure> {
     run.step("lints of the firmware", || match core_library {
         // The tally is the bench's source over again, so that only that is looked at twice.
         CoreLibrary::Installed => {
-            let stm32f4 = ["--package", "ferrostep-stm32f4", "--lib", "--features", "stm32f405"];
+            for name in ferrostep_boards::builtin_names() {
+                let target = Target::new(name, None)?;
+                let chip = ["--no-default-features", "--features", target.board.chip.feature];
+                for package in
+                    [["--package", "ferrostep-stm32f4", "--lib"], ["--package", "ferrostep-firmware", "--bins"]]
+                {
+                    system::run(&mut lint_command(&core_library, &target, &[package, chip].concat()))?;
+                }
+            }
             let bench = Target::bench()?;
-            system::run(&mut lint_command(&core_library, &bench, &stm32f4))?;
             system::run(&mut lint_command(&core_library, &bench, &["--bins", "--features", "bench"]))?;
             system::run(&mut lint_command(&core_library, &bench, &["--bin", "bench", "--features", "tally"]))
         }
