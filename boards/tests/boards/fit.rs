@@ -2,6 +2,12 @@
 
 use ferrostep_boards::{builtin_names, fit, load};
 
+/// The line of a built-in profile on which a text stands.
+fn line_of(profile: &str, part: &str) -> usize {
+    let text = ferrostep_profiles::builtin_text(profile).unwrap();
+    1 + text.lines().position(|line| line.starts_with(part)).unwrap()
+}
+
 /// The error of a profile after a replacement, on a board.
 fn error_after(board: &str, profile: &str, from: &str, to: &str) -> Option<String> {
     let text = ferrostep_profiles::builtin_text(profile).unwrap();
@@ -31,8 +37,9 @@ fn both_edges_are_for_drivers_that_are_told_so() {
     let (from, to) = ("both_edges = false", "both_edges = true");
     for board in ["prusa-buddy", "btt-octopus-1.1"] {
         let error = error_after(board, "prusa-mini", from, to).unwrap();
+        let line = line_of("prusa-mini", from);
         assert!(
-            error.starts_with("test.toml:118: driver.both_edges = true: expected false: motors.x of the"),
+            error.starts_with(&format!("test.toml:{line}: driver.both_edges = true: expected false: motors.x of the")),
             "{error}"
         );
     }
@@ -43,10 +50,9 @@ fn both_edges_are_for_drivers_that_are_told_so() {
 #[test]
 fn pulses_are_as_long_as_the_driver_wants() {
     let error = error_after("prusa-buddy", "prusa-mini", "pulse_width_us = 0.2", "pulse_width_us = 0.05").unwrap();
-    assert!(
-        error.starts_with("test.toml:116: driver.pulse_width_us = 0.05: expected at least 0.1 us for the tmc2209"),
-        "{error}"
-    );
+    let line = line_of("prusa-mini", "pulse_width_us");
+    let expected = "driver.pulse_width_us = 0.05: expected at least 0.1 us for the tmc2209";
+    assert!(error.starts_with(&format!("test.toml:{line}: {expected}")), "{error}");
 }
 
 #[test]
@@ -57,6 +63,6 @@ fn an_axis_homes_by_what_the_board_has() {
     let board = ferrostep_boards::parse(&without_probe, "test.toml").unwrap();
     let profile = ferrostep_profiles::load("prusa-mini").unwrap();
     let error = fit::check(&board, &profile, "prusa-mini").unwrap_err().to_string();
-    assert!(error.starts_with("prusa-mini:63: homing.z.sensor = \"probe\": expected what the board"), "{error}");
+    assert!(error.contains(": homing.z.sensor = \"probe\": expected what the board"), "{error}");
     assert!(error.ends_with("its inputs are filament"), "{error}");
 }
