@@ -38,7 +38,7 @@ mod app {
 
     use ferrostep_gcode::{Emergency, EmergencyScanner, LineReader, Reply};
     use ferrostep_hal_shim::clock_tree::ClockSource;
-    use ferrostep_hal_shim::stepping::{self, SlotAccount, StepFeeder};
+    use ferrostep_hal_shim::stepping::{self, StepFeeder};
     use ferrostep_planner::look_ahead::Slot;
     use ferrostep_printer::heat::SAMPLE_MS;
     use ferrostep_printer::machine::SharedMotion;
@@ -59,7 +59,7 @@ mod app {
     use crate::host_line::{self, Patience, Reader, Writer};
     use crate::ports::{
         BoardHeating, BoardMachine, BoardMachineLock, BoardReplies, BoardStepTimer, LOOK_AHEAD_BLOCKS, Overload,
-        PLANNER_WORK, STEP_QUEUE_SLOTS, STEPS,
+        PLANNER_WORK, STEPS,
     };
     use crate::profile::PROFILE;
     use crate::timing::{self, BoardTiming};
@@ -111,7 +111,6 @@ mod app {
         slots: heapless::Vec<Slot, LOOK_AHEAD_BLOCKS> = heapless::Vec::new(),
         receive: Queue<u8, { host_line::RECEIVE_BYTES }> = Queue::new(),
         send: Queue<u8, { host_line::SEND_BYTES }> = Queue::new(),
-        slot_steps: [SlotAccount; STEP_QUEUE_SLOTS] = [SlotAccount::NONE; STEP_QUEUE_SLOTS],
     ])]
     fn init(cx: init::Context) -> (Shared, Local) {
         let device = cx.device;
@@ -135,7 +134,7 @@ mod app {
             pulse_ticks: clock.timer_ticks(PROFILE.driver.pulse_width_ns),
             direction_setup_ticks: clock.timer_ticks(PROFILE.driver.direction_setup_ns),
         };
-        let feeder = StepFeeder::new(&STEPS, board::PIN_MAP, signals, cx.local.slot_steps);
+        let feeder = StepFeeder::new(&STEPS, board::PIN_MAP, signals);
         let step_timer = StepTimer::start(device.TIM2, device.TIM9, &device.RCC, &pins, &STEPS);
         // On the bare internal oscillator the plan shall not depend on time, as for the host's line.
         let planning_clock = (clock.source != ClockSource::Internal).then_some(motion_clock);
