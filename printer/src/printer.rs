@@ -10,7 +10,7 @@ use ferrostep_planner::{AccelerationProfile, Interpolation, Kinematics};
 
 use crate::error::{CommandError, Failure};
 use crate::modal::{Modal, Tally};
-use crate::ports::{Heating, Motion, Replies, Signals, Timing};
+use crate::ports::{Heating, Motion, MotorDrivers, Replies, Signals, Timing};
 use crate::profile::{HomeEnd, Profile};
 use crate::waits::temperatures;
 
@@ -45,6 +45,7 @@ pub struct Printer<'a, M, H, T, R> {
     last_line: i64,
     emergency_parser: bool,
     timing: Option<&'a dyn Timing>,
+    pub(crate) drivers: Option<&'a dyn MotorDrivers>,
 }
 
 impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'a, M, H, T, R> {
@@ -63,6 +64,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
             last_line: 0,
             emergency_parser: false,
             timing: None,
+            drivers: None,
         }
     }
 
@@ -74,6 +76,11 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
     /// The board measures times of itself (M798).
     pub fn set_timing(&mut self, timing: &'a dyn Timing) {
         self.timing = Some(timing);
+    }
+
+    /// The motors' drivers can be set (M122, M569, M906, M914); nothing moves before all have confirmed that they are.
+    pub fn set_drivers(&mut self, drivers: &'a dyn MotorDrivers) {
+        self.drivers = Some(drivers);
     }
 
     /// What has been done so far.
@@ -190,6 +197,13 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
     }
 
     async fn dispatch(&mut self, command: &Command<'_>) -> Result<bool, CommandError> {
+        let moves = matches!(
+            command,
+            Command::Linear { .. } | Command::Arc { .. } | Command::Retract | Command::Recover | Command::Home(_)
+        );
+        if moves && let Some(drivers) = self.drivers {
+            self.drivers_confirmed(drivers).await?;
+        }
         match *command {
             Command::Linear { rapid, ref axes, feed } => self.linear(rapid, axes, feed).await?,
             Command::Arc { clockwise, ref axes, form, feed } => self.arc(clockwise, axes, form, feed).await?,
@@ -231,6 +245,10 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
                 self.adaptive_extrusion(on, [layer_height, line_width, filament_diameter])?;
             }
             Command::Timing { on, clear } => self.timing(on, clear),
+            Command::ReportDrivers => self.report_drivers(),
+            Command::StealthChop { motors, on } => self.stealth_chop(motors, on).await?,
+            Command::DriverCurrent(words) => self.driver_current(words).await?,
+            Command::StallThreshold(words) => self.stall_threshold(words).await?,
             Command::Echo { echo_prefix, action_prefix, text } => self.echo(echo_prefix, action_prefix, text),
             Command::MaxAcceleration(ref words) => self.set_max_acceleration(words)?,
             Command::MaxFeed(ref words) => self.set_max_feed(words)?,

@@ -103,6 +103,14 @@ impl DriverBank {
         self.driver(motor).map(Driver::settings)
     }
 
+    /// Whether a driver could do something else that is asked of it.
+    ///
+    /// # Errors
+    /// The chip cannot do that with this board's sense resistors.
+    pub fn check(&self, motor: usize, settings: &DriverSettings) -> Result<(), SettingsError> {
+        self.driver(motor).map_or(Ok(()), |driver| RegisterImage::new(settings, &driver.wiring).map(|_| ()))
+    }
+
     /// Asks for something else of a driver, which is then unconfirmed until it is set up anew. Without effect for a
     /// motor without a driver.
     ///
