@@ -3,7 +3,7 @@
 
 use proptest::prelude::*;
 
-use super::*;
+use crate::tmc2209::*;
 use crate::virtual_board::{VIRTUAL_WIRING, VirtualDriverLines};
 
 /// Ticks are microseconds.
