@@ -10,16 +10,10 @@
 //! itself is a tenth of its interval early or late). The chip replies at the speed that it measured in the request (TMC2209
 //! data sheet, section 4.1), so what is left of that is its clock's resolution, 1/625 of a bit at 19,200 baud.
 
-use crate::tmc2209::{LineBusy, SingleWireUart};
+use crate::tmc2209::{LineBusy, LineBytes, SingleWireUart};
 
 /// Calls of [`SoftwareSerial::tick`] a bit.
 pub const TICKS_A_BIT: u8 = 4;
-
-/// Bytes that are kept until somebody takes them: those of a read and its reply, and some.
-const RECEIVED: usize = 16;
-
-/// Most bytes of a datagram.
-const SENT: usize = 8;
 
 /// Bits of a byte: start, eight, stop.
 const BITS: u8 = 10;
@@ -39,15 +33,10 @@ pub enum PinAction {
 #[derive(Clone, Copy, Debug, Default)]
 pub struct SoftwareSerial {
     line: u8,
-    to_send: [u8; SENT],
-    length: usize,
-    /// Ticks since sending began.
-    sent_ticks: u16,
+    bytes: LineBytes,
+    /// Ticks since the present byte's start bit began.
+    sent_ticks: u8,
     receiver: Receiver,
-    /// A ring of what was received, where it begins and how much it holds.
-    received: [u8; RECEIVED],
-    first: usize,
-    waiting: usize,
     damaged: u32,
 }
 
@@ -113,13 +102,9 @@ impl SoftwareSerial {
     pub const fn new() -> Self {
         Self {
             line: 0,
-            to_send: [0; SENT],
-            length: 0,
+            bytes: LineBytes::new(),
             sent_ticks: 0,
             receiver: Receiver { ticks: None, bits: 0, high: 0 },
-            received: [0; RECEIVED],
-            first: 0,
-            waiting: 0,
             damaged: 0,
         }
     }
@@ -128,39 +113,29 @@ impl SoftwareSerial {
     pub fn tick(&mut self, level: bool) -> PinAction {
         match self.receiver.sample(level) {
             None => {}
-            Some(Heard::Byte(byte)) => self.keep(byte),
+            Some(Heard::Byte(byte)) => self.bytes.keep(byte),
             Some(Heard::Damaged) => self.damaged = self.damaged.wrapping_add(1),
         }
         self.next_action()
     }
 
     fn next_action(&mut self) -> PinAction {
-        if !self.is_sending() {
-            return PinAction::Release;
-        }
-        let bit = self.sent_ticks / u16::from(TICKS_A_BIT);
+        let Some(byte) = self.bytes.to_send() else { return PinAction::Release };
+        let bit = self.sent_ticks / TICKS_A_BIT;
         self.sent_ticks += 1;
-        let Some(byte) = self.to_send.get(usize::from(bit / u16::from(BITS))) else { return PinAction::Release };
-        let high = match bit % u16::from(BITS) {
-            0 => false,
-            index => (u16::from(*byte) | 0x100) >> (index - 1) & 1 == 1,
-        };
-        if high { PinAction::High } else { PinAction::Low }
-    }
-
-    fn keep(&mut self, byte: u8) {
-        if let Some(place) = self.received.get_mut((self.first + self.waiting) % RECEIVED)
-            && self.waiting < RECEIVED
-        {
-            *place = byte;
-            self.waiting += 1;
+        if self.sent_ticks >= BITS * TICKS_A_BIT {
+            self.sent_ticks = 0;
+            self.bytes.has_sent();
         }
+        // Behind the start bit, 0, come the byte's and the stop bit, 1.
+        let level = (u16::from(byte) | 0x100) << 1;
+        if level >> bit & 1 == 1 { PinAction::High } else { PinAction::Low }
     }
 
     /// Whether something is being sent.
     #[must_use]
     pub const fn is_sending(&self) -> bool {
-        self.sent_ticks < self.length as u16 * (BITS * TICKS_A_BIT) as u16
+        self.bytes.has_more()
     }
 
     /// Whether nothing is being sent or received at this moment.
@@ -188,18 +163,12 @@ impl SingleWireUart for SoftwareSerial {
             return Err(LineBusy);
         }
         *self = Self { line, damaged: self.damaged, ..Self::new() };
-        for (to, from) in self.to_send.iter_mut().zip(bytes) {
-            *to = *from;
-            self.length += 1;
-        }
+        self.bytes.begin(bytes);
         Ok(())
     }
 
     fn receive(&mut self, _now_ticks: u32) -> Option<u8> {
-        self.waiting = self.waiting.checked_sub(1)?;
-        let byte = self.received.get(self.first).copied();
-        self.first = (self.first + 1) % RECEIVED;
-        byte
+        self.bytes.take()
     }
 }
 
@@ -314,7 +283,7 @@ mod tests {
             for level in levels {
                 serial.tick(level);
             }
-            prop_assert!(all(&mut serial).len() <= RECEIVED);
+            prop_assert!(all(&mut serial).len() <= 16);
         }
     }
 

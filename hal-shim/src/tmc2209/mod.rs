@@ -32,4 +32,4 @@ pub use registers::{
     ChopConf, DriverStatus, GlobalConf, GlobalStatus, HoldRun, MicrostepResolution, Register, VERSION,
 };
 pub use settings::{DriverSettings, DriverWiring, RegisterImage, SettingsError, THRESHOLD_LARGEST, chopper_threshold};
-pub use uart::{LineBusy, SingleWireUart};
+pub use uart::{LineBusy, LineBytes, SingleWireUart};
