@@ -6,7 +6,7 @@
 //! | 16 | `near_steps` | `steps`, `planner` | the same | 128 looks at the timer; start or end of a motion: 80 instructions |
 //! | 13 | `serial` | USART1 | `local` only: port, two byte rings, the emergency scanner | 16 bytes to send, the received one; M112 |
 //! | 9 | SysTick (rtic-monotonics) | every ms | the queue of waits | wakes the tasks whose waits end |
-//! | 8 | `temperature` | every 100 ms | `heat` | two PID loops and their checks |
+//! | 8 | `temperature` | every 10 ms | `heat` | two medians, two PID loops and their checks |
 //! | 8 | `emergency` | M112 | `heat` | heaters off |
 //! | 4 | `planner` | a move, or 2 ms | `machine` | fills the step queue: 256 portions a lock |
 //! | 2 | `printer` | received bytes | `machine`, `heat`, `writer` | one line; a wait is an await |
@@ -38,11 +38,12 @@ mod app {
 
     use ferrostep_gcode::{Emergency, EmergencyScanner, LineReader, Reply};
     use ferrostep_hal_shim::clock_tree::ClockSource;
-    use ferrostep_hal_shim::stepping::{self, SlotAccount, StepFeeder};
+    use ferrostep_hal_shim::stepping::{self, StepFeeder};
     use ferrostep_planner::look_ahead::Slot;
+    use ferrostep_printer::heat::SAMPLE_MS;
     use ferrostep_printer::machine::SharedMotion;
     use ferrostep_printer::{Host, Printer, Replies, Signals, temperatures};
-    use ferrostep_stm32f4::bench::{self, BenchPins};
+    use ferrostep_stm32f4::board::{self, BoardPins};
     use ferrostep_stm32f4::clock;
     use ferrostep_stm32f4::measured::Switch;
     use ferrostep_stm32f4::motion_clock::MotionClock;
@@ -58,7 +59,7 @@ mod app {
     use crate::host_line::{self, Patience, Reader, Writer};
     use crate::ports::{
         BoardHeating, BoardMachine, BoardMachineLock, BoardReplies, BoardStepTimer, LOOK_AHEAD_BLOCKS, Overload,
-        PLANNER_WORK, STEP_QUEUE_SLOTS, STEPS,
+        PLANNER_WORK, STEPS,
     };
     use crate::profile::PROFILE;
     use crate::timing::{self, BoardTiming};
@@ -106,37 +107,48 @@ mod app {
     }
 
     #[init(local = [
-        slots: [Slot; LOOK_AHEAD_BLOCKS] = [Slot::EMPTY; LOOK_AHEAD_BLOCKS],
+        // Filled here and not by the compiler, which would keep a copy of it in flash.
+        slots: heapless::Vec<Slot, LOOK_AHEAD_BLOCKS> = heapless::Vec::new(),
         receive: Queue<u8, { host_line::RECEIVE_BYTES }> = Queue::new(),
         send: Queue<u8, { host_line::SEND_BYTES }> = Queue::new(),
-        slot_steps: [SlotAccount; STEP_QUEUE_SLOTS] = [SlotAccount::NONE; STEP_QUEUE_SLOTS],
     ])]
     fn init(cx: init::Context) -> (Shared, Local) {
         let device = cx.device;
         let mut core = cx.core;
-        let clock = clock::start(&device.RCC, &device.FLASH, bench::CRYSTAL_MHZ);
+        let clock = clock::start(&device.RCC, &device.FLASH);
         clock::set_systick_priority(&mut core.SCB, WAITS_PRIORITY);
         Mono::start(core.SYST, clock.core_hz);
         let motion_clock = MotionClock::start(device.TIM5, &device.RCC);
         let measured = Switch::new(VectorTable::new(core.SCB), core.DCB, core.DWT, motion_clock);
-        let pins = BenchPins::new(device.GPIOC, &device.GPIOA, &device.RCC);
+        let pins = BoardPins::new((
+            device.GPIOA,
+            device.GPIOB,
+            device.GPIOC,
+            device.GPIOD,
+            device.GPIOE,
+            device.GPIOF,
+            device.GPIOG,
+        ));
 
         let signals = stepping::Signals {
             pulse_ticks: clock.timer_ticks(PROFILE.driver.pulse_width_ns),
             direction_setup_ticks: clock.timer_ticks(PROFILE.driver.direction_setup_ns),
         };
-        let feeder = StepFeeder::new(&STEPS, bench::PINS, signals, cx.local.slot_steps);
+        let feeder = StepFeeder::new(&STEPS, board::PIN_MAP, signals);
         let step_timer = StepTimer::start(device.TIM2, device.TIM9, &device.RCC, &pins, &STEPS);
         // On the bare internal oscillator the plan shall not depend on time, as for the host's line.
         let planning_clock = (clock.source != ClockSource::Internal).then_some(motion_clock);
         let queue = StepQueue::new(pins, feeder, planning_clock);
-        let machine = BoardMachine::new(&PROFILE, &mut cx.local.slots[..], queue);
+        let slots = cx.local.slots;
+        while slots.push(Slot::EMPTY).is_ok() {}
+        let machine = BoardMachine::new(&PROFILE, slots.as_mut_slice(), queue);
 
         let port = Serial::start(device.USART1, &device.RCC, clock.serial_hz, BAUD);
         let (received, to_read) = cx.local.receive.split();
         let (to_write, to_send) = cx.local.send.split();
         let mut writer = Writer(to_write);
         writer.line(Reply::Start);
+        writer.line(format_args!("echo:board: {}", board::NAME));
         writer.line(format_args!("echo:clock: {clock}"));
 
         // Each of them is taken here and nowhere else.
@@ -199,15 +211,16 @@ mod app {
         }
     }
 
-    /// Heater control; a fault halts the machine. Must run every 100 ms, whatever the tasks below do.
+    /// Heater control; a fault halts the machine. Must run every 10 ms, whatever the tasks below do: a sample that is
+    /// late is made up for.
     #[task(priority = 8, shared = [heat])]
     async fn temperature(mut cx: temperature::Context) {
         let mut next = Mono::now();
         loop {
-            next += heat::INTERVAL_MS.millis();
+            next += SAMPLE_MS.millis();
             Mono::delay_until(next).await;
-            let healthy = cx.shared.heat.lock(|heat| heat.update(FAN_POWER.load(Ordering::Relaxed)));
-            if !healthy && !SIGNALS.is_halted() {
+            let outcome = cx.shared.heat.lock(|heat| heat.update(FAN_POWER.load(Ordering::Relaxed)));
+            if outcome.is_err() {
                 SIGNALS.halt();
                 step_timer::stop(STEPS.link());
                 HALTED.writer().write(());
@@ -222,7 +235,7 @@ mod app {
         HALTED.writer().write(());
     }
 
-    /// Keeps the step queue full. Must run often enough that 2048 entries last.
+    /// Keeps the step queue full. Must run often enough that the queue's entries last.
     #[task(priority = 4, shared = [machine], local = [planner_work, motion_clock, patience])]
     async fn planner(mut cx: planner::Context) {
         loop {
@@ -245,6 +258,7 @@ mod app {
         let replies = BoardReplies(RefCell::new(cx.shared.writer));
         let mut printer = Printer::new(&PROFILE, motion, heating, SystemClock::default(), &replies, &SIGNALS);
         printer.set_emergency_parser(true);
+        printer.set_equipment(heat::EQUIPMENT);
         let timing = BoardTiming::new(cx.local.measured);
         printer.set_timing(&timing);
         let mut host = Host::new();
@@ -274,12 +288,20 @@ mod app {
         loop {
             let interval = REPORTS_INTERVAL_MS.millis();
             if let Ok(()) = Mono::timeout_after(interval, cx.local.halted.wait()).await {
+                // A command at work has done it already; where none is, nobody else does. Whether the machine is still
+                // halted must not change in between: after M999 the motors are needed.
+                machine.lock(|machine| {
+                    if SIGNALS.is_halted() {
+                        machine.switch_motors_off();
+                    }
+                });
                 replies.halted(heating.fault());
             }
             replies.lost_bytes(host_line::take_lost_bytes());
             let interval_ms = u32::from(SIGNALS.report_interval_s()) * 1000;
             let now_ms = Mono::now().ticks();
-            if interval_ms > 0 && now_ms.wrapping_sub(reported_ms) >= interval_ms {
+            let is_due = interval_ms > 0 && now_ms.wrapping_sub(reported_ms) >= interval_ms;
+            if is_due && heat::EQUIPMENT.heaters {
                 reported_ms = now_ms;
                 replies.send(Reply::Temperatures(temperatures(&heating)));
             }

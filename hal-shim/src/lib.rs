@@ -7,6 +7,7 @@ pub mod clock_tree;
 pub mod histogram;
 pub mod software_serial;
 pub mod stepping;
+pub mod thermistor;
 pub mod tmc2209;
 pub mod virtual_board;
 
@@ -36,7 +37,7 @@ impl Heater {
     }
 }
 
-/// Why a thermometer has no reading.
+/// Why a reading is no temperature.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SensorError {
     /// Its circuit is open.
@@ -53,8 +54,9 @@ pub trait Clock {
 
 /// Thermometers and heaters.
 pub trait ThermalBoard {
-    /// Temperature at a heater, degrees Celsius.
-    fn celsius(&mut self, heater: Heater) -> Result<f32, SensorError>;
+    /// What the converter reads at a heater's thermistor: the sum of 16 conversions of 12 bits, taken now or since the
+    /// reading before ([`thermistor`] makes a temperature of it).
+    fn reading(&mut self, heater: Heater) -> u16;
     /// Heater power from 0 to 1; anything else is cut to that.
     fn set_power(&mut self, heater: Heater, power: f32);
 }

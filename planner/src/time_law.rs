@@ -3,6 +3,7 @@
 use crate::TICKS_PER_SECOND;
 use crate::block::{PlannedBlock, Speed};
 use crate::kinematics::UNITS_PER_MM;
+use crate::look_ahead::Part;
 use crate::real::Real;
 use crate::s_curve::FrequencyTable;
 use crate::s_curve::law::{Along, Curve};
@@ -201,6 +202,11 @@ impl TimeLaw {
     pub fn trapezoid(planned: &PlannedBlock) -> Self {
         let short = Trapezoid::<f32>::new(planned);
         if short.duration <= LONGEST_IN_F32 { Self(Precision::Short(short)) } else { Self::long(planned) }
+    }
+
+    /// The S-curve of a run along one of its blocks, and the speed at the block's end (Li 2017).
+    pub fn of_part(part: &Part) -> (Self, Speed) {
+        Self::along(&Curve::new(&part.run), part.offset_10nm, part.block.length_10nm)
     }
 
     /// The law of a run along the block that begins so far behind the run's start, and the speed at the block's end.

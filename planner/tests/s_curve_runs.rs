@@ -1,11 +1,25 @@
-//! Look-ahead under an S-curve: the runs of random blocks keep jerk, acceleration, corners and nominal speeds.
+//! Look-ahead under an S-curve: the runs of random blocks keep jerk, acceleration, corners and nominal speeds, and every
+//! block makes its steps.
+//!
+//! [`RUNS_VARIABLE`] sets how many runs are tried.
 
 #![allow(clippy::unwrap_used, missing_docs)]
 
 use ferrostep_planner::inner_ends::InnerEnds;
+use ferrostep_planner::interpolator::Interpolator;
 use ferrostep_planner::look_ahead::{Left, LookAhead, Marker, Part, Slot, SpeedLaw};
-use ferrostep_planner::s_curve::{Jerk, Ramp, Run};
-use ferrostep_planner::{Acceleration, Block, Pace, Speed, SquaredSpeed};
+use ferrostep_planner::s_curve::{FrequencyTable, Jerk, Ramp, Run};
+use ferrostep_planner::time_law::TimeLaw;
+use ferrostep_planner::{
+    Acceleration, Block, Notice, Pace, PlannedBlock, Speed, SquaredSpeed, StepEntry, StepKind, StepSink,
+    TICKS_PER_SECOND,
+};
+
+/// More or fewer random runs.
+const RUNS_VARIABLE: &str = "FERROSTEP_RUNS";
+
+/// Unless told.
+const RUNS: u64 = 100_000;
 
 /// Marsaglia's xorshift.
 struct Random(u64);
@@ -37,6 +51,9 @@ struct Blocks {
     nominal: f64,
     acceleration: f64,
     curved: bool,
+    /// Steps of Y for one of X, and of the extruder for a millimetre.
+    slope: f64,
+    filament: f64,
 }
 
 impl Blocks {
@@ -46,6 +63,8 @@ impl Blocks {
             nominal: random.magnitude(0.5, 500.0),
             acceleration: random.magnitude(20.0, 20_000.0),
             curved: random.one_in(2),
+            slope: 2.0 * random.share() - 1.0,
+            filament: if random.one_in(3) { 0.0 } else { 30.0 * random.share() - 10.0 },
         }
     }
 
@@ -57,8 +76,9 @@ impl Blocks {
         let nominal = self.nominal * if random.one_in(10) { random.magnitude(0.2, 1.5) } else { 1.0 };
         let acceleration = self.acceleration * if random.one_in(30) { random.magnitude(0.5, 2.0) } else { 1.0 };
         let block = Block {
-            steps: [1 + (length_mm * 80.0) as i32, 0, 0],
-            extruder_256ths: 0,
+            // Some have no step.
+            steps: [1.0, self.slope, -0.05].map(|share| (length_mm * 80.0 * share + random.share()).floor() as i32),
+            extruder_256ths: (length_mm * 256.0 * self.filament) as i32,
             length_10nm: ((length_mm * 1e5) as u32).max(1),
             nominal: Speed::from_mm_per_s(nominal).max(Speed(1)),
             acceleration: Acceleration::from_mm_per_s2(acceleration),
@@ -75,9 +95,84 @@ impl Blocks {
     }
 }
 
+/// Counts steps and ticks.
+#[derive(Default)]
+struct Counter {
+    directions: u8,
+    steps: [i64; 4],
+    ticks: u64,
+    events: u64,
+}
+
+impl Counter {
+    fn step(&mut self, axes: u8, count: u16) {
+        for (axis, steps) in self.steps.iter_mut().enumerate() {
+            let sign = if self.directions >> axis & 1 == 1 { -1 } else { 1 };
+            *steps += sign * i64::from(axes >> axis & 1) * i64::from(count);
+        }
+    }
+}
+
+impl StepSink for Counter {
+    fn entry(&mut self, entry: StepEntry) {
+        match entry.kind() {
+            StepKind::Directions { directions } => self.directions = directions,
+            StepKind::Wait { interval_ticks } => self.ticks += u64::from(interval_ticks),
+            StepKind::Stair { interval_ticks, count, axes, added } => {
+                assert!(interval_ticks > 0);
+                self.ticks += u64::from(interval_ticks) * u64::from(count);
+                self.events += u64::from(count);
+                self.step(axes, count - 1);
+                self.step(axes ^ added, 1);
+            }
+        }
+    }
+
+    fn notice(&mut self, _: Notice) {}
+}
+
+/// The executor of what leaves.
+struct Stepper {
+    interpolator: Interpolator,
+    counter: Counter,
+    should: [i64; 3],
+    extruder_256ths: i64,
+}
+
+impl Stepper {
+    fn new() -> Self {
+        Self { interpolator: Interpolator::new(1), counter: Counter::default(), should: [0; 3], extruder_256ths: 0 }
+    }
+
+    /// Runs a block, to the step; its duration in ticks.
+    fn run(&mut self, block: &Block, speeds: [Speed; 2], law: &TimeLaw) -> u64 {
+        let [entry, exit] = speeds;
+        let start = self.interpolator.clock();
+        let ticks = self.interpolator.begin(&PlannedBlock { block: *block, entry, exit }, law, &mut self.counter);
+        while self.interpolator.is_busy() {
+            self.interpolator.advance(&mut self.counter);
+        }
+        assert_eq!(self.interpolator.clock(), start + ticks, "{block:?}");
+        // A step may be a microsecond off, the last one past the end too.
+        assert!(self.counter.ticks <= self.interpolator.clock() + 84, "{block:?}");
+        for (should, steps) in self.should.iter_mut().zip(block.steps) {
+            *should += i64::from(steps);
+        }
+        self.extruder_256ths += i64::from(block.extruder_256ths);
+        assert_eq!(self.counter.steps[..3], self.should, "{block:?}");
+        let pushed = (self.counter.steps[3] * 256 - self.extruder_256ths).abs();
+        assert!(pushed <= 128, "{pushed} {block:?}");
+        ticks
+    }
+}
+
 /// What leaves, against what may.
 struct Checker {
     jerk: f64,
+    stepper: Stepper,
+    /// Of the present run: speed and ticks where it has come to.
+    passes: Speed,
+    ticks: u64,
     /// Blocks that went in and have not come out, with the corner before each.
     waiting: std::collections::VecDeque<(Block, SquaredSpeed)>,
     speed: Speed,
@@ -85,6 +180,10 @@ struct Checker {
     run: Option<(Part, u32)>,
     runs: u64,
     blocks: u64,
+    /// Runs of several blocks, most blocks of one, and those of the present.
+    shared: u64,
+    most: u64,
+    blocks_of_run: u64,
 }
 
 impl Checker {
@@ -105,10 +204,15 @@ impl Checker {
                 assert!(SquaredSpeed::from(run.entry) <= corner, "{part:?} {corner:?}");
                 self.runs += 1;
                 self.check_law(&part);
+                (self.passes, self.ticks, self.blocks_of_run) = (run.entry, 0, 0);
                 0
             }
         };
         let passed = start + block.length_10nm;
+        self.check_steps(&part, passed);
+        self.blocks_of_run += 1;
+        self.shared += u64::from(self.blocks_of_run == 2);
+        self.most = self.most.max(self.blocks_of_run);
         assert!(passed <= run.length_10nm);
         // The fastest place of the block is at one of its ends, or where the run cruises.
         let fastest = [start, passed].map(|at| speed_at(&self.law(&run), &run, at)).into_iter().fold(0.0, f64::max);
@@ -122,6 +226,25 @@ impl Checker {
         assert!(run.acceleration <= block.acceleration);
         self.run = Some((part, passed));
         self.speed = run.exit;
+    }
+
+    /// The block makes its steps in the time and between the speeds that the closed form says, to the run's end.
+    fn check_steps(&mut self, part: &Part, passed: u32) {
+        let run = &part.run;
+        let (law, exit) = TimeLaw::of_part(part);
+        let exact = speed_at(&self.law(run), run, passed);
+        assert!((exit.mm_per_s() - exact).abs() <= 1e-3 + 1e-4 * exact, "{exit:?} {exact}: {part:?}");
+        self.ticks += self.stepper.run(&part.block, [self.passes, exit], &law);
+        self.passes = exit;
+        if passed == run.length_10nm {
+            let speeds = [run.entry, run.peak.max(Speed(1)), run.exit].map(Speed::mm_per_s);
+            let length = f64::from(run.length_10nm) / 1e5;
+            let ramps = self.law(run);
+            let cruise = length - ramps[0].length() - ramps[1].length();
+            let seconds = 2.0 * (ramps[0].half_time_s() + ramps[1].half_time_s()) + cruise / speeds[1];
+            let exact = seconds * f64::from(TICKS_PER_SECOND);
+            assert!((self.ticks as f64 - exact).abs() <= 1.0 + 1e-9 * exact, "{} {exact}: {run:?}", self.ticks);
+        }
     }
 
     fn law(&self, run: &Run) -> [Ramp; 2] {
@@ -173,7 +296,7 @@ fn speed_at([up, down]: &[Ramp; 2], run: &Run, at: u32) -> f64 {
     }
 }
 
-fn check_a_job(random: &mut Random, blocks: u64) -> (u64, u64) {
+fn check_a_job(random: &mut Random, blocks: u64, sum: &mut Sum) {
     let jerk = random.magnitude(10.0, 5e6).floor();
     let capacity = if random.one_in(3) { 128 } else { 2 + random.next() as usize % 40 };
     let mut ring = LookAhead::new(vec![Slot::EMPTY; capacity]);
@@ -182,7 +305,20 @@ fn check_a_job(random: &mut Random, blocks: u64) -> (u64, u64) {
     let mut pace = Pace::FULL;
     let starves = random.one_in(4);
     let overloads = random.one_in(4);
-    let mut checker = Checker { jerk, waiting: Default::default(), speed: Speed::ZERO, run: None, runs: 0, blocks: 0 };
+    let mut checker = Checker {
+        jerk,
+        stepper: Stepper::new(),
+        passes: Speed::ZERO,
+        ticks: 0,
+        waiting: Default::default(),
+        speed: Speed::ZERO,
+        run: None,
+        runs: 0,
+        blocks: 0,
+        shared: 0,
+        most: 0,
+        blocks_of_run: 0,
+    };
     let mut stopped = true;
     let mut nominal_before = Speed::ZERO;
     for _ in 0..blocks {
@@ -219,19 +355,126 @@ fn check_a_job(random: &mut Random, blocks: u64) -> (u64, u64) {
     }
     assert!(ring.is_empty() && checker.waiting.is_empty());
     assert_eq!(checker.speed, Speed::ZERO);
-    (checker.runs, checker.blocks)
+    sum.runs += checker.runs;
+    sum.blocks += checker.blocks;
+    sum.shared += checker.shared;
+    sum.most = sum.most.max(checker.most);
+    sum.events += checker.stepper.counter.events;
 }
 
 #[test]
-fn a_million_random_blocks_keep_every_limit() {
+fn random_runs_keep_every_limit_and_make_their_steps() {
+    let wanted = std::env::var(RUNS_VARIABLE).map_or(RUNS, |text| text.parse().unwrap());
     let mut random = Random(20_170_801);
-    let (mut runs, mut blocks) = (0, 0);
-    while blocks < 1_000_000 {
+    let mut sum = Sum::default();
+    while sum.runs < wanted {
         let length = 1 + random.next() % 2_000;
-        let (more_runs, more_blocks) = check_a_job(&mut random, length);
-        runs += more_runs;
-        blocks += more_blocks;
+        check_a_job(&mut random, length, &mut sum);
+        if sum.runs < wanted && sum.runs / 100_000 > sum.told {
+            sum.told = sum.runs / 100_000;
+            eprintln!("{} runs", sum.runs);
+        }
     }
-    assert!(runs > 100_000, "{runs}");
-    println!("{blocks} blocks in {runs} runs");
+    let Sum { runs, blocks, shared, most, events, .. } = sum;
+    println!(
+        "{blocks} blocks in {runs} runs, {shared} of them of several blocks, of up to {most}; {events} step events"
+    );
+    assert!(shared > runs / 10 && most > 50);
+}
+
+/// What has been checked.
+#[derive(Default)]
+struct Sum {
+    runs: u64,
+    blocks: u64,
+    /// Runs of more than one block, and most blocks of one.
+    shared: u64,
+    most: u64,
+    events: u64,
+    told: u64,
+}
+
+/// Blocks that are too short for their speeds: a fast one, a corner that is none, and one to stop in.
+#[test]
+fn a_short_block_gets_the_fastest_speed_from_which_it_can_stop() {
+    let mut random = Random(5);
+    for _ in 0..10_000 {
+        let jerk = random.magnitude(100.0, 1e6).floor();
+        let acceleration = random.magnitude(50.0, 10_000.0);
+        let mut kind = Blocks::new(&mut random);
+        (kind.nominal, kind.acceleration) = (300.0, acceleration);
+        let mut block = |length_mm: f64| {
+            let (block, _) = kind.next(&mut random);
+            let acceleration = Acceleration::from_mm_per_s2(acceleration);
+            Block { length_10nm: (length_mm * 1e5) as u32, nominal: Speed::from_mm_per_s(300.0), acceleration, ..block }
+        };
+        let long = Ramp::new(0.0, 300.0, jerk, acceleration).unwrap().length() * 2.0 + 1.0;
+        let short = (long / 2.0 * 0.9).min(5.0);
+        let blocks = [block(long.min(10_000.0)), block(short)];
+        let mut ring = LookAhead::new(vec![Slot::EMPTY; 8]);
+        // A stop of acceleration at the corner, so that its speed is the law's own.
+        ring.set_law(&SpeedLaw::SCurveBlockByBlock(Jerk::from_mm_per_s3(jerk).unwrap()));
+        for block in &blocks {
+            assert!(ring.push(block, SquaredSpeed::from_mm2_per_s2(f32::INFINITY)));
+        }
+        ring.flush();
+        let runs: Vec<_> = std::iter::from_fn(|| ring.pop(Pace::FULL))
+            .map(|left| match left {
+                Left::Part(part) => part.run,
+                other => panic!("{other:?}"),
+            })
+            .collect();
+        assert_eq!((runs.len(), runs[1].exit), (2, Speed::ZERO));
+        assert_eq!((runs[0].exit, runs[0].entry), (runs[1].entry, Speed::ZERO));
+        let needed = |speed: f64| Ramp::new(speed, 0.0, jerk, acceleration).unwrap().length();
+        let [first, last] = runs.iter().map(|run| f64::from(run.length_10nm) / 1e5).collect::<Vec<_>>()[..] else {
+            panic!("{runs:?}")
+        };
+        let speed = runs[1].entry.mm_per_s();
+        assert!(needed(speed) <= last, "{runs:?}");
+        let faster = speed * (1.0 + 2e-4) + 1e-3;
+        assert!(needed(faster) > last || needed(faster) > first || speed >= 299.9, "{runs:?}");
+    }
+}
+
+/// Under a table speeds join as well, and what a block changes of them is in its pulses.
+#[test]
+fn blocks_under_a_table_never_jump() {
+    let mut random = Random(300);
+    for _ in 0..300 {
+        let start_hz = random.magnitude(100.0, 3_000.0);
+        let top_hz = start_hz * random.magnitude(1.5, 40.0);
+        let table = FrequencyTable::new(start_hz, top_hz, random.magnitude(2e4, 5e7)).unwrap();
+        let mut ring = LookAhead::new(vec![Slot::EMPTY; 2 + random.next() as usize % 40]);
+        ring.set_law(&SpeedLaw::Table(table));
+        let mut kind = Blocks::new(&mut random);
+        let mut speed = Speed::ZERO;
+        let mut check = |left: Left| {
+            let Left::Block(planned) = left else { panic!("{left:?}") };
+            assert_eq!(planned.entry, speed);
+            speed = planned.exit;
+            let block = &planned.block;
+            let pulses = f64::from((block.master_steps() * 256).max(block.extruder_256ths.unsigned_abs())) / 256.0;
+            if pulses < 1.0 {
+                assert_eq!(planned.entry, planned.exit);
+            }
+            let per_mm = pulses / block.length_mm();
+            let [start, stop] = [planned.entry, planned.exit].map(|speed| table.pulses_to(speed.mm_per_s() * per_mm));
+            assert!((stop - start).abs() <= pulses * (1.0 + 1e-4) + 1e-3, "{planned:?} {start} {stop}");
+            let fastest = block.nominal.mm_per_s() * (1.0 + 1e-9);
+            assert!(speed.mm_per_s() <= fastest, "{planned:?}");
+        };
+        for _ in 0..300 {
+            while !ring.has_room() {
+                check(ring.pop(Pace::FULL).unwrap());
+            }
+            let (block, corner) = kind.next(&mut random);
+            assert!(ring.push(&block, corner.min(block.nominal.into())));
+        }
+        ring.flush();
+        while let Some(left) = ring.pop(Pace::FULL) {
+            check(left);
+        }
+        assert_eq!(speed, Speed::ZERO);
+    }
 }

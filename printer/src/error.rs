@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-use ferrostep_gcode::ParseError;
+use ferrostep_gcode::{ParseError, Real};
 use ferrostep_hal_shim::tmc2209::{DriverEvent, DriverEventKind, Failure as DriverFailure, SettingsError};
 use ferrostep_planner::{MIN_FEED_MM_PER_S, MoveError};
 
@@ -80,9 +80,11 @@ pub enum CommandError {
         /// Why.
         error: SettingsError,
     },
+    /// What the command needs cannot be used on this board: `heaters`, `thermometers`, `end stops`, `fan`.
+    NotEquipped(&'static str),
     /// A tool that does not exist.
     InvalidTool(u32),
-    /// The machine was stopped by M112, here or before, and waits for M999.
+    /// The machine was stopped by M112 or a heater fault, here or before, and waits for M999.
     Halted,
     /// Motion was stopped on the way.
     Stopped,
@@ -105,27 +107,35 @@ impl fmt::Display for CommandError {
             Self::TooFar => write!(out, "the target is too far away, expected coordinates within 5 m"),
             Self::TooMuchFilament => write!(out, "E: too long extrusion prevented, expected at most 1 m in one move"),
             Self::FeedTooSlow { feed_mm_per_s } => {
-                let (minimum, feed) = (MIN_FEED_MM_PER_S * 60.0, feed_mm_per_s * 60.0);
+                let [minimum, feed] =
+                    [MIN_FEED_MM_PER_S, *feed_mm_per_s].map(|mm_per_s| Real::short(mm_per_s * 60.0, 6));
                 write!(out, "F: {feed} mm/min is too slow, expected at least {minimum} mm/min")
             }
             Self::ColdExtrusion { celsius, minimum_celsius } => write!(
                 out,
-                "E: cold extrusion prevented, the nozzle is at {celsius:.1} C, expected at least {minimum_celsius} C"
+                "E: cold extrusion prevented, the nozzle is at {} C, expected at least {} C",
+                Real::fixed(*celsius, 1),
+                Real::short(*minimum_celsius, 2)
             ),
             Self::ArcGeometry { start_radius_mm, end_radius_mm } => write!(
                 out,
-                "I, J: the arc starts {start_radius_mm:.3} mm from its centre and ends {end_radius_mm:.3} mm from it, \
-                 expected the same distance"
+                "I, J: the arc starts {} mm from its centre and ends {} mm from it, expected the same distance",
+                Real::fixed(*start_radius_mm, 3),
+                Real::fixed(*end_radius_mm, 3)
             ),
             Self::ArcRadius { radius_mm, chord_mm } => write!(
                 out,
-                "R: a radius of {radius_mm:.3} mm does not reach over {chord_mm:.3} mm, expected at least half the way \
-                 and an end apart from the start"
+                "R: a radius of {} mm does not reach over {} mm, expected at least half the way and an end apart from \
+                 the start",
+                Real::fixed(*radius_mm, 3),
+                Real::fixed(*chord_mm, 3)
             ),
             Self::TooHot { celsius, maximum_celsius } => {
-                write!(out, "S: {celsius} C is too hot, expected at most {maximum_celsius} C")
+                let (celsius, maximum) = (Real::short(*celsius, 6), Real::short(*maximum_celsius, 2));
+                write!(out, "S: {celsius} C is too hot, expected at most {maximum} C")
             }
             Self::OutOfRange { word, value, minimum, maximum } => {
+                let [value, minimum, maximum] = [value, minimum, maximum].map(|number| Real::short(*number, 6));
                 write!(out, "{word}: {value} is out of range, expected {minimum} to {maximum}")
             }
             Self::HomingFailed { axis } => {
@@ -139,8 +149,9 @@ impl fmt::Display for CommandError {
                 let name = AXIS_NAMES.get(*motor).copied().unwrap_or('?');
                 write!(out, "{name}: {error}")
             }
+            Self::NotEquipped(what) => write!(out, "the firmware does not use this board's {what} yet"),
             Self::InvalidTool(tool) => write!(out, "T{tool} - Invalid extruder number !, expected T0"),
-            Self::Halted => write!(out, "the printer is halted (M112), expected M999 to restart"),
+            Self::Halted => write!(out, "the printer is halted (M112 or a heater fault), expected M999 to restart"),
             Self::Stopped => write!(out, "motion was stopped"),
         }
     }

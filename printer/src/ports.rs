@@ -9,6 +9,7 @@ use ferrostep_hal_shim::tmc2209::{DriverReport, DriverSettings, DriverState, Set
 use ferrostep_planner::{Limits, MotionChoice, Move, MoveError, Moved};
 
 use crate::error::Failure;
+use crate::heat::HeatFault;
 
 /// Why motion was not possible.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -63,6 +64,25 @@ pub trait Motion {
     fn stop(&mut self) -> i64;
 }
 
+/// What of a board can be used. What cannot is refused by name: nobody shall think that something is hot, or homed, that
+/// is not.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Equipment {
+    /// Heaters with their thermometers.
+    pub heaters: bool,
+    /// The sensors that homing looks for.
+    pub end_stops: bool,
+    /// The part-cooling fan.
+    pub fan: bool,
+}
+
+impl Equipment {
+    /// All there is.
+    pub const ALL: Self = Self { heaters: true, end_stops: true, fan: true };
+    /// Motors alone.
+    pub const NONE: Self = Self { heaters: false, end_stops: false, fan: false };
+}
+
 /// A heater as a report shows it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct HeaterStatus {
@@ -82,6 +102,11 @@ pub trait Heating {
     fn status(&self, heater: Heater) -> HeaterStatus;
     /// Switches all heaters off.
     fn all_off(&mut self);
+    /// M999: heaters may be switched on again after a fault.
+    ///
+    /// # Errors
+    /// The fault is still there, and all heaters stay off.
+    fn restart(&mut self) -> Result<(), HeatFault>;
 }
 
 /// Times that a board measures of itself while it prints (M798). A board need not have it.
@@ -160,8 +185,8 @@ impl Signals {
         self.end_wait.swap(false, Ordering::AcqRel)
     }
 
-    /// M112: every wait ends and every command is refused until M999. Who sets it has switched heaters off and
-    /// stopped the motors.
+    /// M112, or a heater fault: every wait ends and every command is refused until M999. Who sets it has switched
+    /// heaters off and stopped the motors.
     pub fn halt(&self) {
         self.halted.store(true, Ordering::Release);
     }

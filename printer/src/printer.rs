@@ -10,7 +10,7 @@ use ferrostep_planner::{AccelerationProfile, Interpolation, Kinematics};
 
 use crate::error::{CommandError, Failure};
 use crate::modal::{Modal, Tally};
-use crate::ports::{Heating, Motion, MotorDrivers, Replies, Signals, Timing};
+use crate::ports::{Equipment, Heating, Motion, MotorDrivers, Replies, Signals, Timing};
 use crate::profile::{HomeEnd, Profile};
 use crate::waits::temperatures;
 
@@ -46,6 +46,7 @@ pub struct Printer<'a, M, H, T, R> {
     emergency_parser: bool,
     timing: Option<&'a dyn Timing>,
     pub(crate) drivers: Option<&'a dyn MotorDrivers>,
+    pub(crate) equipment: Equipment,
 }
 
 impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'a, M, H, T, R> {
@@ -65,6 +66,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
             emergency_parser: false,
             timing: None,
             drivers: None,
+            equipment: Equipment::ALL,
         }
     }
 
@@ -81,6 +83,11 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
     /// The motors' drivers can be set (M122, M569, M906, M914); nothing moves before all have confirmed that they are.
     pub fn set_drivers(&mut self, drivers: &'a dyn MotorDrivers) {
         self.drivers = Some(drivers);
+    }
+
+    /// What of the board can be used; all if nobody says otherwise.
+    pub fn set_equipment(&mut self, equipment: Equipment) {
+        self.equipment = equipment;
     }
 
     /// What has been done so far.
@@ -188,12 +195,24 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
     }
 
     /// M999. Whoever halted the machine has stopped the motors, but what they left undone of the filament has not been
-    /// reckoned.
-    fn restart(&mut self) {
-        if self.signals.is_halted() {
-            self.stop_motion();
-            self.signals.restart();
+    /// reckoned. A heater fault that is still there halts the machine again at once.
+    fn restart(&mut self) -> Result<(), CommandError> {
+        if !self.signals.is_halted() {
+            return Ok(());
         }
+        self.stop_motion();
+        // First the flag, then the heaters: a fault in between would be told by the heaters themselves.
+        self.signals.restart();
+        if let Err(fault) = self.heating.restart() {
+            self.signals.halt();
+            let mut line = Text::new();
+            // Shorter than the longest line.
+            let _ = core::fmt::write(&mut line, format_args!("{fault}"));
+            self.replies.send(Reply::Text(&line));
+            self.replies.send(Reply::Killed);
+            return Err(CommandError::Halted);
+        }
+        Ok(())
     }
 
     async fn dispatch(&mut self, command: &Command<'_>) -> Result<bool, CommandError> {
@@ -224,11 +243,15 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
             Command::WaitNozzle(target) => self.wait_for_heat(Heater::Nozzle, target).await?,
             Command::WaitBed(target) => self.wait_for_heat(Heater::Bed, target).await?,
             Command::ReportTemperatures => {
+                self.needs(self.equipment.heaters, "thermometers")?;
                 self.replies.send(Reply::OkTemperatures(temperatures(&self.heating)));
                 return Ok(true);
             }
             Command::AutoReportTemperatures { seconds } => self.signals.set_report_interval_s(seconds),
-            Command::Fan { index: 0, power } => self.motion.set_fan_power(power).await?,
+            Command::Fan { index: 0, power } => {
+                self.needs(self.equipment.fan || power == 0, "fan")?;
+                self.motion.set_fan_power(power).await?;
+            }
             Command::EndWait => self.signals.end_wait(),
             Command::SetLineNumber(None) => self.replies.send(Reply::LastLine(self.last_line)),
             Command::EmergencyStop => return self.emergency_stop(),
@@ -236,7 +259,10 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
             Command::KeepAlive(None) => self.replies.send(Reply::KeepAlive(self.signals.keep_alive_s())),
             Command::ReportPosition => self.replies.send(Reply::Position(self.position())),
             Command::ReportFirmware => self.report_firmware(),
-            Command::ReportEndStops => self.report_end_stops(),
+            Command::ReportEndStops => {
+                self.needs(self.equipment.end_stops, "end stops")?;
+                self.report_end_stops();
+            }
             Command::ReportMotion => self.replies.send(Reply::Motion(self.motion.figures())),
             Command::MotionChoice { interpolation, acceleration } => {
                 self.choose_motion(interpolation, acceleration).await?;
@@ -264,7 +290,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
             Command::ColdExtrusion { minimum, allow } => self.cold_extrusion(minimum, allow)?,
             Command::Finish => self.motion.finish().await?,
             Command::QuickStop => self.stop_motion(),
-            Command::Restart => self.restart(),
+            Command::Restart => self.restart()?,
             Command::SelectTool(0) => {}
             Command::SelectTool(tool) => return Err(CommandError::InvalidTool(tool)),
             Command::Unknown(text) => self.replies.send(Reply::UnknownCommand(text)),
@@ -278,6 +304,11 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
             | Command::Accepted => {}
         }
         Ok(false)
+    }
+
+    /// Refuses what the board has not.
+    pub(crate) fn needs(&self, is_there: bool, what: &'static str) -> Result<(), CommandError> {
+        if is_there { Ok(()) } else { Err(CommandError::NotEquipped(what)) }
     }
 
     /// G90, G91: as in Marlin they rule the extruder too, until M82 or M83 says otherwise.

@@ -7,6 +7,7 @@ use std::task::Poll;
 use ferrostep_gcode::MotionFigures;
 use ferrostep_hal_shim::{EndStops, Fan, Heater, MotorEnable};
 use ferrostep_planner::{Limits, MotionChoice, Move, MoveError, Moved};
+use ferrostep_printer::heat::HeatFault;
 use ferrostep_printer::{HeaterStatus, Heating, Motion, MotionError, Seek, Signals};
 
 use super::{Awaited, Desk};
@@ -168,5 +169,9 @@ impl<O: Observer> Heating for DeskHeating<'_, O> {
 
     fn all_off(&mut self) {
         self.desk.borrow_mut().all_heat_off();
+    }
+
+    fn restart(&mut self) -> Result<(), HeatFault> {
+        self.desk.borrow_mut().heat.restart()
     }
 }

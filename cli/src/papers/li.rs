@@ -36,7 +36,7 @@ fn content() -> Result<(Vec<Table>, Vec<Figure>), CurveError> {
     let ramp = Ramp::new(START_HZ, TOP_HZ, JERK_HZ_PER_S2, f64::INFINITY)?;
     let table = FrequencyTable::new(START_HZ, TOP_HZ, JERK_HZ_PER_S2)?;
     let tables = vec![experiment(&ramp, &table), slices(&ramp, &table), cases(&table), queue(&table), gains()];
-    Ok((tables, vec![speed(&ramp, &table), acceleration(&ramp), short_segment(&table)?]))
+    Ok((tables, vec![speed(&ramp, &table), acceleration(&ramp), short_segment(&table)?, runs()]))
 }
 
 fn number(number: f64) -> Cell {
@@ -146,8 +146,15 @@ fn queue(table: &FrequencyTable) -> Table {
     }
 }
 
-/// How long a way takes, s.
-fn seconds(places_mm: &[(f64, f64)], law: AccelerationProfile, block_by_block: bool) -> Option<f64> {
+/// A way as it is planned.
+struct Planned {
+    duration_s: f64,
+    /// Path, mm, and speed, mm/s, at the ends of blocks.
+    speeds: Vec<(f64, f64)>,
+}
+
+/// Plans a way; `None` where the machine cannot go it.
+fn plan(places_mm: &[(f64, f64)], law: AccelerationProfile, block_by_block: bool) -> Option<Planned> {
     let steps_per_mm = StepsPerMm::from_f64(80.0)?;
     let geometry = Geometry {
         kinematics: Kinematics::Cartesian,
@@ -171,30 +178,43 @@ fn seconds(places_mm: &[(f64, f64)], law: AccelerationProfile, block_by_block: b
         return None;
     }
     let units = |mm: f64| (mm * UNITS_PER_MM as f64).round() as i64;
+    let mut speeds = vec![(0.0, 0.0)];
+    let mut passed_mm = 0.0;
+    let mut take = |planner: &mut Planner<Vec<Slot>>| {
+        let planned = planner.next_planned()?;
+        passed_mm += planned.block.length_mm();
+        speeds.push((passed_mm, planned.exit.mm_per_s()));
+        Some(())
+    };
     for (line, &(x, y)) in (1..).zip(places_mm) {
         let target_10nm = [units(x), units(y), 0];
         let request = Move { target_10nm, filament_100pm: 0, feed_mm_per_s: 60.0, line, ends_move: true };
         while planner.add(&request).is_err() {
-            planner.next_planned()?;
+            take(&mut planner)?;
         }
     }
     planner.flush();
-    while planner.next_planned().is_some() {}
-    Some(planner.motion_ticks() as f64 / f64::from(TICKS_PER_SECOND))
+    while take(&mut planner).is_some() {}
+    Some(Planned { duration_s: planner.motion_ticks() as f64 / f64::from(TICKS_PER_SECOND), speeds })
+}
+
+/// A circle of short moves.
+fn circle() -> Vec<(f64, f64)> {
+    let angles = (1..=252).map(|index| TAU * f64::from(index) / 252.0);
+    angles.map(|angle| (20.0 * angle.cos() - 20.0, 20.0 * angle.sin())).collect()
 }
 
 /// Whole ways under each law.
 fn gains() -> Table {
     let square = vec![(20.0, 0.0), (20.0, 20.0), (0.0, 20.0), (0.0, 0.0)];
-    let circle = (1..=252).map(|index| TAU * f64::from(index) / 252.0);
-    let circle: Vec<_> = circle.map(|angle| (20.0 * angle.cos() - 20.0, 20.0 * angle.sin())).collect();
     let wave = (1..=300).map(|index| 0.4 * f64::from(index));
     let wave: Vec<_> = wave.map(|x| (x, 3.0 * (TAU * x / 12.0).sin())).collect();
     let ways = [
         ("square of 20 mm, 4 moves", square),
-        ("circle of 40 mm, 252 moves", circle),
+        ("circle of 40 mm, 252 moves", circle()),
         ("wave of 3 mm over 12 mm, 300 moves", wave),
     ];
+    let seconds = |way: &[_], law, alone| plan(way, law, alone).map(|planned| planned.duration_s);
     let rows = ways.map(|(name, way)| {
         let cell = |seconds: Option<f64>| seconds.map_or(Cell::Empty, |seconds| Cell::Number(seconds, 3));
         let alone = seconds(&way, AccelerationProfile::SCurve, true);
@@ -253,16 +273,18 @@ fn acceleration(ramp: &Ramp) -> Figure {
     let whole = 2.0 * ramp.half_time_s();
     let peak = ramp.peak_acceleration();
     let end = (TOP_HZ - START_HZ) / peak;
+    let in_khz = |(time, acceleration): (f64, f64)| (time, acceleration / 1_000.0);
     let trapezoid = [(0.0, 0.0), (0.0, peak), (end, peak), (end, 0.0), (whole, 0.0)];
+    let s_curve = times(whole).map(|time| (time, ramp.at(time).acceleration));
     Figure {
         name: "li-acceleration",
         title: "Acceleration over time, beside fig. 5".to_owned(),
         x_label: "time, s",
-        y_label: "acceleration, Hz/s",
+        y_label: "acceleration, kHz/s",
         equal_scales: false,
         curves: vec![
-            curve("S-curve", Style::Line, times(whole).map(|time| (time, ramp.at(time).acceleration))),
-            curve("trapezoid of the same acceleration", Style::Dashed, trapezoid.into_iter()),
+            curve("S-curve", Style::Line, s_curve.map(in_khz)),
+            curve("trapezoid of the same acceleration", Style::Dashed, trapezoid.into_iter().map(in_khz)),
         ],
     }
 }
@@ -292,6 +314,27 @@ fn short_segment(table: &FrequencyTable) -> Result<Figure, CurveError> {
     })
 }
 
+/// What a law for several moves gains where a circle begins.
+fn runs() -> Figure {
+    let way = circle();
+    let speeds = |law, alone| {
+        let planned = plan(&way, law, alone).map_or(Vec::new(), |planned| planned.speeds);
+        planned.into_iter().take_while(|(passed_mm, _)| *passed_mm <= 30.0)
+    };
+    Figure {
+        name: "li-runs",
+        title: "A circle of 0.5 mm moves begins: speed at their ends".to_owned(),
+        x_label: "path, mm",
+        y_label: "speed, mm/s",
+        equal_scales: false,
+        curves: vec![
+            curve("trapezoid", Style::Dashed, speeds(AccelerationProfile::Trapezoid, false)),
+            curve("S-curve, each move alone", Style::LineAndPoints, speeds(AccelerationProfile::SCurve, true)),
+            curve("S-curve over a run of moves", Style::LineAndPoints, speeds(AccelerationProfile::SCurve, false)),
+        ],
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -315,6 +358,7 @@ mod tests {
         for row in [1, 2] {
             assert!(of("gains", row, 5) > 10.0 && of("gains", row, 4) > of("gains", row, 1), "{row}");
         }
-        assert_eq!(chapter.figures.len(), 3);
+        assert_eq!(chapter.figures.len(), 4);
+        assert!(chapter.figures.iter().flat_map(|figure| &figure.curves).all(|curve| curve.points.len() > 4));
     }
 }

@@ -1,7 +1,7 @@
 //! The S-curve in closed form, for whoever wants to see it: figures, tests, comparisons.
 
-use super::CurveError;
 use super::bounds::Bounds;
+use super::{CurveError, MOST, is_in_range, is_zero_or_in_range};
 
 /// A ramp between two speeds in two halves of opposite jerks (Li 2017, eqs. 1 to 4). Any unit of length; seconds.
 ///
@@ -25,18 +25,18 @@ pub struct State {
 }
 
 fn bounds(jerk: f64, acceleration: f64) -> Result<Bounds<f64>, CurveError> {
-    if !(jerk > 0.0 && jerk.is_finite()) {
+    if !is_in_range(jerk) {
         return Err(CurveError::Jerk);
     }
     // Infinite is no limit.
-    if acceleration.is_nan() || acceleration <= 0.0 {
+    if !(is_in_range(acceleration) || acceleration > MOST) {
         return Err(CurveError::Acceleration);
     }
     Ok(Bounds { jerk, acceleration })
 }
 
 fn speeds(speeds: &[f64]) -> Result<(), CurveError> {
-    if speeds.iter().all(|speed| *speed >= 0.0 && speed.is_finite()) { Ok(()) } else { Err(CurveError::Speed) }
+    if speeds.iter().all(|&speed| is_zero_or_in_range(speed)) { Ok(()) } else { Err(CurveError::Speed) }
 }
 
 impl Ramp {
@@ -113,8 +113,12 @@ impl Profile {
     pub fn new([entry, most, exit]: [f64; 3], length: f64, jerk: f64, acceleration: f64) -> Result<Self, CurveError> {
         let bounds = bounds(jerk, acceleration)?;
         speeds(&[entry, most, exit])?;
-        if !(length >= 0.0 && length.is_finite()) {
+        if !is_zero_or_in_range(length) {
             return Err(CurveError::Length);
+        }
+        // At no speed nothing is passed.
+        if length > 0.0 && entry + most + exit <= 0.0 {
+            return Err(CurveError::Speed);
         }
         if bounds.length(entry, exit) > length {
             return Err(CurveError::TooShort);
@@ -162,6 +166,7 @@ impl Profile {
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
+    use crate::s_curve::Jerk;
     use proptest::prelude::*;
 
     #[test]
@@ -176,15 +181,56 @@ mod tests {
     #[test]
     fn bad_numbers_are_told() {
         for bad in [0.0, -1.0, f64::NAN] {
+            assert_eq!(Jerk::from_mm_per_s3(bad).unwrap_err(), CurveError::Jerk);
             assert_eq!(Ramp::new(0.0, 1.0, bad, 1.0).unwrap_err(), CurveError::Jerk);
             assert_eq!(Ramp::new(0.0, 1.0, 1.0, bad).unwrap_err(), CurveError::Acceleration);
         }
         assert_eq!(Ramp::new(0.0, 1.0, f64::INFINITY, 1.0).unwrap_err(), CurveError::Jerk);
         assert_eq!(Ramp::new(-1.0, 1.0, 1.0, 1.0).unwrap_err(), CurveError::Speed);
         assert_eq!(Profile::new([0.0, f64::NAN, 0.0], 1.0, 1.0, 1.0).unwrap_err(), CurveError::Speed);
+        assert_eq!(Profile::new([0.0, 0.0, 0.0], 1.0, 1.0, 1.0).unwrap_err(), CurveError::Speed);
         assert_eq!(Profile::new([0.0, 1.0, 0.0], -1.0, 1.0, 1.0).unwrap_err(), CurveError::Length);
         assert_eq!(Profile::new([9.0, 9.0, 0.0], 1.0, 1.0, 1.0).unwrap_err(), CurveError::TooShort);
         assert_eq!(Profile::new([0.0, 1.0, 0.0], 0.0, 1.0, 1.0).unwrap().duration_s(), 0.0);
+    }
+
+    /// Any float, and those that are none.
+    fn any_number() -> impl Strategy<Value = f64> {
+        prop_oneof![
+            proptest::num::f64::ANY,
+            proptest::sample::select(&[0.0, -0.0, -1.0, f64::MIN_POSITIVE, f64::MAX, f64::INFINITY, f64::NAN][..]),
+            -10.0f64..1e6,
+        ]
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(20_000))]
+
+        #[test]
+        fn the_acceleration_lowers_the_jerk(
+            from in 0.0f64..500.0, to in 0.0f64..500.0, jerk in 10.0f64..1e7, acceleration in 10.0f64..50_000.0,
+        ) {
+            prop_assume!((to - from).abs() > 1e-6);
+            let ramp = Ramp::new(from, to, jerk, acceleration).unwrap();
+            let effective = jerk.min(acceleration * acceleration / (to - from).abs());
+            prop_assert!((ramp.jerk().abs() / effective - 1.0).abs() < 1e-9, "{} {}", ramp.jerk(), effective);
+        }
+
+        #[test]
+        fn whatever_is_asked_is_answered_or_refused(
+            speeds in proptest::array::uniform3(any_number()), length in any_number(), jerk in any_number(),
+            acceleration in any_number(), time in any_number(),
+        ) {
+            let is_good = |state: State| [state.length, state.speed, state.acceleration].iter().all(|x| x.is_finite());
+            if let Ok(ramp) = Ramp::new(speeds[0], speeds[1], jerk, acceleration) {
+                prop_assert!(ramp.half_time_s().is_finite() && ramp.length().is_finite());
+                prop_assert!(time.is_nan() || is_good(ramp.at(time)), "{:?} {}", ramp, time);
+            }
+            if let Ok(profile) = Profile::new(speeds, length, jerk, acceleration) {
+                prop_assert!(profile.duration_s().is_finite(), "{:?}", profile);
+                prop_assert!(time.is_nan() || is_good(profile.at(time)), "{:?} {}", profile, time);
+            }
+        }
     }
 
     proptest! {

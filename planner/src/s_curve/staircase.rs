@@ -13,7 +13,8 @@ const PER_SECOND: f64 = TICKS_PER_SECOND as f64 * (1u64 << FRACTION_BITS) as f64
 /// A block's motion in steps of the motor with most of them.
 ///
 /// The path of a block is so many pulses long, whole or not: a block without a step has none, is slower than any start
-/// frequency, and is run at a constant speed.
+/// frequency, and is run at a constant speed. What has less than a pulse says nothing of the frequencies behind it, so it
+/// changes no speed: beside it every speed would be below f0, and the next block begin with any.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Pulses {
     /// Pulses of the block.
@@ -44,12 +45,18 @@ impl Pulses {
     /// The fastest speed that the block can be left with, entered at `speed`, or entered with to be left at `speed`:
     /// F^-1(F(v) + P). Up to f0 no ramp is needed.
     pub(crate) fn reach(&self, table: &FrequencyTable, speed: Speed) -> Speed {
+        if self.count < 1.0 {
+            return speed;
+        }
         let frequency = table.frequency_after(table.pulses_to(self.frequency(speed)) + self.count);
         self.speed(frequency).max(speed)
     }
 
     /// The slowest speed at least `wanted` that the block can be left with, entered at `speed`.
     pub(crate) fn slowest(&self, table: &FrequencyTable, speed: Speed, wanted: Speed) -> Speed {
+        if self.count < 1.0 {
+            return speed;
+        }
         let left = table.pulses_to(self.frequency(speed)) - self.count;
         if left <= 0.0 { wanted } else { self.speed(table.frequency_after(left)).max(wanted).min(speed) }
     }

@@ -1,6 +1,6 @@
 //! Li's table of frequencies.
 
-use super::CurveError;
+use super::{CurveError, is_in_range};
 use crate::square_root::square_root;
 
 /// Most slices of a table.
@@ -48,17 +48,16 @@ impl FrequencyTable {
     /// The table from `start_hz` to `top_hz` at a jerk in Hz/s^2.
     ///
     /// # Errors
-    /// [`CurveError`] where a number is not finite or not above zero, the frequencies do not rise, or T is so short that
+    /// [`CurveError`] where a number is out of range, the frequencies do not rise, or T is so short that
     /// there would be more than 65,536 slices.
     pub fn new(start_hz: f64, top_hz: f64, jerk_hz_per_s2: f64) -> Result<Self, CurveError> {
-        let is_positive = |x: f64| x > 0.0 && x.is_finite();
-        if !is_positive(start_hz) {
+        if !is_in_range(start_hz) {
             return Err(CurveError::StartFrequency);
         }
-        if !(top_hz > start_hz && top_hz.is_finite()) {
+        if !(top_hz > start_hz && is_in_range(top_hz)) {
             return Err(CurveError::TopFrequency);
         }
-        if !is_positive(jerk_hz_per_s2) {
+        if !is_in_range(jerk_hz_per_s2) {
             return Err(CurveError::Jerk);
         }
         let slice_s = 2.0 / start_hz;
@@ -256,7 +255,14 @@ mod tests {
         assert_eq!(error(10.0, 10.0, 1.0), CurveError::TopFrequency);
         assert_eq!(error(10.0, 9.0, 1.0), CurveError::TopFrequency);
         assert_eq!(error(1e6, 2e6, 1e-3), CurveError::TooManySlices);
-        assert_eq!(error(1.0, f64::MAX, f64::MIN_POSITIVE), CurveError::TooManySlices);
+        assert_eq!(error(1.0, 1e12, 1e-12), CurveError::TooManySlices);
+        assert_eq!(error(1.0, f64::MAX, 1.0), CurveError::TopFrequency);
+        assert_eq!(error(1.0, 10.0, f64::MIN_POSITIVE), CurveError::Jerk);
+    }
+
+    /// Any float, and more often one that can be meant.
+    fn wide() -> impl Strategy<Value = f64> {
+        prop_oneof![1 => any::<f64>(), 8 => (-13.0f64..13.0).prop_map(|exponent| 10f64.powf(exponent))]
     }
 
     fn tables() -> impl Strategy<Value = FrequencyTable> {
@@ -265,6 +271,19 @@ mod tests {
     }
 
     proptest! {
+        #[test]
+        fn whatever_is_asked_is_answered_or_refused(
+            start in wide(), top in wide(), jerk in wide(), asked in any::<f64>(),
+        ) {
+            if let Ok(table) = FrequencyTable::new(start, top, jerk) {
+                prop_assert!(table.pulses().is_finite() && !table.is_empty(), "{:?}", table);
+                for frequency in [asked, start, top, 0.0] {
+                    let found = table.frequency_after(table.pulses_to(frequency));
+                    prop_assert!(found >= start * 0.999 && found <= top * 1.001, "{:?} {} {}", table, frequency, found);
+                }
+            }
+        }
+
         #[test]
         fn sums_are_those_of_the_slices(table in tables()) {
             let mut sum = 0.0;

@@ -3,11 +3,13 @@
 use core::cell::RefCell;
 
 use super::*;
-use crate::profile::{AxisHoming, DriverTiming, ExtrusionSettings, FirmwareRetraction, HeaterSettings, HomeEnd};
-use ferrostep_hal_shim::stepping::{
-    DroppedSteps, FeedError, NextWords, OutputPorts, Pulses, Signals, SlotAccount, StepFeeder, StepLink, StepPlayer,
-    UpdateTimer,
+use crate::profile::{
+    AxisHoming, DriverTiming, ExtrusionSettings, FirmwareRetraction, HeaterSettings, HeaterWatch, HomeEnd,
 };
+use ferrostep_hal_shim::stepping::{
+    DroppedSteps, FeedError, NextWords, OutputPorts, Pulses, Signals, StepFeeder, StepLink, StepPlayer, UpdateTimer,
+};
+use ferrostep_hal_shim::thermistor::{Thermistor, ThermistorType};
 use ferrostep_hal_shim::virtual_board::{StepTimer, VirtualPort, VirtualUpdateTimer};
 use ferrostep_planner::{Kinematics, MotionChoice, StepsPerMm};
 use proptest::prelude::*;
@@ -17,6 +19,8 @@ const NO_SILENCE: Silence = Silence { may_release: false, may_flush: false };
 fn profile() -> Profile {
     let steps = |value| StepsPerMm::from_f64(value).unwrap();
     let heater = HeaterSettings {
+        thermistor: Thermistor { kind: ThermistorType::Semitec104Gt2, pull_up_ohm: 4700.0 },
+        watch: HeaterWatch::NOZZLE,
         min_celsius: 5.0,
         max_celsius: 275.0,
         proportional: 0.1,
@@ -163,8 +167,7 @@ fn with_machine<T>(look_ahead: usize, test: impl FnOnce(TestMachine<'_>, Interru
     let port = VirtualPort::new(&timer, false);
     let signals = Signals { pulse_ticks: 84, direction_setup_ticks: 17 };
     let next = RefCell::new(NextWords::NONE);
-    let mut accounts = [SlotAccount::NONE; 2048];
-    let feeder = StepFeeder::new(&player, VirtualPort::pins(), signals, &mut accounts);
+    let feeder = StepFeeder::new(&player, VirtualPort::pins(), signals);
     let queue = Queue { feeder, player: &player, timer: &timer, port: &port, next: &next, enabled: 0 };
     let machine = Machine::new(&profile(), vec![Slot::EMPTY; look_ahead], queue);
     test(machine, Interrupt { player: &player, timer: &timer, port: &port, next: &next })

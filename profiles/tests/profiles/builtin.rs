@@ -1,8 +1,9 @@
 //! The three built-in profiles hold the values that the design document shares with outside checks.
 
+use ferrostep_hal_shim::thermistor::{Thermistor, ThermistorType};
 use ferrostep_hal_shim::tmc2209::DriverSettings;
 use ferrostep_planner::{Kinematics, Limits, StepsPerMm};
-use ferrostep_printer::{AxisHoming, DriverTiming, FirmwareRetraction, HeaterSettings, HomeEnd, Profile};
+use ferrostep_printer::{AxisHoming, DriverTiming, FirmwareRetraction, HeaterSettings, HeaterWatch, HomeEnd, Profile};
 use ferrostep_profiles::{Problem, builtin_names, builtin_text, load};
 
 const MM: i64 = 100_000;
@@ -83,6 +84,8 @@ fn cartesian_is_as_designed() {
     assert_eq!(
         profile.nozzle,
         HeaterSettings {
+            thermistor: Thermistor { kind: ThermistorType::Semitec104Gt2, pull_up_ohm: 4700.0 },
+            watch: HeaterWatch { watch_ms: 20_000, watch_celsius: 2.0, runaway_ms: 40_000, runaway_celsius: 4.0 },
             min_celsius: 5.0,
             max_celsius: 275.0,
             proportional: 0.1,
@@ -91,6 +94,11 @@ fn cartesian_is_as_designed() {
             residency_window_celsius: 1.0,
             residency_ms: 10_000,
         }
+    );
+    assert_eq!(profile.bed.thermistor, Thermistor { kind: ThermistorType::Epcos100k, pull_up_ohm: 4700.0 });
+    assert_eq!(
+        profile.bed.watch,
+        HeaterWatch { watch_ms: 60_000, watch_celsius: 2.0, runaway_ms: 20_000, runaway_celsius: 2.0 }
     );
     assert_eq!(profile.driver, DriverTiming { pulse_width_ns: 1000, direction_setup_ns: 200, both_edges: false });
     assert_eq!(profile.drivers, [None; 4]);
@@ -167,7 +175,7 @@ fn a_path_is_read_and_equals_the_built_in_text() {
 #[test]
 fn what_is_neither_a_name_nor_a_file_is_answered_with_the_names() {
     let error = load("carthesian").unwrap_err();
-    assert!(matches!(error.problem(), Problem::Read(_)));
+    assert!(matches!(error.problem(), Problem::Read { .. }));
     let text = error.to_string();
     assert!(text.starts_with("carthesian: cannot read profile: "), "{text}");
     assert!(text.ends_with("the built-in profiles are cartesian, corexy, prusa-mini"), "{text}");
@@ -179,7 +187,7 @@ fn a_folder_a_binary_file_and_an_endless_one_are_refused() {
     let this_program = this_program.to_str().unwrap();
     for path in [env!("CARGO_MANIFEST_DIR"), this_program] {
         let error = load(path).unwrap_err();
-        assert!(matches!(error.problem(), Problem::Read(_)), "{path}: {error}");
+        assert!(matches!(error.problem(), Problem::Read { .. }), "{path}: {error}");
     }
     if cfg!(unix) {
         let error = load("/dev/zero").unwrap_err();

@@ -9,6 +9,7 @@ mod desk;
 mod drivers;
 mod exactness;
 mod extrusion;
+mod heater_faults;
 mod hosts;
 mod methods;
 mod papers;
