@@ -3,7 +3,7 @@
 use core::fmt::{Arguments, write};
 
 use embedded_hal_async::delay::DelayNs;
-use ferrostep_gcode::{AxisFlags, DriverWords, Reply};
+use ferrostep_gcode::{Command, DriverWords, Reply};
 use ferrostep_hal_shim::Clock;
 use ferrostep_hal_shim::tmc2209::{DriverEvent, DriverReport, DriverSettings, DriverState};
 use ferrostep_planner::Kinematics;
@@ -45,10 +45,6 @@ fn name(motor: usize) -> char {
     AXIS_NAMES.get(motor).copied().unwrap_or('?')
 }
 
-const fn chopper(settings: &DriverSettings) -> &'static str {
-    if settings.stealth_chop { "stealthChop" } else { "spreadCycle" }
-}
-
 impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, M, H, T, R> {
     /// Waits until all drivers have confirmed their settings. An axis whose driver was reset is no longer homed.
     pub(crate) async fn drivers_confirmed(&mut self, drivers: &dyn MotorDrivers) -> Result<(), CommandError> {
@@ -84,132 +80,112 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         Ok(())
     }
 
-    /// The drivers, or the answer that there are none.
-    fn drivers_or_say<'a>(&self, command: &str) -> Option<&'a dyn MotorDrivers>
-    where
-        Self: 'a,
-    {
-        if self.drivers.is_none() {
-            say(self.replies, format_args!("echo:{command}: not available, this machine's drivers cannot be set"));
-        }
-        self.drivers
-    }
-
-    /// A line for each motor in the mask whose driver can be set.
-    fn say_of_each(&self, drivers: &dyn MotorDrivers, mut line: impl FnMut(char, &DriverReport, &R)) {
-        for motor in 0..AXIS_NAMES.len() {
-            if let Some(report) = drivers.report(motor) {
-                line(name(motor), &report, self.replies);
+    /// The drivers' part of a command, if it has one. `true`: the command goes on when all drivers have confirmed their
+    /// settings.
+    // By itself, for what a command becomes when it is inlined with others that wait is large.
+    #[inline(never)]
+    pub(crate) fn drivers_part(&self, command: &Command<'_>) -> Result<bool, CommandError> {
+        let (code, setting, values) = match *command {
+            Command::Linear { .. } | Command::Arc { .. } | Command::Retract | Command::Recover | Command::Home(_) => {
+                return Ok(true);
             }
-        }
-    }
-
-    /// Changes the settings of some drivers, of all or of none, and waits until they have confirmed it.
-    async fn change_drivers(
-        &mut self,
-        drivers: &dyn MotorDrivers,
-        change: impl Fn(usize, &mut DriverSettings) -> bool,
-    ) -> Result<(), CommandError> {
-        let changed = |motor| {
-            let mut settings = drivers.report(motor)?.settings;
-            change(motor, &mut settings).then_some(settings)
+            Command::ReportDrivers => ("M122", Setting::All, ALL_MOTORS),
+            Command::StealthChop { motors, on } => {
+                let named = [motors.x, motors.y, motors.z, motors.e];
+                let value = named.map(|named| (named || motors.is_empty()).then_some(on.map(u16::from)));
+                ("M569", Setting::Chopper, value)
+            }
+            Command::DriverCurrent(words) => ("M906", Setting::Current, values(words)),
+            Command::StallThreshold(words) => ("M914", Setting::StallThreshold, values(words)),
+            _ => return Ok(false),
         };
-        for motor in 0..AXIS_NAMES.len() {
-            if let Some(settings) = changed(motor) {
-                drivers.check(motor, &settings).map_err(|error| CommandError::DriverSettings { motor, error })?;
-            }
-        }
-        for motor in 0..AXIS_NAMES.len() {
-            if let Some(settings) = changed(motor) {
-                drivers.set(motor, settings).map_err(|error| CommandError::DriverSettings { motor, error })?;
-            }
-        }
-        self.drivers_confirmed(drivers).await
-    }
-
-    /// M122.
-    pub(crate) fn report_drivers(&self) {
-        let Some(drivers) = self.drivers_or_say("M122") else { return };
-        self.say_of_each(drivers, |name, report, replies| {
-            let state = match report.state {
-                DriverState::Unconfirmed => "being set up",
-                DriverState::Confirmed => "confirmed",
-                DriverState::Failed(_) => "failed",
-            };
-            let DriverReport { settings, run_ma, hold_ma, load, repeated, status, .. } = report;
-            let (microsteps, chopper) = (settings.microsteps, chopper(settings));
-            let threshold = settings.stall_threshold;
-            say(
-                replies,
-                format_args!(
-                    "echo:driver {name}: {state}, {run_ma} mA, {hold_ma} mA at rest, {microsteps} microsteps, {chopper}, \
-                     stall threshold {threshold}, load {load}, {repeated} datagrams repeated, {status}"
-                ),
-            );
-            if let DriverState::Failed(failure) = report.state {
-                say(replies, format_args!("echo:driver {name} {failure}"));
-            }
-        });
-    }
-
-    /// M569.
-    pub(crate) async fn stealth_chop(&mut self, motors: AxisFlags, on: Option<bool>) -> Result<(), CommandError> {
-        let Some(drivers) = self.drivers_or_say("M569") else { return Ok(()) };
-        let named = [motors.x, motors.y, motors.z, motors.e];
-        let Some(on) = on else {
-            self.say_of_each(drivers, |name, report, replies| {
-                let is_named = AXIS_NAMES.iter().zip(named).any(|(axis, named)| *axis == name && named);
-                if motors.is_empty() || is_named {
-                    say(replies, format_args!("echo:driver {name}: {}", chopper(&report.settings)));
+        let Some(drivers) = self.drivers else {
+            say(self.replies, format_args!("echo:{code}: not available, this machine's drivers cannot be set"));
+            return Ok(false);
+        };
+        let changes = values.iter().flatten().any(Option::is_some);
+        if changes {
+            change(drivers, setting, values)?;
+        } else {
+            for (motor, _) in values.iter().enumerate().filter(|(_, value)| value.is_some()) {
+                if let Some(report) = drivers.report(motor) {
+                    setting.say(name(motor), &report, self.replies);
                 }
-            });
-            return Ok(());
-        };
-        let change = |motor: usize, settings: &mut DriverSettings| {
-            settings.stealth_chop = on;
-            named.get(motor) == Some(&true)
-        };
-        self.change_drivers(drivers, change).await
+            }
+        }
+        Ok(changes)
     }
+}
 
-    /// M906.
-    pub(crate) async fn driver_current(&mut self, words: DriverWords) -> Result<(), CommandError> {
-        let Some(drivers) = self.drivers_or_say("M906") else { return Ok(()) };
-        if words == DriverWords::default() {
-            self.say_of_each(drivers, |name, report, replies| {
-                let DriverReport { settings, run_ma, hold_ma, .. } = report;
-                let current_ma = settings.current_ma;
+/// What of a driver a command shows or changes.
+#[derive(Clone, Copy)]
+enum Setting {
+    All,
+    Chopper,
+    Current,
+    StallThreshold,
+}
+
+/// For each motor: `None` if the command does not mean it, the value that it shall have, or none for a query.
+type Values = [Option<Option<u16>>; 4];
+
+const ALL_MOTORS: Values = [Some(None); 4];
+
+/// Without words a command asks for all motors.
+fn values(words: DriverWords) -> Values {
+    if words == DriverWords::default() { ALL_MOTORS } else { words.all().map(|value| value.map(Some)) }
+}
+
+/// Changes all the drivers that are meant, or none.
+fn change(drivers: &dyn MotorDrivers, setting: Setting, values: Values) -> Result<(), CommandError> {
+    for is_set in [false, true] {
+        for (motor, value) in values.iter().enumerate() {
+            let (Some(Some(value)), Some(report)) = (value, drivers.report(motor)) else { continue };
+            let mut settings = report.settings;
+            match setting {
+                Setting::All => {}
+                Setting::Chopper => settings.stealth_chop = *value != 0,
+                Setting::Current => settings.current_ma = *value,
+                Setting::StallThreshold => settings.stall_threshold = (*value).min(255) as u8,
+            }
+            let outcome = if is_set { drivers.set(motor, settings) } else { drivers.check(motor, &settings) };
+            outcome.map_err(|error| CommandError::DriverSettings { motor, error })?;
+        }
+    }
+    Ok(())
+}
+
+impl Setting {
+    /// Tells it, of one driver.
+    fn say(self, name: char, report: &DriverReport, replies: &impl Replies) {
+        let DriverReport { state, settings, run_ma, hold_ma, status, load, repeated } = report;
+        let DriverSettings { current_ma, microsteps, stall_threshold, .. } = settings;
+        let chopper = if settings.stealth_chop { "stealthChop" } else { "spreadCycle" };
+        match self {
+            Self::All => {
+                let state = match state {
+                    DriverState::Unconfirmed => "being set up",
+                    DriverState::Confirmed => "confirmed",
+                    DriverState::Failed(_) => "failed",
+                };
+                say(
+                    replies,
+                    format_args!(
+                        "echo:driver {name}: {state}, {run_ma} mA, {hold_ma} mA at rest, {microsteps} microsteps, \
+                         {chopper}, stall threshold {stall_threshold}, load {load}, {repeated} datagrams repeated, {status}"
+                    ),
+                );
+            }
+            Self::Chopper => say(replies, format_args!("echo:driver {name}: {chopper}")),
+            Self::Current => {
                 say(replies, format_args!("echo:driver {name}: {current_ma} mA ({run_ma} mA, {hold_ma} mA at rest)"));
-            });
-            return Ok(());
-        }
-        let change = |motor: usize, settings: &mut DriverSettings| match words.all().get(motor) {
-            Some(Some(current_ma)) => {
-                settings.current_ma = *current_ma;
-                true
             }
-            _ => false,
-        };
-        self.change_drivers(drivers, change).await
-    }
-
-    /// M914.
-    pub(crate) async fn stall_threshold(&mut self, words: DriverWords) -> Result<(), CommandError> {
-        let Some(drivers) = self.drivers_or_say("M914") else { return Ok(()) };
-        if words == DriverWords::default() {
-            self.say_of_each(drivers, |name, report, replies| {
-                let threshold = report.settings.stall_threshold;
-                say(replies, format_args!("echo:driver {name}: stall threshold {threshold}, load {}", report.load));
-            });
-            return Ok(());
-        }
-        let change = |motor: usize, settings: &mut DriverSettings| match words.all().get(motor) {
-            Some(Some(threshold)) => {
-                settings.stall_threshold = (*threshold).min(255) as u8;
-                true
+            Self::StallThreshold => {
+                say(replies, format_args!("echo:driver {name}: stall threshold {stall_threshold}, load {load}"));
             }
-            _ => false,
-        };
-        self.change_drivers(drivers, change).await
+        }
+        if let (Self::All, DriverState::Failed(failure)) = (self, state) {
+            say(replies, format_args!("echo:driver {name} {failure}"));
+        }
     }
 }

@@ -216,11 +216,9 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
     }
 
     async fn dispatch(&mut self, command: &Command<'_>) -> Result<bool, CommandError> {
-        let moves = matches!(
-            command,
-            Command::Linear { .. } | Command::Arc { .. } | Command::Retract | Command::Recover | Command::Home(_)
-        );
-        if moves && let Some(drivers) = self.drivers {
+        if self.drivers_part(command)?
+            && let Some(drivers) = self.drivers
+        {
             self.drivers_confirmed(drivers).await?;
         }
         match *command {
@@ -271,10 +269,6 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
                 self.adaptive_extrusion(on, [layer_height, line_width, filament_diameter])?;
             }
             Command::Timing { on, clear } => self.timing(on, clear),
-            Command::ReportDrivers => self.report_drivers(),
-            Command::StealthChop { motors, on } => self.stealth_chop(motors, on).await?,
-            Command::DriverCurrent(words) => self.driver_current(words).await?,
-            Command::StallThreshold(words) => self.stall_threshold(words).await?,
             Command::Echo { echo_prefix, action_prefix, text } => self.echo(echo_prefix, action_prefix, text),
             Command::MaxAcceleration(ref words) => self.set_max_acceleration(words)?,
             Command::MaxFeed(ref words) => self.set_max_feed(words)?,
@@ -294,8 +288,13 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
             Command::SelectTool(0) => {}
             Command::SelectTool(tool) => return Err(CommandError::InvalidTool(tool)),
             Command::Unknown(text) => self.replies.send(Reply::UnknownCommand(text)),
-            // Without a display, a second fan or an idle timer these change nothing here.
-            Command::Display(_)
+            // The drivers' part is all that there is to the first four. Without a display, a second fan or an idle timer the
+            // others change nothing here.
+            Command::ReportDrivers
+            | Command::StealthChop { .. }
+            | Command::DriverCurrent(_)
+            | Command::StallThreshold(_)
+            | Command::Display(_)
             | Command::Fan { .. }
             | Command::IdleTimeout { .. }
             | Command::SetNozzle(None)

@@ -56,6 +56,18 @@ fn pulses_are_as_long_as_the_driver_wants() {
 }
 
 #[test]
+fn a_current_is_what_the_sense_resistors_allow() {
+    let (from, to) = ("current_ma = 350", "current_ma = 1000");
+    let error = error_after("prusa-buddy", "prusa-mini", from, to).unwrap();
+    let line = line_of("prusa-mini", from);
+    let expected = "drivers.x.current_ma = 1000: expected 17 to 958 mA at the 0.22 ohm of the board prusa-buddy";
+    assert_eq!(error, format!("test.toml:{line}: {expected}"));
+    assert_eq!(error_after("prusa-buddy", "prusa-mini", from, "current_ma = 950"), None);
+    // Whatever is plugged into a socket brings its own.
+    assert_eq!(error_after("btt-octopus-1.1", "prusa-mini", from, to), None);
+}
+
+#[test]
 fn an_axis_homes_by_what_the_board_has() {
     // The Buddy board has no end stop for Z but a probe; X and Y have the drivers' stall signals.
     let text = std::fs::read_to_string("prusa-buddy.toml").unwrap();
