@@ -26,8 +26,8 @@ use crate::profile::StepSignals;
 /// Blocks in the look-ahead ring, as on the desk.
 pub const LOOK_AHEAD_BLOCKS: usize = 128;
 
-/// Slots in the step queue: with one port about as many as entries on the desk, 32 KiB and 8 KiB for their accounts.
-/// With each port more a slot has two words more, and half as many still last for several of the planner's intervals.
+/// Slots in the step queue: with one port about as many as entries on the desk, 32 KiB. With each port more a slot has two
+/// words more, and half as many still last for several of the planner's intervals.
 pub const STEP_QUEUE_SLOTS: usize = if MOTOR_PORTS == 1 { 2048 } else { 1024 };
 
 /// The step queue and the state of the step interrupt.
