@@ -1,5 +1,7 @@
 //! A profile that names what the board has not is refused, with the profile's line.
 
+use std::sync::atomic::{AtomicU32, Ordering};
+
 use ferrostep_boards::{builtin_names, fit, load};
 
 /// The line of a built-in profile on which a text stands.
@@ -13,7 +15,9 @@ fn error_after(board: &str, profile: &str, from: &str, to: &str) -> Option<Strin
     let text = ferrostep_profiles::builtin_text(profile).unwrap();
     assert!(text.contains(from), "{from}");
     // By its path, as a user's own: errors name the line of that file.
-    let name = format!("ferrostep-{}-{board}-{}.toml", std::process::id(), to.len());
+    // Tests run at the same time.
+    static FILES: AtomicU32 = AtomicU32::new(0);
+    let name = format!("ferrostep-{}-{}.toml", std::process::id(), FILES.fetch_add(1, Ordering::Relaxed));
     let path = std::env::temp_dir().join(name);
     std::fs::write(&path, text.replacen(from, to, 1)).unwrap();
     let path_text = path.to_str().unwrap();
