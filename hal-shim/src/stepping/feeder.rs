@@ -143,23 +143,27 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
     ///
     /// # Errors
     /// As [`Self::push`]; the entries before the one that is meant were added.
-    pub fn push_all(&mut self, mut entries: &[StepEntry]) -> Result<(), FeedError> {
-        loop {
-            let pushed = self.push_usual(entries);
-            let Some(left @ [first, others @ ..]) = entries.get(pushed..) else { return Ok(()) };
-            let is_ring_at_end = pushed > 0 && self.filled as usize & (N - 1) == 0;
-            entries = if is_ring_at_end {
-                left
-            } else {
-                self.push_unusual(*first)?;
-                others
-            };
-        }
+    pub fn push_all(&mut self, entries: &[StepEntry]) -> Result<(), FeedError> {
+        self.extend(entries.iter().copied())
     }
 
-    /// Adds entries as long as they are usual, there is room for them, and the ring goes on in a row. How many.
+    /// Adds entries as they are made: no memory for them, and what is alike of all of them is looked up once.
+    ///
+    /// # Errors
+    /// As [`Self::push`]; the entries before the one that is meant were added, and none behind it is asked for.
     #[inline(always)]
-    fn push_usual(&mut self, entries: &[StepEntry]) -> usize {
+    pub fn extend(&mut self, mut entries: impl Iterator<Item = StepEntry>) -> Result<(), FeedError> {
+        // An entry that meets the ring's end is not usual either.
+        while let Some(entry) = self.push_usual(&mut entries) {
+            self.push_unusual(entry)?;
+        }
+        Ok(())
+    }
+
+    /// Adds entries as long as they are usual, there is room for them, and the ring goes on in a row.
+    /// The first that was not added.
+    #[inline(always)]
+    fn push_usual(&mut self, entries: &mut impl Iterator<Item = StepEntry>) -> Option<StepEntry> {
         let lead_ticks = self.lead_ticks().wrapping_add(1);
         let slots = self.player.slots_from(self.filled);
         // There is not less room meanwhile.
@@ -171,10 +175,11 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
             stepping: PhantomData,
         };
         let mut newest = self.newest;
-        let added = usual.push(&mut newest, slots, entries);
+        let mut left = slots.iter();
+        let unusual = usual.push(&mut newest, &mut left, entries);
         self.newest = newest;
-        self.filled = self.filled.wrapping_add(added.slots as u32);
-        added.entries
+        self.filled = self.filled.wrapping_add(slots.len().wrapping_sub(left.len()) as u32);
+        unusual
     }
 
     /// By how much an interval is longer than the gap behind an event.

@@ -1,6 +1,7 @@
 //! The newest event, held back, and the slots that are filled when its successor comes.
 
 use core::marker::PhantomData;
+use core::slice::Iter;
 
 use ferrostep_planner::StepEntry;
 
@@ -36,15 +37,6 @@ pub(super) struct Following<const PORTS: usize> {
 /// picked out of [`Newest::turning`].
 pub(super) type StepWords<const PORTS: usize> = [[u32; PORTS]; 16];
 
-/// How much was added.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Added {
-    /// Entries.
-    pub(super) entries: usize,
-    /// Slots that they took.
-    pub(super) slots: usize,
-}
-
 /// What stays the same while stairs go on in the same directions.
 pub(super) struct Usual<'a, M, const PORTS: usize> {
     pub(super) words: &'a StepWords<PORTS>,
@@ -58,9 +50,14 @@ pub(super) struct Usual<'a, M, const PORTS: usize> {
 impl<M: Stepping, const PORTS: usize> Usual<'_, M, PORTS> {
     /// Adds entries as long as they are stairs as most are, and there are slots for them: they go on in the same
     /// directions, and their events are neither too near nor so near that the interrupt stays for them, nor too many for a
-    /// slot.
+    /// slot. The first that is not so, which was not added.
     #[inline(always)]
-    pub(super) fn push(&self, newest: &mut Newest<PORTS>, slots: &[Slot<PORTS>], entries: &[StepEntry]) -> Added {
+    pub(super) fn push(
+        &self,
+        newest: &mut Newest<PORTS>,
+        slots: &mut Iter<'_, Slot<PORTS>>,
+        entries: &mut impl Iterator<Item = StepEntry>,
+    ) -> Option<StepEntry> {
         if M::EVENTS_A_STEP == 1 {
             self.push_edges(newest, slots, entries)
         } else {
@@ -70,57 +67,62 @@ impl<M: Stepping, const PORTS: usize> Usual<'_, M, PORTS> {
 
     /// Both edges: a slot an entry.
     #[inline(always)]
-    fn push_edges(&self, newest: &mut Newest<PORTS>, slots: &[Slot<PORTS>], entries: &[StepEntry]) -> Added {
-        let most = entries.len().min(slots.len());
-        let mut left = entries.iter().zip(slots);
-        while let Some((entry, slot)) = left.next() {
+    fn push_edges(
+        &self,
+        newest: &mut Newest<PORTS>,
+        slots: &mut Iter<'_, Slot<PORTS>>,
+        entries: &mut impl Iterator<Item = StepEntry>,
+    ) -> Option<StepEntry> {
+        while let Some(entry) = entries.next() {
             let [interval_ticks, word] = entry.to_words();
             if interval_ticks <= self.above_ticks || !entry.is_short_stair() {
-                let added = most.wrapping_sub(left.len()).wrapping_sub(1);
-                return Added { entries: added, slots: added };
+                return Some(entry);
             }
+            let Some(slot) = slots.next() else { return Some(entry) };
             let (then, held) = newest.edges(word, self.words(word >> 16), self.words((word ^ word << 8) >> 24));
             let reload = interval_ticks.wrapping_sub(self.lead_ticks);
             newest.fill(slot, false, Following { reload, then, events: word & 0xffff, held });
         }
-        Added { entries: most, slots: most }
+        None
     }
 
     /// Pulses: the last of a stair may be another one, in a slot of its own.
     #[inline(always)]
-    fn push_pulses(&self, newest: &mut Newest<PORTS>, slots: &[Slot<PORTS>], entries: &[StepEntry]) -> Added {
-        let mut left = entries.get(..slots.len() / 2).unwrap_or(entries).iter();
-        let entries = left.len();
-        let mut free = slots.iter();
-        while let Some(entry) = left.as_slice().first()
-            && entry.interval_ticks() > self.above_ticks
-        {
+    fn push_pulses(
+        &self,
+        newest: &mut Newest<PORTS>,
+        slots: &mut Iter<'_, Slot<PORTS>>,
+        entries: &mut impl Iterator<Item = StepEntry>,
+    ) -> Option<StepEntry> {
+        while let Some(entry) = entries.next() {
+            if entry.interval_ticks() <= self.above_ticks {
+                return Some(entry);
+            }
             let (reload, word) = (entry.interval_ticks().wrapping_sub(self.lead_ticks), entry.stair_word());
             let mut last = word >> 16;
             if !entry.is_single() {
-                if !entry.is_short_stair() {
-                    break;
+                if !entry.is_short_stair() || slots.len() < 2 {
+                    return Some(entry);
                 }
                 let has_other = word >> 24 != 0;
                 let alike = (word & 0xffff).wrapping_sub(u32::from(has_other));
-                if alike > 0 {
-                    let Some(slot) = free.next() else { break };
+                if alike > 0
+                    && let Some(slot) = slots.next()
+                {
                     let then = self.words(last);
                     let held = then.map(PinMap::<PORTS>::turned);
                     newest.fill(slot, false, Following { reload, then, events: alike * M::EVENTS_A_STEP, held });
                 }
                 if !has_other {
-                    left.next();
                     continue;
                 }
                 last ^= word >> 24;
             }
-            let Some(slot) = free.next() else { break };
+            let Some(slot) = slots.next() else { return Some(entry) };
             let then = self.words(last);
             newest.fill_step::<M>(slot, reload, then, then.map(PinMap::<PORTS>::turned));
-            left.next();
         }
-        Added { entries: entries.wrapping_sub(left.len()), slots: slots.len().wrapping_sub(free.len()) }
+        None
     }
 
     /// The words that step the motors in the lowest bits.

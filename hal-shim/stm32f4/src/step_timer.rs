@@ -269,6 +269,17 @@ impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> StepQueu
     }
 }
 
+impl<B, M: Stepping, const PORTS: usize, const N: usize> StepQueue<B, M, PORTS, N> {
+    /// Adds entries as they are made.
+    ///
+    /// # Errors
+    /// As [`StepFeeder::extend`].
+    #[inline(always)]
+    pub fn extend(&mut self, entries: impl Iterator<Item = StepEntry>) -> Result<(), FeedError> {
+        self.feeder.extend(entries)
+    }
+}
+
 /// Whether there is a TIM9.
 fn has_count() -> bool {
     // SAFETY: a register is read that nobody writes after the start.

@@ -70,12 +70,15 @@ pub struct BenchQueue<M: 'static, const PORTS: usize, const N: usize> {
 /// The queue that prints: the firmware's.
 pub type PrintQueue = BenchQueue<StepSignals, 1, STEP_QUEUE_SLOTS>;
 
-/// The queues that lines are drawn to, which nobody plays.
+/// A queue that lines are drawn to, which nobody plays.
+pub type LineQueue<M> = BenchQueue<M, 1, LINE_QUEUE_SLOTS>;
+
+/// One of each kind.
 pub struct LineQueues {
     /// For drivers that step at both edges.
-    pub edges: BenchQueue<BothEdges, 1, LINE_QUEUE_SLOTS>,
+    pub edges: LineQueue<BothEdges>,
     /// For others.
-    pub pulses: BenchQueue<Pulses, 1, LINE_QUEUE_SLOTS>,
+    pub pulses: LineQueue<Pulses>,
 }
 
 /// How much there is to queue.
@@ -157,6 +160,16 @@ impl<M: Stepping, const PORTS: usize, const N: usize> BenchQueue<M, PORTS, N> {
         let before = self.queue.played();
         let instructions = counter.count_handler(self.interrupt);
         Event { instructions, is_new: self.queue.played() != before }
+    }
+
+    /// Adds entries as they are made.
+    #[inline(always)]
+    pub fn extend(&mut self, entries: impl Iterator<Item = StepEntry>) {
+        if cfg!(feature = "tally") {
+            entries.for_each(|entry| self.entry(entry));
+        } else if self.queue.extend(entries).is_err() {
+            refused();
+        }
     }
 
     /// Empties the queue without the interrupt.
