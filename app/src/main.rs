@@ -29,7 +29,6 @@ mod host_line;
 mod ports;
 mod profile;
 mod timing;
-mod usb;
 
 use defmt_rtt as _;
 
@@ -51,6 +50,7 @@ mod app {
     use ferrostep_stm32f4::serial::{Serial, Transmit};
     use ferrostep_stm32f4::step_timer::{self, StepQueue, StepTimer};
     use ferrostep_stm32f4::vector_table::VectorTable;
+    use ferrostep_stm32f4_usb::{Memory, Rings, Usb};
     use ferrostep_usb::{Heard, LineWriter, Lines};
     use heapless::spsc::{Consumer, Producer, Queue};
     use rtic_monotonics::systick::prelude::*;
@@ -65,10 +65,12 @@ mod app {
     };
     use crate::profile::PROFILE;
     use crate::timing::{self, BoardTiming};
-    use crate::usb::{Memory, Rings, Usb};
 
     /// Speed of the host's line.
     const BAUD: u32 = 115_200;
+
+    /// The board, as USB tells it to a host.
+    const PRODUCT: &str = "Ferrostep bench";
 
     /// SysTick, which ends the waits of the tasks: above all that wait, below the host's line.
     const WAITS_PRIORITY: u8 = 9;
@@ -147,7 +149,7 @@ mod app {
         let (usb_to_write, usb_to_send) = cx.local.usb_send.split();
         let registers = (device.OTG_FS_GLOBAL, device.OTG_FS_DEVICE, device.OTG_FS_PWRCLK);
         let rings = Rings { received: usb_received, to_send: usb_to_send, act };
-        let usb = Usb::start(cx.local.usb_memory, registers, &device.RCC, &clock, rings);
+        let usb = Usb::start(cx.local.usb_memory, registers, &device.RCC, &clock, PRODUCT, rings);
         let usb_writer = usb.is_ok().then(|| LineWriter::new(usb_to_write));
         let mut writers = Writers { serial: Writer(to_write), usb: usb_writer };
         writers.line(To::All, Reply::Start);
@@ -213,7 +215,7 @@ mod app {
     #[task(binds = OTG_FS, priority = 10, local = [usb])]
     fn usb(cx: usb::Context) {
         if let Some(usb) = cx.local.usb {
-            usb.serve();
+            host_line::arrived(usb.serve());
         }
     }
 

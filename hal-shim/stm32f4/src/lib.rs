@@ -1,4 +1,4 @@
-//! Registers of the STM32F4 behind hal-shim's traits: clock, step timer, serial line, USB, safe state, and a small file a
+//! Registers of the STM32F4 behind hal-shim's traits: clock, step timer, serial line, safe state, and a small file a
 //! board.
 //!
 //! The only crate of the firmware with unsafe code of its own. What it is for: register fields that the register
@@ -17,7 +17,6 @@ pub mod motion_clock;
 pub mod safe_state;
 pub mod serial;
 pub mod step_timer;
-pub mod usb;
 pub mod vector_table;
 
 #[cfg(feature = "stm32f405")]

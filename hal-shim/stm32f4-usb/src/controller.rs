@@ -9,8 +9,8 @@ use ferrostep_hal_shim::clock_tree::{Clock, ClockSource};
 use synopsys_usb_otg::UsbPeripheral;
 use usb_device::bus::UsbBusAllocator;
 
-use crate::clock::comes_true;
-use crate::pac::{GPIOA, OTG_FS_DEVICE, OTG_FS_GLOBAL, OTG_FS_PWRCLK, RCC};
+use ferrostep_stm32f4::clock::comes_true;
+use ferrostep_stm32f4::pac::{GPIOA, OTG_FS_DEVICE, OTG_FS_GLOBAL, OTG_FS_PWRCLK, RCC};
 
 /// Words that the packets of OUT endpoints are copied to: 64 bytes each of the control and the bulk endpoint.
 pub const PACKET_WORDS: usize = 32;
