@@ -6,9 +6,10 @@
 use std::path::{Path, PathBuf};
 use std::{env, fs};
 
+use ferrostep_hal_shim::thermistor::{Thermistor, ThermistorType};
 use ferrostep_planner::{DualRatePeriods, Kinematics, Limits, MotionChoice, SCurveTableSettings, StepsPerMm};
 use ferrostep_printer::{
-    AxisHoming, DriverTiming, ExtrusionSettings, FirmwareRetraction, HeaterSettings, HomeEnd, Profile,
+    AxisHoming, DriverTiming, ExtrusionSettings, FirmwareRetraction, HeaterSettings, HeaterWatch, HomeEnd, Profile,
 };
 
 /// The bench's machine.
@@ -142,17 +143,26 @@ fn homing(homing: &AxisHoming) -> String {
 
 fn heater(heater: &HeaterSettings) -> String {
     let HeaterSettings {
+        thermistor: Thermistor { kind, pull_up_ohm },
         min_celsius,
         max_celsius,
+        watch: HeaterWatch { watch_ms, watch_celsius, runaway_ms, runaway_celsius },
         proportional,
         integral,
         derivative,
         residency_window_celsius,
         residency_ms,
     } = heater;
+    let kind = match kind {
+        ThermistorType::Semitec104Gt2 => "Semitec104Gt2".to_owned(),
+        ThermistorType::Epcos100k => "Epcos100k".to_owned(),
+        ThermistorType::Beta { r25_ohm, beta_k } => format!("Beta {{ r25_ohm: {r25_ohm:?}, beta_k: {beta_k:?} }}"),
+    };
     format!(
-        "HeaterSettings {{ min_celsius: {min_celsius:?}, max_celsius: {max_celsius:?}, proportional: {proportional:?}, \
-         integral: {integral:?}, derivative: {derivative:?}, residency_window_celsius: {residency_window_celsius:?}, \
+        "HeaterSettings {{ thermistor: Thermistor {{ kind: ThermistorType::{kind}, pull_up_ohm: {pull_up_ohm:?} }}, \
+         min_celsius: {min_celsius:?}, max_celsius: {max_celsius:?}, \
+         watch: HeaterWatch {{ watch_ms: {watch_ms}, watch_celsius: {watch_celsius:?}, runaway_ms: {runaway_ms}, \
+         runaway_celsius: {runaway_celsius:?} }}, proportional: {proportional:?}, integral: {integral:?}, derivative: {derivative:?}, residency_window_celsius: {residency_window_celsius:?}, \
          residency_ms: {residency_ms} }}"
     )
 }

@@ -1,42 +1,36 @@
 //! The heaters: their control, and on the bench their models.
 
-use ferrostep_hal_shim::Heater;
-use ferrostep_hal_shim::ThermalBoard;
 use ferrostep_hal_shim::virtual_board::VirtualHeaters;
-use ferrostep_printer::heat::{HeatControl, HeatFault};
+use ferrostep_hal_shim::{Fan, Heater, ThermalBoard};
+use ferrostep_printer::heat::{HeatControl, HeatFault, SAMPLE_MS};
 use ferrostep_printer::{HeaterStatus, Profile};
-
-/// Interval of heater control, ms.
-pub const INTERVAL_MS: u32 = 100;
 
 /// Control and heaters.
 pub struct Heat {
     control: HeatControl,
     heaters: VirtualHeaters,
-    fault: Option<HeatFault>,
 }
 
 impl Heat {
     /// Cold heaters with their first readings, so that the first command finds temperatures.
     pub fn new(profile: &Profile) -> Self {
-        let control = HeatControl::new(profile.nozzle, profile.bed);
-        let mut heat = Self { control, heaters: VirtualHeaters::new(), fault: None };
-        heat.fault = heat.control.update(&mut heat.heaters, 0.0).err();
-        heat
+        let mut heaters = profile.virtual_heaters();
+        Self { control: HeatControl::new(profile.nozzle, profile.bed, &mut heaters), heaters }
     }
 
-    /// One interval of control. `false` once a heater or thermometer has failed; then all heaters are off for good.
-    pub fn update(&mut self, fan_power: u8) -> bool {
-        let seconds = INTERVAL_MS as f32 * 1e-3;
-        ferrostep_hal_shim::Fan::set_fan_power(&mut self.heaters, fan_power);
-        self.heaters.advance(seconds);
-        self.fault = self.control.update(&mut self.heaters, seconds).err();
-        self.fault.is_none()
+    /// One sample of control, every [`SAMPLE_MS`].
+    ///
+    /// # Errors
+    /// A heater or thermometer has failed, and all heaters are off; told once.
+    pub fn update(&mut self, fan_power: u8) -> Result<(), HeatFault> {
+        self.heaters.set_fan_power(fan_power);
+        self.heaters.advance(SAMPLE_MS as f32 * 1e-3);
+        self.control.update(&mut self.heaters)
     }
 
-    /// Why the heaters are off for good, if they are.
+    /// Why the heaters are off until M999, if they are.
     pub fn fault(&self) -> Option<HeatFault> {
-        self.fault
+        self.control.fault()
     }
 
     /// Sets a target, degrees Celsius; 0 is off.
@@ -55,5 +49,13 @@ impl Heat {
         for heater in Heater::ALL {
             self.heaters.set_power(heater, 0.0);
         }
+    }
+
+    /// M999.
+    ///
+    /// # Errors
+    /// A fault is still there, and all heaters stay off.
+    pub fn restart(&mut self) -> Result<(), HeatFault> {
+        self.control.restart()
     }
 }

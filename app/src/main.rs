@@ -7,7 +7,7 @@
 //! | 13 | `serial` | USART1 | `local` only: port, two byte rings, the emergency scanner | 16 bytes to send, the received one; M112 |
 //! | 10 | `usb` | OTG_FS, or something to send | `local` only: the device, two byte rings | four packets in, what fits out; M112 |
 //! | 9 | SysTick (rtic-monotonics) | every ms | the queue of waits | wakes the tasks whose waits end |
-//! | 8 | `temperature` | every 100 ms | `heat` | two PID loops and their checks |
+//! | 8 | `temperature` | every 10 ms | `heat` | two medians, two PID loops and their checks |
 //! | 8 | `emergency` | M112 | `heat` | heaters off |
 //! | 4 | `planner` | a move, or 2 ms | `machine` | fills the step queue: 256 portions a lock |
 //! | 2 | `printer` | received bytes | `machine`, `heat`, `writers` | one line; a wait is an await |
@@ -41,6 +41,7 @@ mod app {
     use ferrostep_hal_shim::clock_tree::ClockSource;
     use ferrostep_hal_shim::stepping::{self, SlotAccount, StepFeeder};
     use ferrostep_planner::look_ahead::Slot;
+    use ferrostep_printer::heat::SAMPLE_MS;
     use ferrostep_printer::machine::SharedMotion;
     use ferrostep_printer::{Host, Printer, Replies, Signals, temperatures};
     use ferrostep_stm32f4::bench::{self, BenchPins};
@@ -57,7 +58,7 @@ mod app {
     use rtic_sync::signal::{Signal, SignalReader};
 
     use crate::clock::{Mono, SystemClock};
-    use crate::heat::{self, Heat};
+    use crate::heat::Heat;
     use crate::host_line::{self, Patience, Port, Reader, To, Writer, Writers};
     use crate::ports::{
         BoardHeating, BoardMachine, BoardMachineLock, BoardReplies, BoardStepTimer, LOOK_AHEAD_BLOCKS, Overload,
@@ -234,15 +235,16 @@ mod app {
         }
     }
 
-    /// Heater control; a fault halts the machine. Must run every 100 ms, whatever the tasks below do.
+    /// Heater control; a fault halts the machine. Must run every 10 ms, whatever the tasks below do: a sample that is
+    /// late is made up for.
     #[task(priority = 8, shared = [heat])]
     async fn temperature(mut cx: temperature::Context) {
         let mut next = Mono::now();
         loop {
-            next += heat::INTERVAL_MS.millis();
+            next += SAMPLE_MS.millis();
             Mono::delay_until(next).await;
-            let healthy = cx.shared.heat.lock(|heat| heat.update(FAN_POWER.load(Ordering::Relaxed)));
-            if !healthy && !SIGNALS.is_halted() {
+            let outcome = cx.shared.heat.lock(|heat| heat.update(FAN_POWER.load(Ordering::Relaxed)));
+            if outcome.is_err() {
                 SIGNALS.halt();
                 step_timer::stop(STEPS.link());
                 HALTED.writer().write(());
@@ -318,6 +320,13 @@ mod app {
         loop {
             let interval = REPORTS_INTERVAL_MS.millis();
             if let Ok(()) = Mono::timeout_after(interval, cx.local.halted.wait()).await {
+                // A command at work has done it already; where none is, nobody else does. Whether the machine is still
+                // halted must not change in between: after M999 the motors are needed.
+                machine.lock(|machine| {
+                    if SIGNALS.is_halted() {
+                        machine.switch_motors_off();
+                    }
+                });
                 replies.halted(heating.fault());
             }
             replies.lost_bytes(host_line::take_lost_bytes());

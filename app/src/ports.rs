@@ -107,6 +107,10 @@ impl<H: Mutex<T = Heat>> Heating for BoardHeating<H> {
     fn all_off(&mut self) {
         self.0.get_mut().lock(|heat| heat.all_off());
     }
+
+    fn restart(&mut self) -> Result<(), HeatFault> {
+        self.0.get_mut().lock(|heat| heat.restart())
+    }
 }
 
 /// The hosts' lines, their sending ends. A reply is whole: the lock keeps others out until its last byte.

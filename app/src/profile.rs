@@ -1,11 +1,12 @@
 //! The machine this firmware is for.
 
+use ferrostep_hal_shim::thermistor::{Thermistor, ThermistorType};
 use ferrostep_planner::{
     AccelerationProfile, DualRatePeriods, Interpolation, Kinematics, Limits, MotionChoice, SCurveTableSettings,
     StepsPerMm,
 };
 use ferrostep_printer::{
-    AxisHoming, DriverTiming, ExtrusionSettings, FirmwareRetraction, HeaterSettings, HomeEnd, Profile,
+    AxisHoming, DriverTiming, ExtrusionSettings, FirmwareRetraction, HeaterSettings, HeaterWatch, HomeEnd, Profile,
 };
 
 /// The profile, as `build.rs` found it in its TOML file.

@@ -12,7 +12,7 @@ use ferrostep_hal_shim::{EndStops, Fan};
 use ferrostep_planner::interpolator::MAX_ENTRIES;
 use ferrostep_planner::look_ahead::Slot;
 use ferrostep_planner::{Notice, Planner, Progress, StepDigests, StepEntry, StepSink, TICKS_PER_SECOND};
-use ferrostep_printer::heat::{HeatControl, HeatFault};
+use ferrostep_printer::heat::{HeatControl, HeatFault, SAMPLE_MS};
 use ferrostep_printer::{Profile, Seek};
 
 use crate::record::Observer;
@@ -24,7 +24,7 @@ pub const LOOK_AHEAD_BLOCKS: usize = 128;
 const STEP_QUEUE_ENTRIES: usize = 2048;
 
 /// Interval of heater control.
-const HEAT_INTERVAL_NS: u64 = 100_000_000;
+const HEAT_INTERVAL_NS: u64 = SAMPLE_MS as u64 * 1_000_000;
 
 /// Longest time that passes at once while a command waits for motion, so that it can look around.
 const LONGEST_LEAP_TICKS: u64 = TICKS_PER_SECOND as u64 / 2;
@@ -139,12 +139,15 @@ impl<O: Observer> Desk<O> {
     pub fn new(profile: &Profile, mode: Mode, look_ahead: usize, observer: O) -> Self {
         let mut planner = Planner::new(profile.geometry(), profile.limits, vec![Slot::EMPTY; look_ahead]);
         planner.set_motion_choice(&profile.motion);
-        let mut desk = Self {
+        let mut heaters = profile.virtual_heaters();
+        // The first temperatures are there before the first command.
+        let heat = HeatControl::new(profile.nozzle, profile.bed, &mut heaters);
+        Self {
             mode,
             planner,
             queues: Queues::default(),
-            board: VirtualBoard { motors: profile.virtual_motors(), heaters: VirtualHeaters::new() },
-            heat: HeatControl::new(profile.nozzle, profile.bed),
+            board: VirtualBoard { motors: profile.virtual_motors(), heaters },
+            heat,
             observer: Watch { rate: EventRate::default(), observer },
             awaited: Awaited::Nothing,
             sought: None,
@@ -156,10 +159,7 @@ impl<O: Observer> Desk<O> {
             underruns: 0,
             homing_ticks: 0,
             homing_since: None,
-        };
-        // The first temperatures are there before the first command.
-        let _ = desk.heat.update(&mut desk.board.heaters, 0.0);
-        desk
+        }
     }
 
     /// What was done so far.
@@ -208,6 +208,11 @@ impl<O: Observer> Desk<O> {
         &self.board
     }
 
+    /// The board's heaters, to let one fail.
+    pub fn heaters_mut(&mut self) -> &mut VirtualHeaters {
+        &mut self.board.heaters
+    }
+
     /// What watched the motors.
     pub fn into_observer(self) -> O {
         self.observer.observer
@@ -216,7 +221,7 @@ impl<O: Observer> Desk<O> {
     /// Lets time pass until what the last command waits for is there: its moves, or its moment.
     ///
     /// # Errors
-    /// A heater or thermometer failed; heaters are off and motion has stopped.
+    /// A heater or thermometer has failed; heaters are off and motion has stopped. It is told once.
     pub fn pass_time(&mut self, clock: &VirtualClock) -> Result<(), HeatFault> {
         match std::mem::replace(&mut self.awaited, Awaited::Nothing) {
             Awaited::Room => self.run_until(Self::has_room),
@@ -253,17 +258,18 @@ impl<O: Observer> Desk<O> {
         self.idle_ns + (u128::from(self.motion_tick()) * 1_000_000_000 / u128::from(TICKS_PER_SECOND)) as u64
     }
 
+    /// Lets the heaters' time pass; after a failure it goes on, for they cool.
     fn heat_until(&mut self, now_ns: u64) -> Result<(), HeatFault> {
-        let seconds = HEAT_INTERVAL_NS as f32 * 1e-9;
+        let mut outcome = Ok(());
         while self.next_heat_ns <= now_ns {
             self.next_heat_ns += HEAT_INTERVAL_NS;
-            self.board.heaters.advance(seconds);
-            if let Err(fault) = self.heat.update(&mut self.board.heaters, seconds) {
+            self.board.heaters.advance(SAMPLE_MS as f32 * 1e-3);
+            if let Err(fault) = self.heat.update(&mut self.board.heaters) {
                 self.stop();
-                return Err(fault);
+                outcome = Err(fault);
             }
         }
-        Ok(())
+        outcome
     }
 
     /// Plans and plays until `done`, or for a while; the step queue is kept as full as it gets, as on the board. An estimate plans only.

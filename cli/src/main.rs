@@ -226,6 +226,8 @@ fn run<O: Observer>(
     let replies = JobReplies::new(|text: &str| {
         shown.set(shown.get() + 1);
         match shown.get() {
+            // Why a machine stands still must not drown.
+            _ if text.starts_with("Error:") => progress.say(text),
             ..=MOST_NOTICES => progress.say(text),
             count if count == MOST_NOTICES + 1 => progress.say("(further messages of the machine are not shown)"),
             _ => {}

@@ -88,9 +88,7 @@ impl<O: Observer, R: Replies> Session<O, R> {
                 return output;
             }
             let outcome = self.desk.borrow_mut().pass_time(&self.clock);
-            if let Err(fault) = outcome
-                && !self.signals.is_halted()
-            {
+            if let Err(fault) = outcome {
                 // Two adjacent lines, as hosts expect of a thermal error.
                 self.replies.send(Reply::Text(&fault.to_string()));
                 self.replies.send(Reply::Killed);

@@ -39,7 +39,7 @@ const CAPABILITIES_AFTER: [(&str, bool); 19] = [
     ("LFN_WRITE", false),
     ("CUSTOM_FIRMWARE_UPLOAD", false),
     ("EXTENDED_M20", false),
-    ("THERMAL_PROTECTION", false),
+    ("THERMAL_PROTECTION", true),
     ("MOTION_MODES", false),
     ("ARCS", true),
     ("BABYSTEPPING", false),

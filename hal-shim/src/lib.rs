@@ -6,6 +6,7 @@
 pub mod clock_tree;
 pub mod histogram;
 pub mod stepping;
+pub mod thermistor;
 pub mod virtual_board;
 
 use ferrostep_planner::StepEntry;
@@ -34,7 +35,7 @@ impl Heater {
     }
 }
 
-/// Why a thermometer has no reading.
+/// Why a reading is no temperature.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SensorError {
     /// Its circuit is open.
@@ -51,8 +52,9 @@ pub trait Clock {
 
 /// Thermometers and heaters.
 pub trait ThermalBoard {
-    /// Temperature at a heater, degrees Celsius.
-    fn celsius(&mut self, heater: Heater) -> Result<f32, SensorError>;
+    /// What the converter reads at a heater's thermistor: the sum of 16 conversions of 12 bits, taken now or since the
+    /// reading before ([`thermistor`] makes a temperature of it).
+    fn reading(&mut self, heater: Heater) -> u16;
     /// Heater power from 0 to 1; anything else is cut to that.
     fn set_power(&mut self, heater: Heater, power: f32);
 }

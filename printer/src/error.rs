@@ -67,7 +67,7 @@ pub enum CommandError {
     },
     /// A tool that does not exist.
     InvalidTool(u32),
-    /// The machine was stopped by M112, here or before, and waits for M999.
+    /// The machine was stopped by M112 or a heater fault, here or before, and waits for M999.
     Halted,
     /// Motion was stopped on the way.
     Stopped,
@@ -118,7 +118,7 @@ impl fmt::Display for CommandError {
                 write!(out, "homing {name} failed: its end stop did not trigger, expected it within the axis' length")
             }
             Self::InvalidTool(tool) => write!(out, "T{tool} - Invalid extruder number !, expected T0"),
-            Self::Halted => write!(out, "the printer is halted (M112), expected M999 to restart"),
+            Self::Halted => write!(out, "the printer is halted (M112 or a heater fault), expected M999 to restart"),
             Self::Stopped => write!(out, "motion was stopped"),
         }
     }

@@ -1,203 +1,181 @@
-//! Heater control: one PID loop a heater, and the limits that switch everything off.
+//! Heater control: thermometers, one PID loop a heater, and the checks that switch everything off.
+//!
+//! A hundred times a second [`HeatControl::update`] reads every thermometer, lets [`safety`] look at every heater, and
+//! sets every power. Nothing else sets one.
+
+mod pid;
+pub mod safety;
+mod thermometer;
 
 use core::fmt;
 
-use ferrostep_hal_shim::{Heater, SensorError, ThermalBoard};
+use ferrostep_hal_shim::{Heater, ThermalBoard};
 
 use crate::ports::HeaterStatus;
 use crate::profile::HeaterSettings;
+use pid::Pid;
+use safety::{Safety, Trip};
+use thermometer::{MEDIAN_OF, Thermometer};
 
-/// Why all heaters are off.
+/// From one sample to the next, ms.
+pub const SAMPLE_MS: u32 = 10;
+
+/// The same in seconds.
+const SAMPLE_S: f32 = SAMPLE_MS as f32 * 1e-3;
+
+/// Why all heaters are off until M999.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum HeatFault {
-    /// A thermometer has no reading.
-    Sensor(Heater, SensorError),
-    /// At or above the maximum.
-    TooHot(Heater, f32),
-    /// Below the minimum: the thermometer is likely disconnected.
-    TooCold(Heater, f32),
+pub struct HeatFault {
+    /// Where.
+    pub heater: Heater,
+    /// What.
+    pub trip: Trip,
 }
 
 impl fmt::Display for HeatFault {
-    /// The line that hosts take for a thermal error; `kill() called` follows it.
+    /// The line that hosts take for a thermal error; `kill() called` must follow it.
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (what, heater) = match self {
-            Self::TooHot(heater, _) | Self::Sensor(heater, SensorError::Shorted) => ("MAXTEMP", heater),
-            Self::TooCold(heater, _) | Self::Sensor(heater, SensorError::Open) => ("MINTEMP", heater),
-        };
-        let name = match heater {
+        let name = match self.heater {
             Heater::Nozzle => "E0",
             Heater::Bed => "bed",
         };
-        write!(out, "Error:{what} triggered, system stopped! Heater_ID: {name}")?;
-        match self {
-            Self::TooHot(_, celsius) | Self::TooCold(_, celsius) => write!(out, " (temp: {celsius:.2})"),
-            Self::Sensor(..) => Ok(()),
+        write!(out, "Error:{}, system stopped! Heater_ID: {name}", self.trip)?;
+        match self.trip {
+            Trip::Sensor(_) => Ok(()),
+            Trip::TooHot(celsius)
+            | Trip::TooCold(celsius)
+            | Trip::HeatingFailed(celsius)
+            | Trip::Runaway(celsius)
+            | Trip::RisesUnpowered(celsius)
+            | Trip::Frozen(celsius) => write!(out, " (temp: {celsius:.2})"),
         }
     }
 }
 
-/// Temperature filter of the derivative: share of the newest slope a second.
-const DERIVATIVE_RATE_PER_S: f32 = 2.0;
-
+/// One heater.
 #[derive(Clone, Copy, Debug)]
-struct Loop {
+struct Channel {
     settings: HeaterSettings,
+    thermometer: Thermometer,
+    safety: Safety,
+    pid: Pid,
+    /// The last temperature that there was, degrees Celsius.
     celsius: f32,
     target: f32,
     power: f32,
-    /// Pre-multiplied by the integral gain, so it is a power.
-    integral: f32,
-    /// Filtered slope, degrees a second.
-    slope: f32,
-    has_reading: bool,
 }
 
-impl Loop {
-    fn new(settings: HeaterSettings) -> Self {
-        Self { settings, celsius: 0.0, target: 0.0, power: 0.0, integral: 0.0, slope: 0.0, has_reading: false }
+impl Channel {
+    fn new(settings: HeaterSettings, readings: [u16; MEDIAN_OF]) -> Self {
+        let thermometer = Thermometer::new(settings.thermistor, readings);
+        // Without a temperature the first sample trips.
+        let celsius = thermometer.celsius().unwrap_or(0.0);
+        let (safety, pid) = (Safety::new(settings), Pid::new(&settings, celsius));
+        Self { settings, thermometer, safety, pid, celsius, target: 0.0, power: 0.0 }
     }
 
-    fn update(&mut self, celsius: f32, seconds: f32) {
-        if self.has_reading && seconds > 0.0 {
-            let share = (DERIVATIVE_RATE_PER_S * seconds).min(1.0);
-            self.slope += ((celsius - self.celsius) / seconds - self.slope) * share;
-        }
-        self.celsius = celsius;
-        self.has_reading = true;
-        if self.target <= 0.0 {
-            self.power = 0.0;
-            self.integral = 0.0;
-            return;
-        }
-        let error = self.target - celsius;
-        let unlimited = self.settings.proportional * error + self.integral - self.settings.derivative * self.slope;
-        // Anti-windup: the integral rests while the power is at an end of its range and would be driven past it.
-        let pushing_past = unlimited > 1.0 && error > 0.0 || unlimited < 0.0 && error < 0.0;
-        if !pushing_past {
-            self.integral = (self.integral + self.settings.integral * error * seconds).clamp(0.0, 1.0);
-        }
-        self.power = unlimited.clamp(0.0, 1.0);
+    /// Takes a sample; the power stays.
+    fn sample(&mut self, reading: u16) -> Result<(), Trip> {
+        self.thermometer.add(reading);
+        let celsius = self.thermometer.celsius();
+        self.celsius = celsius.unwrap_or(self.celsius);
+        self.safety.check(celsius, self.target, self.power)
+    }
+
+    fn off(&mut self) {
+        self.target = 0.0;
+        self.power = 0.0;
+        self.pid.reset();
     }
 }
 
 /// Control of all heaters.
 #[derive(Clone, Copy, Debug)]
 pub struct HeatControl {
-    loops: [Loop; 2],
+    channels: [Channel; 2],
     fault: Option<HeatFault>,
 }
 
 impl HeatControl {
-    /// All heaters off.
-    pub fn new(nozzle: HeaterSettings, bed: HeaterSettings) -> Self {
-        Self { loops: [Loop::new(nozzle), Loop::new(bed)], fault: None }
+    /// All heaters off, with as many readings as a median takes, so that there are temperatures from the start.
+    pub fn new(nozzle: HeaterSettings, bed: HeaterSettings, board: &mut impl ThermalBoard) -> Self {
+        let mut channel = |heater, settings| {
+            board.set_power(heater, 0.0);
+            Channel::new(settings, core::array::from_fn(|_| board.reading(heater)))
+        };
+        Self { channels: [channel(Heater::Nozzle, nozzle), channel(Heater::Bed, bed)], fault: None }
     }
 
-    /// Reads every thermometer and sets every heater; to be called at a steady pace, `seconds` apart.
+    /// Takes a sample of every thermometer and sets every heater; to be called every [`SAMPLE_MS`].
     ///
-    /// A reading outside its range switches all heaters off, here and from now on.
-    pub fn update(&mut self, board: &mut impl ThermalBoard, seconds: f32) -> Result<(), HeatFault> {
+    /// # Errors
+    /// A heater or thermometer has failed: all heaters are off, and stay off until [`Self::restart`]. It is told once.
+    pub fn update(&mut self, board: &mut impl ThermalBoard) -> Result<(), HeatFault> {
+        let mut found = None;
         for heater in Heater::ALL {
-            let control = &mut self.loops[heater.index()];
-            match board.celsius(heater) {
-                Ok(celsius) if celsius >= control.settings.max_celsius => {
-                    self.fault = self.fault.or(Some(HeatFault::TooHot(heater, celsius)));
+            let outcome = self.channels[heater.index()].sample(board.reading(heater));
+            found = found.or(outcome.err().map(|trip| HeatFault { heater, trip }));
+        }
+        let told = self.fault.is_some();
+        self.fault = self.fault.or(found);
+        match self.fault {
+            Some(_) => self.all_off(),
+            None => {
+                for channel in &mut self.channels {
+                    channel.power = channel.pid.power(channel.celsius, channel.target);
                 }
-                Ok(celsius) if celsius.is_nan() || celsius < control.settings.min_celsius => {
-                    self.fault = self.fault.or(Some(HeatFault::TooCold(heater, celsius)));
-                }
-                Ok(celsius) => control.update(celsius, seconds),
-                Err(error) => self.fault = self.fault.or(Some(HeatFault::Sensor(heater, error))),
             }
         }
-        if self.fault.is_some() {
-            self.all_off();
-        }
         for heater in Heater::ALL {
-            board.set_power(heater, self.loops[heater.index()].power);
+            board.set_power(heater, self.channels[heater.index()].power);
         }
-        self.fault.map_or(Ok(()), Err)
+        match self.fault {
+            Some(fault) if !told => Err(fault),
+            _ => Ok(()),
+        }
+    }
+
+    /// Why all heaters are off, if they are.
+    pub fn fault(&self) -> Option<HeatFault> {
+        self.fault
     }
 
     /// Sets a target, degrees Celsius; anything not above 0 switches the heater off. Ignored after a fault.
     pub fn set_target(&mut self, heater: Heater, celsius: f32) {
         if self.fault.is_none() {
-            self.loops[heater.index()].target = if celsius > 0.0 { celsius } else { 0.0 };
+            self.channels[heater.index()].target = if celsius > 0.0 { celsius } else { 0.0 };
         }
     }
 
     /// Switches all heaters off; the board hears of it with the next [`Self::update`].
     pub fn all_off(&mut self) {
-        for control in &mut self.loops {
-            control.target = 0.0;
-            control.power = 0.0;
-            control.integral = 0.0;
+        self.channels.iter_mut().for_each(Channel::off);
+    }
+
+    /// M999: the fault is over and heaters may be switched on again, unless the last readings alone are a fault.
+    ///
+    /// # Errors
+    /// They are, and everything stays off.
+    pub fn restart(&mut self) -> Result<(), HeatFault> {
+        self.all_off();
+        self.fault = None;
+        for heater in Heater::ALL {
+            let channel = &mut self.channels[heater.index()];
+            channel.safety = Safety::new(channel.settings);
+            if let Err(trip) = channel.safety.check(channel.thermometer.celsius(), 0.0, 0.0) {
+                self.fault = self.fault.or(Some(HeatFault { heater, trip }));
+            }
         }
+        self.fault.map_or(Ok(()), Err)
     }
 
     /// How a heater is.
     pub fn status(&self, heater: Heater) -> HeaterStatus {
-        let control = &self.loops[heater.index()];
-        HeaterStatus { celsius: control.celsius, target_celsius: control.target, power: control.power }
+        let channel = &self.channels[heater.index()];
+        HeaterStatus { celsius: channel.celsius, target_celsius: channel.target, power: channel.power }
     }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    struct Board {
-        celsius: [Result<f32, SensorError>; 2],
-        power: [f32; 2],
-    }
-
-    impl ThermalBoard for Board {
-        fn celsius(&mut self, heater: Heater) -> Result<f32, SensorError> {
-            self.celsius[heater.index()]
-        }
-        fn set_power(&mut self, heater: Heater, power: f32) {
-            self.power[heater.index()] = power;
-        }
-    }
-
-    fn settings() -> HeaterSettings {
-        HeaterSettings {
-            min_celsius: 5.0,
-            max_celsius: 275.0,
-            proportional: 0.05,
-            integral: 0.002,
-            derivative: 0.1,
-            residency_window_celsius: 1.0,
-            residency_ms: 10_000,
-        }
-    }
-
-    #[test]
-    fn a_reading_outside_its_range_switches_everything_off_for_good() {
-        for bad in [Ok(275.0), Ok(-3.0), Ok(f32::NAN), Err(SensorError::Open), Err(SensorError::Shorted)] {
-            let mut control = HeatControl::new(settings(), settings());
-            let mut board = Board { celsius: [Ok(20.0), Ok(20.0)], power: [0.0; 2] };
-            control.set_target(Heater::Nozzle, 200.0);
-            control.set_target(Heater::Bed, 60.0);
-            assert!(control.update(&mut board, 0.1).is_ok());
-            assert_eq!(board.power, [1.0, 1.0]);
-            board.celsius[1] = bad;
-            assert!(control.update(&mut board, 0.1).is_err());
-            assert_eq!(board.power, [0.0, 0.0]);
-            board.celsius[1] = Ok(20.0);
-            control.set_target(Heater::Nozzle, 200.0);
-            assert!(control.update(&mut board, 0.1).is_err());
-            assert_eq!(board.power, [0.0, 0.0]);
-        }
-    }
-
-    #[test]
-    fn a_target_of_zero_is_off() {
-        let mut control = HeatControl::new(settings(), settings());
-        let mut board = Board { celsius: [Ok(20.0), Ok(20.0)], power: [0.5; 2] };
-        control.set_target(Heater::Nozzle, f32::NAN);
-        assert!(control.update(&mut board, 0.1).is_ok());
-        assert_eq!(board.power, [0.0, 0.0]);
-    }
-}
+#[allow(clippy::unwrap_used)]
+mod tests;

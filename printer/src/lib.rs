@@ -27,7 +27,7 @@ pub use ports::{HeaterStatus, Heating, Motion, MotionError, Replies, Seek, Signa
 pub use printer::Printer;
 pub use profile::{
     AxisHoming, DEFAULT_EVENTS_PER_S, DEFAULT_MOVES_PER_S, DriverTiming, ExtrusionSettings, FirmwareRetraction,
-    HeaterSettings, HomeEnd, Profile,
+    HeaterSettings, HeaterWatch, HomeEnd, Profile,
 };
 pub use waits::temperatures;
 

@@ -332,6 +332,11 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
         self.queue.set_motors_enabled(axes, enabled);
     }
 
+    /// Switches all motors off, as a halt does.
+    pub fn switch_motors_off(&mut self) {
+        self.set_motors_enabled(ALL, false);
+    }
+
     /// Whether the end stop of an axis is triggered.
     pub fn is_end_stop_triggered(&self, axis: usize) -> bool {
         self.motors.is_triggered(axis)

@@ -8,6 +8,7 @@ use ferrostep_hal_shim::Heater;
 use ferrostep_planner::{Limits, MotionChoice, Move, MoveError, Moved};
 
 use crate::error::Failure;
+use crate::heat::HeatFault;
 
 /// Why motion was not possible.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -81,6 +82,11 @@ pub trait Heating {
     fn status(&self, heater: Heater) -> HeaterStatus;
     /// Switches all heaters off.
     fn all_off(&mut self);
+    /// M999: heaters may be switched on again after a fault.
+    ///
+    /// # Errors
+    /// The fault is still there, and all heaters stay off.
+    fn restart(&mut self) -> Result<(), HeatFault>;
 }
 
 /// Times that a board measures of itself while it prints (M798). A board need not have it.
@@ -139,8 +145,8 @@ impl Signals {
         self.end_wait.swap(false, Ordering::AcqRel)
     }
 
-    /// M112: every wait ends and every command is refused until M999. Who sets it has switched heaters off and
-    /// stopped the motors.
+    /// M112, or a heater fault: every wait ends and every command is refused until M999. Who sets it has switched
+    /// heaters off and stopped the motors.
     pub fn halt(&self) {
         self.halted.store(true, Ordering::Release);
     }

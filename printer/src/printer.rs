@@ -181,12 +181,24 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
     }
 
     /// M999. Whoever halted the machine has stopped the motors, but what they left undone of the filament has not been
-    /// reckoned.
-    fn restart(&mut self) {
-        if self.signals.is_halted() {
-            self.stop_motion();
-            self.signals.restart();
+    /// reckoned. A heater fault that is still there halts the machine again at once.
+    fn restart(&mut self) -> Result<(), CommandError> {
+        if !self.signals.is_halted() {
+            return Ok(());
         }
+        self.stop_motion();
+        // First the flag, then the heaters: a fault in between would be told by the heaters themselves.
+        self.signals.restart();
+        if let Err(fault) = self.heating.restart() {
+            self.signals.halt();
+            let mut line = Text::new();
+            // Shorter than the longest line.
+            let _ = core::fmt::write(&mut line, format_args!("{fault}"));
+            self.replies.send(Reply::Text(&line));
+            self.replies.send(Reply::Killed);
+            return Err(CommandError::Halted);
+        }
+        Ok(())
     }
 
     async fn dispatch(&mut self, command: &Command<'_>) -> Result<bool, CommandError> {
@@ -246,7 +258,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
             Command::ColdExtrusion { minimum, allow } => self.cold_extrusion(minimum, allow)?,
             Command::Finish => self.motion.finish().await?,
             Command::QuickStop => self.stop_motion(),
-            Command::Restart => self.restart(),
+            Command::Restart => self.restart()?,
             Command::SelectTool(0) => {}
             Command::SelectTool(tool) => return Err(CommandError::InvalidTool(tool)),
             Command::Unknown(text) => self.replies.send(Reply::UnknownCommand(text)),

@@ -1,6 +1,7 @@
 //! The machine as numbers: what a profile file or a board's constants say.
 
-use ferrostep_hal_shim::virtual_board::{START_10NM, VirtualEndStop, VirtualMotors};
+use ferrostep_hal_shim::thermistor::Thermistor;
+use ferrostep_hal_shim::virtual_board::{START_10NM, VirtualEndStop, VirtualHeaters, VirtualMotors};
 use ferrostep_planner::{Geometry, Kinematics, Limits, MotionChoice, StepsPerMm};
 
 /// Step events a second that the processor can make if it has nothing else to do for motion, where a profile does not
@@ -44,13 +45,37 @@ pub struct AxisHoming {
     pub back_off_10nm: i64,
 }
 
+/// When a heater that should heat counts as failed ([`crate::heat::safety`]). The defaults are what Marlin has.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HeaterWatch {
+    /// While it heats up, the temperature must rise within this time, milliseconds ...
+    pub watch_ms: u32,
+    /// ... by so much, degrees.
+    pub watch_celsius: f32,
+    /// Once it has reached its target, for no longer than this, milliseconds ...
+    pub runaway_ms: u32,
+    /// ... may the temperature be farther below the target than this, degrees.
+    pub runaway_celsius: f32,
+}
+
+impl HeaterWatch {
+    /// Where a profile says nothing of the nozzle.
+    pub const NOZZLE: Self = Self { watch_ms: 20_000, watch_celsius: 2.0, runaway_ms: 40_000, runaway_celsius: 4.0 };
+    /// Where a profile says nothing of the bed.
+    pub const BED: Self = Self { watch_ms: 60_000, watch_celsius: 2.0, runaway_ms: 20_000, runaway_celsius: 2.0 };
+}
+
 /// Range and control of a heater; temperatures in degrees Celsius, powers from 0 to 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HeaterSettings {
-    /// Below this the sensor is taken for open.
+    /// What measures it.
+    pub thermistor: Thermistor,
+    /// Below this all heaters are switched off.
     pub min_celsius: f32,
-    /// At or above this the heaters are switched off.
+    /// At or above this all heaters are switched off.
     pub max_celsius: f32,
+    /// When it counts as failed.
+    pub watch: HeaterWatch,
     /// Proportional gain, power per degree.
     pub proportional: f32,
     /// Integral gain, power per degree and second.
@@ -158,6 +183,11 @@ impl Profile {
             event_cost_ticks: self.event_cost_ticks,
             move_cost_ticks: self.move_cost_ticks,
         }
+    }
+
+    /// Heaters with this machine's thermistors, cold.
+    pub const fn virtual_heaters(&self) -> VirtualHeaters {
+        VirtualHeaters::new(self.nozzle.thermistor, self.bed.thermistor)
     }
 
     /// Counting motors with this machine's end stops, as they stand when it is switched on.

@@ -36,7 +36,8 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
             Heater::Nozzle => &self.profile.nozzle,
             Heater::Bed => &self.profile.bed,
         };
-        if celsius >= f64::from(settings.max_celsius) {
+        // As the control will have it: rounding may not take it to the maximum.
+        if celsius as f32 >= settings.max_celsius {
             return Err(CommandError::TooHot { celsius, maximum_celsius: settings.max_celsius });
         }
         self.heating.set_target(heater, celsius as f32);

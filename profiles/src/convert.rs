@@ -1,5 +1,6 @@
 //! From the checked text to the machine: ranges, units, and the values that must fit each other.
 
+use ferrostep_hal_shim::thermistor::{Thermistor, ThermistorType};
 use ferrostep_planner::s_curve::FrequencyTable;
 use ferrostep_planner::{
     AccelerationProfile, DualRatePeriods, Interpolation, Kinematics, Limits, MotionChoice, SCurveTableSettings,
@@ -7,14 +8,15 @@ use ferrostep_planner::{
 };
 use ferrostep_printer::{
     AxisHoming, DEFAULT_EVENTS_PER_S, DEFAULT_MOVES_PER_S, DriverTiming, ExtrusionSettings, FirmwareRetraction,
-    HeaterSettings, HomeEnd, Profile,
+    HeaterSettings, HeaterWatch, HomeEnd, Profile,
 };
 
 use crate::check::{Checker, Range, range};
 use crate::error::ProfileError;
 use crate::file::{
     AccelerationName, DriverTable, DualRateTable, EndName, ExtrusionName, ExtrusionTable, HeaterTable, HomingTable,
-    InterpolationName, KinematicsName, Number, ProfileFile, RetractionTable, SCurveTable, SensorName, Xyze,
+    InterpolationName, KinematicsName, Number, ProfileFile, RetractionTable, SCurveTable, SensorName, ThermistorName,
+    ThermistorValue, Xyze,
 };
 
 /// Units of 10 nm in a mm.
@@ -39,6 +41,15 @@ const INTEGRAL: Range = range(0.0, 10.0, "per degree and second");
 const DERIVATIVE: Range = range(0.0, 100.0, "seconds per degree");
 const RESIDENCY_WINDOW: Range = range(0.1, 20.0, "degrees");
 const RESIDENCY: Range = range(0.0, 600.0, "s");
+const R25: Range = range(1_000.0, 1_000_000.0, "ohms");
+const BETA: Range = range(2_000.0, 6_000.0, "K");
+const PULL_UP: Range = range(100.0, 100_000.0, "ohms");
+// No time so long, no rise so small that a failed heater goes unnoticed until something melts; none so short or so
+// large that a sound heater trips.
+const WATCH: Range = range(5.0, 120.0, "s");
+const WATCH_RISE: Range = range(1.0, 20.0, "degrees");
+const RUNAWAY: Range = range(5.0, 120.0, "s");
+const RUNAWAY_HYSTERESIS: Range = range(1.0, 20.0, "degrees");
 const RETRACTION: Range = range(0.0, 100.0, "mm");
 const EXTRA_RECOVER: Range = range(-100.0, 100.0, "mm");
 const LIFT: Range = range(0.0, 50.0, "mm");
@@ -73,8 +84,8 @@ pub fn profile(file: &ProfileFile, check: &Checker<'_>) -> Result<Profile, Profi
         homing("y", &file.homing.y, size_mm[1], limits.max_feed_mm_per_s[1], check)?,
         homing("z", &file.homing.z, size_mm[2], limits.max_feed_mm_per_s[2], check)?,
     ];
-    let nozzle = heater("nozzle", &file.nozzle, NOZZLE_MAX, check)?;
-    let bed = heater("bed", &file.bed, BED_MAX, check)?;
+    let nozzle = heater("nozzle", &file.nozzle, NOZZLE_MAX, HeaterWatch::NOZZLE, check)?;
+    let bed = heater("bed", &file.bed, BED_MAX, HeaterWatch::BED, check)?;
     if min_extrusion as f32 >= nozzle.max_celsius {
         let expected = format!("less than nozzle.max_celsius = {}", nozzle.max_celsius);
         return Err(check.refuse("min_extrusion_celsius", &file.min_extrusion_celsius, expected));
@@ -287,18 +298,90 @@ fn heater(
     name: &str,
     table: &HeaterTable,
     max_celsius: Range,
+    default_watch: HeaterWatch,
     check: &Checker<'_>,
 ) -> Result<HeaterSettings, ProfileError> {
     let number = |key: &str, value: &Number, range| check.number(&format!("{name}.{key}"), value, range);
-    let residency_window = &table.residency_window_celsius;
+    let thermistor = thermistor(name, table, check)?;
+    let readable = |key: &str, value: &Number, range| {
+        let celsius = number(key, value, range)? as f32;
+        if thermistor.can_tell(celsius) {
+            return Ok(celsius);
+        }
+        let [lowest, highest] = readable_celsius(&thermistor);
+        let expected = format!(
+            "{lowest} to {highest} degrees Celsius, what {name}.sensor can read with pull_up_ohm = {}",
+            thermistor.pull_up_ohm
+        );
+        Err(check.refuse(&format!("{name}.{key}"), value, expected))
+    };
+    let min_celsius = readable("min_celsius", &table.min_celsius, HEATER_MIN)?;
+    let max_celsius = readable("max_celsius", &table.max_celsius, max_celsius)?;
+    let watch = watch(name, table, default_watch, check)?;
+    let window_value = &table.residency_window_celsius;
+    let residency_window_celsius = number("residency_window_celsius", window_value, RESIDENCY_WINDOW)? as f32;
+    if residency_window_celsius > watch.runaway_celsius {
+        // What M109 takes for reached would be a runaway.
+        let expected = format!("at most {name}.runaway_celsius = {}", watch.runaway_celsius);
+        return Err(check.refuse(&format!("{name}.residency_window_celsius"), window_value, expected));
+    }
     Ok(HeaterSettings {
-        min_celsius: number("min_celsius", &table.min_celsius, HEATER_MIN)? as f32,
-        max_celsius: number("max_celsius", &table.max_celsius, max_celsius)? as f32,
+        thermistor,
+        min_celsius,
+        max_celsius,
+        watch,
         proportional: number("proportional", &table.proportional, PROPORTIONAL)? as f32,
         integral: number("integral", &table.integral, INTEGRAL)? as f32,
         derivative: number("derivative", &table.derivative, DERIVATIVE)? as f32,
-        residency_window_celsius: number("residency_window_celsius", residency_window, RESIDENCY_WINDOW)? as f32,
+        residency_window_celsius,
         residency_ms: (number("residency_s", &table.residency_s, RESIDENCY)? * 1e3).round() as u32,
+    })
+}
+
+/// What measures a heater.
+fn thermistor(name: &str, table: &HeaterTable, check: &Checker<'_>) -> Result<Thermistor, ProfileError> {
+    let kind = match &table.sensor {
+        ThermistorValue::Named(ThermistorName::Semitec104Gt2) => ThermistorType::Semitec104Gt2,
+        ThermistorValue::Named(ThermistorName::Epcos100k) => ThermistorType::Epcos100k,
+        ThermistorValue::Beta(beta) => ThermistorType::Beta {
+            r25_ohm: check.number(&format!("{name}.sensor.r25_ohm"), &beta.r25_ohm, R25)? as f32,
+            beta_k: check.number(&format!("{name}.sensor.beta_k"), &beta.beta_k, BETA)? as f32,
+        },
+    };
+    let pull_up_ohm = match &table.pull_up_ohm {
+        Some(value) => check.number(&format!("{name}.pull_up_ohm"), value, PULL_UP)? as f32,
+        None => Thermistor::USUAL_PULL_UP_OHM,
+    };
+    Ok(Thermistor { kind, pull_up_ohm })
+}
+
+/// The lowest and the highest whole degree that a thermistor can read; the range is nowhere interrupted.
+fn readable_celsius(thermistor: &Thermistor) -> [i16; 2] {
+    let mut readable = (-100..=500_i16).filter(|celsius| thermistor.can_tell(f32::from(*celsius)));
+    let lowest = readable.next().unwrap_or_default();
+    [lowest, readable.next_back().unwrap_or(lowest)]
+}
+
+/// When a heater counts as failed.
+fn watch(
+    name: &str,
+    table: &HeaterTable,
+    default: HeaterWatch,
+    check: &Checker<'_>,
+) -> Result<HeaterWatch, ProfileError> {
+    let number = |key: &str, value: &Option<Number>, range| match value {
+        Some(value) => check.number(&format!("{name}.{key}"), value, range).map(Some),
+        None => Ok(None),
+    };
+    let milliseconds = |seconds: f64| (seconds * 1e3).round() as u32;
+    let degrees = |degrees: f64| degrees as f32;
+    Ok(HeaterWatch {
+        watch_ms: number("watch_s", &table.watch_s, WATCH)?.map_or(default.watch_ms, milliseconds),
+        watch_celsius: number("watch_celsius", &table.watch_celsius, WATCH_RISE)?
+            .map_or(default.watch_celsius, degrees),
+        runaway_ms: number("runaway_s", &table.runaway_s, RUNAWAY)?.map_or(default.runaway_ms, milliseconds),
+        runaway_celsius: number("runaway_celsius", &table.runaway_celsius, RUNAWAY_HYSTERESIS)?
+            .map_or(default.runaway_celsius, degrees),
     })
 }
 

@@ -3,7 +3,11 @@
 //! Every value carries its span, so that a refused one can be found in the text. What the keys mean is said in the
 //! built-in profiles.
 
-use serde::Deserialize;
+use std::fmt;
+
+use serde::de::value::MapAccessDeserializer;
+use serde::de::{self, IntoDeserializer, MapAccess, Visitor};
+use serde::{Deserialize, Deserializer};
 use toml::Spanned;
 
 /// A number with its place in the text; TOML integers are taken too.
@@ -180,6 +184,12 @@ pub enum SensorName {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields, expecting = "a table of heater values")]
 pub struct HeaterTable {
+    pub sensor: ThermistorValue,
+    pub pull_up_ohm: Option<Number>,
+    pub watch_s: Option<Number>,
+    pub watch_celsius: Option<Number>,
+    pub runaway_s: Option<Number>,
+    pub runaway_celsius: Option<Number>,
     pub min_celsius: Number,
     pub max_celsius: Number,
     pub proportional: Number,
@@ -187,6 +197,55 @@ pub struct HeaterTable {
     pub derivative: Number,
     pub residency_window_celsius: Number,
     pub residency_s: Number,
+}
+
+/// What measures a heater: a name, or a table of two numbers.
+pub enum ThermistorValue {
+    Named(ThermistorName),
+    Beta(BetaTable),
+}
+
+/// A thermistor that is known by its name.
+#[derive(Clone, Copy, Deserialize)]
+pub enum ThermistorName {
+    #[serde(rename = "semitec-104gt-2")]
+    Semitec104Gt2,
+    #[serde(rename = "epcos-100k")]
+    Epcos100k,
+}
+
+/// Any other thermistor.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, expecting = "a table with the keys r25_ohm, beta_k")]
+pub struct BetaTable {
+    pub r25_ohm: Number,
+    pub beta_k: Number,
+}
+
+impl<'de> Deserialize<'de> for ThermistorValue {
+    /// By hand, for serde's untagged enums lose the places of their values.
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_any(ThermistorVisitor)
+    }
+}
+
+/// Takes a thermistor's name or its table.
+struct ThermistorVisitor;
+
+impl<'de> Visitor<'de> for ThermistorVisitor {
+    type Value = ThermistorValue;
+
+    fn expecting(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        out.write_str("a thermistor's name or a table with the keys r25_ohm, beta_k")
+    }
+
+    fn visit_str<E: de::Error>(self, name: &str) -> Result<Self::Value, E> {
+        ThermistorName::deserialize(name.into_deserializer()).map(ThermistorValue::Named)
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Self::Value, A::Error> {
+        BetaTable::deserialize(MapAccessDeserializer::new(map)).map(ThermistorValue::Beta)
+    }
 }
 
 /// G10 and G11 at start-up.

@@ -1,7 +1,8 @@
 //! Machines as TOML: the built-in profiles, profiles from files, and the checks both pass.
 //!
 //! The three built-in profiles are the files next to this crate's `Cargo.toml` and document every key. All keys
-//! but those of `[budget]` are required and no others are known, so that a misspelt key cannot quietly leave a value at a default.
+//! are required but those that they show as absent, and no others are known, so that a misspelt key cannot quietly
+//! leave a value at a default.
 #![forbid(unsafe_code)]
 
 mod check;

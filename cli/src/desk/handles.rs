@@ -7,6 +7,7 @@ use std::task::Poll;
 use ferrostep_gcode::MotionFigures;
 use ferrostep_hal_shim::{EndStops, Fan, Heater, MotorEnable};
 use ferrostep_planner::{Limits, MotionChoice, Move, MoveError, Moved};
+use ferrostep_printer::heat::HeatFault;
 use ferrostep_printer::{HeaterStatus, Heating, Motion, MotionError, Seek, Signals};
 
 use super::{Awaited, Desk};
@@ -172,5 +173,9 @@ impl<O: Observer> Heating for DeskHeating<'_, O> {
         for heater in Heater::ALL {
             ferrostep_hal_shim::ThermalBoard::set_power(&mut desk.board.heaters, heater, 0.0);
         }
+    }
+
+    fn restart(&mut self) -> Result<(), HeatFault> {
+        self.desk.borrow_mut().heat.restart()
     }
 }

@@ -1,33 +1,91 @@
-//! The heaters of the virtual board, their thermometers and the fan that cools them.
+//! The heaters of the virtual board, their thermistors and the fan that cools them.
 
 use super::ThermalModel;
-use crate::{Fan, Heater, SensorError, ThermalBoard};
+use super::heater_failure::HeaterFailure;
+use super::thermal_model::AMBIENT_CELSIUS;
+use crate::thermistor::Thermistor;
+use crate::{Fan, Heater, ThermalBoard};
+
+/// A thermistor that has fallen out takes the air's temperature with this time constant, s.
+const FALLEN_OUT_S: f32 = 3.0;
+
+/// A heater, what it heats, and its thermistor.
+#[derive(Clone, Copy, Debug)]
+struct VirtualHeater {
+    model: ThermalModel,
+    power: f32,
+    thermistor: Thermistor,
+    /// Temperature of the thermistor, degrees Celsius.
+    thermistor_celsius: f32,
+    failure: Option<HeaterFailure>,
+}
+
+impl VirtualHeater {
+    const fn new(model: ThermalModel, thermistor: Thermistor) -> Self {
+        Self { model, power: 0.0, thermistor, thermistor_celsius: model.celsius(), failure: None }
+    }
+
+    fn advance(&mut self, fan_power: u8, seconds: f32) {
+        let power = match self.failure {
+            Some(HeaterFailure::Dead) => 0.0,
+            Some(HeaterFailure::StuckOn) => 1.0,
+            _ => self.power,
+        };
+        self.model.advance(power, fan_power, seconds);
+        match self.failure {
+            Some(HeaterFailure::ThermistorFrozen) => {}
+            Some(HeaterFailure::ThermistorFellOut) => {
+                let share = (seconds / FALLEN_OUT_S).min(1.0);
+                self.thermistor_celsius += (AMBIENT_CELSIUS - self.thermistor_celsius) * share;
+            }
+            _ => self.thermistor_celsius = self.model.celsius(),
+        }
+    }
+
+    fn reading(&self) -> u16 {
+        match self.failure {
+            Some(HeaterFailure::ThermistorOpen) => u16::MAX,
+            Some(HeaterFailure::ThermistorShorted) => 0,
+            _ => self.thermistor.reading(self.thermistor_celsius),
+        }
+    }
+}
 
 /// Two heaters with a thermal model each, and the part-cooling fan.
 #[derive(Clone, Debug)]
 pub struct VirtualHeaters {
-    models: [ThermalModel; 2],
-    powers: [f32; 2],
+    heaters: [VirtualHeater; 2],
     fan_power: u8,
 }
 
-impl Default for VirtualHeaters {
-    fn default() -> Self {
-        Self::new()
-    }
-}
-
 impl VirtualHeaters {
-    /// Heaters that are off and cold.
-    pub const fn new() -> Self {
-        Self { models: [ThermalModel::nozzle(), ThermalModel::bed()], powers: [0.0; 2], fan_power: 0 }
+    /// Heaters that are off and cold, with these thermistors.
+    pub const fn new(nozzle: Thermistor, bed: Thermistor) -> Self {
+        let heaters =
+            [VirtualHeater::new(ThermalModel::nozzle(), nozzle), VirtualHeater::new(ThermalModel::bed(), bed)];
+        Self { heaters, fan_power: 0 }
     }
 
     /// Lets the heaters and what they heat run for a while, at most a second or so at a time.
     pub fn advance(&mut self, seconds: f32) {
-        for (model, power) in self.models.iter_mut().zip(self.powers) {
-            model.advance(power, self.fan_power, seconds);
+        for heater in &mut self.heaters {
+            heater.advance(self.fan_power, seconds);
         }
+    }
+
+    /// Lets a heater fail, or mends it. A thermistor that was mended reads right from the next moment on.
+    pub fn set_failure(&mut self, heater: Heater, failure: Option<HeaterFailure>) {
+        self.heaters[heater.index()].failure = failure;
+    }
+
+    /// True temperature of what a heater heats, whatever its thermistor says, degrees Celsius.
+    pub const fn true_celsius(&self, heater: Heater) -> f32 {
+        self.heaters[heater.index()].model.celsius()
+    }
+
+    /// Power that a heater was last told to have, 0 to 1.
+    pub const fn power(&self, heater: Heater) -> f32 {
+        self.heaters[heater.index()].power
     }
 
     /// The fan's power, 0 to 255.
@@ -37,12 +95,12 @@ impl VirtualHeaters {
 }
 
 impl ThermalBoard for VirtualHeaters {
-    fn celsius(&mut self, heater: Heater) -> Result<f32, SensorError> {
-        Ok(self.models[heater.index()].celsius())
+    fn reading(&mut self, heater: Heater) -> u16 {
+        self.heaters[heater.index()].reading()
     }
 
     fn set_power(&mut self, heater: Heater, power: f32) {
-        self.powers[heater.index()] = power.clamp(0.0, 1.0);
+        self.heaters[heater.index()].power = power.clamp(0.0, 1.0);
     }
 }
 
@@ -53,24 +111,67 @@ impl Fan for VirtualHeaters {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
+    use crate::thermistor::ThermistorType;
+
+    const THERMISTOR: Thermistor = Thermistor { kind: ThermistorType::Semitec104Gt2, pull_up_ohm: 4700.0 };
+
+    fn new() -> VirtualHeaters {
+        VirtualHeaters::new(THERMISTOR, THERMISTOR)
+    }
+
+    fn read(heaters: &mut VirtualHeaters, heater: Heater) -> f32 {
+        THERMISTOR.celsius(heaters.reading(heater)).unwrap()
+    }
 
     #[test]
     fn a_heater_heats_itself_only_and_the_fan_cools_the_nozzle() {
-        let celsius = |heaters: &mut VirtualHeaters, heater| heaters.celsius(heater).unwrap_or(f32::NAN);
-        let mut heaters = VirtualHeaters::new();
-        let cold = celsius(&mut heaters, Heater::Bed);
+        let mut heaters = new();
+        let cold = read(&mut heaters, Heater::Bed);
+        assert!((cold - AMBIENT_CELSIUS).abs() < 0.1);
         heaters.set_power(Heater::Nozzle, 7.0);
         heaters.advance(1.0);
-        assert!(celsius(&mut heaters, Heater::Nozzle) > cold);
-        assert_eq!(celsius(&mut heaters, Heater::Bed), cold);
+        assert!(read(&mut heaters, Heater::Nozzle) > cold + 3.0);
+        assert_eq!(read(&mut heaters, Heater::Bed), cold);
         heaters.set_power(Heater::Nozzle, 0.0);
         let mut fanned = heaters.clone();
         fanned.set_fan_power(255);
         assert_eq!(fanned.fan_power(), 255);
         heaters.advance(1.0);
         fanned.advance(1.0);
-        assert!(celsius(&mut fanned, Heater::Nozzle) < celsius(&mut heaters, Heater::Nozzle));
+        assert!(fanned.true_celsius(Heater::Nozzle) < heaters.true_celsius(Heater::Nozzle));
+    }
+
+    #[test]
+    fn failures_do_what_they_say() {
+        let warm = |failure| {
+            let mut heaters = new();
+            heaters.set_power(Heater::Nozzle, 1.0);
+            (0..10).for_each(|_| heaters.advance(1.0));
+            heaters.set_power(Heater::Nozzle, if failure == HeaterFailure::StuckOn { 0.0 } else { 1.0 });
+            heaters.set_failure(Heater::Nozzle, Some(failure));
+            let before = read(&mut heaters.clone(), Heater::Bed);
+            let start = heaters.true_celsius(Heater::Nozzle);
+            (0..10).for_each(|_| heaters.advance(1.0));
+            assert_eq!(read(&mut heaters, Heater::Bed), before, "the other heater is none of its business");
+            (start, heaters)
+        };
+        let (start, heaters) = warm(HeaterFailure::Dead);
+        assert!(heaters.true_celsius(Heater::Nozzle) < start);
+        let (start, heaters) = warm(HeaterFailure::StuckOn);
+        assert!(heaters.true_celsius(Heater::Nozzle) > start + 20.0);
+        let (start, mut heaters) = warm(HeaterFailure::ThermistorFrozen);
+        assert!((read(&mut heaters, Heater::Nozzle) - start).abs() < 0.1);
+        assert!(heaters.true_celsius(Heater::Nozzle) > start + 20.0);
+        let (_, mut heaters) = warm(HeaterFailure::ThermistorFellOut);
+        assert!((read(&mut heaters, Heater::Nozzle) - AMBIENT_CELSIUS).abs() < 2.0);
+        let (_, mut heaters) = warm(HeaterFailure::ThermistorOpen);
+        assert!(THERMISTOR.celsius(heaters.reading(Heater::Nozzle)).is_err());
+        heaters.set_failure(Heater::Nozzle, None);
+        assert!(THERMISTOR.celsius(heaters.reading(Heater::Nozzle)).is_ok());
+        let (_, mut heaters) = warm(HeaterFailure::ThermistorShorted);
+        assert_eq!(heaters.reading(Heater::Nozzle), 0);
     }
 }

@@ -5,6 +5,7 @@
 
 mod clock;
 mod event_rate;
+mod heater_failure;
 mod heaters;
 mod motors;
 mod port;
@@ -14,6 +15,7 @@ mod update_timer;
 
 pub use clock::{VirtualClock, VirtualDelay};
 pub use event_rate::EventRate;
+pub use heater_failure::HeaterFailure;
 pub use heaters::VirtualHeaters;
 pub use motors::{START_10NM, VirtualEndStop, VirtualMotors};
 pub use port::VirtualPort;

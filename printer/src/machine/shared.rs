@@ -47,12 +47,20 @@ impl<S: SharedMachine> SharedMotion<S> {
     ) -> Result<T, MotionError> {
         let stops = self.0.with(|machine| machine.stops());
         loop {
-            if self.0.is_halted() || self.0.with(|machine| machine.stops()) != stops {
+            if self.0.is_halted() {
                 return Err(MotionError::Stopped);
             }
-            if let Some(value) = self.0.with(&mut attempt) {
-                self.0.wake_planner();
-                return Ok(value);
+            // In one look: a stop between the two would be over, and what is added now would move a halted machine.
+            let outcome = self.0.with(|machine| {
+                if machine.stops() == stops { attempt(machine).map(Ok) } else { Some(Err(MotionError::Stopped)) }
+            });
+            match outcome {
+                Some(Ok(value)) => {
+                    self.0.wake_planner();
+                    return Ok(value);
+                }
+                Some(Err(stopped)) => return Err(stopped),
+                None => {}
             }
             self.0.pause().await;
         }

@@ -3,11 +3,14 @@
 use core::cell::RefCell;
 
 use super::*;
-use crate::profile::{AxisHoming, DriverTiming, ExtrusionSettings, FirmwareRetraction, HeaterSettings, HomeEnd};
+use crate::profile::{
+    AxisHoming, DriverTiming, ExtrusionSettings, FirmwareRetraction, HeaterSettings, HeaterWatch, HomeEnd,
+};
 use ferrostep_hal_shim::stepping::{
     DroppedSteps, FeedError, NextWords, OutputPorts, Pulses, Signals, SlotAccount, StepFeeder, StepLink, StepPlayer,
     UpdateTimer,
 };
+use ferrostep_hal_shim::thermistor::{Thermistor, ThermistorType};
 use ferrostep_hal_shim::virtual_board::{StepTimer, VirtualPort, VirtualUpdateTimer};
 use ferrostep_planner::{Kinematics, MotionChoice, StepsPerMm};
 use proptest::prelude::*;
@@ -17,6 +20,8 @@ const NO_SILENCE: Silence = Silence { may_release: false, may_flush: false };
 fn profile() -> Profile {
     let steps = |value| StepsPerMm::from_f64(value).unwrap();
     let heater = HeaterSettings {
+        thermistor: Thermistor { kind: ThermistorType::Semitec104Gt2, pull_up_ohm: 4700.0 },
+        watch: HeaterWatch::NOZZLE,
         min_celsius: 5.0,
         max_celsius: 275.0,
         proportional: 0.1,

@@ -1,7 +1,8 @@
 //! The three built-in profiles hold the values that the design document shares with outside checks.
 
+use ferrostep_hal_shim::thermistor::{Thermistor, ThermistorType};
 use ferrostep_planner::{Kinematics, Limits, StepsPerMm};
-use ferrostep_printer::{AxisHoming, DriverTiming, FirmwareRetraction, HeaterSettings, HomeEnd, Profile};
+use ferrostep_printer::{AxisHoming, DriverTiming, FirmwareRetraction, HeaterSettings, HeaterWatch, HomeEnd, Profile};
 use ferrostep_profiles::{Problem, builtin_names, builtin_text, load};
 
 const MM: i64 = 100_000;
@@ -82,6 +83,8 @@ fn cartesian_is_as_designed() {
     assert_eq!(
         profile.nozzle,
         HeaterSettings {
+            thermistor: Thermistor { kind: ThermistorType::Semitec104Gt2, pull_up_ohm: 4700.0 },
+            watch: HeaterWatch { watch_ms: 20_000, watch_celsius: 2.0, runaway_ms: 40_000, runaway_celsius: 4.0 },
             min_celsius: 5.0,
             max_celsius: 275.0,
             proportional: 0.1,
@@ -90,6 +93,11 @@ fn cartesian_is_as_designed() {
             residency_window_celsius: 1.0,
             residency_ms: 10_000,
         }
+    );
+    assert_eq!(profile.bed.thermistor, Thermistor { kind: ThermistorType::Epcos100k, pull_up_ohm: 4700.0 });
+    assert_eq!(
+        profile.bed.watch,
+        HeaterWatch { watch_ms: 60_000, watch_celsius: 2.0, runaway_ms: 20_000, runaway_celsius: 2.0 }
     );
     assert_eq!(profile.driver, DriverTiming { pulse_width_ns: 1000, direction_setup_ns: 200, both_edges: false });
 }

@@ -8,6 +8,7 @@ use ferrostep_hal_shim::Heater;
 use ferrostep_hal_shim::stepping::Stepping;
 use ferrostep_hal_shim::virtual_board::VirtualDelay;
 use ferrostep_planner::look_ahead::Slot;
+use ferrostep_printer::heat::HeatFault;
 use ferrostep_printer::machine::{SharedMachine, Silence};
 use ferrostep_printer::{Failure, HeaterStatus, Heating, Replies};
 
@@ -55,6 +56,10 @@ impl Heating for ColdHeaters {
     }
 
     fn all_off(&mut self) {}
+
+    fn restart(&mut self) -> Result<(), HeatFault> {
+        Ok(())
+    }
 }
 
 /// Everything that was said to the host, but for `ok`.

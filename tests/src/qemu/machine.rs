@@ -16,11 +16,9 @@ pub const EMULATOR: &str = "qemu-system-arm";
 /// `netduinoplus2` is the board with an STM32F405. Virtual time runs 64 ns an instruction. Timers count it two and a
 /// half times faster than the nominal time base, so that a print need not take as long as on a printer: what happens
 /// and in which order is the same. Much faster, and a host that is held up would look like one that has gone.
-const ARGUMENTS: [&str; 15] = [
+const ARGUMENTS: [&str; 13] = [
     "-machine",
     "netduinoplus2",
-    "-icount",
-    "shift=6",
     "-global",
     "stm32f2xx-timer.clock-frequency=210000000",
     "-display",
@@ -33,6 +31,25 @@ const ARGUMENTS: [&str; 15] = [
     "unimp",
     "-D",
 ];
+
+/// The time for which the image sleeps.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sleep {
+    /// As long as on the wall: a host that is as quick as a host should be keeps up.
+    RealTime,
+    /// Over at once: virtual time jumps to the next interrupt. For what takes minutes and does not depend on the host.
+    LeftOut,
+}
+
+impl Sleep {
+    /// Instructions count virtual time in both cases.
+    const fn icount(self) -> &'static str {
+        match self {
+            Self::RealTime => "shift=6",
+            Self::LeftOut => "shift=6,sleep=off",
+        }
+    }
+}
 
 /// A running image. It is ended when this is dropped.
 #[derive(Debug)]
@@ -49,9 +66,10 @@ impl Machine {
     ///
     /// # Errors
     /// The emulator does not start, or the folder cannot be written to.
-    pub fn start(image: &Path, folder: &Path) -> io::Result<Self> {
+    pub fn start(image: &Path, folder: &Path, sleep: Sleep) -> io::Result<Self> {
         let (pin_log, messages) = (folder.join("pins.log"), folder.join("emulator.log"));
         let mut child = Command::new(EMULATOR)
+            .args(["-icount", sleep.icount()])
             .args(ARGUMENTS)
             .arg(&pin_log)
             .arg("-kernel")

@@ -9,6 +9,6 @@ mod noise;
 mod pin_log;
 
 pub use host::{Host, HostError, Port, with_checksum};
-pub use machine::{EMULATOR, Machine};
+pub use machine::{EMULATOR, Machine, Sleep};
 pub use noise::Noise;
 pub use pin_log::{PinEvent, PinLog, Pins};

@@ -8,6 +8,7 @@ mod command;
 mod desk;
 mod exactness;
 mod extrusion;
+mod heater_faults;
 mod hosts;
 mod methods;
 mod papers;

@@ -5,7 +5,7 @@ use std::process::Command;
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::Duration;
 
-use ferrostep_tests::qemu::{EMULATOR, Host, Machine, PinLog, Pins};
+use ferrostep_tests::qemu::{EMULATOR, Host, Machine, PinLog, Pins, Sleep};
 use tempfile::TempDir;
 
 /// Far more than any of these conversations takes.
@@ -45,11 +45,16 @@ pub struct Bench {
 impl Bench {
     /// Boots the image.
     pub fn boot() -> Self {
+        Self::boot_with(Sleep::RealTime)
+    }
+
+    /// Boots the image, and says what becomes of its sleep.
+    pub fn boot_with(sleep: Sleep) -> Self {
         let image = image();
         // A test that failed while it had its turn leaves nothing behind that matters here.
         let turn = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
         let folder = tempfile::tempdir().unwrap();
-        let machine = Machine::start(image, folder.path()).unwrap_or_else(|error| {
+        let machine = Machine::start(image, folder.path(), sleep).unwrap_or_else(|error| {
             panic!("{EMULATOR} does not start ({error}): `cargo xtask test` installs it on Debian")
         });
         let mut host = Host::new(machine, LIMIT);

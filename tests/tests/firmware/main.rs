@@ -6,6 +6,7 @@
 mod bad_input;
 mod choices;
 mod emergency;
+mod heater_fault;
 mod image;
 mod job;
 mod masks;

@@ -11,6 +11,7 @@ use ferrostep_gcode::{MotionFigures, Reply};
 use ferrostep_hal_shim::{Clock, Heater};
 use ferrostep_planner::look_ahead::Slot;
 use ferrostep_planner::{Limits, MotionChoice, Move, Moved, Planner};
+use ferrostep_printer::heat::HeatFault;
 use ferrostep_printer::{HeaterStatus, Heating, Motion, MotionError, Printer, Replies, Seek};
 
 /// The planner with its look-ahead ring in memory of somebody else's.
@@ -95,6 +96,10 @@ impl Heating for Machine<'_, '_> {
     }
 
     fn all_off(&mut self) {}
+
+    fn restart(&mut self) -> Result<(), HeatFault> {
+        Ok(())
+    }
 }
 
 /// Time that passes when it is asked for, so that every wait ends.

@@ -1,0 +1,52 @@
+//! The control loop of a heater.
+
+use crate::profile::HeaterSettings;
+
+use super::SAMPLE_S;
+
+/// Share of the newest slope that the filtered one takes over, a sample: a time constant of half a second.
+const SLOPE_SHARE: f32 = 2.0 * SAMPLE_S;
+
+/// A PID loop whose derivative is that of the temperature, so that a new target gives no kick.
+#[derive(Clone, Copy, Debug)]
+pub struct Pid {
+    proportional: f32,
+    integral: f32,
+    derivative: f32,
+    /// Sum of errors times the integral gain, so it is a power.
+    accumulated: f32,
+    /// Filtered, degrees a second.
+    slope: f32,
+    last_celsius: f32,
+}
+
+impl Pid {
+    /// At rest at a temperature.
+    pub fn new(settings: &HeaterSettings, celsius: f32) -> Self {
+        let HeaterSettings { proportional, integral, derivative, .. } = *settings;
+        Self { proportional, integral, derivative, accumulated: 0.0, slope: 0.0, last_celsius: celsius }
+    }
+
+    /// Power for the next sample, 0 to 1; 0 where the target is 0.
+    pub fn power(&mut self, celsius: f32, target: f32) -> f32 {
+        self.slope += ((celsius - self.last_celsius) / SAMPLE_S - self.slope) * SLOPE_SHARE;
+        self.last_celsius = celsius;
+        if target <= 0.0 {
+            self.accumulated = 0.0;
+            return 0.0;
+        }
+        let error = target - celsius;
+        let unlimited = self.proportional * error + self.accumulated - self.derivative * self.slope;
+        // Anti-windup: the sum rests while the power is at an end of its range and would be driven past it.
+        let pushing_past = unlimited > 1.0 && error > 0.0 || unlimited < 0.0 && error < 0.0;
+        if !pushing_past {
+            self.accumulated = (self.accumulated + self.integral * error * SAMPLE_S).clamp(0.0, 1.0);
+        }
+        unlimited.clamp(0.0, 1.0)
+    }
+
+    /// Forgets what it has learnt of the power that a target takes.
+    pub fn reset(&mut self) {
+        self.accumulated = 0.0;
+    }
+}

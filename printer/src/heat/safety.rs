@@ -1,0 +1,217 @@
+//! When a heater counts as failed: every thermal check there is, and nothing else.
+//!
+//! [`Safety::check`] sees each sample of one heater: the temperature (freed of single bad readings, see
+//! [`super::Thermometer`]), the target, and the power that was in force up to now. What it finds switches *all* heaters
+//! off, in the same sample ([`super::HeatControl`]). It commands nothing and trusts nothing that the control has worked
+//! out.
+//!
+//! | what has happened | what tells it | after |
+//! |---|---|---|
+//! | thermistor open or shorted | [`Trip::Sensor`] | 3 samples |
+//! | hotter than the maximum, colder than the minimum | [`Trip::TooHot`], [`Trip::TooCold`] | 3 samples |
+//! | no power at the heater, thermistor out or frozen, while heating up | [`Trip::HeatingFailed`] | the watch period |
+//! | the same, at the target | [`Trip::Runaway`] | the runaway period below the hysteresis |
+//! | transistor failed closed | [`Trip::RisesUnpowered`], or [`Trip::TooHot`] | with the power at 0, a quarter of the watch period and 10 degrees |
+//! | converter stands still, at the target | [`Trip::Frozen`] | the runaway period, once the power has changed by 5 % |
+
+use core::fmt;
+
+use ferrostep_hal_shim::SensorError;
+
+use crate::profile::HeaterSettings;
+
+use super::SAMPLE_MS;
+
+/// A heater without power that becomes this much hotter within its watch period is heated all the same, degrees. A
+/// nozzle over a hot bed, or a bed under a hot nozzle, takes minutes for that.
+const UNPOWERED_RISE_CELSIUS: f32 = 10.0;
+
+/// A change of power, as a share of full power, that no heater takes without the temperature changing by a step of its
+/// reading.
+const POWER_THAT_SHOWS: f32 = 0.05;
+
+/// What a check has found; temperatures in degrees Celsius.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Trip {
+    /// The thermistor's circuit is open or shorted.
+    Sensor(SensorError),
+    /// At or above the maximum.
+    TooHot(f32),
+    /// Below the minimum, or not a number.
+    TooCold(f32),
+    /// On the way to the target the temperature has not risen by so much in so long.
+    HeatingFailed(f32),
+    /// The target had been reached, and the temperature has been too far below it for too long.
+    Runaway(f32),
+    /// The temperature rises though the heater is switched off.
+    RisesUnpowered(f32),
+    /// The reading stays exactly the same though the power has changed.
+    Frozen(f32),
+}
+
+impl fmt::Display for Trip {
+    /// The words that hosts take for a thermal error.
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        out.write_str(match self {
+            Self::TooHot(_) | Self::Sensor(SensorError::Shorted) => "MAXTEMP triggered",
+            Self::TooCold(_) | Self::Sensor(SensorError::Open) => "MINTEMP triggered",
+            Self::HeatingFailed(_) => "Heating failed",
+            Self::Runaway(_) | Self::RisesUnpowered(_) => "Thermal Runaway",
+            Self::Frozen(_) => "Thermal Malfunction",
+        })
+    }
+}
+
+/// A temperature and how many samples ago it was.
+#[derive(Clone, Copy, Debug)]
+struct Since {
+    celsius: f32,
+    samples: u32,
+}
+
+impl Since {
+    const fn now(celsius: f32) -> Self {
+        Self { celsius, samples: 0 }
+    }
+
+    fn tick(&mut self) {
+        self.samples = self.samples.saturating_add(1);
+    }
+}
+
+/// What the heater is doing.
+#[derive(Clone, Copy, Debug)]
+enum Phase {
+    /// Its target is 0.
+    Off,
+    /// It has not reached its target, and last was hotter by the watch's degrees at this moment.
+    Heating(Since),
+    /// It has reached its target, and has been too far below it for so many samples.
+    Holding(u32),
+}
+
+/// The checks of one heater.
+#[derive(Clone, Copy, Debug)]
+pub struct Safety {
+    settings: HeaterSettings,
+    phase: Phase,
+    /// The target that the phase is about.
+    target: f32,
+    /// Samples without power.
+    unpowered: u32,
+    /// The lowest temperature without power, of late.
+    lowest: Since,
+    /// The last temperature that was another than the one before, and the power then.
+    changed: (f32, f32),
+    /// Samples since the power has become so different that the reading should have changed again.
+    unanswered: u32,
+}
+
+impl Safety {
+    /// A heater that is off.
+    pub const fn new(settings: HeaterSettings) -> Self {
+        Self {
+            settings,
+            phase: Phase::Off,
+            target: 0.0,
+            unpowered: 0,
+            lowest: Since::now(0.0),
+            changed: (0.0, 0.0),
+            unanswered: 0,
+        }
+    }
+
+    /// Looks at a sample: the temperature, the target (0 for off) and the power up to now (0 to 1).
+    ///
+    /// # Errors
+    /// The heater, or its thermistor, has failed.
+    pub fn check(&mut self, reading: Result<f32, SensorError>, target: f32, power: f32) -> Result<(), Trip> {
+        let celsius = reading.map_err(Trip::Sensor)?;
+        if celsius >= self.settings.max_celsius {
+            return Err(Trip::TooHot(celsius));
+        }
+        if celsius.is_nan() || celsius < self.settings.min_celsius {
+            return Err(Trip::TooCold(celsius));
+        }
+        self.follow(celsius, target);
+        self.check_phase(celsius)?;
+        self.check_unpowered(celsius, power)?;
+        self.check_same(celsius, power)
+    }
+
+    /// A new target begins a new phase. It gives a heater that has been heating up no more time than it had: a host that
+    /// says M104 again and again must not put the watch to sleep.
+    fn follow(&mut self, celsius: f32, target: f32) {
+        if target == self.target {
+            return;
+        }
+        self.target = target;
+        self.phase = match self.phase {
+            _ if target <= 0.0 => Phase::Off,
+            _ if self.is_near(celsius) => Phase::Holding(0),
+            Phase::Heating(since) => Phase::Heating(since),
+            Phase::Off | Phase::Holding(_) => Phase::Heating(Since::now(celsius)),
+        };
+    }
+
+    /// Whether it is no farther below the target than the runaway check allows; above is near.
+    fn is_near(&self, celsius: f32) -> bool {
+        celsius >= self.target - self.settings.watch.runaway_celsius
+    }
+
+    /// Heating up must go on; the target, once reached, must be held.
+    fn check_phase(&mut self, celsius: f32) -> Result<(), Trip> {
+        let is_near = self.is_near(celsius);
+        let watch = &self.settings.watch;
+        match &mut self.phase {
+            Phase::Off => {}
+            Phase::Heating(_) if is_near => self.phase = Phase::Holding(0),
+            Phase::Heating(since) if celsius >= since.celsius + watch.watch_celsius => *since = Since::now(celsius),
+            Phase::Heating(since) => {
+                since.tick();
+                if since.samples >= watch.watch_ms / SAMPLE_MS {
+                    return Err(Trip::HeatingFailed(celsius));
+                }
+            }
+            Phase::Holding(below) if is_near => *below = 0,
+            Phase::Holding(below) => {
+                *below = below.saturating_add(1);
+                if *below >= watch.runaway_ms / SAMPLE_MS {
+                    return Err(Trip::Runaway(celsius));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Without power it must not become much hotter. Heat on its way to the thermistor when the power went may arrive
+    /// first: it has a quarter of the watch period.
+    fn check_unpowered(&mut self, celsius: f32, power: f32) -> Result<(), Trip> {
+        let watch_samples = self.settings.watch.watch_ms / SAMPLE_MS;
+        self.unpowered = if power > 0.0 { 0 } else { self.unpowered.saturating_add(1) };
+        let settles = self.unpowered <= watch_samples / 4;
+        if settles || celsius < self.lowest.celsius || self.lowest.samples >= watch_samples {
+            self.lowest = Since::now(celsius);
+        }
+        self.lowest.tick();
+        if celsius >= self.lowest.celsius + UNPOWERED_RISE_CELSIUS {
+            return Err(Trip::RisesUnpowered(celsius));
+        }
+        Ok(())
+    }
+
+    /// At the target the reading must change when the power does. On the way there the watch tells.
+    fn check_same(&mut self, celsius: f32, power: f32) -> Result<(), Trip> {
+        let (same_celsius, same_power) = self.changed;
+        if celsius != same_celsius || !matches!(self.phase, Phase::Holding(_)) {
+            self.changed = (celsius, power);
+            self.unanswered = 0;
+        } else if self.unanswered > 0 || (power - same_power).abs() >= POWER_THAT_SHOWS {
+            self.unanswered = self.unanswered.saturating_add(1);
+        }
+        if self.unanswered >= self.settings.watch.runaway_ms / SAMPLE_MS {
+            return Err(Trip::Frozen(celsius));
+        }
+        Ok(())
+    }
+}

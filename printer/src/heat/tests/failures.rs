@@ -1,0 +1,257 @@
+//! Each failure of a heater or thermistor on the virtual board, and when it is noticed.
+
+use super::*;
+
+/// From the failure to the third reading that shows it, s.
+const MEDIAN_S: f32 = 0.03;
+
+/// The watch period and the runaway period, s.
+fn periods_s(heater: Heater) -> (f32, f32) {
+    let watch = settings(heater).watch;
+    (watch.watch_ms as f32 * 1e-3, watch.runaway_ms as f32 * 1e-3)
+}
+
+/// A rig on the way to the usual target.
+fn heating(heater: Heater) -> Rig {
+    let mut rig = Rig::new();
+    rig.control.set_target(heater, usual_target(heater));
+    rig.run(15.0).unwrap();
+    rig
+}
+
+/// A rig in every state that it can be in for long: off, heating up, holding, cooling.
+fn states(heater: Heater) -> [Rig; 4] {
+    let mut cooling = Rig::holding(heater);
+    cooling.control.set_target(heater, 0.0);
+    cooling.run(5.0).unwrap();
+    [Rig::new(), heating(heater), Rig::holding(heater), cooling]
+}
+
+#[test]
+fn nothing_trips_while_nothing_fails() {
+    for heater in Heater::ALL {
+        let mut rig = Rig::holding(heater);
+        for target in [usual_target(heater) + 20.0, 40.0, usual_target(heater), 0.0, 25.0, usual_target(heater)] {
+            rig.control.set_target(heater, target);
+            rig.run(150.0).unwrap();
+            ferrostep_hal_shim::Fan::set_fan_power(&mut rig.board, 255);
+            rig.run(150.0).unwrap();
+            ferrostep_hal_shim::Fan::set_fan_power(&mut rig.board, 0);
+        }
+        // A day of holding, and a step after a reading that has long been the same.
+        for step in [1.0, -1.0, 0.5, -0.5] {
+            rig.run(21_600.0).unwrap();
+            rig.control.set_target(heater, usual_target(heater) + step);
+        }
+        rig.run(150.0).unwrap();
+    }
+}
+
+#[test]
+fn an_open_or_shorted_thermistor_is_noticed_at_the_third_reading() {
+    for heater in Heater::ALL {
+        for (failure, error) in [
+            (HeaterFailure::ThermistorOpen, ferrostep_hal_shim::SensorError::Open),
+            (HeaterFailure::ThermistorShorted, ferrostep_hal_shim::SensorError::Shorted),
+        ] {
+            for mut rig in states(heater) {
+                let (fault, after_s) = rig.fail(heater, failure).fault_after(1.0);
+                assert_eq!(fault, HeatFault { heater, trip: Trip::Sensor(error) });
+                assert_eq!(after_s, MEDIAN_S);
+            }
+        }
+    }
+}
+
+#[test]
+fn a_dead_heater_is_noticed_within_the_watch_period_while_heating_up() {
+    for heater in Heater::ALL {
+        let (watch_s, _) = periods_s(heater);
+        // From cold: at the end of the period exactly.
+        let mut rig = Rig::new();
+        rig.control.set_target(heater, usual_target(heater));
+        let (fault, after_s) = rig.fail(heater, HeaterFailure::Dead).fault_after(300.0);
+        assert!(matches!(fault.trip, Trip::HeatingFailed(_)) && fault.heater == heater, "{fault}");
+        assert!((after_s - watch_s).abs() < 0.02, "{after_s} s");
+        // On the way: no later.
+        let (fault, after_s) = heating(heater).fail(heater, HeaterFailure::Dead).fault_after(300.0);
+        assert!(matches!(fault.trip, Trip::HeatingFailed(_)), "{fault}");
+        assert!(after_s <= watch_s + 0.02, "{after_s} s");
+    }
+}
+
+/// A host that repeats M104, the same or another, must not put the watch to sleep.
+#[test]
+fn the_watch_outlasts_new_targets() {
+    for heater in Heater::ALL {
+        let mut rig = Rig::new();
+        rig.fail(heater, HeaterFailure::Dead);
+        let mut samples = 0;
+        let fault = loop {
+            rig.control.set_target(heater, usual_target(heater) + f32::from(samples % 3 == 0));
+            samples += 1;
+            if let Err(fault) = rig.sample() {
+                break fault;
+            }
+        };
+        assert!(matches!(fault.trip, Trip::HeatingFailed(_)), "{fault}");
+        assert!(samples as f32 / SAMPLES_A_S as f32 <= periods_s(heater).0 + 0.02);
+    }
+}
+
+#[test]
+fn a_dead_heater_is_noticed_at_the_target() {
+    for heater in Heater::ALL {
+        let (_, runaway_s) = periods_s(heater);
+        let hysteresis = settings(heater).watch.runaway_celsius;
+        let mut rig = Rig::holding(heater);
+        rig.fail(heater, HeaterFailure::Dead);
+        let mut cooling_s = 0.0;
+        while rig.board.true_celsius(heater) >= usual_target(heater) - hysteresis {
+            rig.sample().unwrap();
+            cooling_s += SAMPLE_MS as f32 * 1e-3;
+        }
+        let (fault, after_s) = rig.fault_after(300.0);
+        assert!(matches!(fault.trip, Trip::Runaway(_)) && fault.heater == heater, "{fault}");
+        assert!((after_s - runaway_s).abs() < 0.1, "{after_s} s after {cooling_s} s");
+    }
+}
+
+/// The heater goes on at full power meanwhile: what it reaches must do no harm.
+#[test]
+fn a_thermistor_that_fell_out_is_noticed_before_the_heater_is_too_hot() {
+    for heater in Heater::ALL {
+        let (watch_s, runaway_s) = periods_s(heater);
+        let mut rig = heating(heater);
+        let (fault, after_s) = rig.fail(heater, HeaterFailure::ThermistorFellOut).fault_after(300.0);
+        assert!(matches!(fault.trip, Trip::HeatingFailed(_)), "{fault}");
+        assert!(after_s <= watch_s + 0.02, "{after_s} s");
+        assert!(rig.board.true_celsius(heater) < settings(heater).max_celsius);
+
+        let mut rig = Rig::holding(heater);
+        let (fault, after_s) = rig.fail(heater, HeaterFailure::ThermistorFellOut).fault_after(300.0);
+        assert!(matches!(fault.trip, Trip::Runaway(_)), "{fault}");
+        assert!(after_s <= runaway_s + 0.5, "{after_s} s");
+        // 40 s at full power are what the default allows the nozzle.
+        let reached = rig.board.true_celsius(heater);
+        assert!(reached < settings(heater).max_celsius + 25.0, "{reached}");
+    }
+}
+
+#[test]
+fn a_transistor_that_failed_closed_is_noticed_whatever_the_target() {
+    for heater in Heater::ALL {
+        for mut rig in states(heater) {
+            rig.fail(heater, HeaterFailure::StuckOn);
+            // On its way to a target, it is only too good.
+            while rig.board.true_celsius(heater) < rig.control.status(heater).target_celsius {
+                rig.sample().unwrap();
+            }
+            let (fault, after_s) = rig.fault_after(600.0);
+            assert!(matches!(fault.trip, Trip::RisesUnpowered(_)), "{fault}");
+            assert!(after_s <= periods_s(heater).0, "{fault} after {after_s} s");
+            assert!(rig.board.true_celsius(heater) < settings(heater).max_celsius);
+        }
+    }
+}
+
+#[test]
+fn the_maximum_trips_before_the_slower_checks() {
+    for heater in Heater::ALL {
+        let mut rig = Rig::new();
+        rig.control.set_target(heater, settings(heater).max_celsius - 0.5);
+        rig.run(60.0).unwrap();
+        let (fault, _) = rig.fail(heater, HeaterFailure::StuckOn).fault_after(900.0);
+        let Trip::TooHot(celsius) = fault.trip else { panic!("{fault}") };
+        assert!((0.0..0.3).contains(&(celsius - settings(heater).max_celsius)), "{celsius}");
+    }
+}
+
+#[test]
+fn a_reading_that_stands_still_is_noticed() {
+    for heater in Heater::ALL {
+        let (watch_s, runaway_s) = periods_s(heater);
+        let (fault, after_s) = heating(heater).fail(heater, HeaterFailure::ThermistorFrozen).fault_after(300.0);
+        assert!(matches!(fault.trip, Trip::HeatingFailed(_)), "{fault}");
+        assert!(after_s <= watch_s + 0.02, "{after_s} s");
+
+        // At the target, with the reading a little below it, the loop would give more and more power.
+        let mut rig = Rig::holding(heater);
+        let target = usual_target(heater) + 1.0;
+        rig.fail(heater, HeaterFailure::ThermistorFrozen).control.set_target(heater, target);
+        let (fault, after_s) = rig.fault_after(300.0);
+        assert!(matches!(fault.trip, Trip::Frozen(_)), "{fault}");
+        assert!((after_s - runaway_s).abs() < 0.1, "{after_s} s");
+        let reached = rig.board.true_celsius(heater);
+        assert!(reached < target + 30.0, "{reached}");
+    }
+}
+
+/// A spark on the wire: one or two bad readings, again and again.
+#[test]
+fn bad_readings_between_good_ones_change_nothing() {
+    struct Sparks {
+        board: VirtualHeaters,
+        readings: usize,
+        bad: [u16; 2],
+    }
+    impl ThermalBoard for Sparks {
+        fn reading(&mut self, heater: Heater) -> u16 {
+            self.readings += 1;
+            // Two heaters are read a sample: of five samples, two are bad.
+            match self.readings / 2 % 5 {
+                index @ 0..2 => self.bad[index],
+                _ => self.board.reading(heater),
+            }
+        }
+        fn set_power(&mut self, heater: Heater, power: f32) {
+            self.board.set_power(heater, power);
+        }
+    }
+    for bad in [[0, 0], [u16::MAX, u16::MAX], [0, u16::MAX], [1, 65_000]] {
+        let Rig { control, board, .. } = Rig::new();
+        let (mut control, mut board) = (control, Sparks { board, readings: 0, bad });
+        for heater in Heater::ALL {
+            control.set_target(heater, usual_target(heater));
+        }
+        for _ in 0..240 * SAMPLES_A_S {
+            board.board.advance(SAMPLE_MS as f32 * 1e-3);
+            control.update(&mut board).unwrap();
+        }
+        for heater in Heater::ALL {
+            assert!((board.board.true_celsius(heater) - usual_target(heater)).abs() < 0.5);
+        }
+    }
+}
+
+#[test]
+fn m999_ends_a_fault_that_is_over_and_no_other() {
+    for heater in Heater::ALL {
+        let mut rig = Rig::holding(heater);
+        let (fault, _) = rig.fail(heater, HeaterFailure::ThermistorOpen).fault_after(1.0);
+        assert_eq!(rig.control.restart(), Err(fault));
+        assert_eq!(rig.control.fault(), Some(fault));
+        rig.control.set_target(heater, 50.0);
+        assert!(rig.sample().is_ok(), "it is told once");
+        assert_eq!(rig.board.power(heater), 0.0);
+
+        rig.board.set_failure(heater, None);
+        rig.run(0.1).unwrap();
+        assert_eq!(rig.control.restart(), Ok(()));
+        rig.run(1.0).unwrap();
+        assert_eq!(rig.board.power(heater), 0.0, "M999 switches nothing on");
+        rig.control.set_target(heater, usual_target(heater));
+        rig.run(120.0).unwrap();
+        assert!((rig.board.true_celsius(heater) - usual_target(heater)).abs() < 3.0);
+
+        // A heater that still does not heat has one watch period again.
+        let mut rig = Rig::new();
+        for _ in 0..2 {
+            rig.control.set_target(heater, usual_target(heater));
+            let (fault, after_s) = rig.fail(heater, HeaterFailure::Dead).fault_after(300.0);
+            assert!(matches!(fault.trip, Trip::HeatingFailed(_)), "{fault}");
+            assert!((after_s - periods_s(heater).0).abs() < 0.02, "{after_s}");
+            assert_eq!(rig.control.restart(), Ok(()));
+        }
+    }
+}

@@ -1,0 +1,123 @@
+//! What holds for any sequence of readings and targets.
+
+use proptest::prelude::*;
+
+use super::*;
+
+/// A board that reads what it is told.
+struct AnyBoard {
+    readings: [u16; 2],
+    powers: [f32; 2],
+}
+
+impl ThermalBoard for AnyBoard {
+    fn reading(&mut self, heater: Heater) -> u16 {
+        self.readings[heater.index()]
+    }
+    fn set_power(&mut self, heater: Heater, power: f32) {
+        self.powers[heater.index()] = power;
+    }
+}
+
+/// What happens to a control.
+#[derive(Clone, Debug)]
+enum Event {
+    /// So many samples with these readings.
+    Samples([u16; 2], u16),
+    Target(Heater, f32),
+    AllOff,
+    Restart,
+}
+
+/// Readings, most of them of a temperature that a printer has.
+fn readings() -> impl Strategy<Value = [u16; 2]> {
+    let usual = prop::array::uniform2(0.0_f32..300.0).prop_map(|celsius| {
+        let [nozzle, bed] = Heater::ALL.map(|heater| settings(heater).thermistor.reading(celsius[heater.index()]));
+        [nozzle, bed]
+    });
+    prop_oneof![3 => usual, 1 => any::<[u16; 2]>()]
+}
+
+fn event() -> impl Strategy<Value = Event> {
+    let targets = prop_oneof![4 => 0.0_f32..270.0, 1 => any::<f32>()];
+    prop_oneof![
+        // Up to half a minute, for the slow checks; most often few.
+        6 => (readings(), prop_oneof![0..8_u16, 0..3000_u16]).prop_map(|(readings, count)| Event::Samples(readings, count)),
+        3 => (prop::sample::select(&Heater::ALL), targets).prop_map(|(heater, target)| Event::Target(heater, target)),
+        1 => Just(Event::AllOff),
+        1 => Just(Event::Restart),
+    ]
+}
+
+proptest! {
+    /// After a trip no heater ever has power again before M999, which never switches one on either; and powers are
+    /// powers.
+    #[test]
+    fn after_a_trip_no_heater_has_power_before_m999(
+        start in readings(),
+        events in prop::collection::vec(event(), 1..60),
+    ) {
+        let [nozzle, bed] = Heater::ALL.map(settings);
+        let mut board = AnyBoard { readings: start, powers: [9.0; 2] };
+        let mut control = HeatControl::new(nozzle, bed, &mut board);
+        prop_assert_eq!(board.powers, [0.0; 2]);
+        let mut tripped = false;
+        for event in events {
+            match event {
+                Event::Samples(readings, count) => {
+                    board.readings = readings;
+                    for _ in 0..count {
+                        let outcome = control.update(&mut board);
+                        prop_assert!(!(tripped && outcome.is_err()), "told twice");
+                        tripped |= outcome.is_err();
+                        prop_assert_eq!(control.fault().is_some(), tripped);
+                        prop_assert!(board.powers.iter().all(|power| (0.0..=1.0).contains(power)));
+                        if tripped {
+                            prop_assert_eq!(board.powers, [0.0; 2]);
+                        }
+                    }
+                }
+                Event::Target(heater, target) => control.set_target(heater, target),
+                Event::AllOff => {
+                    control.all_off();
+                    prop_assert!(Heater::ALL.iter().all(|heater| control.status(*heater).power == 0.0));
+                }
+                Event::Restart => {
+                    tripped = control.restart().is_err();
+                    prop_assert!(Heater::ALL.iter().all(|heater| control.status(*heater).target_celsius == 0.0));
+                }
+            }
+        }
+    }
+
+    /// No heater is on at a reading that is none, or at or above its maximum, for longer than the median takes; nor
+    /// for longer than its watch period at a reading that does not change, below its target.
+    #[test]
+    fn no_heater_stays_on_where_it_must_not(
+        reading in any::<u16>(),
+        heater in prop::sample::select(&Heater::ALL),
+        target in 30.0_f32..120.0,
+    ) {
+        let [nozzle, bed] = Heater::ALL.map(settings);
+        let room = Heater::ALL.map(|heater| settings(heater).thermistor.reading(22.0));
+        let mut board = AnyBoard { readings: room, powers: [0.0; 2] };
+        let mut control = HeatControl::new(nozzle, bed, &mut board);
+        control.set_target(heater, target);
+        prop_assert!(control.update(&mut board).is_ok());
+        prop_assert!(board.powers[heater.index()] > 0.0);
+        board.readings[heater.index()] = reading;
+        let celsius = settings(heater).thermistor.celsius(reading);
+        let HeaterSettings { min_celsius, max_celsius, watch, .. } = settings(heater);
+        let healthy = celsius.is_ok_and(|celsius| (min_celsius..max_celsius).contains(&celsius));
+        let mut outcome = Ok(());
+        for _ in 0..3 {
+            outcome = outcome.and(control.update(&mut board));
+        }
+        prop_assert_eq!(outcome.is_ok(), healthy);
+        if celsius.is_ok_and(|celsius| healthy && celsius < target - watch.runaway_celsius) {
+            let outcome = (0..watch.watch_ms / SAMPLE_MS).try_for_each(|_| control.update(&mut board));
+            prop_assert!(outcome.is_err());
+            prop_assert_eq!(board.powers, [0.0; 2]);
+        }
+    }
+}
