@@ -104,7 +104,7 @@ mod app {
         received: Producer<'static, u8>,
         to_send: Consumer<'static, u8>,
         scanner: EmergencyScanner,
-        usb: Option<Usb>,
+        usb: Option<&'static mut Usb>,
         reader: Reader,
         planner_work: SignalReader<'static, ()>,
         halted: SignalReader<'static, ()>,

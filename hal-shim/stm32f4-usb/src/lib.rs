@@ -7,6 +7,8 @@
 
 mod controller;
 
+use core::mem::MaybeUninit;
+
 use ferrostep_gcode::Emergency;
 use ferrostep_hal_shim::clock_tree::Clock;
 use ferrostep_stm32f4::pac::RCC;
@@ -17,17 +19,25 @@ use usb_device::bus::UsbBusAllocator;
 use controller::{Bus, PACKET_WORDS};
 pub use controller::{NoUsb, Registers};
 
-/// What lives as long as the program because the device refers to it.
+/// The port's place, and that of what it refers to. Made in place: on the way through `init` it would be copied several
+/// times, and all copies would be on the stack when the first tasks begin. What is not there yet has no value at all: an
+/// `Option` would be a kilobyte of initial values in flash.
 pub struct Memory {
     packets: [u32; PACKET_WORDS],
-    bus: Option<UsbBusAllocator<Bus>>,
-    serial_number: Option<SerialNumber>,
+    bus: MaybeUninit<UsbBusAllocator<Bus>>,
+    serial_number: MaybeUninit<SerialNumber>,
+    usb: MaybeUninit<Usb>,
 }
 
 impl Memory {
     /// Nothing yet.
     pub const fn new() -> Self {
-        Self { packets: [0; PACKET_WORDS], bus: None, serial_number: None }
+        Self {
+            packets: [0; PACKET_WORDS],
+            bus: MaybeUninit::uninit(),
+            serial_number: MaybeUninit::uninit(),
+            usb: MaybeUninit::uninit(),
+        }
     }
 }
 
@@ -80,11 +90,11 @@ impl Usb {
         clock: &Clock,
         product: &'static str,
         rings: Rings,
-    ) -> Result<Self, NoUsb> {
-        let Memory { packets, bus, serial_number } = memory;
-        let bus = bus.insert(controller::start(registers, rcc, clock, packets)?);
-        let serial_number = serial_number.insert(SerialNumber::of(controller::identifier()));
-        Ok(Self { port: UsbSerial::new(bus, product, serial_number), rings })
+    ) -> Result<&'static mut Self, NoUsb> {
+        let Memory { packets, bus, serial_number, usb } = memory;
+        let bus = bus.write(controller::start(registers, rcc, clock, packets)?);
+        let serial_number = serial_number.write(SerialNumber::of(controller::identifier()));
+        Ok(usb.write(Self { port: UsbSerial::new(bus, product, serial_number), rings }))
     }
 
     /// An interrupt's work. Returns how many received bytes were dropped for want of room.
