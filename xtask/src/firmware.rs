@@ -50,8 +50,10 @@ pub fn check(run: &mut Run) -> Result<(), Failure> {
     run.step("lints of the firmware", || match core_library {
         // The tally is the bench's source over again, so that only that is looked at twice.
         CoreLibrary::Installed => {
-            let stm32f4 = ["--package", "ferrostep-stm32f4", "--lib", "--features", "stm32f405"];
-            system::run(&mut lint_command(&core_library, &stm32f4))?;
+            for package in ["ferrostep-stm32f4", "ferrostep-stm32f4-usb"] {
+                let library = ["--package", package, "--lib", "--features", "stm32f405"];
+                system::run(&mut lint_command(&core_library, &library))?;
+            }
             system::run(&mut lint_command(&core_library, &["--bins", "--features", "bench"]))?;
             system::run(&mut lint_command(&core_library, &["--bin", "bench", "--features", "tally"]))
         }
