@@ -36,28 +36,23 @@ impl Incoming {
             if let Some(emergency) = self.scanner.feed(byte) {
                 buffers.emergency(emergency);
             }
-            if !self.put(byte, buffers) {
-                dropped += 1;
+            let ends_line = matches!(byte, b'\n' | b'\r');
+            if !self.dropping {
+                if self.broken {
+                    self.broken = !buffers.put(BREAK);
+                }
+                if !self.broken && buffers.put(if byte == BREAK { NOT_A_BREAK } else { byte }) {
+                    self.mid_line = !ends_line;
+                    continue;
+                }
+                self.broken |= self.mid_line;
+                self.mid_line = false;
             }
+            self.dropping = !ends_line;
+            // No more than there are bytes in a packet.
+            dropped = u32::wrapping_add(dropped, 1);
         }
         dropped
-    }
-
-    fn put(&mut self, byte: u8, buffers: &mut impl Buffers) -> bool {
-        let ends_line = matches!(byte, b'\n' | b'\r');
-        if !self.dropping {
-            if self.broken {
-                self.broken = !buffers.put(BREAK);
-            }
-            if !self.broken && buffers.put(if byte == BREAK { NOT_A_BREAK } else { byte }) {
-                self.mid_line = !ends_line;
-                return true;
-            }
-            self.broken |= self.mid_line;
-            self.mid_line = false;
-        }
-        self.dropping = !ends_line;
-        false
     }
 
     /// The connection has ended: what comes next belongs to another line.
