@@ -15,6 +15,7 @@ mod line_reader;
 mod parse_error;
 mod parser;
 mod protocol;
+mod real;
 mod reply;
 mod reply_text;
 
@@ -26,6 +27,7 @@ pub use line_reader::{LINE_CAPACITY, LineReader};
 pub use parse_error::{ParseError, ShortText};
 pub use parser::parse;
 pub use protocol::{LineNumbers, Verdict};
+pub use real::Real;
 pub use reply::{
     EndStopState, FirmwareInfo, MotionFigures, Position, Reply, ResendReason, Temperatures, TimingFigures,
 };

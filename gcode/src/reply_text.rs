@@ -3,7 +3,7 @@
 use core::fmt::{self, Display, Formatter, Write};
 
 use crate::decimal::divide_half_away;
-use crate::{FirmwareInfo, MotionFigures, Position, Reply, ResendReason, Temperatures, TimingFigures};
+use crate::{FirmwareInfo, MotionFigures, Position, Real, Reply, ResendReason, Temperatures, TimingFigures};
 
 /// What M115 says this firmware can do, in the order hosts know from Marlin. EMERGENCY_PARSER stands between the two
 /// lists, for it depends on the port.
@@ -74,8 +74,9 @@ impl Display for Reply<'_> {
             }
             Reply::Extrusion { adaptive, sizes_10nm, lambda } => {
                 let mode = if *adaptive { "adaptive" } else { "gcode" };
-                let [h, w, d] = sizes_10nm.map(|size| size as f64 / 100_000.0);
-                write!(formatter, "echo:extrusion {mode} H:{h:.3} W:{w:.3} D:{d:.3} lambda:{lambda:.6}")
+                let [h, w, d] = sizes_10nm.map(|size| Real::fixed(size as f64 / 100_000.0, 3));
+                let lambda = Real::fixed(*lambda, 6);
+                write!(formatter, "echo:extrusion {mode} H:{h} W:{w} D:{d} lambda:{lambda}")
             }
             Reply::Timing(figures) => write_timing(formatter, figures),
             Reply::EndStops(states) => {
@@ -94,9 +95,8 @@ impl Display for Reply<'_> {
             Reply::FlowPercent(percent) => write!(formatter, "echo:E0 Flow: {percent}%"),
             Reply::ColdExtrusion { allowed, minimum } => {
                 let state = if *allowed { "en" } else { "dis" };
-                write!(formatter, "echo:Cold extrudes are {state}abled (min temp ")?;
-                write_real(formatter, *minimum, 0)?;
-                formatter.write_str("C)")
+                let minimum = Real::fixed(f64::from(*minimum), 0);
+                write!(formatter, "echo:Cold extrudes are {state}abled (min temp {minimum}C)")
             }
             Reply::ActiveExtruder(tool) => write!(formatter, "echo:Active Extruder: {tool}"),
             Reply::SoftLimits { enabled, max_10nm: [x, y, z] } => {
@@ -139,22 +139,6 @@ fn write_hundredths(formatter: &mut Formatter<'_>, hundredths: i64) -> fmt::Resu
     write!(formatter, "{sign}{}.{:02}", magnitude / 100, magnitude % 100)
 }
 
-/// `value` with two decimals or none, halves away from zero and zero without a sign.
-///
-/// What is not finite is written as such: hosts then find no temperature there, rather than a wrong one.
-fn write_real(formatter: &mut Formatter<'_>, value: f32, decimals: u8) -> fmt::Result {
-    if !value.is_finite() {
-        return write!(formatter, "{value}");
-    }
-    let half = if value < 0.0 { -0.5 } else { 0.5 };
-    // The conversion cuts towards zero and saturates. In f64 the product is exact.
-    if decimals == 0 {
-        write!(formatter, "{}", (f64::from(value) + half) as i64)
-    } else {
-        write_hundredths(formatter, (f64::from(value) * 100.0 + half) as i64)
-    }
-}
-
 fn write_temperatures(formatter: &mut Formatter<'_>, temperatures: &Temperatures) -> fmt::Result {
     let fields = [
         (" T:", temperatures.nozzle),
@@ -163,8 +147,7 @@ fn write_temperatures(formatter: &mut Formatter<'_>, temperatures: &Temperatures
         (" /", temperatures.bed_target),
     ];
     for (label, value) in fields {
-        formatter.write_str(label)?;
-        write_real(formatter, value, 2)?;
+        write!(formatter, "{label}{}", Real::fixed(f64::from(value), 2))?;
     }
     write!(formatter, " @:{} B@:{}", temperatures.nozzle_power, temperatures.bed_power)
 }

@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-use ferrostep_gcode::ParseError;
+use ferrostep_gcode::{ParseError, Real};
 use ferrostep_planner::{MIN_FEED_MM_PER_S, MoveError};
 
 use crate::AXIS_NAMES;
@@ -90,27 +90,34 @@ impl fmt::Display for CommandError {
             Self::TooFar => write!(out, "the target is too far away, expected coordinates within 5 m"),
             Self::TooMuchFilament => write!(out, "E: too long extrusion prevented, expected at most 1 m in one move"),
             Self::FeedTooSlow { feed_mm_per_s } => {
-                let (minimum, feed) = (MIN_FEED_MM_PER_S * 60.0, feed_mm_per_s * 60.0);
+                let (minimum, feed) = (Real::short(MIN_FEED_MM_PER_S * 60.0), Real::short(feed_mm_per_s * 60.0));
                 write!(out, "F: {feed} mm/min is too slow, expected at least {minimum} mm/min")
             }
             Self::ColdExtrusion { celsius, minimum_celsius } => write!(
                 out,
-                "E: cold extrusion prevented, the nozzle is at {celsius:.1} C, expected at least {minimum_celsius} C"
+                "E: cold extrusion prevented, the nozzle is at {} C, expected at least {} C",
+                Real::fixed(f64::from(*celsius), 1),
+                Real::short(f64::from(*minimum_celsius))
             ),
             Self::ArcGeometry { start_radius_mm, end_radius_mm } => write!(
                 out,
-                "I, J: the arc starts {start_radius_mm:.3} mm from its centre and ends {end_radius_mm:.3} mm from it, \
-                 expected the same distance"
+                "I, J: the arc starts {} mm from its centre and ends {} mm from it, expected the same distance",
+                Real::fixed(*start_radius_mm, 3),
+                Real::fixed(*end_radius_mm, 3)
             ),
             Self::ArcRadius { radius_mm, chord_mm } => write!(
                 out,
-                "R: a radius of {radius_mm:.3} mm does not reach over {chord_mm:.3} mm, expected at least half the way \
-                 and an end apart from the start"
+                "R: a radius of {} mm does not reach over {} mm, expected at least half the way and an end apart from \
+                 the start",
+                Real::fixed(*radius_mm, 3),
+                Real::fixed(*chord_mm, 3)
             ),
             Self::TooHot { celsius, maximum_celsius } => {
-                write!(out, "S: {celsius} C is too hot, expected at most {maximum_celsius} C")
+                let (celsius, maximum) = (Real::short(*celsius), Real::short(f64::from(*maximum_celsius)));
+                write!(out, "S: {celsius} C is too hot, expected at most {maximum} C")
             }
             Self::OutOfRange { word, value, minimum, maximum } => {
+                let [value, minimum, maximum] = [*value, *minimum, *maximum].map(Real::short);
                 write!(out, "{word}: {value} is out of range, expected {minimum} to {maximum}")
             }
             Self::HomingFailed { axis } => {

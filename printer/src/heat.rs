@@ -9,6 +9,7 @@ mod thermometer;
 
 use core::fmt;
 
+use ferrostep_gcode::Real;
 use ferrostep_hal_shim::{Heater, ThermalBoard};
 
 use crate::ports::HeaterStatus;
@@ -47,7 +48,7 @@ impl fmt::Display for HeatFault {
             | Trip::HeatingFailed(celsius)
             | Trip::Runaway(celsius)
             | Trip::RisesUnpowered(celsius)
-            | Trip::Frozen(celsius) => write!(out, " (temp: {celsius:.2})"),
+            | Trip::Frozen(celsius) => write!(out, " (temp: {})", Real::fixed(f64::from(celsius), 2)),
         }
     }
 }

@@ -245,11 +245,11 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         let line = self.line;
         let mut complete = core::fmt::write(&mut text, format_args!("echo:line {line}: outside the soft limits,"));
         for axis in (0..3).filter(|&axis| clamped[axis]) {
-            let at = self.modal.machine_10nm[axis] as f64 / 100_000.0;
-            let end = self.profile.size_10nm[axis] as f64 / 100_000.0;
+            let at = Real::fixed(self.modal.machine_10nm[axis] as f64 / 100_000.0, 2);
+            let end = Real::fixed(self.profile.size_10nm[axis] as f64 / 100_000.0, 2);
             let name = AXIS_NAMES[axis];
-            complete = complete
-                .and(core::fmt::write(&mut text, format_args!(" {name} ends at {at:.2} (allowed 0.00 to {end:.2})")));
+            complete =
+                complete.and(core::fmt::write(&mut text, format_args!(" {name} ends at {at} (allowed 0.00 to {end})")));
         }
         if complete.is_ok() {
             self.replies.send(Reply::Text(&text));
