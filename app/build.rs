@@ -1,7 +1,8 @@
 //! Puts the linker's memory map and the machine's profile where the firmware's build finds them.
 //!
-//! The profile is the TOML that the desk reads too, checked by the same code, written out as a Rust constant: one
-//! source of numbers. `FERROSTEP_PROFILE` names another profile, by name or path.
+//! The memories are those of the board that `FERROSTEP_BOARD` names, by name or path; the bench if nothing does. The
+//! profile is the TOML that the desk reads too, checked by the same code and held against the board, written out as a
+//! Rust constant: one source of numbers. `FERROSTEP_PROFILE` names another profile than the board's, by name or path.
 
 use std::path::{Path, PathBuf};
 use std::{env, fs};
@@ -12,9 +13,6 @@ use ferrostep_printer::{
     AxisHoming, DriverTiming, ExtrusionSettings, FirmwareRetraction, HeaterSettings, HeaterWatch, HomeEnd, Profile,
 };
 
-/// The bench's machine.
-const DEFAULT_PROFILE: &str = "cartesian";
-
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let out = PathBuf::from(env::var("OUT_DIR")?);
     let root = Path::new(&env::var("CARGO_MANIFEST_DIR")?).join("..");
@@ -23,13 +21,21 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     println!("cargo:rustc-link-search={}", out.display());
     println!("cargo:rerun-if-changed={}", memory.display());
 
-    let name = env::var("FERROSTEP_PROFILE").unwrap_or_else(|_| DEFAULT_PROFILE.to_owned());
+    let board_name = env::var("FERROSTEP_BOARD").unwrap_or_else(|_| ferrostep_boards::DEFAULT.to_owned());
+    let board = ferrostep_boards::load(&board_name).map_err(|error| error.to_string())?;
+    fs::write(out.join("memories.x"), ferrostep_boards::constants::memories(&board))?;
+    println!("cargo:rerun-if-env-changed=FERROSTEP_BOARD");
+
+    let name = env::var("FERROSTEP_PROFILE").unwrap_or_else(|_| board.profile.clone());
     let profile = ferrostep_profiles::load(&name).map_err(|error| error.to_string())?;
+    ferrostep_boards::fit::check(&board, &profile, &name).map_err(|error| error.to_string())?;
     fs::write(out.join("profile.rs"), constant(&profile))?;
     fs::write(out.join("step_signals.rs"), step_signals(&profile.driver))?;
     println!("cargo:rerun-if-env-changed=FERROSTEP_PROFILE");
-    if Path::new(&name).exists() {
-        println!("cargo:rerun-if-changed={name}");
+    for file in [board_name, name] {
+        if Path::new(&file).exists() {
+            println!("cargo:rerun-if-changed={file}");
+        }
     }
     Ok(())
 }

@@ -1,12 +1,22 @@
-//! The heaters: their control, and on the bench their models.
+//! The heaters: their control, and on the bench their models. On printer boards there is no code for them yet: their
+//! pins are low, and nobody makes up a temperature.
 
 use ferrostep_hal_shim::virtual_board::VirtualHeaters;
 use ferrostep_hal_shim::{Fan, Heater, ThermalBoard};
 use ferrostep_printer::heat::{HeatControl, HeatFault, SAMPLE_MS};
-use ferrostep_printer::{HeaterStatus, Profile};
+use ferrostep_printer::{Equipment, HeaterStatus, Profile};
+use ferrostep_stm32f4::board::VIRTUAL_SENSORS;
+
+/// What of the board the firmware can use.
+pub const EQUIPMENT: Equipment = if VIRTUAL_SENSORS { Equipment::ALL } else { Equipment::NONE };
+
+/// The heaters that the firmware can use.
+pub struct Heat {
+    modelled: Option<Modelled>,
+}
 
 /// Control and heaters.
-pub struct Heat {
+struct Modelled {
     control: HeatControl,
     heaters: VirtualHeaters,
 }
@@ -14,8 +24,11 @@ pub struct Heat {
 impl Heat {
     /// Cold heaters with their first readings, so that the first command finds temperatures.
     pub fn new(profile: &Profile) -> Self {
-        let mut heaters = profile.virtual_heaters();
-        Self { control: HeatControl::new(profile.nozzle, profile.bed, &mut heaters), heaters }
+        let modelled = VIRTUAL_SENSORS.then(|| {
+            let mut heaters = profile.virtual_heaters();
+            Modelled { control: HeatControl::new(profile.nozzle, profile.bed, &mut heaters), heaters }
+        });
+        Self { modelled }
     }
 
     /// One sample of control, every [`SAMPLE_MS`].
@@ -23,31 +36,37 @@ impl Heat {
     /// # Errors
     /// A heater or thermometer has failed, and all heaters are off; told once.
     pub fn update(&mut self, fan_power: u8) -> Result<(), HeatFault> {
-        self.heaters.set_fan_power(fan_power);
-        self.heaters.advance(SAMPLE_MS as f32 * 1e-3);
-        self.control.update(&mut self.heaters)
+        let Some(Modelled { control, heaters }) = &mut self.modelled else { return Ok(()) };
+        heaters.set_fan_power(fan_power);
+        heaters.advance(SAMPLE_MS as f32 * 1e-3);
+        control.update(heaters)
     }
 
     /// Why the heaters are off until M999, if they are.
     pub fn fault(&self) -> Option<HeatFault> {
-        self.control.fault()
+        self.modelled.as_ref().and_then(|modelled| modelled.control.fault())
     }
 
-    /// Sets a target, degrees Celsius; 0 is off.
+    /// Sets a target, degrees Celsius; 0 is off. Without heaters that is what they are, and [`EQUIPMENT`] has any other
+    /// refused.
     pub fn set_target(&mut self, heater: Heater, celsius: f32) {
-        self.control.set_target(heater, celsius);
+        if let Some(modelled) = &mut self.modelled {
+            modelled.control.set_target(heater, celsius);
+        }
     }
 
     /// How a heater is.
     pub fn status(&self, heater: Heater) -> HeaterStatus {
-        self.control.status(heater)
+        self.modelled.as_ref().map_or_else(HeaterStatus::default, |modelled| modelled.control.status(heater))
     }
 
     /// Switches all heaters off, now.
     pub fn all_off(&mut self) {
-        self.control.all_off();
-        for heater in Heater::ALL {
-            self.heaters.set_power(heater, 0.0);
+        if let Some(Modelled { control, heaters }) = &mut self.modelled {
+            control.all_off();
+            for heater in Heater::ALL {
+                heaters.set_power(heater, 0.0);
+            }
         }
     }
 
@@ -56,6 +75,9 @@ impl Heat {
     /// # Errors
     /// A fault is still there, and all heaters stay off.
     pub fn restart(&mut self) -> Result<(), HeatFault> {
-        self.control.restart()
+        match &mut self.modelled {
+            Some(modelled) => modelled.control.restart(),
+            None => Ok(()),
+        }
     }
 }

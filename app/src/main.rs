@@ -39,12 +39,12 @@ mod app {
 
     use ferrostep_gcode::{Emergency, EmergencyScanner, LineReader, Reply};
     use ferrostep_hal_shim::clock_tree::ClockSource;
-    use ferrostep_hal_shim::stepping::{self, SlotAccount, StepFeeder};
+    use ferrostep_hal_shim::stepping::{self, StepFeeder};
     use ferrostep_planner::look_ahead::Slot;
     use ferrostep_printer::heat::SAMPLE_MS;
     use ferrostep_printer::machine::SharedMotion;
     use ferrostep_printer::{Host, Printer, Replies, Signals, temperatures};
-    use ferrostep_stm32f4::bench::{self, BenchPins};
+    use ferrostep_stm32f4::board::{self, BoardPins};
     use ferrostep_stm32f4::clock;
     use ferrostep_stm32f4::measured::Switch;
     use ferrostep_stm32f4::motion_clock::MotionClock;
@@ -58,20 +58,17 @@ mod app {
     use rtic_sync::signal::{Signal, SignalReader};
 
     use crate::clock::{Mono, SystemClock};
-    use crate::heat::Heat;
+    use crate::heat::{self, Heat};
     use crate::host_line::{self, Patience, Port, Reader, To, Writer, Writers};
     use crate::ports::{
         BoardHeating, BoardMachine, BoardMachineLock, BoardReplies, BoardStepTimer, LOOK_AHEAD_BLOCKS, Overload,
-        PLANNER_WORK, STEP_QUEUE_SLOTS, STEPS,
+        PLANNER_WORK, STEPS,
     };
     use crate::profile::PROFILE;
     use crate::timing::{self, BoardTiming};
 
     /// Speed of the host's line.
     const BAUD: u32 = 115_200;
-
-    /// The board, as USB tells it to a host.
-    const PRODUCT: &str = "Ferrostep bench";
 
     /// SysTick, which ends the waits of the tasks: above all that wait, below the host's line.
     const WAITS_PRIORITY: u8 = 9;
@@ -114,34 +111,44 @@ mod app {
     }
 
     #[init(local = [
-        slots: [Slot; LOOK_AHEAD_BLOCKS] = [Slot::EMPTY; LOOK_AHEAD_BLOCKS],
+        // Filled here and not by the compiler, which would keep a copy of it in flash.
+        slots: heapless::Vec<Slot, LOOK_AHEAD_BLOCKS> = heapless::Vec::new(),
         receive: Queue<u8, { host_line::RECEIVE_BYTES }> = Queue::new(),
         send: Queue<u8, { host_line::SEND_BYTES }> = Queue::new(),
         usb_receive: Queue<u8, { host_line::RECEIVE_BYTES }> = Queue::new(),
         usb_send: Queue<u8, { host_line::SEND_BYTES }> = Queue::new(),
         usb_memory: Memory = Memory::new(),
-        slot_steps: [SlotAccount; STEP_QUEUE_SLOTS] = [SlotAccount::NONE; STEP_QUEUE_SLOTS],
     ])]
     fn init(cx: init::Context) -> (Shared, Local) {
         let device = cx.device;
         let mut core = cx.core;
-        let clock = clock::start(&device.RCC, &device.FLASH, bench::CRYSTAL_MHZ);
+        let clock = clock::start(&device.RCC, &device.FLASH);
         clock::set_systick_priority(&mut core.SCB, WAITS_PRIORITY);
         Mono::start(core.SYST, clock.core_hz);
         let motion_clock = MotionClock::start(device.TIM5, &device.RCC);
         let measured = Switch::new(VectorTable::new(core.SCB), core.DCB, core.DWT, motion_clock);
-        let pins = BenchPins::new(device.GPIOC, &device.GPIOA, &device.RCC);
+        let pins = BoardPins::new((
+            device.GPIOA,
+            device.GPIOB,
+            device.GPIOC,
+            device.GPIOD,
+            device.GPIOE,
+            device.GPIOF,
+            device.GPIOG,
+        ));
 
         let signals = stepping::Signals {
             pulse_ticks: clock.timer_ticks(PROFILE.driver.pulse_width_ns),
             direction_setup_ticks: clock.timer_ticks(PROFILE.driver.direction_setup_ns),
         };
-        let feeder = StepFeeder::new(&STEPS, bench::PINS, signals, cx.local.slot_steps);
+        let feeder = StepFeeder::new(&STEPS, board::PIN_MAP, signals);
         let step_timer = StepTimer::start(device.TIM2, device.TIM9, &device.RCC, &pins, &STEPS);
         // On the bare internal oscillator the plan shall not depend on time, as for the host's line.
         let planning_clock = (clock.source != ClockSource::Internal).then_some(motion_clock);
         let queue = StepQueue::new(pins, feeder, planning_clock);
-        let machine = BoardMachine::new(&PROFILE, &mut cx.local.slots[..], queue);
+        let slots = cx.local.slots;
+        while slots.push(Slot::EMPTY).is_ok() {}
+        let machine = BoardMachine::new(&PROFILE, slots.as_mut_slice(), queue);
 
         let port = Serial::start(device.USART1, &device.RCC, clock.serial_hz, BAUD);
         let (received, to_read) = cx.local.receive.split();
@@ -150,10 +157,11 @@ mod app {
         let (usb_to_write, usb_to_send) = cx.local.usb_send.split();
         let registers = (device.OTG_FS_GLOBAL, device.OTG_FS_DEVICE, device.OTG_FS_PWRCLK);
         let rings = Rings { received: usb_received, to_send: usb_to_send, act };
-        let usb = Usb::start(cx.local.usb_memory, registers, &device.RCC, &clock, PRODUCT, rings);
+        let usb = Usb::start(cx.local.usb_memory, registers, &device.RCC, &clock, rings);
         let usb_writer = usb.is_ok().then(|| LineWriter::new(usb_to_write));
         let mut writers = Writers { serial: Writer(to_write), usb: usb_writer };
         writers.line(To::All, Reply::Start);
+        writers.line(To::All, format_args!("echo:board: {}", board::NAME));
         writers.line(To::All, format_args!("echo:clock: {clock}"));
         if let Err(why) = &usb {
             writers.line(To::All, format_args!("echo:usb: {why}"));
@@ -259,7 +267,7 @@ mod app {
         HALTED.writer().write(());
     }
 
-    /// Keeps the step queue full. Must run often enough that 2048 entries last.
+    /// Keeps the step queue full. Must run often enough that the queue's entries last.
     #[task(priority = 4, shared = [machine], local = [planner_work, motion_clock, patience])]
     async fn planner(mut cx: planner::Context) {
         loop {
@@ -282,6 +290,7 @@ mod app {
         let replies = BoardReplies::new(cx.shared.writers);
         let mut printer = Printer::new(&PROFILE, motion, heating, SystemClock::default(), &replies, &SIGNALS);
         printer.set_emergency_parser(true);
+        printer.set_equipment(heat::EQUIPMENT);
         let timing = BoardTiming::new(cx.local.measured);
         printer.set_timing(&timing);
         let (mut serial_host, mut usb_host) = (Host::new(), Host::new());
@@ -332,7 +341,8 @@ mod app {
             replies.lost_bytes(host_line::take_lost_bytes());
             let interval_ms = u32::from(SIGNALS.report_interval_s()) * 1000;
             let now_ms = Mono::now().ticks();
-            if interval_ms > 0 && now_ms.wrapping_sub(reported_ms) >= interval_ms {
+            let is_due = interval_ms > 0 && now_ms.wrapping_sub(reported_ms) >= interval_ms;
+            if is_due && heat::EQUIPMENT.heaters {
                 reported_ms = now_ms;
                 replies.send(Reply::Temperatures(temperatures(&heating)));
             }

@@ -13,7 +13,7 @@ use ferrostep_planner::look_ahead::Slot;
 use ferrostep_printer::heat::HeatFault;
 use ferrostep_printer::machine::{Machine, SharedMachine};
 use ferrostep_printer::{HeaterStatus, Heating, Replies, Signals};
-use ferrostep_stm32f4::bench::BenchPins;
+use ferrostep_stm32f4::board::{BoardPins, MOTOR_PORTS};
 use ferrostep_stm32f4::step_timer::{StepQueue, StepTimer};
 use rtic::Mutex;
 use rtic_monotonics::systick::prelude::*;
@@ -27,11 +27,9 @@ use crate::profile::StepSignals;
 /// Blocks in the look-ahead ring, as on the desk.
 pub const LOOK_AHEAD_BLOCKS: usize = 128;
 
-/// Slots in the step queue, about as many as entries on the desk: 32 KiB.
-pub const STEP_QUEUE_SLOTS: usize = 2048;
-
-/// Ports that carry the board's step and direction signals.
-const MOTOR_PORTS: usize = 1;
+/// Slots in the step queue: with one port about as many as entries on the desk, 32 KiB. With each port more a slot has two
+/// words more, and half as many still last for several of the planner's intervals.
+pub const STEP_QUEUE_SLOTS: usize = if MOTOR_PORTS == 1 { 2048 } else { 1024 };
 
 /// The step queue and the state of the step interrupt.
 pub static STEPS: StepPlayer<StepSignals, MOTOR_PORTS, STEP_QUEUE_SLOTS> = StepPlayer::new();
@@ -40,7 +38,7 @@ pub static STEPS: StepPlayer<StepSignals, MOTOR_PORTS, STEP_QUEUE_SLOTS> = StepP
 pub type BoardStepTimer = StepTimer<StepSignals, MOTOR_PORTS, STEP_QUEUE_SLOTS>;
 
 /// The step queue of this board.
-pub type BoardStepQueue = StepQueue<BenchPins, StepSignals, MOTOR_PORTS, STEP_QUEUE_SLOTS>;
+pub type BoardStepQueue = StepQueue<BoardPins, StepSignals, MOTOR_PORTS, STEP_QUEUE_SLOTS>;
 
 /// The machine of this board.
 pub type BoardMachine = Machine<&'static mut [Slot], BoardStepQueue>;

@@ -1,24 +1,14 @@
-//! Numbers with a fraction, as text.
+//! Floating-point numbers as text.
 
 use core::fmt::{self, Display, Formatter};
 
-/// Digits behind the point, at most.
-const MOST_DECIMALS: u8 = 6;
+/// Most decimals; values to 9e6 are written exactly with them.
+const MOST_DECIMALS: u8 = 9;
 
-/// From here on there is no telling how large a number is: no word, limit or reading is, and its digits would not all be right.
-const TOO_LARGE: f64 = 1e9;
-
-/// A number as text, halves rounded away from zero, and zero without a sign.
+/// A number rounded to some decimals, halves away from zero, and zero without a sign.
 ///
-/// What is not finite is written as such: hosts then find no temperature there, rather than a wrong one. `core` prints any
-/// number exactly, and takes a twelfth of the image for it.
-///
-/// ```
-/// use ferrostep_gcode::Real;
-///
-/// assert_eq!(Real::fixed(2.345, 2).to_string(), "2.35");
-/// assert_eq!(Real::short(300.5).to_string(), "300.5");
-/// ```
+/// What the core library writes is exact for all numbers there are, to any number of digits: 20 KB of a board's flash. This
+/// is exact up to 9e15 units of the last decimal, more than replies tell, and saturates at 1.8e19.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Real {
     value: f64,
@@ -27,93 +17,89 @@ pub struct Real {
 }
 
 impl Real {
-    /// With so many decimals, 6 at most.
-    pub const fn fixed(value: f64, decimals: u8) -> Self {
-        let decimals = if decimals < MOST_DECIMALS { decimals } else { MOST_DECIMALS };
-        Self { value, decimals, is_short: false }
+    /// With all its decimals, 0 to 9.
+    pub fn fixed(value: impl Into<f64>, decimals: u8) -> Self {
+        Self { value: value.into(), decimals: decimals.min(MOST_DECIMALS), is_short: false }
     }
 
-    /// With as many decimals as it has, 6 at most.
-    pub const fn short(value: f64) -> Self {
-        Self { value, decimals: MOST_DECIMALS, is_short: true }
+    /// With as many of the decimals, 0 to 9, as are not all zeros.
+    pub fn short(value: impl Into<f64>, decimals: u8) -> Self {
+        Self { is_short: true, ..Self::fixed(value, decimals) }
     }
 }
 
 impl Display for Real {
     fn fmt(&self, formatter: &mut Formatter<'_>) -> fmt::Result {
-        let Self { value, mut decimals, is_short } = *self;
+        let Self { value, decimals, is_short } = *self;
         if value.is_nan() {
             return formatter.write_str("NaN");
         }
-        let magnitude = value.abs();
-        if magnitude >= TOO_LARGE {
-            let text = if magnitude.is_infinite() { "inf" } else { "1000000000 or more" };
-            return write!(formatter, "{}{text}", if value < 0.0 { "-" } else { "" });
+        let is_negative = value < 0.0;
+        if value.is_infinite() {
+            return formatter.write_str(if is_negative { "-inf" } else { "inf" });
         }
-        let scale = 10u64.pow(u32::from(decimals));
-        // Below 2^53, so that each is a number of its own. The conversion cuts.
-        let digits = (magnitude * scale as f64 + 0.5) as u64;
-        let (whole, mut fraction) = (digits / scale, digits % scale);
-        while is_short && decimals > 0 && fraction.is_multiple_of(10) {
-            fraction /= 10;
-            decimals -= 1;
+        let mut unit = 10_u64.pow(decimals.into());
+        let magnitude = if is_negative { -value } else { value };
+        // The conversion cuts towards zero and saturates.
+        let mut units = (magnitude * unit as f64 + 0.5) as u64;
+        let mut digits = usize::from(decimals);
+        while is_short && digits > 0 && units.is_multiple_of(10) {
+            (units, unit, digits) = (units / 10, unit / 10, digits - 1);
         }
-        let sign = if value < 0.0 && digits > 0 { "-" } else { "" };
-        write!(formatter, "{sign}{whole}")?;
-        if decimals > 0 { write!(formatter, ".{fraction:0width$}", width = usize::from(decimals)) } else { Ok(()) }
+        if is_negative && units > 0 {
+            formatter.write_str("-")?;
+        }
+        write!(formatter, "{}", units / unit)?;
+        if digits == 0 { Ok(()) } else { write!(formatter, ".{:0digits$}", units % unit) }
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::*;
+    #![allow(clippy::unwrap_used)]
+    use std::format;
+    use std::string::ToString;
+
     use proptest::prelude::*;
 
+    use super::*;
+
     #[test]
-    fn numbers_as_hosts_read_them() {
-        for (real, text) in [
-            (Real::fixed(21.3, 2), "21.30"),
-            (Real::fixed(-0.004, 2), "0.00"),
-            (Real::fixed(-0.005, 2), "-0.01"),
-            (Real::fixed(0.037_418_25, 6), "0.037418"),
-            (Real::fixed(2.5, 0), "3"),
-            (Real::fixed(99.995_01, 2), "100.00"),
-            (Real::fixed(1.0, 200), "1.000000"),
-            (Real::short(0.0), "0"),
-            (Real::short(-0.0), "0"),
-            (Real::short(275.0), "275"),
-            (Real::short(-0.3), "-0.3"),
-            (Real::short(f64::from(0.1_f32)), "0.1"),
-            (Real::short(1e-7), "0"),
-            (Real::short(999_999_999.5), "999999999.5"),
-            (Real::short(1e12), "1000000000 or more"),
-            (Real::short(f64::MIN), "-1000000000 or more"),
-            (Real::fixed(f64::INFINITY, 2), "inf"),
-            (Real::fixed(f64::NEG_INFINITY, 2), "-inf"),
-            (Real::fixed(f64::NAN, 2), "NaN"),
+    fn decimals_are_all_or_those_that_say_something() {
+        for (value, decimals, fixed, short) in [
+            (0.0, 2, "0.00", "0"),
+            (-0.0, 2, "0.00", "0"),
+            (-0.004, 2, "0.00", "0"),
+            (0.005, 2, "0.01", "0.01"),
+            (-2.5, 0, "-3", "-3"),
+            (1200.0, 0, "1200", "1200"),
+            (300.0, 3, "300.000", "300"),
+            (0.25, 6, "0.250000", "0.25"),
+            (-299.99, 2, "-299.99", "-299.99"),
+            (9_223_372_036.5, 6, "9223372036.500000", "9223372036.5"),
+            (1e300, 0, "18446744073709551615", "18446744073709551615"),
+            (f64::NAN, 2, "NaN", "NaN"),
+            (f64::INFINITY, 2, "inf", "inf"),
+            (f64::NEG_INFINITY, 2, "-inf", "-inf"),
         ] {
-            assert_eq!(real.to_string(), text, "{real:?}");
+            assert_eq!(Real::fixed(value, decimals).to_string(), fixed);
+            assert_eq!(Real::short(value, decimals).to_string(), short);
         }
+        assert_eq!(Real::fixed(0.1_f32, 200).to_string(), "0.100000001");
     }
 
     proptest! {
-        /// Beside the printing of `core`, which is exact: the same but for the rounding of what is half to the last bits.
         #[test]
-        fn a_number_reads_as_what_it_is(value in -1e9..1e9, decimals in 0..=6u8) {
+        fn every_number_is_written_to_its_last_decimal(value in -1e7..1e7_f64, decimals in 0..=6_u8) {
             let text = Real::fixed(value, decimals).to_string();
-            let places = text.split_once('.').map_or(0, |(_, places)| places.len());
-            prop_assert_eq!(places, usize::from(decimals));
-            let step = 10f64.powi(-i32::from(decimals));
-            let error = (text.parse::<f64>().unwrap_or(f64::NAN) - value).abs();
-            // 2^-53 of the product, and as much of the number that the text is read as.
-            prop_assert!(error <= step / 2.0 + value.abs() * 3e-16, "{value} is {text}");
-        }
-
-        #[test]
-        fn a_short_number_is_the_fixed_one_without_its_zeros(thousandths in -1_000_000_000..1_000_000_000i64) {
-            let value = thousandths as f64 / 1000.0;
-            // `core` prints the shortest digits that make the same number.
-            prop_assert_eq!(Real::short(value).to_string(), value.to_string());
+            let half = 0.5 * 10_f64.powi(-i32::from(decimals));
+            prop_assert!((text.parse::<f64>().unwrap() - value).abs() <= half * (1.0 + 1e-6), "{value} as {text}");
+            let point = text.find('.').map_or(0, |at| text.len() - at - 1);
+            prop_assert_eq!(point, usize::from(decimals));
+            // The other form is the same number.
+            let short = Real::short(value, decimals).to_string();
+            prop_assert_eq!(format!("{:.*}", usize::from(decimals), short.parse::<f64>().unwrap()), text.clone());
+            prop_assert!(!short.contains('.') || !short.ends_with('0'));
         }
     }
 }

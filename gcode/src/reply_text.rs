@@ -95,8 +95,7 @@ impl Display for Reply<'_> {
             Reply::FlowPercent(percent) => write!(formatter, "echo:E0 Flow: {percent}%"),
             Reply::ColdExtrusion { allowed, minimum } => {
                 let state = if *allowed { "en" } else { "dis" };
-                let minimum = Real::fixed(f64::from(*minimum), 0);
-                write!(formatter, "echo:Cold extrudes are {state}abled (min temp {minimum}C)")
+                write!(formatter, "echo:Cold extrudes are {state}abled (min temp {}C)", Real::fixed(*minimum, 0))
             }
             Reply::ActiveExtruder(tool) => write!(formatter, "echo:Active Extruder: {tool}"),
             Reply::SoftLimits { enabled, max_10nm: [x, y, z] } => {
@@ -147,7 +146,9 @@ fn write_temperatures(formatter: &mut Formatter<'_>, temperatures: &Temperatures
         (" /", temperatures.bed_target),
     ];
     for (label, value) in fields {
-        write!(formatter, "{label}{}", Real::fixed(f64::from(value), 2))?;
+        formatter.write_str(label)?;
+        // What is not finite is written as such: hosts then find no temperature there, rather than a wrong one.
+        write!(formatter, "{}", Real::fixed(value, 2))?;
     }
     write!(formatter, " @:{} B@:{}", temperatures.nozzle_power, temperatures.bed_power)
 }
@@ -355,7 +356,8 @@ mod tests {
         let capabilities = &lines[1..38];
         assert!(capabilities.iter().all(|line| line.starts_with("Cap:")));
         let on: Vec<_> = capabilities.iter().filter(|line| line.ends_with(":1")).copied().collect();
-        assert_eq!(on, ["Cap:PAREN_COMMENTS:1", "Cap:AUTOREPORT_TEMP:1", "Cap:EMERGENCY_PARSER:1", "Cap:ARCS:1"]);
+        let expected = ["PAREN_COMMENTS", "AUTOREPORT_TEMP", "EMERGENCY_PARSER", "THERMAL_PROTECTION", "ARCS"];
+        assert_eq!(on, expected.map(|name| format!("Cap:{name}:1")));
         assert_eq!(
             lines[38],
             "area:{full:{min:{x:0.00,y:0.00,z:0.00},max:{x:300.00,y:300.00,z:300.00}},\

@@ -89,6 +89,20 @@ impl StepEntry {
         self.rest & 0xfff0_ffff == 1
     }
 
+    /// Whether it is a stair of at most 2^13 events.
+    #[inline(always)]
+    pub const fn is_short_stair(self) -> bool {
+        // Without events, the lowest bits are ones.
+        self.rest.wrapping_sub(1) & 0xe000 == 0
+    }
+
+    /// What a stair is but its interval: from bit 0 on the count, from bit 16 on [`Self::axes`], from bit 24 on
+    /// [`Self::added`].
+    #[inline(always)]
+    pub const fn stair_word(self) -> u32 {
+        self.rest
+    }
+
     /// Motors that step in each event of a stair.
     #[inline(always)]
     pub const fn axes(self) -> u8 {
@@ -145,9 +159,9 @@ impl StepEntry {
         Self { rest: self.rest | (axes as u32) << 16, ..self }
     }
 
-    /// The same event so many times, 1 to 2^16 - 1.
+    /// A single event so many times, 1 to 2^16 - 1.
     #[inline(always)]
-    pub(crate) const fn times(self, count: u32) -> Self {
+    pub const fn times(self, count: u32) -> Self {
         Self { rest: self.rest.wrapping_add(count).wrapping_sub(1), ..self }
     }
 

@@ -65,6 +65,8 @@ pub enum CommandError {
         /// Index of the axis.
         axis: usize,
     },
+    /// What the command needs cannot be used on this board: `heaters`, `thermometers`, `end stops`, `fan`.
+    NotEquipped(&'static str),
     /// A tool that does not exist.
     InvalidTool(u32),
     /// The machine was stopped by M112 or a heater fault, here or before, and waits for M999.
@@ -90,14 +92,15 @@ impl fmt::Display for CommandError {
             Self::TooFar => write!(out, "the target is too far away, expected coordinates within 5 m"),
             Self::TooMuchFilament => write!(out, "E: too long extrusion prevented, expected at most 1 m in one move"),
             Self::FeedTooSlow { feed_mm_per_s } => {
-                let (minimum, feed) = (Real::short(MIN_FEED_MM_PER_S * 60.0), Real::short(feed_mm_per_s * 60.0));
+                let [minimum, feed] =
+                    [MIN_FEED_MM_PER_S, *feed_mm_per_s].map(|mm_per_s| Real::short(mm_per_s * 60.0, 6));
                 write!(out, "F: {feed} mm/min is too slow, expected at least {minimum} mm/min")
             }
             Self::ColdExtrusion { celsius, minimum_celsius } => write!(
                 out,
                 "E: cold extrusion prevented, the nozzle is at {} C, expected at least {} C",
-                Real::fixed(f64::from(*celsius), 1),
-                Real::short(f64::from(*minimum_celsius))
+                Real::fixed(*celsius, 1),
+                Real::short(*minimum_celsius, 2)
             ),
             Self::ArcGeometry { start_radius_mm, end_radius_mm } => write!(
                 out,
@@ -113,17 +116,18 @@ impl fmt::Display for CommandError {
                 Real::fixed(*chord_mm, 3)
             ),
             Self::TooHot { celsius, maximum_celsius } => {
-                let (celsius, maximum) = (Real::short(*celsius), Real::short(f64::from(*maximum_celsius)));
+                let (celsius, maximum) = (Real::short(*celsius, 6), Real::short(*maximum_celsius, 2));
                 write!(out, "S: {celsius} C is too hot, expected at most {maximum} C")
             }
             Self::OutOfRange { word, value, minimum, maximum } => {
-                let [value, minimum, maximum] = [*value, *minimum, *maximum].map(Real::short);
+                let [value, minimum, maximum] = [value, minimum, maximum].map(|number| Real::short(*number, 6));
                 write!(out, "{word}: {value} is out of range, expected {minimum} to {maximum}")
             }
             Self::HomingFailed { axis } => {
                 let name = AXIS_NAMES.get(*axis).copied().unwrap_or('?');
                 write!(out, "homing {name} failed: its end stop did not trigger, expected it within the axis' length")
             }
+            Self::NotEquipped(what) => write!(out, "the firmware does not use this board's {what} yet"),
             Self::InvalidTool(tool) => write!(out, "T{tool} - Invalid extruder number !, expected T0"),
             Self::Halted => write!(out, "the printer is halted (M112 or a heater fault), expected M999 to restart"),
             Self::Stopped => write!(out, "motion was stopped"),

@@ -48,7 +48,7 @@ impl fmt::Display for HeatFault {
             | Trip::HeatingFailed(celsius)
             | Trip::Runaway(celsius)
             | Trip::RisesUnpowered(celsius)
-            | Trip::Frozen(celsius) => write!(out, " (temp: {})", Real::fixed(f64::from(celsius), 2)),
+            | Trip::Frozen(celsius) => write!(out, " (temp: {})", Real::fixed(celsius, 2)),
         }
     }
 }

@@ -13,6 +13,7 @@ use crate::profile::HomeEnd;
 impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, M, H, T, R> {
     /// Homes X, then Y, then Z, those that are named or all.
     pub(crate) async fn home(&mut self, axes: AxisFlags) -> Result<(), CommandError> {
+        self.needs(self.equipment.end_stops, "end stops")?;
         self.motion.finish().await?;
         let all = !(axes.x || axes.y || axes.z);
         for (axis, named) in [axes.x, axes.y, axes.z].into_iter().enumerate() {

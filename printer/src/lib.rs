@@ -23,7 +23,7 @@ mod waits;
 pub use error::{CommandError, Failure};
 pub use host::Host;
 pub use modal::Tally;
-pub use ports::{HeaterStatus, Heating, Motion, MotionError, Replies, Seek, Signals, Timing};
+pub use ports::{Equipment, HeaterStatus, Heating, Motion, MotionError, Replies, Seek, Signals, Timing};
 pub use printer::Printer;
 pub use profile::{
     AxisHoming, DEFAULT_EVENTS_PER_S, DEFAULT_MOVES_PER_S, DriverTiming, ExtrusionSettings, FirmwareRetraction,

@@ -1,7 +1,7 @@
 //! G0 to G4, G10, G11 and G92.
 
 use embedded_hal_async::delay::DelayNs;
-use ferrostep_gcode::{ArcForm, AxisWords, Decimal, Reply};
+use ferrostep_gcode::{ArcForm, AxisWords, Decimal, Real, Reply};
 use ferrostep_hal_shim::{Clock, Heater};
 use ferrostep_planner::extruder::Extruder;
 use ferrostep_planner::kinematics::MAX_COORDINATE_10NM;
@@ -195,6 +195,9 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
     }
 
     pub(crate) fn check_extrusion_temperature(&self) -> Result<(), CommandError> {
+        if !self.modal.cold_extrusion_allowed {
+            self.needs(self.equipment.heaters, "thermometers")?;
+        }
         let celsius = self.heating.status(Heater::Nozzle).celsius;
         let minimum_celsius = self.modal.min_extrusion_celsius;
         if self.modal.cold_extrusion_allowed || celsius >= minimum_celsius {
@@ -245,8 +248,8 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         let line = self.line;
         let mut complete = core::fmt::write(&mut text, format_args!("echo:line {line}: outside the soft limits,"));
         for axis in (0..3).filter(|&axis| clamped[axis]) {
-            let at = Real::fixed(self.modal.machine_10nm[axis] as f64 / 100_000.0, 2);
-            let end = Real::fixed(self.profile.size_10nm[axis] as f64 / 100_000.0, 2);
+            let [at, end] = [self.modal.machine_10nm[axis], self.profile.size_10nm[axis]]
+                .map(|length_10nm| Real::fixed(length_10nm as f64 / 100_000.0, 2));
             let name = AXIS_NAMES[axis];
             complete =
                 complete.and(core::fmt::write(&mut text, format_args!(" {name} ends at {at} (allowed 0.00 to {end})")));

@@ -63,6 +63,25 @@ pub trait Motion {
     fn stop(&mut self) -> i64;
 }
 
+/// What of a board can be used. What cannot is refused by name: nobody shall think that something is hot, or homed, that
+/// is not.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Equipment {
+    /// Heaters with their thermometers.
+    pub heaters: bool,
+    /// The sensors that homing looks for.
+    pub end_stops: bool,
+    /// The part-cooling fan.
+    pub fan: bool,
+}
+
+impl Equipment {
+    /// All there is.
+    pub const ALL: Self = Self { heaters: true, end_stops: true, fan: true };
+    /// Motors alone.
+    pub const NONE: Self = Self { heaters: false, end_stops: false, fan: false };
+}
+
 /// A heater as a report shows it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct HeaterStatus {

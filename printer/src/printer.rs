@@ -10,7 +10,7 @@ use ferrostep_planner::{AccelerationProfile, Interpolation, Kinematics};
 
 use crate::error::{CommandError, Failure};
 use crate::modal::{Modal, Tally};
-use crate::ports::{Heating, Motion, Replies, Signals, Timing};
+use crate::ports::{Equipment, Heating, Motion, Replies, Signals, Timing};
 use crate::profile::{HomeEnd, Profile};
 use crate::waits::temperatures;
 
@@ -45,6 +45,7 @@ pub struct Printer<'a, M, H, T, R> {
     last_line: i64,
     emergency_parser: bool,
     timing: Option<&'a dyn Timing>,
+    pub(crate) equipment: Equipment,
 }
 
 impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'a, M, H, T, R> {
@@ -63,6 +64,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
             last_line: 0,
             emergency_parser: false,
             timing: None,
+            equipment: Equipment::ALL,
         }
     }
 
@@ -74,6 +76,11 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
     /// The board measures times of itself (M798).
     pub fn set_timing(&mut self, timing: &'a dyn Timing) {
         self.timing = Some(timing);
+    }
+
+    /// What of the board can be used; all if nobody says otherwise.
+    pub fn set_equipment(&mut self, equipment: Equipment) {
+        self.equipment = equipment;
     }
 
     /// What has been done so far.
@@ -222,11 +229,15 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
             Command::WaitNozzle(target) => self.wait_for_heat(Heater::Nozzle, target).await?,
             Command::WaitBed(target) => self.wait_for_heat(Heater::Bed, target).await?,
             Command::ReportTemperatures => {
+                self.needs(self.equipment.heaters, "thermometers")?;
                 self.replies.send(Reply::OkTemperatures(temperatures(&self.heating)));
                 return Ok(true);
             }
             Command::AutoReportTemperatures { seconds } => self.signals.set_report_interval_s(seconds),
-            Command::Fan { index: 0, power } => self.motion.set_fan_power(power).await?,
+            Command::Fan { index: 0, power } => {
+                self.needs(self.equipment.fan || power == 0, "fan")?;
+                self.motion.set_fan_power(power).await?;
+            }
             Command::EndWait => self.signals.end_wait(),
             Command::SetLineNumber(None) => self.replies.send(Reply::LastLine(self.last_line)),
             Command::EmergencyStop => return self.emergency_stop(),
@@ -234,7 +245,10 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
             Command::KeepAlive(None) => self.replies.send(Reply::KeepAlive(self.signals.keep_alive_s())),
             Command::ReportPosition => self.replies.send(Reply::Position(self.position())),
             Command::ReportFirmware => self.report_firmware(),
-            Command::ReportEndStops => self.report_end_stops(),
+            Command::ReportEndStops => {
+                self.needs(self.equipment.end_stops, "end stops")?;
+                self.report_end_stops();
+            }
             Command::ReportMotion => self.replies.send(Reply::Motion(self.motion.figures())),
             Command::MotionChoice { interpolation, acceleration } => {
                 self.choose_motion(interpolation, acceleration).await?;
@@ -272,6 +286,11 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
             | Command::Accepted => {}
         }
         Ok(false)
+    }
+
+    /// Refuses what the board has not.
+    pub(crate) fn needs(&self, is_there: bool, what: &'static str) -> Result<(), CommandError> {
+        if is_there { Ok(()) } else { Err(CommandError::NotEquipped(what)) }
     }
 
     /// G90, G91: as in Marlin they rule the extruder too, until M82 or M83 says otherwise.

@@ -40,6 +40,7 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         if celsius as f32 >= settings.max_celsius {
             return Err(CommandError::TooHot { celsius, maximum_celsius: settings.max_celsius });
         }
+        self.needs(self.equipment.heaters || celsius <= 0.0, "heaters")?;
         self.heating.set_target(heater, celsius as f32);
         Ok(())
     }

@@ -1,5 +1,6 @@
 //! From the checked text to the machine: ranges, units, and the values that must fit each other.
 
+use ferrostep_checked_toml::{Checker, Range, range};
 use ferrostep_hal_shim::thermistor::{Thermistor, ThermistorType};
 use ferrostep_planner::s_curve::FrequencyTable;
 use ferrostep_planner::{
@@ -11,8 +12,8 @@ use ferrostep_printer::{
     HeaterSettings, HeaterWatch, HomeEnd, Profile,
 };
 
-use crate::check::{Checker, Range, range};
-use crate::error::ProfileError;
+use crate::ProfileError;
+use crate::check::CheckAxes;
 use crate::file::{
     AccelerationName, DriverTable, DualRateTable, EndName, ExtrusionName, ExtrusionTable, HeaterTable, HomingTable,
     InterpolationName, KinematicsName, Number, ProfileFile, RetractionTable, SCurveTable, SensorName, ThermistorName,

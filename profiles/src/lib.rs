@@ -7,15 +7,12 @@
 
 mod check;
 mod convert;
-mod error;
 mod file;
-mod locate;
-
-use std::io::Read;
 
 use ferrostep_printer::Profile;
 
-pub use error::{Problem, ProfileError};
+use ferrostep_checked_toml::{Checker, line_of_key};
+pub use ferrostep_checked_toml::{FileError as ProfileError, Problem};
 
 /// Names and texts of the profiles that need no file.
 const BUILTIN: [(&str, &str); 3] = [
@@ -23,10 +20,6 @@ const BUILTIN: [(&str, &str); 3] = [
     ("corexy", include_str!("../corexy.toml")),
     ("prusa-mini", include_str!("../prusa-mini.toml")),
 ];
-
-/// Longest profile that is read, bytes. A path given by mistake may name a print of many megabytes, or a device
-/// that never ends.
-const MAX_BYTES: u64 = 1 << 20;
 
 /// Names that [`load`] knows without a file, in alphabetical order.
 pub fn builtin_names() -> impl Iterator<Item = &'static str> {
@@ -44,11 +37,23 @@ pub fn builtin_text(name: &str) -> Option<&'static str> {
 ///
 /// [`Problem::Read`] if the file cannot be read, is not UTF-8 or is larger than 1 MiB; otherwise as [`parse`].
 pub fn load(name_or_path: &str) -> Result<Profile, ProfileError> {
-    if let Some(text) = builtin_text(name_or_path) {
-        return parse(text, name_or_path);
+    parse(&text_of(name_or_path)?, name_or_path)
+}
+
+/// The error for a value of a profile that is right as such, but that the machine it is built for cannot serve: `key` is
+/// the full path, `expected` says in words what would do.
+pub fn refuse(name_or_path: &str, key: &str, value: &str, expected: &str) -> ProfileError {
+    let line = text_of(name_or_path).ok().and_then(|text| line_of_key(&text, key));
+    let problem = Problem::OutOfRange { key: key.to_owned(), value: value.to_owned(), expected: expected.to_owned() };
+    ProfileError::new(name_or_path, line, problem)
+}
+
+/// The text of a built-in profile, or else of a file.
+fn text_of(name_or_path: &str) -> Result<String, ProfileError> {
+    match builtin_text(name_or_path) {
+        Some(text) => Ok(text.to_owned()),
+        None => ferrostep_checked_toml::read(name_or_path, "profile", builtin_names()),
     }
-    let text = read(name_or_path).map_err(|error| ProfileError::new(name_or_path, None, Problem::Read(error)))?;
-    parse(&text, name_or_path)
 }
 
 /// Parses and checks a profile; `origin` (a path or a name) stands in front of the line number in errors.
@@ -61,20 +66,6 @@ pub fn load(name_or_path: &str) -> Result<Profile, ProfileError> {
 /// The first problem found: TOML syntax, then unknown, missing or mistyped keys, then values out of their range, then
 /// values that contradict each other.
 pub fn parse(text: &str, origin: &str) -> Result<Profile, ProfileError> {
-    let file = toml::from_str(text).map_err(|error| locate::explain(&error, text, origin))?;
-    convert::profile(&file, &check::Checker::new(text, origin))
-}
-
-/// Reads a whole text file of at most [`MAX_BYTES`].
-fn read(path: &str) -> std::io::Result<String> {
-    let mut text = String::new();
-    let mut file = std::fs::File::open(path)?.take(MAX_BYTES + 1);
-    // A size limit met in the middle of a character is still a size limit, so bytes first, UTF-8 second.
-    let mut bytes = Vec::new();
-    file.read_to_end(&mut bytes)?;
-    if bytes.len() as u64 > MAX_BYTES {
-        return Err(std::io::Error::new(std::io::ErrorKind::FileTooLarge, "larger than 1 MiB, so not a profile"));
-    }
-    bytes.as_slice().read_to_string(&mut text)?;
-    Ok(text)
+    let file = ferrostep_checked_toml::parse(text, origin)?;
+    convert::profile(&file, &Checker::new(text, origin))
 }

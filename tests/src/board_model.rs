@@ -17,7 +17,7 @@ use std::pin::pin;
 use std::task::{Context, Poll, Waker};
 
 use ferrostep_gcode::{Emergency, MotionFigures};
-use ferrostep_hal_shim::stepping::{Signals as StepSignals, SlotAccount, StepFeeder, Stepping};
+use ferrostep_hal_shim::stepping::{Signals as StepSignals, StepFeeder, Stepping};
 use ferrostep_hal_shim::virtual_board::{VirtualClock, VirtualDelay, VirtualPort, VirtualUpdateTimer};
 use ferrostep_planner::TICKS_PER_SECOND;
 use ferrostep_planner::look_ahead::Slot;
@@ -96,8 +96,7 @@ pub fn with_board<M: Stepping, T>(
         pulse_ticks: ticks(profile.driver.pulse_width_ns),
         direction_setup_ticks: ticks(profile.driver.direction_setup_ns),
     };
-    let mut accounts = Box::new([SlotAccount::NONE; STEP_QUEUE_SLOTS]);
-    let feeder = StepFeeder::new(&player, VirtualPort::pins(), signals, &mut accounts);
+    let feeder = StepFeeder::new(&player, VirtualPort::pins(), signals);
     let queue = Queue::new(feeder, &interrupts, costs);
     job(&Board {
         profile,

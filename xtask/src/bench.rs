@@ -15,7 +15,7 @@ use serde_json::{Value, json};
 
 use crate::core_library;
 use crate::emulator;
-use crate::firmware::{self, Program};
+use crate::firmware::{self, Program, Target};
 use crate::steps::{Failure, Run};
 
 /// What to do with the counts.
@@ -35,7 +35,7 @@ pub struct Options {
 /// Builds both images, counts, and does what was asked for. The desk is measured for a reader only.
 pub fn run(run: &mut Run, options: Options) -> Result<(), Failure> {
     run.step("emulator", emulator::find)?;
-    let image = firmware::build(run, Program::Firmware)?;
+    let image = firmware::build(run, Program::Firmware, &Target::bench()?)?;
     let mut figures = count(run, &image)?;
     if options.json || !(options.check || options.save_baseline) {
         let host = run.step("the desk", host::measure)?;
@@ -67,9 +67,10 @@ fn compare(run: &mut Run, figures: &Value) -> Result<(), Failure> {
 
 /// What is the same on every run and every machine.
 fn count(run: &mut Run, firmware: &Path) -> Result<Value, Failure> {
-    let tally = firmware::build(run, Program::Tally)?;
+    let board = Target::bench()?;
+    let tally = firmware::build(run, Program::Tally, &board)?;
     let mut workload = run.step("events to make", || emulation::count(&tally))?;
-    let bench = firmware::build(run, Program::Bench)?;
+    let bench = firmware::build(run, Program::Bench, &board)?;
     let mut counts = run.step("instructions", || emulation::count(&bench))?;
     let target = counts.get_mut("target").ok_or("the bench counted nothing of the target")?;
     lines::join(target, &mut workload)?;

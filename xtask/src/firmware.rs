@@ -1,12 +1,98 @@
-//! The firmware image: built, and its sizes told.
+//! The firmware's images: built for a board, written as its boot loader wants them, and their sizes told.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use ferrostep_boards::Board;
+
 use crate::core_library::{self, CoreLibrary};
+use crate::image;
 use crate::size::Sizes;
 use crate::steps::{Failure, Run};
 use crate::system::{self, cargo};
+
+/// What to build images for.
+#[derive(Clone, Debug, Default, clap::Args)]
+pub struct Options {
+    /// The board: its name or a TOML file; all that have names if left out
+    #[arg(long)]
+    board: Option<String>,
+    /// The machine: a profile's name or a TOML file; the board's own if left out
+    #[arg(long)]
+    profile: Option<String>,
+}
+
+/// A board and the machine that it is the board of.
+#[derive(Clone, Debug)]
+pub struct Target {
+    board: Board,
+    /// As cargo's build scripts find them from wherever they run.
+    board_variable: String,
+    profile_variable: Option<String>,
+}
+
+impl Target {
+    /// A board by name or path, with a profile by name or path, or its own.
+    ///
+    /// # Errors
+    /// One of them is not right, or they do not fit; errors name file, line and key.
+    pub fn new(board: &str, profile: Option<&str>) -> Result<Self, Failure> {
+        let loaded = ferrostep_boards::load(board).map_err(|error| error.to_string())?;
+        let profile_name = profile.unwrap_or(&loaded.profile);
+        let machine = ferrostep_profiles::load(profile_name).map_err(|error| error.to_string())?;
+        ferrostep_boards::fit::check(&loaded, &machine, profile_name).map_err(|error| error.to_string())?;
+        let is_board = |name: &str| ferrostep_boards::builtin_text(name).is_some();
+        let is_profile = |name: &str| ferrostep_profiles::builtin_text(name).is_some();
+        Ok(Self {
+            board_variable: absolute(board, is_board)?,
+            profile_variable: profile.map(|name| absolute(name, is_profile)).transpose()?,
+            board: loaded,
+        })
+    }
+
+    /// The bench, which the emulator runs.
+    pub fn bench() -> Result<Self, Failure> {
+        Self::new(ferrostep_boards::DEFAULT, None)
+    }
+}
+
+/// A name as it is, or a path from the root of the file system.
+fn absolute(name_or_path: &str, is_name: impl Fn(&str) -> bool) -> Result<String, Failure> {
+    if is_name(name_or_path) {
+        return Ok(name_or_path.to_owned());
+    }
+    let path = std::path::absolute(name_or_path).map_err(|error| format!("{name_or_path}: {error}"))?;
+    path.to_str().map(str::to_owned).ok_or_else(|| format!("{name_or_path}: the path is no text"))
+}
+
+/// Builds what the options name, prints a path and a size table for each board, and returns the paths, the bench's
+/// first where all are built.
+pub fn build_images(run: &mut Run, options: &Options) -> Result<Vec<PathBuf>, Failure> {
+    let names: Vec<&str> = match &options.board {
+        Some(name) => vec![name],
+        None => ferrostep_boards::builtin_names().collect(),
+    };
+    let targets: Result<Vec<Target>, Failure> =
+        names.into_iter().map(|name| Target::new(name, options.profile.as_deref())).collect();
+    targets?.iter().map(|target| build_image(run, target)).collect()
+}
+
+fn build_image(run: &mut Run, target: &Target) -> Result<PathBuf, Failure> {
+    eprintln!("\n{}", target.board.title);
+    target.board.notes.iter().for_each(|note| eprintln!("    note: {note}"));
+    let elf = build(run, Program::Firmware, target)?;
+    run.step("files and sizes", || {
+        let image = image::export(&elf, &target.board)?;
+        let sizes = sizes(&image)?;
+        println!("{}\n{sizes}", image.display());
+        eprintln!(
+            "    by a debug probe: probe-rs download --chip {} {}",
+            target.board.chip.probe_name,
+            image.display()
+        );
+        sizes.check().map(|()| image)
+    })
+}
 
 /// The programs that the firmware's folder holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -29,8 +115,8 @@ impl Program {
     }
 }
 
-/// Builds a program as it is shipped, prints its size table and returns the path of its image.
-pub fn build(run: &mut Run, program: Program) -> Result<PathBuf, Failure> {
+/// Builds a program for a board as it is shipped, and returns the path of its image.
+pub fn build(run: &mut Run, program: Program, target: &Target) -> Result<PathBuf, Failure> {
     let core_library = run.step("core library of thumbv7em-none-eabihf", core_library::find)?;
     let name = match program {
         Program::Firmware => "firmware image",
@@ -38,7 +124,7 @@ pub fn build(run: &mut Run, program: Program) -> Result<PathBuf, Failure> {
         Program::Tally => "tally image",
     };
     run.step(name, || {
-        let messages = system::run_for_output(&mut build_command(&core_library, program)?)?;
+        let messages = system::run_for_output(&mut build_command(&core_library, program, target)?)?;
         executable(&messages, &system::root().join(program.source()))
             .ok_or_else(|| format!("cargo names no image of {}", program.source()))
     })
@@ -50,12 +136,20 @@ pub fn check(run: &mut Run) -> Result<(), Failure> {
     run.step("lints of the firmware", || match core_library {
         // The tally is the bench's source over again, so that only that is looked at twice.
         CoreLibrary::Installed => {
-            for package in ["ferrostep-stm32f4", "ferrostep-stm32f4-usb"] {
-                let library = ["--package", package, "--lib", "--features", "stm32f405"];
-                system::run(&mut lint_command(&core_library, &library))?;
+            for name in ferrostep_boards::builtin_names() {
+                let target = Target::new(name, None)?;
+                let chip = ["--no-default-features", "--features", target.board.chip.feature];
+                for package in [
+                    ["--package", "ferrostep-stm32f4", "--lib"],
+                    ["--package", "ferrostep-stm32f4-usb", "--lib"],
+                    ["--package", "ferrostep-firmware", "--bins"],
+                ] {
+                    system::run(&mut lint_command(&core_library, &target, &[package, chip].concat()))?;
+                }
             }
-            system::run(&mut lint_command(&core_library, &["--bins", "--features", "bench"]))?;
-            system::run(&mut lint_command(&core_library, &["--bin", "bench", "--features", "tally"]))
+            let bench = Target::bench()?;
+            system::run(&mut lint_command(&core_library, &bench, &["--bins", "--features", "bench"]))?;
+            system::run(&mut lint_command(&core_library, &bench, &["--bin", "bench", "--features", "tally"]))
         }
         CoreLibrary::FromSource { .. } => {
             eprintln!("    left out: clippy cannot read what Debian's compiler has made");
@@ -64,28 +158,27 @@ pub fn check(run: &mut Run) -> Result<(), Failure> {
     })
 }
 
-/// Prints how much of the board's memory an image takes.
-pub fn print_sizes(image: &Path) -> Result<(), Failure> {
-    println!("{}\n{}", image.display(), sizes(image)?);
-    Ok(())
-}
-
 /// How much of the board's memory an image takes.
 pub fn sizes(image: &Path) -> Result<Sizes, Failure> {
     let bytes = std::fs::read(image).map_err(|error| format!("{}: {error}", image.display()))?;
     Sizes::of_elf(&bytes).map_err(|error| format!("{}: {error}", image.display()))
 }
 
-/// Cargo in the firmware's folder, which has settings of its own for the linker.
-fn app_cargo() -> Command {
+/// Cargo in the firmware's folder, which has settings of its own for the linker, for a board.
+fn app_cargo(target: &Target) -> Command {
     let mut command = cargo();
     command.current_dir(system::root().join("app"));
+    command.env("FERROSTEP_BOARD", &target.board_variable);
+    match &target.profile_variable {
+        Some(profile) => command.env("FERROSTEP_PROFILE", profile),
+        None => command.env_remove("FERROSTEP_PROFILE"),
+    };
     command
 }
 
 /// Lints of the targets that cargo's arguments name.
-fn lint_command(core_library: &CoreLibrary, targets: &[&str]) -> Command {
-    let mut command = app_cargo();
+fn lint_command(core_library: &CoreLibrary, target: &Target, targets: &[&str]) -> Command {
+    let mut command = app_cargo(target);
     command.args(["clippy", "--release", "--locked"]).args(targets);
     command.arg("--target-dir").arg(system::target_directory().join("firmware"));
     core_library.apply(&mut command);
@@ -93,9 +186,11 @@ fn lint_command(core_library: &CoreLibrary, targets: &[&str]) -> Command {
     command
 }
 
-fn build_command(core_library: &CoreLibrary, program: Program) -> Result<Command, Failure> {
-    let mut command = app_cargo();
+fn build_command(core_library: &CoreLibrary, program: Program, target: &Target) -> Result<Command, Failure> {
+    let mut command = app_cargo(target);
     command.args(["build", "--release", "--locked", "--message-format", "json-render-diagnostics"]);
+    // The chip of the board in the place of the default's.
+    command.args(["--no-default-features", "--features", target.board.chip.feature]);
     command.arg("--target-dir").arg(system::target_directory().join("firmware"));
     match program {
         // By its package's name, which the package alone decides.
@@ -131,6 +226,40 @@ fn executable(messages: &str, source: &Path) -> Option<PathBuf> {
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
+
+    fn variable<'a>(command: &'a Command, name: &str) -> Option<&'a str> {
+        command.get_envs().find(|(key, _)| *key == name)?.1?.to_str()
+    }
+
+    #[test]
+    fn an_image_is_built_for_the_chip_of_its_board() {
+        let target = Target::new("btt-octopus-1.1", Some("cartesian")).unwrap();
+        let command = build_command(&CoreLibrary::Installed, Program::Bench, &target).unwrap();
+        let words: Vec<&str> = command.get_args().map(|word| word.to_str().unwrap()).collect();
+        assert!(
+            words.windows(3).any(|words| words == ["--no-default-features", "--features", "stm32f446"]),
+            "{words:?}"
+        );
+        assert_eq!(variable(&command, "FERROSTEP_BOARD"), Some("btt-octopus-1.1"));
+        assert_eq!(variable(&command, "FERROSTEP_PROFILE"), Some("cartesian"));
+        let bench = build_command(&CoreLibrary::Installed, Program::Firmware, &Target::bench().unwrap()).unwrap();
+        assert_eq!(variable(&bench, "FERROSTEP_PROFILE"), None);
+    }
+
+    #[test]
+    fn what_does_not_fit_is_refused_before_anything_is_built() {
+        let error = |board: &str, profile: Option<&str>| Target::new(board, profile).unwrap_err();
+        assert!(error("no-board", None).contains("the built-in boards are bench"));
+        assert!(error("bench", Some("no-profile")).contains("the built-in profiles are cartesian"));
+        let text = ferrostep_profiles::builtin_text("cartesian").unwrap().replace("edges = false", "edges = true");
+        let path = std::env::temp_dir().join(format!("ferrostep-both-edges-{}.toml", std::process::id()));
+        std::fs::write(&path, text).unwrap();
+        let refused = error("prusa-buddy", path.to_str());
+        let fits = Target::new("bench", path.to_str());
+        std::fs::remove_file(&path).unwrap();
+        assert!(refused.contains(": driver.both_edges = true: expected false"), "{refused}");
+        assert!(fits.is_ok());
+    }
 
     #[test]
     fn the_image_is_the_one_cargo_names() {

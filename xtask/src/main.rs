@@ -7,6 +7,7 @@ mod bench;
 mod core_library;
 mod emulator;
 mod firmware;
+mod image;
 mod no_std;
 mod size;
 mod steps;
@@ -17,7 +18,6 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-use firmware::Program;
 use steps::{Failure, Run};
 use system::cargo;
 
@@ -26,6 +26,9 @@ const CI_PROPTEST_CASES: &str = "4096";
 
 /// Environment variable that tells the tests where the firmware image is.
 const FIRMWARE_VARIABLE: &str = "FERROSTEP_FIRMWARE";
+
+/// Environment variable that tells the tests where all boards' images are.
+const IMAGES_VARIABLE: &str = "FERROSTEP_IMAGES";
 
 /// All packages but those that only the board's processor can build.
 const DESK: [&str; 7] = [
@@ -47,14 +50,15 @@ struct Arguments {
 }
 
 /// The tasks.
-#[derive(Clone, Copy, Subcommand)]
+#[derive(Clone, Subcommand)]
 enum Task {
     /// Install what is missing, then check format, lints, tests, documentation and the target build
     Test,
     /// All of `test`, then the tests again as released code and with more random cases
     Ci,
-    /// Build the firmware image and print its size table; the image's path is the first line of the output
-    Firmware,
+    /// Build the firmware images of one board or all, as ELF, plain bytes and Intel HEX, and print their size tables; the
+    /// first image's path is the first line of the output
+    Firmware(firmware::Options),
     /// Count the target's instructions for the parts of a print, in an emulator: the same on every machine
     Bench(bench::Options),
     /// Check that the firmware's crates build for thumbv7em-none-eabihf, without std
@@ -66,7 +70,7 @@ fn main() -> ExitCode {
     let name = match task {
         Task::Test => "test",
         Task::Ci => "ci",
-        Task::Firmware => "firmware",
+        Task::Firmware(_) => "firmware",
         Task::Bench(_) => "bench",
         Task::NoStd => "no-std",
     };
@@ -74,18 +78,11 @@ fn main() -> ExitCode {
     let result = match task {
         Task::Test => test(&mut run).map(|_| ()),
         Task::Ci => test(&mut run).and_then(|image| slow_tests(&mut run, &image)),
-        Task::Firmware => build_firmware(&mut run).map(|_| ()),
+        Task::Firmware(options) => firmware::build_images(&mut run, &options).map(|_| ()),
         Task::Bench(options) => bench::run(&mut run, options),
         Task::NoStd => no_std::check(&mut run),
     };
     run.finish(result)
-}
-
-/// The firmware image, its sizes on standard output.
-fn build_firmware(run: &mut Run) -> Result<PathBuf, Failure> {
-    let image = firmware::build(run, Program::Firmware)?;
-    run.step("sizes", || firmware::print_sizes(&image))?;
-    Ok(image)
 }
 
 /// Everything a change must pass. Returns the path of the firmware image that was tested.
@@ -100,11 +97,15 @@ fn test(run: &mut Run) -> Result<PathBuf, Failure> {
     })?;
     firmware::check(run)?;
     run.step("emulator", emulator::find)?;
-    let image = build_firmware(run)?;
+    // All boards; the bench's comes first, and the emulator runs it.
+    let images = firmware::build_images(run, &firmware::Options::default())?;
+    let image = images.into_iter().next().ok_or("there is no board")?;
     bench::check(run, &image)?;
     // The test profile and not release: it is optimised but checks overflows and debug assertions, and does not spend
     // minutes on link-time optimisation of every test program.
-    run.step("tests", || system::run(cargo().arg("test").args(DESK).env(FIRMWARE_VARIABLE, &image)))?;
+    run.step("tests", || {
+        system::run(cargo().arg("test").args(DESK).env(FIRMWARE_VARIABLE, &image).env(IMAGES_VARIABLE, image::images()))
+    })?;
     run.step("documentation", || {
         system::run(
             cargo()
@@ -127,7 +128,8 @@ fn slow_tests(run: &mut Run, image: &Path) -> Result<(), Failure> {
                 .args(DESK)
                 .arg("--release")
                 .env("PROPTEST_CASES", CI_PROPTEST_CASES)
-                .env(FIRMWARE_VARIABLE, image),
+                .env(FIRMWARE_VARIABLE, image)
+                .env(IMAGES_VARIABLE, image::images()),
         )
     })
 }

@@ -5,11 +5,17 @@ use std::fmt;
 use object::elf::{SHF_ALLOC, SHF_WRITE};
 use object::{Object, ObjectSection, SectionFlags, SectionKind};
 
-/// Flash of the STM32F405RG, bytes.
-const FLASH_BYTES: u64 = 1024 * 1024;
+/// Flash that an image may take, bytes: a quarter of a large chip, and with a boot loader well within a small one.
+const FLASH_BYTES: u64 = 256 * 1024;
 
-/// RAM of the STM32F405RG that everything can reach, bytes. Its core-coupled memory is not counted.
-const RAM_BYTES: u64 = 128 * 1024;
+/// RAM that it may take with its stack, bytes. Core-coupled memory is not counted.
+const RAM_BYTES: u64 = 96 * 1024;
+
+/// The stack's part of that (`memory.x`), bytes.
+const STACK_BYTES: u64 = 16 * 1024;
+
+/// Where core-coupled memory is.
+const CCM: std::ops::Range<u64> = 0x1000_0000..0x1001_0000;
 
 /// Sizes of an image in bytes, divided as the `size` command does.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -20,6 +26,8 @@ pub struct Sizes {
     pub data: u64,
     /// Variables that begin as zero, or as anything: RAM only.
     pub bss: u64,
+    /// Variables in core-coupled memory, which begin as anything.
+    pub ccm: u64,
 }
 
 impl Sizes {
@@ -36,6 +44,7 @@ impl Sizes {
                 continue;
             }
             let total = match section.kind() {
+                _ if CCM.contains(&section.address()) => &mut sizes.ccm,
                 SectionKind::UninitializedData => &mut sizes.bss,
                 _ if sh_flags.0 & SHF_WRITE.0 != 0 => &mut sizes.data,
                 _ => &mut sizes.text,
@@ -50,9 +59,22 @@ impl Sizes {
         self.text + self.data
     }
 
-    /// Bytes of RAM; the stack takes what is left.
+    /// Bytes of RAM, the stack included.
     pub fn ram(self) -> u64 {
-        self.data + self.bss
+        self.data + self.bss + STACK_BYTES
+    }
+
+    /// Whether the image keeps to what it may take.
+    ///
+    /// # Errors
+    /// It does not.
+    pub fn check(self) -> Result<(), String> {
+        for (what, bytes, most) in [("flash", self.flash(), FLASH_BYTES), ("RAM", self.ram(), RAM_BYTES)] {
+            if bytes > most {
+                return Err(format!("the image takes {bytes} bytes of {what}, expected at most {most}"));
+            }
+        }
+        Ok(())
     }
 }
 
@@ -60,8 +82,9 @@ impl fmt::Display for Sizes {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         let percent = |part: u64, whole: u64| part as f64 * 100.0 / whole as f64;
         let (flash, ram) = (self.flash(), self.ram());
-        writeln!(out, "{:>10} {:>10} {:>10} {:>20} {:>20}", "text", "data", "bss", "flash of 1 MiB", "RAM of 128 KiB")?;
-        write!(out, "{:>10} {:>10} {:>10}", self.text, self.data, self.bss)?;
+        let [text, data, bss, ccm] = ["text", "data", "bss", "CCM"];
+        writeln!(out, "{text:>9} {data:>9} {bss:>9} {ccm:>7} {:>20} {:>20}", "flash of 256 KiB", "RAM of 96 KiB")?;
+        write!(out, "{:>9} {:>9} {:>9} {:>7}", self.text, self.data, self.bss, self.ccm)?;
         let flash = format!("{flash} ({:.1} %)", percent(flash, FLASH_BYTES));
         write!(out, " {flash:>20} {:>20}", format!("{ram} ({:.1} %)", percent(ram, RAM_BYTES)))
     }
@@ -72,8 +95,8 @@ impl fmt::Display for Sizes {
 mod tests {
     use super::*;
 
-    /// A 32-bit little-endian ELF file with one section for each (type, flags, size), and a table of names.
-    fn elf(sections: &[(u32, u32, u32)]) -> Vec<u8> {
+    /// A 32-bit little-endian ELF file with one section for each (type, flags, address, size), and a table of names.
+    fn elf(sections: &[(u32, u32, u32, u32)]) -> Vec<u8> {
         let mut file = Vec::new();
         file.extend([0x7f, b'E', b'L', b'F', 1, 1, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0]);
         // Type, machine (ARM), version, entry, program headers, section headers, flags.
@@ -82,8 +105,8 @@ mod tests {
         let names = sections.len() as u16 + 1;
         file.extend([52_u16, 32, 0, 40, names + 1, names].map(u16::to_le_bytes).concat());
         file.extend([0; 40]);
-        for &(kind, flags, size) in sections {
-            file.extend([0, kind, flags, 0, 0, size, 0, 0, 4, 0].map(u32::to_le_bytes).concat());
+        for &(kind, flags, address, size) in sections {
+            file.extend([0, kind, flags, address, 0, size, 0, 0, 4, 0].map(u32::to_le_bytes).concat());
         }
         const STRING_TABLE: u32 = 3;
         let contents = file.len() as u32 + 40;
@@ -101,15 +124,16 @@ mod tests {
         const ALLOC: u32 = 2;
         const EXECUTE: u32 = 4;
         let file = elf(&[
-            (PROGBITS, ALLOC | EXECUTE, 40),
-            (PROGBITS, ALLOC, 8),
-            (PROGBITS, ALLOC | WRITE, 16),
-            (NOBITS, ALLOC | WRITE, 30_000),
-            (PROGBITS, 0, 64),
+            (PROGBITS, ALLOC | EXECUTE, 0x0800_0000, 40),
+            (PROGBITS, ALLOC, 0x0800_0028, 8),
+            (PROGBITS, ALLOC | WRITE, 0x2000_4000, 16),
+            (NOBITS, ALLOC | WRITE, 0x2000_4010, 30_000),
+            (NOBITS, ALLOC | WRITE, 0x1000_0000, 500),
+            (PROGBITS, 0, 0, 64),
         ]);
         let sizes = Sizes::of_elf(&file).unwrap();
-        assert_eq!(sizes, Sizes { text: 48, data: 16, bss: 30_000 });
-        assert_eq!((sizes.flash(), sizes.ram()), (64, 30_016));
+        assert_eq!(sizes, Sizes { text: 48, data: 16, bss: 30_000, ccm: 500 });
+        assert_eq!((sizes.flash(), sizes.ram()), (64, 30_016 + 16_384));
     }
 
     #[test]
@@ -120,7 +144,17 @@ mod tests {
 
     #[test]
     fn the_table_tells_both_memories() {
-        let text = Sizes { text: 104_858, data: 0, bss: 65_536 }.to_string();
-        assert!(text.ends_with("104858 (10.0 %)       65536 (50.0 %)"), "{text}");
+        let text = Sizes { text: 131_072, data: 0, bss: 32_768, ccm: 64 }.to_string();
+        assert!(text.ends_with("     64      131072 (50.0 %)       49152 (50.0 %)"), "{text}");
+    }
+
+    #[test]
+    fn what_takes_too_much_is_refused() {
+        let sizes = Sizes { text: 256 * 1024 - 8, data: 8, bss: 80 * 1024 - 8, ccm: 65_536 };
+        assert_eq!(sizes.check(), Ok(()));
+        assert!(
+            Sizes { text: sizes.text + 1, ..sizes }.check().unwrap_err().contains("of flash, expected at most 262144")
+        );
+        assert!(Sizes { bss: sizes.bss + 1, ..sizes }.check().unwrap_err().contains("of RAM, expected at most 98304"));
     }
 }

@@ -94,8 +94,8 @@ fn costs(baseline: &Value) -> Table {
         rows: rows.collect(),
         note:
             "Wu: mean of five runs in MATLAB, drawing included. Ours: from end point to entries in the step queue on \
-               the Cortex-M4, of the committed counts (cargo xtask bench); coalesced: classic, with equal steps in one \
-               entry."
+               the Cortex-M4, for drivers that step at both edges, of the committed counts (cargo xtask bench); \
+               coalesced: classic, with equal steps in one entry."
                 .to_owned(),
     }
 }

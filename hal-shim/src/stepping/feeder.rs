@@ -4,8 +4,8 @@ use core::marker::PhantomData;
 
 use ferrostep_planner::{StepEntry, StepKind};
 
-use super::account::{DroppedSteps, SlotAccount, Steps};
-use super::newest::{Following, Held, Newest, Usual, UsualSteps};
+use super::dropped::DroppedSteps;
+use super::newest::{Following, Newest, StepWords, Usual};
 use super::pins::PinMap;
 use super::player::{NEAR_TICKS, StepPlayer, Stepping};
 use super::slot::{Head, MOST_EVENTS, Numbering};
@@ -14,6 +14,10 @@ use super::{IDLE_TICKS, StepLink};
 /// Most slots that one entry takes, unless it has more events than a slot: a direction change, the first step after it,
 /// the others.
 pub const MOST_SLOTS_AN_ENTRY: usize = 3;
+
+/// Slots of the ring that no entry takes: one for [`StepFeeder::seal`], and those of the slot in play and the one before,
+/// which tell after a stop what has not been played.
+const SPARE_SLOTS: usize = 3;
 
 /// What the drivers ask of the signals, in ticks of the timer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,46 +46,43 @@ pub struct StepFeeder<'a, M, const PORTS: usize, const N: usize> {
     player: &'a StepPlayer<M, PORTS, N>,
     pins: PinMap<PORTS>,
     signals: Signals,
+    words: StepWords<PORTS>,
     /// Stairs with intervals above this, and no others, are usual: [`Usual`].
     usual_above_ticks: u32,
+    /// Slots filled so far, modulo 2^32; the place of the next is its remainder by the size of the ring.
+    filled: u32,
     newest: Newest<PORTS>,
     /// Direction signals at the newest event.
     directions: u8,
-    /// Account of a slot with one step in these directions, which motor's is left open.
-    step_account: SlotAccount,
     /// Direction signals from the next step on.
     turning: Option<u8>,
-    accounts: &'a mut [SlotAccount; N],
 }
 
 impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORTS, N> {
-    /// The feeder of a player that has not run yet; there must be no other. All signals are low. `accounts` is memory to
-    /// keep books in.
-    pub fn new(
-        player: &'a StepPlayer<M, PORTS, N>,
-        pins: PinMap<PORTS>,
-        signals: Signals,
-        accounts: &'a mut [SlotAccount; N],
-    ) -> Self {
+    /// The feeder of a player that has not run yet; there must be no other. All signals are low.
+    pub fn new(player: &'a StepPlayer<M, PORTS, N>, pins: PinMap<PORTS>, signals: Signals) -> Self {
         let signals = Signals { pulse_ticks: signals.pulse_ticks.max(2), ..signals };
         player.set_pulse_reload(signals.pulse_ticks - 1);
+        let words = core::array::from_fn(|axes| {
+            let raised = pins.raised(axes as u8);
+            if M::EVENTS_A_STEP == 2 { raised } else { raised.map(|word| word | PinMap::<PORTS>::turned(word)) }
+        });
         let mut feeder = Self {
             player,
             pins,
             signals,
+            words,
             usual_above_ticks: 0,
+            filled: player.next_number(),
             newest: Newest {
-                filled: player.next_number(),
                 numbering: Numbering::new(M::EVENTS_A_STEP),
-                levels: 0,
-                held: Held::NOTHING,
+                // What is low is to be set.
+                turning: [0xffff; PORTS],
+                held: [0; PORTS],
             },
             directions: 0,
-            step_account: SlotAccount::NONE,
             turning: None,
-            accounts,
         };
-        feeder.set_directions(0);
         feeder.turn(None);
         feeder
     }
@@ -93,29 +94,40 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
 
     /// Slots filled so far, modulo 2^32.
     pub fn queued(&self) -> u32 {
-        self.newest.filled
+        self.filled
     }
 
     /// Slots played so far to their last event, modulo 2^32.
     pub fn played(&self) -> u32 {
         // Read in this order, a slot that ends in between is counted once too often, never once too few.
         let in_play = u32::from(self.player.left() != Head::EMPTY);
-        self.newest.filled.wrapping_sub(self.unplayed()).wrapping_sub(in_play)
+        self.filled.wrapping_sub(self.unplayed()).wrapping_sub(in_play)
     }
 
     /// Slots that have not been played, the one in play and the event held back included.
     pub fn waiting(&self) -> usize {
-        self.newest.filled.wrapping_sub(self.played()) as usize + usize::from(self.newest.held.counts())
+        self.filled.wrapping_sub(self.played()) as usize + usize::from(self.is_held())
     }
 
     /// Slots that the interrupt has not begun.
     fn unplayed(&self) -> u32 {
-        self.newest.filled.wrapping_sub(self.player.next_number())
+        self.filled.wrapping_sub(self.player.next_number())
+    }
+
+    /// Whether there is anything to be seen of the newest event.
+    fn is_held(&self) -> bool {
+        self.newest.held != [0; PORTS]
+    }
+
+    /// Slots that entries may take.
+    #[inline]
+    fn free(&self) -> usize {
+        (N - SPARE_SLOTS).saturating_sub(self.unplayed() as usize)
     }
 
     /// How many entries fit at least.
     pub fn room(&self) -> usize {
-        N.saturating_sub(self.unplayed() as usize) / MOST_SLOTS_AN_ENTRY
+        self.free() / MOST_SLOTS_AN_ENTRY
     }
 
     /// Adds an entry.
@@ -124,73 +136,60 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
     /// The ring is full, or the entry is nearer to the one before than the drivers allow; nothing was added.
     #[inline]
     pub fn push(&mut self, entry: StepEntry) -> Result<(), FeedError> {
-        if self.unplayed() as usize > N - MOST_SLOTS_AN_ENTRY {
-            return Err(FeedError::Full);
-        }
-        let mut newest = self.newest;
-        let mut usual = self.usual();
-        if usual.push(&mut newest, entry) {
-            self.newest = newest;
-            return Ok(());
-        }
-        self.push_unusual(entry)
+        self.push_all(&[entry])
     }
 
-    /// Adds entries, at half the cost that they have one by one.
+    /// Adds entries, at less than half the cost that they have one by one.
     ///
     /// # Errors
     /// As [`Self::push`]; the entries before the one that is meant were added.
     pub fn push_all(&mut self, mut entries: &[StepEntry]) -> Result<(), FeedError> {
         loop {
-            // There is not less room meanwhile.
-            let fitting = entries.get(..self.room()).unwrap_or(entries);
-            let mut newest = self.newest;
-            let mut usual = self.usual();
-            let mut left = fitting.iter();
-            loop {
-                usual.push_steps(&mut newest, &mut left);
-                match left.as_slice().first() {
-                    Some(entry) if usual.push(&mut newest, *entry) => left.next(),
-                    _ => break,
-                };
-            }
-            self.newest = newest;
-            let pushed = fitting.len() - left.as_slice().len();
-            let Some((first, others)) = entries.get(pushed..).and_then(<[StepEntry]>::split_first) else {
-                return Ok(());
+            let pushed = self.push_usual(entries);
+            let Some(left @ [first, others @ ..]) = entries.get(pushed..) else { return Ok(()) };
+            let is_ring_at_end = pushed > 0 && self.filled as usize & (N - 1) == 0;
+            entries = if is_ring_at_end {
+                left
+            } else {
+                self.push_unusual(*first)?;
+                others
             };
-            self.push_one(*first)?;
-            entries = others;
         }
     }
 
-    /// [`Self::push`], for those who have no use for a copy of it.
-    #[inline(never)]
-    fn push_one(&mut self, entry: StepEntry) -> Result<(), FeedError> {
-        self.push(entry)
-    }
-
-    /// The ways of a usual stair, as they are now.
+    /// Adds entries as long as they are usual, there is room for them, and the ring goes on in a row. How many.
     #[inline(always)]
-    fn usual(&mut self) -> Usual<'_, M, PORTS, N> {
-        Usual {
-            player: self.player,
-            accounts: self.accounts,
+    fn push_usual(&mut self, entries: &[StepEntry]) -> usize {
+        let lead_ticks = self.lead_ticks().wrapping_add(1);
+        let slots = self.player.slots_from(self.filled);
+        // There is not less room meanwhile.
+        let slots = slots.get(..self.free()).unwrap_or(slots);
+        let usual = Usual::<M, PORTS> {
+            words: &self.words,
             above_ticks: self.usual_above_ticks,
-            steps: UsualSteps {
-                pins: &self.pins,
-                pulse_ticks: self.signals.pulse_ticks,
-                directions: self.directions,
-                account: self.step_account,
-                stepping: PhantomData,
-            },
-        }
+            lead_ticks,
+            stepping: PhantomData,
+        };
+        let mut newest = self.newest;
+        let added = usual.push(&mut newest, slots, entries);
+        self.newest = newest;
+        self.filled = self.filled.wrapping_add(added.slots as u32);
+        added.entries
     }
 
-    /// Adds any entry; there is room for [`MOST_SLOTS_AN_ENTRY`].
+    /// By how much an interval is longer than the gap behind an event.
+    #[inline(always)]
+    fn lead_ticks(&self) -> u32 {
+        if M::EVENTS_A_STEP == 2 { self.signals.pulse_ticks } else { 0 }
+    }
+
+    /// Adds any entry.
     #[cold]
     #[inline(never)]
     fn push_unusual(&mut self, entry: StepEntry) -> Result<(), FeedError> {
+        if self.free() < MOST_SLOTS_AN_ENTRY {
+            return Err(FeedError::Full);
+        }
         match entry.kind() {
             StepKind::Directions { directions } => self.turn((directions != self.directions).then_some(directions)),
             StepKind::Wait { interval_ticks } => {
@@ -198,7 +197,7 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
                     return Err(FeedError::TooNear);
                 }
                 // In pulses an event without steps begins and ends nothing.
-                self.fill(interval_ticks, [0; PORTS], Steps::NONE, 1, Held::NOTHING);
+                self.fill(interval_ticks, [0; PORTS], 1, [0; PORTS]);
             }
             StepKind::Stair { interval_ticks, count, axes, added } => {
                 if interval_ticks < self.shortest_interval() {
@@ -207,7 +206,7 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
                 // No stair of the planner's is so long that this is more.
                 let slots =
                     usize::from(count) / (MOST_EVENTS as usize / M::EVENTS_A_STEP as usize) + MOST_SLOTS_AN_ENTRY;
-                if self.unplayed() as usize + slots > N {
+                if self.free() < slots {
                     return Err(FeedError::Full);
                 }
                 match self.turning {
@@ -228,16 +227,10 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         self.usual_above_ticks = match directions {
             Some(_) => u32::MAX,
             None => {
-                let lead = if M::EVENTS_A_STEP == 2 { self.signals.pulse_ticks } else { 0 };
-                let far_from = if self.can_be_near() { lead.saturating_add(NEAR_TICKS) } else { 0 };
+                let far_from = if self.can_be_near() { self.lead_ticks().saturating_add(NEAR_TICKS) } else { 0 };
                 self.shortest_interval().max(far_from) - 1
             }
         };
-    }
-
-    fn set_directions(&mut self, directions: u8) {
-        self.directions = directions;
-        self.step_account = SlotAccount::new(Steps::NONE, Steps::new(0, directions), M::EVENTS_A_STEP);
     }
 
     /// Whether events may be so near that the interrupt stays for them: a pulse is followed by its end first.
@@ -247,8 +240,8 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
 
     /// The motion ends with the newest entry: what was held back may be played.
     pub fn seal(&mut self) {
-        if self.newest.held.counts() {
-            self.fill(IDLE_TICKS, [0; PORTS], Steps::NONE, 1, Held::NOTHING);
+        if self.is_held() {
+            self.fill(IDLE_TICKS, [0; PORTS], 1, [0; PORTS]);
         }
     }
 
@@ -279,23 +272,28 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
     /// Afterwards [`Self::rest_words`] belong on the ports, and the interrupt may run again.
     pub fn drop_all(&mut self) -> DroppedSteps {
         let mut dropped = DroppedSteps::default();
-        let first = self.newest.filled.wrapping_sub(self.unplayed());
-        let left = self.player.left().events();
-        if left > 0 {
-            self.drop_events(self.account(first.wrapping_sub(1)), left, &mut dropped);
-        }
-        for number in 0..self.unplayed() {
-            let account = self.account(first.wrapping_add(number));
-            self.drop_events(account, account.events(), &mut dropped);
-        }
+        // From the end, for the directions are known there.
+        let mut directions = self.directions;
         if M::EVENTS_A_STEP == 1 {
-            dropped.add(self.newest.held.steps, 1);
-            self.newest.levels ^= self.newest.held.steps.axes();
+            self.drop_edges(self.newest.held, directions, 1, &mut dropped);
         }
-        self.player.forget(self.newest.filled);
-        self.set_directions(self.turning.unwrap_or(self.directions));
+        let unplayed = self.unplayed();
+        for number in 1..=unplayed {
+            let number = self.filled.wrapping_sub(number);
+            let events = self.player.slot_of(number).head().as_far().events();
+            self.drop_events(number, events, true, &mut directions, &mut dropped);
+        }
+        let in_play = self.player.left().events();
+        if in_play > 0 {
+            let number = self.filled.wrapping_sub(unplayed).wrapping_sub(1);
+            let before = self.player.slot_of(number.wrapping_sub(1)).head().number();
+            let all = self.player.left().number().wrapping_sub(before) & MOST_EVENTS;
+            self.drop_events(number, in_play, in_play == all.into(), &mut directions, &mut dropped);
+        }
+        self.player.forget(self.filled);
+        self.directions = self.turning.unwrap_or(self.directions);
         self.turn(None);
-        self.newest.held = Held::NOTHING;
+        self.newest.held = [0; PORTS];
         dropped
     }
 
@@ -309,26 +307,43 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         words
     }
 
-    fn account(&self, number: u32) -> SlotAccount {
-        self.accounts[number as usize & (N - 1)]
-    }
-
-    /// The last `events` of a slot are not played.
-    fn drop_events(&mut self, account: SlotAccount, events: u32, dropped: &mut DroppedSteps) {
-        let (first, then, all) = (account.first(), account.then(), account.events());
+    /// The last `events` of a slot, behind which the motors have these directions, are not played: whether the first one
+    /// is among them.
+    fn drop_events(
+        &mut self,
+        number: u32,
+        events: u32,
+        first_too: bool,
+        directions: &mut u8,
+        dropped: &mut DroppedSteps,
+    ) {
+        let slot = self.player.slot_of(number);
+        let first: [u32; PORTS] = core::array::from_fn(|port| slot.first(port));
+        let then = core::array::from_fn(|port| slot.then(port));
         if M::EVENTS_A_STEP == 2 {
             // Every second event, the last one included, is the start of a pulse; the first ends one that has stepped.
-            dropped.add(then, events.div_ceil(2));
-            return;
+            dropped.add(self.pins.stepping(then), *directions, events.div_ceil(2));
+        } else {
+            self.drop_edges(then, *directions, events.saturating_sub(first_too.into()), dropped);
+            self.drop_edges(first, *directions, first_too.into(), dropped);
         }
-        let first_too = events == all;
-        let others = if first_too { events.saturating_sub(1) } else { events };
-        dropped.add(then, others);
-        self.newest.levels ^= if others & 1 == 1 { then.axes() } else { 0 };
         if first_too {
-            dropped.add(first, 1);
-            self.newest.levels ^= first.axes();
+            *directions ^= self.pins.turning(first);
         }
+    }
+
+    /// Both edges: so many events with these words are not played.
+    fn drop_edges(&mut self, words: [u32; PORTS], directions: u8, count: u32, dropped: &mut DroppedSteps) {
+        let axes = self.pins.stepping(words);
+        dropped.add(axes, directions, count);
+        if count & 1 == 1 {
+            self.newest.turn(self.words_of(axes));
+        }
+    }
+
+    /// The words that step motors.
+    fn words_of(&self, axes: u8) -> [u32; PORTS] {
+        self.words[usize::from(axes & 15)]
     }
 
     fn shortest_interval(&self) -> u32 {
@@ -369,34 +384,34 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
     }
 
     fn edges_in_a_slot(&mut self, interval_ticks: u32, count: u16, axes: u8, added: u8) {
-        let then = self.pins.toggled(axes, self.newest.levels);
-        let before_last = self.newest.levels ^ if count & 1 == 0 { axes } else { 0 };
-        let all = axes ^ added;
-        self.newest.levels = before_last ^ all;
-        let words = self.pins.toggled(all, before_last);
-        let held = Held { words, steps: Steps::new(all, self.directions) };
-        self.fill(interval_ticks, then, Steps::new(axes, self.directions), count, held);
+        let (words, last) = (self.words_of(axes), self.words_of(axes ^ added));
+        let (then, held) = self.newest.edges(count.into(), words, last);
+        self.fill(interval_ticks, then, count, held);
     }
 
     /// `count` pulses, of which the last one's end is held back.
     fn pulses(&mut self, interval_ticks: u32, mut count: u16, axes: u8) {
-        let steps = Steps::new(axes, self.directions);
-        let rise = self.pins.raised(axes);
-        let held = Held { words: rise.map(PinMap::<PORTS>::turned), steps: Steps::NONE };
+        let rise = self.words_of(axes);
+        let held = rise.map(PinMap::<PORTS>::turned);
         while count > MOST_EVENTS / 2 {
-            self.fill(interval_ticks, rise, steps, MOST_EVENTS / 2, held);
+            self.fill(interval_ticks, rise, MOST_EVENTS / 2, held);
             count -= MOST_EVENTS / 2;
         }
-        self.fill(interval_ticks, rise, steps, count, held);
+        self.fill(interval_ticks, rise, count, held);
     }
 
     /// The first stair in a new direction.
     fn turn_and_stair(&mut self, directions: u8, interval_ticks: u32, count: u16, axes: u8, added: u8) {
-        self.set_directions(directions);
-        let words = self.pins.directions(directions);
+        // Those that stay are left out, so that a stop can tell from the words which were others before.
+        let changed = self.pins.direction_pins(self.directions ^ directions);
+        let mut words = self.pins.directions(directions);
+        for (word, changed) in words.iter_mut().zip(changed) {
+            *word &= changed | PinMap::<PORTS>::turned(changed);
+        }
+        self.directions = directions;
         if M::EVENTS_A_STEP == 2 {
             // The signals change with the end of the pulse before.
-            for (word, direction) in self.newest.held.words.iter_mut().zip(words) {
+            for (word, direction) in self.newest.held.iter_mut().zip(words) {
                 *word |= direction;
             }
             self.stair(interval_ticks, count, axes, added);
@@ -404,8 +419,7 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         }
         // Half way, or as late as the set-up time allows: an event of its own.
         let before = (interval_ticks / 2).min(interval_ticks - self.signals.direction_setup_ticks.max(2)).max(2);
-        let turn = Held { words, steps: Steps::NONE };
-        self.fill(before, [0; PORTS], Steps::NONE, 1, turn);
+        self.fill(before, [0; PORTS], 1, words);
         let rest = interval_ticks - before;
         if count == 1 {
             self.edges(rest, 1, axes, added);
@@ -417,11 +431,12 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
 
     /// Fills a slot: the event that was held back, and `steps_in_it` steps, the last of them (or the end of its pulse)
     /// left for `held`.
-    fn fill(&mut self, interval_ticks: u32, then: [u32; PORTS], steps: Steps, steps_in_it: u16, held: Held<PORTS>) {
-        let lead = if M::EVENTS_A_STEP == 2 { self.signals.pulse_ticks } else { 0 };
-        let gap_ticks = interval_ticks - lead;
+    fn fill(&mut self, interval_ticks: u32, then: [u32; PORTS], steps_in_it: u16, held: [u32; PORTS]) {
+        let gap_ticks = interval_ticks - self.lead_ticks();
         let near = gap_ticks < NEAR_TICKS && self.can_be_near();
         let events = u32::from(steps_in_it) * M::EVENTS_A_STEP;
-        self.newest.fill(self.player, self.accounts, near, Following { gap_ticks, then, steps, events, held });
+        let slot = self.player.slot_of(self.filled);
+        self.newest.fill(slot, near, Following { reload: gap_ticks - 1, then, events, held });
+        self.filled = self.filled.wrapping_add(1);
     }
 }

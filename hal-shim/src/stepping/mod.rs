@@ -9,7 +9,7 @@
 //! *after the next one*. A slot therefore tells the reload value of the slot behind it, and it is written one event
 //! early: an interrupt that comes late delays an edge, and all later ones are on time again.
 
-mod account;
+mod dropped;
 mod feeder;
 mod link;
 mod newest;
@@ -18,7 +18,7 @@ mod player;
 mod slot;
 mod word;
 
-pub use account::{DroppedSteps, SlotAccount};
+pub use dropped::DroppedSteps;
 pub use feeder::{FeedError, MOST_SLOTS_AN_ENTRY, Signals, StepFeeder};
 pub use link::StepLink;
 pub use pins::{MotorPins, Pin, PinMap};

@@ -1,207 +1,179 @@
 //! The newest event, held back, and the slots that are filled when its successor comes.
 
-use core::hint::cold_path;
 use core::marker::PhantomData;
-use core::slice::Iter;
 
 use ferrostep_planner::StepEntry;
 
-use super::account::{SlotAccount, Steps};
 use super::pins::PinMap;
-use super::player::{StepPlayer, Stepping};
-use super::slot::{Filling, MOST_EVENTS, Numbering, Slot};
-
-/// An event that waits for the interval behind it.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Held<const PORTS: usize> {
-    /// Zeros where there is nothing to be seen of it on the pins.
-    pub(super) words: [u32; PORTS],
-    /// What it steps; of a pulse's end nothing, its start has stepped.
-    pub(super) steps: Steps,
-}
-
-impl<const PORTS: usize> Held<PORTS> {
-    /// An event without steps.
-    pub(super) const NOTHING: Self = Self { words: [0; PORTS], steps: Steps::NONE };
-
-    /// Whether there is anything to be seen of it.
-    pub(super) fn counts(&self) -> bool {
-        self.words != [0; PORTS]
-    }
-}
+use super::player::Stepping;
+use super::slot::{Filling, Numbering, Slot};
 
 /// What every slot changes. Small enough to be kept in registers while many are filled.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Newest<const PORTS: usize> {
-    /// Slots filled so far, modulo 2^32; the place of the next is its remainder by the size of the ring.
-    pub(super) filled: u32,
-    /// Events in them.
+    /// Of the events in the slots filled so far.
     pub(super) numbering: Numbering,
-    /// Both edges: the level of each step signal after the newest event.
-    pub(super) levels: u8,
-    /// The newest event.
-    pub(super) held: Held<PORTS>,
+    /// Both edges: the words that would turn every pin of the ports to its other level behind the newest event.
+    pub(super) turning: [u32; PORTS],
+    /// The words of the newest event, which waits for the interval behind it: zeros where there is nothing to be seen of
+    /// it on the pins.
+    pub(super) held: [u32; PORTS],
 }
 
 /// Events that follow the one that was held back.
 pub(super) struct Following<const PORTS: usize> {
-    /// Ticks from each event of the slot to the next one, at least 1. Of pulses, the low part.
-    pub(super) gap_ticks: u32,
-    /// The words of the slot's second event.
+    /// Reload value for the gap between them. Of pulses, for its low part.
+    pub(super) reload: u32,
+    /// The words of the first of them.
     pub(super) then: [u32; PORTS],
-    /// What the events behind the slot's first step.
-    pub(super) steps: Steps,
-    /// Events in the slot, 1 to [`MOST_EVENTS`].
+    /// How many there are.
     pub(super) events: u32,
-    /// The last of those that follow, which the slot leaves to the next one.
-    pub(super) held: Held<PORTS>,
+    /// The words of the last of them, which the slot leaves to the next one.
+    pub(super) held: [u32; PORTS],
+}
+
+/// For each set of motors the words that step them: with pulses raise their signals, with both edges what is to be
+/// picked out of [`Newest::turning`].
+pub(super) type StepWords<const PORTS: usize> = [[u32; PORTS]; 16];
+
+/// How much was added.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Added {
+    /// Entries.
+    pub(super) entries: usize,
+    /// Slots that they took.
+    pub(super) slots: usize,
 }
 
 /// What stays the same while stairs go on in the same directions.
-pub(super) struct Usual<'a, M, const PORTS: usize, const N: usize> {
-    pub(super) player: &'a StepPlayer<M, PORTS, N>,
-    pub(super) accounts: &'a mut [SlotAccount; N],
+pub(super) struct Usual<'a, M, const PORTS: usize> {
+    pub(super) words: &'a StepWords<PORTS>,
     /// Intervals above this are usual.
     pub(super) above_ticks: u32,
-    pub(super) steps: UsualSteps<'a, M, PORTS>,
-}
-
-/// How they step.
-pub(super) struct UsualSteps<'a, M, const PORTS: usize> {
-    pub(super) pins: &'a PinMap<PORTS>,
-    /// How long a pulse is.
-    pub(super) pulse_ticks: u32,
-    pub(super) directions: u8,
-    /// Of a slot with one step, which motor's is left open.
-    pub(super) account: SlotAccount,
+    /// From an interval to a reload value.
+    pub(super) lead_ticks: u32,
     pub(super) stepping: PhantomData<M>,
 }
 
-impl<M: Stepping, const PORTS: usize, const N: usize> Usual<'_, M, PORTS, N> {
-    /// Adds entries of a single event each, as most are, as long as they are as [`Self::push`] wants them. There must be
-    /// room for them.
+impl<M: Stepping, const PORTS: usize> Usual<'_, M, PORTS> {
+    /// Adds entries as long as they are stairs as most are, and there are slots for them: they go on in the same
+    /// directions, and their events are neither too near nor so near that the interrupt stays for them, nor too many for a
+    /// slot.
     #[inline(always)]
-    pub(super) fn push_steps(&mut self, newest: &mut Newest<PORTS>, entries: &mut Iter<'_, StepEntry>) {
-        while let Some(entry) = entries.as_slice().first()
-            && entry.interval_ticks() > self.above_ticks
-            && entry.is_single()
-        {
-            let account = &mut self.accounts[newest.filled as usize & (N - 1)];
-            let slot = self.player.slot_of(newest.filled);
-            self.steps.step(newest, slot, account, entry.interval_ticks(), entry.axes());
-            newest.filled = newest.filled.wrapping_add(1);
-            entries.next();
-        }
-    }
-
-    /// Adds an entry if it is a stair as most are: it goes on in the same directions, and its events are neither too near
-    /// nor so near that the interrupt stays for them. Whether it was one; if not, nothing has changed. For one entry there
-    /// must be room.
-    #[inline(always)]
-    pub(super) fn push(&mut self, newest: &mut Newest<PORTS>, entry: StepEntry) -> bool {
-        cold_path();
-        let (interval_ticks, count) = (entry.interval_ticks(), u32::from(entry.count()));
-        let most = u32::from(MOST_EVENTS) / M::EVENTS_A_STEP;
-        if interval_ticks <= self.above_ticks || count.wrapping_sub(1) >= most {
-            return false;
-        }
-        let (axes, added) = (entry.axes() & 15, entry.added() & 15);
-        let has_other = added != 0;
+    pub(super) fn push(&self, newest: &mut Newest<PORTS>, slots: &[Slot<PORTS>], entries: &[StepEntry]) -> Added {
         if M::EVENTS_A_STEP == 1 {
-            let following = self.steps.edges(newest, interval_ticks, count, axes, added);
-            newest.fill(self.player, self.accounts, false, following);
-            return true;
-        }
-        // The last of pulses may be another one.
-        let alike = count - u32::from(has_other);
-        if alike > 0 {
-            let following = self.steps.pulses(interval_ticks, alike, axes);
-            newest.fill(self.player, self.accounts, false, following);
-        }
-        if has_other {
-            let account = &mut self.accounts[newest.filled as usize & (N - 1)];
-            self.steps.step(newest, self.player.slot_of(newest.filled), account, interval_ticks, axes ^ added);
-            newest.filled = newest.filled.wrapping_add(1);
-        }
-        true
-    }
-}
-
-impl<M: Stepping, const PORTS: usize> UsualSteps<'_, M, PORTS> {
-    /// Fills a slot with an event of its own, as most are: all of it is known in advance but the motors.
-    #[inline(always)]
-    fn step(
-        &self,
-        newest: &mut Newest<PORTS>,
-        slot: &Slot<PORTS>,
-        account: &mut SlotAccount,
-        interval_ticks: u32,
-        axes: u8,
-    ) {
-        let first = newest.held.words;
-        let (then, gap_ticks);
-        if M::EVENTS_A_STEP == 1 {
-            *account = self.account.with_axes(axes).with_first(newest.held.steps);
-            (then, gap_ticks) = (self.pins.toggled(axes, newest.levels), interval_ticks);
-            newest.levels ^= axes;
-            newest.held = Held { words: then, steps: Steps::new(axes, self.directions) };
+            self.push_edges(newest, slots, entries)
         } else {
-            *account = self.account.with_axes(axes);
-            (then, gap_ticks) = (self.pins.raised(axes), interval_ticks.wrapping_sub(self.pulse_ticks));
-            // The end of a pulse steps nothing, as the one before.
-            newest.held.words = then.map(PinMap::<PORTS>::turned);
+            self.push_pulses(newest, slots, entries)
         }
-        newest.numbering.advance(M::EVENTS_A_STEP);
-        slot.fill(&Filling { first, then, reload: gap_ticks.wrapping_sub(1), head: newest.numbering.head_of_step() });
     }
 
-    /// Both edges: `count` events, of which the last is held back.
+    /// Both edges: a slot an entry.
     #[inline(always)]
-    fn edges(&self, newest: &mut Newest<PORTS>, gap_ticks: u32, count: u32, axes: u8, added: u8) -> Following<PORTS> {
-        let then = self.pins.toggled(axes, newest.levels);
-        newest.levels ^= if count & 1 == 0 { axes } else { 0 };
-        let all = axes ^ added;
-        let held = Held { words: self.pins.toggled(all, newest.levels), steps: Steps::new(all, self.directions) };
-        newest.levels ^= all;
-        Following { gap_ticks, then, steps: Steps::new(axes, self.directions), events: count, held }
+    fn push_edges(&self, newest: &mut Newest<PORTS>, slots: &[Slot<PORTS>], entries: &[StepEntry]) -> Added {
+        let mut added = 0usize;
+        for (entry, slot) in entries.iter().zip(slots) {
+            let [interval_ticks, word] = entry.to_words();
+            if interval_ticks <= self.above_ticks || !entry.is_short_stair() {
+                break;
+            }
+            let (then, held) = newest.edges(word, self.words(word >> 16), self.words((word ^ word << 8) >> 24));
+            let reload = interval_ticks.wrapping_sub(self.lead_ticks);
+            newest.fill(slot, false, Following { reload, then, events: word & 0xffff, held });
+            added = added.wrapping_add(1);
+        }
+        Added { entries: added, slots: added }
     }
 
-    /// `count` pulses, of which the last one's end is held back.
+    /// Pulses: the last of a stair may be another one, in a slot of its own.
     #[inline(always)]
-    fn pulses(&self, interval_ticks: u32, count: u32, axes: u8) -> Following<PORTS> {
-        let then = self.pins.raised(axes);
-        Following {
-            gap_ticks: interval_ticks.wrapping_sub(self.pulse_ticks),
-            then,
-            steps: Steps::new(axes, self.directions),
-            events: count * M::EVENTS_A_STEP,
-            held: Held { words: then.map(PinMap::<PORTS>::turned), steps: Steps::NONE },
+    fn push_pulses(&self, newest: &mut Newest<PORTS>, slots: &[Slot<PORTS>], entries: &[StepEntry]) -> Added {
+        let mut left = entries.get(..slots.len() / 2).unwrap_or(entries).iter();
+        let entries = left.len();
+        let mut free = slots.iter();
+        while let Some(entry) = left.as_slice().first()
+            && entry.interval_ticks() > self.above_ticks
+        {
+            let (reload, word) = (entry.interval_ticks().wrapping_sub(self.lead_ticks), entry.stair_word());
+            let mut last = word >> 16;
+            if !entry.is_single() {
+                if !entry.is_short_stair() {
+                    break;
+                }
+                let has_other = word >> 24 != 0;
+                let alike = (word & 0xffff).wrapping_sub(u32::from(has_other));
+                if alike > 0 {
+                    let Some(slot) = free.next() else { break };
+                    let then = self.words(last);
+                    let held = then.map(PinMap::<PORTS>::turned);
+                    newest.fill(slot, false, Following { reload, then, events: alike * M::EVENTS_A_STEP, held });
+                }
+                if !has_other {
+                    left.next();
+                    continue;
+                }
+                last ^= word >> 24;
+            }
+            let Some(slot) = free.next() else { break };
+            let then = self.words(last);
+            newest.fill_step::<M>(slot, reload, then, then.map(PinMap::<PORTS>::turned));
+            left.next();
         }
+        Added { entries: entries.wrapping_sub(left.len()), slots: slots.len().wrapping_sub(free.len()) }
+    }
+
+    /// The words that step the motors in the lowest bits.
+    #[inline(always)]
+    fn words(&self, axes: u32) -> [u32; PORTS] {
+        self.words[axes as usize & 15]
     }
 }
 
 impl<const PORTS: usize> Newest<PORTS> {
+    /// Both edges: the words of an event that steps what these pick out.
+    #[inline(always)]
+    pub(super) fn turn(&mut self, words: [u32; PORTS]) -> [u32; PORTS] {
+        let mut event = words;
+        for (event, turning) in event.iter_mut().zip(&mut self.turning) {
+            let word = *event;
+            *event &= *turning;
+            *turning ^= word;
+        }
+        event
+    }
+
+    /// Both edges: the words of a stair's first event and of its last.
+    #[inline(always)]
+    pub(super) fn edges(
+        &mut self,
+        count: u32,
+        words: [u32; PORTS],
+        last: [u32; PORTS],
+    ) -> ([u32; PORTS], [u32; PORTS]) {
+        let mut then = words;
+        for (then, turning) in then.iter_mut().zip(&mut self.turning) {
+            let word = *then;
+            *then &= *turning;
+            *turning ^= if count & 1 == 0 { word } else { 0 };
+        }
+        (then, self.turn(last))
+    }
+
+    /// Fills a slot with the event that was held back, and with a far step of which `held` is the end.
+    #[inline(always)]
+    fn fill_step<M: Stepping>(&mut self, slot: &Slot<PORTS>, reload: u32, then: [u32; PORTS], held: [u32; PORTS]) {
+        self.numbering.advance(M::EVENTS_A_STEP);
+        slot.fill(&Filling { first: self.held, then, reload, head: self.numbering.head_of_step() });
+        self.held = held;
+    }
+
     /// Fills a slot: the event that was held back, and all that follow but the last.
     #[inline(always)]
-    pub(super) fn fill<M: Stepping, const N: usize>(
-        &mut self,
-        player: &StepPlayer<M, PORTS, N>,
-        accounts: &mut [SlotAccount; N],
-        near: bool,
-        following: Following<PORTS>,
-    ) {
-        let Following { gap_ticks, then, steps, events, held } = following;
-        // The end of a pulse steps nothing.
-        let first_steps = if M::EVENTS_A_STEP == 2 { Steps::NONE } else { self.held.steps };
-        accounts[self.filled as usize & (N - 1)] = SlotAccount::new(first_steps, steps, events);
+    pub(super) fn fill(&mut self, slot: &Slot<PORTS>, near: bool, following: Following<PORTS>) {
+        let Following { reload, then, events, held } = following;
         self.numbering.advance(events);
-        let (first, reload) = (self.held.words, gap_ticks.wrapping_sub(1));
         let head = self.numbering.head(events, near);
-        player.slot_of(self.filled).fill(&Filling { first, then, reload, head });
-        self.filled = self.filled.wrapping_add(1);
-        self.held.words = held.words;
-        if M::EVENTS_A_STEP == 1 {
-            self.held.steps = held.steps;
-        }
+        slot.fill(&Filling { first: self.held, then, reload, head });
+        self.held = held;
     }
 }

@@ -29,9 +29,11 @@ pub struct PinMap<const PORTS: usize> {
 }
 
 impl<const PORTS: usize> PinMap<PORTS> {
-    /// The map of four motors: X (A), Y (B), Z, extruder. `None` for a port or pin that does not exist.
+    /// The map of four motors: X (A), Y (B), Z, extruder. `None` for a port or pin that does not exist, or that two signals
+    /// share.
     pub const fn new(motors: [MotorPins; 4]) -> Option<Self> {
         let mut map = Self { step: [[0; 16]; PORTS], direction: [[0; 16]; PORTS] };
+        let mut taken = [0u16; PORTS];
         let mut axes = 0;
         while axes < 16 {
             let mut motor = 0;
@@ -40,9 +42,21 @@ impl<const PORTS: usize> PinMap<PORTS> {
                 if step.port >= PORTS || direction.port >= PORTS || step.number > 15 || direction.number > 15 {
                     return None;
                 }
+                let (step_bit, direction_bit) = (1 << step.number, 1 << direction.number);
+                if axes == 0 {
+                    // Which motor a pin is of must be told from the pin.
+                    if taken[step.port] & step_bit != 0 {
+                        return None;
+                    }
+                    taken[step.port] |= step_bit;
+                    if taken[direction.port] & direction_bit != 0 {
+                        return None;
+                    }
+                    taken[direction.port] |= direction_bit;
+                }
                 if axes >> motor & 1 == 1 {
-                    map.step[step.port][axes] |= 1 << step.number;
-                    map.direction[direction.port][axes] |= 1 << direction.number;
+                    map.step[step.port][axes] |= step_bit;
+                    map.direction[direction.port][axes] |= direction_bit;
                 }
                 motor += 1;
             }
@@ -63,15 +77,6 @@ impl<const PORTS: usize> PinMap<PORTS> {
         word.rotate_left(RESET_SHIFT)
     }
 
-    /// The words that turn the step signals of `axes` to the other level, with `high` the motors whose signals are high.
-    #[inline(always)]
-    pub fn toggled(&self, axes: u8, high: u8) -> [u32; PORTS] {
-        self.step.each_ref().map(|masks| {
-            let [axes, high] = [axes, high].map(|motors| u32::from(masks[usize::from(motors & 15)]));
-            axes & !high | (axes & high) << RESET_SHIFT
-        })
-    }
-
     /// The words that put out these direction signals: bit i = motor i runs backwards.
     pub fn directions(&self, backwards: u8) -> [u32; PORTS] {
         self.direction.each_ref().map(|masks| {
@@ -79,4 +84,31 @@ impl<const PORTS: usize> PinMap<PORTS> {
             set | reset << RESET_SHIFT
         })
     }
+
+    /// The direction pins of motors, as words that raise them.
+    pub fn direction_pins(&self, axes: u8) -> [u32; PORTS] {
+        self.direction.each_ref().map(|masks| u32::from(masks[usize::from(axes & 15)]))
+    }
+
+    /// The motors whose step signals these words change.
+    pub fn stepping(&self, words: [u32; PORTS]) -> u8 {
+        motors_of(&self.step, words)
+    }
+
+    /// The motors whose direction signals these words change.
+    pub fn turning(&self, words: [u32; PORTS]) -> u8 {
+        motors_of(&self.direction, words)
+    }
+}
+
+/// The motors with a pin in the words, up or down.
+fn motors_of<const PORTS: usize>(masks: &[[u16; 16]; PORTS], words: [u32; PORTS]) -> u8 {
+    let mut motors = 0;
+    for (masks, word) in masks.iter().zip(words) {
+        let pins = (word | word >> RESET_SHIFT) as u16;
+        for motor in 0..4 {
+            motors |= u8::from(masks[1 << motor] & pins != 0) << motor;
+        }
+    }
+    motors
 }

@@ -135,7 +135,7 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
         let slot = self.next_slot();
         let head = slot.head();
         if head.is_far() {
-            self.begin(slot, head, next, timer);
+            self.begin(slot, head, head, next, timer);
         } else {
             timer.call_stay();
         }
@@ -235,24 +235,32 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
     fn turn<T: UpdateTimer>(&self, next: &mut NextWords<PORTS>, timer: &T) -> bool {
         let slot = self.next_slot();
         let head = slot.head();
-        if head.0 > 0 {
-            self.begin(slot, head.as_far(), next, timer);
+        if head.is_near() {
+            self.begin(slot, head, head.as_far(), next, timer);
             return true;
         }
-        if head == Head::EMPTY {
+        if head.0 >= 0 {
             timer.mask();
             self.left.store(Head::EMPTY.0);
             self.link.run_dry();
         } else {
-            self.begin(slot, head, next, timer);
+            self.begin(slot, head, head, next, timer);
         }
         false
     }
 
     #[inline(always)]
-    fn begin<T: UpdateTimer>(&self, slot: &Slot<PORTS>, head: Head, next: &mut NextWords<PORTS>, timer: &T) {
-        // In this order, so that few registers are in use at a time.
-        self.left.store(head.0);
+    fn begin<T: UpdateTimer>(
+        &self,
+        slot: &Slot<PORTS>,
+        head: Head,
+        as_far: Head,
+        next: &mut NextWords<PORTS>,
+        timer: &T,
+    ) {
+        // In this order, so that few registers are in use at a time. The producer looks at `next`, which comes last.
+        self.left.store(as_far.0);
+        slot.clear(head);
         let reload = slot.reload();
         timer.set_reload(reload);
         if M::EVENTS_A_STEP == 2 {
@@ -261,7 +269,6 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
         for (port, words) in next.words.iter_mut().enumerate() {
             *words = [slot.first(port), slot.then(port)];
         }
-        slot.clear();
         // Loaded once more: a register less to keep.
         self.next.store(self.next.load().wrapping_add(1));
     }
@@ -279,6 +286,12 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
     /// For the producer: a slot by its number.
     pub(super) fn slot_of(&self, number: u32) -> &Slot<PORTS> {
         self.slot(number)
+    }
+
+    /// For the producer: the slots from this number on to the end of the ring.
+    #[inline(always)]
+    pub(super) fn slots_from(&self, number: u32) -> &[Slot<PORTS>] {
+        self.slots.get(number as usize & (N - 1)..).unwrap_or_default()
     }
 
     /// For the producer: the number of the next slot to be begun, modulo 2^32.
@@ -300,7 +313,8 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
     pub(super) fn forget(&self, filled: u32) {
         let mut number = self.next.load();
         while number != filled {
-            self.slot(number).clear();
+            let slot = self.slot(number);
+            slot.clear(slot.head());
             number = number.wrapping_add(1);
         }
         self.next.store(filled);

@@ -16,8 +16,8 @@ pub struct Slot<const PORTS: usize> {
     then: [WordU32; PORTS],
     /// Reload value for the gaps behind the events.
     reload: WordU32,
-    /// Upper half: minus the number of events; the number itself where they are near; 0 for an empty slot. Lower half:
-    /// number of all events up to the end of this slot, modulo 2^15.
+    /// Upper half: minus the number of events; without its sign where they are near; 0 for an empty slot. Lower half:
+    /// number of all events up to the end of this slot, modulo 2^15, which stays when the slot has been played.
     head: WordI32,
 }
 
@@ -42,7 +42,7 @@ impl Head {
     /// An event in a head.
     pub const EVENT: i32 = 1 << 16;
 
-    /// Of an empty slot, or when none is being played.
+    /// When no slot is being played.
     pub const EMPTY: Self = Self(0);
 
     /// Whether there are events, far enough apart to leave the interrupt in between.
@@ -51,13 +51,19 @@ impl Head {
         self.0 < 0
     }
 
+    /// Whether there are events, so near that the interrupt stays for them.
+    #[inline(always)]
+    pub fn is_near(self) -> bool {
+        self.0 >= Self::EVENT
+    }
+
     /// The head of a slot of near events as that of one of far events, in which form it is played.
     #[inline(always)]
     pub fn as_far(self) -> Self {
-        Self(((self.0 & 0xffff) << 1).wrapping_sub(self.0))
+        Self(self.0 | i32::MIN)
     }
 
-    /// Events that are left.
+    /// Events that are left, of far events.
     pub fn events(self) -> u32 {
         (self.0 >> 16).unsigned_abs()
     }
@@ -98,8 +104,8 @@ impl Numbering {
     /// and entering the interrupt would take too long.
     #[inline(always)]
     pub fn head(self, events: u32, near: bool) -> Head {
-        let (number, events) = (self.0 >> Self::SHIFT, events << 16);
-        Head(if near { number.wrapping_add(events) } else { number.wrapping_sub(events) } as i32)
+        let far = (self.0 >> Self::SHIFT).wrapping_sub(events << 16) as i32;
+        Head(if near { far & i32::MAX } else { far })
     }
 }
 
@@ -154,10 +160,10 @@ impl<const PORTS: usize> Slot<PORTS> {
         self.reload.load()
     }
 
-    /// The producer may fill it again.
+    /// Empties the slot, whose head this is.
     #[inline(always)]
-    pub fn clear(&self) {
-        self.head.store(0);
+    pub fn clear(&self, head: Head) {
+        self.head.store(head.0 & 0xffff);
     }
 }
 
@@ -177,13 +183,20 @@ mod tests {
     }
 
     #[test]
-    fn a_head_tells_events_and_number() {
+    fn a_head_tells_events_and_number_and_the_latter_stays() {
         let mut numbering = Numbering::new(2);
         numbering.advance(0x7ffe);
         numbering.advance(9);
         for near in [false, true] {
             let head = numbering.head(9, near);
-            assert_eq!((head.events(), head.number(), head.is_far()), (9, 7, !near));
+            assert_eq!((head.is_near(), head.is_far()), (near, !near));
+            let far = head.as_far();
+            assert_eq!((far.events(), far.number(), far.is_far()), (9, 7, true));
         }
+        let slot = Slot::<1>::empty();
+        assert!(!slot.head().is_near() && !slot.head().is_far());
+        slot.clear(numbering.head(9, true));
+        assert!(!slot.head().is_near() && !slot.head().is_far());
+        assert_eq!(slot.head().number(), 7);
     }
 }

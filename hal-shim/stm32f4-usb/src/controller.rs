@@ -9,6 +9,7 @@ use ferrostep_hal_shim::clock_tree::{Clock, ClockSource};
 use synopsys_usb_otg::UsbPeripheral;
 use usb_device::bus::UsbBusAllocator;
 
+use ferrostep_stm32f4::board;
 use ferrostep_stm32f4::clock::comes_true;
 use ferrostep_stm32f4::pac::{GPIOA, OTG_FS_DEVICE, OTG_FS_GLOBAL, OTG_FS_PWRCLK, RCC};
 
@@ -48,6 +49,8 @@ pub type Registers = (OTG_FS_GLOBAL, OTG_FS_DEVICE, OTG_FS_PWRCLK);
 /// Why there is no USB.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NoUsb {
+    /// The board has no plug for it.
+    NoPlug,
     /// The PLL does not run, which makes its 48 MHz.
     NoClock,
     /// The controller does not answer.
@@ -57,6 +60,7 @@ pub enum NoUsb {
 impl fmt::Display for NoUsb {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         out.write_str(match self {
+            Self::NoPlug => "off, the board has none",
             Self::NoClock => "off, there are no 48 MHz without the PLL",
             Self::NoAnswer => "off, the controller does not answer",
         })
@@ -67,13 +71,16 @@ impl fmt::Display for NoUsb {
 /// `init`.
 ///
 /// # Errors
-/// There is no clock for it, or it does not answer in bounded time.
+/// The board has no plug, there is no clock for it, or it does not answer in bounded time.
 pub fn start(
     registers: Registers,
     rcc: &RCC,
     clock: &Clock,
     packets: &'static mut [u32; PACKET_WORDS],
 ) -> Result<UsbBusAllocator<Bus>, NoUsb> {
+    if !board::USB {
+        return Err(NoUsb::NoPlug);
+    }
     if clock.source == ClockSource::Internal {
         return Err(NoUsb::NoClock);
     }

@@ -11,6 +11,7 @@ use core::mem::MaybeUninit;
 
 use ferrostep_gcode::Emergency;
 use ferrostep_hal_shim::clock_tree::Clock;
+use ferrostep_stm32f4::board;
 use ferrostep_stm32f4::pac::RCC;
 use ferrostep_usb::{Buffers, SerialNumber, UsbSerial};
 use heapless::spsc::{Consumer, Producer};
@@ -78,23 +79,22 @@ pub struct Usb {
 }
 
 impl Usb {
-    /// The port, connected to the bus; `product` is the board's name. To be called in `init`.
+    /// The port, connected to the bus. To be called in `init`.
     ///
     /// # Errors
-    /// There is no clock for the controller, or it does not answer in bounded time.
+    /// The board has no plug, there is no clock for the controller, or it does not answer in bounded time.
     #[inline(never)]
     pub fn start(
         memory: &'static mut Memory,
         registers: Registers,
         rcc: &RCC,
         clock: &Clock,
-        product: &'static str,
         rings: Rings,
     ) -> Result<&'static mut Self, NoUsb> {
         let Memory { packets, bus, serial_number, usb } = memory;
         let bus = bus.write(controller::start(registers, rcc, clock, packets)?);
         let serial_number = serial_number.write(SerialNumber::of(controller::identifier()));
-        Ok(usb.write(Self { port: UsbSerial::new(bus, product, serial_number), rings }))
+        Ok(usb.write(Self { port: UsbSerial::new(bus, board::TITLE, serial_number), rings }))
     }
 
     /// An interrupt's work. Returns how many received bytes were dropped for want of room.

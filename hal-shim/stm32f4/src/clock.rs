@@ -4,24 +4,21 @@ use cortex_m::peripheral::SCB;
 use cortex_m::peripheral::scb::SystemHandler;
 use ferrostep_hal_shim::clock_tree::{self, Clock, ClockSource, ClockTree, PllSource};
 
+use crate::board::{APB1_CODE, APB2_CODE, APB2_HZ, CORE_HZ, FERROSTEP_PLL, FLASH_WAIT_STATES, INTERNAL_HZ, TIMER_HZ};
 use crate::pac::{FLASH, RCC};
 
 /// Most looks at a ready flag. A crystal takes 2 ms, a PLL 0.2 ms; a look takes at least four cycles of 16 MHz, so this
 /// waits for 12 ms or longer.
 const MOST_LOOKS: u32 = 50_000;
 
-/// Frequency of the internal oscillator, Hz.
-const INTERNAL_HZ: u32 = 16_000_000;
-
-/// Frequency of the core with the PLL, Hz.
-const FULL_HZ: u32 = 168_000_000;
-
-/// Starts the best clock there is; the crystal has `crystal_mhz`, 4 to 25.
-pub fn start(rcc: &RCC, flash: &FLASH, crystal_mhz: u8) -> Clock {
-    let source = clock_tree::start_best(&mut Registers { rcc, flash, crystal_mhz });
+/// Starts the best clock there is.
+pub fn start(rcc: &RCC, flash: &FLASH) -> Clock {
+    let mut registers = Registers { rcc, flash };
+    registers.start_internal();
+    let source = clock_tree::start_best(&mut registers);
     match source {
         ClockSource::Crystal | ClockSource::InternalWithPll => {
-            Clock { source, core_hz: FULL_HZ, timer_hz: FULL_HZ / 2, serial_hz: FULL_HZ / 2 }
+            Clock { source, core_hz: CORE_HZ, timer_hz: TIMER_HZ, serial_hz: APB2_HZ }
         }
         ClockSource::Internal => Clock { source, core_hz: INTERNAL_HZ, timer_hz: INTERNAL_HZ, serial_hz: INTERNAL_HZ },
     }
@@ -30,7 +27,22 @@ pub fn start(rcc: &RCC, flash: &FLASH, crystal_mhz: u8) -> Clock {
 struct Registers<'a> {
     rcc: &'a RCC,
     flash: &'a FLASH,
-    crystal_mhz: u8,
+}
+
+impl Registers<'_> {
+    /// The state after reset: a boot loader may have left the chip on a PLL, which cannot be changed while it is used.
+    fn start_internal(&self) {
+        self.rcc.cr().modify(|_, w| w.hsion().set_bit());
+        let _ready = comes_true(|| self.rcc.cr().read().hsirdy().bit_is_set());
+        self.use_internal();
+        let _switched = comes_true(|| self.rcc.cfgr().read().sws().bits() == 0);
+        self.rcc.cr().modify(|_, w| w.pllon().clear_bit());
+    }
+
+    fn use_internal(&self) {
+        // SAFETY: all dividers off, SW = internal oscillator: the state after reset.
+        self.rcc.cfgr().modify(|_, w| unsafe { w.hpre().bits(0).ppre1().bits(0).ppre2().bits(0).sw().bits(0) });
+    }
 }
 
 impl ClockTree for Registers<'_> {
@@ -45,29 +57,30 @@ impl ClockTree for Registers<'_> {
 
     fn start_pll(&mut self, source: PllSource) -> bool {
         let (rcc, flash) = (self.rcc, self.flash);
-        let (oscillator_mhz, from_crystal) = match source {
-            PllSource::Crystal => (u32::from(self.crystal_mhz), 1),
-            PllSource::Internal => (INTERNAL_HZ / 1_000_000, 0),
+        let [with_crystal, with_internal] = FERROSTEP_PLL;
+        let factors = match source {
+            PllSource::Crystal => with_crystal,
+            PllSource::Internal => with_internal,
         };
         rcc.cr().modify(|_, w| w.pllon().clear_bit());
-        // 1 MHz x 336 / 2 = 168 MHz (a divider of 2 is coded as 0); / 7 = 48 MHz for USB.
-        let factors = oscillator_mhz | 336 << 6 | from_crystal << 22 | 7 << 24;
-        // SAFETY: RM0090 6.3.2 allows M 2 to 63, N 50 to 432, P 2, Q 2 to 15.
+        // SAFETY: within the limits of the manual (`boards/src/clock.rs` makes and tests it).
         rcc.pllcfgr().write(|w| unsafe { w.bits(factors) });
         rcc.cr().modify(|_, w| w.pllon().set_bit());
         if !comes_true(|| rcc.cr().read().pllrdy().bit_is_set()) {
             rcc.cr().modify(|_, w| w.pllon().clear_bit());
             return false;
         }
-        // Five wait states at 168 MHz and 3.3 V, before the core speeds up (RM0090 3.5.1); caches hide most of them.
-        // SAFETY: five is a latency this chip has.
-        flash.acr().modify(|_, w| unsafe { w.latency().bits(5) }.prften().set_bit().icen().set_bit().dcen().set_bit());
-        // SAFETY: APB1 / 4 = 42 MHz (timers: twice that), APB2 / 2 = 84 MHz, the highest each bus may have; SW = PLL.
-        rcc.cfgr().modify(|_, w| unsafe { w.ppre1().bits(0b101).ppre2().bits(0b100).sw().bits(0b10) });
+        // Before the core speeds up (RM0090 3.5.1); caches hide most of the wait states.
+        flash.acr().modify(|_, w| {
+            // SAFETY: a latency that the chips have.
+            let w = unsafe { w.latency().bits(FLASH_WAIT_STATES) };
+            w.prften().set_bit().icen().set_bit().dcen().set_bit()
+        });
+        // SAFETY: dividers that keep the buses within their limits; SW = PLL.
+        rcc.cfgr().modify(|_, w| unsafe { w.ppre1().bits(APB1_CODE).ppre2().bits(APB2_CODE).sw().bits(0b10) });
         let switched = comes_true(|| rcc.cfgr().read().sws().bits() == 0b10);
         if !switched {
-            // SAFETY: all dividers off, SW = internal oscillator: the state after reset.
-            rcc.cfgr().modify(|_, w| unsafe { w.ppre1().bits(0).ppre2().bits(0).sw().bits(0) });
+            self.use_internal();
         }
         switched
     }

@@ -3,10 +3,8 @@
 use core::arch::naked_asm;
 use core::fmt::Write;
 
+use crate::board::RAM;
 use crate::safe_state;
-
-/// RAM in which a fault's frame may lie.
-const RAM: core::ops::Range<u32> = 0x2000_0000..0x2002_0000;
 
 /// Where the program counter stands in the eight words that the core pushes.
 const PROGRAM_COUNTER: u32 = 24;
@@ -27,6 +25,7 @@ extern "C" fn handle(frame: u32) -> ! {
     safe_state::enter();
     let at = frame.wrapping_add(PROGRAM_COUNTER);
     let mut line = safe_state::LastWords;
+    // In RAM, that is: elsewhere there is no frame.
     let _ = if frame.is_multiple_of(4) && RAM.contains(&frame) && RAM.contains(&(at + 3)) {
         // SAFETY: an aligned word of RAM that nobody writes any more.
         let address = unsafe { core::ptr::read_volatile(at as *const u32) };

@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-use crate::bench;
+use crate::board;
 use crate::pac::USART1;
 
 /// Most looks at the transmitter for one byte: more than a byte takes at 9600 baud and 168 MHz.
@@ -11,7 +11,7 @@ const MOST_LOOKS: u32 = 200_000;
 /// Stops all interrupts and switches heaters, then motors off, by their registers.
 pub fn enter() {
     cortex_m::interrupt::disable();
-    bench::all_off();
+    board::all_off();
 }
 
 /// Until someone resets the board: a machine that starts again on its own might start heating.

@@ -16,8 +16,8 @@ use crate::pac::{Interrupt, RCC, TIM2, TIM9, tim2};
 pub trait Motors<const PORTS: usize> {
     /// The ports that carry their step and direction signals.
     fn ports(&self) -> MotorPorts<PORTS>;
-    /// Switches all drivers on or off.
-    fn enable(&self, enabled: bool);
+    /// Switches on the drivers in the mask, and off the others. Those that share a signal are on while one of them is.
+    fn enable(&self, on: u8);
 }
 
 /// A port that carries step and direction signals.
@@ -33,9 +33,21 @@ unsafe impl Send for MotorPort {}
 unsafe impl Sync for MotorPort {}
 
 impl MotorPort {
-    /// The port of a register block.
-    pub fn new(port: &crate::pac::gpioc::RegisterBlock) -> Self {
-        Self { bsrr: port.bsrr().as_ptr() }
+    /// The port of an index: 0 is A (RM0090 2.3 and 8.4.7: all ports are alike).
+    ///
+    /// # Safety
+    /// Who calls it may write to the pins that it will write to.
+    pub(crate) const unsafe fn of(index: u8) -> Self {
+        const BSRR: u32 = 0x4002_0018;
+        Self { bsrr: (BSRR + 0x400 * index as u32) as *mut u32 }
+    }
+
+    /// A store to BSRR sets and resets pins at once; nobody has to read.
+    #[inline(always)]
+    pub(crate) fn write(self, word: u32) {
+        // SAFETY: the address is a port's BSRR, always writable; zeros do nothing, and ones name pins that are the
+        // caller's by the contract of `of`.
+        unsafe { self.bsrr.write_volatile(word) }
     }
 }
 
@@ -47,8 +59,7 @@ impl<const PORTS: usize> OutputPorts<PORTS> for MotorPorts<PORTS> {
     #[inline(always)]
     fn write(&self, port: usize, word: u32) {
         if let Some(port) = self.0.get(port) {
-            // SAFETY: the address is a port's BSRR, always writable; the words name motor pins only.
-            unsafe { port.bsrr.write_volatile(word) }
+            port.write(word);
         }
     }
 }
@@ -348,12 +359,11 @@ impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> StepOutp
 }
 
 impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> MotorEnable for StepQueue<B, M, PORTS, N> {
-    /// The drivers share one signal: it is on while any motor is.
     fn set_motors_enabled(&mut self, axes: u8, enabled: bool) {
         let before = self.enabled;
         self.enabled = if enabled { before | axes } else { before & !axes };
-        if (self.enabled != 0) != (before != 0) {
-            self.motors.enable(self.enabled != 0);
+        if self.enabled != before {
+            self.motors.enable(self.enabled);
         }
     }
 }

@@ -14,8 +14,15 @@ use crate::pac::Interrupt;
 /// Entries before the first interrupt: the initial stack pointer and 15 exceptions.
 const EXCEPTIONS: usize = 16;
 
-/// All entries. The floating-point unit's interrupt is the last that this chip has (RM0090, table 61).
-const ENTRIES: usize = EXCEPTIONS + Interrupt::FPU as usize + 1;
+/// The last interrupt that the chip has: the floating-point unit's (RM0090, table 61) ...
+#[cfg(not(feature = "stm32f446"))]
+const LAST: Interrupt = Interrupt::FPU;
+/// ... or the second of the fast-mode I2C (RM0390, table 38).
+#[cfg(feature = "stm32f446")]
+const LAST: Interrupt = Interrupt::FMPI2C1_ERROR;
+
+/// All entries.
+const ENTRIES: usize = EXCEPTIONS + LAST as usize + 1;
 
 /// A handler, as the core calls it.
 pub type Handler = unsafe extern "C" fn();
@@ -45,7 +52,7 @@ pub fn original(interrupt: Interrupt) -> Option<Handler> {
 /// The core's vector table register.
 pub struct VectorTable {
     scb: SCB,
-    /// Where the image's table is, as the core knew it: cortex-m-rt leaves it at 0, where flash shows as well.
+    /// Where the image's table is: cortex-m-rt has told the core, whatever a boot loader had told it.
     of_image: u32,
 }
 

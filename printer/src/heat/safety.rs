@@ -1,7 +1,7 @@
 //! When a heater counts as failed: every thermal check there is, and nothing else.
 //!
 //! [`Safety::check`] sees each sample of one heater: the temperature (freed of single bad readings, see
-//! [`super::Thermometer`]), the target, and the power that was in force up to now. What it finds switches *all* heaters
+//! `Thermometer`), the target, and the power that was in force up to now. What it finds switches *all* heaters
 //! off, in the same sample ([`super::HeatControl`]). It commands nothing and trusts nothing that the control has worked
 //! out.
 //!

@@ -7,8 +7,7 @@ use crate::profile::{
     AxisHoming, DriverTiming, ExtrusionSettings, FirmwareRetraction, HeaterSettings, HeaterWatch, HomeEnd,
 };
 use ferrostep_hal_shim::stepping::{
-    DroppedSteps, FeedError, NextWords, OutputPorts, Pulses, Signals, SlotAccount, StepFeeder, StepLink, StepPlayer,
-    UpdateTimer,
+    DroppedSteps, FeedError, NextWords, OutputPorts, Pulses, Signals, StepFeeder, StepLink, StepPlayer, UpdateTimer,
 };
 use ferrostep_hal_shim::thermistor::{Thermistor, ThermistorType};
 use ferrostep_hal_shim::virtual_board::{StepTimer, VirtualPort, VirtualUpdateTimer};
@@ -167,8 +166,7 @@ fn with_machine<T>(look_ahead: usize, test: impl FnOnce(TestMachine<'_>, Interru
     let port = VirtualPort::new(&timer, false);
     let signals = Signals { pulse_ticks: 84, direction_setup_ticks: 17 };
     let next = RefCell::new(NextWords::NONE);
-    let mut accounts = [SlotAccount::NONE; 2048];
-    let feeder = StepFeeder::new(&player, VirtualPort::pins(), signals, &mut accounts);
+    let feeder = StepFeeder::new(&player, VirtualPort::pins(), signals);
     let queue = Queue { feeder, player: &player, timer: &timer, port: &port, next: &next, enabled: 0 };
     let machine = Machine::new(&profile(), vec![Slot::EMPTY; look_ahead], queue);
     test(machine, Interrupt { player: &player, timer: &timer, port: &port, next: &next })

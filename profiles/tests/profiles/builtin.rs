@@ -161,7 +161,7 @@ fn a_path_is_read_and_equals_the_built_in_text() {
 #[test]
 fn what_is_neither_a_name_nor_a_file_is_answered_with_the_names() {
     let error = load("carthesian").unwrap_err();
-    assert!(matches!(error.problem(), Problem::Read(_)));
+    assert!(matches!(error.problem(), Problem::Read { .. }));
     let text = error.to_string();
     assert!(text.starts_with("carthesian: cannot read profile: "), "{text}");
     assert!(text.ends_with("the built-in profiles are cartesian, corexy, prusa-mini"), "{text}");
@@ -173,7 +173,7 @@ fn a_folder_a_binary_file_and_an_endless_one_are_refused() {
     let this_program = this_program.to_str().unwrap();
     for path in [env!("CARGO_MANIFEST_DIR"), this_program] {
         let error = load(path).unwrap_err();
-        assert!(matches!(error.problem(), Problem::Read(_)), "{path}: {error}");
+        assert!(matches!(error.problem(), Problem::Read { .. }), "{path}: {error}");
     }
     if cfg!(unix) {
         let error = load("/dev/zero").unwrap_err();

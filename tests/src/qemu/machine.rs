@@ -2,12 +2,16 @@
 
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Write};
+use std::net::TcpListener;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::thread;
 use std::time::Instant;
 
+use object::{Object, ObjectSection};
+
+use super::debugger::Debugger;
 use super::host::Port;
 
 /// The program. Version 7.2 is known to work.
@@ -31,6 +35,9 @@ const ARGUMENTS: [&str; 13] = [
     "unimp",
     "-D",
 ];
+
+/// Where the core looks for its stack pointer and its first instruction after reset.
+const FLASH: u32 = 0x0800_0000;
 
 /// The time for which the image sleeps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -59,25 +66,29 @@ pub struct Machine {
     from_image: Receiver<String>,
     pin_log: PathBuf,
     messages: PathBuf,
+    debugger_port: u16,
 }
 
 impl Machine {
-    /// Starts an image; its logs go into `folder`.
+    /// Starts an image; its logs go into `folder`. One that does not begin where flash does gets a boot loader that does
+    /// nothing but jump to it.
     ///
     /// # Errors
     /// The emulator does not start, or the folder cannot be written to.
     pub fn start(image: &Path, folder: &Path, sleep: Sleep) -> io::Result<Self> {
         let (pin_log, messages) = (folder.join("pins.log"), folder.join("emulator.log"));
-        let mut child = Command::new(EMULATOR)
-            .args(["-icount", sleep.icount()])
-            .args(ARGUMENTS)
-            .arg(&pin_log)
-            .arg("-kernel")
-            .arg(image)
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .stderr(File::create(&messages)?)
-            .spawn()?;
+        let debugger_port = free_port()?;
+        let mut command = Command::new(EMULATOR);
+        command.args(["-icount", sleep.icount()]).args(ARGUMENTS).arg(&pin_log).arg("-kernel").arg(image);
+        command.arg("-gdb").arg(format!("tcp:127.0.0.1:{debugger_port}"));
+        if let Some(jump) = jump_to(image)? {
+            let path = folder.join("boot-loader.bin");
+            std::fs::write(&path, jump)?;
+            let path = path.display();
+            command.arg("-device").arg(format!("loader,file={path},addr={FLASH:#x},force-raw=on"));
+        }
+        let mut child =
+            command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(File::create(&messages)?).spawn()?;
         let (Some(mut input), Some(output)) = (child.stdin.take(), child.stdout.take()) else {
             return Err(io::Error::other("the emulator has no serial line"));
         };
@@ -99,12 +110,20 @@ impl Machine {
                 }
             }
         });
-        Ok(Self { child, to_image, from_image, pin_log, messages })
+        Ok(Self { child, to_image, from_image, pin_log, messages, debugger_port })
     }
 
     /// The log of pins, as long as it is by now; the emulator writes each access at once.
     pub fn pin_log(&self) -> &Path {
         &self.pin_log
+    }
+
+    /// Halts the processor.
+    ///
+    /// # Errors
+    /// The emulator is gone.
+    pub fn halt(&self) -> io::Result<Debugger> {
+        Debugger::halt(self.debugger_port)
     }
 
     /// Ends the emulator; the log of pins is then complete.
@@ -119,6 +138,20 @@ impl Machine {
         let messages = std::fs::read_to_string(&self.messages).unwrap_or_default();
         io::Error::new(io::ErrorKind::UnexpectedEof, format!("the emulator ended ({status:?}): {messages}"))
     }
+}
+
+/// A port of this computer that nobody listens at.
+fn free_port() -> io::Result<u16> {
+    Ok(TcpListener::bind("127.0.0.1:0")?.local_addr()?.port())
+}
+
+/// The words that the core takes for its own after reset, if the image does not stand where it looks for them.
+fn jump_to(image: &Path) -> io::Result<Option<Vec<u8>>> {
+    let bytes = std::fs::read(image)?;
+    let file = object::File::parse(&*bytes).map_err(io::Error::other)?;
+    let table = file.section_by_name(".vector_table").ok_or_else(|| io::Error::other("no vector table"))?;
+    let words = table.data().map_err(io::Error::other)?;
+    Ok((table.address() != u64::from(FLASH)).then(|| words.iter().take(8).copied().collect()))
 }
 
 impl Drop for Machine {

@@ -1,17 +1,10 @@
-//! What the image did to its pins, from the emulator's log of devices that it does not have.
-//!
-//! A line is `GPIOC: unimplemented device write (size 4, offset 0x018, value 0x00000020)`, in the program's order.
+//! What the image did to the pins of its motors on one port, from the emulator's log of devices that it does not have.
 
 use std::io::{self, BufRead, BufReader};
 use std::path::Path;
 
+use super::port_log::{BSRR, ODR, offset_and_value};
 use crate::trace_check::Fnv1a64;
-
-/// Offset of the output data register.
-const ODR: u32 = 0x14;
-
-/// Offset of the register that sets pins by its lower and resets pins by its upper half.
-const BSRR: u32 = 0x18;
 
 /// Which pins of one port do what.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -134,14 +127,6 @@ impl PinLog {
 /// Mask of the motors whose pin is in `level`.
 fn motors(level: u16, pins: [u8; 4]) -> u8 {
     pins.iter().enumerate().fold(0, |mask, (motor, pin)| mask | (u8::from(level >> pin & 1 == 1)) << motor)
-}
-
-/// The numbers of `018, value 0x00000020)`. A line that is still being written has no closing bracket.
-fn offset_and_value(access: &[u8]) -> Option<(u32, u32)> {
-    let access = std::str::from_utf8(access).ok()?;
-    let (offset, value) = access.split_once(", value 0x")?;
-    let (value, _) = value.split_once(')')?;
-    Some((u32::from_str_radix(offset, 16).ok()?, u32::from_str_radix(value, 16).ok()?))
 }
 
 #[cfg(test)]

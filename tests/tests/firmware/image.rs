@@ -1,11 +1,12 @@
 //! The image, and one emulator at a time.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::Duration;
 
-use ferrostep_tests::qemu::{EMULATOR, Host, Machine, PinLog, Pins, Sleep};
+use ferrostep_tests::qemu::{EMULATOR, Host, Machine, PinLog, Pins, PortWrite, Sleep};
 use tempfile::TempDir;
 
 /// Far more than any of these conversations takes.
@@ -14,20 +15,33 @@ const LIMIT: Duration = Duration::from_secs(240);
 /// While the image sleeps, its time is the wall clock's: emulators that share a processor would disturb each other.
 static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
 
-/// Path of the firmware image; built when nobody has.
+/// Path of the bench board's image; built when nobody has.
 pub fn image() -> &'static Path {
     static IMAGE: OnceLock<PathBuf> = OnceLock::new();
     IMAGE.get_or_init(|| match std::env::var_os("FERROSTEP_FIRMWARE") {
         Some(path) => PathBuf::from(path),
-        None => built_image(),
+        None => built_image("bench"),
     })
 }
 
-fn built_image() -> PathBuf {
+/// Path of a board's image; built when nobody has. Its other files lie next to it.
+pub fn image_of(board: &str) -> PathBuf {
+    static BUILT: Mutex<BTreeMap<String, PathBuf>> = Mutex::new(BTreeMap::new());
+    match std::env::var_os("FERROSTEP_IMAGES") {
+        Some(folder) => Path::new(&folder).join(board).join("ferrostep.elf"),
+        None => {
+            let mut built = BUILT.lock().unwrap_or_else(PoisonError::into_inner);
+            built.entry(board.to_owned()).or_insert_with(|| built_image(board)).clone()
+        }
+    }
+}
+
+fn built_image(board: &str) -> PathBuf {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap();
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
-    let output = Command::new(cargo).args(["xtask", "firmware"]).current_dir(root).output().unwrap();
-    assert!(output.status.success(), "cargo xtask firmware: {}", String::from_utf8_lossy(&output.stderr));
+    let output = Command::new(cargo).args(["xtask", "firmware", "--board", board]).current_dir(root).output().unwrap();
+    let messages = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "cargo xtask firmware --board {board}: {messages}");
     // Its first line is the path, the size table follows.
     let text = String::from_utf8(output.stdout).unwrap();
     PathBuf::from(text.lines().next().unwrap())
@@ -43,14 +57,22 @@ pub struct Bench {
 }
 
 impl Bench {
-    /// Boots the image.
+    /// Boots the bench board's image.
     pub fn boot() -> Self {
         Self::boot_with(Sleep::RealTime)
     }
 
-    /// Boots the image, and says what becomes of its sleep.
+    /// Boots the bench board's image, and says what becomes of its sleep.
     pub fn boot_with(sleep: Sleep) -> Self {
-        let image = image();
+        Self::start(image(), sleep)
+    }
+
+    /// Boots an image.
+    pub fn boot_image(image: &Path) -> Self {
+        Self::start(image, Sleep::RealTime)
+    }
+
+    fn start(image: &Path, sleep: Sleep) -> Self {
         // A test that failed while it had its turn leaves nothing behind that matters here.
         let turn = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
         let folder = tempfile::tempdir().unwrap();
@@ -65,6 +87,11 @@ impl Bench {
     /// What the pins have done so far.
     pub fn pins(&mut self) -> PinLog {
         PinLog::read(self.host.port().pin_log(), Pins::BENCH).unwrap()
+    }
+
+    /// All that was stored to the ports so far.
+    pub fn port_writes(&mut self) -> Vec<PortWrite> {
+        PortWrite::read(self.host.port().pin_log()).unwrap()
     }
 
     /// Ends the emulator and returns what the pins have done.

@@ -4,6 +4,9 @@
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 mod bad_input;
+mod board_files;
+mod board_pins;
+mod boards;
 mod choices;
 mod emergency;
 mod heater_fault;

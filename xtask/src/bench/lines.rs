@@ -16,6 +16,9 @@ const WU_LINES: [(&str, &str, &str); 5] = [
     ("y = x, (30, 30)", "x1", "1.00"),
 ];
 
+/// The queues that Wu's lines are drawn to.
+const KINDS: [&str; 2] = ["bresenham", "bresenham_pulses"];
+
 /// The ways that lines of every slope are drawn.
 const WAYS: [&str; 3] = ["classic", "classic_coalesced", "step"];
 
@@ -23,25 +26,33 @@ const WAYS: [&str; 3] = ["classic", "classic_coalesced", "step"];
 pub fn join(target: &mut Value, workload: &mut Value) -> Result<(), Failure> {
     let missing = || "the bench told nothing of its lines".to_owned();
     let workload = workload.as_object_mut().ok_or_else(missing)?;
-    let wu = workload.remove("bresenham").ok_or_else(missing)?;
-    let slopes = workload.remove("bresenham_slopes").ok_or_else(missing)?;
-    for (_, key, _) in WU_LINES {
-        let line =
-            target.pointer_mut(&format!("/bresenham/{key}")).and_then(Value::as_object_mut).ok_or_else(missing)?;
-        let ways: Vec<String> = line.keys().cloned().collect();
-        for told in ["entries", "decisions"] {
-            let counts =
-                ways.iter().map(|way| Some((way.clone(), wu.pointer(&format!("/{key}/{way}/{told}"))?.clone())));
-            let counts: Option<serde_json::Map<_, _>> = counts.collect();
-            line.insert(told.to_owned(), json!(counts.ok_or_else(missing)?));
-        }
+    for kind in KINDS {
+        let wu = workload.remove(kind).ok_or_else(missing)?;
+        join_wu(target.get_mut(kind).ok_or_else(missing)?, &wu)?;
     }
+    let slopes = workload.remove("bresenham_slopes").ok_or_else(missing)?;
     let lines = target.get_mut("bresenham_slopes").and_then(Value::as_array_mut).ok_or_else(missing)?;
     let told = slopes.as_array().filter(|told| told.len() == lines.len()).ok_or_else(missing)?;
     for (line, told) in lines.iter_mut().zip(told) {
         for way in WAYS {
             let cost = line.get_mut(way).and_then(Value::as_object_mut).ok_or_else(missing)?;
             cost.extend(told.get(way).and_then(Value::as_object).ok_or_else(missing)?.clone());
+        }
+    }
+    Ok(())
+}
+
+/// The same for one kind of queue.
+fn join_wu(lines: &mut Value, told: &Value) -> Result<(), Failure> {
+    let missing = || "the bench told nothing of its lines".to_owned();
+    for (_, key, _) in WU_LINES {
+        let line = lines.get_mut(key).and_then(Value::as_object_mut).ok_or_else(missing)?;
+        let ways: Vec<String> = line.keys().cloned().collect();
+        for what in ["entries", "decisions"] {
+            let counts =
+                ways.iter().map(|way| Some((way.clone(), told.pointer(&format!("/{key}/{way}/{what}"))?.clone())));
+            let counts: Option<serde_json::Map<_, _>> = counts.collect();
+            line.insert(what.to_owned(), json!(counts.ok_or_else(missing)?));
         }
     }
     Ok(())
@@ -63,9 +74,21 @@ fn ratio(count: Option<f64>, by: Option<f64>) -> String {
 fn wu_lines(out: &mut String, figures: &Value) -> std::fmt::Result {
     writeln!(
         out,
-        "Wu's five lines, instructions from end point to entries in the step queue (`target.bresenham`), which all three\n\
-         hand 32 entries at once. His ratio (tables 1 to 5) is of run times in MATLAB, classic to step.\n"
+        "Wu's five lines, instructions from end point to entries in the step queue, which all three hand 32 entries at \
+         once. His\nratio (tables 1 to 5) is of run times in MATLAB, classic to step. For drivers that step at both edges, \
+         as the TMC2209\nof printer boards (`target.bresenham`):\n"
     )?;
+    wu_table(out, figures, "bresenham")?;
+    writeln!(
+        out,
+        "\nThe same with pulses (`target.bresenham_pulses`), where the last step of a stair takes a slot of the queue of \
+         its own,\nwhoever makes the stair:\n"
+    )?;
+    wu_table(out, figures, "bresenham_pulses")?;
+    writeln!(out)
+}
+
+fn wu_table(out: &mut String, figures: &Value, kind: &str) -> std::fmt::Result {
     writeln!(
         out,
         "| line | classic, an entry a step | classic, equal steps in one entry | step | classic to step | coalesced to \
@@ -73,23 +96,19 @@ fn wu_lines(out: &mut String, figures: &Value) -> std::fmt::Result {
     )?;
     writeln!(out, "|---|---|---|---|---|---|---|")?;
     for (line, key, wu_ratio) in WU_LINES {
-        let [classic, coalesced, step] = WAYS.map(|way| number(figures, &format!("target.bresenham.{key}.{way}")));
+        let [classic, coalesced, step] = WAYS.map(|way| number(figures, &format!("target.{kind}.{key}.{way}")));
         let ratios = [ratio(classic, step), ratio(coalesced, step)].join(" | ");
         let counts = [classic, coalesced, step].map(shown).join(" | ");
         writeln!(out, "| {line} | {counts} | {ratios} | {wu_ratio} |")?;
     }
-    writeln!(
-        out,
-        "\nWith pulses, which the firmware's profile has, the last step of a stair takes a slot of the queue of its own, \
-         whoever\nmakes the stair: that is most of what is left of step Bresenham's cost.\n"
-    )
+    Ok(())
 }
 
 fn rules(out: &mut String, figures: &Value) -> std::fmt::Result {
     writeln!(
         out,
         "The rules for a stair's width, and the decision values that each compares with zero \
-         (`target.bresenham.*.decisions`).\nFrom the quotient is what the column *step* above has.\n"
+         (`target.bresenham.*.decisions`).\nFrom the quotient is what the column *step* above has. Drivers that step at both edges.\n"
     )?;
     writeln!(
         out,
@@ -109,8 +128,8 @@ fn rules(out: &mut String, figures: &Value) -> std::fmt::Result {
 fn slopes(out: &mut String, figures: &Value) -> std::fmt::Result {
     writeln!(
         out,
-        "Lines of every slope, from (0, 0) to (100, dy), the same three ways (`target.bresenham_slopes`): instructions / \
-         entries /\ndecisions. Above 1/2 step Bresenham's stairs are the complement's.\n"
+        "Lines of every slope, from (0, 0) to (100, dy), the same three ways (`target.bresenham_slopes`), for drivers \
+         that step at\nboth edges: instructions / entries / decisions. Above 1/2 step Bresenham's stairs are the complement's.\n"
     )?;
     writeln!(out, "| dy | classic, an entry a step | classic, equal steps in one entry | step | coalesced to step |")?;
     writeln!(out, "|---|---|---|---|---|")?;
@@ -133,12 +152,14 @@ mod tests {
     use super::*;
 
     fn counted() -> (Value, Value) {
-        let mut target = json!({"bresenham": {}, "bresenham_slopes": [{"dy": 7}]});
-        let mut workload = json!({"bresenham": {}, "bresenham_slopes": [{}]});
+        let mut target = json!({"bresenham_slopes": [{"dy": 7}]});
+        let mut workload = json!({"bresenham_slopes": [{}]});
         for way in WAYS {
             for (_, key, _) in WU_LINES {
-                target["bresenham"][key][way] = json!(300);
-                workload["bresenham"][key][way] = json!({"entries": 11, "decisions": 10});
+                for (kind, cost) in KINDS.into_iter().zip([300, 400]) {
+                    target[kind][key][way] = json!(cost);
+                    workload[kind][key][way] = json!({"entries": 11, "decisions": 10});
+                }
             }
             target["bresenham_slopes"][0][way] = json!({"instructions": 200});
             workload["bresenham_slopes"][0][way] = json!({"entries": 8, "decisions": 7});
@@ -161,13 +182,16 @@ mod tests {
         let mut out = String::new();
         tables(&mut out, &json!({"target": target})).unwrap();
         assert!(out.contains("| 7 | 200 / 8 / 7 | 200 / 8 / 7 | 200 / 8 / 7 | 1.00 |"), "{out}");
-        assert!(out.contains("| y = x/3, (30, 10) | 300 | 300 | 300 | 1.00 | 1.00 | 1.23 |"), "{out}");
+        for cost in [300, 400] {
+            let row = format!("| y = x/3, (30, 10) | {cost} | {cost} | {cost} | 1.00 | 1.00 | 1.23 |");
+            assert!(out.contains(&row), "{out}");
+        }
     }
 
     #[test]
     fn a_line_of_which_nothing_is_told_is_an_error() {
         let (target, workload) = counted();
-        for missing in ["bresenham", "bresenham_slopes"] {
+        for missing in ["bresenham", "bresenham_pulses", "bresenham_slopes"] {
             let mut less = workload.clone();
             less.as_object_mut().unwrap().remove(missing);
             assert!(join(&mut target.clone(), &mut less).is_err());

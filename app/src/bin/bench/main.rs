@@ -28,7 +28,7 @@ use ferrostep_stm32f4::motion_clock::MotionClock;
 
 use counter::Counter;
 use profile::PROFILE;
-use queue::{BenchQueue, PrintQueue, SHORT_QUEUE_SLOTS};
+use queue::{BenchQueue, LineQueues, PrintQueue, SHORT_QUEUE_SLOTS};
 use report::{Lines, Print, Report, StepEvents, Workload};
 use step_events::{FOUR_AXES, STAIR_EVENTS};
 
@@ -43,15 +43,15 @@ const ONE_AXIS_MM: [i64; 2] = [30, 0];
 
 #[rtic::app(device = ferrostep_stm32f4::pac, peripherals = true)]
 mod app {
-    use ferrostep_hal_shim::stepping::{BothEdges, SlotAccount, StepPlayer};
+    use ferrostep_hal_shim::stepping::{BothEdges, Pulses, StepPlayer};
     use ferrostep_planner::look_ahead::Slot;
-    use ferrostep_stm32f4::bench::BenchPins;
+    use ferrostep_stm32f4::board::BoardPins;
     use ferrostep_stm32f4::motion_clock::MotionClock;
     use ferrostep_stm32f4::pac::Interrupt;
     use ferrostep_stm32f4::step_timer::StepTimer;
 
     use crate::profile::StepSignals;
-    use crate::queue::{self, Ports, SHORT_QUEUE_SLOTS, STEP_QUEUE_SLOTS};
+    use crate::queue::{self, LINE_QUEUE_SLOTS, LineQueues, Ports, SHORT_QUEUE_SLOTS, STEP_QUEUE_SLOTS};
     use crate::report::Lines;
     use crate::{LOOK_AHEAD_BLOCKS, Queues};
 
@@ -59,6 +59,9 @@ mod app {
     static EDGES: StepPlayer<BothEdges, 1, SHORT_QUEUE_SLOTS> = StepPlayer::new();
     static EDGES_ON_TWO_PORTS: StepPlayer<BothEdges, 2, SHORT_QUEUE_SLOTS> = StepPlayer::new();
     static EDGES_ON_THREE_PORTS: StepPlayer<BothEdges, 3, SHORT_QUEUE_SLOTS> = StepPlayer::new();
+
+    static LINE_EDGES: StepPlayer<BothEdges, 1, LINE_QUEUE_SLOTS> = StepPlayer::new();
+    static LINE_PULSES: StepPlayer<Pulses, 1, LINE_QUEUE_SLOTS> = StepPlayer::new();
 
     #[shared]
     struct Shared {
@@ -82,25 +85,32 @@ mod app {
 
     #[init(local = [
         slots: [Slot; LOOK_AHEAD_BLOCKS] = [Slot::EMPTY; LOOK_AHEAD_BLOCKS],
-        of_print: [SlotAccount; STEP_QUEUE_SLOTS] = [SlotAccount::NONE; STEP_QUEUE_SLOTS],
-        of_one: [SlotAccount; SHORT_QUEUE_SLOTS] = [SlotAccount::NONE; SHORT_QUEUE_SLOTS],
-        of_two: [SlotAccount; SHORT_QUEUE_SLOTS] = [SlotAccount::NONE; SHORT_QUEUE_SLOTS],
-        of_three: [SlotAccount; SHORT_QUEUE_SLOTS] = [SlotAccount::NONE; SHORT_QUEUE_SLOTS],
         of_lines: Lines = Lines::NONE,
     ])]
     fn init(cx: init::Context) -> (Shared, Local) {
         let device = cx.device;
-        let ports = Ports::new(&BenchPins::new(device.GPIOC, &device.GPIOA, &device.RCC));
+        let ports = Ports::new(&BoardPins::new((
+            device.GPIOA,
+            device.GPIOB,
+            device.GPIOC,
+            device.GPIOD,
+            device.GPIOE,
+            device.GPIOF,
+            device.GPIOG,
+        )));
         let clock = MotionClock::start(device.TIM5, &device.RCC);
-        let (Some(print), Some(of_one), Some(of_two), Some(of_three)) = (
-            queue::start(&device.RCC, ports, &STEPS, cx.local.of_print, Interrupt::SPI3),
-            queue::start(&device.RCC, ports, &EDGES, cx.local.of_one, Interrupt::SPI2),
-            queue::start(&device.RCC, ports, &EDGES_ON_TWO_PORTS, cx.local.of_two, Interrupt::TIM3),
-            queue::start(&device.RCC, ports, &EDGES_ON_THREE_PORTS, cx.local.of_three, Interrupt::SPI1),
+        let (Some(print), Some(of_one), Some(of_two), Some(of_three), Some(edges), Some(pulses)) = (
+            queue::start(&device.RCC, ports, &STEPS, Interrupt::SPI3),
+            queue::start(&device.RCC, ports, &EDGES, Interrupt::SPI2),
+            queue::start(&device.RCC, ports, &EDGES_ON_TWO_PORTS, Interrupt::TIM3),
+            queue::start(&device.RCC, ports, &EDGES_ON_THREE_PORTS, Interrupt::SPI1),
+            queue::start(&device.RCC, ports, &LINE_EDGES, Interrupt::SPI2),
+            queue::start(&device.RCC, ports, &LINE_PULSES, Interrupt::SPI3),
         ) else {
             panic!("a port has 16 pins")
         };
-        let queues = Queues { print: print.1, of_one: of_one.1, of_two: of_two.1, of_three: of_three.1 };
+        let lines = LineQueues { edges: edges.1, pulses: pulses.1 };
+        let queues = Queues { print: print.1, of_one: of_one.1, of_two: of_two.1, of_three: of_three.1, lines };
         let shared = Shared { print: print.0, one_port: of_one.0, two_ports: of_two.0, three_ports: of_three.0 };
         (shared, Local { queues, clock, ring: cx.local.slots, lines: cx.local.of_lines })
     }
@@ -149,19 +159,20 @@ mod app {
     }
 }
 
-/// The firmware's queue, and those of drivers that step at both edges, with motors on one port, two, and three.
+/// The firmware's queue; those of drivers that step at both edges, with motors on one port, two, and three; and the lines'.
 pub struct Queues {
     print: PrintQueue,
     of_one: BenchQueue<BothEdges, 1, SHORT_QUEUE_SLOTS>,
     of_two: BenchQueue<BothEdges, 2, SHORT_QUEUE_SLOTS>,
     of_three: BenchQueue<BothEdges, 3, SHORT_QUEUE_SLOTS>,
+    lines: LineQueues,
 }
 
 /// Measures, says what, and ends the emulator.
 fn run(clock: MotionClock, queues: &mut Queues, ring: &mut [Slot], lines: &mut Lines) -> ! {
     let outcome = Counter::start(clock).and_then(|counter| {
         if cfg!(feature = "tally") {
-            tally(&counter, &mut queues.print, ring, lines).map(|workload| hprintln!("{}", workload))
+            tally(&counter, queues, ring, lines).map(|workload| hprintln!("{}", workload))
         } else {
             measure(&counter, queues, ring, lines).map(|report| hprintln!("{}", report))
         }
@@ -181,14 +192,14 @@ fn measure<'a>(
     ring: &mut [Slot],
     lines: &'a mut Lines,
 ) -> Result<Report<'a>, &'static str> {
-    let Queues { print: queue, of_one, of_two, of_three } = queues;
+    let Queues { print: queue, of_one, of_two, of_three, lines: line_queues } = queues;
     let step_event = StepEvents {
         profile: step_events::stairs(counter, queue, FOUR_AXES, STAIR_EVENTS)?,
         two_ports: step_events::stairs(counter, of_two, FOUR_AXES, STAIR_EVENTS)?,
         three_ports: step_events::stairs(counter, of_three, FOUR_AXES, STAIR_EVENTS)?,
         ..step_events::synthetic(counter, of_one)?
     };
-    wu_lines::measure(counter, queue, lines)?;
+    wu_lines::measure(counter, line_queues, lines)?;
     let mut report = Report {
         step_event,
         parse_line: pieces::parse_lines(counter)?,
@@ -206,11 +217,12 @@ fn measure<'a>(
 /// How much these are of.
 fn tally<'a>(
     counter: &Counter,
-    queue: &mut PrintQueue,
+    queues: &mut Queues,
     ring: &mut [Slot],
     lines: &'a mut Lines,
 ) -> Result<Workload<'a>, &'static str> {
-    wu_lines::measure(counter, queue, lines)?;
+    let Queues { print: queue, lines: line_queues, .. } = queues;
+    wu_lines::measure(counter, line_queues, lines)?;
     pieces::trapezoid(counter, &PROFILE, ring, queue, TWO_AXES_MM)?;
     let trapezoid = queue.take_tally();
     pieces::trapezoid(counter, &PROFILE, ring, queue, ONE_AXIS_MM)?;

@@ -4,10 +4,12 @@ use core::sync::atomic::{AtomicU16, Ordering};
 
 use cortex_m::peripheral::NVIC;
 use ferrostep_hal_shim::StepOutput;
-use ferrostep_hal_shim::stepping::{MotorPins, Pin, PinMap, Signals, SlotAccount, StepFeeder, StepPlayer, Stepping};
+use ferrostep_hal_shim::stepping::{
+    BothEdges, MotorPins, Pin, PinMap, Pulses, Signals, StepFeeder, StepPlayer, Stepping,
+};
 use ferrostep_planner::interpolator::MAX_ENTRIES;
 use ferrostep_planner::{Notice, StepEntry, StepKind, StepSink};
-use ferrostep_stm32f4::bench::BenchPins;
+use ferrostep_stm32f4::board::BoardPins;
 use ferrostep_stm32f4::pac::{Interrupt, Peripherals, RCC};
 use ferrostep_stm32f4::step_timer::{MotorPort, MotorPorts, Motors, StepQueue, StepTimer};
 
@@ -19,6 +21,9 @@ pub const STEP_QUEUE_SLOTS: usize = 2048;
 
 /// Slots of the queues that do not print.
 pub const SHORT_QUEUE_SLOTS: usize = 64;
+
+/// Slots of the queues that lines are drawn to: the longest line has 1000 steps.
+pub const LINE_QUEUE_SLOTS: usize = 1024;
 
 /// The signals may change as soon as the timer can tell.
 const SIGNALS: Signals = Signals { pulse_ticks: 2, direction_setup_ticks: 2 };
@@ -32,13 +37,13 @@ impl<const PORTS: usize> Motors<PORTS> for Ports {
         MotorPorts([self.0; PORTS])
     }
 
-    fn enable(&self, _enabled: bool) {}
+    fn enable(&self, _on: u8) {}
 }
 
 impl Ports {
-    /// Copies of the board's only one.
-    pub fn new(pins: &BenchPins) -> Self {
-        let MotorPorts([port]) = Motors::<1>::ports(pins);
+    /// Copies of the board's first.
+    pub fn new(pins: &BoardPins) -> Self {
+        let MotorPorts([port, ..]) = pins.ports();
         Self(port)
     }
 }
@@ -65,6 +70,14 @@ pub struct BenchQueue<M: 'static, const PORTS: usize, const N: usize> {
 /// The queue that prints: the firmware's.
 pub type PrintQueue = BenchQueue<StepSignals, 1, STEP_QUEUE_SLOTS>;
 
+/// The queues that lines are drawn to, which nobody plays.
+pub struct LineQueues {
+    /// For drivers that step at both edges.
+    pub edges: BenchQueue<BothEdges, 1, LINE_QUEUE_SLOTS>,
+    /// For others.
+    pub pulses: BenchQueue<Pulses, 1, LINE_QUEUE_SLOTS>,
+}
+
 /// How much there is to queue.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Tally {
@@ -80,13 +93,12 @@ pub fn start<M: Stepping, const PORTS: usize, const N: usize>(
     rcc: &RCC,
     ports: Ports,
     player: &'static StepPlayer<M, PORTS, N>,
-    accounts: &'static mut [SlotAccount; N],
     interrupt: Interrupt,
 ) -> Option<(StepTimer<M, PORTS, N>, BenchQueue<M, PORTS, N>)> {
     // SAFETY: only one of the interrupts runs at a time, and all of them use the timer alike.
     let Peripherals { TIM2: timer, TIM9: counter, .. } = unsafe { Peripherals::steal() };
     let timer = StepTimer::start(timer, counter, rcc, &ports, player);
-    let queue = StepQueue::new(ports, StepFeeder::new(player, pin_map()?, SIGNALS, accounts), None);
+    let queue = StepQueue::new(ports, StepFeeder::new(player, pin_map()?, SIGNALS), None);
     Some((timer, BenchQueue { queue, interrupt, tally: Tally::default() }))
 }
 

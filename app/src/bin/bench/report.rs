@@ -185,15 +185,23 @@ impl SlopeLine {
 /// All lines, ways and figures: memory that the stack has not got.
 #[derive(Debug)]
 pub struct Lines {
-    /// Wu's.
+    /// Wu's, for drivers that step at both edges.
     pub wu: heapless::Vec<WuLine, 5>,
-    /// Of every slope.
+    /// The same with pulses.
+    pub wu_pulses: heapless::Vec<WuLine, 5>,
+    /// Of every slope, for drivers that step at both edges.
     pub slopes: heapless::Vec<SlopeLine, 23>,
 }
 
 impl Lines {
     /// None yet.
-    pub const NONE: Self = Self { wu: heapless::Vec::new(), slopes: heapless::Vec::new() };
+    pub const NONE: Self =
+        Self { wu: heapless::Vec::new(), wu_pulses: heapless::Vec::new(), slopes: heapless::Vec::new() };
+
+    /// Wu's, by kind of queue.
+    fn wu_by_kind(&self) -> [(&'static str, &[WuLine]); 2] {
+        [("bresenham", &self.wu), ("bresenham_pulses", &self.wu_pulses)]
+    }
 }
 
 /// Mean instructions for each G0 or G1 of a whole print.
@@ -244,15 +252,18 @@ impl fmt::Display for Report<'_> {
             write!(out, ", \"{name}\": {mean}")?;
         }
         write!(out, ", \"line_to_queue\": {{\"parse\": {parse}, \"plan\": {plan}, \"interpolate\": {interpolate}}}")?;
-        out.write_str(", \"bresenham\": {")?;
-        for (index, line) in self.lines.wu.iter().enumerate() {
-            write!(out, "{}\"{}\": {{", separator(index), line.name)?;
-            for (index, (name, cost)) in line.ways().into_iter().enumerate() {
-                write!(out, "{}\"{name}\": {}", separator(index), cost.instructions)?;
+        for (kind, lines) in self.lines.wu_by_kind() {
+            write!(out, ", \"{kind}\": {{")?;
+            for (index, line) in lines.iter().enumerate() {
+                write!(out, "{}\"{}\": {{", separator(index), line.name)?;
+                for (index, (name, cost)) in line.ways().into_iter().enumerate() {
+                    write!(out, "{}\"{name}\": {}", separator(index), cost.instructions)?;
+                }
+                out.write_str("}")?;
             }
             out.write_str("}")?;
         }
-        out.write_str("}, \"bresenham_slopes\": [")?;
+        out.write_str(", \"bresenham_slopes\": [")?;
         for (index, line) in self.lines.slopes.iter().enumerate() {
             write!(out, "{}{{\"dx\": {}, \"dy\": {}", separator(index), line.dx, line.dy)?;
             for (name, cost) in line.ways() {
@@ -300,15 +311,18 @@ impl fmt::Display for Workload<'_> {
         for (name, Tally { entries, events }) in tallies {
             write!(out, "\"{name}\": {{\"entries\": {entries}, \"events\": {events}}}, ")?;
         }
-        out.write_str("\"bresenham\": {")?;
-        for (index, line) in lines.wu.iter().enumerate() {
-            write!(out, "{}\"{}\": {{", separator(index), line.name)?;
-            for (index, (name, cost)) in line.ways().into_iter().enumerate() {
-                write!(out, "{}\"{name}\": {cost}", separator(index))?;
+        for (kind, lines) in lines.wu_by_kind() {
+            write!(out, "\"{kind}\": {{")?;
+            for (index, line) in lines.iter().enumerate() {
+                write!(out, "{}\"{}\": {{", separator(index), line.name)?;
+                for (index, (name, cost)) in line.ways().into_iter().enumerate() {
+                    write!(out, "{}\"{name}\": {cost}", separator(index))?;
+                }
+                out.write_str("}")?;
             }
-            out.write_str("}")?;
+            out.write_str("}, ")?;
         }
-        out.write_str("}, \"bresenham_slopes\": [")?;
+        out.write_str("\"bresenham_slopes\": [")?;
         for (index, line) in lines.slopes.iter().enumerate() {
             write!(out, "{}{{", separator(index))?;
             for (index, (name, cost)) in line.ways().into_iter().enumerate() {

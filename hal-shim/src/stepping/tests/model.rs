@@ -106,7 +106,7 @@ impl<M: Stepping, const PORTS: usize, const N: usize> Interrupt<M, PORTS, N> {
     }
 
     pub fn feeder(&'static self, signals: Signals) -> StepFeeder<'static, M, PORTS, N> {
-        StepFeeder::new(&self.player, pins::<PORTS>(), signals, Box::leak(Box::new([SlotAccount::NONE; N])))
+        StepFeeder::new(&self.player, pins::<PORTS>(), signals)
     }
 
     /// The interrupt comes, whoever has called it.

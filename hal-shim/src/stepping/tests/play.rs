@@ -182,7 +182,7 @@ fn what_cannot_be_played_is_refused_and_changes_nothing() {
     // Two levels of a pulse are the least.
     assert_eq!(feeder.push(StepEntry::stair(167, 1, 1, 0).unwrap()), Err(FeedError::TooNear));
     assert_eq!(feeder.push(StepEntry::wait(1)), Err(FeedError::TooNear));
-    assert_eq!((feeder.waiting(), feeder.room()), (0, 2));
+    assert_eq!((feeder.waiting(), feeder.room()), (0, 1));
     feeder.push(StepEntry::stair(168, 1, 1, 0).unwrap()).unwrap();
     let mut taken = 1;
     while feeder.push(StepEntry::stair(168, 1, 1, 0).unwrap()).is_ok() {

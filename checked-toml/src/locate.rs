@@ -8,7 +8,7 @@ use std::ops::Range;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-use crate::error::{Problem, ProfileError};
+use crate::error::{FileError, Problem};
 
 /// A table's or value's path and the spans of its key and of itself.
 struct Place {
@@ -19,12 +19,12 @@ struct Place {
 }
 
 /// Says what the reader's error is about: the full key and the line.
-pub fn explain(error: &toml::de::Error, text: &str, origin: &str) -> ProfileError {
+pub fn explain(error: &toml::de::Error, text: &str, origin: &str) -> FileError {
     let span = error.span().unwrap_or(0..0);
     let line = line_of(text, span.start);
     let Ok(root) = DeTable::parse(text) else {
         let problem = Problem::Syntax(one_line(error.message()));
-        return ProfileError::new(origin, Some(line), problem);
+        return FileError::new(origin, Some(line), problem);
     };
     let mut places = Vec::new();
     collect(root.get_ref(), "", &mut places);
@@ -37,13 +37,13 @@ pub fn explain(error: &toml::de::Error, text: &str, origin: &str) -> ProfileErro
         let problem =
             Problem::MissingKey { key: table.map_or_else(|| name.to_owned(), |table| join(&table.path, name)) };
         // A key missing at the top level is missing everywhere: no line is to blame.
-        return ProfileError::new(origin, table.map(|_| line), problem);
+        return FileError::new(origin, table.map(|_| line), problem);
     }
     if let Some(name) = quoted_after(message, "unknown field `") {
         let key = at(&|place| place.key_span == span).map_or(name, |place| place.path.as_str());
         let expected = message.split_once(", expected ").map_or("no key here", |(_, rest)| rest);
         let problem = Problem::UnknownKey { key: key.to_owned(), expected: expected.replace('`', "\"") };
-        return ProfileError::new(origin, Some(line), problem);
+        return FileError::new(origin, Some(line), problem);
     }
     let place = at(&|place| place.value_span == span || place.key_span == span);
     let problem = Problem::WrongType {
@@ -53,13 +53,21 @@ pub fn explain(error: &toml::de::Error, text: &str, origin: &str) -> ProfileErro
             .replace("unknown variant", "unknown word")
             .replace('`', "\""),
     };
-    ProfileError::new(origin, Some(line), problem)
+    FileError::new(origin, Some(line), problem)
 }
 
 /// Line of a byte offset, counted from 1.
 pub fn line_of(text: &str, offset: usize) -> usize {
     let before = text.as_bytes().get(..offset).unwrap_or(text.as_bytes());
     1 + before.iter().filter(|byte| **byte == b'\n').count()
+}
+
+/// Line on which the value of a key (a path with dots) stands; `None` if the text has no such key.
+pub fn line_of_key(text: &str, key: &str) -> Option<usize> {
+    let root = DeTable::parse(text).ok()?;
+    let mut places = Vec::new();
+    collect(root.get_ref(), "", &mut places);
+    places.iter().rev().find(|place| place.path == key).map(|place| line_of(text, place.value_span.start))
 }
 
 /// All keys below a table, a table before its contents.
@@ -76,7 +84,7 @@ fn collect(table: &DeTable<'_>, path: &str, places: &mut Vec<Place>) {
     }
 }
 
-/// The keys inside a value: a profile has no arrays, but an error may be about one that stands where a table should.
+/// The keys inside a value, those in an array's elements among them.
 fn descend(value: &Spanned<DeValue<'_>>, path: &str, places: &mut Vec<Place>) {
     match value.get_ref() {
         DeValue::Table(table) => collect(table, path, places),

@@ -1,12 +1,12 @@
-//! What can be wrong with a profile, and where.
+//! What can be wrong with a file, and where.
 
 use std::fmt;
 
-/// A profile that could not be loaded: where it came from, the line and the problem.
+/// A file that could not be loaded: where it came from, the line and the problem.
 ///
 /// Displays as one line, `ORIGIN:LINE: PROBLEM`.
 #[derive(Debug)]
-pub struct ProfileError {
+pub struct FileError {
     origin: String,
     line: Option<usize>,
     problem: Problem,
@@ -16,18 +16,25 @@ pub struct ProfileError {
 #[derive(Debug)]
 #[non_exhaustive]
 pub enum Problem {
-    /// The file could not be read (and its name is not that of a built-in profile).
-    Read(std::io::Error),
+    /// The file could not be read (and its name is none that is built in).
+    Read {
+        /// What it should have been: "profile".
+        what: &'static str,
+        /// Names that need no file.
+        built_in: Vec<&'static str>,
+        /// Why not.
+        error: std::io::Error,
+    },
     /// The text is not TOML.
     Syntax(String),
-    /// A key that a profile does not have.
+    /// A key that such a file does not have.
     UnknownKey {
         /// The key.
         key: String,
         /// What may stand in its place, in words.
         expected: String,
     },
-    /// A key that a profile must have.
+    /// A key that it must have.
     MissingKey {
         /// The key.
         key: String,
@@ -50,12 +57,13 @@ pub enum Problem {
     },
 }
 
-impl ProfileError {
-    pub(crate) fn new(origin: &str, line: Option<usize>, problem: Problem) -> ProfileError {
-        ProfileError { origin: origin.to_owned(), line, problem }
+impl FileError {
+    /// An error of the file `origin` (a path or a name).
+    pub fn new(origin: &str, line: Option<usize>, problem: Problem) -> FileError {
+        FileError { origin: origin.to_owned(), line, problem }
     }
 
-    /// The path or built-in name of the profile.
+    /// The path or built-in name of the file.
     pub fn origin(&self) -> &str {
         &self.origin
     }
@@ -77,12 +85,12 @@ impl ProfileError {
             | Problem::MissingKey { key }
             | Problem::WrongType { key, .. }
             | Problem::OutOfRange { key, .. } => Some(key),
-            Problem::Read(_) | Problem::Syntax(_) => None,
+            Problem::Read { .. } | Problem::Syntax(_) => None,
         }
     }
 }
 
-impl fmt::Display for ProfileError {
+impl fmt::Display for FileError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}:", self.origin)?;
         if let Some(line) = self.line {
@@ -95,12 +103,8 @@ impl fmt::Display for ProfileError {
 impl fmt::Display for Problem {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Problem::Read(error) => {
-                write!(f, "cannot read profile: {error}; the built-in profiles are ")?;
-                for (index, name) in crate::builtin_names().enumerate() {
-                    write!(f, "{}{name}", if index == 0 { "" } else { ", " })?;
-                }
-                Ok(())
+            Problem::Read { what, built_in, error } => {
+                write!(f, "cannot read {what}: {error}; the built-in {what}s are {}", built_in.join(", "))
             }
             Problem::Syntax(message) => write!(f, "not valid TOML: {message}"),
             Problem::UnknownKey { key, expected } => {
@@ -116,10 +120,10 @@ impl fmt::Display for Problem {
     }
 }
 
-impl std::error::Error for ProfileError {
+impl std::error::Error for FileError {
     fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
         match &self.problem {
-            Problem::Read(error) => Some(error),
+            Problem::Read { error, .. } => Some(error),
             _ => None,
         }
     }

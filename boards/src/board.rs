@@ -1,0 +1,159 @@
+//! A board as its file describes it, every value checked.
+
+use crate::chip::Chip;
+use crate::clock::Clock;
+use crate::pin::Pin;
+use crate::signals::AnalogueChannel;
+
+pub use crate::file::DriverName as Driver;
+
+/// A board.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Board {
+    /// What commands and errors call it.
+    pub name: String,
+    /// What a person calls it.
+    pub title: String,
+    /// Its chip.
+    pub chip: Chip,
+    /// Frequency of its crystal, Hz.
+    pub crystal_hz: u32,
+    /// The clock from the crystal.
+    pub clock: Clock,
+    /// The clock from the internal oscillator, for a crystal that does not start.
+    pub internal_clock: Clock,
+    /// Flash, KiB.
+    pub flash_kib: u32,
+    /// RAM that everything can reach, KiB.
+    pub ram_kib: u32,
+    /// Core-coupled memory, KiB.
+    pub ccm_kib: u32,
+    /// Where the image begins, bytes from the start of flash.
+    pub boot_offset: u32,
+    /// What the boot loader wants the image to be called.
+    pub boot_file: Option<String>,
+    /// The profile it is built with when nobody names another.
+    pub profile: String,
+    /// Nothing real hangs on it: temperatures and end stops are models.
+    pub virtual_sensors: bool,
+    /// X (A), Y (B), Z, E.
+    pub motors: [Motor; 4],
+    /// Sockets that nothing moves.
+    pub spare_motors: Vec<Motor>,
+    /// The pin of the line that drivers share.
+    pub driver_uart: Option<Pin>,
+    /// Heaters.
+    pub heaters: Vec<Heater>,
+    /// Fans.
+    pub fans: Vec<Fan>,
+    /// Thermistors.
+    pub thermistors: Vec<Thermistor>,
+    /// End stops (`x`, `y`, `z`), `probe`, `filament`.
+    pub inputs: Vec<(&'static str, Pin)>,
+    /// Transmitter and receiver of the host's line, USART1.
+    pub serial: [Pin; 2],
+    /// USB, minus and plus.
+    pub usb: Option<[Pin; 2]>,
+    /// What a user of the board should know: one sentence each.
+    pub notes: Vec<String>,
+}
+
+/// A motor's pins.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Motor {
+    /// Its name in the file.
+    pub name: &'static str,
+    /// A step is its edge.
+    pub step: Pin,
+    /// High = backwards.
+    pub direction: Pin,
+    /// Low = on.
+    pub enable: Pin,
+    /// The driver's stall signal.
+    pub diag: Option<Pin>,
+    /// The driver.
+    pub driver: Driver,
+    /// How the driver is spoken to.
+    pub uart: Option<DriverUart>,
+    /// What its current is measured at, ohm.
+    pub sense_resistor_ohm: Option<f64>,
+}
+
+/// How a driver is spoken to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DriverUart {
+    /// By a line of its own (or the chip-select of that socket).
+    Pin(Pin),
+    /// By this address on the shared line, 0 to 3.
+    Address(u8),
+}
+
+/// A heater's pins.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Heater {
+    /// What it heats.
+    pub name: &'static str,
+    /// High = on.
+    pub pin: Pin,
+    /// The timer channel that can switch it.
+    pub timer: Option<String>,
+    /// Name of the thermistor that watches it.
+    pub sensor: String,
+}
+
+/// A fan's pins.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Fan {
+    /// Its name in the file.
+    pub name: &'static str,
+    /// High = on.
+    pub pin: Pin,
+    /// The timer channel that can switch it.
+    pub timer: Option<String>,
+    /// Two pulses a turn.
+    pub tacho: Option<Pin>,
+}
+
+/// A thermistor.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Thermistor {
+    /// What it measures.
+    pub name: &'static str,
+    /// Its pin.
+    pub pin: Pin,
+    /// The converter's channel at that pin.
+    pub channel: AnalogueChannel,
+    /// What hangs on it, if the board decides that.
+    pub kind: Option<String>,
+    /// Resistor to the converter's reference, ohm.
+    pub pull_up_ohm: f64,
+}
+
+impl Board {
+    /// All motors, those first that move.
+    pub fn all_motors(&self) -> impl Iterator<Item = &Motor> {
+        self.motors.iter().chain(&self.spare_motors)
+    }
+
+    /// Ports that carry step and direction signals of the motors that move, in the order of the alphabet.
+    pub fn motor_ports(&self) -> Vec<u8> {
+        let mut ports: Vec<u8> = self.motors.iter().flat_map(|motor| [motor.step.port, motor.direction.port]).collect();
+        ports.sort_unstable();
+        ports.dedup();
+        ports
+    }
+
+    /// Address of the image in flash.
+    pub fn image_address(&self) -> u32 {
+        FLASH_ADDRESS + self.boot_offset
+    }
+}
+
+/// Where flash begins.
+pub const FLASH_ADDRESS: u32 = 0x0800_0000;
+
+/// Where RAM begins.
+pub const RAM_ADDRESS: u32 = 0x2000_0000;
+
+/// Where core-coupled memory begins.
+pub const CCM_ADDRESS: u32 = 0x1000_0000;

@@ -1,0 +1,121 @@
+//! The chips: memories, pins, limits of their clocks.
+
+use crate::pin::Pin;
+
+/// A chip that the firmware can be built for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Chip {
+    /// Its name.
+    pub name: &'static str,
+    /// Its package.
+    pub package: &'static str,
+    /// Which of the firmware's features names its registers.
+    pub feature: &'static str,
+    /// What probe-rs calls it.
+    pub probe_name: &'static str,
+    /// Flash, KiB.
+    pub flash_kib: u32,
+    /// RAM that everything can reach, KiB.
+    pub ram_kib: u32,
+    /// Core-coupled memory, which DMA cannot reach, KiB.
+    pub ccm_kib: u32,
+    /// Highest frequency of the core without over-drive, Hz.
+    pub max_core_hz: u32,
+    /// Highest frequency of the slow bus (APB1), Hz.
+    pub max_apb1_hz: u32,
+    /// Highest frequency of the fast bus (APB2), Hz.
+    pub max_apb2_hz: u32,
+    /// Words of 32 interrupts that its interrupt controller has.
+    pub interrupt_words: u32,
+    /// Pins of the ports A, B ... as masks.
+    ports: [u16; 7],
+}
+
+/// All chips.
+///
+/// Pins: DS8626, table 7 (LQFP64, LQFP100), and DS10693, table 10 (LQFP144). PH0 and PH1 are left out: they carry the
+/// crystal. Clocks: RM0090 7.2 and DS8626, table 14; RM0390 5.1.4 and 6.2: 168 MHz without over-drive.
+const CHIPS: [Chip; 3] = [
+    Chip {
+        name: "STM32F405RG",
+        package: "LQFP64",
+        feature: "stm32f405",
+        probe_name: "STM32F405RGTx",
+        flash_kib: 1024,
+        ram_kib: 128,
+        ccm_kib: 64,
+        max_core_hz: 168_000_000,
+        max_apb1_hz: 42_000_000,
+        max_apb2_hz: 84_000_000,
+        interrupt_words: 3,
+        ports: [0xffff, 0xffff, 0xffff, 1 << 2, 0, 0, 0],
+    },
+    Chip {
+        name: "STM32F407VG",
+        package: "LQFP100",
+        feature: "stm32f407",
+        probe_name: "STM32F407VGTx",
+        flash_kib: 1024,
+        ram_kib: 128,
+        ccm_kib: 64,
+        max_core_hz: 168_000_000,
+        max_apb1_hz: 42_000_000,
+        max_apb2_hz: 84_000_000,
+        interrupt_words: 3,
+        ports: [0xffff, 0xffff, 0xffff, 0xffff, 0xffff, 0, 0],
+    },
+    Chip {
+        name: "STM32F446ZE",
+        package: "LQFP144",
+        feature: "stm32f446",
+        probe_name: "STM32F446ZETx",
+        flash_kib: 512,
+        ram_kib: 128,
+        ccm_kib: 0,
+        max_core_hz: 168_000_000,
+        max_apb1_hz: 45_000_000,
+        max_apb2_hz: 90_000_000,
+        interrupt_words: 4,
+        ports: [0xffff; 7],
+    },
+];
+
+impl Chip {
+    /// The chip of this name.
+    pub fn named(name: &str) -> Option<Self> {
+        CHIPS.into_iter().find(|chip| chip.name == name)
+    }
+
+    /// Names of all chips.
+    pub fn names() -> impl Iterator<Item = &'static str> {
+        CHIPS.iter().map(|chip| chip.name)
+    }
+
+    /// Whether the package brings this pin out, for other things than the crystal.
+    pub fn has(self, pin: Pin) -> bool {
+        self.ports.get(usize::from(pin.port)).is_some_and(|pins| pins >> pin.number & 1 == 1)
+    }
+
+    /// Whether a flash sector begins so many bytes from the start: four of 16 KiB, one of 64 KiB, the rest of 128 KiB
+    /// (RM0090 table 5, RM0390 table 4).
+    pub fn is_sector_boundary(self, offset: u32) -> bool {
+        const KIB: u32 = 1024;
+        let step = if offset <= 64 * KIB { 16 * KIB } else { 128 * KIB };
+        offset.is_multiple_of(step) && offset < self.flash_kib * KIB
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sectors_grow() {
+        for chip in CHIPS {
+            let boundaries: Vec<u32> = (0..2048).filter(|kib| chip.is_sector_boundary(kib * 1024)).collect();
+            assert_eq!(boundaries[..7], [0, 16, 32, 48, 64, 128, 256]);
+            assert_eq!(boundaries.last().copied(), Some(chip.flash_kib - 128));
+            assert!(!chip.is_sector_boundary(1));
+        }
+    }
+}

@@ -1,0 +1,144 @@
+//! A board as the firmware's source: constants, and the linker's memories.
+
+use std::fmt::Write;
+
+use crate::board::{Board, CCM_ADDRESS, FLASH_ADDRESS, RAM_ADDRESS};
+use crate::clock::{Clock, INTERNAL_HZ};
+use crate::pin::Pin;
+use crate::registers::{self, Store};
+
+/// Bytes at the start of RAM that are the stack's.
+const STACK_KIB: u32 = 16;
+
+/// The constants that `ferrostep-stm32f4` includes as its module `board`.
+pub fn rust(board: &Board) -> String {
+    let Board { name, title, clock, internal_clock, virtual_sensors, .. } = board;
+    let ports = board.motor_ports();
+    let has_usb = board.usb.is_some();
+    // The core is as fast with either oscillator; what stands once below holds for both.
+    let Clock { core_hz, apb1_divider, apb2_divider, timer_hz, flash_wait_states, .. } = *clock;
+    let [apb1_code, apb2_code] = [apb1_divider, apb2_divider].map(Clock::divider_code);
+    let plls = [clock.pll.register(true), internal_clock.pll.register(false)];
+    let motor_pin = |pin: Pin| {
+        let port = ports.iter().position(|port| *port == pin.port).unwrap_or_default();
+        format!("Pin {{ port: {port}, number: {} }}", pin.number)
+    };
+    let motors = board.motors.iter().fold(String::new(), |mut text, motor| {
+        let _ = write!(
+            text,
+            "MotorPins {{ step: {}, direction: {} }}, ",
+            motor_pin(motor.step),
+            motor_pin(motor.direction)
+        );
+        text
+    });
+    let enable: Vec<(u8, u8)> = board.motors.iter().map(|motor| (motor.enable.port, motor.enable.number)).collect();
+    let ram_end = RAM_ADDRESS + board.ram_kib * 1024;
+    let first = registers::first(board);
+    format!(
+        "/// Its name.\npub const NAME: &str = {name:?};\n\
+         /// What a person calls it.\npub const TITLE: &str = {title:?};\n\
+         /// Nothing real hangs on it: temperatures and end stops are models.\n\
+         pub const VIRTUAL_SENSORS: bool = {virtual_sensors};\n\
+         /// PA11 and PA12 lead to a USB plug.\npub const USB: bool = {has_usb};\n\
+         /// Frequency of the core with the PLL, Hz.\npub const CORE_HZ: u32 = {core_hz};\n\
+         /// Frequency of the internal oscillator, Hz.\npub const INTERNAL_HZ: u32 = {INTERNAL_HZ};\n\
+         /// Frequency of the timers that count ticks, Hz.\npub const TIMER_HZ: u32 = {timer_hz};\n\
+         /// Frequency of the fast bus, Hz.\npub const APB2_HZ: u32 = {};\n\
+         /// RCC_PLLCFGR with the crystal, and with the internal oscillator.\n\
+         #[used]\n#[unsafe(no_mangle)]\npub static FERROSTEP_PLL: [u32; 2] = {plls:#x?};\n\
+         /// How RCC_CFGR codes the slow bus's divider.\npub const APB1_CODE: u8 = {apb1_code};\n\
+         /// How RCC_CFGR codes the fast bus's divider.\npub const APB2_CODE: u8 = {apb2_code};\n\
+         /// Wait states of the flash at that frequency.\npub const FLASH_WAIT_STATES: u8 = {flash_wait_states};\n\
+         /// Number of ports that carry step and direction signals.\npub const MOTOR_PORTS: usize = {};\n\
+         /// Those ports: 0 is A.\npub const MOTOR_PORT_INDICES: [u8; MOTOR_PORTS] = {ports:?};\n\
+         /// Step and direction pins of X, Y, Z and E.\npub const MOTORS: [MotorPins; 4] = [{motors}];\n\
+         /// Port and number of their enable pins; low = on.\npub const ENABLE: [(u8, u8); 4] = {enable:?};\n\
+         /// RAM.\npub const RAM: core::ops::Range<u32> = {RAM_ADDRESS:#x}..{ram_end:#x};\n\
+         /// What the image writes before anything else.\n{}\
+         /// Heaters off, then motors off.\n{}\
+         /// Motors and serial line ready, fans off.\n{}",
+        clock.apb2_hz(),
+        ports.len(),
+        stores("FIRST", &first),
+        stores("ALL_OFF", &registers::all_off(board)),
+        stores("PINS", &registers::pins(board)),
+    )
+}
+
+fn stores(name: &str, stores: &[Store]) -> String {
+    let words = stores.iter().fold(String::new(), |mut text, Store { address, clear, set }| {
+        let _ = writeln!(text, "    Store {{ address: {address:#x}, clear: {clear:#x}, set: {set:#x} }},");
+        text
+    });
+    format!("pub static {name}: [Store; {}] = [\n{words}];\n", stores.len())
+}
+
+/// The linker's memories, as `memory.x` includes them.
+pub fn memories(board: &Board) -> String {
+    let flash_length = board.flash_kib * 1024 - board.boot_offset;
+    let (stack_length, ram_length) = (STACK_KIB * 1024, (board.ram_kib - STACK_KIB) * 1024);
+    let ram = RAM_ADDRESS + stack_length;
+    format!(
+        "/* {}: {} */\nMEMORY\n{{\n    FLASH (rx)  : ORIGIN = {:#x}, LENGTH = {flash_length:#x}\n    \
+         STACK (rw)  : ORIGIN = {RAM_ADDRESS:#x}, LENGTH = {stack_length:#x}\n    \
+         RAM   (rwx) : ORIGIN = {ram:#x}, LENGTH = {ram_length:#x}\n}}\n",
+        board.name,
+        board.chip.name,
+        board.image_address(),
+    )
+}
+
+/// Which memory an address is in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Memory {
+    /// Flash.
+    Flash,
+    /// RAM that everything can reach.
+    Ram,
+    /// Core-coupled memory, which DMA cannot reach.
+    Ccm,
+}
+
+impl Memory {
+    /// The memory of a board that holds so many bytes from an address on; `None` if none holds all of them.
+    pub fn of(board: &Board, address: u64, bytes: u64) -> Option<Self> {
+        let within = |start: u32, kib: u32| {
+            let start = u64::from(start);
+            address >= start && address.saturating_add(bytes) <= start + u64::from(kib) * 1024
+        };
+        if within(FLASH_ADDRESS, board.flash_kib) && address >= u64::from(board.image_address()) {
+            Some(Self::Flash)
+        } else if within(RAM_ADDRESS, board.ram_kib) {
+            Some(Self::Ram)
+        } else if within(CCM_ADDRESS, board.ccm_kib) {
+            Some(Self::Ccm)
+        } else {
+            None
+        }
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn memories_end_where_the_chip_does() {
+        let octopus = crate::load("btt-octopus-1.1").unwrap();
+        let text = memories(&octopus);
+        assert!(text.contains("FLASH (rx)  : ORIGIN = 0x8008000, LENGTH = 0x78000"), "{text}");
+        assert!(text.contains("STACK (rw)  : ORIGIN = 0x20000000, LENGTH = 0x4000"), "{text}");
+        assert!(text.contains("RAM   (rwx) : ORIGIN = 0x20004000, LENGTH = 0x1c000"), "{text}");
+        let of = |address, bytes| Memory::of(&octopus, address, bytes);
+        assert_eq!(of(0x0800_8000, 0x78000), Some(Memory::Flash));
+        // The boot loader's part, beyond the end, and across a border.
+        assert_eq!(of(0x0800_0000, 4), None);
+        assert_eq!(of(0x0800_8000, 0x78001), None);
+        assert_eq!(of(0x2001_fffc, 4), Some(Memory::Ram));
+        assert_eq!(of(0x2001_fffd, 4), None);
+        assert_eq!(of(0x1000_0000, 4), None);
+        assert_eq!(Memory::of(&crate::load("bench").unwrap(), 0x1000_0000, 4), Some(Memory::Ccm));
+    }
+}

@@ -1,0 +1,61 @@
+//! Whether a board can be the machine that a profile describes.
+
+use ferrostep_checked_toml::FileError;
+use ferrostep_printer::Profile;
+use ferrostep_profiles::refuse;
+
+use crate::board::{Board, Driver};
+
+impl Driver {
+    /// Shortest step pulse that it sees, ns, where its data sheet says (STEP high and low time; A4988 and TMC5160:
+    /// timing tables; DRV8825: 7.6; TMC2130, 2208, 2209: STEP/DIR interface).
+    const fn shortest_pulse_ns(self) -> u32 {
+        match self {
+            Self::None | Self::Socket => 0,
+            Self::A4988 => 1_000,
+            Self::Drv8825 => 1_900,
+            Self::Tmc2130 | Self::Tmc2208 | Self::Tmc2209 | Self::Tmc5160 => 100,
+        }
+    }
+}
+
+/// Holds a profile against the board.
+///
+/// # Errors
+/// It asks for what the board has not; the error names the profile's key and line.
+pub fn check(board: &Board, profile: &Profile, profile_name: &str) -> Result<(), FileError> {
+    for motor in &board.motors {
+        let driver = format!("{:?}", motor.driver).to_lowercase();
+        // A driver must be told to step at both edges (its bit `dedge`), and nobody tells it yet.
+        if profile.driver.both_edges && motor.driver != Driver::None {
+            let expected = format!(
+                "false: motors.{} of the board {} is driven by a {driver}, which steps at rising edges as the firmware \
+                 leaves it",
+                motor.name, board.name
+            );
+            return Err(refuse(profile_name, "driver.both_edges", "true", &expected));
+        }
+        let shortest_ns = motor.driver.shortest_pulse_ns();
+        if profile.driver.pulse_width_ns < shortest_ns {
+            let [shortest_us, us] = [shortest_ns, profile.driver.pulse_width_ns].map(|ns| f64::from(ns) / 1e3);
+            let expected = format!("at least {shortest_us} us for the {driver} of the board {}", board.name);
+            return Err(refuse(profile_name, "driver.pulse_width_us", &us.to_string(), &expected));
+        }
+    }
+    if board.virtual_sensors {
+        return Ok(());
+    }
+    for (axis, (homing, motor)) in ["x", "y", "z"].into_iter().zip(profile.homing.iter().zip(&board.motors)) {
+        let has = |name: &str| board.inputs.iter().any(|(input, _)| *input == name);
+        let (word, is_there) = match homing.probe {
+            true => ("\"probe\"", has("probe")),
+            false => ("\"end-stop\"", has(axis) || motor.diag.is_some()),
+        };
+        if !is_there {
+            let inputs: Vec<&str> = board.inputs.iter().map(|(input, _)| *input).collect();
+            let expected = format!("what the board {} has: its inputs are {}", board.name, inputs.join(", "));
+            return Err(refuse(profile_name, &format!("homing.{axis}.sensor"), word, &expected));
+        }
+    }
+    Ok(())
+}

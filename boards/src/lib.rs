@@ -1,0 +1,66 @@
+//! Printer boards as TOML: their pins and clocks, checked, and what the firmware is built from.
+//!
+//! The boards are the files next to this crate's `Cargo.toml`; those of the bench and of the Buddy board document the
+//! keys. [`constants::rust`] turns one into the constants that the firmware is compiled with.
+#![forbid(unsafe_code)]
+
+mod board;
+mod chip;
+pub mod clock;
+pub mod constants;
+mod convert;
+mod file;
+pub mod fit;
+mod pin;
+pub mod registers;
+mod signals;
+
+pub use board::{Board, CCM_ADDRESS, Driver, DriverUart, FLASH_ADDRESS, Fan, Heater, Motor, RAM_ADDRESS, Thermistor};
+pub use chip::Chip;
+use ferrostep_checked_toml::Checker;
+pub use ferrostep_checked_toml::{FileError as BoardError, Problem};
+pub use pin::Pin;
+pub use signals::AnalogueChannel;
+
+/// Names and texts of the boards that need no file. The first is the default.
+const BUILTIN: [(&str, &str); 3] = [
+    ("bench", include_str!("../bench.toml")),
+    ("btt-octopus-1.1", include_str!("../btt-octopus-1.1.toml")),
+    ("prusa-buddy", include_str!("../prusa-buddy.toml")),
+];
+
+/// The board that the firmware is built for when nobody names one.
+pub const DEFAULT: &str = BUILTIN[0].0;
+
+/// Names that [`load`] knows without a file, in alphabetical order.
+pub fn builtin_names() -> impl Iterator<Item = &'static str> {
+    BUILTIN.iter().map(|(name, _)| *name)
+}
+
+/// Text of a built-in board, `None` if there is none of this name.
+pub fn builtin_text(name: &str) -> Option<&'static str> {
+    BUILTIN.iter().find(|(builtin, _)| *builtin == name).map(|(_, text)| *text)
+}
+
+/// Loads a built-in board by its name, or else the file at this path.
+///
+/// # Errors
+///
+/// [`Problem::Read`] if the file cannot be read, is not UTF-8 or is larger than 1 MiB; otherwise as [`parse`].
+pub fn load(name_or_path: &str) -> Result<Board, BoardError> {
+    match builtin_text(name_or_path) {
+        Some(text) => parse(text, name_or_path),
+        None => parse(&ferrostep_checked_toml::read(name_or_path, "board", builtin_names())?, name_or_path),
+    }
+}
+
+/// Parses and checks a board; `origin` (a path or a name) stands in front of the line number in errors.
+///
+/// # Errors
+///
+/// The first problem found: TOML syntax, then unknown, missing or mistyped keys, then values out of their range, then
+/// pins and channels that contradict each other.
+pub fn parse(text: &str, origin: &str) -> Result<Board, BoardError> {
+    let file = ferrostep_checked_toml::parse(text, origin)?;
+    convert::board(&file, &Checker::new(text, origin))
+}

@@ -1,0 +1,256 @@
+//! A board's pins as stores to registers: what the firmware writes, in this order, without knowing a pin.
+
+use crate::board::Board;
+use crate::pin::Pin;
+
+/// Addresses: RM0090 2.3 (memory map), 7.3.10 (RCC_AHB1ENR), 8.4 (GPIO); PM0214 4.2, 4.3.3, 4.5 (the core's own).
+const RCC_AHB1ENR: u32 = 0x4002_3830;
+const GPIO: u32 = 0x4002_0000;
+const GPIO_STRIDE: u32 = 0x400;
+const MODER: u32 = 0x00;
+const OSPEEDR: u32 = 0x08;
+const PUPDR: u32 = 0x0c;
+const BSRR: u32 = 0x18;
+const AFRL: u32 = 0x20;
+const SYST_CSR: u32 = 0xe000_e010;
+const NVIC_ICER: u32 = 0xe000_e180;
+const NVIC_ICPR: u32 = 0xe000_e280;
+const SCB_ICSR: u32 = 0xe000_ed04;
+
+/// Fields of two bits a pin.
+const OUTPUT: u32 = 0b01;
+const ALTERNATE: u32 = 0b10;
+const HIGH_SPEED: u32 = 0b10;
+const PULL_UP: u32 = 0b01;
+/// USART1 on all its pins.
+const SERIAL_FUNCTION: u32 = 7;
+
+/// A register becomes `old & !clear | set`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Store {
+    /// The register.
+    pub address: u32,
+    /// Bits that become 0, unless they are set.
+    pub clear: u32,
+    /// Bits that become 1.
+    pub set: u32,
+}
+
+impl Store {
+    /// A register that is only written to.
+    fn word(address: u32, word: u32) -> Self {
+        Self { address, clear: u32::MAX, set: word }
+    }
+}
+
+/// A register of a port.
+fn of_port(port: u8, offset: u32) -> u32 {
+    GPIO + GPIO_STRIDE * u32::from(port) + offset
+}
+
+/// One store for each port that has some of the pins: their fields of `width` bits get `value`.
+fn fields(pins: &[Pin], offset: u32, width: u32, value: u32) -> Vec<Store> {
+    let mut stores: Vec<Store> = Vec::new();
+    for pin in pins {
+        // The alternate functions of pins 8 to 15 have a register of their own.
+        let (register, place) = match u32::from(pin.number) * width {
+            place @ 0..32 => (offset, place),
+            place => (offset + 4, place - 32),
+        };
+        let address = of_port(pin.port, register);
+        let (clear, set) = (((1 << width) - 1) << place, value << place);
+        match stores.iter_mut().find(|store| store.address == address) {
+            Some(store) => (store.clear, store.set) = (store.clear | clear, store.set | set),
+            None => stores.push(Store { address, clear, set }),
+        }
+    }
+    stores
+}
+
+/// One store to BSRR for each port that has some of the pins.
+fn levels(high: &[Pin], low: &[Pin]) -> Vec<Store> {
+    let mut words: Vec<(u8, u32)> = Vec::new();
+    let set = high.iter().map(|pin| (pin.port, pin.bit()));
+    for (port, word) in set.chain(low.iter().map(|pin| (pin.port, pin.bit() << 16))) {
+        match words.iter_mut().find(|(of, _)| *of == port) {
+            Some((_, words)) => *words |= word,
+            None => words.push((port, word)),
+        }
+    }
+    words.into_iter().map(|(port, word)| Store::word(of_port(port, BSRR), word)).collect()
+}
+
+fn heater_pins(board: &Board) -> Vec<Pin> {
+    board.heaters.iter().map(|heater| heater.pin).collect()
+}
+
+/// Each once: motors may share them.
+fn enable_pins(board: &Board) -> Vec<Pin> {
+    let mut pins: Vec<Pin> = board.all_motors().map(|motor| motor.enable).collect();
+    pins.sort_unstable();
+    pins.dedup();
+    pins
+}
+
+fn signal_pins(board: &Board) -> Vec<Pin> {
+    board.motors.iter().flat_map(|motor| [motor.step, motor.direction]).collect()
+}
+
+fn step_pins(board: &Board) -> Vec<Pin> {
+    board.motors.iter().map(|motor| motor.step).collect()
+}
+
+/// Heaters off, whatever had their pins: low first, so that the change to an output is no pulse.
+fn heaters_off(board: &Board) -> Vec<Store> {
+    let heaters = heater_pins(board);
+    [levels(&[], &heaters), fields(&heaters, MODER, 2, OUTPUT)].concat()
+}
+
+/// The image's first instructions: heaters off, motors off, and nothing left of what a boot loader may have started.
+pub fn first(board: &Board) -> Vec<Store> {
+    let outputs = [heater_pins(board), enable_pins(board), signal_pins(board), board.serial.to_vec()].concat();
+    let fans = board.fans.iter().map(|fan| fan.pin);
+    let ports = outputs.into_iter().chain(fans).fold(0, |ports, pin| ports | 1 << pin.port);
+    let mut stores = vec![Store { address: RCC_AHB1ENR, clear: 0, set: ports }];
+    stores.extend(heaters_off(board));
+    stores.extend(levels(&enable_pins(board), &step_pins(board)));
+    stores.extend(fields(&enable_pins(board), MODER, 2, OUTPUT));
+    stores.push(Store::word(SYST_CSR, 0));
+    for word in 0..board.chip.interrupt_words {
+        stores.push(Store::word(NVIC_ICER + 4 * word, u32::MAX));
+        stores.push(Store::word(NVIC_ICPR + 4 * word, u32::MAX));
+    }
+    // PENDSTCLR and PENDSVCLR.
+    stores.push(Store::word(SCB_ICSR, 1 << 25 | 1 << 27));
+    stores
+}
+
+/// What the panic and fault handlers write: heaters off, then motors off.
+pub fn all_off(board: &Board) -> Vec<Store> {
+    [heaters_off(board), levels(&enable_pins(board), &step_pins(board))].concat()
+}
+
+/// What `init` writes: motors and the serial line can be used, fans stand still.
+pub fn pins(board: &Board) -> Vec<Store> {
+    let fans: Vec<Pin> = board.fans.iter().map(|fan| fan.pin).collect();
+    let signals = signal_pins(board);
+    let [_, receiver] = board.serial;
+    [
+        levels(&[], &fans),
+        fields(&fans, MODER, 2, OUTPUT),
+        fields(&signals, MODER, 2, OUTPUT),
+        // Edges of some ns, as the step pulse wants.
+        fields(&signals, OSPEEDR, 2, HIGH_SPEED),
+        fields(&board.serial, AFRL, 4, SERIAL_FUNCTION),
+        // An open line is silent.
+        fields(&[receiver], PUPDR, 2, PULL_UP),
+        fields(&board.serial, MODER, 2, ALTERNATE),
+    ]
+    .concat()
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use super::*;
+
+    /// Registers after some stores, from what they are after reset as far as it matters here: zeros.
+    fn after(stores: &[Store]) -> BTreeMap<u32, u32> {
+        let mut registers = BTreeMap::new();
+        for Store { address, clear, set } in stores {
+            let register = registers.entry(*address).or_insert(0);
+            *register = *register & !clear | set;
+        }
+        registers
+    }
+
+    fn boards() -> impl Iterator<Item = Board> {
+        crate::builtin_names().map(|name| crate::load(name).unwrap())
+    }
+
+    /// Whether some store makes a pin low or high.
+    fn drives(stores: &[Store], pin: Pin, high: bool) -> Option<usize> {
+        let bit = if high { pin.bit() } else { pin.bit() << 16 };
+        stores.iter().position(|store| store.address == of_port(pin.port, BSRR) && store.set & bit != 0)
+    }
+
+    #[test]
+    fn the_bench_is_what_it_was_by_hand() {
+        let board = crate::load("bench").unwrap();
+        let gpioc = 0x4002_0800;
+        assert_eq!(all_off(&board), [Store::word(gpioc + 0x18, 1 << 8 | 0b1111 << 16)]);
+        let all = after(&[first(&board), pins(&board)].concat());
+        assert_eq!(all[&gpioc], 0x1_5555);
+        assert_eq!(all[&(gpioc + 8)], 0xaaaa);
+        assert_eq!(all[&0x4002_0024], 0x770);
+        assert_eq!(all[&0x4002_000c], 0b01 << 20);
+        assert_eq!(all[&0x4002_0000], 0b1010 << 18);
+        assert_eq!(all[&RCC_AHB1ENR], 0b101);
+    }
+
+    #[test]
+    fn no_pin_is_an_output_before_its_level_is_safe() {
+        for board in boards() {
+            let first = first(&board);
+            for heater in heater_pins(&board) {
+                let low = drives(&first, heater, false).unwrap();
+                let output = first.iter().position(|store| {
+                    store.address == of_port(heater.port, MODER) && store.set >> (2 * heater.number) & 0b11 == OUTPUT
+                });
+                assert!(low < output.unwrap(), "{} {heater}", board.name);
+                assert_eq!(drives(&first, heater, true), None);
+                assert_eq!(drives(&pins(&board), heater, true), None);
+            }
+            for enable in enable_pins(&board) {
+                let off = drives(&first, enable, true).unwrap();
+                let output = first.iter().rposition(|store| {
+                    store.address == of_port(enable.port, MODER) && store.set >> (2 * enable.number) & 0b11 == OUTPUT
+                });
+                assert!(off < output.unwrap(), "{} {enable}", board.name);
+                assert_eq!(drives(&first, enable, false), None);
+            }
+        }
+    }
+
+    #[test]
+    fn the_end_reaches_every_heater_first_and_every_motor() {
+        for board in boards() {
+            let stores = all_off(&board);
+            let last_heater = heater_pins(&board).iter().map(|pin| drives(&stores, *pin, false).unwrap()).max();
+            for enable in enable_pins(&board) {
+                let off = drives(&stores, enable, true).unwrap();
+                assert!(last_heater.is_none_or(|heater| heater < off), "{} {enable}", board.name);
+            }
+            for step in step_pins(&board) {
+                assert!(drives(&stores, step, false).is_some(), "{} {step}", board.name);
+            }
+        }
+    }
+
+    #[test]
+    fn only_pins_of_the_board_are_touched() {
+        for board in boards() {
+            let fans = board.fans.iter().map(|fan| fan.pin);
+            let known: Vec<Pin> =
+                [heater_pins(&board), enable_pins(&board), signal_pins(&board), board.serial.to_vec()]
+                    .concat()
+                    .into_iter()
+                    .chain(fans)
+                    .collect();
+            for Store { address, clear, .. } in [first(&board), pins(&board), all_off(&board)].concat() {
+                let Some(offset) = address.checked_sub(GPIO).filter(|offset| *offset < 7 * GPIO_STRIDE) else {
+                    continue;
+                };
+                if offset % GPIO_STRIDE != MODER {
+                    continue;
+                }
+                let port = (offset / GPIO_STRIDE) as u8;
+                let mask =
+                    known.iter().filter(|pin| pin.port == port).fold(0, |mask, pin| mask | 0b11 << (2 * pin.number));
+                assert_eq!(clear & !mask, 0, "{} {address:#x}", board.name);
+            }
+        }
+    }
+}

@@ -1,0 +1,93 @@
+//! Every built-in board is right, and says what its maker says.
+
+use ferrostep_boards::{Board, Driver, DriverUart, Pin, builtin_names, constants, load};
+
+fn board(name: &str) -> Board {
+    load(name).unwrap_or_else(|error| panic!("{error}"))
+}
+
+fn pin(name: &str) -> Pin {
+    Pin::named(name).unwrap()
+}
+
+#[test]
+fn every_board_is_right_and_runs_at_168_mhz() {
+    for name in builtin_names() {
+        let board = board(name);
+        assert_eq!(board.name, name);
+        assert_eq!((board.clock.core_hz, board.internal_clock.core_hz), (168_000_000, 168_000_000));
+        assert!((1..=3).contains(&board.motor_ports().len()));
+        assert!(ferrostep_profiles::builtin_text(&board.profile).is_some(), "{name}");
+        let memories = constants::memories(&board);
+        assert!(memories.contains(&format!("{:#x}", board.image_address())), "{memories}");
+    }
+}
+
+#[test]
+fn every_board_is_a_file_that_someone_else_can_write() {
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut files: Vec<String> = std::fs::read_dir(folder)
+        .unwrap()
+        .filter_map(|entry| entry.unwrap().file_name().into_string().ok())
+        .filter_map(|name| name.strip_suffix(".toml").map(str::to_owned))
+        .filter(|name| name != "Cargo")
+        .collect();
+    files.sort();
+    assert_eq!(files, builtin_names().collect::<Vec<_>>());
+    for name in files {
+        assert_eq!(load(folder.join(format!("{name}.toml")).to_str().unwrap()).unwrap(), board(&name));
+    }
+    let error = load("no-such-board").unwrap_err().to_string();
+    assert!(error.contains("the built-in boards are bench, btt-octopus-1.1, prusa-buddy"), "{error}");
+}
+
+#[test]
+fn the_bench_has_models_and_one_port() {
+    let bench = board("bench");
+    assert!(bench.virtual_sensors);
+    assert_eq!((bench.motor_ports(), bench.image_address()), (vec![2], 0x0800_0000));
+    assert!(bench.motors.iter().all(|motor| motor.enable == pin("PC8")));
+}
+
+#[test]
+fn the_buddy_steps_with_one_store_and_speaks_to_its_drivers_by_address() {
+    let buddy = board("prusa-buddy");
+    assert_eq!(buddy.motor_ports(), [3]);
+    assert_eq!(buddy.motors.clone().map(|motor| motor.uart.unwrap()), [1, 3, 0, 2].map(DriverUart::Address));
+    assert!(buddy.motors.iter().all(|motor| motor.driver == Driver::Tmc2209 && motor.sense_resistor_ohm == Some(0.22)));
+    let heaters: Vec<_> = buddy.heaters.iter().map(|heater| (heater.name, heater.pin.to_string())).collect();
+    assert_eq!(heaters, [("nozzle", "PB1".to_owned()), ("bed", "PB0".to_owned())]);
+    assert!(!buddy.virtual_sensors && buddy.notes.is_empty());
+}
+
+#[test]
+fn the_octopus_steps_with_two_stores_behind_its_boot_loader() {
+    let octopus = board("btt-octopus-1.1");
+    assert_eq!(octopus.motor_ports(), [5, 6]);
+    assert_eq!((octopus.image_address(), octopus.boot_file.as_deref()), (0x0800_8000, Some("firmware.bin")));
+    assert_eq!((octopus.spare_motors.len(), octopus.heaters.len(), octopus.fans.len()), (4, 5, 6));
+    assert_eq!(
+        octopus.notes,
+        ["motors.e3.direction = PA14 is the debug probe's SWCLK: while it is used, no probe is heard"]
+    );
+}
+
+#[test]
+fn the_constants_name_every_motor_and_register() {
+    let text = constants::rust(&board("prusa-buddy"));
+    for part in [
+        "pub const NAME: &str = \"prusa-buddy\";",
+        "pub const VIRTUAL_SENSORS: bool = false;",
+        "pub const CORE_HZ: u32 = 168000000;",
+        "pub const TIMER_HZ: u32 = 84000000;",
+        "pub const MOTOR_PORTS: usize = 1;",
+        "pub const MOTOR_PORT_INDICES: [u8; MOTOR_PORTS] = [3];",
+        "MotorPins { step: Pin { port: 0, number: 13 }, direction: Pin { port: 0, number: 12 } }",
+        "pub const ENABLE: [(u8, u8); 4] = [(3, 3), (3, 14), (3, 2), (3, 10)];",
+        "pub const RAM: core::ops::Range<u32> = 0x20000000..0x20020000;",
+        // PB0 and PB1 low.
+        "Store { address: 0x40020418, clear: 0xffffffff, set: 0x30000 }",
+    ] {
+        assert!(text.contains(part), "{part} in {text}");
+    }
+}

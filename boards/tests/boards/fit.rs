@@ -1,0 +1,68 @@
+//! A profile that names what the board has not is refused, with the profile's line.
+
+use ferrostep_boards::{builtin_names, fit, load};
+
+/// The line of a built-in profile on which a text stands.
+fn line_of(profile: &str, part: &str) -> usize {
+    let text = ferrostep_profiles::builtin_text(profile).unwrap();
+    1 + text.lines().position(|line| line.starts_with(part)).unwrap()
+}
+
+/// The error of a profile after a replacement, on a board.
+fn error_after(board: &str, profile: &str, from: &str, to: &str) -> Option<String> {
+    let text = ferrostep_profiles::builtin_text(profile).unwrap();
+    assert!(text.contains(from), "{from}");
+    // By its path, as a user's own: errors name the line of that file.
+    let name = format!("ferrostep-{}-{board}-{}.toml", std::process::id(), to.len());
+    let path = std::env::temp_dir().join(name);
+    std::fs::write(&path, text.replacen(from, to, 1)).unwrap();
+    let path_text = path.to_str().unwrap();
+    let profile = ferrostep_profiles::load(path_text).unwrap();
+    let error = fit::check(&load(board).unwrap(), &profile, path_text).err();
+    std::fs::remove_file(&path).unwrap();
+    error.map(|error| error.to_string().replace(path_text, "test.toml"))
+}
+
+#[test]
+fn every_board_can_be_its_own_profile() {
+    for name in builtin_names() {
+        let board = load(name).unwrap();
+        let profile = ferrostep_profiles::load(&board.profile).unwrap();
+        fit::check(&board, &profile, &board.profile).unwrap();
+    }
+}
+
+#[test]
+fn both_edges_are_for_drivers_that_are_told_so() {
+    let (from, to) = ("both_edges = false", "both_edges = true");
+    for board in ["prusa-buddy", "btt-octopus-1.1"] {
+        let error = error_after(board, "prusa-mini", from, to).unwrap();
+        let line = line_of("prusa-mini", from);
+        assert!(
+            error.starts_with(&format!("test.toml:{line}: driver.both_edges = true: expected false: motors.x of the")),
+            "{error}"
+        );
+    }
+    // Nothing hangs on the bench.
+    assert_eq!(error_after("bench", "prusa-mini", from, to), None);
+}
+
+#[test]
+fn pulses_are_as_long_as_the_driver_wants() {
+    let error = error_after("prusa-buddy", "prusa-mini", "pulse_width_us = 0.2", "pulse_width_us = 0.05").unwrap();
+    let line = line_of("prusa-mini", "pulse_width_us");
+    let expected = "driver.pulse_width_us = 0.05: expected at least 0.1 us for the tmc2209";
+    assert!(error.starts_with(&format!("test.toml:{line}: {expected}")), "{error}");
+}
+
+#[test]
+fn an_axis_homes_by_what_the_board_has() {
+    // The Buddy board has no end stop for Z but a probe; X and Y have the drivers' stall signals.
+    let text = std::fs::read_to_string("prusa-buddy.toml").unwrap();
+    let without_probe = text.replace("probe = \"PA8\"\n", "");
+    let board = ferrostep_boards::parse(&without_probe, "test.toml").unwrap();
+    let profile = ferrostep_profiles::load("prusa-mini").unwrap();
+    let error = fit::check(&board, &profile, "prusa-mini").unwrap_err().to_string();
+    assert!(error.contains(": homing.z.sensor = \"probe\": expected what the board"), "{error}");
+    assert!(error.ends_with("its inputs are filament"), "{error}");
+}

@@ -1,0 +1,7 @@
+//! The boards' files, and what is refused.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+mod builtin;
+mod fit;
+mod refusals;
+mod robustness;

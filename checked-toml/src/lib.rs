@@ -1,0 +1,80 @@
+//! TOML files that people write: read within bounds, and refused with the key, the line and what was expected.
+//!
+//! Profiles and boards are such files. What their keys mean is their own crates' business.
+
+mod check;
+mod error;
+mod locate;
+
+use std::io::Read;
+
+use serde::de::DeserializeOwned;
+
+pub use check::{Checker, Range, range};
+pub use error::{FileError, Problem};
+pub use locate::{line_of, line_of_key};
+
+/// Longest file that is read, bytes. A path given by mistake may name a print of many megabytes, or a device that never
+/// ends.
+const MAX_BYTES: u64 = 1 << 20;
+
+/// The text as the shape of file that is wanted; `origin` (a path or a name) stands in front of the line number in
+/// errors.
+///
+/// # Errors
+/// The first problem found: TOML syntax, then unknown, missing or mistyped keys.
+pub fn parse<T: DeserializeOwned>(text: &str, origin: &str) -> Result<T, FileError> {
+    toml::from_str(text).map_err(|error| locate::explain(&error, text, origin))
+}
+
+/// Reads a whole text file of at most 1 MiB; `what` says in errors what it should have been, `built_in` what names need
+/// no file.
+///
+/// # Errors
+/// [`Problem::Read`]: it cannot be read, is not UTF-8 or too large.
+pub fn read(
+    path: &str,
+    what: &'static str,
+    built_in: impl IntoIterator<Item = &'static str>,
+) -> Result<String, FileError> {
+    read_text(path).map_err(|error| {
+        FileError::new(path, None, Problem::Read { what, built_in: built_in.into_iter().collect(), error })
+    })
+}
+
+fn read_text(path: &str) -> std::io::Result<String> {
+    let mut text = String::new();
+    let mut file = std::fs::File::open(path)?.take(MAX_BYTES + 1);
+    // A size limit met in the middle of a character is still a size limit, so bytes first, UTF-8 second.
+    let mut bytes = Vec::new();
+    file.read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > MAX_BYTES {
+        return Err(std::io::Error::new(std::io::ErrorKind::FileTooLarge, "larger than 1 MiB"));
+    }
+    bytes.as_slice().read_to_string(&mut text)?;
+    Ok(text)
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_key_is_found_in_every_way_to_write_it() {
+        let text = "a = 1\n[b]\nc = { d = 2 }\n\n[b.e]\nf.g = 3\n";
+        assert_eq!(line_of_key(text, "a"), Some(1));
+        assert_eq!(line_of_key(text, "b.c.d"), Some(3));
+        assert_eq!(line_of_key(text, "b.e.f.g"), Some(6));
+        assert_eq!(line_of_key(text, "b.g"), None);
+        assert_eq!(line_of_key("not toml", "a"), None);
+    }
+
+    #[test]
+    fn a_file_that_cannot_be_read_names_those_that_need_no_file() {
+        let error = read("/nonexistent/x.toml", "profile", ["one", "two"]).unwrap_err();
+        let shown = error.to_string();
+        assert!(shown.starts_with("/nonexistent/x.toml: cannot read profile: "), "{shown}");
+        assert!(shown.ends_with("; the built-in profiles are one, two"), "{shown}");
+    }
+}

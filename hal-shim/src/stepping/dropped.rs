@@ -1,0 +1,24 @@
+//! What was not played because of a stop.
+
+/// Steps that were in the queue when motion was stopped: signed by direction, and both directions added.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct DroppedSteps {
+    /// Forwards minus backwards, a motor each.
+    pub signed: [i32; 4],
+    /// All, a motor each.
+    pub issued: [u32; 4],
+}
+
+impl DroppedSteps {
+    /// Adds `count` events that step the same: bit i of `axes` = motor i steps, of `directions` = it runs backwards.
+    pub(super) fn add(&mut self, axes: u8, directions: u8, count: u32) {
+        for (motor, (signed, issued)) in self.signed.iter_mut().zip(&mut self.issued).enumerate() {
+            if axes >> motor & 1 != 0 {
+                *issued = issued.wrapping_add(count);
+                let backwards = directions >> motor & 1 != 0;
+                let count = count as i32;
+                *signed = signed.wrapping_add(if backwards { count.wrapping_neg() } else { count });
+            }
+        }
+    }
+}

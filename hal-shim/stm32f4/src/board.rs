@@ -1,0 +1,63 @@
+//! The board that this is built for: what its file says (`boards/`), as constants and as stores to registers.
+
+use ferrostep_hal_shim::stepping::{MotorPins, Pin, PinMap};
+
+use crate::pac::{GPIOA, GPIOB, GPIOC, GPIOD, GPIOE, GPIOF, GPIOG};
+use crate::step_timer::{MotorPort, MotorPorts, Motors};
+use crate::stores::{self, Store};
+
+include!(concat!(env!("OUT_DIR"), "/board.rs"));
+
+/// The motors' step and direction pins. A port's index is its place in [`MOTOR_PORT_INDICES`].
+pub const PIN_MAP: PinMap<MOTOR_PORTS> = match PinMap::new(MOTORS) {
+    Some(map) => map,
+    None => panic!("a port has 16 pins"),
+};
+
+/// In BSRR the upper half resets what the lower half sets.
+const RESET_SHIFT: u32 = 16;
+
+/// All ports that a board may have pins on.
+pub type Ports = (GPIOA, GPIOB, GPIOC, GPIOD, GPIOE, GPIOF, GPIOG);
+
+/// The board's signals. A copy is the same pins.
+#[derive(Clone, Copy)]
+pub struct BoardPins(());
+
+impl BoardPins {
+    /// Makes the pins what they are to be: heaters and fans off, drivers off, the serial line connected.
+    pub fn new(_ports: Ports) -> Self {
+        // SAFETY: stores to ports that are this module's from now on, and of pins that the board's file gives to
+        // motors, fans and the serial line; `boards/src/registers.rs` makes and tests them.
+        unsafe { stores::apply(&PINS) };
+        Self(())
+    }
+}
+
+impl Motors<MOTOR_PORTS> for BoardPins {
+    fn ports(&self) -> MotorPorts<MOTOR_PORTS> {
+        // SAFETY: the ports that the motors are on, which nobody else has.
+        MotorPorts(MOTOR_PORT_INDICES.map(|port| unsafe { MotorPort::of(port) }))
+    }
+
+    fn enable(&self, on: u8) {
+        for (motor, &pin) in ENABLE.iter().enumerate() {
+            let shares = |other: &usize| ENABLE.get(*other) == Some(&pin);
+            // Those that share a pin are seen to with the first of them.
+            if (0..motor).any(|other| shares(&other)) {
+                continue;
+            }
+            let is_on = (motor..ENABLE.len()).filter(shares).any(|other| on >> other & 1 == 1);
+            let (port, number) = pin;
+            let bit = 1 << number;
+            // SAFETY: an enable pin's port.
+            unsafe { MotorPort::of(port) }.write(if is_on { bit << RESET_SHIFT } else { bit });
+        }
+    }
+}
+
+/// For the panic and fault handlers: heaters off, then motors off.
+pub(crate) fn all_off() {
+    // SAFETY: pins of heaters and motors become what they may be at any time; nothing else runs any more.
+    unsafe { stores::apply(&ALL_OFF) };
+}

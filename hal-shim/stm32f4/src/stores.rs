@@ -1,0 +1,57 @@
+//! Stores to registers that a table names: how the board's file becomes pins.
+
+use core::arch::naked_asm;
+
+use crate::board::FIRST;
+
+/// A register becomes `old & !clear | set`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Store {
+    /// The register.
+    pub address: u32,
+    /// Bits that become 0, unless they are set.
+    pub clear: u32,
+    /// Bits that become 1.
+    pub set: u32,
+}
+
+/// Makes the stores, in order.
+///
+/// # Safety
+/// Each address is a register of 32 bits that may be read and may have this value at this time, and nobody else changes
+/// it meanwhile.
+pub(crate) unsafe fn apply(stores: &[Store]) {
+    for &Store { address, clear, set } in stores {
+        let register = address as *mut u32;
+        // SAFETY: as promised.
+        unsafe { register.write_volatile(register.read_volatile() & !clear | set) };
+    }
+}
+
+/// Makes [`FIRST`], before anything else: a heater that a boot loader has left floating, or on, is off some
+/// microseconds after it has jumped here. In assembly, for the memory that Rust takes for granted is not there yet.
+///
+/// # Safety
+/// For cortex-m-rt, which calls it before it fills RAM.
+#[unsafe(naked)]
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn __pre_init() {
+    naked_asm!(
+        "push {{r4, lr}}",
+        "ldr r0, ={first}",
+        "ldr r1, ={bytes}",
+        "add r1, r1, r0",
+        "1:",
+        "ldmia r0!, {{r2, r3, r4}}",
+        "ldr r12, [r2]",
+        "bic r12, r12, r3",
+        "orr r12, r12, r4",
+        "str r12, [r2]",
+        "cmp r0, r1",
+        "bne 1b",
+        "pop {{r4, pc}}",
+        first = sym FIRST,
+        bytes = const size_of_val(&FIRST),
+    )
+}

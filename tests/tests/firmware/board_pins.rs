@@ -1,0 +1,266 @@
+//! What each board's image does to heaters, fans and motors: nothing before it is asked to, the right pins when it is, and
+//! off with the heaters first when nothing can be relied on any more.
+//!
+//! The emulator's chip is the bench's. The registers that the images use are the same on all three.
+
+use std::time::Duration;
+
+use ferrostep_tests::code::Code;
+use ferrostep_tests::qemu::{BSRR, MODER, PortState, PortWrite, Register};
+
+use crate::boards::{BOARDS, BoardFacts, pin};
+use crate::image::{Bench, image_of};
+
+/// Long enough for the image to have said its last word.
+const A_WHILE: Duration = Duration::from_millis(500);
+
+/// Where RAM, and the stack in it, begins.
+const RAM: u32 = 0x2000_0000;
+
+/// Nothing is here.
+const NOWHERE: u32 = 0x6000_0000;
+
+/// The state after some stores; panics if a heater is on at any time, or a motor is on before `may_move`.
+fn state_after(board: &BoardFacts, writes: &[PortWrite], may_move: bool) -> PortState {
+    let (heaters, enable) = (board.heater_pins(), board.all_enable());
+    let spare: Vec<_> = board.spare.iter().map(|name| pin(name)).collect();
+    let mut state = PortState::new();
+    for (index, &write) in writes.iter().enumerate() {
+        state.apply(write);
+        for &heater in &heaters {
+            assert!(!state.is_high(heater), "{}: heater {heater:?} on by store {index}, {write:x?}", board.name);
+        }
+        for &enable in enable.iter().filter(|enable| !may_move || spare.contains(enable)) {
+            let is_on = state.is_output(enable) && !state.is_high(enable);
+            assert!(!is_on, "{}: motor {enable:?} on by store {index}, {write:x?}", board.name);
+        }
+    }
+    state
+}
+
+/// Checks that all heaters and motors are driven, and off.
+fn assert_all_off(board: &BoardFacts, state: &PortState) {
+    for heater in board.heater_pins() {
+        assert!(state.is_output(heater) && !state.is_high(heater), "{}: heater {heater:?}", board.name);
+    }
+    for enable in board.all_enable() {
+        assert!(state.is_output(enable) && state.is_high(enable), "{}: motor {enable:?}", board.name);
+    }
+}
+
+/// Checks that the first of some stores take all heaters' levels low, and those before any of another kind.
+fn assert_heaters_come_first(board: &BoardFacts, writes: &[PortWrite]) {
+    let mut waiting = board.heater_pins();
+    for write in writes {
+        if waiting.is_empty() {
+            return;
+        }
+        let before = waiting.len();
+        waiting.retain(|heater| write.level(*heater) != Some(false));
+        assert!(write.offset == BSRR && waiting.len() < before, "{}: {write:x?} comes before {waiting:?}", board.name);
+    }
+    assert!(waiting.is_empty(), "{}: {waiting:?} are never switched off", board.name);
+}
+
+#[test]
+fn nothing_is_switched_on_between_reset_and_the_first_command() {
+    for board in &BOARDS {
+        let mut bench = Bench::boot_image(&image_of(board.name));
+        let writes = bench.port_writes();
+        assert_heaters_come_first(board, &writes);
+        let state = state_after(board, &writes, false);
+        assert_all_off(board, &state);
+        for fan in board.fans.iter().map(|name| pin(name)) {
+            assert!(state.is_output(fan) && !state.is_high(fan), "{}: fan {fan:?}", board.name);
+        }
+        for signal in board.signals.iter().flatten().map(|name| pin(name)) {
+            assert!(state.is_output(signal) && !state.is_high(signal), "{}: signal {signal:?}", board.name);
+        }
+        // A pin is low, or off, before it is driven.
+        let first_output = writes.iter().position(|write| write.offset == MODER).unwrap();
+        for heater in board.heater_pins() {
+            let low = writes.iter().position(|write| write.level(heater) == Some(false)).unwrap();
+            assert!(low < first_output, "{}: heater {heater:?}", board.name);
+        }
+    }
+}
+
+#[test]
+fn a_printer_board_says_what_it_cannot_do() {
+    for board in BOARDS.iter().filter(|board| board.is_printer()) {
+        let mut bench = Bench::boot_image(&image_of(board.name));
+        for (command, missing) in [
+            ("M104 S200", "heaters"),
+            ("M109 S200", "heaters"),
+            ("M140 S60", "heaters"),
+            ("M190 R60", "heaters"),
+            ("M105", "thermometers"),
+            ("G1 E1 F300", "thermometers"),
+            ("G28", "end stops"),
+            ("G28 X", "end stops"),
+            ("M119", "end stops"),
+            ("M106 S255", "fan"),
+        ] {
+            let answer = bench.host.ask(command, "echo:line").unwrap();
+            let expected = format!("the firmware does not use this board's {missing} yet");
+            assert!(answer.ends_with(&expected), "{}: {command}: {answer}", board.name);
+        }
+        // Off is what they are; a host that asks for reports gets none, and made-up ones least of all.
+        for command in ["M104 S0", "M140 S0", "M109 S0", "M107", "M106 S0", "M155 S1"] {
+            bench.host.send(command).unwrap();
+        }
+        let heard = bench.host.listen(Duration::from_millis(1500)).unwrap();
+        assert!(!heard.iter().any(|line| line.contains("T:") || line.starts_with("echo:line")), "{heard:?}");
+        let state = state_after(board, &bench.port_writes(), false);
+        assert_all_off(board, &state);
+        assert!(!board.fans.iter().any(|name| state.is_high(pin(name))), "{}: a fan is on", board.name);
+    }
+}
+
+/// Where the motors have come to, in steps.
+fn displacement(board: &BoardFacts, writes: &[PortWrite]) -> [i64; 4] {
+    let signals = board.signals.map(|pins| pins.map(pin));
+    let [steps, directions] = signals;
+    let (mut state, mut displacement) = (PortState::new(), [0; 4]);
+    for &write in writes {
+        let before = steps.map(|step| state.is_high(step));
+        state.apply(write);
+        for motor in 0..4 {
+            if state.is_high(steps[motor]) && !before[motor] {
+                displacement[motor] += if state.is_high(directions[motor]) { -1 } else { 1 };
+            }
+        }
+    }
+    displacement
+}
+
+#[test]
+fn each_motor_steps_by_its_own_pins() {
+    for board in &BOARDS {
+        let mut bench = Bench::boot_image(&image_of(board.name));
+        let from = bench.port_writes().len();
+        let mut expected = [0; 4];
+        // One axis at a time, then all of them.
+        for (x, y, z, e) in [(2, 0, 0, 0), (0, -3, 0, 0), (0, 0, 1, 0), (0, 0, 0, 2), (-1, -1, 1, -1)] {
+            for line in ["M302 P1".to_owned(), "G91".to_owned(), format!("G1 X{x} Y{y} Z{z} E{e} F1200")] {
+                bench.host.send(&line).unwrap();
+            }
+            bench.host.send("M400").unwrap();
+            let [a, b] = if board.core_xy { [x + y, x - y] } else { [x, y] };
+            for (motor, mm) in [a, b, z, e].into_iter().enumerate() {
+                expected[motor] += mm * board.steps_per_mm[motor];
+            }
+            assert_eq!(displacement(board, &bench.port_writes()), expected, "{}: {x} {y} {z} {e}", board.name);
+        }
+        let writes = bench.port_writes();
+        state_after(board, &writes[..from], false);
+        let state = state_after(board, &writes, true);
+        for motor in board.enable.map(pin) {
+            assert!(!state.is_high(motor), "{}: motor {motor:?} is off", board.name);
+        }
+        bench.host.send("M84").unwrap();
+        assert_all_off(board, &state_after(board, &bench.port_writes(), true));
+    }
+}
+
+/// Lets the motors move, then something go wrong, and checks what comes of it.
+fn assert_ends_safely(board: &BoardFacts, last_words: &str, go_wrong: impl Fn(&mut Bench)) {
+    let mut bench = Bench::boot_image(&image_of(board.name));
+    for line in ["M302 P1", "G91", "G1 X1 Y1 Z1 E1 F1200", "M400"] {
+        bench.host.send(line).unwrap();
+    }
+    let before = bench.port_writes().len();
+    go_wrong(&mut bench);
+    let line = bench.host.wait_for(last_words, |line| line.starts_with("Error:")).unwrap();
+    assert!(line.contains(last_words) && line.ends_with("kill() called!"), "{}: {line}", board.name);
+    bench.host.listen(A_WHILE).unwrap();
+    // The end is the end: nobody listens any more.
+    bench.host.send_raw(b"M999\nM105\n").unwrap();
+    let heard = bench.host.listen(A_WHILE).unwrap();
+    assert!(heard.is_empty(), "{}: {heard:?}", board.name);
+    let writes = bench.port_writes();
+    let after = &writes[before..];
+    assert!(!after.is_empty(), "{}: nothing was switched off", board.name);
+    assert_heaters_come_first(board, after);
+    let on = state_after(board, &writes[..before], true);
+    assert!(!on.is_high(pin(board.enable[0])), "{}: the motors were off before", board.name);
+    assert_all_off(board, &state_after(board, &writes, true));
+}
+
+#[test]
+fn a_panic_switches_heaters_off_first() {
+    for board in &BOARDS {
+        let code = Code::of(&image_of(board.name)).unwrap();
+        let overflow = code.functions_named("panic_const_add_overflow");
+        let &[overflow] = overflow.as_slice() else { panic!("{}: {overflow:x?}", board.name) };
+        assert_ends_safely(board, "firmware panic", |bench| {
+            let mut debugger = bench.host.port().halt().unwrap();
+            // Where it says that it happened: a file's name, its length, line and column, in memory that the stack
+            // does not come down to.
+            let name = b"nowhere.rs";
+            let place = [RAM + 16, name.len() as u32, 1, 1].map(u32::to_le_bytes).concat();
+            debugger.write_memory(RAM, &[place.as_slice(), name].concat()).unwrap();
+            debugger.set_register(Register::R0, RAM).unwrap();
+            debugger.set_register(Register::ProgramCounter, overflow).unwrap();
+            debugger.resume().unwrap();
+        });
+    }
+}
+
+#[test]
+fn a_stray_jump_switches_heaters_off_first() {
+    for board in &BOARDS {
+        assert_ends_safely(board, "firmware fault at 0x60000000", |bench| {
+            let mut debugger = bench.host.port().halt().unwrap();
+            debugger.set_register(Register::ProgramCounter, NOWHERE).unwrap();
+            assert_eq!(debugger.register(Register::ProgramCounter).unwrap(), NOWHERE);
+            debugger.resume().unwrap();
+        });
+    }
+}
+
+#[test]
+fn a_stack_that_runs_over_switches_heaters_off_first() {
+    for board in &BOARDS {
+        assert_ends_safely(board, "firmware fault, stack overflow", |bench| {
+            let mut debugger = bench.host.port().halt().unwrap();
+            // The next interrupt finds no room for eight words.
+            debugger.set_register(Register::StackPointer, RAM + 8).unwrap();
+            debugger.resume().unwrap();
+        });
+    }
+}
+
+/// The Buddy board, and a store to its heaters' port.
+fn buddy_and_store(value: u32) -> (&'static BoardFacts, PortWrite) {
+    let board = BOARDS.iter().find(|board| board.name == "prusa-buddy").unwrap();
+    (board, PortWrite { port: 'B', offset: BSRR, value })
+}
+
+#[test]
+#[should_panic = "heater ('B', 1) on"]
+fn a_heater_that_comes_on_is_found() {
+    let (board, on) = buddy_and_store(1 << 1);
+    state_after(board, &[on], true);
+}
+
+#[test]
+#[should_panic = "motor ('D', 14) on"]
+fn a_motor_that_comes_on_is_found() {
+    let (board, off) = buddy_and_store(0b11 << 16);
+    state_after(board, &[off, PortWrite { port: 'D', offset: MODER, value: 1 << 28 }], false);
+}
+
+#[test]
+#[should_panic = "comes before"]
+fn motors_before_heaters_are_found() {
+    let (board, off) = buddy_and_store(0b11 << 16);
+    assert_heaters_come_first(board, &[PortWrite { port: 'D', ..off }, off]);
+}
+
+#[test]
+#[should_panic = "never switched off"]
+fn a_heater_that_is_forgotten_is_found() {
+    let (board, one) = buddy_and_store(0b01 << 16);
+    assert_heaters_come_first(board, &[one]);
+}

@@ -1,0 +1,104 @@
+//! The boards as their makers describe them: written down here a second time, for what the images do to be held against.
+
+use ferrostep_tests::qemu::Pin;
+
+/// A board.
+#[derive(Debug)]
+pub struct BoardFacts {
+    /// Its name.
+    pub name: &'static str,
+    /// Where its image begins.
+    pub image_address: u32,
+    /// Flash behind its end is not there.
+    pub flash_end: u32,
+    /// What the plain bytes are called.
+    pub bytes_file: &'static str,
+    /// Frequency of its crystal, MHz.
+    pub crystal_mhz: u32,
+    /// Steps of X (A), Y (B), Z and E, then their directions.
+    pub signals: [[&'static str; 4]; 2],
+    /// Steps a millimetre of the profile that it is built with, and whether X and Y move both of A and B.
+    pub steps_per_mm: [i64; 4],
+    /// See [`Self::steps_per_mm`].
+    pub core_xy: bool,
+    /// Enable pins of the motors that move, in their order; low = on.
+    pub enable: [&'static str; 4],
+    /// Enable pins of the other sockets.
+    pub spare: &'static [&'static str],
+    /// Heaters; high = on.
+    pub heaters: &'static [&'static str],
+    /// Fans; high = on.
+    pub fans: &'static [&'static str],
+}
+
+/// All boards that have names.
+pub const BOARDS: [BoardFacts; 3] = [
+    BoardFacts {
+        name: "bench",
+        image_address: 0x0800_0000,
+        flash_end: 0x0810_0000,
+        bytes_file: "ferrostep.bin",
+        crystal_mhz: 8,
+        signals: [["C0", "C1", "C2", "C3"], ["C4", "C5", "C6", "C7"]],
+        steps_per_mm: [80, 80, 400, 95],
+        core_xy: false,
+        enable: ["C8"; 4],
+        spare: &[],
+        heaters: &[],
+        fans: &[],
+    },
+    BoardFacts {
+        name: "prusa-buddy",
+        image_address: 0x0800_0000,
+        flash_end: 0x0810_0000,
+        bytes_file: "ferrostep.bin",
+        crystal_mhz: 12,
+        signals: [["D1", "D13", "D4", "D9"], ["D0", "D12", "D15", "D8"]],
+        steps_per_mm: [100, 100, 400, 325],
+        core_xy: false,
+        enable: ["D3", "D14", "D2", "D10"],
+        spare: &[],
+        heaters: &["B0", "B1"],
+        fans: &["E11", "E9"],
+    },
+    BoardFacts {
+        name: "btt-octopus-1.1",
+        image_address: 0x0800_8000,
+        flash_end: 0x0808_0000,
+        bytes_file: "firmware.bin",
+        crystal_mhz: 12,
+        signals: [["F13", "G0", "F11", "F9"], ["F12", "G1", "G3", "F10"]],
+        steps_per_mm: [160, 160, 800, 400],
+        core_xy: true,
+        enable: ["F14", "F15", "G5", "G2"],
+        spare: &["A0", "F1", "D4", "E0"],
+        heaters: &["A1", "A2", "A3", "B10", "B11"],
+        fans: &["A8", "E5", "D12", "D13", "D14", "D15"],
+    },
+];
+
+impl BoardFacts {
+    /// Whether something real may hang on it.
+    pub fn is_printer(&self) -> bool {
+        !self.heaters.is_empty()
+    }
+
+    /// All enable pins, each once.
+    pub fn all_enable(&self) -> Vec<Pin> {
+        let mut pins: Vec<Pin> = self.enable.iter().chain(self.spare).map(|name| pin(name)).collect();
+        pins.sort_unstable();
+        pins.dedup();
+        pins
+    }
+
+    /// The heaters' pins.
+    pub fn heater_pins(&self) -> Vec<Pin> {
+        self.heaters.iter().map(|name| pin(name)).collect()
+    }
+}
+
+/// The pin of a name such as `B10`.
+pub fn pin(name: &str) -> Pin {
+    let (port, number) = name.split_at(1);
+    (port.chars().next().unwrap(), number.parse().unwrap())
+}
