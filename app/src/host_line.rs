@@ -103,12 +103,19 @@ impl Reader {
         Some(Self { serial, usb, last: Port::Usb, signal: RECEIVED.try_take_reader()?, clock })
     }
 
+    fn is_ready(&self) -> bool {
+        self.serial.ready() || self.usb.ready()
+    }
+
     /// Waits for bytes, takes as many of one port as are there and fit, and returns them.
     pub async fn read<'a>(&mut self, buffer: &'a mut [u8]) -> (Port, &'a [u8]) {
-        while !(self.serial.ready() || self.usb.ready()) {
+        if !self.is_ready() {
             QUIET_SINCE.store(self.clock.now_ticks(), Ordering::Release);
             IS_AWAITED.store(true, Ordering::Release);
-            self.signal.wait().await;
+            // USB's interrupt has other work too, and says so each time.
+            while !self.is_ready() {
+                self.signal.wait().await;
+            }
             IS_AWAITED.store(false, Ordering::Release);
         }
         self.last = match self.last {

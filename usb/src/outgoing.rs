@@ -1,6 +1,6 @@
 //! From lines to packets.
 
-use usb_device::{Result, UsbError};
+use usb_device::Result;
 
 use crate::PACKET_BYTES;
 
@@ -48,7 +48,7 @@ impl Outgoing {
                 }
                 // The last packet is still on its way, or (another error) there is no endpoint to write to yet. Both end
                 // with an event that leads here again.
-                Err(UsbError::WouldBlock | _) => return,
+                Err(_) => return,
             }
         }
     }
