@@ -60,6 +60,7 @@ fn constant(profile: &Profile) -> String {
         retraction,
         driver,
         extrusion,
+        drivers,
     } = profile;
     let kinematics = match kinematics {
         Kinematics::Cartesian => "Cartesian",
@@ -81,7 +82,7 @@ fn constant(profile: &Profile) -> String {
          driver: DriverTiming {{ pulse_width_ns: {pulse_width_ns}, direction_setup_ns: {direction_setup_ns}, \
          both_edges: {both_edges} }}, \
          extrusion: ExtrusionSettings {{ adaptive: {adaptive}, layer_height_10nm: {layer_height_10nm}, \
-         line_width_10nm: {line_width_10nm}, filament_diameter_10nm: {filament_diameter_10nm} }} }}",
+         line_width_10nm: {line_width_10nm}, filament_diameter_10nm: {filament_diameter_10nm} }}, drivers: {} }}",
         steps_per_mm.join(", "),
         limits_constant(limits),
         motion_constant(motion),
@@ -90,7 +91,13 @@ fn constant(profile: &Profile) -> String {
         homing(home_z),
         heater(nozzle),
         heater(bed),
+        driver_settings(drivers),
     )
+}
+
+/// Settings of the drivers: all fields are plain numbers and flags, as `Debug` shows them.
+fn driver_settings(drivers: &impl std::fmt::Debug) -> String {
+    format!("{drivers:?}").replace("DriverSettings", "ferrostep_hal_shim::tmc2209::DriverSettings")
 }
 
 /// How the step interrupt makes a step, as a type: it is compiled for that one way.

@@ -1,6 +1,7 @@
 //! Whether a board can be the machine that a profile describes.
 
 use ferrostep_checked_toml::FileError;
+use ferrostep_hal_shim::tmc2209::CurrentScale;
 use ferrostep_printer::Profile;
 use ferrostep_profiles::refuse;
 
@@ -24,7 +25,7 @@ impl Driver {
 /// # Errors
 /// It asks for what the board has not; the error names the profile's key and line.
 pub fn check(board: &Board, profile: &Profile, profile_name: &str) -> Result<(), FileError> {
-    for motor in &board.motors {
+    for (motor, settings) in board.motors.iter().zip(&profile.drivers) {
         let driver = format!("{:?}", motor.driver).to_lowercase();
         // A driver must be told to step at both edges (its bit `dedge`), and nobody tells it yet.
         if profile.driver.both_edges && motor.driver != Driver::None {
@@ -40,6 +41,15 @@ pub fn check(board: &Board, profile: &Profile, profile_name: &str) -> Result<(),
             let [shortest_us, us] = [shortest_ns, profile.driver.pulse_width_ns].map(|ns| f64::from(ns) / 1e3);
             let expected = format!("at least {shortest_us} us for the {driver} of the board {}", board.name);
             return Err(refuse(profile_name, "driver.pulse_width_us", &us.to_string(), &expected));
+        }
+        // A driver's current is measured at the board's resistors.
+        if let (Driver::Tmc2209, Some(ohm), Some(settings)) = (motor.driver, motor.sense_resistor_ohm, settings)
+            && let Err(error) = CurrentScale::from_ma(settings.current_ma, (ohm * 1000.0).round() as u16)
+        {
+            let key = format!("drivers.{}.current_ma", motor.name);
+            let (least, most) = (error.least_ma, error.most_ma);
+            let expected = format!("{least} to {most} mA at the {ohm} ohm of the board {}", board.name);
+            return Err(refuse(profile_name, &key, &settings.current_ma.to_string(), &expected));
         }
     }
     if board.virtual_sensors {

@@ -1,14 +1,16 @@
 //! The machine on the desk: planner, step queue and virtual board, and the virtual time they share.
 
+mod drivers;
 mod handles;
 
+pub use drivers::DeskDrivers;
 pub use handles::{DeskHeating, DeskMotion};
 
 use std::collections::VecDeque;
 
 use ferrostep_gcode::MotionFigures;
 use ferrostep_hal_shim::virtual_board::{EventRate, StepObserver, VirtualBoard, VirtualClock, VirtualHeaters};
-use ferrostep_hal_shim::{EndStops, Fan};
+use ferrostep_hal_shim::{EndStops, Fan, Heater, ThermalBoard};
 use ferrostep_planner::interpolator::MAX_ENTRIES;
 use ferrostep_planner::look_ahead::Slot;
 use ferrostep_planner::{Notice, Planner, Progress, StepDigests, StepEntry, StepSink, TICKS_PER_SECOND};
@@ -238,6 +240,19 @@ impl<O: Observer> Desk<O> {
         };
         clock.advance_to(now_ns);
         self.heat_until(now_ns)
+    }
+
+    /// Everything off, as after M112.
+    pub fn halt(&mut self) {
+        self.all_heat_off();
+        self.stop();
+    }
+
+    fn all_heat_off(&mut self) {
+        self.heat.all_off();
+        for heater in Heater::ALL {
+            self.board.heaters.set_power(heater, 0.0);
+        }
     }
 
     /// Whether a move would be taken.

@@ -9,9 +9,9 @@ use std::task::{Context, Poll, Waker};
 use ferrostep_gcode::Reply;
 use ferrostep_hal_shim::Clock;
 use ferrostep_hal_shim::virtual_board::{VirtualClock, VirtualDelay};
-use ferrostep_printer::{Failure, Printer, Profile, Replies, Signals, temperatures};
+use ferrostep_printer::{Failure, Printer, Profile, Replies, Signals, tell_driver_event, temperatures};
 
-use crate::desk::{Desk, DeskHeating, DeskMotion, Mode};
+use crate::desk::{Desk, DeskDrivers, DeskHeating, DeskMotion, Mode};
 use crate::record::Observer;
 
 /// Different unknown commands that are remembered; a broken file could name any number.
@@ -25,6 +25,7 @@ pub struct Session<O, R> {
     profile: Profile,
     clock: VirtualClock,
     desk: RefCell<Desk<O>>,
+    drivers: DeskDrivers,
     signals: Signals,
     replies: R,
 }
@@ -35,6 +36,7 @@ impl<O: Observer, R: Replies> Session<O, R> {
         Self {
             clock: VirtualClock::default(),
             desk: RefCell::new(Desk::new(&profile, mode, look_ahead, observer)),
+            drivers: DeskDrivers::new(&profile.drivers),
             signals: Signals::new(),
             replies,
             profile,
@@ -43,14 +45,23 @@ impl<O: Observer, R: Replies> Session<O, R> {
 
     /// The printer; one at a time makes sense.
     pub fn printer(&self) -> DeskPrinter<'_, O, R> {
-        Printer::new(
+        let mut printer = Printer::new(
             &self.profile,
             DeskMotion { desk: &self.desk, signals: &self.signals },
             DeskHeating { desk: &self.desk },
             VirtualDelay(&self.clock),
             &self.replies,
             &self.signals,
-        )
+        );
+        if self.drivers.exist() {
+            printer.set_drivers(&self.drivers);
+        }
+        printer
+    }
+
+    /// The motors' drivers.
+    pub fn drivers(&self) -> &DeskDrivers {
+        &self.drivers
     }
 
     /// The machine.
@@ -94,6 +105,8 @@ impl<O: Observer, R: Replies> Session<O, R> {
                 self.replies.send(Reply::Killed);
                 self.signals.halt();
             }
+            self.drivers.work_until(self.clock.now_ns());
+            self.tell_driver_events();
             self.report_temperatures(&mut next_report_ms);
             between(self);
         }
@@ -102,6 +115,18 @@ impl<O: Observer, R: Replies> Session<O, R> {
     /// Polls a future to its end; whenever it waits, virtual time passes.
     pub fn run<F: Future>(&self, future: F) -> F::Output {
         self.run_with(future, |_| {})
+    }
+
+    /// What has happened to the motors' drivers; one that leaves a motor alone in motion halts the machine.
+    fn tell_driver_events(&self) {
+        while let Some(event) = self.drivers.take_event() {
+            let motors_on = self.desk.borrow().board().motors.enabled_motors();
+            if tell_driver_event(&event, motors_on, &self.replies) && !self.signals.is_halted() {
+                self.desk.borrow_mut().halt();
+                self.replies.send(Reply::Killed);
+                self.signals.halt();
+            }
+        }
     }
 
     /// M155.

@@ -69,6 +69,26 @@ pub struct RetractionWords {
     pub lift: Option<Decimal>,
 }
 
+/// A whole number for each motor that is named (M906, M914). On a CoreXY machine X and Y name the motors A and B.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct DriverWords {
+    /// X.
+    pub x: Option<u16>,
+    /// Y.
+    pub y: Option<u16>,
+    /// Z.
+    pub z: Option<u16>,
+    /// E.
+    pub e: Option<u16>,
+}
+
+impl DriverWords {
+    /// In the order of the motors.
+    pub const fn all(self) -> [Option<u16>; 4] {
+        [self.x, self.y, self.z, self.e]
+    }
+}
+
 /// Target of M104, M109, M140 and M190.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WaitTarget {
@@ -147,6 +167,8 @@ pub enum Command<'a> {
     WaitBed(WaitTarget),
     /// M105.
     ReportTemperatures,
+    /// M122: the motor drivers.
+    ReportDrivers,
     /// M155 S: seconds between automatic reports, 0 = off.
     AutoReportTemperatures {
         /// Seconds.
@@ -225,6 +247,17 @@ pub enum Command<'a> {
     Finish,
     /// M410.
     QuickStop,
+    /// M569 S: stealthChop (1) or spreadCycle (0) for the motors named; without S a query.
+    StealthChop {
+        /// Which motors; for a query, none means all.
+        motors: AxisFlags,
+        /// S.
+        on: Option<bool>,
+    },
+    /// M906: currents in motion, mA; without words a query.
+    DriverCurrent(DriverWords),
+    /// M914: StallGuard thresholds, 0 to 255; without words a query.
+    StallThreshold(DriverWords),
     /// M796: I chooses the interpolation, A the acceleration's profile, by their numbers; neither: a query.
     MotionChoice {
         /// I, 0 to 4.

@@ -19,7 +19,7 @@ mod real;
 mod reply;
 mod reply_text;
 
-pub use command::{ArcForm, AxisFlags, AxisWords, Command, RetractionWords, Units, WaitTarget};
+pub use command::{ArcForm, AxisFlags, AxisWords, Command, DriverWords, RetractionWords, Units, WaitTarget};
 pub use decimal::{Decimal, NumberError};
 pub use emergency::{Emergency, EmergencyScanner};
 pub use line::{Checksum, Line, LineError};

@@ -5,8 +5,10 @@
 
 pub mod clock_tree;
 pub mod histogram;
+pub mod software_serial;
 pub mod stepping;
 pub mod thermistor;
+pub mod tmc2209;
 pub mod virtual_board;
 
 use ferrostep_planner::StepEntry;

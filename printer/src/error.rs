@@ -3,6 +3,7 @@
 use core::fmt;
 
 use ferrostep_gcode::{ParseError, Real};
+use ferrostep_hal_shim::tmc2209::{DriverEvent, DriverEventKind, Failure as DriverFailure, SettingsError};
 use ferrostep_planner::{MIN_FEED_MM_PER_S, MoveError};
 
 use crate::AXIS_NAMES;
@@ -65,6 +66,20 @@ pub enum CommandError {
         /// Index of the axis.
         axis: usize,
     },
+    /// A motor's driver is not to be relied on, so nothing may move.
+    Driver {
+        /// The motor, 0 to 3.
+        motor: usize,
+        /// Why.
+        failure: DriverFailure,
+    },
+    /// A motor's driver cannot be set to what was asked for.
+    DriverSettings {
+        /// The motor, 0 to 3.
+        motor: usize,
+        /// Why.
+        error: SettingsError,
+    },
     /// What the command needs cannot be used on this board: `heaters`, `thermometers`, `end stops`, `fan`.
     NotEquipped(&'static str),
     /// A tool that does not exist.
@@ -126,6 +141,13 @@ impl fmt::Display for CommandError {
             Self::HomingFailed { axis } => {
                 let name = AXIS_NAMES.get(*axis).copied().unwrap_or('?');
                 write!(out, "homing {name} failed: its end stop did not trigger, expected it within the axis' length")
+            }
+            Self::Driver { motor, failure } => {
+                write!(out, "{}", DriverEvent { motor: *motor, kind: DriverEventKind::Failed(*failure) })
+            }
+            Self::DriverSettings { motor, error } => {
+                let name = AXIS_NAMES.get(*motor).copied().unwrap_or('?');
+                write!(out, "{name}: {error}")
             }
             Self::NotEquipped(what) => write!(out, "the firmware does not use this board's {what} yet"),
             Self::InvalidTool(tool) => write!(out, "T{tool} - Invalid extruder number !, expected T0"),

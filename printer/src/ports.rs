@@ -5,6 +5,7 @@ use core::sync::atomic::{AtomicBool, AtomicU8, Ordering};
 
 use ferrostep_gcode::{MotionFigures, Reply, TimingFigures};
 use ferrostep_hal_shim::Heater;
+use ferrostep_hal_shim::tmc2209::{DriverReport, DriverSettings, DriverState, SettingsError};
 use ferrostep_planner::{Limits, MotionChoice, Move, MoveError, Moved};
 
 use crate::error::Failure;
@@ -116,6 +117,26 @@ pub trait Timing: core::fmt::Debug {
     fn clear(&self);
     /// What was measured so far.
     fn figures(&self) -> [TimingFigures; 3];
+}
+
+/// Motor drivers that can be set. A machine need not have any. Motors are X (A), Y (B), Z and E, 0 to 3.
+pub trait MotorDrivers: core::fmt::Debug {
+    /// Whether a driver can be relied on; `None` for a motor without one that can be set.
+    fn state(&self, motor: usize) -> Option<DriverState>;
+    /// How a driver is.
+    fn report(&self, motor: usize) -> Option<DriverReport>;
+    /// Whether a driver could be set to this.
+    ///
+    /// # Errors
+    /// It could not.
+    fn check(&self, motor: usize, settings: &DriverSettings) -> Result<(), SettingsError>;
+    /// Sets a driver, which is then unconfirmed for a while.
+    ///
+    /// # Errors
+    /// It cannot be set to this; nothing has changed.
+    fn set(&self, motor: usize, settings: DriverSettings) -> Result<(), SettingsError>;
+    /// Mask of the motors that may not be where their steps say, since this was last asked.
+    fn take_moved(&self) -> u8;
 }
 
 /// Where replies go. Several commands may answer, so this takes a shared reference.

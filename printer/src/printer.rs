@@ -10,7 +10,7 @@ use ferrostep_planner::{AccelerationProfile, Interpolation, Kinematics};
 
 use crate::error::{CommandError, Failure};
 use crate::modal::{Modal, Tally};
-use crate::ports::{Equipment, Heating, Motion, Replies, Signals, Timing};
+use crate::ports::{Equipment, Heating, Motion, MotorDrivers, Replies, Signals, Timing};
 use crate::profile::{HomeEnd, Profile};
 use crate::waits::temperatures;
 
@@ -45,6 +45,7 @@ pub struct Printer<'a, M, H, T, R> {
     last_line: i64,
     emergency_parser: bool,
     timing: Option<&'a dyn Timing>,
+    pub(crate) drivers: Option<&'a dyn MotorDrivers>,
     pub(crate) equipment: Equipment,
 }
 
@@ -64,6 +65,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
             last_line: 0,
             emergency_parser: false,
             timing: None,
+            drivers: None,
             equipment: Equipment::ALL,
         }
     }
@@ -76,6 +78,11 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
     /// The board measures times of itself (M798).
     pub fn set_timing(&mut self, timing: &'a dyn Timing) {
         self.timing = Some(timing);
+    }
+
+    /// The motors' drivers can be set (M122, M569, M906, M914); nothing moves before all have confirmed that they are.
+    pub fn set_drivers(&mut self, drivers: &'a dyn MotorDrivers) {
+        self.drivers = Some(drivers);
     }
 
     /// What of the board can be used; all if nobody says otherwise.
@@ -209,6 +216,11 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
     }
 
     async fn dispatch(&mut self, command: &Command<'_>) -> Result<bool, CommandError> {
+        if self.drivers_part(command)?
+            && let Some(drivers) = self.drivers
+        {
+            self.drivers_confirmed(drivers).await?;
+        }
         match *command {
             Command::Linear { rapid, ref axes, feed } => self.linear(rapid, axes, feed).await?,
             Command::Arc { clockwise, ref axes, form, feed } => self.arc(clockwise, axes, form, feed).await?,
@@ -276,8 +288,13 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
             Command::SelectTool(0) => {}
             Command::SelectTool(tool) => return Err(CommandError::InvalidTool(tool)),
             Command::Unknown(text) => self.replies.send(Reply::UnknownCommand(text)),
-            // Without a display, a second fan or an idle timer these change nothing here.
-            Command::Display(_)
+            // The drivers' part is all that there is to the first four. Without a display, a second fan or an idle timer the
+            // others change nothing here.
+            Command::ReportDrivers
+            | Command::StealthChop { .. }
+            | Command::DriverCurrent(_)
+            | Command::StallThreshold(_)
+            | Command::Display(_)
             | Command::Fan { .. }
             | Command::IdleTimeout { .. }
             | Command::SetNozzle(None)

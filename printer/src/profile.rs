@@ -1,6 +1,7 @@
 //! The machine as numbers: what a profile file or a board's constants say.
 
 use ferrostep_hal_shim::thermistor::Thermistor;
+use ferrostep_hal_shim::tmc2209::DriverSettings;
 use ferrostep_hal_shim::virtual_board::{START_10NM, VirtualEndStop, VirtualHeaters, VirtualMotors};
 use ferrostep_planner::{Geometry, Kinematics, Limits, MotionChoice, StepsPerMm};
 
@@ -171,6 +172,8 @@ pub struct Profile {
     pub driver: DriverTiming,
     /// Filament for moves that tell none, at start-up.
     pub extrusion: ExtrusionSettings,
+    /// What the drivers of the X (A), Y (B), Z and extruder motors are set to; `None` for one that cannot be set.
+    pub drivers: [Option<DriverSettings>; 4],
 }
 
 impl Profile {

@@ -2,6 +2,7 @@
 
 use ferrostep_checked_toml::{Checker, Range, range};
 use ferrostep_hal_shim::thermistor::{Thermistor, ThermistorType};
+use ferrostep_hal_shim::tmc2209::{DriverSettings, chopper_threshold};
 use ferrostep_planner::s_curve::FrequencyTable;
 use ferrostep_planner::{
     AccelerationProfile, DualRatePeriods, Interpolation, Kinematics, Limits, MotionChoice, SCurveTableSettings,
@@ -15,9 +16,9 @@ use ferrostep_printer::{
 use crate::ProfileError;
 use crate::check::CheckAxes;
 use crate::file::{
-    AccelerationName, DriverTable, DualRateTable, EndName, ExtrusionName, ExtrusionTable, HeaterTable, HomingTable,
-    InterpolationName, KinematicsName, Number, ProfileFile, RetractionTable, SCurveTable, SensorName, ThermistorName,
-    ThermistorValue, Xyze,
+    AccelerationName, DriverSettingsTable, DriverTable, DualRateTable, EndName, ExtrusionName, ExtrusionTable,
+    HeaterTable, HomingTable, InterpolationName, KinematicsName, Number, ProfileFile, RetractionTable, SCurveTable,
+    SensorName, ThermistorName, ThermistorValue, Xyze,
 };
 
 /// Units of 10 nm in a mm.
@@ -60,6 +61,11 @@ const MOVES_PER_S: Range = range(10.0, 1_000_000.0, "moves/s");
 const PERIOD: Range = range(1.0, 1_000_000.0, "us");
 const FREQUENCY: Range = range(1.0, 1_000_000.0, "steps/s");
 const TABLE_JERK: Range = range(1.0, 1_000_000_000.0, "steps/s^3");
+const DRIVER_CURRENT: Range = range(20.0, 3_000.0, "mA");
+const HOLD_CURRENT: Range = range(0.0, 100.0, "percent");
+const MICROSTEPS: Range = range(1.0, 256.0, "microsteps");
+const STALL_THRESHOLD: Range = range(0.0, 255.0, "");
+const CHOPPER_SPEED: Range = range(0.0, 2_000.0, "mm/s");
 const DIRECTION_SETUP: Range = range(0.0, 100.0, "us");
 
 /// Longest name, bytes.
@@ -110,6 +116,7 @@ pub fn profile(file: &ProfileFile, check: &Checker<'_>) -> Result<Profile, Profi
         retraction: retraction(&file.firmware_retraction, check)?,
         driver: driver(&file.driver, interval_us, check)?,
         extrusion: extrusion(&file.extrusion, check)?,
+        drivers: drivers(file, steps, check)?,
         // Leaked last, so that only profiles without a fault leave something behind.
         name: Box::leak(name.to_owned().into_boxed_str()),
     })
@@ -440,6 +447,56 @@ fn driver(table: &DriverTable, interval_us: f64, check: &Checker<'_>) -> Result<
         pulse_width_ns: (pulse_us * 1e3).round() as u32,
         direction_setup_ns: (setup_us * 1e3).round() as u32,
         both_edges: table.both_edges,
+    })
+}
+
+/// Drivers that can be set.
+fn drivers(
+    file: &ProfileFile,
+    steps_per_mm: [f64; 4],
+    check: &Checker<'_>,
+) -> Result<[Option<DriverSettings>; 4], ProfileError> {
+    let [x, y, z, e] = steps_per_mm;
+    let one = |motor: &str, table: &Option<DriverSettingsTable>, steps_per_mm| {
+        table
+            .as_ref()
+            .map(|table| driver_settings(motor, table, steps_per_mm, file.driver.both_edges, check))
+            .transpose()
+    };
+    let tables = &file.drivers;
+    Ok([one("x", &tables.x, x)?, one("y", &tables.y, y)?, one("z", &tables.z, z)?, one("e", &tables.e, e)?])
+}
+
+/// What the driver of a motor is set to. Whether it can make the current is for the board's sense resistors to say.
+fn driver_settings(
+    motor: &str,
+    table: &DriverSettingsTable,
+    steps_per_mm: f64,
+    both_edges: bool,
+    check: &Checker<'_>,
+) -> Result<DriverSettings, ProfileError> {
+    let whole = |key: &str, value: &Number, range| {
+        let key = format!("drivers.{motor}.{key}");
+        let number = check.number(&key, value, range)?;
+        let expected = format!("a whole number from {range}");
+        if number.fract() == 0.0 { Ok(number as u16) } else { Err(check.refuse(&key, value, expected)) }
+    };
+    let microsteps = whole("microsteps", &table.microsteps, MICROSTEPS)?;
+    if !microsteps.is_power_of_two() {
+        let key = format!("drivers.{motor}.microsteps");
+        return Err(check.refuse(&key, &table.microsteps, "1, 2, 4, 8, 16, 32, 64, 128 or 256"));
+    }
+    let key = format!("drivers.{motor}.spread_cycle_above_mm_per_s");
+    let above_mm_per_s = check.number(&key, &table.spread_cycle_above_mm_per_s, CHOPPER_SPEED)?;
+    Ok(DriverSettings {
+        current_ma: whole("current_ma", &table.current_ma, DRIVER_CURRENT)?,
+        hold_percent: whole("hold_current_percent", &table.hold_current_percent, HOLD_CURRENT)? as u8,
+        microsteps,
+        interpolate: table.interpolate,
+        stealth_chop: table.stealth_chop,
+        stealth_until: chopper_threshold(above_mm_per_s, steps_per_mm, microsteps),
+        stall_threshold: whole("stall_threshold", &table.stall_threshold, STALL_THRESHOLD)? as u8,
+        both_edges,
     })
 }
 

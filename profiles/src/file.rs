@@ -43,6 +43,8 @@ pub struct ProfileFile {
     pub s_curve_table: Option<SCurveTable>,
     #[serde(default)]
     pub extrusion: ExtrusionTable,
+    #[serde(default)]
+    pub drivers: DriverTables,
 }
 
 /// Filament for moves that tell none.
@@ -266,6 +268,29 @@ pub struct DriverTable {
     pub pulse_width_us: Number,
     pub direction_setup_us: Number,
     pub both_edges: bool,
+}
+
+/// Drivers that can be set, by their motors.
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields, expecting = "the tables drivers.x, drivers.y, drivers.z, drivers.e")]
+pub struct DriverTables {
+    pub x: Option<DriverSettingsTable>,
+    pub y: Option<DriverSettingsTable>,
+    pub z: Option<DriverSettingsTable>,
+    pub e: Option<DriverSettingsTable>,
+}
+
+/// What one of them is set to.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, expecting = "a table of a driver's settings")]
+pub struct DriverSettingsTable {
+    pub current_ma: Number,
+    pub hold_current_percent: Number,
+    pub microsteps: Number,
+    pub interpolate: bool,
+    pub stealth_chop: bool,
+    pub spread_cycle_above_mm_per_s: Number,
+    pub stall_threshold: Number,
 }
 
 /// What the processor can keep up with; where nothing is said, what an STM32F407 can.

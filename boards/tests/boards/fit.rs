@@ -1,5 +1,7 @@
 //! A profile that names what the board has not is refused, with the profile's line.
 
+use std::sync::atomic::{AtomicU32, Ordering};
+
 use ferrostep_boards::{builtin_names, fit, load};
 
 /// The line of a built-in profile on which a text stands.
@@ -13,7 +15,9 @@ fn error_after(board: &str, profile: &str, from: &str, to: &str) -> Option<Strin
     let text = ferrostep_profiles::builtin_text(profile).unwrap();
     assert!(text.contains(from), "{from}");
     // By its path, as a user's own: errors name the line of that file.
-    let name = format!("ferrostep-{}-{board}-{}.toml", std::process::id(), to.len());
+    // Tests run at the same time.
+    static FILES: AtomicU32 = AtomicU32::new(0);
+    let name = format!("ferrostep-{}-{}.toml", std::process::id(), FILES.fetch_add(1, Ordering::Relaxed));
     let path = std::env::temp_dir().join(name);
     std::fs::write(&path, text.replacen(from, to, 1)).unwrap();
     let path_text = path.to_str().unwrap();
@@ -53,6 +57,18 @@ fn pulses_are_as_long_as_the_driver_wants() {
     let line = line_of("prusa-mini", "pulse_width_us");
     let expected = "driver.pulse_width_us = 0.05: expected at least 0.1 us for the tmc2209";
     assert!(error.starts_with(&format!("test.toml:{line}: {expected}")), "{error}");
+}
+
+#[test]
+fn a_current_is_what_the_sense_resistors_allow() {
+    let (from, to) = ("current_ma = 350", "current_ma = 1000");
+    let error = error_after("prusa-buddy", "prusa-mini", from, to).unwrap();
+    let line = line_of("prusa-mini", from);
+    let expected = "drivers.x.current_ma = 1000: expected 17 to 958 mA at the 0.22 ohm of the board prusa-buddy";
+    assert_eq!(error, format!("test.toml:{line}: {expected}"));
+    assert_eq!(error_after("prusa-buddy", "prusa-mini", from, "current_ma = 950"), None);
+    // Whatever is plugged into a socket brings its own.
+    assert_eq!(error_after("btt-octopus-1.1", "prusa-mini", from, to), None);
 }
 
 #[test]

@@ -168,11 +168,7 @@ impl<O: Observer> Heating for DeskHeating<'_, O> {
     }
 
     fn all_off(&mut self) {
-        let mut desk = self.desk.borrow_mut();
-        desk.heat.all_off();
-        for heater in Heater::ALL {
-            ferrostep_hal_shim::ThermalBoard::set_power(&mut desk.board.heaters, heater, 0.0);
-        }
+        self.desk.borrow_mut().all_heat_off();
     }
 
     fn restart(&mut self) -> Result<(), HeatFault> {

@@ -1,12 +1,16 @@
 //! Heaters, fans, limits, reports and the rest of the machine.
 
 use super::Code;
-use crate::{Command, Decimal, ParseError, RetractionWords, WaitTarget};
+use crate::{Command, Decimal, DriverWords, ParseError, RetractionWords, WaitTarget};
 
 /// Longest interval of M113 and M155, seconds.
 const MAX_INTERVAL_S: u8 = 60;
 /// Largest M220 and M221.
 const MAX_PERCENT: u16 = 999;
+/// Largest M906, mA: more than any driver that is set by it can make.
+const MAX_CURRENT_MA: u16 = 3000;
+/// Largest M914.
+const MAX_STALL_THRESHOLD: u16 = 255;
 
 pub(super) fn parse(code: Code<'_>) -> Result<Command<'_>, ParseError> {
     if code.has_subcode {
@@ -36,6 +40,7 @@ pub(super) fn parse(code: Code<'_>) -> Result<Command<'_>, ParseError> {
         117 => Ok(Command::Display(code.free_text())),
         118 => Ok(echo(code.free_text())),
         119 => Ok(Command::ReportEndStops),
+        122 => code.without_words(Command::ReportDrivers),
         155 => match code.words()?.whole_to(b'S', MAX_INTERVAL_S)? {
             Some(seconds) => Ok(Command::AutoReportTemperatures { seconds }),
             None => Err(ParseError::WordsExpected { command: "M155", words: "S" }),
@@ -81,6 +86,9 @@ pub(super) fn parse(code: Code<'_>) -> Result<Command<'_>, ParseError> {
         }
         400 => Ok(Command::Finish),
         410 => Ok(Command::QuickStop),
+        569 => stealth_chop(code),
+        906 => Ok(Command::DriverCurrent(driver_words(code, MAX_CURRENT_MA)?)),
+        914 => Ok(Command::StallThreshold(driver_words(code, MAX_STALL_THRESHOLD)?)),
         795 => {
             let words = code.words()?;
             Ok(Command::AdaptiveExtrusion {
@@ -116,7 +124,6 @@ pub(super) fn parse(code: Code<'_>) -> Result<Command<'_>, ParseError> {
         | 530
         | 532
         | 555
-        | 569
         | 572
         | 573
         | 593
@@ -146,6 +153,26 @@ fn temperature(code: Code<'_>) -> Result<Command<'_>, ParseError> {
             if is_nozzle { Command::WaitNozzle(wait) } else { Command::WaitBed(wait) }
         }
     })
+}
+
+/// M569. With P it is another firmware's, which sets a driver's direction by its number.
+fn stealth_chop(code: Code<'_>) -> Result<Command<'_>, ParseError> {
+    let words = code.words()?;
+    if words.has(b'P') {
+        return Ok(Command::Accepted);
+    }
+    let (motors, on) = (words.axis_flags(), words.switch(b'S')?);
+    if on.is_some() && motors.is_empty() {
+        return Err(ParseError::WordsExpected { command: "M569", words: "X, Y, Z or E" });
+    }
+    Ok(Command::StealthChop { motors, on })
+}
+
+/// M906 and M914.
+fn driver_words(code: Code<'_>, high: u16) -> Result<DriverWords, ParseError> {
+    let words = code.words()?;
+    let number = |letter| words.whole_up_to(letter, high);
+    Ok(DriverWords { x: number(b'X')?, y: number(b'Y')?, z: number(b'Z')?, e: number(b'E')? })
 }
 
 /// M106 and M107. Slicers write powers such as 252.45: the nearest whole one is meant.

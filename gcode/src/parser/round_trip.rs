@@ -3,7 +3,9 @@
 use proptest::option::of;
 use proptest::prelude::*;
 
-use crate::{ArcForm, AxisFlags, AxisWords, Command, Decimal, LineReader, RetractionWords, Units, WaitTarget, parse};
+use crate::{
+    ArcForm, AxisFlags, AxisWords, Command, Decimal, DriverWords, LineReader, RetractionWords, Units, WaitTarget, parse,
+};
 
 /// A command's words: letter and number.
 type Words = Vec<(char, Option<Decimal>)>;
@@ -52,6 +54,11 @@ fn flags(flags: AxisFlags) -> Words {
 
 fn given<const N: usize>(words: [(char, Option<Decimal>); N]) -> Words {
     words.into_iter().filter(|(_, value)| value.is_some()).collect()
+}
+
+fn drivers(words: DriverWords) -> Words {
+    let numbers = words.all().map(|number| number.map(|number| whole(number.into())));
+    ['X', 'Y', 'Z', 'E'].into_iter().zip(numbers).filter(|(_, number)| number.is_some()).collect()
 }
 
 fn switch(value: Option<bool>) -> Option<Decimal> {
@@ -134,6 +141,10 @@ fn take_apart_m(command: Command<'_>) -> (u32, Words) {
         Command::ReportPosition => (114, vec![]),
         Command::ReportFirmware => (115, vec![]),
         Command::ReportEndStops => (119, vec![]),
+        Command::ReportDrivers => (122, vec![]),
+        Command::StealthChop { motors, on } => (569, [flags(motors), given([('S', switch(on))])].concat()),
+        Command::DriverCurrent(words) => (906, drivers(words)),
+        Command::StallThreshold(words) => (914, drivers(words)),
         Command::AdaptiveExtrusion { on, layer_height, line_width, filament_diameter } => {
             (795, given([('S', switch(on)), ('H', layer_height), ('W', line_width), ('D', filament_diameter)]))
         }
@@ -221,6 +232,16 @@ fn any_flags() -> impl Strategy<Value = AxisFlags> {
     any::<[bool; 4]>().prop_map(|[x, y, z, e]| AxisFlags { x, y, z, e })
 }
 
+fn any_drivers(high: u16) -> impl Strategy<Value = DriverWords> {
+    [of(0..=high), of(0..=high), of(0..=high), of(0..=high)].prop_map(|[x, y, z, e]| DriverWords { x, y, z, e })
+}
+
+fn any_stealth_chop() -> impl Strategy<Value = Command<'static>> {
+    (any_flags(), of(any::<bool>()))
+        .prop_filter("S needs a motor", |(motors, on)| on.is_none() || !motors.is_empty())
+        .prop_map(|(motors, on)| Command::StealthChop { motors, on })
+}
+
 fn any_wait() -> impl Strategy<Value = WaitTarget> {
     prop_oneof![
         not_negative().prop_map(WaitTarget::Heating),
@@ -297,6 +318,9 @@ fn machine() -> impl Strategy<Value = Command<'static>> {
                 filament_diameter,
             }
         ),
+        any_stealth_chop(),
+        any_drivers(3000).prop_map(Command::DriverCurrent),
+        any_drivers(255).prop_map(Command::StallThreshold),
         (of(0u8..=4), of(0u8..=2))
             .prop_map(|(interpolation, acceleration)| Command::MotionChoice { interpolation, acceleration }),
         (of(any::<bool>()), any::<bool>()).prop_map(|(on, clear)| Command::Timing { on, clear }),
@@ -314,6 +338,7 @@ fn machine() -> impl Strategy<Value = Command<'static>> {
             Command::ReportPosition,
             Command::ReportFirmware,
             Command::ReportEndStops,
+            Command::ReportDrivers,
             Command::ReportMotion,
             Command::Finish,
             Command::QuickStop,

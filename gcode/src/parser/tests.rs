@@ -1,7 +1,7 @@
 #![allow(clippy::unwrap_used)]
 
 use super::*;
-use crate::{ArcForm, AxisFlags, AxisWords, Decimal, RetractionWords, Units, WaitTarget};
+use crate::{ArcForm, AxisFlags, AxisWords, Decimal, DriverWords, RetractionWords, Units, WaitTarget};
 
 fn number(text: &str) -> Decimal {
     Decimal::parse(text.as_bytes()).unwrap()
@@ -249,7 +249,7 @@ fn accepted_and_unknown() {
         "M530 S1 L1",
         "M532 X0",
         "M555 X0 Y0",
-        "M569 S1 X",
+        "M569 P0 S1",
         "M572 D0 S0.04",
         "M573",
         "M593 F40",
@@ -283,6 +283,29 @@ fn accepted_and_unknown() {
         reads(text, Command::Unknown(text));
     }
     reads(" M21 \t", Command::Unknown("M21"));
+}
+
+#[test]
+fn motor_drivers() {
+    reads("M122", Command::ReportDrivers);
+    let x = AxisFlags { x: true, ..AxisFlags::default() };
+    reads("M569 S1 X", Command::StealthChop { motors: x, on: Some(true) });
+    reads("M569 X S0", Command::StealthChop { motors: x, on: Some(false) });
+    reads("M569", Command::StealthChop { motors: AxisFlags::default(), on: None });
+    reads("M569 X", Command::StealthChop { motors: x, on: None });
+    reads("M906", Command::DriverCurrent(DriverWords::default()));
+    let currents = DriverWords { x: Some(800), e: Some(3000), ..DriverWords::default() };
+    reads("M906 X800 E3000", Command::DriverCurrent(currents));
+    let thresholds = DriverWords { y: Some(255), z: Some(0), ..DriverWords::default() };
+    reads("M914 Y255 Z0", Command::StallThreshold(thresholds));
+    assert_eq!(thresholds.all(), [None, Some(255), Some(0), None]);
+    assert_eq!(refused("M569 S1"), "M569: expected X, Y, Z or E");
+    assert_eq!(refused("M569 S2 X"), "S: 2 is out of range, expected 0 to 1");
+    assert_eq!(refused("M906 X3001"), "X: 3001 is out of range, expected 0 to 3000");
+    assert_eq!(refused("M906 E-1"), "E: -1 is out of range, expected 0 to 3000");
+    assert_eq!(refused("M906 Z0.5"), "Z: 0.5 is not a whole number, expected one");
+    assert_eq!(refused("M914 Y256"), "Y: 256 is out of range, expected 0 to 255");
+    assert_eq!(refused("M914 X"), "X: expected a number after it");
 }
 
 #[test]

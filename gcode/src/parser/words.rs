@@ -123,6 +123,15 @@ impl Words {
         }
     }
 
+    /// A whole number from 0 to `high`, which may be above 255.
+    pub(super) fn whole_up_to(&self, letter: u8, high: u16) -> Result<Option<u16>, ParseError> {
+        let Some(whole) = self.whole(letter)? else { return Ok(None) };
+        match u16::try_from(whole) {
+            Ok(whole) if whole <= high => Ok(Some(whole)),
+            _ => Err(self.out_of_range(letter, 0, high)),
+        }
+    }
+
     /// A number from 0 to 255, rounded to the nearest whole one.
     pub(super) fn nearest_byte(&self, letter: u8) -> Result<Option<u8>, ParseError> {
         let Some(value) = self.value(letter)? else { return Ok(None) };

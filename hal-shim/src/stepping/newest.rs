@@ -71,18 +71,19 @@ impl<M: Stepping, const PORTS: usize> Usual<'_, M, PORTS> {
     /// Both edges: a slot an entry.
     #[inline(always)]
     fn push_edges(&self, newest: &mut Newest<PORTS>, slots: &[Slot<PORTS>], entries: &[StepEntry]) -> Added {
-        let mut added = 0usize;
-        for (entry, slot) in entries.iter().zip(slots) {
+        let most = entries.len().min(slots.len());
+        let mut left = entries.iter().zip(slots);
+        while let Some((entry, slot)) = left.next() {
             let [interval_ticks, word] = entry.to_words();
             if interval_ticks <= self.above_ticks || !entry.is_short_stair() {
-                break;
+                let added = most.wrapping_sub(left.len()).wrapping_sub(1);
+                return Added { entries: added, slots: added };
             }
             let (then, held) = newest.edges(word, self.words(word >> 16), self.words((word ^ word << 8) >> 24));
             let reload = interval_ticks.wrapping_sub(self.lead_ticks);
             newest.fill(slot, false, Following { reload, then, events: word & 0xffff, held });
-            added = added.wrapping_add(1);
         }
-        Added { entries: added, slots: added }
+        Added { entries: most, slots: most }
     }
 
     /// Pulses: the last of a stair may be another one, in a slot of its own.

@@ -4,6 +4,8 @@
 //! own (the bench) compiles the motors and the heaters in, and lets a task each look after them.
 
 mod clock;
+mod driver_chip;
+mod driver_lines;
 mod event_rate;
 mod heater_failure;
 mod heaters;
@@ -14,6 +16,8 @@ mod thermal_model;
 mod update_timer;
 
 pub use clock::{VirtualClock, VirtualDelay};
+pub use driver_chip::DriverChip;
+pub use driver_lines::{VIRTUAL_WIRING, VirtualDriverLines};
 pub use event_rate::EventRate;
 pub use heater_failure::HeaterFailure;
 pub use heaters::VirtualHeaters;

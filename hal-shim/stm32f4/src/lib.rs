@@ -11,6 +11,7 @@
 pub mod board;
 pub mod clock;
 mod critical_section;
+pub mod driver_line;
 pub mod fault;
 pub mod measured;
 pub mod motion_clock;

@@ -30,15 +30,19 @@ impl<W: Widths> Stairs<W> {
         Self { widths: W::new(slope), whole: slope.rarer() as u32, steps: slope.major() }
     }
 
-    /// The widths of the whole stairs to come. [`Self::rest`] is behind them.
+    /// Whole stairs to come.
     #[inline(always)]
-    pub fn whole(&mut self) -> impl Iterator<Item = u32> {
-        core::iter::from_fn(|| {
-            self.whole = self.whole.checked_sub(1)?;
-            let width = self.widths.width();
-            self.steps = self.steps.wrapping_sub(width);
-            Some(width)
-        })
+    pub fn whole(&self) -> u32 {
+        self.whole
+    }
+
+    /// The width of the next whole stair, for those who count that there is one: beyond [`Self::whole`] it means nothing.
+    #[inline(always)]
+    pub fn whole_width(&mut self) -> u32 {
+        self.whole = self.whole.wrapping_sub(1);
+        let width = self.widths.width();
+        self.steps = self.steps.wrapping_sub(width);
+        width
     }
 
     /// Steps behind the last whole stair, once all of these were told.
@@ -58,8 +62,8 @@ impl<W: Widths> Iterator for Stairs<W> {
 
     #[inline(always)]
     fn next(&mut self) -> Option<Stair> {
-        if let Some(width) = self.whole().next() {
-            return Some(Stair { width, is_whole: true });
+        if self.whole > 0 {
+            return Some(Stair { width: self.whole_width(), is_whole: true });
         }
         let width = core::mem::take(&mut self.steps);
         (width > 0).then_some(Stair { width, is_whole: false })

@@ -67,6 +67,7 @@ fn profile() -> Profile {
         },
         driver: DriverTiming { pulse_width_ns: 1000, direction_setup_ns: 200, both_edges: false },
         extrusion: ExtrusionSettings::DEFAULT,
+        drivers: [None; 4],
     }
 }
 

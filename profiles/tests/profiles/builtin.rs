@@ -1,6 +1,7 @@
 //! The three built-in profiles hold the values that the design document shares with outside checks.
 
 use ferrostep_hal_shim::thermistor::{Thermistor, ThermistorType};
+use ferrostep_hal_shim::tmc2209::DriverSettings;
 use ferrostep_planner::{Kinematics, Limits, StepsPerMm};
 use ferrostep_printer::{AxisHoming, DriverTiming, FirmwareRetraction, HeaterSettings, HeaterWatch, HomeEnd, Profile};
 use ferrostep_profiles::{Problem, builtin_names, builtin_text, load};
@@ -100,6 +101,7 @@ fn cartesian_is_as_designed() {
         HeaterWatch { watch_ms: 60_000, watch_celsius: 2.0, runaway_ms: 20_000, runaway_celsius: 2.0 }
     );
     assert_eq!(profile.driver, DriverTiming { pulse_width_ns: 1000, direction_setup_ns: 200, both_edges: false });
+    assert_eq!(profile.drivers, [None; 4]);
 }
 
 #[test]
@@ -124,7 +126,7 @@ fn corexy_is_as_designed() {
 
 #[test]
 fn prusa_mini_is_as_designed() {
-    check(&Expected {
+    let profile = check(&Expected {
         name: "prusa-mini",
         kinematics: Kinematics::Cartesian,
         size_mm: [180, 180, 185],
@@ -140,6 +142,18 @@ fn prusa_mini_is_as_designed() {
         jerk_mm_per_s3: 15_000.0,
         homes: [(HomeEnd::Max, false, 180), (HomeEnd::Min, false, 0), (HomeEnd::Min, true, 0)],
     });
+    let x = DriverSettings {
+        current_ma: 350,
+        hold_percent: 100,
+        microsteps: 16,
+        interpolate: true,
+        stealth_chop: true,
+        stealth_until: 0,
+        stall_threshold: 0,
+        both_edges: false,
+    };
+    let e = DriverSettings { current_ma: 400, ..x };
+    assert_eq!(profile.drivers, [Some(x), Some(x), Some(x), Some(e)]);
 }
 
 #[test]

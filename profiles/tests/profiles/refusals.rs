@@ -83,12 +83,12 @@ fn each_misspelt_key_is_named_with_the_right_ones() {
         let mut table = table();
         let (holder, last) = holder(&mut table, &path);
         let value = holder.remove(last).unwrap();
-        holder.insert(format!("{last}s"), value);
+        holder.insert(format!("{last}z"), value);
         let error = refused(&table);
         let Problem::UnknownKey { key, expected } = error.problem() else {
             panic!("{path}: {error}");
         };
-        assert_eq!(*key, format!("{path}s"));
+        assert_eq!(*key, format!("{path}z"));
         assert!(expected.contains(&format!("\"{last}\"")), "{path}: {error}");
         assert!(error.line().is_some());
     }
@@ -344,6 +344,53 @@ fn a_budget_may_be_left_out_but_not_misspelt() {
         let blamed = format!("budget.{key}");
         assert!(matches!(error.problem(), Problem::OutOfRange { key, .. } if *key == blamed), "{error}");
     }
+}
+
+#[test]
+fn settings_of_drivers_are_checked() {
+    let text = builtin_text("prusa-mini").unwrap();
+    let x = text.find("[drivers.x]").unwrap();
+    let with = |from: &str, to: &str| {
+        let (head, tail) = text.split_at(x);
+        assert!(tail.contains(from), "{from}");
+        parse(&format!("{head}{}", tail.replacen(from, to, 1)), "test.toml")
+    };
+    for (from, to, blamed) in [
+        ("current_ma = 350", "current_ma = 19", "drivers.x.current_ma"),
+        ("current_ma = 350", "current_ma = 3001", "drivers.x.current_ma"),
+        ("current_ma = 350", "current_ma = 350.5", "drivers.x.current_ma"),
+        ("current_ma = 350", "current_ma = nan", "drivers.x.current_ma"),
+        ("current_ma = 350", "current = 350", "drivers.x.current"),
+        ("current_ma = 350\n", "", "drivers.x.current_ma"),
+        ("hold_current_percent = 100", "hold_current_percent = 101", "drivers.x.hold_current_percent"),
+        ("hold_current_percent = 100", "hold_current_percent = -1", "drivers.x.hold_current_percent"),
+        ("microsteps = 16", "microsteps = 0", "drivers.x.microsteps"),
+        ("microsteps = 16", "microsteps = 17", "drivers.x.microsteps"),
+        ("microsteps = 16", "microsteps = 512", "drivers.x.microsteps"),
+        ("microsteps = 16", "microsteps = 1.5", "drivers.x.microsteps"),
+        ("interpolate = true", "interpolate = 1", "drivers.x.interpolate"),
+        ("stealth_chop = true", "stealth_chop = \"on\"", "drivers.x.stealth_chop"),
+        ("mm_per_s = 0", "mm_per_s = -1", "drivers.x.spread_cycle_above_mm_per_s"),
+        ("mm_per_s = 0", "mm_per_s = inf", "drivers.x.spread_cycle_above_mm_per_s"),
+        ("stall_threshold = 0", "stall_threshold = 256", "drivers.x.stall_threshold"),
+        ("[drivers.x]", "[drivers.a]", "drivers.a"),
+    ] {
+        let error = with(from, to).unwrap_err();
+        assert_eq!(error.key(), Some(blamed), "{to}: {error}");
+    }
+    let seventeen = with("microsteps = 16", "microsteps = 17").unwrap_err().to_string();
+    assert!(
+        seventeen.ends_with("drivers.x.microsteps = 17: expected 1, 2, 4, 8, 16, 32, 64, 128 or 256"),
+        "{seventeen}"
+    );
+    // Each is optional; 100 mm/s at 100 steps/mm of 1/16 are 75 clocks of 12 MHz a microstep of 1/256.
+    let changed = with("mm_per_s = 0", "mm_per_s = 100").unwrap().drivers;
+    assert_eq!(changed[0].unwrap().stealth_until, 75);
+    assert_eq!(changed[1].unwrap().stealth_until, 0);
+    let without = parse(&text[..x], "test.toml").unwrap().drivers;
+    assert_eq!(without, [None; 4]);
+    let edges = text.replace("both_edges = false", "both_edges = true");
+    assert!(parse(&edges, "test.toml").unwrap().drivers[3].unwrap().both_edges);
 }
 
 /// The cartesian profile with lines added to its nozzle.

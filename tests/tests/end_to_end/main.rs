@@ -6,6 +6,7 @@ mod accelerations;
 mod bad_input;
 mod command;
 mod desk;
+mod drivers;
 mod exactness;
 mod extrusion;
 mod heater_faults;

@@ -58,17 +58,17 @@ impl<'a, M: Stepping> Batch<'a, M> {
         0
     }
 
-    /// Adds entries to none. How many wait then, fewer than [`BATCH`].
+    /// Adds so many entries to none. How many wait then, fewer than [`BATCH`].
     #[inline(always)]
-    fn fill(&mut self, mut entries: impl Iterator<Item = StepEntry>) -> usize {
+    fn fill(&mut self, mut left: u32, mut next: impl FnMut() -> StepEntry) -> usize {
         loop {
-            let mut waiting = 0usize;
-            for (place, entry) in self.entries.iter_mut().zip(entries.by_ref()) {
-                *place = entry;
-                waiting = waiting.wrapping_add(1);
-            }
-            if waiting < BATCH {
-                return waiting;
+            let mut places = self.entries.iter_mut();
+            while let Some(place) = places.next() {
+                if left == 0 {
+                    return BATCH.wrapping_sub(places.len()).wrapping_sub(1);
+                }
+                left = left.wrapping_sub(1);
+                *place = next();
             }
             self.flush_full();
         }
@@ -176,7 +176,7 @@ fn single(axes: u8, added: u8) -> StepEntry {
 #[inline(never)]
 fn classic<M: Stepping>(slope: Slope, batch: &mut Batch<'_, M>) -> u64 {
     let mut line = Classic::<Told>::new(slope);
-    let waiting = batch.fill((0..slope.major()).map(|_| single(if line.pass(1) { X | Y } else { X }, 0)));
+    let waiting = batch.fill(slope.major(), || single(if line.pass(1) { X | Y } else { X }, 0));
     batch.flush(waiting);
     line.decisions()
 }
@@ -205,7 +205,7 @@ fn step<M: Stepping, W: Widths>(slope: Slope, batch: &mut Batch<'_, M>) -> u64 {
     let axes = if slope.is_steep() { X | Y } else { X };
     let stair = single(axes, Y);
     let mut stairs = Stairs::<W>::new(slope);
-    let waiting = batch.fill(stairs.whole().map(|width| stair.times(width)));
+    let waiting = batch.fill(stairs.whole(), || stair.times(stairs.whole_width()));
     let waiting = batch.push_run(waiting, stairs.rest(), axes);
     batch.flush(waiting);
     stairs.decisions()

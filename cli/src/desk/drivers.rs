@@ -1,0 +1,116 @@
+//! The desk's motor drivers: model chips, and the firmware's own code that sets them up and watches them.
+
+use std::cell::RefCell;
+use std::collections::VecDeque;
+
+use ferrostep_hal_shim::tmc2209::{
+    DriverBank, DriverEvent, DriverReport, DriverSettings, DriverState, LineTiming, MOTORS, SettingsError,
+};
+use ferrostep_hal_shim::virtual_board::{VIRTUAL_WIRING, VirtualDriverLines};
+use ferrostep_printer::MotorDrivers;
+
+/// Ticks of the drivers' clock, and the speed of their line: a hardware one, as on the Prusa MINI's board.
+const TICKS_PER_SECOND: u32 = 1_000_000;
+const BAUD: u32 = 115_200;
+const NS_A_TICK: u64 = 1_000_000_000 / TICKS_PER_SECOND as u64;
+
+/// Drivers, their line, and their time.
+#[derive(Debug)]
+struct Drivers {
+    bank: DriverBank,
+    lines: VirtualDriverLines,
+    /// What has happened and has not been told.
+    events: VecDeque<DriverEvent>,
+    now_tick: u64,
+    next_tick: u64,
+}
+
+/// The desk's motor drivers, if the machine has such that can be set.
+#[derive(Debug)]
+pub struct DeskDrivers(Option<RefCell<Drivers>>);
+
+impl DeskDrivers {
+    /// Drivers with these settings on the virtual board, just switched on.
+    #[must_use]
+    pub fn new(settings: &[Option<DriverSettings>; MOTORS]) -> Self {
+        if settings.iter().all(Option::is_none) {
+            return Self(None);
+        }
+        let timing = LineTiming::new(TICKS_PER_SECOND, BAUD);
+        let mut connected = [None; MOTORS];
+        for ((connected, settings), wiring) in connected.iter_mut().zip(settings).zip(VIRTUAL_WIRING) {
+            *connected = settings.map(|settings| (settings, wiring));
+        }
+        let wiring = connected.map(|connected| connected.map(|(_, wiring)| wiring));
+        Self(Some(RefCell::new(Drivers {
+            bank: DriverBank::new(connected, timing, 0),
+            lines: VirtualDriverLines::new(wiring, timing.bit_ticks),
+            events: VecDeque::new(),
+            now_tick: 0,
+            next_tick: 0,
+        })))
+    }
+
+    /// Whether there are any.
+    #[must_use]
+    pub fn exist(&self) -> bool {
+        self.0.is_some()
+    }
+
+    fn with<T>(&self, act: impl FnOnce(&mut Drivers) -> T) -> Option<T> {
+        self.0.as_ref().map(|drivers| act(&mut drivers.borrow_mut()))
+    }
+
+    /// Looks at the chips, or makes them fail.
+    pub fn with_lines<T>(&self, act: impl FnOnce(&mut VirtualDriverLines) -> T) -> Option<T> {
+        self.with(|drivers| act(&mut drivers.lines))
+    }
+
+    /// What has happened, one thing at a time.
+    #[must_use]
+    pub fn take_event(&self) -> Option<DriverEvent> {
+        self.with(|drivers| drivers.events.pop_front())?
+    }
+
+    /// Does what is due up to a moment.
+    pub fn work_until(&self, now_ns: u64) {
+        self.with(|drivers| {
+            drivers.now_tick = now_ns / NS_A_TICK;
+            while drivers.next_tick <= drivers.now_tick {
+                // The drivers' clock wraps, as a timer does.
+                let tick = drivers.next_tick as u32;
+                match drivers.bank.poll(&mut drivers.lines, tick) {
+                    Some(event) => drivers.events.push_back(event),
+                    None => drivers.next_tick += u64::from(drivers.bank.idle_ticks(tick).max(1)),
+                }
+            }
+        });
+    }
+}
+
+impl MotorDrivers for DeskDrivers {
+    fn state(&self, motor: usize) -> Option<DriverState> {
+        self.with(|drivers| drivers.bank.state(motor))?
+    }
+
+    fn report(&self, motor: usize) -> Option<DriverReport> {
+        self.with(|drivers| drivers.bank.report(motor))?
+    }
+
+    fn check(&self, motor: usize, settings: &DriverSettings) -> Result<(), SettingsError> {
+        self.with(|drivers| drivers.bank.check(motor, settings)).unwrap_or(Ok(()))
+    }
+
+    fn set(&self, motor: usize, settings: DriverSettings) -> Result<(), SettingsError> {
+        self.with(|drivers| {
+            // Its turn is now, not when the next look at the others is due.
+            drivers.next_tick = drivers.next_tick.min(drivers.now_tick + 1);
+            drivers.bank.set(motor, settings)
+        })
+        .unwrap_or(Ok(()))
+    }
+
+    fn take_moved(&self) -> u8 {
+        self.with(|drivers| drivers.bank.take_moved()).unwrap_or(0)
+    }
+}

@@ -1,0 +1,260 @@
+//! All drivers of a board, and whose turn it is on their line.
+
+use super::driver::{Driver, DriverReport, DriverState};
+use super::event::{DriverEvent, DriverEventKind, Failure};
+use super::exchange::{Exchange, Request};
+use super::settings::{DriverSettings, DriverWiring, RegisterImage, SettingsError};
+use super::uart::SingleWireUart;
+
+/// Motors: X (A), Y (B), Z and E.
+pub const MOTORS: usize = 4;
+
+/// The line rests for so long between datagrams: the chip wants 12 bit times after one that it did not understand
+/// (section 4.1.1).
+const REST_BITS: u32 = 16;
+
+/// Times of the line, in ticks of whoever calls. No interval may reach 2^31 ticks: the clock has at most 1 GHz.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LineTiming {
+    /// A bit, rounded up.
+    pub bit_ticks: u32,
+    /// From one look at a driver in service to the next.
+    pub look_ticks: u32,
+    /// From a failed set-up to the next attempt.
+    pub retry_ticks: u32,
+}
+
+impl LineTiming {
+    /// Each driver in service is looked at every half second, a failed one tried every two seconds.
+    #[must_use]
+    pub const fn new(ticks_per_second: u32, baud: u32) -> Self {
+        let baud = if baud == 0 { 1 } else { baud };
+        Self {
+            bit_ticks: ticks_per_second.div_ceil(baud),
+            look_ticks: ticks_per_second / 2,
+            retry_ticks: ticks_per_second.saturating_mul(2),
+        }
+    }
+}
+
+/// The drivers. [`Self::poll`] is called from time to time and never waits.
+#[derive(Clone, Debug)]
+pub struct DriverBank {
+    drivers: [Option<Driver>; MOTORS],
+    /// When each is looked at next.
+    looks_at: [u32; MOTORS],
+    timing: LineTiming,
+    /// The datagram under way, and whose it is.
+    exchange: Option<(usize, Exchange)>,
+    /// Its answer is of no use any more, but the line is not free before it.
+    is_stale: bool,
+    /// Until when the line rests.
+    rests_until: Option<u32>,
+    /// The next driver to be told to reply late; before all have been, none is asked.
+    to_quieten: usize,
+    /// Whose turn it is.
+    turn: usize,
+    /// Drivers whose settings are impossible have not been told yet.
+    to_tell: u8,
+    /// Motors that may not be where their steps say.
+    moved: u8,
+}
+
+impl DriverBank {
+    /// Drivers that are to be set up; `None` for a motor without one.
+    #[must_use]
+    pub fn new(drivers: [Option<(DriverSettings, DriverWiring)>; MOTORS], timing: LineTiming, now_ticks: u32) -> Self {
+        let drivers = drivers.map(|driver| driver.map(|(settings, wiring)| Driver::new(settings, wiring)));
+        let mut to_tell = 0;
+        for (motor, driver) in drivers.iter().enumerate() {
+            if driver.is_some_and(|driver| matches!(driver.state(), DriverState::Failed(_))) {
+                to_tell |= 1 << motor;
+            }
+        }
+        Self {
+            drivers,
+            looks_at: [now_ticks; MOTORS],
+            timing,
+            exchange: None,
+            is_stale: false,
+            rests_until: None,
+            to_quieten: 0,
+            turn: 0,
+            to_tell,
+            moved: 0,
+        }
+    }
+
+    /// Whether a driver can be relied on; `None` for a motor without one.
+    #[must_use]
+    pub fn state(&self, motor: usize) -> Option<DriverState> {
+        self.driver(motor).map(Driver::state)
+    }
+
+    /// What M122 shows; `None` for a motor without a driver.
+    #[must_use]
+    pub fn report(&self, motor: usize) -> Option<DriverReport> {
+        self.driver(motor).map(Driver::report)
+    }
+
+    /// What a driver was asked for.
+    #[must_use]
+    pub fn settings(&self, motor: usize) -> Option<DriverSettings> {
+        self.driver(motor).map(Driver::settings)
+    }
+
+    /// Whether a driver could do something else that is asked of it.
+    ///
+    /// # Errors
+    /// The chip cannot do that with this board's sense resistors.
+    pub fn check(&self, motor: usize, settings: &DriverSettings) -> Result<(), SettingsError> {
+        self.driver(motor).map_or(Ok(()), |driver| RegisterImage::new(settings, &driver.wiring).map(|_| ()))
+    }
+
+    /// Asks for something else of a driver, which is then unconfirmed until it is set up anew. Without effect for a
+    /// motor without a driver.
+    ///
+    /// # Errors
+    /// The chip cannot do that with this board's sense resistors; nothing has changed.
+    pub fn set(&mut self, motor: usize, settings: DriverSettings) -> Result<(), SettingsError> {
+        let Some(driver) = self.drivers.get_mut(motor).and_then(Option::as_mut) else { return Ok(()) };
+        driver.set(settings)?;
+        // What is under way was for the registers as they were.
+        self.is_stale |= self.exchange.is_some_and(|(whose, _)| whose == motor);
+        Ok(())
+    }
+
+    /// Mask of the motors that may have moved since this was last asked, because their drivers were reset or off.
+    pub fn take_moved(&mut self) -> u8 {
+        core::mem::take(&mut self.moved)
+    }
+
+    fn driver(&self, motor: usize) -> Option<&Driver> {
+        self.drivers.get(motor).and_then(Option::as_ref)
+    }
+
+    /// Does what is due. What has happened to a driver is returned; there may be more, so call again until there is not.
+    pub fn poll(&mut self, uart: &mut impl SingleWireUart, now_ticks: u32) -> Option<DriverEvent> {
+        if self.to_tell != 0 {
+            let motor = self.to_tell.trailing_zeros() as usize;
+            self.to_tell &= self.to_tell.wrapping_sub(1);
+            if let Some(DriverState::Failed(failure)) = self.state(motor) {
+                return self.happened(motor, DriverEventKind::Failed(failure));
+            }
+        }
+        if let Some((motor, exchange)) = &mut self.exchange {
+            let motor = *motor;
+            let outcome = exchange.poll(uart, self.timing.bit_ticks, now_ticks)?;
+            self.exchange = None;
+            self.rests_until = Some(now_ticks.wrapping_add(REST_BITS.saturating_mul(self.timing.bit_ticks)));
+            let is_stale = core::mem::take(&mut self.is_stale);
+            if self.to_quieten < MOTORS {
+                self.to_quieten += 1;
+                return None;
+            }
+            if is_stale {
+                return None;
+            }
+            return self.answered(motor, outcome, now_ticks);
+        }
+        if self.rests_until.is_some_and(|until| !is_past(until, now_ticks)) {
+            return None;
+        }
+        self.rests_until = None;
+        let (motor, request) = self.next_request(now_ticks)?;
+        let wiring = self.driver(motor)?.wiring;
+        let mut exchange = Exchange::new(request, &wiring);
+        // It begins to send; it cannot have ended.
+        let _ = exchange.poll(uart, self.timing.bit_ticks, now_ticks);
+        self.exchange = Some((motor, exchange));
+        None
+    }
+
+    /// Ticks until a call of [`Self::poll`] may be of use, less than 2^31.
+    #[must_use]
+    pub fn idle_ticks(&self, now_ticks: u32) -> u32 {
+        if self.to_tell != 0 {
+            return 0;
+        }
+        if self.exchange.is_some() {
+            // A byte.
+            return self.timing.bit_ticks.saturating_mul(10);
+        }
+        if let Some(until) = self.rests_until
+            && !is_past(until, now_ticks)
+        {
+            return until.wrapping_sub(now_ticks);
+        }
+        let mut least = self.timing.look_ticks;
+        for (driver, at) in self.drivers.iter().zip(self.looks_at) {
+            let Some(driver) = driver else { continue };
+            if matches!(driver.state(), DriverState::Failed(Failure::Settings(_))) {
+                continue;
+            }
+            if driver.is_busy() || is_past(at, now_ticks) {
+                return 0;
+            }
+            least = least.min(at.wrapping_sub(now_ticks));
+        }
+        least
+    }
+
+    fn next_request(&mut self, now_ticks: u32) -> Option<(usize, Request)> {
+        while self.to_quieten < MOTORS {
+            if self.driver(self.to_quieten).is_some() {
+                let (register, value) = RegisterImage::NODE_CONF;
+                return Some((self.to_quieten, Request::Write(register, value)));
+            }
+            self.to_quieten += 1;
+        }
+        for _ in 0..MOTORS {
+            let motor = self.turn;
+            if let Some(driver) = self.drivers.get_mut(motor).and_then(Option::as_mut) {
+                if !driver.is_busy() && self.looks_at.get(motor).is_some_and(|at| is_past(*at, now_ticks)) {
+                    driver.look();
+                    if let Some(at) = self.looks_at.get_mut(motor) {
+                        *at = now_ticks.wrapping_add(self.timing.look_ticks);
+                    }
+                }
+                if let Some(request) = driver.request() {
+                    return Some((motor, request));
+                }
+            }
+            self.turn = (motor + 1) % MOTORS;
+        }
+        None
+    }
+
+    fn answered(
+        &mut self,
+        motor: usize,
+        outcome: Result<u32, super::ExchangeError>,
+        now_ticks: u32,
+    ) -> Option<DriverEvent> {
+        let driver = self.drivers.get_mut(motor).and_then(Option::as_mut)?;
+        let kind = driver.answered(outcome);
+        if !driver.is_busy() {
+            let wait = match driver.state() {
+                DriverState::Failed(_) => self.timing.retry_ticks,
+                _ => self.timing.look_ticks,
+            };
+            if let Some(at) = self.looks_at.get_mut(motor) {
+                *at = now_ticks.wrapping_add(wait);
+            }
+        }
+        self.happened(motor, kind?)
+    }
+
+    fn happened(&mut self, motor: usize, kind: DriverEventKind) -> Option<DriverEvent> {
+        let event = DriverEvent { motor, kind };
+        if event.stops_motion() {
+            self.moved |= 1 << motor;
+        }
+        Some(event)
+    }
+}
+
+/// Whether a moment has come, on a clock that wraps.
+const fn is_past(moment: u32, now_ticks: u32) -> bool {
+    now_ticks.wrapping_sub(moment) as i32 >= 0
+}

@@ -1,0 +1,113 @@
+//! What has happened to a driver, in words.
+
+use core::fmt;
+
+use super::exchange::ExchangeError;
+use super::registers::{DriverStatus, Register, VERSION};
+use super::settings::SettingsError;
+
+/// Names of the motors, by their number.
+const NAMES: [char; 4] = ['X', 'Y', 'Z', 'E'];
+
+/// Why a driver is not to be relied on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Failure {
+    /// Datagrams come to nothing.
+    Line(ExchangeError),
+    /// Another chip answers.
+    Version(u8),
+    /// The chip does not count a write.
+    NotAccepted(Register),
+    /// A register does not hold what was written.
+    ReadBack {
+        /// Which.
+        register: Register,
+        /// What was written.
+        written: u32,
+        /// What it holds.
+        found: u32,
+    },
+    /// The chip counts writes that nobody made, or is reset again and again.
+    Unsteady,
+    /// The settings cannot be made with this board's sense resistors.
+    Settings(SettingsError),
+}
+
+impl fmt::Display for Failure {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Line(error) => write!(out, "does not answer: {error}; is the motor supply on?"),
+            Self::Version(version) => {
+                write!(out, "is no TMC2209: its version is 0x{version:02x}, expected 0x{VERSION:02x}")
+            }
+            Self::NotAccepted(register) => write!(out, "does not accept {register}"),
+            Self::ReadBack { register, written, found } => {
+                write!(out, "does not keep {register}: 0x{found:08x}, expected 0x{written:08x}")
+            }
+            Self::Unsteady => out.write_str("is reset again and again while it is set up"),
+            Self::Settings(error) => write!(out, "cannot be set up: {error}"),
+        }
+    }
+}
+
+/// What has happened.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DriverEventKind {
+    /// It is set up, and has confirmed it.
+    Confirmed,
+    /// It could not be set up. That is tried again and again, and not told again.
+    Failed(Failure),
+    /// It was set up, and does not answer any more.
+    Lost(ExchangeError),
+    /// It has been reset (by its supply), and is set up anew; the motor may have moved.
+    Reset,
+    /// It has switched the motor off: over-temperature or a short.
+    SwitchedOff(DriverStatus),
+    /// Its charge pump has too little voltage, and the motor is off for as long.
+    ChargePumpLow,
+    /// A warning, not told again for as long as it lasts.
+    Warning(DriverStatus),
+}
+
+/// What has happened to which driver. As text: `driver X has been reset, ...`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DriverEvent {
+    /// The motor's number.
+    pub motor: usize,
+    /// What has happened.
+    pub kind: DriverEventKind,
+}
+
+impl DriverEvent {
+    /// Whether the motor may not be where its steps say, so that motion must stop.
+    #[must_use]
+    pub const fn stops_motion(&self) -> bool {
+        !matches!(self.kind, DriverEventKind::Confirmed | DriverEventKind::Warning(_))
+    }
+
+    /// Whether a person should be told.
+    #[must_use]
+    pub const fn is_notable(&self) -> bool {
+        !matches!(self.kind, DriverEventKind::Confirmed)
+    }
+}
+
+/// The name of a motor's driver.
+pub(super) fn name(motor: usize) -> char {
+    NAMES.get(motor).copied().unwrap_or('?')
+}
+
+impl fmt::Display for DriverEvent {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(out, "driver {} ", name(self.motor))?;
+        match self.kind {
+            DriverEventKind::Confirmed => out.write_str("is set up"),
+            DriverEventKind::Failed(failure) => write!(out, "{failure}"),
+            DriverEventKind::Lost(error) => write!(out, "does not answer any more: {error}"),
+            DriverEventKind::Reset => out.write_str("has been reset, its motor may have moved"),
+            DriverEventKind::SwitchedOff(status) => write!(out, "has switched its motor off: {status}"),
+            DriverEventKind::ChargePumpLow => out.write_str("has too little supply voltage, its motor is off"),
+            DriverEventKind::Warning(status) => write!(out, "warns: {status}"),
+        }
+    }
+}

@@ -1,0 +1,227 @@
+//! What a machine wants of a driver, how a board connects it, and the registers that follow from both.
+
+use core::fmt;
+
+use super::current::{CurrentError, CurrentScale};
+use super::registers::{ChopConf, GlobalConf, HoldRun, MicrostepResolution, Register};
+
+/// The largest value of TSTEP and its thresholds, 20 bits (section 5.2).
+pub const THRESHOLD_LARGEST: u32 = 0xf_ffff;
+
+/// The chip's internal clock, Hz (section 14: 12 MHz).
+const CLOCK_HZ: f64 = 12e6;
+
+/// Microsteps of a full step that TSTEP counts in.
+const TSTEP_MICROSTEPS: f64 = 256.0;
+
+/// NODECONF: the chip waits 3 times 8 bit times before it replies. Less is not allowed where several share a line
+/// (section 5.1), and more only costs time.
+const NODE_CONF: u32 = 2 << 8;
+
+/// TPOWERDOWN: 2^18 clocks times this from the last step to the hold current, 0.44 s; the chip's default (section 5.2).
+const POWER_DOWN: u32 = 20;
+
+/// Time of each step down to the hold current, 2^18 clocks.
+const HOLD_DELAY: u8 = 8;
+
+/// PWMCONF: both automatic tunings on, 2/683 of the clock, and the rest as the chip has it at reset (section 5.5.2).
+const PWM_CONF: u32 = 0xc10d_0024;
+
+/// What the machine wants of a motor's driver.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DriverSettings {
+    /// Effective current in motion, mA.
+    pub current_ma: u16,
+    /// Current at standstill in percent of that, 0 to 100.
+    pub hold_percent: u8,
+    /// Microsteps of a full step: 1, 2, 4 ... 256.
+    pub microsteps: u16,
+    /// The chip makes 256 microsteps of them.
+    pub interpolate: bool,
+    /// stealthChop; else spreadCycle at all speeds.
+    pub stealth_chop: bool,
+    /// TPWMTHRS: spreadCycle takes over where a microstep of 1/256 takes less than this many clocks of the chip; 0 =
+    /// nowhere.
+    pub stealth_until: u32,
+    /// SGTHRS: the stall signal comes when the measured load is at most twice this; 0 = never.
+    pub stall_threshold: u8,
+    /// Both edges of the step signal step.
+    pub both_edges: bool,
+}
+
+/// How a board connects a driver.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DriverWiring {
+    /// Which of the board's lines.
+    pub line: u8,
+    /// Its address there, by the pins MS1 and MS2: 0 to 3.
+    pub address: u8,
+    /// Its sense resistors, milliohm.
+    pub sense_milliohm: u16,
+}
+
+/// TPWMTHRS for the speed at which spreadCycle shall take over (section 5.2: TSTEP in clocks of 12 MHz a microstep of
+/// 1/256); 0, nowhere, for a speed that is not above 0. It is reckoned when a profile is read, not on the board.
+#[must_use]
+pub fn chopper_threshold(mm_per_s: f64, steps_per_mm: f64, microsteps: u16) -> u32 {
+    if !(mm_per_s > 0.0 && steps_per_mm > 0.0) || microsteps == 0 {
+        return 0;
+    }
+    let full_steps_per_s = mm_per_s * steps_per_mm / f64::from(microsteps);
+    let clocks = CLOCK_HZ / (full_steps_per_s * TSTEP_MICROSTEPS) + 0.5;
+    (clocks.min(f64::from(THRESHOLD_LARGEST)) as u32).max(1)
+}
+
+/// Settings that the chip cannot take.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SettingsError {
+    /// The current.
+    Current(CurrentError),
+    /// The microsteps are not 1, 2, 4 ... 256.
+    Microsteps(u16),
+}
+
+impl fmt::Display for SettingsError {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Current(error) => write!(out, "{error}"),
+            Self::Microsteps(microsteps) => {
+                write!(out, "{microsteps} microsteps are not possible, expected 1, 2, 4 ... 256")
+            }
+        }
+    }
+}
+
+/// All registers that are written, and the currents that they mean.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RegisterImage {
+    /// In the order of writing. NODECONF comes first: before it, replies may disturb others on the line.
+    pub writes: [(Register, u32); 10],
+    /// Effective current in motion, mA.
+    pub run_ma: u16,
+    /// Effective current at standstill, mA.
+    pub hold_ma: u16,
+}
+
+impl RegisterImage {
+    /// NODECONF, which every driver on a line must have before any is asked something.
+    pub const NODE_CONF: (Register, u32) = (Register::NodeConf, NODE_CONF);
+
+    /// The registers for these settings.
+    ///
+    /// # Errors
+    /// The chip cannot take them.
+    pub fn new(settings: &DriverSettings, wiring: &DriverWiring) -> Result<Self, SettingsError> {
+        let run = CurrentScale::from_ma(settings.current_ma, wiring.sense_milliohm).map_err(SettingsError::Current)?;
+        let hold = run.percent(settings.hold_percent);
+        let resolution = MicrostepResolution::from_microsteps(settings.microsteps)
+            .ok_or(SettingsError::Microsteps(settings.microsteps))?;
+        let global = GlobalConf {
+            spread_cycle: !settings.stealth_chop,
+            pin_is_serial: true,
+            microsteps_by_register: true,
+            filter_steps: true,
+        };
+        // Off time, hysteresis: the chip's own at reset. Blank time: 32 clocks, which section 5.5.1 recommends.
+        let chopper = ChopConf {
+            off_time: 3,
+            hysteresis_start: 5,
+            hysteresis_end: 0,
+            blank_time: 2,
+            high_sensitivity: run.high_sensitivity,
+            resolution,
+            interpolate: settings.interpolate,
+            both_edges: settings.both_edges,
+        };
+        // The stall signal at all speeds, or at none.
+        let stall_until = if settings.stall_threshold == 0 { 0 } else { THRESHOLD_LARGEST };
+        let currents = HoldRun { hold: hold.scale, run: run.scale, hold_delay: HOLD_DELAY };
+        Ok(Self {
+            writes: [
+                Self::NODE_CONF,
+                (Register::Gconf, global.bits()),
+                (Register::IholdIrun, currents.bits()),
+                (Register::Tpowerdown, POWER_DOWN),
+                (Register::Tpwmthrs, settings.stealth_until & THRESHOLD_LARGEST),
+                (Register::Tcoolthrs, stall_until),
+                (Register::Sgthrs, u32::from(settings.stall_threshold)),
+                // No current by load: it is for machines that run on batteries.
+                (Register::CoolConf, 0),
+                (Register::PwmConf, PWM_CONF),
+                (Register::ChopConf, chopper.bits()),
+            ],
+            run_ma: run.current_ma(wiring.sense_milliohm),
+            hold_ma: hold.current_ma(wiring.sense_milliohm),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+
+    const MINI: DriverSettings = DriverSettings {
+        current_ma: 350,
+        hold_percent: 100,
+        microsteps: 16,
+        interpolate: true,
+        stealth_chop: true,
+        stealth_until: 0,
+        stall_threshold: 0,
+        both_edges: false,
+    };
+    const WIRING: DriverWiring = DriverWiring { line: 0, address: 1, sense_milliohm: 220 };
+
+    fn value(settings: &DriverSettings, register: Register) -> u32 {
+        let image = RegisterImage::new(settings, &WIRING).unwrap();
+        image.writes.iter().find(|(written, _)| *written == register).unwrap().1
+    }
+
+    #[test]
+    fn registers_bit_for_bit() {
+        assert_eq!(value(&MINI, Register::Gconf), 0b1_1100_0000);
+        assert_eq!(value(&MINI, Register::IholdIrun), 8 << 16 | 20 << 8 | 20);
+        // intpol, MRES = 4, vsense, TBL = 2, HSTRT = 5, TOFF = 3.
+        assert_eq!(value(&MINI, Register::ChopConf), 0x1403_0053);
+        assert_eq!(value(&MINI, Register::Tcoolthrs), 0);
+        let other = DriverSettings {
+            stealth_chop: false,
+            microsteps: 256,
+            interpolate: false,
+            both_edges: true,
+            stall_threshold: 60,
+            current_ma: 900,
+            hold_percent: 50,
+            stealth_until: 0xfff_ffff,
+        };
+        assert_eq!(value(&other, Register::Gconf), 0b1_1100_0100);
+        assert_eq!(value(&other, Register::ChopConf), 0x2001_0053);
+        assert_eq!(value(&other, Register::IholdIrun), 8 << 16 | 29 << 8 | 14);
+        assert_eq!(value(&other, Register::Tpwmthrs), 0xf_ffff);
+        assert_eq!((value(&other, Register::Tcoolthrs), value(&other, Register::Sgthrs)), (0xf_ffff, 60));
+    }
+
+    #[test]
+    fn what_the_chip_cannot_do_is_refused() {
+        for microsteps in [0, 3, 17, 255, 512] {
+            let settings = DriverSettings { microsteps, ..MINI };
+            assert_eq!(RegisterImage::new(&settings, &WIRING), Err(SettingsError::Microsteps(microsteps)));
+        }
+        for power in 0..=8 {
+            assert_eq!(MicrostepResolution::from_microsteps(1 << power).unwrap().microsteps(), 1 << power);
+        }
+        let error = RegisterImage::new(&DriverSettings { current_ma: 1200, ..MINI }, &WIRING).unwrap_err();
+        assert_eq!(error.to_string(), "a current of 1200 mA is out of range, expected 17 to 958 mA");
+    }
+
+    #[test]
+    fn the_speed_of_the_change_is_a_time_of_a_microstep() {
+        // 100 mm/s at 100 steps/mm of 1/16: 160,000 microsteps of 1/256 a second, 75 clocks each.
+        assert_eq!(chopper_threshold(100.0, 100.0, 16), 75);
+        assert_eq!(chopper_threshold(0.0, 100.0, 16), 0);
+        assert_eq!(chopper_threshold(f64::NAN, 100.0, 16), 0);
+        assert_eq!(chopper_threshold(1e-9, 100.0, 16), THRESHOLD_LARGEST);
+        assert_eq!(chopper_threshold(1e12, 100.0, 16), 1);
+    }
+}

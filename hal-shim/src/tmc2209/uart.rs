@@ -1,0 +1,90 @@
+//! The line to the drivers, whoever makes it.
+
+/// A datagram is still being sent.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LineBusy;
+
+/// Serial lines of one wire each, of which one is in use at a time: 8 bits, no parity, one stop bit, lowest bit first. On
+/// one wire the sender hears itself, so that what was sent comes back before any reply.
+///
+/// No call waits. `now_ticks` is the clock of the caller, modulo 2^32; hardware need not look at it.
+pub trait SingleWireUart {
+    /// Begins to send at most eight bytes on a line, and forgets what was received before.
+    ///
+    /// # Errors
+    /// Something is still being sent; nothing was begun.
+    fn send(&mut self, line: u8, bytes: &[u8], now_ticks: u32) -> Result<(), LineBusy>;
+
+    /// The next byte that has been received whole, the echo included.
+    fn receive(&mut self, now_ticks: u32) -> Option<u8>;
+}
+
+/// Most bytes of a datagram.
+const SENT: usize = 8;
+
+/// Bytes that are kept until somebody takes them: those of a read and its reply, and some.
+const RECEIVED: usize = 16;
+
+/// The bytes of a datagram on their way out, and those that have come in: what every line has to keep.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct LineBytes {
+    to_send: [u8; SENT],
+    length: usize,
+    sent: usize,
+    /// A ring, where it begins and how much it holds.
+    received: [u8; RECEIVED],
+    first: usize,
+    waiting: usize,
+}
+
+impl LineBytes {
+    /// None.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self { to_send: [0; SENT], length: 0, sent: 0, received: [0; RECEIVED], first: 0, waiting: 0 }
+    }
+
+    /// Begins with a datagram, of which at most eight bytes are taken, and forgets everything else.
+    pub fn begin(&mut self, bytes: &[u8]) {
+        *self = Self::new();
+        for (to, from) in self.to_send.iter_mut().zip(bytes) {
+            *to = *from;
+            self.length += 1;
+        }
+    }
+
+    /// Whether there are bytes to send.
+    #[must_use]
+    pub const fn has_more(&self) -> bool {
+        self.sent < self.length
+    }
+
+    /// The byte to send, which stays.
+    #[must_use]
+    pub fn to_send(&self) -> Option<u8> {
+        if self.has_more() { self.to_send.get(self.sent).copied() } else { None }
+    }
+
+    /// The byte to send has been sent, or taken by whoever sends it.
+    pub fn has_sent(&mut self) {
+        self.sent = self.length.min(self.sent + 1);
+    }
+
+    /// Keeps a byte that has come; one too many is lost, and the check sum tells.
+    pub fn keep(&mut self, byte: u8) {
+        if let Some(place) = self.received.get_mut((self.first + self.waiting) % RECEIVED)
+            && self.waiting < RECEIVED
+        {
+            *place = byte;
+            self.waiting += 1;
+        }
+    }
+
+    /// Takes the first of the bytes that have come.
+    pub fn take(&mut self) -> Option<u8> {
+        self.waiting = self.waiting.checked_sub(1)?;
+        let byte = self.received.get(self.first).copied();
+        self.first = (self.first + 1) % RECEIVED;
+        byte
+    }
+}

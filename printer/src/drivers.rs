@@ -1,0 +1,191 @@
+//! M122, M569, M906 and M914, and what may move before the drivers are set up: nothing.
+
+use core::fmt::{Arguments, write};
+
+use embedded_hal_async::delay::DelayNs;
+use ferrostep_gcode::{Command, DriverWords, Reply};
+use ferrostep_hal_shim::Clock;
+use ferrostep_hal_shim::tmc2209::{DriverEvent, DriverReport, DriverSettings, DriverState};
+use ferrostep_planner::Kinematics;
+
+use crate::AXIS_NAMES;
+use crate::error::CommandError;
+use crate::ports::{Heating, Motion, MotorDrivers, Replies};
+use crate::printer::{Printer, Text};
+
+/// How often a wait for a driver looks. A set-up takes tenths of a second, and always ends.
+const LOOK_MS: u32 = 10;
+
+/// Motors A and B of a CoreXY machine: each of them moves both axes.
+const PLANE: u8 = 0b11;
+
+/// Tells what has happened to a driver. `true`: a motor with current (`motors_on` is their mask) may not be where its
+/// steps say, so that who calls must halt the machine as M112 does; the host has been told, but for
+/// [`Reply::Killed`].
+///
+/// Without current nothing is lost but the axis' home, and printers are often without motor supply: then it is only a
+/// notice, for hosts end a print at each `Error:`.
+pub fn tell_driver_event(event: &DriverEvent, motors_on: u8, replies: &impl Replies) -> bool {
+    let halts = event.stops_motion() && motors_on >> event.motor & 1 == 1;
+    if event.is_notable() {
+        say(replies, format_args!("{}{event}", if halts { "Error:" } else { "echo:" }));
+    }
+    halts
+}
+
+/// A line of text; one that is too long is cut.
+fn say(replies: &impl Replies, line: Arguments<'_>) {
+    let mut text = Text::new();
+    let _ = write(&mut text, line);
+    replies.send(Reply::Text(&text));
+}
+
+/// What a motor's driver is called in a line.
+fn name(motor: usize) -> char {
+    AXIS_NAMES.get(motor).copied().unwrap_or('?')
+}
+
+impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, M, H, T, R> {
+    /// Waits until all drivers have confirmed their settings. An axis whose driver was reset is no longer homed.
+    pub(crate) async fn drivers_confirmed(&mut self, drivers: &dyn MotorDrivers) -> Result<(), CommandError> {
+        let mut waits = true;
+        while waits {
+            waits = false;
+            for motor in 0..AXIS_NAMES.len() {
+                match drivers.state(motor) {
+                    Some(DriverState::Failed(failure)) => {
+                        let error = CommandError::Driver { motor, failure };
+                        // A print that cannot move shall not go on with its heat: hosts end it at this word.
+                        say(self.replies, format_args!("Error:{error}"));
+                        return Err(error);
+                    }
+                    Some(DriverState::Unconfirmed) => waits = true,
+                    Some(DriverState::Confirmed) | None => {}
+                }
+            }
+            if waits {
+                self.clock.delay_ms(LOOK_MS).await;
+                if self.signals.is_halted() {
+                    return Err(CommandError::Halted);
+                }
+            }
+        }
+        let mut moved = drivers.take_moved();
+        if self.profile.kinematics == Kinematics::CoreXy && moved & PLANE != 0 {
+            moved |= PLANE;
+        }
+        for (axis, homed) in self.modal.homed.iter_mut().enumerate() {
+            *homed &= moved >> axis & 1 == 0;
+        }
+        Ok(())
+    }
+
+    /// The drivers' part of a command, if it has one. `true`: the command goes on when all drivers have confirmed their
+    /// settings.
+    // By itself, for what a command becomes when it is inlined with others that wait is large.
+    #[inline(never)]
+    pub(crate) fn drivers_part(&self, command: &Command<'_>) -> Result<bool, CommandError> {
+        let (code, setting, values) = match *command {
+            Command::Linear { .. } | Command::Arc { .. } | Command::Retract | Command::Recover | Command::Home(_) => {
+                return Ok(true);
+            }
+            Command::ReportDrivers => ("M122", Setting::All, ALL_MOTORS),
+            Command::StealthChop { motors, on } => {
+                let named = [motors.x, motors.y, motors.z, motors.e];
+                let value = named.map(|named| (named || motors.is_empty()).then_some(on.map(u16::from)));
+                ("M569", Setting::Chopper, value)
+            }
+            Command::DriverCurrent(words) => ("M906", Setting::Current, values(words)),
+            Command::StallThreshold(words) => ("M914", Setting::StallThreshold, values(words)),
+            _ => return Ok(false),
+        };
+        let Some(drivers) = self.drivers else {
+            say(self.replies, format_args!("echo:{code}: not available, this machine's drivers cannot be set"));
+            return Ok(false);
+        };
+        let changes = values.iter().flatten().any(Option::is_some);
+        if changes {
+            change(drivers, setting, values)?;
+        } else {
+            for (motor, _) in values.iter().enumerate().filter(|(_, value)| value.is_some()) {
+                if let Some(report) = drivers.report(motor) {
+                    setting.say(name(motor), &report, self.replies);
+                }
+            }
+        }
+        Ok(changes)
+    }
+}
+
+/// What of a driver a command shows or changes.
+#[derive(Clone, Copy)]
+enum Setting {
+    All,
+    Chopper,
+    Current,
+    StallThreshold,
+}
+
+/// For each motor: `None` if the command does not mean it, the value that it shall have, or none for a query.
+type Values = [Option<Option<u16>>; 4];
+
+const ALL_MOTORS: Values = [Some(None); 4];
+
+/// Without words a command asks for all motors.
+fn values(words: DriverWords) -> Values {
+    if words == DriverWords::default() { ALL_MOTORS } else { words.all().map(|value| value.map(Some)) }
+}
+
+/// Changes all the drivers that are meant, or none.
+fn change(drivers: &dyn MotorDrivers, setting: Setting, values: Values) -> Result<(), CommandError> {
+    for is_set in [false, true] {
+        for (motor, value) in values.iter().enumerate() {
+            let (Some(Some(value)), Some(report)) = (value, drivers.report(motor)) else { continue };
+            let mut settings = report.settings;
+            match setting {
+                Setting::All => {}
+                Setting::Chopper => settings.stealth_chop = *value != 0,
+                Setting::Current => settings.current_ma = *value,
+                Setting::StallThreshold => settings.stall_threshold = (*value).min(255) as u8,
+            }
+            let outcome = if is_set { drivers.set(motor, settings) } else { drivers.check(motor, &settings) };
+            outcome.map_err(|error| CommandError::DriverSettings { motor, error })?;
+        }
+    }
+    Ok(())
+}
+
+impl Setting {
+    /// Tells it, of one driver.
+    fn say(self, name: char, report: &DriverReport, replies: &impl Replies) {
+        let DriverReport { state, settings, run_ma, hold_ma, status, load, repeated } = report;
+        let DriverSettings { current_ma, microsteps, stall_threshold, .. } = settings;
+        let chopper = if settings.stealth_chop { "stealthChop" } else { "spreadCycle" };
+        match self {
+            Self::All => {
+                let state = match state {
+                    DriverState::Unconfirmed => "being set up",
+                    DriverState::Confirmed => "confirmed",
+                    DriverState::Failed(_) => "failed",
+                };
+                say(
+                    replies,
+                    format_args!(
+                        "echo:driver {name}: {state}, {run_ma} mA, {hold_ma} mA at rest, {microsteps} microsteps, \
+                         {chopper}, stall threshold {stall_threshold}, load {load}, {repeated} datagrams repeated, {status}"
+                    ),
+                );
+            }
+            Self::Chopper => say(replies, format_args!("echo:driver {name}: {chopper}")),
+            Self::Current => {
+                say(replies, format_args!("echo:driver {name}: {current_ma} mA ({run_ma} mA, {hold_ma} mA at rest)"));
+            }
+            Self::StallThreshold => {
+                say(replies, format_args!("echo:driver {name}: stall threshold {stall_threshold}, load {load}"));
+            }
+        }
+        if let (Self::All, DriverState::Failed(failure)) = (self, state) {
+            say(replies, format_args!("echo:driver {name} {failure}"));
+        }
+    }
+}
