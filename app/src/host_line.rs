@@ -1,4 +1,4 @@
-//! Both directions of the serial line between interrupt and tasks.
+//! Both directions of the hosts' lines, serial and USB, between their interrupts and the tasks.
 
 use core::fmt::{self, Write};
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
@@ -8,6 +8,7 @@ use ferrostep_planner::TICKS_PER_SECOND;
 use ferrostep_printer::machine::Silence;
 use ferrostep_stm32f4::motion_clock::MotionClock;
 use ferrostep_stm32f4::pac::Interrupt;
+use ferrostep_usb::LineWriter;
 use heapless::spsc::{Consumer, Producer};
 use rtic_sync::signal::{Signal, SignalReader};
 
@@ -26,12 +27,24 @@ static QUIET_SINCE: AtomicU32 = AtomicU32::new(0);
 /// Bytes have come.
 static RECEIVED: Signal<()> = Signal::new();
 
-/// The interrupt's end: what to do with a byte.
+/// A host's line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Port {
+    /// USART1.
+    Serial,
+    /// The port over USB.
+    Usb,
+}
+
+/// The serial interrupt's end: what to do with a byte.
 pub fn received(byte: u8, bytes: &mut Producer<'static, u8>) {
-    if bytes.enqueue(byte).is_err() {
-        // What is lost fails its line's checksum; the host is told how much it was.
-        LOST_BYTES.fetch_add(1, Ordering::Relaxed);
-    }
+    // What is lost fails its line's checksum; the host is told how much it was.
+    arrived(u32::from(bytes.enqueue(byte).is_err()));
+}
+
+/// Bytes are there to be read, and so many more were lost.
+pub fn arrived(lost: u32) {
+    LOST_BYTES.fetch_add(lost, Ordering::Relaxed);
     RECEIVED.writer().write(());
 }
 
@@ -76,36 +89,90 @@ impl Patience {
 
 /// The printer task's end: bytes as they come.
 pub struct Reader {
-    bytes: Consumer<'static, u8>,
+    serial: Consumer<'static, u8>,
+    usb: Consumer<'static, u8>,
+    /// Whose turn is over. Who sends without end shall not keep the other out.
+    last: Port,
     signal: SignalReader<'static, ()>,
     clock: MotionClock,
 }
 
 impl Reader {
     /// The reader; there can be one.
-    pub fn new(bytes: Consumer<'static, u8>, clock: MotionClock) -> Option<Self> {
-        Some(Self { bytes, signal: RECEIVED.try_take_reader()?, clock })
+    pub fn new(serial: Consumer<'static, u8>, usb: Consumer<'static, u8>, clock: MotionClock) -> Option<Self> {
+        Some(Self { serial, usb, last: Port::Usb, signal: RECEIVED.try_take_reader()?, clock })
     }
 
-    /// Waits for bytes, takes as many as are there and fit, and returns them.
-    pub async fn read<'a>(&mut self, buffer: &'a mut [u8]) -> &'a [u8] {
-        while !self.bytes.ready() {
+    fn is_ready(&self) -> bool {
+        self.serial.ready() || self.usb.ready()
+    }
+
+    /// Waits for bytes, takes as many of one port as are there and fit, and returns them.
+    pub async fn read<'a>(&mut self, buffer: &'a mut [u8]) -> (Port, &'a [u8]) {
+        if !self.is_ready() {
             QUIET_SINCE.store(self.clock.now_ticks(), Ordering::Release);
             IS_AWAITED.store(true, Ordering::Release);
-            self.signal.wait().await;
+            // USB's interrupt has other work too, and says so each time.
+            while !self.is_ready() {
+                self.signal.wait().await;
+            }
             IS_AWAITED.store(false, Ordering::Release);
         }
+        self.last = match self.last {
+            Port::Usb if self.serial.ready() => Port::Serial,
+            Port::Serial if !self.usb.ready() => Port::Serial,
+            Port::Usb | Port::Serial => Port::Usb,
+        };
+        let bytes = match self.last {
+            Port::Serial => &mut self.serial,
+            Port::Usb => &mut self.usb,
+        };
         let mut length = 0;
         for place in buffer.iter_mut() {
-            let Some(byte) = self.bytes.dequeue() else { break };
+            let Some(byte) = bytes.dequeue() else { break };
             *place = byte;
             length += 1;
         }
-        buffer.get(..length).unwrap_or_default()
+        (self.last, buffer.get(..length).unwrap_or_default())
     }
 }
 
-/// The sending end, shared by those who reply.
+/// To whom a line is said.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum To {
+    /// The host whose command it answers.
+    Host(Port),
+    /// Everyone: nobody has asked for it.
+    All,
+}
+
+/// The sending ends, shared by those who reply.
+pub struct Writers {
+    /// The serial line's.
+    pub serial: Writer,
+    /// The USB port's; `None` where there is no USB.
+    pub usb: Option<LineWriter<'static>>,
+}
+
+impl Writers {
+    /// Sends a text and a line end.
+    pub fn line(&mut self, to: To, text: impl fmt::Display) {
+        if to != To::Host(Port::Usb) {
+            self.serial.line(&text);
+        }
+        if to != To::Host(Port::Serial)
+            && let Some(usb) = &mut self.usb
+        {
+            match to {
+                To::Host(_) => usb.reply(format_args!("{text}")),
+                To::All => usb.report(format_args!("{text}")),
+            }
+            rtic::pend(Interrupt::OTG_FS);
+        }
+    }
+}
+
+/// The serial line's sending end.
 pub struct Writer(pub Producer<'static, u8>);
 
 impl Writer {

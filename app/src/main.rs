@@ -5,17 +5,18 @@
 //! | 16 | `steps` | TIM2 update | `step_timer`, lock-free: timer, ports, a ring of words | the event that ends a stair: 33 instructions |
 //! | 16 | `near_steps` | `steps`, `planner` | the same | 128 looks at the timer; start or end of a motion: 80 instructions |
 //! | 13 | `serial` | USART1 | `local` only: port, two byte rings, the emergency scanner | 16 bytes to send, the received one; M112 |
+//! | 10 | `usb` | OTG_FS, or something to send | `local` only: the device, two byte rings | four packets in, what fits out; M112 |
 //! | 9 | SysTick (rtic-monotonics) | every ms | the queue of waits | wakes the tasks whose waits end |
 //! | 8 | `temperature` | every 10 ms | `heat` | two medians, two PID loops and their checks |
 //! | 8 | `emergency` | M112 | `heat` | heaters off |
 //! | 4 | `planner` | a move, or 2 ms | `machine` | fills the step queue: 256 portions a lock |
-//! | 2 | `printer` | received bytes | `machine`, `heat`, `writer` | one line; a wait is an await |
-//! | 1 | `reports` | a halt, or 100 ms | `machine`, `heat`, `writer` | M155's line |
+//! | 2 | `printer` | received bytes | `machine`, `heat`, `writers` | one line; a wait is an await |
+//! | 1 | `reports` | a halt, or 100 ms | `machine`, `heat`, `writers` | M155's line |
 //!
 //! 16 is above what BASEPRI can mask, and critical sections mask no more than that
 //! (`hal-shim/stm32f4/src/critical_section.rs`): nothing delays a step. So the two step tasks must never share
 //! anything with a task below, nor use a signal or the log.
-//! `machine` has ceiling 4, `heat` 8, `writer` 2, so that heating is safe whatever the planner does, and bytes are
+//! `machine` has ceiling 4, `heat` 8, `writers` 2, so that heating is safe whatever the planner does, and bytes are
 //! received whatever anyone does.
 #![no_std]
 #![no_main]
@@ -50,13 +51,15 @@ mod app {
     use ferrostep_stm32f4::serial::{Serial, Transmit};
     use ferrostep_stm32f4::step_timer::{self, StepQueue, StepTimer};
     use ferrostep_stm32f4::vector_table::VectorTable;
+    use ferrostep_stm32f4_usb::{Memory, Rings, Usb};
+    use ferrostep_usb::{Heard, LineWriter, Lines};
     use heapless::spsc::{Consumer, Producer, Queue};
     use rtic_monotonics::systick::prelude::*;
     use rtic_sync::signal::{Signal, SignalReader};
 
     use crate::clock::{Mono, SystemClock};
     use crate::heat::{self, Heat};
-    use crate::host_line::{self, Patience, Reader, Writer};
+    use crate::host_line::{self, Patience, Port, Reader, To, Writer, Writers};
     use crate::ports::{
         BoardHeating, BoardMachine, BoardMachineLock, BoardReplies, BoardStepTimer, LOOK_AHEAD_BLOCKS, Overload,
         PLANNER_WORK, STEPS,
@@ -89,7 +92,7 @@ mod app {
         step_timer: BoardStepTimer,
         machine: BoardMachine,
         heat: Heat,
-        writer: Writer,
+        writers: Writers,
     }
 
     #[local]
@@ -98,6 +101,7 @@ mod app {
         received: Producer<'static, u8>,
         to_send: Consumer<'static, u8>,
         scanner: EmergencyScanner,
+        usb: Option<&'static mut Usb>,
         reader: Reader,
         planner_work: SignalReader<'static, ()>,
         halted: SignalReader<'static, ()>,
@@ -111,6 +115,9 @@ mod app {
         slots: heapless::Vec<Slot, LOOK_AHEAD_BLOCKS> = heapless::Vec::new(),
         receive: Queue<u8, { host_line::RECEIVE_BYTES }> = Queue::new(),
         send: Queue<u8, { host_line::SEND_BYTES }> = Queue::new(),
+        usb_receive: Queue<u8, { host_line::RECEIVE_BYTES }> = Queue::new(),
+        usb_send: Queue<u8, { host_line::SEND_BYTES }> = Queue::new(),
+        usb_memory: Memory = Memory::new(),
     ])]
     fn init(cx: init::Context) -> (Shared, Local) {
         let device = cx.device;
@@ -146,26 +153,36 @@ mod app {
         let port = Serial::start(device.USART1, &device.RCC, clock.serial_hz, BAUD);
         let (received, to_read) = cx.local.receive.split();
         let (to_write, to_send) = cx.local.send.split();
-        let mut writer = Writer(to_write);
-        writer.line(Reply::Start);
-        writer.line(format_args!("echo:board: {}", board::NAME));
-        writer.line(format_args!("echo:clock: {clock}"));
+        let (usb_received, usb_to_read) = cx.local.usb_receive.split();
+        let (usb_to_write, usb_to_send) = cx.local.usb_send.split();
+        let registers = (device.OTG_FS_GLOBAL, device.OTG_FS_DEVICE, device.OTG_FS_PWRCLK);
+        let rings = Rings { received: usb_received, to_send: usb_to_send, act };
+        let usb = Usb::start(cx.local.usb_memory, registers, &device.RCC, &clock, rings);
+        let usb_writer = usb.is_ok().then(|| LineWriter::new(usb_to_write));
+        let mut writers = Writers { serial: Writer(to_write), usb: usb_writer };
+        writers.line(To::All, Reply::Start);
+        writers.line(To::All, format_args!("echo:board: {}", board::NAME));
+        writers.line(To::All, format_args!("echo:clock: {clock}"));
+        if let Err(why) = &usb {
+            writers.line(To::All, format_args!("echo:usb: {why}"));
+        }
 
         // Each of them is taken here and nowhere else.
         let (Some(reader), Some(planner_work), Some(halted)) =
-            (Reader::new(to_read, motion_clock), PLANNER_WORK.try_take_reader(), HALTED.try_take_reader())
+            (Reader::new(to_read, usb_to_read, motion_clock), PLANNER_WORK.try_take_reader(), HALTED.try_take_reader())
         else {
             unreachable!("init runs once")
         };
         let spawned = (printer::spawn(), planner::spawn(), temperature::spawn(), reports::spawn());
         defmt::debug!("started: {}", matches!(spawned, (Ok(()), Ok(()), Ok(()), Ok(()))));
         (
-            Shared { step_timer, machine, heat: Heat::new(&PROFILE), writer },
+            Shared { step_timer, machine, heat: Heat::new(&PROFILE), writers },
             Local {
                 port,
                 received,
                 to_send,
                 scanner: EmergencyScanner::new(),
+                usb: usb.ok(),
                 reader,
                 planner_work,
                 halted,
@@ -193,21 +210,36 @@ mod app {
     #[task(binds = USART1, priority = 13, local = [port, received, to_send, scanner])]
     fn serial(cx: serial::Context) {
         while let Some(byte) = cx.local.port.receive() {
-            match cx.local.scanner.feed(byte) {
-                Some(Emergency::Stop) => {
-                    SIGNALS.halt();
-                    step_timer::stop(STEPS.link());
-                    // Already on its way is as good.
-                    let _ = emergency::spawn();
-                }
-                Some(Emergency::QuickStop) => step_timer::stop(STEPS.link()),
-                Some(Emergency::EndWait) => SIGNALS.end_wait(),
-                Some(Emergency::PromptAnswer(_)) | None => {}
+            if let Some(emergency) = cx.local.scanner.feed(byte) {
+                act(emergency);
             }
             host_line::received(byte, cx.local.received);
         }
         if cx.local.port.transmit(|| cx.local.to_send.dequeue()) == Transmit::Again {
             rtic::pend(ferrostep_stm32f4::pac::Interrupt::USART1);
+        }
+    }
+
+    /// Packets in and out, of the USB port. Must come within the 10 ms that a host grants a request.
+    #[task(binds = OTG_FS, priority = 10, local = [usb])]
+    fn usb(cx: usb::Context) {
+        if let Some(usb) = cx.local.usb {
+            host_line::arrived(usb.serve());
+        }
+    }
+
+    /// What does not wait its turn, whichever host has sent it.
+    fn act(emergency: Emergency) {
+        match emergency {
+            Emergency::Stop => {
+                SIGNALS.halt();
+                step_timer::stop(STEPS.link());
+                // Already on its way is as good.
+                let _ = emergency::spawn();
+            }
+            Emergency::QuickStop => step_timer::stop(STEPS.link()),
+            Emergency::EndWait => SIGNALS.end_wait(),
+            Emergency::PromptAnswer(_) => {}
         }
     }
 
@@ -251,36 +283,45 @@ mod app {
     }
 
     /// Lines to commands, commands to moves and replies.
-    #[task(priority = 2, shared = [machine, heat, writer], local = [reader, measured])]
+    #[task(priority = 2, shared = [machine, heat, writers], local = [reader, measured])]
     async fn printer(cx: printer::Context) {
         let motion = SharedMotion(BoardMachineLock::new(cx.shared.machine, &SIGNALS));
         let heating = BoardHeating(RefCell::new(cx.shared.heat));
-        let replies = BoardReplies(RefCell::new(cx.shared.writer));
+        let replies = BoardReplies::new(cx.shared.writers);
         let mut printer = Printer::new(&PROFILE, motion, heating, SystemClock::default(), &replies, &SIGNALS);
         printer.set_emergency_parser(true);
         printer.set_equipment(heat::EQUIPMENT);
         let timing = BoardTiming::new(cx.local.measured);
         printer.set_timing(&timing);
-        let mut host = Host::new();
-        let mut lines = LineReader::new();
+        let (mut serial_host, mut usb_host) = (Host::new(), Host::new());
+        let (mut serial_lines, mut usb_lines) = (LineReader::new(), Lines::new());
         let mut buffer = [0; 64];
         loop {
-            let mut bytes = cx.local.reader.read(&mut buffer).await;
+            let (port, mut bytes) = cx.local.reader.read(&mut buffer).await;
+            replies.answer(port);
             while !bytes.is_empty() {
-                let (used, line) = lines.feed(bytes);
+                let (host, (used, heard)) = match port {
+                    Port::Serial => {
+                        let (used, line) = serial_lines.feed(bytes);
+                        (&mut serial_host, (used, line.map(Heard::Line)))
+                    }
+                    Port::Usb => (&mut usb_host, usb_lines.feed(bytes)),
+                };
                 bytes = bytes.get(used..).unwrap_or_default();
-                if let Some(line) = line {
-                    host.answer(&mut printer, line).await;
+                match heard {
+                    Some(Heard::Line(line)) => host.answer(&mut printer, line).await,
+                    Some(Heard::HalfALine) => replies.half_a_line(),
+                    None => {}
                 }
             }
         }
     }
 
     /// What is said without being asked: temperatures (M155), a halt, lost bytes, overload; to the log, times (M798).
-    #[task(priority = 1, shared = [machine, heat, writer], local = [halted])]
+    #[task(priority = 1, shared = [machine, heat, writers], local = [halted])]
     async fn reports(cx: reports::Context) {
         let heating = BoardHeating(RefCell::new(cx.shared.heat));
-        let replies = BoardReplies(RefCell::new(cx.shared.writer));
+        let replies = BoardReplies::new(cx.shared.writers);
         let mut machine = cx.shared.machine;
         let mut reported = Overload::default();
         let mut reported_ms = 0;

@@ -3,7 +3,8 @@
 //! A lock lasts for one call into a library. The views are used by one task only and no borrow outlives a call, so the
 //! cells are never found borrowed.
 
-use core::cell::RefCell;
+use core::cell::{Cell, RefCell};
+use core::fmt;
 
 use ferrostep_gcode::{MotionFigures, Reply};
 use ferrostep_hal_shim::Heater;
@@ -20,7 +21,7 @@ use rtic_sync::signal::Signal;
 
 use crate::clock::Mono;
 use crate::heat::Heat;
-use crate::host_line::Writer;
+use crate::host_line::{Port, To, Writers};
 use crate::profile::StepSignals;
 
 /// Blocks in the look-ahead ring, as on the desk.
@@ -110,24 +111,40 @@ impl<H: Mutex<T = Heat>> Heating for BoardHeating<H> {
     }
 }
 
-/// The serial line's sending end. A reply is whole: the lock keeps others out until its last byte.
-pub struct BoardReplies<W>(pub RefCell<W>);
+/// The hosts' lines, their sending ends. A reply is whole: the lock keeps others out until its last byte.
+pub struct BoardReplies<W> {
+    writers: RefCell<W>,
+    to: Cell<To>,
+}
 
-impl<W: Mutex<T = Writer>> BoardReplies<W> {
+impl<W: Mutex<T = Writers>> BoardReplies<W> {
+    /// Replies to everyone.
+    pub const fn new(writers: W) -> Self {
+        Self { writers: RefCell::new(writers), to: Cell::new(To::All) }
+    }
+
+    /// From now on it is this host that is answered.
+    pub fn answer(&self, port: Port) {
+        self.to.set(To::Host(port));
+    }
+
     /// Says that the machine is halted, and the heater fault that did it: adjacent lines, as hosts expect.
     pub fn halted(&self, fault: Option<HeatFault>) {
-        self.0.borrow_mut().lock(|writer| {
-            if let Some(fault) = fault {
-                writer.line(fault);
+        self.writers.borrow_mut().lock(|writers| {
+            // As replies, so that a host that reads late still reads this.
+            for to in [To::Host(Port::Serial), To::Host(Port::Usb)] {
+                if let Some(fault) = fault {
+                    writers.line(to, fault);
+                }
+                writers.line(to, Reply::Killed);
             }
-            writer.line(Reply::Killed);
         });
     }
 
     /// Says how many bytes came too fast, if any did.
     pub fn lost_bytes(&self, lost: u32) {
         if lost > 0 {
-            self.0.borrow_mut().lock(|writer| writer.line(format_args!("echo:serial: {lost} bytes lost")));
+            self.line(format_args!("echo:serial: {lost} bytes lost"));
         }
     }
 }
@@ -153,21 +170,28 @@ impl Overload {
     }
 }
 
-impl<W: Mutex<T = Writer>> BoardReplies<W> {
+impl<W: Mutex<T = Writers>> BoardReplies<W> {
     /// Says what could not keep up so far.
     pub fn overload(&self, overload: Overload) {
         let Overload { starvation_flushes, planning_slowdowns, underruns, made_up_updates, refused_entries } = overload;
-        self.0.borrow_mut().lock(|writer| {
-            writer.line(format_args!(
-                "echo:overload starvation_flushes:{starvation_flushes} planning_slowdowns:{planning_slowdowns} \
-                 underruns:{underruns} made_up_updates:{made_up_updates} refused_entries:{refused_entries}"
-            ));
-        });
+        self.line(format_args!(
+            "echo:overload starvation_flushes:{starvation_flushes} planning_slowdowns:{planning_slowdowns} \
+             underruns:{underruns} made_up_updates:{made_up_updates} refused_entries:{refused_entries}"
+        ));
+    }
+
+    /// Says that the beginning of a line was dropped, because its connection ended or it did not fit.
+    pub fn half_a_line(&self) {
+        self.line(format_args!("echo:usb: half a line dropped"));
+    }
+
+    fn line(&self, text: fmt::Arguments<'_>) {
+        self.writers.borrow_mut().lock(|writers| writers.line(self.to.get(), text));
     }
 }
 
-impl<W: Mutex<T = Writer>> Replies for BoardReplies<W> {
+impl<W: Mutex<T = Writers>> Replies for BoardReplies<W> {
     fn send(&self, reply: Reply<'_>) {
-        self.0.borrow_mut().lock(|writer| writer.line(reply));
+        self.line(format_args!("{reply}"));
     }
 }

@@ -14,6 +14,7 @@ const STACK_KIB: u32 = 16;
 pub fn rust(board: &Board) -> String {
     let Board { name, title, clock, internal_clock, virtual_sensors, .. } = board;
     let ports = board.motor_ports();
+    let has_usb = board.usb.is_some();
     // The core is as fast with either oscillator; what stands once below holds for both.
     let Clock { core_hz, apb1_divider, apb2_divider, timer_hz, flash_wait_states, .. } = *clock;
     let [apb1_code, apb2_code] = [apb1_divider, apb2_divider].map(Clock::divider_code);
@@ -39,6 +40,7 @@ pub fn rust(board: &Board) -> String {
          /// What a person calls it.\npub const TITLE: &str = {title:?};\n\
          /// Nothing real hangs on it: temperatures and end stops are models.\n\
          pub const VIRTUAL_SENSORS: bool = {virtual_sensors};\n\
+         /// PA11 and PA12 lead to a USB plug.\npub const USB: bool = {has_usb};\n\
          /// Frequency of the core with the PLL, Hz.\npub const CORE_HZ: u32 = {core_hz};\n\
          /// Frequency of the internal oscillator, Hz.\npub const INTERNAL_HZ: u32 = {INTERNAL_HZ};\n\
          /// Frequency of the timers that count ticks, Hz.\npub const TIMER_HZ: u32 = {timer_hz};\n\

@@ -139,9 +139,11 @@ pub fn check(run: &mut Run) -> Result<(), Failure> {
             for name in ferrostep_boards::builtin_names() {
                 let target = Target::new(name, None)?;
                 let chip = ["--no-default-features", "--features", target.board.chip.feature];
-                for package in
-                    [["--package", "ferrostep-stm32f4", "--lib"], ["--package", "ferrostep-firmware", "--bins"]]
-                {
+                for package in [
+                    ["--package", "ferrostep-stm32f4", "--lib"],
+                    ["--package", "ferrostep-stm32f4-usb", "--lib"],
+                    ["--package", "ferrostep-firmware", "--bins"],
+                ] {
                     system::run(&mut lint_command(&core_library, &target, &[package, chip].concat()))?;
                 }
             }

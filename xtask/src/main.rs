@@ -31,7 +31,15 @@ const FIRMWARE_VARIABLE: &str = "FERROSTEP_FIRMWARE";
 const IMAGES_VARIABLE: &str = "FERROSTEP_IMAGES";
 
 /// All packages but those that only the board's processor can build.
-const DESK: [&str; 5] = ["--workspace", "--exclude", "ferrostep-firmware", "--exclude", "ferrostep-stm32f4"];
+const DESK: [&str; 7] = [
+    "--workspace",
+    "--exclude",
+    "ferrostep-firmware",
+    "--exclude",
+    "ferrostep-stm32f4",
+    "--exclude",
+    "ferrostep-stm32f4-usb",
+];
 
 /// Tasks of the Ferrostep workspace.
 #[derive(Parser)]

@@ -7,7 +7,8 @@ use crate::steps::{Failure, Run};
 use crate::system::{self, cargo};
 
 /// The crates that the firmware is made of.
-const PACKAGES: [&str; 4] = ["ferrostep-gcode", "ferrostep-planner", "ferrostep-hal-shim", "ferrostep-printer"];
+const PACKAGES: [&str; 5] =
+    ["ferrostep-gcode", "ferrostep-planner", "ferrostep-hal-shim", "ferrostep-printer", "ferrostep-usb"];
 
 /// Checks [`PACKAGES`] for the target, after installing what is needed.
 pub fn check(run: &mut Run) -> Result<(), Failure> {

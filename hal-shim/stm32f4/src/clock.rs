@@ -96,6 +96,6 @@ pub fn set_systick_priority(scb: &mut SCB, priority: u8) {
 }
 
 /// Whether a flag comes up within [`MOST_LOOKS`].
-fn comes_true(mut flag: impl FnMut() -> bool) -> bool {
+pub fn comes_true(mut flag: impl FnMut() -> bool) -> bool {
     (0..MOST_LOOKS).any(|_| flag())
 }

@@ -39,10 +39,13 @@ unsafe impl Impl for AllButStepInterrupt {
         unsafe {
             asm!(
                 "mrs {before}, BASEPRI",
+                // Next to its use, where the test that reads the image finds it.
+                "mov {masked}, #{ALL_BUT_HIGHEST}",
                 "msr BASEPRI_MAX, {masked}",
                 "isb",
                 before = out(reg) before,
-                masked = in(reg) u32::from(ALL_BUT_HIGHEST),
+                masked = out(reg) _,
+                ALL_BUT_HIGHEST = const ALL_BUT_HIGHEST,
                 options(nostack, preserves_flags),
             );
         }

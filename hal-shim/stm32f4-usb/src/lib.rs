@@ -1,0 +1,105 @@
+//! The USB port on the STM32F4's full-speed controller: the device of `ferrostep-usb`, with its rings.
+//!
+//! A crate of its own because it is optimised for size, as the root's `Cargo.toml` says: generic code is compiled where
+//! its types are known, and that is here. A packet comes every 50 us at most, a step every 10 us.
+#![no_std]
+#![deny(clippy::undocumented_unsafe_blocks)]
+
+mod controller;
+
+use core::mem::MaybeUninit;
+
+use ferrostep_gcode::Emergency;
+use ferrostep_hal_shim::clock_tree::Clock;
+use ferrostep_stm32f4::board;
+use ferrostep_stm32f4::pac::RCC;
+use ferrostep_usb::{Buffers, SerialNumber, UsbSerial};
+use heapless::spsc::{Consumer, Producer};
+use usb_device::bus::UsbBusAllocator;
+
+use controller::{Bus, PACKET_WORDS};
+pub use controller::{NoUsb, Registers};
+
+/// The port's place, and that of what it refers to. Made in place: on the way through `init` it would be copied several
+/// times, and all copies would be on the stack when the first tasks begin. What is not there yet has no value at all: an
+/// `Option` would be a kilobyte of initial values in flash.
+pub struct Memory {
+    packets: [u32; PACKET_WORDS],
+    bus: MaybeUninit<UsbBusAllocator<Bus>>,
+    serial_number: MaybeUninit<SerialNumber>,
+    usb: MaybeUninit<Usb>,
+}
+
+impl Memory {
+    /// Nothing yet.
+    pub const fn new() -> Self {
+        Self {
+            packets: [0; PACKET_WORDS],
+            bus: MaybeUninit::uninit(),
+            serial_number: MaybeUninit::uninit(),
+            usb: MaybeUninit::uninit(),
+        }
+    }
+}
+
+impl Default for Memory {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// The interrupt's ends of the rings, and what it does about commands that do not wait their turn.
+pub struct Rings {
+    /// Bytes for the printer.
+    pub received: Producer<'static, u8>,
+    /// Bytes for the host.
+    pub to_send: Consumer<'static, u8>,
+    /// M112 and its like.
+    pub act: fn(Emergency),
+}
+
+impl Buffers for Rings {
+    fn put(&mut self, byte: u8) -> bool {
+        self.received.enqueue(byte).is_ok()
+    }
+
+    fn take(&mut self) -> Option<u8> {
+        self.to_send.dequeue()
+    }
+
+    fn emergency(&mut self, emergency: Emergency) {
+        (self.act)(emergency);
+    }
+}
+
+/// The port.
+pub struct Usb {
+    port: UsbSerial<'static, Bus>,
+    rings: Rings,
+}
+
+impl Usb {
+    /// The port, connected to the bus. To be called in `init`.
+    ///
+    /// # Errors
+    /// The board has no plug, there is no clock for the controller, or it does not answer in bounded time.
+    #[inline(never)]
+    pub fn start(
+        memory: &'static mut Memory,
+        registers: Registers,
+        rcc: &RCC,
+        clock: &Clock,
+        rings: Rings,
+    ) -> Result<&'static mut Self, NoUsb> {
+        let Memory { packets, bus, serial_number, usb } = memory;
+        let bus = bus.write(controller::start(registers, rcc, clock, packets)?);
+        let serial_number = serial_number.write(SerialNumber::of(controller::identifier()));
+        Ok(usb.write(Self { port: UsbSerial::new(bus, board::TITLE, serial_number), rings }))
+    }
+
+    /// An interrupt's work. Returns how many received bytes were dropped for want of room.
+    #[inline(never)]
+    pub fn serve(&mut self) -> u32 {
+        self.port.serve(&mut self.rings)
+    }
+}

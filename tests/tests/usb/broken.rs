@@ -1,0 +1,182 @@
+//! Hosts that vanish, sleep, stop reading, or never stop sending.
+
+use ferrostep_gcode::Emergency;
+use ferrostep_usb::{BREAK, Heard, Lines};
+
+use crate::device::Device;
+use crate::host::PACKET_BYTES;
+
+/// What a reader makes of bytes of the ring: lines, and `None` for half of one.
+pub fn heard(bytes: &[u8]) -> Vec<Option<String>> {
+    let (mut lines, mut rest, mut heard) = (Lines::new(), bytes, Vec::new());
+    while !rest.is_empty() {
+        let (used, what) = lines.feed(rest);
+        assert!(used > 0);
+        rest = &rest[used..];
+        heard.extend(what.map(|what| match what {
+            Heard::Line(line) => Some(line.unwrap().text.to_owned()),
+            Heard::HalfALine => None,
+        }));
+    }
+    heard
+}
+
+fn line(text: &str) -> Option<String> {
+    Some(text.to_owned())
+}
+
+#[test]
+fn a_reset_drops_half_a_line_and_no_more() {
+    let device = Device::new();
+    let mut host = device.host();
+    host.plug_in();
+    host.send(b"G28\nG1 X1");
+    host.plug_in();
+    host.send(b"00\nM105\n");
+    host.plug_in();
+    host.send(b"M114\n");
+    assert_eq!(heard(&device.take_received()), [line("G28"), None, line("00"), line("M105"), line("M114")]);
+}
+
+#[test]
+fn a_program_that_closes_the_port_in_mid_line_ends_that_line() {
+    let device = Device::new();
+    let mut host = device.host();
+    host.plug_in();
+    host.set_open(true);
+    host.send(b"G1 X1");
+    host.set_open(false);
+    host.set_open(true);
+    host.send(b"00\n");
+    assert_eq!(heard(&device.take_received()), [None, line("00")]);
+}
+
+#[test]
+fn half_an_emergency_command_is_none_after_a_reset() {
+    let device = Device::new();
+    let mut host = device.host();
+    host.plug_in();
+    host.send(b"M11");
+    host.plug_in();
+    host.send(b"2\n");
+    assert_eq!(device.take_emergencies(), []);
+    host.send(b"M112\n");
+    assert_eq!(device.take_emergencies(), [Emergency::Stop]);
+}
+
+#[test]
+fn a_host_that_sleeps_goes_on_where_it_was() {
+    let device = Device::new();
+    let mut host = device.host();
+    host.plug_in();
+    host.set_open(true);
+    host.send(b"G1 X1");
+    host.suspend();
+    device.reply("ok");
+    host.resume();
+    host.send(b"00\n");
+    assert_eq!(heard(&device.take_received()), [line("G1 X100")]);
+    assert_eq!(host.read_lines(), ["ok"]);
+    // Pulled in its sleep, plugged in again.
+    host.send(b"G1 Y1");
+    host.suspend();
+    host.plug_in();
+    host.send(b"M105\n");
+    assert_eq!(heard(&device.take_received()), [None, line("M105")]);
+}
+
+#[test]
+fn a_host_that_does_not_read_holds_nothing_up() {
+    let device = Device::new();
+    let mut host = device.host();
+    host.plug_in();
+    host.set_open(true);
+    let said: Vec<String> = (0..500).map(|number| format!("echo:line {number}")).collect();
+    said.iter().for_each(|line| device.reply(line));
+    let kept = host.read_lines();
+    assert_eq!(kept, said[..kept.len()], "what was kept is whole and in order");
+    assert!((100..200).contains(&kept.len()), "{} lines", kept.len());
+    device.reply("ok");
+    assert_eq!(
+        host.read_lines(),
+        [format!("echo:usb: nobody read, {} lines dropped", said.len() - kept.len()), "ok".into()]
+    );
+    device.reply("ok");
+    assert_eq!(host.read_lines(), ["ok"]);
+}
+
+#[test]
+fn reports_leave_room_for_replies() {
+    let device = Device::new();
+    let mut host = device.host();
+    host.plug_in();
+    host.set_open(true);
+    for _ in 0..1000 {
+        device.report(" T:20.00 /0.00 B:20.00 /0.00 @:0 B@:0");
+    }
+    for _ in 0..200 {
+        device.reply("ok");
+    }
+    let lines = host.read_lines();
+    assert_eq!(lines.iter().filter(|line| *line == "ok").count(), 200, "{lines:?}");
+    assert!(lines.iter().filter(|line| line.starts_with(" T:")).count() > 10, "{lines:?}");
+    assert!(lines.iter().any(|line| line.starts_with("echo:usb: nobody read, ")), "{lines:?}");
+}
+
+#[test]
+fn what_nobody_has_read_is_not_told_to_the_next_program() {
+    let device = Device::new();
+    let mut host = device.host();
+    device.report("start");
+    host.plug_in();
+    host.plug_in();
+    // The first one is told what was said before it came ...
+    host.set_open(true);
+    assert_eq!(host.read_lines(), ["start"]);
+    // ... the next is not. It begins with a whole line, though the one before had read half of one.
+    device.reply(format_args!("ok {}", "x".repeat(PACKET_BYTES)));
+    assert_eq!(host.read_packet().map(|packet| packet.len()), Some(PACKET_BYTES));
+    assert_eq!(host.read_packet().map(|packet| packet.len()), Some(4));
+    device.reply(format_args!("ok {}", "y".repeat(2 * PACKET_BYTES)));
+    host.set_open(false);
+    device.report("echo:nobody is here");
+    host.set_open(true);
+    device.reply("ok");
+    let lines = host.read_lines();
+    assert_eq!(lines.last().map(String::as_str), Some("ok"));
+    assert!(lines.len() <= 2 && lines[0].chars().all(|letter| "ok y".contains(letter)), "{lines:?}");
+    // After a reset not even the controller's own packet is left.
+    device.reply("echo:lost");
+    host.plug_in();
+    host.set_open(true);
+    device.reply("ok");
+    assert_eq!(host.read(), b"ok\n");
+}
+
+#[test]
+fn a_host_that_never_stops_sending_is_heard_when_it_says_stop() {
+    let device = Device::new();
+    let mut host = device.host();
+    host.plug_in();
+    let said: Vec<String> = (0..1000).map(|number| format!("G1 X{number}")).collect();
+    for (number, text) in said.iter().enumerate() {
+        host.send(format!("{text}\n").as_bytes());
+        if number == 800 {
+            host.send(b"M112\n");
+            assert_eq!(device.take_emergencies(), [Emergency::Stop]);
+        }
+    }
+    let received = device.take_received();
+    let sent: usize = said.iter().map(|text| text.len() + 1).sum::<usize>() + 5;
+    assert_eq!(received.len() + device.dropped() as usize, sent, "each byte is received or counted");
+    // The last of the lines is not whole, which the next byte tells.
+    host.send(b"M105\n");
+    let rest = device.take_received();
+    assert_eq!(rest.first(), Some(&BREAK));
+    let lines = heard(&[received, rest].concat());
+    let whole = lines.len() - 2;
+    assert!(whole > 200, "{whole} lines");
+    assert!(lines[..whole].iter().zip(&said).all(|(heard, said)| heard.as_ref() == Some(said)));
+    assert_eq!(lines[whole..], [None, line("M105")]);
+    host.set_open(true);
+}

@@ -1,0 +1,10 @@
+//! The USB port against a bus that exists in memory: a host that enumerates it, prints through it, and misbehaves.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+mod broken;
+mod bus;
+mod conversation;
+mod device;
+mod enumeration;
+mod host;
+mod packets;

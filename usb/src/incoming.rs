@@ -1,0 +1,99 @@
+//! From packets to lines.
+
+use ferrostep_gcode::{EmergencyScanner, Line, LineError, LineReader};
+
+use crate::Buffers;
+
+/// Stands in the ring of received bytes where a line was broken off. No byte of UTF-8 has this value.
+pub const BREAK: u8 = 0xff;
+
+/// What a host's own 0xff becomes: no byte of UTF-8 either, so that its line is refused all the same.
+const NOT_A_BREAK: u8 = 0xfe;
+
+/// The end that receives: bytes to the ring, whole lines or none, and the commands that do not wait their turn.
+#[derive(Clone, Debug, Default)]
+pub struct Incoming {
+    scanner: EmergencyScanner,
+    /// A line has begun in the ring and not ended.
+    mid_line: bool,
+    /// That line is broken off: a [`BREAK`] goes before the next byte.
+    broken: bool,
+    /// The rest of a line is dropped, for there was no room for all of it.
+    dropping: bool,
+}
+
+impl Incoming {
+    /// At the start of a line.
+    pub const fn new() -> Self {
+        Self { scanner: EmergencyScanner::new(), mid_line: false, broken: false, dropping: false }
+    }
+
+    /// Takes in a packet. Returns how many bytes were dropped for want of room; of a line that did not fit, what is in the
+    /// ring already is broken off as well.
+    pub fn take_in(&mut self, packet: &[u8], buffers: &mut impl Buffers) -> u32 {
+        let mut dropped = 0;
+        for &byte in packet {
+            if let Some(emergency) = self.scanner.feed(byte) {
+                buffers.emergency(emergency);
+            }
+            let ends_line = matches!(byte, b'\n' | b'\r');
+            if !self.dropping {
+                if self.broken {
+                    self.broken = !buffers.put(BREAK);
+                }
+                if !self.broken && buffers.put(if byte == BREAK { NOT_A_BREAK } else { byte }) {
+                    self.mid_line = !ends_line;
+                    continue;
+                }
+                self.broken |= self.mid_line;
+                self.mid_line = false;
+            }
+            self.dropping = !ends_line;
+            // No more than there are bytes in a packet.
+            dropped = u32::wrapping_add(dropped, 1);
+        }
+        dropped
+    }
+
+    /// The connection has ended: what comes next belongs to another line.
+    pub fn break_off(&mut self) {
+        self.scanner = EmergencyScanner::new();
+        self.broken |= self.mid_line;
+        self.mid_line = false;
+        self.dropping = false;
+    }
+}
+
+/// What a host was heard to say.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Heard<'a> {
+    /// A line, or why it cannot be read.
+    Line(Result<Line<'a>, LineError>),
+    /// The beginning of a line whose rest was lost with the connection, or for want of room. It is forgotten.
+    HalfALine,
+}
+
+/// The end that reads: bytes of the ring to lines.
+#[derive(Clone, Debug, Default)]
+pub struct Lines {
+    reader: LineReader,
+}
+
+impl Lines {
+    /// At the start of line 1.
+    pub const fn new() -> Self {
+        Self { reader: LineReader::new() }
+    }
+
+    /// Reads up to the end of the next line that says something, or to a break; as [`LineReader::feed`].
+    pub fn feed<'a>(&'a mut self, bytes: &'a [u8]) -> (usize, Option<Heard<'a>>) {
+        if bytes.first() == Some(&BREAK) {
+            // What is there of the line, and its error if there is one, are dropped.
+            let _ = self.reader.finish();
+            return (1, Some(Heard::HalfALine));
+        }
+        let length = bytes.iter().position(|&byte| byte == BREAK).unwrap_or(bytes.len());
+        let (used, line) = self.reader.feed(bytes.get(..length).unwrap_or_default());
+        (used, line.map(Heard::Line))
+    }
+}

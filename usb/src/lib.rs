@@ -1,0 +1,23 @@
+//! The host's serial port over USB: a CDC-ACM device (USB CDC 1.2, PSTN subclass) over any controller that has a
+//! [`UsbBus`](usb_device::bus::UsbBus).
+//!
+//! It is a port of its own, beside the serial line: its bytes go to a ring of their own, its host has line numbers and
+//! replies of its own. A host may vanish at any moment, and may stop reading; neither must stop the machine:
+//!
+//! - What the host does not read waits in a ring of fixed size. A line for which there is no room is dropped whole, and
+//!   counted ([`LineWriter`]).
+//! - What the firmware does not read in time is dropped in whole lines, and counted ([`Incoming`]). The bytes are looked
+//!   at for M112 all the same. To hold the host up instead would hold up its M112.
+//! - Where a connection ends within a line, that line is dropped and the next one begins afresh ([`BREAK`], [`Lines`]).
+#![cfg_attr(not(test), no_std)]
+
+mod identity;
+mod incoming;
+mod line_writer;
+mod outgoing;
+mod port;
+
+pub use identity::{MANUFACTURER, PRODUCT_ID, SerialNumber, VENDOR_ID};
+pub use incoming::{BREAK, Heard, Incoming, Lines};
+pub use line_writer::LineWriter;
+pub use port::{Buffers, PACKET_BYTES, UsbSerial};
