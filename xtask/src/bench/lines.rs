@@ -74,9 +74,9 @@ fn ratio(count: Option<f64>, by: Option<f64>) -> String {
 fn wu_lines(out: &mut String, figures: &Value) -> std::fmt::Result {
     writeln!(
         out,
-        "Wu's five lines, instructions from end point to entries in the step queue, which all three hand 32 entries at \
-         once. His\nratio (tables 1 to 5) is of run times in MATLAB, classic to step. For drivers that step at both edges, \
-         as the TMC2209\nof printer boards (`target.bresenham`):\n"
+        "Wu's five lines, instructions from end point to entries in the step queue, which takes them as they are \
+         made. His ratio\n(tables 1 to 5) is of run times in MATLAB, classic to step. For drivers that step at both edges, as \
+         the TMC2209 of\nprinter boards (`target.bresenham`):\n"
     )?;
     wu_table(out, figures, "bresenham")?;
     writeln!(
