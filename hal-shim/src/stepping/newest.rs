@@ -73,7 +73,7 @@ impl<M: Stepping, const PORTS: usize> Usual<'_, M, PORTS> {
         slots: &mut Iter<'_, Slot<PORTS>>,
         entries: &mut impl Iterator<Item = StepEntry>,
     ) -> Option<StepEntry> {
-        while let Some(entry) = entries.next() {
+        for entry in entries.by_ref() {
             let [interval_ticks, word] = entry.to_words();
             if interval_ticks <= self.above_ticks || !entry.is_short_stair() {
                 return Some(entry);
@@ -94,7 +94,7 @@ impl<M: Stepping, const PORTS: usize> Usual<'_, M, PORTS> {
         slots: &mut Iter<'_, Slot<PORTS>>,
         entries: &mut impl Iterator<Item = StepEntry>,
     ) -> Option<StepEntry> {
-        while let Some(entry) = entries.next() {
+        for entry in entries.by_ref() {
             if entry.interval_ticks() <= self.above_ticks {
                 return Some(entry);
             }
