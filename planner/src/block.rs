@@ -55,6 +55,16 @@ impl SquaredSpeed {
     /// Standstill.
     pub const ZERO: Self = Self(0);
 
+    /// So many units.
+    pub const fn from_units(units: u64) -> Self {
+        Self(units)
+    }
+
+    /// Number of units.
+    pub const fn units(self) -> u64 {
+        self.0
+    }
+
     /// Units in a mm^2/s^2.
     const PER_MM2_PER_S2: f32 = 12_800_000.0;
 
@@ -182,7 +192,7 @@ impl Block {
     }
 
     /// 2 a S in units of [`SquaredSpeed`].
-    fn reach(&self) -> u64 {
+    pub(crate) fn reach(&self) -> u64 {
         u64::from(self.acceleration.0) * u64::from(self.length_10nm)
     }
 

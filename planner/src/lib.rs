@@ -51,7 +51,7 @@ pub use kinematics::{Geometry, Kinematics, StepsPerMm};
 pub use limits::{AXES, Limits};
 pub use motion_choice::{AccelerationProfile, DualRatePeriods, Interpolation, MotionChoice, SCurveTableSettings};
 pub use pace::Pace;
-pub use planner::{MIN_FEED_MM_PER_S, Move, MoveError, Moved, Planner, Progress, filament_100pm};
+pub use planner::{MIN_FEED_MM_PER_S, Move, MoveError, Moved, Planner, PreparedMove, Progress, Recorded, filament_100pm};
 pub use step_queue::{Notice, StepEntry, StepKind, StepSink};
 
 /// Frequency of the nominal time base, in ticks a second.
