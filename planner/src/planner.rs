@@ -21,9 +21,9 @@ use crate::s_curve::law::Curve;
 use crate::s_curve::{FrequencyTable, Jerk};
 use crate::step_queue::{Notice, StepSink};
 use crate::time_law::TimeLaw;
+use crate::{TICKS_PER_SECOND, kinematics};
 use prepared::OpenPrepared;
 pub use prepared::{PreparedMove, Recorded};
-use crate::{TICKS_PER_SECOND, kinematics};
 
 /// Slowest feed that is planned, mm/s; slower ones are raised to it. The longest block then ends within 20 days, which the
 /// time base holds.
@@ -420,7 +420,8 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
                 self.close_prepared(&prepared);
             } else {
                 let events = self.method.events(open.block.steps);
-                if let Some(slower) = self.budget.slower_nominal(&open.block, events, open.moves, open.extruder_256ths) {
+                if let Some(slower) = self.budget.slower_nominal(&open.block, events, open.moves, open.extruder_256ths)
+                {
                     open.block.nominal = slower;
                     self.slowed_moves += u64::from(open.moves);
                 }

@@ -72,6 +72,11 @@ pub enum CommandError {
     Halted,
     /// Motion was stopped on the way.
     Stopped,
+    /// A prepared move goes beyond the machine's travel.
+    Outside {
+        /// Index of the axis.
+        axis: usize,
+    },
     /// A prepared move's planned speed is not possible.
     Plan(Violation),
     /// A prepared job's speeds are trapezoids, and the machine is set to something else.
@@ -127,6 +132,10 @@ impl fmt::Display for CommandError {
             Self::InvalidTool(tool) => write!(out, "T{tool} - Invalid extruder number !, expected T0"),
             Self::Halted => write!(out, "the printer is halted (M112), expected M999 to restart"),
             Self::Stopped => write!(out, "motion was stopped"),
+            Self::Outside { axis } => {
+                let name = AXIS_NAMES.get(*axis).copied().unwrap_or('?');
+                write!(out, "{name}: outside the soft limits, expected a target within the travel")
+            }
             Self::Plan(Violation::TooFast) => {
                 write!(out, "the planned speed is too high, expected no more than the corner and both feeds allow")
             }

@@ -14,8 +14,8 @@ use ferrostep_hal_shim::{EndStops, MotorEnable, StepOutput};
 use ferrostep_planner::interpolator::MAX_ENTRIES;
 use ferrostep_planner::look_ahead::Slot;
 use ferrostep_planner::{
-    Limits, MotionChoice, Move, MoveError, Moved, Notice, Pace, Planner, Progress, StepDigests, StepEntry, StepSink,
-    TICKS_PER_SECOND,
+    Limits, MotionChoice, Move, MoveError, Moved, Notice, Pace, Planner, PreparedMove, Progress, StepDigests,
+    StepEntry, StepSink, TICKS_PER_SECOND,
 };
 
 use crate::ports::Seek;
@@ -216,6 +216,22 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
             return Err(MoveError::NoRoom);
         }
         let moved = self.planner.add(request)?;
+        if moved == Moved::Queued {
+            self.flushed = false;
+            self.set_motors_enabled(ALL, true);
+        }
+        Ok(moved)
+    }
+
+    /// Takes a move of a prepared job.
+    ///
+    /// # Errors
+    /// As [`Planner::add_prepared`]; [`MoveError::NoRoom`] passes.
+    pub fn add_prepared(&mut self, prepared: &PreparedMove) -> Result<Moved, MoveError> {
+        if self.queue.link().is_stopping() {
+            return Err(MoveError::NoRoom);
+        }
+        let moved = self.planner.add_prepared(prepared)?;
         if moved == Moved::Queued {
             self.flushed = false;
             self.set_motors_enabled(ALL, true);

@@ -5,7 +5,7 @@ use core::sync::atomic::{AtomicBool, AtomicU8, Ordering};
 
 use ferrostep_gcode::{MotionFigures, Reply, TimingFigures};
 use ferrostep_hal_shim::Heater;
-use ferrostep_planner::{Limits, MotionChoice, Move, MoveError, Moved};
+use ferrostep_planner::{Limits, MotionChoice, Move, MoveError, Moved, PreparedMove};
 
 use crate::error::Failure;
 
@@ -31,6 +31,8 @@ pub enum Seek {
 pub trait Motion {
     /// Queues a move; waits for room.
     fn add(&mut self, request: Move) -> impl Future<Output = Result<Moved, MotionError>>;
+    /// Queues a move of a prepared job; waits for room.
+    fn add_prepared(&mut self, prepared: PreparedMove) -> impl Future<Output = Result<Moved, MotionError>>;
     /// Changes the fan with the motion queued so far; waits for room.
     fn set_fan_power(&mut self, power: u8) -> impl Future<Output = Result<(), MotionError>>;
     /// Waits until all queued motion has ended.

@@ -6,7 +6,7 @@
 //! pass: in its place stands one sum. A block leaves with no more speed than all blocks behind it in the ring can take
 //! away, so the machine can stop on the path whatever comes next, or does not come.
 
-use super::{Content, Left, LookAhead, Slot, Waiting, Law};
+use super::{Content, Law, Left, LookAhead, Slot, Waiting};
 use crate::block::{Block, PlannedBlock, Speed, SquaredSpeed};
 use crate::pace::Pace;
 

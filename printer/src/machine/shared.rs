@@ -5,7 +5,7 @@ use core::future::Future;
 use ferrostep_gcode::MotionFigures;
 use ferrostep_hal_shim::StepOutput;
 use ferrostep_planner::look_ahead::Slot;
-use ferrostep_planner::{Limits, MotionChoice, Move, MoveError, Moved};
+use ferrostep_planner::{Limits, MotionChoice, Move, MoveError, Moved, PreparedMove};
 
 use super::{Machine, Silence};
 use crate::ports::{Motion, MotionError, Seek};
@@ -62,6 +62,15 @@ impl<S: SharedMachine> SharedMotion<S> {
 impl<S: SharedMachine> Motion for SharedMotion<S> {
     async fn add(&mut self, request: Move) -> Result<Moved, MotionError> {
         self.wait(|machine| match machine.add(&request) {
+            Err(MoveError::NoRoom) => None,
+            Err(error) => Some(Err(MotionError::Move(error))),
+            Ok(moved) => Some(Ok(moved)),
+        })
+        .await?
+    }
+
+    async fn add_prepared(&mut self, prepared: PreparedMove) -> Result<Moved, MotionError> {
+        self.wait(|machine| match machine.add_prepared(&prepared) {
             Err(MoveError::NoRoom) => None,
             Err(error) => Some(Err(MotionError::Move(error))),
             Ok(moved) => Some(Ok(moved)),
