@@ -95,7 +95,10 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         self.motion.add_prepared(PreparedMove { request, feed_now_mm_per_s, entry }).await?;
         self.modal.machine_10nm = item.target_10nm;
         if item.counts {
-            self.modal.extruder_10nm += filament_100pm / i64::from(flow.max(1));
+            // An arc's share of a whole number need not be whole.
+            let pushed_100pm = self.modal.extruder_rest_100pm + filament_100pm;
+            self.modal.extruder_10nm += pushed_100pm / i64::from(flow.max(1));
+            self.modal.extruder_rest_100pm = pushed_100pm % i64::from(flow.max(1));
         }
         self.tally.moves += u64::from(item.ends_move);
         self.tally.filament_100pm += filament_100pm;

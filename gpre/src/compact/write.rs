@@ -48,6 +48,8 @@ struct Place {
     feed_mm_per_s: f32,
     fan_power: u8,
     modal: ModalState,
+    /// What is not yet in E.
+    rest_100pm: i64,
 }
 
 impl Place {
@@ -58,7 +60,10 @@ impl Place {
                 self.line = next.line;
                 self.feed_mm_per_s = next.feed_mm_per_s;
                 if next.counts {
-                    self.modal.extruder_10nm += next.filament_100pm / i64::from(self.modal.flow_percent.max(1));
+                    let pushed = self.rest_100pm + next.filament_100pm;
+                    let flow = i64::from(self.modal.flow_percent.max(1));
+                    self.modal.extruder_10nm += pushed / flow;
+                    self.rest_100pm = pushed % flow;
                 }
             }
             Waiting::Fan { line, power } => (self.line, self.fan_power) = (*line, *power),
@@ -83,7 +88,7 @@ pub struct FrameWriter {
 impl FrameWriter {
     /// A writer of a job that begins at a machine position.
     pub fn new(position_10nm: [i64; 3], modal: ModalState) -> Self {
-        let start = Place { position_10nm, line: 0, feed_mm_per_s: 1.0, fan_power: 0, modal };
+        let start = Place { position_10nm, line: 0, feed_mm_per_s: 1.0, fan_power: 0, modal, rest_100pm: 0 };
         Self { waiting: Vec::new(), bits: 0, start, end: start, number: 0 }
     }
 
