@@ -279,8 +279,9 @@ fn preprocess(job: &JobArguments, out: &Path, format: Format) -> Result<ExitCode
     });
     let started = Instant::now();
     let counter = input.counter();
+    let picture = Input::open(&job.file).ok().and_then(gpre::find_thumbnail);
     let target = gpre::Target { out: BufWriter::new(file), encoding };
-    let prepared = gpre::prepare(&job.file, &mut input, profile, replies, target, |done, figures| {
+    let prepared = gpre::prepare(&mut input, picture, profile, replies, target, |done, figures| {
         progress.show(counter.get(), done, figures, started.elapsed());
     });
     progress.end();

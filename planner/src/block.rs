@@ -135,6 +135,11 @@ impl Acceleration {
         Self(((mm_per_s2 * 256.0) as u32).max(1))
     }
 
+    /// So many units of 2^-8 mm/s^2; one where it is none.
+    pub fn from_quantised(units: u32) -> Self {
+        Self(units.max(1))
+    }
+
     /// The acceleration in units of 2^-8 mm/s^2.
     pub fn quantised(self) -> u32 {
         self.0

@@ -52,7 +52,7 @@ pub use limits::{AXES, Limits};
 pub use motion_choice::{AccelerationProfile, DualRatePeriods, Interpolation, MotionChoice, SCurveTableSettings};
 pub use pace::Pace;
 pub use planner::{
-    MIN_FEED_MM_PER_S, Move, MoveError, Moved, Planner, PreparedMove, Progress, Recorded, filament_100pm,
+    MIN_FEED_MM_PER_S, Move, MoveError, Moved, Planner, PreparedBlock, PreparedMove, Progress, Recorded, filament_100pm,
 };
 pub use step_queue::{Notice, StepEntry, StepKind, StepSink};
 

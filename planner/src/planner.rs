@@ -1,6 +1,7 @@
 //! The stages connected: moves in, step entries out.
 
 mod prepared;
+mod step_limits;
 
 use crate::block::{Acceleration, Block, PlannedBlock, Speed, SquaredSpeed};
 use crate::bresenham::MAX_STEPS;
@@ -23,7 +24,7 @@ use crate::step_queue::{Notice, StepSink};
 use crate::time_law::TimeLaw;
 use crate::{TICKS_PER_SECOND, kinematics};
 use prepared::OpenPrepared;
-pub use prepared::{PreparedMove, Recorded};
+pub use prepared::{PreparedBlock, PreparedMove, Recorded};
 
 /// Slowest feed that is planned, mm/s; slower ones are raised to it. The longest block then ends within 20 days, which the
 /// time base holds.
@@ -124,6 +125,8 @@ pub struct Planner<S> {
     /// Extruder position at the end of the last block.
     extruder_256ths: i64,
     previous: Option<Previous>,
+    /// The block before, where blocks come without their ways.
+    previous_steps: Option<Block>,
     /// The newest block, which the next move may continue. It enters the ring when that is known, never sooner than the
     /// ring has room, so that a full ring holds the same blocks however late the next move comes.
     open: Open,
@@ -167,6 +170,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
             extruder: Extruder::new(geometry.steps_per_mm[3]),
             extruder_256ths: 0,
             previous: None,
+            previous_steps: None,
             open: Open::NONE,
             open_prepared: None,
             draining: false,
@@ -446,6 +450,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         self.flushing = true;
         self.close();
         self.previous = None;
+        self.previous_steps = None;
     }
 
     /// The step queue runs low and no input is at hand: the oldest block leaves with the speeds it has.

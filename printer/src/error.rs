@@ -72,6 +72,8 @@ pub enum CommandError {
     Halted,
     /// Motion was stopped on the way.
     Stopped,
+    /// A prepared job says the machine is where its motors do not stand.
+    OtherPlace,
     /// A prepared move goes beyond the machine's travel.
     Outside {
         /// Index of the axis.
@@ -132,6 +134,7 @@ impl fmt::Display for CommandError {
             Self::InvalidTool(tool) => write!(out, "T{tool} - Invalid extruder number !, expected T0"),
             Self::Halted => write!(out, "the printer is halted (M112), expected M999 to restart"),
             Self::Stopped => write!(out, "motion was stopped"),
+            Self::OtherPlace => write!(out, "the machine is said to be elsewhere, expected where its motors stand"),
             Self::Outside { axis } => {
                 let name = AXIS_NAMES.get(*axis).copied().unwrap_or('?');
                 write!(out, "{name}: outside the soft limits, expected a target within the travel")
@@ -141,6 +144,9 @@ impl fmt::Display for CommandError {
             }
             Self::Plan(Violation::TooSlow) => {
                 write!(out, "the planned speed is too low, expected one to which the move before can slow down")
+            }
+            Self::Plan(Violation::BeyondLimits) => {
+                write!(out, "speed or acceleration is beyond the limits of an axis, expected a block within them")
             }
             Self::Plan(Violation::NotContinued) => {
                 write!(out, "the move does not continue the one before, expected the same direction and speed")

@@ -3,8 +3,9 @@
 use embedded_hal_async::delay::DelayNs;
 use ferrostep_gpre::{LimitValues, ModalState, MoveItem, Speed};
 use ferrostep_hal_shim::{Clock, Heater};
+use ferrostep_planner::extruder::FILAMENT_UNITS_PER_MM;
 use ferrostep_planner::look_ahead::Entry;
-use ferrostep_planner::{Limits, Move, PreparedMove, SquaredSpeed};
+use ferrostep_planner::{Limits, Move, PreparedBlock, PreparedMove, SquaredSpeed};
 
 use crate::error::CommandError;
 use crate::ports::{Heating, Motion, Replies};
@@ -93,7 +94,16 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
             Speed::Given(units) => Some(Entry::Given(SquaredSpeed::from_units(units))),
         };
         self.motion.add_prepared(PreparedMove { request, feed_now_mm_per_s, entry }).await?;
-        self.modal.machine_10nm = item.target_10nm;
+        let [x, y, z] = item.target_10nm;
+        if item.counts {
+            self.modal.machine_10nm = [x, y, z - self.modal.lift_10nm];
+        } else {
+            // A firmware retraction: where Z is lifted to is no place of the G-code's.
+            self.modal.lift_10nm = z - self.modal.machine_10nm[2];
+            if filament_100pm != 0 {
+                self.modal.retracted = filament_100pm < 0;
+            }
+        }
         if item.counts {
             // An arc's share of a whole number need not be whole.
             let pushed_100pm = self.modal.extruder_rest_100pm + filament_100pm;
@@ -102,6 +112,65 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         }
         self.tally.moves += u64::from(item.ends_move);
         self.tally.filament_100pm += filament_100pm;
+        Ok(())
+    }
+
+    /// Executes a block of a prepared job that has no moves; `moves` end in it.
+    ///
+    /// # Errors
+    /// As for a move of G-code.
+    pub async fn prepared_block(&mut self, block: &PreparedBlock, moves: u32) -> Result<(), CommandError> {
+        self.line = block.block.line;
+        if self.signals.is_halted() {
+            return Err(CommandError::Halted);
+        }
+        if block.block.extruder_256ths != 0 {
+            self.check_extrusion_temperature()?;
+        }
+        let result = self.take_block(block).await;
+        if matches!(result, Err(CommandError::Stopped | CommandError::Halted)) {
+            self.follow_the_motors();
+        }
+        result?;
+        self.modal.machine_10nm = self.motion.position_10nm();
+        self.tally.moves += u64::from(moves);
+        // 1/256 steps at 1e-5 steps/mm, in a product of 32 and 39 bits.
+        const PER_256TH: i128 = FILAMENT_UNITS_PER_MM as i128 * 100_000 / 256;
+        let steps_per_mm = i128::from(self.profile.steps_per_mm[3].hundred_thousandths().max(1));
+        let filament_100pm = i128::from(block.block.extruder_256ths) * PER_256TH / steps_per_mm;
+        self.tally.filament_100pm += filament_100pm as i64;
+        Ok(())
+    }
+
+    async fn take_block(&mut self, block: &PreparedBlock) -> Result<(), CommandError> {
+        let end = {
+            let geometry = self.profile.geometry();
+            let mut steps = geometry.motor_steps(self.motion.position_10nm()).map(i64::from);
+            steps.iter_mut().zip(block.block.steps).for_each(|(position, steps)| *position += i64::from(steps));
+            geometry.position_10nm(steps)
+        };
+        // Where the motors stand is up to a step beside where they should.
+        const STEP_10NM: i64 = 100_000;
+        for axis in 0..3 {
+            let step = STEP_10NM * 100_000 / self.profile.steps_per_mm[axis].hundred_thousandths().max(1);
+            let inside = -step..=self.profile.size_10nm[axis] + step;
+            if self.modal.soft_limits && self.modal.homed[axis] && !inside.contains(&end[axis]) {
+                return Err(CommandError::Outside { axis });
+            }
+        }
+        Ok(self.motion.add_prepared_block(*block).await?)
+    }
+
+    /// Takes over where the machine is after the blocks so far, to less than a step, and E as the G-code sees it.
+    ///
+    /// # Errors
+    /// The motors do not stand there.
+    pub fn prepared_place(&mut self, position_10nm: [i64; 3], extruder_10nm: i64) -> Result<(), CommandError> {
+        if !self.motion.refine_position(position_10nm) {
+            return Err(CommandError::OtherPlace);
+        }
+        self.modal.machine_10nm = position_10nm;
+        self.modal.extruder_10nm = extruder_10nm;
         Ok(())
     }
 

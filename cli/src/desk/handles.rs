@@ -6,7 +6,7 @@ use std::task::Poll;
 
 use ferrostep_gcode::MotionFigures;
 use ferrostep_hal_shim::{EndStops, Fan, Heater, MotorEnable};
-use ferrostep_planner::{Limits, MotionChoice, Move, Moved, PreparedMove};
+use ferrostep_planner::{Limits, MotionChoice, Move, Moved, PreparedBlock, PreparedMove};
 use ferrostep_printer::{HeaterStatus, Heating, Motion, MotionError, Seek, Signals};
 
 use super::{Awaited, Desk};
@@ -69,6 +69,18 @@ impl<O: Observer> Motion for DeskMotion<'_, O> {
             desk.taken(outcome)
         })
         .await?
+    }
+
+    async fn add_prepared_block(&mut self, prepared: PreparedBlock) -> Result<(), MotionError> {
+        let taken = self.wait(|desk| {
+            let outcome = desk.planner.add_prepared_block(&prepared);
+            desk.taken(outcome.map(|()| Moved::Queued))
+        });
+        taken.await?.map(|_| ())
+    }
+
+    fn refine_position(&mut self, position_10nm: [i64; 3]) -> bool {
+        self.desk.borrow_mut().planner.refine_position(position_10nm)
     }
 
     async fn set_fan_power(&mut self, power: u8) -> Result<(), MotionError> {

@@ -3,7 +3,7 @@
 use std::io::{self, Read, Write};
 
 use ferrostep_gpre::compact::FrameState;
-use ferrostep_gpre::{Header, Item, Speed};
+use ferrostep_gpre::{Encoding, Header, Item, Speed};
 
 use super::play::PartReader;
 use crate::job::JobError;
@@ -97,6 +97,14 @@ pub fn inspect(input: impl Read, all: bool, out: &mut impl Write) -> Result<(), 
     let mut reader = PartReader::new(input);
     let header = reader.header()?;
     say_header(&header, out)?;
+    if header.encoding == Encoding::Wide {
+        while let Some((packet, number, offset)) = reader.packet(header.frames)? {
+            if all {
+                writeln!(out, "{number} at byte {offset}: {packet:?}")?;
+            }
+        }
+        return Ok(());
+    }
     while let Some((frame, offset)) = reader.frame(header.frames)? {
         let number = frame.number;
         let fail = |fault: ferrostep_gpre::Fault| JobError::Prepared {

@@ -4,10 +4,12 @@ use std::io::{self, Read};
 
 use ferrostep_gpre::compact::{Decoder, Frame, HEAD_BYTES, frame_length};
 use ferrostep_gpre::header::{FIXED_BYTES, HeaderCheck};
+use ferrostep_gpre::wide::Packet;
 use ferrostep_gpre::{Encoding, Fault, Header, Item, ReadError};
 use ferrostep_planner::PLANNER_VERSION;
-use ferrostep_printer::{CommandError, Profile, Replies};
+use ferrostep_printer::{CommandError, Failure, Profile, Replies};
 
+use super::packets::{Asked, PacketReader};
 use crate::job::{JobError, JobProgress};
 use crate::record::Observer;
 use crate::session::DeskPrinter;
@@ -88,6 +90,31 @@ impl<R: Read> PartReader<R> {
     }
 }
 
+impl<R: Read> PartReader<R> {
+    /// The next packet of the wide encoding, its number and where it begins; `None` behind the last of `packets`.
+    pub fn packet(&mut self, packets: u32) -> Result<Option<(Packet, u32, u64)>, JobError> {
+        let (offset, number) = (self.offset, self.next);
+        let fault = |fault| refused(ReadError { fault, offset, frame: Some(number) });
+        let read = self.fill(0, 4)?;
+        if number == packets {
+            let trailing = ReadError { fault: Fault::Trailing, offset, frame: None };
+            return if read == 0 { Ok(None) } else { Err(refused(trailing)) };
+        }
+        let truncated = |read: usize| {
+            refused(ReadError { fault: Fault::Truncated, offset: offset + read as u64, frame: Some(number) })
+        };
+        let start = *self.bytes.first_chunk::<4>().filter(|_| read == 4).ok_or_else(|| truncated(read))?;
+        let length = Packet::length(start).map_err(fault)?;
+        let read = self.fill(4, length)?;
+        if read < length {
+            return Err(truncated(read));
+        }
+        self.offset += length as u64;
+        self.next += 1;
+        Packet::read(&self.bytes).map(|packet| Some((packet, number, offset))).map_err(fault)
+    }
+}
+
 /// A file that cannot be read on.
 pub fn refused(error: ReadError) -> JobError {
     JobError::Prepared { frame: error.frame, line: None, offset: error.offset, message: error.fault.to_string() }
@@ -109,33 +136,11 @@ pub async fn play<O: Observer, R: Replies>(
     let mut reader = PartReader::new(input);
     let header = reader.header()?;
     header.matches(profile.hash(), PLANNER_VERSION).map_err(refused)?;
-    if header.encoding == Encoding::Wide {
-        let message = "the wide encoding cannot be printed yet, expected the compact one".to_owned();
-        return Err(JobError::Prepared { frame: None, line: None, offset: 10, message });
-    }
     progress.layers = header.layers;
-    let mut outcome = Ok(());
-    loop {
-        match reader.frame(header.frames) {
-            Ok(Some((frame, offset))) => {
-                let number = frame.number;
-                let result = match frame.items() {
-                    Ok(mut items) => execute(&mut items, printer, progress).await,
-                    Err(fault) => Err(Stopped { line: None, message: fault.to_string() }),
-                };
-                if let Err(Stopped { line, message }) = result {
-                    outcome = Err(JobError::Prepared { frame: Some(number), line, offset, message });
-                    break;
-                }
-            }
-            Ok(None) => break,
-            Err(error) => {
-                outcome = Err(error);
-                break;
-            }
-        }
-        look(progress);
-    }
+    let outcome = match header.encoding {
+        Encoding::Compact => frames(&mut reader, header.frames, printer, progress, &mut look).await,
+        Encoding::Wide => packets(&mut reader, header.frames, printer, progress, &mut look).await,
+    };
     let finished = match outcome {
         Ok(()) => printer.finish().await,
         Err(_) => printer.abandon_prepared().await,
@@ -144,10 +149,90 @@ pub async fn play<O: Observer, R: Replies>(
     finished.map_err(JobError::Stopped)
 }
 
+/// Executes all frames.
+async fn frames<O: Observer, R: Replies>(
+    reader: &mut PartReader<&mut impl Read>,
+    count: u32,
+    printer: &mut DeskPrinter<'_, O, R>,
+    progress: &mut JobProgress,
+    look: &mut impl FnMut(&JobProgress),
+) -> Result<(), JobError> {
+    while let Some((frame, offset)) = reader.frame(count)? {
+        let number = frame.number;
+        let result = match frame.items() {
+            Ok(mut items) => execute(&mut items, printer, progress).await,
+            Err(fault) => Err(fault.into()),
+        };
+        result.map_err(|stopped| stopped.at(number, offset))?;
+        look(progress);
+    }
+    Ok(())
+}
+
+/// Executes all packets.
+async fn packets<O: Observer, R: Replies>(
+    reader: &mut PartReader<&mut impl Read>,
+    count: u32,
+    printer: &mut DeskPrinter<'_, O, R>,
+    progress: &mut JobProgress,
+    look: &mut impl FnMut(&JobProgress),
+) -> Result<(), JobError> {
+    let mut together = PacketReader::default();
+    while let Some((packet, number, offset)) = reader.packet(count)? {
+        let result = match together.take(&packet) {
+            Ok(Some(asked)) => execute_asked(asked, printer, progress).await,
+            Ok(None) => Ok(()),
+            Err(expected) => Err(Fault::Content(expected).into()),
+        };
+        result.map_err(|stopped| stopped.at(number, offset))?;
+        if number % 1024 == 0 {
+            look(progress);
+        }
+    }
+    if together.is_complete() {
+        return Ok(());
+    }
+    Err(refused(ReadError { fault: Fault::Truncated, offset: reader.offset, frame: None }))
+}
+
+/// Executes what packets ask for.
+async fn execute_asked<O: Observer, R: Replies>(
+    asked: Asked,
+    printer: &mut DeskPrinter<'_, O, R>,
+    progress: &mut JobProgress,
+) -> Result<(), Stopped> {
+    let at = |line: u32| move |error: CommandError| Stopped { line: Some(line), message: error.to_string() };
+    match asked {
+        Asked::Block(block, moves) => {
+            progress.lines = block.block.line;
+            printer.prepared_block(&block, moves).await.map_err(at(block.block.line))
+        }
+        Asked::Fan { line, power } => printer.prepared_fan(line, power).await.map_err(at(line)),
+        Asked::Place(position_10nm, extruder_10nm) => {
+            printer.prepared_place(position_10nm, extruder_10nm).map_err(at(progress.lines))
+        }
+        Asked::Command { line, text } => {
+            progress.lines = line;
+            let text = std::str::from_utf8(&text).map_err(|_| Fault::Content("a command of UTF-8"))?;
+            printer.execute(line, text).await.map_err(|failure| Stopped::at_command(line, text, &failure))
+        }
+    }
+}
+
 /// Why a frame was not executed to its end.
 struct Stopped {
     line: Option<u32>,
     message: String,
+}
+
+impl Stopped {
+    fn at(self, frame: u32, offset: u64) -> JobError {
+        JobError::Prepared { frame: Some(frame), line: self.line, offset, message: self.message }
+    }
+
+    fn at_command(line: u32, text: &str, failure: &Failure) -> Self {
+        Self { line: Some(line), message: format!("{text:?}: {failure}") }
+    }
 }
 
 impl From<Fault> for Stopped {
@@ -182,11 +267,7 @@ async fn execute<O: Observer, R: Replies>(
             }
             Item::Command { line, text } => {
                 progress.lines = line;
-                let stopped = |failure: ferrostep_printer::Failure| Stopped {
-                    line: Some(line),
-                    message: format!("{text:?}: {failure}"),
-                };
-                printer.execute(line, text).await.map_err(stopped)?;
+                printer.execute(line, text).await.map_err(|failure| Stopped::at_command(line, text, &failure))?;
             }
         }
     }

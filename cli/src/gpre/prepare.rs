@@ -2,17 +2,16 @@
 
 use std::cell::RefCell;
 use std::io::{self, Read, Seek, SeekFrom, Write};
-use std::path::Path;
 
 use ferrostep_gpre::compact::FrameWriter;
-use ferrostep_gpre::{Encoding, Header, ModalState};
+use ferrostep_gpre::{Encoding, Header, ModalState, Thumbnail};
 use ferrostep_planner::{AccelerationProfile, PLANNER_VERSION};
 use ferrostep_printer::{Profile, Replies, Tally};
 
+use super::LOOK_AHEAD_BLOCKS;
+use super::packets::PacketWriter;
 use super::script::Ready;
-use super::{LOOK_AHEAD_BLOCKS, thumbnail};
 use crate::desk::{Desk, Figures, Mode};
-use crate::input::Input;
 use crate::job::{self, JobError, JobProgress, Onlooker};
 use crate::session::{DeskPrinter, Session};
 
@@ -76,12 +75,12 @@ impl std::fmt::Display for PrepareError {
 impl std::error::Error for PrepareError {}
 
 /// Counts the bytes of the G-code.
-struct Counted<'a> {
-    input: &'a mut Input,
+struct Counted<'a, I> {
+    input: &'a mut I,
     bytes: u64,
 }
 
-impl Read for Counted<'_> {
+impl<I: Read> Read for Counted<'_, I> {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         let read = self.input.read(buffer)?;
         self.bytes += read as u64;
@@ -89,11 +88,17 @@ impl Read for Counted<'_> {
     }
 }
 
+/// What the parts of a job become.
+enum Parts {
+    Compact(FrameWriter),
+    Wide(PacketWriter),
+}
+
 /// The file being written.
 struct Writer<'a, W> {
     desk: &'a RefCell<Desk<()>>,
     out: W,
-    frames: FrameWriter,
+    parts: Parts,
     waiting: Vec<u8>,
     content_bytes: u64,
     failed: Option<PrepareError>,
@@ -101,21 +106,21 @@ struct Writer<'a, W> {
 
 impl<W: Write> Writer<'_, W> {
     fn take(&mut self, ready: &Ready) {
-        match ready {
-            Ready::State { modal, position_10nm } => {
-                self.frames.set_modal(*modal, *position_10nm, &mut self.waiting);
-            }
-            part => {
-                if let Ready::Command { line, text } = part
-                    && text.len() > ferrostep_gpre::compact::MOST_TEXT_BYTES
-                {
-                    let why = "a command too long for a prepared job, expected at most 255 bytes";
-                    self.failed.get_or_insert(PrepareError::Command(*line, why));
+        if let Ready::Command { line, text } = ready
+            && text.len() > ferrostep_gpre::compact::MOST_TEXT_BYTES
+        {
+            let why = "a command too long for a prepared job, expected at most 255 bytes";
+            self.failed.get_or_insert(PrepareError::Command(*line, why));
+        }
+        match &mut self.parts {
+            Parts::Wide(packets) => packets.take(ready, &mut self.waiting),
+            Parts::Compact(frames) => match (ready, ready.item()) {
+                (Ready::State { modal, position_10nm }, _) => {
+                    frames.set_modal(*modal, *position_10nm, &mut self.waiting);
                 }
-                if let Some(item) = part.item() {
-                    self.frames.add(&item, &mut self.waiting);
-                }
-            }
+                (_, Some(item)) => frames.add(&item, &mut self.waiting),
+                _ => {}
+            },
         }
         if self.waiting.len() >= PORTION_BYTES {
             self.write();
@@ -158,13 +163,13 @@ impl<W: Write, R: Replies> Onlooker<(), R> for Writer<'_, W> {
 
 /// Prepares a job: executes it on the desk without its steps and writes what is planned.
 ///
-/// The header goes to the file's start again at the end, when its numbers are known.
+/// `picture` is the slicer's, see [`super::find_thumbnail`]. The header goes to the file's start again at the end, when its numbers are known.
 ///
 /// # Errors
 /// As [`PrepareError`] has them; what is in `out` then is of no use.
 pub fn prepare<R: Replies>(
-    source: &Path,
-    input: &mut Input,
+    input: &mut impl Read,
+    picture: Option<(Thumbnail, Vec<u8>)>,
     profile: Profile,
     replies: R,
     target: Target<impl Write + Seek>,
@@ -174,7 +179,6 @@ pub fn prepare<R: Replies>(
         return Err(PrepareError::Acceleration(profile.motion.acceleration));
     }
     let Target { mut out, encoding } = target;
-    let picture = Input::open(source).ok().and_then(thumbnail::find);
     let mut header = Header {
         encoding,
         profile_hash: profile.hash(),
@@ -193,22 +197,30 @@ pub fn prepare<R: Replies>(
     let mut printer = session.printer();
     let mut progress = JobProgress::default();
     let mut input = Counted { input, bytes: 0 };
-    let frames = FrameWriter::new(printer.machine_10nm(), ModalState::START);
-    let mut writer = Writer { desk: session.desk(), out, frames, waiting: Vec::new(), content_bytes: 0, failed: None };
+    let parts = match encoding {
+        Encoding::Compact => Parts::Compact(FrameWriter::new(printer.machine_10nm(), ModalState::START)),
+        Encoding::Wide => Parts::Wide(PacketWriter::new(printer.machine_10nm())),
+    };
+    let mut writer = Writer { desk: session.desk(), out, parts, waiting: Vec::new(), content_bytes: 0, failed: None };
     let outcome = session.run(job::run_watched(&mut input, &mut printer, &mut progress, &mut writer, |progress| {
         look(progress, &session.desk().borrow().figures());
     }));
     outcome.map_err(PrepareError::Job)?;
     writer.take_ready();
-    let Writer { frames, waiting, .. } = &mut writer;
-    frames.close(waiting);
+    let frames = match &mut writer.parts {
+        Parts::Compact(frames) => {
+            frames.close(&mut writer.waiting);
+            frames.frames()
+        }
+        Parts::Wide(packets) => packets.end(&mut writer.waiting),
+    };
     writer.write();
     if let Some(error) = writer.failed {
         return Err(error);
     }
 
     let tally = printer.tally();
-    header.frames = writer.frames.frames();
+    header.frames = frames;
     header.moves = tally.moves;
     header.motion_ms = (session.desk().borrow().figures().motion_time_s * 1000.0).round() as u64;
     header.filament_100pm = tally.filament_100pm;

@@ -61,8 +61,19 @@ enum Waiting {
 /// A part that is ready for the file.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Ready {
-    /// A move.
-    Move(MoveItem),
+    /// A block's first move.
+    First {
+        /// The move.
+        item: MoveItem,
+        /// The whole block.
+        planned: PlannedBlock,
+        /// The most that the corner before it and both feeds allow.
+        bound: SquaredSpeed,
+        /// How many moves are joined to it.
+        joined: usize,
+    },
+    /// A move that was joined to the one before.
+    Joined(MoveItem),
     /// The fan.
     Fan {
         /// Source line.
@@ -90,7 +101,7 @@ impl Ready {
     /// The item of the file; `None` for a state.
     pub fn item(&self) -> Option<Item<'_>> {
         match self {
-            Self::Move(item) => Some(Item::Move(*item)),
+            Self::First { item, .. } | Self::Joined(item) => Some(Item::Move(*item)),
             Self::Fan { line, power } => Some(Item::Fan { line: *line, power: *power }),
             Self::Command { line, text } => Some(Item::Command { line: *line, text }),
             Self::State { .. } => None,
@@ -193,9 +204,13 @@ impl Script {
                     continue;
                 }
                 Waiting::First { item: Some(item), speeds } => {
-                    Ready::Move(MoveItem { speed: self.speed(&speeds?), ..item })
+                    let Speeds { planned, bound, .. } = speeds?;
+                    let of_this = |waiting: &&Waiting| !matches!(waiting, Waiting::First { .. } | Waiting::Anew);
+                    let of_this = self.waiting.iter().take_while(of_this);
+                    let joined = of_this.filter(|waiting| matches!(waiting, Waiting::Joined(_))).count();
+                    Ready::First { item: MoveItem { speed: self.speed(&speeds?), ..item }, planned, bound, joined }
                 }
-                Waiting::Joined(item) => Ready::Move(item),
+                Waiting::Joined(item) => Ready::Joined(item),
                 Waiting::Fan { line, power } => Ready::Fan { line, power },
                 Waiting::Command { line, text } => Ready::Command { line, text },
                 Waiting::State { modal, position_10nm } => Ready::State { modal, position_10nm },

@@ -28,6 +28,8 @@ pub enum Violation {
     TooFast,
     /// The block before cannot slow down to it.
     TooSlow,
+    /// A block is faster than the machine's limits along its axes.
+    BeyondLimits,
     /// A move is said to continue the block before, and does not.
     NotContinued,
 }
@@ -64,7 +66,8 @@ impl Pass {
             if planned > bound {
                 return Err(Violation::TooFast);
             }
-            if planned < self.slowest {
+            // A speed that was rounded to its unit may be less by that.
+            if planned < self.slowest && planned.root() < self.slowest.root() {
                 return Err(Violation::TooSlow);
             }
             settled = planned.min(self.fastest);

@@ -5,7 +5,8 @@
 //! from where it goes, so a plan can only ask for less than they allow, and one that asks for more is found out.
 
 use super::{Move, MoveError, Moved, Planner};
-use crate::block::{PlannedBlock, Speed, SquaredSpeed};
+use crate::block::{Block, PlannedBlock, Speed, SquaredSpeed};
+use crate::kinematics::MAX_COORDINATE_10NM;
 use crate::look_ahead::{Entry, Left, Marker, Slot, Violation};
 use crate::motion_choice::AccelerationProfile;
 use crate::time_law::TimeLaw;
@@ -19,6 +20,17 @@ pub struct PreparedMove {
     pub feed_now_mm_per_s: f32,
     /// Planned squared speed at its start; `None` where it continues the block before.
     pub entry: Option<Entry>,
+}
+
+/// A block of a prepared job, for formats that have blocks and no moves.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PreparedBlock {
+    /// The block.
+    pub block: Block,
+    /// Planned speed at its start.
+    pub entry: Speed,
+    /// The most that the corner before it allows.
+    pub max_entry: Speed,
 }
 
 /// What leaves the look-ahead ring for somebody who writes it down.
@@ -97,6 +109,63 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         }
         self.follow(request, &next, &planned);
         Ok(Moved::Queued)
+    }
+
+    /// Takes a block of a prepared job.
+    ///
+    /// A block comes without the positions it was made from: its limits and its corner are checked as far as its steps can
+    /// tell.
+    ///
+    /// # Errors
+    /// As [`Self::add_prepared`].
+    pub fn add_prepared_block(&mut self, prepared: &PreparedBlock) -> Result<(), MoveError> {
+        if let Some(violation) = self.violation {
+            return Err(MoveError::Violation(violation));
+        }
+        if self.choice.acceleration != AccelerationProfile::Trapezoid {
+            return Err(MoveError::OtherLaw);
+        }
+        if !self.look_ahead.is_prepared() && !self.begin_prepared() {
+            return Err(MoveError::NoRoom);
+        }
+        if !self.close() || !self.look_ahead.has_room() {
+            return Err(MoveError::NoRoom);
+        }
+        let mut motor_steps = self.motor_steps;
+        for (position, steps) in motor_steps.iter_mut().zip(prepared.block.steps) {
+            *position = position.checked_add(steps).ok_or(MoveError::TooFar)?;
+        }
+        let target_10nm = self.geometry.position_10nm(motor_steps.map(i64::from));
+        if target_10nm.iter().any(|coordinate| coordinate.unsigned_abs() > MAX_COORDINATE_10NM as u64) {
+            return Err(MoveError::TooFar);
+        }
+        if !self.keeps_limits(&prepared.block) {
+            return Err(self.violated(Violation::BeyondLimits));
+        }
+        let junction = self.corner_of_steps(&prepared.block).min(prepared.max_entry.into());
+        let entry = Entry::Given(prepared.entry.into());
+        match self.look_ahead.push_prepared(&prepared.block, prepared.block.nominal, junction, entry) {
+            Ok(true) => {}
+            Ok(false) => return Err(MoveError::NoRoom),
+            Err(violation) => return Err(self.violated(violation)),
+        }
+        self.previous = None;
+        self.previous_steps = Some(prepared.block);
+        self.extruder.advance_256ths(prepared.block.extruder_256ths);
+        self.extruder_256ths = self.extruder.position_256ths();
+        self.position_10nm = target_10nm;
+        self.motor_steps = motor_steps;
+        Ok(())
+    }
+
+    /// Whether a position is where the motors stand; then it is the position from now on.
+    pub fn refine_position(&mut self, position_10nm: [i64; 3]) -> bool {
+        let stands = position_10nm.iter().all(|coordinate| coordinate.unsigned_abs() <= MAX_COORDINATE_10NM as u64)
+            && self.geometry.motor_steps(position_10nm) == self.motor_steps;
+        if stands {
+            self.position_10nm = position_10nm;
+        }
+        stands
     }
 
     /// Motion ends with what was taken so far, and nothing else is until the motors' place is known.

@@ -11,6 +11,7 @@ mod extrusion;
 mod hosts;
 mod methods;
 mod papers;
+mod prepared;
 mod prints;
 mod programs;
 mod refusals;
