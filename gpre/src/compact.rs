@@ -20,7 +20,7 @@
 //! | 3 s(24) | X, Y and Z at its start, units of 10 nm |
 //! | g(20) | number of the source line before its first |
 //! | 32 | feed, mm/s, f32 |
-//! | s(28), 3 s(8) | E of the G-code, and what G92 has added to X, Y and Z, units of 10 nm |
+//! | s(28), 3 s(8), s(8) | E of the G-code, what G92 has added to X, Y and Z, and how far Z is lifted, units of 10 nm |
 //! | g(8) g(8) | targets of nozzle and bed, degrees Celsius |
 //! | g(7) g(7) | feed and flow, percent |
 //! | 8 | fan |

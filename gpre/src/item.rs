@@ -72,6 +72,8 @@ pub struct ModalState {
     pub extruder_10nm: i64,
     /// What the G-code's coordinates of X, Y and Z are more than the machine's (G92), units of 10 nm.
     pub offset_10nm: [i64; 3],
+    /// How far Z is lifted by a firmware retraction, units of 10 nm: the moves' Z has it, the G-code's has not.
+    pub lift_10nm: i64,
     /// The limits, where they are not the profile's.
     pub limits: Option<LimitValues>,
 }
@@ -85,6 +87,7 @@ impl ModalState {
         flow_percent: 100,
         extruder_10nm: 0,
         offset_10nm: [0; 3],
+        lift_10nm: 0,
         limits: None,
     };
 }

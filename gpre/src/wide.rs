@@ -32,7 +32,7 @@
 //! | 2 | u16, u8: a move ends inside the next trajectory so many units of 10 nm from its start, so many lines before its own |
 //! | 3 | u8: the fan, 0 to 255 |
 //! | 4 | up to three bytes of a command's text, zeros behind it; the first zero ends it, at the latest in a packet of its own |
-//! | 5 | u8, u16: a part of where the machine is: 0 to 5 = X, Y, Z, 6 to 9 = E of the G-code; two (four) parts each, the least first, units of 10 nm |
+//! | 5 | u8, u16: a part of where the machine is: 0 to 5 = X, Y, Z, 6 to 9 = E of the G-code, 10 and 11 = how far Z is lifted by a firmware retraction; the least first, units of 10 nm |
 
 use crate::error::Fault;
 
@@ -109,7 +109,7 @@ pub enum Status {
     Text([u8; 3]),
     /// A part of where the machine is.
     Place {
-        /// Which, 0 to 9.
+        /// Which, 0 to 11.
         part: u8,
         /// Its bits.
         bits: u16,
@@ -117,7 +117,7 @@ pub enum Status {
 }
 
 /// Parts of [`Status::Place`].
-pub const PLACE_PARTS: usize = 10;
+pub const PLACE_PARTS: usize = 12;
 
 /// A packet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -39,7 +39,7 @@ fn status() -> impl Strategy<Value = Status> {
         any::<(u16, u8)>().prop_map(|(length_10nm, lines_before)| Status::InnerEnd { length_10nm, lines_before }),
         any::<u8>().prop_map(Status::Fan),
         any::<[u8; 3]>().prop_map(Status::Text),
-        (0u8..10, any::<u16>()).prop_map(|(part, bits)| Status::Place { part, bits }),
+        (0u8..12, any::<u16>()).prop_map(|(part, bits)| Status::Place { part, bits }),
     ]
 }
 

@@ -32,6 +32,7 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
             flow_percent: self.modal.flow_percent,
             extruder_10nm: self.modal.extruder_10nm,
             offset_10nm: self.modal.offset_10nm,
+            lift_10nm: self.modal.lift_10nm,
             limits: (limits != self.profile.limits).then(|| limit_values(&limits)),
         }
     }
@@ -132,13 +133,15 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
             self.follow_the_motors();
         }
         result?;
-        self.modal.machine_10nm = self.motion.position_10nm();
+        let [x, y, z] = self.motion.position_10nm();
+        self.modal.machine_10nm = [x, y, z - self.modal.lift_10nm];
         self.tally.moves += u64::from(moves);
         // 1/256 steps at 1e-5 steps/mm, in a product of 32 and 39 bits.
         const PER_256TH: i128 = FILAMENT_UNITS_PER_MM as i128 * 100_000 / 256;
         let steps_per_mm = i128::from(self.profile.steps_per_mm[3].hundred_thousandths().max(1));
-        let filament_100pm = i128::from(block.block.extruder_256ths) * PER_256TH / steps_per_mm;
-        self.tally.filament_100pm += filament_100pm as i64;
+        let filament = i128::from(block.block.extruder_256ths) * PER_256TH;
+        let half = if filament < 0 { -steps_per_mm / 2 } else { steps_per_mm / 2 };
+        self.tally.filament_100pm += ((filament + half) / steps_per_mm) as i64;
         Ok(())
     }
 
@@ -161,15 +164,23 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         Ok(self.motion.add_prepared_block(*block).await?)
     }
 
-    /// Takes over where the machine is after the blocks so far, to less than a step, and E as the G-code sees it.
+    /// Takes over where the machine is after the blocks so far, to less than a step, how much of that is a firmware
+    /// retraction's lift, and E as the G-code sees it.
     ///
     /// # Errors
     /// The motors do not stand there.
-    pub fn prepared_place(&mut self, position_10nm: [i64; 3], extruder_10nm: i64) -> Result<(), CommandError> {
+    pub fn prepared_place(
+        &mut self,
+        position_10nm: [i64; 3],
+        lift_10nm: i64,
+        extruder_10nm: i64,
+    ) -> Result<(), CommandError> {
         if !self.motion.refine_position(position_10nm) {
             return Err(CommandError::OtherPlace);
         }
-        self.modal.machine_10nm = position_10nm;
+        let [x, y, z] = position_10nm;
+        self.modal.machine_10nm = [x, y, z - lift_10nm];
+        self.modal.lift_10nm = lift_10nm;
         self.modal.extruder_10nm = extruder_10nm;
         Ok(())
     }

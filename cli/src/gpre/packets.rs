@@ -9,14 +9,24 @@ use super::script::Ready;
 /// Units of length in a millimetre.
 const PER_MM: f64 = 100_000.0;
 
+/// Where the machine is, units of 10 nm.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Place {
+    /// Machine position.
+    pub position_10nm: [i64; 3],
+    /// What of Z is the lift of a firmware retraction.
+    pub lift_10nm: i64,
+    /// E of the G-code.
+    pub extruder_10nm: i64,
+}
+
 /// Puts a job into packets.
 pub struct PacketWriter {
     /// Source line of the packet before.
     line: u32,
-    /// Where the machine is after the moves so far, and E.
-    place: ([i64; 3], i64),
-    /// What of it has been told.
-    told: ([i64; 3], i64),
+    /// Where the machine is after the moves so far, and what has been told of it.
+    place: Place,
+    told: Place,
     flow_percent: i64,
     rest_100pm: i64,
     /// Moves of the last block that are still to come.
@@ -27,7 +37,7 @@ pub struct PacketWriter {
 impl PacketWriter {
     /// A writer of a job that begins at a machine position.
     pub fn new(position_10nm: [i64; 3]) -> Self {
-        let place = (position_10nm, 0);
+        let place = Place { position_10nm, ..Place::default() };
         Self { line: 0, place, told: place, flow_percent: 100, rest_100pm: 0, joined: 0, packets: 0 }
     }
 
@@ -54,12 +64,12 @@ impl PacketWriter {
             return;
         }
         self.told = self.place;
-        let ([x, y, z], extruder) = self.place;
-        let extruder = extruder as u64;
+        let Place { position_10nm: [x, y, z], lift_10nm, extruder_10nm } = self.place;
+        let extruder = extruder_10nm as u64;
         let halves = |value: i64| [value as u16, (value >> 16) as u16];
         let position = [x, y, z].into_iter().flat_map(halves);
         let quarters = [extruder, extruder >> 16, extruder >> 32, extruder >> 48].map(|part| part as u16);
-        for (part, bits) in (0..).zip(position.chain(quarters)) {
+        for (part, bits) in (0..).zip(position.chain(quarters).chain(halves(lift_10nm))) {
             self.status(Status::Place { part, bits }, bytes);
         }
     }
@@ -67,10 +77,14 @@ impl PacketWriter {
     /// Takes a part of the job.
     pub fn take(&mut self, ready: &Ready, bytes: &mut Vec<u8>) {
         if let Ready::First { item, .. } | Ready::Joined(item) = ready {
-            self.place.0 = item.target_10nm;
-            if item.counts {
+            let [.., before] = self.place.position_10nm;
+            let [.., z] = item.target_10nm;
+            self.place.position_10nm = item.target_10nm;
+            if !item.counts {
+                self.place.lift_10nm += z - before;
+            } else {
                 let pushed = self.rest_100pm + item.filament_100pm;
-                self.place.1 += pushed / self.flow_percent;
+                self.place.extruder_10nm += pushed / self.flow_percent;
                 self.rest_100pm = pushed % self.flow_percent;
             }
         }
@@ -106,7 +120,8 @@ impl PacketWriter {
             Ready::State { modal, position_10nm } => {
                 self.flow_percent = i64::from(modal.flow_percent.max(1));
                 // What a command does to it the machine knows by itself.
-                self.place = (*position_10nm, modal.extruder_10nm);
+                let (lift_10nm, extruder_10nm) = (modal.lift_10nm, modal.extruder_10nm);
+                self.place = Place { position_10nm: *position_10nm, lift_10nm, extruder_10nm };
                 if self.joined == 0 {
                     self.told = self.place;
                 }
@@ -180,8 +195,8 @@ pub enum Asked {
         /// Its text.
         text: Vec<u8>,
     },
-    /// Where the machine is, and E, units of 10 nm.
-    Place([i64; 3], i64),
+    /// The machine is here.
+    Place(Place),
 }
 
 /// Puts packets together again.
@@ -236,8 +251,10 @@ impl PacketReader {
                         let [low, high] = [parts[2 * index], parts[2 * index + 1]].map(u32::from);
                         i64::from((high << 16 | low) as i32)
                     };
-                    let extruder = parts[6..].iter().rev().fold(0, |all, &part| all << 16 | u64::from(part)) as i64;
-                    return Ok(Some(Asked::Place([axis(0), axis(1), axis(2)], extruder)));
+                    let extruder = parts[6..10].iter().rev().fold(0, |all, &part| all << 16 | u64::from(part)) as i64;
+                    let position_10nm = [axis(0), axis(1), axis(2)];
+                    let place = Place { position_10nm, lift_10nm: axis(5), extruder_10nm: extruder };
+                    return Ok(Some(Asked::Place(place)));
                 }
             }
             Packet::Trajectory(trajectory) => {

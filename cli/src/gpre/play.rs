@@ -9,7 +9,7 @@ use ferrostep_gpre::{Encoding, Fault, Header, Item, ReadError};
 use ferrostep_planner::PLANNER_VERSION;
 use ferrostep_printer::{CommandError, Failure, Profile, Replies};
 
-use super::packets::{Asked, PacketReader};
+use super::packets::{Asked, PacketReader, Place};
 use crate::job::{JobError, JobProgress};
 use crate::record::Observer;
 use crate::session::DeskPrinter;
@@ -208,8 +208,8 @@ async fn execute_asked<O: Observer, R: Replies>(
             printer.prepared_block(&block, moves).await.map_err(at(block.block.line))
         }
         Asked::Fan { line, power } => printer.prepared_fan(line, power).await.map_err(at(line)),
-        Asked::Place(position_10nm, extruder_10nm) => {
-            printer.prepared_place(position_10nm, extruder_10nm).map_err(at(progress.lines))
+        Asked::Place(Place { position_10nm, lift_10nm, extruder_10nm }) => {
+            printer.prepared_place(position_10nm, lift_10nm, extruder_10nm).map_err(at(progress.lines))
         }
         Asked::Command { line, text } => {
             progress.lines = line;

@@ -95,6 +95,7 @@ impl<'a> Decoder<'a> {
         for offset in &mut offset_10nm {
             *offset = bits.signed_long(8)?;
         }
+        let lift_10nm = bits.signed_long(8)?;
         const PERCENT: Fault = Fault::Content("percentages and temperatures of 16 bits");
         let mut small = |k| u16::try_from(bits.golomb(k)?).map_err(|_| PERCENT);
         let (nozzle_celsius, bed_celsius, feed_percent, flow_percent) = (small(8)?, small(8)?, small(7)?, small(7)?);
@@ -119,8 +120,16 @@ impl<'a> Decoder<'a> {
             *order = bits.few(5)?;
         }
         let left = bits.golomb(8)?;
-        let modal =
-            ModalState { nozzle_celsius, bed_celsius, feed_percent, flow_percent, extruder_10nm, offset_10nm, limits };
+        let modal = ModalState {
+            nozzle_celsius,
+            bed_celsius,
+            feed_percent,
+            flow_percent,
+            extruder_10nm,
+            offset_10nm,
+            lift_10nm,
+            limits,
+        };
         let start = FrameState { can_be_entered, position_10nm, line, feed_mm_per_s, fan_power, modal };
         Ok(Self {
             bits,

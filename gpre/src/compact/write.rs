@@ -56,6 +56,9 @@ impl Place {
     fn pass(&mut self, item: &Waiting) {
         match item {
             Waiting::Move(next) => {
+                if !next.counts {
+                    self.modal.lift_10nm += next.target_10nm[2] - self.position_10nm[2];
+                }
                 self.position_10nm = next.target_10nm;
                 self.line = next.line;
                 self.feed_mm_per_s = next.feed_mm_per_s;
@@ -100,7 +103,6 @@ impl FrameWriter {
     /// What lasts has changed; the position may have, too (homing).
     pub fn set_modal(&mut self, modal: ModalState, position_10nm: [i64; 3], frames: &mut Vec<u8>) {
         let before = self.end.modal;
-        let same = ModalState { extruder_10nm: before.extruder_10nm, ..modal };
         if self.end.position_10nm != position_10nm
             || (before.feed_percent, before.flow_percent) != (modal.feed_percent, modal.flow_percent)
         {
@@ -108,7 +110,7 @@ impl FrameWriter {
             self.start.position_10nm = position_10nm;
             self.start.modal = modal;
             self.end = self.start;
-        } else if same != before || modal.extruder_10nm != before.extruder_10nm {
+        } else if modal != before {
             self.take(Waiting::Modal(modal));
         }
     }
@@ -299,6 +301,7 @@ impl<'a> Content<'a> {
         for offset in modal.offset_10nm {
             bits.signed(offset, 8);
         }
+        bits.signed(modal.lift_10nm, 8);
         bits.golomb(modal.nozzle_celsius.into(), 8);
         bits.golomb(modal.bed_celsius.into(), 8);
         bits.golomb(modal.feed_percent.into(), 7);

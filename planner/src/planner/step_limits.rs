@@ -71,8 +71,9 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         let [one, other] = [before, block].map(|block| self.travels(block));
         let stands = [before, block].map(|block| block.steps == [0; 3]);
         for ((travels, length), stands) in [&one, &other].into_iter().zip(lengths).zip(stands) {
-            // A way too short for a step has more length than that of its filament.
-            if stands && travels.mm[3].abs() * LENIENCE >= length * 0.99 {
+            // The filament alone is as long as its block; beside a way too short for a step it is not.
+            let off = (travels.mm[3].abs() - length).abs();
+            if stands && off <= length * (LENIENCE - 1.0) + travels.step_mm[3] / 128.0 {
                 return SquaredSpeed::ZERO;
             }
         }
