@@ -9,10 +9,12 @@ use std::collections::VecDeque;
 use ferrostep_gcode::MotionFigures;
 use ferrostep_hal_shim::virtual_board::{EventRate, StepObserver, VirtualBoard, VirtualClock, VirtualHeaters};
 use ferrostep_hal_shim::{EndStops, Fan, MotorEnable};
+use ferrostep_planner::extruder::rounded_steps;
 use ferrostep_planner::interpolator::MAX_ENTRIES;
 use ferrostep_planner::look_ahead::Slot;
 use ferrostep_planner::{
-    MoveError, Moved, Notice, Planner, Progress, StepDigests, StepEntry, StepSink, TICKS_PER_SECOND,
+    MoveError, Moved, Notice, PlannedBlock, Planner, Progress, Recorded, StepDigests, StepEntry, StepSink,
+    TICKS_PER_SECOND,
 };
 use ferrostep_printer::heat::{HeatControl, HeatFault};
 use ferrostep_printer::{MotionError, Profile, Seek};
@@ -133,6 +135,8 @@ pub struct Desk<O> {
     last_notice: u64,
     /// Durations of the blocks that an estimate did not execute.
     estimated_ticks: u64,
+    /// Where the extruder is after these blocks, 1/256 steps.
+    planned_256ths: i64,
     /// Time during which the motion clock stood still.
     idle_ns: u64,
     next_heat_ns: u64,
@@ -160,6 +164,7 @@ impl<O: Observer> Desk<O> {
             sought: None,
             last_notice: 0,
             estimated_ticks: 0,
+            planned_256ths: 0,
             idle_ns: 0,
             next_heat_ns: HEAT_INTERVAL_NS,
             last_step_ns: 0,
@@ -303,14 +308,26 @@ impl<O: Observer> Desk<O> {
         }
     }
 
-    /// Plans a block without its steps; whether there was one.
+    /// Plans a block without its steps; whether there was one. The motors stand at its end: homing goes on from there.
     fn plan_only(&mut self) -> bool {
-        let Some(script) = &mut self.script else { return self.planner.next_planned().is_some() };
-        let recorded = self.planner.next_recorded();
-        if let Some(recorded) = recorded {
-            script.left(&recorded);
-        }
-        recorded.is_some()
+        let planned = match &mut self.script {
+            None => self.planner.next_planned(),
+            Some(script) => {
+                let Some(recorded) = self.planner.next_recorded() else { return false };
+                script.left(&recorded);
+                match recorded {
+                    Recorded::Block { planned, .. } => Some(planned),
+                    Recorded::FanPower { .. } => return true,
+                }
+            }
+        };
+        let Some(PlannedBlock { block, .. }) = planned else { return false };
+        let before = rounded_steps(self.planned_256ths);
+        self.planned_256ths += i64::from(block.extruder_256ths);
+        let extruder = rounded_steps(self.planned_256ths) - before;
+        let [x, y, z] = block.steps.map(|steps| -steps);
+        self.board.motors.steps.take_back([x, y, z, -(extruder as i32)], [0; 4]);
+        true
     }
 
     /// What became of a move that the planner was given; `None` if it has to wait.
