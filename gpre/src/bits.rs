@@ -160,7 +160,7 @@ impl BitWriter {
     /// The lowest bits of a number, at most 64.
     pub fn bits(&mut self, value: u64, count: u32) {
         for index in (0..count).rev() {
-            if self.length % 8 == 0 {
+            if self.length.is_multiple_of(8) {
                 self.bytes.push(0);
             }
             if let Some(last) = self.bytes.last_mut() {

@@ -284,7 +284,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
 
     /// Whether any move or fan change would be taken now; some are even if this says no.
     pub fn has_room(&self) -> bool {
-        self.look_ahead.has_room() && !(self.draining && !self.is_look_ahead_empty())
+        self.look_ahead.has_room() && (!self.draining || self.is_look_ahead_empty())
     }
 
     /// Whether all moves taken have become step entries.

@@ -154,10 +154,10 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         };
         // Where the motors stand is up to a step beside where they should.
         const STEP_10NM: i64 = 100_000;
-        for axis in 0..3 {
+        for (axis, end) in end.into_iter().enumerate() {
             let step = STEP_10NM * 100_000 / self.profile.steps_per_mm[axis].hundred_thousandths().max(1);
             let inside = -step..=self.profile.size_10nm[axis] + step;
-            if self.modal.soft_limits && self.modal.homed[axis] && !inside.contains(&end[axis]) {
+            if self.modal.soft_limits && self.modal.homed[axis] && !inside.contains(&end) {
                 return Err(CommandError::Outside { axis });
             }
         }

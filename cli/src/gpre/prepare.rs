@@ -90,7 +90,7 @@ impl<I: Read> Read for Counted<'_, I> {
 
 /// What the parts of a job become.
 enum Parts {
-    Compact(FrameWriter),
+    Compact(Box<FrameWriter>),
     Wide(PacketWriter),
 }
 
@@ -130,7 +130,7 @@ impl<W: Write> Writer<'_, W> {
     fn take_ready(&mut self) {
         let desk = self.desk;
         if let Some(script) = desk.borrow_mut().script() {
-            while let Some(ready) = script.next() {
+            while let Some(ready) = script.pop() {
                 self.take(&ready);
             }
         }
@@ -198,7 +198,7 @@ pub fn prepare<R: Replies>(
     let mut progress = JobProgress::default();
     let mut input = Counted { input, bytes: 0 };
     let parts = match encoding {
-        Encoding::Compact => Parts::Compact(FrameWriter::new(printer.machine_10nm(), ModalState::START)),
+        Encoding::Compact => Parts::Compact(Box::new(FrameWriter::new(printer.machine_10nm(), ModalState::START))),
         Encoding::Wide => Parts::Wide(PacketWriter::new(printer.machine_10nm())),
     };
     let mut writer = Writer { desk: session.desk(), out, parts, waiting: Vec::new(), content_bytes: 0, failed: None };

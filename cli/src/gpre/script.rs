@@ -191,7 +191,7 @@ impl Script {
     }
 
     /// The next part that is ready.
-    pub fn next(&mut self) -> Option<Ready> {
+    pub fn pop(&mut self) -> Option<Ready> {
         loop {
             if let Waiting::First { speeds: None, .. } = self.waiting.front()? {
                 return None;
