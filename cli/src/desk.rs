@@ -10,17 +10,25 @@ use std::collections::VecDeque;
 
 use ferrostep_gcode::MotionFigures;
 use ferrostep_hal_shim::virtual_board::{EventRate, StepObserver, VirtualBoard, VirtualClock, VirtualHeaters};
-use ferrostep_hal_shim::{EndStops, Fan, Heater, ThermalBoard};
+use ferrostep_hal_shim::{EndStops, Fan, Heater, MotorEnable, ThermalBoard};
+use ferrostep_planner::extruder::rounded_steps;
 use ferrostep_planner::interpolator::MAX_ENTRIES;
 use ferrostep_planner::look_ahead::Slot;
-use ferrostep_planner::{Notice, Planner, Progress, StepDigests, StepEntry, StepSink, TICKS_PER_SECOND};
+use ferrostep_planner::{
+    MoveError, Moved, Notice, PlannedBlock, Planner, Progress, Recorded, StepDigests, StepEntry, StepSink,
+    TICKS_PER_SECOND,
+};
 use ferrostep_printer::heat::{HeatControl, HeatFault, SAMPLE_MS};
-use ferrostep_printer::{Profile, Seek};
+use ferrostep_printer::{MotionError, Profile, Seek};
 
+use crate::gpre::Script;
 use crate::record::Observer;
 
 /// Blocks in the look-ahead ring, as on the target.
 pub const LOOK_AHEAD_BLOCKS: usize = 128;
+
+/// All motors.
+const ALL: u8 = 0b1111;
 
 /// Entries in the step queue, as on the target.
 const STEP_QUEUE_ENTRIES: usize = 2048;
@@ -50,6 +58,8 @@ pub enum Mode {
     Print,
     /// Durations only.
     Estimate,
+    /// Durations, and what was planned is written down.
+    Prepare,
 }
 
 /// Entries and notices on their way from the planner to the motors.
@@ -127,6 +137,8 @@ pub struct Desk<O> {
     last_notice: u64,
     /// Durations of the blocks that an estimate did not execute.
     estimated_ticks: u64,
+    /// Where the extruder is after these blocks, 1/256 steps.
+    planned_256ths: i64,
     /// Time during which the motion clock stood still.
     idle_ns: u64,
     next_heat_ns: u64,
@@ -134,6 +146,8 @@ pub struct Desk<O> {
     underruns: u64,
     homing_ticks: u64,
     homing_since: Option<u64>,
+    /// What is written down, if anything is.
+    script: Option<Script>,
 }
 
 impl<O: Observer> Desk<O> {
@@ -155,12 +169,14 @@ impl<O: Observer> Desk<O> {
             sought: None,
             last_notice: 0,
             estimated_ticks: 0,
+            planned_256ths: 0,
             idle_ns: 0,
             next_heat_ns: HEAT_INTERVAL_NS,
             last_step_ns: 0,
             underruns: 0,
             homing_ticks: 0,
             homing_since: None,
+            script: (mode == Mode::Prepare).then(Script::default),
         }
     }
 
@@ -289,9 +305,9 @@ impl<O: Observer> Desk<O> {
 
     /// Plans and plays until `done`, or for a while; the step queue is kept as full as it gets, as on the board. An estimate plans only.
     fn run_until(&mut self, done: impl Fn(&Self) -> bool) {
-        if self.mode == Mode::Estimate {
+        if self.mode != Mode::Print {
             let before = self.planner.motion_ticks();
-            while !done(self) && self.planner.next_planned().is_some() {}
+            while !done(self) && self.plan_only() {}
             self.estimated_ticks += self.planner.motion_ticks() - before;
             self.last_step_ns = self.now_ns();
             return;
@@ -311,6 +327,48 @@ impl<O: Observer> Desk<O> {
         if self.is_idle() {
             self.deliver_notices(u64::MAX);
         }
+    }
+
+    /// Plans a block without its steps; whether there was one. The motors stand at its end: homing goes on from there.
+    fn plan_only(&mut self) -> bool {
+        let planned = match &mut self.script {
+            None => self.planner.next_planned(),
+            Some(script) => {
+                let Some(recorded) = self.planner.next_recorded() else { return false };
+                script.left(&recorded);
+                match recorded {
+                    Recorded::Block { planned, .. } => Some(planned),
+                    Recorded::FanPower { .. } => return true,
+                }
+            }
+        };
+        let Some(PlannedBlock { block, .. }) = planned else { return false };
+        let before = rounded_steps(self.planned_256ths);
+        self.planned_256ths += i64::from(block.extruder_256ths);
+        let extruder = rounded_steps(self.planned_256ths) - before;
+        let [x, y, z] = block.steps.map(|steps| -steps);
+        self.board.motors.steps.take_back([x, y, z, -(extruder as i32)], [0; 4]);
+        true
+    }
+
+    /// What became of a move that the planner was given; `None` if it has to wait.
+    fn taken(&mut self, outcome: Result<Moved, MoveError>) -> Option<Result<Moved, MotionError>> {
+        match outcome {
+            Err(MoveError::NoRoom) => {
+                self.awaited = Awaited::Room;
+                None
+            }
+            Err(error) => Some(Err(MotionError::Move(error))),
+            Ok(moved) => {
+                self.board.motors.set_motors_enabled(ALL, true);
+                Some(Ok(moved))
+            }
+        }
+    }
+
+    /// What is written down, if anything is.
+    pub fn script(&mut self) -> Option<&mut Script> {
+        self.script.as_mut()
     }
 
     /// Plays entries until `keep` are left or `latest` has passed; whether any was there.
@@ -366,6 +424,9 @@ impl<O: Observer> Desk<O> {
         if triggered {
             self.stand();
         }
+        if let Some(script) = &mut self.script {
+            script.sought();
+        }
         self.last_step_ns = self.now_ns();
         self.sought = Some(if triggered { Seek::Triggered } else { Seek::Missed });
     }
@@ -373,7 +434,7 @@ impl<O: Observer> Desk<O> {
     /// The motors stand where they are; all that was planned is forgotten. Returns the filament that was not pushed,
     /// units of 0.1 nm.
     fn stop(&mut self) -> i64 {
-        if self.mode == Mode::Estimate {
+        if self.mode != Mode::Print {
             // Without steps there is no place on the way to stop at.
             self.planner.flush();
             self.run_until(Self::is_idle);

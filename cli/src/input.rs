@@ -1,4 +1,4 @@
-//! The job's file: plain or gzip, read in portions.
+//! The job's file: G-code or a prepared job, plain or gzip, read in portions. Its content says what it is, not its name.
 
 use std::cell::Cell;
 use std::fmt;
@@ -7,6 +7,7 @@ use std::io::{self, BufRead, BufReader, Read};
 use std::path::Path;
 use std::rc::Rc;
 
+use ferrostep_gpre::Header;
 use flate2::bufread::MultiGzDecoder;
 
 /// Bytes at a file's start that are looked at to tell text from anything else.
@@ -34,7 +35,10 @@ impl fmt::Display for InputError {
             Self::Read(error) => write!(out, "cannot be read: {error}"),
             Self::Empty => write!(out, "the file is empty, expected G-code"),
             Self::NotText { offset, byte } => {
-                write!(out, "not a text file: byte 0x{byte:02x} at offset {offset}, expected G-code (or gzip of it)")
+                write!(
+                    out,
+                    "not a text file: byte 0x{byte:02x} at offset {offset}, expected G-code or a prepared job (or gzip of it)"
+                )
             }
         }
     }
@@ -59,6 +63,7 @@ impl<R: Read> Read for Counting<R> {
 /// An open job.
 pub struct Input {
     reader: Box<dyn BufRead>,
+    is_prepared: bool,
     read: Rc<Cell<u64>>,
     size: u64,
 }
@@ -80,6 +85,9 @@ impl Input {
         if start.is_empty() {
             return Err(InputError::Empty);
         }
+        if Header::is_gpre(start) {
+            return Ok(Self { reader, is_prepared: true, read, size });
+        }
         // Bytes from 0x80 on may be UTF-8 in a comment; the line reader looks closer where it matters.
         let control = |byte: &u8| *byte < 0x20 && !b"\t\n\x0b\x0c\r\x1b".contains(byte);
         if let Some(offset) = start.iter().position(control) {
@@ -89,7 +97,12 @@ impl Input {
             // The byte order mark that some editors on Windows write.
             reader.consume(3);
         }
-        Ok(Self { reader, read, size })
+        Ok(Self { reader, is_prepared: false, read, size })
+    }
+
+    /// Whether it is a prepared job (GPRE), not G-code.
+    pub fn is_prepared(&self) -> bool {
+        self.is_prepared
     }
 
     /// Counts the bytes of the file that have been read, as they lie on the disk.

@@ -31,6 +31,17 @@ pub enum JobError {
         /// Why.
         error: io::Error,
     },
+    /// At a frame of a prepared job.
+    Prepared {
+        /// Number of the frame, where there is one.
+        frame: Option<u32>,
+        /// Source line of the item that could not be executed, where it is one.
+        line: Option<u32>,
+        /// Where the frame, or what is wrong, begins in the file.
+        offset: u64,
+        /// What was wrong, and what was expected.
+        message: String,
+    },
     /// All lines were taken, but the motion they asked for was stopped.
     Stopped(CommandError),
 }
@@ -40,6 +51,16 @@ impl fmt::Display for JobError {
         match self {
             Self::Line { line, text, message } => write!(out, "line {line}: {text:?}: {message}"),
             Self::Read { line, error } => write!(out, "after line {line}: the file cannot be read: {error}"),
+            Self::Prepared { frame, line, offset, message } => {
+                if let Some(frame) = frame {
+                    write!(out, "frame {frame} ")?;
+                }
+                write!(out, "at byte {offset}")?;
+                if let Some(line) = line {
+                    write!(out, ", line {line}")?;
+                }
+                write!(out, ": {message}")
+            }
             Self::Stopped(error) => write!(out, "at the end: {error}"),
         }
     }
@@ -56,6 +77,20 @@ pub struct JobProgress {
     pub layers: u32,
 }
 
+/// Looks on while lines are executed.
+pub trait Onlooker<O: Observer, R: Replies> {
+    /// A line is about to be executed.
+    fn begins(&mut self, printer: &DeskPrinter<'_, O, R>, line: u32, text: &str);
+    /// It has been.
+    fn ended(&mut self, printer: &DeskPrinter<'_, O, R>);
+}
+
+/// Nobody looks on.
+impl<O: Observer, R: Replies> Onlooker<O, R> for () {
+    fn begins(&mut self, _: &DeskPrinter<'_, O, R>, _: u32, _: &str) {}
+    fn ended(&mut self, _: &DeskPrinter<'_, O, R>) {}
+}
+
 /// Executes all lines of `input` and waits for the end of their motion.
 ///
 /// A line that cannot be executed ends the job: the moves before it are finished, nothing of it happens. `look` is
@@ -64,9 +99,20 @@ pub async fn run<O: Observer, R: Replies>(
     input: &mut impl Read,
     printer: &mut DeskPrinter<'_, O, R>,
     progress: &mut JobProgress,
+    look: impl FnMut(&JobProgress),
+) -> Result<(), JobError> {
+    run_watched(input, printer, progress, &mut (), look).await
+}
+
+/// As [`run`], with somebody looking on.
+pub async fn run_watched<O: Observer, R: Replies>(
+    input: &mut impl Read,
+    printer: &mut DeskPrinter<'_, O, R>,
+    progress: &mut JobProgress,
+    onlooker: &mut impl Onlooker<O, R>,
     mut look: impl FnMut(&JobProgress),
 ) -> Result<(), JobError> {
-    let outcome = lines(input, printer, progress, &mut look).await;
+    let outcome = lines(input, printer, progress, onlooker, &mut look).await;
     let finished = printer.finish().await;
     outcome?;
     finished.map_err(JobError::Stopped)
@@ -76,6 +122,7 @@ async fn lines<O: Observer, R: Replies>(
     input: &mut impl Read,
     printer: &mut DeskPrinter<'_, O, R>,
     progress: &mut JobProgress,
+    onlooker: &mut impl Onlooker<O, R>,
     look: &mut impl FnMut(&JobProgress),
 ) -> Result<(), JobError> {
     let mut reader = LineReader::new();
@@ -94,14 +141,14 @@ async fn lines<O: Observer, R: Replies>(
             let (used, line) = reader.feed(portion);
             portion = &portion[used..];
             if let Some(line) = line {
-                execute(printer, line, progress).await?;
+                execute(printer, line, progress, onlooker).await?;
             }
         }
         progress.lines = reader.lines_ended();
         look(progress);
     }
     if let Some(line) = reader.finish() {
-        execute(printer, line, progress).await?;
+        execute(printer, line, progress, onlooker).await?;
     }
     progress.lines = reader.lines_ended();
     Ok(())
@@ -112,6 +159,7 @@ async fn execute<O: Observer, R: Replies>(
     printer: &mut DeskPrinter<'_, O, R>,
     line: Result<Line<'_>, LineError>,
     progress: &mut JobProgress,
+    onlooker: &mut impl Onlooker<O, R>,
 ) -> Result<(), JobError> {
     let stop = |line, text: &str, message| Err(JobError::Line { line, text: text.to_owned(), message });
     let line = match line {
@@ -134,8 +182,12 @@ async fn execute<O: Observer, R: Replies>(
             return stop(line.line_number, line.text, message);
         }
     }
+    onlooker.begins(printer, line.line_number, line.text);
     match printer.execute(line.line_number, line.text).await {
-        Ok(()) => Ok(()),
+        Ok(()) => {
+            onlooker.ended(printer);
+            Ok(())
+        }
         Err(failure) => {
             progress.lines = line.line_number;
             stop(line.line_number, line.text, failure.to_string())

@@ -1,6 +1,7 @@
 //! The desk: the whole machine in virtual time, and what the `ferrostep` command is made of.
 
 pub mod desk;
+pub mod gpre;
 pub mod input;
 pub mod job;
 pub mod papers;

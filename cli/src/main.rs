@@ -3,19 +3,22 @@
 mod progress;
 
 use std::cell::Cell;
-use std::io::Write;
+use std::fs::File;
+use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 
 use clap::{Parser, Subcommand};
 use ferrostep::desk::{LOOK_AHEAD_BLOCKS, Mode};
+use ferrostep::gpre::{self, InspectError, PrepareError, PreparedSummary};
 use ferrostep::input::Input;
 use ferrostep::job::{self, JobProgress};
 use ferrostep::papers::{Chapter, Paper, choices};
 use ferrostep::record::{Observer, Recorder, TraceWriter, VcdWriter};
 use ferrostep::report::{Motors, Stop, Summary};
 use ferrostep::session::{JobReplies, Session};
+use ferrostep_gpre::Encoding;
 use ferrostep_planner::extruder::FILAMENT_UNITS_PER_MM;
 use ferrostep_planner::kinematics::UNITS_PER_MM;
 use ferrostep_printer::Profile;
@@ -40,15 +43,34 @@ enum Command {
     Print {
         #[command(flatten)]
         job: JobArguments,
-        /// Blocks in the look-ahead ring.
-        #[arg(long, value_name = "N", default_value_t = LOOK_AHEAD_BLOCKS as u32, value_parser = clap::value_parser!(u32).range(2..=1_048_576))]
-        look_ahead: u32,
+        /// Blocks in the look-ahead ring; 128 if not given, and 65536 for a prepared job.
+        #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=1_048_576))]
+        look_ahead: Option<u32>,
         /// Writes every step event to a file.
         #[arg(long, value_name = "OUT")]
         trace: Option<PathBuf>,
         /// Writes step and direction signals as a waveform.
         #[arg(long, value_name = "OUT")]
         vcd: Option<PathBuf>,
+    },
+    /// Plans a file's speeds here, with all the look-ahead there is, for a board that only executes them.
+    Preprocess {
+        #[command(flatten)]
+        job: JobArguments,
+        /// The prepared job.
+        #[arg(short, value_name = "OUT.gpre")]
+        out: PathBuf,
+        /// Its encoding.
+        #[arg(long, value_enum, default_value_t = Format::Compact)]
+        format: Format,
+    },
+    /// What is in a prepared job.
+    Inspect {
+        /// A prepared job.
+        file: PathBuf,
+        /// Every move and command, not only where the frames begin.
+        #[arg(long)]
+        items: bool,
     },
     /// Time and material of a file, without its steps.
     Estimate {
@@ -73,6 +95,15 @@ enum Command {
         #[arg(long, value_name = "NAME|PATH", default_value = "cartesian", requires = "compare")]
         profile: String,
     },
+}
+
+/// The encodings of a prepared job.
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum Format {
+    /// About five bytes a move.
+    Compact,
+    /// The paper's packets of 84 bytes.
+    Wide,
 }
 
 /// The papers by their short names.
@@ -101,7 +132,7 @@ impl From<PaperName> for Paper {
 
 #[derive(clap::Args)]
 struct JobArguments {
-    /// G-code, plain or gzip.
+    /// G-code (or, to print, a prepared job), plain or gzip.
     file: PathBuf,
     /// The machine: cartesian, corexy, prusa-mini, or a TOML file.
     #[arg(long, value_name = "NAME|PATH", default_value = "cartesian")]
@@ -114,8 +145,10 @@ struct JobArguments {
 fn main() -> ExitCode {
     let outcome = match Arguments::parse().command {
         Command::Print { job, look_ahead, trace, vcd } => {
-            print(&job, look_ahead as usize, trace.as_deref(), vcd.as_deref())
+            print(&job, look_ahead.map(|blocks| blocks as usize), trace.as_deref(), vcd.as_deref())
         }
+        Command::Preprocess { job, out, format } => preprocess(&job, &out, format),
+        Command::Inspect { file, items } => inspect(&file, items),
         Command::Estimate { job } => estimate(&job),
         Command::Papers { compare: Some(file), profile, json, .. } => compare(&file, &profile, json),
         Command::Papers { paper, json, svg, .. } => papers(paper.map(Paper::from), json, svg.as_deref()),
@@ -174,11 +207,31 @@ fn open(job: &JobArguments) -> Result<(Profile, Input), String> {
 
 fn estimate(job: &JobArguments) -> Result<ExitCode, String> {
     let (profile, input) = open(job)?;
+    if input.is_prepared() {
+        return Err(format!("{}: it is a prepared job, expected G-code (inspect tells its time)", job.file.display()));
+    }
     run(job, input, profile, Mode::Estimate, LOOK_AHEAD_BLOCKS, ()).map(|(code, ())| code)
 }
 
-fn print(job: &JobArguments, look_ahead: usize, trace: Option<&Path>, vcd: Option<&Path>) -> Result<ExitCode, String> {
+fn print(
+    job: &JobArguments,
+    look_ahead: Option<usize>,
+    trace: Option<&Path>,
+    vcd: Option<&Path>,
+) -> Result<ExitCode, String> {
     let (profile, input) = open(job)?;
+    let named = job.file.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("gpre"));
+    match (named, input.is_prepared()) {
+        (true, false) => {
+            eprintln!("note: {}: named a prepared job, but it is G-code: printed as that", job.file.display())
+        }
+        (false, true) => {
+            eprintln!("note: {}: named G-code, but it is a prepared job: printed as that", job.file.display())
+        }
+        _ => {}
+    }
+    let usual = if input.is_prepared() { gpre::LOOK_AHEAD_BLOCKS } else { LOOK_AHEAD_BLOCKS };
+    let look_ahead = look_ahead.unwrap_or(usual);
     if trace.is_none() && vcd.is_none() {
         return run(job, input, profile, Mode::Print, look_ahead, ()).map(|(code, ())| code);
     }
@@ -194,6 +247,84 @@ fn print(job: &JobArguments, look_ahead: usize, trace: Option<&Path>, vcd: Optio
         Ok(()) => Ok(code),
         Err(error) => {
             eprintln!("error: the trace is incomplete: {error}");
+            Ok(ExitCode::from(1))
+        }
+    }
+}
+
+fn preprocess(job: &JobArguments, out: &Path, format: Format) -> Result<ExitCode, String> {
+    let (profile, mut input) = open(job)?;
+    let name = job.file.display();
+    if input.is_prepared() {
+        return Err(format!("{name}: it is a prepared job already, expected G-code"));
+    }
+    let encoding = match format {
+        Format::Compact => Encoding::Compact,
+        Format::Wide => Encoding::Wide,
+    };
+    // What is not complete has another name: no board shall find half a job.
+    let mut part = writable(out, job)?.as_os_str().to_owned();
+    part.push(".part");
+    let part = PathBuf::from(part);
+    let file = File::create(&part).map_err(|error| unwritable(&part, error))?;
+    let progress = Progress::new(input.size_bytes());
+    let shown = Cell::new(0);
+    let replies = JobReplies::new(|text: &str| {
+        shown.set(shown.get() + 1);
+        match shown.get() {
+            ..=MOST_NOTICES => progress.say(text),
+            count if count == MOST_NOTICES + 1 => progress.say("(further messages of the machine are not shown)"),
+            _ => {}
+        }
+    });
+    let started = Instant::now();
+    let counter = input.counter();
+    let picture = Input::open(&job.file).ok().and_then(gpre::find_thumbnail);
+    let target = gpre::Target { out: BufWriter::new(file), encoding };
+    let prepared = gpre::prepare(&mut input, picture, profile, replies, target, |done, figures| {
+        progress.show(counter.get(), done, figures, started.elapsed());
+    });
+    progress.end();
+    let prepared = match prepared {
+        Ok(prepared) => prepared,
+        Err(error) => {
+            // It may be that there is nothing to be removed.
+            let _ = std::fs::remove_file(&part);
+            return match error {
+                PrepareError::Acceleration(_) => Err(error.to_string()),
+                PrepareError::Write(error) => Err(unwritable(out, error)),
+                PrepareError::Job(_) | PrepareError::Command(..) => {
+                    eprintln!("error: {name}: {error}");
+                    Ok(ExitCode::from(1))
+                }
+            };
+        }
+    };
+    std::fs::rename(&part, out).map_err(|error| unwritable(out, error))?;
+    let wall_s = started.elapsed().as_secs_f64();
+    let summary = PreparedSummary::new(&job.file, out, profile.name, &prepared, wall_s);
+    let text = if job.json {
+        serde_json::to_string_pretty(&summary).map_err(|error| error.to_string())?
+    } else {
+        summary.to_string()
+    };
+    let _ = writeln!(std::io::stdout(), "{text}");
+    Ok(ExitCode::SUCCESS)
+}
+
+fn inspect(file: &Path, items: bool) -> Result<ExitCode, String> {
+    let name = file.display();
+    let input = Input::open(file).map_err(|error| format!("{name}: {error}"))?;
+    if !input.is_prepared() {
+        return Err(format!("{name}: it is G-code, expected a prepared job"));
+    }
+    let mut out = BufWriter::new(std::io::stdout().lock());
+    match gpre::inspect(input, items, &mut out) {
+        // Who closes the pipe early (`| head`) has read enough.
+        Ok(()) | Err(InspectError::Write(_)) => Ok(ExitCode::SUCCESS),
+        Err(InspectError::Job(error)) => {
+            let _ = out.flush();
+            eprintln!("error: {name}: {error}");
             Ok(ExitCode::from(1))
         }
     }
@@ -238,9 +369,14 @@ fn run<O: Observer>(
     let mut printer = session.printer();
     let mut done = JobProgress::default();
     let counter = input.counter();
-    let outcome = session.run(job::run(&mut input, &mut printer, &mut done, |job| {
+    let look = |job: &JobProgress| {
         progress.show(counter.get(), job, &session.desk().borrow().figures(), started.elapsed());
-    }));
+    };
+    let outcome = if input.is_prepared() {
+        session.run(gpre::play(&mut input, &profile, &mut printer, &mut done, look))
+    } else {
+        session.run(job::run(&mut input, &mut printer, &mut done, look))
+    };
     let wall_s = started.elapsed().as_secs_f64();
     progress.end();
 

@@ -40,6 +40,7 @@ impl From<&JobError> for Stop {
     fn from(error: &JobError) -> Self {
         let line = match error {
             JobError::Line { line, .. } | JobError::Read { line, .. } => Some(*line),
+            JobError::Prepared { line, .. } => *line,
             JobError::Stopped(_) => None,
         };
         Self { line, message: error.to_string() }

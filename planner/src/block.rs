@@ -55,6 +55,16 @@ impl SquaredSpeed {
     /// Standstill.
     pub const ZERO: Self = Self(0);
 
+    /// So many units.
+    pub const fn from_units(units: u64) -> Self {
+        Self(units)
+    }
+
+    /// Number of units.
+    pub const fn units(self) -> u64 {
+        self.0
+    }
+
     /// Units in a mm^2/s^2.
     const PER_MM2_PER_S2: f32 = 12_800_000.0;
 
@@ -125,6 +135,11 @@ impl Acceleration {
         Self(((mm_per_s2 * 256.0) as u32).max(1))
     }
 
+    /// So many units of 2^-8 mm/s^2; one where it is none.
+    pub fn from_quantised(units: u32) -> Self {
+        Self(units.max(1))
+    }
+
     /// The acceleration in units of 2^-8 mm/s^2.
     pub fn quantised(self) -> u32 {
         self.0
@@ -182,7 +197,7 @@ impl Block {
     }
 
     /// 2 a S in units of [`SquaredSpeed`].
-    fn reach(&self) -> u64 {
+    pub(crate) fn reach(&self) -> u64 {
         u64::from(self.acceleration.0) * u64::from(self.length_10nm)
     }
 

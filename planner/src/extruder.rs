@@ -51,6 +51,12 @@ impl Extruder {
         self.remainder = remainder as u32;
     }
 
+    /// Adds a whole number of 1/256 steps to the position.
+    pub fn advance_256ths(&mut self, delta_256ths: i32) {
+        self.whole_256ths = self.position_256ths() + i64::from(delta_256ths);
+        self.remainder = 0;
+    }
+
     /// Position in 1/256 steps, cut towards zero.
     ///
     /// Cut, not rounded: [`rounded_steps`] of the cut value is then always the rounding of the exact one (nested

@@ -51,7 +51,9 @@ pub use kinematics::{Geometry, Kinematics, StepsPerMm};
 pub use limits::{AXES, Limits};
 pub use motion_choice::{AccelerationProfile, DualRatePeriods, Interpolation, MotionChoice, SCurveTableSettings};
 pub use pace::Pace;
-pub use planner::{MIN_FEED_MM_PER_S, Move, MoveError, Moved, Planner, Progress, filament_100pm};
+pub use planner::{
+    MIN_FEED_MM_PER_S, Move, MoveError, Moved, Planner, PreparedBlock, PreparedMove, Progress, Recorded, filament_100pm,
+};
 pub use step_queue::{Notice, StepEntry, StepKind, StepSink};
 
 /// Frequency of the nominal time base, in ticks a second.
@@ -59,6 +61,10 @@ pub use step_queue::{Notice, StepEntry, StepKind, StepSink};
 /// Every planned time is a number of these ticks. A board whose timer runs at another frequency stretches time; it
 /// never plans other ticks.
 pub const TICKS_PER_SECOND: u32 = 84_000_000;
+
+/// Version of the rules by which moves become blocks and blocks get their speeds. To be raised with any change that gives
+/// a job other steps: jobs that were prepared by the rules of another version are not executed.
+pub const PLANNER_VERSION: u32 = 1;
 
 /// Bit of the extruder in an axis mask; X (A), Y (B) and Z are bits 0 to 2.
 pub const EXTRUDER: u8 = 1 << 3;

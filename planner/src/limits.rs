@@ -53,6 +53,26 @@ impl PathLimits {
         }
     }
 
+    /// Largest acceleration of moves with extrusion.
+    pub fn print_acceleration(&self) -> f32 {
+        self.print_acceleration_mm_per_s2
+    }
+
+    /// Largest acceleration of moves without.
+    pub fn travel_acceleration(&self) -> f32 {
+        self.travel_acceleration_mm_per_s2
+    }
+
+    /// Largest acceleration of the filament alone.
+    pub fn retract_acceleration(&self) -> f32 {
+        self.retract_acceleration_mm_per_s2
+    }
+
+    /// Largest feeds and accelerations of X, Y, Z and the filament.
+    pub fn of_axes(&self) -> ([f32; AXES], [f32; AXES]) {
+        (self.max_feed_mm_per_s, self.max_acceleration_mm_per_s2)
+    }
+
     /// What is left of a feed where only the filament moves.
     pub fn of_filament(&self, feed_mm_per_s: f32) -> FeedAndAcceleration {
         let [.., max_feed] = self.max_feed_mm_per_s;

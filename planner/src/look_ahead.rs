@@ -1,13 +1,16 @@
 //! The ring of blocks whose speeds are not settled yet.
 
+mod prepared;
 mod runs;
 
 use crate::block::{Block, PlannedBlock, Speed, SquaredSpeed};
 use crate::pace::Pace;
 use crate::s_curve::staircase::Pulses;
 use crate::s_curve::{FrequencyTable, Jerk};
+use prepared::Prepared;
 use runs::Runs;
 
+pub use prepared::{Entry, Pass, Violation};
 pub use runs::Part;
 
 /// A block in the ring with what the passes need.
@@ -46,6 +49,8 @@ enum Law {
     Trapezoid,
     Runs(Runs),
     Table(FrequencyTable),
+    /// Speeds come with the blocks.
+    Prepared(Prepared),
 }
 
 /// Something that keeps its place among the blocks but takes no time.
@@ -106,6 +111,11 @@ pub struct LookAhead<S> {
     blocks: usize,
     /// What the last block that left had wanted for its nominal speed.
     left_nominal: Speed,
+    /// Squared entry speeds of the last block that left and of the next one, as the reverse pass had them, and the bound of
+    /// the former: what somebody writes down who prepares a job.
+    left_entry: SquaredSpeed,
+    left_bound: SquaredSpeed,
+    next_entry: SquaredSpeed,
     law: Law,
 }
 
@@ -122,6 +132,9 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
             left_with: SquaredSpeed::ZERO,
             blocks: 0,
             left_nominal: Speed::ZERO,
+            left_entry: SquaredSpeed::ZERO,
+            left_bound: SquaredSpeed::ZERO,
+            next_entry: SquaredSpeed::ZERO,
             law: Law::Trapezoid,
         }
     }
@@ -181,6 +194,8 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
                 return true;
             }
             Law::Table(table) => Some(table),
+            // Its speeds would have to come with it.
+            Law::Prepared(_) => return false,
         };
         // Where the block before has left already, it left with a speed that this one starts with.
         let settled = self.blocks == 0;
@@ -254,6 +269,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
                 return left;
             }
             Law::Table(table) => Some(table),
+            Law::Prepared(prepared) => return self.pop_prepared(prepared, pace),
         };
         let content = self.take_first()?;
         match content {
@@ -263,6 +279,8 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
                 self.blocks -= 1;
                 let mut block = waiting.block;
                 self.left_nominal = block.nominal;
+                self.left_entry = self.next_entry;
+                self.left_bound = waiting.entry_bound;
                 let mut reachable = reach(&table, waiting.entry, &block);
                 if pace != Pace::FULL {
                     let capped = pace.of(block.nominal);
@@ -299,12 +317,14 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
         for place in 0..self.length {
             if let Content::Block(next) = self.at(place) {
                 let speed = next.entry.min(reachable).root();
-                next.entry = speed.into();
+                let planned = core::mem::replace(&mut next.entry, speed.into());
                 next.settled = true;
+                self.next_entry = planned;
                 return speed;
             }
         }
         self.stopped = true;
+        self.next_entry = SquaredSpeed::ZERO;
         Speed::ZERO
     }
 
@@ -326,8 +346,11 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
         self.released = 0;
         self.stopped = true;
         self.left_with = SquaredSpeed::ZERO;
-        if let Law::Runs(runs) = &mut self.law {
-            runs.clear();
+        self.next_entry = SquaredSpeed::ZERO;
+        match &mut self.law {
+            Law::Runs(runs) => runs.clear(),
+            Law::Prepared(prepared) => *prepared = Prepared::default(),
+            Law::Trapezoid | Law::Table(_) => {}
         }
     }
 

@@ -1,5 +1,8 @@
 //! The stages connected: moves in, step entries out.
 
+mod prepared;
+mod step_limits;
+
 use crate::block::{Acceleration, Block, PlannedBlock, Speed, SquaredSpeed};
 use crate::bresenham::MAX_STEPS;
 use crate::budget::Budget;
@@ -9,7 +12,7 @@ use crate::interpolator::Interpolator;
 use crate::junction::radius_10nm;
 use crate::kinematics::{Geometry, MAX_COORDINATE_10NM, UNITS_PER_MM};
 use crate::limits::{Limits, PathLimits, larger, smaller};
-use crate::look_ahead::{Left, LookAhead, Marker, Part, Slot, SpeedLaw};
+use crate::look_ahead::{Left, LookAhead, Marker, Part, Slot, SpeedLaw, Violation};
 use crate::merge::{Open, Planned};
 use crate::method::Method;
 use crate::motion_choice::{AccelerationProfile, MotionChoice};
@@ -20,6 +23,8 @@ use crate::s_curve::{FrequencyTable, Jerk};
 use crate::step_queue::{Notice, StepSink};
 use crate::time_law::TimeLaw;
 use crate::{TICKS_PER_SECOND, kinematics};
+use prepared::OpenPrepared;
+pub use prepared::{PreparedBlock, PreparedMove, Recorded};
 
 /// Slowest feed that is planned, mm/s; slower ones are raised to it. The longest block then ends within 20 days, which the
 /// time base holds.
@@ -61,6 +66,10 @@ pub enum MoveError {
     TooMuchFilament,
     /// The feed is not a number above zero.
     Feed,
+    /// The move was prepared, and its plan cannot be followed. Motion ends before it.
+    Violation(Violation),
+    /// The move was prepared for other methods than the machine's: plans are of trapezoids.
+    OtherLaw,
 }
 
 /// What became of a move that was taken.
@@ -88,6 +97,16 @@ struct Previous {
     acceleration_mm_per_s2: f32,
 }
 
+/// Where a move takes the motors.
+#[derive(Clone, Copy, Debug)]
+struct Next {
+    steps: [i32; 3],
+    motor_steps: [i32; 3],
+    extruder: Extruder,
+    extruder_end: i64,
+    extruder_256ths: i32,
+}
+
 /// Moves in, step entries out.
 #[derive(Debug)]
 pub struct Planner<S> {
@@ -106,9 +125,18 @@ pub struct Planner<S> {
     /// Extruder position at the end of the last block.
     extruder_256ths: i64,
     previous: Option<Previous>,
+    /// The block before, where blocks come without their ways.
+    previous_steps: Option<Block>,
     /// The newest block, which the next move may continue. It enters the ring when that is known, never sooner than the
     /// ring has room, so that a full ring holds the same blocks however late the next move comes.
     open: Open,
+    /// The nominal speed of the open block as its feed is now, where that is not the one its speeds were planned with, and
+    /// its planned entry speed; where it was prepared.
+    open_prepared: Option<OpenPrepared>,
+    /// Moves of the other kind, prepared or not, wait until the ring is empty.
+    draining: bool,
+    /// What was wrong with a prepared job; nothing more of it is taken.
+    violation: Option<Violation>,
     /// A flush waits until the open block has entered the ring.
     flushing: bool,
     look_ahead: LookAhead<S>,
@@ -142,7 +170,11 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
             extruder: Extruder::new(geometry.steps_per_mm[3]),
             extruder_256ths: 0,
             previous: None,
+            previous_steps: None,
             open: Open::NONE,
+            open_prepared: None,
+            draining: false,
+            violation: None,
             flushing: false,
             look_ahead: LookAhead::new(ring),
             curve: Curve::NONE,
@@ -252,7 +284,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
 
     /// Whether any move or fan change would be taken now; some are even if this says no.
     pub fn has_room(&self) -> bool {
-        self.look_ahead.has_room()
+        self.look_ahead.has_room() && (!self.draining || self.is_look_ahead_empty())
     }
 
     /// Whether all moves taken have become step entries.
@@ -272,6 +304,25 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
 
     /// Takes a move.
     pub fn add(&mut self, request: &Move) -> Result<Moved, MoveError> {
+        if self.look_ahead.is_prepared() && !self.end_prepared() {
+            return Err(MoveError::NoRoom);
+        }
+        let Some(next) = self.next(request)? else { return Ok(Moved::Nothing) };
+        let planned = self.plan(request, next.steps, next.extruder_256ths);
+        if !self.flushing && self.method.is_default() && self.open.absorb(&planned) {
+            self.merged_moves += 1;
+        } else if self.close() {
+            self.open.begin(&planned, self.extruder_256ths);
+        } else {
+            return Err(MoveError::NoRoom);
+        }
+        self.follow(request, &next, &planned);
+        Ok(Moved::Queued)
+    }
+
+    /// Where a move takes the motors; `None` if it displaces nothing.
+    #[inline]
+    fn next(&self, request: &Move) -> Result<Option<Next>, MoveError> {
         if !(request.feed_mm_per_s > 0.0 && request.feed_mm_per_s.is_finite()) {
             return Err(MoveError::Feed);
         }
@@ -282,7 +333,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
             return Err(MoveError::TooMuchFilament);
         }
         if request.target_10nm == self.position_10nm && request.filament_100pm == 0 {
-            return Ok(Moved::Nothing);
+            return Ok(None);
         }
         let motor_steps = self.geometry.motor_steps(request.target_10nm);
         let mut steps = [0; 3];
@@ -298,22 +349,18 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         let Ok(extruder_256ths) = i32::try_from(extruder_end - self.extruder_256ths) else {
             return Err(MoveError::TooMuchFilament);
         };
+        Ok(Some(Next { steps, motor_steps, extruder, extruder_end, extruder_256ths }))
+    }
 
-        let planned = self.plan(request, steps, extruder_256ths);
-        if !self.flushing && self.method.is_default() && self.open.absorb(&planned) {
-            self.merged_moves += 1;
-        } else if self.close() {
-            self.open.begin(&planned, self.extruder_256ths);
-        } else {
-            return Err(MoveError::NoRoom);
-        }
+    /// The move has been taken.
+    #[inline]
+    fn follow(&mut self, request: &Move, next: &Next, planned: &Planned) {
         let acceleration_mm_per_s2 = planned.acceleration_mm_per_s2;
         self.previous = planned.path.map(|path| Previous { path, acceleration_mm_per_s2 });
-        self.extruder = extruder;
-        self.extruder_256ths = extruder_end;
+        self.extruder = next.extruder;
+        self.extruder_256ths = next.extruder_end;
         self.position_10nm = request.target_10nm;
-        self.motor_steps = motor_steps;
-        Ok(Moved::Queued)
+        self.motor_steps = next.motor_steps;
     }
 
     /// A move as a block of its own, its speed not yet within the budget.
@@ -373,13 +420,18 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
             if !self.look_ahead.has_room() {
                 return false;
             }
-            let events = self.method.events(open.block.steps);
-            if let Some(slower) = self.budget.slower_nominal(&open.block, events, open.moves, open.extruder_256ths) {
-                open.block.nominal = slower;
-                self.slowed_moves += u64::from(open.moves);
+            if let Some(prepared) = self.open_prepared {
+                self.close_prepared(&prepared);
+            } else {
+                let events = self.method.events(open.block.steps);
+                if let Some(slower) = self.budget.slower_nominal(&open.block, events, open.moves, open.extruder_256ths)
+                {
+                    open.block.nominal = slower;
+                    self.slowed_moves += u64::from(open.moves);
+                }
+                self.look_ahead.push(&open.block, open.junction);
+                open.clear();
             }
-            self.look_ahead.push(&open.block, open.junction);
-            open.clear();
         }
         if self.flushing {
             self.flushing = false;
@@ -398,6 +450,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         self.flushing = true;
         self.close();
         self.previous = None;
+        self.previous_steps = None;
     }
 
     /// The step queue runs low and no input is at hand: the oldest block leaves with the speeds it has.
@@ -497,6 +550,9 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
     pub fn stand_at(&mut self, motor_steps: [i64; 4], tick: u64, directions: u8) -> i64 {
         self.look_ahead.clear();
         self.open.clear();
+        self.open_prepared = None;
+        self.draining = false;
+        self.violation = None;
         self.flushing = false;
         self.exit = Speed::ZERO;
         self.interpolator.set_directions(directions);

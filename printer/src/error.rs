@@ -4,6 +4,7 @@ use core::fmt;
 
 use ferrostep_gcode::{ParseError, Real};
 use ferrostep_hal_shim::tmc2209::{DriverEvent, DriverEventKind, Failure as DriverFailure, SettingsError};
+use ferrostep_planner::look_ahead::Violation;
 use ferrostep_planner::{MIN_FEED_MM_PER_S, MoveError};
 
 use crate::AXIS_NAMES;
@@ -88,6 +89,17 @@ pub enum CommandError {
     Halted,
     /// Motion was stopped on the way.
     Stopped,
+    /// A prepared job says the machine is where its motors do not stand.
+    OtherPlace,
+    /// A prepared move goes beyond the machine's travel.
+    Outside {
+        /// Index of the axis.
+        axis: usize,
+    },
+    /// A prepared move's planned speed is not possible.
+    Plan(Violation),
+    /// A prepared job's speeds are trapezoids, and the machine is set to something else.
+    OtherLaw,
 }
 
 impl From<MotionError> for CommandError {
@@ -96,6 +108,8 @@ impl From<MotionError> for CommandError {
             MotionError::Stopped | MotionError::Move(MoveError::NoRoom) => Self::Stopped,
             MotionError::Move(MoveError::TooFar) => Self::TooFar,
             MotionError::Move(MoveError::TooMuchFilament) => Self::TooMuchFilament,
+            MotionError::Move(MoveError::Violation(violation)) => Self::Plan(violation),
+            MotionError::Move(MoveError::OtherLaw) => Self::OtherLaw,
             MotionError::Move(MoveError::Feed) => Self::FeedTooSlow { feed_mm_per_s: 0.0 },
         }
     }
@@ -153,6 +167,26 @@ impl fmt::Display for CommandError {
             Self::InvalidTool(tool) => write!(out, "T{tool} - Invalid extruder number !, expected T0"),
             Self::Halted => write!(out, "the printer is halted (M112 or a heater fault), expected M999 to restart"),
             Self::Stopped => write!(out, "motion was stopped"),
+            Self::OtherPlace => write!(out, "the machine is said to be elsewhere, expected where its motors stand"),
+            Self::Outside { axis } => {
+                let name = AXIS_NAMES.get(*axis).copied().unwrap_or('?');
+                write!(out, "{name}: outside the soft limits, expected a target within the travel")
+            }
+            Self::Plan(Violation::TooFast) => {
+                write!(out, "the planned speed is too high, expected no more than the corner and both feeds allow")
+            }
+            Self::Plan(Violation::TooSlow) => {
+                write!(out, "the planned speed is too low, expected one to which the move before can slow down")
+            }
+            Self::Plan(Violation::BeyondLimits) => {
+                write!(out, "speed or acceleration is beyond the limits of an axis, expected a block within them")
+            }
+            Self::Plan(Violation::NotContinued) => {
+                write!(out, "the move does not continue the one before, expected the same direction and speed")
+            }
+            Self::OtherLaw => {
+                write!(out, "a prepared job's speeds are trapezoids, expected that acceleration profile (M796 A0)")
+            }
         }
     }
 }

@@ -16,8 +16,10 @@ mod homing;
 mod host;
 mod modal;
 mod moves;
+mod prepared;
 mod printer;
 mod profile;
+mod profile_hash;
 mod settings;
 mod waits;
 

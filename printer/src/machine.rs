@@ -14,8 +14,8 @@ use ferrostep_hal_shim::{EndStops, MotorEnable, StepOutput};
 use ferrostep_planner::interpolator::MAX_ENTRIES;
 use ferrostep_planner::look_ahead::Slot;
 use ferrostep_planner::{
-    Limits, MotionChoice, Move, MoveError, Moved, Notice, Pace, Planner, Progress, StepDigests, StepEntry, StepSink,
-    TICKS_PER_SECOND,
+    Limits, MotionChoice, Move, MoveError, Moved, Notice, Pace, Planner, PreparedBlock, PreparedMove, Progress,
+    StepDigests, StepEntry, StepSink, TICKS_PER_SECOND,
 };
 
 use crate::ports::Seek;
@@ -221,6 +221,41 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
             self.set_motors_enabled(ALL, true);
         }
         Ok(moved)
+    }
+
+    /// Takes a move of a prepared job.
+    ///
+    /// # Errors
+    /// As [`Planner::add_prepared`]; [`MoveError::NoRoom`] passes.
+    pub fn add_prepared(&mut self, prepared: &PreparedMove) -> Result<Moved, MoveError> {
+        if self.queue.link().is_stopping() {
+            return Err(MoveError::NoRoom);
+        }
+        let moved = self.planner.add_prepared(prepared)?;
+        if moved == Moved::Queued {
+            self.flushed = false;
+            self.set_motors_enabled(ALL, true);
+        }
+        Ok(moved)
+    }
+
+    /// Takes a block of a prepared job.
+    ///
+    /// # Errors
+    /// As [`Planner::add_prepared_block`]; [`MoveError::NoRoom`] passes.
+    pub fn add_prepared_block(&mut self, prepared: &PreparedBlock) -> Result<(), MoveError> {
+        if self.queue.link().is_stopping() {
+            return Err(MoveError::NoRoom);
+        }
+        self.planner.add_prepared_block(prepared)?;
+        self.flushed = false;
+        self.set_motors_enabled(ALL, true);
+        Ok(())
+    }
+
+    /// See [`Planner::refine_position`].
+    pub fn refine_position(&mut self, position_10nm: [i64; 3]) -> bool {
+        self.planner.refine_position(position_10nm)
     }
 
     /// Changes the fan with the motion taken so far; `false` without room.

@@ -33,6 +33,8 @@ pub(crate) struct Modal {
     pub offset_10nm: [i64; 3],
     /// Logical extruder position.
     pub extruder_10nm: i64,
+    /// What moves of a prepared job have pushed that is not in it yet, units of 0.1 nm times percent.
+    pub extruder_rest_100pm: i64,
     pub homed: [bool; 3],
     pub soft_limits: bool,
     pub retraction: FirmwareRetraction,
@@ -59,6 +61,7 @@ impl Modal {
             machine_10nm: [0; 3],
             offset_10nm: [0; 3],
             extruder_10nm: 0,
+            extruder_rest_100pm: 0,
             homed: [false; 3],
             soft_limits: true,
             retraction: profile.retraction,

@@ -6,7 +6,7 @@ use core::sync::atomic::{AtomicBool, AtomicU8, Ordering};
 use ferrostep_gcode::{MotionFigures, Reply, TimingFigures};
 use ferrostep_hal_shim::Heater;
 use ferrostep_hal_shim::tmc2209::{DriverReport, DriverSettings, DriverState, SettingsError};
-use ferrostep_planner::{Limits, MotionChoice, Move, MoveError, Moved};
+use ferrostep_planner::{Limits, MotionChoice, Move, MoveError, Moved, PreparedBlock, PreparedMove};
 
 use crate::error::Failure;
 use crate::heat::HeatFault;
@@ -33,6 +33,12 @@ pub enum Seek {
 pub trait Motion {
     /// Queues a move; waits for room.
     fn add(&mut self, request: Move) -> impl Future<Output = Result<Moved, MotionError>>;
+    /// Queues a move of a prepared job; waits for room.
+    fn add_prepared(&mut self, prepared: PreparedMove) -> impl Future<Output = Result<Moved, MotionError>>;
+    /// Queues a block of a prepared job; waits for room.
+    fn add_prepared_block(&mut self, prepared: PreparedBlock) -> impl Future<Output = Result<(), MotionError>>;
+    /// Says where the machine is to less than a step; whether the motors stand there.
+    fn refine_position(&mut self, position_10nm: [i64; 3]) -> bool;
     /// Changes the fan with the motion queued so far; waits for room.
     fn set_fan_power(&mut self, power: u8) -> impl Future<Output = Result<(), MotionError>>;
     /// Waits until all queued motion has ended.

@@ -174,7 +174,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
 
     /// After a stop the G-code's position is where the motors stand. A halt also takes their current away, and with it
     /// what homing knew.
-    fn follow_the_motors(&mut self) {
+    pub(crate) fn follow_the_motors(&mut self) {
         if self.signals.is_halted() {
             self.motion.set_motors_enabled(ALL_MOTORS, false);
             self.modal.homed = [false; 3];
@@ -184,7 +184,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
     }
 
     /// Motion stops at once; position, extruder and filament are what has really happened.
-    fn stop_motion(&mut self) {
+    pub(crate) fn stop_motion(&mut self) {
         let dropped_100pm = self.motion.stop();
         self.tally.filament_100pm -= dropped_100pm;
         // What moves extrude by their length is no part of the G-code's position.

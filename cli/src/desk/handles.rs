@@ -6,15 +6,12 @@ use std::task::Poll;
 
 use ferrostep_gcode::MotionFigures;
 use ferrostep_hal_shim::{EndStops, Fan, Heater, MotorEnable};
-use ferrostep_planner::{Limits, MotionChoice, Move, MoveError, Moved};
+use ferrostep_planner::{Limits, MotionChoice, Move, Moved, PreparedBlock, PreparedMove};
 use ferrostep_printer::heat::HeatFault;
 use ferrostep_printer::{HeaterStatus, Heating, Motion, MotionError, Seek, Signals};
 
 use super::{Awaited, Desk};
 use crate::record::Observer;
-
-/// All motors.
-const ALL: u8 = 0b1111;
 
 /// The desk's motion, seen from the command side.
 #[derive(Clone, Copy)]
@@ -54,18 +51,37 @@ impl<O: Observer> DeskMotion<'_, O> {
 
 impl<O: Observer> Motion for DeskMotion<'_, O> {
     async fn add(&mut self, request: Move) -> Result<Moved, MotionError> {
-        self.wait(|desk| match desk.planner.add(&request) {
-            Err(MoveError::NoRoom) => {
-                desk.awaited = Awaited::Room;
-                None
+        self.wait(|desk| {
+            let merged = desk.planner.merged_moves();
+            let outcome = desk.planner.add(&request);
+            if outcome == Ok(Moved::Queued)
+                && let Some(script) = &mut desk.script
+            {
+                script.moved(&request, desk.planner.merged_moves() > merged);
             }
-            Err(error) => Some(Err(MotionError::Move(error))),
-            Ok(moved) => {
-                desk.board.motors.set_motors_enabled(ALL, true);
-                Some(Ok(moved))
-            }
+            desk.taken(outcome)
         })
         .await?
+    }
+
+    async fn add_prepared(&mut self, prepared: PreparedMove) -> Result<Moved, MotionError> {
+        self.wait(|desk| {
+            let outcome = desk.planner.add_prepared(&prepared);
+            desk.taken(outcome)
+        })
+        .await?
+    }
+
+    async fn add_prepared_block(&mut self, prepared: PreparedBlock) -> Result<(), MotionError> {
+        let taken = self.wait(|desk| {
+            let outcome = desk.planner.add_prepared_block(&prepared);
+            desk.taken(outcome.map(|()| Moved::Queued))
+        });
+        taken.await?.map(|_| ())
+    }
+
+    fn refine_position(&mut self, position_10nm: [i64; 3]) -> bool {
+        self.desk.borrow_mut().planner.refine_position(position_10nm)
     }
 
     async fn set_fan_power(&mut self, power: u8) -> Result<(), MotionError> {

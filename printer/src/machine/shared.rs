@@ -5,7 +5,7 @@ use core::future::Future;
 use ferrostep_gcode::MotionFigures;
 use ferrostep_hal_shim::StepOutput;
 use ferrostep_planner::look_ahead::Slot;
-use ferrostep_planner::{Limits, MotionChoice, Move, MoveError, Moved};
+use ferrostep_planner::{Limits, MotionChoice, Move, MoveError, Moved, PreparedBlock, PreparedMove};
 
 use super::{Machine, Silence};
 use crate::ports::{Motion, MotionError, Seek};
@@ -75,6 +75,28 @@ impl<S: SharedMachine> Motion for SharedMotion<S> {
             Ok(moved) => Some(Ok(moved)),
         })
         .await?
+    }
+
+    async fn add_prepared(&mut self, prepared: PreparedMove) -> Result<Moved, MotionError> {
+        self.wait(|machine| match machine.add_prepared(&prepared) {
+            Err(MoveError::NoRoom) => None,
+            Err(error) => Some(Err(MotionError::Move(error))),
+            Ok(moved) => Some(Ok(moved)),
+        })
+        .await?
+    }
+
+    async fn add_prepared_block(&mut self, prepared: PreparedBlock) -> Result<(), MotionError> {
+        self.wait(|machine| match machine.add_prepared_block(&prepared) {
+            Err(MoveError::NoRoom) => None,
+            Err(error) => Some(Err(MotionError::Move(error))),
+            Ok(()) => Some(Ok(())),
+        })
+        .await?
+    }
+
+    fn refine_position(&mut self, position_10nm: [i64; 3]) -> bool {
+        self.0.with(|machine| machine.refine_position(position_10nm))
     }
 
     async fn set_fan_power(&mut self, power: u8) -> Result<(), MotionError> {

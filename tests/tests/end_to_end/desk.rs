@@ -4,6 +4,7 @@ use std::cell::RefCell;
 use std::io::Read;
 
 use ferrostep::desk::{Figures, LOOK_AHEAD_BLOCKS, Mode};
+use ferrostep::gpre;
 use ferrostep::job::{self, JobError, JobProgress};
 use ferrostep::record::Observer;
 use ferrostep::session::{JobReplies, Session};
@@ -45,14 +46,27 @@ pub fn rehearse_traced(profile: &Profile, input: &mut impl Read) -> Ended {
     run(profile, LOOK_AHEAD_BLOCKS, input, Trace::new(profile))
 }
 
+/// Runs a job with all look-ahead there is and keeps its trace; a prepared one as it is, or else G-code.
+pub fn rehearse_far(profile: &Profile, input: &mut impl Read, prepared: bool) -> Ended {
+    run_either(profile, gpre::LOOK_AHEAD_BLOCKS, input, Trace::new(profile), prepared)
+}
+
 fn run(profile: &Profile, look_ahead: usize, input: &mut impl Read, trace: Trace) -> Ended {
+    run_either(profile, look_ahead, input, trace, false)
+}
+
+fn run_either(profile: &Profile, look_ahead: usize, input: &mut impl Read, trace: Trace, prepared: bool) -> Ended {
     let notices = RefCell::new(Vec::new());
     let replies = JobReplies::new(|text: &str| notices.borrow_mut().push(text.to_owned()));
     let session = Session::new(*profile, Mode::Print, look_ahead, trace, replies);
     let mut progress = JobProgress::default();
     let (outcome, tally, logical_10nm) = {
         let mut printer = session.printer();
-        let outcome = session.run(job::run(input, &mut printer, &mut progress, |_| {}));
+        let outcome = if prepared {
+            session.run(gpre::play(input, profile, &mut printer, &mut progress, |_| {}))
+        } else {
+            session.run(job::run(input, &mut printer, &mut progress, |_| {}))
+        };
         (outcome, printer.tally(), printer.logical_10nm())
     };
     let figures = session.desk().borrow().figures();

@@ -13,6 +13,7 @@ mod heater_faults;
 mod hosts;
 mod methods;
 mod papers;
+mod prepared;
 mod prints;
 mod programs;
 mod refusals;

@@ -1,6 +1,6 @@
 //! Jobs nobody would write: any bytes at all, and any valid program.
 
-mod generator;
+pub mod generator;
 
 use ferrostep::desk::LOOK_AHEAD_BLOCKS;
 use ferrostep_tests::reference::{

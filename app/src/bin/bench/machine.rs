@@ -10,7 +10,7 @@ use embedded_hal_async::delay::DelayNs;
 use ferrostep_gcode::{MotionFigures, Reply};
 use ferrostep_hal_shim::{Clock, Heater};
 use ferrostep_planner::look_ahead::Slot;
-use ferrostep_planner::{Limits, MotionChoice, Move, Moved, Planner};
+use ferrostep_planner::{Limits, MotionChoice, Move, Moved, Planner, PreparedBlock, PreparedMove};
 use ferrostep_printer::heat::HeatFault;
 use ferrostep_printer::{HeaterStatus, Heating, Motion, MotionError, Printer, Replies, Seek};
 
@@ -30,6 +30,18 @@ pub struct Machine<'a, 's> {
 impl Motion for Machine<'_, '_> {
     async fn add(&mut self, request: Move) -> Result<Moved, MotionError> {
         self.planner.borrow_mut().add(&request).map_err(MotionError::Move)
+    }
+
+    async fn add_prepared(&mut self, prepared: PreparedMove) -> Result<Moved, MotionError> {
+        self.planner.borrow_mut().add_prepared(&prepared).map_err(MotionError::Move)
+    }
+
+    async fn add_prepared_block(&mut self, prepared: PreparedBlock) -> Result<(), MotionError> {
+        self.planner.borrow_mut().add_prepared_block(&prepared).map_err(MotionError::Move)
+    }
+
+    fn refine_position(&mut self, position_10nm: [i64; 3]) -> bool {
+        self.planner.borrow_mut().refine_position(position_10nm)
     }
 
     async fn set_fan_power(&mut self, _power: u8) -> Result<(), MotionError> {

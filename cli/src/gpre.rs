@@ -1,0 +1,19 @@
+//! Jobs that are planned here and executed by the board: writing, reading and looking into GPRE files.
+
+mod inspect;
+mod packets;
+mod play;
+mod prepare;
+mod script;
+mod summary;
+mod thumbnail;
+
+pub use inspect::{InspectError, inspect};
+pub use play::play;
+pub use prepare::{PrepareError, Prepared, Target, prepare};
+pub use script::Script;
+pub use summary::PreparedSummary;
+pub use thumbnail::find as find_thumbnail;
+
+/// Blocks in the look-ahead ring while a job is prepared: more than any stopping distance has.
+pub const LOOK_AHEAD_BLOCKS: usize = 65_536;

@@ -1,0 +1,126 @@
+//! A prepared job in words.
+
+use std::io::{self, Read, Write};
+
+use ferrostep_gpre::compact::FrameState;
+use ferrostep_gpre::{Encoding, Header, Item, Speed};
+
+use super::play::PartReader;
+use crate::job::JobError;
+use crate::report::hms;
+
+/// Why looking into a file ended.
+pub enum InspectError {
+    /// It cannot be read.
+    Job(JobError),
+    /// The text cannot be written.
+    Write(io::Error),
+}
+
+impl From<JobError> for InspectError {
+    fn from(error: JobError) -> Self {
+        Self::Job(error)
+    }
+}
+
+impl From<io::Error> for InspectError {
+    fn from(error: io::Error) -> Self {
+        Self::Write(error)
+    }
+}
+
+fn mm(length_10nm: i64) -> f64 {
+    length_10nm as f64 / 100_000.0
+}
+
+fn say_header(header: &Header, out: &mut impl Write) -> io::Result<()> {
+    writeln!(out, "encoding     {:?}", header.encoding)?;
+    writeln!(out, "profile      {:016x}", header.profile_hash)?;
+    writeln!(out, "planner      version {}", header.planner_version)?;
+    writeln!(out, "time         {} in motion", hms(header.motion_ms as f64 / 1000.0))?;
+    writeln!(out, "filament     {:.3} m", header.filament_100pm as f64 / 1e10)?;
+    writeln!(out, "moves        {}, {} layers, {} frames", header.moves, header.layers, header.frames)?;
+    match header.thumbnail {
+        Some(picture) => writeln!(
+            out,
+            "thumbnail    {:?}, {} x {}, {} bytes",
+            picture.format, picture.width, picture.height, picture.length
+        ),
+        None => writeln!(out, "thumbnail    none"),
+    }
+}
+
+fn say_start(state: &FrameState, out: &mut impl Write) -> io::Result<()> {
+    let [x, y, z] = state.position_10nm.map(mm);
+    let modal = &state.modal;
+    writeln!(
+        out,
+        "  begins at X{x:.5} Y{y:.5} Z{z:.5}, E {:.5}, after line {}; feed {} mm/s ({} %), flow {} %, fan {}, nozzle {} C, \
+         bed {} C{}{}",
+        mm(modal.extruder_10nm),
+        state.line,
+        state.feed_mm_per_s,
+        modal.feed_percent,
+        modal.flow_percent,
+        state.fan_power,
+        modal.nozzle_celsius,
+        modal.bed_celsius,
+        if modal.limits.is_some() { ", limits of its own" } else { "" },
+        if state.can_be_entered { "" } else { "; cannot be entered here" },
+    )
+}
+
+fn say_item(item: &Item<'_>, out: &mut impl Write) -> io::Result<()> {
+    match item {
+        Item::Move(next) => {
+            let [x, y, z] = next.target_10nm.map(mm);
+            let filament = next.filament_100pm as f64 / 1e7;
+            let (line, feed) = (next.line, next.feed_mm_per_s);
+            write!(out, "  {line:>7}  X{x:.5} Y{y:.5} Z{z:.5} E{filament:+.5} F{feed} mm/s, ")?;
+            match next.speed {
+                Speed::Continues => writeln!(out, "continues"),
+                Speed::Bound => writeln!(out, "entry by corner and feed"),
+                Speed::Falling => writeln!(out, "entry by braking"),
+                Speed::Given(units) => writeln!(out, "entry {:.4} mm/s", (units as f64 / 12_800_000.0).sqrt()),
+            }
+        }
+        Item::Fan { line, power } => writeln!(out, "  {line:>7}  fan {power}"),
+        Item::Command { line, text } => writeln!(out, "  {line:>7}  {text}"),
+    }
+}
+
+/// Writes what is in a prepared job: the header and, with `all`, every frame and item; otherwise the frames' beginnings.
+///
+/// # Errors
+/// What is wrong with the file, behind what could be read of it; `out` cannot be written.
+pub fn inspect(input: impl Read, all: bool, out: &mut impl Write) -> Result<(), InspectError> {
+    let mut reader = PartReader::new(input);
+    let header = reader.header()?;
+    say_header(&header, out)?;
+    if header.encoding == Encoding::Wide {
+        while let Some((packet, number, offset)) = reader.packet(header.frames)? {
+            if all {
+                writeln!(out, "{number} at byte {offset}: {packet:?}")?;
+            }
+        }
+        return Ok(());
+    }
+    while let Some((frame, offset)) = reader.frame(header.frames)? {
+        let number = frame.number;
+        let fail = |fault: ferrostep_gpre::Fault| JobError::Prepared {
+            frame: Some(number),
+            line: None,
+            offset,
+            message: fault.to_string(),
+        };
+        let mut items = frame.items().map_err(fail)?;
+        writeln!(out, "frame {number} at byte {offset}")?;
+        say_start(items.start(), out)?;
+        while let Some(item) = items.next_item().map_err(fail)? {
+            if all {
+                say_item(&item, out)?;
+            }
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,240 @@
+//! From G-code to GPRE, in one pass and in constant memory.
+
+use std::cell::RefCell;
+use std::io::{self, Read, Seek, SeekFrom, Write};
+
+use ferrostep_gpre::compact::FrameWriter;
+use ferrostep_gpre::{Encoding, Header, ModalState, Thumbnail};
+use ferrostep_planner::{AccelerationProfile, PLANNER_VERSION};
+use ferrostep_printer::{Profile, Replies, Tally};
+
+use super::LOOK_AHEAD_BLOCKS;
+use super::packets::PacketWriter;
+use super::script::Ready;
+use crate::desk::{Desk, Figures, Mode};
+use crate::job::{self, JobError, JobProgress, Onlooker};
+use crate::session::{DeskPrinter, Session};
+
+/// Bytes that are kept before they are written.
+const PORTION_BYTES: usize = 64 * 1024;
+
+/// Where a job goes.
+#[derive(Debug)]
+pub struct Target<W> {
+    /// The file.
+    pub out: W,
+    /// Its encoding.
+    pub encoding: Encoding,
+}
+
+/// What was prepared.
+#[derive(Clone, Copy, Debug)]
+pub struct Prepared {
+    /// The header of the file.
+    pub header: Header,
+    /// Its length, bytes.
+    pub bytes: u64,
+    /// Bytes of all frames (packets): the header and its thumbnail left out.
+    pub content_bytes: u64,
+    /// Length of the G-code, bytes.
+    pub source_bytes: u64,
+    /// How far the job was read.
+    pub progress: JobProgress,
+    /// What it does.
+    pub tally: Tally,
+}
+
+/// Why nothing, or not all, was prepared.
+#[derive(Debug)]
+pub enum PrepareError {
+    /// The machine's acceleration is none that is planned ahead of time.
+    Acceleration(AccelerationProfile),
+    /// The G-code is not one that can be executed.
+    Job(JobError),
+    /// The file cannot be written.
+    Write(io::Error),
+    /// A command cannot be put into a file: its line, and why.
+    Command(u32, &'static str),
+}
+
+impl std::fmt::Display for PrepareError {
+    fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Acceleration(acceleration) => write!(
+                out,
+                "acceleration = \"{}\": prepared jobs have trapezoids only, expected \"trapezoid\"",
+                acceleration.name()
+            ),
+            Self::Job(error) => error.fmt(out),
+            Self::Write(error) => write!(out, "cannot be written: {error}"),
+            Self::Command(line, why) => write!(out, "line {line}: {why}"),
+        }
+    }
+}
+
+impl std::error::Error for PrepareError {}
+
+/// Counts the bytes of the G-code.
+struct Counted<'a, I> {
+    input: &'a mut I,
+    bytes: u64,
+}
+
+impl<I: Read> Read for Counted<'_, I> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let read = self.input.read(buffer)?;
+        self.bytes += read as u64;
+        Ok(read)
+    }
+}
+
+/// What the parts of a job become.
+enum Parts {
+    Compact(Box<FrameWriter>),
+    Wide(PacketWriter),
+}
+
+/// The file being written.
+struct Writer<'a, W> {
+    desk: &'a RefCell<Desk<()>>,
+    out: W,
+    parts: Parts,
+    waiting: Vec<u8>,
+    content_bytes: u64,
+    failed: Option<PrepareError>,
+}
+
+impl<W: Write> Writer<'_, W> {
+    fn take(&mut self, ready: &Ready) {
+        if let Ready::Command { line, text } = ready
+            && text.len() > ferrostep_gpre::compact::MOST_TEXT_BYTES
+        {
+            let why = "a command too long for a prepared job, expected at most 255 bytes";
+            self.failed.get_or_insert(PrepareError::Command(*line, why));
+        }
+        match &mut self.parts {
+            Parts::Wide(packets) => packets.take(ready, &mut self.waiting),
+            Parts::Compact(frames) => match (ready, ready.item()) {
+                (Ready::State { modal, position_10nm }, _) => {
+                    frames.set_modal(*modal, *position_10nm, &mut self.waiting);
+                }
+                (_, Some(item)) => frames.add(&item, &mut self.waiting),
+                _ => {}
+            },
+        }
+        if self.waiting.len() >= PORTION_BYTES {
+            self.write();
+        }
+    }
+
+    fn take_ready(&mut self) {
+        let desk = self.desk;
+        if let Some(script) = desk.borrow_mut().script() {
+            while let Some(ready) = script.pop() {
+                self.take(&ready);
+            }
+        }
+    }
+
+    fn write(&mut self) {
+        self.content_bytes += self.waiting.len() as u64;
+        if let Err(error) = self.out.write_all(&self.waiting) {
+            self.failed.get_or_insert(PrepareError::Write(error));
+        }
+        self.waiting.clear();
+    }
+}
+
+impl<W: Write, R: Replies> Onlooker<(), R> for Writer<'_, W> {
+    fn begins(&mut self, _: &DeskPrinter<'_, (), R>, line: u32, text: &str) {
+        if let Some(script) = self.desk.borrow_mut().script() {
+            script.begins(line, text);
+        }
+    }
+
+    fn ended(&mut self, printer: &DeskPrinter<'_, (), R>) {
+        let (modal, position) = (printer.prepared_state(), printer.machine_10nm());
+        if let Some(script) = self.desk.borrow_mut().script() {
+            script.ended(modal, position);
+        }
+        self.take_ready();
+    }
+}
+
+/// Prepares a job: executes it on the desk without its steps and writes what is planned.
+///
+/// `picture` is the slicer's, see [`super::find_thumbnail`]. The header goes to the file's start again at the end, when its numbers are known.
+///
+/// # Errors
+/// As [`PrepareError`] has them; what is in `out` then is of no use.
+pub fn prepare<R: Replies>(
+    input: &mut impl Read,
+    picture: Option<(Thumbnail, Vec<u8>)>,
+    profile: Profile,
+    replies: R,
+    target: Target<impl Write + Seek>,
+    mut look: impl FnMut(&JobProgress, &Figures),
+) -> Result<Prepared, PrepareError> {
+    if profile.motion.acceleration != AccelerationProfile::Trapezoid {
+        return Err(PrepareError::Acceleration(profile.motion.acceleration));
+    }
+    let Target { mut out, encoding } = target;
+    let mut header = Header {
+        encoding,
+        profile_hash: profile.hash(),
+        planner_version: PLANNER_VERSION,
+        frames: 0,
+        moves: 0,
+        motion_ms: 0,
+        filament_100pm: 0,
+        layers: 0,
+        thumbnail: picture.as_ref().map(|(thumbnail, _)| *thumbnail),
+    };
+    let picture = picture.map_or_else(Vec::new, |(_, bytes)| bytes);
+    out.write_all(&header.to_bytes(&picture)).map_err(PrepareError::Write)?;
+
+    let session = Session::new(profile, Mode::Prepare, LOOK_AHEAD_BLOCKS, (), replies);
+    let mut printer = session.printer();
+    let mut progress = JobProgress::default();
+    let mut input = Counted { input, bytes: 0 };
+    let parts = match encoding {
+        Encoding::Compact => Parts::Compact(Box::new(FrameWriter::new(printer.machine_10nm(), ModalState::START))),
+        Encoding::Wide => Parts::Wide(PacketWriter::new(printer.machine_10nm())),
+    };
+    let mut writer = Writer { desk: session.desk(), out, parts, waiting: Vec::new(), content_bytes: 0, failed: None };
+    let outcome = session.run(job::run_watched(&mut input, &mut printer, &mut progress, &mut writer, |progress| {
+        look(progress, &session.desk().borrow().figures());
+    }));
+    outcome.map_err(PrepareError::Job)?;
+    writer.take_ready();
+    let frames = match &mut writer.parts {
+        Parts::Compact(frames) => {
+            frames.close(&mut writer.waiting);
+            frames.frames()
+        }
+        Parts::Wide(packets) => packets.end(&mut writer.waiting),
+    };
+    writer.write();
+    if let Some(error) = writer.failed {
+        return Err(error);
+    }
+
+    let tally = printer.tally();
+    header.frames = frames;
+    header.moves = tally.moves;
+    header.motion_ms = (session.desk().borrow().figures().motion_time_s * 1000.0).round() as u64;
+    header.filament_100pm = tally.filament_100pm;
+    header.layers = progress.layers;
+    let mut out = writer.out;
+    out.seek(SeekFrom::Start(0)).map_err(PrepareError::Write)?;
+    out.write_all(&header.to_bytes(&picture)).map_err(PrepareError::Write)?;
+    out.flush().map_err(PrepareError::Write)?;
+    Ok(Prepared {
+        header,
+        bytes: u64::from(header.length()) + writer.content_bytes,
+        content_bytes: writer.content_bytes,
+        source_bytes: input.bytes,
+        progress,
+        tally,
+    })
+}

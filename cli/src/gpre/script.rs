@@ -1,0 +1,246 @@
+//! What a job is made of, in its order, on its way from the G-code to the file: moves wait here until look-ahead has
+//! settled their speeds.
+
+use std::collections::VecDeque;
+
+use ferrostep_gcode::{Command, parse};
+use ferrostep_gpre::{Item, ModalState, MoveItem, Speed};
+use ferrostep_planner::look_ahead::{Entry, Pass};
+use ferrostep_planner::{Move, PlannedBlock, Recorded, SquaredSpeed};
+
+/// What the command being executed is in the file.
+#[derive(Clone, Debug, Default, PartialEq)]
+enum Now {
+    /// Its moves.
+    Moves {
+        /// Whether their filament counts in E.
+        counts: bool,
+    },
+    /// A change of the fan.
+    Fan { line: u32, power: u8 },
+    /// Its text; what it moves the machine does by itself (homing).
+    #[default]
+    Text,
+}
+
+/// A block's speeds.
+#[derive(Clone, Copy, Debug)]
+struct Speeds {
+    planned: PlannedBlock,
+    entry: SquaredSpeed,
+    bound: SquaredSpeed,
+}
+
+/// A part of the job that is not in the file yet.
+#[derive(Clone, Debug)]
+enum Waiting {
+    /// A block's first move; `None` for one that the machine makes by itself.
+    First {
+        item: Option<MoveItem>,
+        speeds: Option<Speeds>,
+    },
+    /// Moves that the machine made by itself.
+    Anew,
+    /// A move that was joined to the one before.
+    Joined(MoveItem),
+    Fan {
+        line: u32,
+        power: u8,
+    },
+    Command {
+        line: u32,
+        text: String,
+    },
+    /// What lasts, and where the machine is, after all before.
+    State {
+        modal: ModalState,
+        position_10nm: [i64; 3],
+    },
+}
+
+/// A part that is ready for the file.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Ready {
+    /// A block's first move.
+    First {
+        /// The move.
+        item: MoveItem,
+        /// The whole block.
+        planned: PlannedBlock,
+        /// The most that the corner before it and both feeds allow.
+        bound: SquaredSpeed,
+        /// How many moves are joined to it.
+        joined: usize,
+    },
+    /// A move that was joined to the one before.
+    Joined(MoveItem),
+    /// The fan.
+    Fan {
+        /// Source line.
+        line: u32,
+        /// Power, 0 to 255.
+        power: u8,
+    },
+    /// A command.
+    Command {
+        /// Source line.
+        line: u32,
+        /// Its text.
+        text: String,
+    },
+    /// What lasts has changed.
+    State {
+        /// It.
+        modal: ModalState,
+        /// Where the machine is, units of 10 nm.
+        position_10nm: [i64; 3],
+    },
+}
+
+impl Ready {
+    /// The item of the file; `None` for a state.
+    pub fn item(&self) -> Option<Item<'_>> {
+        match self {
+            Self::First { item, .. } | Self::Joined(item) => Some(Item::Move(*item)),
+            Self::Fan { line, power } => Some(Item::Fan { line: *line, power: *power }),
+            Self::Command { line, text } => Some(Item::Command { line: *line, text }),
+            Self::State { .. } => None,
+        }
+    }
+}
+
+/// The job on its way.
+#[derive(Debug, Default)]
+pub struct Script {
+    now: Now,
+    waiting: VecDeque<Waiting>,
+    /// How many parts have left `waiting`.
+    left: u64,
+    /// Which blocks' first moves, counted from the job's start, have no speeds yet.
+    unplanned: VecDeque<u64>,
+    pass: Pass,
+    /// What the block before can reach at its end.
+    reachable: SquaredSpeed,
+}
+
+impl Script {
+    /// A line is about to be executed.
+    pub fn begins(&mut self, line: u32, text: &str) {
+        self.now = match parse(text) {
+            Ok(Command::Linear { .. } | Command::Arc { .. }) => Now::Moves { counts: true },
+            Ok(Command::Retract | Command::Recover) => Now::Moves { counts: false },
+            Ok(Command::Fan { index: 0, power }) => Now::Fan { line, power },
+            _ => Now::Text,
+        };
+        match self.now {
+            Now::Moves { .. } => {}
+            Now::Fan { line, power } => self.waiting.push_back(Waiting::Fan { line, power }),
+            Now::Text => self.waiting.push_back(Waiting::Command { line, text: text.to_owned() }),
+        }
+    }
+
+    /// It has been executed; this lasts.
+    pub fn ended(&mut self, modal: ModalState, position_10nm: [i64; 3]) {
+        if self.now == Now::Text {
+            self.waiting.push_back(Waiting::State { modal, position_10nm });
+        }
+        self.now = Now::Text;
+    }
+
+    /// The planner has taken a move.
+    pub fn moved(&mut self, request: &Move, joined: bool) {
+        let item = match self.now {
+            Now::Moves { counts } => Some(MoveItem {
+                target_10nm: request.target_10nm,
+                filament_100pm: request.filament_100pm,
+                feed_mm_per_s: request.feed_mm_per_s,
+                line: request.line,
+                ends_move: request.ends_move,
+                counts,
+                speed: Speed::Continues,
+            }),
+            _ => None,
+        };
+        match item {
+            Some(item) if joined => self.waiting.push_back(Waiting::Joined(item)),
+            None if joined => {}
+            item => {
+                self.unplanned.push_back(self.left + self.waiting.len() as u64);
+                self.waiting.push_back(Waiting::First { item, speeds: None });
+            }
+        }
+    }
+
+    /// A block has left look-ahead.
+    pub fn left(&mut self, recorded: &Recorded) {
+        let Recorded::Block { planned, entry, bound } = *recorded else { return };
+        let Some(index) = self.unplanned.pop_front() else { return };
+        if let Some(Waiting::First { speeds, .. }) = self.waiting.get_mut((index - self.left) as usize) {
+            *speeds = Some(Speeds { planned, entry, bound });
+        }
+    }
+
+    /// All moves that have no speeds have been made otherwise: up to an end stop.
+    pub fn sought(&mut self) {
+        self.unplanned.clear();
+        for waiting in &mut self.waiting {
+            if let Waiting::First { item: None, .. } = waiting {
+                *waiting = Waiting::Anew;
+            }
+        }
+    }
+
+    /// The next part that is ready.
+    pub fn pop(&mut self) -> Option<Ready> {
+        loop {
+            if let Waiting::First { speeds: None, .. } = self.waiting.front()? {
+                return None;
+            }
+            self.left += 1;
+            return Some(match self.waiting.pop_front()? {
+                Waiting::Anew | Waiting::First { item: None, .. } => {
+                    self.pass = Pass::default();
+                    self.reachable = SquaredSpeed::ZERO;
+                    continue;
+                }
+                Waiting::First { item: Some(item), speeds } => {
+                    let Speeds { planned, bound, .. } = speeds?;
+                    let of_this = |waiting: &&Waiting| !matches!(waiting, Waiting::First { .. } | Waiting::Anew);
+                    let of_this = self.waiting.iter().take_while(of_this);
+                    let joined = of_this.filter(|waiting| matches!(waiting, Waiting::Joined(_))).count();
+                    Ready::First { item: MoveItem { speed: self.speed(&speeds?), ..item }, planned, bound, joined }
+                }
+                Waiting::Joined(item) => Ready::Joined(item),
+                Waiting::Fan { line, power } => Ready::Fan { line, power },
+                Waiting::Command { line, text } => Ready::Command { line, text },
+                Waiting::State { modal, position_10nm } => Ready::State { modal, position_10nm },
+            });
+        }
+    }
+
+    /// The shortest way to say the planned speed, from which the reader's forward pass makes the same.
+    fn speed(&mut self, speeds: &Speeds) -> Speed {
+        let Speeds { planned, entry, bound } = speeds;
+        let said = |said: Entry| {
+            let mut pass = self.pass;
+            let most = pass.fastest();
+            let wanted = pass.next(&planned.block, *bound, false, said).ok()?;
+            // A higher one would let the reader expect more speed at the block's end than is there to brake from.
+            let holds = wanted.min(self.reachable).root() == planned.entry && wanted.min(most) <= *entry;
+            holds.then_some(pass)
+        };
+        let (speed, pass) = if let Some(pass) = said(Entry::Bound) {
+            (Speed::Bound, pass)
+        } else if let Some(pass) = said(Entry::Falling) {
+            (Speed::Falling, pass)
+        } else {
+            let mut pass = self.pass;
+            // It is within its bounds, for it is the reverse pass's.
+            let _ = pass.next(&planned.block, *bound, false, Entry::Given(*entry));
+            (Speed::Given(entry.units()), pass)
+        };
+        self.pass = pass;
+        self.reachable = SquaredSpeed::from(planned.entry).changed_over(&planned.block);
+        speed
+    }
+}

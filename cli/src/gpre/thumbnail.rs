@@ -1,0 +1,100 @@
+//! The picture that slicers write into the comments at a file's start.
+
+use std::io::{BufRead, BufReader, Read};
+
+use ferrostep_gpre::{Thumbnail, ThumbnailFormat};
+
+/// No more of a file is looked at.
+const MOST_BYTES: u64 = 2 << 20;
+
+/// The largest thumbnail before the first command: lines between `; thumbnail begin 220x124 1234` (also `thumbnail_JPG`,
+/// `thumbnail_QOI`) and `; thumbnail end`, in base 64.
+pub fn find(input: impl Read) -> Option<(Thumbnail, Vec<u8>)> {
+    let mut found: Option<(Thumbnail, Vec<u8>)> = None;
+    let mut open: Option<(ThumbnailFormat, u16, u16, String)> = None;
+    for line in BufReader::new(input.take(MOST_BYTES)).split(b'\n') {
+        let line = line.ok()?;
+        let line = String::from_utf8_lossy(&line);
+        let line = line.trim();
+        let Some(comment) = line.strip_prefix(';') else {
+            if line.is_empty() {
+                continue;
+            }
+            break;
+        };
+        let comment = comment.trim();
+        if let Some((format, width, height, text)) = &mut open {
+            if !comment.starts_with("thumbnail") {
+                text.push_str(comment);
+                continue;
+            }
+            let bytes = from_base_64(text);
+            let (format, width, height) = (*format, *width, *height);
+            open = None;
+            let larger = |bytes: &Vec<u8>| found.as_ref().is_none_or(|(_, before)| bytes.len() > before.len());
+            let fits = |bytes: &Vec<u8>| bytes.len() < ferrostep_gpre::header::MOST_THUMBNAIL_BYTES as usize;
+            if let Some(bytes) = bytes.filter(|bytes| !bytes.is_empty() && larger(bytes) && fits(bytes)) {
+                found = Some((Thumbnail { format, width, height, length: bytes.len() as u32 }, bytes));
+            }
+        } else {
+            open = begins(comment).map(|(format, width, height)| (format, width, height, String::new()));
+        }
+    }
+    found
+}
+
+/// `thumbnail begin 220x124 1234`.
+fn begins(comment: &str) -> Option<(ThumbnailFormat, u16, u16)> {
+    let mut words = comment.split_whitespace();
+    let format = match words.next()? {
+        "thumbnail" => ThumbnailFormat::Png,
+        "thumbnail_JPG" => ThumbnailFormat::Jpeg,
+        "thumbnail_QOI" => ThumbnailFormat::Qoi,
+        _ => return None,
+    };
+    if words.next()? != "begin" {
+        return None;
+    }
+    let (width, height) = words.next()?.split_once('x')?;
+    Some((format, width.parse().ok()?, height.parse().ok()?))
+}
+
+/// Bytes of a text in base 64; `None` where it is none.
+fn from_base_64(text: &str) -> Option<Vec<u8>> {
+    let mut bytes = Vec::with_capacity(text.len() * 3 / 4);
+    let (mut bits, mut count) = (0u32, 0);
+    for byte in text.trim_end_matches('=').bytes() {
+        let value = match byte {
+            b'A'..=b'Z' => byte - b'A',
+            b'a'..=b'z' => byte - b'a' + 26,
+            b'0'..=b'9' => byte - b'0' + 52,
+            b'+' => 62,
+            b'/' => 63,
+            _ => return None,
+        };
+        bits = bits << 6 | u32::from(value);
+        count += 6;
+        if count >= 8 {
+            count -= 8;
+            bytes.push((bits >> count) as u8);
+        }
+    }
+    Some(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+
+    #[test]
+    fn the_largest_is_found() {
+        let text = "; made by hand\n\n; thumbnail begin 16x16 4\n; AAEC\n; thumbnail end\n; thumbnail_QOI begin 32x24 8\n\
+                    ; AAEC\n; AwQ=\n; thumbnail_QOI end\nG28\n; thumbnail begin 99x99 8\n; AAECAwQF\n; thumbnail end\n";
+        let (thumbnail, bytes) = find(text.as_bytes()).unwrap();
+        assert_eq!(bytes, [0, 1, 2, 3, 4]);
+        assert_eq!((thumbnail.format, thumbnail.width, thumbnail.height), (ThumbnailFormat::Qoi, 32, 24));
+        assert_eq!(find(b"G28\n".as_slice()), None);
+        assert_eq!(find(b"; thumbnail begin 16x16 4\n; ???\n; thumbnail end\n".as_slice()), None);
+    }
+}

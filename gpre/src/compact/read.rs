@@ -1,0 +1,374 @@
+//! What is in a frame.
+
+use super::{
+    FILAMENT_ALL, FILAMENT_NONE, FILAMENT_PREDICTED, MOST_TEXT_BYTES, PLACES, Shape, WAY_NONE, WAY_XY, WAY_XYZ, WAY_Z,
+    prediction,
+};
+use crate::bits::BitReader;
+use crate::error::Fault;
+use crate::item::{Item, ModalState, MoveItem, Speed};
+
+/// Largest coordinate, either sign, units of 10 nm: 5 m.
+const MOST_10NM: i64 = 500_000_000;
+
+/// Largest unit, so that its product with any number of steps has 64 bits.
+const MOST_UNIT: i64 = 1000;
+
+/// Where a frame begins.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FrameState {
+    /// A job can be entered here: the first move begins a block.
+    pub can_be_entered: bool,
+    /// Machine position, units of 10 nm.
+    pub position_10nm: [i64; 3],
+    /// Number of the source line before.
+    pub line: u32,
+    /// Feed, mm/s.
+    pub feed_mm_per_s: f32,
+    /// Fan, 0 to 255.
+    pub fan_power: u8,
+    /// What lasts.
+    pub modal: ModalState,
+}
+
+/// What was told last, in places that are taken in turn.
+#[derive(Clone, Copy, Debug)]
+struct Places<T> {
+    places: [T; PLACES],
+    next: usize,
+}
+
+impl<T: Copy> Places<T> {
+    fn new(nothing: T) -> Self {
+        Self { places: [nothing; PLACES], next: 0 }
+    }
+
+    fn put(&mut self, value: T) {
+        if let Some(place) = self.places.get_mut(self.next) {
+            *place = value;
+        }
+        self.next = (self.next + 1) % PLACES;
+    }
+
+    fn get(&self, index: u32) -> Option<T> {
+        self.places.get(index as usize).copied()
+    }
+}
+
+/// Reads the items of a frame one after the other.
+#[derive(Clone, Debug)]
+pub struct Decoder<'a> {
+    bits: BitReader<'a>,
+    start: FrameState,
+    left: u32,
+    position_10nm: [i64; 3],
+    line: u32,
+    feed_mm_per_s: f32,
+    lambda: f32,
+    shape: Shape,
+    unit_10nm: i64,
+    filament_unit_100pm: i64,
+    orders: [u32; 4],
+    feeds: Places<f32>,
+    lambdas: Places<f32>,
+    /// Where the bits of each command begin.
+    commands: Places<usize>,
+    text: [u8; MOST_TEXT_BYTES],
+}
+
+impl<'a> Decoder<'a> {
+    /// Reads how a frame begins.
+    pub(super) fn new(payload: &'a [u8]) -> Result<Self, Fault> {
+        let mut bits = BitReader::new(payload);
+        let can_be_entered = bits.bit()?;
+        let mut position_10nm = [0; 3];
+        for coordinate in &mut position_10nm {
+            *coordinate = bits.signed_long(24)?;
+            if coordinate.unsigned_abs() > MOST_10NM as u64 {
+                return Err(Fault::Content("coordinates within 5 m"));
+            }
+        }
+        let line = bits.golomb(20)?;
+        let feed_mm_per_s = feed(&mut bits)?;
+        let extruder_10nm = bits.signed_long(28)?;
+        let mut offset_10nm = [0; 3];
+        for offset in &mut offset_10nm {
+            *offset = bits.signed_long(8)?;
+        }
+        let lift_10nm = bits.signed_long(8)?;
+        const PERCENT: Fault = Fault::Content("percentages and temperatures of 16 bits");
+        let mut small = |k| u16::try_from(bits.golomb(k)?).map_err(|_| PERCENT);
+        let (nozzle_celsius, bed_celsius, feed_percent, flow_percent) = (small(8)?, small(8)?, small(7)?, small(7)?);
+        let fan_power = bits.few(8)? as u8;
+        let mut limits = None;
+        if bits.bit()? {
+            let mut values = [0.0; 12];
+            for value in &mut values {
+                *value = if bits.bit()? { f32::from_bits(bits.many(32)? as u32) } else { bits.golomb(10)? as f32 };
+                if !(*value > 0.0 && value.is_finite()) {
+                    return Err(Fault::Content("limits above zero"));
+                }
+            }
+            limits = Some(values);
+        }
+        let (unit_10nm, filament_unit_100pm) = (i64::from(bits.golomb(7)?), i64::from(bits.golomb(7)?));
+        if !(1..=MOST_UNIT).contains(&unit_10nm) || !(1..=MOST_UNIT).contains(&filament_unit_100pm) {
+            return Err(Fault::Content("units from 1 to 1000"));
+        }
+        let mut orders = [0; 4];
+        for order in &mut orders {
+            *order = bits.few(5)?;
+        }
+        let left = bits.golomb(8)?;
+        let modal = ModalState {
+            nozzle_celsius,
+            bed_celsius,
+            feed_percent,
+            flow_percent,
+            extruder_10nm,
+            offset_10nm,
+            lift_10nm,
+            limits,
+        };
+        let start = FrameState { can_be_entered, position_10nm, line, feed_mm_per_s, fan_power, modal };
+        Ok(Self {
+            bits,
+            start,
+            left,
+            position_10nm,
+            line,
+            feed_mm_per_s,
+            lambda: 0.0,
+            shape: Shape::FIRST,
+            unit_10nm,
+            filament_unit_100pm,
+            orders,
+            feeds: Places::new(feed_mm_per_s),
+            lambdas: Places::new(0.0),
+            commands: Places::new(usize::MAX),
+            text: [0; MOST_TEXT_BYTES],
+        })
+    }
+
+    /// Where the frame begins.
+    pub fn start(&self) -> &FrameState {
+        &self.start
+    }
+
+    /// The next item; `None` behind the last.
+    ///
+    /// # Errors
+    /// Content that has no meaning. The decoder is of no use after it.
+    pub fn next_item(&mut self) -> Result<Option<Item<'_>>, Fault> {
+        while self.left > 0 {
+            self.left -= 1;
+            if !self.bits.bit()? {
+                return self.next_move().map(|next| Some(Item::Move(next)));
+            }
+            if !self.bits.bit()? {
+                self.shape = Shape(self.bits.few(Shape::BITS)? as u8);
+                return self.next_move().map(|next| Some(Item::Move(next)));
+            }
+            match self.bits.few(3)? {
+                0 => {
+                    let place = self.bits.few(3)?;
+                    self.feed_mm_per_s = self.feeds.get(place).unwrap_or(self.feed_mm_per_s);
+                }
+                1 => {
+                    self.feed_mm_per_s = feed(&mut self.bits)?;
+                    self.feeds.put(self.feed_mm_per_s);
+                }
+                2 => {
+                    let place = self.bits.few(3)?;
+                    self.lambda = self.lambdas.get(place).unwrap_or(0.0);
+                }
+                3 => {
+                    self.lambda = f32::from_bits(self.bits.few(24)? << 8);
+                    self.lambdas.put(self.lambda);
+                }
+                4 => {
+                    let lines = self.bits.golomb(2)?;
+                    self.pass_lines(lines)?;
+                    self.pass_lines(1)?;
+                }
+                5 => {
+                    let lines = self.bits.golomb(1)?;
+                    self.pass_lines(lines)?;
+                    let power = self.bits.few(8)? as u8;
+                    return Ok(Some(Item::Fan { line: self.line, power }));
+                }
+                6 => {
+                    let lines = self.bits.golomb(1)?;
+                    self.pass_lines(lines)?;
+                    return self.command().map(Some);
+                }
+                _ => return Err(Fault::Content("an item of a kind from 0 to 6")),
+            }
+        }
+        if self.bits.left() >= 8 {
+            return Err(Fault::Content("the frame's end after its last item"));
+        }
+        Ok(None)
+    }
+
+    fn pass_lines(&mut self, lines: u32) -> Result<(), Fault> {
+        self.line = self.line.checked_add(lines).ok_or(Fault::Content("line numbers of 32 bits"))?;
+        Ok(())
+    }
+
+    #[inline]
+    fn next_move(&mut self) -> Result<MoveItem, Fault> {
+        let speed = self.speed()?;
+        let shape = self.shape;
+        let [order_x, order_y, order_z, order_filament] = self.orders;
+        let mut way = [0; 3];
+        if shape.way() == WAY_XY || shape.way() == WAY_XYZ {
+            way[0] = self.bits.signed(order_x)?;
+            way[1] = self.bits.signed(order_y)?;
+        }
+        if shape.way() == WAY_XYZ || shape.way() == WAY_Z {
+            way[2] = self.bits.signed(order_z)?;
+        }
+        if shape.way() != WAY_NONE {
+            for (coordinate, steps) in self.position_10nm.iter_mut().zip(way) {
+                *coordinate += i64::from(steps) * self.unit_10nm;
+                if coordinate.unsigned_abs() > MOST_10NM as u64 {
+                    return Err(Fault::Content("coordinates within 5 m"));
+                }
+            }
+        }
+        let filament = match shape.filament() {
+            FILAMENT_NONE => 0,
+            FILAMENT_PREDICTED => {
+                i64::from(prediction(way, self.lambda)) + i64::from(self.bits.signed(order_filament)?)
+            }
+            FILAMENT_ALL => self.bits.signed_long(12)?,
+            _ => return Err(Fault::Content("a filament of a kind from 0 to 2")),
+        };
+        let filament_100pm = filament
+            .checked_mul(self.filament_unit_100pm)
+            .ok_or(Fault::Content("filament of at most 1 m in a move"))?;
+        if !shape.same_line() {
+            self.pass_lines(1)?;
+        }
+        Ok(MoveItem {
+            target_10nm: self.position_10nm,
+            filament_100pm,
+            feed_mm_per_s: self.feed_mm_per_s,
+            line: self.line,
+            ends_move: shape.ends_move(),
+            counts: shape.counts(),
+            speed,
+        })
+    }
+
+    #[inline]
+    fn speed(&mut self) -> Result<Speed, Fault> {
+        if !self.bits.bit()? {
+            return Ok(Speed::Bound);
+        }
+        if !self.bits.bit()? {
+            return Ok(Speed::Falling);
+        }
+        if !self.bits.bit()? {
+            return Ok(Speed::Continues);
+        }
+        let width = self.bits.few(6)?;
+        Ok(Speed::Given((1u64 << width | self.bits.many(width)?) - 1))
+    }
+
+    fn command(&mut self) -> Result<Item<'_>, Fault> {
+        const UNKNOWN: Fault = Fault::Content("a command of a kind from 0 to 2");
+        let place = self.bits.position();
+        let length = match self.bits.few(2)? {
+            kind @ (0 | 2) => {
+                self.commands.put(place);
+                let mut bits = self.bits;
+                let length = spell(&mut bits, kind, &mut self.text)?;
+                self.bits = bits;
+                length
+            }
+            1 => {
+                let index = self.bits.few(3)?;
+                let place = self.commands.get(index).filter(|place| *place < self.bits.position());
+                let mut bits = self.bits.at(place.ok_or(Fault::Content("a command that was told before"))?);
+                let kind = bits.few(2)?;
+                spell(&mut bits, kind, &mut self.text)?
+            }
+            _ => return Err(UNKNOWN),
+        };
+        let text = self.text.get(..length).and_then(|bytes| core::str::from_utf8(bytes).ok());
+        Ok(Item::Command { line: self.line, text: text.ok_or(Fault::Content("a command of UTF-8"))? })
+    }
+}
+
+fn feed(bits: &mut BitReader<'_>) -> Result<f32, Fault> {
+    let feed = f32::from_bits(bits.many(32)? as u32);
+    if feed > 0.0 && feed.is_finite() { Ok(feed) } else { Err(Fault::Content("a feed above zero")) }
+}
+
+/// Puts a command's text together; returns its length.
+fn spell(bits: &mut BitReader<'_>, kind: u32, text: &mut [u8; MOST_TEXT_BYTES]) -> Result<usize, Fault> {
+    if kind == 0 {
+        let length = bits.few(8)? as usize;
+        for byte in text.iter_mut().take(length) {
+            *byte = bits.few(8)? as u8;
+        }
+        return Ok(length);
+    }
+    if kind != 2 {
+        return Err(Fault::Content("a command that was told before"));
+    }
+    let mut text = Spelling { text, length: 0 };
+    let letter = match bits.few(2)? {
+        0 => b'G',
+        1 => b'M',
+        2 => b'T',
+        _ => return Err(Fault::Content("a command that begins with G, M or T")),
+    };
+    text.put(letter);
+    text.number(bits.golomb(6)?);
+    for _ in 0..bits.few(3)? {
+        text.put(b' ');
+        let letter = bits.few(5)? as u8;
+        if letter >= 26 {
+            return Err(Fault::Content("a word that begins with a letter"));
+        }
+        text.put(b'A' + letter);
+        if bits.bit()? {
+            let value = bits.signed(5)?;
+            if value < 0 {
+                text.put(b'-');
+            }
+            text.number(value.unsigned_abs());
+        }
+    }
+    Ok(text.length)
+}
+
+/// A text that is being put together. The longest, of a letter and a number and seven words of ten digits with a sign, has
+/// 107 bytes.
+struct Spelling<'a> {
+    text: &'a mut [u8; MOST_TEXT_BYTES],
+    length: usize,
+}
+
+impl Spelling<'_> {
+    fn put(&mut self, byte: u8) {
+        if let Some(place) = self.text.get_mut(self.length) {
+            *place = byte;
+            self.length += 1;
+        }
+    }
+
+    fn number(&mut self, number: u32) {
+        let mut divisor = 1_000_000_000;
+        while divisor > 1 && number < divisor {
+            divisor /= 10;
+        }
+        while divisor > 0 {
+            self.put(b'0' + (number / divisor % 10) as u8);
+            divisor /= 10;
+        }
+    }
+}

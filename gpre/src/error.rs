@@ -1,0 +1,116 @@
+//! What can be wrong with a file, and where.
+
+use core::fmt;
+
+/// What is wrong.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Fault {
+    /// The file does not begin as a GPRE file does.
+    Magic,
+    /// It was written by a newer version of the tools.
+    NewerVersion {
+        /// The file's version.
+        version: u16,
+    },
+    /// It is in an encoding that does not exist.
+    Encoding {
+        /// Its number.
+        number: u8,
+    },
+    /// It was prepared for another machine, or for other settings of this one.
+    OtherProfile {
+        /// Hash in the file.
+        file: u64,
+        /// Hash of the machine.
+        machine: u64,
+    },
+    /// It was planned by another version of the planner, whose rules may differ.
+    OtherPlanner {
+        /// Version in the file.
+        file: u32,
+        /// Version of the machine's.
+        machine: u32,
+    },
+    /// The file ends here, in the middle of something.
+    Truncated,
+    /// There is more after the last frame.
+    Trailing,
+    /// A frame does not begin with its mark.
+    NoFrame,
+    /// A frame or header says it is longer or shorter than any is.
+    Length {
+        /// The length it says, bytes.
+        length: u32,
+    },
+    /// The check sum is wrong: bits have changed.
+    Checksum {
+        /// As the file has it.
+        file: u32,
+        /// As it should be.
+        computed: u32,
+    },
+    /// The frames are not in their order.
+    Sequence {
+        /// Number in the file.
+        number: u32,
+        /// The number expected.
+        expected: u32,
+    },
+    /// What a frame holds has no meaning; the name of what was expected.
+    Content(&'static str),
+}
+
+impl fmt::Display for Fault {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Magic => write!(out, "not a GPRE file, expected the mark with which one begins"),
+            Self::NewerVersion { version } => {
+                let newest = crate::header::VERSION;
+                write!(out, "written in version {version} of the format, expected at most {newest}")
+            }
+            Self::Encoding { number } => write!(out, "encoding {number} is unknown, expected 1 (compact) or 2 (wide)"),
+            Self::OtherProfile { file, machine } => write!(
+                out,
+                "prepared for another machine (profile {file:016x}), expected this one's profile {machine:016x}: \
+                 prepare the job again for this machine"
+            ),
+            Self::OtherPlanner { file, machine } => write!(
+                out,
+                "planned by version {file} of the planner, expected version {machine}: prepare the job again"
+            ),
+            Self::Truncated => write!(out, "the file ends too early, expected more bytes"),
+            Self::Trailing => write!(out, "more bytes after the last frame, expected the end of the file"),
+            Self::NoFrame => write!(out, "expected the mark with which a frame begins"),
+            Self::Length { length } => write!(out, "a length of {length} bytes, which nothing has"),
+            Self::Checksum { file, computed } => {
+                write!(out, "bits have changed: the check sum is {file:08x}, expected {computed:08x}")
+            }
+            Self::Sequence { number, expected } => {
+                write!(out, "frames out of order: this is number {number}, expected number {expected}")
+            }
+            Self::Content(expected) => write!(out, "meaningless content, expected {expected}"),
+        }
+    }
+}
+
+/// A fault and where it was found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ReadError {
+    /// What is wrong.
+    pub fault: Fault,
+    /// Byte in the file at which the part begins that is wrong.
+    pub offset: u64,
+    /// Number of the frame, from 0; `None` before the first.
+    pub frame: Option<u32>,
+}
+
+impl fmt::Display for ReadError {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.frame {
+            Some(frame) => write!(out, "frame {frame} at byte {}: {}", self.offset, self.fault),
+            None => write!(out, "at byte {}: {}", self.offset, self.fault),
+        }
+    }
+}
+
+impl core::error::Error for ReadError {}

@@ -1,0 +1,93 @@
+//! What a job is made of, in either encoding.
+
+/// Planned speed at a move's start.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Speed {
+    /// The move continues the block before: no corner that anybody could tell lies between them.
+    Continues,
+    /// What the corner before it and both feeds allow.
+    Bound,
+    /// What is left of the planned entry speed of the block before, slowed over its whole length.
+    Falling,
+    /// This squared speed, in units of 1/12,800,000 mm^2/s^2.
+    Given(u64),
+}
+
+/// A straight move.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MoveItem {
+    /// Where X, Y and Z end, machine coordinates in units of 10 nm, at most 5 m either way.
+    pub target_10nm: [i64; 3],
+    /// Filament, units of 0.1 nm.
+    pub filament_100pm: i64,
+    /// Speed along the path, of the filament where nothing else moves, mm/s; above zero.
+    pub feed_mm_per_s: f32,
+    /// Number of the source line.
+    pub line: u32,
+    /// Whether the line's move ends here (an arc has many).
+    pub ends_move: bool,
+    /// Whether the filament counts in the G-code's E coordinate; that of a firmware retraction does not.
+    pub counts: bool,
+    /// Planned speed at its start.
+    pub speed: Speed,
+}
+
+/// A part of a job.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Item<'a> {
+    /// A move.
+    Move(MoveItem),
+    /// The fan changes with the motion before it, 0 to 255.
+    Fan {
+        /// Number of the source line.
+        line: u32,
+        /// Power.
+        power: u8,
+    },
+    /// Anything else: a command as the G-code has it, without its comment.
+    Command {
+        /// Number of the source line.
+        line: u32,
+        /// The command.
+        text: &'a str,
+    },
+}
+
+/// Limits of the machine as M201, M203, M204 and M205 set them, mm and s: largest feeds and accelerations of X, Y, Z and
+/// the filament, accelerations of printing, travel and retraction, junction deviation.
+pub type LimitValues = [f32; 12];
+
+/// What lasts from move to move: with it a job can be entered at a frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ModalState {
+    /// Target of the nozzle, degrees Celsius; 0 = off.
+    pub nozzle_celsius: u16,
+    /// Target of the bed, degrees Celsius; 0 = off.
+    pub bed_celsius: u16,
+    /// Feed in percent (M220) that the moves were planned with.
+    pub feed_percent: u16,
+    /// Flow in percent (M221) that is in their filament.
+    pub flow_percent: u16,
+    /// E as the G-code sees it, units of 10 nm.
+    pub extruder_10nm: i64,
+    /// What the G-code's coordinates of X, Y and Z are more than the machine's (G92), units of 10 nm.
+    pub offset_10nm: [i64; 3],
+    /// How far Z is lifted by a firmware retraction, units of 10 nm: the moves' Z has it, the G-code's has not.
+    pub lift_10nm: i64,
+    /// The limits, where they are not the profile's.
+    pub limits: Option<LimitValues>,
+}
+
+impl ModalState {
+    /// As a machine is switched on.
+    pub const START: Self = Self {
+        nozzle_celsius: 0,
+        bed_celsius: 0,
+        feed_percent: 100,
+        flow_percent: 100,
+        extruder_10nm: 0,
+        offset_10nm: [0; 3],
+        lift_10nm: 0,
+        limits: None,
+    };
+}

@@ -1,0 +1,26 @@
+//! GPRE: jobs that were planned on the computer and are executed by the board (Yu 2019).
+//!
+//! Two encodings of one content. [`compact`] spends about five bytes on a move and is what the tools write. [`wide`] is the
+//! paper's: 84 bytes a move, 12 bytes a command. The reader trusts neither: what is not well-formed is an error that says
+//! where, and what is well-formed still says only what shall be done, not that the machine may do it.
+//!
+//! The reader has no heap, no panics and no unsafe code. The writer (feature `write`) is for the computer.
+#![cfg_attr(not(any(test, feature = "write")), no_std)]
+
+#[cfg(feature = "write")]
+extern crate std;
+
+pub mod compact;
+pub mod header;
+pub mod wide;
+
+mod bits;
+mod error;
+mod item;
+
+pub use error::{Fault, ReadError};
+pub use header::{Encoding, Header, Thumbnail, ThumbnailFormat};
+pub use item::{Item, LimitValues, ModalState, MoveItem, Speed};
+
+/// CRC-32 as Ethernet, gzip and PNG have it.
+pub(crate) const CRC: crc::Crc<u32, crc::Table<1>> = crc::Crc::<u32, crc::Table<1>>::new(&crc::CRC_32_ISO_HDLC);

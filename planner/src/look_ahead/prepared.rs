@@ -1,0 +1,166 @@
+//! Blocks whose entry speeds were planned elsewhere, with all the look-ahead there is (Yu 2019: plan on the computer,
+//! execute on the board).
+//!
+//! What they bring are upper bounds. The forward pass is made here as for any block, so a machine that has been slowed
+//! down, or begins in the middle, follows the plan from below and meets it where acceleration lets it. There is no reverse
+//! pass: in its place stands one sum. A block leaves with no more speed than all blocks behind it in the ring can take
+//! away, so the machine can stop on the path whatever comes next, or does not come.
+
+use super::{Content, Law, Left, LookAhead, Slot, Waiting};
+use crate::block::{Block, PlannedBlock, Speed, SquaredSpeed};
+use crate::pace::Pace;
+
+/// The planned squared speed at a block's start.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Entry {
+    /// What its corner and both nominal speeds allow.
+    Bound,
+    /// What is left of the speed planned for the block before, slowed over its whole length.
+    Falling,
+    /// This one.
+    Given(SquaredSpeed),
+}
+
+/// Why a plan cannot be followed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Violation {
+    /// The entry speed is above what the corner and the nominal speeds allow.
+    TooFast,
+    /// The block before cannot slow down to it.
+    TooSlow,
+    /// A block is faster than the machine's limits along its axes.
+    BeyondLimits,
+    /// A move is said to continue the block before, and does not.
+    NotContinued,
+}
+
+/// The forward pass over planned speeds, before blocks enter the ring; whoever prepares a job makes the same.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Pass {
+    /// Planned for the end of the newest block, were it braked from its planned entry.
+    falling: SquaredSpeed,
+    /// Largest and smallest at its end that acceleration allows.
+    fastest: SquaredSpeed,
+    slowest: SquaredSpeed,
+}
+
+impl Pass {
+    /// Takes the next block; returns its planned entry. At a standstill any plan will do, for nothing comes of it.
+    ///
+    /// # Errors
+    /// The plan breaks the bound, or the block before would have to brake harder than it may. Nothing has changed then.
+    pub fn next(
+        &mut self,
+        block: &Block,
+        bound: SquaredSpeed,
+        stopped: bool,
+        entry: Entry,
+    ) -> Result<SquaredSpeed, Violation> {
+        let planned = match entry {
+            Entry::Bound => bound,
+            Entry::Falling => self.falling,
+            Entry::Given(planned) => planned,
+        };
+        let mut settled = SquaredSpeed::ZERO;
+        if !stopped {
+            if planned > bound {
+                return Err(Violation::TooFast);
+            }
+            // A speed that was rounded to its unit may be less by that.
+            if planned < self.slowest && planned.root() < self.slowest.root() {
+                return Err(Violation::TooSlow);
+            }
+            settled = planned.min(self.fastest);
+        }
+        self.falling = planned.slowed_over(block);
+        self.fastest = settled.changed_over(block);
+        self.slowest = settled.slowed_over(block);
+        Ok(if stopped { SquaredSpeed::ZERO } else { planned })
+    }
+
+    /// Largest squared speed at the end of the newest block.
+    pub fn fastest(&self) -> SquaredSpeed {
+        self.fastest
+    }
+}
+
+/// The state of a ring whose blocks bring their speeds.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Prepared {
+    pass: Pass,
+    /// Sum of 2 a S over all blocks in the ring: the largest squared speed from which they can bring the machine to rest.
+    reach: u64,
+}
+
+impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
+    /// From now on blocks bring their speeds; for a ring that is empty.
+    pub fn begin_prepared(&mut self) {
+        self.law = Law::Prepared(Prepared::default());
+    }
+
+    /// Whether blocks bring their speeds.
+    pub fn is_prepared(&self) -> bool {
+        matches!(self.law, Law::Prepared(_))
+    }
+
+    /// Adds a block that brings its speed; `Ok(false)` without room, or where blocks bring none.
+    ///
+    /// `junction` is the squared speed bound of the corner before it, `nominal` the nominal speed that the plan was made
+    /// with; the block's own may be another, if the feed has been changed since.
+    ///
+    /// # Errors
+    /// As [`Pass::next`].
+    pub fn push_prepared(
+        &mut self,
+        block: &Block,
+        nominal: Speed,
+        junction: SquaredSpeed,
+        entry: Entry,
+    ) -> Result<bool, Violation> {
+        let Law::Prepared(mut prepared) = self.law else { return Ok(false) };
+        if !self.has_room() {
+            return Ok(false);
+        }
+        let nominal = SquaredSpeed::from(nominal);
+        let bound = junction.min(nominal).min(self.newest_nominal);
+        let planned = prepared.pass.next(block, bound, self.stopped, entry)?;
+        prepared.reach = prepared.reach.saturating_add(block.reach());
+        self.law = Law::Prepared(prepared);
+        self.stopped = false;
+        self.newest_nominal = nominal;
+        let settled = self.blocks == 0;
+        let entry = if settled { self.left_with } else { planned };
+        let (run_bound, run_entry, anchor) = (Speed::ZERO, Speed::ZERO, 0);
+        self.place_block(Waiting { block: *block, entry_bound: planned, entry, settled, run_bound, run_entry, anchor });
+        Ok(true)
+    }
+
+    /// As [`Self::pop`]; what is behind the block must be able to stop the machine.
+    pub(super) fn pop_prepared(&mut self, mut prepared: Prepared, pace: Pace) -> Option<Left> {
+        match self.take_first()? {
+            Content::Empty => None,
+            Content::Marker(marker) => Some(Left::Marker(marker)),
+            Content::Block(waiting) => {
+                self.blocks -= 1;
+                let mut block = waiting.block;
+                self.left_nominal = block.nominal;
+                prepared.reach = prepared.reach.saturating_sub(block.reach());
+                self.law = Law::Prepared(prepared);
+                let capped = if pace == Pace::FULL { block.nominal } else { pace.of(block.nominal) };
+                let slowed = waiting.entry.slowed_over(&block);
+                let reachable = waiting.entry.changed_over(&block).min(SquaredSpeed::from(capped).max(slowed));
+                let exit = self.settle_next(reachable.min(SquaredSpeed::from_units(prepared.reach)));
+                self.left_with = exit.into();
+                let entry = waiting.entry.root();
+                block.nominal = capped.max(entry).max(exit);
+                Some(Left::Block(PlannedBlock { block, entry, exit }))
+            }
+        }
+    }
+
+    /// Squared entry speed of the last block that left as the reverse pass had it, and its bound by the corner and both
+    /// nominal speeds: what somebody writes down who prepares a job. Under trapezoids.
+    pub fn left_entry(&self) -> (SquaredSpeed, SquaredSpeed) {
+        (self.left_entry, self.left_bound)
+    }
+}

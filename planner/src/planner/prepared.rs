@@ -1,0 +1,247 @@
+//! Moves whose entry speeds were planned elsewhere, and what somebody needs who plans for others.
+//!
+//! A prepared move is planned like any other but for two things: nobody asks whether it continues the one before (it says
+//! so), and there is no reverse pass (it brings its speed). Limits, corners and the processor's budget are worked out anew
+//! from where it goes, so a plan can only ask for less than they allow, and one that asks for more is found out.
+
+use super::{Move, MoveError, Moved, Planner};
+use crate::block::{Block, PlannedBlock, Speed, SquaredSpeed};
+use crate::kinematics::MAX_COORDINATE_10NM;
+use crate::look_ahead::{Entry, Left, Marker, Slot, Violation};
+use crate::motion_choice::AccelerationProfile;
+use crate::time_law::TimeLaw;
+
+/// A move of a prepared job.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PreparedMove {
+    /// The move, with the feed that its speeds were planned with.
+    pub request: Move,
+    /// Its feed now, mm/s, if it has been changed since (M220).
+    pub feed_now_mm_per_s: f32,
+    /// Planned squared speed at its start; `None` where it continues the block before.
+    pub entry: Option<Entry>,
+}
+
+/// A block of a prepared job, for formats that have blocks and no moves.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PreparedBlock {
+    /// The block.
+    pub block: Block,
+    /// Planned speed at its start.
+    pub entry: Speed,
+    /// The most that the corner before it allows.
+    pub max_entry: Speed,
+}
+
+/// What leaves the look-ahead ring for somebody who writes it down.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Recorded {
+    /// A block.
+    Block {
+        /// The block and its speeds.
+        planned: PlannedBlock,
+        /// Squared entry speed as the reverse pass has it.
+        entry: SquaredSpeed,
+        /// What the corner and both nominal speeds allow.
+        bound: SquaredSpeed,
+    },
+    /// The fan changes.
+    FanPower {
+        /// Power, 0 to 255.
+        power: u8,
+    },
+}
+
+/// What the open block brings, where it was prepared.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct OpenPrepared {
+    entry: Entry,
+    /// Nominal speed at the feed of now.
+    nominal: Speed,
+}
+
+impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
+    /// Takes a move of a prepared job.
+    ///
+    /// # Errors
+    /// As [`Self::add`], and [`MoveError::Violation`] where the plan cannot be followed: the moves taken before are
+    /// executed as far as they can be trusted, to a standstill on the path, and no other is taken until
+    /// [`Self::stand_at`] says where the motors are.
+    pub fn add_prepared(&mut self, prepared: &PreparedMove) -> Result<Moved, MoveError> {
+        if let Some(violation) = self.violation {
+            return Err(MoveError::Violation(violation));
+        }
+        if self.choice.acceleration != AccelerationProfile::Trapezoid {
+            return Err(MoveError::OtherLaw);
+        }
+        if !self.look_ahead.is_prepared() && !self.begin_prepared() {
+            return Err(MoveError::NoRoom);
+        }
+        let request = &prepared.request;
+        let Some(next) = self.next(request)? else { return Ok(Moved::Nothing) };
+        let planned = self.plan(request, next.steps, next.extruder_256ths);
+        let nominal = if prepared.feed_now_mm_per_s == request.feed_mm_per_s {
+            planned.block.nominal
+        } else {
+            let now = Move { feed_mm_per_s: prepared.feed_now_mm_per_s, ..*request };
+            self.plan(&now, next.steps, next.extruder_256ths).block.nominal
+        };
+        let continues = prepared.entry.is_none() && self.open.is_some() && !self.flushing;
+        if continues {
+            if !self.open.absorb(&planned) {
+                return Err(self.violated(Violation::NotContinued));
+            }
+            self.merged_moves += 1;
+            if let Some(open) = &mut self.open_prepared {
+                open.nominal = open.nominal.min(nominal);
+            }
+        } else {
+            if !self.close() {
+                return Err(MoveError::NoRoom);
+            }
+            if let Some(violation) = self.violation {
+                return Err(MoveError::Violation(violation));
+            }
+            self.open.begin(&planned, self.extruder_256ths);
+            // Where the machine was stopped inside a block, the rest of it is a block that falls on.
+            let entry = prepared.entry.unwrap_or(Entry::Falling);
+            self.open_prepared = Some(OpenPrepared { entry, nominal });
+        }
+        self.follow(request, &next, &planned);
+        Ok(Moved::Queued)
+    }
+
+    /// Takes a block of a prepared job.
+    ///
+    /// A block comes without the positions it was made from: its limits and its corner are checked as far as its steps can
+    /// tell.
+    ///
+    /// # Errors
+    /// As [`Self::add_prepared`].
+    pub fn add_prepared_block(&mut self, prepared: &PreparedBlock) -> Result<(), MoveError> {
+        if let Some(violation) = self.violation {
+            return Err(MoveError::Violation(violation));
+        }
+        if self.choice.acceleration != AccelerationProfile::Trapezoid {
+            return Err(MoveError::OtherLaw);
+        }
+        if !self.look_ahead.is_prepared() && !self.begin_prepared() {
+            return Err(MoveError::NoRoom);
+        }
+        if !self.close() || !self.look_ahead.has_room() {
+            return Err(MoveError::NoRoom);
+        }
+        let mut motor_steps = self.motor_steps;
+        for (position, steps) in motor_steps.iter_mut().zip(prepared.block.steps) {
+            *position = position.checked_add(steps).ok_or(MoveError::TooFar)?;
+        }
+        let target_10nm = self.geometry.position_10nm(motor_steps.map(i64::from));
+        if target_10nm.iter().any(|coordinate| coordinate.unsigned_abs() > MAX_COORDINATE_10NM as u64) {
+            return Err(MoveError::TooFar);
+        }
+        if !self.keeps_limits(&prepared.block) {
+            return Err(self.violated(Violation::BeyondLimits));
+        }
+        let junction = self.corner_of_steps(&prepared.block).min(prepared.max_entry.into());
+        let entry = Entry::Given(prepared.entry.into());
+        match self.look_ahead.push_prepared(&prepared.block, prepared.block.nominal, junction, entry) {
+            Ok(true) => {}
+            Ok(false) => return Err(MoveError::NoRoom),
+            Err(violation) => return Err(self.violated(violation)),
+        }
+        self.previous = None;
+        self.previous_steps = Some(prepared.block);
+        self.extruder.advance_256ths(prepared.block.extruder_256ths);
+        self.extruder_256ths = self.extruder.position_256ths();
+        self.position_10nm = target_10nm;
+        self.motor_steps = motor_steps;
+        Ok(())
+    }
+
+    /// Whether a position is where the motors stand; then it is the position from now on.
+    pub fn refine_position(&mut self, position_10nm: [i64; 3]) -> bool {
+        let stands = position_10nm.iter().all(|coordinate| coordinate.unsigned_abs() <= MAX_COORDINATE_10NM as u64)
+            && self.geometry.motor_steps(position_10nm) == self.motor_steps;
+        if stands {
+            self.position_10nm = position_10nm;
+        }
+        stands
+    }
+
+    /// Motion ends with what was taken so far, and nothing else is until the motors' place is known.
+    fn violated(&mut self, violation: Violation) -> MoveError {
+        self.violation = Some(violation);
+        self.flush();
+        MoveError::Violation(violation)
+    }
+
+    /// The open block, a prepared one, enters the ring, which has room. One that breaks the plan's rules is dropped, and
+    /// those before it end in standstill.
+    pub(super) fn close_prepared(&mut self, prepared: &OpenPrepared) {
+        let open = &mut self.open;
+        let events = self.method.events(open.block.steps);
+        let slower = |block: &_| self.budget.slower_nominal(block, events, open.moves, open.extruder_256ths);
+        let mut block = open.block;
+        if let Some(nominal) = slower(&block) {
+            block.nominal = nominal;
+            self.slowed_moves += u64::from(open.moves);
+        }
+        let planned_nominal = block.nominal;
+        if prepared.nominal != open.block.nominal {
+            block.nominal = prepared.nominal;
+            block.nominal = slower(&block).unwrap_or(block.nominal);
+        }
+        if let Err(violation) = self.look_ahead.push_prepared(&block, planned_nominal, open.junction, prepared.entry) {
+            self.violation = Some(violation);
+            self.flushing = true;
+        }
+        open.clear();
+        self.open_prepared = None;
+    }
+
+    /// The ring takes prepared blocks from now on; `false` as long as others are in it, and these leave.
+    fn begin_prepared(&mut self) -> bool {
+        self.drain() && {
+            self.look_ahead.begin_prepared();
+            true
+        }
+    }
+
+    /// The ring takes blocks without speeds again; `false` as long as others are in it, and these leave.
+    pub(super) fn end_prepared(&mut self) -> bool {
+        self.drain() && {
+            if let Some(law) = super::speed_law(&self.choice) {
+                self.look_ahead.set_law(&law);
+            }
+            true
+        }
+    }
+
+    /// Whether the ring is empty; otherwise all in it shall leave.
+    fn drain(&mut self) -> bool {
+        let empty = self.is_look_ahead_empty();
+        if !empty && !self.draining {
+            self.flush();
+        }
+        self.draining = !empty;
+        empty
+    }
+
+    /// For those who prepare a job: takes what may leave look-ahead next without executing it.
+    pub fn next_recorded(&mut self) -> Option<Recorded> {
+        Some(match self.pop()? {
+            Left::Block(planned) => {
+                self.motion_ticks += TimeLaw::trapezoid(&planned).duration_ticks();
+                let (entry, bound) = self.look_ahead.left_entry();
+                Recorded::Block { planned, entry, bound }
+            }
+            Left::Part(part) => {
+                let (planned, law) = self.along(&part);
+                self.motion_ticks += law.duration_ticks();
+                let (entry, bound) = (planned.entry.into(), planned.entry.into());
+                Recorded::Block { planned, entry, bound }
+            }
+            Left::Marker(Marker::FanPower { power }) => Recorded::FanPower { power },
+        })
+    }
+}

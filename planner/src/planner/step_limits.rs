@@ -1,0 +1,100 @@
+//! What the steps of a block tell of its speeds: the limits of blocks that come without the positions they were made from.
+//!
+//! A motor stands within half a step of where it should, so a block's travel along an axis is known to a step (on CoreXY,
+//! where an axis is half of two motors, too). By that much the checks give way, and by rounding in single precision.
+
+use super::{Planner, TICKS_PER_10NM_AT_1_MM_PER_S};
+use crate::block::{Block, SquaredSpeed};
+use crate::kinematics::{Kinematics, UNITS_PER_MM};
+use crate::limits::{larger, smaller};
+use crate::look_ahead::Slot;
+use crate::square_root::square_root_f32;
+
+/// What rounding may be off, of a whole.
+const LENIENCE: f32 = 1.001;
+
+/// As long as this, mm, are the travels of X, Y, Z and the filament, and a step of each.
+struct Travels {
+    mm: [f32; 4],
+    step_mm: [f32; 4],
+}
+
+impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
+    fn travels(&self, block: &Block) -> Travels {
+        let step_mm = self.geometry.steps_per_mm.map(|steps| 1.0 / steps.to_f64() as f32);
+        let [first, second, z] = block.steps.map(|steps| steps as f32);
+        let [x, y] = match self.geometry.kinematics {
+            Kinematics::Cartesian => [first * step_mm[0], second * step_mm[1]],
+            Kinematics::CoreXy => {
+                let (a, b) = (first * step_mm[0], second * step_mm[1]);
+                [(a + b) * 0.5, (a - b) * 0.5]
+            }
+        };
+        let filament = block.extruder_256ths as f32 * (step_mm[3] / 256.0);
+        Travels { mm: [x, y, z * step_mm[2], filament], step_mm }
+    }
+
+    /// Whether a block's nominal speed and acceleration keep the limits of all axes, and its events their distance.
+    pub(super) fn keeps_limits(&self, block: &Block) -> bool {
+        let Travels { mm, step_mm } = self.travels(block);
+        let length = block.length_10nm as f32 / UNITS_PER_MM as f32;
+        let (feed, acceleration) = (block.nominal.mm_per_s() as f32, block.acceleration.mm_per_s2() as f32);
+        let limits = &self.path_limits;
+        let most =
+            larger(larger(limits.print_acceleration(), limits.travel_acceleration()), limits.retract_acceleration());
+        if acceleration > most * LENIENCE {
+            return false;
+        }
+        let (max_feed, max_acceleration) = limits.of_axes();
+        for axis in 0..4 {
+            // The filament has its fractions of steps.
+            let slack = if axis == 3 { step_mm[3] / 128.0 } else { step_mm[axis] };
+            let travel = larger(mm[axis].abs() - slack, 0.0);
+            if feed * travel > max_feed[axis] * length * LENIENCE
+                || acceleration * travel > max_acceleration[axis] * length * LENIENCE
+            {
+                return false;
+            }
+        }
+        let densest =
+            larger(self.method.densest(block.steps) as f32, block.extruder_256ths.unsigned_abs() as f32 / 256.0);
+        let shortest_ticks = densest * self.geometry.minimum_event_interval_ticks as f32;
+        feed * shortest_ticks <= block.length_10nm as f32 * TICKS_PER_10NM_AT_1_MM_PER_S * LENIENCE
+    }
+
+    /// The most that the corner before a block allows, by its steps and those of the block before: v^2 = a R as for any
+    /// corner (Yu 2019), the turn as small as half a step at each end can make it look. A stop next to a block of the
+    /// filament alone.
+    pub(super) fn corner_of_steps(&self, block: &Block) -> SquaredSpeed {
+        let Some(before) = &self.previous_steps else { return SquaredSpeed::from_mm2_per_s2(f32::INFINITY) };
+        let lengths = [before, block].map(|block| block.length_10nm as f32 / UNITS_PER_MM as f32);
+        let [one, other] = [before, block].map(|block| self.travels(block));
+        let stands = [before, block].map(|block| block.steps == [0; 3]);
+        for ((travels, length), stands) in [&one, &other].into_iter().zip(lengths).zip(stands) {
+            // The filament alone is as long as its block; beside a way too short for a step it is not.
+            let off = (travels.mm[3].abs() - length).abs();
+            if stands && off <= length * (LENIENCE - 1.0) + travels.step_mm[3] / 128.0 {
+                return SquaredSpeed::ZERO;
+            }
+        }
+        let mut apart = 0.0;
+        for axis in 0..3 {
+            // Of unit vectors; each component is off by a step at most.
+            let slack = one.step_mm[axis] / lengths[0] + one.step_mm[axis] / lengths[1];
+            let difference = (one.mm[axis] / lengths[0] - other.mm[axis] / lengths[1]).abs();
+            let least = larger(difference - slack, 0.0);
+            apart += least * least;
+        }
+        // |u - w| = 2 sin(theta/2).
+        let sine_squared = smaller(apart / 4.0 / LENIENCE, 1.0);
+        if sine_squared <= 1e-6 {
+            return SquaredSpeed::from_mm2_per_s2(f32::INFINITY);
+        }
+        let (sine, cosine) = (square_root_f32(sine_squared), square_root_f32(1.0 - sine_squared));
+        let deviation_mm = self.path_limits.junction_deviation_10nm / UNITS_PER_MM as f32;
+        let within_deviation = deviation_mm * cosine * (1.0 + cosine) / sine_squared;
+        let fitting = 0.5 * smaller(lengths[0], lengths[1]) * cosine / sine;
+        let acceleration = smaller(before.acceleration.mm_per_s2() as f32, block.acceleration.mm_per_s2() as f32);
+        SquaredSpeed::from_mm2_per_s2(smaller(within_deviation, fitting) * acceleration * LENIENCE)
+    }
+}

@@ -1,0 +1,193 @@
+//! Moves that bring their speeds: followed exactly where nothing has changed, and within all limits whatever has.
+#![allow(clippy::unwrap_used)]
+
+use ferrostep_planner::look_ahead::{Entry, Slot, Violation};
+use ferrostep_planner::{
+    Geometry, Kinematics, Limits, Move, MoveError, Moved, PlannedBlock, Planner, PreparedMove, Recorded, SquaredSpeed,
+    StepsPerMm,
+};
+use proptest::prelude::*;
+
+fn planner(ring: usize) -> Planner<Vec<Slot>> {
+    let steps = |value| StepsPerMm::from_f64(value).unwrap();
+    let geometry = Geometry {
+        kinematics: Kinematics::Cartesian,
+        steps_per_mm: [steps(80.0), steps(80.0), steps(400.0), steps(95.0)],
+        minimum_event_interval_ticks: 168,
+        event_cost_ticks: 210,
+        move_cost_ticks: 10_500,
+    };
+    let limits = Limits {
+        max_feed_mm_per_s: [200.0, 200.0, 10.0, 60.0],
+        max_acceleration_mm_per_s2: [1500.0, 1500.0, 100.0, 5000.0],
+        print_acceleration_mm_per_s2: 1000.0,
+        travel_acceleration_mm_per_s2: 1000.0,
+        retract_acceleration_mm_per_s2: 1500.0,
+        junction_deviation_mm: 0.1,
+    };
+    Planner::new(geometry, limits, vec![Slot::EMPTY; ring])
+}
+
+/// A wandering path of short and long moves, some straight on.
+fn path() -> impl Strategy<Value = Vec<Move>> {
+    let step = (-3_000i64..3_000, -3_000i64..3_000, 1i64..60, any::<bool>(), 5f32..250.0);
+    proptest::collection::vec(step, 2..120).prop_map(|steps| {
+        let mut target_10nm = [10_000_000; 3];
+        let mut before = (1_000, 0, 80.0);
+        (1..)
+            .zip(steps)
+            .map(|(line, (x, y, times, on, feed))| {
+                let (x, y, feed_mm_per_s) = if on { before } else { (x * times, y * times, feed) };
+                before = (x, y, feed_mm_per_s);
+                target_10nm[0] = (target_10nm[0] + x).clamp(0, 20_000_000);
+                target_10nm[1] = (target_10nm[1] + y).clamp(0, 20_000_000);
+                Move { target_10nm, filament_100pm: 0, feed_mm_per_s, line, ends_move: true }
+            })
+            .collect()
+    })
+}
+
+/// The plan of a path with all look-ahead: its moves with their entries, and its blocks.
+fn plan(path: &[Move]) -> (Vec<PreparedMove>, Vec<PlannedBlock>) {
+    let mut planner = planner(1_000);
+    planner.set_position([10_000_000; 3]);
+    let mut prepared = Vec::new();
+    for request in path {
+        let merged = planner.merged_moves();
+        if planner.add(request) == Ok(Moved::Queued) {
+            let entry = (planner.merged_moves() == merged).then_some(Entry::Bound);
+            prepared.push(PreparedMove { request: *request, feed_now_mm_per_s: request.feed_mm_per_s, entry });
+        }
+    }
+    planner.flush();
+    let mut firsts = prepared.iter_mut().filter(|next| next.entry.is_some());
+    let mut blocks = Vec::new();
+    while let Some(Recorded::Block { planned, entry, .. }) = planner.next_recorded() {
+        firsts.next().unwrap().entry = Some(Entry::Given(entry));
+        blocks.push(planned);
+    }
+    assert!(firsts.next().is_none());
+    (prepared, blocks)
+}
+
+/// Executes prepared moves with a ring of this size; the blocks, and why it ended early.
+fn execute(prepared: &[PreparedMove], ring: usize) -> (Vec<PlannedBlock>, Option<MoveError>) {
+    let mut planner = planner(ring);
+    planner.set_position([10_000_000; 3]);
+    let (mut blocks, mut refused) = (Vec::new(), None);
+    'moves: for next in prepared {
+        loop {
+            match planner.add_prepared(next) {
+                Ok(_) => break,
+                Err(MoveError::NoRoom) => blocks.extend(planner.next_planned()),
+                Err(error) => {
+                    refused = Some(error);
+                    break 'moves;
+                }
+            }
+        }
+    }
+    planner.flush();
+    while let Some(planned) = planner.next_planned() {
+        blocks.push(planned);
+    }
+    (blocks, refused)
+}
+
+/// From standstill to standstill, each block's speeds within its acceleration and its feed.
+fn keeps_limits(blocks: &[PlannedBlock]) -> Result<(), TestCaseError> {
+    let mut speed = 0.0;
+    for PlannedBlock { block, entry, exit } in blocks {
+        prop_assert_eq!(entry.mm_per_s(), speed);
+        let change = (exit.squared() - entry.squared()).abs();
+        let most = 2.0 * block.acceleration.mm_per_s2() * block.length_mm();
+        // Speeds are cut to 2^-16 mm/s.
+        prop_assert!(
+            change <= most + 1e-4 * (1.0 + entry.mm_per_s()),
+            "{:?} {} {}",
+            block,
+            entry.mm_per_s(),
+            exit.mm_per_s()
+        );
+        prop_assert!(*entry <= block.nominal && *exit <= block.nominal);
+        prop_assert!(block.nominal.mm_per_s() <= 200.0 * 2f64.sqrt() * 1.001);
+        speed = exit.mm_per_s();
+    }
+    prop_assert_eq!(speed, 0.0);
+    Ok(())
+}
+
+proptest! {
+    #[test]
+    fn a_plan_is_followed(path in path()) {
+        let (prepared, planned) = plan(&path);
+        let (executed, refused) = execute(&prepared, 1_000);
+        prop_assert_eq!(refused, None);
+        prop_assert_eq!(executed, planned);
+    }
+
+    /// However small the ring: slower perhaps, but never beyond a limit, and always able to stop.
+    #[test]
+    fn a_small_ring_can_always_stop(path in path(), ring in 2usize..12, cut in any::<prop::sample::Index>()) {
+        let (prepared, _) = plan(&path);
+        let (executed, refused) = execute(&prepared[..cut.index(prepared.len() + 1)], ring);
+        prop_assert_eq!(refused, None);
+        keeps_limits(&executed)?;
+    }
+
+    /// M220 on the way, up or down.
+    #[test]
+    fn the_feed_may_change(path in path(), ring in 2usize..40, factors in [0.1f32..4.0, 0.1f32..4.0], at in any::<prop::sample::Index>()) {
+        let (mut prepared, _) = plan(&path);
+        let at = at.index(prepared.len());
+        for (index, next) in prepared.iter_mut().enumerate() {
+            next.feed_now_mm_per_s *= factors[usize::from(index >= at)];
+        }
+        let (executed, refused) = execute(&prepared, ring);
+        prop_assert_eq!(refused, None);
+        keeps_limits(&executed)?;
+    }
+
+    /// Any plan at all: refused, or within all limits up to where it is.
+    #[test]
+    fn a_hostile_plan_breaks_no_limit(
+        path in path(), entries in proptest::collection::vec(
+            prop_oneof![
+                4 => Just(None), 2 => Just(Some(Entry::Bound)), 1 => Just(Some(Entry::Falling)),
+                1 => (0u64..1 << 40).prop_map(|units| Some(Entry::Given(SquaredSpeed::from_units(units)))),
+            ], 1..120),
+        ring in 2usize..40,
+    ) {
+        let (mut prepared, _) = plan(&path);
+        for (next, entry) in prepared.iter_mut().zip(entries) {
+            next.entry = entry.or(next.entry);
+        }
+        let (executed, refused) = execute(&prepared, ring);
+        if let Some(refused) = refused {
+            prop_assert!(matches!(refused, MoveError::Violation(_)), "{:?}", refused);
+        }
+        keeps_limits(&executed)?;
+    }
+}
+
+#[test]
+fn after_a_violation_nothing_is_taken_until_the_place_is_known() {
+    let mut planner = planner(16);
+    let at = |x: i64, entry| PreparedMove {
+        request: Move { target_10nm: [x, 0, 0], filament_100pm: 0, feed_mm_per_s: 50.0, line: 1, ends_move: true },
+        feed_now_mm_per_s: 50.0,
+        entry: Some(entry),
+    };
+    planner.add_prepared(&at(1_000_000, Entry::Bound)).unwrap();
+    planner.add_prepared(&at(2_000_000, Entry::Given(SquaredSpeed::from_units(u64::MAX)))).unwrap();
+    let refused = planner.add_prepared(&at(3_000_000, Entry::Bound));
+    assert_eq!(refused, Err(MoveError::Violation(Violation::TooFast)));
+    assert_eq!(planner.add_prepared(&at(3_000_000, Entry::Bound)), refused);
+    let mut blocks = 0;
+    while planner.next_planned().is_some() {
+        blocks += 1;
+    }
+    assert_eq!(blocks, 1);
+    planner.stand_at([800, 0, 0, 0], 1_000, 0);
+    assert_eq!(planner.add_prepared(&at(2_000_000, Entry::Bound)), Ok(Moved::Queued));
+}

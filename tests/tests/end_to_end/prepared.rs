@@ -1,0 +1,331 @@
+//! Prepared jobs: the same steps as the G-code's with all look-ahead there is, and nothing of a file that is not one.
+
+use std::io::Cursor;
+use std::path::{Path, PathBuf};
+
+use ferrostep::gpre::{self, Target};
+use ferrostep::session::JobReplies;
+use ferrostep_gpre::compact::{FrameWriter, HEAD_BYTES, frame_length};
+use ferrostep_gpre::{Encoding, Header, Item, ModalState, MoveItem, Speed};
+use ferrostep_planner::PLANNER_VERSION;
+use ferrostep_printer::Profile;
+use proptest::prelude::*;
+use proptest::test_runner::{FileFailurePersistence, RngSeed};
+use serde_json::Value;
+use tempfile::TempDir;
+
+use crate::command::{directory, example, ferrostep, file, repository};
+use crate::desk::{profile, rehearse_far};
+use crate::programs::generator::program;
+
+/// Prepares G-code in memory; what there is of a job that stops at a line is no job.
+fn prepared(profile: &Profile, gcode: &[u8], encoding: Encoding) -> Option<Vec<u8>> {
+    let mut out = Cursor::new(Vec::new());
+    let target = Target { out: &mut out, encoding };
+    let replies = JobReplies::new(|_: &str| {});
+    gpre::prepare(&mut &gcode[..], None, *profile, replies, target, |_, _| {}).ok()?;
+    Some(out.into_inner())
+}
+
+fn json(arguments: &[&str]) -> Value {
+    let outcome = ferrostep(arguments.iter().copied().chain(["--json"]));
+    assert_eq!(outcome.status, Some(0), "{outcome:#?}");
+    outcome.json()
+}
+
+/// Prepares an example and prints it both ways.
+fn check(name: &str, profile: &str, most_bytes_per_move: f64) {
+    let directory = directory();
+    let gcode = repository().join("examples").join(name);
+    let gcode = gcode.to_str().unwrap();
+    for format in ["compact", "wide"] {
+        let out = directory.path().join("job.gpre");
+        let out = out.to_str().unwrap();
+        let summary = json(&["preprocess", gcode, "-o", out, "--profile", profile, "--format", format]);
+        let planned = json(&["print", gcode, "--profile", profile, "--look-ahead", "65536"]);
+        let executed = json(&["print", out, "--profile", profile]);
+        let keys = ["step_digest", "order_digest", "motor_steps", "moves", "position_mm", "motion_time_s"];
+        for key in keys {
+            assert_eq!(executed[key], planned[key], "{key} of {format}");
+        }
+        // Packets have filament in 1/256 steps.
+        let [pushed, expected] = [&executed, &planned].map(|summary| summary["filament_mm"].as_f64().unwrap());
+        assert!((pushed - expected).abs() <= if format == "wide" { 0.01 } else { 0.0 }, "{pushed} {expected}");
+        assert_eq!(summary["moves"], planned["moves"]);
+        let bytes = std::fs::metadata(out).unwrap().len();
+        assert_eq!(summary["bytes"], bytes);
+        let ring = json(&["print", gcode, "--profile", profile]);
+        assert!(executed["motion_time_s"].as_f64().unwrap() <= ring["motion_time_s"].as_f64().unwrap() + 1e-6);
+        if format == "compact" {
+            assert!(summary["bytes_per_move"].as_f64().unwrap() <= most_bytes_per_move, "{summary}");
+            // The board's own ring is enough to follow the plan.
+            let board = json(&["print", out, "--profile", profile, "--look-ahead", "128"]);
+            assert_eq!(board["step_digest"], planned["step_digest"]);
+        }
+    }
+}
+
+#[test]
+fn a_cube() {
+    check("cube.gcode", "cartesian", 6.0);
+}
+
+#[test]
+fn a_gyroid() {
+    check("gyroid.gcode.gz", "cartesian", 4.6);
+}
+
+#[test]
+fn a_vase() {
+    check("vase.gcode.gz", "cartesian", 4.8);
+}
+
+#[test]
+fn arcs_on_a_corexy() {
+    check("arcs-corexy.gcode.gz", "corexy", 28.0);
+}
+
+#[test]
+fn firmware_retraction() {
+    check("firmware-retraction.gcode.gz", "cartesian", 6.2);
+}
+
+#[test]
+fn other_slicers() {
+    check("cube-cura.gcode.gz", "cartesian", 6.2);
+    check("cube-slic3r.gcode.gz", "prusa-mini", 5.2);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig {
+        cases: 200,
+        failure_persistence: Some(Box::new(FileFailurePersistence::Direct("proptest-regressions/prepared.txt"))),
+        rng_seed: RngSeed::Fixed(21),
+        ..ProptestConfig::default()
+    })]
+
+    /// To the last record of the trace: every step at its tick, every move's end.
+    #[test]
+    fn any_program_is_executed_as_planned(program in program(), name in prop::sample::select(vec!["cartesian", "corexy"])) {
+        let machine = profile(name);
+        let planned = rehearse_far(&machine, &mut program.text.as_bytes(), false);
+        let job = prepared(&machine, program.text.as_bytes(), Encoding::Compact);
+        prop_assert_eq!(planned.outcome.is_ok(), job.is_some());
+        if let Some(job) = job {
+            let executed = rehearse_far(&machine, &mut &job[..], true);
+            prop_assert!(executed.outcome.is_ok(), "{:?}", executed.outcome);
+            prop_assert_eq!(executed.figures.digests, planned.figures.digests);
+            prop_assert!(executed.trace == planned.trace, "other records");
+            prop_assert_eq!(executed.logical_10nm, planned.logical_10nm);
+            prop_assert_eq!(executed.tally.filament_100pm, planned.tally.filament_100pm);
+            let job = prepared(&machine, program.text.as_bytes(), Encoding::Wide);
+            let executed = rehearse_far(&machine, &mut &job.unwrap()[..], true);
+            prop_assert!(executed.outcome.is_ok(), "{:?}", executed.outcome);
+            prop_assert!(executed.trace == planned.trace, "other records");
+            prop_assert_eq!(executed.logical_10nm, planned.logical_10nm);
+        }
+    }
+
+    /// Whatever is changed in a file: it is refused, or it was nothing that matters; the machine keeps to its limits and
+    /// comes to an end.
+    #[test]
+    fn a_changed_file_is_answered(changes in proptest::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..4)) {
+        let machine = profile("cartesian");
+        let mut job = prepared(&machine, SQUARE.as_bytes(), Encoding::Compact).unwrap();
+        let before = job.clone();
+        for (place, byte) in changes {
+            let place = place.index(job.len());
+            job[place] = byte;
+        }
+        let executed = rehearse_far(&machine, &mut &job[..], true);
+        prop_assert_eq!(executed.outcome.is_err(), job != before);
+        prop_assert_eq!(executed.figures.underruns, 0);
+    }
+}
+
+/// Two rounds of a square.
+const SQUARE: &str = "G28\nM302 P1\nG90\nM83\nG1 X20 Y20 Z5 F3000\nG1 X60 E1\nG1 Y60 E1\nG1 X20 E1\nG1 Y20 E1\nM204 P500\n\
+                      G1 X60 E1\nG1 Y60 E1\nM106 S100\nG1 X20 E1\nG1 Y20 E1\nM400\nG1 X0 Y0\n";
+
+/// A prepared square and its directory.
+fn square() -> (TempDir, PathBuf) {
+    let directory = directory();
+    let job = prepared(&profile("cartesian"), SQUARE.as_bytes(), Encoding::Compact).unwrap();
+    let path = file(&directory, "square.gpre", job);
+    (directory, path)
+}
+
+/// Prints a file that is refused; what it says of it.
+#[track_caller]
+fn refusal(path: &Path, status: i32, arguments: &[&str]) -> String {
+    let outcome = ferrostep(["print", path.to_str().unwrap()].iter().chain(arguments));
+    assert_eq!(outcome.status, Some(status), "{outcome:#?}");
+    outcome.stderr
+}
+
+#[track_caller]
+fn says(stderr: &str, expected: &str) {
+    assert!(stderr.contains(expected), "{expected:?} is not in {stderr:?}");
+}
+
+#[test]
+fn each_broken_file_has_its_message() {
+    let (directory, path) = square();
+    let job = std::fs::read(&path).unwrap();
+    let header = Header::read(&job).unwrap().length() as usize;
+    let changed = |change: &dyn Fn(&mut Vec<u8>)| {
+        let mut job = job.clone();
+        change(&mut job);
+        file(&directory, "broken.gpre", job)
+    };
+    let cut = changed(&|job| job.truncate(header + 40));
+    says(&refusal(&cut, 1, &[]), &format!("frame 0 at byte {}: the file ends too early", header + 40));
+    let cut = changed(&|job| job.truncate(30));
+    says(&refusal(&cut, 1, &[]), "at byte 30: the file ends too early");
+    let mark = changed(&|job| job[1] = b'X');
+    says(&refusal(&mark, 2, &[]), "not a text file: byte 0x1a at offset 7");
+    let newer = changed(&|job| job[8] = 2);
+    says(&refusal(&newer, 1, &[]), "at byte 8: written in version 2 of the format, expected at most 1");
+    says(&refusal(&path, 1, &["--profile", "corexy"]), "at byte 16: prepared for another machine");
+    let bit = changed(&|job| job[header + 20] ^= 1);
+    says(&refusal(&bit, 1, &[]), &format!("frame 0 at byte {header}: bits have changed: the check sum is "));
+    let bit = changed(&|job| job[20] ^= 1);
+    says(&refusal(&bit, 1, &[]), "at byte 0: bits have changed");
+    let longer = changed(&|job| job.push(0));
+    says(&refusal(&longer, 1, &[]), &format!("at byte {}: more bytes after the last frame", job.len()));
+    let mut swapped = by_hand(&[(40, Speed::Bound), (40, Speed::Bound)]);
+    let head = swapped[header..].first_chunk::<HEAD_BYTES>().unwrap();
+    let length = frame_length(head).unwrap();
+    swapped[header..].rotate_left(length);
+    let swapped = file(&directory, "swapped.gpre", swapped);
+    says(&refusal(&swapped, 1, &[]), &format!("frame 0 at byte {header}: frames out of order: this is number 1"));
+}
+
+#[test]
+fn the_content_says_what_a_file_is() {
+    let (directory, path) = square();
+    let named_gcode = directory.path().join("square.gcode");
+    std::fs::copy(&path, &named_gcode).unwrap();
+    let outcome = ferrostep(["print", named_gcode.to_str().unwrap()]);
+    assert_eq!(outcome.status, Some(0), "{outcome:#?}");
+    says(&outcome.stderr, "named G-code, but it is a prepared job");
+    let named_gpre = file(&directory, "text.gpre", SQUARE);
+    let outcome = ferrostep(["print", named_gpre.to_str().unwrap()]);
+    assert_eq!(outcome.status, Some(0), "{outcome:#?}");
+    says(&outcome.stderr, "named a prepared job, but it is G-code");
+    for (command, file, expected) in [
+        ("estimate", &path, "it is a prepared job, expected G-code"),
+        ("inspect", &named_gpre, "it is G-code, expected a prepared job"),
+    ] {
+        let outcome = ferrostep([command, file.to_str().unwrap()]);
+        assert_eq!(outcome.status, Some(2), "{outcome:#?}");
+        says(&outcome.stderr, expected);
+    }
+    let outcome = ferrostep(["preprocess", path.to_str().unwrap(), "-o", "/dev/null"]);
+    assert_eq!(outcome.status, Some(2), "{outcome:#?}");
+    says(&outcome.stderr, "it is a prepared job already");
+}
+
+#[test]
+fn gcode_that_stops_at_a_line_leaves_no_job() {
+    let directory = directory();
+    let gcode = file(&directory, "bad.gcode", "G28\nG1 X10 F3000\nG1 Xten\n");
+    let out = directory.path().join("bad.gpre");
+    let outcome = ferrostep(["preprocess", gcode.to_str().unwrap(), "-o", out.to_str().unwrap()]);
+    assert_eq!(outcome.status, Some(1), "{outcome:#?}");
+    says(&outcome.stderr, "line 3");
+    assert_eq!(std::fs::read_dir(directory.path()).unwrap().count(), 1);
+}
+
+#[test]
+fn inspect_tells_every_move() {
+    let (_directory, path) = square();
+    let outcome = ferrostep(["inspect", path.to_str().unwrap(), "--items"]);
+    assert_eq!(outcome.status, Some(0), "{outcome:#?}");
+    for expected in
+        ["G28", "M204 P500", "fan 100", "X60.00000 Y20.00000 Z5.00000 E+1.00000 F50 mm/s", "entry by corner"]
+    {
+        says(&outcome.stdout, expected);
+    }
+}
+
+/// A job of moves along X, with these lengths in mm and planned speeds, on a machine that has been homed.
+fn by_hand(moves: &[(i64, Speed)]) -> Vec<u8> {
+    let machine = profile("cartesian");
+    let mut frames = Vec::new();
+    let mut writer = FrameWriter::new([0; 3], ModalState::START);
+    writer.add(&Item::Command { line: 1, text: "G28" }, &mut frames);
+    writer.close(&mut frames);
+    let mut target_10nm = [0; 3];
+    for (line, &(length_mm, speed)) in (2..).zip(moves) {
+        target_10nm[0] += length_mm * 100_000;
+        let item = MoveItem {
+            target_10nm,
+            filament_100pm: 0,
+            feed_mm_per_s: 100.0,
+            line,
+            ends_move: true,
+            counts: true,
+            speed,
+        };
+        writer.add(&Item::Move(item), &mut frames);
+        writer.close(&mut frames);
+    }
+    let header = Header {
+        encoding: Encoding::Compact,
+        profile_hash: machine.hash(),
+        planner_version: PLANNER_VERSION,
+        frames: writer.frames(),
+        moves: moves.len() as u64,
+        motion_ms: 0,
+        filament_100pm: 0,
+        layers: 0,
+        thumbnail: None,
+    };
+    [header.to_bytes(&[]), frames].concat()
+}
+
+/// A speed in mm/s as a file has it.
+fn given(mm_per_s: f64) -> Speed {
+    Speed::Given((mm_per_s * mm_per_s * 12_800_000.0) as u64)
+}
+
+#[test]
+fn plans_that_no_machine_could_follow_end_where_they_begin() {
+    let machine = profile("cartesian");
+    let ended = |moves: &[(i64, Speed)]| rehearse_far(&machine, &mut &by_hand(moves)[..], true);
+    let message = |moves: &[(i64, Speed)]| ended(moves).outcome.unwrap_err().to_string();
+
+    let sound = ended(&[(40, Speed::Bound), (40, given(50.0)), (1, Speed::Falling), (20, Speed::Bound)]);
+    assert!(sound.outcome.is_ok(), "{:?}", sound.outcome);
+
+    // Faster than the feed; the corner is none, for the path goes straight on.
+    let moves = [(40, Speed::Bound), (40, given(100.1)), (20, Speed::Bound)];
+    assert!(message(&moves).starts_with("frame 3"), "{}", message(&moves));
+    assert!(message(&moves).contains("the planned speed is too high"), "{}", message(&moves));
+    // From 100 mm/s within 1 mm to 1 mm/s.
+    let moves = [(40, Speed::Bound), (1, Speed::Bound), (40, given(1.0)), (20, Speed::Bound)];
+    assert!(message(&moves).contains("the planned speed is too low"), "{}", message(&moves));
+    // 40 mm are no part of anything.
+    let moves = [(40, Speed::Bound), (40, Speed::Continues)];
+    assert!(message(&moves).contains("does not continue"), "{}", message(&moves));
+    // Beyond the end of the axis.
+    let moves = [(40, Speed::Bound), (400, Speed::Bound)];
+    assert!(message(&moves).contains("X: outside the soft limits"), "{}", message(&moves));
+
+    // What was sound is executed, the machine stands on the path, and knows where.
+    let stopped = ended(&[(40, Speed::Bound), (1, Speed::Bound), (40, given(1.0)), (20, Speed::Bound)]);
+    assert_eq!(stopped.logical_10nm[0], 4_100_000);
+    assert_eq!(stopped.figures.underruns, 0);
+}
+
+#[test]
+fn examples_are_prepared_whatever_is_in_them() {
+    // Labels of objects, and comments between moves.
+    let gcode = example("four-cubes-labelled.gcode.gz");
+    let machine = profile("cartesian");
+    let job = prepared(&machine, &gcode, Encoding::Compact).unwrap();
+    let planned = rehearse_far(&machine, &mut &gcode[..], false);
+    let executed = rehearse_far(&machine, &mut &job[..], true);
+    assert!(executed.trace == planned.trace, "other records");
+}
