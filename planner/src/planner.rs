@@ -321,7 +321,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
     }
 
     /// Where a move takes the motors; `None` if it displaces nothing.
-    #[inline]
+    #[inline(always)]
     fn next(&self, request: &Move) -> Result<Option<Next>, MoveError> {
         if !(request.feed_mm_per_s > 0.0 && request.feed_mm_per_s.is_finite()) {
             return Err(MoveError::Feed);
@@ -353,7 +353,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
     }
 
     /// The move has been taken.
-    #[inline]
+    #[inline(always)]
     fn follow(&mut self, request: &Move, next: &Next, planned: &Planned) {
         let acceleration_mm_per_s2 = planned.acceleration_mm_per_s2;
         self.previous = planned.path.map(|path| Previous { path, acceleration_mm_per_s2 });
@@ -364,6 +364,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
     }
 
     /// A move as a block of its own, its speed not yet within the budget.
+    #[inline(always)]
     fn plan(&self, request: &Move, steps: [i32; 3], extruder_256ths: i32) -> Planned {
         let least = MIN_FEED_MM_PER_S as f32;
         let feed = if request.feed_mm_per_s < least { least } else { request.feed_mm_per_s };

@@ -110,6 +110,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
     ///
     /// # Errors
     /// As [`Pass::next`].
+    #[inline(never)]
     pub fn push_prepared(
         &mut self,
         block: &Block,
@@ -136,6 +137,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
     }
 
     /// As [`Self::pop`]; what is behind the block must be able to stop the machine.
+    #[inline(never)]
     pub(super) fn pop_prepared(&mut self, mut prepared: Prepared, pace: Pace) -> Option<Left> {
         match self.take_first()? {
             Content::Empty => None,

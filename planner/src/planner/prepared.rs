@@ -67,6 +67,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
     /// As [`Self::add`], and [`MoveError::Violation`] where the plan cannot be followed: the moves taken before are
     /// executed as far as they can be trusted, to a standstill on the path, and no other is taken until
     /// [`Self::stand_at`] says where the motors are.
+    #[inline(never)]
     pub fn add_prepared(&mut self, prepared: &PreparedMove) -> Result<Moved, MoveError> {
         if let Some(violation) = self.violation {
             return Err(MoveError::Violation(violation));
@@ -177,6 +178,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
 
     /// The open block, a prepared one, enters the ring, which has room. One that breaks the plan's rules is dropped, and
     /// those before it end in standstill.
+    #[inline(never)]
     pub(super) fn close_prepared(&mut self, prepared: &OpenPrepared) {
         let open = &mut self.open;
         let events = self.method.events(open.block.steps);
@@ -208,6 +210,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
     }
 
     /// The ring takes blocks without speeds again; `false` as long as others are in it, and these leave.
+    #[inline(never)]
     pub(super) fn end_prepared(&mut self) -> bool {
         self.drain() && {
             if let Some(law) = super::speed_law(&self.choice) {
