@@ -8,7 +8,7 @@ use crate::pin::Pin;
 use crate::registers::{self, Store};
 
 /// Bytes at the start of RAM that are the stack's.
-const STACK_KIB: u32 = 16;
+const STACK_KIB: u32 = 24;
 
 /// The constants that `ferrostep-stm32f4` includes as its module `board`.
 pub fn rust(board: &Board) -> String {
@@ -129,8 +129,8 @@ mod tests {
         let octopus = crate::load("btt-octopus-1.1").unwrap();
         let text = memories(&octopus);
         assert!(text.contains("FLASH (rx)  : ORIGIN = 0x8008000, LENGTH = 0x78000"), "{text}");
-        assert!(text.contains("STACK (rw)  : ORIGIN = 0x20000000, LENGTH = 0x4000"), "{text}");
-        assert!(text.contains("RAM   (rwx) : ORIGIN = 0x20004000, LENGTH = 0x1c000"), "{text}");
+        assert!(text.contains("STACK (rw)  : ORIGIN = 0x20000000, LENGTH = 0x6000"), "{text}");
+        assert!(text.contains("RAM   (rwx) : ORIGIN = 0x20006000, LENGTH = 0x1a000"), "{text}");
         let of = |address, bytes| Memory::of(&octopus, address, bytes);
         assert_eq!(of(0x0800_8000, 0x78000), Some(Memory::Flash));
         // The boot loader's part, beyond the end, and across a border.
