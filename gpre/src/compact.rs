@@ -35,7 +35,7 @@
 //!
 //! *Shape*, 7 bits: what is told of the way (2: X and Y, X Y and Z, Z, nothing), of the filament (2: nothing, its difference
 //! from the prediction, all of it), whether the source line is the same as before (1) instead of the next, whether the
-//! line's move ends (1), whether the filament counts in E (1). The shape before the first is [`Shape::FIRST`].
+//! line's move ends (1), whether the filament counts in E (1). The shape before the first is `Shape::FIRST`.
 //!
 //! *Move*: its planned speed: `0` = what corner and feeds allow, `10` = what is left of the speed before, `110` = it continues
 //! the block, `111` = 6 bits n and the squared speed plus one in n + 1 bits, of which the first, a one, is left out. Then
