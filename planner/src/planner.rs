@@ -56,6 +56,8 @@ pub struct Move {
 }
 
 /// Why a move was not taken. Nothing has changed then.
+// A word, for a result that is told by a byte is copied by bytes.
+#[repr(u32)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MoveError {
     /// The look-ahead ring is full; try again when it is not.

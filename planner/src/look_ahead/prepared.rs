@@ -22,6 +22,8 @@ pub enum Entry {
 }
 
 /// Why a plan cannot be followed.
+// A word, as the error that it is a part of.
+#[repr(u32)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Violation {
     /// The entry speed is above what the corner and the nominal speeds allow.
