@@ -180,8 +180,6 @@ impl fmt::Display for Decimal {
     }
 }
 
-/// The value of the digit at `at`, if one stands there.
-#[inline]
 /// The number that the digits from a place on are, and how many they are; at most nine, which fit in 32 bits.
 #[inline(always)]
 fn leading_digits(text: &[u8], from: usize) -> (u32, usize) {
@@ -197,6 +195,8 @@ fn leading_digits(text: &[u8], from: usize) -> (u32, usize) {
     (number, digits)
 }
 
+/// The value of the digit at `at`, if one stands there.
+#[inline]
 fn digit_at(text: &[u8], at: usize) -> Option<u8> {
     let digit = text.get(at)?.wrapping_sub(b'0');
     (digit <= 9).then_some(digit)
