@@ -15,5 +15,6 @@ mod job;
 mod masks;
 mod rehearsal;
 mod same_steps;
+mod stack;
 mod step_interrupt;
 mod timing;
