@@ -7,6 +7,7 @@ use core::sync::atomic::{AtomicBool, Ordering};
 
 use cortex_m_rt::exception;
 use ferrostep_stm32f4::safe_state::{self, LastWords};
+use ferrostep_stm32f4::supervision::keep_last_words;
 
 /// The log has been told, or was about to be.
 static IS_LOGGED: AtomicBool = AtomicBool::new(false);
@@ -24,6 +25,7 @@ fn panic(info: &PanicInfo<'_>) -> ! {
     safe_state::enter();
     // The line cannot fail, and nobody is left to tell.
     let _ = write!(LastWords, "\nError:firmware panic, printer halted. kill() called!\necho:{info}\n");
+    keep_last_words(format_args!("panic: {info}"));
     log(|| defmt::error!("{}", defmt::Display2Format(info)));
     safe_state::rest()
 }
@@ -38,6 +40,7 @@ mod handlers {
     unsafe fn DefaultHandler(interrupt: i16) {
         safe_state::enter();
         let _ = write!(LastWords, "\nError:unexpected interrupt {interrupt}, printer halted. kill() called!\n");
+        keep_last_words(format_args!("unexpected interrupt {interrupt}"));
         log(|| defmt::error!("unexpected interrupt {}", interrupt));
         safe_state::rest()
     }

@@ -116,14 +116,3 @@ fn the_constants_say_what_heats_and_what_watches_it() {
     }
     assert!(constants::rust(&board("bench")).contains("pub const THERMAL: Option<ThermalPins> = None;"));
 }
-
-#[test]
-fn every_timer_channel_of_the_tables_is_one_that_can_be_set_up() {
-    for name in builtin_names() {
-        let board = board(name);
-        let fans = board.fans.iter().filter_map(|fan| fan.timer.as_deref());
-        for channel in board.heaters.iter().filter_map(|heater| heater.timer.as_deref()).chain(fans) {
-            assert!(ferrostep_hal_shim::chip::TimerChannel::named(channel).is_some(), "{name}: {channel}");
-        }
-    }
-}

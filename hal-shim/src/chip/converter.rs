@@ -150,6 +150,7 @@ impl Converter {
     }
 
     /// From the beginning, whatever it did before.
+    #[inline(never)]
     fn begin(&self, registers: &mut impl Registers) {
         let base = self.number.base();
         // Off: an overrun's flag is cleared, and DMA is asked for nothing.

@@ -64,11 +64,6 @@ impl<R: Registers> BoardHeaters<R> {
             fan.set(if on { 1.0 } else { 0.0 }, &mut self.registers);
         }
     }
-
-    /// Feeds the watchdog.
-    pub fn feed(&mut self, watchdog: super::Watchdog) {
-        watchdog.feed(&mut self.registers);
-    }
 }
 
 impl<R: Registers> ThermalBoard for BoardHeaters<R> {

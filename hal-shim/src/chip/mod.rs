@@ -11,7 +11,7 @@ mod heaters;
 mod pwm;
 mod reset_cause;
 mod software_pwm;
-mod watchdog;
+pub mod watchdog;
 
 pub use brown_out::{BrownOut, set_brown_out_level};
 pub use converter::{CONVERSIONS, Converter, ConverterNumber};
