@@ -23,9 +23,10 @@ fn log(tell: impl FnOnce()) {
 #[panic_handler]
 fn panic(info: &PanicInfo<'_>) -> ! {
     safe_state::enter();
+    // Kept first: to say it takes a thousand times as long.
+    keep_last_words(format_args!("panic: {info}"));
     // The line cannot fail, and nobody is left to tell.
     let _ = write!(LastWords, "\nError:firmware panic, printer halted. kill() called!\necho:{info}\n");
-    keep_last_words(format_args!("panic: {info}"));
     log(|| defmt::error!("{}", defmt::Display2Format(info)));
     safe_state::rest()
 }
@@ -39,8 +40,8 @@ mod handlers {
     #[exception]
     unsafe fn DefaultHandler(interrupt: i16) {
         safe_state::enter();
-        let _ = write!(LastWords, "\nError:unexpected interrupt {interrupt}, printer halted. kill() called!\n");
         keep_last_words(format_args!("unexpected interrupt {interrupt}"));
+        let _ = write!(LastWords, "\nError:unexpected interrupt {interrupt}, printer halted. kill() called!\n");
         log(|| defmt::error!("unexpected interrupt {}", interrupt));
         safe_state::rest()
     }

@@ -7,7 +7,7 @@
 //! | 13 | `serial` | USART1 | `local` only: port, two byte rings, the emergency scanner | 16 bytes to send, the received one; M112 |
 //! | 10 | `usb` | OTG_FS, or something to send | `local` only: the device, two byte rings | four packets in, what fits out; M112 |
 //! | 9 | SysTick (rtic-monotonics) | every ms | the queue of waits | wakes the tasks whose waits end |
-//! | 8 | `temperature` | every 10 ms | `heat` | two medians, two PID loops and their checks |
+//! | 8 | `temperature` | every 10 ms | `heat`, watchdog | 160 conversions, two medians, two PID loops and their checks |
 //! | 8 | `emergency` | M112 | `heat` | heaters off |
 //! | 4 | `planner` | a move, or 2 ms | `machine` | fills the step queue: 256 portions a lock |
 //! | 2 | `printer` | received bytes | `machine`, `heat`, `writers` | one line; a wait is an await |

@@ -37,6 +37,6 @@ extern "C" fn handle(frame: u32) -> ! {
 
 /// To the host, and for after the reset.
 fn tell(what: fmt::Arguments<'_>) {
-    let _ = write!(safe_state::LastWords, "\nError:firmware {what}, printer halted. kill() called!\n");
     supervision::keep_last_words(what);
+    let _ = write!(safe_state::LastWords, "\nError:firmware {what}, printer halted. kill() called!\n");
 }
