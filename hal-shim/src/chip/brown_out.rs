@@ -2,6 +2,7 @@
 
 use core::fmt;
 
+use super::RCC_APB1ENR;
 use crate::registers::Registers;
 
 // RM0090, 3.9: option bytes.
@@ -15,8 +16,7 @@ const STRT: u32 = 1 << 1;
 /// Two bits: 0 is level 3, 2.7 V (DS8626, embedded reset and power control block).
 const LEVEL: u32 = 0b11 << 2;
 
-// RM0090, 5.4 and 7.3.13: the supply's comparator.
-const RCC_APB1ENR: u32 = 0x4002_3840;
+// RM0090, 5.4: the supply's comparator, and its clock.
 const PWR_CLOCK: u32 = 1 << 28;
 const PWR_CR: u32 = 0x4000_7000;
 const PWR_CSR: u32 = 0x4000_7004;

@@ -123,6 +123,8 @@ pub struct PwmClocks {
 pub struct PwmOutput {
     pin: OutputPin,
     software: SoftwarePwm,
+    /// As the software has last set it.
+    is_high: bool,
 }
 
 impl PwmOutput {
@@ -136,7 +138,7 @@ impl PwmOutput {
             registers.modify(pin.port() + function, 0xf << place, u32::from(channel.function) << place);
             registers.modify(pin.port() + MODER, 0b11 << (2 * number), ALTERNATE << (2 * number));
         }
-        Self { pin, software: SoftwarePwm::new() }
+        Self { pin, software: SoftwarePwm::new(), is_high: false }
     }
 
     /// Sets the power, 0 to 1; 0 is low at once, and nothing else is that low.
@@ -149,6 +151,7 @@ impl PwmOutput {
             None => {
                 self.software.set(power);
                 if power <= 0.0 {
+                    self.is_high = false;
                     self.pin.set(false, registers);
                 }
             }
@@ -159,7 +162,9 @@ impl PwmOutput {
     pub fn tick(&mut self, registers: &mut impl Registers) {
         if self.pin.channel.is_none() {
             let high = self.software.tick();
-            self.pin.set(high, registers);
+            if core::mem::replace(&mut self.is_high, high) != high {
+                self.pin.set(high, registers);
+            }
         }
     }
 }
@@ -295,10 +300,16 @@ mod tests {
         let mut heater = PwmOutput::start(pin, HEATER_HZ, CLOCKS, &mut registers);
         assert_eq!(registers.stores, [], "it is low already");
         heater.set(0.3, &mut registers);
-        (0..10).for_each(|_| heater.tick(&mut registers));
         let bsrr = 0x4002_0018;
-        let on = registers.stored(bsrr).iter().filter(|word| **word == 1 << 2).count();
-        assert_eq!((on, registers.stores.len()), (3, 10));
+        let levels: Vec<u32> = (0..10)
+            .map(|_| {
+                heater.tick(&mut registers);
+                registers.value(bsrr)
+            })
+            .collect();
+        let (high, low) = (1 << 2, 1 << 18);
+        assert_eq!(levels, [high, high, high, low, low, low, low, low, low, low]);
+        assert_eq!(registers.stores, [(bsrr, high), (bsrr, low)], "only what changes is stored");
         heater.set(1.0, &mut registers);
         heater.tick(&mut registers);
         assert_eq!(registers.value(bsrr), 1 << 2);

@@ -70,7 +70,8 @@ fn assert_off(board: &BoardFacts, bench: &mut Bench) {
 fn a_broken_thermistor_switches_all_heaters_off_and_is_said() {
     for board in printers() {
         let mut bench = Bench::boot_board(board);
-        let temperatures = bench.host.ask("M105", "ok T:").unwrap();
+        bench.host.send_raw(b"M105\n").unwrap();
+        let temperatures = bench.host.wait_for("temperatures", |line| line.starts_with("ok T:")).unwrap();
         assert!(temperatures.starts_with("ok T:2") && temperatures.contains(" B:25.0"), "{temperatures}");
         let capability = bench.host.ask("M115", "Cap:THERMAL_PROTECTION").unwrap();
         assert_eq!(capability, "Cap:THERMAL_PROTECTION:1");
