@@ -33,6 +33,9 @@ pub struct BoardHeaters<R> {
     heaters: [PwmOutput; 2],
     part_fan: Option<PwmOutput>,
     hotend_fan: Option<PwmOutput>,
+    /// What the fans were last told; heaters are told again in each sample.
+    part_power: u8,
+    hotend_is_on: bool,
 }
 
 impl<R: Registers> BoardHeaters<R> {
@@ -49,7 +52,8 @@ impl<R: Registers> BoardHeaters<R> {
         let heaters = pins.heaters.map(|pin| output(pin, HEATER_HZ));
         let [part_fan, hotend_fan] = [pins.part_fan, pins.hotend_fan].map(|pin| pin.map(|pin| output(pin, FAN_HZ)));
         let converter = Converter::start(pins.converter, pins.channels, memory, memory_address, &mut registers);
-        Self { registers, converter, sensors: pins.sensors, heaters, part_fan, hotend_fan }
+        let sensors = pins.sensors;
+        Self { registers, converter, sensors, heaters, part_fan, hotend_fan, part_power: 0, hotend_is_on: false }
     }
 
     /// To be called every 10 ms: for what no timer switches.
@@ -60,7 +64,9 @@ impl<R: Registers> BoardHeaters<R> {
 
     /// Switches the hot end's fan.
     pub fn set_hotend_fan(&mut self, on: bool) {
-        if let Some(fan) = &mut self.hotend_fan {
+        if let Some(fan) = &mut self.hotend_fan
+            && core::mem::replace(&mut self.hotend_is_on, on) != on
+        {
             fan.set(if on { 1.0 } else { 0.0 }, &mut self.registers);
         }
     }
@@ -79,7 +85,9 @@ impl<R: Registers> ThermalBoard for BoardHeaters<R> {
 
 impl<R: Registers> Fan for BoardHeaters<R> {
     fn set_fan_power(&mut self, power: u8) {
-        if let Some(fan) = &mut self.part_fan {
+        if let Some(fan) = &mut self.part_fan
+            && core::mem::replace(&mut self.part_power, power) != power
+        {
             fan.set(f32::from(power) / 255.0, &mut self.registers);
         }
     }

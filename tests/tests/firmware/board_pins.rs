@@ -169,14 +169,15 @@ fn each_motor_steps_by_its_own_pins() {
     }
 }
 
-/// Lets the motors move, then something go wrong, and checks what comes of it.
-fn assert_ends_safely(board: &BoardFacts, last_words: &str, go_wrong: impl Fn(&mut Bench)) {
+/// Lets the motors move, then something go wrong as soon as the processor goes on, and checks what comes of it.
+fn assert_ends_safely(board: &BoardFacts, last_words: &str, go_wrong: impl Fn(&mut Bench) -> Debugger) {
     let mut bench = Bench::boot_board(board);
     for line in ["M302 P1", "G91", "G1 X1 Y1 Z1 E1 F1200", "M400"] {
         bench.host.send(line).unwrap();
     }
+    let debugger = go_wrong(&mut bench);
     let before = bench.port_writes().len();
-    go_wrong(&mut bench);
+    debugger.resume().unwrap();
     let line = bench.host.wait_for(last_words, |line| line.starts_with("Error:")).unwrap();
     assert!(line.contains(last_words) && line.ends_with("kill() called!"), "{}: {line}", board.name);
     bench.host.listen(A_WHILE).unwrap();
@@ -195,8 +196,8 @@ fn assert_ends_safely(board: &BoardFacts, last_words: &str, go_wrong: impl Fn(&m
     assert_heaters_are_taken_from_timers(board, &state);
 }
 
-/// Lets the image panic, with an overflow at a place that is none.
-pub fn force_panic(board: &BoardFacts, bench: &mut Bench) {
+/// Halts the image; when it goes on it panics, with an overflow at a place that is none.
+pub fn force_panic(board: &BoardFacts, bench: &mut Bench) -> Debugger {
     let code = Code::of(&image_of(board.name)).unwrap();
     let overflow = code.functions_named("panic_const_add_overflow");
     let &[overflow] = overflow.as_slice() else { panic!("{}: {overflow:x?}", board.name) };
@@ -208,7 +209,7 @@ pub fn force_panic(board: &BoardFacts, bench: &mut Bench) {
     debugger.write_memory(RAM, &[place.as_slice(), name].concat()).unwrap();
     debugger.set_register(Register::R0, RAM).unwrap();
     debugger.set_register(Register::ProgramCounter, overflow).unwrap();
-    debugger.resume().unwrap();
+    debugger
 }
 
 #[test]
@@ -225,7 +226,7 @@ fn a_stray_jump_switches_heaters_off_first() {
             let mut debugger = bench.host.port().halt().unwrap();
             debugger.set_register(Register::ProgramCounter, NOWHERE).unwrap();
             assert_eq!(debugger.register(Register::ProgramCounter).unwrap(), NOWHERE);
-            debugger.resume().unwrap();
+            debugger
         });
     }
 }
@@ -253,7 +254,7 @@ fn a_stack_that_runs_over_switches_heaters_off_first() {
             let mut debugger = halted_asleep(bench);
             // The next interrupt finds no room for eight words.
             debugger.set_register(Register::StackPointer, RAM + 8).unwrap();
-            debugger.resume().unwrap();
+            debugger
         });
     }
 }

@@ -44,7 +44,7 @@ fn boot(board: &BoardFacts) -> Bench {
 fn a_panic_is_told_after_the_reset_and_once() {
     for board in &BOARDS {
         let mut bench = boot(board);
-        force_panic(board, &mut bench);
+        force_panic(board, &mut bench).resume().unwrap();
         bench.host.wait_for("the panic", |line| line.starts_with("Error:firmware panic")).unwrap();
         bench.host.listen(std::time::Duration::from_millis(300)).unwrap();
         reset(&mut bench);
