@@ -233,7 +233,7 @@ fn a_stray_jump_switches_heaters_off_first() {
 
 /// The processor halted where it sleeps, which is where it is found twice in a row: elsewhere it would use its stack
 /// before the next interrupt does.
-fn halted_asleep(bench: &mut Bench) -> Debugger {
+pub fn halted_asleep(bench: &mut Bench) -> Debugger {
     let mut last = None;
     loop {
         let mut debugger = bench.host.port().halt().unwrap();

@@ -118,9 +118,9 @@ impl Bench {
         value
     }
 
-    /// Whether the emulator has said this of a device that it has not.
-    pub fn has_logged(&mut self, line: &str) -> bool {
-        std::fs::read_to_string(self.host.port().pin_log()).unwrap().lines().any(|logged| logged == line)
+    /// How often the emulator has said this of a device that it has not.
+    pub fn logged(&mut self, line: &str) -> usize {
+        std::fs::read_to_string(self.host.port().pin_log()).unwrap().lines().filter(|logged| *logged == line).count()
     }
 
     /// Ends the emulator and returns what the pins have done.

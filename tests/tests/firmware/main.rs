@@ -20,3 +20,4 @@ mod same_steps;
 mod step_interrupt;
 mod thermistors;
 mod timing;
+mod watchdog;
