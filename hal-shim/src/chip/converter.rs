@@ -239,6 +239,7 @@ impl Converter {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
     use crate::registers::recorder::Recorder;
