@@ -7,7 +7,6 @@ use core::sync::atomic::{AtomicBool, Ordering};
 
 use cortex_m_rt::exception;
 use ferrostep_stm32f4::safe_state::{self, LastWords};
-use ferrostep_stm32f4::supervision::keep_last_words;
 
 /// The log has been told, or was about to be.
 static IS_LOGGED: AtomicBool = AtomicBool::new(false);
@@ -23,10 +22,8 @@ fn log(tell: impl FnOnce()) {
 #[panic_handler]
 fn panic(info: &PanicInfo<'_>) -> ! {
     safe_state::enter();
-    // Kept first: to say it takes a thousand times as long.
-    keep_last_words(format_args!("panic: {info}"));
-    // The line cannot fail, and nobody is left to tell.
-    let _ = write!(LastWords, "\nError:firmware panic, printer halted. kill() called!\necho:{info}\n");
+    safe_state::tell(format_args!("firmware panic"), format_args!("panic: {info}"));
+    let _ = writeln!(LastWords, "echo:{info}");
     log(|| defmt::error!("{}", defmt::Display2Format(info)));
     safe_state::rest()
 }
@@ -40,8 +37,8 @@ mod handlers {
     #[exception]
     unsafe fn DefaultHandler(interrupt: i16) {
         safe_state::enter();
-        keep_last_words(format_args!("unexpected interrupt {interrupt}"));
-        let _ = write!(LastWords, "\nError:unexpected interrupt {interrupt}, printer halted. kill() called!\n");
+        let what = format_args!("unexpected interrupt {interrupt}");
+        safe_state::tell(what, what);
         log(|| defmt::error!("unexpected interrupt {}", interrupt));
         safe_state::rest()
     }

@@ -25,10 +25,10 @@ impl KeptText {
     }
 
     /// Keeps a text in the place of the one before. Line ends become spaces, as does what is not ASCII.
-    pub fn keep(&self, text: impl fmt::Display) {
+    pub fn keep(&self, text: fmt::Arguments<'_>) {
         self.length.store(0, Ordering::Relaxed);
         // Cut where it is too long.
-        let _ = fmt::write(&mut Writer(self), format_args!("{text}"));
+        let _ = fmt::write(&mut Writer(self), text);
         self.check.store(self.sum(), Ordering::Relaxed);
     }
 
@@ -97,20 +97,20 @@ mod tests {
     fn what_is_kept_is_read_until_it_is_cleared() {
         let kept = KeptText::new();
         assert_eq!(shown(&kept), None);
-        kept.keep("panicked at app/src/main.rs:1:2:\nattempt to add with overflow");
+        kept.keep(format_args!("panicked at app/src/main.rs:{}:2:\nattempt to add with overflow", 1));
         assert_eq!(shown(&kept).unwrap(), "panicked at app/src/main.rs:1:2: attempt to add with overflow");
-        kept.keep("x\u{e4}y");
+        kept.keep(format_args!("x\u{e4}y"));
         assert_eq!(shown(&kept).unwrap(), "x  y");
         kept.clear();
         assert_eq!(shown(&kept), None);
-        kept.keep("");
+        kept.keep(format_args!(""));
         assert_eq!(shown(&kept), None);
     }
 
     #[test]
     fn a_long_text_is_cut() {
         let kept = KeptText::new();
-        kept.keep("long ".repeat(100));
+        kept.keep(format_args!("{}", "long ".repeat(100)));
         assert_eq!(shown(&kept).unwrap(), "long ".repeat(32));
     }
 
@@ -119,7 +119,7 @@ mod tests {
         #[test]
         fn a_changed_text_is_none(text in "[ -~]{1,160}", place in any::<prop::sample::Index>(), bits in 1_u8..) {
             let kept = KeptText::new();
-            kept.keep(&text);
+            kept.keep(format_args!("{text}"));
             prop_assert_eq!(shown(&kept).unwrap(), text.as_str());
             kept.bytes[place.index(text.len())].fetch_xor(bits, Ordering::Relaxed);
             prop_assert_eq!(shown(&kept), None);

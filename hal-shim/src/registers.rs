@@ -15,6 +15,7 @@ pub trait Registers {
     }
 
     /// Whether some bits of a register all become `level` within so many looks.
+    #[inline(never)]
     fn comes_to(&mut self, address: u32, bits: u32, level: bool, most_looks: u32) -> bool {
         let wanted = if level { bits } else { 0 };
         (0..most_looks).any(|_| self.read(address) & bits == wanted)

@@ -175,22 +175,17 @@ impl Converter {
         registers.write(base + CR1, SCAN);
         registers.write(base + SMPR1, LONGEST_SAMPLING_HIGH);
         registers.write(base + SMPR2, LONGEST_SAMPLING);
-        // Six channels of five bits a register, the first in the third register; their number less one above the last.
-        let mut sequence = [0; 3];
-        for (turn, &channel) in self.channels.iter().enumerate() {
-            if let Some(register) = sequence.get_mut(turn / 6) {
-                *register |= u32::from(channel & 0x1f) << (5 * (turn % 6));
-            }
+        // Six channels of five bits a register, the first lowest; their number less one above the last.
+        let number = (self.channels.len() as u32).saturating_sub(1) << 20;
+        for (turn, register) in [SQR3, SQR2, SQR1].into_iter().enumerate() {
+            let channels = self.channels.iter().skip(6 * turn).take(6);
+            let sequence = channels.rev().fold(0, |sequence, channel| sequence << 5 | u32::from(channel & 0x1f));
+            registers.write(base + register, if register == SQR1 { sequence | number } else { sequence });
         }
-        let [first, second, third] = sequence;
-        registers.write(base + SQR1, third | (self.channels.len() as u32).saturating_sub(1) << 20);
-        registers.write(base + SQR2, second);
-        registers.write(base + SQR3, first);
         let on = ADON | CONT | DMA | DDS;
         registers.write(base + CR2, on);
-        for _ in 0..WAKE_UP_LOOKS {
-            registers.read(base + SR);
-        }
+        // Only the looks count: not all of these bits exist.
+        let _never = registers.comes_to(base + SR, u32::MAX, true, WAKE_UP_LOOKS);
         registers.write(base + CR2, on | SWSTART);
     }
 

@@ -1,10 +1,10 @@
 //! The hard fault: a stack that overflowed, a bus error, memory run wild.
 
 use core::arch::naked_asm;
-use core::fmt::{self, Write};
+use core::fmt;
 
 use crate::board::RAM;
-use crate::{safe_state, supervision};
+use crate::safe_state;
 
 /// Where the program counter stands in the eight words that the core pushes.
 const PROGRAM_COUNTER: u32 = 24;
@@ -37,6 +37,5 @@ extern "C" fn handle(frame: u32) -> ! {
 
 /// To the host, and for after the reset.
 fn tell(what: fmt::Arguments<'_>) {
-    supervision::keep_last_words(what);
-    let _ = write!(safe_state::LastWords, "\nError:firmware {what}, printer halted. kill() called!\n");
+    safe_state::tell(format_args!("firmware {what}"), what);
 }

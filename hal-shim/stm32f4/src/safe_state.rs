@@ -14,6 +14,15 @@ pub fn enter() {
     board::all_off();
 }
 
+/// Keeps a text over the reset, and then tells the host of the end, which takes a thousand times as long. After [`enter`]
+/// only.
+#[inline(never)]
+pub fn tell(end: fmt::Arguments<'_>, kept: fmt::Arguments<'_>) {
+    supervision::keep_last_words(kept);
+    // The line cannot fail, and nobody is left to tell.
+    let _ = fmt::write(&mut LastWords, format_args!("\nError:{end}, printer halted. kill() called!\n"));
+}
+
 /// Until someone resets the board: a machine that starts again on its own might start heating, or go on with a print from
 /// where it does not stand. The watchdog, which would reset it, is fed.
 pub fn rest() -> ! {

@@ -51,7 +51,7 @@ pub(crate) fn feed_at_the_end() {
 }
 
 /// Keeps a text over the next reset.
-pub fn keep_last_words(text: impl fmt::Display) {
+pub(crate) fn keep_last_words(text: fmt::Arguments<'_>) {
     LAST_WORDS.keep(text);
 }
 
