@@ -22,8 +22,8 @@ fn log(tell: impl FnOnce()) {
 #[panic_handler]
 fn panic(info: &PanicInfo<'_>) -> ! {
     safe_state::enter();
-    // The line cannot fail, and nobody is left to tell.
-    let _ = write!(LastWords, "\nError:firmware panic, printer halted. kill() called!\necho:{info}\n");
+    safe_state::tell(format_args!("firmware panic"), format_args!("panic: {info}"));
+    let _ = writeln!(LastWords, "echo:{info}");
     log(|| defmt::error!("{}", defmt::Display2Format(info)));
     safe_state::rest()
 }
@@ -37,7 +37,8 @@ mod handlers {
     #[exception]
     unsafe fn DefaultHandler(interrupt: i16) {
         safe_state::enter();
-        let _ = write!(LastWords, "\nError:unexpected interrupt {interrupt}, printer halted. kill() called!\n");
+        let what = format_args!("unexpected interrupt {interrupt}");
+        safe_state::tell(what, what);
         log(|| defmt::error!("unexpected interrupt {}", interrupt));
         safe_state::rest()
     }

@@ -1,34 +1,94 @@
-//! The heaters: their control, and on the bench their models. On printer boards there is no code for them yet: their
-//! pins are low, and nobody makes up a temperature.
+//! The heaters: their control, and what stands behind it: the board's own, or on the bench their models.
 
+use ferrostep_hal_shim::clock_tree::Clock;
 use ferrostep_hal_shim::virtual_board::VirtualHeaters;
 use ferrostep_hal_shim::{Fan, Heater, ThermalBoard};
-use ferrostep_printer::heat::{HeatControl, HeatFault, SAMPLE_MS};
+use ferrostep_printer::heat::{HeatControl, HeatFault, HotEndFan, SAMPLE_MS};
 use ferrostep_printer::{Equipment, HeaterStatus, Profile};
-use ferrostep_stm32f4::board::VIRTUAL_SENSORS;
+use ferrostep_stm32f4::board::{THERMAL, VIRTUAL_SENSORS};
+use ferrostep_stm32f4::thermal::{self, Converters, Heaters};
 
 /// What of the board the firmware can use.
-pub const EQUIPMENT: Equipment = if VIRTUAL_SENSORS { Equipment::ALL } else { Equipment::NONE };
+pub const EQUIPMENT: Equipment = Equipment {
+    heaters: VIRTUAL_SENSORS || THERMAL.is_some(),
+    end_stops: VIRTUAL_SENSORS,
+    fan: VIRTUAL_SENSORS
+        || match THERMAL {
+            Some(pins) => pins.part_fan.is_some(),
+            None => false,
+        },
+};
 
-/// The heaters that the firmware can use.
-pub struct Heat {
-    modelled: Option<Modelled>,
+/// Heaters, thermistors and fans, of whatever kind.
+pub trait Parts: ThermalBoard + Fan + Sized {
+    /// Cold, or `None` where there are none.
+    fn start(profile: &Profile, converters: Converters, clock: &Clock) -> Option<Self>;
+    /// Another [`SAMPLE_MS`] have passed.
+    fn pass(&mut self);
+    /// Switches the hot end's fan.
+    fn switch_hotend_fan(&mut self, on: bool);
 }
 
-/// Control and heaters.
-struct Modelled {
+impl Parts for VirtualHeaters {
+    fn start(profile: &Profile, _: Converters, _: &Clock) -> Option<Self> {
+        Some(profile.virtual_heaters())
+    }
+
+    fn pass(&mut self) {
+        self.advance(SAMPLE_MS as f32 * 1e-3);
+    }
+
+    fn switch_hotend_fan(&mut self, _: bool) {}
+}
+
+impl Parts for Heaters {
+    fn start(_: &Profile, converters: Converters, clock: &Clock) -> Option<Self> {
+        thermal::start(converters, clock)
+    }
+
+    fn pass(&mut self) {
+        self.tick();
+    }
+
+    fn switch_hotend_fan(&mut self, on: bool) {
+        self.set_hotend_fan(on);
+    }
+}
+
+/// Which kind a board has: an image holds one only.
+struct Board<const VIRTUAL: bool>;
+
+/// See [`Board`].
+trait Kind {
+    /// That kind.
+    type Parts: Parts;
+}
+
+impl Kind for Board<true> {
+    type Parts = VirtualHeaters;
+}
+
+impl Kind for Board<false> {
+    type Parts = Heaters;
+}
+
+/// The heaters that the firmware can use.
+pub struct Heat(Option<Controlled<<Board<VIRTUAL_SENSORS> as Kind>::Parts>>);
+
+/// Control and what it controls.
+struct Controlled<P> {
     control: HeatControl,
-    heaters: VirtualHeaters,
+    parts: P,
+    hotend_fan: HotEndFan,
 }
 
 impl Heat {
     /// Cold heaters with their first readings, so that the first command finds temperatures.
-    pub fn new(profile: &Profile) -> Self {
-        let modelled = VIRTUAL_SENSORS.then(|| {
-            let mut heaters = profile.virtual_heaters();
-            Modelled { control: HeatControl::new(profile.nozzle, profile.bed, &mut heaters), heaters }
-        });
-        Self { modelled }
+    pub fn new(profile: &Profile, converters: Converters, clock: &Clock) -> Self {
+        Self(Parts::start(profile, converters, clock).map(|mut parts| {
+            let control = HeatControl::new(profile.nozzle, profile.bed, &mut parts);
+            Controlled { control, parts, hotend_fan: HotEndFan::default() }
+        }))
     }
 
     /// One sample of control, every [`SAMPLE_MS`].
@@ -36,36 +96,38 @@ impl Heat {
     /// # Errors
     /// A heater or thermometer has failed, and all heaters are off; told once.
     pub fn update(&mut self, fan_power: u8) -> Result<(), HeatFault> {
-        let Some(Modelled { control, heaters }) = &mut self.modelled else { return Ok(()) };
-        heaters.set_fan_power(fan_power);
-        heaters.advance(SAMPLE_MS as f32 * 1e-3);
-        control.update(heaters)
+        let Some(Controlled { control, parts, hotend_fan }) = &mut self.0 else { return Ok(()) };
+        parts.set_fan_power(fan_power);
+        parts.pass();
+        let outcome = control.update(parts);
+        parts.switch_hotend_fan(hotend_fan.update(control.status(Heater::Nozzle).celsius));
+        outcome
     }
 
     /// Why the heaters are off until M999, if they are.
     pub fn fault(&self) -> Option<HeatFault> {
-        self.modelled.as_ref().and_then(|modelled| modelled.control.fault())
+        self.0.as_ref().and_then(|heat| heat.control.fault())
     }
 
     /// Sets a target, degrees Celsius; 0 is off. Without heaters that is what they are, and [`EQUIPMENT`] has any other
     /// refused.
     pub fn set_target(&mut self, heater: Heater, celsius: f32) {
-        if let Some(modelled) = &mut self.modelled {
-            modelled.control.set_target(heater, celsius);
+        if let Some(heat) = &mut self.0 {
+            heat.control.set_target(heater, celsius);
         }
     }
 
     /// How a heater is.
     pub fn status(&self, heater: Heater) -> HeaterStatus {
-        self.modelled.as_ref().map_or_else(HeaterStatus::default, |modelled| modelled.control.status(heater))
+        self.0.as_ref().map_or_else(HeaterStatus::default, |heat| heat.control.status(heater))
     }
 
     /// Switches all heaters off, now.
     pub fn all_off(&mut self) {
-        if let Some(Modelled { control, heaters }) = &mut self.modelled {
+        if let Some(Controlled { control, parts, .. }) = &mut self.0 {
             control.all_off();
             for heater in Heater::ALL {
-                heaters.set_power(heater, 0.0);
+                parts.set_power(heater, 0.0);
             }
         }
     }
@@ -75,9 +137,6 @@ impl Heat {
     /// # Errors
     /// A fault is still there, and all heaters stay off.
     pub fn restart(&mut self) -> Result<(), HeatFault> {
-        match &mut self.modelled {
-            Some(modelled) => modelled.control.restart(),
-            None => Ok(()),
-        }
+        self.0.as_mut().map_or(Ok(()), |heat| heat.control.restart())
     }
 }

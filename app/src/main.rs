@@ -7,7 +7,7 @@
 //! | 13 | `serial` | USART1 | `local` only: port, two byte rings, the emergency scanner | 16 bytes to send, the received one; M112 |
 //! | 10 | `usb` | OTG_FS, or something to send | `local` only: the device, two byte rings | four packets in, what fits out; M112 |
 //! | 9 | SysTick (rtic-monotonics) | every ms | the queue of waits | wakes the tasks whose waits end |
-//! | 8 | `temperature` | every 10 ms | `heat` | two medians, two PID loops and their checks |
+//! | 8 | `temperature` | every 10 ms | `heat`, watchdog | 160 conversions, two medians, two PID loops and their checks |
 //! | 8 | `emergency` | M112 | `heat` | heaters off |
 //! | 4 | `planner` | a move, or 2 ms | `machine` | fills the step queue: 256 portions a lock |
 //! | 2 | `printer` | received bytes | `machine`, `heat`, `writers` | one line; a wait is an await |
@@ -39,7 +39,9 @@ mod app {
     use core::sync::atomic::{AtomicU8, Ordering};
 
     use ferrostep_gcode::{Emergency, EmergencyScanner, LineReader, Reply};
+    use ferrostep_hal_shim::chip::BrownOut;
     use ferrostep_hal_shim::clock_tree::ClockSource;
+    use ferrostep_hal_shim::life_signs::{LifeSigns, Task, Vigil};
     use ferrostep_hal_shim::stepping::{self, StepFeeder};
     use ferrostep_planner::look_ahead::Slot;
     use ferrostep_printer::heat::SAMPLE_MS;
@@ -51,6 +53,7 @@ mod app {
     use ferrostep_stm32f4::motion_clock::MotionClock;
     use ferrostep_stm32f4::serial::{Serial, Transmit};
     use ferrostep_stm32f4::step_timer::{self, StepQueue, StepTimer};
+    use ferrostep_stm32f4::supervision::{self, Watchdog};
     use ferrostep_stm32f4::vector_table::VectorTable;
     use ferrostep_stm32f4_usb::{Memory, Rings, Usb};
     use ferrostep_usb::{Heard, LineWriter, Lines};
@@ -83,6 +86,8 @@ mod app {
     static SIGNALS: Signals = Signals::new();
     /// The fan as the planner task last set it, for the heaters' model.
     static FAN_POWER: AtomicU8 = AtomicU8::new(0);
+    /// Which tasks have run of late.
+    static LIFE: LifeSigns = LifeSigns::new();
     /// The machine has been halted, and the host should know.
     static HALTED: Signal<()> = Signal::new();
 
@@ -109,6 +114,8 @@ mod app {
         motion_clock: MotionClock,
         patience: Patience,
         measured: Switch,
+        watchdog: Watchdog,
+        vigil: Vigil,
     }
 
     #[init(local = [
@@ -124,6 +131,8 @@ mod app {
     fn init(cx: init::Context) -> (Shared, Local) {
         let device = cx.device;
         let mut core = cx.core;
+        let reset_cause = supervision::reset_cause(&device.RCC);
+        let brown_out = supervision::set_brown_out_level(&device.RCC, &device.FLASH);
         let clock = clock::start(&device.RCC, &device.FLASH);
         clock::set_systick_priority(&mut core.SCB, WAITS_PRIORITY);
         Mono::start(core.SYST, clock.core_hz);
@@ -163,9 +172,17 @@ mod app {
         writers.line(To::All, Reply::Start);
         writers.line(To::All, format_args!("echo:board: {}", board::NAME));
         writers.line(To::All, format_args!("echo:clock: {clock}"));
+        writers.line(To::All, format_args!("echo:reset: {reset_cause}"));
+        if brown_out != BrownOut::WasSet {
+            writers.line(To::All, format_args!("echo:brown-out level: {brown_out}"));
+        }
+        supervision::take_last_words(|text| writers.line(To::All, format_args!("echo:last {text}")));
         if let Err(why) = &usb {
             writers.line(To::All, format_args!("echo:usb: {why}"));
         }
+
+        let converters = (device.ADC1, device.ADC3, device.ADC_COMMON, device.DMA2);
+        let heat = Heat::new(&PROFILE, converters, &clock);
 
         // Each of them is taken here and nowhere else.
         let (Some(reader), Some(planner_work), Some(halted)) =
@@ -176,7 +193,7 @@ mod app {
         let spawned = (printer::spawn(), planner::spawn(), temperature::spawn(), reports::spawn());
         defmt::debug!("started: {}", matches!(spawned, (Ok(()), Ok(()), Ok(()), Ok(()))));
         (
-            Shared { step_timer, machine, heat: Heat::new(&PROFILE), writers },
+            Shared { step_timer, machine, heat, writers },
             Local {
                 port,
                 received,
@@ -189,6 +206,8 @@ mod app {
                 motion_clock,
                 patience: Patience::new(clock.source),
                 measured,
+                watchdog: Watchdog::start(device.IWDG),
+                vigil: Vigil::default(),
             },
         )
     }
@@ -244,13 +263,16 @@ mod app {
     }
 
     /// Heater control; a fault halts the machine. Must run every 10 ms, whatever the tasks below do: a sample that is
-    /// late is made up for.
-    #[task(priority = 8, shared = [heat])]
+    /// late is made up for. Feeds the watchdog while those below are alive.
+    #[task(priority = 8, shared = [heat], local = [watchdog, vigil])]
     async fn temperature(mut cx: temperature::Context) {
         let mut next = Mono::now();
         loop {
             next += SAMPLE_MS.millis();
             Mono::delay_until(next).await;
+            if cx.local.vigil.all_alive(&LIFE, SAMPLE_MS) {
+                cx.local.watchdog.feed();
+            }
             let outcome = cx.shared.heat.lock(|heat| heat.update(FAN_POWER.load(Ordering::Relaxed)));
             if outcome.is_err() {
                 SIGNALS.halt();
@@ -273,6 +295,7 @@ mod app {
         loop {
             let silence = cx.local.patience.silence(cx.local.motion_clock.now_ticks());
             while cx.shared.machine.lock(|machine| {
+                LIFE.show(Task::Planner);
                 let more = machine.work(silence);
                 FAN_POWER.store(machine.fan_power(), Ordering::Relaxed);
                 more
@@ -327,6 +350,7 @@ mod app {
         let mut reported_ms = 0;
         let mut logged_ms = 0;
         loop {
+            LIFE.show(Task::Reports);
             let interval = REPORTS_INTERVAL_MS.millis();
             if let Ok(()) = Mono::timeout_after(interval, cx.local.halted.wait()).await {
                 // A command at work has done it already; where none is, nobody else does. Whether the machine is still

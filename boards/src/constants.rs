@@ -2,6 +2,8 @@
 
 use std::fmt::Write;
 
+use ferrostep_hal_shim::chip::{OutputPin, TimerChannel};
+
 use crate::board::{Board, CCM_ADDRESS, FLASH_ADDRESS, RAM_ADDRESS};
 use crate::clock::{Clock, INTERNAL_HZ};
 use crate::pin::Pin;
@@ -54,15 +56,57 @@ pub fn rust(board: &Board) -> String {
          /// Those ports: 0 is A.\npub const MOTOR_PORT_INDICES: [u8; MOTOR_PORTS] = {ports:?};\n\
          /// Step and direction pins of X, Y, Z and E.\npub const MOTORS: [MotorPins; 4] = [{motors}];\n\
          /// Port and number of their enable pins; low = on.\npub const ENABLE: [(u8, u8); 4] = {enable:?};\n\
-         /// RAM.\npub const RAM: core::ops::Range<u32> = {RAM_ADDRESS:#x}..{ram_end:#x};\n\
+         /// RAM.\npub const RAM: core::ops::Range<u32> = {RAM_ADDRESS:#x}..{ram_end:#x};\n{}\
          /// What the image writes before anything else.\n{}\
          /// Heaters off, then motors off.\n{}\
          /// Motors and serial line ready, fans off.\n{}",
         clock.apb2_hz(),
         ports.len(),
+        thermal(board),
         stores("FIRST", &first),
         stores("ALL_OFF", &registers::all_off(board)),
         stores("PINS", &registers::pins(board)),
+    )
+}
+
+/// Heaters, fans and thermistors. All thermistors are at one converter, which goes round them in the file's order.
+fn thermal(board: &Board) -> String {
+    let output = |pin: Pin, timer: &Option<String>| {
+        let channel = timer.as_deref().and_then(TimerChannel::named);
+        format!("{:?}", OutputPin { port: pin.port, number: pin.number, channel })
+    };
+    let channels: Vec<u8> = board.thermistors.iter().map(|thermistor| thermistor.channel.channel).collect();
+    let heater = |name: &str| {
+        let heater = board.heaters.iter().find(|heater| heater.name == name)?;
+        let sensor = board.thermistors.iter().position(|thermistor| thermistor.name == heater.sensor)?;
+        Some((output(heater.pin, &heater.timer), sensor))
+    };
+    let fan = |name: &str| {
+        let fan = board.fans.iter().find(|fan| fan.name == name).map(|fan| output(fan.pin, &fan.timer));
+        fan.map_or("None".to_owned(), |fan| format!("Some({fan})"))
+    };
+    let pins = match (heater("nozzle"), heater("bed")) {
+        (Some((nozzle, nozzle_sensor)), Some((bed, bed_sensor))) => {
+            let number = match board.thermistors.first().map(|thermistor| thermistor.channel.converter) {
+                Some(3) => "Three",
+                _ => "One",
+            };
+            format!(
+                "{{ use ferrostep_hal_shim::chip::{{ConverterNumber, OutputPin, TimerChannel}}; \
+                 Some(ThermalPins {{ converter: ConverterNumber::{number}, channels: &{channels:?}, \
+                 sensors: [{nozzle_sensor}, {bed_sensor}], heaters: [{nozzle}, {bed}], part_fan: {}, \
+                 hotend_fan: {} }}) }}",
+                fan("part"),
+                fan("hotend"),
+            )
+        }
+        _ => "None".to_owned(),
+    };
+    format!(
+        "/// Number of thermistors.\npub const THERMISTORS: usize = {};\n\
+         /// What heats, cools and measures; `None` where nothing does.\n\
+         pub const THERMAL: Option<ThermalPins> = {pins};\n",
+        channels.len()
     )
 }
 

@@ -203,11 +203,44 @@ fn as_a_whole(board: &Board, file: &BoardFile, check: &Checker<'_>) -> Result<()
             format!("step and direction of X, Y, Z and E on at most {MOST_MOTOR_PORTS} ports, not on {ports}");
         return Err(check.refuse("motors.e.direction", &quoted(&file.motors.e.direction), expected));
     }
+    thermal_parts(board, file, check)?;
     let is_real = board.heaters.len() + board.thermistors.len() + board.inputs.len() > 0;
     if board.virtual_sensors && is_real {
         let shown = quoted(&file.name);
         let expected = "no heaters, thermistors and inputs on a board with virtual_sensors = true";
         return Err(check.refuse("name", &shown, expected));
+    }
+    Ok(())
+}
+
+/// One converter goes round all thermistors, and a timer has one frequency.
+fn thermal_parts(board: &Board, file: &BoardFile, check: &Checker<'_>) -> Result<(), FileError> {
+    let tables = &file.thermistors;
+    let words =
+        [&tables.nozzle, &tables.bed, &tables.nozzle1, &tables.nozzle2, &tables.nozzle3, &tables.probe, &tables.board];
+    let words = words.into_iter().flatten().map(|table| &table.adc);
+    let first = board.thermistors.first().map(|thermistor| thermistor.channel.converter);
+    for (thermistor, word) in board.thermistors.iter().zip(words) {
+        let converter = thermistor.channel.converter;
+        if Some(converter) != first || converter == 2 {
+            let expected =
+                "a channel of ADC1, or of ADC3, and of the same for all thermistors: one converter goes round them";
+            return Err(check.refuse(&format!("thermistors.{}.adc", thermistor.name), &quoted(word), expected));
+        }
+    }
+    let timer_of =
+        |channel: &Option<String>| channel.as_deref().and_then(|name| name.split('_').next()).map(str::to_owned);
+    let of_heaters: Vec<String> = board.heaters.iter().filter_map(|heater| timer_of(&heater.timer)).collect();
+    let tables = &file.fans;
+    let words = [&tables.part, &tables.hotend, &tables.fan2, &tables.fan3, &tables.fan4, &tables.fan5];
+    let words = words.into_iter().flatten().map(|table| &table.timer);
+    for (fan, word) in board.fans.iter().zip(words) {
+        if let (Some(timer), Some(word)) = (timer_of(&fan.timer), word)
+            && of_heaters.contains(&timer)
+        {
+            let expected = format!("another timer than {timer}, which switches a heater at another frequency; or none");
+            return Err(check.refuse(&format!("fans.{}.timer", fan.name), &quoted(word), expected));
+        }
     }
     Ok(())
 }

@@ -1,8 +1,9 @@
 //! Whether a board can be the machine that a profile describes.
 
 use ferrostep_checked_toml::FileError;
+use ferrostep_hal_shim::thermistor::ThermistorType;
 use ferrostep_hal_shim::tmc2209::CurrentScale;
-use ferrostep_printer::Profile;
+use ferrostep_printer::{HeaterSettings, Profile};
 use ferrostep_profiles::refuse;
 
 use crate::board::{Board, Driver};
@@ -55,6 +56,11 @@ pub fn check(board: &Board, profile: &Profile, profile_name: &str) -> Result<(),
     if board.virtual_sensors {
         return Ok(());
     }
+    if !board.heaters.is_empty() {
+        for (name, settings) in [("nozzle", &profile.nozzle), ("bed", &profile.bed)] {
+            check_heater(board, name, settings, profile_name)?;
+        }
+    }
     for (axis, (homing, motor)) in ["x", "y", "z"].into_iter().zip(profile.homing.iter().zip(&board.motors)) {
         let has = |name: &str| board.inputs.iter().any(|(input, _)| *input == name);
         let (word, is_there) = match homing.probe {
@@ -66,6 +72,41 @@ pub fn check(board: &Board, profile: &Profile, profile_name: &str) -> Result<(),
             let expected = format!("what the board {} has: its inputs are {}", board.name, inputs.join(", "));
             return Err(refuse(profile_name, &format!("homing.{axis}.sensor"), word, &expected));
         }
+    }
+    Ok(())
+}
+
+/// The name that boards and profiles have for a type.
+const fn type_name(kind: &ThermistorType) -> &'static str {
+    match kind {
+        ThermistorType::Semitec104Gt2 => "semitec-104gt-2",
+        ThermistorType::Epcos100k => "epcos-100k",
+        ThermistorType::Beta { .. } => "a beta",
+    }
+}
+
+/// A heater and its thermistor are the board's.
+fn check_heater(board: &Board, name: &str, settings: &HeaterSettings, profile_name: &str) -> Result<(), FileError> {
+    let refuse = |key: &str, value: &str, expected: String| {
+        Err(refuse(profile_name, &format!("{name}.{key}"), value, &format!("{expected} of the board {}", board.name)))
+    };
+    let kind = format!("{:?}", type_name(&settings.thermistor.kind));
+    let heater = board.heaters.iter().find(|heater| heater.name == name);
+    let thermistor =
+        heater.and_then(|heater| board.thermistors.iter().find(|thermistor| thermistor.name == heater.sensor));
+    let Some(thermistor) = thermistor else {
+        let heaters: Vec<&str> = board.heaters.iter().map(|heater| heater.name).collect();
+        return refuse("sensor", &kind, format!("one of the heaters {}", heaters.join(", ")));
+    };
+    if let Some(of_board) = &thermistor.kind
+        && *of_board != type_name(&settings.thermistor.kind)
+    {
+        return refuse("sensor", &kind, format!("\"{of_board}\", what hangs on the thermistor {}", thermistor.name));
+    }
+    // The circuit is the board's, whatever a profile for many boards takes for granted.
+    if f64::from(settings.thermistor.pull_up_ohm) != thermistor.pull_up_ohm {
+        let ohm = settings.thermistor.pull_up_ohm.to_string();
+        return refuse("pull_up_ohm", &ohm, format!("{} ohm, the resistor", thermistor.pull_up_ohm));
     }
     Ok(())
 }

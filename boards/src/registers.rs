@@ -20,6 +20,7 @@ const SCB_ICSR: u32 = 0xe000_ed04;
 /// Fields of two bits a pin.
 const OUTPUT: u32 = 0b01;
 const ALTERNATE: u32 = 0b10;
+const ANALOGUE: u32 = 0b11;
 const HIGH_SPEED: u32 = 0b10;
 const PULL_UP: u32 = 0b01;
 /// USART1 on all its pins.
@@ -92,6 +93,10 @@ fn enable_pins(board: &Board) -> Vec<Pin> {
     pins
 }
 
+fn thermistor_pins(board: &Board) -> Vec<Pin> {
+    board.thermistors.iter().map(|thermistor| thermistor.pin).collect()
+}
+
 fn signal_pins(board: &Board) -> Vec<Pin> {
     board.motors.iter().flat_map(|motor| [motor.step, motor.direction]).collect()
 }
@@ -109,8 +114,8 @@ fn heaters_off(board: &Board) -> Vec<Store> {
 /// The image's first instructions: heaters off, motors off, and nothing left of what a boot loader may have started.
 pub fn first(board: &Board) -> Vec<Store> {
     let outputs = [heater_pins(board), enable_pins(board), signal_pins(board), board.serial.to_vec()].concat();
-    let fans = board.fans.iter().map(|fan| fan.pin);
-    let ports = outputs.into_iter().chain(fans).fold(0, |ports, pin| ports | 1 << pin.port);
+    let others = board.fans.iter().map(|fan| fan.pin).chain(thermistor_pins(board));
+    let ports = outputs.into_iter().chain(others).fold(0, |ports, pin| ports | 1 << pin.port);
     let mut stores = vec![Store { address: RCC_AHB1ENR, clear: 0, set: ports }];
     stores.extend(heaters_off(board));
     stores.extend(levels(&enable_pins(board), &step_pins(board)));
@@ -130,7 +135,7 @@ pub fn all_off(board: &Board) -> Vec<Store> {
     [heaters_off(board), levels(&enable_pins(board), &step_pins(board))].concat()
 }
 
-/// What `init` writes: motors and the serial line can be used, fans stand still.
+/// What `init` writes: motors, thermistors and the serial line can be used, fans stand still.
 pub fn pins(board: &Board) -> Vec<Store> {
     let fans: Vec<Pin> = board.fans.iter().map(|fan| fan.pin).collect();
     let signals = signal_pins(board);
@@ -138,6 +143,7 @@ pub fn pins(board: &Board) -> Vec<Store> {
     [
         levels(&[], &fans),
         fields(&fans, MODER, 2, OUTPUT),
+        fields(&thermistor_pins(board), MODER, 2, ANALOGUE),
         fields(&signals, MODER, 2, OUTPUT),
         // Edges of some ns, as the step pulse wants.
         fields(&signals, OSPEEDR, 2, HIGH_SPEED),
@@ -230,6 +236,20 @@ mod tests {
     }
 
     #[test]
+    fn thermistors_are_analogue_and_have_no_pull() {
+        for board in boards() {
+            let registers = after(&[first(&board), pins(&board)].concat());
+            let field = |pin: Pin, offset| {
+                registers.get(&of_port(pin.port, offset)).copied().unwrap_or(0) >> (2 * pin.number) & 0b11
+            };
+            for pin in thermistor_pins(&board) {
+                assert_eq!((field(pin, MODER), field(pin, PUPDR)), (ANALOGUE, 0), "{} {pin}", board.name);
+                assert_eq!(registers[&RCC_AHB1ENR] >> pin.port & 1, 1, "{} {pin}", board.name);
+            }
+        }
+    }
+
+    #[test]
     fn only_pins_of_the_board_are_touched() {
         for board in boards() {
             let fans = board.fans.iter().map(|fan| fan.pin);
@@ -238,6 +258,7 @@ mod tests {
                     .concat()
                     .into_iter()
                     .chain(fans)
+                    .chain(thermistor_pins(&board))
                     .collect();
             for Store { address, clear, .. } in [first(&board), pins(&board), all_off(&board)].concat() {
                 let Some(offset) = address.checked_sub(GPIO).filter(|offset| *offset < 7 * GPIO_STRIDE) else {

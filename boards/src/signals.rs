@@ -121,6 +121,13 @@ mod tests {
     }
 
     #[test]
+    fn every_timer_channel_can_be_set_up() {
+        for (name, _) in TIMER_CHANNELS {
+            assert!(ferrostep_hal_shim::chip::TimerChannel::named(name).is_some(), "{name}");
+        }
+    }
+
+    #[test]
     fn every_pin_in_the_tables_is_one() {
         let timers = TIMER_CHANNELS.iter().flat_map(|(_, pins)| pins.iter().copied());
         let analogue = SHARED_CHANNELS.iter().map(|(pin, ..)| *pin).chain(CHANNELS_OF_3.iter().map(|(pin, _)| *pin));

@@ -101,6 +101,8 @@ pub struct FirmwareInfo<'a> {
     pub size_10nm: [i64; 3],
     /// Whether M112, M108 and M410 are acted on as their bytes arrive.
     pub emergency_parser: bool,
+    /// Whether there are heaters, and they are watched.
+    pub thermal_protection: bool,
 }
 
 /// One answer.

@@ -27,6 +27,9 @@ const CAPABILITIES_BEFORE: [(&str, bool); 17] = [
     ("CASE_LIGHT_BRIGHTNESS", false),
 ];
 
+/// The capability of what watches its heaters; nothing has it without heaters.
+const THERMAL_PROTECTION: &str = "THERMAL_PROTECTION";
+
 /// The capabilities after EMERGENCY_PARSER.
 const CAPABILITIES_AFTER: [(&str, bool); 19] = [
     ("HOST_ACTION_COMMANDS", false),
@@ -39,7 +42,7 @@ const CAPABILITIES_AFTER: [(&str, bool); 19] = [
     ("LFN_WRITE", false),
     ("CUSTOM_FIRMWARE_UPLOAD", false),
     ("EXTENDED_M20", false),
-    ("THERMAL_PROTECTION", true),
+    (THERMAL_PROTECTION, true),
     ("MOTION_MODES", false),
     ("ARCS", true),
     ("BABYSTEPPING", false),
@@ -190,7 +193,7 @@ fn write_timing(formatter: &mut Formatter<'_>, figures: &TimingFigures) -> fmt::
 }
 
 fn write_firmware(formatter: &mut Formatter<'_>, info: &FirmwareInfo<'_>) -> fmt::Result {
-    let FirmwareInfo { version, machine, kinematics, size_10nm, emergency_parser } = info;
+    let FirmwareInfo { version, machine, kinematics, size_10nm, emergency_parser, thermal_protection } = info;
     write!(
         formatter,
         "FIRMWARE_NAME:Ferrostep {version} PROTOCOL_VERSION:1.0 MACHINE_TYPE:{machine} \
@@ -198,7 +201,8 @@ fn write_firmware(formatter: &mut Formatter<'_>, info: &FirmwareInfo<'_>) -> fmt
     )?;
     let emergency = [("EMERGENCY_PARSER", *emergency_parser)];
     for (name, has) in CAPABILITIES_BEFORE.iter().chain(&emergency).chain(&CAPABILITIES_AFTER) {
-        write!(formatter, "\nCap:{name}:{}", u8::from(*has))?;
+        let has = *has && (*thermal_protection || *name != THERMAL_PROTECTION);
+        write!(formatter, "\nCap:{name}:{}", u8::from(has))?;
     }
     formatter.write_str("\narea:{")?;
     for (region, end) in [("full", ','), ("work", '}')] {
@@ -344,7 +348,10 @@ mod tests {
             kinematics: "COREXY",
             size_10nm: [30_000_000, 30_000_000, 29_999_900],
             emergency_parser: true,
+            thermal_protection: true,
         };
+        let cold = Reply::Firmware(FirmwareInfo { thermal_protection: false, ..info }).to_string();
+        assert_eq!(cold, Reply::Firmware(info).to_string().replace("THERMAL_PROTECTION:1", "THERMAL_PROTECTION:0"));
         let text = Reply::Firmware(info).to_string();
         let lines: Vec<&str> = text.lines().collect();
         assert_eq!(

@@ -3,8 +3,12 @@
 //! embedded-hal's traits stand where they exist: waits are [`embedded_hal_async::delay::DelayNs`].
 #![cfg_attr(not(test), no_std)]
 
+pub mod chip;
 pub mod clock_tree;
 pub mod histogram;
+pub mod kept_text;
+pub mod life_signs;
+pub mod registers;
 pub mod software_serial;
 pub mod stepping;
 pub mod thermistor;

@@ -3,6 +3,7 @@
 //! A hundred times a second [`HeatControl::update`] reads every thermometer, lets [`safety`] look at every heater, and
 //! sets every power. Nothing else sets one.
 
+mod hotend_fan;
 mod pid;
 pub mod safety;
 mod thermometer;
@@ -14,6 +15,7 @@ use ferrostep_hal_shim::{Heater, ThermalBoard};
 
 use crate::ports::HeaterStatus;
 use crate::profile::HeaterSettings;
+pub use hotend_fan::HotEndFan;
 use pid::Pid;
 use safety::{Safety, Trip};
 use thermometer::{MEDIAN_OF, Thermometer};

@@ -366,6 +366,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
             },
             size_10nm: self.profile.size_10nm,
             emergency_parser: self.emergency_parser,
+            thermal_protection: self.equipment.heaters,
         }));
     }
 

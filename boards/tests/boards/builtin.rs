@@ -91,3 +91,28 @@ fn the_constants_name_every_motor_and_register() {
         assert!(text.contains(part), "{part} in {text}");
     }
 }
+
+#[test]
+fn the_constants_say_what_heats_and_what_watches_it() {
+    let text = constants::rust(&board("prusa-buddy"));
+    for part in [
+        "pub const THERMISTORS: usize = 4;",
+        "converter: ConverterNumber::One, channels: &[10, 4, 3, 6], sensors: [0, 1]",
+        // PB1 on TIM3, channel 4, alternate function 2; then PB0.
+        "heaters: [OutputPin { port: 1, number: 1, channel: Some(TimerChannel { timer: 1073742848, channel: 4, function: 2, \
+         clock_bit: 1, is_fast: false, has_main_switch: false }) }, OutputPin { port: 1, number: 0, ",
+        "part_fan: Some(OutputPin { port: 4, number: 11, channel: Some(TimerChannel { timer: 1073807360, channel: 2, ",
+    ] {
+        assert!(text.contains(part), "{part} in {text}");
+    }
+    let text = constants::rust(&board("btt-octopus-1.1"));
+    for part in [
+        // In the order of the names: the nozzle's is the first, the bed's the second.
+        "converter: ConverterNumber::Three, channels: &[14, 9, 15, 4, 5], sensors: [0, 1]",
+        "heaters: [OutputPin { port: 0, number: 2, channel: None }, OutputPin { port: 0, number: 1, channel: None }]",
+        "hotend_fan: Some(OutputPin { port: 4, number: 5, channel: None })",
+    ] {
+        assert!(text.contains(part), "{part} in {text}");
+    }
+    assert!(constants::rust(&board("bench")).contains("pub const THERMAL: Option<ThermalPins> = None;"));
+}

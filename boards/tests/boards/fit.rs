@@ -82,3 +82,45 @@ fn an_axis_homes_by_what_the_board_has() {
     assert!(error.contains(": homing.z.sensor = \"probe\": expected what the board"), "{error}");
     assert!(error.ends_with("its inputs are filament"), "{error}");
 }
+
+#[test]
+fn a_heaters_thermistor_is_the_boards() {
+    let line = line_of("prusa-mini", "sensor = \"epcos-100k\"");
+    let error = |board: &str, from: &str, to: &str| error_after(board, "prusa-mini", from, to);
+    let (from, to) = ("sensor = \"epcos-100k\"", "sensor = \"semitec-104gt-2\"");
+    assert_eq!(
+        error("prusa-buddy", from, to).unwrap(),
+        format!(
+            "test.toml:{line}: bed.sensor = \"semitec-104gt-2\": expected \"epcos-100k\", what hangs on the thermistor \
+             bed of the board prusa-buddy"
+        )
+    );
+    // What hangs on the others the board does not know.
+    assert_eq!(error("btt-octopus-1.1", from, to), None);
+    let to = "sensor = \"epcos-100k\"\npull_up_ohm = 2200";
+    for board in ["prusa-buddy", "btt-octopus-1.1"] {
+        assert_eq!(
+            error(board, from, to).unwrap(),
+            format!(
+                "test.toml:{}: bed.pull_up_ohm = 2200: expected 4700 ohm, the resistor of the board {board}",
+                line + 1
+            )
+        );
+    }
+    // Models have any resistor.
+    assert_eq!(error("bench", from, to), None);
+}
+
+#[test]
+fn a_board_that_heats_has_both_heaters() {
+    let text = std::fs::read_to_string("prusa-buddy.toml").unwrap();
+    let without = text.replace("[heaters.bed]\npin = \"PB0\"\ntimer = \"TIM3_CH3\"\nsensor = \"bed\"\n", "");
+    assert!(without.len() < text.len());
+    let board = ferrostep_boards::parse(&without, "test.toml").unwrap();
+    let profile = ferrostep_profiles::load("prusa-mini").unwrap();
+    let error = fit::check(&board, &profile, "prusa-mini").unwrap_err().to_string();
+    assert!(
+        error.contains(": bed.sensor = \"epcos-100k\": expected one of the heaters nozzle of the board"),
+        "{error}"
+    );
+}

@@ -14,7 +14,7 @@ const BUDDY: &str = "prusa-buddy";
 const OCTOPUS: &str = "btt-octopus-1.1";
 
 /// (board, text, its replacement, key and value to blame, what was expected)
-const REFUSALS: [(&str, &str, &str, &str, &str); 44] = [
+const REFUSALS: [(&str, &str, &str, &str, &str); 47] = [
     ("bench", "name = \"bench\"", "name = \"Bench\"", "name = \"Bench\"", "lower-case letters"),
     ("bench", "name = \"bench\"", "name = \"../bench\"", "name = \"../bench\"", "lower-case letters"),
     ("bench", "title = \"Olimex STM32-H405, bare\"", "title = \"\"", "title = \"\"", "printable ASCII"),
@@ -110,6 +110,29 @@ const REFUSALS: [(&str, &str, &str, &str, &str); 44] = [
         "pin = \"PE5\"\ntimer = \"TIM1_CH1\"",
         "fans.hotend.timer = \"TIM1_CH1\"",
         "PE5 has no channel that is free",
+    ),
+    // One converter for all thermistors, and not ADC2, which no stream serves here.
+    (
+        BUDDY,
+        "adc = \"ADC1_IN4\"",
+        "adc = \"ADC2_IN4\"",
+        "thermistors.bed.adc = \"ADC2_IN4\"",
+        "one converter goes round them",
+    ),
+    (
+        BUDDY,
+        "adc = \"ADC1_IN10\"",
+        "adc = \"ADC3_IN10\"",
+        "thermistors.bed.adc = \"ADC1_IN4\"",
+        "of the same for all thermistors",
+    ),
+    // Heaters and fans are switched at different frequencies.
+    (
+        BUDDY,
+        "pin = \"PE9\"\ntimer = \"TIM1_CH1\"",
+        "pin = \"PC6\"\ntimer = \"TIM3_CH1\"",
+        "fans.hotend.timer = \"TIM3_CH1\"",
+        "another timer than TIM3, which switches a heater",
     ),
     // A heater that nothing watches.
     (

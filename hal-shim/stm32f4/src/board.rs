@@ -1,5 +1,6 @@
 //! The board that this is built for: what its file says (`boards/`), as constants and as stores to registers.
 
+use ferrostep_hal_shim::chip::ThermalPins;
 use ferrostep_hal_shim::stepping::{MotorPins, Pin, PinMap};
 
 use crate::pac::{GPIOA, GPIOB, GPIOC, GPIOD, GPIOE, GPIOF, GPIOG};
@@ -25,10 +26,10 @@ pub type Ports = (GPIOA, GPIOB, GPIOC, GPIOD, GPIOE, GPIOF, GPIOG);
 pub struct BoardPins(());
 
 impl BoardPins {
-    /// Makes the pins what they are to be: heaters and fans off, drivers off, the serial line connected.
+    /// Makes the pins what they are to be: heaters and fans off, drivers off, thermistors and the serial line connected.
     pub fn new(_ports: Ports) -> Self {
         // SAFETY: stores to ports that are this module's from now on, and of pins that the board's file gives to
-        // motors, fans and the serial line; `boards/src/registers.rs` makes and tests them.
+        // motors, fans, thermistors and the serial line; `boards/src/registers.rs` makes and tests them.
         unsafe { stores::apply(&PINS) };
         Self(())
     }

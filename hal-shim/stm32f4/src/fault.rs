@@ -1,7 +1,7 @@
 //! The hard fault: a stack that overflowed, a bus error, memory run wild.
 
 use core::arch::naked_asm;
-use core::fmt::Write;
+use core::fmt;
 
 use crate::board::RAM;
 use crate::safe_state;
@@ -24,14 +24,18 @@ pub unsafe extern "C" fn HardFault() -> ! {
 extern "C" fn handle(frame: u32) -> ! {
     safe_state::enter();
     let at = frame.wrapping_add(PROGRAM_COUNTER);
-    let mut line = safe_state::LastWords;
     // In RAM, that is: elsewhere there is no frame.
-    let _ = if frame.is_multiple_of(4) && RAM.contains(&frame) && RAM.contains(&(at + 3)) {
+    if frame.is_multiple_of(4) && RAM.contains(&frame) && RAM.contains(&(at + 3)) {
         // SAFETY: an aligned word of RAM that nobody writes any more.
         let address = unsafe { core::ptr::read_volatile(at as *const u32) };
-        write!(line, "\nError:firmware fault at {address:#010x}, printer halted. kill() called!\n")
+        tell(format_args!("fault at {address:#010x}"));
     } else {
-        write!(line, "\nError:firmware fault, stack overflow, printer halted. kill() called!\n")
-    };
+        tell(format_args!("fault, stack overflow"));
+    }
     safe_state::rest()
+}
+
+/// To the host, and for after the reset.
+fn tell(what: fmt::Arguments<'_>) {
+    safe_state::tell(format_args!("firmware {what}"), what);
 }

@@ -3,8 +3,8 @@
 //!
 //! The only crate of the firmware with unsafe code of its own. What it is for: register fields that the register
 //! description leaves unchecked ("any value may be written here"), a counter that many read, the panic and fault
-//! handlers, which must reach a port whoever owns it, critical sections, and the table of interrupt handlers. Each use
-//! says which.
+//! handlers, which must reach a port whoever owns it, critical sections, the table of interrupt handlers, and registers
+//! that hal-shim's adapters know by address. Each use says which.
 #![no_std]
 #![deny(clippy::undocumented_unsafe_blocks)]
 
@@ -19,7 +19,10 @@ pub mod safe_state;
 pub mod serial;
 pub mod step_timer;
 mod stores;
+pub mod supervision;
+pub mod thermal;
 pub mod vector_table;
+mod volatile;
 
 #[cfg(feature = "stm32f405")]
 pub use stm32f4::stm32f405 as pac;

@@ -2,8 +2,8 @@
 
 use core::fmt;
 
-use crate::board;
 use crate::pac::USART1;
+use crate::{board, supervision};
 
 /// Most looks at the transmitter for one byte: more than a byte takes at 9600 baud and 168 MHz.
 const MOST_LOOKS: u32 = 200_000;
@@ -14,10 +14,20 @@ pub fn enter() {
     board::all_off();
 }
 
-/// Until someone resets the board: a machine that starts again on its own might start heating.
+/// Keeps a text over the reset, and then tells the host of the end, which takes a thousand times as long. After [`enter`]
+/// only.
+#[inline(never)]
+pub fn tell(end: fmt::Arguments<'_>, kept: fmt::Arguments<'_>) {
+    supervision::keep_last_words(kept);
+    // The line cannot fail, and nobody is left to tell.
+    let _ = fmt::write(&mut LastWords, format_args!("\nError:{end}, printer halted. kill() called!\n"));
+}
+
+/// Until someone resets the board: a machine that starts again on its own might start heating, or go on with a print from
+/// where it does not stand. The watchdog, which would reset it, is fed.
 pub fn rest() -> ! {
     loop {
-        cortex_m::asm::wfi();
+        supervision::feed_at_the_end();
     }
 }
 

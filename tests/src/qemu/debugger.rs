@@ -79,6 +79,16 @@ impl Debugger {
         self.command(&format!("M{address:x},{:x}:{digits}", bytes.len()))
     }
 
+    /// A word of memory, or a register of a device.
+    ///
+    /// # Errors
+    /// The emulator is gone or refuses.
+    pub fn word(&mut self, address: u32) -> io::Result<u32> {
+        let answer = self.ask(&format!("m{address:x},4"))?;
+        let bytes = u32::from_str_radix(&answer, 16).map_err(|_| unexpected(&answer))?;
+        Ok(bytes.swap_bytes())
+    }
+
     /// Lets the processor go on, for good.
     ///
     /// # Errors
@@ -163,6 +173,7 @@ mod tests {
             for (asked, answer) in [
                 ("$qXfer:features:read:target.xml:0,ffb#", "l<?xml?>"),
                 ("$pf#", "01020304"),
+                ("$m40000440,4#", "e8030000"),
                 ("$P0=78563412#", "OK"),
                 ("$M20000000,2:0aff#", "E14"),
             ] {
@@ -177,6 +188,7 @@ mod tests {
         });
         let mut debugger = Debugger::halt(port).unwrap();
         assert_eq!(debugger.register(Register::ProgramCounter).unwrap(), 0x0403_0201);
+        assert_eq!(debugger.word(0x4000_0440).unwrap(), 1000);
         debugger.set_register(Register::R0, 0x1234_5678).unwrap();
         assert!(debugger.write_memory(0x2000_0000, &[10, 255]).is_err());
         emulator.join().unwrap();

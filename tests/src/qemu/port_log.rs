@@ -70,16 +70,22 @@ impl PortWrite {
 
     /// Whether this store makes a pin an output.
     pub fn makes_output(&self, (port, number): Pin) -> bool {
-        self.port == port && self.offset == MODER && self.value >> (2 * number) & 0b11 == 0b01
+        self.mode((port, number)) == Some(0b01)
+    }
+
+    /// The mode that this store gives a pin, if it may be about that.
+    fn mode(&self, (port, number): Pin) -> Option<u32> {
+        (self.port == port && self.offset == MODER).then_some(self.value >> (2 * number) & 0b11)
     }
 }
 
-/// The pins as a log leaves them. An output stays one: the emulator's ports read as 0, so that a store to some pins'
-/// fields would seem to take back the others'.
+/// The pins as a log leaves them. An output, or a peripheral's pin, stays one until it becomes the other: the emulator's
+/// ports read as 0, so that a store to some pins' fields would seem to take back the others'.
 #[derive(Clone, Debug, Default)]
 pub struct PortState {
     levels: BTreeMap<char, u16>,
     outputs: BTreeMap<char, u16>,
+    alternates: BTreeMap<char, u16>,
 }
 
 impl PortState {
@@ -91,6 +97,7 @@ impl PortState {
     /// Takes a store.
     pub fn apply(&mut self, write: PortWrite) {
         let (level, output) = (self.levels.entry(write.port).or_default(), self.outputs.entry(write.port).or_default());
+        let alternate = self.alternates.entry(write.port).or_default();
         for number in 0..16 {
             let pin = (write.port, number);
             match write.level(pin) {
@@ -98,7 +105,12 @@ impl PortState {
                 Some(false) => *level &= !(1 << number),
                 None => {}
             }
-            *output |= u16::from(write.makes_output(pin)) << number;
+            let bit = 1 << number;
+            match write.mode(pin) {
+                Some(0b01) => (*output, *alternate) = (*output | bit, *alternate & !bit),
+                Some(0b10) => (*output, *alternate) = (*output & !bit, *alternate | bit),
+                _ => {}
+            }
         }
     }
 
@@ -107,9 +119,14 @@ impl PortState {
         self.levels.get(&port).is_some_and(|level| level >> number & 1 == 1)
     }
 
-    /// Whether a pin is driven.
+    /// Whether a pin is driven to its level.
     pub fn is_output(&self, (port, number): Pin) -> bool {
         self.outputs.get(&port).is_some_and(|output| output >> number & 1 == 1)
+    }
+
+    /// Whether a pin is a peripheral's.
+    pub fn is_alternate(&self, (port, number): Pin) -> bool {
+        self.alternates.get(&port).is_some_and(|alternate| alternate >> number & 1 == 1)
     }
 }
 

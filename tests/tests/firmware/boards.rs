@@ -25,8 +25,12 @@ pub struct BoardFacts {
     pub enable: [&'static str; 4],
     /// Enable pins of the other sockets.
     pub spare: &'static [&'static str],
-    /// Heaters; high = on.
+    /// Heaters; high = on. Those of nozzle and bed are the first.
     pub heaters: &'static [&'static str],
+    /// Compare registers of the timer that drives nozzle and bed, if one does.
+    pub heater_timers: Option<[u32; 2]>,
+    /// What the emulator, which has no TIM1, says of the part-cooling fan's full power.
+    pub full_fan: &'static str,
     /// Fans; high = on.
     pub fans: &'static [&'static str],
 }
@@ -45,6 +49,8 @@ pub const BOARDS: [BoardFacts; 3] = [
         enable: ["C8"; 4],
         spare: &[],
         heaters: &[],
+        heater_timers: None,
+        full_fan: "",
         fans: &[],
     },
     BoardFacts {
@@ -58,7 +64,10 @@ pub const BOARDS: [BoardFacts; 3] = [
         core_xy: false,
         enable: ["D3", "D14", "D2", "D10"],
         spare: &[],
-        heaters: &["B0", "B1"],
+        heaters: &["B1", "B0"],
+        // TIM3, channels 4 and 3.
+        heater_timers: Some([0x4000_0440, 0x4000_043c]),
+        full_fan: "timer[1]: unimplemented device write (size 4, offset 0x038, value 0x000003e8)",
         fans: &["E11", "E9"],
     },
     BoardFacts {
@@ -72,7 +81,9 @@ pub const BOARDS: [BoardFacts; 3] = [
         core_xy: true,
         enable: ["F14", "F15", "G5", "G2"],
         spare: &["A0", "F1", "D4", "E0"],
-        heaters: &["A1", "A2", "A3", "B10", "B11"],
+        heaters: &["A2", "A1", "A3", "B10", "B11"],
+        heater_timers: None,
+        full_fan: "timer[1]: unimplemented device write (size 4, offset 0x034, value 0x000003e8)",
         fans: &["A8", "E5", "D12", "D13", "D14", "D15"],
     },
 ];

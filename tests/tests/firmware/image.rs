@@ -9,6 +9,9 @@ use std::time::Duration;
 use ferrostep_tests::qemu::{EMULATOR, Host, Machine, PinLog, Pins, PortWrite, Sleep};
 use tempfile::TempDir;
 
+use crate::boards::BoardFacts;
+use crate::thermistors::with_thermistors;
+
 /// Far more than any of these conversations takes.
 const LIMIT: Duration = Duration::from_secs(240);
 
@@ -72,16 +75,29 @@ impl Bench {
         Self::start(image, Sleep::RealTime)
     }
 
+    /// Boots a board's image. On a printer board thermistors of the test's stand in for the converter.
+    pub fn boot_board(board: &BoardFacts) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let image = image_of(board.name);
+        let image = if board.is_printer() { with_thermistors(&image, folder.path()) } else { image };
+        Self::boot_image(&image)
+    }
+
     fn start(image: &Path, sleep: Sleep) -> Self {
+        let mut bench = Self::switch_on(image, sleep);
+        bench.host.connect().unwrap_or_else(|error| panic!("no connection to {}: {error}", image.display()));
+        bench
+    }
+
+    /// An image that runs, and nobody has spoken to it.
+    pub fn switch_on(image: &Path, sleep: Sleep) -> Self {
         // A test that failed while it had its turn leaves nothing behind that matters here.
         let turn = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
         let folder = tempfile::tempdir().unwrap();
         let machine = Machine::start(image, folder.path(), sleep).unwrap_or_else(|error| {
             panic!("{EMULATOR} does not start ({error}): `cargo xtask test` installs it on Debian")
         });
-        let mut host = Host::new(machine, LIMIT);
-        host.connect().unwrap_or_else(|error| panic!("no connection to {}: {error}", image.display()));
-        Self { host, _folder: folder, _turn: turn }
+        Self { host: Host::new(machine, LIMIT), _folder: folder, _turn: turn }
     }
 
     /// What the pins have done so far.
@@ -92,6 +108,19 @@ impl Bench {
     /// All that was stored to the ports so far.
     pub fn port_writes(&mut self) -> Vec<PortWrite> {
         PortWrite::read(self.host.port().pin_log()).unwrap()
+    }
+
+    /// A device's register.
+    pub fn register(&mut self, address: u32) -> u32 {
+        let mut debugger = self.host.port().halt().unwrap();
+        let value = debugger.word(address).unwrap();
+        debugger.resume().unwrap();
+        value
+    }
+
+    /// How often the emulator has said this of a device that it has not.
+    pub fn logged(&mut self, line: &str) -> usize {
+        std::fs::read_to_string(self.host.port().pin_log()).unwrap().lines().filter(|logged| *logged == line).count()
     }
 
     /// Ends the emulator and returns what the pins have done.

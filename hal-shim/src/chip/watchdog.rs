@@ -1,0 +1,101 @@
+//! The independent watchdog: a counter with an oscillator of its own that resets the chip unless it is fed.
+
+use crate::registers::Registers;
+
+// RM0090, 21.4.
+const KR: u32 = 0x4000_3000;
+const PR: u32 = 0x4000_3004;
+const RLR: u32 = 0x4000_3008;
+const SR: u32 = 0x4000_300c;
+const START: u32 = 0xcccc;
+const UNLOCK: u32 = 0x5555;
+const FEED: u32 = 0xaaaa;
+/// SR: divider and reload value are on their way to the other clock, five of its periods.
+const UPDATING: u32 = 0b11;
+/// DBGMCU_APB1_FZ (RM0090, 38.16.4): it stands still while a debugger has halted the core.
+const DEBUG_FREEZE: u32 = 0xe004_2008;
+const FREEZE_WATCHDOG: u32 = 1 << 12;
+
+/// The oscillator is divided by 64.
+const DIVIDER_CODE: u32 = 4;
+const DIVIDER: u32 = 64;
+const COUNT: u32 = 500;
+
+/// Frequency of its oscillator: 17 to 47 kHz, 32 kHz as a rule (DS8626, LSI characteristics).
+const FASTEST_HZ: u32 = 47_000;
+const SLOWEST_HZ: u32 = 17_000;
+
+/// It never resets sooner after it was fed, ms.
+pub const FASTEST_TIMEOUT_MS: u32 = COUNT * DIVIDER * 1000 / FASTEST_HZ;
+
+/// It never takes longer, ms.
+pub const SLOWEST_TIMEOUT_MS: u32 = (COUNT * DIVIDER * 1000).div_ceil(SLOWEST_HZ);
+
+/// Looks at a flag, more than five periods of the slowest oscillator divided by 256 at 168 MHz.
+const MOST_LOOKS: u32 = 1_000_000;
+
+/// The watchdog, which runs: nothing but a reset stops it.
+#[derive(Clone, Copy, Debug)]
+pub struct Watchdog(());
+
+impl Watchdog {
+    /// Starts it with a time-out of a second: 0.68 to 1.88 s, as its oscillator has it.
+    pub fn start(registers: &mut impl Registers) -> Self {
+        registers.modify(DEBUG_FREEZE, 0, FREEZE_WATCHDOG);
+        registers.write(KR, START);
+        registers.write(KR, UNLOCK);
+        registers.write(PR, DIVIDER_CODE);
+        registers.write(RLR, COUNT - 1);
+        // Where it has no such flag, or never clears it, the longer time-out after reset may be in force.
+        let _updated = registers.comes_to(SR, UPDATING, false, MOST_LOOKS);
+        let watchdog = Self(());
+        watchdog.feed(registers);
+        watchdog
+    }
+
+    /// From now on it has its whole time-out again.
+    pub fn feed(self, registers: &mut impl Registers) {
+        feed(registers);
+    }
+}
+
+/// Feeds it whether it runs or not: for the end, in which nothing but rest is left.
+pub fn feed(registers: &mut impl Registers) {
+    registers.write(KR, FEED);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::registers::recorder::Recorder;
+
+    #[test]
+    fn it_is_started_unlocked_set_and_fed() {
+        let mut registers = Recorder::default().with(DEBUG_FREEZE, 1);
+        let watchdog = Watchdog::start(&mut registers);
+        let set = [
+            (0xe004_2008, 1 | 1 << 12),
+            (0x4000_3000, 0xcccc),
+            (0x4000_3000, 0x5555),
+            (0x4000_3004, 4),
+            (0x4000_3008, 499),
+            (0x4000_3000, 0xaaaa),
+        ];
+        assert_eq!(registers.stores, set);
+        // 500 ticks of 32 kHz / 64.
+        let ticks = f64::from(registers.value(RLR) + 1) * f64::from(4_u32 << registers.value(PR));
+        assert_eq!(ticks / 32_000.0, 1.0);
+        assert_eq!((FASTEST_TIMEOUT_MS, SLOWEST_TIMEOUT_MS), (680, 1883));
+        registers.stores.clear();
+        watchdog.feed(&mut registers);
+        assert_eq!(registers.stores, [(0x4000_3000, 0xaaaa)]);
+    }
+
+    #[test]
+    fn a_flag_that_never_clears_is_not_waited_for_without_end() {
+        let mut registers = Recorder::default();
+        registers.fix(SR, UPDATING);
+        Watchdog::start(&mut registers);
+        assert_eq!(registers.stores.last(), Some(&(KR, FEED)));
+    }
+}
