@@ -143,13 +143,14 @@ fn motion_constant(motion: &MotionChoice) -> String {
 }
 
 fn homing(homing: &AxisHoming) -> String {
-    let AxisHoming { end, probe, position_10nm, fast_mm_per_s, slow_mm_per_s, back_off_10nm } = homing;
+    let AxisHoming { end, sensor, triggers_low, position_10nm, fast_mm_per_s, slow_mm_per_s, back_off_10nm } = homing;
     let end = match end {
         HomeEnd::Min => "Min",
         HomeEnd::Max => "Max",
     };
     format!(
-        "AxisHoming {{ end: HomeEnd::{end}, probe: {probe}, position_10nm: {position_10nm}, \
+        "AxisHoming {{ end: HomeEnd::{end}, sensor: HomeSensor::{sensor:?}, triggers_low: {triggers_low}, \
+         position_10nm: {position_10nm}, \
          fast_mm_per_s: {fast_mm_per_s:?}, slow_mm_per_s: {slow_mm_per_s:?}, back_off_10nm: {back_off_10nm} }}"
     )
 }

@@ -6,7 +6,8 @@ use ferrostep_planner::{
     StepsPerMm,
 };
 use ferrostep_printer::{
-    AxisHoming, DriverTiming, ExtrusionSettings, FirmwareRetraction, HeaterSettings, HeaterWatch, HomeEnd, Profile,
+    AxisHoming, DriverTiming, ExtrusionSettings, FirmwareRetraction, HeaterSettings, HeaterWatch, HomeEnd, HomeSensor,
+    Profile,
 };
 
 /// The profile, as `build.rs` found it in its TOML file.

@@ -2,7 +2,7 @@
 
 use ferrostep_checked_toml::FileError;
 use ferrostep_hal_shim::tmc2209::CurrentScale;
-use ferrostep_printer::Profile;
+use ferrostep_printer::{HomeSensor, Profile};
 use ferrostep_profiles::refuse;
 
 use crate::board::{Board, Driver};
@@ -57,9 +57,11 @@ pub fn check(board: &Board, profile: &Profile, profile_name: &str) -> Result<(),
     }
     for (axis, (homing, motor)) in ["x", "y", "z"].into_iter().zip(profile.homing.iter().zip(&board.motors)) {
         let has = |name: &str| board.inputs.iter().any(|(input, _)| *input == name);
-        let (word, is_there) = match homing.probe {
-            true => ("\"probe\"", has("probe")),
-            false => ("\"end-stop\"", has(axis) || motor.diag.is_some()),
+        let (word, is_there) = match homing.sensor {
+            HomeSensor::Probe => ("\"probe\"", has("probe")),
+            HomeSensor::EndStop => ("\"end-stop\"", has(axis)),
+            // A socket's stall signal is at its end stop's pin, by a jumper.
+            HomeSensor::Stall => ("\"stall\"", motor.diag.is_some() || motor.driver == Driver::Socket && has(axis)),
         };
         if !is_there {
             let inputs: Vec<&str> = board.inputs.iter().map(|(input, _)| *input).collect();

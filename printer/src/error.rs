@@ -67,6 +67,11 @@ pub enum CommandError {
         /// Index of the axis.
         axis: usize,
     },
+    /// The axis homes by its driver's stall signal, and that is off.
+    NoStallSignal {
+        /// Index of the axis.
+        axis: usize,
+    },
     /// A motor's driver is not to be relied on, so nothing may move.
     Driver {
         /// The motor, 0 to 3.
@@ -155,6 +160,13 @@ impl fmt::Display for CommandError {
             Self::HomingFailed { axis } => {
                 let name = AXIS_NAMES.get(*axis).copied().unwrap_or('?');
                 write!(out, "homing {name} failed: its end stop did not trigger, expected it within the axis' length")
+            }
+            Self::NoStallSignal { axis } => {
+                let name = AXIS_NAMES.get(*axis).copied().unwrap_or('?');
+                write!(
+                    out,
+                    "{name} homes by its driver's stall signal, expected it on: M914 {name}1 to 255, M569 S1 {name}"
+                )
             }
             Self::Driver { motor, failure } => {
                 write!(out, "{}", DriverEvent { motor: *motor, kind: DriverEventKind::Failed(*failure) })

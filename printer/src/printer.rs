@@ -11,7 +11,7 @@ use ferrostep_planner::{AccelerationProfile, Interpolation, Kinematics};
 use crate::error::{CommandError, Failure};
 use crate::modal::{Modal, Tally};
 use crate::ports::{Equipment, Heating, Motion, MotorDrivers, Replies, Signals, Timing};
-use crate::profile::{HomeEnd, Profile};
+use crate::profile::{HomeEnd, HomeSensor, Profile};
 use crate::waits::temperatures;
 
 /// A line of text that is put together here.
@@ -404,7 +404,10 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
         let mut states = [EndStopState { name: "", triggered: false }; 3];
         for (axis, state) in states.iter_mut().enumerate() {
             let homing = &self.profile.homing[axis];
-            let name = if homing.probe { "z_probe" } else { NAMES[axis][usize::from(homing.end == HomeEnd::Max)] };
+            let name = match homing.sensor {
+                HomeSensor::Probe => "z_probe",
+                HomeSensor::EndStop | HomeSensor::Stall => NAMES[axis][usize::from(homing.end == HomeEnd::Max)],
+            };
             *state = EndStopState { name, triggered: self.motion.is_end_stop_triggered(axis) };
         }
         self.replies.send(Reply::EndStops(&states));

@@ -1,8 +1,10 @@
 //! The machine as numbers: what a profile file or a board's constants say.
 
 use ferrostep_hal_shim::thermistor::Thermistor;
-use ferrostep_hal_shim::tmc2209::DriverSettings;
-use ferrostep_hal_shim::virtual_board::{START_10NM, VirtualEndStop, VirtualHeaters, VirtualMotors};
+use ferrostep_hal_shim::tmc2209::{DriverSettings, RegisterImage};
+use ferrostep_hal_shim::virtual_board::{
+    EndStopKind, START_10NM, StallSignal, VIRTUAL_WIRING, VirtualEndStop, VirtualHeaters, VirtualMotors,
+};
 use ferrostep_planner::{Geometry, Kinematics, Limits, MotionChoice, StepsPerMm};
 
 /// Step events a second that the processor can make if it has nothing else to do for motion, where a profile does not
@@ -29,13 +31,26 @@ pub enum HomeEnd {
     Max,
 }
 
+/// What an axis meets at its home.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum HomeSensor {
+    /// A switch.
+    EndStop,
+    /// A probe that finds the bed (only Z).
+    Probe,
+    /// The frame: the motor's driver says that it stalls (only X and Y).
+    Stall,
+}
+
 /// How an axis finds its home.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AxisHoming {
     /// Which end.
     pub end: HomeEnd,
-    /// Whether a probe stands in for the end stop (only Z).
-    pub probe: bool,
+    /// What is there.
+    pub sensor: HomeSensor,
+    /// Whether the sensor's signal is low when it triggers. A driver's stall signal never is.
+    pub triggers_low: bool,
     /// Machine coordinate at which the sensor triggers, in units of 10 nm.
     pub position_10nm: i64,
     /// Speed of the first approach, mm/s.
@@ -195,9 +210,24 @@ impl Profile {
 
     /// Counting motors with this machine's end stops, as they stand when it is switched on.
     pub fn virtual_motors(&self) -> VirtualMotors {
-        let end_stops = self
-            .homing
-            .map(|homing| VirtualEndStop { position_10nm: homing.position_10nm, at_max: homing.end == HomeEnd::Max });
+        let mut axis = 0;
+        let end_stops = self.homing.map(|homing| {
+            let kind = match homing.sensor {
+                HomeSensor::Stall => EndStopKind::Stall(self.virtual_stall_signal(axis)),
+                HomeSensor::EndStop | HomeSensor::Probe => EndStopKind::Switch,
+            };
+            axis += 1;
+            VirtualEndStop { position_10nm: homing.position_10nm, at_max: homing.end == HomeEnd::Max, kind }
+        });
         VirtualMotors::new(self.geometry(), end_stops, START_10NM)
+    }
+
+    /// When a driver with this machine's settings says that its motor stalls.
+    fn virtual_stall_signal(&self, motor: usize) -> Option<StallSignal> {
+        let settings = self.drivers.get(motor)?.as_ref()?;
+        let image = RegisterImage::new(settings, VIRTUAL_WIRING.get(motor)?).ok()?;
+        let written =
+            |register| image.writes.iter().find(|(written, _)| *written == register).map_or(0, |(_, value)| *value);
+        StallSignal::from_registers(written)
     }
 }

@@ -31,5 +31,8 @@ pub use exchange::ExchangeError;
 pub use registers::{
     ChopConf, DriverStatus, GlobalConf, GlobalStatus, HoldRun, MicrostepResolution, Register, VERSION,
 };
-pub use settings::{DriverSettings, DriverWiring, RegisterImage, SettingsError, THRESHOLD_LARGEST, chopper_threshold};
+pub use settings::{
+    CLOCK_HZ, DriverSettings, DriverWiring, RegisterImage, STALL_FULL_STEPS_PER_S, SettingsError, THRESHOLD_LARGEST,
+    TSTEP_MICROSTEPS, chopper_threshold,
+};
 pub use uart::{LineBusy, LineBytes, SingleWireUart};

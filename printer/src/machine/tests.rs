@@ -31,7 +31,8 @@ fn profile() -> Profile {
     };
     let homing = AxisHoming {
         end: HomeEnd::Min,
-        probe: false,
+        sensor: HomeSensor::EndStop,
+        triggers_low: false,
         position_10nm: 0,
         fast_mm_per_s: 50.0,
         slow_mm_per_s: 25.0,
