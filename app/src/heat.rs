@@ -8,7 +8,8 @@ use ferrostep_printer::{Equipment, HeaterStatus, Profile};
 use ferrostep_stm32f4::board::VIRTUAL_SENSORS;
 
 /// What of the board the firmware can use.
-pub const EQUIPMENT: Equipment = if VIRTUAL_SENSORS { Equipment::ALL } else { Equipment::NONE };
+pub const EQUIPMENT: Equipment =
+    if VIRTUAL_SENSORS { Equipment::ALL } else { Equipment { end_stops: true, ..Equipment::NONE } };
 
 /// The heaters that the firmware can use.
 pub struct Heat {

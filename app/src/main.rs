@@ -4,6 +4,7 @@
 //! |---|---|---|---|---|
 //! | 16 | `steps` | TIM2 update | `step_timer`, lock-free: timer, ports, a ring of words | the event that ends a stair: 33 instructions |
 //! | 16 | `near_steps` | `steps`, `planner` | the same | 128 looks at the timer; start or end of a motion: 80 instructions |
+//! | 15 | `sensor_*` | an edge at the sensor that an axis seeks (EXTI) | `sensors`: pins | 8 looks at a pin, the stop of the step timer |
 //! | 13 | `serial` | USART1 | `local` only: port, two byte rings, the emergency scanner | 16 bytes to send, the received one; M112 |
 //! | 10 | `usb` | OTG_FS, or something to send | `local` only: the device, two byte rings | four packets in, what fits out; M112 |
 //! | 9 | SysTick (rtic-monotonics) | every ms | the queue of waits | wakes the tasks whose waits end |
@@ -64,7 +65,7 @@ mod app {
         BoardHeating, BoardMachine, BoardMachineLock, BoardReplies, BoardStepTimer, LOOK_AHEAD_BLOCKS, Overload,
         PLANNER_WORK, STEPS,
     };
-    use crate::profile::PROFILE;
+    use crate::profile::{PROFILE, SENSORS};
     use crate::timing::{self, BoardTiming};
 
     /// Speed of the host's line.
@@ -90,6 +91,9 @@ mod app {
         /// Of the two tasks of priority 16 only.
         #[lock_free]
         step_timer: BoardStepTimer,
+        /// Of the tasks of the sensors' lines only.
+        #[lock_free]
+        sensors: BoardPins,
         machine: BoardMachine,
         heat: Heat,
         writers: Writers,
@@ -127,15 +131,8 @@ mod app {
         Mono::start(core.SYST, clock.core_hz);
         let motion_clock = MotionClock::start(device.TIM5, &device.RCC);
         let measured = Switch::new(VectorTable::new(core.SCB), core.DCB, core.DWT, motion_clock);
-        let pins = BoardPins::new((
-            device.GPIOA,
-            device.GPIOB,
-            device.GPIOC,
-            device.GPIOD,
-            device.GPIOE,
-            device.GPIOF,
-            device.GPIOG,
-        ));
+        let ports = (device.GPIOA, device.GPIOB, device.GPIOC, device.GPIOD, device.GPIOE, device.GPIOF, device.GPIOG);
+        let pins = BoardPins::new(ports, SENSORS);
 
         let signals = stepping::Signals {
             pulse_ticks: clock.timer_ticks(PROFILE.driver.pulse_width_ns),
@@ -176,7 +173,7 @@ mod app {
         let spawned = (printer::spawn(), planner::spawn(), temperature::spawn(), reports::spawn());
         defmt::debug!("started: {}", matches!(spawned, (Ok(()), Ok(()), Ok(()), Ok(()))));
         (
-            Shared { step_timer, machine, heat: Heat::new(&PROFILE), writers },
+            Shared { step_timer, sensors: pins, machine, heat: Heat::new(&PROFILE), writers },
             Local {
                 port,
                 received,
@@ -204,6 +201,43 @@ mod app {
     #[task(binds = TIM1_BRK_TIM9, priority = 16, shared = [step_timer])]
     fn near_steps(cx: near_steps::Context) {
         cx.shared.step_timer.stay();
+    }
+
+    /// The sensor that an axis seeks has triggered: the motors stand with the next instruction. One task for each interrupt
+    /// that a sensor's pin may have.
+    #[task(binds = EXTI0, priority = 15, shared = [sensors])]
+    fn sensor_0(cx: sensor_0::Context) {
+        cx.shared.sensors.sensed(STEPS.link());
+    }
+
+    #[task(binds = EXTI1, priority = 15, shared = [sensors])]
+    fn sensor_1(cx: sensor_1::Context) {
+        cx.shared.sensors.sensed(STEPS.link());
+    }
+
+    #[task(binds = EXTI2, priority = 15, shared = [sensors])]
+    fn sensor_2(cx: sensor_2::Context) {
+        cx.shared.sensors.sensed(STEPS.link());
+    }
+
+    #[task(binds = EXTI3, priority = 15, shared = [sensors])]
+    fn sensor_3(cx: sensor_3::Context) {
+        cx.shared.sensors.sensed(STEPS.link());
+    }
+
+    #[task(binds = EXTI4, priority = 15, shared = [sensors])]
+    fn sensor_4(cx: sensor_4::Context) {
+        cx.shared.sensors.sensed(STEPS.link());
+    }
+
+    #[task(binds = EXTI9_5, priority = 15, shared = [sensors])]
+    fn sensor_5_to_9(cx: sensor_5_to_9::Context) {
+        cx.shared.sensors.sensed(STEPS.link());
+    }
+
+    #[task(binds = EXTI15_10, priority = 15, shared = [sensors])]
+    fn sensor_10_to_15(cx: sensor_10_to_15::Context) {
+        cx.shared.sensors.sensed(STEPS.link());
     }
 
     /// Bytes in and out. Must take a byte before the next but one has come: 87 us at 115,200 baud.

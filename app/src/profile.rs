@@ -1,5 +1,6 @@
 //! The machine this firmware is for.
 
+use ferrostep_hal_shim::sensor_lines::SensorPin;
 use ferrostep_hal_shim::thermistor::{Thermistor, ThermistorType};
 use ferrostep_planner::{
     AccelerationProfile, DualRatePeriods, Interpolation, Kinematics, Limits, MotionChoice, SCurveTableSettings,
@@ -12,6 +13,9 @@ use ferrostep_printer::{
 
 /// The profile, as `build.rs` found it in its TOML file.
 pub static PROFILE: Profile = include!(concat!(env!("OUT_DIR"), "/profile.rs"));
+
+/// The pins that the profile's axes home by.
+pub const SENSORS: [Option<SensorPin>; 3] = include!(concat!(env!("OUT_DIR"), "/sensors.rs"));
 
 include!(concat!(env!("OUT_DIR"), "/step_signals.rs"));
 

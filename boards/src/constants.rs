@@ -2,8 +2,11 @@
 
 use std::fmt::Write;
 
+use ferrostep_printer::Profile;
+
 use crate::board::{Board, CCM_ADDRESS, FLASH_ADDRESS, RAM_ADDRESS};
 use crate::clock::{Clock, INTERNAL_HZ};
+use crate::fit;
 use crate::pin::Pin;
 use crate::registers::{self, Store};
 
@@ -64,6 +67,17 @@ pub fn rust(board: &Board) -> String {
         stores("ALL_OFF", &registers::all_off(board)),
         stores("PINS", &registers::pins(board)),
     )
+}
+
+/// The sensors that the axes home with, as an expression of `[Option<SensorPin>; 3]`.
+pub fn sensors(board: &Board, profile: &Profile) -> String {
+    let pins = fit::sensor_pins(board, profile).map(|sensor| match sensor {
+        Some((Pin { port, number, .. }, triggers_low)) => {
+            format!("Some(SensorPin {{ port: {port}, number: {number}, triggers_low: {triggers_low} }})")
+        }
+        None => "None".to_owned(),
+    });
+    format!("[{}]", pins.join(", "))
 }
 
 fn stores(name: &str, stores: &[Store]) -> String {

@@ -6,6 +6,7 @@ use ferrostep_printer::{HomeSensor, Profile};
 use ferrostep_profiles::refuse;
 
 use crate::board::{Board, Driver};
+use crate::pin::Pin;
 
 impl Driver {
     /// Shortest step pulse that it sees, ns, where its data sheet says (STEP high and low time; A4988 and TMC5160:
@@ -18,6 +19,25 @@ impl Driver {
             Self::Tmc2130 | Self::Tmc2208 | Self::Tmc2209 | Self::Tmc5160 => 100,
         }
     }
+}
+
+/// The axes that home.
+const AXES: [&str; 3] = ["x", "y", "z"];
+
+/// The pins of the sensors that a profile's axes home with, and whether they are low when they trigger; `None` where the
+/// board has no such sensor.
+pub fn sensor_pins(board: &Board, profile: &Profile) -> [Option<(Pin, bool)>; 3] {
+    let input = |name: &str| board.inputs.iter().find(|(input, _)| *input == name).map(|(_, pin)| *pin);
+    let mut sensors = AXES.into_iter().zip(profile.homing.iter().zip(&board.motors)).map(|(axis, (homing, motor))| {
+        let pin = match homing.sensor {
+            HomeSensor::Probe => input("probe"),
+            HomeSensor::EndStop => input(axis),
+            // A socket's stall signal is at its end stop's pin, by a jumper.
+            HomeSensor::Stall => motor.diag.or_else(|| input(axis).filter(|_| motor.driver == Driver::Socket)),
+        };
+        pin.map(|pin| (pin, homing.triggers_low))
+    });
+    std::array::from_fn(|_| sensors.next().flatten())
 }
 
 /// Holds a profile against the board.
@@ -55,15 +75,14 @@ pub fn check(board: &Board, profile: &Profile, profile_name: &str) -> Result<(),
     if board.virtual_sensors {
         return Ok(());
     }
-    for (axis, (homing, motor)) in ["x", "y", "z"].into_iter().zip(profile.homing.iter().zip(&board.motors)) {
-        let has = |name: &str| board.inputs.iter().any(|(input, _)| *input == name);
-        let (word, is_there) = match homing.sensor {
-            HomeSensor::Probe => ("\"probe\"", has("probe")),
-            HomeSensor::EndStop => ("\"end-stop\"", has(axis)),
-            // A socket's stall signal is at its end stop's pin, by a jumper.
-            HomeSensor::Stall => ("\"stall\"", motor.diag.is_some() || motor.driver == Driver::Socket && has(axis)),
-        };
-        if !is_there {
+    let pins = sensor_pins(board, profile);
+    for (axis, (homing, pin)) in AXES.into_iter().zip(profile.homing.iter().zip(pins)) {
+        if pin.is_none() {
+            let word = match homing.sensor {
+                HomeSensor::Probe => "\"probe\"",
+                HomeSensor::EndStop => "\"end-stop\"",
+                HomeSensor::Stall => "\"stall\"",
+            };
             let inputs: Vec<&str> = board.inputs.iter().map(|(input, _)| *input).collect();
             let expected = format!("what the board {} has: its inputs are {}", board.name, inputs.join(", "));
             return Err(refuse(profile_name, &format!("homing.{axis}.sensor"), word, &expected));

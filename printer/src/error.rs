@@ -67,6 +67,11 @@ pub enum CommandError {
         /// Index of the axis.
         axis: usize,
     },
+    /// The axis' sensor is triggered where it should not be.
+    SensorStuck {
+        /// Index of the axis.
+        axis: usize,
+    },
     /// The axis homes by its driver's stall signal, and that is off.
     NoStallSignal {
         /// Index of the axis.
@@ -160,6 +165,13 @@ impl fmt::Display for CommandError {
             Self::HomingFailed { axis } => {
                 let name = AXIS_NAMES.get(*axis).copied().unwrap_or('?');
                 write!(out, "homing {name} failed: its end stop did not trigger, expected it within the axis' length")
+            }
+            Self::SensorStuck { axis } => {
+                let name = AXIS_NAMES.get(*axis).copied().unwrap_or('?');
+                write!(
+                    out,
+                    "homing {name} failed: its sensor is triggered away from the end, expected it released; is it connected?"
+                )
             }
             Self::NoStallSignal { axis } => {
                 let name = AXIS_NAMES.get(*axis).copied().unwrap_or('?');

@@ -42,9 +42,11 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         let outcome = async {
             if by_stall {
                 self.move_back(axis, towards * homing.back_off_10nm, homing.fast_mm_per_s).await?;
+                self.is_released(axis)?;
             }
             self.seek(axis, towards * reach, homing.fast_mm_per_s).await?;
             self.move_back(axis, towards * homing.back_off_10nm, homing.fast_mm_per_s).await?;
+            self.is_released(axis)?;
             self.seek(axis, towards * homing.back_off_10nm * 2, homing.slow_mm_per_s).await
         }
         .await;
@@ -71,6 +73,11 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         back[axis] -= distance_10nm;
         self.move_to(back, feed_mm_per_s).await?;
         Ok(self.motion.finish().await?)
+    }
+
+    /// A sensor that is triggered away from the end is broken, or not connected.
+    fn is_released(&self, axis: usize) -> Result<(), CommandError> {
+        if self.motion.is_end_stop_triggered(axis) { Err(CommandError::SensorStuck { axis }) } else { Ok(()) }
     }
 
     /// Refuses an axis whose driver would let the motor push on for ever.

@@ -289,7 +289,9 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
         self.flush();
         self.sought = None;
         self.seeking = Some(axis);
-        if self.motors.is_triggered(axis) {
+        // First the edge, then the level: what comes in between is not lost.
+        self.queue.watch_sensor(Some(axis));
+        if self.is_end_stop_triggered(axis) {
             self.end_seek(Seek::Triggered);
         }
     }
@@ -307,6 +309,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
 
     fn end_seek(&mut self, outcome: Seek) {
         self.seeking = None;
+        self.queue.watch_sensor(None);
         self.sought = Some(outcome);
         if outcome == Seek::Triggered {
             self.forget_plan();
@@ -374,7 +377,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
 
     /// Whether the end stop of an axis is triggered.
     pub fn is_end_stop_triggered(&self, axis: usize) -> bool {
-        self.motors.is_triggered(axis)
+        if Q::HAS_SENSORS { self.queue.is_sensor_triggered(axis) } else { self.motors.is_triggered(axis) }
     }
 
     /// Digests and counters.
@@ -412,11 +415,18 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
 
     /// After a stop: plan and counters follow the motors.
     fn follow_stop(&mut self) {
+        let found = Q::HAS_SENSORS && self.seeking.is_some() && self.queue.link().is_sensor_stop();
         let dropped = self.queue.drop_all();
         self.motors.steps.take_back(dropped.signed, dropped.issued);
         self.forget_plan();
         self.fan.waiting.clear();
-        self.seeking = None;
+        if found {
+            self.end_seek(Seek::Triggered);
+            return;
+        }
+        if self.seeking.take().is_some() {
+            self.queue.watch_sensor(None);
+        }
         self.sought = None;
         self.flushed = false;
         self.stops = self.stops.wrapping_add(1);
@@ -504,7 +514,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
                 refused: &mut self.refused,
                 timeline: &mut self.timeline,
                 last_move_end: &mut self.last_move_end,
-                seeking: self.seeking,
+                seeking: if Q::HAS_SENSORS { None } else { self.seeking },
                 triggered: false,
             };
             let progress = self.planner.advance(&mut sink);

@@ -20,6 +20,7 @@ pub mod serial;
 pub mod step_timer;
 mod stores;
 pub mod vector_table;
+mod volatile;
 
 #[cfg(feature = "stm32f405")]
 pub use stm32f4::stm32f405 as pac;
