@@ -5,6 +5,7 @@
 //! | 16 | `steps` | TIM2 update | `step_timer`, lock-free: timer, ports, a ring of words | the event that ends a stair: 33 instructions |
 //! | 16 | `near_steps` | `steps`, `planner` | the same | 128 looks at the timer; start or end of a motion: 80 instructions |
 //! | 15 | `sensor_*` | an edge at the sensor that an axis seeks (EXTI) | `sensors`: pins | 8 looks at a pin, the stop of the step timer |
+//! | 14 | `driver_line`, `driver_pins` | USART2, or TIM7 four times a bit | `driver_line`: the line to the motors' drivers | a byte, or a quarter of a bit |
 //! | 13 | `serial` | USART1 | `local` only: port, two byte rings, the emergency scanner | 16 bytes to send, the received one; M112 |
 //! | 10 | `usb` | OTG_FS, or something to send | `local` only: the device, two byte rings | four packets in, what fits out; M112 |
 //! | 9 | SysTick (rtic-monotonics) | every ms | the queue of waits | wakes the tasks whose waits end |
@@ -12,6 +13,7 @@
 //! | 8 | `emergency` | M112 | `heat` | heaters off |
 //! | 4 | `planner` | a move, or 2 ms | `machine` | fills the step queue: 256 portions a lock |
 //! | 2 | `printer` | received bytes | `machine`, `heat`, `writers` | one line; a wait is an await |
+//! | 1 | `drivers` | every ms while a datagram is under way | `drivers`, `driver_line`, `machine`, `writers` | a datagram's end, and the next |
 //! | 1 | `reports` | a halt, or 100 ms | `machine`, `heat`, `writers` | M155's line |
 //!
 //! 16 is above what BASEPRI can mask, and critical sections mask no more than that
@@ -24,6 +26,7 @@
 #![deny(unsafe_code)]
 
 mod clock;
+mod drivers;
 mod fault;
 mod heat;
 mod host_line;
@@ -41,12 +44,14 @@ mod app {
     use ferrostep_gcode::{Emergency, EmergencyScanner, LineReader, Reply};
     use ferrostep_hal_shim::clock_tree::ClockSource;
     use ferrostep_hal_shim::stepping::{self, StepFeeder};
+    use ferrostep_hal_shim::tmc2209::DriverBank;
     use ferrostep_planner::look_ahead::Slot;
     use ferrostep_printer::heat::SAMPLE_MS;
     use ferrostep_printer::machine::SharedMotion;
-    use ferrostep_printer::{Host, Printer, Replies, Signals, temperatures};
+    use ferrostep_printer::{Host, Printer, Replies, Signals, tell_driver_event, temperatures};
     use ferrostep_stm32f4::board::{self, BoardPins};
     use ferrostep_stm32f4::clock;
+    use ferrostep_stm32f4::driver_line::DriverLine;
     use ferrostep_stm32f4::measured::Switch;
     use ferrostep_stm32f4::motion_clock::MotionClock;
     use ferrostep_stm32f4::serial::{Serial, Transmit};
@@ -59,13 +64,14 @@ mod app {
     use rtic_sync::signal::{Signal, SignalReader};
 
     use crate::clock::{Mono, SystemClock};
+    use crate::drivers::{self as board_drivers, BoardDrivers, Line};
     use crate::heat::{self, Heat};
     use crate::host_line::{self, Patience, Port, Reader, To, Writer, Writers};
     use crate::ports::{
         BoardHeating, BoardMachine, BoardMachineLock, BoardReplies, BoardStepTimer, LOOK_AHEAD_BLOCKS, Overload,
         PLANNER_WORK, STEPS,
     };
-    use crate::profile::{PROFILE, SENSORS};
+    use crate::profile::{BoardDriverLine, DRIVER_PINS, PROFILE, SENSORS};
     use crate::timing::{self, BoardTiming};
 
     /// Speed of the host's line.
@@ -76,6 +82,9 @@ mod app {
 
     /// The planner looks at the step queue this often, ms: at 100,000 events a second a tenth of the queue.
     const PLANNER_INTERVAL_MS: u32 = 2;
+
+    /// The drivers' task looks at its line this often, ms: a datagram takes one to ten.
+    const DRIVERS_INTERVAL_MS: u32 = 1;
 
     /// The reports task looks around this often, ms.
     const REPORTS_INTERVAL_MS: u32 = 100;
@@ -94,6 +103,9 @@ mod app {
         /// Of the tasks of the sensors' lines only.
         #[lock_free]
         sensors: BoardPins,
+        /// Of one of its two interrupts, the board's, and the drivers' task.
+        driver_line: BoardDriverLine,
+        drivers: DriverBank,
         machine: BoardMachine,
         heat: Heat,
         writers: Writers,
@@ -110,6 +122,7 @@ mod app {
         planner_work: SignalReader<'static, ()>,
         halted: SignalReader<'static, ()>,
         motion_clock: MotionClock,
+        drivers_clock: MotionClock,
         patience: Patience,
         measured: Switch,
     }
@@ -164,6 +177,9 @@ mod app {
             writers.line(To::All, format_args!("echo:usb: {why}"));
         }
 
+        let driver_line = <BoardDriverLine as DriverLine>::start((device.USART2, device.TIM7), &clock, DRIVER_PINS);
+        let drivers = board_drivers::bank(&clock, motion_clock.now_ticks());
+
         // Each of them is taken here and nowhere else.
         let (Some(reader), Some(planner_work), Some(halted)) =
             (Reader::new(to_read, usb_to_read, motion_clock), PLANNER_WORK.try_take_reader(), HALTED.try_take_reader())
@@ -172,8 +188,12 @@ mod app {
         };
         let spawned = (printer::spawn(), planner::spawn(), temperature::spawn(), reports::spawn());
         defmt::debug!("started: {}", matches!(spawned, (Ok(()), Ok(()), Ok(()), Ok(()))));
+        if board_drivers::EXIST {
+            let spawned = drivers::spawn();
+            defmt::debug!("drivers: {}", spawned.is_ok());
+        }
         (
-            Shared { step_timer, sensors: pins, machine, heat: Heat::new(&PROFILE), writers },
+            Shared { step_timer, sensors: pins, driver_line, drivers, machine, heat: Heat::new(&PROFILE), writers },
             Local {
                 port,
                 received,
@@ -184,6 +204,7 @@ mod app {
                 planner_work,
                 halted,
                 motion_clock,
+                drivers_clock: motion_clock,
                 patience: Patience::new(clock.source),
                 measured,
             },
@@ -238,6 +259,18 @@ mod app {
     #[task(binds = EXTI15_10, priority = 15, shared = [sensors])]
     fn sensor_10_to_15(cx: sensor_10_to_15::Context) {
         cx.shared.sensors.sensed(STEPS.link());
+    }
+
+    /// The drivers' shared line. Must take a byte before the next but one has come: 174 us.
+    #[task(binds = USART2, priority = 14, shared = [driver_line])]
+    fn driver_line(mut cx: driver_line::Context) {
+        cx.shared.driver_line.lock(DriverLine::interrupt);
+    }
+
+    /// The drivers' own lines. Must come within a tenth of a quarter bit, 1.3 us, so that it is above all that receive.
+    #[task(binds = TIM7, priority = 14, shared = [driver_line])]
+    fn driver_pins(mut cx: driver_pins::Context) {
+        cx.shared.driver_line.lock(DriverLine::interrupt);
     }
 
     /// Bytes in and out. Must take a byte before the next but one has come: 87 us at 115,200 baud.
@@ -317,7 +350,7 @@ mod app {
     }
 
     /// Lines to commands, commands to moves and replies.
-    #[task(priority = 2, shared = [machine, heat, writers], local = [reader, measured])]
+    #[task(priority = 2, shared = [machine, heat, writers, drivers], local = [reader, measured])]
     async fn printer(cx: printer::Context) {
         let motion = SharedMotion(BoardMachineLock::new(cx.shared.machine, &SIGNALS));
         let heating = BoardHeating(RefCell::new(cx.shared.heat));
@@ -325,6 +358,10 @@ mod app {
         let mut printer = Printer::new(&PROFILE, motion, heating, SystemClock::default(), &replies, &SIGNALS);
         printer.set_emergency_parser(true);
         printer.set_equipment(heat::EQUIPMENT);
+        let drivers = BoardDrivers(RefCell::new(cx.shared.drivers));
+        if board_drivers::EXIST {
+            printer.set_drivers(&drivers);
+        }
         let timing = BoardTiming::new(cx.local.measured);
         printer.set_timing(&timing);
         let (mut serial_host, mut usb_host) = (Host::new(), Host::new());
@@ -348,6 +385,25 @@ mod app {
                     None => {}
                 }
             }
+        }
+    }
+
+    /// Sets the motors' drivers up and looks after them; a motor that is no longer where its steps say halts the machine.
+    #[task(priority = 1, shared = [machine, writers, drivers, driver_line], local = [drivers_clock])]
+    async fn drivers(cx: drivers::Context) {
+        let drivers::SharedResources { mut machine, writers, mut drivers, mut driver_line, .. } = cx.shared;
+        let replies = BoardReplies::new(writers);
+        let mut line = Line(&mut driver_line);
+        loop {
+            let now = cx.local.drivers_clock.now_ticks();
+            if let Some(event) = drivers.lock(|bank| bank.poll(&mut line, now)) {
+                let motors_on = machine.lock(|machine| machine.enabled_motors());
+                if tell_driver_event(&event, motors_on, &replies) && !SIGNALS.is_halted() {
+                    act(Emergency::Stop);
+                }
+                continue;
+            }
+            Mono::delay(DRIVERS_INTERVAL_MS.millis()).await;
         }
     }
 

@@ -17,6 +17,7 @@ pub static PROFILE: Profile = include!(concat!(env!("OUT_DIR"), "/profile.rs"));
 /// The pins that the profile's axes home by.
 pub const SENSORS: [Option<SensorPin>; 3] = include!(concat!(env!("OUT_DIR"), "/sensors.rs"));
 
+include!(concat!(env!("OUT_DIR"), "/drivers.rs"));
 include!(concat!(env!("OUT_DIR"), "/step_signals.rs"));
 
 /// Steps/mm as the profile's constant names them; a value out of range ends the build.

@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use ferrostep_printer::Profile;
 
-use crate::board::{Board, CCM_ADDRESS, FLASH_ADDRESS, RAM_ADDRESS};
+use crate::board::{Board, CCM_ADDRESS, DriverUart, FLASH_ADDRESS, RAM_ADDRESS};
 use crate::clock::{Clock, INTERNAL_HZ};
 use crate::fit;
 use crate::pin::Pin;
@@ -78,6 +78,31 @@ pub fn sensors(board: &Board, profile: &Profile) -> String {
         None => "None".to_owned(),
     });
     format!("[{}]", pins.join(", "))
+}
+
+/// The drivers that the profile sets, and the lines to them, as items.
+pub fn drivers(board: &Board, profile: &Profile) -> String {
+    let wiring = fit::wiring(board, profile);
+    let pins: Vec<(u8, u8)> = board
+        .motors
+        .iter()
+        .map(|motor| match (motor.uart, board.driver_uart) {
+            (Some(DriverUart::Pin(pin)), _) | (_, Some(pin)) => (pin.port, pin.number),
+            _ => (0, 0),
+        })
+        .collect();
+    let line = match (wiring.iter().any(Option::is_some), board.driver_uart) {
+        (false, _) => "NoLine",
+        (true, Some(_)) => "SharedLine",
+        (true, None) => "OwnLines",
+    };
+    let wiring = format!("{wiring:?}").replace("DriverWiring", "ferrostep_hal_shim::tmc2209::DriverWiring");
+    format!(
+        "/// What the drivers are told over.\npub type BoardDriverLine = ferrostep_stm32f4::driver_line::{line};\n\
+         /// Port and number of the lines' pins.\npub const DRIVER_PINS: [(u8, u8); 4] = {pins:?};\n\
+         /// How the drivers that are set are connected.\n\
+         pub const DRIVER_WIRING: [Option<ferrostep_hal_shim::tmc2209::DriverWiring>; 4] = {wiring};\n"
+    )
 }
 
 fn stores(name: &str, stores: &[Store]) -> String {

@@ -1,11 +1,11 @@
 //! Whether a board can be the machine that a profile describes.
 
 use ferrostep_checked_toml::FileError;
-use ferrostep_hal_shim::tmc2209::CurrentScale;
+use ferrostep_hal_shim::tmc2209::{CurrentScale, DriverWiring};
 use ferrostep_printer::{HomeSensor, Profile};
 use ferrostep_profiles::refuse;
 
-use crate::board::{Board, Driver};
+use crate::board::{Board, Driver, DriverUart, Motor};
 use crate::pin::Pin;
 
 impl Driver {
@@ -40,6 +40,32 @@ pub fn sensor_pins(board: &Board, profile: &Profile) -> [Option<(Pin, bool)>; 3]
     std::array::from_fn(|_| sensors.next().flatten())
 }
 
+/// Sense resistors of a driver that is plugged in, ohm: those of the usual TMC2209 modules.
+const USUAL_SENSE_OHM: f64 = 0.11;
+
+fn milliohm(ohm: f64) -> u16 {
+    (ohm * 1000.0).round() as u16
+}
+
+/// Whether there is a line to a driver that may be a TMC2209.
+fn can_be_set(motor: &Motor) -> bool {
+    matches!(motor.driver, Driver::Tmc2209 | Driver::Socket) && motor.uart.is_some()
+}
+
+/// How the drivers that a profile sets are connected; `None` for one that it does not, or that the board cannot.
+pub fn wiring(board: &Board, profile: &Profile) -> [Option<DriverWiring>; 4] {
+    std::array::from_fn(|index| {
+        let (motor, _) = board.motors.get(index).zip(profile.drivers[index])?;
+        let (line, address) = match motor.uart.filter(|_| can_be_set(motor))? {
+            DriverUart::Address(address) => (0, address),
+            // A socket's pins for the address are grounded.
+            DriverUart::Pin(_) => (index as u8, 0),
+        };
+        let sense_milliohm = milliohm(motor.sense_resistor_ohm.unwrap_or(USUAL_SENSE_OHM));
+        Some(DriverWiring { line, address, sense_milliohm })
+    })
+}
+
 /// Holds a profile against the board.
 ///
 /// # Errors
@@ -47,11 +73,12 @@ pub fn sensor_pins(board: &Board, profile: &Profile) -> [Option<(Pin, bool)>; 3]
 pub fn check(board: &Board, profile: &Profile, profile_name: &str) -> Result<(), FileError> {
     for (motor, settings) in board.motors.iter().zip(&profile.drivers) {
         let driver = format!("{:?}", motor.driver).to_lowercase();
-        // A driver must be told to step at both edges (its bit `dedge`), and nobody tells it yet.
-        if profile.driver.both_edges && motor.driver != Driver::None {
+        // A driver must be told to step at both edges (its bit `dedge`).
+        let is_told = settings.is_some() && can_be_set(motor);
+        if profile.driver.both_edges && motor.driver != Driver::None && !is_told {
             let expected = format!(
-                "false: motors.{} of the board {} is driven by a {driver}, which steps at rising edges as the firmware \
-                 leaves it",
+                "false: motors.{0} of the board {1} is driven by a {driver}, which steps at rising edges unless it is a \
+                 tmc2209 with a line and a table [drivers.{0}]",
                 motor.name, board.name
             );
             return Err(refuse(profile_name, "driver.both_edges", "true", &expected));
@@ -63,8 +90,10 @@ pub fn check(board: &Board, profile: &Profile, profile_name: &str) -> Result<(),
             return Err(refuse(profile_name, "driver.pulse_width_us", &us.to_string(), &expected));
         }
         // A driver's current is measured at the board's resistors.
-        if let (Driver::Tmc2209, Some(ohm), Some(settings)) = (motor.driver, motor.sense_resistor_ohm, settings)
-            && let Err(error) = CurrentScale::from_ma(settings.current_ma, (ohm * 1000.0).round() as u16)
+        let ohm = motor.sense_resistor_ohm.unwrap_or(USUAL_SENSE_OHM);
+        if let Some(settings) = settings
+            && can_be_set(motor)
+            && let Err(error) = CurrentScale::from_ma(settings.current_ma, milliohm(ohm))
         {
             let key = format!("drivers.{}.current_ma", motor.name);
             let (least, most) = (error.least_ma, error.most_ma);

@@ -370,6 +370,11 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
         self.queue.set_motors_enabled(axes, enabled);
     }
 
+    /// Mask of the motors that are switched on.
+    pub fn enabled_motors(&self) -> u8 {
+        self.motors.enabled_motors()
+    }
+
     /// Switches all motors off, as a halt does.
     pub fn switch_motors_off(&mut self) {
         self.set_motors_enabled(ALL, false);

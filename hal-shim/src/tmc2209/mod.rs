@@ -13,6 +13,8 @@ mod datagram;
 mod driver;
 mod event;
 mod exchange;
+mod half_duplex;
+mod pin_lines;
 mod registers;
 mod settings;
 mod uart;
@@ -28,6 +30,8 @@ pub use datagram::{
 pub use driver::{DriverReport, DriverState};
 pub use event::{DriverEvent, DriverEventKind, Failure};
 pub use exchange::ExchangeError;
+pub use half_duplex::HalfDuplexLine;
+pub use pin_lines::PinLines;
 pub use registers::{
     ChopConf, DriverStatus, GlobalConf, GlobalStatus, HoldRun, MicrostepResolution, Register, VERSION,
 };

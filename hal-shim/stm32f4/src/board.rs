@@ -3,10 +3,10 @@
 use ferrostep_hal_shim::sensor_lines::{SensorLines, SensorPin};
 use ferrostep_hal_shim::stepping::{MotorPins, Pin, PinMap, StepLink};
 
-use crate::volatile::Volatile;
 use crate::pac::{GPIOA, GPIOB, GPIOC, GPIOD, GPIOE, GPIOF, GPIOG};
 use crate::step_timer::{self, MotorPort, MotorPorts, Motors};
 use crate::stores::{self, Store};
+use crate::volatile::Volatile;
 
 include!(concat!(env!("OUT_DIR"), "/board.rs"));
 
