@@ -30,6 +30,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let profile = ferrostep_profiles::load(&name).map_err(|error| error.to_string())?;
     ferrostep_boards::fit::check(&board, &profile, &name).map_err(|error| error.to_string())?;
     fs::write(out.join("profile.rs"), constant(&profile))?;
+    // What looks after drivers is not compiled where there are none.
+    println!("cargo:rustc-check-cfg=cfg(drivers)");
+    if ferrostep_boards::fit::wiring(&board, &profile).iter().any(Option::is_some) {
+        println!("cargo:rustc-cfg=drivers");
+    }
     fs::write(out.join("drivers.rs"), ferrostep_boards::constants::drivers(&board, &profile))?;
     fs::write(out.join("sensors.rs"), ferrostep_boards::constants::sensors(&board, &profile))?;
     fs::write(out.join("step_signals.rs"), step_signals(&profile.driver))?;

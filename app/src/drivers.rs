@@ -2,32 +2,39 @@
 
 use core::cell::RefCell;
 use core::fmt;
+use core::sync::atomic::Ordering;
 
-use ferrostep_hal_shim::clock_tree::Clock;
-use ferrostep_hal_shim::tmc2209::{
-    DriverBank, DriverReport, DriverSettings, DriverState, LineBusy, LineTiming, SettingsError, SingleWireUart,
-};
+use ferrostep_hal_shim::clock_tree::{Clock, ClockSource};
+use ferrostep_hal_shim::tmc2209::{DriverBank, DriverReport, DriverSettings, DriverState, LineTiming, SettingsError};
+#[cfg(drivers)]
+use ferrostep_hal_shim::tmc2209::{LineBusy, SingleWireUart};
 use ferrostep_printer::MotorDrivers;
-use ferrostep_stm32f4::driver_line::DriverLine;
+use ferrostep_stm32f4::driver_line::{DriverLine, FERROSTEP_DRIVERS};
 use rtic::Mutex;
 
 use crate::profile::{BoardDriverLine, DRIVER_WIRING, PROFILE};
 
-/// Whether there are drivers that can be set.
-pub const EXIST: bool = BoardDriverLine::EXISTS;
+/// On the bare internal oscillator all waits of the line are so many times longer: that is also an emulator's clock, and
+/// there time may run many times faster than that of whoever answers.
+const PATIENCE: u32 = 100;
 
 /// The profile's drivers, not set up yet. Their clock is the motion clock's.
 pub fn bank(clock: &Clock, now_ticks: u32) -> DriverBank {
+    let present = FERROSTEP_DRIVERS.load(Ordering::Relaxed);
     let mut drivers = [None; 4];
-    for ((driver, settings), wiring) in drivers.iter_mut().zip(PROFILE.drivers).zip(DRIVER_WIRING) {
-        *driver = settings.zip(wiring);
+    for (motor, driver) in drivers.iter_mut().enumerate().filter(|(motor, _)| present >> motor & 1 == 1) {
+        let settings = PROFILE.drivers.get(motor).copied().flatten();
+        *driver = settings.zip(DRIVER_WIRING.get(motor).copied().flatten());
     }
-    DriverBank::new(drivers, LineTiming::new(clock.timer_hz, BoardDriverLine::BAUD), now_ticks)
+    let patience = if clock.source == ClockSource::Internal { PATIENCE } else { 1 };
+    DriverBank::new(drivers, LineTiming::new(clock.timer_hz, BoardDriverLine::BAUD / patience), now_ticks)
 }
 
+#[cfg(drivers)]
 /// The line; each call into it keeps its interrupt out.
 pub struct Line<'a, L>(pub &'a mut L);
 
+#[cfg(drivers)]
 impl<L: Mutex<T = BoardDriverLine>> SingleWireUart for Line<'_, L> {
     fn send(&mut self, line: u8, bytes: &[u8], now_ticks: u32) -> Result<(), LineBusy> {
         self.0.lock(|uart| uart.send(line, bytes, now_ticks))

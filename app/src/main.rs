@@ -48,7 +48,7 @@ mod app {
     use ferrostep_planner::look_ahead::Slot;
     use ferrostep_printer::heat::SAMPLE_MS;
     use ferrostep_printer::machine::SharedMotion;
-    use ferrostep_printer::{Host, Printer, Replies, Signals, tell_driver_event, temperatures};
+    use ferrostep_printer::{Host, Printer, Replies, Signals, temperatures};
     use ferrostep_stm32f4::board::{self, BoardPins};
     use ferrostep_stm32f4::clock;
     use ferrostep_stm32f4::driver_line::DriverLine;
@@ -64,14 +64,14 @@ mod app {
     use rtic_sync::signal::{Signal, SignalReader};
 
     use crate::clock::{Mono, SystemClock};
-    use crate::drivers::{self as board_drivers, BoardDrivers, Line};
+    use crate::drivers::{self as board_drivers, BoardDrivers};
     use crate::heat::{self, Heat};
     use crate::host_line::{self, Patience, Port, Reader, To, Writer, Writers};
     use crate::ports::{
         BoardHeating, BoardMachine, BoardMachineLock, BoardReplies, BoardStepTimer, LOOK_AHEAD_BLOCKS, Overload,
         PLANNER_WORK, STEPS,
     };
-    use crate::profile::{BoardDriverLine, DRIVER_PINS, PROFILE, SENSORS};
+    use crate::profile::{BoardDriverLine, DRIVER_PINS, PROFILE, SENSOR_STORES, SENSORS};
     use crate::timing::{self, BoardTiming};
 
     /// Speed of the host's line.
@@ -83,6 +83,7 @@ mod app {
     /// The planner looks at the step queue this often, ms: at 100,000 events a second a tenth of the queue.
     const PLANNER_INTERVAL_MS: u32 = 2;
 
+    #[cfg(drivers)]
     /// The drivers' task looks at its line this often, ms: a datagram takes one to ten.
     const DRIVERS_INTERVAL_MS: u32 = 1;
 
@@ -145,7 +146,7 @@ mod app {
         let motion_clock = MotionClock::start(device.TIM5, &device.RCC);
         let measured = Switch::new(VectorTable::new(core.SCB), core.DCB, core.DWT, motion_clock);
         let ports = (device.GPIOA, device.GPIOB, device.GPIOC, device.GPIOD, device.GPIOE, device.GPIOF, device.GPIOG);
-        let pins = BoardPins::new(ports, SENSORS);
+        let pins = BoardPins::new(ports, SENSORS, &SENSOR_STORES);
 
         let signals = stepping::Signals {
             pulse_ticks: clock.timer_ticks(PROFILE.driver.pulse_width_ns),
@@ -188,9 +189,9 @@ mod app {
         };
         let spawned = (printer::spawn(), planner::spawn(), temperature::spawn(), reports::spawn());
         defmt::debug!("started: {}", matches!(spawned, (Ok(()), Ok(()), Ok(()), Ok(()))));
-        if board_drivers::EXIST {
-            let spawned = drivers::spawn();
-            defmt::debug!("drivers: {}", spawned.is_ok());
+        #[cfg(drivers)]
+        if drivers::spawn().is_err() {
+            unreachable!("init runs once")
         }
         (
             Shared { step_timer, sensors: pins, driver_line, drivers, machine, heat: Heat::new(&PROFILE), writers },
@@ -359,7 +360,7 @@ mod app {
         printer.set_emergency_parser(true);
         printer.set_equipment(heat::EQUIPMENT);
         let drivers = BoardDrivers(RefCell::new(cx.shared.drivers));
-        if board_drivers::EXIST {
+        if cfg!(drivers) {
             printer.set_drivers(&drivers);
         }
         let timing = BoardTiming::new(cx.local.measured);
@@ -388,17 +389,18 @@ mod app {
         }
     }
 
+    #[cfg(drivers)]
     /// Sets the motors' drivers up and looks after them; a motor that is no longer where its steps say halts the machine.
     #[task(priority = 1, shared = [machine, writers, drivers, driver_line], local = [drivers_clock])]
     async fn drivers(cx: drivers::Context) {
         let drivers::SharedResources { mut machine, writers, mut drivers, mut driver_line, .. } = cx.shared;
         let replies = BoardReplies::new(writers);
-        let mut line = Line(&mut driver_line);
+        let mut line = board_drivers::Line(&mut driver_line);
         loop {
             let now = cx.local.drivers_clock.now_ticks();
             if let Some(event) = drivers.lock(|bank| bank.poll(&mut line, now)) {
                 let motors_on = machine.lock(|machine| machine.enabled_motors());
-                if tell_driver_event(&event, motors_on, &replies) && !SIGNALS.is_halted() {
+                if ferrostep_printer::tell_driver_event(&event, motors_on, &replies) && !SIGNALS.is_halted() {
                     act(Emergency::Stop);
                 }
                 continue;

@@ -10,13 +10,12 @@ use ferrostep_printer::{
     AxisHoming, DriverTiming, ExtrusionSettings, FirmwareRetraction, HeaterSettings, HeaterWatch, HomeEnd, HomeSensor,
     Profile,
 };
+use ferrostep_stm32f4::board::Store;
 
 /// The profile, as `build.rs` found it in its TOML file.
 pub static PROFILE: Profile = include!(concat!(env!("OUT_DIR"), "/profile.rs"));
 
-/// The pins that the profile's axes home by.
-pub const SENSORS: [Option<SensorPin>; 3] = include!(concat!(env!("OUT_DIR"), "/sensors.rs"));
-
+include!(concat!(env!("OUT_DIR"), "/sensors.rs"));
 include!(concat!(env!("OUT_DIR"), "/drivers.rs"));
 include!(concat!(env!("OUT_DIR"), "/step_signals.rs"));
 

@@ -2,6 +2,8 @@
 
 use std::fmt::Write;
 
+use ferrostep_hal_shim::registers::Registers;
+use ferrostep_hal_shim::sensor_lines::{SensorLines, SensorPin};
 use ferrostep_printer::Profile;
 
 use crate::board::{Board, CCM_ADDRESS, DriverUart, FLASH_ADDRESS, RAM_ADDRESS};
@@ -69,15 +71,35 @@ pub fn rust(board: &Board) -> String {
     )
 }
 
-/// The sensors that the axes home with, as an expression of `[Option<SensorPin>; 3]`.
+/// Registers that are not there: what is changed is written down.
+#[derive(Default)]
+struct Script(Vec<Store>);
+
+impl Registers for Script {
+    fn read(&mut self, _address: u32) -> u32 {
+        0
+    }
+
+    fn write(&mut self, address: u32, value: u32) {
+        self.modify(address, u32::MAX, value);
+    }
+
+    fn modify(&mut self, address: u32, clear: u32, set: u32) {
+        self.0.push(Store { address, clear, set });
+    }
+}
+
+/// The sensors that the axes home with, and the stores that set their pins and interrupt lines up, as items.
 pub fn sensors(board: &Board, profile: &Profile) -> String {
-    let pins = fit::sensor_pins(board, profile).map(|sensor| match sensor {
-        Some((Pin { port, number, .. }, triggers_low)) => {
-            format!("Some(SensorPin {{ port: {port}, number: {number}, triggers_low: {triggers_low} }})")
-        }
-        None => "None".to_owned(),
-    });
-    format!("[{}]", pins.join(", "))
+    let pins = fit::sensor_pins(board, profile)
+        .map(|sensor| sensor.map(|(Pin { port, number }, triggers_low)| SensorPin { port, number, triggers_low }));
+    let mut script = Script::default();
+    SensorLines::start(pins, &mut script);
+    format!(
+        "/// The pins of the sensors that X, Y and Z home with.\npub const SENSORS: [Option<SensorPin>; 3] = {pins:?};\n\
+         /// Their set-up.\n{}",
+        stores("SENSOR_STORES", &script.0)
+    )
 }
 
 /// The drivers that the profile sets, and the lines to them, as items.

@@ -1,10 +1,8 @@
 //! The machine as numbers: what a profile file or a board's constants say.
 
 use ferrostep_hal_shim::thermistor::Thermistor;
-use ferrostep_hal_shim::tmc2209::{DriverSettings, RegisterImage};
-use ferrostep_hal_shim::virtual_board::{
-    EndStopKind, START_10NM, StallSignal, VIRTUAL_WIRING, VirtualEndStop, VirtualHeaters, VirtualMotors,
-};
+use ferrostep_hal_shim::tmc2209::DriverSettings;
+use ferrostep_hal_shim::virtual_board::{START_10NM, VirtualEndStop, VirtualHeaters, VirtualMotors};
 use ferrostep_planner::{Geometry, Kinematics, Limits, MotionChoice, StepsPerMm};
 
 /// Step events a second that the processor can make if it has nothing else to do for motion, where a profile does not
@@ -208,26 +206,18 @@ impl Profile {
         VirtualHeaters::new(self.nozzle.thermistor, self.bed.thermistor)
     }
 
-    /// Counting motors with this machine's end stops, as they stand when it is switched on.
-    pub fn virtual_motors(&self) -> VirtualMotors {
-        let mut axis = 0;
-        let end_stops = self.homing.map(|homing| {
-            let kind = match homing.sensor {
-                HomeSensor::Stall => EndStopKind::Stall(self.virtual_stall_signal(axis)),
-                HomeSensor::EndStop | HomeSensor::Probe => EndStopKind::Switch,
-            };
-            axis += 1;
-            VirtualEndStop { position_10nm: homing.position_10nm, at_max: homing.end == HomeEnd::Max, kind }
-        });
-        VirtualMotors::new(self.geometry(), end_stops, START_10NM)
+    /// Mask of the axes that home by a stall.
+    pub fn framed_axes(&self) -> u8 {
+        let stalls = |homing: &AxisHoming| u8::from(homing.sensor == HomeSensor::Stall);
+        self.homing.iter().rev().fold(0, |axes, homing| axes << 1 | stalls(homing))
     }
 
-    /// When a driver with this machine's settings says that its motor stalls.
-    fn virtual_stall_signal(&self, motor: usize) -> Option<StallSignal> {
-        let settings = self.drivers.get(motor)?.as_ref()?;
-        let image = RegisterImage::new(settings, VIRTUAL_WIRING.get(motor)?).ok()?;
-        let written =
-            |register| image.writes.iter().find(|(written, _)| *written == register).map_or(0, |(_, value)| *value);
-        StallSignal::from_registers(written)
+    /// Counting motors with this machine's end stops, as they stand when it is switched on. Where an axis homes by a stall,
+    /// there is an end stop, too: who has a model of the drivers says that there is none ([`Self::framed_axes`]).
+    pub fn virtual_motors(&self) -> VirtualMotors {
+        let end_stops = self
+            .homing
+            .map(|homing| VirtualEndStop { position_10nm: homing.position_10nm, at_max: homing.end == HomeEnd::Max });
+        VirtualMotors::new(self.geometry(), end_stops, START_10NM)
     }
 }

@@ -113,9 +113,7 @@ impl<O: Observer> Motion for DeskMotion<'_, O> {
             let mut desk = self.desk.borrow_mut();
             desk.planner.flush();
             desk.sought = None;
-            if self.drivers.exist() {
-                desk.board.motors.set_stall_signal(axis, self.drivers.stall_signal(axis));
-            }
+            desk.stall_signal = self.drivers.stall_signal(axis);
         }
         self.wait(|desk| {
             let sought = desk.sought.take();

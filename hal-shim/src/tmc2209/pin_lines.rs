@@ -175,7 +175,7 @@ mod tests {
     struct Wires {
         recorder: Recorder,
         outputs: [[u32; 2]; 8],
-        chips: Vec<(DriverChip, SoftwareSerial, PinAction, Vec<u8>)>,
+        chips: Vec<(DriverChip, SoftwareSerial, PinAction, Vec<u8>, bool)>,
     }
 
     impl Wires {
@@ -190,19 +190,23 @@ mod tests {
         fn tick(&mut self) {
             for motor in 0..4 {
                 let level = self.level(motor);
-                let (chip, serial, action, heard) = &mut self.chips[motor];
+                let (chip, serial, action, heard, is_replying) = &mut self.chips[motor];
                 *action = serial.tick(level);
                 while let Some(byte) = serial.receive(0) {
                     heard.push(byte);
+                }
+                // Its own reply, which it hears too.
+                if *is_replying {
+                    *is_replying = !serial.is_quiet();
+                    heard.clear();
+                    continue;
                 }
                 let length = if heard.get(2).is_some_and(|register| register & 0x80 != 0) { 8 } else { 4 };
                 if heard.len() == length && serial.is_quiet() {
                     if let Some(reply) = chip.hear(heard) {
                         serial.send(0, &reply, 0).unwrap();
+                        *is_replying = true;
                     }
-                    heard.clear();
-                } else if heard.len() > length {
-                    // Its own reply, which it hears too.
                     heard.clear();
                 }
             }
@@ -236,7 +240,7 @@ mod tests {
 
     #[test]
     fn four_drivers_are_set_up_over_a_pin_each() {
-        let chip = || (DriverChip::new(0), SoftwareSerial::new(), PinAction::Release, Vec::new());
+        let chip = || (DriverChip::new(0), SoftwareSerial::new(), PinAction::Release, Vec::new(), false);
         let wires = RefCell::new(Wires { chips: (0..4).map(|_| chip()).collect(), ..Wires::default() });
         let mut lines = PinLines::start(&wires, PINS, 84_000_000, 19_200);
         let wiring = [0, 1, 2, 3].map(|line| Some((MINI, DriverWiring { line, address: 0, sense_milliohm: 110 })));

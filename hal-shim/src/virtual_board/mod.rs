@@ -22,7 +22,7 @@ pub use driver_lines::{VIRTUAL_WIRING, VirtualDriverLines};
 pub use event_rate::EventRate;
 pub use heater_failure::HeaterFailure;
 pub use heaters::VirtualHeaters;
-pub use motors::{EndStopKind, START_10NM, VirtualEndStop, VirtualMotors};
+pub use motors::{START_10NM, VirtualEndStop, VirtualMotors};
 pub use port::VirtualPort;
 pub use stall::StallSignal;
 pub use step_timer::{StepObserver, StepTimer};

@@ -15,17 +15,6 @@ pub struct VirtualEndStop {
     pub position_10nm: i64,
     /// Whether it triggers at and above that coordinate (else at and below).
     pub at_max: bool,
-    /// What triggers there.
-    pub kind: EndStopKind,
-}
-
-/// What an axis homes with.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum EndStopKind {
-    /// A switch or a probe.
-    Switch,
-    /// The stall signal of the axis's motor, which the frame holds back; `None`: its driver gives none.
-    Stall(Option<StallSignal>),
 }
 
 /// Motors that count, and end stops that know where the tool head truly is.
@@ -38,6 +27,8 @@ pub struct VirtualMotors {
     /// Motor positions, in steps from the machine's true origin, when all counters were zero.
     true_offset: [i64; 3],
     enabled: u8,
+    /// Axes without a switch: the frame ends where it would be.
+    framed: u8,
     /// When the motor that homes by its stall signal has stepped last.
     last_step_tick: u64,
 }
@@ -51,15 +42,19 @@ impl VirtualMotors {
             end_stops,
             true_offset: geometry.motor_steps(true_position_10nm).map(i64::from),
             enabled: 0,
+            framed: 0,
             last_step_tick: 0,
         }
     }
 
-    /// Says how the driver is set up whose stall signal an axis homes by. Without effect on one that homes by a switch.
-    pub fn set_stall_signal(&mut self, axis: usize, signal: Option<StallSignal>) {
-        if let Some(VirtualEndStop { kind: EndStopKind::Stall(present), .. }) = self.end_stops.get_mut(axis) {
-            *present = signal;
-        }
+    /// Axes in the mask have no switch, but a frame that holds them where it would be.
+    pub fn set_framed(&mut self, axes: u8) {
+        self.framed = axes;
+    }
+
+    /// Whether an axis has no switch.
+    pub fn is_framed(&self, axis: usize) -> bool {
+        self.framed >> axis & 1 == 1
     }
 
     /// Mask of the motors that are switched on.
@@ -79,9 +74,8 @@ impl VirtualMotors {
     /// Where the tool head truly is, units of 10 nm.
     pub fn true_position_10nm(&self) -> [i64; 3] {
         let mut position = self.driven_to_10nm();
-        for (position, stop) in position.iter_mut().zip(&self.end_stops) {
-            if matches!(stop.kind, EndStopKind::Stall(_)) {
-                // The frame holds it.
+        for (axis, (position, stop)) in position.iter_mut().zip(&self.end_stops).enumerate() {
+            if self.is_framed(axis) {
                 let end = stop.position_10nm;
                 *position = if stop.at_max { (*position).min(end) } else { (*position).max(end) };
             }
@@ -100,7 +94,7 @@ impl VirtualMotors {
 
     /// An event has been played towards the frame's end: whether the motor's driver says that it stalls. One that is held
     /// back for too long falls back.
-    fn stalls(&mut self, axis: usize, signal: StallSignal, steps_before: [i64; 4]) -> bool {
+    fn stalls(&mut self, axis: usize, signal: Option<StallSignal>, steps_before: [i64; 4]) -> bool {
         let (Some(before), Some(now)) = (steps_before.get(axis), self.steps.motor_steps().get(axis).copied()) else {
             return false;
         };
@@ -109,6 +103,7 @@ impl VirtualMotors {
         }
         let interval_ticks = self.steps.tick() - self.last_step_tick;
         self.last_step_tick = self.steps.tick();
+        let Some(signal) = signal else { return false };
         let driven = self.geometry.motor_steps(self.driven_to_10nm());
         let held = self.geometry.motor_steps(self.true_position_10nm());
         // Both motors of a CoreXY machine are held back; the axis's own tells.
@@ -133,14 +128,27 @@ impl VirtualMotors {
         axis: usize,
         observer: &mut impl StepObserver,
     ) -> (Option<StepEntry>, bool) {
-        let stall = match self.end_stops.get(axis) {
-            Some(VirtualEndStop { kind: EndStopKind::Stall(signal), .. }) => *signal,
-            _ => None,
-        };
+        for (index, event) in (1..).zip(entry.events()) {
+            self.steps.play(event, observer);
+            if self.is_triggered(axis) {
+                return (entry.first_events(index), true);
+            }
+        }
+        (Some(entry), false)
+    }
+
+    /// The same up to the event at which the driver of an axis says that its motor stalls; `None`: it never does.
+    pub fn play_until_stalled(
+        &mut self,
+        entry: StepEntry,
+        axis: usize,
+        signal: Option<StallSignal>,
+        observer: &mut impl StepObserver,
+    ) -> (Option<StepEntry>, bool) {
         for (index, event) in (1..).zip(entry.events()) {
             let before = self.steps.motor_steps();
             self.steps.play(event, observer);
-            if stall.is_some_and(|signal| self.stalls(axis, signal, before)) || self.is_triggered(axis) {
+            if self.stalls(axis, signal, before) {
                 return (entry.first_events(index), true);
             }
         }
@@ -155,7 +163,7 @@ impl EndStops for VirtualMotors {
             return false;
         };
         // A stall is told by a motor in motion.
-        if stop.kind != EndStopKind::Switch {
+        if self.is_framed(axis) {
             return false;
         }
         if stop.at_max { position >= stop.position_10nm } else { position <= stop.position_10nm }
@@ -183,7 +191,7 @@ mod tests {
             event_cost_ticks: 0,
             move_cost_ticks: 0,
         };
-        let stop = VirtualEndStop { position_10nm: 0, at_max: false, kind: EndStopKind::Switch };
+        let stop = VirtualEndStop { position_10nm: 0, at_max: false };
         VirtualMotors::new(geometry, [stop; 3], [100_000, 200_000, 300_000])
     }
 

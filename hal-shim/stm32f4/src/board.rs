@@ -5,7 +5,8 @@ use ferrostep_hal_shim::stepping::{MotorPins, Pin, PinMap, StepLink};
 
 use crate::pac::{GPIOA, GPIOB, GPIOC, GPIOD, GPIOE, GPIOF, GPIOG};
 use crate::step_timer::{self, MotorPort, MotorPorts, Motors};
-use crate::stores::{self, Store};
+use crate::stores;
+pub use crate::stores::Store;
 use crate::volatile::Volatile;
 
 include!(concat!(env!("OUT_DIR"), "/board.rs"));
@@ -30,18 +31,20 @@ pub struct BoardPins {
 
 impl BoardPins {
     /// Makes the pins what they are to be: heaters and fans off, drivers off, the serial line connected, the sensors that
-    /// axes home with inputs.
-    pub fn new(_ports: Ports, sensors: [Option<SensorPin>; 3]) -> Self {
+    /// axes home with inputs (by the stores of [`SensorLines::start`]).
+    pub fn new(_ports: Ports, sensors: [Option<SensorPin>; 3], set_up: &[Store]) -> Self {
         // SAFETY: stores to ports that are this module's from now on, and of pins that the board's file gives to
         // motors, fans and the serial line; `boards/src/registers.rs` makes and tests them.
         unsafe { stores::apply(&PINS) };
-        // SAFETY: pins that the board's file gives to sensors, and the EXTI, which nobody else has.
-        let mut registers = unsafe { Volatile::new() };
-        Self { sensors: SensorLines::start(sensors, &mut registers) }
+        // SAFETY: pins that the board's file gives to sensors, and the EXTI, which nobody else has;
+        // `hal-shim/src/sensor_lines.rs` makes the stores and tests them.
+        unsafe { stores::apply(set_up) };
+        Self { sensors: SensorLines::started(sensors) }
     }
 
     /// The interrupt of a sensor's line: motion stops if the sensor that an axis seeks has triggered.
-    #[inline]
+    // Seven interrupts call it.
+    #[inline(never)]
     pub fn sensed(&self, link: &StepLink) {
         // SAFETY: what opens and closes lines stores whole registers.
         let mut registers = unsafe { Volatile::new() };

@@ -1,16 +1,22 @@
 //! The serial lines to motor drivers: none, USART2 on one wire, or a pin each with TIM7. Their logic is
 //! `ferrostep_hal_shim::tmc2209`'s.
 
+use core::sync::atomic::AtomicU8;
+
 use ferrostep_hal_shim::clock_tree::Clock;
 use ferrostep_hal_shim::tmc2209::{HalfDuplexLine, LineBusy, PinLines, SingleWireUart};
 
 use crate::pac::{TIM7, USART2};
 use crate::volatile::Volatile;
 
+/// Mask of the motors whose drivers are set up. In RAM and by this name, so that a debugger, or a change of the image,
+/// can take drivers away where there is no motor supply; the board's tests do so in an emulator.
+#[used]
+#[unsafe(no_mangle)]
+pub static FERROSTEP_DRIVERS: AtomicU8 = AtomicU8::new(0b1111);
+
 /// What makes the lines of a board. Its interrupt is USART2's or TIM7's.
 pub trait DriverLine: SingleWireUart {
-    /// Whether there are any.
-    const EXISTS: bool = true;
     /// Their speed.
     const BAUD: u32;
     /// Starts them at pins (port, 0 for A, and number): that of the shared line first, or each motor's.
@@ -64,7 +70,6 @@ impl DriverLine for OwnLines {
 pub struct NoLine;
 
 impl DriverLine for NoLine {
-    const EXISTS: bool = false;
     const BAUD: u32 = 1;
 
     fn start(_: (USART2, TIM7), _: &Clock, _: [(u8, u8); 4]) -> Self {

@@ -413,7 +413,7 @@ fn settings_of_drivers_are_checked() {
     let changed = with("mm_per_s = 0", "mm_per_s = 100").unwrap().drivers;
     assert_eq!(changed[0].unwrap().stealth_until, 75);
     assert_eq!(changed[1].unwrap().stealth_until, 0);
-    let without = parse(&text[..x], "test.toml").unwrap().drivers;
+    let without = parse(&text[..x].replace("\"stall\"\n", "\"end-stop\"\n"), "test.toml").unwrap().drivers;
     assert_eq!(without, [None; 4]);
     let edges = text.replace("both_edges = false", "both_edges = true");
     assert!(parse(&edges, "test.toml").unwrap().drivers[3].unwrap().both_edges);

@@ -96,9 +96,6 @@ fn a_printer_board_says_what_it_cannot_do() {
             ("M190 R60", "heaters"),
             ("M105", "thermometers"),
             ("G1 E1 F300", "thermometers"),
-            ("G28", "end stops"),
-            ("G28 X", "end stops"),
-            ("M119", "end stops"),
             ("M106 S255", "fan"),
         ] {
             let answer = bench.host.ask(command, "echo:line").unwrap();
@@ -115,6 +112,66 @@ fn a_printer_board_says_what_it_cannot_do() {
         assert_all_off(board, &state);
         assert!(!board.fans.iter().any(|name| state.is_high(pin(name))), "{}: a fan is on", board.name);
     }
+}
+
+/// Boots a board's image so that it moves its motors: the Buddy board's drivers are on its serial line, and where they hang
+/// on pins, which the emulator does not have, the image is told that there are none.
+fn boot_to_move(board: &BoardFacts) -> Bench {
+    if board.own_lines {
+        Bench::boot_image_without_drivers(&image_of(board.name))
+    } else {
+        Bench::boot_image(&image_of(board.name))
+    }
+}
+
+#[test]
+fn drivers_are_set_up_by_the_image_before_anything_moves() {
+    let board = BOARDS.iter().find(|board| board.name == "prusa-buddy").unwrap();
+    let mut bench = Bench::boot_image(&image_of(board.name));
+    // A move waits until the drivers have confirmed.
+    for line in ["G91", "G1 X1 F1200", "M400"] {
+        bench.host.send(line).unwrap();
+    }
+    assert_eq!(displacement(board, &bench.port_writes()), [100, 0, 0, 0]);
+    for (motor, current, threshold) in
+        [("X", "348 mA", 130), ("Y", "348 mA", 130), ("Z", "348 mA", 0), ("E", "398 mA", 0)]
+    {
+        let line = bench.host.ask("M122", &format!("echo:driver {motor}:")).unwrap();
+        let expected =
+            format!("confirmed, {current}, {current} at rest, 16 microsteps, stealthChop, stall threshold {threshold}");
+        assert!(line.contains(&expected), "{line}");
+    }
+    let line = bench.host.ask("M906 X300", "ok").unwrap();
+    assert!(line.starts_with("ok"), "{line}");
+    let line = bench.host.ask("M906", "echo:driver X:").unwrap();
+    assert!(line.starts_with("echo:driver X: 300 mA"), "{line}");
+    // The emulator's pins are low, so no sensor triggers.
+    let line = bench.host.ask("M119", "x_max").unwrap();
+    assert_eq!(line, "x_max: open");
+    let line = bench.host.ask("G28 X", "echo:line").unwrap();
+    assert!(
+        line.ends_with("homing X failed: its end stop did not trigger, expected it within the axis' length"),
+        "{line}"
+    );
+    // Back 5 mm, and then one and a half times the axis.
+    assert_eq!(displacement(board, &bench.port_writes()), [100 - 500 + 27_000, 0, 0, 0]);
+}
+
+#[test]
+fn a_driver_that_does_not_answer_is_named_and_the_rest_goes_on() {
+    let board = BOARDS.iter().find(|board| board.own_lines).unwrap();
+    let mut bench = Bench::boot_image(&image_of(board.name));
+    for command in ["G1 X1 F1200", "G28"] {
+        let line = bench.host.ask(command, "echo:line").unwrap();
+        let expected = "driver X does not answer: nothing is heard on its serial line, not even what is sent; is the motor supply on?";
+        assert!(line.ends_with(expected), "{command}: {line}");
+    }
+    let line = bench.host.ask("M122", "echo:driver E: ").unwrap();
+    assert!(line.contains("failed"), "{line}");
+    // Nothing has moved, and what needs no driver works.
+    assert_eq!(displacement(board, &bench.port_writes()), [0; 4]);
+    let line = bench.host.ask("M115", "FIRMWARE_NAME").unwrap();
+    assert!(line.contains("COREXY"), "{line}");
 }
 
 /// Where the motors have come to, in steps.
@@ -137,7 +194,7 @@ fn displacement(board: &BoardFacts, writes: &[PortWrite]) -> [i64; 4] {
 #[test]
 fn each_motor_steps_by_its_own_pins() {
     for board in &BOARDS {
-        let mut bench = Bench::boot_image(&image_of(board.name));
+        let mut bench = boot_to_move(board);
         let from = bench.port_writes().len();
         let mut expected = [0; 4];
         // One axis at a time, then all of them.
@@ -165,7 +222,7 @@ fn each_motor_steps_by_its_own_pins() {
 
 /// Lets the motors move, then something go wrong, and checks what comes of it.
 fn assert_ends_safely(board: &BoardFacts, last_words: &str, go_wrong: impl Fn(&mut Bench)) {
-    let mut bench = Bench::boot_image(&image_of(board.name));
+    let mut bench = boot_to_move(board);
     for line in ["M302 P1", "G91", "G1 X1 Y1 Z1 E1 F1200", "M400"] {
         bench.host.send(line).unwrap();
     }

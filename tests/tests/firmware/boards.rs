@@ -25,6 +25,8 @@ pub struct BoardFacts {
     pub enable: [&'static str; 4],
     /// Enable pins of the other sockets.
     pub spare: &'static [&'static str],
+    /// Whether each driver has a line of its own, at any pin.
+    pub own_lines: bool,
     /// Heaters; high = on.
     pub heaters: &'static [&'static str],
     /// Fans; high = on.
@@ -44,6 +46,7 @@ pub const BOARDS: [BoardFacts; 3] = [
         core_xy: false,
         enable: ["C8"; 4],
         spare: &[],
+        own_lines: false,
         heaters: &[],
         fans: &[],
     },
@@ -58,6 +61,7 @@ pub const BOARDS: [BoardFacts; 3] = [
         core_xy: false,
         enable: ["D3", "D14", "D2", "D10"],
         spare: &[],
+        own_lines: false,
         heaters: &["B0", "B1"],
         fans: &["E11", "E9"],
     },
@@ -72,6 +76,7 @@ pub const BOARDS: [BoardFacts; 3] = [
         core_xy: true,
         enable: ["F14", "F15", "G5", "G2"],
         spare: &["A0", "F1", "D4", "E0"],
+        own_lines: true,
         heaters: &["A1", "A2", "A3", "B10", "B11"],
         fans: &["A8", "E5", "D12", "D13", "D14", "D15"],
     },

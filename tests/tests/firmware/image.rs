@@ -7,6 +7,7 @@ use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::Duration;
 
 use ferrostep_tests::qemu::{EMULATOR, Host, Machine, PinLog, Pins, PortWrite, Sleep};
+use object::{Object, ObjectSection, ObjectSymbol};
 use tempfile::TempDir;
 
 /// Far more than any of these conversations takes.
@@ -47,6 +48,18 @@ fn built_image(board: &str) -> PathBuf {
     PathBuf::from(text.lines().next().unwrap())
 }
 
+/// The image with `FERROSTEP_DRIVERS`, the mask of the drivers that are set up, at 0 where its initial value lies.
+fn without_drivers(image: &[u8]) -> Vec<u8> {
+    let file = object::File::parse(image).unwrap();
+    let symbol = file.symbols().find(|symbol| symbol.name() == Ok("FERROSTEP_DRIVERS")).unwrap();
+    let section = file.section_by_index(symbol.section_index().unwrap()).unwrap();
+    let (offset, _) = section.file_range().unwrap();
+    let place = (offset + symbol.address() - section.address()) as usize;
+    let mut changed = image.to_vec();
+    assert_eq!(std::mem::take(&mut changed[place]), 0b1111);
+    changed
+}
+
 /// A running image with a host connected to it.
 pub struct Bench {
     /// The host.
@@ -70,6 +83,14 @@ impl Bench {
     /// Boots an image.
     pub fn boot_image(image: &Path) -> Self {
         Self::start(image, Sleep::RealTime)
+    }
+
+    /// Boots an image that is told that no driver can be set.
+    pub fn boot_image_without_drivers(image: &Path) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("without-drivers.elf");
+        std::fs::write(&path, without_drivers(&std::fs::read(image).unwrap())).unwrap();
+        Self::start(&path, Sleep::RealTime)
     }
 
     fn start(image: &Path, sleep: Sleep) -> Self {
