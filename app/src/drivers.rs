@@ -37,7 +37,11 @@ pub struct Line<'a, L>(pub &'a mut L);
 #[cfg(drivers)]
 impl<L: Mutex<T = BoardDriverLine>> SingleWireUart for Line<'_, L> {
     fn send(&mut self, line: u8, bytes: &[u8], now_ticks: u32) -> Result<(), LineBusy> {
-        self.0.lock(|uart| uart.send(line, bytes, now_ticks))
+        let sent = self.0.lock(|uart| uart.send(line, bytes, now_ticks));
+        if let Some(interrupt) = BoardDriverLine::PENDED {
+            rtic::pend(interrupt);
+        }
+        sent
     }
 
     fn receive(&mut self, now_ticks: u32) -> Option<u8> {

@@ -42,13 +42,14 @@ mod app {
     use core::sync::atomic::{AtomicU8, Ordering};
 
     use ferrostep_gcode::{Emergency, EmergencyScanner, LineReader, Reply};
+    use ferrostep_hal_shim::Heater;
     use ferrostep_hal_shim::clock_tree::ClockSource;
     use ferrostep_hal_shim::stepping::{self, StepFeeder};
     use ferrostep_hal_shim::tmc2209::DriverBank;
     use ferrostep_planner::look_ahead::Slot;
     use ferrostep_printer::heat::SAMPLE_MS;
     use ferrostep_printer::machine::SharedMotion;
-    use ferrostep_printer::{Host, Printer, Replies, Signals, temperatures};
+    use ferrostep_printer::{Heating, Host, Printer, Replies, Signals, temperatures};
     use ferrostep_stm32f4::board::{self, BoardPins};
     use ferrostep_stm32f4::clock;
     use ferrostep_stm32f4::driver_line::DriverLine;
@@ -431,6 +432,17 @@ mod app {
                 replies.halted(heating.fault());
             }
             replies.lost_bytes(host_line::take_lost_bytes());
+            let keeps_heat = Heater::ALL.into_iter().any(|heater| heating.status(heater).target_celsius > 0.0);
+            let rested_ms = Mono::now().ticks();
+            let is_off = machine.lock(|machine| {
+                // Within the lock: the command side cannot begin in between.
+                let timeout_s =
+                    Some(SIGNALS.idle_timeout_s()).filter(|s| *s > 0 && !keeps_heat && !SIGNALS.is_at_work());
+                machine.rest(rested_ms, timeout_s.map(|seconds| seconds.saturating_mul(1000)))
+            });
+            if is_off {
+                replies.send(Reply::Text("echo:motors switched off after a rest (M84 S), home before the next move"));
+            }
             let interval_ms = u32::from(SIGNALS.report_interval_s()) * 1000;
             let now_ms = Mono::now().ticks();
             let is_due = interval_ms > 0 && now_ms.wrapping_sub(reported_ms) >= interval_ms;

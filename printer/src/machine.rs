@@ -89,6 +89,10 @@ pub struct Machine<R, Q> {
     sought: Option<Seek>,
     /// How often motion was stopped.
     stops: u32,
+    /// Since when the motors rest with current, ms.
+    rests_since_ms: Option<u32>,
+    /// They have been switched off for that, and nobody has taken note.
+    switched_off: bool,
 }
 
 /// Fan changes that take effect when the entries before them have been played.
@@ -204,6 +208,8 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
             seeking: None,
             sought: None,
             stops: 0,
+            rests_since_ms: None,
+            switched_off: false,
         }
     }
 
@@ -378,6 +384,26 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
     /// Switches all motors off, as a halt does.
     pub fn switch_motors_off(&mut self) {
         self.set_motors_enabled(ALL, false);
+    }
+
+    /// To be called now and then, with a clock of milliseconds that may wrap: switches the motors off when they have rested
+    /// for so long; `None` if there is a reason that they keep their current. Whether it just did.
+    pub fn rest(&mut self, now_ms: u32, timeout_ms: Option<u32>) -> bool {
+        let Some(timeout_ms) = timeout_ms.filter(|_| self.is_idle() && self.motors.enabled_motors() != 0) else {
+            self.rests_since_ms = None;
+            return false;
+        };
+        let is_over = now_ms.wrapping_sub(*self.rests_since_ms.get_or_insert(now_ms)) >= timeout_ms;
+        if is_over {
+            self.switch_motors_off();
+            self.switched_off = true;
+        }
+        is_over
+    }
+
+    /// See [`crate::Motion::take_switched_off`].
+    pub fn take_switched_off(&mut self) -> bool {
+        core::mem::take(&mut self.switched_off)
     }
 
     /// Whether the end stop of an axis is triggered.

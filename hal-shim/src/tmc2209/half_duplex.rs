@@ -64,14 +64,11 @@ impl<R: Registers> HalfDuplexLine<R> {
         if status & (RECEIVED | OVERRUN) != 0 {
             self.bytes.keep(self.registers.read(USART2_DR) as u8);
         }
-        if status & TAKES_ONE != 0 {
-            match self.bytes.to_send() {
-                Some(byte) => {
-                    self.registers.write(USART2_DR, byte.into());
-                    self.bytes.has_sent();
-                }
-                None => self.registers.write(USART2_CR1, ENABLED),
-            }
+        // A real transmitter takes two at once; an emulator's all of them, and never asks for more.
+        while self.registers.read(USART2_SR) & TAKES_ONE != 0 {
+            let Some(byte) = self.bytes.to_send() else { return self.registers.write(USART2_CR1, ENABLED) };
+            self.registers.write(USART2_DR, byte.into());
+            self.bytes.has_sent();
         }
     }
 }

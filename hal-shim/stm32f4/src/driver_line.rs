@@ -6,7 +6,7 @@ use core::sync::atomic::AtomicU8;
 use ferrostep_hal_shim::clock_tree::Clock;
 use ferrostep_hal_shim::tmc2209::{HalfDuplexLine, LineBusy, PinLines, SingleWireUart};
 
-use crate::pac::{TIM7, USART2};
+use crate::pac::{Interrupt, TIM7, USART2};
 use crate::volatile::Volatile;
 
 /// Mask of the motors whose drivers are set up. In RAM and by this name, so that a debugger, or a change of the image,
@@ -19,6 +19,8 @@ pub static FERROSTEP_DRIVERS: AtomicU8 = AtomicU8::new(0b1111);
 pub trait DriverLine: SingleWireUart {
     /// Their speed.
     const BAUD: u32;
+    /// The interrupt to be called when a datagram begins, for an emulator's port that does not do so itself.
+    const PENDED: Option<Interrupt> = None;
     /// Starts them at pins (port, 0 for A, and number): that of the shared line first, or each motor's.
     fn start(peripherals: (USART2, TIM7), clock: &Clock, pins: [(u8, u8); 4]) -> Self;
     /// The interrupt.
@@ -30,6 +32,7 @@ pub type SharedLine = HalfDuplexLine<Volatile>;
 
 impl DriverLine for SharedLine {
     const BAUD: u32 = 115_200;
+    const PENDED: Option<Interrupt> = Some(Interrupt::USART2);
 
     fn start(_: (USART2, TIM7), clock: &Clock, pins: [(u8, u8); 4]) -> Self {
         let [pin, ..] = pins;

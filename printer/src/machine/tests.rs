@@ -471,3 +471,30 @@ fn somebody_s_stop_during_a_seek_is_not_the_sensor_s() {
         assert_eq!(machine.motor_steps(), interrupt.motor_steps());
     });
 }
+
+#[test]
+fn motors_that_rest_are_switched_off() {
+    with_machine(8, |mut machine: TestMachine<'_>, mut interrupt| {
+        let timeout = Some(1000);
+        // Nothing is on.
+        assert!(!machine.rest(0, timeout) && !machine.rest(5000, timeout));
+        let _ = machine.add(&travel(1, 0)).unwrap();
+        machine.flush();
+        machine.work(NO_SILENCE);
+        // In motion, whatever the time.
+        assert!(!machine.rest(6000, timeout) && !machine.rest(60_000, timeout));
+        run_until_idle(&mut machine, &mut interrupt);
+        // A clock that wraps; a reason to stay begins the rest anew.
+        let start = u32::MAX - 500;
+        assert!(!machine.rest(start, timeout) && !machine.rest(start.wrapping_add(999), timeout));
+        assert!(!machine.rest(start.wrapping_add(1500), None) && !machine.rest(2000, timeout));
+        assert!(!machine.rest(2999, timeout));
+        assert_eq!((machine.queue.enabled, machine.take_switched_off()), (ALL, false));
+        assert!(machine.rest(3000, timeout));
+        assert_eq!((machine.queue.enabled, machine.take_switched_off(), machine.take_switched_off()), (0, true, false));
+        assert!(!machine.rest(9000, timeout));
+        // The next move switches them on again.
+        let _ = machine.add(&travel(2, 0)).unwrap();
+        assert_eq!(machine.queue.enabled, ALL);
+    });
+}

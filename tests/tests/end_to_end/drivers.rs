@@ -172,7 +172,7 @@ fn settings_are_changed_reported_and_refused() {
     // 0.13 ohm at 0.18 V: 500 mA are 16 of 32, 300 mA 10; spreadCycle is bit 2.
     assert_eq!([register(&machine, 0, run), register(&machine, 3, run)], [0x8_0f0f, 0x8_0909]);
     assert_eq!([0, 1, 2].map(|motor| register(&machine, motor, global) & 4), [4, 4, 0]);
-    assert_eq!([0, 1].map(|motor| register(&machine, motor, threshold)), [70, 0]);
+    assert_eq!([0, 1].map(|motor| register(&machine, motor, threshold)), [70, 130]);
     assert_eq!(
         say(&machine, &mut printer, &["M906", "M569 X Z", "M914"])[..6],
         [

@@ -129,11 +129,11 @@ fn what_the_chip_holds_decides() {
 #[test]
 fn motors_of_a_corexy_machine_are_held_back_both() {
     let text = ferrostep_profiles::builtin_text("corexy").unwrap();
-    let text = text.replacen("sensor = \"end-stop\"", "sensor = \"stall\"", 2).replacen(
-        "stall_threshold = 0",
-        "stall_threshold = 100",
-        2,
-    );
+    let text = text
+        .replacen("sensor = \"end-stop\"", "sensor = \"stall\"", 2)
+        .replacen("slow_mm_per_s = 10", "slow_mm_per_s = 40", 2)
+        .replacen("stealth_chop = false", "stealth_chop = true", 2)
+        .replacen("stall_threshold = 0", "stall_threshold = 100", 2);
     let profile = ferrostep_profiles::parse(&text, "stall.toml").unwrap();
     let machine = machine(&profile);
     let mut printer = machine.printer();

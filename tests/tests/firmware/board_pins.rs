@@ -88,7 +88,7 @@ fn nothing_is_switched_on_between_reset_and_the_first_command() {
 #[test]
 fn a_printer_board_says_what_it_cannot_do() {
     for board in BOARDS.iter().filter(|board| board.is_printer()) {
-        let mut bench = Bench::boot_image(&image_of(board.name));
+        let mut bench = boot_to_move(board);
         for (command, missing) in [
             ("M104 S200", "heaters"),
             ("M109 S200", "heaters"),
@@ -162,7 +162,8 @@ fn a_driver_that_does_not_answer_is_named_and_the_rest_goes_on() {
     let board = BOARDS.iter().find(|board| board.own_lines).unwrap();
     let mut bench = Bench::boot_image(&image_of(board.name));
     for command in ["G1 X1 F1200", "G28"] {
-        let line = bench.host.ask(command, "echo:line").unwrap();
+        bench.host.send_raw(format!("{command}\n").as_bytes()).unwrap();
+        let line = bench.host.wait_for(command, |line| line.starts_with("echo:line")).unwrap();
         let expected = "driver X does not answer: nothing is heard on its serial line, not even what is sent; is the motor supply on?";
         assert!(line.ends_with(expected), "{command}: {line}");
     }
@@ -218,6 +219,33 @@ fn each_motor_steps_by_its_own_pins() {
         bench.host.send("M84").unwrap();
         assert_all_off(board, &state_after(board, &bench.port_writes(), true));
     }
+}
+
+#[test]
+fn motors_that_rest_are_switched_off_and_their_axes_not_homed() {
+    let board = &BOARDS[0];
+    let mut bench = Bench::boot_image(&image_of(board.name));
+    // 2 s by the image's clock, which is fast here. Homed, Z is kept above 0.
+    for line in ["M84 S2", "G28", "G1 X5 F6000", "G1 Z-3", "M400"] {
+        bench.host.send(line).unwrap();
+    }
+    let z = |bench: &mut Bench| displacement(board, &bench.port_writes())[2];
+    let homed_z = z(&mut bench);
+    // A dwell is no rest.
+    bench.host.send("G4 S4").unwrap();
+    assert!(!state_after(board, &bench.port_writes(), true).is_high(pin(board.enable[0])));
+    let line = bench.host.wait_for("switched off", |line| line.contains("switched off")).unwrap();
+    assert_eq!(line, "echo:motors switched off after a rest (M84 S), home before the next move");
+    assert_all_off(board, &state_after(board, &bench.port_writes(), true));
+    for line in ["M84 S0", "G1 Z-1", "M400"] {
+        bench.host.send(line).unwrap();
+    }
+    // No longer homed: nothing holds Z.
+    assert_eq!(z(&mut bench) - homed_z, -board.steps_per_mm[2]);
+    // Never again.
+    let heard = bench.host.listen(Duration::from_millis(1500)).unwrap();
+    assert!(heard.is_empty(), "{heard:?}");
+    assert!(!state_after(board, &bench.port_writes(), true).is_high(pin(board.enable[0])));
 }
 
 /// Lets the motors move, then something go wrong, and checks what comes of it.
