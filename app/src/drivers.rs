@@ -14,9 +14,9 @@ use rtic::Mutex;
 
 use crate::profile::{BoardDriverLine, DRIVER_WIRING, PROFILE};
 
-/// On the bare internal oscillator all waits of the line are so many times longer: that is also an emulator's clock, and
-/// there time may run many times faster than that of whoever answers.
-const PATIENCE: u32 = 100;
+/// On the bare internal oscillator the line is waited for as if it were this slow: that is also an emulator's clock, and there
+/// time may run many times faster than that of whoever answers.
+const PATIENT_BAUD: u32 = 200;
 
 /// The profile's drivers, not set up yet. Their clock is the motion clock's.
 pub fn bank(clock: &Clock, now_ticks: u32) -> DriverBank {
@@ -26,8 +26,8 @@ pub fn bank(clock: &Clock, now_ticks: u32) -> DriverBank {
         let settings = PROFILE.drivers.get(motor).copied().flatten();
         *driver = settings.zip(DRIVER_WIRING.get(motor).copied().flatten());
     }
-    let patience = if clock.source == ClockSource::Internal { PATIENCE } else { 1 };
-    DriverBank::new(drivers, LineTiming::new(clock.timer_hz, BoardDriverLine::BAUD / patience), now_ticks)
+    let baud = if clock.source == ClockSource::Internal { PATIENT_BAUD } else { BoardDriverLine::BAUD };
+    DriverBank::new(drivers, LineTiming::new(clock.timer_hz, baud), now_ticks)
 }
 
 #[cfg(drivers)]

@@ -167,7 +167,7 @@ fn a_driver_that_does_not_answer_is_named_and_the_rest_goes_on() {
         let expected = "driver X does not answer: nothing is heard on its serial line, not even what is sent; is the motor supply on?";
         assert!(line.ends_with(expected), "{command}: {line}");
     }
-    let line = bench.host.ask("M122", "echo:driver E: ").unwrap();
+    let line = bench.host.ask("M122", "echo:driver X: ").unwrap();
     assert!(line.contains("failed"), "{line}");
     // Nothing has moved, and what needs no driver works.
     assert_eq!(displacement(board, &bench.port_writes()), [0; 4]);
