@@ -3,7 +3,7 @@
 use embedded_hal_async::delay::DelayNs;
 use ferrostep_gcode::{AxisFlags, Reply};
 use ferrostep_hal_shim::Clock;
-use ferrostep_planner::Move;
+use ferrostep_planner::{Kinematics, Move};
 
 use crate::error::CommandError;
 use crate::ports::{Heating, Motion, Replies, Seek};
@@ -65,6 +65,11 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         outcome?;
         self.modal.offset_10nm[axis] = 0;
         self.modal.homed[axis] = true;
+        if by_stall && self.profile.kinematics == Kinematics::CoreXy {
+            // Motors that still push against the frame would seem to stall as soon as they move the other axis.
+            self.move_back(axis, towards * homing.back_off_10nm, homing.fast_mm_per_s).await?;
+            self.modal.machine_10nm[axis] -= towards * homing.back_off_10nm;
+        }
         Ok(())
     }
 
