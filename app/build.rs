@@ -30,6 +30,13 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let profile = ferrostep_profiles::load(&name).map_err(|error| error.to_string())?;
     ferrostep_boards::fit::check(&board, &profile, &name).map_err(|error| error.to_string())?;
     fs::write(out.join("profile.rs"), constant(&profile))?;
+    // What looks after drivers is not compiled where there are none.
+    println!("cargo:rustc-check-cfg=cfg(drivers)");
+    if ferrostep_boards::fit::wiring(&board, &profile).iter().any(Option::is_some) {
+        println!("cargo:rustc-cfg=drivers");
+    }
+    fs::write(out.join("drivers.rs"), ferrostep_boards::constants::drivers(&board, &profile))?;
+    fs::write(out.join("sensors.rs"), ferrostep_boards::constants::sensors(&board, &profile))?;
     fs::write(out.join("step_signals.rs"), step_signals(&profile.driver))?;
     println!("cargo:rerun-if-env-changed=FERROSTEP_PROFILE");
     for file in [board_name, name] {
@@ -143,13 +150,14 @@ fn motion_constant(motion: &MotionChoice) -> String {
 }
 
 fn homing(homing: &AxisHoming) -> String {
-    let AxisHoming { end, probe, position_10nm, fast_mm_per_s, slow_mm_per_s, back_off_10nm } = homing;
+    let AxisHoming { end, sensor, triggers_low, position_10nm, fast_mm_per_s, slow_mm_per_s, back_off_10nm } = homing;
     let end = match end {
         HomeEnd::Min => "Min",
         HomeEnd::Max => "Max",
     };
     format!(
-        "AxisHoming {{ end: HomeEnd::{end}, probe: {probe}, position_10nm: {position_10nm}, \
+        "AxisHoming {{ end: HomeEnd::{end}, sensor: HomeSensor::{sensor:?}, triggers_low: {triggers_low}, \
+         position_10nm: {position_10nm}, \
          fast_mm_per_s: {fast_mm_per_s:?}, slow_mm_per_s: {slow_mm_per_s:?}, back_off_10nm: {back_off_10nm} }}"
     )
 }

@@ -11,7 +11,7 @@ use ferrostep_stm32f4::thermal::{self, Converters, Heaters};
 /// What of the board the firmware can use.
 pub const EQUIPMENT: Equipment = Equipment {
     heaters: VIRTUAL_SENSORS || THERMAL.is_some(),
-    end_stops: VIRTUAL_SENSORS,
+    end_stops: true,
     fan: VIRTUAL_SENSORS
         || match THERMAL {
             Some(pins) => pins.part_fan.is_some(),

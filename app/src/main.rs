@@ -4,6 +4,8 @@
 //! |---|---|---|---|---|
 //! | 16 | `steps` | TIM2 update | `step_timer`, lock-free: timer, ports, a ring of words | the event that ends a stair: 33 instructions |
 //! | 16 | `near_steps` | `steps`, `planner` | the same | 128 looks at the timer; start or end of a motion: 80 instructions |
+//! | 15 | `sensor_*` | an edge at the sensor that an axis seeks (EXTI) | `sensors`: pins | 8 looks at a pin, the stop of the step timer |
+//! | 14 | `driver_line`, `driver_pins` | USART2, or TIM7 four times a bit | `driver_line`: the line to the motors' drivers | a byte, or a quarter of a bit |
 //! | 13 | `serial` | USART1 | `local` only: port, two byte rings, the emergency scanner | 16 bytes to send, the received one; M112 |
 //! | 10 | `usb` | OTG_FS, or something to send | `local` only: the device, two byte rings | four packets in, what fits out; M112 |
 //! | 9 | SysTick (rtic-monotonics) | every ms | the queue of waits | wakes the tasks whose waits end |
@@ -11,6 +13,7 @@
 //! | 8 | `emergency` | M112 | `heat` | heaters off |
 //! | 4 | `planner` | a move, or 2 ms | `machine` | fills the step queue: 256 portions a lock |
 //! | 2 | `printer` | received bytes | `machine`, `heat`, `writers` | one line; a wait is an await |
+//! | 1 | `drivers` | every ms while a datagram is under way | `drivers`, `driver_line`, `machine`, `writers` | a datagram's end, and the next |
 //! | 1 | `reports` | a halt, or 100 ms | `machine`, `heat`, `writers` | M155's line |
 //!
 //! 16 is above what BASEPRI can mask, and critical sections mask no more than that
@@ -23,6 +26,7 @@
 #![deny(unsafe_code)]
 
 mod clock;
+mod drivers;
 mod fault;
 mod heat;
 mod host_line;
@@ -39,16 +43,19 @@ mod app {
     use core::sync::atomic::{AtomicU8, Ordering};
 
     use ferrostep_gcode::{Emergency, EmergencyScanner, LineReader, Reply};
+    use ferrostep_hal_shim::Heater;
     use ferrostep_hal_shim::chip::BrownOut;
     use ferrostep_hal_shim::clock_tree::ClockSource;
     use ferrostep_hal_shim::life_signs::{LifeSigns, Task, Vigil};
     use ferrostep_hal_shim::stepping::{self, StepFeeder};
+    use ferrostep_hal_shim::tmc2209::DriverBank;
     use ferrostep_planner::look_ahead::Slot;
     use ferrostep_printer::heat::SAMPLE_MS;
     use ferrostep_printer::machine::SharedMotion;
-    use ferrostep_printer::{Host, Printer, Replies, Signals, temperatures};
+    use ferrostep_printer::{Heating, Host, Printer, Replies, Signals, temperatures};
     use ferrostep_stm32f4::board::{self, BoardPins};
     use ferrostep_stm32f4::clock;
+    use ferrostep_stm32f4::driver_line::DriverLine;
     use ferrostep_stm32f4::measured::Switch;
     use ferrostep_stm32f4::motion_clock::MotionClock;
     use ferrostep_stm32f4::serial::{Serial, Transmit};
@@ -62,13 +69,14 @@ mod app {
     use rtic_sync::signal::{Signal, SignalReader};
 
     use crate::clock::{Mono, SystemClock};
+    use crate::drivers::{self as board_drivers, BoardDrivers};
     use crate::heat::{self, Heat};
     use crate::host_line::{self, Patience, Port, Reader, To, Writer, Writers};
     use crate::ports::{
         self, BoardHeating, BoardMachine, BoardMachineLock, BoardReplies, BoardStepTimer, LOOK_AHEAD_BLOCKS, Overload,
         PLANNER_WORK, STEPS,
     };
-    use crate::profile::PROFILE;
+    use crate::profile::{BoardDriverLine, DRIVER_PINS, PROFILE, SENSOR_STORES, SENSORS};
     use crate::timing::{self, BoardTiming};
 
     /// Speed of the host's line.
@@ -79,6 +87,10 @@ mod app {
 
     /// The planner looks at the step queue this often, ms: at 100,000 events a second a tenth of the queue.
     const PLANNER_INTERVAL_MS: u32 = 2;
+
+    #[cfg(drivers)]
+    /// The drivers' task looks at its line this often, ms: a datagram takes one to ten.
+    const DRIVERS_INTERVAL_MS: u32 = 1;
 
     /// The reports task looks around this often, ms.
     const REPORTS_INTERVAL_MS: u32 = 100;
@@ -96,6 +108,12 @@ mod app {
         /// Of the two tasks of priority 16 only.
         #[lock_free]
         step_timer: BoardStepTimer,
+        /// Of the tasks of the sensors' lines only.
+        #[lock_free]
+        sensors: BoardPins,
+        /// Of one of its two interrupts, the board's, and the drivers' task.
+        driver_line: BoardDriverLine,
+        drivers: DriverBank,
         machine: &'static mut BoardMachine,
         heat: Heat,
         writers: Writers,
@@ -112,6 +130,7 @@ mod app {
         planner_work: SignalReader<'static, ()>,
         halted: SignalReader<'static, ()>,
         motion_clock: MotionClock,
+        drivers_clock: MotionClock,
         patience: Patience,
         measured: Switch,
         watchdog: Watchdog,
@@ -138,15 +157,8 @@ mod app {
         Mono::start(core.SYST, clock.core_hz);
         let motion_clock = MotionClock::start(device.TIM5, &device.RCC);
         let measured = Switch::new(VectorTable::new(core.SCB), core.DCB, core.DWT, motion_clock);
-        let pins = BoardPins::new((
-            device.GPIOA,
-            device.GPIOB,
-            device.GPIOC,
-            device.GPIOD,
-            device.GPIOE,
-            device.GPIOF,
-            device.GPIOG,
-        ));
+        let ports = (device.GPIOA, device.GPIOB, device.GPIOC, device.GPIOD, device.GPIOE, device.GPIOF, device.GPIOG);
+        let pins = BoardPins::new(ports, SENSORS, &SENSOR_STORES);
 
         let signals = stepping::Signals {
             pulse_ticks: clock.timer_ticks(PROFILE.driver.pulse_width_ns),
@@ -183,6 +195,8 @@ mod app {
 
         let converters = (device.ADC1, device.ADC3, device.ADC_COMMON, device.DMA2);
         let heat = Heat::new(&PROFILE, converters, &clock);
+        let driver_line = <BoardDriverLine as DriverLine>::start((device.USART2, device.TIM7), &clock, DRIVER_PINS);
+        let drivers = board_drivers::bank(&clock, motion_clock.now_ticks());
 
         // Each of them is taken here and nowhere else.
         let (Some(reader), Some(planner_work), Some(halted)) =
@@ -192,8 +206,12 @@ mod app {
         };
         let spawned = (printer::spawn(), planner::spawn(), temperature::spawn(), reports::spawn());
         defmt::debug!("started: {}", matches!(spawned, (Ok(()), Ok(()), Ok(()), Ok(()))));
+        #[cfg(drivers)]
+        if drivers::spawn().is_err() {
+            unreachable!("init runs once")
+        }
         (
-            Shared { step_timer, machine, heat, writers },
+            Shared { step_timer, sensors: pins, driver_line, drivers, machine, heat, writers },
             Local {
                 port,
                 received,
@@ -204,6 +222,7 @@ mod app {
                 planner_work,
                 halted,
                 motion_clock,
+                drivers_clock: motion_clock,
                 patience: Patience::new(clock.source),
                 measured,
                 watchdog: Watchdog::start(device.IWDG),
@@ -223,6 +242,55 @@ mod app {
     #[task(binds = TIM1_BRK_TIM9, priority = 16, shared = [step_timer])]
     fn near_steps(cx: near_steps::Context) {
         cx.shared.step_timer.stay();
+    }
+
+    /// The sensor that an axis seeks has triggered: the motors stand with the next instruction. One task for each interrupt
+    /// that a sensor's pin may have.
+    #[task(binds = EXTI0, priority = 15, shared = [sensors])]
+    fn sensor_0(cx: sensor_0::Context) {
+        cx.shared.sensors.sensed(STEPS.link());
+    }
+
+    #[task(binds = EXTI1, priority = 15, shared = [sensors])]
+    fn sensor_1(cx: sensor_1::Context) {
+        cx.shared.sensors.sensed(STEPS.link());
+    }
+
+    #[task(binds = EXTI2, priority = 15, shared = [sensors])]
+    fn sensor_2(cx: sensor_2::Context) {
+        cx.shared.sensors.sensed(STEPS.link());
+    }
+
+    #[task(binds = EXTI3, priority = 15, shared = [sensors])]
+    fn sensor_3(cx: sensor_3::Context) {
+        cx.shared.sensors.sensed(STEPS.link());
+    }
+
+    #[task(binds = EXTI4, priority = 15, shared = [sensors])]
+    fn sensor_4(cx: sensor_4::Context) {
+        cx.shared.sensors.sensed(STEPS.link());
+    }
+
+    #[task(binds = EXTI9_5, priority = 15, shared = [sensors])]
+    fn sensor_5_to_9(cx: sensor_5_to_9::Context) {
+        cx.shared.sensors.sensed(STEPS.link());
+    }
+
+    #[task(binds = EXTI15_10, priority = 15, shared = [sensors])]
+    fn sensor_10_to_15(cx: sensor_10_to_15::Context) {
+        cx.shared.sensors.sensed(STEPS.link());
+    }
+
+    /// The drivers' shared line. Must take a byte before the next but one has come: 174 us.
+    #[task(binds = USART2, priority = 14, shared = [driver_line])]
+    fn driver_line(mut cx: driver_line::Context) {
+        cx.shared.driver_line.lock(DriverLine::interrupt);
+    }
+
+    /// The drivers' own lines. Must come within a tenth of a quarter bit, 1.3 us, so that it is above all that receive.
+    #[task(binds = TIM7, priority = 14, shared = [driver_line])]
+    fn driver_pins(mut cx: driver_pins::Context) {
+        cx.shared.driver_line.lock(DriverLine::interrupt);
     }
 
     /// Bytes in and out. Must take a byte before the next but one has come: 87 us at 115,200 baud.
@@ -306,7 +374,7 @@ mod app {
     }
 
     /// Lines to commands, commands to moves and replies.
-    #[task(priority = 2, shared = [machine, heat, writers], local = [reader, measured])]
+    #[task(priority = 2, shared = [machine, heat, writers, drivers], local = [reader, measured])]
     async fn printer(cx: printer::Context) {
         let motion = SharedMotion(BoardMachineLock::new(cx.shared.machine, &SIGNALS));
         let heating = BoardHeating(RefCell::new(cx.shared.heat));
@@ -314,6 +382,10 @@ mod app {
         let mut printer = Printer::new(&PROFILE, motion, heating, SystemClock::default(), &replies, &SIGNALS);
         printer.set_emergency_parser(true);
         printer.set_equipment(heat::EQUIPMENT);
+        let drivers = BoardDrivers(RefCell::new(cx.shared.drivers));
+        if cfg!(drivers) {
+            printer.set_drivers(&drivers);
+        }
         let timing = BoardTiming::new(cx.local.measured);
         printer.set_timing(&timing);
         let (mut serial_host, mut usb_host) = (Host::new(), Host::new());
@@ -340,6 +412,26 @@ mod app {
         }
     }
 
+    #[cfg(drivers)]
+    /// Sets the motors' drivers up and looks after them; a motor that is no longer where its steps say halts the machine.
+    #[task(priority = 1, shared = [machine, writers, drivers, driver_line], local = [drivers_clock])]
+    async fn drivers(cx: drivers::Context) {
+        let drivers::SharedResources { mut machine, writers, mut drivers, mut driver_line, .. } = cx.shared;
+        let replies = BoardReplies::new(writers);
+        let mut line = board_drivers::Line(&mut driver_line);
+        loop {
+            let now = cx.local.drivers_clock.now_ticks();
+            if let Some(event) = drivers.lock(|bank| bank.poll(&mut line, now)) {
+                let motors_on = machine.lock(|machine| machine.enabled_motors());
+                if ferrostep_printer::tell_driver_event(&event, motors_on, &replies) && !SIGNALS.is_halted() {
+                    act(Emergency::Stop);
+                }
+                continue;
+            }
+            Mono::delay(DRIVERS_INTERVAL_MS.millis()).await;
+        }
+    }
+
     /// What is said without being asked: temperatures (M155), a halt, lost bytes, overload; to the log, times (M798).
     #[task(priority = 1, shared = [machine, heat, writers], local = [halted])]
     async fn reports(cx: reports::Context) {
@@ -363,6 +455,17 @@ mod app {
                 replies.halted(heating.fault());
             }
             replies.lost_bytes(host_line::take_lost_bytes());
+            let keeps_heat = Heater::ALL.into_iter().any(|heater| heating.status(heater).target_celsius > 0.0);
+            let rested_ms = Mono::now().ticks();
+            let is_off = machine.lock(|machine| {
+                // Within the lock: the command side cannot begin in between.
+                let timeout_s =
+                    Some(SIGNALS.idle_timeout_s()).filter(|s| *s > 0 && !keeps_heat && !SIGNALS.is_at_work());
+                machine.rest(rested_ms, timeout_s.map(|seconds| seconds.saturating_mul(1000)))
+            });
+            if is_off {
+                replies.send(Reply::Text("echo:motors switched off after a rest (M84 S), home before the next move"));
+            }
             let interval_ms = u32::from(SIGNALS.report_interval_s()) * 1000;
             let now_ms = Mono::now().ticks();
             let is_due = interval_ms > 0 && now_ms.wrapping_sub(reported_ms) >= interval_ms;

@@ -3,9 +3,13 @@
 use std::fmt::Write;
 
 use ferrostep_hal_shim::chip::{OutputPin, TimerChannel};
+use ferrostep_hal_shim::registers::Registers;
+use ferrostep_hal_shim::sensor_lines::{SensorLines, SensorPin};
+use ferrostep_printer::Profile;
 
-use crate::board::{Board, CCM_ADDRESS, FLASH_ADDRESS, RAM_ADDRESS};
+use crate::board::{Board, CCM_ADDRESS, DriverUart, FLASH_ADDRESS, RAM_ADDRESS};
 use crate::clock::{Clock, INTERNAL_HZ};
+use crate::fit;
 use crate::pin::Pin;
 use crate::registers::{self, Store};
 
@@ -107,6 +111,62 @@ fn thermal(board: &Board) -> String {
          /// What heats, cools and measures; `None` where nothing does.\n\
          pub const THERMAL: Option<ThermalPins> = {pins};\n",
         channels.len()
+    )
+}
+
+/// Registers that are not there: what is changed is written down.
+#[derive(Default)]
+struct Script(Vec<Store>);
+
+impl Registers for Script {
+    fn read(&mut self, _address: u32) -> u32 {
+        0
+    }
+
+    fn write(&mut self, address: u32, value: u32) {
+        self.modify(address, u32::MAX, value);
+    }
+
+    fn modify(&mut self, address: u32, clear: u32, set: u32) {
+        self.0.push(Store { address, clear, set });
+    }
+}
+
+/// The sensors that the axes home with, and the stores that set their pins and interrupt lines up, as items.
+pub fn sensors(board: &Board, profile: &Profile) -> String {
+    let pins = fit::sensor_pins(board, profile)
+        .map(|sensor| sensor.map(|(Pin { port, number }, triggers_low)| SensorPin { port, number, triggers_low }));
+    let mut script = Script::default();
+    SensorLines::start(pins, &mut script);
+    format!(
+        "/// The pins of the sensors that X, Y and Z home with.\npub const SENSORS: [Option<SensorPin>; 3] = {pins:?};\n\
+         /// Their set-up.\n{}",
+        stores("SENSOR_STORES", &script.0)
+    )
+}
+
+/// The drivers that the profile sets, and the lines to them, as items.
+pub fn drivers(board: &Board, profile: &Profile) -> String {
+    let wiring = fit::wiring(board, profile);
+    let pins: Vec<(u8, u8)> = board
+        .motors
+        .iter()
+        .map(|motor| match (motor.uart, board.driver_uart) {
+            (Some(DriverUart::Pin(pin)), _) | (_, Some(pin)) => (pin.port, pin.number),
+            _ => (0, 0),
+        })
+        .collect();
+    let line = match (wiring.iter().any(Option::is_some), board.driver_uart) {
+        (false, _) => "NoLine",
+        (true, Some(_)) => "SharedLine",
+        (true, None) => "OwnLines",
+    };
+    let wiring = format!("{wiring:?}").replace("DriverWiring", "ferrostep_hal_shim::tmc2209::DriverWiring");
+    format!(
+        "/// What the drivers are told over.\npub type BoardDriverLine = ferrostep_stm32f4::driver_line::{line};\n\
+         /// Port and number of the lines' pins.\npub const DRIVER_PINS: [(u8, u8); 4] = {pins:?};\n\
+         /// How the drivers that are set are connected.\n\
+         pub const DRIVER_WIRING: [Option<ferrostep_hal_shim::tmc2209::DriverWiring>; 4] = {wiring};\n"
     )
 }
 

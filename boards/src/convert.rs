@@ -10,7 +10,9 @@ use crate::chip::Chip;
 use crate::clock::{CRYSTAL_HZ, Clock, INTERNAL_HZ};
 use crate::file::{BoardFile, FanTable, HeaterTable, MotorTable, Number, ThermistorTable, Word};
 use crate::pin::Pin;
-use crate::signals::{DEBUG_PINS, TIMERS_IN_USE, USART1_RX, USART1_TX, USB_PINS, analogue_channels, timer_channels};
+use crate::signals::{
+    DEBUG_PINS, TIMERS_IN_USE, USART1_RX, USART1_TX, USART2_TX, USB_PINS, analogue_channels, timer_channels,
+};
 
 const CRYSTAL: Range = range(4.0, 26.0, "MHz");
 const UART_ADDRESS: Range = range(0.0, 3.0, "");
@@ -112,7 +114,7 @@ pub fn board(file: &BoardFile, check: &Checker<'_>) -> Result<Board, FileError> 
     let spare = [("z2", &tables.z2), ("e1", &tables.e1), ("e2", &tables.e2), ("e3", &tables.e3)];
     let spare_motors = some(spare, moving)?;
     let driver_uart = match &file.driver_uart {
-        Some(table) => Some(pins.take("driver_uart.pin", &table.pin, Use::Any)?),
+        Some(table) => Some(one_of("driver_uart.pin", &table.pin, &USART2_TX, &mut pins)?),
         None => None,
     };
     let thermistors = {

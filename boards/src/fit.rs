@@ -2,11 +2,12 @@
 
 use ferrostep_checked_toml::FileError;
 use ferrostep_hal_shim::thermistor::ThermistorType;
-use ferrostep_hal_shim::tmc2209::CurrentScale;
-use ferrostep_printer::{HeaterSettings, Profile};
+use ferrostep_hal_shim::tmc2209::{CurrentScale, DriverWiring};
+use ferrostep_printer::{HeaterSettings, HomeSensor, Profile};
 use ferrostep_profiles::refuse;
 
-use crate::board::{Board, Driver};
+use crate::board::{Board, Driver, DriverUart, Motor};
+use crate::pin::Pin;
 
 impl Driver {
     /// Shortest step pulse that it sees, ns, where its data sheet says (STEP high and low time; A4988 and TMC5160:
@@ -21,6 +22,51 @@ impl Driver {
     }
 }
 
+/// The axes that home.
+const AXES: [&str; 3] = ["x", "y", "z"];
+
+/// The pins of the sensors that a profile's axes home with, and whether they are low when they trigger; `None` where the
+/// board has no such sensor.
+pub fn sensor_pins(board: &Board, profile: &Profile) -> [Option<(Pin, bool)>; 3] {
+    let input = |name: &str| board.inputs.iter().find(|(input, _)| *input == name).map(|(_, pin)| *pin);
+    let mut sensors = AXES.into_iter().zip(profile.homing.iter().zip(&board.motors)).map(|(axis, (homing, motor))| {
+        let pin = match homing.sensor {
+            HomeSensor::Probe => input("probe"),
+            HomeSensor::EndStop => input(axis),
+            // A socket's stall signal is at its end stop's pin, by a jumper.
+            HomeSensor::Stall => motor.diag.or_else(|| input(axis).filter(|_| motor.driver == Driver::Socket)),
+        };
+        pin.map(|pin| (pin, homing.triggers_low))
+    });
+    std::array::from_fn(|_| sensors.next().flatten())
+}
+
+/// Sense resistors of a driver that is plugged in, ohm: those of the usual TMC2209 modules.
+const USUAL_SENSE_OHM: f64 = 0.11;
+
+fn milliohm(ohm: f64) -> u16 {
+    (ohm * 1000.0).round() as u16
+}
+
+/// Whether there is a line to a driver that may be a TMC2209.
+fn can_be_set(motor: &Motor) -> bool {
+    matches!(motor.driver, Driver::Tmc2209 | Driver::Socket) && motor.uart.is_some()
+}
+
+/// How the drivers that a profile sets are connected; `None` for one that it does not, or that the board cannot.
+pub fn wiring(board: &Board, profile: &Profile) -> [Option<DriverWiring>; 4] {
+    std::array::from_fn(|index| {
+        let (motor, _) = board.motors.get(index).zip(profile.drivers[index])?;
+        let (line, address) = match motor.uart.filter(|_| can_be_set(motor))? {
+            DriverUart::Address(address) => (0, address),
+            // A socket's pins for the address are grounded.
+            DriverUart::Pin(_) => (index as u8, 0),
+        };
+        let sense_milliohm = milliohm(motor.sense_resistor_ohm.unwrap_or(USUAL_SENSE_OHM));
+        Some(DriverWiring { line, address, sense_milliohm })
+    })
+}
+
 /// Holds a profile against the board.
 ///
 /// # Errors
@@ -28,11 +74,12 @@ impl Driver {
 pub fn check(board: &Board, profile: &Profile, profile_name: &str) -> Result<(), FileError> {
     for (motor, settings) in board.motors.iter().zip(&profile.drivers) {
         let driver = format!("{:?}", motor.driver).to_lowercase();
-        // A driver must be told to step at both edges (its bit `dedge`), and nobody tells it yet.
-        if profile.driver.both_edges && motor.driver != Driver::None {
+        // A driver must be told to step at both edges (its bit `dedge`).
+        let is_told = settings.is_some() && can_be_set(motor);
+        if profile.driver.both_edges && motor.driver != Driver::None && !is_told {
             let expected = format!(
-                "false: motors.{} of the board {} is driven by a {driver}, which steps at rising edges as the firmware \
-                 leaves it",
+                "false: motors.{0} of the board {1} is driven by a {driver}, which steps at rising edges unless it is a \
+                 tmc2209 with a line and a table [drivers.{0}]",
                 motor.name, board.name
             );
             return Err(refuse(profile_name, "driver.both_edges", "true", &expected));
@@ -44,8 +91,10 @@ pub fn check(board: &Board, profile: &Profile, profile_name: &str) -> Result<(),
             return Err(refuse(profile_name, "driver.pulse_width_us", &us.to_string(), &expected));
         }
         // A driver's current is measured at the board's resistors.
-        if let (Driver::Tmc2209, Some(ohm), Some(settings)) = (motor.driver, motor.sense_resistor_ohm, settings)
-            && let Err(error) = CurrentScale::from_ma(settings.current_ma, (ohm * 1000.0).round() as u16)
+        let ohm = motor.sense_resistor_ohm.unwrap_or(USUAL_SENSE_OHM);
+        if let Some(settings) = settings
+            && can_be_set(motor)
+            && let Err(error) = CurrentScale::from_ma(settings.current_ma, milliohm(ohm))
         {
             let key = format!("drivers.{}.current_ma", motor.name);
             let (least, most) = (error.least_ma, error.most_ma);
@@ -61,13 +110,14 @@ pub fn check(board: &Board, profile: &Profile, profile_name: &str) -> Result<(),
             check_heater(board, name, settings, profile_name)?;
         }
     }
-    for (axis, (homing, motor)) in ["x", "y", "z"].into_iter().zip(profile.homing.iter().zip(&board.motors)) {
-        let has = |name: &str| board.inputs.iter().any(|(input, _)| *input == name);
-        let (word, is_there) = match homing.probe {
-            true => ("\"probe\"", has("probe")),
-            false => ("\"end-stop\"", has(axis) || motor.diag.is_some()),
-        };
-        if !is_there {
+    let pins = sensor_pins(board, profile);
+    for (axis, (homing, pin)) in AXES.into_iter().zip(profile.homing.iter().zip(pins)) {
+        if pin.is_none() {
+            let word = match homing.sensor {
+                HomeSensor::Probe => "\"probe\"",
+                HomeSensor::EndStop => "\"end-stop\"",
+                HomeSensor::Stall => "\"stall\"",
+            };
             let inputs: Vec<&str> = board.inputs.iter().map(|(input, _)| *input).collect();
             let expected = format!("what the board {} has: its inputs are {}", board.name, inputs.join(", "));
             return Err(refuse(profile_name, &format!("homing.{axis}.sensor"), word, &expected));

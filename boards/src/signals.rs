@@ -63,6 +63,8 @@ const TIMER_CHANNELS: [(&str, &[&str]); 22] = [
 pub const USART1_TX: [&str; 2] = ["PA9", "PB6"];
 /// The other end of it.
 pub const USART1_RX: [&str; 2] = ["PA10", "PB7"];
+/// Pins of USART2's transmitter, alternate function 7: the line that drivers share.
+pub const USART2_TX: [&str; 2] = ["PA2", "PD5"];
 /// The full-speed USB's pins, minus and plus.
 pub const USB_PINS: [&str; 2] = ["PA11", "PA12"];
 /// Pins of the debug probe, and their names there.

@@ -9,7 +9,9 @@ pub use handles::{DeskHeating, DeskMotion};
 use std::collections::VecDeque;
 
 use ferrostep_gcode::MotionFigures;
-use ferrostep_hal_shim::virtual_board::{EventRate, StepObserver, VirtualBoard, VirtualClock, VirtualHeaters};
+use ferrostep_hal_shim::virtual_board::{
+    EventRate, StallSignal, StepObserver, VirtualBoard, VirtualClock, VirtualHeaters,
+};
 use ferrostep_hal_shim::{EndStops, Fan, Heater, MotorEnable, ThermalBoard};
 use ferrostep_planner::extruder::rounded_steps;
 use ferrostep_planner::interpolator::MAX_ENTRIES;
@@ -133,6 +135,8 @@ pub struct Desk<O> {
     observer: Watch<O>,
     awaited: Awaited,
     sought: Option<Seek>,
+    /// When the driver of the axis that seeks says that its motor stalls.
+    stall_signal: Option<StallSignal>,
     /// Tick of the last move's end.
     last_notice: u64,
     /// Durations of the blocks that an estimate did not execute.
@@ -156,17 +160,20 @@ impl<O: Observer> Desk<O> {
         let mut planner = Planner::new(profile.geometry(), profile.limits, vec![Slot::EMPTY; look_ahead]);
         planner.set_motion_choice(&profile.motion);
         let mut heaters = profile.virtual_heaters();
+        let mut motors = profile.virtual_motors();
+        motors.set_framed(profile.framed_axes());
         // The first temperatures are there before the first command.
         let heat = HeatControl::new(profile.nozzle, profile.bed, &mut heaters);
         Self {
             mode,
             planner,
             queues: Queues::default(),
-            board: VirtualBoard { motors: profile.virtual_motors(), heaters },
+            board: VirtualBoard { motors, heaters },
             heat,
             observer: Watch { rate: EventRate::default(), observer },
             awaited: Awaited::Nothing,
             sought: None,
+            stall_signal: None,
             last_notice: 0,
             estimated_ticks: 0,
             planned_256ths: 0,
@@ -419,7 +426,12 @@ impl<O: Observer> Desk<O> {
                 continue;
             }
             let Some(entry) = self.queues.entries.pop_front() else { break };
-            (_, triggered) = self.board.motors.play_until_triggered(entry, axis, &mut self.observer);
+            let motors = &mut self.board.motors;
+            (_, triggered) = if motors.is_framed(axis) {
+                motors.play_until_stalled(entry, axis, self.stall_signal, &mut self.observer)
+            } else {
+                motors.play_until_triggered(entry, axis, &mut self.observer)
+            };
         }
         if triggered {
             self.stand();

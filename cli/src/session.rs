@@ -47,7 +47,7 @@ impl<O: Observer, R: Replies> Session<O, R> {
     pub fn printer(&self) -> DeskPrinter<'_, O, R> {
         let mut printer = Printer::new(
             &self.profile,
-            DeskMotion { desk: &self.desk, signals: &self.signals },
+            DeskMotion { desk: &self.desk, drivers: &self.drivers, signals: &self.signals },
             DeskHeating { desk: &self.desk },
             VirtualDelay(&self.clock),
             &self.replies,

@@ -58,6 +58,14 @@ pub struct Clock {
 }
 
 impl Clock {
+    /// Frequency of the slow bus, APB1, Hz: half that of its timers where it is divided (RM0090 7.2).
+    pub const fn slow_bus_hz(&self) -> u32 {
+        match self.source {
+            ClockSource::Internal => self.timer_hz,
+            ClockSource::Crystal | ClockSource::InternalWithPll => self.timer_hz / 2,
+        }
+    }
+
     /// By how much time is stretched against the nominal time base, in hundredths: 100 is not at all.
     pub const fn stretch_percent(&self) -> u32 {
         let timer_hz = if self.timer_hz == 0 { 1 } else { self.timer_hz };

@@ -9,6 +9,7 @@ pub mod histogram;
 pub mod kept_text;
 pub mod life_signs;
 pub mod registers;
+pub mod sensor_lines;
 pub mod software_serial;
 pub mod stepping;
 pub mod thermistor;
@@ -107,6 +108,17 @@ pub trait StepOutput: MotorEnable {
     /// Looks whether the interrupt has missed updates of its timer, because it was held up for longer than an interval,
     /// and makes up for them: the events that are owed follow in between. Returns how many there were.
     fn make_up_missed(&mut self) -> u32;
+
+    /// Whether the board has sensors that axes home with. Without, the machine's counting motors tell where they would be.
+    const HAS_SENSORS: bool = false;
+
+    /// Whether the sensor of an axis is triggered.
+    fn is_sensor_triggered(&self, _axis: usize) -> bool {
+        false
+    }
+    /// From now on motion stops when the sensor of this axis triggers ([`StepLink::request_sensor_stop`]); `None`: at
+    /// no sensor any more.
+    fn watch_sensor(&mut self, _axis: Option<usize>) {}
 
     /// A clock that runs all the time, ticks of the nominal time base modulo 2^32: with it the machine knows how long
     /// planning takes. `None` where there is none, and then planning is taken to keep up.

@@ -69,6 +69,16 @@ pub enum CommandError {
         /// Index of the axis.
         axis: usize,
     },
+    /// The axis' sensor is triggered where it should not be.
+    SensorStuck {
+        /// Index of the axis.
+        axis: usize,
+    },
+    /// The axis homes by its driver's stall signal, and that is off.
+    NoStallSignal {
+        /// Index of the axis.
+        axis: usize,
+    },
     /// A motor's driver is not to be relied on, so nothing may move.
     Driver {
         /// The motor, 0 to 3.
@@ -158,6 +168,20 @@ impl fmt::Display for CommandError {
                 let name = AXIS_NAMES.get(*axis).copied().unwrap_or('?');
                 write!(out, "homing {name} failed: its end stop did not trigger, expected it within the axis' length")
             }
+            Self::SensorStuck { axis } => {
+                let name = AXIS_NAMES.get(*axis).copied().unwrap_or('?');
+                write!(
+                    out,
+                    "homing {name} failed: its sensor is triggered away from the end, expected it released; is it connected?"
+                )
+            }
+            Self::NoStallSignal { axis } => {
+                let name = AXIS_NAMES.get(*axis).copied().unwrap_or('?');
+                write!(
+                    out,
+                    "{name} homes by its driver's stall signal, expected it on: M914 {name}1 to 255, M569 S1 {name}"
+                )
+            }
             Self::Driver { motor, failure } => {
                 write!(out, "{}", DriverEvent { motor: *motor, kind: DriverEventKind::Failed(*failure) })
             }
@@ -165,7 +189,7 @@ impl fmt::Display for CommandError {
                 let name = AXIS_NAMES.get(*motor).copied().unwrap_or('?');
                 write!(out, "{name}: {error}")
             }
-            Self::NotEquipped(what) => write!(out, "the firmware does not use this board's {what} yet"),
+            Self::NotEquipped(what) => write!(out, "this board has no {what}"),
             Self::InvalidTool(tool) => write!(out, "T{tool} - Invalid extruder number !, expected T0"),
             Self::Halted => write!(out, "the printer is halted (M112 or a heater fault), expected M999 to restart"),
             Self::Stopped => write!(out, "motion was stopped"),

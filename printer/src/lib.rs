@@ -31,7 +31,7 @@ pub use ports::{Equipment, HeaterStatus, Heating, Motion, MotionError, MotorDriv
 pub use printer::Printer;
 pub use profile::{
     AxisHoming, DEFAULT_EVENTS_PER_S, DEFAULT_MOVES_PER_S, DriverTiming, ExtrusionSettings, FirmwareRetraction,
-    HeaterSettings, HeaterWatch, HomeEnd, Profile,
+    HeaterSettings, HeaterWatch, HomeEnd, HomeSensor, Profile,
 };
 pub use waits::temperatures;
 

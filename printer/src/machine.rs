@@ -89,6 +89,10 @@ pub struct Machine<R, Q> {
     sought: Option<Seek>,
     /// How often motion was stopped.
     stops: u32,
+    /// Since when the motors rest with current, ms.
+    rests_since_ms: Option<u32>,
+    /// They have been switched off for that, and nobody has taken note.
+    switched_off: bool,
 }
 
 /// Fan changes that take effect when the entries before them have been played.
@@ -204,6 +208,8 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
             seeking: None,
             sought: None,
             stops: 0,
+            rests_since_ms: None,
+            switched_off: false,
         }
     }
 
@@ -289,7 +295,9 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
         self.flush();
         self.sought = None;
         self.seeking = Some(axis);
-        if self.motors.is_triggered(axis) {
+        // First the edge, then the level: what comes in between is not lost.
+        self.queue.watch_sensor(Some(axis));
+        if self.is_end_stop_triggered(axis) {
             self.end_seek(Seek::Triggered);
         }
     }
@@ -307,6 +315,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
 
     fn end_seek(&mut self, outcome: Seek) {
         self.seeking = None;
+        self.queue.watch_sensor(None);
         self.sought = Some(outcome);
         if outcome == Seek::Triggered {
             self.forget_plan();
@@ -367,14 +376,39 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
         self.queue.set_motors_enabled(axes, enabled);
     }
 
+    /// Mask of the motors that are switched on.
+    pub fn enabled_motors(&self) -> u8 {
+        self.motors.enabled_motors()
+    }
+
     /// Switches all motors off, as a halt does.
     pub fn switch_motors_off(&mut self) {
         self.set_motors_enabled(ALL, false);
     }
 
+    /// To be called now and then, with a clock of milliseconds that may wrap: switches the motors off when they have rested
+    /// for so long; `None` if there is a reason that they keep their current. Whether it just did.
+    pub fn rest(&mut self, now_ms: u32, timeout_ms: Option<u32>) -> bool {
+        let Some(timeout_ms) = timeout_ms.filter(|_| self.is_idle() && self.motors.enabled_motors() != 0) else {
+            self.rests_since_ms = None;
+            return false;
+        };
+        let is_over = now_ms.wrapping_sub(*self.rests_since_ms.get_or_insert(now_ms)) >= timeout_ms;
+        if is_over {
+            self.switch_motors_off();
+            self.switched_off = true;
+        }
+        is_over
+    }
+
+    /// See [`crate::Motion::take_switched_off`].
+    pub fn take_switched_off(&mut self) -> bool {
+        core::mem::take(&mut self.switched_off)
+    }
+
     /// Whether the end stop of an axis is triggered.
     pub fn is_end_stop_triggered(&self, axis: usize) -> bool {
-        self.motors.is_triggered(axis)
+        if Q::HAS_SENSORS { self.queue.is_sensor_triggered(axis) } else { self.motors.is_triggered(axis) }
     }
 
     /// Digests and counters.
@@ -412,11 +446,18 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
 
     /// After a stop: plan and counters follow the motors.
     fn follow_stop(&mut self) {
+        let found = Q::HAS_SENSORS && self.seeking.is_some() && self.queue.link().is_sensor_stop();
         let dropped = self.queue.drop_all();
         self.motors.steps.take_back(dropped.signed, dropped.issued);
         self.forget_plan();
         self.fan.waiting.clear();
-        self.seeking = None;
+        if found {
+            self.end_seek(Seek::Triggered);
+            return;
+        }
+        if self.seeking.take().is_some() {
+            self.queue.watch_sensor(None);
+        }
         self.sought = None;
         self.flushed = false;
         self.stops = self.stops.wrapping_add(1);
@@ -504,7 +545,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
                 refused: &mut self.refused,
                 timeline: &mut self.timeline,
                 last_move_end: &mut self.last_move_end,
-                seeking: self.seeking,
+                seeking: if Q::HAS_SENSORS { None } else { self.seeking },
                 triggered: false,
             };
             let progress = self.planner.advance(&mut sink);

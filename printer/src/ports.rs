@@ -1,7 +1,7 @@
 //! What the printer needs of its surroundings.
 
 use core::future::Future;
-use core::sync::atomic::{AtomicBool, AtomicU8, Ordering};
+use core::sync::atomic::{AtomicBool, AtomicU8, AtomicU32, Ordering};
 
 use ferrostep_gcode::{MotionFigures, Reply, TimingFigures};
 use ferrostep_hal_shim::Heater;
@@ -63,6 +63,11 @@ pub trait Motion {
     fn set_motion_choice(&mut self, choice: &MotionChoice);
     /// Switches the motors of the axes in the mask on or off.
     fn set_motors_enabled(&mut self, axes: u8, enabled: bool);
+    /// Whether motors were switched off by [`crate::machine::Machine::rest`] since this was last asked: none is where its
+    /// steps say.
+    fn take_switched_off(&mut self) -> bool {
+        false
+    }
     /// Whether the end stop of an axis is triggered.
     fn is_end_stop_triggered(&self, axis: usize) -> bool;
     /// Stops at once and forgets all queued motion; the position is then where the motors stand. Returns the filament
@@ -167,7 +172,12 @@ pub struct Signals {
     waiting_for_heat: AtomicBool,
     report_interval_s: AtomicU8,
     keep_alive_s: AtomicU8,
+    is_at_work: AtomicBool,
+    idle_timeout_s: AtomicU32,
 }
+
+/// Seconds at rest after which motors are switched off, unless M84 S says otherwise: Marlin's.
+pub const IDLE_TIMEOUT_S: u32 = 120;
 
 impl Signals {
     /// Nothing signalled; `busy` messages every two seconds.
@@ -178,6 +188,8 @@ impl Signals {
             waiting_for_heat: AtomicBool::new(false),
             report_interval_s: AtomicU8::new(0),
             keep_alive_s: AtomicU8::new(2),
+            is_at_work: AtomicBool::new(false),
+            idle_timeout_s: AtomicU32::new(IDLE_TIMEOUT_S),
         }
     }
 
@@ -189,6 +201,24 @@ impl Signals {
     /// Takes the request to end a wait.
     pub(crate) fn take_end_wait(&self) -> bool {
         self.end_wait.swap(false, Ordering::AcqRel)
+    }
+
+    /// Whether a command is being executed: a wait, too, is work.
+    pub fn is_at_work(&self) -> bool {
+        self.is_at_work.load(Ordering::Acquire)
+    }
+
+    pub(crate) fn set_at_work(&self, is_at_work: bool) {
+        self.is_at_work.store(is_at_work, Ordering::Release);
+    }
+
+    /// Seconds at rest after which motors are switched off (M84 S); 0 = never.
+    pub fn idle_timeout_s(&self) -> u32 {
+        self.idle_timeout_s.load(Ordering::Relaxed)
+    }
+
+    pub(crate) fn set_idle_timeout_s(&self, seconds: u64) {
+        self.idle_timeout_s.store(u32::try_from(seconds).unwrap_or(u32::MAX), Ordering::Relaxed);
     }
 
     /// M112, or a heater fault: every wait ends and every command is refused until M999. Who sets it has switched

@@ -11,7 +11,7 @@ use ferrostep_planner::{AccelerationProfile, Interpolation, Kinematics};
 use crate::error::{CommandError, Failure};
 use crate::modal::{Modal, Tally};
 use crate::ports::{Equipment, Heating, Motion, MotorDrivers, Replies, Signals, Timing};
-use crate::profile::{HomeEnd, Profile};
+use crate::profile::{HomeEnd, HomeSensor, Profile};
 use crate::waits::temperatures;
 
 /// A line of text that is put together here.
@@ -128,6 +128,17 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
     /// before it.
     pub async fn execute(&mut self, line: u32, text: &str) -> Result<(), Failure> {
         self.line = line;
+        // From here on nobody switches the motors off; if somebody has, it is noticed now.
+        self.signals.set_at_work(true);
+        if self.motion.take_switched_off() {
+            self.modal.homed = [false; 3];
+        }
+        let outcome = self.answer(line, text).await;
+        self.signals.set_at_work(false);
+        outcome
+    }
+
+    async fn answer(&mut self, line: u32, text: &str) -> Result<(), Failure> {
         let parsed = parse(text);
         let failure = match &parsed {
             Ok(command) => match self.command_with_signs_of_life(command).await {
@@ -245,6 +256,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
             Command::SetPosition(ref words) => self.set_position(words)?,
             Command::EnableMotors(axes) => self.motion.set_motors_enabled(mask(axes), true),
             Command::DisableMotors(axes) => self.disable_motors(axes).await?,
+            Command::IdleTimeout { seconds } => self.signals.set_idle_timeout_s(seconds),
             Command::AbsoluteExtrusion => self.modal.relative_extruder = false,
             Command::RelativeExtrusion => self.modal.relative_extruder = true,
             Command::SetNozzle(Some(celsius)) => self.set_temperature(Heater::Nozzle, celsius.to_f64())?,
@@ -299,15 +311,14 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
             Command::SelectTool(0) => {}
             Command::SelectTool(tool) => return Err(CommandError::InvalidTool(tool)),
             Command::Unknown(text) => self.replies.send(Reply::UnknownCommand(text)),
-            // The drivers' part is all that there is to the first four. Without a display, a second fan or an idle timer the
-            // others change nothing here.
+            // The drivers' part is all that there is to the first four. Without a display or a second fan the others
+            // change nothing here.
             Command::ReportDrivers
             | Command::StealthChop { .. }
             | Command::DriverCurrent(_)
             | Command::StallThreshold(_)
             | Command::Display(_)
             | Command::Fan { .. }
-            | Command::IdleTimeout { .. }
             | Command::SetNozzle(None)
             | Command::SetBed(None)
             | Command::SetLineNumber(Some(_))
@@ -416,7 +427,10 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
         let mut states = [EndStopState { name: "", triggered: false }; 3];
         for (axis, state) in states.iter_mut().enumerate() {
             let homing = &self.profile.homing[axis];
-            let name = if homing.probe { "z_probe" } else { NAMES[axis][usize::from(homing.end == HomeEnd::Max)] };
+            let name = match homing.sensor {
+                HomeSensor::Probe => "z_probe",
+                HomeSensor::EndStop | HomeSensor::Stall => NAMES[axis][usize::from(homing.end == HomeEnd::Max)],
+            };
             *state = EndStopState { name, triggered: self.motion.is_end_stop_triggered(axis) };
         }
         self.replies.send(Reply::EndStops(&states));

@@ -29,13 +29,26 @@ pub enum HomeEnd {
     Max,
 }
 
+/// What an axis meets at its home.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum HomeSensor {
+    /// A switch.
+    EndStop,
+    /// A probe that finds the bed (only Z).
+    Probe,
+    /// The frame: the motor's driver says that it stalls (only X and Y).
+    Stall,
+}
+
 /// How an axis finds its home.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AxisHoming {
     /// Which end.
     pub end: HomeEnd,
-    /// Whether a probe stands in for the end stop (only Z).
-    pub probe: bool,
+    /// What is there.
+    pub sensor: HomeSensor,
+    /// Whether the sensor's signal is low when it triggers. A driver's stall signal never is.
+    pub triggers_low: bool,
     /// Machine coordinate at which the sensor triggers, in units of 10 nm.
     pub position_10nm: i64,
     /// Speed of the first approach, mm/s.
@@ -193,7 +206,14 @@ impl Profile {
         VirtualHeaters::new(self.nozzle.thermistor, self.bed.thermistor)
     }
 
-    /// Counting motors with this machine's end stops, as they stand when it is switched on.
+    /// Mask of the axes that home by a stall.
+    pub fn framed_axes(&self) -> u8 {
+        let stalls = |homing: &AxisHoming| u8::from(homing.sensor == HomeSensor::Stall);
+        self.homing.iter().rev().fold(0, |axes, homing| axes << 1 | stalls(homing))
+    }
+
+    /// Counting motors with this machine's end stops, as they stand when it is switched on. Where an axis homes by a stall,
+    /// there is an end stop, too: who has a model of the drivers says that there is none ([`Self::framed_axes`]).
     pub fn virtual_motors(&self) -> VirtualMotors {
         let end_stops = self
             .homing

@@ -2,7 +2,7 @@
 
 use ferrostep_checked_toml::{Checker, Range, range};
 use ferrostep_hal_shim::thermistor::{Thermistor, ThermistorType};
-use ferrostep_hal_shim::tmc2209::{DriverSettings, chopper_threshold};
+use ferrostep_hal_shim::tmc2209::{DriverSettings, STALL_FULL_STEPS_PER_S, chopper_threshold};
 use ferrostep_planner::s_curve::FrequencyTable;
 use ferrostep_planner::{
     AccelerationProfile, DualRatePeriods, Interpolation, Kinematics, Limits, MotionChoice, SCurveTableSettings,
@@ -10,15 +10,15 @@ use ferrostep_planner::{
 };
 use ferrostep_printer::{
     AxisHoming, DEFAULT_EVENTS_PER_S, DEFAULT_MOVES_PER_S, DriverTiming, ExtrusionSettings, FirmwareRetraction,
-    HeaterSettings, HeaterWatch, HomeEnd, Profile,
+    HeaterSettings, HeaterWatch, HomeEnd, HomeSensor, Profile,
 };
 
 use crate::ProfileError;
 use crate::check::CheckAxes;
 use crate::file::{
-    AccelerationName, DriverSettingsTable, DriverTable, DualRateTable, EndName, ExtrusionName, ExtrusionTable,
-    HeaterTable, HomingTable, InterpolationName, KinematicsName, Number, ProfileFile, RetractionTable, SCurveTable,
-    SensorName, ThermistorName, ThermistorValue, Xyze,
+    AccelerationName, DriverSettingsTable, DriverTable, DriverTables, DualRateTable, EndName, ExtrusionName,
+    ExtrusionTable, HeaterTable, HomingTable, InterpolationName, KinematicsName, Number, ProfileFile, RetractionTable,
+    SCurveTable, SensorName, ThermistorName, ThermistorValue, Xyze,
 };
 
 /// Units of 10 nm in a mm.
@@ -86,11 +86,16 @@ pub fn profile(file: &ProfileFile, check: &Checker<'_>) -> Result<Profile, Profi
     let interval_us = check.number("minimum_event_interval_us", &file.minimum_event_interval_us, EVENT_INTERVAL)?;
     motor_rates(kinematics, steps, &limits, interval_us, file, check)?;
     let min_extrusion = check.number("min_extrusion_celsius", &file.min_extrusion_celsius, MIN_EXTRUSION)?;
-    let homing = [
-        homing("x", &file.homing.x, size_mm[0], limits.max_feed_mm_per_s[0], check)?,
-        homing("y", &file.homing.y, size_mm[1], limits.max_feed_mm_per_s[1], check)?,
-        homing("z", &file.homing.z, size_mm[2], limits.max_feed_mm_per_s[2], check)?,
-    ];
+    let drivers = drivers(file, steps, check)?;
+    let axis = |axis: usize, name, table| {
+        let homing = homing(name, table, size_mm[axis], limits.max_feed_mm_per_s[axis], check)?;
+        if homing.sensor == HomeSensor::Stall {
+            let acceleration = limits.max_acceleration_mm_per_s2[axis].min(limits.travel_acceleration_mm_per_s2);
+            homing_by_stall(name, table, steps[axis], acceleration, &file.drivers, &drivers[axis], check)?;
+        }
+        Ok(homing)
+    };
+    let homing = [axis(0, "x", &file.homing.x)?, axis(1, "y", &file.homing.y)?, axis(2, "z", &file.homing.z)?];
     let nozzle = heater("nozzle", &file.nozzle, NOZZLE_MAX, HeaterWatch::NOZZLE, check)?;
     let bed = heater("bed", &file.bed, BED_MAX, HeaterWatch::BED, check)?;
     if min_extrusion as f32 >= nozzle.max_celsius {
@@ -116,7 +121,7 @@ pub fn profile(file: &ProfileFile, check: &Checker<'_>) -> Result<Profile, Profi
         retraction: retraction(&file.firmware_retraction, check)?,
         driver: driver(&file.driver, interval_us, check)?,
         extrusion: extrusion(&file.extrusion, check)?,
-        drivers: drivers(file, steps, check)?,
+        drivers,
         // Leaked last, so that only profiles without a fault leave something behind.
         name: Box::leak(name.to_owned().into_boxed_str()),
     })
@@ -264,10 +269,23 @@ fn homing(
     check: &Checker<'_>,
 ) -> Result<AxisHoming, ProfileError> {
     let key = |name: &str| format!("homing.{axis}.{name}");
-    let probe = *table.sensor.get_ref() == SensorName::Probe;
-    if probe && axis != "z" {
-        let shown = toml::Spanned::new(table.sensor.span(), "\"probe\"");
-        return Err(check.refuse(&key("sensor"), &shown, "\"end-stop\": only Z homes by a probe"));
+    let shown = |word| toml::Spanned::new(table.sensor.span(), word);
+    let sensor = match table.sensor.get_ref() {
+        SensorName::EndStop => HomeSensor::EndStop,
+        SensorName::Probe if axis == "z" => HomeSensor::Probe,
+        SensorName::Probe => {
+            let expected = "\"end-stop\" or \"stall\": only Z homes by a probe";
+            return Err(check.refuse(&key("sensor"), &shown("\"probe\""), expected));
+        }
+        SensorName::Stall if axis != "z" => HomeSensor::Stall,
+        SensorName::Stall => {
+            let expected = "\"end-stop\" or \"probe\": Z would push the nozzle into the bed";
+            return Err(check.refuse(&key("sensor"), &shown("\"stall\""), expected));
+        }
+    };
+    if sensor == HomeSensor::Stall && table.triggers_low {
+        let expected = "an end stop or a probe at triggers_low = true: a stall signal is high";
+        return Err(check.refuse(&key("sensor"), &shown("\"stall\""), expected));
     }
     // An end that contradicts its position would let the soft limits drive into the frame.
     let (end, travel) = match table.end {
@@ -293,12 +311,67 @@ fn homing(
     let back_off = range(BACK_OFF.low, BACK_OFF.high.min(size_mm / 2.0), BACK_OFF.unit);
     Ok(AxisHoming {
         end,
-        probe,
+        sensor,
+        triggers_low: table.triggers_low,
         position_10nm: units_10nm(*position),
         fast_mm_per_s,
         slow_mm_per_s,
         back_off_10nm: units_10nm(check.number(&key("back_off_mm"), &table.back_off_mm, back_off)?),
     })
+}
+
+/// What a stall signal needs: a driver that gives one, and a motor that is fast enough for it on both approaches.
+fn homing_by_stall(
+    axis: &str,
+    table: &HomingTable,
+    steps_per_mm: f64,
+    acceleration_mm_per_s2: f64,
+    driver_tables: &DriverTables,
+    driver: &Option<DriverSettings>,
+    check: &Checker<'_>,
+) -> Result<(), ProfileError> {
+    let key = |name: &str| format!("homing.{axis}.{name}");
+    let driver_table = if axis == "x" { &driver_tables.x } else { &driver_tables.y };
+    let (Some(driver), Some(driver_table)) = (driver, driver_table) else {
+        let shown = toml::Spanned::new(table.sensor.span(), "\"stall\"");
+        let expected = format!("\"end-stop\": the stall signal is a TMC2209's, and there is no table [drivers.{axis}]");
+        return Err(check.refuse(&key("sensor"), &shown, expected));
+    };
+    let driver_key = |name: &str| format!("drivers.{axis}.{name}");
+    if driver.stall_threshold == 0 {
+        let expected = format!("1 to 255: homing.{axis}.sensor is \"stall\", and at 0 no stall signal comes");
+        return Err(check.refuse(&driver_key("stall_threshold"), &driver_table.stall_threshold, expected));
+    }
+    if !driver.stealth_chop {
+        let shown = toml::Spanned::new(table.sensor.span(), "\"stall\"");
+        let expected = format!("drivers.{axis}.stealth_chop = true with it: in spreadCycle no stall signal comes");
+        return Err(check.refuse(&key("sensor"), &shown, expected));
+    }
+    let slowest = f64::from(STALL_FULL_STEPS_PER_S) * f64::from(driver.microsteps) / steps_per_mm;
+    let slow_mm_per_s = *table.slow_mm_per_s.get_ref();
+    if slow_mm_per_s < slowest {
+        let expected = format!(
+            "at least {slowest:.1} mm/s for \"stall\", {STALL_FULL_STEPS_PER_S} full steps a second: the driver cannot \
+             tell the load of a slower motor"
+        );
+        return Err(check.refuse(&key("slow_mm_per_s"), &table.slow_mm_per_s, expected));
+    }
+    // The signal stops where spreadCycle takes over.
+    let fast_mm_per_s = *table.fast_mm_per_s.get_ref();
+    let until = *driver_table.spread_cycle_above_mm_per_s.get_ref();
+    if until > 0.0 && until <= fast_mm_per_s {
+        let expected =
+            format!("0 or above homing.{axis}.fast_mm_per_s = {fast_mm_per_s}: in spreadCycle no stall signal comes");
+        let key = driver_key("spread_cycle_above_mm_per_s");
+        return Err(check.refuse(&key, &driver_table.spread_cycle_above_mm_per_s, expected));
+    }
+    // Within half of the way back the second approach must have its speed.
+    let least_mm = slow_mm_per_s * slow_mm_per_s / acceleration_mm_per_s2;
+    if *table.back_off_mm.get_ref() < least_mm {
+        let expected = format!("at least {least_mm:.1} mm for \"stall\", to reach {slow_mm_per_s} mm/s in half of it");
+        return Err(check.refuse(&key("back_off_mm"), &table.back_off_mm, expected));
+    }
+    Ok(())
 }
 
 /// Range and control of one heater.

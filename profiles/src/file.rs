@@ -160,6 +160,8 @@ pub struct HomingTables {
 pub struct HomingTable {
     pub end: EndName,
     pub sensor: Spanned<SensorName>,
+    #[serde(default)]
+    pub triggers_low: bool,
     pub position_mm: Number,
     pub fast_mm_per_s: Number,
     pub slow_mm_per_s: Number,
@@ -180,6 +182,7 @@ pub enum EndName {
 pub enum SensorName {
     EndStop,
     Probe,
+    Stall,
 }
 
 /// Range and control of a heater.

@@ -39,16 +39,59 @@ fn every_board_can_be_its_own_profile() {
 #[test]
 fn both_edges_are_for_drivers_that_are_told_so() {
     let (from, to) = ("both_edges = false", "both_edges = true");
-    for board in ["prusa-buddy", "btt-octopus-1.1"] {
-        let error = error_after(board, "prusa-mini", from, to).unwrap();
-        let line = line_of("prusa-mini", from);
-        assert!(
-            error.starts_with(&format!("test.toml:{line}: driver.both_edges = true: expected false: motors.x of the")),
-            "{error}"
-        );
+    // Over their lines they are: these profiles set all four drivers.
+    for (board, profile) in [("prusa-buddy", "prusa-mini"), ("btt-octopus-1.1", "corexy")] {
+        assert_eq!(error_after(board, profile, from, to), None);
     }
+    // This one sets none.
+    let text = ferrostep_profiles::builtin_text("cartesian").unwrap().replace(from, to);
+    let profile = ferrostep_profiles::parse(&text, "test.toml").unwrap();
+    let error = fit::check(&load("btt-octopus-1.1").unwrap(), &profile, "cartesian").unwrap_err().to_string();
+    let line = line_of("cartesian", from);
+    assert_eq!(
+        error,
+        format!(
+            "cartesian:{line}: driver.both_edges = true: expected false: motors.x of the board btt-octopus-1.1 is driven \
+             by a socket, which steps at rising edges unless it is a tmc2209 with a line and a table [drivers.x]"
+        )
+    );
     // Nothing hangs on the bench.
     assert_eq!(error_after("bench", "prusa-mini", from, to), None);
+}
+
+#[test]
+fn drivers_are_connected_as_the_board_says() {
+    let wiring = |board: &str, profile: &str| {
+        fit::wiring(&load(board).unwrap(), &ferrostep_profiles::load(profile).unwrap())
+            .map(|wiring| wiring.map(|wiring| (wiring.line, wiring.address, wiring.sense_milliohm)))
+    };
+    let shared = [(0, 1, 220), (0, 3, 220), (0, 0, 220), (0, 2, 220)].map(Some);
+    assert_eq!(wiring("prusa-buddy", "prusa-mini"), shared);
+    assert_eq!(wiring("btt-octopus-1.1", "corexy"), [(0, 0, 110), (1, 0, 110), (2, 0, 110), (3, 0, 110)].map(Some));
+    assert_eq!(wiring("btt-octopus-1.1", "cartesian"), [None; 4]);
+    assert_eq!(wiring("bench", "corexy"), [None; 4]);
+}
+
+#[test]
+fn sensors_are_where_the_profile_wants_them() {
+    let sensors = |board: &str, profile: &str| {
+        fit::sensor_pins(&load(board).unwrap(), &ferrostep_profiles::load(profile).unwrap())
+            .map(|sensor| sensor.map(|(pin, triggers_low)| (pin.to_string(), triggers_low)))
+    };
+    let high = |pins: [&str; 3]| pins.map(|pin| Some((pin.to_owned(), false)));
+    assert_eq!(sensors("prusa-buddy", "prusa-mini"), high(["PE2", "PE1", "PA8"]));
+    assert_eq!(sensors("btt-octopus-1.1", "corexy"), high(["PG6", "PG9", "PG10"]));
+    // A socket's stall signal comes over its end stop's pin.
+    assert_eq!(sensors("btt-octopus-1.1", "prusa-mini"), high(["PG6", "PG9", "PB7"]));
+    assert_eq!(sensors("prusa-buddy", "corexy"), [None, None, None]);
+    let text = ferrostep_profiles::builtin_text("corexy").unwrap().replacen(
+        "\"end-stop\"\n",
+        "\"end-stop\"\ntriggers_low = true\n",
+        1,
+    );
+    let profile = ferrostep_profiles::parse(&text, "test.toml").unwrap();
+    let low = fit::sensor_pins(&load("btt-octopus-1.1").unwrap(), &profile).map(|sensor| sensor.unwrap().1);
+    assert_eq!(low, [true, false, false]);
 }
 
 #[test]
@@ -67,8 +110,15 @@ fn a_current_is_what_the_sense_resistors_allow() {
     let expected = "drivers.x.current_ma = 1000: expected 17 to 958 mA at the 0.22 ohm of the board prusa-buddy";
     assert_eq!(error, format!("test.toml:{line}: {expected}"));
     assert_eq!(error_after("prusa-buddy", "prusa-mini", from, "current_ma = 950"), None);
-    // Whatever is plugged into a socket brings its own.
+    // What is plugged into a socket has the usual resistors.
     assert_eq!(error_after("btt-octopus-1.1", "prusa-mini", from, to), None);
+    let error = error_after("btt-octopus-1.1", "prusa-mini", from, "current_ma = 1800").unwrap();
+    assert!(
+        error.ends_with(
+            "drivers.x.current_ma = 1800: expected 31 to 1768 mA at the 0.11 ohm of the board btt-octopus-1.1"
+        ),
+        "{error}"
+    );
 }
 
 #[test]

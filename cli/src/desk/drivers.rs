@@ -6,7 +6,7 @@ use std::collections::VecDeque;
 use ferrostep_hal_shim::tmc2209::{
     DriverBank, DriverEvent, DriverReport, DriverSettings, DriverState, LineTiming, MOTORS, SettingsError,
 };
-use ferrostep_hal_shim::virtual_board::{VIRTUAL_WIRING, VirtualDriverLines};
+use ferrostep_hal_shim::virtual_board::{StallSignal, VIRTUAL_WIRING, VirtualDriverLines};
 use ferrostep_printer::MotorDrivers;
 
 /// Ticks of the drivers' clock, and the speed of their line: a hardware one, as on the Prusa MINI's board.
@@ -64,6 +64,12 @@ impl DeskDrivers {
     /// Looks at the chips, or makes them fail.
     pub fn with_lines<T>(&self, act: impl FnOnce(&mut VirtualDriverLines) -> T) -> Option<T> {
         self.with(|drivers| act(&mut drivers.lines))
+    }
+
+    /// When a motor's chip, as it is set now, says that the motor stalls; `None`: never.
+    #[must_use]
+    pub fn stall_signal(&self, motor: usize) -> Option<StallSignal> {
+        self.with(|drivers| drivers.lines.chip(motor).and_then(|chip| chip.stall_signal()))?
     }
 
     /// What has happened, one thing at a time.

@@ -10,7 +10,7 @@ use ferrostep_planner::{Limits, MotionChoice, Move, Moved, PreparedBlock, Prepar
 use ferrostep_printer::heat::HeatFault;
 use ferrostep_printer::{HeaterStatus, Heating, Motion, MotionError, Seek, Signals};
 
-use super::{Awaited, Desk};
+use super::{Awaited, Desk, DeskDrivers};
 use crate::record::Observer;
 
 /// The desk's motion, seen from the command side.
@@ -18,6 +18,8 @@ use crate::record::Observer;
 pub struct DeskMotion<'a, O> {
     /// The machine.
     pub desk: &'a RefCell<Desk<O>>,
+    /// The drivers, whose stall signals axes may home by.
+    pub drivers: &'a DeskDrivers,
     /// M112 ends every wait for motion.
     pub signals: &'a Signals,
 }
@@ -111,6 +113,7 @@ impl<O: Observer> Motion for DeskMotion<'_, O> {
             let mut desk = self.desk.borrow_mut();
             desk.planner.flush();
             desk.sought = None;
+            desk.stall_signal = self.drivers.stall_signal(axis);
         }
         self.wait(|desk| {
             let sought = desk.sought.take();

@@ -2,6 +2,9 @@
 
 use super::word::WordU8;
 
+/// Who stops motion, if not somebody: the sensor that an axis seeks.
+const SENSOR: u8 = 2;
+
 /// Flags between those who make step entries, those who stop motion, and the interrupt that plays them.
 #[derive(Debug)]
 pub struct StepLink {
@@ -70,6 +73,19 @@ impl StepLink {
     /// rest. From any priority below the interrupt's.
     pub fn request_stop(&self) {
         self.stop.store(1);
+    }
+
+    /// As [`Self::request_stop`], for a sensor that an axis seeks; somebody's stop is not overwritten. From a priority
+    /// above all that call that one.
+    pub fn request_sensor_stop(&self) {
+        if !self.is_stopping() {
+            self.stop.store(SENSOR);
+        }
+    }
+
+    /// Whether the stop that has not been taken note of is a sensor's.
+    pub fn is_sensor_stop(&self) -> bool {
+        self.stop.load() == SENSOR
     }
 
     /// Whether a stop has been asked for and not been taken note of.

@@ -25,13 +25,26 @@ pub const REPLY_BYTES: usize = 8;
 /// The check sum of section 4.2: polynomial x^8 + x^2 + x + 1, beginning with 0, lowest bit of each byte first.
 #[must_use]
 pub fn crc8(bytes: &[u8]) -> u8 {
-    bytes.iter().fold(0, |crc, &byte| {
-        (0..8).fold(crc, |crc: u8, bit| {
-            let feedback = crc >> 7 ^ byte >> bit & 1;
-            crc << 1 ^ if feedback == 0 { 0 } else { 0x07 }
-        })
-    })
+    // Reckoned from its other end, as the bits come: half a byte at a time.
+    let half = |crc: u8| crc >> 4 ^ HALF_BYTES[usize::from(crc & 15)];
+    bytes.iter().fold(0, |crc, byte| half(half(crc ^ byte))).reverse_bits()
 }
+
+/// What four bits of the mirrored check sum leave when they have gone; 0xe0 is the polynomial 0x07 mirrored.
+const HALF_BYTES: [u8; 16] = {
+    let mut table = [0; 16];
+    let mut bits = 0;
+    while bits < 16 {
+        let (mut crc, mut shifts) = (bits as u8, 0);
+        while shifts < 4 {
+            crc = crc >> 1 ^ (crc & 1) * 0xe0;
+            shifts += 1;
+        }
+        table[bits] = crc;
+        bits += 1;
+    }
+    table
+};
 
 /// The datagram that writes a register of the chip at `address` (0 to 3): section 4.1.1.
 #[must_use]

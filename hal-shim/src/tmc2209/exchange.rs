@@ -60,6 +60,8 @@ pub(super) struct Exchange {
     count: usize,
     /// From when on no more is waited for; `None` before it was sent.
     deadline: Option<u32>,
+    /// From when on a line that is busy has failed.
+    busy_until: Option<u32>,
 }
 
 impl Exchange {
@@ -73,7 +75,7 @@ impl Exchange {
             }
             Request::Write(register, value) => sent = write_request(wiring.address, register, value),
         }
-        Self { request, line: wiring.line, sent, received: [0; 12], count: 0, deadline: None }
+        Self { request, line: wiring.line, sent, received: [0; 12], count: 0, deadline: None, busy_until: None }
     }
 
     /// Bytes of the request.
@@ -100,8 +102,12 @@ impl Exchange {
                     bits += REPLY_DELAY_BITS + REPLY_BYTES as u32 * BYTE_BITS;
                 }
                 self.deadline = Some(now_ticks.wrapping_add(bits.saturating_mul(bit_ticks)));
+                return None;
             }
-            return None;
+            // What is being sent is over in less, if the line works at all.
+            let longest = (WRITE_BYTES as u32 * BYTE_BITS + SLACK_BITS).saturating_mul(bit_ticks);
+            let until = *self.busy_until.get_or_insert(now_ticks.wrapping_add(longest));
+            return (now_ticks.wrapping_sub(until) as i32 >= 0).then_some(Err(ExchangeError::NoEcho));
         };
         let expected = match self.request {
             Request::Read(_) => request_bytes + REPLY_BYTES,

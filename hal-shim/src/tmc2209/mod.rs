@@ -13,6 +13,8 @@ mod datagram;
 mod driver;
 mod event;
 mod exchange;
+mod half_duplex;
+mod pin_lines;
 mod registers;
 mod settings;
 mod uart;
@@ -28,8 +30,13 @@ pub use datagram::{
 pub use driver::{DriverReport, DriverState};
 pub use event::{DriverEvent, DriverEventKind, Failure};
 pub use exchange::ExchangeError;
+pub use half_duplex::HalfDuplexLine;
+pub use pin_lines::PinLines;
 pub use registers::{
     ChopConf, DriverStatus, GlobalConf, GlobalStatus, HoldRun, MicrostepResolution, Register, VERSION,
 };
-pub use settings::{DriverSettings, DriverWiring, RegisterImage, SettingsError, THRESHOLD_LARGEST, chopper_threshold};
+pub use settings::{
+    CLOCK_HZ, DriverSettings, DriverWiring, RegisterImage, STALL_FULL_STEPS_PER_S, SettingsError, THRESHOLD_LARGEST,
+    TSTEP_MICROSTEPS, chopper_threshold,
+};
 pub use uart::{LineBusy, LineBytes, SingleWireUart};

@@ -136,10 +136,13 @@ pub struct GlobalConf {
 }
 
 impl GlobalConf {
+    /// The register's bit for [`Self::spread_cycle`].
+    pub const SPREAD_CYCLE: u32 = 1 << 2;
+
     /// The register's value.
     #[must_use]
     pub const fn bits(self) -> u32 {
-        bit(self.spread_cycle, 2)
+        bit(self.spread_cycle, Self::SPREAD_CYCLE.trailing_zeros())
             | bit(self.pin_is_serial, 6)
             | bit(self.microsteps_by_register, 7)
             | bit(self.filter_steps, 8)

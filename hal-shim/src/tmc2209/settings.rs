@@ -9,10 +9,18 @@ use super::registers::{ChopConf, GlobalConf, HoldRun, MicrostepResolution, Regis
 pub const THRESHOLD_LARGEST: u32 = 0xf_ffff;
 
 /// The chip's internal clock, Hz (section 14: 12 MHz).
-const CLOCK_HZ: f64 = 12e6;
+pub const CLOCK_HZ: u32 = 12_000_000;
 
 /// Microsteps of a full step that TSTEP counts in.
-const TSTEP_MICROSTEPS: f64 = 256.0;
+pub const TSTEP_MICROSTEPS: u32 = 256;
+
+/// The slowest that a motor may turn for its load to be told, full steps a second: a revolution a second of most motors
+/// (section 11.4).
+pub const STALL_FULL_STEPS_PER_S: u32 = 200;
+
+/// TCOOLTHRS, below which speed there is no stall signal: three quarters of [`STALL_FULL_STEPS_PER_S`], so that the chip's
+/// clock may be off by some percent.
+const STALL_CLOCKS: u32 = CLOCK_HZ / (STALL_FULL_STEPS_PER_S * 3 / 4 * TSTEP_MICROSTEPS);
 
 /// NODECONF: the chip waits 3 times 8 bit times before it replies. Less is not allowed where several share a line
 /// (section 5.1), and more only costs time.
@@ -68,7 +76,7 @@ pub fn chopper_threshold(mm_per_s: f64, steps_per_mm: f64, microsteps: u16) -> u
         return 0;
     }
     let full_steps_per_s = mm_per_s * steps_per_mm / f64::from(microsteps);
-    let clocks = CLOCK_HZ / (full_steps_per_s * TSTEP_MICROSTEPS) + 0.5;
+    let clocks = f64::from(CLOCK_HZ) / (full_steps_per_s * f64::from(TSTEP_MICROSTEPS)) + 0.5;
     (clocks.min(f64::from(THRESHOLD_LARGEST)) as u32).max(1)
 }
 
@@ -133,8 +141,8 @@ impl RegisterImage {
             interpolate: settings.interpolate,
             both_edges: settings.both_edges,
         };
-        // The stall signal at all speeds, or at none.
-        let stall_until = if settings.stall_threshold == 0 { 0 } else { THRESHOLD_LARGEST };
+        // A motor that starts has no load to tell, and would seem to stall.
+        let stall_until = if settings.stall_threshold == 0 { 0 } else { STALL_CLOCKS };
         let currents = HoldRun { hold: hold.scale, run: run.scale, hold_delay: HOLD_DELAY };
         Ok(Self {
             writes: [
@@ -199,7 +207,7 @@ mod tests {
         assert_eq!(value(&other, Register::ChopConf), 0x2001_0053);
         assert_eq!(value(&other, Register::IholdIrun), 8 << 16 | 29 << 8 | 14);
         assert_eq!(value(&other, Register::Tpwmthrs), 0xf_ffff);
-        assert_eq!((value(&other, Register::Tcoolthrs), value(&other, Register::Sgthrs)), (0xf_ffff, 60));
+        assert_eq!((value(&other, Register::Tcoolthrs), value(&other, Register::Sgthrs)), (312, 60));
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! A TMC2209 as its serial line shows it: it answers datagrams like the chip, and can be made to fail.
 
+use super::StallSignal;
 use crate::tmc2209::{DriverStatus, GlobalStatus, Register, VERSION, crc8};
 
 /// Registers that the model keeps: all addresses of seven bits.
@@ -82,6 +83,12 @@ impl DriverChip {
             Register::SgResult => 100,
             _ => self.registers.get(usize::from(register.address())).copied().unwrap_or_default(),
         }
+    }
+
+    /// When it says that its motor stalls; `None`: never.
+    #[must_use]
+    pub fn stall_signal(&self) -> Option<StallSignal> {
+        StallSignal::from_registers(|register| self.register(register)).filter(|_| !self.is_silent)
     }
 
     fn keep(&mut self, register: Register, value: u32) {

@@ -2,7 +2,7 @@
 
 use ferrostep_planner::{Geometry, StepEntry};
 
-use super::{StepObserver, StepTimer};
+use super::{StallSignal, StepObserver, StepTimer};
 use crate::{EndStops, MotorEnable};
 
 /// Where the tool head truly stands when a virtual machine is switched on, units of 10 nm from its origin.
@@ -11,7 +11,7 @@ pub const START_10NM: [i64; 3] = [6_000_000, 5_000_000, 1_200_000];
 /// The sensor an axis homes with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct VirtualEndStop {
-    /// Machine coordinate at which it triggers, units of 10 nm.
+    /// Machine coordinate at which it triggers, or of the frame's end, units of 10 nm.
     pub position_10nm: i64,
     /// Whether it triggers at and above that coordinate (else at and below).
     pub at_max: bool,
@@ -27,6 +27,10 @@ pub struct VirtualMotors {
     /// Motor positions, in steps from the machine's true origin, when all counters were zero.
     true_offset: [i64; 3],
     enabled: u8,
+    /// Axes without a switch: the frame ends where it would be.
+    framed: u8,
+    /// When the motor that homes by its stall signal has stepped last.
+    last_step_tick: u64,
 }
 
 impl VirtualMotors {
@@ -38,7 +42,19 @@ impl VirtualMotors {
             end_stops,
             true_offset: geometry.motor_steps(true_position_10nm).map(i64::from),
             enabled: 0,
+            framed: 0,
+            last_step_tick: 0,
         }
+    }
+
+    /// Axes in the mask have no switch, but a frame that holds them where it would be.
+    pub fn set_framed(&mut self, axes: u8) {
+        self.framed = axes;
+    }
+
+    /// Whether an axis has no switch.
+    pub fn is_framed(&self, axis: usize) -> bool {
+        self.framed >> axis & 1 == 1
     }
 
     /// Mask of the motors that are switched on.
@@ -57,11 +73,50 @@ impl VirtualMotors {
 
     /// Where the tool head truly is, units of 10 nm.
     pub fn true_position_10nm(&self) -> [i64; 3] {
+        let mut position = self.driven_to_10nm();
+        for (axis, (position, stop)) in position.iter_mut().zip(&self.end_stops).enumerate() {
+            if self.is_framed(axis) {
+                let end = stop.position_10nm;
+                *position = if stop.at_max { (*position).min(end) } else { (*position).max(end) };
+            }
+        }
+        position
+    }
+
+    /// Where the motors would have it, units of 10 nm.
+    fn driven_to_10nm(&self) -> [i64; 3] {
         let mut motors = self.true_offset;
         for (motor, steps) in motors.iter_mut().zip(self.steps.motor_steps()) {
             *motor += steps;
         }
         self.geometry.position_10nm(motors)
+    }
+
+    /// An event has been played towards the frame's end: whether the motor's driver says that it stalls. One that is held
+    /// back for too long falls back.
+    fn stalls(&mut self, axis: usize, signal: Option<StallSignal>, steps_before: [i64; 4]) -> bool {
+        let (Some(before), Some(now)) = (steps_before.get(axis), self.steps.motor_steps().get(axis).copied()) else {
+            return false;
+        };
+        if *before == now {
+            return false;
+        }
+        let interval_ticks = self.steps.tick() - self.last_step_tick;
+        self.last_step_tick = self.steps.tick();
+        let Some(signal) = signal else { return false };
+        let driven = self.geometry.motor_steps(self.driven_to_10nm());
+        let held = self.geometry.motor_steps(self.true_position_10nm());
+        // Both motors of a CoreXY machine are held back; the axis's own tells.
+        let lag = |motor: usize| driven.get(motor).zip(held.get(motor)).map_or(0, |(to, at)| i64::from(to - at));
+        let lag_steps = lag(axis).abs();
+        let is_there = signal.is_there(lag_steps, interval_ticks);
+        let falls_back = signal.falls_back(lag_steps);
+        if !is_there && falls_back > 0 {
+            for (motor, offset) in self.true_offset.iter_mut().enumerate() {
+                *offset -= lag(motor).signum() * falls_back;
+            }
+        }
+        is_there
     }
 
     /// Plays an entry event by event up to the one that triggers the end stop of `axis` (homing).
@@ -81,6 +136,24 @@ impl VirtualMotors {
         }
         (Some(entry), false)
     }
+
+    /// The same up to the event at which the driver of an axis says that its motor stalls; `None`: it never does.
+    pub fn play_until_stalled(
+        &mut self,
+        entry: StepEntry,
+        axis: usize,
+        signal: Option<StallSignal>,
+        observer: &mut impl StepObserver,
+    ) -> (Option<StepEntry>, bool) {
+        for (index, event) in (1..).zip(entry.events()) {
+            let before = self.steps.motor_steps();
+            self.steps.play(event, observer);
+            if self.stalls(axis, signal, before) {
+                return (entry.first_events(index), true);
+            }
+        }
+        (Some(entry), false)
+    }
 }
 
 impl EndStops for VirtualMotors {
@@ -89,6 +162,10 @@ impl EndStops for VirtualMotors {
         else {
             return false;
         };
+        // A stall is told by a motor in motion.
+        if self.is_framed(axis) {
+            return false;
+        }
         if stop.at_max { position >= stop.position_10nm } else { position <= stop.position_10nm }
     }
 }

@@ -1,11 +1,14 @@
 //! The board that this is built for: what its file says (`boards/`), as constants and as stores to registers.
 
 use ferrostep_hal_shim::chip::ThermalPins;
-use ferrostep_hal_shim::stepping::{MotorPins, Pin, PinMap};
+use ferrostep_hal_shim::sensor_lines::{SensorLines, SensorPin};
+use ferrostep_hal_shim::stepping::{MotorPins, Pin, PinMap, StepLink};
 
 use crate::pac::{GPIOA, GPIOB, GPIOC, GPIOD, GPIOE, GPIOF, GPIOG};
-use crate::step_timer::{MotorPort, MotorPorts, Motors};
-use crate::stores::{self, Store};
+use crate::step_timer::{self, MotorPort, MotorPorts, Motors};
+use crate::stores;
+pub use crate::stores::Store;
+use crate::volatile::Volatile;
 
 include!(concat!(env!("OUT_DIR"), "/board.rs"));
 
@@ -23,19 +26,52 @@ pub type Ports = (GPIOA, GPIOB, GPIOC, GPIOD, GPIOE, GPIOF, GPIOG);
 
 /// The board's signals. A copy is the same pins.
 #[derive(Clone, Copy)]
-pub struct BoardPins(());
+pub struct BoardPins {
+    sensors: SensorLines,
+}
 
 impl BoardPins {
-    /// Makes the pins what they are to be: heaters and fans off, drivers off, thermistors and the serial line connected.
-    pub fn new(_ports: Ports) -> Self {
+    /// Makes the pins what they are to be: heaters and fans off, drivers off, thermistors and the serial line connected, the
+    /// sensors that axes home with inputs (by the stores of [`SensorLines::start`]).
+    pub fn new(_ports: Ports, sensors: [Option<SensorPin>; 3], set_up: &[Store]) -> Self {
         // SAFETY: stores to ports that are this module's from now on, and of pins that the board's file gives to
         // motors, fans, thermistors and the serial line; `boards/src/registers.rs` makes and tests them.
         unsafe { stores::apply(&PINS) };
-        Self(())
+        // SAFETY: pins that the board's file gives to sensors, and the EXTI, which nobody else has;
+        // `hal-shim/src/sensor_lines.rs` makes the stores and tests them.
+        unsafe { stores::apply(set_up) };
+        Self { sensors: SensorLines::started(sensors) }
+    }
+
+    /// The interrupt of a sensor's line: motion stops if the sensor that an axis seeks has triggered.
+    // Seven interrupts call it.
+    #[inline(never)]
+    pub fn sensed(&self, link: &StepLink) {
+        // SAFETY: what opens and closes lines stores whole registers.
+        let mut registers = unsafe { Volatile::new() };
+        if self.sensors.interrupt(&mut registers) {
+            step_timer::stop_at_sensor(link);
+        }
     }
 }
 
 impl Motors<MOTOR_PORTS> for BoardPins {
+    const HAS_SENSORS: bool = !VIRTUAL_SENSORS;
+
+    fn is_sensor_triggered(&self, axis: usize) -> bool {
+        // SAFETY: a port is only read.
+        self.sensors.is_triggered(axis, &mut unsafe { Volatile::new() })
+    }
+
+    fn watch_sensor(&self, axis: Option<usize>) {
+        // SAFETY: whole registers of the EXTI, which only the lines' interrupt writes besides.
+        let mut registers = unsafe { Volatile::new() };
+        match axis {
+            Some(axis) => self.sensors.open(axis, &mut registers),
+            None => self.sensors.close(&mut registers),
+        }
+    }
+
     fn ports(&self) -> MotorPorts<MOTOR_PORTS> {
         // SAFETY: the ports that the motors are on, which nobody else has.
         MotorPorts(MOTOR_PORT_INDICES.map(|port| unsafe { MotorPort::of(port) }))

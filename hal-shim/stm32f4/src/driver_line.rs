@@ -1,66 +1,93 @@
-//! USART2 on one wire: the line to motor drivers that share it, as on the Prusa MINI's board (PD5).
-//!
-//! The pin is the caller's to set up: USART2's transmitter (alternate function 7), open drain, with a pull-up. In
-//! half-duplex the receiver listens to the same pin (RM0090, section 30.3.10), so that what is sent comes back.
+//! The serial lines to motor drivers: none, USART2 on one wire, or a pin each with TIM7. Their logic is
+//! `ferrostep_hal_shim::tmc2209`'s.
 
-use ferrostep_hal_shim::tmc2209::{LineBusy, LineBytes, SingleWireUart};
+use core::sync::atomic::AtomicU8;
 
-use crate::pac::{RCC, USART2};
+use ferrostep_hal_shim::clock_tree::Clock;
+use ferrostep_hal_shim::tmc2209::{HalfDuplexLine, LineBusy, PinLines, SingleWireUart};
 
-/// The line; its interrupt calls [`Self::interrupt`]. There is one, number 0.
-pub struct DriverLine {
-    usart: USART2,
-    bytes: LineBytes,
+use crate::pac::{Interrupt, TIM7, USART2};
+use crate::volatile::Volatile;
+
+/// Mask of the motors whose drivers are set up. In RAM and by this name, so that a debugger, or a change of the image,
+/// can take drivers away where there is no motor supply; the board's tests do so in an emulator.
+#[used]
+#[unsafe(no_mangle)]
+pub static FERROSTEP_DRIVERS: AtomicU8 = AtomicU8::new(0b1111);
+
+/// What makes the lines of a board. Its interrupt is USART2's or TIM7's.
+pub trait DriverLine: SingleWireUart {
+    /// Their speed.
+    const BAUD: u32;
+    /// The interrupt to be called when a datagram begins, for an emulator's port that does not do so itself.
+    const PENDED: Option<Interrupt> = None;
+    /// Starts them at pins (port, 0 for A, and number): that of the shared line first, or each motor's.
+    fn start(peripherals: (USART2, TIM7), clock: &Clock, pins: [(u8, u8); 4]) -> Self;
+    /// The interrupt.
+    fn interrupt(&mut self);
 }
 
-impl DriverLine {
-    /// Starts the port: half-duplex, 8 bits, no parity, 1 stop bit; the receive interrupt is on. `bus_hz` is the clock of
-    /// APB1.
-    pub fn start(usart: USART2, rcc: &RCC, bus_hz: u32, baud: u32) -> Self {
-        rcc.apb1enr().modify(|_, w| w.usart2en().set_bit());
-        // Sixteenths of the divider, rounded, are what BRR holds; 42 MHz / 9600 baud fit its 16 bits.
-        let divider = (bus_hz + baud / 2) / baud.max(1);
-        // SAFETY: any value is a divider.
-        usart.brr().write(|w| unsafe { w.bits(divider as u16) });
-        usart.cr3().modify(|_, w| w.hdsel().set_bit());
-        usart.cr1().write(|w| w.ue().set_bit().te().set_bit().re().set_bit().rxneie().set_bit());
-        Self { usart, bytes: LineBytes::new() }
+/// A line that all drivers share, on USART2.
+pub type SharedLine = HalfDuplexLine<Volatile>;
+
+impl DriverLine for SharedLine {
+    const BAUD: u32 = 115_200;
+    const PENDED: Option<Interrupt> = Some(Interrupt::USART2);
+
+    fn start(_: (USART2, TIM7), clock: &Clock, pins: [(u8, u8); 4]) -> Self {
+        let [pin, ..] = pins;
+        // SAFETY: USART2 was given up to this; the pin is the line's by the board's file.
+        let registers = unsafe { Volatile::new() };
+        Self::start(registers, pin, clock.slow_bus_hz(), Self::BAUD)
     }
 
-    /// A byte has come, or the transmitter takes one. Must come before the next but one byte: 174 us at 115,200 baud. One
-    /// that is lost, or damaged, shows in the datagram's check sum.
     #[inline]
-    pub fn interrupt(&mut self) {
-        let status = self.usart.sr().read();
-        // Reading status and data clears the overrun, which would otherwise interrupt for ever.
-        if status.rxne().bit_is_set() || status.ore().bit_is_set() {
-            self.bytes.keep(self.usart.dr().read().dr().bits() as u8);
-        }
-        if status.txe().bit_is_set() {
-            match self.bytes.to_send() {
-                Some(byte) => {
-                    self.usart.dr().write(|w| w.dr().set(u16::from(byte)));
-                    self.bytes.has_sent();
-                }
-                None => {
-                    self.usart.cr1().modify(|_, w| w.txeie().clear_bit());
-                }
-            }
-        }
+    fn interrupt(&mut self) {
+        Self::interrupt(self);
     }
 }
 
-impl SingleWireUart for DriverLine {
-    fn send(&mut self, _line: u8, bytes: &[u8], _now_ticks: u32) -> Result<(), LineBusy> {
-        if self.bytes.has_more() || self.usart.sr().read().tc().bit_is_clear() {
-            return Err(LineBusy);
-        }
-        self.bytes.begin(bytes);
-        self.usart.cr1().modify(|_, w| w.txeie().set_bit());
-        Ok(())
+/// A line for each driver, on any pin.
+pub type OwnLines = PinLines<Volatile>;
+
+impl DriverLine for OwnLines {
+    /// As fast as a timer's interrupt can sample it without much of the processor's time: 76,800 interrupts a second while
+    /// a line is in use.
+    const BAUD: u32 = 19_200;
+
+    fn start(_: (USART2, TIM7), clock: &Clock, pins: [(u8, u8); 4]) -> Self {
+        // SAFETY: TIM7 was given up to this; the pins are the lines' by the board's file. Their ports' modes are changed by
+        // nobody else after the start, or by who cannot be interrupted by this.
+        let registers = unsafe { Volatile::new() };
+        Self::start(registers, pins, clock.timer_hz, Self::BAUD)
     }
 
-    fn receive(&mut self, _now_ticks: u32) -> Option<u8> {
-        self.bytes.take()
+    #[inline]
+    fn interrupt(&mut self) {
+        Self::interrupt(self);
+    }
+}
+
+/// No lines: the drivers cannot be set, or the profile does not say to what.
+#[derive(Debug)]
+pub struct NoLine;
+
+impl DriverLine for NoLine {
+    const BAUD: u32 = 1;
+
+    fn start(_: (USART2, TIM7), _: &Clock, _: [(u8, u8); 4]) -> Self {
+        Self
+    }
+
+    fn interrupt(&mut self) {}
+}
+
+impl SingleWireUart for NoLine {
+    fn send(&mut self, _: u8, _: &[u8], _: u32) -> Result<(), LineBusy> {
+        Err(LineBusy)
+    }
+
+    fn receive(&mut self, _: u32) -> Option<u8> {
+        None
     }
 }

@@ -18,6 +18,16 @@ pub trait Motors<const PORTS: usize> {
     fn ports(&self) -> MotorPorts<PORTS>;
     /// Switches on the drivers in the mask, and off the others. Those that share a signal are on while one of them is.
     fn enable(&self, on: u8);
+
+    /// As [`StepOutput::HAS_SENSORS`].
+    const HAS_SENSORS: bool = false;
+
+    /// As [`StepOutput::is_sensor_triggered`].
+    fn is_sensor_triggered(&self, _axis: usize) -> bool {
+        false
+    }
+    /// As [`StepOutput::watch_sensor`].
+    fn watch_sensor(&self, _axis: Option<usize>) {}
 }
 
 /// A port that carries step and direction signals.
@@ -205,6 +215,12 @@ pub fn stop(link: &StepLink) {
     link.request_stop();
 }
 
+/// As [`stop`], for the sensor that an axis seeks.
+pub(crate) fn stop_at_sensor(link: &StepLink) {
+    halt();
+    link.request_sensor_stop();
+}
+
 fn halt() {
     // SAFETY: a store to a register that only the step interrupt writes besides.
     unsafe { &*TIM2::ptr() }.dier().write(|w| w.uie().clear_bit());
@@ -356,6 +372,16 @@ impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> StepOutp
     #[inline]
     fn planning_ends(&mut self) {
         self.meter.end();
+    }
+
+    const HAS_SENSORS: bool = B::HAS_SENSORS;
+
+    fn is_sensor_triggered(&self, axis: usize) -> bool {
+        self.motors.is_sensor_triggered(axis)
+    }
+
+    fn watch_sensor(&mut self, axis: Option<usize>) {
+        self.motors.watch_sensor(axis);
     }
 
     fn make_up_missed(&mut self) -> u32 {

@@ -155,6 +155,10 @@ impl<S: SharedMachine> Motion for SharedMotion<S> {
         self.0.with(|machine| machine.set_motors_enabled(axes, enabled));
     }
 
+    fn take_switched_off(&mut self) -> bool {
+        self.0.with(|machine| machine.take_switched_off())
+    }
+
     fn is_end_stop_triggered(&self, axis: usize) -> bool {
         self.0.with(|machine| machine.is_end_stop_triggered(axis))
     }

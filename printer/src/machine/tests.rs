@@ -1,10 +1,10 @@
 //! The machine against the planner alone, with the step interrupt's own player at the other end of the queue.
 
-use core::cell::RefCell;
+use core::cell::{Cell, RefCell};
 
 use super::*;
 use crate::profile::{
-    AxisHoming, DriverTiming, ExtrusionSettings, FirmwareRetraction, HeaterSettings, HeaterWatch, HomeEnd,
+    AxisHoming, DriverTiming, ExtrusionSettings, FirmwareRetraction, HeaterSettings, HeaterWatch, HomeEnd, HomeSensor,
 };
 use ferrostep_hal_shim::stepping::{
     DroppedSteps, FeedError, NextWords, OutputPorts, Pulses, Signals, StepFeeder, StepLink, StepPlayer, UpdateTimer,
@@ -31,7 +31,8 @@ fn profile() -> Profile {
     };
     let homing = AxisHoming {
         end: HomeEnd::Min,
-        probe: false,
+        sensor: HomeSensor::EndStop,
+        triggers_low: false,
         position_10nm: 0,
         fast_mm_per_s: 50.0,
         slow_mm_per_s: 25.0,
@@ -74,7 +75,16 @@ fn profile() -> Profile {
 /// The step queue of a board whose pins are on one port.
 type Player = StepPlayer<Pulses, 1, 2048>;
 
-struct Queue<'a> {
+/// End stops that trigger at and below a motor's step, and the axis whose interrupt is open.
+#[derive(Default)]
+struct Sensors {
+    trigger_at: Cell<i64>,
+    watched: Cell<Option<usize>>,
+}
+
+/// With or without sensors of its own.
+struct Queue<'a, const SENSORS: bool = false> {
+    sensors: &'a Sensors,
     feeder: StepFeeder<'a, Pulses, 1, 2048>,
     player: &'a Player,
     timer: &'a VirtualUpdateTimer,
@@ -83,7 +93,15 @@ struct Queue<'a> {
     enabled: u8,
 }
 
-impl StepOutput for Queue<'_> {
+impl<const SENSORS: bool> StepOutput for Queue<'_, SENSORS> {
+    const HAS_SENSORS: bool = SENSORS;
+    fn is_sensor_triggered(&self, axis: usize) -> bool {
+        self.port.motor_steps()[axis] <= self.sensors.trigger_at.get()
+    }
+    fn watch_sensor(&mut self, axis: Option<usize>) {
+        self.sensors.watched.set(axis.filter(|_| SENSORS));
+    }
+
     fn queued(&self) -> u32 {
         self.feeder.queued()
     }
@@ -127,7 +145,7 @@ impl StepOutput for Queue<'_> {
     }
 }
 
-impl MotorEnable for Queue<'_> {
+impl<const SENSORS: bool> MotorEnable for Queue<'_, SENSORS> {
     fn set_motors_enabled(&mut self, axes: u8, enabled: bool) {
         self.enabled = if enabled { self.enabled | axes } else { self.enabled & !axes };
     }
@@ -135,6 +153,7 @@ impl MotorEnable for Queue<'_> {
 
 /// The far end of the queue: the step interrupt, and motors that count what the pins do.
 struct Interrupt<'a> {
+    sensors: &'a Sensors,
     player: &'a Player,
     timer: &'a VirtualUpdateTimer,
     port: &'a VirtualPort<'a>,
@@ -148,6 +167,14 @@ impl Interrupt<'_> {
         if self.timer.is_called() {
             self.timer.interrupt(self.player, &mut self.next.borrow_mut(), self.port);
         }
+        if let Some(axis) = self.sensors.watched.get()
+            && self.motor_steps()[axis] <= self.sensors.trigger_at.get()
+        {
+            // The edge: it comes once.
+            self.sensors.watched.set(None);
+            self.timer.mask();
+            self.player.link().request_sensor_stop();
+        }
     }
 
     fn motor_steps(&self) -> [i64; 4] {
@@ -159,18 +186,23 @@ impl Interrupt<'_> {
     }
 }
 
-type TestMachine<'a> = Machine<Vec<Slot>, Queue<'a>>;
+type TestMachine<'a, const SENSORS: bool = false> = Machine<Vec<Slot>, Queue<'a, SENSORS>>;
 
 /// Runs `test` with a machine and the interrupt that plays its steps.
-fn with_machine<T>(look_ahead: usize, test: impl FnOnce(TestMachine<'_>, Interrupt<'_>) -> T) -> T {
+fn with_machine<T, const SENSORS: bool>(
+    look_ahead: usize,
+    test: impl FnOnce(TestMachine<'_, SENSORS>, Interrupt<'_>) -> T,
+) -> T {
+    let sensors = Sensors::default();
     let (player, timer) = (Box::new(Player::new()), VirtualUpdateTimer::default());
     let port = VirtualPort::new(&timer, false);
     let signals = Signals { pulse_ticks: 84, direction_setup_ticks: 17 };
     let next = RefCell::new(NextWords::NONE);
     let feeder = StepFeeder::new(&player, VirtualPort::pins(), signals);
-    let queue = Queue { feeder, player: &player, timer: &timer, port: &port, next: &next, enabled: 0 };
+    let queue =
+        Queue { sensors: &sensors, feeder, player: &player, timer: &timer, port: &port, next: &next, enabled: 0 };
     let machine = Machine::new(&profile(), vec![Slot::EMPTY; look_ahead], queue);
-    test(machine, Interrupt { player: &player, timer: &timer, port: &port, next: &next })
+    test(machine, Interrupt { sensors: &sensors, player: &player, timer: &timer, port: &port, next: &next })
 }
 
 fn travel(x_mm: i64, y_mm: i64) -> Move {
@@ -183,7 +215,7 @@ fn travel(x_mm: i64, y_mm: i64) -> Move {
     }
 }
 
-fn run_until_idle(machine: &mut TestMachine<'_>, interrupt: &mut Interrupt<'_>) {
+fn run_until_idle<const SENSORS: bool>(machine: &mut TestMachine<'_, SENSORS>, interrupt: &mut Interrupt<'_>) {
     for _ in 0..1_000_000 {
         if machine.is_idle() {
             return;
@@ -220,7 +252,7 @@ proptest! {
         planner.flush();
         while planner.advance(&mut plain) == Progress::Worked {}
 
-        with_machine(look_ahead, |mut machine, mut interrupt| {
+        with_machine(look_ahead, |mut machine: TestMachine<'_>, mut interrupt| {
             for (index, &(x, y)) in corners.iter().enumerate() {
                 for _ in 0..updates[index % updates.len()] {
                     interrupt.update();
@@ -245,7 +277,7 @@ proptest! {
     fn after_a_stop_the_position_is_where_the_motors_stand(
         corners in proptest::collection::vec((0i64..30, 0i64..30), 1..20), updates in 0usize..6000,
     ) {
-        with_machine(32, |mut machine, mut interrupt| {
+        with_machine(32, |mut machine: TestMachine<'_>, mut interrupt| {
             for &(x, y) in &corners {
                 let _ = machine.add(&travel(x, y)).unwrap();
             }
@@ -278,7 +310,7 @@ proptest! {
 
 #[test]
 fn a_lone_move_waits_for_more_until_the_host_has_been_silent() {
-    with_machine(8, |mut machine, mut interrupt| {
+    with_machine(8, |mut machine: TestMachine<'_>, mut interrupt| {
         assert_eq!(machine.add(&travel(1, 0)), Ok(Moved::Queued));
         assert_eq!(machine.queue.enabled, ALL);
         for _ in 0..100 {
@@ -296,7 +328,7 @@ fn a_lone_move_waits_for_more_until_the_host_has_been_silent() {
 
 #[test]
 fn blocks_leave_early_only_when_steps_run_out_in_motion() {
-    with_machine(8, |mut machine, mut interrupt| {
+    with_machine(8, |mut machine: TestMachine<'_>, mut interrupt| {
         // Straight on, so that no block ends at standstill.
         // One more than the ring holds: the newest may still grow, and stays outside.
         for x in 1..=9 {
@@ -329,7 +361,7 @@ fn blocks_leave_early_only_when_steps_run_out_in_motion() {
 
 #[test]
 fn a_seek_ends_at_the_event_that_triggers() {
-    with_machine(8, |mut machine, mut interrupt| {
+    with_machine(8, |mut machine: TestMachine<'_>, mut interrupt| {
         // The head truly stands at 60 mm, where the machine believes 0.
         let _ = machine.add(&travel(-100, 0)).unwrap();
         machine.begin_seek(0);
@@ -355,7 +387,7 @@ fn a_seek_ends_at_the_event_that_triggers() {
 
 #[test]
 fn the_fan_changes_between_the_moves_around_it() {
-    with_machine(8, |mut machine, mut interrupt| {
+    with_machine(8, |mut machine: TestMachine<'_>, mut interrupt| {
         assert!(machine.add_fan_power(10));
         assert_eq!(machine.fan_power(), 10);
         let _ = machine.add(&travel(1, 0)).unwrap();
@@ -373,5 +405,96 @@ fn the_fan_changes_between_the_moves_around_it() {
         assert!((1..=80).contains(&before), "{before}");
         run_until_idle(&mut machine, &mut interrupt);
         assert_eq!(interrupt.motor_steps()[0], 160);
+    });
+}
+
+#[test]
+fn a_sensor_of_the_board_stops_the_motors_where_they_stand() {
+    with_machine(32, |mut machine: TestMachine<'_, true>, mut interrupt| {
+        // Fast, on steps that are queued far ahead: it triggers 1.5 mm on its way.
+        interrupt.sensors.trigger_at.set(-120);
+        machine.add(&travel(-30, 0)).unwrap();
+        machine.begin_seek(0);
+        assert_eq!(interrupt.sensors.watched.get(), Some(0));
+        let mut planned = 0;
+        while machine.take_sought().is_none_or(|sought| {
+            assert_eq!(sought, Seek::Triggered);
+            false
+        }) {
+            machine.work(NO_SILENCE);
+            planned = planned.min(machine.motor_steps()[0]);
+            interrupt.update();
+        }
+        assert!(planned < -1000, "{planned}");
+        // Not one step after the one that triggered, and that is what the machine says.
+        assert_eq!((interrupt.motor_steps()[0], machine.motor_steps()[0]), (-120, -120));
+        assert_eq!((machine.position_10nm()[0], machine.stops()), (-150_000, 0));
+        assert_eq!(interrupt.sensors.watched.get(), None);
+        // Away from it, and towards it again from its released side.
+        machine.add(&travel(3, 0)).unwrap();
+        machine.flush();
+        run_until_idle(&mut machine, &mut interrupt);
+        assert_eq!(interrupt.motor_steps()[0], 240);
+        // It is triggered already: nothing moves.
+        interrupt.sensors.trigger_at.set(1000);
+        machine.add(&travel(-30, 0)).unwrap();
+        machine.begin_seek(0);
+        assert_eq!(machine.take_sought(), Some(Seek::Triggered));
+        run_until_idle(&mut machine, &mut interrupt);
+        assert_eq!((interrupt.motor_steps()[0], interrupt.sensors.watched.get()), (240, None));
+        // It never triggers.
+        interrupt.sensors.trigger_at.set(-10_000);
+        machine.add(&travel(0, 0)).unwrap();
+        machine.begin_seek(0);
+        run_until_idle(&mut machine, &mut interrupt);
+        assert_eq!(machine.take_sought(), Some(Seek::Missed));
+        assert_eq!((interrupt.motor_steps()[0], interrupt.sensors.watched.get()), (0, None));
+    });
+}
+
+#[test]
+fn somebody_s_stop_during_a_seek_is_not_the_sensor_s() {
+    with_machine(32, |mut machine: TestMachine<'_, true>, mut interrupt| {
+        interrupt.sensors.trigger_at.set(-10_000);
+        machine.add(&travel(-30, 0)).unwrap();
+        machine.begin_seek(0);
+        for _ in 0..100 {
+            machine.work(NO_SILENCE);
+            interrupt.update();
+        }
+        machine.request_stop();
+        // The sensor comes too late.
+        interrupt.player.link().request_sensor_stop();
+        machine.work(NO_SILENCE);
+        assert_eq!((machine.stops(), machine.take_sought()), (1, None));
+        assert_eq!(interrupt.sensors.watched.get(), None);
+        assert_eq!(machine.motor_steps(), interrupt.motor_steps());
+    });
+}
+
+#[test]
+fn motors_that_rest_are_switched_off() {
+    with_machine(8, |mut machine: TestMachine<'_>, mut interrupt| {
+        let timeout = Some(1000);
+        // Nothing is on.
+        assert!(!machine.rest(0, timeout) && !machine.rest(5000, timeout));
+        let _ = machine.add(&travel(1, 0)).unwrap();
+        machine.flush();
+        machine.work(NO_SILENCE);
+        // In motion, whatever the time.
+        assert!(!machine.rest(6000, timeout) && !machine.rest(60_000, timeout));
+        run_until_idle(&mut machine, &mut interrupt);
+        // A clock that wraps; a reason to stay begins the rest anew.
+        let start = u32::MAX - 500;
+        assert!(!machine.rest(start, timeout) && !machine.rest(start.wrapping_add(999), timeout));
+        assert!(!machine.rest(start.wrapping_add(1500), None) && !machine.rest(2000, timeout));
+        assert!(!machine.rest(2999, timeout));
+        assert_eq!((machine.queue.enabled, machine.take_switched_off()), (ALL, false));
+        assert!(machine.rest(3000, timeout));
+        assert_eq!((machine.queue.enabled, machine.take_switched_off(), machine.take_switched_off()), (0, true, false));
+        assert!(!machine.rest(9000, timeout));
+        // The next move switches them on again.
+        let _ = machine.add(&travel(2, 0)).unwrap();
+        assert_eq!(machine.queue.enabled, ALL);
     });
 }

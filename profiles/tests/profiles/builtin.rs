@@ -3,7 +3,9 @@
 use ferrostep_hal_shim::thermistor::{Thermistor, ThermistorType};
 use ferrostep_hal_shim::tmc2209::DriverSettings;
 use ferrostep_planner::{Kinematics, Limits, StepsPerMm};
-use ferrostep_printer::{AxisHoming, DriverTiming, FirmwareRetraction, HeaterSettings, HeaterWatch, HomeEnd, Profile};
+use ferrostep_printer::{
+    AxisHoming, DriverTiming, FirmwareRetraction, HeaterSettings, HeaterWatch, HomeEnd, HomeSensor, Profile,
+};
 use ferrostep_profiles::{Problem, builtin_names, builtin_text, load};
 
 const MM: i64 = 100_000;
@@ -16,7 +18,7 @@ struct Expected {
     steps_per_mm: [f64; 4],
     limits: Limits,
     jerk_mm_per_s3: f64,
-    homes: [(HomeEnd, bool, i64); 3],
+    homes: [(HomeEnd, HomeSensor, i64); 3],
 }
 
 fn check(expected: &Expected) -> Profile {
@@ -27,8 +29,8 @@ fn check(expected: &Expected) -> Profile {
     assert_eq!(profile.steps_per_mm, expected.steps_per_mm.map(|steps| StepsPerMm::from_f64(steps).unwrap()));
     assert_eq!(profile.limits, expected.limits);
     assert_eq!(profile.motion.jerk_mm_per_s3, expected.jerk_mm_per_s3);
-    for (homing, (end, probe, position_mm)) in profile.homing.iter().zip(expected.homes) {
-        assert_eq!((homing.end, homing.probe, homing.position_10nm), (end, probe, position_mm * MM));
+    for (homing, (end, sensor, position_mm)) in profile.homing.iter().zip(expected.homes) {
+        assert_eq!((homing.end, homing.sensor, homing.position_10nm), (end, sensor, position_mm * MM));
     }
     // 2 us at 84 MHz.
     assert_eq!(profile.minimum_event_interval_ticks, 168);
@@ -67,14 +69,19 @@ fn cartesian_is_as_designed() {
             junction_deviation_mm: 0.1,
         },
         jerk_mm_per_s3: 10_000.0,
-        homes: [(HomeEnd::Min, false, 0), (HomeEnd::Min, false, 0), (HomeEnd::Min, false, 0)],
+        homes: [
+            (HomeEnd::Min, HomeSensor::EndStop, 0),
+            (HomeEnd::Min, HomeSensor::EndStop, 0),
+            (HomeEnd::Min, HomeSensor::EndStop, 0),
+        ],
     });
     // The conversions that the table has no column for, once each.
     assert_eq!(
         profile.homing[2],
         AxisHoming {
             end: HomeEnd::Min,
-            probe: false,
+            sensor: HomeSensor::EndStop,
+            triggers_low: false,
             position_10nm: 0,
             fast_mm_per_s: 4.0,
             slow_mm_per_s: 2.0,
@@ -120,7 +127,11 @@ fn corexy_is_as_designed() {
             junction_deviation_mm: 0.02,
         },
         jerk_mm_per_s3: 300_000.0,
-        homes: [(HomeEnd::Max, false, 300), (HomeEnd::Max, false, 300), (HomeEnd::Min, false, 0)],
+        homes: [
+            (HomeEnd::Max, HomeSensor::EndStop, 300),
+            (HomeEnd::Max, HomeSensor::EndStop, 300),
+            (HomeEnd::Min, HomeSensor::EndStop, 0),
+        ],
     });
 }
 
@@ -140,7 +151,11 @@ fn prusa_mini_is_as_designed() {
             junction_deviation_mm: 0.05,
         },
         jerk_mm_per_s3: 15_000.0,
-        homes: [(HomeEnd::Max, false, 180), (HomeEnd::Min, false, 0), (HomeEnd::Min, true, 0)],
+        homes: [
+            (HomeEnd::Max, HomeSensor::Stall, 180),
+            (HomeEnd::Min, HomeSensor::Stall, 0),
+            (HomeEnd::Min, HomeSensor::Probe, 0),
+        ],
     });
     let x = DriverSettings {
         current_ma: 350,
@@ -149,11 +164,12 @@ fn prusa_mini_is_as_designed() {
         interpolate: true,
         stealth_chop: true,
         stealth_until: 0,
-        stall_threshold: 0,
+        stall_threshold: 130,
         both_edges: false,
     };
-    let e = DriverSettings { current_ma: 400, ..x };
-    assert_eq!(profile.drivers, [Some(x), Some(x), Some(x), Some(e)]);
+    let z = DriverSettings { stall_threshold: 0, ..x };
+    let e = DriverSettings { current_ma: 400, ..z };
+    assert_eq!(profile.drivers, [Some(x), Some(x), Some(z), Some(e)]);
 }
 
 #[test]

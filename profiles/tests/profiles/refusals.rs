@@ -153,7 +153,7 @@ fn errors_read_as_they_should() {
         error_after("slow_mm_per_s = 2\n", "slow_mm_per_second = 2\n"),
         format!(
             "test.toml:{}: unknown key \"homing.z.slow_mm_per_second\", expected one of \"end\", \"sensor\", \
-             \"position_mm\", \"fast_mm_per_s\", \"slow_mm_per_s\", \"back_off_mm\"",
+             \"triggers_low\", \"position_mm\", \"fast_mm_per_s\", \"slow_mm_per_s\", \"back_off_mm\"",
             line("[homing.z]") + 5
         )
     );
@@ -208,6 +208,32 @@ fn homing_keeps_to_the_axis_and_its_speed() {
     assert_conflict("cartesian", "fast_mm_per_s = 4", "fast_mm_per_s = 10.5", "homing.z.fast_mm_per_s");
     assert_conflict("cartesian", "slow_mm_per_s = 25", "slow_mm_per_s = 51", "homing.x.slow_mm_per_s");
     assert_conflict("cartesian", "\"end-stop\"\n", "\"probe\"\n", "homing.x.sensor");
+}
+
+#[test]
+fn homing_by_stall_has_a_driver_that_tells_and_a_motor_that_is_fast_enough() {
+    // Z is no matter of force, and a machine without such drivers has no signal.
+    assert_conflict("prusa-mini", "\"probe\"\n", "\"stall\"\n", "homing.z.sensor");
+    assert_conflict("cartesian", "\"end-stop\"\n", "\"stall\"\n", "homing.x.sensor");
+    assert_conflict("prusa-mini", "\"stall\"\n", "\"stall\"\ntriggers_low = true\n", "homing.x.sensor");
+    assert_conflict("prusa-mini", "stealth_chop = true\n", "stealth_chop = false\n", "homing.x.sensor");
+    assert_conflict("prusa-mini", "stall_threshold = 130", "stall_threshold = 0", "drivers.x.stall_threshold");
+    // 200 full steps of 16 microsteps at 100 steps/mm.
+    assert_conflict("prusa-mini", "slow_mm_per_s = 40", "slow_mm_per_s = 31.9", "homing.x.slow_mm_per_s");
+    let (from, to) = ("spread_cycle_above_mm_per_s = 0\n", "spread_cycle_above_mm_per_s = 50\n");
+    assert_conflict("prusa-mini", from, to, "drivers.x.spread_cycle_above_mm_per_s");
+    // 40 mm/s at 1250 mm/s^2 take 0.64 mm.
+    assert_conflict("prusa-mini", "back_off_mm = 5", "back_off_mm = 1.2", "homing.x.back_off_mm");
+    let text = builtin_text("prusa-mini").unwrap();
+    for (from, to) in [
+        ("slow_mm_per_s = 40", "slow_mm_per_s = 32"),
+        (from, "spread_cycle_above_mm_per_s = 51\n"),
+        ("back_off_mm = 5", "back_off_mm = 1.3"),
+        ("\"probe\"\n", "\"probe\"\ntriggers_low = true\n"),
+    ] {
+        assert!(text.contains(from), "{from}");
+        parse(&text.replacen(from, to, 1), "test.toml").unwrap();
+    }
 }
 
 #[test]
@@ -372,7 +398,7 @@ fn settings_of_drivers_are_checked() {
         ("stealth_chop = true", "stealth_chop = \"on\"", "drivers.x.stealth_chop"),
         ("mm_per_s = 0", "mm_per_s = -1", "drivers.x.spread_cycle_above_mm_per_s"),
         ("mm_per_s = 0", "mm_per_s = inf", "drivers.x.spread_cycle_above_mm_per_s"),
-        ("stall_threshold = 0", "stall_threshold = 256", "drivers.x.stall_threshold"),
+        ("stall_threshold = 130", "stall_threshold = 256", "drivers.x.stall_threshold"),
         ("[drivers.x]", "[drivers.a]", "drivers.a"),
     ] {
         let error = with(from, to).unwrap_err();
@@ -387,7 +413,7 @@ fn settings_of_drivers_are_checked() {
     let changed = with("mm_per_s = 0", "mm_per_s = 100").unwrap().drivers;
     assert_eq!(changed[0].unwrap().stealth_until, 75);
     assert_eq!(changed[1].unwrap().stealth_until, 0);
-    let without = parse(&text[..x], "test.toml").unwrap().drivers;
+    let without = parse(&text[..x].replace("\"stall\"\n", "\"end-stop\"\n"), "test.toml").unwrap().drivers;
     assert_eq!(without, [None; 4]);
     let edges = text.replace("both_edges = false", "both_edges = true");
     assert!(parse(&edges, "test.toml").unwrap().drivers[3].unwrap().both_edges);

@@ -12,6 +12,7 @@ use std::time::Instant;
 use object::{Object, ObjectSection};
 
 use super::debugger::Debugger;
+use super::drivers;
 use super::host::Port;
 
 /// The program. Version 7.2 is known to work.
@@ -70,7 +71,7 @@ pub struct Machine {
 }
 
 impl Machine {
-    /// Starts an image; its logs go into `folder`. One that does not begin where flash does gets a boot loader that does
+    /// Starts an image, with motor drivers on USART2; its logs go into `folder`. One that does not begin where flash does gets a boot loader that does
     /// nothing but jump to it.
     ///
     /// # Errors
@@ -80,6 +81,7 @@ impl Machine {
         let debugger_port = free_port()?;
         let mut command = Command::new(EMULATOR);
         command.args(["-icount", sleep.icount()]).args(ARGUMENTS).arg(&pin_log).arg("-kernel").arg(image);
+        command.arg("-serial").arg(format!("tcp:127.0.0.1:{}", drivers::start()?));
         command.arg("-gdb").arg(format!("tcp:127.0.0.1:{debugger_port}"));
         if let Some(jump) = jump_to(image)? {
             let path = folder.join("boot-loader.bin");

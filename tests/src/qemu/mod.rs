@@ -5,6 +5,7 @@
 //! [`Debugger`] what a stray jump or a stack that has run over would do to it.
 
 mod debugger;
+mod drivers;
 mod host;
 mod machine;
 mod noise;

@@ -19,5 +19,6 @@ mod programs;
 mod refusals;
 mod repeats;
 mod reports;
+mod stall;
 mod waits;
 mod waveform;

@@ -121,10 +121,12 @@ fn end_stops() {
         };
         assert_eq!(conversation.say("M119"), expect(["open"; 3]), "{name}");
         conversation.say("G28 X Z");
-        assert_eq!(conversation.say("M119"), expect(["TRIGGERED", "open", "TRIGGERED"]), "{name}");
+        // A stall is over when the motor stands.
+        let x = if name == "prusa-mini" { "open" } else { "TRIGGERED" };
+        assert_eq!(conversation.say("M119"), expect([x, "open", "TRIGGERED"]), "{name}");
         conversation.say("G1 Z2 F300");
         conversation.say("M400");
-        assert_eq!(conversation.say("M119"), expect(["TRIGGERED", "open", "open"]), "{name}");
+        assert_eq!(conversation.say("M119"), expect([x, "open", "open"]), "{name}");
     }
 }
 

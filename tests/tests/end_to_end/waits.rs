@@ -25,7 +25,7 @@ fn at(when_s: f64, mut act: impl FnMut(&Machine)) -> impl FnMut(&Machine) {
 /// M112 as it is acted on when its bytes arrive: heat, motion, then the flag.
 fn emergency_stop(machine: &Machine) {
     DeskHeating { desk: machine.desk() }.all_off();
-    DeskMotion { desk: machine.desk(), signals: machine.signals() }.stop();
+    DeskMotion { desk: machine.desk(), drivers: machine.drivers(), signals: machine.signals() }.stop();
     machine.signals().halt();
 }
 

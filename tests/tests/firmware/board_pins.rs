@@ -104,15 +104,9 @@ fn nothing_is_switched_on_between_reset_and_the_first_command() {
 }
 
 #[test]
-fn a_printer_board_says_what_it_cannot_do() {
+fn what_is_off_stays_off() {
     for board in BOARDS.iter().filter(|board| board.is_printer()) {
         let mut bench = Bench::boot_board(board);
-        for (command, missing) in [("G28", "end stops"), ("G28 X", "end stops"), ("M119", "end stops")] {
-            let answer = bench.host.ask(command, "echo:line").unwrap();
-            let expected = format!("the firmware does not use this board's {missing} yet");
-            assert!(answer.ends_with(&expected), "{}: {command}: {answer}", board.name);
-        }
-        // Off is what they are, and stay.
         for command in ["M104 S0", "M140 S0", "M109 S0", "M107", "M106 S0"] {
             bench.host.send(command).unwrap();
         }
@@ -121,6 +115,56 @@ fn a_printer_board_says_what_it_cannot_do() {
         assert_no_timer_heats(board, &mut bench);
         assert!(!board.fans.iter().any(|name| state.is_high(pin(name))), "{}: a fan is on", board.name);
     }
+}
+
+#[test]
+fn drivers_are_set_up_by_the_image_before_anything_moves() {
+    let board = BOARDS.iter().find(|board| board.name == "prusa-buddy").unwrap();
+    let mut bench = Bench::boot_board(board);
+    // A move waits until the drivers have confirmed.
+    for line in ["G91", "G1 X1 F1200", "M400"] {
+        bench.host.send(line).unwrap();
+    }
+    assert_eq!(displacement(board, &bench.port_writes()), [100, 0, 0, 0]);
+    for (motor, current, threshold) in
+        [("X", "348 mA", 130), ("Y", "348 mA", 130), ("Z", "348 mA", 0), ("E", "398 mA", 0)]
+    {
+        let line = bench.host.ask("M122", &format!("echo:driver {motor}:")).unwrap();
+        let expected =
+            format!("confirmed, {current}, {current} at rest, 16 microsteps, stealthChop, stall threshold {threshold}");
+        assert!(line.contains(&expected), "{line}");
+    }
+    bench.host.send("M906 X300").unwrap();
+    let line = bench.host.ask("M906", "echo:driver X:").unwrap();
+    assert!(line.starts_with("echo:driver X: 300 mA"), "{line}");
+    // The emulator's pins are low, so no sensor triggers.
+    let line = bench.host.ask("M119", "x_max").unwrap();
+    assert_eq!(line, "x_max: open");
+    let line = bench.host.ask("G28 X", "echo:line").unwrap();
+    assert!(
+        line.ends_with("homing X failed: its end stop did not trigger, expected it within the axis' length"),
+        "{line}"
+    );
+    // Back 5 mm, and then one and a half times the axis.
+    assert_eq!(displacement(board, &bench.port_writes()), [100 - 500 + 27_000, 0, 0, 0]);
+}
+
+#[test]
+fn a_driver_that_does_not_answer_is_named_and_the_rest_goes_on() {
+    let board = BOARDS.iter().find(|board| board.own_lines).unwrap();
+    let mut bench = Bench::boot_image(&image_of(board.name));
+    for command in ["G1 X1 F1200", "G28"] {
+        bench.host.send_raw(format!("{command}\n").as_bytes()).unwrap();
+        let line = bench.host.wait_for(command, |line| line.starts_with("echo:line")).unwrap();
+        let expected = "driver X does not answer: nothing is heard on its serial line, not even what is sent; is the motor supply on?";
+        assert!(line.ends_with(expected), "{command}: {line}");
+    }
+    let line = bench.host.ask("M122", "echo:driver X: ").unwrap();
+    assert!(line.contains("failed"), "{line}");
+    // Nothing has moved, and what needs no driver works.
+    assert_eq!(displacement(board, &bench.port_writes()), [0; 4]);
+    let line = bench.host.ask("M115", "FIRMWARE_NAME").unwrap();
+    assert!(line.contains("COREXY"), "{line}");
 }
 
 /// Where the motors have come to, in steps.
@@ -167,6 +211,33 @@ fn each_motor_steps_by_its_own_pins() {
         bench.host.send("M84").unwrap();
         assert_all_off(board, &state_after(board, &bench.port_writes(), true));
     }
+}
+
+#[test]
+fn motors_that_rest_are_switched_off_and_their_axes_not_homed() {
+    let board = &BOARDS[0];
+    let mut bench = Bench::boot_image(&image_of(board.name));
+    // 2 s by the image's clock, which is fast here. Homed, Z is kept above 0.
+    for line in ["M84 S2", "G28", "G1 X5 F6000", "G1 Z-3", "M400"] {
+        bench.host.send(line).unwrap();
+    }
+    let z = |bench: &mut Bench| displacement(board, &bench.port_writes())[2];
+    let homed_z = z(&mut bench);
+    // A dwell is no rest.
+    bench.host.send("G4 S4").unwrap();
+    assert!(!state_after(board, &bench.port_writes(), true).is_high(pin(board.enable[0])));
+    let line = bench.host.wait_for("switched off", |line| line.contains("switched off")).unwrap();
+    assert_eq!(line, "echo:motors switched off after a rest (M84 S), home before the next move");
+    assert_all_off(board, &state_after(board, &bench.port_writes(), true));
+    for line in ["M84 S0", "G1 Z-1", "M400"] {
+        bench.host.send(line).unwrap();
+    }
+    // No longer homed: nothing holds Z.
+    assert_eq!(z(&mut bench) - homed_z, -board.steps_per_mm[2]);
+    // Never again.
+    let heard = bench.host.listen(Duration::from_millis(1500)).unwrap();
+    assert!(heard.is_empty(), "{heard:?}");
+    assert!(!state_after(board, &bench.port_writes(), true).is_high(pin(board.enable[0])));
 }
 
 /// Lets the motors move, then something go wrong as soon as the processor goes on, and checks what comes of it.

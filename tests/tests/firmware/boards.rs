@@ -25,6 +25,8 @@ pub struct BoardFacts {
     pub enable: [&'static str; 4],
     /// Enable pins of the other sockets.
     pub spare: &'static [&'static str],
+    /// Whether each driver has a line of its own, at any pin.
+    pub own_lines: bool,
     /// Heaters; high = on. Those of nozzle and bed are the first.
     pub heaters: &'static [&'static str],
     /// Compare registers of the timer that drives nozzle and bed, if one does.
@@ -48,6 +50,7 @@ pub const BOARDS: [BoardFacts; 3] = [
         core_xy: false,
         enable: ["C8"; 4],
         spare: &[],
+        own_lines: false,
         heaters: &[],
         heater_timers: None,
         full_fan: "",
@@ -64,6 +67,7 @@ pub const BOARDS: [BoardFacts; 3] = [
         core_xy: false,
         enable: ["D3", "D14", "D2", "D10"],
         spare: &[],
+        own_lines: false,
         heaters: &["B1", "B0"],
         // TIM3, channels 4 and 3.
         heater_timers: Some([0x4000_0440, 0x4000_043c]),
@@ -81,6 +85,7 @@ pub const BOARDS: [BoardFacts; 3] = [
         core_xy: true,
         enable: ["F14", "F15", "G5", "G2"],
         spare: &["A0", "F1", "D4", "E0"],
+        own_lines: true,
         heaters: &["A2", "A1", "A3", "B10", "B11"],
         heater_timers: None,
         full_fan: "timer[1]: unimplemented device write (size 4, offset 0x034, value 0x000003e8)",

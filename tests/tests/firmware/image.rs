@@ -7,6 +7,7 @@ use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::Duration;
 
 use ferrostep_tests::qemu::{EMULATOR, Host, Machine, PinLog, Pins, PortWrite, Sleep};
+use object::{Object, ObjectSection, ObjectSymbol};
 use tempfile::TempDir;
 
 use crate::boards::BoardFacts;
@@ -50,6 +51,18 @@ fn built_image(board: &str) -> PathBuf {
     PathBuf::from(text.lines().next().unwrap())
 }
 
+/// The image with `FERROSTEP_DRIVERS`, the mask of the drivers that are set up, at 0 where its initial value lies.
+fn without_drivers(image: &[u8]) -> Vec<u8> {
+    let file = object::File::parse(image).unwrap();
+    let symbol = file.symbols().find(|symbol| symbol.name() == Ok("FERROSTEP_DRIVERS")).unwrap();
+    let section = file.section_by_index(symbol.section_index().unwrap()).unwrap();
+    let (offset, _) = section.file_range().unwrap();
+    let place = (offset + symbol.address() - section.address()) as usize;
+    let mut changed = image.to_vec();
+    assert_eq!(std::mem::take(&mut changed[place]), 0b1111);
+    changed
+}
+
 /// A running image with a host connected to it.
 pub struct Bench {
     /// The host.
@@ -75,11 +88,20 @@ impl Bench {
         Self::start(image, Sleep::RealTime)
     }
 
-    /// Boots a board's image. On a printer board thermistors of the test's stand in for the converter.
+    /// Boots a board's image so that it heats and moves its motors. On a printer board thermistors of the test's stand in
+    /// for the converter; where drivers hang on pins, which the emulator does not have, the image is told that there are
+    /// none.
     pub fn boot_board(board: &BoardFacts) -> Self {
         let folder = tempfile::tempdir().unwrap();
-        let image = image_of(board.name);
-        let image = if board.is_printer() { with_thermistors(&image, folder.path()) } else { image };
+        let mut image = image_of(board.name);
+        if board.is_printer() {
+            image = with_thermistors(&image, folder.path());
+        }
+        if board.own_lines {
+            let bytes = without_drivers(&std::fs::read(&image).unwrap());
+            image = folder.path().join("without-drivers.elf");
+            std::fs::write(&image, bytes).unwrap();
+        }
         Self::boot_image(&image)
     }
 

@@ -89,15 +89,8 @@ mod app {
     ])]
     fn init(cx: init::Context) -> (Shared, Local) {
         let device = cx.device;
-        let ports = Ports::new(&BoardPins::new((
-            device.GPIOA,
-            device.GPIOB,
-            device.GPIOC,
-            device.GPIOD,
-            device.GPIOE,
-            device.GPIOF,
-            device.GPIOG,
-        )));
+        let ports = (device.GPIOA, device.GPIOB, device.GPIOC, device.GPIOD, device.GPIOE, device.GPIOF, device.GPIOG);
+        let ports = Ports::new(&BoardPins::new(ports, [None; 3], &[]));
         let clock = MotionClock::start(device.TIM5, &device.RCC);
         let (Some(print), Some(of_one), Some(of_two), Some(of_three), Some(edges), Some(pulses)) = (
             queue::start(&device.RCC, ports, &STEPS, Interrupt::SPI3),

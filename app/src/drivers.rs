@@ -1,0 +1,81 @@
+//! The motors' drivers as the printer sees them, and their line as the drivers' own code does: views of what tasks share.
+
+use core::cell::RefCell;
+use core::fmt;
+use core::sync::atomic::Ordering;
+
+use ferrostep_hal_shim::clock_tree::{Clock, ClockSource};
+use ferrostep_hal_shim::tmc2209::{DriverBank, DriverReport, DriverSettings, DriverState, LineTiming, SettingsError};
+#[cfg(drivers)]
+use ferrostep_hal_shim::tmc2209::{LineBusy, SingleWireUart};
+use ferrostep_printer::MotorDrivers;
+use ferrostep_stm32f4::driver_line::{DriverLine, FERROSTEP_DRIVERS};
+use rtic::Mutex;
+
+use crate::profile::{BoardDriverLine, DRIVER_WIRING, PROFILE};
+
+/// On the bare internal oscillator the line is waited for as if it were this slow: that is also an emulator's clock, and there
+/// time may run many times faster than that of whoever answers.
+const PATIENT_BAUD: u32 = 200;
+
+/// The profile's drivers, not set up yet. Their clock is the motion clock's.
+pub fn bank(clock: &Clock, now_ticks: u32) -> DriverBank {
+    let present = FERROSTEP_DRIVERS.load(Ordering::Relaxed);
+    let mut drivers = [None; 4];
+    for (motor, driver) in drivers.iter_mut().enumerate().filter(|(motor, _)| present >> motor & 1 == 1) {
+        let settings = PROFILE.drivers.get(motor).copied().flatten();
+        *driver = settings.zip(DRIVER_WIRING.get(motor).copied().flatten());
+    }
+    let baud = if clock.source == ClockSource::Internal { PATIENT_BAUD } else { BoardDriverLine::BAUD };
+    DriverBank::new(drivers, LineTiming::new(clock.timer_hz, baud), now_ticks)
+}
+
+#[cfg(drivers)]
+/// The line; each call into it keeps its interrupt out.
+pub struct Line<'a, L>(pub &'a mut L);
+
+#[cfg(drivers)]
+impl<L: Mutex<T = BoardDriverLine>> SingleWireUart for Line<'_, L> {
+    fn send(&mut self, line: u8, bytes: &[u8], now_ticks: u32) -> Result<(), LineBusy> {
+        let sent = self.0.lock(|uart| uart.send(line, bytes, now_ticks));
+        if let Some(interrupt) = BoardDriverLine::PENDED {
+            rtic::pend(interrupt);
+        }
+        sent
+    }
+
+    fn receive(&mut self, now_ticks: u32) -> Option<u8> {
+        self.0.lock(|uart| uart.receive(now_ticks))
+    }
+}
+
+/// The drivers, as the task that executes commands shares them.
+pub struct BoardDrivers<B>(pub RefCell<B>);
+
+impl<B> fmt::Debug for BoardDrivers<B> {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.write_str("BoardDrivers")
+    }
+}
+
+impl<B: Mutex<T = DriverBank>> MotorDrivers for BoardDrivers<B> {
+    fn state(&self, motor: usize) -> Option<DriverState> {
+        self.0.borrow_mut().lock(|bank| bank.state(motor))
+    }
+
+    fn report(&self, motor: usize) -> Option<DriverReport> {
+        self.0.borrow_mut().lock(|bank| bank.report(motor))
+    }
+
+    fn check(&self, motor: usize, settings: &DriverSettings) -> Result<(), SettingsError> {
+        self.0.borrow_mut().lock(|bank| bank.check(motor, settings))
+    }
+
+    fn set(&self, motor: usize, settings: DriverSettings) -> Result<(), SettingsError> {
+        self.0.borrow_mut().lock(|bank| bank.set(motor, settings))
+    }
+
+    fn take_moved(&self) -> u8 {
+        self.0.borrow_mut().lock(DriverBank::take_moved)
+    }
+}

@@ -1,0 +1,155 @@
+//! Axes that home by their driver's stall signal: the carriage meets the frame's end, its motor falls behind, and the
+//! chip says so.
+
+use ferrostep::desk::{LOOK_AHEAD_BLOCKS, Mode};
+use ferrostep::session::{DeskPrinter, Session};
+use ferrostep_hal_shim::tmc2209::Register;
+use ferrostep_hal_shim::virtual_board::START_10NM;
+use ferrostep_printer::Profile;
+
+use crate::desk::{profile, rehearse};
+use crate::refusals::Collector;
+
+type Machine = Session<(), Collector>;
+
+fn machine(profile: &Profile) -> Machine {
+    Session::new(*profile, Mode::Print, LOOK_AHEAD_BLOCKS, (), Collector::default())
+}
+
+/// Executes lines; what was said, but for `ok` and `busy`.
+fn say(machine: &Machine, printer: &mut DeskPrinter<'_, (), Collector>, lines: &[&str]) -> Vec<String> {
+    let mut replies = Vec::new();
+    for (number, line) in (1..).zip(lines) {
+        // What was refused is said.
+        let _ = machine.run(printer.execute(number, line));
+        replies.extend(
+            machine.replies().take().into_iter().filter(|reply| !reply.starts_with("ok") && !reply.contains("busy")),
+        );
+    }
+    replies
+}
+
+/// Where the tool head truly is, mm.
+fn true_mm(machine: &Machine) -> [f64; 3] {
+    machine.desk().borrow().board().motors.true_position_10nm().map(|units| units as f64 / 1e5)
+}
+
+/// Threshold 130 means a load of 260, which the model's motor has 0.35 full steps behind: 6 of its 16 microsteps.
+const LAG_MM: f64 = 0.06;
+
+#[test]
+fn x_and_y_home_against_the_frame() {
+    let profile = profile("prusa-mini");
+    let machine = machine(&profile);
+    let mut printer = machine.printer();
+    let replies = say(&machine, &mut printer, &["G28"]);
+    assert!(replies[0].starts_with("X:180.00 Y:0.00 Z:0.00"), "{replies:?}");
+    assert_eq!(true_mm(&machine)[..2], [180.0, 0.0]);
+    // Back inside, the motor's lag at the signal is what remains.
+    say(&machine, &mut printer, &["G1 X90 Y90 Z10 F6000", "M400"]);
+    let [x, y, z] = true_mm(&machine);
+    assert!((x - 90.0 - LAG_MM).abs() < 1e-6 && (y - 90.0 + LAG_MM).abs() < 1e-6, "{x} {y}");
+    assert_eq!(z, 10.0);
+    // A second time it is the same place to the step.
+    say(&machine, &mut printer, &["G28 X Y", "G1 X90 Y90 F6000", "M400"]);
+    assert_eq!(true_mm(&machine), [x, y, z]);
+}
+
+#[test]
+fn an_axis_that_stands_at_its_end_homes_too() {
+    let profile = profile("prusa-mini");
+    let machine = machine(&profile);
+    let mut printer = machine.printer();
+    for _ in 0..3 {
+        let replies = say(&machine, &mut printer, &["G28 X"]);
+        assert!(replies[0].starts_with("X:180.00"), "{replies:?}");
+        assert_eq!(true_mm(&machine)[0], 180.0);
+    }
+    // Back 5 mm, on to the frame, back again, and the slow way.
+    let steps = machine.desk().borrow().figures().motor_steps[0];
+    assert_eq!(steps, (500 + 12_506 + 500 + 500) + 2 * 4 * 500);
+}
+
+#[test]
+fn a_threshold_that_is_too_sensitive_or_not_enough_shows() {
+    let profile = profile("prusa-mini");
+    // At 250 a motor in free motion seems to stall as soon as it is fast enough to tell: far from the end.
+    let too_sensitive = machine(&profile);
+    say(&too_sensitive, &mut too_sensitive.printer(), &["M914 X250", "G28 X"]);
+    let x = true_mm(&too_sensitive)[0];
+    assert!(x < START_10NM[0] as f64 / 1e5 + 5.0, "{x}");
+    // A load of 2 is a full step behind: later, but there.
+    let late = machine(&profile);
+    let replies = say(&late, &mut late.printer(), &["M914 X1", "G28 X"]);
+    assert!(replies[0].starts_with("X:180.00"), "{replies:?}");
+    assert_eq!(true_mm(&late)[0], 180.0);
+}
+
+#[test]
+fn without_a_stall_signal_nothing_moves() {
+    let profile = profile("prusa-mini");
+    for off in ["M914 X0", "M569 S0 X"] {
+        let machine = machine(&profile);
+        let replies = say(&machine, &mut machine.printer(), &[off, "G28 X"]);
+        let expected = "echo:line 2: X homes by its driver's stall signal, expected it on: M914 X1 to 255, M569 S1 X";
+        assert_eq!(replies, [expected]);
+        assert_eq!(machine.desk().borrow().figures().motor_steps, [0; 4]);
+    }
+}
+
+#[test]
+fn a_motor_that_is_too_slow_to_tell_is_not_believed() {
+    // The profile's check would refuse this speed: 20 mm/s are 125 full steps a second, below what TCOOLTHRS admits.
+    let mut profile = profile("prusa-mini");
+    profile.homing[0].fast_mm_per_s = 20.0;
+    profile.homing[0].slow_mm_per_s = 20.0;
+    let machine = machine(&profile);
+    let replies = say(&machine, &mut machine.printer(), &["G28 X"]);
+    assert_eq!(
+        replies,
+        ["echo:line 1: homing X failed: its end stop did not trigger, expected it within the axis' length"]
+    );
+    // It has pushed against the frame, and fallen back each time by four full steps.
+    let x = true_mm(&machine)[0];
+    assert!(x > 179.0 && x <= 180.0, "{x}");
+}
+
+#[test]
+fn what_the_chip_holds_decides() {
+    let profile = profile("prusa-mini");
+    let machine = machine(&profile);
+    let mut printer = machine.printer();
+    say(&machine, &mut printer, &["G28 X"]);
+    let held = |register| machine.drivers().with_lines(|lines| lines.chip(0).unwrap().register(register)).unwrap();
+    assert_eq!((held(Register::Sgthrs), held(Register::Tcoolthrs)), (130, 312));
+    say(&machine, &mut printer, &["M914 X77"]);
+    assert_eq!(held(Register::Sgthrs), 77);
+}
+
+#[test]
+fn motors_of_a_corexy_machine_are_held_back_both() {
+    let text = ferrostep_profiles::builtin_text("corexy").unwrap();
+    let text = text
+        .replacen("sensor = \"end-stop\"", "sensor = \"stall\"", 2)
+        .replacen("slow_mm_per_s = 10", "slow_mm_per_s = 40", 2)
+        .replacen("stealth_chop = false", "stealth_chop = true", 2)
+        .replacen("stall_threshold = 0", "stall_threshold = 100", 2);
+    let profile = ferrostep_profiles::parse(&text, "stall.toml").unwrap();
+    let machine = machine(&profile);
+    let mut printer = machine.printer();
+    let replies = say(&machine, &mut printer, &["G28", "G1 X100 Y120 F6000", "M400"]);
+    assert!(replies[0].starts_with("X:295.00 Y:295.00 Z:0.00"), "{replies:?}");
+    let [x, y, _] = true_mm(&machine);
+    assert!((x - 100.0).abs() < 0.2 && (y - 120.0).abs() < 0.2, "{x} {y}");
+}
+
+#[test]
+fn the_cube_is_printed_after_it() {
+    let profile = profile("prusa-mini");
+    let cube = std::fs::read(concat!(env!("CARGO_MANIFEST_DIR"), "/../examples/cube.gcode")).unwrap();
+    let ended = rehearse(&profile, LOOK_AHEAD_BLOCKS, &mut cube.as_slice());
+    ended.outcome.unwrap();
+    // The slicer's end is at Y220, which soft limits make 180.
+    assert_eq!(ended.notices.len(), 1, "{:?}", ended.notices);
+    assert_eq!(ended.figures.underruns, 0);
+}
