@@ -12,7 +12,8 @@ use ferrostep_printer::MotorDrivers;
 use ferrostep_stm32f4::driver_line::{DriverLine, FERROSTEP_DRIVERS};
 use rtic::Mutex;
 
-use crate::profile::{BoardDriverLine, DRIVER_WIRING, PROFILE};
+use crate::profile::PROFILE;
+use crate::wiring::{BoardDriverLine, DRIVER_WIRING};
 
 /// On the bare internal oscillator the line is waited for as if it were this slow: that is also an emulator's clock, and there
 /// time may run many times faster than that of whoever answers.

@@ -33,6 +33,7 @@ mod host_line;
 mod ports;
 mod profile;
 mod timing;
+mod wiring;
 
 use defmt_rtt as _;
 
@@ -76,8 +77,9 @@ mod app {
         self, BoardHeating, BoardMachine, BoardMachineLock, BoardReplies, BoardStepTimer, LOOK_AHEAD_BLOCKS, Overload,
         PLANNER_WORK, STEPS,
     };
-    use crate::profile::{BoardDriverLine, DRIVER_PINS, PROFILE, SENSOR_STORES, SENSORS};
+    use crate::profile::PROFILE;
     use crate::timing::{self, BoardTiming};
+    use crate::wiring::{BoardDriverLine, DRIVER_PINS, SENSOR_STORES, SENSORS};
 
     /// Speed of the host's line.
     const BAUD: u32 = 115_200;

@@ -1,6 +1,5 @@
 //! The machine this firmware is for.
 
-use ferrostep_hal_shim::sensor_lines::SensorPin;
 use ferrostep_hal_shim::thermistor::{Thermistor, ThermistorType};
 use ferrostep_planner::{
     AccelerationProfile, DualRatePeriods, Interpolation, Kinematics, Limits, MotionChoice, SCurveTableSettings,
@@ -10,13 +9,10 @@ use ferrostep_printer::{
     AxisHoming, DriverTiming, ExtrusionSettings, FirmwareRetraction, HeaterSettings, HeaterWatch, HomeEnd, HomeSensor,
     Profile,
 };
-use ferrostep_stm32f4::board::Store;
 
 /// The profile, as `build.rs` found it in its TOML file.
 pub static PROFILE: Profile = include!(concat!(env!("OUT_DIR"), "/profile.rs"));
 
-include!(concat!(env!("OUT_DIR"), "/sensors.rs"));
-include!(concat!(env!("OUT_DIR"), "/drivers.rs"));
 include!(concat!(env!("OUT_DIR"), "/step_signals.rs"));
 
 /// Steps/mm as the profile's constant names them; a value out of range ends the build.

@@ -37,7 +37,7 @@ const HALF_BYTES: [u8; 16] = {
     while bits < 16 {
         let (mut crc, mut shifts) = (bits as u8, 0);
         while shifts < 4 {
-            crc = crc >> 1 ^ (crc & 1) * 0xe0;
+            crc = (crc >> 1) ^ ((crc & 1) * 0xe0);
             shifts += 1;
         }
         table[bits] = crc;

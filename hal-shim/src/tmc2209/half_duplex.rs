@@ -44,7 +44,8 @@ impl<R: Registers> HalfDuplexLine<R> {
         registers.modify(RCC_AHB1ENR, 0, 1 << pin.0);
         registers.modify(RCC_APB1ENR, 0, USART2_CLOCK);
         // Sixteenths of the divider, rounded, are what BRR holds; 42 MHz / 9600 baud fit its 16 bits.
-        registers.write(USART2_BRR, (bus_hz + baud / 2) / baud.max(1) & 0xffff);
+        let divider = (bus_hz + baud / 2) / baud.max(1);
+        registers.write(USART2_BRR, divider.min(0xffff));
         registers.write(USART2_CR3, HALF_DUPLEX);
         registers.write(USART2_CR1, ENABLED);
         // The pin last: until then the pull-ups of board and drivers hold the line high.

@@ -170,6 +170,8 @@ mod tests {
         assert_eq!(lines.receive(0), Some(0x05));
     }
 
+    const PORTS: std::ops::Range<u32> = GPIO..GPIO + 8 * GPIO_STRIDE;
+
     /// Wires with a chip on each, which has a port of its own; a quarter of a bit at a time.
     #[derive(Default)]
     struct Wires {
@@ -216,7 +218,7 @@ mod tests {
     impl Registers for &RefCell<Wires> {
         fn read(&mut self, address: u32) -> u32 {
             let mut wires = self.borrow_mut();
-            if address >= GPIO && address < GPIO + 8 * GPIO_STRIDE && address % GPIO_STRIDE == IDR {
+            if PORTS.contains(&address) && address % GPIO_STRIDE == IDR {
                 let port = ((address - GPIO) / GPIO_STRIDE) as u8;
                 let motors = (0..4).filter(|motor| PINS[*motor].0 == port);
                 return motors.fold(0, |word, motor| word | u32::from(wires.level(motor)) << PINS[motor].1);
@@ -226,7 +228,7 @@ mod tests {
 
         fn write(&mut self, address: u32, value: u32) {
             let mut wires = self.borrow_mut();
-            if address >= GPIO && address < GPIO + 8 * GPIO_STRIDE {
+            if PORTS.contains(&address) {
                 let [mode, output] = &mut wires.outputs[((address - GPIO) / GPIO_STRIDE) as usize];
                 match address % GPIO_STRIDE {
                     MODER => *mode = value,
