@@ -290,6 +290,21 @@ mod tests {
         assert_eq!(registers.stores.last(), Some(&(0x4001_2208, 0x4000_0303)));
     }
 
+    /// By what was stored: the converter's clock within its limit, and a reading of each sensor in every sample of 10 ms,
+    /// on the bare internal oscillator too.
+    #[test]
+    fn every_sensor_is_read_a_hundred_times_a_second() {
+        let registers = Bench::start(ConverterNumber::Three, &[9, 14, 15, 4, 5]).registers;
+        let divider = 2 * ((registers.value(0x4001_2304) >> 16 & 3) + 1);
+        let cycles = [3, 15, 28, 56, 84, 112, 144, 480][(registers.value(0x4001_2210) >> 12 & 7) as usize] + 12;
+        let conversions = registers.value(0x4002_6414);
+        for (bus_hz, readings) in [(84_000_000, 533), (16_000_000, 101)] {
+            let clock_hz = bus_hz / divider;
+            assert!(clock_hz <= 36_000_000);
+            assert_eq!(clock_hz / cycles / conversions, readings);
+        }
+    }
+
     #[test]
     fn a_long_sequence_goes_on_in_the_next_register() {
         let bench = Bench::start(ConverterNumber::One, &[10, 4, 3, 6, 0, 1, 2]);
