@@ -104,7 +104,7 @@ fn nothing_is_switched_on_between_reset_and_the_first_command() {
 }
 
 #[test]
-fn what_is_off_stays_off() {
+fn what_is_told_to_be_off_stays_off() {
     for board in BOARDS.iter().filter(|board| board.is_printer()) {
         let mut bench = Bench::boot_board(board);
         for command in ["M104 S0", "M140 S0", "M109 S0", "M107", "M106 S0"] {
@@ -120,7 +120,7 @@ fn what_is_off_stays_off() {
 #[test]
 fn drivers_are_set_up_by_the_image_before_anything_moves() {
     let board = BOARDS.iter().find(|board| board.name == "prusa-buddy").unwrap();
-    let mut bench = Bench::boot_board(board);
+    let mut bench = Bench::boot_board_with_drivers(board);
     // A move waits until the drivers have confirmed.
     for line in ["G91", "G1 X1 F1200", "M400"] {
         bench.host.send(line).unwrap();
@@ -152,7 +152,7 @@ fn drivers_are_set_up_by_the_image_before_anything_moves() {
 #[test]
 fn a_driver_that_does_not_answer_is_named_and_the_rest_goes_on() {
     let board = BOARDS.iter().find(|board| board.own_lines).unwrap();
-    let mut bench = Bench::boot_image(&image_of(board.name));
+    let mut bench = Bench::boot_board_with_drivers(board);
     for command in ["G1 X1 F1200", "G28"] {
         bench.host.send_raw(format!("{command}\n").as_bytes()).unwrap();
         let line = bench.host.wait_for(command, |line| line.starts_with("echo:line")).unwrap();
@@ -216,7 +216,7 @@ fn each_motor_steps_by_its_own_pins() {
 #[test]
 fn motors_that_rest_are_switched_off_and_their_axes_not_homed() {
     let board = &BOARDS[0];
-    let mut bench = Bench::boot_image(&image_of(board.name));
+    let mut bench = Bench::boot_board_with_drivers(board);
     // 2 s by the image's clock, which is fast here. Homed, Z is kept above 0.
     for line in ["M84 S2", "G28", "G1 X5 F6000", "G1 Z-3", "M400"] {
         bench.host.send(line).unwrap();

@@ -88,19 +88,28 @@ impl Bench {
         Self::start(image, Sleep::RealTime)
     }
 
-    /// Boots a board's image so that it heats and moves its motors. On a printer board thermistors of the test's stand in
-    /// for the converter; where drivers hang on pins, which the emulator does not have, the image is told that there are
-    /// none.
+    /// Boots a board's image so that it heats and moves its motors: thermistors of the test's stand in for the converter, and
+    /// the Buddy board's drivers are on its serial line; where they hang on pins, which the emulator does not have, the image
+    /// is told that there are none.
     pub fn boot_board(board: &BoardFacts) -> Self {
+        Self::start_changed(board, board.own_lines)
+    }
+
+    /// The same with drivers that do not answer where they hang on pins.
+    pub fn boot_board_with_drivers(board: &BoardFacts) -> Self {
+        Self::start_changed(board, false)
+    }
+
+    fn start_changed(board: &BoardFacts, is_without_drivers: bool) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let mut image = image_of(board.name);
         if board.is_printer() {
             image = with_thermistors(&image, folder.path());
         }
-        if board.own_lines {
-            let bytes = without_drivers(&std::fs::read(&image).unwrap());
+        if is_without_drivers {
+            let changed = without_drivers(&std::fs::read(&image).unwrap());
             image = folder.path().join("without-drivers.elf");
-            std::fs::write(&image, bytes).unwrap();
+            std::fs::write(&image, changed).unwrap();
         }
         Self::boot_image(&image)
     }
