@@ -348,7 +348,8 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
                     length
                 }
             };
-            buffer.copy_within(used..filled, 0);
+            // With what has come of a frame that is not whole yet.
+            buffer.copy_within(used.., 0);
             filled -= used;
             incoming.tell(replies, buffer.len() - filled);
         }

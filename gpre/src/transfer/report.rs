@@ -40,9 +40,9 @@ impl Word {
 /// use ferrostep_gpre::transfer::{Report, Word};
 ///
 /// let report = Report { word: Word::Have, numbers: [1280, 2304] };
-/// assert_eq!(report.to_string(), "gpre:have 1280 2304 *c25ddaf2");
-/// assert_eq!(Report::parse("gpre:have 1280 2304 *c25ddaf2"), Some(report));
-/// assert_eq!(Report::parse("gpre:have 1281 2304 *c25ddaf2"), None);
+/// assert_eq!(report.to_string(), "gpre:have 1280 2304 *81cafb60");
+/// assert_eq!(Report::parse("gpre:have 1280 2304 *81cafb60"), Some(report));
+/// assert_eq!(Report::parse("gpre:have 1281 2304 *81cafb60"), None);
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Report {

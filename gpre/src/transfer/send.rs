@@ -9,7 +9,7 @@ use crate::error::ReadError;
 use crate::header::Header;
 
 /// Bytes of data in a frame. Long enough that a frame costs a tenth at most, short enough that one lost is not many.
-const DATA_BYTES: usize = 128;
+pub const DATA_BYTES: usize = 128;
 
 const _: () = assert!(DATA_BYTES <= MOST_DATA_BYTES);
 
@@ -27,13 +27,21 @@ pub struct Sender {
     limit: usize,
     /// How often the board has asked for something again.
     repeats: u32,
+    /// The board has said that it receives.
+    begun: bool,
     end: Option<Report>,
+    frame_bytes: usize,
 }
 
 impl Sender {
     /// Sends these bytes, after the command of [`Self::command`].
     pub fn new(job: Vec<u8>) -> Self {
-        Self { job, arrived: 0, next: 0, limit: 0, repeats: 0, end: None }
+        Self { job, arrived: 0, next: 0, limit: 0, repeats: 0, begun: false, end: None, frame_bytes: DATA_BYTES }
+    }
+
+    /// Puts so many bytes into a frame, from 1 to [`MOST_DATA_BYTES`]: fewer where many frames are lost.
+    pub fn set_frame_bytes(&mut self, bytes: usize) {
+        self.frame_bytes = bytes.clamp(1, MOST_DATA_BYTES);
     }
 
     /// The command that begins the transfer. `silence_s` is how long the board waits for a frame before it gives up, s.
@@ -56,6 +64,16 @@ impl Sender {
         self.repeats
     }
 
+    /// Whether the board has said that it receives the job.
+    pub fn has_begun(&self) -> bool {
+        self.begun
+    }
+
+    /// Whether something was sent that the board has not said to have.
+    pub fn awaits_answer(&self) -> bool {
+        self.next > self.arrived
+    }
+
     /// How it ended, if it has.
     pub fn end(&self) -> Option<Report> {
         self.end
@@ -66,7 +84,11 @@ impl Sender {
         if self.end.is_some() || self.next >= self.limit {
             return None;
         }
-        let end = self.limit.min(self.next + DATA_BYTES);
+        let end = self.limit.min(self.next + self.frame_bytes);
+        // What room there is shall not be taken by many small frames.
+        if end < self.next + self.frame_bytes && end < self.job.len() && self.awaits_answer() {
+            return None;
+        }
         let frame = to_wire(Kind::Data, self.next as u32, self.job.get(self.next..end)?);
         self.next = end;
         Some(frame)
@@ -88,6 +110,7 @@ impl Sender {
         let [first, second] = report.numbers.map(|number| number as usize);
         match report.word {
             Word::Have | Word::Again => {
+                self.begun = true;
                 if first >= self.arrived && first <= self.job.len() {
                     self.arrived = first;
                     self.next = self.next.max(first);
@@ -98,6 +121,8 @@ impl Sender {
                     }
                 }
             }
+            // Before, it is of another job.
+            _ if !self.begun => {}
             Word::Done | Word::Refused | Word::Stopped | Word::None => self.end = Some(report),
         }
         true

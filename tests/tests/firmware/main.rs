@@ -13,6 +13,7 @@ mod heater_fault;
 mod image;
 mod job;
 mod masks;
+mod prepared;
 mod rehearsal;
 mod same_steps;
 mod step_interrupt;
