@@ -6,6 +6,7 @@
 
 pub mod heat;
 pub mod machine;
+pub mod packets;
 pub mod ports;
 
 mod arc;

@@ -107,7 +107,7 @@ fn frames_that_are_changed_and_lost_change_no_step() {
     let job = Job::cube(LINES);
     let bytes = prepared(&job);
     let mut bench = Bench::boot();
-    let mut line = Line::new(&mut bench.host, Some(3));
+    let mut line = Line::new(&mut bench.host, Some(34));
     let (end, heard) = send(&mut line, bytes.clone());
     assert_eq!((end.word, end.numbers[0]), (Word::Done, bytes.len() as u32), "{heard:?}");
     let Line { frames, changed, lost, .. } = line;
