@@ -12,6 +12,8 @@ use crate::ports::MotionError;
 
 /// Why a command was not executed. Nothing of it has happened then; a command that was stopped on its way
 /// ([`CommandError::Stopped`]) leaves the machine where it says it stands.
+// A word, for a result that is told by a byte is copied by bytes.
+#[repr(u32)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum CommandError {
     /// A coordinate is beyond 5 m.

@@ -109,8 +109,13 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         if item.counts {
             // An arc's share of a whole number need not be whole.
             let pushed_100pm = self.modal.extruder_rest_100pm + filament_100pm;
-            self.modal.extruder_10nm += pushed_100pm / i64::from(flow.max(1));
-            self.modal.extruder_rest_100pm = pushed_100pm % i64::from(flow.max(1));
+            // Nearly always a percent of 100, and little enough to be divided by the processor.
+            let (whole, rest) = match i32::try_from(pushed_100pm) {
+                Ok(pushed) => (i64::from(pushed / i32::from(flow.max(1))), i64::from(pushed % i32::from(flow.max(1)))),
+                Err(_) => (pushed_100pm / i64::from(flow.max(1)), pushed_100pm % i64::from(flow.max(1))),
+            };
+            self.modal.extruder_10nm += whole;
+            self.modal.extruder_rest_100pm = rest;
         }
         self.tally.moves += u64::from(item.ends_move);
         self.tally.filament_100pm += filament_100pm;
