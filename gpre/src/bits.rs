@@ -2,7 +2,7 @@
 
 use crate::error::Fault;
 
-/// Reads bits.
+/// Reads bits. What a move is made of is inlined, what is rare is not: flash is short.
 #[derive(Clone, Copy, Debug)]
 pub struct BitReader<'a> {
     bytes: &'a [u8],
@@ -72,7 +72,7 @@ impl<'a> BitReader<'a> {
     }
 
     /// The next bit.
-    #[inline]
+    #[inline(never)]
     pub fn bit(&mut self) -> Result<bool, Fault> {
         let bit = self.window() >> 31 != 0;
         self.pass(1)?;
@@ -80,7 +80,7 @@ impl<'a> BitReader<'a> {
     }
 
     /// The next bits as a number, at most 25 of them.
-    #[inline]
+    #[inline(never)]
     pub fn few(&mut self, count: u32) -> Result<u32, Fault> {
         let count = count.min(WINDOW_BITS);
         // In two shifts: by 32 there is none.
