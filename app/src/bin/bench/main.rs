@@ -194,9 +194,6 @@ fn measure<'a>(
     lines: &'a mut Lines,
 ) -> Result<Report<'a>, &'static str> {
     let Queues { print: queue, of_one, of_two, of_three, lines: line_queues } = queues;
-    let p = prepared::measure(counter, &PROFILE, ring, queue)?;
-    hprintln!("{} {} {} {}", p.compact.to_block, p.compact.to_queue, p.line.to_block, p.wide.to_block);
-    debug::exit(debug::EXIT_SUCCESS);
     let step_event = StepEvents {
         profile: step_events::stairs(counter, queue, FOUR_AXES, STAIR_EVENTS)?,
         two_ports: step_events::stairs(counter, of_two, FOUR_AXES, STAIR_EVENTS)?,

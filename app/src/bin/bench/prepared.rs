@@ -167,12 +167,6 @@ pub fn measure(
     };
     let (compact, wide) = (without_header(COMPACT)?, without_header(WIDE)?);
     let mut bench = Bench { counter, profile, ring, queue };
-    if option_env!("ONLY").is_some() {
-        let mut f = Frames { rest: black_box(compact), items: None };
-        let to_block = one(bench.counter, bench.profile, bench.ring, bench.queue, &mut f, Way::ToBlock)?;
-        cortex_m_semihosting::hprintln!("{}", to_block);
-        cortex_m_semihosting::debug::exit(cortex_m_semihosting::debug::EXIT_SUCCESS);
-    }
     Ok(Prepared {
         compact: bench.both(|| Frames { rest: black_box(compact), items: None })?,
         wide: bench.both(|| Packets { rest: black_box(wide), reader: PacketReader::default() })?,
