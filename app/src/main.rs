@@ -36,6 +36,7 @@ use defmt_rtt as _;
 #[rtic::app(device = ferrostep_stm32f4::pac, peripherals = true, dispatchers = [SPI1, SPI2, SPI3, I2C1_EV])]
 mod app {
     use core::cell::RefCell;
+    use core::mem::MaybeUninit;
     use core::sync::atomic::{AtomicU8, Ordering};
 
     use ferrostep_gcode::{Emergency, EmergencyScanner, Reply};
@@ -63,7 +64,7 @@ mod app {
     use crate::host_line::{self, Patience, Reader, To, Writer, Writers};
     use crate::job_line::{Hosts, JOB_BYTES, JobPort};
     use crate::ports::{
-        BoardHeating, BoardMachine, BoardMachineLock, BoardReplies, BoardStepTimer, LOOK_AHEAD_BLOCKS, Overload,
+        self, BoardHeating, BoardMachine, BoardMachineLock, BoardReplies, BoardStepTimer, LOOK_AHEAD_BLOCKS, Overload,
         PLANNER_WORK, STEPS,
     };
     use crate::profile::PROFILE;
@@ -92,7 +93,7 @@ mod app {
         /// Of the two tasks of priority 16 only.
         #[lock_free]
         step_timer: BoardStepTimer,
-        machine: BoardMachine,
+        machine: &'static mut BoardMachine,
         heat: Heat,
         writers: Writers,
     }
@@ -115,6 +116,7 @@ mod app {
     #[init(local = [
         // Filled here and not by the compiler, which would keep a copy of it in flash.
         slots: heapless::Vec<Slot, LOOK_AHEAD_BLOCKS> = heapless::Vec::new(),
+        machine: MaybeUninit<BoardMachine> = MaybeUninit::uninit(),
         receive: Queue<u8, { host_line::RECEIVE_BYTES }> = Queue::new(),
         send: Queue<u8, { host_line::SEND_BYTES }> = Queue::new(),
         usb_receive: Queue<u8, { host_line::RECEIVE_BYTES }> = Queue::new(),
@@ -148,9 +150,7 @@ mod app {
         // On the bare internal oscillator the plan shall not depend on time, as for the host's line.
         let planning_clock = (clock.source != ClockSource::Internal).then_some(motion_clock);
         let queue = StepQueue::new(pins, feeder, planning_clock);
-        let slots = cx.local.slots;
-        while slots.push(Slot::EMPTY).is_ok() {}
-        let machine = BoardMachine::new(&PROFILE, slots.as_mut_slice(), queue);
+        let machine = ports::build_machine(cx.local.machine, cx.local.slots, queue);
 
         let port = Serial::start(device.USART1, &device.RCC, clock.serial_hz, BAUD);
         let (received, to_read) = cx.local.receive.split();

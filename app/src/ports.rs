@@ -5,6 +5,7 @@
 
 use core::cell::{Cell, RefCell};
 use core::fmt;
+use core::mem::MaybeUninit;
 
 use ferrostep_gcode::{MotionFigures, Reply};
 use ferrostep_hal_shim::Heater;
@@ -22,7 +23,7 @@ use rtic_sync::signal::Signal;
 use crate::clock::Mono;
 use crate::heat::Heat;
 use crate::host_line::{Port, To, Writers};
-use crate::profile::StepSignals;
+use crate::profile::{PROFILE, StepSignals};
 
 /// Blocks in the look-ahead ring, as on the desk.
 pub const LOOK_AHEAD_BLOCKS: usize = 128;
@@ -43,6 +44,18 @@ pub type BoardStepQueue = StepQueue<BoardPins, StepSignals, MOTOR_PORTS, STEP_QU
 /// The machine of this board.
 pub type BoardMachine = Machine<&'static mut [Slot], BoardStepQueue>;
 
+/// Makes the machine in its place.
+// By itself: what is on the stack for that is gone before a task begins, and what `init` has there is not.
+#[inline(never)]
+pub fn build_machine(
+    place: &'static mut MaybeUninit<BoardMachine>,
+    slots: &'static mut heapless::Vec<Slot, LOOK_AHEAD_BLOCKS>,
+    queue: BoardStepQueue,
+) -> &'static mut BoardMachine {
+    while slots.push(Slot::EMPTY).is_ok() {}
+    place.write(BoardMachine::new(&PROFILE, slots.as_mut_slice(), queue))
+}
+
 /// There is something for the planner task to do.
 pub static PLANNER_WORK: Signal<()> = Signal::new();
 
@@ -55,19 +68,19 @@ pub struct BoardMachineLock<'a, M> {
     signals: &'a Signals,
 }
 
-impl<'a, M: Mutex<T = BoardMachine>> BoardMachineLock<'a, M> {
+impl<'a, M: Mutex<T = &'static mut BoardMachine>> BoardMachineLock<'a, M> {
     /// The view of a machine. M112 ends every wait.
     pub fn new(machine: M, signals: &'a Signals) -> Self {
         Self { machine: RefCell::new(machine), signals }
     }
 }
 
-impl<M: Mutex<T = BoardMachine>> SharedMachine for BoardMachineLock<'_, M> {
+impl<M: Mutex<T = &'static mut BoardMachine>> SharedMachine for BoardMachineLock<'_, M> {
     type Ring = &'static mut [Slot];
     type Queue = BoardStepQueue;
 
     fn with<T>(&self, act: impl FnOnce(&mut BoardMachine) -> T) -> T {
-        self.machine.borrow_mut().lock(act)
+        self.machine.borrow_mut().lock(|machine| act(machine))
     }
 
     fn wake_planner(&self) {

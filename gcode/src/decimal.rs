@@ -69,29 +69,14 @@ impl Decimal {
     /// Reads the number at the start of `text`: the length of the longest run of signs, digits and points there, and
     /// what it says.
     pub(crate) fn parse_prefix(text: &[u8]) -> (usize, Result<Self, NumberError>) {
-        let mut at = 0;
-        let negative = match text.first() {
-            Some(b'-') => {
-                at = 1;
-                true
-            }
-            Some(b'+') => {
-                at = 1;
-                false
-            }
-            _ => false,
-        };
-        let start = at;
-        // Nine digits fit in 32 bits.
-        let mut head: u32 = 0;
-        while at < start + FRACTION_DIGITS
+        let negative = text.first() == Some(&b'-');
+        let start = usize::from(negative || text.first() == Some(&b'+'));
+        let (head, head_digits) = leading_digits(text, start);
+        let mut at = start + head_digits;
+        let mut whole = u64::from(head);
+        while head_digits == FRACTION_DIGITS
             && let Some(digit) = digit_at(text, at)
         {
-            head = head * 10 + u32::from(digit);
-            at += 1;
-        }
-        let mut whole = u64::from(head);
-        while let Some(digit) = digit_at(text, at) {
             // Past the limit the value no longer matters, only that it is past.
             if whole <= MAX_WHOLE {
                 whole = whole * 10 + u64::from(digit);
@@ -99,17 +84,14 @@ impl Decimal {
             at += 1;
         }
         let mut digits = at - start;
-        let mut fraction: u32 = 0;
-        let mut kept = 0;
+        let (mut fraction, mut kept) = (0, 0);
         if text.get(at) == Some(&b'.') {
             at += 1;
-            while let Some(digit) = digit_at(text, at) {
-                if kept < FRACTION_DIGITS {
-                    fraction = fraction * 10 + u32::from(digit);
-                    kept += 1;
-                }
+            (fraction, kept) = leading_digits(text, at);
+            at += kept;
+            digits += kept;
+            while kept == FRACTION_DIGITS && digit_at(text, at).is_some() {
                 at += 1;
-                digits += 1;
             }
         }
         let run_goes_on = |at: usize| matches!(text.get(at), Some(b'0'..=b'9' | b'.' | b'+' | b'-'));
@@ -196,6 +178,21 @@ impl fmt::Display for Decimal {
         }
         write!(formatter, ".{fraction:0width$}")
     }
+}
+
+/// The number that the digits from a place on are, and how many they are; at most nine, which fit in 32 bits.
+#[inline(always)]
+fn leading_digits(text: &[u8], from: usize) -> (u32, usize) {
+    let (mut number, mut digits) = (0u32, 0);
+    for byte in text.get(from..).unwrap_or_default().iter().take(FRACTION_DIGITS) {
+        let digit = byte.wrapping_sub(b'0');
+        if digit > 9 {
+            break;
+        }
+        number = number.wrapping_mul(10).wrapping_add(u32::from(digit));
+        digits += 1;
+    }
+    (number, digits)
 }
 
 /// The value of the digit at `at`, if one stands there.

@@ -21,6 +21,17 @@ pub(crate) type Text = heapless::String<384>;
 /// Masks of all motors, and of those that a command names.
 const ALL_MOTORS: u8 = 0b1111;
 
+/// How a command that has been executed is answered.
+// A word, for a result that is told by a byte is copied by bytes.
+#[repr(u32)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Answer {
+    /// `ok` is to follow.
+    Ok,
+    /// It has been said, and more with it.
+    Given,
+}
+
 fn mask(axes: AxisFlags) -> u8 {
     if axes.is_empty() {
         return ALL_MOTORS;
@@ -125,8 +136,8 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
         let parsed = parse(text);
         let failure = match &parsed {
             Ok(command) => match self.command_with_signs_of_life(command).await {
-                Ok(reported) => {
-                    if !reported {
+                Ok(answer) => {
+                    if answer == Answer::Ok {
                         self.replies.send(Reply::Ok);
                     }
                     return Ok(());
@@ -142,7 +153,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
 
     /// Executes a command and, while it takes long, says `busy` as often as M113 asks: hosts take a printer that is
     /// silent for too long for dead. A wait for heat reports temperatures instead.
-    pub(crate) async fn command_with_signs_of_life(&mut self, command: &Command<'_>) -> Result<bool, CommandError> {
+    pub(crate) async fn command_with_signs_of_life(&mut self, command: &Command<'_>) -> Result<Answer, CommandError> {
         let (clock, replies, signals) = (self.clock.clone(), self.replies, self.signals);
         let mut execution = pin!(self.command(command));
         let mut last_sign_ms = None;
@@ -164,8 +175,8 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
         .await
     }
 
-    /// Executes a command; `true` when it has sent its own `ok`.
-    async fn command(&mut self, command: &Command<'_>) -> Result<bool, CommandError> {
+    /// Executes a command.
+    async fn command(&mut self, command: &Command<'_>) -> Result<Answer, CommandError> {
         if self.signals.is_halted() && *command != Command::Restart {
             self.follow_the_motors();
             return Err(CommandError::Halted);
@@ -220,7 +231,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
         Ok(())
     }
 
-    async fn dispatch(&mut self, command: &Command<'_>) -> Result<bool, CommandError> {
+    async fn dispatch(&mut self, command: &Command<'_>) -> Result<Answer, CommandError> {
         if self.drivers_part(command)?
             && let Some(drivers) = self.drivers
         {
@@ -248,7 +259,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
             Command::ReportTemperatures => {
                 self.needs(self.equipment.heaters, "thermometers")?;
                 self.replies.send(Reply::OkTemperatures(temperatures(&self.heating)));
-                return Ok(true);
+                return Ok(Answer::Given);
             }
             Command::AutoReportTemperatures { seconds } => self.signals.set_report_interval_s(seconds),
             Command::Fan { index: 0, power } => {
@@ -308,7 +319,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
             | Command::SetLineNumber(Some(_))
             | Command::Accepted => {}
         }
-        Ok(false)
+        Ok(Answer::Ok)
     }
 
     /// Refuses what the board has not.
@@ -334,7 +345,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
     }
 
     /// M112: heat first, then motion.
-    fn emergency_stop(&mut self) -> Result<bool, CommandError> {
+    fn emergency_stop(&mut self) -> Result<Answer, CommandError> {
         self.heating.all_off();
         self.stop_motion();
         self.signals.halt();

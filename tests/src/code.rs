@@ -8,9 +8,6 @@ use capstone::arch::arm::{ArchExtraMode, ArchMode};
 use capstone::prelude::*;
 use object::{Object, ObjectSection, ObjectSymbol, SectionKind, SymbolKind};
 
-/// Where the table of handlers begins: at the start of flash (`memory.x`).
-const VECTOR_TABLE: u32 = 0x0800_0000;
-
 /// Entries of the table before the first interrupt.
 const EXCEPTIONS: u32 = 16;
 
@@ -68,8 +65,12 @@ pub struct Code {
     kinds: BTreeMap<u32, bool>,
     /// Functions by their address; several names may share one.
     functions: BTreeMap<u32, Vec<String>>,
-    /// Address and bytes of the sections of constants, the table of handlers among them.
-    flash: Vec<(u32, Vec<u8>)>,
+    /// Where each of them ends; what fills the gap to the next is no code.
+    ends: BTreeMap<u32, u32>,
+    /// Address and bytes of the sections of constants, and of those that RAM is filled with.
+    constants: Vec<(u32, Vec<u8>)>,
+    /// The words of the table of handlers.
+    vectors: Vec<u32>,
 }
 
 impl Code {
@@ -83,16 +84,18 @@ impl Code {
         let builder = Capstone::new().arm().mode(ArchMode::Thumb).extra_mode([ArchExtraMode::MClass].into_iter());
         let disassembler = builder.build().map_err(|error| error.to_string())?;
         let mut sections = Vec::new();
-        let mut flash = Vec::new();
+        let (mut constants, mut vectors) = (Vec::new(), Vec::new());
         for section in file.sections().filter(|section| section.size() > 0) {
             let place = (section.address() as u32, section.data().map_err(|error| error.to_string())?.to_vec());
             match section.kind() {
-                SectionKind::Text if section.name() != Ok(".vector_table") => sections.push(place),
-                SectionKind::Text | SectionKind::ReadOnlyData => flash.push(place),
+                _ if section.name() == Ok(".vector_table") => vectors = words(&place.1).collect(),
+                SectionKind::Text => sections.push(place),
+                SectionKind::ReadOnlyData | SectionKind::Data => constants.push(place),
                 _ => {}
             }
         }
         let (mut kinds, mut functions) = (BTreeMap::new(), BTreeMap::<u32, Vec<String>>::new());
+        let mut ends = BTreeMap::<u32, u32>::new();
         for symbol in file.symbols() {
             // Bit 0 of a function's address says Thumb.
             let (name, address) = (symbol.name().unwrap_or_default(), symbol.address() as u32 & !1);
@@ -101,11 +104,13 @@ impl Code {
                 "$d" => drop(kinds.entry(address).or_insert(false)),
                 _ if symbol.kind() == SymbolKind::Text && !name.is_empty() => {
                     functions.entry(address).or_default().push(name.to_owned());
+                    let end = ends.entry(address).or_default();
+                    *end = (*end).max(address + symbol.size() as u32);
                 }
                 _ => {}
             }
         }
-        Ok(Self { disassembler, sections, kinds, functions, flash })
+        Ok(Self { disassembler, sections, kinds, functions, ends, constants, vectors })
     }
 
     /// The names of the function that an address is in: the linker joins equal ones, and unused vectors share one.
@@ -125,19 +130,28 @@ impl Code {
         self.functions.range(..=address).next_back().map(|(&start, _)| start)
     }
 
+    /// Whether an address is behind the end of the function that begins before it. One without a length, which is not
+    /// the compiler's, has no end.
+    pub fn is_between_functions(&self, address: u32) -> bool {
+        let before = self.ends.range(..=address).next_back();
+        before.is_none_or(|(&start, &end)| end > start && address >= end)
+    }
+
     /// Addresses of the functions in whose names a text stands.
     pub fn functions_named(&self, part: &str) -> Vec<u32> {
         let names_it = |names: &Vec<String>| names.iter().any(|name| name.contains(part));
         self.functions.iter().filter(|(_, names)| names_it(names)).map(|(&address, _)| address).collect()
     }
 
+    /// Where the stack begins.
+    pub fn initial_stack(&self) -> u32 {
+        self.vectors.first().copied().unwrap_or_default()
+    }
+
     /// All handlers of exceptions and interrupts.
     pub fn handlers(&self) -> BTreeSet<u32> {
-        let table = self.flash.iter().find(|(start, _)| *start == VECTOR_TABLE);
-        let (words, _) = table.map(|(_, bytes)| bytes.as_chunks::<4>()).unwrap_or_default();
-        let words = words.iter().map(|word| u32::from_le_bytes(*word));
         // The first word is the stack pointer, and a function's address has bit 0 set.
-        words.skip(1).filter(|word| word & 1 == 1).map(|handler| handler & !1).collect()
+        self.vectors.iter().skip(1).filter(|word| **word & 1 == 1).map(|handler| handler & !1).collect()
     }
 
     /// The handler of an interrupt, by its number in the reference manual.
@@ -145,17 +159,25 @@ impl Code {
     /// # Errors
     /// There is no vector, or it leads to no function.
     pub fn handler(&self, interrupt: u32) -> Result<u32, String> {
-        let place = VECTOR_TABLE + 4 * (EXCEPTIONS + interrupt);
-        let word = self.flash.iter().find_map(|(start, bytes)| {
-            let offset = place.checked_sub(*start)? as usize;
-            bytes.get(offset..offset + 4)?.try_into().ok().map(u32::from_le_bytes)
-        });
-        match word {
+        match self.vectors.get((EXCEPTIONS + interrupt) as usize) {
             // Bit 0 says Thumb, without which the core would fault.
             Some(handler) if handler & 1 == 1 => Ok(handler & !1),
             Some(handler) => Err(format!("the vector of interrupt {interrupt} is {handler:#010x}, no function")),
-            None => Err(format!("no vector of interrupt {interrupt} at {place:#010x}")),
+            None => Err(format!("no vector of interrupt {interrupt}")),
         }
+    }
+
+    /// Every word that the image has as a constant: in its tables, in what RAM is filled with, and between its
+    /// instructions; but for the table of handlers.
+    pub fn constants(&self) -> BTreeSet<u32> {
+        let tables = self.constants.iter().flat_map(|(_, bytes)| words(bytes));
+        let in_code = self.sections.iter().flat_map(|(start, bytes)| {
+            let addresses = (*start..).step_by(4);
+            let is_data =
+                |address: &u32| self.kinds.range(..=*address).next_back().is_some_and(|(_, is_code)| !is_code);
+            addresses.zip(words(bytes)).filter(move |(address, _)| is_data(address)).map(|(_, word)| word)
+        });
+        tables.chain(in_code).collect()
     }
 
     /// The instruction at an address.
@@ -205,6 +227,11 @@ impl Code {
         }
         Ok(all)
     }
+}
+
+/// The words that bytes are, without those that are left over.
+fn words(bytes: &[u8]) -> impl Iterator<Item = u32> + use<'_> {
+    bytes.as_chunks::<4>().0.iter().map(|word| u32::from_le_bytes(*word))
 }
 
 /// The constant that a register was last set to, by the instructions of a function as they stand one after the other.

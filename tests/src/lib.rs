@@ -15,6 +15,7 @@ pub mod code;
 pub mod feed_chart;
 pub mod qemu;
 pub mod reference;
+pub mod stack;
 pub mod stress_file;
 pub mod trace;
 pub mod trace_check;

@@ -104,7 +104,9 @@ fn test(run: &mut Run) -> Result<PathBuf, Failure> {
     // The test profile and not release: it is optimised but checks overflows and debug assertions, and does not spend
     // minutes on link-time optimisation of every test program.
     run.step("tests", || {
-        system::run(cargo().arg("test").args(DESK).env(FIRMWARE_VARIABLE, &image).env(IMAGES_VARIABLE, image::images()))
+        let mut tests = cargo();
+        tests.args(["test", "--no-fail-fast"]).args(DESK);
+        system::run_tests(tests.env(FIRMWARE_VARIABLE, &image).env(IMAGES_VARIABLE, image::images()))
     })?;
     run.step("documentation", || {
         system::run(
@@ -122,7 +124,7 @@ fn test(run: &mut Run) -> Result<PathBuf, Failure> {
 /// What takes too long for every change: the code as it is shipped must give the same answers as the checked one.
 fn slow_tests(run: &mut Run, image: &Path) -> Result<(), Failure> {
     run.step("tests as released, with more random cases", || {
-        system::run(
+        system::run_tests(
             cargo()
                 .arg("test")
                 .args(DESK)

@@ -1,5 +1,6 @@
 //! Programs on this machine: running them, finding them, installing them.
 
+use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
@@ -33,6 +34,48 @@ pub fn run(command: &mut Command) -> Result<(), Failure> {
     eprintln!("    {shown}");
     let status = command.status().map_err(|error| format!("cannot run `{shown}`: {error}"))?;
     if status.success() { Ok(()) } else { Err(format!("`{shown}`: {status}")) }
+}
+
+/// Most lines of failed tests that a failure repeats.
+const FAILED_TEST_LINES: usize = 60;
+
+/// Runs a command that tests, with its output shown; its failure repeats what the failed tests said, which stands far
+/// above the end of the output.
+pub fn run_tests(command: &mut Command) -> Result<(), Failure> {
+    let shown = show(command);
+    eprintln!("    {shown}");
+    let cannot_run = |error: std::io::Error| format!("cannot run `{shown}`: {error}");
+    let mut child = command.stdout(Stdio::piped()).spawn().map_err(cannot_run)?;
+    let mut said = FailedTests::default();
+    if let Some(output) = child.stdout.take() {
+        for line in BufReader::new(output).split(b'\n') {
+            let line = line.map_err(cannot_run)?;
+            let line = String::from_utf8_lossy(&line);
+            println!("{line}");
+            said.hear(&line);
+        }
+    }
+    let status = child.wait().map_err(cannot_run)?;
+    if status.success() { Ok(()) } else { Err(format!("`{shown}`: {status}\n{}", said.lines.join("\n"))) }
+}
+
+/// What failed tests say, out of the output of all.
+#[derive(Default)]
+struct FailedTests {
+    lines: Vec<String>,
+    speaking: bool,
+}
+
+impl FailedTests {
+    fn hear(&mut self, line: &str) {
+        if line == "failures:" {
+            self.speaking = true;
+        } else if line.starts_with("test result:") {
+            self.speaking = false;
+        } else if self.speaking && !line.is_empty() && self.lines.len() < FAILED_TEST_LINES {
+            self.lines.push(line.to_owned());
+        }
+    }
 }
 
 /// Runs a command with its standard error shown and returns its standard output; anything but success is a failure.
@@ -133,6 +176,15 @@ mod tests {
         let error = run(&mut Command::new("ferrostep-no-such-program")).unwrap_err();
         assert!(error.starts_with("cannot run `ferrostep-no-such-program`: "), "{error}");
         assert_eq!(output(&mut Command::new("ferrostep-no-such-program")), None);
+    }
+
+    #[test]
+    fn failed_tests_are_heard_again_at_the_end() {
+        let output =
+            "test a ... FAILED\n\nfailures:\n\n---- a stdout ----\nleft: 1\n\ntest result: FAILED. 0 passed\nmore";
+        let error = run_tests(Command::new("sh").args(["-c", "printf \"$1\"; exit 1", "sh", output])).unwrap_err();
+        assert!(error.ends_with("\n---- a stdout ----\nleft: 1"), "{error}");
+        assert_eq!(run_tests(Command::new("echo").arg("test result: ok")), Ok(()));
     }
 
     #[test]

@@ -199,7 +199,7 @@ fn echo(mut text: &str) -> Command<'_> {
     let (mut echo_prefix, mut action_prefix) = (false, false);
     loop {
         let end = text.find([' ', '\t']).unwrap_or(text.len());
-        let (word, rest) = text.split_at(end);
+        let (word, rest) = text.split_at_checked(end).unwrap_or((text, ""));
         match word.as_bytes() {
             b"E1" => echo_prefix = true,
             b"A1" => action_prefix = true,

@@ -16,5 +16,6 @@ mod masks;
 mod prepared;
 mod rehearsal;
 mod same_steps;
+mod stack;
 mod step_interrupt;
 mod timing;
