@@ -62,7 +62,7 @@ impl Parts {
         let Some(header) = self.header else {
             let Some(fixed) = bytes.get(..FIXED_BYTES) else {
                 // Shorter than any header, and perhaps no header at all.
-                return if complete { Header::read(bytes).and_then(|_| Ok(Part::More)) } else { Ok(Part::More) };
+                return if complete { Header::read(bytes).map(|_| Part::More) } else { Ok(Part::More) };
             };
             self.header = Some(Header::read(fixed)?);
             self.check.pass(fixed);
