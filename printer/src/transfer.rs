@@ -55,7 +55,7 @@ enum Stop {
     Read(ReadError),
     /// It cannot be done.
     Done { failure: Failure, line: u32, frame: u32, offset: u64 },
-    /// A frame does not begin where the one before ended.
+    /// A move does not begin where the one before ended.
     Elsewhere { frame: u32, offset: u64 },
     /// The host says no more.
     Silent { silence_s: u16 },
@@ -80,7 +80,7 @@ impl fmt::Display for Stop {
             }
             Self::Elsewhere { frame, offset } => write!(
                 out,
-                "frame {frame} at byte {offset}: the frame begins elsewhere, expected it where the one before ended"
+                "frame {frame} at byte {offset}: the machine stands elsewhere, expected it where the move before ended"
             ),
             Self::Silent { silence_s } => write!(out, "nothing from the host for {silence_s} s"),
             Self::Aborted => write!(out, "the host gives up"),
@@ -334,7 +334,7 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
                     let fault = |fault| Stop::Read(ReadError { fault, offset, frame: Some(number) });
                     let mut items = Frame::read(frame, offset, Some(number))?.items().map_err(fault)?;
                     progress.begun = true;
-                    let mut place = Place { start: *items.start(), begun: false, number, offset };
+                    let mut place = Place { start: *items.start(), begun: false, end_10nm: None, number, offset };
                     loop {
                         let taken_in = incoming.take_in(line, room, &mut ahead, (replies, &clock), false);
                         if !beside(self.item(&mut items, &mut place), taken_in).await? {
@@ -362,14 +362,19 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         let Some(item) = items.next_item().map_err(fault)? else { return Ok(false) };
         let (line, result) = match item {
             Item::Move(next) => {
-                if !place.begun && self.machine_10nm() != place.start.position_10nm {
+                // At the start of a frame, and wherever M410 may have stopped the moves before.
+                let expected_10nm = place.end_10nm.or((!place.begun).then_some(place.start.position_10nm));
+                if expected_10nm.is_some_and(|expected| self.machine_10nm() != expected) {
                     return Err(Stop::Elsewhere { frame, offset });
                 }
-                place.begun = true;
+                (place.begun, place.end_10nm) = (true, Some(next.target_10nm));
                 (next.line, self.prepared_move(&next, &place.start.modal).await.map_err(Failure::Command))
             }
             Item::Fan { line, power } => (line, self.prepared_fan(line, power).await.map_err(Failure::Command)),
-            Item::Command { line, text } => (line, self.prepared_command(line, text).await),
+            Item::Command { line, text } => {
+                place.end_10nm = None;
+                (line, self.prepared_command(line, text).await)
+            }
         };
         match result {
             Ok(()) => Ok(true),
@@ -423,6 +428,8 @@ struct Place {
     start: FrameState,
     /// A move of the frame was executed.
     begun: bool,
+    /// Where the move before ended, if nothing but moves came since.
+    end_10nm: Option<[i64; 3]>,
     number: u32,
     offset: u64,
 }

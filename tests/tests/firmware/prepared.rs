@@ -223,3 +223,27 @@ fn a_silent_host_is_not_waited_for() {
     let place = bench.host.ask("M114", "X:").unwrap();
     assert!(place.starts_with("X:40.00 Y:0.00"), "{place}");
 }
+
+#[test]
+fn a_job_does_not_go_on_behind_a_stop() {
+    let mut bench = Bench::boot();
+    let moves: Vec<_> = (0..10).map(|_| (15, Speed::Bound)).collect();
+    let job = by_hand(profile().hash(), &moves);
+    let (first, rest) = job.split_at(job.len() / 2);
+    bench.host.send(&format!("M790 S{} T3600", job.len())).unwrap();
+    for (index, part) in first.chunks(200).enumerate() {
+        bench.host.send_raw(&to_wire(Kind::Data, index as u32 * 200, part)).unwrap();
+    }
+    let come = format!("gpre:have {} ", first.len());
+    bench.host.wait_for("what has come", |line| line.starts_with(&come)).unwrap();
+    bench.host.send_raw(b"M410\n").unwrap();
+    for (index, part) in rest.chunks(200).enumerate() {
+        let place = first.len() + index * 200;
+        bench.host.send_raw(&to_wire(Kind::Data, place as u32, part)).unwrap();
+    }
+    bench.host.wait_for("the end", |line| line.starts_with("gpre:stopped ")).unwrap();
+    bench.host.connect_again().unwrap();
+    let place = bench.host.ask("M114", "X:").unwrap();
+    let x_mm: f64 = place[2..].split(' ').next().unwrap().parse().unwrap();
+    assert!(x_mm < 150.0, "{place}");
+}
