@@ -10,13 +10,19 @@ use ferrostep_stm32f4::motion_clock::MotionClock;
 use ferrostep_stm32f4::pac::Interrupt;
 use ferrostep_usb::LineWriter;
 use heapless::spsc::{Consumer, Producer};
+use rtic_monotonics::systick::prelude::*;
 use rtic_sync::signal::{Signal, SignalReader};
+
+use crate::clock::Mono;
 
 /// Bytes that wait to be read. A host that does not wait for each `ok` may keep this much in flight.
 pub const RECEIVE_BYTES: usize = 2048;
 
 /// Bytes that wait to be sent: the longest reply (M115) and some.
 pub const SEND_BYTES: usize = 2048;
+
+/// How long [`Reader::read_in_time`] waits.
+const WAIT_MS: u32 = 100;
 
 /// Bytes that were lost because nobody read them in time.
 static LOST_BYTES: AtomicU32 = AtomicU32::new(0);
@@ -118,6 +124,27 @@ impl Reader {
             }
             IS_AWAITED.store(false, Ordering::Release);
         }
+        self.take(buffer)
+    }
+
+    /// As [`Self::read`], but waits a tenth of a second at most and then returns none. `idle`: whoever reads has nothing
+    /// else to do.
+    pub async fn read_in_time<'a>(&mut self, buffer: &'a mut [u8], idle: bool) -> (Port, &'a [u8]) {
+        if !self.is_ready() {
+            if idle {
+                QUIET_SINCE.store(self.clock.now_ticks(), Ordering::Release);
+                IS_AWAITED.store(true, Ordering::Release);
+            }
+            let _ = Mono::timeout_after(WAIT_MS.millis(), self.signal.wait()).await;
+            if idle {
+                IS_AWAITED.store(false, Ordering::Release);
+            }
+        }
+        self.take(buffer)
+    }
+
+    /// Takes as many bytes of one port as are there and fit.
+    fn take<'a>(&mut self, buffer: &'a mut [u8]) -> (Port, &'a [u8]) {
         self.last = match self.last {
             Port::Usb if self.serial.ready() => Port::Serial,
             Port::Serial if !self.usb.ready() => Port::Serial,

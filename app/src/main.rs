@@ -12,7 +12,7 @@
 //! | 8 | `temperature` | every 10 ms | `heat`, watchdog | 160 conversions, two medians, two PID loops and their checks |
 //! | 8 | `emergency` | M112 | `heat` | heaters off |
 //! | 4 | `planner` | a move, or 2 ms | `machine` | fills the step queue: 256 portions a lock |
-//! | 2 | `printer` | received bytes | `machine`, `heat`, `writers` | one line; a wait is an await |
+//! | 2 | `printer` | received bytes | `machine`, `heat`, `writers`, `drivers` | one line, one item of a job; a wait is an await |
 //! | 1 | `drivers` | every ms while a datagram is under way | `drivers`, `driver_line`, `machine`, `writers` | a datagram's end, and the next |
 //! | 1 | `reports` | a halt, or 100 ms | `machine`, `heat`, `writers` | M155's line |
 //!
@@ -30,6 +30,7 @@ mod drivers;
 mod fault;
 mod heat;
 mod host_line;
+mod job_line;
 mod ports;
 mod profile;
 mod timing;
@@ -43,7 +44,7 @@ mod app {
     use core::mem::MaybeUninit;
     use core::sync::atomic::{AtomicU8, Ordering};
 
-    use ferrostep_gcode::{Emergency, EmergencyScanner, LineReader, Reply};
+    use ferrostep_gcode::{Emergency, EmergencyScanner, Reply};
     use ferrostep_hal_shim::Heater;
     use ferrostep_hal_shim::chip::BrownOut;
     use ferrostep_hal_shim::clock_tree::ClockSource;
@@ -53,7 +54,7 @@ mod app {
     use ferrostep_planner::look_ahead::Slot;
     use ferrostep_printer::heat::SAMPLE_MS;
     use ferrostep_printer::machine::SharedMotion;
-    use ferrostep_printer::{Heating, Host, Printer, Replies, Signals, temperatures};
+    use ferrostep_printer::{Heating, Printer, Replies, Signals, temperatures};
     use ferrostep_stm32f4::board::{self, BoardPins};
     use ferrostep_stm32f4::clock;
     use ferrostep_stm32f4::driver_line::DriverLine;
@@ -64,7 +65,7 @@ mod app {
     use ferrostep_stm32f4::supervision::{self, Watchdog};
     use ferrostep_stm32f4::vector_table::VectorTable;
     use ferrostep_stm32f4_usb::{Memory, Rings, Usb};
-    use ferrostep_usb::{Heard, LineWriter, Lines};
+    use ferrostep_usb::LineWriter;
     use heapless::spsc::{Consumer, Producer, Queue};
     use rtic_monotonics::systick::prelude::*;
     use rtic_sync::signal::{Signal, SignalReader};
@@ -72,7 +73,8 @@ mod app {
     use crate::clock::{Mono, SystemClock};
     use crate::drivers::{self as board_drivers, BoardDrivers};
     use crate::heat::{self, Heat};
-    use crate::host_line::{self, Patience, Port, Reader, To, Writer, Writers};
+    use crate::host_line::{self, Patience, Reader, To, Writer, Writers};
+    use crate::job_line::{Hosts, JOB_BYTES, JobPort};
     use crate::ports::{
         self, BoardHeating, BoardMachine, BoardMachineLock, BoardReplies, BoardStepTimer, LOOK_AHEAD_BLOCKS, Overload,
         PLANNER_WORK, STEPS,
@@ -376,7 +378,9 @@ mod app {
     }
 
     /// Lines to commands, commands to moves and replies.
-    #[task(priority = 2, shared = [machine, heat, writers, drivers], local = [reader, measured])]
+    #[task(priority = 2, shared = [machine, heat, writers, drivers], local = [
+        reader, measured, job: [u8; JOB_BYTES] = [0; JOB_BYTES],
+    ])]
     async fn printer(cx: printer::Context) {
         let motion = SharedMotion(BoardMachineLock::new(cx.shared.machine, &SIGNALS));
         let heating = BoardHeating(RefCell::new(cx.shared.heat));
@@ -390,25 +394,24 @@ mod app {
         }
         let timing = BoardTiming::new(cx.local.measured);
         printer.set_timing(&timing);
-        let (mut serial_host, mut usb_host) = (Host::new(), Host::new());
-        let (mut serial_lines, mut usb_lines) = (LineReader::new(), Lines::new());
+        printer.set_receives_jobs();
+        let mut hosts = Hosts::new();
         let mut buffer = [0; 64];
         loop {
             let (port, mut bytes) = cx.local.reader.read(&mut buffer).await;
             replies.answer(port);
             while !bytes.is_empty() {
-                let (host, (used, heard)) = match port {
-                    Port::Serial => {
-                        let (used, line) = serial_lines.feed(bytes);
-                        (&mut serial_host, (used, line.map(Heard::Line)))
-                    }
-                    Port::Usb => (&mut usb_host, usb_lines.feed(bytes)),
-                };
+                let (used, heard) = hosts.feed(port, bytes, &replies);
                 bytes = bytes.get(used..).unwrap_or_default();
-                match heard {
-                    Some(Heard::Line(line)) => host.answer(&mut printer, line).await,
-                    Some(Heard::HalfALine) => replies.half_a_line(),
-                    None => {}
+                let Some((host, line)) = heard else { continue };
+                host.answer(&mut printer, line).await;
+                if let Some(request) = printer.take_job_request() {
+                    // Who asks waits for the answer; what has been sent behind it is sent again.
+                    let mut line = JobPort::new(cx.local.reader, port, &mut hosts, &replies);
+                    let ended = printer.receive_job(request, &mut line, cx.local.job).await;
+                    hosts.job_ended(port, ended);
+                    replies.answer(port);
+                    break;
                 }
             }
         }

@@ -7,4 +7,7 @@ pub mod job;
 pub mod papers;
 pub mod record;
 pub mod report;
+pub mod send;
+#[cfg(unix)]
+pub mod serial_line;
 pub mod session;

@@ -1,6 +1,8 @@
 //! The `ferrostep` command.
 
 mod progress;
+#[cfg(unix)]
+mod sending;
 
 use std::cell::Cell;
 use std::fs::File;
@@ -71,6 +73,21 @@ enum Command {
         /// Every move and command, not only where the frames begin.
         #[arg(long)]
         items: bool,
+    },
+    /// Sends a prepared job to a board, which executes it as it comes.
+    #[cfg(unix)]
+    Send {
+        /// A prepared job, in the compact encoding.
+        file: PathBuf,
+        /// The board's serial port.
+        #[arg(long, value_name = "PATH", default_value = "/dev/ttyACM0")]
+        port: PathBuf,
+        /// The port's speed; over USB it does not matter.
+        #[arg(long, value_name = "BAUD", default_value_t = 115_200)]
+        baud: u32,
+        /// G-code to send line by line instead, where the board refuses the prepared job.
+        #[arg(long, value_name = "FILE")]
+        fallback: Option<PathBuf>,
     },
     /// Time and material of a file, without its steps.
     Estimate {
@@ -149,6 +166,8 @@ fn main() -> ExitCode {
         }
         Command::Preprocess { job, out, format } => preprocess(&job, &out, format),
         Command::Inspect { file, items } => inspect(&file, items),
+        #[cfg(unix)]
+        Command::Send { file, port, baud, fallback } => sending::run(&file, &port, baud, fallback.as_deref()),
         Command::Estimate { job } => estimate(&job),
         Command::Papers { compare: Some(file), profile, json, .. } => compare(&file, &profile, json),
         Command::Papers { paper, json, svg, .. } => papers(paper.map(Paper::from), json, svg.as_deref()),

@@ -265,6 +265,13 @@ pub enum Command<'a> {
         /// A, 0 to 2.
         acceleration: Option<u8>,
     },
+    /// M790: the host sends a prepared job, and G-code no more until it has ended.
+    ReceiveJob {
+        /// S: its length, bytes.
+        size: u32,
+        /// T: how long the host may be silent, s.
+        silence_s: u16,
+    },
     /// M795: S chooses whether moves without E extrude by their length (1) or not (0); H, W and D, in the current unit,
     /// are what they extrude by. None of them: a query.
     AdaptiveExtrusion {

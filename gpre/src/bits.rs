@@ -2,7 +2,7 @@
 
 use crate::error::Fault;
 
-/// Reads bits.
+/// Reads bits. What a move is made of is inlined, what is rare is not: flash is short.
 #[derive(Clone, Copy, Debug)]
 pub struct BitReader<'a> {
     bytes: &'a [u8],
@@ -54,9 +54,15 @@ impl<'a> BitReader<'a> {
         (0..4).fold(0, |word, index| word << 8 | u32::from(rest.get(index).copied().unwrap_or(0)))
     }
 
-    /// Passes some bits.
+    /// The next two to four bits, at least, at the top of a word; to be passed by [`Self::pass`].
     #[inline]
-    fn pass(&mut self, count: u32) -> Result<(), Fault> {
+    pub fn look(&self) -> u32 {
+        self.window()
+    }
+
+    /// Passes some bits, at most 64.
+    #[inline]
+    pub fn pass(&mut self, count: u32) -> Result<(), Fault> {
         let position = self.position + count as usize;
         if position > 8 * self.bytes.len() {
             return Err(OVER);
@@ -66,7 +72,7 @@ impl<'a> BitReader<'a> {
     }
 
     /// The next bit.
-    #[inline]
+    #[inline(never)]
     pub fn bit(&mut self) -> Result<bool, Fault> {
         let bit = self.window() >> 31 != 0;
         self.pass(1)?;
@@ -74,7 +80,7 @@ impl<'a> BitReader<'a> {
     }
 
     /// The next bits as a number, at most 25 of them.
-    #[inline]
+    #[inline(never)]
     pub fn few(&mut self, count: u32) -> Result<u32, Fault> {
         let count = count.min(WINDOW_BITS);
         // In two shifts: by 32 there is none.
@@ -99,12 +105,21 @@ impl<'a> BitReader<'a> {
     /// plus 2^k.
     #[inline]
     pub fn golomb(&mut self, k: u32) -> Result<u32, Fault> {
-        let k = k.min(24);
-        let zeros = self.window().leading_zeros();
-        if 2 * zeros + 1 + k <= WINDOW_BITS {
-            self.pass(zeros)?;
-            return Ok(self.few(zeros + 1 + k)? - (1 << k));
+        let k = k & 31;
+        let window = self.window();
+        let zeros = window.leading_zeros();
+        // 32 zeros and an order of 31 are 96 bits.
+        let length = 2 * zeros + 1 + k;
+        if length <= WINDOW_BITS {
+            self.pass(length)?;
+            // At least the one is there, so this is less than 32 places.
+            return Ok(((window << zeros) >> (31 - zeros - k)).wrapping_sub(1 << k));
         }
+        self.golomb_of_many(k)
+    }
+
+    #[cold]
+    fn golomb_of_many(&mut self, k: u32) -> Result<u32, Fault> {
         u32::try_from(self.golomb_long(k)?).map_err(|_| Fault::Content("a number of at most 32 bits"))
     }
 

@@ -90,6 +90,7 @@ struct Shape(u8);
 const WAY_XY: u8 = 0;
 const WAY_XYZ: u8 = 1;
 const WAY_Z: u8 = 2;
+#[cfg(feature = "write")]
 const WAY_NONE: u8 = 3;
 
 /// What is told of the filament.

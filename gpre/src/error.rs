@@ -3,6 +3,8 @@
 use core::fmt;
 
 /// What is wrong.
+// A word, for a result that is told by a byte is copied by bytes.
+#[repr(u32)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fault {
     /// The file does not begin as a GPRE file does.

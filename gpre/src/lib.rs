@@ -12,6 +12,8 @@ extern crate std;
 
 pub mod compact;
 pub mod header;
+pub mod parts;
+pub mod transfer;
 pub mod wide;
 
 mod bits;
@@ -23,4 +25,4 @@ pub use header::{Encoding, Header, Thumbnail, ThumbnailFormat};
 pub use item::{Item, LimitValues, ModalState, MoveItem, Speed};
 
 /// CRC-32 as Ethernet, gzip and PNG have it.
-pub(crate) const CRC: crc::Crc<u32, crc::Table<1>> = crc::Crc::<u32, crc::Table<1>>::new(&crc::CRC_32_ISO_HDLC);
+pub(crate) static CRC: crc::Crc<u32, crc::Table<1>> = crc::Crc::<u32, crc::Table<1>>::new(&crc::CRC_32_ISO_HDLC);

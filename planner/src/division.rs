@@ -9,18 +9,36 @@ pub struct Divisor {
     divisor: u64,
     /// (2^64 - 1) / divisor, cut.
     reciprocal: u64,
+    /// 2^[`SHORT_BITS`] / divisor, cut; 0 where that has more than 32 bits.
+    short: u32,
 }
+
+/// Numbers of so many bits, which is what most are, are divided by two multiplications instead of six.
+const SHORT_BITS: u32 = 54;
 
 impl Divisor {
     /// A divisor of at least 1; 0 is taken for 1.
     pub const fn new(divisor: u64) -> Self {
         let divisor = if divisor == 0 { 1 } else { divisor };
-        Self { divisor, reciprocal: u64::MAX / divisor }
+        let short = (1 << SHORT_BITS) / divisor;
+        Self { divisor, reciprocal: u64::MAX / divisor, short: if short >> 32 == 0 { short as u32 } else { 0 } }
     }
 
     /// Quotient and remainder of `number`, at most 2^63.
     #[inline]
     pub const fn divide(self, number: u64) -> (u64, u64) {
+        if self.short != 0 && number >> SHORT_BITS == 0 {
+            // Of number / divisor the part below 2^22 loses less than 2^-10 and the cut reciprocal less than 1, so the
+            // quotient is right or at most two short.
+            let upper = number >> (SHORT_BITS - 32);
+            let mut quotient = (upper.wrapping_mul(self.short as u64)) >> 32;
+            let mut remainder = number.wrapping_sub(quotient.wrapping_mul(self.divisor));
+            while remainder >= self.divisor {
+                quotient = quotient.wrapping_add(1);
+                remainder = remainder.wrapping_sub(self.divisor);
+            }
+            return (quotient, remainder);
+        }
         // The reciprocal is short of 2^64 / divisor by at most 1, so the quotient is right or one short.
         let quotient = high_product(number, self.reciprocal);
         let remainder = number - quotient * self.divisor;
@@ -66,6 +84,14 @@ mod tests {
             let signed = divisor as i64;
             let expected = (number.div_euclid(signed), number.rem_euclid(signed) as u64);
             prop_assert_eq!(Divisor::new(divisor).divide_floor(number), expected);
+        }
+
+        #[test]
+        fn short_quotients_are_exact(
+            number in prop_oneof![0u64..1 << 54, 0u64..1 << 33, (1 << 54) - 1000..(1u64 << 54) + 1000],
+            divisor in prop_oneof![1u64 << 22..1 << 24, Just(10_000_000_000), Just(3_906_250_000), 1u64 << 22..1 << 54],
+        ) {
+            prop_assert_eq!(Divisor::new(divisor).divide(number), (number / divisor, number % divisor));
         }
 
         #[test]

@@ -32,14 +32,18 @@ impl Extruder {
 
     /// Whether the extruder can move by a delta, in units of 0.1 nm, at once: at most 1 m either way, and less above
     /// 4,000 steps/mm, where the product with the steps would leave 64 bits.
+    #[inline]
     pub const fn can_push(steps_per_mm: StepsPerMm, delta_100pm: i64) -> bool {
         // 1 m times the most steps/mm is 10^19, in range of u64; there is no division to be paid for each line.
         let magnitude = delta_100pm.unsigned_abs();
-        magnitude <= LONGEST_MOVE_100PM as u64
-            && magnitude * steps_per_mm.hundred_thousandths().unsigned_abs() <= LARGEST_PRODUCT
+        // As much as 21 cm can be pushed by any machine: 2^31 * 10^9.
+        magnitude >> 31 == 0
+            || magnitude <= LONGEST_MOVE_100PM as u64
+                && magnitude * steps_per_mm.hundred_thousandths().unsigned_abs() <= LARGEST_PRODUCT
     }
 
     /// Adds a delta in units of 0.1 nm for which [`Self::can_push`] holds (one that is too long is left out).
+    #[inline]
     pub fn advance(&mut self, delta_100pm: i64) {
         const BY_UNITS: Divisor = Divisor::new(UNITS_PER_256TH);
         if !Self::can_push(self.steps_per_mm, delta_100pm) {

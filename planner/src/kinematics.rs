@@ -53,12 +53,15 @@ impl StepsPerMm {
 
     /// The motor position for a coordinate of at most twice [`MAX_COORDINATE_10NM`]: the exact product, rounded half
     /// away from zero.
+    #[inline]
     pub fn steps(self, coordinate_10nm: i64) -> i32 {
         const UNIT: u64 = UNITS_PER_MM as u64 * 100_000;
         const BY_UNIT: Divisor = Divisor::new(UNIT);
         let limit = 2 * MAX_COORDINATE_10NM;
         // |product| <= 1e9 * 1e9, in range of i64; the quotient, at most 1e8, is in range of i32.
-        let product = coordinate_10nm.clamp(-limit, limit) * self.hundred_thousandths;
+        // Both factors have 32 bits.
+        let (coordinate, scale) = (coordinate_10nm.clamp(-limit, limit) as i32, self.hundred_thousandths as i32);
+        let product = i64::from(coordinate) * i64::from(scale);
         let (magnitude, _) = BY_UNIT.divide(product.unsigned_abs() + UNIT / 2);
         if product < 0 { -(magnitude as i32) } else { magnitude as i32 }
     }
@@ -101,6 +104,20 @@ impl Geometry {
         match self.kinematics {
             Kinematics::Cartesian => [steps_x.steps(x), steps_y.steps(y), steps_z.steps(z)],
             Kinematics::CoreXy => [steps_x.steps(x + y), steps_y.steps(x - y), steps_z.steps(z)],
+        }
+    }
+
+    /// The same, where another position and its motors are known: what is the same there is not worked out again.
+    #[inline]
+    pub fn motor_steps_from(&self, position_10nm: [i64; 3], other_10nm: [i64; 3], other_steps: [i32; 3]) -> [i32; 3] {
+        let [x, y, z] = position_10nm;
+        let [.., other_z] = other_10nm;
+        let [.., other_z_steps] = other_steps;
+        let [steps_x, steps_y, steps_z, _] = self.steps_per_mm;
+        let z_steps = if z == other_z { other_z_steps } else { steps_z.steps(z) };
+        match self.kinematics {
+            Kinematics::Cartesian => [steps_x.steps(x), steps_y.steps(y), z_steps],
+            Kinematics::CoreXy => [steps_x.steps(x + y), steps_y.steps(x - y), z_steps],
         }
     }
 

@@ -39,6 +39,7 @@ mod pace;
 mod path;
 mod planner;
 mod real;
+mod single;
 mod spacing;
 mod square_root;
 mod step_times;

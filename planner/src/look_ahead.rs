@@ -219,6 +219,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
         }
     }
 
+    #[inline(always)]
     fn place_block(&mut self, waiting: Waiting) {
         *self.at(self.length) = Content::Block(waiting);
         self.length += 1;
@@ -302,13 +303,17 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
 
     /// Takes the oldest place.
     fn take_first(&mut self) -> Option<Content> {
-        let first = self.first;
-        let next = first + 1;
-        let content = self.slots.as_ref().get(first)?.0;
+        let content = self.slots.as_ref().get(self.first)?.0;
+        self.pass_first();
+        Some(content)
+    }
+
+    /// The oldest place is free.
+    fn pass_first(&mut self) {
+        let next = self.first + 1;
         self.first = if next == self.slots.as_ref().len() { 0 } else { next };
         self.length -= 1;
         self.released = self.released.saturating_sub(1);
-        Some(content)
     }
 
     /// Fixes the entry speed of the oldest block that is left; zero where there is none, and then the next block

@@ -1,5 +1,6 @@
 //! The straight way of a move: a vector of integers, and its length.
 
+use crate::single;
 use crate::square_root::square_root_f32;
 
 /// The way of X, Y and Z from one machine position to another, units of 10 nm.
@@ -23,20 +24,22 @@ impl Path {
             let magnitude = u64::from(component.unsigned_abs());
             squared += magnitude * magnitude;
         }
-        Self { vector_10nm, squared, length: square_root_f32(squared as f32) }
+        Self { vector_10nm, squared, length: square_root_f32(single::of_u64(squared)) }
     }
 
     /// The length to the nearest unit.
     pub fn length_10nm(&self) -> u32 {
         // The single-precision root is within 2 up to 168 mm, within 128 for the longest way there is.
-        let mut root = self.length as u64;
-        while root * (root + 1) < self.squared {
-            root += 1;
+        // The longest way has 31 bits.
+        let mut root = self.length as u32;
+        let product = |a: u32, b: u32| u64::from(a) * u64::from(b);
+        while product(root, root.wrapping_add(1)) < self.squared {
+            root = root.wrapping_add(1);
         }
-        while root > 0 && root * (root - 1) >= self.squared {
-            root -= 1;
+        while root > 0 && product(root, root.wrapping_sub(1)) >= self.squared {
+            root = root.wrapping_sub(1);
         }
-        root as u32
+        root
     }
 }
 
@@ -57,9 +60,11 @@ pub fn half_turn(before: &Path, after: &Path) -> Option<(f32, f32)> {
         return None;
     }
     let ([ax, ay, az], [bx, by, bz]) = (before.vector_10nm, after.vector_10nm);
-    let minor = |a: i32, b: i32, c: i32, d: i32| (i64::from(a) * i64::from(b) - i64::from(c) * i64::from(d)) as f32;
+    let minor = |a: i32, b: i32, c: i32, d: i32| {
+        single::of_i64((i64::from(a) * i64::from(b)).wrapping_sub(i64::from(c) * i64::from(d)))
+    };
     let inverse = 1.0 / product;
-    let cosine = dot(before.vector_10nm, after.vector_10nm) as f32 * inverse;
+    let cosine = single::of_i64(dot(before.vector_10nm, after.vector_10nm)) * inverse;
     let mut cross = [0.0, 0.0, minor(ax, by, ay, bx) * inverse];
     if az != 0 || bz != 0 {
         cross[0] = minor(ay, bz, az, by) * inverse;

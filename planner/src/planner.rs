@@ -20,6 +20,7 @@ use crate::pace::Pace;
 use crate::path::Path;
 use crate::s_curve::law::Curve;
 use crate::s_curve::{FrequencyTable, Jerk};
+use crate::single;
 use crate::step_queue::{Notice, StepSink};
 use crate::time_law::TimeLaw;
 use crate::{TICKS_PER_SECOND, kinematics};
@@ -337,7 +338,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         if request.target_10nm == self.position_10nm && request.filament_100pm == 0 {
             return Ok(None);
         }
-        let motor_steps = self.geometry.motor_steps(request.target_10nm);
+        let motor_steps = self.geometry.motor_steps_from(request.target_10nm, self.position_10nm, self.motor_steps);
         let mut steps = [0; 3];
         for (steps, (to, from)) in steps.iter_mut().zip(motor_steps.iter().zip(self.motor_steps)) {
             *steps = to - from;
@@ -371,7 +372,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         let least = MIN_FEED_MM_PER_S as f32;
         let feed = if request.feed_mm_per_s < least { least } else { request.feed_mm_per_s };
         let filament_100pm = request.filament_100pm.abs();
-        let filament = filament_100pm as f32 / FILAMENT_UNITS_PER_10NM as f32;
+        let filament = single::of_i64(filament_100pm) / FILAMENT_UNITS_PER_10NM as f32;
         let path = Path::between(self.position_10nm, request.target_10nm);
         let path_10nm = path.length_10nm();
 

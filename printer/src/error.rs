@@ -112,6 +112,8 @@ pub enum CommandError {
     Plan(Violation),
     /// A prepared job's speeds are trapezoids, and the machine is set to something else.
     OtherLaw,
+    /// There is no line from which a job could be received.
+    NoJobs,
 }
 
 impl From<MotionError> for CommandError {
@@ -213,6 +215,7 @@ impl fmt::Display for CommandError {
             Self::OtherLaw => {
                 write!(out, "a prepared job's speeds are trapezoids, expected that acceleration profile (M796 A0)")
             }
+            Self::NoJobs => write!(out, "jobs are received by a board, expected a line from its host"),
         }
     }
 }

@@ -6,6 +6,7 @@
 
 pub mod heat;
 pub mod machine;
+pub mod packets;
 pub mod ports;
 
 mod arc;
@@ -21,6 +22,7 @@ mod printer;
 mod profile;
 mod profile_hash;
 mod settings;
+mod transfer;
 mod waits;
 
 pub use drivers::tell_driver_event;
@@ -33,6 +35,7 @@ pub use profile::{
     AxisHoming, DEFAULT_EVENTS_PER_S, DEFAULT_MOVES_PER_S, DriverTiming, ExtrusionSettings, FirmwareRetraction,
     HeaterSettings, HeaterWatch, HomeEnd, HomeSensor, Profile,
 };
+pub use transfer::{JobLine, JobRequest};
 pub use waits::temperatures;
 
 /// Names of the axes, in the order of their index.

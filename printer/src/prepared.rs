@@ -1,13 +1,14 @@
 //! Jobs that were planned elsewhere (GPRE): their moves are executed without look-ahead, everything else as ever.
 
 use embedded_hal_async::delay::DelayNs;
+use ferrostep_gcode::parse;
 use ferrostep_gpre::{LimitValues, ModalState, MoveItem, Speed};
 use ferrostep_hal_shim::{Clock, Heater};
 use ferrostep_planner::extruder::FILAMENT_UNITS_PER_MM;
 use ferrostep_planner::look_ahead::Entry;
 use ferrostep_planner::{Limits, Move, PreparedBlock, PreparedMove, SquaredSpeed};
 
-use crate::error::CommandError;
+use crate::error::{CommandError, Failure};
 use crate::ports::{Heating, Motion, Replies};
 use crate::printer::Printer;
 
@@ -108,8 +109,13 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         if item.counts {
             // An arc's share of a whole number need not be whole.
             let pushed_100pm = self.modal.extruder_rest_100pm + filament_100pm;
-            self.modal.extruder_10nm += pushed_100pm / i64::from(flow.max(1));
-            self.modal.extruder_rest_100pm = pushed_100pm % i64::from(flow.max(1));
+            // Nearly always a percent of 100, and little enough to be divided by the processor.
+            let (whole, rest) = match i32::try_from(pushed_100pm) {
+                Ok(pushed) => (i64::from(pushed / i32::from(flow.max(1))), i64::from(pushed % i32::from(flow.max(1)))),
+                Err(_) => (pushed_100pm / i64::from(flow.max(1)), pushed_100pm % i64::from(flow.max(1))),
+            };
+            self.modal.extruder_10nm += whole;
+            self.modal.extruder_rest_100pm = rest;
         }
         self.tally.moves += u64::from(item.ends_move);
         self.tally.filament_100pm += filament_100pm;
@@ -192,6 +198,16 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
     pub async fn prepared_fan(&mut self, line: u32, power: u8) -> Result<(), CommandError> {
         self.line = line;
         Ok(self.motion.set_fan_power(power).await?)
+    }
+
+    /// Executes a command of a prepared job as a line is executed, without its `ok`: nobody has sent a line.
+    ///
+    /// # Errors
+    /// It cannot be read, or not be done.
+    pub async fn prepared_command(&mut self, line: u32, text: &str) -> Result<(), Failure> {
+        self.line = line;
+        let command = parse(text).map_err(Failure::Parse)?;
+        self.command_with_signs_of_life(&command).await.map(|_| ()).map_err(Failure::Command)
     }
 
     /// Ends a prepared job of which nothing more can be trusted: what was taken of it is executed, to a standstill on the

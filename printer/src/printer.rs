@@ -12,6 +12,7 @@ use crate::error::{CommandError, Failure};
 use crate::modal::{Modal, Tally};
 use crate::ports::{Equipment, Heating, Motion, MotorDrivers, Replies, Signals, Timing};
 use crate::profile::{HomeEnd, HomeSensor, Profile};
+use crate::transfer::JobRequest;
 use crate::waits::temperatures;
 
 /// A line of text that is put together here.
@@ -24,7 +25,7 @@ const ALL_MOTORS: u8 = 0b1111;
 // A word, for a result that is told by a byte is copied by bytes.
 #[repr(u32)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Answer {
+pub(crate) enum Answer {
     /// `ok` is to follow.
     Ok,
     /// It has been said, and more with it.
@@ -58,6 +59,8 @@ pub struct Printer<'a, M, H, T, R> {
     timing: Option<&'a dyn Timing>,
     pub(crate) drivers: Option<&'a dyn MotorDrivers>,
     pub(crate) equipment: Equipment,
+    pub(crate) receives_jobs: bool,
+    pub(crate) job_request: Option<JobRequest>,
 }
 
 impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'a, M, H, T, R> {
@@ -78,6 +81,8 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
             timing: None,
             drivers: None,
             equipment: Equipment::ALL,
+            receives_jobs: false,
+            job_request: None,
         }
     }
 
@@ -159,7 +164,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
 
     /// Executes a command and, while it takes long, says `busy` as often as M113 asks: hosts take a printer that is
     /// silent for too long for dead. A wait for heat reports temperatures instead.
-    async fn command_with_signs_of_life(&mut self, command: &Command<'_>) -> Result<Answer, CommandError> {
+    pub(crate) async fn command_with_signs_of_life(&mut self, command: &Command<'_>) -> Result<Answer, CommandError> {
         let (clock, replies, signals) = (self.clock.clone(), self.replies, self.signals);
         let mut execution = pin!(self.command(command));
         let mut last_sign_ms = None;
@@ -292,6 +297,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
                 self.adaptive_extrusion(on, [layer_height, line_width, filament_diameter])?;
             }
             Command::Timing { on, clear } => self.timing(on, clear),
+            Command::ReceiveJob { size, silence_s } => self.request_job(size, silence_s)?,
             Command::Echo { echo_prefix, action_prefix, text } => self.echo(echo_prefix, action_prefix, text),
             Command::MaxAcceleration(ref words) => self.set_max_acceleration(words)?,
             Command::MaxFeed(ref words) => self.set_max_feed(words)?,

@@ -1,24 +1,13 @@
-//! The paper's packets of a job: what is written, and what is executed.
+//! The paper's packets of a job, as they are written.
 
-use ferrostep_gpre::wide::{PLACE_PARTS, Packet, Status, Trajectory};
-use ferrostep_planner::inner_ends::{InnerEnd, InnerEnds};
-use ferrostep_planner::{Acceleration, Block, PlannedBlock, PreparedBlock, Speed, SquaredSpeed};
+use ferrostep_gpre::wide::{Packet, Status, Trajectory};
+use ferrostep_planner::{PlannedBlock, Speed, SquaredSpeed};
+use ferrostep_printer::packets::Place;
 
 use super::script::Ready;
 
 /// Units of length in a millimetre.
 const PER_MM: f64 = 100_000.0;
-
-/// Where the machine is, units of 10 nm.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Place {
-    /// Machine position.
-    pub position_10nm: [i64; 3],
-    /// What of Z is the lift of a firmware retraction.
-    pub lift_10nm: i64,
-    /// E of the G-code.
-    pub extruder_10nm: i64,
-}
 
 /// Puts a job into packets.
 pub struct PacketWriter {
@@ -175,134 +164,4 @@ fn trajectory(planned: &PlannedBlock, bound: SquaredSpeed) -> Trajectory {
         extruder_rate: (f64::from(block.extruder_256ths.unsigned_abs()) / length_mm * nominal).round() as u32,
         acceleration_st: rate(acceleration),
     }
-}
-
-/// What packets ask for.
-pub enum Asked {
-    /// A block in which so many moves end.
-    Block(PreparedBlock, u32),
-    /// The fan.
-    Fan {
-        /// Source line.
-        line: u32,
-        /// Power, 0 to 255.
-        power: u8,
-    },
-    /// A command.
-    Command {
-        /// Source line.
-        line: u32,
-        /// Its text.
-        text: Vec<u8>,
-    },
-    /// The machine is here.
-    Place(Place),
-}
-
-/// Puts packets together again.
-#[derive(Default)]
-pub struct PacketReader {
-    line: u32,
-    next_line: Option<u32>,
-    inner: Vec<(u16, u8)>,
-    text: Vec<u8>,
-    place: Vec<u16>,
-}
-
-impl PacketReader {
-    fn begin_line(&mut self) -> u32 {
-        self.line = self.next_line.take().unwrap_or(self.line.wrapping_add(1));
-        self.line
-    }
-
-    /// Takes a packet; returns what is asked for when it is complete.
-    ///
-    /// # Errors
-    /// What was expected where the packet has no meaning here.
-    pub fn take(&mut self, packet: &Packet) -> Result<Option<Asked>, &'static str> {
-        match *packet {
-            Packet::Status(Status::Line(line)) => self.next_line = Some(line),
-            Packet::Status(Status::InnerEnd { length_10nm, lines_before }) => {
-                self.inner.push((length_10nm, lines_before));
-                if self.inner.len() > ferrostep_planner::inner_ends::MAX_INNER_ENDS {
-                    return Err("at most seven moves that end inside a trajectory");
-                }
-            }
-            Packet::Status(Status::Fan(power)) => return Ok(Some(Asked::Fan { line: self.begin_line(), power })),
-            Packet::Status(Status::Text(part)) => {
-                let length = part.iter().position(|&byte| byte == 0);
-                self.text.extend_from_slice(&part[..length.unwrap_or(part.len())]);
-                if self.text.len() > ferrostep_gpre::compact::MOST_TEXT_BYTES {
-                    return Err("a command of at most 255 bytes");
-                }
-                if length.is_some() {
-                    let text = std::mem::take(&mut self.text);
-                    return Ok(Some(Asked::Command { line: self.begin_line(), text }));
-                }
-            }
-            Packet::Status(Status::Place { part, bits }) => {
-                if usize::from(part) != self.place.len() {
-                    return Err("the parts of a place in their order");
-                }
-                self.place.push(bits);
-                if self.place.len() == PLACE_PARTS {
-                    let parts = std::mem::take(&mut self.place);
-                    let axis = |index: usize| {
-                        let [low, high] = [parts[2 * index], parts[2 * index + 1]].map(u32::from);
-                        i64::from((high << 16 | low) as i32)
-                    };
-                    let extruder = parts[6..10].iter().rev().fold(0, |all, &part| all << 16 | u64::from(part)) as i64;
-                    let position_10nm = [axis(0), axis(1), axis(2)];
-                    let place = Place { position_10nm, lift_10nm: axis(5), extruder_10nm: extruder };
-                    return Ok(Some(Asked::Place(place)));
-                }
-            }
-            Packet::Trajectory(trajectory) => {
-                let line = self.begin_line();
-                let inner = std::mem::take(&mut self.inner);
-                let moves = inner.len() as u32 + (trajectory.nominal_length_flag >> 1);
-                let inner_ends = inner_ends(&inner, line, trajectory.millimeters)
-                    .ok_or("ends of moves inside a trajectory in their order")?;
-                let [x, y, z, extruder_256ths] = trajectory.signed_steps();
-                let block = Block {
-                    steps: [x, y, z],
-                    extruder_256ths,
-                    length_10nm: trajectory.millimeters,
-                    nominal: Speed(trajectory.nominal_speed),
-                    acceleration: Acceleration::from_quantised(trajectory.acceleration),
-                    line,
-                    ends_move: trajectory.nominal_length_flag >> 1 == 1,
-                    inner_ends,
-                };
-                let (entry, max_entry) = (Speed(trajectory.entry_speed), Speed(trajectory.max_entry_speed));
-                return Ok(Some(Asked::Block(PreparedBlock { block, entry, max_entry }, moves)));
-            }
-        }
-        Ok(None)
-    }
-
-    /// Whether nothing waits for packets that do not come.
-    pub fn is_complete(&self) -> bool {
-        self.inner.is_empty() && self.text.is_empty() && self.place.is_empty()
-    }
-}
-
-/// The ends of moves inside a block of this line and length; `None` where they are in no order.
-fn inner_ends(inner: &[(u16, u8)], line: u32, length_10nm: u32) -> Option<InnerEnds> {
-    let mut ends = InnerEnds::NONE;
-    let mut before = 0;
-    for (index, &(length, lines)) in inner.iter().enumerate() {
-        // Each is told by the line of the one after it.
-        let end = InnerEnd { length_10nm: length.into(), line: line.checked_sub(lines.into())? };
-        let next = match inner.get(index + 1) {
-            Some(&(_, lines)) => line.checked_sub(lines.into())?,
-            None => line,
-        };
-        if end.length_10nm <= before && index > 0 || end.length_10nm > length_10nm {
-            return None;
-        }
-        before = end.length_10nm;
-        ends = ends.with(end, next)?;
-    }
-    Some(ends)
 }

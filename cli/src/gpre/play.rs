@@ -7,9 +7,9 @@ use ferrostep_gpre::header::{FIXED_BYTES, HeaderCheck};
 use ferrostep_gpre::wide::Packet;
 use ferrostep_gpre::{Encoding, Fault, Header, Item, ReadError};
 use ferrostep_planner::PLANNER_VERSION;
+use ferrostep_printer::packets::{Asked, PacketReader, Place};
 use ferrostep_printer::{CommandError, Failure, Profile, Replies};
 
-use super::packets::{Asked, PacketReader, Place};
 use crate::job::{JobError, JobProgress};
 use crate::record::Observer;
 use crate::session::DeskPrinter;
@@ -197,7 +197,7 @@ async fn packets<O: Observer, R: Replies>(
 
 /// Executes what packets ask for.
 async fn execute_asked<O: Observer, R: Replies>(
-    asked: Asked,
+    asked: Asked<'_>,
     printer: &mut DeskPrinter<'_, O, R>,
     progress: &mut JobProgress,
 ) -> Result<(), Stopped> {
@@ -213,7 +213,7 @@ async fn execute_asked<O: Observer, R: Replies>(
         }
         Asked::Command { line, text } => {
             progress.lines = line;
-            let text = std::str::from_utf8(&text).map_err(|_| Fault::Content("a command of UTF-8"))?;
+            let text = std::str::from_utf8(text).map_err(|_| Fault::Content("a command of UTF-8"))?;
             printer.execute(line, text).await.map_err(|failure| Stopped::at_command(line, text, &failure))
         }
     }

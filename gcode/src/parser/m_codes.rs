@@ -11,6 +11,9 @@ const MAX_PERCENT: u16 = 999;
 const MAX_CURRENT_MA: u16 = 3000;
 /// Largest M914.
 const MAX_STALL_THRESHOLD: u16 = 255;
+/// Longest T of M790, seconds, and what it is without.
+const MAX_SILENCE_S: u16 = 3600;
+const DEFAULT_SILENCE_S: u16 = 30;
 
 pub(super) fn parse(code: Code<'_>) -> Result<Command<'_>, ParseError> {
     if code.has_subcode {
@@ -89,6 +92,14 @@ pub(super) fn parse(code: Code<'_>) -> Result<Command<'_>, ParseError> {
         569 => stealth_chop(code),
         906 => Ok(Command::DriverCurrent(driver_words(code, MAX_CURRENT_MA)?)),
         914 => Ok(Command::StallThreshold(driver_words(code, MAX_STALL_THRESHOLD)?)),
+        790 => {
+            let words = code.words()?;
+            let Some(size) = words.nearest(b'S', 1)?.and_then(|size| u32::try_from(size).ok()) else {
+                return Err(ParseError::WordsExpected { command: "M790", words: "S" });
+            };
+            let silence_s = words.whole_up_to(b'T', MAX_SILENCE_S)?.unwrap_or(DEFAULT_SILENCE_S);
+            Ok(Command::ReceiveJob { size, silence_s })
+        }
         795 => {
             let words = code.words()?;
             Ok(Command::AdaptiveExtrusion {

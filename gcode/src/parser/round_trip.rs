@@ -145,6 +145,9 @@ fn take_apart_m(command: Command<'_>) -> (u32, Words) {
         Command::StealthChop { motors, on } => (569, [flags(motors), given([('S', switch(on))])].concat()),
         Command::DriverCurrent(words) => (906, drivers(words)),
         Command::StallThreshold(words) => (914, drivers(words)),
+        Command::ReceiveJob { size, silence_s } => {
+            (790, given([('S', Some(whole(size.into()))), ('T', Some(whole(silence_s.into())))]))
+        }
         Command::AdaptiveExtrusion { on, layer_height, line_width, filament_diameter } => {
             (795, given([('S', switch(on)), ('H', layer_height), ('W', line_width), ('D', filament_diameter)]))
         }
@@ -308,6 +311,7 @@ fn machine() -> impl Strategy<Value = Command<'static>> {
         of(not_negative()).prop_map(Command::SetBed),
         any_wait().prop_map(Command::WaitNozzle),
         any_wait().prop_map(Command::WaitBed),
+        (0u32..1_000_000_000, 0u16..=3600).prop_map(|(size, silence_s)| Command::ReceiveJob { size, silence_s }),
         (0u8..=60).prop_map(|seconds| Command::AutoReportTemperatures { seconds }),
         of(0u8..=60).prop_map(Command::KeepAlive),
         (of(any::<bool>()), of(above_zero()), of(above_zero()), of(above_zero())).prop_map(

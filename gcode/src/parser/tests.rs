@@ -179,6 +179,8 @@ fn host_commands() {
         ("M115", Command::ReportFirmware),
         ("M115 U3.1.0", Command::ReportFirmware),
         ("M119", Command::ReportEndStops),
+        ("M790 S10241", Command::ReceiveJob { size: 10_241, silence_s: 30 }),
+        ("M790 S1 T5", Command::ReceiveJob { size: 1, silence_s: 5 }),
         ("M795", adaptive(None, [None, None, None])),
         ("M795 S1 H0.2 W.45 D1.75", adaptive(Some(true), [some("0.2"), some("0.45"), some("1.75")])),
         ("M796", Command::MotionChoice { interpolation: None, acceleration: None }),
@@ -199,6 +201,8 @@ fn host_commands() {
         reads(text, command);
     }
     assert_eq!(refused("M155"), "M155: expected S");
+    assert_eq!(refused("M790"), "M790: expected S");
+    assert_eq!(refused("M790 S1 T3601"), "T: 3601 is out of range, expected 0 to 3600");
     assert!(refused("M795 H0").starts_with("H: "));
     assert!(refused("M795 S2").starts_with("S: "));
     assert_eq!(refused("M796 I5"), "I: 5 is out of range, expected 0 to 4");

@@ -1,18 +1,32 @@
 //! What is in a frame.
 
 use super::{
-    FILAMENT_ALL, FILAMENT_NONE, FILAMENT_PREDICTED, MOST_TEXT_BYTES, PLACES, Shape, WAY_NONE, WAY_XY, WAY_XYZ, WAY_Z,
-    prediction,
+    FILAMENT_ALL, FILAMENT_NONE, FILAMENT_PREDICTED, MOST_TEXT_BYTES, PLACES, Shape, WAY_XY, WAY_XYZ, WAY_Z, prediction,
 };
 use crate::bits::BitReader;
 use crate::error::Fault;
 use crate::item::{Item, ModalState, MoveItem, Speed};
 
 /// Largest coordinate, either sign, units of 10 nm: 5 m.
-const MOST_10NM: i64 = 500_000_000;
+const MOST_10NM: u32 = 500_000_000;
 
-/// Largest unit, so that its product with any number of steps has 64 bits.
-const MOST_UNIT: i64 = 1000;
+/// Largest unit.
+const MOST_UNIT: u32 = 1000;
+
+const TOO_FAR: Fault = Fault::Content("coordinates within 5 m");
+
+/// A coordinate that is not too large.
+#[inline]
+fn within_reach(coordinate_10nm: i64) -> Option<i32> {
+    let coordinate = i32::try_from(coordinate_10nm).ok()?;
+    (coordinate.unsigned_abs() <= MOST_10NM).then_some(coordinate)
+}
+
+/// An item that is no move.
+enum Other {
+    Fan(u8),
+    Command,
+}
 
 /// Where a frame begins.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -61,13 +75,13 @@ pub struct Decoder<'a> {
     bits: BitReader<'a>,
     start: FrameState,
     left: u32,
-    position_10nm: [i64; 3],
+    position_10nm: [i32; 3],
     line: u32,
     feed_mm_per_s: f32,
     lambda: f32,
     shape: Shape,
-    unit_10nm: i64,
-    filament_unit_100pm: i64,
+    unit_10nm: i32,
+    filament_unit_100pm: i32,
     orders: [u32; 4],
     feeds: Places<f32>,
     lambdas: Places<f32>,
@@ -83,10 +97,7 @@ impl<'a> Decoder<'a> {
         let can_be_entered = bits.bit()?;
         let mut position_10nm = [0; 3];
         for coordinate in &mut position_10nm {
-            *coordinate = bits.signed_long(24)?;
-            if coordinate.unsigned_abs() > MOST_10NM as u64 {
-                return Err(Fault::Content("coordinates within 5 m"));
-            }
+            *coordinate = within_reach(bits.signed_long(24)?).ok_or(TOO_FAR)?;
         }
         let line = bits.golomb(20)?;
         let feed_mm_per_s = feed(&mut bits)?;
@@ -111,7 +122,7 @@ impl<'a> Decoder<'a> {
             }
             limits = Some(values);
         }
-        let (unit_10nm, filament_unit_100pm) = (i64::from(bits.golomb(7)?), i64::from(bits.golomb(7)?));
+        let (unit_10nm, filament_unit_100pm) = (bits.golomb(7)?, bits.golomb(7)?);
         if !(1..=MOST_UNIT).contains(&unit_10nm) || !(1..=MOST_UNIT).contains(&filament_unit_100pm) {
             return Err(Fault::Content("units from 1 to 1000"));
         }
@@ -130,7 +141,14 @@ impl<'a> Decoder<'a> {
             lift_10nm,
             limits,
         };
-        let start = FrameState { can_be_entered, position_10nm, line, feed_mm_per_s, fan_power, modal };
+        let start = FrameState {
+            can_be_entered,
+            position_10nm: position_10nm.map(i64::from),
+            line,
+            feed_mm_per_s,
+            fan_power,
+            modal,
+        };
         Ok(Self {
             bits,
             start,
@@ -140,8 +158,8 @@ impl<'a> Decoder<'a> {
             feed_mm_per_s,
             lambda: 0.0,
             shape: Shape::FIRST,
-            unit_10nm,
-            filament_unit_100pm,
+            unit_10nm: unit_10nm as i32,
+            filament_unit_100pm: filament_unit_100pm as i32,
             orders,
             feeds: Places::new(feed_mm_per_s),
             lambdas: Places::new(0.0),
@@ -160,53 +178,80 @@ impl<'a> Decoder<'a> {
     /// # Errors
     /// Content that has no meaning. The decoder is of no use after it.
     pub fn next_item(&mut self) -> Result<Option<Item<'_>>, Fault> {
-        while self.left > 0 {
+        // The commonest items are told by their first four bits: a move of the same shape, and where its speed comes from.
+        let speed = loop {
+            if self.left == 0 {
+                if self.bits.left() >= 8 {
+                    return Err(Fault::Content("the frame's end after its last item"));
+                }
+                return Ok(None);
+            }
             self.left -= 1;
-            if !self.bits.bit()? {
-                return self.next_move().map(|next| Some(Item::Move(next)));
+            let first = self.bits.look() >> 28;
+            if first < 0b1000 {
+                let (bits, speed) = match first {
+                    0b0111 => {
+                        self.bits.pass(1)?;
+                        break self.speed()?;
+                    }
+                    0b0110 => (4, Speed::Continues),
+                    0b0100 | 0b0101 => (3, Speed::Falling),
+                    _ => (2, Speed::Bound),
+                };
+                self.bits.pass(bits)?;
+                break speed;
             }
-            if !self.bits.bit()? {
+            self.bits.pass(2)?;
+            if first < 0b1100 {
                 self.shape = Shape(self.bits.few(Shape::BITS)? as u8);
-                return self.next_move().map(|next| Some(Item::Move(next)));
+                break self.speed()?;
             }
-            match self.bits.few(3)? {
-                0 => {
-                    let place = self.bits.few(3)?;
-                    self.feed_mm_per_s = self.feeds.get(place).unwrap_or(self.feed_mm_per_s);
-                }
-                1 => {
-                    self.feed_mm_per_s = feed(&mut self.bits)?;
-                    self.feeds.put(self.feed_mm_per_s);
-                }
-                2 => {
-                    let place = self.bits.few(3)?;
-                    self.lambda = self.lambdas.get(place).unwrap_or(0.0);
-                }
-                3 => {
-                    self.lambda = f32::from_bits(self.bits.few(24)? << 8);
-                    self.lambdas.put(self.lambda);
-                }
-                4 => {
-                    let lines = self.bits.golomb(2)?;
-                    self.pass_lines(lines)?;
-                    self.pass_lines(1)?;
-                }
-                5 => {
-                    let lines = self.bits.golomb(1)?;
-                    self.pass_lines(lines)?;
-                    let power = self.bits.few(8)? as u8;
-                    return Ok(Some(Item::Fan { line: self.line, power }));
-                }
-                6 => {
-                    let lines = self.bits.golomb(1)?;
-                    self.pass_lines(lines)?;
-                    return self.command().map(Some);
-                }
-                _ => return Err(Fault::Content("an item of a kind from 0 to 6")),
+            if let Some(other) = self.other()? {
+                return match other {
+                    Other::Fan(power) => Ok(Some(Item::Fan { line: self.line, power })),
+                    Other::Command => self.command().map(Some),
+                };
             }
-        }
-        if self.bits.left() >= 8 {
-            return Err(Fault::Content("the frame's end after its last item"));
+        };
+        self.next_move(speed).map(|next| Some(Item::Move(next)))
+    }
+
+    /// What is no move: what is told once, or an item.
+    #[cold]
+    fn other(&mut self) -> Result<Option<Other>, Fault> {
+        match self.bits.few(3)? {
+            0 => {
+                let place = self.bits.few(3)?;
+                self.feed_mm_per_s = self.feeds.get(place).unwrap_or(self.feed_mm_per_s);
+            }
+            1 => {
+                self.feed_mm_per_s = feed(&mut self.bits)?;
+                self.feeds.put(self.feed_mm_per_s);
+            }
+            2 => {
+                let place = self.bits.few(3)?;
+                self.lambda = self.lambdas.get(place).unwrap_or(0.0);
+            }
+            3 => {
+                self.lambda = f32::from_bits(self.bits.few(24)? << 8);
+                self.lambdas.put(self.lambda);
+            }
+            4 => {
+                let lines = self.bits.golomb(2)?;
+                self.pass_lines(lines)?;
+                self.pass_lines(1)?;
+            }
+            5 => {
+                let lines = self.bits.golomb(1)?;
+                self.pass_lines(lines)?;
+                return Ok(Some(Other::Fan(self.bits.few(8)? as u8)));
+            }
+            6 => {
+                let lines = self.bits.golomb(1)?;
+                self.pass_lines(lines)?;
+                return Ok(Some(Other::Command));
+            }
+            _ => return Err(Fault::Content("an item of a kind from 0 to 6")),
         }
         Ok(None)
     }
@@ -216,43 +261,41 @@ impl<'a> Decoder<'a> {
         Ok(())
     }
 
-    #[inline]
-    fn next_move(&mut self) -> Result<MoveItem, Fault> {
-        let speed = self.speed()?;
+    #[inline(always)]
+    fn next_move(&mut self, speed: Speed) -> Result<MoveItem, Fault> {
         let shape = self.shape;
         let [order_x, order_y, order_z, order_filament] = self.orders;
         let mut way = [0; 3];
-        if shape.way() == WAY_XY || shape.way() == WAY_XYZ {
+        let told = shape.way();
+        if told == WAY_XY || told == WAY_XYZ {
             way[0] = self.bits.signed(order_x)?;
             way[1] = self.bits.signed(order_y)?;
+            self.go(0, way[0])?;
+            self.go(1, way[1])?;
         }
-        if shape.way() == WAY_XYZ || shape.way() == WAY_Z {
+        if told == WAY_XYZ || told == WAY_Z {
             way[2] = self.bits.signed(order_z)?;
+            self.go(2, way[2])?;
         }
-        if shape.way() != WAY_NONE {
-            for (coordinate, steps) in self.position_10nm.iter_mut().zip(way) {
-                *coordinate += i64::from(steps) * self.unit_10nm;
-                if coordinate.unsigned_abs() > MOST_10NM as u64 {
-                    return Err(Fault::Content("coordinates within 5 m"));
-                }
-            }
-        }
-        let filament = match shape.filament() {
+        let unit = i64::from(self.filament_unit_100pm);
+        let filament_100pm = match shape.filament() {
             FILAMENT_NONE => 0,
             FILAMENT_PREDICTED => {
-                i64::from(prediction(way, self.lambda)) + i64::from(self.bits.signed(order_filament)?)
+                let difference = self.bits.signed(order_filament)?;
+                // 33 bits times 10.
+                (i64::from(prediction(way, self.lambda)) + i64::from(difference)) * unit
             }
-            FILAMENT_ALL => self.bits.signed_long(12)?,
+            FILAMENT_ALL => {
+                let filament = self.bits.signed_long(12)?;
+                filament.checked_mul(unit).ok_or(Fault::Content("filament of at most 1 m in a move"))?
+            }
             _ => return Err(Fault::Content("a filament of a kind from 0 to 2")),
         };
-        let filament_100pm = filament
-            .checked_mul(self.filament_unit_100pm)
-            .ok_or(Fault::Content("filament of at most 1 m in a move"))?;
         if !shape.same_line() {
             self.pass_lines(1)?;
         }
         Ok(MoveItem {
-            target_10nm: self.position_10nm,
+            target_10nm: self.position_10nm.map(i64::from),
             filament_100pm,
             feed_mm_per_s: self.feed_mm_per_s,
             line: self.line,
@@ -260,6 +303,16 @@ impl<'a> Decoder<'a> {
             counts: shape.counts(),
             speed,
         })
+    }
+
+    /// Goes so many units along an axis.
+    #[inline(always)]
+    fn go(&mut self, axis: usize, steps: i32) -> Result<(), Fault> {
+        if let Some(coordinate) = self.position_10nm.get_mut(axis) {
+            let to = i64::from(*coordinate) + i64::from(steps) * i64::from(self.unit_10nm);
+            *coordinate = within_reach(to).ok_or(TOO_FAR)?;
+        }
+        Ok(())
     }
 
     #[inline]

@@ -141,21 +141,28 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
     /// As [`Self::pop`]; what is behind the block must be able to stop the machine.
     #[inline(never)]
     pub(super) fn pop_prepared(&mut self, mut prepared: Prepared, pace: Pace) -> Option<Left> {
-        match self.take_first()? {
-            Content::Empty => None,
-            Content::Marker(marker) => Some(Left::Marker(marker)),
-            Content::Block(waiting) => {
+        match self.slots.as_ref().get(self.first)?.0 {
+            Content::Empty => {
+                self.pass_first();
+                None
+            }
+            Content::Marker(marker) => {
+                self.pass_first();
+                Some(Left::Marker(marker))
+            }
+            Content::Block(ref waiting) => {
+                let (mut block, entry) = (waiting.block, waiting.entry);
+                self.pass_first();
                 self.blocks -= 1;
-                let mut block = waiting.block;
                 self.left_nominal = block.nominal;
                 prepared.reach = prepared.reach.saturating_sub(block.reach());
                 self.law = Law::Prepared(prepared);
                 let capped = if pace == Pace::FULL { block.nominal } else { pace.of(block.nominal) };
-                let slowed = waiting.entry.slowed_over(&block);
-                let reachable = waiting.entry.changed_over(&block).min(SquaredSpeed::from(capped).max(slowed));
+                let slowed = entry.slowed_over(&block);
+                let reachable = entry.changed_over(&block).min(SquaredSpeed::from(capped).max(slowed));
                 let exit = self.settle_next(reachable.min(SquaredSpeed::from_units(prepared.reach)));
                 self.left_with = exit.into();
-                let entry = waiting.entry.root();
+                let entry = entry.root();
                 block.nominal = capped.max(entry).max(exit);
                 Some(Left::Block(PlannedBlock { block, entry, exit }))
             }

@@ -230,6 +230,17 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         empty
     }
 
+    /// For those who count what planning costs: takes the next block that may leave, with its speeds, and nothing more.
+    pub fn take_planned(&mut self) -> Option<PlannedBlock> {
+        loop {
+            match self.pop()? {
+                Left::Block(planned) => return Some(planned),
+                Left::Part(part) => return Some(self.along(&part).0),
+                Left::Marker(_) => {}
+            }
+        }
+    }
+
     /// For those who prepare a job: takes what may leave look-ahead next without executing it.
     pub fn next_recorded(&mut self) -> Option<Recorded> {
         Some(match self.pop()? {

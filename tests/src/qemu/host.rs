@@ -135,6 +135,16 @@ impl<P: Port> Host<P> {
         self.wait_for_ok()
     }
 
+    /// Counts lines anew, after somebody else has used the line.
+    ///
+    /// # Errors
+    /// The printer does not answer.
+    pub fn connect_again(&mut self) -> Result<(), HostError> {
+        (self.history, self.next) = (Vec::new(), 0);
+        self.port.send(with_checksum("N0 M110 N0").as_bytes())?;
+        self.wait_for_ok()
+    }
+
     /// Sends a command as the next numbered line and waits until the printer has acknowledged it, sending again what
     /// the printer asks for.
     ///

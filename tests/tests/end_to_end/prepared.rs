@@ -329,3 +329,17 @@ fn examples_are_prepared_whatever_is_in_them() {
     let executed = rehearse_far(&machine, &mut &job[..], true);
     assert!(executed.trace == planned.trace, "other records");
 }
+
+#[test]
+fn the_bench_counts_jobs_of_the_present_planner() {
+    let folder = repository().join("app/src/bin/bench/gyroid");
+    let gcode = std::fs::read(folder.join("job.gcode")).unwrap();
+    for (name, encoding) in [("compact.gpre", Encoding::Compact), ("wide.gpre", Encoding::Wide)] {
+        let job = prepared(&profile("cartesian"), &gcode, encoding).unwrap();
+        let kept = folder.join(name);
+        if std::env::var_os("FERROSTEP_REFRESH").is_some() {
+            std::fs::write(&kept, &job).unwrap();
+        }
+        assert!(std::fs::read(&kept).unwrap() == job, "{name} has changed: set FERROSTEP_REFRESH to keep it");
+    }
+}

@@ -15,6 +15,7 @@ mod image;
 mod job;
 mod last_words;
 mod masks;
+mod prepared;
 mod rehearsal;
 mod same_steps;
 mod stack;

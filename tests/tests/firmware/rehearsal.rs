@@ -21,9 +21,18 @@ pub struct Rehearsal {
 impl Rehearsal {
     /// Prints a job on the virtual board.
     pub fn of(job: &Job) -> Self {
+        Self::with(job, LOOK_AHEAD_BLOCKS)
+    }
+
+    /// Prints a job with all the look-ahead there is.
+    pub fn far_ahead(job: &Job) -> Self {
+        Self::with(job, 65_536)
+    }
+
+    fn with(job: &Job, look_ahead: usize) -> Self {
         let profile = ferrostep_profiles::load("cartesian").unwrap();
         let replies = JobReplies::new(|_: &str| {});
-        let session = Session::new(profile, Mode::Print, LOOK_AHEAD_BLOCKS, Watcher::default(), replies);
+        let session = Session::new(profile, Mode::Print, look_ahead, Watcher::default(), replies);
         let mut printer = session.printer();
         let text = job.text();
         let mut progress = JobProgress::default();

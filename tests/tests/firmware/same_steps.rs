@@ -41,12 +41,21 @@ impl Motion {
 
 /// Waits for the end of motion, switches the machine off, and holds what it says and what its pins did against the
 /// desk's print of the same job.
-pub fn assert_printed_as_rehearsed(mut bench: Bench, job: &Job) {
+pub fn assert_printed_as_rehearsed(bench: Bench, job: &Job) {
+    assert_printed_as(bench, job, Rehearsal::of);
+}
+
+/// The same where the desk looks as far ahead as it can.
+pub fn assert_printed_far_ahead(bench: Bench, job: &Job) {
+    assert_printed_as(bench, job, Rehearsal::far_ahead);
+}
+
+fn assert_printed_as(mut bench: Bench, job: &Job, rehearse: impl FnOnce(&Job) -> Rehearsal) {
     bench.host.send("M400").unwrap();
     let reported = Motion::parse(&bench.host.ask("M797", "echo:motion ").unwrap());
     let resends = bench.host.resends();
     let pins = bench.switch_off();
-    let rehearsal = Rehearsal::of(job);
+    let rehearsal = rehearse(job);
     eprintln!("{} step events, {resends} resends; the image reports {reported:x?}", pins.events().len());
 
     let early = reported.starvation_flushes + reported.idle_flushes;

@@ -187,6 +187,12 @@ fn line_to_queue(out: &mut String, figures: &Value) -> std::fmt::Result {
         ("to plan it", "line_to_queue.plan", ""),
         ("to make its events", "line_to_queue.interpolate", ""),
         ("the last for each event", "line_to_queue.interpolate_per_event", ""),
+        ("a move of the gyroid's infill, from a line to a block with its speeds", "gpre.line_to_block", ""),
+        ("the same prepared, compact, checks included", "gpre.compact_to_block", "a fifth"),
+        ("the same in the paper's packets", "gpre.wide_to_block", ""),
+        ("the first to the queue", "gpre.line_to_queue", ""),
+        ("the second", "gpre.compact_to_queue", ""),
+        ("the third", "gpre.wide_to_queue", ""),
     ];
     for (what, key, goal) in rows {
         let count = shown(number(figures, &format!("target.{key}")));

@@ -11,6 +11,7 @@ mod cube_lines;
 mod host_file;
 mod machine;
 mod pieces;
+mod prepared;
 #[path = "../../profile.rs"]
 mod profile;
 mod queue;
@@ -201,6 +202,7 @@ fn measure<'a>(
         trapezoid: pieces::trapezoid(counter, &PROFILE, ring, queue, TWO_AXES_MM)?,
         trapezoid_one_axis: pieces::trapezoid(counter, &PROFILE, ring, queue, ONE_AXIS_MM)?,
         lines,
+        prepared: prepared::measure(counter, &PROFILE, ring, queue)?,
         print: Print::default(),
     };
     report.print = whole_print::measure(counter, &PROFILE, ring, queue, &mut report.step_event)?;

@@ -2,6 +2,7 @@
 
 use core::fmt;
 
+use crate::prepared::Prepared;
 use crate::queue::Tally;
 
 /// A mean of instruction counts.
@@ -234,6 +235,8 @@ pub struct Report<'a> {
     pub trapezoid_one_axis: u32,
     /// Lines of two axes.
     pub lines: &'a Lines,
+    /// Moves as G-code and prepared.
+    pub prepared: Prepared,
     /// A whole print.
     pub print: Print,
 }
@@ -252,6 +255,12 @@ impl fmt::Display for Report<'_> {
             write!(out, ", \"{name}\": {mean}")?;
         }
         write!(out, ", \"line_to_queue\": {{\"parse\": {parse}, \"plan\": {plan}, \"interpolate\": {interpolate}}}")?;
+        let Prepared { compact, wide, line } = self.prepared;
+        for (index, (name, ways)) in [("compact", compact), ("wide", wide), ("line", line)].into_iter().enumerate() {
+            let before = if index == 0 { ", \"gpre\": {" } else { ", " };
+            write!(out, "{before}\"{name}_to_block\": {}, \"{name}_to_queue\": {}", ways.to_block, ways.to_queue)?;
+        }
+        out.write_str("}")?;
         for (kind, lines) in self.lines.wu_by_kind() {
             write!(out, ", \"{kind}\": {{")?;
             for (index, line) in lines.iter().enumerate() {

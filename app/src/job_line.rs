@@ -1,0 +1,158 @@
+//! The hosts, each at its port, and the port at which a prepared job comes.
+
+use ferrostep_gcode::{Line, LineError, LineReader, Reply};
+use ferrostep_gpre::transfer::{FLAG, Report};
+use ferrostep_printer::{Host, JobLine, Replies};
+use ferrostep_usb::{Heard, Lines};
+use rtic::Mutex;
+
+use crate::host_line::{Port, Reader, Writers};
+use crate::ports::BoardReplies;
+
+/// Room for a job's bytes: the longest frame, and as much as a host may send meanwhile.
+pub const JOB_BYTES: usize = ferrostep_gpre::compact::MOST_FRAME_BYTES + 1024;
+
+/// A line, or why it cannot be read, and who has sent it.
+type Said<'a> = Option<(&'a mut Host, Result<Line<'a>, LineError>)>;
+
+/// What a port's next byte belongs to.
+#[derive(Clone, Copy)]
+struct Place {
+    mid_line: bool,
+    /// A job's frame that nobody waits for.
+    in_frame: bool,
+}
+
+impl Place {
+    const LINE_START: Self = Self { mid_line: false, in_frame: false };
+}
+
+/// Who talks to the board.
+pub struct Hosts {
+    serial: (Host, LineReader),
+    usb: (Host, Lines),
+    serial_place: Place,
+    usb_place: Place,
+    /// How the last job ended.
+    last_job: Report,
+}
+
+impl Hosts {
+    /// Hosts that have said nothing yet.
+    pub const fn new() -> Self {
+        Self {
+            serial: (Host::new(), LineReader::new()),
+            usb: (Host::new(), Lines::new()),
+            serial_place: Place::LINE_START,
+            usb_place: Place::LINE_START,
+            last_job: Report::NONE,
+        }
+    }
+
+    /// Reads up to the end of a port's line; how much that was.
+    pub fn feed<'a, W: Mutex<T = Writers>>(
+        &'a mut self,
+        port: Port,
+        bytes: &'a [u8],
+        replies: &BoardReplies<W>,
+    ) -> (usize, Said<'a>) {
+        let line_end = bytes.iter().position(|byte| matches!(byte, b'\n' | b'\r'));
+        let length = line_end.map_or(bytes.len(), |end| end + 1);
+        let line = bytes.get(..length).unwrap_or_default();
+        let place = self.place(port);
+        let frame = place.in_frame || !place.mid_line && line.first() == Some(&FLAG);
+        *place = Place { mid_line: line_end.is_none(), in_frame: frame && line_end.is_none() };
+        if frame {
+            // A host that has not heard how its job ended.
+            if line_end.is_some() {
+                replies.report(&self.last_job);
+            }
+            return (length, None);
+        }
+        self.text(port, line, replies)
+    }
+
+    /// A port's text, that is no frame's.
+    fn text<'a, W: Mutex<T = Writers>>(
+        &'a mut self,
+        port: Port,
+        bytes: &'a [u8],
+        replies: &BoardReplies<W>,
+    ) -> (usize, Said<'a>) {
+        let (host, (used, heard)) = match port {
+            Port::Serial => {
+                let (host, lines) = &mut self.serial;
+                let (used, line) = lines.feed(bytes);
+                (host, (used, line.map(Heard::Line)))
+            }
+            Port::Usb => {
+                let (host, lines) = &mut self.usb;
+                (host, lines.feed(bytes))
+            }
+        };
+        let said = match heard {
+            Some(Heard::Line(line)) => Some((host, line)),
+            Some(Heard::HalfALine) => {
+                replies.half_a_line();
+                None
+            }
+            None => None,
+        };
+        (used, said)
+    }
+
+    /// A job has ended that came at a port, perhaps in the middle of a frame.
+    pub fn job_ended(&mut self, port: Port, (report, in_frame): (Report, bool)) {
+        self.last_job = report;
+        *self.place(port) = Place { mid_line: in_frame, in_frame };
+    }
+
+    fn place(&mut self, port: Port) -> &mut Place {
+        match port {
+            Port::Serial => &mut self.serial_place,
+            Port::Usb => &mut self.usb_place,
+        }
+    }
+}
+
+/// The port at which a job comes.
+pub struct JobPort<'a, W> {
+    reader: &'a mut Reader,
+    port: Port,
+    last: Port,
+    hosts: &'a mut Hosts,
+    replies: &'a BoardReplies<W>,
+}
+
+impl<'a, W> JobPort<'a, W> {
+    /// The port.
+    pub fn new(reader: &'a mut Reader, port: Port, hosts: &'a mut Hosts, replies: &'a BoardReplies<W>) -> Self {
+        Self { reader, port, last: port, hosts, replies }
+    }
+}
+
+impl<W: Mutex<T = Writers>> JobLine for JobPort<'_, W> {
+    async fn read(&mut self, bytes: &mut [u8], idle: bool) -> (usize, bool) {
+        let (port, read) = self.reader.read_in_time(bytes, idle).await;
+        self.last = port;
+        (read.len(), port == self.port)
+    }
+
+    fn text<'a>(&'a mut self, bytes: &'a [u8]) -> (usize, Said<'a>) {
+        self.replies.answer(self.last);
+        self.hosts.text(self.last, bytes, self.replies)
+    }
+
+    fn answer_job(&mut self) {
+        self.replies.answer(self.port);
+    }
+}
+
+impl<W: Mutex<T = Writers>> BoardReplies<W> {
+    fn report(&self, report: &Report) {
+        let mut line = heapless::String::<48>::new();
+        if core::fmt::write(&mut line, format_args!("{report}")).is_ok() {
+            self.send(Reply::Text(&line));
+        }
+    }
+}

@@ -1,0 +1,120 @@
+//! The board's end: frames to bytes of the file, in their order.
+
+use super::report::{Report, Word};
+use super::wire::{Taken, Unwrap};
+use super::{Kind, MOST_DATA_BYTES};
+
+/// The host may be this far ahead of what it knows to have arrived, bytes. As frames they fit into the ring between a
+/// port's interrupt and its reader, so that a reader that is late loses nothing.
+const WINDOW_BYTES: u32 = 1024;
+
+/// What a byte has done.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Event {
+    /// It is not part of a frame.
+    Other,
+    /// Nothing yet.
+    Nothing,
+    /// So many bytes are new at the start of the room.
+    Bytes(usize),
+    /// The host should hear what there is; nothing is new.
+    Answer,
+    /// The host gives up.
+    Aborted,
+}
+
+/// Takes a file's frames.
+///
+/// ```
+/// use ferrostep_gpre::transfer::{Event, Kind, Receiver, to_wire};
+///
+/// let mut receiver = Receiver::new(5);
+/// let mut room = [0; 16];
+/// let events: Vec<_> = to_wire(Kind::Data, 0, b"hello").into_iter().map(|byte| receiver.take(byte, &mut room)).collect();
+/// assert_eq!(events.last(), Some(&Event::Bytes(5)));
+/// assert_eq!(&room[..5], b"hello");
+/// ```
+pub struct Receiver {
+    unwrap: Unwrap,
+    size: u32,
+    /// The first byte that has not come.
+    next: u32,
+    /// The host has been told that a byte is missing, and not sent it since.
+    asked: bool,
+}
+
+impl Receiver {
+    /// Nothing has come of a file of so many bytes.
+    pub fn new(size: u32) -> Self {
+        Self { unwrap: Unwrap::new(), size, next: 0, asked: false }
+    }
+
+    /// Bytes of the file.
+    pub fn size(&self) -> u32 {
+        self.size
+    }
+
+    /// Whether all have.
+    pub fn is_complete(&self) -> bool {
+        self.next == self.size
+    }
+
+    /// Whether a frame has begun and not ended.
+    pub fn is_in_frame(&self) -> bool {
+        self.unwrap.is_in_frame()
+    }
+
+    /// The line has been interrupted: what there is of a frame is forgotten.
+    pub fn interrupt(&mut self) {
+        self.unwrap.reset();
+    }
+
+    /// Takes a byte. The room is where the file's next bytes belong; it may be written to before a frame is known to be
+    /// right.
+    pub fn take(&mut self, byte: u8, room: &mut [u8]) -> Event {
+        let arrived = match self.unwrap.take(byte, room) {
+            Taken::Other => return Event::Other,
+            Taken::Frame => return Event::Nothing,
+            Taken::Broken => return self.ask(),
+            Taken::Whole(arrived) => arrived,
+        };
+        match arrived.kind {
+            Kind::Abort => Event::Aborted,
+            Kind::Question => {
+                // Whoever asks shall be answered, and be told to begin anew if it believes to be farther.
+                self.asked = arrived.place > self.next;
+                Event::Answer
+            }
+            Kind::Data if arrived.place == self.next => {
+                let left = (self.size - self.next) as usize;
+                if arrived.length == 0 || arrived.length > left || arrived.length > room.len() {
+                    return self.ask();
+                }
+                self.asked = false;
+                self.next += arrived.length as u32;
+                Event::Bytes(arrived.length)
+            }
+            // One that has come before: its answer was lost.
+            Kind::Data if arrived.place < self.next => Event::Answer,
+            Kind::Data => self.ask(),
+        }
+    }
+
+    /// Something is missing. The host is told once: what it has sent meanwhile must not make it begin anew again and again.
+    fn ask(&mut self) -> Event {
+        if core::mem::replace(&mut self.asked, true) { Event::Nothing } else { Event::Answer }
+    }
+
+    /// What the host should know, where so much room is left for bytes to come.
+    pub fn report(&self, room: usize) -> Report {
+        let room = u32::try_from(room).unwrap_or(u32::MAX).min(WINDOW_BYTES);
+        let limit = self.next.saturating_add(room).min(self.size);
+        Report { word: if self.asked { Word::Again } else { Word::Have }, numbers: [self.next, limit] }
+    }
+
+    /// Whether a host that was told `limit` should hear that there is more room by now.
+    pub fn has_opened(&self, limit: u32, room: usize) -> bool {
+        let now = self.report(room).numbers[1];
+        limit < self.size && now > limit && (now == self.size || now - limit >= MOST_DATA_BYTES as u32)
+    }
+}

@@ -1,0 +1,145 @@
+//! The host's end: a file to frames, again where the board asks for them.
+
+use std::vec::Vec;
+
+use super::report::{Report, Word};
+use super::wire::to_wire;
+use super::{Kind, MOST_DATA_BYTES};
+use crate::error::ReadError;
+use crate::header::Header;
+
+/// Bytes of data in a frame. Long enough that a frame costs a tenth at most, short enough that one lost is not many.
+pub const DATA_BYTES: usize = 128;
+
+const _: () = assert!(DATA_BYTES <= MOST_DATA_BYTES);
+
+/// Sends a job. It says what to send and hears what the board answers; bytes and time are somebody else's.
+///
+/// Whoever has sent all that it says, and hears nothing for a while, sends [`Sender::question`].
+#[derive(Clone, Debug)]
+pub struct Sender {
+    job: Vec<u8>,
+    /// The board has everything before it.
+    arrived: usize,
+    /// The next byte to send.
+    next: usize,
+    /// The first byte that must not be sent yet.
+    limit: usize,
+    /// How often the board has asked for something again.
+    repeats: u32,
+    /// The board has said that it receives.
+    begun: bool,
+    end: Option<Report>,
+    frame_bytes: usize,
+}
+
+impl Sender {
+    /// Sends these bytes, after the command of [`Self::command`].
+    pub fn new(job: Vec<u8>) -> Self {
+        Self { job, arrived: 0, next: 0, limit: 0, repeats: 0, begun: false, end: None, frame_bytes: DATA_BYTES }
+    }
+
+    /// Puts so many bytes into a frame, from 1 to [`MOST_DATA_BYTES`]: fewer where many frames are lost.
+    pub fn set_frame_bytes(&mut self, bytes: usize) {
+        self.frame_bytes = bytes.clamp(1, MOST_DATA_BYTES);
+    }
+
+    /// The command that begins the transfer. `silence_s` is how long the board waits for a frame before it gives up, s.
+    pub fn command(&self, silence_s: u16) -> std::string::String {
+        std::format!("M790 S{} T{silence_s}", self.job.len())
+    }
+
+    /// Length of the job, bytes.
+    pub fn size(&self) -> usize {
+        self.job.len()
+    }
+
+    /// Bytes that the board has.
+    pub fn arrived(&self) -> usize {
+        self.arrived
+    }
+
+    /// How often the board has asked for something again.
+    pub fn repeats(&self) -> u32 {
+        self.repeats
+    }
+
+    /// Whether the board has said that it receives the job.
+    pub fn has_begun(&self) -> bool {
+        self.begun
+    }
+
+    /// Whether something was sent that the board has not said to have.
+    pub fn awaits_answer(&self) -> bool {
+        self.next > self.arrived
+    }
+
+    /// How it ended, if it has.
+    pub fn end(&self) -> Option<Report> {
+        self.end
+    }
+
+    /// The next frame that may be sent now.
+    pub fn next_frame(&mut self) -> Option<Vec<u8>> {
+        if self.end.is_some() || self.next >= self.limit {
+            return None;
+        }
+        let end = self.limit.min(self.next + self.frame_bytes);
+        // What room there is shall not be taken by many small frames.
+        if end < self.next + self.frame_bytes && end < self.job.len() && self.awaits_answer() {
+            return None;
+        }
+        let frame = to_wire(Kind::Data, self.next as u32, self.job.get(self.next..end)?);
+        self.next = end;
+        Some(frame)
+    }
+
+    /// Asks the board what it has; to be sent where nothing has been heard for some time.
+    pub fn question(&self) -> Vec<u8> {
+        to_wire(Kind::Question, self.next as u32, &[])
+    }
+
+    /// Tells the board to stop.
+    pub fn abort(&self) -> Vec<u8> {
+        to_wire(Kind::Abort, 0, &[])
+    }
+
+    /// Hears a line from the board; `true` where it is a report. Reports that come late, or out of order, do no harm.
+    pub fn hear(&mut self, line: &str) -> bool {
+        let Some(report) = Report::parse(line) else { return false };
+        let [first, second] = report.numbers.map(|number| number as usize);
+        match report.word {
+            Word::Have | Word::Again => {
+                self.begun = true;
+                if first >= self.arrived && first <= self.job.len() {
+                    self.arrived = first;
+                    self.next = self.next.max(first);
+                    self.limit = self.limit.max(second.min(self.job.len()));
+                    if report.word == Word::Again {
+                        self.repeats += 1;
+                        self.next = first;
+                    }
+                }
+            }
+            // Before, it is of another job.
+            _ if !self.begun => {}
+            Word::Done | Word::Refused | Word::Stopped | Word::None => self.end = Some(report),
+        }
+        true
+    }
+}
+
+/// The job without the slicer's picture, which a board has no use for.
+///
+/// # Errors
+/// It does not begin as a prepared job does.
+pub fn without_thumbnail(job: Vec<u8>) -> Result<Vec<u8>, ReadError> {
+    let header = Header::read(&job)?;
+    if header.thumbnail.is_none() {
+        return Ok(job);
+    }
+    let rest = job.get(header.length() as usize..).unwrap_or_default();
+    let mut bare = Header { thumbnail: None, ..header }.to_bytes(&[]);
+    bare.extend_from_slice(rest);
+    Ok(bare)
+}

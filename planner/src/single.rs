@@ -1,0 +1,40 @@
+//! 64-bit integers to single precision: the bits of `as f32`, for which the target has no instruction.
+
+/// The nearest single-precision number, the even one of two.
+#[inline]
+pub(crate) fn of_u64(value: u64) -> f32 {
+    let high = (value >> 32) as u32;
+    if high == 0 {
+        return value as u32 as f32;
+    }
+    // The upper 32 bits that count, and whether any below them is set: the processor rounds them to 24.
+    let shift = 32 - high.leading_zeros();
+    let upper = (value >> shift) as u32;
+    let rest = u32::from(u64::from(upper) << shift != value);
+    // 2^shift; the product is exact.
+    (upper | rest) as f32 * f32::from_bits((127 + shift) << 23)
+}
+
+/// The same of a number with a sign.
+#[inline]
+pub(crate) fn of_i64(value: i64) -> f32 {
+    let magnitude = of_u64(value.unsigned_abs());
+    if value < 0 { -magnitude } else { magnitude }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn bits_are_those_of_the_language(value: u64, shift in 0u32..64, near in -2i64..3) {
+            for value in [value >> shift, (value >> shift | 1 << 40) & !((1 << 16) - 1), (1u64 << shift).wrapping_add_signed(near)] {
+                prop_assert_eq!(of_u64(value).to_bits(), (value as f32).to_bits(), "{}", value);
+                let signed = value as i64;
+                prop_assert_eq!(of_i64(signed).to_bits(), (signed as f32).to_bits(), "{}", signed);
+            }
+        }
+    }
+}

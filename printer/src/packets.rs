@@ -1,0 +1,152 @@
+//! The paper's packets of a job (the wide encoding), put together again.
+
+use ferrostep_gpre::compact::MOST_TEXT_BYTES;
+use ferrostep_gpre::wide::{PLACE_PARTS, Packet, Status};
+use ferrostep_planner::inner_ends::{InnerEnd, InnerEnds, MAX_INNER_ENDS};
+use ferrostep_planner::{Acceleration, Block, PreparedBlock, Speed};
+use heapless::Vec;
+
+/// Where the machine is, units of 10 nm.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Place {
+    /// Machine position.
+    pub position_10nm: [i64; 3],
+    /// What of Z is the lift of a firmware retraction.
+    pub lift_10nm: i64,
+    /// E of the G-code.
+    pub extruder_10nm: i64,
+}
+
+/// What packets ask for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Asked<'a> {
+    /// A block in which so many moves end.
+    Block(PreparedBlock, u32),
+    /// The fan.
+    Fan {
+        /// Source line.
+        line: u32,
+        /// Power, 0 to 255.
+        power: u8,
+    },
+    /// A command.
+    Command {
+        /// Source line.
+        line: u32,
+        /// Its text.
+        text: &'a [u8],
+    },
+    /// The machine is here.
+    Place(Place),
+}
+
+/// Puts packets together again.
+#[derive(Clone, Debug, Default)]
+pub struct PacketReader {
+    line: u32,
+    next_line: Option<u32>,
+    inner: Vec<(u16, u8), MAX_INNER_ENDS>,
+    text: Vec<u8, MOST_TEXT_BYTES>,
+    /// The text has been told and may be forgotten.
+    text_is_old: bool,
+    place: Vec<u16, PLACE_PARTS>,
+}
+
+impl PacketReader {
+    fn begin_line(&mut self) -> u32 {
+        self.line = self.next_line.take().unwrap_or(self.line.wrapping_add(1));
+        self.line
+    }
+
+    /// Takes a packet; returns what is asked for when it is complete.
+    ///
+    /// # Errors
+    /// What was expected where the packet has no meaning here.
+    pub fn take(&mut self, packet: &Packet) -> Result<Option<Asked<'_>>, &'static str> {
+        match *packet {
+            Packet::Status(Status::Line(line)) => self.next_line = Some(line),
+            Packet::Status(Status::InnerEnd { length_10nm, lines_before }) => {
+                if self.inner.push((length_10nm, lines_before)).is_err() {
+                    return Err("at most seven moves that end inside a trajectory");
+                }
+            }
+            Packet::Status(Status::Fan(power)) => return Ok(Some(Asked::Fan { line: self.begin_line(), power })),
+            Packet::Status(Status::Text(part)) => {
+                let length = part.iter().position(|&byte| byte == 0);
+                if core::mem::take(&mut self.text_is_old) {
+                    self.text.clear();
+                }
+                let part = part.get(..length.unwrap_or(part.len())).unwrap_or_default();
+                if self.text.extend_from_slice(part).is_err() {
+                    return Err("a command of at most 255 bytes");
+                }
+                if length.is_some() {
+                    self.text_is_old = true;
+                    let line = self.begin_line();
+                    return Ok(Some(Asked::Command { line, text: &self.text }));
+                }
+            }
+            Packet::Status(Status::Place { part, bits }) => {
+                if usize::from(part) != self.place.len() {
+                    return Err("the parts of a place in their order");
+                }
+                // One of the numbers that have room.
+                let _ = self.place.push(bits);
+                if let [x0, x1, y0, y1, z0, z1, e0, e1, e2, e3, lift0, lift1] = *self.place {
+                    self.place.clear();
+                    let axis = |low: u16, high: u16| i64::from((u32::from(high) << 16 | u32::from(low)) as i32);
+                    let extruder = [e3, e2, e1, e0].into_iter().fold(0, |all, part| all << 16 | u64::from(part)) as i64;
+                    let position_10nm = [axis(x0, x1), axis(y0, y1), axis(z0, z1)];
+                    let place = Place { position_10nm, lift_10nm: axis(lift0, lift1), extruder_10nm: extruder };
+                    return Ok(Some(Asked::Place(place)));
+                }
+            }
+            Packet::Trajectory(trajectory) => {
+                let line = self.begin_line();
+                let inner = core::mem::take(&mut self.inner);
+                let moves = inner.len() as u32 + (trajectory.nominal_length_flag >> 1);
+                let inner_ends = inner_ends(&inner, line, trajectory.millimeters)
+                    .ok_or("ends of moves inside a trajectory in their order")?;
+                let [x, y, z, extruder_256ths] = trajectory.signed_steps();
+                let block = Block {
+                    steps: [x, y, z],
+                    extruder_256ths,
+                    length_10nm: trajectory.millimeters,
+                    nominal: Speed(trajectory.nominal_speed),
+                    acceleration: Acceleration::from_quantised(trajectory.acceleration),
+                    line,
+                    ends_move: trajectory.nominal_length_flag >> 1 == 1,
+                    inner_ends,
+                };
+                let (entry, max_entry) = (Speed(trajectory.entry_speed), Speed(trajectory.max_entry_speed));
+                return Ok(Some(Asked::Block(PreparedBlock { block, entry, max_entry }, moves)));
+            }
+        }
+        Ok(None)
+    }
+
+    /// Whether nothing waits for packets that do not come.
+    pub fn is_complete(&self) -> bool {
+        self.inner.is_empty() && (self.text.is_empty() || self.text_is_old) && self.place.is_empty()
+    }
+}
+
+/// The ends of moves inside a block of this line and length; `None` where they are in no order.
+fn inner_ends(inner: &[(u16, u8)], line: u32, length_10nm: u32) -> Option<InnerEnds> {
+    let mut ends = InnerEnds::NONE;
+    let mut before = 0;
+    for (index, &(length, lines)) in inner.iter().enumerate() {
+        // Each is told by the line of the one after it.
+        let end = InnerEnd { length_10nm: length.into(), line: line.checked_sub(lines.into())? };
+        let next = match inner.get(index + 1) {
+            Some(&(_, lines)) => line.checked_sub(lines.into())?,
+            None => line,
+        };
+        if end.length_10nm <= before && index > 0 || end.length_10nm > length_10nm {
+            return None;
+        }
+        before = end.length_10nm;
+        ends = ends.with(end, next)?;
+    }
+    Some(ends)
+}

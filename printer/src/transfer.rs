@@ -1,0 +1,435 @@
+//! A prepared job from a host's line (M790), executed as it comes.
+//!
+//! While moves wait for room the line is read on, so that the host's questions are answered; what it sends beside the
+//! frames, numbered lines of G-code, is executed between two items of the job.
+
+use core::fmt;
+use core::future::{Future, poll_fn};
+use core::pin::pin;
+use core::task::Poll;
+
+use embedded_hal_async::delay::DelayNs;
+use ferrostep_gcode::{Line, LineError, Reply};
+use ferrostep_gpre::compact::{Decoder, Frame, FrameState};
+use ferrostep_gpre::parts::{Part, Parts};
+use ferrostep_gpre::transfer::{Event, Receiver, Report, Word};
+use ferrostep_gpre::{Encoding, Fault, Item, ReadError};
+use ferrostep_hal_shim::Clock;
+use ferrostep_planner::PLANNER_VERSION;
+
+use crate::error::{CommandError, Failure};
+use crate::host::Host;
+use crate::ports::{Heating, Motion, Replies};
+use crate::printer::{Printer, Text};
+
+/// Bytes that are taken from the line at once.
+const CHUNK_BYTES: usize = 64;
+
+/// A host that wants to send a job.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct JobRequest {
+    /// Length of the job, bytes.
+    pub size: u32,
+    /// How long the host may be silent, s.
+    pub silence_s: u16,
+}
+
+/// The line on which a job comes, and what else is read with it.
+pub trait JobLine {
+    /// Waits for bytes of any host, at most a tenth of a second; how many there are, and whether they are of the host
+    /// that sends the job. `idle`: the machine has nothing else to do than to wait for them.
+    fn read(&mut self, bytes: &mut [u8], idle: bool) -> impl Future<Output = (usize, bool)>;
+
+    /// Reads text of the host that was read last, up to the end of a line: how much was used, and the line if it has ended.
+    #[allow(clippy::type_complexity)]
+    fn text<'a>(&'a mut self, bytes: &'a [u8]) -> (usize, Option<(&'a mut Host, Result<Line<'a>, LineError>)>);
+
+    /// From now on the host is answered that sends the job.
+    fn answer_job(&mut self);
+}
+
+/// Why a job ended early.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Stop {
+    /// It cannot be read.
+    Read(ReadError),
+    /// It cannot be done.
+    Done { failure: Failure, line: u32, frame: u32, offset: u64 },
+    /// A move does not begin where the one before ended.
+    Elsewhere { frame: u32, offset: u64 },
+    /// The host says no more.
+    Silent { silence_s: u16 },
+    /// The host gives up.
+    Aborted,
+    /// What came between was M112, or motion was stopped.
+    Halted,
+}
+
+impl From<ReadError> for Stop {
+    fn from(error: ReadError) -> Self {
+        Self::Read(error)
+    }
+}
+
+impl fmt::Display for Stop {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Read(error) => write!(out, "{error}"),
+            Self::Done { failure, line, frame, offset } => {
+                write!(out, "frame {frame} at byte {offset}, line {line}: {failure}")
+            }
+            Self::Elsewhere { frame, offset } => write!(
+                out,
+                "frame {frame} at byte {offset}: the machine stands elsewhere, expected it where the move before ended"
+            ),
+            Self::Silent { silence_s } => write!(out, "nothing from the host for {silence_s} s"),
+            Self::Aborted => write!(out, "the host gives up"),
+            Self::Halted => write!(out, "motion was stopped"),
+        }
+    }
+}
+
+/// What comes on the line, and how far it has been taken in.
+struct Incoming {
+    receiver: Receiver,
+    chunk: [u8; CHUNK_BYTES],
+    /// Part of the chunk that has not been looked at.
+    at: usize,
+    end: usize,
+    /// The chunk is of the host that sends the job.
+    of_job: bool,
+    /// The chunk goes on with text, which waits for the printer.
+    text: bool,
+    /// Text of the job's host has begun and not ended with its line.
+    mid_text: bool,
+    aborted: bool,
+    /// The host is to be answered.
+    answer: bool,
+    /// The limit that it was told last.
+    limit: u32,
+    heard_ms: u64,
+}
+
+impl Incoming {
+    fn new(size: u32, now_ms: u64) -> Self {
+        Self {
+            receiver: Receiver::new(size),
+            chunk: [0; CHUNK_BYTES],
+            at: 0,
+            end: 0,
+            of_job: true,
+            text: false,
+            mid_text: false,
+            aborted: false,
+            answer: true,
+            limit: 0,
+            heard_ms: now_ms,
+        }
+    }
+
+    /// Tells the host what there is, if it should know.
+    fn tell(&mut self, replies: &impl Replies, room: usize) {
+        if core::mem::take(&mut self.answer) || self.receiver.has_opened(self.limit, room) {
+            let report = self.receiver.report(room);
+            let [_, limit] = report.numbers;
+            self.limit = limit;
+            say(replies, format_args!("{report}"));
+        }
+    }
+
+    /// Reads on and answers, until there is text, or the host gives up. Where the machine is idle it returns after each
+    /// portion.
+    async fn take_in<R: Replies>(
+        &mut self,
+        line: &mut impl JobLine,
+        room: &mut [u8],
+        filled: &mut usize,
+        (replies, clock): (&R, &impl Clock),
+        idle: bool,
+    ) {
+        while !self.text && !self.aborted {
+            if self.at == self.end {
+                let (length, of_job) = line.read(&mut self.chunk, idle).await;
+                (self.at, self.end, self.of_job) = (0, length, of_job);
+                self.text = length > 0 && (!of_job || self.mid_text);
+            }
+            while !self.text && !self.aborted {
+                let Some(byte) = self.chunk.get(self.at).copied().filter(|_| self.at < self.end) else { break };
+                match self.receiver.take(byte, room.get_mut(*filled..).unwrap_or_default()) {
+                    Event::Nothing => {}
+                    Event::Bytes(length) => {
+                        *filled += length;
+                        self.heard(clock);
+                    }
+                    Event::Answer => self.heard(clock),
+                    Event::Aborted => self.aborted = true,
+                    Event::Other => {
+                        self.text = true;
+                        continue;
+                    }
+                }
+                self.at += 1;
+            }
+            self.tell(replies, room.len() - *filled);
+            if idle {
+                return;
+            }
+        }
+    }
+
+    /// M790 in the middle of a transfer is of a host that was restarted: it goes on where the other one stopped.
+    fn asked_again(&mut self, request: Option<JobRequest>, replies: &impl Replies) {
+        match request {
+            Some(request) if request.size == self.receiver.size() => self.answer = true,
+            Some(_) => say(replies, format_args!("echo:gpre: another job is being received")),
+            None => {}
+        }
+    }
+
+    /// Passes what is left of the chunk up to the next text.
+    fn skip_frames(&mut self) {
+        while let Some(&byte) = self.chunk.get(self.at..self.end).and_then(|rest| rest.first()) {
+            if self.receiver.take(byte, &mut []) == Event::Other {
+                self.text = true;
+                return;
+            }
+            self.at += 1;
+        }
+    }
+
+    fn heard(&mut self, clock: &impl Clock) {
+        self.heard_ms = clock.now_ms();
+        self.answer = true;
+    }
+}
+
+/// Does something while something else, that need not end, goes on beside it.
+async fn beside<T>(main: impl Future<Output = T>, other: impl Future<Output = ()>) -> T {
+    let (mut main, mut other) = (pin!(main), pin!(other));
+    let mut ended = false;
+    poll_fn(|context| {
+        let progress = main.as_mut().poll(context);
+        if progress.is_pending() && !ended {
+            ended = matches!(other.as_mut().poll(context), Poll::Ready(()));
+        }
+        progress
+    })
+    .await
+}
+
+/// Says a line.
+fn say(replies: &impl Replies, text: fmt::Arguments<'_>) {
+    let mut line = Text::new();
+    // What does not fit is cut.
+    let _ = fmt::write(&mut line, text);
+    replies.send(Reply::Text(&line));
+}
+
+impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, M, H, T, R> {
+    /// Says that [`Self::receive_job`] is called where M790 asks for it.
+    pub fn set_receives_jobs(&mut self) {
+        self.receives_jobs = true;
+    }
+
+    /// Takes the request for a transfer that the last command was.
+    pub fn take_job_request(&mut self) -> Option<JobRequest> {
+        self.job_request.take()
+    }
+
+    /// M790.
+    pub(crate) fn request_job(&mut self, size: u32, silence_s: u16) -> Result<(), CommandError> {
+        if !self.receives_jobs {
+            return Err(CommandError::NoJobs);
+        }
+        self.job_request = Some(JobRequest { size, silence_s });
+        Ok(())
+    }
+
+    /// Receives a prepared job and executes it as it comes. `buffer` must have room for the longest frame
+    /// ([`ferrostep_gpre::compact::MOST_FRAME_BYTES`]); what is more is room for what comes meanwhile. Returns how it
+    /// ended, and whether a frame has begun on the line and not ended; the host has been told.
+    pub async fn receive_job(
+        &mut self,
+        request: JobRequest,
+        line: &mut impl JobLine,
+        buffer: &mut [u8],
+    ) -> (Report, bool) {
+        let mut incoming = Incoming::new(request.size, self.clock.now_ms());
+        let mut progress = Progress { begun: false, frame: 0, offset: 0 };
+        let outcome = self.play(request, line, buffer, &mut incoming, &mut progress).await;
+        let (replies, clock) = (self.replies(), self.clock.clone());
+        incoming.text = false;
+        incoming.aborted = false;
+        // No more is taken, but the host is not left without an answer while the machine comes to rest.
+        let mut none = 0;
+        let taken_in = incoming.take_in(line, &mut [], &mut none, (replies, &clock), false);
+        let ended = match outcome {
+            Ok(()) => beside(self.finish(), taken_in).await.map_err(|_| Stop::Halted),
+            Err(stop) => {
+                // Where the machine was halted there is no motion left to end.
+                let _ = beside(self.abandon_prepared(), taken_in).await;
+                Err(stop)
+            }
+        };
+        // What else has come by now.
+        while incoming.at < incoming.end {
+            let _ = self.between(line, &mut incoming).await;
+            incoming.skip_frames();
+        }
+        self.job_request = None;
+        let Progress { begun, frame, offset } = progress;
+        let word = match ended {
+            Ok(()) => Word::Done,
+            Err(_) if begun => Word::Stopped,
+            Err(_) => Word::Refused,
+        };
+        line.answer_job();
+        if let Err(stop) = ended {
+            say(replies, format_args!("echo:gpre: {stop}"));
+        }
+        let place = if word == Word::Done { request.size } else { u32::try_from(offset).unwrap_or(u32::MAX) };
+        let report = Report { word, numbers: [place, frame] };
+        say(replies, format_args!("{report}"));
+        (report, incoming.receiver.is_in_frame())
+    }
+
+    async fn play(
+        &mut self,
+        request: JobRequest,
+        line: &mut impl JobLine,
+        buffer: &mut [u8],
+        incoming: &mut Incoming,
+        progress: &mut Progress,
+    ) -> Result<(), Stop> {
+        let (replies, clock) = (self.replies(), self.clock.clone());
+        let mut parts = Parts::new();
+        let mut filled = 0;
+        incoming.tell(replies, buffer.len());
+        loop {
+            let bytes = buffer.get(..filled).unwrap_or_default();
+            let used = match parts.next(bytes, incoming.receiver.is_complete())? {
+                Part::End => return Ok(()),
+                Part::More => {
+                    self.between(line, incoming).await?;
+                    incoming.take_in(line, buffer, &mut filled, (replies, &clock), true).await;
+                    let silent_ms = self.clock.now_ms().saturating_sub(incoming.heard_ms);
+                    if silent_ms > 1000 * u64::from(request.silence_s) {
+                        return Err(Stop::Silent { silence_s: request.silence_s });
+                    }
+                    0
+                }
+                Part::Passed(length) => length,
+                Part::Header(length, header) => {
+                    header.matches(self.profile.hash(), PLANNER_VERSION)?;
+                    if header.encoding != Encoding::Compact {
+                        let fault = Fault::Content("the compact encoding, which alone is sent to a board");
+                        return Err(Stop::Read(ReadError { fault, offset: 10, frame: None }));
+                    }
+                    length
+                }
+                Part::Frame { length, number, offset } => {
+                    (progress.frame, progress.offset) = (number, offset);
+                    let (frame, room) = buffer.split_at_mut(length);
+                    let mut ahead = filled - length;
+                    let fault = |fault| Stop::Read(ReadError { fault, offset, frame: Some(number) });
+                    let mut items = Frame::read(frame, offset, Some(number))?.items().map_err(fault)?;
+                    progress.begun = true;
+                    let mut place = Place { start: *items.start(), begun: false, end_10nm: None, number, offset };
+                    loop {
+                        let taken_in = incoming.take_in(line, room, &mut ahead, (replies, &clock), false);
+                        if !beside(self.item(&mut items, &mut place), taken_in).await? {
+                            break;
+                        }
+                        self.between(line, incoming).await?;
+                    }
+                    filled = length + ahead;
+                    progress.frame = number + 1;
+                    progress.offset = offset + length as u64;
+                    length
+                }
+            };
+            // With what has come of a frame that is not whole yet.
+            buffer.copy_within(used.., 0);
+            filled -= used;
+            incoming.tell(replies, buffer.len() - filled);
+        }
+    }
+
+    /// Executes the next item; `false` where there is none.
+    async fn item(&mut self, items: &mut Decoder<'_>, place: &mut Place) -> Result<bool, Stop> {
+        let (frame, offset) = (place.number, place.offset);
+        let fault = |fault| Stop::Read(ReadError { fault, offset, frame: Some(frame) });
+        let Some(item) = items.next_item().map_err(fault)? else { return Ok(false) };
+        let (line, result) = match item {
+            Item::Move(next) => {
+                // At the start of a frame, and wherever M410 may have stopped the moves before.
+                let expected_10nm = place.end_10nm.or((!place.begun).then_some(place.start.position_10nm));
+                if expected_10nm.is_some_and(|expected| self.machine_10nm() != expected) {
+                    return Err(Stop::Elsewhere { frame, offset });
+                }
+                (place.begun, place.end_10nm) = (true, Some(next.target_10nm));
+                (next.line, self.prepared_move(&next, &place.start.modal).await.map_err(Failure::Command))
+            }
+            Item::Fan { line, power } => (line, self.prepared_fan(line, power).await.map_err(Failure::Command)),
+            Item::Command { line, text } => {
+                place.end_10nm = None;
+                (line, self.prepared_command(line, text).await)
+            }
+        };
+        match result {
+            Ok(()) => Ok(true),
+            Err(Failure::Command(CommandError::Stopped | CommandError::Halted)) => Err(Stop::Halted),
+            Err(failure) => Err(Stop::Done { failure, line, frame, offset }),
+        }
+    }
+
+    /// What has come beside the frames.
+    async fn between(&mut self, line: &mut impl JobLine, incoming: &mut Incoming) -> Result<(), Stop> {
+        while incoming.text {
+            let rest = incoming.chunk.get(incoming.at..incoming.end).unwrap_or_default();
+            // What follows a line end may be a frame.
+            let line_end = rest.iter().position(|byte| matches!(byte, b'\n' | b'\r'));
+            let length = line_end.map_or(rest.len(), |end| end + 1);
+            let (used, heard) = line.text(rest.get(..length).unwrap_or_default());
+            if let Some((host, heard)) = heard {
+                let numbered = match &heard {
+                    Ok(heard) => heard.number.is_some(),
+                    Err(error) => error.is_numbered(),
+                };
+                // The rest of a broken frame is no line. Others are known by their numbers.
+                if numbered || !incoming.of_job {
+                    host.answer(self, heard).await;
+                    incoming.asked_again(self.job_request.take(), self.replies());
+                }
+            }
+            incoming.at += used.clamp(1, length.max(1));
+            let ends_line = line_end.is_some() && used >= length;
+            incoming.mid_text = incoming.of_job && !ends_line;
+            incoming.text = incoming.at < incoming.end && !(incoming.of_job && ends_line);
+        }
+        line.answer_job();
+        if incoming.aborted {
+            return Err(Stop::Aborted);
+        }
+        if self.signals.is_halted() { Err(Stop::Halted) } else { Ok(()) }
+    }
+}
+
+/// How far a job has come.
+struct Progress {
+    /// Something of it was executed.
+    begun: bool,
+    frame: u32,
+    offset: u64,
+}
+
+/// Where in the job an item is.
+struct Place {
+    start: FrameState,
+    /// A move of the frame was executed.
+    begun: bool,
+    /// Where the move before ended, if nothing but moves came since.
+    end_10nm: Option<[i64; 3]>,
+    number: u32,
+    offset: u64,
+}

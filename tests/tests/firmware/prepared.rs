@@ -1,0 +1,249 @@
+//! Prepared jobs over the serial line: the same steps whatever it loses, and nothing that the machine may not do.
+
+use std::io::{self, Cursor};
+use std::time::{Duration, Instant};
+
+use ferrostep::gpre::{self, Target};
+use ferrostep::send::{self, Patience};
+use ferrostep::session::JobReplies;
+use ferrostep_gpre::compact::FrameWriter;
+use ferrostep_gpre::transfer::{Kind, Report, Sender, Word, to_wire};
+use ferrostep_gpre::{Encoding, Header, Item, ModalState, MoveItem, Speed};
+use ferrostep_planner::PLANNER_VERSION;
+use ferrostep_printer::Profile;
+use ferrostep_tests::qemu::{Host, Machine, Port};
+
+use crate::image::Bench;
+use crate::job::Job;
+use crate::same_steps::{LINES, assert_printed_far_ahead};
+
+/// The image's time may run much faster than this machine's, so it is the host that does not wait for ever.
+const PATIENCE: Patience =
+    Patience { ask: Duration::from_millis(250), give_up: Duration::from_secs(60), board_s: 3600 };
+
+fn profile() -> Profile {
+    ferrostep_profiles::load("cartesian").unwrap()
+}
+
+/// Prepares a job.
+fn prepared(job: &Job) -> Vec<u8> {
+    let mut out = Cursor::new(Vec::new());
+    let target = Target { out: &mut out, encoding: Encoding::Compact };
+    let replies = JobReplies::new(|_: &str| {});
+    gpre::prepare(&mut job.text().as_bytes(), None, profile(), replies, target, |_, _| {}).unwrap();
+    out.into_inner()
+}
+
+/// The emulator's line, on which one frame in a hundred has a bit changed, and one is lost.
+struct Line<'a> {
+    host: &'a mut Host<Machine>,
+    dice: Option<u64>,
+    frames: u32,
+    changed: u32,
+    lost: u32,
+}
+
+impl<'a> Line<'a> {
+    fn new(host: &'a mut Host<Machine>, seed: Option<u64>) -> Self {
+        Self { host, dice: seed, frames: 0, changed: 0, lost: 0 }
+    }
+
+    /// SplitMix64 (Steele, Lea, Flood 2014).
+    fn next(state: &mut u64) -> u64 {
+        *state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut mixed = *state;
+        mixed = (mixed ^ mixed >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        mixed = (mixed ^ mixed >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
+        mixed ^ mixed >> 31
+    }
+}
+
+impl send::Port for Line<'_> {
+    fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
+        let mut bytes = bytes.to_vec();
+        self.frames += 1;
+        if let Some(state) = &mut self.dice {
+            if Self::next(state).is_multiple_of(100) {
+                self.lost += 1;
+                return Ok(());
+            }
+            if Self::next(state).is_multiple_of(100) {
+                let (place, bit) = (Self::next(state) as usize % bytes.len(), Self::next(state) % 8);
+                bytes[place] ^= 1 << bit;
+                self.changed += 1;
+            }
+        }
+        self.host.port().send(&bytes)
+    }
+
+    fn receive(&mut self, until: Instant) -> io::Result<Option<String>> {
+        self.host.port().receive(until)
+    }
+}
+
+/// Sends a job to an image; the end, and what the board said beside its reports.
+fn send(line: &mut Line<'_>, job: Vec<u8>) -> (Report, Vec<String>) {
+    let mut sender = Sender::new(job);
+    // Many frames, so that one in a hundred is some.
+    sender.set_frame_bytes(16);
+    let mut heard = Vec::new();
+    let end = send::send(line, &mut sender, PATIENCE, |_| {}, |line| heard.push(line.to_owned())).unwrap();
+    (end, heard)
+}
+
+#[test]
+fn a_prepared_job_makes_the_steps_that_the_desk_rehearsed() {
+    let job = Job::cube(LINES);
+    let bytes = prepared(&job);
+    let mut bench = Bench::boot();
+    let (end, heard) = send(&mut Line::new(&mut bench.host, None), bytes.clone());
+    assert_eq!((end.word, end.numbers[0]), (Word::Done, bytes.len() as u32), "{heard:?}");
+    bench.host.connect_again().unwrap();
+    assert_printed_far_ahead(bench, &job);
+}
+
+#[test]
+fn frames_that_are_changed_and_lost_change_no_step() {
+    let job = Job::cube(LINES);
+    let bytes = prepared(&job);
+    let mut bench = Bench::boot();
+    let mut line = Line::new(&mut bench.host, Some(34));
+    let (end, heard) = send(&mut line, bytes.clone());
+    assert_eq!((end.word, end.numbers[0]), (Word::Done, bytes.len() as u32), "{heard:?}");
+    let Line { frames, changed, lost, .. } = line;
+    eprintln!("{} bytes in {frames} frames, {changed} changed, {lost} lost", bytes.len());
+    assert!(changed >= 2 && lost >= 2, "{changed} of {frames} frames were changed and {lost} lost");
+    bench.host.connect_again().unwrap();
+    assert_printed_far_ahead(bench, &job);
+}
+
+/// A job of moves along X, with these lengths in mm and planned speeds, on a machine that is homed first.
+fn by_hand(profile_hash: u64, moves: &[(i64, Speed)]) -> Vec<u8> {
+    let mut frames = Vec::new();
+    let mut writer = FrameWriter::new([0; 3], ModalState::START);
+    writer.add(&Item::Command { line: 1, text: "G28" }, &mut frames);
+    writer.close(&mut frames);
+    let mut target_10nm = [0; 3];
+    for (line, &(length_mm, speed)) in (2..).zip(moves) {
+        target_10nm[0] += length_mm * 100_000;
+        let (filament_100pm, feed_mm_per_s) = (0, 100.0);
+        let item = MoveItem { target_10nm, filament_100pm, feed_mm_per_s, line, ends_move: true, counts: true, speed };
+        writer.add(&Item::Move(item), &mut frames);
+        writer.close(&mut frames);
+    }
+    let header = Header {
+        encoding: Encoding::Compact,
+        profile_hash,
+        planner_version: PLANNER_VERSION,
+        frames: writer.frames(),
+        moves: moves.len() as u64,
+        motion_ms: 0,
+        filament_100pm: 0,
+        layers: 0,
+        thumbnail: None,
+    };
+    [header.to_bytes(&[]), frames].concat()
+}
+
+/// A speed in mm/s as a file has it.
+fn given(mm_per_s: f64) -> Speed {
+    Speed::Given((mm_per_s * mm_per_s * 12_800_000.0) as u64)
+}
+
+#[test]
+fn what_the_machine_may_not_do_stops_on_the_path() {
+    let mut bench = Bench::boot();
+    let hash = profile().hash();
+    let mut stops = |job: Vec<u8>, word: Word, frame: u32, expected: &str| {
+        let (end, heard) = send(&mut Line::new(&mut bench.host, None), job);
+        assert_eq!((end.word, end.numbers[1]), (word, frame), "{heard:?}");
+        assert!(heard.iter().any(|line| line.contains(expected)), "{expected:?} is not in {heard:?}");
+        // The port speaks G-code again, and the machine knows where it stands.
+        bench.host.connect_again().unwrap();
+        bench.host.ask("M114", "X:").unwrap()
+    };
+    // From 100 mm/s within 1 mm to 1 mm/s: the fourth frame.
+    let moves = [(40, Speed::Bound), (1, Speed::Bound), (40, given(1.0)), (20, Speed::Bound)];
+    let place = stops(by_hand(hash, &moves), Word::Stopped, 4, "line 5: the planned speed is too low");
+    assert!(place.starts_with("X:41.00 Y:0.00"), "{place}");
+    let moves = [(40, Speed::Bound), (40, given(100.1)), (20, Speed::Bound)];
+    stops(by_hand(hash, &moves), Word::Stopped, 3, "the planned speed is too high");
+    let moves = [(40, Speed::Bound), (400, Speed::Bound)];
+    let place = stops(by_hand(hash, &moves), Word::Stopped, 2, "frame 2 at byte ");
+    assert!(place.starts_with("X:40.00 Y:0.00"), "{place}");
+    stops(by_hand(hash ^ 1, &moves), Word::Refused, 0, "at byte 16: prepared for another machine");
+    let mut broken = by_hand(hash, &moves);
+    broken[8] = 2;
+    stops(broken, Word::Refused, 0, "written in version 2 of the format");
+    let mut broken = by_hand(hash, &moves);
+    let last = broken.len() - 1;
+    broken[last] ^= 1;
+    stops(broken, Word::Stopped, 2, "bits have changed");
+    let mut cut = by_hand(hash, &moves);
+    cut.truncate(cut.len() - 3);
+    stops(cut, Word::Stopped, 2, "the file ends too early");
+    stops(b"G28\nG1 X10 F3000\n".repeat(9), Word::Refused, 0, "not a GPRE file");
+}
+
+#[test]
+fn commands_between_frames_are_heard() {
+    let mut bench = Bench::boot();
+    let moves: Vec<_> = (0..40).map(|_| (4, Speed::Bound)).collect();
+    let job = by_hand(profile().hash(), &moves);
+    bench.host.send(&format!("M790 S{} T3600", job.len())).unwrap();
+    bench.host.send_raw(&to_wire(Kind::Data, 0, &job[..250])).unwrap();
+    bench.host.wait_for("what has come", |line| line.starts_with("gpre:have 250 ")).unwrap();
+    // A numbered line is executed; what is left of a frame is none.
+    bench.host.send_raw(b"X12 G28\nG1 Y10 F3000\n").unwrap();
+    let feed = bench.host.ask("M220", "FR:").unwrap();
+    assert_eq!(feed, "FR:100%");
+    // A host that was restarted is told where it was.
+    bench.host.send(&format!("M790 S{}", job.len())).unwrap();
+    bench.host.wait_for("what has come", |line| line.starts_with("gpre:have 250 ")).unwrap();
+    // The emergency needs no number, and comes between any two frames.
+    bench.host.send_raw(&to_wire(Kind::Data, 250, &job[250..400])).unwrap();
+    bench.host.send_raw(b"M112\n").unwrap();
+    bench.host.wait_for("the end", |line| line.starts_with("gpre:stopped ")).unwrap();
+    bench.host.wait_for("the halt", |line| line.starts_with("Error:Printer halted")).unwrap();
+}
+
+#[test]
+fn a_silent_host_is_not_waited_for() {
+    let mut bench = Bench::boot();
+    let job = by_hand(profile().hash(), &[(40, Speed::Bound), (20, Speed::Bound)]);
+    bench.host.send(&format!("M790 S{} T15", job.len())).unwrap();
+    bench.host.send_raw(&to_wire(Kind::Data, 0, &job[..job.len() - 10])).unwrap();
+    // The image's seconds are shorter than this machine's, which may have much else to do.
+    bench.host.wait_for("the end of patience", |line| line == "echo:gpre: nothing from the host for 15 s").unwrap();
+    bench.host.wait_for("the end", |line| line.starts_with("gpre:stopped ")).unwrap();
+    // A host that has not heard it asks again.
+    bench.host.send_raw(&to_wire(Kind::Question, 0, &[])).unwrap();
+    bench.host.wait_for("the end once more", |line| line.starts_with("gpre:stopped ")).unwrap();
+    bench.host.connect_again().unwrap();
+    let place = bench.host.ask("M114", "X:").unwrap();
+    assert!(place.starts_with("X:40.00 Y:0.00"), "{place}");
+}
+
+#[test]
+fn a_job_does_not_go_on_behind_a_stop() {
+    let mut bench = Bench::boot();
+    let moves: Vec<_> = (0..10).map(|_| (15, Speed::Bound)).collect();
+    let job = by_hand(profile().hash(), &moves);
+    let (first, rest) = job.split_at(job.len() / 2);
+    bench.host.send(&format!("M790 S{} T3600", job.len())).unwrap();
+    for (index, part) in first.chunks(200).enumerate() {
+        bench.host.send_raw(&to_wire(Kind::Data, index as u32 * 200, part)).unwrap();
+    }
+    let come = format!("gpre:have {} ", first.len());
+    bench.host.wait_for("what has come", |line| line.starts_with(&come)).unwrap();
+    bench.host.send_raw(b"M410\n").unwrap();
+    for (index, part) in rest.chunks(200).enumerate() {
+        let place = first.len() + index * 200;
+        bench.host.send_raw(&to_wire(Kind::Data, place as u32, part)).unwrap();
+    }
+    bench.host.wait_for("the end", |line| line.starts_with("gpre:stopped ")).unwrap();
+    bench.host.connect_again().unwrap();
+    let place = bench.host.ask("M114", "X:").unwrap();
+    let x_mm: f64 = place[2..].split(' ').next().unwrap().parse().unwrap();
+    assert!(x_mm < 150.0, "{place}");
+}
