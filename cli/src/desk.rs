@@ -411,10 +411,15 @@ impl<O: Observer> Desk<O> {
         }
     }
 
+    /// From now on it is homing that the motors move for.
+    fn begin_homing(&mut self) {
+        self.homing_since.get_or_insert(self.planner.motion_ticks());
+    }
+
     /// Plays event by event and looks at the end stop after each; in an estimate too, for how long it takes depends on
     /// where the end stop is.
     fn run_to_end_stop(&mut self, axis: usize) {
-        self.homing_since.get_or_insert(self.planner.motion_ticks());
+        self.begin_homing();
         let latest = self.board.motors.steps.tick() + LONGEST_LEAP_TICKS;
         let mut triggered = self.board.motors.is_triggered(axis);
         while !triggered && !self.is_idle() {

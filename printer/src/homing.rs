@@ -41,6 +41,7 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
 
         let outcome = async {
             if by_stall {
+                self.motion.begin_homing();
                 self.move_back(axis, towards * homing.back_off_10nm, homing.fast_mm_per_s).await?;
                 self.is_released(axis)?;
             }
@@ -67,8 +68,11 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         self.modal.homed[axis] = true;
         if by_stall && self.profile.kinematics == Kinematics::CoreXy {
             // Motors that still push against the frame would seem to stall as soon as they move the other axis.
+            self.motion.begin_homing();
             self.move_back(axis, towards * homing.back_off_10nm, homing.fast_mm_per_s).await?;
-            self.modal.machine_10nm[axis] -= towards * homing.back_off_10nm;
+            position[axis] -= towards * homing.back_off_10nm;
+            self.motion.set_position(position);
+            self.modal.machine_10nm[axis] = position[axis];
         }
         Ok(())
     }

@@ -43,6 +43,8 @@ pub trait Motion {
     fn set_fan_power(&mut self, power: u8) -> impl Future<Output = Result<(), MotionError>>;
     /// Waits until all queued motion has ended.
     fn finish(&mut self) -> impl Future<Output = Result<(), MotionError>>;
+    /// The moves to come, until the position is set, are part of homing: whoever adds up a print's time leaves them out.
+    fn begin_homing(&mut self) {}
     /// Runs a move at standstill until the end stop of `axis` triggers or the move ends.
     fn seek(&mut self, request: Move, axis: usize) -> impl Future<Output = Result<Seek, MotionError>>;
     /// Machine position at the end of all queued motion, units of 10 nm.

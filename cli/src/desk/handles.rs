@@ -104,6 +104,10 @@ impl<O: Observer> Motion for DeskMotion<'_, O> {
         self.wait_until_idle().await
     }
 
+    fn begin_homing(&mut self) {
+        self.desk.borrow_mut().begin_homing();
+    }
+
     async fn seek(&mut self, request: Move, axis: usize) -> Result<Seek, MotionError> {
         self.finish().await?;
         if self.add(request).await? == Moved::Nothing {
