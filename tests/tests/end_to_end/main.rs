@@ -19,5 +19,6 @@ mod programs;
 mod refusals;
 mod repeats;
 mod reports;
+mod slaved_extruder;
 mod waits;
 mod waveform;
