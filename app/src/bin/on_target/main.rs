@@ -26,6 +26,8 @@ mod queue;
 #[path = "../bench/report.rs"]
 #[allow(dead_code)]
 mod report;
+#[path = "../bench/span.rs"]
+mod span;
 #[path = "../bench/step_events.rs"]
 #[allow(dead_code)]
 mod step_events;
@@ -48,7 +50,7 @@ use ferrostep_stm32f4::vector_table::VectorTable;
 use ferrostep_stm32f4_usb::{Memory, Rings, Usb};
 use heapless::spsc::Queue;
 
-use counter::Counter;
+use counter::Cycles;
 use profile::{PROFILE, StepSignals};
 use queue::{BenchQueue, Ports, SHORT_QUEUE_SLOTS, STEP_QUEUE_SLOTS};
 
@@ -134,11 +136,12 @@ fn pins() -> BoardPins {
 /// The clock is what the board's file says: the core's own counter against a timer's.
 fn the_core_runs_at_its_clock(board: Board) -> Result<(), Failure> {
     let Board { core, clock, motion_clock, .. } = board;
-    let counter = Counter::start(core.DCB, core.DWT, motion_clock);
+    let core_cycles = Cycles::start(core.DCB, core.DWT, motion_clock);
+    let counter = counter::start(core_cycles);
     let before = motion_clock.now_ticks();
     let (cycles, ()) = counter.count(|| cortex_m::asm::delay(1_000_000));
     let ticks = motion_clock.now_ticks().wrapping_sub(before);
-    let expected = if counter.is_of_core() { clock.core_hz / clock.timer_hz } else { 1 };
+    let expected = if core_cycles.are_of_core() { clock.core_hz / clock.timer_hz } else { 1 };
     hprintln!("{} Hz by its clock tree; {} cycles in {} ticks", clock.core_hz, cycles, ticks);
     // A reading of the two counters apart.
     let off = (ticks * expected).abs_diff(cycles);
@@ -149,7 +152,7 @@ fn the_core_runs_at_its_clock(board: Board) -> Result<(), Failure> {
 fn a_step_event_takes_its_cycles(board: Board) -> Result<(), Failure> {
     let Board { device, core, motion_clock, .. } = board;
     let mut controller = core.NVIC;
-    let counter = Counter::start(core.DCB, core.DWT, motion_clock);
+    let counter = counter::start(Cycles::start(core.DCB, core.DWT, motion_clock));
     let (timer, mut queue): (_, BenchQueue<BothEdges, 1, SHORT_QUEUE_SLOTS>) =
         queue::start(&device.RCC, Ports::new(&pins()), &EDGES, Interrupt::SPI2).ok_or("a port has 16 pins")?;
     handlers::play_when_called(timer, &mut controller);
@@ -163,7 +166,7 @@ fn a_step_event_takes_its_cycles(board: Board) -> Result<(), Failure> {
 /// Moves to blocks in the full look-ahead ring.
 fn a_block_is_planned_in_its_time(board: Board) -> Result<(), Failure> {
     let Board { device, core, motion_clock, .. } = board;
-    let counter = Counter::start(core.DCB, core.DWT, motion_clock);
+    let counter = counter::start(Cycles::start(core.DCB, core.DWT, motion_clock));
     let slots = cortex_m::singleton!(: [Slot; LOOK_AHEAD_BLOCKS] = [Slot::EMPTY; LOOK_AHEAD_BLOCKS]);
     let ring = slots.ok_or("started twice")?;
     // Its steps are dropped: it never plays.
