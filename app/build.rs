@@ -20,6 +20,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     fs::copy(&memory, out.join("memory.x"))?;
     println!("cargo:rustc-link-search={}", out.display());
     println!("cargo:rerun-if-changed={}", memory.display());
+    // The tests' names and places, for the one who runs them over a debug probe.
+    println!("cargo:rustc-link-arg-bin=on-target=-Tembedded-test.x");
 
     let board_name = env::var("FERROSTEP_BOARD").unwrap_or_else(|_| ferrostep_boards::DEFAULT.to_owned());
     let board = ferrostep_boards::load(&board_name).map_err(|error| error.to_string())?;

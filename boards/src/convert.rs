@@ -91,6 +91,13 @@ impl Pins<'_> {
     }
 }
 
+/// Keys of a table with their values, which may be left out.
+macro_rules! tables {
+    ($table:expr; $($key:ident)+) => {
+        [$((stringify!($key), &$table.$key)),+]
+    };
+}
+
 /// Checks every value of a board.
 pub fn board(file: &BoardFile, check: &Checker<'_>) -> Result<Board, FileError> {
     let name = name("name", &file.name, check)?;
@@ -111,54 +118,19 @@ pub fn board(file: &BoardFile, check: &Checker<'_>) -> Result<Board, FileError> 
     let tables = &file.motors;
     let mut moving = |name, table| motor(name, table, file, &mut pins);
     let motors = [moving("x", &tables.x)?, moving("y", &tables.y)?, moving("z", &tables.z)?, moving("e", &tables.e)?];
-    let spare = [("z2", &tables.z2), ("e1", &tables.e1), ("e2", &tables.e2), ("e3", &tables.e3)];
-    let spare_motors = some(spare, moving)?;
+    let spare_motors = some(tables!(file.motors; z2 e1 e2 e3), moving)?;
     let driver_uart = match &file.driver_uart {
         Some(table) => Some(one_of("driver_uart.pin", &table.pin, &USART2_TX, &mut pins)?),
         None => None,
     };
-    let thermistors = {
-        let tables = &file.thermistors;
-        let tables = [
-            ("nozzle", &tables.nozzle),
-            ("bed", &tables.bed),
-            ("nozzle1", &tables.nozzle1),
-            ("nozzle2", &tables.nozzle2),
-            ("nozzle3", &tables.nozzle3),
-            ("probe", &tables.probe),
-            ("board", &tables.board),
-        ];
-        some(tables, |name, table| thermistor(name, table, &mut pins))?
-    };
-    let heaters = {
-        let tables = &file.heaters;
-        let tables = [
-            ("nozzle", &tables.nozzle),
-            ("bed", &tables.bed),
-            ("nozzle1", &tables.nozzle1),
-            ("nozzle2", &tables.nozzle2),
-            ("nozzle3", &tables.nozzle3),
-        ];
-        some(tables, |name, table| heater(name, table, &thermistors, &mut pins))?
-    };
-    let fans = {
-        let tables = &file.fans;
-        let tables = [
-            ("part", &tables.part),
-            ("hotend", &tables.hotend),
-            ("fan2", &tables.fan2),
-            ("fan3", &tables.fan3),
-            ("fan4", &tables.fan4),
-            ("fan5", &tables.fan5),
-        ];
-        some(tables, |name, table| fan(name, table, &mut pins))?
-    };
-    let inputs = {
-        let table = &file.inputs;
-        let table =
-            [("x", &table.x), ("y", &table.y), ("z", &table.z), ("probe", &table.probe), ("filament", &table.filament)];
-        some(table, |name, word| Ok((name, pins.take(&format!("inputs.{name}"), word, Use::Input)?)))?
-    };
+    let tables = tables!(file.thermistors; nozzle bed nozzle1 nozzle2 nozzle3 probe board);
+    let thermistors = some(tables, |name, table| thermistor(name, table, &mut pins))?;
+    let tables = tables!(file.heaters; nozzle bed nozzle1 nozzle2 nozzle3);
+    let heaters = some(tables, |name, table| heater(name, table, &thermistors, &mut pins))?;
+    let tables = tables!(file.fans; part hotend fan2 fan3 fan4 fan5);
+    let fans = some(tables, |name, table| fan(name, table, &mut pins))?;
+    let words = tables!(file.inputs; x y z probe filament);
+    let inputs = some(words, |name, word| Ok((name, pins.take(&format!("inputs.{name}"), word, Use::Input)?)))?;
     let serial = serial(file, &mut pins)?;
     let usb = match &file.usb {
         Some(table) => Some([

@@ -4,6 +4,7 @@
 
 mod check;
 mod error;
+pub mod keys;
 mod locate;
 
 use std::io::Read;

@@ -11,6 +11,9 @@ use std::io;
 
 /// Sees all that the motors do.
 pub trait Observer: StepObserver {
+    /// A move is planned behind those before, with so much filament in units of 0.1 nm; whether the source line's move
+    /// ends with it, which [`Self::move_ended`] tells when it has.
+    fn planned(&mut self, _filament_100pm: i64, _ends_move: bool) {}
     /// The motors' positions are redefined (homing).
     fn redefined(&mut self, tick: u64, motor_steps: [i64; 4]);
     /// A move has ended.

@@ -52,46 +52,32 @@ impl<F: Real> BlockLaw<F> for Trapezoid<F> {
     }
 }
 
-impl BlockLaw<f64> for Along {
-    fn length(&self) -> f64 {
-        self.length
-    }
+/// A law that knows these figures by itself, and how its steps are started.
+macro_rules! law {
+    ($law:ident, $start:ident) => {
+        impl BlockLaw<f64> for $law {
+            fn length(&self) -> f64 {
+                self.length
+            }
 
-    fn per_length(&self) -> f64 {
-        1.0 / self.length
-    }
+            fn per_length(&self) -> f64 {
+                1.0 / self.length
+            }
 
-    fn duration_ticks(&self) -> u64 {
-        self.duration_ticks()
-    }
+            fn duration_ticks(&self) -> u64 {
+                self.duration_ticks()
+            }
 
-    fn time_at(&self, length_10nm: u32) -> u64 {
-        self.time_at(length_10nm)
-    }
+            fn time_at(&self, length_10nm: u32) -> u64 {
+                self.time_at(length_10nm)
+            }
 
-    fn start(&self, times: &mut StepTimes, steps: &Spacing<f64>, earliest: u64) {
-        times.start_run(self, steps, earliest);
-    }
+            fn start(&self, times: &mut StepTimes, steps: &Spacing<f64>, earliest: u64) {
+                times.$start(self, steps, earliest);
+            }
+        }
+    };
 }
 
-impl BlockLaw<f64> for Staircase {
-    fn length(&self) -> f64 {
-        self.length
-    }
-
-    fn per_length(&self) -> f64 {
-        1.0 / self.length
-    }
-
-    fn duration_ticks(&self) -> u64 {
-        self.duration_ticks()
-    }
-
-    fn time_at(&self, length_10nm: u32) -> u64 {
-        self.time_at(length_10nm)
-    }
-
-    fn start(&self, times: &mut StepTimes, steps: &Spacing<f64>, earliest: u64) {
-        times.start_staircase(self, steps, earliest);
-    }
-}
+law!(Along, start_run);
+law!(Staircase, start_staircase);

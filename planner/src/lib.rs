@@ -38,6 +38,8 @@ mod motion_choice;
 mod pace;
 mod path;
 mod planner;
+#[cfg(test)]
+mod random;
 mod real;
 mod single;
 mod spacing;

@@ -3,6 +3,7 @@
 use crate::block::{Acceleration, Block, PlannedBlock, Speed};
 use crate::inner_ends::InnerEnds;
 use crate::interpolator::{Interpolator, MAX_ENTRIES};
+use crate::random::Random;
 use crate::spacing::{ExtruderTravel, Spacing};
 use crate::step_times::{NEVER, StepTimes};
 use crate::time_law::{FRACTION_BITS, Precision, TimeLaw};
@@ -15,28 +16,6 @@ const MOST_TICKS_OFF: f64 = 84.0;
 const MOST_STEPS_PER_S: f64 = 500_000.0;
 
 const LONGEST_S: f64 = 20.0;
-
-/// Marsaglia's xorshift.
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self) -> u64 {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        self.0
-    }
-
-    /// In 0..1.
-    fn share(&mut self) -> f64 {
-        (self.next() >> 11) as f64 / (1u64 << 53) as f64
-    }
-
-    /// In a range, every magnitude as likely as the others.
-    fn magnitude(&mut self, from: f64, to: f64) -> f64 {
-        from * (to / from).powf(self.share())
-    }
-}
 
 /// t(s) of a block, by the textbook.
 struct Exact {

@@ -15,35 +15,16 @@ use ferrostep_planner::{
     TICKS_PER_SECOND,
 };
 
+#[path = "../src/random.rs"]
+mod random;
+
+use random::Random;
+
 /// More or fewer random runs.
 const RUNS_VARIABLE: &str = "FERROSTEP_RUNS";
 
 /// Unless told.
 const RUNS: u64 = 100_000;
-
-/// Marsaglia's xorshift.
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self) -> u64 {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        self.0
-    }
-
-    fn share(&mut self) -> f64 {
-        (self.next() >> 11) as f64 / (1u64 << 53) as f64
-    }
-
-    fn magnitude(&mut self, from: f64, to: f64) -> f64 {
-        from * (to / from).powf(self.share())
-    }
-
-    fn one_in(&mut self, count: u64) -> bool {
-        self.next().is_multiple_of(count)
-    }
-}
 
 /// Blocks as slicers make them: stretches of alike ones, of which some differ, with corners of all kinds.
 struct Blocks {
@@ -62,19 +43,20 @@ impl Blocks {
             length_mm: random.magnitude(0.001, 50.0),
             nominal: random.magnitude(0.5, 500.0),
             acceleration: random.magnitude(20.0, 20_000.0),
-            curved: random.one_in(2),
+            curved: random.next().is_multiple_of(2),
             slope: 2.0 * random.share() - 1.0,
-            filament: if random.one_in(3) { 0.0 } else { 30.0 * random.share() - 10.0 },
+            filament: if random.next().is_multiple_of(3) { 0.0 } else { 30.0 * random.share() - 10.0 },
         }
     }
 
     fn next(&mut self, random: &mut Random) -> (Block, SquaredSpeed) {
-        if random.one_in(40) {
+        if random.next().is_multiple_of(40) {
             *self = Self::new(random);
         }
-        let length_mm = self.length_mm * if random.one_in(3) { random.magnitude(0.1, 3.0) } else { 1.0 };
-        let nominal = self.nominal * if random.one_in(10) { random.magnitude(0.2, 1.5) } else { 1.0 };
-        let acceleration = self.acceleration * if random.one_in(30) { random.magnitude(0.5, 2.0) } else { 1.0 };
+        let length_mm = self.length_mm * if random.next().is_multiple_of(3) { random.magnitude(0.1, 3.0) } else { 1.0 };
+        let nominal = self.nominal * if random.next().is_multiple_of(10) { random.magnitude(0.2, 1.5) } else { 1.0 };
+        let acceleration =
+            self.acceleration * if random.next().is_multiple_of(30) { random.magnitude(0.5, 2.0) } else { 1.0 };
         let block = Block {
             // Some have no step.
             steps: [1.0, self.slope, -0.05].map(|share| (length_mm * 80.0 * share + random.share()).floor() as i32),
@@ -86,9 +68,9 @@ impl Blocks {
             ends_move: true,
             inner_ends: InnerEnds::NONE,
         };
-        let corner = match (self.curved, random.one_in(20)) {
+        let corner = match (self.curved, random.next().is_multiple_of(20)) {
             (true, false) => f32::INFINITY,
-            _ if random.one_in(10) => 0.0,
+            _ if random.next().is_multiple_of(10) => 0.0,
             _ => random.magnitude(1.0, 2.0 * nominal * nominal + 2.0) as f32,
         };
         (block, SquaredSpeed::from_mm2_per_s2(corner))
@@ -298,13 +280,13 @@ fn speed_at([up, down]: &[Ramp; 2], run: &Run, at: u32) -> f64 {
 
 fn check_a_job(random: &mut Random, blocks: u64, sum: &mut Sum) {
     let jerk = random.magnitude(10.0, 5e6).floor();
-    let capacity = if random.one_in(3) { 128 } else { 2 + random.next() as usize % 40 };
+    let capacity = if random.next().is_multiple_of(3) { 128 } else { 2 + random.next() as usize % 40 };
     let mut ring = LookAhead::new(vec![Slot::EMPTY; capacity]);
     ring.set_law(&SpeedLaw::SCurve(Jerk::from_mm_per_s3(jerk).unwrap()));
     let mut kind = Blocks::new(random);
     let mut pace = Pace::FULL;
-    let starves = random.one_in(4);
-    let overloads = random.one_in(4);
+    let starves = random.next().is_multiple_of(4);
+    let overloads = random.next().is_multiple_of(4);
     let mut checker = Checker {
         jerk,
         stepper: Stepper::new(),
@@ -332,19 +314,19 @@ fn check_a_job(random: &mut Random, blocks: u64, sum: &mut Sum) {
         checker.waiting.push_back((block, if stopped { SquaredSpeed::ZERO } else { corner }));
         nominal_before = block.nominal;
         stopped = false;
-        if random.one_in(50) && ring.has_room() {
+        if random.next().is_multiple_of(50) && ring.has_room() {
             assert!(ring.push_marker(Marker::FanPower { power: 1 }));
         }
-        if starves && random.one_in(10) {
+        if starves && random.next().is_multiple_of(10) {
             ring.release();
             if let Some(left) = ring.pop(pace) {
                 checker.take(left);
             }
         }
-        if overloads && random.one_in(100) {
+        if overloads && random.next().is_multiple_of(100) {
             pace = Pace::from_256ths((random.next() % 300) as u16);
         }
-        if random.one_in(500) {
+        if random.next().is_multiple_of(500) {
             ring.flush();
             stopped = true;
         }

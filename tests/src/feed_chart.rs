@@ -2,6 +2,8 @@
 
 use std::fmt::Write;
 
+use ferrostep_svg::{escaped, page};
+
 /// One print.
 pub struct Panel {
     /// What was special about it.
@@ -34,24 +36,13 @@ const BOTTOM: f64 = 44.0;
 const CURVE_COLOUR: &str = "#b7410e";
 const GRID_COLOUR: &str = "#d8dee4";
 const NOTE_COLOUR: &str = "#57606a";
-const TEXT_COLOUR: &str = "#1f2328";
 
 /// The chart as an SVG file.
 pub fn svg(title: &str, axes: &Axes, panels: &[Panel]) -> String {
     let height = TOP + panels.len() as f64 * PANEL + BOTTOM;
     let mut out = String::new();
     // Writing to a string does not fail.
-    let _ = writeln!(
-        out,
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{WIDTH}\" height=\"{height}\" \
-         viewBox=\"0 0 {WIDTH} {height}\" role=\"img\" aria-label=\"{title}\">\n<title>{title}</title>\n\
-         <rect x=\"0.5\" y=\"0.5\" width=\"{}\" height=\"{}\" rx=\"8\" fill=\"#ffffff\" stroke=\"#d0d7de\"/>\n\
-         <g font-family=\"system-ui, 'DejaVu Sans', sans-serif\" font-size=\"13\" fill=\"{TEXT_COLOUR}\">\n\
-         <text x=\"20\" y=\"26\" font-weight=\"bold\">{title}</text>",
-        WIDTH - 1.0,
-        height - 1.0,
-        title = escaped(title),
-    );
+    let _ = writeln!(out, "<text x=\"20\" y=\"26\" font-weight=\"bold\">{}</text>", escaped(title));
     for (index, panel) in panels.iter().enumerate() {
         draw(&mut out, axes, panel, TOP + index as f64 * PANEL);
     }
@@ -72,8 +63,7 @@ pub fn svg(title: &str, axes: &Axes, panels: &[Panel]) -> String {
         (LEFT + RIGHT) / 2.0,
         bottom + 26.0
     );
-    out.push_str("</g>\n</svg>\n");
-    out
+    page(title, [WIDTH, height], 13, out)
 }
 
 fn place_ms(axes: &Axes, ms: usize) -> f64 {
@@ -118,10 +108,6 @@ fn draw(out: &mut String, axes: &Axes, panel: &Panel, top: f64) {
         let _ = write!(out, "{command}{:.1} {:.1}", place_ms(axes, ms), height_of(*feed));
     }
     let _ = writeln!(out, "\" fill=\"none\" stroke=\"{CURVE_COLOUR}\" stroke-width=\"1.2\"/>");
-}
-
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('"', "&quot;")
 }
 
 #[cfg(test)]

@@ -9,6 +9,7 @@
 
 mod axis_limits;
 mod digest;
+mod extrusion;
 mod law;
 mod path_error;
 mod report;
@@ -18,6 +19,7 @@ mod synthetic;
 mod tests;
 
 pub use digest::Fnv1a64;
+pub use extrusion::{Distances, Extrusion, Slave};
 pub use report::{Deviation, DurationDifference, Finding, MOTOR_NAMES, TraceReport};
 
 use crate::reference::{
@@ -352,7 +354,7 @@ impl Checker<'_> {
         let events = std::mem::take(&mut self.events);
         let other = 1.0 + self.options.law_tolerance_steps;
         let plane = other + self.options.plane_tolerance_steps;
-        let deviations = TracedBlock {
+        let block = TracedBlock {
             line: one.line,
             start_tick: self.block_start_tick,
             end_tick,
@@ -363,9 +365,9 @@ impl Checker<'_> {
             law: &planned.law,
             event_interval_ticks: self.event_interval_ticks,
             tolerance_steps: [plane, plane, other, other],
-        }
-        .deviations();
-        for (motor, deviation) in deviations.into_iter().enumerate() {
+        };
+        self.report.extrusion.block(&block);
+        for (motor, deviation) in block.deviations().into_iter().enumerate() {
             let Some(deviation) = deviation else { continue };
             keep_larger(&mut self.report.largest_deviation[motor], deviation);
             if deviation.excess_steps() > 0.0 {

@@ -50,6 +50,11 @@ impl Target {
         })
     }
 
+    /// The chip as probe-rs calls it.
+    pub fn probe_name(&self) -> &str {
+        self.board.chip.probe_name
+    }
+
     /// The bench, which the emulator runs.
     pub fn bench() -> Result<Self, Failure> {
         Self::new(ferrostep_boards::DEFAULT, None)
@@ -77,7 +82,8 @@ pub fn build_images(run: &mut Run, options: &Options) -> Result<Vec<PathBuf>, Fa
     targets?.iter().map(|target| build_image(run, target)).collect()
 }
 
-fn build_image(run: &mut Run, target: &Target) -> Result<PathBuf, Failure> {
+/// Builds a board's image, writes its files, and prints its path and size table.
+pub fn build_image(run: &mut Run, target: &Target) -> Result<PathBuf, Failure> {
     eprintln!("\n{}", target.board.title);
     target.board.notes.iter().for_each(|note| eprintln!("    note: {note}"));
     let elf = build(run, Program::Firmware, target)?;
@@ -85,11 +91,7 @@ fn build_image(run: &mut Run, target: &Target) -> Result<PathBuf, Failure> {
         let image = image::export(&elf, &target.board)?;
         let sizes = sizes(&image)?;
         println!("{}\n{sizes}", image.display());
-        eprintln!(
-            "    by a debug probe: probe-rs download --chip {} {}",
-            target.board.chip.probe_name,
-            image.display()
-        );
+        eprintln!("    by a debug probe: probe-rs download --chip {} {}", target.probe_name(), image.display());
         sizes.check().map(|()| image)
     })
 }
@@ -103,6 +105,8 @@ pub enum Program {
     Bench,
     /// The same built to count the step events that those instructions make. It takes the place of the other's image.
     Tally,
+    /// What measures the board that it runs on.
+    OnTarget,
 }
 
 impl Program {
@@ -111,6 +115,7 @@ impl Program {
         match self {
             Self::Firmware => "app/src/main.rs",
             Self::Bench | Self::Tally => "app/src/bin/bench/main.rs",
+            Self::OnTarget => "app/src/bin/on_target/main.rs",
         }
     }
 }
@@ -122,6 +127,7 @@ pub fn build(run: &mut Run, program: Program, target: &Target) -> Result<PathBuf
         Program::Firmware => "firmware image",
         Program::Bench => "bench image",
         Program::Tally => "tally image",
+        Program::OnTarget => "on-target image",
     };
     run.step(name, || {
         let messages = system::run_for_output(&mut build_command(&core_library, program, target)?)?;
@@ -149,7 +155,8 @@ pub fn check(run: &mut Run) -> Result<(), Failure> {
             }
             let bench = Target::bench()?;
             system::run(&mut lint_command(&core_library, &bench, &["--bins", "--features", "bench"]))?;
-            system::run(&mut lint_command(&core_library, &bench, &["--bin", "bench", "--features", "tally"]))
+            system::run(&mut lint_command(&core_library, &bench, &["--bin", "bench", "--features", "tally"]))?;
+            system::run(&mut lint_command(&core_library, &bench, &["--bin", "on-target", "--features", "on-target"]))
         }
         CoreLibrary::FromSource { .. } => {
             eprintln!("    left out: clippy cannot read what Debian's compiler has made");
@@ -197,6 +204,7 @@ fn build_command(core_library: &CoreLibrary, program: Program, target: &Target) 
         Program::Firmware => command.args(["--bin", &package_name()?]),
         Program::Bench => command.args(["--bin", "bench", "--features", "bench"]),
         Program::Tally => command.args(["--bin", "bench", "--features", "tally"]),
+        Program::OnTarget => command.args(["--bin", "on-target", "--features", "on-target"]),
     };
     core_library.apply(&mut command);
     core_library.apply_linker(&mut command)?;

@@ -9,6 +9,7 @@ mod emulator;
 mod firmware;
 mod image;
 mod no_std;
+mod on_target;
 mod size;
 mod steps;
 mod system;
@@ -61,6 +62,10 @@ enum Task {
     Firmware(firmware::Options),
     /// Count the target's instructions for the parts of a print, in an emulator: the same on every machine
     Bench(bench::Options),
+    /// Build a board's firmware, write it over a debug probe, and start it
+    Flash(on_target::FlashOptions),
+    /// Measure a board over a debug probe, and hold the times against their bounds; without a board, in the emulator
+    OnTarget(on_target::TestOptions),
     /// Check that the firmware's crates build for thumbv7em-none-eabihf, without std
     NoStd,
 }
@@ -72,6 +77,8 @@ fn main() -> ExitCode {
         Task::Ci => "ci",
         Task::Firmware(_) => "firmware",
         Task::Bench(_) => "bench",
+        Task::Flash(_) => "flash",
+        Task::OnTarget(_) => "on-target",
         Task::NoStd => "no-std",
     };
     let mut run = Run::new(name);
@@ -80,6 +87,8 @@ fn main() -> ExitCode {
         Task::Ci => test(&mut run).and_then(|image| slow_tests(&mut run, &image)),
         Task::Firmware(options) => firmware::build_images(&mut run, &options).map(|_| ()),
         Task::Bench(options) => bench::run(&mut run, options),
+        Task::Flash(options) => on_target::flash(&mut run, &options),
+        Task::OnTarget(options) => on_target::test(&mut run, &options),
         Task::NoStd => no_std::check(&mut run),
     };
     run.finish(result)
@@ -101,6 +110,7 @@ fn test(run: &mut Run) -> Result<PathBuf, Failure> {
     let images = firmware::build_images(run, &firmware::Options::default())?;
     let image = images.into_iter().next().ok_or("there is no board")?;
     bench::check(run, &image)?;
+    on_target::rehearse(run)?;
     // The test profile and not release: it is optimised but checks overflows and debug assertions, and does not spend
     // minutes on link-time optimisation of every test program.
     run.step("tests", || {

@@ -1,6 +1,7 @@
 //! What is wrong with a board is refused with its line, its key and what was expected.
 
 use ferrostep_boards::{builtin_names, builtin_text, parse};
+use ferrostep_checked_toml::keys::{holder, paths};
 use toml::{Table, Value};
 
 /// The one-line error after a replacement in a board, which must occur once.
@@ -202,39 +203,20 @@ fn motors_may_share_an_enable_pin_but_nothing_else() {
     assert_eq!(board.motors[0].enable, board.motors[1].enable);
 }
 
-/// Paths of all keys, tables included, and whether the key may be left out.
-fn keys(table: &Table) -> Vec<String> {
-    let mut paths = Vec::new();
-    for (key, value) in table {
-        paths.push(key.clone());
-        if let Value::Table(inner) = value {
-            paths.extend(keys(inner).into_iter().map(|path| format!("{key}.{path}")));
-        }
-    }
-    paths
-}
-
-fn holder<'a, 'b>(root: &'a mut Table, path: &'b str) -> (&'a mut Table, &'b str) {
-    match path.split_once('.') {
-        None => (root, path),
-        Some((first, rest)) => holder(root.get_mut(first).unwrap().as_table_mut().unwrap(), rest),
-    }
-}
-
 #[test]
 fn each_misspelt_or_mistyped_key_is_named() {
     for board in builtin_names() {
         let table: Table = builtin_text(board).unwrap().parse().unwrap();
-        for path in keys(&table) {
+        for path in paths(&table) {
             let mut misspelt = table.clone();
-            let (inner, last) = holder(&mut misspelt, &path);
+            let (inner, last) = holder(&mut misspelt, &path).unwrap();
             let value = inner.remove(last).unwrap();
             inner.insert(format!("{last}_"), value);
             let error = parse(&toml::to_string(&misspelt).unwrap(), "test.toml").unwrap_err();
             assert_eq!(error.key(), Some(format!("{path}_").as_str()), "{error}");
 
             let mut mistyped = table.clone();
-            let (inner, last) = holder(&mut mistyped, &path);
+            let (inner, last) = holder(&mut mistyped, &path).unwrap();
             inner.insert(last.to_owned(), Value::Array(vec![]));
             let error = parse(&toml::to_string(&mistyped).unwrap(), "test.toml").unwrap_err();
             assert_eq!(error.key(), Some(path.as_str()), "{error}");
@@ -247,9 +229,9 @@ fn what_every_board_must_have_is_missed() {
     let table: Table = builtin_text("bench").unwrap().parse().unwrap();
     let mut required = 0;
     // What may be left out; of a table that is there, all is needed.
-    for path in keys(&table).into_iter().filter(|path| path != "virtual_sensors" && path != "usb") {
+    for path in paths(&table).into_iter().filter(|path| path != "virtual_sensors" && path != "usb") {
         let mut table = table.clone();
-        let (inner, last) = holder(&mut table, &path);
+        let (inner, last) = holder(&mut table, &path).unwrap();
         inner.remove(last);
         let error = parse(&toml::to_string(&table).unwrap(), "test.toml").unwrap_err().to_string();
         assert!(error.ends_with(&format!(": missing key \"{path}\"")), "{error}");

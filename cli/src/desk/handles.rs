@@ -56,10 +56,11 @@ impl<O: Observer> Motion for DeskMotion<'_, O> {
         self.wait(|desk| {
             let merged = desk.planner.merged_moves();
             let outcome = desk.planner.add(&request);
-            if outcome == Ok(Moved::Queued)
-                && let Some(script) = &mut desk.script
-            {
-                script.moved(&request, desk.planner.merged_moves() > merged);
+            if outcome == Ok(Moved::Queued) {
+                desk.observer.observer.planned(request.filament_100pm, request.ends_move);
+                if let Some(script) = &mut desk.script {
+                    script.moved(&request, desk.planner.merged_moves() > merged);
+                }
             }
             desk.taken(outcome)
         })

@@ -35,27 +35,11 @@ struct Speeds {
 #[derive(Clone, Debug)]
 enum Waiting {
     /// A block's first move; `None` for one that the machine makes by itself.
-    First {
-        item: Option<MoveItem>,
-        speeds: Option<Speeds>,
-    },
+    First { item: Option<MoveItem>, speeds: Option<Speeds> },
     /// Moves that the machine made by itself.
     Anew,
-    /// A move that was joined to the one before.
-    Joined(MoveItem),
-    Fan {
-        line: u32,
-        power: u8,
-    },
-    Command {
-        line: u32,
-        text: String,
-    },
-    /// What lasts, and where the machine is, after all before.
-    State {
-        modal: ModalState,
-        position_10nm: [i64; 3],
-    },
+    /// What waits for nothing but the parts before.
+    Ready(Ready),
 }
 
 /// A part that is ready for the file.
@@ -134,15 +118,15 @@ impl Script {
         };
         match self.now {
             Now::Moves { .. } => {}
-            Now::Fan { line, power } => self.waiting.push_back(Waiting::Fan { line, power }),
-            Now::Text => self.waiting.push_back(Waiting::Command { line, text: text.to_owned() }),
+            Now::Fan { line, power } => self.waiting.push_back(Waiting::Ready(Ready::Fan { line, power })),
+            Now::Text => self.waiting.push_back(Waiting::Ready(Ready::Command { line, text: text.to_owned() })),
         }
     }
 
     /// It has been executed; this lasts.
     pub fn ended(&mut self, modal: ModalState, position_10nm: [i64; 3]) {
         if self.now == Now::Text {
-            self.waiting.push_back(Waiting::State { modal, position_10nm });
+            self.waiting.push_back(Waiting::Ready(Ready::State { modal, position_10nm }));
         }
         self.now = Now::Text;
     }
@@ -162,7 +146,7 @@ impl Script {
             _ => None,
         };
         match item {
-            Some(item) if joined => self.waiting.push_back(Waiting::Joined(item)),
+            Some(item) if joined => self.waiting.push_back(Waiting::Ready(Ready::Joined(item))),
             None if joined => {}
             item => {
                 self.unplanned.push_back(self.left + self.waiting.len() as u64);
@@ -207,13 +191,10 @@ impl Script {
                     let Speeds { planned, bound, .. } = speeds?;
                     let of_this = |waiting: &&Waiting| !matches!(waiting, Waiting::First { .. } | Waiting::Anew);
                     let of_this = self.waiting.iter().take_while(of_this);
-                    let joined = of_this.filter(|waiting| matches!(waiting, Waiting::Joined(_))).count();
+                    let joined = of_this.filter(|waiting| matches!(waiting, Waiting::Ready(Ready::Joined(_)))).count();
                     Ready::First { item: MoveItem { speed: self.speed(&speeds?), ..item }, planned, bound, joined }
                 }
-                Waiting::Joined(item) => Ready::Joined(item),
-                Waiting::Fan { line, power } => Ready::Fan { line, power },
-                Waiting::Command { line, text } => Ready::Command { line, text },
-                Waiting::State { modal, position_10nm } => Ready::State { modal, position_10nm },
+                Waiting::Ready(ready) => ready,
             });
         }
     }

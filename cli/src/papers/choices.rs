@@ -1,11 +1,13 @@
 //! Every way to interpolate with every way to accelerate, side by side on a real file.
 
+mod extruder;
+
 use std::fmt;
 use std::path::Path;
 
 use ferrostep_hal_shim::virtual_board::StepObserver;
 use ferrostep_planner::kinematics::Kinematics;
-use ferrostep_planner::{AccelerationProfile, Interpolation, TICKS_PER_SECOND};
+use ferrostep_planner::{AccelerationProfile, EXTRUDER, Interpolation, TICKS_PER_SECOND};
 use ferrostep_printer::Profile;
 
 use super::{Cell, Table};
@@ -14,6 +16,7 @@ use crate::input::{Input, InputError};
 use crate::job::{self, JobProgress};
 use crate::record::Observer;
 use crate::session::{JobReplies, Session};
+use extruder::{Extruder, Way};
 
 /// Speeds, accelerations and jerks are told over this many ticks, 10 ms: shorter than that a single step would show.
 const WINDOW_TICKS: u64 = TICKS_PER_SECOND as u64 / 100;
@@ -23,6 +26,9 @@ const WINDOW_S: f64 = 0.01;
 
 /// Times at which the path is looked at, in a window.
 const SAMPLES: usize = 8;
+
+/// The motors that move the nozzle, as bits.
+const MOTORS: u8 = 0b111;
 
 /// Why a comparison is not there.
 #[derive(Debug)]
@@ -80,6 +86,7 @@ pub fn compare(
             "peak jerk, mm/s^3",
             "largest path error, mm",
             "mean, mm",
+            "extruder farthest off, steps",
             "order digest",
             "step digest",
         ],
@@ -98,7 +105,8 @@ fn note(profile: &Profile) -> String {
         "Accelerations and jerks are those along the path, from the steps as they were made: differences over \
          {:.0} ms, which whole steps make uncertain by up to {acceleration:.0} mm/s^2 and {jerk:.0} mm/s^3. The table's \
          first frequency is reached in no time, as the paper has it. The path error is from where the motors stand to \
-         the straight line between where they stood at the ends of the move.",
+         the straight line between where they stood at the ends of the move, the extruder's distance from lambda s(t), \
+         with s(t) by the steps of the motor that makes most, evenly between them.",
         WINDOW_S * 1000.0
     )
 }
@@ -122,6 +130,7 @@ fn print(path: &Path, profile: &Profile) -> Result<Vec<Cell>, CompareError> {
         Cell::Number(watch.changes.jerk, 0),
         Cell::Number(watch.largest_error_mm, 4),
         Cell::Number(watch.error_sum_mm / watch.events.max(1) as f64, 4),
+        Cell::Number(watch.extruder.farthest_off_steps(), 3),
         digest(figures.digests.order),
         digest(figures.digests.step),
     ])
@@ -140,26 +149,30 @@ struct Watch {
     steps_per_mm: [f64; 3],
     motors: [i64; 3],
     start: [i64; 3],
+    start_tick: u64,
     move_events: Vec<Event>,
     events: u64,
     error_sum_mm: f64,
     largest_error_mm: f64,
     changes: Changes,
+    extruder: Extruder,
 }
 
 impl Watch {
     fn new(profile: &Profile) -> Self {
-        let [x, y, z, _] = profile.steps_per_mm.map(|steps| steps.to_f64());
+        let [x, y, z, e] = profile.steps_per_mm.map(|steps| steps.to_f64());
         Self {
             kinematics: profile.kinematics,
             steps_per_mm: [x, y, z],
             motors: [0; 3],
             start: [0; 3],
+            start_tick: 0,
             move_events: Vec::new(),
             events: 0,
             error_sum_mm: 0.0,
             largest_error_mm: 0.0,
             changes: Changes::default(),
+            extruder: Extruder::new(e),
         }
     }
 
@@ -191,26 +204,27 @@ impl Watch {
                 self.largest_error_mm = self.largest_error_mm.max(error);
                 self.events += 1;
             }
-            self.follow(&events, length, end_tick);
+            let passed = passed(&events);
+            passed.iter().for_each(|(tick, part)| self.changes.pass(*tick, length * part));
+            self.changes.end(end_tick, length);
+            self.extruder.move_ended(Some(Way { from_tick: self.start_tick, passed, to_tick: end_tick }));
         } else {
             self.changes.stand(end_tick);
+            self.extruder.move_ended(None);
         }
-        self.start = self.motors;
+        (self.start, self.start_tick) = (self.motors, end_tick);
         self.move_events = events;
         self.move_events.clear();
     }
+}
 
-    /// The way along the path, by the steps of the motor that makes most.
-    fn follow(&mut self, events: &[Event], length: f64, end_tick: u64) {
-        let counts = [0, 1, 2].map(|motor| events.iter().filter(|event| event.axes >> motor & 1 == 1).count());
-        let most = counts.into_iter().max().unwrap_or(0);
-        let bit = counts.iter().position(|count| *count == most).unwrap_or(0);
-        let steps = events.iter().filter(|event| event.axes >> bit & 1 == 1);
-        for (number, event) in steps.enumerate() {
-            self.changes.pass(event.tick, length * (number as f64 + 0.5) / most as f64);
-        }
-        self.changes.end(end_tick, length);
-    }
+/// When a move's parts of its way were passed, by the steps of the motor that makes most.
+fn passed(events: &[Event]) -> Vec<(u64, f64)> {
+    let counts = [0, 1, 2].map(|motor| events.iter().filter(|event| event.axes >> motor & 1 == 1).count());
+    let most = counts.into_iter().max().unwrap_or(0);
+    let bit = counts.iter().position(|count| *count == most).unwrap_or(0);
+    let steps = events.iter().filter(|event| event.axes >> bit & 1 == 1);
+    steps.zip(0u32..).map(|(event, number)| (event.tick, (f64::from(number) + 0.5) / most as f64)).collect()
 }
 
 impl StepObserver for Watch {
@@ -220,8 +234,11 @@ impl StepObserver for Watch {
                 *steps += if directions >> motor & 1 == 1 { -1 } else { 1 };
             }
         }
-        if axes & 0b111 != 0 {
+        if axes & MOTORS != 0 {
             self.move_events.push(Event { tick, axes, motors: self.motors });
+        }
+        if axes & EXTRUDER != 0 {
+            self.extruder.stepped(tick, if directions & EXTRUDER == 0 { 1 } else { -1 });
         }
     }
 }
@@ -230,10 +247,15 @@ impl Observer for Watch {
     fn redefined(&mut self, tick: u64, motor_steps: [i64; 4]) {
         let [x, y, z, _] = motor_steps;
         self.motors = [x, y, z];
-        self.start = self.motors;
+        (self.start, self.start_tick) = (self.motors, tick);
         self.move_events.clear();
+        self.extruder.broken_off();
         // Homing ends where the end stop triggers.
         self.changes.begin_anew(tick);
+    }
+
+    fn planned(&mut self, filament_100pm: i64, ends_move: bool) {
+        self.extruder.planned(filament_100pm, ends_move);
     }
 
     fn move_ended(&mut self, tick: u64, _line: u32) {

@@ -6,6 +6,7 @@ use crate::TICKS_PER_SECOND;
 use crate::block::{Acceleration, Block, PlannedBlock, Speed};
 use crate::block_law::BlockLaw;
 use crate::inner_ends::InnerEnds;
+use crate::random::Random;
 use crate::s_curve::law::{Along, Curve};
 use crate::s_curve::run::Planning;
 use crate::s_curve::staircase::{Pulses, Staircase};
@@ -19,26 +20,6 @@ const MOST_TICKS_OFF: f64 = 84.0;
 const MOST_STEPS_PER_S: f64 = 500_000.0;
 
 const UNIT: f64 = 1.0 / (1u64 << FRACTION_BITS) as f64;
-
-/// Marsaglia's xorshift.
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self) -> u64 {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        self.0
-    }
-
-    fn share(&mut self) -> f64 {
-        (self.next() >> 11) as f64 / (1u64 << 53) as f64
-    }
-
-    fn magnitude(&mut self, from: f64, to: f64) -> f64 {
-        from * (to / from).powf(self.share())
-    }
-}
 
 fn random_run(random: &mut Random) -> Run {
     loop {

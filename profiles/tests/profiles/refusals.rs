@@ -1,5 +1,6 @@
 //! Every key missing, misspelt, mistyped or out of range is refused with its name, value and line.
 
+use ferrostep_checked_toml::keys::{holder, paths};
 use ferrostep_hal_shim::thermistor::ThermistorType;
 use ferrostep_planner::{AccelerationProfile, Interpolation, MotionChoice};
 use ferrostep_printer::{ExtrusionSettings, HeaterWatch, Profile};
@@ -30,26 +31,6 @@ fn line(wanted: &str) -> usize {
     1 + text().lines().position(|line| line.contains(wanted)).unwrap()
 }
 
-/// Paths of all keys, tables included.
-fn keys(table: &Table) -> Vec<String> {
-    let mut paths = Vec::new();
-    for (key, value) in table {
-        paths.push(key.clone());
-        if let Value::Table(inner) = value {
-            paths.extend(keys(inner).into_iter().map(|path| format!("{key}.{path}")));
-        }
-    }
-    paths
-}
-
-/// The table that holds a key, and the key's last part.
-fn holder<'a, 'b>(root: &'a mut Table, path: &'b str) -> (&'a mut Table, &'b str) {
-    match path.split_once('.') {
-        None => (root, path),
-        Some((first, rest)) => holder(root.get_mut(first).unwrap().as_table_mut().unwrap(), rest),
-    }
-}
-
 fn value<'a>(root: &'a mut Table, path: &str) -> &'a mut Value {
     let (first, rest) = path.split_once('.').map_or((path, None), |(first, rest)| (first, Some(rest)));
     let inner = root.get_mut(first).unwrap();
@@ -62,15 +43,15 @@ fn value<'a>(root: &'a mut Table, path: &str) -> &'a mut Value {
 #[test]
 fn all_keys_are_seen() {
     // 66 values in 13 tables: that the loops below have something to do.
-    let keys = keys(&table());
+    let keys = paths(&table());
     assert_eq!(keys.len(), 79, "{keys:?}");
 }
 
 #[test]
 fn each_key_is_required() {
-    for path in keys(&table()) {
+    for path in paths(&table()) {
         let mut table = table();
-        let (holder, last) = holder(&mut table, &path);
+        let (holder, last) = holder(&mut table, &path).unwrap();
         holder.remove(last).unwrap();
         let error = refused(&table);
         assert!(matches!(error.problem(), Problem::MissingKey { key } if *key == path), "{path}: {error}");
@@ -79,9 +60,9 @@ fn each_key_is_required() {
 
 #[test]
 fn each_misspelt_key_is_named_with_the_right_ones() {
-    for path in keys(&table()) {
+    for path in paths(&table()) {
         let mut table = table();
-        let (holder, last) = holder(&mut table, &path);
+        let (holder, last) = holder(&mut table, &path).unwrap();
         let value = holder.remove(last).unwrap();
         holder.insert(format!("{last}z"), value);
         let error = refused(&table);
@@ -97,7 +78,7 @@ fn each_misspelt_key_is_named_with_the_right_ones() {
 #[test]
 fn each_number_has_a_range() {
     let mut numbers = 0;
-    for path in keys(&table()) {
+    for path in paths(&table()) {
         if !value(&mut table(), &path).is_integer() && !value(&mut table(), &path).is_float() {
             continue;
         }
@@ -117,7 +98,7 @@ fn each_number_has_a_range() {
 
 #[test]
 fn each_value_has_a_type() {
-    for path in keys(&table()) {
+    for path in paths(&table()) {
         for bad in [Value::Boolean(true), Value::Integer(1), Value::String("?".into()), Value::Array(vec![])] {
             let mut table = table();
             let value = value(&mut table, &path);

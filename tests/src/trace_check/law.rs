@@ -37,18 +37,21 @@ pub struct TracedBlock<'a> {
 }
 
 impl TracedBlock<'_> {
+    /// Which part of its way the law has made at a tick, and how much of it in a tick there.
+    pub fn part_at(&self, tick: u64) -> (f64, f64) {
+        let seconds_per_tick = self.law.duration_s() / (self.end_tick - self.start_tick) as f64;
+        let ticks = tick.saturating_sub(self.start_tick) as f64;
+        let (position_mm, speed_mm_per_s) = self.law.at(ticks * seconds_per_tick);
+        (position_mm / self.law.length_mm, speed_mm_per_s * seconds_per_tick / self.law.length_mm)
+    }
+
     /// The deviation of each motor that is largest by its excess. A motor's place changes at its steps only and the
     /// law is monotone, so that before and after each step are the places to look.
     pub fn deviations(&self) -> [Option<Deviation>; 4] {
         let mut largest: [Option<Deviation>; 4] = [None; 4];
         let mut motors = self.start;
-        let duration_ticks = (self.end_tick - self.start_tick) as f64;
-        let seconds_per_tick = self.law.duration_s() / duration_ticks;
         for event in self.events {
-            let ticks = event.tick.saturating_sub(self.start_tick) as f64;
-            let (position_mm, speed_mm_per_s) = self.law.at(ticks * seconds_per_tick);
-            let part = position_mm / self.law.length_mm;
-            let part_per_tick = speed_mm_per_s * seconds_per_tick / self.law.length_mm;
+            let (part, part_per_tick) = self.part_at(event.tick);
             for (motor, step) in event.steps.into_iter().enumerate().filter(|(_, step)| *step != 0) {
                 let before = motors[motor];
                 motors[motor] += i64::from(step);

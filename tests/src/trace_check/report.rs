@@ -1,5 +1,6 @@
 //! What a check found.
 
+use super::extrusion::Extrusion;
 use std::fmt;
 
 /// Names of the motors in reports; A and B of CoreXY stand under x and y.
@@ -147,6 +148,8 @@ pub struct TraceReport {
     pub planned_motion_time_s: f64,
     /// For each motor the deviation from the law that is largest by its excess over what is allowed.
     pub largest_deviation: [Option<Deviation>; 4],
+    /// The extruder, and one that steps with the leading motor, in the moves whose law was checked.
+    pub extrusion: Extrusion,
     /// Largest distance in X and Y from the straight line of a move whose law was checked, between the steps at which it
     /// starts and ends, mm.
     pub largest_path_error_mm: f64,
@@ -253,6 +256,9 @@ impl fmt::Display for TraceReport {
             if let Some(deviation) = deviation {
                 writeln!(formatter, "motor {}            {deviation}", name(motor))?;
             }
+        }
+        if self.extrusion.blocks > 0 {
+            write!(formatter, "{}", self.extrusion)?;
         }
         writeln!(formatter, "path error         {:.4} mm", self.largest_path_error_mm)?;
         let ratios = self.speed_ratio.iter().zip(&self.acceleration_ratio).enumerate();

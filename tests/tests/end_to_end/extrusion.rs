@@ -8,6 +8,7 @@ use std::fs::File;
 use std::path::Path;
 
 use ferrostep_tests::trace::{Record, TraceReader};
+use ferrostep_tests::trace_check::Slave;
 
 use crate::command::{directory, example, ferrostep, file};
 
@@ -150,11 +151,11 @@ fn one_move(
     let is_print = straight.length_mm() > 0.0 && displacement != 0.0;
     let totals: [i64; 2] = [0, 1].map(|axis| events.iter().map(|event| event[axis].abs()).sum());
     let master = usize::from(totals[1] > totals[0]);
-    // The slave's steps in this move, Bresenham's decision value, and where it stands.
-    let slave_start = ideal_start.round() as i64;
-    let slave_steps = (ideal_start + displacement).round() as i64 - slave_start;
-    let (dx, dy) = (totals[master], slave_steps.abs());
-    let (mut decision, mut slave) = (2 * dy - dx, slave_start);
+    // Where the slave stands, and its steps in this move.
+    let mut slave = ideal_start.round() as i64;
+    let slave_steps = (ideal_start + displacement).round() as i64 - slave;
+    let has_slave = slave_steps.abs() <= totals[master];
+    let mut bresenham = Slave::new(totals[master], slave_steps.abs());
     for [x, y, step] in events {
         xy[0] += x;
         xy[1] += y;
@@ -168,13 +169,9 @@ fn one_move(
             Deviations::note(&mut found.of_the_machine, *e, *step, ideal);
             *e += step;
         }
-        if [x, y][master] != &0 && dy <= dx {
-            if decision > 0 {
-                Deviations::note(&mut found.of_a_slave, slave, slave_steps.signum(), ideal);
-                slave += slave_steps.signum();
-                decision -= 2 * dx;
-            }
-            decision += 2 * dy;
+        if has_slave && [x, y][master] != &0 && bresenham.steps() {
+            Deviations::note(&mut found.of_a_slave, slave, slave_steps.signum(), ideal);
+            slave += slave_steps.signum();
         }
     }
 }

@@ -19,6 +19,7 @@ mod programs;
 mod refusals;
 mod repeats;
 mod reports;
+mod slaved_extruder;
 mod stall;
 mod waits;
 mod waveform;

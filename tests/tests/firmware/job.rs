@@ -2,30 +2,64 @@
 
 use std::path::Path;
 
+use ferrostep_tests::gcode_text;
+
+/// The lines that make each of the choices that M796 has.
+pub const WAYS: [&str; 15] = [
+    "M796 I0 A0",
+    "M796 I1 A0",
+    "M796 I2 A0",
+    "M796 I3 A0",
+    "M796 I4 A0",
+    "M796 I0 A1",
+    "M796 I1 A1",
+    "M796 I2 A1",
+    "M796 I3 A1",
+    "M796 I4 A1",
+    "M796 I0 A2",
+    "M796 I1 A2",
+    "M796 I2 A2",
+    "M796 I3 A2",
+    "M796 I4 A2",
+];
+
+/// The text of an example, unpacked.
+fn example_text(file: &str) -> String {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples").join(file);
+    String::from_utf8(gcode_text(&std::fs::read(path).unwrap()).unwrap()).unwrap()
+}
+
+/// Whether a line lays filament on its way.
+fn is_print(line: &str) -> bool {
+    line.starts_with("G1 X") && line.contains(" E") && !line.contains(" E-")
+}
+
 /// Lines without comments, each with its number in the file.
 #[derive(Clone, Debug)]
 pub struct Job {
+    /// Where the lines are from, for a person.
+    file: &'static str,
     lines: Vec<(String, usize)>,
 }
 
 impl Job {
     /// The first `count` lines of the cube that say something: heating, homing, skirt, first layer, retractions.
     pub fn cube(count: usize) -> Self {
-        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/cube.gcode");
-        let text = std::fs::read_to_string(path).unwrap();
-        let content = |line: &str| line.split(';').next().unwrap_or_default().trim().to_owned();
-        let lines: Vec<_> = text
-            .lines()
-            .enumerate()
-            .map(|(index, line)| (content(line), index + 1))
-            .filter(|(line, _)| !line.is_empty())
-            .take(count)
-            .collect();
-        assert_eq!(lines.len(), count, "the example has become shorter");
+        let mut job = Self::example("cube.gcode");
+        job.lines.retain(|(line, _)| !line.is_empty());
+        assert!(job.lines.len() >= count, "the example has become shorter");
+        job.lines.truncate(count);
         for needed in ["G28", "M109", "M190", "G1 E-", "G1 X"] {
-            assert!(lines.iter().any(|(line, _)| line.starts_with(needed)), "no {needed} in the lines");
+            assert!(job.lines.iter().any(|(line, _)| line.starts_with(needed)), "no {needed} in the lines");
         }
-        Self { lines }
+        job
+    }
+
+    /// All lines of an example, empty ones too.
+    fn example(file: &'static str) -> Self {
+        let text = example_text(file);
+        let content = |line: &str| line.split(';').next().unwrap_or_default().trim().to_owned();
+        Self { file, lines: text.lines().map(content).zip(1..).collect() }
     }
 
     /// The lines before the cube's first layer, then some moves of its infill again and again, each time with the next of
@@ -33,25 +67,53 @@ impl Job {
     pub fn cube_in_every_way(before: usize, moves: usize) -> Self {
         let cube = Self::cube(320);
         let (start, layer) = cube.lines.split_at(before);
-        let is_print = |line: &str| line.starts_with("G1 X") && line.contains(" E");
         let printed: Vec<_> = layer.iter().filter(|(line, _)| is_print(line)).collect();
         // The skirt's first moves turn through a quarter of a circle, the last ones are infill.
         let (curve, infill) = (&printed[..moves / 2], &printed[printed.len() - (moves - moves / 2)..]);
         let mut lines = start.to_vec();
-        for acceleration in 0..=2 {
-            for interpolation in 0..=4 {
-                lines.push((format!("M796 I{interpolation} A{acceleration}"), 0));
-                for part in [curve, infill] {
-                    // Where the part begins, and its filament from there.
-                    let first = &part[0].0;
-                    let filament = first.split(" E").nth(1).unwrap_or_default();
-                    lines.push((format!("G92 E{filament}"), 0));
-                    lines.push((first.split(" E").next().unwrap_or_default().to_owned(), part[0].1));
-                    lines.extend(part.iter().map(|&line| line.clone()));
-                }
+        for way in WAYS {
+            lines.push((way.to_owned(), 0));
+            for part in [curve, infill] {
+                // Where the part begins, and its filament from there.
+                let first = &part[0].0;
+                let filament = first.split(" E").nth(1).unwrap_or_default();
+                lines.push((format!("G92 E{filament}"), 0));
+                lines.push((first.split(" E").next().unwrap_or_default().to_owned(), part[0].1));
+                lines.extend(part.iter().map(|&line| line.clone()));
             }
         }
-        Self { lines }
+        Self { lines, ..cube }
+    }
+
+    /// The gyroid's modes and homing, then the first moves of the infill of some layers in each of these ways, which are
+    /// lines of M796.
+    pub fn gyroid_in(ways: &[&str], heights_mm: &[&str], moves: usize) -> Self {
+        let gyroid = Self::example("gyroid.gcode.gz");
+        let first_move = gyroid.lines.iter().position(|(line, _)| line.starts_with("G1 ")).unwrap();
+        let says_something = |(line, _): &&(String, usize)| !line.is_empty();
+        let mut lines: Vec<_> = gyroid.lines[..first_move].iter().filter(says_something).cloned().collect();
+        let text = example_text(gyroid.file);
+        let comments: Vec<&str> = text.lines().collect();
+        let place = |from: usize, comment: &str| {
+            from + comments[from..].iter().position(|&line| line == comment).unwrap_or_else(|| panic!("no {comment}"))
+        };
+        for height_mm in heights_mm {
+            let layer = place(0, &format!(";Z:{height_mm}"));
+            let infill = &gyroid.lines[place(layer, ";TYPE:Internal infill")..];
+            let first = infill.iter().position(|(line, _)| is_print(line)).unwrap();
+            let is_move = |(_, (line, _)): &(usize, &(String, usize))| is_print(line);
+            let (last, _) = infill.iter().enumerate().filter(is_move).nth(moves).unwrap();
+            for way in ways {
+                lines.push(((*way).to_owned(), 0));
+                // Where the infill begins, then its speed, its moves, and what is between them to reach the next curve.
+                let (start, number) = &infill[first];
+                let start = start.split(" E").next().unwrap_or_default();
+                lines.push((format!("{start} Z{height_mm} F9000"), *number));
+                let stretch = infill[..first].iter().chain(&infill[first + 1..=last]);
+                lines.extend(stretch.filter(says_something).cloned());
+            }
+        }
+        Self { lines, ..gyroid }
     }
 
     /// Prints cold instead of waiting for heat: for what has nothing to do with it, and is not to take so long.
@@ -83,7 +145,7 @@ impl Job {
     /// Line `number` of [`Job::text`], with its place in the file.
     pub fn source(&self, number: usize) -> String {
         match number.checked_sub(1).and_then(|index| self.lines.get(index)) {
-            Some((line, number)) => format!("line {number} of examples/cube.gcode: {line}"),
+            Some((line, number)) => format!("line {number} of examples/{}: {line}", self.file),
             None => "homing, or no line at all".to_owned(),
         }
     }

@@ -2,6 +2,8 @@
 
 use std::fmt::Write;
 
+use ferrostep_svg::{escaped, page};
+
 /// A bar.
 pub struct Bar {
     /// What it stands for.
@@ -32,7 +34,6 @@ const TOP: f64 = 8.0;
 
 const OWN_COLOUR: &str = "#b7410e";
 const OTHER_COLOUR: &str = "#8c959f";
-const TEXT_COLOUR: &str = "#1f2328";
 
 /// The chart as an SVG file.
 pub fn svg(title: &str, groups: &[Group]) -> String {
@@ -41,16 +42,6 @@ pub fn svg(title: &str, groups: &[Group]) -> String {
     let height = 2.0 * TOP + groups.len() as f64 * HEADING + bars().count() as f64 * ROW;
     let mut out = String::new();
     // Writing to a string does not fail.
-    let _ = writeln!(
-        out,
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{WIDTH}\" height=\"{height}\" \
-         viewBox=\"0 0 {WIDTH} {height}\" role=\"img\" aria-label=\"{title}\">\n<title>{title}</title>\n\
-         <rect x=\"0.5\" y=\"0.5\" width=\"{}\" height=\"{}\" rx=\"8\" fill=\"#ffffff\" stroke=\"#d0d7de\"/>\n\
-         <g font-family=\"system-ui, 'DejaVu Sans', sans-serif\" font-size=\"14\" fill=\"{TEXT_COLOUR}\">",
-        WIDTH - 1.0,
-        height - 1.0,
-        title = escaped(title),
-    );
     let mut y = TOP;
     for group in groups {
         let _ = writeln!(
@@ -76,12 +67,7 @@ pub fn svg(title: &str, groups: &[Group]) -> String {
             y += ROW;
         }
     }
-    out.push_str("</g>\n</svg>\n");
-    out
-}
-
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('"', "&quot;")
+    page(title, [WIDTH, height], 14, out)
 }
 
 #[cfg(test)]

@@ -16,6 +16,7 @@ mod prepared;
 mod profile;
 mod queue;
 mod report;
+mod span;
 mod step_events;
 mod whole_print;
 mod wu_lines;
@@ -164,7 +165,7 @@ pub struct Queues {
 
 /// Measures, says what, and ends the emulator.
 fn run(clock: MotionClock, queues: &mut Queues, ring: &mut [Slot], lines: &mut Lines) -> ! {
-    let outcome = Counter::start(clock).and_then(|counter| {
+    let outcome = counter::start(clock).and_then(|counter| {
         if cfg!(feature = "tally") {
             tally(&counter, queues, ring, lines).map(|workload| hprintln!("{}", workload))
         } else {

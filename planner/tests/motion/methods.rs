@@ -1,94 +1,26 @@
-//! The papers' other methods of interpolation as the planner runs them: exact ends, spacing, time laws, stops.
+//! The papers' other methods of interpolation: exact ends, spacing, time laws, stops.
 
-#![allow(clippy::unwrap_used, missing_docs)]
-
-use ferrostep_planner::extruder::{Extruder, rounded_steps};
-use ferrostep_planner::look_ahead::Slot;
+use ferrostep_planner::extruder::rounded_steps;
 use ferrostep_planner::plane::{CoreXyLine, PlaneMethod};
 use ferrostep_planner::{
-    DualRatePeriods, Geometry, Interpolation, Kinematics, Limits, MotionChoice, Move, MoveError, Notice, PlannedBlock,
-    Planner, Progress, StepEntry, StepKind, StepSink, StepsPerMm, TICKS_PER_SECOND,
+    DualRatePeriods, Geometry, Interpolation, Kinematics, MotionChoice, Move, Notice, PlannedBlock, Progress,
+    TICKS_PER_SECOND,
 };
 use proptest::prelude::*;
 
-const MINIMUM_INTERVAL: u32 = 168;
+use crate::checks;
+use crate::law::Law;
+use crate::machine::{MINIMUM_INTERVAL, advance, blocks, geometry, machines_with, planner, play, usual_steps};
+use crate::moves::{moves_up_to, request};
+use crate::player::Player;
 
 /// The methods that are not the default.
 const METHODS: [Interpolation; 4] =
     [Interpolation::Bresenham, Interpolation::PointByPoint, Interpolation::MinimumDeviation, Interpolation::DualRate];
 
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Event {
-    tick: u64,
-    axes: u8,
-    directions: u8,
-}
-
-impl Event {
-    fn apply(&self, motors: &mut [i64; 4]) {
-        for (motor, steps) in motors.iter_mut().enumerate() {
-            if self.axes >> motor & 1 == 1 {
-                *steps += if self.directions >> motor & 1 == 1 { -1 } else { 1 };
-            }
-        }
-    }
-}
-
-/// Plays entries into events, as the step interrupt would.
-#[derive(Default)]
-struct Player {
-    tick: u64,
-    directions: u8,
-    events: Vec<Event>,
-    notices: Vec<Notice>,
-    /// Entries since somebody looked.
-    entries: usize,
-}
-
-impl StepSink for Player {
-    fn entry(&mut self, entry: StepEntry) {
-        self.entries += 1;
-        match entry.kind() {
-            StepKind::Directions { directions } => {
-                assert_ne!(directions, self.directions, "a change that changes nothing");
-                self.directions = directions;
-            }
-            StepKind::Wait { interval_ticks } => self.tick += u64::from(interval_ticks),
-            StepKind::Stair { interval_ticks, count, axes, added } => {
-                for index in 1..=count {
-                    self.tick += u64::from(interval_ticks);
-                    let axes = if index == count { axes ^ added } else { axes };
-                    self.events.push(Event { tick: self.tick, axes, directions: self.directions & axes });
-                }
-            }
-        }
-    }
-
-    fn notice(&mut self, notice: Notice) {
-        self.notices.push(notice);
-    }
-}
-
-fn geometry(kinematics: Kinematics, steps_per_mm: [f64; 4]) -> Geometry {
-    Geometry {
-        kinematics,
-        steps_per_mm: steps_per_mm.map(|steps| StepsPerMm::from_f64(steps).unwrap()),
-        minimum_event_interval_ticks: MINIMUM_INTERVAL,
-        event_cost_ticks: 0,
-        move_cost_ticks: 0,
-    }
-}
-
+/// The usual ones, and some whose events come as near as they may.
 fn machines() -> impl Strategy<Value = Geometry> {
-    let steps = prop_oneof![
-        Just([80.0, 80.0, 400.0, 95.0]),
-        Just([160.0, 160.0, 800.0, 400.0]),
-        Just([100.33, 99.87, 401.5, 415.3]),
-        // Events come as near as they may.
-        Just([2_000.0, 2_000.0, 4_000.0, 3_000.0]),
-    ];
-    (any::<bool>(), steps)
-        .prop_map(|(core, steps)| geometry(if core { Kinematics::CoreXy } else { Kinematics::Cartesian }, steps))
+    machines_with(prop_oneof![3 => usual_steps(), 1 => Just([2_000.0, 2_000.0, 4_000.0, 3_000.0])])
 }
 
 /// A method, with a wide and a narrow range of periods for dual-rate.
@@ -101,43 +33,8 @@ fn choice(interpolation: Interpolation, wide: bool) -> MotionChoice {
     MotionChoice { interpolation, dual_rate, ..MotionChoice::DEFAULT }
 }
 
-fn limits() -> Limits {
-    Limits {
-        max_feed_mm_per_s: [300.0, 250.0, 15.0, 60.0],
-        max_acceleration_mm_per_s2: [5000.0, 4000.0, 300.0, 5000.0],
-        print_acceleration_mm_per_s2: 2000.0,
-        travel_acceleration_mm_per_s2: 3000.0,
-        retract_acceleration_mm_per_s2: 1500.0,
-        junction_deviation_mm: 0.05,
-    }
-}
-
-/// Moves of every kind: long and shorter than a step, with and without filament, filament alone.
 fn moves() -> impl Strategy<Value = Vec<Move>> {
-    let coordinate = prop_oneof![-2_000i64..2_000, -200_000i64..200_000, -2_000_000i64..2_000_000];
-    let filament = prop_oneof![Just(0i64), -50_000i64..50_000, -20_000_000i64..20_000_000];
-    let one = (
-        proptest::array::uniform3(coordinate),
-        0u8..8,
-        filament,
-        prop_oneof![0.5f32..20.0, 20.0f32..400.0],
-        any::<bool>(),
-    );
-    proptest::collection::vec(one, 1..30).prop_map(|list| {
-        let mut target = [0i64; 3];
-        (1..)
-            .zip(list)
-            .map(|(line, (delta, which, filament_100pm, feed_mm_per_s, ends_move))| {
-                for axis in 0..3 {
-                    let delta = if axis == 2 { delta[axis] / 20 } else { delta[axis] };
-                    if which >> axis & 1 == 1 {
-                        target[axis] += delta;
-                    }
-                }
-                Move { target_10nm: target, filament_100pm, feed_mm_per_s, line, ends_move }
-            })
-            .collect()
-    })
+    moves_up_to(2_000_000, 30)
 }
 
 /// The same, each of which says where it ends; those that displace nothing left out. Each is a block then.
@@ -151,98 +48,6 @@ fn ended(moves: impl Strategy<Value = Vec<Move>>) -> impl Strategy<Value = Vec<M
         });
         moves
     })
-}
-
-fn planner(geometry: Geometry, choice: &MotionChoice, ring: usize) -> Planner<Vec<Slot>> {
-    let mut planner = Planner::new(geometry, limits(), vec![Slot::EMPTY; ring]);
-    assert!(planner.set_motion_choice(choice));
-    planner
-}
-
-/// Advances, and holds the planner to what a queue must have room for.
-fn advance(planner: &mut Planner<Vec<Slot>>, player: &mut Player) -> Progress {
-    player.entries = 0;
-    let progress = planner.advance(player);
-    assert!(player.entries <= ferrostep_planner::interpolator::MAX_ENTRIES);
-    progress
-}
-
-/// Everything a job of moves becomes.
-fn play(
-    geometry: Geometry,
-    choice: &MotionChoice,
-    ring: usize,
-    moves: &[Move],
-    mut pause: impl FnMut() -> usize,
-) -> Player {
-    let mut planner = planner(geometry, choice, ring);
-    let mut player = Player::default();
-    for each in moves {
-        for _ in 0..pause() {
-            advance(&mut planner, &mut player);
-        }
-        while let Err(MoveError::NoRoom) = planner.add(each) {
-            assert_eq!(advance(&mut planner, &mut player), Progress::Worked);
-        }
-    }
-    planner.flush();
-    while advance(&mut planner, &mut player) == Progress::Worked {}
-    assert!(planner.is_idle());
-    player
-}
-
-/// The same plan as blocks.
-fn blocks(geometry: Geometry, choice: &MotionChoice, ring: usize, moves: &[Move]) -> Vec<PlannedBlock> {
-    let mut planner = planner(geometry, choice, ring);
-    let mut blocks = Vec::new();
-    for each in moves {
-        while let Err(MoveError::NoRoom) = planner.add(each) {
-            blocks.extend(planner.next_planned());
-        }
-    }
-    planner.flush();
-    while let Some(block) = planner.next_planned() {
-        blocks.push(block);
-    }
-    blocks
-}
-
-/// The textbook trapezoid, in f64, independent of the planner's own: the share of the path after a time.
-struct Law {
-    ramps: [(f64, f64, f64); 3],
-    length: f64,
-}
-
-impl Law {
-    fn new(planned: &PlannedBlock) -> Self {
-        let (v1, v2) = (planned.entry.mm_per_s(), planned.exit.mm_per_s());
-        let v = planned.block.nominal.mm_per_s().max(v1).max(v2);
-        let (a, s) = (planned.block.acceleration.mm_per_s2(), planned.block.length_mm());
-        let peak = ((2.0 * a * s + v1 * v1 + v2 * v2) / 2.0).sqrt().min(v).max(v1).max(v2);
-        let up = ((peak * peak - v1 * v1) / (2.0 * a)).min(s);
-        let down = ((peak * peak - v2 * v2) / (2.0 * a)).min(s - up);
-        let cruise = s - up - down;
-        let time = |length: f64, from: f64, to: f64| if length > 0.0 { 2.0 * length / (from + to) } else { 0.0 };
-        let ramps =
-            [(time(up, v1, peak), v1, peak), (time(cruise, peak, peak), peak, peak), (time(down, peak, v2), peak, v2)];
-        Self { ramps, length: s }
-    }
-
-    fn share(&self, mut t: f64) -> f64 {
-        let mut s = 0.0;
-        for (duration, from, to) in self.ramps {
-            let part = t.clamp(0.0, duration);
-            if duration > 0.0 {
-                s += from * part + (to - from) / duration * part * part / 2.0;
-            }
-            t -= part;
-        }
-        (s / self.length).clamp(0.0, 1.0)
-    }
-
-    fn duration(&self) -> f64 {
-        self.ramps.iter().map(|ramp| ramp.0).sum()
-    }
 }
 
 /// Pulses along X and Y, in halves, of motor steps.
@@ -330,37 +135,12 @@ proptest! {
 
     #[test]
     fn motors_end_every_move_exactly_where_it_ends(machine in machines(), choice in choices(), moves in moves(), ring in 2usize..40) {
-        let player = play(machine, &choice, ring, &moves, || 0);
-        let mut extruder = Extruder::new(machine.steps_per_mm[3]);
-        let mut motors = [0i64; 4];
-        let mut events = player.events.iter().peekable();
-        let mut ends = player.notices.iter();
-        let mut position = [0; 3];
-        for each in &moves {
-            extruder.advance(each.filament_100pm);
-            let nothing = each.target_10nm == position && each.filament_100pm == 0;
-            position = each.target_10nm;
-            if !each.ends_move || nothing {
-                continue;
-            }
-            let Some(&Notice::MoveEnded { tick, line }) = ends.next() else { panic!("move of line {} has no end", each.line) };
-            prop_assert_eq!(line, each.line);
-            while let Some(event) = events.next_if(|event| event.tick <= tick) {
-                event.apply(&mut motors);
-            }
-            let [x, y, z] = machine.motor_steps(each.target_10nm).map(i64::from);
-            prop_assert_eq!(motors, [x, y, z, rounded_steps(extruder.position_256ths())], "line {}", line);
-        }
-        prop_assert!(ends.next().is_none());
+        checks::motors_end_every_move_exactly_where_it_ends(machine, &choice, &moves, ring)?;
     }
 
     #[test]
     fn events_keep_their_distance(machine in machines(), choice in choices(), moves in moves()) {
-        let player = play(machine, &choice, 16, &moves, || 0);
-        for pair in player.events.windows(2) {
-            prop_assert!(pair[1].tick - pair[0].tick >= u64::from(MINIMUM_INTERVAL));
-        }
-        prop_assert!(player.events.iter().all(|event| event.axes != 0 && event.axes < 16));
+        checks::events_keep_their_distance(machine, &choice, &moves)?;
     }
 
     #[test]
@@ -394,17 +174,7 @@ proptest! {
     fn the_plan_does_not_depend_on_when_moves_come(
         machine in machines(), choice in choices(), moves in moves(), ring in 2usize..40, seed in any::<u64>(),
     ) {
-        let mut state = seed | 1;
-        let random = || {
-            state ^= state << 13;
-            state ^= state >> 7;
-            state ^= state << 17;
-            (state % 400) as usize
-        };
-        let prompt = play(machine, &choice, ring, &moves, || 0);
-        let halting = play(machine, &choice, ring, &moves, random);
-        prop_assert_eq!(prompt.events, halting.events);
-        prop_assert_eq!(prompt.notices, halting.notices);
+        checks::the_plan_does_not_depend_on_when_moves_come(machine, &choice, &moves, ring, seed)?;
     }
 
     #[test]
@@ -436,20 +206,13 @@ proptest! {
         for _ in 0..work {
             advance(&mut planner, &mut player);
         }
-        let mut motors = [0i64; 4];
-        for event in &player.events {
-            event.apply(&mut motors);
-        }
+        let motors = Player::motors_after(&player.events);
         planner.stand_at(motors, player.tick, player.directions);
         prop_assert!(planner.is_idle());
-        let before = player.events.len();
         planner.add(&Move { target_10nm: [0; 3], filament_100pm: 1_000_000, feed_mm_per_s: 100.0, line: 99, ends_move: true }).unwrap();
         planner.flush();
         while advance(&mut planner, &mut player) == Progress::Worked {}
-        for event in &player.events[before..] {
-            event.apply(&mut motors);
-        }
-        prop_assert_eq!(&motors[..3], &[0, 0, 0]);
+        prop_assert_eq!(&Player::motors_after(&player.events)[..3], &[0, 0, 0]);
     }
 
     #[test]
@@ -486,10 +249,6 @@ proptest! {
     }
 }
 
-fn request(target_10nm: [i64; 3], filament_100pm: i64, feed_mm_per_s: f32) -> Move {
-    Move { target_10nm, filament_100pm, feed_mm_per_s, line: 7, ends_move: true }
-}
-
 #[test]
 fn blocks_with_little_or_nothing_in_them() {
     for kinematics in [Kinematics::Cartesian, Kinematics::CoreXy] {
@@ -520,9 +279,7 @@ fn a_slow_move_s_intervals_are_longer_than_32_bits() {
     let machine = geometry(Kinematics::CoreXy, [80.0, 80.0, 400.0, 95.0]);
     for method in METHODS {
         let player = play(machine, &choice(method, true), 4, &[request([20_000, 10_000, 0], 0, 0.000_01)], || 0);
-        let mut motors = [0; 4];
-        player.events.iter().for_each(|event| event.apply(&mut motors));
-        assert_eq!(motors, [24, 8, 0, 0]);
+        assert_eq!(Player::motors_after(&player.events), [24, 8, 0, 0]);
         assert!(player.tick > 20 * u64::from(TICKS_PER_SECOND));
     }
 }

@@ -1,0 +1,23 @@
+//! Random numbers for searches that are longer than a property test's, the same everywhere.
+
+/// Marsaglia's xorshift.
+pub struct Random(pub u64);
+
+impl Random {
+    pub fn next(&mut self) -> u64 {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        self.0
+    }
+
+    /// In 0..1.
+    pub fn share(&mut self) -> f64 {
+        (self.next() >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    /// In a range, every magnitude as likely as the others.
+    pub fn magnitude(&mut self, from: f64, to: f64) -> f64 {
+        from * (to / from).powf(self.share())
+    }
+}

@@ -1,0 +1,153 @@
+//! Over a debug probe: flashing, and the tests that measure the board they run on.
+//!
+//! Without a probe those tests run in the emulator: there they count instructions, and cannot tell how late a step is.
+
+use std::path::Path;
+use std::process::Command;
+use std::time::Duration;
+
+use object::{Object, ObjectSection, ObjectSymbol};
+
+use crate::emulator;
+use crate::firmware::{self, Program, Target};
+use crate::steps::{Failure, Run};
+use crate::system;
+
+/// The program that speaks to debug probes.
+const PROBE_RS: &str = "probe-rs";
+
+/// Where the test harness keeps its tests: a symbol for each, whose name is JSON, and there three words of which the first
+/// is the address of what runs it.
+const SECTION: &str = ".embedded_test";
+
+/// A test takes a second in the emulator.
+const LONGEST: Duration = Duration::from_secs(120);
+
+/// What to flash.
+#[derive(Clone, Debug, clap::Args)]
+pub struct FlashOptions {
+    /// The board: its name or a TOML file
+    #[arg(long)]
+    board: String,
+    /// The machine: a profile's name or a TOML file; the board's own if left out
+    #[arg(long)]
+    profile: Option<String>,
+}
+
+/// What to test.
+#[derive(Clone, Debug, clap::Args)]
+pub struct TestOptions {
+    /// The board at the probe: its name or a TOML file; the emulator if left out
+    #[arg(long)]
+    board: Option<String>,
+    /// The machine: a profile's name or a TOML file; the board's own if left out
+    #[arg(long, requires = "board")]
+    profile: Option<String>,
+}
+
+/// Builds the firmware of a board, writes it over a probe, and starts it.
+pub fn flash(run: &mut Run, options: &FlashOptions) -> Result<(), Failure> {
+    let target = Target::new(&options.board, options.profile.as_deref())?;
+    run.step("probe-rs is installed", probe_rs)?;
+    let image = firmware::build_image(run, &target)?;
+    run.step("flash", || {
+        let chip = target.probe_name();
+        system::run(Command::new(PROBE_RS).args(["download", "--verify", "--chip", chip]).arg(&image))?;
+        system::run(Command::new(PROBE_RS).args(["reset", "--chip", chip]))
+    })
+}
+
+/// Builds the tests for a board and runs them over a probe.
+pub fn test(run: &mut Run, options: &TestOptions) -> Result<(), Failure> {
+    let Some(board) = &options.board else {
+        run.step("emulator", emulator::find)?;
+        return rehearse(run);
+    };
+    let target = Target::new(board, options.profile.as_deref())?;
+    run.step("probe-rs is installed", probe_rs)?;
+    let image = firmware::build(run, Program::OnTarget, &target)?;
+    run.step("on-target tests", || {
+        system::run(Command::new(PROBE_RS).args(["run", "--chip", target.probe_name()]).arg(&image))
+    })
+}
+
+/// Builds them for the bench and runs them in the emulator.
+pub fn rehearse(run: &mut Run) -> Result<(), Failure> {
+    let image = firmware::build(run, Program::OnTarget, &Target::bench()?)?;
+    run.step("on-target tests in the emulator", || {
+        let bytes = std::fs::read(&image).map_err(|error| format!("{}: {error}", image.display()))?;
+        for OnTargetTest { name, address } in tests(&bytes).map_err(|error| format!("{}: {error}", image.display()))? {
+            let said = emulator::output_of(&mut command(&image, address), LONGEST)
+                .map_err(|reason| format!("{name}: {reason}"))?;
+            eprintln!("    {name}");
+            said.lines().for_each(|line| eprintln!("        {line}"));
+        }
+        Ok(())
+    })
+}
+
+fn probe_rs() -> Result<(), Failure> {
+    match system::output(Command::new(PROBE_RS).arg("--version")) {
+        Some(version) => {
+            eprintln!("    {}", version.trim());
+            Ok(())
+        }
+        None => {
+            Err(format!("{PROBE_RS} is missing, which speaks to debug probes: https://probe.rs says how to install it"))
+        }
+    }
+}
+
+/// One of the tests in an image.
+#[derive(Debug, PartialEq, Eq)]
+struct OnTargetTest {
+    name: String,
+    address: u32,
+}
+
+/// All of them.
+fn tests(image: &[u8]) -> Result<Vec<OnTargetTest>, Failure> {
+    let file = object::File::parse(image).map_err(|error| error.to_string())?;
+    let section = file.section_by_name(SECTION).ok_or("there are no tests in it")?;
+    let data = section.data().map_err(|error| error.to_string())?;
+    let mut tests = Vec::new();
+    for symbol in file.symbols().filter(|symbol| symbol.section_index() == Some(section.index())) {
+        let text = symbol.name().map_err(|error| error.to_string())?;
+        let Ok(entry) = serde_json::from_str::<serde_json::Value>(text) else { continue };
+        let name = entry.get("name").and_then(serde_json::Value::as_str).ok_or_else(|| format!("{text}: no name"))?;
+        let place = usize::try_from(symbol.address().saturating_sub(section.address())).unwrap_or(usize::MAX);
+        let word =
+            data.get(place..).and_then(|rest| rest.first_chunk()).ok_or_else(|| format!("{name}: no address"))?;
+        tests.push(OnTargetTest { name: name.to_owned(), address: u32::from_le_bytes(*word) });
+    }
+    if tests.is_empty() { Err("there are no tests in it".to_owned()) } else { Ok(tests) }
+}
+
+/// The emulator as the harness's runner: it names the test in the program's arguments.
+fn command(image: &Path, address: u32) -> Command {
+    let mut command = emulator::counting();
+    command.arg("-semihosting-config");
+    command.arg(format!("enable=on,target=native,arg=run_addr,arg={address}"));
+    command.arg("-kernel").arg(image);
+    command
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_image_without_tests_is_refused() {
+        let this = std::fs::read(std::env::current_exe().unwrap()).unwrap();
+        assert_eq!(tests(&this).unwrap_err(), "there are no tests in it");
+        assert!(tests(b"no image").is_err());
+    }
+
+    #[test]
+    fn the_emulator_is_told_which_test() {
+        let command = command(Path::new("image"), 134_234_733);
+        let words: Vec<&str> = command.get_args().map(|word| word.to_str().unwrap()).collect();
+        assert!(words.contains(&"enable=on,target=native,arg=run_addr,arg=134234733"), "{words:?}");
+    }
+}
