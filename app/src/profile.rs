@@ -13,6 +13,8 @@ use ferrostep_printer::{
 /// The profile, as `build.rs` found it in its TOML file.
 pub static PROFILE: Profile = include!(concat!(env!("OUT_DIR"), "/profile.rs"));
 
+const _: () = assert!(PROFILE.motion.is_offered(), "a method of the profile is not among the features");
+
 include!(concat!(env!("OUT_DIR"), "/step_signals.rs"));
 
 /// Steps/mm as the profile's constant names them; a value out of range ends the build.

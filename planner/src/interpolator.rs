@@ -20,6 +20,7 @@ use crate::inside::Inside;
 use crate::kinematics::Kinematics;
 use crate::method::Method;
 use crate::motion_choice::MotionChoice;
+use crate::offered::INTERPOLATIONS;
 use crate::real::Real;
 use crate::spacing::{ExtruderTravel, Spacing};
 use crate::step_queue::{Notice, StepEntry, StepSink};
@@ -230,7 +231,7 @@ impl Interpolator {
         if !self.is_busy {
             return;
         }
-        let work = if self.streams.are_on { self.work_streams() } else { self.work() };
+        let work = if INTERPOLATIONS && self.streams.are_on { self.work_streams() } else { self.work() };
         match work {
             Work::Events => {
                 sink.entries(self.entries.all_but_last());

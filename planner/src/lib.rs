@@ -35,6 +35,7 @@ mod limits;
 mod merge;
 mod method;
 mod motion_choice;
+mod offered;
 mod pace;
 mod path;
 mod planner;

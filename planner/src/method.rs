@@ -3,11 +3,12 @@
 use crate::TICKS_PER_SECOND;
 use crate::kinematics::Kinematics;
 use crate::motion_choice::{DualRatePeriods, Interpolation, MotionChoice};
+use crate::offered::INTERPOLATIONS;
 
 /// A method of interpolation on a machine.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Method {
-    pub interpolation: Interpolation,
+    interpolation: Interpolation,
     pub kinematics: Kinematics,
     pub periods: DualRatePeriods,
 }
@@ -18,10 +19,16 @@ impl Method {
         Self { interpolation: choice.interpolation, kinematics, periods: choice.dual_rate }
     }
 
+    /// How the motors' steps follow the line.
+    #[inline]
+    pub fn interpolation(&self) -> Interpolation {
+        if INTERPOLATIONS { self.interpolation } else { Interpolation::StepBresenham }
+    }
+
     /// Whether a motor is always at the rounded place that its path position asks for, so that moves can be merged
     /// without anybody telling the difference. The papers' other methods decide from the start of a block.
     pub fn is_default(&self) -> bool {
-        self.interpolation == Interpolation::StepBresenham
+        self.interpolation() == Interpolation::StepBresenham
     }
 
     /// Motor steps of X and Y (or A and B), without their signs.
@@ -32,14 +39,14 @@ impl Method {
     /// Whether the block's plane is interpolated at two rates.
     pub fn has_two_rates(&self, steps: [i32; 3]) -> bool {
         let [first, second] = Self::plane(steps);
-        self.interpolation == Interpolation::DualRate && !self.periods.is_dead_zone(first, second)
+        self.interpolation() == Interpolation::DualRate && !self.periods.is_dead_zone(first, second)
     }
 
     /// Number of equal parts of a block's path of which each has one event of X, Y and Z's motors at most.
     pub fn densest(&self, steps: [i32; 3]) -> u32 {
         let [x, y] = Self::plane(steps);
         let longest = x.max(y);
-        let plane = match self.interpolation {
+        let plane = match self.interpolation() {
             Interpolation::StepBresenham | Interpolation::Bresenham => longest,
             // Each pulse is an event; on CoreXY |X| + |Y| is the larger of |A| and |B|.
             Interpolation::PointByPoint if self.kinematics == Kinematics::Cartesian => x + y,
@@ -55,7 +62,7 @@ impl Method {
     /// Step events of X, Y and Z's motors in a block, those that join others counted too.
     pub fn events(&self, steps: [i32; 3]) -> u32 {
         let [x, y] = Self::plane(steps);
-        let plane = match self.interpolation {
+        let plane = match self.interpolation() {
             Interpolation::StepBresenham | Interpolation::Bresenham => return self.densest(steps),
             Interpolation::PointByPoint if self.kinematics == Kinematics::Cartesian => x + y,
             _ if self.has_two_rates(steps) => x + y,
@@ -70,7 +77,7 @@ impl Method {
     pub fn least_ticks(&self, steps: [i32; 3]) -> f32 {
         /// Ticks in a nanosecond.
         const TICKS_PER_NS: f32 = TICKS_PER_SECOND as f32 / 1e9;
-        if self.interpolation != Interpolation::DualRate {
+        if self.interpolation() != Interpolation::DualRate {
             return 0.0;
         }
         let [x, y] = Self::plane(steps);

@@ -1,5 +1,7 @@
 //! Which of the papers' methods drive the motors.
 
+use crate::offered::{INTERPOLATIONS, SCurves};
+
 /// How the motors' steps follow a straight line.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Interpolation {
@@ -97,6 +99,12 @@ pub struct MotionChoice {
 }
 
 impl MotionChoice {
+    /// Whether this build has the methods that are chosen. Step Bresenham and trapezoids are always there.
+    pub const fn is_offered(&self) -> bool {
+        (INTERPOLATIONS || matches!(self.interpolation, Interpolation::StepBresenham))
+            && (SCurves::OFFERED.is_some() || matches!(self.acceleration, AccelerationProfile::Trapezoid))
+    }
+
     /// Step Bresenham and trapezoids; the other parameters as profiles have them that do not say otherwise.
     pub const DEFAULT: Self = Self {
         interpolation: Interpolation::StepBresenham,

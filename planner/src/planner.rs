@@ -208,10 +208,10 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         &self.choice
     }
 
-    /// Sets the methods that make the steps; `false` where moves wait, or the chosen profile's parameters are out of range
+    /// Sets the methods that make the steps; `false` where moves wait, this build has not what is chosen, or its parameters are out of range
     /// (a profile's file has been checked for that), and then nothing has changed.
     pub fn set_motion_choice(&mut self, choice: &MotionChoice) -> bool {
-        if !self.is_idle() {
+        if !(self.is_idle() && choice.is_offered()) {
             return false;
         }
         let Some(law) = speed_law(choice) else { return false };
@@ -512,7 +512,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         } else {
             self.exit
         };
-        let (law, exit) = TimeLaw::along(&self.curve, part.offset_10nm, part.block.length_10nm);
+        let (law, exit) = TimeLaw::along(&self.curve, part);
         let ends_run = part.offset_10nm.saturating_add(part.block.length_10nm) >= part.run.length_10nm;
         let exit = if ends_run { part.run.exit } else { exit };
         self.exit = exit;

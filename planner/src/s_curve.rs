@@ -60,6 +60,8 @@ pub enum CurveError {
     TopFrequency,
     /// The table would have more slices than it may.
     TooManySlices,
+    /// This build has no S-curve.
+    NotOffered,
 }
 
 impl fmt::Display for CurveError {
@@ -73,6 +75,7 @@ impl fmt::Display for CurveError {
             Self::StartFrequency => "the start frequency must be a number from 1e-12 to 1e12",
             Self::TopFrequency => "the highest frequency must be above the start frequency, and at most 1e12",
             Self::TooManySlices => "the table would have more than 65536 slices",
+            Self::NotOffered => "S-curves are left out of this build",
         })
     }
 }

@@ -206,12 +206,12 @@ impl TimeLaw {
 
     /// The S-curve of a run along one of its blocks, and the speed at the block's end (Li 2017).
     pub fn of_part(part: &Part) -> (Self, Speed) {
-        Self::along(&Curve::new(&part.run), part.offset_10nm, part.block.length_10nm)
+        Self::along(&Curve::new(&part.run), part)
     }
 
-    /// The law of a run along the block that begins so far behind the run's start, and the speed at the block's end.
-    pub(crate) fn along(curve: &Curve, offset_10nm: u32, length_10nm: u32) -> (Self, Speed) {
-        let law = Along::new(curve, offset_10nm, length_10nm);
+    /// The law of a block's run along the block, and the speed at the block's end.
+    pub(crate) fn along(curve: &Curve, part: &Part) -> (Self, Speed) {
+        let law = Along::new(part.run.jerk.offered(), curve, part.offset_10nm, part.block.length_10nm);
         (Self(Precision::Run(law)), law.exit())
     }
 

@@ -398,6 +398,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
             choice.acceleration = *chosen;
         }
         if interpolation.is_some() || acceleration.is_some() {
+            self.needs(choice.is_offered(), "code for this method, but for its profile's (M796)")?;
             self.motion.finish().await?;
             self.motion.set_motion_choice(&choice);
         } else {

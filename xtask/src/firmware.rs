@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use ferrostep_boards::Board;
+use ferrostep_planner::{AccelerationProfile, Interpolation, MotionChoice};
 
 use crate::core_library::{self, CoreLibrary};
 use crate::image;
@@ -29,6 +30,8 @@ pub struct Target {
     /// As cargo's build scripts find them from wherever they run.
     board_variable: String,
     profile_variable: Option<String>,
+    /// The features of the methods that its image has: all on the bench, which shows them, and else the profile's.
+    methods: Vec<&'static str>,
 }
 
 impl Target {
@@ -46,6 +49,7 @@ impl Target {
         Ok(Self {
             board_variable: absolute(board, is_board)?,
             profile_variable: profile.map(|name| absolute(name, is_profile)).transpose()?,
+            methods: methods(&loaded, &machine.motion),
             board: loaded,
         })
     }
@@ -59,6 +63,16 @@ impl Target {
     pub fn bench() -> Result<Self, Failure> {
         Self::new(ferrostep_boards::DEFAULT, None)
     }
+}
+
+fn methods(board: &Board, motion: &MotionChoice) -> Vec<&'static str> {
+    let interpolations = board.virtual_sensors || motion.interpolation != Interpolation::default();
+    let s_curves = board.virtual_sensors || motion.acceleration != AccelerationProfile::default();
+    [(interpolations, "interpolations"), (s_curves, "s-curves")]
+        .into_iter()
+        .filter(|(has, _)| *has)
+        .map(|(_, name)| name)
+        .collect()
 }
 
 /// A name as it is, or a path from the root of the file system.
@@ -198,6 +212,9 @@ fn build_command(core_library: &CoreLibrary, program: Program, target: &Target) 
     command.args(["build", "--release", "--locked", "--message-format", "json-render-diagnostics"]);
     // The chip of the board in the place of the default's.
     command.args(["--no-default-features", "--features", target.board.chip.feature]);
+    for method in &target.methods {
+        command.args(["--features", method]);
+    }
     command.arg("--target-dir").arg(system::target_directory().join("firmware"));
     match program {
         // By its package's name, which the package alone decides.

@@ -115,7 +115,7 @@ impl Pulses {
         let mut has_halves = false;
         let mut count = 0;
         self.rule = Rule::Nothing;
-        if method.interpolation == Interpolation::PointByPoint {
+        if method.interpolation() == Interpolation::PointByPoint {
             if let Ok(line) = PointByPoint::new(x, y) {
                 count = line.len() as u32;
                 self.rule = Rule::PointByPoint(line);

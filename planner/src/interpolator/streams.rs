@@ -55,7 +55,7 @@ impl Streams {
         *second = Pulses::NONE;
         self.z = StepTimes::NONE;
         self.waiting = 0;
-        if method.interpolation == Interpolation::Bresenham {
+        if method.interpolation() == Interpolation::Bresenham {
             first.start_bresenham(times, law, block.steps);
             return;
         }

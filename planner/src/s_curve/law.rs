@@ -6,6 +6,7 @@ use super::run::Run;
 use crate::TICKS_PER_SECOND;
 use crate::block::Speed;
 use crate::kinematics::UNITS_PER_MM;
+use crate::offered::SCurves;
 use crate::real::Real;
 use crate::time_law::{FRACTION_BITS, HALF_TICK, cruise_time};
 
@@ -225,12 +226,13 @@ pub(crate) struct Along {
     /// When it begins, a whole tick, in time units from the run's start.
     pub(crate) start: u64,
     duration_ticks: u64,
+    _offered: SCurves,
 }
 
 impl Along {
     /// The block that begins so far behind the run's start. It begins at the nearest tick, as the one before ends there:
     /// however many blocks a run has, nothing adds up.
-    pub(crate) fn new(curve: &Curve, offset_10nm: u32, length_10nm: u32) -> Self {
+    pub(crate) fn new(offered: SCurves, curve: &Curve, offset_10nm: u32, length_10nm: u32) -> Self {
         let whole = curve.length;
         let offset = f64::from(offset_10nm);
         let length = f64::from(length_10nm.max(1));
@@ -245,6 +247,7 @@ impl Along {
             rest,
             start: start << FRACTION_BITS,
             duration_ticks: end.saturating_sub(start),
+            _offered: offered,
         }
     }
 

@@ -1,6 +1,7 @@
 //! Li's table of frequencies.
 
 use super::{CurveError, is_in_range};
+use crate::offered::SCurves;
 use crate::square_root::square_root;
 
 /// Most slices of a table.
@@ -29,6 +30,7 @@ pub struct FrequencyTable {
     slices: u32,
     /// Slices whose middle is not behind t1.
     early: u32,
+    offered: SCurves,
 }
 
 /// A slice of the table.
@@ -51,6 +53,7 @@ impl FrequencyTable {
     /// [`CurveError`] where a number is out of range, the frequencies do not rise, or T is so short that
     /// there would be more than 65,536 slices.
     pub fn new(start_hz: f64, top_hz: f64, jerk_hz_per_s2: f64) -> Result<Self, CurveError> {
+        let offered = SCurves::OFFERED.ok_or(CurveError::NotOffered)?;
         if !is_in_range(start_hz) {
             return Err(CurveError::StartFrequency);
         }
@@ -70,7 +73,7 @@ impl FrequencyTable {
         // No slice for what rounding leaves of the last.
         let slices = ((slices + (1.0 - 1e-9)) as u32).max(1);
         let early = ((half_time_s / slice_s + 0.5) as u32).min(slices - 1);
-        Ok(Self { start_hz, top_hz, jerk_hz_per_s2, slice_s, half_time_s, slices, early })
+        Ok(Self { start_hz, top_hz, jerk_hz_per_s2, slice_s, half_time_s, slices, early, offered })
     }
 
     /// f0, Hz.

@@ -40,7 +40,7 @@ fn random_run(random: &mut Random) -> Run {
         }
         let peak = planning.peak(entry, exit, most, length_10nm);
         let run = Run { length_10nm, entry, peak, exit, acceleration, jerk };
-        let law = Along::new(&Curve::new(&run), 0, length_10nm);
+        let law = Along::new(run.jerk.offered(), &Curve::new(&run), 0, length_10nm);
         if law.duration_ticks() < 20 * u64::from(TICKS_PER_SECOND) {
             return run;
         }
@@ -160,7 +160,7 @@ fn steps_of_random_runs_are_within_a_microsecond() {
             0 => whole - offset,
             _ => ((f64::from(whole - offset) * random.share()) as u32).max(1),
         };
-        let law = Along::new(&curve, offset, length);
+        let law = Along::new(run.jerk.offered(), &curve, offset, length);
         let fastest = run.peak.mm_per_s().max(0.001);
         let Some(steps) = random_steps(&mut random, &law, fastest) else { continue };
         let rest = whole - offset - length;
@@ -184,13 +184,13 @@ fn durations_of_a_run_s_blocks_add_up_to_its_own() {
         let run = random_run(&mut random);
         let curve = Curve::new(&run);
         let exact = Exact::new(&run).duration_s() * f64::from(TICKS_PER_SECOND);
-        let whole = Along::new(&curve, 0, run.length_10nm).duration_ticks();
+        let whole = Along::new(run.jerk.offered(), &curve, 0, run.length_10nm).duration_ticks();
         assert!((whole as f64 - exact).abs() <= 1.0 + 1e-9 * exact, "{whole} {exact} {run:?}");
         let (mut offset, mut sum) = (0, 0);
         let mut speed = run.entry;
         while offset < run.length_10nm {
             let length = (random.magnitude(1.0, f64::from(run.length_10nm)) as u32).clamp(1, run.length_10nm - offset);
-            let law = Along::new(&curve, offset, length);
+            let law = Along::new(run.jerk.offered(), &curve, offset, length);
             sum += law.duration_ticks();
             let exit = law.exit();
             // No faster than the acceleration allows, from block to block.
