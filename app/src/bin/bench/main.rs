@@ -8,6 +8,7 @@
 
 mod counter;
 mod cube_lines;
+mod figures;
 mod host_file;
 mod machine;
 mod pieces;
@@ -29,9 +30,10 @@ use ferrostep_planner::look_ahead::Slot;
 use ferrostep_stm32f4::motion_clock::MotionClock;
 
 use counter::Counter;
+use figures::StepEvents;
 use profile::PROFILE;
 use queue::{BenchQueue, LineQueues, PrintQueue, SHORT_QUEUE_SLOTS};
-use report::{Lines, Print, Report, StepEvents, Workload};
+use report::{Lines, Print, Report, Workload};
 use step_events::{FOUR_AXES, STAIR_EVENTS};
 
 /// Blocks in the look-ahead ring, as in the firmware.

@@ -13,9 +13,9 @@ use ferrostep_printer::{Printer, Profile, Signals};
 
 use crate::counter::Counter;
 use crate::cube_lines::LINES;
+use crate::figures::Mean;
 use crate::machine::{BenchPlanner, Machine, NoReplies, QuickTime, execute};
 use crate::queue::PrintQueue;
-use crate::report::Mean;
 
 /// Rounds over the lines before anything is counted: the look-ahead ring is then full, as in a long print.
 const WARM_UP_ROUNDS: usize = 3;

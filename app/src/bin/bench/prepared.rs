@@ -16,10 +16,10 @@ use ferrostep_printer::packets::{Asked, PacketReader};
 use ferrostep_printer::{CommandError, Printer, Profile, Signals};
 
 use crate::counter::Counter;
+use crate::figures::Mean;
 use crate::machine::{BenchPlanner, BenchPrinter, Machine, NoReplies, QuickTime, execute};
 use crate::pieces::{Goal, Outcome, advance};
 use crate::queue::PrintQueue;
-use crate::report::Mean;
 
 /// Infill of `examples/gyroid.gcode.gz`, and the jobs that the desk prepares of it.
 const LINES: &str = include_str!("gyroid/job.gcode");

@@ -4,8 +4,8 @@ use ferrostep_hal_shim::stepping::Stepping;
 use ferrostep_planner::{StepEntry, StepSink};
 
 use crate::counter::Counter;
+use crate::figures::{Events, StepEvents};
 use crate::queue::BenchQueue;
-use crate::report::{Events, StepEvents};
 
 /// Events of a stair.
 pub const STAIR_EVENTS: u16 = 5;

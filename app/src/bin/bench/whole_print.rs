@@ -10,11 +10,12 @@ use ferrostep_planner::look_ahead::Slot;
 use ferrostep_printer::{Printer, Profile, Signals};
 
 use crate::counter::Counter;
+use crate::figures::{Mean, StepEvents};
 use crate::host_file::HostFile;
 use crate::machine::{BenchPlanner, Machine, NoReplies, QuickTime, execute};
 use crate::pieces::{Goal, Outcome, advance};
 use crate::queue::PrintQueue;
-use crate::report::{Mean, Print, StepEvents};
+use crate::report::Print;
 use crate::step_events;
 
 /// The file, in the emulator's working folder.
