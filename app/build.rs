@@ -79,7 +79,7 @@ fn constant(profile: &Profile) -> String {
     let FirmwareRetraction { length_10nm, retract_10nm_per_s, extra_recover_10nm, recover_10nm_per_s, lift_10nm } =
         retraction;
     let ExtrusionSettings { adaptive, layer_height_10nm, line_width_10nm, filament_diameter_10nm } = extrusion;
-    let DriverTiming { pulse_width_ns, direction_setup_ns, both_edges } = driver;
+    let DriverTiming { pulse_width_ns, direction_setup_ns, both_edges, inverted } = driver;
     format!(
         "Profile {{ name: {name:?}, kinematics: Kinematics::{kinematics}, size_10nm: {size_10nm:?}, \
          steps_per_mm: [{}], limits: {}, motion: {}, \
@@ -89,7 +89,7 @@ fn constant(profile: &Profile) -> String {
          retraction: FirmwareRetraction {{ length_10nm: {length_10nm}, retract_10nm_per_s: {retract_10nm_per_s}, \
          extra_recover_10nm: {extra_recover_10nm}, recover_10nm_per_s: {recover_10nm_per_s}, lift_10nm: {lift_10nm} }}, \
          driver: DriverTiming {{ pulse_width_ns: {pulse_width_ns}, direction_setup_ns: {direction_setup_ns}, \
-         both_edges: {both_edges} }}, \
+         both_edges: {both_edges}, inverted: {inverted} }}, \
          extrusion: ExtrusionSettings {{ adaptive: {adaptive}, layer_height_10nm: {layer_height_10nm}, \
          line_width_10nm: {line_width_10nm}, filament_diameter_10nm: {filament_diameter_10nm} }}, drivers: {} }}",
         steps_per_mm.join(", "),

@@ -168,7 +168,8 @@ mod app {
             pulse_ticks: clock.timer_ticks(PROFILE.driver.pulse_width_ns),
             direction_setup_ticks: clock.timer_ticks(PROFILE.driver.direction_setup_ns),
         };
-        let feeder = StepFeeder::new(&STEPS, board::PIN_MAP, signals);
+        let pin_map = board::PIN_MAP.with_inverted(PROFILE.driver.inverted);
+        let feeder = StepFeeder::new(&STEPS, pin_map, signals);
         let step_timer = StepTimer::start(device.TIM2, device.TIM9, &device.RCC, &pins, &STEPS);
         // On the bare internal oscillator the plan shall not depend on time, as for the host's line.
         let planning_clock = (clock.source != ClockSource::Internal).then_some(motion_clock);

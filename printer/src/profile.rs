@@ -126,6 +126,8 @@ pub struct DriverTiming {
     pub direction_setup_ns: u32,
     /// Whether both edges of the step signal step.
     pub both_edges: bool,
+    /// Motors that run the other way round: bit i is motor i.
+    pub inverted: u8,
 }
 
 /// Filament for moves that tell none (Wu 2024, eqs. 10 and 11).

@@ -520,6 +520,7 @@ fn driver(table: &DriverTable, interval_us: f64, check: &Checker<'_>) -> Result<
         pulse_width_ns: (pulse_us * 1e3).round() as u32,
         direction_setup_ns: (setup_us * 1e3).round() as u32,
         both_edges: table.both_edges,
+        inverted: table.inverted.iter().fold(0, |motors, motor| motors | 1 << *motor as u8),
     })
 }
 

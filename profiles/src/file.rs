@@ -264,6 +264,16 @@ pub struct RetractionTable {
     pub lift_mm: Number,
 }
 
+/// A motor; on CoreXY X and Y are A and B.
+#[derive(Clone, Copy, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum MotorName {
+    X,
+    Y,
+    Z,
+    E,
+}
+
 /// Step and direction signals.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields, expecting = "a table of driver values")]
@@ -271,6 +281,8 @@ pub struct DriverTable {
     pub pulse_width_us: Number,
     pub direction_setup_us: Number,
     pub both_edges: bool,
+    #[serde(default)]
+    pub inverted: Vec<MotorName>,
 }
 
 /// Drivers that can be set, by their motors.

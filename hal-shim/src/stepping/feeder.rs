@@ -59,7 +59,8 @@ pub struct StepFeeder<'a, M, const PORTS: usize, const N: usize> {
 }
 
 impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORTS, N> {
-    /// The feeder of a player that has not run yet; there must be no other. All signals are low.
+    /// The feeder of a player that has not run yet; there must be no other. All step signals are low,
+    /// direction signals as [`Self::direction_words`].
     pub fn new(player: &'a StepPlayer<M, PORTS, N>, pins: PinMap<PORTS>, signals: Signals) -> Self {
         let signals = Signals { pulse_ticks: signals.pulse_ticks.max(2), ..signals };
         player.set_pulse_reload(signals.pulse_ticks - 1);
@@ -227,6 +228,11 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
     }
 
     /// From the next step on the direction signals are these; as they are now where there are none.
+    /// The words for the direction signals as they stand, or are to stand before the first motion.
+    pub fn direction_words(&self) -> [u32; PORTS] {
+        self.pins.directions(self.directions)
+    }
+
     fn turn(&mut self, directions: Option<u8>) {
         self.turning = directions;
         self.usual_above_ticks = match directions {

@@ -17,7 +17,7 @@ pub struct Pin {
 pub struct MotorPins {
     /// A step is its edge.
     pub step: Pin,
-    /// High = backwards.
+    /// High = backwards, but for [`PinMap::with_inverted`].
     pub direction: Pin,
 }
 
@@ -26,13 +26,15 @@ pub struct MotorPins {
 pub struct PinMap<const PORTS: usize> {
     step: [[u16; 16]; PORTS],
     direction: [[u16; 16]; PORTS],
+    /// Motors whose direction signal is low for backwards.
+    inverted: u8,
 }
 
 impl<const PORTS: usize> PinMap<PORTS> {
     /// The map of four motors: X (A), Y (B), Z, extruder. `None` for a port or pin that does not exist, or that two signals
     /// share.
     pub const fn new(motors: [MotorPins; 4]) -> Option<Self> {
-        let mut map = Self { step: [[0; 16]; PORTS], direction: [[0; 16]; PORTS] };
+        let mut map = Self { step: [[0; 16]; PORTS], direction: [[0; 16]; PORTS], inverted: 0 };
         let mut taken = [0u16; PORTS];
         let mut axes = 0;
         while axes < 16 {
@@ -65,6 +67,11 @@ impl<const PORTS: usize> PinMap<PORTS> {
         Some(map)
     }
 
+    /// The same pins, with motors (bit i = motor i) that run the other way round.
+    pub const fn with_inverted(self, motors: u8) -> Self {
+        Self { inverted: motors, ..self }
+    }
+
     /// The words that raise the step signals of `axes`.
     #[inline(always)]
     pub fn raised(&self, axes: u8) -> [u32; PORTS] {
@@ -79,6 +86,7 @@ impl<const PORTS: usize> PinMap<PORTS> {
 
     /// The words that put out these direction signals: bit i = motor i runs backwards.
     pub fn directions(&self, backwards: u8) -> [u32; PORTS] {
+        let backwards = backwards ^ self.inverted;
         self.direction.each_ref().map(|masks| {
             let [set, reset] = [backwards, !backwards].map(|axes| u32::from(masks[usize::from(axes & 15)]));
             set | reset << RESET_SHIFT
@@ -111,4 +119,24 @@ fn motors_of<const PORTS: usize>(masks: &[[u16; 16]; PORTS], words: [u32; PORTS]
         }
     }
     motors
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn inverted_motors_have_the_other_level_of_direction_and_the_same_steps() {
+        let pin = |number| Pin { port: 0, number };
+        let motors = [0, 1, 2, 3].map(|motor| MotorPins { step: pin(motor), direction: pin(motor + 4) });
+        let usual = PinMap::<1>::new(motors).unwrap();
+        let inverted = usual.with_inverted(0b0101);
+        // Bits 4 to 7 set, and 20 to 23 reset.
+        assert_eq!(usual.directions(0b0011), [0b0011 << 4 | 0b1100 << 20]);
+        assert_eq!(inverted.directions(0b0011), [0b0110 << 4 | 0b1001 << 20]);
+        assert_eq!(inverted.directions(0), [0b0101 << 4 | 0b1010 << 20]);
+        assert_eq!(inverted.raised(0b1001), usual.raised(0b1001));
+        assert_eq!(inverted.turning(inverted.direction_pins(0b0110)), 0b0110);
+    }
 }

@@ -239,8 +239,13 @@ pub struct StepQueue<B, M: 'static, const PORTS: usize, const N: usize> {
 }
 
 impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> StepQueue<B, M, PORTS, N> {
-    /// The producer's side. The clock tells how long planning takes; without one it is taken to keep up.
+    /// The producer's side. The clock tells how long planning takes; without one it is taken to keep up. Puts the direction
+    /// signals where the feeder takes them to be.
     pub fn new(motors: B, feeder: StepFeeder<'static, M, PORTS, N>, clock: Option<MotionClock>) -> Self {
+        let ports = motors.ports();
+        for (port, word) in feeder.direction_words().into_iter().enumerate() {
+            ports.write(port, word);
+        }
         Self { motors, feeder, meter: PlanningMeter::default(), clock, enabled: 0 }
     }
 }

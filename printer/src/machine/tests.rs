@@ -66,7 +66,7 @@ fn profile() -> Profile {
             recover_10nm_per_s: 1,
             lift_10nm: 0,
         },
-        driver: DriverTiming { pulse_width_ns: 1000, direction_setup_ns: 200, both_edges: false },
+        driver: DriverTiming { pulse_width_ns: 1000, direction_setup_ns: 200, both_edges: false, inverted: 0 },
         extrusion: ExtrusionSettings::DEFAULT,
         drivers: [None; 4],
     }

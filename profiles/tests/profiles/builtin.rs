@@ -107,7 +107,10 @@ fn cartesian_is_as_designed() {
         profile.bed.watch,
         HeaterWatch { watch_ms: 60_000, watch_celsius: 2.0, runaway_ms: 20_000, runaway_celsius: 2.0 }
     );
-    assert_eq!(profile.driver, DriverTiming { pulse_width_ns: 1000, direction_setup_ns: 200, both_edges: false });
+    assert_eq!(
+        profile.driver,
+        DriverTiming { pulse_width_ns: 1000, direction_setup_ns: 200, both_edges: false, inverted: 0 }
+    );
     assert_eq!(profile.drivers, [None; 4]);
 }
 
@@ -170,6 +173,7 @@ fn prusa_mini_is_as_designed() {
     let z = DriverSettings { stall_threshold: 0, ..x };
     let e = DriverSettings { current_ma: 400, ..z };
     assert_eq!(profile.drivers, [Some(x), Some(x), Some(z), Some(e)]);
+    assert_eq!(profile.driver.inverted, 0b0011);
 }
 
 #[test]

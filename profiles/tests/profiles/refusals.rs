@@ -152,6 +152,9 @@ fn errors_read_as_they_should() {
             line("both_edges =")
         )
     );
+    let named = error_after("both_edges = false", "both_edges = false\ninverted = [\"x\", \"w\"]");
+    let key = line("both_edges =") + 1;
+    assert_eq!(named, format!("test.toml:{key}: unknown word \"w\", expected one of \"x\", \"y\", \"z\", \"e\""));
     let syntax = error_after("[driver]", "[driver");
     assert!(syntax.starts_with(&format!("test.toml:{}: not valid TOML: ", line("[driver]"))), "{syntax}");
     assert!(!syntax.contains('\n'), "{syntax}");

@@ -91,8 +91,11 @@ fn nothing_is_switched_on_between_reset_and_the_first_command() {
             let is_driven = state.is_output(fan) || state.is_alternate(fan);
             assert!(is_driven && !state.is_high(fan), "{}: fan {fan:?}", board.name);
         }
-        for signal in board.signals.iter().flatten().map(|name| pin(name)) {
-            assert!(state.is_output(signal) && !state.is_high(signal), "{}: signal {signal:?}", board.name);
+        let [steps, directions] = board.signals;
+        for (motor, (step, direction)) in steps.map(pin).into_iter().zip(directions.map(pin)).enumerate() {
+            assert!(state.is_output(step) && !state.is_high(step), "{}: step of {motor}", board.name);
+            let forwards = state.is_high(direction) == board.inverted[motor];
+            assert!(state.is_output(direction) && forwards, "{}: direction of {motor}", board.name);
         }
         // A pin is low, or off, before it is driven.
         let first_output = writes.iter().position(|write| write.offset == MODER).unwrap();
@@ -177,7 +180,8 @@ fn displacement(board: &BoardFacts, writes: &[PortWrite]) -> [i64; 4] {
         state.apply(write);
         for motor in 0..4 {
             if state.is_high(steps[motor]) && !before[motor] {
-                displacement[motor] += if state.is_high(directions[motor]) { -1 } else { 1 };
+                let backwards = state.is_high(directions[motor]) != board.inverted[motor];
+                displacement[motor] += if backwards { -1 } else { 1 };
             }
         }
     }
