@@ -1,28 +1,19 @@
 //! A board's pins as stores to registers: what the firmware writes, in this order, without knowing a pin.
 
+use ferrostep_hal_shim::gpio::{self, AFRL, ALTERNATE, ANALOGUE, BSRR, MODER, OSPEEDR, OUTPUT, PULL_UP, PUPDR};
+
 use crate::board::Board;
 use crate::pin::Pin;
 
 /// Addresses: RM0090 2.3 (memory map), 7.3.10 (RCC_AHB1ENR), 8.4 (GPIO); PM0214 4.2, 4.3.3, 4.5 (the core's own).
 const RCC_AHB1ENR: u32 = 0x4002_3830;
-const GPIO: u32 = 0x4002_0000;
-const GPIO_STRIDE: u32 = 0x400;
-const MODER: u32 = 0x00;
-const OSPEEDR: u32 = 0x08;
-const PUPDR: u32 = 0x0c;
-const BSRR: u32 = 0x18;
-const AFRL: u32 = 0x20;
 const SYST_CSR: u32 = 0xe000_e010;
 const NVIC_ICER: u32 = 0xe000_e180;
 const NVIC_ICPR: u32 = 0xe000_e280;
 const SCB_ICSR: u32 = 0xe000_ed04;
 
 /// Fields of two bits a pin.
-const OUTPUT: u32 = 0b01;
-const ALTERNATE: u32 = 0b10;
-const ANALOGUE: u32 = 0b11;
 const HIGH_SPEED: u32 = 0b10;
-const PULL_UP: u32 = 0b01;
 /// USART1 on all its pins.
 const SERIAL_FUNCTION: u32 = 7;
 
@@ -46,7 +37,7 @@ impl Store {
 
 /// A register of a port.
 fn of_port(port: u8, offset: u32) -> u32 {
-    GPIO + GPIO_STRIDE * u32::from(port) + offset
+    gpio::port(port) + offset
 }
 
 /// One store for each port that has some of the pins: their fields of `width` bits get `value`.
@@ -261,13 +252,14 @@ mod tests {
                     .chain(thermistor_pins(&board))
                     .collect();
             for Store { address, clear, .. } in [first(&board), pins(&board), all_off(&board)].concat() {
-                let Some(offset) = address.checked_sub(GPIO).filter(|offset| *offset < 7 * GPIO_STRIDE) else {
+                let Some(offset) = address.checked_sub(gpio::GPIO).filter(|offset| *offset < 7 * gpio::GPIO_STRIDE)
+                else {
                     continue;
                 };
-                if offset % GPIO_STRIDE != MODER {
+                if offset % gpio::GPIO_STRIDE != MODER {
                     continue;
                 }
-                let port = (offset / GPIO_STRIDE) as u8;
+                let port = (offset / gpio::GPIO_STRIDE) as u8;
                 let mask =
                     known.iter().filter(|pin| pin.port == port).fold(0, |mask, pin| mask | 0b11 << (2 * pin.number));
                 assert_eq!(clear & !mask, 0, "{} {address:#x}", board.name);

@@ -5,6 +5,7 @@
 
 pub mod chip;
 pub mod clock_tree;
+pub mod gpio;
 pub mod histogram;
 pub mod kept_text;
 pub mod life_signs;

@@ -3,6 +3,7 @@
 //! One line at a time is open, and only while its axis seeks its home. Addresses and bits: RM0090 2.3 (memory map), 7.3.10
 //! and 7.3.14 (RCC), 8.4 (GPIO), 9.2 (SYSCFG), 12.3 (EXTI); RM0390 is the same in all of it.
 
+use crate::gpio::{IDR, MODER, PULL_UP, PUPDR, port};
 use crate::registers::Registers;
 
 const RCC_AHB1ENR: u32 = 0x4002_3830;
@@ -13,12 +14,6 @@ const EXTI_IMR: u32 = 0x4001_3c00;
 const EXTI_RTSR: u32 = 0x4001_3c08;
 const EXTI_FTSR: u32 = 0x4001_3c0c;
 const EXTI_PR: u32 = 0x4001_3c14;
-const GPIO: u32 = 0x4002_0000;
-const GPIO_STRIDE: u32 = 0x400;
-const MODER: u32 = 0x00;
-const PUPDR: u32 = 0x0c;
-const PULL_UP: u32 = 0b01;
-const IDR: u32 = 0x10;
 
 /// Looks at a pin that must all agree, some tens of nanoseconds apart: a spike is not an end stop.
 const LOOKS: u32 = 8;
@@ -37,7 +32,7 @@ pub struct SensorPin {
 impl SensorPin {
     /// A register of its port.
     const fn of_port(self, offset: u32) -> u32 {
-        GPIO + GPIO_STRIDE * self.port as u32 + offset
+        port(self.port) + offset
     }
 
     const fn bit(self) -> u32 {

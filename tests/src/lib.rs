@@ -13,6 +13,7 @@
 pub mod board_model;
 pub mod code;
 pub mod feed_chart;
+pub mod hand_made;
 pub mod qemu;
 pub mod reference;
 pub mod stack;

@@ -1,6 +1,7 @@
 //! Heaters and fans: a timer channel where the pin has one, else [`SoftwarePwm`].
 
 use super::{RCC_APB1ENR, RCC_APB2ENR, SoftwarePwm};
+use crate::gpio::{AFRL, ALTERNATE, BSRR, MODER, port};
 use crate::registers::Registers;
 
 /// Frequency of heaters, Hz: slow enough for a bed's solid-state relay, which switches at the mains' zero crossings, and
@@ -27,14 +28,6 @@ const BDTR: u32 = 0x44;
 const PWM_MODE: u32 = 0b110 << 4;
 /// BDTR: the outputs of TIM1 and TIM8 are their channels'.
 const MOE: u32 = 1 << 15;
-
-// RM0090, 8.4: ports.
-const GPIO: u32 = 0x4002_0000;
-const GPIO_STRIDE: u32 = 0x400;
-const MODER: u32 = 0x00;
-const BSRR: u32 = 0x18;
-const AFRL: u32 = 0x20;
-const ALTERNATE: u32 = 0b10;
 
 /// A timer's output channel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -100,7 +93,7 @@ pub struct OutputPin {
 
 impl OutputPin {
     const fn port(self) -> u32 {
-        GPIO + GPIO_STRIDE * self.port as u32
+        port(self.port)
     }
 
     fn set(self, high: bool, registers: &mut impl Registers) {

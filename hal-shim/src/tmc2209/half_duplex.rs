@@ -4,6 +4,7 @@
 //! Addresses and bits: RM0090 2.3 (memory map), 7.3.13 (RCC_APB1ENR), 8.4 (GPIO), 30.6 (USART); RM0390 is the same.
 
 use super::uart::{LineBusy, LineBytes, SingleWireUart};
+use crate::gpio::{self, AFRL, ALTERNATE, MODER, OTYPER, PULL_UP, PUPDR};
 use crate::registers::Registers;
 
 const RCC_AHB1ENR: u32 = 0x4002_3830;
@@ -14,8 +15,6 @@ const USART2_DR: u32 = 0x4000_4404;
 const USART2_BRR: u32 = 0x4000_4408;
 const USART2_CR1: u32 = 0x4000_440c;
 const USART2_CR3: u32 = 0x4000_4414;
-const GPIO: u32 = 0x4002_0000;
-const GPIO_STRIDE: u32 = 0x400;
 
 const OVERRUN: u32 = 1 << 3;
 const RECEIVED: u32 = 1 << 5;
@@ -40,7 +39,7 @@ impl<R: Registers> HalfDuplexLine<R> {
     /// Starts the port at a pin (port, 0 for A, and number) that carries USART2's transmitter: open drain with a pull-up, 8
     /// bits, no parity, 1 stop bit; the receive interrupt is on. `bus_hz` is the clock of APB1.
     pub fn start(mut registers: R, pin: (u8, u8), bus_hz: u32, baud: u32) -> Self {
-        let (port, number) = (GPIO + GPIO_STRIDE * u32::from(pin.0), u32::from(pin.1 & 15));
+        let (port, number) = (gpio::port(pin.0), u32::from(pin.1 & 15));
         registers.modify(RCC_AHB1ENR, 0, 1 << pin.0);
         registers.modify(RCC_APB1ENR, 0, USART2_CLOCK);
         // Sixteenths of the divider, rounded, are what BRR holds; 42 MHz / 9600 baud fit its 16 bits.
@@ -49,11 +48,11 @@ impl<R: Registers> HalfDuplexLine<R> {
         registers.write(USART2_CR3, HALF_DUPLEX);
         registers.write(USART2_CR1, ENABLED);
         // The pin last: until then the pull-ups of board and drivers hold the line high.
-        registers.modify(port + 0x04, 0, 1 << number);
-        registers.modify(port + 0x0c, 0b11 << (2 * number), 0b01 << (2 * number));
+        registers.modify(port + OTYPER, 0, 1 << number);
+        registers.modify(port + PUPDR, 0b11 << (2 * number), PULL_UP << (2 * number));
         let place = number % 8 * 4;
-        registers.modify(port + 0x20 + number / 8 * 4, 0xf << place, ALTERNATE_FUNCTION << place);
-        registers.modify(port, 0b11 << (2 * number), 0b10 << (2 * number));
+        registers.modify(port + AFRL + number / 8 * 4, 0xf << place, ALTERNATE_FUNCTION << place);
+        registers.modify(port + MODER, 0b11 << (2 * number), ALTERNATE << (2 * number));
         Self { registers, bytes: LineBytes::new() }
     }
 

@@ -3,6 +3,7 @@
 //! Addresses and bits: RM0090 2.3 (memory map), 7.3.13 (RCC_APB1ENR), 8.4 (GPIO), 20.4 (TIM6 and TIM7); RM0390 is the same.
 
 use super::uart::{LineBusy, SingleWireUart};
+use crate::gpio::{self, BSRR, IDR, MODER, PULL_UP, PUPDR};
 use crate::registers::Registers;
 use crate::software_serial::{PinAction, SoftwareSerial, TICKS_A_BIT};
 
@@ -14,12 +15,6 @@ const TIM7_DIER: u32 = 0x4000_140c;
 const TIM7_SR: u32 = 0x4000_1410;
 const TIM7_CNT: u32 = 0x4000_1424;
 const TIM7_ARR: u32 = 0x4000_142c;
-const GPIO: u32 = 0x4002_0000;
-const GPIO_STRIDE: u32 = 0x400;
-const MODER: u32 = 0x00;
-const PUPDR: u32 = 0x0c;
-const IDR: u32 = 0x10;
-const BSRR: u32 = 0x18;
 
 /// Bits that the line is listened to behind what was sent: the longest delay of a reply, eight bytes, and some.
 const LISTENED_BITS: u16 = 200;
@@ -47,7 +42,7 @@ impl<R: Registers> PinLines<R> {
         for (port, number) in pins {
             registers.modify(RCC_AHB1ENR, 0, 1 << port);
             let place = 2 * u32::from(number & 15);
-            registers.modify(GPIO + GPIO_STRIDE * u32::from(port) + PUPDR, 0b11 << place, 0b01 << place);
+            registers.modify(gpio::port(port) + PUPDR, 0b11 << place, PULL_UP << place);
         }
         Self { registers, pins, serial: SoftwareSerial::new(), driven: PinAction::Release, ticks_left: 0 }
     }
@@ -55,7 +50,7 @@ impl<R: Registers> PinLines<R> {
     /// Port's registers, and the number, of the line in use.
     fn pin(&self) -> (u32, u32) {
         let (port, number) = self.pins.get(usize::from(self.serial.line())).copied().unwrap_or_default();
-        (GPIO + GPIO_STRIDE * u32::from(port), u32::from(number & 15))
+        (gpio::port(port), u32::from(number & 15))
     }
 
     /// A quarter of a bit has passed. Must come within a tenth of it: 1.3 us at 19,200 baud.
@@ -110,6 +105,8 @@ impl<R: Registers> SingleWireUart for PinLines<R> {
 mod tests {
     #![allow(clippy::unwrap_used)]
     use std::cell::RefCell;
+
+    use crate::gpio::{GPIO, GPIO_STRIDE};
 
     use super::*;
     use crate::registers::recorder::Recorder;

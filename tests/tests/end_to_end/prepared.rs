@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 
 use ferrostep::gpre::{self, Target};
 use ferrostep::session::JobReplies;
-use ferrostep_gpre::compact::{FrameWriter, HEAD_BYTES, frame_length};
-use ferrostep_gpre::{Encoding, Header, Item, ModalState, MoveItem, Speed};
-use ferrostep_planner::PLANNER_VERSION;
+use ferrostep_gpre::compact::{HEAD_BYTES, frame_length};
+use ferrostep_gpre::{Encoding, Header, Speed};
 use ferrostep_printer::Profile;
+use ferrostep_tests::hand_made::{self, given};
 use proptest::prelude::*;
 use proptest::test_runner::{FileFailurePersistence, RngSeed};
 use serde_json::Value;
@@ -249,45 +249,9 @@ fn inspect_tells_every_move() {
     }
 }
 
-/// A job of moves along X, with these lengths in mm and planned speeds, on a machine that has been homed.
+/// A job made by hand for this machine.
 fn by_hand(moves: &[(i64, Speed)]) -> Vec<u8> {
-    let machine = profile("cartesian");
-    let mut frames = Vec::new();
-    let mut writer = FrameWriter::new([0; 3], ModalState::START);
-    writer.add(&Item::Command { line: 1, text: "G28" }, &mut frames);
-    writer.close(&mut frames);
-    let mut target_10nm = [0; 3];
-    for (line, &(length_mm, speed)) in (2..).zip(moves) {
-        target_10nm[0] += length_mm * 100_000;
-        let item = MoveItem {
-            target_10nm,
-            filament_100pm: 0,
-            feed_mm_per_s: 100.0,
-            line,
-            ends_move: true,
-            counts: true,
-            speed,
-        };
-        writer.add(&Item::Move(item), &mut frames);
-        writer.close(&mut frames);
-    }
-    let header = Header {
-        encoding: Encoding::Compact,
-        profile_hash: machine.hash(),
-        planner_version: PLANNER_VERSION,
-        frames: writer.frames(),
-        moves: moves.len() as u64,
-        motion_ms: 0,
-        filament_100pm: 0,
-        layers: 0,
-        thumbnail: None,
-    };
-    [header.to_bytes(&[]), frames].concat()
-}
-
-/// A speed in mm/s as a file has it.
-fn given(mm_per_s: f64) -> Speed {
-    Speed::Given((mm_per_s * mm_per_s * 12_800_000.0) as u64)
+    hand_made::job(profile("cartesian").hash(), moves)
 }
 
 #[test]

@@ -6,11 +6,10 @@ use std::time::{Duration, Instant};
 use ferrostep::gpre::{self, Target};
 use ferrostep::send::{self, Patience};
 use ferrostep::session::JobReplies;
-use ferrostep_gpre::compact::FrameWriter;
 use ferrostep_gpre::transfer::{Kind, Report, Sender, Word, to_wire};
-use ferrostep_gpre::{Encoding, Header, Item, ModalState, MoveItem, Speed};
-use ferrostep_planner::PLANNER_VERSION;
+use ferrostep_gpre::{Encoding, Speed};
 use ferrostep_printer::Profile;
+use ferrostep_tests::hand_made::{self, given};
 use ferrostep_tests::qemu::{Host, Machine, Port};
 
 use crate::image::Bench;
@@ -117,39 +116,6 @@ fn frames_that_are_changed_and_lost_change_no_step() {
     assert_printed_far_ahead(bench, &job);
 }
 
-/// A job of moves along X, with these lengths in mm and planned speeds, on a machine that is homed first.
-fn by_hand(profile_hash: u64, moves: &[(i64, Speed)]) -> Vec<u8> {
-    let mut frames = Vec::new();
-    let mut writer = FrameWriter::new([0; 3], ModalState::START);
-    writer.add(&Item::Command { line: 1, text: "G28" }, &mut frames);
-    writer.close(&mut frames);
-    let mut target_10nm = [0; 3];
-    for (line, &(length_mm, speed)) in (2..).zip(moves) {
-        target_10nm[0] += length_mm * 100_000;
-        let (filament_100pm, feed_mm_per_s) = (0, 100.0);
-        let item = MoveItem { target_10nm, filament_100pm, feed_mm_per_s, line, ends_move: true, counts: true, speed };
-        writer.add(&Item::Move(item), &mut frames);
-        writer.close(&mut frames);
-    }
-    let header = Header {
-        encoding: Encoding::Compact,
-        profile_hash,
-        planner_version: PLANNER_VERSION,
-        frames: writer.frames(),
-        moves: moves.len() as u64,
-        motion_ms: 0,
-        filament_100pm: 0,
-        layers: 0,
-        thumbnail: None,
-    };
-    [header.to_bytes(&[]), frames].concat()
-}
-
-/// A speed in mm/s as a file has it.
-fn given(mm_per_s: f64) -> Speed {
-    Speed::Given((mm_per_s * mm_per_s * 12_800_000.0) as u64)
-}
-
 #[test]
 fn what_the_machine_may_not_do_stops_on_the_path() {
     let mut bench = Bench::boot();
@@ -164,22 +130,22 @@ fn what_the_machine_may_not_do_stops_on_the_path() {
     };
     // From 100 mm/s within 1 mm to 1 mm/s: the fourth frame.
     let moves = [(40, Speed::Bound), (1, Speed::Bound), (40, given(1.0)), (20, Speed::Bound)];
-    let place = stops(by_hand(hash, &moves), Word::Stopped, 4, "line 5: the planned speed is too low");
+    let place = stops(hand_made::job(hash, &moves), Word::Stopped, 4, "line 5: the planned speed is too low");
     assert!(place.starts_with("X:41.00 Y:0.00"), "{place}");
     let moves = [(40, Speed::Bound), (40, given(100.1)), (20, Speed::Bound)];
-    stops(by_hand(hash, &moves), Word::Stopped, 3, "the planned speed is too high");
+    stops(hand_made::job(hash, &moves), Word::Stopped, 3, "the planned speed is too high");
     let moves = [(40, Speed::Bound), (400, Speed::Bound)];
-    let place = stops(by_hand(hash, &moves), Word::Stopped, 2, "frame 2 at byte ");
+    let place = stops(hand_made::job(hash, &moves), Word::Stopped, 2, "frame 2 at byte ");
     assert!(place.starts_with("X:40.00 Y:0.00"), "{place}");
-    stops(by_hand(hash ^ 1, &moves), Word::Refused, 0, "at byte 16: prepared for another machine");
-    let mut broken = by_hand(hash, &moves);
+    stops(hand_made::job(hash ^ 1, &moves), Word::Refused, 0, "at byte 16: prepared for another machine");
+    let mut broken = hand_made::job(hash, &moves);
     broken[8] = 2;
     stops(broken, Word::Refused, 0, "written in version 2 of the format");
-    let mut broken = by_hand(hash, &moves);
+    let mut broken = hand_made::job(hash, &moves);
     let last = broken.len() - 1;
     broken[last] ^= 1;
     stops(broken, Word::Stopped, 2, "bits have changed");
-    let mut cut = by_hand(hash, &moves);
+    let mut cut = hand_made::job(hash, &moves);
     cut.truncate(cut.len() - 3);
     stops(cut, Word::Stopped, 2, "the file ends too early");
     stops(b"G28\nG1 X10 F3000\n".repeat(9), Word::Refused, 0, "not a GPRE file");
@@ -189,7 +155,7 @@ fn what_the_machine_may_not_do_stops_on_the_path() {
 fn commands_between_frames_are_heard() {
     let mut bench = Bench::boot();
     let moves: Vec<_> = (0..40).map(|_| (4, Speed::Bound)).collect();
-    let job = by_hand(profile().hash(), &moves);
+    let job = hand_made::job(profile().hash(), &moves);
     bench.host.send(&format!("M790 S{} T3600", job.len())).unwrap();
     bench.host.send_raw(&to_wire(Kind::Data, 0, &job[..250])).unwrap();
     bench.host.wait_for("what has come", |line| line.starts_with("gpre:have 250 ")).unwrap();
@@ -210,7 +176,7 @@ fn commands_between_frames_are_heard() {
 #[test]
 fn a_silent_host_is_not_waited_for() {
     let mut bench = Bench::boot();
-    let job = by_hand(profile().hash(), &[(40, Speed::Bound), (20, Speed::Bound)]);
+    let job = hand_made::job(profile().hash(), &[(40, Speed::Bound), (20, Speed::Bound)]);
     bench.host.send(&format!("M790 S{} T15", job.len())).unwrap();
     bench.host.send_raw(&to_wire(Kind::Data, 0, &job[..job.len() - 10])).unwrap();
     // The image's seconds are shorter than this machine's, which may have much else to do.
@@ -228,7 +194,7 @@ fn a_silent_host_is_not_waited_for() {
 fn a_job_does_not_go_on_behind_a_stop() {
     let mut bench = Bench::boot();
     let moves: Vec<_> = (0..10).map(|_| (15, Speed::Bound)).collect();
-    let job = by_hand(profile().hash(), &moves);
+    let job = hand_made::job(profile().hash(), &moves);
     let (first, rest) = job.split_at(job.len() / 2);
     bench.host.send(&format!("M790 S{} T3600", job.len())).unwrap();
     for (index, part) in first.chunks(200).enumerate() {

@@ -1,0 +1,34 @@
+//! Where the ports' registers are (RM0090 2.3 and 8.4, RM0390 2.2 and 7.4; alike on all chips of the family).
+
+/// Port A's first register.
+pub const GPIO: u32 = 0x4002_0000;
+/// From a port to the next.
+pub const GPIO_STRIDE: u32 = 0x400;
+/// Offset of the modes: two bits a pin.
+pub const MODER: u32 = 0x00;
+/// Offset of what drives an output high: 0 a transistor, 1 nothing (open drain).
+pub const OTYPER: u32 = 0x04;
+/// Offset of the slew rates: two bits a pin.
+pub const OSPEEDR: u32 = 0x08;
+/// Offset of the pull-ups and pull-downs: two bits a pin.
+pub const PUPDR: u32 = 0x0c;
+/// Offset of the levels that are read.
+pub const IDR: u32 = 0x10;
+/// Offset of the levels to set, and in the upper half to reset.
+pub const BSRR: u32 = 0x18;
+/// Offset of the alternate functions: four bits a pin, in two registers.
+pub const AFRL: u32 = 0x20;
+
+/// In MODER: output.
+pub const OUTPUT: u32 = 0b01;
+/// In MODER: the alternate function.
+pub const ALTERNATE: u32 = 0b10;
+/// In MODER: analogue.
+pub const ANALOGUE: u32 = 0b11;
+/// In PUPDR: pulled up.
+pub const PULL_UP: u32 = 0b01;
+
+/// Address of a port's first register; 0 is A.
+pub const fn port(index: u8) -> u32 {
+    GPIO + GPIO_STRIDE * index as u32
+}
