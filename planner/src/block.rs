@@ -3,6 +3,7 @@
 use crate::TICKS_PER_SECOND;
 use crate::inner_ends::InnerEnds;
 use crate::kinematics::UNITS_PER_MM;
+use crate::real::Real;
 use crate::square_root::square_root_f32;
 
 /// A speed along the path in units of 2^-16 mm/s.
@@ -71,7 +72,8 @@ impl SquaredSpeed {
     /// The largest representable square not above this one in mm^2/s^2; zero for NaN and below zero, and the largest of
     /// all for an infinite one.
     pub fn from_mm2_per_s2(squared: f32) -> Self {
-        Self((squared * Self::PER_MM2_PER_S2) as u64)
+        // As `as u64`, for which the target has no instruction.
+        Self(Real::to_u64(squared * Self::PER_MM2_PER_S2))
     }
 
     /// The largest squared speed that can be reached from this one over a block, or the largest from which this one can

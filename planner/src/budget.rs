@@ -27,8 +27,9 @@ impl Budget {
     pub fn slower_nominal(&self, block: &Block, events: u32, moves: u32, extruder_256ths: i64) -> Option<Speed> {
         // A tick at one unit of speed is so many units of 10 nm.
         const PER_10NM: f32 = (65_536 * (TICKS_PER_SECOND as i64 / UNITS_PER_MM)) as f32;
-        let extruder_end = extruder_256ths + i64::from(block.extruder_256ths);
-        let extruder_steps = rounded_steps(extruder_end).abs_diff(rounded_steps(extruder_256ths)) as u32;
+        let extruder_end = extruder_256ths.wrapping_add(i64::from(block.extruder_256ths));
+        let extruder_steps = rounded_steps(extruder_end).wrapping_sub(rounded_steps(extruder_256ths)) as i32;
+        let extruder_steps = extruder_steps.unsigned_abs();
         let events = events.saturating_add(extruder_steps);
         let cost_ticks = events as f32 * self.event_ticks + moves as f32 * self.move_ticks;
         let distance = block.length_10nm as f32 * PER_10NM;

@@ -43,7 +43,17 @@ impl Method {
     }
 
     /// Number of equal parts of a block's path of which each has one event of X, Y and Z's motors at most.
+    #[inline(always)]
     pub fn densest(&self, steps: [i32; 3]) -> u32 {
+        if self.is_default() {
+            let ([x, y], [.., z]) = (Self::plane(steps), steps);
+            return x.max(y).max(z.unsigned_abs());
+        }
+        self.densest_otherwise(steps)
+    }
+
+    #[inline(never)]
+    fn densest_otherwise(&self, steps: [i32; 3]) -> u32 {
         let [x, y] = Self::plane(steps);
         let longest = x.max(y);
         let plane = match self.interpolation() {
@@ -60,7 +70,13 @@ impl Method {
     }
 
     /// Step events of X, Y and Z's motors in a block, those that join others counted too.
+    #[inline(always)]
     pub fn events(&self, steps: [i32; 3]) -> u32 {
+        if self.is_default() { self.densest(steps) } else { self.events_otherwise(steps) }
+    }
+
+    #[inline(never)]
+    fn events_otherwise(&self, steps: [i32; 3]) -> u32 {
         let [x, y] = Self::plane(steps);
         let plane = match self.interpolation() {
             Interpolation::StepBresenham | Interpolation::Bresenham => return self.densest(steps),
@@ -74,7 +90,13 @@ impl Method {
     }
 
     /// Shortest time in which the block's X and Y may be made: dual-rate runs no motor faster than T_min. Ticks.
+    #[inline(always)]
     pub fn least_ticks(&self, steps: [i32; 3]) -> f32 {
+        if self.is_default() { 0.0 } else { self.least_ticks_otherwise(steps) }
+    }
+
+    #[inline(never)]
+    fn least_ticks_otherwise(&self, steps: [i32; 3]) -> f32 {
         /// Ticks in a nanosecond.
         const TICKS_PER_NS: f32 = TICKS_PER_SECOND as f32 / 1e9;
         if self.interpolation() != Interpolation::DualRate {

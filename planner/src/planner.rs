@@ -6,11 +6,11 @@ mod step_limits;
 use crate::block::{Acceleration, Block, PlannedBlock, Speed, SquaredSpeed};
 use crate::bresenham::MAX_STEPS;
 use crate::budget::Budget;
-use crate::extruder::{Extruder, FILAMENT_UNITS_PER_MM};
+use crate::extruder::{Extruder, FILAMENT_UNITS_PER_MM, Place};
 use crate::inner_ends::InnerEnds;
 use crate::interpolator::Interpolator;
 use crate::junction::radius_10nm;
-use crate::kinematics::{Geometry, MAX_COORDINATE_10NM, UNITS_PER_MM};
+use crate::kinematics::{Geometry, MAX_COORDINATE_10NM, UNITS_PER_MM, narrow};
 use crate::limits::{Limits, PathLimits, larger, smaller};
 use crate::look_ahead::{Left, LookAhead, Marker, Part, Slot, SpeedLaw, Violation};
 use crate::merge::{Open, Planned};
@@ -103,9 +103,10 @@ struct Previous {
 /// Where a move takes the motors.
 #[derive(Clone, Copy, Debug)]
 struct Next {
+    target_10nm: [i32; 3],
     steps: [i32; 3],
     motor_steps: [i32; 3],
-    extruder: Extruder,
+    extruder: Place,
     extruder_end: i64,
     extruder_256ths: i32,
 }
@@ -121,7 +122,7 @@ pub struct Planner<S> {
     budget: Budget,
     pace: Pace,
     /// Target of the last move taken.
-    position_10nm: [i64; 3],
+    position_10nm: [i32; 3],
     /// Motor positions at the end of the last block.
     motor_steps: [i32; 3],
     extruder: Extruder,
@@ -256,7 +257,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
 
     /// Machine position at the end of all moves taken, units of 10 nm.
     pub fn position_10nm(&self) -> [i64; 3] {
-        self.position_10nm
+        self.position_10nm.map(i64::from)
     }
 
     /// Sum of the durations of all blocks so far, in ticks.
@@ -311,7 +312,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
             return Err(MoveError::NoRoom);
         }
         let Some(next) = self.next(request)? else { return Ok(Moved::Nothing) };
-        let planned = self.plan(request, next.steps, next.extruder_256ths);
+        let planned = self.plan(request, &next);
         if !self.flushing && self.method.is_default() && self.open.absorb(&planned) {
             self.merged_moves += 1;
         } else if self.close() {
@@ -319,7 +320,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         } else {
             return Err(MoveError::NoRoom);
         }
-        self.follow(request, &next, &planned);
+        self.follow(&next, &planned);
         Ok(Moved::Queued)
     }
 
@@ -329,51 +330,48 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         if !(request.feed_mm_per_s > 0.0 && request.feed_mm_per_s.is_finite()) {
             return Err(MoveError::Feed);
         }
-        if request.target_10nm.iter().any(|coordinate| coordinate.unsigned_abs() > MAX_COORDINATE_10NM as u64) {
-            return Err(MoveError::TooFar);
-        }
+        let Some(target_10nm) = narrow(request.target_10nm) else { return Err(MoveError::TooFar) };
         if !Extruder::can_push(self.geometry.steps_per_mm[3], request.filament_100pm) {
             return Err(MoveError::TooMuchFilament);
         }
-        if request.target_10nm == self.position_10nm && request.filament_100pm == 0 {
+        if target_10nm == self.position_10nm && request.filament_100pm == 0 {
             return Ok(None);
         }
-        let motor_steps = self.geometry.motor_steps_from(request.target_10nm, self.position_10nm, self.motor_steps);
-        let mut steps = [0; 3];
-        for (steps, (to, from)) in steps.iter_mut().zip(motor_steps.iter().zip(self.motor_steps)) {
-            *steps = to - from;
-            if steps.unsigned_abs() > MAX_STEPS {
-                return Err(MoveError::TooFar);
-            }
+        let motor_steps = self.geometry.motor_steps_from(target_10nm, self.position_10nm, self.motor_steps);
+        // Of motors that stand within 2^30 steps, which is checked wherever they are set.
+        let [[x, y, z], [from_x, from_y, from_z]] = [motor_steps, self.motor_steps];
+        let steps = [x.wrapping_sub(from_x), y.wrapping_sub(from_y), z.wrapping_sub(from_z)];
+        if steps.iter().any(|steps| steps.unsigned_abs() > MAX_STEPS) {
+            return Err(MoveError::TooFar);
         }
-        let mut extruder = self.extruder;
-        extruder.advance(request.filament_100pm);
+        let extruder = self.extruder.advanced(request.filament_100pm);
         let extruder_end = extruder.position_256ths();
-        let Ok(extruder_256ths) = i32::try_from(extruder_end - self.extruder_256ths) else {
+        let Ok(extruder_256ths) = i32::try_from(extruder_end.wrapping_sub(self.extruder_256ths)) else {
             return Err(MoveError::TooMuchFilament);
         };
-        Ok(Some(Next { steps, motor_steps, extruder, extruder_end, extruder_256ths }))
+        Ok(Some(Next { target_10nm, steps, motor_steps, extruder, extruder_end, extruder_256ths }))
     }
 
     /// The move has been taken.
     #[inline(always)]
-    fn follow(&mut self, request: &Move, next: &Next, planned: &Planned) {
+    fn follow(&mut self, next: &Next, planned: &Planned) {
         let acceleration_mm_per_s2 = planned.acceleration_mm_per_s2;
         self.previous = planned.path.map(|path| Previous { path, acceleration_mm_per_s2 });
-        self.extruder = next.extruder;
+        self.extruder.set(next.extruder);
         self.extruder_256ths = next.extruder_end;
-        self.position_10nm = request.target_10nm;
+        self.position_10nm = next.target_10nm;
         self.motor_steps = next.motor_steps;
     }
 
     /// A move as a block of its own, its speed not yet within the budget.
     #[inline(always)]
-    fn plan(&self, request: &Move, steps: [i32; 3], extruder_256ths: i32) -> Planned {
+    fn plan(&self, request: &Move, next: &Next) -> Planned {
+        let Next { target_10nm, steps, extruder_256ths, .. } = *next;
         let least = MIN_FEED_MM_PER_S as f32;
         let feed = if request.feed_mm_per_s < least { least } else { request.feed_mm_per_s };
         let filament_100pm = request.filament_100pm.abs();
         let filament = single::of_i64(filament_100pm) / FILAMENT_UNITS_PER_10NM as f32;
-        let path = Path::between(self.position_10nm, request.target_10nm);
+        let path = Path::between(self.position_10nm, target_10nm);
         let path_10nm = path.length_10nm();
 
         let moves_filament_alone =
@@ -566,17 +564,22 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         self.previous = None;
         let [x, y, z, _] = motor_steps;
         self.motor_steps = [x, y, z].map(|steps| steps as i32);
-        self.position_10nm = self.geometry.position_10nm([x, y, z]);
+        self.position_10nm = self.geometry.position_10nm([x, y, z]).map(within_reach);
         dropped_100pm
     }
 
     /// Says where the machine is, at standstill (homing). Returns where its motors therefore stand.
     pub fn set_position(&mut self, position_10nm: [i64; 3]) -> [i32; 3] {
-        self.position_10nm = position_10nm;
-        self.motor_steps = self.geometry.motor_steps(position_10nm);
+        self.position_10nm = position_10nm.map(within_reach);
+        self.motor_steps = self.geometry.motor_steps(self.position_10nm());
         self.previous = None;
         self.motor_steps
     }
+}
+
+/// The nearest coordinate within 5 m.
+fn within_reach(coordinate_10nm: i64) -> i32 {
+    coordinate_10nm.clamp(-MAX_COORDINATE_10NM, MAX_COORDINATE_10NM) as i32
 }
 
 /// How speeds change under a choice; `None` where its parameters are out of range.

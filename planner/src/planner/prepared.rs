@@ -4,9 +4,9 @@
 //! so), and there is no reverse pass (it brings its speed). Limits, corners and the processor's budget are worked out anew
 //! from where it goes, so a plan can only ask for less than they allow, and one that asks for more is found out.
 
-use super::{Move, MoveError, Moved, Planner};
+use super::{Move, MoveError, Moved, Next, Planner};
 use crate::block::{Block, PlannedBlock, Speed, SquaredSpeed};
-use crate::kinematics::MAX_COORDINATE_10NM;
+use crate::kinematics::narrow;
 use crate::look_ahead::{Entry, Left, Marker, Slot, Violation};
 use crate::motion_choice::AccelerationProfile;
 use crate::time_law::TimeLaw;
@@ -80,12 +80,12 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         }
         let request = &prepared.request;
         let Some(next) = self.next(request)? else { return Ok(Moved::Nothing) };
-        let planned = self.plan(request, next.steps, next.extruder_256ths);
+        let planned = self.plan(request, &next);
         let nominal = if prepared.feed_now_mm_per_s == request.feed_mm_per_s {
             planned.block.nominal
         } else {
             let now = Move { feed_mm_per_s: prepared.feed_now_mm_per_s, ..*request };
-            self.plan(&now, next.steps, next.extruder_256ths).block.nominal
+            self.nominal_of(&now, &next)
         };
         let continues = prepared.entry.is_none() && self.open.is_some() && !self.flushing;
         if continues {
@@ -108,8 +108,15 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
             let entry = prepared.entry.unwrap_or(Entry::Falling);
             self.open_prepared = Some(OpenPrepared { entry, nominal });
         }
-        self.follow(request, &next, &planned);
+        self.follow(&next, &planned);
         Ok(Moved::Queued)
+    }
+
+    /// The nominal speed of a move whose feed was changed.
+    #[cold]
+    #[inline(never)]
+    fn nominal_of(&self, request: &Move, next: &Next) -> Speed {
+        self.plan(request, next).block.nominal
     }
 
     /// Takes a block of a prepared job.
@@ -137,9 +144,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
             *position = position.checked_add(steps).ok_or(MoveError::TooFar)?;
         }
         let target_10nm = self.geometry.position_10nm(motor_steps.map(i64::from));
-        if target_10nm.iter().any(|coordinate| coordinate.unsigned_abs() > MAX_COORDINATE_10NM as u64) {
-            return Err(MoveError::TooFar);
-        }
+        let Some(target_10nm) = narrow(target_10nm) else { return Err(MoveError::TooFar) };
         if !self.keeps_limits(&prepared.block) {
             return Err(self.violated(Violation::BeyondLimits));
         }
@@ -161,10 +166,10 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
 
     /// Whether a position is where the motors stand; then it is the position from now on.
     pub fn refine_position(&mut self, position_10nm: [i64; 3]) -> bool {
-        let stands = position_10nm.iter().all(|coordinate| coordinate.unsigned_abs() <= MAX_COORDINATE_10NM as u64)
-            && self.geometry.motor_steps(position_10nm) == self.motor_steps;
+        let Some(near) = narrow(position_10nm) else { return false };
+        let stands = self.geometry.motor_steps(position_10nm) == self.motor_steps;
         if stands {
-            self.position_10nm = position_10nm;
+            self.position_10nm = near;
         }
         stands
     }
