@@ -79,12 +79,24 @@ impl SquaredSpeed {
     /// The largest squared speed that can be reached from this one over a block, or the largest from which this one can
     /// be reached: v^2 + 2 a S (Yu 2019).
     pub fn changed_over(self, block: &Block) -> Self {
-        Self(self.0.saturating_add(block.reach()))
+        self.changed_by(block.reach())
+    }
+
+    /// The same, where [`Block::reach`] is known.
+    #[inline(always)]
+    pub(crate) fn changed_by(self, reach: u64) -> Self {
+        Self(self.0.saturating_add(reach))
     }
 
     /// The smallest squared speed that can be reached from this one over a block.
     pub fn slowed_over(self, block: &Block) -> Self {
-        Self(self.0.saturating_sub(block.reach()))
+        self.slowed_by(block.reach())
+    }
+
+    /// The same, where [`Block::reach`] is known.
+    #[inline(always)]
+    pub(crate) fn slowed_by(self, reach: u64) -> Self {
+        Self(self.0.saturating_sub(reach))
     }
 
     /// The largest speed whose square is not above this.

@@ -17,7 +17,8 @@ pub use runs::Part;
 #[derive(Clone, Copy, Debug)]
 struct Waiting {
     block: Block,
-    /// Bound of the squared entry speed from the junction and both nominal speeds.
+    /// Bound of the squared entry speed from the junction and both nominal speeds; of a prepared block the square of its own
+    /// nominal speed.
     entry_bound: SquaredSpeed,
     /// Squared entry speed from the reverse pass, or the settled one.
     entry: SquaredSpeed,
@@ -270,7 +271,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
                 return left;
             }
             Law::Table(table) => Some(table),
-            Law::Prepared(prepared) => return self.pop_prepared(prepared, pace),
+            Law::Prepared(_) => return self.pop_prepared(pace),
         };
         let content = self.take_first()?;
         match content {

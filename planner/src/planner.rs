@@ -327,14 +327,15 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
     /// Where a move takes the motors; `None` if it displaces nothing.
     #[inline(always)]
     fn next(&self, request: &Move) -> Result<Option<Next>, MoveError> {
-        if !(request.feed_mm_per_s > 0.0 && request.feed_mm_per_s.is_finite()) {
+        // NaN is in no range. `is_finite` takes the number's bits apart.
+        if !(request.feed_mm_per_s > 0.0 && request.feed_mm_per_s <= f32::MAX) {
             return Err(MoveError::Feed);
         }
         let Some(target_10nm) = narrow(request.target_10nm) else { return Err(MoveError::TooFar) };
         if !Extruder::can_push(self.geometry.steps_per_mm[3], request.filament_100pm) {
             return Err(MoveError::TooMuchFilament);
         }
-        if target_10nm == self.position_10nm && request.filament_100pm == 0 {
+        if request.filament_100pm == 0 && target_10nm == self.position_10nm {
             return Ok(None);
         }
         let motor_steps = self.geometry.motor_steps_from(target_10nm, self.position_10nm, self.motor_steps);
@@ -361,6 +362,13 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         self.extruder_256ths = next.extruder_end;
         self.position_10nm = next.target_10nm;
         self.motor_steps = next.motor_steps;
+    }
+
+    /// The same, in one place for all that is rare.
+    #[cold]
+    #[inline(never)]
+    fn plan_apart(&self, request: &Move, next: &Next) -> Planned {
+        self.plan(request, next)
     }
 
     /// A move as a block of its own, its speed not yet within the budget.
@@ -423,11 +431,12 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
                 return false;
             }
             if let Some(prepared) = self.open_prepared {
-                self.close_prepared(&prepared);
+                self.close_prepared(prepared);
             } else {
                 let events = self.method.events(open.block.steps);
-                if let Some(slower) = self.budget.slower_nominal(&open.block, events, open.moves, open.extruder_256ths)
-                {
+                let nominal = open.block.nominal;
+                let cost = self.budget.cost(&open.block, events, open.moves, open.extruder_256ths);
+                if let Some(slower) = cost.slower_nominal(nominal) {
                     open.block.nominal = slower;
                     self.slowed_moves += u64::from(open.moves);
                 }

@@ -80,43 +80,49 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         }
         let request = &prepared.request;
         let Some(next) = self.next(request)? else { return Ok(Moved::Nothing) };
-        let planned = self.plan(request, &next);
-        let nominal = if prepared.feed_now_mm_per_s == request.feed_mm_per_s {
-            planned.block.nominal
-        } else {
-            let now = Move { feed_mm_per_s: prepared.feed_now_mm_per_s, ..*request };
-            self.nominal_of(&now, &next)
-        };
-        let continues = prepared.entry.is_none() && self.open.is_some() && !self.flushing;
-        if continues {
-            if !self.open.absorb(&planned) {
-                return Err(self.violated(Violation::NotContinued));
-            }
-            self.merged_moves += 1;
-            if let Some(open) = &mut self.open_prepared {
-                open.nominal = open.nominal.min(nominal);
-            }
-        } else {
-            if !self.close() {
-                return Err(MoveError::NoRoom);
-            }
-            if let Some(violation) = self.violation {
-                return Err(MoveError::Violation(violation));
-            }
-            self.open.begin(&planned, self.extruder_256ths);
-            // Where the machine was stopped inside a block, the rest of it is a block that falls on.
-            let entry = prepared.entry.unwrap_or(Entry::Falling);
-            self.open_prepared = Some(OpenPrepared { entry, nominal });
+        if prepared.entry.is_none() && self.open.is_some() && !self.flushing {
+            return self.join_prepared(prepared, &next);
         }
+        if !self.close() {
+            return Err(MoveError::NoRoom);
+        }
+        if let Some(violation) = self.violation {
+            return Err(MoveError::Violation(violation));
+        }
+        let planned = self.plan(request, &next);
+        let nominal = self.nominal_now(prepared, &next, planned.block.nominal);
+        self.open.begin(&planned, self.extruder_256ths);
+        // Where the machine was stopped inside a block, the rest of it is a block that falls on.
+        let entry = prepared.entry.unwrap_or(Entry::Falling);
+        self.open_prepared = Some(OpenPrepared { entry, nominal });
         self.follow(&next, &planned);
         Ok(Moved::Queued)
     }
 
-    /// The nominal speed of a move whose feed was changed.
-    #[cold]
+    /// Takes a move that continues the block before.
     #[inline(never)]
-    fn nominal_of(&self, request: &Move, next: &Next) -> Speed {
-        self.plan(request, next).block.nominal
+    fn join_prepared(&mut self, prepared: &PreparedMove, next: &Next) -> Result<Moved, MoveError> {
+        let planned = self.plan_apart(&prepared.request, next);
+        let nominal = self.nominal_now(prepared, next, planned.block.nominal);
+        if !self.open.absorb(&planned) {
+            return Err(self.violated(Violation::NotContinued));
+        }
+        self.merged_moves += 1;
+        if let Some(open) = &mut self.open_prepared {
+            open.nominal = open.nominal.min(nominal);
+        }
+        self.follow(next, &planned);
+        Ok(Moved::Queued)
+    }
+
+    /// The nominal speed of a move at its feed of now.
+    #[inline(always)]
+    fn nominal_now(&self, prepared: &PreparedMove, next: &Next, planned: Speed) -> Speed {
+        if prepared.feed_now_mm_per_s == prepared.request.feed_mm_per_s {
+            return planned;
+        }
+        let now = Move { feed_mm_per_s: prepared.feed_now_mm_per_s, ..prepared.request };
+        self.plan_apart(&now, next).block.nominal
     }
 
     /// Takes a block of a prepared job.
@@ -150,7 +156,13 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         }
         let junction = self.corner_of_steps(&prepared.block).min(prepared.max_entry.into());
         let entry = Entry::Given(prepared.entry.into());
-        match self.look_ahead.push_prepared(&prepared.block, prepared.block.nominal, junction, entry) {
+        match self.look_ahead.push_prepared(
+            &prepared.block,
+            prepared.block.nominal,
+            prepared.block.nominal,
+            junction,
+            entry,
+        ) {
             Ok(true) => {}
             Ok(false) => return Err(MoveError::NoRoom),
             Err(violation) => return Err(self.violated(violation)),
@@ -184,21 +196,21 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
     /// The open block, a prepared one, enters the ring, which has room. One that breaks the plan's rules is dropped, and
     /// those before it end in standstill.
     #[inline(never)]
-    pub(super) fn close_prepared(&mut self, prepared: &OpenPrepared) {
+    pub(super) fn close_prepared(&mut self, prepared: OpenPrepared) {
         let open = &mut self.open;
         let events = self.method.events(open.block.steps);
-        let slower = |block: &_| self.budget.slower_nominal(block, events, open.moves, open.extruder_256ths);
-        let mut block = open.block;
-        if let Some(nominal) = slower(&block) {
-            block.nominal = nominal;
+        let cost = self.budget.cost(&open.block, events, open.moves, open.extruder_256ths);
+        let mut planned_nominal = open.block.nominal;
+        let mut nominal = prepared.nominal;
+        let is_as_planned = nominal == planned_nominal;
+        if let Some(slower) = cost.slower_nominal(planned_nominal) {
+            planned_nominal = slower;
             self.slowed_moves += u64::from(open.moves);
         }
-        let planned_nominal = block.nominal;
-        if prepared.nominal != open.block.nominal {
-            block.nominal = prepared.nominal;
-            block.nominal = slower(&block).unwrap_or(block.nominal);
-        }
-        if let Err(violation) = self.look_ahead.push_prepared(&block, planned_nominal, open.junction, prepared.entry) {
+        nominal = if is_as_planned { planned_nominal } else { cost.slower_nominal(nominal).unwrap_or(nominal) };
+        let pushed =
+            self.look_ahead.push_prepared(&open.block, nominal, planned_nominal, open.junction, prepared.entry);
+        if let Err(violation) = pushed {
             self.violation = Some(violation);
             self.flushing = true;
         }
