@@ -58,7 +58,7 @@ pub use read::{Decoder, FrameState};
 #[cfg(feature = "write")]
 pub use write::FrameWriter;
 
-use crate::CRC;
+use crate::checksum;
 use crate::error::{Fault, ReadError};
 
 /// The bytes with which a frame begins: no text, and no likely number.
@@ -175,7 +175,7 @@ impl<'a> Frame<'a> {
         if rest.len() > CRC_BYTES {
             return Err(fail(Fault::Trailing));
         }
-        let (file, computed) = (u32::from_le_bytes(*sum), CRC.checksum(before));
+        let (file, computed) = (u32::from_le_bytes(*sum), checksum(before));
         if file != computed {
             return Err(fail(Fault::Checksum { file, computed }));
         }

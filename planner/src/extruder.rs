@@ -132,7 +132,12 @@ impl Extruder {
 /// The motor step of a position in 1/256 steps: nearest, halves away from zero.
 #[inline(always)]
 pub const fn rounded_steps(position_256ths: i64) -> i64 {
-    if position_256ths < 0 { -((128 - position_256ths) >> 8) } else { (position_256ths + 128) >> 8 }
+    // A position has 55 bits at most: nothing wraps.
+    if position_256ths < 0 {
+        (128_i64.wrapping_sub(position_256ths) >> 8).wrapping_neg()
+    } else {
+        position_256ths.wrapping_add(128) >> 8
+    }
 }
 
 #[cfg(test)]

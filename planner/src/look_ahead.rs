@@ -222,9 +222,14 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
 
     #[inline(always)]
     fn place_block(&mut self, waiting: Waiting) {
-        *self.at(self.length) = Content::Block(waiting);
-        self.length += 1;
-        self.blocks += 1;
+        let slots = self.slots.as_mut();
+        let (index, capacity) = (self.first.wrapping_add(self.length), slots.len());
+        // A ring that is full takes none.
+        if let Some(slot) = slots.get_mut(if index >= capacity { index.wrapping_sub(capacity) } else { index }) {
+            slot.0 = Content::Block(waiting);
+            self.length = self.length.wrapping_add(1);
+            self.blocks = self.blocks.wrapping_add(1);
+        }
     }
 
     /// Adds a marker; `false` without room.

@@ -44,8 +44,11 @@ impl Path {
 }
 
 /// The scalar product of two vectors of at most 10^9 a component, exact.
+#[inline(always)]
 fn dot(a: [i32; 3], b: [i32; 3]) -> i64 {
-    a.iter().zip(b).map(|(a, b)| i64::from(*a) * i64::from(b)).sum()
+    let ([ax, ay, az], [bx, by, bz]) = (a, b);
+    let product = |a: i32, b: i32| i64::from(a) * i64::from(b);
+    product(ax, bx).wrapping_add(product(ay, by)).wrapping_add(product(az, bz))
 }
 
 /// Squared sine and cosine of half the angle by which a way turns from one to the next, to single precision also

@@ -128,7 +128,9 @@ pub struct Planner<S> {
     extruder: Extruder,
     /// Extruder position at the end of the last block.
     extruder_256ths: i64,
-    previous: Option<Previous>,
+    previous: Previous,
+    /// Whether there is one, and it has a path.
+    has_previous: bool,
     /// The block before, where blocks come without their ways.
     previous_steps: Option<Block>,
     /// The newest block, which the next move may continue. It enters the ring when that is known, never sooner than the
@@ -173,7 +175,8 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
             motor_steps: [0; 3],
             extruder: Extruder::new(geometry.steps_per_mm[3]),
             extruder_256ths: 0,
-            previous: None,
+            previous: Previous { path: Path::between([0; 3], [0; 3]), acceleration_mm_per_s2: 0.0 },
+            has_previous: false,
             previous_steps: None,
             open: Open::NONE,
             open_prepared: None,
@@ -357,7 +360,8 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
     #[inline(always)]
     fn follow(&mut self, next: &Next, planned: &Planned) {
         let acceleration_mm_per_s2 = planned.acceleration_mm_per_s2;
-        self.previous = planned.path.map(|path| Previous { path, acceleration_mm_per_s2 });
+        self.previous = Previous { path: planned.path, acceleration_mm_per_s2 };
+        self.has_previous = !planned.is_filament_alone;
         self.extruder.set(next.extruder);
         self.extruder_256ths = next.extruder_end;
         self.position_10nm = next.target_10nm;
@@ -410,14 +414,19 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
             feed = length * TICKS_PER_10NM_AT_1_MM_PER_S / shortest_ticks;
         }
         block.nominal = Speed::from_mm_per_s_f32(feed).max(Speed(1));
-        let path = (!moves_filament_alone).then_some(path);
-        let junction = self.junction(path.as_ref(), acceleration);
-        Planned { block, junction, path, acceleration_mm_per_s2: acceleration }
+        let is_filament_alone = moves_filament_alone;
+        let junction = if is_filament_alone || !self.has_previous {
+            SquaredSpeed::ZERO
+        } else {
+            self.junction(&path, acceleration)
+        };
+        Planned { block, junction, path, is_filament_alone, acceleration_mm_per_s2: acceleration }
     }
 
-    /// Bound of the squared speed in the corner before a path: v^2 = a R (Yu 2019); a stop next to a move without one.
-    fn junction(&self, path: Option<&Path>, acceleration_mm_per_s2: f32) -> SquaredSpeed {
-        let (Some(path), Some(before)) = (path, &self.previous) else { return SquaredSpeed::ZERO };
+    /// Bound of the squared speed in the corner before a path: v^2 = a R (Yu 2019); a stop is next to a move without one.
+    #[inline(never)]
+    fn junction(&self, path: &Path, acceleration_mm_per_s2: f32) -> SquaredSpeed {
+        let before = &self.previous;
         let radius = radius_10nm(&before.path, path, self.path_limits.junction_deviation_10nm);
         let acceleration = smaller(acceleration_mm_per_s2, before.acceleration_mm_per_s2);
         SquaredSpeed::from_mm2_per_s2(radius / UNITS_PER_MM as f32 * acceleration)
@@ -460,7 +469,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
     pub fn flush(&mut self) {
         self.flushing = true;
         self.close();
-        self.previous = None;
+        self.has_previous = false;
         self.previous_steps = None;
     }
 
@@ -570,7 +579,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         let dropped_100pm = self.extruder.stand_at(motor_steps[3]);
         self.extruder_256ths = self.extruder.position_256ths();
         self.interpolator.abandon(tick, self.extruder_256ths);
-        self.previous = None;
+        self.has_previous = false;
         let [x, y, z, _] = motor_steps;
         self.motor_steps = [x, y, z].map(|steps| steps as i32);
         self.position_10nm = self.geometry.position_10nm([x, y, z]).map(within_reach);
@@ -581,7 +590,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
     pub fn set_position(&mut self, position_10nm: [i64; 3]) -> [i32; 3] {
         self.position_10nm = position_10nm.map(within_reach);
         self.motor_steps = self.geometry.motor_steps(self.position_10nm());
-        self.previous = None;
+        self.has_previous = false;
         self.motor_steps
     }
 }

@@ -98,7 +98,8 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         self.motion.add_prepared(PreparedMove { request, feed_now_mm_per_s, entry }).await?;
         let [x, y, z] = item.target_10nm;
         if item.counts {
-            self.modal.machine_10nm = [x, y, z - self.modal.lift_10nm];
+            // Heights and lifts within 5 m, sums of filament within 63 bits.
+            self.modal.machine_10nm = [x, y, z.wrapping_sub(self.modal.lift_10nm)];
         } else {
             // A firmware retraction: where Z is lifted to is no place of the G-code's.
             self.modal.lift_10nm = z - self.modal.machine_10nm[2];
@@ -108,17 +109,17 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         }
         if item.counts {
             // An arc's share of a whole number need not be whole.
-            let pushed_100pm = self.modal.extruder_rest_100pm + filament_100pm;
+            let pushed_100pm = self.modal.extruder_rest_100pm.wrapping_add(filament_100pm);
             // Nearly always a percent of 100, and little enough to be divided by the processor.
             let (whole, rest) = match i32::try_from(pushed_100pm) {
                 Ok(pushed) => (i64::from(pushed / i32::from(flow.max(1))), i64::from(pushed % i32::from(flow.max(1)))),
                 Err(_) => (pushed_100pm / i64::from(flow.max(1)), pushed_100pm % i64::from(flow.max(1))),
             };
-            self.modal.extruder_10nm += whole;
+            self.modal.extruder_10nm = self.modal.extruder_10nm.wrapping_add(whole);
             self.modal.extruder_rest_100pm = rest;
         }
-        self.tally.moves += u64::from(item.ends_move);
-        self.tally.filament_100pm += filament_100pm;
+        self.tally.moves = self.tally.moves.wrapping_add(u64::from(item.ends_move));
+        self.tally.filament_100pm = self.tally.filament_100pm.wrapping_add(filament_100pm);
         Ok(())
     }
 

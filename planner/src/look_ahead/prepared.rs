@@ -158,8 +158,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
     /// As [`Self::pop`]; what is behind the block must be able to stop the machine.
     #[inline(never)]
     pub(super) fn pop_prepared(&mut self, pace: Pace) -> Option<Left> {
-        let slots = self.slots.as_mut();
-        let capacity = slots.len();
+        let slots = self.slots.as_ref();
         let waiting = match &slots.get(self.first)?.0 {
             Content::Empty => {
                 self.pass_first();
@@ -187,30 +186,27 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
         };
         let reachable = squared.changed_by(reach).min(capped_squared.max(squared.slowed_by(reach)));
         let reachable = reachable.min(SquaredSpeed::from_units(behind));
-        let mut block = waiting.block;
         self.left_nominal = nominal;
-        self.blocks -= 1;
+        self.blocks = self.blocks.saturating_sub(1);
         let next = self.first + 1;
-        self.first = if next == capacity { 0 } else { next };
-        self.length -= 1;
+        self.first = if next == slots.len() { 0 } else { next };
+        self.length = self.length.saturating_sub(1);
         self.released = self.released.saturating_sub(1);
-        let exit = match slots.get(self.first) {
-            Some(Slot(Content::Block(next))) if self.length > 0 => next.entry.min(reachable).root(),
-            _ => self.next_planned(reachable),
+        let next_entry = match slots.get(self.first) {
+            Some(Slot(Content::Block(next))) if self.length > 0 => Some(next.entry),
+            _ => next_entry(slots, self.first, self.length),
+        };
+        let exit = match next_entry {
+            Some(next) => next.min(reachable).root(),
+            None => {
+                self.stopped = true;
+                Speed::ZERO
+            }
         };
         self.left_with = exit.into();
-        if let Law::Prepared(prepared) = &mut self.law {
-            prepared.left = exit;
-        }
-        block.nominal = capped.max(entry).max(exit);
-        Some(Left::Block(PlannedBlock { block, entry, exit }))
-    }
-
-    /// The speed at which the oldest block begins, which is behind markers, or none.
-    #[cold]
-    #[inline(never)]
-    fn next_planned(&mut self, reachable: SquaredSpeed) -> Speed {
-        self.settle_next(reachable)
+        prepared.left = exit;
+        let nominal = capped.max(entry).max(exit);
+        Some(Left::Block(PlannedBlock { block: Block { nominal, ..waiting.block }, entry, exit }))
     }
 
     /// Squared entry speed of the last block that left as the reverse pass had it, and its bound by the corner and both
@@ -218,4 +214,15 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
     pub fn left_entry(&self) -> (SquaredSpeed, SquaredSpeed) {
         (self.left_entry, self.left_bound)
     }
+}
+
+/// The planned entry of the oldest block of so many places, which is behind markers, or none.
+#[cold]
+#[inline(never)]
+fn next_entry(slots: &[Slot], first: usize, length: usize) -> Option<SquaredSpeed> {
+    let (behind, before) = slots.split_at_checked(first)?;
+    before.iter().chain(behind).take(length).find_map(|slot| match &slot.0 {
+        Content::Block(waiting) => Some(waiting.entry),
+        Content::Empty | Content::Marker(_) => None,
+    })
 }

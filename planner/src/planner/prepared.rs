@@ -83,10 +83,20 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         if prepared.entry.is_none() && self.open.is_some() && !self.flushing {
             return self.join_prepared(prepared, &next);
         }
-        if !self.close() {
+        if let Some(open) = self.open_prepared
+            && self.open.is_some()
+            && !self.flushing
+        {
+            if !self.look_ahead.has_room() {
+                return Err(MoveError::NoRoom);
+            }
+            self.close_prepared(open);
+        } else if !self.close() {
             return Err(MoveError::NoRoom);
         }
         if let Some(violation) = self.violation {
+            // Motion ends before it.
+            self.close();
             return Err(MoveError::Violation(violation));
         }
         let planned = self.plan(request, &next);
@@ -167,7 +177,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
             Ok(false) => return Err(MoveError::NoRoom),
             Err(violation) => return Err(self.violated(violation)),
         }
-        self.previous = None;
+        self.has_previous = false;
         self.previous_steps = Some(prepared.block);
         self.extruder.advance_256ths(prepared.block.extruder_256ths);
         self.extruder_256ths = self.extruder.position_256ths();
