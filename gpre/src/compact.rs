@@ -130,7 +130,7 @@ impl Shape {
 }
 
 /// Filament that lambda predicts for a way, all in steps of their units.
-#[inline]
+#[inline(always)]
 fn prediction(way: [i32; 3], lambda: f32) -> i32 {
     let [x, y, z] = way.map(|steps| steps as f32);
     (ferrostep_square_root::square_root(x * x + y * y + z * z) * lambda) as i32

@@ -34,7 +34,10 @@ impl Place {
     /// Position in 1/256 steps, cut towards zero.
     #[inline(always)]
     pub fn position_256ths(self) -> i64 {
-        self.whole_256ths + i64::from(self.whole_256ths < 0 && self.remainder != 0)
+        if self.whole_256ths >= 0 {
+            return self.whole_256ths;
+        }
+        self.whole_256ths.wrapping_add(i64::from(self.remainder != 0))
     }
 }
 

@@ -315,7 +315,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
             return Err(MoveError::NoRoom);
         }
         let Some(next) = self.next(request)? else { return Ok(Moved::Nothing) };
-        let planned = self.plan(request, &next);
+        let planned = self.plan_apart(request, &next);
         if !self.flushing && self.method.is_default() && self.open.absorb(&planned) {
             self.merged_moves += 1;
         } else if self.close() {
@@ -342,7 +342,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
             return Ok(None);
         }
         let motor_steps = self.geometry.motor_steps_from(target_10nm, self.position_10nm, self.motor_steps);
-        // Of motors that stand within 2^30 steps, which is checked wherever they are set.
+        // A target is within 10^8 steps, and so is where the motors stand: nothing wraps.
         let [[x, y, z], [from_x, from_y, from_z]] = [motor_steps, self.motor_steps];
         let steps = [x.wrapping_sub(from_x), y.wrapping_sub(from_y), z.wrapping_sub(from_z)];
         if steps.iter().any(|steps| steps.unsigned_abs() > MAX_STEPS) {
@@ -368,8 +368,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         self.motor_steps = next.motor_steps;
     }
 
-    /// The same, in one place for all that is rare.
-    #[cold]
+    /// [`Self::plan`] in one place, but for prepared moves.
     #[inline(never)]
     fn plan_apart(&self, request: &Move, next: &Next) -> Planned {
         self.plan(request, next)
@@ -381,8 +380,13 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         let Next { target_10nm, steps, extruder_256ths, .. } = *next;
         let least = MIN_FEED_MM_PER_S as f32;
         let feed = if request.feed_mm_per_s < least { least } else { request.feed_mm_per_s };
-        let filament_100pm = request.filament_100pm.abs();
-        let filament = single::of_i64(filament_100pm) / FILAMENT_UNITS_PER_10NM as f32;
+        let filament_100pm = request.filament_100pm.wrapping_abs();
+        // Of up to 43 cm the processor makes a float.
+        let filament = match u32::try_from(filament_100pm) {
+            Ok(filament) => filament as f32,
+            Err(_) => single::of_i64(filament_100pm),
+        };
+        let filament = filament / FILAMENT_UNITS_PER_10NM as f32;
         let path = Path::between(self.position_10nm, target_10nm);
         let path_10nm = path.length_10nm();
 
@@ -439,8 +443,8 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
             if !self.look_ahead.has_room() {
                 return false;
             }
-            if let Some(prepared) = self.open_prepared {
-                self.close_prepared(prepared);
+            if self.open_prepared.is_some() {
+                self.close_prepared();
             } else {
                 let events = self.method.events(open.block.steps);
                 let nominal = open.block.nominal;

@@ -8,6 +8,7 @@ use super::{Move, MoveError, Moved, Next, Planner};
 use crate::block::{Block, PlannedBlock, Speed, SquaredSpeed};
 use crate::kinematics::narrow;
 use crate::look_ahead::{Entry, Left, Marker, Slot, Violation};
+use crate::merge::Planned;
 use crate::motion_choice::AccelerationProfile;
 use crate::time_law::TimeLaw;
 
@@ -78,19 +79,16 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         if !self.look_ahead.is_prepared() && !self.begin_prepared() {
             return Err(MoveError::NoRoom);
         }
+        if prepared.entry.is_none() && self.open.is_some() && !self.flushing {
+            return self.join_prepared(prepared);
+        }
         let request = &prepared.request;
         let Some(next) = self.next(request)? else { return Ok(Moved::Nothing) };
-        if prepared.entry.is_none() && self.open.is_some() && !self.flushing {
-            return self.join_prepared(prepared, &next);
-        }
-        if let Some(open) = self.open_prepared
-            && self.open.is_some()
-            && !self.flushing
-        {
+        if self.open_prepared.is_some() && !self.flushing {
             if !self.look_ahead.has_room() {
                 return Err(MoveError::NoRoom);
             }
-            self.close_prepared(open);
+            self.close_prepared();
         } else if !self.close() {
             return Err(MoveError::NoRoom);
         }
@@ -100,7 +98,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
             return Err(MoveError::Violation(violation));
         }
         let planned = self.plan(request, &next);
-        let nominal = self.nominal_now(prepared, &next, planned.block.nominal);
+        let nominal = self.nominal_now(prepared, planned.block.nominal);
         self.open.begin(&planned, self.extruder_256ths);
         // Where the machine was stopped inside a block, the rest of it is a block that falls on.
         let entry = prepared.entry.unwrap_or(Entry::Falling);
@@ -109,11 +107,18 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         Ok(Moved::Queued)
     }
 
+    /// Where a move takes the motors, and its block.
+    #[inline(never)]
+    fn planned(&self, request: &Move) -> Result<Option<(Next, Planned)>, MoveError> {
+        let next = self.next(request)?;
+        Ok(next.map(|next| (next, self.plan_apart(request, &next))))
+    }
+
     /// Takes a move that continues the block before.
     #[inline(never)]
-    fn join_prepared(&mut self, prepared: &PreparedMove, next: &Next) -> Result<Moved, MoveError> {
-        let planned = self.plan_apart(&prepared.request, next);
-        let nominal = self.nominal_now(prepared, next, planned.block.nominal);
+    fn join_prepared(&mut self, prepared: &PreparedMove) -> Result<Moved, MoveError> {
+        let Some((next, planned)) = self.planned(&prepared.request)? else { return Ok(Moved::Nothing) };
+        let nominal = self.nominal_now(prepared, planned.block.nominal);
         if !self.open.absorb(&planned) {
             return Err(self.violated(Violation::NotContinued));
         }
@@ -121,18 +126,25 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         if let Some(open) = &mut self.open_prepared {
             open.nominal = open.nominal.min(nominal);
         }
-        self.follow(next, &planned);
+        self.follow(&next, &planned);
         Ok(Moved::Queued)
     }
 
     /// The nominal speed of a move at its feed of now.
     #[inline(always)]
-    fn nominal_now(&self, prepared: &PreparedMove, next: &Next, planned: Speed) -> Speed {
+    fn nominal_now(&self, prepared: &PreparedMove, planned: Speed) -> Speed {
         if prepared.feed_now_mm_per_s == prepared.request.feed_mm_per_s {
             return planned;
         }
+        self.nominal_at_other_feed(prepared).unwrap_or(planned)
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn nominal_at_other_feed(&self, prepared: &PreparedMove) -> Option<Speed> {
         let now = Move { feed_mm_per_s: prepared.feed_now_mm_per_s, ..prepared.request };
-        self.plan_apart(&now, next).block.nominal
+        // Of a feed that is none there is nothing to be had.
+        self.planned(&now).ok()?.map(|(_, planned)| planned.block.nominal)
     }
 
     /// Takes a block of a prepared job.
@@ -206,7 +218,8 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
     /// The open block, a prepared one, enters the ring, which has room. One that breaks the plan's rules is dropped, and
     /// those before it end in standstill.
     #[inline(never)]
-    pub(super) fn close_prepared(&mut self, prepared: OpenPrepared) {
+    pub(super) fn close_prepared(&mut self) {
+        let Some(prepared) = &self.open_prepared else { return };
         let open = &mut self.open;
         let events = self.method.events(open.block.steps);
         let cost = self.budget.cost(&open.block, events, open.moves, open.extruder_256ths);
