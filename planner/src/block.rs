@@ -33,6 +33,11 @@ impl Speed {
         (length_10nm as f32 * PER_10NM / self.0 as f32) as u64
     }
 
+    /// The nearest single-precision number of mm/s: the unit is a power of two.
+    pub(crate) fn mm_per_s_f32(self) -> f32 {
+        self.0 as f32 / 65_536.0
+    }
+
     /// Its square, mm^2/s^2.
     pub fn squared(self) -> f64 {
         self.mm_per_s() * self.mm_per_s()
@@ -162,6 +167,11 @@ impl Acceleration {
     /// The acceleration, mm/s^2.
     pub fn mm_per_s2(self) -> f64 {
         f64::from(self.0) / 256.0
+    }
+
+    /// The nearest single-precision number of mm/s^2: the unit is a power of two.
+    pub(crate) fn mm_per_s2_f32(self) -> f32 {
+        self.0 as f32 / 256.0
     }
 
     /// As [`Self::from_mm_per_s2`], of a single-precision acceleration.

@@ -117,6 +117,8 @@ pub struct Planner<S> {
     geometry: Geometry,
     limits: Limits,
     path_limits: PathLimits,
+    /// Lengths of a step of each motor, mm.
+    step_mm: [f32; 4],
     choice: MotionChoice,
     method: Method,
     budget: Budget,
@@ -167,6 +169,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
             geometry,
             limits,
             path_limits: PathLimits::new(&limits),
+            step_mm: step_limits::step_mm(&geometry),
             choice: MotionChoice::DEFAULT,
             method: Method::new(&MotionChoice::DEFAULT, geometry.kinematics),
             budget: Budget::new(&geometry),

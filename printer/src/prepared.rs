@@ -143,12 +143,12 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         let [x, y, z] = self.motion.position_10nm();
         self.modal.machine_10nm = [x, y, z - self.modal.lift_10nm];
         self.tally.moves += u64::from(moves);
-        // 1/256 steps at 1e-5 steps/mm, in a product of 32 and 39 bits.
-        const PER_256TH: i128 = FILAMENT_UNITS_PER_MM as i128 * 100_000 / 256;
-        let steps_per_mm = i128::from(self.profile.steps_per_mm[3].hundred_thousandths().max(1));
-        let filament = i128::from(block.block.extruder_256ths) * PER_256TH;
+        // 1/256 steps at 1e-5 steps/mm: 3,906,250,000, times 2^31 less than 2^63 by a tenth of it.
+        const PER_256TH: i64 = FILAMENT_UNITS_PER_MM * 100_000 / 256;
+        let steps_per_mm = self.profile.steps_per_mm[3].hundred_thousandths().max(1);
+        let filament = i64::from(block.block.extruder_256ths) * PER_256TH;
         let half = if filament < 0 { -steps_per_mm / 2 } else { steps_per_mm / 2 };
-        self.tally.filament_100pm += ((filament + half) / steps_per_mm) as i64;
+        self.tally.filament_100pm += (filament + half) / steps_per_mm;
         Ok(())
     }
 
@@ -160,9 +160,8 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
             geometry.position_10nm(steps)
         };
         // Where the motors stand is up to a step beside where they should.
-        const STEP_10NM: i64 = 100_000;
         for (axis, end) in end.into_iter().enumerate() {
-            let step = STEP_10NM * 100_000 / self.profile.steps_per_mm[axis].hundred_thousandths().max(1);
+            let step = self.profile.steps_per_mm[axis].step_10nm();
             let inside = -step..=self.profile.size_10nm[axis] + step;
             if self.modal.soft_limits && self.modal.homed[axis] && !inside.contains(&end) {
                 return Err(CommandError::Outside { axis });

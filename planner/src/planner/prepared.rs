@@ -270,14 +270,17 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         empty
     }
 
-    /// For those who count what planning costs: takes the next block that may leave, with its speeds, and nothing more.
-    pub fn take_planned(&mut self) -> Option<PlannedBlock> {
+    /// For those who count what planning costs: takes the next block that may leave, shows it with its speeds, and does
+    /// nothing more. Whether there was one.
+    pub fn take_planned(&mut self, see: impl FnOnce(&PlannedBlock)) -> bool {
         loop {
-            match self.pop()? {
-                Left::Block(planned) => return Some(planned),
-                Left::Part(part) => return Some(self.along(&part).0),
-                Left::Marker(_) => {}
+            match &self.pop() {
+                Some(Left::Block(planned)) => see(planned),
+                Some(Left::Part(part)) => see(&self.along(part).0),
+                Some(Left::Marker(_)) => continue,
+                None => return false,
             }
+            return true;
         }
     }
 
