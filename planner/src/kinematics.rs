@@ -17,7 +17,9 @@ const UNIT: u64 = UNITS_PER_MM as u64 * 100_000;
 pub(crate) fn narrow(position_10nm: [i64; 3]) -> Option<[i32; 3]> {
     let near = position_10nm.map(|coordinate| coordinate as i32);
     let [x, y, z] = near;
-    let within = |wide: i64, near: i32| i64::from(near) == wide && near.unsigned_abs() <= MAX_COORDINATE_10NM as u32;
+    // From -most to most, moved to begin at zero.
+    const MOST: u32 = MAX_COORDINATE_10NM as u32;
+    let within = |wide: i64, near: i32| i64::from(near) == wide && near.cast_unsigned().wrapping_add(MOST) <= 2 * MOST;
     let [wide_x, wide_y, wide_z] = position_10nm;
     (within(wide_x, x) && within(wide_y, y) && within(wide_z, z)).then_some(near)
 }

@@ -36,6 +36,12 @@ impl Method {
         [x.unsigned_abs(), y.unsigned_abs()]
     }
 
+    /// Steps of the motor that has most.
+    #[inline(always)]
+    fn most([x, y, z]: [i32; 3]) -> u32 {
+        x.unsigned_abs().max(y.unsigned_abs()).max(z.unsigned_abs())
+    }
+
     /// Whether the block's plane is interpolated at two rates.
     pub fn has_two_rates(&self, steps: [i32; 3]) -> bool {
         let [first, second] = Self::plane(steps);
@@ -45,11 +51,7 @@ impl Method {
     /// Number of equal parts of a block's path of which each has one event of X, Y and Z's motors at most.
     #[inline(always)]
     pub fn densest(&self, steps: [i32; 3]) -> u32 {
-        if self.is_default() {
-            let ([x, y], [.., z]) = (Self::plane(steps), steps);
-            return x.max(y).max(z.unsigned_abs());
-        }
-        self.densest_otherwise(steps)
+        if self.is_default() { Self::most(steps) } else { self.densest_otherwise(steps) }
     }
 
     #[inline(never)]
@@ -89,10 +91,14 @@ impl Method {
         plane.saturating_add(z.unsigned_abs())
     }
 
-    /// Shortest time in which the block's X and Y may be made: dual-rate runs no motor faster than T_min. Ticks.
+    /// [`Self::densest`], and the shortest time in which the block's X and Y may be made: dual-rate runs no motor faster than
+    /// T_min. Ticks.
     #[inline(always)]
-    pub fn least_ticks(&self, steps: [i32; 3]) -> f32 {
-        if self.is_default() { 0.0 } else { self.least_ticks_otherwise(steps) }
+    pub fn densest_and_least_ticks(&self, steps: [i32; 3]) -> (u32, f32) {
+        if self.is_default() {
+            return (Self::most(steps), 0.0);
+        }
+        (self.densest_otherwise(steps), self.least_ticks_otherwise(steps))
     }
 
     #[inline(never)]

@@ -414,9 +414,10 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
             inner_ends: InnerEnds::NONE,
         };
         // No motor steps faster than events may follow each other: v / S * steps <= 1 / interval.
-        let most = larger(self.method.densest(steps) as f32, extruder_256ths.unsigned_abs() as f32 / 256.0);
+        let (densest, least_ticks) = self.method.densest_and_least_ticks(steps);
+        let most = larger(densest as f32, extruder_256ths.unsigned_abs() as f32 / 256.0);
         let shortest_ticks = most * self.geometry.minimum_event_interval_ticks as f32;
-        let shortest_ticks = larger(shortest_ticks, self.method.least_ticks(steps));
+        let shortest_ticks = larger(shortest_ticks, least_ticks);
         if feed * shortest_ticks > length * TICKS_PER_10NM_AT_1_MM_PER_S {
             feed = length * TICKS_PER_10NM_AT_1_MM_PER_S / shortest_ticks;
         }
