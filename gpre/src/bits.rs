@@ -38,7 +38,7 @@ impl<'a> BitReader<'a> {
     }
 
     /// The next bits, from the most significant on, [`WINDOW_BITS`] of them at least; zeros behind the end.
-    #[inline]
+    #[inline(always)]
     fn window(&self) -> u32 {
         let first = self.position / 8;
         let word = match self.bytes.get(first..first + 4) {
@@ -61,10 +61,11 @@ impl<'a> BitReader<'a> {
     }
 
     /// Passes some bits, at most 64.
-    #[inline]
+    #[inline(always)]
     pub fn pass(&mut self, count: u32) -> Result<(), Fault> {
-        let position = self.position + count as usize;
-        if position > 8 * self.bytes.len() {
+        // A frame has 2048 bytes at most, and slices are far from 2^29.
+        let position = self.position.wrapping_add(count as usize);
+        if position > self.bytes.len().wrapping_mul(8) {
             return Err(OVER);
         }
         self.position = position;
@@ -103,17 +104,24 @@ impl<'a> BitReader<'a> {
 
     /// A number in an exponential Golomb code of order `k`: n zeros, then n + 1 + k bits that begin with a one, the number
     /// plus 2^k.
-    #[inline]
+    #[inline(never)]
     pub fn golomb(&mut self, k: u32) -> Result<u32, Fault> {
+        self.golomb_at_once(k)
+    }
+
+    /// The same, where it is a part of every move.
+    #[inline(always)]
+    fn golomb_at_once(&mut self, k: u32) -> Result<u32, Fault> {
         let k = k & 31;
         let window = self.window();
         let zeros = window.leading_zeros();
         // 32 zeros and an order of 31 are 96 bits.
-        let length = 2 * zeros + 1 + k;
+        let length = (2 * zeros + 1).wrapping_add(k);
         if length <= WINDOW_BITS {
             self.pass(length)?;
             // At least the one is there, so this is less than 32 places.
-            return Ok(((window << zeros) >> (31 - zeros - k)).wrapping_sub(1 << k));
+            let shift = 31_u32.wrapping_sub(zeros).wrapping_sub(k);
+            return Ok(window.wrapping_shl(zeros).wrapping_shr(shift).wrapping_sub(1 << k));
         }
         self.golomb_of_many(k)
     }
@@ -139,9 +147,9 @@ impl<'a> BitReader<'a> {
     }
 
     /// A number with a sign: 0, -1, 1, -2 ... as 0, 1, 2, 3 ...
-    #[inline]
+    #[inline(always)]
     pub fn signed(&mut self, k: u32) -> Result<i32, Fault> {
-        let coded = self.golomb(k)?;
+        let coded = self.golomb_at_once(k)?;
         Ok((coded >> 1) as i32 ^ -((coded & 1) as i32))
     }
 

@@ -58,7 +58,7 @@ pub use read::{Decoder, FrameState};
 #[cfg(feature = "write")]
 pub use write::FrameWriter;
 
-use crate::CRC;
+use crate::checksum;
 use crate::error::{Fault, ReadError};
 
 /// The bytes with which a frame begins: no text, and no likely number.
@@ -130,7 +130,7 @@ impl Shape {
 }
 
 /// Filament that lambda predicts for a way, all in steps of their units.
-#[inline]
+#[inline(always)]
 fn prediction(way: [i32; 3], lambda: f32) -> i32 {
     let [x, y, z] = way.map(|steps| steps as f32);
     (ferrostep_square_root::square_root(x * x + y * y + z * z) * lambda) as i32
@@ -175,7 +175,7 @@ impl<'a> Frame<'a> {
         if rest.len() > CRC_BYTES {
             return Err(fail(Fault::Trailing));
         }
-        let (file, computed) = (u32::from_le_bytes(*sum), CRC.checksum(before));
+        let (file, computed) = (u32::from_le_bytes(*sum), checksum(before));
         if file != computed {
             return Err(fail(Fault::Checksum { file, computed }));
         }

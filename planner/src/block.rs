@@ -3,6 +3,7 @@
 use crate::TICKS_PER_SECOND;
 use crate::inner_ends::InnerEnds;
 use crate::kinematics::UNITS_PER_MM;
+use crate::real::Real;
 use crate::square_root::square_root_f32;
 
 /// A speed along the path in units of 2^-16 mm/s.
@@ -30,6 +31,11 @@ impl Speed {
         // A tick at one unit of speed is so many units of 10 nm.
         const PER_10NM: f32 = (65_536 * (TICKS_PER_SECOND as i64 / UNITS_PER_MM)) as f32;
         (length_10nm as f32 * PER_10NM / self.0 as f32) as u64
+    }
+
+    /// The nearest single-precision number of mm/s: the unit is a power of two.
+    pub(crate) fn mm_per_s_f32(self) -> f32 {
+        self.0 as f32 / 65_536.0
     }
 
     /// Its square, mm^2/s^2.
@@ -71,18 +77,31 @@ impl SquaredSpeed {
     /// The largest representable square not above this one in mm^2/s^2; zero for NaN and below zero, and the largest of
     /// all for an infinite one.
     pub fn from_mm2_per_s2(squared: f32) -> Self {
-        Self((squared * Self::PER_MM2_PER_S2) as u64)
+        // As `as u64`, for which the target has no instruction.
+        Self(Real::to_u64(squared * Self::PER_MM2_PER_S2))
     }
 
     /// The largest squared speed that can be reached from this one over a block, or the largest from which this one can
     /// be reached: v^2 + 2 a S (Yu 2019).
     pub fn changed_over(self, block: &Block) -> Self {
-        Self(self.0.saturating_add(block.reach()))
+        self.changed_by(block.reach())
+    }
+
+    /// The same, where [`Block::reach`] is known.
+    #[inline(always)]
+    pub(crate) fn changed_by(self, reach: u64) -> Self {
+        Self(self.0.saturating_add(reach))
     }
 
     /// The smallest squared speed that can be reached from this one over a block.
     pub fn slowed_over(self, block: &Block) -> Self {
-        Self(self.0.saturating_sub(block.reach()))
+        self.slowed_by(block.reach())
+    }
+
+    /// The same, where [`Block::reach`] is known.
+    #[inline(always)]
+    pub(crate) fn slowed_by(self, reach: u64) -> Self {
+        Self(self.0.saturating_sub(reach))
     }
 
     /// The largest speed whose square is not above this.
@@ -148,6 +167,11 @@ impl Acceleration {
     /// The acceleration, mm/s^2.
     pub fn mm_per_s2(self) -> f64 {
         f64::from(self.0) / 256.0
+    }
+
+    /// The nearest single-precision number of mm/s^2: the unit is a power of two.
+    pub(crate) fn mm_per_s2_f32(self) -> f32 {
+        self.0 as f32 / 256.0
     }
 
     /// As [`Self::from_mm_per_s2`], of a single-precision acceleration.

@@ -21,22 +21,38 @@ impl Budget {
         Self { event_ticks: geometry.event_cost_ticks as f32, move_ticks: geometry.move_cost_ticks as f32 }
     }
 
-    /// The speed at which a block of so many moves takes as long as it costs, S / (events * c_event + moves * c_move),
-    /// where its nominal speed is faster. X, Y and Z have so many events, and its extruder starts here. A step of the
+    /// What a block of so many moves costs. X, Y and Z have so many events, and its extruder starts here. A step of the
     /// extruder is taken for an event of its own, though some join others.
-    pub fn slower_nominal(&self, block: &Block, events: u32, moves: u32, extruder_256ths: i64) -> Option<Speed> {
+    #[inline(always)]
+    pub fn cost(&self, block: &Block, events: u32, moves: u32, extruder_256ths: i64) -> Cost {
         // A tick at one unit of speed is so many units of 10 nm.
         const PER_10NM: f32 = (65_536 * (TICKS_PER_SECOND as i64 / UNITS_PER_MM)) as f32;
-        let extruder_end = extruder_256ths + i64::from(block.extruder_256ths);
-        let extruder_steps = rounded_steps(extruder_end).abs_diff(rounded_steps(extruder_256ths)) as u32;
-        let events = events.saturating_add(extruder_steps);
-        let cost_ticks = events as f32 * self.event_ticks + moves as f32 * self.move_ticks;
-        let distance = block.length_10nm as f32 * PER_10NM;
-        if block.nominal.0 as f32 * cost_ticks <= distance {
+        let extruder_end = extruder_256ths.wrapping_add(i64::from(block.extruder_256ths));
+        let extruder_steps = rounded_steps(extruder_end).wrapping_sub(rounded_steps(extruder_256ths)) as i32;
+        let events = events.saturating_add(extruder_steps.unsigned_abs());
+        let ticks = events as f32 * self.event_ticks + moves as f32 * self.move_ticks;
+        Cost { ticks, distance: block.length_10nm as f32 * PER_10NM }
+    }
+}
+
+/// What a block costs, and how far it goes.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Cost {
+    ticks: f32,
+    /// Units of [`Speed`] times ticks.
+    distance: f32,
+}
+
+impl Cost {
+    /// The speed at which the block takes as long as it costs, S / (events * c_event + moves * c_move), where its nominal
+    /// speed is faster.
+    #[inline(always)]
+    pub fn slower_nominal(&self, nominal: Speed) -> Option<Speed> {
+        if nominal.0 as f32 * self.ticks <= self.distance {
             return None;
         }
-        let slower = Speed((distance / cost_ticks) as u32).max(Speed(1));
-        (slower < block.nominal).then_some(slower)
+        let slower = Speed((self.distance / self.ticks) as u32).max(Speed(1));
+        (slower < nominal).then_some(slower)
     }
 }
 
@@ -69,7 +85,7 @@ mod tests {
             // 400,000 events and 8,000 moves a second.
             let budget = Budget { event_ticks: 210.0, move_ticks: 10_500.0 };
             let block = block(length, steps, extruder, mm_per_s);
-            let slower = budget.slower_nominal(&block, block.master_steps(), moves, start);
+            let slower = budget.cost(&block, block.master_steps(), moves, start).slower_nominal(block.nominal);
             let extruder_steps = (rounded_steps(start + i64::from(extruder)) - rounded_steps(start)).unsigned_abs();
             let events = u64::from(steps.unsigned_abs()) + extruder_steps;
             let cost_s = events as f64 / 400_000.0 + f64::from(moves) / 8_000.0;
@@ -90,6 +106,7 @@ mod tests {
     #[test]
     fn without_costs_nothing_is_slowed() {
         let budget = Budget { event_ticks: 0.0, move_ticks: 0.0 };
-        assert_eq!(budget.slower_nominal(&block(1, 1_000, 1_000, 500.0), 1_000, 1, 0), None);
+        let block = block(1, 1_000, 1_000, 500.0);
+        assert_eq!(budget.cost(&block, 1_000, 1, 0).slower_nominal(block.nominal), None);
     }
 }

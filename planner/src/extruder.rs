@@ -1,13 +1,13 @@
 //! Where the filament is: an exact sum, handed out in 1/256 steps.
 
 use crate::division::Divisor;
-use crate::kinematics::StepsPerMm;
+use crate::kinematics::{Fraction, StepsPerMm};
 
 /// Units of filament in a millimetre: 0.1 nm, so that a length of 10 nm times a flow in percent is exact.
 pub const FILAMENT_UNITS_PER_MM: i64 = 10_000_000;
 
 /// A unit of filament times a unit of [`StepsPerMm`], a 256th of a step's worth of them.
-const UNITS_PER_256TH: u64 = FILAMENT_UNITS_PER_MM as u64 * 100_000 / 256;
+pub(crate) const UNITS_PER_256TH: u64 = FILAMENT_UNITS_PER_MM as u64 * 100_000 / 256;
 
 /// The longest delta, 1 m.
 const LONGEST_MOVE_100PM: i64 = 1_000 * FILAMENT_UNITS_PER_MM;
@@ -19,20 +19,37 @@ const LARGEST_PRODUCT: u64 = 4_000_000_000_000_000_000;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Extruder {
     steps_per_mm: StepsPerMm,
+    at: Place,
+}
+
+/// Where the extruder is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Place {
     whole_256ths: i64,
-    /// 0 to [`UNITS_PER_256TH`] - 1, also below zero.
+    /// In parts of 1/256 step, as many as [`StepsPerMm::of_filament`]'s denominator says; less than that, also below zero.
     remainder: u32,
+}
+
+impl Place {
+    /// Position in 1/256 steps, cut towards zero.
+    #[inline(always)]
+    pub fn position_256ths(self) -> i64 {
+        if self.whole_256ths >= 0 {
+            return self.whole_256ths;
+        }
+        self.whole_256ths.wrapping_add(i64::from(self.remainder != 0))
+    }
 }
 
 impl Extruder {
     /// An extruder that stands at zero.
     pub const fn new(steps_per_mm: StepsPerMm) -> Self {
-        Self { steps_per_mm, whole_256ths: 0, remainder: 0 }
+        Self { steps_per_mm, at: Place { whole_256ths: 0, remainder: 0 } }
     }
 
     /// Whether the extruder can move by a delta, in units of 0.1 nm, at once: at most 1 m either way, and less above
     /// 4,000 steps/mm, where the product with the steps would leave 64 bits.
-    #[inline]
+    #[inline(always)]
     pub const fn can_push(steps_per_mm: StepsPerMm, delta_100pm: i64) -> bool {
         // 1 m times the most steps/mm is 10^19, in range of u64; there is no division to be paid for each line.
         let magnitude = delta_100pm.unsigned_abs();
@@ -43,22 +60,54 @@ impl Extruder {
     }
 
     /// Adds a delta in units of 0.1 nm for which [`Self::can_push`] holds (one that is too long is left out).
-    #[inline]
     pub fn advance(&mut self, delta_100pm: i64) {
-        const BY_UNITS: Divisor = Divisor::new(UNITS_PER_256TH);
-        if !Self::can_push(self.steps_per_mm, delta_100pm) {
-            return;
+        self.set(self.advanced(delta_100pm));
+    }
+
+    /// Where the extruder will be after a delta in units of 0.1 nm for which [`Self::can_push`] holds (one that is too long
+    /// is left out).
+    #[inline(always)]
+    pub(crate) fn advanced(&self, delta_100pm: i64) -> Place {
+        let Place { whole_256ths, remainder } = self.at;
+        let Fraction { numerator, denominator } = self.steps_per_mm.of_filament();
+        // What a move prints, mostly: up to some millimetres of filament, which the processor can divide.
+        if let Ok(delta) = u32::try_from(delta_100pm)
+            && let Ok(parts) = u32::try_from(u64::from(delta) * u64::from(numerator) + u64::from(remainder))
+            && let Some(whole) = parts.checked_div(denominator)
+        {
+            let remainder = parts.wrapping_sub(whole.wrapping_mul(denominator));
+            return Place { whole_256ths: whole_256ths.wrapping_add(i64::from(whole)), remainder };
         }
+        self.far_advanced(delta_100pm)
+    }
+
+    #[inline(never)]
+    fn far_advanced(&self, delta_100pm: i64) -> Place {
+        const BY_UNITS: Divisor = Divisor::new(UNITS_PER_256TH);
+        let Place { whole_256ths, remainder } = self.at;
+        if !Self::can_push(self.steps_per_mm, delta_100pm) {
+            return self.at;
+        }
+        let unit = self.remainder_unit();
         let product = delta_100pm * self.steps_per_mm.hundred_thousandths();
-        let (whole, remainder) = BY_UNITS.divide_floor(i64::from(self.remainder) + product);
-        self.whole_256ths += whole;
-        self.remainder = remainder as u32;
+        let (whole, rest) = BY_UNITS.divide_floor(i64::from(remainder * unit) + product);
+        Place { whole_256ths: whole_256ths + whole, remainder: rest as u32 / unit }
+    }
+
+    /// Units of filament times units of steps/mm in a unit of the remainder. Both are multiples of it.
+    fn remainder_unit(&self) -> u32 {
+        UNITS_PER_256TH as u32 / self.steps_per_mm.of_filament().denominator.max(1)
+    }
+
+    /// The extruder is there.
+    #[inline(always)]
+    pub(crate) fn set(&mut self, at: Place) {
+        self.at = at;
     }
 
     /// Adds a whole number of 1/256 steps to the position.
     pub fn advance_256ths(&mut self, delta_256ths: i32) {
-        self.whole_256ths = self.position_256ths() + i64::from(delta_256ths);
-        self.remainder = 0;
+        self.at = Place { whole_256ths: self.position_256ths() + i64::from(delta_256ths), remainder: 0 };
     }
 
     /// Position in 1/256 steps, cut towards zero.
@@ -66,7 +115,7 @@ impl Extruder {
     /// Cut, not rounded: [`rounded_steps`] of the cut value is then always the rounding of the exact one (nested
     /// floors), which rounding twice would miss.
     pub fn position_256ths(&self) -> i64 {
-        self.whole_256ths + i64::from(self.whole_256ths < 0 && self.remainder != 0)
+        self.at.position_256ths()
     }
 
     /// The motor stands at this step after an abandoned move. Returns the filament between there and where it would have
@@ -75,17 +124,23 @@ impl Extruder {
         if rounded_steps(self.position_256ths()) == steps {
             return 0;
         }
-        let whole = i128::from(self.whole_256ths) - 256 * i128::from(steps);
-        let missing = whole * i128::from(UNITS_PER_256TH) + i128::from(self.remainder);
-        self.whole_256ths = 256 * steps;
-        self.remainder = 0;
+        let whole = i128::from(self.at.whole_256ths) - 256 * i128::from(steps);
+        let missing =
+            whole * i128::from(UNITS_PER_256TH) + i128::from(self.at.remainder) * i128::from(self.remainder_unit());
+        self.at = Place { whole_256ths: 256 * steps, remainder: 0 };
         (missing / i128::from(self.steps_per_mm.hundred_thousandths())) as i64
     }
 }
 
 /// The motor step of a position in 1/256 steps: nearest, halves away from zero.
+#[inline(always)]
 pub const fn rounded_steps(position_256ths: i64) -> i64 {
-    if position_256ths < 0 { -((128 - position_256ths) >> 8) } else { (position_256ths + 128) >> 8 }
+    // A position has 55 bits at most: nothing wraps.
+    if position_256ths < 0 {
+        (128_i64.wrapping_sub(position_256ths) >> 8).wrapping_neg()
+    } else {
+        position_256ths.wrapping_add(128) >> 8
+    }
 }
 
 #[cfg(test)]

@@ -32,7 +32,7 @@ mod tests {
     /// A corner of so many radians between two moves, the first of 100 mm.
     fn corner(angle: f64, second_mm: f64) -> (Path, Path) {
         let units = second_mm * 1e5;
-        let turned = [(angle.cos() * units).round() as i64, (angle.sin() * units).round() as i64, 0];
+        let turned = [(angle.cos() * units).round() as i32, (angle.sin() * units).round() as i32, 0];
         (Path::between([0; 3], [10_000_000, 0, 0]), Path::between([0; 3], turned))
     }
 

@@ -33,6 +33,9 @@ pub(crate) struct PathLimits {
     print_acceleration_mm_per_s2: f32,
     travel_acceleration_mm_per_s2: f32,
     retract_acceleration_mm_per_s2: f32,
+    /// What X and Y both have.
+    plane_feed_mm_per_s: f32,
+    plane_acceleration_mm_per_s2: f32,
     /// Junction deviation, units of 10 nm.
     pub junction_deviation_10nm: f32,
 }
@@ -43,7 +46,11 @@ pub(crate) type FeedAndAcceleration = (f32, f32);
 impl PathLimits {
     /// These limits.
     pub fn new(limits: &Limits) -> Self {
+        let [feed_x, feed_y, ..] = limits.max_feed_mm_per_s;
+        let [acceleration_x, acceleration_y, ..] = limits.max_acceleration_mm_per_s2;
         Self {
+            plane_feed_mm_per_s: smaller(feed_x as f32, feed_y as f32),
+            plane_acceleration_mm_per_s2: smaller(acceleration_x as f32, acceleration_y as f32),
             max_feed_mm_per_s: limits.max_feed_mm_per_s.map(|limit| limit as f32),
             max_acceleration_mm_per_s2: limits.max_acceleration_mm_per_s2.map(|limit| limit as f32),
             print_acceleration_mm_per_s2: limits.print_acceleration_mm_per_s2 as f32,
@@ -85,10 +92,28 @@ impl PathLimits {
     ///
     /// An axis whose travel has the share u of the path allows v / |u| and a / |u|. Whether it limits at all is asked by
     /// multiplication; only one that does costs a division.
+    #[inline(always)]
     pub fn along(&self, feed_mm_per_s: f32, length: f32, travels: [f32; AXES], prints: bool) -> FeedAndAcceleration {
-        let mut feed = feed_mm_per_s;
-        let mut acceleration =
-            if prints { self.print_acceleration_mm_per_s2 } else { self.travel_acceleration_mm_per_s2 };
+        let feed = feed_mm_per_s;
+        let acceleration = if prints { self.print_acceleration_mm_per_s2 } else { self.travel_acceleration_mm_per_s2 };
+        // Nearly all: in the plane, at a feed and an acceleration that both axes have by themselves. Of products of numbers
+        // that are no larger none is rounded to a larger one, so X and Y ask for nothing; nor does Z, which stands.
+        let [x, y, z, filament] = travels;
+        let [.., filament_feed] = self.max_feed_mm_per_s;
+        let [.., filament_acceleration] = self.max_acceleration_mm_per_s2;
+        let any = feed <= self.plane_feed_mm_per_s
+            && acceleration <= self.plane_acceleration_mm_per_s2
+            && z == 0.0
+            && x <= length
+            && y <= length
+            && feed * filament <= filament_feed * length
+            && acceleration * filament <= filament_acceleration * length;
+        if any { (feed, acceleration) } else { self.held_along(feed, length, travels, acceleration) }
+    }
+
+    #[inline(never)]
+    fn held_along(&self, feed: f32, length: f32, travels: [f32; AXES], acceleration: f32) -> FeedAndAcceleration {
+        let (mut feed, mut acceleration) = (feed, acceleration);
         let axes = travels.iter().zip(&self.max_feed_mm_per_s).zip(&self.max_acceleration_mm_per_s2);
         for ((travel, max_feed), max_acceleration) in axes {
             if feed * travel > max_feed * length {

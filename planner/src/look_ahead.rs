@@ -17,7 +17,8 @@ pub use runs::Part;
 #[derive(Clone, Copy, Debug)]
 struct Waiting {
     block: Block,
-    /// Bound of the squared entry speed from the junction and both nominal speeds.
+    /// Bound of the squared entry speed from the junction and both nominal speeds; of a prepared block the square of its own
+    /// nominal speed.
     entry_bound: SquaredSpeed,
     /// Squared entry speed from the reverse pass, or the settled one.
     entry: SquaredSpeed,
@@ -221,9 +222,14 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
 
     #[inline(always)]
     fn place_block(&mut self, waiting: Waiting) {
-        *self.at(self.length) = Content::Block(waiting);
-        self.length += 1;
-        self.blocks += 1;
+        let slots = self.slots.as_mut();
+        let (index, capacity) = (self.first.wrapping_add(self.length), slots.len());
+        // A ring that is full takes none.
+        if let Some(slot) = slots.get_mut(if index >= capacity { index.wrapping_sub(capacity) } else { index }) {
+            slot.0 = Content::Block(waiting);
+            self.length = self.length.wrapping_add(1);
+            self.blocks = self.blocks.wrapping_add(1);
+        }
     }
 
     /// Adds a marker; `false` without room.
@@ -270,7 +276,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
                 return left;
             }
             Law::Table(table) => Some(table),
-            Law::Prepared(prepared) => return self.pop_prepared(prepared, pace),
+            Law::Prepared(_) => return self.pop_prepared(pace),
         };
         let content = self.take_first()?;
         match content {

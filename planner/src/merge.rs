@@ -24,8 +24,10 @@ pub(crate) struct Planned {
     pub block: Block,
     /// Bound of the squared speed at its start, by the corner there.
     pub junction: SquaredSpeed,
-    /// Its way; `None` for the filament alone.
-    pub path: Option<Path>,
+    /// Its way.
+    pub path: Path,
+    /// Whether the filament moves alone: as if there were no way.
+    pub is_filament_alone: bool,
     /// Its acceleration, not yet rounded to the block's units.
     pub acceleration_mm_per_s2: f32,
 }
@@ -59,7 +61,8 @@ pub(crate) struct Open {
     /// Where the extruder stands at its start.
     pub extruder_256ths: i64,
     /// The way from its start to its end; `None` for the filament alone.
-    vector_10nm: Option<[i32; 3]>,
+    vector_10nm: [i32; 3],
+    is_filament_alone: bool,
     /// The places inside, as many as moves but the last.
     inside: [Inside; MAX_INNER_ENDS],
 }
@@ -71,7 +74,8 @@ impl Open {
         junction: SquaredSpeed::ZERO,
         moves: 0,
         extruder_256ths: 0,
-        vector_10nm: None,
+        vector_10nm: [0; 3],
+        is_filament_alone: true,
         inside: [Inside::START; MAX_INNER_ENDS],
     };
 
@@ -81,12 +85,14 @@ impl Open {
     }
 
     /// A block of one move that starts with the extruder here.
+    #[inline(always)]
     pub fn begin(&mut self, planned: &Planned, extruder_256ths: i64) {
         self.block = planned.block;
         self.junction = planned.junction;
         self.moves = 1;
         self.extruder_256ths = extruder_256ths;
-        self.vector_10nm = planned.path.map(|path| path.vector_10nm);
+        self.vector_10nm = planned.path.vector_10nm;
+        self.is_filament_alone = planned.is_filament_alone;
     }
 
     /// Forgets the block.
@@ -125,14 +131,17 @@ impl Open {
         } else if self.block.line != next.block.line {
             return None;
         }
-        let vector_10nm = sums(self.vector_10nm?, next.path?.vector_10nm)?;
+        if self.is_filament_alone || next.is_filament_alone {
+            return None;
+        }
+        let vector_10nm = sums(self.vector_10nm, next.path.vector_10nm)?;
         Some(Whole { block, vector_10nm, extruder_256ths: self.extruder_256ths })
     }
 
     /// Takes a longer block's shape if that passes all places inside; whether it does.
     fn become_whole(&mut self, whole: Whole) -> bool {
         let end = Inside {
-            vector_10nm: self.vector_10nm.unwrap_or_default(),
+            vector_10nm: self.vector_10nm,
             length_10nm: self.block.length_10nm,
             steps: self.block.steps,
             extruder_256ths: self.block.extruder_256ths,
@@ -145,7 +154,7 @@ impl Open {
         }
         *place = end;
         self.block = whole.block;
-        self.vector_10nm = Some(whole.vector_10nm);
+        self.vector_10nm = whole.vector_10nm;
         self.moves += 1;
         true
     }

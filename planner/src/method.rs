@@ -36,6 +36,12 @@ impl Method {
         [x.unsigned_abs(), y.unsigned_abs()]
     }
 
+    /// Steps of the motor that has most.
+    #[inline(always)]
+    fn most([x, y, z]: [i32; 3]) -> u32 {
+        x.unsigned_abs().max(y.unsigned_abs()).max(z.unsigned_abs())
+    }
+
     /// Whether the block's plane is interpolated at two rates.
     pub fn has_two_rates(&self, steps: [i32; 3]) -> bool {
         let [first, second] = Self::plane(steps);
@@ -43,7 +49,13 @@ impl Method {
     }
 
     /// Number of equal parts of a block's path of which each has one event of X, Y and Z's motors at most.
+    #[inline(always)]
     pub fn densest(&self, steps: [i32; 3]) -> u32 {
+        if self.is_default() { Self::most(steps) } else { self.densest_otherwise(steps) }
+    }
+
+    #[inline(never)]
+    fn densest_otherwise(&self, steps: [i32; 3]) -> u32 {
         let [x, y] = Self::plane(steps);
         let longest = x.max(y);
         let plane = match self.interpolation() {
@@ -60,7 +72,13 @@ impl Method {
     }
 
     /// Step events of X, Y and Z's motors in a block, those that join others counted too.
+    #[inline(always)]
     pub fn events(&self, steps: [i32; 3]) -> u32 {
+        if self.is_default() { self.densest(steps) } else { self.events_otherwise(steps) }
+    }
+
+    #[inline(never)]
+    fn events_otherwise(&self, steps: [i32; 3]) -> u32 {
         let [x, y] = Self::plane(steps);
         let plane = match self.interpolation() {
             Interpolation::StepBresenham | Interpolation::Bresenham => return self.densest(steps),
@@ -73,8 +91,18 @@ impl Method {
         plane.saturating_add(z.unsigned_abs())
     }
 
-    /// Shortest time in which the block's X and Y may be made: dual-rate runs no motor faster than T_min. Ticks.
-    pub fn least_ticks(&self, steps: [i32; 3]) -> f32 {
+    /// [`Self::densest`], and the shortest time in which the block's X and Y may be made: dual-rate runs no motor faster than
+    /// T_min. Ticks.
+    #[inline(always)]
+    pub fn densest_and_least_ticks(&self, steps: [i32; 3]) -> (u32, f32) {
+        if self.is_default() {
+            return (Self::most(steps), 0.0);
+        }
+        (self.densest_otherwise(steps), self.least_ticks_otherwise(steps))
+    }
+
+    #[inline(never)]
+    fn least_ticks_otherwise(&self, steps: [i32; 3]) -> f32 {
         /// Ticks in a nanosecond.
         const TICKS_PER_NS: f32 = TICKS_PER_SECOND as f32 / 1e9;
         if self.interpolation() != Interpolation::DualRate {

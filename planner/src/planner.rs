@@ -6,11 +6,11 @@ mod step_limits;
 use crate::block::{Acceleration, Block, PlannedBlock, Speed, SquaredSpeed};
 use crate::bresenham::MAX_STEPS;
 use crate::budget::Budget;
-use crate::extruder::{Extruder, FILAMENT_UNITS_PER_MM};
+use crate::extruder::{Extruder, FILAMENT_UNITS_PER_MM, Place};
 use crate::inner_ends::InnerEnds;
 use crate::interpolator::Interpolator;
 use crate::junction::radius_10nm;
-use crate::kinematics::{Geometry, MAX_COORDINATE_10NM, UNITS_PER_MM};
+use crate::kinematics::{Geometry, MAX_COORDINATE_10NM, UNITS_PER_MM, narrow};
 use crate::limits::{Limits, PathLimits, larger, smaller};
 use crate::look_ahead::{Left, LookAhead, Marker, Part, Slot, SpeedLaw, Violation};
 use crate::merge::{Open, Planned};
@@ -103,9 +103,10 @@ struct Previous {
 /// Where a move takes the motors.
 #[derive(Clone, Copy, Debug)]
 struct Next {
+    target_10nm: [i32; 3],
     steps: [i32; 3],
     motor_steps: [i32; 3],
-    extruder: Extruder,
+    extruder: Place,
     extruder_end: i64,
     extruder_256ths: i32,
 }
@@ -116,18 +117,22 @@ pub struct Planner<S> {
     geometry: Geometry,
     limits: Limits,
     path_limits: PathLimits,
+    /// Lengths of a step of each motor, mm.
+    step_mm: [f32; 4],
     choice: MotionChoice,
     method: Method,
     budget: Budget,
     pace: Pace,
     /// Target of the last move taken.
-    position_10nm: [i64; 3],
+    position_10nm: [i32; 3],
     /// Motor positions at the end of the last block.
     motor_steps: [i32; 3],
     extruder: Extruder,
     /// Extruder position at the end of the last block.
     extruder_256ths: i64,
-    previous: Option<Previous>,
+    previous: Previous,
+    /// Whether there is one, and it has a path.
+    has_previous: bool,
     /// The block before, where blocks come without their ways.
     previous_steps: Option<Block>,
     /// The newest block, which the next move may continue. It enters the ring when that is known, never sooner than the
@@ -164,6 +169,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
             geometry,
             limits,
             path_limits: PathLimits::new(&limits),
+            step_mm: step_limits::step_mm(&geometry),
             choice: MotionChoice::DEFAULT,
             method: Method::new(&MotionChoice::DEFAULT, geometry.kinematics),
             budget: Budget::new(&geometry),
@@ -172,7 +178,8 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
             motor_steps: [0; 3],
             extruder: Extruder::new(geometry.steps_per_mm[3]),
             extruder_256ths: 0,
-            previous: None,
+            previous: Previous { path: Path::between([0; 3], [0; 3]), acceleration_mm_per_s2: 0.0 },
+            has_previous: false,
             previous_steps: None,
             open: Open::NONE,
             open_prepared: None,
@@ -256,7 +263,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
 
     /// Machine position at the end of all moves taken, units of 10 nm.
     pub fn position_10nm(&self) -> [i64; 3] {
-        self.position_10nm
+        self.position_10nm.map(i64::from)
     }
 
     /// Sum of the durations of all blocks so far, in ticks.
@@ -311,7 +318,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
             return Err(MoveError::NoRoom);
         }
         let Some(next) = self.next(request)? else { return Ok(Moved::Nothing) };
-        let planned = self.plan(request, next.steps, next.extruder_256ths);
+        let planned = self.plan_apart(request, &next);
         if !self.flushing && self.method.is_default() && self.open.absorb(&planned) {
             self.merged_moves += 1;
         } else if self.close() {
@@ -319,61 +326,71 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         } else {
             return Err(MoveError::NoRoom);
         }
-        self.follow(request, &next, &planned);
+        self.follow(&next, &planned);
         Ok(Moved::Queued)
     }
 
     /// Where a move takes the motors; `None` if it displaces nothing.
     #[inline(always)]
     fn next(&self, request: &Move) -> Result<Option<Next>, MoveError> {
-        if !(request.feed_mm_per_s > 0.0 && request.feed_mm_per_s.is_finite()) {
+        // NaN is in no range. `is_finite` takes the number's bits apart.
+        if !(request.feed_mm_per_s > 0.0 && request.feed_mm_per_s <= f32::MAX) {
             return Err(MoveError::Feed);
         }
-        if request.target_10nm.iter().any(|coordinate| coordinate.unsigned_abs() > MAX_COORDINATE_10NM as u64) {
-            return Err(MoveError::TooFar);
-        }
+        let Some(target_10nm) = narrow(request.target_10nm) else { return Err(MoveError::TooFar) };
         if !Extruder::can_push(self.geometry.steps_per_mm[3], request.filament_100pm) {
             return Err(MoveError::TooMuchFilament);
         }
-        if request.target_10nm == self.position_10nm && request.filament_100pm == 0 {
+        if request.filament_100pm == 0 && target_10nm == self.position_10nm {
             return Ok(None);
         }
-        let motor_steps = self.geometry.motor_steps_from(request.target_10nm, self.position_10nm, self.motor_steps);
-        let mut steps = [0; 3];
-        for (steps, (to, from)) in steps.iter_mut().zip(motor_steps.iter().zip(self.motor_steps)) {
-            *steps = to - from;
-            if steps.unsigned_abs() > MAX_STEPS {
-                return Err(MoveError::TooFar);
-            }
+        let motor_steps = self.geometry.motor_steps_from(target_10nm, self.position_10nm, self.motor_steps);
+        // A target is within 10^8 steps, and so is where the motors stand: nothing wraps.
+        let [[x, y, z], [from_x, from_y, from_z]] = [motor_steps, self.motor_steps];
+        let steps = [x.wrapping_sub(from_x), y.wrapping_sub(from_y), z.wrapping_sub(from_z)];
+        if steps.iter().any(|steps| steps.unsigned_abs() > MAX_STEPS) {
+            return Err(MoveError::TooFar);
         }
-        let mut extruder = self.extruder;
-        extruder.advance(request.filament_100pm);
+        let extruder = self.extruder.advanced(request.filament_100pm);
         let extruder_end = extruder.position_256ths();
-        let Ok(extruder_256ths) = i32::try_from(extruder_end - self.extruder_256ths) else {
+        let Ok(extruder_256ths) = i32::try_from(extruder_end.wrapping_sub(self.extruder_256ths)) else {
             return Err(MoveError::TooMuchFilament);
         };
-        Ok(Some(Next { steps, motor_steps, extruder, extruder_end, extruder_256ths }))
+        Ok(Some(Next { target_10nm, steps, motor_steps, extruder, extruder_end, extruder_256ths }))
     }
 
     /// The move has been taken.
     #[inline(always)]
-    fn follow(&mut self, request: &Move, next: &Next, planned: &Planned) {
+    fn follow(&mut self, next: &Next, planned: &Planned) {
         let acceleration_mm_per_s2 = planned.acceleration_mm_per_s2;
-        self.previous = planned.path.map(|path| Previous { path, acceleration_mm_per_s2 });
-        self.extruder = next.extruder;
+        self.previous = Previous { path: planned.path, acceleration_mm_per_s2 };
+        self.has_previous = !planned.is_filament_alone;
+        self.extruder.set(next.extruder);
         self.extruder_256ths = next.extruder_end;
-        self.position_10nm = request.target_10nm;
+        self.position_10nm = next.target_10nm;
         self.motor_steps = next.motor_steps;
+    }
+
+    /// [`Self::plan`] in one place, but for prepared moves.
+    #[inline(never)]
+    fn plan_apart(&self, request: &Move, next: &Next) -> Planned {
+        self.plan(request, next)
     }
 
     /// A move as a block of its own, its speed not yet within the budget.
     #[inline(always)]
-    fn plan(&self, request: &Move, steps: [i32; 3], extruder_256ths: i32) -> Planned {
+    fn plan(&self, request: &Move, next: &Next) -> Planned {
+        let Next { target_10nm, steps, extruder_256ths, .. } = *next;
         let least = MIN_FEED_MM_PER_S as f32;
         let feed = if request.feed_mm_per_s < least { least } else { request.feed_mm_per_s };
-        let filament_100pm = request.filament_100pm.abs();
-        let filament = single::of_i64(filament_100pm) / FILAMENT_UNITS_PER_10NM as f32;
-        let path = Path::between(self.position_10nm, request.target_10nm);
+        let filament_100pm = request.filament_100pm.wrapping_abs();
+        // Of up to 43 cm the processor makes a float.
+        let filament = match u32::try_from(filament_100pm) {
+            Ok(filament) => filament as f32,
+            Err(_) => single::of_i64(filament_100pm),
+        };
+        let filament = filament / FILAMENT_UNITS_PER_10NM as f32;
+        let path = Path::between(self.position_10nm, target_10nm);
         let path_10nm = path.length_10nm();
 
         let moves_filament_alone =
@@ -397,21 +414,27 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
             inner_ends: InnerEnds::NONE,
         };
         // No motor steps faster than events may follow each other: v / S * steps <= 1 / interval.
-        let most = larger(self.method.densest(steps) as f32, extruder_256ths.unsigned_abs() as f32 / 256.0);
+        let (densest, least_ticks) = self.method.densest_and_least_ticks(steps);
+        let most = larger(densest as f32, extruder_256ths.unsigned_abs() as f32 / 256.0);
         let shortest_ticks = most * self.geometry.minimum_event_interval_ticks as f32;
-        let shortest_ticks = larger(shortest_ticks, self.method.least_ticks(steps));
+        let shortest_ticks = larger(shortest_ticks, least_ticks);
         if feed * shortest_ticks > length * TICKS_PER_10NM_AT_1_MM_PER_S {
             feed = length * TICKS_PER_10NM_AT_1_MM_PER_S / shortest_ticks;
         }
         block.nominal = Speed::from_mm_per_s_f32(feed).max(Speed(1));
-        let path = (!moves_filament_alone).then_some(path);
-        let junction = self.junction(path.as_ref(), acceleration);
-        Planned { block, junction, path, acceleration_mm_per_s2: acceleration }
+        let is_filament_alone = moves_filament_alone;
+        let junction = if is_filament_alone || !self.has_previous {
+            SquaredSpeed::ZERO
+        } else {
+            self.junction(&path, acceleration)
+        };
+        Planned { block, junction, path, is_filament_alone, acceleration_mm_per_s2: acceleration }
     }
 
-    /// Bound of the squared speed in the corner before a path: v^2 = a R (Yu 2019); a stop next to a move without one.
-    fn junction(&self, path: Option<&Path>, acceleration_mm_per_s2: f32) -> SquaredSpeed {
-        let (Some(path), Some(before)) = (path, &self.previous) else { return SquaredSpeed::ZERO };
+    /// Bound of the squared speed in the corner before a path: v^2 = a R (Yu 2019); a stop is next to a move without one.
+    #[inline(never)]
+    fn junction(&self, path: &Path, acceleration_mm_per_s2: f32) -> SquaredSpeed {
+        let before = &self.previous;
         let radius = radius_10nm(&before.path, path, self.path_limits.junction_deviation_10nm);
         let acceleration = smaller(acceleration_mm_per_s2, before.acceleration_mm_per_s2);
         SquaredSpeed::from_mm2_per_s2(radius / UNITS_PER_MM as f32 * acceleration)
@@ -424,12 +447,13 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
             if !self.look_ahead.has_room() {
                 return false;
             }
-            if let Some(prepared) = self.open_prepared {
-                self.close_prepared(&prepared);
+            if self.open_prepared.is_some() {
+                self.close_prepared();
             } else {
                 let events = self.method.events(open.block.steps);
-                if let Some(slower) = self.budget.slower_nominal(&open.block, events, open.moves, open.extruder_256ths)
-                {
+                let nominal = open.block.nominal;
+                let cost = self.budget.cost(&open.block, events, open.moves, open.extruder_256ths);
+                if let Some(slower) = cost.slower_nominal(nominal) {
                     open.block.nominal = slower;
                     self.slowed_moves += u64::from(open.moves);
                 }
@@ -453,7 +477,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
     pub fn flush(&mut self) {
         self.flushing = true;
         self.close();
-        self.previous = None;
+        self.has_previous = false;
         self.previous_steps = None;
     }
 
@@ -563,20 +587,25 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         let dropped_100pm = self.extruder.stand_at(motor_steps[3]);
         self.extruder_256ths = self.extruder.position_256ths();
         self.interpolator.abandon(tick, self.extruder_256ths);
-        self.previous = None;
+        self.has_previous = false;
         let [x, y, z, _] = motor_steps;
         self.motor_steps = [x, y, z].map(|steps| steps as i32);
-        self.position_10nm = self.geometry.position_10nm([x, y, z]);
+        self.position_10nm = self.geometry.position_10nm([x, y, z]).map(within_reach);
         dropped_100pm
     }
 
     /// Says where the machine is, at standstill (homing). Returns where its motors therefore stand.
     pub fn set_position(&mut self, position_10nm: [i64; 3]) -> [i32; 3] {
-        self.position_10nm = position_10nm;
-        self.motor_steps = self.geometry.motor_steps(position_10nm);
-        self.previous = None;
+        self.position_10nm = position_10nm.map(within_reach);
+        self.motor_steps = self.geometry.motor_steps(self.position_10nm());
+        self.has_previous = false;
         self.motor_steps
     }
+}
+
+/// The nearest coordinate within 5 m.
+fn within_reach(coordinate_10nm: i64) -> i32 {
+    coordinate_10nm.clamp(-MAX_COORDINATE_10NM, MAX_COORDINATE_10NM) as i32
 }
 
 /// How speeds change under a choice; `None` where its parameters are out of range.

@@ -139,6 +139,9 @@ mod tests {
     fn beyond_the_range_is_its_end() {
         assert_eq!(Real::to_u64(f32::MAX), u64::MAX);
         assert_eq!(Real::to_u64(-1.0f32), 0);
+        assert_eq!(Real::to_u64(f32::INFINITY), u64::MAX);
+        assert_eq!(Real::to_u64(f32::NEG_INFINITY), 0);
+        assert_eq!(Real::to_u64(f32::NAN), 0);
         assert_eq!(Real::to_u64(f64::MAX), u64::MAX);
     }
 }

@@ -8,11 +8,13 @@ pub(crate) fn of_u64(value: u64) -> f32 {
         return value as u32 as f32;
     }
     // The upper 32 bits that count, and whether any below them is set: the processor rounds them to 24.
-    let shift = 32 - high.leading_zeros();
-    let upper = (value >> shift) as u32;
-    let rest = u32::from(u64::from(upper) << shift != value);
-    // 2^shift; the product is exact.
-    (upper | rest) as f32 * f32::from_bits((127 + shift) << 23)
+    let low = value as u32;
+    let zeros = high.leading_zeros();
+    // In two shifts: by 32 there is none.
+    let upper = high.wrapping_shl(zeros) | (low >> 1).wrapping_shr(31_u32.wrapping_sub(zeros));
+    let rest = u32::from(low.wrapping_shl(zeros) != 0);
+    // 2^(32 - zeros); the product is exact.
+    (upper | rest) as f32 * f32::from_bits(((127 + 32_u32).wrapping_sub(zeros)) << 23)
 }
 
 /// The same of a number with a sign.

@@ -98,7 +98,8 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         self.motion.add_prepared(PreparedMove { request, feed_now_mm_per_s, entry }).await?;
         let [x, y, z] = item.target_10nm;
         if item.counts {
-            self.modal.machine_10nm = [x, y, z - self.modal.lift_10nm];
+            // Heights and lifts within 5 m, sums of filament within 63 bits.
+            self.modal.machine_10nm = [x, y, z.wrapping_sub(self.modal.lift_10nm)];
         } else {
             // A firmware retraction: where Z is lifted to is no place of the G-code's.
             self.modal.lift_10nm = z - self.modal.machine_10nm[2];
@@ -108,17 +109,17 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         }
         if item.counts {
             // An arc's share of a whole number need not be whole.
-            let pushed_100pm = self.modal.extruder_rest_100pm + filament_100pm;
+            let pushed_100pm = self.modal.extruder_rest_100pm.wrapping_add(filament_100pm);
             // Nearly always a percent of 100, and little enough to be divided by the processor.
             let (whole, rest) = match i32::try_from(pushed_100pm) {
                 Ok(pushed) => (i64::from(pushed / i32::from(flow.max(1))), i64::from(pushed % i32::from(flow.max(1)))),
                 Err(_) => (pushed_100pm / i64::from(flow.max(1)), pushed_100pm % i64::from(flow.max(1))),
             };
-            self.modal.extruder_10nm += whole;
+            self.modal.extruder_10nm = self.modal.extruder_10nm.wrapping_add(whole);
             self.modal.extruder_rest_100pm = rest;
         }
-        self.tally.moves += u64::from(item.ends_move);
-        self.tally.filament_100pm += filament_100pm;
+        self.tally.moves = self.tally.moves.wrapping_add(u64::from(item.ends_move));
+        self.tally.filament_100pm = self.tally.filament_100pm.wrapping_add(filament_100pm);
         Ok(())
     }
 
@@ -142,12 +143,12 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         let [x, y, z] = self.motion.position_10nm();
         self.modal.machine_10nm = [x, y, z - self.modal.lift_10nm];
         self.tally.moves += u64::from(moves);
-        // 1/256 steps at 1e-5 steps/mm, in a product of 32 and 39 bits.
-        const PER_256TH: i128 = FILAMENT_UNITS_PER_MM as i128 * 100_000 / 256;
-        let steps_per_mm = i128::from(self.profile.steps_per_mm[3].hundred_thousandths().max(1));
-        let filament = i128::from(block.block.extruder_256ths) * PER_256TH;
+        // 1/256 steps at 1e-5 steps/mm: 3,906,250,000, times 2^31 less than 2^63 by a tenth of it.
+        const PER_256TH: i64 = FILAMENT_UNITS_PER_MM * 100_000 / 256;
+        let steps_per_mm = self.profile.steps_per_mm[3].hundred_thousandths().max(1);
+        let filament = i64::from(block.block.extruder_256ths) * PER_256TH;
         let half = if filament < 0 { -steps_per_mm / 2 } else { steps_per_mm / 2 };
-        self.tally.filament_100pm += ((filament + half) / steps_per_mm) as i64;
+        self.tally.filament_100pm += (filament + half) / steps_per_mm;
         Ok(())
     }
 
@@ -159,9 +160,8 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
             geometry.position_10nm(steps)
         };
         // Where the motors stand is up to a step beside where they should.
-        const STEP_10NM: i64 = 100_000;
         for (axis, end) in end.into_iter().enumerate() {
-            let step = STEP_10NM * 100_000 / self.profile.steps_per_mm[axis].hundred_thousandths().max(1);
+            let step = self.profile.steps_per_mm[axis].step_10nm();
             let inside = -step..=self.profile.size_10nm[axis] + step;
             if self.modal.soft_limits && self.modal.homed[axis] && !inside.contains(&end) {
                 return Err(CommandError::Outside { axis });

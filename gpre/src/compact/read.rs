@@ -190,13 +190,13 @@ impl<'a> Decoder<'a> {
             let first = self.bits.look() >> 28;
             if first < 0b1000 {
                 let (bits, speed) = match first {
+                    0b0000..=0b0011 => (2, Speed::Bound),
                     0b0111 => {
                         self.bits.pass(1)?;
                         break self.speed()?;
                     }
                     0b0110 => (4, Speed::Continues),
-                    0b0100 | 0b0101 => (3, Speed::Falling),
-                    _ => (2, Speed::Bound),
+                    _ => (3, Speed::Falling),
                 };
                 self.bits.pass(bits)?;
                 break speed;
@@ -283,7 +283,11 @@ impl<'a> Decoder<'a> {
             FILAMENT_PREDICTED => {
                 let difference = self.bits.signed(order_filament)?;
                 // 33 bits times 10.
-                (i64::from(prediction(way, self.lambda)) + i64::from(difference)) * unit
+                let predicted = prediction(way, self.lambda);
+                match predicted.checked_add(difference) {
+                    Some(filament) => i64::from(filament) * i64::from(self.filament_unit_100pm),
+                    None => (i64::from(predicted) + i64::from(difference)) * unit,
+                }
             }
             FILAMENT_ALL => {
                 let filament = self.bits.signed_long(12)?;
@@ -309,13 +313,17 @@ impl<'a> Decoder<'a> {
     #[inline(always)]
     fn go(&mut self, axis: usize, steps: i32) -> Result<(), Fault> {
         if let Some(coordinate) = self.position_10nm.get_mut(axis) {
-            let to = i64::from(*coordinate) + i64::from(steps) * i64::from(self.unit_10nm);
-            *coordinate = within_reach(to).ok_or(TOO_FAR)?;
+            let to = steps.checked_mul(self.unit_10nm).and_then(|way| coordinate.checked_add(way)).ok_or(TOO_FAR)?;
+            if to.unsigned_abs() > MOST_10NM {
+                return Err(TOO_FAR);
+            }
+            *coordinate = to;
         }
         Ok(())
     }
 
-    #[inline]
+    #[cold]
+    #[inline(never)]
     fn speed(&mut self) -> Result<Speed, Fault> {
         if !self.bits.bit()? {
             return Ok(Speed::Bound);

@@ -58,6 +58,17 @@ impl Pass {
         stopped: bool,
         entry: Entry,
     ) -> Result<SquaredSpeed, Violation> {
+        self.next_over(block.reach(), bound, stopped, entry)
+    }
+
+    #[inline(always)]
+    fn next_over(
+        &mut self,
+        reach: u64,
+        bound: SquaredSpeed,
+        stopped: bool,
+        entry: Entry,
+    ) -> Result<SquaredSpeed, Violation> {
         let planned = match entry {
             Entry::Bound => bound,
             Entry::Falling => self.falling,
@@ -74,9 +85,9 @@ impl Pass {
             }
             settled = planned.min(self.fastest);
         }
-        self.falling = planned.slowed_over(block);
-        self.fastest = settled.changed_over(block);
-        self.slowest = settled.slowed_over(block);
+        self.falling = planned.slowed_by(reach);
+        self.fastest = settled.changed_by(reach);
+        self.slowest = settled.slowed_by(reach);
         Ok(if stopped { SquaredSpeed::ZERO } else { planned })
     }
 
@@ -92,6 +103,8 @@ pub(super) struct Prepared {
     pass: Pass,
     /// Sum of 2 a S over all blocks in the ring: the largest squared speed from which they can bring the machine to rest.
     reach: u64,
+    /// Speed with which the last block left: the root of the ring's `left_with`.
+    left: Speed,
 }
 
 impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
@@ -107,66 +120,93 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
 
     /// Adds a block that brings its speed; `Ok(false)` without room, or where blocks bring none.
     ///
-    /// `junction` is the squared speed bound of the corner before it, `nominal` the nominal speed that the plan was made
-    /// with; the block's own may be another, if the feed has been changed since.
+    /// `junction` is the squared speed bound of the corner before it, `planned_nominal` the nominal speed that the plan was
+    /// made with; `nominal`, in the place of the block's own, may be another, if the feed has been changed since.
     ///
     /// # Errors
     /// As [`Pass::next`].
-    #[inline(never)]
+    #[inline(always)]
     pub fn push_prepared(
         &mut self,
         block: &Block,
         nominal: Speed,
+        planned_nominal: Speed,
         junction: SquaredSpeed,
         entry: Entry,
     ) -> Result<bool, Violation> {
-        let Law::Prepared(mut prepared) = self.law else { return Ok(false) };
         if !self.has_room() {
             return Ok(false);
         }
-        let nominal = SquaredSpeed::from(nominal);
-        let bound = junction.min(nominal).min(self.newest_nominal);
-        let planned = prepared.pass.next(block, bound, self.stopped, entry)?;
-        prepared.reach = prepared.reach.saturating_add(block.reach());
-        self.law = Law::Prepared(prepared);
+        let Law::Prepared(prepared) = &mut self.law else { return Ok(false) };
+        let reach = block.reach();
+        let squared = SquaredSpeed::from(planned_nominal);
+        let bound = junction.min(squared).min(self.newest_nominal);
+        let planned = prepared.pass.next_over(reach, bound, self.stopped, entry)?;
+        prepared.reach = prepared.reach.saturating_add(reach);
         self.stopped = false;
-        self.newest_nominal = nominal;
+        self.newest_nominal = squared;
         let settled = self.blocks == 0;
         let entry = if settled { self.left_with } else { planned };
+        // Here the bound is that of the nominal speed: the corner has been looked at.
+        let entry_bound = if nominal == planned_nominal { squared } else { nominal.into() };
         let (run_bound, run_entry, anchor) = (Speed::ZERO, Speed::ZERO, 0);
-        self.place_block(Waiting { block: *block, entry_bound: planned, entry, settled, run_bound, run_entry, anchor });
+        let block = Block { nominal, ..*block };
+        self.place_block(Waiting { block, entry_bound, entry, settled, run_bound, run_entry, anchor });
         Ok(true)
     }
 
     /// As [`Self::pop`]; what is behind the block must be able to stop the machine.
     #[inline(never)]
-    pub(super) fn pop_prepared(&mut self, mut prepared: Prepared, pace: Pace) -> Option<Left> {
-        match self.slots.as_ref().get(self.first)?.0 {
+    pub(super) fn pop_prepared(&mut self, pace: Pace) -> Option<Left> {
+        let slots = self.slots.as_ref();
+        let waiting = match &slots.get(self.first)?.0 {
             Content::Empty => {
                 self.pass_first();
-                None
+                return None;
             }
             Content::Marker(marker) => {
+                let marker = *marker;
                 self.pass_first();
-                Some(Left::Marker(marker))
+                return Some(Left::Marker(marker));
             }
-            Content::Block(ref waiting) => {
-                let (mut block, entry) = (waiting.block, waiting.entry);
-                self.pass_first();
-                self.blocks -= 1;
-                self.left_nominal = block.nominal;
-                prepared.reach = prepared.reach.saturating_sub(block.reach());
-                self.law = Law::Prepared(prepared);
-                let capped = if pace == Pace::FULL { block.nominal } else { pace.of(block.nominal) };
-                let slowed = entry.slowed_over(&block);
-                let reachable = entry.changed_over(&block).min(SquaredSpeed::from(capped).max(slowed));
-                let exit = self.settle_next(reachable.min(SquaredSpeed::from_units(prepared.reach)));
-                self.left_with = exit.into();
-                let entry = entry.root();
-                block.nominal = capped.max(entry).max(exit);
-                Some(Left::Block(PlannedBlock { block, entry, exit }))
+            Content::Block(waiting) => waiting,
+        };
+        let Law::Prepared(prepared) = &mut self.law else { return None };
+        let reach = waiting.block.reach();
+        let nominal = waiting.block.nominal;
+        let behind = prepared.reach.saturating_sub(reach);
+        prepared.reach = behind;
+        // What the oldest block starts with is what the one before has left with.
+        let (entry, squared) = (prepared.left, self.left_with);
+        let (capped, capped_squared) = if pace == Pace::FULL {
+            (nominal, waiting.entry_bound)
+        } else {
+            let capped = pace.of(nominal);
+            (capped, capped.into())
+        };
+        let reachable = squared.changed_by(reach).min(capped_squared.max(squared.slowed_by(reach)));
+        let reachable = reachable.min(SquaredSpeed::from_units(behind));
+        self.left_nominal = nominal;
+        self.blocks = self.blocks.saturating_sub(1);
+        let next = self.first + 1;
+        self.first = if next == slots.len() { 0 } else { next };
+        self.length = self.length.saturating_sub(1);
+        self.released = self.released.saturating_sub(1);
+        let next_entry = match slots.get(self.first) {
+            Some(Slot(Content::Block(next))) if self.length > 0 => Some(next.entry),
+            _ => next_entry(slots, self.first, self.length),
+        };
+        let exit = match next_entry {
+            Some(next) => next.min(reachable).root(),
+            None => {
+                self.stopped = true;
+                Speed::ZERO
             }
-        }
+        };
+        self.left_with = exit.into();
+        prepared.left = exit;
+        let nominal = capped.max(entry).max(exit);
+        Some(Left::Block(PlannedBlock { block: Block { nominal, ..waiting.block }, entry, exit }))
     }
 
     /// Squared entry speed of the last block that left as the reverse pass had it, and its bound by the corner and both
@@ -174,4 +214,15 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
     pub fn left_entry(&self) -> (SquaredSpeed, SquaredSpeed) {
         (self.left_entry, self.left_bound)
     }
+}
+
+/// The planned entry of the oldest block of so many places, which is behind markers, or none.
+#[cold]
+#[inline(never)]
+fn next_entry(slots: &[Slot], first: usize, length: usize) -> Option<SquaredSpeed> {
+    let (behind, before) = slots.split_at_checked(first)?;
+    before.iter().chain(behind).take(length).find_map(|slot| match &slot.0 {
+        Content::Block(waiting) => Some(waiting.entry),
+        Content::Empty | Content::Marker(_) => None,
+    })
 }

@@ -4,10 +4,11 @@
 //! so), and there is no reverse pass (it brings its speed). Limits, corners and the processor's budget are worked out anew
 //! from where it goes, so a plan can only ask for less than they allow, and one that asks for more is found out.
 
-use super::{Move, MoveError, Moved, Planner};
+use super::{Move, MoveError, Moved, Next, Planner};
 use crate::block::{Block, PlannedBlock, Speed, SquaredSpeed};
-use crate::kinematics::MAX_COORDINATE_10NM;
+use crate::kinematics::narrow;
 use crate::look_ahead::{Entry, Left, Marker, Slot, Violation};
+use crate::merge::Planned;
 use crate::motion_choice::AccelerationProfile;
 use crate::time_law::TimeLaw;
 
@@ -78,38 +79,72 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         if !self.look_ahead.is_prepared() && !self.begin_prepared() {
             return Err(MoveError::NoRoom);
         }
+        if prepared.entry.is_none() && self.open.is_some() && !self.flushing {
+            return self.join_prepared(prepared);
+        }
         let request = &prepared.request;
         let Some(next) = self.next(request)? else { return Ok(Moved::Nothing) };
-        let planned = self.plan(request, next.steps, next.extruder_256ths);
-        let nominal = if prepared.feed_now_mm_per_s == request.feed_mm_per_s {
-            planned.block.nominal
-        } else {
-            let now = Move { feed_mm_per_s: prepared.feed_now_mm_per_s, ..*request };
-            self.plan(&now, next.steps, next.extruder_256ths).block.nominal
-        };
-        let continues = prepared.entry.is_none() && self.open.is_some() && !self.flushing;
-        if continues {
-            if !self.open.absorb(&planned) {
-                return Err(self.violated(Violation::NotContinued));
-            }
-            self.merged_moves += 1;
-            if let Some(open) = &mut self.open_prepared {
-                open.nominal = open.nominal.min(nominal);
-            }
-        } else {
-            if !self.close() {
+        if self.open_prepared.is_some() && !self.flushing {
+            if !self.look_ahead.has_room() {
                 return Err(MoveError::NoRoom);
             }
-            if let Some(violation) = self.violation {
-                return Err(MoveError::Violation(violation));
-            }
-            self.open.begin(&planned, self.extruder_256ths);
-            // Where the machine was stopped inside a block, the rest of it is a block that falls on.
-            let entry = prepared.entry.unwrap_or(Entry::Falling);
-            self.open_prepared = Some(OpenPrepared { entry, nominal });
+            self.close_prepared();
+        } else if !self.close() {
+            return Err(MoveError::NoRoom);
         }
-        self.follow(request, &next, &planned);
+        if let Some(violation) = self.violation {
+            // Motion ends before it.
+            self.close();
+            return Err(MoveError::Violation(violation));
+        }
+        let planned = self.plan(request, &next);
+        let nominal = self.nominal_now(prepared, planned.block.nominal);
+        self.open.begin(&planned, self.extruder_256ths);
+        // Where the machine was stopped inside a block, the rest of it is a block that falls on.
+        let entry = prepared.entry.unwrap_or(Entry::Falling);
+        self.open_prepared = Some(OpenPrepared { entry, nominal });
+        self.follow(&next, &planned);
         Ok(Moved::Queued)
+    }
+
+    /// Where a move takes the motors, and its block.
+    #[inline(never)]
+    fn planned(&self, request: &Move) -> Result<Option<(Next, Planned)>, MoveError> {
+        let next = self.next(request)?;
+        Ok(next.map(|next| (next, self.plan_apart(request, &next))))
+    }
+
+    /// Takes a move that continues the block before.
+    #[inline(never)]
+    fn join_prepared(&mut self, prepared: &PreparedMove) -> Result<Moved, MoveError> {
+        let Some((next, planned)) = self.planned(&prepared.request)? else { return Ok(Moved::Nothing) };
+        let nominal = self.nominal_now(prepared, planned.block.nominal);
+        if !self.open.absorb(&planned) {
+            return Err(self.violated(Violation::NotContinued));
+        }
+        self.merged_moves += 1;
+        if let Some(open) = &mut self.open_prepared {
+            open.nominal = open.nominal.min(nominal);
+        }
+        self.follow(&next, &planned);
+        Ok(Moved::Queued)
+    }
+
+    /// The nominal speed of a move at its feed of now.
+    #[inline(always)]
+    fn nominal_now(&self, prepared: &PreparedMove, planned: Speed) -> Speed {
+        if prepared.feed_now_mm_per_s == prepared.request.feed_mm_per_s {
+            return planned;
+        }
+        self.nominal_at_other_feed(prepared).unwrap_or(planned)
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn nominal_at_other_feed(&self, prepared: &PreparedMove) -> Option<Speed> {
+        let now = Move { feed_mm_per_s: prepared.feed_now_mm_per_s, ..prepared.request };
+        // Of a feed that is none there is nothing to be had.
+        self.planned(&now).ok()?.map(|(_, planned)| planned.block.nominal)
     }
 
     /// Takes a block of a prepared job.
@@ -137,20 +172,24 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
             *position = position.checked_add(steps).ok_or(MoveError::TooFar)?;
         }
         let target_10nm = self.geometry.position_10nm(motor_steps.map(i64::from));
-        if target_10nm.iter().any(|coordinate| coordinate.unsigned_abs() > MAX_COORDINATE_10NM as u64) {
-            return Err(MoveError::TooFar);
-        }
+        let Some(target_10nm) = narrow(target_10nm) else { return Err(MoveError::TooFar) };
         if !self.keeps_limits(&prepared.block) {
             return Err(self.violated(Violation::BeyondLimits));
         }
         let junction = self.corner_of_steps(&prepared.block).min(prepared.max_entry.into());
         let entry = Entry::Given(prepared.entry.into());
-        match self.look_ahead.push_prepared(&prepared.block, prepared.block.nominal, junction, entry) {
+        match self.look_ahead.push_prepared(
+            &prepared.block,
+            prepared.block.nominal,
+            prepared.block.nominal,
+            junction,
+            entry,
+        ) {
             Ok(true) => {}
             Ok(false) => return Err(MoveError::NoRoom),
             Err(violation) => return Err(self.violated(violation)),
         }
-        self.previous = None;
+        self.has_previous = false;
         self.previous_steps = Some(prepared.block);
         self.extruder.advance_256ths(prepared.block.extruder_256ths);
         self.extruder_256ths = self.extruder.position_256ths();
@@ -161,10 +200,10 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
 
     /// Whether a position is where the motors stand; then it is the position from now on.
     pub fn refine_position(&mut self, position_10nm: [i64; 3]) -> bool {
-        let stands = position_10nm.iter().all(|coordinate| coordinate.unsigned_abs() <= MAX_COORDINATE_10NM as u64)
-            && self.geometry.motor_steps(position_10nm) == self.motor_steps;
+        let Some(near) = narrow(position_10nm) else { return false };
+        let stands = self.geometry.motor_steps(position_10nm) == self.motor_steps;
         if stands {
-            self.position_10nm = position_10nm;
+            self.position_10nm = near;
         }
         stands
     }
@@ -179,21 +218,22 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
     /// The open block, a prepared one, enters the ring, which has room. One that breaks the plan's rules is dropped, and
     /// those before it end in standstill.
     #[inline(never)]
-    pub(super) fn close_prepared(&mut self, prepared: &OpenPrepared) {
+    pub(super) fn close_prepared(&mut self) {
+        let Some(prepared) = &self.open_prepared else { return };
         let open = &mut self.open;
         let events = self.method.events(open.block.steps);
-        let slower = |block: &_| self.budget.slower_nominal(block, events, open.moves, open.extruder_256ths);
-        let mut block = open.block;
-        if let Some(nominal) = slower(&block) {
-            block.nominal = nominal;
+        let cost = self.budget.cost(&open.block, events, open.moves, open.extruder_256ths);
+        let mut planned_nominal = open.block.nominal;
+        let mut nominal = prepared.nominal;
+        let is_as_planned = nominal == planned_nominal;
+        if let Some(slower) = cost.slower_nominal(planned_nominal) {
+            planned_nominal = slower;
             self.slowed_moves += u64::from(open.moves);
         }
-        let planned_nominal = block.nominal;
-        if prepared.nominal != open.block.nominal {
-            block.nominal = prepared.nominal;
-            block.nominal = slower(&block).unwrap_or(block.nominal);
-        }
-        if let Err(violation) = self.look_ahead.push_prepared(&block, planned_nominal, open.junction, prepared.entry) {
+        nominal = if is_as_planned { planned_nominal } else { cost.slower_nominal(nominal).unwrap_or(nominal) };
+        let pushed =
+            self.look_ahead.push_prepared(&open.block, nominal, planned_nominal, open.junction, prepared.entry);
+        if let Err(violation) = pushed {
             self.violation = Some(violation);
             self.flushing = true;
         }
@@ -230,14 +270,17 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         empty
     }
 
-    /// For those who count what planning costs: takes the next block that may leave, with its speeds, and nothing more.
-    pub fn take_planned(&mut self) -> Option<PlannedBlock> {
+    /// For those who count what planning costs: takes the next block that may leave, shows it with its speeds, and does
+    /// nothing more. Whether there was one.
+    pub fn take_planned(&mut self, see: impl FnOnce(&PlannedBlock)) -> bool {
         loop {
-            match self.pop()? {
-                Left::Block(planned) => return Some(planned),
-                Left::Part(part) => return Some(self.along(&part).0),
-                Left::Marker(_) => {}
+            match &self.pop() {
+                Some(Left::Block(planned)) => see(planned),
+                Some(Left::Part(part)) => see(&self.along(part).0),
+                Some(Left::Marker(_)) => continue,
+                None => return false,
             }
+            return true;
         }
     }
 

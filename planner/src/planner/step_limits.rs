@@ -5,7 +5,7 @@
 
 use super::{Planner, TICKS_PER_10NM_AT_1_MM_PER_S};
 use crate::block::{Block, SquaredSpeed};
-use crate::kinematics::{Kinematics, UNITS_PER_MM};
+use crate::kinematics::{Geometry, Kinematics, UNITS_PER_MM};
 use crate::limits::{larger, smaller};
 use crate::look_ahead::Slot;
 use crate::square_root::square_root_f32;
@@ -19,9 +19,14 @@ struct Travels {
     step_mm: [f32; 4],
 }
 
+/// Lengths of a step, mm. A division in double precision each, which no block has to make.
+pub(super) fn step_mm(geometry: &Geometry) -> [f32; 4] {
+    geometry.steps_per_mm.map(|steps| 1.0 / steps.to_f64() as f32)
+}
+
 impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
     fn travels(&self, block: &Block) -> Travels {
-        let step_mm = self.geometry.steps_per_mm.map(|steps| 1.0 / steps.to_f64() as f32);
+        let step_mm = self.step_mm;
         let [first, second, z] = block.steps.map(|steps| steps as f32);
         let [x, y] = match self.geometry.kinematics {
             Kinematics::Cartesian => [first * step_mm[0], second * step_mm[1]],
@@ -38,7 +43,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
     pub(super) fn keeps_limits(&self, block: &Block) -> bool {
         let Travels { mm, step_mm } = self.travels(block);
         let length = block.length_10nm as f32 / UNITS_PER_MM as f32;
-        let (feed, acceleration) = (block.nominal.mm_per_s() as f32, block.acceleration.mm_per_s2() as f32);
+        let (feed, acceleration) = (block.nominal.mm_per_s_f32(), block.acceleration.mm_per_s2_f32());
         let limits = &self.path_limits;
         let most =
             larger(larger(limits.print_acceleration(), limits.travel_acceleration()), limits.retract_acceleration());
@@ -94,7 +99,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         let deviation_mm = self.path_limits.junction_deviation_10nm / UNITS_PER_MM as f32;
         let within_deviation = deviation_mm * cosine * (1.0 + cosine) / sine_squared;
         let fitting = 0.5 * smaller(lengths[0], lengths[1]) * cosine / sine;
-        let acceleration = smaller(before.acceleration.mm_per_s2() as f32, block.acceleration.mm_per_s2() as f32);
+        let acceleration = smaller(before.acceleration.mm_per_s2_f32(), block.acceleration.mm_per_s2_f32());
         SquaredSpeed::from_mm2_per_s2(smaller(within_deviation, fitting) * acceleration * LENIENCE)
     }
 }

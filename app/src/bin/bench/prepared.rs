@@ -218,8 +218,11 @@ fn one(
             let mut planner = planner.borrow_mut();
             let (part, outcome) = match way {
                 Way::ToBlock => {
-                    let (part, block) = counter.count(|| black_box(planner.take_planned()));
-                    (part, if block.is_some() { Outcome::Reached } else { Outcome::Waiting })
+                    let see = |planned: &_| {
+                        black_box(planned);
+                    };
+                    let (part, taken) = counter.count(|| planner.take_planned(see));
+                    (part, if taken { Outcome::Reached } else { Outcome::Waiting })
                 }
                 Way::ToQueue => counter.count(|| advance(&mut planner, queue, Goal::OneBlock)),
             };
