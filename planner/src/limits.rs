@@ -136,3 +136,42 @@ pub(crate) fn larger(one: f32, other: f32) -> f32 {
 pub(crate) fn smaller(one: f32, other: f32) -> f32 {
     if other < one { other } else { one }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::path::Path;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn what_is_not_asked_would_not_have_limited(
+            x in prop_oneof![-100_000i32..100_000, -40_000_000i32..40_000_000],
+            y in prop_oneof![Just(0), -100_000i32..100_000, -40_000_000i32..40_000_000],
+            z in prop_oneof![Just(0), -100i32..100],
+            filament in 0u32..1_000_000,
+            feed in prop_oneof![Just(200.0f32), 0.1f32..400.0],
+            limits in (100.0f64..300.0, 100.0f64..300.0, 500.0f64..3000.0, 500.0f64..3000.0),
+            prints in any::<bool>(),
+        ) {
+            let (feed_x, feed_y, acceleration_x, acceleration_y) = limits;
+            let limits = PathLimits::new(&Limits {
+                max_feed_mm_per_s: [feed_x, feed_y, 12.0, 120.0],
+                max_acceleration_mm_per_s2: [acceleration_x, acceleration_y, 200.0, 5000.0],
+                print_acceleration_mm_per_s2: 1000.0,
+                travel_acceleration_mm_per_s2: 2000.0,
+                retract_acceleration_mm_per_s2: 1500.0,
+                junction_deviation_mm: 0.05,
+            });
+            let path = Path::between([0; 3], [x, y, z]);
+            let [x, y, z] = path.vector_10nm.map(|component| component.unsigned_abs() as f32);
+            let travels = [x, y, z, filament as f32];
+            let acceleration =
+                if prints { limits.print_acceleration_mm_per_s2 } else { limits.travel_acceleration_mm_per_s2 };
+            let (feed_now, acceleration_now) = limits.along(feed, path.length, travels, prints);
+            let (feed, acceleration) = limits.held_along(feed, path.length, travels, acceleration);
+            prop_assert_eq!(feed_now.to_bits(), feed.to_bits());
+            prop_assert_eq!(acceleration_now.to_bits(), acceleration.to_bits());
+        }
+    }
+}
