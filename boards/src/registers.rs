@@ -1,12 +1,12 @@
 //! A board's pins as stores to registers: what the firmware writes, in this order, without knowing a pin.
 
 use ferrostep_hal_shim::gpio::{self, AFRL, ALTERNATE, ANALOGUE, BSRR, MODER, OSPEEDR, OUTPUT, PULL_UP, PUPDR};
+use ferrostep_hal_shim::rcc::RCC_AHB1ENR;
 
 use crate::board::Board;
 use crate::pin::Pin;
 
-/// Addresses: RM0090 2.3 (memory map), 7.3.10 (RCC_AHB1ENR), 8.4 (GPIO); PM0214 4.2, 4.3.3, 4.5 (the core's own).
-const RCC_AHB1ENR: u32 = 0x4002_3830;
+/// Addresses: PM0214 4.2, 4.3.3, 4.5 (the core's own).
 const SYST_CSR: u32 = 0xe000_e010;
 const NVIC_ICER: u32 = 0xe000_e180;
 const NVIC_ICPR: u32 = 0xe000_e280;

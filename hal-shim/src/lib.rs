@@ -9,6 +9,7 @@ pub mod gpio;
 pub mod histogram;
 pub mod kept_text;
 pub mod life_signs;
+pub mod rcc;
 pub mod registers;
 pub mod sensor_lines;
 pub mod software_serial;

@@ -4,10 +4,9 @@
 //! and 7.3.14 (RCC), 8.4 (GPIO), 9.2 (SYSCFG), 12.3 (EXTI); RM0390 is the same in all of it.
 
 use crate::gpio::{IDR, MODER, PULL_UP, PUPDR, port};
+use crate::rcc::{RCC_AHB1ENR, RCC_APB2ENR};
 use crate::registers::Registers;
 
-const RCC_AHB1ENR: u32 = 0x4002_3830;
-const RCC_APB2ENR: u32 = 0x4002_3844;
 const SYSCFG_CLOCK: u32 = 1 << 14;
 const SYSCFG_EXTICR1: u32 = 0x4001_3808;
 const EXTI_IMR: u32 = 0x4001_3c00;

@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-use super::RCC_APB1ENR;
+use crate::rcc::RCC_APB1ENR;
 use crate::registers::Registers;
 
 // RM0090, 3.9: option bytes.

@@ -2,7 +2,7 @@
 
 use core::sync::atomic::{AtomicU16, Ordering};
 
-use super::{RCC_AHB1ENR, RCC_APB2ENR};
+use crate::rcc::{RCC_AHB1ENR, RCC_APB2ENR};
 use crate::registers::Registers;
 use crate::thermistor::CONVERSIONS_A_READING;
 

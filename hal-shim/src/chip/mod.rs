@@ -20,8 +20,3 @@ pub use pwm::{FAN_HZ, HEATER_HZ, OutputPin, PwmClocks, PwmOutput, TimerChannel};
 pub use reset_cause::ResetCause;
 pub use software_pwm::{SOFTWARE_PERIOD_TICKS, SoftwarePwm};
 pub use watchdog::{FASTEST_TIMEOUT_MS, SLOWEST_TIMEOUT_MS, Watchdog};
-
-/// Clock switches of the peripherals (RM0090, 7.3.10, 7.3.13, 7.3.14).
-const RCC_AHB1ENR: u32 = 0x4002_3830;
-const RCC_APB1ENR: u32 = 0x4002_3840;
-const RCC_APB2ENR: u32 = 0x4002_3844;

@@ -1,7 +1,8 @@
 //! Heaters and fans: a timer channel where the pin has one, else [`SoftwarePwm`].
 
-use super::{RCC_APB1ENR, RCC_APB2ENR, SoftwarePwm};
+use super::SoftwarePwm;
 use crate::gpio::{AFRL, ALTERNATE, BSRR, MODER, port};
+use crate::rcc::{RCC_APB1ENR, RCC_APB2ENR};
 use crate::registers::Registers;
 
 /// Frequency of heaters, Hz: slow enough for a bed's solid-state relay, which switches at the mains' zero crossings, and

@@ -5,10 +5,9 @@
 
 use super::uart::{LineBusy, LineBytes, SingleWireUart};
 use crate::gpio::{self, AFRL, ALTERNATE, MODER, OTYPER, PULL_UP, PUPDR};
+use crate::rcc::{RCC_AHB1ENR, RCC_APB1ENR};
 use crate::registers::Registers;
 
-const RCC_AHB1ENR: u32 = 0x4002_3830;
-const RCC_APB1ENR: u32 = 0x4002_3840;
 const USART2_CLOCK: u32 = 1 << 17;
 const USART2_SR: u32 = 0x4000_4400;
 const USART2_DR: u32 = 0x4000_4404;

@@ -4,11 +4,10 @@
 
 use super::uart::{LineBusy, SingleWireUart};
 use crate::gpio::{self, BSRR, IDR, MODER, PULL_UP, PUPDR};
+use crate::rcc::{RCC_AHB1ENR, RCC_APB1ENR};
 use crate::registers::Registers;
 use crate::software_serial::{PinAction, SoftwareSerial, TICKS_A_BIT};
 
-const RCC_AHB1ENR: u32 = 0x4002_3830;
-const RCC_APB1ENR: u32 = 0x4002_3840;
 const TIM7_CLOCK: u32 = 1 << 5;
 const TIM7_CR1: u32 = 0x4000_1400;
 const TIM7_DIER: u32 = 0x4000_140c;

@@ -3,22 +3,12 @@
 
 use proptest::prelude::*;
 
+use super::SETTINGS;
 use crate::tmc2209::*;
 use crate::virtual_board::{VIRTUAL_WIRING, VirtualDriverLines};
 
 /// Ticks are microseconds.
 const TIMING: LineTiming = LineTiming::new(1_000_000, 19_200);
-
-const SETTINGS: DriverSettings = DriverSettings {
-    current_ma: 600,
-    hold_percent: 50,
-    microsteps: 16,
-    interpolate: true,
-    stealth_chop: true,
-    stealth_until: 75,
-    stall_threshold: 60,
-    both_edges: false,
-};
 
 /// Longest set-up of four drivers: three attempts of 16 steps, each of at most 8 writes and 8 reads of 300 bit times with
 /// their rests.

@@ -5,6 +5,18 @@ mod wire;
 
 use super::{DriverSettings, DriverWiring, MOTORS};
 
+/// Settings of any driver.
+pub(super) const SETTINGS: DriverSettings = DriverSettings {
+    current_ma: 600,
+    hold_percent: 50,
+    microsteps: 16,
+    interpolate: true,
+    stealth_chop: true,
+    stealth_until: 75,
+    stall_threshold: 60,
+    both_edges: false,
+};
+
 /// The Prusa MINI's X.
 pub(super) const MINI: DriverSettings = DriverSettings {
     current_ma: 350,

@@ -3,6 +3,7 @@
 
 use proptest::prelude::*;
 
+use super::SETTINGS;
 use crate::software_serial::{PinAction, SoftwareSerial, TICKS_A_BIT};
 use crate::tmc2209::*;
 use crate::virtual_board::DriverChip;
@@ -143,17 +144,6 @@ impl Wire {
         !self.driven_low && !self.chips.iter().any(|chip| chip.pulls(self.now))
     }
 }
-
-const SETTINGS: DriverSettings = DriverSettings {
-    current_ma: 600,
-    hold_percent: 50,
-    microsteps: 16,
-    interpolate: true,
-    stealth_chop: true,
-    stealth_until: 75,
-    stall_threshold: 60,
-    both_edges: false,
-};
 
 /// Sets up two drivers on one wire; what has happened within two seconds.
 fn set_up(clock: f64, jitter: f64, noise: u32, seed: u32) -> (Vec<DriverEventKind>, [bool; 2]) {
