@@ -10,6 +10,18 @@ use ferrostep_gpre::transfer::{Report, Sender, Word};
 /// Lines from the board that an error tells.
 const REMEMBERED_LINES: usize = 6;
 
+/// Commands with which a transfer begins, each answered by an `ok`.
+const BEGINNING_COMMANDS: u32 = 2;
+
+/// A board that answers the beginning so often, but with no report, takes no job; one answer may be that to a host before.
+const MOST_UNHEEDED: u32 = 2;
+
+/// What a board says to who begins a transfer in the middle of another.
+const OTHER_JOB: &str = "echo:gpre: another job is being received";
+
+/// How the line begins that a halted board says.
+const HALTED: &str = "Error:Printer halted";
+
 /// A line with a board at its other end.
 pub trait Port {
     /// Sends bytes.
@@ -48,18 +60,31 @@ pub enum SendError {
     Port(io::Error),
     /// The board says nothing; the last lines that it said.
     Silent(Vec<String>),
+    /// It answers, but does not take the job: it knows of none, or is halted, or receives another one; the last lines that
+    /// it said.
+    NotTaken(Vec<String>),
+    /// It has halted while it was sent G-code; the line that says so.
+    Halted(String),
 }
 
 impl fmt::Display for SendError {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Port(error) => write!(out, "the line to the board broke: {error}"),
-            Self::Silent(heard) => {
-                write!(out, "the board does not answer; the last it said:")?;
-                heard.iter().try_for_each(|line| write!(out, "\n  {line}"))
-            }
+            Self::Silent(heard) => write_heard(out, "the board does not answer", heard),
+            Self::NotTaken(heard) => write_heard(out, "the board does not take the job", heard),
+            Self::Halted(line) => write!(out, "the board has halted: {line}"),
         }
     }
+}
+
+/// What is wrong, and what the board has said.
+fn write_heard(out: &mut fmt::Formatter<'_>, what: &str, heard: &[String]) -> fmt::Result {
+    write!(out, "{what}")?;
+    if !heard.is_empty() {
+        write!(out, "; the last it said:")?;
+    }
+    heard.iter().try_for_each(|line| write!(out, "\n  {line}"))
 }
 
 impl std::error::Error for SendError {}
@@ -82,7 +107,7 @@ fn numbered(number: u32, text: &str) -> String {
 /// A board that is in the middle of the same job, because its host was restarted, goes on with it.
 ///
 /// # Errors
-/// The board does not answer, or is gone. That it refuses the job, or stops, is a report.
+/// The board does not answer, or takes no job, or is gone. That it refuses the job, or stops, is a report.
 pub fn send(
     port: &mut impl Port,
     sender: &mut Sender,
@@ -91,10 +116,13 @@ pub fn send(
     mut hear: impl FnMut(&str),
 ) -> Result<Report, SendError> {
     let mut heard = VecDeque::new();
-    let begin = format!("{}{}", numbered(0, "M110 N0"), numbered(1, &sender.command(patience.board_s)));
+    // The line end is that of a frame which a host before this one has not sent to its end.
+    let begin = format!("\n{}{}", numbered(0, "M110 N0"), numbered(1, &sender.command(patience.board_s)));
     port.send(begin.as_bytes())?;
     let mut asked = Instant::now();
     let mut last = asked;
+    // How often the board has accepted a command since the transfer was last begun, and how often all in vain.
+    let (mut accepted, mut unheeded) = (0, 0);
     loop {
         while let Some(frame) = sender.next_frame() {
             port.send(&frame)?;
@@ -103,14 +131,25 @@ pub fn send(
         let wait = if sender.awaits_answer() { patience.ask } else { patience.ask * 8 };
         if let Some(line) = port.receive(asked + wait)? {
             last = Instant::now();
-            if !sender.hear(&line) {
+            // What is reported before the board has accepted the beginning was for a host before this one.
+            let reports = sender.has_begun() || accepted >= BEGINNING_COMMANDS;
+            let is_report = if reports { sender.hear(&line) } else { Report::parse(&line).is_some() };
+            if !is_report {
                 hear(&line);
+                accepted += u32::from(line.starts_with("ok"));
+                if line.starts_with("Resend:") {
+                    // Its `ok` says only that it waits for the line.
+                    accepted = 0;
+                }
             }
             if heard.len() == REMEMBERED_LINES {
                 heard.pop_front();
             }
             heard.push_back(line);
             look(sender);
+            if heard.back().is_some_and(|line| line.as_str() == OTHER_JOB) {
+                return Err(SendError::NotTaken(heard.into()));
+            }
             if let Some(end) = sender.end() {
                 return Ok(end);
             }
@@ -120,8 +159,16 @@ pub fn send(
             return Err(SendError::Silent(heard.into()));
         }
         if now.duration_since(asked) >= wait {
-            let question = if sender.has_begun() { sender.question() } else { begin.clone().into_bytes() };
-            port.send(&question)?;
+            if sender.has_begun() {
+                port.send(&sender.question())?;
+            } else {
+                unheeded += u32::from(accepted >= BEGINNING_COMMANDS);
+                if unheeded == MOST_UNHEEDED {
+                    return Err(SendError::NotTaken(heard.into()));
+                }
+                accepted = 0;
+                port.send(begin.as_bytes())?;
+            }
             asked = now;
         }
     }
@@ -140,13 +187,13 @@ pub fn describe(report: &Report) -> String {
 }
 
 /// Sends G-code line by line, numbered and with check sums, again where the board asks for it, and waits for the end of its
-/// motion. `next` is the next line of the file. Returns how many lines were sent.
+/// motion. `next` is the next line of the file, its bytes. Returns how many lines were sent.
 ///
 /// # Errors
-/// The file cannot be read, the board does not answer, or is gone.
+/// The file cannot be read, the board does not answer, or has halted, or is gone.
 pub fn send_lines(
     port: &mut impl Port,
-    mut next: impl FnMut() -> Option<io::Result<String>>,
+    mut next: impl FnMut() -> Option<io::Result<Vec<u8>>>,
     patience: Patience,
     mut hear: impl FnMut(&str),
 ) -> Result<u32, SendError> {
@@ -163,6 +210,9 @@ pub fn send_lines(
             hear(&said);
             // One line is on its way at a time, so it is that one.
             again |= said.starts_with("Resend:");
+            if said.starts_with(HALTED) {
+                return Err(SendError::Halted(said));
+            }
             if said.starts_with("ok") {
                 break;
             }
@@ -178,9 +228,11 @@ pub fn send_lines(
                 None => break None,
                 Some(text) => {
                     let text = text?;
-                    let command = text.split(';').next().unwrap_or_default().trim();
+                    // Comments may be in any code page; a command that is, is the board's to refuse.
+                    let command = text.split(|&byte| byte == b';').next().unwrap_or_default();
+                    let command = String::from_utf8_lossy(command).trim().to_owned();
                     if !command.is_empty() {
-                        break Some(command.to_owned());
+                        break Some(command);
                     }
                 }
             }

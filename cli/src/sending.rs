@@ -1,12 +1,11 @@
 //! `ferrostep send`.
 
-use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 use std::process::ExitCode;
 
 use ferrostep::input::Input;
-use ferrostep::send::{self, Patience};
+use ferrostep::send::{self, Patience, SendError};
 use ferrostep::serial_line::SerialLine;
 use ferrostep_gpre::transfer::{Sender, Word, without_thumbnail};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -23,7 +22,7 @@ pub fn run(file: &Path, port: &Path, baud: u32, fallback: Option<&Path>) -> Resu
     let job = without_thumbnail(job).map_err(|error| format!("{name}: {error}"))?;
     // Opened before anything is sent, so that a name that is wrong is not found out late.
     let fallback = match fallback {
-        Some(path) => Some(File::open(path).map_err(|error| format!("{}: {error}", path.display()))?),
+        Some(path) => Some(open_gcode(path)?),
         None => None,
     };
     let mut line = SerialLine::open(port, baud).map_err(|error| format!("{}: {error}", port.display()))?;
@@ -44,21 +43,41 @@ pub fn run(file: &Path, port: &Path, baud: u32, fallback: Option<&Path>) -> Resu
             bar.set_message(format!("{} times sent again", sender.repeats()));
         }
     };
-    let end = send::send(&mut line, &mut sender, Patience::DEFAULT, show, say).map_err(|error| error.to_string())?;
+    let end = send::send(&mut line, &mut sender, Patience::DEFAULT, show, say);
     bar.finish_and_clear();
+    let end = match end {
+        Ok(end) => end,
+        Err(error) => return Ok(failed(&error)),
+    };
     eprintln!("{}", send::describe(&end));
     if end.word == Word::Refused
         && let Some(gcode) = fallback
     {
         eprintln!("the G-code is sent instead");
-        let mut lines = BufReader::new(gcode).lines();
+        let mut lines = BufReader::new(gcode).split(b'\n');
         return match send::send_lines(&mut line, || lines.next(), Patience::DEFAULT, say) {
             Ok(count) => {
                 eprintln!("{count} lines sent");
                 Ok(ExitCode::SUCCESS)
             }
-            Err(error) => Err(error.to_string()),
+            Err(error) => Ok(failed(&error)),
         };
     }
     Ok(if end.word == Word::Done { ExitCode::SUCCESS } else { ExitCode::from(1) })
+}
+
+/// Opens G-code, plain or packed.
+fn open_gcode(path: &Path) -> Result<Input, String> {
+    let name = path.display();
+    let input = Input::open(path).map_err(|error| format!("{name}: {error}"))?;
+    if input.is_prepared() {
+        return Err(format!("{name}: it is a prepared job, expected G-code"));
+    }
+    Ok(input)
+}
+
+/// Says why a job that had been begun was not sent to its end.
+fn failed(error: &SendError) -> ExitCode {
+    eprintln!("error: {error}");
+    ExitCode::from(1)
 }

@@ -342,6 +342,8 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
                         }
                         self.between(line, incoming).await?;
                     }
+                    // While the machine was at work the host may have had nothing to send, nor to ask.
+                    incoming.heard_ms = self.clock.now_ms();
                     filled = length + ahead;
                     progress.frame = number + 1;
                     progress.offset = offset + length as u64;
@@ -399,6 +401,9 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
                 // The rest of a broken frame is no line. Others are known by their numbers.
                 if numbered || !incoming.of_job {
                     host.answer(self, heard).await;
+                    if incoming.of_job {
+                        incoming.heard_ms = self.clock.now_ms();
+                    }
                     incoming.asked_again(self.job_request.take(), self.replies());
                 }
             }

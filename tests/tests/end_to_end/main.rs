@@ -16,9 +16,13 @@ mod papers;
 mod prepared;
 mod prints;
 mod programs;
+#[cfg(unix)]
+mod pty_board;
 mod refusals;
 mod repeats;
 mod reports;
+#[cfg(unix)]
+mod sending;
 mod slaved_extruder;
 mod stall;
 mod waits;

@@ -19,7 +19,7 @@ use crate::desk::{profile, rehearse_far};
 use crate::programs::generator::program;
 
 /// Prepares G-code in memory; what there is of a job that stops at a line is no job.
-fn prepared(profile: &Profile, gcode: &[u8], encoding: Encoding) -> Option<Vec<u8>> {
+pub fn prepared(profile: &Profile, gcode: &[u8], encoding: Encoding) -> Option<Vec<u8>> {
     let mut out = Cursor::new(Vec::new());
     let target = Target { out: &mut out, encoding };
     let replies = JobReplies::new(|_: &str| {});
@@ -144,7 +144,7 @@ proptest! {
 }
 
 /// Two rounds of a square.
-const SQUARE: &str = "G28\nM302 P1\nG90\nM83\nG1 X20 Y20 Z5 F3000\nG1 X60 E1\nG1 Y60 E1\nG1 X20 E1\nG1 Y20 E1\nM204 P500\n\
+pub const SQUARE: &str = "G28\nM302 P1\nG90\nM83\nG1 X20 Y20 Z5 F3000\nG1 X60 E1\nG1 Y60 E1\nG1 X20 E1\nG1 Y20 E1\nM204 P500\n\
                       G1 X60 E1\nG1 Y60 E1\nM106 S100\nG1 X20 E1\nG1 Y20 E1\nM400\nG1 X0 Y0\n";
 
 /// A prepared square and its directory.
@@ -164,7 +164,7 @@ fn refusal(path: &Path, status: i32, arguments: &[&str]) -> String {
 }
 
 #[track_caller]
-fn says(stderr: &str, expected: &str) {
+pub fn says(stderr: &str, expected: &str) {
     assert!(stderr.contains(expected), "{expected:?} is not in {stderr:?}");
 }
 

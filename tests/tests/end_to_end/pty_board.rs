@@ -1,0 +1,321 @@
+//! A virtual board behind a pseudo-terminal, which answers as the firmware does at a port.
+
+use std::cell::RefCell;
+use std::fs::OpenOptions;
+use std::future::poll_fn;
+use std::os::fd::OwnedFd;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Condvar, Mutex};
+use std::task::Poll;
+use std::thread::{self, JoinHandle};
+use std::time::Duration;
+
+use embedded_hal_async::delay::DelayNs;
+use ferrostep::desk::{Figures, LOOK_AHEAD_BLOCKS, Mode};
+use ferrostep::session::Session;
+use ferrostep_gcode::{Line, LineError, LineReader, Reply};
+use ferrostep_gpre::compact::MOST_FRAME_BYTES;
+use ferrostep_gpre::transfer::{FLAG, Report};
+use ferrostep_hal_shim::virtual_board::{VirtualClock, VirtualDelay};
+use ferrostep_printer::{Host, JobLine, Profile, Replies};
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
+
+/// As long as the firmware waits for bytes while a job is received, ms.
+const LOOK_MS: u32 = 100;
+
+/// Room for a job's bytes, as in the firmware.
+const JOB_BYTES: usize = MOST_FRAME_BYTES + 1024;
+
+/// A pseudo-terminal: one end is a port for whoever opens its path, the other is held here.
+pub struct Pty {
+    master: OwnedFd,
+    /// Somebody has it open at all times, so that it does not hang up when a host goes.
+    _port: std::fs::File,
+    path: PathBuf,
+}
+
+impl Pty {
+    /// A new one, which passes bytes as they are.
+    pub fn new() -> Self {
+        let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).unwrap();
+        grantpt(&master).unwrap();
+        unlockpt(&master).unwrap();
+        let path = PathBuf::from(ptsname(&master, Vec::new()).unwrap().into_string().unwrap());
+        let port = OpenOptions::new().read(true).write(true).open(&path).unwrap();
+        let mut settings = tcgetattr(&port).unwrap();
+        settings.make_raw();
+        tcsetattr(&port, OptionalActions::Now, &settings).unwrap();
+        Self { master, _port: port, path }
+    }
+
+    /// What a host opens.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+}
+
+/// What a board is to be.
+pub struct Settings {
+    /// The machine.
+    pub profile: Profile,
+    /// Whether it takes prepared jobs.
+    pub takes_jobs: bool,
+    /// What it has executed before a host comes.
+    pub before: &'static [&'static str],
+}
+
+impl Settings {
+    /// A board that has just been switched on and waits as long as a real one.
+    pub fn new(profile: Profile) -> Self {
+        Self { profile, takes_jobs: true, before: &[] }
+    }
+}
+
+/// What passes between the board's thread and the test.
+#[derive(Default)]
+struct Shared {
+    state: Mutex<State>,
+    changed: Condvar,
+}
+
+#[derive(Default)]
+struct State {
+    /// Bytes that the board has read.
+    taken: u64,
+    /// The board reads no more than this.
+    most: Option<u64>,
+    /// Everything that it has said.
+    said: Vec<String>,
+    /// While it waits for bytes, time passes for it without passing here.
+    hurries: bool,
+    ended: bool,
+}
+
+/// What a board did.
+pub struct Served {
+    /// What its motors did.
+    pub figures: Figures,
+    /// Bytes that it has read.
+    pub taken: u64,
+    /// How often a transfer began.
+    pub jobs: u32,
+    /// Every line that it has said.
+    pub said: Vec<String>,
+}
+
+/// A board that waits for a host.
+pub struct PtyBoard {
+    path: PathBuf,
+    shared: Arc<Shared>,
+    thread: JoinHandle<Served>,
+}
+
+impl PtyBoard {
+    /// Switches it on.
+    pub fn start(settings: Settings) -> Self {
+        let pty = Pty::new();
+        let path = pty.path.clone();
+        let shared = Arc::<Shared>::default();
+        let of_board = Arc::clone(&shared);
+        Self { path, shared, thread: thread::spawn(move || serve(&pty, &settings, &of_board)) }
+    }
+
+    /// What a host opens.
+    pub fn port(&self) -> &str {
+        self.path.to_str().unwrap()
+    }
+
+    /// From now on the board stands still when it has read so many bytes.
+    pub fn hold_after(&self, bytes: u64) {
+        self.shared.state.lock().unwrap().most = Some(bytes);
+    }
+
+    /// Waits until it stands still.
+    pub fn wait_until_held(&self) {
+        self.wait_for(|state| state.most.is_some_and(|most| state.taken >= most));
+    }
+
+    /// Lets it go on.
+    pub fn release(&self) {
+        self.shared.state.lock().unwrap().most = None;
+        self.shared.changed.notify_all();
+    }
+
+    /// Whether seconds are short for it where it waits for bytes.
+    pub fn set_hurries(&self, hurries: bool) {
+        self.shared.state.lock().unwrap().hurries = hurries;
+    }
+
+    /// Waits until it has said a line that begins so.
+    pub fn wait_until_said(&self, start: &str) {
+        self.wait_for(|state| state.said.iter().any(|line| line.starts_with(start)));
+    }
+
+    fn wait_for(&self, is_there: impl Fn(&State) -> bool) {
+        let state = self.shared.state.lock().unwrap();
+        let patience = Duration::from_secs(60);
+        let (state, waited) =
+            self.shared.changed.wait_timeout_while(state, patience, |state| !is_there(state)).unwrap();
+        assert!(!waited.timed_out(), "the board has read {} bytes and said {:?}", state.taken, state.said);
+    }
+
+    /// Switches it off.
+    pub fn end(self) -> Served {
+        let mut state = self.shared.state.lock().unwrap();
+        (state.ended, state.most) = (true, None);
+        drop(state);
+        self.shared.changed.notify_all();
+        self.thread.join().unwrap()
+    }
+}
+
+/// The board's end of the line.
+struct Port<'a> {
+    pty: &'a Pty,
+    shared: &'a Shared,
+}
+
+impl Port<'_> {
+    fn has_ended(&self) -> bool {
+        self.shared.state.lock().unwrap().ended
+    }
+
+    /// How long a tenth of a second takes in which it has nothing else to do than to wait for bytes.
+    fn tenth(&self) -> Duration {
+        let state = self.shared.state.lock().unwrap();
+        if state.hurries || state.ended { Duration::from_millis(1) } else { Duration::from_millis(LOOK_MS.into()) }
+    }
+
+    /// Reads what comes within a time.
+    fn read(&self, bytes: &mut [u8], within: Duration) -> usize {
+        let state = self.shared.state.lock().unwrap();
+        let held = |state: &mut State| state.most.is_some_and(|most| state.taken >= most);
+        let state = self.shared.changed.wait_while(state, held).unwrap();
+        let left = state.most.map_or(usize::MAX, |most| (most - state.taken) as usize);
+        if state.ended {
+            return 0;
+        }
+        drop(state);
+        let mut ends = [PollFd::new(&self.pty.master, PollFlags::IN)];
+        if poll(&mut ends, Some(&Timespec::try_from(within).unwrap())).unwrap() == 0 {
+            return 0;
+        }
+        let most = bytes.len().min(left);
+        let length = rustix::io::read(&self.pty.master, &mut bytes[..most]).unwrap();
+        self.shared.state.lock().unwrap().taken += length as u64;
+        self.shared.changed.notify_all();
+        length
+    }
+}
+
+impl Replies for Port<'_> {
+    fn send(&self, reply: Reply<'_>) {
+        for line in reply.to_string().lines() {
+            let mut rest = format!("{line}\n").into_bytes();
+            while !rest.is_empty() {
+                let written = rustix::io::write(&self.pty.master, &rest).unwrap();
+                rest.drain(..written);
+            }
+            self.shared.state.lock().unwrap().said.push(line.to_owned());
+        }
+        self.shared.changed.notify_all();
+    }
+}
+
+/// The port while a job comes.
+struct JobPort<'a> {
+    port: &'a Port<'a>,
+    host: &'a mut Host,
+    reader: &'a mut LineReader,
+    clock: &'a VirtualClock,
+}
+
+impl JobLine for JobPort<'_> {
+    async fn read(&mut self, bytes: &mut [u8], idle: bool) -> (usize, bool) {
+        if idle {
+            let length = self.port.read(bytes, self.port.tenth());
+            if length == 0 {
+                VirtualDelay(self.clock).delay_ms(LOOK_MS).await;
+            }
+            return (length, true);
+        }
+        let port = self.port;
+        let read = poll_fn(|_| match port.read(bytes, Duration::ZERO) {
+            0 => Poll::Pending,
+            length => Poll::Ready(length),
+        });
+        (read.await, true)
+    }
+
+    fn text<'a>(&'a mut self, bytes: &'a [u8]) -> (usize, Option<(&'a mut Host, Result<Line<'a>, LineError>)>) {
+        let (used, line) = self.reader.feed(bytes);
+        (used, line.map(|line| (&mut *self.host, line)))
+    }
+
+    fn answer_job(&mut self) {}
+}
+
+/// The board's main loop.
+fn serve(pty: &Pty, settings: &Settings, shared: &Shared) -> Served {
+    let port = Port { pty, shared };
+    let session = Session::new(settings.profile, Mode::Print, LOOK_AHEAD_BLOCKS, (), Silent(RefCell::new(None)));
+    // The replies of what came before nobody hears.
+    let mut printer = session.printer();
+    for line in settings.before {
+        let _ = session.run(printer.execute(0, line));
+    }
+    session.replies().0.replace(Some(&port));
+    if settings.takes_jobs {
+        printer.set_receives_jobs();
+    }
+    let (mut host, mut reader) = (Host::new(), LineReader::new());
+    let (mut mid_line, mut in_frame) = (false, false);
+    let (mut jobs, mut last_job) = (0, Report::NONE);
+    let mut room = vec![0; JOB_BYTES];
+    let mut buffer = [0; 64];
+    while !port.has_ended() {
+        let length = port.read(&mut buffer, Duration::from_millis(100));
+        let mut bytes = &buffer[..length];
+        while !bytes.is_empty() {
+            let line_end = bytes.iter().position(|byte| matches!(byte, b'\n' | b'\r'));
+            let (line, rest) = bytes.split_at(line_end.map_or(bytes.len(), |end| end + 1));
+            let frame = in_frame || !mid_line && line.first() == Some(&FLAG);
+            (mid_line, in_frame) = (line_end.is_none(), frame && line_end.is_none());
+            if frame {
+                if line_end.is_some() {
+                    port.send(Reply::Text(&last_job.to_string()));
+                }
+                bytes = rest;
+                continue;
+            }
+            let (used, heard) = reader.feed(line);
+            bytes = &bytes[used..];
+            let Some(heard) = heard else { continue };
+            session.run(host.answer(&mut printer, heard));
+            if let Some(request) = printer.take_job_request() {
+                jobs += 1;
+                let clock = session.clock();
+                let mut line = JobPort { port: &port, host: &mut host, reader: &mut reader, clock };
+                (last_job, in_frame) = session.run(printer.receive_job(request, &mut line, &mut room));
+                mid_line = in_frame;
+                break;
+            }
+        }
+    }
+    let figures = session.desk().borrow().figures();
+    let state = shared.state.lock().unwrap();
+    Served { figures, taken: state.taken, jobs, said: state.said.clone() }
+}
+
+/// Replies that go to a port as soon as there is one.
+struct Silent<'a>(RefCell<Option<&'a Port<'a>>>);
+
+impl Replies for Silent<'_> {
+    fn send(&self, reply: Reply<'_>) {
+        if let Some(port) = *self.0.borrow() {
+            port.send(reply);
+        }
+    }
+}

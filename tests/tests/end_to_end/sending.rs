@@ -1,0 +1,273 @@
+//! `ferrostep send`, at a terminal with a virtual board behind it.
+
+use std::path::{Path, PathBuf};
+
+use ferrostep_gpre::{Encoding, Speed};
+use ferrostep_tests::hand_made;
+use serde_json::Value;
+use tempfile::TempDir;
+
+use crate::command::{Outcome, directory, example, ferrostep, file, gzip, start};
+use crate::desk::profile;
+use crate::prepared::{SQUARE, prepared, says};
+use crate::pty_board::{Pty, PtyBoard, Served, Settings};
+
+/// The first lines of a print.
+const LINES: usize = 1_500;
+
+/// A board for the machine of the jobs here.
+fn board() -> Settings {
+    Settings::new(profile("cartesian"))
+}
+
+/// The G-code of a part of a print, which takes more than a few frames.
+fn part() -> String {
+    let text = String::from_utf8(example("cube.gcode")).unwrap();
+    text.lines().take(LINES).map(|line| format!("{line}\n")).collect()
+}
+
+/// Prepares G-code for a machine, into a file.
+fn job(directory: &TempDir, name: &str, machine: &str, gcode: &str) -> PathBuf {
+    file(directory, name, prepared(&profile(machine), gcode.as_bytes(), Encoding::Compact).unwrap())
+}
+
+fn send(job: &Path, port: &str, fallback: Option<&Path>) -> Outcome {
+    let mut arguments = vec!["send", job.to_str().unwrap(), "--port", port];
+    arguments.extend(fallback.iter().flat_map(|path| ["--fallback", path.to_str().unwrap()]));
+    ferrostep(arguments)
+}
+
+/// What `print` says of a file.
+fn printed(path: &Path) -> Value {
+    let outcome = ferrostep(["print", path.to_str().unwrap(), "--json"]);
+    assert_eq!(outcome.status, Some(0), "{outcome:#?}");
+    outcome.json()
+}
+
+/// The board has made the steps of `print`, each at its time.
+#[track_caller]
+fn assert_printed(served: &Served, path: &Path) {
+    let printed = printed(path);
+    let digests = served.figures.digests;
+    assert_eq!(printed["step_digest"], format!("{:016x}", digests.step), "{:#?}", served.said);
+    assert_eq!(printed["order_digest"], format!("{:016x}", digests.order));
+    assert_eq!(served.figures.underruns, 0);
+}
+
+#[track_caller]
+fn assert_nothing_moved(served: &Served) {
+    assert_eq!(served.figures.motor_steps, [0; 4], "{:#?}", served.said);
+}
+
+#[test]
+fn a_job_is_sent_and_printed() {
+    let directory = directory();
+    let job = job(&directory, "part.gpre", "cartesian", &part());
+    let board = PtyBoard::start(board());
+    let outcome = send(&job, board.port(), None);
+    assert_eq!(outcome.status, Some(0), "{outcome:#?}");
+    says(&outcome.stderr, "printed");
+    assert_eq!(outcome.stdout, "");
+    let served = board.end();
+    assert_eq!(served.jobs, 1);
+    assert_printed(&served, &job);
+}
+
+#[test]
+fn a_job_for_another_machine_is_refused() {
+    let directory = directory();
+    let job = job(&directory, "square.gpre", "corexy", SQUARE);
+    let board = PtyBoard::start(board());
+    let outcome = send(&job, board.port(), None);
+    assert_eq!(outcome.status, Some(1), "{outcome:#?}");
+    says(&outcome.stderr, "prepared for another machine (profile ");
+    says(&outcome.stderr, "the board refuses the job");
+    assert_nothing_moved(&board.end());
+}
+
+#[test]
+fn packets_are_refused() {
+    let directory = directory();
+    let job = prepared(&profile("cartesian"), SQUARE.as_bytes(), Encoding::Wide).unwrap();
+    let job = file(&directory, "square.gpre", job);
+    let board = PtyBoard::start(board());
+    let outcome = send(&job, board.port(), None);
+    assert_eq!(outcome.status, Some(1), "{outcome:#?}");
+    says(&outcome.stderr, "expected the compact encoding, which alone is sent to a board");
+    says(&outcome.stderr, "the board refuses the job");
+    assert_nothing_moved(&board.end());
+}
+
+#[test]
+fn where_the_board_refuses_the_gcode_is_printed_instead() {
+    let directory = directory();
+    let job = job(&directory, "part.gpre", "corexy", &part());
+    // As slicers and people write it: comments, blank lines, letters of old code pages; packed.
+    let text = [part().as_bytes(), b"\n; caf\xe9\nM117 \xc2\xb5 \n"].concat();
+    let plain = file(&directory, "part.gcode", text);
+    let packed = file(&directory, "part.gcode.gz", gzip(part().as_bytes()));
+    for gcode in [&plain, &packed] {
+        let board = PtyBoard::start(board());
+        let outcome = send(&job, board.port(), Some(gcode));
+        assert_eq!(outcome.status, Some(0), "{outcome:#?}");
+        says(&outcome.stderr, "the board refuses the job");
+        says(&outcome.stderr, "the G-code is sent instead");
+        says(&outcome.stderr, "lines sent");
+        assert_printed(&board.end(), &packed);
+    }
+}
+
+#[test]
+fn the_gcode_is_sent_only_where_nothing_was_printed() {
+    let directory = directory();
+    let gcode = file(&directory, "other.gcode", "G28\nG1 X100 F6000\n");
+    let square = job(&directory, "square.gpre", "cartesian", SQUARE);
+    let sound = PtyBoard::start(board());
+    let outcome = send(&square, sound.port(), Some(&gcode));
+    assert_eq!(outcome.status, Some(0), "{outcome:#?}");
+    assert!(!outcome.stderr.contains("instead"), "{outcome:#?}");
+    assert_printed(&sound.end(), &square);
+
+    // Beyond the end of the axis, when half of it is done.
+    let moves = [(40, Speed::Bound), (400, Speed::Bound)];
+    let stops = file(&directory, "stops.gpre", hand_made::job(profile("cartesian").hash(), &moves));
+    let stopped = PtyBoard::start(board());
+    let outcome = send(&stops, stopped.port(), Some(&gcode));
+    assert_eq!(outcome.status, Some(1), "{outcome:#?}");
+    says(&outcome.stderr, "X: outside the soft limits");
+    says(&outcome.stderr, "the board stopped in frame 2 at byte ");
+    assert!(!outcome.stderr.contains("instead"), "{outcome:#?}");
+    let served = stopped.end();
+    assert!(!served.said.iter().any(|line| line.starts_with("X:100")), "{:#?}", served.said);
+}
+
+#[test]
+fn a_fallback_that_is_none_is_told_before_anything_is_sent() {
+    let directory = directory();
+    let job = job(&directory, "square.gpre", "corexy", SQUARE);
+    let board = PtyBoard::start(board());
+    for (fallback, expected) in [
+        (&job, "it is a prepared job, expected G-code"),
+        (&directory.path().join("none.gcode"), "none.gcode: cannot be read: No such file"),
+    ] {
+        let outcome = send(&job, board.port(), Some(fallback));
+        assert_eq!(outcome.status, Some(2), "{outcome:#?}");
+        says(&outcome.stderr, expected);
+    }
+    assert_eq!(board.end().taken, 0);
+}
+
+#[test]
+fn gcode_that_halts_the_machine_is_not_printed() {
+    let directory = directory();
+    let job = job(&directory, "square.gpre", "corexy", SQUARE);
+    let gcode = file(&directory, "halts.gcode", "G28\nM112\nG1 X100 F6000\n");
+    let board = PtyBoard::start(board());
+    let outcome = send(&job, board.port(), Some(&gcode));
+    assert_eq!(outcome.status, Some(1), "{outcome:#?}");
+    says(&outcome.stderr, "error: the board has halted: Error:Printer halted");
+    // M112 is answered so; nothing was sent behind it.
+    assert_eq!(board.end().said.iter().filter(|line| line.contains("is halted")).count(), 1);
+}
+
+#[test]
+fn a_board_that_takes_no_job_is_not_asked_for_ever() {
+    let directory = directory();
+    let job = job(&directory, "square.gpre", "cartesian", SQUARE);
+    let gcode = file(&directory, "square.gcode", SQUARE);
+    let no_jobs = Settings { takes_jobs: false, ..board() };
+    let halted = Settings { before: &["M112"], ..board() };
+    for (settings, expected) in [(no_jobs, "jobs are received by a board"), (halted, "expected M999 to restart")] {
+        let board = PtyBoard::start(settings);
+        let outcome = send(&job, board.port(), Some(&gcode));
+        assert_eq!(outcome.status, Some(1), "{outcome:#?}");
+        says(&outcome.stderr, "error: the board does not take the job; the last it said:");
+        says(&outcome.stderr, expected);
+        assert_nothing_moved(&board.end());
+    }
+}
+
+#[test]
+fn a_board_that_says_nothing_is_given_up() {
+    let directory = directory();
+    let job = job(&directory, "square.gpre", "cartesian", SQUARE);
+    let nobody = Pty::new();
+    let outcome = send(&job, nobody.path().to_str().unwrap(), None);
+    assert_eq!(outcome.status, Some(1), "{outcome:#?}");
+    says(&outcome.stderr, "error: the board does not answer");
+}
+
+#[test]
+fn a_port_that_is_not_there_is_told() {
+    let directory = directory();
+    let job = job(&directory, "square.gpre", "cartesian", SQUARE);
+    let outcome = send(&job, "/dev/no-such-port", None);
+    assert_eq!(outcome.status, Some(2), "{outcome:#?}");
+    says(&outcome.stderr, "/dev/no-such-port: No such file");
+}
+
+/// Sends a job and kills the host when the board has read so many bytes.
+fn send_and_kill(job: &Path, board: &PtyBoard, bytes: u64) {
+    board.hold_after(bytes);
+    let mut host = start(["send", job.to_str().unwrap(), "--port", board.port()]);
+    board.wait_until_held();
+    host.kill().unwrap();
+    let outcome: Outcome = host.wait_with_output().unwrap().into();
+    assert_eq!(outcome.status, None, "it was not killed in the middle: {outcome:#?}");
+}
+
+#[test]
+fn a_host_that_was_killed_goes_on() {
+    let directory = directory();
+    let job = job(&directory, "part.gpre", "cartesian", &part());
+    let length = std::fs::metadata(&job).unwrap().len();
+    let board = PtyBoard::start(board());
+    send_and_kill(&job, &board, length / 2);
+    board.release();
+    let outcome = send(&job, board.port(), None);
+    assert_eq!(outcome.status, Some(0), "{outcome:#?}");
+    says(&outcome.stderr, "printed");
+    let served = board.end();
+    assert_eq!(served.jobs, 1, "it did not go on but begin anew");
+    // What the first host had sent was not sent again: frames are a tenth longer than what is in them.
+    assert!(served.taken < length * 13 / 10, "{} bytes for a job of {length}", served.taken);
+    assert_printed(&served, &job);
+}
+
+#[test]
+fn another_job_does_not_go_on_where_one_stopped() {
+    let directory = directory();
+    let first = job(&directory, "part.gpre", "cartesian", &part());
+    let other = job(&directory, "square.gpre", "cartesian", SQUARE);
+    let board = PtyBoard::start(board());
+    send_and_kill(&first, &board, 2_000);
+    board.release();
+    let outcome = send(&other, board.port(), None);
+    assert_eq!(outcome.status, Some(1), "{outcome:#?}");
+    says(&outcome.stderr, "error: the board does not take the job; the last it said:");
+    says(&outcome.stderr, "echo:gpre: another job is being received");
+    let outcome = send(&first, board.port(), None);
+    assert_eq!(outcome.status, Some(0), "{outcome:#?}");
+    assert_printed(&board.end(), &first);
+}
+
+#[test]
+fn a_silent_host_is_given_up_and_the_next_one_heard() {
+    let directory = directory();
+    let first = job(&directory, "part.gpre", "cartesian", &part());
+    let next = job(&directory, "square.gpre", "cartesian", SQUARE);
+    let board = PtyBoard::start(board());
+    send_and_kill(&first, &board, 3_000);
+    // Half a minute of silence takes a third of a second.
+    board.set_hurries(true);
+    board.release();
+    board.wait_until_said("gpre:stopped ");
+    board.set_hurries(false);
+    let outcome = send(&next, board.port(), None);
+    assert_eq!(outcome.status, Some(0), "{outcome:#?}");
+    says(&outcome.stderr, "printed");
+    let served = board.end();
+    assert_eq!(served.jobs, 2);
+    let silence = "echo:gpre: nothing from the host for 30 s";
+    assert!(served.said.iter().any(|line| line == silence), "{:#?}", served.said);
+}
