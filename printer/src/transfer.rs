@@ -264,7 +264,14 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         let mut none = 0;
         let taken_in = incoming.take_in(line, &mut [], &mut none, (replies, &clock), false);
         let ended = match outcome {
-            Ok(()) => beside(self.finish(), taken_in).await.map_err(|_| Stop::Halted),
+            Ok(()) => {
+                let finished = beside(self.finish(), taken_in).await;
+                if finished.is_err() {
+                    // All of the job had been taken; what of it was left undone is reckoned as anywhere else in it.
+                    self.stop_motion();
+                }
+                finished.map_err(|_| Stop::Halted)
+            }
             Err(stop) => {
                 // Where the machine was halted there is no motion left to end.
                 let _ = beside(self.abandon_prepared(), taken_in).await;

@@ -7,6 +7,7 @@
 
 mod host_line;
 mod interrupts;
+mod job_host;
 mod ports;
 mod queue;
 mod recording;
@@ -29,6 +30,7 @@ use recording::WatchedPort;
 use time::{from_ns, to_ns};
 
 pub use host_line::HostLine;
+pub use job_host::JobHost;
 pub use ports::{ColdHeaters, Transcript};
 pub use queue::Queue;
 pub use recording::Watch;
@@ -118,7 +120,7 @@ impl<'a, M: Stepping> Board<'a, M> {
         let mut printer = Printer::new(
             self.profile,
             SharedMotion(self),
-            ColdHeaters,
+            ColdHeaters::default(),
             clock,
             &self.replies,
             self.interrupts.signals(),
@@ -198,10 +200,15 @@ impl<'a, M: Stepping> Board<'a, M> {
     /// As the printer refuses it.
     pub fn execute(&self, printer: &mut BoardPrinter<'_, 'a, M>, number: u32, text: &str) -> Result<(), Failure> {
         self.work_for(self.costs.line);
-        let mut execution = pin!(printer.execute(number, text));
+        self.poll(printer.execute(number, text))
+    }
+
+    /// Polls to the end; time passes in between.
+    fn poll<T>(&self, future: impl Future<Output = T>) -> T {
+        let mut future = pin!(future);
         let mut context = Context::from_waker(Waker::noop());
         loop {
-            if let Poll::Ready(outcome) = execution.as_mut().poll(&mut context) {
+            if let Poll::Ready(outcome) = future.as_mut().poll(&mut context) {
                 return outcome;
             }
             let wake = self.clock.take_wake_ns().map_or(self.now() + 1, from_ns);
@@ -252,6 +259,11 @@ impl<'a, M: Stepping> Board<'a, M> {
     /// Machine position at the end of all moves taken, units of 10 nm.
     pub fn position_10nm(&self) -> [i64; 3] {
         self.machine.borrow().position_10nm()
+    }
+
+    /// The fan's power with the motion that has ended, 0 to 255.
+    pub fn fan_power(&self) -> u8 {
+        self.machine.borrow().fan_power()
     }
 
     /// What M797 reports.

@@ -43,19 +43,40 @@ impl<'a, M: Stepping> SharedMachine for &Board<'a, M> {
 }
 
 /// Heaters without mains: they stay at the temperature of the room, and files must allow that (M302).
-pub struct ColdHeaters;
+#[derive(Debug, Default)]
+pub struct ColdHeaters {
+    nozzle_celsius: f32,
+    bed_celsius: f32,
+}
+
+impl ColdHeaters {
+    fn target(&mut self, heater: Heater) -> &mut f32 {
+        match heater {
+            Heater::Nozzle => &mut self.nozzle_celsius,
+            Heater::Bed => &mut self.bed_celsius,
+        }
+    }
+}
 
 /// Temperature of the room, degrees Celsius.
 const ROOM_CELSIUS: f32 = 22.0;
 
 impl Heating for ColdHeaters {
-    fn set_target(&mut self, _heater: Heater, _celsius: f32) {}
-
-    fn status(&self, _heater: Heater) -> HeaterStatus {
-        HeaterStatus { celsius: ROOM_CELSIUS, ..HeaterStatus::default() }
+    fn set_target(&mut self, heater: Heater, celsius: f32) {
+        *self.target(heater) = celsius;
     }
 
-    fn all_off(&mut self) {}
+    fn status(&self, heater: Heater) -> HeaterStatus {
+        let target_celsius = match heater {
+            Heater::Nozzle => self.nozzle_celsius,
+            Heater::Bed => self.bed_celsius,
+        };
+        HeaterStatus { celsius: ROOM_CELSIUS, target_celsius, power: 0.0 }
+    }
+
+    fn all_off(&mut self) {
+        *self = Self::default();
+    }
 
     fn restart(&mut self) -> Result<(), HeatFault> {
         Ok(())

@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 mod invariants;
+mod live_changes;
 mod look_ahead;
 mod slow_input;
 mod slow_planner;

@@ -1,0 +1,178 @@
+//! A host that sends a prepared job, and lines beside it, in the board's time.
+
+use std::collections::VecDeque;
+use std::future::poll_fn;
+use std::ops::Range;
+use std::task::Poll;
+
+use embedded_hal_async::delay::DelayNs;
+use ferrostep_gcode::{EmergencyScanner, Line, LineError, LineReader};
+use ferrostep_gpre::compact::MOST_FRAME_BYTES;
+use ferrostep_gpre::transfer::{Report, Sender};
+use ferrostep_hal_shim::stepping::Stepping;
+use ferrostep_hal_shim::virtual_board::VirtualDelay;
+use ferrostep_printer::{Host, JobLine, JobRequest};
+
+use super::time::{CYCLES_A_MS, CYCLES_PER_S};
+use super::{Board, BoardPrinter};
+
+/// A line of 115,200 baud: ten bits a byte.
+const CYCLES_A_BYTE: u64 = CYCLES_PER_S / 11_520;
+
+/// A host that has heard nothing for so long asks.
+const ASK_CYCLES: u64 = 250 * CYCLES_A_MS;
+
+/// As long as the firmware waits for bytes, and for how long at once it looks away here, ms.
+const WAIT_MS: u32 = 100;
+const LOOK_MS: u32 = 1;
+
+/// Room for a job's bytes, as in the firmware.
+const JOB_BYTES: usize = MOST_FRAME_BYTES + 1024;
+
+/// A host at a serial line.
+pub struct JobHost {
+    sender: Sender,
+    /// Lines to be said, and when, cycles.
+    lines: VecDeque<(u64, String)>,
+    /// When no data are sent, only questions.
+    pauses: Vec<Range<u64>>,
+    /// What is on the line, and when each byte arrives.
+    wire: VecDeque<(u64, u8)>,
+    last_arrival: u64,
+    scanner: EmergencyScanner,
+    /// Replies of the board that were heard.
+    heard: usize,
+    asked: u64,
+}
+
+impl JobHost {
+    /// A host with a job.
+    pub fn new(job: Vec<u8>) -> Self {
+        Self {
+            sender: Sender::new(job),
+            lines: VecDeque::new(),
+            pauses: Vec::new(),
+            wire: VecDeque::new(),
+            last_arrival: 0,
+            scanner: EmergencyScanner::new(),
+            heard: 0,
+            asked: 0,
+        }
+    }
+
+    /// At a cycle it says a line, between two frames. Later lines must be told later.
+    pub fn says(mut self, at: u64, line: &str) -> Self {
+        self.lines.push_back((at, format!("{line}\n")));
+        self
+    }
+
+    /// It sends no data meanwhile.
+    pub fn pauses(mut self, cycles: Range<u64>) -> Self {
+        self.pauses.push(cycles);
+        self
+    }
+
+    /// Hears what the board has said by now, and says what there is to say.
+    fn converse<M: Stepping>(&mut self, board: &Board<'_, M>) {
+        let now = board.now();
+        for reply in board.replies().iter().skip(self.heard) {
+            self.heard += 1;
+            self.sender.hear(reply);
+        }
+        while let Some((_, line)) = self.lines.pop_front_if(|(at, _)| *at <= now) {
+            self.put(board, line.as_bytes());
+        }
+        if !self.pauses.iter().any(|pause| pause.contains(&now)) {
+            while let Some(frame) = self.sender.next_frame() {
+                self.put(board, &frame);
+                self.asked = now;
+            }
+        }
+        if now - self.asked >= ASK_CYCLES {
+            self.put(board, &self.sender.question());
+            self.asked = now;
+        }
+    }
+
+    /// Puts bytes onto the line. What acts as its bytes arrive does so then, whatever the board does.
+    fn put<M: Stepping>(&mut self, board: &Board<'_, M>, bytes: &[u8]) {
+        for &byte in bytes {
+            self.last_arrival = self.last_arrival.max(board.now()) + CYCLES_A_BYTE;
+            self.wire.push_back((self.last_arrival, byte));
+            if let Some(emergency) = self.scanner.feed(byte) {
+                board.stop_at(self.last_arrival, emergency);
+            }
+        }
+    }
+
+    /// Reads what has arrived.
+    fn read<M: Stepping>(&mut self, board: &Board<'_, M>, bytes: &mut [u8]) -> usize {
+        self.converse(board);
+        let mut length = 0;
+        for place in bytes {
+            let Some((_, byte)) = self.wire.pop_front_if(|(at, _)| *at <= board.now()) else { break };
+            *place = byte;
+            length += 1;
+        }
+        length
+    }
+}
+
+/// The board's end.
+struct JobPort<'b, 'a, M> {
+    board: &'b Board<'a, M>,
+    sender: &'b mut JobHost,
+    host: Host,
+    reader: LineReader,
+}
+
+impl<M: Stepping> JobLine for JobPort<'_, '_, M> {
+    async fn read(&mut self, bytes: &mut [u8], idle: bool) -> (usize, bool) {
+        let (board, sender) = (self.board, &mut *self.sender);
+        if !idle {
+            let read = poll_fn(|_| match sender.read(board, bytes) {
+                0 => Poll::Pending,
+                length => Poll::Ready(length),
+            });
+            return (read.await, true);
+        }
+        let mut length = sender.read(board, bytes);
+        if length == 0 {
+            // Bytes may have been awaited since the wait before.
+            board.awaits_since.set(board.awaits_since.get().or(Some(board.now())));
+        }
+        for _ in 0..WAIT_MS / LOOK_MS {
+            if length > 0 {
+                break;
+            }
+            VirtualDelay(&board.clock).delay_ms(LOOK_MS).await;
+            length = sender.read(board, bytes);
+        }
+        if length > 0 {
+            board.awaits_since.set(None);
+        }
+        (length, true)
+    }
+
+    fn text<'a>(&'a mut self, bytes: &'a [u8]) -> (usize, Option<(&'a mut Host, Result<Line<'a>, LineError>)>) {
+        let (used, line) = self.reader.feed(bytes);
+        (used, line.map(|line| (&mut self.host, line)))
+    }
+
+    fn answer_job(&mut self) {}
+}
+
+impl<'a, M: Stepping> Board<'a, M> {
+    /// Receives a host's job and executes it as it comes.
+    pub fn receive_job(&self, printer: &mut BoardPrinter<'_, 'a, M>, sender: &mut JobHost) -> Report {
+        let size = u32::try_from(sender.sender.size()).unwrap_or(u32::MAX);
+        // The M790 was said to have been executed.
+        sender.asked = self.now();
+        let request = JobRequest { size, silence_s: 30 };
+        let mut line = JobPort { board: self, sender, host: Host::new(), reader: LineReader::new() };
+        let mut room = vec![0; JOB_BYTES];
+        let (report, _) = self.poll(printer.receive_job(request, &mut line, &mut room));
+        self.awaits_since.set(None);
+        report
+    }
+}
