@@ -21,8 +21,9 @@ pub const RECEIVE_BYTES: usize = 2048;
 /// Bytes that wait to be sent: the longest reply (M115) and some.
 pub const SEND_BYTES: usize = 2048;
 
-/// How long [`Reader::read_in_time`] waits.
-const WAIT_MS: u32 = 100;
+/// How long [`Reader::read_in_time`] waits: longer than the silence after which [`Patience`] lets what waits in the ring be
+/// executed, or it would be executed only where the planner task looks at the right moment.
+const WAIT_MS: u32 = 150;
 
 /// Bytes that were lost because nobody read them in time.
 static LOST_BYTES: AtomicU32 = AtomicU32::new(0);
@@ -127,7 +128,7 @@ impl Reader {
         self.take(buffer)
     }
 
-    /// As [`Self::read`], but waits a tenth of a second at most and then returns none. `idle`: whoever reads has nothing
+    /// As [`Self::read`], but waits 150 ms at most and then returns none. `idle`: whoever reads has nothing
     /// else to do.
     pub async fn read_in_time<'a>(&mut self, buffer: &'a mut [u8], idle: bool) -> (Port, &'a [u8]) {
         if !self.is_ready() {

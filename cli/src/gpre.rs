@@ -1,5 +1,6 @@
 //! Jobs that are planned here and executed by the board: writing, reading and looking into GPRE files.
 
+mod entry;
 mod inspect;
 mod packets;
 mod play;
@@ -8,8 +9,8 @@ mod script;
 mod summary;
 mod thumbnail;
 
-pub use inspect::{InspectError, inspect};
-pub use play::play;
+pub use inspect::{InspectError, Shown, inspect};
+pub use play::{play, play_from};
 pub use prepare::{PrepareError, Prepared, Target, prepare};
 pub use script::Script;
 pub use summary::PreparedSummary;

@@ -42,6 +42,13 @@ pub enum JobError {
         /// What was wrong, and what was expected.
         message: String,
     },
+    /// It cannot be entered at a frame.
+    Entry {
+        /// The frame.
+        frame: u32,
+        /// Why, and what was expected.
+        message: String,
+    },
     /// All lines were taken, but the motion they asked for was stopped.
     Stopped(CommandError),
 }
@@ -61,6 +68,7 @@ impl fmt::Display for JobError {
                 }
                 write!(out, ": {message}")
             }
+            Self::Entry { frame, message } => write!(out, "frame {frame}: {message}"),
             Self::Stopped(error) => write!(out, "at the end: {error}"),
         }
     }

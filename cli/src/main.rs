@@ -13,7 +13,7 @@ use std::time::Instant;
 
 use clap::{Parser, Subcommand};
 use ferrostep::desk::{LOOK_AHEAD_BLOCKS, Mode};
-use ferrostep::gpre::{self, InspectError, PrepareError, PreparedSummary};
+use ferrostep::gpre::{self, InspectError, PrepareError, PreparedSummary, Shown};
 use ferrostep::input::Input;
 use ferrostep::job::{self, JobProgress};
 use ferrostep::papers::{Chapter, Paper, choices};
@@ -48,6 +48,10 @@ enum Command {
         /// Blocks in the look-ahead ring; 128 if not given, and 65536 for a prepared job.
         #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=1_048_576))]
         look_ahead: Option<u32>,
+        /// Enters a prepared job at a frame, as after a power cut (`inspect --entries` lists those that can be): heats, takes the
+        /// nozzle to stand at the frame's height, homes X and Y alone, goes to the frame's start, and prints on.
+        #[arg(long, value_name = "N")]
+        from_frame: Option<u32>,
         /// Writes every step event to a file.
         #[arg(long, value_name = "OUT")]
         trace: Option<PathBuf>,
@@ -73,6 +77,9 @@ enum Command {
         /// Every move and command, not only where the frames begin.
         #[arg(long)]
         items: bool,
+        /// The frames at which the job can be entered, instead of where all begin.
+        #[arg(long, conflicts_with = "items")]
+        entries: bool,
     },
     /// Sends a prepared job to a board, which executes it as it comes.
     #[cfg(unix)]
@@ -161,11 +168,18 @@ struct JobArguments {
 
 fn main() -> ExitCode {
     let outcome = match Arguments::parse().command {
-        Command::Print { job, look_ahead, trace, vcd } => {
-            print(&job, look_ahead.map(|blocks| blocks as usize), trace.as_deref(), vcd.as_deref())
+        Command::Print { job, look_ahead, from_frame, trace, vcd } => {
+            print(&job, look_ahead.map(|blocks| blocks as usize), from_frame, trace.as_deref(), vcd.as_deref())
         }
         Command::Preprocess { job, out, format } => preprocess(&job, &out, format),
-        Command::Inspect { file, items } => inspect(&file, items),
+        Command::Inspect { file, items, entries } => {
+            let shown = match (items, entries) {
+                (true, _) => Shown::Items,
+                (false, true) => Shown::Entries,
+                (false, false) => Shown::Frames,
+            };
+            inspect(&file, shown)
+        }
         #[cfg(unix)]
         Command::Send { file, port, baud, fallback } => sending::run(&file, &port, baud, fallback.as_deref()),
         Command::Estimate { job } => estimate(&job),
@@ -229,12 +243,13 @@ fn estimate(job: &JobArguments) -> Result<ExitCode, String> {
     if input.is_prepared() {
         return Err(format!("{}: it is a prepared job, expected G-code (inspect tells its time)", job.file.display()));
     }
-    run(job, input, profile, Mode::Estimate, LOOK_AHEAD_BLOCKS, ()).map(|(code, ())| code)
+    run(job, input, profile, Mode::Estimate, (LOOK_AHEAD_BLOCKS, 0), ()).map(|(code, ())| code)
 }
 
 fn print(
     job: &JobArguments,
     look_ahead: Option<usize>,
+    from_frame: Option<u32>,
     trace: Option<&Path>,
     vcd: Option<&Path>,
 ) -> Result<ExitCode, String> {
@@ -249,10 +264,14 @@ fn print(
         }
         _ => {}
     }
+    if from_frame.is_some() && !input.is_prepared() {
+        return Err(format!("{}: it is G-code, expected a prepared job to enter at a frame", job.file.display()));
+    }
+    let from = from_frame.unwrap_or(0);
     let usual = if input.is_prepared() { gpre::LOOK_AHEAD_BLOCKS } else { LOOK_AHEAD_BLOCKS };
     let look_ahead = look_ahead.unwrap_or(usual);
     if trace.is_none() && vcd.is_none() {
-        return run(job, input, profile, Mode::Print, look_ahead, ()).map(|(code, ())| code);
+        return run(job, input, profile, Mode::Print, (look_ahead, from), ()).map(|(code, ())| code);
     }
     let mut recorder = Recorder::default();
     if let Some(path) = trace {
@@ -261,7 +280,7 @@ fn print(
     if let Some(path) = vcd {
         recorder.vcd = Some(VcdWriter::create(writable(path, job)?, &profile).map_err(|e| unwritable(path, e))?);
     }
-    let (code, mut recorder) = run(job, input, profile, Mode::Print, look_ahead, recorder)?;
+    let (code, mut recorder) = run(job, input, profile, Mode::Print, (look_ahead, from), recorder)?;
     match recorder.finish() {
         Ok(()) => Ok(code),
         Err(error) => {
@@ -331,14 +350,14 @@ fn preprocess(job: &JobArguments, out: &Path, format: Format) -> Result<ExitCode
     Ok(ExitCode::SUCCESS)
 }
 
-fn inspect(file: &Path, items: bool) -> Result<ExitCode, String> {
+fn inspect(file: &Path, shown: Shown) -> Result<ExitCode, String> {
     let name = file.display();
     let input = Input::open(file).map_err(|error| format!("{name}: {error}"))?;
     if !input.is_prepared() {
         return Err(format!("{name}: it is G-code, expected a prepared job"));
     }
     let mut out = BufWriter::new(std::io::stdout().lock());
-    match gpre::inspect(input, items, &mut out) {
+    match gpre::inspect(input, shown, &mut out) {
         // Who closes the pipe early (`| head`) has read enough.
         Ok(()) | Err(InspectError::Write(_)) => Ok(ExitCode::SUCCESS),
         Err(InspectError::Job(error)) => {
@@ -361,13 +380,13 @@ fn writable<'a>(path: &'a Path, job: &JobArguments) -> Result<&'a Path, String> 
     }
 }
 
-/// Runs the job and prints its summary; the observer comes back to be finished.
+/// Runs the job, a prepared one from a frame on, and prints its summary; the observer comes back to be finished.
 fn run<O: Observer>(
     job: &JobArguments,
     mut input: Input,
     profile: Profile,
     mode: Mode,
-    look_ahead: usize,
+    (look_ahead, from): (usize, u32),
     observer: O,
 ) -> Result<(ExitCode, O), String> {
     let name = job.file.display().to_string();
@@ -392,7 +411,7 @@ fn run<O: Observer>(
         progress.show(counter.get(), job, &session.desk().borrow().figures(), started.elapsed());
     };
     let outcome = if input.is_prepared() {
-        session.run(gpre::play(&mut input, &profile, &mut printer, &mut done, look))
+        session.run(gpre::play_from(from, &mut input, &profile, &mut printer, &mut done, look))
     } else {
         session.run(job::run(&mut input, &mut printer, &mut done, look))
     };

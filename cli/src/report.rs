@@ -41,7 +41,7 @@ impl From<&JobError> for Stop {
         let line = match error {
             JobError::Line { line, .. } | JobError::Read { line, .. } => Some(*line),
             JobError::Prepared { line, .. } => *line,
-            JobError::Stopped(_) => None,
+            JobError::Entry { .. } | JobError::Stopped(_) => None,
         };
         Self { line, message: error.to_string() }
     }

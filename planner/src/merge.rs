@@ -102,7 +102,20 @@ impl Open {
 
     /// Takes the next move in, if that changes nothing: same nominal speed and acceleration, a corner that limits
     /// neither, and at each end inside the motors at the steps where they would have stood.
+    pub fn absorb_unnoticed(&mut self, next: &Planned) -> bool {
+        self.absorb_as::<true>(next)
+    }
+
+    /// Takes the next move of a plan in, which found that it changes nothing. Where an end inside finds the extruder is not asked: that
+    /// depends on the part of a step that it had left over before the job, and on a flow that has been changed since the plan.
     pub fn absorb(&mut self, next: &Planned) -> bool {
+        self.absorb_as::<false>(next)
+    }
+
+    #[inline(always)]
+    fn absorb_as<const UNNOTICED: bool>(&mut self, next: &Planned) -> bool {
+        let [before, after] = [&self.block, &next.block].map(|block| block.extruder_256ths.signum());
+        let turns = if UNNOTICED { before != after } else { before * after < 0 };
         // The commonest reasons against it come first.
         let length_10nm = self.block.length_10nm.saturating_add(next.block.length_10nm);
         if length_10nm > LONGEST_10NM
@@ -110,11 +123,11 @@ impl Open {
             || next.block.nominal != self.block.nominal
             || next.block.acceleration != self.block.acceleration
             || next.junction < self.block.nominal.into()
-            || next.block.extruder_256ths.signum() != self.block.extruder_256ths.signum()
+            || turns
         {
             return false;
         }
-        self.joined(next, length_10nm).is_some_and(|whole| self.become_whole(whole))
+        self.joined(next, length_10nm).is_some_and(|whole| self.become_whole::<UNNOTICED>(whole))
     }
 
     /// The block and its way with the next move in it; `None` where they are out of range.
@@ -139,7 +152,7 @@ impl Open {
     }
 
     /// Takes a longer block's shape if that passes all places inside; whether it does.
-    fn become_whole(&mut self, whole: Whole) -> bool {
+    fn become_whole<const UNNOTICED: bool>(&mut self, whole: Whole) -> bool {
         let end = Inside {
             vector_10nm: self.vector_10nm,
             length_10nm: self.block.length_10nm,
@@ -149,7 +162,8 @@ impl Open {
         };
         let (before, rest) = self.inside.split_at_mut((self.moves as usize - 1).min(MAX_INNER_ENDS));
         let Some(place) = rest.first_mut() else { return false };
-        if !whole.passes(&end) || !before.iter().all(|place| whole.passes(place)) {
+        let passes = |place| whole.passes(place) && (!UNNOTICED || whole.has_extruder_at(place));
+        if !passes(&end) || !before.iter().all(passes) {
             return false;
         }
         *place = end;
@@ -168,7 +182,8 @@ struct Whole {
 }
 
 impl Whole {
-    /// Whether the block comes near enough to a place inside it and, where a move ends, has the motors at its steps.
+    /// Whether the block comes near enough to a place inside it and, where a move ends, has the motors but the extruder at its
+    /// steps.
     fn passes(&self, place: &Inside) -> bool {
         let (at, whole) = (i64::from(place.length_10nm), i64::from(self.block.length_10nm));
         let near = place
@@ -176,7 +191,12 @@ impl Whole {
             .iter()
             .zip(self.vector_10nm)
             .all(|(place, end)| (i64::from(*place) * whole - i64::from(end) * at).abs() <= TOLERANCE_10NM * whole);
-        near && (!place.ends_move || self.motors_stand_at(place) && self.extruder_stands_at(place))
+        near && (!place.ends_move || self.motors_stand_at(place))
+    }
+
+    /// Whether, where a move ends, the block has the extruder at its step.
+    fn has_extruder_at(&self, place: &Inside) -> bool {
+        !place.ends_move || self.extruder_stands_at(place)
     }
 
     /// As the interpolator steps: the master's step k of N at (k - 1/2) S/N, the followers with the master's step k where

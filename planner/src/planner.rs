@@ -319,7 +319,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         }
         let Some(next) = self.next(request)? else { return Ok(Moved::Nothing) };
         let planned = self.plan_apart(request, &next);
-        if !self.flushing && self.method.is_default() && self.open.absorb(&planned) {
+        if !self.flushing && self.method.is_default() && self.open.absorb_unnoticed(&planned) {
             self.merged_moves += 1;
         } else if self.close() {
             self.open.begin(&planned, self.extruder_256ths);

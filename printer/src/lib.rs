@@ -11,6 +11,7 @@ pub mod ports;
 
 mod arc;
 mod drivers;
+mod entry;
 mod error;
 mod extrusion;
 mod homing;

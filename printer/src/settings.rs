@@ -10,8 +10,12 @@ use crate::ports::{Heating, Motion, Replies};
 use crate::printer::Printer;
 use crate::profile::ExtrusionSettings;
 
-/// Largest speed and acceleration that may be set, mm/s and mm/s^2.
-const LARGEST_LIMIT: f64 = 1_000_000.0;
+/// Smallest and largest speed and acceleration that may be set, mm/s and mm/s^2.
+pub(crate) const SMALLEST_LIMIT: f64 = 0.01;
+pub(crate) const LARGEST_LIMIT: f64 = 1_000_000.0;
+
+/// Smallest and largest percentage of feed and flow.
+pub(crate) const PERCENTS: [f64; 2] = [1.0, 999.0];
 
 /// A value within its range.
 fn in_range(word: char, value: f64, minimum: f64, maximum: f64) -> Result<f64, CommandError> {
@@ -24,11 +28,12 @@ fn in_range(word: char, value: f64, minimum: f64, maximum: f64) -> Result<f64, C
 
 /// A speed or acceleration in mm, as written in a unit of so many mm.
 fn limit(word: char, value: Decimal, unit_mm: f64) -> Result<f64, CommandError> {
-    in_range(word, value.to_f64() * unit_mm, 0.01, LARGEST_LIMIT)
+    in_range(word, value.to_f64() * unit_mm, SMALLEST_LIMIT, LARGEST_LIMIT)
 }
 
 fn percent(value: Decimal) -> Result<u16, CommandError> {
-    let percent = in_range('S', value.to_f64(), 1.0, 999.0)?;
+    let [least, most] = PERCENTS;
+    let percent = in_range('S', value.to_f64(), least, most)?;
     // Whole percents, as Marlin: so that a flow times a length stays exact.
     Ok(percent as u16)
 }

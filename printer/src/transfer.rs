@@ -36,7 +36,7 @@ pub struct JobRequest {
 
 /// The line on which a job comes, and what else is read with it.
 pub trait JobLine {
-    /// Waits for bytes of any host, at most a tenth of a second; how many there are, and whether they are of the host
+    /// Waits for bytes of any host, at most a fifth of a second; how many there are, and whether they are of the host
     /// that sends the job. `idle`: the machine has nothing else to do than to wait for them.
     fn read(&mut self, bytes: &mut [u8], idle: bool) -> impl Future<Output = (usize, bool)>;
 

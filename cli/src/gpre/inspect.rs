@@ -89,15 +89,82 @@ fn say_item(item: &Item<'_>, out: &mut impl Write) -> io::Result<()> {
     }
 }
 
-/// Writes what is in a prepared job: the header and, with `all`, every frame and item; otherwise the frames' beginnings.
+/// What is to be shown of a prepared job, besides its header.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Shown {
+    /// Where the frames begin.
+    Frames,
+    /// Every frame and item.
+    Items,
+    /// The frames at which the job can be entered, a line each.
+    Entries,
+}
+
+/// A frame at which the job can be entered.
+struct Entry {
+    number: u32,
+    line: u32,
+    z_10nm: i64,
+    /// Time of all moves before it at their feeds, s.
+    before_s: f64,
+}
+
+/// Where a job can be entered, and how long its moves take at their feeds.
+#[derive(Default)]
+struct Entries {
+    entries: Vec<Entry>,
+    at_feeds_s: f64,
+    position_10nm: [i64; 3],
+}
+
+impl Entries {
+    /// A frame begins.
+    fn begin(&mut self, number: u32, start: &FrameState) {
+        self.position_10nm = start.position_10nm;
+        // The start of the job is entered as ever.
+        if start.can_be_entered && number > 0 {
+            let z_10nm = start.position_10nm[2];
+            self.entries.push(Entry { number, line: start.line, z_10nm, before_s: self.at_feeds_s });
+        }
+    }
+
+    fn pass(&mut self, item: &Item<'_>) {
+        let Item::Move(next) = item else { return };
+        let target_10nm = next.target_10nm;
+        let [x, y, z] = [0, 1, 2].map(|axis| mm(target_10nm[axis] - self.position_10nm[axis]));
+        let way_mm = x.hypot(y).hypot(z);
+        let length_mm = if way_mm > 0.0 { way_mm } else { (next.filament_100pm as f64 / 1e7).abs() };
+        self.at_feeds_s += length_mm / f64::from(next.feed_mm_per_s);
+        self.position_10nm = target_10nm;
+    }
+
+    /// Says which they are. The time is the job's, shared out by what the moves take at their feeds.
+    fn say(&self, header: &Header, out: &mut impl Write) -> io::Result<()> {
+        writeln!(out, "can be entered at")?;
+        writeln!(out, "{:>8} {:>10} {:>10}   {:>16}", "frame", "after line", "Z, mm", "in motion before")?;
+        for entry in &self.entries {
+            let share = if self.at_feeds_s > 0.0 { entry.before_s / self.at_feeds_s } else { 0.0 };
+            let before = format!("about {}", hms(share * header.motion_ms as f64 / 1000.0));
+            writeln!(out, "{:>8} {:>10} {:>10.3}   {before:>16}", entry.number, entry.line, mm(entry.z_10nm))?;
+        }
+        Ok(())
+    }
+}
+
+/// Writes what is in a prepared job: the header, and what else is to be shown.
 ///
 /// # Errors
 /// What is wrong with the file, behind what could be read of it; `out` cannot be written.
-pub fn inspect(input: impl Read, all: bool, out: &mut impl Write) -> Result<(), InspectError> {
+pub fn inspect(input: impl Read, shown: Shown, out: &mut impl Write) -> Result<(), InspectError> {
+    let all = shown == Shown::Items;
+    let mut entries = Entries::default();
     let mut reader = PartReader::new(input);
     let header = reader.header()?;
     say_header(&header, out)?;
     if header.encoding == Encoding::Wide {
+        if shown == Shown::Entries {
+            writeln!(out, "packets cannot be entered")?;
+        }
         while let Some((packet, number, offset)) = reader.packet(header.frames)? {
             if all {
                 writeln!(out, "{number} at byte {offset}: {packet:?}")?;
@@ -114,13 +181,22 @@ pub fn inspect(input: impl Read, all: bool, out: &mut impl Write) -> Result<(), 
             message: fault.to_string(),
         };
         let mut items = frame.items().map_err(fail)?;
-        writeln!(out, "frame {number} at byte {offset}")?;
-        say_start(items.start(), out)?;
+        if shown == Shown::Entries {
+            entries.begin(number, items.start());
+        } else {
+            writeln!(out, "frame {number} at byte {offset}")?;
+            say_start(items.start(), out)?;
+        }
         while let Some(item) = items.next_item().map_err(fail)? {
-            if all {
-                say_item(&item, out)?;
+            match shown {
+                Shown::Frames => {}
+                Shown::Items => say_item(&item, out)?,
+                Shown::Entries => entries.pass(&item),
             }
         }
+    }
+    if shown == Shown::Entries {
+        entries.say(&header, out)?;
     }
     Ok(())
 }

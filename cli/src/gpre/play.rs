@@ -10,6 +10,7 @@ use ferrostep_planner::PLANNER_VERSION;
 use ferrostep_printer::packets::{Asked, PacketReader, Place};
 use ferrostep_printer::{CommandError, Failure, Profile, Replies};
 
+use super::entry::{self, Passed};
 use crate::job::{JobError, JobProgress};
 use crate::record::Observer;
 use crate::session::DeskPrinter;
@@ -131,14 +132,37 @@ pub async fn play<O: Observer, R: Replies>(
     profile: &Profile,
     printer: &mut DeskPrinter<'_, O, R>,
     progress: &mut JobProgress,
+    look: impl FnMut(&JobProgress),
+) -> Result<(), JobError> {
+    play_from(0, input, profile, printer, progress, look).await
+}
+
+/// As [`play`], from a frame on, to whose start the machine is brought. Frame 0 is the job's start, which needs nothing of that.
+///
+/// # Errors
+/// As [`play`], and [`JobError::Entry`] where there is no such frame, the job cannot be entered there, or the machine not be brought
+/// there.
+pub async fn play_from<O: Observer, R: Replies>(
+    from: u32,
+    input: &mut impl Read,
+    profile: &Profile,
+    printer: &mut DeskPrinter<'_, O, R>,
+    progress: &mut JobProgress,
     mut look: impl FnMut(&JobProgress),
 ) -> Result<(), JobError> {
     let mut reader = PartReader::new(input);
     let header = reader.header()?;
     header.matches(profile.hash(), PLANNER_VERSION).map_err(refused)?;
     progress.layers = header.layers;
+    if from >= header.frames.max(1) {
+        return Err(entry::no_such_frame(from, header.frames));
+    }
     let outcome = match header.encoding {
-        Encoding::Compact => frames(&mut reader, header.frames, printer, progress, &mut look).await,
+        Encoding::Compact => {
+            let job = Frames { count: header.frames, from, profile };
+            frames(&mut reader, &job, printer, progress, &mut look).await
+        }
+        Encoding::Wide if from > 0 => return Err(entry::no_frames(from)),
         Encoding::Wide => packets(&mut reader, header.frames, printer, progress, &mut look).await,
     };
     let finished = match outcome {
@@ -149,18 +173,38 @@ pub async fn play<O: Observer, R: Replies>(
     finished.map_err(JobError::Stopped)
 }
 
+/// Frames to be executed.
+struct Frames<'a> {
+    /// How many the file has.
+    count: u32,
+    /// The first.
+    from: u32,
+    profile: &'a Profile,
+}
+
 /// Executes all frames.
 async fn frames<O: Observer, R: Replies>(
     reader: &mut PartReader<&mut impl Read>,
-    count: u32,
+    job: &Frames<'_>,
     printer: &mut DeskPrinter<'_, O, R>,
     progress: &mut JobProgress,
     look: &mut impl FnMut(&JobProgress),
 ) -> Result<(), JobError> {
+    let Frames { count, from, profile } = *job;
+    let mut passed = Passed::default();
     while let Some((frame, offset)) = reader.frame(count)? {
         let number = frame.number;
         let result = match frame.items() {
-            Ok(mut items) => execute(&mut items, printer, progress).await,
+            Ok(mut items) if number < from => passed.pass(&mut items).map_err(Stopped::from),
+            Ok(items) if from > 0 && number == from && !items.start().can_be_entered => {
+                return Err(entry::not_here(number, reader, count));
+            }
+            Ok(mut items) => {
+                if from > 0 && number == from {
+                    entry::approach(items.start(), number, &passed, profile, printer).await?;
+                }
+                execute(&mut items, printer, progress).await
+            }
             Err(fault) => Err(fault.into()),
         };
         result.map_err(|stopped| stopped.at(number, offset))?;

@@ -23,7 +23,7 @@ const CYCLES_A_BYTE: u64 = CYCLES_PER_S / 11_520;
 const ASK_CYCLES: u64 = 250 * CYCLES_A_MS;
 
 /// As long as the firmware waits for bytes, and for how long at once it looks away here, ms.
-const WAIT_MS: u32 = 100;
+const WAIT_MS: u32 = 150;
 const LOOK_MS: u32 = 1;
 
 /// Room for a job's bytes, as in the firmware.
@@ -137,10 +137,7 @@ impl<M: Stepping> JobLine for JobPort<'_, '_, M> {
             return (read.await, true);
         }
         let mut length = sender.read(board, bytes);
-        if length == 0 {
-            // Bytes may have been awaited since the wait before.
-            board.awaits_since.set(board.awaits_since.get().or(Some(board.now())));
-        }
+        board.awaits_since.set(Some(board.now()).filter(|_| length == 0));
         for _ in 0..WAIT_MS / LOOK_MS {
             if length > 0 {
                 break;
@@ -148,9 +145,7 @@ impl<M: Stepping> JobLine for JobPort<'_, '_, M> {
             VirtualDelay(&board.clock).delay_ms(LOOK_MS).await;
             length = sender.read(board, bytes);
         }
-        if length > 0 {
-            board.awaits_since.set(None);
-        }
+        board.awaits_since.set(None);
         (length, true)
     }
 
@@ -172,7 +167,6 @@ impl<'a, M: Stepping> Board<'a, M> {
         let mut line = JobPort { board: self, sender, host: Host::new(), reader: LineReader::new() };
         let mut room = vec![0; JOB_BYTES];
         let (report, _) = self.poll(printer.receive_job(request, &mut line, &mut room));
-        self.awaits_since.set(None);
         report
     }
 }

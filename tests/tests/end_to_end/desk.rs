@@ -48,22 +48,44 @@ pub fn rehearse_traced(profile: &Profile, input: &mut impl Read) -> Ended {
 
 /// Runs a job with all look-ahead there is and keeps its trace; a prepared one as it is, or else G-code.
 pub fn rehearse_far(profile: &Profile, input: &mut impl Read, prepared: bool) -> Ended {
-    run_either(profile, gpre::LOOK_AHEAD_BLOCKS, input, Trace::new(profile), prepared)
+    let job = if prepared { Job::Prepared { from: 0, behind: &[] } } else { Job::Text };
+    run_either(profile, gpre::LOOK_AHEAD_BLOCKS, input, Trace::new(profile), job)
+}
+
+/// Enters a prepared job at a frame, with all look-ahead there is, and keeps its trace.
+pub fn rehearse_from(profile: &Profile, frame: u32, input: &mut impl Read) -> Ended {
+    run_either(profile, gpre::LOOK_AHEAD_BLOCKS, input, Trace::new(profile), Job::Prepared { from: frame, behind: &[] })
+}
+
+/// Prints a prepared job on a machine that has executed these lines before, and keeps its trace.
+pub fn rehearse_behind(profile: &Profile, behind: &[&str], input: &mut impl Read) -> Ended {
+    run_either(profile, gpre::LOOK_AHEAD_BLOCKS, input, Trace::new(profile), Job::Prepared { from: 0, behind })
 }
 
 fn run(profile: &Profile, look_ahead: usize, input: &mut impl Read, trace: Trace) -> Ended {
-    run_either(profile, look_ahead, input, trace, false)
+    run_either(profile, look_ahead, input, trace, Job::Text)
 }
 
-fn run_either(profile: &Profile, look_ahead: usize, input: &mut impl Read, trace: Trace, prepared: bool) -> Ended {
+/// What is printed.
+enum Job<'a> {
+    /// G-code.
+    Text,
+    /// A prepared job from a frame on, after some lines of G-code.
+    Prepared { from: u32, behind: &'a [&'a str] },
+}
+
+fn run_either(profile: &Profile, look_ahead: usize, input: &mut impl Read, trace: Trace, job: Job<'_>) -> Ended {
     let notices = RefCell::new(Vec::new());
     let replies = JobReplies::new(|text: &str| notices.borrow_mut().push(text.to_owned()));
     let session = Session::new(*profile, Mode::Print, look_ahead, trace, replies);
     let mut progress = JobProgress::default();
     let (outcome, tally, logical_10nm) = {
         let mut printer = session.printer();
-        let outcome = if prepared {
-            session.run(gpre::play(input, profile, &mut printer, &mut progress, |_| {}))
+        let outcome = if let Job::Prepared { from, behind } = job {
+            for line in behind {
+                session.run(printer.execute(0, line)).unwrap();
+            }
+            session.run(gpre::play_from(from, input, profile, &mut printer, &mut progress, |_| {}))
         } else {
             session.run(job::run(input, &mut printer, &mut progress, |_| {}))
         };

@@ -7,6 +7,7 @@ mod bad_input;
 mod command;
 mod desk;
 mod drivers;
+mod entries;
 mod exactness;
 mod extrusion;
 mod heater_faults;

@@ -15,7 +15,7 @@ use serde_json::Value;
 use tempfile::TempDir;
 
 use crate::command::{directory, example, ferrostep, file, repository};
-use crate::desk::{profile, rehearse_far};
+use crate::desk::{profile, rehearse_behind, rehearse_far};
 use crate::programs::generator::program;
 
 /// Prepares G-code in memory; what there is of a job that stops at a line is no job.
@@ -292,6 +292,28 @@ fn examples_are_prepared_whatever_is_in_them() {
     let planned = rehearse_far(&machine, &mut &gcode[..], false);
     let executed = rehearse_far(&machine, &mut &job[..], true);
     assert!(executed.trace == planned.trace, "other records");
+}
+
+/// Part of an extruder step may be owed from before, and the flow another than the plan's: then the extruder steps elsewhere
+/// within a block that is joined of many moves, which the plan is not to blame for.
+#[test]
+fn a_job_is_printed_whatever_the_extruder_has_pushed_before() {
+    let machine = profile("corexy");
+    let job = prepared(&machine, &example("cube-corexy.gcode.gz"), Encoding::Compact).unwrap();
+    let plain = rehearse_far(&machine, &mut &job[..], true);
+    assert!(plain.outcome.is_ok(), "{:?}", plain.outcome);
+    assert!(plain.figures.merged_moves > 50, "{} moves", plain.figures.merged_moves);
+    let parts = (1..16).map(|part| format!("G1 E{:.5}", f64::from(part) * 0.00022));
+    for before in parts.chain(["M221 S97", "M221 S50", "M221 S143"].map(str::to_owned)) {
+        let lines = ["M302 P1", "M83", &before, "M400", "M302 P0", "M302 S170", "M82"];
+        let printed = rehearse_behind(&machine, &lines, &mut &job[..]);
+        assert!(printed.outcome.is_ok(), "behind {before}: {:?}", printed.outcome);
+        assert_eq!(printed.figures.motor_steps[..3], plain.figures.motor_steps[..3], "behind {before}");
+        assert_eq!(printed.figures.merged_moves, plain.figures.merged_moves, "behind {before}");
+        // Retractions are longer or shorter.
+        let time = printed.figures.motion_time_s / plain.figures.motion_time_s;
+        assert!((time - 1.0).abs() < 0.02, "behind {before}: {time}");
+    }
 }
 
 #[test]

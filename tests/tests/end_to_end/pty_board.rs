@@ -23,7 +23,7 @@ use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
 
 /// As long as the firmware waits for bytes while a job is received, ms.
-const LOOK_MS: u32 = 100;
+const LOOK_MS: u32 = 150;
 
 /// Room for a job's bytes, as in the firmware.
 const JOB_BYTES: usize = MOST_FRAME_BYTES + 1024;
@@ -182,8 +182,8 @@ impl Port<'_> {
         self.shared.state.lock().unwrap().ended
     }
 
-    /// How long a tenth of a second takes in which it has nothing else to do than to wait for bytes.
-    fn tenth(&self) -> Duration {
+    /// How long a wait for bytes takes where it has nothing else to do.
+    fn wait(&self) -> Duration {
         let state = self.shared.state.lock().unwrap();
         if state.hurries || state.ended { Duration::from_millis(1) } else { Duration::from_millis(LOOK_MS.into()) }
     }
@@ -235,7 +235,7 @@ struct JobPort<'a> {
 impl JobLine for JobPort<'_> {
     async fn read(&mut self, bytes: &mut [u8], idle: bool) -> (usize, bool) {
         if idle {
-            let length = self.port.read(bytes, self.port.tenth());
+            let length = self.port.read(bytes, self.port.wait());
             if length == 0 {
                 VirtualDelay(self.clock).delay_ms(LOOK_MS).await;
             }

@@ -1,0 +1,154 @@
+//! A prepared job entered at one of its frames: what was set before it, and the way there.
+
+use std::io::Read;
+
+use ferrostep_gcode::{Command, parse};
+use ferrostep_gpre::compact::{Decoder, FrameState};
+use ferrostep_gpre::{Fault, Item};
+use ferrostep_printer::{CommandError, Profile, Replies};
+
+use super::play::PartReader;
+use crate::job::JobError;
+use crate::record::Observer;
+use crate::session::DeskPrinter;
+
+/// How far the nozzle is raised above the print while X and Y are homed and on its way, units of 10 nm: 5 mm.
+const CLEARANCE_10NM: i64 = 500_000;
+
+/// Feed of the way to the frame's start, mm/min.
+const TRAVEL_MM_PER_MIN: u32 = 3_000;
+
+/// Commands of the frames that are passed which last, and which no frame tells.
+#[derive(Debug, Default)]
+pub struct Passed {
+    /// Of the motors' drivers: before anything moves.
+    drivers: Vec<(u32, String)>,
+    /// The others: behind the way to the frame.
+    others: Vec<(u32, String)>,
+}
+
+impl Passed {
+    /// Passes a frame.
+    pub fn pass(&mut self, items: &mut Decoder<'_>) -> Result<(), Fault> {
+        while let Some(item) = items.next_item()? {
+            let Item::Command { line, text } = item else { continue };
+            match parse(text) {
+                Ok(Command::DriverCurrent(_) | Command::StealthChop { .. } | Command::StallThreshold(_)) => {
+                    self.drivers.push((line, text.to_owned()));
+                }
+                Ok(
+                    Command::SetUnits(_)
+                    | Command::AbsolutePositioning
+                    | Command::RelativePositioning
+                    | Command::AbsoluteExtrusion
+                    | Command::RelativeExtrusion
+                    | Command::RetractSettings(_)
+                    | Command::RecoverSettings(_)
+                    | Command::SoftLimits(_)
+                    | Command::ColdExtrusion { .. }
+                    | Command::MotionChoice { .. }
+                    | Command::AdaptiveExtrusion { .. }
+                    | Command::AutoReportTemperatures { .. }
+                    | Command::KeepAlive(Some(_))
+                    | Command::IdleTimeout { .. },
+                ) => self.others.push((line, text.to_owned())),
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Why a frame of this number is none to enter at, for a job of so many.
+pub fn no_such_frame(number: u32, frames: u32) -> JobError {
+    let last = frames.saturating_sub(1);
+    JobError::Entry { frame: number, message: format!("there is no such frame, expected one from 0 to {last}") }
+}
+
+/// Why a job in packets cannot be entered.
+pub fn no_frames(number: u32) -> JobError {
+    JobError::Entry { frame: number, message: "packets cannot be entered, expected the compact encoding".to_owned() }
+}
+
+/// Why a frame cannot be entered, with the next one that can; the reader stands behind it.
+pub fn not_here<R: Read>(number: u32, reader: &mut PartReader<R>, frames: u32) -> JobError {
+    let next = loop {
+        match reader.frame(frames) {
+            Ok(Some((frame, _))) => match frame.items() {
+                Ok(items) if items.start().can_be_entered => break Some(frame.number),
+                Ok(_) => {}
+                Err(_) => break None,
+            },
+            Ok(None) | Err(_) => break None,
+        }
+    };
+    let next = match next {
+        Some(next) => format!("expected another: the next one that can be entered is {next}"),
+        None => "none behind it can".to_owned(),
+    };
+    let message = format!("a job cannot be entered here, for its first move goes on from the one before; {next}");
+    JobError::Entry { frame: number, message }
+}
+
+/// Brings the machine to where a frame begins, and takes over what lasts there.
+///
+/// The nozzle is taken to stand at the frame's height: after a power cut it stands in or on the print, and Z cannot be homed.
+/// Bed and nozzle are heated before anything moves, so that nothing is torn off; then it is raised, X and Y are homed, and it goes
+/// over the print to the frame's start, and down.
+///
+/// # Errors
+/// The command that could not be executed, as for a line of G-code.
+pub async fn approach<O: Observer, R: Replies>(
+    state: &FrameState,
+    number: u32,
+    passed: &Passed,
+    profile: &Profile,
+    printer: &mut DeskPrinter<'_, O, R>,
+) -> Result<(), JobError> {
+    let failed = |error: CommandError| JobError::Entry { frame: number, message: error.to_string() };
+    let [x, y, z] = state.position_10nm;
+    let (nozzle, bed) = (state.modal.nozzle_celsius, state.modal.bed_celsius);
+    let mut heat = Vec::new();
+    if bed > 0 {
+        heat.push(format!("M190 S{bed}"));
+    }
+    if nozzle > 0 {
+        heat.push(format!("M109 S{nozzle}"));
+    }
+    let raised = (z + CLEARANCE_10NM).min(profile.size_10nm[2]).max(z);
+    let z_feed = (profile.homing[2].fast_mm_per_s * 60.0).round();
+    let mm = |length_10nm: i64| {
+        format!(
+            "{}{}.{:05}",
+            if length_10nm < 0 { "-" } else { "" },
+            length_10nm.abs() / 100_000,
+            length_10nm.abs() % 100_000
+        )
+    };
+    let way = [
+        format!("G1 Z{} F{z_feed}", mm(raised)),
+        "G28 X Y".to_owned(),
+        format!("G1 X{} Y{} F{TRAVEL_MM_PER_MIN}", mm(x), mm(y)),
+        format!("G1 Z{} F{z_feed}", mm(z)),
+        "M400".to_owned(),
+    ];
+    run(passed.drivers.iter().map(|(line, text)| (*line, text.as_str())), number, printer).await?;
+    run(heat.iter().map(|text| (state.line, text.as_str())), number, printer).await?;
+    printer.take_height(z).await.map_err(failed)?;
+    run(way.iter().map(|text| (state.line, text.as_str())), number, printer).await?;
+    run(passed.others.iter().map(|(line, text)| (*line, text.as_str())), number, printer).await?;
+    printer.enter_prepared(state).await.map_err(failed)
+}
+
+/// Executes commands on the way to a frame.
+async fn run<'a, O: Observer, R: Replies>(
+    commands: impl Iterator<Item = (u32, &'a str)>,
+    frame: u32,
+    printer: &mut DeskPrinter<'_, O, R>,
+) -> Result<(), JobError> {
+    for (line, text) in commands {
+        let failed = |failure| JobError::Entry { frame, message: format!("on the way to it: {text:?}: {failure}") };
+        printer.execute(line, text).await.map_err(failed)?;
+    }
+    Ok(())
+}

@@ -1,0 +1,89 @@
+//! A prepared job that is entered in its middle: a machine that was brought to where one of its frames begins takes over what
+//! lasts there.
+
+use core::fmt::Write;
+
+use embedded_hal_async::delay::DelayNs;
+use ferrostep_gpre::LimitValues;
+use ferrostep_gpre::compact::FrameState;
+use ferrostep_hal_shim::Clock;
+use ferrostep_planner::Limits;
+
+use crate::error::CommandError;
+use crate::ports::{Heating, Motion, Replies};
+use crate::printer::Printer;
+use crate::settings::{LARGEST_LIMIT, PERCENTS, SMALLEST_LIMIT};
+
+/// Largest E, offset and lift that a frame may tell, either sign, units of 10 nm: 10 km.
+const MOST_10NM: u64 = 1_000_000_000_000;
+
+/// The limit that a person has written, of which the frame has what single precision keeps: the shortest number that rounds to
+/// it. So a plan is followed with the very limits it was made with.
+fn as_written(value: f32) -> f64 {
+    let mut text = heapless::String::<64>::new();
+    let written = write!(text, "{value}").ok().and_then(|()| text.parse().ok());
+    written.unwrap_or(f64::from(value)).clamp(SMALLEST_LIMIT, LARGEST_LIMIT)
+}
+
+/// Limits as a frame tells them.
+fn limits(values: LimitValues) -> Limits {
+    let [vx, vy, vz, ve, ax, ay, az, ae, print, travel, retract, deviation] = values.map(as_written);
+    Limits {
+        max_feed_mm_per_s: [vx, vy, vz, ve],
+        max_acceleration_mm_per_s2: [ax, ay, az, ae],
+        print_acceleration_mm_per_s2: print,
+        travel_acceleration_mm_per_s2: travel,
+        retract_acceleration_mm_per_s2: retract,
+        junction_deviation_mm: deviation,
+    }
+}
+
+impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, M, H, T, R> {
+    /// Says at which height the nozzle stands, machine coordinate in units of 10 nm: for a machine that must not home Z, because a
+    /// print is in the way. Z then counts as homed.
+    ///
+    /// # Errors
+    /// Motion was stopped, or there is no such height on this machine.
+    pub async fn take_height(&mut self, z_10nm: i64) -> Result<(), CommandError> {
+        if !(0..=self.profile.size_10nm[2]).contains(&z_10nm) {
+            return Err(CommandError::Outside { axis: 2 });
+        }
+        self.motion.finish().await?;
+        let [x, y, _] = self.motion.position_10nm();
+        self.motion.set_position([x, y, z_10nm]);
+        (self.modal.machine_10nm, self.modal.lift_10nm) = ([x, y, z_10nm], 0);
+        self.modal.homed[2] = true;
+        Ok(())
+    }
+
+    /// Takes over what lasts where a frame begins: limits, percentages, the fan, E, G92, the lift of a retraction and the feed.
+    /// The machine must stand there. Heaters are left to who brings it there.
+    ///
+    /// # Errors
+    /// It stands elsewhere, or the frame tells what no job has; motion was stopped.
+    pub async fn enter_prepared(&mut self, state: &FrameState) -> Result<(), CommandError> {
+        let modal = &state.modal;
+        let [x, y, z] = modal.offset_10nm;
+        if [x, y, z, modal.lift_10nm, modal.extruder_10nm].iter().any(|length| length.unsigned_abs() > MOST_10NM) {
+            return Err(CommandError::TooFar);
+        }
+        self.motion.finish().await?;
+        if self.motion.position_10nm() != state.position_10nm {
+            return Err(CommandError::OtherPlace);
+        }
+        self.motion.set_limits(modal.limits.map_or(self.profile.limits, limits));
+        self.motion.set_fan_power(state.fan_power).await?;
+        let [x, y, z] = state.position_10nm;
+        self.modal.machine_10nm = [x, y, z - modal.lift_10nm];
+        self.modal.lift_10nm = modal.lift_10nm;
+        self.modal.offset_10nm = modal.offset_10nm;
+        (self.modal.extruder_10nm, self.modal.extruder_rest_100pm) = (modal.extruder_10nm, 0);
+        let [least, most] = PERCENTS.map(|percent| percent as u16);
+        self.modal.feed_percent = modal.feed_percent.clamp(least, most);
+        self.modal.flow_percent = modal.flow_percent.clamp(least, most);
+        // The frame's feed has the percentage in it.
+        let feed_10nm_per_min = f64::from(state.feed_mm_per_s) * 6_000_000.0;
+        self.modal.feed_10nm_per_min = (feed_10nm_per_min * 100.0 / f64::from(self.modal.feed_percent)) as i64;
+        Ok(())
+    }
+}
