@@ -7,10 +7,13 @@ use ferrostep_gpre::{Encoding, Header, Speed};
 use ferrostep_printer::Profile;
 use ferrostep_tests::hand_made;
 use ferrostep_tests::trace::{Record, TraceReader};
+use proptest::prelude::*;
+use proptest::test_runner::{FileFailurePersistence, RngSeed};
 
 use crate::command::{directory, example, ferrostep, file};
 use crate::desk::{Ended, profile, rehearse_far, rehearse_from};
 use crate::prepared::{SQUARE, prepared, says};
+use crate::programs::generator::{Program, program};
 
 /// How far the nozzle is raised on the way, units of 10 nm.
 const CLEARANCE_10NM: i64 = 500_000;
@@ -152,6 +155,40 @@ fn another_slicer_and_homing_by_stall() {
 #[test]
 fn a_corexy_goes_on_at_any_frame() {
     check("cube-corexy.gcode.gz", "corexy", 3_000);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig {
+        cases: 150,
+        failure_persistence: Some(Box::new(FileFailurePersistence::Direct("proptest-regressions/entries.txt"))),
+        rng_seed: RngSeed::Fixed(23),
+        ..ProptestConfig::default()
+    })]
+
+    /// Whatever was set before, in a machine that was homed.
+    #[test]
+    fn any_program_goes_on_at_any_frame(program in homed_program()) {
+        let machine = profile(program.machine);
+        let Some(job) = prepared(&machine, program.text.as_bytes(), Encoding::Compact) else { return Ok(()) };
+        let whole = rehearse_far(&machine, &mut &job[..], true);
+        let all = records(&whole);
+        for (frame, start) in entries(&job) {
+            let entered = rehearse_from(&machine, frame, &mut &job[..]);
+            prop_assert!(entered.outcome.is_ok(), "frame {}: {:?}", frame, entered.outcome);
+            let (_, tail) = behind(records(&entered), start.line);
+            let (_, expected) = behind(all.clone(), start.line);
+            prop_assert!(way(&tail) == way(&expected), "frame {}: other steps", frame);
+            prop_assert_eq!(&entered.logical_10nm[..3], &whole.logical_10nm[..3]);
+            let extruder = entered.logical_10nm[3] - whole.logical_10nm[3];
+            // What is owed of a unit is in no frame.
+            prop_assert!(extruder.abs() <= 1, "E is {} beside", extruder);
+        }
+    }
+}
+
+/// A program whose moves are straight: chords of an arc have a line in common, and cannot be told apart by it.
+fn homed_program() -> impl Strategy<Value = Program> {
+    program().prop_filter("homed, straight", |program| !program.has_arcs && program.text.starts_with("M302 P1\nG28\n"))
 }
 
 /// What a job sets before its middle; in its middle the machine stands still, and no part of an extruder step is owed.
