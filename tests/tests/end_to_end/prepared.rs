@@ -322,6 +322,25 @@ fn a_job_is_printed_whatever_the_extruder_has_pushed_before_and_at_any_percentag
     }
 }
 
+/// A flow that the extruder cannot push at the plan's speeds ends the job where it would be too fast, at rest on its path.
+#[test]
+fn more_flow_than_the_extruder_can_push_is_not_pushed() {
+    let machine = profile("cartesian");
+    let gcode = "G28\nM302 P1\nM83\nG1 X20 Y20 Z1 F6000\nG1 X40 E18\nG1 X60 E18\nG1 X80 Y30 E18\nG1 X100 Y32 E18\n\
+                 G1 X101 E1\nG1 Y33 E1\nG1 Y60 E22\n";
+    let job = prepared(&machine, gcode.as_bytes(), Encoding::Compact).unwrap();
+    for (flow, fits) in [("M221 S110", true), ("M221 S160", false), ("M221 S400", false)] {
+        let more = rehearse_behind(&machine, &[flow], &mut &job[..]);
+        assert_eq!(more.figures.underruns, 0, "{flow}");
+        if fits {
+            assert!(more.outcome.is_ok(), "{flow}: {:?}", more.outcome);
+            continue;
+        }
+        says(&more.outcome.unwrap_err().to_string(), "line 10: the planned speed is too high");
+        assert_eq!(more.logical_10nm[..3], [10_000_000, 3_200_000, 100_000], "{flow}");
+    }
+}
+
 #[test]
 fn the_bench_counts_jobs_of_the_present_planner() {
     let folder = repository().join("app/src/bin/bench/gyroid");
