@@ -1,11 +1,13 @@
 //! A prepared job on the board, and what its host says in the middle of it.
 
+use std::io::Cursor;
+
+use ferrostep::gpre::{self, Target};
+use ferrostep::session::JobReplies;
 use ferrostep_gcode::MotionFigures;
-use ferrostep_gpre::compact::FrameWriter;
+use ferrostep_gpre::Encoding;
 use ferrostep_gpre::transfer::{Report, Word};
-use ferrostep_gpre::{Encoding, Header, Item, ModalState, MoveItem, Speed};
 use ferrostep_hal_shim::stepping::Pulses;
-use ferrostep_planner::PLANNER_VERSION;
 use ferrostep_printer::Profile;
 use ferrostep_tests::board_model::{
     Board, BoardPrinter, CYCLES_A_MS, CYCLES_PER_S, Costs, JobHost, LOOK_AHEAD_BLOCKS, StopReport, Watch, with_board,
@@ -15,8 +17,8 @@ use ferrostep_tests::board_model::{
 const MOVES: u32 = 1_200;
 const FILAMENT_100PM: i64 = 2_000_000;
 
-/// Feed of the moves, mm/s.
-const FEED_MM_PER_S: f32 = 60.0;
+/// Feed of the moves.
+const FEED_MM_PER_MIN: u32 = 3_600;
 
 /// The moment in the middle of the job at which something is said.
 const MIDDLE: u64 = 40 * CYCLES_PER_S;
@@ -25,45 +27,26 @@ fn profile() -> Profile {
     ferrostep_profiles::load("cartesian").unwrap()
 }
 
-/// Where a move of the job ends: to and fro along X, a little farther in Y each time.
+/// Where a move of the job ends: to and fro along X, a little farther in Y each time, and so uneven that the job is longer than
+/// what a board has room for.
 fn target_10nm(index: u32) -> [i64; 3] {
     let x_mm = [5, 10, 15, 20, 15, 10, 5, 0][index as usize % 8];
-    [x_mm * 100_000, i64::from(index / 4) * 20_000, 30_000]
+    let uneven = |factor: u32, most: u32| i64::from(index * factor % most) * 100;
+    [x_mm * 100_000 + uneven(7_919, 997), i64::from(index / 4) * 20_000 + uneven(4_649, 199), 30_000]
 }
 
-/// The job, a few moves a frame.
+/// The job.
 fn job() -> Vec<u8> {
-    let mut frames = Vec::new();
-    let mut writer = FrameWriter::new([0; 3], ModalState::START);
-    writer.add(&Item::Command { line: 1, text: "M302 P1" }, &mut frames);
-    for index in 0..MOVES {
-        let item = MoveItem {
-            target_10nm: target_10nm(index),
-            filament_100pm: FILAMENT_100PM,
-            feed_mm_per_s: FEED_MM_PER_S,
-            line: index + 2,
-            ends_move: true,
-            counts: true,
-            speed: Speed::Bound,
-        };
-        writer.add(&Item::Move(item), &mut frames);
-        if index % 20 == 19 {
-            writer.close(&mut frames);
-        }
-    }
-    writer.close(&mut frames);
-    let header = Header {
-        encoding: Encoding::Compact,
-        profile_hash: profile().hash(),
-        planner_version: PLANNER_VERSION,
-        frames: writer.frames(),
-        moves: MOVES.into(),
-        motion_ms: 0,
-        filament_100pm: 0,
-        layers: 0,
-        thumbnail: None,
-    };
-    [header.to_bytes(&[]), frames].concat()
+    let mm = |length_10nm: i64| length_10nm as f64 / 100_000.0;
+    let moves = (0..MOVES).map(|index| {
+        let [x, y, z] = target_10nm(index).map(mm);
+        format!("G1 X{x:.3} Y{y:.3} Z{z} E{} F{FEED_MM_PER_MIN}\n", FILAMENT_100PM as f64 / 1e7)
+    });
+    let gcode = format!("M302 P1\nM83\n{}", moves.collect::<String>());
+    let mut out = Cursor::new(Vec::new());
+    let target = Target { out: &mut out, encoding: Encoding::Compact };
+    gpre::prepare(&mut gcode.as_bytes(), None, profile(), JobReplies::new(|_: &str| {}), target, |_, _| {}).unwrap();
+    out.into_inner()
 }
 
 /// What came of it.
@@ -248,7 +231,7 @@ fn instants(count: u64, end: u64) -> impl Iterator<Item = u64> {
 fn stops_at_once(line: &str, after: &[&str]) -> Vec<Print> {
     // From the first moves on; in the last seconds all of the job has been taken, and the machine comes to its end.
     let begin = 2 * CYCLES_PER_S;
-    instants(40, undisturbed().idle_at - CYCLES_PER_S - begin)
+    instants(24, undisturbed().idle_at - CYCLES_PER_S - begin)
         .map(|after_begin| begin + after_begin)
         .map(|at| {
             let print = print(|host| host.says(at, line), after);
