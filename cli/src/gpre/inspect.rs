@@ -101,7 +101,7 @@ pub enum Shown {
 }
 
 /// A frame at which the job can be entered.
-struct Entry {
+struct OpenFrame {
     number: u32,
     line: u32,
     z_10nm: i64,
@@ -112,7 +112,7 @@ struct Entry {
 /// Where a job can be entered, and how long its moves take at their feeds.
 #[derive(Default)]
 struct Entries {
-    entries: Vec<Entry>,
+    entries: Vec<OpenFrame>,
     at_feeds_s: f64,
     position_10nm: [i64; 3],
 }
@@ -124,7 +124,7 @@ impl Entries {
         // The start of the job is entered as ever.
         if start.can_be_entered && number > 0 {
             let z_10nm = start.position_10nm[2];
-            self.entries.push(Entry { number, line: start.line, z_10nm, before_s: self.at_feeds_s });
+            self.entries.push(OpenFrame { number, line: start.line, z_10nm, before_s: self.at_feeds_s });
         }
     }
 
