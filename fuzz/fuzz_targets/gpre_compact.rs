@@ -17,7 +17,7 @@ fn read(bytes: &[u8]) {
         count += 1;
         assert!(count <= 8 * bytes.len());
         if let Item::Move(next) = item {
-            assert!(next.target_10nm.iter().all(|coordinate| coordinate.unsigned_abs() <= MOST_10NM));
+            assert!(next.target_10nm().iter().all(|coordinate| u64::from(coordinate.unsigned_abs()) <= MOST_10NM));
             assert!(next.feed_mm_per_s > 0.0 && next.feed_mm_per_s.is_finite());
         }
     }

@@ -16,6 +16,48 @@ const OVER: Fault = Fault::Content("the end of the frame after its last item");
 /// Most bits that [`BitReader::window`] shows for certain.
 const WINDOW_BITS: u32 = 25;
 
+/// The order of an exponential Golomb code, as reading wants it.
+#[derive(Clone, Copy, Debug)]
+pub struct Order {
+    /// The order and one: length of the shortest code.
+    shortest: u32,
+    /// What the code's bits are more than the number.
+    base: u32,
+}
+
+impl Order {
+    /// Of an order of at most 31.
+    pub fn new(k: u32) -> Self {
+        let k = k & 31;
+        Self { shortest: k + 1, base: 1 << k }
+    }
+
+    fn k(self) -> u32 {
+        self.shortest.wrapping_sub(1)
+    }
+}
+
+/// The next bits, the most significant first, and how many of them are there for certain.
+#[derive(Clone, Copy, Debug)]
+pub struct Window {
+    bits: u32,
+    valid: u32,
+}
+
+impl Window {
+    /// Its first bits as a number, at least 1 and at most 32.
+    #[inline(always)]
+    pub fn first(self, count: u32) -> u32 {
+        self.bits >> (32_u32.wrapping_sub(count) & 31)
+    }
+
+    /// What is behind the first of its bits, fewer than 25 of them.
+    #[inline(always)]
+    pub fn behind(self, count: u32) -> Self {
+        Self { bits: self.bits.wrapping_shl(count), valid: self.valid.wrapping_sub(count) }
+    }
+}
+
 impl<'a> BitReader<'a> {
     /// From the first bit on.
     pub fn new(bytes: &'a [u8]) -> Self {
@@ -32,50 +74,51 @@ impl<'a> BitReader<'a> {
         Self { bytes: self.bytes, position }
     }
 
+    /// Goes where another reader of the same bits is.
+    #[inline(always)]
+    pub fn go_to(&mut self, other: Self) {
+        self.position = other.position;
+    }
+
     /// Bits that are left.
     pub fn left(&self) -> usize {
         (8 * self.bytes.len()).saturating_sub(self.position)
     }
 
-    /// The next bits, from the most significant on, [`WINDOW_BITS`] of them at least; zeros behind the end.
+    /// The next bits, at least 25 of them; zeros behind the end.
     #[inline(always)]
-    fn window(&self) -> u32 {
+    pub fn window(&self) -> Window {
         let first = self.position / 8;
         let word = match self.bytes.get(first..first + 4) {
             Some(&[a, b, c, d]) => u32::from_be_bytes([a, b, c, d]),
-            _ => self.window_at_end(first),
+            _ => window_at_end(self.bytes, first),
         };
-        word << (self.position % 8)
+        Window { bits: word << (self.position % 8), valid: WINDOW_BITS }
     }
 
-    #[cold]
-    fn window_at_end(&self, first: usize) -> u32 {
-        let rest = self.bytes.get(first..).unwrap_or(&[]);
-        (0..4).fold(0, |word, index| word << 8 | u32::from(rest.get(index).copied().unwrap_or(0)))
+    /// Passes some bits, at most 64, that may not be there: [`Self::checked`] tells.
+    #[inline(always)]
+    pub fn pass_unchecked(&mut self, count: u32) {
+        // A frame has 2048 bytes at most, and slices are far from 2^29.
+        self.position = self.position.wrapping_add(count as usize);
     }
 
-    /// The next two to four bits, at least, at the top of a word; to be passed by [`Self::pass`].
-    #[inline]
-    pub fn look(&self) -> u32 {
-        self.window()
+    /// An error where bits were passed that are not there.
+    #[inline(always)]
+    pub fn checked(&self) -> Result<(), Fault> {
+        if self.position > self.bytes.len().wrapping_mul(8) { Err(OVER) } else { Ok(()) }
     }
 
     /// Passes some bits, at most 64.
-    #[inline(always)]
     pub fn pass(&mut self, count: u32) -> Result<(), Fault> {
-        // A frame has 2048 bytes at most, and slices are far from 2^29.
-        let position = self.position.wrapping_add(count as usize);
-        if position > self.bytes.len().wrapping_mul(8) {
-            return Err(OVER);
-        }
-        self.position = position;
-        Ok(())
+        self.pass_unchecked(count);
+        self.checked()
     }
 
     /// The next bit.
     #[inline(never)]
     pub fn bit(&mut self) -> Result<bool, Fault> {
-        let bit = self.window() >> 31 != 0;
+        let bit = self.window().first(1) != 0;
         self.pass(1)?;
         Ok(bit)
     }
@@ -85,7 +128,7 @@ impl<'a> BitReader<'a> {
     pub fn few(&mut self, count: u32) -> Result<u32, Fault> {
         let count = count.min(WINDOW_BITS);
         // In two shifts: by 32 there is none.
-        let value = self.window() >> 1 >> (31 - count);
+        let value = self.window().bits >> 1 >> (31 - count);
         self.pass(count)?;
         Ok(value)
     }
@@ -106,27 +149,25 @@ impl<'a> BitReader<'a> {
     /// plus 2^k.
     #[inline(never)]
     pub fn golomb(&mut self, k: u32) -> Result<u32, Fault> {
-        self.golomb_at_once(k)
+        let Some(number) = self.golomb_in(self.window(), Order::new(k)) else { return self.golomb_of_many(k) };
+        self.checked()?;
+        Ok(number)
     }
 
-    /// The same, where it is a part of every move.
+    /// The same, where the window has all its bits; that they are there is left to [`Self::checked`]. Less than 2^25.
     #[inline(always)]
-    fn golomb_at_once(&mut self, k: u32) -> Result<u32, Fault> {
-        let k = k & 31;
-        let window = self.window();
-        let zeros = window.leading_zeros();
-        // 32 zeros and an order of 31 are 96 bits.
-        let length = (2 * zeros + 1).wrapping_add(k);
-        if length <= WINDOW_BITS {
-            self.pass(length)?;
-            // At least the one is there, so this is less than 32 places.
-            let shift = 31_u32.wrapping_sub(zeros).wrapping_sub(k);
-            return Ok(window.wrapping_shl(zeros).wrapping_shr(shift).wrapping_sub(1 << k));
+    fn golomb_in(&mut self, window: Window, order: Order) -> Option<u32> {
+        let length = order.shortest.wrapping_add(2 * window.bits.leading_zeros());
+        if length > window.valid {
+            return None;
         }
-        self.golomb_of_many(k)
+        self.pass_unchecked(length);
+        // The zeros before it change no number.
+        Some(window.first(length).wrapping_sub(order.base))
     }
 
     #[cold]
+    #[inline(never)]
     fn golomb_of_many(&mut self, k: u32) -> Result<u32, Fault> {
         u32::try_from(self.golomb_long(k)?).map_err(|_| Fault::Content("a number of at most 32 bits"))
     }
@@ -147,10 +188,15 @@ impl<'a> BitReader<'a> {
     }
 
     /// A number with a sign: 0, -1, 1, -2 ... as 0, 1, 2, 3 ...
+    #[inline(never)]
+    pub fn signed(&mut self, order: Order) -> Result<i32, Fault> {
+        self.golomb(order.k()).map(with_sign)
+    }
+
+    /// The same, where the window has all its bits; that they are there is left to [`Self::checked`]. At most 2^24 either way.
     #[inline(always)]
-    pub fn signed(&mut self, k: u32) -> Result<i32, Fault> {
-        let coded = self.golomb_at_once(k)?;
-        Ok((coded >> 1) as i32 ^ -((coded & 1) as i32))
+    pub fn signed_in(&mut self, window: Window, order: Order) -> Option<i32> {
+        self.golomb_in(window, order).map(with_sign)
     }
 
     /// As [`Self::signed`], of up to 63 bits.
@@ -158,6 +204,20 @@ impl<'a> BitReader<'a> {
         let coded = self.golomb_long(k)?;
         Ok((coded >> 1) as i64 ^ -((coded & 1) as i64))
     }
+}
+
+/// 0, 1, 2, 3 ... as 0, -1, 1, -2 ...
+#[inline(always)]
+fn with_sign(coded: u32) -> i32 {
+    (coded >> 1) as i32 ^ ((coded & 1) as i32).wrapping_neg()
+}
+
+/// A window where fewer than four bytes are left.
+#[cold]
+#[inline(never)]
+fn window_at_end(bytes: &[u8], first: usize) -> u32 {
+    let rest = bytes.get(first..).unwrap_or(&[]);
+    (0..4).fold(0, |word, index| word << 8 | u32::from(rest.get(index).copied().unwrap_or(0)))
 }
 
 /// Writes bits.
@@ -254,7 +314,7 @@ mod tests {
                 prop_assert_eq!(reader.golomb_long(k).unwrap(), coded);
                 if i32::try_from(value >> 1).is_ok() {
                     let mut other = reader;
-                    prop_assert_eq!(i64::from(other.signed(k).unwrap()), value >> 1);
+                    prop_assert_eq!(i64::from(other.signed(Order::new(k)).unwrap()), value >> 1);
                 }
                 prop_assert_eq!(reader.signed_long(k).unwrap(), value >> 1);
                 prop_assert_eq!(u64::from(reader.few(25).unwrap()), value as u64 & 0x1ff_ffff);
@@ -266,7 +326,7 @@ mod tests {
         fn any_bytes_end_in_time(bytes in proptest::collection::vec(any::<u8>(), 0..60), k in 0u32..40) {
             let mut reader = BitReader::new(&bytes);
             let mut count = 0;
-            while reader.signed(k).is_ok() {
+            while reader.signed(Order::new(k)).is_ok() {
                 count += 1;
                 prop_assert!(count <= 8 * bytes.len());
             }

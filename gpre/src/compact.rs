@@ -103,6 +103,12 @@ impl Shape {
     const FIRST: Self = Self(WAY_XY << 5 | FILAMENT_PREDICTED << 3 | 0b011);
     const BITS: u32 = 7;
 
+    /// Whether a move is told by X, Y and what its filament differs from the prediction.
+    #[inline]
+    fn is_plain(self) -> bool {
+        self.0 >> 3 == WAY_XY << 2 | FILAMENT_PREDICTED
+    }
+
     #[inline]
     fn way(self) -> u8 {
         self.0 >> 5

@@ -1,42 +1,13 @@
 //! What a job is made of, in either encoding.
 
-/// Planned speed at a move's start.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Speed {
-    /// The move continues the block before: no corner that anybody could tell lies between them.
-    Continues,
-    /// What the corner before it and both feeds allow.
-    Bound,
-    /// What is left of the planned entry speed of the block before, slowed over its whole length.
-    Falling,
-    /// This squared speed, in units of 1/12,800,000 mm^2/s^2.
-    Given(u64),
-}
-
-/// A straight move.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct MoveItem {
-    /// Where X, Y and Z end, machine coordinates in units of 10 nm, at most 5 m either way.
-    pub target_10nm: [i64; 3],
-    /// Filament, units of 0.1 nm.
-    pub filament_100pm: i64,
-    /// Speed along the path, of the filament where nothing else moves, mm/s; above zero.
-    pub feed_mm_per_s: f32,
-    /// Number of the source line.
-    pub line: u32,
-    /// Whether the line's move ends here (an arc has many).
-    pub ends_move: bool,
-    /// Whether the filament counts in the G-code's E coordinate; that of a firmware retraction does not.
-    pub counts: bool,
-    /// Planned speed at its start.
-    pub speed: Speed,
-}
+pub use ferrostep_planner::look_ahead::Entry;
+pub use ferrostep_planner::{Coordinate, PreparedMove, SquaredSpeed};
 
 /// A part of a job.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Item<'a> {
     /// A move.
-    Move(MoveItem),
+    Move(&'a PreparedMove),
     /// The fan changes with the motion before it, 0 to 255.
     Fan {
         /// Number of the source line.

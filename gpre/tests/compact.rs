@@ -2,13 +2,13 @@
 #![allow(clippy::unwrap_used)]
 
 use ferrostep_gpre::compact::{Decoder, Frame, FrameWriter, HEAD_BYTES, MOST_FRAME_BYTES, frame_length};
-use ferrostep_gpre::{Fault, Item, ModalState, MoveItem, Speed};
+use ferrostep_gpre::{Coordinate, Entry, Fault, Item, ModalState, PreparedMove, SquaredSpeed};
 use proptest::prelude::*;
 
 /// An item that owns its text.
 #[derive(Clone, Debug, PartialEq)]
 enum Owned {
-    Move(MoveItem),
+    Move(PreparedMove),
     Fan(u32, u8),
     Command(u32, String),
 }
@@ -16,7 +16,7 @@ enum Owned {
 impl Owned {
     fn item(&self) -> Item<'_> {
         match self {
-            Self::Move(item) => Item::Move(*item),
+            Self::Move(item) => Item::Move(item),
             Self::Fan(line, power) => Item::Fan { line: *line, power: *power },
             Self::Command(line, text) => Item::Command { line: *line, text },
         }
@@ -26,7 +26,7 @@ impl Owned {
 impl From<Item<'_>> for Owned {
     fn from(item: Item<'_>) -> Self {
         match item {
-            Item::Move(item) => Self::Move(item),
+            Item::Move(item) => Self::Move(*item),
             Item::Fan { line, power } => Self::Fan(line, power),
             Item::Command { line, text } => Self::Command(line, text.to_owned()),
         }
@@ -75,22 +75,22 @@ fn written(items: &[Owned]) -> Vec<u8> {
     bytes
 }
 
-fn speed() -> impl Strategy<Value = Speed> {
+fn entry() -> impl Strategy<Value = Entry> {
     prop_oneof![
-        4 => Just(Speed::Bound),
-        2 => Just(Speed::Falling),
-        1 => Just(Speed::Continues),
-        1 => (0u64..1 << 62, 0u32..62).prop_map(|(squared, shift)| Speed::Given(squared >> shift)),
+        4 => Just(Entry::Bound),
+        2 => Just(Entry::Falling),
+        1 => Just(Entry::Continues),
+        1 => (0u64..1 << 62, 0u32..62).prop_map(|(squared, shift)| Entry::Given(SquaredSpeed::from_units(squared >> shift))),
     ]
 }
 
 /// Coordinates on a grid, filament by a lambda or any, feeds from a few or any.
 fn next_move() -> impl Strategy<Value = (Owned, u32)> {
-    let coordinate = |grid: i64| (-5_000i64..5_000).prop_map(move |x| x * grid);
+    let coordinate = |grid: i32| (-5_000i32..5_000).prop_map(move |x| x * grid);
     let target = prop_oneof![
         3 => (coordinate(100), coordinate(100)).prop_map(|(x, y)| [x, y, 20_000]),
         1 => (coordinate(1), coordinate(1), coordinate(1)).prop_map(|(x, y, z)| [x, y, z]),
-        1 => proptest::array::uniform3(-500_000_000i64..=500_000_000),
+        1 => proptest::array::uniform3(-500_000_000i32..=500_000_000),
     ];
     let filament = prop_oneof![
         2 => Just(0i64),
@@ -99,9 +99,10 @@ fn next_move() -> impl Strategy<Value = (Owned, u32)> {
     ];
     let feed = prop_oneof![Just(30.0f32), Just(80.0), Just(150.0), 0.01f32..1e4];
     let flags = (any::<bool>(), any::<bool>(), 0u32..20);
-    (target, filament, feed, flags, speed()).prop_map(|(target_10nm, filament_100pm, feed_mm_per_s, flags, speed)| {
+    (target, filament, feed, flags, entry()).prop_map(|(target_10nm, filament_100pm, feed_mm_per_s, flags, entry)| {
+        let target = target_10nm.map(|units: i32| Coordinate::new(units).unwrap());
         let (ends_move, counts, lines) = flags;
-        let item = MoveItem { target_10nm, filament_100pm, feed_mm_per_s, line: 0, ends_move, counts, speed };
+        let item = PreparedMove { target, filament_100pm, feed_mm_per_s, line: 0, ends_move, counts, entry };
         (Owned::Move(item), lines / 10)
     })
 }
@@ -157,10 +158,10 @@ proptest! {
             behind -= read.len();
             prop_assert_eq!(&read[..], &job[behind..behind + read.len()]);
             let before = job[..behind].iter().rev();
-            let place = before.clone().find_map(|item| if let Owned::Move(item) = item { Some(item.target_10nm) } else { None });
-            prop_assert_eq!(start.position_10nm, place.unwrap_or([0; 3]));
-            let first = read.iter().find_map(|item| if let Owned::Move(item) = item { Some(item.speed) } else { None });
-            if matches!(first, Some(Speed::Continues | Speed::Falling)) {
+            let place = before.clone().find_map(|item| if let Owned::Move(item) = item { Some(item.target_10nm()) } else { None });
+            prop_assert_eq!(start.position_10nm, place.unwrap_or([0; 3]).map(i64::from));
+            let first = read.iter().find_map(|item| if let Owned::Move(item) = item { Some(item.entry) } else { None });
+            if matches!(first, Some(Entry::Continues | Entry::Falling)) {
                 prop_assert!(!start.can_be_entered);
             }
         }
@@ -209,14 +210,14 @@ proptest! {
 }
 
 fn small_job() -> Vec<u8> {
-    let item = MoveItem {
-        target_10nm: [1_000_000, 2_000_000, 20_000],
+    let item = PreparedMove {
+        target: [1_000_000, 2_000_000, 20_000].map(|units| Coordinate::new(units).unwrap()),
         filament_100pm: 12_300,
         feed_mm_per_s: 30.0,
         line: 1,
         ends_move: true,
         counts: true,
-        speed: Speed::Bound,
+        entry: Entry::Bound,
     };
     written(&[Owned::Move(item)])
 }

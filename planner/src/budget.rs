@@ -21,6 +21,11 @@ impl Budget {
         Self { event_ticks: geometry.event_cost_ticks as f32, move_ticks: geometry.move_cost_ticks as f32 }
     }
 
+    /// What an event and a move cost, ticks.
+    pub fn ticks(&self) -> (f32, f32) {
+        (self.event_ticks, self.move_ticks)
+    }
+
     /// What a block of so many moves costs. X, Y and Z have so many events, and its extruder starts here. A step of the
     /// extruder is taken for an event of its own, though some join others.
     #[inline(always)]

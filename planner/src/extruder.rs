@@ -73,12 +73,26 @@ impl Extruder {
         // What a move prints, mostly: up to some millimetres of filament, which the processor can divide.
         if let Ok(delta) = u32::try_from(delta_100pm)
             && let Ok(parts) = u32::try_from(u64::from(delta) * u64::from(numerator) + u64::from(remainder))
-            && let Some(whole) = parts.checked_div(denominator)
+            && numerator != 0
         {
-            let remainder = parts.wrapping_sub(whole.wrapping_mul(denominator));
+            let whole = parts / denominator;
+            let remainder = parts.wrapping_sub(whole.wrapping_mul(denominator.get()));
             return Place { whole_256ths: whole_256ths.wrapping_add(i64::from(whole)), remainder };
         }
         self.far_advanced(delta_100pm)
+    }
+
+    /// The same for filament that is pushed where the extruder stands above zero, and how many 1/256 steps that is; `None`
+    /// where it is not for the processor to divide. For steps/mm that [are near](StepsPerMm::is_near).
+    #[inline(always)]
+    pub(crate) fn advanced_if_near(&self, delta_100pm: u32) -> Option<(Place, u32)> {
+        let Place { whole_256ths, remainder } = self.at;
+        let Fraction { numerator, denominator } = self.steps_per_mm.of_filament();
+        let parts = u64::from(delta_100pm) * u64::from(numerator) + u64::from(remainder);
+        let parts = u32::try_from(parts).ok().filter(|_| whole_256ths >= 0)?;
+        let whole = parts / denominator;
+        let remainder = parts.wrapping_sub(whole.wrapping_mul(denominator.get()));
+        Some((Place { whole_256ths: whole_256ths.wrapping_add(whole.into()), remainder }, whole))
     }
 
     #[inline(never)]
@@ -96,13 +110,20 @@ impl Extruder {
 
     /// Units of filament times units of steps/mm in a unit of the remainder. Both are multiples of it.
     fn remainder_unit(&self) -> u32 {
-        UNITS_PER_256TH as u32 / self.steps_per_mm.of_filament().denominator.max(1)
+        UNITS_PER_256TH as u32 / self.steps_per_mm.of_filament().denominator
     }
 
     /// The extruder is there.
     #[inline(always)]
     pub(crate) fn set(&mut self, at: Place) {
         self.at = at;
+    }
+
+    /// The extruder is there, above zero; returns its position in 1/256 steps.
+    #[inline(always)]
+    pub(crate) fn set_above_zero(&mut self, at: Place) -> i64 {
+        self.at = at;
+        at.whole_256ths
     }
 
     /// Adds a whole number of 1/256 steps to the position.

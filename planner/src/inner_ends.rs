@@ -16,13 +16,22 @@ pub struct InnerEnd {
 ///
 /// Kept small, for every place of the look-ahead ring has one: only short moves are worth merging, so a path
 /// position has 16 bits (0.65 mm), and a line is told by its distance from the block's.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct InnerEnds {
     lengths_10nm: [u16; MAX_INNER_ENDS],
     /// By how many lines each is before the block's last.
     lines_before: [u8; MAX_INNER_ENDS],
     count: u8,
 }
+
+// What is behind the last is of no account.
+impl PartialEq for InnerEnds {
+    fn eq(&self, other: &Self) -> bool {
+        self.count == other.count && self.iter(0).eq(other.iter(0))
+    }
+}
+
+impl Eq for InnerEnds {}
 
 impl InnerEnds {
     /// None.
@@ -50,6 +59,12 @@ impl InnerEnds {
             length_10nm: u32::from(*length),
             line: block_line.wrapping_sub(u32::from(*before)),
         })
+    }
+
+    /// Forgets all.
+    #[inline(always)]
+    pub fn clear(&mut self) {
+        self.count = 0;
     }
 
     /// Whether there is none.

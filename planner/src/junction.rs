@@ -1,6 +1,9 @@
 //! How fast a corner may be taken.
 
-use crate::path::{Path, half_turn};
+use crate::block::Speed;
+use crate::kinematics::UNITS_PER_MM;
+use crate::limits::smaller;
+use crate::path::{Path, Turn};
 use crate::square_root::square_root_f32;
 
 /// Radius, units of 10 nm, of the arc that rounds the corner between two moves; infinite when they are in line, 0 when
@@ -11,17 +14,70 @@ use crate::square_root::square_root_f32;
 /// fit: it touches each move at R tan(theta/2) from the corner, which may not pass the move's middle, so
 /// R <= (d/2) / tan(theta/2), d being the length of the shorter move.
 ///
-/// 1 - cos(theta/2) is taken as sin^2(theta/2) / (1 + cos(theta/2)), which keeps its precision at small angles.
-pub fn radius_10nm(before: &Path, after: &Path, deviation_10nm: f32) -> f32 {
-    let Some((sine_squared, cosine_squared)) = half_turn(before, after) else { return 0.0 };
-    if sine_squared <= 0.0 {
-        return f32::INFINITY;
+/// With c = cos(theta/2), q = c^2 = (1 + cos theta)/2 and 1 - c = sin^2(theta) / (4 q (1 + c)) these are
+/// 4 delta q c (1 + c) / sin^2(theta) and d q / sin(theta): one root and one division.
+pub fn radius_10nm(before: &Path, after: &Path, four_deviations_10nm: f32) -> f32 {
+    if before.length <= 0.0 || after.length <= 0.0 {
+        return 0.0;
     }
-    let (sine, cosine) = (square_root_f32(sine_squared), square_root_f32(cosine_squared));
+    radius_of(Turn::between(before, after), before, after, four_deviations_10nm)
+}
+
+/// The same for two ways in the plane that have a length.
+#[inline(always)]
+pub fn radius_in_plane_10nm(before: &Path, after: &Path, four_deviations_10nm: f32) -> f32 {
+    radius_of(Turn::in_plane(before, after), before, after, four_deviations_10nm)
+}
+
+#[inline(always)]
+fn radius_of(turn: Turn, before: &Path, after: &Path, four_deviations_10nm: f32) -> f32 {
+    let cosine_squared = turn.half_cosine_squared();
+    if cosine_squared <= 0.0 {
+        return 0.0;
+    }
+    let cosine = square_root_f32(cosine_squared);
+    // Infinite where they are in line.
+    let inverse = 1.0 / turn.sine;
+    let ratio = cosine_squared * inverse;
     let shorter = if before.length < after.length { before.length } else { after.length };
-    let within_deviation = deviation_10nm * cosine * (1.0 + cosine) / sine_squared;
-    let fitting = 0.5 * shorter * cosine / sine;
+    let fitting = shorter * ratio;
+    let within_deviation = four_deviations_10nm * cosine * (1.0 + cosine) * ratio * inverse;
     if within_deviation < fitting { within_deviation } else { fitting }
+}
+
+/// An acceleration in the units of a speed's square a unit of length.
+#[derive(Clone, Copy, Debug)]
+pub struct Pull(f32);
+
+impl Pull {
+    /// None.
+    pub const ZERO: Self = Self(0.0);
+
+    /// Of an acceleration.
+    #[inline(always)]
+    pub fn of_mm_per_s2(acceleration: f32) -> Self {
+        // 2^32 squared units of speed in a squared mm/s.
+        const SCALE: f32 = 4_294_967_296.0 / UNITS_PER_MM as f32;
+        Self(acceleration * SCALE)
+    }
+
+    /// Whether there is any.
+    pub fn is_some(self) -> bool {
+        self.0 > 0.0
+    }
+
+    /// The weaker of two.
+    #[inline(always)]
+    pub fn weaker(self, other: Self) -> Self {
+        Self(smaller(self.0, other.0))
+    }
+
+    /// The speed along an arc of this radius, v^2 = a R (Yu 2019).
+    #[inline(always)]
+    pub fn speed_along(self, radius_10nm: f32) -> Speed {
+        // NaN, where an infinite radius meets no acceleration, is no speed.
+        Speed(square_root_f32(radius_10nm * self.0) as u32)
+    }
 }
 
 #[cfg(test)]
@@ -38,7 +94,7 @@ mod tests {
 
     fn radius_mm(angle: f64, second_mm: f64, deviation_mm: f64) -> f64 {
         let (before, after) = corner(angle, second_mm);
-        f64::from(radius_10nm(&before, &after, (deviation_mm * 1e5) as f32)) / 1e5
+        f64::from(radius_10nm(&before, &after, (4.0 * deviation_mm * 1e5) as f32)) / 1e5
     }
 
     #[test]
@@ -62,9 +118,10 @@ mod tests {
             // The angle that the rounded vectors have.
             let [x, y, _] = after.vector_10nm.map(f64::from);
             let angle = y.atan2(x);
-            prop_assert!(radius * (1.0 / (angle / 2.0).cos() - 1.0) <= deviation * (1.0 + 1e-6));
+            let rounded = 1.0 + 1e-6 + 1e-6 / angle;
+            prop_assert!(radius * (1.0 / (angle / 2.0).cos() - 1.0) <= deviation * rounded);
             let shorter = f64::from(before.length.min(after.length)) / 1e5;
-            prop_assert!(radius * (angle / 2.0).tan() <= shorter / 2.0 * (1.0 + 1e-6));
+            prop_assert!(radius * (angle / 2.0).tan() <= shorter / 2.0 * rounded);
         }
 
         #[test]
@@ -74,7 +131,7 @@ mod tests {
             let [x, y, _] = after.vector_10nm.map(f64::from);
             let half = y.atan2(x) / 2.0;
             let expected = (deviation * half.cos() / (1.0 - half.cos())).min(10.0 / half.tan());
-            prop_assert!((radius - expected).abs() <= 2e-6 * expected, "{} {}", radius, expected);
+            prop_assert!((radius - expected).abs() <= (2e-6 + 1e-6 / half) * expected, "{} {}", radius, expected);
         }
     }
 }

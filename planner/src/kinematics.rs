@@ -1,5 +1,7 @@
 //! From machine coordinates to motor steps.
 
+use core::num::NonZeroU32;
+
 use crate::division::Divisor;
 
 /// Units of 10 nm in a millimetre.
@@ -17,11 +19,37 @@ const UNIT: u64 = UNITS_PER_MM as u64 * 100_000;
 pub(crate) fn narrow(position_10nm: [i64; 3]) -> Option<[i32; 3]> {
     let near = position_10nm.map(|coordinate| coordinate as i32);
     let [x, y, z] = near;
-    // From -most to most, moved to begin at zero.
-    const MOST: u32 = MAX_COORDINATE_10NM as u32;
-    let within = |wide: i64, near: i32| i64::from(near) == wide && near.cast_unsigned().wrapping_add(MOST) <= 2 * MOST;
+    let within = |wide: i64, near: i32| i64::from(near) == wide && Coordinate::new(near).is_some();
     let [wide_x, wide_y, wide_z] = position_10nm;
     (within(wide_x, x) && within(wide_y, y) && within(wide_z, z)).then_some(near)
+}
+
+/// A machine coordinate of at most [`MAX_COORDINATE_10NM`] either way, units of 10 nm: whoever has one need not look again.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Coordinate(i32);
+
+impl Coordinate {
+    /// The coordinate; `None` where it is too large.
+    #[inline(always)]
+    pub const fn new(coordinate_10nm: i32) -> Option<Self> {
+        // From -most to most, moved to begin at zero.
+        const MOST: u32 = MAX_COORDINATE_10NM as u32;
+        let is_near = coordinate_10nm.cast_unsigned().wrapping_add(MOST) <= 2 * MOST;
+        if is_near { Some(Self(coordinate_10nm)) } else { None }
+    }
+
+    /// The coordinate so much further; `None` where it is too large.
+    #[inline(always)]
+    pub const fn advanced(self, by_10nm: i32) -> Option<Self> {
+        // A sum that wraps is too large, too: it is more than 2^31 - 5 * 10^8 either way.
+        Self::new(self.0.wrapping_add(by_10nm))
+    }
+
+    /// Units of 10 nm.
+    #[inline(always)]
+    pub const fn units(self) -> i32 {
+        self.0
+    }
 }
 
 /// How X and Y are driven.
@@ -43,11 +71,11 @@ pub struct StepsPerMm {
     of_filament: Fraction,
 }
 
-/// A fraction in its lowest terms, both of 32 bits; 0 / 0 where they have more.
+/// A fraction in its lowest terms, both of 32 bits; 0 / 1 where they have more.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Fraction {
     pub(crate) numerator: u32,
-    pub(crate) denominator: u32,
+    pub(crate) denominator: NonZeroU32,
 }
 
 impl Fraction {
@@ -56,20 +84,29 @@ impl Fraction {
         while rest != 0 {
             (divisor, rest) = (rest, divisor % rest);
         }
+        const NONE: Fraction = Fraction { numerator: 0, denominator: NonZeroU32::MIN };
         if divisor == 0 || numerator / divisor > u32::MAX as u64 || denominator / divisor > u32::MAX as u64 {
-            return Self { numerator: 0, denominator: 0 };
+            return NONE;
         }
-        Self { numerator: (numerator / divisor) as u32, denominator: (denominator / divisor) as u32 }
+        match NonZeroU32::new((denominator / divisor) as u32) {
+            Some(denominator) => Self { numerator: (numerator / divisor) as u32, denominator },
+            None => NONE,
+        }
     }
 
-    /// A whole number times the fraction, rounded to the nearest whole number; of two the larger. `None` where the product
-    /// leaves 32 bits: the processor divides no more.
+    /// Whether it is one.
+    pub(crate) fn is_some(self) -> bool {
+        self.numerator != 0
+    }
+
+    /// A whole number times the fraction, if it [is one](Self::is_some), rounded to the nearest whole number; of two the
+    /// larger. `None` where the product leaves 32 bits: the processor divides no more.
     #[inline(always)]
     fn rounded(self, number: u32) -> Option<u32> {
-        let product = u64::from(number) * u64::from(self.numerator) + u64::from(self.denominator / 2);
+        let product = u64::from(number) * u64::from(self.numerator) + u64::from(self.denominator.get() / 2);
         // Of an odd denominator half is no whole number: 2 (p + half) is odd too, and never a multiple.
         let product = u32::try_from(product).ok()?;
-        product.checked_div(self.denominator)
+        Some(product / self.denominator)
     }
 }
 
@@ -125,11 +162,24 @@ impl StepsPerMm {
     /// The same for a coordinate that is known to be no larger.
     #[inline(always)]
     pub(crate) fn steps_of_near(&self, coordinate_10nm: i32) -> i32 {
-        match self.steps_per_10nm.rounded(coordinate_10nm.unsigned_abs()) {
+        let near = Some(self.steps_per_10nm).filter(|fraction| fraction.is_some());
+        match near.and_then(|fraction| fraction.rounded(coordinate_10nm.unsigned_abs())) {
             Some(magnitude) if coordinate_10nm < 0 => -(magnitude as i32),
             Some(magnitude) => magnitude as i32,
             None => self.steps_of_far(coordinate_10nm),
         }
+    }
+
+    /// Whether [`Self::steps_if_near`] and [`crate::extruder::Extruder::advanced_if_near`] may be asked.
+    pub(crate) fn is_near(&self) -> bool {
+        self.steps_per_10nm.is_some() && self.of_filament.is_some()
+    }
+
+    /// The same where the processor can divide, as it can on any printer; `None` elsewhere.
+    #[inline(always)]
+    pub(crate) fn steps_if_near(&self, coordinate_10nm: i32) -> Option<i32> {
+        let magnitude = self.steps_per_10nm.rounded(coordinate_10nm.unsigned_abs())? as i32;
+        Some(if coordinate_10nm < 0 { magnitude.wrapping_neg() } else { magnitude })
     }
 
     #[inline(never)]
@@ -146,7 +196,7 @@ impl StepsPerMm {
     /// Largest whole number of units of 10 nm in a step.
     pub fn step_10nm(&self) -> i64 {
         let Fraction { numerator, denominator } = self.steps_per_10nm;
-        match denominator.checked_div(numerator) {
+        match denominator.get().checked_div(numerator) {
             Some(length) => length.into(),
             None => UNIT as i64 / self.hundred_thousandths.max(1),
         }
@@ -166,7 +216,7 @@ impl StepsPerMm {
     fn near_coordinate_10nm(&self, steps: i64) -> Option<i64> {
         let Fraction { numerator, denominator } = self.steps_per_10nm;
         let steps = i32::try_from(steps).ok()?;
-        let product = steps.unsigned_abs().checked_mul(denominator)?;
+        let product = steps.unsigned_abs().checked_mul(denominator.get())?;
         let quotient = product.checked_div(numerator)?;
         let rest = product.wrapping_sub(quotient.wrapping_mul(numerator));
         if numerator >> 20 != 0 || quotient >> 29 != 0 || 2 * rest == numerator {
@@ -231,12 +281,25 @@ impl Geometry {
         let [.., other_z_steps] = other_steps;
         let [steps_x, steps_y, steps_z, _] = &self.steps_per_mm;
         let z_steps = if z == other_z { other_z_steps } else { steps_z.steps_of_near(z) };
-        // Sums of two coordinates are below 2^30.
-        let (first, second) = match self.kinematics {
-            Kinematics::Cartesian => (x, y),
-            Kinematics::CoreXy => (x.wrapping_add(y), x.wrapping_sub(y)),
-        };
+        let [first, second] = self.of_motors(x, y);
         [steps_x.steps_of_near(first), steps_y.steps_of_near(second), z_steps]
+    }
+
+    /// The same for X and Y alone; `None` where it is not for the processor to divide.
+    #[inline(always)]
+    pub(crate) fn plane_steps(&self, x_10nm: i32, y_10nm: i32) -> Option<[i32; 2]> {
+        let [steps_x, steps_y, ..] = &self.steps_per_mm;
+        let [first, second] = self.of_motors(x_10nm, y_10nm);
+        Some([steps_x.steps_if_near(first)?, steps_y.steps_if_near(second)?])
+    }
+
+    /// What the motors of X and Y make steps of: sums of two coordinates are below 2^30.
+    #[inline(always)]
+    fn of_motors(&self, x_10nm: i32, y_10nm: i32) -> [i32; 2] {
+        match self.kinematics {
+            Kinematics::Cartesian => [x_10nm, y_10nm],
+            Kinematics::CoreXy => [x_10nm.wrapping_add(y_10nm), x_10nm.wrapping_sub(y_10nm)],
+        }
     }
 
     /// The machine position, in units of 10 nm, nearest to where the motors stand.

@@ -51,7 +51,7 @@ mod step_times_tests;
 
 pub use block::{Acceleration, Block, PlannedBlock, Speed, SquaredSpeed};
 pub use digest::StepDigests;
-pub use kinematics::{Geometry, Kinematics, StepsPerMm};
+pub use kinematics::{Coordinate, Geometry, Kinematics, StepsPerMm};
 pub use limits::{AXES, Limits};
 pub use motion_choice::{AccelerationProfile, DualRatePeriods, Interpolation, MotionChoice, SCurveTableSettings};
 pub use pace::Pace;
@@ -68,7 +68,7 @@ pub const TICKS_PER_SECOND: u32 = 84_000_000;
 
 /// Version of the rules by which moves become blocks and blocks get their speeds. To be raised with any change that gives
 /// a job other steps: jobs that were prepared by the rules of another version are not executed.
-pub const PLANNER_VERSION: u32 = 1;
+pub const PLANNER_VERSION: u32 = 2;
 
 /// Bit of the extruder in an axis mask; X (A), Y (B) and Z are bits 0 to 2.
 pub const EXTRUDER: u8 = 1 << 3;

@@ -36,8 +36,8 @@ pub(crate) struct PathLimits {
     /// What X and Y both have.
     plane_feed_mm_per_s: f32,
     plane_acceleration_mm_per_s2: f32,
-    /// Junction deviation, units of 10 nm.
-    pub junction_deviation_10nm: f32,
+    /// Four times the junction deviation, units of 10 nm.
+    pub four_deviations_10nm: f32,
 }
 
 /// Feed, mm/s, and acceleration, mm/s^2, along a path.
@@ -56,7 +56,7 @@ impl PathLimits {
             print_acceleration_mm_per_s2: limits.print_acceleration_mm_per_s2 as f32,
             travel_acceleration_mm_per_s2: limits.travel_acceleration_mm_per_s2 as f32,
             retract_acceleration_mm_per_s2: limits.retract_acceleration_mm_per_s2 as f32,
-            junction_deviation_10nm: (limits.junction_deviation_mm * UNITS_PER_MM as f64) as f32,
+            four_deviations_10nm: 4.0 * (limits.junction_deviation_mm * UNITS_PER_MM as f64) as f32,
         }
     }
 
@@ -73,6 +73,15 @@ impl PathLimits {
     /// Largest acceleration of the filament alone.
     pub fn retract_acceleration(&self) -> f32 {
         self.retract_acceleration_mm_per_s2
+    }
+
+    /// What a feed and an acceleration leave to the filament of ways in the plane along which X and Y ask for nothing: the most
+    /// of it for a unit of path; `None` where X or Y may ask.
+    pub fn filament_in_plane(&self, feed_mm_per_s: f32, acceleration_mm_per_s2: f32) -> Option<f32> {
+        let [.., feed] = self.max_feed_mm_per_s;
+        let [.., acceleration] = self.max_acceleration_mm_per_s2;
+        (feed_mm_per_s <= self.plane_feed_mm_per_s && acceleration_mm_per_s2 <= self.plane_acceleration_mm_per_s2)
+            .then(|| smaller(feed / feed_mm_per_s, acceleration / acceleration_mm_per_s2))
     }
 
     /// Largest feeds and accelerations of X, Y, Z and the filament.

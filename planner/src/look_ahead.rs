@@ -17,8 +17,7 @@ pub use runs::Part;
 #[derive(Clone, Copy, Debug)]
 struct Waiting {
     block: Block,
-    /// Bound of the squared entry speed from the junction and both nominal speeds; of a prepared block the square of its own
-    /// nominal speed.
+    /// Bound of the squared entry speed from the junction and both nominal speeds.
     entry_bound: SquaredSpeed,
     /// Squared entry speed from the reverse pass, or the settled one.
     entry: SquaredSpeed,
@@ -27,8 +26,22 @@ struct Waiting {
     /// Under an S-curve: bound of the entry speed, the speed from which everything from here on can be done, and how many
     /// places ahead the corner is to which one ramp from it goes. Of very slow speeds several have one square.
     run_bound: Speed,
+    /// Of a prepared block: the root of its entry speed, or nothing where that has not been worked out.
     run_entry: Speed,
     anchor: u8,
+}
+
+impl Waiting {
+    /// What stands where there is no block.
+    const NONE: Self = Self {
+        block: Block::NONE,
+        entry_bound: SquaredSpeed::ZERO,
+        entry: SquaredSpeed::ZERO,
+        settled: false,
+        run_bound: Speed::ZERO,
+        run_entry: Speed::ZERO,
+        anchor: 0,
+    };
 }
 
 /// How speeds change along the blocks.
@@ -104,8 +117,8 @@ pub struct LookAhead<S> {
     released: usize,
     /// The next block starts from standstill.
     stopped: bool,
-    /// Squared nominal speed of the newest block.
-    newest_nominal: SquaredSpeed,
+    /// Nominal speed of the newest block, as it was planned.
+    newest_nominal: Speed,
     /// Squared speed with which the last block left, for the next to start with.
     left_with: SquaredSpeed,
     /// Blocks in the ring, markers not counted.
@@ -129,7 +142,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
             length: 0,
             released: 0,
             stopped: true,
-            newest_nominal: SquaredSpeed::ZERO,
+            newest_nominal: Speed::ZERO,
             left_with: SquaredSpeed::ZERO,
             blocks: 0,
             left_nominal: Speed::ZERO,
@@ -178,16 +191,15 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
 
     /// Adds a block and lets its stopping distance raise the speeds before it; `false` without room.
     ///
-    /// `junction` is the squared speed bound of the corner before it.
-    pub fn push(&mut self, block: &Block, junction: SquaredSpeed) -> bool {
+    /// `junction` is the speed bound of the corner before it.
+    pub fn push(&mut self, block: &Block, junction: Speed) -> bool {
         if !self.has_room() {
             return false;
         }
         let block = &self.held(block);
-        let nominal = SquaredSpeed::from(block.nominal);
-        let bound = if self.stopped { SquaredSpeed::ZERO } else { junction.min(nominal).min(self.newest_nominal) };
+        let bound = if self.stopped { Speed::ZERO } else { junction.min(block.nominal).min(self.newest_nominal) };
         self.stopped = false;
-        self.newest_nominal = nominal;
+        self.newest_nominal = block.nominal;
         let table = match self.law {
             Law::Trapezoid => None,
             Law::Runs(runs) => {
@@ -198,6 +210,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
             // Its speeds would have to come with it.
             Law::Prepared(_) => return false,
         };
+        let bound = SquaredSpeed::from(bound);
         // Where the block before has left already, it left with a speed that this one starts with.
         let settled = self.blocks == 0;
         let place = self.length;
@@ -222,14 +235,19 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
 
     #[inline(always)]
     fn place_block(&mut self, waiting: Waiting) {
-        let slots = self.slots.as_mut();
-        let (index, capacity) = (self.first.wrapping_add(self.length), slots.len());
-        // A ring that is full takes none.
-        if let Some(slot) = slots.get_mut(if index >= capacity { index.wrapping_sub(capacity) } else { index }) {
+        if let Some(slot) = self.next_slot() {
             slot.0 = Content::Block(waiting);
             self.length = self.length.wrapping_add(1);
             self.blocks = self.blocks.wrapping_add(1);
         }
+    }
+
+    /// The place behind the newest, of a ring that has room.
+    #[inline(always)]
+    fn next_slot(&mut self) -> Option<&mut Slot> {
+        let slots = self.slots.as_mut();
+        let (index, capacity) = (self.first.wrapping_add(self.length), slots.len());
+        slots.get_mut(if index >= capacity { index.wrapping_sub(capacity) } else { index })
     }
 
     /// Adds a marker; `false` without room.
@@ -264,10 +282,16 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
     /// speed is what the next block's entry and this block's own acceleration allow.
     ///
     /// A block that leaves is held to the pace, as far as it can slow down to it on its own length.
+    #[inline]
     pub fn pop(&mut self, pace: Pace) -> Option<Left> {
         if !self.can_leave() {
             return None;
         }
+        if self.is_prepared() { self.pop_prepared(pace) } else { self.pop_planned(pace) }
+    }
+
+    #[inline(never)]
+    fn pop_planned(&mut self, pace: Pace) -> Option<Left> {
         let table = match self.law {
             Law::Trapezoid => None,
             Law::Runs(mut runs) => {
@@ -276,7 +300,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
                 return left;
             }
             Law::Table(table) => Some(table),
-            Law::Prepared(_) => return self.pop_prepared(pace),
+            Law::Prepared(_) => return None,
         };
         let content = self.take_first()?;
         match content {
@@ -427,7 +451,7 @@ mod tests {
             let moves: Vec<_> = moves.into_iter().map(|(v, a, length, j)| (v, a, f64::floor(length * 1e5) / 1e5, j)).collect();
             let mut ring = LookAhead::new(vec![Slot::EMPTY; 128]);
             for (i, &(nominal, acceleration, length, junction)) in moves.iter().enumerate() {
-                prop_assert!(ring.push(&block(nominal, acceleration, length), SquaredSpeed::from_mm2_per_s2(junction as f32)));
+                prop_assert!(ring.push(&block(nominal, acceleration, length), Speed::from_mm_per_s(junction.sqrt())));
                 if markers >> (i % 64) & 1 == 1 {
                     let pushed = ring.push_marker(Marker::FanPower { power: 7 });
                     prop_assert!(pushed);
@@ -457,7 +481,7 @@ mod tests {
                 while !ring.has_room() {
                     left.extend(ring.pop(Pace::FULL));
                 }
-                prop_assert!(ring.push(&block(nominal, acceleration, length), SquaredSpeed::from_mm2_per_s2(junction as f32)));
+                prop_assert!(ring.push(&block(nominal, acceleration, length), Speed::from_mm_per_s(junction.sqrt())));
                 if flushes >> (i % 128) & 7 == 7 {
                     ring.release();
                     left.extend(ring.pop(Pace::FULL));

@@ -5,9 +5,10 @@
 //! the next move is there, and takes it in if nobody could tell the difference: neither in the speeds nor in where the
 //! motors stand when a move ends.
 
-use crate::block::{Block, SquaredSpeed};
+use crate::block::{Block, Speed};
 use crate::extruder::rounded_steps;
 use crate::inner_ends::{InnerEnd, MAX_INNER_ENDS};
+use crate::junction::Pull;
 use crate::path::Path;
 
 /// Longest block that is made of several moves, units of 10 nm: what an inner end's place can tell.
@@ -22,14 +23,14 @@ const TOLERANCE_10NM: i64 = 57;
 pub(crate) struct Planned {
     /// Its block.
     pub block: Block,
-    /// Bound of the squared speed at its start, by the corner there.
-    pub junction: SquaredSpeed,
+    /// Bound of the speed at its start, by the corner there.
+    pub junction: Speed,
     /// Its way.
     pub path: Path,
     /// Whether the filament moves alone: as if there were no way.
     pub is_filament_alone: bool,
-    /// Its acceleration, not yet rounded to the block's units.
-    pub acceleration_mm_per_s2: f32,
+    /// Its acceleration, as its corners see it; none where the filament moves alone.
+    pub pull: Pull,
 }
 
 /// A place inside the block.
@@ -54,8 +55,8 @@ impl Inside {
 pub(crate) struct Open {
     /// The moves so far as one block.
     pub block: Block,
-    /// Bound of the squared speed at its start.
-    pub junction: SquaredSpeed,
+    /// Bound of the speed at its start.
+    pub junction: Speed,
     /// Number of moves in it; 0 where no block is open.
     pub moves: u32,
     /// Where the extruder stands at its start.
@@ -71,7 +72,7 @@ impl Open {
     /// No block.
     pub const NONE: Self = Self {
         block: Block::NONE,
-        junction: SquaredSpeed::ZERO,
+        junction: Speed::ZERO,
         moves: 0,
         extruder_256ths: 0,
         vector_10nm: [0; 3],
@@ -91,8 +92,14 @@ impl Open {
         self.junction = planned.junction;
         self.moves = 1;
         self.extruder_256ths = extruder_256ths;
-        self.vector_10nm = planned.path.vector_10nm;
-        self.is_filament_alone = planned.is_filament_alone;
+        self.set_way(planned.path.vector_10nm, planned.is_filament_alone);
+    }
+
+    /// The way of a block of one move.
+    #[inline(always)]
+    pub fn set_way(&mut self, vector_10nm: [i32; 3], is_filament_alone: bool) {
+        self.vector_10nm = vector_10nm;
+        self.is_filament_alone = is_filament_alone;
     }
 
     /// Forgets the block.
@@ -102,32 +109,26 @@ impl Open {
 
     /// Takes the next move in, if that changes nothing: same nominal speed and acceleration, a corner that limits
     /// neither, and at each end inside the motors at the steps where they would have stood.
-    pub fn absorb_unnoticed(&mut self, next: &Planned) -> bool {
-        self.absorb_as::<true>(next)
-    }
-
-    /// Takes the next move of a plan in, which found that it changes nothing. Where an end inside finds the extruder is not asked: that
-    /// depends on the part of a step that it had left over before the job, and on a flow that has been changed since the plan.
-    pub fn absorb(&mut self, next: &Planned) -> bool {
-        self.absorb_as::<false>(next)
-    }
-
-    #[inline(always)]
-    fn absorb_as<const UNNOTICED: bool>(&mut self, next: &Planned) -> bool {
-        let [before, after] = [&self.block, &next.block].map(|block| block.extruder_256ths.signum());
-        let turns = if UNNOTICED { before != after } else { before * after < 0 };
+    ///
+    /// Of a move whose plan found that (`is_planned`) the extruder is not asked where it stands at the ends inside: that depends
+    /// on the part of a step that it had left over before the job, and on a flow that has been changed since.
+    pub fn absorb(&mut self, next: &Planned, is_planned: bool) -> bool {
+        let turns = || {
+            let [before, after] = [&self.block, &next.block].map(|block| block.extruder_256ths.signum());
+            before != after && !(is_planned && before * after == 0)
+        };
         // The commonest reasons against it come first.
         let length_10nm = self.block.length_10nm.saturating_add(next.block.length_10nm);
         if length_10nm > LONGEST_10NM
             || !self.is_some()
             || next.block.nominal != self.block.nominal
             || next.block.acceleration != self.block.acceleration
-            || next.junction < self.block.nominal.into()
-            || turns
+            || next.junction < self.block.nominal
+            || turns()
         {
             return false;
         }
-        self.joined(next, length_10nm).is_some_and(|whole| self.become_whole::<UNNOTICED>(whole))
+        self.joined(next, length_10nm).is_some_and(|whole| self.become_whole(whole, is_planned))
     }
 
     /// The block and its way with the next move in it; `None` where they are out of range.
@@ -152,7 +153,7 @@ impl Open {
     }
 
     /// Takes a longer block's shape if that passes all places inside; whether it does.
-    fn become_whole<const UNNOTICED: bool>(&mut self, whole: Whole) -> bool {
+    fn become_whole(&mut self, whole: Whole, is_planned: bool) -> bool {
         let end = Inside {
             vector_10nm: self.vector_10nm,
             length_10nm: self.block.length_10nm,
@@ -162,7 +163,7 @@ impl Open {
         };
         let (before, rest) = self.inside.split_at_mut((self.moves as usize - 1).min(MAX_INNER_ENDS));
         let Some(place) = rest.first_mut() else { return false };
-        let passes = |place| whole.passes(place) && (!UNNOTICED || whole.has_extruder_at(place));
+        let passes = |place| whole.passes(place) && (is_planned || whole.has_extruder_at(place));
         if !passes(&end) || !before.iter().all(passes) {
             return false;
         }

@@ -1,17 +1,18 @@
 //! The stages connected: moves in, step entries out.
 
+mod in_plane;
 mod prepared;
 mod step_limits;
 
-use crate::block::{Acceleration, Block, PlannedBlock, Speed, SquaredSpeed};
+use crate::block::{Acceleration, Block, PlannedBlock, Speed};
 use crate::bresenham::MAX_STEPS;
 use crate::budget::Budget;
 use crate::extruder::{Extruder, FILAMENT_UNITS_PER_MM, Place};
 use crate::inner_ends::InnerEnds;
 use crate::interpolator::Interpolator;
-use crate::junction::radius_10nm;
+use crate::junction::{Pull, radius_10nm};
 use crate::kinematics::{Geometry, MAX_COORDINATE_10NM, UNITS_PER_MM, narrow};
-use crate::limits::{Limits, PathLimits, larger, smaller};
+use crate::limits::{Limits, PathLimits, larger};
 use crate::look_ahead::{Left, LookAhead, Marker, Part, Slot, SpeedLaw, Violation};
 use crate::merge::{Open, Planned};
 use crate::method::Method;
@@ -24,6 +25,7 @@ use crate::single;
 use crate::step_queue::{Notice, StepSink};
 use crate::time_law::TimeLaw;
 use crate::{TICKS_PER_SECOND, kinematics};
+use in_plane::Cruise;
 use prepared::OpenPrepared;
 pub use prepared::{PreparedBlock, PreparedMove, Recorded};
 
@@ -97,7 +99,8 @@ pub enum Progress {
 #[derive(Clone, Copy, Debug)]
 struct Previous {
     path: Path,
-    acceleration_mm_per_s2: f32,
+    /// None where there is no move before, or it has no path.
+    pull: Pull,
 }
 
 /// Where a move takes the motors.
@@ -131,8 +134,6 @@ pub struct Planner<S> {
     /// Extruder position at the end of the last block.
     extruder_256ths: i64,
     previous: Previous,
-    /// Whether there is one, and it has a path.
-    has_previous: bool,
     /// The block before, where blocks come without their ways.
     previous_steps: Option<Block>,
     /// The newest block, which the next move may continue. It enters the ring when that is known, never sooner than the
@@ -141,6 +142,8 @@ pub struct Planner<S> {
     /// The nominal speed of the open block as its feed is now, where that is not the one its speeds were planned with, and
     /// its planned entry speed; where it was prepared.
     open_prepared: Option<OpenPrepared>,
+    /// What the prepared moves of late have in common.
+    cruise: Cruise,
     /// Moves of the other kind, prepared or not, wait until the ring is empty.
     draining: bool,
     /// What was wrong with a prepared job; nothing more of it is taken.
@@ -178,11 +181,11 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
             motor_steps: [0; 3],
             extruder: Extruder::new(geometry.steps_per_mm[3]),
             extruder_256ths: 0,
-            previous: Previous { path: Path::between([0; 3], [0; 3]), acceleration_mm_per_s2: 0.0 },
-            has_previous: false,
+            previous: Previous { path: Path::between([0; 3], [0; 3]), pull: Pull::ZERO },
             previous_steps: None,
             open: Open::NONE,
             open_prepared: None,
+            cruise: Cruise::NONE,
             draining: false,
             violation: None,
             flushing: false,
@@ -208,6 +211,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
     pub fn set_limits(&mut self, limits: Limits) {
         self.limits = limits;
         self.path_limits = PathLimits::new(&limits);
+        self.cruise = Cruise::NONE;
     }
 
     /// The methods that make the steps.
@@ -224,6 +228,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         let Some(law) = speed_law(choice) else { return false };
         self.choice = *choice;
         self.method = Method::new(choice, self.geometry.kinematics);
+        self.cruise = Cruise::NONE;
         self.interpolator.set_method(choice, self.geometry.kinematics);
         self.table = match law {
             SpeedLaw::Table(table) => Some(table),
@@ -319,7 +324,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         }
         let Some(next) = self.next(request)? else { return Ok(Moved::Nothing) };
         let planned = self.plan_apart(request, &next);
-        if !self.flushing && self.method.is_default() && self.open.absorb_unnoticed(&planned) {
+        if !self.flushing && self.method.is_default() && self.open.absorb(&planned, false) {
             self.merged_moves += 1;
         } else if self.close() {
             self.open.begin(&planned, self.extruder_256ths);
@@ -362,9 +367,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
     /// The move has been taken.
     #[inline(always)]
     fn follow(&mut self, next: &Next, planned: &Planned) {
-        let acceleration_mm_per_s2 = planned.acceleration_mm_per_s2;
-        self.previous = Previous { path: planned.path, acceleration_mm_per_s2 };
-        self.has_previous = !planned.is_filament_alone;
+        self.previous = Previous { path: planned.path, pull: planned.pull };
         self.extruder.set(next.extruder);
         self.extruder_256ths = next.extruder_end;
         self.position_10nm = next.target_10nm;
@@ -423,33 +426,32 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         }
         block.nominal = Speed::from_mm_per_s_f32(feed).max(Speed(1));
         let is_filament_alone = moves_filament_alone;
-        let junction = if is_filament_alone || !self.has_previous {
-            SquaredSpeed::ZERO
-        } else {
-            self.junction(&path, acceleration)
-        };
-        Planned { block, junction, path, is_filament_alone, acceleration_mm_per_s2: acceleration }
+        let pull = if is_filament_alone { Pull::ZERO } else { Pull::of_mm_per_s2(acceleration) };
+        let has_corner = pull.is_some() && self.previous.pull.is_some();
+        let junction = if has_corner { self.junction(&path, pull) } else { Speed::ZERO };
+        Planned { block, junction, path, is_filament_alone, pull }
     }
 
-    /// Bound of the squared speed in the corner before a path: v^2 = a R (Yu 2019); a stop is next to a move without one.
+    /// Bound of the speed in the corner before a path; a stop is next to a move without one.
     #[inline(never)]
-    fn junction(&self, path: &Path, acceleration_mm_per_s2: f32) -> SquaredSpeed {
+    fn junction(&self, path: &Path, pull: Pull) -> Speed {
         let before = &self.previous;
-        let radius = radius_10nm(&before.path, path, self.path_limits.junction_deviation_10nm);
-        let acceleration = smaller(acceleration_mm_per_s2, before.acceleration_mm_per_s2);
-        SquaredSpeed::from_mm2_per_s2(radius / UNITS_PER_MM as f32 * acceleration)
+        let radius = radius_10nm(&before.path, path, self.path_limits.four_deviations_10nm);
+        pull.weaker(before.pull).speed_along(radius)
     }
 
     /// The open block enters the ring, within the budget; `false` without room. A flush that waited for it follows.
     fn close(&mut self) -> bool {
         let open = &mut self.open;
         if open.is_some() {
-            if !self.look_ahead.has_room() {
-                return false;
-            }
             if self.open_prepared.is_some() {
-                self.close_prepared();
+                if !self.close_prepared() {
+                    return false;
+                }
             } else {
+                if !self.look_ahead.has_room() {
+                    return false;
+                }
                 let events = self.method.events(open.block.steps);
                 let nominal = open.block.nominal;
                 let cost = self.budget.cost(&open.block, events, open.moves, open.extruder_256ths);
@@ -477,7 +479,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
     pub fn flush(&mut self) {
         self.flushing = true;
         self.close();
-        self.has_previous = false;
+        self.previous.pull = Pull::ZERO;
         self.previous_steps = None;
     }
 
@@ -544,6 +546,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
     }
 
     /// What may leave look-ahead now.
+    #[inline]
     fn pop(&mut self) -> Option<Left> {
         if self.flushing {
             self.close();
@@ -587,7 +590,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         let dropped_100pm = self.extruder.stand_at(motor_steps[3]);
         self.extruder_256ths = self.extruder.position_256ths();
         self.interpolator.abandon(tick, self.extruder_256ths);
-        self.has_previous = false;
+        self.previous.pull = Pull::ZERO;
         let [x, y, z, _] = motor_steps;
         self.motor_steps = [x, y, z].map(|steps| steps as i32);
         self.position_10nm = self.geometry.position_10nm([x, y, z]).map(within_reach);
@@ -598,7 +601,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
     pub fn set_position(&mut self, position_10nm: [i64; 3]) -> [i32; 3] {
         self.position_10nm = position_10nm.map(within_reach);
         self.motor_steps = self.geometry.motor_steps(self.position_10nm());
-        self.has_previous = false;
+        self.previous.pull = Pull::ZERO;
         self.motor_steps
     }
 }

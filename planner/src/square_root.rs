@@ -12,5 +12,6 @@ pub fn square_root(x: f64) -> f64 {
 /// Square root of `x`, which is not negative.
 #[inline]
 pub fn square_root_f32(x: f32) -> f32 {
-    ferrostep_square_root::square_root(x)
+    // Without its sign the compiler knows that the root is no NaN, and does not look.
+    ferrostep_square_root::square_root(x.abs())
 }

@@ -3,8 +3,8 @@
 
 use ferrostep_planner::look_ahead::{Entry, Slot, Violation};
 use ferrostep_planner::{
-    Geometry, Kinematics, Limits, Move, MoveError, Moved, PlannedBlock, Planner, PreparedMove, Recorded, SquaredSpeed,
-    StepsPerMm,
+    Coordinate, Geometry, Kinematics, Limits, Move, MoveError, Moved, PlannedBlock, Planner, PreparedMove, Recorded,
+    SquaredSpeed, StepsPerMm,
 };
 use proptest::prelude::*;
 
@@ -28,42 +28,52 @@ fn planner(ring: usize) -> Planner<Vec<Slot>> {
     Planner::new(geometry, limits, vec![Slot::EMPTY; ring])
 }
 
-/// A wandering path of short and long moves, some straight on.
+/// A wandering path of short and long moves, some straight on, a few up or down, with filament or without.
 fn path() -> impl Strategy<Value = Vec<Move>> {
-    let step = (-3_000i64..3_000, -3_000i64..3_000, 1i64..60, any::<bool>(), 5f32..250.0);
+    let height = prop_oneof![8 => Just(0i64), 1 => -30_000i64..30_000];
+    let filament = prop_oneof![3 => Just(0i64), 3 => 0i64..100_000, 1 => -20_000_000i64..20_000_000];
+    let step = (-3_000i64..3_000, -3_000i64..3_000, 1i64..60, any::<bool>(), 5f32..250.0, height, filament);
     proptest::collection::vec(step, 2..120).prop_map(|steps| {
         let mut target_10nm = [10_000_000; 3];
         let mut before = (1_000, 0, 80.0);
         (1..)
             .zip(steps)
-            .map(|(line, (x, y, times, on, feed))| {
+            .map(|(line, (x, y, times, on, feed, z, filament_100pm))| {
                 let (x, y, feed_mm_per_s) = if on { before } else { (x * times, y * times, feed) };
                 before = (x, y, feed_mm_per_s);
                 target_10nm[0] = (target_10nm[0] + x).clamp(0, 20_000_000);
                 target_10nm[1] = (target_10nm[1] + y).clamp(0, 20_000_000);
-                Move { target_10nm, filament_100pm: 0, feed_mm_per_s, line, ends_move: true }
+                target_10nm[2] += z;
+                Move { target_10nm, filament_100pm, feed_mm_per_s, line, ends_move: true }
             })
             .collect()
     })
 }
 
+/// A move as it is prepared.
+fn prepared_move(request: &Move, entry: Entry) -> PreparedMove {
+    let Move { target_10nm, filament_100pm, feed_mm_per_s, line, ends_move } = *request;
+    let target = target_10nm.map(|units| Coordinate::new(units.try_into().unwrap()).unwrap());
+    PreparedMove { target, filament_100pm, feed_mm_per_s, line, ends_move, counts: true, entry }
+}
+
 /// The plan of a path with all look-ahead: its moves with their entries, and its blocks.
-fn plan(path: &[Move]) -> (Vec<PreparedMove>, Vec<PlannedBlock>) {
+fn plan(path: &[Move]) -> (Vec<(PreparedMove, Option<f32>)>, Vec<PlannedBlock>) {
     let mut planner = planner(1_000);
     planner.set_position([10_000_000; 3]);
     let mut prepared = Vec::new();
     for request in path {
         let merged = planner.merged_moves();
         if planner.add(request) == Ok(Moved::Queued) {
-            let entry = (planner.merged_moves() == merged).then_some(Entry::Bound);
-            prepared.push(PreparedMove { request: *request, feed_now_mm_per_s: request.feed_mm_per_s, entry });
+            let entry = if planner.merged_moves() == merged { Entry::Bound } else { Entry::Continues };
+            prepared.push((prepared_move(request, entry), None));
         }
     }
     planner.flush();
-    let mut firsts = prepared.iter_mut().filter(|next| next.entry.is_some());
+    let mut firsts = prepared.iter_mut().map(|(next, _)| next).filter(|next| next.entry != Entry::Continues);
     let mut blocks = Vec::new();
     while let Some(Recorded::Block { planned, entry, .. }) = planner.next_recorded() {
-        firsts.next().unwrap().entry = Some(Entry::Given(entry));
+        firsts.next().unwrap().entry = Entry::Given(entry);
         blocks.push(planned);
     }
     assert!(firsts.next().is_none());
@@ -71,13 +81,13 @@ fn plan(path: &[Move]) -> (Vec<PreparedMove>, Vec<PlannedBlock>) {
 }
 
 /// Executes prepared moves with a ring of this size; the blocks, and why it ended early.
-fn execute(prepared: &[PreparedMove], ring: usize) -> (Vec<PlannedBlock>, Option<MoveError>) {
+fn execute(prepared: &[(PreparedMove, Option<f32>)], ring: usize) -> (Vec<PlannedBlock>, Option<MoveError>) {
     let mut planner = planner(ring);
     planner.set_position([10_000_000; 3]);
     let (mut blocks, mut refused) = (Vec::new(), None);
-    'moves: for next in prepared {
+    'moves: for (next, feed_now_mm_per_s) in prepared {
         loop {
-            match planner.add_prepared(next) {
+            match planner.add_prepared(next, *feed_now_mm_per_s) {
                 Ok(_) => break,
                 Err(MoveError::NoRoom) => blocks.extend(planner.next_planned()),
                 Err(error) => {
@@ -140,8 +150,8 @@ proptest! {
     fn the_feed_may_change(path in path(), ring in 2usize..40, factors in [0.1f32..4.0, 0.1f32..4.0], at in any::<prop::sample::Index>()) {
         let (mut prepared, _) = plan(&path);
         let at = at.index(prepared.len());
-        for (index, next) in prepared.iter_mut().enumerate() {
-            next.feed_now_mm_per_s *= factors[usize::from(index >= at)];
+        for (index, (next, feed_now_mm_per_s)) in prepared.iter_mut().enumerate() {
+            *feed_now_mm_per_s = Some(next.feed_mm_per_s * factors[usize::from(index >= at)]);
         }
         let (executed, refused) = execute(&prepared, ring);
         prop_assert_eq!(refused, None);
@@ -153,14 +163,14 @@ proptest! {
     fn a_hostile_plan_breaks_no_limit(
         path in path(), entries in proptest::collection::vec(
             prop_oneof![
-                4 => Just(None), 2 => Just(Some(Entry::Bound)), 1 => Just(Some(Entry::Falling)),
+                4 => Just(None), 2 => Just(Some(Entry::Bound)), 1 => Just(Some(Entry::Continues)), 1 => Just(Some(Entry::Falling)),
                 1 => (0u64..1 << 40).prop_map(|units| Some(Entry::Given(SquaredSpeed::from_units(units)))),
             ], 1..120),
         ring in 2usize..40,
     ) {
         let (mut prepared, _) = plan(&path);
-        for (next, entry) in prepared.iter_mut().zip(entries) {
-            next.entry = entry.or(next.entry);
+        for ((next, _), entry) in prepared.iter_mut().zip(entries) {
+            next.entry = entry.unwrap_or(next.entry);
         }
         let (executed, refused) = execute(&prepared, ring);
         if let Some(refused) = refused {
@@ -173,21 +183,20 @@ proptest! {
 #[test]
 fn after_a_violation_nothing_is_taken_until_the_place_is_known() {
     let mut planner = planner(16);
-    let at = |x: i64, entry| PreparedMove {
-        request: Move { target_10nm: [x, 0, 0], filament_100pm: 0, feed_mm_per_s: 50.0, line: 1, ends_move: true },
-        feed_now_mm_per_s: 50.0,
-        entry: Some(entry),
+    let at = |x: i64, entry| {
+        let target_10nm = [x, 0, 0];
+        prepared_move(&Move { target_10nm, filament_100pm: 0, feed_mm_per_s: 50.0, line: 1, ends_move: true }, entry)
     };
-    planner.add_prepared(&at(1_000_000, Entry::Bound)).unwrap();
-    planner.add_prepared(&at(2_000_000, Entry::Given(SquaredSpeed::from_units(u64::MAX)))).unwrap();
-    let refused = planner.add_prepared(&at(3_000_000, Entry::Bound));
+    planner.add_prepared(&at(1_000_000, Entry::Bound), None).unwrap();
+    planner.add_prepared(&at(2_000_000, Entry::Given(SquaredSpeed::from_units(u64::MAX))), None).unwrap();
+    let refused = planner.add_prepared(&at(3_000_000, Entry::Bound), None);
     assert_eq!(refused, Err(MoveError::Violation(Violation::TooFast)));
-    assert_eq!(planner.add_prepared(&at(3_000_000, Entry::Bound)), refused);
+    assert_eq!(planner.add_prepared(&at(3_000_000, Entry::Bound), None), refused);
     let mut blocks = 0;
     while planner.next_planned().is_some() {
         blocks += 1;
     }
     assert_eq!(blocks, 1);
     planner.stand_at([800, 0, 0, 0], 1_000, 0);
-    assert_eq!(planner.add_prepared(&at(2_000_000, Entry::Bound)), Ok(Moved::Queued));
+    assert_eq!(planner.add_prepared(&at(2_000_000, Entry::Bound), None), Ok(Moved::Queued));
 }

@@ -11,8 +11,7 @@ use ferrostep_planner::look_ahead::{Left, LookAhead, Marker, Part, Slot, SpeedLa
 use ferrostep_planner::s_curve::{FrequencyTable, Jerk, Ramp, Run};
 use ferrostep_planner::time_law::TimeLaw;
 use ferrostep_planner::{
-    Acceleration, Block, Notice, Pace, PlannedBlock, Speed, SquaredSpeed, StepEntry, StepKind, StepSink,
-    TICKS_PER_SECOND,
+    Acceleration, Block, Notice, Pace, PlannedBlock, Speed, StepEntry, StepKind, StepSink, TICKS_PER_SECOND,
 };
 
 #[path = "../src/random.rs"]
@@ -49,7 +48,7 @@ impl Blocks {
         }
     }
 
-    fn next(&mut self, random: &mut Random) -> (Block, SquaredSpeed) {
+    fn next(&mut self, random: &mut Random) -> (Block, Speed) {
         if random.next().is_multiple_of(40) {
             *self = Self::new(random);
         }
@@ -73,7 +72,7 @@ impl Blocks {
             _ if random.next().is_multiple_of(10) => 0.0,
             _ => random.magnitude(1.0, 2.0 * nominal * nominal + 2.0) as f32,
         };
-        (block, SquaredSpeed::from_mm2_per_s2(corner))
+        (block, Speed::from_mm_per_s(f64::from(corner).sqrt()))
     }
 }
 
@@ -156,7 +155,7 @@ struct Checker {
     passes: Speed,
     ticks: u64,
     /// Blocks that went in and have not come out, with the corner before each.
-    waiting: std::collections::VecDeque<(Block, SquaredSpeed)>,
+    waiting: std::collections::VecDeque<(Block, Speed)>,
     speed: Speed,
     /// Of the present run: path of it, and how much has come.
     run: Option<(Part, u32)>,
@@ -183,7 +182,7 @@ impl Checker {
             }
             _ => {
                 assert_eq!((part.offset_10nm, run.entry), (0, self.speed));
-                assert!(SquaredSpeed::from(run.entry) <= corner, "{part:?} {corner:?}");
+                assert!(run.entry <= corner, "{part:?} {corner:?}");
                 self.runs += 1;
                 self.check_law(&part);
                 (self.passes, self.ticks, self.blocks_of_run) = (run.entry, 0, 0);
@@ -237,9 +236,9 @@ impl Checker {
     }
 
     /// A corner inside a run is passed no faster than it may.
-    fn check_corner(&self, run: &Run, at: u32, corner: SquaredSpeed) {
+    fn check_corner(&self, run: &Run, at: u32, corner: Speed) {
         let speed = speed_at(&self.law(run), run, at);
-        let allowed = corner.root().mm_per_s() * (1.0 + 1e-4) + 1e-3;
+        let allowed = corner.mm_per_s() * (1.0 + 1e-4) + 1e-3;
         assert!(speed <= allowed, "{speed} > {allowed} at {at}: {run:?}");
     }
 
@@ -309,9 +308,9 @@ fn check_a_job(random: &mut Random, blocks: u64, sum: &mut Sum) {
         }
         let (block, corner) = kind.next(random);
         // Where the ring had nothing more to go on with, motion has stopped.
-        let corner = corner.min(block.nominal.into()).min(nominal_before.into());
+        let corner = corner.min(block.nominal).min(nominal_before);
         assert!(ring.push(&block, corner));
-        checker.waiting.push_back((block, if stopped { SquaredSpeed::ZERO } else { corner }));
+        checker.waiting.push_back((block, if stopped { Speed::ZERO } else { corner }));
         nominal_before = block.nominal;
         stopped = false;
         if random.next().is_multiple_of(50) && ring.has_room() {
@@ -397,7 +396,7 @@ fn a_short_block_gets_the_fastest_speed_from_which_it_can_stop() {
         // A stop of acceleration at the corner, so that its speed is the law's own.
         ring.set_law(&SpeedLaw::SCurveBlockByBlock(Jerk::from_mm_per_s3(jerk).unwrap()));
         for block in &blocks {
-            assert!(ring.push(block, SquaredSpeed::from_mm2_per_s2(f32::INFINITY)));
+            assert!(ring.push(block, Speed(u32::MAX)));
         }
         ring.flush();
         let runs: Vec<_> = std::iter::from_fn(|| ring.pop(Pace::FULL))
@@ -451,7 +450,7 @@ fn blocks_under_a_table_never_jump() {
                 check(ring.pop(Pace::FULL).unwrap());
             }
             let (block, corner) = kind.next(&mut random);
-            assert!(ring.push(&block, corner.min(block.nominal.into())));
+            assert!(ring.push(&block, corner.min(block.nominal)));
         }
         ring.flush();
         while let Some(left) = ring.pop(Pace::FULL) {

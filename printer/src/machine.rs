@@ -229,15 +229,19 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
         Ok(moved)
     }
 
-    /// Takes a move of a prepared job.
+    /// Takes a move of a prepared job, at its feed of now.
     ///
     /// # Errors
     /// As [`Planner::add_prepared`]; [`MoveError::NoRoom`] passes.
-    pub fn add_prepared(&mut self, prepared: &PreparedMove) -> Result<Moved, MoveError> {
+    pub fn add_prepared(
+        &mut self,
+        prepared: &PreparedMove,
+        feed_now_mm_per_s: Option<f32>,
+    ) -> Result<Moved, MoveError> {
         if self.queue.link().is_stopping() {
             return Err(MoveError::NoRoom);
         }
-        let moved = self.planner.add_prepared(prepared)?;
+        let moved = self.planner.add_prepared(prepared, feed_now_mm_per_s)?;
         if moved == Moved::Queued {
             self.flushed = false;
             self.set_motors_enabled(ALL, true);

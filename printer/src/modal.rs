@@ -73,6 +73,14 @@ impl Modal {
         }
     }
 
+    /// Moves of a prepared job have pushed so much; an arc's share of a whole number need not be whole.
+    pub fn push_prepared(&mut self, filament_100pm: i64) {
+        let pushed_100pm = self.extruder_rest_100pm.wrapping_add(filament_100pm);
+        let flow = i64::from(self.flow_percent.max(1));
+        self.extruder_10nm = self.extruder_10nm.wrapping_add(pushed_100pm / flow);
+        self.extruder_rest_100pm = pushed_100pm % flow;
+    }
+
     /// The unit of lengths as written, mm.
     pub fn unit_mm(&self) -> f64 {
         match self.units {

@@ -33,8 +33,20 @@ pub enum Seek {
 pub trait Motion {
     /// Queues a move; waits for room.
     fn add(&mut self, request: Move) -> impl Future<Output = Result<Moved, MotionError>>;
+    /// Queues a move of a prepared job, with the feed of now (M220), if that needs no waiting; `None` where it does, or might.
+    fn try_add_prepared(
+        &mut self,
+        _prepared: &PreparedMove,
+        _feed_now_mm_per_s: Option<f32>,
+    ) -> Option<Result<Moved, MotionError>> {
+        None
+    }
     /// Queues a move of a prepared job; waits for room.
-    fn add_prepared(&mut self, prepared: PreparedMove) -> impl Future<Output = Result<Moved, MotionError>>;
+    fn add_prepared(
+        &mut self,
+        prepared: PreparedMove,
+        feed_now_mm_per_s: Option<f32>,
+    ) -> impl Future<Output = Result<Moved, MotionError>>;
     /// Queues a block of a prepared job; waits for room.
     fn add_prepared_block(&mut self, prepared: PreparedBlock) -> impl Future<Output = Result<(), MotionError>>;
     /// Says where the machine is to less than a step; whether the motors stand there.

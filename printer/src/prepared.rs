@@ -2,15 +2,39 @@
 
 use embedded_hal_async::delay::DelayNs;
 use ferrostep_gcode::parse;
-use ferrostep_gpre::{LimitValues, ModalState, MoveItem, Speed};
+use ferrostep_gpre::{LimitValues, ModalState};
 use ferrostep_hal_shim::{Clock, Heater};
 use ferrostep_planner::extruder::FILAMENT_UNITS_PER_MM;
-use ferrostep_planner::look_ahead::Entry;
-use ferrostep_planner::{Limits, Move, PreparedBlock, PreparedMove, SquaredSpeed};
+use ferrostep_planner::{Limits, Moved, PreparedBlock, PreparedMove};
 
 use crate::error::{CommandError, Failure};
-use crate::ports::{Heating, Motion, Replies};
+use crate::modal::{Modal, Tally};
+use crate::ports::{Heating, Motion, MotionError, Replies};
 use crate::printer::Printer;
+
+/// What moves of a prepared job have done since the G-code looked at it last: between them nothing asks where it sees the
+/// machine.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Unseen {
+    any: bool,
+    moves: u32,
+    filament_100pm: i64,
+}
+
+impl Unseen {
+    /// Shows it; the moves have ended here.
+    pub fn show(&mut self, position_10nm: [i64; 3], modal: &mut Modal, tally: &mut Tally) {
+        let Self { any, moves, filament_100pm } = core::mem::take(self);
+        if any {
+            let [x, y, z] = position_10nm;
+            // Heights and lifts are within 5 m.
+            modal.machine_10nm = [x, y, z.wrapping_sub(modal.lift_10nm)];
+            modal.push_prepared(filament_100pm);
+            tally.moves = tally.moves.wrapping_add(moves.into());
+            tally.filament_100pm = tally.filament_100pm.wrapping_add(filament_100pm);
+        }
+    }
+}
 
 /// Limits in the order and precision in which a job has them.
 fn limit_values(limits: &Limits) -> LimitValues {
@@ -26,14 +50,15 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
     pub fn prepared_state(&self) -> ModalState {
         let celsius = |heater| self.heating.status(heater).target_celsius as u16;
         let limits = self.motion.limits();
+        let (modal, _) = self.seen();
         ModalState {
             nozzle_celsius: celsius(Heater::Nozzle),
             bed_celsius: celsius(Heater::Bed),
-            feed_percent: self.modal.feed_percent,
-            flow_percent: self.modal.flow_percent,
-            extruder_10nm: self.modal.extruder_10nm,
-            offset_10nm: self.modal.offset_10nm,
-            lift_10nm: self.modal.lift_10nm,
+            feed_percent: modal.feed_percent,
+            flow_percent: modal.flow_percent,
+            extruder_10nm: modal.extruder_10nm,
+            offset_10nm: modal.offset_10nm,
+            lift_10nm: modal.lift_10nm,
             limits: (limits != self.profile.limits).then(|| limit_values(&limits)),
         }
     }
@@ -48,23 +73,62 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
     ///
     /// # Errors
     /// As for a move of G-code; a target beyond the soft limits is none that a prepared job has.
-    pub async fn prepared_move(&mut self, item: &MoveItem, planned_with: &ModalState) -> Result<(), CommandError> {
-        self.line = item.line;
-        let result = self.take_prepared(item, planned_with).await;
-        if matches!(result, Err(CommandError::Stopped | CommandError::Halted)) {
-            self.follow_the_motors();
+    pub async fn prepared_move(&mut self, item: &PreparedMove, planned_with: &ModalState) -> Result<(), CommandError> {
+        if let Some(result) = self.try_prepared_move(item, planned_with) {
+            return result;
         }
-        result
+        let (item, feed_now_mm_per_s) = self.at_percents(item, planned_with);
+        let moved = self.motion.add_prepared(item, feed_now_mm_per_s).await;
+        self.taken(&item, moved)
     }
 
-    async fn take_prepared(&mut self, item: &MoveItem, planned_with: &ModalState) -> Result<(), CommandError> {
+    /// As [`Self::prepared_move`], if it needs no waiting; `None`, and nothing has changed, where it does.
+    #[inline]
+    pub fn try_prepared_move(
+        &mut self,
+        item: &PreparedMove,
+        planned_with: &ModalState,
+    ) -> Option<Result<(), CommandError>> {
+        self.line = item.line;
+        if let Err(error) = self.allow(item) {
+            return Some(Err(error));
+        }
+        if !item.counts {
+            self.see_moves();
+        }
+        let changed;
+        let (item, feed_now_mm_per_s) = if self.has_percents_of(planned_with) {
+            (item, None)
+        } else {
+            changed = self.at_percents(item, planned_with);
+            (&changed.0, changed.1)
+        };
+        let moved = self.motion.try_add_prepared(item, feed_now_mm_per_s)?;
+        Some(self.taken(item, moved))
+    }
+
+    #[inline(always)]
+    fn taken(&mut self, item: &PreparedMove, moved: Result<Moved, MotionError>) -> Result<(), CommandError> {
+        match moved {
+            Ok(_) => {
+                self.pass(item);
+                Ok(())
+            }
+            Err(error) => Err(self.refused(error.into())),
+        }
+    }
+
+    /// Whether the machine may do what a move of a prepared job asks.
+    #[inline(always)]
+    fn allow(&mut self, item: &PreparedMove) -> Result<(), CommandError> {
         if self.signals.is_halted() {
-            return Err(CommandError::Halted);
+            return Err(self.refused(CommandError::Halted));
         }
         if self.modal.soft_limits {
             for axis in 0..3 {
-                let inside = 0..=self.profile.size_10nm[axis];
-                if self.modal.homed[axis] && !inside.contains(&item.target_10nm[axis]) {
+                // Below zero it is more than any size, which is at most 5 m.
+                let is_outside = item.target[axis].units().cast_unsigned() > self.profile.size_10nm[axis] as u32;
+                if is_outside && self.modal.homed[axis] {
                     return Err(CommandError::Outside { axis });
                 }
             }
@@ -72,55 +136,77 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         if item.filament_100pm != 0 {
             self.check_extrusion_temperature()?;
         }
+        Ok(())
+    }
+
+    /// Whether feed and flow have the percentages that moves were planned with.
+    #[inline(always)]
+    fn has_percents_of(&self, planned_with: &ModalState) -> bool {
+        self.modal.feed_percent == planned_with.feed_percent && self.modal.flow_percent == planned_with.flow_percent
+    }
+
+    /// The move with the flow of now, and its feed of now, mm/s, if that has been changed.
+    #[cold]
+    #[inline(never)]
+    fn at_percents(&self, item: &PreparedMove, planned_with: &ModalState) -> (PreparedMove, Option<f32>) {
+        let mut item = *item;
         let (feed, flow) = (self.modal.feed_percent, self.modal.flow_percent);
-        let mut filament_100pm = item.filament_100pm;
         if flow != planned_with.flow_percent && item.counts {
             let (now, then) = (i64::from(flow), i64::from(planned_with.flow_percent.max(1)));
-            filament_100pm = filament_100pm.saturating_mul(now) / then;
+            item.filament_100pm = item.filament_100pm.saturating_mul(now) / then;
         }
-        let mut feed_now_mm_per_s = item.feed_mm_per_s;
-        if feed != planned_with.feed_percent {
-            feed_now_mm_per_s = item.feed_mm_per_s * f32::from(feed) / f32::from(planned_with.feed_percent.max(1));
+        let feed_mm_per_s = item.feed_mm_per_s * f32::from(feed) / f32::from(planned_with.feed_percent.max(1));
+        (item, (feed != planned_with.feed_percent).then_some(feed_mm_per_s))
+    }
+
+    /// A move was not taken.
+    #[cold]
+    #[inline(never)]
+    fn refused(&mut self, error: CommandError) -> CommandError {
+        if matches!(error, CommandError::Stopped | CommandError::Halted) {
+            self.follow_the_motors();
         }
-        let request = Move {
-            target_10nm: item.target_10nm,
-            filament_100pm,
-            feed_mm_per_s: item.feed_mm_per_s,
-            line: item.line,
-            ends_move: item.ends_move,
-        };
-        let entry = match item.speed {
-            Speed::Continues => None,
-            Speed::Bound => Some(Entry::Bound),
-            Speed::Falling => Some(Entry::Falling),
-            Speed::Given(units) => Some(Entry::Given(SquaredSpeed::from_units(units))),
-        };
-        self.motion.add_prepared(PreparedMove { request, feed_now_mm_per_s, entry }).await?;
-        let [x, y, z] = item.target_10nm;
-        if item.counts {
-            // Heights and lifts within 5 m, sums of filament within 63 bits.
-            self.modal.machine_10nm = [x, y, z.wrapping_sub(self.modal.lift_10nm)];
-        } else {
-            // A firmware retraction: where Z is lifted to is no place of the G-code's.
-            self.modal.lift_10nm = z - self.modal.machine_10nm[2];
-            if filament_100pm != 0 {
-                self.modal.retracted = filament_100pm < 0;
-            }
+        error
+    }
+
+    /// A move was taken.
+    #[inline(always)]
+    fn pass(&mut self, item: &PreparedMove) {
+        if !item.counts {
+            return self.pass_retraction(item);
         }
-        if item.counts {
-            // An arc's share of a whole number need not be whole.
-            let pushed_100pm = self.modal.extruder_rest_100pm.wrapping_add(filament_100pm);
-            // Nearly always a percent of 100, and little enough to be divided by the processor.
-            let (whole, rest) = match i32::try_from(pushed_100pm) {
-                Ok(pushed) => (i64::from(pushed / i32::from(flow.max(1))), i64::from(pushed % i32::from(flow.max(1)))),
-                Err(_) => (pushed_100pm / i64::from(flow.max(1)), pushed_100pm % i64::from(flow.max(1))),
-            };
-            self.modal.extruder_10nm = self.modal.extruder_10nm.wrapping_add(whole);
-            self.modal.extruder_rest_100pm = rest;
+        self.unseen.any = true;
+        self.unseen.moves = self.unseen.moves.wrapping_add(u32::from(item.ends_move));
+        // Sums of filament are within 63 bits.
+        self.unseen.filament_100pm = self.unseen.filament_100pm.wrapping_add(item.filament_100pm);
+    }
+
+    /// A firmware retraction's move was taken: where Z is lifted to is no place of the G-code's, and its filament none of E.
+    #[inline(never)]
+    fn pass_retraction(&mut self, item: &PreparedMove) {
+        let [.., z] = item.target_10nm().map(i64::from);
+        let [.., z_before] = self.modal.machine_10nm;
+        self.modal.lift_10nm = z.wrapping_sub(z_before);
+        if item.filament_100pm != 0 {
+            self.modal.retracted = item.filament_100pm < 0;
         }
         self.tally.moves = self.tally.moves.wrapping_add(u64::from(item.ends_move));
-        self.tally.filament_100pm = self.tally.filament_100pm.wrapping_add(filament_100pm);
-        Ok(())
+        self.tally.filament_100pm = self.tally.filament_100pm.wrapping_add(item.filament_100pm);
+    }
+
+    /// State and numbers with what moves of a prepared job have done.
+    pub(crate) fn seen(&self) -> (Modal, Tally) {
+        let (mut unseen, mut modal, mut tally) = (self.unseen, self.modal, self.tally);
+        unseen.show(self.motion.position_10nm(), &mut modal, &mut tally);
+        (modal, tally)
+    }
+
+    /// The G-code looks at what moves of a prepared job have done.
+    pub(crate) fn see_moves(&mut self) {
+        if self.unseen.any {
+            let position_10nm = self.motion.position_10nm();
+            self.unseen.show(position_10nm, &mut self.modal, &mut self.tally);
+        }
     }
 
     /// Executes a block of a prepared job that has no moves; `moves` end in it.
@@ -129,6 +215,7 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
     /// As for a move of G-code.
     pub async fn prepared_block(&mut self, block: &PreparedBlock, moves: u32) -> Result<(), CommandError> {
         self.line = block.block.line;
+        self.see_moves();
         if self.signals.is_halted() {
             return Err(CommandError::Halted);
         }
@@ -181,6 +268,7 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         lift_10nm: i64,
         extruder_10nm: i64,
     ) -> Result<(), CommandError> {
+        self.see_moves();
         if !self.motion.refine_position(position_10nm) {
             return Err(CommandError::OtherPlace);
         }

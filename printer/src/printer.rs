@@ -11,6 +11,7 @@ use ferrostep_planner::{AccelerationProfile, Interpolation, Kinematics};
 use crate::error::{CommandError, Failure};
 use crate::modal::{Modal, Tally};
 use crate::ports::{Equipment, Heating, Motion, MotorDrivers, Replies, Signals, Timing};
+use crate::prepared::Unseen;
 use crate::profile::{HomeEnd, HomeSensor, Profile};
 use crate::transfer::JobRequest;
 use crate::waits::temperatures;
@@ -52,6 +53,7 @@ pub struct Printer<'a, M, H, T, R> {
     pub(crate) signals: &'a Signals,
     pub(crate) modal: Modal,
     pub(crate) tally: Tally,
+    pub(crate) unseen: Unseen,
     /// Number of the line being executed.
     pub(crate) line: u32,
     last_line: i64,
@@ -75,6 +77,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
             signals,
             modal: Modal::new(profile),
             tally: Tally::default(),
+            unseen: Unseen::default(),
             line: 0,
             last_line: 0,
             emergency_parser: false,
@@ -108,12 +111,12 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
 
     /// What has been done so far.
     pub fn tally(&self) -> Tally {
-        self.tally
+        self.seen().1
     }
 
     /// X, Y, Z and E as the G-code sees them, units of 10 nm.
     pub fn logical_10nm(&self) -> [i64; 4] {
-        self.modal.logical_10nm()
+        self.seen().0.logical_10nm()
     }
 
     pub(crate) fn replies(&self) -> &'a R {
@@ -188,6 +191,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
 
     /// Executes a command.
     async fn command(&mut self, command: &Command<'_>) -> Result<Answer, CommandError> {
+        self.see_moves();
         if self.signals.is_halted() && *command != Command::Restart {
             self.follow_the_motors();
             return Err(CommandError::Halted);
@@ -202,6 +206,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
     /// After a stop the G-code's position is where the motors stand. A halt also takes their current away, and with it
     /// what homing knew.
     pub(crate) fn follow_the_motors(&mut self) {
+        self.see_moves();
         if self.signals.is_halted() {
             self.motion.set_motors_enabled(ALL_MOTORS, false);
             self.modal.homed = [false; 3];
@@ -212,6 +217,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
 
     /// Motion stops at once; position, extruder and filament are what has really happened.
     pub(crate) fn stop_motion(&mut self) {
+        self.see_moves();
         let dropped_100pm = self.motion.stop();
         self.tally.filament_100pm -= dropped_100pm;
         // What moves extrude by their length is no part of the G-code's position.

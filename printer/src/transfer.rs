@@ -376,8 +376,8 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
                 if expected_10nm.is_some_and(|expected| self.machine_10nm() != expected) {
                     return Err(Stop::Elsewhere { frame, offset });
                 }
-                (place.begun, place.end_10nm) = (true, Some(next.target_10nm));
-                (next.line, self.prepared_move(&next, &place.start.modal).await.map_err(Failure::Command))
+                (place.begun, place.end_10nm) = (true, Some(next.target_10nm().map(i64::from)));
+                (next.line, self.prepared_move(next, &place.start.modal).await.map_err(Failure::Command))
             }
             Item::Fan { line, power } => (line, self.prepared_fan(line, power).await.map_err(Failure::Command)),
             Item::Command { line, text } => {

@@ -1,21 +1,22 @@
 //! Prepared jobs made by hand: what `preprocess` would never write.
 
 use ferrostep_gpre::compact::FrameWriter;
-use ferrostep_gpre::{Encoding, Header, Item, ModalState, MoveItem, Speed};
+use ferrostep_gpre::{Coordinate, Encoding, Entry, Header, Item, ModalState, PreparedMove, SquaredSpeed};
 use ferrostep_planner::PLANNER_VERSION;
 
 /// A job of moves along X, with these lengths in mm and planned speeds, on a machine that is homed first. Each is a frame.
-pub fn job(profile_hash: u64, moves: &[(i64, Speed)]) -> Vec<u8> {
+pub fn job(profile_hash: u64, moves: &[(i64, Entry)]) -> Vec<u8> {
     let mut frames = Vec::new();
     let mut writer = FrameWriter::new([0; 3], ModalState::START);
     writer.add(&Item::Command { line: 1, text: "G28" }, &mut frames);
     writer.close(&mut frames);
-    let mut target_10nm = [0; 3];
-    for (line, &(length_mm, speed)) in (2..).zip(moves) {
-        target_10nm[0] += length_mm * 100_000;
+    let mut target = [Coordinate::default(); 3];
+    for (line, &(length_mm, entry)) in (2..).zip(moves) {
+        let Some(x) = target[0].advanced((length_mm * 100_000) as i32) else { panic!("{length_mm} mm leave the 5 m") };
+        target[0] = x;
         let (filament_100pm, feed_mm_per_s) = (0, 100.0);
-        let item = MoveItem { target_10nm, filament_100pm, feed_mm_per_s, line, ends_move: true, counts: true, speed };
-        writer.add(&Item::Move(item), &mut frames);
+        let item = PreparedMove { target, filament_100pm, feed_mm_per_s, line, ends_move: true, counts: true, entry };
+        writer.add(&Item::Move(&item), &mut frames);
         writer.close(&mut frames);
     }
     let header = Header {
@@ -33,6 +34,6 @@ pub fn job(profile_hash: u64, moves: &[(i64, Speed)]) -> Vec<u8> {
 }
 
 /// A speed in mm/s as a file has it.
-pub fn given(mm_per_s: f64) -> Speed {
-    Speed::Given((mm_per_s * mm_per_s * 12_800_000.0) as u64)
+pub fn given(mm_per_s: f64) -> Entry {
+    Entry::Given(SquaredSpeed::from_units((mm_per_s * mm_per_s * 12_800_000.0) as u64))
 }

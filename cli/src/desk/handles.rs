@@ -67,9 +67,13 @@ impl<O: Observer> Motion for DeskMotion<'_, O> {
         .await?
     }
 
-    async fn add_prepared(&mut self, prepared: PreparedMove) -> Result<Moved, MotionError> {
+    async fn add_prepared(
+        &mut self,
+        prepared: PreparedMove,
+        feed_now_mm_per_s: Option<f32>,
+    ) -> Result<Moved, MotionError> {
         self.wait(|desk| {
-            let outcome = desk.planner.add_prepared(&prepared);
+            let outcome = desk.planner.add_prepared(&prepared, feed_now_mm_per_s);
             desk.taken(outcome)
         })
         .await?

@@ -3,7 +3,7 @@
 use std::io::{self, Read, Write};
 
 use ferrostep_gpre::compact::FrameState;
-use ferrostep_gpre::{Encoding, Header, Item, Speed};
+use ferrostep_gpre::{Encoding, Entry, Header, Item};
 
 use super::play::PartReader;
 use crate::job::JobError;
@@ -73,15 +73,17 @@ fn say_start(state: &FrameState, out: &mut impl Write) -> io::Result<()> {
 fn say_item(item: &Item<'_>, out: &mut impl Write) -> io::Result<()> {
     match item {
         Item::Move(next) => {
-            let [x, y, z] = next.target_10nm.map(mm);
+            let [x, y, z] = next.target_10nm().map(|coordinate| mm(coordinate.into()));
             let filament = next.filament_100pm as f64 / 1e7;
             let (line, feed) = (next.line, next.feed_mm_per_s);
             write!(out, "  {line:>7}  X{x:.5} Y{y:.5} Z{z:.5} E{filament:+.5} F{feed} mm/s, ")?;
-            match next.speed {
-                Speed::Continues => writeln!(out, "continues"),
-                Speed::Bound => writeln!(out, "entry by corner and feed"),
-                Speed::Falling => writeln!(out, "entry by braking"),
-                Speed::Given(units) => writeln!(out, "entry {:.4} mm/s", (units as f64 / 12_800_000.0).sqrt()),
+            match next.entry {
+                Entry::Continues => writeln!(out, "continues"),
+                Entry::Bound => writeln!(out, "entry by corner and feed"),
+                Entry::Falling => writeln!(out, "entry by braking"),
+                Entry::Given(squared) => {
+                    writeln!(out, "entry {:.4} mm/s", (squared.units() as f64 / 12_800_000.0).sqrt())
+                }
             }
         }
         Item::Fan { line, power } => writeln!(out, "  {line:>7}  fan {power}"),
@@ -130,7 +132,7 @@ impl Entries {
 
     fn pass(&mut self, item: &Item<'_>) {
         let Item::Move(next) = item else { return };
-        let target_10nm = next.target_10nm;
+        let target_10nm = next.target_10nm().map(i64::from);
         let [x, y, z] = [0, 1, 2].map(|axis| mm(target_10nm[axis] - self.position_10nm[axis]));
         let way_mm = x.hypot(y).hypot(z);
         let length_mm = if way_mm > 0.0 { way_mm } else { (next.filament_100pm as f64 / 1e7).abs() };

@@ -67,8 +67,9 @@ impl PacketWriter {
     pub fn take(&mut self, ready: &Ready, bytes: &mut Vec<u8>) {
         if let Ready::First { item, .. } | Ready::Joined(item) = ready {
             let [.., before] = self.place.position_10nm;
-            let [.., z] = item.target_10nm;
-            self.place.position_10nm = item.target_10nm;
+            let target_10nm = item.target_10nm().map(i64::from);
+            let [.., z] = target_10nm;
+            self.place.position_10nm = target_10nm;
             if !item.counts {
                 self.place.lift_10nm += z - before;
             } else {

@@ -303,7 +303,7 @@ async fn execute<O: Observer, R: Replies>(
                     return Err(Stopped { line: Some(next.line), message });
                 }
                 begun = true;
-                printer.prepared_move(&next, &start.modal).await.map_err(at(next.line))?;
+                printer.prepared_move(next, &start.modal).await.map_err(at(next.line))?;
             }
             Item::Fan { line, power } => {
                 progress.lines = line;

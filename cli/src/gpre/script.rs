@@ -4,8 +4,8 @@
 use std::collections::VecDeque;
 
 use ferrostep_gcode::{Command, parse};
-use ferrostep_gpre::{Item, ModalState, MoveItem, Speed};
-use ferrostep_planner::look_ahead::{Entry, Pass};
+use ferrostep_gpre::{Coordinate, Entry, Item, ModalState, PreparedMove};
+use ferrostep_planner::look_ahead::Pass;
 use ferrostep_planner::{Move, PlannedBlock, Recorded, SquaredSpeed};
 
 /// What the command being executed is in the file.
@@ -35,7 +35,7 @@ struct Speeds {
 #[derive(Clone, Debug)]
 enum Waiting {
     /// A block's first move; `None` for one that the machine makes by itself.
-    First { item: Option<MoveItem>, speeds: Option<Speeds> },
+    First { item: Option<PreparedMove>, speeds: Option<Speeds> },
     /// Moves that the machine made by itself.
     Anew,
     /// What waits for nothing but the parts before.
@@ -48,7 +48,7 @@ pub enum Ready {
     /// A block's first move.
     First {
         /// The move.
-        item: MoveItem,
+        item: PreparedMove,
         /// The whole block.
         planned: PlannedBlock,
         /// The most that the corner before it and both feeds allow.
@@ -57,7 +57,7 @@ pub enum Ready {
         joined: usize,
     },
     /// A move that was joined to the one before.
-    Joined(MoveItem),
+    Joined(PreparedMove),
     /// The fan.
     Fan {
         /// Source line.
@@ -85,7 +85,7 @@ impl Ready {
     /// The item of the file; `None` for a state.
     pub fn item(&self) -> Option<Item<'_>> {
         match self {
-            Self::First { item, .. } | Self::Joined(item) => Some(Item::Move(*item)),
+            Self::First { item, .. } | Self::Joined(item) => Some(Item::Move(item)),
             Self::Fan { line, power } => Some(Item::Fan { line: *line, power: *power }),
             Self::Command { line, text } => Some(Item::Command { line: *line, text }),
             Self::State { .. } => None,
@@ -134,14 +134,15 @@ impl Script {
     /// The planner has taken a move.
     pub fn moved(&mut self, request: &Move, joined: bool) {
         let item = match self.now {
-            Now::Moves { counts } => Some(MoveItem {
-                target_10nm: request.target_10nm,
+            Now::Moves { counts } => Some(PreparedMove {
+                // The planner has taken it: within 5 m.
+                target: request.target_10nm.map(|units| Coordinate::new(units as i32).unwrap_or_default()),
                 filament_100pm: request.filament_100pm,
                 feed_mm_per_s: request.feed_mm_per_s,
                 line: request.line,
                 ends_move: request.ends_move,
                 counts,
-                speed: Speed::Continues,
+                entry: Entry::Continues,
             }),
             _ => None,
         };
@@ -192,7 +193,7 @@ impl Script {
                     let of_this = |waiting: &&Waiting| !matches!(waiting, Waiting::First { .. } | Waiting::Anew);
                     let of_this = self.waiting.iter().take_while(of_this);
                     let joined = of_this.filter(|waiting| matches!(waiting, Waiting::Ready(Ready::Joined(_)))).count();
-                    Ready::First { item: MoveItem { speed: self.speed(&speeds?), ..item }, planned, bound, joined }
+                    Ready::First { item: PreparedMove { entry: self.entry(&speeds?), ..item }, planned, bound, joined }
                 }
                 Waiting::Ready(ready) => ready,
             });
@@ -200,7 +201,7 @@ impl Script {
     }
 
     /// The shortest way to say the planned speed, from which the reader's forward pass makes the same.
-    fn speed(&mut self, speeds: &Speeds) -> Speed {
+    fn entry(&mut self, speeds: &Speeds) -> Entry {
         let Speeds { planned, entry, bound } = speeds;
         let said = |said: Entry| {
             let mut pass = self.pass;
@@ -211,14 +212,14 @@ impl Script {
             holds.then_some(pass)
         };
         let (speed, pass) = if let Some(pass) = said(Entry::Bound) {
-            (Speed::Bound, pass)
+            (Entry::Bound, pass)
         } else if let Some(pass) = said(Entry::Falling) {
-            (Speed::Falling, pass)
+            (Entry::Falling, pass)
         } else {
             let mut pass = self.pass;
             // It is within its bounds, for it is the reverse pass's.
             let _ = pass.next(&planned.block, *bound, false, Entry::Given(*entry));
-            (Speed::Given(entry.units()), pass)
+            (Entry::Given(*entry), pass)
         };
         self.pass = pass;
         self.reachable = SquaredSpeed::from(planned.entry).changed_over(&planned.block);

@@ -3,27 +3,34 @@
 use super::{
     FILAMENT_ALL, FILAMENT_NONE, FILAMENT_PREDICTED, MOST_TEXT_BYTES, PLACES, Shape, WAY_XY, WAY_XYZ, WAY_Z, prediction,
 };
-use crate::bits::BitReader;
+use crate::bits::{BitReader, Order, Window};
 use crate::error::Fault;
-use crate::item::{Item, ModalState, MoveItem, Speed};
-
-/// Largest coordinate, either sign, units of 10 nm: 5 m.
-const MOST_10NM: u32 = 500_000_000;
+use crate::item::{Coordinate, Entry, Item, ModalState, PreparedMove, SquaredSpeed};
 
 /// Largest unit.
 const MOST_UNIT: u32 = 1000;
 
 const TOO_FAR: Fault = Fault::Content("coordinates within 5 m");
 
-/// A coordinate that is not too large.
-#[inline]
-fn within_reach(coordinate_10nm: i64) -> Option<i32> {
-    let coordinate = i32::try_from(coordinate_10nm).ok()?;
-    (coordinate.unsigned_abs() <= MOST_10NM).then_some(coordinate)
+/// What a plain move tells.
+struct Plain {
+    /// X and Y.
+    target: (Coordinate, Coordinate),
+    filament_100pm: i64,
+    line: u32,
 }
 
-/// An item that is no move.
-enum Other {
+/// The coordinate so many units further; `None` if it is too large.
+#[inline(always)]
+fn after(coordinate: Coordinate, steps: i32, unit_10nm: i32) -> Option<Coordinate> {
+    coordinate.advanced(steps.checked_mul(unit_10nm)?)
+}
+
+/// What is not a move of the same shape whose speed needs no number.
+enum Uncommon {
+    /// Something that lasts.
+    Told,
+    Move(Entry),
     Fan(u8),
     Command,
 }
@@ -75,14 +82,13 @@ pub struct Decoder<'a> {
     bits: BitReader<'a>,
     start: FrameState,
     left: u32,
-    position_10nm: [i32; 3],
-    line: u32,
-    feed_mm_per_s: f32,
+    /// The last move, and so where the machine is, its feed and the source line.
+    last: PreparedMove,
     lambda: f32,
     shape: Shape,
     unit_10nm: i32,
     filament_unit_100pm: i32,
-    orders: [u32; 4],
+    orders: [Order; 4],
     feeds: Places<f32>,
     lambdas: Places<f32>,
     /// Where the bits of each command begin.
@@ -95,9 +101,10 @@ impl<'a> Decoder<'a> {
     pub(super) fn new(payload: &'a [u8]) -> Result<Self, Fault> {
         let mut bits = BitReader::new(payload);
         let can_be_entered = bits.bit()?;
-        let mut position_10nm = [0; 3];
-        for coordinate in &mut position_10nm {
-            *coordinate = within_reach(bits.signed_long(24)?).ok_or(TOO_FAR)?;
+        let mut position = [Coordinate::default(); 3];
+        for coordinate in &mut position {
+            let read = i32::try_from(bits.signed_long(24)?).ok().and_then(Coordinate::new);
+            *coordinate = read.ok_or(TOO_FAR)?;
         }
         let line = bits.golomb(20)?;
         let feed_mm_per_s = feed(&mut bits)?;
@@ -126,9 +133,9 @@ impl<'a> Decoder<'a> {
         if !(1..=MOST_UNIT).contains(&unit_10nm) || !(1..=MOST_UNIT).contains(&filament_unit_100pm) {
             return Err(Fault::Content("units from 1 to 1000"));
         }
-        let mut orders = [0; 4];
+        let mut orders = [Order::new(0); 4];
         for order in &mut orders {
-            *order = bits.few(5)?;
+            *order = Order::new(bits.few(5)?);
         }
         let left = bits.golomb(8)?;
         let modal = ModalState {
@@ -143,7 +150,7 @@ impl<'a> Decoder<'a> {
         };
         let start = FrameState {
             can_be_entered,
-            position_10nm: position_10nm.map(i64::from),
+            position_10nm: position.map(|coordinate| coordinate.units().into()),
             line,
             feed_mm_per_s,
             fan_power,
@@ -153,9 +160,15 @@ impl<'a> Decoder<'a> {
             bits,
             start,
             left,
-            position_10nm,
-            line,
-            feed_mm_per_s,
+            last: PreparedMove {
+                target: position,
+                filament_100pm: 0,
+                feed_mm_per_s,
+                line,
+                ends_move: Shape::FIRST.ends_move(),
+                counts: Shape::FIRST.counts(),
+                entry: Entry::Bound,
+            },
             lambda: 0.0,
             shape: Shape::FIRST,
             unit_10nm: unit_10nm as i32,
@@ -179,7 +192,7 @@ impl<'a> Decoder<'a> {
     /// Content that has no meaning. The decoder is of no use after it.
     pub fn next_item(&mut self) -> Result<Option<Item<'_>>, Fault> {
         // The commonest items are told by their first four bits: a move of the same shape, and where its speed comes from.
-        let speed = loop {
+        let window = loop {
             if self.left == 0 {
                 if self.bits.left() >= 8 {
                     return Err(Fault::Content("the frame's end after its last item"));
@@ -187,46 +200,58 @@ impl<'a> Decoder<'a> {
                 return Ok(None);
             }
             self.left -= 1;
-            let first = self.bits.look() >> 28;
-            if first < 0b1000 {
-                let (bits, speed) = match first {
-                    0b0000..=0b0011 => (2, Speed::Bound),
-                    0b0111 => {
-                        self.bits.pass(1)?;
-                        break self.speed()?;
+            let window = self.bits.window();
+            let (length, entry) = match window.first(4) {
+                0b0000..=0b0011 => (2, Entry::Bound),
+                0b0100 | 0b0101 => (3, Entry::Falling),
+                0b0110 => (4, Entry::Continues),
+                first => match self.uncommon(first)? {
+                    Uncommon::Told => continue,
+                    Uncommon::Move(entry) => {
+                        self.last.entry = entry;
+                        break self.bits.window();
                     }
-                    0b0110 => (4, Speed::Continues),
-                    _ => (3, Speed::Falling),
-                };
-                self.bits.pass(bits)?;
-                break speed;
-            }
-            self.bits.pass(2)?;
-            if first < 0b1100 {
-                self.shape = Shape(self.bits.few(Shape::BITS)? as u8);
-                break self.speed()?;
-            }
-            if let Some(other) = self.other()? {
-                return match other {
-                    Other::Fan(power) => Ok(Some(Item::Fan { line: self.line, power })),
-                    Other::Command => self.command().map(Some),
-                };
-            }
+                    Uncommon::Fan(power) => return Ok(Some(Item::Fan { line: self.last.line, power })),
+                    Uncommon::Command => return self.command().map(Some),
+                },
+            };
+            self.bits.pass_unchecked(length);
+            self.last.entry = entry;
+            break window.behind(length);
         };
-        self.next_move(speed).map(|next| Some(Item::Move(next)))
+        if !self.plain_move(window) {
+            self.any_move()?;
+        }
+        Ok(Some(Item::Move(&self.last)))
+    }
+
+    /// An item that begins with these four bits.
+    #[cold]
+    #[inline(never)]
+    fn uncommon(&mut self, first: u32) -> Result<Uncommon, Fault> {
+        if first < 0b1000 {
+            self.bits.pass(1)?;
+            return self.entry().map(Uncommon::Move);
+        }
+        self.bits.pass(2)?;
+        if first < 0b1100 {
+            self.shape = Shape(self.bits.few(Shape::BITS)? as u8);
+            (self.last.ends_move, self.last.counts) = (self.shape.ends_move(), self.shape.counts());
+            return self.entry().map(Uncommon::Move);
+        }
+        self.other()
     }
 
     /// What is no move: what is told once, or an item.
-    #[cold]
-    fn other(&mut self) -> Result<Option<Other>, Fault> {
+    fn other(&mut self) -> Result<Uncommon, Fault> {
         match self.bits.few(3)? {
             0 => {
                 let place = self.bits.few(3)?;
-                self.feed_mm_per_s = self.feeds.get(place).unwrap_or(self.feed_mm_per_s);
+                self.last.feed_mm_per_s = self.feeds.get(place).unwrap_or(self.last.feed_mm_per_s);
             }
             1 => {
-                self.feed_mm_per_s = feed(&mut self.bits)?;
-                self.feeds.put(self.feed_mm_per_s);
+                self.last.feed_mm_per_s = feed(&mut self.bits)?;
+                self.feeds.put(self.last.feed_mm_per_s);
             }
             2 => {
                 let place = self.bits.few(3)?;
@@ -244,25 +269,57 @@ impl<'a> Decoder<'a> {
             5 => {
                 let lines = self.bits.golomb(1)?;
                 self.pass_lines(lines)?;
-                return Ok(Some(Other::Fan(self.bits.few(8)? as u8)));
+                return Ok(Uncommon::Fan(self.bits.few(8)? as u8));
             }
             6 => {
                 let lines = self.bits.golomb(1)?;
                 self.pass_lines(lines)?;
-                return Ok(Some(Other::Command));
+                return Ok(Uncommon::Command);
             }
             _ => return Err(Fault::Content("an item of a kind from 0 to 6")),
         }
-        Ok(None)
+        Ok(Uncommon::Told)
     }
 
     fn pass_lines(&mut self, lines: u32) -> Result<(), Fault> {
-        self.line = self.line.checked_add(lines).ok_or(Fault::Content("line numbers of 32 bits"))?;
+        self.last.line = self.last.line.checked_add(lines).ok_or(Fault::Content("line numbers of 32 bits"))?;
         Ok(())
     }
 
+    /// The move that begins with the window, if it is one along X and Y with predicted filament and short numbers.
     #[inline(always)]
-    fn next_move(&mut self, speed: Speed) -> Result<MoveItem, Fault> {
+    fn plain_move(&mut self, window: Window) -> bool {
+        self.plain(window).is_some_and(|(plain, bits)| {
+            self.bits.go_to(bits);
+            let [x, y, _] = &mut self.last.target;
+            (*x, *y) = plain.target;
+            (self.last.filament_100pm, self.last.line) = (plain.filament_100pm, plain.line);
+            true
+        })
+    }
+
+    #[inline(always)]
+    fn plain(&self, window: Window) -> Option<(Plain, BitReader<'a>)> {
+        if !self.shape.is_plain() {
+            return None;
+        }
+        let mut bits = self.bits;
+        let [order_x, order_y, _, order_filament] = &self.orders;
+        let x = bits.signed_in(window, *order_x)?;
+        let y = bits.signed_in(bits.window(), *order_y)?;
+        let difference = bits.signed_in(bits.window(), *order_filament)?;
+        bits.checked().ok()?;
+        let [from_x, from_y, _] = self.last.target;
+        let target = (after(from_x, x, self.unit_10nm)?, after(from_y, y, self.unit_10nm)?);
+        let filament = prediction([x, y, 0], self.lambda).checked_add(difference)?;
+        let filament_100pm = i64::from(filament).wrapping_mul(i64::from(self.filament_unit_100pm));
+        let line = self.last.line.checked_add(u32::from(!self.shape.same_line()))?;
+        Some((Plain { target, filament_100pm, line }, bits))
+    }
+
+    /// Any move.
+    #[inline(never)]
+    fn any_move(&mut self) -> Result<(), Fault> {
         let shape = self.shape;
         let [order_x, order_y, order_z, order_filament] = self.orders;
         let mut way = [0; 3];
@@ -270,12 +327,13 @@ impl<'a> Decoder<'a> {
         if told == WAY_XY || told == WAY_XYZ {
             way[0] = self.bits.signed(order_x)?;
             way[1] = self.bits.signed(order_y)?;
-            self.go(0, way[0])?;
-            self.go(1, way[1])?;
         }
         if told == WAY_XYZ || told == WAY_Z {
             way[2] = self.bits.signed(order_z)?;
-            self.go(2, way[2])?;
+        }
+        let mut target = self.last.target;
+        for (coordinate, steps) in target.iter_mut().zip(way) {
+            *coordinate = after(*coordinate, steps, self.unit_10nm).ok_or(TOO_FAR)?;
         }
         let unit = i64::from(self.filament_unit_100pm);
         let filament_100pm = match shape.filament() {
@@ -283,11 +341,7 @@ impl<'a> Decoder<'a> {
             FILAMENT_PREDICTED => {
                 let difference = self.bits.signed(order_filament)?;
                 // 33 bits times 10.
-                let predicted = prediction(way, self.lambda);
-                match predicted.checked_add(difference) {
-                    Some(filament) => i64::from(filament) * i64::from(self.filament_unit_100pm),
-                    None => (i64::from(predicted) + i64::from(difference)) * unit,
-                }
+                (i64::from(prediction(way, self.lambda)) + i64::from(difference)) * unit
             }
             FILAMENT_ALL => {
                 let filament = self.bits.signed_long(12)?;
@@ -298,44 +352,22 @@ impl<'a> Decoder<'a> {
         if !shape.same_line() {
             self.pass_lines(1)?;
         }
-        Ok(MoveItem {
-            target_10nm: self.position_10nm.map(i64::from),
-            filament_100pm,
-            feed_mm_per_s: self.feed_mm_per_s,
-            line: self.line,
-            ends_move: shape.ends_move(),
-            counts: shape.counts(),
-            speed,
-        })
-    }
-
-    /// Goes so many units along an axis.
-    #[inline(always)]
-    fn go(&mut self, axis: usize, steps: i32) -> Result<(), Fault> {
-        if let Some(coordinate) = self.position_10nm.get_mut(axis) {
-            let to = steps.checked_mul(self.unit_10nm).and_then(|way| coordinate.checked_add(way)).ok_or(TOO_FAR)?;
-            if to.unsigned_abs() > MOST_10NM {
-                return Err(TOO_FAR);
-            }
-            *coordinate = to;
-        }
+        (self.last.target, self.last.filament_100pm) = (target, filament_100pm);
         Ok(())
     }
 
-    #[cold]
-    #[inline(never)]
-    fn speed(&mut self) -> Result<Speed, Fault> {
+    fn entry(&mut self) -> Result<Entry, Fault> {
         if !self.bits.bit()? {
-            return Ok(Speed::Bound);
+            return Ok(Entry::Bound);
         }
         if !self.bits.bit()? {
-            return Ok(Speed::Falling);
+            return Ok(Entry::Falling);
         }
         if !self.bits.bit()? {
-            return Ok(Speed::Continues);
+            return Ok(Entry::Continues);
         }
         let width = self.bits.few(6)?;
-        Ok(Speed::Given((1u64 << width | self.bits.many(width)?) - 1))
+        Ok(Entry::Given(SquaredSpeed::from_units((1u64 << width | self.bits.many(width)?) - 1)))
     }
 
     fn command(&mut self) -> Result<Item<'_>, Fault> {
@@ -359,7 +391,7 @@ impl<'a> Decoder<'a> {
             _ => return Err(UNKNOWN),
         };
         let text = self.text.get(..length).and_then(|bytes| core::str::from_utf8(bytes).ok());
-        Ok(Item::Command { line: self.line, text: text.ok_or(Fault::Content("a command of UTF-8"))? })
+        Ok(Item::Command { line: self.last.line, text: text.ok_or(Fault::Content("a command of UTF-8"))? })
     }
 }
 
@@ -397,7 +429,7 @@ fn spell(bits: &mut BitReader<'_>, kind: u32, text: &mut [u8; MOST_TEXT_BYTES]) 
         }
         text.put(b'A' + letter);
         if bits.bit()? {
-            let value = bits.signed(5)?;
+            let value = bits.signed(Order::new(5))?;
             if value < 0 {
                 text.put(b'-');
             }

@@ -16,7 +16,7 @@ use lambdas::lambdas;
 
 use crate::CRC;
 use crate::bits::{BitWriter, golomb_bits, zigzag};
-use crate::item::{Item, ModalState, MoveItem, Speed};
+use crate::item::{Entry, Item, ModalState, PreparedMove};
 
 /// A frame is closed when it is about so long; no shorter, for every frame begins with some 40 bytes of its own.
 const LONG_ENOUGH_BITS: usize = 8 * 1600;
@@ -30,7 +30,7 @@ const UNITS: [i64; 4] = [1000, 100, 10, 1];
 /// What waits to be written.
 #[derive(Clone, Debug)]
 enum Waiting {
-    Move(MoveItem),
+    Move(PreparedMove),
     Fan {
         line: u32,
         power: u8,
@@ -60,9 +60,9 @@ impl Place {
         match item {
             Waiting::Move(next) => {
                 if !next.counts {
-                    self.modal.lift_10nm += next.target_10nm[2] - self.position_10nm[2];
+                    self.modal.lift_10nm += i64::from(next.target[2].units()) - self.position_10nm[2];
                 }
-                self.position_10nm = next.target_10nm;
+                self.position_10nm = next.target_10nm().map(i64::from);
                 self.line = next.line;
                 self.feed_mm_per_s = next.feed_mm_per_s;
                 if next.counts {
@@ -120,12 +120,12 @@ impl FrameWriter {
 
     /// Takes an item; appends to `frames` what is complete.
     pub fn add(&mut self, item: &Item<'_>, frames: &mut Vec<u8>) {
-        let follows = matches!(item, Item::Move(MoveItem { speed: Speed::Continues | Speed::Falling, .. }));
+        let follows = matches!(item, Item::Move(PreparedMove { entry: Entry::Continues | Entry::Falling, .. }));
         if self.bits >= LONG_ENOUGH_BITS + if follows { LONGER_BITS } else { 0 } {
             self.close(frames);
         }
         let (bits, waiting) = match *item {
-            Item::Move(next) => (if matches!(next.speed, Speed::Given(_)) { 90 } else { 42 }, Waiting::Move(next)),
+            Item::Move(next) => (if matches!(next.entry, Entry::Given(_)) { 90 } else { 42 }, Waiting::Move(*next)),
             Item::Fan { line, power } => (20, Waiting::Fan { line, power }),
             Item::Command { line, text } => {
                 let end = text.floor_char_boundary(MOST_TEXT_BYTES);
@@ -179,12 +179,12 @@ impl FrameWriter {
 /// Whether a job can be entered before these items: the first move begins a block, and no speed follows from one before.
 /// What a bound is that follows from the corner before the first move nobody knows who has not read what is before it.
 fn can_be_entered(items: &[Waiting]) -> bool {
-    let speeds = items.iter().filter_map(|item| if let Waiting::Move(next) = item { Some(next.speed) } else { None });
-    let mut blocks = speeds.enumerate().filter(|(index, speed)| *index == 0 || *speed != Speed::Continues);
+    let speeds = items.iter().filter_map(|item| if let Waiting::Move(next) = item { Some(next.entry) } else { None });
+    let mut blocks = speeds.enumerate().filter(|(index, speed)| *index == 0 || *speed != Entry::Continues);
     match blocks.next() {
-        Some((_, Speed::Continues | Speed::Falling)) => false,
-        Some((_, Speed::Bound)) => !matches!(blocks.next(), Some((_, Speed::Falling))),
-        Some((_, Speed::Given(_))) | None => true,
+        Some((_, Entry::Continues | Entry::Falling)) => false,
+        Some((_, Entry::Bound)) => !matches!(blocks.next(), Some((_, Entry::Falling))),
+        Some((_, Entry::Given(_))) | None => true,
     }
 }
 
@@ -231,9 +231,10 @@ impl<'a> Content<'a> {
         let mut position = start.position_10nm;
         let mut ways = Vec::new();
         for next in moves() {
-            let [x, y, z] = next.target_10nm;
+            let target = next.target_10nm().map(i64::from);
+            let [x, y, z] = target;
             ways.push([x - position[0], y - position[1], z - position[2]]);
-            position = next.target_10nm;
+            position = target;
         }
         let unit_10nm = unit(ways.iter().flatten().copied());
         let filament_unit_100pm = unit(moves().map(|next| next.filament_100pm));

@@ -10,14 +10,18 @@ use super::{Content, Law, Left, LookAhead, Slot, Waiting};
 use crate::block::{Block, PlannedBlock, Speed, SquaredSpeed};
 use crate::pace::Pace;
 
-/// The planned squared speed at a block's start.
+/// Planned speed at a move's start.
+// A word, where it would be two.
+#[repr(u32)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Entry {
-    /// What its corner and both nominal speeds allow.
+    /// The move continues the block before: no corner that anybody could tell lies between them.
+    Continues,
+    /// What the corner before it and both nominal speeds allow.
     Bound,
-    /// What is left of the speed planned for the block before, slowed over its whole length.
+    /// What is left of the planned entry speed of the block before, slowed over its whole length.
     Falling,
-    /// This one.
+    /// This squared speed.
     Given(SquaredSpeed),
 }
 
@@ -39,11 +43,12 @@ pub enum Violation {
 /// The forward pass over planned speeds, before blocks enter the ring; whoever prepares a job makes the same.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Pass {
-    /// Planned for the end of the newest block, were it braked from its planned entry.
-    falling: SquaredSpeed,
-    /// Largest and smallest at its end that acceleration allows.
-    fastest: SquaredSpeed,
-    slowest: SquaredSpeed,
+    /// Planned entry of the newest block.
+    planned: SquaredSpeed,
+    /// What acceleration leaves of it.
+    settled: SquaredSpeed,
+    /// 2 a S of the block.
+    reach: u64,
 }
 
 impl Pass {
@@ -71,29 +76,41 @@ impl Pass {
     ) -> Result<SquaredSpeed, Violation> {
         let planned = match entry {
             Entry::Bound => bound,
-            Entry::Falling => self.falling,
+            // Where the machine was stopped inside a block, the rest of it is a block that falls on.
+            Entry::Falling | Entry::Continues => self.planned.slowed_by(self.reach),
             Entry::Given(planned) => planned,
         };
-        let mut settled = SquaredSpeed::ZERO;
-        if !stopped {
-            if planned > bound {
-                return Err(Violation::TooFast);
-            }
-            // A speed that was rounded to its unit may be less by that.
-            if planned < self.slowest && planned.root() < self.slowest.root() {
-                return Err(Violation::TooSlow);
-            }
-            settled = planned.min(self.fastest);
+        if stopped {
+            *self = Self { planned, settled: SquaredSpeed::ZERO, reach };
+            return Ok(SquaredSpeed::ZERO);
         }
-        self.falling = planned.slowed_by(reach);
-        self.fastest = settled.changed_by(reach);
-        self.slowest = settled.slowed_by(reach);
-        Ok(if stopped { SquaredSpeed::ZERO } else { planned })
+        if planned > bound {
+            return Err(Violation::TooFast);
+        }
+        self.go_on(reach, planned)
+    }
+
+    /// Takes a block that begins with this speed, which is no more than its bound.
+    #[inline(always)]
+    fn go_on(&mut self, reach: u64, planned: SquaredSpeed) -> Result<SquaredSpeed, Violation> {
+        // All are below 2^63.
+        let gain = planned.units().wrapping_sub(self.settled.units()).cast_signed();
+        let most = self.reach.cast_signed();
+        let mut settled = planned;
+        if gain > most {
+            settled = self.fastest();
+        } else if gain.wrapping_add(most) < 0 && planned.root() < self.settled.slowed_by(self.reach).root() {
+            // A speed that was rounded to its unit may be less by that.
+            return Err(Violation::TooSlow);
+        }
+        *self = Self { planned, settled, reach };
+        Ok(planned)
     }
 
     /// Largest squared speed at the end of the newest block.
+    #[inline]
     pub fn fastest(&self) -> SquaredSpeed {
-        self.fastest
+        self.settled.changed_by(self.reach)
     }
 }
 
@@ -107,6 +124,41 @@ pub(super) struct Prepared {
     left: Speed,
 }
 
+/// How a block begins.
+struct Start {
+    entry: SquaredSpeed,
+    /// The root of it, where it is known.
+    root: Speed,
+    /// Whether the block before has left.
+    settled: bool,
+}
+
+impl Prepared {
+    /// The oldest block leaves, which starts with this squared speed: the one at its end takes its place.
+    #[inline(always)]
+    fn leave(&mut self, squared: &mut SquaredSpeed, reach: u64, nominal: Speed, next: &Waiting) {
+        self.reach = self.reach.saturating_sub(reach);
+        let (planned, root) = (next.entry, next.run_entry);
+        // Nearly always it is as planned. All are below 2^63.
+        let gain = planned.units().wrapping_sub(squared.units()).cast_signed();
+        let is_reached = gain <= reach.cast_signed();
+        if is_reached && planned.units() <= self.reach && root > Speed::ZERO && root <= nominal {
+            (self.left, *squared) = (root, planned);
+        } else {
+            self.left = self.slower(*squared, reach, nominal, planned);
+            *squared = self.left.into();
+        }
+    }
+
+    #[inline(never)]
+    fn slower(&self, entry: SquaredSpeed, reach: u64, nominal: Speed, planned: SquaredSpeed) -> Speed {
+        // A nominal speed that has been lowered is met as fast as the block can slow down to it.
+        let held = SquaredSpeed::from(nominal).max(entry.slowed_by(reach));
+        let most = planned.min(held).min(SquaredSpeed::from_units(self.reach));
+        most.min(entry.changed_by(reach)).root()
+    }
+}
+
 impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
     /// From now on blocks bring their speeds; for a ring that is empty.
     pub fn begin_prepared(&mut self) {
@@ -118,10 +170,10 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
         matches!(self.law, Law::Prepared(_))
     }
 
-    /// Adds a block that brings its speed; `Ok(false)` without room, or where blocks bring none.
+    /// Adds a block that brings its speed to a ring that has room and whose blocks bring theirs.
     ///
-    /// `junction` is the squared speed bound of the corner before it, `planned_nominal` the nominal speed that the plan was
-    /// made with; `nominal`, in the place of the block's own, may be another, if the feed has been changed since.
+    /// `junction` is the speed bound of the corner before it, `nominal` the nominal speed that it was planned with; its own is
+    /// another where the feed has been changed since.
     ///
     /// # Errors
     /// As [`Pass::next`].
@@ -130,83 +182,85 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
         &mut self,
         block: &Block,
         nominal: Speed,
-        planned_nominal: Speed,
-        junction: SquaredSpeed,
+        junction: Speed,
         entry: Entry,
-    ) -> Result<bool, Violation> {
-        if !self.has_room() {
-            return Ok(false);
-        }
-        let Law::Prepared(prepared) = &mut self.law else { return Ok(false) };
+    ) -> Result<(), Violation> {
         let reach = block.reach();
-        let squared = SquaredSpeed::from(planned_nominal);
-        let bound = junction.min(squared).min(self.newest_nominal);
-        let planned = prepared.pass.next_over(reach, bound, self.stopped, entry)?;
+        let bound = junction.min(nominal).min(self.newest_nominal);
+        let squared = SquaredSpeed::from(bound);
+        let Law::Prepared(prepared) = &mut self.law else { return Ok(()) };
+        let start = if entry == Entry::Bound && !self.stopped && self.blocks > 0 {
+            Start { entry: prepared.pass.go_on(reach, squared)?, root: bound, settled: false }
+        } else {
+            let planned = prepared.pass.next_over(reach, squared, self.stopped, entry)?;
+            if self.blocks > 0 {
+                Start { entry: planned, root: Speed::ZERO, settled: false }
+            } else {
+                Start { entry: self.left_with, root: prepared.left, settled: true }
+            }
+        };
         prepared.reach = prepared.reach.saturating_add(reach);
         self.stopped = false;
-        self.newest_nominal = squared;
-        let settled = self.blocks == 0;
-        let entry = if settled { self.left_with } else { planned };
-        // Here the bound is that of the nominal speed: the corner has been looked at.
-        let entry_bound = if nominal == planned_nominal { squared } else { nominal.into() };
-        let (run_bound, run_entry, anchor) = (Speed::ZERO, Speed::ZERO, 0);
-        let block = Block { nominal, ..*block };
-        self.place_block(Waiting { block, entry_bound, entry, settled, run_bound, run_entry, anchor });
-        Ok(true)
+        self.newest_nominal = nominal;
+        let Some(slot) = self.next_slot() else { return Ok(()) };
+        // Nearly always a block was here before. What it has that a prepared one has not may stay.
+        if !matches!(slot.0, Content::Block(_)) {
+            slot.0 = Content::Block(Waiting::NONE);
+        }
+        if let Content::Block(waiting) = &mut slot.0 {
+            waiting.block = *block;
+            waiting.entry = start.entry;
+            waiting.run_entry = start.root;
+            waiting.settled = start.settled;
+        }
+        self.length = self.length.wrapping_add(1);
+        self.blocks = self.blocks.wrapping_add(1);
+        Ok(())
     }
 
     /// As [`Self::pop`]; what is behind the block must be able to stop the machine.
     #[inline(never)]
     pub(super) fn pop_prepared(&mut self, pace: Pace) -> Option<Left> {
-        let slots = self.slots.as_ref();
-        let waiting = match &slots.get(self.first)?.0 {
-            Content::Empty => {
-                self.pass_first();
-                return None;
-            }
-            Content::Marker(marker) => {
-                let marker = *marker;
-                self.pass_first();
-                return Some(Left::Marker(marker));
-            }
-            Content::Block(waiting) => waiting,
-        };
         let Law::Prepared(prepared) = &mut self.law else { return None };
-        let reach = waiting.block.reach();
+        let slots = self.slots.as_ref();
+        let Some(Slot(Content::Block(waiting))) = slots.get(self.first) else { return self.pop_marker() };
         let nominal = waiting.block.nominal;
-        let behind = prepared.reach.saturating_sub(reach);
-        prepared.reach = behind;
-        // What the oldest block starts with is what the one before has left with.
-        let (entry, squared) = (prepared.left, self.left_with);
-        let (capped, capped_squared) = if pace == Pace::FULL {
-            (nominal, waiting.entry_bound)
-        } else {
-            let capped = pace.of(nominal);
-            (capped, capped.into())
+        let capped = if pace == Pace::FULL { nominal } else { pace.of(nominal) };
+        let left = self.length.wrapping_sub(1);
+        let first = self.first.wrapping_add(1);
+        let first = if first == slots.len() { 0 } else { first };
+        let next = match slots.get(first) {
+            Some(Slot(Content::Block(next))) if left > 0 => Some(next),
+            _ => next_block(slots, first, left),
         };
-        let reachable = squared.changed_by(reach).min(capped_squared.max(squared.slowed_by(reach)));
-        let reachable = reachable.min(SquaredSpeed::from_units(behind));
         self.left_nominal = nominal;
-        self.blocks = self.blocks.saturating_sub(1);
-        let next = self.first + 1;
-        self.first = if next == slots.len() { 0 } else { next };
-        self.length = self.length.saturating_sub(1);
-        self.released = self.released.saturating_sub(1);
-        let next_entry = match slots.get(self.first) {
-            Some(Slot(Content::Block(next))) if self.length > 0 => Some(next.entry),
-            _ => next_entry(slots, self.first, self.length),
-        };
-        let exit = match next_entry {
-            Some(next) => next.min(reachable).root(),
+        (self.first, self.length) = (first, left);
+        self.blocks = self.blocks.wrapping_sub(1);
+        if self.released > 0 {
+            self.released -= 1;
+        }
+        let entry = prepared.left;
+        match next {
+            Some(next) => prepared.leave(&mut self.left_with, waiting.block.reach(), capped, next),
             None => {
                 self.stopped = true;
-                Speed::ZERO
+                self.left_with = SquaredSpeed::ZERO;
+                (prepared.reach, prepared.left) = (0, Speed::ZERO);
             }
-        };
-        self.left_with = exit.into();
-        prepared.left = exit;
-        let nominal = capped.max(entry).max(exit);
-        Some(Left::Block(PlannedBlock { block: Block { nominal, ..waiting.block }, entry, exit }))
+        }
+        let exit = prepared.left;
+        let mut left = PlannedBlock { block: waiting.block, entry, exit };
+        left.block.nominal = capped.max(entry).max(exit);
+        Some(Left::Block(left))
+    }
+
+    /// The oldest place, which is no block's.
+    #[inline(never)]
+    fn pop_marker(&mut self) -> Option<Left> {
+        match self.take_first()? {
+            Content::Marker(marker) => Some(Left::Marker(marker)),
+            Content::Block(_) | Content::Empty => None,
+        }
     }
 
     /// Squared entry speed of the last block that left as the reverse pass had it, and its bound by the corner and both
@@ -216,13 +270,13 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
     }
 }
 
-/// The planned entry of the oldest block of so many places, which is behind markers, or none.
+/// The oldest block of so many places, which is behind markers, or none.
 #[cold]
 #[inline(never)]
-fn next_entry(slots: &[Slot], first: usize, length: usize) -> Option<SquaredSpeed> {
+fn next_block(slots: &[Slot], first: usize, length: usize) -> Option<&Waiting> {
     let (behind, before) = slots.split_at_checked(first)?;
     before.iter().chain(behind).take(length).find_map(|slot| match &slot.0 {
-        Content::Block(waiting) => Some(waiting.entry),
+        Content::Block(waiting) => Some(waiting),
         Content::Empty | Content::Marker(_) => None,
     })
 }

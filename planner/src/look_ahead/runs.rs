@@ -143,8 +143,7 @@ const SLOWER_STEPS: u32 = 8;
 
 impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
     /// Adds a block, for which there is room.
-    pub(super) fn push_to_runs(&mut self, runs: &Runs, block: &Block, bound: SquaredSpeed) {
-        let bound = bound.root();
+    pub(super) fn push_to_runs(&mut self, runs: &Runs, block: &Block, bound: Speed) {
         let place = self.length;
         self.place_block(Waiting {
             block: *block,

@@ -6,7 +6,8 @@
 
 use super::{Move, MoveError, Moved, Next, Planner};
 use crate::block::{Block, PlannedBlock, Speed, SquaredSpeed};
-use crate::kinematics::narrow;
+use crate::junction::Pull;
+use crate::kinematics::{Coordinate, narrow};
 use crate::look_ahead::{Entry, Left, Marker, Slot, Violation};
 use crate::merge::Planned;
 use crate::motion_choice::AccelerationProfile;
@@ -15,12 +16,35 @@ use crate::time_law::TimeLaw;
 /// A move of a prepared job.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PreparedMove {
-    /// The move, with the feed that its speeds were planned with.
-    pub request: Move,
-    /// Its feed now, mm/s, if it has been changed since (M220).
-    pub feed_now_mm_per_s: f32,
-    /// Planned squared speed at its start; `None` where it continues the block before.
-    pub entry: Option<Entry>,
+    /// Where X, Y and Z end, machine coordinates.
+    pub target: [Coordinate; 3],
+    /// Filament to push (or draw back), units of 0.1 nm.
+    pub filament_100pm: i64,
+    /// Speed along the path, of the filament where nothing else moves, mm/s; above zero.
+    pub feed_mm_per_s: f32,
+    /// Number of the source line.
+    pub line: u32,
+    /// Whether the line's move ends here (an arc has many).
+    pub ends_move: bool,
+    /// Whether the filament counts in the G-code's E coordinate; that of a firmware retraction does not. Planning does not
+    /// ask.
+    pub counts: bool,
+    /// Planned speed at its start.
+    pub entry: Entry,
+}
+
+impl PreparedMove {
+    /// Where X, Y and Z end, units of 10 nm.
+    #[inline(always)]
+    pub fn target_10nm(&self) -> [i32; 3] {
+        self.target.map(Coordinate::units)
+    }
+
+    /// The move at this feed, mm/s.
+    fn at(&self, feed_mm_per_s: f32) -> Move {
+        let Self { filament_100pm, line, ends_move, .. } = *self;
+        Move { target_10nm: self.target_10nm().map(i64::from), filament_100pm, feed_mm_per_s, line, ends_move }
+    }
 }
 
 /// A block of a prepared job, for formats that have blocks and no moves.
@@ -56,21 +80,51 @@ pub enum Recorded {
 /// What the open block brings, where it was prepared.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct OpenPrepared {
-    entry: Entry,
+    pub entry: Entry,
     /// Nominal speed at the feed of now.
-    nominal: Speed,
+    pub nominal: Speed,
+    /// Whether that is the planned one, and known to be within the budget.
+    pub is_within_budget: bool,
 }
 
 impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
-    /// Takes a move of a prepared job.
+    /// Takes a move of a prepared job. Its feed may have been changed since it was planned (M220): that of now, mm/s.
     ///
     /// # Errors
     /// As [`Self::add`], and [`MoveError::Violation`] where the plan cannot be followed: the moves taken before are
     /// executed as far as they can be trusted, to a standstill on the path, and no other is taken until
     /// [`Self::stand_at`] says where the motors are.
     #[inline(never)]
-    pub fn add_prepared(&mut self, prepared: &PreparedMove) -> Result<Moved, MoveError> {
+    pub fn add_prepared(
+        &mut self,
+        prepared: &PreparedMove,
+        feed_now_mm_per_s: Option<f32>,
+    ) -> Result<Moved, MoveError> {
+        if feed_now_mm_per_s.is_none()
+            && self.may_be_plain(prepared)
+            && !self.flushing
+            && let Some(before) = self.open_prepared
+        {
+            if !self.look_ahead.has_room() {
+                return Err(MoveError::NoRoom);
+            }
+            self.push_open(before);
+            if !self.flushing && self.begin_plain(prepared) {
+                return Ok(Moved::Queued);
+            }
+            self.open.clear();
+            self.open_prepared = None;
+            return self.add_otherwise(prepared, None);
+        }
+        self.add_otherwise(prepared, feed_now_mm_per_s)
+    }
+
+    /// Takes any move.
+    #[inline(never)]
+    fn add_otherwise(&mut self, prepared: &PreparedMove, feed_now_mm_per_s: Option<f32>) -> Result<Moved, MoveError> {
         if let Some(violation) = self.violation {
+            // Motion ends before it.
+            self.close();
             return Err(MoveError::Violation(violation));
         }
         if self.choice.acceleration != AccelerationProfile::Trapezoid {
@@ -79,30 +133,22 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         if !self.look_ahead.is_prepared() && !self.begin_prepared() {
             return Err(MoveError::NoRoom);
         }
-        if prepared.entry.is_none() && self.open.is_some() && !self.flushing {
-            return self.join_prepared(prepared);
+        if prepared.entry == Entry::Continues && self.open.is_some() && !self.flushing {
+            return self.join_prepared(prepared, feed_now_mm_per_s);
         }
-        let request = &prepared.request;
+        let request = &prepared.at(prepared.feed_mm_per_s);
         let Some(next) = self.next(request)? else { return Ok(Moved::Nothing) };
-        if self.open_prepared.is_some() && !self.flushing {
-            if !self.look_ahead.has_room() {
-                return Err(MoveError::NoRoom);
-            }
-            self.close_prepared();
-        } else if !self.close() {
+        if !self.close() {
             return Err(MoveError::NoRoom);
         }
         if let Some(violation) = self.violation {
-            // Motion ends before it.
             self.close();
             return Err(MoveError::Violation(violation));
         }
-        let planned = self.plan(request, &next);
-        let nominal = self.nominal_now(prepared, planned.block.nominal);
+        let planned = self.plan_apart(request, &next);
+        let nominal = self.nominal_now(prepared, feed_now_mm_per_s, planned.block.nominal);
         self.open.begin(&planned, self.extruder_256ths);
-        // Where the machine was stopped inside a block, the rest of it is a block that falls on.
-        let entry = prepared.entry.unwrap_or(Entry::Falling);
-        self.open_prepared = Some(OpenPrepared { entry, nominal });
+        self.open_prepared = Some(OpenPrepared { entry: prepared.entry, nominal, is_within_budget: false });
         self.follow(&next, &planned);
         Ok(Moved::Queued)
     }
@@ -116,35 +162,31 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
 
     /// Takes a move that continues the block before.
     #[inline(never)]
-    fn join_prepared(&mut self, prepared: &PreparedMove) -> Result<Moved, MoveError> {
-        let Some((next, planned)) = self.planned(&prepared.request)? else { return Ok(Moved::Nothing) };
-        let nominal = self.nominal_now(prepared, planned.block.nominal);
-        if !self.open.absorb(&planned) {
+    fn join_prepared(&mut self, prepared: &PreparedMove, feed_now_mm_per_s: Option<f32>) -> Result<Moved, MoveError> {
+        let request = prepared.at(prepared.feed_mm_per_s);
+        let Some((next, planned)) = self.planned(&request)? else { return Ok(Moved::Nothing) };
+        let nominal = self.nominal_now(prepared, feed_now_mm_per_s, planned.block.nominal);
+        if self.open.moves == 1 {
+            self.open.set_way(self.previous.path.vector_10nm, !self.previous.pull.is_some());
+        }
+        if !self.open.absorb(&planned, true) {
             return Err(self.violated(Violation::NotContinued));
         }
         self.merged_moves += 1;
         if let Some(open) = &mut self.open_prepared {
             open.nominal = open.nominal.min(nominal);
+            open.is_within_budget = false;
         }
         self.follow(&next, &planned);
         Ok(Moved::Queued)
     }
 
     /// The nominal speed of a move at its feed of now.
-    #[inline(always)]
-    fn nominal_now(&self, prepared: &PreparedMove, planned: Speed) -> Speed {
-        if prepared.feed_now_mm_per_s == prepared.request.feed_mm_per_s {
-            return planned;
-        }
-        self.nominal_at_other_feed(prepared).unwrap_or(planned)
-    }
-
-    #[cold]
-    #[inline(never)]
-    fn nominal_at_other_feed(&self, prepared: &PreparedMove) -> Option<Speed> {
-        let now = Move { feed_mm_per_s: prepared.feed_now_mm_per_s, ..prepared.request };
+    fn nominal_now(&self, prepared: &PreparedMove, feed_now_mm_per_s: Option<f32>, planned: Speed) -> Speed {
+        let Some(feed_now_mm_per_s) = feed_now_mm_per_s else { return planned };
         // Of a feed that is none there is nothing to be had.
-        self.planned(&now).ok()?.map(|(_, planned)| planned.block.nominal)
+        let now = self.planned(&prepared.at(feed_now_mm_per_s)).ok().flatten();
+        now.map_or(planned, |(_, planned)| planned.block.nominal)
     }
 
     /// Takes a block of a prepared job.
@@ -176,20 +218,14 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         if !self.keeps_limits(&prepared.block) {
             return Err(self.violated(Violation::BeyondLimits));
         }
-        let junction = self.corner_of_steps(&prepared.block).min(prepared.max_entry.into());
+        let junction = self.corner_of_steps(&prepared.block).min(prepared.max_entry);
         let entry = Entry::Given(prepared.entry.into());
-        match self.look_ahead.push_prepared(
-            &prepared.block,
-            prepared.block.nominal,
-            prepared.block.nominal,
-            junction,
-            entry,
-        ) {
-            Ok(true) => {}
-            Ok(false) => return Err(MoveError::NoRoom),
+        let nominal = prepared.block.nominal;
+        match self.look_ahead.push_prepared(&prepared.block, nominal, junction, entry) {
+            Ok(()) => {}
             Err(violation) => return Err(self.violated(violation)),
         }
-        self.has_previous = false;
+        self.previous.pull = Pull::ZERO;
         self.previous_steps = Some(prepared.block);
         self.extruder.advance_256ths(prepared.block.extruder_256ths);
         self.extruder_256ths = self.extruder.position_256ths();
@@ -215,30 +251,45 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         MoveError::Violation(violation)
     }
 
-    /// The open block, a prepared one, enters the ring, which has room. One that breaks the plan's rules is dropped, and
-    /// those before it end in standstill.
+    /// The open block, if it is a prepared one, enters the ring; `false` without room.
     #[inline(never)]
-    pub(super) fn close_prepared(&mut self) {
-        let Some(prepared) = &self.open_prepared else { return };
-        let open = &mut self.open;
-        let events = self.method.events(open.block.steps);
-        let cost = self.budget.cost(&open.block, events, open.moves, open.extruder_256ths);
-        let mut planned_nominal = open.block.nominal;
-        let mut nominal = prepared.nominal;
-        let is_as_planned = nominal == planned_nominal;
-        if let Some(slower) = cost.slower_nominal(planned_nominal) {
-            planned_nominal = slower;
-            self.slowed_moves += u64::from(open.moves);
+    pub(super) fn close_prepared(&mut self) -> bool {
+        let Some(prepared) = self.open_prepared else { return true };
+        if !self.look_ahead.has_room() {
+            return false;
         }
-        nominal = if is_as_planned { planned_nominal } else { cost.slower_nominal(nominal).unwrap_or(nominal) };
-        let pushed =
-            self.look_ahead.push_prepared(&open.block, nominal, planned_nominal, open.junction, prepared.entry);
-        if let Err(violation) = pushed {
+        self.push_open(prepared);
+        self.open.clear();
+        self.open_prepared = None;
+        true
+    }
+
+    /// The open block enters the ring, which has room. One that breaks the plan's rules is dropped, and those before it end
+    /// in standstill.
+    #[inline(always)]
+    fn push_open(&mut self, prepared: OpenPrepared) {
+        let OpenPrepared { entry, nominal, is_within_budget } = prepared;
+        let nominal = if is_within_budget { nominal } else { self.hold_budget(nominal) };
+        if let Err(violation) = self.look_ahead.push_prepared(&self.open.block, nominal, self.open.junction, entry) {
             self.violation = Some(violation);
             self.flushing = true;
         }
-        open.clear();
-        self.open_prepared = None;
+    }
+
+    /// Gives the open block the nominal speed of its feed of now, within the budget; returns the planned one, also within it.
+    #[inline(never)]
+    fn hold_budget(&mut self, now: Speed) -> Speed {
+        let open = &mut self.open;
+        let events = self.method.events(open.block.steps);
+        let cost = self.budget.cost(&open.block, events, open.moves, open.extruder_256ths);
+        let mut planned = open.block.nominal;
+        let is_as_planned = now == planned;
+        if let Some(slower) = cost.slower_nominal(planned) {
+            planned = slower;
+            self.slowed_moves += u64::from(open.moves);
+        }
+        open.block.nominal = if is_as_planned { planned } else { cost.slower_nominal(now).unwrap_or(now) };
+        planned
     }
 
     /// The ring takes prepared blocks from now on; `false` as long as others are in it, and these leave.

@@ -4,7 +4,7 @@
 //! where an axis is half of two motors, too). By that much the checks give way, and by rounding in single precision.
 
 use super::{Planner, TICKS_PER_10NM_AT_1_MM_PER_S};
-use crate::block::{Block, SquaredSpeed};
+use crate::block::{Block, Speed};
 use crate::kinematics::{Geometry, Kinematics, UNITS_PER_MM};
 use crate::limits::{larger, smaller};
 use crate::look_ahead::Slot;
@@ -70,8 +70,8 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
     /// The most that the corner before a block allows, by its steps and those of the block before: v^2 = a R as for any
     /// corner (Yu 2019), the turn as small as half a step at each end can make it look. A stop next to a block of the
     /// filament alone.
-    pub(super) fn corner_of_steps(&self, block: &Block) -> SquaredSpeed {
-        let Some(before) = &self.previous_steps else { return SquaredSpeed::from_mm2_per_s2(f32::INFINITY) };
+    pub(super) fn corner_of_steps(&self, block: &Block) -> Speed {
+        let Some(before) = &self.previous_steps else { return Speed(u32::MAX) };
         let lengths = [before, block].map(|block| block.length_10nm as f32 / UNITS_PER_MM as f32);
         let [one, other] = [before, block].map(|block| self.travels(block));
         let stands = [before, block].map(|block| block.steps == [0; 3]);
@@ -79,7 +79,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
             // The filament alone is as long as its block; beside a way too short for a step it is not.
             let off = (travels.mm[3].abs() - length).abs();
             if stands && off <= length * (LENIENCE - 1.0) + travels.step_mm[3] / 128.0 {
-                return SquaredSpeed::ZERO;
+                return Speed::ZERO;
             }
         }
         let mut apart = 0.0;
@@ -93,13 +93,14 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         // |u - w| = 2 sin(theta/2).
         let sine_squared = smaller(apart / 4.0 / LENIENCE, 1.0);
         if sine_squared <= 1e-6 {
-            return SquaredSpeed::from_mm2_per_s2(f32::INFINITY);
+            return Speed(u32::MAX);
         }
         let (sine, cosine) = (square_root_f32(sine_squared), square_root_f32(1.0 - sine_squared));
-        let deviation_mm = self.path_limits.junction_deviation_10nm / UNITS_PER_MM as f32;
+        let deviation_mm = self.path_limits.four_deviations_10nm / (4 * UNITS_PER_MM) as f32;
         let within_deviation = deviation_mm * cosine * (1.0 + cosine) / sine_squared;
         let fitting = 0.5 * smaller(lengths[0], lengths[1]) * cosine / sine;
         let acceleration = smaller(before.acceleration.mm_per_s2_f32(), block.acceleration.mm_per_s2_f32());
-        SquaredSpeed::from_mm2_per_s2(smaller(within_deviation, fitting) * acceleration * LENIENCE)
+        let squared_mm2_per_s2 = smaller(within_deviation, fitting) * acceleration * LENIENCE;
+        Speed::from_mm_per_s_f32(square_root_f32(squared_mm2_per_s2))
     }
 }

@@ -77,8 +77,18 @@ impl<S: SharedMachine> Motion for SharedMotion<S> {
         .await?
     }
 
-    async fn add_prepared(&mut self, prepared: PreparedMove) -> Result<Moved, MotionError> {
-        self.wait(|machine| match machine.add_prepared(&prepared) {
+    fn try_add_prepared(&mut self, prepared: &PreparedMove, feed: Option<f32>) -> Option<Result<Moved, MotionError>> {
+        let moved = match self.0.with(|machine| machine.add_prepared(prepared, feed)) {
+            Err(MoveError::NoRoom) => return None,
+            Err(error) => Err(MotionError::Move(error)),
+            Ok(moved) => Ok(moved),
+        };
+        self.0.wake_planner();
+        Some(moved)
+    }
+
+    async fn add_prepared(&mut self, prepared: PreparedMove, feed: Option<f32>) -> Result<Moved, MotionError> {
+        self.wait(|machine| match machine.add_prepared(&prepared, feed) {
             Err(MoveError::NoRoom) => None,
             Err(error) => Some(Err(MotionError::Move(error))),
             Ok(moved) => Some(Ok(moved)),

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use ferrostep_gpre::compact::{Frame, FrameState, HEAD_BYTES, frame_length};
-use ferrostep_gpre::{Encoding, Header, Speed};
+use ferrostep_gpre::{Encoding, Entry, Header};
 use ferrostep_printer::Profile;
 use ferrostep_tests::hand_made;
 use ferrostep_tests::trace::{Record, TraceReader};
@@ -242,7 +242,7 @@ fn what_cannot_be_entered_is_told() {
     let machine = profile("cartesian");
     // One frame a move, behind that which homes.
     let moves =
-        [(40, Speed::Bound), (20, Speed::Falling), (10, Speed::Falling), (10, Speed::Bound), (5, Speed::Falling)];
+        [(40, Entry::Bound), (20, Entry::Falling), (10, Entry::Falling), (10, Entry::Bound), (5, Entry::Falling)];
     let path = file(&directory, "moves.gpre", hand_made::job(machine.hash(), &moves));
     says(&print_from(&path, "6", 1), "frame 6: there is no such frame, expected one from 0 to 5");
     let goes_on = "a job cannot be entered here, for its first move goes on from the one before";

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use ferrostep::gpre::{self, Target};
 use ferrostep::session::JobReplies;
 use ferrostep_gpre::compact::{HEAD_BYTES, frame_length};
-use ferrostep_gpre::{Encoding, Header, Speed};
+use ferrostep_gpre::{Encoding, Entry, Header};
 use ferrostep_printer::Profile;
 use ferrostep_tests::hand_made::{self, given};
 use proptest::prelude::*;
@@ -193,7 +193,7 @@ fn each_broken_file_has_its_message() {
     says(&refusal(&bit, 1, &[]), "at byte 0: bits have changed");
     let longer = changed(&|job| job.push(0));
     says(&refusal(&longer, 1, &[]), &format!("at byte {}: more bytes after the last frame", job.len()));
-    let mut swapped = by_hand(&[(40, Speed::Bound), (40, Speed::Bound)]);
+    let mut swapped = by_hand(&[(40, Entry::Bound), (40, Entry::Bound)]);
     let head = swapped[header..].first_chunk::<HEAD_BYTES>().unwrap();
     let length = frame_length(head).unwrap();
     swapped[header..].rotate_left(length);
@@ -250,35 +250,35 @@ fn inspect_tells_every_move() {
 }
 
 /// A job made by hand for this machine.
-fn by_hand(moves: &[(i64, Speed)]) -> Vec<u8> {
+fn by_hand(moves: &[(i64, Entry)]) -> Vec<u8> {
     hand_made::job(profile("cartesian").hash(), moves)
 }
 
 #[test]
 fn plans_that_no_machine_could_follow_end_where_they_begin() {
     let machine = profile("cartesian");
-    let ended = |moves: &[(i64, Speed)]| rehearse_far(&machine, &mut &by_hand(moves)[..], true);
-    let message = |moves: &[(i64, Speed)]| ended(moves).outcome.unwrap_err().to_string();
+    let ended = |moves: &[(i64, Entry)]| rehearse_far(&machine, &mut &by_hand(moves)[..], true);
+    let message = |moves: &[(i64, Entry)]| ended(moves).outcome.unwrap_err().to_string();
 
-    let sound = ended(&[(40, Speed::Bound), (40, given(50.0)), (1, Speed::Falling), (20, Speed::Bound)]);
+    let sound = ended(&[(40, Entry::Bound), (40, given(50.0)), (1, Entry::Falling), (20, Entry::Bound)]);
     assert!(sound.outcome.is_ok(), "{:?}", sound.outcome);
 
     // Faster than the feed; the corner is none, for the path goes straight on.
-    let moves = [(40, Speed::Bound), (40, given(100.1)), (20, Speed::Bound)];
+    let moves = [(40, Entry::Bound), (40, given(100.1)), (20, Entry::Bound)];
     assert!(message(&moves).starts_with("frame 3"), "{}", message(&moves));
     assert!(message(&moves).contains("the planned speed is too high"), "{}", message(&moves));
     // From 100 mm/s within 1 mm to 1 mm/s.
-    let moves = [(40, Speed::Bound), (1, Speed::Bound), (40, given(1.0)), (20, Speed::Bound)];
+    let moves = [(40, Entry::Bound), (1, Entry::Bound), (40, given(1.0)), (20, Entry::Bound)];
     assert!(message(&moves).contains("the planned speed is too low"), "{}", message(&moves));
     // 40 mm are no part of anything.
-    let moves = [(40, Speed::Bound), (40, Speed::Continues)];
+    let moves = [(40, Entry::Bound), (40, Entry::Continues)];
     assert!(message(&moves).contains("does not continue"), "{}", message(&moves));
     // Beyond the end of the axis.
-    let moves = [(40, Speed::Bound), (400, Speed::Bound)];
+    let moves = [(40, Entry::Bound), (400, Entry::Bound)];
     assert!(message(&moves).contains("X: outside the soft limits"), "{}", message(&moves));
 
     // What was sound is executed, the machine stands on the path, and knows where.
-    let stopped = ended(&[(40, Speed::Bound), (1, Speed::Bound), (40, given(1.0)), (20, Speed::Bound)]);
+    let stopped = ended(&[(40, Entry::Bound), (1, Entry::Bound), (40, given(1.0)), (20, Entry::Bound)]);
     assert_eq!(stopped.logical_10nm[0], 4_100_000);
     assert_eq!(stopped.figures.underruns, 0);
 }

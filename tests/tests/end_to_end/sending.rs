@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use ferrostep_gpre::{Encoding, Speed};
+use ferrostep_gpre::{Encoding, Entry};
 use ferrostep_tests::hand_made;
 use serde_json::Value;
 use tempfile::TempDir;
@@ -129,7 +129,7 @@ fn the_gcode_is_sent_only_where_nothing_was_printed() {
     assert_printed(&sound.end(), &square);
 
     // Beyond the end of the axis, when half of it is done.
-    let moves = [(40, Speed::Bound), (400, Speed::Bound)];
+    let moves = [(40, Entry::Bound), (400, Entry::Bound)];
     let stops = file(&directory, "stops.gpre", hand_made::job(profile("cartesian").hash(), &moves));
     let stopped = PtyBoard::start(board());
     let outcome = send(&stops, stopped.port(), Some(&gcode));

@@ -7,7 +7,7 @@ use ferrostep::gpre::{self, Target};
 use ferrostep::send::{self, Patience};
 use ferrostep::session::JobReplies;
 use ferrostep_gpre::transfer::{Kind, Report, Sender, Word, to_wire};
-use ferrostep_gpre::{Encoding, Speed};
+use ferrostep_gpre::{Encoding, Entry};
 use ferrostep_printer::Profile;
 use ferrostep_tests::hand_made::{self, given};
 use ferrostep_tests::qemu::{Host, Machine, Port};
@@ -129,12 +129,12 @@ fn what_the_machine_may_not_do_stops_on_the_path() {
         bench.host.ask("M114", "X:").unwrap()
     };
     // From 100 mm/s within 1 mm to 1 mm/s: the fourth frame.
-    let moves = [(40, Speed::Bound), (1, Speed::Bound), (40, given(1.0)), (20, Speed::Bound)];
+    let moves = [(40, Entry::Bound), (1, Entry::Bound), (40, given(1.0)), (20, Entry::Bound)];
     let place = stops(hand_made::job(hash, &moves), Word::Stopped, 4, "line 5: the planned speed is too low");
     assert!(place.starts_with("X:41.00 Y:0.00"), "{place}");
-    let moves = [(40, Speed::Bound), (40, given(100.1)), (20, Speed::Bound)];
+    let moves = [(40, Entry::Bound), (40, given(100.1)), (20, Entry::Bound)];
     stops(hand_made::job(hash, &moves), Word::Stopped, 3, "the planned speed is too high");
-    let moves = [(40, Speed::Bound), (400, Speed::Bound)];
+    let moves = [(40, Entry::Bound), (400, Entry::Bound)];
     let place = stops(hand_made::job(hash, &moves), Word::Stopped, 2, "frame 2 at byte ");
     assert!(place.starts_with("X:40.00 Y:0.00"), "{place}");
     stops(hand_made::job(hash ^ 1, &moves), Word::Refused, 0, "at byte 16: prepared for another machine");
@@ -154,7 +154,7 @@ fn what_the_machine_may_not_do_stops_on_the_path() {
 #[test]
 fn commands_between_frames_are_heard() {
     let mut bench = Bench::boot();
-    let moves: Vec<_> = (0..40).map(|_| (4, Speed::Bound)).collect();
+    let moves: Vec<_> = (0..40).map(|_| (4, Entry::Bound)).collect();
     let job = hand_made::job(profile().hash(), &moves);
     bench.host.send(&format!("M790 S{} T3600", job.len())).unwrap();
     bench.host.send_raw(&to_wire(Kind::Data, 0, &job[..250])).unwrap();
@@ -176,7 +176,7 @@ fn commands_between_frames_are_heard() {
 #[test]
 fn a_silent_host_is_not_waited_for() {
     let mut bench = Bench::boot();
-    let job = hand_made::job(profile().hash(), &[(40, Speed::Bound), (20, Speed::Bound)]);
+    let job = hand_made::job(profile().hash(), &[(40, Entry::Bound), (20, Entry::Bound)]);
     bench.host.send(&format!("M790 S{} T15", job.len())).unwrap();
     bench.host.send_raw(&to_wire(Kind::Data, 0, &job[..job.len() - 10])).unwrap();
     // The image's seconds are shorter than this machine's, which may have much else to do.
@@ -193,7 +193,7 @@ fn a_silent_host_is_not_waited_for() {
 #[test]
 fn a_job_does_not_go_on_behind_a_stop() {
     let mut bench = Bench::boot();
-    let moves: Vec<_> = (0..10).map(|_| (15, Speed::Bound)).collect();
+    let moves: Vec<_> = (0..10).map(|_| (15, Entry::Bound)).collect();
     let job = hand_made::job(profile().hash(), &moves);
     let (first, rest) = job.split_at(job.len() / 2);
     bench.host.send(&format!("M790 S{} T3600", job.len())).unwrap();

@@ -21,6 +21,12 @@ impl Mean {
         Self { units: u64::from(units), ..self }
     }
 
+    /// With each unit's share of what was done once for so many of them.
+    pub fn with_share_of(self, instructions: u32, units: u64) -> Self {
+        let share = u64::from(instructions) * self.units / units.max(1);
+        Self { instructions: self.instructions + share, ..self }
+    }
+
     /// All of it.
     pub fn total(self) -> u64 {
         self.instructions

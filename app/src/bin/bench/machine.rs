@@ -32,8 +32,12 @@ impl Motion for Machine<'_, '_> {
         self.planner.borrow_mut().add(&request).map_err(MotionError::Move)
     }
 
-    async fn add_prepared(&mut self, prepared: PreparedMove) -> Result<Moved, MotionError> {
-        self.planner.borrow_mut().add_prepared(&prepared).map_err(MotionError::Move)
+    fn try_add_prepared(&mut self, prepared: &PreparedMove, feed: Option<f32>) -> Option<Result<Moved, MotionError>> {
+        Some(self.planner.borrow_mut().add_prepared(prepared, feed).map_err(MotionError::Move))
+    }
+
+    async fn add_prepared(&mut self, prepared: PreparedMove, feed: Option<f32>) -> Result<Moved, MotionError> {
+        self.planner.borrow_mut().add_prepared(&prepared, feed).map_err(MotionError::Move)
     }
 
     async fn add_prepared_block(&mut self, prepared: PreparedBlock) -> Result<(), MotionError> {

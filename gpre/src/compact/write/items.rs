@@ -7,7 +7,7 @@ use std::vec::Vec;
 use super::{Content, Place, Steps};
 use crate::bits::BitWriter;
 use crate::compact::{FILAMENT_ALL, FILAMENT_PREDICTED, PLACES, Shape, WAY_XY, WAY_XYZ, WAY_Z};
-use crate::item::{MoveItem, Speed};
+use crate::item::{Entry, PreparedMove};
 
 /// Items as the reader understands them, with what it knows after them.
 pub struct ItemWriter {
@@ -55,7 +55,7 @@ impl ItemWriter {
     }
 
     /// A move, after all that must be told before it.
-    pub fn add_move(&mut self, next: &MoveItem, steps: &Steps, lambda: f32, orders: [u32; 4]) {
+    pub fn add_move(&mut self, next: &PreparedMove, steps: &Steps, lambda: f32, orders: [u32; 4]) {
         let lines = next.line.saturating_sub(self.line);
         let same_line = lines == 0;
         if lines > 1 {
@@ -101,12 +101,12 @@ impl ItemWriter {
             self.bits.bits(shape.0.into(), Shape::BITS);
             self.shape = shape;
         }
-        match next.speed {
-            Speed::Bound => self.bits.bits(0, 1),
-            Speed::Falling => self.bits.bits(0b10, 2),
-            Speed::Continues => self.bits.bits(0b110, 3),
-            Speed::Given(squared) => {
-                let squared = squared.saturating_add(1);
+        match next.entry {
+            Entry::Bound => self.bits.bits(0, 1),
+            Entry::Falling => self.bits.bits(0b10, 2),
+            Entry::Continues => self.bits.bits(0b110, 3),
+            Entry::Given(squared) => {
+                let squared = squared.units().saturating_add(1);
                 let width = 63 - squared.leading_zeros();
                 self.bits.bits(0b111, 3);
                 self.bits.bits(width.into(), 6);
