@@ -192,12 +192,7 @@ proptest! {
     /// Content with a right check sum that nobody wrote ends, in an item or an error, within its bits.
     #[test]
     fn any_content_ends(payload in proptest::collection::vec(any::<u8>(), 0..600)) {
-        let mut bytes = vec![0xa7, 0x5d];
-        bytes.extend_from_slice(&(payload.len() as u16).to_le_bytes());
-        bytes.extend_from_slice(&[0; 4]);
-        bytes.extend_from_slice(&payload);
-        let sum = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC).checksum(&bytes);
-        bytes.extend_from_slice(&sum.to_le_bytes());
+        let bytes = framed(&payload);
         let frame = Frame::read(&bytes, 0, None).unwrap();
         if let Ok(mut decoder) = frame.items() {
             let mut count = 0;
@@ -209,8 +204,41 @@ proptest! {
     }
 }
 
-fn small_job() -> Vec<u8> {
-    let item = PreparedMove {
+/// A frame of any content, with a right check sum.
+fn framed(payload: &[u8]) -> Vec<u8> {
+    let mut bytes = vec![0xa7, 0x5d];
+    bytes.extend_from_slice(&(payload.len() as u16).to_le_bytes());
+    bytes.extend_from_slice(&[0; 4]);
+    bytes.extend_from_slice(payload);
+    let sum = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC).checksum(&bytes);
+    bytes.extend_from_slice(&sum.to_le_bytes());
+    bytes
+}
+
+/// Moves without way or filament have no bits but those of their shape and speed.
+#[test]
+fn moves_that_are_nothing_end_with_the_bits() {
+    for filament_100pm in [0, 100] {
+        let item = PreparedMove { target: Default::default(), filament_100pm, ..small_move() };
+        let bytes = written(&vec![Owned::Move(item); 200]);
+        let payload = &bytes[HEAD_BYTES..bytes.len() - 4];
+        let bytes = framed(&payload[..payload.len() - 25]);
+        let frame = Frame::read(&bytes, 0, None).unwrap();
+        let mut decoder = frame.items().unwrap();
+        let mut count = 0;
+        let ended = loop {
+            match decoder.next_item() {
+                Ok(Some(_)) => count += 1,
+                ended => break ended.map(|_| ()),
+            }
+        };
+        assert!(count < 200, "{count}");
+        assert!(ended.is_err());
+    }
+}
+
+fn small_move() -> PreparedMove {
+    PreparedMove {
         target: [1_000_000, 2_000_000, 20_000].map(|units| Coordinate::new(units).unwrap()),
         filament_100pm: 12_300,
         feed_mm_per_s: 30.0,
@@ -218,8 +246,11 @@ fn small_job() -> Vec<u8> {
         ends_move: true,
         counts: true,
         entry: Entry::Bound,
-    };
-    written(&[Owned::Move(item)])
+    }
+}
+
+fn small_job() -> Vec<u8> {
+    written(&[Owned::Move(small_move())])
 }
 
 #[test]

@@ -49,6 +49,7 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
             return Err(CommandError::Outside { axis: 2 });
         }
         self.motion.finish().await?;
+        self.see_moves();
         let [x, y, _] = self.motion.position_10nm();
         self.motion.set_position([x, y, z_10nm]);
         (self.modal.machine_10nm, self.modal.lift_10nm) = ([x, y, z_10nm], 0);
@@ -68,6 +69,7 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
             return Err(CommandError::TooFar);
         }
         self.motion.finish().await?;
+        self.see_moves();
         if self.motion.position_10nm() != state.position_10nm {
             return Err(CommandError::OtherPlace);
         }

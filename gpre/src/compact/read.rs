@@ -349,6 +349,8 @@ impl<'a> Decoder<'a> {
             }
             _ => return Err(Fault::Content("a filament of a kind from 0 to 2")),
         };
+        // A move that is nothing has passed no bits but those that said so.
+        self.bits.checked()?;
         if !shape.same_line() {
             self.pass_lines(1)?;
         }
