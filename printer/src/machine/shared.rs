@@ -78,11 +78,17 @@ impl<S: SharedMachine> Motion for SharedMotion<S> {
     }
 
     fn try_add_prepared(&mut self, prepared: &PreparedMove, feed: Option<f32>) -> Option<Result<Moved, MotionError>> {
-        let moved = match self.0.with(|machine| machine.add_prepared(prepared, feed)) {
-            Err(MoveError::NoRoom) => return None,
-            Err(error) => Err(MotionError::Move(error)),
-            Ok(moved) => Ok(moved),
-        };
+        let moved = self.0.with(|machine| {
+            // A halt before this look is seen by it; one that comes now waits for the machine, and then forgets the move.
+            if self.0.is_halted() {
+                return Some(Err(MotionError::Stopped));
+            }
+            match machine.add_prepared(prepared, feed) {
+                Err(MoveError::NoRoom) => None,
+                Err(error) => Some(Err(MotionError::Move(error))),
+                Ok(moved) => Some(Ok(moved)),
+            }
+        })?;
         self.0.wake_planner();
         Some(moved)
     }
