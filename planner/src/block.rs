@@ -95,12 +95,6 @@ impl SquaredSpeed {
 
     /// The largest speed whose square is not above this.
     pub fn root(self) -> Speed {
-        self.root_inlined()
-    }
-
-    /// The same, where a call would cost a sixth of it.
-    #[inline(always)]
-    pub(crate) fn root_inlined(self) -> Speed {
         // 2^32 / 12,800,000: from these units to squared units of Speed.
         const SCALE: f32 = 1_048_576.0 / 3_125.0;
         const FASTEST: Speed = Speed(u32::MAX);

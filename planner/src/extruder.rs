@@ -68,16 +68,12 @@ impl Extruder {
     /// is left out).
     #[inline(always)]
     pub(crate) fn advanced(&self, delta_100pm: i64) -> Place {
-        let Place { whole_256ths, remainder } = self.at;
-        let Fraction { numerator, denominator } = self.steps_per_mm.of_filament();
         // What a move prints, mostly: up to some millimetres of filament, which the processor can divide.
         if let Ok(delta) = u32::try_from(delta_100pm)
-            && let Ok(parts) = u32::try_from(u64::from(delta) * u64::from(numerator) + u64::from(remainder))
-            && numerator != 0
+            && self.steps_per_mm.of_filament().is_some()
+            && let Some((place, _)) = self.divided(delta)
         {
-            let whole = parts / denominator;
-            let remainder = parts.wrapping_sub(whole.wrapping_mul(denominator.get()));
-            return Place { whole_256ths: whole_256ths.wrapping_add(i64::from(whole)), remainder };
+            return place;
         }
         self.far_advanced(delta_100pm)
     }
@@ -86,10 +82,17 @@ impl Extruder {
     /// where it is not for the processor to divide. For steps/mm that [are near](StepsPerMm::is_near).
     #[inline(always)]
     pub(crate) fn advanced_if_near(&self, delta_100pm: u32) -> Option<(Place, u32)> {
+        self.divided(delta_100pm).filter(|_| self.at.whole_256ths >= 0)
+    }
+
+    /// Where the extruder will be after a delta, and how many 1/256 steps that is, by the processor's division; `None` where
+    /// the product leaves its 32 bits.
+    #[inline(always)]
+    fn divided(&self, delta_100pm: u32) -> Option<(Place, u32)> {
         let Place { whole_256ths, remainder } = self.at;
         let Fraction { numerator, denominator } = self.steps_per_mm.of_filament();
         let parts = u64::from(delta_100pm) * u64::from(numerator) + u64::from(remainder);
-        let parts = u32::try_from(parts).ok().filter(|_| whole_256ths >= 0)?;
+        let parts = u32::try_from(parts).ok()?;
         let whole = parts / denominator;
         let remainder = parts.wrapping_sub(whole.wrapping_mul(denominator.get()));
         Some((Place { whole_256ths: whole_256ths.wrapping_add(whole.into()), remainder }, whole))

@@ -162,12 +162,8 @@ impl StepsPerMm {
     /// The same for a coordinate that is known to be no larger.
     #[inline(always)]
     pub(crate) fn steps_of_near(&self, coordinate_10nm: i32) -> i32 {
-        let near = Some(self.steps_per_10nm).filter(|fraction| fraction.is_some());
-        match near.and_then(|fraction| fraction.rounded(coordinate_10nm.unsigned_abs())) {
-            Some(magnitude) if coordinate_10nm < 0 => -(magnitude as i32),
-            Some(magnitude) => magnitude as i32,
-            None => self.steps_of_far(coordinate_10nm),
-        }
+        let near = if self.steps_per_10nm.is_some() { self.steps_if_near(coordinate_10nm) } else { None };
+        near.unwrap_or_else(|| self.steps_of_far(coordinate_10nm))
     }
 
     /// Whether [`Self::steps_if_near`] and [`crate::extruder::Extruder::advanced_if_near`] may be asked.

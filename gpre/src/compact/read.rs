@@ -12,14 +12,6 @@ const MOST_UNIT: u32 = 1000;
 
 const TOO_FAR: Fault = Fault::Content("coordinates within 5 m");
 
-/// What a plain move tells.
-struct Plain {
-    /// X and Y.
-    target: (Coordinate, Coordinate),
-    filament_100pm: i64,
-    line: u32,
-}
-
 /// The coordinate so many units further; `None` if it is too large.
 #[inline(always)]
 fn after(coordinate: Coordinate, steps: i32, unit_10nm: i32) -> Option<Coordinate> {
@@ -192,7 +184,7 @@ impl<'a> Decoder<'a> {
     /// Content that has no meaning. The decoder is of no use after it.
     pub fn next_item(&mut self) -> Result<Option<Item<'_>>, Fault> {
         // The commonest items are told by their first four bits: a move of the same shape, and where its speed comes from.
-        let window = loop {
+        let (window, length) = loop {
             if self.left == 0 {
                 if self.bits.left() >= 8 {
                     return Err(Fault::Content("the frame's end after its last item"));
@@ -209,17 +201,19 @@ impl<'a> Decoder<'a> {
                     Uncommon::Told => continue,
                     Uncommon::Move(entry) => {
                         self.last.entry = entry;
-                        break self.bits.window();
+                        break (self.bits.window(), 0);
                     }
                     Uncommon::Fan(power) => return Ok(Some(Item::Fan { line: self.last.line, power })),
                     Uncommon::Command => return self.command().map(Some),
                 },
             };
-            self.bits.pass_unchecked(length);
             self.last.entry = entry;
-            break window.behind(length);
+            break (window.behind(length), length);
         };
-        if !self.plain_move(window) {
+        let mut bits = self.bits;
+        bits.pass_unchecked(length);
+        if self.plain_move(bits, window).is_none() {
+            self.bits = bits;
             self.any_move()?;
         }
         Ok(Some(Item::Move(&self.last)))
@@ -286,35 +280,27 @@ impl<'a> Decoder<'a> {
         Ok(())
     }
 
-    /// The move that begins with the window, if it is one along X and Y with predicted filament and short numbers.
+    /// The move whose bits begin here, and with the window, if it is one along X and Y with predicted filament and short
+    /// numbers; `None`, and nothing has changed, if it is not.
     #[inline(always)]
-    fn plain_move(&mut self, window: Window) -> bool {
-        self.plain(window).is_some_and(|(plain, bits)| {
-            self.bits.go_to(bits);
-            let [x, y, _] = &mut self.last.target;
-            (*x, *y) = plain.target;
-            (self.last.filament_100pm, self.last.line) = (plain.filament_100pm, plain.line);
-            true
-        })
-    }
-
-    #[inline(always)]
-    fn plain(&self, window: Window) -> Option<(Plain, BitReader<'a>)> {
+    fn plain_move(&mut self, mut bits: BitReader<'a>, window: Window) -> Option<()> {
         if !self.shape.is_plain() {
             return None;
         }
-        let mut bits = self.bits;
         let [order_x, order_y, _, order_filament] = &self.orders;
         let x = bits.signed_in(window, *order_x)?;
         let y = bits.signed_in(bits.window(), *order_y)?;
         let difference = bits.signed_in(bits.window(), *order_filament)?;
         bits.checked().ok()?;
         let [from_x, from_y, _] = self.last.target;
-        let target = (after(from_x, x, self.unit_10nm)?, after(from_y, y, self.unit_10nm)?);
+        let (to_x, to_y) = (after(from_x, x, self.unit_10nm)?, after(from_y, y, self.unit_10nm)?);
         let filament = prediction([x, y, 0], self.lambda).checked_add(difference)?;
-        let filament_100pm = i64::from(filament).wrapping_mul(i64::from(self.filament_unit_100pm));
         let line = self.last.line.checked_add(u32::from(!self.shape.same_line()))?;
-        Some((Plain { target, filament_100pm, line }, bits))
+        self.bits.go_to(bits);
+        [self.last.target[0], self.last.target[1]] = [to_x, to_y];
+        self.last.filament_100pm = i64::from(filament).wrapping_mul(i64::from(self.filament_unit_100pm));
+        self.last.line = line;
+        Some(())
     }
 
     /// Any move.

@@ -122,17 +122,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
     /// Takes any move.
     #[inline(never)]
     fn add_otherwise(&mut self, prepared: &PreparedMove, feed_now_mm_per_s: Option<f32>) -> Result<Moved, MoveError> {
-        if let Some(violation) = self.violation {
-            // Motion ends before it.
-            self.close();
-            return Err(MoveError::Violation(violation));
-        }
-        if self.choice.acceleration != AccelerationProfile::Trapezoid {
-            return Err(MoveError::OtherLaw);
-        }
-        if !self.look_ahead.is_prepared() && !self.begin_prepared() {
-            return Err(MoveError::NoRoom);
-        }
+        self.expect_prepared()?;
         if prepared.entry == Entry::Continues && self.open.is_some() && !self.flushing {
             return self.join_prepared(prepared, feed_now_mm_per_s);
         }
@@ -142,7 +132,6 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
             return Err(MoveError::NoRoom);
         }
         if let Some(violation) = self.violation {
-            self.close();
             return Err(MoveError::Violation(violation));
         }
         let planned = self.plan_apart(request, &next);
@@ -197,15 +186,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
     /// # Errors
     /// As [`Self::add_prepared`].
     pub fn add_prepared_block(&mut self, prepared: &PreparedBlock) -> Result<(), MoveError> {
-        if let Some(violation) = self.violation {
-            return Err(MoveError::Violation(violation));
-        }
-        if self.choice.acceleration != AccelerationProfile::Trapezoid {
-            return Err(MoveError::OtherLaw);
-        }
-        if !self.look_ahead.is_prepared() && !self.begin_prepared() {
-            return Err(MoveError::NoRoom);
-        }
+        self.expect_prepared()?;
         if !self.close() || !self.look_ahead.has_room() {
             return Err(MoveError::NoRoom);
         }
@@ -290,6 +271,23 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         }
         open.block.nominal = if is_as_planned { planned } else { cost.slower_nominal(now).unwrap_or(now) };
         planned
+    }
+
+    /// The next move or block is a prepared one: an error where it cannot be, or not yet.
+    #[inline(never)]
+    fn expect_prepared(&mut self) -> Result<(), MoveError> {
+        if let Some(violation) = self.violation {
+            // Motion ends before it.
+            self.close();
+            return Err(MoveError::Violation(violation));
+        }
+        if self.choice.acceleration != AccelerationProfile::Trapezoid {
+            return Err(MoveError::OtherLaw);
+        }
+        if !self.look_ahead.is_prepared() && !self.begin_prepared() {
+            return Err(MoveError::NoRoom);
+        }
+        Ok(())
     }
 
     /// The ring takes prepared blocks from now on; `false` as long as others are in it, and these leave.

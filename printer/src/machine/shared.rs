@@ -67,14 +67,17 @@ impl<S: SharedMachine> SharedMotion<S> {
     }
 }
 
+/// What became of a move; `None` where it is to wait for room.
+fn unless_full<T>(outcome: Result<T, MoveError>) -> Option<Result<T, MotionError>> {
+    match outcome {
+        Err(MoveError::NoRoom) => None,
+        outcome => Some(outcome.map_err(MotionError::Move)),
+    }
+}
+
 impl<S: SharedMachine> Motion for SharedMotion<S> {
     async fn add(&mut self, request: Move) -> Result<Moved, MotionError> {
-        self.wait(|machine| match machine.add(&request) {
-            Err(MoveError::NoRoom) => None,
-            Err(error) => Some(Err(MotionError::Move(error))),
-            Ok(moved) => Some(Ok(moved)),
-        })
-        .await?
+        self.wait(|machine| unless_full(machine.add(&request))).await?
     }
 
     fn try_add_prepared(&mut self, prepared: &PreparedMove, feed: Option<f32>) -> Option<Result<Moved, MotionError>> {
@@ -83,32 +86,18 @@ impl<S: SharedMachine> Motion for SharedMotion<S> {
             if self.0.is_halted() {
                 return Some(Err(MotionError::Stopped));
             }
-            match machine.add_prepared(prepared, feed) {
-                Err(MoveError::NoRoom) => None,
-                Err(error) => Some(Err(MotionError::Move(error))),
-                Ok(moved) => Some(Ok(moved)),
-            }
+            unless_full(machine.add_prepared(prepared, feed))
         })?;
         self.0.wake_planner();
         Some(moved)
     }
 
     async fn add_prepared(&mut self, prepared: PreparedMove, feed: Option<f32>) -> Result<Moved, MotionError> {
-        self.wait(|machine| match machine.add_prepared(&prepared, feed) {
-            Err(MoveError::NoRoom) => None,
-            Err(error) => Some(Err(MotionError::Move(error))),
-            Ok(moved) => Some(Ok(moved)),
-        })
-        .await?
+        self.wait(|machine| unless_full(machine.add_prepared(&prepared, feed))).await?
     }
 
     async fn add_prepared_block(&mut self, prepared: PreparedBlock) -> Result<(), MotionError> {
-        self.wait(|machine| match machine.add_prepared_block(&prepared) {
-            Err(MoveError::NoRoom) => None,
-            Err(error) => Some(Err(MotionError::Move(error))),
-            Ok(()) => Some(Ok(())),
-        })
-        .await?
+        self.wait(|machine| unless_full(machine.add_prepared_block(&prepared))).await?
     }
 
     fn refine_position(&mut self, position_10nm: [i64; 3]) -> bool {
