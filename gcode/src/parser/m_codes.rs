@@ -59,7 +59,10 @@ pub(super) fn parse(code: Code<'_>) -> Result<Command<'_>, ParseError> {
                 both: words.above_zero(b'S')?,
             })
         }
-        205 => Ok(Command::Junction { deviation: code.words()?.above_zero(b'J')? }),
+        205 => {
+            let words = code.words()?;
+            Ok(Command::Junction { deviation: words.above_zero(b'J')?, corner_velocity: words.axis_limits()? })
+        }
         207 => {
             let words = code.words()?;
             Ok(Command::RetractSettings(RetractionWords {

@@ -129,8 +129,10 @@ fn motors_and_limits() {
         Command::Acceleration { print: some("1000"), retract: some("1250"), travel: some("900"), both: None },
     );
     reads("M204 S500", Command::Acceleration { print: None, retract: None, travel: None, both: some("500") });
-    reads("M205 X8.00 Y8.00 Z0.40 E4.50 S0 T0", Command::Junction { deviation: None });
-    reads("M205 J0.013", Command::Junction { deviation: some("0.013") });
+    let corner_velocity = AxisWords { x: some("8.00"), y: some("8.00"), z: some("0.40"), e: some("4.50") };
+    reads("M205 X8.00 Y8.00 Z0.40 E4.50 S0 T0", Command::Junction { deviation: None, corner_velocity });
+    let corner_velocity = AxisWords::default();
+    reads("M205 J0.013", Command::Junction { deviation: some("0.013"), corner_velocity });
     for (text, error) in [
         ("M201 X0", "X: 0 is not above 0, expected a larger number"),
         ("M203 E-5", "E: -5 is not above 0, expected a larger number"),
