@@ -101,11 +101,13 @@ struct Previous {
     path: Path,
     /// None where there is no move before, or it has no path.
     pull: Pull,
+    /// The line of which more moves come: those of an arc.
+    unended_line: Option<u32>,
 }
 
 impl Previous {
     /// No move before.
-    const NONE: Self = Self { path: Path::NONE, pull: Pull::ZERO };
+    const NONE: Self = Self { path: Path::NONE, pull: Pull::ZERO, unended_line: None };
 }
 
 /// Where a move takes the motors.
@@ -387,7 +389,8 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
     /// The move has been taken.
     #[inline(always)]
     fn follow(&mut self, next: &Next, planned: &Planned) {
-        self.previous = Previous { path: planned.path, pull: planned.pull };
+        let unended_line = (!planned.block.ends_move).then_some(planned.block.line);
+        self.previous = Previous { path: planned.path, pull: planned.pull, unended_line };
         self.extruder.set(next.extruder);
         self.extruder_256ths = next.extruder_end;
         self.position_10nm = next.target_10nm;
@@ -448,17 +451,27 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         block.nominal = Speed::from_mm_per_s_f32(feed).max(Speed(1));
         let pull = if moves_filament_alone { Pull::ZERO } else { Pull::of_mm_per_s2(acceleration) };
         let has_corner = pull.is_some() && self.previous.pull.is_some();
-        let junction = if has_corner { self.junction(&path, pull) } else { Speed::ZERO };
+        let junction = if has_corner { self.junction(&path, pull, request.line) } else { Speed::ZERO };
         Planned { block, events: self.method.events(steps), junction, path, pull }
     }
 
     /// Bound of the speed in the corner before a path; a stop is next to a move without one.
     #[inline(never)]
-    fn junction(&self, path: &Path, pull: Pull) -> Speed {
+    fn junction(&self, path: &Path, pull: Pull, line: u32) -> Speed {
         let before = &self.previous;
         let radius = radius_10nm(&before.path, path, self.path_limits.four_deviations_10nm);
-        let jumps = speed_of_jumps(&before.path, path, self.path_limits.per_corner_velocity);
-        pull.weaker(before.pull).speed_along(radius).min(jumps)
+        self.held_in_corner(pull.weaker(before.pull).speed_along(radius), path, line)
+    }
+
+    /// What the axes' instantaneous corner velocities leave of a speed. Between the chords of an arc they ask for nothing:
+    /// what is commanded has no corner there.
+    #[inline(always)]
+    fn held_in_corner(&self, speed: Speed, path: &Path, line: u32) -> Speed {
+        let before = &self.previous;
+        if before.unended_line == Some(line) {
+            return speed;
+        }
+        speed.min(speed_of_jumps(&before.path, path, self.path_limits.per_corner_velocity))
     }
 
     /// The open block enters the ring, within the budget; `false` without room. A flush that waited for it follows.

@@ -14,12 +14,14 @@ pub mod board_model;
 pub mod code;
 pub mod feed_chart;
 pub mod hand_made;
+pub mod hostile;
 pub mod qemu;
 pub mod reference;
 pub mod stack;
 pub mod stress_file;
 pub mod trace;
 pub mod trace_check;
+pub mod trace_ends;
 
 use std::io::{self, Read};
 

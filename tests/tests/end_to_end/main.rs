@@ -11,6 +11,7 @@ mod entries;
 mod exactness;
 mod extrusion;
 mod heater_faults;
+mod hostile;
 mod hosts;
 mod methods;
 mod papers;
