@@ -13,6 +13,8 @@ mod extrusion;
 mod heater_faults;
 mod hosts;
 mod methods;
+#[cfg(unix)]
+mod outputs;
 mod papers;
 mod prepared;
 mod prints;
