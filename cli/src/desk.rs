@@ -2,6 +2,7 @@
 
 mod drivers;
 mod handles;
+mod heat_at_rest;
 
 pub use drivers::DeskDrivers;
 pub use handles::{DeskHeating, DeskMotion};
@@ -25,6 +26,7 @@ use ferrostep_printer::{MotionError, Profile, Seek};
 
 use crate::gpre::Script;
 use crate::record::Observer;
+use heat_at_rest::{HeatAtRest, HeaterSample};
 
 /// Blocks in the look-ahead ring, as on the target.
 pub const LOOK_AHEAD_BLOCKS: usize = 128;
@@ -132,6 +134,8 @@ pub struct Desk<O> {
     queues: Queues,
     board: VirtualBoard,
     heat: HeatControl,
+    heat_at_rest: HeatAtRest,
+    heat_samples: u64,
     observer: Watch<O>,
     awaited: Awaited,
     sought: Option<Seek>,
@@ -170,6 +174,8 @@ impl<O: Observer> Desk<O> {
             queues: Queues::default(),
             board: VirtualBoard { motors, heaters },
             heat,
+            heat_at_rest: HeatAtRest::default(),
+            heat_samples: 0,
             observer: Watch { rate: EventRate::default(), observer },
             awaited: Awaited::Nothing,
             sought: None,
@@ -235,7 +241,13 @@ impl<O: Observer> Desk<O> {
 
     /// The board's heaters, to let one fail.
     pub fn heaters_mut(&mut self) -> &mut VirtualHeaters {
+        self.heat_at_rest.disturb();
         &mut self.board.heaters
+    }
+
+    /// Samples of the heaters' model so far. Only what follows the print's time can make an estimate slow: this is it.
+    pub fn heat_samples(&self) -> u64 {
+        self.heat_samples
     }
 
     /// What watched the motors.
@@ -272,10 +284,24 @@ impl<O: Observer> Desk<O> {
     }
 
     fn all_heat_off(&mut self) {
+        self.heat_at_rest.disturb();
         self.heat.all_off();
         for heater in Heater::ALL {
             self.board.heaters.set_power(heater, 0.0);
         }
+    }
+
+    fn set_heat_target(&mut self, heater: Heater, celsius: f32) {
+        let before = self.heat.status(heater).target_celsius;
+        self.heat.set_target(heater, celsius);
+        if self.heat.status(heater).target_celsius != before {
+            self.heat_at_rest.disturb();
+        }
+    }
+
+    fn restart_heat(&mut self) -> Result<(), HeatFault> {
+        self.heat_at_rest.disturb();
+        self.heat.restart()
     }
 
     /// Whether a move would be taken.
@@ -293,14 +319,30 @@ impl<O: Observer> Desk<O> {
     }
 
     fn now_ns(&self) -> u64 {
-        self.idle_ns + (u128::from(self.motion_tick()) * 1_000_000_000 / u128::from(TICKS_PER_SECOND)) as u64
+        // Whole seconds apart, so that no product leaves 64 bits.
+        let (tick, a_second) = (self.motion_tick(), u64::from(TICKS_PER_SECOND));
+        self.idle_ns + tick / a_second * 1_000_000_000 + tick % a_second * 1_000_000_000 / a_second
     }
 
-    /// Lets the heaters' time pass; after a failure it goes on, for they cool.
+    /// Lets the heaters' time pass; after a failure it goes on, for they cool. Only a print steps the model of heaters at
+    /// rest: the time that an estimate takes must not follow the print's.
     fn heat_until(&mut self, now_ns: u64) -> Result<(), HeatFault> {
         let mut outcome = Ok(());
         while self.next_heat_ns <= now_ns {
+            if self.mode != Mode::Print {
+                if self.heat_at_rest.is_at_rest() {
+                    self.next_heat_ns +=
+                        (now_ns - self.next_heat_ns) / HEAT_INTERVAL_NS * HEAT_INTERVAL_NS + HEAT_INTERVAL_NS;
+                    break;
+                }
+                let sample = |heater| HeaterSample {
+                    celsius: self.board.heaters.true_celsius(heater),
+                    target_celsius: self.heat.status(heater).target_celsius,
+                };
+                self.heat_at_rest.note(Heater::ALL.map(sample));
+            }
             self.next_heat_ns += HEAT_INTERVAL_NS;
+            self.heat_samples += 1;
             self.board.heaters.advance(SAMPLE_MS as f32 * 1e-3);
             if let Err(fault) = self.heat.update(&mut self.board.heaters) {
                 self.stop();

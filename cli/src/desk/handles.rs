@@ -188,7 +188,7 @@ pub struct DeskHeating<'a, O> {
 
 impl<O: Observer> Heating for DeskHeating<'_, O> {
     fn set_target(&mut self, heater: Heater, celsius: f32) {
-        self.desk.borrow_mut().heat.set_target(heater, celsius);
+        self.desk.borrow_mut().set_heat_target(heater, celsius);
     }
 
     fn status(&self, heater: Heater) -> HeaterStatus {
@@ -200,6 +200,6 @@ impl<O: Observer> Heating for DeskHeating<'_, O> {
     }
 
     fn restart(&mut self) -> Result<(), HeatFault> {
-        self.desk.borrow_mut().heat.restart()
+        self.desk.borrow_mut().restart_heat()
     }
 }

@@ -8,6 +8,7 @@ mod command;
 mod desk;
 mod drivers;
 mod entries;
+mod estimates;
 mod exactness;
 mod extrusion;
 mod heater_faults;
