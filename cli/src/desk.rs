@@ -11,14 +11,14 @@ use std::collections::VecDeque;
 
 use ferrostep_gcode::MotionFigures;
 use ferrostep_hal_shim::virtual_board::{
-    EventRate, StallSignal, StepObserver, VirtualBoard, VirtualClock, VirtualHeaters,
+    EventRate, StallSignal, StepObserver, StepTimer, VirtualBoard, VirtualClock, VirtualHeaters,
 };
 use ferrostep_hal_shim::{EndStops, Fan, Heater, MotorEnable, ThermalBoard};
 use ferrostep_planner::extruder::rounded_steps;
 use ferrostep_planner::interpolator::MAX_ENTRIES;
 use ferrostep_planner::look_ahead::Slot;
 use ferrostep_planner::{
-    MoveError, Moved, Notice, PlannedBlock, Planner, Progress, Recorded, StepDigests, StepEntry, StepSink,
+    Move, MoveError, Moved, Notice, PlannedBlock, Planner, Progress, Recorded, StepDigests, StepEntry, StepSink,
     TICKS_PER_SECOND,
 };
 use ferrostep_printer::heat::{HeatControl, HeatFault, SAMPLE_MS};
@@ -136,6 +136,8 @@ pub struct Desk<O> {
     heat: HeatControl,
     heat_at_rest: HeatAtRest,
     heat_samples: u64,
+    /// A fault that was found while a move was added, to be told by whoever waits next.
+    late_fault: Option<HeatFault>,
     observer: Watch<O>,
     awaited: Awaited,
     sought: Option<Seek>,
@@ -176,6 +178,7 @@ impl<O: Observer> Desk<O> {
             heat,
             heat_at_rest: HeatAtRest::default(),
             heat_samples: 0,
+            late_fault: None,
             observer: Watch { rate: EventRate::default(), observer },
             awaited: Awaited::Nothing,
             sought: None,
@@ -274,7 +277,8 @@ impl<O: Observer> Desk<O> {
             None => self.now_ns(),
         };
         clock.advance_to(now_ns);
-        self.heat_until(now_ns)
+        let outcome = self.heat_until(now_ns);
+        self.late_fault.take().map_or(outcome, Err)
     }
 
     /// Everything off, as after M112.
@@ -356,9 +360,13 @@ impl<O: Observer> Desk<O> {
     fn run_until(&mut self, done: impl Fn(&Self) -> bool) {
         if self.mode != Mode::Print {
             let before = self.planner.motion_ticks();
-            while !done(self) && self.plan_only() {}
-            self.estimated_ticks += self.planner.motion_ticks() - before;
-            self.last_step_ns = self.now_ns();
+            while !done(self) {
+                let steps = &mut self.board.motors.steps;
+                if !plan_only(&mut self.planner, self.script.as_mut(), &mut self.planned_256ths, steps) {
+                    break;
+                }
+            }
+            self.pass_planned(before);
             return;
         }
         let latest = self.board.motors.steps.tick() + LONGEST_LEAP_TICKS;
@@ -378,26 +386,32 @@ impl<O: Observer> Desk<O> {
         }
     }
 
-    /// Plans a block without its steps; whether there was one. The motors stand at its end: homing goes on from there.
-    fn plan_only(&mut self) -> bool {
-        let planned = match &mut self.script {
-            None => self.planner.next_planned(),
-            Some(script) => {
-                let Some(recorded) = self.planner.next_recorded() else { return false };
-                script.left(&recorded);
-                match recorded {
-                    Recorded::Block { planned, .. } => Some(planned),
-                    Recorded::FanPower { .. } => return true,
-                }
-            }
-        };
-        let Some(PlannedBlock { block, .. }) = planned else { return false };
-        let before = rounded_steps(self.planned_256ths);
-        self.planned_256ths += i64::from(block.extruder_256ths);
-        let extruder = rounded_steps(self.planned_256ths) - before;
-        let [x, y, z] = block.steps.map(|steps| -steps);
-        self.board.motors.steps.take_back([x, y, z, -(extruder as i32)], [0; 4]);
-        true
+    /// Gives the planner a move. What only plans makes room for it at once: waiting for it would plan the move again.
+    fn add(&mut self, request: &Move) -> Result<Moved, MoveError> {
+        if self.mode == Mode::Print {
+            return self.planner.add(request);
+        }
+        if self.late_fault.is_some() {
+            // Whoever adds the move waits, and hears of it.
+            return Err(MoveError::NoRoom);
+        }
+        let before = self.planner.motion_ticks();
+        let Self { planner, script, board, planned_256ths, .. } = self;
+        let steps = &mut board.motors.steps;
+        let make_room = |planner: &mut _| plan_only(planner, script.as_mut(), planned_256ths, steps);
+        let outcome = planner.add_making_room(request, make_room);
+        self.pass_planned(before);
+        self.late_fault = self.heat_until(self.now_ns()).err();
+        outcome
+    }
+
+    /// Time passes for what was planned since the planner's clock stood there.
+    fn pass_planned(&mut self, before_ticks: u64) {
+        let ticks = self.planner.motion_ticks() - before_ticks;
+        if ticks > 0 {
+            self.estimated_ticks += ticks;
+            self.last_step_ns = self.now_ns();
+        }
     }
 
     /// What became of a move that the planner was given; `None` if it has to wait.
@@ -520,4 +534,31 @@ impl<O: Observer> Desk<O> {
             self.homing_ticks += self.planner.motion_ticks() - since;
         }
     }
+}
+
+/// Plans a block without its steps; whether there was one. The motors stand at its end: homing goes on from there.
+fn plan_only(
+    planner: &mut Planner<Vec<Slot>>,
+    script: Option<&mut Script>,
+    planned_256ths: &mut i64,
+    motors: &mut StepTimer,
+) -> bool {
+    let planned = match script {
+        None => planner.next_planned(),
+        Some(script) => {
+            let Some(recorded) = planner.next_recorded() else { return false };
+            script.left(&recorded);
+            match recorded {
+                Recorded::Block { planned, .. } => Some(planned),
+                Recorded::FanPower { .. } => return true,
+            }
+        }
+    };
+    let Some(PlannedBlock { block, .. }) = planned else { return false };
+    let before = rounded_steps(*planned_256ths);
+    *planned_256ths += i64::from(block.extruder_256ths);
+    let extruder = rounded_steps(*planned_256ths) - before;
+    let [x, y, z] = block.steps.map(|steps| -steps);
+    motors.take_back([x, y, z, -(extruder as i32)], [0; 4]);
+    true
 }

@@ -55,7 +55,7 @@ impl<O: Observer> Motion for DeskMotion<'_, O> {
     async fn add(&mut self, request: Move) -> Result<Moved, MotionError> {
         self.wait(|desk| {
             let merged = desk.planner.merged_moves();
-            let outcome = desk.planner.add(&request);
+            let outcome = desk.add(&request);
             if outcome == Ok(Moved::Queued) {
                 desk.observer.observer.planned(request.filament_100pm, request.ends_move);
                 if let Some(script) = &mut desk.script {
