@@ -334,6 +334,19 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
 
     /// Takes a move.
     pub fn add(&mut self, request: &Move) -> Result<Moved, MoveError> {
+        self.add_making_room(request, |_| false)
+    }
+
+    /// As [`Self::add`], but where the move needs room it is made: `make_room` takes a block with [`Self::next_planned`] or
+    /// [`Self::next_recorded`], and returns whether there was one. So a move is planned once, not again after it was refused.
+    ///
+    /// # Errors
+    /// As [`Self::add`].
+    pub fn add_making_room(
+        &mut self,
+        request: &Move,
+        mut make_room: impl FnMut(&mut Self) -> bool,
+    ) -> Result<Moved, MoveError> {
         if self.look_ahead.is_prepared() && !self.end_prepared() {
             return Err(MoveError::NoRoom);
         }
@@ -341,10 +354,13 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         let planned = self.plan_apart(request, &next, request.filament_100pm);
         if !self.flushing && self.shares_blocks() && self.open.absorb(&planned) {
             self.merged_moves += 1;
-        } else if self.close() {
-            self.open.begin(&planned, self.extruder_256ths);
         } else {
-            return Err(MoveError::NoRoom);
+            while !self.close() {
+                if !make_room(self) {
+                    return Err(MoveError::NoRoom);
+                }
+            }
+            self.open.begin(&planned, self.extruder_256ths);
         }
         self.follow(&next, &planned);
         Ok(Moved::Queued)

@@ -8,12 +8,15 @@ mod command;
 mod desk;
 mod drivers;
 mod entries;
+mod estimates;
 mod exactness;
 mod extrusion;
 mod heater_faults;
 mod hostile;
 mod hosts;
 mod methods;
+#[cfg(unix)]
+mod outputs;
 mod papers;
 mod prepared;
 mod prints;
