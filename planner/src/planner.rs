@@ -541,7 +541,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         }
     }
 
-    /// Does a little work; hands at most [`crate::interpolator::MAX_ENTRIES`] entries and one notice to `sink`.
+    /// Does a little work; hands at most [`crate::interpolator::MAX_ENTRIES`] entries and two notices to `sink`.
     #[inline]
     pub fn advance(&mut self, sink: &mut impl StepSink) -> Progress {
         if self.interpolator.is_busy() {

@@ -82,6 +82,8 @@ fn machine(random: &mut Random, acceleration: &str) -> String {
     let steps = steps.map(|steps| (steps * 100.0).round() / 100.0);
     // Motors of X and Y alike, as they are.
     let [x, _, z, e] = steps;
+    // Within what events may follow each other, both motors of CoreXY for one axis.
+    let [feed_x, feed_z, feed_e] = [(300.0, x), (30.0, z), (100.0, e)].map(|(most, steps)| f64::min(most, 200_000.0 / steps));
     let print = random.magnitude(200.0, 10_000.0).round();
     let jerk = random.magnitude(2_000.0, 500_000.0).round();
     let deviation = (random.magnitude(0.005, 0.2) * 1e4).round() / 1e4;
@@ -90,7 +92,7 @@ fn machine(random: &mut Random, acceleration: &str) -> String {
         "name = \"hostile\"\nkinematics = \"{kinematics}\"\nacceleration = \"{acceleration}\"\n\
          size_mm = {{ x = 200, y = 200, z = 200 }}\n\
          steps_per_mm = {{ x = {x}, y = {x}, z = {z}, e = {e} }}\n\
-         max_feed_mm_per_s = {{ x = 300, y = 300, z = 30, e = 100 }}\n\
+         max_feed_mm_per_s = {{ x = {feed_x}, y = {feed_x}, z = {feed_z}, e = {feed_e} }}\n\
          max_acceleration_mm_per_s2 = {{ x = {print}, y = {print}, z = 500, e = 10000 }}\n\
          acceleration_mm_per_s2 = {{ print = {print}, travel = {print}, retract = 1500 }}\n\
          junction_deviation_mm = {deviation}\n\
@@ -106,7 +108,7 @@ fn machine(random: &mut Random, acceleration: &str) -> String {
 const HOME: &str = "end = \"min\"\nsensor = \"end-stop\"\nposition_mm = 0\nfast_mm_per_s = 30\nslow_mm_per_s = 5\n\
                     back_off_mm = 2\n";
 
-const HEATER: &str = "min_celsius = 5\nmax_celsius = 130\nproportional = 0.1\nintegral = 0.004\nderivative = 0.1\n\
+const HEATER: &str = "min_celsius = 5\nmax_celsius = 200\nproportional = 0.1\nintegral = 0.004\nderivative = 0.1\n\
                       residency_window_celsius = 1\nresidency_s = 10\n";
 
 /// Writes a program; positions are in hundredths of a micrometre, as the G-code's last digit.
