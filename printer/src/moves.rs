@@ -317,13 +317,8 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         self.wait_ms(milliseconds).await
     }
 
-    /// G92: the coordinates change, the machine stands. Without words all become zero.
+    /// G92: the coordinates change, the machine stands.
     pub(crate) fn set_position(&mut self, words: &AxisWords) -> Result<(), CommandError> {
-        let mut words = *words;
-        if words == AxisWords::default() {
-            let zero = Some(Decimal::from_nanos(0));
-            words = AxisWords { x: zero, y: zero, z: zero, e: zero };
-        }
         let mut offset = self.modal.offset_10nm;
         for (axis, word) in [words.x, words.y, words.z].into_iter().enumerate() {
             if let Some(value) = word {

@@ -4,7 +4,9 @@ use core::future::{Future, poll_fn};
 use core::pin::pin;
 
 use embedded_hal_async::delay::DelayNs;
-use ferrostep_gcode::{AxisFlags, Command, EndStopState, FirmwareInfo, Position, Reply, parse};
+use ferrostep_gcode::{
+    AxisFlags, Command, EndStopState, FirmwareInfo, Position, Remarks, Reply, ShortText, parse_with_remarks,
+};
 use ferrostep_hal_shim::{Clock, Heater};
 use ferrostep_planner::{AccelerationProfile, Interpolation, Kinematics};
 
@@ -57,6 +59,8 @@ pub struct Printer<'a, M, H, T, R> {
     /// Number of the line being executed.
     pub(crate) line: u32,
     last_line: i64,
+    /// What has been said of this job's lines.
+    said: Remarks,
     emergency_parser: bool,
     timing: Option<&'a dyn Timing>,
     pub(crate) drivers: Option<&'a dyn MotorDrivers>,
@@ -80,6 +84,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
             unseen: Unseen::default(),
             line: 0,
             last_line: 0,
+            said: Remarks::NONE,
             emergency_parser: false,
             timing: None,
             drivers: None,
@@ -147,7 +152,11 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
     }
 
     async fn answer(&mut self, line: u32, text: &str) -> Result<(), Failure> {
-        let parsed = parse(text);
+        let mut remarks = Remarks::NONE;
+        let parsed = parse_with_remarks(text, &mut remarks);
+        if !remarks.is_empty() && parsed.is_ok() {
+            self.remark(line, text, &remarks);
+        }
         let failure = match &parsed {
             Ok(command) => match self.command_with_signs_of_life(command).await {
                 Ok(answer) => {
@@ -163,6 +172,20 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
         self.replies.refuse(line, &failure);
         self.replies.send(Reply::Ok);
         Err(failure)
+    }
+
+    /// Says what of a line is ignored or changed, each thing once a job.
+    #[cold]
+    fn remark(&mut self, line: u32, text: &str, remarks: &Remarks) {
+        let new = self.said.merge(remarks);
+        if new.is_empty() {
+            return;
+        }
+        let mut reply = Text::new();
+        let text = ShortText::new(text);
+        // What does not fit is cut.
+        let _ = core::fmt::write(&mut reply, format_args!("echo:line {line}: \"{text}\": {new} (said once a job)"));
+        self.replies.send(Reply::Text(&reply));
     }
 
     /// Executes a command and, while it takes long, says `busy` as often as M113 asks: hosts take a printer that is
@@ -285,6 +308,8 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
                 self.motion.set_fan_power(power).await?;
             }
             Command::EndWait => self.signals.end_wait(),
+            // A host begins a job with it.
+            Command::SetLineNumber(Some(_)) => self.said = Remarks::NONE,
             Command::SetLineNumber(None) => self.replies.send(Reply::LastLine(self.last_line)),
             Command::EmergencyStop => return self.emergency_stop(),
             Command::KeepAlive(Some(seconds)) => self.signals.set_keep_alive_s(seconds),
@@ -333,7 +358,6 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
             | Command::Fan { .. }
             | Command::SetNozzle(None)
             | Command::SetBed(None)
-            | Command::SetLineNumber(Some(_))
             | Command::Accepted => {}
         }
         Ok(Answer::Ok)

@@ -13,6 +13,7 @@ mod extrusion;
 mod heater_faults;
 mod hosts;
 mod methods;
+mod odd_lines;
 mod papers;
 mod prepared;
 mod prints;
