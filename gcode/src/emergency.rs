@@ -103,9 +103,8 @@ impl EmergencyScanner {
                 State::PromptDigits(answer) => Emergency::PromptAnswer(answer),
                 _ => return None,
             };
-            let may_act = emergency == Emergency::Stop
-                || !line.is_numbered
-                || line.checksum.verdict() == Checksum::Right;
+            let may_act =
+                emergency == Emergency::Stop || !line.is_numbered || line.checksum.verdict() == Checksum::Right;
             return may_act.then_some(emergency);
         }
         if !matches!(self.state, State::Other) {

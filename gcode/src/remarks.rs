@@ -97,7 +97,8 @@ impl fmt::Display for Remarks {
                 separator = "; ";
             }
         }
-        for says in ABOUT_LINE.iter().zip(0..).filter(|(_, bit)| self.about_line >> bit & 1 == 1).map(|(says, _)| says) {
+        for says in ABOUT_LINE.iter().zip(0..).filter(|(_, bit)| self.about_line >> bit & 1 == 1).map(|(says, _)| says)
+        {
             write!(out, "{separator}{says}")?;
             separator = "; ";
         }

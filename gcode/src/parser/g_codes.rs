@@ -81,7 +81,10 @@ fn arc<'a>(code: Code<'a>, clockwise: bool, remarks: &mut Remarks) -> Result<Com
     let mut words = code.words(remarks)?;
     // P asks for more full circles, K for an arc in another plane.
     if words.is_not_zero(b'P') || words.is_not_zero(b'K') {
-        return Err(not_supported("G2 and G3 with P or K", "the arc would be missing, expected arcs in XY, once around"));
+        return Err(not_supported(
+            "G2 and G3 with P or K",
+            "the arc would be missing, expected arcs in XY, once around",
+        ));
     }
     let form = match (words.value(b'R'), words.value(b'I'), words.value(b'J')) {
         (Some(radius), _, _) => ArcForm::Radius(radius),

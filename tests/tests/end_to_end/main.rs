@@ -14,6 +14,7 @@ mod heater_faults;
 mod hosts;
 mod methods;
 mod odd_lines;
+mod overflow;
 mod papers;
 mod prepared;
 mod prints;

@@ -32,9 +32,8 @@ fn notices(outcome: &Outcome) -> Vec<&str> {
 /// The end of a print with a dwell of no time, as the start of what switches everything off.
 #[test]
 fn an_end_block_with_a_bare_dwell_runs_to_its_end() {
-    let text = format!(
-        "{PROLOGUE}M104 S60\nM140 S40\nM106 S99\n{EPILOGUE}G4 ; wait\nM104 S0\nM140 S0\nM107\nG1 X50\nM84\n"
-    );
+    let text =
+        format!("{PROLOGUE}M104 S60\nM140 S40\nM106 S99\n{EPILOGUE}G4 ; wait\nM104 S0\nM140 S0\nM107\nG1 X50\nM84\n");
     for command in ["print", "estimate", "preprocess"] {
         let outcome = run(command, &text);
         assert_eq!(outcome.status, Some(0), "{command}: {outcome:#?}");
