@@ -15,7 +15,7 @@ use crate::ports::{Heating, Motion, Replies};
 use crate::printer::Printer;
 
 /// Logical extruder positions stay within 10,000 km.
-const MAX_EXTRUDER_10NM: i64 = 1_000_000_000_000_000;
+pub(crate) const MAX_EXTRUDER_10NM: i64 = 1_000_000_000_000_000;
 
 /// No chord is longer: 2 sqrt(2 r c) with the largest radius, 10 m, and c of 0.01 mm is 28.3 mm.
 const LONGEST_CHORD_10NM: i64 = 3_000_000;
@@ -331,6 +331,9 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
             None => Some(self.modal.extruder_10nm),
         };
         self.modal.extruder_10nm = extruder.ok_or(CommandError::TooMuchFilament)?;
+        if words.e.is_some() {
+            self.block_extruder = None;
+        }
         self.modal.offset_10nm = offset;
         Ok(())
     }

@@ -13,7 +13,7 @@ use ferrostep_planner::{AccelerationProfile, Interpolation, Kinematics};
 use crate::error::{CommandError, Failure};
 use crate::modal::{Modal, Tally};
 use crate::ports::{Equipment, Heating, Motion, MotorDrivers, Replies, Signals, Timing};
-use crate::prepared::Unseen;
+use crate::prepared::{BlockExtruder, Unseen};
 use crate::profile::{HomeEnd, HomeSensor, Profile};
 use crate::transfer::JobRequest;
 use crate::waits::temperatures;
@@ -56,6 +56,8 @@ pub struct Printer<'a, M, H, T, R> {
     pub(crate) modal: Modal,
     pub(crate) tally: Tally,
     pub(crate) unseen: Unseen,
+    /// Since the first block of a prepared job, or since G92.
+    pub(crate) block_extruder: Option<BlockExtruder>,
     /// Number of the line being executed.
     pub(crate) line: u32,
     last_line: i64,
@@ -82,6 +84,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
             modal: Modal::new(profile),
             tally: Tally::default(),
             unseen: Unseen::default(),
+            block_extruder: None,
             line: 0,
             last_line: 0,
             said: Remarks::NONE,
@@ -134,6 +137,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
 
     /// Waits until all motion has ended, as at the end of a job.
     pub async fn finish(&mut self) -> Result<(), CommandError> {
+        self.block_extruder = None;
         Ok(self.motion.finish().await?)
     }
 
