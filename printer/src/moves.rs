@@ -126,6 +126,9 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         let share = |whole: i64, index: u32| (i128::from(whole) * i128::from(index) / chords) as i64;
         let rise = target.machine_10nm[2] - from[2];
 
+        let extruder_before = self.modal.extruder_10nm;
+        let extrusion_10nm = target.extruder_10nm - extruder_before;
+
         let mut clamped = [false; 3];
         let mut pushed = 0;
         for (index, [x, y]) in (1..).zip(arc.inner_points()) {
@@ -144,9 +147,11 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
                 ends_move: false,
             };
             pushed += push;
-            let added = self.motion.add(chord).await;
+            self.motion.add(chord).await?;
+            // Taken: a stop on the way takes back what is left of it, here as in the planner.
             self.modal.machine_10nm = point;
-            added?;
+            self.modal.extruder_10nm = extruder_before + share(extrusion_10nm, index);
+            self.tally.filament_100pm += push;
             self.modal.extrusion = extrusion;
         }
         self.clamp_into(&mut target.machine_10nm, &mut clamped);
@@ -164,7 +169,7 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         };
         self.motion.add(last).await?;
         self.modal.extrusion = extrusion;
-        self.moved(&target, pushed + push, true, clamped);
+        self.moved(&target, push, true, clamped);
         Ok(())
     }
 
@@ -281,14 +286,17 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         // Draw back before lifting, lower before pushing forward: the nozzle never oozes in the air.
         if retract {
             self.motion.add(Move { target_10nm: here, ..filament_move }).await?;
+            self.tally.filament_100pm += filament;
+            self.modal.retracted = true;
             self.motion.add(lift).await?;
+            self.modal.lift_10nm = settings.lift_10nm;
         } else {
             self.motion.add(lift).await?;
+            self.modal.lift_10nm = 0;
             self.motion.add(filament_move).await?;
+            self.tally.filament_100pm += filament;
+            self.modal.retracted = false;
         }
-        self.modal.lift_10nm = if retract { settings.lift_10nm } else { 0 };
-        self.modal.retracted = retract;
-        self.tally.filament_100pm += filament;
         Ok(())
     }
 
