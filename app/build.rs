@@ -127,14 +127,23 @@ fn limits_constant(limits: &Limits) -> String {
         travel_acceleration_mm_per_s2,
         retract_acceleration_mm_per_s2,
         junction_deviation_mm,
+        instantaneous_corner_velocity_mm_per_s,
     } = limits;
     format!(
         "Limits {{ max_feed_mm_per_s: {max_feed_mm_per_s:?}, max_acceleration_mm_per_s2: {max_acceleration_mm_per_s2:?}, \
          print_acceleration_mm_per_s2: {print_acceleration_mm_per_s2:?}, \
          travel_acceleration_mm_per_s2: {travel_acceleration_mm_per_s2:?}, \
          retract_acceleration_mm_per_s2: {retract_acceleration_mm_per_s2:?}, \
-         junction_deviation_mm: {junction_deviation_mm:?} }}"
+         junction_deviation_mm: {junction_deviation_mm:?}, instantaneous_corner_velocity_mm_per_s: {} }}",
+        corner_velocities(instantaneous_corner_velocity_mm_per_s)
     )
+}
+
+/// `Debug` shows an infinite number as no literal.
+fn corner_velocities(limits: &[f64; 4]) -> String {
+    let [x, y, z, e] =
+        limits.map(|limit| if limit.is_finite() { format!("{limit:?}") } else { "f64::INFINITY".to_owned() });
+    format!("[{x}, {y}, {z}, {e}]")
 }
 
 fn motion_constant(motion: &MotionChoice) -> String {

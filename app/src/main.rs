@@ -378,7 +378,7 @@ mod app {
         reader, measured, job: [u8; JOB_BYTES] = [0; JOB_BYTES],
     ])]
     async fn printer(cx: printer::Context) {
-        let motion = SharedMotion(BoardMachineLock::new(cx.shared.machine, &SIGNALS));
+        let motion = SharedMotion::new(BoardMachineLock::new(cx.shared.machine, &SIGNALS));
         let heating = BoardHeating(RefCell::new(cx.shared.heat));
         let replies = BoardReplies::new(cx.shared.writers);
         let mut printer = Printer::new(&PROFILE, motion, heating, SystemClock::default(), &replies, &SIGNALS);

@@ -21,7 +21,7 @@ use ferrostep_planner::{
     TICKS_PER_SECOND,
 };
 use ferrostep_printer::heat::{HeatControl, HeatFault, SAMPLE_MS};
-use ferrostep_printer::{MotionError, Profile, Seek};
+use ferrostep_printer::{Miscount, MotionError, Profile, Seek};
 
 use crate::gpre::Script;
 use crate::record::Observer;
@@ -150,6 +150,9 @@ pub struct Desk<O> {
     underruns: u64,
     homing_ticks: u64,
     homing_since: Option<u64>,
+    /// A motor that stood elsewhere than its block ends, until a command has been told; and how often that was.
+    miscount: Option<Miscount>,
+    miscounts: u64,
     /// What is written down, if anything is.
     script: Option<Script>,
 }
@@ -183,6 +186,8 @@ impl<O: Observer> Desk<O> {
             underruns: 0,
             homing_ticks: 0,
             homing_since: None,
+            miscount: None,
+            miscounts: 0,
             script: (mode == Mode::Prepare).then(Script::default),
         }
     }
@@ -220,6 +225,7 @@ impl<O: Observer> Desk<O> {
             planning_slowdowns: 0,
             made_up_updates: 0,
             refused_entries: 0,
+            miscounts: self.miscounts,
         }
     }
 
@@ -402,6 +408,11 @@ impl<O: Observer> Desk<O> {
     fn deliver_notices(&mut self, upto: u64) {
         while let Some(notice) = self.queues.notices.pop_front_if(|notice| notice.tick() <= upto) {
             match notice {
+                Notice::BlockEnded { motor_steps, .. } => {
+                    let miscount = Miscount::between(self.board.motors.steps.motor_steps(), motor_steps);
+                    self.miscount = self.miscount.or(miscount);
+                    self.miscounts += u64::from(miscount.is_some());
+                }
                 Notice::MoveEnded { tick, line } => {
                     self.last_notice = tick;
                     self.observer.observer.move_ended(tick, line);
@@ -409,6 +420,15 @@ impl<O: Observer> Desk<O> {
                 Notice::FanPower { power, .. } => self.board.heaters.set_fan_power(power),
             }
         }
+    }
+
+    /// Takes note of a motor that stood elsewhere than its block ends; motion has stopped then.
+    fn take_miscount(&mut self) -> Option<Miscount> {
+        let miscount = self.miscount.take();
+        if miscount.is_some() {
+            self.stop();
+        }
+        miscount
     }
 
     /// From now on it is homing that the motors move for.

@@ -221,10 +221,12 @@ pub enum Command<'a> {
         /// S: print and travel together (older slicers).
         both: Option<Decimal>,
     },
-    /// M205; only J (junction deviation) has an effect, X Y Z E S T B are accepted.
+    /// M205; S T B are accepted without effect.
     Junction {
         /// J, mm.
         deviation: Option<Decimal>,
+        /// X Y Z E ("jerk"): by how much the speed of an axis may differ before and after a corner, mm/s.
+        corner_velocity: AxisWords,
     },
     /// M207.
     RetractSettings(RetractionWords),

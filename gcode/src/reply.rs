@@ -58,6 +58,8 @@ pub struct MotionFigures {
     pub made_up_updates: u64,
     /// Entries that the step queue refused; each has stopped motion.
     pub refused_entries: u64,
+    /// Blocks at whose end a motor stood elsewhere than it must.
+    pub miscounts: u64,
 }
 
 /// How long something takes that happens often (M798). Percentiles are upper limits.

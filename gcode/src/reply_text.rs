@@ -176,6 +176,7 @@ fn write_motion(formatter: &mut Formatter<'_>, figures: &MotionFigures) -> fmt::
         planning_slowdowns,
         made_up_updates,
         refused_entries,
+        miscounts,
     } = figures;
     let [x, y, z, e] = issued_steps;
     write!(
@@ -183,7 +184,7 @@ fn write_motion(formatter: &mut Formatter<'_>, figures: &MotionFigures) -> fmt::
         "echo:motion order_digest:{order_digest:016x} step_digest:{step_digest:016x} underruns:{underruns} \
          starvation_flushes:{starvation_flushes} steps X:{x} Y:{y} Z:{z} E:{e} idle_flushes:{idle_flushes} \
          slowed_moves:{slowed_moves} merged_moves:{merged_moves} planning_slowdowns:{planning_slowdowns} \
-         made_up_updates:{made_up_updates} refused_entries:{refused_entries}"
+         made_up_updates:{made_up_updates} refused_entries:{refused_entries} miscounts:{miscounts}"
     )
 }
 
@@ -282,12 +283,13 @@ mod tests {
             planning_slowdowns: 10,
             made_up_updates: 11,
             refused_entries: 12,
+            miscounts: 13,
         };
         says(
             Reply::Motion(figures),
             "echo:motion order_digest:cbf29ce484222325 step_digest:000000000000002a underruns:1 \
              starvation_flushes:2 steps X:3 Y:4 Z:5 E:6 idle_flushes:7 slowed_moves:8 merged_moves:9 \
-             planning_slowdowns:10 made_up_updates:11 refused_entries:12",
+             planning_slowdowns:10 made_up_updates:11 refused_entries:12 miscounts:13",
         );
     }
 

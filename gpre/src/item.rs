@@ -26,7 +26,10 @@ pub enum Item<'a> {
 
 /// Limits of the machine as M201, M203, M204 and M205 set them, mm and s: largest feeds and accelerations of X, Y, Z and
 /// the filament, accelerations of printing, travel and retraction, junction deviation.
-pub type LimitValues = [f32; 12];
+pub type LimitValues = [f32; 16];
+
+/// Where in [`LimitValues`] the instantaneous corner velocities begin, which may be infinite.
+pub(crate) const FIRST_CORNER_VALUE: usize = 12;
 
 /// What lasts from move to move: with it a job can be entered at a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -96,12 +96,21 @@ pub struct Trajectory {
 pub enum Status {
     /// The source line of what comes next.
     Line(u32),
-    /// A move ends inside the next trajectory.
+    /// A move, or a part of an arc, ends inside the next trajectory. Its steps and its filament follow.
     InnerEnd {
-        /// Path position from its start, units of 10 nm.
+        /// Path position from the trajectory's start, units of 10 nm.
         length_10nm: u16,
         /// By how many lines it is before the trajectory's.
         lines_before: u8,
+    },
+    /// Signed steps of X, Y and Z (CoreXY: A, B, Z) that lead to the inner end before this, from the one before it.
+    InnerSteps([i8; 3]),
+    /// What else leads there.
+    InnerExtruder {
+        /// Signed travel of the extruder, 1/256 steps.
+        travel_256ths: i16,
+        /// Whether the line's move ends there.
+        ends_move: bool,
     },
     /// The fan, 0 to 255.
     Fan(u8),
@@ -172,7 +181,9 @@ impl Packet {
             3 => Status::Fan(a),
             4 => Status::Text([a, b, c]),
             5 if usize::from(a) < PLACE_PARTS => Status::Place { part: a, bits: u16::from_le_bytes([b, c]) },
-            _ => return Err(Fault::Content("a status command of a kind from 1 to 5")),
+            6 => Status::InnerSteps([a, b, c].map(u8::cast_signed)),
+            7 => Status::InnerExtruder { travel_256ths: i16::from_le_bytes([a, b]), ends_move: c & 1 == 1 },
+            _ => return Err(Fault::Content("a status command of a kind from 1 to 7")),
         }))
     }
 
@@ -196,6 +207,14 @@ impl Packet {
                     Status::InnerEnd { length_10nm, lines_before } => {
                         let [a, b] = length_10nm.to_le_bytes();
                         [2, a, b, lines_before]
+                    }
+                    Status::InnerSteps(steps) => {
+                        let [x, y, z] = steps.map(i8::cast_unsigned);
+                        [6, x, y, z]
+                    }
+                    Status::InnerExtruder { travel_256ths, ends_move } => {
+                        let [a, b] = travel_256ths.to_le_bytes();
+                        [7, a, b, ends_move.into()]
                     }
                     Status::Fan(power) => [3, power, 0, 0],
                     Status::Text([a, b, c]) => [4, a, b, c],

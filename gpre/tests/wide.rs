@@ -37,6 +37,8 @@ fn status() -> impl Strategy<Value = Status> {
     prop_oneof![
         (0u32..1 << 24).prop_map(Status::Line),
         any::<(u16, u8)>().prop_map(|(length_10nm, lines_before)| Status::InnerEnd { length_10nm, lines_before }),
+        any::<[i8; 3]>().prop_map(Status::InnerSteps),
+        any::<(i16, bool)>().prop_map(|(travel_256ths, ends_move)| Status::InnerExtruder { travel_256ths, ends_move }),
         any::<u8>().prop_map(Status::Fan),
         any::<[u8; 3]>().prop_map(Status::Text),
         (0u8..12, any::<u16>()).prop_map(|(part, bits)| Status::Place { part, bits }),

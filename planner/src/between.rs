@@ -1,6 +1,6 @@
 //! The extruder's steps between the master's.
 
-use crate::step_times::{NEVER, StepTimes};
+use crate::step_times::StepTimes;
 use crate::time_law::{FRACTION_BITS, HALF_TICK};
 
 /// What comes before the master's next step.
@@ -54,13 +54,10 @@ impl Between {
         self.free = free;
     }
 
-    /// How far behind the last event the extruder's next step is, in time units, half a tick included; out of reach where
-    /// there is none.
-    fn distance(&self, extruder: &StepTimes) -> u64 {
-        if extruder.next() == NEVER {
-            return NEVER;
-        }
-        extruder.next().wrapping_add(HALF_TICK).wrapping_sub(self.start)
+    /// How far after the last event the extruder's next step is, in time units, half a tick included; `None` where it
+    /// makes no more. Wraps where it should have come before that event.
+    fn distance(&self, extruder: &StepTimes) -> Option<u64> {
+        extruder.next().map(|due| due.wrapping_add(HALF_TICK).wrapping_sub(self.start))
     }
 
     /// How many of `count` steps of the master come before the extruder's next step, of which none is due for `free`
@@ -74,8 +71,9 @@ impl Between {
         if last >> FRACTION_BITS < u64::from(free) {
             return count;
         }
+        let Some(distance) = self.distance(extruder) else { return count };
         // Cut.
-        let distance = self.distance(extruder).saturating_sub(gap) >> 12;
+        let distance = distance.saturating_sub(gap) >> 12;
         let interval = u32::try_from(interval >> 12).unwrap_or(u32::MAX).saturating_add(1);
         let fitting = u32::try_from(distance).unwrap_or(u32::MAX) / interval;
         fitting.saturating_add(1).min(count)
@@ -95,11 +93,13 @@ impl Between {
     #[inline(never)]
     pub(crate) fn look(&mut self, extruder: &mut StepTimes, free: u32, gap: u64, number: usize) -> Look {
         self.settle(free);
-        let behind = self.distance(extruder);
+        let Some(behind) = self.distance(extruder) else {
+            self.free = u32::MAX;
+            return Look::Free;
+        };
         if behind >= gap {
-            // It wraps where an event had to keep its distance, and is behind already.
-            let is_late = behind != NEVER && behind > NEVER / 2;
-            if is_late {
+            // An event had to keep its distance, and the step should have come before it.
+            if behind.cast_signed() < 0 {
                 return Look::TooNear;
             }
             // It may be of the same tick. There is no other question before the one for the event after that.

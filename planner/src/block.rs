@@ -1,7 +1,7 @@
 //! What look-ahead hands to interpolation: a move made of integers.
 
 use crate::TICKS_PER_SECOND;
-use crate::inner_ends::InnerEnds;
+use crate::inner_ends::{InnerEnds, Stretch};
 use crate::kinematics::UNITS_PER_MM;
 use crate::square_root::square_root_f32;
 
@@ -212,6 +212,19 @@ impl Block {
     /// 2 a S in units of [`SquaredSpeed`], below 2^63.
     pub(crate) fn reach(&self) -> u64 {
         u64::from(self.acceleration.0) * u64::from(self.length_10nm)
+    }
+
+    /// A stretch of the block as a block of its own.
+    pub(crate) fn part(&self, stretch: &Stretch) -> Self {
+        Self {
+            steps: stretch.steps,
+            extruder_256ths: stretch.extruder_256ths,
+            length_10nm: stretch.length_10nm,
+            line: stretch.line,
+            ends_move: stretch.ends_move,
+            inner_ends: InnerEnds::NONE,
+            ..*self
+        }
     }
 
     /// Step events: those of the motor with most steps; the others step with it.

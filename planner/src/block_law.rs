@@ -15,12 +15,6 @@ pub(crate) trait BlockLaw<F: Real> {
     /// Its reciprocal.
     fn per_length(&self) -> F;
 
-    /// Duration in whole ticks, the nearest.
-    fn duration_ticks(&self) -> u64;
-
-    /// When a path position is reached; positions outside are taken to the nearer end.
-    fn time_at(&self, length_10nm: u32) -> u64;
-
     /// Starts with the steps of a motor along the block, none of them due before `earliest`.
     fn start(&self, times: &mut StepTimes, steps: &Spacing<F>, earliest: u64);
 }
@@ -34,16 +28,6 @@ impl<F: Real> BlockLaw<F> for Trapezoid<F> {
     #[inline]
     fn per_length(&self) -> F {
         self.per_length
-    }
-
-    #[inline]
-    fn duration_ticks(&self) -> u64 {
-        self.duration_ticks()
-    }
-
-    #[inline]
-    fn time_at(&self, length_10nm: u32) -> u64 {
-        self.time_at(length_10nm)
     }
 
     #[inline]
@@ -62,14 +46,6 @@ macro_rules! law {
 
             fn per_length(&self) -> f64 {
                 1.0 / self.length
-            }
-
-            fn duration_ticks(&self) -> u64 {
-                self.duration_ticks()
-            }
-
-            fn time_at(&self, length_10nm: u32) -> u64 {
-                self.time_at(length_10nm)
             }
 
             fn start(&self, times: &mut StepTimes, steps: &Spacing<f64>, earliest: u64) {

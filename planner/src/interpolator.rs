@@ -16,15 +16,15 @@ use crate::bresenham::MAX_STEPS;
 use crate::entries::Entries;
 use crate::extruder::rounded_steps;
 use crate::follower::Follower;
-use crate::inside::Inside;
+use crate::inner_ends::{Stretch, Stretches};
 use crate::kinematics::Kinematics;
 use crate::method::Method;
 use crate::motion_choice::MotionChoice;
 use crate::offered::INTERPOLATIONS;
 use crate::real::Real;
-use crate::spacing::{ExtruderTravel, Spacing};
+use crate::spacing::{ExtruderTravel, Spacing, Span};
 use crate::step_queue::{Notice, StepEntry, StepSink};
-use crate::step_times::{NEVER, StepTimes};
+use crate::step_times::StepTimes;
 use crate::time_law::{FRACTION_BITS, HALF_TICK, Precision, TimeLaw};
 use streams::Streams;
 
@@ -46,7 +46,17 @@ const MOVE_BEGINS: u8 = 1 << 7;
 /// A gap of so many time units or more is no 32-bit number of ticks.
 const FAR: u64 = 1 << (32 + FRACTION_BITS);
 
-/// Turns one block at a time into step events.
+/// What is left of a block in which several moves end.
+#[derive(Clone, Copy, Debug)]
+struct Rest {
+    law: TimeLaw,
+    stretches: Stretches,
+    /// Path position at which the present stretch ends, units of 10 nm.
+    end_10nm: u32,
+}
+
+/// Turns one block at a time into step events, move by move: each *stretch* of a block has motor steps of its own, and all
+/// follow the block's time law.
 ///
 /// Within a block, times are in units of 2^-16 tick from its start. They wrap: what is before it is just below 2^64.
 #[derive(Clone, Copy, Debug)]
@@ -65,14 +75,15 @@ pub struct Interpolator {
     entries: Entries,
     /// The direction signals as they stand.
     directions: u8,
-    /// Extruder position at the start of the next (or present) block.
+    /// Extruder position at the end of the present stretch (or the last one).
     extruder_256ths: i64,
     is_busy: bool,
     /// The present block's duration.
     duration_ticks: u64,
-    extruder_end_256ths: i64,
-    /// Line of the move that ends with the block.
+    /// Line of the move that ends with the present stretch.
     line: Option<u32>,
+    /// The stretches to come.
+    rest: Option<Rest>,
     master: StepTimes,
     master_bit: u8,
     followers: [Follower; 2],
@@ -82,13 +93,13 @@ pub struct Interpolator {
     /// What the master's next event has to mind: [`EXTRUDER`] when its step waits for it, being near, and
     /// [`MOVE_BEGINS`].
     joining: u8,
-    inside: Inside,
     method: Method,
     streams: Streams,
 }
 
 impl Interpolator {
-    /// An interpolator at tick 0 of the motion clock, all motors forwards. Events are at least a tick apart.
+    /// An interpolator at tick 0 of the motion clock, all motors forwards. Events are at least `minimum_event_interval_ticks`
+    /// apart, and at least a tick.
     pub fn new(minimum_event_interval_ticks: u32) -> Self {
         let minimum_interval = minimum_event_interval_ticks.max(1);
         Self {
@@ -103,15 +114,14 @@ impl Interpolator {
             extruder_256ths: 0,
             is_busy: false,
             duration_ticks: 0,
-            extruder_end_256ths: 0,
             line: None,
+            rest: None,
             master: StepTimes::NONE,
             master_bit: 0,
             followers: [Follower::NONE; 2],
             masters_events: [StepEntry::wait(0); 2],
             extruder: StepTimes::NONE,
             joining: 0,
-            inside: Inside::NONE,
             method: Method::new(&MotionChoice::DEFAULT, Kinematics::Cartesian),
             streams: Streams::NONE,
         }
@@ -134,6 +144,13 @@ impl Interpolator {
         self.clock
     }
 
+    /// Forgets the present block: a new interpolator, with the motors at rest at this tick of the motion clock, the
+    /// extruder here and the direction signals so.
+    pub fn stand_at(&mut self, clock: u64, extruder_256ths: i64, directions: u8) {
+        let Self { minimum_interval, method, .. } = *self;
+        *self = Self { method, clock, extruder_256ths, directions, ..Self::new(minimum_interval) };
+    }
+
     /// Starts a block; the one before must be finished. Returns the block's duration in ticks.
     #[inline]
     pub fn begin(&mut self, planned: &PlannedBlock, law: &TimeLaw, sink: &mut impl StepSink) -> u64 {
@@ -148,61 +165,79 @@ impl Interpolator {
     /// What needs no sink, and is there once.
     #[inline(never)]
     fn begin_block(&mut self, block: &Block, law: &TimeLaw) {
+        self.is_busy = true;
+        self.duration_ticks = law.duration_ticks();
+        self.move_start = if (self.last as i64) > 0 { self.last } else { 0 };
+        self.rest = None;
+        let first = if block.inner_ends.is_empty() { Stretch::whole(block) } else { self.divide(block, law) };
+        self.begin_stretch(&first, law, HALF_TICK);
+    }
+
+    /// A block in which several moves end; returns its first stretch.
+    #[cold]
+    #[inline(never)]
+    fn divide(&mut self, block: &Block, law: &TimeLaw) -> Stretch {
+        let mut stretches = Stretches::of(block);
+        let first = stretches.next().unwrap_or(Stretch::whole(block));
+        let end_10nm = first.before_10nm.saturating_add(first.length_10nm);
+        self.rest = Some(Rest { law: *law, stretches, end_10nm });
+        first
+    }
+
+    /// The motors' steps along a stretch, none of them due before `earliest`.
+    #[inline]
+    fn begin_stretch(&mut self, stretch: &Stretch, law: &TimeLaw, earliest: u64) {
         let start_256ths = self.extruder_256ths;
-        let end_256ths = start_256ths + i64::from(block.extruder_256ths);
+        let end_256ths = start_256ths + i64::from(stretch.extruder_256ths);
         let (start_steps, end_steps) = (rounded_steps(start_256ths), rounded_steps(end_256ths));
-        let forward = block.extruder_256ths >= 0;
+        let forward = stretch.extruder_256ths >= 0;
         let threshold = start_steps * 256 + if forward { 128 } else { -128 };
         let extruder = ExtruderTravel {
-            whole: block.extruder_256ths.unsigned_abs(),
+            whole: stretch.extruder_256ths.unsigned_abs(),
             first: threshold.abs_diff(start_256ths) as u32,
             count: end_steps.abs_diff(start_steps) as u32,
         };
-        self.set_directions_of(block, extruder.count > 0);
-        self.extruder_end_256ths = end_256ths;
-        self.line = block.ends_move.then_some(block.line);
+        self.set_directions_of(stretch, extruder.count > 0);
+        self.extruder_256ths = end_256ths;
+        self.line = stretch.ends_move.then_some(stretch.line);
         self.joining = MOVE_BEGINS;
-        self.move_start = if (self.last as i64) > 0 { self.last } else { 0 };
-        self.is_busy = true;
-        // What was merged has ends inside, which only the default steps up to.
-        self.streams.are_on = !self.method.is_default() && block.inner_ends.is_empty();
+        // Moves share a block under the default only.
+        self.streams.are_on = !self.method.is_default() && self.rest.is_none();
         if self.streams.are_on {
-            self.start_streams(block, law, &extruder);
+            self.start_streams(stretch, law, &extruder);
             return;
         }
         match &law.0 {
-            Precision::Short(law) => self.start(block, law, &extruder),
-            Precision::Long(law) => self.start_long(block, law, &extruder),
-            Precision::Run(law) => self.start_long(block, law, &extruder),
-            Precision::Staircase(law) => self.start_long(block, law, &extruder),
+            Precision::Short(law) => self.start(stretch, law, &extruder, earliest),
+            Precision::Long(law) => self.start_long(stretch, law, &extruder, earliest),
+            Precision::Run(law) => self.start_long(stretch, law, &extruder, earliest),
+            Precision::Staircase(law) => self.start_long(stretch, law, &extruder, earliest),
         }
     }
 
-    fn set_directions_of(&mut self, block: &Block, extruder_moves: bool) {
+    fn set_directions_of(&mut self, stretch: &Stretch, extruder_moves: bool) {
         let mut moving = 0;
         let mut backwards = 0;
-        for (index, steps) in block.steps.iter().enumerate() {
+        for (index, steps) in stretch.steps.iter().enumerate() {
             moving |= u8::from(*steps != 0) << index;
             backwards |= u8::from(*steps < 0) << index;
         }
         if extruder_moves {
             moving |= EXTRUDER;
-            backwards |= if block.extruder_256ths < 0 { EXTRUDER } else { 0 };
+            backwards |= if stretch.extruder_256ths < 0 { EXTRUDER } else { 0 };
         }
         self.directions = self.directions & !moving | backwards;
     }
 
     #[cold]
     #[inline(never)]
-    fn start_long(&mut self, block: &Block, law: &impl BlockLaw<f64>, extruder: &ExtruderTravel) {
-        self.start(block, law, extruder);
+    fn start_long(&mut self, stretch: &Stretch, law: &impl BlockLaw<f64>, extruder: &ExtruderTravel, earliest: u64) {
+        self.start(stretch, law, extruder, earliest);
     }
 
-    /// The motors' steps along the block.
     #[inline]
-    fn start<F: Real>(&mut self, block: &Block, law: &impl BlockLaw<F>, extruder: &ExtruderTravel) {
-        self.duration_ticks = law.duration_ticks();
-        let magnitudes = block.steps.map(|steps| steps.unsigned_abs().min(MAX_STEPS));
+    fn start<F: Real>(&mut self, stretch: &Stretch, law: &impl BlockLaw<F>, extruder: &ExtruderTravel, earliest: u64) {
+        let magnitudes = stretch.steps.map(|steps| steps.unsigned_abs().min(MAX_STEPS));
         let [x, y, z] = magnitudes;
         // Z, which rarely steps with others, is the second follower.
         let (count, master_bit, followers) = if x >= y && x >= z {
@@ -217,12 +252,9 @@ impl Interpolator {
         let [(first_bit, _), _] = followers;
         self.masters_events = [master_bit, master_bit | first_bit].map(|bits| StepEntry::event(0, bits));
 
-        law.start(&mut self.master, &Spacing::of_master(law, count), HALF_TICK);
-        law.start(&mut self.extruder, &Spacing::of_extruder(law, extruder), HALF_TICK);
-        self.inside.start(block, law, magnitudes[0].max(y).max(z), extruder);
-        if !self.inside.is_over() {
-            self.allow_to_next_end(0);
-        }
+        let span = Span::of(stretch, law);
+        law.start(&mut self.master, &Spacing::of_master(&span, count), earliest);
+        law.start(&mut self.extruder, &Spacing::of_extruder(&span, extruder), earliest);
     }
 
     /// Works out the next events, or ends the block. Does nothing without one.
@@ -237,13 +269,42 @@ impl Interpolator {
                 sink.entries(self.entries.all_but_last());
                 self.entries.keep_last();
             }
-            Work::Closed(notice) => {
+            Work::Waited => {
+                sink.entries(self.entries.all());
+                self.entries.clear();
+            }
+            Work::StretchEnded(notice) => {
                 sink.entries(self.entries.all());
                 self.entries.clear();
                 if let Some(notice) = notice {
                     sink.notice(notice);
                 }
+                self.begin_next_stretch();
             }
+        }
+    }
+
+    /// Goes on with the next stretch of the block, if there is one.
+    #[inline]
+    fn begin_next_stretch(&mut self) {
+        if self.rest.is_some() {
+            self.begin_inner_stretch();
+        }
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn begin_inner_stretch(&mut self) {
+        let Some(rest) = &mut self.rest else { return };
+        let Some(stretch) = rest.stretches.next() else {
+            self.rest = None;
+            return;
+        };
+        rest.end_10nm = stretch.before_10nm.saturating_add(stretch.length_10nm);
+        let (law, before) = (rest.law, self.directions);
+        self.begin_stretch(&stretch, &law, self.move_start.wrapping_add(HALF_TICK));
+        if self.directions != before {
+            self.entries.push(StepEntry::directions(self.directions));
         }
     }
 
@@ -253,8 +314,9 @@ impl Interpolator {
         let mut room = EVENTS_AT_ONCE;
         while room > 0 {
             let (master, extruder) = (self.master.next(), self.extruder.next());
-            let behind = master.wrapping_add(HALF_TICK).wrapping_sub(self.last);
-            if behind < FAR {
+            // From the last event to the master's step; wraps where that should have come before it.
+            let behind = master.map(|due| due.wrapping_add(HALF_TICK).wrapping_sub(self.last));
+            if let Some(behind) = behind.filter(|&behind| behind < FAR) {
                 let (entries, has_joined) = match self.master.cruise() {
                     Some((cruise, steps)) => self.run_cruise(cruise, steps, behind, room),
                     None => match u32::try_from(behind) {
@@ -267,20 +329,22 @@ impl Interpolator {
                     continue;
                 }
             }
-            let due = master.min(extruder);
-            if due == NEVER {
-                return self.end_part();
-            }
+            let (due, to_master) = match (master, extruder) {
+                (None, None) => return self.end_stretch(),
+                (Some(master), Some(extruder)) if extruder < master => (extruder, Some(master - extruder)),
+                (Some(master), _) => (master, None),
+                (None, Some(extruder)) => (extruder, Some(u64::MAX)),
+            };
             // From the last event to the nearest tick; wraps where that is behind.
             let gap = due.wrapping_add(HALF_TICK).wrapping_sub(self.last);
             if gap >= FAR && self.has_waited(gap) {
-                return Work::Closed(None);
+                return Work::Waited;
             }
             room -= 1;
             let interval = (gap >> FRACTION_BITS) as u32;
-            let event = if extruder < master {
+            let event = if let Some(to_master) = to_master {
                 self.extruder.take(1);
-                if master - extruder < self.near {
+                if to_master < self.near {
                     // The extruder, the slower of the two, gives way: it steps with the master, which stays on time.
                     self.joining |= EXTRUDER;
                     continue;
@@ -307,8 +371,8 @@ impl Interpolator {
     #[cold]
     #[inline(never)]
     fn has_waited(&mut self, gap: u64) -> bool {
-        // Events are late by a few intervals at most.
-        if gap >= NEVER - FAR {
+        // What is due should have come before the last event.
+        if gap.cast_signed() < 0 {
             return false;
         }
         self.entries.push(StepEntry::wait(u32::MAX));
@@ -330,41 +394,31 @@ impl Interpolator {
         self.last = self.last.wrapping_add(u64::from(self.minimum_interval) << FRACTION_BITS);
     }
 
-    /// All steps up to the next move's end inside the block, or to its own end, have been made.
+    /// All steps of the present stretch have been made.
     #[inline(never)]
-    fn end_part(&mut self) -> Work {
-        let end = self.duration_ticks << FRACTION_BITS;
+    fn end_stretch(&mut self) -> Work {
+        let block_end = self.duration_ticks << FRACTION_BITS;
+        let inner_end = self.rest.as_ref().filter(|rest| !rest.stretches.is_over()).map(|rest| {
+            let time = rest.law.time_at(rest.end_10nm);
+            time.min(block_end).saturating_add(HALF_TICK) & WHOLE_TICKS
+        });
+        let end = inner_end.unwrap_or(block_end);
         let gap = end.wrapping_sub(self.last);
         if gap >= FAR && self.has_waited(gap) {
-            return Work::Closed(None);
+            return Work::Waited;
         }
-        // Nothing of the next move joins the last event of this one: at a move's end the motors stand at its end.
-        match self.inside.pass() {
-            Some(inner) => {
-                // Not before an event that had to keep its distance, nor before the end that was told last.
-                let time = inner.time.min(end).saturating_add(HALF_TICK) & WHOLE_TICKS;
-                self.joining |= MOVE_BEGINS;
-                self.move_start = later(later(time, self.last), self.move_start);
-                let tick = self.tick(self.move_start);
-                self.allow_to_next_end(self.move_start.wrapping_add(HALF_TICK));
-                Work::Closed(Some(Notice::MoveEnded { tick, line: inner.line }))
-            }
-            None => {
-                let tick = self.tick(later(end, self.last));
-                self.is_busy = false;
-                self.clock += self.duration_ticks;
-                self.last = self.last.wrapping_sub(end);
-                self.extruder_256ths = self.extruder_end_256ths;
-                Work::Closed(self.line.map(|line| Notice::MoveEnded { tick, line }))
-            }
+        // Nothing of the next move joins the last event of this one: at a move's end the motors stand at its end. Nor is
+        // that before an event that had to keep its distance, or before the end of the stretch before.
+        self.move_start = later(later(end, self.last), self.move_start);
+        let tick = self.tick(self.move_start);
+        let notice = self.line.map(|line| Notice::MoveEnded { tick, line });
+        if inner_end.is_none() {
+            self.rest = None;
+            self.is_busy = false;
+            self.clock += self.duration_ticks;
+            self.last = self.last.wrapping_sub(block_end);
         }
-    }
-
-    /// The motors step up to the next end of a move inside the block.
-    fn allow_to_next_end(&mut self, earliest: u64) {
-        let [master, extruder] = self.inside.steps_to_next();
-        self.master.allow(master, earliest);
-        self.extruder.allow(extruder, earliest);
+        Work::StretchEnded(notice)
     }
 
     /// Tick of the motion clock at a time of the block, a whole tick; wraps.
@@ -377,23 +431,9 @@ impl Interpolator {
         self.tick(later(self.last, 0))
     }
 
-    /// Forgets the present block; the motors stood still at `clock`, and the extruder is here.
-    pub fn abandon(&mut self, clock: u64, extruder_256ths: i64) {
-        self.is_busy = false;
-        self.entries.clear();
-        self.clock = clock;
-        self.last = 0;
-        self.extruder_256ths = extruder_256ths;
-    }
-
     /// The direction signals as they will stand after the last entry.
     pub fn directions(&self) -> u8 {
         self.directions
-    }
-
-    /// Takes over the direction signals as they stand after an abandoned block.
-    pub fn set_directions(&mut self, directions: u8) {
-        self.directions = directions;
     }
 }
 
@@ -401,8 +441,10 @@ impl Interpolator {
 enum Work {
     /// Events; another may still join the last of them.
     Events,
-    /// Nothing joins the last of them. What happens behind it.
-    Closed(Option<Notice>),
+    /// Time passes; nothing joins the event before.
+    Waited,
+    /// All steps of a stretch are there, and nothing joins the last of them. The move that ends with it.
+    StretchEnded(Option<Notice>),
 }
 
 /// The later of two times of a block, either of which may be before its start.

@@ -2,7 +2,7 @@
 
 use crate::block::Speed;
 use crate::kinematics::UNITS_PER_MM;
-use crate::limits::smaller;
+use crate::limits::{larger, smaller};
 use crate::path::{Path, Turn};
 use crate::square_root::square_root_f32;
 
@@ -43,6 +43,18 @@ fn radius_of(turn: Turn, before: &Path, after: &Path, four_deviations_10nm: f32)
     let fitting = shorter * ratio;
     let within_deviation = four_deviations_10nm * cosine * (1.0 + cosine) * ratio * inverse;
     if within_deviation < fitting { within_deviation } else { fitting }
+}
+
+/// The largest speed at which no axis changes its own speed at a corner by more than it may: |u_after - u_before| v <= limit,
+/// u being the share of the axis in the path. `per_limit` are the reciprocals of the limits of X, Y, Z and the filament,
+/// s/mm, 0 where there is none. Both paths have a length.
+#[inline(always)]
+pub fn speed_of_jumps(before: &Path, after: &Path, per_limit: [f32; 4]) -> Speed {
+    let [x, y, z, e] = Path::jumps(before, after);
+    let [per_x, per_y, per_z, per_e] = per_limit;
+    let strictest = larger(larger(x * per_x, y * per_y), larger(z * per_z, e * per_e));
+    // Without a jump this is infinite, and the cast saturates.
+    Speed((65_536.0 / strictest) as u32)
 }
 
 /// An acceleration in the units of a speed's square a unit of length.

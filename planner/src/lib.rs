@@ -29,7 +29,6 @@ mod budget;
 mod division;
 mod entries;
 mod follower;
-mod inside;
 mod junction;
 mod limits;
 mod merge;
@@ -56,7 +55,8 @@ pub use limits::{AXES, Limits};
 pub use motion_choice::{AccelerationProfile, DualRatePeriods, Interpolation, MotionChoice, SCurveTableSettings};
 pub use pace::Pace;
 pub use planner::{
-    MIN_FEED_MM_PER_S, Move, MoveError, Moved, Planner, PreparedBlock, PreparedMove, Progress, Recorded, filament_100pm,
+    MIN_FEED_MM_PER_S, Move, MoveError, Moved, Planner, PreparedBlock, PreparedMove, Progress, Recorded, Retuned,
+    filament_100pm,
 };
 pub use step_queue::{Notice, StepEntry, StepKind, StepSink};
 
@@ -68,7 +68,7 @@ pub const TICKS_PER_SECOND: u32 = 84_000_000;
 
 /// Version of the rules by which moves become blocks and blocks get their speeds. To be raised with any change that gives
 /// a job other steps: jobs that were prepared by the rules of another version are not executed.
-pub const PLANNER_VERSION: u32 = 2;
+pub const PLANNER_VERSION: u32 = 3;
 
 /// Bit of the extruder in an axis mask; X (A), Y (B) and Z are bits 0 to 2.
 pub const EXTRUDER: u8 = 1 << 3;

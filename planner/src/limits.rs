@@ -22,6 +22,9 @@ pub struct Limits {
     pub retract_acceleration_mm_per_s2: f64,
     /// How far the arc that rounds a corner may stay from it, mm (Yu 2019, delta; M205 J).
     pub junction_deviation_mm: f64,
+    /// By how much the speed of X, Y, Z and the filament may differ before and after a corner, mm/s (M205 X Y Z E, "jerk");
+    /// infinite for an axis that has only the arc's limit.
+    pub instantaneous_corner_velocity_mm_per_s: [f64; AXES],
 }
 
 /// The limits as the planning of a block uses them: in single precision, for which the Cortex-M4F has
@@ -38,6 +41,8 @@ pub(crate) struct PathLimits {
     plane_acceleration_mm_per_s2: f32,
     /// Four times the junction deviation, units of 10 nm.
     pub four_deviations_10nm: f32,
+    /// The reciprocals of the instantaneous corner velocities, s/mm; 0 for none.
+    pub per_corner_velocity: [f32; AXES],
 }
 
 /// Feed, mm/s, and acceleration, mm/s^2, along a path.
@@ -57,6 +62,7 @@ impl PathLimits {
             travel_acceleration_mm_per_s2: limits.travel_acceleration_mm_per_s2 as f32,
             retract_acceleration_mm_per_s2: limits.retract_acceleration_mm_per_s2 as f32,
             four_deviations_10nm: 4.0 * (limits.junction_deviation_mm * UNITS_PER_MM as f64) as f32,
+            per_corner_velocity: limits.instantaneous_corner_velocity_mm_per_s.map(|limit| 1.0 / limit as f32),
         }
     }
 
@@ -171,6 +177,7 @@ mod tests {
                 travel_acceleration_mm_per_s2: 2000.0,
                 retract_acceleration_mm_per_s2: 1500.0,
                 junction_deviation_mm: 0.05,
+                instantaneous_corner_velocity_mm_per_s: [f64::INFINITY; 4],
             });
             let path = Path::between([0; 3], [x, y, z]);
             let [x, y, z] = path.vector_10nm.map(|component| component.unsigned_abs() as f32);

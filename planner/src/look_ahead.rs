@@ -376,13 +376,33 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
 
     /// Forgets all that waits; the next block starts from standstill.
     pub fn clear(&mut self) {
-        self.length = 0;
-        self.blocks = 0;
-        self.released = 0;
-        self.stopped = true;
-        self.left_with = SquaredSpeed::ZERO;
-        self.next_entry = SquaredSpeed::ZERO;
-        match &mut self.law {
+        // Every field is named: a new one has to say here what remains of it after a stop.
+        let Self {
+            slots: _,
+            first: _,
+            length,
+            released,
+            stopped,
+            newest_nominal,
+            left_with,
+            blocks,
+            left_nominal,
+            left_entry,
+            left_bound,
+            next_entry,
+            law,
+        } = self;
+        *length = 0;
+        *released = 0;
+        *stopped = true;
+        *newest_nominal = Speed::ZERO;
+        *left_with = SquaredSpeed::ZERO;
+        *blocks = 0;
+        *left_nominal = Speed::ZERO;
+        *left_entry = SquaredSpeed::ZERO;
+        *left_bound = SquaredSpeed::ZERO;
+        *next_entry = SquaredSpeed::ZERO;
+        match law {
             Law::Runs(runs) => runs.clear(),
             Law::Prepared(prepared) => *prepared = Prepared::default(),
             Law::Trapezoid | Law::Table(_) => {}

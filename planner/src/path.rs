@@ -14,9 +14,14 @@ pub struct Path {
     vector: [f32; 3],
     /// The length.
     pub length: f32,
+    /// Filament that is pushed along it, below zero where it is drawn back, units of 10 nm.
+    pub filament: f32,
 }
 
 impl Path {
+    /// No path.
+    pub const NONE: Self = Self { vector_10nm: [0; 3], vector: [0.0; 3], length: 0.0, filament: 0.0 };
+
     /// The way between two positions within [`crate::kinematics::MAX_COORDINATE_10NM`].
     #[inline(always)]
     pub fn between(from_10nm: [i32; 3], to_10nm: [i32; 3]) -> Self {
@@ -24,14 +29,19 @@ impl Path {
         // Differences of 31 bits.
         let vector_10nm = [to_x.wrapping_sub(from_x), to_y.wrapping_sub(from_y), to_z.wrapping_sub(from_z)];
         let vector = vector_10nm.map(|component| component as f32);
-        Self { vector_10nm, vector, length: square_root_f32(dot(vector, vector)) }
+        Self { vector_10nm, vector, length: square_root_f32(dot(vector, vector)), filament: 0.0 }
     }
 
     /// The way in the plane by so much, at most twice [`crate::kinematics::MAX_COORDINATE_10NM`].
     #[inline(always)]
     pub fn in_plane([x_10nm, y_10nm]: [i32; 2]) -> Self {
         let [x, y] = [x_10nm as f32, y_10nm as f32];
-        Self { vector_10nm: [x_10nm, y_10nm, 0], vector: [x, y, 0.0], length: square_root_f32(x * x + y * y) }
+        Self {
+            vector_10nm: [x_10nm, y_10nm, 0],
+            vector: [x, y, 0.0],
+            length: square_root_f32(x * x + y * y),
+            filament: 0.0,
+        }
     }
 
     /// Whether it stays on its height.
@@ -47,6 +57,17 @@ impl Path {
         [self.vector_10nm[0], self.vector_10nm[1]] = [x_10nm, y_10nm];
         [self.vector[0], self.vector[1]] = [x, y];
         self.length = other.length;
+        self.filament = other.filament;
+    }
+
+    /// By how much the speeds of X, Y, Z and the filament differ between two paths that have a length, for a unit of speed
+    /// along them.
+    #[inline(always)]
+    pub fn jumps(before: &Self, after: &Self) -> [f32; 4] {
+        let ([ax, ay, az], [bx, by, bz]) = (before.vector, after.vector);
+        let (per_before, per_after) = (1.0 / before.length, 1.0 / after.length);
+        let jump = |before: f32, after: f32| (after * per_after - before * per_before).abs();
+        [jump(ax, bx), jump(ay, by), jump(az, bz), jump(before.filament, after.filament)]
     }
 
     /// The length in whole units.

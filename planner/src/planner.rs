@@ -7,10 +7,10 @@ mod step_limits;
 use crate::block::{Acceleration, Block, PlannedBlock, Speed};
 use crate::bresenham::MAX_STEPS;
 use crate::budget::Budget;
-use crate::extruder::{Extruder, FILAMENT_UNITS_PER_MM, Place};
+use crate::extruder::{Extruder, FILAMENT_UNITS_PER_MM, Place, rounded_steps};
 use crate::inner_ends::InnerEnds;
 use crate::interpolator::Interpolator;
-use crate::junction::{Pull, radius_10nm};
+use crate::junction::{Pull, radius_10nm, speed_of_jumps};
 use crate::kinematics::{Geometry, MAX_COORDINATE_10NM, UNITS_PER_MM, narrow};
 use crate::limits::{Limits, PathLimits, larger};
 use crate::look_ahead::{Left, LookAhead, Marker, Part, Slot, SpeedLaw, Violation};
@@ -27,7 +27,7 @@ use crate::time_law::TimeLaw;
 use crate::{TICKS_PER_SECOND, kinematics};
 use in_plane::Cruise;
 use prepared::OpenPrepared;
-pub use prepared::{PreparedBlock, PreparedMove, Recorded};
+pub use prepared::{PreparedBlock, PreparedMove, Recorded, Retuned};
 
 /// Slowest feed that is planned, mm/s; slower ones are raised to it. The longest block then ends within 20 days, which the
 /// time base holds.
@@ -103,6 +103,11 @@ struct Previous {
     pull: Pull,
 }
 
+impl Previous {
+    /// No move before.
+    const NONE: Self = Self { path: Path::NONE, pull: Pull::ZERO };
+}
+
 /// Where a move takes the motors.
 #[derive(Clone, Copy, Debug)]
 struct Next {
@@ -148,6 +153,8 @@ pub struct Planner<S> {
     draining: bool,
     /// What was wrong with a prepared job; nothing more of it is taken.
     violation: Option<Violation>,
+    /// No error has said so yet: it was found when the last block was closed.
+    is_violation_untold: bool,
     /// A flush waits until the open block has entered the ring.
     flushing: bool,
     look_ahead: LookAhead<S>,
@@ -156,8 +163,11 @@ pub struct Planner<S> {
     /// The frequencies, under a table only.
     table: Option<FrequencyTable>,
     interpolator: Interpolator,
-    /// Speed at the end of the last block handed to the interpolator.
+    /// Speed at the end of the last block that left look-ahead.
     exit: Speed,
+    /// Where X, Y and Z's motors and the extruder (1/256 steps) are at the end of that block.
+    left_steps: [i32; 3],
+    left_256ths: i64,
     motion_ticks: u64,
     nominal_ticks: u64,
     starvation_flushes: u64,
@@ -181,19 +191,22 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
             motor_steps: [0; 3],
             extruder: Extruder::new(geometry.steps_per_mm[3]),
             extruder_256ths: 0,
-            previous: Previous { path: Path::between([0; 3], [0; 3]), pull: Pull::ZERO },
+            previous: Previous::NONE,
             previous_steps: None,
             open: Open::NONE,
             open_prepared: None,
             cruise: Cruise::NONE,
             draining: false,
             violation: None,
+            is_violation_untold: false,
             flushing: false,
             look_ahead: LookAhead::new(ring),
             curve: Curve::NONE,
             table: None,
             interpolator: Interpolator::new(geometry.minimum_event_interval_ticks),
             exit: Speed::ZERO,
+            left_steps: [0; 3],
+            left_256ths: 0,
             motion_ticks: 0,
             nominal_ticks: 0,
             starvation_flushes: 0,
@@ -323,8 +336,8 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
             return Err(MoveError::NoRoom);
         }
         let Some(next) = self.next(request)? else { return Ok(Moved::Nothing) };
-        let planned = self.plan_apart(request, &next);
-        if !self.flushing && self.method.is_default() && self.open.absorb(&planned, false) {
+        let planned = self.plan_apart(request, &next, request.filament_100pm);
+        if !self.flushing && self.shares_blocks() && self.open.absorb(&planned) {
             self.merged_moves += 1;
         } else if self.close() {
             self.open.begin(&planned, self.extruder_256ths);
@@ -333,6 +346,13 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         }
         self.follow(&next, &planned);
         Ok(Moved::Queued)
+    }
+
+    /// Whether moves may share a block. The papers' other methods decide from the start of a block, and the table of
+    /// frequencies counts the steps of a whole block.
+    #[inline]
+    fn shares_blocks(&self) -> bool {
+        self.method.is_default() && self.table.is_none()
     }
 
     /// Where a move takes the motors; `None` if it displaces nothing.
@@ -376,24 +396,25 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
 
     /// [`Self::plan`] in one place, but for prepared moves.
     #[inline(never)]
-    fn plan_apart(&self, request: &Move, next: &Next) -> Planned {
-        self.plan(request, next)
+    fn plan_apart(&self, request: &Move, next: &Next, corner_filament_100pm: i64) -> Planned {
+        self.plan(request, next, corner_filament_100pm)
     }
 
-    /// A move as a block of its own, its speed not yet within the budget.
+    /// A move as a block of its own, its speed not yet within the budget. Its corners see `corner_filament_100pm` of
+    /// filament, units of 0.1 nm.
     #[inline(always)]
-    fn plan(&self, request: &Move, next: &Next) -> Planned {
+    fn plan(&self, request: &Move, next: &Next, corner_filament_100pm: i64) -> Planned {
         let Next { target_10nm, steps, extruder_256ths, .. } = *next;
         let least = MIN_FEED_MM_PER_S as f32;
         let feed = if request.feed_mm_per_s < least { least } else { request.feed_mm_per_s };
         let filament_100pm = request.filament_100pm.wrapping_abs();
-        // Of up to 43 cm the processor makes a float.
-        let filament = match u32::try_from(filament_100pm) {
-            Ok(filament) => filament as f32,
-            Err(_) => single::of_i64(filament_100pm),
+        let filament = filament_10nm(filament_100pm);
+        let mut path = Path::between(self.position_10nm, target_10nm);
+        path.filament = if corner_filament_100pm == request.filament_100pm {
+            if filament_100pm == request.filament_100pm { filament } else { -filament }
+        } else {
+            filament_10nm(corner_filament_100pm)
         };
-        let filament = filament / FILAMENT_UNITS_PER_10NM as f32;
-        let path = Path::between(self.position_10nm, target_10nm);
         let path_10nm = path.length_10nm();
 
         let moves_filament_alone =
@@ -425,11 +446,10 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
             feed = length * TICKS_PER_10NM_AT_1_MM_PER_S / shortest_ticks;
         }
         block.nominal = Speed::from_mm_per_s_f32(feed).max(Speed(1));
-        let is_filament_alone = moves_filament_alone;
-        let pull = if is_filament_alone { Pull::ZERO } else { Pull::of_mm_per_s2(acceleration) };
+        let pull = if moves_filament_alone { Pull::ZERO } else { Pull::of_mm_per_s2(acceleration) };
         let has_corner = pull.is_some() && self.previous.pull.is_some();
         let junction = if has_corner { self.junction(&path, pull) } else { Speed::ZERO };
-        Planned { block, junction, path, is_filament_alone, pull }
+        Planned { block, events: self.method.events(steps), junction, path, pull }
     }
 
     /// Bound of the speed in the corner before a path; a stop is next to a move without one.
@@ -437,7 +457,8 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
     fn junction(&self, path: &Path, pull: Pull) -> Speed {
         let before = &self.previous;
         let radius = radius_10nm(&before.path, path, self.path_limits.four_deviations_10nm);
-        pull.weaker(before.pull).speed_along(radius)
+        let jumps = speed_of_jumps(&before.path, path, self.path_limits.per_corner_velocity);
+        pull.weaker(before.pull).speed_along(radius).min(jumps)
     }
 
     /// The open block enters the ring, within the budget; `false` without room. A flush that waited for it follows.
@@ -452,9 +473,8 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
                 if !self.look_ahead.has_room() {
                     return false;
                 }
-                let events = self.method.events(open.block.steps);
                 let nominal = open.block.nominal;
-                let cost = self.budget.cost(&open.block, events, open.moves, open.extruder_256ths);
+                let cost = self.budget.cost(&open.block, open.events, open.moves, open.extruder_256ths);
                 if let Some(slower) = cost.slower_nominal(nominal) {
                     open.block.nominal = slower;
                     self.slowed_moves += u64::from(open.moves);
@@ -497,6 +517,11 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
     pub fn advance(&mut self, sink: &mut impl StepSink) -> Progress {
         if self.interpolator.is_busy() {
             self.interpolator.advance(sink);
+            if !self.interpolator.is_busy() {
+                let ([x, y, z], extruder) = (self.left_steps, rounded_steps(self.left_256ths));
+                let motor_steps = [i64::from(x), i64::from(y), i64::from(z), extruder];
+                sink.notice(Notice::BlockEnded { tick: self.interpolator.notice_tick(), motor_steps });
+            }
             return Progress::Worked;
         }
         match self.pop() {
@@ -551,7 +576,14 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         if self.flushing {
             self.close();
         }
-        self.look_ahead.pop(self.pace)
+        let left = self.look_ahead.pop(self.pace);
+        if let Some(Left::Block(PlannedBlock { block, .. }) | Left::Part(Part { block, .. })) = &left {
+            let ([x, y, z], [dx, dy, dz]) = (self.left_steps, block.steps);
+            // As the sums that were taken: within 31 and 63 bits.
+            self.left_steps = [x.wrapping_add(dx), y.wrapping_add(dy), z.wrapping_add(dz)];
+            self.left_256ths = self.left_256ths.wrapping_add(i64::from(block.extruder_256ths));
+        }
+        left
     }
 
     /// For estimates: takes the next block that may leave without executing it.
@@ -579,21 +611,61 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
     /// the motion clock, with these direction signals. The position becomes the nearest to where they stand. Returns the
     /// filament that has been taken and not pushed, units of 0.1 nm.
     pub fn stand_at(&mut self, motor_steps: [i64; 4], tick: u64, directions: u8) -> i64 {
-        self.look_ahead.clear();
-        self.open.clear();
-        self.open_prepared = None;
-        self.draining = false;
-        self.violation = None;
-        self.flushing = false;
-        self.exit = Speed::ZERO;
-        self.interpolator.set_directions(directions);
-        let dropped_100pm = self.extruder.stand_at(motor_steps[3]);
-        self.extruder_256ths = self.extruder.position_256ths();
-        self.interpolator.abandon(tick, self.extruder_256ths);
-        self.previous.pull = Pull::ZERO;
-        let [x, y, z, _] = motor_steps;
-        self.motor_steps = [x, y, z].map(|steps| steps as i32);
-        self.position_10nm = self.geometry.position_10nm([x, y, z]).map(within_reach);
+        // Every field is named: a new one has to say here what remains of it after a stop.
+        let Self {
+            geometry,
+            limits: _,
+            path_limits: _,
+            step_mm: _,
+            choice: _,
+            method: _,
+            budget: _,
+            pace: _,
+            position_10nm,
+            motor_steps: taken_steps,
+            extruder,
+            extruder_256ths,
+            previous,
+            previous_steps,
+            open,
+            open_prepared,
+            cruise: _,
+            draining,
+            violation,
+            is_violation_untold,
+            flushing,
+            look_ahead,
+            curve,
+            table: _,
+            interpolator,
+            exit,
+            left_steps,
+            left_256ths,
+            motion_ticks: _,
+            nominal_ticks: _,
+            starvation_flushes: _,
+            merged_moves: _,
+            slowed_moves: _,
+        } = self;
+        let [x, y, z, e] = motor_steps;
+        let dropped_100pm = extruder.stand_at(e);
+        *extruder_256ths = extruder.position_256ths();
+        *position_10nm = geometry.position_10nm([x, y, z]).map(within_reach);
+        *taken_steps = [x, y, z].map(|steps| steps as i32);
+        *previous = Previous::NONE;
+        *previous_steps = None;
+        *open = Open::NONE;
+        *open_prepared = None;
+        *draining = false;
+        *violation = None;
+        *is_violation_untold = false;
+        *flushing = false;
+        look_ahead.clear();
+        *curve = Curve::NONE;
+        interpolator.stand_at(tick, *extruder_256ths, directions);
+        *exit = Speed::ZERO;
+        *left_steps = *taken_steps;
+        *left_256ths = *extruder_256ths;
         dropped_100pm
     }
 
@@ -601,9 +673,21 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
     pub fn set_position(&mut self, position_10nm: [i64; 3]) -> [i32; 3] {
         self.position_10nm = position_10nm.map(within_reach);
         self.motor_steps = self.geometry.motor_steps(self.position_10nm());
-        self.previous.pull = Pull::ZERO;
+        self.left_steps = self.motor_steps;
+        self.previous = Previous::NONE;
         self.motor_steps
     }
+}
+
+/// Filament of units of 0.1 nm in units of 10 nm.
+#[inline(always)]
+fn filament_10nm(filament_100pm: i64) -> f32 {
+    // Of up to 43 cm the processor makes a float.
+    let filament = match u32::try_from(filament_100pm) {
+        Ok(filament) => filament as f32,
+        Err(_) => single::of_i64(filament_100pm),
+    };
+    filament / FILAMENT_UNITS_PER_10NM as f32
 }
 
 /// The nearest coordinate within 5 m.

@@ -205,6 +205,14 @@ pub enum Notice {
         /// Its source line.
         line: u32,
     },
+    /// A block has ended: all steps of it and of the blocks before it have been handed out.
+    BlockEnded {
+        /// When.
+        tick: u64,
+        /// Where X, Y, Z (CoreXY: A, B, Z) and the extruder must stand by their blocks' own counts. Whoever counts the
+        /// steps that were handed out compares.
+        motor_steps: [i64; 4],
+    },
     /// The fan changes with the motion around it.
     FanPower {
         /// When.
@@ -218,7 +226,7 @@ impl Notice {
     /// When it happens.
     pub const fn tick(self) -> u64 {
         match self {
-            Self::MoveEnded { tick, .. } | Self::FanPower { tick, .. } => tick,
+            Self::MoveEnded { tick, .. } | Self::BlockEnded { tick, .. } | Self::FanPower { tick, .. } => tick,
         }
     }
 }

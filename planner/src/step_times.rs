@@ -14,9 +14,6 @@ use crate::time_law::{FRACTION_BITS, HALF_TICK, Trapezoid, cruise_time, ramp_tim
 use jerk::JerkRamp;
 use pieces::Pieces;
 
-/// No step is due, now or later.
-pub(crate) const NEVER: u64 = u64::MAX;
-
 /// Number of phases of a trapezoid.
 const PHASES: usize = 3;
 
@@ -170,79 +167,80 @@ impl Phase {
     }
 }
 
-/// The step times of a motor along one block, in units of 2^-16 tick from the block's start, never decreasing.
+/// The phases of a trapezoid, worked out before its first step.
+#[derive(Clone, Copy, Debug)]
+struct Phases {
+    phases: [Phase; PHASES],
+    /// Those that have steps and are still to come: bit i = phase i.
+    to_come: u8,
+}
+
+impl Phases {
+    const NONE: Self = Self { phases: [Phase::EMPTY; PHASES], to_come: 0 };
+
+    /// Takes the next one that has steps.
+    #[inline]
+    fn take(&mut self) -> Option<Phase> {
+        let phase = self.phases.get(self.to_come.trailing_zeros() as usize).copied();
+        // All but the lowest bit.
+        self.to_come &= self.to_come.wrapping_sub(1);
+        phase
+    }
+}
+
+/// The step times of a motor along one stretch of a block, in units of 2^-16 tick from the block's start, never
+/// decreasing.
 ///
 /// Each phase begins anew from its own time, so that rounding never adds up over more than a phase. Inside a ramp the
 /// interval is 2h/(v_k + v_k+1) with v_k = sqrt(v_0^2 + 2 a h k), in f32; inside the cruise it is constant.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct StepTimes {
-    /// When the next step is due; [`NEVER`] after the last and at the limit.
-    next: u64,
-    /// Steps before something changes: the phase ends, or the limit is reached.
+    /// When the next step is due, of those `left`. Without any it has no meaning: [`Self::next`] is the only way to it.
+    due: u64,
+    /// Steps left in the phase; without any, no step is due any more.
     left: u32,
     pace: Pace,
-    /// 2^-16 time units that `next` lacks.
+    /// 2^-16 time units that `due` lacks.
     beyond: u32,
-    /// Steps of the phase behind those `left`.
-    more_in_phase: u32,
-    /// Steps that may be handed out behind those `left`.
-    more_allowed: u32,
-    /// When the first step behind the limit is due.
-    resumed: u64,
-    phases: [Phase; PHASES],
-    /// Those that have steps and are still to come: bit i = phase i.
-    phases_to_come: u8,
-    /// What the phases behind those are made of.
+    phases: Phases,
+    /// What the phases after those are made of.
     pieces: Pieces,
 }
 
 impl StepTimes {
     /// No steps.
-    pub(crate) const NONE: Self = Self {
-        next: NEVER,
-        left: 0,
-        pace: Phase::EMPTY.pace,
-        beyond: 0,
-        more_in_phase: 0,
-        more_allowed: 0,
-        resumed: NEVER,
-        phases: [Phase::EMPTY; PHASES],
-        phases_to_come: 0,
-        pieces: Pieces::None,
-    };
+    pub(crate) const NONE: Self =
+        Self { due: 0, left: 0, pace: Phase::EMPTY.pace, beyond: 0, phases: Phases::NONE, pieces: Pieces::None };
 
     /// Starts with the steps of a block, none of them due before `earliest`.
     #[inline]
     pub(crate) fn start<F: Real>(&mut self, law: &Trapezoid<F>, steps: &Spacing<F>, earliest: u64) {
-        self.next = NEVER;
-        self.resumed = NEVER;
-        self.left = 0;
-        self.more_in_phase = 0;
-        if steps.count == 0 {
-            return;
+        self.phases.to_come = 0;
+        if steps.count > 0 {
+            self.set_phases(law, steps);
         }
-        self.set_phases(law, steps);
-        self.next = earliest;
-        self.more_allowed = u32::MAX;
-        self.pieces = Pieces::None;
-        self.enter_phase();
+        self.begin(Pieces::None, earliest);
     }
 
     /// The same along a block of a run.
     pub(crate) fn start_run(&mut self, law: &Along, steps: &Spacing<f64>, earliest: u64) {
-        self.start_pieces(Pieces::Run { law: *law, steps: *steps, next: 0, done: 0 }, earliest);
+        self.phases.to_come = 0;
+        self.begin(Pieces::Run { law: *law, steps: *steps, next: 0, done: 0 }, earliest);
     }
 
     /// The same along a block at the frequencies of a table.
     pub(crate) fn start_staircase(&mut self, law: &Staircase, steps: &Spacing<f64>, earliest: u64) {
-        self.start_pieces(Pieces::Staircase { law: *law, steps: *steps, next: 0, done: 0 }, earliest);
+        self.phases.to_come = 0;
+        self.begin(Pieces::Staircase { law: *law, steps: *steps, next: 0, done: 0 }, earliest);
     }
 
-    fn start_pieces(&mut self, pieces: Pieces, earliest: u64) {
+    /// Begins with the first phase that has steps. Every field is set here or by [`Self::enter_phase`]: nothing of a block
+    /// that was abandoned half-way remains.
+    #[inline]
+    fn begin(&mut self, pieces: Pieces, earliest: u64) {
+        self.due = earliest;
         self.left = 0;
-        self.next = earliest;
-        self.more_allowed = u32::MAX;
-        self.phases_to_come = 0;
+        self.beyond = 0;
         self.pieces = pieces;
         self.enter_phase();
     }
@@ -262,15 +260,14 @@ impl StepTimes {
         };
         let up = if law.cruise > F::ZERO || down > 0 { up } else { count };
         let cruise = count - up - down;
-        let [phase_up, phase_cruise, phase_down] = &mut self.phases;
-        self.phases_to_come = 0;
+        let Phases { phases: [phase_up, phase_cruise, phase_down], to_come } = &mut self.phases;
         if up > 0 {
-            self.phases_to_come = 1;
+            *to_come |= 1;
             let (pace, delay) = Phase::ramp(law, steps, law.entry, [first, first], 0);
             *phase_up = Phase { count: up, first: delay.to_u64(), pace };
         }
         if cruise > 0 {
-            self.phases_to_come |= 2;
+            *to_come |= 2;
             let inside = first + F::from_u32(up) * spacing - law.up;
             let inside = if inside > F::ZERO { inside } else { F::ZERO };
             let delay = law.up_time + cruise_time(inside, law.peak);
@@ -281,7 +278,7 @@ impl StepTimes {
             *phase_cruise = Phase { count: cruise, first: delay.to_u64(), pace };
         }
         if down > 0 {
-            self.phases_to_come |= 4;
+            *to_come |= 4;
             let index = down - 1;
             let to_first = after_last + F::from_u32(index) * spacing;
             let (pace, rest) = Phase::ramp(law, steps, law.exit, [after_last, to_first], index);
@@ -289,26 +286,21 @@ impl StepTimes {
         }
     }
 
-    /// When the next step is due; [`NEVER`] after the last and at the limit.
+    /// When the next step is due; `None` after the last.
     #[inline]
-    pub(crate) fn next(&self) -> u64 {
-        self.next
+    pub(crate) fn next(&self) -> Option<u64> {
+        if self.left > 0 { Some(self.due) } else { None }
     }
 
     /// Ticks from `last`, a whole tick, up to which no step is due; cut to 32 bits.
     #[inline]
     pub(crate) fn ticks_from(&self, last: u64) -> u32 {
-        let behind = self.next.wrapping_add(HALF_TICK).wrapping_sub(last);
-        if self.next == NEVER {
-            u32::MAX
-        } else if behind > NEVER / 2 {
-            0
-        } else {
-            u32::try_from(behind >> FRACTION_BITS).unwrap_or(u32::MAX)
-        }
+        let Some(due) = self.next() else { return u32::MAX };
+        let after = due.wrapping_add(HALF_TICK).wrapping_sub(last);
+        if after.cast_signed() < 0 { 0 } else { u32::try_from(after >> FRACTION_BITS).unwrap_or(u32::MAX) }
     }
 
-    /// In the cruise: its interval, and how many steps are left in it and to the limit, the next one included.
+    /// In the cruise: its interval, and how many steps are left in it, the next one included.
     #[inline]
     pub(crate) fn cruise(&self) -> Option<(Cruise, u32)> {
         match self.pace {
@@ -327,34 +319,15 @@ impl StepTimes {
     #[inline]
     pub(crate) fn end_cruise(&mut self, count: u32, due: u64, beyond: u32) {
         self.left = self.left.wrapping_sub(count);
-        self.next = due;
+        self.due = due;
         self.beyond = beyond;
-        if self.left > 0 {
-            return;
-        }
-        if self.more_in_phase > 0 {
-            self.divide(self.more_in_phase);
-        } else {
+        if self.left == 0 {
             // Not before the last one.
             if let Pace::Cruise(cruise) = &self.pace {
-                self.next = due.wrapping_sub(cruise.interval);
+                self.due = due.wrapping_sub(cruise.interval);
             }
             self.enter_phase();
         }
-    }
-
-    /// `count` more steps are handed out and no others, none of them due before `earliest`.
-    pub(crate) fn allow(&mut self, count: u32, earliest: u64) {
-        let in_phase = self.left + self.more_in_phase;
-        if in_phase == 0 {
-            return;
-        }
-        if self.next == NEVER {
-            self.next = self.resumed;
-        }
-        self.next = self.next.max(earliest);
-        self.more_allowed = count;
-        self.divide(in_phase);
     }
 
     /// In a ramp: its next steps, to be taken one after the other, at most as many as are told.
@@ -380,12 +353,12 @@ impl StepTimes {
     /// `is_next`; if not, the last one taken was.
     #[inline(always)]
     pub(crate) fn end_run(&mut self, run: &RampRun, count: u32, due: u64, is_next: bool) {
-        self.next = due;
+        self.due = due;
         self.left = self.left.wrapping_sub(count);
-        if self.left == 0 && self.more_in_phase == 0 {
+        if self.left == 0 {
             if is_next && count > 0 {
                 // Not before the last one.
-                self.next = due.wrapping_sub(run.units());
+                self.due = due.wrapping_sub(run.units());
             }
             self.enter_phase();
             return;
@@ -395,10 +368,7 @@ impl StepTimes {
             ramp.index = run.0.index as u32;
         }
         if !is_next {
-            self.next = due.wrapping_add(run.units());
-        }
-        if self.left == 0 {
-            self.divide(self.more_in_phase);
+            self.due = due.wrapping_add(run.units());
         }
     }
 
@@ -407,7 +377,7 @@ impl StepTimes {
     pub(crate) fn take(&mut self, count: u32) {
         self.left = self.left.wrapping_sub(count);
         if self.left == 0 {
-            self.turn(count);
+            self.enter_phase();
         } else {
             self.pass(count);
         }
@@ -417,61 +387,25 @@ impl StepTimes {
     #[inline]
     fn pass(&mut self, count: u32) {
         match &mut self.pace {
-            Pace::Ramp(ramp) => self.next = self.next.wrapping_add(whole_units(ramp.units_and_half())),
-            Pace::Jerk(ramp) => self.next = self.next.wrapping_add(ramp.units()),
+            Pace::Ramp(ramp) => self.due = self.due.wrapping_add(whole_units(ramp.units_and_half())),
+            Pace::Jerk(ramp) => self.due = self.due.wrapping_add(ramp.units()),
             Pace::Cruise(cruise) => {
                 let beyond = self.beyond.wrapping_add(u32::from(cruise.beyond).wrapping_mul(count));
                 self.beyond = beyond & 0xffff;
                 let passed = cruise.interval.wrapping_mul(u64::from(count)).wrapping_add(u64::from(beyond >> 16));
-                self.next = self.next.wrapping_add(passed);
+                self.due = self.due.wrapping_add(passed);
             }
-        }
-    }
-
-    /// Goes on at the end of a phase or of what is allowed.
-    #[inline(never)]
-    fn turn(&mut self, count: u32) {
-        if self.more_in_phase > 0 {
-            self.pass(count);
-            self.divide(self.more_in_phase);
-        } else {
-            self.enter_phase();
         }
     }
 
     /// Begins with the next phase that has steps.
     #[inline(never)]
     fn enter_phase(&mut self) {
-        if let Some(phase) = self.phases.get(self.phases_to_come.trailing_zeros() as usize) {
-            // All but the lowest bit.
-            self.phases_to_come &= self.phases_to_come.wrapping_sub(1);
-            let phase = *phase;
-            self.enter(&phase);
-        } else if let Some(phase) = self.pieces.next_phase() {
-            self.enter(&phase);
-        } else {
-            self.next = NEVER;
-            self.resumed = NEVER;
-            self.more_in_phase = 0;
-        }
-    }
-
-    fn enter(&mut self, phase: &Phase) {
+        // All phases that are there have steps.
+        let Some(phase) = self.phases.take().or_else(|| self.pieces.next_phase()) else { return };
         self.pace = phase.pace;
         self.beyond = 0;
-        self.next = self.next.max(phase.first);
-        self.divide(phase.count);
-    }
-
-    /// Divides the steps of the phase into those that are allowed and the others.
-    #[inline]
-    fn divide(&mut self, in_phase: u32) {
-        self.left = in_phase.min(self.more_allowed);
-        self.more_in_phase = in_phase - self.left;
-        self.more_allowed -= self.left;
-        if self.left == 0 {
-            self.resumed = self.next;
-            self.next = NEVER;
-        }
+        self.due = self.due.max(phase.first);
+        self.left = phase.count;
     }
 }

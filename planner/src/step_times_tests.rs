@@ -4,8 +4,8 @@ use crate::block::{Acceleration, Block, PlannedBlock, Speed};
 use crate::inner_ends::InnerEnds;
 use crate::interpolator::{Interpolator, MAX_ENTRIES};
 use crate::random::Random;
-use crate::spacing::{ExtruderTravel, Spacing};
-use crate::step_times::{NEVER, StepTimes};
+use crate::spacing::{ExtruderTravel, Spacing, Span};
+use crate::step_times::StepTimes;
 use crate::time_law::{FRACTION_BITS, Precision, TimeLaw};
 use crate::{EXTRUDER, Notice, StepEntry, StepKind, StepSink, TICKS_PER_SECOND};
 
@@ -149,10 +149,10 @@ fn check(planned: &PlannedBlock, steps: &Steps, random: &mut Random) -> [f64; 2]
     let law = TimeLaw::trapezoid(planned);
     let mut times = StepTimes::NONE;
     match (&law.0, &steps.travel) {
-        (Precision::Short(law), None) => times.start(law, &Spacing::of_master(law, steps.count), 0),
-        (Precision::Long(law), None) => times.start(law, &Spacing::of_master(law, steps.count), 0),
-        (Precision::Short(law), Some(travel)) => times.start(law, &Spacing::of_extruder(law, travel), 0),
-        (Precision::Long(law), Some(travel)) => times.start(law, &Spacing::of_extruder(law, travel), 0),
+        (Precision::Short(law), None) => times.start(law, &Spacing::of_master(&Span::whole(law), steps.count), 0),
+        (Precision::Long(law), None) => times.start(law, &Spacing::of_master(&Span::whole(law), steps.count), 0),
+        (Precision::Short(law), Some(travel)) => times.start(law, &Spacing::of_extruder(&Span::whole(law), travel), 0),
+        (Precision::Long(law), Some(travel)) => times.start(law, &Spacing::of_extruder(&Span::whole(law), travel), 0),
         (Precision::Run(_) | Precision::Staircase(_), _) => unreachable!("a trapezoid"),
     }
     let every = random.next().is_multiple_of(16);
@@ -162,8 +162,8 @@ fn check(planned: &PlannedBlock, steps: &Steps, random: &mut Random) -> [f64; 2]
     let (mut before, mut interval_before, mut phase_before) = (0, None, None);
     let mut done = 0u32;
     while done < steps.count {
-        let time = times.next();
-        assert!(time != NEVER && time >= before, "{planned:?} step {done}");
+        let time = times.next().unwrap();
+        assert!(time >= before, "{planned:?} step {done}");
         let position = steps.first + steps.spacing * u64::from(done);
         let s = path(position);
         let phase = exact.phase(s);
@@ -195,7 +195,7 @@ fn check(planned: &PlannedBlock, steps: &Steps, random: &mut Random) -> [f64; 2]
             phase_before = None;
         }
     }
-    assert_eq!(times.next(), NEVER);
+    assert_eq!(times.next(), None);
     [worst, bump]
 }
 
@@ -299,7 +299,7 @@ fn events_of_random_blocks_are_within_a_microsecond() {
         planned.block.steps = [count as i32, (f64::from(count) * random.share() * 0.99) as i32, 0];
         planned.block.extruder_256ths = extruder;
         let clock = interpolator.clock();
-        interpolator.abandon(clock, 0);
+        interpolator.stand_at(clock, 0, interpolator.directions());
         let exact = Exact::new(&planned);
         let mut events = Events {
             planned: &planned,

@@ -226,6 +226,17 @@ impl TimeLaw {
         Self(Precision::Long(Trapezoid::new(planned)))
     }
 
+    /// When a path position is reached, in time units from the block's start; positions outside are taken to the nearer
+    /// end.
+    pub(crate) fn time_at(&self, length_10nm: u32) -> u64 {
+        match &self.0 {
+            Precision::Short(law) => law.time_at(length_10nm),
+            Precision::Long(law) => law.time_at(length_10nm),
+            Precision::Run(law) => law.time_at(length_10nm),
+            Precision::Staircase(law) => law.time_at(length_10nm),
+        }
+    }
+
     /// Duration of the block in whole ticks, the nearest.
     pub fn duration_ticks(&self) -> u64 {
         match &self.0 {

@@ -86,36 +86,31 @@ fn block(steps: [i32; 3], extruder_256ths: i32, length_10nm: u32, speeds: [f64; 
     }
 }
 
-/// With ends at these path positions, of the lines before the block's own.
-fn ending_at(mut planned: PlannedBlock, lengths_10nm: &[u32]) -> PlannedBlock {
-    let first = LAST_LINE - lengths_10nm.len() as u32;
-    for (line, length_10nm) in (first..).zip(lengths_10nm) {
-        let end = InnerEnd { length_10nm: *length_10nm, line };
-        planned.block.inner_ends = planned.block.inner_ends.with(end, line + 1).unwrap();
+/// A move of a block: its length, its steps and the extruder's travel.
+type Part = (u32, [i32; 3], i32);
+
+/// A block of several moves, of the lines up to [`LAST_LINE`].
+fn block_of(parts: &[Part], speeds: [f64; 3], acceleration: f64) -> PlannedBlock {
+    let mut planned = block([0; 3], 0, 0, speeds, acceleration);
+    let whole = &mut planned.block;
+    let first = LAST_LINE + 1 - parts.len() as u32;
+    for (index, (line, &(length_10nm, steps, extruder_256ths))) in (first..).zip(parts).enumerate() {
+        whole.length_10nm += length_10nm;
+        whole.extruder_256ths += extruder_256ths;
+        whole.steps.iter_mut().zip(steps).for_each(|(sum, steps)| *sum += steps);
+        if index + 1 < parts.len() {
+            let end = InnerEnd { length_10nm: whole.length_10nm, steps, extruder_256ths, line, ends_move: true };
+            whole.inner_ends = whole.inner_ends.with(end, line + 1).unwrap();
+        }
     }
     planned
 }
 
-/// Steps made by the time the path position is reached, X, Y, Z and the extruder, whose position before is a whole
-/// step.
-fn standing_at(planned: &PlannedBlock, length_10nm: u32) -> [u64; 4] {
-    let (here, whole) = (u64::from(length_10nm), u64::from(planned.block.length_10nm));
-    let steps = planned.block.steps.map(|steps| u64::from(steps.unsigned_abs()));
-    let master = *steps.iter().max().unwrap();
-    // (k - 1/2) S/N <= s
-    let made = (1..=master).take_while(|k| (2 * k - 1) * whole <= 2 * master * here).count() as u64;
-    // Follower step j comes with the first k that is above (j - 1/2) N/n.
-    let [x, y, z] = steps.map(|n| (1..=n).take_while(|j| (2 * j - 1) * master < 2 * n * made).count() as u64);
-    let travel = u64::from(planned.block.extruder_256ths.unsigned_abs());
-    let e = (1..=travel).take_while(|j| (256 * j - 128) * whole <= travel * here).count() as u64;
-    [x, y, z, e]
-}
-
 /// t(s) by the textbook, ticks from the block's start.
-fn tick_at(planned: &PlannedBlock, length_10nm: u32) -> f64 {
+fn tick_at(planned: &PlannedBlock, length_10nm: f64) -> f64 {
     let (entry, exit) = (planned.entry.mm_per_s(), planned.exit.mm_per_s());
     let (a, s) = (planned.block.acceleration.mm_per_s2(), planned.block.length_mm());
-    let here = f64::from(length_10nm) / 100_000.0;
+    let here = length_10nm / 100_000.0;
     let peak = (a * s + (entry * entry + exit * exit) / 2.0).sqrt();
     let peak = peak.min(planned.block.nominal.mm_per_s()).max(entry).max(exit);
     let up = (peak * peak - entry * entry) / (2.0 * a);
@@ -132,103 +127,112 @@ fn tick_at(planned: &PlannedBlock, length_10nm: u32) -> f64 {
     seconds * f64::from(TICKS_PER_SECOND)
 }
 
-/// Every end is told once, in order, at its time, with the motors where they belong.
-fn check(planned: &PlannedBlock, ends: &[u32], start_tick: u64, happened: &[Happened]) -> Result<(), TestCaseError> {
+/// Every end is told once, in order, at its time, with all motors exactly where their own moves end; and between the ends
+/// the motor with most steps makes each of them when the path is half a step before it.
+fn check(planned: &PlannedBlock, parts: &[Part], happened: &[Happened]) -> Result<(), TestCaseError> {
     for pair in happened.windows(2) {
         prop_assert!(pair[1].tick() >= pair[0].tick(), "{:?}", pair);
         if let [Happened::Ended { .. }, Happened::Event { .. }] = pair {
             prop_assert!(pair[1].tick() > pair[0].tick(), "{:?}", pair);
         }
     }
-    let mut stand = [0u64; 4];
-    let mut told = 0;
-    let first = LAST_LINE - ends.len() as u32;
-    for each in happened {
-        match *each {
-            Happened::Event { axes, .. } => {
-                for (motor, steps) in stand.iter_mut().enumerate() {
-                    *steps += u64::from(axes >> motor & 1);
+    // Early by joining the event before, late by events that kept their distance from others, and by the end before.
+    let early = -84.0 - f64::from(MINIMUM_INTERVAL);
+    let late = 84.0 + 3.0 * f64::from(MINIMUM_INTERVAL);
+    let mut happened = happened.iter();
+    let (mut length, mut extruder) = (0, 0i64);
+    for (line, &(part_10nm, steps, extruder_256ths)) in (LAST_LINE + 1 - parts.len() as u32..).zip(parts) {
+        let master = (0..3).max_by_key(|&motor| (steps[motor].unsigned_abs(), 2 - motor)).unwrap();
+        let mut made = [0u64; 4];
+        let end = loop {
+            match happened.next() {
+                Some(&Happened::Event { tick, axes }) => {
+                    made.iter_mut().enumerate().for_each(|(motor, made)| *made += u64::from(axes >> motor & 1));
+                    if axes >> master & 1 == 1 {
+                        let share = (made[master] as f64 - 0.5) / f64::from(steps[master].unsigned_abs());
+                        let due = tick_at(planned, f64::from(length) + share * f64::from(part_10nm));
+                        let off = tick as f64 - due;
+                        prop_assert!(
+                            off > early && off < late,
+                            "step {} of line {}: {} ticks off",
+                            made[master],
+                            line,
+                            off
+                        );
+                    }
                 }
+                Some(&Happened::Ended { tick, line: told }) => {
+                    prop_assert_eq!(told, line);
+                    break tick;
+                }
+                None => return Err(TestCaseError::fail(format!("line {line} has no end"))),
             }
-            Happened::Ended { tick, line } => {
-                prop_assert_eq!(line, first + told as u32);
-                let length = ends.get(told).copied().unwrap_or(planned.block.length_10nm);
-                prop_assert_eq!(stand, standing_at(planned, length), "line {}", line);
-                let off = (tick - start_tick) as f64 - tick_at(planned, length);
-                // Late by an event that kept its distance from others.
-                prop_assert!(off > -84.0 && off < 84.0 + 2.0 * f64::from(MINIMUM_INTERVAL), "{} ticks off", off);
-                told += 1;
-            }
-        }
+        };
+        let [x, y, z] = steps.map(|steps| u64::from(steps.unsigned_abs()));
+        let rounded = |units: i64| (units.abs() + 128) / 256 * units.signum();
+        let before = rounded(extruder);
+        extruder += i64::from(extruder_256ths);
+        prop_assert_eq!(made, [x, y, z, rounded(extruder).abs_diff(before)], "line {}", line);
+        length += part_10nm;
+        let off = end as f64 - tick_at(planned, f64::from(length));
+        prop_assert!(off > -84.0 && off < late, "line {} ends {} ticks off", line, off);
     }
-    prop_assert_eq!(told, ends.len() + 1);
+    prop_assert!(happened.next().is_none());
     Ok(())
 }
 
 #[test]
 fn an_end_in_the_cruise_cuts_the_stair() {
     // 20,000 steps a second: 4,200 ticks a step, the first after half of that.
-    let whole = block([1_000, 0, 0], 0, 50_000, [10.0, 10.0, 10.0], 1_000.0);
-    let planned = ending_at(whole, &[25_000, 25_010]);
+    let parts = [(1_000, [20, 0, 0], 0), (10, [0; 3], 0), (4_990, [100, 0, 0], 0)];
+    let planned = block_of(&parts, [10.0, 10.0, 10.0], 1_000.0);
     let happened = play(&[planned]);
-    assert_eq!(happened.len(), 1_000 + 3);
-    assert_eq!(happened[500], Happened::Ended { tick: 500 * 4_200, line: LAST_LINE - 2 });
-    assert_eq!(happened[501], Happened::Ended { tick: 500 * 4_200 + 840, line: LAST_LINE - 1 });
-    for (index, each) in happened[502..1_002].iter().enumerate() {
-        let tick = (500 + index as u64) * 4_200 + 2_100;
-        assert!(each.tick().abs_diff(tick) <= 1, "{each:?}");
+    assert_eq!(happened.len(), 120 + 3);
+    assert_eq!(happened[20], Happened::Ended { tick: 20 * 4_200, line: LAST_LINE - 2 });
+    assert_eq!(happened[21], Happened::Ended { tick: 20 * 4_200 + 840, line: LAST_LINE - 1 });
+    for (index, each) in happened[22..122].iter().enumerate() {
+        // A hundred steps in 4,990 units.
+        let tick = 84_840.0 + (index as f64 + 0.5) * 4_191.6;
+        assert!((each.tick() as f64 - tick).abs() <= 32.0, "{each:?} {tick}");
     }
-    assert_eq!(happened[1_002], Happened::Ended { tick: 4_200_000, line: LAST_LINE });
+    assert_eq!(happened[122], Happened::Ended { tick: 504_000, line: LAST_LINE });
 }
 
 #[test]
-fn ends_change_no_step() {
-    let whole = block([733, 501, 0], 90_000, 60_000, [3.0, 150.0, 12.0], 2_000.0);
-    let events = |planned: PlannedBlock| -> Vec<Happened> {
-        play(&[planned]).into_iter().filter(|each| matches!(each, Happened::Event { .. })).collect()
-    };
-    let (plain, ended) = (events(whole), events(ending_at(whole, &[9_999, 30_000, 52_345])));
-    // Where an event joined another across an end, there are now two.
-    assert!((plain.len()..=plain.len() + 3).contains(&ended.len()));
-    let steps = |events: &[Happened], motor: u8| -> Vec<u64> {
-        let stepping =
-            events.iter().filter(|each| matches!(each, Happened::Event { axes, .. } if axes >> motor & 1 == 1));
-        stepping.map(|each| each.tick()).collect()
-    };
-    for motor in 0..4 {
-        let (plain, ended) = (steps(&plain, motor), steps(&ended, motor));
-        assert_eq!(plain.len(), ended.len());
-        assert!(plain.iter().zip(&ended).all(|(a, b)| a.abs_diff(*b) <= u64::from(MINIMUM_INTERVAL)));
-    }
+fn a_motor_turns_round_inside_a_block() {
+    let parts = [(4_000, [30, 10, 0], 300), (4_000, [30, -10, 0], 300), (4_000, [30, 0, 5], -300)];
+    check(&block_of(&parts, [20.0, 20.0, 20.0], 1_000.0), &parts, &play(&[block_of(&parts, [20.0; 3], 1_000.0)]))
+        .unwrap();
+}
+
+/// Up to eight moves of a block.
+fn parts() -> impl Strategy<Value = Vec<Part>> {
+    let steps = || prop_oneof![2 => Just(0), 1 => -1i32..=1, 3 => -12i32..=12, 1 => -127i32..=127];
+    let part = (1u32..8_000, [steps(), steps(), steps()], prop_oneof![Just(0), -200i32..200, -4_000i32..4_000]);
+    proptest::collection::vec(part, 1..=8)
 }
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(1_000))]
 
     #[test]
-    fn motors_stand_at_every_end_where_the_path_position_says(
-        steps in proptest::array::uniform3(-2_000i32..2_000), extruder in -400_000i32..400_000, length in 20_000u32..300_000,
-        entry in 0.0f64..=1.0, exit in 0.0f64..=1.0, nominal in 1.0f64..200.0, acceleration in 100.0f64..10_000.0,
-        ends in proptest::collection::vec(0u32..=65_535, 0..=7), twice in any::<bool>(),
+    fn motors_stand_at_every_end_where_their_moves_end(
+        parts in parts(), entry in 0.0f64..=1.0, exit in 0.0f64..=1.0, nominal in 0.1f64..200.0,
+        acceleration in 100.0f64..10_000.0,
     ) {
-        let length_mm = f64::from(length) / 100_000.0;
-        let most = steps.iter().map(|n| n.unsigned_abs()).max().unwrap().max(extruder.unsigned_abs() / 256);
-        // No motor steps faster than events may follow each other.
-        let rate = f64::from(TICKS_PER_SECOND) / f64::from(MINIMUM_INTERVAL);
-        let nominal = nominal.min(length_mm / f64::from(most.max(1)) * rate);
+        let length_mm = parts.iter().map(|part| f64::from(part.0)).sum::<f64>() / 100_000.0;
+        // No motor steps faster than a third of what events may follow each other: three motors with times of their own.
+        let rate = f64::from(TICKS_PER_SECOND) / f64::from(MINIMUM_INTERVAL) / 3.0;
+        let nominal = parts.iter().fold(nominal, |nominal, (length, steps, extruder)| {
+            let most = steps.iter().map(|n| n.unsigned_abs()).max().unwrap().max(extruder.unsigned_abs() / 256 + 1);
+            nominal.min(f64::from(*length) / 100_000.0 / f64::from(most) * rate)
+        });
         let entry = entry * nominal;
         let reach = 2.0 * acceleration * length_mm * 0.999;
         let slowest = (entry * entry - reach).max(0.0).sqrt();
         let fastest = (entry * entry + reach).sqrt().min(nominal);
         let exit = slowest + (fastest - slowest) * exit;
-        let mut ends: Vec<u32> = ends.into_iter().map(|end| end.min(length)).collect();
-        ends.sort_unstable();
-        let planned = ending_at(block(steps, extruder, length, [entry, nominal, exit], acceleration), &ends);
-        check(&planned, &ends, 0, &play(&[planned]))?;
-        if twice && extruder % 256 == 0 {
-            let happened = play(&[planned, planned]);
-            let middle = happened.iter().position(|each| matches!(each, Happened::Ended { line: LAST_LINE, .. })).unwrap();
-            check(&planned, &ends, happened[middle].tick(), &happened[middle + 1..])?;
-        }
+        let planned = block_of(&parts, [entry, nominal, exit], acceleration);
+        check(&planned, &parts, &play(&[planned]))?;
     }
 }

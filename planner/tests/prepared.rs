@@ -4,7 +4,7 @@
 use ferrostep_planner::look_ahead::{Entry, Slot, Violation};
 use ferrostep_planner::{
     Coordinate, Geometry, Kinematics, Limits, Move, MoveError, Moved, PlannedBlock, Planner, PreparedMove, Recorded,
-    SquaredSpeed, StepsPerMm,
+    Retuned, SquaredSpeed, StepsPerMm,
 };
 use proptest::prelude::*;
 
@@ -24,6 +24,7 @@ fn planner(ring: usize) -> Planner<Vec<Slot>> {
         travel_acceleration_mm_per_s2: 1000.0,
         retract_acceleration_mm_per_s2: 1500.0,
         junction_deviation_mm: 0.1,
+        instantaneous_corner_velocity_mm_per_s: [f64::INFINITY; 4],
     };
     Planner::new(geometry, limits, vec![Slot::EMPTY; ring])
 }
@@ -58,7 +59,7 @@ fn prepared_move(request: &Move, entry: Entry) -> PreparedMove {
 }
 
 /// The plan of a path with all look-ahead: its moves with their entries, and its blocks.
-fn plan(path: &[Move]) -> (Vec<(PreparedMove, Option<f32>)>, Vec<PlannedBlock>) {
+fn plan(path: &[Move]) -> (Vec<(PreparedMove, Option<Retuned>)>, Vec<PlannedBlock>) {
     let mut planner = planner(1_000);
     planner.set_position([10_000_000; 3]);
     let mut prepared = Vec::new();
@@ -81,13 +82,13 @@ fn plan(path: &[Move]) -> (Vec<(PreparedMove, Option<f32>)>, Vec<PlannedBlock>) 
 }
 
 /// Executes prepared moves with a ring of this size; the blocks, and why it ended early.
-fn execute(prepared: &[(PreparedMove, Option<f32>)], ring: usize) -> (Vec<PlannedBlock>, Option<MoveError>) {
+fn execute(prepared: &[(PreparedMove, Option<Retuned>)], ring: usize) -> (Vec<PlannedBlock>, Option<MoveError>) {
     let mut planner = planner(ring);
     planner.set_position([10_000_000; 3]);
     let (mut blocks, mut refused) = (Vec::new(), None);
-    'moves: for (next, feed_now_mm_per_s) in prepared {
+    'moves: for (next, now) in prepared {
         loop {
-            match planner.add_prepared(next, *feed_now_mm_per_s) {
+            match planner.add_prepared(next, now.as_ref()) {
                 Ok(_) => break,
                 Err(MoveError::NoRoom) => blocks.extend(planner.next_planned()),
                 Err(error) => {
@@ -150,8 +151,9 @@ proptest! {
     fn the_feed_may_change(path in path(), ring in 2usize..40, factors in [0.1f32..4.0, 0.1f32..4.0], at in any::<prop::sample::Index>()) {
         let (mut prepared, _) = plan(&path);
         let at = at.index(prepared.len());
-        for (index, (next, feed_now_mm_per_s)) in prepared.iter_mut().enumerate() {
-            *feed_now_mm_per_s = Some(next.feed_mm_per_s * factors[usize::from(index >= at)]);
+        for (index, (next, now)) in prepared.iter_mut().enumerate() {
+            let feed_mm_per_s = Some(next.feed_mm_per_s * factors[usize::from(index >= at)]);
+            *now = Some(Retuned { filament_100pm: next.filament_100pm, feed_mm_per_s });
         }
         let (executed, refused) = execute(&prepared, ring);
         prop_assert_eq!(refused, None);

@@ -27,7 +27,10 @@ fn as_written(value: f32) -> f64 {
 
 /// Limits as a frame tells them.
 fn limits(values: LimitValues) -> Limits {
-    let [vx, vy, vz, ve, ax, ay, az, ae, print, travel, retract, deviation] = values.map(as_written);
+    let [vx, vy, vz, ve, ax, ay, az, ae, print, travel, retract, deviation, corners @ ..] = values;
+    let [vx, vy, vz, ve] = [vx, vy, vz, ve].map(as_written);
+    let [ax, ay, az, ae] = [ax, ay, az, ae].map(as_written);
+    let [print, travel, retract, deviation] = [print, travel, retract, deviation].map(as_written);
     Limits {
         max_feed_mm_per_s: [vx, vy, vz, ve],
         max_acceleration_mm_per_s2: [ax, ay, az, ae],
@@ -35,6 +38,8 @@ fn limits(values: LimitValues) -> Limits {
         travel_acceleration_mm_per_s2: travel,
         retract_acceleration_mm_per_s2: retract,
         junction_deviation_mm: deviation,
+        instantaneous_corner_velocity_mm_per_s: corners
+            .map(|value| if value.is_finite() { as_written(value) } else { f64::INFINITY }),
     }
 }
 

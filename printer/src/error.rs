@@ -8,7 +8,7 @@ use ferrostep_planner::look_ahead::Violation;
 use ferrostep_planner::{MIN_FEED_MM_PER_S, MoveError};
 
 use crate::AXIS_NAMES;
-use crate::ports::MotionError;
+use crate::ports::{Miscount, MotionError};
 
 /// Why a command was not executed. Nothing of it has happened then; a command that was stopped on its way
 /// ([`CommandError::Stopped`]) leaves the machine where it says it stands.
@@ -101,6 +101,8 @@ pub enum CommandError {
     Halted,
     /// Motion was stopped on the way.
     Stopped,
+    /// A motor's steps were not those of its block; motion was stopped.
+    Miscounted(Miscount),
     /// A prepared job says the machine is where its motors do not stand.
     OtherPlace,
     /// A prepared move goes beyond the machine's travel.
@@ -120,6 +122,7 @@ impl From<MotionError> for CommandError {
     fn from(error: MotionError) -> Self {
         match error {
             MotionError::Stopped | MotionError::Move(MoveError::NoRoom) => Self::Stopped,
+            MotionError::Miscounted(miscount) => Self::Miscounted(miscount),
             MotionError::Move(MoveError::TooFar) => Self::TooFar,
             MotionError::Move(MoveError::TooMuchFilament) => Self::TooMuchFilament,
             MotionError::Move(MoveError::Violation(violation)) => Self::Plan(violation),
@@ -195,6 +198,14 @@ impl fmt::Display for CommandError {
             Self::InvalidTool(tool) => write!(out, "T{tool} - Invalid extruder number !, expected T0"),
             Self::Halted => write!(out, "the printer is halted (M112 or a heater fault), expected M999 to restart"),
             Self::Stopped => write!(out, "motion was stopped"),
+            Self::Miscounted(Miscount { motor, counted, expected }) => {
+                let name = AXIS_NAMES.get(*motor).copied().unwrap_or('?');
+                write!(
+                    out,
+                    "motor {name} stands at step {counted}, expected {expected}: a fault of the firmware, please report \
+                     it; motion was stopped, home the machine (G28) before it moves again"
+                )
+            }
             Self::OtherPlace => write!(out, "the machine is said to be elsewhere, expected where its motors stand"),
             Self::Outside { axis } => {
                 let name = AXIS_NAMES.get(*axis).copied().unwrap_or('?');

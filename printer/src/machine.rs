@@ -12,13 +12,13 @@ use ferrostep_gcode::MotionFigures;
 use ferrostep_hal_shim::virtual_board::VirtualMotors;
 use ferrostep_hal_shim::{EndStops, MotorEnable, StepOutput};
 use ferrostep_planner::interpolator::MAX_ENTRIES;
-use ferrostep_planner::look_ahead::Slot;
+use ferrostep_planner::look_ahead::{Slot, Violation};
 use ferrostep_planner::{
     Limits, MotionChoice, Move, MoveError, Moved, Notice, Pace, Planner, PreparedBlock, PreparedMove, Progress,
-    StepDigests, StepEntry, StepSink, TICKS_PER_SECOND,
+    Retuned, StepDigests, StepEntry, StepSink, TICKS_PER_SECOND,
 };
 
-use crate::ports::Seek;
+use crate::ports::{Miscount, MotionError, Seek};
 use crate::profile::Profile;
 pub use shared::{SharedMachine, SharedMotion};
 use timeline::Timeline;
@@ -84,15 +84,37 @@ pub struct Machine<R, Q> {
     planning_slowdowns: u64,
     underruns: u64,
     idle_flushes: u64,
-    /// Axis whose end stop ends the present move.
-    seeking: Option<usize>,
-    sought: Option<Seek>,
+    seeking: Seeking,
     /// How often motion was stopped.
     stops: u32,
+    /// A motor that stood elsewhere than its block ends, until somebody has taken note; and how often that was.
+    miscount: Option<Miscount>,
+    miscounts: u64,
     /// Since when the motors rest with current, ms.
     rests_since_ms: Option<u32>,
     /// They have been switched off for that, and nobody has taken note.
     switched_off: bool,
+}
+
+/// A move towards a sensor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Seeking {
+    /// No such move, or it was stopped.
+    No,
+    /// The end stop of this axis ends the present move.
+    Towards(usize),
+    /// The move has ended so.
+    Ended(Seek),
+}
+
+impl Seeking {
+    /// The axis that seeks.
+    fn axis(self) -> Option<usize> {
+        match self {
+            Self::Towards(axis) => Some(axis),
+            Self::No | Self::Ended(_) => None,
+        }
+    }
 }
 
 /// Fan changes that take effect when the entries before them have been played.
@@ -124,6 +146,7 @@ struct Sink<'a, Q> {
     timeline: &'a mut Timeline,
     seeking: Option<usize>,
     triggered: bool,
+    miscount: Option<Miscount>,
 }
 
 impl<Q: StepOutput> Sink<'_, Q> {
@@ -173,6 +196,11 @@ impl<Q: StepOutput> StepSink for Sink<'_, Q> {
                 *self.last_move_end = tick;
                 self.queue.move_planned();
             }
+            // The rest of a way that a sensor has ended is not gone.
+            Notice::BlockEnded { motor_steps, .. } if !self.triggered => {
+                self.miscount = Miscount::between(self.motors.steps.motor_steps(), motor_steps);
+            }
+            Notice::BlockEnded { .. } => {}
             Notice::FanPower { power, .. } => {
                 if self.fan.waiting.push_back((self.queue.queued(), power)).is_err() {
                     // There is room whenever the planner advances; if not, early is better than never.
@@ -205,9 +233,10 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
             planning_slowdowns: 0,
             underruns: 0,
             idle_flushes: 0,
-            seeking: None,
-            sought: None,
+            seeking: Seeking::No,
             stops: 0,
+            miscount: None,
+            miscounts: 0,
             rests_since_ms: None,
             switched_off: false,
         }
@@ -229,19 +258,15 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
         Ok(moved)
     }
 
-    /// Takes a move of a prepared job, at its feed of now.
+    /// Takes a move of a prepared job, with what of it is another now.
     ///
     /// # Errors
     /// As [`Planner::add_prepared`]; [`MoveError::NoRoom`] passes.
-    pub fn add_prepared(
-        &mut self,
-        prepared: &PreparedMove,
-        feed_now_mm_per_s: Option<f32>,
-    ) -> Result<Moved, MoveError> {
+    pub fn add_prepared(&mut self, prepared: &PreparedMove, now: Option<&Retuned>) -> Result<Moved, MoveError> {
         if self.queue.link().is_stopping() {
             return Err(MoveError::NoRoom);
         }
-        let moved = self.planner.add_prepared(prepared, feed_now_mm_per_s)?;
+        let moved = self.planner.add_prepared(prepared, now)?;
         if moved == Moved::Queued {
             self.flushed = false;
             self.set_motors_enabled(ALL, true);
@@ -289,6 +314,11 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
         self.flushed = true;
     }
 
+    /// See [`Planner::take_violation`].
+    pub fn take_violation(&mut self) -> Option<Violation> {
+        self.planner.take_violation()
+    }
+
     /// Whether all that was taken has been executed, to the last step.
     pub fn is_idle(&self) -> bool {
         self.planner.is_idle() && self.queue.waiting() == 0 && !self.queue.link().is_stopping()
@@ -297,8 +327,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
     /// The move just taken ends where the end stop of `axis` triggers. Standstill before it is the caller's to see to.
     pub fn begin_seek(&mut self, axis: usize) {
         self.flush();
-        self.sought = None;
-        self.seeking = Some(axis);
+        self.seeking = Seeking::Towards(axis);
         // First the edge, then the level: what comes in between is not lost.
         self.queue.watch_sensor(Some(axis));
         if self.is_end_stop_triggered(axis) {
@@ -306,21 +335,26 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
         }
     }
 
-    /// How the seek ended, once the motors stand.
-    pub fn take_sought(&mut self) -> Option<Seek> {
+    /// How the seek ended, once the motors stand: `None` as long as they do not.
+    ///
+    /// # Errors
+    /// It was stopped.
+    pub fn take_homing_result(&mut self) -> Option<Result<Seek, MotionError>> {
         if !self.is_idle() {
             return None;
         }
-        if self.seeking.is_some() {
+        if self.seeking.axis().is_some() {
             self.end_seek(Seek::Missed);
         }
-        self.sought.take()
+        Some(match core::mem::replace(&mut self.seeking, Seeking::No) {
+            Seeking::Ended(outcome) => Ok(outcome),
+            Seeking::No | Seeking::Towards(_) => Err(MotionError::Stopped),
+        })
     }
 
     fn end_seek(&mut self, outcome: Seek) {
-        self.seeking = None;
+        self.seeking = Seeking::Ended(outcome);
         self.queue.watch_sensor(None);
-        self.sought = Some(outcome);
         if outcome == Seek::Triggered {
             self.forget_plan();
             self.flushed = true;
@@ -430,12 +464,18 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
             planning_slowdowns: self.planning_slowdowns,
             made_up_updates: self.made_up_updates,
             refused_entries: self.refused_entries,
+            miscounts: self.miscounts,
         }
     }
 
     /// How often motion was stopped so far; whoever waits for motion compares.
     pub fn stops(&self) -> u32 {
         self.stops
+    }
+
+    /// Takes note of a motor that stood elsewhere than its block ends.
+    pub fn take_miscount(&mut self) -> Option<Miscount> {
+        self.miscount.take()
     }
 
     /// Takes the filament that stops have left unpushed, units of 0.1 nm.
@@ -450,19 +490,18 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
 
     /// After a stop: plan and counters follow the motors.
     fn follow_stop(&mut self) {
-        let found = Q::HAS_SENSORS && self.seeking.is_some() && self.queue.link().is_sensor_stop();
         let dropped = self.queue.drop_all();
         self.motors.steps.take_back(dropped.signed, dropped.issued);
         self.forget_plan();
         self.fan.waiting.clear();
-        if found {
-            self.end_seek(Seek::Triggered);
-            return;
+        match self.seeking {
+            Seeking::Towards(_) if dropped.at_sensor => return self.end_seek(Seek::Triggered),
+            // Its edge came before its level was looked at, or right after the move's end.
+            Seeking::Ended(_) if dropped.at_sensor => return,
+            Seeking::Towards(_) => self.queue.watch_sensor(None),
+            Seeking::Ended(_) | Seeking::No => {}
         }
-        if self.seeking.take().is_some() {
-            self.queue.watch_sensor(None);
-        }
-        self.sought = None;
+        self.seeking = Seeking::No;
         self.flushed = false;
         self.stops = self.stops.wrapping_add(1);
     }
@@ -549,12 +588,21 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
                 refused: &mut self.refused,
                 timeline: &mut self.timeline,
                 last_move_end: &mut self.last_move_end,
-                seeking: if Q::HAS_SENSORS { None } else { self.seeking },
+                seeking: if Q::HAS_SENSORS { None } else { self.seeking.axis() },
                 triggered: false,
+                miscount: None,
             };
             let progress = self.planner.advance(&mut sink);
-            if sink.triggered {
+            let (triggered, miscount) = (sink.triggered, sink.miscount);
+            if triggered {
                 self.end_seek(Seek::Triggered);
+            }
+            if let Some(miscount) = miscount {
+                // Better no motion than a wrong one.
+                self.miscount.get_or_insert(miscount);
+                self.miscounts += 1;
+                self.queue.request_stop();
+                return true;
             }
             if core::mem::take(&mut self.refused) {
                 self.refused_entries += 1;

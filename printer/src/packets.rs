@@ -45,7 +45,8 @@ pub enum Asked<'a> {
 pub struct PacketReader {
     line: u32,
     next_line: Option<u32>,
-    inner: Vec<(u16, u8), MAX_INNER_ENDS>,
+    /// Of these the line is told by how many it is before the block's.
+    inner: Vec<InnerEnd, MAX_INNER_ENDS>,
     text: Vec<u8, MOST_TEXT_BYTES>,
     /// The text has been told and may be forgotten.
     text_is_old: bool,
@@ -66,9 +67,22 @@ impl PacketReader {
         match *packet {
             Packet::Status(Status::Line(line)) => self.next_line = Some(line),
             Packet::Status(Status::InnerEnd { length_10nm, lines_before }) => {
-                if self.inner.push((length_10nm, lines_before)).is_err() {
+                let end = InnerEnd {
+                    length_10nm: length_10nm.into(),
+                    steps: [0; 3],
+                    extruder_256ths: 0,
+                    line: lines_before.into(),
+                    ends_move: true,
+                };
+                if self.inner.push(end).is_err() {
                     return Err("at most seven moves that end inside a trajectory");
                 }
+            }
+            Packet::Status(Status::InnerSteps(steps)) => self.last_inner()?.steps = steps.map(i32::from),
+            Packet::Status(Status::InnerExtruder { travel_256ths, ends_move }) => {
+                let end = self.last_inner()?;
+                end.extruder_256ths = travel_256ths.into();
+                end.ends_move = ends_move;
             }
             Packet::Status(Status::Fan(power)) => return Ok(Some(Asked::Fan { line: self.begin_line(), power })),
             Packet::Status(Status::Text(part)) => {
@@ -104,7 +118,8 @@ impl PacketReader {
             Packet::Trajectory(trajectory) => {
                 let line = self.begin_line();
                 let inner = core::mem::take(&mut self.inner);
-                let moves = inner.len() as u32 + (trajectory.nominal_length_flag >> 1);
+                let told = inner.iter().filter(|end| end.ends_move).count() as u32;
+                let moves = told + (trajectory.nominal_length_flag >> 1);
                 let inner_ends = inner_ends(&inner, line, trajectory.millimeters)
                     .ok_or("ends of moves inside a trajectory in their order")?;
                 let [x, y, z, extruder_256ths] = trajectory.signed_steps();
@@ -125,6 +140,11 @@ impl PacketReader {
         Ok(None)
     }
 
+    /// The end that was told last.
+    fn last_inner(&mut self) -> Result<&mut InnerEnd, &'static str> {
+        self.inner.last_mut().ok_or("the end of a move inside a trajectory before its steps and filament")
+    }
+
     /// Whether nothing waits for packets that do not come.
     pub fn is_complete(&self) -> bool {
         self.inner.is_empty() && (self.text.is_empty() || self.text_is_old) && self.place.is_empty()
@@ -132,17 +152,17 @@ impl PacketReader {
 }
 
 /// The ends of moves inside a block of this line and length; `None` where they are in no order.
-fn inner_ends(inner: &[(u16, u8)], line: u32, length_10nm: u32) -> Option<InnerEnds> {
+fn inner_ends(inner: &[InnerEnd], line: u32, length_10nm: u32) -> Option<InnerEnds> {
     let mut ends = InnerEnds::NONE;
     let mut before = 0;
-    for (index, &(length, lines)) in inner.iter().enumerate() {
+    for (index, told) in inner.iter().enumerate() {
         // Each is told by the line of the one after it.
-        let end = InnerEnd { length_10nm: length.into(), line: line.checked_sub(lines.into())? };
+        let end = InnerEnd { line: line.checked_sub(told.line)?, ..*told };
         let next = match inner.get(index + 1) {
-            Some(&(_, lines)) => line.checked_sub(lines.into())?,
+            Some(next) => line.checked_sub(next.line)?,
             None => line,
         };
-        if end.length_10nm <= before && index > 0 || end.length_10nm > length_10nm {
+        if end.length_10nm <= before || end.length_10nm >= length_10nm {
             return None;
         }
         before = end.length_10nm;

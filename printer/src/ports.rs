@@ -6,7 +6,7 @@ use core::sync::atomic::{AtomicBool, AtomicU8, AtomicU32, Ordering};
 use ferrostep_gcode::{MotionFigures, Reply, TimingFigures};
 use ferrostep_hal_shim::Heater;
 use ferrostep_hal_shim::tmc2209::{DriverReport, DriverSettings, DriverState, SettingsError};
-use ferrostep_planner::{Limits, MotionChoice, Move, MoveError, Moved, PreparedBlock, PreparedMove};
+use ferrostep_planner::{Limits, MotionChoice, Move, MoveError, Moved, PreparedBlock, PreparedMove, Retuned};
 
 use crate::error::Failure;
 use crate::heat::HeatFault;
@@ -18,6 +18,28 @@ pub enum MotionError {
     Move(MoveError),
     /// Motion was stopped (M112, M410) before it ended.
     Stopped,
+    /// A motor's steps were not those of its block.
+    Miscounted(Miscount),
+}
+
+/// A motor that does not stand where its block ends. This is an error of the firmware; motion stops.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Miscount {
+    /// The motor: X, Y, Z (CoreXY: A, B, Z), extruder.
+    pub motor: usize,
+    /// Where it stands, steps.
+    pub counted: i64,
+    /// Where the block ends, steps.
+    pub expected: i64,
+}
+
+impl Miscount {
+    /// The first motor that does not stand where it must; `None` if all do.
+    pub fn between(counted: [i64; 4], expected: [i64; 4]) -> Option<Self> {
+        let motors = counted.into_iter().zip(expected).enumerate();
+        let mut wrong = motors.filter(|(_, (counted, expected))| counted != expected);
+        wrong.next().map(|(motor, (counted, expected))| Self { motor, counted, expected })
+    }
 }
 
 /// How a move towards an end stop ended.
@@ -31,13 +53,16 @@ pub enum Seek {
 
 /// The planner and the motors, seen from the command side.
 pub trait Motion {
+    /// A command begins: what it waits for ends with any stop from now on.
+    fn begin_command(&mut self) {}
     /// Queues a move; waits for room.
     fn add(&mut self, request: Move) -> impl Future<Output = Result<Moved, MotionError>>;
-    /// Queues a move of a prepared job, with the feed of now (M220), if that needs no waiting; `None` where it does, or might.
+    /// Queues a move of a prepared job, with the feed and flow of now (M220, M221), if that needs no waiting; `None` where it
+    /// does, or might.
     fn try_add_prepared(
         &mut self,
         _prepared: &PreparedMove,
-        _feed_now_mm_per_s: Option<f32>,
+        _now: Option<&Retuned>,
     ) -> Option<Result<Moved, MotionError>> {
         None
     }
@@ -45,7 +70,7 @@ pub trait Motion {
     fn add_prepared(
         &mut self,
         prepared: PreparedMove,
-        feed_now_mm_per_s: Option<f32>,
+        now: Option<Retuned>,
     ) -> impl Future<Output = Result<Moved, MotionError>>;
     /// Queues a block of a prepared job; waits for room.
     fn add_prepared_block(&mut self, prepared: PreparedBlock) -> impl Future<Output = Result<(), MotionError>>;
@@ -53,7 +78,8 @@ pub trait Motion {
     fn refine_position(&mut self, position_10nm: [i64; 3]) -> bool;
     /// Changes the fan with the motion queued so far; waits for room.
     fn set_fan_power(&mut self, power: u8) -> impl Future<Output = Result<(), MotionError>>;
-    /// Waits until all queued motion has ended.
+    /// Waits until all queued motion has ended. An error, too, where the plan of a prepared job's last block could not be
+    /// followed.
     fn finish(&mut self) -> impl Future<Output = Result<(), MotionError>>;
     /// The moves to come, until the position is set, are part of homing: whoever adds up a print's time leaves them out.
     fn begin_homing(&mut self) {}
@@ -81,6 +107,10 @@ pub trait Motion {
     /// steps say.
     fn take_switched_off(&mut self) -> bool {
         false
+    }
+    /// Takes note of a motor that stood elsewhere than its block ends, if no wait has told of it.
+    fn take_miscount(&mut self) -> Option<Miscount> {
+        None
     }
     /// Whether the end stop of an axis is triggered.
     fn is_end_stop_triggered(&self, axis: usize) -> bool;

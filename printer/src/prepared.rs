@@ -5,7 +5,7 @@ use ferrostep_gcode::parse;
 use ferrostep_gpre::{LimitValues, ModalState};
 use ferrostep_hal_shim::{Clock, Heater};
 use ferrostep_planner::extruder::FILAMENT_UNITS_PER_MM;
-use ferrostep_planner::{Limits, Moved, PreparedBlock, PreparedMove};
+use ferrostep_planner::{Limits, Moved, PreparedBlock, PreparedMove, Retuned};
 
 use crate::error::{CommandError, Failure};
 use crate::modal::{Modal, Tally};
@@ -61,7 +61,8 @@ fn limit_values(limits: &Limits) -> LimitValues {
     let [ax, ay, az, ae] = limits.max_acceleration_mm_per_s2;
     let (print, travel) = (limits.print_acceleration_mm_per_s2, limits.travel_acceleration_mm_per_s2);
     let (retract, deviation) = (limits.retract_acceleration_mm_per_s2, limits.junction_deviation_mm);
-    [vx, vy, vz, ve, ax, ay, az, ae, print, travel, retract, deviation].map(|value| value as f32)
+    let [jx, jy, jz, je] = limits.instantaneous_corner_velocity_mm_per_s;
+    [vx, vy, vz, ve, ax, ay, az, ae, print, travel, retract, deviation, jx, jy, jz, je].map(|value| value as f32)
 }
 
 impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, M, H, T, R> {
@@ -96,9 +97,9 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         if let Some(result) = self.try_prepared_move(item, planned_with) {
             return result;
         }
-        let (item, feed_now_mm_per_s) = self.at_percents(item, planned_with);
-        let moved = self.motion.add_prepared(item, feed_now_mm_per_s).await;
-        self.taken(&item, moved)
+        let now = self.retuned(item, planned_with);
+        let moved = self.motion.add_prepared(*item, now).await;
+        self.taken(item, now.as_ref(), moved)
     }
 
     /// As [`Self::prepared_move`], if it needs no waiting; `None`, and nothing has changed, where it does.
@@ -115,22 +116,21 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         if !item.counts {
             self.see_moves();
         }
-        let changed;
-        let (item, feed_now_mm_per_s) = if self.has_percents_of(planned_with) {
-            (item, None)
-        } else {
-            changed = self.at_percents(item, planned_with);
-            (&changed.0, changed.1)
-        };
-        let moved = self.motion.try_add_prepared(item, feed_now_mm_per_s)?;
-        Some(self.taken(item, moved))
+        let now = if self.has_percents_of(planned_with) { None } else { self.retuned(item, planned_with) };
+        let moved = self.motion.try_add_prepared(item, now.as_ref())?;
+        Some(self.taken(item, now.as_ref(), moved))
     }
 
     #[inline(always)]
-    fn taken(&mut self, item: &PreparedMove, moved: Result<Moved, MotionError>) -> Result<(), CommandError> {
+    fn taken(
+        &mut self,
+        item: &PreparedMove,
+        now: Option<&Retuned>,
+        moved: Result<Moved, MotionError>,
+    ) -> Result<(), CommandError> {
         match moved {
             Ok(_) => {
-                self.pass(item);
+                self.pass(item, now.map_or(item.filament_100pm, |now| now.filament_100pm));
                 Ok(())
             }
             Err(error) => Err(self.refused(error.into())),
@@ -164,40 +164,41 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         self.modal.feed_percent == planned_with.feed_percent && self.modal.flow_percent == planned_with.flow_percent
     }
 
-    /// The move with the flow of now, and its feed of now, mm/s, if that has been changed.
+    /// What feed and flow of now make of a move; `None` where they are those of its plan.
     #[cold]
     #[inline(never)]
-    fn at_percents(&self, item: &PreparedMove, planned_with: &ModalState) -> (PreparedMove, Option<f32>) {
-        let mut item = *item;
+    fn retuned(&self, item: &PreparedMove, planned_with: &ModalState) -> Option<Retuned> {
+        if self.has_percents_of(planned_with) {
+            return None;
+        }
         let (feed, flow) = (self.modal.feed_percent, self.modal.flow_percent);
+        let mut filament_100pm = item.filament_100pm;
         if flow != planned_with.flow_percent && item.counts {
             let (now, then) = (i64::from(flow), i64::from(planned_with.flow_percent.max(1)));
-            item.filament_100pm = item.filament_100pm.saturating_mul(now) / then;
+            filament_100pm = filament_100pm.saturating_mul(now) / then;
         }
         let feed_mm_per_s = item.feed_mm_per_s * f32::from(feed) / f32::from(planned_with.feed_percent.max(1));
-        (item, (feed != planned_with.feed_percent).then_some(feed_mm_per_s))
+        Some(Retuned { filament_100pm, feed_mm_per_s: (feed != planned_with.feed_percent).then_some(feed_mm_per_s) })
     }
 
     /// A move was not taken.
     #[cold]
     #[inline(never)]
     fn refused(&mut self, error: CommandError) -> CommandError {
-        if matches!(error, CommandError::Stopped | CommandError::Halted) {
-            self.follow_the_motors();
-        }
+        self.follow_after(error);
         error
     }
 
-    /// A move was taken.
+    /// A move was taken, with so much filament.
     #[inline(always)]
-    fn pass(&mut self, item: &PreparedMove) {
+    fn pass(&mut self, item: &PreparedMove, filament_100pm: i64) {
         if !item.counts {
             return self.pass_retraction(item);
         }
         self.unseen.any = true;
         self.unseen.moves = self.unseen.moves.wrapping_add(u32::from(item.ends_move));
         // Sums of filament are within 63 bits.
-        self.unseen.filament_100pm = self.unseen.filament_100pm.wrapping_add(item.filament_100pm);
+        self.unseen.filament_100pm = self.unseen.filament_100pm.wrapping_add(filament_100pm);
     }
 
     /// A firmware retraction's move was taken: where Z is lifted to is no place of the G-code's, and its filament none of E.
@@ -242,8 +243,8 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
             self.check_extrusion_temperature()?;
         }
         let result = self.take_block(block).await;
-        if matches!(result, Err(CommandError::Stopped | CommandError::Halted)) {
-            self.follow_the_motors();
+        if let Err(error) = result {
+            self.follow_after(error);
         }
         result?;
         let [x, y, z] = self.motion.position_10nm();

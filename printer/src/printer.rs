@@ -218,16 +218,33 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
 
     /// Executes a command.
     async fn command(&mut self, command: &Command<'_>) -> Result<Answer, CommandError> {
+        self.motion.begin_command();
         self.see_moves();
         if self.signals.is_halted() && *command != Command::Restart {
             self.follow_the_motors();
             return Err(CommandError::Halted);
         }
-        let result = self.dispatch(command).await;
-        if matches!(result, Err(CommandError::Stopped | CommandError::Halted)) {
-            self.follow_the_motors();
+        let result = match self.motion.take_miscount() {
+            Some(miscount) => Err(CommandError::Miscounted(miscount)),
+            None => self.dispatch(command).await,
+        };
+        if let Err(error) = result {
+            self.follow_after(error);
         }
         result
+    }
+
+    /// After a command that failed: where motion was stopped, the G-code's position is where the motors stand. A motor that
+    /// stands elsewhere than its block ends makes no position certain.
+    pub(crate) fn follow_after(&mut self, error: CommandError) {
+        match error {
+            CommandError::Miscounted(_) => {
+                self.modal.homed = [false; 3];
+                self.follow_the_motors();
+            }
+            CommandError::Stopped | CommandError::Halted => self.follow_the_motors(),
+            _ => {}
+        }
     }
 
     /// After a stop the G-code's position is where the motors stand. A halt also takes their current away, and with it
@@ -339,7 +356,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
             Command::Acceleration { print, retract, travel, both } => {
                 self.set_acceleration(print, retract, travel, both)?;
             }
-            Command::Junction { deviation } => self.set_junction_deviation(deviation)?,
+            Command::Junction { deviation, corner_velocity } => self.set_corners(deviation, &corner_velocity)?,
             Command::RetractSettings(ref words) => self.set_retraction(words, false)?,
             Command::RecoverSettings(ref words) => self.set_retraction(words, true)?,
             Command::SoftLimits(enabled) => self.soft_limits(enabled),

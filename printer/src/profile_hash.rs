@@ -31,6 +31,7 @@ impl Profile {
             travel_acceleration_mm_per_s2,
             retract_acceleration_mm_per_s2,
             junction_deviation_mm,
+            instantaneous_corner_velocity_mm_per_s,
         } = self.limits;
         let rest = [
             print_acceleration_mm_per_s2,
@@ -38,7 +39,8 @@ impl Profile {
             retract_acceleration_mm_per_s2,
             junction_deviation_mm,
         ];
-        for limit in max_feed_mm_per_s.iter().chain(&max_acceleration_mm_per_s2).chain(&rest) {
+        let corners = &instantaneous_corner_velocity_mm_per_s;
+        for limit in max_feed_mm_per_s.iter().chain(&max_acceleration_mm_per_s2).chain(&rest).chain(corners) {
             hash.number(limit.to_bits());
         }
         hash.number(self.motion.interpolation as u64);

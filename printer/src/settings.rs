@@ -92,13 +92,19 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         Ok(())
     }
 
-    /// M205 J.
-    pub(crate) fn set_junction_deviation(&mut self, deviation: Option<Decimal>) -> Result<(), CommandError> {
+    /// M205 J, and X Y Z E.
+    pub(crate) fn set_corners(
+        &mut self,
+        deviation: Option<Decimal>,
+        corner_velocity: &AxisWords,
+    ) -> Result<(), CommandError> {
+        let unit_mm = self.modal.unit_mm();
+        let mut limits = self.motion.limits();
         if let Some(value) = deviation {
-            let mut limits = self.motion.limits();
-            limits.junction_deviation_mm = in_range('J', value.to_f64() * self.modal.unit_mm(), 0.000_01, 10.0)?;
-            self.motion.set_limits(limits);
+            limits.junction_deviation_mm = in_range('J', value.to_f64() * unit_mm, 0.000_01, 10.0)?;
         }
+        set_axes(&mut limits.instantaneous_corner_velocity_mm_per_s, corner_velocity, unit_mm)?;
+        self.motion.set_limits(limits);
         Ok(())
     }
 

@@ -281,7 +281,14 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
                     // All of the job had been taken; what of it was left undone is reckoned as anywhere else in it.
                     self.stop_motion();
                 }
-                finished.map_err(|_| Stop::Halted)
+                let Progress { frame, offset, .. } = progress;
+                finished.map_err(|error| match error {
+                    CommandError::Stopped | CommandError::Halted => Stop::Halted,
+                    error => {
+                        let (failure, frame) = (Failure::Command(error), frame.saturating_sub(1));
+                        Stop::Done { failure, line: self.line, frame, offset }
+                    }
+                })
             }
             Err(stop) => {
                 // Where the machine was halted there is no motion left to end.

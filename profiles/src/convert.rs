@@ -16,9 +16,9 @@ use ferrostep_printer::{
 use crate::ProfileError;
 use crate::check::CheckAxes;
 use crate::file::{
-    AccelerationName, DriverSettingsTable, DriverTable, DriverTables, DualRateTable, EndName, ExtrusionName,
-    ExtrusionTable, HeaterTable, HomingTable, InterpolationName, KinematicsName, Number, ProfileFile, RetractionTable,
-    SCurveTable, SensorName, ThermistorName, ThermistorValue, Xyze,
+    AccelerationName, CornerVelocityTable, DriverSettingsTable, DriverTable, DriverTables, DualRateTable, EndName,
+    ExtrusionName, ExtrusionTable, HeaterTable, HomingTable, InterpolationName, KinematicsName, Number, ProfileFile,
+    RetractionTable, SCurveTable, SensorName, ThermistorName, ThermistorValue, Xyze,
 };
 
 /// Units of 10 nm in a mm.
@@ -31,6 +31,7 @@ const STEPS_PER_MM: Range = range(1.0, 10_000.0, "steps/mm");
 const FEED: Range = range(0.01, 2_000.0, "mm/s");
 const ACCELERATION: Range = range(0.1, 100_000.0, "mm/s^2");
 const JUNCTION_DEVIATION: Range = range(0.000_1, 1.0, "mm");
+const CORNER_VELOCITY: Range = range(0.001, 1_000.0, "mm/s");
 const JERK: Range = range(1.0, 10_000_000.0, "mm/s^3");
 const EVENT_INTERVAL: Range = range(0.5, 100.0, "us");
 const MIN_EXTRUSION: Range = range(0.0, 400.0, "degrees Celsius");
@@ -176,7 +177,19 @@ fn limits(file: &ProfileFile, check: &Checker<'_>) -> Result<Limits, ProfileErro
             &file.junction_deviation_mm,
             JUNCTION_DEVIATION,
         )?,
+        instantaneous_corner_velocity_mm_per_s: corner_velocities(file, check)?,
     })
+}
+
+/// What a corner may change of an axis's speed; Marlin's default "jerk" for Z and the extruder where nothing is said, and
+/// nothing beyond the junction deviation for X and Y.
+fn corner_velocities(file: &ProfileFile, check: &Checker<'_>) -> Result<[f64; 4], ProfileError> {
+    let CornerVelocityTable { x, y, z, e } = &file.instantaneous_corner_velocity_mm_per_s;
+    let of = |axis: &str, value: &Option<Number>, absent| match value {
+        Some(value) => check.number(&format!("instantaneous_corner_velocity_mm_per_s.{axis}"), value, CORNER_VELOCITY),
+        None => Ok(absent),
+    };
+    Ok([of("x", x, f64::INFINITY)?, of("y", y, f64::INFINITY)?, of("z", z, 0.3)?, of("e", e, 5.0)?])
 }
 
 /// The methods that make the steps.

@@ -25,6 +25,8 @@ pub struct ProfileFile {
     pub max_acceleration_mm_per_s2: Xyze,
     pub acceleration_mm_per_s2: MoveAccelerations,
     pub junction_deviation_mm: Number,
+    #[serde(default)]
+    pub instantaneous_corner_velocity_mm_per_s: CornerVelocityTable,
     pub jerk_mm_per_s3: Number,
     pub minimum_event_interval_us: Number,
     pub min_extrusion_celsius: Number,
@@ -134,6 +136,16 @@ pub struct Xyze {
     pub y: Number,
     pub z: Number,
     pub e: Number,
+}
+
+/// A limit for some of the axes and the extruder.
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields, expecting = "a table with any of the keys x, y, z, e")]
+pub struct CornerVelocityTable {
+    pub x: Option<Number>,
+    pub y: Option<Number>,
+    pub z: Option<Number>,
+    pub e: Option<Number>,
 }
 
 /// Acceleration by the kind of move.

@@ -121,7 +121,7 @@ impl<'a, M: Stepping> Board<'a, M> {
         let clock = VirtualDelay(&self.clock);
         let mut printer = Printer::new(
             self.profile,
-            SharedMotion(self),
+            SharedMotion::new(self),
             ColdHeaters::default(),
             clock,
             &self.replies,

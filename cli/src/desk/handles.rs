@@ -6,9 +6,9 @@ use std::task::Poll;
 
 use ferrostep_gcode::MotionFigures;
 use ferrostep_hal_shim::{EndStops, Fan, Heater, MotorEnable};
-use ferrostep_planner::{Limits, MotionChoice, Move, Moved, PreparedBlock, PreparedMove};
+use ferrostep_planner::{Limits, MotionChoice, Move, MoveError, Moved, PreparedBlock, PreparedMove, Retuned};
 use ferrostep_printer::heat::HeatFault;
-use ferrostep_printer::{HeaterStatus, Heating, Motion, MotionError, Seek, Signals};
+use ferrostep_printer::{HeaterStatus, Heating, Miscount, Motion, MotionError, Seek, Signals};
 
 use super::{Awaited, Desk, DeskDrivers};
 use crate::record::Observer;
@@ -31,7 +31,11 @@ impl<O: Observer> DeskMotion<'_, O> {
             if self.signals.is_halted() {
                 return Poll::Ready(Err(MotionError::Stopped));
             }
-            match attempt(&mut self.desk.borrow_mut()) {
+            let mut desk = self.desk.borrow_mut();
+            if let Some(miscount) = desk.take_miscount() {
+                return Poll::Ready(Err(MotionError::Miscounted(miscount)));
+            }
+            match attempt(&mut desk) {
                 Some(value) => Poll::Ready(Ok(value)),
                 None => Poll::Pending,
             }
@@ -67,13 +71,9 @@ impl<O: Observer> Motion for DeskMotion<'_, O> {
         .await?
     }
 
-    async fn add_prepared(
-        &mut self,
-        prepared: PreparedMove,
-        feed_now_mm_per_s: Option<f32>,
-    ) -> Result<Moved, MotionError> {
+    async fn add_prepared(&mut self, prepared: PreparedMove, now: Option<Retuned>) -> Result<Moved, MotionError> {
         self.wait(|desk| {
-            let outcome = desk.planner.add_prepared(&prepared, feed_now_mm_per_s);
+            let outcome = desk.planner.add_prepared(&prepared, now.as_ref());
             desk.taken(outcome)
         })
         .await?
@@ -106,7 +106,9 @@ impl<O: Observer> Motion for DeskMotion<'_, O> {
 
     async fn finish(&mut self) -> Result<(), MotionError> {
         self.desk.borrow_mut().planner.flush();
-        self.wait_until_idle().await
+        self.wait_until_idle().await?;
+        let violation = self.desk.borrow_mut().planner.take_violation();
+        violation.map_or(Ok(()), |violation| Err(MotionError::Move(MoveError::Violation(violation))))
     }
 
     fn begin_homing(&mut self) {
@@ -168,6 +170,10 @@ impl<O: Observer> Motion for DeskMotion<'_, O> {
 
     fn set_motors_enabled(&mut self, axes: u8, enabled: bool) {
         self.desk.borrow_mut().board.motors.set_motors_enabled(axes, enabled);
+    }
+
+    fn take_miscount(&mut self) -> Option<Miscount> {
+        self.desk.borrow_mut().take_miscount()
     }
 
     fn is_end_stop_triggered(&self, axis: usize) -> bool {

@@ -83,9 +83,12 @@ impl PacketWriter {
                 self.joined = *joined;
                 self.begin_line(planned.block.line, bytes);
                 for end in planned.block.inner_ends.iter(planned.block.line) {
-                    // Both have these ranges.
+                    // All have these ranges.
                     let (length_10nm, lines) = (end.length_10nm as u16, (planned.block.line - end.line) as u8);
                     self.status(Status::InnerEnd { length_10nm, lines_before: lines }, bytes);
+                    self.status(Status::InnerSteps(end.steps.map(|steps| steps as i8)), bytes);
+                    let (travel_256ths, ends_move) = (end.extruder_256ths as i16, end.ends_move);
+                    self.status(Status::InnerExtruder { travel_256ths, ends_move }, bytes);
                 }
                 self.put(Packet::Trajectory(trajectory(planned, *bound)), bytes);
             }

@@ -165,12 +165,20 @@ pub async fn play_from<O: Observer, R: Replies>(
         Encoding::Wide if from > 0 => return Err(entry::no_frames(from)),
         Encoding::Wide => packets(&mut reader, header.frames, printer, progress, &mut look).await,
     };
-    let finished = match outcome {
-        Ok(()) => printer.finish().await,
-        Err(_) => printer.abandon_prepared().await,
-    };
-    outcome?;
-    finished.map_err(JobError::Stopped)
+    if let Err(error) = outcome {
+        // What stopped the job is told; a halt besides is known already.
+        let _ = printer.abandon_prepared().await;
+        return Err(error);
+    }
+    let Err(error) = printer.finish().await else { return Ok(()) };
+    let _ = printer.abandon_prepared().await;
+    Err(match error {
+        CommandError::Plan(_) => {
+            let (frame, line) = (header.frames.checked_sub(1), Some(progress.lines));
+            JobError::Prepared { frame, line, offset: reader.offset, message: error.to_string() }
+        }
+        error => JobError::Stopped(error),
+    })
 }
 
 /// Frames to be executed.

@@ -170,6 +170,7 @@ fn plan(places_mm: &[(f64, f64)], law: AccelerationProfile, block_by_block: bool
         travel_acceleration_mm_per_s2: 1_000.0,
         retract_acceleration_mm_per_s2: 1_000.0,
         junction_deviation_mm: 0.1,
+        instantaneous_corner_velocity_mm_per_s: [f64::INFINITY; 4],
     };
     let mut planner = Planner::new(geometry, limits, vec![Slot::EMPTY; 128]);
     let choice = MotionChoice { acceleration: law, ..MotionChoice::DEFAULT };

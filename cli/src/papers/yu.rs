@@ -42,6 +42,7 @@ fn planner() -> Option<Planner<Vec<Slot>>> {
         travel_acceleration_mm_per_s2: ACCELERATION_MM_PER_S2,
         retract_acceleration_mm_per_s2: ACCELERATION_MM_PER_S2,
         junction_deviation_mm: DEVIATION_MM,
+        instantaneous_corner_velocity_mm_per_s: [f64::INFINITY; 4],
     };
     Some(Planner::new(geometry, limits, vec![Slot::EMPTY; 64]))
 }

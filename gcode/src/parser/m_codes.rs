@@ -60,7 +60,10 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
                 both: words.above_zero(b'S'),
             })
         }
-        205 => Ok(Command::Junction { deviation: code.words(remarks)?.above_zero(b'J') }),
+        205 => {
+            let mut words = code.words(remarks)?;
+            Ok(Command::Junction { deviation: words.above_zero(b'J'), corner_velocity: words.axis_limits() })
+        }
         207 => {
             let mut words = code.words(remarks)?;
             Ok(Command::RetractSettings(RetractionWords {

@@ -128,7 +128,9 @@ fn take_apart_m(command: Command<'_>) -> (u32, Words) {
         Command::Acceleration { print, retract, travel, both } => {
             (204, given([('P', print), ('R', retract), ('T', travel), ('S', both)]))
         }
-        Command::Junction { deviation } => (205, given([('J', deviation)])),
+        Command::Junction { deviation, corner_velocity } => {
+            (205, [given([('J', deviation)]), axes(corner_velocity)].concat())
+        }
         Command::RetractSettings(words) => (207, retraction(words)),
         Command::RecoverSettings(words) => (208, retraction(words)),
         Command::SoftLimits(on) => (211, given([('S', switch(on))])),
@@ -292,7 +294,8 @@ fn settings() -> impl Strategy<Value = Command<'static>> {
         any_limits().prop_map(Command::MaxFeed),
         (of(above_zero()), of(above_zero()), of(above_zero()), of(above_zero()))
             .prop_map(|(print, retract, travel, both)| Command::Acceleration { print, retract, travel, both }),
-        of(above_zero()).prop_map(|deviation| Command::Junction { deviation }),
+        (of(above_zero()), any_limits())
+            .prop_map(|(deviation, corner_velocity)| Command::Junction { deviation, corner_velocity }),
         (of(not_negative()), of(above_zero()), of(not_negative()))
             .prop_map(|(length, feed, lift)| { Command::RetractSettings(RetractionWords { length, feed, lift }) }),
         (of(any_number()), of(above_zero()))

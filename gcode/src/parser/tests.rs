@@ -148,16 +148,18 @@ fn motors_and_limits() {
         Command::Acceleration { print: some("1000"), retract: some("1250"), travel: some("900"), both: None },
     );
     reads("M204 S500", Command::Acceleration { print: None, retract: None, travel: None, both: some("500") });
-    reads("M205 X8.00 Y8.00 Z0.40 E4.50 S0 T0", Command::Junction { deviation: None });
-    reads("M205 J0.013", Command::Junction { deviation: some("0.013") });
+    let corner_velocity = AxisWords { x: some("8.00"), y: some("8.00"), z: some("0.40"), e: some("4.50") };
+    reads("M205 X8.00 Y8.00 Z0.40 E4.50 S0 T0", Command::Junction { deviation: None, corner_velocity });
     let none = AxisWords::default();
+    reads("M205 J0.013", Command::Junction { deviation: some("0.013"), corner_velocity: none });
     reads_with("M201 X0", Command::MaxAcceleration(none), "X is not above 0 and is ignored");
     reads_with("M203 E-5", Command::MaxFeed(none), "E is not above 0 and is ignored");
     let z = AxisWords { z: some("5"), ..none };
     reads_with("M203 Y Z5", Command::MaxFeed(z), "Y without a number is ignored");
     let travel = Command::Acceleration { print: some("500"), retract: None, travel: None, both: None };
     reads_with("M204 P500 T0", travel, "T is not above 0 and is ignored");
-    reads_with("M205 J0", Command::Junction { deviation: None }, "J is not above 0 and is ignored");
+    let corners = Command::Junction { deviation: None, corner_velocity: none };
+    reads_with("M205 J0 X0", corners, "J is not above 0 and is ignored; X is not above 0 and is ignored");
     assert_eq!(refused("M84 S-1"), "S: -1 is below 0, expected 0 or more");
     let words = RetractionWords { length: some("2"), feed: some("1800"), lift: some("0.4") };
     reads("M207 S2 F1800 Z.4", Command::RetractSettings(words));

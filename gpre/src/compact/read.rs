@@ -5,7 +5,7 @@ use super::{
 };
 use crate::bits::{BitReader, Order, Window};
 use crate::error::Fault;
-use crate::item::{Coordinate, Entry, Item, ModalState, PreparedMove, SquaredSpeed};
+use crate::item::{Coordinate, Entry, FIRST_CORNER_VALUE, Item, LimitValues, ModalState, PreparedMove, SquaredSpeed};
 
 /// Largest unit.
 const MOST_UNIT: u32 = 1000;
@@ -112,10 +112,11 @@ impl<'a> Decoder<'a> {
         let fan_power = bits.few(8)? as u8;
         let mut limits = None;
         if bits.bit()? {
-            let mut values = [0.0; 12];
-            for value in &mut values {
+            let mut values: LimitValues = [0.0; _];
+            for (index, value) in values.iter_mut().enumerate() {
                 *value = if bits.bit()? { f32::from_bits(bits.many(32)? as u32) } else { bits.golomb(10)? as f32 };
-                if !(*value > 0.0 && value.is_finite()) {
+                // A corner's limit may be missing: infinite.
+                if !(*value > 0.0 && (value.is_finite() || index >= FIRST_CORNER_VALUE)) {
                     return Err(Fault::Content("limits above zero"));
                 }
             }

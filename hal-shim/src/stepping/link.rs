@@ -2,15 +2,15 @@
 
 use super::word::WordU8;
 
-/// Who stops motion, if not somebody: the sensor that an axis seeks.
-const SENSOR: u8 = 2;
-
 /// Flags between those who make step entries, those who stop motion, and the interrupt that plays them.
 #[derive(Debug)]
 pub struct StepLink {
     run: WordU8,
     ran_dry: WordU8,
+    /// A command or a fault wants motion to stop.
     stop: WordU8,
+    /// The sensor that an axis seeks has triggered. A flag of its own: neither hides the other.
+    sensor_stop: WordU8,
     owed: WordU8,
 }
 
@@ -23,7 +23,13 @@ impl Default for StepLink {
 impl StepLink {
     /// Nothing runs.
     pub const fn new() -> Self {
-        Self { run: WordU8::new(0), ran_dry: WordU8::new(0), stop: WordU8::new(0), owed: WordU8::new(0) }
+        Self {
+            run: WordU8::new(0),
+            ran_dry: WordU8::new(0),
+            stop: WordU8::new(0),
+            sensor_stop: WordU8::new(0),
+            owed: WordU8::new(0),
+        }
     }
 
     /// The player takes slots, until it finds none.
@@ -46,11 +52,7 @@ impl StepLink {
 
     /// Whether the player has found no slot since the last call.
     pub fn take_ran_dry(&self) -> bool {
-        let ran_dry = self.ran_dry.load() != 0;
-        if ran_dry {
-            self.ran_dry.store(0);
-        }
-        ran_dry
+        Self::take(&self.ran_dry)
     }
 
     /// An event is owed, because the interrupt has missed an update: [`super::StepPlayer::stay`], which is to be called
@@ -62,11 +64,7 @@ impl StepLink {
     /// Whether an event was owed.
     #[inline(always)]
     pub(super) fn take_owed(&self) -> bool {
-        let owed = self.owed.load() != 0;
-        if owed {
-            self.owed.store(0);
-        }
-        owed
+        Self::take(&self.owed)
     }
 
     /// Somebody wants motion to stop, and has masked the step interrupt before this call. The planner task sees to the
@@ -75,29 +73,33 @@ impl StepLink {
         self.stop.store(1);
     }
 
-    /// As [`Self::request_stop`], for a sensor that an axis seeks; somebody's stop is not overwritten. From a priority
-    /// above all that call that one.
+    /// As [`Self::request_stop`], for the sensor that an axis seeks.
     pub fn request_sensor_stop(&self) {
-        if !self.is_stopping() {
-            self.stop.store(SENSOR);
-        }
-    }
-
-    /// Whether the stop that has not been taken note of is a sensor's.
-    pub fn is_sensor_stop(&self) -> bool {
-        self.stop.load() == SENSOR
+        self.sensor_stop.store(1);
     }
 
     /// Whether a stop has been asked for and not been taken note of.
     pub fn is_stopping(&self) -> bool {
-        self.stop.load() != 0
+        self.stop.load() != 0 || self.sensor_stop.load() != 0
     }
 
-    /// The stop has been taken note of; nothing runs.
-    pub(super) fn stopped(&self) {
+    /// The stop has been taken note of; nothing runs. Whether nothing but a sensor has asked for it.
+    ///
+    /// A flag is cleared only where it was seen: a request that comes in between remains, and is followed next.
+    pub(super) fn stopped(&self) -> bool {
         self.run.store(0);
         self.ran_dry.store(0);
-        self.stop.store(0);
         self.owed.store(0);
+        let requested = Self::take(&self.stop);
+        Self::take(&self.sensor_stop) && !requested
+    }
+
+    #[inline(always)]
+    fn take(flag: &WordU8) -> bool {
+        let is_set = flag.load() != 0;
+        if is_set {
+            flag.store(0);
+        }
+        is_set
     }
 }

@@ -309,8 +309,9 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
         self.reloads[1].store(reload);
     }
 
-    /// For the producer, while the interrupt is masked: forgets all slots up to the one that it fills next.
-    pub(super) fn forget(&self, filled: u32) {
+    /// For the producer, while the interrupt is masked: forgets all slots up to the one that it fills next. Whether nothing
+    /// but a sensor has asked for that.
+    pub(super) fn forget(&self, filled: u32) -> bool {
         let mut number = self.next.load();
         while number != filled {
             let slot = self.slot(number);
@@ -319,6 +320,6 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
         }
         self.next.store(filled);
         self.left.store(Head::EMPTY.0);
-        self.link.stopped();
+        self.link.stopped()
     }
 }

@@ -8,14 +8,14 @@ use crate::method::Method;
 use crate::motion_choice::Interpolation;
 use crate::plane::{CoreXyTarget, FeedSteps, MinimumDeviation, MotorSteps, PointByPoint};
 use crate::real::Real;
-use crate::spacing::Spacing;
-use crate::step_times::{NEVER, StepTimes};
+use crate::spacing::{Spacing, Span};
+use crate::step_times::StepTimes;
 use crate::time_law::HALF_TICK;
 
 /// A step event and when it is due.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Due {
-    /// In time units from the block's start; [`NEVER`] behind the last.
+    /// In time units from the block's start.
     pub time: u64,
     /// The motors that step.
     pub axes: u8,
@@ -59,19 +59,14 @@ pub(super) struct Pulses {
     second: Option<MotorSteps>,
     /// A step behind the last pulse.
     rest: Option<MotorSteps>,
-    next: Due,
+    /// The next event; `None` after the last.
+    next: Option<Due>,
 }
 
 impl Pulses {
     /// No motor ever steps.
-    pub const NONE: Self = Self {
-        rule: Rule::Nothing,
-        feeds: FeedSteps::NONE,
-        has_halves: false,
-        second: None,
-        rest: None,
-        next: Due { time: NEVER, axes: 0, backwards: 0 },
-    };
+    pub const NONE: Self =
+        Self { rule: Rule::Nothing, feeds: FeedSteps::NONE, has_halves: false, second: None, rest: None, next: None };
 
     /// One motor by itself.
     pub fn start_alone<F: Real>(&mut self, times: &mut StepTimes, law: &impl BlockLaw<F>, bit: u8, steps: i32) {
@@ -140,23 +135,22 @@ impl Pulses {
         self.has_halves = has_halves;
         self.second = None;
         self.rest = rest;
-        law.start(times, &Spacing::of_master(law, parts), HALF_TICK);
+        law.start(times, &Spacing::of_master(&Span::whole(law), parts), HALF_TICK);
         self.advance(times);
     }
 
     /// The next event.
     #[inline]
-    pub fn next(&self) -> Due {
+    pub fn next(&self) -> Option<Due> {
         self.next
     }
 
     /// Goes on to the event after it.
     pub fn advance(&mut self, times: &mut StepTimes) {
-        let mut time = times.next();
-        if time == NEVER {
-            self.next.time = NEVER;
+        let Some(mut time) = times.next() else {
+            self.next = None;
             return;
-        }
+        };
         times.take(1);
         let steps = match self.second.take() {
             Some(second) => second,
@@ -164,15 +158,15 @@ impl Pulses {
                 let steps = self.next_steps();
                 if steps.twice {
                     self.second = Some(steps);
-                } else if self.has_halves && times.next() != NEVER {
+                } else if let Some(half) = times.next().filter(|_| self.has_halves) {
                     // The middle of both halves. Only what is behind the last pulse has but one.
-                    time += (times.next() - time) / 2;
+                    time += (half - time) / 2;
                     times.take(1);
                 }
                 steps
             }
         };
-        self.next = Due { time, axes: steps.axes, backwards: steps.backwards };
+        self.next = Some(Due { time, axes: steps.axes, backwards: steps.backwards });
     }
 
     /// What the next pulse asks for, and after the last what is left.

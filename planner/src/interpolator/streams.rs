@@ -7,19 +7,19 @@
 //! direction, so a motor that turns round does it no sooner than the interval behind the event before, and the signals
 //! change right behind that: the profile has seen to it that pulse and set-up time fit into the interval.
 //!
-//! At a block's end all motors stand at its end, as every stream has made all its steps. Blocks are not merged under these
-//! methods, so that is every move's end too; one that was is made by the default.
+//! At a block's end all motors stand at its end, as every stream has made all its steps. Moves do not share blocks under
+//! these methods, so that is every move's end too; a block that has several is made by the default.
 
 use super::{FAR, Interpolator, MAX_ENTRIES, WHOLE_TICKS, Work};
 use crate::EXTRUDER;
-use crate::block::Block;
 use crate::block_law::BlockLaw;
+use crate::inner_ends::Stretch;
 use crate::method::Method;
 use crate::motion_choice::Interpolation;
 use crate::real::Real;
-use crate::spacing::{ExtruderTravel, Spacing};
+use crate::spacing::{ExtruderTravel, Spacing, Span};
 use crate::step_queue::StepEntry;
-use crate::step_times::{NEVER, StepTimes};
+use crate::step_times::StepTimes;
 use crate::time_law::{FRACTION_BITS, HALF_TICK, Precision, TimeLaw};
 
 use super::pulses::{Due, Pulses};
@@ -49,80 +49,96 @@ impl Streams {
         Self { are_on: false, plane: [Pulses::NONE; 2], second: StepTimes::NONE, z: StepTimes::NONE, waiting: 0 };
 
     /// Those of a block.
-    fn start<F: Real>(&mut self, times: &mut StepTimes, method: &Method, block: &Block, law: &impl BlockLaw<F>) {
-        let [x, y, z] = block.steps;
+    fn start<F: Real>(&mut self, times: &mut StepTimes, method: &Method, stretch: &Stretch, law: &impl BlockLaw<F>) {
+        let [x, y, z] = stretch.steps;
         let [first, second] = &mut self.plane;
         *second = Pulses::NONE;
         self.z = StepTimes::NONE;
         self.waiting = 0;
         if method.interpolation() == Interpolation::Bresenham {
-            first.start_bresenham(times, law, block.steps);
+            first.start_bresenham(times, law, stretch.steps);
             return;
         }
-        if method.has_two_rates(block.steps) {
+        if method.has_two_rates(stretch.steps) {
             first.start_alone(times, law, 1, x);
             second.start_alone(&mut self.second, law, 2, y);
         } else {
-            first.start_plane(times, law, method, block.steps);
+            first.start_plane(times, law, method, stretch.steps);
         }
-        law.start(&mut self.z, &Spacing::of_master(law, z.unsigned_abs()), HALF_TICK);
+        law.start(&mut self.z, &Spacing::of_master(&Span::whole(law), z.unsigned_abs()), HALF_TICK);
     }
 
     /// The plane's next event, and which of its streams has it.
     #[inline]
-    fn next_of_plane(&self) -> (Due, usize) {
-        let [first, second] = [self.plane[0].next(), self.plane[1].next()];
-        if second.time < first.time { (second, 1) } else { (first, 0) }
+    fn next_of_plane(&self) -> Option<(Due, usize)> {
+        match [self.plane[0].next(), self.plane[1].next()] {
+            [Some(first), Some(second)] if second.time < first.time => Some((second, 1)),
+            [Some(first), _] => Some((first, 0)),
+            [None, second] => second.map(|due| (due, 1)),
+        }
+    }
+
+    /// When Z and the extruder step next, whichever is first, and which it is.
+    #[inline]
+    fn next_beside(&self, extruder: &StepTimes) -> Option<(u64, u8)> {
+        match (self.z.next(), extruder.next()) {
+            (Some(z), Some(extruder)) if extruder < z => Some((extruder, EXTRUDER)),
+            (Some(z), _) => Some((z, Z)),
+            (None, extruder) => extruder.map(|due| (due, EXTRUDER)),
+        }
     }
 }
 
 impl Interpolator {
     /// Begins a block that is made of streams.
     #[inline(never)]
-    pub(super) fn start_streams(&mut self, block: &Block, law: &TimeLaw, extruder: &ExtruderTravel) {
+    pub(super) fn start_streams(&mut self, stretch: &Stretch, law: &TimeLaw, extruder: &ExtruderTravel) {
         match &law.0 {
-            Precision::Short(law) => self.start_streams_in(block, law, extruder),
-            Precision::Long(law) => self.start_streams_in(block, law, extruder),
-            Precision::Run(law) => self.start_streams_in(block, law, extruder),
-            Precision::Staircase(law) => self.start_streams_in(block, law, extruder),
+            Precision::Short(law) => self.start_streams_in(stretch, law, extruder),
+            Precision::Long(law) => self.start_streams_in(stretch, law, extruder),
+            Precision::Run(law) => self.start_streams_in(stretch, law, extruder),
+            Precision::Staircase(law) => self.start_streams_in(stretch, law, extruder),
         }
     }
 
-    fn start_streams_in<F: Real>(&mut self, block: &Block, law: &impl BlockLaw<F>, extruder: &ExtruderTravel) {
-        self.duration_ticks = law.duration_ticks();
+    fn start_streams_in<F: Real>(&mut self, stretch: &Stretch, law: &impl BlockLaw<F>, extruder: &ExtruderTravel) {
         self.joining = 0;
-        self.streams.start(&mut self.master, &self.method, block, law);
-        law.start(&mut self.extruder, &Spacing::of_extruder(law, extruder), HALF_TICK);
-        self.inside.start(block, law, 0, extruder);
+        self.streams.start(&mut self.master, &self.method, stretch, law);
+        law.start(&mut self.extruder, &Spacing::of_extruder(&Span::whole(law), extruder), HALF_TICK);
     }
 
     /// As [`Interpolator::work`], by streams.
     #[inline(never)]
     pub(super) fn work_streams(&mut self) -> Work {
         while self.entries.all().len() + MOST_ENTRIES_AN_EVENT <= MAX_ENTRIES {
-            let (plane, stream) = self.streams.next_of_plane();
-            let (z, extruder) = (self.streams.z.next(), self.extruder.next());
-            let other = z.min(extruder);
-            let due = plane.time.min(other);
-            if due == NEVER {
-                return self.end_part();
-            }
-            // From the last event to the nearest tick; wraps where that is behind.
+            let plane = self.streams.next_of_plane();
+            let beside = self.streams.next_beside(&self.extruder);
+            let due = match (plane, beside) {
+                (None, None) => return self.end_stretch(),
+                (Some((plane, _)), Some((beside, _))) => plane.time.min(beside),
+                (Some((plane, _)), None) => plane.time,
+                (None, Some((beside, _))) => beside,
+            };
+            // From the last event to the nearest tick; wraps where that should have come before it.
             let gap = due.wrapping_add(HALF_TICK).wrapping_sub(self.last);
             if gap >= FAR && self.has_waited(gap) {
-                return Work::Closed(None);
+                return Work::Waited;
             }
-            if other < plane.time {
-                let (times, bit) =
-                    if z <= extruder { (&mut self.streams.z, Z) } else { (&mut self.extruder, EXTRUDER) };
-                times.take(1);
-                if plane.time - other < self.near && self.streams.waiting & bit == 0 {
-                    self.streams.waiting |= bit;
-                } else {
-                    self.place(due, gap, bit);
+            let (plane, stream) = match (plane, beside) {
+                (Some(next), beside) if beside.is_none_or(|(beside, _)| beside >= next.0.time) => next,
+                (plane, Some((_, bit))) => {
+                    let times = if bit == Z { &mut self.streams.z } else { &mut self.extruder };
+                    times.take(1);
+                    let is_near = plane.is_some_and(|(plane, _)| plane.time - due < self.near);
+                    if is_near && self.streams.waiting & bit == 0 {
+                        self.streams.waiting |= bit;
+                    } else {
+                        self.place(due, gap, bit);
+                    }
+                    continue;
                 }
-                continue;
-            }
+                (_, None) => return self.end_stretch(),
+            };
             let [first, second] = &mut self.streams.plane;
             if stream == 0 {
                 first.advance(&mut self.master);

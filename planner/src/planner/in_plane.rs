@@ -8,7 +8,7 @@ use super::prepared::OpenPrepared;
 use super::{MIN_FEED_MM_PER_S, Planner, PreparedMove, TICKS_PER_10NM_AT_1_MM_PER_S};
 use crate::block::{Acceleration, Speed};
 use crate::extruder::FILAMENT_UNITS_PER_MM;
-use crate::junction::{Pull, radius_in_plane_10nm};
+use crate::junction::{Pull, radius_in_plane_10nm, speed_of_jumps};
 use crate::kinematics::{Kinematics, StepsPerMm, UNITS_PER_MM};
 use crate::limits::{larger, smaller};
 use crate::look_ahead::{Entry, Slot};
@@ -73,8 +73,9 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         }
         let cruise = &self.cruise;
         let ([x, y, _], [from_x, from_y, _]) = (prepared.target_10nm(), self.position_10nm);
-        let path = Path::in_plane([x.wrapping_sub(from_x), y.wrapping_sub(from_y)]);
+        let mut path = Path::in_plane([x.wrapping_sub(from_x), y.wrapping_sub(from_y)]);
         let filament = filament_100pm as f32;
+        path.filament = filament / super::FILAMENT_UNITS_PER_10NM as f32;
         if filament > path.length * cruise.most_filament
             || filament * cruise.filament_10nm + cruise.move_10nm > path.length
         {
@@ -94,7 +95,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         open.block.line = prepared.line;
         open.block.ends_move = prepared.ends_move;
         open.block.inner_ends.clear();
-        // Its way is that of the move before, for whoever joins another to it.
+        // Its events, and what it adds to the block, are worked out if another move joins it.
         open.moves = 1;
         open.extruder_256ths = self.extruder_256ths;
         self.open_prepared =
@@ -105,8 +106,9 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         let pull = cruise.pull;
         let before = &self.previous;
         let radius = radius_in_plane_10nm(&before.path, &path, self.path_limits.four_deviations_10nm);
-        // None where there is no move before.
-        self.open.junction = pull.weaker(before.pull).speed_along(radius);
+        let jumps = speed_of_jumps(&before.path, &path, self.path_limits.per_corner_velocity);
+        // Zero where there is no move before.
+        self.open.junction = pull.weaker(before.pull).speed_along(radius).min(jumps);
         self.previous.path.turn_in_plane(&path);
         self.previous.pull = pull;
         true

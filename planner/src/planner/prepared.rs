@@ -4,12 +4,12 @@
 //! so), and there is no reverse pass (it brings its speed). Limits, corners and the processor's budget are worked out anew
 //! from where it goes, so a plan can only ask for less than they allow, and one that asks for more is found out.
 
-use super::{Move, MoveError, Moved, Next, Planner};
+use super::{Move, MoveError, Moved, Planner};
 use crate::block::{Block, PlannedBlock, Speed, SquaredSpeed};
+use crate::inner_ends::Stretches;
 use crate::junction::Pull;
 use crate::kinematics::{Coordinate, narrow};
 use crate::look_ahead::{Entry, Left, Marker, Slot, Violation};
-use crate::merge::Planned;
 use crate::motion_choice::AccelerationProfile;
 use crate::time_law::TimeLaw;
 
@@ -40,11 +40,20 @@ impl PreparedMove {
         self.target.map(Coordinate::units)
     }
 
-    /// The move at this feed, mm/s.
-    fn at(&self, feed_mm_per_s: f32) -> Move {
-        let Self { filament_100pm, line, ends_move, .. } = *self;
+    /// The move with this filament, units of 0.1 nm, at this feed, mm/s.
+    fn with(&self, filament_100pm: i64, feed_mm_per_s: f32) -> Move {
+        let Self { line, ends_move, .. } = *self;
         Move { target_10nm: self.target_10nm().map(i64::from), filament_100pm, feed_mm_per_s, line, ends_move }
     }
+}
+
+/// What of a prepared move is another now than when it was planned.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Retuned {
+    /// Filament at the flow of now (M221), units of 0.1 nm.
+    pub filament_100pm: i64,
+    /// Speed at the feed of now (M220), mm/s; `None` if that has not been changed.
+    pub feed_mm_per_s: Option<f32>,
 }
 
 /// A block of a prepared job, for formats that have blocks and no moves.
@@ -87,20 +96,31 @@ pub(super) struct OpenPrepared {
     pub is_within_budget: bool,
 }
 
+/// What steps tell of the corners before a block and inside it.
+struct CornersOfSteps {
+    /// The stretch before.
+    before: Option<Block>,
+    first: Speed,
+    /// The slowest of those inside.
+    inner: Speed,
+}
+
+/// Filament of a prepared move at the flow of now, units of 0.1 nm.
+fn filament_now(prepared: &PreparedMove, now: Option<&Retuned>) -> i64 {
+    now.map_or(prepared.filament_100pm, |now| now.filament_100pm)
+}
+
 impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
-    /// Takes a move of a prepared job. Its feed may have been changed since it was planned (M220): that of now, mm/s.
+    /// Takes a move of a prepared job. Feed and flow may have been changed since it was planned: `now` is what they are then.
+    /// Its corners remain those of the plan, whose speeds follow from them.
     ///
     /// # Errors
     /// As [`Self::add`], and [`MoveError::Violation`] where the plan cannot be followed: the moves taken before are
     /// executed as far as they can be trusted, to a standstill on the path, and no other is taken until
     /// [`Self::stand_at`] says where the motors are.
     #[inline(never)]
-    pub fn add_prepared(
-        &mut self,
-        prepared: &PreparedMove,
-        feed_now_mm_per_s: Option<f32>,
-    ) -> Result<Moved, MoveError> {
-        if feed_now_mm_per_s.is_none()
+    pub fn add_prepared(&mut self, prepared: &PreparedMove, now: Option<&Retuned>) -> Result<Moved, MoveError> {
+        if now.is_none()
             && self.may_be_plain(prepared)
             && !self.flushing
             && let Some(before) = self.open_prepared
@@ -116,49 +136,44 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
             self.open_prepared = None;
             return self.add_otherwise(prepared, None);
         }
-        self.add_otherwise(prepared, feed_now_mm_per_s)
+        self.add_otherwise(prepared, now)
     }
 
     /// Takes any move.
     #[inline(never)]
-    fn add_otherwise(&mut self, prepared: &PreparedMove, feed_now_mm_per_s: Option<f32>) -> Result<Moved, MoveError> {
+    fn add_otherwise(&mut self, prepared: &PreparedMove, now: Option<&Retuned>) -> Result<Moved, MoveError> {
         self.expect_prepared()?;
         if prepared.entry == Entry::Continues && self.open.is_some() && !self.flushing {
-            return self.join_prepared(prepared, feed_now_mm_per_s);
+            return self.join_prepared(prepared, now);
         }
-        let request = &prepared.at(prepared.feed_mm_per_s);
+        let request = &prepared.with(filament_now(prepared, now), prepared.feed_mm_per_s);
         let Some(next) = self.next(request)? else { return Ok(Moved::Nothing) };
         if !self.close() {
             return Err(MoveError::NoRoom);
         }
-        if let Some(violation) = self.violation {
+        if let Some(violation) = self.take_violation().or(self.violation) {
             return Err(MoveError::Violation(violation));
         }
-        let planned = self.plan_apart(request, &next);
-        let nominal = self.nominal_now(prepared, feed_now_mm_per_s, planned.block.nominal);
+        let planned = self.plan_apart(request, &next, prepared.filament_100pm);
+        let nominal = self.nominal_now(prepared, now, planned.block.nominal);
         self.open.begin(&planned, self.extruder_256ths);
         self.open_prepared = Some(OpenPrepared { entry: prepared.entry, nominal, is_within_budget: false });
         self.follow(&next, &planned);
         Ok(Moved::Queued)
     }
 
-    /// Where a move takes the motors, and its block.
-    #[inline(never)]
-    fn planned(&self, request: &Move) -> Result<Option<(Next, Planned)>, MoveError> {
-        let next = self.next(request)?;
-        Ok(next.map(|next| (next, self.plan_apart(request, &next))))
-    }
-
     /// Takes a move that continues the block before.
     #[inline(never)]
-    fn join_prepared(&mut self, prepared: &PreparedMove, feed_now_mm_per_s: Option<f32>) -> Result<Moved, MoveError> {
-        let request = prepared.at(prepared.feed_mm_per_s);
-        let Some((next, planned)) = self.planned(&request)? else { return Ok(Moved::Nothing) };
-        let nominal = self.nominal_now(prepared, feed_now_mm_per_s, planned.block.nominal);
+    fn join_prepared(&mut self, prepared: &PreparedMove, now: Option<&Retuned>) -> Result<Moved, MoveError> {
+        let request = &prepared.with(filament_now(prepared, now), prepared.feed_mm_per_s);
+        let Some(next) = self.next(request)? else { return Ok(Moved::Nothing) };
+        let planned = self.plan_apart(request, &next, prepared.filament_100pm);
+        let nominal = self.nominal_now(prepared, now, planned.block.nominal);
         if self.open.moves == 1 {
-            self.open.set_way(self.previous.path.vector_10nm, !self.previous.pull.is_some());
+            self.open.last_is_whole();
+            self.open.events = self.method.events(self.open.block.steps);
         }
-        if !self.open.absorb(&planned, true) {
+        if !self.open.absorb_prepared(&planned) {
             return Err(self.violated(Violation::NotContinued));
         }
         self.merged_moves += 1;
@@ -170,12 +185,12 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         Ok(Moved::Queued)
     }
 
-    /// The nominal speed of a move at its feed of now.
-    fn nominal_now(&self, prepared: &PreparedMove, feed_now_mm_per_s: Option<f32>, planned: Speed) -> Speed {
-        let Some(feed_now_mm_per_s) = feed_now_mm_per_s else { return planned };
-        // Of a feed that is none there is nothing to be had.
-        let now = self.planned(&prepared.at(feed_now_mm_per_s)).ok().flatten();
-        now.map_or(planned, |(_, planned)| planned.block.nominal)
+    /// The nominal speed of a move at its feed of now; the planned one where that cannot be.
+    fn nominal_now(&self, prepared: &PreparedMove, now: Option<&Retuned>, planned: Speed) -> Speed {
+        let Some(&Retuned { filament_100pm, feed_mm_per_s: Some(feed_mm_per_s) }) = now else { return planned };
+        let request = &prepared.with(filament_100pm, feed_mm_per_s);
+        let Ok(Some(next)) = self.next(request) else { return planned };
+        self.plan_apart(request, &next, prepared.filament_100pm).block.nominal
     }
 
     /// Takes a block of a prepared job.
@@ -196,10 +211,25 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         }
         let target_10nm = self.geometry.position_10nm(motor_steps.map(i64::from));
         let Some(target_10nm) = narrow(target_10nm) else { return Err(MoveError::TooFar) };
-        if !self.keeps_limits(&prepared.block) {
-            return Err(self.violated(Violation::BeyondLimits));
+        let mut corners =
+            CornersOfSteps { before: self.previous_steps, first: Speed(u32::MAX), inner: Speed(u32::MAX) };
+        for stretch in Stretches::of(&prepared.block) {
+            let part = prepared.block.part(&stretch);
+            if !self.keeps_limits(&part) {
+                return Err(self.violated(Violation::BeyondLimits));
+            }
+            let corner = self.corner_of_steps(corners.before.as_ref(), &part);
+            if stretch.before_10nm == 0 {
+                corners.first = corner
+            } else {
+                corners.inner = corners.inner.min(corner)
+            }
+            corners.before = Some(part);
         }
-        let junction = self.corner_of_steps(&prepared.block).min(prepared.max_entry);
+        if corners.inner < prepared.block.nominal {
+            return Err(self.violated(Violation::TooFast));
+        }
+        let junction = corners.first.min(prepared.max_entry);
         let entry = Entry::Given(prepared.entry.into());
         let nominal = prepared.block.nominal;
         match self.look_ahead.push_prepared(&prepared.block, nominal, junction, entry) {
@@ -207,7 +237,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
             Err(violation) => return Err(self.violated(violation)),
         }
         self.previous.pull = Pull::ZERO;
-        self.previous_steps = Some(prepared.block);
+        self.previous_steps = corners.before;
         self.extruder.advance_256ths(prepared.block.extruder_256ths);
         self.extruder_256ths = self.extruder.position_256ths();
         self.position_10nm = target_10nm;
@@ -223,6 +253,12 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
             self.position_10nm = near;
         }
         stands
+    }
+
+    /// Why the plan of a job's last block cannot be followed, if no error has told yet. Motion has ended before it, and
+    /// [`Self::stand_at`] is to say where.
+    pub fn take_violation(&mut self) -> Option<Violation> {
+        self.violation.filter(|_| core::mem::take(&mut self.is_violation_untold))
     }
 
     /// Motion ends with what was taken so far, and nothing else is until the motors' place is known.
@@ -253,6 +289,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         let nominal = if is_within_budget { nominal } else { self.hold_budget(nominal) };
         if let Err(violation) = self.look_ahead.push_prepared(&self.open.block, nominal, self.open.junction, entry) {
             self.violation = Some(violation);
+            self.is_violation_untold = true;
             self.flushing = true;
         }
     }
@@ -261,8 +298,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
     #[inline(never)]
     fn hold_budget(&mut self, now: Speed) -> Speed {
         let open = &mut self.open;
-        let events = self.method.events(open.block.steps);
-        let cost = self.budget.cost(&open.block, events, open.moves, open.extruder_256ths);
+        let cost = self.budget.cost(&open.block, open.events, open.moves, open.extruder_256ths);
         let mut planned = open.block.nominal;
         let is_as_planned = now == planned;
         if let Some(slower) = cost.slower_nominal(planned) {
@@ -276,7 +312,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
     /// The next move or block is a prepared one: an error where it cannot be, or not yet.
     #[inline(never)]
     fn expect_prepared(&mut self) -> Result<(), MoveError> {
-        if let Some(violation) = self.violation {
+        if let Some(violation) = self.take_violation().or(self.violation) {
             // Motion ends before it.
             self.close();
             return Err(MoveError::Violation(violation));

@@ -70,15 +70,16 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
     /// The most that the corner before a block allows, by its steps and those of the block before: v^2 = a R as for any
     /// corner (Yu 2019), the turn as small as half a step at each end can make it look. A stop next to a block of the
     /// filament alone.
-    pub(super) fn corner_of_steps(&self, block: &Block) -> Speed {
-        let Some(before) = &self.previous_steps else { return Speed(u32::MAX) };
+    pub(super) fn corner_of_steps(&self, before: Option<&Block>, block: &Block) -> Speed {
+        let Some(before) = before else { return Speed(u32::MAX) };
         let lengths = [before, block].map(|block| block.length_10nm as f32 / UNITS_PER_MM as f32);
         let [one, other] = [before, block].map(|block| self.travels(block));
         let stands = [before, block].map(|block| block.steps == [0; 3]);
         for ((travels, length), stands) in [&one, &other].into_iter().zip(lengths).zip(stands) {
-            // The filament alone is as long as its block; beside a way too short for a step it is not.
-            let off = (travels.mm[3].abs() - length).abs();
-            if stands && off <= length * (LENIENCE - 1.0) + travels.step_mm[3] / 128.0 {
+            // A path without a step is shorter than a step of each of its motors: what is longer is filament alone. What is
+            // not may be either.
+            let [x, y, z, _] = travels.step_mm;
+            if stands && length > (x + y + z) * LENIENCE {
                 return Speed::ZERO;
             }
         }

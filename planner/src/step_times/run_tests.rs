@@ -1,7 +1,7 @@
 //! Step times of S-curves and staircases against f64.
 #![allow(clippy::unwrap_used)]
 
-use super::{NEVER, StepTimes};
+use super::StepTimes;
 use crate::TICKS_PER_SECOND;
 use crate::block::{Acceleration, Block, PlannedBlock, Speed};
 use crate::block_law::BlockLaw;
@@ -11,7 +11,7 @@ use crate::s_curve::law::{Along, Curve};
 use crate::s_curve::run::Planning;
 use crate::s_curve::staircase::{Pulses, Staircase};
 use crate::s_curve::{FrequencyTable, Jerk, Ramp, Run};
-use crate::spacing::{ExtruderTravel, Spacing};
+use crate::spacing::{ExtruderTravel, Spacing, Span};
 use crate::time_law::FRACTION_BITS;
 
 /// A microsecond.
@@ -100,11 +100,11 @@ fn random_steps<L: BlockLaw<f64>>(random: &mut Random, law: &L, fastest: f64) ->
     }
     let count = random.magnitude(1.0, (length_mm * 1_600.0).clamp(1.0, most)) as u32;
     if !random.next().is_multiple_of(4) {
-        return Some((Spacing::of_master(law, count), count));
+        return Some((Spacing::of_master(&Span::whole(law), count), count));
     }
     let first = (random.next() % 257) as u32;
     let whole = (first + (random.next() % 256) as u32 + (count - 1) * 256).max(1);
-    Some((Spacing::of_extruder(law, &ExtruderTravel { whole, first, count }), count))
+    Some((Spacing::of_extruder(&Span::whole(law), &ExtruderTravel { whole, first, count }), count))
 }
 
 /// Times of all steps against the exact ones: ticks off at most; and by how much an interval was, as a share of a tick and
@@ -122,8 +122,8 @@ fn deviations<L: BlockLaw<f64>>(
     let mut last = 0;
     let sparse = count > 2_000;
     for index in 0..count {
-        let time = times.next();
-        assert!(time != NEVER && time >= last, "step {index} of {count}");
+        let time = times.next().unwrap();
+        assert!(time >= last, "step {index} of {count}");
         if !sparse || index < 20 || count - index < 20 || random.next().is_multiple_of(64) {
             let place = steps.first + f64::from(index) * steps.spacing;
             let rest = steps.after_last + f64::from(count - 1 - index) * steps.spacing;
@@ -141,7 +141,7 @@ fn deviations<L: BlockLaw<f64>>(
         last = time;
         times.take(1);
     }
-    assert_eq!(times.next(), NEVER);
+    assert_eq!(times.next(), None);
     [worst, interval]
 }
 

@@ -39,6 +39,7 @@ pub fn limits() -> Limits {
         travel_acceleration_mm_per_s2: 3000.0,
         retract_acceleration_mm_per_s2: 1500.0,
         junction_deviation_mm: 0.05,
+        instantaneous_corner_velocity_mm_per_s: [f64::INFINITY; 4],
     }
 }
 

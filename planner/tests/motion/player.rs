@@ -27,6 +27,8 @@ pub struct Player {
     pub events: Vec<Event>,
     pub notices: Vec<Notice>,
     pub entries: usize,
+    motors: [i64; 4],
+    counted_events: usize,
 }
 
 impl Player {
@@ -37,11 +39,20 @@ impl Player {
         motors
     }
 
+    /// Where the motors stand.
+    fn counted(&mut self) -> [i64; 4] {
+        for event in self.events.get(self.counted_events..).unwrap_or_default() {
+            event.apply(&mut self.motors);
+        }
+        self.counted_events = self.events.len();
+        self.motors
+    }
+
     /// The moves that have ended: tick and line.
     pub fn ends(&self) -> Vec<(u64, u32)> {
         let ends = self.notices.iter().filter_map(|notice| match *notice {
             Notice::MoveEnded { tick, line } => Some((tick, line)),
-            Notice::FanPower { .. } => None,
+            Notice::BlockEnded { .. } | Notice::FanPower { .. } => None,
         });
         ends.collect()
     }
@@ -75,6 +86,11 @@ impl StepSink for Player {
     }
 
     fn notice(&mut self, notice: Notice) {
+        if let Notice::BlockEnded { motor_steps, .. } = notice {
+            // The planner's own account of where the motors are, against a count of the events.
+            assert_eq!(self.counted(), motor_steps, "at the end of a block");
+            return;
+        }
         self.notices.push(notice);
     }
 }

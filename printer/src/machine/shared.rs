@@ -5,10 +5,10 @@ use core::future::Future;
 use ferrostep_gcode::MotionFigures;
 use ferrostep_hal_shim::StepOutput;
 use ferrostep_planner::look_ahead::Slot;
-use ferrostep_planner::{Limits, MotionChoice, Move, MoveError, Moved, PreparedBlock, PreparedMove};
+use ferrostep_planner::{Limits, MotionChoice, Move, MoveError, Moved, PreparedBlock, PreparedMove, Retuned};
 
 use super::{Machine, Silence};
-use crate::ports::{Motion, MotionError, Seek};
+use crate::ports::{Miscount, Motion, MotionError, Seek};
 
 /// How a board shares its machine between the task that executes commands and the planner task.
 pub trait SharedMachine {
@@ -37,32 +37,46 @@ pub trait SharedMachine {
 
 /// Planner and motors of a board.
 #[derive(Debug)]
-pub struct SharedMotion<S>(pub S);
+pub struct SharedMotion<S> {
+    machine: S,
+    /// How often motion had been stopped when the present command began.
+    stops: u32,
+}
 
 impl<S: SharedMachine> SharedMotion<S> {
-    /// Tries until it succeeds, then wakes the planner task.
+    /// Motion of a shared machine.
+    pub fn new(machine: S) -> Self {
+        let stops = machine.with(|machine| machine.stops());
+        Self { machine, stops }
+    }
+
+    /// Tries until it succeeds, then wakes the planner task. Any stop since the command's beginning ends the wait: a stop
+    /// that came before this wait, between two of the command's steps, is one too.
     async fn wait<T>(
         &self,
         mut attempt: impl FnMut(&mut Machine<S::Ring, S::Queue>) -> Option<T>,
     ) -> Result<T, MotionError> {
-        let stops = self.0.with(|machine| machine.stops());
+        let stops = self.stops;
         loop {
-            if self.0.is_halted() {
+            if self.machine.is_halted() {
                 return Err(MotionError::Stopped);
             }
             // In one look: a stop between the two would be over, and what is added now would move a halted machine.
-            let outcome = self.0.with(|machine| {
-                if machine.stops() == stops { attempt(machine).map(Ok) } else { Some(Err(MotionError::Stopped)) }
+            let outcome = self.machine.with(|machine| {
+                if machine.stops() == stops {
+                    return attempt(machine).map(Ok);
+                }
+                Some(Err(machine.take_miscount().map_or(MotionError::Stopped, MotionError::Miscounted)))
             });
             match outcome {
                 Some(Ok(value)) => {
-                    self.0.wake_planner();
+                    self.machine.wake_planner();
                     return Ok(value);
                 }
                 Some(Err(stopped)) => return Err(stopped),
                 None => {}
             }
-            self.0.pause().await;
+            self.machine.pause().await;
         }
     }
 }
@@ -76,24 +90,32 @@ fn unless_full<T>(outcome: Result<T, MoveError>) -> Option<Result<T, MotionError
 }
 
 impl<S: SharedMachine> Motion for SharedMotion<S> {
+    fn begin_command(&mut self) {
+        self.stops = self.machine.with(|machine| machine.stops());
+    }
+
     async fn add(&mut self, request: Move) -> Result<Moved, MotionError> {
         self.wait(|machine| unless_full(machine.add(&request))).await?
     }
 
-    fn try_add_prepared(&mut self, prepared: &PreparedMove, feed: Option<f32>) -> Option<Result<Moved, MotionError>> {
-        let moved = self.0.with(|machine| {
+    fn try_add_prepared(
+        &mut self,
+        prepared: &PreparedMove,
+        now: Option<&Retuned>,
+    ) -> Option<Result<Moved, MotionError>> {
+        let moved = self.machine.with(|machine| {
             // A halt before this look is seen by it; one that comes now waits for the machine, and then forgets the move.
-            if self.0.is_halted() {
+            if self.machine.is_halted() {
                 return Some(Err(MotionError::Stopped));
             }
-            unless_full(machine.add_prepared(prepared, feed))
+            unless_full(machine.add_prepared(prepared, now))
         })?;
-        self.0.wake_planner();
+        self.machine.wake_planner();
         Some(moved)
     }
 
-    async fn add_prepared(&mut self, prepared: PreparedMove, feed: Option<f32>) -> Result<Moved, MotionError> {
-        self.wait(|machine| unless_full(machine.add_prepared(&prepared, feed))).await?
+    async fn add_prepared(&mut self, prepared: PreparedMove, now: Option<Retuned>) -> Result<Moved, MotionError> {
+        self.wait(|machine| unless_full(machine.add_prepared(&prepared, now.as_ref()))).await?
     }
 
     async fn add_prepared_block(&mut self, prepared: PreparedBlock) -> Result<(), MotionError> {
@@ -101,7 +123,7 @@ impl<S: SharedMachine> Motion for SharedMotion<S> {
     }
 
     fn refine_position(&mut self, position_10nm: [i64; 3]) -> bool {
-        self.0.with(|machine| machine.refine_position(position_10nm))
+        self.machine.with(|machine| machine.refine_position(position_10nm))
     }
 
     async fn set_fan_power(&mut self, power: u8) -> Result<(), MotionError> {
@@ -109,9 +131,10 @@ impl<S: SharedMachine> Motion for SharedMotion<S> {
     }
 
     async fn finish(&mut self) -> Result<(), MotionError> {
-        self.0.with(|machine| machine.flush());
-        self.0.wake_planner();
-        self.wait(|machine| machine.is_idle().then_some(())).await
+        self.machine.with(|machine| machine.flush());
+        self.machine.wake_planner();
+        let violation = self.wait(|machine| machine.is_idle().then(|| machine.take_violation())).await?;
+        violation.map_or(Ok(()), |violation| Err(MotionError::Move(MoveError::Violation(violation))))
     }
 
     async fn seek(&mut self, request: Move, axis: usize) -> Result<Seek, MotionError> {
@@ -119,58 +142,64 @@ impl<S: SharedMachine> Motion for SharedMotion<S> {
         if self.add(request).await? == Moved::Nothing {
             return Ok(Seek::Missed);
         }
-        self.0.with(|machine| machine.begin_seek(axis));
-        self.0.wake_planner();
-        self.wait(|machine| machine.take_sought()).await
+        self.machine.with(|machine| machine.begin_seek(axis));
+        self.machine.wake_planner();
+        self.wait(|machine| machine.take_homing_result()).await?
     }
 
     fn position_10nm(&self) -> [i64; 3] {
-        self.0.with(|machine| machine.position_10nm())
+        self.machine.with(|machine| machine.position_10nm())
     }
 
     fn set_position(&mut self, position_10nm: [i64; 3]) {
-        self.0.with(|machine| machine.set_position(position_10nm));
+        self.machine.with(|machine| machine.set_position(position_10nm));
     }
 
     fn motor_steps(&self) -> [i64; 4] {
-        self.0.with(|machine| machine.motor_steps())
+        self.machine.with(|machine| machine.motor_steps())
     }
 
     fn figures(&self) -> MotionFigures {
-        self.0.with(|machine| machine.figures())
+        self.machine.with(|machine| machine.figures())
     }
 
     fn limits(&self) -> Limits {
-        self.0.with(|machine| machine.limits())
+        self.machine.with(|machine| machine.limits())
     }
 
     fn set_limits(&mut self, limits: Limits) {
-        self.0.with(|machine| machine.set_limits(limits));
+        self.machine.with(|machine| machine.set_limits(limits));
     }
 
     fn motion_choice(&self) -> MotionChoice {
-        self.0.with(|machine| machine.motion_choice())
+        self.machine.with(|machine| machine.motion_choice())
     }
 
     fn set_motion_choice(&mut self, choice: &MotionChoice) {
-        self.0.with(|machine| machine.set_motion_choice(choice));
+        self.machine.with(|machine| machine.set_motion_choice(choice));
     }
 
     fn set_motors_enabled(&mut self, axes: u8, enabled: bool) {
-        self.0.with(|machine| machine.set_motors_enabled(axes, enabled));
+        self.machine.with(|machine| machine.set_motors_enabled(axes, enabled));
     }
 
     fn take_switched_off(&mut self) -> bool {
-        self.0.with(|machine| machine.take_switched_off())
+        self.machine.with(|machine| machine.take_switched_off())
+    }
+
+    fn take_miscount(&mut self) -> Option<Miscount> {
+        self.machine.with(|machine| machine.take_miscount())
     }
 
     fn is_end_stop_triggered(&self, axis: usize) -> bool {
-        self.0.with(|machine| machine.is_end_stop_triggered(axis))
+        self.machine.with(|machine| machine.is_end_stop_triggered(axis))
     }
 
     fn stop(&mut self) -> i64 {
-        self.0.with(|machine| machine.request_stop());
-        self.0.work();
-        self.0.with(|machine| machine.take_dropped_100pm())
+        self.machine.with(|machine| machine.request_stop());
+        self.machine.work();
+        // The command's own stop does not end what it waits for after it.
+        self.begin_command();
+        self.machine.with(|machine| machine.take_dropped_100pm())
     }
 }

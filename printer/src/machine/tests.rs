@@ -50,6 +50,7 @@ fn profile() -> Profile {
             travel_acceleration_mm_per_s2: 1000.0,
             retract_acceleration_mm_per_s2: 1500.0,
             junction_deviation_mm: 0.1,
+            instantaneous_corner_velocity_mm_per_s: [f64::INFINITY; 4],
         },
         motion: MotionChoice::DEFAULT,
         minimum_event_interval_ticks: 168,
@@ -366,7 +367,7 @@ fn a_seek_ends_at_the_event_that_triggers() {
         let _ = machine.add(&travel(-100, 0)).unwrap();
         machine.begin_seek(0);
         run_until_idle(&mut machine, &mut interrupt);
-        assert_eq!(machine.take_sought(), Some(Seek::Triggered));
+        assert_eq!(machine.take_homing_result(), Some(Ok(Seek::Triggered)));
         assert_eq!(interrupt.motor_steps(), [-4800, 0, 0, 0]);
         assert_eq!(machine.position_10nm(), [-6_000_000, 0, 0]);
         machine.set_position([0; 3]);
@@ -375,13 +376,19 @@ fn a_seek_ends_at_the_event_that_triggers() {
         let _ = machine.add(&travel(-10, 0)).unwrap();
         machine.begin_seek(0);
         run_until_idle(&mut machine, &mut interrupt);
-        assert_eq!((machine.take_sought(), interrupt.motor_steps()), (Some(Seek::Triggered), [-4800, 0, 0, 0]));
+        assert_eq!(
+            (machine.take_homing_result(), interrupt.motor_steps()),
+            (Some(Ok(Seek::Triggered)), [-4800, 0, 0, 0])
+        );
         // Y stands at 50 mm and goes 10 mm only.
         let _ = machine.add(&travel(0, -10)).unwrap();
         machine.begin_seek(1);
-        assert_eq!(machine.take_sought(), None);
+        assert_eq!(machine.take_homing_result(), None);
         run_until_idle(&mut machine, &mut interrupt);
-        assert_eq!((machine.take_sought(), interrupt.motor_steps()), (Some(Seek::Missed), [-4800, -800, 0, 0]));
+        assert_eq!(
+            (machine.take_homing_result(), interrupt.motor_steps()),
+            (Some(Ok(Seek::Missed)), [-4800, -800, 0, 0])
+        );
     });
 }
 
@@ -417,8 +424,8 @@ fn a_sensor_of_the_board_stops_the_motors_where_they_stand() {
         machine.begin_seek(0);
         assert_eq!(interrupt.sensors.watched.get(), Some(0));
         let mut planned = 0;
-        while machine.take_sought().is_none_or(|sought| {
-            assert_eq!(sought, Seek::Triggered);
+        while machine.take_homing_result().is_none_or(|result| {
+            assert_eq!(result, Ok(Seek::Triggered));
             false
         }) {
             machine.work(NO_SILENCE);
@@ -439,7 +446,7 @@ fn a_sensor_of_the_board_stops_the_motors_where_they_stand() {
         interrupt.sensors.trigger_at.set(1000);
         machine.add(&travel(-30, 0)).unwrap();
         machine.begin_seek(0);
-        assert_eq!(machine.take_sought(), Some(Seek::Triggered));
+        assert_eq!(machine.take_homing_result(), Some(Ok(Seek::Triggered)));
         run_until_idle(&mut machine, &mut interrupt);
         assert_eq!((interrupt.motor_steps()[0], interrupt.sensors.watched.get()), (240, None));
         // It never triggers.
@@ -447,7 +454,7 @@ fn a_sensor_of_the_board_stops_the_motors_where_they_stand() {
         machine.add(&travel(0, 0)).unwrap();
         machine.begin_seek(0);
         run_until_idle(&mut machine, &mut interrupt);
-        assert_eq!(machine.take_sought(), Some(Seek::Missed));
+        assert_eq!(machine.take_homing_result(), Some(Ok(Seek::Missed)));
         assert_eq!((interrupt.motor_steps()[0], interrupt.sensors.watched.get()), (0, None));
     });
 }
@@ -466,9 +473,53 @@ fn somebody_s_stop_during_a_seek_is_not_the_sensor_s() {
         // The sensor comes too late.
         interrupt.player.link().request_sensor_stop();
         machine.work(NO_SILENCE);
-        assert_eq!((machine.stops(), machine.take_sought()), (1, None));
+        // The stop ends the seek, which tells so: a command that waits for it does not wait for ever.
+        assert_eq!((machine.stops(), machine.take_homing_result()), (1, Some(Err(MotionError::Stopped))));
         assert_eq!(interrupt.sensors.watched.get(), None);
         assert_eq!(machine.motor_steps(), interrupt.motor_steps());
+    });
+}
+
+#[test]
+fn a_sensor_s_edge_before_its_level_is_looked_at_ends_the_seek_once() {
+    with_machine(32, |mut machine: TestMachine<'_, true>, mut interrupt| {
+        // It triggers where the motor stands already: level and edge tell the same.
+        interrupt.sensors.trigger_at.set(1000);
+        machine.add(&travel(-30, 0)).unwrap();
+        machine.begin_seek(0);
+        interrupt.player.link().request_sensor_stop();
+        assert_eq!(machine.take_homing_result(), None);
+        machine.work(NO_SILENCE);
+        assert_eq!((machine.take_homing_result(), machine.stops()), (Some(Ok(Seek::Triggered)), 0));
+        run_until_idle(&mut machine, &mut interrupt);
+        assert_eq!(interrupt.motor_steps(), [0; 4]);
+    });
+}
+
+#[test]
+fn a_stop_before_a_seek_is_planned_ends_it() {
+    with_machine(32, |mut machine: TestMachine<'_, true>, _| {
+        machine.add(&travel(-30, 0)).unwrap();
+        machine.request_stop();
+        machine.begin_seek(0);
+        machine.work(NO_SILENCE);
+        assert_eq!((machine.take_homing_result(), machine.stops()), (Some(Err(MotionError::Stopped)), 1));
+        // The move is gone; a seek that begins after it has nothing to wait for, and says so.
+        machine.work(NO_SILENCE);
+        assert_eq!(machine.take_homing_result(), Some(Err(MotionError::Stopped)));
+    });
+}
+
+#[test]
+fn a_stop_that_comes_while_another_is_followed_is_not_lost() {
+    with_machine(32, |mut machine: TestMachine<'_, true>, interrupt| {
+        machine.add(&travel(-30, 0)).unwrap();
+        machine.begin_seek(0);
+        machine.work(NO_SILENCE);
+        interrupt.player.link().request_sensor_stop();
+        machine.request_stop();
+        machine.work(NO_SILENCE);
+        assert_eq!((machine.take_homing_result(), machine.stops()), (Some(Err(MotionError::Stopped)), 1));
     });
 }
 
