@@ -96,7 +96,7 @@ impl EmergencyScanner {
     /// Takes the next byte; the `\n` or `\r` that ends such a command returns it.
     pub fn feed(&mut self, byte: u8) -> Option<Emergency> {
         if byte == b'\n' || byte == b'\r' {
-            let line = core::mem::replace(self, Self::new());
+            let line = core::mem::take(self);
             let emergency = match line.state {
                 State::Whole(emergency) | State::Suffix(emergency) => emergency,
                 State::Code(number) => command(number)?,

@@ -146,7 +146,7 @@ fn moves(bytes: &mut Unstructured<'_>) -> arbitrary::Result<String> {
     let extruder = if bytes.ratio(1, 2)? { bytes.int_in_range(-most..=most)? } else { 0 };
     let _ = writeln!(lines, "G91\nG1{feed}");
     for _ in 0..bytes.int_in_range(1..=12)? {
-        let [x, y, z, extruder] = [x, y, z, extruder].map(|each| mm(each));
+        let [x, y, z, extruder] = [x, y, z, extruder].map(mm);
         let times = f64::from(bytes.int_in_range(0..=5u8)?);
         let _ =
             writeln!(lines, "G1 X{:.3} Y{:.3} Z{:.3} E{:.3}{feed}", x * times, y * times, z * times, extruder * times);
