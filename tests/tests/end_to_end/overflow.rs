@@ -69,7 +69,6 @@ fn send(machine: &Machine, lines: &[String], room: usize, slowness: usize, rando
         read(&mut ring);
         read(&mut ring);
     }
-    drop(read);
     (said.into_inner(), lost)
 }
 
