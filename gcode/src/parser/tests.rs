@@ -340,6 +340,9 @@ fn motor_drivers() {
 fn malformed_lines_name_the_field() {
     for (text, error) in [
         ("G1 X1.2.3 Y5", "X: \"1.2.3\" is not a number, expected one like 12.5 or -.8"),
+        ("G1 Xnan Y5", "X: \"nan\" is not a number, expected one like 12.5 or -.8"),
+        ("G1 X5 EINF", "E: \"INF\" is not a number, expected one like 12.5 or -.8"),
+        ("G1 X5 Y-inf", "Y: \"-\" is not a number, expected one like 12.5 or -.8"),
         ("G1 X-", "X: \"-\" is not a number, expected one like 12.5 or -.8"),
         ("G1 X1-2", "X: \"1-2\" is not a number, expected one like 12.5 or -.8"),
         ("G1 H.", "H: \".\" is not a number, expected one like 12.5 or -.8"),

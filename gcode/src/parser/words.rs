@@ -51,6 +51,9 @@ impl<'a> Words<'a> {
                 words.remarks.add(Remark::SecondCommand);
                 break;
             }
+            if let Some(not_finite) = not_finite(text, at + 1) {
+                return Err(ParseError::NotANumber { letter: char::from(upper), text: not_finite });
+            }
             at = skip_blanks(bytes, at + 1);
             let (bit, index) = (bit(upper), usize::from(upper - b'A'));
             words.present |= bit;
@@ -218,6 +221,18 @@ impl<'a> Words<'a> {
         let value = self.values[usize::from(letter - b'A')];
         ParseError::OutOfRange { letter: char::from(letter), value, low, high }
     }
+}
+
+/// What stands right behind a letter in place of a number where a program has printed one that it could not reckon: no
+/// words are meant by `Xnan`, and the move must not go elsewhere without it.
+#[inline]
+fn not_finite(text: &str, at: usize) -> Option<ShortText> {
+    let bytes = text.as_bytes();
+    if !matches!(bytes.get(at), Some(b'n' | b'N' | b'i' | b'I')) {
+        return None;
+    }
+    let name = text.get(at..at + 3)?;
+    ["nan", "inf"].iter().any(|not_finite| name.eq_ignore_ascii_case(not_finite)).then(|| ShortText::new(name))
 }
 
 /// The first place from `at` on that is no space, tab or `( )` comment; an open comment goes to the end.

@@ -47,6 +47,8 @@ fn a_line_that_cannot_be_read() {
     for (line, says) in [
         ("G1 X20 Y1.2.3", ["G1 X20 Y1.2.3", "Y: \"1.2.3\" is not a number, expected"]),
         ("G1 X20 Y--4", ["G1 X20 Y--4", "Y: \"--4\" is not a number, expected"]),
+        ("G1 Xnan Y20", ["G1 Xnan Y20", "X: \"nan\" is not a number, expected"]),
+        ("M104 Snan", ["M104 Snan", "S: \"nan\" is not a number, expected"]),
         ("G1 X20 #4", ["G1 X20 #4", "unexpected character '#', expected"]),
         ("G1 X99999999999", ["G1 X99999999999", "X: 99999999999 is too large, expected"]),
         ("G2 X20 Y20", ["G2 X20 Y20", "expected I and J, or R"]),

@@ -230,7 +230,7 @@ fn the_content_says_what_a_file_is() {
 #[test]
 fn gcode_that_stops_at_a_line_leaves_no_job() {
     let directory = directory();
-    let gcode = file(&directory, "bad.gcode", "G28\nG1 X10 F3000\nG1 Xten\n");
+    let gcode = file(&directory, "bad.gcode", "G28\nG1 X10 F3000\nG1 Xnan\n");
     let out = directory.path().join("bad.gpre");
     let outcome = ferrostep(["preprocess", gcode.to_str().unwrap(), "-o", out.to_str().unwrap()]);
     assert_eq!(outcome.status, Some(1), "{outcome:#?}");
