@@ -3,12 +3,13 @@
 use core::fmt::{self, Write};
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
+use ferrostep_gcode::Emergency;
 use ferrostep_hal_shim::clock_tree::ClockSource;
 use ferrostep_planner::TICKS_PER_SECOND;
 use ferrostep_printer::machine::Silence;
 use ferrostep_stm32f4::motion_clock::MotionClock;
 use ferrostep_stm32f4::pac::Interrupt;
-use ferrostep_usb::LineWriter;
+use ferrostep_usb::{Buffers, Incoming, LineWriter};
 use heapless::spsc::{Consumer, Producer};
 use rtic_monotonics::systick::prelude::*;
 use rtic_sync::signal::{Signal, SignalReader};
@@ -43,10 +44,42 @@ pub enum Port {
     Usb,
 }
 
-/// The serial interrupt's end: what to do with a byte.
-pub fn received(byte: u8, bytes: &mut Producer<'static, u8>) {
-    // What is lost fails its line's checksum; the host is told how much it was.
-    arrived(u32::from(bytes.enqueue(byte).is_err()));
+/// The serial interrupt's end: whole lines to the ring or none, and the commands that do not wait their turn.
+pub struct SerialInput {
+    incoming: Incoming,
+    ring: SerialRing,
+}
+
+/// Where its bytes go.
+struct SerialRing {
+    bytes: Producer<'static, u8>,
+    act: fn(Emergency),
+}
+
+impl Buffers for SerialRing {
+    fn put(&mut self, byte: u8) -> bool {
+        self.bytes.enqueue(byte).is_ok()
+    }
+
+    fn take(&mut self) -> Option<u8> {
+        None
+    }
+
+    fn emergency(&mut self, emergency: Emergency) {
+        (self.act)(emergency);
+    }
+}
+
+impl SerialInput {
+    /// To this ring; `act` is what to do about M112 and its like.
+    pub const fn new(bytes: Producer<'static, u8>, act: fn(Emergency)) -> Self {
+        Self { incoming: Incoming::new(), ring: SerialRing { bytes, act } }
+    }
+
+    /// Takes a byte. Where there is no room its line is dropped and broken off, and the host told how much it was.
+    pub fn receive(&mut self, byte: u8) {
+        arrived(self.incoming.take_in(&[byte], &mut self.ring));
+    }
 }
 
 /// Bytes are there to be read, and so many more were lost.

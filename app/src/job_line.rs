@@ -1,6 +1,6 @@
 //! The hosts, each at its port, and the port at which a prepared job comes.
 
-use ferrostep_gcode::{Line, LineError, LineReader, Reply};
+use ferrostep_gcode::{Line, LineError, Reply};
 use ferrostep_gpre::transfer::{FLAG, Report};
 use ferrostep_printer::{Host, JobLine, Replies};
 use ferrostep_usb::{Heard, Lines};
@@ -29,7 +29,7 @@ impl Place {
 
 /// Who talks to the board.
 pub struct Hosts {
-    serial: (Host, LineReader),
+    serial: (Host, Lines),
     usb: (Host, Lines),
     serial_place: Place,
     usb_place: Place,
@@ -41,7 +41,7 @@ impl Hosts {
     /// Hosts that have said nothing yet.
     pub const fn new() -> Self {
         Self {
-            serial: (Host::new(), LineReader::new()),
+            serial: (Host::new(), Lines::new()),
             usb: (Host::new(), Lines::new()),
             serial_place: Place::LINE_START,
             usb_place: Place::LINE_START,
@@ -79,24 +79,21 @@ impl Hosts {
         bytes: &'a [u8],
         replies: &BoardReplies<W>,
     ) -> (usize, Said<'a>) {
-        let (host, (used, heard)) = match port {
-            Port::Serial => {
-                let (host, lines) = &mut self.serial;
-                let (used, line) = lines.feed(bytes);
-                (host, (used, line.map(Heard::Line)))
-            }
-            Port::Usb => {
-                let (host, lines) = &mut self.usb;
-                (host, lines.feed(bytes))
-            }
+        let (host, lines) = match port {
+            Port::Serial => &mut self.serial,
+            Port::Usb => &mut self.usb,
         };
-        let said = match heard {
-            Some(Heard::Line(line)) => Some((host, line)),
-            Some(Heard::HalfALine) => {
+        let (used, heard) = lines.feed(bytes);
+        let said = match (heard, port) {
+            (Some(Heard::Line(line)), _) => Some((host, line)),
+            // It came too fast; its host is there and waits.
+            (Some(Heard::HalfALine(incomplete)), Port::Serial) => Some((host, Err(incomplete))),
+            // As a rule its host is gone.
+            (Some(Heard::HalfALine(_)), Port::Usb) => {
                 replies.half_a_line();
                 None
             }
-            None => None,
+            (None, _) => None,
         };
         (used, said)
     }

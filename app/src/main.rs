@@ -44,7 +44,7 @@ mod app {
     use core::mem::MaybeUninit;
     use core::sync::atomic::{AtomicU8, Ordering};
 
-    use ferrostep_gcode::{Emergency, EmergencyScanner, Reply};
+    use ferrostep_gcode::{Emergency, Reply};
     use ferrostep_hal_shim::Heater;
     use ferrostep_hal_shim::chip::BrownOut;
     use ferrostep_hal_shim::clock_tree::ClockSource;
@@ -66,14 +66,14 @@ mod app {
     use ferrostep_stm32f4::vector_table::VectorTable;
     use ferrostep_stm32f4_usb::{Memory, Rings, Usb};
     use ferrostep_usb::LineWriter;
-    use heapless::spsc::{Consumer, Producer, Queue};
+    use heapless::spsc::{Consumer, Queue};
     use rtic_monotonics::systick::prelude::*;
     use rtic_sync::signal::{Signal, SignalReader};
 
     use crate::clock::{Mono, SystemClock};
     use crate::drivers::{self as board_drivers, BoardDrivers};
     use crate::heat::{self, Heat};
-    use crate::host_line::{self, Patience, Reader, To, Writer, Writers};
+    use crate::host_line::{self, Patience, Reader, SerialInput, To, Writer, Writers};
     use crate::job_line::{Hosts, JOB_BYTES, JobPort};
     use crate::ports::{
         self, BoardHeating, BoardMachine, BoardMachineLock, BoardReplies, BoardStepTimer, LOOK_AHEAD_BLOCKS, Overload,
@@ -126,9 +126,8 @@ mod app {
     #[local]
     struct Local {
         port: Serial,
-        received: Producer<'static, u8>,
+        input: SerialInput,
         to_send: Consumer<'static, u8>,
-        scanner: EmergencyScanner,
         usb: Option<&'static mut Usb>,
         reader: Reader,
         planner_work: SignalReader<'static, ()>,
@@ -219,9 +218,8 @@ mod app {
             Shared { step_timer, sensors: pins, driver_line, drivers, machine, heat, writers },
             Local {
                 port,
-                received,
+                input: SerialInput::new(received, act),
                 to_send,
-                scanner: EmergencyScanner::new(),
                 usb: usb.ok(),
                 reader,
                 planner_work,
@@ -299,13 +297,10 @@ mod app {
     }
 
     /// Bytes in and out. Must take a byte before the next but one has come: 87 us at 115,200 baud.
-    #[task(binds = USART1, priority = 13, local = [port, received, to_send, scanner])]
+    #[task(binds = USART1, priority = 13, local = [port, input, to_send])]
     fn serial(cx: serial::Context) {
         while let Some(byte) = cx.local.port.receive() {
-            if let Some(emergency) = cx.local.scanner.feed(byte) {
-                act(emergency);
-            }
-            host_line::received(byte, cx.local.received);
+            cx.local.input.receive(byte);
         }
         if cx.local.port.transmit(|| cx.local.to_send.dequeue()) == Transmit::Again {
             rtic::pend(ferrostep_stm32f4::pac::Interrupt::USART1);

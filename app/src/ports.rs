@@ -178,7 +178,13 @@ impl Overload {
     /// Its part of all figures.
     pub fn of(figures: &MotionFigures) -> Self {
         let MotionFigures {
-            starvation_flushes, planning_slowdowns, underruns, made_up_updates, refused_entries, miscounts, ..
+            starvation_flushes,
+            planning_slowdowns,
+            underruns,
+            made_up_updates,
+            refused_entries,
+            miscounts,
+            ..
         } = *figures;
         Self { starvation_flushes, planning_slowdowns, underruns, made_up_updates, refused_entries, miscounts }
     }
@@ -187,7 +193,8 @@ impl Overload {
 impl<W: Mutex<T = Writers>> BoardReplies<W> {
     /// Says what could not keep up so far.
     pub fn overload(&self, overload: Overload) {
-        let Overload { starvation_flushes, planning_slowdowns, underruns, made_up_updates, refused_entries, miscounts } = overload;
+        let Overload { starvation_flushes, planning_slowdowns, underruns, made_up_updates, refused_entries, miscounts } =
+            overload;
         self.line(format_args!(
             "echo:overload starvation_flushes:{starvation_flushes} planning_slowdowns:{planning_slowdowns} \
              underruns:{underruns} made_up_updates:{made_up_updates} refused_entries:{refused_entries} miscounts:{miscounts}"

@@ -142,7 +142,7 @@ pub enum Command<'a> {
     AbsolutePositioning,
     /// G91: all axes, the extruder included.
     RelativePositioning,
-    /// G92; no word means all to zero.
+    /// G92: the axes with a value.
     SetPosition(AxisWords),
     /// M17.
     EnableMotors(AxisFlags),

@@ -150,6 +150,11 @@ impl Decimal {
         if self.0 % NANOS_PER_UNIT == 0 { Some(self.0 / NANOS_PER_UNIT) } else { None }
     }
 
+    /// The number without its fraction.
+    pub const fn to_i64_towards_zero(self) -> i64 {
+        self.0 / NANOS_PER_UNIT
+    }
+
     /// The nearest integer to `self * factor`, halves away from zero; `factor` is one of 1 and 1000.
     pub(crate) const fn round_scaled(self, factor: i64) -> i64 {
         divide_half_away(self.0, NANOS_PER_UNIT / factor)

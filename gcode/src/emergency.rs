@@ -1,5 +1,8 @@
 //! Commands that act as their bytes arrive, past all queues.
 
+use crate::Checksum;
+use crate::line::ChecksumScan;
+
 /// A command that does not wait its turn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Emergency {
@@ -13,16 +16,31 @@ pub enum Emergency {
     PromptAnswer(u8),
 }
 
-/// Watches the bytes of one port for M108, M112, M410 and M876 S, whole lines each.
+/// Watches the bytes of one port for M108, M112, M410 and M876 S.
 ///
-/// Blanks, an `N` word in front, and a checksum or comment behind do not matter; anything else in the line does:
-/// `M1121`, `M112.5` and `M117 M112` are not M112. The checksum is not verified, for a stop should not wait until a
-/// garbled line has been sent again. A `(` comment makes the line an ordinary one, which still acts in its turn.
+/// M112 acts at once whatever is printed behind it, as long as no digit or point makes it another command: the parser
+/// takes the same lines for M112 in their turn, and a stop should not depend on how it is spelled, nor wait until a
+/// garbled line has been sent again. The others act as whole lines only. With a line number they wait for their
+/// checksum, for a single wrong bit makes `M400` of a print into `M410`; without one they act at once.
+///
+/// Blanks, an `N` word in front, and a checksum or comment after it do not matter. `M1121`, `M112.5` and `M117 M112` are
+/// not M112. A `(` comment in front makes the line an ordinary one, which still acts in its turn.
 ///
 /// The bytes still go to the [`LineReader`](crate::LineReader): the host expects its `ok`.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub struct EmergencyScanner {
     state: State,
+    /// The line begins with its number.
+    is_numbered: bool,
+    /// A comment has begun after a checksum.
+    checksum_is_over: bool,
+    checksum: ChecksumScan,
+}
+
+impl Default for EmergencyScanner {
+    fn default() -> Self {
+        Self::new()
+    }
 }
 
 /// What the line has been so far.
@@ -67,21 +85,37 @@ enum Sign {
 impl EmergencyScanner {
     /// A scanner at the start of a line.
     pub const fn new() -> Self {
-        EmergencyScanner { state: State::Start }
+        EmergencyScanner {
+            state: State::Start,
+            is_numbered: false,
+            checksum_is_over: false,
+            checksum: ChecksumScan::new(),
+        }
     }
 
     /// Takes the next byte; the `\n` or `\r` that ends such a command returns it.
     pub fn feed(&mut self, byte: u8) -> Option<Emergency> {
         if byte == b'\n' || byte == b'\r' {
-            let line = core::mem::take(&mut self.state);
-            return match line {
-                State::Whole(emergency) | State::Suffix(emergency) => Some(emergency),
-                State::Code(number) => command(number),
-                State::PromptDigits(answer) => Some(Emergency::PromptAnswer(answer)),
-                _ => None,
+            let line = core::mem::take(self);
+            let emergency = match line.state {
+                State::Whole(emergency) | State::Suffix(emergency) => emergency,
+                State::Code(number) => command(number)?,
+                State::PromptDigits(answer) => Emergency::PromptAnswer(answer),
+                _ => return None,
             };
+            let may_act =
+                emergency == Emergency::Stop || !line.is_numbered || line.checksum.verdict() == Checksum::Right;
+            return may_act.then_some(emergency);
         }
-        self.state = next(self.state, byte);
+        if !matches!(self.state, State::Other) {
+            self.state = next(self.state, byte);
+            self.is_numbered |= matches!(self.state, State::Number(_));
+            // A checksum stands before the comment or, if it is not there, at its end.
+            self.checksum_is_over |= byte == b';' && self.checksum.has_star();
+            if !self.checksum_is_over {
+                self.checksum.extend(&[byte]);
+            }
+        }
         None
     }
 }
@@ -138,6 +172,8 @@ fn after(emergency: Emergency, byte: u8) -> State {
     match byte {
         b' ' | b'\t' => State::Whole(emergency),
         b'*' | b';' => State::Suffix(emergency),
+        // Anything that is text, but what would have made it another number.
+        b'!'..=b'~' if emergency == Emergency::Stop && byte != b'.' => State::Suffix(emergency),
         _ => State::Other,
     }
 }
@@ -166,9 +202,13 @@ mod tests {
             ("M112 ; stop M108\n", Emergency::Stop),
             ("M112;\r", Emergency::Stop),
             ("M108\n", Emergency::EndWait),
-            ("N3 M410*1\n", Emergency::QuickStop),
+            ("M410*1\n", Emergency::QuickStop),
+            ("M112 now!\n", Emergency::Stop),
+            ("M112)\n", Emergency::Stop),
+            ("M112b\n", Emergency::Stop),
+            ("M112G4 P1\n", Emergency::Stop),
+            ("N5 M112 5*1\n", Emergency::Stop),
             ("M876 S0\n", Emergency::PromptAnswer(0)),
-            ("N5 M876S1*9\n", Emergency::PromptAnswer(1)),
             ("M876 S 255\n", Emergency::PromptAnswer(255)),
         ] {
             assert_eq!(scan(line.as_bytes()), [expected], "{line:?}");
@@ -188,8 +228,9 @@ mod tests {
             "XM112",
             "M117 M112",
             "M11 2",
-            "M112 x",
-            "M112M108",
+            "M108 x",
+            "M410M108",
+            "M112.",
             "N M112",
             "N- M112",
             "N1.5 M112",
@@ -213,7 +254,43 @@ mod tests {
         }
     }
 
+    /// A bit that has changed on the way must not drop the motion of a print.
+    #[test]
+    fn with_a_number_all_but_m112_wait_for_the_checksum() {
+        let sum = |text: &str| text.bytes().fold(0, |sum, byte| sum ^ byte);
+        for (text, emergency) in [
+            ("N12 M410", Emergency::QuickStop),
+            (" n-3m108", Emergency::EndWait),
+            ("N5 M876 S1", Emergency::PromptAnswer(1)),
+        ] {
+            let checksum = sum(text);
+            assert_eq!(scan(format!("{text}*{checksum}\n").as_bytes()), [emergency], "{text}");
+            assert_eq!(scan(format!("{text} *{}  \r", sum(&format!("{text} "))).as_bytes()), [emergency], "{text}");
+            assert_eq!(scan(format!("{text}*{checksum};x*3\n").as_bytes()), [emergency], "{text}");
+            let commented = format!("{text} ; stop");
+            assert_eq!(scan(format!("{commented}*{}\n", sum(&commented)).as_bytes()), [emergency], "{text}");
+            for line in [format!("{text}*{}\n", checksum ^ 1), format!("{text}\n"), format!("{text}*\n")] {
+                assert_eq!(scan(line.as_bytes()), [], "{line:?}");
+            }
+        }
+        let m400 = "N12 M400";
+        assert_eq!(scan(format!("N12 M410*{}\n", sum(m400)).as_bytes()), []);
+        // The next line begins anew.
+        assert_eq!(scan(format!("{m400}*{}\nM410\n", sum(m400)).as_bytes()), [Emergency::QuickStop]);
+    }
+
     proptest! {
+        /// Whatever the parser takes for M112 in its turn has acted before, but after a comment in brackets.
+        #[test]
+        fn m112_never_waits_its_turn(text in "[Nn]?-?[0-9 ]{0,3}[ \t]?[Mm][ ]?0?1?1?[12]?[ -~]{0,6}") {
+            let bytes = format!("{text}\n");
+            let mut reader = LineReader::new();
+            let Some(Ok(line)) = reader.feed(bytes.as_bytes()).1 else { return Ok(()) };
+            if parse(line.text) == Ok(Command::EmergencyStop) && !text.contains('(') {
+                prop_assert_eq!(scan(bytes.as_bytes()), [Emergency::Stop]);
+            }
+        }
+
         #[test]
         fn what_acts_early_is_the_same_command_in_its_turn(
             text in "[Nn]?-?[0-9 ]{0,3}[ \t]?[Mm][ ]?0?(108|112|410|[0-9.]{0,4})[ xS*;(.0-9]{0,4}"

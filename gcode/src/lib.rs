@@ -16,6 +16,7 @@ mod parse_error;
 mod parser;
 mod protocol;
 mod real;
+mod remarks;
 mod reply;
 mod reply_text;
 
@@ -25,9 +26,10 @@ pub use emergency::{Emergency, EmergencyScanner};
 pub use line::{Checksum, Line, LineError};
 pub use line_reader::{LINE_CAPACITY, LineReader};
 pub use parse_error::{ParseError, ShortText};
-pub use parser::parse;
+pub use parser::{parse, parse_with_remarks};
 pub use protocol::{LineNumbers, Verdict};
 pub use real::Real;
+pub use remarks::{Remark, Remarks};
 pub use reply::{
     EndStopState, FirmwareInfo, MotionFigures, Position, Reply, ResendReason, Temperatures, TimingFigures,
 };

@@ -54,20 +54,31 @@ pub enum LineError {
         /// Whether the line begins with an `N` word, so that a host can be asked for it again.
         numbered: bool,
     },
+    /// Part of the line was lost on its way.
+    Incomplete {
+        /// Number of the physical line, from 1.
+        line_number: u32,
+        /// Whether the line begins with an `N` word, so that a host can be asked for it again.
+        numbered: bool,
+    },
 }
 
 impl LineError {
     /// Number of the physical line, from 1.
     pub const fn line_number(&self) -> u32 {
         match *self {
-            LineError::TooLong { line_number, .. } | LineError::NotText { line_number, .. } => line_number,
+            LineError::TooLong { line_number, .. }
+            | LineError::NotText { line_number, .. }
+            | LineError::Incomplete { line_number, .. } => line_number,
         }
     }
 
     /// Whether the line begins with an `N` word, so that a host can be asked for it again.
     pub const fn is_numbered(&self) -> bool {
         match *self {
-            LineError::TooLong { numbered, .. } | LineError::NotText { numbered, .. } => numbered,
+            LineError::TooLong { numbered, .. }
+            | LineError::NotText { numbered, .. }
+            | LineError::Incomplete { numbered, .. } => numbered,
         }
     }
 }
@@ -81,6 +92,9 @@ impl fmt::Display for LineError {
             }
             LineError::NotText { byte, .. } => {
                 write!(formatter, "not text: byte 0x{byte:02x}, expected UTF-8 without control characters")
+            }
+            LineError::Incomplete { .. } => {
+                formatter.write_str("part of the line was lost, expected lines no faster than they are answered")
             }
         }
     }

@@ -175,6 +175,14 @@ impl LineReader {
         Some(hand_out(text, ended, self.lines_ended))
     }
 
+    /// Says that the rest of the present line is lost: what has come of it is forgotten, the next byte begins a line.
+    pub fn break_off(&mut self) -> LineError {
+        let ended = self.end_buffered();
+        self.after_carriage_return = false;
+        let text = self.buffer.get(..ended.length).unwrap_or_default();
+        LineError::Incomplete { line_number: self.lines_ended, numbered: number_word(text).is_some() }
+    }
+
     /// Takes in some of `bytes`, which are not empty: at most to the end of a line, at least one.
     fn advance(&mut self, bytes: &[u8]) -> (usize, Option<Ended>) {
         if self.after_carriage_return {

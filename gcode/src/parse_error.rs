@@ -62,7 +62,7 @@ pub enum ParseError {
     },
     /// A character that no word begins with.
     UnexpectedCharacter(char),
-    /// A letter without the number it needs.
+    /// G or M without its number.
     NumberExpected {
         /// The letter, upper case.
         letter: char,
@@ -80,13 +80,6 @@ pub enum ParseError {
         letter: char,
         /// The number.
         text: ShortText,
-    },
-    /// A fraction where a whole number belongs.
-    NotWhole {
-        /// The letter, upper case.
-        letter: char,
-        /// The number.
-        value: Decimal,
     },
     /// Zero or less where something must move or change.
     NotAboveZero {
@@ -120,10 +113,12 @@ pub enum ParseError {
         /// The words, such as `P or S`.
         words: &'static str,
     },
-    /// A second G or M word in the line: commands stand one to a line.
-    SecondCommand {
-        /// G or M.
-        letter: char,
+    /// A command without which the rest of a job would print elsewhere, or with more or less filament.
+    NotSupported {
+        /// The command, such as `G5`.
+        command: &'static str,
+        /// What would happen without it, and what is expected in its place.
+        why: &'static str,
     },
     /// G18 or G19: arcs are made in the XY plane only.
     PlaneNotSupported,
@@ -147,9 +142,6 @@ impl fmt::Display for ParseError {
             ParseError::TooLarge { letter, text } => {
                 write!(formatter, "{letter}: {text} is too large, expected at most 9 digits before the point")
             }
-            ParseError::NotWhole { letter, value } => {
-                write!(formatter, "{letter}: {value} is not a whole number, expected one")
-            }
             ParseError::NotAboveZero { letter, value } => {
                 write!(formatter, "{letter}: {value} is not above 0, expected a larger number")
             }
@@ -162,9 +154,7 @@ impl fmt::Display for ParseError {
             ParseError::WordsExpected { command, words } => {
                 write!(formatter, "{command}: expected {words}")
             }
-            ParseError::SecondCommand { letter } => {
-                write!(formatter, "{letter}: a second command in the line, expected one")
-            }
+            ParseError::NotSupported { command, why } => write!(formatter, "{command}: not supported, {why}"),
             ParseError::PlaneNotSupported => formatter.write_str("this plane is not supported, expected G17 (XY)"),
         }
     }

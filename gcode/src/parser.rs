@@ -4,7 +4,7 @@ mod g_codes;
 mod m_codes;
 mod words;
 
-use crate::{Command, ParseError};
+use crate::{Command, ParseError, Remarks};
 
 /// What stands at the start of a line: `G29.1`, `M204`, `T0`.
 #[derive(Clone, Copy)]
@@ -28,14 +28,25 @@ struct Code<'a> {
 ///
 /// # Errors
 ///
-/// [`ParseError`] where a word of a known command is missing, malformed or out of range, and for text that is no
-/// command at all.
+/// [`ParseError`] where a word of a known command is missing, malformed or out of range, for text that is no command at
+/// all, and for commands without which the rest of a job would print somewhere else.
 pub fn parse(text: &str) -> Result<Command<'_>, ParseError> {
+    parse_with_remarks(text, &mut Remarks::default())
+}
+
+/// As [`parse`]; adds to `remarks` what of the line is ignored or changed, so that somebody can be told.
+///
+/// # Errors
+///
+/// As [`parse`].
+pub fn parse_with_remarks<'a>(text: &'a str, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
     let bytes = text.as_bytes();
     let mut at = words::skip_blanks(bytes, 0);
     let letter = match bytes.get(at) {
         None | Some(b'*' | b';') => return Ok(Command::Accepted),
         Some(byte) if byte.is_ascii_alphabetic() => byte.to_ascii_uppercase(),
+        // Other machines' programs begin and end with it.
+        Some(b'%') => return Ok(Command::Unknown(text.trim_matches([' ', '\t']))),
         Some(_) => {
             let found = char_at(text, at);
             return Err(ParseError::CommandLetterExpected { found });
@@ -59,8 +70,8 @@ pub fn parse(text: &str) -> Result<Command<'_>, ParseError> {
     let code = Code { number, has_subcode, text, rest: text.get(at..).unwrap_or_default() };
     match letter {
         b'G' | b'M' if !has_number => Err(ParseError::NumberExpected { letter: char::from(letter) }),
-        b'G' => g_codes::parse(code),
-        b'M' => m_codes::parse(code),
+        b'G' => g_codes::parse(code, remarks),
+        b'M' => m_codes::parse(code, remarks),
         // `Tx`, `Tc` and `T?` drive the filament changer of some printers.
         b'T' if has_number && !has_subcode => {
             if number == u32::MAX {
@@ -83,13 +94,13 @@ impl<'a> Code<'a> {
         self.rest.trim_matches([' ', '\t'])
     }
 
-    fn words(&self) -> Result<words::Words, ParseError> {
-        words::Words::parse(self.rest)
+    fn words<'r>(&self, remarks: &'r mut Remarks) -> Result<words::Words<'r>, ParseError> {
+        words::Words::parse(self.rest, remarks)
     }
 
     /// Checks that what follows is well formed, for a command that has no words.
-    fn without_words(&self, command: Command<'a>) -> Result<Command<'a>, ParseError> {
-        self.words().map(|_| command)
+    fn without_words(&self, command: Command<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
+        self.words(remarks).map(|_| command)
     }
 }
 

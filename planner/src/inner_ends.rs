@@ -227,7 +227,8 @@ mod tests {
             line = next;
         }
         let lines: Vec<_> = ends.iter(line).map(|end| (end.length_10nm, end.line, end.ends_move)).collect();
-        let expected = [(5_000, 10), (10_000, 11), (15_000, 13), (20_000, 16), (25_000, 17), (30_000, 19), (35_000, 22)];
+        let expected =
+            [(5_000, 10), (10_000, 11), (15_000, 13), (20_000, 16), (25_000, 17), (30_000, 19), (35_000, 22)];
         assert_eq!(lines, expected.map(|(length, line)| (length, line, line != 11)));
         assert!(ends.iter(line).all(|end| end.steps == [1, -2, 3] && end.extruder_256ths == -40));
         assert_eq!(ends.with(end(40_000, line), line + 1), None);
@@ -266,6 +267,9 @@ mod tests {
             [sums[0] + x, sums[1] + y, sums[2] + z, sums[3] + s.extruder_256ths]
         });
         assert_eq!(sums, [10, -7, 3, 900]);
-        assert_eq!(stretches.iter().map(|s| (s.line, s.ends_move)).collect::<Vec<_>>(), [(10, true), (11, false), (12, true)]);
+        assert_eq!(
+            stretches.iter().map(|s| (s.line, s.ends_move)).collect::<Vec<_>>(),
+            [(10, true), (11, false), (12, true)]
+        );
     }
 }

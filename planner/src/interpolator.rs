@@ -231,24 +231,12 @@ impl Interpolator {
 
     #[cold]
     #[inline(never)]
-    fn start_long(
-        &mut self,
-        stretch: &Stretch,
-        law: &impl BlockLaw<f64>,
-        extruder: &ExtruderTravel,
-        earliest: u64,
-    ) {
+    fn start_long(&mut self, stretch: &Stretch, law: &impl BlockLaw<f64>, extruder: &ExtruderTravel, earliest: u64) {
         self.start(stretch, law, extruder, earliest);
     }
 
     #[inline]
-    fn start<F: Real>(
-        &mut self,
-        stretch: &Stretch,
-        law: &impl BlockLaw<F>,
-        extruder: &ExtruderTravel,
-        earliest: u64,
-    ) {
+    fn start<F: Real>(&mut self, stretch: &Stretch, law: &impl BlockLaw<F>, extruder: &ExtruderTravel, earliest: u64) {
         let magnitudes = stretch.steps.map(|steps| steps.unsigned_abs().min(MAX_STEPS));
         let [x, y, z] = magnitudes;
         // Z, which rarely steps with others, is the second follower.

@@ -152,7 +152,13 @@ fn check(planned: &PlannedBlock, parts: &[Part], happened: &[Happened]) -> Resul
                         let share = (made[master] as f64 - 0.5) / f64::from(steps[master].unsigned_abs());
                         let due = tick_at(planned, f64::from(length) + share * f64::from(part_10nm));
                         let off = tick as f64 - due;
-                        prop_assert!(off > early && off < late, "step {} of line {}: {} ticks off", made[master], line, off);
+                        prop_assert!(
+                            off > early && off < late,
+                            "step {} of line {}: {} ticks off",
+                            made[master],
+                            line,
+                            off
+                        );
                     }
                 }
                 Some(&Happened::Ended { tick, line: told }) => {
@@ -195,7 +201,8 @@ fn an_end_in_the_cruise_cuts_the_stair() {
 #[test]
 fn a_motor_turns_round_inside_a_block() {
     let parts = [(4_000, [30, 10, 0], 300), (4_000, [30, -10, 0], 300), (4_000, [30, 0, 5], -300)];
-    check(&block_of(&parts, [20.0, 20.0, 20.0], 1_000.0), &parts, &play(&[block_of(&parts, [20.0; 3], 1_000.0)])).unwrap();
+    check(&block_of(&parts, [20.0, 20.0, 20.0], 1_000.0), &parts, &play(&[block_of(&parts, [20.0; 3], 1_000.0)]))
+        .unwrap();
 }
 
 /// Up to eight moves of a block.

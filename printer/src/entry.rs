@@ -38,7 +38,8 @@ fn limits(values: LimitValues) -> Limits {
         travel_acceleration_mm_per_s2: travel,
         retract_acceleration_mm_per_s2: retract,
         junction_deviation_mm: deviation,
-        instantaneous_corner_velocity_mm_per_s: corners.map(|value| if value.is_finite() { as_written(value) } else { f64::INFINITY }),
+        instantaneous_corner_velocity_mm_per_s: corners
+            .map(|value| if value.is_finite() { as_written(value) } else { f64::INFINITY }),
     }
 }
 

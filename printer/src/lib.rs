@@ -30,7 +30,9 @@ pub use drivers::tell_driver_event;
 pub use error::{CommandError, Failure};
 pub use host::Host;
 pub use modal::Tally;
-pub use ports::{Equipment, HeaterStatus, Heating, Miscount, Motion, MotionError, MotorDrivers, Replies, Seek, Signals, Timing};
+pub use ports::{
+    Equipment, HeaterStatus, Heating, Miscount, Motion, MotionError, MotorDrivers, Replies, Seek, Signals, Timing,
+};
 pub use printer::Printer;
 pub use profile::{
     AxisHoming, DEFAULT_EVENTS_PER_S, DEFAULT_MOVES_PER_S, DriverTiming, ExtrusionSettings, FirmwareRetraction,

@@ -262,11 +262,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
     ///
     /// # Errors
     /// As [`Planner::add_prepared`]; [`MoveError::NoRoom`] passes.
-    pub fn add_prepared(
-        &mut self,
-        prepared: &PreparedMove,
-        now: Option<&Retuned>,
-    ) -> Result<Moved, MoveError> {
+    pub fn add_prepared(&mut self, prepared: &PreparedMove, now: Option<&Retuned>) -> Result<Moved, MoveError> {
         if self.queue.link().is_stopping() {
             return Err(MoveError::NoRoom);
         }

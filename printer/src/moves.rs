@@ -15,7 +15,7 @@ use crate::ports::{Heating, Motion, Replies};
 use crate::printer::Printer;
 
 /// Logical extruder positions stay within 10,000 km.
-const MAX_EXTRUDER_10NM: i64 = 1_000_000_000_000_000;
+pub(crate) const MAX_EXTRUDER_10NM: i64 = 1_000_000_000_000_000;
 
 /// No chord is longer: 2 sqrt(2 r c) with the largest radius, 10 m, and c of 0.01 mm is 28.3 mm.
 const LONGEST_CHORD_10NM: i64 = 3_000_000;
@@ -126,6 +126,9 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         let share = |whole: i64, index: u32| (i128::from(whole) * i128::from(index) / chords) as i64;
         let rise = target.machine_10nm[2] - from[2];
 
+        let extruder_before = self.modal.extruder_10nm;
+        let extrusion_10nm = target.extruder_10nm - extruder_before;
+
         let mut clamped = [false; 3];
         let mut pushed = 0;
         for (index, [x, y]) in (1..).zip(arc.inner_points()) {
@@ -144,9 +147,11 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
                 ends_move: false,
             };
             pushed += push;
-            let added = self.motion.add(chord).await;
+            self.motion.add(chord).await?;
+            // Taken: a stop on the way takes back what is left of it, here as in the planner.
             self.modal.machine_10nm = point;
-            added?;
+            self.modal.extruder_10nm = extruder_before + share(extrusion_10nm, index);
+            self.tally.filament_100pm += push;
             self.modal.extrusion = extrusion;
         }
         self.clamp_into(&mut target.machine_10nm, &mut clamped);
@@ -164,7 +169,7 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         };
         self.motion.add(last).await?;
         self.modal.extrusion = extrusion;
-        self.moved(&target, pushed + push, true, clamped);
+        self.moved(&target, push, true, clamped);
         Ok(())
     }
 
@@ -281,14 +286,17 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         // Draw back before lifting, lower before pushing forward: the nozzle never oozes in the air.
         if retract {
             self.motion.add(Move { target_10nm: here, ..filament_move }).await?;
+            self.tally.filament_100pm += filament;
+            self.modal.retracted = true;
             self.motion.add(lift).await?;
+            self.modal.lift_10nm = settings.lift_10nm;
         } else {
             self.motion.add(lift).await?;
+            self.modal.lift_10nm = 0;
             self.motion.add(filament_move).await?;
+            self.tally.filament_100pm += filament;
+            self.modal.retracted = false;
         }
-        self.modal.lift_10nm = if retract { settings.lift_10nm } else { 0 };
-        self.modal.retracted = retract;
-        self.tally.filament_100pm += filament;
         Ok(())
     }
 
@@ -317,13 +325,8 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         self.wait_ms(milliseconds).await
     }
 
-    /// G92: the coordinates change, the machine stands. Without words all become zero.
+    /// G92: the coordinates change, the machine stands.
     pub(crate) fn set_position(&mut self, words: &AxisWords) -> Result<(), CommandError> {
-        let mut words = *words;
-        if words == AxisWords::default() {
-            let zero = Some(Decimal::from_nanos(0));
-            words = AxisWords { x: zero, y: zero, z: zero, e: zero };
-        }
         let mut offset = self.modal.offset_10nm;
         for (axis, word) in [words.x, words.y, words.z].into_iter().enumerate() {
             if let Some(value) = word {
@@ -336,6 +339,9 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
             None => Some(self.modal.extruder_10nm),
         };
         self.modal.extruder_10nm = extruder.ok_or(CommandError::TooMuchFilament)?;
+        if words.e.is_some() {
+            self.block_extruder = None;
+        }
         self.modal.offset_10nm = offset;
         Ok(())
     }

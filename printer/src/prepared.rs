@@ -9,6 +9,7 @@ use ferrostep_planner::{Limits, Moved, PreparedBlock, PreparedMove, Retuned};
 
 use crate::error::{CommandError, Failure};
 use crate::modal::{Modal, Tally};
+use crate::moves::MAX_EXTRUDER_10NM;
 use crate::ports::{Heating, Motion, MotionError, Replies};
 use crate::printer::Printer;
 
@@ -33,6 +34,24 @@ impl Unseen {
             tally.moves = tally.moves.wrapping_add(moves.into());
             tally.filament_100pm = tally.filament_100pm.wrapping_add(filament_100pm);
         }
+    }
+}
+
+/// E of the G-code as the blocks of a prepared job push it. The packets say it as well, from time to time; where they
+/// are refused it is the motors that count.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct BlockExtruder {
+    pub extruder_10nm: i64,
+    /// What is not in it yet, units of 0.1 nm times percent.
+    rest_100pm: i64,
+}
+
+impl BlockExtruder {
+    fn push(&mut self, filament_100pm: i64, flow_percent: u16) {
+        let pushed_100pm = self.rest_100pm.saturating_add(filament_100pm);
+        let flow = i64::from(flow_percent.max(1));
+        self.extruder_10nm = self.extruder_10nm.saturating_add(pushed_100pm / flow);
+        self.rest_100pm = pushed_100pm % flow;
     }
 }
 
@@ -236,7 +255,11 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         let steps_per_mm = self.profile.steps_per_mm[3].hundred_thousandths().max(1);
         let filament = i64::from(block.block.extruder_256ths) * PER_256TH;
         let half = if filament < 0 { -steps_per_mm / 2 } else { steps_per_mm / 2 };
-        self.tally.filament_100pm += (filament + half) / steps_per_mm;
+        let filament_100pm = (filament + half) / steps_per_mm;
+        self.tally.filament_100pm += filament_100pm;
+        let (extruder_10nm, flow_percent) = (self.modal.extruder_10nm, self.modal.flow_percent);
+        let extruder = self.block_extruder.get_or_insert(BlockExtruder { extruder_10nm, rest_100pm: 0 });
+        extruder.push(filament_100pm, flow_percent);
         Ok(())
     }
 
@@ -262,7 +285,7 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
     /// retraction's lift, and E as the G-code sees it.
     ///
     /// # Errors
-    /// The motors do not stand there.
+    /// The motors do not stand there, or E is beyond any that the G-code can have; nothing has changed.
     pub fn prepared_place(
         &mut self,
         position_10nm: [i64; 3],
@@ -270,6 +293,9 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         extruder_10nm: i64,
     ) -> Result<(), CommandError> {
         self.see_moves();
+        if extruder_10nm.unsigned_abs() > MAX_EXTRUDER_10NM as u64 {
+            return Err(CommandError::TooMuchFilament);
+        }
         if !self.motion.refine_position(position_10nm) {
             return Err(CommandError::OtherPlace);
         }
@@ -306,6 +332,9 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
     /// Motion was stopped.
     pub async fn abandon_prepared(&mut self) -> Result<(), CommandError> {
         let finished = self.motion.finish().await;
+        if let Some(by_motors) = self.block_extruder.take() {
+            self.modal.extruder_10nm = by_motors.extruder_10nm;
+        }
         self.stop_motion();
         Ok(finished?)
     }

@@ -4,14 +4,16 @@ use core::future::{Future, poll_fn};
 use core::pin::pin;
 
 use embedded_hal_async::delay::DelayNs;
-use ferrostep_gcode::{AxisFlags, Command, EndStopState, FirmwareInfo, Position, Reply, parse};
+use ferrostep_gcode::{
+    AxisFlags, Command, EndStopState, FirmwareInfo, Position, Remarks, Reply, ShortText, parse_with_remarks,
+};
 use ferrostep_hal_shim::{Clock, Heater};
 use ferrostep_planner::{AccelerationProfile, Interpolation, Kinematics};
 
 use crate::error::{CommandError, Failure};
 use crate::modal::{Modal, Tally};
 use crate::ports::{Equipment, Heating, Motion, MotorDrivers, Replies, Signals, Timing};
-use crate::prepared::Unseen;
+use crate::prepared::{BlockExtruder, Unseen};
 use crate::profile::{HomeEnd, HomeSensor, Profile};
 use crate::transfer::JobRequest;
 use crate::waits::temperatures;
@@ -54,9 +56,13 @@ pub struct Printer<'a, M, H, T, R> {
     pub(crate) modal: Modal,
     pub(crate) tally: Tally,
     pub(crate) unseen: Unseen,
+    /// Since the first block of a prepared job, or since G92.
+    pub(crate) block_extruder: Option<BlockExtruder>,
     /// Number of the line being executed.
     pub(crate) line: u32,
     last_line: i64,
+    /// What has been said of this job's lines.
+    said: Remarks,
     emergency_parser: bool,
     timing: Option<&'a dyn Timing>,
     pub(crate) drivers: Option<&'a dyn MotorDrivers>,
@@ -78,8 +84,10 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
             modal: Modal::new(profile),
             tally: Tally::default(),
             unseen: Unseen::default(),
+            block_extruder: None,
             line: 0,
             last_line: 0,
+            said: Remarks::NONE,
             emergency_parser: false,
             timing: None,
             drivers: None,
@@ -129,6 +137,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
 
     /// Waits until all motion has ended, as at the end of a job.
     pub async fn finish(&mut self) -> Result<(), CommandError> {
+        self.block_extruder = None;
         Ok(self.motion.finish().await?)
     }
 
@@ -147,7 +156,11 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
     }
 
     async fn answer(&mut self, line: u32, text: &str) -> Result<(), Failure> {
-        let parsed = parse(text);
+        let mut remarks = Remarks::NONE;
+        let parsed = parse_with_remarks(text, &mut remarks);
+        if !remarks.is_empty() && parsed.is_ok() {
+            self.remark(line, text, &remarks);
+        }
         let failure = match &parsed {
             Ok(command) => match self.command_with_signs_of_life(command).await {
                 Ok(answer) => {
@@ -163,6 +176,20 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
         self.replies.refuse(line, &failure);
         self.replies.send(Reply::Ok);
         Err(failure)
+    }
+
+    /// Says what of a line is ignored or changed, each thing once a job.
+    #[cold]
+    fn remark(&mut self, line: u32, text: &str, remarks: &Remarks) {
+        let new = self.said.merge(remarks);
+        if new.is_empty() {
+            return;
+        }
+        let mut reply = Text::new();
+        let text = ShortText::new(text);
+        // What does not fit is cut.
+        let _ = core::fmt::write(&mut reply, format_args!("echo:line {line}: \"{text}\": {new} (said once a job)"));
+        self.replies.send(Reply::Text(&reply));
     }
 
     /// Executes a command and, while it takes long, says `busy` as often as M113 asks: hosts take a printer that is
@@ -302,6 +329,8 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
                 self.motion.set_fan_power(power).await?;
             }
             Command::EndWait => self.signals.end_wait(),
+            // A host begins a job with it.
+            Command::SetLineNumber(Some(_)) => self.said = Remarks::NONE,
             Command::SetLineNumber(None) => self.replies.send(Reply::LastLine(self.last_line)),
             Command::EmergencyStop => return self.emergency_stop(),
             Command::KeepAlive(Some(seconds)) => self.signals.set_keep_alive_s(seconds),
@@ -350,7 +379,6 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
             | Command::Fan { .. }
             | Command::SetNozzle(None)
             | Command::SetBed(None)
-            | Command::SetLineNumber(Some(_))
             | Command::Accepted => {}
         }
         Ok(Answer::Ok)

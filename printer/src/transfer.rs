@@ -22,6 +22,13 @@ use crate::host::Host;
 use crate::ports::{Heating, Motion, Replies};
 use crate::printer::{Printer, Text};
 
+/// Longest silence before the first frame, s: whoever asks for a transfer has a job at hand.
+const MAX_SILENCE_BEFORE_JOB_S: u16 = 30;
+
+/// The answer to a line that is not executed while a job is received.
+const PLAIN_LINE: &str = "echo:gpre: a prepared job is being received (M790), lines without a number are ignored until \
+                          it ends; M112 ends it at once";
+
 /// Bytes that are taken from the line at once.
 const CHUNK_BYTES: usize = 64;
 
@@ -108,6 +115,8 @@ struct Incoming {
     /// The limit that it was told last.
     limit: u32,
     heard_ms: u64,
+    /// A frame has come.
+    any_frame: bool,
 }
 
 impl Incoming {
@@ -124,6 +133,7 @@ impl Incoming {
             answer: true,
             limit: 0,
             heard_ms: now_ms,
+            any_frame: false,
         }
     }
 
@@ -199,6 +209,7 @@ impl Incoming {
 
     fn heard(&mut self, clock: &impl Clock) {
         self.heard_ms = clock.now_ms();
+        self.any_frame = true;
         self.answer = true;
     }
 }
@@ -292,6 +303,8 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         }
         self.job_request = None;
         let Progress { begun, frame, offset } = progress;
+        // What comes after a silence is no longer the rest of a frame.
+        let in_frame = incoming.receiver.is_in_frame() && !matches!(ended, Err(Stop::Silent { .. }));
         let word = match ended {
             Ok(()) => Word::Done,
             Err(_) if begun => Word::Stopped,
@@ -304,7 +317,7 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         let place = if word == Word::Done { request.size } else { u32::try_from(offset).unwrap_or(u32::MAX) };
         let report = Report { word, numbers: [place, frame] };
         say(replies, format_args!("{report}"));
-        (report, incoming.receiver.is_in_frame())
+        (report, in_frame)
     }
 
     async fn play(
@@ -327,8 +340,10 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
                     self.between(line, incoming).await?;
                     incoming.take_in(line, buffer, &mut filled, (replies, &clock), true).await;
                     let silent_ms = self.clock.now_ms().saturating_sub(incoming.heard_ms);
-                    if silent_ms > 1000 * u64::from(request.silence_s) {
-                        return Err(Stop::Silent { silence_s: request.silence_s });
+                    let allowed_s = if incoming.any_frame { u16::MAX } else { MAX_SILENCE_BEFORE_JOB_S };
+                    let silence_s = request.silence_s.min(allowed_s);
+                    if silent_ms > 1000 * u64::from(silence_s) {
+                        return Err(Stop::Silent { silence_s });
                     }
                     0
                 }
@@ -412,13 +427,18 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
                     Ok(heard) => heard.number.is_some(),
                     Err(error) => error.is_numbered(),
                 };
-                // The rest of a broken frame is no line. Others are known by their numbers.
+                // The rest of a broken frame is no line, nor text as a rule. What may be executed is known by its number.
                 if numbered || !incoming.of_job {
                     host.answer(self, heard).await;
                     if incoming.of_job {
                         incoming.heard_ms = self.clock.now_ms();
                     }
                     incoming.asked_again(self.job_request.take(), self.replies());
+                } else if heard.is_ok() {
+                    // By all appearances a person's, who shall not wait for an answer until the job has ended.
+                    let replies = self.replies();
+                    replies.send(Reply::Text(PLAIN_LINE));
+                    replies.send(Reply::Ok);
                 }
             }
             incoming.at += used.clamp(1, length.max(1));

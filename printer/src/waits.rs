@@ -1,18 +1,44 @@
 //! Waits: for time, for heat.
 
 use embedded_hal_async::delay::DelayNs;
-use ferrostep_gcode::{Reply, Temperatures, WaitTarget};
+use ferrostep_gcode::{Real, Reply, Temperatures, WaitTarget};
 use ferrostep_hal_shim::{Clock, Heater};
 
 use crate::error::CommandError;
-use crate::ports::{Heating, Motion, Replies};
-use crate::printer::Printer;
+use crate::ports::{HeaterStatus, Heating, Motion, Replies};
+use crate::printer::{Printer, Text};
 
 /// How often a wait looks around. A cancelled wait ends within this time.
 const LOOK_MS: u64 = 100;
 
 /// Interval of the lines that M109 and M190 print.
 const REPORT_MS: u64 = 1000;
+
+/// A wait for cooling ends where the temperature falls by less than this in this time: colder than the room nothing
+/// gets. Well above what a thermistor's reading wanders, and well below what a heater loses 10 degrees above the room.
+const MIN_COOLING_CELSIUS: f32 = 0.5;
+const MIN_COOLING_MS: u64 = 120_000;
+
+/// Watches a heater cool.
+#[derive(Clone, Copy, Debug, Default)]
+struct Cooling {
+    /// When it was looked at last, ms, and how warm it was then.
+    before: Option<(u64, f32)>,
+}
+
+impl Cooling {
+    /// Whether the temperature has ceased to fall.
+    fn is_over(&mut self, now_ms: u64, celsius: f32) -> bool {
+        match self.before {
+            Some((since_ms, _)) if now_ms.saturating_sub(since_ms) < MIN_COOLING_MS => false,
+            Some((_, before)) if before - celsius < MIN_COOLING_CELSIUS => true,
+            _ => {
+                self.before = Some((now_ms, celsius));
+                false
+            }
+        }
+    }
+}
 
 impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, M, H, T, R> {
     /// Waits for a while; ends early when the machine is halted.
@@ -75,6 +101,7 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
             Heater::Bed => self.profile.bed,
         };
         let mut near_since: Option<u64> = None;
+        let mut cooling = Cooling::default();
         let mut next_report = self.clock.now_ms() + REPORT_MS;
         loop {
             if self.signals.is_halted() {
@@ -93,6 +120,10 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
                 near_since = None;
             }
             let near = above.abs() <= settings.residency_window_celsius;
+            if above > settings.residency_window_celsius && cooling.is_over(now, status.celsius) {
+                self.say_not_cooling(heater, &status);
+                return Ok(());
+            }
             let left_ms = near.then(|| {
                 let since = *near_since.get_or_insert(now);
                 u64::from(settings.residency_ms).saturating_sub(now - since)
@@ -106,6 +137,26 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
                 self.replies.send(Reply::Waiting(temperatures(&self.heating), left_s));
             }
             self.clock.delay_ms(LOOK_MS as u32).await;
+        }
+    }
+
+    fn say_not_cooling(&self, heater: Heater, status: &HeaterStatus) {
+        let name = match heater {
+            Heater::Nozzle => "nozzle",
+            Heater::Bed => "bed",
+        };
+        let (celsius, target) = (Real::fixed(status.celsius, 1), Real::short(status.target_celsius, 2));
+        let mut text = Text::new();
+        let line = self.line;
+        let written = core::fmt::write(
+            &mut text,
+            format_args!(
+                "echo:line {line}: the {name} cools no further than {celsius} C, the wait for {target} C ends \
+                 (expected a target above the room's temperature)"
+            ),
+        );
+        if written.is_ok() {
+            self.replies.send(Reply::Text(&text));
         }
     }
 }

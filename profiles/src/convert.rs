@@ -16,9 +16,9 @@ use ferrostep_printer::{
 use crate::ProfileError;
 use crate::check::CheckAxes;
 use crate::file::{
-    AccelerationName, CornerVelocityTable, DriverSettingsTable, DriverTable, DriverTables, DualRateTable, EndName, ExtrusionName,
-    ExtrusionTable, HeaterTable, HomingTable, InterpolationName, KinematicsName, Number, ProfileFile, RetractionTable,
-    SCurveTable, SensorName, ThermistorName, ThermistorValue, Xyze,
+    AccelerationName, CornerVelocityTable, DriverSettingsTable, DriverTable, DriverTables, DualRateTable, EndName,
+    ExtrusionName, ExtrusionTable, HeaterTable, HomingTable, InterpolationName, KinematicsName, Number, ProfileFile,
+    RetractionTable, SCurveTable, SensorName, ThermistorName, ThermistorValue, Xyze,
 };
 
 /// Units of 10 nm in a mm.

@@ -6,6 +6,7 @@
 //! host sends and what work costs can be chosen.
 
 mod host_line;
+mod impatience;
 mod interrupts;
 mod job_host;
 mod ports;
@@ -30,6 +31,7 @@ use recording::WatchedPort;
 use time::{from_ns, to_ns};
 
 pub use host_line::HostLine;
+pub use impatience::Ended;
 pub use job_host::JobHost;
 pub use ports::{ColdHeaters, Transcript};
 pub use queue::Queue;
@@ -289,6 +291,16 @@ impl<'a, M: Stepping> Board<'a, M> {
     /// What the motors did.
     pub fn watch(&self) -> Watch {
         self.interrupts.port().watch()
+    }
+
+    /// Whether M112 has stopped everything, until M999.
+    pub fn is_halted(&self) -> bool {
+        self.interrupts.signals().is_halted()
+    }
+
+    /// How often the host was answered.
+    pub fn answers(&self) -> u32 {
+        self.replies.1.get()
     }
 
     /// What was said to the host, but for `ok`.

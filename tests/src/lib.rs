@@ -6,7 +6,7 @@
 //! reads its pins; [`code`] reads its instructions. What they have in common is the written interface only.
 //!
 //! [`board_model`] is made of the crates under test: it runs them as the firmware does, at any speed of host and
-//! processor. [`stress_file`] makes a print that asks much of both, [`feed_chart`] draws what came out.
+//! processor. [`live_machine`] makes hostile conversations with it of any bytes. [`stress_file`] makes a print that asks much of both, [`feed_chart`] draws what came out.
 #![deny(missing_docs)]
 #![forbid(unsafe_code)]
 
@@ -15,6 +15,7 @@ pub mod code;
 pub mod feed_chart;
 pub mod hand_made;
 pub mod hostile;
+pub mod live_machine;
 pub mod qemu;
 pub mod reference;
 pub mod stack;

@@ -69,8 +69,9 @@ impl Incoming {
 pub enum Heard<'a> {
     /// A line, or why it cannot be read.
     Line(Result<Line<'a>, LineError>),
-    /// The beginning of a line whose rest was lost with the connection, or for want of room. It is forgotten.
-    HalfALine,
+    /// The beginning of a line whose rest was lost with the connection, or for want of room. It is forgotten. Always
+    /// [`LineError::Incomplete`], which tells whether it began with a line number.
+    HalfALine(LineError),
 }
 
 /// The end that reads: bytes of the ring to lines.
@@ -88,9 +89,7 @@ impl Lines {
     /// Reads up to the end of the next line that says something, or to a break; as [`LineReader::feed`].
     pub fn feed<'a>(&'a mut self, bytes: &'a [u8]) -> (usize, Option<Heard<'a>>) {
         if bytes.first() == Some(&BREAK) {
-            // What is there of the line, and its error if there is one, are dropped.
-            let _ = self.reader.finish();
-            return (1, Some(Heard::HalfALine));
+            return (1, Some(Heard::HalfALine(self.reader.break_off())));
         }
         let length = bytes.iter().position(|&byte| byte == BREAK).unwrap_or(bytes.len());
         let (used, line) = self.reader.feed(bytes.get(..length).unwrap_or_default());

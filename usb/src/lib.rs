@@ -8,6 +8,7 @@
 //!   counted ([`LineWriter`]).
 //! - What the firmware does not read in time is dropped in whole lines, and counted ([`Incoming`]). The bytes are looked
 //!   at for M112 all the same. To hold the host up instead would hold up its M112.
+//! - The same rings and readers serve a serial line, which cannot be held up at all.
 //! - Where a connection ends within a line, that line is dropped and the next one begins afresh ([`BREAK`], [`Lines`]).
 #![cfg_attr(not(test), no_std)]
 

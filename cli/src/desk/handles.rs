@@ -71,11 +71,7 @@ impl<O: Observer> Motion for DeskMotion<'_, O> {
         .await?
     }
 
-    async fn add_prepared(
-        &mut self,
-        prepared: PreparedMove,
-        now: Option<Retuned>,
-    ) -> Result<Moved, MotionError> {
+    async fn add_prepared(&mut self, prepared: PreparedMove, now: Option<Retuned>) -> Result<Moved, MotionError> {
         self.wait(|desk| {
             let outcome = desk.planner.add_prepared(&prepared, now.as_ref());
             desk.taken(outcome)

@@ -237,3 +237,18 @@ proptest! {
         prop_assert!(!intact);
     }
 }
+
+#[test]
+fn what_has_come_of_a_broken_line_is_forgotten() {
+    let mut reader = LineReader::new();
+    let incomplete = |line_number, numbered| LineError::Incomplete { line_number, numbered };
+    assert_eq!(reader.feed(b"N7 G1 X1"), (8, None));
+    assert_eq!(reader.break_off(), incomplete(1, true));
+    assert_eq!(reader.feed(b"G92 X1; 2"), (9, None));
+    assert_eq!(reader.break_off(), incomplete(2, false));
+    assert_eq!(reader.feed(&[b'x'; 300]), (300, None));
+    assert_eq!(reader.break_off(), incomplete(3, false));
+    let (used, line) = reader.feed(b"M114\n");
+    assert!(matches!(line, Some(Ok(line)) if used == 5 && line.text == "M114"), "{line:?}");
+    assert_eq!(reader.lines_ended(), 4);
+}

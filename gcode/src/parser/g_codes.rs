@@ -1,50 +1,92 @@
 //! Motion and geometry.
 
 use super::Code;
-use super::words::Words;
-use crate::{ArcForm, Command, Decimal, ParseError, Units};
+use super::words::{Words, skip_blanks};
+use crate::remarks::{Remark, Remarks};
+use crate::{ArcForm, AxisWords, Command, Decimal, ParseError, Units};
 
-pub(super) fn parse(code: Code<'_>) -> Result<Command<'_>, ParseError> {
+pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
     if code.has_subcode {
-        // G29.1 and the like belong to bed levelling, as G29 itself.
-        return Ok(if code.number == 29 { Command::Accepted } else { code.unknown() });
+        return match code.number {
+            // G29.1 and the like belong to bed levelling, as G29 itself.
+            29 => Ok(Command::Accepted),
+            0..=6 => Err(not_supported("G0.x to G6.x", "the move would be missing, expected G0 to G3")),
+            38 => Err(PROBING),
+            92 => Err(not_supported("G92.x", "the coordinates would stay as they are, expected G92 with X, Y, Z or E")),
+            53..=59 => Err(WORKSPACE),
+            _ => Ok(code.unknown()),
+        };
     }
     match code.number {
         0 | 1 => {
-            let mut words = Words::NONE;
+            let mut words = Words::new(remarks);
             words.read(code.rest)?;
-            Ok(Command::Linear { rapid: code.number == 0, axes: words.axes()?, feed: words.above_zero(b'F')? })
+            Ok(Command::Linear { rapid: code.number == 0, axes: words.axes(), feed: words.above_zero(b'F') })
         }
-        2 => arc(code, true),
-        3 => arc(code, false),
-        4 => dwell(code),
-        10 => retract_or_recover(code, Command::Retract),
-        11 => retract_or_recover(code, Command::Recover),
+        2 => arc(code, true, remarks),
+        3 => arc(code, false, remarks),
+        4 => dwell(code, remarks),
+        10 => retract_or_recover(code, Command::Retract, remarks),
+        11 => retract_or_recover(code, Command::Recover, remarks),
         18 | 19 => Err(ParseError::PlaneNotSupported),
-        20 => code.without_words(Command::SetUnits(Units::Inches)),
-        21 => code.without_words(Command::SetUnits(Units::Millimetres)),
-        28 => Ok(Command::Home(code.words()?.axis_flags())),
+        20 => code.without_words(Command::SetUnits(Units::Inches), remarks),
+        21 => code.without_words(Command::SetUnits(Units::Millimetres), remarks),
+        28 => Ok(Command::Home(code.words(remarks)?.axis_flags())),
         // Bed levelling: start scripts ask for it whether or not the machine has it.
         29 => Ok(Command::Accepted),
-        17 | 54 | 80 => code.without_words(Command::Accepted),
+        17 | 54 | 80 => code.without_words(Command::Accepted, remarks),
         // In front of a move G53 asks for machine coordinates, and the move must not vanish silently.
-        53 if super::words::skip_blanks(code.rest.as_bytes(), 0) == code.rest.len() => Ok(Command::Accepted),
-        90 => code.without_words(Command::AbsolutePositioning),
-        91 => code.without_words(Command::RelativePositioning),
-        92 => Ok(Command::SetPosition(code.words()?.axes()?)),
-        _ => Ok(code.unknown()),
+        53 if skip_blanks(code.rest.as_bytes(), 0) == code.rest.len() => Ok(Command::Accepted),
+        90 => code.without_words(Command::AbsolutePositioning, remarks),
+        91 => code.without_words(Command::RelativePositioning, remarks),
+        92 => set_position(code, remarks),
+        _ => displacing(code, remarks),
     }
 }
 
-fn arc(code: Code<'_>, clockwise: bool) -> Result<Command<'_>, ParseError> {
-    let words = code.words()?;
-    // P asks for more full circles, K for an arc in another plane.
-    for letter in [b'P', b'K'] {
-        if words.value(letter)?.is_some_and(|value| value != Decimal::ZERO) {
-            return Ok(code.unknown());
+/// Unknown commands, and those among them without which the rest of a job would be made elsewhere or with other feeds.
+fn displacing<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
+    Err(match code.number {
+        5 => not_supported("G5", "the curve would be missing, expected it as G1, G2 or G3"),
+        6 => not_supported("G6", "the steps would be missing, expected G1"),
+        16 => not_supported("G16", "polar coordinates would be read as X and Y, expected X and Y"),
+        38 => PROBING,
+        41 | 42 => not_supported("G41 and G42", "the path would lie elsewhere, expected it corrected by the slicer"),
+        43 | 44 => not_supported("G43 and G44", "Z would be off by the tool's length, expected no offset"),
+        51 => not_supported("G51", "the part would have another size, expected it scaled by the slicer"),
+        52 => not_supported("G52", "the part would lie elsewhere, expected G92"),
+        53 => not_supported("G53 with a move", "the move would be missing, expected it in a line of its own"),
+        55..=59 => WORKSPACE,
+        68 => not_supported("G68", "the part would lie elsewhere, expected it turned by the slicer"),
+        73 | 76 | 81..=89 if code.words(remarks)?.axes() != AxisWords::default() => {
+            not_supported("G73 to G89", "the cycle's moves would be missing, expected G0 and G1")
         }
+        93 => not_supported("G93", "every feed would be wrong, expected feeds per minute (G94)"),
+        95 => not_supported("G95", "every feed would be wrong, expected feeds per minute (G94)"),
+        _ => return Ok(code.unknown()),
+    })
+}
+
+const PROBING: ParseError =
+    not_supported("G38", "the nozzle would stand elsewhere than at the probed place, expected G28");
+
+const WORKSPACE: ParseError =
+    not_supported("G55 to G59", "the part would lie elsewhere, expected the coordinates of G54 or G92");
+
+const fn not_supported(command: &'static str, why: &'static str) -> ParseError {
+    ParseError::NotSupported { command, why }
+}
+
+fn arc<'a>(code: Code<'a>, clockwise: bool, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
+    let mut words = code.words(remarks)?;
+    // P asks for more full circles, K for an arc in another plane.
+    if words.is_not_zero(b'P') || words.is_not_zero(b'K') {
+        return Err(not_supported(
+            "G2 and G3 with P or K",
+            "the arc would be missing, expected arcs in XY, once around",
+        ));
     }
-    let form = match (words.value(b'R')?, words.value(b'I')?, words.value(b'J')?) {
+    let form = match (words.value(b'R'), words.value(b'I'), words.value(b'J')) {
         (Some(radius), _, _) => ArcForm::Radius(radius),
         (None, None, None) => {
             let command = if clockwise { "G2" } else { "G3" };
@@ -52,22 +94,41 @@ fn arc(code: Code<'_>, clockwise: bool) -> Result<Command<'_>, ParseError> {
         }
         (None, i, j) => ArcForm::Centre { i: i.unwrap_or_default(), j: j.unwrap_or_default() },
     };
-    Ok(Command::Arc { clockwise, axes: words.axes()?, form, feed: words.above_zero(b'F')? })
+    Ok(Command::Arc { clockwise, axes: words.axes(), form, feed: words.above_zero(b'F') })
 }
 
-fn dwell(code: Code<'_>) -> Result<Command<'_>, ParseError> {
-    let words = code.words()?;
+fn dwell<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
+    let mut words = code.words(remarks)?;
     let from_milliseconds = words.nearest(b'P', 1)?;
     let from_seconds = words.nearest(b'S', 1000)?;
-    match from_seconds.or(from_milliseconds) {
-        Some(milliseconds) => Ok(Command::Dwell { milliseconds }),
-        None => Err(ParseError::WordsExpected { command: "G4", words: "P or S" }),
-    }
+    let milliseconds = from_seconds.or(from_milliseconds).unwrap_or_else(|| {
+        words.remark(Remark::BareDwell);
+        0
+    });
+    Ok(Command::Dwell { milliseconds })
 }
 
-/// G10 and G11; with L, P or R they set tool offsets on other machines.
-fn retract_or_recover<'a>(code: Code<'a>, command: Command<'a>) -> Result<Command<'a>, ParseError> {
-    let words = code.words()?;
-    let sets_offsets = [b'L', b'P', b'R'].iter().any(|&letter| words.has(letter));
-    Ok(if sets_offsets { code.unknown() } else { command })
+/// G92. Where no axis is named all become zero; one without a number stays.
+fn set_position<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
+    let mut words = code.words(remarks)?;
+    if words.axis_flags().is_empty() {
+        let zero = Some(Decimal::ZERO);
+        return Ok(Command::SetPosition(AxisWords { x: zero, y: zero, z: zero, e: zero }));
+    }
+    Ok(Command::SetPosition(words.axes()))
+}
+
+/// G10 and G11. With P or R they set a tool's temperatures on other machines, with L and with P and an axis its place.
+fn retract_or_recover<'a>(
+    code: Code<'a>,
+    command: Command<'a>,
+    remarks: &mut Remarks,
+) -> Result<Command<'a>, ParseError> {
+    let mut words = code.words(remarks)?;
+    let names_tool = words.has(b'P') || words.has(b'R');
+    let moves_tool = names_tool && [b'X', b'Y', b'Z'].iter().any(|&axis| words.is_not_zero(axis));
+    if words.has(b'L') || moves_tool {
+        return Err(not_supported("G10 with an offset", "the part would lie elsewhere, expected G92"));
+    }
+    Ok(if names_tool { code.unknown() } else { command })
 }

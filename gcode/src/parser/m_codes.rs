@@ -1,6 +1,7 @@
 //! Heaters, fans, limits, reports and the rest of the machine.
 
 use super::Code;
+use crate::remarks::{Remark, Remarks};
 use crate::{Command, Decimal, DriverWords, ParseError, RetractionWords, WaitTarget};
 
 /// Longest interval of M113 and M155, seconds.
@@ -15,88 +16,96 @@ const MAX_STALL_THRESHOLD: u16 = 255;
 const MAX_SILENCE_S: u16 = 3600;
 const DEFAULT_SILENCE_S: u16 = 30;
 
-pub(super) fn parse(code: Code<'_>) -> Result<Command<'_>, ParseError> {
+pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
     if code.has_subcode {
         // M862.1 to M862.6: checks of the printer's model and nozzle.
         return Ok(if code.number == 862 { Command::Accepted } else { code.unknown() });
     }
     match code.number {
-        17 => Ok(Command::EnableMotors(code.words()?.axis_flags())),
+        17 => Ok(Command::EnableMotors(code.words(remarks)?.axis_flags())),
         18 | 84 => {
-            let words = code.words()?;
+            let mut words = code.words(remarks)?;
             Ok(match words.nearest(b'S', 1)? {
                 Some(seconds) => Command::IdleTimeout { seconds },
                 None => Command::DisableMotors(words.axis_flags()),
             })
         }
-        82 => code.without_words(Command::AbsoluteExtrusion),
-        83 => code.without_words(Command::RelativeExtrusion),
-        104 | 109 | 140 | 190 => temperature(code),
-        106 | 107 => fan(code),
+        82 => code.without_words(Command::AbsoluteExtrusion, remarks),
+        83 => code.without_words(Command::RelativeExtrusion, remarks),
+        104 | 109 | 140 | 190 => temperature(code, remarks),
+        106 | 107 => fan(code, remarks),
         105 => Ok(Command::ReportTemperatures),
         108 => Ok(Command::EndWait),
-        110 => Ok(Command::SetLineNumber(code.words()?.whole(b'N')?)),
+        110 => Ok(Command::SetLineNumber(code.words(remarks)?.whole(b'N'))),
         112 => Ok(Command::EmergencyStop),
-        113 => Ok(Command::KeepAlive(code.words()?.whole_to(b'S', MAX_INTERVAL_S)?)),
+        113 => Ok(Command::KeepAlive(code.words(remarks)?.whole_to(b'S', MAX_INTERVAL_S)?)),
         114 => Ok(Command::ReportPosition),
         115 => Ok(Command::ReportFirmware),
         117 => Ok(Command::Display(code.free_text())),
         118 => Ok(echo(code.free_text())),
         119 => Ok(Command::ReportEndStops),
-        122 => code.without_words(Command::ReportDrivers),
-        155 => match code.words()?.whole_to(b'S', MAX_INTERVAL_S)? {
+        122 => code.without_words(Command::ReportDrivers, remarks),
+        155 => match code.words(remarks)?.whole_to(b'S', MAX_INTERVAL_S)? {
             Some(seconds) => Ok(Command::AutoReportTemperatures { seconds }),
-            None => Err(ParseError::WordsExpected { command: "M155", words: "S" }),
+            None => Ok(Command::Accepted),
         },
-        201 => Ok(Command::MaxAcceleration(code.words()?.axis_limits()?)),
-        203 => Ok(Command::MaxFeed(code.words()?.axis_limits()?)),
+        201 => Ok(Command::MaxAcceleration(code.words(remarks)?.axis_limits())),
+        203 => Ok(Command::MaxFeed(code.words(remarks)?.axis_limits())),
         204 => {
-            let words = code.words()?;
+            let mut words = code.words(remarks)?;
             Ok(Command::Acceleration {
-                print: words.above_zero(b'P')?,
-                retract: words.above_zero(b'R')?,
-                travel: words.above_zero(b'T')?,
-                both: words.above_zero(b'S')?,
+                print: words.above_zero(b'P'),
+                retract: words.above_zero(b'R'),
+                travel: words.above_zero(b'T'),
+                both: words.above_zero(b'S'),
             })
         }
         205 => {
-            let words = code.words()?;
-            Ok(Command::Junction { deviation: words.above_zero(b'J')?, corner_velocity: words.axis_limits()? })
+            let mut words = code.words(remarks)?;
+            Ok(Command::Junction { deviation: words.above_zero(b'J'), corner_velocity: words.axis_limits() })
         }
         207 => {
-            let words = code.words()?;
+            let mut words = code.words(remarks)?;
             Ok(Command::RetractSettings(RetractionWords {
                 length: words.not_negative(b'S')?,
-                feed: words.above_zero(b'F')?,
+                feed: words.above_zero(b'F'),
                 lift: words.not_negative(b'Z')?,
             }))
         }
         208 => {
-            let words = code.words()?;
+            let mut words = code.words(remarks)?;
             // Extra length may be negative: less comes back than went.
-            let (length, feed) = (words.value(b'S')?, words.above_zero(b'F')?);
+            let (length, feed) = (words.value(b'S'), words.above_zero(b'F'));
             Ok(Command::RecoverSettings(RetractionWords { length, feed, lift: None }))
         }
-        211 => Ok(Command::SoftLimits(code.words()?.switch(b'S')?)),
-        220 => Ok(Command::FeedPercent(code.words()?.above_zero_to(b'S', MAX_PERCENT)?)),
+        211 => Ok(Command::SoftLimits(code.words(remarks)?.switch(b'S')?)),
+        149 => temperature_units(code),
+        200 => volumetric(code, remarks),
+        220 => {
+            let mut words = code.words(remarks)?;
+            let percent = words.above_zero(b'S');
+            Ok(Command::FeedPercent(words.at_most(b'S', percent, MAX_PERCENT)?))
+        }
         221 => {
-            let words = code.words()?;
-            if words.names_other_tool()? {
+            let mut words = code.words(remarks)?;
+            if words.names_other_tool() {
                 return Ok(code.unknown());
             }
-            Ok(Command::FlowPercent(words.above_zero_to(b'S', MAX_PERCENT)?))
+            // Without filament there is no print: not ignored, as a feed of 0 is.
+            let percent = words.required_above_zero(b'S')?;
+            Ok(Command::FlowPercent(words.at_most(b'S', percent, MAX_PERCENT)?))
         }
         302 => {
-            let words = code.words()?;
+            let mut words = code.words(remarks)?;
             Ok(Command::ColdExtrusion { minimum: words.not_negative(b'S')?, allow: words.switch(b'P')? })
         }
         400 => Ok(Command::Finish),
         410 => Ok(Command::QuickStop),
-        569 => stealth_chop(code),
-        906 => Ok(Command::DriverCurrent(driver_words(code, MAX_CURRENT_MA)?)),
-        914 => Ok(Command::StallThreshold(driver_words(code, MAX_STALL_THRESHOLD)?)),
+        569 => stealth_chop(code, remarks),
+        906 => Ok(Command::DriverCurrent(driver_words(code, remarks, MAX_CURRENT_MA)?)),
+        914 => Ok(Command::StallThreshold(driver_words(code, remarks, MAX_STALL_THRESHOLD)?)),
         790 => {
-            let words = code.words()?;
+            let mut words = code.words(remarks)?;
             let Some(size) = words.nearest(b'S', 1)?.and_then(|size| u32::try_from(size).ok()) else {
                 return Err(ParseError::WordsExpected { command: "M790", words: "S" });
             };
@@ -104,16 +113,16 @@ pub(super) fn parse(code: Code<'_>) -> Result<Command<'_>, ParseError> {
             Ok(Command::ReceiveJob { size, silence_s })
         }
         795 => {
-            let words = code.words()?;
+            let mut words = code.words(remarks)?;
             Ok(Command::AdaptiveExtrusion {
                 on: words.switch(b'S')?,
-                layer_height: words.above_zero(b'H')?,
-                line_width: words.above_zero(b'W')?,
-                filament_diameter: words.above_zero(b'D')?,
+                layer_height: words.required_above_zero(b'H')?,
+                line_width: words.required_above_zero(b'W')?,
+                filament_diameter: words.required_above_zero(b'D')?,
             })
         }
         796 => {
-            let words = code.words()?;
+            let mut words = code.words(remarks)?;
             Ok(Command::MotionChoice {
                 interpolation: words.whole_to(b'I', 4)?,
                 acceleration: words.whole_to(b'A', 2)?,
@@ -121,7 +130,7 @@ pub(super) fn parse(code: Code<'_>) -> Result<Command<'_>, ParseError> {
         }
         797 => Ok(Command::ReportMotion),
         798 => {
-            let words = code.words()?;
+            let mut words = code.words(remarks)?;
             Ok(Command::Timing { on: words.switch(b'S')?, clear: words.has(b'R') })
         }
         999 => Ok(Command::Restart),
@@ -148,10 +157,10 @@ pub(super) fn parse(code: Code<'_>) -> Result<Command<'_>, ParseError> {
     }
 }
 
-fn temperature(code: Code<'_>) -> Result<Command<'_>, ParseError> {
-    let words = code.words()?;
+fn temperature<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
+    let mut words = code.words(remarks)?;
     let is_nozzle = matches!(code.number, 104 | 109);
-    if is_nozzle && words.names_other_tool()? {
+    if is_nozzle && words.names_other_tool() {
         return Ok(code.unknown());
     }
     let target = words.not_negative(b'S')?;
@@ -170,8 +179,8 @@ fn temperature(code: Code<'_>) -> Result<Command<'_>, ParseError> {
 }
 
 /// M569. With P it is another firmware's, which sets a driver's direction by its number.
-fn stealth_chop(code: Code<'_>) -> Result<Command<'_>, ParseError> {
-    let words = code.words()?;
+fn stealth_chop<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
+    let mut words = code.words(remarks)?;
     if words.has(b'P') {
         return Ok(Command::Accepted);
     }
@@ -183,18 +192,50 @@ fn stealth_chop(code: Code<'_>) -> Result<Command<'_>, ParseError> {
 }
 
 /// M906 and M914.
-fn driver_words(code: Code<'_>, high: u16) -> Result<DriverWords, ParseError> {
-    let words = code.words()?;
-    let number = |letter| words.whole_up_to(letter, high);
+fn driver_words(code: Code<'_>, remarks: &mut Remarks, high: u16) -> Result<DriverWords, ParseError> {
+    let mut words = code.words(remarks)?;
+    let mut number = |letter| words.whole_up_to(letter, high);
     Ok(DriverWords { x: number(b'X')?, y: number(b'Y')?, z: number(b'Z')?, e: number(b'E')? })
 }
 
 /// M106 and M107. Slicers write powers such as 252.45: the nearest whole one is meant.
-fn fan(code: Code<'_>) -> Result<Command<'_>, ParseError> {
-    let words = code.words()?;
+fn fan<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
+    let mut words = code.words(remarks)?;
     let index = words.whole_to(b'P', u8::MAX)?.unwrap_or(0);
-    let power = if code.number == 106 { words.nearest_byte(b'S')?.unwrap_or(u8::MAX) } else { 0 };
-    Ok(Command::Fan { index, power })
+    if code.number != 106 {
+        return Ok(Command::Fan { index, power: 0 });
+    }
+    let power = words.nearest_byte(b'S')?;
+    if index > 0 && power.is_none() {
+        words.remark(Remark::FanPower);
+    }
+    Ok(Command::Fan { index, power: power.unwrap_or(u8::MAX) })
+}
+
+/// M200: whether E is a length of filament or a volume.
+fn volumetric<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
+    let mut words = code.words(remarks)?;
+    let has_diameter = words.value(b'D').is_some_and(|diameter| diameter > Decimal::ZERO);
+    match words.switch(b'S')? {
+        Some(false) => Ok(Command::Accepted),
+        None if !has_diameter => Ok(Command::Accepted),
+        _ => Err(ParseError::NotSupported {
+            command: "M200",
+            why: "volumes in E would be read as mm of filament, expected the slicer's volumetric E off, or M200 D0",
+        }),
+    }
+}
+
+/// M149: the unit of temperatures.
+fn temperature_units(code: Code<'_>) -> Result<Command<'_>, ParseError> {
+    // Its words are letters without numbers.
+    let mut remarks = Remarks::default();
+    let words = code.words(&mut remarks)?;
+    if words.has(b'F') || words.has(b'K') {
+        let why = "temperatures would be read as degrees Celsius, expected M149 C";
+        return Err(ParseError::NotSupported { command: "M149 F and K", why });
+    }
+    Ok(Command::Accepted)
 }
 
 /// M118: the flags E1, A1 and P (port), upper case, each followed by a blank, then the text.

@@ -273,7 +273,9 @@ fn motion() -> impl Strategy<Value = Command<'static>> {
             .prop_map(|(clockwise, axes, form, feed)| Command::Arc { clockwise, axes, form, feed }),
         (0u64..9_000_000_000).prop_map(|milliseconds| Command::Dwell { milliseconds }),
         any_flags().prop_map(Command::Home),
-        any_axes().prop_map(Command::SetPosition),
+        any_axes()
+            .prop_filter("without words all axes are set", |words| *words != AxisWords::default())
+            .prop_map(Command::SetPosition),
         (0u32..u32::MAX).prop_map(Command::SelectTool),
         proptest::sample::select(vec![
             Command::Retract,

@@ -1,7 +1,7 @@
 #![allow(clippy::unwrap_used)]
 
 use super::*;
-use crate::{ArcForm, AxisFlags, AxisWords, Decimal, DriverWords, RetractionWords, Units, WaitTarget};
+use crate::{ArcForm, AxisFlags, AxisWords, Decimal, DriverWords, Remarks, RetractionWords, Units, WaitTarget};
 
 fn number(text: &str) -> Decimal {
     Decimal::parse(text.as_bytes()).unwrap()
@@ -21,7 +21,15 @@ fn refused(text: &str) -> String {
 
 #[track_caller]
 fn reads(text: &str, expected: Command<'_>) {
-    assert_eq!(parse(text), Ok(expected), "{text:?}");
+    reads_with(text, expected, "");
+}
+
+/// A line that is read in a way that is told.
+#[track_caller]
+fn reads_with(text: &str, expected: Command<'_>, says: &str) {
+    let mut remarks = Remarks::default();
+    assert_eq!(parse_with_remarks(text, &mut remarks), Ok(expected), "{text:?}");
+    assert_eq!(remarks.to_string(), says, "{text:?}");
 }
 
 #[test]
@@ -54,9 +62,10 @@ fn arcs() {
     let form = ArcForm::Radius(number("-3"));
     reads("G3 R-3 I1", Command::Arc { clockwise: false, axes: none, form, feed: None });
     assert_eq!(refused("G2 X5"), "G2: expected I and J, or R");
-    reads("G3 X5 J1 K1", Command::Unknown("G3 X5 J1 K1"));
     assert_eq!(refused("G18"), "this plane is not supported, expected G17 (XY)");
-    reads("G2 I5 P3", Command::Unknown("G2 I5 P3"));
+    for text in ["G2 I5 P3", "G3 X5 J1 K1"] {
+        assert!(refused(text).starts_with("G2 and G3 with P or K: not supported, the arc would be missing"), "{text}");
+    }
 }
 
 #[test]
@@ -67,7 +76,7 @@ fn other_g_codes() {
     reads("G10", Command::Retract);
     reads("G10 S1", Command::Retract);
     reads("G11", Command::Recover);
-    reads("G10 L2 X0", Command::Unknown("G10 L2 X0"));
+    reads("G10 P0 X0 Y0", Command::Unknown("G10 P0 X0 Y0"));
     reads("G10 P0 R150", Command::Unknown("G10 P0 R150"));
     reads("G20", Command::SetUnits(Units::Inches));
     reads("G21 ", Command::SetUnits(Units::Millimetres));
@@ -78,11 +87,14 @@ fn other_g_codes() {
     reads("G91", Command::RelativePositioning);
     let e = AxisWords { e: Some(Decimal::ZERO), ..AxisWords::default() };
     reads("G92 E0", Command::SetPosition(e));
-    reads("G92", Command::SetPosition(AxisWords::default()));
+    let zero = Some(Decimal::ZERO);
+    reads("G92", Command::SetPosition(AxisWords { x: zero, y: zero, z: zero, e: zero }));
+    // Not all of them to zero, as without words.
+    reads_with("G92 E", Command::SetPosition(AxisWords::default()), "E without a number is ignored");
     for text in ["G29", "G29 P1", "G29.1 X", "G17", "G53", "G53 (machine)", "G54", "G80"] {
         reads(text, Command::Accepted);
     }
-    for text in ["G53 G1 X5", "G28.1", "G92.1", "G1.5 X1", "G38.2 Z-5", "G99999999999999999999"] {
+    for text in ["G28.1", "G81", "G12", "G99999999999999999999"] {
         reads(text, Command::Unknown(text));
     }
 }
@@ -104,9 +116,16 @@ fn heaters_and_fans() {
     reads("M106 S252.45", Command::Fan { index: 0, power: 252 });
     reads("M106 P2 S249.9", Command::Fan { index: 2, power: 250 });
     reads("M107 P1", Command::Fan { index: 1, power: 0 });
-    assert_eq!(refused("M106 S300"), "S: 300 is out of range, expected 0 to 255");
+    let full = Command::Fan { index: 0, power: 255 };
+    reads_with("M106 S300", full, "S is too large and becomes the largest value");
+    reads_with("M106 S", full, "S without a number is ignored");
     assert_eq!(refused("M106 S-.3"), "S: -0.3 is out of range, expected 0 to 255");
-    assert_eq!(refused("M106 P1.5"), "P: 1.5 is not a whole number, expected one");
+    // Other machines' slicers write the power as P.
+    let other_fan = Command::Fan { index: 127, power: 255 };
+    let says = "P is whole, its fraction is dropped; P is the fan's number and this fan does not exist, \
+                expected the power after S";
+    reads_with("M106 P127.5", other_fan, says);
+    reads_with("M106 P1.5 S3", Command::Fan { index: 1, power: 3 }, "P is whole, its fraction is dropped");
     assert_eq!(refused("M106 P256"), "P: 256 is out of range, expected 0 to 255");
     reads("M302 S170 P1", Command::ColdExtrusion { minimum: some("170"), allow: Some(true) });
     assert_eq!(refused("M302 P2"), "P: 2 is out of range, expected 0 to 1");
@@ -131,25 +150,24 @@ fn motors_and_limits() {
     reads("M204 S500", Command::Acceleration { print: None, retract: None, travel: None, both: some("500") });
     let corner_velocity = AxisWords { x: some("8.00"), y: some("8.00"), z: some("0.40"), e: some("4.50") };
     reads("M205 X8.00 Y8.00 Z0.40 E4.50 S0 T0", Command::Junction { deviation: None, corner_velocity });
-    let corner_velocity = AxisWords::default();
-    reads("M205 J0.013", Command::Junction { deviation: some("0.013"), corner_velocity });
-    for (text, error) in [
-        ("M201 X0", "X: 0 is not above 0, expected a larger number"),
-        ("M203 E-5", "E: -5 is not above 0, expected a larger number"),
-        ("M204 S0", "S: 0 is not above 0, expected a larger number"),
-        ("M205 J0", "J: 0 is not above 0, expected a larger number"),
-        ("M201 X", "X: expected a number after it"),
-        ("M203 Y Z5", "Y: expected a number after it"),
-        ("M84 S-1", "S: -1 is below 0, expected 0 or more"),
-    ] {
-        assert_eq!(refused(text), error, "{text}");
-    }
+    let none = AxisWords::default();
+    reads("M205 J0.013", Command::Junction { deviation: some("0.013"), corner_velocity: none });
+    reads_with("M201 X0", Command::MaxAcceleration(none), "X is not above 0 and is ignored");
+    reads_with("M203 E-5", Command::MaxFeed(none), "E is not above 0 and is ignored");
+    let z = AxisWords { z: some("5"), ..none };
+    reads_with("M203 Y Z5", Command::MaxFeed(z), "Y without a number is ignored");
+    let travel = Command::Acceleration { print: some("500"), retract: None, travel: None, both: None };
+    reads_with("M204 P500 T0", travel, "T is not above 0 and is ignored");
+    let corners = Command::Junction { deviation: None, corner_velocity: none };
+    reads_with("M205 J0 X0", corners, "J is not above 0 and is ignored; X is not above 0 and is ignored");
+    assert_eq!(refused("M84 S-1"), "S: -1 is below 0, expected 0 or more");
     let words = RetractionWords { length: some("2"), feed: some("1800"), lift: some("0.4") };
     reads("M207 S2 F1800 Z.4", Command::RetractSettings(words));
     let words = RetractionWords { length: some("-0.1"), feed: None, lift: None };
     reads("M208 S-.1 Z5", Command::RecoverSettings(words));
     assert_eq!(refused("M207 S-1"), "S: -1 is below 0, expected 0 or more");
-    assert_eq!(refused("M208 F0"), "F: 0 is not above 0, expected a larger number");
+    let none = RetractionWords::default();
+    reads_with("M208 F0", Command::RecoverSettings(none), "F is not above 0 and is ignored");
     reads("M211 S0", Command::SoftLimits(Some(false)));
     reads("M211", Command::SoftLimits(None));
     reads("M220 S80", Command::FeedPercent(some("80")));
@@ -157,7 +175,9 @@ fn motors_and_limits() {
     reads("M220", Command::FeedPercent(None));
     reads("M221 S95 T0", Command::FlowPercent(some("95")));
     reads("M221 T1 S95", Command::Unknown("M221 T1 S95"));
-    assert_eq!(refused("M220 S0"), "S: 0 is not above 0, expected a larger number");
+    reads_with("M220 S0", Command::FeedPercent(None), "S is not above 0 and is ignored");
+    assert_eq!(refused("M220 S1000"), "S: 1000 is out of range, expected 0 to 999");
+    assert_eq!(refused("M221 S0"), "S: 0 is not above 0, expected a larger number");
     assert_eq!(refused("M221 S999.5"), "S: 999.5 is out of range, expected 0 to 999");
 }
 
@@ -202,16 +222,17 @@ fn host_commands() {
     ] {
         reads(text, command);
     }
-    assert_eq!(refused("M155"), "M155: expected S");
+    reads("M155", Command::Accepted);
     assert_eq!(refused("M790"), "M790: expected S");
     assert_eq!(refused("M790 S1 T3601"), "T: 3601 is out of range, expected 0 to 3600");
     assert!(refused("M795 H0").starts_with("H: "));
     assert!(refused("M795 S2").starts_with("S: "));
     assert_eq!(refused("M796 I5"), "I: 5 is out of range, expected 0 to 4");
-    assert_eq!(refused("M796 A0.5"), "A: 0.5 is not a whole number, expected one");
+    let choice = Command::MotionChoice { interpolation: None, acceleration: Some(0) };
+    reads_with("M796 A0.5", choice, "A is whole, its fraction is dropped");
     assert_eq!(refused("M798 S2"), "S: 2 is out of range, expected 0 to 1");
     assert_eq!(refused("M155 S61"), "S: 61 is out of range, expected 0 to 60");
-    assert_eq!(refused("M110 N1.5"), "N: 1.5 is not a whole number, expected one");
+    reads_with("M110 N-1.5", Command::SetLineNumber(Some(-1)), "N is whole, its fraction is dropped");
     assert_eq!(refused("T4294967295"), "T: 4294967295 is too large, expected at most 9 digits before the point");
 }
 
@@ -309,18 +330,19 @@ fn motor_drivers() {
     assert_eq!(refused("M569 S2 X"), "S: 2 is out of range, expected 0 to 1");
     assert_eq!(refused("M906 X3001"), "X: 3001 is out of range, expected 0 to 3000");
     assert_eq!(refused("M906 E-1"), "E: -1 is out of range, expected 0 to 3000");
-    assert_eq!(refused("M906 Z0.5"), "Z: 0.5 is not a whole number, expected one");
+    let z = DriverWords { z: Some(500), ..DriverWords::default() };
+    reads_with("M906 Z500.5", Command::DriverCurrent(z), "Z is whole, its fraction is dropped");
     assert_eq!(refused("M914 Y256"), "Y: 256 is out of range, expected 0 to 255");
-    assert_eq!(refused("M914 X"), "X: expected a number after it");
+    reads_with("M914 X", Command::StallThreshold(DriverWords::default()), "X without a number is ignored");
 }
 
 #[test]
 fn malformed_lines_name_the_field() {
     for (text, error) in [
         ("G1 X1.2.3 Y5", "X: \"1.2.3\" is not a number, expected one like 12.5 or -.8"),
-        ("G1 Y", "Y: expected a number after it"),
-        ("G1 YX5", "Y: expected a number after it"),
-        ("G1 X5 X", "X: expected a number after it"),
+        ("G1 Xnan Y5", "X: \"nan\" is not a number, expected one like 12.5 or -.8"),
+        ("G1 X5 EINF", "E: \"INF\" is not a number, expected one like 12.5 or -.8"),
+        ("G1 X5 Y-inf", "Y: \"-\" is not a number, expected one like 12.5 or -.8"),
         ("G1 X-", "X: \"-\" is not a number, expected one like 12.5 or -.8"),
         ("G1 X1-2", "X: \"1-2\" is not a number, expected one like 12.5 or -.8"),
         ("G1 H.", "H: \".\" is not a number, expected one like 12.5 or -.8"),
@@ -332,21 +354,80 @@ fn malformed_lines_name_the_field() {
         ("G1 X5 %", "unexpected character '%', expected a letter with its number"),
         ("G1 X5 \u{2212}3", "unexpected character '\u{2212}', expected a letter with its number"),
         ("G1 X\u{e9}", "unexpected character '\u{e9}', expected a letter with its number"),
-        ("%", "expected a command letter, found '%'"),
         ("\u{e9}5", "expected a command letter, found '\u{e9}'"),
         ("5", "expected a command letter, found '5'"),
         ("G", "G: expected a number after it"),
         ("M-5", "M: expected a number after it"),
         ("GX5", "G: expected a number after it"),
-        ("G1 F0", "F: 0 is not above 0, expected a larger number"),
-        ("G1 F-100", "F: -100 is not above 0, expected a larger number"),
-        ("G2 I1 F0", "F: 0 is not above 0, expected a larger number"),
-        ("G4", "G4: expected P or S"),
         ("G4 P-5", "P: -5 is below 0, expected 0 or more"),
-        ("G92 E", "E: expected a number after it"),
-        ("G90 G1 X5", "G: a second command in the line, expected one"),
-        ("G1 X5 M106", "M: a second command in the line, expected one"),
     ] {
         assert_eq!(refused(text), error, "{text:?}");
+    }
+}
+
+/// Lines that end no print: what of them is ignored is told.
+#[test]
+fn odd_lines_go_on_as_in_marlin() {
+    let line = |axes, feed| Command::Linear { rapid: false, axes, feed };
+    let (none, x) = (AxisWords::default(), AxisWords { x: some("5"), ..AxisWords::default() });
+    let second = "expected one command a line, the second and all behind it are ignored";
+    reads_with("G4", Command::Dwell { milliseconds: 0 }, "without P or S it waits until all motion has ended");
+    reads_with(
+        "G4 P",
+        Command::Dwell { milliseconds: 0 },
+        "P without a number is ignored; without P or S it waits until all motion has ended",
+    );
+    reads_with("G1 X5 E", line(x, None), "E without a number is ignored");
+    reads_with("G1 YX5", line(x, None), "Y without a number is ignored");
+    reads_with("G1 Y", line(none, None), "Y without a number is ignored");
+    // Words that follow do not take a number away.
+    reads("G1 X5 X", line(x, None));
+    reads_with("G1 X5 F0", line(x, None), "F is not above 0 and is ignored");
+    reads_with("G1 X5 F-100", line(x, None), "F is not above 0 and is ignored");
+    reads_with("G1 X5 F", line(x, None), "F without a number is ignored");
+    let form = ArcForm::Centre { i: number("1"), j: Decimal::ZERO };
+    let arc = Command::Arc { clockwise: true, axes: none, form, feed: None };
+    reads_with("G2 I1 J F0", arc, "J without a number is ignored; F is not above 0 and is ignored");
+    reads_with("G90 G0 X5", Command::AbsolutePositioning, second);
+    reads_with("G28 G1 Z5", Command::Home(AxisFlags::default()), second);
+    reads_with("G1 X5 M106 S99", line(x, None), second);
+    for text in ["%", "% O1", " %"] {
+        reads(text, Command::Unknown(text.trim()));
+    }
+}
+
+#[test]
+fn what_would_spoil_a_print_is_refused_by_name() {
+    for (text, says) in [
+        ("G5 X5 Y5 I1 J1 P1 Q1", "G5: not supported, the curve would be missing"),
+        ("G5.1 I1 J1", "G0.x to G6.x: not supported"),
+        ("G1.5 X1", "G0.x to G6.x: not supported"),
+        ("G6 I1 S1", "G6: not supported"),
+        ("G10 L2 P1 X5", "G10 with an offset: not supported"),
+        ("G10 P0 X5", "G10 with an offset: not supported"),
+        ("G16", "G16: not supported"),
+        ("G38.2 Z-5", "G38: not supported"),
+        ("G38", "G38: not supported"),
+        ("G41 D1", "G41 and G42: not supported"),
+        ("G43 H1", "G43 and G44: not supported"),
+        ("G51 X2", "G51: not supported"),
+        ("G52 X5", "G52: not supported"),
+        ("G53 G1 X5", "G53 with a move: not supported"),
+        ("G55", "G55 to G59: not supported"),
+        ("G59.3", "G55 to G59: not supported"),
+        ("G68 R45", "G68: not supported"),
+        ("G81 X5 Z-5 R2", "G73 to G89: not supported"),
+        ("G92.1", "G92.x: not supported"),
+        ("G93", "G93: not supported"),
+        ("G95", "G95: not supported"),
+        ("M149 F", "M149 F and K: not supported"),
+        ("M200 D1.75", "M200: not supported"),
+        ("M200 S1", "M200: not supported"),
+    ] {
+        let text_of_error = refused(text);
+        assert!(text_of_error.starts_with(says) && text_of_error.contains("expected"), "{text}: {text_of_error}");
+    }
+    for text in ["M200", "M200 D0", "M200 D1.75 S0", "M200 S0", "M149", "M149 C"] {
+        assert_eq!(parse(text), Ok(Command::Accepted), "{text}");
     }
 }

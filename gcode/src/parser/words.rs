@@ -1,10 +1,12 @@
 //! The words after a command: `X87.153 Y86.702 E.03647`.
 
 use super::char_at;
+use crate::remarks::{Remark, Remarks};
 use crate::{AxisFlags, AxisWords, Decimal, NumberError, ParseError, ShortText};
 
-/// The words of a line, by letter.
-pub(super) struct Words {
+/// The words of a line, by letter. What is odd about those that are asked for goes to `remarks`.
+pub(super) struct Words<'a> {
+    remarks: &'a mut Remarks,
     /// Bit 0 = A: the letter is there.
     present: u32,
     /// The letter has a number.
@@ -17,17 +19,21 @@ const fn bit(letter: u8) -> u32 {
     1 << (letter - b'A')
 }
 
-impl Words {
+impl<'a> Words<'a> {
     /// No words.
-    pub(super) const NONE: Self = Words { present: 0, valued: 0, values: [Decimal::ZERO; 26] };
+    pub(super) fn new(remarks: &'a mut Remarks) -> Self {
+        Words { remarks, present: 0, valued: 0, values: [Decimal::ZERO; 26] }
+    }
 
-    pub(super) fn parse(text: &str) -> Result<Self, ParseError> {
-        let mut words = Words::NONE;
+    pub(super) fn parse(text: &str, remarks: &'a mut Remarks) -> Result<Self, ParseError> {
+        let mut words = Words::new(remarks);
         words.read(text)?;
         Ok(words)
     }
 
-    /// Reads the words of a line into an empty list: for the commonest commands, as a list is long to copy.
+    /// Reads the words of a line into an empty list: for the commonest commands, as a list is long to copy. A second
+    /// command ends them, as its words would be taken for the first one's. A letter without a number does not take the
+    /// number of the same letter before it away.
     pub(super) fn read(&mut self, text: &str) -> Result<(), ParseError> {
         let words = self;
         let bytes = text.as_bytes();
@@ -41,11 +47,17 @@ impl Words {
             if !upper.is_ascii_uppercase() {
                 return Err(ParseError::UnexpectedCharacter(char_at(text, at)));
             }
+            if matches!(upper, b'G' | b'M') {
+                words.remarks.add(Remark::SecondCommand);
+                break;
+            }
+            if let Some(not_finite) = not_finite(text, at + 1) {
+                return Err(ParseError::NotANumber { letter: char::from(upper), text: not_finite });
+            }
             at = skip_blanks(bytes, at + 1);
             let (bit, index) = (bit(upper), usize::from(upper - b'A'));
             words.present |= bit;
             if !matches!(bytes.get(at), Some(b'0'..=b'9' | b'.' | b'-' | b'+')) {
-                words.valued &= !bit;
                 continue;
             }
             let (length, number) = Decimal::parse_prefix(bytes.get(at..).unwrap_or_default());
@@ -63,11 +75,6 @@ impl Words {
             };
             at += length;
         }
-        for letter in [b'G', b'M'] {
-            if words.has(letter) {
-                return Err(ParseError::SecondCommand { letter: char::from(letter) });
-            }
-        }
         Ok(())
     }
 
@@ -76,20 +83,30 @@ impl Words {
         self.present & bit(letter) != 0
     }
 
-    /// The number of a word; a letter without one is an error.
-    pub(super) fn value(&self, letter: u8) -> Result<Option<Decimal>, ParseError> {
-        if !self.has(letter) {
-            Ok(None)
-        } else if self.valued & bit(letter) != 0 {
-            Ok(Some(self.values[usize::from(letter - b'A')]))
-        } else {
-            Err(ParseError::NumberExpected { letter: char::from(letter) })
+    /// The number of a word. A letter without one is ignored, as in Marlin.
+    pub(super) fn value(&mut self, letter: u8) -> Option<Decimal> {
+        if self.valued & bit(letter) != 0 {
+            return Some(self.values[usize::from(letter - b'A')]);
         }
+        if self.has(letter) {
+            self.remarks.add(Remark::NoNumber(letter));
+        }
+        None
+    }
+
+    /// A number above zero. Others would stop all motion and are ignored.
+    pub(super) fn above_zero(&mut self, letter: u8) -> Option<Decimal> {
+        let value = self.value(letter)?;
+        if value <= Decimal::ZERO {
+            self.remarks.add(Remark::NotAboveZero(letter));
+            return None;
+        }
+        Some(value)
     }
 
     /// A number above zero.
-    pub(super) fn above_zero(&self, letter: u8) -> Result<Option<Decimal>, ParseError> {
-        match self.value(letter)? {
+    pub(super) fn required_above_zero(&mut self, letter: u8) -> Result<Option<Decimal>, ParseError> {
+        match self.value(letter) {
             Some(value) if value <= Decimal::ZERO => {
                 Err(ParseError::NotAboveZero { letter: char::from(letter), value })
             }
@@ -98,25 +115,25 @@ impl Words {
     }
 
     /// A number that is not negative.
-    pub(super) fn not_negative(&self, letter: u8) -> Result<Option<Decimal>, ParseError> {
-        match self.value(letter)? {
+    pub(super) fn not_negative(&mut self, letter: u8) -> Result<Option<Decimal>, ParseError> {
+        match self.value(letter) {
             Some(value) if value.is_negative() => Err(ParseError::BelowZero { letter: char::from(letter), value }),
             value => Ok(value),
         }
     }
 
-    /// A whole number.
-    pub(super) fn whole(&self, letter: u8) -> Result<Option<i64>, ParseError> {
-        let Some(value) = self.value(letter)? else { return Ok(None) };
-        match value.to_i64_exact() {
-            Some(whole) => Ok(Some(whole)),
-            None => Err(ParseError::NotWhole { letter: char::from(letter), value }),
+    /// A whole number; a fraction is dropped, as in Marlin.
+    pub(super) fn whole(&mut self, letter: u8) -> Option<i64> {
+        let value = self.value(letter)?;
+        if value.to_i64_exact().is_none() {
+            self.remarks.add(Remark::Fraction(letter));
         }
+        Some(value.to_i64_towards_zero())
     }
 
     /// A whole number from 0 to `high`.
-    pub(super) fn whole_to(&self, letter: u8, high: u8) -> Result<Option<u8>, ParseError> {
-        let Some(whole) = self.whole(letter)? else { return Ok(None) };
+    pub(super) fn whole_to(&mut self, letter: u8, high: u8) -> Result<Option<u8>, ParseError> {
+        let Some(whole) = self.whole(letter) else { return Ok(None) };
         match u8::try_from(whole) {
             Ok(whole) if whole <= high => Ok(Some(whole)),
             _ => Err(self.out_of_range(letter, 0, u16::from(high))),
@@ -124,32 +141,35 @@ impl Words {
     }
 
     /// A whole number from 0 to `high`, which may be above 255.
-    pub(super) fn whole_up_to(&self, letter: u8, high: u16) -> Result<Option<u16>, ParseError> {
-        let Some(whole) = self.whole(letter)? else { return Ok(None) };
+    pub(super) fn whole_up_to(&mut self, letter: u8, high: u16) -> Result<Option<u16>, ParseError> {
+        let Some(whole) = self.whole(letter) else { return Ok(None) };
         match u16::try_from(whole) {
             Ok(whole) if whole <= high => Ok(Some(whole)),
             _ => Err(self.out_of_range(letter, 0, high)),
         }
     }
 
-    /// A number from 0 to 255, rounded to the nearest whole one.
-    pub(super) fn nearest_byte(&self, letter: u8) -> Result<Option<u8>, ParseError> {
-        let Some(value) = self.value(letter)? else { return Ok(None) };
+    /// A number from 0 to 255, rounded to the nearest whole one; larger ones are 255, as in Marlin.
+    pub(super) fn nearest_byte(&mut self, letter: u8) -> Result<Option<u8>, ParseError> {
+        let Some(value) = self.value(letter) else { return Ok(None) };
         // -0.3 would round to 0 and is refused all the same.
-        match u8::try_from(value.round_scaled(1)) {
-            Ok(byte) if !value.is_negative() => Ok(Some(byte)),
-            _ => Err(self.out_of_range(letter, 0, 255)),
+        if value.is_negative() {
+            return Err(self.out_of_range(letter, 0, 255));
         }
+        Ok(Some(u8::try_from(value.round_scaled(1)).unwrap_or_else(|_| {
+            self.remarks.add(Remark::TooLarge(letter));
+            u8::MAX
+        })))
     }
 
     /// 0 or 1.
-    pub(super) fn switch(&self, letter: u8) -> Result<Option<bool>, ParseError> {
+    pub(super) fn switch(&mut self, letter: u8) -> Result<Option<bool>, ParseError> {
         Ok(self.whole_to(letter, 1)?.map(|value| value == 1))
     }
 
-    /// A number above zero and at most `high`.
-    pub(super) fn above_zero_to(&self, letter: u8, high: u16) -> Result<Option<Decimal>, ParseError> {
-        match self.above_zero(letter)? {
+    /// A number that is at most `high`.
+    pub(super) fn at_most(&self, letter: u8, value: Option<Decimal>, high: u16) -> Result<Option<Decimal>, ParseError> {
+        match value {
             Some(value) if value > Decimal::from_nanos(i64::from(high) * 1_000_000_000) => {
                 Err(self.out_of_range(letter, 0, high))
             }
@@ -158,23 +178,23 @@ impl Words {
     }
 
     /// A number that is not negative, times `factor` (1 or 1000), rounded to the nearest whole one.
-    pub(super) fn nearest(&self, letter: u8, factor: i64) -> Result<Option<u64>, ParseError> {
+    pub(super) fn nearest(&mut self, letter: u8, factor: i64) -> Result<Option<u64>, ParseError> {
         Ok(self.not_negative(letter)?.map(|value| value.round_scaled(factor).unsigned_abs()))
     }
 
     /// X, Y, Z and E.
-    pub(super) fn axes(&self) -> Result<AxisWords, ParseError> {
-        Ok(AxisWords { x: self.value(b'X')?, y: self.value(b'Y')?, z: self.value(b'Z')?, e: self.value(b'E')? })
+    pub(super) fn axes(&mut self) -> AxisWords {
+        AxisWords { x: self.value(b'X'), y: self.value(b'Y'), z: self.value(b'Z'), e: self.value(b'E') }
     }
 
-    /// X, Y, Z and E, all above zero.
-    pub(super) fn axis_limits(&self) -> Result<AxisWords, ParseError> {
-        Ok(AxisWords {
-            x: self.above_zero(b'X')?,
-            y: self.above_zero(b'Y')?,
-            z: self.above_zero(b'Z')?,
-            e: self.above_zero(b'E')?,
-        })
+    /// X, Y, Z and E, as far as they are above zero.
+    pub(super) fn axis_limits(&mut self) -> AxisWords {
+        AxisWords {
+            x: self.above_zero(b'X'),
+            y: self.above_zero(b'Y'),
+            z: self.above_zero(b'Z'),
+            e: self.above_zero(b'E'),
+        }
     }
 
     /// Which of X, Y, Z and E are named.
@@ -183,14 +203,36 @@ impl Words {
     }
 
     /// Whether a word names a second tool, which this machine does not have.
-    pub(super) fn names_other_tool(&self) -> Result<bool, ParseError> {
-        Ok(self.value(b'T')?.is_some_and(|tool| tool != Decimal::ZERO))
+    pub(super) fn names_other_tool(&mut self) -> bool {
+        self.is_not_zero(b'T')
+    }
+
+    /// Whether a letter is there with a number other than zero.
+    pub(super) fn is_not_zero(&mut self, letter: u8) -> bool {
+        self.value(letter).is_some_and(|value| value != Decimal::ZERO)
+    }
+
+    /// Leaves a remark about the line.
+    pub(super) fn remark(&mut self, remark: Remark) {
+        self.remarks.add(remark);
     }
 
     fn out_of_range(&self, letter: u8, low: u16, high: u16) -> ParseError {
         let value = self.values[usize::from(letter - b'A')];
         ParseError::OutOfRange { letter: char::from(letter), value, low, high }
     }
+}
+
+/// What stands right behind a letter in place of a number where a program has printed one that it could not reckon: no
+/// words are meant by `Xnan`, and the move must not go elsewhere without it.
+#[inline]
+fn not_finite(text: &str, at: usize) -> Option<ShortText> {
+    let bytes = text.as_bytes();
+    if !matches!(bytes.get(at), Some(b'n' | b'N' | b'i' | b'I')) {
+        return None;
+    }
+    let name = text.get(at..at + 3)?;
+    ["nan", "inf"].iter().any(|not_finite| name.eq_ignore_ascii_case(not_finite)).then(|| ShortText::new(name))
 }
 
 /// The first place from `at` on that is no space, tab or `( )` comment; an open comment goes to the end.

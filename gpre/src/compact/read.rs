@@ -5,9 +5,7 @@ use super::{
 };
 use crate::bits::{BitReader, Order, Window};
 use crate::error::Fault;
-use crate::item::{
-    Coordinate, Entry, FIRST_CORNER_VALUE, Item, LimitValues, ModalState, PreparedMove, SquaredSpeed,
-};
+use crate::item::{Coordinate, Entry, FIRST_CORNER_VALUE, Item, LimitValues, ModalState, PreparedMove, SquaredSpeed};
 
 /// Largest unit.
 const MOST_UNIT: u32 = 1000;

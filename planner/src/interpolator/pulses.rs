@@ -65,14 +65,8 @@ pub(super) struct Pulses {
 
 impl Pulses {
     /// No motor ever steps.
-    pub const NONE: Self = Self {
-        rule: Rule::Nothing,
-        feeds: FeedSteps::NONE,
-        has_halves: false,
-        second: None,
-        rest: None,
-        next: None,
-    };
+    pub const NONE: Self =
+        Self { rule: Rule::Nothing, feeds: FeedSteps::NONE, has_halves: false, second: None, rest: None, next: None };
 
     /// One motor by itself.
     pub fn start_alone<F: Real>(&mut self, times: &mut StepTimes, law: &impl BlockLaw<F>, bit: u8, steps: i32) {

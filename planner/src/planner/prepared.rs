@@ -119,11 +119,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
     /// executed as far as they can be trusted, to a standstill on the path, and no other is taken until
     /// [`Self::stand_at`] says where the motors are.
     #[inline(never)]
-    pub fn add_prepared(
-        &mut self,
-        prepared: &PreparedMove,
-        now: Option<&Retuned>,
-    ) -> Result<Moved, MoveError> {
+    pub fn add_prepared(&mut self, prepared: &PreparedMove, now: Option<&Retuned>) -> Result<Moved, MoveError> {
         if now.is_none()
             && self.may_be_plain(prepared)
             && !self.flushing
@@ -215,14 +211,19 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         }
         let target_10nm = self.geometry.position_10nm(motor_steps.map(i64::from));
         let Some(target_10nm) = narrow(target_10nm) else { return Err(MoveError::TooFar) };
-        let mut corners = CornersOfSteps { before: self.previous_steps, first: Speed(u32::MAX), inner: Speed(u32::MAX) };
+        let mut corners =
+            CornersOfSteps { before: self.previous_steps, first: Speed(u32::MAX), inner: Speed(u32::MAX) };
         for stretch in Stretches::of(&prepared.block) {
             let part = prepared.block.part(&stretch);
             if !self.keeps_limits(&part) {
                 return Err(self.violated(Violation::BeyondLimits));
             }
             let corner = self.corner_of_steps(corners.before.as_ref(), &part);
-            if stretch.before_10nm == 0 { corners.first = corner } else { corners.inner = corners.inner.min(corner) }
+            if stretch.before_10nm == 0 {
+                corners.first = corner
+            } else {
+                corners.inner = corners.inner.min(corner)
+            }
             corners.before = Some(part);
         }
         if corners.inner < prepared.block.nominal {

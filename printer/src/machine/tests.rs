@@ -376,13 +376,19 @@ fn a_seek_ends_at_the_event_that_triggers() {
         let _ = machine.add(&travel(-10, 0)).unwrap();
         machine.begin_seek(0);
         run_until_idle(&mut machine, &mut interrupt);
-        assert_eq!((machine.take_homing_result(), interrupt.motor_steps()), (Some(Ok(Seek::Triggered)), [-4800, 0, 0, 0]));
+        assert_eq!(
+            (machine.take_homing_result(), interrupt.motor_steps()),
+            (Some(Ok(Seek::Triggered)), [-4800, 0, 0, 0])
+        );
         // Y stands at 50 mm and goes 10 mm only.
         let _ = machine.add(&travel(0, -10)).unwrap();
         machine.begin_seek(1);
         assert_eq!(machine.take_homing_result(), None);
         run_until_idle(&mut machine, &mut interrupt);
-        assert_eq!((machine.take_homing_result(), interrupt.motor_steps()), (Some(Ok(Seek::Missed)), [-4800, -800, 0, 0]));
+        assert_eq!(
+            (machine.take_homing_result(), interrupt.motor_steps()),
+            (Some(Ok(Seek::Missed)), [-4800, -800, 0, 0])
+        );
     });
 }
 

@@ -1,6 +1,6 @@
 //! The printer's ports, as the firmware's.
 
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 
 use embedded_hal_async::delay::DelayNs;
 use ferrostep_gcode::Reply;
@@ -83,12 +83,14 @@ impl Heating for ColdHeaters {
     }
 }
 
-/// Everything that was said to the host, but for `ok`.
+/// Everything that was said to the host, but for `ok`, and how often that was said.
 #[derive(Debug, Default)]
-pub struct Transcript(pub RefCell<Vec<String>>);
+pub struct Transcript(pub RefCell<Vec<String>>, pub Cell<u32>);
 
 impl Replies for Transcript {
     fn send(&self, reply: Reply<'_>) {
+        let is_ok = matches!(reply, Reply::Ok | Reply::OkTemperatures(_) | Reply::Resend { .. });
+        self.1.set(self.1.get() + u32::from(is_ok));
         if !matches!(reply, Reply::Ok) {
             self.0.borrow_mut().push(reply.to_string());
         }

@@ -17,6 +17,8 @@ mod hosts;
 mod methods;
 #[cfg(unix)]
 mod outputs;
+mod odd_lines;
+mod overflow;
 mod papers;
 mod prepared;
 mod prints;

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use ferrostep::gpre::{self, Target};
 use ferrostep::session::JobReplies;
 use ferrostep_gpre::compact::{HEAD_BYTES, frame_length};
+use ferrostep_gpre::wide::{Packet, Status};
 use ferrostep_gpre::{Encoding, Entry, Header};
 use ferrostep_printer::Profile;
 use ferrostep_tests::hand_made::{self, given};
@@ -229,7 +230,7 @@ fn the_content_says_what_a_file_is() {
 #[test]
 fn gcode_that_stops_at_a_line_leaves_no_job() {
     let directory = directory();
-    let gcode = file(&directory, "bad.gcode", "G28\nG1 X10 F3000\nG1 Xten\n");
+    let gcode = file(&directory, "bad.gcode", "G28\nG1 X10 F3000\nG1 Xnan\n");
     let out = directory.path().join("bad.gpre");
     let outcome = ferrostep(["preprocess", gcode.to_str().unwrap(), "-o", out.to_str().unwrap()]);
     assert_eq!(outcome.status, Some(1), "{outcome:#?}");
@@ -367,5 +368,39 @@ fn the_bench_counts_jobs_of_the_present_planner() {
             std::fs::write(&kept, &job).unwrap();
         }
         assert!(std::fs::read(&kept).unwrap() == job, "{name} has changed: set FERROSTEP_REFRESH to keep it");
+    }
+}
+
+/// Prints packets whose last place says another E, and then one that has no meaning; E afterwards, mm.
+fn extruder_after_refusal(extruder_10nm: i64) -> f64 {
+    let machine = profile("cartesian");
+    let gcode = b"M302 P1\nG28\nG1 X10 E2 F3000\nG1 X20 E3\nM400\nG1 X30 E4\nM400\n";
+    let job = prepared(&machine, gcode, Encoding::Wide).unwrap();
+    let length = Header::read(&job).unwrap().length() as usize;
+    let (mut out, mut rest) = (job[..length].to_vec(), &job[length..]);
+    while !rest.is_empty() {
+        let (used, packet) = (Packet::length(*rest.first_chunk().unwrap()).unwrap(), Packet::read(rest).unwrap());
+        let packet = match packet {
+            Packet::Status(Status::Place { part: part @ 6..=9, .. }) => {
+                Packet::Status(Status::Place { part, bits: (extruder_10nm >> (16 * (i64::from(part) - 6))) as u16 })
+            }
+            other => other,
+        };
+        packet.write(&mut out);
+        rest = &rest[used..];
+    }
+    let last = out.len() - 4;
+    out[last..].fill(0xff);
+    let ended = rehearse_behind(&machine, &[], &mut &out[..]);
+    assert!(ended.outcome.is_err());
+    ended.logical_10nm[3] as f64 / 100_000.0
+}
+
+/// What a job that is refused says of E does not stay: E is what the motors have pushed.
+#[test]
+fn a_refused_job_leaves_e_as_the_motors_are() {
+    for (extruder_10nm, pushed_mm) in [(400_000, 4.0), (50_000_000, 4.0), (i64::MAX, 3.0), (i64::MIN, 3.0)] {
+        let extruder_mm = extruder_after_refusal(extruder_10nm);
+        assert!((extruder_mm - pushed_mm).abs() < 0.01, "{extruder_10nm}: {extruder_mm}");
     }
 }

@@ -271,3 +271,39 @@ fn a_silent_host_is_given_up_and_the_next_one_heard() {
     let silence = "echo:gpre: nothing from the host for 30 s";
     assert!(served.said.iter().any(|line| line == silence), "{:#?}", served.said);
 }
+
+/// A person at a terminal: what is said on the port, without a frame of a job.
+fn at_terminal(board: &PtyBoard, said: &[u8], answer: &str) {
+    let mut port = std::fs::OpenOptions::new().write(true).open(board.port()).unwrap();
+    std::io::Write::write_all(&mut port, said).unwrap();
+    board.wait_until_said(answer);
+}
+
+/// `M790` by hand: every line is answered, and the port is free again soon, however long a silence was asked for.
+#[test]
+fn a_person_who_asks_for_a_transfer_is_answered() {
+    let board = PtyBoard::start(board());
+    at_terminal(&board, b"M790 S1000 T3600\n", "gpre:");
+    at_terminal(&board, b"M114\n", "echo:gpre: a prepared job is being received");
+    board.set_hurries(true);
+    board.wait_until_said("echo:gpre: nothing from the host for 30 s");
+    board.wait_until_said("gpre:refused");
+    board.set_hurries(false);
+    at_terminal(&board, b"M114\n", "X:");
+    let said = board.end().said;
+    assert_eq!(said.iter().filter(|line| *line == "ok").count(), 3, "{said:?}");
+}
+
+/// What comes after a transfer that ended in mid-frame by silence is a line, and gets its `ok`.
+#[test]
+fn a_line_after_half_a_frame_and_silence_is_answered() {
+    let board = PtyBoard::start(board());
+    at_terminal(&board, b"M790 S1000 T5\n", "gpre:");
+    at_terminal(&board, b"\x7eD\x01\x02", "gpre:");
+    board.set_hurries(true);
+    board.wait_until_said("gpre:refused");
+    board.set_hurries(false);
+    at_terminal(&board, b"M114\n", "X:");
+    let said = board.end().said;
+    assert_eq!(said.iter().filter(|line| *line == "ok").count(), 2, "{said:?}");
+}

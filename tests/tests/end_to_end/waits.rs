@@ -206,3 +206,33 @@ fn signs_of_life_during_motion() {
         assert!(replies.iter().any(|reply| reply == "echo:busy: processing"), "{line}: {replies:?}");
     }
 }
+
+/// Colder than the room nothing gets: such a wait ends by itself, and says so.
+#[test]
+fn a_wait_for_less_than_the_room_has_ends() {
+    for (line, name) in [("M190 R20", "bed"), ("M109 R5", "nozzle"), ("M190 R21.5", "")] {
+        let machine = machine(&profile("cartesian"));
+        let mut conversation = Conversation::new(&machine);
+        let (replies, took_s) = timed(&mut conversation, &machine, line);
+        assert_eq!(replies.last().map(String::as_str), Some("ok"), "{line}: {replies:?}");
+        assert!((5.0..300.0).contains(&took_s), "{line}: {took_s} s");
+        let says = replies.iter().filter(|reply| reply.contains("cools no further than 22.0 C")).count();
+        assert_eq!(says, usize::from(!name.is_empty()), "{line}: {replies:?}");
+        assert!(replies.iter().any(|reply| reply.contains(name)), "{line}: {replies:?}");
+    }
+}
+
+/// What can be reached by cooling is waited for.
+#[test]
+fn a_wait_for_cooling_above_the_room_lasts_until_then() {
+    let machine = machine(&profile("cartesian"));
+    let mut conversation = Conversation::new(&machine);
+    conversation.say("M190 S60");
+    conversation.say("M109 S200");
+    for (line, index, target) in [("M109 R30", 0, 30.0), ("M190 R28", 1, 28.0)] {
+        let replies = conversation.say(line);
+        assert!(!replies.concat().contains("cools no further"), "{line}: {replies:?}");
+        let celsius = temperatures(&conversation.say("M105")[0])[index].1;
+        assert!((celsius - target).abs() <= 3.0, "{line}: {celsius}");
+    }
+}

@@ -4,6 +4,7 @@
 
 mod invariants;
 mod live_changes;
+mod live_machine;
 mod look_ahead;
 mod slow_input;
 mod slow_planner;

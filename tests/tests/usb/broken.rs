@@ -15,7 +15,7 @@ pub fn heard(bytes: &[u8]) -> Vec<Option<String>> {
         rest = &rest[used..];
         heard.extend(what.map(|what| match what {
             Heard::Line(line) => Some(line.unwrap().text.to_owned()),
-            Heard::HalfALine => None,
+            Heard::HalfALine(_) => None,
         }));
     }
     heard

@@ -81,7 +81,7 @@ impl<'a> Conversation<'a> {
                 Some(Heard::Line(line)) => self
                     .machine
                     .run_with(self.numbers.answer(&mut self.printer, line), |_| replies.extend(self.host.read_lines())),
-                Some(Heard::HalfALine) => self.halves += 1,
+                Some(Heard::HalfALine(_)) => self.halves += 1,
                 None => {}
             }
         }

@@ -32,7 +32,11 @@ impl Motion for Machine<'_, '_> {
         self.planner.borrow_mut().add(&request).map_err(MotionError::Move)
     }
 
-    fn try_add_prepared(&mut self, prepared: &PreparedMove, now: Option<&Retuned>) -> Option<Result<Moved, MotionError>> {
+    fn try_add_prepared(
+        &mut self,
+        prepared: &PreparedMove,
+        now: Option<&Retuned>,
+    ) -> Option<Result<Moved, MotionError>> {
         Some(self.planner.borrow_mut().add_prepared(prepared, now).map_err(MotionError::Move))
     }
 

@@ -1,0 +1,69 @@
+//! A host that does not wait for ever: M108, M410 and M112 as they act while their bytes arrive.
+
+use std::pin::pin;
+use std::task::{Context, Poll, Waker};
+
+use ferrostep_gcode::{Emergency, Line, LineError};
+use ferrostep_hal_shim::stepping::Stepping;
+use ferrostep_printer::Host;
+
+use super::time::{CYCLES_A_MS, from_ns};
+use super::{Board, BoardPrinter};
+
+/// After each of these the next one is tried, ms: longer than a command takes to see it.
+const PATIENCE_MS: u64 = 300;
+
+/// What it took to end a command.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ended {
+    /// It ended by itself, or with what had acted before.
+    ByItself,
+    /// M108, M410 or M112: this was the last that acted.
+    By(Emergency),
+}
+
+impl<'a, M: Stepping> Board<'a, M> {
+    /// What acts as its bytes arrive, now.
+    pub fn act(&self, emergency: Emergency) {
+        match emergency {
+            Emergency::EndWait => self.interrupts.signals().end_wait(),
+            Emergency::QuickStop => self.interrupts.stop(),
+            Emergency::Stop => {
+                self.interrupts.signals().halt();
+                self.interrupts.stop();
+            }
+            Emergency::PromptAnswer(_) => {}
+        }
+    }
+
+    /// Answers a line of a host that waits for so many ms and then says M108, then M410, then M112.
+    ///
+    /// # Panics
+    /// A line without an answer after all of these.
+    pub fn answer(
+        &self,
+        (printer, host): (&mut BoardPrinter<'_, 'a, M>, &mut Host),
+        line: Result<Line<'_>, LineError>,
+        patience_ms: u64,
+    ) -> Ended {
+        self.work_for(self.costs.line);
+        let mut future = pin!(host.answer(printer, line));
+        let mut context = Context::from_waker(Waker::noop());
+        let mut tries = [Emergency::EndWait, Emergency::QuickStop, Emergency::Stop].into_iter();
+        let mut ended = Ended::ByItself;
+        let mut until = self.now() + patience_ms * CYCLES_A_MS;
+        loop {
+            if let Poll::Ready(()) = future.as_mut().poll(&mut context) {
+                return ended;
+            }
+            if self.now() >= until {
+                let emergency = tries.next().unwrap_or_else(|| panic!("no answer to {line:?}"));
+                self.act(emergency);
+                ended = Ended::By(emergency);
+                until = self.now() + PATIENCE_MS * CYCLES_A_MS;
+            }
+            let wake = self.clock.take_wake_ns().map_or(self.now() + 1, from_ns);
+            self.pass_to(wake.max(self.now()).min(until.max(self.now() + 1)));
+        }
+    }
+}

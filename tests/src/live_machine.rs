@@ -1,0 +1,394 @@
+//! Any bytes as a conversation with the board in virtual time: lines of a grammar of nasty ones, raw bytes, silences, and
+//! M108, M112 and M410 at any moment.
+//!
+//! Whatever is said, the printer must answer, nothing may panic, and the motors must stand where the machine and the G-code
+//! believe them to.
+
+use std::fmt::Write;
+
+use arbitrary::Unstructured;
+use ferrostep_gcode::{Command, Emergency, EmergencyScanner, LineReader, parse};
+use ferrostep_hal_shim::stepping::{BothEdges, Pulses, Stepping};
+use ferrostep_printer::{Host, Profile};
+
+use crate::board_model::{Board, BoardPrinter, CYCLES_A_MS, Costs, Ended, with_board};
+
+/// Lines in a conversation.
+const MAX_LINES: u32 = 200;
+
+/// How long the host waits for an answer, and for that of a homing, ms.
+const PATIENCE_MS: u64 = 500;
+const HOMING_PATIENCE_MS: u64 = 20_000;
+
+/// Virtual time of a conversation, ms: what takes longer costs more than it finds.
+const LONGEST_MS: u64 = 60_000;
+
+/// Filament may be this far from the extruder's steps.
+const EXTRUDER_STEPS: f64 = 1.0;
+
+const CODES: [&str; 71] = [
+    "G0", "G1", "G1", "G1", "G1", "G1", "G1", "G1", "G2", "G3", "G4", "G5", "G10", "G11", "G18", "G20", "G21", "G28",
+    "G29", "G53", "G90", "G91", "G92", "M17", "M18", "M84", "M82", "M83", "M104", "M109", "M140", "M190", "M105",
+    "M106", "M107", "M108", "M110", "M112", "M113", "M114", "M115", "M117", "M118", "M119", "M122", "M155", "M200",
+    "M201", "M203", "M204", "M205", "M207", "M208", "M211", "M220", "M221", "M302", "M400", "M410", "M569", "M790",
+    "M795", "M796", "M797", "M798", "M906", "M914", "M999", "T0", "T1", "%",
+];
+
+const LETTERS: &[u8] = b"XYZEFXYZEFXYZEFIJRPSTHWDAKNGM(*;";
+
+const NUMBERS: [&str; 60] = [
+    "",
+    "0",
+    "-0",
+    "1",
+    "2",
+    "3",
+    "5",
+    "10",
+    "20",
+    "50",
+    "100",
+    "0.001",
+    "0.002",
+    "0.0049",
+    "0.00625",
+    "0.0125",
+    "0.00001",
+    "0.000000001",
+    "0.01",
+    "0.02",
+    "0.03",
+    "0.1",
+    "0.5",
+    "1.5",
+    "-.8",
+    ".",
+    "-",
+    "+7",
+    "1.2.3",
+    "1e5",
+    "-0.002",
+    "-0.004",
+    "-0.01",
+    "-0.1",
+    "-1",
+    "-2",
+    "-5",
+    "-10",
+    "-50",
+    "99.9",
+    "127.5",
+    "180",
+    "199.999",
+    "200",
+    "255",
+    "300",
+    "600",
+    "999",
+    "1200",
+    "3000",
+    "6000",
+    "9000",
+    "60000",
+    "1000000",
+    "4999",
+    "5000",
+    "5001",
+    "-4999",
+    "9223372036",
+    "9223372037",
+];
+
+/// What a host does next.
+enum Said {
+    /// Bytes, which may be half a line.
+    Bytes(Vec<u8>),
+    /// Nothing for so many ms.
+    Silence(u64),
+    /// M400, and it looks whether all is as it should be.
+    Finish,
+    /// These act after so many cycles, whatever the board is at.
+    Emergency(Emergency, u64),
+}
+
+/// A line of the grammar.
+fn line(bytes: &mut Unstructured<'_>) -> arbitrary::Result<String> {
+    let mut line = (*bytes.choose(&CODES)?).to_owned();
+    for _ in 0..bytes.int_in_range(0..=5)? {
+        let letter = char::from(*bytes.choose(LETTERS)?);
+        let number = if bytes.ratio(1, 3)? {
+            // Anywhere on a machine, to a thousandth.
+            let thousandths = bytes.int_in_range(-20_000..=320_000i32)?;
+            format!("{}", f64::from(thousandths) / 1000.0)
+        } else {
+            (*bytes.choose(&NUMBERS)?).to_owned()
+        };
+        // Writing to a string cannot fail.
+        let _ = write!(line, " {letter}{number}");
+    }
+    Ok(line)
+}
+
+/// Moves that a machine can do: a way across it, or short pieces that continue each other.
+fn moves(bytes: &mut Unstructured<'_>) -> arbitrary::Result<String> {
+    let mm = |thousandths: i32| f64::from(thousandths) / 1000.0;
+    let feed = *bytes.choose(&["", " F300", " F1200", " F3000", " F6000", " F9000", " F30000"])?;
+    let mut lines = String::new();
+    if bytes.ratio(1, 3)? {
+        let [x, y] = [bytes.int_in_range(0..=180_000)?, bytes.int_in_range(0..=180_000)?].map(mm);
+        let extrudes = *bytes.choose(&["", " E0.5", " E5", " E-0.8", " E30"])?;
+        let _ = writeln!(lines, "G90\nM83\nG1 X{x} Y{y}{extrudes}{feed}");
+        return Ok(lines);
+    }
+    let most = *bytes.choose(&[3, 12, 50, 300, 3000])?;
+    let [x, y] = [bytes.int_in_range(-most..=most)?, bytes.int_in_range(-most..=most)?];
+    let z = if bytes.ratio(1, 8)? { bytes.int_in_range(-most / 4..=most / 4)? } else { 0 };
+    let extruder = if bytes.ratio(1, 2)? { bytes.int_in_range(-most..=most)? } else { 0 };
+    let _ = writeln!(lines, "G91\nG1{feed}");
+    for _ in 0..bytes.int_in_range(1..=12)? {
+        let [x, y, z, extruder] = [x, y, z, extruder].map(mm);
+        let times = f64::from(bytes.int_in_range(0..=5u8)?);
+        let _ =
+            writeln!(lines, "G1 X{:.3} Y{:.3} Z{:.3} E{:.3}{feed}", x * times, y * times, z * times, extruder * times);
+    }
+    if bytes.ratio(1, 4)? {
+        let _ = writeln!(lines, "G1 E{:.3} F600", mm(bytes.int_in_range(-5000..=5000)?));
+    }
+    Ok(lines)
+}
+
+fn said(bytes: &mut Unstructured<'_>, number: &mut i64) -> arbitrary::Result<Said> {
+    Ok(match bytes.int_in_range(0..=15u8)? {
+        0 if bytes.ratio(1, 2)? => Said::Silence(bytes.int_in_range(0..=300)?),
+        0 => Said::Finish,
+        1 => {
+            let emergency = bytes.choose(&[Emergency::EndWait, Emergency::QuickStop, Emergency::Stop])?;
+            Said::Emergency(*emergency, bytes.int_in_range(0..=200 * CYCLES_A_MS)?)
+        }
+        2 => {
+            let length = bytes.int_in_range(0..=40)?;
+            Said::Bytes(bytes.bytes(length)?.to_vec())
+        }
+        3 | 4 => {
+            let text = format!("N{number} {}", line(bytes)?.split(['*', ';']).next().unwrap_or_default());
+            let checksum = text.bytes().fold(0, |sum, byte| sum ^ byte);
+            // One in sixteen has another number, or another checksum.
+            *number += i64::from(!bytes.ratio(1, 16)?);
+            let wrong = u8::from(bytes.ratio(1, 16)?);
+            Said::Bytes(format!("{text}*{}\n", checksum ^ wrong).into_bytes())
+        }
+        5..=9 => Said::Bytes(moves(bytes)?.into_bytes()),
+        _ => Said::Bytes(format!("{}\n", line(bytes)?).into_bytes()),
+    })
+}
+
+/// The board, and what belongs to its host.
+struct Talk<'b, 'a, M> {
+    board: &'b Board<'a, M>,
+    profile: &'b Profile,
+    printer: BoardPrinter<'b, 'a, M>,
+    host: Host,
+    reader: LineReader,
+    scanner: EmergencyScanner,
+    /// Where the signals have the X, Y and Z motors when the machine has them at 0: homing says so anew.
+    zero_steps: [i64; 3],
+    /// Homing has said so since the last look.
+    has_homed: bool,
+    /// When M410 or M112 acts that has no answer yet.
+    stops_at: Option<(u64, Emergency)>,
+    lines: u32,
+    /// What was said so far, for whoever must find out what went wrong.
+    said: Vec<String>,
+}
+
+impl<'b, 'a, M: Stepping> Talk<'b, 'a, M> {
+    fn new(board: &'b Board<'a, M>, profile: &'b Profile) -> Self {
+        Self {
+            board,
+            profile,
+            printer: board.printer(),
+            host: Host::new(),
+            reader: LineReader::new(),
+            scanner: EmergencyScanner::new(),
+            zero_steps: [0; 3],
+            has_homed: false,
+            stops_at: None,
+            lines: 0,
+            said: Vec::new(),
+        }
+    }
+
+    /// Bytes come; all lines that end in them are answered.
+    fn say(&mut self, mut bytes: &[u8]) {
+        self.said.push(String::from_utf8_lossy(bytes).into_owned());
+        let mut acted = None;
+        for &byte in bytes {
+            if let Some(emergency) = self.scanner.feed(byte) {
+                self.board.act(emergency);
+                acted = Some(emergency);
+            }
+        }
+        let mut reader = std::mem::take(&mut self.reader);
+        while !bytes.is_empty() {
+            let (used, line) = reader.feed(bytes);
+            bytes = &bytes[used..];
+            let Some(line) = line else { continue };
+            self.lines += 1;
+            let homes = line.is_ok_and(|line| matches!(parse(line.text), Ok(Command::Home(_))));
+            self.has_homed |= homes;
+            let patience_ms = if homes { HOMING_PATIENCE_MS } else { PATIENCE_MS };
+            let answers = self.board.answers();
+            let ended = self.board.answer((&mut self.printer, &mut self.host), line, patience_ms);
+            assert_eq!(self.board.answers(), answers + 1, "{line:?} has one answer\n{}", self.told());
+            if let Ended::By(Emergency::QuickStop | Emergency::Stop) = ended {
+                self.settle();
+            }
+        }
+        self.reader = reader;
+        if let Some(Emergency::QuickStop | Emergency::Stop) = acted {
+            // Its own line may have been asked for again, for want of the right number.
+            self.settle();
+        }
+    }
+
+    /// The rest of what a host says who has stopped the machine, and what must be true then.
+    fn settle(&mut self) {
+        self.board.stay_silent(3);
+        let lines: &[&str] = if self.board.is_halted() { &["M112", "M999"] } else { &["M410"] };
+        for text in lines {
+            self.said.push((*text).to_owned());
+            let mut reader = LineReader::new();
+            let line = format!("{text}\n");
+            if let (_, Some(line)) = reader.feed(line.as_bytes()) {
+                self.board.answer((&mut self.printer, &mut self.host), line, PATIENCE_MS);
+            }
+        }
+        self.check();
+    }
+
+    /// M410 or M112 comes after so many cycles.
+    fn stop_after(&mut self, cycles: u64, emergency: Emergency) {
+        if self.stops_at.is_none() {
+            let at = self.board.now() + cycles;
+            self.board.stop_at(at, emergency);
+            self.stops_at = Some((at, emergency));
+        }
+    }
+
+    /// The line of an M410 or M112 that has acted, in its turn.
+    fn answer_stop(&mut self) {
+        if let Some((at, emergency)) = self.stops_at
+            && at <= self.board.now()
+        {
+            self.stops_at = None;
+            self.said.push(format!("({emergency:?} at {at})"));
+            self.settle();
+        }
+    }
+
+    /// All motion ends, by itself or not; then everything must agree.
+    fn finish(&mut self) {
+        if let Some((at, _)) = self.stops_at {
+            self.board.wait_for_line(at);
+            self.answer_stop();
+        }
+        if !self.board.is_halted() {
+            self.say(b"\nM400\n");
+            self.check();
+        }
+    }
+
+    fn told(&self) -> String {
+        format!("{:#?}\n{:#?}", self.said, self.board.replies())
+    }
+
+    /// Homing says where the motors are, which no signal tells.
+    fn look_where_zero_is(&mut self) {
+        let [machine, counted] = [self.board.motor_steps(), self.board.counted_steps()];
+        for ((zero, counted), machine) in self.zero_steps.iter_mut().zip(counted).zip(machine) {
+            *zero = counted - machine;
+        }
+    }
+
+    /// Where the motors stand, as the machine counts.
+    fn counted_steps(&self, mut counted: [i64; 4]) -> [i64; 4] {
+        for (counted, zero) in counted.iter_mut().zip(self.zero_steps) {
+            *counted -= zero;
+        }
+        counted
+    }
+
+    /// Motors, machine and G-code agree.
+    fn check(&mut self) {
+        assert!(self.board.is_idle(), "at rest\n{}", self.told());
+        for report in self.board.take_stop_reports() {
+            assert!(!report.stepped_after, "no step after a stop: {report:?}\n{}", self.told());
+        }
+        if std::mem::take(&mut self.has_homed) {
+            self.look_where_zero_is();
+        }
+        let counted = self.counted_steps(self.board.counted_steps());
+        assert_eq!(self.board.motor_steps(), counted, "machine and motors\n{}", self.told());
+        let position_10nm = self.board.position_10nm();
+        let [x, y, z, extruder] = counted;
+        let wanted = self.profile.geometry().motor_steps(position_10nm).map(i64::from);
+        assert_eq!([x, y, z], wanted, "position and motors\n{}", self.told());
+        let state = self.printer.prepared_state();
+        let [logical @ .., _] = self.printer.logical_10nm();
+        if state.lift_10nm == 0 {
+            let machine: Vec<i64> =
+                logical.iter().zip(state.offset_10nm).map(|(logical, offset)| logical - offset).collect();
+            assert_eq!(machine, position_10nm, "the G-code's position and the machine's\n{}", self.told());
+        }
+        let filament_mm = self.printer.tally().filament_100pm as f64 / 1e7;
+        let wanted = filament_mm * self.profile.steps_per_mm[3].to_f64();
+        assert!(
+            (extruder as f64 - wanted).abs() <= EXTRUDER_STEPS,
+            "{extruder} extruder steps for {wanted}\n{}",
+            self.told()
+        );
+        assert_eq!(self.board.figures().refused_entries, 0, "no entry is refused\n{}", self.told());
+    }
+}
+
+fn talk<M: Stepping>(profile: &Profile, look_ahead: usize, bytes: &mut Unstructured<'_>) {
+    with_board::<M, _>(profile, look_ahead, Costs::BOARD, |board| {
+        let mut talk = Talk::new(board, profile);
+        talk.say(b"M302 P1\nM83\n");
+        let mut number = 1;
+        while !bytes.is_empty() && talk.lines < MAX_LINES && board.now() < LONGEST_MS * CYCLES_A_MS {
+            match said(bytes, &mut number) {
+                Ok(Said::Bytes(bytes)) => talk.say(&bytes),
+                Ok(Said::Silence(ms)) => board.stay_silent(ms),
+                Ok(Said::Finish) => talk.finish(),
+                Ok(Said::Emergency(Emergency::EndWait, _)) => board.act(Emergency::EndWait),
+                Ok(Said::Emergency(emergency, cycles)) => talk.stop_after(cycles, emergency),
+                Err(_) => break,
+            }
+            talk.answer_stop();
+        }
+        talk.finish();
+        // The half of a line that may be left.
+        talk.say(b"\nM112\nM999\n");
+        talk.check();
+        // After all that it goes where it is sent.
+        talk.say(b"G90\nG21\nM211 S0\nM220 S100\nM201 X500 Y500 Z100\nM203 X100 Y100 Z10\nM204 S500\nM205 J0.05\n");
+        talk.say(b"G92 X0 Y0 Z0 E0\nG1 X1 Y2 Z0.1 F3000\nM400\n");
+        talk.check();
+    });
+}
+
+/// Makes a conversation of any bytes with a board of this machine, in one of the ways a board may be built.
+///
+/// # Panics
+/// Where the printer panics, does not answer, or is wrong about its motors; the message tells the conversation.
+pub fn live_machine(profile: &Profile, bytes: &[u8]) {
+    let mut bytes = Unstructured::new(bytes);
+    let Ok(build) = bytes.int_in_range(0..=3u8) else { return };
+    let look_ahead = if build & 1 == 0 { 128 } else { 3 };
+    if build & 2 == 0 {
+        talk::<Pulses>(profile, look_ahead, &mut bytes);
+    } else {
+        talk::<BothEdges>(profile, look_ahead, &mut bytes);
+    }
+}

@@ -1,0 +1,108 @@
+//! Lines that slicers and other machines' programs have, and that are not quite right: the print goes on as on Marlin, and
+//! what was ignored is told once.
+
+use serde_json::Value;
+
+use crate::command::{Outcome, directory, ferrostep, file};
+
+const PROLOGUE: &str = "G28\nG1 X10 Y20 Z3 F3000\n";
+const EPILOGUE: &str = "G1 X40\nG1 Y50\n";
+
+/// What a command of `ferrostep` makes of a job.
+#[track_caller]
+fn run(command: &str, text: &str) -> Outcome {
+    let directory = directory();
+    let job = file(&directory, "job.gcode", text);
+    let out = directory.path().join("job.gpre");
+    match command {
+        "preprocess" => {
+            let outcome = ferrostep(["preprocess".as_ref(), job.as_os_str(), "-o".as_ref(), out.as_os_str()]);
+            assert_eq!(outcome.status, Some(0), "{outcome:#?}");
+            // What was prepared can be printed.
+            ferrostep(["print".as_ref(), out.as_os_str(), "--json".as_ref()])
+        }
+        command => ferrostep([command.as_ref(), job.as_os_str(), "--json".as_ref()]),
+    }
+}
+
+fn notices(outcome: &Outcome) -> Vec<&str> {
+    outcome.stderr.lines().filter(|line| line.contains("echo:")).collect()
+}
+
+/// The end of a print with a dwell of no time, as the start of what switches everything off.
+#[test]
+fn an_end_block_with_a_bare_dwell_runs_to_its_end() {
+    let text =
+        format!("{PROLOGUE}M104 S60\nM140 S40\nM106 S99\n{EPILOGUE}G4 ; wait\nM104 S0\nM140 S0\nM107\nG1 X50\nM84\n");
+    for command in ["print", "estimate", "preprocess"] {
+        let outcome = run(command, &text);
+        assert_eq!(outcome.status, Some(0), "{command}: {outcome:#?}");
+        let summary = outcome.json();
+        assert_eq!(summary["stopped"], Value::Null, "{command}");
+        assert_eq!(summary["position_mm"]["x"], 50.0, "{command}: {summary}");
+        assert_eq!(summary["unknown_commands"], serde_json::json!([]), "{command}");
+        let notices = notices(&outcome);
+        assert!(
+            notices.len() == 1 && notices[0].contains("line 8: \"G4\": without P or S it waits"),
+            "{command}: {notices:?}"
+        );
+    }
+}
+
+/// What happens with a line three times over, beside what it is read as.
+#[test]
+fn odd_lines_are_read_as_marlin_reads_them() {
+    for (odd, as_if, says) in [
+        ("G4", "M400", "without P or S it waits until all motion has ended"),
+        ("G1 X20 E", "G1 X20", "E without a number is ignored"),
+        ("G1 X20 F0", "G1 X20", "F is not above 0 and is ignored"),
+        ("G1 X20 F-5", "G1 X20", "F is not above 0 and is ignored"),
+        ("G1 Y", "", "Y without a number is ignored"),
+        ("G92 E", "", "E without a number is ignored"),
+        ("M204 P700 T0", "M204 P700", "T is not above 0 and is ignored"),
+        ("M201 X0 Y500", "M201 Y500", "X is not above 0 and is ignored"),
+        ("M203 Y0", "", "Y is not above 0 and is ignored"),
+        ("M205 J0", "", "J is not above 0 and is ignored"),
+        ("M220 S0", "", "S is not above 0 and is ignored"),
+        ("M106 P127.5", "", "P is whole, its fraction is dropped; P is the fan's number"),
+        ("M106 S300", "M106", "S is too large and becomes the largest value"),
+        ("G91 G0 X5", "G91", "the second and all behind it are ignored"),
+        ("G1 X20 M106", "G1 X20", "the second and all behind it are ignored"),
+        ("%", "", "Unknown command: \"%\""),
+    ] {
+        let job = |line: &str| format!("{PROLOGUE}{}{EPILOGUE}", format!("{line}\n").repeat(3));
+        let [outcome, expected] = [odd, as_if].map(|line| run("print", &job(line)));
+        assert_eq!(outcome.status, Some(0), "{odd}: {outcome:#?}");
+        let told = notices(&outcome);
+        assert!(told.len() == 1 && told[0].contains(says), "{odd}: {told:?}");
+        assert_eq!(notices(&expected), [""; 0], "{as_if}");
+        let [summary, expected] = [outcome.json(), expected.json()];
+        for key in ["moves", "position_mm", "filament_mm", "motor_steps", "motion_time_s", "step_digest"] {
+            assert_eq!(summary[key], expected[key], "{odd}: {key}");
+        }
+        let estimate = run("estimate", &job(odd));
+        assert_eq!(estimate.status, Some(0), "{odd}: {estimate:#?}");
+        let prepared = run("preprocess", &job(odd));
+        assert_eq!(prepared.status, Some(0), "{odd}: {prepared:#?}");
+        assert_eq!(prepared.json()["step_digest"], summary["step_digest"], "{odd}");
+    }
+}
+
+/// Another job on the same connection is told again.
+#[test]
+fn remarks_come_once_a_job() {
+    use crate::hosts::{Conversation, machine};
+    let machine = machine(&crate::desk::profile("cartesian"));
+    let mut conversation = Conversation::new(&machine);
+    for _ in 0..2 {
+        assert_eq!(conversation.say("M110 N0"), ["ok"]);
+        let told = conversation.say("G4");
+        assert_eq!((told.len(), told[1].as_str()), (2, "ok"), "{told:?}");
+        assert!(told[0].starts_with("echo:line ") && told[0].contains("\"G4\""), "{told:?}");
+        assert_eq!(conversation.say("G4"), ["ok"]);
+        // Another kind, and another word.
+        assert_eq!(conversation.say("G1 F0").len(), 2);
+        assert_eq!(conversation.say("M204 T0").len(), 2);
+        assert_eq!(conversation.say("M204 T0"), ["ok"]);
+    }
+}

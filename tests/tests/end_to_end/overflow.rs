@@ -1,0 +1,119 @@
+//! A serial line that brings more than is read in time: whole lines are executed or none, never two halves as one.
+
+use std::cell::RefCell;
+use std::collections::VecDeque;
+
+use ferrostep_gcode::Emergency;
+use ferrostep_printer::Host;
+use ferrostep_usb::{Buffers, Heard, Incoming, Lines};
+
+use crate::desk::profile;
+use crate::hosts::{Machine, machine, numbered};
+use crate::repeats::Seeded;
+
+/// A ring with little room, as between the serial interrupt and the printer's task.
+#[derive(Default)]
+struct Ring {
+    bytes: VecDeque<u8>,
+    room: usize,
+    emergencies: Vec<Emergency>,
+}
+
+impl Buffers for Ring {
+    fn put(&mut self, byte: u8) -> bool {
+        let fits = self.bytes.len() < self.room;
+        if fits {
+            self.bytes.push_back(byte);
+        }
+        fits
+    }
+
+    fn take(&mut self) -> Option<u8> {
+        None
+    }
+
+    fn emergency(&mut self, emergency: Emergency) {
+        self.emergencies.push(emergency);
+    }
+}
+
+/// Sends lines without waiting; the board reads a byte of the ring for so many that come. What it says, in order.
+fn send(machine: &Machine, lines: &[String], room: usize, slowness: usize, random: &mut Seeded) -> (Vec<String>, u32) {
+    let mut ring = Ring { room, ..Ring::default() };
+    let (mut incoming, mut reader, mut host) = (Incoming::new(), Lines::new(), Host::new());
+    let (mut printer, said) = (machine.printer(), RefCell::new(Vec::new()));
+    let mut lost = 0;
+    let mut read = |ring: &mut Ring| {
+        let Some(byte) = ring.bytes.pop_front() else { return };
+        let byte = [byte];
+        let line = match reader.feed(&byte).1 {
+            Some(Heard::Line(line)) => line,
+            Some(Heard::HalfALine(incomplete)) => Err(incomplete),
+            None => return,
+        };
+        machine.run(host.answer(&mut printer, line));
+        said.borrow_mut().extend(machine.replies().take());
+    };
+    for byte in lines.iter().flat_map(|line| line.bytes().chain([b'\n'])) {
+        lost += incoming.take_in(&[byte], &mut ring);
+        if random.below(slowness) == 0 {
+            read(&mut ring);
+        }
+    }
+    while !ring.bytes.is_empty() {
+        read(&mut ring);
+    }
+    // What the host says next is heard, and closes what was broken off.
+    for byte in *b"M105\n" {
+        lost += incoming.take_in(&[byte], &mut ring);
+        read(&mut ring);
+        read(&mut ring);
+    }
+    (said.into_inner(), lost)
+}
+
+#[test]
+fn two_lines_never_become_one() {
+    let mut random = Seeded::new(31);
+    let mut broken = 0;
+    for room in [3, 8, 13, 40, 100] {
+        for slowness in [2, 3, 5] {
+            let machine = machine(&profile("cartesian"));
+            let lines: Vec<String> = (0..300).flat_map(|_| ["G92 X11111", "M114"]).map(str::to_owned).collect();
+            let (said, lost) = send(&machine, &lines, room, slowness, &mut random);
+            assert!(lost > 0);
+            for reply in &said {
+                // No position but 0 and the one that was sent.
+                if let Some(position) = reply.strip_prefix("X:") {
+                    assert!(position.starts_with("0.00 ") || position.starts_with("11111.00 "), "{reply}");
+                }
+                let is_known = ["X:", "ok", "echo:line "].iter().any(|start| reply.starts_with(start));
+                assert!(is_known && !reply.contains("nknown"), "{reply}");
+            }
+            broken += said.iter().filter(|reply| reply.contains("part of the line was lost")).count();
+            // Each line that was begun is answered once.
+            let answers = said.iter().filter(|reply| reply.starts_with("ok")).count();
+            let echoes = said.iter().filter(|reply| reply.starts_with("echo:")).count();
+            let positions = said.iter().filter(|reply| reply.starts_with("X:")).count();
+            assert!(answers > echoes + positions && answers < lines.len(), "{answers} {echoes} {positions}");
+        }
+    }
+    assert!(broken > 100, "{broken}");
+}
+
+#[test]
+fn a_numbered_line_that_was_broken_is_asked_for_again() {
+    let mut random = Seeded::new(32);
+    let machine = machine(&profile("cartesian"));
+    let lines: Vec<String> = (1..100).map(|number| numbered(number, &format!("G1 X{number} F600"))).collect();
+    let (said, lost) = send(&machine, &lines, 30, 4, &mut random);
+    assert!(lost > 0);
+    // From the first loss on, nothing but requests for the same line.
+    let first = said.iter().position(|reply| reply.starts_with("Error:")).unwrap();
+    assert!(said[..first].iter().all(|reply| reply == "ok"), "{said:?}");
+    let wanted = said.iter().find(|reply| reply.starts_with("Resend: ")).unwrap();
+    assert_eq!(*wanted, format!("Resend: {}", first + 1));
+    for reply in said[first..].iter().filter(|reply| reply.starts_with("Resend: ")) {
+        assert_eq!(reply, wanted);
+    }
+}
