@@ -30,6 +30,16 @@ struct Target {
     feed_10nm_per_min: i64,
 }
 
+/// A firmware retraction or recovery after which no move with filament was taken. The machine stands meanwhile, which tells
+/// after a stop how far it was.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct NewestRetraction {
+    /// Where the motors of X, Y and Z stand.
+    motor_steps: [i32; 3],
+    /// Its filament, units of 0.1 nm.
+    filament_100pm: i64,
+}
+
 impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, M, H, T, R> {
     /// G0, G1.
     pub(crate) async fn linear(
@@ -240,6 +250,9 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         self.modal.machine_10nm = target.machine_10nm;
         self.modal.extruder_10nm = target.extruder_10nm;
         self.modal.feed_10nm_per_min = target.feed_10nm_per_min;
+        if filament_100pm != 0 {
+            self.newest_retraction = None;
+        }
         self.tally.moves += u64::from(displaces);
         self.tally.filament_100pm += filament_100pm;
         if clamped.contains(&true) {
@@ -286,7 +299,7 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         // Draw back before lifting, lower before pushing forward: the nozzle never oozes in the air.
         if retract {
             self.motion.add(Move { target_10nm: here, ..filament_move }).await?;
-            self.tally.filament_100pm += filament;
+            self.retracted(filament, here);
             self.modal.retracted = true;
             self.motion.add(lift).await?;
             self.modal.lift_10nm = settings.lift_10nm;
@@ -294,10 +307,33 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
             self.motion.add(lift).await?;
             self.modal.lift_10nm = 0;
             self.motion.add(filament_move).await?;
-            self.tally.filament_100pm += filament;
+            self.retracted(filament, there);
             self.modal.retracted = false;
         }
         Ok(())
+    }
+
+    /// The filament of a firmware retraction was taken, to be moved where the machine stands then.
+    fn retracted(&mut self, filament_100pm: i64, stands_10nm: [i64; 3]) {
+        self.tally.filament_100pm += filament_100pm;
+        let motor_steps = self.profile.geometry().motor_steps(stands_10nm);
+        self.newest_retraction = Some(NewestRetraction { motor_steps, filament_100pm });
+    }
+
+    /// How much of the filament that a stop has left unpushed belongs to the newest firmware retraction, units of 0.1 nm.
+    pub(crate) fn retraction_dropped_100pm(&self, dropped_100pm: i64) -> i64 {
+        let Some(NewestRetraction { motor_steps, filament_100pm }) = self.newest_retraction else { return 0 };
+        let [x, y, z, _] = self.motion.motor_steps();
+        if [x, y, z] == motor_steps.map(i64::from) {
+            // Under way, over, or about to begin: nothing else of the filament was to come.
+            dropped_100pm.clamp(filament_100pm.min(0), filament_100pm.max(0))
+        } else if dropped_100pm == 0 {
+            // Over.
+            0
+        } else {
+            // Not begun.
+            filament_100pm
+        }
     }
 
     /// A machine position with Z lifted, as far as the soft limits let it.

@@ -12,6 +12,7 @@ use ferrostep_planner::{AccelerationProfile, Interpolation, Kinematics};
 
 use crate::error::{CommandError, Failure};
 use crate::modal::{Modal, Tally};
+use crate::moves::NewestRetraction;
 use crate::ports::{Equipment, Heating, Motion, MotorDrivers, Replies, Signals, Timing};
 use crate::prepared::{BlockExtruder, Unseen};
 use crate::profile::{HomeEnd, HomeSensor, Profile};
@@ -63,6 +64,7 @@ pub struct Printer<'a, M, H, T, R> {
     last_line: i64,
     /// What has been said of this job's lines.
     said: Remarks,
+    pub(crate) newest_retraction: Option<NewestRetraction>,
     emergency_parser: bool,
     timing: Option<&'a dyn Timing>,
     pub(crate) drivers: Option<&'a dyn MotorDrivers>,
@@ -88,6 +90,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
             line: 0,
             last_line: 0,
             said: Remarks::NONE,
+            newest_retraction: None,
             emergency_parser: false,
             timing: None,
             drivers: None,
@@ -264,10 +267,12 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
         self.see_moves();
         let dropped_100pm = self.motion.stop();
         self.tally.filament_100pm -= dropped_100pm;
-        // What moves extrude by their length is no part of the G-code's position.
+        // What moves extrude by their length is no part of the G-code's position, nor is a firmware retraction.
         if !self.modal.extrusion.settings().adaptive {
-            self.modal.extruder_10nm -= dropped_100pm / i64::from(self.modal.flow_percent.max(1));
+            let counted_100pm = dropped_100pm - self.retraction_dropped_100pm(dropped_100pm);
+            self.modal.extruder_10nm -= counted_100pm / i64::from(self.modal.flow_percent.max(1));
         }
+        self.newest_retraction = None;
         self.follow_the_motors();
     }
 

@@ -71,3 +71,36 @@ fn e_is_right_after_a_stop_within_an_arc() {
     }
     assert!(stopped > 20, "{stopped}");
 }
+
+/// A firmware retraction is no part of E, however far it was when the machine was stopped.
+#[test]
+fn e_is_right_after_a_stop_within_a_firmware_retraction() {
+    let profile = ferrostep_profiles::load("cartesian").unwrap();
+    let (mut before, mut within, mut after) = (0, 0, 0);
+    for after_ms in (1..140).map(|k| k * 10) {
+        with_board::<Pulses, _>(&profile, 8, Costs::BOARD, |board| {
+            let mut printer = board.printer();
+            for line in ["M302 P1", "M83", "G1 X20 E2 F3000", "G10", "G1 X40"] {
+                board.execute(&mut printer, 1, line).unwrap();
+            }
+            board.stop_at(board.now() + after_ms * CYCLES_A_MS, Emergency::QuickStop);
+            let _ = board.execute(&mut printer, 1, "M400");
+            board.execute(&mut printer, 1, "M410").unwrap();
+            let [x, _, _, e] = board.counted_steps();
+            let [.., extruder_10nm] = printer.logical_10nm();
+            let told_mm = extruder_10nm as f64 / 1e5;
+            let pushed_mm = e as f64 / profile.steps_per_mm[3].to_f64();
+            if x < 1_600 {
+                before += 1;
+                assert!((pushed_mm - told_mm).abs() < 0.02, "after {after_ms} ms: {pushed_mm} pushed, {told_mm} told");
+            } else {
+                within += u32::from(x == 1_600 && pushed_mm > -0.99);
+                after += u32::from(x > 1_600);
+                assert!((told_mm - 2.0).abs() < 0.02, "after {after_ms} ms: {told_mm} told");
+            }
+            let tally_mm = printer.tally().filament_100pm as f64 / 1e7;
+            assert!((pushed_mm - tally_mm).abs() < 0.02, "after {after_ms} ms: {pushed_mm} pushed, {tally_mm} counted");
+        });
+    }
+    assert!(before > 10 && within > 3 && after > 10, "{before} {within} {after}");
+}
