@@ -16,7 +16,7 @@ use proptest::prelude::*;
 
 const NO_SILENCE: Silence = Silence { may_release: false, may_flush: false };
 
-fn profile() -> Profile {
+pub(crate) fn profile() -> Profile {
     let steps = |value| StepsPerMm::from_f64(value).unwrap();
     let heater = HeaterSettings {
         thermistor: Thermistor { kind: ThermistorType::Semitec104Gt2, pull_up_ohm: 4700.0 },
