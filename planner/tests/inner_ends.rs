@@ -203,7 +203,7 @@ fn ends_change_no_step() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(1_000))]
+    #![proptest_config(ferrostep_random_cases::cases(1_000))]
 
     #[test]
     fn motors_stand_at_every_end_where_the_path_position_says(

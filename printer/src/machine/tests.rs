@@ -227,7 +227,7 @@ fn run_until_idle<const SENSORS: bool>(machine: &mut TestMachine<'_, SENSORS>, i
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(64))]
+    #![proptest_config(ferrostep_random_cases::cases(64))]
     #[test]
     fn steps_are_the_planner_s_whenever_the_interrupt_comes(
         corners in proptest::collection::vec((0i64..30, 0i64..30), 1..60),

@@ -225,7 +225,7 @@ fn other_settings_are_written_and_confirmed() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(48))]
+    #![proptest_config(ferrostep_random_cases::cases(48))]
 
     /// Whatever is garbled: within a bounded time each driver is confirmed or has failed, and one that is confirmed holds
     /// its registers.
