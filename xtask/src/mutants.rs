@@ -3,6 +3,7 @@
 mod page;
 
 use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use serde_json::Value;
@@ -17,6 +18,9 @@ const CI_SHARDS: u64 = 16;
 /// Where cargo-mutants builds, and where it reports. Not in the folder of other builds: its own is a copy of the sources
 /// with another path.
 const BUILD: &str = "mutants";
+
+/// Which mutants there are to try.
+const CONFIG: &str = ".cargo/mutants.toml";
 
 /// Which mutants are tried, and what for.
 #[derive(Clone, Debug, Default, clap::Args)]
@@ -80,8 +84,11 @@ fn try_all(options: &Options) -> Result<Files, Failure> {
     let folder = system::target_directory().join(BUILD);
     std::fs::create_dir_all(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
     let mut mutants = cargo();
-    mutants.args(["mutants", "--no-shuffle", "--colors", "never", "--sharding", "round-robin"]);
+    mutants.args(["mutants", "--no-shuffle", "--colors", "never"]);
     mutants.arg("--output").arg(&folder).env("CARGO_TARGET_DIR", folder.join("build"));
+    if !options.files.is_empty() {
+        mutants.arg("--config").arg(config_without_files(&folder)?);
+    }
     for file in &options.files {
         if !system::root().join(file).is_file() {
             return Err(format!("{file}: no such file, expected one named from the workspace's root"));
@@ -89,13 +96,23 @@ fn try_all(options: &Options) -> Result<Files, Failure> {
         mutants.args(["--file", file]);
     }
     if let Some(shard) = &options.shard {
-        mutants.args(["--shard", shard]);
+        mutants.args(["--shard", shard, "--sharding", "round-robin"]);
     }
     run_mutants(&mut mutants)?;
     let report = folder.join("mutants.out/outcomes.json");
     let text = std::fs::read_to_string(&report).map_err(|error| format!("{}: {error}", report.display()))?;
     let report: Value = serde_json::from_str(&text).map_err(|error| format!("{}: {error}", report.display()))?;
     files(&report)
+}
+
+/// The configuration without the files that it names, for others would be tried beside them. Where it is.
+fn config_without_files(folder: &Path) -> Result<PathBuf, Failure> {
+    let text = std::fs::read_to_string(system::root().join(CONFIG)).map_err(|error| format!("{CONFIG}: {error}"))?;
+    let mut config: toml::Table = text.parse().map_err(|error| format!("{CONFIG}: {error}"))?;
+    config.remove("examine_globs").ok_or_else(|| format!("{CONFIG} has no `examine_globs`"))?;
+    let path = folder.join("mutants.toml");
+    std::fs::write(&path, config.to_string()).map_err(|error| format!("{}: {error}", path.display()))?;
+    Ok(path)
 }
 
 /// Some survive, or let a test hang: that is for the report to say.
