@@ -431,3 +431,25 @@ fn a_frame_ends_with_its_last_item() {
     let (count, fault) = refused(&frame);
     assert!(count < 100 && matches!(fault, Fault::Content(_)), "{count}: {fault}");
 }
+
+/// However many bits of the last byte the items need: the rest of it is nobody's, and a whole byte is one too many.
+#[test]
+fn less_than_a_byte_may_be_left() {
+    let mut rests = [false; 8];
+    for short in 0..8 {
+        let items = short + 3;
+        let mut bits = Start::default().bits(items);
+        for index in 0..items {
+            shaped(&mut bits, NO_WAY | NO_FILAMENT);
+            // An entry of one bit, or of two.
+            if index < short { bits.put(0b10, 2) } else { bits.put(0, 1) }
+        }
+        rests[bits.length() % 8] = true;
+        let bytes = bits.into_bytes();
+        assert_eq!(moves(&framed(&bytes)).len() as u64, items);
+        let longer = [&bytes[..], &[0]].concat();
+        let expected = (items as usize, Fault::Content("the frame's end after its last item"));
+        assert_eq!(refused(&framed(&longer)), expected);
+    }
+    assert_eq!(rests, [true; 8]);
+}
