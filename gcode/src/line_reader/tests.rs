@@ -91,7 +91,7 @@ fn long_lines_are_refused_once() {
     }
     let blanks = " ".repeat(LINE_CAPACITY + 1);
     let refused = Read::Refused(LineError::TooLong { line_number: 1, numbered: false });
-    assert_eq!(read(blanks.as_bytes()), [refused.clone()]);
+    assert_eq!(read(blanks.as_bytes()), std::slice::from_ref(&refused));
     assert_eq!(read(format!("{blanks}\nG28").as_bytes()), [refused, plain(2, "G28")]);
 }
 
