@@ -190,7 +190,7 @@ impl Safety {
         let watch_samples = self.settings.watch.watch_ms / SAMPLE_MS;
         self.unpowered = if power > 0.0 { 0 } else { self.unpowered.saturating_add(1) };
         let settles = self.unpowered <= watch_samples / 4;
-        if settles || celsius < self.lowest.celsius || self.lowest.samples >= watch_samples {
+        if settles || celsius <= self.lowest.celsius || self.lowest.samples >= watch_samples {
             self.lowest = Since::now(celsius);
         }
         self.lowest.tick();

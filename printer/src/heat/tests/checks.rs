@@ -179,6 +179,19 @@ fn a_slow_rise_is_no_heater_s() {
     checked.sample(31.0).unwrap();
 }
 
+/// Ten degrees within a watch period of the last sample that was as low: a heater that has long been at one temperature is
+/// not found later than one that has just cooled to it.
+#[test]
+fn a_rise_counts_from_the_last_time_that_it_was_as_low() {
+    for steady in [1, WATCH_SAMPLES - 10, WATCH_SAMPLES + 10, 3 * WATCH_SAMPLES / 2] {
+        let mut checked = Checked::new();
+        checked.samples(SETTLING_SAMPLES + 2, 22.0).unwrap();
+        (0..steady).try_for_each(|_| checked.sample(21.0)).unwrap();
+        checked.samples(WATCH_SAMPLES - 2, 30.0).unwrap();
+        assert_eq!(checked.sample(31.0), Err(Trip::RisesUnpowered(31.0)), "after {steady} samples");
+    }
+}
+
 /// The reading stands still at the target: after so many samples since the power has changed.
 fn frozen_after(powers: impl IntoIterator<Item = f32>) -> Option<u32> {
     let mut checked = Checked::holding();
@@ -236,4 +249,9 @@ fn only_a_heater_at_its_target_can_be_frozen() {
         checked.power = if index < 100 { 1.0 } else { 0.0 };
         checked.sample(22.0).unwrap();
     }
+    // Switched off at its target.
+    let mut checked = Checked::holding();
+    checked.target = 0.0;
+    checked.power = 0.0;
+    (0..3 * RUNAWAY_SAMPLES).try_for_each(|_| checked.sample(TARGET)).unwrap();
 }
