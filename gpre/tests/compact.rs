@@ -137,7 +137,7 @@ fn job() -> impl Strategy<Value = Vec<Owned>> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(64))]
+    #![proptest_config(ferrostep_random_cases::cases(64))]
 
     #[test]
     fn a_job_comes_back(job in job()) {

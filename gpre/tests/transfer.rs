@@ -95,7 +95,7 @@ fn transfer(job: &[u8], room: usize, treatment: Treatment, seed: u64) -> (Vec<u8
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(64))]
+    #![proptest_config(ferrostep_random_cases::cases(64))]
     #[test]
     fn every_job_comes_whole(
         job in proptest::collection::vec(any::<u8>(), 1..20_000),

@@ -213,7 +213,7 @@ fn parts() -> impl Strategy<Value = Vec<Part>> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(1_000))]
+    #![proptest_config(ferrostep_random_cases::cases(1_000))]
 
     #[test]
     fn motors_stand_at_every_end_where_their_moves_end(

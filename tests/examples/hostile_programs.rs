@@ -114,6 +114,11 @@ fn main() -> ExitCode {
     bar.finish_and_clear();
     let (total, failures) = (total.into_inner().unwrap(), failures.into_inner().unwrap());
     failures.iter().take(20).for_each(|failure| println!("{failure}"));
-    println!("{programs} programs, {} ends of moves, {} wrong, {} programs failed", total.moves, total.wrong, failures.len());
+    println!(
+        "{programs} programs, {} ends of moves, {} wrong, {} programs failed",
+        total.moves,
+        total.wrong,
+        failures.len()
+    );
     if failures.is_empty() { ExitCode::SUCCESS } else { ExitCode::FAILURE }
 }

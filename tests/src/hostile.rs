@@ -83,7 +83,8 @@ fn machine(random: &mut Random, acceleration: &str) -> String {
     // Motors of X and Y alike, as they are.
     let [x, _, z, e] = steps;
     // Within what events may follow each other, both motors of CoreXY for one axis.
-    let [feed_x, feed_z, feed_e] = [(300.0, x), (30.0, z), (100.0, e)].map(|(most, steps)| f64::min(most, 200_000.0 / steps));
+    let [feed_x, feed_z, feed_e] =
+        [(300.0, x), (30.0, z), (100.0, e)].map(|(most, steps)| f64::min(most, 200_000.0 / steps));
     let print = random.magnitude(200.0, 10_000.0).round();
     let jerk = random.magnitude(2_000.0, 500_000.0).round();
     let deviation = (random.magnitude(0.005, 0.2) * 1e4).round() / 1e4;

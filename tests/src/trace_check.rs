@@ -327,7 +327,9 @@ impl Checker<'_> {
     }
 
     fn check_corner(&mut self, index: usize, one: &Move, end_tick: u64) {
-        let (Some(planned), Some(limits)) = (self.plan.moves.get(index), self.job.limits.get(one.limits)) else { return };
+        let (Some(planned), Some(limits)) = (self.plan.moves.get(index), self.job.limits.get(one.limits)) else {
+            return;
+        };
         if one.stop_before {
             self.corners.forget();
         }

@@ -44,7 +44,8 @@ pub fn count_ends<R: Read>(trace: R, gcode: &[u8], profile: &ReferenceProfile) -
     for record in TraceReader::new(trace).map_err(TraceCheckError::Trace)? {
         match record.map_err(TraceCheckError::Trace)? {
             Record::Step(event) => {
-                for (motor, position) in motors.iter_mut().enumerate().filter(|(motor, _)| event.axes >> motor & 1 == 1) {
+                for (motor, position) in motors.iter_mut().enumerate().filter(|(motor, _)| event.axes >> motor & 1 == 1)
+                {
                     *position += if event.directions >> motor & 1 == 1 { -1 } else { 1 };
                 }
             }
@@ -59,7 +60,8 @@ pub fn count_ends<R: Read>(trace: R, gcode: &[u8], profile: &ReferenceProfile) -
                 };
                 let [x, y, z] = scale.motors(one.end_10nm);
                 let expected = [x, y, z, scale.extruder(one.extruder_end).rounded];
-                let mut wrong = motors.into_iter().zip(expected).enumerate().filter(|(_, (at, expected))| at != expected);
+                let mut wrong =
+                    motors.into_iter().zip(expected).enumerate().filter(|(_, (at, expected))| at != expected);
                 if let Some((motor, (position, expected))) = wrong.next() {
                     ends.wrong += 1;
                     ends.first.get_or_insert(WrongEnd { line, motor, position, expected });

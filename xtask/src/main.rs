@@ -7,9 +7,12 @@ mod bench;
 mod core_library;
 mod emulator;
 mod firmware;
+mod generated;
 mod image;
+mod mutants;
 mod no_std;
 mod on_target;
+mod seed;
 mod size;
 mod steps;
 mod system;
@@ -55,7 +58,7 @@ struct Arguments {
 enum Task {
     /// Install what is missing, then check format, lints, tests, documentation and the target build
     Test,
-    /// All of `test`, then the tests again as released code and with more random cases
+    /// All of `test`, then the tests again as released code with more and other random cases, and a part of the mutants
     Ci,
     /// Build the firmware images of one board or all, as ELF, plain bytes and Intel HEX, and print their size tables; the
     /// first image's path is the first line of the output
@@ -66,6 +69,8 @@ enum Task {
     Flash(on_target::FlashOptions),
     /// Measure a board over a debug probe, and hold the times against their bounds; without a board, in the emulator
     OnTarget(on_target::TestOptions),
+    /// Make small mistakes in the code, one at a time, and see which of them no test notices
+    Mutants(mutants::Options),
     /// Check that the firmware's crates build for thumbv7em-none-eabihf, without std
     NoStd,
 }
@@ -79,6 +84,7 @@ fn main() -> ExitCode {
         Task::Bench(_) => "bench",
         Task::Flash(_) => "flash",
         Task::OnTarget(_) => "on-target",
+        Task::Mutants(_) => "mutants",
         Task::NoStd => "no-std",
     };
     let mut run = Run::new(name);
@@ -89,6 +95,7 @@ fn main() -> ExitCode {
         Task::Bench(options) => bench::run(&mut run, options),
         Task::Flash(options) => on_target::flash(&mut run, &options),
         Task::OnTarget(options) => on_target::test(&mut run, &options),
+        Task::Mutants(options) => mutants::run(&mut run, &options),
         Task::NoStd => no_std::check(&mut run),
     };
     run.finish(result)
@@ -131,17 +138,22 @@ fn test(run: &mut Run) -> Result<PathBuf, Failure> {
     Ok(image)
 }
 
-/// What takes too long for every change: the code as it is shipped must give the same answers as the checked one.
+/// What takes too long for every change: the code as it is shipped must give the same answers as the checked one, also on
+/// cases that nobody has tried yet; and tests that notice nothing are noticed.
 fn slow_tests(run: &mut Run, image: &Path) -> Result<(), Failure> {
-    run.step("tests as released, with more random cases", || {
+    let seed = seed::of_this_run();
+    run.step("tests as released, with more and other random cases", || {
+        eprintln!("    random cases of seed {seed}: {}={seed} tries them again", seed::VARIABLE);
         system::run_tests(
             cargo()
                 .arg("test")
                 .args(DESK)
                 .arg("--release")
                 .env("PROPTEST_CASES", CI_PROPTEST_CASES)
+                .env(seed::VARIABLE, seed.to_string())
                 .env(FIRMWARE_VARIABLE, image)
                 .env(IMAGES_VARIABLE, image::images()),
         )
-    })
+    })?;
+    mutants::check_a_part(run, seed)
 }

@@ -2,7 +2,7 @@
 
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::{Command, ExitStatus, Stdio};
 
 use crate::steps::Failure;
 
@@ -28,11 +28,17 @@ pub fn cargo() -> Command {
     command
 }
 
+/// Runs a command with its output shown; how it ended is the caller's to judge.
+pub fn exit_status(command: &mut Command) -> Result<ExitStatus, Failure> {
+    let shown = show(command);
+    eprintln!("    {shown}");
+    command.status().map_err(|error| format!("cannot run `{shown}`: {error}"))
+}
+
 /// Runs a command with its output shown; anything but success is a failure.
 pub fn run(command: &mut Command) -> Result<(), Failure> {
     let shown = show(command);
-    eprintln!("    {shown}");
-    let status = command.status().map_err(|error| format!("cannot run `{shown}`: {error}"))?;
+    let status = exit_status(command)?;
     if status.success() { Ok(()) } else { Err(format!("`{shown}`: {status}")) }
 }
 

@@ -91,7 +91,37 @@ fn long_lines_are_refused_once() {
     }
     let blanks = " ".repeat(LINE_CAPACITY + 1);
     let refused = Read::Refused(LineError::TooLong { line_number: 1, numbered: false });
-    assert_eq!(read(blanks.as_bytes()), [refused]);
+    assert_eq!(read(blanks.as_bytes()), std::slice::from_ref(&refused));
+    assert_eq!(read(format!("{blanks}\nG28").as_bytes()), [refused, plain(2, "G28")]);
+}
+
+/// A number behind what is kept of a line is not seen, however the line comes.
+#[test]
+fn a_long_line_is_numbered_by_what_is_kept_of_it() {
+    for (blanks, numbered) in [(LINE_CAPACITY - 3, true), (LINE_CAPACITY, false), (LINE_CAPACITY + 40, false)] {
+        let text = format!("{}N5 G1 X1\n", " ".repeat(blanks));
+        let refused = Read::Refused(LineError::TooLong { line_number: 1, numbered });
+        assert_eq!(read(text.as_bytes()), [refused], "{blanks} blanks");
+    }
+}
+
+/// The `\n` after a stream that ended with `\r` begins another stream.
+#[test]
+fn a_stream_that_has_ended_takes_nothing_of_the_next() {
+    let mut reader = LineReader::new();
+    let (consumed, line) = reader.feed(b"G28\r");
+    assert_eq!((consumed, line.map(Read::from)), (4, Some(plain(1, "G28"))));
+    assert_eq!(reader.finish().map(Read::from), None);
+    let (consumed, line) = reader.feed(b"\nG1 X1\n");
+    assert_eq!((consumed, line.map(Read::from)), (7, Some(plain(3, "G1 X1"))));
+}
+
+#[test]
+fn the_last_line_number_stays() {
+    let mut reader = LineReader { lines_ended: u32::MAX - 1, ..LineReader::new() };
+    for _ in 0..3 {
+        assert_eq!(reader.feed(b"G28\n").1.map(Read::from), Some(plain(u32::MAX, "G28")));
+    }
 }
 
 #[test]

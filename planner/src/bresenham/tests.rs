@@ -217,7 +217,7 @@ fn slopes(bits: u32) -> impl Strategy<Value = (u32, u32)> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(16))]
+    #![proptest_config(ferrostep_random_cases::cases(16))]
 
     #[test]
     fn the_longest_random_lines_have_classic_bresenhams_points((dx, dy) in slopes(24)) {

@@ -175,7 +175,7 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig::with_cases(2_000))]
+        #![proptest_config(ferrostep_random_cases::cases(2_000))]
 
         #[test]
         fn a_reach_takes_the_length(bounds in bounds(), speed in speed(), length in length()) {

@@ -204,7 +204,7 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig::with_cases(20_000))]
+        #![proptest_config(ferrostep_random_cases::cases(20_000))]
 
         #[test]
         fn the_acceleration_lowers_the_jerk(

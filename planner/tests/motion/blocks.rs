@@ -11,7 +11,7 @@ use crate::moves::moves;
 use crate::player::Player;
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(300))]
+    #![proptest_config(ferrostep_random_cases::cases(300))]
 
     #[test]
     fn motors_end_every_move_exactly_where_it_ends(

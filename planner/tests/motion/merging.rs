@@ -25,7 +25,7 @@ fn plan(geometry: Geometry, moves: &[Move], apart: bool) -> (Planner<Vec<Slot>>,
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(500))]
+    #![proptest_config(ferrostep_random_cases::cases(500))]
 
     #[test]
     fn merging_changes_no_end_and_no_time(machine in machines(), moves in short_moves()) {

@@ -131,7 +131,7 @@ fn check_block(
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(300))]
+    #![proptest_config(ferrostep_random_cases::cases(300))]
 
     #[test]
     fn motors_end_every_move_exactly_where_it_ends(machine in machines(), choice in choices(), moves in moves(), ring in 2usize..40) {

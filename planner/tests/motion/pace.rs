@@ -10,7 +10,7 @@ use crate::machine::{blocks, machines, planner};
 use crate::moves::{moves, short_moves};
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(500))]
+    #![proptest_config(ferrostep_random_cases::cases(500))]
 
     #[test]
     fn no_block_is_faster_than_the_budget(machine in machines(), moves in prop_oneof![moves(), short_moves()]) {

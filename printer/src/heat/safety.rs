@@ -139,8 +139,9 @@ impl Safety {
         self.check_same(celsius, power)
     }
 
-    /// A new target begins a new phase. It gives a heater that has been heating up no more time than it had: a host that
-    /// says M104 again and again must not put the watch to sleep.
+    /// A new target begins a new phase; [`Self::check_phase`] says in the same sample whether it is reached already. It gives
+    /// a heater that has been heating up no more time than it had: a host that says M104 again and again must not put the
+    /// watch to sleep.
     fn follow(&mut self, celsius: f32, target: f32) {
         if target == self.target {
             return;
@@ -148,7 +149,6 @@ impl Safety {
         self.target = target;
         self.phase = match self.phase {
             _ if target <= 0.0 => Phase::Off,
-            _ if self.is_near(celsius) => Phase::Holding(0),
             Phase::Heating(since) => Phase::Heating(since),
             Phase::Off | Phase::Holding(_) => Phase::Heating(Since::now(celsius)),
         };
@@ -190,7 +190,7 @@ impl Safety {
         let watch_samples = self.settings.watch.watch_ms / SAMPLE_MS;
         self.unpowered = if power > 0.0 { 0 } else { self.unpowered.saturating_add(1) };
         let settles = self.unpowered <= watch_samples / 4;
-        if settles || celsius < self.lowest.celsius || self.lowest.samples >= watch_samples {
+        if settles || celsius <= self.lowest.celsius || self.lowest.samples >= watch_samples {
             self.lowest = Since::now(celsius);
         }
         self.lowest.tick();

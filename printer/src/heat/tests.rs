@@ -1,5 +1,6 @@
 //! The control and its checks, on the virtual board and against boards that say anything.
 
+mod checks;
 mod failures;
 mod properties;
 

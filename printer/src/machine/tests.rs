@@ -16,7 +16,7 @@ use proptest::prelude::*;
 
 const NO_SILENCE: Silence = Silence { may_release: false, may_flush: false };
 
-fn profile() -> Profile {
+pub(crate) fn profile() -> Profile {
     let steps = |value| StepsPerMm::from_f64(value).unwrap();
     let heater = HeaterSettings {
         thermistor: Thermistor { kind: ThermistorType::Semitec104Gt2, pull_up_ohm: 4700.0 },
@@ -228,7 +228,7 @@ fn run_until_idle<const SENSORS: bool>(machine: &mut TestMachine<'_, SENSORS>, i
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(64))]
+    #![proptest_config(ferrostep_random_cases::cases(64))]
     #[test]
     fn steps_are_the_planner_s_whenever_the_interrupt_comes(
         corners in proptest::collection::vec((0i64..30, 0i64..30), 1..60),

@@ -422,7 +422,8 @@ impl State {
                 let deviation = value(b'J')?.filter(|value| JUNCTION_DEVIATION_MM.contains(value));
                 limits.junction_deviation_mm = deviation.unwrap_or(limits.junction_deviation_mm);
                 // An axis without such a limit keeps to the junction deviation alone.
-                let limited = limits.corner_velocity_mm_per_s.iter_mut().zip(AXES).filter(|(limit, _)| limit.is_finite());
+                let limited =
+                    limits.corner_velocity_mm_per_s.iter_mut().zip(AXES).filter(|(limit, _)| limit.is_finite());
                 for (limit, letter) in limited {
                     *limit = value(letter)?.unwrap_or(*limit);
                 }

@@ -4,7 +4,9 @@
 //! themselves, without any plan, as the least jump that they can stand for.
 
 use super::law::MotorEvent;
-use crate::reference::{EXTRUDER_FRACTIONS_PER_UNIT, Job, Kinematics, Move, MoveKind, Plan, ReferenceProfile, UNITS_PER_MM};
+use crate::reference::{
+    EXTRUDER_FRACTIONS_PER_UNIT, Job, Kinematics, Move, MoveKind, Plan, ReferenceProfile, UNITS_PER_MM,
+};
 
 /// Steps are looked at for so long before and after a corner, s.
 const WINDOW_S: f64 = 0.01;

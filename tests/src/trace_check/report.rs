@@ -240,7 +240,10 @@ impl fmt::Display for Finding {
             }
             Self::JumpsTooFar { line, jump: TooLarge { axis, least_mm_per_s, limit_mm_per_s } } => {
                 let name = name(*axis);
-                write!(formatter, "axis {name} jumps by {least_mm_per_s:.2} mm/s before line {line}, limit {limit_mm_per_s}")
+                write!(
+                    formatter,
+                    "axis {name} jumps by {least_mm_per_s:.2} mm/s before line {line}, limit {limit_mm_per_s}"
+                )
             }
             Self::TooMuchAcceleration { axis, tick, ratio } => {
                 write!(formatter, "axis {} at {ratio:.4} of its acceleration limit before tick {tick}", name(*axis))

@@ -43,7 +43,8 @@ fn check(name: &str, law: AccelerationProfile) {
     let report = check_trace(File::open(&trace).unwrap(), &text, &reference, &options).unwrap();
     // A table's start frequency is a jump: any block may begin with it.
     let jumps = |finding: &&Finding| matches!(finding, Finding::JumpsTooFar { .. });
-    let by_design = if law == AccelerationProfile::SCurveTable { report.findings.iter().filter(jumps).count() } else { 0 };
+    let by_design =
+        if law == AccelerationProfile::SCurveTable { report.findings.iter().filter(jumps).count() } else { 0 };
     assert_eq!(report.finding_count, by_design as u64, "{report}");
     let job = interpret(&text, &reference, InterpretOptions::default()).unwrap();
     assert_eq!(report.moves, job.move_count() as u64);

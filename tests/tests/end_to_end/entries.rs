@@ -8,7 +8,6 @@ use ferrostep_printer::Profile;
 use ferrostep_tests::hand_made;
 use ferrostep_tests::trace::{Record, TraceReader};
 use proptest::prelude::*;
-use proptest::test_runner::{FileFailurePersistence, RngSeed};
 
 use crate::command::{directory, example, ferrostep, file};
 use crate::desk::{Ended, profile, rehearse_far, rehearse_from};
@@ -158,12 +157,7 @@ fn a_corexy_goes_on_at_any_frame() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig {
-        cases: 150,
-        failure_persistence: Some(Box::new(FileFailurePersistence::Direct("proptest-regressions/entries.txt"))),
-        rng_seed: RngSeed::Fixed(23),
-        ..ProptestConfig::default()
-    })]
+    #![proptest_config(ferrostep_random_cases::cases(150))]
 
     /// Whatever was set before, in a machine that was homed.
     #[test]

@@ -78,7 +78,8 @@ proptest! {
 
 #[test]
 fn moves_of_some_nanometres_are_executed_in_both_encodings() {
-    let text = "M302 P1\nG28\nG1 X50 Y50 Z1 F6000\nG91\nG1 X.00001\nG1 X.00001\nG1 Y.00003 E.00003\nG1 X5 E.1\nG1 X.00005\n";
+    let text =
+        "M302 P1\nG28\nG1 X50 Y50 Z1 F6000\nG91\nG1 X.00001\nG1 X.00001\nG1 Y.00003 E.00003\nG1 X5 E.1\nG1 X.00005\n";
 
     for name in ["cartesian", "corexy", "prusa-mini"] {
         let machine = profile(name);

@@ -15,9 +15,9 @@ mod heater_faults;
 mod hostile;
 mod hosts;
 mod methods;
+mod odd_lines;
 #[cfg(unix)]
 mod outputs;
-mod odd_lines;
 mod overflow;
 mod papers;
 mod prepared;

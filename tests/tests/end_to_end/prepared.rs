@@ -11,7 +11,6 @@ use ferrostep_gpre::{Encoding, Entry, Header};
 use ferrostep_printer::Profile;
 use ferrostep_tests::hand_made::{self, given};
 use proptest::prelude::*;
-use proptest::test_runner::{FileFailurePersistence, RngSeed};
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -98,12 +97,7 @@ fn other_slicers() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig {
-        cases: 200,
-        failure_persistence: Some(Box::new(FileFailurePersistence::Direct("proptest-regressions/prepared.txt"))),
-        rng_seed: RngSeed::Fixed(21),
-        ..ProptestConfig::default()
-    })]
+    #![proptest_config(ferrostep_random_cases::cases(200))]
 
     /// To the last record of the trace: every step at its tick, every move's end.
     #[test]

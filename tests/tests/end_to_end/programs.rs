@@ -3,26 +3,15 @@
 pub mod generator;
 
 use ferrostep::desk::LOOK_AHEAD_BLOCKS;
+use ferrostep_random_cases::cases;
 use ferrostep_tests::reference::{
     EXTRUDER_FRACTIONS_PER_UNIT, InterpretOptions, Job, ReferenceProfile, UNITS_PER_MM, interpret,
 };
 use ferrostep_tests::trace_check::{Finding, TraceCheckOptions, check_trace};
 use proptest::prelude::*;
-use proptest::test_runner::{FileFailurePersistence, RngSeed};
 
 use crate::desk::{profile, rehearse, rehearse_traced};
 use generator::{Program, program};
-
-/// Cases that failed once are tried first, from a file that is part of the repository.
-fn cases(count: u32) -> ProptestConfig {
-    ProptestConfig {
-        cases: count,
-        failure_persistence: Some(Box::new(FileFailurePersistence::Direct("proptest-regressions/programs.txt"))),
-        // The same programs in every run: a failure is the change's, not chance's.
-        rng_seed: RngSeed::Fixed(20),
-        ..ProptestConfig::default()
-    }
-}
 
 /// Lines with the parts that parsers look at, cut and glued at random.
 fn almost_gcode() -> impl Strategy<Value = Vec<u8>> {

@@ -1,21 +1,19 @@
 //! The book's page of benchmarks: its tables and its chart, from the committed counts.
 
 use std::fmt::Write;
-use std::path::PathBuf;
 
 use serde_json::Value;
 
 use super::chart::{self, Bar, Group};
 use super::cycle_model::{events_per_s, staying_events_per_s};
 use super::{desk, lines};
+use crate::generated::Page;
 use crate::steps::Failure;
 use crate::system;
 
-/// The page. What stands between the two marks is generated, the rest is written by hand.
-const PAGE: &str = "docs/src/benchmarks.md";
+/// The page with the tables.
+const PAGE: Page = Page { path: "docs/src/benchmarks.md", command: "cargo xtask bench --save-baseline" };
 const CHART: &str = "docs/src/images/step-interrupt.svg";
-const BEGIN: &str = "<!-- What follows is written by `cargo xtask bench --save-baseline`. -->\n";
-const END: &str = "<!-- Here it ends. -->\n";
 
 /// Klipper's step, instructions: one motor, and each of two or more (counted by executing its image).
 const KLIPPER_ONE_MOTOR: f64 = 33.0;
@@ -30,21 +28,9 @@ const MARLIN_FOUR_AXES_PER_S: f64 = 143.6e3;
 
 /// Writes tables and chart.
 pub fn write(figures: &Value) -> Result<(), Failure> {
-    let page = system::root().join(PAGE);
-    let text = std::fs::read_to_string(&page).map_err(|error| format!("{}: {error}", page.display()))?;
-    let text = replaced(&text, &tables(figures)).ok_or_else(|| format!("{PAGE} has lost its marks"))?;
-    let save = |path: PathBuf, text: String| {
-        std::fs::write(&path, text).map_err(|error| format!("{}: {error}", path.display()))
-    };
-    save(page, text)?;
-    save(system::root().join(CHART), step_chart(figures))
-}
-
-/// The page with another generated part.
-fn replaced(page: &str, generated: &str) -> Option<String> {
-    let (before, rest) = page.split_once(BEGIN)?;
-    let (_, after) = rest.split_once(END)?;
-    Some(format!("{before}{BEGIN}\n{generated}\n{END}{after}"))
+    PAGE.write(&tables(figures))?;
+    let chart = system::root().join(CHART);
+    std::fs::write(&chart, step_chart(figures)).map_err(|error| format!("{}: {error}", chart.display()))
 }
 
 /// A count by its key in `target.step_event`, if there is one.
@@ -267,20 +253,15 @@ mod tests {
     #[test]
     fn page_and_chart_show_the_committed_counts() {
         let figures = baseline::read().unwrap();
-        let page = std::fs::read_to_string(system::root().join(PAGE)).unwrap();
+        let page = PAGE.read().unwrap();
         assert!(
-            replaced(&page, &tables(&figures)).as_ref() == Some(&page),
-            "`cargo xtask bench --save-baseline` writes {PAGE}"
+            PAGE.replaced(&page, &tables(&figures)).as_ref() == Ok(&page),
+            "`{}` writes {}",
+            PAGE.command,
+            PAGE.path
         );
         let chart = std::fs::read_to_string(system::root().join(CHART)).unwrap();
         assert!(chart == step_chart(&figures), "`cargo xtask bench --save-baseline` writes {CHART}");
-    }
-
-    #[test]
-    fn only_what_stands_between_the_marks_is_replaced() {
-        let page = format!("by hand\n{BEGIN}old\n{END}more by hand\n");
-        assert_eq!(replaced(&page, "new\n").unwrap(), format!("by hand\n{BEGIN}\nnew\n\n{END}more by hand\n"));
-        assert_eq!(replaced("no marks", "new"), None);
     }
 
     #[test]

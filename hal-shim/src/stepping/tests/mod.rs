@@ -1,7 +1,9 @@
 //! Feeder and player against a model of the timer, and against the virtual board's motors, which play the same entries
 //! the plain way.
 
+mod flags;
 pub mod interleave;
+mod missed;
 mod model;
 mod play;
 mod rate;

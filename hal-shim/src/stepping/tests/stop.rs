@@ -66,7 +66,7 @@ fn assert_stopped<M: Stepping + 'static>(entries: &[StepEntry], updates: usize) 
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(3_000))]
+    #![proptest_config(ferrostep_random_cases::cases(3_000))]
     #[test]
     fn counts_every_step_that_was_not_made(
         entries in proptest::collection::vec(any_entry(), 1..120), updates in 0usize..1_500,

@@ -224,47 +224,71 @@ fn other_settings_are_written_and_confirmed() {
     assert!(refused.is_err() && bench.all_confirmed());
 }
 
-proptest! {
-    #![proptest_config(ProptestConfig::with_cases(48))]
-
-    /// Whatever is garbled: within a bounded time each driver is confirmed or has failed, and one that is confirmed holds
-    /// its registers.
-    #[test]
-    fn it_always_ends_and_confirms_nothing_false(per_mille in 0_u32..400, seed: u32) {
-        let mut bench = Bench::new(0);
-        bench.lines.set_noise(per_mille, seed);
-        let mut settled = [false; MOTORS];
-        let end = LONGEST_SET_UP_US;
-        while bench.now < end && settled != [true; MOTORS] {
-            for event in bench.pass(1000) {
-                match event.kind {
-                    DriverEventKind::Confirmed => {
-                        settled[event.motor] = true;
-                        prop_assert!(bench.holds(event.motor));
-                    }
-                    DriverEventKind::Failed(_) => settled[event.motor] = true,
-                    _ => {}
+/// Passes time until each driver is confirmed or has failed, or the longest set-up is over; which have. `confirmed` sees
+/// each one that is confirmed.
+fn settle(bench: &mut Bench, mut confirmed: impl FnMut(&mut Bench, usize)) -> [bool; MOTORS] {
+    let mut settled = [false; MOTORS];
+    while bench.now < LONGEST_SET_UP_US && settled != [true; MOTORS] {
+        for event in bench.pass(1000) {
+            match event.kind {
+                DriverEventKind::Confirmed => {
+                    settled[event.motor] = true;
+                    confirmed(bench, event.motor);
                 }
+                DriverEventKind::Failed(_) => settled[event.motor] = true,
+                _ => {}
             }
         }
-        prop_assert_eq!(settled, [true; MOTORS]);
     }
+    settled
+}
 
-    /// One byte in a hundred is no trouble.
-    #[test]
-    fn a_noisy_line_is_good_enough(seed: u32) {
+/// One byte in a hundred costs repetitions. It takes more than minutes until a datagram fails as often as it is tried, or
+/// until several garbled bytes pass for another datagram; and then the driver is set up again. How rare that is is counted,
+/// over the same minutes in every run: a property that holds for nearly all seeds is none.
+#[test]
+fn a_noisy_line_is_good_enough() {
+    let mut disturbed = 0;
+    for seed in 0..200_u32 {
         let mut bench = Bench::new(0);
-        bench.lines.set_noise(10, seed);
+        bench.lines.set_noise(10, seed.wrapping_mul(2_654_435_761));
         let events = bench.pass(60_000_000);
-        prop_assert!(bench.all_confirmed());
-        prop_assert_eq!(kinds(&events), [DriverEventKind::Confirmed; 4]);
-        prop_assert!((0..MOTORS).any(|motor| bench.bank.report(motor).unwrap().repeated > 0));
+        disturbed += u32::from(kinds(&events) != [DriverEventKind::Confirmed; 4]);
+        assert!((0..MOTORS).any(|motor| bench.bank.report(motor).unwrap().repeated > 0), "seed {seed}");
+        bench.lines.set_noise(0, 1);
+        bench.pass(2 * LONGEST_SET_UP_US);
+        assert!(bench.all_confirmed(), "seed {seed}");
+    }
+    assert!(disturbed <= 4, "{disturbed} minutes of 200");
+}
+
+proptest! {
+    #![proptest_config(ferrostep_random_cases::cases(48))]
+
+    /// Whatever is garbled: within a bounded time each driver is confirmed or has failed.
+    #[test]
+    fn it_always_ends(per_mille in 0_u32..400, seed: u32) {
+        let mut bench = Bench::new(0);
+        bench.lines.set_noise(per_mille, seed);
+        prop_assert_eq!(settle(&mut bench, |_, _| ()), [true; MOTORS]);
     }
 
-    /// Resets, silence and noise at any time: when they are over, all is well again.
+    /// One that is confirmed holds its registers, wherever the check sum can tell.
+    #[test]
+    fn it_confirms_nothing_false(per_mille in 0_u32..400, seed: u32) {
+        let mut bench = Bench::new(0);
+        bench.lines.set_most_garbled(1);
+        bench.lines.set_noise(per_mille, seed);
+        let mut is_true = true;
+        prop_assert_eq!(settle(&mut bench, |bench, motor| is_true &= bench.holds(motor)), [true; MOTORS]);
+        prop_assert!(is_true);
+    }
+
+    /// Resets, silence and noise that the check sum finds, at any time: when they are over, all is well again.
     #[test]
     fn it_recovers(faults in proptest::collection::vec((0_usize..MOTORS, 0_u8..4, 1_u32..700_000), 1..12)) {
         let mut bench = Bench::new(0);
+        bench.lines.set_most_garbled(1);
         for (motor, fault, us) in faults {
             let chip = bench.lines.chip(motor).unwrap();
             match fault {

@@ -178,7 +178,7 @@ fn two_drivers_on_a_wire_are_set_up() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(24))]
+    #![proptest_config(ferrostep_random_cases::cases(24))]
 
     /// Our timer may be 5 % off, for the chips follow it, and each of its calls early or late by a tenth of an interval.
     #[test]

@@ -90,6 +90,7 @@ fn the_watch_outlasts_new_targets() {
         let fault = loop {
             rig.control.set_target(heater, usual_target(heater) + f32::from(samples % 3 == 0));
             samples += 1;
+            assert!(samples < 300 * SAMPLES_A_S, "{heater:?} has never failed");
             if let Err(fault) = rig.sample() {
                 break fault;
             }

@@ -1,0 +1,122 @@
+//! The flags between planner task and interrupt, above all after a stop.
+
+use super::model::{Interrupt, SIGNALS};
+use crate::stepping::*;
+use ferrostep_planner::StepEntry;
+
+type Board<M> = Interrupt<M, 1, 64>;
+
+fn stair(count: u16) -> StepEntry {
+    StepEntry::stair(1_000, count, 0b1, 0).unwrap()
+}
+
+/// Queues some steps and starts them.
+fn start<M: Stepping + 'static>(board: &'static Board<M>, feeder: &mut StepFeeder<'static, M, 1, 64>, steps: u16) {
+    feeder.push(stair(steps)).unwrap();
+    feeder.seal();
+    assert!(board.start(feeder));
+}
+
+/// Steps of the first motor.
+fn steps<M: Stepping>(board: &Board<M>) -> usize {
+    board.ports[0].changes().len() / M::EVENTS_A_STEP as usize
+}
+
+/// After a stop, whenever it comes and whatever the flags were, none is left, and the next motion is whole.
+fn assert_no_flag_is_left<M: Stepping + 'static>() {
+    for updates in 0..30 {
+        for (owed, sensor) in [(false, false), (true, false), (false, true), (true, true)] {
+            let board = Board::<M>::leaked();
+            let mut feeder = board.feeder(SIGNALS);
+            let link = board.player.link();
+            start(board, &mut feeder, 10);
+            for _ in 0..updates {
+                board.update();
+            }
+            if owed {
+                link.owe();
+            }
+            board.timer.mask();
+            if sensor {
+                link.request_sensor_stop()
+            } else {
+                link.request_stop()
+            }
+            assert!(link.is_stopping() && link.is_sensor_stop() == sensor);
+            feeder.drop_all();
+            for (port, word) in board.ports.iter().zip(feeder.rest_words()) {
+                port.put_out(word);
+            }
+            assert!(!link.is_running() && !link.is_stopping() && !link.is_sensor_stop());
+            assert!(!link.take_ran_dry(), "after {updates} updates it has run dry");
+            assert!(!link.take_owed(), "after {updates} updates an event is owed");
+            assert!(!feeder.start(), "there is nothing to start");
+            // Nothing steps before its time, and none too many.
+            let before = steps(board);
+            start(board, &mut feeder, 7);
+            assert_eq!(steps(board), before, "a step at the start, {updates} updates before the stop");
+            for _ in 0..40 {
+                board.update();
+            }
+            assert_eq!(steps(board) - before, 7);
+            assert!(link.take_ran_dry() && !link.take_ran_dry() && !link.is_running());
+        }
+    }
+}
+
+#[test]
+fn after_a_stop_no_flag_is_left() {
+    assert_no_flag_is_left::<BothEdges>();
+    assert_no_flag_is_left::<Pulses>();
+}
+
+/// An owed event that a stop overtook does not step, neither before nor after the stop is followed.
+#[test]
+fn an_owed_event_does_not_outlive_a_stop() {
+    let board = Board::<BothEdges>::leaked();
+    let mut feeder = board.feeder(SIGNALS);
+    start(board, &mut feeder, 10);
+    for _ in 0..4 {
+        board.update();
+    }
+    let before = steps(board);
+    board.player.link().owe();
+    board.stop();
+    board.stay();
+    assert_eq!(steps(board), before);
+    assert_eq!(feeder.drop_all().issued[0] as usize, 10 - before);
+    start(board, &mut feeder, 1);
+    board.update();
+    assert_eq!(steps(board), before);
+    board.update();
+    assert_eq!(steps(board), before + 1);
+}
+
+/// Somebody's stop is nobody else's.
+#[test]
+fn a_sensor_does_not_take_over_somebody_s_stop() {
+    let link = StepLink::new();
+    assert!(!link.is_stopping() && !link.is_sensor_stop());
+    link.request_sensor_stop();
+    assert!(link.is_stopping() && link.is_sensor_stop());
+    // Somebody's, after the sensor's, is what counts.
+    link.request_stop();
+    assert!(link.is_stopping() && !link.is_sensor_stop());
+    link.request_sensor_stop();
+    assert!(link.is_stopping() && !link.is_sensor_stop());
+    link.stopped();
+    assert!(!link.is_stopping());
+}
+
+/// What each flag says of itself.
+#[test]
+fn flags_are_taken_once() {
+    let link = StepLink::default();
+    assert!(!link.is_running() && !link.take_ran_dry() && !link.take_owed());
+    link.start();
+    assert!(link.is_running() && !link.take_ran_dry());
+    link.run_dry();
+    assert!(!link.is_running() && link.take_ran_dry() && !link.take_ran_dry());
+    link.owe();
+    assert!(link.take_owed() && !link.take_owed());
+}

@@ -1,0 +1,322 @@
+//! A printer whose motors go where they are told at once, and whose sensors are what a test says.
+
+use core::cell::{Cell, RefCell};
+use core::pin::pin;
+use core::task::{Context, Poll, Waker};
+
+use ferrostep_gcode::{MotionFigures, Reply};
+use ferrostep_hal_shim::tmc2209::{DriverReport, DriverSettings, DriverState, DriverStatus, SettingsError};
+use ferrostep_hal_shim::{Clock, Heater};
+use ferrostep_planner::{Limits, MotionChoice, Move, Moved, PreparedBlock, PreparedMove};
+
+use crate::heat::HeatFault;
+use crate::machine::tests::profile;
+use crate::ports::{HeaterStatus, Heating, Motion, MotionError, MotorDrivers, Replies, Seek, Signals};
+use crate::printer::Printer;
+use crate::profile::{HomeEnd, Profile};
+
+/// The size of each axis, mm.
+pub const SIZE_MM: i64 = 200;
+
+/// Units of 10 nm in a millimetre.
+pub const MM: i64 = 100_000;
+
+/// What an axis has at its end.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Sensor {
+    /// It triggers at the end of the true travel.
+    Good,
+    /// It is never triggered.
+    Dead,
+    /// It is always triggered.
+    Stuck,
+}
+
+/// What was asked of the motors. Distances in mm, speeds in mm/s.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Event {
+    /// A move by so much along X, Y and Z.
+    Moved([f64; 3], f32),
+    /// A move towards the sensor of an axis.
+    Sought(usize, f64, f32),
+    /// The next moves are part of homing.
+    Homing,
+    /// The machine is said to be here.
+    Placed([f64; 3]),
+}
+
+/// Motors and sensors. The machine's end stops are at 0, or at [`SIZE_MM`], of the true position.
+#[derive(Debug)]
+pub struct Rig {
+    pub profile: Profile,
+    pub sensors: [Cell<Sensor>; 3],
+    /// The seek with this number is stopped by somebody.
+    pub stopped_seek: Cell<Option<usize>>,
+    true_10nm: Cell<[i64; 3]>,
+    believed_10nm: Cell<[i64; 3]>,
+    enabled: Cell<u8>,
+    events: RefCell<Vec<Event>>,
+    texts: RefCell<Vec<String>>,
+    signals: Signals,
+}
+
+/// Positions or ways in mm.
+fn mm(units: [i64; 3]) -> [f64; 3] {
+    units.map(|units| units as f64 / MM as f64)
+}
+
+impl Rig {
+    /// Motors that stand at 60, 50 and 40 mm and believe 0, of a machine that a test may change.
+    pub fn new(change: impl FnOnce(&mut Profile)) -> Self {
+        let mut profile = Profile { size_10nm: [SIZE_MM * MM; 3], ..profile() };
+        change(&mut profile);
+        Self {
+            profile,
+            sensors: [const { Cell::new(Sensor::Good) }; 3],
+            stopped_seek: Cell::new(None),
+            true_10nm: Cell::new([60 * MM, 50 * MM, 40 * MM]),
+            believed_10nm: Cell::new([0; 3]),
+            enabled: Cell::new(0),
+            events: RefCell::default(),
+            texts: RefCell::default(),
+            signals: Signals::new(),
+        }
+    }
+
+    pub fn printer(&self) -> RigPrinter<'_> {
+        Printer::new(&self.profile, RigMotion(self), Cold, NoTime, self, &self.signals)
+    }
+
+    /// What has been asked of the motors since the last call.
+    pub fn take_events(&self) -> Vec<Event> {
+        self.events.take()
+    }
+
+    /// The last line said.
+    pub fn last_texts(&self) -> Vec<String> {
+        self.texts.take()
+    }
+
+    /// Where the motors truly stand, mm.
+    pub fn true_mm(&self) -> [f64; 3] {
+        mm(self.true_10nm.get())
+    }
+
+    /// Where they believe to stand, mm.
+    pub fn believed_mm(&self) -> [f64; 3] {
+        mm(self.believed_10nm.get())
+    }
+
+    /// Mask of the motors with current.
+    pub fn enabled(&self) -> u8 {
+        self.enabled.get()
+    }
+
+    fn go(&self, by_10nm: [i64; 3]) {
+        let add = |place: [i64; 3]| core::array::from_fn(|axis| place[axis] + by_10nm[axis]);
+        self.true_10nm.set(add(self.true_10nm.get()));
+        self.believed_10nm.set(add(self.believed_10nm.get()));
+    }
+
+    fn way_to(&self, target_10nm: [i64; 3]) -> [i64; 3] {
+        core::array::from_fn(|axis| target_10nm[axis] - self.believed_10nm.get()[axis])
+    }
+
+    /// How far it is to where the sensor of an axis triggers, along a direction; not below 0.
+    fn way_to_sensor(&self, axis: usize, direction: i64) -> Option<i64> {
+        let at_max = self.profile.homing[axis].end == HomeEnd::Max;
+        let end = if at_max { SIZE_MM * MM } else { 0 };
+        match self.sensors[axis].get() {
+            Sensor::Good => {
+                let towards = if at_max { 1 } else { -1 };
+                let left = (end - self.true_10nm.get()[axis]) * towards;
+                (left <= 0 || towards == direction).then_some(left.max(0))
+            }
+            Sensor::Dead => None,
+            Sensor::Stuck => Some(0),
+        }
+    }
+}
+
+pub type RigPrinter<'a> = Printer<'a, RigMotion<'a>, Cold, NoTime, Rig>;
+
+/// Runs a command to its end: nothing on this machine takes time.
+pub fn execute(printer: &mut RigPrinter<'_>, text: &str) -> Result<(), crate::error::Failure> {
+    let Poll::Ready(outcome) = pin!(printer.execute(1, text)).poll(&mut Context::from_waker(Waker::noop())) else {
+        panic!("`{text}` waits");
+    };
+    outcome
+}
+
+/// The motion of a [`Rig`].
+#[derive(Debug)]
+pub struct RigMotion<'a>(&'a Rig);
+
+impl Motion for RigMotion<'_> {
+    async fn add(&mut self, request: Move) -> Result<Moved, MotionError> {
+        let way = self.0.way_to(request.target_10nm);
+        self.0.events.borrow_mut().push(Event::Moved(mm(way), request.feed_mm_per_s));
+        self.0.go(way);
+        Ok(Moved::Queued)
+    }
+
+    async fn add_prepared(&mut self, _: PreparedMove, _: Option<f32>) -> Result<Moved, MotionError> {
+        unreachable!("no prepared jobs here")
+    }
+
+    async fn add_prepared_block(&mut self, _: PreparedBlock) -> Result<(), MotionError> {
+        unreachable!("no prepared jobs here")
+    }
+
+    fn refine_position(&mut self, _: [i64; 3]) -> bool {
+        unreachable!("no prepared jobs here")
+    }
+
+    async fn set_fan_power(&mut self, _: u8) -> Result<(), MotionError> {
+        Ok(())
+    }
+
+    async fn finish(&mut self) -> Result<(), MotionError> {
+        Ok(())
+    }
+
+    fn begin_homing(&mut self) {
+        self.0.events.borrow_mut().push(Event::Homing);
+    }
+
+    async fn seek(&mut self, request: Move, axis: usize) -> Result<Seek, MotionError> {
+        let way = self.0.way_to(request.target_10nm);
+        let others = (0..3).filter(|other| *other != axis);
+        assert!(others.map(|other| way[other]).all(|way| way == 0), "a seek of axis {axis} goes {way:?}");
+        let way = way[axis];
+        let event = Event::Sought(axis, way as f64 / MM as f64, request.feed_mm_per_s);
+        let seeks = self.0.events.borrow().iter().filter(|event| matches!(event, Event::Sought(..))).count();
+        self.0.events.borrow_mut().push(event);
+        let along = |length: i64| core::array::from_fn(|one| if one == axis { length * way.signum() } else { 0 });
+        if self.0.stopped_seek.get() == Some(seeks) {
+            self.0.go(along(way.abs().min(MM)));
+            return Err(MotionError::Stopped);
+        }
+        match self.0.way_to_sensor(axis, way.signum()) {
+            Some(left) if left <= way.abs() => {
+                self.0.go(along(left));
+                Ok(Seek::Triggered)
+            }
+            _ => {
+                self.0.go(along(way.abs()));
+                Ok(Seek::Missed)
+            }
+        }
+    }
+
+    fn position_10nm(&self) -> [i64; 3] {
+        self.0.believed_10nm.get()
+    }
+
+    fn set_position(&mut self, position_10nm: [i64; 3]) {
+        self.0.events.borrow_mut().push(Event::Placed(mm(position_10nm)));
+        self.0.believed_10nm.set(position_10nm);
+    }
+
+    fn motor_steps(&self) -> [i64; 4] {
+        [0; 4]
+    }
+
+    fn figures(&self) -> MotionFigures {
+        MotionFigures::default()
+    }
+
+    fn limits(&self) -> Limits {
+        self.0.profile.limits
+    }
+
+    fn set_limits(&mut self, _: Limits) {}
+
+    fn motion_choice(&self) -> MotionChoice {
+        self.0.profile.motion
+    }
+
+    fn set_motion_choice(&mut self, _: &MotionChoice) {}
+
+    fn set_motors_enabled(&mut self, axes: u8, enabled: bool) {
+        let before = self.0.enabled.get();
+        self.0.enabled.set(if enabled { before | axes } else { before & !axes });
+    }
+
+    fn is_end_stop_triggered(&self, axis: usize) -> bool {
+        self.0.way_to_sensor(axis, 0) == Some(0)
+    }
+
+    fn stop(&mut self) -> i64 {
+        0
+    }
+}
+
+impl Replies for Rig {
+    fn send(&self, reply: Reply<'_>) {
+        if let Reply::Text(text) = reply {
+            self.texts.borrow_mut().push(text.to_owned());
+        }
+    }
+}
+
+/// Heaters at room temperature.
+#[derive(Debug)]
+pub struct Cold;
+
+impl Heating for Cold {
+    fn set_target(&mut self, _: Heater, _: f32) {}
+    fn status(&self, _: Heater) -> HeaterStatus {
+        HeaterStatus { celsius: 22.0, ..HeaterStatus::default() }
+    }
+    fn all_off(&mut self) {}
+    fn restart(&mut self) -> Result<(), HeatFault> {
+        Ok(())
+    }
+}
+
+/// A clock that stands.
+#[derive(Clone, Debug)]
+pub struct NoTime;
+
+impl Clock for NoTime {
+    fn now_ms(&self) -> u64 {
+        0
+    }
+}
+
+impl embedded_hal_async::delay::DelayNs for NoTime {
+    async fn delay_ns(&mut self, _: u32) {
+        unreachable!("nothing waits here")
+    }
+}
+
+/// Drivers that all have these settings, and have confirmed them.
+#[derive(Debug)]
+pub struct Drivers(pub DriverSettings);
+
+impl MotorDrivers for Drivers {
+    fn state(&self, _: usize) -> Option<DriverState> {
+        Some(DriverState::Confirmed)
+    }
+    fn report(&self, _: usize) -> Option<DriverReport> {
+        Some(DriverReport {
+            state: DriverState::Confirmed,
+            settings: self.0,
+            run_ma: 0,
+            hold_ma: 0,
+            status: DriverStatus::default(),
+            load: 0,
+            repeated: 0,
+        })
+    }
+    fn check(&self, _: usize, _: &DriverSettings) -> Result<(), SettingsError> {
+        Ok(())
+    }
+    fn set(&self, _: usize, _: DriverSettings) -> Result<(), SettingsError> {
+        Ok(())
+    }
+    fn take_moved(&self) -> u8 {
+        0
+    }
+}

@@ -1,0 +1,46 @@
+//! The seed of a run's random cases.
+
+use std::time::{SystemTime, UNIX_EPOCH};
+
+/// Tells the tests their seed.
+pub const VARIABLE: &str = "PROPTEST_RNG_SEED";
+
+/// Gives every program that cargo runs a seed, unless it has one: so this program has one, too.
+const CARGO_CONFIG: &str = include_str!("../../.cargo/config.toml");
+
+/// The seed that somebody has set, or one that no run had before.
+pub fn of_this_run() -> u64 {
+    given(std::env::var(VARIABLE).ok().as_deref()).unwrap_or_else(|| {
+        // Later than 1970, or any seed.
+        SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_nanos() as u64)
+    })
+}
+
+/// The variable's number, if it is not the one that cargo's configuration gives to everyone.
+fn given(variable: Option<&str>) -> Option<u64> {
+    let seed = variable.filter(|seed| !CARGO_CONFIG.contains(&format!("{VARIABLE} = \"{seed}\"")))?;
+    seed.parse().ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_a_seed_that_somebody_has_set_is_taken() {
+        assert_eq!(
+            [given(Some("7")), given(Some("20190101")), given(Some("x")), given(None)],
+            [Some(7), None, None, None]
+        );
+        assert!(CARGO_CONFIG.contains(VARIABLE));
+    }
+
+    #[test]
+    fn each_run_has_another() {
+        if given(std::env::var(VARIABLE).ok().as_deref()).is_none() {
+            let first = of_this_run();
+            std::thread::sleep(std::time::Duration::from_millis(1));
+            assert_ne!(first, of_this_run());
+        }
+    }
+}
