@@ -7,7 +7,7 @@ use core::task::{Context, Poll, Waker};
 use ferrostep_gcode::{MotionFigures, Reply};
 use ferrostep_hal_shim::tmc2209::{DriverReport, DriverSettings, DriverState, DriverStatus, SettingsError};
 use ferrostep_hal_shim::{Clock, Heater};
-use ferrostep_planner::{Limits, MotionChoice, Move, Moved, PreparedBlock, PreparedMove};
+use ferrostep_planner::{Limits, MotionChoice, Move, Moved, PreparedBlock, PreparedMove, Retuned};
 
 use crate::heat::HeatFault;
 use crate::machine::tests::profile;
@@ -160,7 +160,7 @@ impl Motion for RigMotion<'_> {
         Ok(Moved::Queued)
     }
 
-    async fn add_prepared(&mut self, _: PreparedMove, _: Option<f32>) -> Result<Moved, MotionError> {
+    async fn add_prepared(&mut self, _: PreparedMove, _: Option<Retuned>) -> Result<Moved, MotionError> {
         unreachable!("no prepared jobs here")
     }
 
