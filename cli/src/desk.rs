@@ -2,6 +2,7 @@
 
 mod drivers;
 mod handles;
+mod heat_at_rest;
 
 pub use drivers::DeskDrivers;
 pub use handles::{DeskHeating, DeskMotion};
@@ -10,14 +11,14 @@ use std::collections::VecDeque;
 
 use ferrostep_gcode::MotionFigures;
 use ferrostep_hal_shim::virtual_board::{
-    EventRate, StallSignal, StepObserver, VirtualBoard, VirtualClock, VirtualHeaters,
+    EventRate, StallSignal, StepObserver, StepTimer, VirtualBoard, VirtualClock, VirtualHeaters,
 };
 use ferrostep_hal_shim::{EndStops, Fan, Heater, MotorEnable, ThermalBoard};
 use ferrostep_planner::extruder::rounded_steps;
 use ferrostep_planner::interpolator::MAX_ENTRIES;
 use ferrostep_planner::look_ahead::Slot;
 use ferrostep_planner::{
-    MoveError, Moved, Notice, PlannedBlock, Planner, Progress, Recorded, StepDigests, StepEntry, StepSink,
+    Move, MoveError, Moved, Notice, PlannedBlock, Planner, Progress, Recorded, StepDigests, StepEntry, StepSink,
     TICKS_PER_SECOND,
 };
 use ferrostep_printer::heat::{HeatControl, HeatFault, SAMPLE_MS};
@@ -25,6 +26,7 @@ use ferrostep_printer::{Miscount, MotionError, Profile, Seek};
 
 use crate::gpre::Script;
 use crate::record::Observer;
+use heat_at_rest::{HeatAtRest, HeaterSample};
 
 /// Blocks in the look-ahead ring, as on the target.
 pub const LOOK_AHEAD_BLOCKS: usize = 128;
@@ -132,6 +134,10 @@ pub struct Desk<O> {
     queues: Queues,
     board: VirtualBoard,
     heat: HeatControl,
+    heat_at_rest: HeatAtRest,
+    heat_samples: u64,
+    /// A fault that was found while a move was added, to be told by whoever waits next.
+    late_fault: Option<HeatFault>,
     observer: Watch<O>,
     awaited: Awaited,
     sought: Option<Seek>,
@@ -173,6 +179,9 @@ impl<O: Observer> Desk<O> {
             queues: Queues::default(),
             board: VirtualBoard { motors, heaters },
             heat,
+            heat_at_rest: HeatAtRest::default(),
+            heat_samples: 0,
+            late_fault: None,
             observer: Watch { rate: EventRate::default(), observer },
             awaited: Awaited::Nothing,
             sought: None,
@@ -241,7 +250,13 @@ impl<O: Observer> Desk<O> {
 
     /// The board's heaters, to let one fail.
     pub fn heaters_mut(&mut self) -> &mut VirtualHeaters {
+        self.heat_at_rest.disturb();
         &mut self.board.heaters
+    }
+
+    /// Samples of the heaters' model so far. Only what follows the print's time can make an estimate slow: this is it.
+    pub fn heat_samples(&self) -> u64 {
+        self.heat_samples
     }
 
     /// What watched the motors.
@@ -268,7 +283,8 @@ impl<O: Observer> Desk<O> {
             None => self.now_ns(),
         };
         clock.advance_to(now_ns);
-        self.heat_until(now_ns)
+        let outcome = self.heat_until(now_ns);
+        self.late_fault.take().map_or(outcome, Err)
     }
 
     /// Everything off, as after M112.
@@ -278,10 +294,24 @@ impl<O: Observer> Desk<O> {
     }
 
     fn all_heat_off(&mut self) {
+        self.heat_at_rest.disturb();
         self.heat.all_off();
         for heater in Heater::ALL {
             self.board.heaters.set_power(heater, 0.0);
         }
+    }
+
+    fn set_heat_target(&mut self, heater: Heater, celsius: f32) {
+        let before = self.heat.status(heater).target_celsius;
+        self.heat.set_target(heater, celsius);
+        if self.heat.status(heater).target_celsius != before {
+            self.heat_at_rest.disturb();
+        }
+    }
+
+    fn restart_heat(&mut self) -> Result<(), HeatFault> {
+        self.heat_at_rest.disturb();
+        self.heat.restart()
     }
 
     /// Whether a move would be taken.
@@ -299,14 +329,30 @@ impl<O: Observer> Desk<O> {
     }
 
     fn now_ns(&self) -> u64 {
-        self.idle_ns + (u128::from(self.motion_tick()) * 1_000_000_000 / u128::from(TICKS_PER_SECOND)) as u64
+        // Whole seconds apart, so that no product leaves 64 bits.
+        let (tick, a_second) = (self.motion_tick(), u64::from(TICKS_PER_SECOND));
+        self.idle_ns + tick / a_second * 1_000_000_000 + tick % a_second * 1_000_000_000 / a_second
     }
 
-    /// Lets the heaters' time pass; after a failure it goes on, for they cool.
+    /// Lets the heaters' time pass; after a failure it goes on, for they cool. Only a print steps the model of heaters at
+    /// rest: the time that an estimate takes must not follow the print's.
     fn heat_until(&mut self, now_ns: u64) -> Result<(), HeatFault> {
         let mut outcome = Ok(());
         while self.next_heat_ns <= now_ns {
+            if self.mode != Mode::Print {
+                if self.heat_at_rest.is_at_rest() {
+                    self.next_heat_ns +=
+                        (now_ns - self.next_heat_ns) / HEAT_INTERVAL_NS * HEAT_INTERVAL_NS + HEAT_INTERVAL_NS;
+                    break;
+                }
+                let sample = |heater| HeaterSample {
+                    celsius: self.board.heaters.true_celsius(heater),
+                    target_celsius: self.heat.status(heater).target_celsius,
+                };
+                self.heat_at_rest.note(Heater::ALL.map(sample));
+            }
             self.next_heat_ns += HEAT_INTERVAL_NS;
+            self.heat_samples += 1;
             self.board.heaters.advance(SAMPLE_MS as f32 * 1e-3);
             if let Err(fault) = self.heat.update(&mut self.board.heaters) {
                 self.stop();
@@ -320,9 +366,13 @@ impl<O: Observer> Desk<O> {
     fn run_until(&mut self, done: impl Fn(&Self) -> bool) {
         if self.mode != Mode::Print {
             let before = self.planner.motion_ticks();
-            while !done(self) && self.plan_only() {}
-            self.estimated_ticks += self.planner.motion_ticks() - before;
-            self.last_step_ns = self.now_ns();
+            while !done(self) {
+                let steps = &mut self.board.motors.steps;
+                if !plan_only(&mut self.planner, self.script.as_mut(), &mut self.planned_256ths, steps) {
+                    break;
+                }
+            }
+            self.pass_planned(before);
             return;
         }
         let latest = self.board.motors.steps.tick() + LONGEST_LEAP_TICKS;
@@ -342,26 +392,32 @@ impl<O: Observer> Desk<O> {
         }
     }
 
-    /// Plans a block without its steps; whether there was one. The motors stand at its end: homing goes on from there.
-    fn plan_only(&mut self) -> bool {
-        let planned = match &mut self.script {
-            None => self.planner.next_planned(),
-            Some(script) => {
-                let Some(recorded) = self.planner.next_recorded() else { return false };
-                script.left(&recorded);
-                match recorded {
-                    Recorded::Block { planned, .. } => Some(planned),
-                    Recorded::FanPower { .. } => return true,
-                }
-            }
-        };
-        let Some(PlannedBlock { block, .. }) = planned else { return false };
-        let before = rounded_steps(self.planned_256ths);
-        self.planned_256ths += i64::from(block.extruder_256ths);
-        let extruder = rounded_steps(self.planned_256ths) - before;
-        let [x, y, z] = block.steps.map(|steps| -steps);
-        self.board.motors.steps.take_back([x, y, z, -(extruder as i32)], [0; 4]);
-        true
+    /// Gives the planner a move. What only plans makes room for it at once: waiting for it would plan the move again.
+    fn add(&mut self, request: &Move) -> Result<Moved, MoveError> {
+        if self.mode == Mode::Print {
+            return self.planner.add(request);
+        }
+        if self.late_fault.is_some() {
+            // Whoever adds the move waits, and hears of it.
+            return Err(MoveError::NoRoom);
+        }
+        let before = self.planner.motion_ticks();
+        let Self { planner, script, board, planned_256ths, .. } = self;
+        let steps = &mut board.motors.steps;
+        let make_room = |planner: &mut _| plan_only(planner, script.as_mut(), planned_256ths, steps);
+        let outcome = planner.add_making_room(request, make_room);
+        self.pass_planned(before);
+        self.late_fault = self.heat_until(self.now_ns()).err();
+        outcome
+    }
+
+    /// Time passes for what was planned since the planner's clock stood there.
+    fn pass_planned(&mut self, before_ticks: u64) {
+        let ticks = self.planner.motion_ticks() - before_ticks;
+        if ticks > 0 {
+            self.estimated_ticks += ticks;
+            self.last_step_ns = self.now_ns();
+        }
     }
 
     /// What became of a move that the planner was given; `None` if it has to wait.
@@ -498,4 +554,31 @@ impl<O: Observer> Desk<O> {
             self.homing_ticks += self.planner.motion_ticks() - since;
         }
     }
+}
+
+/// Plans a block without its steps; whether there was one. The motors stand at its end: homing goes on from there.
+fn plan_only(
+    planner: &mut Planner<Vec<Slot>>,
+    script: Option<&mut Script>,
+    planned_256ths: &mut i64,
+    motors: &mut StepTimer,
+) -> bool {
+    let planned = match script {
+        None => planner.next_planned(),
+        Some(script) => {
+            let Some(recorded) = planner.next_recorded() else { return false };
+            script.left(&recorded);
+            match recorded {
+                Recorded::Block { planned, .. } => Some(planned),
+                Recorded::FanPower { .. } => return true,
+            }
+        }
+    };
+    let Some(PlannedBlock { block, .. }) = planned else { return false };
+    let before = rounded_steps(*planned_256ths);
+    *planned_256ths += i64::from(block.extruder_256ths);
+    let extruder = rounded_steps(*planned_256ths) - before;
+    let [x, y, z] = block.steps.map(|steps| -steps);
+    motors.take_back([x, y, z, -(extruder as i32)], [0; 4]);
+    true
 }

@@ -14,7 +14,7 @@ pub use play::{play, play_from};
 pub use prepare::{PrepareError, Prepared, Target, prepare};
 pub use script::Script;
 pub use summary::PreparedSummary;
-pub use thumbnail::find as find_thumbnail;
+pub use thumbnail::take as take_thumbnail;
 
 /// Blocks in the look-ahead ring while a job is prepared: more than any stopping distance has.
 pub const LOOK_AHEAD_BLOCKS: usize = 65_536;

@@ -5,6 +5,7 @@ use std::io::{self, Read};
 
 use ferrostep_gcode::{Checksum, Line, LineError, LineReader};
 use ferrostep_printer::{CommandError, Replies};
+use memchr::memchr;
 
 use crate::record::Observer;
 use crate::session::DeskPrinter;
@@ -221,7 +222,7 @@ impl LayerComments {
             while !rest.is_empty() {
                 if *matched == 0 {
                     // Both marks begin with a newline and have no other.
-                    let Some(at) = rest.iter().position(|&byte| byte == b'\n') else { break };
+                    let Some(at) = memchr(b'\n', rest) else { break };
                     rest = &rest[at + 1..];
                     *matched = 1;
                     continue;

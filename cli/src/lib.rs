@@ -4,6 +4,7 @@ pub mod desk;
 pub mod gpre;
 pub mod input;
 pub mod job;
+pub mod output;
 pub mod papers;
 pub mod record;
 pub mod report;
@@ -11,3 +12,4 @@ pub mod send;
 #[cfg(unix)]
 pub mod serial_line;
 pub mod session;
+pub mod terminal;

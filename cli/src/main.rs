@@ -1,170 +1,38 @@
 //! The `ferrostep` command.
 
+mod arguments;
 mod progress;
 #[cfg(unix)]
 mod sending;
 
 use std::cell::Cell;
-use std::fs::File;
 use std::io::{BufWriter, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::ExitCode;
 use std::time::Instant;
 
-use clap::{Parser, Subcommand};
+use clap::Parser;
 use ferrostep::desk::{LOOK_AHEAD_BLOCKS, Mode};
 use ferrostep::gpre::{self, InspectError, PrepareError, PreparedSummary, Shown};
 use ferrostep::input::Input;
 use ferrostep::job::{self, JobProgress};
+use ferrostep::output::{Accepted, Output, OutputError, Protected};
 use ferrostep::papers::{Chapter, Paper, choices};
 use ferrostep::record::{Observer, Recorder, TraceWriter, VcdWriter};
 use ferrostep::report::{Motors, Stop, Summary};
 use ferrostep::session::{JobReplies, Session};
+use ferrostep::terminal::{self, tell};
 use ferrostep_gpre::Encoding;
 use ferrostep_planner::extruder::FILAMENT_UNITS_PER_MM;
 use ferrostep_planner::kinematics::UNITS_PER_MM;
 use ferrostep_printer::Profile;
 use indicatif::{ProgressBar, ProgressStyle};
 
+use arguments::{Arguments, Command, Format, JobArguments};
 use progress::Progress;
 
 /// Most notices of the machine that are shown; a broken file could ask for one a line.
 const MOST_NOTICES: u32 = 20;
-
-/// The 3D-printer firmware that rehearses on the desk what it does on the board.
-#[derive(Parser)]
-#[command(version, about)]
-struct Arguments {
-    #[command(subcommand)]
-    command: Command,
-}
-
-#[derive(Subcommand)]
-enum Command {
-    /// Prints a file on the virtual board: the whole machine, every step.
-    Print {
-        #[command(flatten)]
-        job: JobArguments,
-        /// Blocks in the look-ahead ring; 128 if not given, and 65536 for a prepared job.
-        #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=1_048_576))]
-        look_ahead: Option<u32>,
-        /// Enters a prepared job at a frame, as after a power cut (`inspect --entries` lists those that can be): heats, takes the
-        /// nozzle to stand at the frame's height, homes X and Y alone, goes to the frame's start, and prints on.
-        #[arg(long, value_name = "N")]
-        from_frame: Option<u32>,
-        /// Writes every step event to a file.
-        #[arg(long, value_name = "OUT")]
-        trace: Option<PathBuf>,
-        /// Writes step and direction signals as a waveform.
-        #[arg(long, value_name = "OUT")]
-        vcd: Option<PathBuf>,
-    },
-    /// Plans a file's speeds here, with all the look-ahead there is, for a board that only executes them.
-    Preprocess {
-        #[command(flatten)]
-        job: JobArguments,
-        /// The prepared job.
-        #[arg(short, value_name = "OUT.gpre")]
-        out: PathBuf,
-        /// Its encoding.
-        #[arg(long, value_enum, default_value_t = Format::Compact)]
-        format: Format,
-    },
-    /// What is in a prepared job.
-    Inspect {
-        /// A prepared job.
-        file: PathBuf,
-        /// Every move and command, not only where the frames begin.
-        #[arg(long)]
-        items: bool,
-        /// The frames at which the job can be entered, instead of where all begin.
-        #[arg(long, conflicts_with = "items")]
-        entries: bool,
-    },
-    /// Sends a prepared job to a board, which executes it as it comes.
-    #[cfg(unix)]
-    Send {
-        /// A prepared job, in the compact encoding.
-        file: PathBuf,
-        /// The board's serial port.
-        #[arg(long, value_name = "PATH", default_value = "/dev/ttyACM0")]
-        port: PathBuf,
-        /// The port's speed; over USB it does not matter.
-        #[arg(long, value_name = "BAUD", default_value_t = 115_200)]
-        baud: u32,
-        /// G-code to send line by line instead, where the board refuses the prepared job.
-        #[arg(long, value_name = "FILE")]
-        fallback: Option<PathBuf>,
-    },
-    /// Time and material of a file, without its steps.
-    Estimate {
-        #[command(flatten)]
-        job: JobArguments,
-    },
-    /// The tables and figures of the papers that the machine works by, made anew; all papers without a name.
-    Papers {
-        /// Which paper.
-        #[arg(value_enum)]
-        paper: Option<PaperName>,
-        /// Prints one JSON object.
-        #[arg(long)]
-        json: bool,
-        /// Draws the figures into a folder.
-        #[arg(long, value_name = "DIR")]
-        svg: Option<PathBuf>,
-        /// Instead, prints a file in every way to interpolate and to accelerate, and compares them.
-        #[arg(long, value_name = "FILE", conflicts_with_all = ["paper", "svg"])]
-        compare: Option<PathBuf>,
-        /// The machine to compare on: cartesian, corexy, prusa-mini, or a TOML file.
-        #[arg(long, value_name = "NAME|PATH", default_value = "cartesian", requires = "compare")]
-        profile: String,
-    },
-}
-
-/// The encodings of a prepared job.
-#[derive(Clone, Copy, clap::ValueEnum)]
-enum Format {
-    /// About five bytes a move.
-    Compact,
-    /// The paper's packets of 84 bytes.
-    Wide,
-}
-
-/// The papers by their short names.
-#[derive(Clone, Copy, clap::ValueEnum)]
-enum PaperName {
-    /// Step Bresenham and velocity-adaptive extrusion (2024).
-    Wu,
-    /// Planning on the computer, look-ahead (2019).
-    Yu,
-    /// CoreXY plane control.
-    Corexy,
-    /// S-curve acceleration (2017).
-    Li,
-}
-
-impl From<PaperName> for Paper {
-    fn from(name: PaperName) -> Self {
-        match name {
-            PaperName::Wu => Self::Wu,
-            PaperName::Yu => Self::Yu,
-            PaperName::Corexy => Self::CoreXy,
-            PaperName::Li => Self::Li,
-        }
-    }
-}
-
-#[derive(clap::Args)]
-struct JobArguments {
-    /// G-code (or, to print, a prepared job), plain or gzip.
-    file: PathBuf,
-    /// The machine: cartesian, corexy, prusa-mini, or a TOML file.
-    #[arg(long, value_name = "NAME|PATH", default_value = "cartesian")]
-    profile: String,
-    /// Prints the result as one JSON object.
-    #[arg(long)]
-    json: bool,
-}
 
 fn main() -> ExitCode {
     let outcome = match Arguments::parse().command {
@@ -188,7 +56,7 @@ fn main() -> ExitCode {
     };
     // What could not start says why and exits like wrong arguments do.
     outcome.unwrap_or_else(|reason| {
-        eprintln!("error: {reason}");
+        tell(format_args!("error: {reason}"));
         ExitCode::from(2)
     })
 }
@@ -199,17 +67,13 @@ fn papers(paper: Option<Paper>, json: bool, folder: Option<&Path>) -> Result<Exi
     if let Some(folder) = folder {
         for chapter in &chapters {
             for path in chapter.draw(folder).map_err(|error| error.to_string())? {
-                eprintln!("{}", path.display());
+                tell(terminal::name(&path));
             }
         }
     }
-    let out = if json {
-        serde_json::to_string(&serde_json::json!({ "papers": chapters })).map_err(|error| error.to_string())? + "\n"
-    } else {
+    Ok(result(json.then(|| serde_json::json!({ "papers": chapters })), || {
         chapters.iter().map(Chapter::text).collect::<Vec<_>>().join("\n")
-    };
-    write!(std::io::stdout(), "{out}").map_err(|error| format!("standard output: {error}"))?;
-    Ok(ExitCode::SUCCESS)
+    }))
 }
 
 fn compare(file: &Path, profile: &str, json: bool) -> Result<ExitCode, String> {
@@ -221,27 +85,54 @@ fn compare(file: &Path, profile: &str, json: bool) -> Result<ExitCode, String> {
         bar.inc(1);
     });
     bar.finish_and_clear();
-    let table = table.map_err(|error| format!("{}: {error}", file.display()))?;
-    let out = if json {
-        serde_json::to_string(&serde_json::json!({ "choices": table })).map_err(|error| error.to_string())? + "\n"
-    } else {
-        table.text()
+    let table = table.map_err(|error| format!("{}: {error}", terminal::name(file)))?;
+    Ok(result(json.then(|| serde_json::json!({ "choices": table })), || table.text()))
+}
+
+/// Writes the result, as JSON where it is there; success, or 1 where it cannot be written.
+fn result(json: Option<impl serde::Serialize>, text: impl FnOnce() -> String) -> ExitCode {
+    let written = match json {
+        Some(json) => terminal::write_json(&json),
+        None => terminal::write_result(&text()),
     };
-    write!(std::io::stdout(), "{out}").map_err(|error| format!("standard output: {error}"))?;
-    Ok(ExitCode::SUCCESS)
+    exit_code(written)
+}
+
+/// Says what could not be written.
+fn exit_code(written: Result<(), impl std::fmt::Display>) -> ExitCode {
+    match written {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            tell(format_args!("error: {error}"));
+            ExitCode::from(1)
+        }
+    }
 }
 
 /// The machine and the open file of a job.
 fn open(job: &JobArguments) -> Result<(Profile, Input), String> {
     let profile = ferrostep_profiles::load(&job.profile).map_err(|error| error.to_string())?;
-    let input = Input::open(&job.file).map_err(|error| format!("{}: {error}", job.file.display()))?;
+    let input = Input::open(&job.file).map_err(|error| format!("{}: {error}", terminal::name(&job.file)))?;
     Ok((profile, input))
+}
+
+/// What a job is read from.
+fn inputs(job: &JobArguments) -> Vec<Protected<'_>> {
+    let profile = Path::new(&job.profile);
+    let mut inputs = vec![Protected { path: &job.file, what: "the job to be read" }];
+    if ferrostep_profiles::builtin_text(&job.profile).is_none() {
+        inputs.push(Protected { path: profile, what: "the profile" });
+    }
+    inputs
 }
 
 fn estimate(job: &JobArguments) -> Result<ExitCode, String> {
     let (profile, input) = open(job)?;
     if input.is_prepared() {
-        return Err(format!("{}: it is a prepared job, expected G-code (inspect tells its time)", job.file.display()));
+        return Err(format!(
+            "{}: it is a prepared job, expected G-code (inspect tells its time)",
+            terminal::name(&job.file)
+        ));
     }
     run(job, input, profile, Mode::Estimate, (LOOK_AHEAD_BLOCKS, 0), ()).map(|(code, ())| code)
 }
@@ -256,16 +147,21 @@ fn print(
     let (profile, input) = open(job)?;
     let named = job.file.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("gpre"));
     match (named, input.is_prepared()) {
-        (true, false) => {
-            eprintln!("note: {}: named a prepared job, but it is G-code: printed as that", job.file.display())
-        }
-        (false, true) => {
-            eprintln!("note: {}: named G-code, but it is a prepared job: printed as that", job.file.display())
-        }
+        (true, false) => tell(format_args!(
+            "note: {}: named a prepared job, but it is G-code: printed as that",
+            terminal::name(&job.file)
+        )),
+        (false, true) => tell(format_args!(
+            "note: {}: named G-code, but it is a prepared job: printed as that",
+            terminal::name(&job.file)
+        )),
         _ => {}
     }
     if from_frame.is_some() && !input.is_prepared() {
-        return Err(format!("{}: it is G-code, expected a prepared job to enter at a frame", job.file.display()));
+        return Err(format!(
+            "{}: it is G-code, expected a prepared job to enter at a frame",
+            terminal::name(&job.file)
+        ));
     }
     let from = from_frame.unwrap_or(0);
     let usual = if input.is_prepared() { gpre::LOOK_AHEAD_BLOCKS } else { LOOK_AHEAD_BLOCKS };
@@ -274,25 +170,28 @@ fn print(
         return run(job, input, profile, Mode::Print, (look_ahead, from), ()).map(|(code, ())| code);
     }
     let mut recorder = Recorder::default();
-    if let Some(path) = trace {
-        recorder.trace = Some(TraceWriter::create(writable(path, job)?, &profile).map_err(|e| unwritable(path, e))?);
+    let mut protected = inputs(job);
+    // The one keeps its name for itself before the other is begun.
+    let trace = trace.map(|path| Output::create(path, Accepted::FileOrStream, &protected)).transpose();
+    let trace = trace.map_err(|error| error.to_string())?;
+    if let Some(trace) = &trace {
+        protected.push(Protected { path: trace.target(), what: "the trace" });
     }
-    if let Some(path) = vcd {
-        recorder.vcd = Some(VcdWriter::create(writable(path, job)?, &profile).map_err(|e| unwritable(path, e))?);
-    }
-    let (code, mut recorder) = run(job, input, profile, Mode::Print, (look_ahead, from), recorder)?;
+    let vcd = vcd.map(|path| Output::create(path, Accepted::FileOrStream, &protected)).transpose();
+    let vcd = vcd.map_err(|error| error.to_string())?;
+    recorder.trace = trace.map(|out| TraceWriter::new(out, &profile)).transpose().map_err(|error| error.to_string())?;
+    recorder.vcd = vcd.map(|out| VcdWriter::new(out, &profile)).transpose().map_err(|error| error.to_string())?;
+    let (code, recorder) = run(job, input, profile, Mode::Print, (look_ahead, from), recorder)?;
+    // Where the job stopped, what the motors did up to there is the whole of it.
     match recorder.finish() {
         Ok(()) => Ok(code),
-        Err(error) => {
-            eprintln!("error: the trace is incomplete: {error}");
-            Ok(ExitCode::from(1))
-        }
+        outcome => Ok(exit_code(outcome)),
     }
 }
 
 fn preprocess(job: &JobArguments, out: &Path, format: Format) -> Result<ExitCode, String> {
     let (profile, mut input) = open(job)?;
-    let name = job.file.display();
+    let name = terminal::name(&job.file);
     if input.is_prepared() {
         return Err(format!("{name}: it is a prepared job already, expected G-code"));
     }
@@ -300,84 +199,67 @@ fn preprocess(job: &JobArguments, out: &Path, format: Format) -> Result<ExitCode
         Format::Compact => Encoding::Compact,
         Format::Wide => Encoding::Wide,
     };
-    // What is not complete has another name: no board shall find half a job.
-    let mut part = writable(out, job)?.as_os_str().to_owned();
-    part.push(".part");
-    let part = PathBuf::from(part);
-    let file = File::create(&part).map_err(|error| unwritable(&part, error))?;
+    // Its header is written last, at its beginning: no pipe can take it.
+    let part = Output::create(out, Accepted::File, &inputs(job)).map_err(|error| error.to_string())?;
+    let mut part = BufWriter::new(part);
     let progress = Progress::new(input.size_bytes());
-    let shown = Cell::new(0);
-    let replies = JobReplies::new(|text: &str| {
-        shown.set(shown.get() + 1);
-        match shown.get() {
-            ..=MOST_NOTICES => progress.say(text),
-            count if count == MOST_NOTICES + 1 => progress.say("(further messages of the machine are not shown)"),
-            _ => {}
-        }
-    });
+    let replies = replies(&progress);
     let started = Instant::now();
     let counter = input.counter();
-    let picture = Input::open(&job.file).ok().and_then(gpre::find_thumbnail);
-    let target = gpre::Target { out: BufWriter::new(file), encoding };
+    let picture = gpre::take_thumbnail(&mut input).map_err(|error| format!("{name}: cannot be read: {error}"))?;
+    let target = gpre::Target { out: &mut part, encoding };
     let prepared = gpre::prepare(&mut input, picture, profile, replies, target, |done, figures| {
         progress.show(counter.get(), done, figures, started.elapsed());
     });
     progress.end();
     let prepared = match prepared {
         Ok(prepared) => prepared,
-        Err(error) => {
-            // It may be that there is nothing to be removed.
-            let _ = std::fs::remove_file(&part);
-            return match error {
-                PrepareError::Acceleration(_) => Err(error.to_string()),
-                PrepareError::Write(error) => Err(unwritable(out, error)),
-                PrepareError::Job(_) | PrepareError::Command(..) => {
-                    eprintln!("error: {name}: {error}");
-                    Ok(ExitCode::from(1))
-                }
-            };
+        Err(PrepareError::Write(error)) => return Err(OutputError::new(out, error).to_string()),
+        Err(error @ PrepareError::Acceleration(_)) => return Err(error.to_string()),
+        Err(error @ (PrepareError::Job(_) | PrepareError::Command(..))) => {
+            tell(format_args!("error: {name}: {error}"));
+            return Ok(ExitCode::from(1));
         }
     };
-    std::fs::rename(&part, out).map_err(|error| unwritable(out, error))?;
+    let part = part.into_inner().map_err(|error| OutputError::new(out, error.into_error()).to_string())?;
+    part.keep().map_err(|error| error.to_string())?;
     let wall_s = started.elapsed().as_secs_f64();
     let summary = PreparedSummary::new(&job.file, out, profile.name, &prepared, wall_s);
-    let text = if job.json {
-        serde_json::to_string_pretty(&summary).map_err(|error| error.to_string())?
-    } else {
-        summary.to_string()
-    };
-    let _ = writeln!(std::io::stdout(), "{text}");
-    Ok(ExitCode::SUCCESS)
+    Ok(result(job.json.then_some(&summary), || format!("{summary}\n")))
 }
 
 fn inspect(file: &Path, shown: Shown) -> Result<ExitCode, String> {
-    let name = file.display();
+    let name = terminal::name(file);
     let input = Input::open(file).map_err(|error| format!("{name}: {error}"))?;
     if !input.is_prepared() {
         return Err(format!("{name}: it is G-code, expected a prepared job"));
     }
     let mut out = BufWriter::new(std::io::stdout().lock());
-    match gpre::inspect(input, shown, &mut out) {
-        // Who closes the pipe early (`| head`) has read enough.
-        Ok(()) | Err(InspectError::Write(_)) => Ok(ExitCode::SUCCESS),
+    let outcome = gpre::inspect(input, shown, &mut out);
+    let code = match outcome {
+        Ok(()) => exit_code(terminal::result_written(out.flush())),
+        Err(InspectError::Write(error)) => exit_code(terminal::result_written(Err(error))),
         Err(InspectError::Job(error)) => {
             let _ = out.flush();
-            eprintln!("error: {name}: {error}");
-            Ok(ExitCode::from(1))
+            exit_code(Err(format!("{name}: {error}")))
         }
-    }
+    };
+    Ok(code)
 }
 
-fn unwritable(path: &Path, error: impl std::fmt::Display) -> String {
-    format!("{}: cannot be written: {error}", path.display())
-}
-
-/// A path that may be written: anything but the job itself.
-fn writable<'a>(path: &'a Path, job: &JobArguments) -> Result<&'a Path, String> {
-    match (path.canonicalize(), job.file.canonicalize()) {
-        (Ok(out), Ok(input)) if out == input => Err(unwritable(path, "it is the file to print, expected another name")),
-        _ => Ok(path),
-    }
+/// What the machine says to a person, as far as a person wants to read it.
+fn replies(progress: &Progress) -> JobReplies<impl Fn(&str)> {
+    let shown = Cell::new(0);
+    JobReplies::new(move |text: &str| {
+        shown.set(shown.get() + 1);
+        match shown.get() {
+            // Why a machine stands still must not drown.
+            _ if text.starts_with("Error:") => progress.say(text),
+            ..=MOST_NOTICES => progress.say(text),
+            count if count == MOST_NOTICES + 1 => progress.say("(further messages of the machine are not shown)"),
+            _ => {}
+        }
+    })
 }
 
 /// Runs the job, a prepared one from a frame on, and prints its summary; the observer comes back to be finished.
@@ -389,19 +271,8 @@ fn run<O: Observer>(
     (look_ahead, from): (usize, u32),
     observer: O,
 ) -> Result<(ExitCode, O), String> {
-    let name = job.file.display().to_string();
     let progress = Progress::new(input.size_bytes());
-    let shown = Cell::new(0);
-    let replies = JobReplies::new(|text: &str| {
-        shown.set(shown.get() + 1);
-        match shown.get() {
-            // Why a machine stands still must not drown.
-            _ if text.starts_with("Error:") => progress.say(text),
-            ..=MOST_NOTICES => progress.say(text),
-            count if count == MOST_NOTICES + 1 => progress.say("(further messages of the machine are not shown)"),
-            _ => {}
-        }
-    });
+    let replies = replies(&progress);
     let started = Instant::now();
     let session = Session::new(profile, mode, look_ahead, observer, replies);
     let mut printer = session.printer();
@@ -421,7 +292,7 @@ fn run<O: Observer>(
     let figures = session.desk().borrow().figures();
     let tally = printer.tally();
     let summary = Summary {
-        file: name.clone(),
+        file: job.file.to_string_lossy().into_owned(),
         profile: profile.name.to_owned(),
         lines: done.lines,
         moves: tally.moves,
@@ -437,19 +308,10 @@ fn run<O: Observer>(
         layers: done.layers,
         stopped: outcome.as_ref().err().map(Stop::from),
     };
-    let text = if job.json {
-        serde_json::to_string_pretty(&summary).map_err(|error| error.to_string())?
-    } else {
-        summary.to_string()
-    };
-    // Who closes the pipe early (`| head`) has read enough.
-    let _ = writeln!(std::io::stdout(), "{text}");
+    let code = result(job.json.then_some(&summary), || format!("{summary}\n"));
     let code = match outcome {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("error: {name}: {error}");
-            ExitCode::from(1)
-        }
+        Ok(()) => code,
+        Err(error) => exit_code(Err(format!("{}: {error}", terminal::name(&job.file)))),
     };
     Ok((code, session.into_observer()))
 }

@@ -5,6 +5,7 @@ use std::time::Duration;
 use ferrostep::desk::Figures;
 use ferrostep::job::JobProgress;
 use ferrostep::report::hms;
+use ferrostep::terminal::tell;
 use indicatif::{ProgressBar, ProgressStyle};
 
 /// Shows how far a job is. Where standard error is no terminal only messages appear.
@@ -40,7 +41,7 @@ impl Progress {
 
     /// A message, above the bar.
     pub fn say(&self, text: &str) {
-        self.bar.suspend(|| eprintln!("{text}"));
+        self.bar.suspend(|| tell(text));
     }
 
     /// Removes the bar.

@@ -6,8 +6,11 @@ mod vcd;
 pub use trace::TraceWriter;
 pub use vcd::VcdWriter;
 
+use std::io::BufWriter;
+
 use ferrostep_hal_shim::virtual_board::StepObserver;
-use std::io;
+
+use crate::output::{Output, OutputError};
 
 /// Sees all that the motors do.
 pub trait Observer: StepObserver {
@@ -25,6 +28,17 @@ impl Observer for () {
     fn move_ended(&mut self, _tick: u64, _line: u32) {}
 }
 
+/// Writes what is still held back to an output, which then is whole.
+fn keep(out: BufWriter<Output>) -> Result<(), OutputError> {
+    match out.into_inner() {
+        Ok(out) => out.keep(),
+        Err(error) => {
+            let (error, out) = error.into_parts();
+            Err(out.get_ref().failed(error))
+        }
+    }
+}
+
 /// A trace, a waveform, or both.
 #[derive(Default)]
 pub struct Recorder {
@@ -35,15 +49,14 @@ pub struct Recorder {
 }
 
 impl Recorder {
-    /// Writes what is still held back; the first error of the whole recording, if there was one.
-    pub fn finish(&mut self) -> io::Result<()> {
-        if let Some(trace) = &mut self.trace {
-            trace.finish()?;
-        }
-        if let Some(vcd) = &mut self.vcd {
-            vcd.finish()?;
-        }
-        Ok(())
+    /// Writes what is still held back; what is whole gets its name.
+    ///
+    /// # Errors
+    /// Something could not be written, and is not there.
+    pub fn finish(self) -> Result<(), OutputError> {
+        let trace = self.trace.map_or(Ok(()), TraceWriter::finish);
+        let vcd = self.vcd.map_or(Ok(()), VcdWriter::finish);
+        trace.and(vcd)
     }
 }
 

@@ -6,6 +6,7 @@ use serde::Serialize;
 
 use crate::desk::Figures;
 use crate::job::JobError;
+use crate::terminal::one_line;
 
 /// A value for each motor, or each coordinate.
 #[derive(Clone, Copy, Debug, Serialize)]
@@ -134,7 +135,7 @@ pub fn hms(seconds: f64) -> String {
 impl fmt::Display for Summary {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         let ended = if self.stopped.is_some() { "stopped" } else { "done" };
-        writeln!(out, "{} on {}: {ended}", self.file, self.profile)?;
+        writeln!(out, "{} on {}: {ended}", one_line(&self.file), self.profile)?;
         writeln!(out, "  print time   {} ({} of it in motion)", hms(self.print_time_s), hms(self.motion_time_s))?;
         writeln!(out, "  filament     {:.3} m", self.filament_mm / 1000.0)?;
         let layers = if self.layers > 0 { format!(", {} layers", self.layers) } else { String::new() };
@@ -155,7 +156,7 @@ impl fmt::Display for Summary {
             writeln!(out, "  soft limits  changed {} moves", self.clamped_moves)?;
         }
         if !self.unknown_commands.is_empty() {
-            writeln!(out, "  unknown      {}", self.unknown_commands.join(", "))?;
+            writeln!(out, "  unknown      {}", one_line(&self.unknown_commands.join(", ")))?;
         }
         write!(out, "  real time    {:.2} s, {:.0} times faster than the printer", self.wall_s, self.realtime_factor)
     }

@@ -7,12 +7,13 @@ use std::process::ExitCode;
 use ferrostep::input::Input;
 use ferrostep::send::{self, Patience, SendError};
 use ferrostep::serial_line::SerialLine;
+use ferrostep::terminal::{self, tell};
 use ferrostep_gpre::transfer::{Sender, Word, without_thumbnail};
 use indicatif::{ProgressBar, ProgressStyle};
 
 /// Sends a job; where the board refuses it, and there is one, the G-code instead.
 pub fn run(file: &Path, port: &Path, baud: u32, fallback: Option<&Path>) -> Result<ExitCode, String> {
-    let name = file.display();
+    let name = terminal::name(file);
     let mut input = Input::open(file).map_err(|error| format!("{name}: {error}"))?;
     if !input.is_prepared() {
         return Err(format!("{name}: it is G-code, expected a prepared job (`ferrostep preprocess` makes one)"));
@@ -25,7 +26,7 @@ pub fn run(file: &Path, port: &Path, baud: u32, fallback: Option<&Path>) -> Resu
         Some(path) => Some(open_gcode(path)?),
         None => None,
     };
-    let mut line = SerialLine::open(port, baud).map_err(|error| format!("{}: {error}", port.display()))?;
+    let mut line = SerialLine::open(port, baud).map_err(|error| format!("{}: {error}", terminal::name(port)))?;
     let mut sender = Sender::new(job);
     let bar = ProgressBar::new(sender.size() as u64);
     if let Ok(style) = ProgressStyle::with_template("{bar:30} {percent:>3} %  {bytes} of {total_bytes}  {msg}") {
@@ -34,7 +35,7 @@ pub fn run(file: &Path, port: &Path, baud: u32, fallback: Option<&Path>) -> Resu
     let say = |text: &str| {
         // An `ok` says nothing to a person.
         if text != "ok" && !text.is_empty() {
-            bar.suspend(|| eprintln!("{text}"));
+            bar.suspend(|| tell(text));
         }
     };
     let show = |sender: &Sender| {
@@ -49,15 +50,15 @@ pub fn run(file: &Path, port: &Path, baud: u32, fallback: Option<&Path>) -> Resu
         Ok(end) => end,
         Err(error) => return Ok(failed(&error)),
     };
-    eprintln!("{}", send::describe(&end));
+    tell(send::describe(&end));
     if end.word == Word::Refused
         && let Some(gcode) = fallback
     {
-        eprintln!("the G-code is sent instead");
+        tell("the G-code is sent instead");
         let mut lines = BufReader::new(gcode).split(b'\n');
         return match send::send_lines(&mut line, || lines.next(), Patience::DEFAULT, say) {
             Ok(count) => {
-                eprintln!("{count} lines sent");
+                tell(format_args!("{count} lines sent"));
                 Ok(ExitCode::SUCCESS)
             }
             Err(error) => Ok(failed(&error)),
@@ -68,7 +69,7 @@ pub fn run(file: &Path, port: &Path, baud: u32, fallback: Option<&Path>) -> Resu
 
 /// Opens G-code, plain or packed.
 fn open_gcode(path: &Path) -> Result<Input, String> {
-    let name = path.display();
+    let name = terminal::name(path);
     let input = Input::open(path).map_err(|error| format!("{name}: {error}"))?;
     if input.is_prepared() {
         return Err(format!("{name}: it is a prepared job, expected G-code"));
@@ -78,6 +79,6 @@ fn open_gcode(path: &Path) -> Result<Input, String> {
 
 /// Says why a job that had been begun was not sent to its end.
 fn failed(error: &SendError) -> ExitCode {
-    eprintln!("error: {error}");
+    tell(format_args!("error: {error}"));
     ExitCode::from(1)
 }

@@ -36,7 +36,7 @@ impl<O: Observer, R: Replies> Session<O, R> {
         Self {
             clock: VirtualClock::default(),
             desk: RefCell::new(Desk::new(&profile, mode, look_ahead, observer)),
-            drivers: DeskDrivers::new(&profile.drivers),
+            drivers: DeskDrivers::new(&profile.drivers, mode),
             signals: Signals::new(),
             replies,
             profile,

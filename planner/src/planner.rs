@@ -101,11 +101,13 @@ struct Previous {
     path: Path,
     /// None where there is no move before, or it has no path.
     pull: Pull,
+    /// The line of which more moves come: those of an arc.
+    unended_line: Option<u32>,
 }
 
 impl Previous {
     /// No move before.
-    const NONE: Self = Self { path: Path::NONE, pull: Pull::ZERO };
+    const NONE: Self = Self { path: Path::NONE, pull: Pull::ZERO, unended_line: None };
 }
 
 /// Where a move takes the motors.
@@ -332,6 +334,19 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
 
     /// Takes a move.
     pub fn add(&mut self, request: &Move) -> Result<Moved, MoveError> {
+        self.add_making_room(request, |_| false)
+    }
+
+    /// As [`Self::add`], but where the move needs room it is made: `make_room` takes a block with [`Self::next_planned`] or
+    /// [`Self::next_recorded`], and returns whether there was one. So a move is planned once, not again after it was refused.
+    ///
+    /// # Errors
+    /// As [`Self::add`].
+    pub fn add_making_room(
+        &mut self,
+        request: &Move,
+        mut make_room: impl FnMut(&mut Self) -> bool,
+    ) -> Result<Moved, MoveError> {
         if self.look_ahead.is_prepared() && !self.end_prepared() {
             return Err(MoveError::NoRoom);
         }
@@ -339,10 +354,13 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         let planned = self.plan_apart(request, &next, request.filament_100pm);
         if !self.flushing && self.shares_blocks() && self.open.absorb(&planned) {
             self.merged_moves += 1;
-        } else if self.close() {
-            self.open.begin(&planned, self.extruder_256ths);
         } else {
-            return Err(MoveError::NoRoom);
+            while !self.close() {
+                if !make_room(self) {
+                    return Err(MoveError::NoRoom);
+                }
+            }
+            self.open.begin(&planned, self.extruder_256ths);
         }
         self.follow(&next, &planned);
         Ok(Moved::Queued)
@@ -387,7 +405,8 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
     /// The move has been taken.
     #[inline(always)]
     fn follow(&mut self, next: &Next, planned: &Planned) {
-        self.previous = Previous { path: planned.path, pull: planned.pull };
+        let unended_line = (!planned.block.ends_move).then_some(planned.block.line);
+        self.previous = Previous { path: planned.path, pull: planned.pull, unended_line };
         self.extruder.set(next.extruder);
         self.extruder_256ths = next.extruder_end;
         self.position_10nm = next.target_10nm;
@@ -448,17 +467,27 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         block.nominal = Speed::from_mm_per_s_f32(feed).max(Speed(1));
         let pull = if moves_filament_alone { Pull::ZERO } else { Pull::of_mm_per_s2(acceleration) };
         let has_corner = pull.is_some() && self.previous.pull.is_some();
-        let junction = if has_corner { self.junction(&path, pull) } else { Speed::ZERO };
+        let junction = if has_corner { self.junction(&path, pull, request.line) } else { Speed::ZERO };
         Planned { block, events: self.method.events(steps), junction, path, pull }
     }
 
     /// Bound of the speed in the corner before a path; a stop is next to a move without one.
     #[inline(never)]
-    fn junction(&self, path: &Path, pull: Pull) -> Speed {
+    fn junction(&self, path: &Path, pull: Pull, line: u32) -> Speed {
         let before = &self.previous;
         let radius = radius_10nm(&before.path, path, self.path_limits.four_deviations_10nm);
-        let jumps = speed_of_jumps(&before.path, path, self.path_limits.per_corner_velocity);
-        pull.weaker(before.pull).speed_along(radius).min(jumps)
+        self.held_in_corner(pull.weaker(before.pull).speed_along(radius), path, line)
+    }
+
+    /// What the axes' instantaneous corner velocities leave of a speed. Between the chords of an arc they ask for nothing:
+    /// what is commanded has no corner there.
+    #[inline(always)]
+    fn held_in_corner(&self, speed: Speed, path: &Path, line: u32) -> Speed {
+        let before = &self.previous;
+        if before.unended_line == Some(line) {
+            return speed;
+        }
+        speed.min(speed_of_jumps(&before.path, path, self.path_limits.per_corner_velocity))
     }
 
     /// The open block enters the ring, within the budget; `false` without room. A flush that waited for it follows.
@@ -512,7 +541,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         }
     }
 
-    /// Does a little work; hands at most [`crate::interpolator::MAX_ENTRIES`] entries and one notice to `sink`.
+    /// Does a little work; hands at most [`crate::interpolator::MAX_ENTRIES`] entries and two notices to `sink`.
     #[inline]
     pub fn advance(&mut self, sink: &mut impl StepSink) -> Progress {
         if self.interpolator.is_busy() {

@@ -103,7 +103,14 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         if let Some(value) = deviation {
             limits.junction_deviation_mm = in_range('J', value.to_f64() * unit_mm, 0.000_01, 10.0)?;
         }
+        // An axis without such a limit keeps to the junction deviation alone, as in Marlin where that is compiled in.
+        let of_profile = limits.instantaneous_corner_velocity_mm_per_s;
         set_axes(&mut limits.instantaneous_corner_velocity_mm_per_s, corner_velocity, unit_mm)?;
+        for (limit, of_profile) in limits.instantaneous_corner_velocity_mm_per_s.iter_mut().zip(of_profile) {
+            if !of_profile.is_finite() {
+                *limit = of_profile;
+            }
+        }
         self.motion.set_limits(limits);
         Ok(())
     }

@@ -181,15 +181,15 @@ fn limits(file: &ProfileFile, check: &Checker<'_>) -> Result<Limits, ProfileErro
     })
 }
 
-/// What a corner may change of an axis's speed; Marlin's default "jerk" for Z and the extruder where nothing is said, and
-/// nothing beyond the junction deviation for X and Y.
+/// By how much a corner may change an axis's speed. Where the file says nothing, 10 mm/s for the extruder, as the makers of
+/// printers with such a limit have it, half of that for Z, and no limit but the arc's for X and Y.
 fn corner_velocities(file: &ProfileFile, check: &Checker<'_>) -> Result<[f64; 4], ProfileError> {
     let CornerVelocityTable { x, y, z, e } = &file.instantaneous_corner_velocity_mm_per_s;
     let of = |axis: &str, value: &Option<Number>, absent| match value {
         Some(value) => check.number(&format!("instantaneous_corner_velocity_mm_per_s.{axis}"), value, CORNER_VELOCITY),
         None => Ok(absent),
     };
-    Ok([of("x", x, f64::INFINITY)?, of("y", y, f64::INFINITY)?, of("z", z, 0.3)?, of("e", e, 5.0)?])
+    Ok([of("x", x, f64::INFINITY)?, of("y", y, f64::INFINITY)?, of("z", z, 5.0)?, of("e", e, 10.0)?])
 }
 
 /// The methods that make the steps.

@@ -14,6 +14,7 @@ pub mod board_model;
 pub mod code;
 pub mod feed_chart;
 pub mod hand_made;
+pub mod hostile;
 pub mod live_machine;
 pub mod qemu;
 pub mod reference;
@@ -21,6 +22,7 @@ pub mod stack;
 pub mod stress_file;
 pub mod trace;
 pub mod trace_check;
+pub mod trace_ends;
 
 use std::io::{self, Read};
 

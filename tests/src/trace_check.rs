@@ -2,12 +2,13 @@
 //!
 //! Four things are checked: the digests are computed again; at each end of a move every motor must stand exactly where
 //! the definitions put it; within a block no motor may leave the time law of the reference plan by more than a step;
-//! and events keep their distance and axes their limits.
+//! and events keep their distance and axes their limits, in corners too.
 //!
 //! A block is what lies between two ends of moves. Where that is not one straight move (an arc, a firmware retraction)
 //! its law is not checked, its end position is.
 
 mod axis_limits;
+mod corners;
 mod digest;
 mod extrusion;
 mod law;
@@ -18,6 +19,7 @@ mod synthetic;
 #[cfg(test)]
 mod tests;
 
+pub use corners::Jumps;
 pub use digest::Fnv1a64;
 pub use extrusion::{Distances, Extrusion, Slave};
 pub use report::{Deviation, DurationDifference, Finding, MOTOR_NAMES, TraceReport};
@@ -27,6 +29,7 @@ use crate::reference::{
 };
 use crate::trace::{Record, StepEvent, TraceError, TraceHeader, TraceReader};
 use axis_limits::{AxisLimits, Excess};
+use corners::{Corners, Traced};
 use law::{MotorEvent, TracedBlock, keep_larger};
 use path_error::PlaneScale;
 use std::fmt;
@@ -122,6 +125,7 @@ pub fn check_trace<R: Read>(
         tick_hz: tick_hz as f64,
         event_interval_ticks,
         axis_limits: AxisLimits::new(profile, tick_hz, event_interval_ticks),
+        corners: Corners::new(profile, tick_hz),
         limits_in_force: None,
         order_digest: Fnv1a64::default(),
         step_digest: Fnv1a64::default(),
@@ -132,7 +136,11 @@ pub fn check_trace<R: Read>(
         homed: false,
         next_move: 0,
         last_step_tick: None,
-        report: TraceReport { planned_motion_time_s: plan.motion_time_s, ..TraceReport::default() },
+        report: TraceReport {
+            planned_motion_time_s: plan.motion_time_s,
+            jumps: corners::planned(&job, &plan),
+            ..TraceReport::default()
+        },
     };
     checker.choose_limits();
     for record in reader {
@@ -180,6 +188,7 @@ struct Checker<'a> {
     tick_hz: f64,
     event_interval_ticks: f64,
     axis_limits: AxisLimits,
+    corners: Corners,
     /// The loosest of those that apply up to the next end of a move.
     limits_in_force: Option<Limits>,
     order_digest: Fnv1a64,
@@ -306,12 +315,34 @@ impl Checker<'_> {
         }
         self.check_position(last);
         if count == 0 && last.kind == MoveKind::Line {
+            self.check_corner(first, last, tick);
             self.check_block(first, last, tick);
+        } else {
+            self.corners.forget();
         }
         self.next_move = first + count + 1;
         self.homed = false;
         self.choose_limits();
         self.begin_block(tick);
+    }
+
+    fn check_corner(&mut self, index: usize, one: &Move, end_tick: u64) {
+        let (Some(planned), Some(limits)) = (self.plan.moves.get(index), self.job.limits.get(one.limits)) else {
+            return;
+        };
+        if one.stop_before {
+            self.corners.forget();
+        }
+        let traced = Traced {
+            one,
+            acceleration_mm_per_s2: planned.law.acceleration_mm_per_s2,
+            ticks: [self.block_start_tick.min(end_tick), end_tick],
+            events: &self.events,
+            limits_mm_per_s: limits.corner_velocity_mm_per_s,
+        };
+        for too_large in self.corners.pass(&traced) {
+            self.find(Finding::JumpsTooFar { line: one.line, jump: too_large });
+        }
     }
 
     fn check_position(&mut self, one: &Move) {

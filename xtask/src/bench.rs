@@ -3,6 +3,7 @@
 mod baseline;
 mod chart;
 mod cycle_model;
+mod desk;
 mod emulation;
 mod host;
 mod lines;
@@ -47,7 +48,7 @@ pub fn run(run: &mut Run, options: Options) -> Result<(), Failure> {
         print_table(&figures);
     }
     if options.save_baseline {
-        run.step("baseline and page", || baseline::write(&figures).and_then(|()| page::write(&figures)))?;
+        run.step("baseline and page", || baseline::write(&figures).and_then(|figures| page::write(&figures)))?;
     }
     if options.check {
         compare(run, &figures)?;
@@ -75,12 +76,17 @@ fn count(run: &mut Run, firmware: &Path) -> Result<Value, Failure> {
     let target = counts.get_mut("target").ok_or("the bench counted nothing of the target")?;
     lines::join(target, &mut workload)?;
     let sizes = firmware::sizes(firmware)?;
-    Ok(json!({
+    let desk = run.step("instructions of estimates", desk::count)?;
+    let mut figures = json!({
         "target": per_event::target(&counts, &workload)?,
         "workload": per_event::workload(&counts, workload)?,
         "image": {"text": sizes.text, "data": sizes.data, "bss": sizes.bss},
         "compiler": core_library::find()?.compiler_version()?,
-    }))
+    });
+    if let Some(desk) = desk {
+        insert(&mut figures, baseline::DESK, desk);
+    }
+    Ok(figures)
 }
 
 fn insert(figures: &mut Value, key: &str, value: Value) {

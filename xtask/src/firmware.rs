@@ -8,7 +8,7 @@ use ferrostep_planner::{AccelerationProfile, Interpolation, MotionChoice};
 
 use crate::core_library::{self, CoreLibrary};
 use crate::image;
-use crate::size::Sizes;
+use crate::size::{Budget, Sizes, Table};
 use crate::steps::{Failure, Run};
 use crate::system::{self, cargo};
 
@@ -104,9 +104,10 @@ pub fn build_image(run: &mut Run, target: &Target) -> Result<PathBuf, Failure> {
     run.step("files and sizes", || {
         let image = image::export(&elf, &target.board)?;
         let sizes = sizes(&image)?;
-        println!("{}\n{sizes}", image.display());
+        let budget = Budget::of(&target.board);
+        println!("{}\n{}", image.display(), Table(sizes, budget));
         eprintln!("    by a debug probe: probe-rs download --chip {} {}", target.probe_name(), image.display());
-        sizes.check().map(|()| image)
+        sizes.check(budget).map(|()| image)
     })
 }
 

@@ -2,20 +2,36 @@
 
 use std::fmt;
 
+use ferrostep_boards::Board;
 use object::elf::{SHF_ALLOC, SHF_WRITE};
 use object::{Object, ObjectSection, SectionFlags, SectionKind};
 
-/// Flash that an image may take, bytes: a quarter of a large chip, and with a boot loader well within a small one.
-const FLASH_BYTES: u64 = 256 * 1024;
-
-/// RAM that it may take with its stack, bytes. Core-coupled memory is not counted.
-const RAM_BYTES: u64 = 96 * 1024;
+/// What an image may take of a chip: a fifth stays free.
+const SHARE: (u64, u64) = (4, 5);
 
 /// The stack's part of that (`memory.x`), bytes.
 const STACK_BYTES: u64 = 24 * 1024;
 
 /// Where core-coupled memory is.
 const CCM: std::ops::Range<u64> = 0x1000_0000..0x1001_0000;
+
+/// What an image may take of its board, bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Budget {
+    /// Flash after the boot loader.
+    pub flash: u64,
+    /// RAM with the stack. Core-coupled memory is not counted.
+    pub ram: u64,
+}
+
+impl Budget {
+    /// That of a board.
+    pub fn of(board: &Board) -> Self {
+        let (part, whole) = SHARE;
+        let flash = u64::from(board.flash_kib) * 1024 - u64::from(board.boot_offset);
+        Self { flash: flash * part / whole, ram: u64::from(board.ram_kib) * 1024 * part / whole }
+    }
+}
 
 /// Sizes of an image in bytes, divided as the `size` command does.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -68,8 +84,8 @@ impl Sizes {
     ///
     /// # Errors
     /// It does not.
-    pub fn check(self) -> Result<(), String> {
-        for (what, bytes, most) in [("flash", self.flash(), FLASH_BYTES), ("RAM", self.ram(), RAM_BYTES)] {
+    pub fn check(self, budget: Budget) -> Result<(), String> {
+        for (what, bytes, most) in [("flash", self.flash(), budget.flash), ("RAM", self.ram(), budget.ram)] {
             if bytes > most {
                 return Err(format!("the image takes {bytes} bytes of {what}, expected at most {most}"));
             }
@@ -78,15 +94,20 @@ impl Sizes {
     }
 }
 
-impl fmt::Display for Sizes {
+/// The sizes of an image beside what it may take, as a table.
+#[derive(Clone, Copy, Debug)]
+pub struct Table(pub Sizes, pub Budget);
+
+impl fmt::Display for Table {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let percent = |part: u64, whole: u64| part as f64 * 100.0 / whole as f64;
-        let (flash, ram) = (self.flash(), self.ram());
+        let Self(sizes, budget) = self;
+        let kib = |bytes: u64| bytes / 1024;
+        let of = |bytes: u64, whole: u64| format!("{bytes} ({:.1} %)", bytes as f64 * 100.0 / whole as f64);
         let [text, data, bss, ccm] = ["text", "data", "bss", "CCM"];
-        writeln!(out, "{text:>9} {data:>9} {bss:>9} {ccm:>7} {:>20} {:>20}", "flash of 256 KiB", "RAM of 96 KiB")?;
-        write!(out, "{:>9} {:>9} {:>9} {:>7}", self.text, self.data, self.bss, self.ccm)?;
-        let flash = format!("{flash} ({:.1} %)", percent(flash, FLASH_BYTES));
-        write!(out, " {flash:>20} {:>20}", format!("{ram} ({:.1} %)", percent(ram, RAM_BYTES)))
+        let (flash, ram) = (format!("flash of {} KiB", kib(budget.flash)), format!("RAM of {} KiB", kib(budget.ram)));
+        writeln!(out, "{text:>9} {data:>9} {bss:>9} {ccm:>7} {flash:>20} {ram:>20}")?;
+        write!(out, "{:>9} {:>9} {:>9} {:>7}", sizes.text, sizes.data, sizes.bss, sizes.ccm)?;
+        write!(out, " {:>20} {:>20}", of(sizes.flash(), budget.flash), of(sizes.ram(), budget.ram))
     }
 }
 
@@ -144,17 +165,18 @@ mod tests {
 
     #[test]
     fn the_table_tells_both_memories() {
-        let text = Sizes { text: 131_072, data: 0, bss: 24_576, ccm: 64 }.to_string();
+        let sizes = Sizes { text: 131_072, data: 0, bss: 24_576, ccm: 64 };
+        let text = Table(sizes, Budget { flash: 262_144, ram: 98_304 }).to_string();
         assert!(text.ends_with("     64      131072 (50.0 %)       49152 (50.0 %)"), "{text}");
     }
 
     #[test]
     fn what_takes_too_much_is_refused() {
         let sizes = Sizes { text: 256 * 1024 - 8, data: 8, bss: 72 * 1024 - 8, ccm: 65_536 };
-        assert_eq!(sizes.check(), Ok(()));
-        assert!(
-            Sizes { text: sizes.text + 1, ..sizes }.check().unwrap_err().contains("of flash, expected at most 262144")
-        );
-        assert!(Sizes { bss: sizes.bss + 1, ..sizes }.check().unwrap_err().contains("of RAM, expected at most 98304"));
+        let budget = Budget { flash: 262_144, ram: 98_304 };
+        assert_eq!(sizes.check(budget), Ok(()));
+        let refused = |sizes: Sizes| sizes.check(budget).unwrap_err();
+        assert!(refused(Sizes { text: sizes.text + 1, ..sizes }).contains("of flash, expected at most 262144"));
+        assert!(refused(Sizes { bss: sizes.bss + 1, ..sizes }).contains("of RAM, expected at most 98304"));
     }
 }

@@ -9,6 +9,8 @@ use ferrostep_hal_shim::tmc2209::{
 use ferrostep_hal_shim::virtual_board::{StallSignal, VIRTUAL_WIRING, VirtualDriverLines};
 use ferrostep_printer::MotorDrivers;
 
+use super::Mode;
+
 /// Ticks of the drivers' clock, and the speed of their line: a hardware one, as on the Prusa MINI's board.
 const TICKS_PER_SECOND: u32 = 1_000_000;
 const BAUD: u32 = 115_200;
@@ -23,6 +25,16 @@ struct Drivers {
     events: VecDeque<DriverEvent>,
     now_tick: u64,
     next_tick: u64,
+    /// Whether drivers in service are looked at.
+    watched: bool,
+    polls: u64,
+}
+
+impl Drivers {
+    /// Whether each is set up as it should be.
+    fn are_in_service(&self) -> bool {
+        (0..MOTORS).all(|motor| matches!(self.bank.state(motor), None | Some(DriverState::Confirmed)))
+    }
 }
 
 /// The desk's motor drivers, if the machine has such that can be set.
@@ -30,9 +42,10 @@ struct Drivers {
 pub struct DeskDrivers(Option<RefCell<Drivers>>);
 
 impl DeskDrivers {
-    /// Drivers with these settings on the virtual board, just switched on.
+    /// Drivers with these settings on the virtual board, just switched on. Only a print watches them while they are in
+    /// service: the model chips of an estimate have nothing to tell, and its cost must not follow the print's time.
     #[must_use]
-    pub fn new(settings: &[Option<DriverSettings>; MOTORS]) -> Self {
+    pub fn new(settings: &[Option<DriverSettings>; MOTORS], mode: Mode) -> Self {
         if settings.iter().all(Option::is_none) {
             return Self(None);
         }
@@ -48,6 +61,8 @@ impl DeskDrivers {
             events: VecDeque::new(),
             now_tick: 0,
             next_tick: 0,
+            watched: mode == Mode::Print,
+            polls: 0,
         })))
     }
 
@@ -72,6 +87,12 @@ impl DeskDrivers {
         self.with(|drivers| drivers.lines.chip(motor).and_then(|chip| chip.stall_signal()))?
     }
 
+    /// How often their code has run, which is all that they cost.
+    #[must_use]
+    pub fn polls(&self) -> u64 {
+        self.with(|drivers| drivers.polls).unwrap_or(0)
+    }
+
     /// What has happened, one thing at a time.
     #[must_use]
     pub fn take_event(&self) -> Option<DriverEvent> {
@@ -83,6 +104,11 @@ impl DeskDrivers {
         self.with(|drivers| {
             drivers.now_tick = now_ns / NS_A_TICK;
             while drivers.next_tick <= drivers.now_tick {
+                if !drivers.watched && drivers.are_in_service() {
+                    drivers.next_tick = drivers.now_tick + 1;
+                    break;
+                }
+                drivers.polls += 1;
                 // The drivers' clock wraps, as a timer does.
                 let tick = drivers.next_tick as u32;
                 match drivers.bank.poll(&mut drivers.lines, tick) {

@@ -59,7 +59,7 @@ impl<O: Observer> Motion for DeskMotion<'_, O> {
     async fn add(&mut self, request: Move) -> Result<Moved, MotionError> {
         self.wait(|desk| {
             let merged = desk.planner.merged_moves();
-            let outcome = desk.planner.add(&request);
+            let outcome = desk.add(&request);
             if outcome == Ok(Moved::Queued) {
                 desk.observer.observer.planned(request.filament_100pm, request.ends_move);
                 if let Some(script) = &mut desk.script {
@@ -194,7 +194,7 @@ pub struct DeskHeating<'a, O> {
 
 impl<O: Observer> Heating for DeskHeating<'_, O> {
     fn set_target(&mut self, heater: Heater, celsius: f32) {
-        self.desk.borrow_mut().heat.set_target(heater, celsius);
+        self.desk.borrow_mut().set_heat_target(heater, celsius);
     }
 
     fn status(&self, heater: Heater) -> HeaterStatus {
@@ -206,6 +206,6 @@ impl<O: Observer> Heating for DeskHeating<'_, O> {
     }
 
     fn restart(&mut self) -> Result<(), HeatFault> {
-        self.desk.borrow_mut().heat.restart()
+        self.desk.borrow_mut().restart_heat()
     }
 }

@@ -8,6 +8,7 @@ use ferrostep_gpre::{Encoding, Entry, Header, Item};
 use super::play::PartReader;
 use crate::job::JobError;
 use crate::report::hms;
+use crate::terminal::one_line;
 
 /// Why looking into a file ended.
 pub enum InspectError {
@@ -87,7 +88,7 @@ fn say_item(item: &Item<'_>, out: &mut impl Write) -> io::Result<()> {
             }
         }
         Item::Fan { line, power } => writeln!(out, "  {line:>7}  fan {power}"),
-        Item::Command { line, text } => writeln!(out, "  {line:>7}  {text}"),
+        Item::Command { line, text } => writeln!(out, "  {line:>7}  {}", one_line(text)),
     }
 }
 

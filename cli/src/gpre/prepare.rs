@@ -163,7 +163,7 @@ impl<W: Write, R: Replies> Onlooker<(), R> for Writer<'_, W> {
 
 /// Prepares a job: executes it on the desk without its steps and writes what is planned.
 ///
-/// `picture` is the slicer's, see [`super::find_thumbnail`]. The header goes to the file's start again at the end, when its numbers are known.
+/// `picture` is the slicer's, see [`super::take_thumbnail`]. The header goes to the file's start again at the end, when its numbers are known.
 ///
 /// # Errors
 /// As [`PrepareError`] has them; what is in `out` then is of no use.

@@ -8,6 +8,7 @@ use serde::Serialize;
 
 use super::Prepared;
 use crate::report::hms;
+use crate::terminal::one_line;
 
 /// The summary of `preprocess`, and its `--json`.
 #[derive(Clone, Debug, Serialize)]
@@ -69,7 +70,7 @@ impl PreparedSummary {
 impl fmt::Display for PreparedSummary {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         let wall_s = self.wall_s.max(1e-6);
-        writeln!(out, "{} for {}: {}", self.file, self.profile, self.out)?;
+        writeln!(out, "{} for {}: {}", one_line(&self.file), self.profile, one_line(&self.out))?;
         writeln!(out, "  time         {} in motion", hms(self.motion_time_s))?;
         writeln!(out, "  filament     {:.3} m", self.filament_mm / 1000.0)?;
         writeln!(out, "  moves        {} in {} lines, {} layers", self.moves, self.lines, self.layers)?;

@@ -1,26 +1,45 @@
 //! The picture that slicers write into the comments at a file's start.
 
-use std::io::{BufRead, BufReader, Read};
+use std::io::{self, BufRead};
 
 use ferrostep_gpre::{Thumbnail, ThumbnailFormat};
+
+use crate::input::Input;
 
 /// No more of a file is looked at.
 const MOST_BYTES: u64 = 2 << 20;
 
-/// The largest thumbnail before the first command: lines between `; thumbnail begin 220x124 1234` (also `thumbnail_JPG`,
-/// `thumbnail_QOI`) and `; thumbnail end`, in base 64.
-pub fn find(input: impl Read) -> Option<(Thumbnail, Vec<u8>)> {
-    let mut found: Option<(Thumbnail, Vec<u8>)> = None;
+/// What is known of a picture, and its bytes.
+type Picture = (Thumbnail, Vec<u8>);
+
+/// Takes the picture out of a job that is about to be read; the job stays whole.
+///
+/// # Errors
+/// The job cannot be read.
+pub fn take(input: &mut Input) -> io::Result<Option<Picture>> {
+    let (picture, read) = find(&mut *input)?;
+    input.put_back(read);
+    Ok(picture)
+}
+
+/// The largest thumbnail before the first command, and all that was read: lines between `; thumbnail begin 220x124 1234`
+/// (also `thumbnail_JPG`, `thumbnail_QOI`) and `; thumbnail end`, in base 64.
+fn find(input: impl BufRead) -> io::Result<(Option<Picture>, Vec<u8>)> {
+    let mut found: Option<Picture> = None;
     let mut open: Option<(ThumbnailFormat, u16, u16, String)> = None;
-    for line in BufReader::new(input.take(MOST_BYTES)).split(b'\n') {
-        let line = line.ok()?;
-        let line = String::from_utf8_lossy(&line);
-        let line = line.trim();
-        let Some(comment) = line.strip_prefix(';') else {
-            if line.is_empty() {
+    let mut input = input.take(MOST_BYTES);
+    let mut read = Vec::new();
+    loop {
+        let start = read.len();
+        input.read_until(b'\n', &mut read)?;
+        let line = String::from_utf8_lossy(&read[start..]);
+        let comment = line.trim().strip_prefix(';');
+        let is_blank = line.trim().is_empty();
+        let Some(comment) = comment else {
+            if is_blank && read.len() > start {
                 continue;
             }
-            break;
+            return Ok((found, read));
         };
         let comment = comment.trim();
         if let Some((format, width, height, text)) = &mut open {
@@ -40,7 +59,6 @@ pub fn find(input: impl Read) -> Option<(Thumbnail, Vec<u8>)> {
             open = begins(comment).map(|(format, width, height)| (format, width, height, String::new()));
         }
     }
-    found
 }
 
 /// `thumbnail begin 220x124 1234`.
@@ -91,10 +109,21 @@ mod tests {
     fn the_largest_is_found() {
         let text = "; made by hand\n\n; thumbnail begin 16x16 4\n; AAEC\n; thumbnail end\n; thumbnail_QOI begin 32x24 8\n\
                     ; AAEC\n; AwQ=\n; thumbnail_QOI end\nG28\n; thumbnail begin 99x99 8\n; AAECAwQF\n; thumbnail end\n";
-        let (thumbnail, bytes) = find(text.as_bytes()).unwrap();
+        let (picture, read) = find(text.as_bytes()).unwrap();
+        let (thumbnail, bytes) = picture.unwrap();
         assert_eq!(bytes, [0, 1, 2, 3, 4]);
         assert_eq!((thumbnail.format, thumbnail.width, thumbnail.height), (ThumbnailFormat::Qoi, 32, 24));
-        assert_eq!(find(b"G28\n".as_slice()), None);
-        assert_eq!(find(b"; thumbnail begin 16x16 4\n; ???\n; thumbnail end\n".as_slice()), None);
+        // What comes after the first command has not been looked at.
+        assert!(text.as_bytes().starts_with(&read) && read.ends_with(b"\nG28\n"));
+        for without in ["G28\n", "", "\n\nG28", "; thumbnail begin 16x16 4\n; ???\n; thumbnail end\n"] {
+            assert_eq!(find(without.as_bytes()).unwrap(), (None, without.into()), "{without:?}");
+        }
+    }
+
+    #[test]
+    fn no_more_is_read_than_pictures_take() {
+        let endless = io::BufReader::new(io::repeat(b';'));
+        let (picture, read) = find(endless).unwrap();
+        assert_eq!((picture, read.len() as u64), (None, MOST_BYTES));
     }
 }

@@ -44,7 +44,7 @@ impl DrawError {
 
 impl fmt::Display for DrawError {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(formatter, "{}: cannot be written: {}", self.path.display(), self.reason)
+        write!(formatter, "{}: cannot be written: {}", crate::terminal::name(&self.path), self.reason)
     }
 }
 

@@ -1,12 +1,12 @@
 //! The trace format: a line of JSON, then 12-byte records.
 
-use std::fs::File;
 use std::io::{self, BufWriter, Write};
-use std::path::Path;
 
 use ferrostep_planner::{Kinematics, TICKS_PER_SECOND};
 use ferrostep_printer::Profile;
 use serde::Serialize;
+
+use crate::output::{Output, OutputError};
 
 const STEP: u8 = 0;
 const REDEFINED: u8 = 1;
@@ -24,14 +24,17 @@ struct Header {
 
 /// Writes a trace. Ticks are those of the motion clock, which advances only while blocks run.
 pub struct TraceWriter {
-    out: BufWriter<File>,
+    out: BufWriter<Output>,
     error: Option<io::Error>,
 }
 
 impl TraceWriter {
-    /// Creates the file and writes the header.
-    pub fn create(path: &Path, profile: &Profile) -> io::Result<Self> {
-        let mut out = BufWriter::with_capacity(1 << 20, File::create(path)?);
+    /// Writes the header.
+    ///
+    /// # Errors
+    /// The output cannot be written.
+    pub fn new(out: Output, profile: &Profile) -> io::Result<Self> {
+        let mut out = BufWriter::with_capacity(1 << 20, out);
         let core_xy = profile.kinematics == Kinematics::CoreXy;
         let header = Header {
             format: "ferrostep-trace",
@@ -76,10 +79,10 @@ impl TraceWriter {
         self.write(&line.to_le_bytes());
     }
 
-    pub(super) fn finish(&mut self) -> io::Result<()> {
-        match self.error.take() {
-            Some(error) => Err(error),
-            None => self.out.flush(),
+    pub(super) fn finish(self) -> Result<(), OutputError> {
+        match self.error {
+            Some(error) => Err(self.out.get_ref().failed(error)),
+            None => super::keep(self.out),
         }
     }
 }

@@ -1,11 +1,11 @@
 //! Step and direction signals as a value change dump (IEEE 1364), for GTKWave and its like.
 
-use std::fs::File;
 use std::io::{self, BufWriter, Write};
-use std::path::Path;
 
 use ferrostep_planner::{Kinematics, TICKS_PER_SECOND};
 use ferrostep_printer::Profile;
+
+use crate::output::{Output, OutputError};
 
 /// Identifiers of the step signals; the direction signals are the next four.
 const STEP_IDS: [char; 4] = ['!', '"', '#', '$'];
@@ -13,7 +13,7 @@ const DIRECTION_IDS: [char; 4] = ['%', '&', '\'', '('];
 
 /// Writes the waveform.
 pub struct VcdWriter {
-    out: BufWriter<File>,
+    out: BufWriter<Output>,
     error: Option<io::Error>,
     pulse_ns: u64,
     /// When the present pulses end, and which.
@@ -22,9 +22,12 @@ pub struct VcdWriter {
 }
 
 impl VcdWriter {
-    /// Creates the file and declares the signals.
-    pub fn create(path: &Path, profile: &Profile) -> io::Result<Self> {
-        let mut out = BufWriter::with_capacity(1 << 20, File::create(path)?);
+    /// Declares the signals.
+    ///
+    /// # Errors
+    /// The output cannot be written.
+    pub fn new(out: Output, profile: &Profile) -> io::Result<Self> {
+        let mut out = BufWriter::with_capacity(1 << 20, out);
         let names = match profile.kinematics {
             Kinematics::Cartesian => ["x", "y", "z", "e"],
             Kinematics::CoreXy => ["a", "b", "z", "e"],
@@ -78,11 +81,10 @@ impl VcdWriter {
         Ok(())
     }
 
-    pub(super) fn finish(&mut self) -> io::Result<()> {
-        if let Some(error) = self.error.take() {
-            return Err(error);
+    pub(super) fn finish(mut self) -> Result<(), OutputError> {
+        match self.error.take().map_or_else(|| self.fall(), Err) {
+            Ok(()) => super::keep(self.out),
+            Err(error) => Err(self.out.get_ref().failed(error)),
         }
-        self.fall()?;
-        self.out.flush()
     }
 }

@@ -1,5 +1,6 @@
 //! The motors of the virtual board and the end stops they drive into.
 
+use ferrostep_planner::kinematics::UNITS_PER_MM;
 use ferrostep_planner::{Geometry, StepEntry};
 
 use super::{StallSignal, StepObserver, StepTimer};
@@ -128,13 +129,32 @@ impl VirtualMotors {
         axis: usize,
         observer: &mut impl StepObserver,
     ) -> (Option<StepEntry>, bool) {
+        // Where the head is costs more than an event: it is looked at where the end stop can be.
+        let mut apart = self.events_apart(axis);
         for (index, event) in (1..).zip(entry.events()) {
             self.steps.play(event, observer);
-            if self.is_triggered(axis) {
+            if apart > 0 {
+                apart -= 1;
+            } else if self.is_triggered(axis) {
                 return (entry.first_events(index), true);
+            } else {
+                apart = self.events_apart(axis);
             }
         }
         (Some(entry), false)
+    }
+
+    /// So many events cannot reach the end stop of an axis: none takes the head further than a step of one motor.
+    fn events_apart(&self, axis: usize) -> u64 {
+        if self.is_triggered(axis) {
+            return 0;
+        }
+        let steps_per_mm = self.geometry.steps_per_mm.get(axis).map_or(0.0, |steps| steps.to_f64());
+        let apart_10nm = |(stop, position): (&VirtualEndStop, i64)| (stop.position_10nm - position).unsigned_abs();
+        let position = self.true_position_10nm().get(axis).copied();
+        let apart_10nm = self.end_stops.get(axis).zip(position).map_or(0, apart_10nm);
+        // A step less for the rounding of both, and one for the event that would be there.
+        ((apart_10nm as f64 / UNITS_PER_MM as f64 * steps_per_mm) as u64).saturating_sub(2)
     }
 
     /// The same up to the event at which the driver of an axis says that its motor stalls; `None`: it never does.
@@ -221,6 +241,28 @@ mod tests {
         assert_eq!((played, triggered), (StepEntry::stair(1_000, 60, 0b1, 0), true));
         assert_eq!(motors.steps.motor_steps(), [-80, 0, 0, 1]);
         assert_eq!(motors.steps.tick(), 80_000);
+    }
+
+    /// Nearer or further, on either machine, within an entry or at its end.
+    #[test]
+    fn no_event_before_the_end_stop_triggers_and_none_behind_it_is_played() {
+        for (kinematics, axes) in [(Kinematics::Cartesian, 0b1), (Kinematics::CoreXy, 0b11)] {
+            for steps in [1, 2, 3, 79, 80] {
+                for entry_steps in [1, 7, 60] {
+                    let mut motors = motors(kinematics);
+                    motors.true_offset[0] -= i64::from(80 - steps);
+                    motors.true_offset[1] -= if axes == 0b11 { i64::from(80 - steps) } else { 0 };
+                    motors.play_until_triggered(StepEntry::directions(axes), 0, &mut ());
+                    let entry = StepEntry::stair(1_000, entry_steps, axes, 0).unwrap();
+                    while !motors.play_until_triggered(entry, 0, &mut ()).1 {}
+                    assert_eq!(
+                        motors.steps.motor_steps()[0],
+                        -i64::from(steps),
+                        "{kinematics:?} {steps} {entry_steps}"
+                    );
+                }
+            }
+        }
     }
 
     #[test]

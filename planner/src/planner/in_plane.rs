@@ -8,7 +8,7 @@ use super::prepared::OpenPrepared;
 use super::{MIN_FEED_MM_PER_S, Planner, PreparedMove, TICKS_PER_10NM_AT_1_MM_PER_S};
 use crate::block::{Acceleration, Speed};
 use crate::extruder::FILAMENT_UNITS_PER_MM;
-use crate::junction::{Pull, radius_in_plane_10nm, speed_of_jumps};
+use crate::junction::{Pull, radius_in_plane_10nm};
 use crate::kinematics::{Kinematics, StepsPerMm, UNITS_PER_MM};
 use crate::limits::{larger, smaller};
 use crate::look_ahead::{Entry, Slot};
@@ -106,11 +106,12 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         let pull = cruise.pull;
         let before = &self.previous;
         let radius = radius_in_plane_10nm(&before.path, &path, self.path_limits.four_deviations_10nm);
-        let jumps = speed_of_jumps(&before.path, &path, self.path_limits.per_corner_velocity);
         // Zero where there is no move before.
-        self.open.junction = pull.weaker(before.pull).speed_along(radius).min(jumps);
+        let speed = pull.weaker(before.pull).speed_along(radius);
+        self.open.junction = self.held_in_corner(speed, &path, prepared.line);
         self.previous.path.turn_in_plane(&path);
         self.previous.pull = pull;
+        self.previous.unended_line = (!prepared.ends_move).then_some(prepared.line);
         true
     }
 

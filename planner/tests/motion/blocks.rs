@@ -131,6 +131,27 @@ proptest! {
         prop_assert!(!played.is_in_motion());
     }
 
+    /// Room made at once gives the plan of a move that is refused and comes again.
+    #[test]
+    fn a_plan_does_not_depend_on_how_room_is_made(
+        machine in machines(), moves in moves(), ring in 2usize..40, law in accelerations(),
+    ) {
+        let waited = blocks(machine, &law, ring, &moves);
+        let mut planner = planner(machine, &law, ring);
+        let mut made = Vec::new();
+        for each in &moves {
+            let outcome = planner.add_making_room(each, |planner| {
+                let block = planner.next_planned();
+                made.extend(block);
+                block.is_some()
+            });
+            prop_assert!(outcome.is_ok(), "{:?}", outcome);
+        }
+        planner.flush();
+        made.extend(std::iter::from_fn(|| planner.next_planned()));
+        prop_assert_eq!(format!("{made:?}"), format!("{waited:?}"));
+    }
+
     #[test]
     fn extruder_speed_and_acceleration_keep_their_limits(moves in moves()) {
         let machine = cartesian();

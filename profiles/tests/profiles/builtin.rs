@@ -67,7 +67,7 @@ fn cartesian_is_as_designed() {
             travel_acceleration_mm_per_s2: 1000.0,
             retract_acceleration_mm_per_s2: 1500.0,
             junction_deviation_mm: 0.1,
-            instantaneous_corner_velocity_mm_per_s: [f64::INFINITY, f64::INFINITY, 0.4, 5.0],
+            instantaneous_corner_velocity_mm_per_s: [f64::INFINITY, f64::INFINITY, 5.0, 10.0],
         },
         jerk_mm_per_s3: 10_000.0,
         homes: [
@@ -129,7 +129,7 @@ fn corexy_is_as_designed() {
             travel_acceleration_mm_per_s2: 10_000.0,
             retract_acceleration_mm_per_s2: 3000.0,
             junction_deviation_mm: 0.02,
-            instantaneous_corner_velocity_mm_per_s: [f64::INFINITY, f64::INFINITY, 0.4, 5.0],
+            instantaneous_corner_velocity_mm_per_s: [f64::INFINITY, f64::INFINITY, 5.0, 10.0],
         },
         jerk_mm_per_s3: 300_000.0,
         homes: [

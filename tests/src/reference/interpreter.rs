@@ -1,6 +1,6 @@
 //! The minimal G-code interpreter: Marlin's meaning of the commands that move or that change how to move.
 //!
-//! Known: G0-G4, G10, G11, G20, G21, G28, G90-G92, M82, M83, M201, M203, M204, M205 J, M207, M208, M220, M221, and
+//! Known: G0-G4, G10, G11, G20, G21, G28, G90-G92, M82, M83, M201, M203, M204, M205, M207, M208, M220, M221, and
 //! the commands that wait for motion to end. Everything else is passed over.
 
 use super::arc::Arc;
@@ -106,6 +106,7 @@ impl State {
             max_acceleration_mm_per_s2: profile.max_acceleration_mm_per_s2,
             acceleration_mm_per_s2: profile.acceleration_mm_per_s2,
             junction_deviation_mm: profile.junction_deviation_mm,
+            corner_velocity_mm_per_s: profile.corner_velocity_mm_per_s,
         };
         let retraction = profile.firmware_retraction;
         Self {
@@ -420,6 +421,12 @@ impl State {
             _ => {
                 let deviation = value(b'J')?.filter(|value| JUNCTION_DEVIATION_MM.contains(value));
                 limits.junction_deviation_mm = deviation.unwrap_or(limits.junction_deviation_mm);
+                // An axis without such a limit keeps to the junction deviation alone.
+                let limited =
+                    limits.corner_velocity_mm_per_s.iter_mut().zip(AXES).filter(|(limit, _)| limit.is_finite());
+                for (limit, letter) in limited {
+                    *limit = value(letter)?.unwrap_or(*limit);
+                }
             }
         }
         if limits != self.limits {

@@ -16,6 +16,8 @@ pub struct Limits {
     pub acceleration_mm_per_s2: Acceleration,
     /// Yu's delta, mm.
     pub junction_deviation_mm: f64,
+    /// By how much the speed of each axis may jump at a corner, mm/s; infinite for none.
+    pub corner_velocity_mm_per_s: [f64; 4],
 }
 
 impl Limits {
@@ -24,6 +26,7 @@ impl Limits {
         let of_axes = [
             (&mut self.max_feed_mm_per_s, other.max_feed_mm_per_s),
             (&mut self.max_acceleration_mm_per_s2, other.max_acceleration_mm_per_s2),
+            (&mut self.corner_velocity_mm_per_s, other.corner_velocity_mm_per_s),
         ];
         for (limits, others) in of_axes {
             for (limit, other) in limits.iter_mut().zip(others) {

@@ -1,7 +1,7 @@
 //! The plain planner: junction speeds, reverse pass, forward pass, trapezoids. Everything f64, nothing clever.
 
 use super::decimal::UNITS_PER_MM;
-use super::job::{EXTRUDER_FRACTIONS_PER_UNIT, Job, Limits, Move};
+use super::job::{EXTRUDER_FRACTIONS_PER_UNIT, Job, Limits, Move, MoveKind};
 use super::trapezoid::Trapezoid;
 use std::num::NonZeroUsize;
 
@@ -28,6 +28,9 @@ pub struct Plan {
 /// A move before its speeds are known.
 struct Segment {
     direction: [f64; 3],
+    /// Travel of X, Y, Z and the filament for a unit of path.
+    shares: [f64; 4],
+    inside_arc: bool,
     length_mm: f64,
     nominal_mm_per_s: f64,
     acceleration_mm_per_s2: f64,
@@ -45,6 +48,10 @@ pub fn plan(job: &Job, look_ahead: Option<NonZeroUsize>) -> Plan {
         let mut segment = Segment::new(one, limits);
         if let (false, Some(before)) = (one.stop_before, segments.last()) {
             segment.entry_limit_squared = junction_speed_squared(before, &segment, limits.junction_deviation_mm);
+            if !before.inside_arc {
+                let jumps = jump_speed_squared(before, &segment, &limits.corner_velocity_mm_per_s);
+                segment.entry_limit_squared = segment.entry_limit_squared.min(jumps);
+            }
         }
         segments.push(segment);
     }
@@ -105,6 +112,8 @@ impl Segment {
         }
         Self {
             direction: if extruder_only { [0.0; 3] } else { delta_mm.map(|delta| delta / path_mm) },
+            shares: [x, y, z, extruder_mm].map(|travel| travel / length_mm),
+            inside_arc: one.kind == MoveKind::ArcChord { last: false },
             length_mm,
             nominal_mm_per_s: nominal,
             acceleration_mm_per_s2: acceleration,
@@ -142,6 +151,13 @@ fn junction_speed_squared(before: &Segment, after: &Segment, deviation_mm: f64) 
     let fitting_mm = before.length_mm.min(after.length_mm) / 2.0 * cosine / sine;
     let acceleration = before.acceleration_mm_per_s2.min(after.acceleration_mm_per_s2);
     (acceleration * arc_mm.min(fitting_mm)).min(nominal * nominal)
+}
+
+/// Squared speed at which the axis that jumps farthest at a corner, for what it may, jumps just so far.
+fn jump_speed_squared(before: &Segment, after: &Segment, limits_mm_per_s: &[f64; 4]) -> f64 {
+    let jumps = before.shares.iter().zip(after.shares).map(|(before, after)| (after - before).abs());
+    let speeds = jumps.zip(limits_mm_per_s).filter(|(jump, _)| *jump > 0.0).map(|(jump, limit)| limit / jump);
+    speeds.fold(f64::INFINITY, f64::min).powi(2)
 }
 
 /// Squared entry speeds when everything is known: backwards from a stop at the end, then forwards.

@@ -76,6 +76,8 @@ pub struct ReferenceProfile {
     pub acceleration_mm_per_s2: Acceleration,
     /// Yu's delta, mm.
     pub junction_deviation_mm: f64,
+    /// By how much the speed of each axis may jump at a corner, mm/s; infinite for none.
+    pub corner_velocity_mm_per_s: [f64; 4],
     /// The soft limits' far ends, mm; the near ends are 0.
     pub size_mm: [f64; 3],
     /// Where each axis stands after homing, mm.
@@ -161,12 +163,31 @@ struct ProfileText {
     max_acceleration_mm_per_s2: PerAxis,
     acceleration_mm_per_s2: Acceleration,
     junction_deviation_mm: f64,
+    #[serde(default)]
+    instantaneous_corner_velocity_mm_per_s: CornerText,
     size_mm: PerAxis,
     homing: HomingText,
     #[serde(default)]
     firmware_retraction: FirmwareRetraction,
     #[serde(default = "default_event_interval_us")]
     minimum_event_interval_us: f64,
+}
+
+/// Limits of some axes.
+#[derive(Default, Deserialize)]
+struct CornerText {
+    x: Option<f64>,
+    y: Option<f64>,
+    z: Option<f64>,
+    e: Option<f64>,
+}
+
+impl CornerText {
+    /// Where a profile says nothing else: 5 mm/s for Z, 10 mm/s for the extruder.
+    fn four(&self) -> [f64; 4] {
+        let any = f64::INFINITY;
+        [self.x.unwrap_or(any), self.y.unwrap_or(any), self.z.unwrap_or(5.0), self.e.unwrap_or(10.0)]
+    }
 }
 
 fn default_event_interval_us() -> f64 {
@@ -190,6 +211,7 @@ impl ReferenceProfile {
             max_acceleration_mm_per_s2: text.max_acceleration_mm_per_s2.four(),
             acceleration_mm_per_s2: text.acceleration_mm_per_s2,
             junction_deviation_mm: text.junction_deviation_mm,
+            corner_velocity_mm_per_s: text.instantaneous_corner_velocity_mm_per_s.four(),
             size_mm: text.size_mm.three(),
             home_mm: [text.homing.x.position_mm, text.homing.y.position_mm, text.homing.z.position_mm],
             firmware_retraction: text.firmware_retraction,
@@ -207,6 +229,7 @@ impl ReferenceProfile {
             max_acceleration_mm_per_s2: [1500.0, 1500.0, 100.0, 5000.0],
             acceleration_mm_per_s2: Acceleration { print: 1000.0, travel: 1000.0, retract: 1500.0 },
             junction_deviation_mm: 0.1,
+            corner_velocity_mm_per_s: [f64::INFINITY, f64::INFINITY, 5.0, 10.0],
             size_mm: [200.0; 3],
             home_mm: [0.0; 3],
             firmware_retraction: FirmwareRetraction::default(),
@@ -223,6 +246,7 @@ impl ReferenceProfile {
             max_acceleration_mm_per_s2: [10_000.0, 10_000.0, 500.0, 10_000.0],
             acceleration_mm_per_s2: Acceleration { print: 10_000.0, travel: 10_000.0, retract: 3000.0 },
             junction_deviation_mm: 0.02,
+            corner_velocity_mm_per_s: [f64::INFINITY, f64::INFINITY, 5.0, 10.0],
             size_mm: [300.0; 3],
             home_mm: [300.0, 300.0, 0.0],
             firmware_retraction: FirmwareRetraction::default(),
@@ -239,6 +263,7 @@ impl ReferenceProfile {
             max_acceleration_mm_per_s2: [2500.0, 2500.0, 400.0, 4000.0],
             acceleration_mm_per_s2: Acceleration { print: 1250.0, travel: 1250.0, retract: 1250.0 },
             junction_deviation_mm: 0.05,
+            corner_velocity_mm_per_s: [f64::INFINITY, f64::INFINITY, 2.0, 10.0],
             size_mm: [180.0, 180.0, 185.0],
             home_mm: [180.0, 0.0, 0.0],
             firmware_retraction: FirmwareRetraction::default(),

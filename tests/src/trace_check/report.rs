@@ -1,5 +1,6 @@
 //! What a check found.
 
+use super::corners::{Jumps, TooLarge};
 use super::extrusion::Extrusion;
 use std::fmt;
 
@@ -112,6 +113,13 @@ pub enum Finding {
         /// Least possible speed / limit.
         ratio: f64,
     },
+    /// The speed of an axis jumps too far at the start of a move.
+    JumpsTooFar {
+        /// The move's source line.
+        line: u32,
+        /// Which axis, and how far.
+        jump: TooLarge,
+    },
     /// An axis changes its speed faster than it may.
     TooMuchAcceleration {
         /// Index of the axis.
@@ -157,6 +165,8 @@ pub struct TraceReport {
     pub largest_duration_difference: Option<DurationDifference>,
     /// Ticks between the two step events that are nearest to each other.
     pub smallest_gap_ticks: Option<u64>,
+    /// For each axis by how much its speed jumps at corners.
+    pub jumps: [Jumps; 4],
     /// For each axis the largest least-possible speed over a window / limit.
     pub speed_ratio: [f64; 4],
     /// For each axis the largest least-possible acceleration over a window / limit.
@@ -228,6 +238,13 @@ impl fmt::Display for Finding {
             Self::TooFast { axis, tick, ratio } => {
                 write!(formatter, "axis {} at {ratio:.4} of its speed limit before tick {tick}", name(*axis))
             }
+            Self::JumpsTooFar { line, jump: TooLarge { axis, least_mm_per_s, limit_mm_per_s } } => {
+                let name = name(*axis);
+                write!(
+                    formatter,
+                    "axis {name} jumps by {least_mm_per_s:.2} mm/s before line {line}, limit {limit_mm_per_s}"
+                )
+            }
             Self::TooMuchAcceleration { axis, tick, ratio } => {
                 write!(formatter, "axis {} at {ratio:.4} of its acceleration limit before tick {tick}", name(*axis))
             }
@@ -268,6 +285,10 @@ impl fmt::Display for TraceReport {
                 formatter,
                 "axis {name}             speed {speed:.4}, acceleration {acceleration:.4} of its limits"
             )?;
+        }
+        for (axis, jumps) in self.jumps.iter().enumerate() {
+            let (name, Jumps { p99_mm_per_s, largest_mm_per_s }) = (name(axis), jumps);
+            writeln!(formatter, "corners {name}          {p99_mm_per_s:.3} (p99), {largest_mm_per_s:.3} mm/s at most")?;
         }
         writeln!(formatter, "findings           {}", self.finding_count)?;
         for finding in &self.findings {

@@ -28,7 +28,7 @@ impl Outcome {
 }
 
 /// The command, built with the profile and into the directory of this test. Cargo finds out whether it is stale.
-fn program() -> &'static Path {
+pub fn program() -> &'static Path {
     static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
     PROGRAM.get_or_init(|| {
         let this = std::env::current_exe().unwrap();
@@ -54,9 +54,15 @@ pub fn ferrostep<A: AsRef<OsStr>>(arguments: impl IntoIterator<Item = A>) -> Out
 /// Starts the command and does not wait for its end.
 #[cfg(unix)]
 pub fn start<A: AsRef<OsStr>>(arguments: impl IntoIterator<Item = A>) -> Child {
+    start_with(arguments, Stdio::null(), Stdio::piped())
+}
+
+/// The same, with other ends of its standard input and output.
+#[cfg(unix)]
+pub fn start_with<A: AsRef<OsStr>>(arguments: impl IntoIterator<Item = A>, input: Stdio, output: Stdio) -> Child {
     let mut command = Command::new(program());
-    command.current_dir(repository()).args(arguments).stdin(Stdio::null());
-    command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
+    command.current_dir(repository()).args(arguments).stdin(input);
+    command.stdout(output).stderr(Stdio::piped()).spawn().unwrap()
 }
 
 impl From<Output> for Outcome {

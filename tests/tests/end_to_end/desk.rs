@@ -46,6 +46,11 @@ pub fn rehearse_traced(profile: &Profile, input: &mut impl Read) -> Ended {
     run(profile, LOOK_AHEAD_BLOCKS, input, Trace::new(profile))
 }
 
+/// Runs a job with this look-ahead and keeps its trace.
+pub fn rehearse_at(profile: &Profile, look_ahead: usize, input: &mut impl Read) -> Ended {
+    run(profile, look_ahead, input, Trace::new(profile))
+}
+
 /// Runs a job with all look-ahead there is and keeps its trace; a prepared one as it is, or else G-code.
 pub fn rehearse_far(profile: &Profile, input: &mut impl Read, prepared: bool) -> Ended {
     let job = if prepared { Job::Prepared { from: 0, behind: &[] } } else { Job::Text };

@@ -8,12 +8,16 @@ mod command;
 mod desk;
 mod drivers;
 mod entries;
+mod estimates;
 mod exactness;
 mod extrusion;
 mod heater_faults;
+mod hostile;
 mod hosts;
 mod methods;
 mod odd_lines;
+#[cfg(unix)]
+mod outputs;
 mod overflow;
 mod papers;
 mod prepared;

@@ -16,7 +16,10 @@ const TOLERANCE_PERCENT: f64 = 3.0;
 const OTHER_COMPILER_TOLERANCE_PERCENT: f64 = 20.0;
 
 /// The parts of the figures that are the same on every run and every machine, and are costs.
-const COMPARED: [&str; 2] = ["target", "image"];
+const COMPARED: [&str; 3] = ["target", "image", DESK];
+
+/// The part that is counted only where valgrind is installed.
+pub const DESK: &str = "desk";
 
 /// A count that is not what it was.
 #[derive(Clone, Debug, PartialEq)]
@@ -69,15 +72,26 @@ pub fn read() -> Result<Value, Failure> {
     serde_json::from_str(&text).map_err(|error| format!("{}: {error}", path.display()))
 }
 
-/// Makes these the committed counts: all but what differs from run to run.
-pub fn write(figures: &Value) -> Result<(), Failure> {
+/// Makes these the committed counts: all but what differs from run to run, and with the desk's as they were if they have
+/// not been counted. Returns them.
+pub fn write(figures: &Value) -> Result<Value, Failure> {
+    let kept = kept(figures, &read().unwrap_or_default());
+    let path = path();
+    let text = format!("{kept:#}\n");
+    std::fs::write(&path, text).map_err(|error| format!("{}: {error}", path.display()))?;
+    Ok(kept)
+}
+
+/// What is committed of these figures.
+fn kept(figures: &Value, before: &Value) -> Value {
     let mut kept = figures.clone();
     if let Some(object) = kept.as_object_mut() {
         object.remove("host");
+        if let Some(desk) = before.get(DESK) {
+            object.entry(DESK).or_insert_with(|| desk.clone());
+        }
     }
-    let path = path();
-    let text = format!("{kept:#}\n");
-    std::fs::write(&path, text).map_err(|error| format!("{}: {error}", path.display()))
+    kept
 }
 
 /// All numbers in nested objects and lists, by their keys with dots, in the order of the file.
@@ -99,8 +113,11 @@ pub fn numbers(value: &Value) -> Vec<(String, f64)> {
 
 /// Every compared count that differs from the baseline.
 pub fn changes(baseline: &Value, figures: &Value) -> Vec<Change> {
+    // Where the desk's part is not counted, it is not lost.
+    let is_counted = |part: &str| part != DESK || figures.get(DESK).is_some();
     let compared = |value: &Value| -> Vec<(String, f64)> {
-        let parts = COMPARED.iter().filter_map(|part| Some((part, value.get(part)?)));
+        let parts = COMPARED.iter().filter(|part| is_counted(part));
+        let parts = parts.filter_map(|part| Some((part, value.get(part)?)));
         parts
             .flat_map(|(part, value)| {
                 numbers(value).into_iter().map(move |(key, number)| (format!("{part}.{key}"), number))
@@ -210,6 +227,23 @@ mod tests {
         more["target"]["step_event"]["staying"] = json!(8);
         assert_eq!(check(&baseline, &more), Ok(()));
         assert_eq!(changes(&baseline, &more).len(), 1);
+    }
+
+    #[test]
+    fn the_desk_is_compared_where_it_is_counted() {
+        let with_desk = |a_line: f64| {
+            let mut figures = figures(1000.0, 1);
+            figures["desk"] = json!({"estimate": {"cube": {"a_line": a_line}}});
+            figures
+        };
+        let baseline = with_desk(6000.0);
+        let error = check(&baseline, &with_desk(36_000.0)).unwrap_err();
+        assert!(error.contains("desk.estimate.cube.a_line: 6000 -> 36000 (+500.0 %)"), "{error}");
+        assert_eq!(check(&baseline, &figures(1000.0, 1)), Ok(()));
+        // And is not forgotten where it is not.
+        assert_eq!(kept(&figures(1000.0, 1), &baseline)["desk"], baseline["desk"]);
+        assert_eq!(kept(&with_desk(5000.0), &baseline)["desk"], with_desk(5000.0)["desk"]);
+        assert_eq!(kept(&baseline, &json!({})).get("host"), None);
     }
 
     #[test]

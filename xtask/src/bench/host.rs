@@ -46,7 +46,7 @@ fn examples() -> Result<Vec<PathBuf>, Failure> {
 }
 
 /// The machine an example was sliced for; its name says so.
-fn profile(file: &Path) -> &'static str {
+pub fn profile(file: &Path) -> &'static str {
     let name = file.file_name().unwrap_or_default().to_string_lossy();
     if name.contains("corexy") { "corexy" } else { "cartesian" }
 }
@@ -58,7 +58,8 @@ fn summary(program: &Path, task: &str, file: &Path) -> Result<Value, Failure> {
     serde_json::from_str(&text).map_err(|error| format!("`ferrostep {task} --json`: {error}"))
 }
 
-fn number(summary: &Value, key: &str) -> Result<f64, Failure> {
+/// A number of it.
+pub fn number(summary: &Value, key: &str) -> Result<f64, Failure> {
     summary.get(key).and_then(Value::as_f64).ok_or_else(|| format!("`ferrostep --json` tells no {key}"))
 }
 

@@ -7,7 +7,7 @@ use serde_json::Value;
 
 use super::chart::{self, Bar, Group};
 use super::cycle_model::{events_per_s, staying_events_per_s};
-use super::lines;
+use super::{desk, lines};
 use crate::steps::Failure;
 use crate::system;
 
@@ -87,6 +87,7 @@ fn tables(figures: &Value) -> String {
     let _ = steps_per_second(&mut out, figures);
     let _ = line_to_queue(&mut out, figures);
     let _ = lines::tables(&mut out, figures);
+    let _ = estimates(&mut out, figures);
     let _ = image(&mut out, figures);
     out.trim_end().to_owned() + "\n"
 }
@@ -207,6 +208,22 @@ fn line_to_queue(out: &mut String, figures: &Value) -> std::fmt::Result {
         workload("entries"),
         workload("events"),
     )
+}
+
+fn estimates(out: &mut String, figures: &Value) -> std::fmt::Result {
+    writeln!(out, "## Estimates on the desk\n")?;
+    writeln!(
+        out,
+        "Instructions of `ferrostep estimate` on x86-64, from the process's start to its end, as valgrind counts them \
+         (`desk.estimate`).\n"
+    )?;
+    writeln!(out, "| file | key | instructions | a line |\n|---|---|---|---|")?;
+    for name in desk::FILES {
+        let key = desk::key(name);
+        let count = |what: &str| shown(number(figures, &format!("desk.estimate.{key}.{what}")));
+        writeln!(out, "| `examples/{name}` | `{key}` | {} | {} |", count("instructions"), count("a_line"))?;
+    }
+    writeln!(out)
 }
 
 fn image(out: &mut String, figures: &Value) -> std::fmt::Result {

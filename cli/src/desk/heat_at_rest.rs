@@ -1,0 +1,106 @@
+//! When the heaters' model need not be stepped.
+
+/// Samples over which the temperatures must have stayed: 5 s.
+const REST_SAMPLES: u32 = 500;
+
+/// How far a heater that is off may cool within them, degrees: what a nozzle does half a degree above the air.
+const OFF_BAND_CELSIUS: f32 = 0.02;
+
+/// How far one with a target may move within them, degrees: it creeps towards its target, or steps around it as its
+/// thermistor's readings do.
+const HELD_BAND_CELSIUS: f32 = 0.2;
+
+/// How far from its target it may be, degrees.
+const HELD_CELSIUS: f32 = 0.5;
+
+/// A heater after a sample.
+#[derive(Clone, Copy, Debug)]
+pub struct HeaterSample {
+    /// True temperature, degrees Celsius.
+    pub celsius: f32,
+    /// The target, 0 for off.
+    pub target_celsius: f32,
+}
+
+/// Watches the heaters until all are at rest: off and as cold as they get, or held at their targets, for [`REST_SAMPLES`].
+///
+/// From there the model would only do the same again: no check can trip, no wait can end, and no temperature is elsewhere
+/// than within [`HELD_CELSIUS`] of where it is, until a target is changed.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct HeatAtRest {
+    samples: u32,
+    lowest: [f32; 2],
+    highest: [f32; 2],
+}
+
+impl HeatAtRest {
+    /// Takes the heaters as they are after a sample.
+    pub fn note(&mut self, heaters: [HeaterSample; 2]) {
+        self.samples = self.samples.saturating_add(1);
+        let mut stays = self.samples > 1;
+        for (heater, (lowest, highest)) in heaters.iter().zip(self.lowest.iter_mut().zip(&mut self.highest)) {
+            *lowest = lowest.min(heater.celsius);
+            *highest = highest.max(heater.celsius);
+            let moved = *highest - *lowest;
+            stays &= if heater.target_celsius > 0.0 {
+                (heater.celsius - heater.target_celsius).abs() <= HELD_CELSIUS && moved <= HELD_BAND_CELSIUS
+            } else {
+                moved <= OFF_BAND_CELSIUS
+            };
+        }
+        if !stays {
+            let celsius = heaters.map(|heater| heater.celsius);
+            *self = Self { samples: 1, lowest: celsius, highest: celsius };
+        }
+    }
+
+    /// Something is another than before: a target, a failure.
+    pub fn disturb(&mut self) {
+        *self = Self::default();
+    }
+
+    /// Whether all heaters are at rest.
+    pub const fn is_at_rest(&self) -> bool {
+        self.samples >= REST_SAMPLES
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn after(samples: impl IntoIterator<Item = [(f32, f32); 2]>) -> HeatAtRest {
+        let mut rest = HeatAtRest::default();
+        for heaters in samples {
+            rest.note(heaters.map(|(celsius, target_celsius)| HeaterSample { celsius, target_celsius }));
+        }
+        rest
+    }
+
+    #[test]
+    fn off_and_cold_or_held_for_long_enough_is_rest() {
+        let steady = |count, heaters| after(std::iter::repeat_n(heaters, count));
+        assert!(!steady(499, [(22.0, 0.0), (60.1, 60.0)]).is_at_rest());
+        let mut rest = steady(500, [(22.0, 0.0), (60.1, 60.0)]);
+        assert!(rest.is_at_rest());
+        rest.disturb();
+        assert!(!rest.is_at_rest());
+    }
+
+    #[test]
+    fn what_is_off_its_target_or_moves_is_not() {
+        // A heater that is too weak for its target.
+        assert!(!after(std::iter::repeat_n([(150.0, 210.0), (22.0, 0.0)], 5000)).is_at_rest());
+        let drift = |a_sample: f32| {
+            after((0..5000_u16).map(|sample| [(210.0, 210.0), (22.6 - a_sample * f32::from(sample), 0.0)]))
+        };
+        assert!(!drift(0.000_1).is_at_rest());
+        assert!(drift(0.000_01).is_at_rest());
+        // A loop that swings around its target.
+        let swing = |celsius: f32| {
+            after((0..5000_u16).map(|sample| [(210.0 + celsius * f32::from(sample / 50 % 2), 210.0), (22.0, 0.0)]))
+        };
+        assert!(!swing(0.3).is_at_rest());
+        assert!(swing(0.1).is_at_rest());
+    }
+}

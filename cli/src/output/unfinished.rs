@@ -1,0 +1,95 @@
+//! Parts of outputs on the disk, which a signal must not leave behind.
+
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use tempfile::NamedTempFile;
+
+/// Every part that exists. Whoever makes, renames or removes one has the lock, and so has the process's end by a signal:
+/// none is forgotten between.
+static PARTS: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+
+fn parts() -> MutexGuard<'static, Vec<PathBuf>> {
+    // A list of paths is whole after any panic.
+    PARTS.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Makes a part that goes away when the process is told to end.
+pub fn begin(make: impl FnOnce() -> io::Result<NamedTempFile>) -> io::Result<NamedTempFile> {
+    #[cfg(unix)]
+    signals::watch()?;
+    let mut parts = parts();
+    let part = make()?;
+    parts.push(part.path().to_path_buf());
+    Ok(part)
+}
+
+/// Gives a part its final name.
+pub fn keep(part: NamedTempFile, target: &Path) -> io::Result<()> {
+    end(part, |part| part.persist(target).map(drop).map_err(|error| error.error))
+}
+
+/// Removes a part.
+pub fn discard(part: NamedTempFile) {
+    // It may be that somebody else has removed it, or its folder.
+    let _ = end(part, NamedTempFile::close);
+}
+
+fn end(part: NamedTempFile, how: impl FnOnce(NamedTempFile) -> io::Result<()>) -> io::Result<()> {
+    let mut parts = parts();
+    let path = part.path().to_path_buf();
+    let outcome = how(part);
+    parts.retain(|other| *other != path);
+    outcome
+}
+
+/// Signals that ask a process to end.
+#[cfg(unix)]
+mod signals {
+    use std::sync::OnceLock;
+
+    use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+    use signal_hook::iterator::Signals;
+    use signal_hook::low_level::emulate_default_handler;
+
+    use super::{fs, io, parts};
+
+    /// Starts a thread, once, that removes all parts when a signal comes and then lets it end the process, so that a shell
+    /// sees a process ended by that signal.
+    pub fn watch() -> io::Result<()> {
+        static STARTED: OnceLock<Result<(), io::ErrorKind>> = OnceLock::new();
+        let outcome = STARTED.get_or_init(|| start().map_err(|error| error.kind()));
+        outcome.map_err(io::Error::from)
+    }
+
+    fn start() -> io::Result<()> {
+        let ignored = ignored();
+        let mut signals =
+            Signals::new([SIGINT, SIGTERM, SIGHUP].into_iter().filter(|signal| !is_in(ignored, *signal)))?;
+        std::thread::Builder::new().name("signals".to_owned()).spawn(move || {
+            let Some(signal) = signals.forever().next() else { return };
+            // Kept to the end: from now on no part is begun and none renamed.
+            let parts = parts();
+            for part in parts.iter() {
+                let _ = fs::remove_file(part);
+            }
+            let _ = emulate_default_handler(signal);
+            std::process::exit(128 + signal);
+        })?;
+        Ok(())
+    }
+
+    /// The signals that this process was started to ignore (`nohup`, a shell's job in the background), a bit each, the
+    /// first for signal 1: a handler would end that. Without Linux's /proc none is known.
+    fn ignored() -> u64 {
+        let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
+        let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+        mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).unwrap_or(0)
+    }
+
+    fn is_in(set: u64, signal: i32) -> bool {
+        u32::try_from(signal - 1).is_ok_and(|bit| set.checked_shr(bit).is_some_and(|set| set & 1 == 1))
+    }
+}

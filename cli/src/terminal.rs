@@ -1,0 +1,118 @@
+//! What a person sees: results on standard output, messages on standard error.
+//!
+//! Names of files and texts of G-code or of a board may hold control characters, with which a terminal can be told to do
+//! nearly anything. They are shown, never sent.
+
+use std::borrow::Cow;
+use std::fmt::Display;
+use std::io::{self, Write};
+use std::path::Path;
+
+/// Replaces every control character for which `is_shown` holds by its escape sequence in Rust.
+fn replaced(text: &str, is_shown: impl Fn(char) -> bool) -> Cow<'_, str> {
+    if !text.contains(&is_shown) {
+        return Cow::Borrowed(text);
+    }
+    let mut out = String::with_capacity(text.len() + 8);
+    for c in text.chars() {
+        if is_shown(c) {
+            out.extend(c.escape_default());
+        } else {
+            out.push(c);
+        }
+    }
+    Cow::Owned(out)
+}
+
+/// A text of one or more lines without control characters: `\u{1b}` stands for an ESC. Line ends and tabs stay.
+pub fn escaped(text: &str) -> Cow<'_, str> {
+    replaced(text, |c| c.is_control() && c != '\n' && c != '\t')
+}
+
+/// The same for a text that is one line: what would end it is replaced, too.
+pub fn one_line(text: &str) -> Cow<'_, str> {
+    replaced(text, char::is_control)
+}
+
+/// A file's name on one line, without control characters.
+pub fn name(path: &Path) -> String {
+    one_line(&path.to_string_lossy()).into_owned()
+}
+
+/// Writes a result to standard output. A reader that has gone (`| head`) has read enough.
+///
+/// # Errors
+/// It could not be written.
+pub fn write_result(text: &str) -> Result<(), String> {
+    let mut out = io::stdout().lock();
+    result_written(out.write_all(escaped(text).as_bytes()).and_then(|()| out.flush()))
+}
+
+/// The same for a result in JSON, whose strings have escape sequences of their own.
+///
+/// # Errors
+/// It could not be written, or not be put into JSON.
+pub fn write_json(result: &impl serde::Serialize) -> Result<(), String> {
+    let text = serde_json::to_string_pretty(result).map_err(|error| error.to_string())?;
+    write_result(&json_escaped(&text))
+}
+
+/// JSON escapes the control characters below U+0020 in its strings; these are the others.
+fn json_escaped(text: &str) -> String {
+    let mut out = String::with_capacity(text.len() + 1);
+    for c in text.chars() {
+        if c.is_control() && c != '\n' {
+            out += &format!("\\u{:04x}", u32::from(c));
+        } else {
+            out.push(c);
+        }
+    }
+    out.push('\n');
+    out
+}
+
+/// What came of writing to standard output.
+///
+/// # Errors
+/// It could not be written, for another reason than that its reader has gone.
+pub fn result_written(outcome: io::Result<()>) -> Result<(), String> {
+    match outcome {
+        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => {
+            Err(format!("standard output: cannot be written: {error}"))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Writes a line to standard error. Where that fails there is nobody left to tell.
+pub fn tell(message: impl Display) {
+    let _ = writeln!(io::stderr(), "{}", escaped(&message.to_string()));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn control_characters_are_shown() {
+        let text = "a\x1b[2J\r\u{7f}\u{9b}m\tb\nµ";
+        assert_eq!(escaped(text), "a\\u{1b}[2J\\r\\u{7f}\\u{9b}m\tb\nµ");
+        assert_eq!(one_line(text), "a\\u{1b}[2J\\r\\u{7f}\\u{9b}m\\tb\\nµ");
+        assert!(matches!(escaped("plain\n"), Cow::Borrowed("plain\n")));
+        assert_eq!(name(Path::new("x\x07.gcode")), "x\\u{7}.gcode");
+    }
+
+    #[test]
+    fn json_stays_what_it_was() {
+        let value = serde_json::json!({"file": "a\x1b\u{9b}\u{7f}\n"});
+        let text = json_escaped(&value.to_string());
+        assert_eq!(text, "{\"file\":\"a\\u001b\\u009b\\u007f\\n\"}\n");
+        assert_eq!(serde_json::from_str::<serde_json::Value>(&text).ok(), Some(value));
+    }
+
+    #[test]
+    fn a_reader_that_has_gone_is_no_error() {
+        assert_eq!(result_written(Err(io::ErrorKind::BrokenPipe.into())), Ok(()));
+        assert!(result_written(Err(io::ErrorKind::StorageFull.into())).is_err());
+    }
+}

@@ -1,0 +1,98 @@
+//! What an estimate costs, and how near it is.
+
+use ferrostep::desk::{LOOK_AHEAD_BLOCKS, Mode};
+use ferrostep::job::{self, JobProgress};
+use ferrostep::session::{JobReplies, Session};
+
+use crate::command::{example, ferrostep};
+use crate::desk::profile;
+
+/// An estimate, or a print, that has ended.
+struct Ended {
+    print_time_s: f64,
+    motion_time_s: f64,
+    /// How often the heaters' model and the drivers' code have run: all of the cost that could follow the print's time.
+    heat_samples: u64,
+    driver_polls: u64,
+}
+
+#[track_caller]
+fn run(machine: &str, mode: Mode, text: &[u8]) -> Ended {
+    let replies = JobReplies::new(|_: &str| {});
+    let session = Session::new(profile(machine), mode, LOOK_AHEAD_BLOCKS, (), replies);
+    let mut progress = JobProgress::default();
+    session.run(job::run(&mut &text[..], &mut session.printer(), &mut progress, |_| {})).unwrap();
+    let desk = session.desk().borrow();
+    let figures = desk.figures();
+    Ended {
+        print_time_s: figures.print_time_s,
+        motion_time_s: figures.motion_time_s,
+        heat_samples: desk.heat_samples(),
+        driver_polls: session.drivers().polls(),
+    }
+}
+
+/// Hot, then so long a dwell, then a move, then so long a move.
+fn after_hours(seconds: u32) -> String {
+    format!(
+        "G28\nM190 S60\nM109 S210\nG4 S300\nG4 S{seconds}\nG92 X0\nM211 S0\nM203 X500\n\
+         G1 X10 F600\nG1 X{} F60\nG1 X0 F600\n",
+        10 + seconds
+    )
+}
+
+/// An hour, or ten: what is at rest is not looked at.
+#[test]
+fn the_cost_of_an_estimate_does_not_follow_the_time_of_the_print() {
+    for machine in ["cartesian", "corexy", "prusa-mini"] {
+        let [short, long] = [1, 2000].map(|seconds| run(machine, Mode::Estimate, after_hours(seconds).as_bytes()));
+        assert!(long.print_time_s > short.print_time_s + 3900.0, "{machine}: {} s", long.print_time_s);
+        assert_eq!(long.heat_samples, short.heat_samples, "{machine}");
+        assert_eq!(long.driver_polls, short.driver_polls, "{machine}");
+        // A print does look.
+        let print = run(machine, Mode::Print, after_hours(1).as_bytes());
+        assert!(print.heat_samples > short.heat_samples + 10_000, "{machine}: {}", print.heat_samples);
+        let watches = print.driver_polls > 2 * short.driver_polls;
+        assert_eq!(watches, machine != "cartesian", "{machine}: {} {}", print.driver_polls, short.driver_polls);
+    }
+}
+
+/// Of a print of twenty minutes, only what comes after a change of a target is stepped.
+#[test]
+fn the_heaters_of_an_estimated_cube_are_stepped_while_they_are_on_their_way() {
+    for machine in ["cartesian", "corexy", "prusa-mini"] {
+        let ended = run(machine, Mode::Estimate, &example("cube.gcode"));
+        assert!(ended.print_time_s > 1300.0);
+        assert!((10_000..20_000).contains(&ended.heat_samples), "{machine}: {}", ended.heat_samples);
+    }
+}
+
+/// Heaters that were not stepped are where they would be: waits after hours at rest, for more heat, for less, for none.
+#[test]
+fn waits_of_an_estimate_take_as_long_as_those_of_a_print() {
+    let text = "G28\nM190 S60\nM109 S210\nG4 S900\nM109 S230\nG4 S600\nM109 R190\nG4 S600\nM190 S80\nM140 S0\nG4 S100\n\
+                M190 S70\nG4 S400\nM104 S0\nG4 S2000\nM109 S200\nG1 X20 F3000\nG1 X30 E1\n";
+    for machine in ["cartesian", "corexy", "prusa-mini"] {
+        let [estimate, print] = [Mode::Estimate, Mode::Print].map(|mode| run(machine, mode, text.as_bytes()));
+        assert_eq!(estimate.motion_time_s, print.motion_time_s);
+        let apart_s = (estimate.print_time_s - print.print_time_s).abs();
+        assert!(apart_s < 2.0, "{machine}: {} s, {} s", estimate.print_time_s, print.print_time_s);
+        assert!(estimate.heat_samples < print.heat_samples / 2, "{machine}");
+    }
+}
+
+/// Too weak for its target is not at rest, however steady: it fails as in a print.
+#[test]
+fn a_heater_that_fails_is_found_by_an_estimate() {
+    let directory = crate::command::directory();
+    let text = std::fs::read_to_string(crate::command::repository().join("profiles/cartesian.toml")).unwrap();
+    let weak = text.replacen("\nproportional = 0.1\nintegral = 0.004\n", "\nproportional = 0.0001\nintegral = 0\n", 1);
+    assert_ne!(weak, text);
+    let machine = crate::command::file(&directory, "weak.toml", weak);
+    let job = crate::command::file(&directory, "job.gcode", "G4 S600\nM109 S200\n");
+    for command in ["estimate", "print"] {
+        let outcome = ferrostep([command.as_ref(), job.as_os_str(), "--profile".as_ref(), machine.as_os_str()]);
+        assert_eq!(outcome.status, Some(1), "{outcome:#?}");
+        assert!(outcome.stderr.contains("Error:Heating failed, system stopped! Heater_ID: E0"), "{outcome:#?}");
+    }
+}
