@@ -100,6 +100,11 @@ fn a_limit_that_is_none_is_refused() {
             let mut limits = vec![Limit::Whole(1); LIMITS];
             limits[index] = limit;
             let given = Start { limits: Some(limits), ..Start::default() };
+            // The last four, of corners, may be missing.
+            if index >= LIMITS - 4 && matches!(limit, Limit::Float(f32::INFINITY)) {
+                assert!(start(&given).is_ok());
+                continue;
+            }
             assert_eq!(start(&given), content("limits above zero"), "{limit:?} at {index}");
         }
     }
