@@ -446,8 +446,9 @@ impl<O: Observer> Desk<O> {
         while self.queues.entries.len() > keep && self.board.motors.steps.tick() <= latest {
             let Some(entry) = self.queues.entries.pop_front() else { break };
             played = true;
-            if !self.queues.notices.is_empty() {
-                self.deliver_notices(self.board.motors.steps.first_tick(entry).saturating_sub(1));
+            let before = self.board.motors.steps.first_tick(entry).saturating_sub(1);
+            if self.queues.notices.front().is_some_and(|notice| notice.tick() <= before) {
+                self.deliver_notices(before);
             }
             self.board.motors.steps.play(entry, &mut self.observer);
         }

@@ -204,6 +204,25 @@ impl Block {
         inner_ends: InnerEnds::NONE,
     };
 
+    /// Becomes the other block. The ends inside are copied only if there are any: they are most of a block, and few have
+    /// them.
+    #[inline(always)]
+    pub(crate) fn become_block(&mut self, other: &Self) {
+        let Self { steps, extruder_256ths, length_10nm, nominal, acceleration, line, ends_move, inner_ends } = self;
+        *steps = other.steps;
+        *extruder_256ths = other.extruder_256ths;
+        *length_10nm = other.length_10nm;
+        *nominal = other.nominal;
+        *acceleration = other.acceleration;
+        *line = other.line;
+        *ends_move = other.ends_move;
+        if other.inner_ends.is_empty() {
+            inner_ends.clear();
+        } else {
+            *inner_ends = other.inner_ends;
+        }
+    }
+
     /// Path length, mm.
     pub fn length_mm(&self) -> f64 {
         f64::from(self.length_10nm) / UNITS_PER_MM as f64

@@ -196,7 +196,15 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
         if !self.has_room() {
             return false;
         }
-        let block = &self.held(block);
+        let held;
+        let block = if let Law::Table(table) = &self.law {
+            // No faster than the table goes.
+            let nominal = block.nominal.min(Pulses::of(block).speed(table.top_hz()));
+            held = Block { nominal, ..*block };
+            &held
+        } else {
+            block
+        };
         let bound = if self.stopped { Speed::ZERO } else { junction.min(block.nominal).min(self.newest_nominal) };
         self.stopped = false;
         self.newest_nominal = block.nominal;
@@ -221,16 +229,6 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
             self.reverse_pass(&table, place, entry);
         }
         true
-    }
-
-    /// A block no faster than the table goes.
-    fn held(&self, block: &Block) -> Block {
-        match &self.law {
-            Law::Table(table) => {
-                Block { nominal: block.nominal.min(Pulses::of(block).speed(table.top_hz())), ..*block }
-            }
-            _ => *block,
-        }
     }
 
     #[inline(always)]
@@ -302,33 +300,41 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
             Law::Table(table) => Some(table),
             Law::Prepared(_) => return None,
         };
-        let content = self.take_first()?;
-        match content {
-            Content::Empty => None,
-            Content::Marker(marker) => Some(Left::Marker(marker)),
-            Content::Block(waiting) => {
-                self.blocks -= 1;
-                let mut block = waiting.block;
-                self.left_nominal = block.nominal;
-                self.left_entry = self.next_entry;
-                self.left_bound = waiting.entry_bound;
-                let mut reachable = reach(&table, waiting.entry, &block);
-                if pace != Pace::FULL {
-                    let capped = pace.of(block.nominal);
-                    let slowed = match &table {
-                        None => waiting.entry.slowed_over(&block),
-                        Some(table) => Pulses::of(&block).slowest(table, waiting.entry.root(), capped).into(),
-                    };
-                    reachable = reachable.min(SquaredSpeed::from(capped).max(slowed));
-                    block.nominal = capped;
-                }
-                let exit = self.settle_next(reachable);
-                self.left_with = exit.into();
-                let entry = waiting.entry.root();
-                block.nominal = block.nominal.max(entry).max(exit);
-                Some(Left::Block(PlannedBlock { block, entry, exit }))
+        let (mut planned, squared_entry) = match &self.slots.as_ref().get(self.first)?.0 {
+            Content::Empty => {
+                self.pass_first();
+                return None;
             }
+            &Content::Marker(marker) => {
+                self.pass_first();
+                return Some(Left::Marker(marker));
+            }
+            // A block is large: it is copied once.
+            Content::Block(waiting) => {
+                self.left_bound = waiting.entry_bound;
+                let planned = PlannedBlock { block: waiting.block, entry: waiting.entry.root(), exit: Speed::ZERO };
+                (planned, waiting.entry)
+            }
+        };
+        self.pass_first();
+        self.blocks -= 1;
+        let PlannedBlock { block, entry, exit } = &mut planned;
+        self.left_nominal = block.nominal;
+        self.left_entry = self.next_entry;
+        let mut reachable = reach(&table, squared_entry, block);
+        if pace != Pace::FULL {
+            let capped = pace.of(block.nominal);
+            let slowed = match &table {
+                None => squared_entry.slowed_over(block),
+                Some(table) => Pulses::of(block).slowest(table, *entry, capped).into(),
+            };
+            reachable = reachable.min(SquaredSpeed::from(capped).max(slowed));
+            block.nominal = capped;
         }
+        *exit = self.settle_next(reachable);
+        self.left_with = (*exit).into();
+        block.nominal = block.nominal.max(*entry).max(*exit);
+        Some(Left::Block(planned))
     }
 
     /// Takes the oldest place.

@@ -72,7 +72,7 @@ impl Open {
     /// A block of one move that starts with the extruder here.
     #[inline(always)]
     pub fn begin(&mut self, planned: &Planned, extruder_256ths: i64) {
-        self.block = planned.block;
+        self.block.become_block(&planned.block);
         self.events = planned.events;
         self.junction = planned.junction;
         self.moves = 1;

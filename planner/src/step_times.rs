@@ -219,29 +219,31 @@ impl StepTimes {
         if steps.count > 0 {
             self.set_phases(law, steps);
         }
-        self.begin(Pieces::None, earliest);
+        self.pieces = Pieces::None;
+        self.begin(earliest);
     }
 
     /// The same along a block of a run.
     pub(crate) fn start_run(&mut self, law: &Along, steps: &Spacing<f64>, earliest: u64) {
         self.phases.to_come = 0;
-        self.begin(Pieces::Run { law: *law, steps: *steps, next: 0, done: 0 }, earliest);
+        self.pieces = Pieces::Run { law: *law, steps: *steps, next: 0, done: 0 };
+        self.begin(earliest);
     }
 
     /// The same along a block at the frequencies of a table.
     pub(crate) fn start_staircase(&mut self, law: &Staircase, steps: &Spacing<f64>, earliest: u64) {
         self.phases.to_come = 0;
-        self.begin(Pieces::Staircase { law: *law, steps: *steps, next: 0, done: 0 }, earliest);
+        self.pieces = Pieces::Staircase { law: *law, steps: *steps, next: 0, done: 0 };
+        self.begin(earliest);
     }
 
-    /// Begins with the first phase that has steps. Every field is set here or by [`Self::enter_phase`]: nothing of a block
-    /// that was abandoned half-way remains.
+    /// Begins with the first phase that has steps. Phases and pieces are those of the new stretch, and every other field is set
+    /// here or by [`Self::enter_phase`]: nothing of a block that was abandoned half-way remains.
     #[inline]
-    fn begin(&mut self, pieces: Pieces, earliest: u64) {
+    fn begin(&mut self, earliest: u64) {
         self.due = earliest;
         self.left = 0;
         self.beyond = 0;
-        self.pieces = pieces;
         self.enter_phase();
     }
 

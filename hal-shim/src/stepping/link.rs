@@ -7,10 +7,12 @@ use super::word::WordU8;
 pub struct StepLink {
     run: WordU8,
     ran_dry: WordU8,
-    /// A command or a fault wants motion to stop.
+    /// Motion is to stop: what the interrupt looks at.
     stop: WordU8,
-    /// The sensor that an axis seeks has triggered. A flag of its own: neither hides the other.
-    sensor_stop: WordU8,
+    /// A command or a fault wants that.
+    requested: WordU8,
+    /// The sensor that an axis seeks wants that. A flag of its own: neither hides the other.
+    sensor: WordU8,
     owed: WordU8,
 }
 
@@ -27,7 +29,8 @@ impl StepLink {
             run: WordU8::new(0),
             ran_dry: WordU8::new(0),
             stop: WordU8::new(0),
-            sensor_stop: WordU8::new(0),
+            requested: WordU8::new(0),
+            sensor: WordU8::new(0),
             owed: WordU8::new(0),
         }
     }
@@ -70,28 +73,31 @@ impl StepLink {
     /// Somebody wants motion to stop, and has masked the step interrupt before this call. The planner task sees to the
     /// rest. From any priority below the interrupt's.
     pub fn request_stop(&self) {
+        self.requested.store(1);
         self.stop.store(1);
     }
 
     /// As [`Self::request_stop`], for the sensor that an axis seeks.
     pub fn request_sensor_stop(&self) {
-        self.sensor_stop.store(1);
+        self.sensor.store(1);
+        self.stop.store(1);
     }
 
     /// Whether a stop has been asked for and not been taken note of.
     pub fn is_stopping(&self) -> bool {
-        self.stop.load() != 0 || self.sensor_stop.load() != 0
+        self.stop.load() != 0
     }
 
     /// The stop has been taken note of; nothing runs. Whether nothing but a sensor has asked for it.
     ///
-    /// A flag is cleared only where it was seen: a request that comes in between remains, and is followed next.
+    /// The reasons are taken after the flag is cleared: a request that comes in between sets it again, and is followed next.
     pub(super) fn stopped(&self) -> bool {
         self.run.store(0);
         self.ran_dry.store(0);
         self.owed.store(0);
-        let requested = Self::take(&self.stop);
-        Self::take(&self.sensor_stop) && !requested
+        self.stop.store(0);
+        let requested = Self::take(&self.requested);
+        Self::take(&self.sensor) && !requested
     }
 
     #[inline(always)]

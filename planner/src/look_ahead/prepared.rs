@@ -208,7 +208,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
             slot.0 = Content::Block(Waiting::NONE);
         }
         if let Content::Block(waiting) = &mut slot.0 {
-            waiting.block = *block;
+            waiting.block.become_block(block);
             waiting.entry = start.entry;
             waiting.run_entry = start.root;
             waiting.settled = start.settled;
