@@ -24,7 +24,7 @@
 //! | g(8) g(8) | targets of nozzle and bed, degrees Celsius |
 //! | g(7) g(7) | feed and flow, percent |
 //! | 8 | fan |
-//! | 1, 12 values | whether limits are there that are not the profile's; each g(10) after 0, or an f32 after 1 |
+//! | 1, 16 values | whether limits are there that are not the profile's; each g(10) after 0, or an f32 after 1 |
 //! | g(7) | unit of X, Y and Z, of 10 nm |
 //! | g(7) | unit of the filament, of 0.1 nm |
 //! | 4 x 5 | orders of the codes of X, Y, Z and of what the filament differs from its prediction |

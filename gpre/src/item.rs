@@ -25,7 +25,8 @@ pub enum Item<'a> {
 }
 
 /// Limits of the machine as M201, M203, M204 and M205 set them, mm and s: largest feeds and accelerations of X, Y, Z and
-/// the filament, accelerations of printing, travel and retraction, junction deviation.
+/// the filament, accelerations of printing, travel and retraction, junction deviation, and instantaneous corner velocities of
+/// X, Y, Z and the filament.
 pub type LimitValues = [f32; 16];
 
 /// Where in [`LimitValues`] the instantaneous corner velocities begin, which may be infinite.

@@ -33,6 +33,8 @@
 //! | 3 | u8: the fan, 0 to 255 |
 //! | 4 | up to three bytes of a command's text, zeros behind it; the first zero ends it, at the latest in a packet of its own |
 //! | 5 | u8, u16: a part of where the machine is: 0 to 5 = X, Y, Z, 6 to 9 = E of the G-code, 10 and 11 = how far Z is lifted by a firmware retraction; the least first, units of 10 nm |
+//! | 6 | 3 i8: signed steps of X, Y and Z that lead to the inner end told before |
+//! | 7 | i16, u8: travel of the extruder that leads there, 1/256 steps; 1 where the line's move ends there, 0 inside an arc |
 
 use crate::error::Fault;
 

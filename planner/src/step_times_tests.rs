@@ -1,4 +1,5 @@
 //! Step times against t(s) by the textbook, in f64, of a million random blocks.
+#![allow(clippy::unwrap_used)]
 
 use crate::block::{Acceleration, Block, PlannedBlock, Speed};
 use crate::inner_ends::InnerEnds;

@@ -130,7 +130,7 @@ impl Corners {
         let window = ((WINDOW_S * self.tick_hz) as u64).min(end.saturating_sub(start));
         let after = self.seen(traced, start, start + window);
         let ending = self.seen(traced, end - window, end);
-        let Some(before) = std::mem::replace(&mut self.before, Some(ending)) else { return Vec::new() };
+        let Some(before) = self.before.replace(ending) else { return Vec::new() };
         let axes = before.into_iter().zip(after).zip(traced.limits_mm_per_s).enumerate();
         axes.filter_map(|(axis, ((before, after), limit_mm_per_s))| {
             let least_mm_per_s = (after.mean - before.mean).abs() - before.slack - after.slack;
