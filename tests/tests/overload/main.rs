@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 mod invariants;
+mod hangs;
 mod live_changes;
 mod live_machine;
 mod look_ahead;
