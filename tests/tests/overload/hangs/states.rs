@@ -70,15 +70,16 @@ impl State {
         Self { work, ..self }
     }
 
-    /// Whether what was pushed is E: a firmware retraction is not.
+    /// Whether E is what was pushed: a firmware retraction is no part of it, and a job has G92.
     pub fn tells_filament(&self) -> bool {
-        !self.name.starts_with("G10")
+        matches!(&self.work, Work::Lines(lines) if !lines.iter().any(|line| line == "G10"))
     }
 
     /// All of them.
     pub fn all() -> Vec<Self> {
         const NEAR_MIN: &str = "G28; G1 X8 Y7 Z3 F6000; M400";
         const NEAR_MAX: &str = "G28; G1 X57 Y58 Z3 F6000; M400";
+        const HOMED: &str = "G28; G1 X5 Y5 Z3 F6000; M400; M82";
         const ARC: &str = "G2 I5 J0 E1 F1800; G3 X4 Y4 I2 J2 E2; G2 X0 Y0 I-2 J-2 E3; M400";
         vec![
             Self::new("G28, end stops at min", "cartesian", NEAR_MIN, "G28"),
@@ -88,7 +89,7 @@ impl State {
             Self::new("G28 X, stall", "prusa-mini", NEAR_MAX, "G28 X"),
             Self::new("G28 Z", "corexy", "G28; G1 Z1 F600; M400", "G28 Z"),
             Self::new("G1, long", "cartesian", "M82", "G1 X30 Y10 E1 F6000; G1 X0 E2; G1 X25 Y30 E3; G1 Z1; M400"),
-            Self::new("G1, short", "corexy", "M82", "M400").with_work(Work::Lines(short_moves())),
+            Self::new("G1, short", "corexy", HOMED, "M400").with_work(Work::Lines(short_moves())),
             Self::new("G1, short, ring of 3", "cartesian", "M82", "M400")
                 .with_look_ahead(3)
                 .with_work(Work::Lines(short_moves())),
@@ -102,16 +103,17 @@ impl State {
             Self::new("M106, M18", "cartesian", "M82", "G1 X9 E1 F1800; M106 S99; G1 X12; M107; M18; G1 X9; M84"),
             Self::new("M109", "cartesian", "M82", "G1 X9 E1 F1800; M109 S200"),
             Self::new("M109 R, above it", "cartesian", "M82", "G1 X9 E1 F1800; M109 R10"),
-            Self::new("M190", "corexy", "M82", "G1 X9 Y3 E1 F1800; M190 S60"),
+            Self::new("M190", "corexy", HOMED, "G1 X9 Y3 E1 F1800; M190 S60"),
             Self::new("idle", "cartesian", "M82", "G1 X9 E1 F3000; G1 X20 E2").then_silent(700),
-            Self::new("prepared job", "cartesian", "M302 P1", "M400").with_work(Work::Job(job(400))),
+            Self::new("prepared job", "cartesian", "M302 P1", "M400").with_work(Work::Job(job(1_000))),
         ]
     }
 }
 
 /// To and fro in pieces of some hundredths of a millimetre.
 fn short_moves() -> Vec<String> {
-    let place = |index: u32| [index * 5 + index % 3, (index / 40 % 2) * 40 + index % 40].map(|place| f64::from(place) / 100.0);
+    let place =
+        |index: u32| [index * 5 + index % 3, (index / 40 % 2) * 40 + index % 40].map(|place| f64::from(place) / 100.0);
     let moves = (1..400).map(|index| {
         let [x, y] = place(index);
         format!("G1 X{x:.2} Y{y:.2} E{:.4} F9000", f64::from(index) * 0.002)
@@ -122,7 +124,7 @@ fn short_moves() -> Vec<String> {
 /// A prepared job of so many moves, with commands in between.
 fn job(moves: u32) -> Vec<u8> {
     let lines = (1..=moves).map(|index| {
-        let [x, y] = [index * 7 % 30, index * 3 % 20].map(|place| f64::from(place) + 0.125);
+        let [x, y] = [index * 7 % 30, index * 3 % 20].map(|place| f64::from(place) / 10.0 + 2.125);
         let command = ["", "M106 S77\n", "G92 E0\n", "M204 S900\n"][(index % 40 / 10) as usize];
         let command = if index % 10 == 0 { command } else { "" };
         format!("{command}G1 X{x} Y{y} Z0.3 E0.05 F9000\n")
