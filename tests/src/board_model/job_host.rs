@@ -88,10 +88,10 @@ impl JobHost {
     fn converse<M: Stepping>(&mut self, board: &Board<'_, M>) {
         let now = board.now();
         if self.absence.contains(&now) {
-            self.heard = board.replies().len();
+            self.heard = board.replies.0.borrow().len();
             return;
         }
-        for reply in board.replies().iter().skip(self.heard) {
+        for reply in board.replies.0.borrow().iter().skip(self.heard) {
             self.heard += 1;
             self.sender.hear(reply);
         }

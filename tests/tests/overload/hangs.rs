@@ -1,11 +1,12 @@
 //! M410, M112, M108 and a host that goes, at any instant of whatever the board is at: it answers within the times that the
 //! book tells (Overload), no motor steps after a stop, and the machine goes on from where its motors stand.
 //!
-//! Everything follows from a seed, which a failure names. `FERROSTEP_INSTANTS` says how many instants of each kind are tried
-//! in each state.
+//! Everything follows from a seed, which a failure names. `FERROSTEP_INSTANTS` says how many instants of each kind are
+//! tried, in all states together.
 
 mod states;
 
+use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use ferrostep_gcode::Emergency;
@@ -17,8 +18,8 @@ use ferrostep_tests::hostile::Random;
 
 use states::{State, Work};
 
-/// Instants of a kind in a state, if nobody says otherwise.
-const INSTANTS: u64 = 8;
+/// Instants of a kind in all states, if nobody says otherwise.
+const INSTANTS: u64 = 100;
 
 /// A command that waits for motion is answered so long after a stop, and a line that need not wait after it has come, ms.
 const ANSWER_MS: u64 = 5;
@@ -62,6 +63,12 @@ struct Undisturbed {
 
 fn waits_for_heat(line: &str) -> bool {
     line.starts_with("M109") || line.starts_with("M190")
+}
+
+/// The host of a job that begins at a cycle.
+fn job_host(job: &[u8], begin: u64, pause_ms: &Range<u64>) -> JobHost {
+    let [start, end] = [pause_ms.start, pause_ms.end].map(|ms| begin + ms * CYCLES_A_MS);
+    JobHost::new(job.to_vec()).pauses(start..end)
 }
 
 /// A board and who talks to it.
@@ -134,8 +141,9 @@ impl<'b, 'a> Talk<'b, 'a> {
                     answers.push(self.board.now() - begin);
                 }
             }
-            Work::Job(job) => {
-                let report = self.board.receive_job(&mut self.printer, &mut JobHost::new(job.clone()));
+            Work::Job(job, pause_ms) => {
+                let mut host = job_host(job, begin, pause_ms);
+                let report = self.board.receive_job(&mut self.printer, &mut host);
                 assert_eq!(report.word, Word::Done, "{:?}", self.board.replies());
                 answers.push(self.board.now() - begin);
             }
@@ -196,7 +204,10 @@ impl<'b, 'a> Talk<'b, 'a> {
                     }
                 }
             }
-            Work::Job(job) => self.disturb_job(job, kind, at, undisturbed, random),
+            Work::Job(job, pause_ms) => {
+                let host = job_host(job, begin, pause_ms);
+                self.disturb_job(host, kind, at, undisturbed, random);
+            }
         }
         self.board.wait_for_line(at);
         if kind == Kind::HostGoes {
@@ -205,12 +216,11 @@ impl<'b, 'a> Talk<'b, 'a> {
     }
 
     #[track_caller]
-    fn disturb_job(&mut self, job: &[u8], kind: Kind, at: u64, undisturbed: &Undisturbed, random: &mut Random) {
+    fn disturb_job(&mut self, mut host: JobHost, kind: Kind, at: u64, undisturbed: &Undisturbed, random: &mut Random) {
         let begin = self.board.now();
-        let mut host = JobHost::new(job.to_vec());
         let silence_ms = u64::from(JOB_SILENCE_S) * 1_000;
         let (until, words): (u64, &[Word]) = match kind {
-            Kind::QuickStop | Kind::Stop => (at + (LINE_MS + ANSWER_MS) * CYCLES_A_MS, &[Word::Stopped]),
+            Kind::QuickStop | Kind::Stop => (at + (LINE_MS + ANSWER_MS) * CYCLES_A_MS, &[Word::Stopped, Word::Refused]),
             Kind::EndWait => {
                 self.board.act_at(at, Emergency::EndWait);
                 (begin + undisturbed.end, &[Word::Done])
@@ -362,8 +372,10 @@ fn instant(state: &State, undisturbed: &Undisturbed, kind: Kind, seed: u64) -> f
 /// Any instants of a kind, in all states.
 fn at_any_instant(kind: Kind) {
     let instants = std::env::var("FERROSTEP_INSTANTS").map_or(INSTANTS, |count| count.parse().unwrap());
+    let states = State::all();
+    let instants = instants.div_ceil(states.len() as u64);
     let mut failed = Vec::new();
-    for (number, state) in State::all().iter().enumerate() {
+    for (number, state) in states.iter().enumerate() {
         let undisturbed = undisturbed(state);
         let mut longest_ms = 0.0f64;
         for index in 0..instants {

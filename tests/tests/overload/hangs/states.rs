@@ -1,6 +1,7 @@
 //! What a board can be at when M410, M112 or M108 comes, or when its host goes.
 
 use std::io::Cursor;
+use std::ops::Range;
 
 use ferrostep::gpre::{self, Target};
 use ferrostep::session::JobReplies;
@@ -15,8 +16,8 @@ const SIZE_MM: i64 = 65;
 pub enum Work {
     /// It executes these lines.
     Lines(Vec<String>),
-    /// It receives this prepared job.
-    Job(Vec<u8>),
+    /// It receives this prepared job; between these ms of it the host sends none of it.
+    Job(Vec<u8>, Range<u64>),
 }
 
 /// A state.
@@ -105,7 +106,9 @@ impl State {
             Self::new("M109 R, above it", "cartesian", "M82", "G1 X9 E1 F1800; M109 R10"),
             Self::new("M190", "corexy", HOMED, "G1 X9 Y3 E1 F1800; M190 S60"),
             Self::new("idle", "cartesian", "M82", "G1 X9 E1 F3000; G1 X20 E2").then_silent(700),
-            Self::new("prepared job", "cartesian", "M302 P1", "M400").with_work(Work::Job(job(1_000))),
+            Self::new("prepared job", "cartesian", "M302 P1", "M400").with_work(Work::Job(job(600), 0..0)),
+            Self::new("prepared job, its host pauses", "cartesian", "M302 P1", "M400")
+                .with_work(Work::Job(job(600), 100..25_000)),
         ]
     }
 }
