@@ -13,7 +13,9 @@ use ferrostep_gcode::Emergency;
 use ferrostep_gpre::transfer::Word;
 use ferrostep_hal_shim::stepping::Pulses;
 use ferrostep_printer::{CommandError, Failure};
-use ferrostep_tests::board_model::{Board, BoardPrinter, CYCLES_A_MS, Costs, JOB_SILENCE_S, JobHost, with_board};
+use ferrostep_tests::board_model::{
+    Board, BoardPrinter, CYCLES_A_MS, Costs, JOB_SILENCE_S, JobHost, LOOK_AHEAD_BLOCKS, with_board,
+};
 use ferrostep_tests::hostile::Random;
 
 use states::{State, Work};
@@ -413,4 +415,49 @@ fn m108_at_any_instant() {
 #[test]
 fn a_host_that_goes_at_any_instant() {
     at_any_instant(Kind::HostGoes);
+}
+
+/// M108 is meant for the wait of the command in execution, also while the motion before it is not over.
+#[test]
+fn m108_ends_a_wait_that_is_still_to_begin() {
+    let profile = ferrostep_profiles::load("cartesian").unwrap();
+    with_board::<Pulses, _>(&profile, LOOK_AHEAD_BLOCKS, Costs::BOARD, |board| {
+        let mut printer = board.printer();
+        board.execute(&mut printer, 1, "G1 X20 F1200").unwrap();
+        let at = board.now() + 300 * CYCLES_A_MS;
+        board.act_at(at, Emergency::EndWait);
+        let outcome = board.execute_by(&mut printer, 2, "M109 S200", board.now() + 3_000 * CYCLES_A_MS);
+        assert_eq!(outcome, Some(Ok(())));
+        // The motion has ended by itself.
+        assert_eq!(board.counted_steps()[0], 1_600);
+        assert!(board.now() > at + 600 * CYCLES_A_MS);
+        // The next wait is another.
+        assert_eq!(board.execute_by(&mut printer, 3, "M109 S200", board.now() + 3_000 * CYCLES_A_MS), None);
+    });
+}
+
+/// M410 has acted, and its line has a wrong number: what was left unpushed is reckoned with the next line, whichever it is.
+#[test]
+fn a_stop_is_reckoned_without_its_line() {
+    let profile = ferrostep_profiles::load("cartesian").unwrap();
+    with_board::<Pulses, _>(&profile, LOOK_AHEAD_BLOCKS, Costs::BOARD, |board| {
+        let mut printer = board.printer();
+        for line in ["M302 P1", "G1 X20 E5 F1200", "G1 X40 E10"] {
+            board.execute(&mut printer, 1, line).unwrap();
+        }
+        board.act_at(board.now() + 300 * CYCLES_A_MS, Emergency::QuickStop);
+        board.stay_silent(400);
+        board.execute(&mut printer, 1, "M114").unwrap();
+        let [x, .., extruder] = board.counted_steps();
+        let [logical_x, .., logical_extruder] = printer.logical_10nm().map(|length_10nm| length_10nm as f64 / 1e5);
+        assert!(x > 0 && x < 1_600);
+        let per_mm = profile.steps_per_mm.map(|steps| steps.to_f64());
+        assert!((logical_x - x as f64 / per_mm[0]).abs() < 0.02, "{x} steps, {logical_x} mm");
+        assert!(
+            (logical_extruder - extruder as f64 / per_mm[3]).abs() < 0.02,
+            "{extruder} steps, {logical_extruder} mm"
+        );
+        let filament_mm = printer.tally().filament_100pm as f64 / 1e7;
+        assert!((filament_mm - logical_extruder).abs() < 0.02, "{filament_mm} mm");
+    });
 }
