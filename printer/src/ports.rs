@@ -53,8 +53,15 @@ pub enum Seek {
 
 /// The planner and the motors, seen from the command side.
 pub trait Motion {
-    /// A command begins: what it waits for ends with any stop from now on.
-    fn begin_command(&mut self) {}
+    /// A command begins: what it waits for ends with any stop from now on. Whether motion was stopped since the last one
+    /// began, by others than [`Self::stop`].
+    fn begin_command(&mut self) -> bool {
+        false
+    }
+    /// How often motion was stopped so far; it may wrap.
+    fn stops(&self) -> u32 {
+        0
+    }
     /// Queues a move; waits for room.
     fn add(&mut self, request: Move) -> impl Future<Output = Result<Moved, MotionError>>;
     /// Queues a move of a prepared job, with the feed and flow of now (M220, M221), if that needs no waiting; `None` where it
@@ -117,6 +124,10 @@ pub trait Motion {
     /// Stops at once and forgets all queued motion; the position is then where the motors stand. Returns the filament
     /// that was queued and not pushed, units of 0.1 nm.
     fn stop(&mut self) -> i64;
+    /// Takes the filament that stops of others have left unpushed, units of 0.1 nm.
+    fn take_dropped_100pm(&mut self) -> i64 {
+        0
+    }
 }
 
 /// What of a board can be used. What cannot is refused by name: nobody shall think that something is hot, or homed, that

@@ -221,8 +221,13 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
 
     /// Executes a command.
     async fn command(&mut self, command: &Command<'_>) -> Result<Answer, CommandError> {
-        self.motion.begin_command();
+        let was_stopped = self.motion.begin_command();
         self.see_moves();
+        if was_stopped {
+            // M410 has acted as its bytes arrived; its line may never come to be executed.
+            let dropped_100pm = self.motion.take_dropped_100pm();
+            self.reckon_stop(dropped_100pm);
+        }
         if self.signals.is_halted() && *command != Command::Restart {
             self.follow_the_motors();
             return Err(CommandError::Halted);
@@ -266,6 +271,11 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
     pub(crate) fn stop_motion(&mut self) {
         self.see_moves();
         let dropped_100pm = self.motion.stop();
+        self.reckon_stop(dropped_100pm);
+    }
+
+    /// Motion was stopped, with so much filament unpushed.
+    fn reckon_stop(&mut self, dropped_100pm: i64) {
         self.tally.filament_100pm -= dropped_100pm;
         // What moves extrude by their length is no part of the G-code's position, nor is a firmware retraction.
         if !self.modal.extrusion.settings().adaptive {

@@ -117,10 +117,12 @@ struct Incoming {
     heard_ms: u64,
     /// A frame has come.
     any_frame: bool,
+    /// How often motion had been stopped when the job began: one more ends it, whatever it was at.
+    stops: u32,
 }
 
 impl Incoming {
-    fn new(size: u32, now_ms: u64) -> Self {
+    fn new(size: u32, now_ms: u64, stops: u32) -> Self {
         Self {
             receiver: Receiver::new(size),
             chunk: [0; CHUNK_BYTES],
@@ -134,6 +136,7 @@ impl Incoming {
             limit: 0,
             heard_ms: now_ms,
             any_frame: false,
+            stops,
         }
     }
 
@@ -265,7 +268,7 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         line: &mut impl JobLine,
         buffer: &mut [u8],
     ) -> (Report, bool) {
-        let mut incoming = Incoming::new(request.size, self.clock.now_ms());
+        let mut incoming = Incoming::new(request.size, self.clock.now_ms(), self.motion.stops());
         let mut progress = Progress { begun: false, frame: 0, offset: 0 };
         let outcome = self.play(request, line, buffer, &mut incoming, &mut progress).await;
         let (replies, clock) = (self.replies(), self.clock.clone());
@@ -450,7 +453,7 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         if incoming.aborted {
             return Err(Stop::Aborted);
         }
-        if self.signals.is_halted() { Err(Stop::Halted) } else { Ok(()) }
+        if self.signals.is_halted() || self.motion.stops() != incoming.stops { Err(Stop::Halted) } else { Ok(()) }
     }
 }
 

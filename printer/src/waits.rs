@@ -85,9 +85,9 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
             }
             WaitTarget::Current => false,
         };
-        self.motion.finish().await?;
-        // An M108 from before this wait is not meant for it.
+        // An M108 from before this command is not meant for it; one that comes while the motion before it ends is.
         self.signals.take_end_wait();
+        self.motion.finish().await?;
         self.signals.set_waiting_for_heat(true);
         let outcome = self.stay_near_target(heater, cooling_counts).await;
         self.signals.set_waiting_for_heat(false);

@@ -32,7 +32,7 @@ use time::{from_ns, to_ns};
 
 pub use host_line::HostLine;
 pub use impatience::Ended;
-pub use job_host::JobHost;
+pub use job_host::{JOB_SILENCE_S, JobHost};
 pub use ports::{ColdHeaters, Transcript};
 pub use queue::Queue;
 pub use recording::Watch;
@@ -49,6 +49,9 @@ const PLANNER_INTERVAL: u64 = 2 * CYCLES_A_MS;
 
 /// At standstill, what waits is executed after this much silence, as in the firmware.
 const FLUSH_AFTER: u64 = 100 * CYCLES_A_MS;
+
+/// No command takes longer, cycles: what does, hangs.
+const LONGEST_COMMAND: u64 = 3_600 * CYCLES_PER_S;
 
 /// Planner, motors and step queue of the board.
 pub type BoardMachine<'a, M> = Machine<Vec<Slot>, Queue<'a, M>>;
@@ -205,16 +208,37 @@ impl<'a, M: Stepping> Board<'a, M> {
         self.poll(printer.execute(number, text))
     }
 
+    /// Executes a line; `None` if it has no answer by a cycle.
+    pub fn execute_by(
+        &self,
+        printer: &mut BoardPrinter<'_, 'a, M>,
+        number: u32,
+        text: &str,
+        cycle: u64,
+    ) -> Option<Result<(), Failure>> {
+        self.work_for(self.costs.line);
+        self.poll_by(printer.execute(number, text), cycle)
+    }
+
     /// Polls to the end; time passes in between.
     fn poll<T>(&self, future: impl Future<Output = T>) -> T {
+        let ended = self.poll_by(future, self.now() + LONGEST_COMMAND);
+        ended.unwrap_or_else(|| panic!("a command without an end, at {} of virtual time", self.now()))
+    }
+
+    /// Polls to the end, or until a cycle has come: `None`.
+    fn poll_by<T>(&self, future: impl Future<Output = T>, cycle: u64) -> Option<T> {
         let mut future = pin!(future);
         let mut context = Context::from_waker(Waker::noop());
         loop {
             if let Poll::Ready(outcome) = future.as_mut().poll(&mut context) {
-                return outcome;
+                return Some(outcome);
+            }
+            if self.now() >= cycle {
+                return None;
             }
             let wake = self.clock.take_wake_ns().map_or(self.now() + 1, from_ns);
-            self.pass_to(wake.max(self.now()));
+            self.pass_to(wake.max(self.now()).min(cycle));
         }
     }
 
@@ -237,10 +261,10 @@ impl<'a, M: Stepping> Board<'a, M> {
         Ok(())
     }
 
-    /// M112 or M410 comes at a cycle; the interrupt that receives it acts on it, whatever the tasks are at. The line
+    /// M108, M112 or M410 comes at a cycle; the interrupt that receives it acts on it, whatever the tasks are at. The line
     /// itself is the caller's to send.
-    pub fn stop_at(&self, cycle: u64, emergency: Emergency) {
-        self.interrupts.stop_at(cycle, emergency);
+    pub fn act_at(&self, cycle: u64, emergency: Emergency) {
+        self.interrupts.act_at(cycle, emergency);
     }
 
     /// Takes the notes of the stops so far.

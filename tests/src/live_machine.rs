@@ -270,7 +270,7 @@ impl<'b, 'a, M: Stepping> Talk<'b, 'a, M> {
     fn stop_after(&mut self, cycles: u64, emergency: Emergency) {
         if self.stops_at.is_none() {
             let at = self.board.now() + cycles;
-            self.board.stop_at(at, emergency);
+            self.board.act_at(at, emergency);
             self.stops_at = Some((at, emergency));
         }
     }

@@ -90,8 +90,13 @@ fn unless_full<T>(outcome: Result<T, MoveError>) -> Option<Result<T, MotionError
 }
 
 impl<S: SharedMachine> Motion for SharedMotion<S> {
-    fn begin_command(&mut self) {
-        self.stops = self.machine.with(|machine| machine.stops());
+    fn begin_command(&mut self) -> bool {
+        let stops = self.stops();
+        core::mem::replace(&mut self.stops, stops) != stops
+    }
+
+    fn stops(&self) -> u32 {
+        self.machine.with(|machine| machine.stops())
     }
 
     async fn add(&mut self, request: Move) -> Result<Moved, MotionError> {
@@ -200,6 +205,10 @@ impl<S: SharedMachine> Motion for SharedMotion<S> {
         self.machine.work();
         // The command's own stop does not end what it waits for after it.
         self.begin_command();
+        self.take_dropped_100pm()
+    }
+
+    fn take_dropped_100pm(&mut self) -> i64 {
         self.machine.with(|machine| machine.take_dropped_100pm())
     }
 }

@@ -25,15 +25,7 @@ pub enum Ended {
 impl<'a, M: Stepping> Board<'a, M> {
     /// What acts as its bytes arrive, now.
     pub fn act(&self, emergency: Emergency) {
-        match emergency {
-            Emergency::EndWait => self.interrupts.signals().end_wait(),
-            Emergency::QuickStop => self.interrupts.stop(),
-            Emergency::Stop => {
-                self.interrupts.signals().halt();
-                self.interrupts.stop();
-            }
-            Emergency::PromptAnswer(_) => {}
-        }
+        self.interrupts.act(emergency);
     }
 
     /// Answers a line of a host that waits for so many ms and then says M108, then M410, then M112.

@@ -1,6 +1,7 @@
 //! The step interrupt in virtual time, and a stop that comes at any cycle.
 
 use std::cell::{Cell, RefCell};
+use std::collections::VecDeque;
 
 use ferrostep_gcode::Emergency;
 use ferrostep_hal_shim::stepping::{NextWords, OutputPorts, StepPlayer, Stepping, UpdateTimer};
@@ -13,15 +14,16 @@ use super::recording::WatchedPort;
 /// The step queue of a board whose pins are on one port.
 pub(super) type Player<M> = StepPlayer<M, 1, STEP_QUEUE_SLOTS>;
 
-/// What comes between whatever the tasks do: the step interrupt at each update of its timer, and once the emergency
-/// scanner's stop.
+/// What comes between whatever the tasks do: the step interrupt at each update of its timer, and what the emergency
+/// scanner has seen.
 pub(super) struct Interrupts<'a, M> {
     player: &'a Player<M>,
     timer: &'a VirtualUpdateTimer,
     port: &'a WatchedPort<'a>,
     next: RefCell<NextWords<1>>,
     signals: Signals,
-    stop_at: Cell<Option<(u64, Emergency)>>,
+    /// What is to act, and at which cycle, in this order.
+    acts: RefCell<VecDeque<(u64, Emergency)>>,
     /// How often motors had stepped when motion was stopped.
     events_at_stop: Cell<Option<u64>>,
 }
@@ -34,7 +36,7 @@ impl<'a, M: Stepping> Interrupts<'a, M> {
             port,
             next: RefCell::new(NextWords::NONE),
             signals: Signals::new(),
-            stop_at: Cell::new(None),
+            acts: RefCell::default(),
             events_at_stop: Cell::new(None),
         }
     }
@@ -49,15 +51,9 @@ impl<'a, M: Stepping> Interrupts<'a, M> {
 
     /// Lets time pass up to a cycle, if that is not over.
     pub fn pass_to(&self, cycle: u64) {
-        if let Some((at, emergency)) = self.stop_at.get()
-            && at <= cycle
-        {
-            self.stop_at.set(None);
+        while let Some((at, emergency)) = self.take_due(cycle) {
             self.play_to(at);
-            if emergency == Emergency::Stop {
-                self.signals.halt();
-            }
-            self.stop();
+            self.act(emergency);
         }
         self.play_to(cycle);
     }
@@ -83,9 +79,29 @@ impl<'a, M: Stepping> Interrupts<'a, M> {
         }
     }
 
-    /// The serial interrupt acts on M112 or M410 at a cycle, whatever the tasks do then.
-    pub fn stop_at(&self, cycle: u64, emergency: Emergency) {
-        self.stop_at.set(Some((cycle, emergency)));
+    /// The serial interrupt acts on M108, M112 or M410 at a cycle, whatever the tasks do then.
+    pub fn act_at(&self, cycle: u64, emergency: Emergency) {
+        let mut acts = self.acts.borrow_mut();
+        let place = acts.partition_point(|(at, _)| *at <= cycle);
+        acts.insert(place, (cycle, emergency));
+    }
+
+    /// What acts up to a cycle, the first of it.
+    fn take_due(&self, cycle: u64) -> Option<(u64, Emergency)> {
+        self.acts.borrow_mut().pop_front_if(|(at, _)| *at <= cycle)
+    }
+
+    /// What acts as its bytes arrive, now.
+    pub fn act(&self, emergency: Emergency) {
+        match emergency {
+            Emergency::EndWait => self.signals.end_wait(),
+            Emergency::QuickStop => self.stop(),
+            Emergency::Stop => {
+                self.signals.halt();
+                self.stop();
+            }
+            Emergency::PromptAnswer(_) => {}
+        }
     }
 
     /// The flags of those who act on bytes as they arrive.

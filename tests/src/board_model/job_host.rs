@@ -14,10 +14,13 @@ use ferrostep_hal_shim::virtual_board::VirtualDelay;
 use ferrostep_printer::{Host, JobLine, JobRequest};
 
 use super::time::{CYCLES_A_MS, CYCLES_PER_S};
-use super::{Board, BoardPrinter};
+use super::{Board, BoardPrinter, LONGEST_COMMAND};
 
 /// A line of 115,200 baud: ten bits a byte.
 const CYCLES_A_BYTE: u64 = CYCLES_PER_S / 11_520;
+
+/// A host that says nothing for so long, while the board waits for it, is given up.
+pub const JOB_SILENCE_S: u16 = 30;
 
 /// A host that has heard nothing for so long asks.
 const ASK_CYCLES: u64 = 250 * CYCLES_A_MS;
@@ -36,6 +39,8 @@ pub struct JobHost {
     lines: VecDeque<(u64, String)>,
     /// When no data are sent, only questions.
     pauses: Vec<Range<u64>>,
+    /// When it is not there: nothing of it arrives, and it hears nothing.
+    absence: Range<u64>,
     /// What is on the line, and when each byte arrives.
     wire: VecDeque<(u64, u8)>,
     last_arrival: u64,
@@ -52,6 +57,7 @@ impl JobHost {
             sender: Sender::new(job),
             lines: VecDeque::new(),
             pauses: Vec::new(),
+            absence: 0..0,
             wire: VecDeque::new(),
             last_arrival: 0,
             scanner: EmergencyScanner::new(),
@@ -72,10 +78,20 @@ impl JobHost {
         self
     }
 
+    /// It is not there meanwhile, be it in the middle of a frame; what the board says then is lost.
+    pub fn leaves(mut self, cycles: Range<u64>) -> Self {
+        self.absence = cycles;
+        self
+    }
+
     /// Hears what the board has said by now, and says what there is to say.
     fn converse<M: Stepping>(&mut self, board: &Board<'_, M>) {
         let now = board.now();
-        for reply in board.replies().iter().skip(self.heard) {
+        if self.absence.contains(&now) {
+            self.heard = board.replies.0.borrow().len();
+            return;
+        }
+        for reply in board.replies.0.borrow().iter().skip(self.heard) {
             self.heard += 1;
             self.sender.hear(reply);
         }
@@ -98,9 +114,12 @@ impl JobHost {
     fn put<M: Stepping>(&mut self, board: &Board<'_, M>, bytes: &[u8]) {
         for &byte in bytes {
             self.last_arrival = self.last_arrival.max(board.now()) + CYCLES_A_BYTE;
+            if self.absence.contains(&self.last_arrival) {
+                continue;
+            }
             self.wire.push_back((self.last_arrival, byte));
             if let Some(emergency) = self.scanner.feed(byte) {
-                board.stop_at(self.last_arrival, emergency);
+                board.act_at(self.last_arrival, emergency);
             }
         }
     }
@@ -160,13 +179,24 @@ impl<M: Stepping> JobLine for JobPort<'_, '_, M> {
 impl<'a, M: Stepping> Board<'a, M> {
     /// Receives a host's job and executes it as it comes.
     pub fn receive_job(&self, printer: &mut BoardPrinter<'_, 'a, M>, sender: &mut JobHost) -> Report {
+        let report = self.receive_job_by(printer, sender, self.now() + LONGEST_COMMAND);
+        report.unwrap_or_else(|| panic!("a job without an end"))
+    }
+
+    /// Receives a host's job and executes it as it comes; `None` if it has not ended by a cycle.
+    pub fn receive_job_by(
+        &self,
+        printer: &mut BoardPrinter<'_, 'a, M>,
+        sender: &mut JobHost,
+        cycle: u64,
+    ) -> Option<Report> {
         let size = u32::try_from(sender.sender.size()).unwrap_or(u32::MAX);
         // The M790 was said to have been executed.
         sender.asked = self.now();
-        let request = JobRequest { size, silence_s: 30 };
+        let request = JobRequest { size, silence_s: JOB_SILENCE_S };
         let mut line = JobPort { board: self, sender, host: Host::new(), reader: LineReader::new() };
         let mut room = vec![0; JOB_BYTES];
-        let (report, _) = self.poll(printer.receive_job(request, &mut line, &mut room));
-        report
+        let ended = self.poll_by(printer.receive_job(request, &mut line, &mut room), cycle);
+        ended.map(|(report, _)| report)
     }
 }

@@ -266,3 +266,16 @@ fn m112_ends_the_job_and_halts() {
         assert_eq!(print.counted_steps[..2], end[..2]);
     }
 }
+
+/// At rest in the middle of a job there is nothing to stop, but the job: no more of it is executed.
+#[test]
+fn m410_ends_a_job_whose_host_pauses() {
+    let pause = MIDDLE..5 * MIDDLE;
+    let at = 4 * MIDDLE;
+    let print = print(|host| host.pauses(pause).says(at, "M410"), &["G90", "G1 X3 Y2 F3000", "M400"]);
+    assert_eq!(print.report.word, Word::Stopped, "{:?}", print.replies);
+    let said_ms = print.idle_at.saturating_sub(at) / CYCLES_A_MS;
+    assert!(said_ms < 400, "{said_ms} ms");
+    let end = profile().geometry().motor_steps([300_000, 200_000, 0]).map(i64::from);
+    assert_eq!(print.counted_steps[..2], end[..2]);
+}

@@ -50,7 +50,7 @@ fn e_is_right_after_a_stop_within_an_arc() {
             for line in ["M302 P1", "M82", "G92 E3"] {
                 board.execute(&mut printer, 1, line).unwrap();
             }
-            board.stop_at(board.now() + after_ms * CYCLES_A_MS, Emergency::QuickStop);
+            board.act_at(board.now() + after_ms * CYCLES_A_MS, Emergency::QuickStop);
             stopped += u32::from(board.execute(&mut printer, 1, "G2 I10 J0 E23 F900").is_err());
             board.stay_silent(5_000);
             board.execute(&mut printer, 1, "M410").unwrap();
@@ -83,7 +83,7 @@ fn e_is_right_after_a_stop_within_a_firmware_retraction() {
             for line in ["M302 P1", "M83", "G1 X20 E2 F3000", "G10", "G1 X40"] {
                 board.execute(&mut printer, 1, line).unwrap();
             }
-            board.stop_at(board.now() + after_ms * CYCLES_A_MS, Emergency::QuickStop);
+            board.act_at(board.now() + after_ms * CYCLES_A_MS, Emergency::QuickStop);
             let _ = board.execute(&mut printer, 1, "M400");
             board.execute(&mut printer, 1, "M410").unwrap();
             let [x, _, _, e] = board.counted_steps();

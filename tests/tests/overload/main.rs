@@ -2,6 +2,7 @@
 //! firmware's parts on the model of the board. Counts and positions decide, never the time a test takes.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
+mod hangs;
 mod invariants;
 mod live_changes;
 mod live_machine;

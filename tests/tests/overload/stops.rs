@@ -82,7 +82,7 @@ impl<'b, 'a, M: Stepping> StoppedPrint<'b, 'a, M> {
     fn stop_after(&mut self, cycles: u64, lines: &mut impl Iterator<Item = String>, emergency: Emergency) -> bool {
         let events = self.board.events();
         let at = self.board.now() + cycles;
-        self.board.stop_at(at, emergency);
+        self.board.act_at(at, emergency);
         while self.board.now() <= at {
             let line = lines.next().unwrap();
             self.line(&line);
