@@ -2,7 +2,6 @@
 
 use crate::TICKS_PER_SECOND;
 use crate::block::{Block, Speed};
-use crate::extruder::rounded_steps;
 use crate::kinematics::{Geometry, UNITS_PER_MM};
 
 /// What moves and step events cost, in ticks of the time that motion is granted.
@@ -26,16 +25,14 @@ impl Budget {
         (self.event_ticks, self.move_ticks)
     }
 
-    /// What a block of so many moves costs. X, Y and Z have so many events, and its extruder starts here. A step of the
-    /// extruder is taken for an event of its own, though some join others.
+    /// What a block of so many moves and step events costs.
+    ///
+    /// A step of the extruder is taken for an event of its own, though some join others.
     #[inline(always)]
-    pub fn cost(&self, block: &Block, events: u32, moves: u32, extruder_256ths: i64) -> Cost {
+    pub fn cost(&self, block: &Block, events: f32, moves: u32) -> Cost {
         // A tick at one unit of speed is so many units of 10 nm.
         const PER_10NM: f32 = (65_536 * (TICKS_PER_SECOND as i64 / UNITS_PER_MM)) as f32;
-        let extruder_end = extruder_256ths.wrapping_add(i64::from(block.extruder_256ths));
-        let extruder_steps = rounded_steps(extruder_end).wrapping_sub(rounded_steps(extruder_256ths)) as i32;
-        let events = events.saturating_add(extruder_steps.unsigned_abs());
-        let ticks = events as f32 * self.event_ticks + moves as f32 * self.move_ticks;
+        let ticks = events * self.event_ticks + moves as f32 * self.move_ticks;
         Cost { ticks, distance: block.length_10nm as f32 * PER_10NM }
     }
 }
@@ -68,10 +65,10 @@ mod tests {
     use crate::inner_ends::InnerEnds;
     use proptest::prelude::*;
 
-    fn block(length_10nm: u32, steps: i32, extruder_256ths: i32, mm_per_s: f64) -> Block {
+    fn block(length_10nm: u32, steps: i32, mm_per_s: f64) -> Block {
         Block {
             steps: [steps, steps / 2, 0],
-            extruder_256ths,
+            extruder_256ths: 0,
             length_10nm,
             nominal: Speed::from_mm_per_s(mm_per_s),
             acceleration: Acceleration::from_mm_per_s2(1000.0),
@@ -84,16 +81,15 @@ mod tests {
     proptest! {
         #[test]
         fn no_block_is_shorter_than_it_costs(
-            length in 1u32..100_000_000, steps in -100_000i32..100_000, extruder in -10_000_000i32..10_000_000,
-            start in -1_000_000i64..1_000_000, mm_per_s in 0.1f64..500.0, moves in 1u32..9,
+            length in 1u32..100_000_000, steps in -100_000i32..100_000, extruder in 0.0f32..40_000.0,
+            mm_per_s in 0.1f64..500.0, moves in 1u32..9,
         ) {
             // 400,000 events and 8,000 moves a second.
             let budget = Budget { event_ticks: 210.0, move_ticks: 10_500.0 };
-            let block = block(length, steps, extruder, mm_per_s);
-            let slower = budget.cost(&block, block.master_steps(), moves, start).slower_nominal(block.nominal);
-            let extruder_steps = (rounded_steps(start + i64::from(extruder)) - rounded_steps(start)).unsigned_abs();
-            let events = u64::from(steps.unsigned_abs()) + extruder_steps;
-            let cost_s = events as f64 / 400_000.0 + f64::from(moves) / 8_000.0;
+            let block = block(length, steps, mm_per_s);
+            let events = block.master_steps() as f32 + extruder;
+            let slower = budget.cost(&block, events, moves).slower_nominal(block.nominal);
+            let cost_s = f64::from(events) / 400_000.0 + f64::from(moves) / 8_000.0;
             let seconds = |nominal: Speed| block.length_mm() / nominal.mm_per_s();
             match slower {
                 None => prop_assert!(seconds(block.nominal) >= cost_s * (1.0 - 1e-6)),
@@ -111,7 +107,7 @@ mod tests {
     #[test]
     fn without_costs_nothing_is_slowed() {
         let budget = Budget { event_ticks: 0.0, move_ticks: 0.0 };
-        let block = block(1, 1_000, 1_000, 500.0);
-        assert_eq!(budget.cost(&block, 1_000, 1, 0).slower_nominal(block.nominal), None);
+        let block = block(1, 1_000, 500.0);
+        assert_eq!(budget.cost(&block, 1_000.0, 1).slower_nominal(block.nominal), None);
     }
 }

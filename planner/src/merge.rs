@@ -24,8 +24,8 @@ const MOST_EXTRUDER_256THS: u32 = i16::MAX as u32 / 8;
 pub(crate) struct Planned {
     /// Its block.
     pub block: Block,
-    /// Step events of its motors but the extruder.
-    pub events: u32,
+    /// Most step events that it has, the extruder's among them.
+    pub events: f32,
     /// Bound of the speed at its start, by the corner there.
     pub junction: Speed,
     /// Its path.
@@ -39,14 +39,12 @@ pub(crate) struct Planned {
 pub(crate) struct Open {
     /// The moves so far as one block.
     pub block: Block,
-    /// Step events of its motors but the extruder.
-    pub events: u32,
+    /// Most step events that it has, the extruder's among them.
+    pub events: f32,
     /// Bound of the speed at its start.
     pub junction: Speed,
     /// Number of moves in it; 0 where no block is open.
     pub moves: u32,
-    /// Where the extruder stands at its start.
-    pub extruder_256ths: i64,
     /// What the last of its moves adds to the block.
     last_steps: [i32; 3],
     last_extruder_256ths: i32,
@@ -56,10 +54,9 @@ impl Open {
     /// No block.
     pub const NONE: Self = Self {
         block: Block::NONE,
-        events: 0,
+        events: 0.0,
         junction: Speed::ZERO,
         moves: 0,
-        extruder_256ths: 0,
         last_steps: [0; 3],
         last_extruder_256ths: 0,
     };
@@ -69,14 +66,13 @@ impl Open {
         self.moves > 0
     }
 
-    /// A block of one move that starts with the extruder here.
+    /// A block of one move.
     #[inline(always)]
-    pub fn begin(&mut self, planned: &Planned, extruder_256ths: i64) {
+    pub fn begin(&mut self, planned: &Planned) {
         self.block.become_block(&planned.block);
         self.events = planned.events;
         self.junction = planned.junction;
         self.moves = 1;
-        self.extruder_256ths = extruder_256ths;
         self.last_is_whole();
     }
 
@@ -136,7 +132,7 @@ impl Open {
         block.inner_ends = inner_ends;
         self.last_steps = next.block.steps;
         self.last_extruder_256ths = next.block.extruder_256ths;
-        self.events = self.events.saturating_add(next.events);
+        self.events += next.events;
         self.moves += 1;
         true
     }

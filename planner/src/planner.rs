@@ -360,7 +360,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
                     return Err(MoveError::NoRoom);
                 }
             }
-            self.open.begin(&planned, self.extruder_256ths);
+            self.open.begin(&planned);
         }
         self.follow(&next, &planned);
         Ok(Moved::Queued)
@@ -468,7 +468,20 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         let pull = if moves_filament_alone { Pull::ZERO } else { Pull::of_mm_per_s2(acceleration) };
         let has_corner = pull.is_some() && self.previous.pull.is_some();
         let junction = if has_corner { self.junction(&path, pull, request.line) } else { Speed::ZERO };
-        Planned { block, events: self.method.events(steps), junction, path, pull }
+        let events = self.events(steps, path.filament);
+        Planned { block, events, junction, path, pull }
+    }
+
+    /// Most step events of a move: of X, Y and Z's motors, and of the extruder with this filament, units of 10 nm. How its
+    /// steps fall depends on what was pushed before; a plan must not, and so counts one more than it has filament for.
+    #[inline(always)]
+    fn events(&self, steps: [i32; 3], filament_10nm: f32) -> f32 {
+        let motors = self.method.events(steps) as f32;
+        if filament_10nm == 0.0 {
+            return motors;
+        }
+        let [.., step_mm] = self.step_mm;
+        motors + 1.0 + filament_10nm.abs() / (step_mm * UNITS_PER_MM as f32)
     }
 
     /// Bound of the speed in the corner before a path; a stop is next to a move without one.
@@ -503,7 +516,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
                     return false;
                 }
                 let nominal = open.block.nominal;
-                let cost = self.budget.cost(&open.block, open.events, open.moves, open.extruder_256ths);
+                let cost = self.budget.cost(&open.block, open.events, open.moves);
                 if let Some(slower) = cost.slower_nominal(nominal) {
                     open.block.nominal = slower;
                     self.slowed_moves += u64::from(open.moves);

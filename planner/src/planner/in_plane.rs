@@ -97,7 +97,6 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         open.block.inner_ends.clear();
         // Its events, and what it adds to the block, are worked out if another move joins it.
         open.moves = 1;
-        open.extruder_256ths = self.extruder_256ths;
         self.open_prepared =
             Some(OpenPrepared { entry: prepared.entry, nominal: cruise.nominal, is_within_budget: true });
         self.extruder_256ths = self.extruder.set_above_zero(extruder);

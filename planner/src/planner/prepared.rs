@@ -156,7 +156,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         }
         let planned = self.plan_apart(request, &next, prepared.filament_100pm);
         let nominal = self.nominal_now(prepared, now, planned.block.nominal);
-        self.open.begin(&planned, self.extruder_256ths);
+        self.open.begin(&planned);
         self.open_prepared = Some(OpenPrepared { entry: prepared.entry, nominal, is_within_budget: false });
         self.follow(&next, &planned);
         Ok(Moved::Queued)
@@ -171,7 +171,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         let nominal = self.nominal_now(prepared, now, planned.block.nominal);
         if self.open.moves == 1 {
             self.open.last_is_whole();
-            self.open.events = self.method.events(self.open.block.steps);
+            self.open.events = self.events(self.open.block.steps, self.previous.path.filament);
         }
         if !self.open.absorb_prepared(&planned) {
             return Err(self.violated(Violation::NotContinued));
@@ -298,7 +298,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
     #[inline(never)]
     fn hold_budget(&mut self, now: Speed) -> Speed {
         let open = &mut self.open;
-        let cost = self.budget.cost(&open.block, open.events, open.moves, open.extruder_256ths);
+        let cost = self.budget.cost(&open.block, open.events, open.moves);
         let mut planned = open.block.nominal;
         let is_as_planned = now == planned;
         if let Some(slower) = cost.slower_nominal(planned) {

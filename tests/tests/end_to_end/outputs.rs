@@ -88,7 +88,7 @@ fn a_job_of_comments_and_one_cut_off_in_its_picture_are_read_to_their_ends() {
     let directory = directory();
     let out = directory.path().join("out.gpre");
     let comments = b"; nothing but this\n".repeat(200_000);
-    let outcome = piped([&comments[..], b"G28\nG1 Xten\n"].concat(), ["preprocess", "/dev/stdin", "-o", text(&out)]);
+    let outcome = piped([&comments[..], b"G28\nG1 Xnan\n"].concat(), ["preprocess", "/dev/stdin", "-o", text(&out)]);
     assert_eq!(outcome.status, Some(1), "{outcome:#?}");
     says(&outcome.stderr, "line 200002");
     let cut = gzip(&long_job());

@@ -77,7 +77,8 @@ fn a_gyroid() {
 
 #[test]
 fn a_vase() {
-    check("vase.gcode.gz", "cartesian", 4.8);
+    // An eighth of its moves share a block, which takes two bits more to say.
+    check("vase.gcode.gz", "cartesian", 4.9);
 }
 
 #[test]
@@ -297,7 +298,7 @@ fn spiral() -> String {
         let radius = 2.0 + turn / 4.0;
         let (x, y) = (150.0 + radius * turn.cos(), 150.0 + radius * turn.sin());
         text.push_str(&format!("G1 X{x:.4} Y{y:.4} E.00071\n"));
-        if piece % 500 == 499 {
+        if piece % 2_000 == 1_999 {
             text.push_str("G1 E-2 F2400\nG1 E2 F2400\nG1 F6000\n");
         }
     }
