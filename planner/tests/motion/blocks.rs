@@ -1,6 +1,7 @@
 //! Blocks: their speeds, their law, their limits, and the events that they become.
 
 use ferrostep_planner::extruder::rounded_steps;
+use ferrostep_planner::inner_ends::Stretches;
 use ferrostep_planner::{Geometry, MotionChoice, MoveError, PlannedBlock, Progress, Speed, TICKS_PER_SECOND};
 use proptest::prelude::*;
 
@@ -9,6 +10,37 @@ use crate::law::Law;
 use crate::machine::{MINIMUM_INTERVAL, accelerations, advance, blocks, cartesian, limits, machines, planner, play};
 use crate::moves::moves;
 use crate::player::Player;
+
+/// Steps of each motor in a block, both directions, that begins with the extruder here, 1/256 steps: it may turn round inside.
+fn issued(planned: &PlannedBlock, mut filament: i64) -> [i64; 4] {
+    let mut issued = [0; 4];
+    for stretch in Stretches::of(&planned.block) {
+        let [x, y, z] = stretch.steps.map(|steps| i64::from(steps).abs());
+        let before = rounded_steps(filament);
+        filament += i64::from(stretch.extruder_256ths);
+        let steps = [x, y, z, (rounded_steps(filament) - before).abs()];
+        issued.iter_mut().zip(steps).for_each(|(sum, steps)| *sum += steps);
+    }
+    issued
+}
+
+/// Where the law has each motor after a share of a block, and how many steps it would have in all of the block's length,
+/// were it everywhere as dense as where it is densest.
+fn ideals(planned: &PlannedBlock, from: [f64; 4], share: f64) -> [(f64, f64); 4] {
+    let whole = f64::from(planned.block.length_10nm);
+    let mut ideals = from.map(|from| (from, 0.0f64));
+    for stretch in Stretches::of(&planned.block) {
+        let (before, length) = (f64::from(stretch.before_10nm), f64::from(stretch.length_10nm));
+        let part = ((share * whole - before) / length).clamp(0.0, 1.0);
+        let [x, y, z] = stretch.steps.map(f64::from);
+        let deltas = [x, y, z, f64::from(stretch.extruder_256ths) / 256.0];
+        for ((ideal, densest), delta) in ideals.iter_mut().zip(deltas) {
+            *ideal += delta * part;
+            *densest = densest.max(delta.abs() / length * whole);
+        }
+    }
+    ideals
+}
 
 proptest! {
     #![proptest_config(ferrostep_random_cases::cases(300))]
@@ -37,22 +69,20 @@ proptest! {
             let end_tick = start_tick + duration;
             let steps = planned.block.steps.map(i64::from);
             let filament_end = filament + i64::from(planned.block.extruder_256ths);
-            let [x, y, z] = steps.map(i64::abs);
-            let mut left = [x, y, z, (rounded_steps(filament_end) - rounded_steps(filament)).abs()];
+            let mut left = issued(&planned, filament);
             let fastest = planned.block.nominal.mm_per_s() / law.length;
             // The last events of a block may be late by the minimum interval, where the next begins.
             let latest = end_tick + 2 * u64::from(MINIMUM_INTERVAL);
             while let Some(event) = events.next_if(|event| left != [0; 4] && event.tick <= latest) {
                 let check = |motors: &[i64; 4], tick: u64| -> Result<(), TestCaseError> {
                     let share = law.share((tick.saturating_sub(start_tick)) as f64 / f64::from(TICKS_PER_SECOND));
+                    let [x, y, z] = start.map(|steps| steps as f64);
+                    let from = [x, y, z, filament as f64 / 256.0];
+                    let ideals = ideals(&planned, from, share);
                     for motor in 0..4 {
-                        let (from, delta) = match motor {
-                            3 => (filament as f64 / 256.0, f64::from(planned.block.extruder_256ths) / 256.0),
-                            _ => (start[motor] as f64, steps[motor] as f64),
-                        };
-                        let ideal = from + delta * share;
+                        let (ideal, densest) = ideals[motor];
                         // An event that joins another, or keeps its distance from one, is up to two intervals off.
-                        let joined = delta.abs() * fastest * 2.0 * f64::from(MINIMUM_INTERVAL) / f64::from(TICKS_PER_SECOND);
+                        let joined = densest * fastest * 2.0 * f64::from(MINIMUM_INTERVAL) / f64::from(TICKS_PER_SECOND);
                         let off = (motors[motor] as f64 - ideal).abs();
                         prop_assert!(off <= 1.0 + 1e-3 + joined, "motor {} is {} off", motor, off);
                     }
