@@ -87,12 +87,12 @@ pub struct Machine<R, Q> {
     seeking: Seeking,
     /// How often motion was stopped.
     stops: u32,
-    /// A motor that stood elsewhere than its block ends, until somebody has taken note; and how often that was.
+    /// A motor that stood elsewhere than its block ends, until the printer task has read it; and how often that was.
     miscount: Option<Miscount>,
     miscounts: u64,
     /// Since when the motors rest with current, ms.
     rests_since_ms: Option<u32>,
-    /// They have been switched off for that, and nobody has taken note.
+    /// They have been switched off for that, and the printer task has not read it yet.
     switched_off: bool,
 }
 
@@ -494,12 +494,15 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
         self.motors.steps.take_back(dropped.signed, dropped.issued);
         self.forget_plan();
         self.fan.waiting.clear();
-        match self.seeking {
-            Seeking::Towards(_) if dropped.at_sensor => return self.end_seek(Seek::Triggered),
-            // Its edge came before its level was looked at, or right after the move's end.
-            Seeking::Ended(_) if dropped.at_sensor => return,
-            Seeking::Towards(_) => self.queue.watch_sensor(None),
-            Seeking::Ended(_) | Seeking::No => {}
+        if !dropped.requested {
+            // The sensor; its edge may also come twice, before its level is looked at, or right after the move's end.
+            if self.seeking.axis().is_some() {
+                self.end_seek(Seek::Triggered);
+            }
+            return;
+        }
+        if self.seeking.axis().is_some() {
+            self.queue.watch_sensor(None);
         }
         self.seeking = Seeking::No;
         self.flushed = false;

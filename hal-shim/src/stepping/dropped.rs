@@ -7,8 +7,8 @@ pub struct DroppedSteps {
     pub signed: [i32; 4],
     /// All, a motor each.
     pub issued: [u32; 4],
-    /// Nothing but the sensor that an axis seeks has stopped motion.
-    pub at_sensor: bool,
+    /// A command or a fault has stopped motion, not only the sensor that an axis seeks.
+    pub requested: bool,
 }
 
 impl DroppedSteps {

@@ -301,7 +301,7 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
             let all = self.player.left().number().wrapping_sub(before) & MOST_EVENTS;
             self.drop_events(number, in_play, in_play == all.into(), &mut directions, &mut dropped);
         }
-        dropped.at_sensor = self.player.forget(self.filled);
+        dropped.requested = self.player.forget(self.filled);
         self.directions = self.turning.unwrap_or(self.directions);
         self.turn(None);
         self.newest.held = [0; PORTS];

@@ -9,10 +9,8 @@ pub struct StepLink {
     ran_dry: WordU8,
     /// Motion is to stop: what the interrupt looks at.
     stop: WordU8,
-    /// A command or a fault wants that.
+    /// A command or a fault wants that, not only the sensor that an axis seeks.
     requested: WordU8,
-    /// The sensor that an axis seeks wants that. A flag of its own: neither hides the other.
-    sensor: WordU8,
     owed: WordU8,
 }
 
@@ -30,7 +28,6 @@ impl StepLink {
             ran_dry: WordU8::new(0),
             stop: WordU8::new(0),
             requested: WordU8::new(0),
-            sensor: WordU8::new(0),
             owed: WordU8::new(0),
         }
     }
@@ -70,8 +67,8 @@ impl StepLink {
         Self::take(&self.owed)
     }
 
-    /// Somebody wants motion to stop, and has masked the step interrupt before this call. The planner task sees to the
-    /// rest. From any priority below the interrupt's.
+    /// A command or a fault wants motion to stop, and has masked the step interrupt before this call. The planner task sees to
+    /// the rest. From any priority below the interrupt's.
     pub fn request_stop(&self) {
         self.requested.store(1);
         self.stop.store(1);
@@ -79,7 +76,6 @@ impl StepLink {
 
     /// As [`Self::request_stop`], for the sensor that an axis seeks.
     pub fn request_sensor_stop(&self) {
-        self.sensor.store(1);
         self.stop.store(1);
     }
 
@@ -88,16 +84,16 @@ impl StepLink {
         self.stop.load() != 0
     }
 
-    /// The stop has been taken note of; nothing runs. Whether nothing but a sensor has asked for it.
+    /// The stop has been taken note of; nothing runs. Whether more than a sensor has asked for it.
     ///
-    /// The reasons are taken after the flag is cleared: a request that comes in between sets it again, and is followed next.
+    /// The reason is taken after the flag is cleared: a request that comes in between sets it again, and is followed once
+    /// more, then as if a sensor had asked.
     pub(super) fn stopped(&self) -> bool {
         self.run.store(0);
         self.ran_dry.store(0);
         self.owed.store(0);
         self.stop.store(0);
-        let requested = Self::take(&self.requested);
-        Self::take(&self.sensor) && !requested
+        Self::take(&self.requested)
     }
 
     #[inline(always)]

@@ -309,8 +309,8 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
         self.reloads[1].store(reload);
     }
 
-    /// For the producer, while the interrupt is masked: forgets all slots up to the one that it fills next. Whether nothing
-    /// but a sensor has asked for that.
+    /// For the producer, while the interrupt is masked: forgets all slots up to the one that it fills next. Whether more
+    /// than a sensor has asked for that.
     pub(super) fn forget(&self, filled: u32) -> bool {
         let mut number = self.next.load();
         while number != filled {

@@ -477,6 +477,10 @@ fn somebody_s_stop_during_a_seek_is_not_the_sensor_s() {
         assert_eq!((machine.stops(), machine.take_homing_result()), (1, Some(Err(MotionError::Stopped))));
         assert_eq!(interrupt.sensors.watched.get(), None);
         assert_eq!(machine.motor_steps(), interrupt.motor_steps());
+        // And later still: it is no stop of its own.
+        interrupt.player.link().request_sensor_stop();
+        machine.work(NO_SILENCE);
+        assert_eq!((machine.stops(), machine.is_idle()), (1, true));
     });
 }
 

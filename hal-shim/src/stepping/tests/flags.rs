@@ -43,14 +43,14 @@ fn assert_no_flag_is_left<M: Stepping + 'static>() {
                 link.request_stop()
             }
             assert!(link.is_stopping());
-            assert_eq!(feeder.drop_all().at_sensor, sensor);
+            assert_eq!(feeder.drop_all().requested, !sensor);
             for (port, word) in board.ports.iter().zip(feeder.rest_words()) {
                 port.put_out(word);
             }
             assert!(!link.is_running() && !link.is_stopping());
             assert!(!link.take_ran_dry(), "after {updates} updates it has run dry");
             assert!(!link.take_owed(), "after {updates} updates an event is owed");
-            assert!(!feeder.start(), "there is nothing to start");
+            assert!(!feeder.start(), "the queue is empty");
             // Nothing steps before its time, and none too many.
             let before = steps(board);
             start(board, &mut feeder, 7);
@@ -98,7 +98,7 @@ fn a_sensor_does_not_hide_a_stop() {
     let link = StepLink::new();
     assert!(!link.is_stopping() && !link.stopped());
     link.request_sensor_stop();
-    assert!(link.is_stopping() && link.stopped());
+    assert!(link.is_stopping() && !link.stopped());
     for sensor_first in [false, true] {
         if sensor_first {
             link.request_sensor_stop();
@@ -107,8 +107,8 @@ fn a_sensor_does_not_hide_a_stop() {
         if !sensor_first {
             link.request_sensor_stop();
         }
-        assert!(link.is_stopping() && !link.stopped());
-        assert!(!link.is_stopping());
+        assert!(link.is_stopping() && link.stopped());
+        assert!(!link.is_stopping() && !link.stopped());
     }
 }
 

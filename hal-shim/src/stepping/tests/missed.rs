@@ -91,7 +91,7 @@ fn what_was_missed_is_counted_and_made_up_for() {
     assert_missed_are_counted::<Pulses>();
 }
 
-/// A count behind the events played is none: there is no timer that counts, or the interrupt came between two looks.
+/// A count lower than that of the events played is no fault: no timer counts, or the interrupt came between two looks.
 #[test]
 fn a_count_behind_the_events_is_nothing_missed() {
     let (board, mut feeder) = board::<BothEdges>(0);
