@@ -136,7 +136,7 @@ pub struct Desk<O> {
     heat: HeatControl,
     heat_at_rest: HeatAtRest,
     heat_samples: u64,
-    /// A fault that was found while a move was added, to be told by whoever waits next.
+    /// A fault found while a move was added; the next wait reports it.
     late_fault: Option<HeatFault>,
     observer: Watch<O>,
     awaited: Awaited,

@@ -104,7 +104,7 @@ impl Output {
         Err(refuse(format!("it is {}, expected the name of a file", kind_name(kind))))
     }
 
-    /// Opens the part: a new file of a name that nobody else has, in the same folder, so that it can be renamed.
+    /// Opens the part: a new file with a name that is free, in the same folder, so that it can be renamed.
     fn begin(path: &Path, target: PathBuf, replaced: Option<Metadata>) -> Result<Self, OutputError> {
         let refuse = |error: io::Error| OutputError::new(path, error);
         let name = target.file_name().ok_or_else(|| OutputError::new(path, "it names no file"))?;

@@ -84,7 +84,7 @@ pub fn result_written(outcome: io::Result<()>) -> Result<(), String> {
     }
 }
 
-/// Writes a line to standard error. Where that fails there is nobody left to tell.
+/// Writes a line to standard error. Where that fails, nothing can report it.
 pub fn tell(message: impl Display) {
     let _ = writeln!(io::stderr(), "{}", escaped(&message.to_string()));
 }

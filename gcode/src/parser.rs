@@ -34,7 +34,7 @@ pub fn parse(text: &str) -> Result<Command<'_>, ParseError> {
     parse_with_remarks(text, &mut Remarks::default())
 }
 
-/// As [`parse`]; adds to `remarks` what of the line is ignored or changed, so that somebody can be told.
+/// As [`parse`]; adds to `remarks` what of the line is ignored or changed, for the host.
 ///
 /// # Errors
 ///

@@ -25,7 +25,7 @@ impl Budget {
         (self.event_ticks, self.move_ticks)
     }
 
-    /// What a block of so many moves and step events costs.
+    /// What a block of `moves` moves and `events` step events costs.
     ///
     /// A step of the extruder is taken for an event of its own, though some join others.
     #[inline(always)]

@@ -47,7 +47,7 @@ fn radius_of(turn: Turn, before: &Path, after: &Path, four_deviations_10nm: f32)
 
 /// The largest speed at which no axis changes its own speed at a corner by more than it may: |u_after - u_before| v <= limit,
 /// u being the share of the axis in the path. `per_limit` are the reciprocals of the limits of X, Y, Z and the filament,
-/// s/mm, 0 where there is none. Both paths have a length.
+/// s/mm, 0 for an axis without one. Both paths have a length.
 #[inline(always)]
 pub fn speed_of_jumps(before: &Path, after: &Path, per_limit: [f32; 4]) -> Speed {
     let [x, y, z, e] = Path::jumps(before, after);

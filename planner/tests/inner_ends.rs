@@ -127,7 +127,7 @@ fn tick_at(planned: &PlannedBlock, length_10nm: f64) -> f64 {
     seconds * f64::from(TICKS_PER_SECOND)
 }
 
-/// Every end is told once, in order, at its time, with all motors exactly where their own moves end; and between the ends
+/// Every end is noticed once, in order, at its time, with all motors exactly where their own moves end; and between the ends
 /// the motor with most steps makes each of them when the path is half a step before it.
 fn check(planned: &PlannedBlock, parts: &[Part], happened: &[Happened]) -> Result<(), TestCaseError> {
     for pair in happened.windows(2) {

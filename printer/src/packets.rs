@@ -45,7 +45,7 @@ pub enum Asked<'a> {
 pub struct PacketReader {
     line: u32,
     next_line: Option<u32>,
-    /// Of these the line is told by how many it is before the block's.
+    /// Of these, the line is encoded as its distance before the block's.
     inner: Vec<InnerEnd, MAX_INNER_ENDS>,
     text: Vec<u8, MOST_TEXT_BYTES>,
     /// The text has been told and may be forgotten.

@@ -22,7 +22,7 @@ use crate::host::Host;
 use crate::ports::{Heating, Motion, Replies};
 use crate::printer::{Printer, Text};
 
-/// Longest silence before the first frame, s: whoever asks for a transfer has a job at hand.
+/// Longest silence before the first frame, s: a host that asks for a transfer has a job at hand.
 const MAX_SILENCE_BEFORE_JOB_S: u16 = 30;
 
 /// The answer to a line that is not executed while a job is received.

@@ -7,7 +7,7 @@
 
 use proptest::test_runner::Config;
 
-/// Cases of a property without a number of its own, if nobody says otherwise.
+/// Cases of a property without a number of its own, unless `PROPTEST_CASES` is set.
 const USUAL: u64 = 256;
 
 /// Proptest's configuration with `count` cases, times `PROPTEST_CASES` / 256 where that is set. The seed is that of

@@ -59,7 +59,7 @@ pub struct Hostile {
 }
 
 impl Hostile {
-    /// The program of this number, with so many moves or a few more.
+    /// The program of this number, with this many moves or a few more.
     pub fn new(seed: u64, moves: usize) -> Self {
         let mut random = Random::new(seed);
         let acceleration = random.one_of(&["trapezoid", "trapezoid", "trapezoid", "s-curve", "s-curve-table"]);

@@ -103,11 +103,11 @@ const NUMBERS: [&str; 60] = [
 enum Said {
     /// Bytes, which may be half a line.
     Bytes(Vec<u8>),
-    /// Nothing for so many ms.
+    /// Nothing for this many ms.
     Silence(u64),
     /// M400, and it looks whether all is as it should be.
     Finish,
-    /// These act after so many cycles, whatever the board is at.
+    /// These act after this many cycles, whatever the board does.
     Emergency(Emergency, u64),
 }
 
@@ -197,7 +197,7 @@ struct Talk<'b, 'a, M> {
     /// When M410 or M112 acts that has no answer yet.
     stops_at: Option<(u64, Emergency)>,
     lines: u32,
-    /// What was said so far, for whoever must find out what went wrong.
+    /// What was said so far, to find out what went wrong.
     said: Vec<String>,
 }
 
@@ -266,7 +266,7 @@ impl<'b, 'a, M: Stepping> Talk<'b, 'a, M> {
         self.check();
     }
 
-    /// M410 or M112 comes after so many cycles.
+    /// M410 or M112 comes after this many cycles.
     fn stop_after(&mut self, cycles: u64, emergency: Emergency) {
         if self.stops_at.is_none() {
             let at = self.board.now() + cycles;

@@ -139,7 +139,7 @@ fn test(run: &mut Run) -> Result<PathBuf, Failure> {
 }
 
 /// What takes too long for every change: the code as it is shipped must give the same answers as the checked one, also on
-/// cases that nobody has tried yet; and tests that notice nothing are noticed.
+/// cases that were not tried yet; and mutants show tests that notice nothing.
 fn slow_tests(run: &mut Run, image: &Path) -> Result<(), Failure> {
     let seed = seed::of_this_run();
     run.step("tests as released, with more and other random cases", || {

@@ -8,7 +8,7 @@ pub const VARIABLE: &str = "PROPTEST_RNG_SEED";
 /// Gives every program that cargo runs a seed, unless it has one: so this program has one, too.
 const CARGO_CONFIG: &str = include_str!("../../.cargo/config.toml");
 
-/// The seed that somebody has set, or one that no run had before.
+/// The seed that is set, or a new one.
 pub fn of_this_run() -> u64 {
     given(std::env::var(VARIABLE).ok().as_deref()).unwrap_or_else(|| {
         // Later than 1970, or any seed.

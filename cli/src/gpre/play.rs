@@ -166,7 +166,7 @@ pub async fn play_from<O: Observer, R: Replies>(
         Encoding::Wide => packets(&mut reader, header.frames, printer, progress, &mut look).await,
     };
     if let Err(error) = outcome {
-        // What stopped the job is told; a halt besides is known already.
+        // What stopped the job has been reported; a halt besides is known already.
         let _ = printer.abandon_prepared().await;
         return Err(error);
     }

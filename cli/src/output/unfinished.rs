@@ -16,7 +16,7 @@ fn parts() -> MutexGuard<'static, Vec<PathBuf>> {
     PARTS.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Makes a part that goes away when the process is told to end.
+/// Makes a part that goes away when a signal ends the process.
 pub fn begin(make: impl FnOnce() -> io::Result<NamedTempFile>) -> io::Result<NamedTempFile> {
     #[cfg(unix)]
     signals::watch()?;
@@ -33,7 +33,7 @@ pub fn keep(part: NamedTempFile, target: &Path) -> io::Result<()> {
 
 /// Removes a part.
 pub fn discard(part: NamedTempFile) {
-    // It may be that somebody else has removed it, or its folder.
+    // Another process may have removed it, or its folder.
     let _ = end(part, NamedTempFile::close);
 }
 

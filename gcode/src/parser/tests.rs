@@ -24,7 +24,7 @@ fn reads(text: &str, expected: Command<'_>) {
     reads_with(text, expected, "");
 }
 
-/// A line that is read in a way that is told.
+/// A line that is read with a remark.
 #[track_caller]
 fn reads_with(text: &str, expected: Command<'_>, says: &str) {
     let mut remarks = Remarks::default();
@@ -365,7 +365,7 @@ fn malformed_lines_name_the_field() {
     }
 }
 
-/// Lines that end no print: what of them is ignored is told.
+/// Lines that end no print: a remark says what of them is ignored.
 #[test]
 fn odd_lines_go_on_as_in_marlin() {
     let line = |axes, feed| Command::Linear { rapid: false, axes, feed };

@@ -42,7 +42,7 @@ impl Bits {
     }
 }
 
-/// Frame 0 with this payload and the right check sum.
+/// Frame 0 with this payload and the right checksum.
 pub fn framed(payload: &[u8]) -> Vec<u8> {
     let mut bytes = vec![0xa7, 0x5d];
     bytes.extend_from_slice(&(payload.len() as u16).to_le_bytes());

@@ -114,7 +114,7 @@ fn what_was_told_before_is_told_by_its_place() {
         }
     });
     assert_eq!(moves(&frame).iter().map(|item| item.feed_mm_per_s).collect::<Vec<_>>(), [9.0, 2.0]);
-    // Before any is told each place has the feed of the frame's start; and no lambda.
+    // Before any is encoded each place has the feed of the frame's start; and no lambda.
     let frame = Start::default().with(3, |bits| {
         other(bits, 0);
         bits.put(7, 3);
@@ -408,7 +408,7 @@ fn a_frame_ends_with_its_last_item() {
         put(&mut bits);
         let length = bits.length();
         let bytes = bits.into_bytes();
-        // Whole: the rest of the last byte is nobody's, a byte more is one too many.
+        // Whole: the rest of the last byte is padding, a byte more is one too many.
         assert_eq!(moves(&framed(&bytes)).len(), 1);
         for more in [1, 2, 100] {
             let longer = [&bytes[..], &vec![0; more]].concat();
@@ -432,7 +432,7 @@ fn a_frame_ends_with_its_last_item() {
     assert!(count < 100 && matches!(fault, Fault::Content(_)), "{count}: {fault}");
 }
 
-/// However many bits of the last byte the items need: the rest of it is nobody's, and a whole byte is one too many.
+/// However many bits of the last byte the items need: the rest of it is padding, and a whole byte is one too many.
 #[test]
 fn less_than_a_byte_may_be_left() {
     let mut rests = [false; 8];

@@ -1,4 +1,4 @@
-//! Frames whose check sum is right and whose content has no meaning: each is refused with what was expected, and what is
+//! Frames whose checksum is right and whose content has no meaning: each is refused with what was expected, and what is
 //! just right is read. The frames are written here, bit by bit, by the format's page and not by the crate's writer, which
 //! cannot write them.
 #![allow(clippy::unwrap_used)]
@@ -66,7 +66,7 @@ const ENDS_MOVE: u64 = 2;
 const COUNTS: u64 = 1;
 
 impl Start {
-    /// The bits of a frame that begins so, with so many items of which the bits follow.
+    /// The bits of a frame that begins with these, with this many items, whose bits follow.
     fn bits(&self, items: u64) -> Bits {
         let mut bits = Bits::default();
         bits.put(self.can_be_entered.into(), 1);
@@ -135,7 +135,7 @@ fn read(frame: &[u8]) -> (Vec<Read>, Result<(), Fault>) {
     }
 }
 
-/// What a frame is refused for, after so many items.
+/// What a frame is refused for, and the items read before that.
 fn refused(frame: &[u8]) -> (usize, Fault) {
     let (items, outcome) = read(frame);
     (items.len(), outcome.unwrap_err())

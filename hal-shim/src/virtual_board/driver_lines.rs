@@ -73,7 +73,7 @@ impl VirtualDriverLines {
         self.noise = seed | 1;
     }
 
-    /// Garbles no more than so many bytes of a datagram. Its check sum, CRC-8, finds one garbled byte for certain; of
+    /// Garbles at most this many bytes of a datagram. Its checksum, CRC-8, finds one garbled byte for certain; of
     /// several, one pattern in 256 passes for another datagram.
     pub fn set_most_garbled(&mut self, bytes: u32) {
         self.most_garbled = bytes;

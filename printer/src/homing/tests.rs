@@ -6,7 +6,7 @@ use super::*;
 use crate::error::Failure;
 use crate::ports::Equipment;
 use ferrostep_hal_shim::tmc2209::DriverSettings;
-use rig::{Drivers, Event, MM, Rig, Sensor, execute};
+use rig::{Drivers, Event, MM, Rig, RigPrinter, Sensor, execute};
 
 /// The profile's homing: mm and mm/s.
 const FAST: f32 = 50.0;
@@ -206,17 +206,28 @@ fn a_driver_that_tells_no_stall_homes_no_axis() {
     }
 }
 
-/// G10 has lifted Z: homing Z ends that, homing another axis does not.
-#[test]
-fn a_lift_ends_where_z_homes() {
-    let rig = Rig::new(|profile| {
+/// A machine whose G10 lifts Z by 2 mm.
+fn rig_that_lifts() -> Rig {
+    Rig::new(|profile| {
         profile.retraction.length_10nm = MM;
         profile.retraction.lift_10nm = 2 * MM;
-    });
+    })
+}
+
+/// Homed, at Z 10, and lifted by G10.
+fn lifted(rig: &Rig) -> RigPrinter<'_> {
     let mut printer = rig.printer();
     for line in ["G28", "M302 P1", "G1 Z10 F600", "G10"] {
         execute(&mut printer, line).unwrap();
     }
+    printer
+}
+
+/// G10 has lifted Z: homing Z ends that, homing another axis does not.
+#[test]
+fn a_lift_ends_where_z_homes() {
+    let rig = rig_that_lifts();
+    let mut printer = lifted(&rig);
     assert_eq!((rig.true_mm()[2], printer.modal.machine_10nm[2]), (12.0, 10 * MM));
     execute(&mut printer, "G28 X").unwrap();
     // The motors are said to be where they stand, lifted; the G-code does not see it.
@@ -232,14 +243,8 @@ fn a_lift_ends_where_z_homes() {
 
 #[test]
 fn a_lift_ends_where_homing_z_fails_too() {
-    let rig = Rig::new(|profile| {
-        profile.retraction.length_10nm = MM;
-        profile.retraction.lift_10nm = 2 * MM;
-    });
-    let mut printer = rig.printer();
-    for line in ["G28", "M302 P1", "G1 Z10 F600", "G10"] {
-        execute(&mut printer, line).unwrap();
-    }
+    let rig = rig_that_lifts();
+    let mut printer = lifted(&rig);
     rig.sensors[2].set(Sensor::Dead);
     assert_eq!(execute(&mut printer, "G28 Z"), refused(CommandError::HomingFailed { axis: 2 }));
     let z_mm = 12.0 - REACH;

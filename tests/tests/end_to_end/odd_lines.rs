@@ -1,5 +1,5 @@
 //! Lines that slicers and other machines' programs have, and that are not quite right: the print goes on as on Marlin, and
-//! what was ignored is told once.
+//! one echo says what was ignored.
 
 use serde_json::Value;
 
@@ -88,7 +88,7 @@ fn odd_lines_are_read_as_marlin_reads_them() {
     }
 }
 
-/// Another job on the same connection is told again.
+/// Another job on the same connection gets its echo anew.
 #[test]
 fn remarks_come_once_a_job() {
     use crate::hosts::{Conversation, machine};

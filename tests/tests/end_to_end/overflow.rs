@@ -37,7 +37,7 @@ impl Buffers for Ring {
     }
 }
 
-/// Sends lines without waiting; the board reads a byte of the ring for so many that come. What it says, in order.
+/// Sends lines without waiting; the board reads one byte of the ring while `slowness` come. What it says, in order.
 fn send(machine: &Machine, lines: &[String], room: usize, slowness: usize, random: &mut Seeded) -> (Vec<String>, u32) {
     let mut ring = Ring { room, ..Ring::default() };
     let (mut incoming, mut reader, mut host) = (Incoming::new(), Lines::new(), Host::new());

@@ -20,7 +20,7 @@ use ferrostep_tests::hostile::Random;
 
 use states::{State, Work};
 
-/// Instants of a kind in all states, if nobody says otherwise.
+/// Instants of a kind in all states, unless `FERROSTEP_INSTANTS` is set.
 const INSTANTS: u64 = 100;
 
 /// A command that waits for motion is answered so long after a stop, and a line that need not wait after it has come, ms.
@@ -32,7 +32,7 @@ const LOOK_MS: u64 = 100;
 /// A prepared job waits so long for its line before it looks around, ms.
 const LINE_MS: u64 = 150;
 
-/// A wait for heat that nobody ends is watched for so long, ms.
+/// How long a wait for heat is watched that nothing ends, ms.
 const HEAT_MS: u64 = 1_500;
 
 /// Homing and a move take no longer on these machines, ms.
@@ -92,7 +92,7 @@ impl<'b, 'a> Talk<'b, 'a> {
         talk
     }
 
-    /// A line that must be answered within so many ms.
+    /// A line that must be answered within this many ms.
     #[track_caller]
     fn line(&mut self, line: &str, within_ms: u64) -> Result<(), Failure> {
         self.line_by(line, self.board.now() + within_ms * CYCLES_A_MS)

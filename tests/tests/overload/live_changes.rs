@@ -267,7 +267,7 @@ fn m112_ends_the_job_and_halts() {
     }
 }
 
-/// At rest in the middle of a job there is nothing to stop, but the job: no more of it is executed.
+/// At rest in the middle of a job only the job can be stopped: no more of it is executed.
 #[test]
 fn m410_ends_a_job_whose_host_pauses() {
     let pause = MIDDLE..5 * MIDDLE;

@@ -245,7 +245,7 @@ fn settle(bench: &mut Bench, mut confirmed: impl FnMut(&mut Bench, usize)) -> [b
 
 /// One byte in a hundred costs repetitions. It takes more than minutes until a datagram fails as often as it is tried, or
 /// until several garbled bytes pass for another datagram; and then the driver is set up again. How rare that is is counted,
-/// over the same minutes in every run: a property that holds for nearly all seeds is none.
+/// over the same minutes in every run: a property must hold for every seed.
 #[test]
 fn a_noisy_line_is_good_enough() {
     let mut disturbed = 0;
@@ -273,7 +273,7 @@ proptest! {
         prop_assert_eq!(settle(&mut bench, |_, _| ()), [true; MOTORS]);
     }
 
-    /// One that is confirmed holds its registers, wherever the check sum can tell.
+    /// One that is confirmed holds its registers, wherever the checksum can tell.
     #[test]
     fn it_confirms_nothing_false(per_mille in 0_u32..400, seed: u32) {
         let mut bench = Bench::new(0);
@@ -284,7 +284,7 @@ proptest! {
         prop_assert!(is_true);
     }
 
-    /// Resets, silence and noise that the check sum finds, at any time: when they are over, all is well again.
+    /// Resets, silence and noise that the checksum finds, at any time: when they are over, all is well again.
     #[test]
     fn it_recovers(faults in proptest::collection::vec((0_usize..MOTORS, 0_u8..4, 1_u32..700_000), 1..12)) {
         let mut bench = Bench::new(0);

@@ -192,7 +192,7 @@ fn a_rise_counts_from_the_last_time_that_it_was_as_low() {
     }
 }
 
-/// The reading stands still at the target: after so many samples since the power has changed.
+/// The reading stands still at the target, this many samples after the power has changed.
 fn frozen_after(powers: impl IntoIterator<Item = f32>) -> Option<u32> {
     let mut checked = Checked::holding();
     for (index, power) in (0..).zip(powers) {

@@ -1,4 +1,4 @@
-//! A printer whose motors go where they are told at once, and whose sensors are what a test says.
+//! A printer whose motors are at once where they are sent, and whose sensors are what a test says.
 
 use core::cell::{Cell, RefCell};
 use core::pin::pin;
@@ -50,7 +50,7 @@ pub enum Event {
 pub struct Rig {
     pub profile: Profile,
     pub sensors: [Cell<Sensor>; 3],
-    /// The seek with this number is stopped by somebody.
+    /// The seek with this number is stopped from outside.
     pub stopped_seek: Cell<Option<usize>>,
     true_10nm: Cell<[i64; 3]>,
     believed_10nm: Cell<[i64; 3]>,

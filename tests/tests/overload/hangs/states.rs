@@ -124,7 +124,7 @@ fn short_moves() -> Vec<String> {
     moves.chain(["M400".to_owned()]).collect()
 }
 
-/// A prepared job of so many moves, with commands in between.
+/// A prepared job of this many moves, with commands in between.
 fn job(moves: u32) -> Vec<u8> {
     let lines = (1..=moves).map(|index| {
         let [x, y] = [index * 7 % 30, index * 3 % 20].map(|place| f64::from(place) / 10.0 + 2.125);
