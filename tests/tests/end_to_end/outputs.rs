@@ -253,6 +253,14 @@ fn wait_for_part(directory: &TempDir, names_before: usize) {
     }
 }
 
+/// Starts the command with its signals as in a terminal, also where the tests run under `nohup` or in the background of a
+/// script, whose children would ignore some.
+fn start_in_terminal(arguments: [&str; 4]) -> Child {
+    let mut command = Command::new("env");
+    command.arg("--default-signal=INT,TERM,HUP").arg(crate::command::program()).args(arguments);
+    command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
+}
+
 /// Sends a signal to a command that has begun its output and waits for more of its input; how it ends.
 fn interrupted(child: Child, signal: &str, directory: &TempDir, names_before: usize) -> Option<i32> {
     wait_for_part(directory, names_before);
@@ -268,7 +276,7 @@ fn an_interrupted_command_leaves_no_part_and_the_file_from_before() {
     for arguments in [["preprocess", "-o"], ["print", "--trace"], ["print", "--vcd"]] {
         for (signal, number) in [("-INT", 2), ("-TERM", 15), ("-HUP", 1)] {
             let [command, option] = arguments;
-            let child = start([command, text(&input), option, text(&out)]);
+            let child = start_in_terminal([command, text(&input), option, text(&out)]);
             let mut writer = fs::File::options().write(true).open(&input).unwrap();
             writer.write_all(b"G28\nG1 X10 F3000\n").unwrap();
             assert_eq!(interrupted(child, signal, &directory, 2), Some(number), "{command} {option} {signal}");
