@@ -1,8 +1,11 @@
 //! Frames: what is written is what is read, and what is not well-formed is refused.
 #![allow(clippy::unwrap_used)]
 
+mod framed;
+
 use ferrostep_gpre::compact::{Decoder, Frame, FrameWriter, HEAD_BYTES, MOST_FRAME_BYTES, frame_length};
 use ferrostep_gpre::{Coordinate, Entry, Fault, Item, ModalState, PreparedMove, SquaredSpeed};
+use framed::framed;
 use proptest::prelude::*;
 
 /// An item that owns its text.
@@ -202,17 +205,6 @@ proptest! {
             }
         }
     }
-}
-
-/// A frame of any content, with a right check sum.
-fn framed(payload: &[u8]) -> Vec<u8> {
-    let mut bytes = vec![0xa7, 0x5d];
-    bytes.extend_from_slice(&(payload.len() as u16).to_le_bytes());
-    bytes.extend_from_slice(&[0; 4]);
-    bytes.extend_from_slice(payload);
-    let sum = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC).checksum(&bytes);
-    bytes.extend_from_slice(&sum.to_le_bytes());
-    bytes
 }
 
 /// Moves without way or filament have no bits but those of their shape and speed.

@@ -2,7 +2,8 @@
 
 use ferrostep_gpre::{Entry, Fault, PreparedMove, SquaredSpeed};
 
-use super::bits::{Bits, framed};
+use super::bits::Bits;
+use super::framed::framed;
 use super::{COUNTS, ENDS_MOVE, FILAMENT, Read, SAME_LINE, Start, WAY, moves, read, refused};
 
 /// A move of this shape; its entry's bits and its numbers are to follow.

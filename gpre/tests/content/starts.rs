@@ -3,7 +3,7 @@
 use ferrostep_gpre::compact::{Frame, FrameState};
 use ferrostep_gpre::{Fault, LimitValues, ModalState};
 
-use super::bits::framed;
+use super::framed::framed;
 use super::{Limit, Start, refused};
 
 /// How a frame without items begins, or why it is refused.
