@@ -3,7 +3,7 @@
 //! | priority | task | trigger | resources | worst-case job |
 //! |---|---|---|---|---|
 //! | 16 | `steps` | TIM2 update | `step_timer`, lock-free: timer, ports, a ring of words | the event that ends a stair: 33 instructions |
-//! | 16 | `near_steps` | `steps`, `planner` | the same | 128 looks at the timer; start or end of a motion: 80 instructions |
+//! | 16 | `start_or_end` | `steps`, `planner` | the same | the start of a motion: 80 instructions |
 //! | 15 | `sensor_*` | an edge at the sensor that an axis seeks (EXTI) | `sensors`: pins | 8 looks at a pin, the stop of the step timer |
 //! | 14 | `driver_line`, `driver_pins` | USART2, or TIM7 four times a bit | `driver_line`: the line to the motors' drivers | a byte, or a quarter of a bit |
 //! | 13 | `serial` | USART1 | `local` only: port, two byte rings, the emergency scanner | 16 bytes to send, the received one; M112 |
@@ -240,11 +240,10 @@ mod app {
         cx.shared.step_timer.update();
     }
 
-    /// The end of a motion, and steps that follow each other so closely that it is worth to stay for them; at most 128
-    /// looks at the timer.
+    /// The start and the end of a motion, and an event that is owed.
     #[task(binds = TIM1_BRK_TIM9, priority = 16, shared = [step_timer])]
-    fn near_steps(cx: near_steps::Context) {
-        cx.shared.step_timer.stay();
+    fn start_or_end(cx: start_or_end::Context) {
+        cx.shared.step_timer.start_or_end();
     }
 
     /// The sensor that an axis seeks has triggered: the motors stand with the next instruction. One task for each interrupt

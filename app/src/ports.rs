@@ -169,7 +169,7 @@ pub struct Overload {
     starvation_flushes: u64,
     planning_slowdowns: u64,
     underruns: u64,
-    made_up_updates: u64,
+    missed_updates: u64,
     refused_entries: u64,
     miscounts: u64,
 }
@@ -181,23 +181,23 @@ impl Overload {
             starvation_flushes,
             planning_slowdowns,
             underruns,
-            made_up_updates,
+            missed_updates,
             refused_entries,
             miscounts,
             ..
         } = *figures;
-        Self { starvation_flushes, planning_slowdowns, underruns, made_up_updates, refused_entries, miscounts }
+        Self { starvation_flushes, planning_slowdowns, underruns, missed_updates, refused_entries, miscounts }
     }
 }
 
 impl<W: Mutex<T = Writers>> BoardReplies<W> {
     /// Says what could not keep up so far.
     pub fn overload(&self, overload: Overload) {
-        let Overload { starvation_flushes, planning_slowdowns, underruns, made_up_updates, refused_entries, miscounts } =
+        let Overload { starvation_flushes, planning_slowdowns, underruns, missed_updates, refused_entries, miscounts } =
             overload;
         self.line(format_args!(
             "echo:overload starvation_flushes:{starvation_flushes} planning_slowdowns:{planning_slowdowns} \
-             underruns:{underruns} made_up_updates:{made_up_updates} refused_entries:{refused_entries} miscounts:{miscounts}"
+             underruns:{underruns} missed_updates:{missed_updates} refused_entries:{refused_entries} miscounts:{miscounts}"
         ));
     }
 

@@ -232,7 +232,7 @@ impl<O: Observer> Desk<O> {
             merged_moves: self.planner.merged_moves(),
             // Here planning takes no time, and the motors play whatever they are given.
             planning_slowdowns: 0,
-            made_up_updates: 0,
+            missed_updates: 0,
             refused_entries: 0,
             miscounts: self.miscounts,
         }

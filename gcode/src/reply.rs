@@ -55,7 +55,7 @@ pub struct MotionFigures {
     /// How often planning did not keep up and lowered the speed of what was to come.
     pub planning_slowdowns: u64,
     /// Updates of the step timer that its interrupt missed, and made up.
-    pub made_up_updates: u64,
+    pub missed_updates: u64,
     /// Entries that the step queue refused; each has stopped motion.
     pub refused_entries: u64,
     /// Blocks at whose end a motor stood elsewhere than it must.

@@ -174,7 +174,7 @@ fn write_motion(formatter: &mut Formatter<'_>, figures: &MotionFigures) -> fmt::
         slowed_moves,
         merged_moves,
         planning_slowdowns,
-        made_up_updates,
+        missed_updates,
         refused_entries,
         miscounts,
     } = figures;
@@ -184,7 +184,7 @@ fn write_motion(formatter: &mut Formatter<'_>, figures: &MotionFigures) -> fmt::
         "echo:motion order_digest:{order_digest:016x} step_digest:{step_digest:016x} underruns:{underruns} \
          starvation_flushes:{starvation_flushes} steps X:{x} Y:{y} Z:{z} E:{e} idle_flushes:{idle_flushes} \
          slowed_moves:{slowed_moves} merged_moves:{merged_moves} planning_slowdowns:{planning_slowdowns} \
-         made_up_updates:{made_up_updates} refused_entries:{refused_entries} miscounts:{miscounts}"
+         missed_updates:{missed_updates} refused_entries:{refused_entries} miscounts:{miscounts}"
     )
 }
 
@@ -281,7 +281,7 @@ mod tests {
             slowed_moves: 8,
             merged_moves: 9,
             planning_slowdowns: 10,
-            made_up_updates: 11,
+            missed_updates: 11,
             refused_entries: 12,
             miscounts: 13,
         };
@@ -289,7 +289,7 @@ mod tests {
             Reply::Motion(figures),
             "echo:motion order_digest:cbf29ce484222325 step_digest:000000000000002a underruns:1 \
              starvation_flushes:2 steps X:3 Y:4 Z:5 E:6 idle_flushes:7 slowed_moves:8 merged_moves:9 \
-             planning_slowdowns:10 made_up_updates:11 refused_entries:12 miscounts:13",
+             planning_slowdowns:10 missed_updates:11 refused_entries:12 miscounts:13",
         );
     }
 

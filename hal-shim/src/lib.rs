@@ -107,9 +107,9 @@ pub trait StepOutput: MotorEnable {
     fn request_stop(&mut self);
     /// After a stop: forgets what has not been played, and says what it was. Motion may start again.
     fn drop_all(&mut self) -> DroppedSteps;
-    /// Looks whether the interrupt has missed updates of its timer, because it was held up for longer than an interval,
-    /// and makes up for them: the events that are owed follow in between. Returns how many there were.
-    fn make_up_missed(&mut self) -> u32;
+    /// Updates of its timer that the interrupt has missed since the last call, because it was held up for longer than an
+    /// interval. No step is lost with them: all later ones come that much later.
+    fn take_missed_updates(&mut self) -> u32;
 
     /// Whether the board has sensors that axes home with. Without, the machine's counting motors tell where they would be.
     const HAS_SENSORS: bool = false;

@@ -8,7 +8,7 @@ use ferrostep_planner::look_ahead::Violation;
 use ferrostep_planner::{MIN_FEED_MM_PER_S, MoveError};
 
 use crate::AXIS_NAMES;
-use crate::ports::{Miscount, MotionError};
+use crate::ports::{Miscount, MotionError, MotionFault};
 
 /// Why a command was not executed. Nothing of it has happened then; a command that was stopped on its way
 /// ([`CommandError::Stopped`]) leaves the machine where it says it stands.
@@ -101,8 +101,8 @@ pub enum CommandError {
     Halted,
     /// Motion was stopped on the way.
     Stopped,
-    /// A motor's steps were not those of its block; motion was stopped.
-    Miscounted(Miscount),
+    /// The firmware has found its own motion wrong and stopped it.
+    MotionFault(MotionFault),
     /// A prepared job says the machine is where its motors do not stand.
     OtherPlace,
     /// A prepared move goes beyond the machine's travel.
@@ -122,7 +122,7 @@ impl From<MotionError> for CommandError {
     fn from(error: MotionError) -> Self {
         match error {
             MotionError::Stopped | MotionError::Move(MoveError::NoRoom) => Self::Stopped,
-            MotionError::Miscounted(miscount) => Self::Miscounted(miscount),
+            MotionError::Fault(fault) => Self::MotionFault(fault),
             MotionError::Move(MoveError::TooFar) => Self::TooFar,
             MotionError::Move(MoveError::TooMuchFilament) => Self::TooMuchFilament,
             MotionError::Move(MoveError::Violation(violation)) => Self::Plan(violation),
@@ -198,12 +198,20 @@ impl fmt::Display for CommandError {
             Self::InvalidTool(tool) => write!(out, "T{tool} - Invalid extruder number !, expected T0"),
             Self::Halted => write!(out, "the printer is halted (M112 or a heater fault), expected M999 to restart"),
             Self::Stopped => write!(out, "motion was stopped"),
-            Self::Miscounted(Miscount { motor, counted, expected }) => {
-                let name = AXIS_NAMES.get(*motor).copied().unwrap_or('?');
-                write!(
-                    out,
-                    "motor {name} stands at step {counted}, expected {expected}: a fault of the firmware, please report \
-                     it; motion was stopped, home the machine (G28) before it moves again"
+            Self::MotionFault(fault) => {
+                match fault {
+                    MotionFault::Miscount(Miscount { motor, counted, expected }) => {
+                        let name = AXIS_NAMES.get(*motor).copied().unwrap_or('?');
+                        write!(out, "motor {name} stands at step {counted}, expected {expected}: ")?;
+                    }
+                    MotionFault::StepsTooNear => write!(out, "two steps were planned too near each other: ")?,
+                    MotionFault::MissedUpdates(updates) => {
+                        write!(out, "the step interrupt missed {updates} updates of its timer: ")?;
+                    }
+                }
+                out.write_str(
+                    "a fault of the firmware, please report it; motion was stopped, home the machine (G28) before it moves \
+                     again",
                 )
             }
             Self::OtherPlace => write!(out, "the machine is said to be elsewhere, expected where its motors stand"),

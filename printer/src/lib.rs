@@ -31,7 +31,8 @@ pub use error::{CommandError, Failure};
 pub use host::Host;
 pub use modal::Tally;
 pub use ports::{
-    Equipment, HeaterStatus, Heating, Miscount, Motion, MotionError, MotorDrivers, Replies, Seek, Signals, Timing,
+    Equipment, HeaterStatus, Heating, Miscount, Motion, MotionError, MotionFault, MotorDrivers, Replies, Seek, Signals,
+    Timing,
 };
 pub use printer::Printer;
 pub use profile::{

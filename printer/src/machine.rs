@@ -18,7 +18,7 @@ use ferrostep_planner::{
     Retuned, StepDigests, StepEntry, StepSink, TICKS_PER_SECOND,
 };
 
-use crate::ports::{Miscount, MotionError, Seek};
+use crate::ports::{Miscount, MotionError, MotionFault, Seek};
 use crate::profile::Profile;
 pub use shared::{SharedMachine, SharedMotion};
 use timeline::Timeline;
@@ -40,6 +40,11 @@ const MARKED_ENTRIES: usize = 8;
 /// With less than this in the step queue, in motion, blocks leave the look-ahead ring before it is full: some of the
 /// planner task's visits, and what it takes to make a block's steps.
 const LOW_TICKS: u64 = 8 * MS;
+
+/// Updates of the step timer that may be missed between two visits of the planner task, 2 ms apart. Nothing in the
+/// firmware holds the step interrupt up for that long, and each miss only repeats an interval; more of them are no motion
+/// to go on with, or a hardware count that is wrong.
+const MAX_MISSED_UPDATES: u32 = 8;
 
 /// Fan changes on their way through the step queue.
 const FAN_CHANGES: usize = 32;
@@ -77,7 +82,7 @@ pub struct Machine<R, Q> {
     /// The queue has refused an entry.
     refused: bool,
     refused_entries: u64,
-    made_up_updates: u64,
+    missed_updates: u64,
     timeline: Timeline,
     workload: Workload,
     /// How often the pace was lowered because planning did not keep up.
@@ -87,8 +92,9 @@ pub struct Machine<R, Q> {
     seeking: Seeking,
     /// How often motion was stopped.
     stops: u32,
-    /// A motor that stood elsewhere than its block ends, until the printer task has read it; and how often that was.
-    miscount: Option<Miscount>,
+    /// Why motion was stopped, if it was found wrong, until the printer task has read it.
+    fault: Option<MotionFault>,
+    /// How often a motor stood elsewhere than its block ends.
     miscounts: u64,
     /// Since when the motors rest with current, ms.
     rests_since_ms: Option<u32>,
@@ -227,7 +233,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
             in_motion: false,
             refused: false,
             refused_entries: 0,
-            made_up_updates: 0,
+            missed_updates: 0,
             timeline: Timeline::default(),
             workload: Workload::default(),
             planning_slowdowns: 0,
@@ -235,7 +241,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
             idle_flushes: 0,
             seeking: Seeking::No,
             stops: 0,
-            miscount: None,
+            fault: None,
             miscounts: 0,
             rests_since_ms: None,
             switched_off: false,
@@ -462,7 +468,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
             slowed_moves: self.planner.slowed_moves(),
             merged_moves: self.planner.merged_moves(),
             planning_slowdowns: self.planning_slowdowns,
-            made_up_updates: self.made_up_updates,
+            missed_updates: self.missed_updates,
             refused_entries: self.refused_entries,
             miscounts: self.miscounts,
         }
@@ -473,9 +479,15 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
         self.stops
     }
 
-    /// Takes note of a motor that stood elsewhere than its block ends.
-    pub fn take_miscount(&mut self) -> Option<Miscount> {
-        self.miscount.take()
+    /// Takes the fault for which motion was stopped.
+    pub fn take_fault(&mut self) -> Option<MotionFault> {
+        self.fault.take()
+    }
+
+    /// Better no motion than a wrong one.
+    fn stop_for(&mut self, fault: MotionFault) {
+        self.fault.get_or_insert(fault);
+        self.queue.request_stop();
     }
 
     /// Takes the filament that stops have left unpushed, units of 0.1 nm.
@@ -516,7 +528,12 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
             self.follow_stop();
             return false;
         }
-        self.made_up_updates += u64::from(self.queue.make_up_missed());
+        let missed_updates = self.queue.take_missed_updates();
+        self.missed_updates += u64::from(missed_updates);
+        if missed_updates > MAX_MISSED_UPDATES {
+            self.stop_for(MotionFault::MissedUpdates(missed_updates));
+            return true;
+        }
         if self.queue.link().take_ran_dry() && self.in_motion {
             self.underruns += 1;
         }
@@ -601,15 +618,13 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
                 self.end_seek(Seek::Triggered);
             }
             if let Some(miscount) = miscount {
-                // Better no motion than a wrong one.
-                self.miscount.get_or_insert(miscount);
                 self.miscounts += 1;
-                self.queue.request_stop();
+                self.stop_for(MotionFault::Miscount(miscount));
                 return true;
             }
             if core::mem::take(&mut self.refused) {
                 self.refused_entries += 1;
-                self.queue.request_stop();
+                self.stop_for(MotionFault::StepsTooNear);
                 return true;
             }
             if progress == Progress::Waiting {

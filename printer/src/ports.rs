@@ -18,11 +18,22 @@ pub enum MotionError {
     Move(MoveError),
     /// Motion was stopped (M112, M410) before it ended.
     Stopped,
-    /// A motor's steps were not those of its block.
-    Miscounted(Miscount),
+    /// The firmware has found its own motion wrong and stopped it.
+    Fault(MotionFault),
 }
 
-/// A motor that does not stand where its block ends. This is an error of the firmware; motion stops.
+/// Motion that is not as planned: an error of the firmware or of the chip. Motion has stopped.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MotionFault {
+    /// A motor does not stand where its block ends.
+    Miscount(Miscount),
+    /// A step was planned nearer to the one before than the drivers or the step interrupt allow.
+    StepsTooNear,
+    /// The step interrupt has missed this many updates of its timer within a few milliseconds.
+    MissedUpdates(u32),
+}
+
+/// A motor that does not stand where its block ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Miscount {
     /// The motor: X, Y, Z (CoreXY: A, B, Z), extruder.
@@ -115,8 +126,8 @@ pub trait Motion {
     fn take_switched_off(&mut self) -> bool {
         false
     }
-    /// Takes note of a motor that stood elsewhere than its block ends, if no wait has told of it.
-    fn take_miscount(&mut self) -> Option<Miscount> {
+    /// Takes the fault for which motion was stopped, if no wait has reported it.
+    fn take_fault(&mut self) -> Option<MotionFault> {
         None
     }
     /// Whether the end stop of an axis is triggered.

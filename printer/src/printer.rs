@@ -232,8 +232,8 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
             self.follow_the_motors();
             return Err(CommandError::Halted);
         }
-        let result = match self.motion.take_miscount() {
-            Some(miscount) => Err(CommandError::Miscounted(miscount)),
+        let result = match self.motion.take_fault() {
+            Some(fault) => Err(CommandError::MotionFault(fault)),
             None => self.dispatch(command).await,
         };
         if let Err(error) = result {
@@ -246,7 +246,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
     /// stands elsewhere than its block ends makes no position certain.
     pub(crate) fn follow_after(&mut self, error: CommandError) {
         match error {
-            CommandError::Miscounted(_) => {
+            CommandError::MotionFault(_) => {
                 self.modal.homed = [false; 3];
                 self.follow_the_motors();
             }

@@ -15,7 +15,7 @@ use std::path::Path;
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 use std::thread;
 
-use ferrostep_tests::code::{Code, Instruction, constant};
+use ferrostep_image_code::code::{Code, Instruction, constant};
 use ferrostep_tests::qemu::EMULATOR;
 
 /// TIM2's number (RM0090, table 61).

@@ -6,7 +6,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use crate::code::{Code, Instruction};
+use ferrostep_image_code::code::{Code, Instruction};
 
 /// Bytes that an exception puts on the stack: eight words of the core, 18 of the floating-point unit, and one to align
 /// them (ARMv7-M Architecture Reference Manual, B1.5.6 and B1.5.7).

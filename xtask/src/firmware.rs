@@ -4,6 +4,10 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use ferrostep_boards::Board;
+use ferrostep_hal_shim::stepping::MIN_GAP_TICKS;
+use ferrostep_hal_shim::virtual_board::CYCLES_A_TICK;
+use ferrostep_image_code::code::Code;
+use ferrostep_image_code::interrupt_time;
 use ferrostep_planner::{AccelerationProfile, Interpolation, MotionChoice};
 
 use crate::core_library::{self, CoreLibrary};
@@ -101,6 +105,13 @@ pub fn build_image(run: &mut Run, target: &Target) -> Result<PathBuf, Failure> {
     eprintln!("\n{}", target.board.title);
     target.board.notes.iter().for_each(|note| eprintln!("    note: {note}"));
     let elf = build(run, Program::Firmware, target)?;
+    run.step("time of the step interrupt", || {
+        let code = Code::of(&elf)?;
+        let gap_cycles = MIN_GAP_TICKS * CYCLES_A_TICK as u32;
+        let [time, measured] = interrupt_time::check(&code, gap_cycles)?;
+        eprintln!("    step interrupt: {time}; at most {gap_cycles}\n    measured (M798): {measured}");
+        Ok(())
+    })?;
     run.step("files and sizes", || {
         let image = image::export(&elf, &target.board)?;
         let sizes = sizes(&image)?;

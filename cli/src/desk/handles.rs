@@ -8,7 +8,7 @@ use ferrostep_gcode::MotionFigures;
 use ferrostep_hal_shim::{EndStops, Fan, Heater, MotorEnable};
 use ferrostep_planner::{Limits, MotionChoice, Move, MoveError, Moved, PreparedBlock, PreparedMove, Retuned};
 use ferrostep_printer::heat::HeatFault;
-use ferrostep_printer::{HeaterStatus, Heating, Miscount, Motion, MotionError, Seek, Signals};
+use ferrostep_printer::{HeaterStatus, Heating, Motion, MotionError, MotionFault, Seek, Signals};
 
 use super::{Awaited, Desk, DeskDrivers};
 use crate::record::Observer;
@@ -33,7 +33,7 @@ impl<O: Observer> DeskMotion<'_, O> {
             }
             let mut desk = self.desk.borrow_mut();
             if let Some(miscount) = desk.take_miscount() {
-                return Poll::Ready(Err(MotionError::Miscounted(miscount)));
+                return Poll::Ready(Err(MotionError::Fault(MotionFault::Miscount(miscount))));
             }
             match attempt(&mut desk) {
                 Some(value) => Poll::Ready(Ok(value)),
@@ -172,8 +172,8 @@ impl<O: Observer> Motion for DeskMotion<'_, O> {
         self.desk.borrow_mut().board.motors.set_motors_enabled(axes, enabled);
     }
 
-    fn take_miscount(&mut self) -> Option<Miscount> {
-        self.desk.borrow_mut().take_miscount()
+    fn take_fault(&mut self) -> Option<MotionFault> {
+        self.desk.borrow_mut().take_miscount().map(MotionFault::Miscount)
     }
 
     fn is_end_stop_triggered(&self, axis: usize) -> bool {

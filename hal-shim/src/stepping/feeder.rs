@@ -7,8 +7,8 @@ use ferrostep_planner::{StepEntry, StepKind};
 use super::dropped::DroppedSteps;
 use super::newest::{Following, Newest, StepWords, Usual};
 use super::pins::PinMap;
-use super::player::{NEAR_TICKS, StepPlayer, Stepping};
-use super::slot::{Head, MOST_EVENTS, Numbering};
+use super::player::{MIN_GAP_TICKS, StepPlayer, Stepping};
+use super::slot::{Head, MAX_EVENTS, Numbering};
 use super::{IDLE_TICKS, StepLink};
 
 /// Most slots that one entry takes, unless it has more events than a slot: a direction change, the first step after it,
@@ -28,12 +28,22 @@ pub struct Signals {
     pub direction_setup_ticks: u32,
 }
 
+impl Signals {
+    /// The same, no shorter than the step interrupt can keep ([`MIN_GAP_TICKS`]): a longer pulse harms no driver.
+    const fn kept(self) -> Self {
+        const fn at_least(ticks: u32) -> u32 {
+            if ticks < MIN_GAP_TICKS { MIN_GAP_TICKS } else { ticks }
+        }
+        Self { pulse_ticks: at_least(self.pulse_ticks), direction_setup_ticks: at_least(self.direction_setup_ticks) }
+    }
+}
+
 /// Why an entry was not taken. Nothing has changed then.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FeedError {
     /// The ring is full.
     Full,
-    /// Its interval is shorter than pulses and direction set-up allow.
+    /// Its interval is shorter than pulses, direction set-up and the interrupt allow.
     TooNear,
 }
 
@@ -62,7 +72,7 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
     /// The feeder of a player that has not run yet; there must be no other. All step signals are low,
     /// direction signals as [`Self::direction_words`].
     pub fn new(player: &'a StepPlayer<M, PORTS, N>, pins: PinMap<PORTS>, signals: Signals) -> Self {
-        let signals = Signals { pulse_ticks: signals.pulse_ticks.max(2), ..signals };
+        let signals = signals.kept();
         player.set_pulse_reload(signals.pulse_ticks - 1);
         let words = core::array::from_fn(|axes| {
             let raised = pins.raised(axes as u8);
@@ -211,7 +221,7 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
                 }
                 // No stair of the planner's is so long that this is more.
                 let slots =
-                    usize::from(count) / (MOST_EVENTS as usize / M::EVENTS_A_STEP as usize) + MOST_SLOTS_AN_ENTRY;
+                    usize::from(count) / (MAX_EVENTS as usize / M::EVENTS_A_STEP as usize) + MOST_SLOTS_AN_ENTRY;
                 if self.free() < slots {
                     return Err(FeedError::Full);
                 }
@@ -227,26 +237,18 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         Ok(())
     }
 
-    /// From the next step on the direction signals are these; as they are now where there are none.
     /// The words for the direction signals as they stand, or are to stand before the first motion.
     pub fn direction_words(&self) -> [u32; PORTS] {
         self.pins.directions(self.directions)
     }
 
+    /// From the next step on the direction signals are these; `None`: as they are now.
     fn turn(&mut self, directions: Option<u8>) {
         self.turning = directions;
         self.usual_above_ticks = match directions {
             Some(_) => u32::MAX,
-            None => {
-                let far_from = if self.can_be_near() { self.lead_ticks().saturating_add(NEAR_TICKS) } else { 0 };
-                self.shortest_interval().max(far_from) - 1
-            }
+            None => self.shortest_interval() - 1,
         };
-    }
-
-    /// Whether events may be so near that the interrupt stays for them: a pulse is followed by its end first.
-    fn can_be_near(&self) -> bool {
-        M::EVENTS_A_STEP == 1 || self.signals.pulse_ticks < NEAR_TICKS
     }
 
     /// The motion ends with the newest entry: what was held back may be played.
@@ -256,7 +258,7 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         }
     }
 
-    /// Whether there is something to play and nothing is being played: then [`StepPlayer::stay`] is to be called.
+    /// Whether there is something to play and nothing is being played: then [`StepPlayer::start_or_end`] is to be called.
     pub fn start(&mut self) -> bool {
         let idle = self.player.left() == Head::EMPTY && self.unplayed() > 0;
         if idle {
@@ -273,9 +275,9 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         if left == Head::EMPTY {
             return 0;
         }
-        let ahead = update_count.wrapping_sub(left.number().wrapping_sub(left.events() as u16)) & MOST_EVENTS;
+        let ahead = update_count.wrapping_sub(left.number().wrapping_sub(left.events() as u16)) & MAX_EVENTS;
         // Behind, that is: there is no such count, or the interrupt came between the looks.
-        if ahead > MOST_EVENTS / 2 { 0 } else { ahead }
+        if ahead > MAX_EVENTS / 2 { 0 } else { ahead }
     }
 
     /// While the interrupt is masked, because somebody has stopped motion: forgets what has not been played.
@@ -291,14 +293,14 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         let unplayed = self.unplayed();
         for number in 1..=unplayed {
             let number = self.filled.wrapping_sub(number);
-            let events = self.player.slot_of(number).head().as_far().events();
+            let events = self.player.slot_of(number).head().events();
             self.drop_events(number, events, true, &mut directions, &mut dropped);
         }
         let in_play = self.player.left().events();
         if in_play > 0 {
             let number = self.filled.wrapping_sub(unplayed).wrapping_sub(1);
             let before = self.player.slot_of(number.wrapping_sub(1)).head().number();
-            let all = self.player.left().number().wrapping_sub(before) & MOST_EVENTS;
+            let all = self.player.left().number().wrapping_sub(before) & MAX_EVENTS;
             self.drop_events(number, in_play, in_play == all.into(), &mut directions, &mut dropped);
         }
         dropped.requested = self.player.forget(self.filled);
@@ -363,9 +365,9 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
         if self.turning.is_none() {
             return levels;
         }
-        // With pulses the direction changes at the end of the pulse before.
-        let before = if M::EVENTS_A_STEP == 2 { pulse_ticks } else { 2 };
-        levels.max(before + direction_setup_ticks.max(2))
+        // With pulses the direction changes at the end of the pulse before; else in an event of its own.
+        let before = if M::EVENTS_A_STEP == 2 { pulse_ticks } else { MIN_GAP_TICKS };
+        levels.max(before.saturating_add(direction_setup_ticks))
     }
 
     /// A stair of any kind in the present directions.
@@ -387,9 +389,9 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
 
     /// Both edges: `count` events, of which the last is held back.
     fn edges(&mut self, interval_ticks: u32, mut count: u16, axes: u8, added: u8) {
-        while count > MOST_EVENTS {
-            self.edges_in_a_slot(interval_ticks, MOST_EVENTS, axes, 0);
-            count -= MOST_EVENTS;
+        while count > MAX_EVENTS {
+            self.edges_in_a_slot(interval_ticks, MAX_EVENTS, axes, 0);
+            count -= MAX_EVENTS;
         }
         self.edges_in_a_slot(interval_ticks, count, axes, added);
     }
@@ -404,9 +406,9 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
     fn pulses(&mut self, interval_ticks: u32, mut count: u16, axes: u8) {
         let rise = self.words_of(axes);
         let held = rise.map(PinMap::<PORTS>::turned);
-        while count > MOST_EVENTS / 2 {
-            self.fill(interval_ticks, rise, MOST_EVENTS / 2, held);
-            count -= MOST_EVENTS / 2;
+        while count > MAX_EVENTS / 2 {
+            self.fill(interval_ticks, rise, MAX_EVENTS / 2, held);
+            count -= MAX_EVENTS / 2;
         }
         self.fill(interval_ticks, rise, count, held);
     }
@@ -429,7 +431,7 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
             return;
         }
         // Half way, or as late as the set-up time allows: an event of its own.
-        let before = (interval_ticks / 2).min(interval_ticks - self.signals.direction_setup_ticks.max(2)).max(2);
+        let before = (interval_ticks / 2).min(interval_ticks - self.signals.direction_setup_ticks);
         self.fill(before, [0; PORTS], 1, words);
         let rest = interval_ticks - before;
         if count == 1 {
@@ -444,10 +446,9 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
     /// left for `held`.
     fn fill(&mut self, interval_ticks: u32, then: [u32; PORTS], steps_in_it: u16, held: [u32; PORTS]) {
         let gap_ticks = interval_ticks - self.lead_ticks();
-        let near = gap_ticks < NEAR_TICKS && self.can_be_near();
         let events = u32::from(steps_in_it) * M::EVENTS_A_STEP;
         let slot = self.player.slot_of(self.filled);
-        self.newest.fill(slot, near, Following { reload: gap_ticks - 1, then, events, held });
+        self.newest.fill(slot, Following { reload: gap_ticks - 1, then, events, held });
         self.filled = self.filled.wrapping_add(1);
     }
 }

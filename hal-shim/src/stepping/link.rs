@@ -11,7 +11,6 @@ pub struct StepLink {
     stop: WordU8,
     /// A command or a fault wants that, not only the sensor that an axis seeks.
     requested: WordU8,
-    owed: WordU8,
 }
 
 impl Default for StepLink {
@@ -23,13 +22,7 @@ impl Default for StepLink {
 impl StepLink {
     /// Nothing runs.
     pub const fn new() -> Self {
-        Self {
-            run: WordU8::new(0),
-            ran_dry: WordU8::new(0),
-            stop: WordU8::new(0),
-            requested: WordU8::new(0),
-            owed: WordU8::new(0),
-        }
+        Self { run: WordU8::new(0), ran_dry: WordU8::new(0), stop: WordU8::new(0), requested: WordU8::new(0) }
     }
 
     /// The player takes slots, until it finds none.
@@ -53,18 +46,6 @@ impl StepLink {
     /// Whether the player has found no slot since the last call.
     pub fn take_ran_dry(&self) -> bool {
         Self::take(&self.ran_dry)
-    }
-
-    /// An event is owed, because the interrupt has missed an update: [`super::StepPlayer::stay`], which is to be called
-    /// now, plays it.
-    pub fn owe(&self) {
-        self.owed.store(1);
-    }
-
-    /// Whether an event was owed.
-    #[inline(always)]
-    pub(super) fn take_owed(&self) -> bool {
-        Self::take(&self.owed)
     }
 
     /// A command or a fault wants motion to stop, and has masked the step interrupt before this call. The planner task sees to
@@ -91,7 +72,6 @@ impl StepLink {
     pub(super) fn stopped(&self) -> bool {
         self.run.store(0);
         self.ran_dry.store(0);
-        self.owed.store(0);
         self.stop.store(0);
         Self::take(&self.requested)
     }

@@ -22,11 +22,9 @@ pub use dropped::DroppedSteps;
 pub use feeder::{FeedError, MOST_SLOTS_AN_ENTRY, Signals, StepFeeder};
 pub use link::StepLink;
 pub use pins::{MotorPins, Pin, PinMap};
-pub use player::{
-    BothEdges, MOST_LOOKS, NEAR_TICKS, NextWords, OutputPorts, Pulses, StepPlayer, Stepping, UpdateTimer,
-};
+pub use player::{BothEdges, MIN_GAP_TICKS, NextWords, OutputPorts, Pulses, StepPlayer, Stepping, UpdateTimer};
 
-pub use slot::MOST_EVENTS;
+pub use slot::MAX_EVENTS;
 
 /// How often the player looks for the first entry of a motion, ticks: a motion starts at most twice this late.
 pub const IDLE_TICKS: u32 = 21_000;

@@ -49,8 +49,8 @@ pub(super) struct Usual<'a, M, const PORTS: usize> {
 
 impl<M: Stepping, const PORTS: usize> Usual<'_, M, PORTS> {
     /// Adds entries as long as they are stairs as most are, and there are slots for them: they go on in the same
-    /// directions, and their events are neither too near nor so near that the interrupt stays for them, nor too many for a
-    /// slot. The first that is not so, which was not added.
+    /// directions, with events that are neither too near nor too many for a slot. Returns the first that is not usual, which
+    /// was not added.
     #[inline(always)]
     pub(super) fn push(
         &self,
@@ -81,7 +81,7 @@ impl<M: Stepping, const PORTS: usize> Usual<'_, M, PORTS> {
             let Some(slot) = slots.next() else { return Some(entry) };
             let (then, held) = newest.edges(word, self.words(word >> 16), self.words((word ^ word << 8) >> 24));
             let reload = interval_ticks.wrapping_sub(self.lead_ticks);
-            newest.fill(slot, false, Following { reload, then, events: word & 0xffff, held });
+            newest.fill(slot, Following { reload, then, events: word & 0xffff, held });
         }
         None
     }
@@ -111,7 +111,7 @@ impl<M: Stepping, const PORTS: usize> Usual<'_, M, PORTS> {
                 {
                     let then = self.words(last);
                     let held = then.map(PinMap::<PORTS>::turned);
-                    newest.fill(slot, false, Following { reload, then, events: alike * M::EVENTS_A_STEP, held });
+                    newest.fill(slot, Following { reload, then, events: alike * M::EVENTS_A_STEP, held });
                 }
                 if !has_other {
                     continue;
@@ -162,7 +162,7 @@ impl<const PORTS: usize> Newest<PORTS> {
         (then, self.turn(last))
     }
 
-    /// Fills a slot with the event that was held back, and with a far step of which `held` is the end.
+    /// Fills a slot with the event that was held back, and with a step of which `held` is the end.
     #[inline(always)]
     fn fill_step<M: Stepping>(&mut self, slot: &Slot<PORTS>, reload: u32, then: [u32; PORTS], held: [u32; PORTS]) {
         self.numbering.advance(M::EVENTS_A_STEP);
@@ -172,10 +172,10 @@ impl<const PORTS: usize> Newest<PORTS> {
 
     /// Fills a slot: the event that was held back, and all that follow but the last.
     #[inline(always)]
-    pub(super) fn fill(&mut self, slot: &Slot<PORTS>, near: bool, following: Following<PORTS>) {
+    pub(super) fn fill(&mut self, slot: &Slot<PORTS>, following: Following<PORTS>) {
         let Following { reload, then, events, held } = following;
         self.numbering.advance(events);
-        let head = self.numbering.head(events, near);
+        let head = self.numbering.head(events);
         slot.fill(&Filling { first: self.held, then, reload, head });
         self.held = held;
     }

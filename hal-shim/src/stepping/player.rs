@@ -3,16 +3,20 @@
 use core::marker::PhantomData;
 
 use super::StepLink;
-use super::slot::{Head, MOST_EVENTS, Slot};
+use super::slot::{Head, MAX_EVENTS, Slot};
 use super::word::{WordI32, WordU32};
 
-/// Events nearer than this (at 84 MHz: 0.36 us, 60 cycles) are played without leaving the interrupt: leaving and
-/// entering take 22 cycles, and what is done around an event about as many.
-pub const NEAR_TICKS: u32 = 30;
+/// Ticks between two updates of the timer, at the least: 1 us at 84 MHz, 168 cycles of the core.
+///
+/// The reload value that an event's interrupt stores rules the gap after the next update, so the store must arrive before
+/// that update; a late one repeats the old gap. Building an image derives from its instructions how long that takes at
+/// worst, and fails where it is longer than this. [`super::StepFeeder`] refuses entries with a shorter gap, and makes
+/// pulses at least as long.
+pub const MIN_GAP_TICKS: u32 = 84;
 
-/// Most looks at the timer while the interrupt stays for near events. It plays fewer events than that, one after another,
-/// and then leaves at least once: after this many times [`NEAR_TICKS`] = 46 us at most.
-pub const MOST_LOOKS: u32 = 128;
+/// Attempts to set the hardware's count of updates at the start of a motion. A second one is needed only if an update falls
+/// between two stores.
+const COUNT_ATTEMPTS: u32 = 4;
 
 /// The step timer, seen from the step interrupt. No method may wait.
 pub trait UpdateTimer {
@@ -24,9 +28,9 @@ pub trait UpdateTimer {
     fn set_reload(&self, reload: u32);
     /// Sets the hardware's count of updates, modulo 2^15.
     fn set_update_count(&self, count: u16);
-    /// Calls [`StepPlayer::stay`] as soon as [`StepPlayer::update`] has returned.
-    fn call_stay(&self);
-    /// After staying: updates that were served there do not call [`StepPlayer::update`] again.
+    /// Calls [`StepPlayer::start_or_end`] as soon as [`StepPlayer::update`] has returned.
+    fn call_start_or_end(&self);
+    /// Clears the pending interrupt of an update that was cleared without being played.
     fn forget_served(&self);
     /// No more calls: there is nothing to play.
     fn mask(&self);
@@ -76,7 +80,7 @@ impl<const PORTS: usize> NextWords<PORTS> {
 
 /// The ring of `N` slots, `N` a power of two, and how far they have been played.
 ///
-/// There is one producer, [`super::StepFeeder`], and one interrupt that calls [`Self::update`]; [`Self::stay`] belongs to
+/// There is one producer, [`super::StepFeeder`], and one interrupt that calls [`Self::update`]; [`Self::start_or_end`] belongs to
 /// it and never runs at the same time. Everything is a word that either side may load and store whole, so that no access
 /// is unsafe.
 #[derive(Debug)]
@@ -123,7 +127,8 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
     /// The interrupt: puts out the event that is due and prepares the next. No lock, no float, no division, no panic, no
     /// call.
     ///
-    /// The edges come first, at the same distance from the interrupt's entry whatever follows.
+    /// The edges come first, at the same distance from the interrupt's entry whatever follows; the reload value comes next,
+    /// because it must arrive before the next update ([`MIN_GAP_TICKS`]).
     #[inline(always)]
     pub fn update<T: UpdateTimer, P: OutputPorts<PORTS>>(&self, next: &mut NextWords<PORTS>, timer: &T, ports: &P) {
         timer.clear_update();
@@ -134,76 +139,59 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
         }
         let slot = self.next_slot();
         let head = slot.head();
-        if head.is_far() {
-            self.begin(slot, head, head, next, timer);
+        if head.is_filled() {
+            self.begin(slot, head, next, timer);
         } else {
-            timer.call_stay();
+            timer.call_start_or_end();
         }
     }
 
-    /// What is not usual: the start of a motion; its end, when the last event of a slot is out and nothing follows; an
-    /// event that is owed; and events so near each other that they are played here, up to a bound.
+    /// The start of a motion, and its end when the last event is out and the ring is empty.
     ///
     /// An interrupt of its own, so that the usual one needs no more registers than it has for free; it comes right after
     /// that one, before the next update is served.
     #[inline(always)]
-    pub fn stay<T: UpdateTimer, P: OutputPorts<PORTS>>(&self, next: &mut NextWords<PORTS>, timer: &T, ports: &P) {
-        if self.link.is_stopping() {
-            // Asked for before the stop came: a start would undo its mask, an owed event would step.
-            return;
+    pub fn start_or_end<T: UpdateTimer>(&self, next: &mut NextWords<PORTS>, timer: &T) {
+        if self.left() != Head::EMPTY {
+            timer.mask();
+            // An update that came before the mask belongs to no motion.
+            timer.forget_served();
+            // A slot that was filled in the meantime waits for the next start: its reload value would be late.
+            self.left.store(Head::EMPTY.0);
+            self.link.run_dry();
+        } else if self.link.is_running() && !self.link.is_stopping() {
+            // Not if a stop has come since the start was requested: the start would undo its mask.
+            self.start(next, timer);
         }
-        let starting = self.left() == Head::EMPTY;
-        let left = if self.link.take_owed() { self.put_out(next, ports) } else { 0 };
-        let near = if left < 0 {
-            self.go_on(left, next, timer);
-            false
-        } else {
-            self.turn(next, timer)
-        };
-        if starting {
-            self.start(timer);
-        }
-        if near {
-            let mut words = *next;
-            let mut looks = MOST_LOOKS;
-            while looks > 0 {
-                looks -= 1;
-                if timer.is_update_due() {
-                    timer.clear_update();
-                    let left = self.put_out(&words, ports);
-                    if left < 0 {
-                        self.go_on(left, &mut words, timer);
-                    } else if !self.turn(&mut words, timer) {
-                        break;
-                    }
-                }
-            }
-            *next = words;
-        }
-        timer.forget_served();
     }
 
-    /// The first slot of a motion is there: from here on the updates count, and call.
+    /// Begins the first slot of a motion: from here on the updates count, and call.
     ///
-    /// The gap that runs is that of the slot before, or the idle one; so the event that was held back until its follower
-    /// came is as far from the one before it as it should be, and the gap behind it is its slot's.
+    /// The gap in progress is that of the last slot, or the idle one. So the event that was held back until its follower
+    /// came is as far from the one before it as it should be, and the gap after it is its slot's.
     #[inline(always)]
-    fn start<T: UpdateTimer>(&self, timer: &T) {
-        let head = self.left();
-        if head == Head::EMPTY {
+    fn start<T: UpdateTimer>(&self, next: &mut NextWords<PORTS>, timer: &T) {
+        let slot = self.next_slot();
+        let head = slot.head();
+        if !head.is_filled() {
+            self.link.run_dry();
             return;
         }
-        for _ in 0..MOST_LOOKS {
+        let reload = slot.reload();
+        self.begin(slot, head, next, timer);
+        let count = head.number().wrapping_sub(head.events() as u16) & MAX_EVENTS;
+        for _ in 0..COUNT_ATTEMPTS {
             timer.clear_update();
-            timer.set_update_count(head.number().wrapping_sub(head.events() as u16) & MOST_EVENTS);
-            // An update that came in between would be half of a start.
+            timer.set_update_count(count);
             if !timer.is_update_due() {
                 break;
             }
         }
-        let reload = self.slot(self.next.load().wrapping_sub(1)).reload();
+        // An update from before belongs to no motion.
+        timer.forget_served();
+        // Last, because whatever follows delays the first event.
         timer.unmask();
-        // Once more: QEMU's timer stands still after an update while it is masked, until it is told an interval.
+        // Once more: QEMU's timer stands still after an update while it is masked, until it gets an interval.
         timer.set_reload(reload);
     }
 
@@ -219,50 +207,25 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
     /// The slot's next event, and for pulses the gap after it.
     #[inline(always)]
     fn go_on<T: UpdateTimer>(&self, left: i32, next: &mut NextWords<PORTS>, timer: &T) {
+        if M::EVENTS_A_STEP == 2 {
+            // A slot begins with the end of a pulse and ends with the start of one.
+            timer.set_reload(self.reloads[(left >> 16 & 1) as usize].load());
+        }
         for words in &mut next.words {
             let [_, then] = *words;
             *words = [then, then.rotate_right(16)];
         }
         self.left.store(left);
-        if M::EVENTS_A_STEP == 2 {
-            // A slot begins with the end of a pulse and ends with the start of one.
-            timer.set_reload(self.reloads[(left >> 16 & 1) as usize].load());
-        }
     }
 
-    /// The last event of a slot is out: the next slot. Whether its events are near.
+    /// The first event of a slot is prepared.
     #[inline(always)]
-    fn turn<T: UpdateTimer>(&self, next: &mut NextWords<PORTS>, timer: &T) -> bool {
-        let slot = self.next_slot();
-        let head = slot.head();
-        if head.is_near() {
-            self.begin(slot, head, head.as_far(), next, timer);
-            return true;
-        }
-        if head.0 >= 0 {
-            timer.mask();
-            self.left.store(Head::EMPTY.0);
-            self.link.run_dry();
-        } else {
-            self.begin(slot, head, head, next, timer);
-        }
-        false
-    }
-
-    #[inline(always)]
-    fn begin<T: UpdateTimer>(
-        &self,
-        slot: &Slot<PORTS>,
-        head: Head,
-        as_far: Head,
-        next: &mut NextWords<PORTS>,
-        timer: &T,
-    ) {
-        // In this order, so that few registers are in use at a time. The producer looks at `next`, which comes last.
-        self.left.store(as_far.0);
-        slot.clear(head);
+    fn begin<T: UpdateTimer>(&self, slot: &Slot<PORTS>, head: Head, next: &mut NextWords<PORTS>, timer: &T) {
         let reload = slot.reload();
         timer.set_reload(reload);
+        // In this order, so that few registers are in use at a time. The producer looks at `next`, which comes last.
+        self.left.store(head.0);
+        slot.clear(head);
         if M::EVENTS_A_STEP == 2 {
             self.reloads[0].store(reload);
         }

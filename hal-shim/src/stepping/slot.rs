@@ -3,7 +3,7 @@
 use super::word::{WordI32, WordU32};
 
 /// Most events in one slot; events are numbered modulo one more.
-pub const MOST_EVENTS: u16 = 0x7fff;
+pub const MAX_EVENTS: u16 = 0x7fff;
 
 /// Events that are followed by one interval. The slot's head doubles as its full flag: the producer stores it last, the
 /// interrupt clears it when it has copied the rest.
@@ -16,8 +16,8 @@ pub struct Slot<const PORTS: usize> {
     then: [WordU32; PORTS],
     /// Reload value for the gaps behind the events.
     reload: WordU32,
-    /// Upper half: minus the number of events; without its sign where they are near; 0 for an empty slot. Lower half:
-    /// number of all events up to the end of this slot, modulo 2^15, which stays when the slot has been played.
+    /// Upper half: minus the number of events; 0 for an empty slot. Lower half: number of all events up to the end of this
+    /// slot, modulo 2^15, which stays when the slot has been played.
     head: WordI32,
 }
 
@@ -45,25 +45,13 @@ impl Head {
     /// When no slot is being played.
     pub const EMPTY: Self = Self(0);
 
-    /// Whether there are events, far enough apart to leave the interrupt in between.
+    /// Whether there are events.
     #[inline(always)]
-    pub fn is_far(self) -> bool {
+    pub fn is_filled(self) -> bool {
         self.0 < 0
     }
 
-    /// Whether there are events, so near that the interrupt stays for them.
-    #[inline(always)]
-    pub fn is_near(self) -> bool {
-        self.0 >= Self::EVENT
-    }
-
-    /// The head of a slot of near events as that of one of far events, in which form it is played.
-    #[inline(always)]
-    pub fn as_far(self) -> Self {
-        Self(self.0 | i32::MIN)
-    }
-
-    /// Events that are left, of far events.
+    /// Remaining events.
     pub fn events(self) -> u32 {
         (self.0 >> 16).unsigned_abs()
     }
@@ -75,7 +63,7 @@ impl Head {
 }
 
 /// The number of all events up to the end of the slot filled last, modulo 2^15: in the upper 15 bits, where it wraps by
-/// itself. Below are the upper bits of the head of a slot that holds one far step, which so is this turned by 17 bits.
+/// itself. Below are the upper bits of the head of a slot that holds one step, which is this turned by 17 bits.
 #[derive(Clone, Copy, Debug)]
 pub struct Numbering(u32);
 
@@ -94,18 +82,16 @@ impl Numbering {
         self.0 = self.0.wrapping_add(events << Self::SHIFT);
     }
 
-    /// The head of a slot that ends here, with one far step.
+    /// The head of a slot that ends here, with one step.
     #[inline(always)]
     pub fn head_of_step(self) -> Head {
         Head(self.0.rotate_right(Self::SHIFT) as i32)
     }
 
-    /// The head of a slot that ends here, with so many events, 1 to [`MOST_EVENTS`]. Near are those between which leaving
-    /// and entering the interrupt would take too long.
+    /// The head of a slot that ends here, with 1 to [`MAX_EVENTS`] events.
     #[inline(always)]
-    pub fn head(self, events: u32, near: bool) -> Head {
-        let far = (self.0 >> Self::SHIFT).wrapping_sub(events << 16) as i32;
-        Head(if near { far & i32::MAX } else { far })
+    pub fn head(self, events: u32) -> Head {
+        Head((self.0 >> Self::SHIFT).wrapping_sub(events << 16) as i32)
     }
 }
 
@@ -177,7 +163,7 @@ mod tests {
             let mut numbering = Numbering::new(events);
             for _ in 0..70_000 {
                 numbering.advance(events);
-                assert_eq!(numbering.head_of_step(), numbering.head(events, false));
+                assert_eq!(numbering.head_of_step(), numbering.head(events));
             }
         }
     }
@@ -187,16 +173,12 @@ mod tests {
         let mut numbering = Numbering::new(2);
         numbering.advance(0x7ffe);
         numbering.advance(9);
-        for near in [false, true] {
-            let head = numbering.head(9, near);
-            assert_eq!((head.is_near(), head.is_far()), (near, !near));
-            let far = head.as_far();
-            assert_eq!((far.events(), far.number(), far.is_far()), (9, 7, true));
-        }
+        let head = numbering.head(9);
+        assert_eq!((head.events(), head.number(), head.is_filled()), (9, 7, true));
         let slot = Slot::<1>::empty();
-        assert!(!slot.head().is_near() && !slot.head().is_far());
-        slot.clear(numbering.head(9, true));
-        assert!(!slot.head().is_near() && !slot.head().is_far());
+        assert!(!slot.head().is_filled());
+        slot.clear(head);
+        assert!(!slot.head().is_filled());
         assert_eq!(slot.head().number(), 7);
     }
 }

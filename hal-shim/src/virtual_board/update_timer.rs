@@ -2,7 +2,7 @@
 
 use core::cell::Cell;
 
-use crate::stepping::{IDLE_TICKS, MOST_EVENTS, NextWords, OutputPorts, StepPlayer, Stepping, UpdateTimer};
+use crate::stepping::{IDLE_TICKS, MAX_EVENTS, NextWords, OutputPorts, StepPlayer, Stepping, UpdateTimer};
 
 /// Cycles of the core in a tick of the timer.
 pub const CYCLES_A_TICK: u64 = 2;
@@ -21,7 +21,7 @@ pub struct VirtualUpdateTimer {
     count_is_wired: Cell<bool>,
     /// What an access costs, cycles.
     access_cycles: Cell<u64>,
-    staying: Cell<bool>,
+    turning: Cell<bool>,
     masked: Cell<bool>,
 }
 
@@ -38,7 +38,7 @@ impl Default for VirtualUpdateTimer {
             latched: Cell::new(false),
             count_is_wired: Cell::new(false),
             access_cycles: Cell::new(0),
-            staying: Cell::new(false),
+            turning: Cell::new(false),
             masked: Cell::new(true),
         }
     }
@@ -78,7 +78,7 @@ impl VirtualUpdateTimer {
             // The interrupt's line rises once; it is the flag.
             let was_due = self.due.replace(true);
             self.latched.set(self.latched.get() || !was_due);
-            self.updates.set((self.updates.get() + 1) & MOST_EVENTS);
+            self.updates.set((self.updates.get() + 1) & MAX_EVENTS);
         }
         self.now.set(self.now.get().max(cycle));
     }
@@ -105,7 +105,7 @@ impl VirtualUpdateTimer {
         self.masked.get()
     }
 
-    /// Calls the player as the processor does: the step interrupt, and then the one that stays if it was asked for.
+    /// Calls the player as the processor does: the step interrupt, and then the other one if it was asked for.
     pub fn interrupt<M: Stepping, const PORTS: usize, const N: usize>(
         &self,
         player: &StepPlayer<M, PORTS, N>,
@@ -114,8 +114,8 @@ impl VirtualUpdateTimer {
     ) {
         self.latched.set(false);
         player.update(next, self, ports);
-        if self.staying.take() {
-            player.stay(next, self, ports);
+        if self.turning.take() {
+            player.start_or_end(next, self);
         }
         // The line is the flag's level.
         self.latched.set(self.latched.get() || self.due.get());
@@ -143,8 +143,8 @@ impl UpdateTimer for VirtualUpdateTimer {
         self.updates.set(count);
     }
 
-    fn call_stay(&self) {
-        self.staying.set(true);
+    fn call_start_or_end(&self) {
+        self.turning.set(true);
     }
 
     fn mask(&self) {

@@ -10,7 +10,7 @@ use ferrostep_hal_shim::histogram::{Histogram, Summary};
 
 use crate::motion_clock::MotionClock;
 use crate::pac::{Interrupt, TIM2, TIM5};
-use crate::vector_table::{self, VectorTable};
+use crate::vector_table::VectorTable;
 
 /// Ticks of the step timer from an update to the first instruction of its interrupt: what delayed it, and what entering
 /// it takes.
@@ -113,14 +113,16 @@ unsafe fn now() -> u32 {
 /// In the place of the step interrupt's handler while times are measured. The step timer counts from 0 at each update:
 /// what it shows here is how late the interrupt is.
 unsafe extern "C" fn step_interrupt_measured() {
+    unsafe extern "C" {
+        /// The handler proper: by its name, because a look into the vector table would delay its reload value.
+        fn TIM2();
+    }
     // SAFETY: the counter is only read.
     let latency_ticks = unsafe { &*TIM2::ptr() }.cnt().read().bits();
     // SAFETY: this runs by `Switch::set` only.
     let began = unsafe { now() };
-    if let Some(handler) = vector_table::original(Interrupt::TIM2) {
-        // SAFETY: the interrupt it is for has come, and nothing else has answered it.
-        unsafe { handler() };
-    }
+    // SAFETY: the interrupt it is for has come, and nothing else has answered it.
+    unsafe { TIM2() };
     // SAFETY: as above.
     let ended = unsafe { now() };
     STEP_LATENCY.add(latency_ticks);

@@ -2,7 +2,7 @@
 
 use cortex_m::peripheral::NVIC;
 use ferrostep_hal_shim::stepping::{
-    DroppedSteps, FeedError, IDLE_TICKS, MOST_EVENTS, NextWords, OutputPorts, StepFeeder, StepLink, StepPlayer,
+    DroppedSteps, FeedError, IDLE_TICKS, MAX_EVENTS, NextWords, OutputPorts, StepFeeder, StepLink, StepPlayer,
     Stepping, UpdateTimer,
 };
 use ferrostep_hal_shim::{MotorEnable, StepOutput};
@@ -124,10 +124,9 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepTimer<M, PORTS, N> {
     /// The interrupt that the first calls, for TIM9: of the same priority, and in the table before TIM2, so that it comes
     /// first where both wait. TIM9 itself never asks for it.
     #[inline(always)]
-    pub fn stay(&mut self) {
+    pub fn start_or_end(&mut self) {
         let timer = self.timer;
-        let ports = self.ports;
-        self.player.stay(&mut self.next, &timer, &ports);
+        self.player.start_or_end(&mut self.next, &timer);
     }
 }
 
@@ -146,7 +145,7 @@ impl Timer {
 fn start_count(counter: TIM9, rcc: &RCC) {
     rcc.apb2enr().modify(|_, w| w.tim9en().set_bit());
     // SAFETY: any reload value is valid.
-    counter.arr().write(|w| unsafe { w.bits(u32::from(MOST_EVENTS)) });
+    counter.arr().write(|w| unsafe { w.bits(u32::from(MAX_EVENTS)) });
     // SAFETY: values that the fields have.
     counter.smcr().write(|w| unsafe { w.bits(0b111) });
     counter.cr1().write(|w| w.cen().set_bit());
@@ -180,7 +179,7 @@ impl UpdateTimer for Timer {
     }
 
     #[inline(always)]
-    fn call_stay(&self) {
+    fn call_start_or_end(&self) {
         NVIC::pend(Interrupt::TIM1_BRK_TIM9);
     }
 
@@ -202,8 +201,8 @@ impl UpdateTimer for Timer {
     }
 }
 
-/// Calls [`StepTimer::stay`]; it has returned when this returns.
-fn call_stay() {
+/// Calls [`StepTimer::start_or_end`]; it has returned when this returns.
+fn call_start_or_end() {
     NVIC::pend(Interrupt::TIM1_BRK_TIM9);
     cortex_m::asm::dsb();
     cortex_m::asm::isb();
@@ -236,6 +235,8 @@ pub struct StepQueue<B, M: 'static, const PORTS: usize, const N: usize> {
     meter: PlanningMeter,
     clock: Option<MotionClock>,
     enabled: u8,
+    /// Missed updates of this motion that have been reported.
+    counted_missed: u16,
 }
 
 impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> StepQueue<B, M, PORTS, N> {
@@ -246,33 +247,13 @@ impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> StepQueu
         for (port, word) in feeder.direction_words().into_iter().enumerate() {
             ports.write(port, word);
         }
-        Self { motors, feeder, meter: PlanningMeter::default(), clock, enabled: 0 }
-    }
-}
-
-/// Most events that are made up at once.
-const MOST_MADE_UP: u16 = 32;
-
-/// Most looks at the counter for a moment between two updates: some intervals of the fastest motion.
-const MOST_LOOKS: u32 = 500;
-
-/// Waits until the present interval is half over, if that is soon: an event that is owed then keeps its distance from
-/// the others.
-fn wait_for_the_middle() {
-    // SAFETY: registers are only read.
-    let timer = unsafe { &*TIM2::ptr() };
-    let interval = timer.arr().read().bits();
-    for _ in 0..MOST_LOOKS {
-        let counter = timer.cnt().read().bits();
-        if counter > interval / 3 && counter < interval / 3 * 2 {
-            return;
-        }
+        Self { motors, feeder, meter: PlanningMeter::default(), clock, enabled: 0, counted_missed: 0 }
     }
 }
 
 impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> StepQueue<B, M, PORTS, N> {
-    /// How many updates the interrupt has missed.
-    fn missed(&self) -> u32 {
+    /// How many updates the interrupt has missed in this motion.
+    fn missed(&self) -> u16 {
         if !has_count() {
             return 0;
         }
@@ -283,7 +264,7 @@ impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> StepQueu
             let missed = self.feeder.missed_updates(before);
             // Without an update in between both sides were read at the same moment.
             if count() == before {
-                return u32::from(missed.min(MOST_MADE_UP));
+                return missed;
             }
         }
         0
@@ -304,7 +285,7 @@ impl<B, M: Stepping, const PORTS: usize, const N: usize> StepQueue<B, M, PORTS, 
 /// Whether there is a TIM9.
 fn has_count() -> bool {
     // SAFETY: a register is read that nobody writes after the start.
-    unsafe { &*TIM9::ptr() }.arr().read().bits() == u32::from(MOST_EVENTS)
+    unsafe { &*TIM9::ptr() }.arr().read().bits() == u32::from(MAX_EVENTS)
 }
 
 impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> StepOutput for StepQueue<B, M, PORTS, N> {
@@ -340,7 +321,7 @@ impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> StepOutp
 
     fn start(&mut self) {
         if self.feeder.start() {
-            call_stay();
+            call_start_or_end();
         }
     }
 
@@ -389,14 +370,12 @@ impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> StepOutp
         self.motors.watch_sensor(axis);
     }
 
-    fn make_up_missed(&mut self) -> u32 {
+    fn take_missed_updates(&mut self) -> u32 {
         let missed = self.missed();
-        for _ in 0..missed {
-            wait_for_the_middle();
-            self.feeder.link().owe();
-            call_stay();
-        }
-        missed
+        // Fewer than before: another motion.
+        let new = missed.saturating_sub(self.counted_missed);
+        self.counted_missed = missed;
+        new.into()
     }
 }
 

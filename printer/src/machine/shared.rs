@@ -8,7 +8,7 @@ use ferrostep_planner::look_ahead::Slot;
 use ferrostep_planner::{Limits, MotionChoice, Move, MoveError, Moved, PreparedBlock, PreparedMove, Retuned};
 
 use super::{Machine, Silence};
-use crate::ports::{Miscount, Motion, MotionError, Seek};
+use crate::ports::{Motion, MotionError, MotionFault, Seek};
 
 /// How a board shares its machine between the task that executes commands and the planner task.
 pub trait SharedMachine {
@@ -66,7 +66,7 @@ impl<S: SharedMachine> SharedMotion<S> {
                 if machine.stops() == stops {
                     return attempt(machine).map(Ok);
                 }
-                Some(Err(machine.take_miscount().map_or(MotionError::Stopped, MotionError::Miscounted)))
+                Some(Err(machine.take_fault().map_or(MotionError::Stopped, MotionError::Fault)))
             });
             match outcome {
                 Some(Ok(value)) => {
@@ -192,8 +192,8 @@ impl<S: SharedMachine> Motion for SharedMotion<S> {
         self.machine.with(|machine| machine.take_switched_off())
     }
 
-    fn take_miscount(&mut self) -> Option<Miscount> {
-        self.machine.with(|machine| machine.take_miscount())
+    fn take_fault(&mut self) -> Option<MotionFault> {
+        self.machine.with(|machine| machine.take_fault())
     }
 
     fn is_end_stop_triggered(&self, axis: usize) -> bool {

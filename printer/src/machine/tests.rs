@@ -92,6 +92,8 @@ struct Queue<'a, const SENSORS: bool = false> {
     port: &'a VirtualPort<'a>,
     next: &'a RefCell<NextWords<1>>,
     enabled: u8,
+    /// Updates that the interrupt is said to have missed.
+    missed: u32,
 }
 
 impl<const SENSORS: bool> StepOutput for Queue<'_, SENSORS> {
@@ -124,7 +126,7 @@ impl<const SENSORS: bool> StepOutput for Queue<'_, SENSORS> {
     }
     fn start(&mut self) {
         if self.feeder.start() {
-            self.player.stay(&mut self.next.borrow_mut(), self.timer, self.port);
+            self.player.start_or_end(&mut self.next.borrow_mut(), self.timer);
         }
     }
     fn link(&self) -> &StepLink {
@@ -141,8 +143,8 @@ impl<const SENSORS: bool> StepOutput for Queue<'_, SENSORS> {
         }
         dropped
     }
-    fn make_up_missed(&mut self) -> u32 {
-        0
+    fn take_missed_updates(&mut self) -> u32 {
+        std::mem::take(&mut self.missed)
     }
 }
 
@@ -200,8 +202,16 @@ fn with_machine<T, const SENSORS: bool>(
     let signals = Signals { pulse_ticks: 84, direction_setup_ticks: 17 };
     let next = RefCell::new(NextWords::NONE);
     let feeder = StepFeeder::new(&player, VirtualPort::pins(), signals);
-    let queue =
-        Queue { sensors: &sensors, feeder, player: &player, timer: &timer, port: &port, next: &next, enabled: 0 };
+    let queue = Queue {
+        sensors: &sensors,
+        feeder,
+        player: &player,
+        timer: &timer,
+        port: &port,
+        next: &next,
+        enabled: 0,
+        missed: 0,
+    };
     let machine = Machine::new(&profile(), vec![Slot::EMPTY; look_ahead], queue);
     test(machine, Interrupt { sensors: &sensors, player: &player, timer: &timer, port: &port, next: &next })
 }
@@ -306,6 +316,33 @@ proptest! {
             prop_assert_eq!(interrupt.motor_steps(), [3200, 3200, 0, 0]);
             Ok(())
         })?;
+    }
+}
+
+/// A few missed updates are counted, and motion goes on. More stop it: whatever has held the interrupt up, or whatever is wrong
+/// with the count, moves no motor.
+#[test]
+fn missed_updates_beyond_the_bound_stop_motion_and_move_no_motor() {
+    for (missed, stops) in [(MAX_MISSED_UPDATES, false), (MAX_MISSED_UPDATES + 1, true), (16_383, true)] {
+        with_machine(8, |mut machine: TestMachine<'_>, mut interrupt| {
+            let _ = machine.add(&travel(10, 5)).unwrap();
+            machine.flush();
+            for _ in 0..500 {
+                machine.work(NO_SILENCE);
+                interrupt.update();
+            }
+            let events = interrupt.events();
+            assert!(events > 100 && !machine.is_idle());
+            machine.queue.missed = missed;
+            machine.work(NO_SILENCE);
+            assert_eq!(interrupt.events(), events, "a motor moved");
+            assert_eq!(machine.figures().missed_updates, u64::from(missed));
+            run_until_idle(&mut machine, &mut interrupt);
+            let fault = stops.then_some(MotionFault::MissedUpdates(missed));
+            assert_eq!((machine.take_fault(), machine.stops()), (fault, u32::from(stops)));
+            assert_eq!(machine.motor_steps(), interrupt.motor_steps());
+            assert_eq!(interrupt.motor_steps() == [800, 400, 0, 0], !stops);
+        });
     }
 }
 

@@ -122,8 +122,8 @@ impl<'a, M: Stepping> Interrupts<'a, M> {
     }
 
     /// The player looks for the first slot of a motion.
-    pub fn stay(&self) {
-        self.player.stay(&mut self.next.borrow_mut(), self.timer, self.port);
+    pub fn start_or_end(&self) {
+        self.player.start_or_end(&mut self.next.borrow_mut(), self.timer);
     }
 
     /// Puts a word on the pins.

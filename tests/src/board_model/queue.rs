@@ -64,7 +64,7 @@ impl<M: Stepping> StepOutput for Queue<'_, M> {
     fn start(&mut self) {
         self.interrupts.pass(CALL);
         if self.feeder.start() {
-            self.interrupts.stay();
+            self.interrupts.start_or_end();
         }
     }
 
@@ -86,7 +86,7 @@ impl<M: Stepping> StepOutput for Queue<'_, M> {
     }
 
     /// The model's interrupt is never late.
-    fn make_up_missed(&mut self) -> u32 {
+    fn take_missed_updates(&mut self) -> u32 {
         self.interrupts.pass(CALL);
         0
     }

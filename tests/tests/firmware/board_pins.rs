@@ -5,7 +5,7 @@
 
 use std::time::Duration;
 
-use ferrostep_tests::code::Code;
+use ferrostep_image_code::code::Code;
 use ferrostep_tests::qemu::{BSRR, Debugger, MODER, PortState, PortWrite, Register};
 
 use crate::boards::{BOARDS, BoardFacts, pin};

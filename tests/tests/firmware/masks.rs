@@ -4,7 +4,7 @@
 
 use std::collections::BTreeMap;
 
-use ferrostep_tests::code::{Code, Instruction, constant};
+use ferrostep_image_code::code::{Code, Instruction, constant};
 
 use crate::image::image;
 

@@ -1,6 +1,6 @@
 //! Each image's stack holds what its tasks need, however they interrupt each other.
 
-use ferrostep_tests::code::Code;
+use ferrostep_image_code::code::Code;
 use ferrostep_tests::stack::{EXCEPTION_BYTES, StackUse};
 
 use crate::boards::BOARDS;

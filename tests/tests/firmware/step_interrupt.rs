@@ -3,79 +3,18 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-use ferrostep_tests::code::{Code, Instruction};
+use ferrostep_image_code::code::{Code, Instruction};
+use ferrostep_image_code::flow::{Flow, flow};
 
-use crate::image::image;
+use ferrostep_hal_shim::stepping::MIN_GAP_TICKS;
+use ferrostep_hal_shim::virtual_board::CYCLES_A_TICK;
+use ferrostep_image_code::interrupt_time::{self, MEASURED, STEP_TIMER};
 
-/// TIM2's number (RM0090, table 61): the step interrupt.
-const STEP_TIMER: u32 = 28;
+use crate::boards::BOARDS;
+use crate::image::{image, image_of};
 
-/// TIM1_BRK_TIM9's: what the step interrupt calls for the start and the end of a motion, and for events near each other.
-const STAY: u32 = 24;
-
-/// Functions that the step interrupt may call. None: what it does is its own.
-const MAY_CALL: [&str; 0] = [];
-
-/// The measured interrupt is the handler of M798, which calls the one that it measures through its vector.
-const MEASURED: &str = "step_interrupt_measured";
-
-/// Where an instruction leads to.
-#[derive(Debug, PartialEq, Eq)]
-enum Flow {
-    /// To the next one.
-    On,
-    /// To another, and if there is a condition also to the next one.
-    Branch { target: u32, is_conditional: bool },
-    /// To a function, and back.
-    Call(u32),
-    /// To a function whose address is computed, and back.
-    ComputedCall,
-    /// Back to where it was called from.
-    Return { is_conditional: bool },
-    /// To an address that is computed.
-    Computed,
-}
-
-/// Names of conditions.
-const CONDITIONS: [&str; 16] =
-    ["eq", "ne", "hs", "cs", "lo", "cc", "mi", "pl", "vs", "vc", "hi", "ls", "ge", "lt", "gt", "le"];
-
-/// Whether `name` is `base` with a condition (`Some(true)`) or without one.
-fn with_condition(name: &str, base: &str) -> Option<bool> {
-    match name.strip_prefix(base)? {
-        "" => Some(false),
-        condition => CONDITIONS.contains(&condition).then_some(true),
-    }
-}
-
-fn flow(instruction: &Instruction) -> Flow {
-    let (name, operands) = (instruction.name.as_str(), instruction.operands.as_str());
-    if ["bl", "blx"].iter().any(|base| with_condition(name, base).is_some()) && name != "bls" && name != "blt" {
-        return instruction.target().map_or(Flow::ComputedCall, Flow::Call);
-    }
-    if let Some(is_conditional) = with_condition(name, "bx") {
-        return if operands == "lr" { Flow::Return { is_conditional } } else { Flow::Computed };
-    }
-    if name == "cbz" || name == "cbnz" {
-        return instruction.target().map_or(Flow::Computed, |target| Flow::Branch { target, is_conditional: true });
-    }
-    if let Some(is_conditional) = with_condition(name, "b") {
-        return instruction.target().map_or(Flow::Computed, |target| Flow::Branch { target, is_conditional });
-    }
-    if let Some(is_conditional) = with_condition(name, "pop") {
-        return if operands.contains("pc") { Flow::Return { is_conditional } } else { Flow::On };
-    }
-    let pops_return = name.starts_with("ldm") && operands.contains("pc");
-    let loads_return = name.starts_with("ldr") && operands.starts_with("pc, [sp]");
-    if pops_return || loads_return {
-        return Flow::Return { is_conditional: false };
-    }
-    // Table branches, and whatever else writes the program counter.
-    if name.starts_with("tb") || operands.split(',').next().is_some_and(|first| first.trim() == "pc") {
-        return Flow::Computed;
-    }
-    Flow::On
-}
+/// TIM1_BRK_TIM9's number: what the step interrupt calls for the end of a motion, and the planner task for its start.
+const START_OR_END: u32 = 24;
 
 /// Why an instruction has no place in the step interrupt.
 fn objection(instruction: &Instruction, before: Option<&Instruction>) -> Option<&'static str> {
@@ -109,11 +48,10 @@ fn objection(instruction: &Instruction, before: Option<&Instruction>) -> Option<
 struct Reached {
     instructions: BTreeMap<u32, Instruction>,
     objections: Vec<String>,
-    computed_calls: usize,
 }
 
 /// Follows everything that can be executed from a function on.
-fn reach(code: &Code, entry: u32) -> Reached {
+fn reach(code: &Code, entry: u32, may_call: &[&str]) -> Reached {
     let mut reached = Reached::default();
     let mut seen = BTreeSet::new();
     let mut pending: Vec<(u32, Option<Instruction>)> = vec![(entry, None)];
@@ -154,7 +92,7 @@ fn reach(code: &Code, entry: u32) -> Reached {
                 }
             }
             Flow::ComputedCall => {
-                reached.computed_calls += 1;
+                reached.objections.push(format!("call of a computed address: {instruction}   in {place}"));
                 pending.push(next);
             }
             Flow::Return { is_conditional: true } => pending.push(next),
@@ -165,7 +103,7 @@ fn reach(code: &Code, entry: u32) -> Reached {
             let callee = code.function(target);
             if callee.contains("panic") {
                 reached.objections.push(format!("panic path, {callee}: {instruction}   in {place}"));
-            } else if !MAY_CALL.iter().any(|name| callee.contains(name)) {
+            } else if !may_call.iter().any(|name| callee.contains(name)) {
                 reached.objections.push(format!("call of {callee}: {instruction}   in {place}"));
             }
         }
@@ -175,26 +113,43 @@ fn reach(code: &Code, entry: u32) -> Reached {
     reached
 }
 
-/// Fails with all that speaks against what can be reached from a function on.
-fn assert_short_and_alone(code: &Code, entry: u32, computed_calls: usize) {
-    let reached = reach(code, entry);
+/// Fails with all that speaks against what can be reached from a function on, which may call these.
+fn assert_short_and_alone(code: &Code, entry: u32, may_call: &[&str]) {
+    let reached = reach(code, entry, may_call);
     let name = code.function(entry);
     eprintln!("{} instructions can be reached from {name} at {entry:#010x}", reached.instructions.len());
     assert!(reached.instructions.len() > 20, "that cannot be all");
     assert!(reached.objections.is_empty(), "{name}\n  {}", reached.objections.join("\n  "));
-    assert_eq!(reached.computed_calls, computed_calls, "calls in {name} whose target is computed");
 }
 
 #[test]
 fn the_step_interrupt_calls_nothing_waits_for_nothing_and_cannot_panic() {
     let code = Code::of(image()).unwrap();
-    for interrupt in [STEP_TIMER, STAY] {
-        assert_short_and_alone(&code, code.handler(interrupt).unwrap(), 0);
+    for interrupt in [STEP_TIMER, START_OR_END] {
+        assert_short_and_alone(&code, code.handler(interrupt).unwrap(), &[]);
     }
 }
 
-/// Where both wait, the one that stays comes first, or the update would be served by a player that has not turned over.
-const _: () = assert!(STAY < STEP_TIMER);
+/// How long it takes at worst, and how long it may: building an image fails where this does.
+#[test]
+fn the_reload_value_arrives_in_time_in_every_image() {
+    let gap_cycles = MIN_GAP_TICKS * CYCLES_A_TICK as u32;
+    for board in BOARDS {
+        let code = Code::of(&image_of(board.name)).unwrap();
+        let [time, measured] = interrupt_time::check(&code, gap_cycles).unwrap();
+        eprintln!("{}: {time}; measured: {measured}; a gap has {gap_cycles}", board.name);
+        // The interrupt has to be entered, and three registers to be stored.
+        assert!(time.to_reload.cached > 40 && time.reload_instructions > 12, "{time}");
+        assert!(measured.to_reload.cached > time.to_reload.cached);
+        // A handler with as many instructions more is refused with its figures.
+        let error = interrupt_time::check(&code, time.to_reload.uncached - 1).unwrap_err();
+        assert!(error.contains("the reload value arrives after the next update"), "{error}");
+        assert!(error.contains(&format!("({} with flash", time.to_reload.uncached)), "{error}");
+    }
+}
+
+/// Where both are pending, the end of a motion comes first, or an update would be served by a player that has not ended it.
+const _: () = assert!(START_OR_END < STEP_TIMER);
 
 /// Critical sections do not keep out RTIC's priority 16, and RTIC would guard what a task of that priority shares with
 /// a lower one by just these. The image cannot show that; the application's text can.
@@ -223,36 +178,11 @@ fn neither_does_the_measured_one_but_for_the_handler_it_measures() {
     let [entry] = code.functions_named(MEASURED)[..] else {
         panic!("not one function is called {MEASURED}: {:x?}", code.functions_named(MEASURED))
     };
-    assert_short_and_alone(&code, entry, 1);
-}
-
-fn flow_of(name: &str, operands: &str) -> Flow {
-    flow(&instruction(name, operands))
+    assert_short_and_alone(&code, entry, &["TIM2"]);
 }
 
 fn instruction(name: &str, operands: &str) -> Instruction {
     Instruction { address: 0x100, length: 2, name: name.to_owned(), operands: operands.to_owned() }
-}
-
-#[test]
-fn branches_calls_and_returns_are_told_apart() {
-    let branch = |is_conditional| Flow::Branch { target: 0x108, is_conditional };
-    assert_eq!(flow_of("b", "#0x108"), branch(false));
-    assert_eq!(flow_of("bls", "#0x108"), branch(true));
-    assert_eq!(flow_of("blt", "#0x108"), branch(true));
-    assert_eq!(flow_of("cbnz", "r0, #0x108"), branch(true));
-    assert_eq!(flow_of("bl", "#0x108"), Flow::Call(0x108));
-    assert_eq!(flow_of("blx", "r3"), Flow::ComputedCall);
-    assert_eq!(flow_of("bx", "lr"), Flow::Return { is_conditional: false });
-    assert_eq!(flow_of("bxeq", "lr"), Flow::Return { is_conditional: true });
-    assert_eq!(flow_of("bx", "r3"), Flow::Computed);
-    assert_eq!(flow_of("pop", "{r4, pc}"), Flow::Return { is_conditional: false });
-    assert_eq!(flow_of("pop", "{r4, r5}"), Flow::On);
-    assert_eq!(flow_of("ldr", "pc, [sp], #4"), Flow::Return { is_conditional: false });
-    assert_eq!(flow_of("ldr", "pc, [r0, r1, lsl #2]"), Flow::Computed);
-    assert_eq!(flow_of("tbb", "[pc, r0]"), Flow::Computed);
-    assert_eq!(flow_of("bic", "r0, r1"), Flow::On);
-    assert_eq!(flow_of("bfi", "r0, r1, #4, #8"), Flow::On);
 }
 
 #[test]

@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 
 use ferrostep_hal_shim::thermistor::{Thermistor, ThermistorType};
-use ferrostep_tests::code::Code;
+use ferrostep_image_code::code::Code;
 use object::{Object, ObjectSection};
 
 use crate::image::Bench;

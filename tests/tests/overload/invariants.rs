@@ -65,7 +65,7 @@ fn printed<M: Stepping>(board: &Board<'_, M>, profile: &Profile, text: &str, mut
     assert!((extruder as f64 - wanted).abs() <= 1.0, "{extruder} extruder steps for {wanted}");
     let least = u64::from(profile.minimum_event_interval_ticks) * CYCLES_A_TICK;
     assert!(board.shortest_interval() >= least, "{} cycles between steps", board.shortest_interval());
-    assert_eq!((figures.refused_entries, figures.made_up_updates), (0, 0));
+    assert_eq!((figures.refused_entries, figures.missed_updates), (0, 0));
     let watch = board.watch();
     Print { figures, counted_steps: [x, y, z, extruder], feeds: watch.feeds(&profile.geometry()), watch }
 }

@@ -177,7 +177,7 @@ mod tests {
     use serde_json::json;
 
     fn figures(parse: f64, text: u32) -> Value {
-        json!({"target": {"parse_line": parse, "step_event": {"worst": 40, "staying": null}},
+        json!({"target": {"parse_line": parse, "step_event": {"worst": 40, "new_key": null}},
             "image": {"text": text}, "host": {"realtime_factor": parse}, "workload": {"events": parse}})
     }
 
@@ -224,7 +224,7 @@ mod tests {
         lost["target"]["step_event"]["worst"] = Value::Null;
         assert!(check(&baseline, &lost).unwrap_err().contains("target.step_event.worst: 40 -> no longer counted"));
         let mut more = baseline.clone();
-        more["target"]["step_event"]["staying"] = json!(8);
+        more["target"]["step_event"]["new_key"] = json!(8);
         assert_eq!(check(&baseline, &more), Ok(()));
         assert_eq!(changes(&baseline, &more).len(), 1);
     }

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use serde_json::Value;
 
 use super::chart::{self, Bar, Group};
-use super::cycle_model::{events_per_s, staying_events_per_s};
+use super::cycle_model::events_per_s;
 use super::{desk, lines};
 use crate::generated::Page;
 use crate::steps::Failure;
@@ -96,8 +96,6 @@ fn step_interrupt(out: &mut String, figures: &Value) -> std::fmt::Result {
         ("inside a stair, four motors at once", "within_stair_4_axes", &three),
         ("ends a stair, fetches the next, four motors at once", "new_stair_4_axes", &three),
         ("is a stair of its own, four motors at once", "single_event_stair_4_axes", &three),
-        ("inside a stair, the handler stays for it", "staying_within_stair", &one),
-        ("ends a stair, the handler stays for it", "staying_new_stair", &one),
         ("inside a stair, motors on two ports", "two_ports.within_stair", ""),
         ("ends a stair, motors on two ports", "two_ports.new_stair", ""),
         ("inside a stair, motors on three ports", "three_ports.within_stair", ""),
@@ -125,15 +123,11 @@ fn steps_per_second(out: &mut String, figures: &Value) -> std::fmt::Result {
         out,
         "A model until silicon confirms it: at 168 MHz 12 cycles to enter the interrupt, 10 to leave it, and 1.4 an \
          instruction\n(what Klipper's 46 cycles for 33 instructions come to). All motors of a port step with one \
-         store, so steps are events\ntimes motors. The handler stays for stairs whose events are within 0.36 us, for up \
-         to 128 looks at the timer; it enters\nfor all other events, the rest of a longer stair included. In thousands of \
-         steps a second, the processor doing\nnothing else:\n"
+         store, so steps are events\ntimes motors. This is the mean rate that the processor could keep up, doing nothing \
+         else; single events may be no nearer\nthan [0.86 us](stepping.md#the-reload-value-in-time). In thousands of steps \
+         a second:\n"
     )?;
-    writeln!(
-        out,
-        "| motors at once | staying, inside a stair | staying, each event a stair | entering, inside a stair | \
-         entering, each event a stair | others |\n|---|---|---|---|---|---|"
-    )?;
+    writeln!(out, "| motors at once | inside a stair | each event a stair | others |\n|---|---|---|---|")?;
     let others = [
         (1.0, "1_axis", format!("Klipper {}", thousands(Some(KLIPPER_ONE_MOTOR_PER_S)))),
         (3.0, "4_axes", format!("Klipper {}", thousands(Some(KLIPPER_THREE_MOTORS_PER_S)))),
@@ -141,8 +135,6 @@ fn steps_per_second(out: &mut String, figures: &Value) -> std::fmt::Result {
     ];
     for (motors, axes, others) in others {
         let ways = [
-            event(figures, "staying_within_stair").map(staying_events_per_s),
-            event(figures, "staying_new_stair").map(staying_events_per_s),
             event(figures, &format!("within_stair_{axes}")).map(events_per_s),
             event(figures, "single_event_stair_4_axes").map(events_per_s),
         ];
@@ -228,8 +220,6 @@ fn step_chart(figures: &Value) -> String {
     let group = |heading: &str, axes: &str, klipper| {
         let count = |sort: &str| event(figures, &format!("{sort}_stair_{axes}"));
         let bars = [
-            bar("Ferrostep, staying for it", event(figures, "staying_within_stair"), true),
-            bar("Ferrostep, staying, a new stair", event(figures, "staying_new_stair"), true),
             bar("Ferrostep, inside a stair", count("within"), true),
             bar("Ferrostep, a new stair", count("new"), true),
             bar("Klipper", Some(klipper), false),
@@ -275,11 +265,11 @@ mod tests {
 
     #[test]
     fn a_count_that_is_null_is_a_dash_in_its_row() {
-        let figures = json!({"target": {"step_event": {"within_stair_1_axis": 17, "staying_within_stair": null}}});
+        let figures = json!({"target": {"step_event": {"within_stair_1_axis": 17, "new_stair_1_axis": null}}});
         let tables = tables(&figures);
         assert!(tables.contains("| `within_stair_1_axis` | 17 | 33 |"), "{tables}");
-        assert!(tables.contains("| `staying_within_stair` | - | 33 |"), "{tables}");
+        assert!(tables.contains("| `new_stair_1_axis` | - | 33 |"), "{tables}");
         // 168 MHz / (22 + 1.4 * 17) cycles.
-        assert!(tables.contains("| 1 | - | - | 3 668 | - | Klipper 3 652 |"), "{tables}");
+        assert!(tables.contains("| 1 | 3 668 | - | Klipper 3 652 |"), "{tables}");
     }
 }

@@ -76,8 +76,6 @@ pub struct StepEvents {
     pub one_axis: Events,
     /// Four motors step at once.
     pub four_axes: Events,
-    /// An event that follows so soon that the handler stays for it.
-    pub staying: Events,
     /// Step signals as the profile's drivers want them: with pulses a step is two events.
     pub profile: Events,
     /// Motors on two ports.
@@ -105,8 +103,6 @@ impl fmt::Display for StepEvents {
             write!(out, "\"within_stair_{name}\": {within}, \"most_within_stair_{name}\": {most_within}, ")?;
             write!(out, "\"new_stair_{name}\": {new}, ")?;
         }
-        let Events { within, new, .. } = self.staying;
-        write!(out, "\"staying_within_stair\": {}, \"staying_new_stair\": {}, ", OrNull(within), OrNull(new))?;
         for (name, Events { within, new, .. }) in
             [("profile", self.profile), ("two_ports", self.two_ports), ("three_ports", self.three_ports)]
         {

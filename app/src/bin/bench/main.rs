@@ -138,15 +138,15 @@ mod app {
 
     /// What the others call when something is not usual: for the one of them that is being played.
     #[task(binds = TIM1_BRK_TIM9, priority = 16, shared = [print, one_port, two_ports, three_ports])]
-    fn stay(cx: stay::Context) {
+    fn start_or_end(cx: start_or_end::Context) {
         if queue::is_playing(Interrupt::SPI2) {
-            cx.shared.one_port.stay();
+            cx.shared.one_port.start_or_end();
         } else if queue::is_playing(Interrupt::TIM3) {
-            cx.shared.two_ports.stay();
+            cx.shared.two_ports.start_or_end();
         } else if queue::is_playing(Interrupt::SPI1) {
-            cx.shared.three_ports.stay();
+            cx.shared.three_ports.start_or_end();
         } else {
-            cx.shared.print.stay();
+            cx.shared.print.start_or_end();
         }
     }
 

@@ -25,14 +25,8 @@ const WARM_UP_FETCHES: usize = 4;
 /// Slots that are left in a queue that is played for a while: without one to fetch it would run dry.
 const LEFT_SLOTS: usize = 2;
 
-/// Ticks between events: too long for the handler to stay for the next one.
-const FAR_TICKS: u32 = 84_000;
-
-/// Ticks between events that are due again before the handler is done with one.
-const NEAR_TICKS: u32 = 4;
-
-/// Events of stairs for which the handler stays, two such stairs being less than it stays for at once.
-const NEAR_EVENTS: u16 = 8;
+/// Ticks between events: the handler has long returned when the next one is due.
+const INTERVAL_TICKS: u32 = 84_000;
 
 /// Events of made-up stairs, and the two ends of a motion.
 pub fn synthetic<M: Stepping, const PORTS: usize, const N: usize>(
@@ -43,8 +37,7 @@ pub fn synthetic<M: Stepping, const PORTS: usize, const N: usize>(
     let four_axes = stairs(counter, queue, FOUR_AXES, STAIR_EVENTS)?;
     let single = stairs(counter, queue, FOUR_AXES, 1)?.new;
     let (start_of_motion, end_of_motion) = ends(counter, queue)?;
-    let staying = staying(counter, queue)?;
-    Ok(StepEvents { one_axis, four_axes, single, start_of_motion, end_of_motion, staying, ..StepEvents::default() })
+    Ok(StepEvents { one_axis, four_axes, single, start_of_motion, end_of_motion, ..StepEvents::default() })
 }
 
 /// Stairs of one kind, once the run is under way. Should the events inside a stair not all cost the same, the least of
@@ -56,7 +49,7 @@ pub fn stairs<M: Stepping, const PORTS: usize, const N: usize>(
     events: u16,
 ) -> Result<Events, &'static str> {
     for _ in 0..STAIRS {
-        push(queue, FAR_TICKS, events, axes)?;
+        push(queue, events, axes)?;
     }
     queue.start(counter);
     let mut events = Events::default();
@@ -83,8 +76,8 @@ fn ends<M: Stepping, const PORTS: usize, const N: usize>(
     counter: &Counter,
     queue: &mut BenchQueue<M, PORTS, N>,
 ) -> Result<(u32, u32), &'static str> {
-    push(queue, FAR_TICKS, STAIR_EVENTS, ONE_AXIS)?;
-    push(queue, FAR_TICKS, STAIR_EVENTS, ONE_AXIS)?;
+    push(queue, STAIR_EVENTS, ONE_AXIS)?;
+    push(queue, STAIR_EVENTS, ONE_AXIS)?;
     let start = queue.start(counter);
     let mut end = 0;
     while queue.is_running() {
@@ -96,46 +89,11 @@ fn ends<M: Stepping, const PORTS: usize, const N: usize>(
 
 fn push<M: Stepping, const PORTS: usize, const N: usize>(
     queue: &mut BenchQueue<M, PORTS, N>,
-    interval_ticks: u32,
     events: u16,
     axes: u8,
 ) -> Result<(), &'static str> {
-    queue.entry(StepEntry::stair(interval_ticks, events, axes, 0).ok_or("a stair without events")?);
+    queue.entry(StepEntry::stair(INTERVAL_TICKS, events, axes, 0).ok_or("a stair without events")?);
     Ok(())
-}
-
-/// Events that follow at once, by what more of them add to the interrupt that stays for them.
-fn staying<M: Stepping, const PORTS: usize, const N: usize>(
-    counter: &Counter,
-    queue: &mut BenchQueue<M, PORTS, N>,
-) -> Result<Events, &'static str> {
-    let short = burst(counter, queue, &[NEAR_EVENTS])?;
-    let long = burst(counter, queue, &[2 * NEAR_EVENTS])?;
-    let two = burst(counter, queue, &[NEAR_EVENTS; 2])?;
-    let within = long.saturating_sub(short) / u32::from(NEAR_EVENTS);
-    let new = (two + within).saturating_sub(long);
-    Ok(Events { within: Some(within), most_within: None, new: Some(new) })
-}
-
-/// Stairs of so many near events among others: the longest interrupt, which is the one that stays for all of them.
-fn burst<M: Stepping, const PORTS: usize, const N: usize>(
-    counter: &Counter,
-    queue: &mut BenchQueue<M, PORTS, N>,
-    stairs: &[u16],
-) -> Result<u32, &'static str> {
-    push(queue, FAR_TICKS, STAIR_EVENTS, ONE_AXIS)?;
-    for events in stairs {
-        push(queue, NEAR_TICKS, *events, ONE_AXIS)?;
-    }
-    push(queue, FAR_TICKS, STAIR_EVENTS, ONE_AXIS)?;
-    push(queue, FAR_TICKS, STAIR_EVENTS, ONE_AXIS)?;
-    queue.start(counter);
-    let mut longest = 0;
-    while queue.is_running() {
-        longest = longest.max(queue.play(counter).instructions);
-    }
-    queue.empty();
-    Ok(longest)
 }
 
 /// Plays what waits in the queue but for the last slots.
@@ -144,7 +102,7 @@ pub fn play_waiting<M: Stepping, const PORTS: usize, const N: usize>(
     queue: &mut BenchQueue<M, PORTS, N>,
     report: &mut StepEvents,
 ) {
-    // One that plays already would take this for an event that is near.
+    // In a motion that plays already this would be its end.
     if !queue.is_running() {
         queue.start(counter);
     }

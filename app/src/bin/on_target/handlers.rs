@@ -102,8 +102,8 @@ extern "C" fn TIM2() {
 extern "C" fn TIM1_BRK_TIM9() {
     // SAFETY: of the same priority as those whose timers these are, so that neither interrupts the other. Only one is there.
     unsafe {
-        STEPS.with(|timer| timer.stay());
-        EDGES.with(|timer| timer.stay());
+        STEPS.with(|timer| timer.start_or_end());
+        EDGES.with(|timer| timer.start_or_end());
     }
 }
 

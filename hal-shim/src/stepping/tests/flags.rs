@@ -25,16 +25,13 @@ fn steps<M: Stepping>(board: &Board<M>) -> usize {
 /// After a stop, whenever it comes and whatever the flags were, none is left, and the next motion is whole.
 fn assert_no_flag_is_left<M: Stepping + 'static>() {
     for updates in 0..30 {
-        for (owed, sensor) in [(false, false), (true, false), (false, true), (true, true)] {
+        for sensor in [false, true] {
             let board = Board::<M>::leaked();
             let mut feeder = board.feeder(SIGNALS);
             let link = board.player.link();
             start(board, &mut feeder, 10);
             for _ in 0..updates {
                 board.update();
-            }
-            if owed {
-                link.owe();
             }
             board.timer.mask();
             if sensor {
@@ -49,7 +46,6 @@ fn assert_no_flag_is_left<M: Stepping + 'static>() {
             }
             assert!(!link.is_running() && !link.is_stopping());
             assert!(!link.take_ran_dry(), "after {updates} updates it has run dry");
-            assert!(!link.take_owed(), "after {updates} updates an event is owed");
             assert!(!feeder.start(), "the queue is empty");
             // Nothing steps before its time, and none too many.
             let before = steps(board);
@@ -68,28 +64,6 @@ fn assert_no_flag_is_left<M: Stepping + 'static>() {
 fn after_a_stop_no_flag_is_left() {
     assert_no_flag_is_left::<BothEdges>();
     assert_no_flag_is_left::<Pulses>();
-}
-
-/// An owed event that a stop overtook does not step, neither before nor after the stop is followed.
-#[test]
-fn an_owed_event_does_not_outlive_a_stop() {
-    let board = Board::<BothEdges>::leaked();
-    let mut feeder = board.feeder(SIGNALS);
-    start(board, &mut feeder, 10);
-    for _ in 0..4 {
-        board.update();
-    }
-    let before = steps(board);
-    board.player.link().owe();
-    board.stop();
-    board.stay();
-    assert_eq!(steps(board), before);
-    assert_eq!(feeder.drop_all().issued[0] as usize, 10 - before);
-    start(board, &mut feeder, 1);
-    board.update();
-    assert_eq!(steps(board), before);
-    board.update();
-    assert_eq!(steps(board), before + 1);
 }
 
 /// A stop that was asked for is never taken for the sensor's, whichever came first.
@@ -116,11 +90,9 @@ fn a_sensor_does_not_hide_a_stop() {
 #[test]
 fn flags_are_taken_once() {
     let link = StepLink::default();
-    assert!(!link.is_running() && !link.take_ran_dry() && !link.take_owed());
+    assert!(!link.is_running() && !link.take_ran_dry());
     link.start();
     assert!(link.is_running() && !link.take_ran_dry());
     link.run_dry();
     assert!(!link.is_running() && link.take_ran_dry() && !link.take_ran_dry());
-    link.owe();
-    assert!(link.take_owed() && !link.take_owed());
 }

@@ -104,9 +104,9 @@ fn no_schedule_loses_or_doubles_an_event() {
     let schedules = every_schedule(4, |machine, run| {
         let mut feeder = machine.feeder(SIGNALS);
         let entries = [
-            StepEntry::stair(100, 1, 1, 2).unwrap(),
-            StepEntry::stair(90, 2, 2, 0).unwrap(),
-            StepEntry::stair(80, 1, 3, 0).unwrap(),
+            StepEntry::stair(400, 1, 1, 2).unwrap(),
+            StepEntry::stair(190, 2, 2, 0).unwrap(),
+            StepEntry::stair(180, 1, 3, 0).unwrap(),
         ];
         let mut expected: VecDeque<u16> = VecDeque::from([3, 2, 2, 3]);
         machine.start(&mut feeder);
@@ -136,7 +136,7 @@ fn no_schedule_loses_or_doubles_an_event() {
 fn a_full_ring_is_refused_and_filled_again_in_every_schedule() {
     let schedules = every_schedule(3, |machine, run| {
         let mut feeder = machine.feeder(SIGNALS);
-        let entry = StepEntry::stair(100, 1, 1, 0).unwrap();
+        let entry = StepEntry::stair(200, 1, 1, 0).unwrap();
         let mut pushed = 0;
         while feeder.push(entry).is_ok() {
             pushed += 1;
@@ -164,9 +164,9 @@ fn a_stop_at_every_moment_knows_what_was_not_played() {
         machine.start(&mut feeder);
         let mut dropped = None;
         run(&mut || {
-            feeder.push(StepEntry::stair(100, 2, 1, 2).unwrap()).unwrap();
+            feeder.push(StepEntry::stair(200, 2, 1, 2).unwrap()).unwrap();
             feeder.push(StepEntry::directions(1)).unwrap();
-            feeder.push(StepEntry::stair(100, 2, 1, 0).unwrap()).unwrap();
+            feeder.push(StepEntry::stair(200, 2, 1, 0).unwrap()).unwrap();
             machine.start(&mut feeder);
         });
         // From here on the interrupt is masked.
@@ -176,7 +176,7 @@ fn a_stop_at_every_moment_knows_what_was_not_played() {
         assert_eq!([dropped.signed[0] + played[0], dropped.signed[1] + played[1]], [0, 1]);
         // And it runs again, from the levels where the signals stand.
         let before = machine.ports[0].steps();
-        feeder.push(StepEntry::stair(100, 3, 3, 0).unwrap()).unwrap();
+        feeder.push(StepEntry::stair(200, 3, 3, 0).unwrap()).unwrap();
         feeder.seal();
         machine.start(&mut feeder);
         for word in feeder.rest_words() {

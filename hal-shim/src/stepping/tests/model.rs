@@ -28,7 +28,7 @@ pub fn any_stair(ticks: Range<u32>) -> impl Strategy<Value = StepEntry> {
     })
 }
 
-pub const SIGNALS: Signals = Signals { pulse_ticks: 8, direction_setup_ticks: 16 };
+pub const SIGNALS: Signals = Signals { pulse_ticks: 84, direction_setup_ticks: 84 };
 
 /// A port's levels over time, in cycles.
 #[derive(Default)]
@@ -126,14 +126,14 @@ impl<M: Stepping, const PORTS: usize, const N: usize> Interrupt<M, PORTS, N> {
     pub fn start(&self, feeder: &mut StepFeeder<'_, M, PORTS, N>) -> bool {
         let starts = feeder.start();
         if starts {
-            self.stay();
+            self.start_or_end();
         }
         starts
     }
 
     /// The other interrupt comes.
-    pub fn stay(&self) {
-        self.player.stay(&mut self.next.borrow_mut(), &*self.timer, &self.ports);
+    pub fn start_or_end(&self) {
+        self.player.start_or_end(&mut self.next.borrow_mut(), &*self.timer);
     }
 
     /// Somebody stops motion.

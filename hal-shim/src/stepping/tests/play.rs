@@ -25,10 +25,10 @@ fn plain(entries: &[StepEntry]) -> (StepTimer, Vec<(u64, u8, u8)>) {
 
 fn any_entry() -> impl Strategy<Value = StepEntry> {
     prop_oneof![
-        6 => any_stair(40..100_000),
-        2 => any_stair(40..60),
-        1 => (40u32..100_000_000, 1u16..4, 1u8..16).prop_map(|(t, n, a)| StepEntry::stair(t, n, a, 0).unwrap()),
-        1 => (40u32..=u32::MAX).prop_map(StepEntry::wait),
+        6 => any_stair(200..100_000),
+        2 => any_stair(200..220),
+        1 => (200u32..100_000_000, 1u16..4, 1u8..16).prop_map(|(t, n, a)| StepEntry::stair(t, n, a, 0).unwrap()),
+        1 => (200u32..=u32::MAX).prop_map(StepEntry::wait),
         2 => (0u8..16).prop_map(StepEntry::directions),
     ]
 }
@@ -137,12 +137,12 @@ proptest! {
     }
 
     #[test]
-    fn pulses_on_one_port(entries in proptest::collection::vec(any_entry(), 0..40), pulse_ticks in 2u32..20) {
+    fn pulses_on_one_port(entries in proptest::collection::vec(any_entry(), 0..40), pulse_ticks in 84u32..100) {
         assert_played::<Pulses, 1>(&entries, Signals { pulse_ticks, ..SIGNALS });
     }
 
     #[test]
-    fn pulses_on_two_ports(entries in proptest::collection::vec(any_entry(), 0..40), pulse_ticks in 2u32..20) {
+    fn pulses_on_two_ports(entries in proptest::collection::vec(any_entry(), 0..40), pulse_ticks in 84u32..100) {
         assert_played::<Pulses, 2>(&entries, Signals { pulse_ticks, ..SIGNALS });
     }
 }
@@ -151,9 +151,11 @@ proptest! {
 #[test]
 fn a_direction_is_set_up_before_the_step() {
     let entries: Vec<_> = (0..40)
-        .flat_map(|k| [StepEntry::directions(k as u8 & 1), StepEntry::stair(40 + k, 1 + (k % 3) as u16, 1, 0).unwrap()])
+        .flat_map(|k| {
+            [StepEntry::directions(k as u8 & 1), StepEntry::stair(170 + k, 1 + (k % 3) as u16, 1, 0).unwrap()]
+        })
         .collect();
-    let signals = Signals { pulse_ticks: 8, direction_setup_ticks: 30 };
+    let signals = Signals { pulse_ticks: 84, direction_setup_ticks: 80 };
     for ports in [play::<BothEdges, 1>(&entries, signals).0, play::<Pulses, 1>(&entries, signals).0] {
         let (mut turned, mut before) = (0, 0);
         let mut steps = 0;
@@ -164,7 +166,7 @@ fn a_direction_is_set_up_before_the_step() {
             if (level & !before) & 1 == 1 {
                 steps += 1;
                 assert!(
-                    now - turned >= 30 * CYCLES_A_TICK || turned == 0,
+                    now - turned >= 80 * CYCLES_A_TICK || turned == 0,
                     "set up only {} cycles before",
                     now - turned
                 );
@@ -191,12 +193,13 @@ fn what_cannot_be_played_is_refused_and_changes_nothing() {
     assert_eq!(feeder.push(StepEntry::stair(168, 1, 1, 0).unwrap()), Err(FeedError::Full));
     // The newest is held back.
     assert_eq!(feeder.waiting(), taken + 1);
+    // The direction changes in an event of its own, at least as far from the others as events may be.
     let set_up = Signals { pulse_ticks: 2, direction_setup_ticks: 100 };
     let board = Interrupt::<BothEdges, 1, 8>::leaked();
     let mut feeder = board.feeder(set_up);
     feeder.push(StepEntry::directions(1)).unwrap();
-    assert_eq!(feeder.push(StepEntry::stair(101, 1, 1, 0).unwrap()), Err(FeedError::TooNear));
-    feeder.push(StepEntry::stair(102, 1, 1, 0).unwrap()).unwrap();
+    assert_eq!(feeder.push(StepEntry::stair(99 + MIN_GAP_TICKS, 1, 1, 0).unwrap()), Err(FeedError::TooNear));
+    feeder.push(StepEntry::stair(100 + MIN_GAP_TICKS, 1, 1, 0).unwrap()).unwrap();
 }
 
 #[test]
@@ -204,7 +207,7 @@ fn entries_wait_until_the_player_is_started() {
     let board = Interrupt::<BothEdges, 1, 16>::leaked();
     let link = board.player.link();
     let mut feeder = board.feeder(SIGNALS);
-    feeder.push(StepEntry::stair(100, 3, 1, 0).unwrap()).unwrap();
+    feeder.push(StepEntry::stair(200, 3, 1, 0).unwrap()).unwrap();
     feeder.seal();
     board.update();
     assert!(board.timer.is_masked() && !link.is_running());
@@ -266,7 +269,7 @@ fn entries_at_once_are_played_like_one_by_one() {
     let stair = |interval, count, axes, added| StepEntry::stair(interval, count, axes, added).unwrap();
     let mut entries = vec![stair(500, 1, 1, 0); 8];
     entries.extend([stair(400, 5, 3, 4), stair(300, 1, 2, 0), StepEntry::directions(3), stair(300, 1, 3, 8)]);
-    entries.extend([StepEntry::wait(1_000), stair(300, 4, 3, 0), stair(45, 7, 15, 0), stair(200, 1, 15, 0)]);
+    entries.extend([StepEntry::wait(1_000), stair(300, 4, 3, 0), stair(168, 7, 15, 0), stair(200, 1, 15, 0)]);
     play_both::<BothEdges>(&entries);
     play_both::<Pulses>(&entries);
 }
@@ -274,7 +277,7 @@ fn entries_at_once_are_played_like_one_by_one() {
 #[test]
 fn a_stair_of_more_events_than_a_slot_holds_is_played_to_its_end() {
     fn play_long<M: Stepping + 'static>() {
-        let entries = [StepEntry::directions(1), StepEntry::stair(100, u16::MAX, 1, 2).unwrap()];
+        let entries = [StepEntry::directions(1), StepEntry::stair(200, u16::MAX, 1, 2).unwrap()];
         assert_played::<M, 1>(&entries, SIGNALS);
     }
     play_long::<BothEdges>();

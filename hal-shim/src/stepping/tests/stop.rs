@@ -8,8 +8,8 @@ use proptest::prelude::*;
 
 fn any_entry() -> impl Strategy<Value = StepEntry> {
     prop_oneof![
-        6 => any_stair(40..1_000),
-        1 => (40u32..1_000_000).prop_map(StepEntry::wait),
+        6 => any_stair(168..1_000),
+        1 => (168u32..1_000_000).prop_map(StepEntry::wait),
         2 => (0u8..16).prop_map(StepEntry::directions),
     ]
 }
@@ -52,7 +52,7 @@ fn assert_stopped<M: Stepping + 'static>(entries: &[StepEntry], updates: usize) 
     assert_eq!(made(&board.ports), all.motor_steps(), "putting the signals to rest stepped a motor");
     // And it runs again, in the directions that were asked for last.
     let before = made(&board.ports);
-    feeder.push(StepEntry::stair(100, 3, 0b101, 0b010).unwrap()).unwrap();
+    feeder.push(StepEntry::stair(200, 3, 0b101, 0b010).unwrap()).unwrap();
     feeder.seal();
     board.start(&mut feeder);
     for _ in 0..12 {
@@ -73,5 +73,5 @@ proptest! {
     ) {
         assert_stopped::<BothEdges>(&entries, updates);
         assert_stopped::<Pulses>(&entries, updates);
-        }
+    }
 }
