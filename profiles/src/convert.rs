@@ -2,23 +2,24 @@
 
 use ferrostep_checked_toml::{Checker, Range, range};
 use ferrostep_hal_shim::thermistor::{Thermistor, ThermistorType};
-use ferrostep_hal_shim::tmc2209::{DriverSettings, STALL_FULL_STEPS_PER_S, chopper_threshold};
+use ferrostep_hal_shim::tmc2209::{DriverSettings, STALL_FULL_STEPS_PER_S};
 use ferrostep_planner::s_curve::FrequencyTable;
 use ferrostep_planner::{
     AccelerationProfile, DualRatePeriods, Interpolation, Kinematics, Limits, MotionChoice, SCurveTableSettings,
     StepsPerMm, TICKS_PER_SECOND,
 };
 use ferrostep_printer::{
-    AxisHoming, DEFAULT_EVENTS_PER_S, DEFAULT_MOVES_PER_S, DriverTiming, ExtrusionSettings, FirmwareRetraction,
-    HeaterSettings, HeaterWatch, HomeEnd, HomeSensor, Profile,
+    AxisHoming, DEFAULT_EVENTS_PER_S, DEFAULT_MOVES_PER_S, ExtrusionSettings, FirmwareRetraction, HeaterSettings,
+    HeaterWatch, HomeEnd, HomeSensor, Profile,
 };
 
 use crate::ProfileError;
 use crate::check::CheckAxes;
+use crate::drivers::{MIN_GAP_US, driver, drivers};
 use crate::file::{
-    AccelerationName, CornerVelocityTable, DriverSettingsTable, DriverTable, DriverTables, DualRateTable, EndName,
-    ExtrusionName, ExtrusionTable, HeaterTable, HomingTable, InterpolationName, KinematicsName, Number, ProfileFile,
-    RetractionTable, SCurveTable, SensorName, ThermistorName, ThermistorValue, Xyze,
+    AccelerationName, CornerVelocityTable, DriverTables, DualRateTable, EndName, ExtrusionName, ExtrusionTable,
+    HeaterTable, HomingTable, InterpolationName, KinematicsName, Number, ProfileFile, RetractionTable, SCurveTable,
+    SensorName, ThermistorName, ThermistorValue, Xyze,
 };
 
 /// Units of 10 nm in a mm.
@@ -33,7 +34,8 @@ const ACCELERATION: Range = range(0.1, 100_000.0, "mm/s^2");
 const JUNCTION_DEVIATION: Range = range(0.000_1, 1.0, "mm");
 const CORNER_VELOCITY: Range = range(0.001, 1_000.0, "mm/s");
 const JERK: Range = range(1.0, 10_000_000.0, "mm/s^3");
-const EVENT_INTERVAL: Range = range(0.5, 100.0, "us");
+// A step has two levels or, at its closest, a direction change before it: each takes a gap of the step interrupt.
+const EVENT_INTERVAL: Range = range(2.0 * MIN_GAP_US, 100.0, "us");
 const MIN_EXTRUSION: Range = range(0.0, 400.0, "degrees Celsius");
 const BACK_OFF: Range = range(0.1, 50.0, "mm");
 const HEATER_MIN: Range = range(-50.0, 50.0, "degrees Celsius");
@@ -56,18 +58,11 @@ const RUNAWAY_HYSTERESIS: Range = range(1.0, 20.0, "degrees");
 const RETRACTION: Range = range(0.0, 100.0, "mm");
 const EXTRA_RECOVER: Range = range(-100.0, 100.0, "mm");
 const LIFT: Range = range(0.0, 50.0, "mm");
-const PULSE_WIDTH: Range = range(0.01, 50.0, "us");
 const EVENTS_PER_S: Range = range(1_000.0, 10_000_000.0, "events/s");
 const MOVES_PER_S: Range = range(10.0, 1_000_000.0, "moves/s");
 const PERIOD: Range = range(1.0, 1_000_000.0, "us");
 const FREQUENCY: Range = range(1.0, 1_000_000.0, "steps/s");
 const TABLE_JERK: Range = range(1.0, 1_000_000_000.0, "steps/s^3");
-const DRIVER_CURRENT: Range = range(20.0, 3_000.0, "mA");
-const HOLD_CURRENT: Range = range(0.0, 100.0, "percent");
-const MICROSTEPS: Range = range(1.0, 256.0, "microsteps");
-const STALL_THRESHOLD: Range = range(0.0, 255.0, "");
-const CHOPPER_SPEED: Range = range(0.0, 2_000.0, "mm/s");
-const DIRECTION_SETUP: Range = range(0.0, 100.0, "us");
 
 /// Longest name, bytes.
 const MAX_NAME: usize = 32;
@@ -508,82 +503,6 @@ fn extrusion(table: &ExtrusionTable, check: &Checker<'_>) -> Result<ExtrusionSet
         layer_height_10nm: size("layer_height_mm", &table.layer_height_mm, height, default.layer_height_10nm)?,
         line_width_10nm: size("line_width_mm", &table.line_width_mm, width, default.line_width_10nm)?,
         filament_diameter_10nm: size("filament_diameter_mm", diameter_mm, diameter, default.filament_diameter_10nm)?,
-    })
-}
-
-/// Step and direction signals, fast enough for the event interval.
-fn driver(table: &DriverTable, interval_us: f64, check: &Checker<'_>) -> Result<DriverTiming, ProfileError> {
-    let pulse_us = check.number("driver.pulse_width_us", &table.pulse_width_us, PULSE_WIDTH)?;
-    // A step is a high and a low time, or only one of them where both edges step.
-    let levels = if table.both_edges { 1.0 } else { 2.0 };
-    if pulse_us * levels > interval_us {
-        let longest = interval_us / levels;
-        let expected = format!("at most {longest} us (minimum_event_interval_us = {interval_us})");
-        return Err(check.refuse("driver.pulse_width_us", &table.pulse_width_us, expected));
-    }
-    let setup_us = check.number("driver.direction_setup_us", &table.direction_setup_us, DIRECTION_SETUP)?;
-    // A direction changes at the end of a pulse, or right after an edge that was a step.
-    let before_us = if table.both_edges { 0.1 } else { pulse_us };
-    if before_us + setup_us > interval_us {
-        let longest = interval_us - before_us;
-        let expected = format!("at most {longest} us (minimum_event_interval_us = {interval_us}, after a pulse)");
-        return Err(check.refuse("driver.direction_setup_us", &table.direction_setup_us, expected));
-    }
-    Ok(DriverTiming {
-        pulse_width_ns: (pulse_us * 1e3).round() as u32,
-        direction_setup_ns: (setup_us * 1e3).round() as u32,
-        both_edges: table.both_edges,
-        inverted: table.inverted.iter().fold(0, |motors, motor| motors | 1 << *motor as u8),
-    })
-}
-
-/// Drivers that can be set.
-fn drivers(
-    file: &ProfileFile,
-    steps_per_mm: [f64; 4],
-    check: &Checker<'_>,
-) -> Result<[Option<DriverSettings>; 4], ProfileError> {
-    let [x, y, z, e] = steps_per_mm;
-    let one = |motor: &str, table: &Option<DriverSettingsTable>, steps_per_mm| {
-        table
-            .as_ref()
-            .map(|table| driver_settings(motor, table, steps_per_mm, file.driver.both_edges, check))
-            .transpose()
-    };
-    let tables = &file.drivers;
-    Ok([one("x", &tables.x, x)?, one("y", &tables.y, y)?, one("z", &tables.z, z)?, one("e", &tables.e, e)?])
-}
-
-/// What the driver of a motor is set to. Whether it can make the current is for the board's sense resistors to say.
-fn driver_settings(
-    motor: &str,
-    table: &DriverSettingsTable,
-    steps_per_mm: f64,
-    both_edges: bool,
-    check: &Checker<'_>,
-) -> Result<DriverSettings, ProfileError> {
-    let whole = |key: &str, value: &Number, range| {
-        let key = format!("drivers.{motor}.{key}");
-        let number = check.number(&key, value, range)?;
-        let expected = format!("a whole number from {range}");
-        if number.fract() == 0.0 { Ok(number as u16) } else { Err(check.refuse(&key, value, expected)) }
-    };
-    let microsteps = whole("microsteps", &table.microsteps, MICROSTEPS)?;
-    if !microsteps.is_power_of_two() {
-        let key = format!("drivers.{motor}.microsteps");
-        return Err(check.refuse(&key, &table.microsteps, "1, 2, 4, 8, 16, 32, 64, 128 or 256"));
-    }
-    let key = format!("drivers.{motor}.spread_cycle_above_mm_per_s");
-    let above_mm_per_s = check.number(&key, &table.spread_cycle_above_mm_per_s, CHOPPER_SPEED)?;
-    Ok(DriverSettings {
-        current_ma: whole("current_ma", &table.current_ma, DRIVER_CURRENT)?,
-        hold_percent: whole("hold_current_percent", &table.hold_current_percent, HOLD_CURRENT)? as u8,
-        microsteps,
-        interpolate: table.interpolate,
-        stealth_chop: table.stealth_chop,
-        stealth_until: chopper_threshold(above_mm_per_s, steps_per_mm, microsteps),
-        stall_threshold: whole("stall_threshold", &table.stall_threshold, STALL_THRESHOLD)? as u8,
-        both_edges,
     })
 }
 

@@ -314,6 +314,8 @@ pub struct DriverSettingsTable {
     pub current_ma: Number,
     pub hold_current_percent: Number,
     pub microsteps: Number,
+    pub full_steps_per_turn: Option<Number>,
+    pub mm_per_turn: Option<Number>,
     pub interpolate: bool,
     pub stealth_chop: bool,
     pub spread_cycle_above_mm_per_s: Number,

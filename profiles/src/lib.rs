@@ -7,6 +7,7 @@
 
 mod check;
 mod convert;
+mod drivers;
 mod file;
 
 use ferrostep_printer::Profile;

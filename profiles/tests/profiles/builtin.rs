@@ -149,7 +149,7 @@ fn prusa_mini_is_as_designed() {
         steps_per_mm: [100.0, 100.0, 400.0, 325.0],
         limits: Limits {
             max_feed_mm_per_s: [180.0, 180.0, 12.0, 80.0],
-            max_acceleration_mm_per_s2: [2500.0, 2500.0, 400.0, 4000.0],
+            max_acceleration_mm_per_s2: [1250.0, 1250.0, 400.0, 4000.0],
             print_acceleration_mm_per_s2: 1250.0,
             travel_acceleration_mm_per_s2: 1250.0,
             retract_acceleration_mm_per_s2: 1250.0,
@@ -171,10 +171,10 @@ fn prusa_mini_is_as_designed() {
         stealth_chop: true,
         stealth_until: 0,
         stall_threshold: 130,
-        both_edges: false,
+        both_edges: true,
     };
-    let z = DriverSettings { stall_threshold: 0, ..x };
-    let e = DriverSettings { current_ma: 400, ..z };
+    let z = DriverSettings { microsteps: 8, stall_threshold: 0, ..x };
+    let e = DriverSettings { microsteps: 16, current_ma: 400, stealth_chop: false, ..z };
     assert_eq!(profile.drivers, [Some(x), Some(x), Some(z), Some(e)]);
     assert_eq!(profile.driver.inverted, 0b0011);
 }
