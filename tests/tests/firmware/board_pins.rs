@@ -129,12 +129,16 @@ fn drivers_are_set_up_by_the_image_before_anything_moves() {
         bench.host.send(line).unwrap();
     }
     assert_eq!(displacement(board, &bench.port_writes()), [100, 0, 0, 0]);
-    for (motor, current, threshold) in
-        [("X", "348 mA", 130), ("Y", "348 mA", 130), ("Z", "348 mA", 0), ("E", "398 mA", 0)]
-    {
+    for (motor, current, microsteps, chopper, threshold) in [
+        ("X", "348 mA", 16, "stealthChop", 130),
+        ("Y", "348 mA", 16, "stealthChop", 130),
+        ("Z", "348 mA", 8, "stealthChop", 0),
+        ("E", "398 mA", 16, "spreadCycle", 0),
+    ] {
         let line = bench.host.ask("M122", &format!("echo:driver {motor}:")).unwrap();
-        let expected =
-            format!("confirmed, {current}, {current} at rest, 16 microsteps, stealthChop, stall threshold {threshold}");
+        let expected = format!(
+            "confirmed, {current}, {current} at rest, {microsteps} microsteps, {chopper}, stall threshold {threshold}"
+        );
         assert!(line.contains(&expected), "{line}");
     }
     bench.host.send("M906 X300").unwrap();
@@ -179,7 +183,8 @@ fn displacement(board: &BoardFacts, writes: &[PortWrite]) -> [i64; 4] {
         let before = steps.map(|step| state.is_high(step));
         state.apply(write);
         for motor in 0..4 {
-            if state.is_high(steps[motor]) && !before[motor] {
+            let is_high = state.is_high(steps[motor]);
+            if is_high != before[motor] && (is_high || board.both_edges) {
                 let backwards = state.is_high(directions[motor]) != board.inverted[motor];
                 displacement[motor] += if backwards { -1 } else { 1 };
             }

@@ -19,6 +19,8 @@ pub struct BoardFacts {
     pub signals: [[&'static str; 4]; 2],
     /// Whether a direction signal of low is backwards.
     pub inverted: [bool; 4],
+    /// Whether each edge of a step signal is a step.
+    pub both_edges: bool,
     /// Steps a millimetre of the profile that it is built with, and whether X and Y move both of A and B.
     pub steps_per_mm: [i64; 4],
     /// See [`Self::steps_per_mm`].
@@ -49,6 +51,7 @@ pub const BOARDS: [BoardFacts; 3] = [
         crystal_mhz: 8,
         signals: [["C0", "C1", "C2", "C3"], ["C4", "C5", "C6", "C7"]],
         inverted: [false; 4],
+        both_edges: false,
         steps_per_mm: [80, 80, 400, 95],
         core_xy: false,
         enable: ["C8"; 4],
@@ -67,6 +70,7 @@ pub const BOARDS: [BoardFacts; 3] = [
         crystal_mhz: 12,
         signals: [["D1", "D13", "D4", "D9"], ["D0", "D12", "D15", "D8"]],
         inverted: [true, true, false, false],
+        both_edges: true,
         steps_per_mm: [100, 100, 400, 325],
         core_xy: false,
         enable: ["D3", "D14", "D2", "D10"],
@@ -86,6 +90,7 @@ pub const BOARDS: [BoardFacts; 3] = [
         crystal_mhz: 12,
         signals: [["F13", "G0", "F11", "F9"], ["F12", "G1", "G3", "F10"]],
         inverted: [false; 4],
+        both_edges: true,
         steps_per_mm: [160, 160, 800, 400],
         core_xy: true,
         enable: ["F14", "F15", "G5", "G2"],
