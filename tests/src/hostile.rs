@@ -102,7 +102,7 @@ fn machine(random: &mut Random, acceleration: &str) -> String {
          [homing.x]\n{HOME}[homing.y]\n{HOME}[homing.z]\n{HOME}\
          [nozzle]\n{HEATER}sensor = \"semitec-104gt-2\"\n[bed]\n{HEATER}sensor = \"epcos-100k\"\n\
          [firmware_retraction]\nlength_mm = 3\nretract_mm_per_s = 45\nextra_recover_mm = 0\nrecover_mm_per_s = 8\n\
-         lift_mm = 0\n[driver]\npulse_width_us = 0.2\ndirection_setup_us = 0.1\nboth_edges = false\n"
+         lift_mm = 0\n[driver]\npulse_width_us = 1.0\ndirection_setup_us = 0.1\nboth_edges = false\n"
     )
 }
 

@@ -6,7 +6,8 @@
 //! reads its pins. What they have in common is the written interface only.
 //!
 //! [`board_model`] is made of the crates under test: it runs them as the firmware does, at any speed of host and
-//! processor. [`live_machine`] makes hostile conversations with it of any bytes. [`stress_file`] makes a print that asks much of both, [`feed_chart`] draws what came out.
+//! processor. [`live_machine`] makes hostile conversations with it of any bytes. [`stress_file`] makes a print that asks much of both, [`feed_chart`] draws what came out. [`step_edges`]
+//! plays a trace on the step interrupt's model at its latest.
 #![deny(missing_docs)]
 #![forbid(unsafe_code)]
 
@@ -18,6 +19,7 @@ pub mod live_machine;
 pub mod qemu;
 pub mod reference;
 pub mod stack;
+pub mod step_edges;
 pub mod stress_file;
 pub mod trace;
 pub mod trace_check;

@@ -260,7 +260,7 @@ impl ReferenceProfile {
             kinematics: Kinematics::Cartesian,
             steps_per_mm: whole([100, 100, 400, 325]),
             max_feed_mm_per_s: [180.0, 180.0, 12.0, 80.0],
-            max_acceleration_mm_per_s2: [2500.0, 2500.0, 400.0, 4000.0],
+            max_acceleration_mm_per_s2: [1250.0, 1250.0, 400.0, 4000.0],
             acceleration_mm_per_s2: Acceleration { print: 1250.0, travel: 1250.0, retract: 1250.0 },
             junction_deviation_mm: 0.05,
             corner_velocity_mm_per_s: [f64::INFINITY, f64::INFINITY, 2.0, 10.0],
