@@ -252,6 +252,11 @@ impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> StepQueu
 }
 
 impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> StepQueue<B, M, PORTS, N> {
+    /// Whether TIM9 is there, which counts the updates: an emulator has none.
+    pub fn has_update_count(&self) -> bool {
+        has_count()
+    }
+
     /// How many updates the interrupt has missed in this motion.
     fn missed(&self) -> u16 {
         if !has_count() {

@@ -37,7 +37,7 @@ use defmt_rtt as _;
 use ferrostep_gcode::Emergency;
 use ferrostep_hal_shim::StepOutput;
 use ferrostep_hal_shim::clock_tree::Clock;
-use ferrostep_hal_shim::stepping::{BothEdges, Signals, StepFeeder, StepPlayer};
+use ferrostep_hal_shim::stepping::{BothEdges, MIN_GAP_TICKS, Signals, StepFeeder, StepPlayer};
 use ferrostep_planner::look_ahead::Slot;
 use ferrostep_planner::{StepEntry, TICKS_PER_SECOND};
 use ferrostep_stm32f4::board::{BoardPins, MOTOR_PORTS, PIN_MAP};
@@ -178,6 +178,75 @@ fn a_block_is_planned_in_its_time(board: Board) -> Result<(), Failure> {
     hold("a block into the full ring", each, "cycles", MOST_CYCLES_BLOCK)
 }
 
+/// Intervals of the steps whose time is taken, ticks: the shortest there is among longer ones, so that a reload value that
+/// is late shows.
+const CHANGING_TICKS: [u32; 3] = [2 * MIN_GAP_TICKS, 1_680, 4_200];
+
+/// How long they are played, s.
+const PLAYED_S: u32 = 10;
+
+/// By how much their time may be off: a look at either end falls somewhere into a step, and one interrupt may be late.
+const MOST_TICKS_OFF: u32 = 2 * 4_200 + MOST_TICKS_LATE;
+
+/// What so many steps at those intervals take, ticks modulo 2^32.
+fn ticks_of(steps: u32) -> u32 {
+    let all: u32 = CHANGING_TICKS.iter().sum();
+    let (rounds, rest) = (steps / CHANGING_TICKS.len() as u32, steps as usize % CHANGING_TICKS.len());
+    rounds.wrapping_mul(all).wrapping_add(CHANGING_TICKS.iter().take(rest).sum())
+}
+
+/// Steps at changing intervals take as long as they say, and the second timer counts the updates of the first.
+fn steps_take_the_time_that_they_say(board: Board) -> Result<(), Failure> {
+    let Board { device, core, clock, motion_clock } = board;
+    let mut controller = core.NVIC;
+    let on_silicon = Cycles::start(core.DCB, core.DWT, motion_clock).are_of_core();
+    let signals = Signals {
+        pulse_ticks: clock.timer_ticks(PROFILE.driver.pulse_width_ns),
+        direction_setup_ticks: clock.timer_ticks(PROFILE.driver.direction_setup_ns),
+    };
+    let timer = StepTimer::start(device.TIM2, device.TIM9, &device.RCC, &pins(), &STEPS);
+    let mut queue = StepQueue::new(pins(), StepFeeder::new(&STEPS, PIN_MAP, signals), None);
+    handlers::play(timer, &mut controller);
+    let mut queued = 0usize;
+    let (mut began, mut missed) = (None, 0);
+    loop {
+        while queue.room() > LEFT_SLOTS {
+            let interval = CHANGING_TICKS[queued % CHANGING_TICKS.len()];
+            let step = StepEntry::stair(interval, 1, step_events::FOUR_AXES, 0).ok_or("a stair without events")?;
+            queue.push(step).map_err(|_| "an entry was refused")?;
+            queued += 1;
+        }
+        if !queue.link().is_running() {
+            queue.start();
+        }
+        missed += queue.take_missed_updates();
+        // Each step is a slot. Both looks together, or a step would come in between.
+        let (played, now) = critical_section::with(|_| (queue.played(), motion_clock.now_ticks()));
+        let (first, from) = *began.get_or_insert((played, now));
+        let elapsed = now.wrapping_sub(from);
+        if elapsed < PLAYED_S * clock.timer_hz {
+            continue;
+        }
+        let planned = ticks_of(played).wrapping_sub(ticks_of(first));
+        let steps = played.wrapping_sub(first);
+        hprintln!("{} steps: {} ticks planned, {} measured, {} updates missed", steps, planned, elapsed, missed);
+        if steps < PLAYED_S * clock.timer_hz / 4_200 {
+            return Err("the steps did not come");
+        }
+        if !on_silicon {
+            hprintln!(
+                "whether that is right is for a board to say: an emulator's timer has no preload and no second timer"
+            );
+            return Ok(());
+        }
+        if !queue.has_update_count() {
+            return Err("TIM9 does not answer");
+        }
+        hold("updates missed", missed, "updates", 0)?;
+        return hold("the steps' time off their plan", elapsed.abs_diff(planned), "ticks", MOST_TICKS_OFF);
+    }
+}
+
 /// Keeps the queue full of single steps of all motors.
 fn steps(queue: &mut impl StepOutput) -> Result<(), Failure> {
     while queue.room() > LEFT_SLOTS {
@@ -280,6 +349,12 @@ mod tests {
     #[test]
     fn a_block_is_planned_in_its_time(board: Result<Board, Failure>) -> Result<(), Failure> {
         super::a_block_is_planned_in_its_time(board?)
+    }
+
+    #[test]
+    #[timeout(60)]
+    fn steps_take_the_time_that_they_say(board: Result<Board, Failure>) -> Result<(), Failure> {
+        super::steps_take_the_time_that_they_say(board?)
     }
 
     #[test]
