@@ -15,7 +15,10 @@ const DIRECTION_IDS: [char; 4] = ['%', '&', '\'', '('];
 pub struct VcdWriter {
     out: BufWriter<Output>,
     error: Option<io::Error>,
-    pulse_ns: u64,
+    /// Length of a pulse; `None` where each edge steps.
+    pulse_ns: Option<u64>,
+    /// Levels of the step signals.
+    levels: u8,
     /// When the present pulses end, and which.
     falling: Option<(u64, u8)>,
     directions: u8,
@@ -44,35 +47,39 @@ impl VcdWriter {
             writeln!(out, "0{id}")?;
         }
         writeln!(out, "$end")?;
-        Ok(Self { out, error: None, pulse_ns: u64::from(profile.driver.pulse_width_ns), falling: None, directions: 0 })
+        let pulse_ns = (!profile.driver.both_edges).then_some(u64::from(profile.driver.pulse_width_ns));
+        Ok(Self { out, error: None, pulse_ns, levels: 0, falling: None, directions: 0 })
     }
 
     pub(super) fn stepped(&mut self, tick: u64, axes: u8, directions: u8) {
         if self.error.is_none() {
-            self.error = self.pulse(tick, axes, directions).err();
+            self.error = self.step(tick, axes, directions).err();
         }
     }
 
-    fn pulse(&mut self, tick: u64, axes: u8, directions: u8) -> io::Result<()> {
+    fn step(&mut self, tick: u64, axes: u8, directions: u8) -> io::Result<()> {
         let now = (u128::from(tick) * 1_000_000_000 / u128::from(TICKS_PER_SECOND)) as u64;
         self.fall()?;
         writeln!(self.out, "#{now}")?;
         let changed = (self.directions ^ directions) & axes;
         self.directions ^= changed;
+        // A pulse has ended before the next one begins.
+        self.levels ^= axes;
         for motor in 0..4 {
             if changed >> motor & 1 == 1 {
                 writeln!(self.out, "{}{}", directions >> motor & 1, DIRECTION_IDS[motor])?;
             }
             if axes >> motor & 1 == 1 {
-                writeln!(self.out, "1{}", STEP_IDS[motor])?;
+                writeln!(self.out, "{}{}", self.levels >> motor & 1, STEP_IDS[motor])?;
             }
         }
-        self.falling = Some((now + self.pulse_ns, axes));
+        self.falling = self.pulse_ns.map(|pulse_ns| (now + pulse_ns, axes));
         Ok(())
     }
 
     fn fall(&mut self) -> io::Result<()> {
         if let Some((when, axes)) = self.falling.take() {
+            self.levels &= !axes;
             writeln!(self.out, "#{when}")?;
             for (_, id) in STEP_IDS.iter().enumerate().filter(|(motor, _)| axes >> motor & 1 == 1) {
                 writeln!(self.out, "0{id}")?;
