@@ -3,7 +3,7 @@
 use core::cell::UnsafeCell;
 
 use cortex_m::peripheral::NVIC;
-use ferrostep_hal_shim::stepping::BothEdges;
+use ferrostep_hal_shim::stepping::{BothEdges, Pulses};
 use ferrostep_stm32f4::board::MOTOR_PORTS;
 use ferrostep_stm32f4::pac::Interrupt;
 use ferrostep_stm32f4::step_timer::StepTimer;
@@ -59,6 +59,8 @@ impl<T> Handler<T> {
 static EDGES: Handler<StepTimer<BothEdges, 1, SHORT_QUEUE_SLOTS>> = Handler::new();
 /// The one that the timer calls.
 static STEPS: Handler<StepTimer<StepSignals, MOTOR_PORTS, TIMED_QUEUE_SLOTS>> = Handler::new();
+/// The same in pulses, whatever the profile's drivers ask for.
+static PULSES: Handler<StepTimer<Pulses, MOTOR_PORTS, TIMED_QUEUE_SLOTS>> = Handler::new();
 static USB: Handler<&'static mut Usb> = Handler::new();
 
 /// Lets [`Interrupt::SPI2`] play a queue, which is called when it is counted.
@@ -72,6 +74,16 @@ pub fn play(timer: StepTimer<StepSignals, MOTOR_PORTS, TIMED_QUEUE_SLOTS>, contr
     // SAFETY: as above. The second one is called by the first, of the same priority, and uses the same.
     unsafe {
         STEPS.begin(timer, Interrupt::TIM2, STEPS_PRIORITY, controller);
+        controller.set_priority(Interrupt::TIM1_BRK_TIM9, STEPS_PRIORITY);
+        NVIC::unmask(Interrupt::TIM1_BRK_TIM9);
+    }
+}
+
+/// Lets the step timer play a queue in pulses.
+pub fn play_pulses(timer: StepTimer<Pulses, MOTOR_PORTS, TIMED_QUEUE_SLOTS>, controller: &mut NVIC) {
+    // SAFETY: as for `play`; a test has one of the two.
+    unsafe {
+        PULSES.begin(timer, Interrupt::TIM2, STEPS_PRIORITY, controller);
         controller.set_priority(Interrupt::TIM1_BRK_TIM9, STEPS_PRIORITY);
         NVIC::unmask(Interrupt::TIM1_BRK_TIM9);
     }
@@ -94,7 +106,10 @@ extern "C" fn SPI2() {
 #[unsafe(no_mangle)]
 extern "C" fn TIM2() {
     // SAFETY: this is the interrupt.
-    unsafe { STEPS.with(|timer| timer.update()) };
+    unsafe {
+        STEPS.with(|timer| timer.update());
+        PULSES.with(|timer| timer.update());
+    }
 }
 
 // SAFETY: as above.
@@ -103,6 +118,7 @@ extern "C" fn TIM1_BRK_TIM9() {
     // SAFETY: of the same priority as those whose timers these are, so that neither interrupts the other. Only one is there.
     unsafe {
         STEPS.with(|timer| timer.start_or_end());
+        PULSES.with(|timer| timer.start_or_end());
         EDGES.with(|timer| timer.start_or_end());
     }
 }

@@ -32,12 +32,13 @@ mod span;
 #[allow(dead_code)]
 mod step_events;
 
+use cortex_m::peripheral::NVIC;
 use cortex_m_semihosting::hprintln;
 use defmt_rtt as _;
 use ferrostep_gcode::Emergency;
 use ferrostep_hal_shim::StepOutput;
 use ferrostep_hal_shim::clock_tree::Clock;
-use ferrostep_hal_shim::stepping::{BothEdges, MIN_GAP_TICKS, Signals, StepFeeder, StepPlayer};
+use ferrostep_hal_shim::stepping::{BothEdges, MIN_GAP_TICKS, Pulses, Signals, StepFeeder, StepPlayer, Stepping};
 use ferrostep_planner::look_ahead::Slot;
 use ferrostep_planner::{StepEntry, TICKS_PER_SECOND};
 use ferrostep_stm32f4::board::{BoardPins, MOTOR_PORTS, PIN_MAP};
@@ -95,6 +96,7 @@ const LOOK_AHEAD_BLOCKS: usize = 128;
 static EDGES: StepPlayer<BothEdges, 1, SHORT_QUEUE_SLOTS> = StepPlayer::new();
 static PRINT: StepPlayer<StepSignals, 1, STEP_QUEUE_SLOTS> = StepPlayer::new();
 static STEPS: StepPlayer<StepSignals, MOTOR_PORTS, TIMED_QUEUE_SLOTS> = StepPlayer::new();
+static PULSES: StepPlayer<Pulses, MOTOR_PORTS, TIMED_QUEUE_SLOTS> = StepPlayer::new();
 
 /// Why a test has failed.
 type Failure = &'static str;
@@ -196,7 +198,11 @@ fn ticks_of(steps: u32) -> u32 {
 }
 
 /// Steps at changing intervals take as long as they say, and the second timer counts the updates of the first.
-fn steps_take_the_time_that_they_say(board: Board) -> Result<(), Failure> {
+fn steps_take_the_time_that_they_say<M: Stepping>(
+    board: Board,
+    player: &'static StepPlayer<M, MOTOR_PORTS, TIMED_QUEUE_SLOTS>,
+    play: fn(StepTimer<M, MOTOR_PORTS, TIMED_QUEUE_SLOTS>, &mut NVIC),
+) -> Result<(), Failure> {
     let Board { device, core, clock, motion_clock } = board;
     let mut controller = core.NVIC;
     let on_silicon = Cycles::start(core.DCB, core.DWT, motion_clock).are_of_core();
@@ -204,9 +210,9 @@ fn steps_take_the_time_that_they_say(board: Board) -> Result<(), Failure> {
         pulse_ticks: clock.timer_ticks(PROFILE.driver.pulse_width_ns),
         direction_setup_ticks: clock.timer_ticks(PROFILE.driver.direction_setup_ns),
     };
-    let timer = StepTimer::start(device.TIM2, device.TIM9, &device.RCC, &pins(), &STEPS);
-    let mut queue = StepQueue::new(pins(), StepFeeder::new(&STEPS, PIN_MAP, signals), None);
-    handlers::play(timer, &mut controller);
+    let timer = StepTimer::start(device.TIM2, device.TIM9, &device.RCC, &pins(), player);
+    let mut queue = StepQueue::new(pins(), StepFeeder::new(player, PIN_MAP, signals), None);
+    play(timer, &mut controller);
     let mut queued = 0usize;
     let (mut began, mut missed) = (None, 0);
     loop {
@@ -354,7 +360,13 @@ mod tests {
     #[test]
     #[timeout(60)]
     fn steps_take_the_time_that_they_say(board: Result<Board, Failure>) -> Result<(), Failure> {
-        super::steps_take_the_time_that_they_say(board?)
+        super::steps_take_the_time_that_they_say(board?, &super::STEPS, super::handlers::play)
+    }
+
+    #[test]
+    #[timeout(60)]
+    fn pulses_take_the_time_that_they_say(board: Result<Board, Failure>) -> Result<(), Failure> {
+        super::steps_take_the_time_that_they_say(board?, &super::PULSES, super::handlers::play_pulses)
     }
 
     #[test]

@@ -283,3 +283,48 @@ fn a_stair_of_more_events_than_a_slot_holds_is_played_to_its_end() {
     play_long::<BothEdges>();
     play_long::<Pulses>();
 }
+
+/// Every event is as late as its own interrupt and no more, whatever comes between the interrupts.
+fn assert_late_by_its_own_latency<M: Stepping + 'static>(entries: &[StepEntry], latencies: &[u64]) {
+    let most = latencies.iter().copied().max().unwrap_or_default();
+    let (_, expected) = plain(entries);
+    let board = Interrupt::<M, 1, 1024>::leaked();
+    let mut feeder = board.feeder(SIGNALS);
+    feeder.push_all(entries).unwrap();
+    feeder.seal();
+    board.start(&mut feeder);
+    let mut latencies = latencies.iter().cycle();
+    while feeder.waiting() > 0 {
+        board.timer.next_update();
+        board.timer.pass(*latencies.next().unwrap());
+        if board.timer.is_called() {
+            board.call();
+        }
+    }
+    let changes = board.ports[0].changes();
+    let steps: Vec<_> = changes
+        .iter()
+        .filter_map(|(now, level, changed)| {
+            let stepped = if M::EVENTS_A_STEP == 1 { *changed } else { changed & level };
+            (stepped != 0).then_some((*now, stepped as u8))
+        })
+        .collect();
+    assert_eq!(steps.len(), expected.len());
+    let Some((&(first, _), &(first_due, ..))) = steps.first().zip(expected.first()) else { return };
+    for ((now, axes), (due, due_axes, _)) in steps.iter().zip(&expected) {
+        assert_eq!(axes, due_axes);
+        let late = (now - first) as i64 - ((due - first_due) * CYCLES_A_TICK) as i64;
+        assert!(late.unsigned_abs() <= most, "{late} cycles late at tick {due}, interrupts at most {most}");
+    }
+}
+
+proptest! {
+    #[test]
+    fn an_interrupt_that_is_late_delays_its_own_event_only(
+        entries in proptest::collection::vec(any_entry(), 1..40),
+        latencies in proptest::collection::vec(12u64..2 * u64::from(MIN_GAP_TICKS), 1..50),
+    ) {
+        assert_late_by_its_own_latency::<BothEdges>(&entries, &latencies);
+        assert_late_by_its_own_latency::<Pulses>(&entries, &latencies);
+    }
+}
