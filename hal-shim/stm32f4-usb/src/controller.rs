@@ -86,6 +86,8 @@ pub fn start(
     }
     rcc.ahb1enr().modify(|_, w| w.gpioaen().set_bit());
     rcc.ahb2enr().modify(|_, w| w.otgfsen().set_bit());
+    // Read back: `Registers::switch_clocks_on` says why.
+    let _switched_on = (rcc.ahb1enr().read(), rcc.ahb2enr().read());
     let (global, ..) = registers;
     let reset = global.grstctl();
     // An identification of zero is nobody's.

@@ -25,6 +25,8 @@ impl Serial {
     /// Starts the port: 8 bits, no parity, 1 stop bit; the receive interrupt is on. `bus_hz` is the port's clock.
     pub fn start(usart: USART1, rcc: &RCC, bus_hz: u32, baud: u32) -> Self {
         rcc.apb2enr().modify(|_, w| w.usart1en().set_bit());
+        // Read back: `Registers::switch_clocks_on` says why.
+        let _switched_on = rcc.apb2enr().read();
         // Sixteenths of the divider, rounded, are what BRR holds; 84 MHz / 9600 baud fit its 16 bits.
         let divider = (bus_hz + baud / 2) / baud.max(1);
         // SAFETY: any value is a divider.
