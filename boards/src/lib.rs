@@ -14,6 +14,7 @@ pub mod fit;
 mod pin;
 pub mod registers;
 mod signals;
+mod start;
 
 pub use board::{Board, CCM_ADDRESS, Driver, DriverUart, FLASH_ADDRESS, Fan, Heater, Motor, RAM_ADDRESS, Thermistor};
 pub use chip::Chip;

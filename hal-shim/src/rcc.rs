@@ -4,6 +4,8 @@
 pub const RCC: u32 = 0x4002_3800;
 /// Of the ports and DMA: port A is bit 0.
 pub const RCC_AHB1ENR: u32 = 0x4002_3830;
+/// Of the USB controller and its like.
+pub const RCC_AHB2ENR: u32 = 0x4002_3834;
 /// Of what hangs on the slow bus.
 pub const RCC_APB1ENR: u32 = 0x4002_3840;
 /// Of what hangs on the fast bus.

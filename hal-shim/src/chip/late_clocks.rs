@@ -27,15 +27,15 @@ fn no_adapter_loses_what_it_stores() {
     let clocks = PwmClocks { slow_hz: 84_000_000, fast_hz: 168_000_000 };
     for timer in ["TIM3_CH4", "TIM1_CH1"] {
         let pin = OutputPin { port: 1, number: 1, channel: TimerChannel::named(timer) };
-        assert_eq!(lost_by(|registers| drop(PwmOutput::start(pin, 10, clocks, registers))), 0, "{timer}");
+        assert_eq!(lost_by(|registers| _ = PwmOutput::start(pin, 10, clocks, registers)), 0, "{timer}");
     }
-    let converter = |registers: &mut _| drop(Converter::start(ConverterNumber::One, &[3], memory(), 0, registers));
+    let converter = |registers: &mut _| _ = Converter::start(ConverterNumber::One, &[3], memory(), 0, registers);
     assert_eq!(lost_by(converter), 0, "converter");
     let sensor = SensorPin { port: 4, number: 2, triggers_low: false };
     assert_eq!(lost_by(|registers| _ = SensorLines::start([Some(sensor); 3], registers)), 0, "sensors");
-    let shared = |registers: &mut _| drop(HalfDuplexLine::start(registers, (3, 5), 42_000_000, 115_200));
+    let shared = |registers: &mut _| _ = HalfDuplexLine::start(registers, (3, 5), 42_000_000, 115_200);
     assert_eq!(lost_by(shared), 0, "USART2");
-    let own = |registers: &mut _| drop(PinLines::start(registers, [(2, 1); 4], 84_000_000, 19_200));
+    let own = |registers: &mut _| _ = PinLines::start(registers, [(2, 1); 4], 84_000_000, 19_200);
     assert_eq!(lost_by(own), 0, "TIM7");
 }
 
