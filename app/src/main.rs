@@ -311,7 +311,7 @@ mod app {
     #[task(binds = OTG_FS, priority = 10, local = [usb])]
     fn usb(cx: usb::Context) {
         if let Some(usb) = cx.local.usb {
-            host_line::arrived(usb.serve());
+            host_line::usb_served(usb.serve());
         }
     }
 
@@ -455,7 +455,7 @@ mod app {
                 });
                 replies.halted(heating.fault());
             }
-            replies.lost_bytes(host_line::take_lost_bytes());
+            replies.line_troubles(host_line::take_troubles());
             let keeps_heat = Heater::ALL.into_iter().any(|heater| heating.status(heater).target_celsius > 0.0);
             let rested_ms = Mono::now().ticks();
             let is_off = machine.lock(|machine| {

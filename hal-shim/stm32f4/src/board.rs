@@ -4,6 +4,7 @@ use ferrostep_hal_shim::chip::{ChipFamily, ThermalPins};
 use ferrostep_hal_shim::sensor_lines::{SensorLines, SensorPin};
 use ferrostep_hal_shim::stepping::{MotorPins, Pin, PinMap, StepLink};
 
+use crate::handlers::complete_stores;
 use crate::pac::{GPIOA, GPIOB, GPIOC, GPIOD, GPIOE, GPIOF, GPIOG};
 use crate::step_timer::{self, MotorPort, MotorPorts, Motors};
 use crate::stores;
@@ -52,6 +53,7 @@ impl BoardPins {
         if self.sensors.interrupt(&mut registers) {
             step_timer::stop_at_sensor(link);
         }
+        complete_stores();
     }
 }
 

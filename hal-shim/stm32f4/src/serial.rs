@@ -1,5 +1,6 @@
 //! USART1, the host's line.
 
+use crate::handlers::complete_stores;
 use crate::pac::{RCC, USART1};
 
 /// Most bytes handed to the transmitter in one interrupt. A real one takes two; QEMU's would take all there are.
@@ -45,8 +46,14 @@ impl Serial {
         byte.filter(|_| has_byte)
     }
 
-    /// Hands bytes from `next` to the transmitter while it takes them.
-    pub fn transmit(&mut self, mut next: impl FnMut() -> Option<u8>) -> Transmit {
+    /// Hands bytes from `next` to the transmitter while it takes them: the last that the interrupt does.
+    pub fn transmit(&mut self, next: impl FnMut() -> Option<u8>) -> Transmit {
+        let outcome = self.hand_over(next);
+        complete_stores();
+        outcome
+    }
+
+    fn hand_over(&mut self, mut next: impl FnMut() -> Option<u8>) -> Transmit {
         for _ in 0..BYTES_AT_ONCE {
             if self.usart.sr().read().txe().bit_is_clear() {
                 self.usart.cr1().modify(|_, w| w.txeie().set_bit());
