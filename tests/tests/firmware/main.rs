@@ -9,6 +9,7 @@ mod board_pins;
 mod boards;
 mod choices;
 mod emergency;
+mod handlers;
 mod heater_fault;
 mod heaters;
 mod image;
