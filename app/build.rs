@@ -1,6 +1,7 @@
 //! Puts the linker's memory map and the machine's profile where the firmware's build finds them.
 //!
-//! The memories are those of the board that `FERROSTEP_BOARD` names, by name or path; the bench if nothing does. The
+//! The memories are those of the board that `FERROSTEP_BOARD` names, by name or path; the bench if nothing does.
+//! `FERROSTEP_BOOT_OFFSET` has the image begin at another place of its flash. The
 //! profile is the TOML that the desk reads too, checked by the same code and held against the board, written out as a
 //! Rust constant: one source of numbers. `FERROSTEP_PROFILE` names another profile than the board's, by name or path.
 
@@ -25,6 +26,13 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 
     let board_name = env::var("FERROSTEP_BOARD").unwrap_or_else(|_| ferrostep_boards::DEFAULT.to_owned());
     let board = ferrostep_boards::load(&board_name).map_err(|error| error.to_string())?;
+    let board = match env::var("FERROSTEP_BOOT_OFFSET") {
+        Ok(text) => {
+            board.at_boot_offset(text.parse().map_err(|_| format!("FERROSTEP_BOOT_OFFSET={text}: expected bytes"))?)?
+        }
+        Err(_) => board,
+    };
+    println!("cargo:rerun-if-env-changed=FERROSTEP_BOOT_OFFSET");
     fs::write(out.join("memories.x"), ferrostep_boards::constants::memories(&board))?;
     println!("cargo:rerun-if-env-changed=FERROSTEP_BOARD");
 

@@ -69,7 +69,7 @@ const REFUSALS: [(&str, &str, &str, &str, &str); 51] = [
         "diag = \"PE1\"",
         "diag = \"PC2\"",
         "motors.y.diag = \"PC2\"",
-        "motors.x.diag (line 29) has the interrupt line 2",
+        "motors.x.diag (line 32) has the interrupt line 2",
     ),
     (BUDDY, "filament = \"PB4\"", "filament = \"PB10\"", "inputs.filament = \"PB10\"", "fans.part.tacho"),
     // Channels that are not the pin's.

@@ -147,8 +147,26 @@ fn all_files_of_a_board_hold_the_same_bytes() {
             .map(|entry| entry.unwrap().file_name().into_string().unwrap())
             .collect();
         names.sort();
-        let mut expected = [board.bytes_file, "ferrostep.elf", "ferrostep.hex"];
+        let mut expected: Vec<&str> =
+            [board.bytes_file, "ferrostep.elf", "ferrostep.hex"].into_iter().chain(board.container).collect();
         expected.sort_unstable();
         assert_eq!(names, expected, "{}", board.name);
+    }
+}
+
+/// A signature of 64 bytes, the SHA-256 of the rest, a header with the image's length first, and the image: that begins where
+/// the boot loader has written hash and header to the beginning of a flash sector (Prusa-Firmware-Buddy,
+/// `utils/unpack_bbf.py`).
+#[test]
+fn the_container_holds_the_same_bytes_for_the_place_that_they_are_linked_to() {
+    for (board, name) in BOARDS.iter().filter_map(|board| Some((board, board.container?))) {
+        let image = image_of(board.name);
+        let (file, bytes) = (read(&image, name), read(&image, board.bytes_file));
+        assert_eq!(word(&file, 96) as usize, bytes.len(), "{}", board.name);
+        assert!(file[576..] == bytes, "{}: the two files differ", board.name);
+        let sector = board.image_address - (576 - 64);
+        assert!(sector.is_multiple_of(0x2_0000) && sector > 0x0800_0000, "{}: {sector:#x}", board.name);
+        // The MINI, and the format's first version.
+        assert_eq!(file[111..113], [2, 1], "{}", board.name);
     }
 }
