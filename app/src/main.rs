@@ -30,6 +30,7 @@ mod drivers;
 mod fault;
 mod heat;
 mod host_line;
+mod identity;
 mod job_line;
 mod ports;
 mod profile;
@@ -382,6 +383,7 @@ mod app {
         let heating = BoardHeating(RefCell::new(cx.shared.heat));
         let replies = BoardReplies::new(cx.shared.writers);
         let mut printer = Printer::new(&PROFILE, motion, heating, SystemClock::default(), &replies, &SIGNALS);
+        printer.set_version(crate::identity::IDENTITY.version());
         printer.set_emergency_parser(true);
         printer.set_equipment(heat::EQUIPMENT);
         let drivers = BoardDrivers(RefCell::new(cx.shared.drivers));

@@ -7,6 +7,8 @@ use ferrostep_tests::qemu::Pin;
 pub struct BoardFacts {
     /// Its name.
     pub name: &'static str,
+    /// The profile that it is built with.
+    pub profile: &'static str,
     /// Where its image begins.
     pub image_address: u32,
     /// Flash behind its end is not there.
@@ -45,6 +47,7 @@ pub struct BoardFacts {
 pub const BOARDS: [BoardFacts; 3] = [
     BoardFacts {
         name: "bench",
+        profile: "cartesian",
         image_address: 0x0800_0000,
         flash_end: 0x0810_0000,
         bytes_file: "ferrostep.bin",
@@ -64,6 +67,7 @@ pub const BOARDS: [BoardFacts; 3] = [
     },
     BoardFacts {
         name: "prusa-buddy",
+        profile: "prusa-mini",
         image_address: 0x0802_0200,
         flash_end: 0x0810_0000,
         bytes_file: "ferrostep.bin",
@@ -84,6 +88,7 @@ pub const BOARDS: [BoardFacts; 3] = [
     },
     BoardFacts {
         name: "btt-octopus-1.1",
+        profile: "corexy",
         image_address: 0x0800_8000,
         flash_end: 0x0808_0000,
         bytes_file: "firmware.bin",
