@@ -210,6 +210,21 @@ pub fn crystal_has_stopped(registers: &mut impl Registers) -> bool {
     registers.read(CIR) & CSSF != 0
 }
 
+/// A serial port's divider for the same speed after that: the buses stay divided as they were, and the core has gone from
+/// `core_hz` to `internal_hz`. At least 1, and no more than before.
+pub const fn divider_without_crystal(divider: u16, core_hz: u32, internal_hz: u32) -> u16 {
+    let core_hz = if core_hz == 0 { 1 } else { core_hz } as u64;
+    // Rounded; 16 bits times 32 fit.
+    let slower = (divider as u64 * internal_hz as u64 + core_hz / 2) / core_hz;
+    if slower == 0 {
+        1
+    } else if slower > divider as u64 {
+        divider
+    } else {
+        slower as u16
+    }
+}
+
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod tests;

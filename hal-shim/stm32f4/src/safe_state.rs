@@ -27,11 +27,9 @@ pub fn crystal_has_stopped() -> bool {
     if has_stopped {
         // SAFETY: interrupts are off for good, so that nobody else writes to the port.
         let usart = unsafe { &*USART1::ptr() };
-        let divider = usart.brr().read().bits() as u32;
-        // Of 16 bits, times 16 MHz in units of 1 MHz: far below 32 bits.
-        let slower = (divider * (INTERNAL_HZ / 1_000_000) + CORE_HZ / 2_000_000) / (CORE_HZ / 1_000_000);
+        let divider = clock_setup::divider_without_crystal(usart.brr().read().bits(), CORE_HZ, INTERNAL_HZ);
         // SAFETY: any value is a divider.
-        usart.brr().write(|w| unsafe { w.bits(slower.max(1) as u16) });
+        usart.brr().write(|w| unsafe { w.bits(divider) });
     }
     has_stopped
 }

@@ -193,3 +193,16 @@ fn the_voltage_is_chosen_also_where_clocks_start_late() {
         assert_eq!(late.registers.recorder.value(PWR_CR), settings.scale_1());
     }
 }
+
+/// 84 MHz become 8 MHz on the host's line, 16 MHz divided by 2: the last words are read at the speed of before.
+#[test]
+fn the_serial_line_keeps_its_speed_without_the_crystal() {
+    for baud in [9_600, 115_200, 250_000] {
+        let before = (84_000_000 + baud / 2) / baud;
+        let divider = divider_without_crystal(before as u16, 168_000_000, 16_000_000);
+        let error = (8_000_000.0 / f64::from(divider) / f64::from(baud) - 1.0).abs();
+        assert!(error < 0.02, "{baud}: {divider}");
+    }
+    assert_eq!(divider_without_crystal(1, 168_000_000, 16_000_000), 1);
+    assert_eq!(divider_without_crystal(u16::MAX, 0, u32::MAX), u16::MAX);
+}
