@@ -8,11 +8,13 @@ use crate::board::Board;
 use crate::pin::Pin;
 use crate::start::as_after_reset;
 
-/// Addresses: PM0214 4.2, 4.3.3, 4.5 (the core's own).
+/// Addresses: PM0214 4.2, 4.3.3, 4.4, 4.5 (the core's own).
 const SYST_CSR: u32 = 0xe000_e010;
 const NVIC_ICER: u32 = 0xe000_e180;
 const NVIC_ICPR: u32 = 0xe000_e280;
 const SCB_ICSR: u32 = 0xe000_ed04;
+const SCB_SCR: u32 = 0xe000_ed10;
+const MPU_CTRL: u32 = 0xe000_ed94;
 
 /// In OSPEEDR, two bits a pin: the slowest edges, up to 100 ns at 50 pF (DS8626, I/O AC characteristics). That is short beside
 /// the pulses that drivers want, and faster edges ring on the long traces to them; Prusa's own firmware chooses it for these
@@ -123,7 +125,8 @@ pub fn first(board: &Board) -> Vec<Store> {
     stores.extend(levels(&enable_pins(board), &step_pins(board)));
     stores.extend(push_pull(&enable_pins(board)));
     stores.extend(fields(&enable_pins(board), MODER, 2, OUTPUT));
-    stores.push(Store::word(SYST_CSR, 0));
+    // Nothing ticks, no memory is guarded, and sleep is no deep sleep, which would stop all clocks.
+    stores.extend([SYST_CSR, MPU_CTRL, SCB_SCR].map(|register| Store::word(register, 0)));
     stores.extend(as_after_reset(board.chip, ports));
     for word in 0..board.chip.interrupt_words {
         stores.push(Store::word(NVIC_ICER + 4 * word, u32::MAX));

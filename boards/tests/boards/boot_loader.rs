@@ -131,6 +131,8 @@ fn relied_on(family: ChipFamily) -> Vec<u32> {
         registers.extend([0x8c, 0x90, 0x94].map(|offset| RCC + offset));
     }
     registers.extend([PWR_CR, 0x4002_3c00]);
+    // The core's timer, its memory protection, and how it sleeps.
+    registers.extend([0xe000_e010, 0xe000_ed94, 0xe000_ed10]);
     // TIM2, TIM3, TIM4, TIM5, TIM7, TIM12; TIM1, TIM8, TIM9; USART2 and USART1; ADC1 to ADC3; SDIO; SYSCFG; DMA1 and DMA2.
     let parts = [
         0x4000_0000,

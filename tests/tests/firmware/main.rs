@@ -7,6 +7,7 @@ mod bad_input;
 mod board_files;
 mod board_pins;
 mod boards;
+mod boot_loader;
 mod choices;
 mod emergency;
 mod handlers;
