@@ -1,6 +1,7 @@
 //! Puts the linker's memory map and the machine's profile where the firmware's build finds them.
 //!
-//! The memories are those of the board that `FERROSTEP_BOARD` names, by name or path; the bench if nothing does. The
+//! The memories are those of the board that `FERROSTEP_BOARD` names, by name or path; the bench if nothing does.
+//! `FERROSTEP_BOOT_OFFSET` has the image begin at another place of its flash. The
 //! profile is the TOML that the desk reads too, checked by the same code and held against the board, written out as a
 //! Rust constant: one source of numbers. `FERROSTEP_PROFILE` names another profile than the board's, by name or path.
 
@@ -12,6 +13,7 @@ use ferrostep_planner::{DualRatePeriods, Kinematics, Limits, MotionChoice, SCurv
 use ferrostep_printer::{
     AxisHoming, DriverTiming, ExtrusionSettings, FirmwareRetraction, HeaterSettings, HeaterWatch, HomeEnd, Profile,
 };
+use ferrostep_version::Version;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let out = PathBuf::from(env::var("OUT_DIR")?);
@@ -25,6 +27,13 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 
     let board_name = env::var("FERROSTEP_BOARD").unwrap_or_else(|_| ferrostep_boards::DEFAULT.to_owned());
     let board = ferrostep_boards::load(&board_name).map_err(|error| error.to_string())?;
+    let board = match env::var("FERROSTEP_BOOT_OFFSET") {
+        Ok(text) => {
+            board.at_boot_offset(text.parse().map_err(|_| format!("FERROSTEP_BOOT_OFFSET={text}: expected bytes"))?)?
+        }
+        Err(_) => board,
+    };
+    println!("cargo:rerun-if-env-changed=FERROSTEP_BOOT_OFFSET");
     fs::write(out.join("memories.x"), ferrostep_boards::constants::memories(&board))?;
     println!("cargo:rerun-if-env-changed=FERROSTEP_BOARD");
 
@@ -32,6 +41,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let profile = ferrostep_profiles::load(&name).map_err(|error| error.to_string())?;
     ferrostep_boards::fit::check(&board, &profile, &name).map_err(|error| error.to_string())?;
     fs::write(out.join("profile.rs"), constant(&profile))?;
+    fs::write(out.join("identity.rs"), identity(&root, &board.name, profile.name))?;
     // What looks after drivers is not compiled where there are none.
     println!("cargo:rustc-check-cfg=cfg(drivers)");
     if ferrostep_boards::fit::wiring(&board, &profile).iter().any(Option::is_some) {
@@ -47,6 +57,36 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         }
     }
     Ok(())
+}
+
+/// What goes into an image.
+const SOURCES: [&str; 15] = [
+    "Cargo.lock",
+    "Cargo.toml",
+    "memory.x",
+    "app",
+    "boards",
+    "checked-toml",
+    "gcode",
+    "gpre",
+    "hal-shim",
+    "planner",
+    "printer",
+    "profiles",
+    "square-root",
+    "usb",
+    "version",
+];
+
+/// What an image says it is, `ferrostep 0.1.0 (commit abcdef0) prusa-buddy prusa-mini`, and where in that the version is.
+fn identity(root: &Path, board: &str, profile: &str) -> String {
+    let version = Version::of(env!("CARGO_PKG_VERSION"), root, &SOURCES);
+    version.watch();
+    let name = "ferrostep ";
+    let (from, to) = (name.len(), name.len() + version.text.len());
+    // A line of its own among the image's texts.
+    let text = format!("{name}{} {board} {profile}\n", version.text);
+    format!("Identity {{ text: {text:?}, version: {from}..{to} }}")
 }
 
 /// The profile as an expression. Every field is taken apart by name, so that a new one cannot be forgotten here.

@@ -1,4 +1,4 @@
-//! The end: heaters off, motors off, then a word about why. Faults of the core end the same way in
+//! The end: heaters off, motors off, fans full, then a word about why. Faults of the core end the same way in
 //! [`ferrostep_stm32f4::fault`].
 
 use core::fmt::Write;
@@ -33,10 +33,18 @@ fn panic(info: &PanicInfo<'_>) -> ! {
 mod handlers {
     use super::*;
 
-    /// An interrupt that nobody has asked for.
+    /// The interrupt that cannot be masked, as the core numbers it (PM0214, 2.3.2).
+    const NON_MASKABLE: i16 = -14;
+
+    /// An interrupt that nobody has asked for, and the one by which the chip says that its crystal has stopped.
     #[exception]
     unsafe fn DefaultHandler(interrupt: i16) {
         safe_state::enter();
+        if interrupt == NON_MASKABLE && safe_state::crystal_has_stopped() {
+            safe_state::tell(format_args!("the crystal has stopped"), format_args!("fault: the crystal has stopped"));
+            log(|| defmt::error!("the crystal has stopped"));
+            safe_state::rest()
+        }
         let what = format_args!("unexpected interrupt {interrupt}");
         safe_state::tell(what, what);
         log(|| defmt::error!("unexpected interrupt {}", interrupt));

@@ -9,6 +9,7 @@ use ferrostep_planner::TICKS_PER_SECOND;
 use ferrostep_printer::machine::Silence;
 use ferrostep_stm32f4::motion_clock::MotionClock;
 use ferrostep_stm32f4::pac::Interrupt;
+use ferrostep_stm32f4_usb::Served;
 use ferrostep_usb::{Buffers, Incoming, LineWriter};
 use heapless::spsc::{Consumer, Producer};
 use rtic_monotonics::systick::prelude::*;
@@ -26,6 +27,8 @@ pub const SEND_BYTES: usize = 2048;
 /// executed, or it would be executed only where the planner task looks at the right moment.
 const WAIT_MS: u32 = 150;
 
+/// The USB port has left the bus for good.
+static USB_HAS_FAILED: AtomicBool = AtomicBool::new(false);
 /// Bytes that were lost because nobody read them in time.
 static LOST_BYTES: AtomicU32 = AtomicU32::new(0);
 /// Whether the printer task waits for bytes.
@@ -88,9 +91,27 @@ pub fn arrived(lost: u32) {
     RECEIVED.writer().write(());
 }
 
-/// Takes the count of bytes lost.
-pub fn take_lost_bytes() -> u32 {
-    LOST_BYTES.swap(0, Ordering::Relaxed)
+/// The USB port's interrupt has been served.
+pub fn usb_served(served: Served) {
+    USB_HAS_FAILED.fetch_or(served.has_failed, Ordering::Relaxed);
+    arrived(served.dropped);
+}
+
+/// What hosts should hear about their lines.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LineTroubles {
+    /// Bytes that came too fast.
+    pub lost_bytes: u32,
+    /// The USB port has left the bus.
+    pub usb_has_failed: bool,
+}
+
+/// Takes what has happened since it was last asked.
+pub fn take_troubles() -> LineTroubles {
+    LineTroubles {
+        lost_bytes: LOST_BYTES.swap(0, Ordering::Relaxed),
+        usb_has_failed: USB_HAS_FAILED.swap(false, Ordering::Relaxed),
+    }
 }
 
 /// How long the host may take for its next line, ticks of the motion clock.

@@ -30,6 +30,7 @@ mod drivers;
 mod fault;
 mod heat;
 mod host_line;
+mod identity;
 mod job_line;
 mod ports;
 mod profile;
@@ -310,7 +311,7 @@ mod app {
     #[task(binds = OTG_FS, priority = 10, local = [usb])]
     fn usb(cx: usb::Context) {
         if let Some(usb) = cx.local.usb {
-            host_line::arrived(usb.serve());
+            host_line::usb_served(usb.serve());
         }
     }
 
@@ -381,6 +382,7 @@ mod app {
         let heating = BoardHeating(RefCell::new(cx.shared.heat));
         let replies = BoardReplies::new(cx.shared.writers);
         let mut printer = Printer::new(&PROFILE, motion, heating, SystemClock::default(), &replies, &SIGNALS);
+        printer.set_version(crate::identity::IDENTITY.version());
         printer.set_emergency_parser(true);
         printer.set_equipment(heat::EQUIPMENT);
         let drivers = BoardDrivers(RefCell::new(cx.shared.drivers));
@@ -454,7 +456,7 @@ mod app {
                 });
                 replies.halted(heating.fault());
             }
-            replies.lost_bytes(host_line::take_lost_bytes());
+            replies.line_troubles(host_line::take_troubles());
             let keeps_heat = Heater::ALL.into_iter().any(|heater| heating.status(heater).target_celsius > 0.0);
             let rested_ms = Mono::now().ticks();
             let is_off = machine.lock(|machine| {

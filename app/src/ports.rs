@@ -22,7 +22,7 @@ use rtic_sync::signal::Signal;
 
 use crate::clock::Mono;
 use crate::heat::Heat;
-use crate::host_line::{Port, To, Writers};
+use crate::host_line::{LineTroubles, Port, To, Writers};
 use crate::profile::{PROFILE, StepSignals};
 
 /// Blocks in the look-ahead ring, as on the desk.
@@ -154,10 +154,13 @@ impl<W: Mutex<T = Writers>> BoardReplies<W> {
         });
     }
 
-    /// Says how many bytes came too fast, if any did.
-    pub fn lost_bytes(&self, lost: u32) {
-        if lost > 0 {
-            self.line(format_args!("echo:serial: {lost} bytes lost"));
+    /// Says how many bytes came too fast, and that the USB port is gone, if so.
+    pub fn line_troubles(&self, LineTroubles { lost_bytes, usb_has_failed }: LineTroubles) {
+        if lost_bytes > 0 {
+            self.line(format_args!("echo:serial: {lost_bytes} bytes lost"));
+        }
+        if usb_has_failed {
+            self.line(format_args!("echo:usb: off, the controller reports another speed than full speed"));
         }
     }
 }

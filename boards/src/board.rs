@@ -30,7 +30,7 @@ pub struct Board {
     pub ccm_kib: u32,
     /// Where the image begins, bytes from the start of flash.
     pub boot_offset: u32,
-    /// What the boot loader wants the image to be called.
+    /// What the boot loader wants the image to be called: plain bytes (`.bin`), or Prusa's container (`.bbf`).
     pub boot_file: Option<String>,
     /// The profile it is built with when nobody names another.
     pub profile: String,
@@ -143,11 +143,45 @@ impl Board {
         ports
     }
 
+    /// The same board with its image at another place, without its boot loader: that one finds nothing there.
+    ///
+    /// # Errors
+    /// `offset`, bytes from the start of flash, is neither the board's own nor the beginning of a flash sector in the first
+    /// half of the flash.
+    pub fn at_boot_offset(self, offset: u32) -> Result<Self, String> {
+        if offset == self.boot_offset {
+            return Ok(self);
+        }
+        if !self.chip.is_sector_boundary(offset) || offset > self.flash_kib * 512 {
+            return Err(format!(
+                "--boot-offset {offset:#x}: expected {:#x}, the board's own, or {SECTORS} up to {:#x}, half of the flash",
+                self.boot_offset,
+                self.flash_kib * 512
+            ));
+        }
+        Ok(Self { boot_offset: offset, boot_file: None, ..self })
+    }
+
+    /// Whether the boot loader takes Prusa's container (`.bbf`).
+    pub fn takes_bbf(&self) -> bool {
+        self.boot_file.as_deref().is_some_and(|name| name.ends_with(BBF_SUFFIX))
+    }
+
     /// Address of the image in flash.
     pub fn image_address(&self) -> u32 {
         FLASH_ADDRESS + self.boot_offset
     }
 }
+
+/// How a file in Prusa's container is called.
+pub const BBF_SUFFIX: &str = ".bbf";
+
+/// Bytes of flash that the container's header takes before the image, from the beginning of a sector on.
+pub const BBF_HEADER_BYTES: u32 = 512;
+
+/// Where flash sectors begin, for errors.
+pub(crate) const SECTORS: &str =
+    "the beginning of a flash sector (0, 0x4000, 0x8000, 0xc000, 0x10000 or a multiple of 0x20000)";
 
 /// Where flash begins.
 pub const FLASH_ADDRESS: u32 = 0x0800_0000;

@@ -1,6 +1,9 @@
 //! The chips: memories, pins, limits of their clocks.
 
+use ferrostep_hal_shim::chip::ChipFamily;
+
 use crate::pin::Pin;
+use crate::start::Buses;
 
 /// A chip that the firmware can be built for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -25,6 +28,10 @@ pub struct Chip {
     pub max_apb1_hz: u32,
     /// Highest frequency of the fast bus (APB2), Hz.
     pub max_apb2_hz: u32,
+    /// Its registers.
+    pub family: ChipFamily,
+    /// What its buses carry.
+    pub buses: Buses,
     /// Words of 32 interrupts that its interrupt controller has.
     pub interrupt_words: u32,
     /// Pins of the ports A, B ... as masks.
@@ -47,6 +54,8 @@ const CHIPS: [Chip; 3] = [
         max_core_hz: 168_000_000,
         max_apb1_hz: 42_000_000,
         max_apb2_hz: 84_000_000,
+        family: ChipFamily::F405,
+        buses: Buses::F405,
         interrupt_words: 3,
         ports: [0xffff, 0xffff, 0xffff, 1 << 2, 0, 0, 0],
     },
@@ -61,6 +70,8 @@ const CHIPS: [Chip; 3] = [
         max_core_hz: 168_000_000,
         max_apb1_hz: 42_000_000,
         max_apb2_hz: 84_000_000,
+        family: ChipFamily::F405,
+        buses: Buses::F405,
         interrupt_words: 3,
         ports: [0xffff, 0xffff, 0xffff, 0xffff, 0xffff, 0, 0],
     },
@@ -75,6 +86,8 @@ const CHIPS: [Chip; 3] = [
         max_core_hz: 168_000_000,
         max_apb1_hz: 45_000_000,
         max_apb2_hz: 90_000_000,
+        family: ChipFamily::F446,
+        buses: Buses::F446,
         interrupt_words: 4,
         ports: [0xffff; 7],
     },

@@ -21,6 +21,7 @@ pub fn rust(board: &Board) -> String {
     let Board { name, title, clock, internal_clock, virtual_sensors, .. } = board;
     let ports = board.motor_ports();
     let has_usb = board.usb.is_some();
+    let family = board.chip.family;
     // The core is as fast with either oscillator; what stands once below holds for both.
     let Clock { core_hz, apb1_divider, apb2_divider, timer_hz, flash_wait_states, .. } = *clock;
     let [apb1_code, apb2_code] = [apb1_divider, apb2_divider].map(Clock::divider_code);
@@ -47,6 +48,7 @@ pub fn rust(board: &Board) -> String {
          /// Nothing real hangs on it: temperatures and end stops are models.\n\
          pub const VIRTUAL_SENSORS: bool = {virtual_sensors};\n\
          /// PA11 and PA12 lead to a USB plug.\npub const USB: bool = {has_usb};\n\
+         /// Its chip's registers.\npub const FAMILY: ChipFamily = ChipFamily::{family:?};\n\
          /// Frequency of the core with the PLL, Hz.\npub const CORE_HZ: u32 = {core_hz};\n\
          /// Frequency of the internal oscillator, Hz.\npub const INTERNAL_HZ: u32 = {INTERNAL_HZ};\n\
          /// Frequency of the timers that count ticks, Hz.\npub const TIMER_HZ: u32 = {timer_hz};\n\
@@ -62,7 +64,7 @@ pub fn rust(board: &Board) -> String {
          /// Port and number of their enable pins; low = on.\npub const ENABLE: [(u8, u8); 4] = {enable:?};\n\
          /// RAM.\npub const RAM: core::ops::Range<u32> = {RAM_ADDRESS:#x}..{ram_end:#x};\n{}\
          /// What the image writes before anything else.\n{}\
-         /// Heaters off, then motors off.\n{}\
+         /// Heaters off, motors off, fans full, off the USB bus.\n{}\
          /// Motors and serial line ready, fans off.\n{}",
         clock.apb2_hz(),
         ports.len(),
@@ -129,6 +131,12 @@ impl Registers for Script {
 
     fn modify(&mut self, address: u32, clear: u32, set: u32) {
         self.0.push(Store { address, clear, set });
+    }
+
+    /// A store that changes nothing loads first: it reads back.
+    fn switch_clocks_on(&mut self, address: u32, clocks: u32) {
+        self.modify(address, 0, clocks);
+        self.modify(address, 0, clocks);
     }
 }
 

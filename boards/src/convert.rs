@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use ferrostep_checked_toml::{Checker, FileError, Range, range};
 use toml::Spanned;
 
-use crate::board::{Board, Driver, DriverUart, Fan, Heater, Motor, Thermistor};
+use crate::board::{BBF_HEADER_BYTES, BBF_SUFFIX, Board, Driver, DriverUart, Fan, Heater, Motor, SECTORS, Thermistor};
 use crate::chip::Chip;
 use crate::clock::{CRYSTAL_HZ, Clock, INTERNAL_HZ};
 use crate::file::{BoardFile, FanTable, HeaterTable, MotorTable, Number, ThermistorTable, Word};
@@ -110,8 +110,8 @@ pub fn board(file: &BoardFile, check: &Checker<'_>) -> Result<Board, FileError> 
     let Some(internal_clock) = Clock::of(INTERNAL_HZ, chip) else {
         return Err(check.refuse("chip", &quoted(&file.chip), "a chip whose internal oscillator has a clock"));
     };
-    let boot_offset = boot_offset(file, chip, flash_kib, check)?;
     let boot_file = file.boot_file.as_ref().map(|word| boot_file(word, check)).transpose()?;
+    let boot_offset = boot_offset(file, boot_file.as_deref(), chip, flash_kib, check)?;
     let profile = self::name("profile", &file.profile, check)?;
 
     let mut pins = Pins { chip, check, used: BTreeMap::new(), notes: Vec::new() };
@@ -268,10 +268,11 @@ fn title(word: &Word, check: &Checker<'_>) -> Result<String, FileError> {
 fn boot_file(word: &Word, check: &Checker<'_>) -> Result<String, FileError> {
     let name = word.get_ref();
     let is_good = |byte: u8| byte.is_ascii_alphanumeric() || b"-_.".contains(&byte);
-    if name.len() <= MAX_NAME && name.bytes().all(is_good) && name.ends_with(".bin") && !name.starts_with('.') {
+    let has_suffix = name.ends_with(".bin") || name.ends_with(BBF_SUFFIX);
+    if name.len() <= MAX_NAME && name.bytes().all(is_good) && has_suffix && !name.starts_with('.') {
         return Ok(name.clone());
     }
-    Err(check.refuse("boot_file", &quoted(word), "a file's name that ends with \".bin\""))
+    Err(check.refuse("boot_file", &quoted(word), "a file's name that ends with \".bin\" or \".bbf\""))
 }
 
 fn chip(file: &BoardFile, check: &Checker<'_>) -> Result<Chip, FileError> {
@@ -298,19 +299,35 @@ fn clock(file: &BoardFile, chip: Chip, check: &Checker<'_>) -> Result<(u32, Cloc
     })
 }
 
-fn boot_offset(file: &BoardFile, chip: Chip, flash_kib: u32, check: &Checker<'_>) -> Result<u32, FileError> {
+/// Where the image begins: at a flash sector, so that what erases it erases nothing of a boot loader's; after the header in
+/// one where the boot loader takes a container.
+fn boot_offset(
+    file: &BoardFile,
+    boot_file: Option<&str>,
+    chip: Chip,
+    flash_kib: u32,
+    check: &Checker<'_>,
+) -> Result<u32, FileError> {
     let value = &file.boot_offset;
     // Half of the flash is left at least: an image is at most a quarter of the largest.
     let offset =
         whole("boot_offset", value, range(0.0, f64::from(flash_kib) * 512.0, "bytes, half of the flash"), check)?;
+    if boot_file.is_some_and(|name| name.ends_with(BBF_SUFFIX)) {
+        let sector = offset.checked_sub(BBF_HEADER_BYTES).filter(|sector| *sector > 0);
+        if sector.is_some_and(|sector| chip.is_sector_boundary(sector)) {
+            return Ok(offset);
+        }
+        let expected = format!(
+            "{BBF_HEADER_BYTES} bytes after {SECTORS} of the {}, but not in the first: the boot loader lies there, and the \
+             header of a {BBF_SUFFIX} before the image",
+            chip.name
+        );
+        return Err(check.refuse("boot_offset", value, expected));
+    }
     if chip.is_sector_boundary(offset) {
         return Ok(offset);
     }
-    let expected = format!(
-        "the beginning of a flash sector of the {}: 0, 0x4000, 0x8000, 0xc000, 0x10000 or a multiple of 0x20000",
-        chip.name
-    );
-    Err(check.refuse("boot_offset", value, expected))
+    Err(check.refuse("boot_offset", value, format!("{SECTORS} of the {}", chip.name)))
 }
 
 fn motor(name: &'static str, table: &MotorTable, file: &BoardFile, pins: &mut Pins<'_>) -> Result<Motor, FileError> {

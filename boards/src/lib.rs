@@ -14,8 +14,12 @@ pub mod fit;
 mod pin;
 pub mod registers;
 mod signals;
+mod start;
 
-pub use board::{Board, CCM_ADDRESS, Driver, DriverUart, FLASH_ADDRESS, Fan, Heater, Motor, RAM_ADDRESS, Thermistor};
+pub use board::{
+    BBF_HEADER_BYTES, BBF_SUFFIX, Board, CCM_ADDRESS, Driver, DriverUart, FLASH_ADDRESS, Fan, Heater, Motor,
+    RAM_ADDRESS, Thermistor,
+};
 pub use chip::Chip;
 use ferrostep_checked_toml::Checker;
 pub use ferrostep_checked_toml::{FileError as BoardError, Problem};

@@ -1,19 +1,25 @@
 //! A board's pins as stores to registers: what the firmware writes, in this order, without knowing a pin.
 
-use ferrostep_hal_shim::gpio::{self, AFRL, ALTERNATE, ANALOGUE, BSRR, MODER, OSPEEDR, OUTPUT, PULL_UP, PUPDR};
-use ferrostep_hal_shim::rcc::RCC_AHB1ENR;
+use ferrostep_hal_shim::gpio::{self, AFRL, ALTERNATE, ANALOGUE, BSRR, MODER, OSPEEDR, OTYPER, OUTPUT, PULL_UP, PUPDR};
+use ferrostep_hal_shim::rcc::{RCC_AHB1ENR, RCC_AHB2ENR};
+use ferrostep_hal_shim::usb_controller;
 
 use crate::board::Board;
 use crate::pin::Pin;
+use crate::start::as_after_reset;
 
-/// Addresses: PM0214 4.2, 4.3.3, 4.5 (the core's own).
+/// Addresses: PM0214 4.2, 4.3.3, 4.4, 4.5 (the core's own).
 const SYST_CSR: u32 = 0xe000_e010;
 const NVIC_ICER: u32 = 0xe000_e180;
 const NVIC_ICPR: u32 = 0xe000_e280;
 const SCB_ICSR: u32 = 0xe000_ed04;
+const SCB_SCR: u32 = 0xe000_ed10;
+const MPU_CTRL: u32 = 0xe000_ed94;
 
-/// Fields of two bits a pin.
-const HIGH_SPEED: u32 = 0b10;
+/// In OSPEEDR, two bits a pin: the slowest edges, up to 100 ns at 50 pF (DS8626, I/O AC characteristics). That is short beside
+/// the pulses that drivers want, and faster edges ring on the long traces to them; Prusa's own firmware chooses it for these
+/// pins too.
+const LOW_SPEED: u32 = 0b00;
 /// USART1 on all its pins.
 const SERIAL_FUNCTION: u32 = 7;
 
@@ -30,7 +36,7 @@ pub struct Store {
 
 impl Store {
     /// A register that is only written to.
-    fn word(address: u32, word: u32) -> Self {
+    pub(crate) fn word(address: u32, word: u32) -> Self {
         Self { address, clear: u32::MAX, set: word }
     }
 }
@@ -96,6 +102,11 @@ fn step_pins(board: &Board) -> Vec<Pin> {
     board.motors.iter().map(|motor| motor.step).collect()
 }
 
+/// Outputs that drive both levels, without pulls: a boot loader may have had them otherwise.
+fn push_pull(pins: &[Pin]) -> Vec<Store> {
+    [fields(pins, OTYPER, 1, 0), fields(pins, PUPDR, 2, 0)].concat()
+}
+
 /// Heaters off, whatever had their pins: low first, so that the change to an output is no pulse.
 fn heaters_off(board: &Board) -> Vec<Store> {
     let heaters = heater_pins(board);
@@ -107,11 +118,16 @@ pub fn first(board: &Board) -> Vec<Store> {
     let outputs = [heater_pins(board), enable_pins(board), signal_pins(board), board.serial.to_vec()].concat();
     let others = board.fans.iter().map(|fan| fan.pin).chain(thermistor_pins(board));
     let ports = outputs.into_iter().chain(others).fold(0, |ports, pin| ports | 1 << pin.port);
-    let mut stores = vec![Store { address: RCC_AHB1ENR, clear: 0, set: ports }];
+    // Twice: the second time reads the first back (`Registers::switch_clocks_on` says why).
+    let mut stores = vec![Store { address: RCC_AHB1ENR, clear: 0, set: ports }; 2];
     stores.extend(heaters_off(board));
+    stores.extend(push_pull(&heater_pins(board)));
     stores.extend(levels(&enable_pins(board), &step_pins(board)));
+    stores.extend(push_pull(&enable_pins(board)));
     stores.extend(fields(&enable_pins(board), MODER, 2, OUTPUT));
-    stores.push(Store::word(SYST_CSR, 0));
+    // Nothing ticks, no memory is guarded, and sleep is no deep sleep, which would stop all clocks.
+    stores.extend([SYST_CSR, MPU_CTRL, SCB_SCR].map(|register| Store::word(register, 0)));
+    stores.extend(as_after_reset(board.chip, ports));
     for word in 0..board.chip.interrupt_words {
         stores.push(Store::word(NVIC_ICER + 4 * word, u32::MAX));
         stores.push(Store::word(NVIC_ICPR + 4 * word, u32::MAX));
@@ -121,9 +137,25 @@ pub fn first(board: &Board) -> Vec<Store> {
     stores
 }
 
-/// What the panic and fault handlers write: heaters off, then motors off.
+/// What the panic and fault handlers write: heaters off, motors off, the fans of nozzle and part full, and the USB port
+/// gone, so that its host ends too. A transistor that has failed closed goes on heating: what cools, cools.
 pub fn all_off(board: &Board) -> Vec<Store> {
-    [heaters_off(board), levels(&enable_pins(board), &step_pins(board))].concat()
+    let fans: Vec<Pin> =
+        board.fans.iter().filter(|fan| ["part", "hotend"].contains(&fan.name)).map(|fan| fan.pin).collect();
+    let mut stores = [
+        heaters_off(board),
+        levels(&enable_pins(board), &step_pins(board)),
+        levels(&fans, &[]),
+        fields(&fans, MODER, 2, OUTPUT),
+    ]
+    .concat();
+    if board.usb.is_some() {
+        // Its clock may be off still.
+        let clock = Store { address: RCC_AHB2ENR, clear: 0, set: usb_controller::CLOCK };
+        let disconnect = Store { address: usb_controller::DCTL, clear: 0, set: usb_controller::SOFT_DISCONNECT };
+        stores.extend([clock, clock, disconnect]);
+    }
+    stores
 }
 
 /// What `init` writes: motors, thermistors and the serial line can be used, fans stand still.
@@ -133,11 +165,14 @@ pub fn pins(board: &Board) -> Vec<Store> {
     let [_, receiver] = board.serial;
     [
         levels(&[], &fans),
+        push_pull(&fans),
         fields(&fans, MODER, 2, OUTPUT),
+        fields(&thermistor_pins(board), PUPDR, 2, 0),
         fields(&thermistor_pins(board), MODER, 2, ANALOGUE),
+        push_pull(&signals),
         fields(&signals, MODER, 2, OUTPUT),
-        // Edges of some ns, as the step pulse wants.
-        fields(&signals, OSPEEDR, 2, HIGH_SPEED),
+        fields(&signals, OSPEEDR, 2, LOW_SPEED),
+        push_pull(&board.serial),
         fields(&board.serial, AFRL, 4, SERIAL_FUNCTION),
         // An open line is silent.
         fields(&[receiver], PUPDR, 2, PULL_UP),
@@ -177,14 +212,17 @@ mod tests {
     fn the_bench_is_what_it_was_by_hand() {
         let board = crate::load("bench").unwrap();
         let gpioc = 0x4002_0800;
-        assert_eq!(all_off(&board), [Store::word(gpioc + 0x18, 1 << 8 | 0b1111 << 16)]);
+        assert_eq!(all_off(&board).first(), Some(&Store::word(gpioc + 0x18, 1 << 8 | 0b1111 << 16)));
+        // It has no fans, and a USB plug.
+        let disconnect = Store { address: 0x5000_0804, clear: 0, set: 0b10 };
+        assert_eq!((all_off(&board).len(), all_off(&board).last()), (4, Some(&disconnect)));
         let all = after(&[first(&board), pins(&board)].concat());
         assert_eq!(all[&gpioc], 0x1_5555);
-        assert_eq!(all[&(gpioc + 8)], 0xaaaa);
+        assert_eq!(all[&(gpioc + 8)], 0, "the slowest edges");
         assert_eq!(all[&0x4002_0024], 0x770);
         assert_eq!(all[&0x4002_000c], 0b01 << 20);
         assert_eq!(all[&0x4002_0000], 0b1010 << 18);
-        assert_eq!(all[&RCC_AHB1ENR], 0b101);
+        assert_eq!(all[&RCC_AHB1ENR], 0b101 | 1 << 20);
     }
 
     #[test]
@@ -207,6 +245,28 @@ mod tests {
                 });
                 assert!(off < output.unwrap(), "{} {enable}", board.name);
                 assert_eq!(drives(&first, enable, false), None);
+            }
+        }
+    }
+
+    /// Behind heaters and motors, taken from their timers, and none but those of nozzle and part.
+    #[test]
+    fn the_end_lets_both_fans_blow() {
+        for board in boards() {
+            let stores = all_off(&board);
+            for fan in &board.fans {
+                let full = drives(&stores, fan.pin, true);
+                let output = stores.iter().position(|store| {
+                    store.address == of_port(fan.pin.port, MODER) && store.set >> (2 * fan.pin.number) & 0b11 == OUTPUT
+                });
+                let cools = matches!(fan.name, "part" | "hotend");
+                assert_eq!((full.is_some(), output.is_some()), (cools, cools), "{} {}", board.name, fan.name);
+                let motors_off = enable_pins(&board).into_iter().filter_map(|pin| drives(&stores, pin, true)).max();
+                assert!(
+                    full.is_none_or(|full| motors_off.unwrap() <= full && full < output.unwrap()),
+                    "{}",
+                    board.name
+                );
             }
         }
     }

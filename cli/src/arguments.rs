@@ -7,7 +7,7 @@ use ferrostep::papers::Paper;
 
 /// The 3D-printer firmware that rehearses on the desk what it does on the board.
 #[derive(Parser)]
-#[command(version, about)]
+#[command(version = ferrostep::VERSION, about)]
 pub struct Arguments {
     /// What to do.
     #[command(subcommand)]

@@ -53,6 +53,7 @@ impl<O: Observer, R: Replies> Session<O, R> {
             &self.replies,
             &self.signals,
         );
+        printer.set_version(crate::VERSION);
         if self.drivers.exist() {
             printer.set_drivers(&self.drivers);
         }

@@ -93,7 +93,7 @@ pub struct EndStopState {
 /// What M115 reports.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FirmwareInfo<'a> {
-    /// Version of the firmware, `0.1.0`.
+    /// Version of the firmware, `0.1.0 (commit abcdef0)`. Hosts look for keys in capitals before a colon, of which it has none.
     pub version: &'a str,
     /// Name of the machine.
     pub machine: &'a str,

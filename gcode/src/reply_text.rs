@@ -345,7 +345,7 @@ mod tests {
     #[test]
     fn firmware() {
         let info = FirmwareInfo {
-            version: "0.1.0",
+            version: "0.1.0 (commit abcdef0)",
             machine: "corexy",
             kinematics: "COREXY",
             size_10nm: [30_000_000, 30_000_000, 29_999_900],
@@ -358,7 +358,7 @@ mod tests {
         let lines: Vec<&str> = text.lines().collect();
         assert_eq!(
             lines[0],
-            "FIRMWARE_NAME:Ferrostep 0.1.0 PROTOCOL_VERSION:1.0 MACHINE_TYPE:corexy KINEMATICS:COREXY \
+            "FIRMWARE_NAME:Ferrostep 0.1.0 (commit abcdef0) PROTOCOL_VERSION:1.0 MACHINE_TYPE:corexy KINEMATICS:COREXY \
              EXTRUDER_COUNT:1"
         );
         assert_eq!(lines.len(), 1 + 37 + 1);

@@ -24,6 +24,9 @@ pub trait ClockTree {
     /// Runs the chip from the PLL, fed by the crystal or the internal oscillator; if that fails (`false`) the chip runs
     /// from the internal oscillator.
     fn start_pll(&mut self, source: PllSource) -> bool;
+    /// From now on the chip looks after the crystal, and calls an interrupt that cannot be masked when it stops: without
+    /// that the PLL drifts, and heaters, steps and time go on at a wrong pace.
+    fn watch_crystal(&mut self);
 }
 
 /// What feeds the PLL.
@@ -38,6 +41,7 @@ pub enum PllSource {
 /// Starts the best clock there is: crystal with PLL, else internal oscillator with PLL, else that alone.
 pub fn start_best(tree: &mut impl ClockTree) -> ClockSource {
     if tree.start_crystal() && tree.start_pll(PllSource::Crystal) {
+        tree.watch_crystal();
         return ClockSource::Crystal;
     }
     tree.stop_crystal();
@@ -104,6 +108,7 @@ mod tests {
         pll_works_with: &'static [PllSource],
         crystal_runs: bool,
         attempts: Vec<PllSource>,
+        is_watched: bool,
     }
 
     impl ClockTree for Chip {
@@ -117,6 +122,10 @@ mod tests {
         fn start_pll(&mut self, source: PllSource) -> bool {
             self.attempts.push(source);
             self.pll_works_with.contains(&source)
+        }
+        fn watch_crystal(&mut self) {
+            assert!(self.crystal_runs && self.attempts == [PllSource::Crystal], "before the core runs from it");
+            self.is_watched = true;
         }
     }
 
@@ -134,6 +143,7 @@ mod tests {
             assert_eq!(start_best(&mut chip), expected);
             assert_eq!(chip.attempts, attempts);
             assert_eq!(chip.crystal_runs, expected == ClockSource::Crystal);
+            assert_eq!(chip.is_watched, expected == ClockSource::Crystal);
         }
     }
 

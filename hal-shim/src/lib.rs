@@ -16,6 +16,7 @@ pub mod software_serial;
 pub mod stepping;
 pub mod thermistor;
 pub mod tmc2209;
+pub mod usb_controller;
 pub mod virtual_board;
 
 use ferrostep_planner::StepEntry;

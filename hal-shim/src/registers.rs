@@ -14,11 +14,37 @@ pub trait Registers {
         self.write(address, old & !clear | set);
     }
 
+    /// Switches clocks on in a register of the RCC and reads it back: the part may lose what is stored to it in the first
+    /// cycles after the store (erratum "delay after an RCC peripheral clock enabling": ES0182 for the STM32F405 and F407,
+    /// ES0298 for the STM32F446), and the load takes longer than that.
+    fn switch_clocks_on(&mut self, address: u32, clocks: u32) {
+        self.modify(address, 0, clocks);
+        let _switched_on = self.read(address);
+    }
+
     /// Whether some bits of a register all become `level` within so many looks.
     #[inline(never)]
     fn comes_to(&mut self, address: u32, bits: u32, level: bool, most_looks: u32) -> bool {
         let wanted = if level { bits } else { 0 };
         (0..most_looks).any(|_| self.read(address) & bits == wanted)
+    }
+}
+
+impl<R: Registers> Registers for &mut R {
+    fn read(&mut self, address: u32) -> u32 {
+        R::read(self, address)
+    }
+
+    fn write(&mut self, address: u32, value: u32) {
+        R::write(self, address, value);
+    }
+
+    fn modify(&mut self, address: u32, clear: u32, set: u32) {
+        R::modify(self, address, clear, set);
+    }
+
+    fn switch_clocks_on(&mut self, address: u32, clocks: u32) {
+        R::switch_clocks_on(self, address, clocks);
     }
 }
 
@@ -29,6 +55,7 @@ pub mod recorder {
     use std::collections::BTreeMap;
 
     use super::Registers;
+    use crate::rcc::{RCC_AHB1ENR, RCC_APB2ENR};
 
     /// Memory in the place of a chip: what was stored is read back, unless a value was fixed.
     #[derive(Clone, Debug, Default)]
@@ -75,6 +102,48 @@ pub mod recorder {
         fn write(&mut self, address: u32, value: u32) {
             self.values.insert(address, value);
             self.stores.push((address, value));
+        }
+    }
+    /// Registers of which the first one that is reached after a clock was switched on is not there yet, unless the switch was
+    /// read back.
+    #[derive(Clone, Debug)]
+    pub struct Sluggish<R> {
+        /// What is behind them.
+        pub registers: R,
+        /// The switch that was stored to last.
+        switched: Option<u32>,
+        /// How many loads and stores were lost.
+        pub lost: u32,
+    }
+
+    impl<R: Registers> Sluggish<R> {
+        /// With these registers behind them.
+        pub fn new(registers: R) -> Self {
+            Self { registers, switched: None, lost: 0 }
+        }
+
+        /// Whether this load or store is lost.
+        fn loses(&mut self, address: u32) -> bool {
+            let is_lost = self.switched.take().is_some_and(|switch| switch != address);
+            self.lost += u32::from(is_lost);
+            is_lost
+        }
+    }
+
+    impl<R: Registers> Registers for Sluggish<R> {
+        fn read(&mut self, address: u32) -> u32 {
+            if self.loses(address) { 0 } else { self.registers.read(address) }
+        }
+
+        fn write(&mut self, address: u32, value: u32) {
+            if self.loses(address) {
+                return;
+            }
+            let before = self.registers.read(address);
+            if (RCC_AHB1ENR..=RCC_APB2ENR).contains(&address) && value & !before != 0 {
+                self.switched = Some(address);
+            }
+            self.registers.write(address, value);
         }
     }
 }

@@ -55,11 +55,11 @@ impl SensorLines {
     /// Makes the pins inputs with pull-ups, so that a broken wire reads as high, and connects their interrupt lines to the
     /// edge at which they trigger. All lines stay closed.
     pub fn start(pins: [Option<SensorPin>; 3], registers: &mut impl Registers) -> Self {
-        registers.modify(RCC_APB2ENR, 0, SYSCFG_CLOCK);
+        registers.switch_clocks_on(RCC_APB2ENR, SYSCFG_CLOCK);
         registers.write(EXTI_IMR, 0);
         for pin in pins.into_iter().flatten() {
             let line = u32::from(pin.number & 15);
-            registers.modify(RCC_AHB1ENR, 0, 1 << pin.port);
+            registers.switch_clocks_on(RCC_AHB1ENR, 1 << pin.port);
             registers.modify(pin.of_port(PUPDR), 0b11 << (2 * line), PULL_UP << (2 * line));
             registers.modify(pin.of_port(MODER), 0b11 << (2 * line), 0);
             let place = line % 4 * 4;

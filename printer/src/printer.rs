@@ -65,6 +65,7 @@ pub struct Printer<'a, M, H, T, R> {
     /// What has been said of this job's lines.
     said: Remarks,
     pub(crate) newest_retraction: Option<NewestRetraction>,
+    version: &'a str,
     emergency_parser: bool,
     timing: Option<&'a dyn Timing>,
     pub(crate) drivers: Option<&'a dyn MotorDrivers>,
@@ -91,6 +92,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
             last_line: 0,
             said: Remarks::NONE,
             newest_retraction: None,
+            version: env!("CARGO_PKG_VERSION"),
             emergency_parser: false,
             timing: None,
             drivers: None,
@@ -98,6 +100,11 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
             receives_jobs: false,
             job_request: None,
         }
+    }
+
+    /// Version of the firmware as M115 reports it, `0.1.0 (commit abcdef0)`; without this it has no commit.
+    pub fn set_version(&mut self, version: &'a str) {
+        self.version = version;
     }
 
     /// Says that M112, M108 and M410 are acted on as their bytes arrive (M115 reports it).
@@ -441,7 +448,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
 
     fn report_firmware(&self) {
         self.replies.send(Reply::Firmware(FirmwareInfo {
-            version: env!("CARGO_PKG_VERSION"),
+            version: self.version,
             machine: self.profile.name,
             kinematics: match self.profile.kinematics {
                 Kinematics::Cartesian => "Cartesian",

@@ -82,9 +82,14 @@ impl<'a, B: UsbBus> UsbSerial<'a, B> {
 
     /// Does what there is to do: answers the host's requests, takes what it has sent, gives it what waits. To be called
     /// when the controller interrupts and when there is something to send. Returns how many received bytes were dropped.
-    pub fn serve(&mut self, buffers: &mut impl Buffers) -> u32 {
+    ///
+    /// `is_sound` is asked each time before the controller's driver is; once it says no the driver is left alone.
+    pub fn serve(&mut self, buffers: &mut impl Buffers, mut is_sound: impl FnMut() -> bool) -> u32 {
         let mut dropped = 0;
         for _ in 0..PACKETS_AT_ONCE {
+            if !is_sound() {
+                return dropped;
+            }
             let has_event = self.device.poll(&mut [&mut self.class]);
             self.follow(buffers);
             let mut packet = [0; PACKET_BYTES];

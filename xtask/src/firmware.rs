@@ -25,6 +25,22 @@ pub struct Options {
     /// The machine: a profile's name or a TOML file; the board's own if left out
     #[arg(long)]
     profile: Option<String>,
+    /// Where the image begins, bytes from the start of flash; the board's own if left out. 0 is an image in the place of the
+    /// boot loader
+    #[arg(long, value_name = "BYTES", value_parser = bytes, requires = "board")]
+    boot_offset: Option<u32>,
+}
+
+/// A number of bytes, decimal or hexadecimal (`0x20200`).
+///
+/// # Errors
+/// It is neither.
+pub fn bytes(text: &str) -> Result<u32, String> {
+    let number = match text.strip_prefix("0x") {
+        Some(digits) => u32::from_str_radix(digits, 16),
+        None => text.parse(),
+    };
+    number.map_err(|_| "expected a number of bytes, such as 0 or 0x20200".to_owned())
 }
 
 /// A board and the machine that it is the board of.
@@ -34,6 +50,8 @@ pub struct Target {
     /// As cargo's build scripts find them from wherever they run.
     board_variable: String,
     profile_variable: Option<String>,
+    /// Where the image begins if that is not where the board says.
+    boot_offset: Option<u32>,
     /// The features of the methods that its image has: all on the bench, which shows them, and else the profile's.
     methods: Vec<&'static str>,
 }
@@ -55,7 +73,17 @@ impl Target {
             profile_variable: profile.map(|name| absolute(name, is_profile)).transpose()?,
             methods: methods(&loaded, &machine.motion),
             board: loaded,
+            boot_offset: None,
         })
+    }
+
+    /// The same with its image at another place of flash, if one is named.
+    ///
+    /// # Errors
+    /// No image may begin there.
+    pub fn at(self, boot_offset: Option<u32>) -> Result<Self, Failure> {
+        let Some(offset) = boot_offset.filter(|offset| *offset != self.board.boot_offset) else { return Ok(self) };
+        Ok(Self { board: self.board.at_boot_offset(offset)?, boot_offset: Some(offset), ..self })
     }
 
     /// The chip as probe-rs calls it.
@@ -96,7 +124,7 @@ pub fn build_images(run: &mut Run, options: &Options) -> Result<Vec<PathBuf>, Fa
         None => ferrostep_boards::builtin_names().collect(),
     };
     let targets: Result<Vec<Target>, Failure> =
-        names.into_iter().map(|name| Target::new(name, options.profile.as_deref())).collect();
+        names.into_iter().map(|name| Target::new(name, options.profile.as_deref())?.at(options.boot_offset)).collect();
     targets?.iter().map(|target| build_image(run, target)).collect()
 }
 
@@ -113,7 +141,8 @@ pub fn build_image(run: &mut Run, target: &Target) -> Result<PathBuf, Failure> {
         Ok(())
     })?;
     run.step("files and sizes", || {
-        let image = image::export(&elf, &target.board)?;
+        let folder = image::folder_of(&target.board, target.boot_offset.is_some());
+        let image = image::export(&elf, &target.board, &folder)?;
         let sizes = sizes(&image)?;
         let budget = Budget::of(&target.board);
         println!("{}\n{}", image.display(), Table(sizes, budget));
@@ -206,6 +235,10 @@ fn app_cargo(target: &Target) -> Command {
         Some(profile) => command.env("FERROSTEP_PROFILE", profile),
         None => command.env_remove("FERROSTEP_PROFILE"),
     };
+    match target.boot_offset {
+        Some(offset) => command.env("FERROSTEP_BOOT_OFFSET", offset.to_string()),
+        None => command.env_remove("FERROSTEP_BOOT_OFFSET"),
+    };
     command
 }
 
@@ -281,6 +314,16 @@ mod tests {
         assert_eq!(variable(&command, "FERROSTEP_PROFILE"), Some("cartesian"));
         let bench = build_command(&CoreLibrary::Installed, Program::Firmware, &Target::bench().unwrap()).unwrap();
         assert_eq!(variable(&bench, "FERROSTEP_PROFILE"), None);
+        assert_eq!(variable(&bench, "FERROSTEP_BOOT_OFFSET"), None);
+        for (offset, expected) in [(None, None), (Some(0x20200), None), (Some(0), Some("0"))] {
+            let target = Target::new("prusa-buddy", None).unwrap().at(offset).unwrap();
+            let command = build_command(&CoreLibrary::Installed, Program::Firmware, &target).unwrap();
+            assert_eq!(variable(&command, "FERROSTEP_BOOT_OFFSET"), expected, "{offset:?}");
+        }
+        let error = Target::new("prusa-buddy", None).unwrap().at(Some(7)).unwrap_err();
+        assert!(error.starts_with("--boot-offset 0x7: expected 0x20200, the board's own, or"), "{error}");
+        assert_eq!(["0", "0x20200", "131584"].map(|text| bytes(text).unwrap()), [0, 0x20200, 0x20200]);
+        assert!(bytes("-1").is_err() && bytes("0y").is_err());
     }
 
     #[test]

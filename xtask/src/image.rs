@@ -9,6 +9,7 @@ use object::LittleEndian;
 use object::elf::PT_LOAD;
 use object::read::elf::{ElfFile32, ProgramHeader};
 
+use crate::bbf;
 use crate::steps::Failure;
 use crate::system;
 
@@ -94,28 +95,40 @@ pub fn images() -> PathBuf {
     system::target_directory().join("images")
 }
 
-/// Writes an image's files into the board's folder: `ferrostep.elf`, `ferrostep.hex`, and the plain bytes by the name
-/// that the boot loader wants, `ferrostep.bin` where there is none. Returns the path of the first.
+/// The folder of a board's image. One that does not begin where the board's own does has another, so that neither is flashed
+/// in the other's place.
+pub fn folder_of(board: &Board, is_elsewhere: bool) -> PathBuf {
+    let place = if is_elsewhere { format!("-at-{:#010x}", board.image_address()) } else { String::new() };
+    images().join(format!("{}{place}", board.name))
+}
+
+/// Writes an image's files into a folder: `ferrostep.elf`, `ferrostep.hex`, the plain bytes, and where the boot loader takes
+/// it Prusa's container. The plain bytes have the name that the boot loader wants, `ferrostep.bin` where it wants none of
+/// them. Returns the path of the first.
 ///
 /// # Errors
 /// It is not an image for this board, or cannot be written.
-pub fn export(elf: &Path, board: &Board) -> Result<PathBuf, Failure> {
+pub fn export(elf: &Path, board: &Board, folder: &Path) -> Result<PathBuf, Failure> {
     let bytes = fs::read(elf).map_err(|error| format!("{}: {error}", elf.display()))?;
     let flash = Flash::of_elf(&bytes).map_err(|error| format!("{}: {error}", elf.display()))?;
     flash.check(board)?;
-    let folder = images().join(&board.name);
     // What another build has left under another name would be flashed by mistake.
     if folder.exists() {
-        fs::remove_dir_all(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+        fs::remove_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
     }
-    fs::create_dir_all(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+    fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
     let write = |name: &str, bytes: &[u8]| {
         let path = folder.join(name);
         fs::write(&path, bytes).map_err(|error| format!("{}: {error}", path.display()))?;
         Ok::<_, Failure>(path)
     };
     write("ferrostep.hex", flash.hex()?.as_bytes())?;
-    write(board.boot_file.as_deref().unwrap_or("ferrostep.bin"), &flash.bytes)?;
+    if board.takes_bbf() {
+        let name = board.boot_file.as_deref().unwrap_or_default();
+        write(name, &bbf::pack(&flash.bytes, env!("CARGO_PKG_VERSION"))?)?;
+    }
+    let plain = board.boot_file.as_deref().filter(|_| !board.takes_bbf());
+    write(plain.unwrap_or("ferrostep.bin"), &flash.bytes)?;
     write("ferrostep.elf", &bytes)
 }
 
@@ -178,5 +191,17 @@ mod tests {
         assert_eq!(at(0x0800_8000, 4), Ok(()));
         assert!(at(0x0800_0000, 4).unwrap_err().contains("wants 0x8008000"));
         assert!(at(0x0800_8000, 0x78001).unwrap_err().contains("beyond the flash"));
+    }
+
+    #[test]
+    fn an_image_in_a_boot_loaders_place_has_a_folder_of_its_own() {
+        let buddy = ferrostep_boards::load("prusa-buddy").unwrap();
+        assert!(folder_of(&buddy, false).ends_with("images/prusa-buddy"));
+        let instead = buddy.at_boot_offset(0).unwrap();
+        assert!(folder_of(&instead, true).ends_with("images/prusa-buddy-at-0x08000000"));
+        // Its flash is the whole one again.
+        let flash = |address, bytes: usize| Flash { address, bytes: vec![0; bytes] };
+        assert_eq!(flash(0x0800_0000, 0x10_0000).check(&instead), Ok(()));
+        assert!(flash(0x0802_0200, 4).check(&instead).unwrap_err().contains("wants 0x8000000"));
     }
 }

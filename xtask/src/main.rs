@@ -3,6 +3,7 @@
 //! Each subcommand is a list of steps that run one after the other; the first that fails ends the run.
 #![forbid(unsafe_code)]
 
+mod bbf;
 mod bench;
 mod core_library;
 mod emulator;

@@ -32,6 +32,9 @@ pub struct FlashOptions {
     /// The machine: a profile's name or a TOML file; the board's own if left out
     #[arg(long)]
     profile: Option<String>,
+    /// Where the image begins, bytes from the start of flash; the board's own if left out
+    #[arg(long, value_name = "BYTES", value_parser = firmware::bytes)]
+    boot_offset: Option<u32>,
 }
 
 /// What to test.
@@ -43,11 +46,14 @@ pub struct TestOptions {
     /// The machine: a profile's name or a TOML file; the board's own if left out
     #[arg(long, requires = "board")]
     profile: Option<String>,
+    /// Where the image begins, bytes from the start of flash; the board's own if left out
+    #[arg(long, value_name = "BYTES", value_parser = firmware::bytes, requires = "board")]
+    boot_offset: Option<u32>,
 }
 
 /// Builds the firmware of a board, writes it over a probe, and starts it.
 pub fn flash(run: &mut Run, options: &FlashOptions) -> Result<(), Failure> {
-    let target = Target::new(&options.board, options.profile.as_deref())?;
+    let target = Target::new(&options.board, options.profile.as_deref())?.at(options.boot_offset)?;
     run.step("probe-rs is installed", probe_rs)?;
     let image = firmware::build_image(run, &target)?;
     run.step("flash", || {
@@ -63,7 +69,7 @@ pub fn test(run: &mut Run, options: &TestOptions) -> Result<(), Failure> {
         run.step("emulator", emulator::find)?;
         return rehearse(run);
     };
-    let target = Target::new(board, options.profile.as_deref())?;
+    let target = Target::new(board, options.profile.as_deref())?.at(options.boot_offset)?;
     run.step("probe-rs is installed", probe_rs)?;
     let image = firmware::build(run, Program::OnTarget, &target)?;
     run.step("on-target tests", || {

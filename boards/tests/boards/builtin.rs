@@ -60,6 +60,24 @@ fn the_buddy_steps_with_one_store_and_speaks_to_its_drivers_by_address() {
     assert!(!buddy.virtual_sensors && buddy.notes.is_empty());
 }
 
+/// Prusa's boot loader has the first 128 KiB; its container's header the next 512 bytes (Klipper's Kconfig, "128KiB + 512
+/// byte offset"). VTOR wants 512.
+#[test]
+fn the_buddys_image_lies_behind_its_boot_loader_or_in_its_place() {
+    let buddy = board("prusa-buddy");
+    assert_eq!((buddy.image_address(), buddy.boot_file.as_deref()), (0x0802_0200, Some("ferrostep.bbf")));
+    assert!(buddy.image_address().is_multiple_of(512) && buddy.takes_bbf());
+    assert_eq!(buddy.clone().at_boot_offset(0x20200).unwrap(), buddy);
+    let instead = buddy.clone().at_boot_offset(0).unwrap();
+    assert_eq!((instead.image_address(), instead.boot_file.clone(), instead.takes_bbf()), (0x0800_0000, None, false));
+    let memories = constants::memories(&instead);
+    assert!(memories.contains("ORIGIN = 0x8000000, LENGTH = 0x100000"), "{memories}");
+    for offset in [1, 0x20400, 0xa0000, u32::MAX] {
+        let error = buddy.clone().at_boot_offset(offset).unwrap_err();
+        assert!(error.contains("expected 0x20200, the board's own, or the beginning of a flash sector"), "{error}");
+    }
+}
+
 #[test]
 fn the_octopus_steps_with_two_stores_behind_its_boot_loader() {
     let octopus = board("btt-octopus-1.1");

@@ -15,7 +15,7 @@ const BUDDY: &str = "prusa-buddy";
 const OCTOPUS: &str = "btt-octopus-1.1";
 
 /// (board, text, its replacement, key and value to blame, what was expected)
-const REFUSALS: [(&str, &str, &str, &str, &str); 47] = [
+const REFUSALS: [(&str, &str, &str, &str, &str); 51] = [
     ("bench", "name = \"bench\"", "name = \"Bench\"", "name = \"Bench\"", "lower-case letters"),
     ("bench", "name = \"bench\"", "name = \"../bench\"", "name = \"../bench\"", "lower-case letters"),
     ("bench", "title = \"Olimex STM32-H405, bare\"", "title = \"\"", "title = \"\"", "printable ASCII"),
@@ -44,6 +44,10 @@ const REFUSALS: [(&str, &str, &str, &str, &str); 47] = [
     (OCTOPUS, "boot_offset = 0x8000", "boot_offset = 0x14000", "boot_offset = 81920", "beginning of a flash sector"),
     (OCTOPUS, "boot_offset = 0x8000", "boot_offset = 0x60000", "boot_offset = 393216", "half of the flash"),
     (OCTOPUS, "boot_offset = 0x8000", "boot_offset = -1", "boot_offset = -1", "0 to 262144 bytes"),
+    (BUDDY, "boot_offset = 0x20200", "boot_offset = 0x20000", "boot_offset = 131072", "512 bytes after the beginning"),
+    (BUDDY, "boot_offset = 0x20200", "boot_offset = 0x20400", "boot_offset = 132096", "512 bytes after the beginning"),
+    (BUDDY, "boot_offset = 0x20200", "boot_offset = 0x200", "boot_offset = 512", "but not in the first"),
+    (BUDDY, "\"ferrostep.bbf\"", "\"ferrostep.bin\"", "boot_offset = 131584", "the beginning of a flash sector"),
     (OCTOPUS, "\"firmware.bin\"", "\"../firmware.bin\"", "boot_file = \"../firmware.bin\"", "a file's name"),
     (OCTOPUS, "\"firmware.bin\"", "\"firmware.hex\"", "boot_file = \"firmware.hex\"", "ends with \".bin\""),
     ("bench", "profile = \"cartesian\"", "profile = \"\"", "profile = \"\"", "a letter first"),
@@ -54,7 +58,7 @@ const REFUSALS: [(&str, &str, &str, &str, &str); 47] = [
     ("bench", "step = \"PC3\"", "step = \"PD3\"", "motors.e.step = \"PD3\"", "a pin of the STM32F405RG in LQFP64"),
     ("bench", "step = \"PC3\"", "step = \"PH1\"", "motors.e.step = \"PH1\"", "that is not the crystal's"),
     // Used twice.
-    (BUDDY, "step = \"PD13\"", "step = \"PD1\"", "motors.y.step = \"PD1\"", "motors.x.step already (line 26)"),
+    (BUDDY, "step = \"PD13\"", "step = \"PD1\"", "motors.y.step = \"PD1\"", "motors.x.step already (line 29)"),
     (BUDDY, "enable = \"PD14\"", "enable = \"PD1\"", "motors.y.enable = \"PD1\"", "motors.x.step already"),
     (BUDDY, "direction = \"PD12\"", "direction = \"PD3\"", "motors.y.direction = \"PD3\"", "motors.x.enable already"),
     (OCTOPUS, "pin = \"PE5\"", "pin = \"PB11\"", "fans.hotend.pin = \"PB11\"", "heaters.nozzle3.pin already"),
@@ -65,7 +69,7 @@ const REFUSALS: [(&str, &str, &str, &str, &str); 47] = [
         "diag = \"PE1\"",
         "diag = \"PC2\"",
         "motors.y.diag = \"PC2\"",
-        "motors.x.diag (line 29) has the interrupt line 2",
+        "motors.x.diag (line 32) has the interrupt line 2",
     ),
     (BUDDY, "filament = \"PB4\"", "filament = \"PB10\"", "inputs.filament = \"PB10\"", "fans.part.tacho"),
     // Channels that are not the pin's.

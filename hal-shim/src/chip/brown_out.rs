@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-use crate::rcc::RCC_APB1ENR;
+use crate::rcc::{POWER_CLOCK, RCC_APB1ENR};
 use crate::registers::Registers;
 
 // RM0090, 3.9: option bytes.
@@ -16,8 +16,7 @@ const STRT: u32 = 1 << 1;
 /// Two bits: 0 is level 3, 2.7 V (DS8626, embedded reset and power control block).
 const LEVEL: u32 = 0b11 << 2;
 
-// RM0090, 5.4: the supply's comparator, and its clock.
-const PWR_CLOCK: u32 = 1 << 28;
+// RM0090, 5.4: the supply's comparator.
 const PWR_CR: u32 = 0x4000_7000;
 const PWR_CSR: u32 = 0x4000_7004;
 const PVDE: u32 = 1 << 4;
@@ -93,7 +92,7 @@ fn set_within(most_looks: u32, registers: &mut impl Registers) -> BrownOut {
 
 /// Asks the comparator, and switches it off again.
 fn supply_is_good(registers: &mut impl Registers) -> bool {
-    registers.modify(RCC_APB1ENR, 0, PWR_CLOCK);
+    registers.switch_clocks_on(RCC_APB1ENR, POWER_CLOCK);
     registers.modify(PWR_CR, PLS, PLS);
     registers.modify(PWR_CR, 0, PVDE);
     let good = (0..COMPARATOR_LOOKS).fold(true, |_, _| registers.read(PWR_CSR) & PVDO == 0);

@@ -140,8 +140,8 @@ impl Converter {
         memory_address: u32,
         registers: &mut impl Registers,
     ) -> Self {
-        registers.modify(RCC_AHB1ENR, 0, 1 << 22);
-        registers.modify(RCC_APB2ENR, 0, number.clock());
+        registers.switch_clocks_on(RCC_AHB1ENR, 1 << 22);
+        registers.switch_clocks_on(RCC_APB2ENR, number.clock());
         let converter = Self { number, channels, memory, memory_address, last: [u16::MAX; 2], old: [MOST_OLD; 2] };
         converter.begin(registers);
         let is_new = |conversion: &AtomicU16| conversion.load(Ordering::Relaxed) != TAKEN;

@@ -167,7 +167,7 @@ impl PwmOutput {
 fn start_channel(channel: TimerChannel, frequency_hz: u32, clocks: PwmClocks, registers: &mut impl Registers) {
     let TimerChannel { timer, clock_bit, is_fast, has_main_switch, .. } = channel;
     let (bus, clock_hz) = if is_fast { (RCC_APB2ENR, clocks.fast_hz) } else { (RCC_APB1ENR, clocks.slow_hz) };
-    registers.modify(bus, 0, 1 << clock_bit);
+    registers.switch_clocks_on(bus, 1 << clock_bit);
     registers.write(channel.compare(), 0);
     let divider = (clock_hz / (frequency_hz * STEPS).max(1)).clamp(1, 1 << 16);
     registers.write(timer + PSC, divider - 1);

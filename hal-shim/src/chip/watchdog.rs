@@ -12,7 +12,8 @@ const UNLOCK: u32 = 0x5555;
 const FEED: u32 = 0xaaaa;
 /// SR: divider and reload value are on their way to the other clock, five of its periods.
 const UPDATING: u32 = 0b11;
-/// DBGMCU_APB1_FZ (RM0090, 38.16.4): it stands still while a debugger has halted the core.
+/// DBGMCU_APB1_FZ (RM0090, 38.16.4): it stands still while a debugger has halted the core. Only power-on resets the
+/// register, so that it may be as a debugger of before has left it.
 const DEBUG_FREEZE: u32 = 0xe004_2008;
 const FREEZE_WATCHDOG: u32 = 1 << 12;
 
@@ -34,14 +35,28 @@ pub const SLOWEST_TIMEOUT_MS: u32 = (COUNT * DIVIDER * 1000).div_ceil(SLOWEST_HZ
 /// Looks at a flag, more than five periods of the slowest oscillator divided by 256 at 168 MHz.
 const MOST_LOOKS: u32 = 1_000_000;
 
+/// What the watchdog does while a debugger has halted the core.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum UnderDebugger {
+    /// It resets the chip: on a board with heaters. The timers go on switching those at the power that they had, so that a
+    /// core that stands still is a bed without limit.
+    Runs,
+    /// It stands still as well: on a board without.
+    StandsStill,
+}
+
 /// The watchdog, which runs: nothing but a reset stops it.
 #[derive(Clone, Copy, Debug)]
 pub struct Watchdog(());
 
 impl Watchdog {
     /// Starts it with a time-out of a second: 0.68 to 1.88 s, as its oscillator has it.
-    pub fn start(registers: &mut impl Registers) -> Self {
-        registers.modify(DEBUG_FREEZE, 0, FREEZE_WATCHDOG);
+    pub fn start(under_debugger: UnderDebugger, registers: &mut impl Registers) -> Self {
+        let frozen = match under_debugger {
+            UnderDebugger::Runs => 0,
+            UnderDebugger::StandsStill => FREEZE_WATCHDOG,
+        };
+        registers.modify(DEBUG_FREEZE, FREEZE_WATCHDOG, frozen);
         registers.write(KR, START);
         registers.write(KR, UNLOCK);
         registers.write(PR, DIVIDER_CODE);
@@ -72,7 +87,7 @@ mod tests {
     #[test]
     fn it_is_started_unlocked_set_and_fed() {
         let mut registers = Recorder::default().with(DEBUG_FREEZE, 1);
-        let watchdog = Watchdog::start(&mut registers);
+        let watchdog = Watchdog::start(UnderDebugger::StandsStill, &mut registers);
         let set = [
             (0xe004_2008, 1 | 1 << 12),
             (0x4000_3000, 0xcccc),
@@ -91,11 +106,23 @@ mod tests {
         assert_eq!(registers.stores, [(0x4000_3000, 0xaaaa)]);
     }
 
+    /// Also where a debugger had frozen it: nothing but power-on resets that register.
+    #[test]
+    fn with_heaters_a_halted_core_is_reset() {
+        let mut registers = Recorder::default().with(DEBUG_FREEZE, u32::MAX);
+        Watchdog::start(UnderDebugger::Runs, &mut registers);
+        assert_eq!(registers.stores.first(), Some(&(0xe004_2008, !(1 << 12))), "before it is started");
+        assert_eq!(registers.stored(DEBUG_FREEZE).len(), 1);
+        let mut untouched = Recorder::default();
+        Watchdog::start(UnderDebugger::Runs, &mut untouched);
+        assert_eq!(untouched.value(DEBUG_FREEZE), 0);
+    }
+
     #[test]
     fn a_flag_that_never_clears_is_not_waited_for_without_end() {
         let mut registers = Recorder::default();
         registers.fix(SR, UPDATING);
-        Watchdog::start(&mut registers);
+        Watchdog::start(UnderDebugger::Runs, &mut registers);
         assert_eq!(registers.stores.last(), Some(&(KR, FEED)));
     }
 }

@@ -39,8 +39,8 @@ impl<R: Registers> HalfDuplexLine<R> {
     /// bits, no parity, 1 stop bit; the receive interrupt is on. `bus_hz` is the clock of APB1.
     pub fn start(mut registers: R, pin: (u8, u8), bus_hz: u32, baud: u32) -> Self {
         let (port, number) = (gpio::port(pin.0), u32::from(pin.1 & 15));
-        registers.modify(RCC_AHB1ENR, 0, 1 << pin.0);
-        registers.modify(RCC_APB1ENR, 0, USART2_CLOCK);
+        registers.switch_clocks_on(RCC_AHB1ENR, 1 << pin.0);
+        registers.switch_clocks_on(RCC_APB1ENR, USART2_CLOCK);
         // Sixteenths of the divider, rounded, are what BRR holds; 42 MHz / 9600 baud fit its 16 bits.
         let divider = (bus_hz + baud / 2) / baud.max(1);
         registers.write(USART2_BRR, divider.min(0xffff));

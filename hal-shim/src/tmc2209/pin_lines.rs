@@ -33,13 +33,13 @@ pub struct PinLines<R> {
 impl<R: Registers> PinLines<R> {
     /// Pins with pull-ups, and a timer that stands still. `timer_hz` is the clock of the timers on APB1.
     pub fn start(mut registers: R, pins: [(u8, u8); 4], timer_hz: u32, baud: u32) -> Self {
-        registers.modify(RCC_APB1ENR, 0, TIM7_CLOCK);
+        registers.switch_clocks_on(RCC_APB1ENR, TIM7_CLOCK);
         registers.write(TIM7_CR1, 0);
         let interval = timer_hz / (baud * u32::from(TICKS_A_BIT)).max(1);
         registers.write(TIM7_ARR, interval.saturating_sub(1).clamp(1, 0xffff));
         registers.write(TIM7_DIER, 1);
         for (port, number) in pins {
-            registers.modify(RCC_AHB1ENR, 0, 1 << port);
+            registers.switch_clocks_on(RCC_AHB1ENR, 1 << port);
             let place = 2 * u32::from(number & 15);
             registers.modify(gpio::port(port) + PUPDR, 0b11 << place, PULL_UP << place);
         }

@@ -1,7 +1,8 @@
 //! The full-speed USB controller (OTG_FS), on PA11 and PA12.
 //!
-//! Its driver is synopsys-usb-otg. That one waits for flags without end and panics when its clock is too slow, so it is
-//! only let near a controller that has answered and has its 48 MHz.
+//! Its driver is synopsys-usb-otg. That one waits for flags without end and panics when its clock is too slow or when a bus
+//! reset ends with a speed that it does not know, so it is only let near a controller that has answered and has its 48 MHz,
+//! and [`UsbGuard`] looks at the speed before it.
 
 use core::fmt;
 
@@ -12,6 +13,7 @@ use usb_device::bus::UsbBusAllocator;
 use ferrostep_stm32f4::board;
 use ferrostep_stm32f4::clock::comes_true;
 use ferrostep_stm32f4::pac::{GPIOA, OTG_FS_DEVICE, OTG_FS_GLOBAL, OTG_FS_PWRCLK, RCC};
+use ferrostep_stm32f4::usb_guard::UsbGuard;
 
 /// Words that the packets of OUT endpoints are copied to: 64 bytes each of the control and the bulk endpoint.
 pub const PACKET_WORDS: usize = 32;
@@ -43,7 +45,7 @@ unsafe impl UsbPeripheral for Controller {
 /// The controller with its driver.
 pub type Bus = synopsys_usb_otg::UsbBus<Controller>;
 
-/// The controller's registers.
+/// The controller's registers, all of them.
 pub type Registers = (OTG_FS_GLOBAL, OTG_FS_DEVICE, OTG_FS_PWRCLK);
 
 /// Why there is no USB.
@@ -77,7 +79,7 @@ pub fn start(
     rcc: &RCC,
     clock: &Clock,
     packets: &'static mut [u32; PACKET_WORDS],
-) -> Result<UsbBusAllocator<Bus>, NoUsb> {
+) -> Result<(UsbBusAllocator<Bus>, UsbGuard), NoUsb> {
     if !board::USB {
         return Err(NoUsb::NoPlug);
     }
@@ -86,7 +88,9 @@ pub fn start(
     }
     rcc.ahb1enr().modify(|_, w| w.gpioaen().set_bit());
     rcc.ahb2enr().modify(|_, w| w.otgfsen().set_bit());
-    let (global, ..) = registers;
+    // Read back: `Registers::switch_clocks_on` says why.
+    let _switched_on = (rcc.ahb1enr().read(), rcc.ahb2enr().read());
+    let (global, device, _) = registers;
     let reset = global.grstctl();
     // An identification of zero is nobody's.
     if global.cid().read().bits() == 0 || !comes_true(|| reset.read().ahbidl().bit_is_set()) {
@@ -98,13 +102,17 @@ pub fn start(
         return Err(NoUsb::NoAnswer);
     }
     connect_pins();
-    Ok(Bus::new(Controller { core_hz: clock.core_hz }, packets))
+    Ok((Bus::new(Controller { core_hz: clock.core_hz }, packets), UsbGuard::new(&global, &device)))
 }
 
 /// PA11 and PA12 become the controller's.
 fn connect_pins() {
     // SAFETY: called in `init`, where nobody else runs, and it changes nothing but the two pins.
     let port = unsafe { &*GPIOA::PTR };
+    // SAFETY: one bit a pin, 0 = push-pull; whatever a boot loader has left.
+    port.otyper().modify(|r, w| unsafe { w.bits(r.bits() & !(0b11 << 11)) });
+    // SAFETY: two bits a pin, 00 = no pull.
+    port.pupdr().modify(|r, w| unsafe { w.bits(r.bits() & !(0b1111 << 22)) });
     // SAFETY: four bits a pin from PA8 on, 10 = OTG_FS (datasheet, table 9).
     port.afrh().modify(|r, w| unsafe { w.bits(r.bits() & !(0xff << 12) | 0xaa << 12) });
     // SAFETY: two bits a pin, 11 = very high speed.

@@ -13,6 +13,7 @@ use ferrostep_gcode::Emergency;
 use ferrostep_hal_shim::clock_tree::Clock;
 use ferrostep_stm32f4::board;
 use ferrostep_stm32f4::pac::RCC;
+use ferrostep_stm32f4::usb_guard::UsbGuard;
 use ferrostep_usb::{Buffers, SerialNumber, UsbSerial};
 use heapless::spsc::{Consumer, Producer};
 use usb_device::bus::UsbBusAllocator;
@@ -76,6 +77,16 @@ impl Buffers for Rings {
 pub struct Usb {
     port: UsbSerial<'static, Bus>,
     rings: Rings,
+    guard: UsbGuard,
+}
+
+/// What came of an interrupt.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Served {
+    /// Received bytes that were dropped for want of room.
+    pub dropped: u32,
+    /// The controller has reported a speed that it does not have, and the port has left the bus for good.
+    pub has_failed: bool,
 }
 
 impl Usb {
@@ -92,14 +103,18 @@ impl Usb {
         rings: Rings,
     ) -> Result<&'static mut Self, NoUsb> {
         let Memory { packets, bus, serial_number, usb } = memory;
-        let bus = bus.write(controller::start(registers, rcc, clock, packets)?);
+        let (allocator, guard) = controller::start(registers, rcc, clock, packets)?;
+        let bus = bus.write(allocator);
         let serial_number = serial_number.write(SerialNumber::of(controller::identifier()));
-        Ok(usb.write(Self { port: UsbSerial::new(bus, board::TITLE, serial_number), rings }))
+        Ok(usb.write(Self { port: UsbSerial::new(bus, board::TITLE, serial_number), rings, guard }))
     }
 
-    /// An interrupt's work. Returns how many received bytes were dropped for want of room.
+    /// An interrupt's work.
     #[inline(never)]
-    pub fn serve(&mut self) -> u32 {
-        self.port.serve(&mut self.rings)
+    pub fn serve(&mut self) -> Served {
+        let was_off = self.guard.is_off();
+        let dropped = self.port.serve(&mut self.rings, || self.guard.is_sound());
+        self.guard.complete();
+        Served { dropped, has_failed: self.guard.is_off() && !was_off }
     }
 }

@@ -1,9 +1,10 @@
 //! The board that this is built for: what its file says (`boards/`), as constants and as stores to registers.
 
-use ferrostep_hal_shim::chip::ThermalPins;
+use ferrostep_hal_shim::chip::{ChipFamily, ThermalPins};
 use ferrostep_hal_shim::sensor_lines::{SensorLines, SensorPin};
 use ferrostep_hal_shim::stepping::{MotorPins, Pin, PinMap, StepLink};
 
+use crate::handlers::complete_stores;
 use crate::pac::{GPIOA, GPIOB, GPIOC, GPIOD, GPIOE, GPIOF, GPIOG};
 use crate::step_timer::{self, MotorPort, MotorPorts, Motors};
 use crate::stores;
@@ -52,6 +53,7 @@ impl BoardPins {
         if self.sensors.interrupt(&mut registers) {
             step_timer::stop_at_sensor(link);
         }
+        complete_stores();
     }
 }
 
@@ -93,8 +95,8 @@ impl Motors<MOTOR_PORTS> for BoardPins {
     }
 }
 
-/// For the panic and fault handlers: heaters off, then motors off.
+/// For the panic and fault handlers: heaters off, then motors off, then the fans full and off the USB bus.
 pub(crate) fn all_off() {
-    // SAFETY: pins of heaters and motors become what they may be at any time; nothing else runs any more.
+    // SAFETY: pins of heaters, motors and fans, and the USB controller, become what they may be at any time; nothing else runs any more.
     unsafe { stores::apply(&ALL_OFF) };
 }

@@ -6,6 +6,7 @@ use core::sync::atomic::AtomicU8;
 use ferrostep_hal_shim::clock_tree::Clock;
 use ferrostep_hal_shim::tmc2209::{HalfDuplexLine, LineBusy, PinLines, SingleWireUart};
 
+use crate::handlers::complete_stores;
 use crate::pac::{Interrupt, TIM7, USART2};
 use crate::volatile::Volatile;
 
@@ -44,6 +45,7 @@ impl DriverLine for SharedLine {
     #[inline]
     fn interrupt(&mut self) {
         Self::interrupt(self);
+        complete_stores();
     }
 }
 
@@ -65,6 +67,7 @@ impl DriverLine for OwnLines {
     #[inline]
     fn interrupt(&mut self) {
         Self::interrupt(self);
+        complete_stores();
     }
 }
 

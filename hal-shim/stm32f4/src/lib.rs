@@ -13,6 +13,7 @@ pub mod clock;
 mod critical_section;
 pub mod driver_line;
 pub mod fault;
+mod handlers;
 pub mod measured;
 pub mod motion_clock;
 pub mod safe_state;
@@ -21,6 +22,7 @@ pub mod step_timer;
 mod stores;
 pub mod supervision;
 pub mod thermal;
+pub mod usb_guard;
 pub mod vector_table;
 mod volatile;
 

@@ -10,6 +10,8 @@ impl MotionClock {
     /// Starts the timer at the frequency of the timers on APB1.
     pub fn start(timer: TIM5, rcc: &RCC) -> Self {
         rcc.apb1enr().modify(|_, w| w.tim5en().set_bit());
+        // Read back: `Registers::switch_clocks_on` says why.
+        let _switched_on = rcc.apb1enr().read();
         // SAFETY: any reload value is valid; this one makes all 32 bits count.
         timer.arr().write(|w| unsafe { w.bits(u32::MAX) });
         timer.cr1().write(|w| w.cen().set_bit());

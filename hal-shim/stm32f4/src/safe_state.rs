@@ -2,16 +2,36 @@
 
 use core::fmt;
 
+use ferrostep_hal_shim::chip::clock_setup;
+
+use crate::board::{CORE_HZ, INTERNAL_HZ};
 use crate::pac::USART1;
+use crate::volatile::Volatile;
 use crate::{board, supervision};
 
 /// Most looks at the transmitter for one byte: more than a byte takes at 9600 baud and 168 MHz.
 const MOST_LOOKS: u32 = 200_000;
 
-/// Stops all interrupts and switches heaters, then motors off, by their registers.
+/// Stops all interrupts and switches heaters, then motors off, by their registers; then the fans full on, and the USB port off
+/// the bus, so that its host ends too.
 pub fn enter() {
     cortex_m::interrupt::disable();
     board::all_off();
+}
+
+/// Whether the crystal has stopped, for which the core calls the interrupt that cannot be masked. The chip has gone over to its
+/// internal oscillator by itself, buses divided as before; then the host's line gets its speed back. After [`enter`] only.
+pub fn crystal_has_stopped() -> bool {
+    // SAFETY: a register is only read.
+    let has_stopped = clock_setup::crystal_has_stopped(&mut unsafe { Volatile::new() });
+    if has_stopped {
+        // SAFETY: interrupts are off for good, so that nobody else writes to the port.
+        let usart = unsafe { &*USART1::ptr() };
+        let divider = clock_setup::divider_without_crystal(usart.brr().read().bits(), CORE_HZ, INTERNAL_HZ);
+        // SAFETY: any value is a divider.
+        usart.brr().write(|w| unsafe { w.bits(divider) });
+    }
+    has_stopped
 }
 
 /// Keeps a text over the reset, and then tells the host of the end, which takes a thousand times as long. After [`enter`]

@@ -1,5 +1,6 @@
 //! USART1, the host's line.
 
+use crate::handlers::complete_stores;
 use crate::pac::{RCC, USART1};
 
 /// Most bytes handed to the transmitter in one interrupt. A real one takes two; QEMU's would take all there are.
@@ -25,6 +26,8 @@ impl Serial {
     /// Starts the port: 8 bits, no parity, 1 stop bit; the receive interrupt is on. `bus_hz` is the port's clock.
     pub fn start(usart: USART1, rcc: &RCC, bus_hz: u32, baud: u32) -> Self {
         rcc.apb2enr().modify(|_, w| w.usart1en().set_bit());
+        // Read back: `Registers::switch_clocks_on` says why.
+        let _switched_on = rcc.apb2enr().read();
         // Sixteenths of the divider, rounded, are what BRR holds; 84 MHz / 9600 baud fit its 16 bits.
         let divider = (bus_hz + baud / 2) / baud.max(1);
         // SAFETY: any value is a divider.
@@ -43,8 +46,14 @@ impl Serial {
         byte.filter(|_| has_byte)
     }
 
-    /// Hands bytes from `next` to the transmitter while it takes them.
-    pub fn transmit(&mut self, mut next: impl FnMut() -> Option<u8>) -> Transmit {
+    /// Hands bytes from `next` to the transmitter while it takes them: the last that the interrupt does.
+    pub fn transmit(&mut self, next: impl FnMut() -> Option<u8>) -> Transmit {
+        let outcome = self.hand_over(next);
+        complete_stores();
+        outcome
+    }
+
+    fn hand_over(&mut self, mut next: impl FnMut() -> Option<u8>) -> Transmit {
         for _ in 0..BYTES_AT_ONCE {
             if self.usart.sr().read().txe().bit_is_clear() {
                 self.usart.cr1().modify(|_, w| w.txeie().set_bit());

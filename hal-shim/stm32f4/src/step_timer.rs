@@ -102,6 +102,8 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepTimer<M, PORTS, N> {
         player: &'static StepPlayer<M, PORTS, N>,
     ) -> Self {
         rcc.apb1enr().modify(|_, w| w.tim2en().set_bit());
+        // Read back: `Registers::switch_clocks_on` says why.
+        let _switched_on = rcc.apb1enr().read();
         start_count(counter, rcc);
         // TRGO = update (RM0090 18.4.2, MMS 010): what TIM9 counts.
         // SAFETY: a value that the field has.
@@ -144,6 +146,7 @@ impl Timer {
 /// Slave of TIM2: external clock mode 1 on ITR0 (RM0090 19.4.3, SMS 111, TS 000; table 99: TIM9's ITR0 is TIM2).
 fn start_count(counter: TIM9, rcc: &RCC) {
     rcc.apb2enr().modify(|_, w| w.tim9en().set_bit());
+    let _switched_on = rcc.apb2enr().read();
     // SAFETY: any reload value is valid.
     counter.arr().write(|w| unsafe { w.bits(u32::from(MAX_EVENTS)) });
     // SAFETY: values that the fields have.

@@ -38,6 +38,12 @@ pub(crate) unsafe fn apply(stores: &[Store]) {
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn __pre_init() {
     naked_asm!(
+        // A boot loader that ran as a task leaves another stack, and one with masks would leave this deaf. The stack of
+        // before is not touched yet: cortex-m-rt has set the main one.
+        "movs r0, #0",
+        "msr BASEPRI, r0",
+        "msr CONTROL, r0",
+        "isb",
         "push {{r4, lr}}",
         "ldr r0, ={first}",
         "ldr r1, ={bytes}",

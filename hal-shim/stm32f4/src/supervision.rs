@@ -2,9 +2,10 @@
 
 use core::fmt;
 
-use ferrostep_hal_shim::chip::{self, BrownOut, ResetCause, watchdog};
+use ferrostep_hal_shim::chip::{self, BrownOut, ResetCause, UnderDebugger, watchdog};
 use ferrostep_hal_shim::kept_text::KeptText;
 
+use crate::board::THERMAL;
 use crate::pac::{FLASH, IWDG, RCC};
 use crate::volatile::Volatile;
 
@@ -31,11 +32,12 @@ pub struct Watchdog {
 }
 
 impl Watchdog {
-    /// Starts it.
+    /// Starts it. On a board with heaters it also runs while a debugger has halted the core.
     pub fn start(_watchdog: IWDG) -> Self {
         // SAFETY: its registers were given up to this; besides, a bit of the debugger's settings that nobody else writes.
         let mut registers = unsafe { Volatile::new() };
-        Self { watchdog: chip::Watchdog::start(&mut registers), registers }
+        let under_debugger = if THERMAL.is_some() { UnderDebugger::Runs } else { UnderDebugger::StandsStill };
+        Self { watchdog: chip::Watchdog::start(under_debugger, &mut registers), registers }
     }
 
     /// Feeds it.

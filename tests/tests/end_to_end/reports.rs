@@ -89,6 +89,10 @@ fn firmware_and_capabilities() {
         assert!(keys.iter().any(|found| found == key), "{key} in {replies:?}");
     }
     assert!(replies[0].contains("MACHINE_TYPE:prusa-mini ") && replies[0].contains("EXTRUDER_COUNT:1"), "{replies:?}");
+    let version =
+        regex(r"^FIRMWARE_NAME:Ferrostep \d+\.\d+\.\d+ \(commit ([0-9a-f]{7,}(-dirty)?|unknown)\) PROTOCOL_VERSION:");
+    assert!(version.is_match(&replies[0]), "{replies:?}");
+    assert!(replies[0].contains(&format!("Ferrostep {} ", ferrostep::VERSION)), "{replies:?}");
     let capability = regex(r"^Cap:([A-Z0-9_]+):([01])$");
     let capabilities: Vec<(String, bool)> = replies
         .iter()

@@ -5,7 +5,7 @@ use std::path::Path;
 use object::{Object, ObjectSection, ObjectSymbol};
 
 use crate::boards::{BOARDS, BoardFacts};
-use crate::image::image_of;
+use crate::image::{Bench, image_of};
 
 /// RAM that every board has.
 const RAM: std::ops::Range<u32> = 0x2000_0000..0x2002_0000;
@@ -147,8 +147,51 @@ fn all_files_of_a_board_hold_the_same_bytes() {
             .map(|entry| entry.unwrap().file_name().into_string().unwrap())
             .collect();
         names.sort();
-        let mut expected = [board.bytes_file, "ferrostep.elf", "ferrostep.hex"];
+        let mut expected: Vec<&str> =
+            [board.bytes_file, "ferrostep.elf", "ferrostep.hex"].into_iter().chain(board.container).collect();
         expected.sort_unstable();
         assert_eq!(names, expected, "{}", board.name);
+    }
+}
+
+/// A signature of 64 bytes, the SHA-256 of the rest, a header with the image's length first, and the image: that begins where
+/// the boot loader has written hash and header to the beginning of a flash sector (Prusa-Firmware-Buddy,
+/// `utils/unpack_bbf.py`).
+#[test]
+fn the_container_holds_the_same_bytes_for_the_place_that_they_are_linked_to() {
+    for (board, name) in BOARDS.iter().filter_map(|board| Some((board, board.container?))) {
+        let image = image_of(board.name);
+        let (file, bytes) = (read(&image, name), read(&image, board.bytes_file));
+        assert_eq!(word(&file, 96) as usize, bytes.len(), "{}", board.name);
+        assert!(file[576..] == bytes, "{}: the two files differ", board.name);
+        let sector = board.image_address - (576 - 64);
+        assert!(sector.is_multiple_of(0x2_0000) && sector > 0x0800_0000, "{}: {sector:#x}", board.name);
+        // The MINI, and the format's first version.
+        assert_eq!(file[111..113], [2, 1], "{}", board.name);
+    }
+}
+
+/// What `strings` shows of an image, without running it; M115 says the same version.
+#[test]
+fn the_image_names_its_version_board_and_profile() {
+    for board in &BOARDS {
+        let bytes = read(&image_of(board.name), board.bytes_file);
+        let start = bytes.windows(10).position(|window| window == b"ferrostep ").unwrap();
+        let text: String = bytes[start..]
+            .iter()
+            .take_while(|byte| (b' '..=b'~').contains(byte))
+            .map(|&byte| char::from(byte))
+            .collect();
+        let rest = text.strip_prefix(concat!("ferrostep ", env!("CARGO_PKG_VERSION"), " (commit ")).unwrap();
+        let (commit, rest) = rest.split_once(") ").unwrap();
+        let is_commit = |commit: &str| commit.len() >= 7 && commit.bytes().all(|byte| byte.is_ascii_hexdigit());
+        assert!(commit == "unknown" || is_commit(commit.trim_end_matches("-dirty")), "{}: {text}", board.name);
+        assert_eq!(rest, format!("{} {}", board.name, board.profile));
+        let mut bench = Bench::boot_board(board);
+        let line = bench.host.ask("M115", "FIRMWARE_NAME").unwrap();
+        let version = concat!("FIRMWARE_NAME:Ferrostep ", env!("CARGO_PKG_VERSION"));
+        assert!(line.starts_with(&format!("{version} (commit {commit}) PROTOCOL_VERSION:")), "{}: {line}", board.name);
+        // The vector table that the core uses is this image's, whatever a boot loader's was.
+        assert_eq!(bench.register(0xe000_ed08), board.image_address, "{}: VTOR", board.name);
     }
 }

@@ -17,6 +17,9 @@ const A_WHILE: Duration = Duration::from_millis(500);
 /// Where RAM, and the stack in it, begins.
 const RAM: u32 = 0x2000_0000;
 
+/// The soft disconnect in the USB controller's DCTL.
+const OFF_THE_BUS: &str = "USB OTG FS: unimplemented device write (size 4, offset 0x00804, value 0x00000002)";
+
 /// Nothing is here.
 const NOWHERE: u32 = 0x6000_0000;
 
@@ -274,6 +277,15 @@ fn assert_ends_safely(board: &BoardFacts, last_words: &str, go_wrong: impl Fn(&m
     let state = state_after(board, &writes, true);
     assert_all_off(board, &state);
     assert_heaters_are_taken_from_timers(board, &state);
+    assert_fans_blow(board, &state);
+    assert_eq!(bench.logged(OFF_THE_BUS), 1, "{}: the host at the USB port waits for ever", board.name);
+}
+
+/// Checks that the fans of part and hot end, the first two, are plain outputs and high, and no others.
+fn assert_fans_blow(board: &BoardFacts, state: &PortState) {
+    for (index, fan) in board.fans.iter().map(|name| pin(name)).enumerate() {
+        assert!(state.is_output(fan) && state.is_high(fan) == (index < 2), "{}: fan {fan:?}", board.name);
+    }
 }
 
 /// Halts the image; when it goes on it panics, with an overflow at a place that is none.
@@ -306,6 +318,25 @@ fn a_stray_jump_switches_heaters_off_first() {
             let mut debugger = bench.host.port().halt().unwrap();
             debugger.set_register(Register::ProgramCounter, NOWHERE).unwrap();
             assert_eq!(debugger.register(Register::ProgramCounter).unwrap(), NOWHERE);
+            debugger
+        });
+    }
+}
+
+/// What sets NMIPENDSET (PM0214, 4.4.3): `movw r1, #0xed04; movt r1, #0xe000; str r0, [r1]; b .`
+const PEND_NON_MASKABLE: [u16; 6] = [0xf64e, 0x5104, 0xf2ce, 0x0100, 0x6008, 0xe7fe];
+
+/// The interrupt by which the chip says that its crystal has stopped. The emulator's has no such flag, so that the image
+/// takes it for one that nobody has asked for.
+#[test]
+fn the_interrupt_that_cannot_be_masked_switches_heaters_off_first() {
+    for board in &BOARDS {
+        assert_ends_safely(board, "unexpected interrupt -14", |bench| {
+            let mut debugger = halted_asleep(bench);
+            let program: Vec<u8> = PEND_NON_MASKABLE.into_iter().flat_map(u16::to_le_bytes).collect();
+            debugger.write_memory(RAM + 0x200, &program).unwrap();
+            debugger.set_register(Register::R0, 1 << 31).unwrap();
+            debugger.set_register(Register::ProgramCounter, RAM + 0x200).unwrap();
             debugger
         });
     }

@@ -7,12 +7,16 @@ use ferrostep_tests::qemu::Pin;
 pub struct BoardFacts {
     /// Its name.
     pub name: &'static str,
+    /// The profile that it is built with.
+    pub profile: &'static str,
     /// Where its image begins.
     pub image_address: u32,
     /// Flash behind its end is not there.
     pub flash_end: u32,
     /// What the plain bytes are called.
     pub bytes_file: &'static str,
+    /// What Prusa's container is called, where the boot loader takes one.
+    pub container: Option<&'static str>,
     /// Frequency of its crystal, MHz.
     pub crystal_mhz: u32,
     /// Steps of X (A), Y (B), Z and E, then their directions.
@@ -45,9 +49,11 @@ pub struct BoardFacts {
 pub const BOARDS: [BoardFacts; 3] = [
     BoardFacts {
         name: "bench",
+        profile: "cartesian",
         image_address: 0x0800_0000,
         flash_end: 0x0810_0000,
         bytes_file: "ferrostep.bin",
+        container: None,
         crystal_mhz: 8,
         signals: [["C0", "C1", "C2", "C3"], ["C4", "C5", "C6", "C7"]],
         inverted: [false; 4],
@@ -64,9 +70,11 @@ pub const BOARDS: [BoardFacts; 3] = [
     },
     BoardFacts {
         name: "prusa-buddy",
-        image_address: 0x0800_0000,
+        profile: "prusa-mini",
+        image_address: 0x0802_0200,
         flash_end: 0x0810_0000,
         bytes_file: "ferrostep.bin",
+        container: Some("ferrostep.bbf"),
         crystal_mhz: 12,
         signals: [["D1", "D13", "D4", "D9"], ["D0", "D12", "D15", "D8"]],
         inverted: [true, true, false, false],
@@ -84,9 +92,11 @@ pub const BOARDS: [BoardFacts; 3] = [
     },
     BoardFacts {
         name: "btt-octopus-1.1",
+        profile: "corexy",
         image_address: 0x0800_8000,
         flash_end: 0x0808_0000,
         bytes_file: "firmware.bin",
+        container: None,
         crystal_mhz: 12,
         signals: [["F13", "G0", "F11", "F9"], ["F12", "G1", "G3", "F10"]],
         inverted: [false; 4],

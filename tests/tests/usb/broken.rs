@@ -180,3 +180,21 @@ fn a_host_that_never_stops_sending_is_heard_when_it_says_stop() {
     assert_eq!(lines[whole..], [None, line("M105")]);
     host.set_open(true);
 }
+
+/// The driver panics at a speed that it does not know, and with it the print would end.
+#[test]
+fn a_controller_that_is_not_sound_is_left_alone() {
+    let device = Device::new();
+    let mut host = device.host();
+    host.plug_in();
+    host.set_open(true);
+    host.send(b"M105\n");
+    let before = device.bus().polls();
+    device.bus().break_down();
+    // Interrupts go on to come, and lines to be written.
+    device.interrupt();
+    device.reply("ok");
+    device.report("echo:still here");
+    assert_eq!(device.bus().polls(), before);
+    assert_eq!(heard(&device.take_received()), [line("M105")], "what came before is read");
+}

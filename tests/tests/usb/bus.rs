@@ -32,6 +32,10 @@ struct Controller {
     is_enabled: bool,
     is_reset: bool,
     signal: Option<Signal>,
+    /// How often the driver has looked at it.
+    polls: usize,
+    /// It shows what the driver panics at.
+    is_broken: bool,
     ins: BTreeMap<usize, In>,
     outs: BTreeMap<usize, Out>,
 }
@@ -86,6 +90,21 @@ impl Bus {
     /// The host wakes up.
     pub fn signal_resume(&self) {
         self.lock().signal = Some(Signal::Resume);
+    }
+
+    /// From now on the driver may not look at it.
+    pub fn break_down(&self) {
+        self.lock().is_broken = true;
+    }
+
+    /// Whether it shows nothing that the driver panics at.
+    pub fn is_sound(&self) -> bool {
+        !self.lock().is_broken
+    }
+
+    /// How often the driver has looked at it.
+    pub fn polls(&self) -> usize {
+        self.lock().polls
     }
 
     /// An IN transaction.
@@ -243,6 +262,7 @@ impl UsbBus for Bus {
 
     fn poll(&self) -> PollResult {
         let mut controller = self.lock();
+        controller.polls += 1;
         match controller.signal.take() {
             Some(Signal::Reset) => return PollResult::Reset,
             Some(Signal::Suspend) => return PollResult::Suspend,

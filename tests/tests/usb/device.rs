@@ -80,10 +80,15 @@ impl Device {
         Host::new(&self.bus, self)
     }
 
+    /// The controller.
+    pub fn bus(&self) -> &Bus {
+        &self.bus
+    }
+
     /// The interrupt, as often as there is something for it.
     pub fn interrupt(&self) {
         for _ in 0..4 {
-            let dropped = self.port.borrow_mut().serve(&mut *self.interrupt.borrow_mut());
+            let dropped = self.port.borrow_mut().serve(&mut *self.interrupt.borrow_mut(), || self.bus.is_sound());
             self.dropped.set(self.dropped.get() + dropped);
         }
     }

@@ -1,0 +1,19 @@
+//! What the image says it is: to a host by M115, and to whoever looks into it by `strings`.
+
+use core::ops::Range;
+
+/// A text, and where in it the version is.
+pub struct Identity {
+    text: &'static str,
+    version: Range<usize>,
+}
+
+impl Identity {
+    /// `0.1.0 (commit abcdef0)`.
+    pub fn version(&self) -> &'static str {
+        self.text.get(self.version.clone()).unwrap_or_default()
+    }
+}
+
+/// As `build.rs` found it: `ferrostep 0.1.0 (commit abcdef0) prusa-buddy prusa-mini`.
+pub static IDENTITY: Identity = include!(concat!(env!("OUT_DIR"), "/identity.rs"));
