@@ -1,6 +1,6 @@
 //! A boot loader that ran as a task, with interrupts masked, and jumps to the image from there.
 
-use ferrostep_tests::code::Code;
+use ferrostep_image_code::code::Code;
 use ferrostep_tests::qemu::Register;
 
 use crate::board_pins::halted_asleep;

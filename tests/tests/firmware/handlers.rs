@@ -1,6 +1,6 @@
 //! How handlers end (erratum 838869): a store that still waits on a slow bus must not overlap the return.
 
-use ferrostep_tests::code::{Code, Instruction};
+use ferrostep_image_code::code::{Code, Instruction};
 
 use crate::boards::BOARDS;
 use crate::image::image_of;
