@@ -415,10 +415,16 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
         self.motion.finish().await?;
         let motors = mask(axes);
         self.motion.set_motors_enabled(motors, false);
-        for (axis, homed) in self.modal.homed.iter_mut().enumerate() {
-            *homed &= motors >> axis & 1 == 0;
-        }
+        self.forget_home(motors);
         Ok(())
+    }
+
+    /// The motors in the mask may not be where their steps say: no axis that they move is homed any more.
+    pub(crate) fn forget_home(&mut self, motors: u8) {
+        let axes = self.profile.axes_of_motors(motors);
+        for (axis, homed) in self.modal.homed.iter_mut().enumerate() {
+            *homed &= axes >> axis & 1 == 0;
+        }
     }
 
     /// M112: heat first, then motion.

@@ -203,6 +203,15 @@ impl Profile {
         }
     }
 
+    /// Mask of the axes that the motors in the mask move: on CoreXY each of A and B moves X and Y.
+    pub const fn axes_of_motors(&self, motors: u8) -> u8 {
+        const PLANE: u8 = 0b11;
+        match self.kinematics {
+            Kinematics::CoreXy if motors & PLANE != 0 => motors | PLANE,
+            Kinematics::CoreXy | Kinematics::Cartesian => motors,
+        }
+    }
+
     /// Heaters with this machine's thermistors, cold.
     pub const fn virtual_heaters(&self) -> VirtualHeaters {
         VirtualHeaters::new(self.nozzle.thermistor, self.bed.thermistor)
