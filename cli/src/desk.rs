@@ -13,7 +13,7 @@ use ferrostep_gcode::MotionFigures;
 use ferrostep_hal_shim::virtual_board::{
     EventRate, StallSignal, StepObserver, StepTimer, VirtualBoard, VirtualClock, VirtualHeaters,
 };
-use ferrostep_hal_shim::{EndStops, Fan, Heater, MotorEnable, ThermalBoard};
+use ferrostep_hal_shim::{EndStops, Heater, MotorEnable, ThermalBoard};
 use ferrostep_planner::extruder::rounded_steps;
 use ferrostep_planner::interpolator::MAX_ENTRIES;
 use ferrostep_planner::look_ahead::Slot;
@@ -474,7 +474,7 @@ impl<O: Observer> Desk<O> {
                     self.last_notice = tick;
                     self.observer.observer.move_ended(tick, line);
                 }
-                Notice::FanPower { power, .. } => self.board.heaters.set_fan_power(power),
+                Notice::FanPower { power, .. } => self.heat.set_part_fan_power(power),
             }
         }
     }

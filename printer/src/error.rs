@@ -8,6 +8,7 @@ use ferrostep_planner::look_ahead::Violation;
 use ferrostep_planner::{MIN_FEED_MM_PER_S, MoveError};
 
 use crate::AXIS_NAMES;
+use crate::heat::HeatFault;
 use crate::ports::{Miscount, MotionError};
 
 /// Why a command was not executed. Nothing of it has happened then; a command that was stopped on its way
@@ -99,6 +100,8 @@ pub enum CommandError {
     InvalidTool(u32),
     /// The machine was stopped by M112 or a heater fault, here or before, and waits for M999.
     Halted,
+    /// M999 does not end this heater fault.
+    NeedsReset(HeatFault),
     /// Motion was stopped on the way.
     Stopped,
     /// A motor's steps were not those of its block; motion was stopped.
@@ -197,6 +200,12 @@ impl fmt::Display for CommandError {
             Self::NotEquipped(what) => write!(out, "this board has no {what}"),
             Self::InvalidTool(tool) => write!(out, "T{tool} - Invalid extruder number !, expected T0"),
             Self::Halted => write!(out, "the printer is halted (M112 or a heater fault), expected M999 to restart"),
+            Self::NeedsReset(HeatFault { heater, trip }) => write!(
+                out,
+                "M999 does not end \"{trip}\" of the {}: expected its cause mended, then a reset of the board (its button, or \
+                 power off and on)",
+                heater.name()
+            ),
             Self::Stopped => write!(out, "motion was stopped"),
             Self::Miscounted(Miscount { motor, counted, expected }) => {
                 let name = AXIS_NAMES.get(*motor).copied().unwrap_or('?');

@@ -250,7 +250,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
                 self.modal.homed = [false; 3];
                 self.follow_the_motors();
             }
-            CommandError::Stopped | CommandError::Halted => self.follow_the_motors(),
+            CommandError::Stopped | CommandError::Halted | CommandError::NeedsReset(_) => self.follow_the_motors(),
             _ => {}
         }
     }
@@ -302,7 +302,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
             let _ = core::fmt::write(&mut line, format_args!("{fault}"));
             self.replies.send(Reply::Text(&line));
             self.replies.send(Reply::Killed);
-            return Err(CommandError::Halted);
+            return Err(if fault.trip.needs_reset() { CommandError::NeedsReset(fault) } else { CommandError::Halted });
         }
         Ok(())
     }

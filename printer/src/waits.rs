@@ -141,10 +141,7 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
     }
 
     fn say_not_cooling(&self, heater: Heater, status: &HeaterStatus) {
-        let name = match heater {
-            Heater::Nozzle => "nozzle",
-            Heater::Bed => "bed",
-        };
+        let name = heater.name();
         let (celsius, target) = (Real::fixed(status.celsius, 1), Real::short(status.target_celsius, 2));
         let mut text = Text::new();
         let line = self.line;

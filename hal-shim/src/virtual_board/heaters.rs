@@ -4,7 +4,7 @@ use super::ThermalModel;
 use super::heater_failure::HeaterFailure;
 use super::thermal_model::AMBIENT_CELSIUS;
 use crate::thermistor::Thermistor;
-use crate::{Fan, Heater, ThermalBoard};
+use crate::{Fans, Heater, ThermalBoard};
 
 /// A thermistor that has fallen out takes the air's temperature with this time constant, s.
 const FALLEN_OUT_S: f32 = 3.0;
@@ -51,11 +51,12 @@ impl VirtualHeater {
     }
 }
 
-/// Two heaters with a thermal model each, and the part-cooling fan.
+/// Two heaters with a thermal model each, and the fans. The hot end's own fan cools none of both.
 #[derive(Clone, Debug)]
 pub struct VirtualHeaters {
     heaters: [VirtualHeater; 2],
     fan_power: u8,
+    hotend_fan: bool,
 }
 
 impl VirtualHeaters {
@@ -63,7 +64,7 @@ impl VirtualHeaters {
     pub const fn new(nozzle: Thermistor, bed: Thermistor) -> Self {
         let heaters =
             [VirtualHeater::new(ThermalModel::nozzle(), nozzle), VirtualHeater::new(ThermalModel::bed(), bed)];
-        Self { heaters, fan_power: 0 }
+        Self { heaters, fan_power: 0, hotend_fan: false }
     }
 
     /// Lets the heaters and what they heat run for a while, at most a second or so at a time.
@@ -88,9 +89,14 @@ impl VirtualHeaters {
         self.heaters[heater.index()].power
     }
 
-    /// The fan's power, 0 to 255.
+    /// Power of the part-cooling fan, 0 to 255.
     pub const fn fan_power(&self) -> u8 {
         self.fan_power
+    }
+
+    /// Whether the hot end's own fan turns.
+    pub const fn hotend_fan(&self) -> bool {
+        self.hotend_fan
     }
 }
 
@@ -104,9 +110,13 @@ impl ThermalBoard for VirtualHeaters {
     }
 }
 
-impl Fan for VirtualHeaters {
+impl Fans for VirtualHeaters {
     fn set_fan_power(&mut self, power: u8) {
         self.fan_power = power;
+    }
+
+    fn set_hotend_fan(&mut self, on: bool) {
+        self.hotend_fan = on;
     }
 }
 

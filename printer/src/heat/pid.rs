@@ -17,20 +17,21 @@ pub struct Pid {
     accumulated: f32,
     /// Filtered, degrees a second.
     slope: f32,
-    last_celsius: f32,
+    /// `None` before the first sample.
+    last_celsius: Option<f32>,
 }
 
 impl Pid {
-    /// At rest at a temperature.
-    pub fn new(settings: &HeaterSettings, celsius: f32) -> Self {
+    /// At rest, at whatever temperature the first sample has.
+    pub fn new(settings: &HeaterSettings) -> Self {
         let HeaterSettings { proportional, integral, derivative, .. } = *settings;
-        Self { proportional, integral, derivative, accumulated: 0.0, slope: 0.0, last_celsius: celsius }
+        Self { proportional, integral, derivative, accumulated: 0.0, slope: 0.0, last_celsius: None }
     }
 
     /// Power for the next sample, 0 to 1; 0 where the target is 0.
     pub fn power(&mut self, celsius: f32, target: f32) -> f32 {
-        self.slope += ((celsius - self.last_celsius) / SAMPLE_S - self.slope) * SLOPE_SHARE;
-        self.last_celsius = celsius;
+        let before = self.last_celsius.replace(celsius).unwrap_or(celsius);
+        self.slope += ((celsius - before) / SAMPLE_S - self.slope) * SLOPE_SHARE;
         if target <= 0.0 {
             self.accumulated = 0.0;
             return 0.0;

@@ -49,6 +49,20 @@ pub enum Trip {
     Frozen(f32),
 }
 
+impl Trip {
+    /// Whether M999 does not end it, only a reset of the board: what failed is the heater, its transistor, or the
+    /// thermistor's place, and no reading can show that it is sound again. Repeated by a host, M999 and M104 would grant a
+    /// heater without a thermistor one watch period at full power after the other.
+    ///
+    /// The others end when the reading is within its limits again: a plug put back, a nozzle that has cooled.
+    pub const fn needs_reset(self) -> bool {
+        match self {
+            Self::Sensor(_) | Self::TooHot(_) | Self::TooCold(_) => false,
+            Self::HeatingFailed(_) | Self::Runaway(_) | Self::RisesUnpowered(_) | Self::Frozen(_) => true,
+        }
+    }
+}
+
 impl fmt::Display for Trip {
     /// The words that hosts take for a thermal error.
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {

@@ -114,7 +114,7 @@ fn heating_up_overshoots_by_less_than_three_degrees_and_stays() {
     for further in [0.0, 10.0] {
         for fan_power in [0, 255] {
             let mut rig = Rig::new();
-            ferrostep_hal_shim::Fan::set_fan_power(&mut rig.board, fan_power);
+            rig.control.set_part_fan_power(fan_power);
             let targets = Heater::ALL.map(|heater| usual_target(heater) + further);
             for heater in Heater::ALL {
                 rig.control.set_target(heater, targets[heater.index()]);
