@@ -64,6 +64,7 @@ fn constant(profile: &Profile) -> String {
         move_cost_ticks,
         homing: [home_x, home_y, home_z],
         min_extrusion_celsius,
+        heater_timeout_s,
         nozzle,
         bed,
         retraction,
@@ -85,7 +86,7 @@ fn constant(profile: &Profile) -> String {
          steps_per_mm: [{}], limits: {}, motion: {}, \
          minimum_event_interval_ticks: {minimum_event_interval_ticks}, event_cost_ticks: {event_cost_ticks}, \
          move_cost_ticks: {move_cost_ticks}, homing: [{}, {}, {}], \
-         min_extrusion_celsius: {min_extrusion_celsius:?}, nozzle: {}, bed: {}, \
+         min_extrusion_celsius: {min_extrusion_celsius:?}, heater_timeout_s: {heater_timeout_s}, nozzle: {}, bed: {}, \
          retraction: FirmwareRetraction {{ length_10nm: {length_10nm}, retract_10nm_per_s: {retract_10nm_per_s}, \
          extra_recover_10nm: {extra_recover_10nm}, recover_10nm_per_s: {recover_10nm_per_s}, lift_10nm: {lift_10nm} }}, \
          driver: DriverTiming {{ pulse_width_ns: {pulse_width_ns}, direction_setup_ns: {direction_setup_ns}, \

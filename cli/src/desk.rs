@@ -153,6 +153,8 @@ pub struct Desk<O> {
     idle_ns: u64,
     next_heat_ns: u64,
     last_step_ns: u64,
+    /// The last step that [`Self::take_moved`] has seen.
+    seen_step_ns: u64,
     underruns: u64,
     homing_ticks: u64,
     homing_since: Option<u64>,
@@ -192,6 +194,7 @@ impl<O: Observer> Desk<O> {
             idle_ns: 0,
             next_heat_ns: HEAT_INTERVAL_NS,
             last_step_ns: 0,
+            seen_step_ns: 0,
             underruns: 0,
             homing_ticks: 0,
             homing_since: None,
@@ -215,6 +218,11 @@ impl<O: Observer> Desk<O> {
             merged_moves: self.planner.merged_moves(),
             digests: self.board.motors.steps.digests(),
         }
+    }
+
+    /// Whether motors have moved since this was last asked.
+    pub fn take_moved(&mut self) -> bool {
+        std::mem::replace(&mut self.seen_step_ns, self.last_step_ns) != self.last_step_ns
     }
 
     /// What M797 reports.

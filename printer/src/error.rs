@@ -102,6 +102,8 @@ pub enum CommandError {
     Halted,
     /// M999 does not end this heater fault.
     NeedsReset(HeatFault),
+    /// A wait for heat ended because the heaters were switched off as unused (M86).
+    HeatersTimedOut,
     /// Motion was stopped on the way.
     Stopped,
     /// A motor's steps were not those of its block; motion was stopped.
@@ -206,6 +208,12 @@ impl fmt::Display for CommandError {
                  power off and on)",
                 heater.name()
             ),
+            Self::HeatersTimedOut => {
+                write!(
+                    out,
+                    "the heaters were switched off during the wait, expected a longer time for it: M86 S before it"
+                )
+            }
             Self::Stopped => write!(out, "motion was stopped"),
             Self::Miscounted(Miscount { motor, counted, expected }) => {
                 let name = AXIS_NAMES.get(*motor).copied().unwrap_or('?');

@@ -76,6 +76,7 @@ pub struct Printer<'a, M, H, T, R> {
 impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'a, M, H, T, R> {
     /// A printer that has just been switched on: nothing homed, everything cold.
     pub fn new(profile: &'a Profile, motion: M, heating: H, clock: T, replies: &'a R, signals: &'a Signals) -> Self {
+        signals.set_heater_timeout_s(profile.heater_timeout_s);
         Self {
             profile,
             motion,
@@ -148,6 +149,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
     /// before it.
     pub async fn execute(&mut self, line: u32, text: &str) -> Result<(), Failure> {
         self.line = line;
+        self.signals.note_host();
         // From here on nobody switches the motors off; if somebody has, it is noticed now.
         self.signals.set_at_work(true);
         if self.motion.take_switched_off() {
@@ -327,6 +329,8 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
             Command::EnableMotors(axes) => self.motion.set_motors_enabled(mask(axes), true),
             Command::DisableMotors(axes) => self.disable_motors(axes).await?,
             Command::IdleTimeout { seconds } => self.signals.set_idle_timeout_s(seconds),
+            Command::HeaterTimeout(Some(seconds)) => self.signals.set_heater_timeout_s(seconds),
+            Command::HeaterTimeout(None) => self.replies.send(Reply::HeaterTimeout(self.signals.heater_timeout_s())),
             Command::AbsoluteExtrusion => self.modal.relative_extruder = false,
             Command::RelativeExtrusion => self.modal.relative_extruder = true,
             Command::SetNozzle(Some(celsius)) => self.set_temperature(Heater::Nozzle, celsius.to_f64())?,

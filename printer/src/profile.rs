@@ -20,6 +20,9 @@ pub const DEFAULT_EVENTS_PER_S: u32 = 400_000;
 /// of the processor, of which a third is kept in reserve.
 pub const DEFAULT_MOVES_PER_S: u32 = 8_000;
 
+/// Seconds without use after which heaters go off, where a profile does not say: Prusa's (`SafetyTimer`, 30 minutes).
+pub const DEFAULT_HEATER_TIMEOUT_S: u16 = 1800;
+
 /// Which end of its travel an axis homes to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum HomeEnd {
@@ -177,6 +180,8 @@ pub struct Profile {
     pub homing: [AxisHoming; 3],
     /// Extrusion is refused below this nozzle temperature, degrees Celsius.
     pub min_extrusion_celsius: f32,
+    /// Heaters go off after this many seconds without a line from a host and without motion; 0: never (M86).
+    pub heater_timeout_s: u16,
     /// The nozzle's heater.
     pub nozzle: HeaterSettings,
     /// The bed's heater.

@@ -100,6 +100,7 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
             Heater::Nozzle => self.profile.nozzle,
             Heater::Bed => self.profile.bed,
         };
+        let had_target = self.heating.status(heater).target_celsius > 0.0;
         let mut near_since: Option<u64> = None;
         let mut cooling = Cooling::default();
         let mut next_report = self.clock.now_ms() + REPORT_MS;
@@ -112,6 +113,10 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
             }
             let status = self.heating.status(heater);
             let above = status.celsius - status.target_celsius;
+            if had_target && status.target_celsius <= 0.0 {
+                // Nothing else takes a target away during a wait.
+                return Err(CommandError::HeatersTimedOut);
+            }
             if status.target_celsius <= 0.0 || !cooling_counts && above > settings.residency_window_celsius {
                 return Ok(());
             }

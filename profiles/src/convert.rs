@@ -9,8 +9,8 @@ use ferrostep_planner::{
     StepsPerMm, TICKS_PER_SECOND,
 };
 use ferrostep_printer::{
-    AxisHoming, DEFAULT_EVENTS_PER_S, DEFAULT_MOVES_PER_S, DriverTiming, ExtrusionSettings, FirmwareRetraction,
-    HeaterSettings, HeaterWatch, HomeEnd, HomeSensor, Profile,
+    AxisHoming, DEFAULT_EVENTS_PER_S, DEFAULT_HEATER_TIMEOUT_S, DEFAULT_MOVES_PER_S, DriverTiming, ExtrusionSettings,
+    FirmwareRetraction, HeaterSettings, HeaterWatch, HomeEnd, HomeSensor, Profile,
 };
 
 use crate::ProfileError;
@@ -35,6 +35,7 @@ const CORNER_VELOCITY: Range = range(0.001, 1_000.0, "mm/s");
 const JERK: Range = range(1.0, 10_000_000.0, "mm/s^3");
 const EVENT_INTERVAL: Range = range(0.5, 100.0, "us");
 const MIN_EXTRUSION: Range = range(0.0, 400.0, "degrees Celsius");
+const HEATER_TIMEOUT: Range = range(0.0, 65_535.0, "s");
 const BACK_OFF: Range = range(0.1, 50.0, "mm");
 const HEATER_MIN: Range = range(-50.0, 50.0, "degrees Celsius");
 const NOZZLE_MAX: Range = range(60.0, 500.0, "degrees Celsius");
@@ -87,6 +88,10 @@ pub fn profile(file: &ProfileFile, check: &Checker<'_>) -> Result<Profile, Profi
     let interval_us = check.number("minimum_event_interval_us", &file.minimum_event_interval_us, EVENT_INTERVAL)?;
     motor_rates(kinematics, steps, &limits, interval_us, file, check)?;
     let min_extrusion = check.number("min_extrusion_celsius", &file.min_extrusion_celsius, MIN_EXTRUSION)?;
+    let heater_timeout_s = match &file.heater_timeout_s {
+        Some(value) => check.number("heater_timeout_s", value, HEATER_TIMEOUT)?.round() as u16,
+        None => DEFAULT_HEATER_TIMEOUT_S,
+    };
     let drivers = drivers(file, steps, check)?;
     let axis = |axis: usize, name, table| {
         let homing = homing(name, table, size_mm[axis], limits.max_feed_mm_per_s[axis], check)?;
@@ -117,6 +122,7 @@ pub fn profile(file: &ProfileFile, check: &Checker<'_>) -> Result<Profile, Profi
         move_cost_ticks,
         homing,
         min_extrusion_celsius: min_extrusion as f32,
+        heater_timeout_s,
         nozzle,
         bed,
         retraction: retraction(&file.firmware_retraction, check)?,

@@ -30,6 +30,7 @@ pub struct ProfileFile {
     pub jerk_mm_per_s3: Number,
     pub minimum_event_interval_us: Number,
     pub min_extrusion_celsius: Number,
+    pub heater_timeout_s: Option<Number>,
     pub homing: HomingTables,
     pub nozzle: HeaterTable,
     pub bed: HeaterTable,

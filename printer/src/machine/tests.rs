@@ -58,6 +58,7 @@ pub(crate) fn profile() -> Profile {
         move_cost_ticks: 10_500,
         homing: [homing; 3],
         min_extrusion_celsius: 170.0,
+        heater_timeout_s: crate::profile::DEFAULT_HEATER_TIMEOUT_S,
         nozzle: heater,
         bed: heater,
         retraction: FirmwareRetraction {
