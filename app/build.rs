@@ -179,12 +179,14 @@ fn heater(heater: &HeaterSettings) -> String {
         thermistor: Thermistor { kind, pull_up_ohm },
         min_celsius,
         max_celsius,
+        max_target_celsius,
         watch: HeaterWatch { watch_ms, watch_celsius, runaway_ms, runaway_celsius },
         proportional,
         integral,
         derivative,
         residency_window_celsius,
         residency_ms,
+        mass,
     } = heater;
     let kind = match kind {
         ThermistorType::Semitec104Gt2 => "Semitec104Gt2".to_owned(),
@@ -194,8 +196,9 @@ fn heater(heater: &HeaterSettings) -> String {
     format!(
         "HeaterSettings {{ thermistor: Thermistor {{ kind: ThermistorType::{kind}, pull_up_ohm: {pull_up_ohm:?} }}, \
          min_celsius: {min_celsius:?}, max_celsius: {max_celsius:?}, \
+         max_target_celsius: {max_target_celsius:?}, \
          watch: HeaterWatch {{ watch_ms: {watch_ms}, watch_celsius: {watch_celsius:?}, runaway_ms: {runaway_ms}, \
          runaway_celsius: {runaway_celsius:?} }}, proportional: {proportional:?}, integral: {integral:?}, derivative: {derivative:?}, residency_window_celsius: {residency_window_celsius:?}, \
-         residency_ms: {residency_ms} }}"
+         residency_ms: {residency_ms}, mass: ferrostep_hal_shim::virtual_board::{mass:?} }}"
     )
 }

@@ -50,6 +50,7 @@ impl fmt::Display for HeatFault {
             | Trip::HeatingFailed(celsius)
             | Trip::Runaway(celsius)
             | Trip::RisesUnpowered(celsius)
+            | Trip::StaysHotUnpowered(celsius)
             | Trip::Frozen(celsius) => write!(out, " (temp: {})", Real::fixed(celsius, 2)),
         }
     }

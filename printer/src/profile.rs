@@ -2,7 +2,7 @@
 
 use ferrostep_hal_shim::thermistor::Thermistor;
 use ferrostep_hal_shim::tmc2209::DriverSettings;
-use ferrostep_hal_shim::virtual_board::{START_10NM, VirtualEndStop, VirtualHeaters, VirtualMotors};
+use ferrostep_hal_shim::virtual_board::{HeatedMass, START_10NM, VirtualEndStop, VirtualHeaters, VirtualMotors};
 use ferrostep_planner::{Geometry, Kinematics, Limits, MotionChoice, StepsPerMm};
 
 /// Step events a second that the processor can make if it has nothing else to do for motion, where a profile does not
@@ -71,7 +71,8 @@ pub struct HeaterWatch {
     pub watch_celsius: f32,
     /// Once it has reached its target, for no longer than this, milliseconds ...
     pub runaway_ms: u32,
-    /// ... may the temperature be farther below the target than this, degrees.
+    /// ... may the temperature be farther below the target than this, degrees. Near the room's temperature less is allowed
+    /// ([`crate::heat::safety`]).
     pub runaway_celsius: f32,
 }
 
@@ -91,6 +92,8 @@ pub struct HeaterSettings {
     pub min_celsius: f32,
     /// At or above this all heaters are switched off.
     pub max_celsius: f32,
+    /// Higher targets are refused, and so is [`Self::max_celsius`].
+    pub max_target_celsius: f32,
     /// When it counts as failed.
     pub watch: HeaterWatch,
     /// Proportional gain, power per degree.
@@ -103,6 +106,8 @@ pub struct HeaterSettings {
     pub residency_window_celsius: f32,
     /// ... for this long, milliseconds.
     pub residency_ms: u32,
+    /// What it heats on the virtual board. Control and checks know nothing of it.
+    pub mass: HeatedMass,
 }
 
 /// G10 and G11 as M207 and M208 find them.
@@ -217,9 +222,10 @@ impl Profile {
         }
     }
 
-    /// Heaters with this machine's thermistors, cold.
+    /// This machine's heaters on the virtual board, cold.
     pub const fn virtual_heaters(&self) -> VirtualHeaters {
-        VirtualHeaters::new(self.nozzle.thermistor, self.bed.thermistor)
+        let HeaterSettings { mass, thermistor, .. } = self.nozzle;
+        VirtualHeaters::new((mass, thermistor), (self.bed.mass, self.bed.thermistor))
     }
 
     /// Mask of the axes that home by a stall.

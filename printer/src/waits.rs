@@ -63,8 +63,9 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
             Heater::Bed => &self.profile.bed,
         };
         // As the control will have it: rounding may not take it to the maximum.
-        if celsius as f32 >= settings.max_celsius {
-            return Err(CommandError::TooHot { celsius, maximum_celsius: settings.max_celsius });
+        let target = celsius as f32;
+        if target >= settings.max_celsius || target > settings.max_target_celsius {
+            return Err(CommandError::TooHot { celsius, maximum_celsius: settings.max_target_celsius });
         }
         self.needs(self.equipment.heaters || celsius <= 0.0, "heaters")?;
         self.heating.set_target(heater, celsius as f32);

@@ -3,6 +3,7 @@
 use ferrostep_checked_toml::{Checker, Range, range};
 use ferrostep_hal_shim::thermistor::{Thermistor, ThermistorType};
 use ferrostep_hal_shim::tmc2209::{DriverSettings, STALL_FULL_STEPS_PER_S, chopper_threshold};
+use ferrostep_hal_shim::virtual_board::HeatedMass;
 use ferrostep_planner::s_curve::FrequencyTable;
 use ferrostep_planner::{
     AccelerationProfile, DualRatePeriods, Interpolation, Kinematics, Limits, MotionChoice, SCurveTableSettings,
@@ -17,8 +18,8 @@ use crate::ProfileError;
 use crate::check::CheckAxes;
 use crate::file::{
     AccelerationName, CornerVelocityTable, DriverSettingsTable, DriverTable, DriverTables, DualRateTable, EndName,
-    ExtrusionName, ExtrusionTable, HeaterTable, HomingTable, InterpolationName, KinematicsName, Number, ProfileFile,
-    RetractionTable, SCurveTable, SensorName, ThermistorName, ThermistorValue, Xyze,
+    ExtrusionName, ExtrusionTable, HeaterTable, HomingTable, InterpolationName, KinematicsName, ModelTable, Number,
+    ProfileFile, RetractionTable, SCurveTable, SensorName, ThermistorName, ThermistorValue, Xyze,
 };
 
 /// Units of 10 nm in a mm.
@@ -49,11 +50,18 @@ const R25: Range = range(1_000.0, 1_000_000.0, "ohms");
 const BETA: Range = range(2_000.0, 6_000.0, "K");
 const PULL_UP: Range = range(100.0, 100_000.0, "ohms");
 // No time so long, no rise so small that a failed heater goes unnoticed until something melts; none so short or so
-// large that a sound heater trips.
+// large that a sound heater trips. A weak bed gains a degree a minute, and melts nothing in five.
 const WATCH: Range = range(5.0, 120.0, "s");
+const BED_WATCH: Range = range(5.0, 300.0, "s");
 const WATCH_RISE: Range = range(1.0, 20.0, "degrees");
 const RUNAWAY: Range = range(5.0, 120.0, "s");
 const RUNAWAY_HYSTERESIS: Range = range(1.0, 20.0, "degrees");
+const BED_RUNAWAY_HYSTERESIS: Range = range(1.0, 30.0, "degrees");
+const POWER: Range = range(1.0, 3_000.0, "W");
+const CAPACITY: Range = range(1.0, 20_000.0, "J/K");
+const LOSS: Range = range(0.001, 100.0, "W/K");
+const FAN_LOSS: Range = range(0.0, 100.0, "W/K");
+const DEAD_TIME: Range = range(0.0, 30.0, "s");
 const RETRACTION: Range = range(0.0, 100.0, "mm");
 const EXTRA_RECOVER: Range = range(-100.0, 100.0, "mm");
 const LIFT: Range = range(0.0, 50.0, "mm");
@@ -102,8 +110,8 @@ pub fn profile(file: &ProfileFile, check: &Checker<'_>) -> Result<Profile, Profi
         Ok(homing)
     };
     let homing = [axis(0, "x", &file.homing.x)?, axis(1, "y", &file.homing.y)?, axis(2, "z", &file.homing.z)?];
-    let nozzle = heater("nozzle", &file.nozzle, NOZZLE_MAX, HeaterWatch::NOZZLE, check)?;
-    let bed = heater("bed", &file.bed, BED_MAX, HeaterWatch::BED, check)?;
+    let nozzle = heater("nozzle", &file.nozzle, NOZZLE_MAX, (HeaterWatch::NOZZLE, HeatedMass::NOZZLE), check)?;
+    let bed = heater("bed", &file.bed, BED_MAX, (HeaterWatch::BED, HeatedMass::BED), check)?;
     if min_extrusion as f32 >= nozzle.max_celsius {
         let expected = format!("less than nozzle.max_celsius = {}", nozzle.max_celsius);
         return Err(check.refuse("min_extrusion_celsius", &file.min_extrusion_celsius, expected));
@@ -398,7 +406,7 @@ fn heater(
     name: &str,
     table: &HeaterTable,
     max_celsius: Range,
-    default_watch: HeaterWatch,
+    (default_watch, default_mass): (HeaterWatch, HeatedMass),
     check: &Checker<'_>,
 ) -> Result<HeaterSettings, ProfileError> {
     let number = |key: &str, value: &Number, range| check.number(&format!("{name}.{key}"), value, range);
@@ -417,6 +425,14 @@ fn heater(
     };
     let min_celsius = readable("min_celsius", &table.min_celsius, HEATER_MIN)?;
     let max_celsius = readable("max_celsius", &table.max_celsius, max_celsius)?;
+    let max_target_celsius = match &table.max_target_celsius {
+        Some(value) => {
+            let key = format!("{name}.max_target_celsius");
+            let highest = range(HEATER_MIN.high, f64::from(max_celsius), "degrees Celsius, at most max_celsius");
+            check.number(&key, value, highest)? as f32
+        }
+        None => max_celsius,
+    };
     let watch = watch(name, table, default_watch, check)?;
     let window_value = &table.residency_window_celsius;
     let residency_window_celsius = number("residency_window_celsius", window_value, RESIDENCY_WINDOW)? as f32;
@@ -429,12 +445,30 @@ fn heater(
         thermistor,
         min_celsius,
         max_celsius,
+        max_target_celsius,
         watch,
         proportional: number("proportional", &table.proportional, PROPORTIONAL)? as f32,
         integral: number("integral", &table.integral, INTEGRAL)? as f32,
         derivative: number("derivative", &table.derivative, DERIVATIVE)? as f32,
         residency_window_celsius,
         residency_ms: (number("residency_s", &table.residency_s, RESIDENCY)? * 1e3).round() as u32,
+        mass: table.model.as_ref().map_or(Ok(default_mass), |model| mass(name, model, check))?,
+    })
+}
+
+/// What the virtual board's heater heats.
+fn mass(name: &str, table: &ModelTable, check: &Checker<'_>) -> Result<HeatedMass, ProfileError> {
+    let number = |key: &str, value: &Number, range| {
+        check.number(&format!("{name}.model.{key}"), value, range).map(|number| number as f32)
+    };
+    let optional =
+        |key: &str, value: &Option<Number>, range| value.as_ref().map_or(Ok(0.0), |value| number(key, value, range));
+    Ok(HeatedMass {
+        heater_w: number("power_w", &table.power_w, POWER)?,
+        capacity_j_per_k: number("capacity_j_per_k", &table.capacity_j_per_k, CAPACITY)?,
+        loss_w_per_k: number("loss_w_per_k", &table.loss_w_per_k, LOSS)?,
+        fan_loss_w_per_k: optional("fan_loss_w_per_k", &table.fan_loss_w_per_k, FAN_LOSS)?,
+        dead_time_s: optional("dead_time_s", &table.dead_time_s, DEAD_TIME)?,
     })
 }
 
@@ -473,14 +507,16 @@ fn watch(
         Some(value) => check.number(&format!("{name}.{key}"), value, range).map(Some),
         None => Ok(None),
     };
+    let (watch_s, hysteresis) =
+        if name == "bed" { (BED_WATCH, BED_RUNAWAY_HYSTERESIS) } else { (WATCH, RUNAWAY_HYSTERESIS) };
     let milliseconds = |seconds: f64| (seconds * 1e3).round() as u32;
     let degrees = |degrees: f64| degrees as f32;
     Ok(HeaterWatch {
-        watch_ms: number("watch_s", &table.watch_s, WATCH)?.map_or(default.watch_ms, milliseconds),
+        watch_ms: number("watch_s", &table.watch_s, watch_s)?.map_or(default.watch_ms, milliseconds),
         watch_celsius: number("watch_celsius", &table.watch_celsius, WATCH_RISE)?
             .map_or(default.watch_celsius, degrees),
         runaway_ms: number("runaway_s", &table.runaway_s, RUNAWAY)?.map_or(default.runaway_ms, milliseconds),
-        runaway_celsius: number("runaway_celsius", &table.runaway_celsius, RUNAWAY_HYSTERESIS)?
+        runaway_celsius: number("runaway_celsius", &table.runaway_celsius, hysteresis)?
             .map_or(default.runaway_celsius, degrees),
     })
 }

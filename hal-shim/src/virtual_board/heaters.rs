@@ -1,8 +1,8 @@
 //! The heaters of the virtual board, their thermistors and the fan that cools them.
 
-use super::ThermalModel;
 use super::heater_failure::HeaterFailure;
 use super::thermal_model::AMBIENT_CELSIUS;
+use super::{HeatedMass, ThermalModel};
 use crate::thermistor::Thermistor;
 use crate::{Fans, Heater, ThermalBoard};
 
@@ -21,7 +21,8 @@ struct VirtualHeater {
 }
 
 impl VirtualHeater {
-    const fn new(model: ThermalModel, thermistor: Thermistor) -> Self {
+    const fn new((mass, thermistor): (HeatedMass, Thermistor)) -> Self {
+        let model = ThermalModel::new(mass);
         Self { model, power: 0.0, thermistor, thermistor_celsius: model.celsius(), failure: None }
     }
 
@@ -60,10 +61,9 @@ pub struct VirtualHeaters {
 }
 
 impl VirtualHeaters {
-    /// Heaters that are off and cold, with these thermistors.
-    pub const fn new(nozzle: Thermistor, bed: Thermistor) -> Self {
-        let heaters =
-            [VirtualHeater::new(ThermalModel::nozzle(), nozzle), VirtualHeater::new(ThermalModel::bed(), bed)];
+    /// Heaters that are off and cold: what the nozzle's and the bed's heat, and their thermistors.
+    pub const fn new(nozzle: (HeatedMass, Thermistor), bed: (HeatedMass, Thermistor)) -> Self {
+        let heaters = [VirtualHeater::new(nozzle), VirtualHeater::new(bed)];
         Self { heaters, fan_power: 0, hotend_fan: false }
     }
 
@@ -129,7 +129,7 @@ mod tests {
     const THERMISTOR: Thermistor = Thermistor { kind: ThermistorType::Semitec104Gt2, pull_up_ohm: 4700.0 };
 
     fn new() -> VirtualHeaters {
-        VirtualHeaters::new(THERMISTOR, THERMISTOR)
+        VirtualHeaters::new((HeatedMass::NOZZLE, THERMISTOR), (HeatedMass::BED, THERMISTOR))
     }
 
     fn read(heaters: &mut VirtualHeaters, heater: Heater) -> f32 {

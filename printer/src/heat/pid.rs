@@ -13,6 +13,8 @@ pub struct Pid {
     proportional: f32,
     integral: f32,
     derivative: f32,
+    /// How far the integral looks ahead, s: what the derivative is to the proportional gain.
+    ahead_s: f32,
     /// Sum of errors times the integral gain, so it is a power.
     accumulated: f32,
     /// Filtered, degrees a second.
@@ -25,7 +27,8 @@ impl Pid {
     /// At rest, at whatever temperature the first sample has.
     pub fn new(settings: &HeaterSettings) -> Self {
         let HeaterSettings { proportional, integral, derivative, .. } = *settings;
-        Self { proportional, integral, derivative, accumulated: 0.0, slope: 0.0, last_celsius: None }
+        let ahead_s = derivative / proportional;
+        Self { proportional, integral, derivative, ahead_s, accumulated: 0.0, slope: 0.0, last_celsius: None }
     }
 
     /// Power for the next sample, 0 to 1; 0 where the target is 0.
@@ -41,6 +44,8 @@ impl Pid {
         // Anti-windup: the sum rests while the power is at an end of its range and would be driven past it.
         let pushing_past = unlimited > 1.0 && error > 0.0 || unlimited < 0.0 && error < 0.0;
         if !pushing_past {
+            // The error to come: on a long approach the sum of those that were would be more than holds the target.
+            let error = error - self.ahead_s * self.slope;
             self.accumulated = (self.accumulated + self.integral * error * SAMPLE_S).clamp(0.0, 1.0);
         }
         unlimited.clamp(0.0, 1.0)

@@ -2,6 +2,7 @@
 
 use ferrostep_hal_shim::thermistor::{Thermistor, ThermistorType};
 use ferrostep_hal_shim::tmc2209::DriverSettings;
+use ferrostep_hal_shim::virtual_board::HeatedMass;
 use ferrostep_planner::{Kinematics, Limits, StepsPerMm};
 use ferrostep_printer::{
     AxisHoming, DriverTiming, FirmwareRetraction, HeaterSettings, HeaterWatch, HomeEnd, HomeSensor, Profile,
@@ -96,11 +97,13 @@ fn cartesian_is_as_designed() {
             watch: HeaterWatch { watch_ms: 20_000, watch_celsius: 2.0, runaway_ms: 40_000, runaway_celsius: 4.0 },
             min_celsius: 5.0,
             max_celsius: 275.0,
+            max_target_celsius: 275.0,
             proportional: 0.1,
             integral: 0.004,
             derivative: 0.1,
             residency_window_celsius: 1.0,
             residency_ms: 10_000,
+            mass: HeatedMass::NOZZLE,
         }
     );
     assert_eq!(profile.bed.thermistor, Thermistor { kind: ThermistorType::Epcos100k, pull_up_ohm: 4700.0 });

@@ -3,5 +3,6 @@
 
 mod builtin;
 mod heaters;
+mod mini_heat;
 mod refusals;
 mod robustness;

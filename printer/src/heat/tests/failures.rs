@@ -334,7 +334,7 @@ fn every_fault_puts_all_fans_to_full_until_it_is_cleared() {
 #[test]
 fn the_fans_turn_while_the_nozzle_s_temperature_is_unknown() {
     let [nozzle, bed] = Heater::ALL.map(settings);
-    let mut board = VirtualHeaters::new(nozzle.thermistor, bed.thermistor);
+    let mut board = VirtualHeaters::new((nozzle.mass, nozzle.thermistor), (bed.mass, bed.thermistor));
     board.set_failure(Heater::Nozzle, Some(HeaterFailure::ThermistorOpen));
     let mut control = HeatControl::new(nozzle, bed, &mut board);
     assert!(board.hotend_fan(), "before the first sample");

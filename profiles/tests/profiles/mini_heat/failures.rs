@@ -1,0 +1,1 @@
+//! Each failure of the MINI's heaters, in each state, and when it is noticed.
