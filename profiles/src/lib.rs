@@ -8,6 +8,7 @@
 mod check;
 mod convert;
 mod file;
+mod heaters;
 
 use ferrostep_printer::Profile;
 

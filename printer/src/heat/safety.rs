@@ -117,7 +117,7 @@ impl Since {
 enum Phase {
     /// Its target is 0.
     Off,
-    /// It has not reached its target, and last was hotter by the watch's degrees at this moment.
+    /// It has not reached its target, and last was hotter by the watch's degrees at this moment; the lowest temperature since.
     Heating(Since),
     /// It has reached its target, and has been too far below it for so many samples.
     Holding(u32),
@@ -213,6 +213,8 @@ impl Safety {
             Phase::Heating(_) if is_near => self.phase = Phase::Holding(0),
             Phase::Heating(since) if celsius >= since.celsius + watch.watch_celsius => *since = Since::now(celsius),
             Phase::Heating(since) => {
+                // Just switched on again it may go on cooling, while the heat is on its way. The time runs all the same.
+                since.celsius = since.celsius.min(celsius);
                 since.tick();
                 if since.samples >= watch.watch_ms / SAMPLE_MS {
                     return Err(Trip::HeatingFailed(celsius));

@@ -75,6 +75,24 @@ fn heating_up_has_the_watch_period_for_each_two_degrees() {
     assert_eq!(after, WATCH_SAMPLES - 1);
 }
 
+/// Switched off and on again, a nozzle goes on cooling until the heat has come through: two degrees from its lowest count.
+#[test]
+fn heat_on_its_way_may_come_late() {
+    let cooled = || {
+        let mut checked = Checked { target: TARGET, power: 1.0, ..Checked::new() };
+        checked.sample(150.0).unwrap();
+        (1..=500).try_for_each(|sample| checked.sample(150.0 - sample as f32 * 0.02)).unwrap();
+        checked
+    };
+    let mut checked = cooled();
+    checked.samples(WATCH_SAMPLES - 502, 141.98).unwrap();
+    checked.sample(142.0).unwrap();
+    // The time has not begun anew with the lowest: a heater that only cools has no more of it.
+    let (after, trip) = cooled().samples(2 * WATCH_SAMPLES, 141.98).unwrap_err();
+    assert!(matches!(trip, Trip::HeatingFailed(_)), "{trip:?}");
+    assert_eq!(after, WATCH_SAMPLES - 502);
+}
+
 /// A target that is nearly there already is held, not heated up to, from below as from above.
 #[test]
 fn a_new_target_within_the_hysteresis_is_held() {
