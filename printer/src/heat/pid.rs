@@ -7,6 +7,10 @@ use super::SAMPLE_S;
 /// Share of the newest slope that the filtered one takes over, a sample: a time constant of half a second.
 const SLOPE_SHARE: f32 = 2.0 * SAMPLE_S;
 
+/// Share of what it has learnt that it forgets while it is off, a sample: a time constant of 30 s. A heater that is switched
+/// on again after seconds takes about the power that it took; one that has cooled would overshoot with it.
+const FORGOTTEN_SHARE: f32 = SAMPLE_S / 30.0;
+
 /// A PID loop whose derivative is that of the temperature, so that a new target gives no kick.
 #[derive(Clone, Copy, Debug)]
 pub struct Pid {
@@ -36,7 +40,7 @@ impl Pid {
         let before = self.last_celsius.replace(celsius).unwrap_or(celsius);
         self.slope += ((celsius - before) / SAMPLE_S - self.slope) * SLOPE_SHARE;
         if target <= 0.0 {
-            self.accumulated = 0.0;
+            self.accumulated -= self.accumulated * FORGOTTEN_SHARE;
             return 0.0;
         }
         let error = target - celsius;

@@ -80,3 +80,25 @@ fn the_bed_does_not_overshoot() {
         assert!((mini.plant.celsius[1] - target).abs() < off, "{target}: {}", mini.plant.celsius[1]);
     }
 }
+
+/// A pause of seconds, with the fan on and a weak supply: the control has not forgotten what holds the target.
+#[test]
+fn a_short_pause_costs_little() {
+    let profile = load("prusa-mini").unwrap();
+    for pause_s in [2.0, 4.0, 6.0, 8.0, 10.0, 12.0] {
+        let weather = Weather { supply: [0.92; 2], ..Weather::STILL };
+        let mut mini = Mini::new(&profile, 5.6, weather, 1);
+        mini.control.set_part_fan_power(128);
+        mini.control.set_target(Heater::Nozzle, 245.0);
+        mini.run(300.0).unwrap();
+        mini.control.set_target(Heater::Nozzle, 0.0);
+        mini.run(pause_s).unwrap();
+        mini.control.set_target(Heater::Nozzle, 245.0);
+        let mut below_s = 0;
+        for _ in 0..240 {
+            mini.run(1.0).unwrap();
+            below_s += u32::from(mini.plant.celsius[0] < 235.0);
+        }
+        assert!(below_s < 24 && (mini.plant.celsius[0] - 245.0).abs() < 1.0, "{pause_s} s: {below_s} s too cold");
+    }
+}

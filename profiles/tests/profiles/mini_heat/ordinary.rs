@@ -158,10 +158,12 @@ impl Life {
                 let change = self.random.one_of(&[-10.0, -5.0, 5.0, 10.0]);
                 self.target(Heater::Nozzle, (nozzle + change).min(280.0));
             }
-            if self.happens(5000.0) {
-                // A pause, and on.
+            if self.happens(2000.0) {
+                // A pause, of seconds or longer, and on.
                 self.target(Heater::Nozzle, 0.0);
-                let pause_s = self.random.between(10.0, 900.0);
+                self.mini.plant.weather.filament_w = 0.0;
+                let longest_s = self.random.one_of(&[30.0, 900.0]);
+                let pause_s = self.random.between(2.0, longest_s);
                 self.pass(pause_s);
                 self.target(Heater::Nozzle, nozzle);
                 self.wait_for(Heater::Nozzle, 300);
