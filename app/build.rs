@@ -104,6 +104,7 @@ fn constant(profile: &Profile) -> String {
         move_cost_ticks,
         homing: [home_x, home_y, home_z],
         min_extrusion_celsius,
+        heater_timeout_s,
         nozzle,
         bed,
         retraction,
@@ -125,7 +126,7 @@ fn constant(profile: &Profile) -> String {
          steps_per_mm: [{}], limits: {}, motion: {}, \
          minimum_event_interval_ticks: {minimum_event_interval_ticks}, event_cost_ticks: {event_cost_ticks}, \
          move_cost_ticks: {move_cost_ticks}, homing: [{}, {}, {}], \
-         min_extrusion_celsius: {min_extrusion_celsius:?}, nozzle: {}, bed: {}, \
+         min_extrusion_celsius: {min_extrusion_celsius:?}, heater_timeout_s: {heater_timeout_s}, nozzle: {}, bed: {}, \
          retraction: FirmwareRetraction {{ length_10nm: {length_10nm}, retract_10nm_per_s: {retract_10nm_per_s}, \
          extra_recover_10nm: {extra_recover_10nm}, recover_10nm_per_s: {recover_10nm_per_s}, lift_10nm: {lift_10nm} }}, \
          driver: DriverTiming {{ pulse_width_ns: {pulse_width_ns}, direction_setup_ns: {direction_setup_ns}, \
@@ -218,12 +219,14 @@ fn heater(heater: &HeaterSettings) -> String {
         thermistor: Thermistor { kind, pull_up_ohm },
         min_celsius,
         max_celsius,
+        max_target_celsius,
         watch: HeaterWatch { watch_ms, watch_celsius, runaway_ms, runaway_celsius },
         proportional,
         integral,
         derivative,
         residency_window_celsius,
         residency_ms,
+        mass,
     } = heater;
     let kind = match kind {
         ThermistorType::Semitec104Gt2 => "Semitec104Gt2".to_owned(),
@@ -233,8 +236,9 @@ fn heater(heater: &HeaterSettings) -> String {
     format!(
         "HeaterSettings {{ thermistor: Thermistor {{ kind: ThermistorType::{kind}, pull_up_ohm: {pull_up_ohm:?} }}, \
          min_celsius: {min_celsius:?}, max_celsius: {max_celsius:?}, \
+         max_target_celsius: {max_target_celsius:?}, \
          watch: HeaterWatch {{ watch_ms: {watch_ms}, watch_celsius: {watch_celsius:?}, runaway_ms: {runaway_ms}, \
          runaway_celsius: {runaway_celsius:?} }}, proportional: {proportional:?}, integral: {integral:?}, derivative: {derivative:?}, residency_window_celsius: {residency_window_celsius:?}, \
-         residency_ms: {residency_ms} }}"
+         residency_ms: {residency_ms}, mass: ferrostep_hal_shim::virtual_board::{mass:?} }}"
     )
 }

@@ -2,8 +2,8 @@
 
 use ferrostep_hal_shim::clock_tree::Clock;
 use ferrostep_hal_shim::virtual_board::VirtualHeaters;
-use ferrostep_hal_shim::{Fan, Heater, ThermalBoard};
-use ferrostep_printer::heat::{HeatControl, HeatFault, HotEndFan, SAMPLE_MS};
+use ferrostep_hal_shim::{Fans, Heater, ThermalBoard};
+use ferrostep_printer::heat::{HeatControl, HeatFault, SAMPLE_MS};
 use ferrostep_printer::{Equipment, HeaterStatus, Profile};
 use ferrostep_stm32f4::board::{THERMAL, VIRTUAL_SENSORS};
 use ferrostep_stm32f4::thermal::{self, Converters, Heaters};
@@ -20,13 +20,11 @@ pub const EQUIPMENT: Equipment = Equipment {
 };
 
 /// Heaters, thermistors and fans, of whatever kind.
-pub trait Parts: ThermalBoard + Fan + Sized {
+pub trait Parts: ThermalBoard + Fans + Sized {
     /// Cold, or `None` where there are none.
     fn start(profile: &Profile, converters: Converters, clock: &Clock) -> Option<Self>;
     /// Another [`SAMPLE_MS`] have passed.
     fn pass(&mut self);
-    /// Switches the hot end's fan.
-    fn switch_hotend_fan(&mut self, on: bool);
 }
 
 impl Parts for VirtualHeaters {
@@ -37,8 +35,6 @@ impl Parts for VirtualHeaters {
     fn pass(&mut self) {
         self.advance(SAMPLE_MS as f32 * 1e-3);
     }
-
-    fn switch_hotend_fan(&mut self, _: bool) {}
 }
 
 impl Parts for Heaters {
@@ -48,10 +44,6 @@ impl Parts for Heaters {
 
     fn pass(&mut self) {
         self.tick();
-    }
-
-    fn switch_hotend_fan(&mut self, on: bool) {
-        self.set_hotend_fan(on);
     }
 }
 
@@ -79,7 +71,6 @@ pub struct Heat(Option<Controlled<<Board<VIRTUAL_SENSORS> as Kind>::Parts>>);
 struct Controlled<P> {
     control: HeatControl,
     parts: P,
-    hotend_fan: HotEndFan,
 }
 
 impl Heat {
@@ -87,24 +78,22 @@ impl Heat {
     pub fn new(profile: &Profile, converters: Converters, clock: &Clock) -> Self {
         Self(Parts::start(profile, converters, clock).map(|mut parts| {
             let control = HeatControl::new(profile.nozzle, profile.bed, &mut parts);
-            Controlled { control, parts, hotend_fan: HotEndFan::default() }
+            Controlled { control, parts }
         }))
     }
 
-    /// One sample of control, every [`SAMPLE_MS`].
+    /// One sample of control, every [`SAMPLE_MS`]; `fan_power` is what M106 asks of the part-cooling fan, 0 to 255.
     ///
     /// # Errors
-    /// A heater or thermometer has failed, and all heaters are off; told once.
+    /// A heater or thermometer has failed: all heaters are off and all fans on. It is told once.
     pub fn update(&mut self, fan_power: u8) -> Result<(), HeatFault> {
-        let Some(Controlled { control, parts, hotend_fan }) = &mut self.0 else { return Ok(()) };
-        parts.set_fan_power(fan_power);
+        let Some(Controlled { control, parts }) = &mut self.0 else { return Ok(()) };
+        control.set_part_fan_power(fan_power);
         parts.pass();
-        let outcome = control.update(parts);
-        parts.switch_hotend_fan(hotend_fan.update(control.status(Heater::Nozzle).celsius));
-        outcome
+        control.update(parts)
     }
 
-    /// Why the heaters are off until M999, if they are.
+    /// Why the heaters are off until M999 or a reset, if they are.
     pub fn fault(&self) -> Option<HeatFault> {
         self.0.as_ref().and_then(|heat| heat.control.fault())
     }
@@ -124,7 +113,7 @@ impl Heat {
 
     /// Switches all heaters off, now.
     pub fn all_off(&mut self) {
-        if let Some(Controlled { control, parts, .. }) = &mut self.0 {
+        if let Some(Controlled { control, parts }) = &mut self.0 {
             control.all_off();
             for heater in Heater::ALL {
                 parts.set_power(heater, 0.0);

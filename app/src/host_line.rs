@@ -57,6 +57,7 @@ pub struct SerialInput {
 struct SerialRing {
     bytes: Producer<'static, u8>,
     act: fn(Emergency),
+    note_line: fn(),
 }
 
 impl Buffers for SerialRing {
@@ -71,12 +72,16 @@ impl Buffers for SerialRing {
     fn emergency(&mut self, emergency: Emergency) {
         (self.act)(emergency);
     }
+
+    fn note_line(&mut self) {
+        (self.note_line)();
+    }
 }
 
 impl SerialInput {
-    /// To this ring; `act` is what to do about M112 and its like.
-    pub const fn new(bytes: Producer<'static, u8>, act: fn(Emergency)) -> Self {
-        Self { incoming: Incoming::new(), ring: SerialRing { bytes, act } }
+    /// To this ring; `act` is what to do about M112 and its like, `note_line` what to do when a line has come.
+    pub const fn new(bytes: Producer<'static, u8>, act: fn(Emergency), note_line: fn()) -> Self {
+        Self { incoming: Incoming::new(), ring: SerialRing { bytes, act, note_line } }
     }
 
     /// Takes a byte. Where there is no room its line is dropped and broken off, and the host told how much it was.

@@ -55,7 +55,7 @@ mod app {
     use ferrostep_planner::look_ahead::Slot;
     use ferrostep_printer::heat::SAMPLE_MS;
     use ferrostep_printer::machine::SharedMotion;
-    use ferrostep_printer::{Heating, Printer, Replies, Signals, temperatures};
+    use ferrostep_printer::{HeaterTimeout, Heating, Printer, Replies, Signals, temperatures};
     use ferrostep_stm32f4::board::{self, BoardPins};
     use ferrostep_stm32f4::clock;
     use ferrostep_stm32f4::driver_line::DriverLine;
@@ -182,7 +182,7 @@ mod app {
         let (usb_received, usb_to_read) = cx.local.usb_receive.split();
         let (usb_to_write, usb_to_send) = cx.local.usb_send.split();
         let registers = (device.OTG_FS_GLOBAL, device.OTG_FS_DEVICE, device.OTG_FS_PWRCLK);
-        let rings = Rings { received: usb_received, to_send: usb_to_send, act };
+        let rings = Rings { received: usb_received, to_send: usb_to_send, act, note_line: || SIGNALS.note_host() };
         let usb = Usb::start(cx.local.usb_memory, registers, &device.RCC, &clock, rings);
         let usb_writer = usb.is_ok().then(|| LineWriter::new(usb_to_write));
         let mut writers = Writers { serial: Writer(to_write), usb: usb_writer };
@@ -219,7 +219,7 @@ mod app {
             Shared { step_timer, sensors: pins, driver_line, drivers, machine, heat, writers },
             Local {
                 port,
-                input: SerialInput::new(received, act),
+                input: SerialInput::new(received, act, || SIGNALS.note_host()),
                 to_send,
                 usb: usb.ok(),
                 reader,
@@ -434,12 +434,13 @@ mod app {
         }
     }
 
-    /// What is said without being asked: temperatures (M155), a halt, lost bytes, overload; to the log, times (M798).
+    /// What is said without being asked: temperatures (M155), a halt, lost bytes, overload, rest; to the log, times (M798).
     #[task(priority = 1, shared = [machine, heat, writers], local = [halted])]
     async fn reports(cx: reports::Context) {
         let heating = BoardHeating(RefCell::new(cx.shared.heat));
         let replies = BoardReplies::new(cx.shared.writers);
         let mut machine = cx.shared.machine;
+        let mut heater_timeout = HeaterTimeout::new();
         let mut reported = Overload::default();
         let mut reported_ms = 0;
         let mut logged_ms = 0;
@@ -459,12 +460,16 @@ mod app {
             replies.line_troubles(host_line::take_troubles());
             let keeps_heat = Heater::ALL.into_iter().any(|heater| heating.status(heater).target_celsius > 0.0);
             let rested_ms = Mono::now().ticks();
-            let is_off = machine.lock(|machine| {
+            let (is_off, is_idle) = machine.lock(|machine| {
                 // Within the lock: the command side cannot begin in between.
                 let timeout_s =
                     Some(SIGNALS.idle_timeout_s()).filter(|s| *s > 0 && !keeps_heat && !SIGNALS.is_at_work());
-                machine.rest(rested_ms, timeout_s.map(|seconds| seconds.saturating_mul(1000)))
+                let is_off = machine.rest(rested_ms, timeout_s.map(|seconds| seconds.saturating_mul(1000)));
+                (is_off, machine.is_idle())
             });
+            let is_used = SIGNALS.take_host_spoken() || !is_idle;
+            let rest = heater_timeout.look(rested_ms, is_used, keeps_heat, SIGNALS.heater_timeout_s());
+            rest.inspect(|rest| heating.follow(rest, &SIGNALS, &replies));
             if is_off {
                 replies.send(Reply::Text("echo:motors switched off after a rest (M84 S), home before the next move"));
             }

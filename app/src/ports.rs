@@ -13,7 +13,7 @@ use ferrostep_hal_shim::stepping::StepPlayer;
 use ferrostep_planner::look_ahead::Slot;
 use ferrostep_printer::heat::HeatFault;
 use ferrostep_printer::machine::{Machine, SharedMachine};
-use ferrostep_printer::{HeaterStatus, Heating, Replies, Signals};
+use ferrostep_printer::{HeaterRest, HeaterStatus, Heating, Replies, Signals};
 use ferrostep_stm32f4::board::{BoardPins, MOTOR_PORTS};
 use ferrostep_stm32f4::step_timer::{StepQueue, StepTimer};
 use rtic::Mutex;
@@ -103,6 +103,22 @@ impl<H: Mutex<T = Heat>> BoardHeating<H> {
     /// Why the heaters are off for good, if they are.
     pub fn fault(&self) -> Option<HeatFault> {
         self.0.borrow_mut().lock(|heat| heat.fault())
+    }
+
+    /// Switches unused heaters off where their time is over, unless a line has come since. Both within the lock, so that no
+    /// command sets a target in between. Tells the hosts.
+    pub fn follow<W: Mutex<T = Writers>>(&self, rest: &HeaterRest, signals: &Signals, replies: &BoardReplies<W>) {
+        let goes_on = matches!(rest, HeaterRest::Over { .. })
+            && self.0.borrow_mut().lock(|heat| {
+                let host_spoke = signals.has_host_spoken();
+                if !host_spoke {
+                    heat.all_off();
+                }
+                host_spoke
+            });
+        if !goes_on {
+            replies.line(format_args!("{rest}"));
+        }
     }
 }
 

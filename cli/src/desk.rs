@@ -13,7 +13,7 @@ use ferrostep_gcode::MotionFigures;
 use ferrostep_hal_shim::virtual_board::{
     EventRate, StallSignal, StepObserver, StepTimer, VirtualBoard, VirtualClock, VirtualHeaters,
 };
-use ferrostep_hal_shim::{EndStops, Fan, Heater, MotorEnable, ThermalBoard};
+use ferrostep_hal_shim::{EndStops, Heater, MotorEnable, ThermalBoard};
 use ferrostep_planner::extruder::rounded_steps;
 use ferrostep_planner::interpolator::MAX_ENTRIES;
 use ferrostep_planner::look_ahead::Slot;
@@ -153,6 +153,8 @@ pub struct Desk<O> {
     idle_ns: u64,
     next_heat_ns: u64,
     last_step_ns: u64,
+    /// The last step that [`Self::take_moved`] has seen.
+    seen_step_ns: u64,
     underruns: u64,
     homing_ticks: u64,
     homing_since: Option<u64>,
@@ -192,6 +194,7 @@ impl<O: Observer> Desk<O> {
             idle_ns: 0,
             next_heat_ns: HEAT_INTERVAL_NS,
             last_step_ns: 0,
+            seen_step_ns: 0,
             underruns: 0,
             homing_ticks: 0,
             homing_since: None,
@@ -215,6 +218,11 @@ impl<O: Observer> Desk<O> {
             merged_moves: self.planner.merged_moves(),
             digests: self.board.motors.steps.digests(),
         }
+    }
+
+    /// Whether motors have moved since this was last asked.
+    pub fn take_moved(&mut self) -> bool {
+        std::mem::replace(&mut self.seen_step_ns, self.last_step_ns) != self.last_step_ns
     }
 
     /// What M797 reports.
@@ -474,7 +482,7 @@ impl<O: Observer> Desk<O> {
                     self.last_notice = tick;
                     self.observer.observer.move_ended(tick, line);
                 }
-                Notice::FanPower { power, .. } => self.board.heaters.set_fan_power(power),
+                Notice::FanPower { power, .. } => self.heat.set_part_fan_power(power),
             }
         }
     }

@@ -1,15 +1,17 @@
 //! A printer on the desk, and the loop that polls it and lets time pass.
 
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::collections::BTreeSet;
 use std::future::Future;
 use std::pin::pin;
 use std::task::{Context, Poll, Waker};
 
 use ferrostep_gcode::Reply;
-use ferrostep_hal_shim::Clock;
 use ferrostep_hal_shim::virtual_board::{VirtualClock, VirtualDelay};
-use ferrostep_printer::{Failure, Printer, Profile, Replies, Signals, tell_driver_event, temperatures};
+use ferrostep_hal_shim::{Clock, Heater};
+use ferrostep_printer::{
+    Failure, HeaterRest, HeaterTimeout, Heating, Printer, Profile, Replies, Signals, tell_driver_event, temperatures,
+};
 
 use crate::desk::{Desk, DeskDrivers, DeskHeating, DeskMotion, Mode};
 use crate::record::Observer;
@@ -27,6 +29,7 @@ pub struct Session<O, R> {
     desk: RefCell<Desk<O>>,
     drivers: DeskDrivers,
     signals: Signals,
+    heater_timeout: Cell<HeaterTimeout>,
     replies: R,
 }
 
@@ -38,6 +41,7 @@ impl<O: Observer, R: Replies> Session<O, R> {
             desk: RefCell::new(Desk::new(&profile, mode, look_ahead, observer)),
             drivers: DeskDrivers::new(&profile.drivers, mode),
             signals: Signals::new(),
+            heater_timeout: Cell::default(),
             replies,
             profile,
         }
@@ -108,6 +112,7 @@ impl<O: Observer, R: Replies> Session<O, R> {
             }
             self.drivers.work_until(self.clock.now_ns());
             self.tell_driver_events();
+            self.rest_heaters();
             self.report_temperatures(&mut next_report_ms);
             between(self);
         }
@@ -128,6 +133,23 @@ impl<O: Observer, R: Replies> Session<O, R> {
                 self.signals.halt();
             }
         }
+    }
+
+    /// Switches heaters off that nobody uses, as a board does (M86).
+    fn rest_heaters(&self) {
+        // A clock of milliseconds that wraps.
+        let now_ms = (&self.clock).now_ms() as u32;
+        let is_used = self.signals.take_host_spoken() | self.desk.borrow_mut().take_moved();
+        let mut heating = DeskHeating { desk: &self.desk };
+        let has_target = Heater::ALL.into_iter().any(|heater| heating.status(heater).target_celsius > 0.0);
+        let mut timeout = self.heater_timeout.get();
+        let rest = timeout.look(now_ms, is_used, has_target, self.signals.heater_timeout_s());
+        self.heater_timeout.set(timeout);
+        let Some(rest) = rest else { return };
+        if let HeaterRest::Over { .. } = rest {
+            heating.all_off();
+        }
+        self.replies.send(Reply::Text(&rest.to_string()));
     }
 
     /// M155.

@@ -153,6 +153,8 @@ pub enum Command<'a> {
         /// Seconds.
         seconds: u64,
     },
+    /// M86 S: seconds without a line and without motion after which heaters go off, 0 = never; without S a query.
+    HeaterTimeout(Option<u16>),
     /// M82.
     AbsoluteExtrusion,
     /// M83.

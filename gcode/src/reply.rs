@@ -153,6 +153,8 @@ pub enum Reply<'a> {
     Busy,
     /// `echo:M113 S<n>`
     KeepAlive(u8),
+    /// Answer to M86 without S: seconds until unused heaters go off, 0 = never.
+    HeaterTimeout(u16),
     /// `Line: <n>`
     LastLine(i64),
     /// `FR:<n>%`

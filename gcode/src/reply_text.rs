@@ -93,6 +93,7 @@ impl Display for Reply<'_> {
             Reply::UnknownCommand(text) => write!(formatter, "echo:Unknown command: \"{text}\""),
             Reply::Busy => formatter.write_str("echo:busy: processing"),
             Reply::KeepAlive(seconds) => write!(formatter, "echo:M113 S{seconds}"),
+            Reply::HeaterTimeout(seconds) => write!(formatter, "echo:M86 S{seconds}"),
             Reply::LastLine(number) => write!(formatter, "Line: {number}"),
             Reply::FeedPercent(percent) => write!(formatter, "FR:{percent}%"),
             Reply::FlowPercent(percent) => write!(formatter, "echo:E0 Flow: {percent}%"),
@@ -331,6 +332,7 @@ mod tests {
         says(Reply::UnknownCommand("M862 P"), "echo:Unknown command: \"M862 P\"");
         says(Reply::Busy, "echo:busy: processing");
         says(Reply::KeepAlive(2), "echo:M113 S2");
+        says(Reply::HeaterTimeout(1800), "echo:M86 S1800");
         says(Reply::LastLine(-1), "Line: -1");
         says(Reply::FeedPercent(100), "FR:100%");
         says(Reply::FlowPercent(95), "echo:E0 Flow: 95%");

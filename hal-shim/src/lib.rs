@@ -43,6 +43,14 @@ impl Heater {
             Self::Bed => 1,
         }
     }
+
+    /// What a person calls it: `nozzle`, `bed`.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Nozzle => "nozzle",
+            Self::Bed => "bed",
+        }
+    }
 }
 
 /// Why a reading is no temperature.
@@ -69,10 +77,12 @@ pub trait ThermalBoard {
     fn set_power(&mut self, heater: Heater, power: f32);
 }
 
-/// The part-cooling fan.
-pub trait Fan {
-    /// Power, 0 to 255.
+/// The fans. A board may lack either; setting it has no effect then.
+pub trait Fans {
+    /// Power of the part-cooling fan, 0 to 255.
     fn set_fan_power(&mut self, power: u8);
+    /// Switches the hot end's own fan.
+    fn set_hotend_fan(&mut self, on: bool);
 }
 
 /// The queue of step entries, seen from the side that fills it, and the interrupt that empties it.

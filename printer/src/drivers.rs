@@ -1,4 +1,4 @@
-//! M122, M569, M906 and M914, and what may move before the drivers are set up: nothing.
+//! M122, M569, M906 and M914. Before the drivers are set up nothing moves, and no motor gets current.
 
 use core::fmt::{Arguments, write};
 
@@ -6,7 +6,6 @@ use embedded_hal_async::delay::DelayNs;
 use ferrostep_gcode::{Command, DriverWords, Reply};
 use ferrostep_hal_shim::Clock;
 use ferrostep_hal_shim::tmc2209::{DriverEvent, DriverReport, DriverSettings, DriverState};
-use ferrostep_planner::Kinematics;
 
 use crate::AXIS_NAMES;
 use crate::error::CommandError;
@@ -15,9 +14,6 @@ use crate::printer::{Printer, Text};
 
 /// How often a wait for a driver looks. A set-up takes tenths of a second, and always ends.
 const LOOK_MS: u32 = 10;
-
-/// Motors A and B of a CoreXY machine: each of them moves both axes.
-const PLANE: u8 = 0b11;
 
 /// Tells what has happened to a driver. `true`: a motor with current (`motors_on` is their mask) may not be where its
 /// steps say, so that who calls must halt the machine as M112 does; the host has been told, but for
@@ -70,13 +66,7 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
                 }
             }
         }
-        let mut moved = drivers.take_moved();
-        if self.profile.kinematics == Kinematics::CoreXy && moved & PLANE != 0 {
-            moved |= PLANE;
-        }
-        for (axis, homed) in self.modal.homed.iter_mut().enumerate() {
-            *homed &= moved >> axis & 1 == 0;
-        }
+        self.forget_home(drivers.take_moved());
         Ok(())
     }
 
@@ -86,9 +76,13 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
     #[inline(never)]
     pub(crate) fn drivers_part(&self, command: &Command<'_>) -> Result<bool, CommandError> {
         let (code, setting, values) = match *command {
-            Command::Linear { .. } | Command::Arc { .. } | Command::Retract | Command::Recover | Command::Home(_) => {
-                return Ok(true);
-            }
+            // M17 too: until its driver is set, a motor's current is what the chip has after a reset.
+            Command::Linear { .. }
+            | Command::Arc { .. }
+            | Command::Retract
+            | Command::Recover
+            | Command::Home(_)
+            | Command::EnableMotors(_) => return Ok(true),
             Command::ReportDrivers => ("M122", Setting::All, ALL_MOTORS),
             Command::StealthChop { motors, on } => {
                 let named = [motors.x, motors.y, motors.z, motors.e];

@@ -8,6 +8,7 @@ use ferrostep_planner::look_ahead::Violation;
 use ferrostep_planner::{MIN_FEED_MM_PER_S, MoveError};
 
 use crate::AXIS_NAMES;
+use crate::heat::HeatFault;
 use crate::ports::{Miscount, MotionError, MotionFault};
 
 /// Why a command was not executed. Nothing of it has happened then; a command that was stopped on its way
@@ -99,6 +100,10 @@ pub enum CommandError {
     InvalidTool(u32),
     /// The machine was stopped by M112 or a heater fault, here or before, and waits for M999.
     Halted,
+    /// M999 does not end this heater fault.
+    NeedsReset(HeatFault),
+    /// A wait for heat ended because the heaters were switched off as unused (M86).
+    HeatersTimedOut,
     /// Motion was stopped on the way.
     Stopped,
     /// The firmware has found its own motion wrong and stopped it.
@@ -197,6 +202,18 @@ impl fmt::Display for CommandError {
             Self::NotEquipped(what) => write!(out, "this board has no {what}"),
             Self::InvalidTool(tool) => write!(out, "T{tool} - Invalid extruder number !, expected T0"),
             Self::Halted => write!(out, "the printer is halted (M112 or a heater fault), expected M999 to restart"),
+            Self::NeedsReset(HeatFault { heater, trip }) => write!(
+                out,
+                "M999 does not end \"{trip}\" of the {}: expected its cause mended, then a reset of the board (its button, or \
+                 power off and on)",
+                heater.name()
+            ),
+            Self::HeatersTimedOut => {
+                write!(
+                    out,
+                    "the heaters were switched off during the wait, expected a longer time for it: M86 S before it"
+                )
+            }
             Self::Stopped => write!(out, "motion was stopped"),
             Self::MotionFault(fault) => {
                 match fault {

@@ -1,7 +1,7 @@
 //! Heater control: thermometers, one PID loop a heater, and the checks that switch everything off.
 //!
 //! A hundred times a second [`HeatControl::update`] reads every thermometer, lets [`safety`] look at every heater, and
-//! sets every power. Nothing else sets one.
+//! sets the power of every heater and fan. Nothing else sets one.
 
 mod hotend_fan;
 mod pid;
@@ -11,11 +11,11 @@ mod thermometer;
 use core::fmt;
 
 use ferrostep_gcode::Real;
-use ferrostep_hal_shim::{Heater, ThermalBoard};
+use ferrostep_hal_shim::{Fans, Heater, ThermalBoard};
 
 use crate::ports::HeaterStatus;
 use crate::profile::HeaterSettings;
-pub use hotend_fan::HotEndFan;
+use hotend_fan::HotEndFan;
 use pid::Pid;
 use safety::{Safety, Trip};
 use thermometer::{MEDIAN_OF, Thermometer};
@@ -26,7 +26,7 @@ pub const SAMPLE_MS: u32 = 10;
 /// The same in seconds.
 const SAMPLE_S: f32 = SAMPLE_MS as f32 * 1e-3;
 
-/// Why all heaters are off until M999.
+/// Why all heaters are off: until M999, or until a reset ([`Trip::needs_reset`]).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HeatFault {
     /// Where.
@@ -50,6 +50,7 @@ impl fmt::Display for HeatFault {
             | Trip::HeatingFailed(celsius)
             | Trip::Runaway(celsius)
             | Trip::RisesUnpowered(celsius)
+            | Trip::StaysHotUnpowered(celsius)
             | Trip::Frozen(celsius) => write!(out, " (temp: {})", Real::fixed(celsius, 2)),
         }
     }
@@ -62,8 +63,8 @@ struct Channel {
     thermometer: Thermometer,
     safety: Safety,
     pid: Pid,
-    /// The last temperature that there was, degrees Celsius.
-    celsius: f32,
+    /// The last temperature, degrees Celsius; `None` if there has never been one.
+    celsius: Option<f32>,
     target: f32,
     power: f32,
 }
@@ -72,8 +73,8 @@ impl Channel {
     fn new(settings: HeaterSettings, readings: [u16; MEDIAN_OF]) -> Self {
         let thermometer = Thermometer::new(settings.thermistor, readings);
         // Without a temperature the first sample trips.
-        let celsius = thermometer.celsius().unwrap_or(0.0);
-        let (safety, pid) = (Safety::new(settings), Pid::new(&settings, celsius));
+        let celsius = thermometer.celsius().ok();
+        let (safety, pid) = (Safety::new(settings), Pid::new(&settings));
         Self { settings, thermometer, safety, pid, celsius, target: 0.0, power: 0.0 }
     }
 
@@ -81,8 +82,13 @@ impl Channel {
     fn sample(&mut self, reading: u16) -> Result<(), Trip> {
         self.thermometer.add(reading);
         let celsius = self.thermometer.celsius();
-        self.celsius = celsius.unwrap_or(self.celsius);
+        self.celsius = celsius.ok().or(self.celsius);
         self.safety.check(celsius, self.target, self.power)
+    }
+
+    /// Works out the power for the next sample. A heater without a temperature has none.
+    fn control(&mut self) {
+        self.power = self.celsius.map_or(0.0, |celsius| self.pid.power(celsius, self.target));
     }
 
     fn off(&mut self) {
@@ -92,28 +98,38 @@ impl Channel {
     }
 }
 
-/// Control of all heaters.
+/// Control of all heaters and fans.
 #[derive(Clone, Copy, Debug)]
 pub struct HeatControl {
     channels: [Channel; 2],
     fault: Option<HeatFault>,
+    hotend_fan: HotEndFan,
+    /// What the part-cooling fan is to have while nothing has failed, 0 to 255.
+    part_fan_power: u8,
 }
 
 impl HeatControl {
-    /// All heaters off, with as many readings as a median takes, so that there are temperatures from the start.
-    pub fn new(nozzle: HeaterSettings, bed: HeaterSettings, board: &mut impl ThermalBoard) -> Self {
+    /// All heaters off, with as many readings as a median takes, so that there are temperatures from the start. The hot
+    /// end's fan turns until the first [`Self::update`]: after a reset the nozzle may be hot.
+    pub fn new(nozzle: HeaterSettings, bed: HeaterSettings, board: &mut (impl ThermalBoard + Fans)) -> Self {
+        board.set_hotend_fan(true);
         let mut channel = |heater, settings| {
             board.set_power(heater, 0.0);
             Channel::new(settings, core::array::from_fn(|_| board.reading(heater)))
         };
-        Self { channels: [channel(Heater::Nozzle, nozzle), channel(Heater::Bed, bed)], fault: None }
+        Self {
+            channels: [channel(Heater::Nozzle, nozzle), channel(Heater::Bed, bed)],
+            fault: None,
+            hotend_fan: HotEndFan::new(),
+            part_fan_power: 0,
+        }
     }
 
     /// Takes a sample of every thermometer and sets every heater; to be called every [`SAMPLE_MS`].
     ///
     /// # Errors
-    /// A heater or thermometer has failed: all heaters are off, and stay off until [`Self::restart`]. It is told once.
-    pub fn update(&mut self, board: &mut impl ThermalBoard) -> Result<(), HeatFault> {
+    /// A heater or thermometer has failed: all heaters are off and all fans on, until [`Self::restart`]. It is told once.
+    pub fn update(&mut self, board: &mut (impl ThermalBoard + Fans)) -> Result<(), HeatFault> {
         let mut found = None;
         for heater in Heater::ALL {
             let outcome = self.channels[heater.index()].sample(board.reading(heater));
@@ -123,15 +139,16 @@ impl HeatControl {
         self.fault = self.fault.or(found);
         match self.fault {
             Some(_) => self.all_off(),
-            None => {
-                for channel in &mut self.channels {
-                    channel.power = channel.pid.power(channel.celsius, channel.target);
-                }
-            }
+            None => self.channels.iter_mut().for_each(Channel::control),
         }
         for heater in Heater::ALL {
             board.set_power(heater, self.channels[heater.index()].power);
         }
+        let has_fault = self.fault.is_some();
+        let nozzle_celsius = self.channels[Heater::Nozzle.index()].thermometer.celsius().ok();
+        board.set_hotend_fan(self.hotend_fan.update(nozzle_celsius) || has_fault);
+        // A transistor that has failed closed cannot be switched off: moving air is all that is left.
+        board.set_fan_power(if has_fault { u8::MAX } else { self.part_fan_power });
         match self.fault {
             Some(fault) if !told => Err(fault),
             _ => Ok(()),
@@ -150,17 +167,28 @@ impl HeatControl {
         }
     }
 
+    /// Sets what the part-cooling fan has from the next [`Self::update`] on, 0 to 255. After a fault it has full power.
+    pub fn set_part_fan_power(&mut self, power: u8) {
+        self.part_fan_power = power;
+    }
+
     /// Switches all heaters off; the board hears of it with the next [`Self::update`].
     pub fn all_off(&mut self) {
         self.channels.iter_mut().for_each(Channel::off);
     }
 
-    /// M999: the fault is over and heaters may be switched on again, unless the last readings alone are a fault.
+    /// M999: the fault is over and heaters may be switched on again, unless it needs a reset or the last readings alone are
+    /// a fault.
     ///
     /// # Errors
-    /// They are, and everything stays off.
+    /// The fault, and everything stays off.
     pub fn restart(&mut self) -> Result<(), HeatFault> {
         self.all_off();
+        if let Some(fault) = self.fault
+            && fault.trip.needs_reset()
+        {
+            return Err(fault);
+        }
         self.fault = None;
         for heater in Heater::ALL {
             let channel = &mut self.channels[heater.index()];
@@ -172,10 +200,11 @@ impl HeatControl {
         self.fault.map_or(Ok(()), Err)
     }
 
-    /// How a heater is.
+    /// How a heater is. Its temperature is the last one, and 0 if there has never been one: too cold to extrude.
     pub fn status(&self, heater: Heater) -> HeaterStatus {
         let channel = &self.channels[heater.index()];
-        HeaterStatus { celsius: channel.celsius, target_celsius: channel.target, power: channel.power }
+        let celsius = channel.celsius.unwrap_or(0.0);
+        HeaterStatus { celsius, target_celsius: channel.target, power: channel.power }
     }
 }
 

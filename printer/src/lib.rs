@@ -14,6 +14,7 @@ mod drivers;
 mod entry;
 mod error;
 mod extrusion;
+mod heater_timeout;
 mod homing;
 mod host;
 mod modal;
@@ -28,6 +29,7 @@ mod waits;
 
 pub use drivers::tell_driver_event;
 pub use error::{CommandError, Failure};
+pub use heater_timeout::{HeaterRest, HeaterTimeout};
 pub use host::Host;
 pub use modal::Tally;
 pub use ports::{
@@ -36,8 +38,8 @@ pub use ports::{
 };
 pub use printer::Printer;
 pub use profile::{
-    AxisHoming, DEFAULT_EVENTS_PER_S, DEFAULT_MOVES_PER_S, DriverTiming, ExtrusionSettings, FirmwareRetraction,
-    HeaterSettings, HeaterWatch, HomeEnd, HomeSensor, Profile,
+    AxisHoming, DEFAULT_EVENTS_PER_S, DEFAULT_HEATER_TIMEOUT_S, DEFAULT_MOVES_PER_S, DriverTiming, ExtrusionSettings,
+    FirmwareRetraction, HeaterSettings, HeaterWatch, HomeEnd, HomeSensor, Profile,
 };
 pub use transfer::{JobLine, JobRequest};
 pub use waits::temperatures;

@@ -1,7 +1,7 @@
 //! What the printer needs of its surroundings.
 
 use core::future::Future;
-use core::sync::atomic::{AtomicBool, AtomicU8, AtomicU32, Ordering};
+use core::sync::atomic::{AtomicBool, AtomicU8, AtomicU16, AtomicU32, Ordering};
 
 use ferrostep_gcode::{MotionFigures, Reply, TimingFigures};
 use ferrostep_hal_shim::Heater;
@@ -10,6 +10,7 @@ use ferrostep_planner::{Limits, MotionChoice, Move, MoveError, Moved, PreparedBl
 
 use crate::error::Failure;
 use crate::heat::HeatFault;
+use crate::profile::DEFAULT_HEATER_TIMEOUT_S;
 
 /// Why motion was not possible.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -240,6 +241,8 @@ pub struct Signals {
     keep_alive_s: AtomicU8,
     is_at_work: AtomicBool,
     idle_timeout_s: AtomicU32,
+    heater_timeout_s: AtomicU16,
+    host_spoke: AtomicBool,
 }
 
 /// Seconds at rest after which motors are switched off, unless M84 S says otherwise: Marlin's.
@@ -256,6 +259,8 @@ impl Signals {
             keep_alive_s: AtomicU8::new(2),
             is_at_work: AtomicBool::new(false),
             idle_timeout_s: AtomicU32::new(IDLE_TIMEOUT_S),
+            heater_timeout_s: AtomicU16::new(DEFAULT_HEATER_TIMEOUT_S),
+            host_spoke: AtomicBool::new(false),
         }
     }
 
@@ -285,6 +290,31 @@ impl Signals {
 
     pub(crate) fn set_idle_timeout_s(&self, seconds: u64) {
         self.idle_timeout_s.store(u32::try_from(seconds).unwrap_or(u32::MAX), Ordering::Relaxed);
+    }
+
+    /// Seconds without use after which heaters go off (M86); 0 = never.
+    pub fn heater_timeout_s(&self) -> u16 {
+        self.heater_timeout_s.load(Ordering::Relaxed)
+    }
+
+    pub(crate) fn set_heater_timeout_s(&self, seconds: u16) {
+        self.heater_timeout_s.store(seconds, Ordering::Relaxed);
+    }
+
+    /// A host has sent a line, or a frame of a prepared job. From any priority: whoever receives calls it, for a line may
+    /// have to wait its turn.
+    pub fn note_host(&self) {
+        self.host_spoke.store(true, Ordering::Release);
+    }
+
+    /// Whether a host has sent anything since this was last taken.
+    pub fn has_host_spoken(&self) -> bool {
+        self.host_spoke.load(Ordering::Acquire)
+    }
+
+    /// Takes that.
+    pub fn take_host_spoken(&self) -> bool {
+        self.host_spoke.swap(false, Ordering::AcqRel)
     }
 
     /// M112, or a heater fault: every wait ends and every command is refused until M999. Who sets it has switched

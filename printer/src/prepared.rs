@@ -321,6 +321,7 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
     /// It cannot be read, or not be done.
     pub async fn prepared_command(&mut self, line: u32, text: &str) -> Result<(), Failure> {
         self.line = line;
+        self.signals.note_host();
         let command = parse(text).map_err(Failure::Parse)?;
         self.command_with_signs_of_life(&command).await.map(|_| ()).map_err(Failure::Command)
     }

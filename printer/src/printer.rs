@@ -77,6 +77,7 @@ pub struct Printer<'a, M, H, T, R> {
 impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'a, M, H, T, R> {
     /// A printer that has just been switched on: nothing homed, everything cold.
     pub fn new(profile: &'a Profile, motion: M, heating: H, clock: T, replies: &'a R, signals: &'a Signals) -> Self {
+        signals.set_heater_timeout_s(profile.heater_timeout_s);
         Self {
             profile,
             motion,
@@ -155,6 +156,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
     /// before it.
     pub async fn execute(&mut self, line: u32, text: &str) -> Result<(), Failure> {
         self.line = line;
+        self.signals.note_host();
         // From here on nobody switches the motors off; if somebody has, it is noticed now.
         self.signals.set_at_work(true);
         if self.motion.take_switched_off() {
@@ -257,7 +259,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
                 self.modal.homed = [false; 3];
                 self.follow_the_motors();
             }
-            CommandError::Stopped | CommandError::Halted => self.follow_the_motors(),
+            CommandError::Stopped | CommandError::Halted | CommandError::NeedsReset(_) => self.follow_the_motors(),
             _ => {}
         }
     }
@@ -309,7 +311,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
             let _ = core::fmt::write(&mut line, format_args!("{fault}"));
             self.replies.send(Reply::Text(&line));
             self.replies.send(Reply::Killed);
-            return Err(CommandError::Halted);
+            return Err(if fault.trip.needs_reset() { CommandError::NeedsReset(fault) } else { CommandError::Halted });
         }
         Ok(())
     }
@@ -334,6 +336,8 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
             Command::EnableMotors(axes) => self.motion.set_motors_enabled(mask(axes), true),
             Command::DisableMotors(axes) => self.disable_motors(axes).await?,
             Command::IdleTimeout { seconds } => self.signals.set_idle_timeout_s(seconds),
+            Command::HeaterTimeout(Some(seconds)) => self.signals.set_heater_timeout_s(seconds),
+            Command::HeaterTimeout(None) => self.replies.send(Reply::HeaterTimeout(self.signals.heater_timeout_s())),
             Command::AbsoluteExtrusion => self.modal.relative_extruder = false,
             Command::RelativeExtrusion => self.modal.relative_extruder = true,
             Command::SetNozzle(Some(celsius)) => self.set_temperature(Heater::Nozzle, celsius.to_f64())?,
@@ -422,10 +426,16 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
         self.motion.finish().await?;
         let motors = mask(axes);
         self.motion.set_motors_enabled(motors, false);
-        for (axis, homed) in self.modal.homed.iter_mut().enumerate() {
-            *homed &= motors >> axis & 1 == 0;
-        }
+        self.forget_home(motors);
         Ok(())
+    }
+
+    /// The motors in the mask may not be where their steps say: no axis that they move is homed any more.
+    pub(crate) fn forget_home(&mut self, motors: u8) {
+        let axes = self.profile.axes_of_motors(motors);
+        for (axis, homed) in self.modal.homed.iter_mut().enumerate() {
+            *homed &= axes >> axis & 1 == 0;
+        }
     }
 
     /// M112: heat first, then motion.

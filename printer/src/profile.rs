@@ -2,7 +2,7 @@
 
 use ferrostep_hal_shim::thermistor::Thermistor;
 use ferrostep_hal_shim::tmc2209::DriverSettings;
-use ferrostep_hal_shim::virtual_board::{START_10NM, VirtualEndStop, VirtualHeaters, VirtualMotors};
+use ferrostep_hal_shim::virtual_board::{HeatedMass, START_10NM, VirtualEndStop, VirtualHeaters, VirtualMotors};
 use ferrostep_planner::{Geometry, Kinematics, Limits, MotionChoice, StepsPerMm};
 
 /// Step events a second that the processor can make if it has nothing else to do for motion, where a profile does not
@@ -19,6 +19,9 @@ pub const DEFAULT_EVENTS_PER_S: u32 = 400_000;
 /// A move takes 7,000 instructions from its line to the first of its events, at 1.4 cycles: 12,000 moves a second in 70 %
 /// of the processor, of which a third is kept in reserve.
 pub const DEFAULT_MOVES_PER_S: u32 = 8_000;
+
+/// Seconds without use after which heaters go off, where a profile does not say: Prusa's (`SafetyTimer`, 30 minutes).
+pub const DEFAULT_HEATER_TIMEOUT_S: u16 = 1800;
 
 /// Which end of its travel an axis homes to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -68,7 +71,8 @@ pub struct HeaterWatch {
     pub watch_celsius: f32,
     /// Once it has reached its target, for no longer than this, milliseconds ...
     pub runaway_ms: u32,
-    /// ... may the temperature be farther below the target than this, degrees.
+    /// ... may the temperature be farther below the target than this, degrees. Near the room's temperature less is allowed
+    /// ([`crate::heat::safety`]).
     pub runaway_celsius: f32,
 }
 
@@ -88,6 +92,8 @@ pub struct HeaterSettings {
     pub min_celsius: f32,
     /// At or above this all heaters are switched off.
     pub max_celsius: f32,
+    /// Higher targets are refused, and so is [`Self::max_celsius`].
+    pub max_target_celsius: f32,
     /// When it counts as failed.
     pub watch: HeaterWatch,
     /// Proportional gain, power per degree.
@@ -100,6 +106,8 @@ pub struct HeaterSettings {
     pub residency_window_celsius: f32,
     /// ... for this long, milliseconds.
     pub residency_ms: u32,
+    /// What it heats on the virtual board. Control and checks know nothing of it.
+    pub mass: HeatedMass,
 }
 
 /// G10 and G11 as M207 and M208 find them.
@@ -177,6 +185,8 @@ pub struct Profile {
     pub homing: [AxisHoming; 3],
     /// Extrusion is refused below this nozzle temperature, degrees Celsius.
     pub min_extrusion_celsius: f32,
+    /// Heaters go off after this many seconds without a line from a host and without motion; 0: never (M86).
+    pub heater_timeout_s: u16,
     /// The nozzle's heater.
     pub nozzle: HeaterSettings,
     /// The bed's heater.
@@ -203,9 +213,19 @@ impl Profile {
         }
     }
 
-    /// Heaters with this machine's thermistors, cold.
+    /// Mask of the axes that the motors in the mask move: on CoreXY each of A and B moves X and Y.
+    pub const fn axes_of_motors(&self, motors: u8) -> u8 {
+        const PLANE: u8 = 0b11;
+        match self.kinematics {
+            Kinematics::CoreXy if motors & PLANE != 0 => motors | PLANE,
+            Kinematics::CoreXy | Kinematics::Cartesian => motors,
+        }
+    }
+
+    /// This machine's heaters on the virtual board, cold.
     pub const fn virtual_heaters(&self) -> VirtualHeaters {
-        VirtualHeaters::new(self.nozzle.thermistor, self.bed.thermistor)
+        let HeaterSettings { mass, thermistor, .. } = self.nozzle;
+        VirtualHeaters::new((mass, thermistor), (self.bed.mass, self.bed.thermistor))
     }
 
     /// Mask of the axes that home by a stall.

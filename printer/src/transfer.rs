@@ -19,7 +19,7 @@ use ferrostep_planner::PLANNER_VERSION;
 
 use crate::error::{CommandError, Failure};
 use crate::host::Host;
-use crate::ports::{Heating, Motion, Replies};
+use crate::ports::{Heating, Motion, Replies, Signals};
 use crate::printer::{Printer, Text};
 
 /// Longest silence before the first frame, s: a host that asks for a transfer has a job at hand.
@@ -157,7 +157,7 @@ impl Incoming {
         line: &mut impl JobLine,
         room: &mut [u8],
         filled: &mut usize,
-        (replies, clock): (&R, &impl Clock),
+        (replies, clock, signals): (&R, &impl Clock, &Signals),
         idle: bool,
     ) {
         while !self.text && !self.aborted {
@@ -172,9 +172,9 @@ impl Incoming {
                     Event::Nothing => {}
                     Event::Bytes(length) => {
                         *filled += length;
-                        self.heard(clock);
+                        self.heard(clock, signals);
                     }
-                    Event::Answer => self.heard(clock),
+                    Event::Answer => self.heard(clock, signals),
                     Event::Aborted => self.aborted = true,
                     Event::Other => {
                         self.text = true;
@@ -210,7 +210,8 @@ impl Incoming {
         }
     }
 
-    fn heard(&mut self, clock: &impl Clock) {
+    fn heard(&mut self, clock: &impl Clock, signals: &Signals) {
+        signals.note_host();
         self.heard_ms = clock.now_ms();
         self.any_frame = true;
         self.answer = true;
@@ -271,12 +272,12 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         let mut incoming = Incoming::new(request.size, self.clock.now_ms(), self.motion.stops());
         let mut progress = Progress { begun: false, frame: 0, offset: 0 };
         let outcome = self.play(request, line, buffer, &mut incoming, &mut progress).await;
-        let (replies, clock) = (self.replies(), self.clock.clone());
+        let (replies, clock, signals) = (self.replies(), self.clock.clone(), self.signals);
         incoming.text = false;
         incoming.aborted = false;
         // No more is taken, but the host is not left without an answer while the machine comes to rest.
         let mut none = 0;
-        let taken_in = incoming.take_in(line, &mut [], &mut none, (replies, &clock), false);
+        let taken_in = incoming.take_in(line, &mut [], &mut none, (replies, &clock, signals), false);
         let ended = match outcome {
             Ok(()) => {
                 let finished = beside(self.finish(), taken_in).await;
@@ -331,7 +332,7 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         incoming: &mut Incoming,
         progress: &mut Progress,
     ) -> Result<(), Stop> {
-        let (replies, clock) = (self.replies(), self.clock.clone());
+        let (replies, clock, signals) = (self.replies(), self.clock.clone(), self.signals);
         let mut parts = Parts::new();
         let mut filled = 0;
         incoming.tell(replies, buffer.len());
@@ -341,7 +342,7 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
                 Part::End => return Ok(()),
                 Part::More => {
                     self.between(line, incoming).await?;
-                    incoming.take_in(line, buffer, &mut filled, (replies, &clock), true).await;
+                    incoming.take_in(line, buffer, &mut filled, (replies, &clock, signals), true).await;
                     let silent_ms = self.clock.now_ms().saturating_sub(incoming.heard_ms);
                     let allowed_s = if incoming.any_frame { u16::MAX } else { MAX_SILENCE_BEFORE_JOB_S };
                     let silence_s = request.silence_s.min(allowed_s);
@@ -368,7 +369,7 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
                     progress.begun = true;
                     let mut place = Place { start: *items.start(), begun: false, end_10nm: None, number, offset };
                     loop {
-                        let taken_in = incoming.take_in(line, room, &mut ahead, (replies, &clock), false);
+                        let taken_in = incoming.take_in(line, room, &mut ahead, (replies, &clock, signals), false);
                         if !beside(self.item(&mut items, &mut place), taken_in).await? {
                             break;
                         }

@@ -63,8 +63,9 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
             Heater::Bed => &self.profile.bed,
         };
         // As the control will have it: rounding may not take it to the maximum.
-        if celsius as f32 >= settings.max_celsius {
-            return Err(CommandError::TooHot { celsius, maximum_celsius: settings.max_celsius });
+        let target = celsius as f32;
+        if target >= settings.max_celsius || target > settings.max_target_celsius {
+            return Err(CommandError::TooHot { celsius, maximum_celsius: settings.max_target_celsius });
         }
         self.needs(self.equipment.heaters || celsius <= 0.0, "heaters")?;
         self.heating.set_target(heater, celsius as f32);
@@ -100,6 +101,7 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
             Heater::Nozzle => self.profile.nozzle,
             Heater::Bed => self.profile.bed,
         };
+        let had_target = self.heating.status(heater).target_celsius > 0.0;
         let mut near_since: Option<u64> = None;
         let mut cooling = Cooling::default();
         let mut next_report = self.clock.now_ms() + REPORT_MS;
@@ -112,6 +114,10 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
             }
             let status = self.heating.status(heater);
             let above = status.celsius - status.target_celsius;
+            if had_target && status.target_celsius <= 0.0 {
+                // Nothing else takes a target away during a wait.
+                return Err(CommandError::HeatersTimedOut);
+            }
             if status.target_celsius <= 0.0 || !cooling_counts && above > settings.residency_window_celsius {
                 return Ok(());
             }
@@ -141,10 +147,7 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
     }
 
     fn say_not_cooling(&self, heater: Heater, status: &HeaterStatus) {
-        let name = match heater {
-            Heater::Nozzle => "nozzle",
-            Heater::Bed => "bed",
-        };
+        let name = heater.name();
         let (celsius, target) = (Real::fixed(status.celsius, 1), Real::short(status.target_celsius, 2));
         let mut text = Text::new();
         let line = self.line;

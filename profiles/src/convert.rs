@@ -1,7 +1,6 @@
 //! From the checked text to the machine: ranges, units, and the values that must fit each other.
 
 use ferrostep_checked_toml::{Checker, Range, range};
-use ferrostep_hal_shim::thermistor::{Thermistor, ThermistorType};
 use ferrostep_hal_shim::tmc2209::{DriverSettings, STALL_FULL_STEPS_PER_S};
 use ferrostep_planner::s_curve::FrequencyTable;
 use ferrostep_planner::{
@@ -9,8 +8,8 @@ use ferrostep_planner::{
     StepsPerMm, TICKS_PER_SECOND,
 };
 use ferrostep_printer::{
-    AxisHoming, DEFAULT_EVENTS_PER_S, DEFAULT_MOVES_PER_S, ExtrusionSettings, FirmwareRetraction, HeaterSettings,
-    HeaterWatch, HomeEnd, HomeSensor, Profile,
+    AxisHoming, DEFAULT_EVENTS_PER_S, DEFAULT_HEATER_TIMEOUT_S, DEFAULT_MOVES_PER_S, ExtrusionSettings,
+    FirmwareRetraction, HomeEnd, HomeSensor, Profile,
 };
 
 use crate::ProfileError;
@@ -18,9 +17,10 @@ use crate::check::CheckAxes;
 use crate::drivers::{MIN_GAP_US, driver, drivers};
 use crate::file::{
     AccelerationName, CornerVelocityTable, DriverTables, DualRateTable, EndName, ExtrusionName, ExtrusionTable,
-    HeaterTable, HomingTable, InterpolationName, KinematicsName, Number, ProfileFile, RetractionTable, SCurveTable,
-    SensorName, ThermistorName, ThermistorValue, Xyze,
+    HomingTable, InterpolationName, KinematicsName, Number, ProfileFile, RetractionTable, SCurveTable, SensorName,
+    Xyze,
 };
+use crate::heaters::heaters;
 
 /// Units of 10 nm in a mm.
 const UNITS_PER_MM: f64 = 100_000.0;
@@ -37,24 +37,8 @@ const JERK: Range = range(1.0, 10_000_000.0, "mm/s^3");
 // A step has two levels or, at its closest, a direction change before it: each takes a gap of the step interrupt.
 const EVENT_INTERVAL: Range = range(2.0 * MIN_GAP_US, 100.0, "us");
 const MIN_EXTRUSION: Range = range(0.0, 400.0, "degrees Celsius");
+const HEATER_TIMEOUT: Range = range(0.0, 65_535.0, "s");
 const BACK_OFF: Range = range(0.1, 50.0, "mm");
-const HEATER_MIN: Range = range(-50.0, 50.0, "degrees Celsius");
-const NOZZLE_MAX: Range = range(60.0, 500.0, "degrees Celsius");
-const BED_MAX: Range = range(60.0, 200.0, "degrees Celsius");
-const PROPORTIONAL: Range = range(0.000_1, 10.0, "per degree");
-const INTEGRAL: Range = range(0.0, 10.0, "per degree and second");
-const DERIVATIVE: Range = range(0.0, 100.0, "seconds per degree");
-const RESIDENCY_WINDOW: Range = range(0.1, 20.0, "degrees");
-const RESIDENCY: Range = range(0.0, 600.0, "s");
-const R25: Range = range(1_000.0, 1_000_000.0, "ohms");
-const BETA: Range = range(2_000.0, 6_000.0, "K");
-const PULL_UP: Range = range(100.0, 100_000.0, "ohms");
-// No time so long, no rise so small that a failed heater goes unnoticed until something melts; none so short or so
-// large that a sound heater trips.
-const WATCH: Range = range(5.0, 120.0, "s");
-const WATCH_RISE: Range = range(1.0, 20.0, "degrees");
-const RUNAWAY: Range = range(5.0, 120.0, "s");
-const RUNAWAY_HYSTERESIS: Range = range(1.0, 20.0, "degrees");
 const RETRACTION: Range = range(0.0, 100.0, "mm");
 const EXTRA_RECOVER: Range = range(-100.0, 100.0, "mm");
 const LIFT: Range = range(0.0, 50.0, "mm");
@@ -82,6 +66,10 @@ pub fn profile(file: &ProfileFile, check: &Checker<'_>) -> Result<Profile, Profi
     let interval_us = check.number("minimum_event_interval_us", &file.minimum_event_interval_us, EVENT_INTERVAL)?;
     motor_rates(kinematics, steps, &limits, interval_us, file, check)?;
     let min_extrusion = check.number("min_extrusion_celsius", &file.min_extrusion_celsius, MIN_EXTRUSION)?;
+    let heater_timeout_s = match &file.heater_timeout_s {
+        Some(value) => check.number("heater_timeout_s", value, HEATER_TIMEOUT)?.round() as u16,
+        None => DEFAULT_HEATER_TIMEOUT_S,
+    };
     let drivers = drivers(file, steps, check)?;
     let axis = |axis: usize, name, table| {
         let homing = homing(name, table, size_mm[axis], limits.max_feed_mm_per_s[axis], check)?;
@@ -92,8 +80,7 @@ pub fn profile(file: &ProfileFile, check: &Checker<'_>) -> Result<Profile, Profi
         Ok(homing)
     };
     let homing = [axis(0, "x", &file.homing.x)?, axis(1, "y", &file.homing.y)?, axis(2, "z", &file.homing.z)?];
-    let nozzle = heater("nozzle", &file.nozzle, NOZZLE_MAX, HeaterWatch::NOZZLE, check)?;
-    let bed = heater("bed", &file.bed, BED_MAX, HeaterWatch::BED, check)?;
+    let [nozzle, bed] = heaters(&file.nozzle, &file.bed, check)?;
     if min_extrusion as f32 >= nozzle.max_celsius {
         let expected = format!("less than nozzle.max_celsius = {}", nozzle.max_celsius);
         return Err(check.refuse("min_extrusion_celsius", &file.min_extrusion_celsius, expected));
@@ -112,6 +99,7 @@ pub fn profile(file: &ProfileFile, check: &Checker<'_>) -> Result<Profile, Profi
         move_cost_ticks,
         homing,
         min_extrusion_celsius: min_extrusion as f32,
+        heater_timeout_s,
         nozzle,
         bed,
         retraction: retraction(&file.firmware_retraction, check)?,
@@ -380,98 +368,6 @@ fn homing_by_stall(
         return Err(check.refuse(&key("back_off_mm"), &table.back_off_mm, expected));
     }
     Ok(())
-}
-
-/// Range and control of one heater.
-fn heater(
-    name: &str,
-    table: &HeaterTable,
-    max_celsius: Range,
-    default_watch: HeaterWatch,
-    check: &Checker<'_>,
-) -> Result<HeaterSettings, ProfileError> {
-    let number = |key: &str, value: &Number, range| check.number(&format!("{name}.{key}"), value, range);
-    let thermistor = thermistor(name, table, check)?;
-    let readable = |key: &str, value: &Number, range| {
-        let celsius = number(key, value, range)? as f32;
-        if thermistor.can_tell(celsius) {
-            return Ok(celsius);
-        }
-        let [lowest, highest] = readable_celsius(&thermistor);
-        let expected = format!(
-            "{lowest} to {highest} degrees Celsius, what {name}.sensor can read with pull_up_ohm = {}",
-            thermistor.pull_up_ohm
-        );
-        Err(check.refuse(&format!("{name}.{key}"), value, expected))
-    };
-    let min_celsius = readable("min_celsius", &table.min_celsius, HEATER_MIN)?;
-    let max_celsius = readable("max_celsius", &table.max_celsius, max_celsius)?;
-    let watch = watch(name, table, default_watch, check)?;
-    let window_value = &table.residency_window_celsius;
-    let residency_window_celsius = number("residency_window_celsius", window_value, RESIDENCY_WINDOW)? as f32;
-    if residency_window_celsius > watch.runaway_celsius {
-        // What M109 takes for reached would be a runaway.
-        let expected = format!("at most {name}.runaway_celsius = {}", watch.runaway_celsius);
-        return Err(check.refuse(&format!("{name}.residency_window_celsius"), window_value, expected));
-    }
-    Ok(HeaterSettings {
-        thermistor,
-        min_celsius,
-        max_celsius,
-        watch,
-        proportional: number("proportional", &table.proportional, PROPORTIONAL)? as f32,
-        integral: number("integral", &table.integral, INTEGRAL)? as f32,
-        derivative: number("derivative", &table.derivative, DERIVATIVE)? as f32,
-        residency_window_celsius,
-        residency_ms: (number("residency_s", &table.residency_s, RESIDENCY)? * 1e3).round() as u32,
-    })
-}
-
-/// What measures a heater.
-fn thermistor(name: &str, table: &HeaterTable, check: &Checker<'_>) -> Result<Thermistor, ProfileError> {
-    let kind = match &table.sensor {
-        ThermistorValue::Named(ThermistorName::Semitec104Gt2) => ThermistorType::Semitec104Gt2,
-        ThermistorValue::Named(ThermistorName::Epcos100k) => ThermistorType::Epcos100k,
-        ThermistorValue::Beta(beta) => ThermistorType::Beta {
-            r25_ohm: check.number(&format!("{name}.sensor.r25_ohm"), &beta.r25_ohm, R25)? as f32,
-            beta_k: check.number(&format!("{name}.sensor.beta_k"), &beta.beta_k, BETA)? as f32,
-        },
-    };
-    let pull_up_ohm = match &table.pull_up_ohm {
-        Some(value) => check.number(&format!("{name}.pull_up_ohm"), value, PULL_UP)? as f32,
-        None => Thermistor::USUAL_PULL_UP_OHM,
-    };
-    Ok(Thermistor { kind, pull_up_ohm })
-}
-
-/// The lowest and the highest whole degree that a thermistor can read; the range is nowhere interrupted.
-fn readable_celsius(thermistor: &Thermistor) -> [i16; 2] {
-    let mut readable = (-100..=500_i16).filter(|celsius| thermistor.can_tell(f32::from(*celsius)));
-    let lowest = readable.next().unwrap_or_default();
-    [lowest, readable.next_back().unwrap_or(lowest)]
-}
-
-/// When a heater counts as failed.
-fn watch(
-    name: &str,
-    table: &HeaterTable,
-    default: HeaterWatch,
-    check: &Checker<'_>,
-) -> Result<HeaterWatch, ProfileError> {
-    let number = |key: &str, value: &Option<Number>, range| match value {
-        Some(value) => check.number(&format!("{name}.{key}"), value, range).map(Some),
-        None => Ok(None),
-    };
-    let milliseconds = |seconds: f64| (seconds * 1e3).round() as u32;
-    let degrees = |degrees: f64| degrees as f32;
-    Ok(HeaterWatch {
-        watch_ms: number("watch_s", &table.watch_s, WATCH)?.map_or(default.watch_ms, milliseconds),
-        watch_celsius: number("watch_celsius", &table.watch_celsius, WATCH_RISE)?
-            .map_or(default.watch_celsius, degrees),
-        runaway_ms: number("runaway_s", &table.runaway_s, RUNAWAY)?.map_or(default.runaway_ms, milliseconds),
-        runaway_celsius: number("runaway_celsius", &table.runaway_celsius, RUNAWAY_HYSTERESIS)?
-            .map_or(default.runaway_celsius, degrees),
-    })
 }
 
 /// Firmware retraction at start-up.

@@ -30,6 +30,7 @@ pub struct ProfileFile {
     pub jerk_mm_per_s3: Number,
     pub minimum_event_interval_us: Number,
     pub min_extrusion_celsius: Number,
+    pub heater_timeout_s: Option<Number>,
     pub homing: HomingTables,
     pub nozzle: HeaterTable,
     pub bed: HeaterTable,
@@ -209,11 +210,24 @@ pub struct HeaterTable {
     pub runaway_celsius: Option<Number>,
     pub min_celsius: Number,
     pub max_celsius: Number,
+    pub max_target_celsius: Option<Number>,
     pub proportional: Number,
     pub integral: Number,
     pub derivative: Number,
     pub residency_window_celsius: Number,
     pub residency_s: Number,
+    pub model: Option<ModelTable>,
+}
+
+/// What a heater heats, for the virtual board.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, expecting = "a table of what the heater heats")]
+pub struct ModelTable {
+    pub power_w: Number,
+    pub capacity_j_per_k: Number,
+    pub loss_w_per_k: Number,
+    pub fan_loss_w_per_k: Option<Number>,
+    pub dead_time_s: Option<Number>,
 }
 
 /// What measures a heater: a name, or a table of two numbers.

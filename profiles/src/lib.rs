@@ -9,6 +9,7 @@ mod check;
 mod convert;
 mod drivers;
 mod file;
+mod heaters;
 
 use ferrostep_printer::Profile;
 

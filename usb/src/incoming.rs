@@ -20,12 +20,31 @@ pub struct Incoming {
     broken: bool,
     /// The rest of a line is dropped, for there was no room for all of it.
     dropping: bool,
+    line: LineKind,
+}
+
+/// What a line has been so far.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum LineKind {
+    /// Empty.
+    #[default]
+    Empty,
+    /// Printable ASCII.
+    Text,
+    /// A frame, or noise.
+    Other,
 }
 
 impl Incoming {
     /// At the start of a line.
     pub const fn new() -> Self {
-        Self { scanner: EmergencyScanner::new(), mid_line: false, broken: false, dropping: false }
+        Self {
+            scanner: EmergencyScanner::new(),
+            mid_line: false,
+            broken: false,
+            dropping: false,
+            line: LineKind::Empty,
+        }
     }
 
     /// Takes in a packet. Returns how many bytes were dropped for want of room; of a line that did not fit, what is in the
@@ -37,6 +56,15 @@ impl Incoming {
                 buffers.emergency(emergency);
             }
             let ends_line = matches!(byte, b'\n' | b'\r');
+            match byte {
+                _ if ends_line => {
+                    if core::mem::take(&mut self.line) == LineKind::Text {
+                        buffers.note_line();
+                    }
+                }
+                b' '..=b'~' | b'\t' if self.line != LineKind::Other => self.line = LineKind::Text,
+                _ => self.line = LineKind::Other,
+            }
             if !self.dropping {
                 if self.broken {
                     self.broken = !buffers.put(BREAK);
@@ -61,6 +89,7 @@ impl Incoming {
         self.broken |= self.mid_line;
         self.mid_line = false;
         self.dropping = false;
+        self.line = LineKind::Empty;
     }
 }
 
@@ -94,5 +123,52 @@ impl Lines {
         let length = bytes.iter().position(|&byte| byte == BREAK).unwrap_or(bytes.len());
         let (used, line) = self.reader.feed(bytes.get(..length).unwrap_or_default());
         (used, line.map(Heard::Line))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use ferrostep_gcode::Emergency;
+
+    use super::*;
+
+    /// Counts lines.
+    struct Counter(u32);
+
+    impl Buffers for Counter {
+        fn put(&mut self, _: u8) -> bool {
+            false
+        }
+        fn take(&mut self) -> Option<u8> {
+            None
+        }
+        fn emergency(&mut self, _: Emergency) {}
+        fn note_line(&mut self) {
+            self.0 += 1;
+        }
+    }
+
+    #[test]
+    fn lines_of_text_are_noted_even_where_there_is_no_room_for_them() {
+        for (bytes, lines) in [
+            (&b"M105\n"[..], 1),
+            (b"M105\r\nN3 G1 X5*44\n\n;\thm\r", 3),
+            (b"M105", 0),
+            (b"\n\r\n", 0),
+            // A frame, noise, and text behind it in the same line.
+            (b"\x7e\x00abc\n", 0),
+            (b"\xffM105\n\x00\n", 0),
+            (b"\xff\nM105\n", 1),
+        ] {
+            let (mut incoming, mut counter) = (Incoming::new(), Counter(0));
+            for &byte in bytes {
+                incoming.take_in(&[byte], &mut counter);
+            }
+            assert_eq!(counter.0, lines, "{bytes:?}");
+            // The rest of a line is another's once the connection has ended.
+            incoming.break_off();
+            incoming.take_in(b"\n", &mut counter);
+            assert_eq!(counter.0, lines);
+        }
     }
 }

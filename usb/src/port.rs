@@ -29,6 +29,8 @@ pub trait Buffers {
     fn take(&mut self) -> Option<u8>;
     /// A command that does not wait its turn; its bytes were, or will be, [`Self::put`] as well.
     fn emergency(&mut self, emergency: Emergency);
+    /// A line of text has ended, of whatever words: its host is there. It may have to wait its turn.
+    fn note_line(&mut self) {}
 }
 
 /// A USB device with one serial port.

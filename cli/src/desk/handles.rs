@@ -5,7 +5,7 @@ use std::future::poll_fn;
 use std::task::Poll;
 
 use ferrostep_gcode::MotionFigures;
-use ferrostep_hal_shim::{EndStops, Fan, Heater, MotorEnable};
+use ferrostep_hal_shim::{EndStops, Heater, MotorEnable};
 use ferrostep_planner::{Limits, MotionChoice, Move, MoveError, Moved, PreparedBlock, PreparedMove, Retuned};
 use ferrostep_printer::heat::HeatFault;
 use ferrostep_printer::{HeaterStatus, Heating, Motion, MotionError, MotionFault, Seek, Signals};
@@ -94,7 +94,7 @@ impl<O: Observer> Motion for DeskMotion<'_, O> {
     async fn set_fan_power(&mut self, power: u8) -> Result<(), MotionError> {
         self.wait(|desk| {
             if desk.planner.is_look_ahead_empty() {
-                desk.board.heaters.set_fan_power(power);
+                desk.heat.set_part_fan_power(power);
             } else if !desk.planner.add_fan_power(power) {
                 desk.awaited = Awaited::Room;
                 return None;

@@ -50,7 +50,8 @@ impl Passed {
                     | Command::AdaptiveExtrusion { .. }
                     | Command::AutoReportTemperatures { .. }
                     | Command::KeepAlive(Some(_))
-                    | Command::IdleTimeout { .. },
+                    | Command::IdleTimeout { .. }
+                    | Command::HeaterTimeout(Some(_)),
                 ) => self.others.push((line, text.to_owned())),
                 _ => {}
             }

@@ -32,6 +32,7 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
         }
         82 => code.without_words(Command::AbsoluteExtrusion, remarks),
         83 => code.without_words(Command::RelativeExtrusion, remarks),
+        86 => Ok(Command::HeaterTimeout(code.words(remarks)?.whole_up_to(b'S', u16::MAX)?)),
         104 | 109 | 140 | 190 => temperature(code, remarks),
         106 | 107 => fan(code, remarks),
         105 => Ok(Command::ReportTemperatures),

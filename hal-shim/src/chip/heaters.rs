@@ -5,7 +5,7 @@ use core::sync::atomic::AtomicU16;
 use super::converter::{Converter, ConverterNumber};
 use super::pwm::{FAN_HZ, HEATER_HZ, OutputPin, PwmClocks, PwmOutput};
 use crate::registers::Registers;
-use crate::{Fan, Heater, ThermalBoard};
+use crate::{Fans, Heater, ThermalBoard};
 
 /// What of a board heats, cools and measures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -61,15 +61,6 @@ impl<R: Registers> BoardHeaters<R> {
         let fans = self.part_fan.iter_mut().chain(&mut self.hotend_fan);
         self.heaters.iter_mut().chain(fans).for_each(|output| output.tick(&mut self.registers));
     }
-
-    /// Switches the hot end's fan.
-    pub fn set_hotend_fan(&mut self, on: bool) {
-        if let Some(fan) = &mut self.hotend_fan
-            && core::mem::replace(&mut self.hotend_is_on, on) != on
-        {
-            fan.set(if on { 1.0 } else { 0.0 }, &mut self.registers);
-        }
-    }
 }
 
 impl<R: Registers> ThermalBoard for BoardHeaters<R> {
@@ -83,12 +74,20 @@ impl<R: Registers> ThermalBoard for BoardHeaters<R> {
     }
 }
 
-impl<R: Registers> Fan for BoardHeaters<R> {
+impl<R: Registers> Fans for BoardHeaters<R> {
     fn set_fan_power(&mut self, power: u8) {
         if let Some(fan) = &mut self.part_fan
             && core::mem::replace(&mut self.part_power, power) != power
         {
             fan.set(f32::from(power) / 255.0, &mut self.registers);
+        }
+    }
+
+    fn set_hotend_fan(&mut self, on: bool) {
+        if let Some(fan) = &mut self.hotend_fan
+            && core::mem::replace(&mut self.hotend_is_on, on) != on
+        {
+            fan.set(if on { 1.0 } else { 0.0 }, &mut self.registers);
         }
     }
 }

@@ -1,10 +1,10 @@
 //! The heaters of the virtual board, their thermistors and the fan that cools them.
 
-use super::ThermalModel;
 use super::heater_failure::HeaterFailure;
 use super::thermal_model::AMBIENT_CELSIUS;
+use super::{HeatedMass, ThermalModel};
 use crate::thermistor::Thermistor;
-use crate::{Fan, Heater, ThermalBoard};
+use crate::{Fans, Heater, ThermalBoard};
 
 /// A thermistor that has fallen out takes the air's temperature with this time constant, s.
 const FALLEN_OUT_S: f32 = 3.0;
@@ -21,7 +21,8 @@ struct VirtualHeater {
 }
 
 impl VirtualHeater {
-    const fn new(model: ThermalModel, thermistor: Thermistor) -> Self {
+    const fn new((mass, thermistor): (HeatedMass, Thermistor)) -> Self {
+        let model = ThermalModel::new(mass);
         Self { model, power: 0.0, thermistor, thermistor_celsius: model.celsius(), failure: None }
     }
 
@@ -51,19 +52,19 @@ impl VirtualHeater {
     }
 }
 
-/// Two heaters with a thermal model each, and the part-cooling fan.
+/// Two heaters with a thermal model each, and the fans. The hot end's own fan cools none of both.
 #[derive(Clone, Debug)]
 pub struct VirtualHeaters {
     heaters: [VirtualHeater; 2],
     fan_power: u8,
+    hotend_fan: bool,
 }
 
 impl VirtualHeaters {
-    /// Heaters that are off and cold, with these thermistors.
-    pub const fn new(nozzle: Thermistor, bed: Thermistor) -> Self {
-        let heaters =
-            [VirtualHeater::new(ThermalModel::nozzle(), nozzle), VirtualHeater::new(ThermalModel::bed(), bed)];
-        Self { heaters, fan_power: 0 }
+    /// Heaters that are off and cold: what the nozzle's and the bed's heat, and their thermistors.
+    pub const fn new(nozzle: (HeatedMass, Thermistor), bed: (HeatedMass, Thermistor)) -> Self {
+        let heaters = [VirtualHeater::new(nozzle), VirtualHeater::new(bed)];
+        Self { heaters, fan_power: 0, hotend_fan: false }
     }
 
     /// Lets the heaters and what they heat run for a while, at most a second or so at a time.
@@ -88,9 +89,14 @@ impl VirtualHeaters {
         self.heaters[heater.index()].power
     }
 
-    /// The fan's power, 0 to 255.
+    /// Power of the part-cooling fan, 0 to 255.
     pub const fn fan_power(&self) -> u8 {
         self.fan_power
+    }
+
+    /// Whether the hot end's own fan turns.
+    pub const fn hotend_fan(&self) -> bool {
+        self.hotend_fan
     }
 }
 
@@ -104,9 +110,13 @@ impl ThermalBoard for VirtualHeaters {
     }
 }
 
-impl Fan for VirtualHeaters {
+impl Fans for VirtualHeaters {
     fn set_fan_power(&mut self, power: u8) {
         self.fan_power = power;
+    }
+
+    fn set_hotend_fan(&mut self, on: bool) {
+        self.hotend_fan = on;
     }
 }
 
@@ -119,7 +129,7 @@ mod tests {
     const THERMISTOR: Thermistor = Thermistor { kind: ThermistorType::Semitec104Gt2, pull_up_ohm: 4700.0 };
 
     fn new() -> VirtualHeaters {
-        VirtualHeaters::new(THERMISTOR, THERMISTOR)
+        VirtualHeaters::new((HeatedMass::NOZZLE, THERMISTOR), (HeatedMass::BED, THERMISTOR))
     }
 
     fn read(heaters: &mut VirtualHeaters, heater: Heater) -> f32 {

@@ -26,7 +26,7 @@ pub use motors::{START_10NM, VirtualEndStop, VirtualMotors};
 pub use port::VirtualPort;
 pub use stall::StallSignal;
 pub use step_timer::{StepObserver, StepTimer};
-pub use thermal_model::ThermalModel;
+pub use thermal_model::{HeatedMass, ThermalModel};
 pub use update_timer::{CYCLES_A_TICK, VirtualUpdateTimer};
 
 /// The board.

@@ -57,6 +57,8 @@ pub struct Rings {
     pub to_send: Consumer<'static, u8>,
     /// M112 and its like.
     pub act: fn(Emergency),
+    /// A host has sent a line, which may have to wait its turn.
+    pub note_line: fn(),
 }
 
 impl Buffers for Rings {
@@ -70,6 +72,10 @@ impl Buffers for Rings {
 
     fn emergency(&mut self, emergency: Emergency) {
         (self.act)(emergency);
+    }
+
+    fn note_line(&mut self) {
+        (self.note_line)();
     }
 }
 

@@ -6,19 +6,24 @@ const ON_CELSIUS: f32 = 50.0;
 const OFF_CELSIUS: f32 = 45.0;
 
 /// Whether it turns.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub struct HotEndFan {
     is_on: bool,
 }
 
 impl HotEndFan {
-    /// Takes the nozzle's temperature, degrees Celsius, and says whether the fan is to turn. A temperature that is none
-    /// changes nothing.
-    pub fn update(&mut self, celsius: f32) -> bool {
-        if celsius >= ON_CELSIUS {
-            self.is_on = true;
-        } else if celsius < OFF_CELSIUS {
-            self.is_on = false;
+    /// It turns: after a reset the nozzle may be hot.
+    pub const fn new() -> Self {
+        Self { is_on: true }
+    }
+
+    /// Takes the nozzle's temperature, degrees Celsius, and says whether the fan is to turn. It does where the temperature
+    /// is unknown: `None`, or no number.
+    pub fn update(&mut self, celsius: Option<f32>) -> bool {
+        match celsius {
+            Some(celsius) if celsius < OFF_CELSIUS => self.is_on = false,
+            Some(celsius) if celsius < ON_CELSIUS => {}
+            Some(_) | None => self.is_on = true,
         }
         self.is_on
     }
@@ -30,8 +35,20 @@ mod tests {
 
     #[test]
     fn it_turns_above_a_hot_nozzle() {
-        let mut fan = HotEndFan::default();
-        let heard = [20.0, 49.9, 50.0, 49.9, 45.0, f32::NAN, 44.9, f32::NAN, 49.9].map(|celsius| fan.update(celsius));
-        assert_eq!(heard, [false, false, true, true, true, true, false, false, false]);
+        let mut fan = HotEndFan::new();
+        // Between the two bounds it turns until a reading says that the nozzle is cold.
+        let celsius = [49.9, 20.0, 49.9, 50.0, 49.9, 45.0, 44.9, 49.9];
+        let turns = celsius.map(|celsius| fan.update(Some(celsius)));
+        assert_eq!(turns, [true, false, false, true, true, true, false, false]);
+    }
+
+    #[test]
+    fn it_turns_where_the_temperature_is_unknown() {
+        for unknown in [None, Some(f32::NAN)] {
+            let mut fan = HotEndFan::new();
+            assert!(fan.update(unknown));
+            assert!(!fan.update(Some(20.0)));
+            assert!(fan.update(unknown));
+        }
     }
 }

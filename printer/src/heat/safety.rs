@@ -12,6 +12,7 @@
 //! | no power at the heater, thermistor out or frozen, while heating up | [`Trip::HeatingFailed`] | the watch period |
 //! | the same, at the target | [`Trip::Runaway`] | the runaway period below the hysteresis |
 //! | transistor failed closed | [`Trip::RisesUnpowered`], or [`Trip::TooHot`] | with the power at 0, a quarter of the watch period and 10 degrees |
+//! | the same, of a heater too weak to rise | [`Trip::StaysHotUnpowered`] | 10 minutes above 80 degrees without power |
 //! | converter stands still, at the target | [`Trip::Frozen`] | the runaway period, once the power has changed by 5 % |
 
 use core::fmt;
@@ -25,6 +26,18 @@ use super::SAMPLE_MS;
 /// A heater without power that becomes this much hotter within its watch period is heated all the same, degrees. A
 /// nozzle over a hot bed, or a bed under a hot nozzle, takes minutes for that.
 const UNPOWERED_RISE_CELSIUS: f32 = 10.0;
+
+/// Above this temperature, degrees Celsius, a heater without power must become colder ...
+const HOT_CELSIUS: f32 = 80.0;
+/// ... by this much, degrees ...
+const COOLING_CELSIUS: f32 = 2.0;
+/// ... within this time. A heavy bed in a chamber of 60 degrees takes a third of that.
+const COOLING_MS: u32 = 600_000;
+
+/// The room, degrees Celsius, as far as the hysteresis is concerned.
+const ROOM_CELSIUS: f32 = 25.0;
+/// However near the room's temperature its target is, a heater may be this far below it, degrees.
+const LEAST_HYSTERESIS_CELSIUS: f32 = 4.0;
 
 /// A change of power, as a share of full power, that no heater takes without the temperature changing by a step of its
 /// reading.
@@ -45,8 +58,28 @@ pub enum Trip {
     Runaway(f32),
     /// The temperature rises though the heater is switched off.
     RisesUnpowered(f32),
+    /// The temperature, far above the room's, does not fall though the heater is switched off.
+    StaysHotUnpowered(f32),
     /// The reading stays exactly the same though the power has changed.
     Frozen(f32),
+}
+
+impl Trip {
+    /// Whether M999 does not end it, only a reset of the board: what failed is the heater, its transistor, or the
+    /// thermistor's place, and no reading can show that it is sound again. Repeated by a host, M999 and M104 would grant a
+    /// heater without a thermistor one watch period at full power after the other.
+    ///
+    /// The others end when the reading is within its limits again: a plug put back, a nozzle that has cooled.
+    pub const fn needs_reset(self) -> bool {
+        match self {
+            Self::Sensor(_) | Self::TooHot(_) | Self::TooCold(_) => false,
+            Self::HeatingFailed(_)
+            | Self::Runaway(_)
+            | Self::RisesUnpowered(_)
+            | Self::StaysHotUnpowered(_)
+            | Self::Frozen(_) => true,
+        }
+    }
 }
 
 impl fmt::Display for Trip {
@@ -56,7 +89,7 @@ impl fmt::Display for Trip {
             Self::TooHot(_) | Self::Sensor(SensorError::Shorted) => "MAXTEMP triggered",
             Self::TooCold(_) | Self::Sensor(SensorError::Open) => "MINTEMP triggered",
             Self::HeatingFailed(_) => "Heating failed",
-            Self::Runaway(_) | Self::RisesUnpowered(_) => "Thermal Runaway",
+            Self::Runaway(_) | Self::RisesUnpowered(_) | Self::StaysHotUnpowered(_) => "Thermal Runaway",
             Self::Frozen(_) => "Thermal Malfunction",
         })
     }
@@ -84,7 +117,7 @@ impl Since {
 enum Phase {
     /// Its target is 0.
     Off,
-    /// It has not reached its target, and last was hotter by the watch's degrees at this moment.
+    /// It has not reached its target, and last was hotter by the watch's degrees at this moment; the lowest temperature since.
     Heating(Since),
     /// It has reached its target, and has been too far below it for so many samples.
     Holding(u32),
@@ -101,6 +134,8 @@ pub struct Safety {
     unpowered: u32,
     /// The lowest temperature without power, of late.
     lowest: Since,
+    /// The temperature without power from which it must fall.
+    hot: Since,
     /// The last temperature that was another than the one before, and the power then.
     changed: (f32, f32),
     /// Samples since the power has become so different that the reading should have changed again.
@@ -116,6 +151,8 @@ impl Safety {
             target: 0.0,
             unpowered: 0,
             lowest: Since::now(0.0),
+            // The first sample is colder than that, and begins the time.
+            hot: Since::now(f32::INFINITY),
             changed: (0.0, 0.0),
             unanswered: 0,
         }
@@ -136,6 +173,7 @@ impl Safety {
         self.follow(celsius, target);
         self.check_phase(celsius)?;
         self.check_unpowered(celsius, power)?;
+        self.check_cooling(celsius, power)?;
         self.check_same(celsius, power)
     }
 
@@ -155,8 +193,15 @@ impl Safety {
     }
 
     /// Whether it is no farther below the target than the runaway check allows; above is near.
+    ///
+    /// That is the profile's hysteresis, but no more than a third of the way from the room to the target: what a draught
+    /// takes from a heater at its limit grows with that way, and a thermistor that has fallen out, which reads the room,
+    /// must never be near a low target.
     fn is_near(&self, celsius: f32) -> bool {
-        celsius >= self.target - self.settings.watch.runaway_celsius
+        let HeaterSettings { watch, residency_window_celsius, .. } = &self.settings;
+        let least = residency_window_celsius.max(LEAST_HYSTERESIS_CELSIUS);
+        let share = ((self.target - ROOM_CELSIUS) / 3.0).max(least);
+        celsius >= self.target - watch.runaway_celsius.min(share)
     }
 
     /// Heating up must go on; the target, once reached, must be held.
@@ -168,6 +213,8 @@ impl Safety {
             Phase::Heating(_) if is_near => self.phase = Phase::Holding(0),
             Phase::Heating(since) if celsius >= since.celsius + watch.watch_celsius => *since = Since::now(celsius),
             Phase::Heating(since) => {
+                // Just switched on again it may go on cooling, while the heat is on its way. The time runs all the same.
+                since.celsius = since.celsius.min(celsius);
                 since.tick();
                 if since.samples >= watch.watch_ms / SAMPLE_MS {
                     return Err(Trip::HeatingFailed(celsius));
@@ -196,6 +243,19 @@ impl Safety {
         self.lowest.tick();
         if celsius >= self.lowest.celsius + UNPOWERED_RISE_CELSIUS {
             return Err(Trip::RisesUnpowered(celsius));
+        }
+        Ok(())
+    }
+
+    /// Without power a heater that is far hotter than any room must become colder. One that is too weak to rise further would
+    /// else be on for ever.
+    fn check_cooling(&mut self, celsius: f32, power: f32) -> Result<(), Trip> {
+        if power > 0.0 || celsius < HOT_CELSIUS || celsius <= self.hot.celsius - COOLING_CELSIUS {
+            self.hot = Since::now(celsius);
+        }
+        self.hot.tick();
+        if self.hot.samples > COOLING_MS / SAMPLE_MS {
+            return Err(Trip::StaysHotUnpowered(celsius));
         }
         Ok(())
     }

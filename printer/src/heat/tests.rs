@@ -5,7 +5,7 @@ mod failures;
 mod properties;
 
 use ferrostep_hal_shim::thermistor::{Thermistor, ThermistorType};
-use ferrostep_hal_shim::virtual_board::{HeaterFailure, VirtualHeaters};
+use ferrostep_hal_shim::virtual_board::{HeatedMass, HeaterFailure, VirtualHeaters};
 
 use super::*;
 use crate::profile::HeaterWatch;
@@ -21,19 +21,23 @@ fn settings(heater: Heater) -> HeaterSettings {
             thermistor: on_usual_board(ThermistorType::Semitec104Gt2),
             min_celsius: 5.0,
             max_celsius: 275.0,
+            max_target_celsius: 275.0,
             watch: HeaterWatch::NOZZLE,
             proportional: 0.1,
             integral: 0.004,
             derivative: 0.1,
             residency_window_celsius: 1.0,
             residency_ms: 10_000,
+            mass: HeatedMass::NOZZLE,
         },
         Heater::Bed => HeaterSettings {
             thermistor: on_usual_board(ThermistorType::Epcos100k),
             max_celsius: 125.0,
+            max_target_celsius: 125.0,
             watch: HeaterWatch::BED,
             proportional: 0.2,
             derivative: 0.5,
+            mass: HeatedMass::BED,
             ..settings(Heater::Nozzle)
         },
     }
@@ -58,7 +62,7 @@ struct Rig {
 impl Rig {
     fn new() -> Self {
         let [nozzle, bed] = Heater::ALL.map(settings);
-        let mut board = VirtualHeaters::new(nozzle.thermistor, bed.thermistor);
+        let mut board = VirtualHeaters::new((nozzle.mass, nozzle.thermistor), (bed.mass, bed.thermistor));
         Self { control: HeatControl::new(nozzle, bed, &mut board), board, samples: 0 }
     }
 
@@ -114,7 +118,7 @@ fn heating_up_overshoots_by_less_than_three_degrees_and_stays() {
     for further in [0.0, 10.0] {
         for fan_power in [0, 255] {
             let mut rig = Rig::new();
-            ferrostep_hal_shim::Fan::set_fan_power(&mut rig.board, fan_power);
+            rig.control.set_part_fan_power(fan_power);
             let targets = Heater::ALL.map(|heater| usual_target(heater) + further);
             for heater in Heater::ALL {
                 rig.control.set_target(heater, targets[heater.index()]);
@@ -165,6 +169,11 @@ fn faults_are_said_as_hosts_expect() {
             Heater::Nozzle,
             Trip::RisesUnpowered(70.0),
             "Error:Thermal Runaway, system stopped! Heater_ID: E0 (temp: 70.00)",
+        ),
+        (
+            Heater::Bed,
+            Trip::StaysHotUnpowered(104.5),
+            "Error:Thermal Runaway, system stopped! Heater_ID: bed (temp: 104.50)",
         ),
         (
             Heater::Nozzle,

@@ -10,7 +10,7 @@ use ferrostep_hal_shim::stepping::{
     DroppedSteps, FeedError, NextWords, OutputPorts, Pulses, Signals, StepFeeder, StepLink, StepPlayer, UpdateTimer,
 };
 use ferrostep_hal_shim::thermistor::{Thermistor, ThermistorType};
-use ferrostep_hal_shim::virtual_board::{StepTimer, VirtualPort, VirtualUpdateTimer};
+use ferrostep_hal_shim::virtual_board::{HeatedMass, StepTimer, VirtualPort, VirtualUpdateTimer};
 use ferrostep_planner::{Kinematics, MotionChoice, StepsPerMm};
 use proptest::prelude::*;
 
@@ -23,11 +23,13 @@ pub(crate) fn profile() -> Profile {
         watch: HeaterWatch::NOZZLE,
         min_celsius: 5.0,
         max_celsius: 275.0,
+        max_target_celsius: 275.0,
         proportional: 0.1,
         integral: 0.0,
         derivative: 0.0,
         residency_window_celsius: 1.0,
         residency_ms: 0,
+        mass: HeatedMass::NOZZLE,
     };
     let homing = AxisHoming {
         end: HomeEnd::Min,
@@ -58,6 +60,7 @@ pub(crate) fn profile() -> Profile {
         move_cost_ticks: 10_500,
         homing: [homing; 3],
         min_extrusion_celsius: 170.0,
+        heater_timeout_s: crate::profile::DEFAULT_HEATER_TIMEOUT_S,
         nozzle: heater,
         bed: heater,
         retraction: FirmwareRetraction {

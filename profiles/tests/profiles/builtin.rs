@@ -2,6 +2,7 @@
 
 use ferrostep_hal_shim::thermistor::{Thermistor, ThermistorType};
 use ferrostep_hal_shim::tmc2209::DriverSettings;
+use ferrostep_hal_shim::virtual_board::HeatedMass;
 use ferrostep_planner::{Kinematics, Limits, StepsPerMm};
 use ferrostep_printer::{
     AxisHoming, DriverTiming, FirmwareRetraction, HeaterSettings, HeaterWatch, HomeEnd, HomeSensor, Profile,
@@ -96,11 +97,13 @@ fn cartesian_is_as_designed() {
             watch: HeaterWatch { watch_ms: 20_000, watch_celsius: 2.0, runaway_ms: 40_000, runaway_celsius: 4.0 },
             min_celsius: 5.0,
             max_celsius: 275.0,
+            max_target_celsius: 275.0,
             proportional: 0.1,
             integral: 0.004,
             derivative: 0.1,
             residency_window_celsius: 1.0,
             residency_ms: 10_000,
+            mass: HeatedMass::NOZZLE,
         }
     );
     assert_eq!(profile.bed.thermistor, Thermistor { kind: ThermistorType::Epcos100k, pull_up_ohm: 4700.0 });
@@ -177,6 +180,19 @@ fn prusa_mini_is_as_designed() {
     let e = DriverSettings { microsteps: 16, current_ma: 400, stealth_chop: false, ..z };
     assert_eq!(profile.drivers, [Some(x), Some(x), Some(z), Some(e)]);
     assert_eq!(profile.driver.inverted, 0b0011);
+    // Prusa's, as the file says: gains of 255 and seconds.
+    for (heater, max_celsius, max_target_celsius, gains) in
+        [(profile.nozzle, 295.0, 280.0, [7.0, 0.5, 45.0]), (profile.bed, 110.0, 100.0, [120.0, 1.5, 600.0])]
+    {
+        assert_eq!((heater.max_celsius, heater.max_target_celsius), (max_celsius, max_target_celsius));
+        for (gain, prusa) in [heater.proportional, heater.integral, heater.derivative].into_iter().zip(gains) {
+            assert!((gain * 255.0 - prusa).abs() < 0.002 * prusa, "{gain} for {prusa} / 255");
+        }
+    }
+    assert_eq!(
+        profile.bed.watch,
+        HeaterWatch { watch_ms: 240_000, watch_celsius: 2.0, runaway_ms: 45_000, runaway_celsius: 25.0 }
+    );
 }
 
 #[test]

@@ -1,8 +1,9 @@
-//! The gains of the built-in profiles settle on the heaters they are written for.
+//! The gains of the built-in profiles settle on the heaters they are written for: 40 W and 250 W. The MINI's are others, with
+//! tests of their own (`mini_heat.rs`).
 //!
 //! A plain f64 simulation: one heat capacity, loss to the room, a sensor that follows with a delay of first order,
-//! and a PID at a fixed period. The derivative is that of the measurement, so that a new target gives no kick, and the
-//! integral stands still while the power is at its limit.
+//! and a PID at a fixed period. The derivative is that of the measurement, so that a new target gives no kick; the
+//! integral is of the error that the slope leads to, and stands still while the power is at its limit.
 
 use ferrostep_printer::HeaterSettings;
 use ferrostep_profiles::{builtin_names, load};
@@ -53,7 +54,9 @@ fn simulate(heater: Heater, settings: &HeaterSettings, period_s: f64, start: f64
             let raw = f64::from(settings.proportional) * error + integral - f64::from(settings.derivative) * rate;
             power = raw.clamp(0.0, 1.0);
             if raw == power {
-                integral = (integral + f64::from(settings.integral) * error * period_s).clamp(0.0, 1.0);
+                let ahead_s = f64::from(settings.derivative / settings.proportional);
+                integral =
+                    (integral + f64::from(settings.integral) * (error - ahead_s * rate) * period_s).clamp(0.0, 1.0);
             }
         }
         let lost_watts = heater.watts_per_kelvin * (temperature - ROOM_CELSIUS);
@@ -105,9 +108,14 @@ fn check(name: &str, heater: Heater, settings: &HeaterSettings, targets: &[f64],
     }
 }
 
+/// The profiles for such heaters.
+fn usual_names() -> impl Iterator<Item = &'static str> {
+    builtin_names().filter(|name| *name != "prusa-mini")
+}
+
 #[test]
 fn nozzles_settle_without_oscillation() {
-    for name in builtin_names() {
+    for name in usual_names() {
         let profile = load(name).unwrap();
         check(name, NOZZLE, &profile.nozzle, &[60.0, 170.0, 200.0, 215.0, 240.0], 1.5);
     }
@@ -115,7 +123,7 @@ fn nozzles_settle_without_oscillation() {
 
 #[test]
 fn beds_settle_without_oscillation() {
-    for name in builtin_names() {
+    for name in usual_names() {
         let profile = load(name).unwrap();
         check(name, BED, &profile.bed, &[40.0, 60.0, 80.0, 100.0], 3.0);
     }
@@ -124,7 +132,7 @@ fn beds_settle_without_oscillation() {
 #[test]
 fn heaters_settle_downwards_too() {
     // Cooling is not the controller's to hurry, but it must not end far below.
-    for name in builtin_names() {
+    for name in usual_names() {
         let profile = load(name).unwrap();
         for (heater, settings, start, target) in
             [(NOZZLE, profile.nozzle, 220.0, 200.0), (BED, profile.bed, 70.0, 60.0)]

@@ -2,6 +2,8 @@
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 mod builtin;
+mod heater_keys;
 mod heaters;
+mod mini_heat;
 mod refusals;
 mod robustness;

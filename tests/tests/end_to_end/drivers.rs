@@ -104,6 +104,53 @@ fn a_driver_that_does_not_answer_refuses_motion_and_nothing_else() {
     assert!(replies[0].starts_with("X:180.00 Y:0.00 Z:0.00"), "{replies:?}");
 }
 
+/// Until a driver is set, its current is what the chip has after a reset: more than twice what the MINI's motors get.
+#[test]
+fn m17_gives_no_motor_current_before_its_driver_is_set() {
+    let profile = profile("prusa-mini");
+    let machine = machine(&profile);
+    let mut printer = machine.printer();
+    let motors_on = || machine.desk().borrow().board().motors.enabled_motors();
+    (0..4).for_each(|motor| with_chip(&machine, motor, |chip| chip.set_silent(true)));
+    let reason = "driver X does not answer: no reply on its serial line; is the motor supply on?";
+    let replies = say(&machine, &mut printer, &["M17", "M17 E"]);
+    for line in 1..=2 {
+        assert!(replies.contains(&format!("echo:line {line}: {reason}")), "{replies:#?}");
+    }
+    assert_eq!(motors_on(), 0);
+    for motor in 0..4 {
+        with_chip(&machine, motor, |chip| {
+            chip.reset();
+            chip.set_silent(false);
+        });
+    }
+    assert_eq!(say(&machine, &mut printer, &["G4 S3", "M17 E"]), [""; 0]);
+    assert_eq!(motors_on(), 0b1000);
+}
+
+/// On CoreXY each of the motors A and B moves X and Y; on the others M84 X leaves Y homed.
+#[test]
+fn an_axis_whose_motor_was_switched_off_is_not_homed() {
+    for (name, size_mm, off, homed) in [
+        ("corexy", 300, "M84 X", [false, false, true]),
+        ("corexy", 300, "M18 Y", [false, false, true]),
+        ("corexy", 300, "M84 Z", [true, true, false]),
+        ("corexy", 300, "M84 E", [true; 3]),
+        ("cartesian", 200, "M84 X", [false, true, true]),
+        ("cartesian", 200, "M84 Y", [true, false, true]),
+    ] {
+        let machine = machine(&profile(name));
+        let mut printer = machine.printer();
+        say(&machine, &mut printer, &["G28", off]);
+        for (axis, homed) in ["X", "Y", "Z"].iter().zip(homed) {
+            // Soft limits hold a homed axis only.
+            let replies = say(&machine, &mut printer, &[&format!("G0 {axis}{}", size_mm + 1)]);
+            let is_held = replies.iter().any(|reply| reply.contains("outside the soft limits"));
+            assert_eq!(is_held, homed, "{name}, {off}, {axis}: {replies:?}");
+        }
+    }
+}
+
 /// A print that is under way, and the replies after a fault.
 fn fault_in_mid_print(fault: impl FnOnce(&mut DriverChip)) -> (Machine, Vec<String>) {
     let profile = profile("prusa-mini");

@@ -35,7 +35,7 @@ fn run(machine: &str, mode: Mode, text: &[u8]) -> Ended {
 /// Hot, then so long a dwell, then a move, then so long a move.
 fn after_hours(seconds: u32) -> String {
     format!(
-        "G28\nM190 S60\nM109 S210\nG4 S300\nG4 S{seconds}\nG92 X0\nM211 S0\nM203 X500\n\
+        "M86 S0\nG28\nM190 S60\nM109 S210\nG4 S300\nG4 S{seconds}\nG92 X0\nM211 S0\nM203 X500\n\
          G1 X10 F600\nG1 X{} F60\nG1 X0 F600\n",
         10 + seconds
     )
@@ -63,14 +63,16 @@ fn the_heaters_of_an_estimated_cube_are_stepped_while_they_are_on_their_way() {
     for machine in ["cartesian", "corexy", "prusa-mini"] {
         let ended = run(machine, Mode::Estimate, &example("cube.gcode"));
         assert!(ended.print_time_s > 1300.0);
-        assert!((10_000..20_000).contains(&ended.heat_samples), "{machine}: {}", ended.heat_samples);
+        // The MINI's bed takes four minutes for its 60 C.
+        let most = if machine == "prusa-mini" { 40_000 } else { 20_000 };
+        assert!((10_000..most).contains(&ended.heat_samples), "{machine}: {}", ended.heat_samples);
     }
 }
 
 /// Heaters that were not stepped are where they would be: waits after hours at rest, for more heat, for less, for none.
 #[test]
 fn waits_of_an_estimate_take_as_long_as_those_of_a_print() {
-    let text = "G28\nM190 S60\nM109 S210\nG4 S900\nM109 S230\nG4 S600\nM109 R190\nG4 S600\nM190 S80\nM140 S0\nG4 S100\n\
+    let text = "M86 S0\nG28\nM190 S60\nM109 S210\nG4 S900\nM109 S230\nG4 S600\nM109 R190\nG4 S600\nM190 S80\nM140 S0\nG4 S100\n\
                 M190 S70\nG4 S400\nM104 S0\nG4 S2000\nM109 S200\nG1 X20 F3000\nG1 X30 E1\n";
     for machine in ["cartesian", "corexy", "prusa-mini"] {
         let [estimate, print] = [Mode::Estimate, Mode::Print].map(|mode| run(machine, mode, text.as_bytes()));

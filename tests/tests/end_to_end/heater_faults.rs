@@ -126,6 +126,7 @@ fn every_failure_in_mid_print_stops_motion_and_tells_the_host() {
             for heater in Heater::ALL {
                 assert_eq!(machine.desk().borrow().board().heaters.power(heater), 0.0);
             }
+            assert_eq!(machine.desk().borrow().board().heaters.fan_power(), 255);
 
             // M999 where the thermistor is still broken changes nothing; where it is mended, the machine goes on, cold.
             let broken = matches!(failure, HeaterFailure::ThermistorOpen | HeaterFailure::ThermistorShorted);
@@ -136,9 +137,19 @@ fn every_failure_in_mid_print_stops_motion_and_tells_the_host() {
                 assert!(conversation.say("G1 X5")[0].contains("M999"));
             }
             machine.desk().borrow_mut().heaters_mut().set_failure(heater, None);
-            if broken {
-                // Dwells are refused too; it takes a moment to read the thermistor again.
-                machine.run(tick(&machine));
+            // Dwells are refused too; it takes a moment to read the thermistor again.
+            machine.run(tick(&machine));
+            if !broken {
+                // A heater that failed: a reading does not show that it is sound again.
+                let refused = conversation.say("M999");
+                assert!(refused[0].starts_with(error) && refused[1] == KILLED, "{refused:?}");
+                let words = ["M999", "Thermal Runaway", heater.name(), "reset"];
+                assert!(words.iter().all(|word| refused[2].contains(word)) && refused[3] == "ok", "{refused:?}");
+                assert!(conversation.say("M104 S200")[0].contains("halted"));
+                for heater in Heater::ALL {
+                    assert_eq!(machine.desk().borrow().board().heaters.power(heater), 0.0);
+                }
+                continue;
             }
             assert_eq!(conversation.say("M999"), ["ok"], "{heater:?} {failure:?}");
             assert_eq!(conversation.say("G4 P500"), ["ok"]);

@@ -14,6 +14,7 @@ mod extrusion;
 mod heater_faults;
 mod hostile;
 mod hosts;
+mod idle_heaters;
 mod methods;
 mod odd_lines;
 #[cfg(unix)]

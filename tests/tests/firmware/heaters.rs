@@ -186,3 +186,28 @@ fn a_converter_that_does_not_run_is_said_and_nothing_heats() {
         assert_off(board, &mut bench);
     }
 }
+
+/// A host that has gone: after M86's time no heater of a real board has power, and the machine is not halted.
+#[test]
+fn heaters_that_nothing_uses_go_off() {
+    for board in printers() {
+        let mut bench = Bench::boot_board(board);
+        bench.host.send("M86 S4").unwrap();
+        heat(board, &mut bench);
+        bench.host.wait_for("the warning", |line| line.starts_with("echo:heaters go off in 2 s: ")).unwrap();
+        bench.host.wait_for("the end", |line| line.starts_with("echo:heaters switched off: 4 s ")).unwrap();
+        wait_for_powers(board, &mut bench, [false; 2]);
+        assert_off(board, &mut bench);
+        // In a dwell the same, and a line that waits its turn keeps them on.
+        heat(board, &mut bench);
+        bench.host.send_raw(b"G4 S9\n").unwrap();
+        bench.host.wait_for("the warning", |line| line.starts_with("echo:heaters go off in 2 s: ")).unwrap();
+        bench.host.send_raw(b"M105\n").unwrap();
+        bench.host.wait_for("the warning anew", |line| line.starts_with("echo:heaters go off in 2 s: ")).unwrap();
+        assert_eq!(at_full_power(board, &mut bench), [true; 2], "{}", board.name);
+        bench.host.wait_for("the end", |line| line.starts_with("echo:heaters switched off: 4 s ")).unwrap();
+        wait_for_powers(board, &mut bench, [false; 2]);
+        let report = bench.host.wait_for("temperatures", |line| line.starts_with("ok T:")).unwrap();
+        assert!(report.ends_with(" @:0 B@:0"), "{report}");
+    }
+}

@@ -286,7 +286,7 @@ fn a_step_is_on_time_under_usb_load(board: Board) -> Result<(), Failure> {
     let (received, mut to_read) = receive.split();
     let (mut to_write, to_send) = send.split();
     let registers = (device.OTG_FS_GLOBAL, device.OTG_FS_DEVICE, device.OTG_FS_PWRCLK);
-    let rings = Rings { received, to_send, act: ignore };
+    let rings = Rings { received, to_send, act: ignore, note_line: || {} };
     match Usb::start(memory, registers, &device.RCC, &clock, rings) {
         Ok(usb) => handlers::serve(usb, &mut controller),
         Err(why) => hprintln!("no USB here: {}", why),

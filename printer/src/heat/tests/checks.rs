@@ -75,6 +75,24 @@ fn heating_up_has_the_watch_period_for_each_two_degrees() {
     assert_eq!(after, WATCH_SAMPLES - 1);
 }
 
+/// Switched off and on again, a nozzle goes on cooling until the heat has come through: two degrees from its lowest count.
+#[test]
+fn heat_on_its_way_may_come_late() {
+    let cooled = || {
+        let mut checked = Checked { target: TARGET, power: 1.0, ..Checked::new() };
+        checked.sample(150.0).unwrap();
+        (1..=500).try_for_each(|sample| checked.sample(150.0 - sample as f32 * 0.02)).unwrap();
+        checked
+    };
+    let mut checked = cooled();
+    checked.samples(WATCH_SAMPLES - 502, 141.98).unwrap();
+    checked.sample(142.0).unwrap();
+    // The time has not begun anew with the lowest: a heater that only cools has no more of it.
+    let (after, trip) = cooled().samples(2 * WATCH_SAMPLES, 141.98).unwrap_err();
+    assert!(matches!(trip, Trip::HeatingFailed(_)), "{trip:?}");
+    assert_eq!(after, WATCH_SAMPLES - 502);
+}
+
 /// A target that is nearly there already is held, not heated up to, from below as from above.
 #[test]
 fn a_new_target_within_the_hysteresis_is_held() {
@@ -189,6 +207,51 @@ fn a_rise_counts_from_the_last_time_that_it_was_as_low() {
         (0..steady).try_for_each(|_| checked.sample(21.0)).unwrap();
         checked.samples(WATCH_SAMPLES - 2, 30.0).unwrap();
         assert_eq!(checked.sample(31.0), Err(Trip::RisesUnpowered(31.0)), "after {steady} samples");
+    }
+}
+
+/// A bed whose transistor has failed closed, and that is too weak to rise by ten degrees.
+#[test]
+fn a_heater_that_stays_hot_without_power_is_on() {
+    const COOLING_SAMPLES: u32 = 600 * SAMPLES_A_S;
+    // From the start: after a reset it is still hot.
+    for celsius in [80.0, 105.0] {
+        let (after, trip) = Checked::new().samples(2 * COOLING_SAMPLES, celsius).unwrap_err();
+        assert!(matches!(trip, Trip::StaysHotUnpowered(_)), "{trip:?}");
+        assert_eq!(after, COOLING_SAMPLES);
+    }
+    // Warm is no fault: a nozzle over a bed, a bed in a chamber.
+    Checked::new().samples(2 * COOLING_SAMPLES, 79.9).unwrap();
+    // Two degrees in time, again and again.
+    let mut checked = Checked::new();
+    let mut celsius = 110.0;
+    while celsius > 80.0 {
+        checked.samples(COOLING_SAMPLES - 2, celsius).unwrap();
+        celsius -= 2.0;
+    }
+    // With power, however little, it is no fault either.
+    let mut checked = Checked::holding();
+    for _ in 0..3 {
+        checked.power = 0.0;
+        checked.samples(COOLING_SAMPLES - 2, TARGET).unwrap();
+        checked.power = 0.01;
+        checked.sample(TARGET).unwrap();
+    }
+}
+
+/// However large the profile's hysteresis: a thermistor that has fallen out reads the room, which is never near.
+#[test]
+fn the_hysteresis_shrinks_towards_the_room() {
+    let wide = HeaterWatch { runaway_celsius: 25.0, runaway_ms: 45_000, ..HeaterWatch::BED };
+    let bed = HeaterSettings { watch: wide, ..settings(Heater::Bed) };
+    let samples = 45 * SAMPLES_A_S;
+    for (target, hysteresis) in [(100.0, 25.0), (85.0, 20.0), (55.0, 10.0), (40.0, 5.0), (35.0, 4.0), (20.0, 4.0)] {
+        for (below, trips) in [(hysteresis - 0.05, false), (hysteresis + 0.05, true)] {
+            let mut checked = Checked { safety: Safety::new(bed), target, power: 0.3 };
+            checked.sample(target).unwrap();
+            let outcome = checked.samples(samples, target - below);
+            assert_eq!(outcome.is_err(), trips, "{below} below {target}: {outcome:?}");
+        }
     }
 }
 

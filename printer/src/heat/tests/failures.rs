@@ -34,9 +34,9 @@ fn nothing_trips_while_nothing_fails() {
         for target in [usual_target(heater) + 20.0, 40.0, usual_target(heater), 0.0, 25.0, usual_target(heater)] {
             rig.control.set_target(heater, target);
             rig.run(150.0).unwrap();
-            ferrostep_hal_shim::Fan::set_fan_power(&mut rig.board, 255);
+            rig.control.set_part_fan_power(255);
             rig.run(150.0).unwrap();
-            ferrostep_hal_shim::Fan::set_fan_power(&mut rig.board, 0);
+            rig.control.set_part_fan_power(0);
         }
         // A day of holding, and a step after a reading that has long been the same.
         for step in [1.0, -1.0, 0.5, -0.5] {
@@ -209,6 +209,10 @@ fn bad_readings_between_good_ones_change_nothing() {
             self.board.set_power(heater, power);
         }
     }
+    impl Fans for Sparks {
+        fn set_fan_power(&mut self, _: u8) {}
+        fn set_hotend_fan(&mut self, _: bool) {}
+    }
     for bad in [[0, 0], [u16::MAX, u16::MAX], [0, u16::MAX], [1, 65_000]] {
         let Rig { control, board, .. } = Rig::new();
         let (mut control, mut board) = (control, Sparks { board, readings: 0, bad });
@@ -245,14 +249,107 @@ fn m999_ends_a_fault_that_is_over_and_no_other() {
         rig.run(120.0).unwrap();
         assert!((rig.board.true_celsius(heater) - usual_target(heater)).abs() < 3.0);
 
-        // A heater that still does not heat has one watch period again.
+        // Too hot, until it has cooled.
         let mut rig = Rig::new();
-        for _ in 0..2 {
-            rig.control.set_target(heater, usual_target(heater));
-            let (fault, after_s) = rig.fail(heater, HeaterFailure::Dead).fault_after(300.0);
-            assert!(matches!(fault.trip, Trip::HeatingFailed(_)), "{fault}");
-            assert!((after_s - periods_s(heater).0).abs() < 0.02, "{after_s}");
-            assert_eq!(rig.control.restart(), Ok(()));
+        rig.control.set_target(heater, settings(heater).max_celsius - 0.5);
+        rig.run(60.0).unwrap();
+        let (fault, _) = rig.fail(heater, HeaterFailure::StuckOn).fault_after(900.0);
+        assert!(matches!(fault.trip, Trip::TooHot(_)), "{fault}");
+        assert!(rig.control.restart().is_err());
+        rig.board.set_failure(heater, None);
+        rig.run(30.0).unwrap();
+        assert_eq!(rig.control.restart(), Ok(()));
+    }
+}
+
+/// The heater, its transistor or the thermistor's place: a reading within its limits does not show that they are sound.
+#[test]
+fn m999_ends_no_fault_of_a_heater() {
+    for heater in Heater::ALL {
+        let frozen = || {
+            let mut rig = Rig::holding(heater);
+            rig.control.set_target(heater, usual_target(heater) + 1.0);
+            rig
+        };
+        for (failure, mut rig) in [
+            (HeaterFailure::Dead, heating(heater)),
+            (HeaterFailure::ThermistorFellOut, heating(heater)),
+            (HeaterFailure::Dead, Rig::holding(heater)),
+            (HeaterFailure::StuckOn, Rig::holding(heater)),
+            (HeaterFailure::ThermistorFrozen, frozen()),
+        ] {
+            let (fault, _) = rig.fail(heater, failure).fault_after(600.0);
+            // Mended or not.
+            for failure in [Some(failure), None] {
+                rig.board.set_failure(heater, failure);
+                for _ in 0..3 {
+                    assert_eq!(rig.control.restart(), Err(fault), "{failure:?}");
+                    rig.control.set_target(heater, usual_target(heater));
+                    rig.run(60.0).unwrap();
+                    assert_eq!((rig.control.fault(), rig.board.power(heater)), (Some(fault), 0.0));
+                }
+            }
         }
     }
+}
+
+/// The fans as the board has them: the part's power, and whether the hot end's turns.
+fn fans(rig: &Rig) -> (u8, bool) {
+    (rig.board.fan_power(), rig.board.hotend_fan())
+}
+
+/// With a transistor that has failed closed, moving air is all that is left.
+#[test]
+fn every_fault_puts_all_fans_to_full_until_it_is_cleared() {
+    for heater in Heater::ALL {
+        for failure in [
+            HeaterFailure::Dead,
+            HeaterFailure::StuckOn,
+            HeaterFailure::ThermistorOpen,
+            HeaterFailure::ThermistorShorted,
+            HeaterFailure::ThermistorFellOut,
+            HeaterFailure::ThermistorFrozen,
+        ] {
+            let mut rig = Rig::holding(heater);
+            rig.control.set_part_fan_power(51);
+            rig.sample().unwrap();
+            assert_eq!(fans(&rig), (51, heater == Heater::Nozzle));
+            rig.control.set_target(heater, usual_target(heater) + 1.0);
+            rig.fail(heater, failure).fault_after(600.0);
+            assert_eq!(fans(&rig), (255, true), "{heater:?} {failure:?}: in the sample of the fault");
+            // Whatever M107 says, and whatever the temperature.
+            rig.control.set_part_fan_power(0);
+            rig.run(600.0).unwrap();
+            assert_eq!(fans(&rig), (255, true), "{heater:?} {failure:?}");
+            rig.board.set_failure(heater, None);
+            rig.run(600.0).unwrap();
+            let cleared = rig.control.restart().is_ok();
+            rig.sample().unwrap();
+            assert_eq!(fans(&rig), if cleared { (0, false) } else { (255, true) }, "{heater:?} {failure:?}");
+        }
+    }
+}
+
+/// After a reset at 250 degrees with a broken thermistor there is no temperature: that is not a cold nozzle.
+#[test]
+fn the_fans_turn_while_the_nozzle_s_temperature_is_unknown() {
+    let [nozzle, bed] = Heater::ALL.map(settings);
+    let mut board = VirtualHeaters::new((nozzle.mass, nozzle.thermistor), (bed.mass, bed.thermistor));
+    board.set_failure(Heater::Nozzle, Some(HeaterFailure::ThermistorOpen));
+    let mut control = HeatControl::new(nozzle, bed, &mut board);
+    assert!(board.hotend_fan(), "before the first sample");
+    assert!(control.update(&mut board).is_err());
+    assert_eq!((board.fan_power(), board.hotend_fan()), (255, true));
+    assert_eq!(control.status(Heater::Nozzle).celsius, 0.0, "too cold to extrude");
+    // The plug goes back in: M999, and the first reading says that the nozzle is cold.
+    board.set_failure(Heater::Nozzle, None);
+    (0..5).for_each(|_| assert!(control.update(&mut board).is_ok()));
+    assert_eq!(control.restart(), Ok(()));
+    assert!(control.update(&mut board).is_ok());
+    assert_eq!((board.fan_power(), board.hotend_fan()), (0, false));
+    // A sound machine: on at the start, off with the first reading.
+    let mut rig = Rig::new();
+    assert_eq!(fans(&rig), (0, true));
+    rig.sample().unwrap();
+    assert_eq!(fans(&rig), (0, false));
 }

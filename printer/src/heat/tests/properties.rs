@@ -8,6 +8,7 @@ use super::*;
 struct AnyBoard {
     readings: [u16; 2],
     powers: [f32; 2],
+    fans: (u8, bool),
 }
 
 impl ThermalBoard for AnyBoard {
@@ -16,6 +17,15 @@ impl ThermalBoard for AnyBoard {
     }
     fn set_power(&mut self, heater: Heater, power: f32) {
         self.powers[heater.index()] = power;
+    }
+}
+
+impl Fans for AnyBoard {
+    fn set_fan_power(&mut self, power: u8) {
+        self.fans.0 = power;
+    }
+    fn set_hotend_fan(&mut self, on: bool) {
+        self.fans.1 = on;
     }
 }
 
@@ -50,15 +60,15 @@ fn event() -> impl Strategy<Value = Event> {
 }
 
 proptest! {
-    /// After a trip no heater ever has power again before M999, which never switches one on either; and powers are
-    /// powers.
+    /// After a trip no heater ever has power again before M999, which never switches one on either, and all fans turn; and
+    /// powers are powers.
     #[test]
     fn after_a_trip_no_heater_has_power_before_m999(
         start in readings(),
         events in prop::collection::vec(event(), 1..60),
     ) {
         let [nozzle, bed] = Heater::ALL.map(settings);
-        let mut board = AnyBoard { readings: start, powers: [9.0; 2] };
+        let mut board = AnyBoard { readings: start, powers: [9.0; 2], fans: (0, false) };
         let mut control = HeatControl::new(nozzle, bed, &mut board);
         prop_assert_eq!(board.powers, [0.0; 2]);
         let mut tripped = false;
@@ -74,6 +84,7 @@ proptest! {
                         prop_assert!(board.powers.iter().all(|power| (0.0..=1.0).contains(power)));
                         if tripped {
                             prop_assert_eq!(board.powers, [0.0; 2]);
+                            prop_assert_eq!(board.fans, (255, true));
                         }
                     }
                 }
@@ -83,7 +94,9 @@ proptest! {
                     prop_assert!(Heater::ALL.iter().all(|heater| control.status(*heater).power == 0.0));
                 }
                 Event::Restart => {
+                    let reset = control.fault().is_some_and(|fault| fault.trip.needs_reset());
                     tripped = control.restart().is_err();
+                    prop_assert!(tripped || !reset);
                     prop_assert!(Heater::ALL.iter().all(|heater| control.status(*heater).target_celsius == 0.0));
                 }
             }
@@ -100,7 +113,7 @@ proptest! {
     ) {
         let [nozzle, bed] = Heater::ALL.map(settings);
         let room = Heater::ALL.map(|heater| settings(heater).thermistor.reading(22.0));
-        let mut board = AnyBoard { readings: room, powers: [0.0; 2] };
+        let mut board = AnyBoard { readings: room, powers: [0.0; 2], fans: (0, false) };
         let mut control = HeatControl::new(nozzle, bed, &mut board);
         control.set_target(heater, target);
         prop_assert!(control.update(&mut board).is_ok());

@@ -1,0 +1,66 @@
+//! The optional keys of the heaters, and of their time without use.
+
+use ferrostep_hal_shim::virtual_board::HeatedMass;
+use ferrostep_profiles::{Problem, builtin_text, load, parse};
+
+/// The cartesian profile with more lines at the start of `[bed]`, and at its start.
+fn with(start: &str, bed: &str) -> String {
+    let text = builtin_text("cartesian").unwrap().replacen("[bed]\n", &format!("[bed]\n{bed}"), 1);
+    format!("{start}{text}")
+}
+
+#[test]
+fn absent_keys_have_their_defaults() {
+    let profile = load("cartesian").unwrap();
+    assert_eq!(profile.heater_timeout_s, 1800);
+    assert_eq!((profile.bed.max_target_celsius, profile.nozzle.max_target_celsius), (125.0, 275.0));
+    assert_eq!((profile.nozzle.mass, profile.bed.mass), (HeatedMass::NOZZLE, HeatedMass::BED));
+}
+
+#[test]
+fn values_within_their_ranges_are_taken() {
+    let bed = "max_target_celsius = 110\nwatch_s = 300\nrunaway_celsius = 30\n\
+               model = { power_w = 500, capacity_j_per_k = 900.5, loss_w_per_k = 3, dead_time_s = 1.5 }\n";
+    let profile = parse(&with("heater_timeout_s = 600\n", bed), "test.toml").unwrap();
+    assert_eq!(profile.heater_timeout_s, 600);
+    assert_eq!(profile.bed.max_target_celsius, 110.0);
+    assert_eq!((profile.bed.watch.watch_ms, profile.bed.watch.runaway_celsius), (300_000, 30.0));
+    let mass = HeatedMass {
+        heater_w: 500.0,
+        capacity_j_per_k: 900.5,
+        loss_w_per_k: 3.0,
+        fan_loss_w_per_k: 0.0,
+        dead_time_s: 1.5,
+    };
+    assert_eq!(profile.bed.mass, mass);
+    assert_eq!(parse(&with("heater_timeout_s = 0\n", ""), "test.toml").unwrap().heater_timeout_s, 0);
+}
+
+#[test]
+fn others_are_refused_by_name() {
+    let model = "capacity_j_per_k = 900, loss_w_per_k = 3";
+    for (start, bed, key) in [
+        ("heater_timeout_s = -1\n", String::new(), "heater_timeout_s"),
+        ("heater_timeout_s = 65536\n", String::new(), "heater_timeout_s"),
+        ("", "max_target_celsius = 126\n".to_owned(), "bed.max_target_celsius"),
+        ("", "max_target_celsius = 49\n".to_owned(), "bed.max_target_celsius"),
+        ("", "watch_s = 301\n".to_owned(), "bed.watch_s"),
+        ("", "runaway_celsius = 31\n".to_owned(), "bed.runaway_celsius"),
+        ("", format!("model = {{ power_w = 0, {model} }}\n"), "bed.model.power_w"),
+        ("", format!("model = {{ power_w = nan, {model} }}\n"), "bed.model.power_w"),
+        ("", format!("model = {{ power_w = 9, {model}, dead_time_s = 31 }}\n"), "bed.model.dead_time_s"),
+        ("", format!("model = {{ power_w = 9, {model}, fan_loss_w_per_k = -1 }}\n"), "bed.model.fan_loss_w_per_k"),
+    ] {
+        let error = parse(&with(start, &bed), "test.toml").unwrap_err();
+        let Problem::OutOfRange { key: blamed, .. } = error.problem() else { panic!("{key}: {error}") };
+        assert_eq!(blamed, key, "{error}");
+        assert!(error.line().is_some(), "{error}");
+    }
+    for (bed, message) in [
+        (format!("model = {{ {model} }}\n"), "missing key \"bed.model.power_w\""),
+        (format!("model = {{ watts = 9, {model} }}\n"), "unknown key \"bed.model.watts\""),
+    ] {
+        let error = parse(&with("", &bed), "test.toml").unwrap_err().to_string();
+        assert!(error.contains(message), "{error}");
+    }
+}

@@ -1,0 +1,205 @@
+//! A host that has gone: heaters that nothing uses go off, and it is said beforehand.
+
+use embedded_hal_async::delay::DelayNs;
+use ferrostep::desk::{LOOK_AHEAD_BLOCKS, Mode};
+use ferrostep::session::Session;
+use ferrostep_hal_shim::Heater;
+use ferrostep_hal_shim::virtual_board::VirtualDelay;
+use ferrostep_printer::Profile;
+
+use crate::desk::profile;
+use crate::hosts::{Conversation, Machine, machine};
+use crate::refusals::Collector;
+use crate::reports::temperatures;
+
+const WARNING: &str = "echo:heaters go off in ";
+const OFF: &str = "echo:heaters switched off: ";
+
+fn now_s(machine: &Machine) -> f64 {
+    machine.clock().now_ns() as f64 * 1e-9
+}
+
+/// The host says nothing; what the machine says meanwhile, and when, s.
+fn silence(machine: &Machine, seconds: u32) -> Vec<(f64, String)> {
+    let start_s = now_s(machine);
+    let mut said = Vec::new();
+    let wait = async {
+        for _ in 0..seconds * 10 {
+            VirtualDelay(machine.clock()).delay_ms(100).await;
+        }
+    };
+    machine.run_with(wait, |machine| {
+        said.extend(machine.replies().take().into_iter().map(|line| (now_s(machine) - start_s, line)));
+    });
+    said
+}
+
+fn powers(machine: &Machine) -> [f32; 2] {
+    Heater::ALL.map(|heater| machine.desk().borrow().board().heaters.power(heater))
+}
+
+/// What a reply says of heaters that rest.
+fn about_heaters(replies: &[String]) -> Vec<&str> {
+    let about = replies.iter().filter(|reply| reply.starts_with(WARNING) || reply.starts_with(OFF));
+    about.map(|reply| &reply[..WARNING.len().min(OFF.len())]).collect()
+}
+
+/// In mid-print, hot.
+fn printing(profile: &Profile) -> (Machine, Vec<&'static str>) {
+    (machine(profile), vec!["G28", "M140 S60", "M104 S210", "M190 S60", "M109 S210", "G1 X50 E1 F1200", "G1 X20 E2"])
+}
+
+/// The host dies in mid-print: 25 minutes later it is said, 30 minutes later all heaters are off.
+#[test]
+fn a_host_that_has_gone_leaves_no_heater_on() {
+    for name in ["cartesian", "prusa-mini"] {
+        let (machine, start) = printing(&profile(name));
+        let mut conversation = Conversation::new(&machine);
+        for line in start {
+            assert_eq!(conversation.say(line).last().unwrap(), "ok", "{name}: {line}");
+        }
+        conversation.finish();
+        let said = silence(&machine, 31 * 60);
+        let [(warned_s, warning), (off_s, off)] = &said[..] else { panic!("{name}: {said:?}") };
+        assert!(warning.starts_with(WARNING) && warning.contains("M86"), "{warning}");
+        assert!(off.starts_with(OFF) && off.contains("M104") && off.contains("M140"), "{off}");
+        assert!((1499.0..1510.0).contains(warned_s) && (1799.0..1810.0).contains(off_s), "{name}: {said:?}");
+        assert_eq!(powers(&machine), [0.0; 2], "{name}");
+        assert!(!machine.signals().is_halted(), "{name}");
+        assert!(temperatures(&conversation.say("M105")[0]).iter().all(|sensor| sensor.2 == 0.0), "{name}");
+
+        // Off is off: nothing is said again, and the printer goes on where it was when it is told to.
+        assert_eq!(silence(&machine, 3600), []);
+        assert!(conversation.say("G1 X30 E3")[0].contains("cold extrusion prevented"), "{name}");
+        for line in ["M104 S205", "M109 S210", "G1 X30 E3", "M400"] {
+            assert_eq!(conversation.say(line).last().unwrap(), "ok", "{name}: {line}");
+        }
+        assert_eq!(conversation.position_mm()[0], 30.0);
+        assert!(powers(&machine)[0] > 0.0);
+        assert_eq!(silence(&machine, 31 * 60).len(), 2, "{name}: and the time begins anew");
+    }
+}
+
+/// Hours of lines, one slow move, and a host that only asks: none of them is a host that has gone.
+#[test]
+fn a_printer_in_use_keeps_its_heat() {
+    let (machine, start) = printing(&profile("cartesian"));
+    let mut conversation = Conversation::new(&machine);
+    start.iter().for_each(|line| drop(conversation.say(line)));
+    // Four hours of print, at ten seconds a line.
+    for line in 0..1440 {
+        let replies = conversation.say(if line % 2 == 0 { "G1 X70 F300" } else { "G1 X20" });
+        assert_eq!(about_heaters(&replies), [""; 0], "{replies:?}");
+    }
+    // One move of forty minutes, and the wait for its end.
+    for line in ["G1 X180 F4", "M400"] {
+        assert_eq!(about_heaters(&conversation.say(line)), [""; 0], "{line}");
+    }
+    // A print that is paused by a host that is there.
+    for _ in 0..8 {
+        assert_eq!(silence(&machine, 20 * 60), []);
+        assert!(conversation.say("M105")[0].starts_with("ok T:"));
+    }
+    assert!(powers(&machine).iter().all(|power| *power > 0.0));
+}
+
+/// What has to be planned only takes its time all the same.
+#[test]
+fn an_estimate_of_a_long_move_keeps_its_heat() {
+    let profile = profile("cartesian");
+    let session = Session::new(profile, Mode::Estimate, LOOK_AHEAD_BLOCKS, (), Collector::default());
+    let mut printer = session.printer();
+    for line in ["M104 S210", "M109 S210", "G1 X180 F4", "G1 X20 F4", "M400"] {
+        session.run(printer.execute(1, line)).unwrap();
+    }
+    assert_eq!(about_heaters(&session.replies().take()), [""; 0]);
+}
+
+/// Waits that a user has asked for are cut short, but not unannounced.
+#[test]
+fn a_wait_is_warned_before_its_heaters_go_off() {
+    for (before, wait, cut_short) in [
+        // A dwell of 40 minutes goes on.
+        (&["M104 S210"][..], "G4 S2400", false),
+        (&["M109 S210", "M86 S60"], "G4 S90", false),
+        (&["M86 S60"], "M109 S210", true),
+        (&["M86 S60"], "M190 S100", true),
+        (&["M190 S60", "M86 S30"], "M190 R40", true),
+    ] {
+        let machine = machine(&profile("cartesian"));
+        let mut conversation = Conversation::new(&machine);
+        before.iter().for_each(|line| drop(conversation.say(line)));
+        let timeout_s = f64::from(machine.signals().heater_timeout_s());
+        let start_s = now_s(&machine);
+        let mut said_s = Vec::new();
+        let mut replies = Vec::new();
+        conversation.say_while(format!("{wait}\n").as_bytes(), |machine| {
+            let new = machine.replies().take();
+            said_s.extend(about_heaters(&new).into_iter().map(|said| (said.to_owned(), now_s(machine) - start_s)));
+            replies.extend(new);
+        });
+        let [(warning, warned_s), (off, off_s)] = &said_s[..] else { panic!("{wait}: {said_s:?}") };
+        assert!(WARNING.starts_with(warning) && OFF.starts_with(off), "{wait}: {said_s:?}");
+        assert!((timeout_s..timeout_s + 3.0).contains(off_s), "{wait}: {said_s:?}");
+        assert!(off_s - warned_s >= 0.49 * timeout_s.min(600.0) - 1.0, "{wait}: {said_s:?}");
+        assert_eq!(powers(&machine), [0.0; 2], "{wait}");
+        let ended_s = now_s(&machine) - start_s;
+        assert_eq!(ended_s < timeout_s + 3.0, cut_short, "{wait} ends after {ended_s} s");
+        assert!(!machine.signals().is_halted());
+    }
+    // A wait for heat that ends cold says so: a print that goes on would be a cold one.
+    let machine = machine(&profile("cartesian"));
+    let mut conversation = Conversation::new(&machine);
+    conversation.say("M86 S30");
+    let replies = conversation.say("M109 S210");
+    assert!(replies.iter().any(|reply| reply.starts_with("echo:line 2: the heaters were switched off")), "{replies:?}");
+}
+
+/// A line that has to wait its turn keeps the heaters on: whoever receives it says so.
+#[test]
+fn a_line_that_waits_its_turn_counts() {
+    let machine = machine(&profile("cartesian"));
+    let mut conversation = Conversation::new(&machine);
+    for line in ["M86 S60", "M104 S100"] {
+        conversation.say(line);
+    }
+    let mut next_s = 0.0;
+    let mut said = Vec::new();
+    conversation.say_while(b"G4 S300\n", |machine| {
+        if now_s(machine) >= next_s {
+            next_s = now_s(machine) + 25.0;
+            machine.signals().note_host();
+        }
+        said.extend(machine.replies().take());
+    });
+    assert_eq!(about_heaters(&said), [""; 0]);
+    assert!(powers(&machine)[0] > 0.0);
+}
+
+#[test]
+fn the_time_is_the_profile_s_until_m86() {
+    for (profile_s, m86, expected) in [(1800, None, 2), (300, None, 2), (0, None, 0), (1800, Some("M86 S0"), 0)] {
+        let profile = Profile { heater_timeout_s: profile_s, ..profile("cartesian") };
+        let machine = machine(&profile);
+        let mut conversation = Conversation::new(&machine);
+        assert_eq!(conversation.say("M86"), [format!("echo:M86 S{profile_s}"), "ok".to_owned()]);
+        conversation.say("M104 S200");
+        if let Some(m86) = m86 {
+            assert_eq!(conversation.say(m86), ["ok"]);
+        }
+        let said = silence(&machine, 7200);
+        assert_eq!(said.len(), expected, "{profile_s}: {said:?}");
+        assert_eq!(powers(&machine)[0] > 0.0, expected == 0, "{profile_s}");
+    }
+    let machine = machine(&profile("cartesian"));
+    let replies = Conversation::new(&machine).say("M86 S70000");
+    assert!(replies[0].contains("S: ") && replies[0].contains("65535"), "{replies:?}");
+}
+
+/// Without a target there is nothing to switch off, and nothing to say.
+#[test]
+fn cold_heaters_are_left_alone() {
+    let machine = machine(&profile("cartesian"));
+    Conversation::new(&machine).say("G28");
+    assert_eq!(silence(&machine, 7200), []);
+}
