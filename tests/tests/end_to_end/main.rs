@@ -11,6 +11,7 @@ mod entries;
 mod estimates;
 mod exactness;
 mod extrusion;
+mod hazards;
 mod heater_faults;
 mod hostile;
 mod hosts;
