@@ -8,6 +8,7 @@
 mod check;
 mod convert;
 mod file;
+mod homing;
 
 use ferrostep_printer::Profile;
 
