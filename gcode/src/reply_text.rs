@@ -373,7 +373,8 @@ mod tests {
         let capabilities = &lines[1..38];
         assert!(capabilities.iter().all(|line| line.starts_with("Cap:")));
         let on: Vec<_> = capabilities.iter().filter(|line| line.ends_with(":1")).copied().collect();
-        let expected = ["PAREN_COMMENTS", "AUTOREPORT_TEMP", "EMERGENCY_PARSER", "THERMAL_PROTECTION", "ARCS", "BABYSTEPPING"];
+        let expected =
+            ["PAREN_COMMENTS", "AUTOREPORT_TEMP", "EMERGENCY_PARSER", "THERMAL_PROTECTION", "ARCS", "BABYSTEPPING"];
         assert_eq!(on, expected.map(|name| format!("Cap:{name}:1")));
         assert_eq!(
             lines[38],

@@ -263,4 +263,4 @@ fn is_bed(axis: usize, homing: &AxisHoming) -> bool {
 
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
-mod tests;
+pub(crate) mod tests;

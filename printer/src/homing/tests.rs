@@ -1,6 +1,7 @@
 //! What homing asks of the motors, and where it leaves the machine, whatever the sensors do.
 
-mod rig;
+pub mod rig;
+mod safety;
 
 use super::*;
 use crate::error::Failure;
