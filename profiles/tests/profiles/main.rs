@@ -5,3 +5,4 @@ mod builtin;
 mod heaters;
 mod refusals;
 mod robustness;
+mod safe_homing;
