@@ -92,6 +92,8 @@ pub enum CommandError {
         /// By how much, units of 10 nm.
         shift_10nm: i64,
     },
+    /// M290 shifts no prepared job.
+    ShiftsNoJob,
     /// M290 shifts a Z of which it is known where it is.
     ShiftsHomedZ,
     /// M290 moves Z alone.
@@ -211,7 +213,11 @@ impl fmt::Display for CommandError {
                         out,
                         "expected it at the bed: is the sheet on it, is the sensor connected (M119)? If the nozzle is                          still above the bed, switch the motors off (M84) and home again"
                     ),
-                    None => write!(out, "expected it at the end of the axis: is it connected (M119)?"),
+                    None => write!(
+                        out,
+                        "expected it at the end of the axis: is it connected, or swapped with another's \
+                         (M119)?"
+                    ),
                 }
             }
             Self::HomingDisagrees { axis, apart_10nm, agree_10nm } => {
@@ -240,6 +246,7 @@ impl fmt::Display for CommandError {
                  M851 keeps it",
                 mm(*shift_10nm, 3)
             ),
+            Self::ShiftsNoJob => write!(out, "a prepared job has heights of its own, expected M290 before or after it"),
             Self::ShiftsHomedZ => write!(out, "Z is not homed, expected G28 before M290"),
             Self::ShiftsZOnly { word } => write!(out, "{word}: M290 shifts Z alone, expected M290 Z"),
             Self::SensorStuck { axis } => {

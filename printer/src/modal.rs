@@ -49,6 +49,8 @@ pub(crate) struct Modal {
     pub extruder_rest_100pm: i64,
     pub homed: [bool; 3],
     pub z: KnownZ,
+    /// A prepared job comes over the line, beside which the host's lines are executed.
+    pub in_prepared_job: bool,
     /// From the nozzle to the probe (M851).
     pub probe_offset_10nm: [i64; 3],
     pub soft_limits: bool,
@@ -79,6 +81,7 @@ impl Modal {
             extruder_rest_100pm: 0,
             homed: [false; 3],
             z: KnownZ::default(),
+            in_prepared_job: false,
             probe_offset_10nm: profile.safe_homing.probe_offset_10nm,
             soft_limits: true,
             retraction: profile.retraction,

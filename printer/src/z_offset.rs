@@ -33,6 +33,11 @@ fn mm(length_10nm: i64) -> Real {
 }
 
 impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, M, H, T, R> {
+    /// Whether M290 has shifted Z, which the heights of a prepared job do not expect.
+    pub fn is_shifted(&self) -> bool {
+        self.modal.z.shift_10nm != 0
+    }
+
     fn has_probe(&self) -> bool {
         self.profile.homing[2].sensor == HomeSensor::Probe
     }
@@ -86,6 +91,9 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
     }
 
     async fn shift_z_by(&mut self, by_10nm: i64, keeps_offset: bool) -> Result<(), CommandError> {
+        if self.modal.in_prepared_job {
+            return Err(CommandError::ShiftsNoJob);
+        }
         if !self.modal.homed[2] {
             return Err(CommandError::ShiftsHomedZ);
         }

@@ -92,6 +92,10 @@ fn a_shift_has_limits() {
         execute(&mut printer, line).unwrap();
     }
     assert_eq!(out_of_range(execute(&mut printer, "M290 Z-0.5")), [-0.4, 3.6]);
+    // Beside a prepared job it is refused, and the job goes on.
+    printer.modal.in_prepared_job = true;
+    assert_eq!(execute(&mut printer, "M290 Z0.1"), Err(Failure::Command(CommandError::ShiftsNoJob)));
+    printer.modal.in_prepared_job = false;
     for (line, word) in [("M290 X1", 'X'), ("M290 Z1 Y1", 'Y'), ("M290 E1", 'E')] {
         assert_eq!(execute(&mut printer, line), Err(Failure::Command(CommandError::ShiftsZOnly { word })), "{line}");
     }

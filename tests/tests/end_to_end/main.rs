@@ -12,6 +12,7 @@ mod estimates;
 mod exactness;
 mod extrusion;
 mod heater_faults;
+mod homing_places;
 mod hostile;
 mod hosts;
 mod methods;

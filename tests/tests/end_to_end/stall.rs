@@ -117,7 +117,7 @@ fn a_motor_that_is_too_slow_to_tell_is_not_believed() {
         replies,
         [
             "echo:line 1: homing X failed: its sensor did not trigger within 192.4 mm, expected it at the end of the axis: is \
-          it connected (M119)?"
+             it connected, or swapped with another's (M119)?"
         ]
     );
     // It has pushed against the frame, and fallen back each time by four full steps.
@@ -152,6 +152,28 @@ fn motors_of_a_corexy_machine_are_held_back_both() {
     assert!(replies[0].starts_with("X:295.00 Y:295.00 Z:0.00"), "{replies:?}");
     let [x, y, _] = true_mm(&machine);
     assert!((x - 100.0).abs() < 0.2 && (y - 120.0).abs() < 0.2, "{x} {y}");
+}
+
+/// With every step, from places all over the machine; where the nozzle prints is what the probe's offset says.
+#[test]
+fn the_first_layer_is_where_the_offset_says() {
+    let mut profile = profile("prusa-mini");
+    profile.safe_homing.probe_offset_10nm[2] = -110_000;
+    for place in ["X0 Y0 Z0", "X100 Y-40 Z150", "X-50 Y120 Z-8", "X119 Y129 Z20"] {
+        let machine = machine(&profile);
+        let mut printer = machine.printer();
+        let replies = say(&machine, &mut printer, &[&format!("G1 {place} F6000"), "G28"]);
+        assert!(replies[0].starts_with("X:176.40 Y:24.10 Z:4.00"), "{place}: {replies:?}");
+        say(&machine, &mut printer, &["G1 X90 Y90 Z0.2 F6000", "M400"]);
+        assert_eq!(true_mm(&machine)[2], 0.2, "{place}");
+        // Too high by a tenth, says the paper; a second homing keeps it.
+        let replies = say(&machine, &mut printer, &["M290 Z-0.1", "M114", "M400"]);
+        assert_eq!(replies[0], "echo:Probe Offset Z-1.20");
+        assert!(replies[1].starts_with("X:90.00 Y:90.00 Z:0.20"), "{replies:?}");
+        assert!((true_mm(&machine)[2] - 0.1).abs() < 1e-9, "{place}");
+        say(&machine, &mut printer, &["G28", "G1 X90 Y90 Z0.2 F6000", "M400"]);
+        assert!((true_mm(&machine)[2] - 0.1).abs() < 1e-9, "{place}");
+    }
 }
 
 #[test]
