@@ -418,7 +418,9 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
         self.motion.finish().await?;
         let motors = mask(axes);
         self.motion.set_motors_enabled(motors, false);
-        self.modal.forget_home(motors);
+        // On CoreXY either motor alone moves both axes.
+        let both = self.profile.kinematics == Kinematics::CoreXy && motors & 0b11 != 0;
+        self.modal.forget_home(if both { motors | 0b11 } else { motors });
         Ok(())
     }
 

@@ -99,7 +99,7 @@ fn a_shift_has_limits() {
     for (line, word) in [("M290 X1", 'X'), ("M290 Z1 Y1", 'Y'), ("M290 E1", 'E')] {
         assert_eq!(execute(&mut printer, line), Err(Failure::Command(CommandError::ShiftsZOnly { word })), "{line}");
     }
-    assert_eq!((rig.true_mm()[2], printer.modal.z.shift_10nm), (0.5 * -1.0 - 1.6, -160_000));
+    assert_eq!((rig.true_mm()[2], printer.modal.z.shift_10nm), (-0.5 - 1.6, -160_000));
     // Nor may the offset leave its range with it.
     execute(&mut printer, "M851 Z-9.9").unwrap();
     execute(&mut printer, "G28 Z").unwrap();

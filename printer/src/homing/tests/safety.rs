@@ -173,6 +173,26 @@ fn a_sensor_of_another_axis_is_named() {
     }
 }
 
+/// What is known of an axis ends with its motor's current.
+#[test]
+fn motors_without_current_may_have_been_turned() {
+    for (kinematics, off, homed) in [
+        (Kinematics::Cartesian, "M84 X", [false, true, true]),
+        // Motor A moves X and Y.
+        (Kinematics::CoreXy, "M84 X", [false, false, true]),
+        (Kinematics::CoreXy, "M84 Z", [true, true, false]),
+        (Kinematics::Cartesian, "M84", [false; 3]),
+    ] {
+        let rig = Rig::new(|profile| profile.kinematics = kinematics);
+        let mut printer = rig.printer();
+        execute(&mut printer, "G28").unwrap();
+        assert_eq!(printer.modal.z.trigger_10nm, Some(0));
+        execute(&mut printer, off).unwrap();
+        assert_eq!(printer.modal.homed, homed, "{off}");
+        assert_eq!(printer.modal.z.trigger_10nm.is_some(), homed[2], "{off}");
+    }
+}
+
 /// The lower ends of the travel are where soft limits clamp, and where an approach ends.
 #[test]
 fn the_travel_may_begin_below_0() {
