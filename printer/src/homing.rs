@@ -161,7 +161,7 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
             let target_10nm = self.end_of_search_10nm(axis, homing);
             let from_10nm = self.motion.position_10nm()[axis];
             if self.seek(axis, target_10nm, homing.fast_mm_per_s).await? == Seek::Missed {
-                let searched_10nm = ((target_10nm - from_10nm) * towards(homing)).max(0);
+                let searched_10nm = way_10nm(homing, from_10nm, target_10nm).max(0);
                 // A sensor of another axis that triggers here is this one's.
                 let swapped = others.into_iter().flatten().find(|&other| self.motion.is_end_stop_triggered(other));
                 return Err(CommandError::HomingFailed { axis, searched_10nm, swapped });
@@ -239,9 +239,8 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
 
     async fn seek(&mut self, axis: usize, to_10nm: i64, feed_mm_per_s: f64) -> Result<Seek, CommandError> {
         let mut target_10nm = self.motion.position_10nm();
-        let way_10nm = to_10nm - target_10nm[axis];
         // Never away from the sensor: one that has to be behind is missed.
-        if way_10nm * towards(&self.profile.homing[axis]) <= 0 {
+        if way_10nm(&self.profile.homing[axis], target_10nm[axis], to_10nm) <= 0 {
             return Ok(Seek::Missed);
         }
         target_10nm[axis] = to_10nm;
@@ -254,6 +253,11 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
 /// The direction in which an axis homes.
 fn towards(homing: &AxisHoming) -> i64 {
     if homing.end == HomeEnd::Max { 1 } else { -1 }
+}
+
+/// How far it is from one place of an axis to another, in the direction in which it homes.
+fn way_10nm(homing: &AxisHoming, from_10nm: i64, to_10nm: i64) -> i64 {
+    if homing.end == HomeEnd::Max { to_10nm - from_10nm } else { from_10nm - to_10nm }
 }
 
 /// Whether an axis homes towards the bed, into which nothing may press the nozzle.

@@ -144,6 +144,30 @@ fn approaches_that_agree_at_the_second_attempt_home() {
     assert_eq!(ways(&rig.take_events(), 1).len(), 2);
 }
 
+/// Before the second attempt an axis moves back that stands at its sensor, or whose motor has to become fast.
+#[test]
+fn the_second_attempt_begins_where_a_sensor_can_tell() {
+    let back = Event::Moved(along(0, BACK_OFF), FAST);
+    let whole = [Event::Sought(0, -REACH, FAST), back, Event::Sought(0, -2.0 * BACK_OFF, SLOW)];
+    for (sensor, early_10nm, before_second) in [
+        // The second has met the switch: away from it.
+        (HomeSensor::EndStop, vec![0, 0, 0, 3 * MM], vec![back]),
+        // The second has met nothing: on from there.
+        (HomeSensor::EndStop, vec![0, 0, 0, 20 * MM], vec![]),
+        (HomeSensor::Stall, vec![0, 0, 0, 20 * MM], vec![back]),
+    ] {
+        let rig = Rig::new(|profile| profile.homing[0].sensor = sensor);
+        rig.early_10nm.replace(early_10nm);
+        execute(&mut rig.printer(), "G28 X").unwrap();
+        let mut expected = if sensor == HomeSensor::Stall { vec![Event::Homing, back] } else { vec![] };
+        expected.extend(whole);
+        expected.extend(before_second);
+        expected.extend(whole);
+        expected.push(Event::Placed([0.0; 3]));
+        assert_eq!(rig.take_events(), expected, "{sensor:?}");
+    }
+}
+
 #[test]
 fn approaches_that_disagree_twice_fail_with_the_numbers() {
     let rig = Rig::new(|_| ());
