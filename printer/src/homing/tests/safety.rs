@@ -55,6 +55,8 @@ fn the_order_of_a_machine_with_a_probe() {
     ];
     assert_eq!(events[n - 4..], expected);
     assert_eq!(printer.modal.machine_10nm, [units(HOME_AT[0]), units(HOME_AT[1]), units(RAISE)]);
+    // Of a Z of which nothing is known: from the highest frame to half a millimetre below the trigger at 1 mm.
+    assert_eq!(ways(&events, 2)[0], -REACH + 1.0 - PRESS);
     // From a height that is known nothing is raised, and Z alone homes there too.
     execute(&mut printer, "G1 X0 Y0 Z50 F6000").unwrap();
     rig.take_events();
