@@ -96,6 +96,7 @@ fn constant(profile: &Profile) -> String {
         name,
         kinematics,
         size_10nm,
+        lower_end_10nm,
         steps_per_mm,
         limits,
         motion,
@@ -103,6 +104,7 @@ fn constant(profile: &Profile) -> String {
         event_cost_ticks,
         move_cost_ticks,
         homing: [home_x, home_y, home_z],
+        safe_homing,
         min_extrusion_celsius,
         heater_timeout_s,
         nozzle,
@@ -123,6 +125,7 @@ fn constant(profile: &Profile) -> String {
     let DriverTiming { pulse_width_ns, direction_setup_ns, both_edges, inverted } = driver;
     format!(
         "Profile {{ name: {name:?}, kinematics: Kinematics::{kinematics}, size_10nm: {size_10nm:?}, \
+         lower_end_10nm: {lower_end_10nm:?}, safe_homing: {safe_homing:?}, \
          steps_per_mm: [{}], limits: {}, motion: {}, \
          minimum_event_interval_ticks: {minimum_event_interval_ticks}, event_cost_ticks: {event_cost_ticks}, \
          move_cost_ticks: {move_cost_ticks}, homing: [{}, {}, {}], \
@@ -202,7 +205,17 @@ fn motion_constant(motion: &MotionChoice) -> String {
 }
 
 fn homing(homing: &AxisHoming) -> String {
-    let AxisHoming { end, sensor, triggers_low, position_10nm, fast_mm_per_s, slow_mm_per_s, back_off_10nm } = homing;
+    let AxisHoming {
+        end,
+        sensor,
+        triggers_low,
+        position_10nm,
+        fast_mm_per_s,
+        slow_mm_per_s,
+        back_off_10nm,
+        overrun_10nm,
+        agree_10nm,
+    } = homing;
     let end = match end {
         HomeEnd::Min => "Min",
         HomeEnd::Max => "Max",
@@ -210,7 +223,8 @@ fn homing(homing: &AxisHoming) -> String {
     format!(
         "AxisHoming {{ end: HomeEnd::{end}, sensor: HomeSensor::{sensor:?}, triggers_low: {triggers_low}, \
          position_10nm: {position_10nm}, \
-         fast_mm_per_s: {fast_mm_per_s:?}, slow_mm_per_s: {slow_mm_per_s:?}, back_off_10nm: {back_off_10nm} }}"
+         fast_mm_per_s: {fast_mm_per_s:?}, slow_mm_per_s: {slow_mm_per_s:?}, back_off_10nm: {back_off_10nm}, \
+         overrun_10nm: {overrun_10nm}, agree_10nm: {agree_10nm} }}"
     )
 }
 

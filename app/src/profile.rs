@@ -7,7 +7,7 @@ use ferrostep_planner::{
 };
 use ferrostep_printer::{
     AxisHoming, DriverTiming, ExtrusionSettings, FirmwareRetraction, HeaterSettings, HeaterWatch, HomeEnd, HomeSensor,
-    Profile,
+    Profile, SafeHoming,
 };
 
 /// The profile, as `build.rs` found it in its TOML file.

@@ -145,6 +145,8 @@ pub struct Desk<O> {
     stall_signal: Option<StallSignal>,
     /// Tick of the last move's end.
     last_notice: u64,
+    /// Tick of the last block's end.
+    last_block_end: u64,
     /// Durations of the blocks that an estimate did not execute.
     estimated_ticks: u64,
     /// Where the extruder is after these blocks, 1/256 steps.
@@ -189,6 +191,7 @@ impl<O: Observer> Desk<O> {
             sought: None,
             stall_signal: None,
             last_notice: 0,
+            last_block_end: 0,
             estimated_ticks: 0,
             planned_256ths: 0,
             idle_ns: 0,
@@ -473,7 +476,8 @@ impl<O: Observer> Desk<O> {
     fn deliver_notices(&mut self, upto: u64) {
         while let Some(notice) = self.queues.notices.pop_front_if(|notice| notice.tick() <= upto) {
             match notice {
-                Notice::BlockEnded { motor_steps, .. } => {
+                Notice::BlockEnded { tick, motor_steps } => {
+                    self.last_block_end = tick;
                     let miscount = Miscount::between(self.board.motors.steps.motor_steps(), motor_steps);
                     self.miscount = self.miscount.or(miscount);
                     self.miscounts += u64::from(miscount.is_some());
@@ -558,7 +562,9 @@ impl<O: Observer> Desk<O> {
     fn set_position(&mut self, position_10nm: [i64; 3]) {
         let motors = self.planner.set_position(position_10nm);
         self.board.motors.redefine_motor_steps(motors.map(i64::from));
-        self.observer.observer.redefined(self.board.motors.steps.tick(), self.board.motors.steps.motor_steps());
+        // A move ends half a step after its last event.
+        let tick = self.board.motors.steps.tick().max(self.last_block_end);
+        self.observer.observer.redefined(tick, self.board.motors.steps.motor_steps());
         if let Some(since) = self.homing_since.take() {
             self.homing_ticks += self.planner.motion_ticks() - since;
         }

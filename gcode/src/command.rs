@@ -247,6 +247,15 @@ pub enum Command<'a> {
         /// P.
         allow: Option<bool>,
     },
+    /// M290 Z (or S): shifts Z while the G-code's coordinates stay; without Z a query. X, Y and E are for the machine to refuse.
+    ShiftZ {
+        /// By how much, with its sign.
+        words: AxisWords,
+        /// P0: the probe's offset stays as it is.
+        keeps_offset: bool,
+    },
+    /// M851: from the nozzle to the probe; without words a query.
+    ProbeOffset(AxisWords),
     /// M400.
     Finish,
     /// M410.

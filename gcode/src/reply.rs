@@ -99,7 +99,9 @@ pub struct FirmwareInfo<'a> {
     pub machine: &'a str,
     /// `Cartesian` or `COREXY`.
     pub kinematics: &'a str,
-    /// Travel of X, Y and Z, units of 10 nm (for the `area:` line).
+    /// Lower ends of the travel of X, Y and Z, units of 10 nm (for the `area:` line).
+    pub lower_end_10nm: [i64; 3],
+    /// Upper ends.
     pub size_10nm: [i64; 3],
     /// Whether M112, M108 and M410 are acted on as their bytes arrive.
     pub emergency_parser: bool,
@@ -174,7 +176,9 @@ pub enum Reply<'a> {
     SoftLimits {
         /// On or off.
         enabled: bool,
-        /// Upper ends of X, Y and Z, units of 10 nm.
+        /// Lower ends of X, Y and Z, units of 10 nm.
+        min_10nm: [i64; 3],
+        /// Upper ends.
         max_10nm: [i64; 3],
     },
     /// Any text, sent as it is (M118, notices such as `echo:...`).

@@ -45,7 +45,7 @@ const CAPABILITIES_AFTER: [(&str, bool); 19] = [
     (THERMAL_PROTECTION, true),
     ("MOTION_MODES", false),
     ("ARCS", true),
-    ("BABYSTEPPING", false),
+    ("BABYSTEPPING", true),
     ("EP_BABYSTEP", false),
     ("CHAMBER_TEMPERATURE", false),
     ("COOLER_TEMPERATURE", false),
@@ -102,13 +102,14 @@ impl Display for Reply<'_> {
                 write!(formatter, "echo:Cold extrudes are {state}abled (min temp {}C)", Real::fixed(*minimum, 0))
             }
             Reply::ActiveExtruder(tool) => write!(formatter, "echo:Active Extruder: {tool}"),
-            Reply::SoftLimits { enabled, max_10nm: [x, y, z] } => {
+            Reply::SoftLimits { enabled, min_10nm, max_10nm } => {
                 let (digit, word) = if *enabled { (1, "ON") } else { (0, "OFF") };
-                let (x, y, z) = (Millimetres(*x), Millimetres(*y), Millimetres(*z));
+                let [least_x, least_y, least_z] = min_10nm.map(Millimetres);
+                let [x, y, z] = max_10nm.map(Millimetres);
                 write!(
                     formatter,
                     "echo:; Soft endstops:\necho:  M211 S{digit} ; {word}\n\
-                     echo:  Min:  X0.00 Y0.00 Z0.00   Max:  X{x} Y{y} Z{z}"
+                     echo:  Min:  X{least_x} Y{least_y} Z{least_z}   Max:  X{x} Y{y} Z{z}"
                 )
             }
             Reply::Text(text) => formatter.write_str(text),
@@ -195,7 +196,8 @@ fn write_timing(formatter: &mut Formatter<'_>, figures: &TimingFigures) -> fmt::
 }
 
 fn write_firmware(formatter: &mut Formatter<'_>, info: &FirmwareInfo<'_>) -> fmt::Result {
-    let FirmwareInfo { version, machine, kinematics, size_10nm, emergency_parser, thermal_protection } = info;
+    let FirmwareInfo { version, machine, kinematics, lower_end_10nm, size_10nm, emergency_parser, thermal_protection } =
+        info;
     write!(
         formatter,
         "FIRMWARE_NAME:Ferrostep {version} PROTOCOL_VERSION:1.0 MACHINE_TYPE:{machine} \
@@ -208,8 +210,9 @@ fn write_firmware(formatter: &mut Formatter<'_>, info: &FirmwareInfo<'_>) -> fmt
     }
     formatter.write_str("\narea:{")?;
     for (region, end) in [("full", ','), ("work", '}')] {
+        let [least_x, least_y, least_z] = lower_end_10nm.map(Millimetres);
         let [x, y, z] = size_10nm.map(Millimetres);
-        write!(formatter, "{region}:{{min:{{x:0.00,y:0.00,z:0.00}},max:{{x:{x},y:{y},z:{z}}}}}")?;
+        write!(formatter, "{region}:{{min:{{x:{least_x},y:{least_y},z:{least_z}}},max:{{x:{x},y:{y},z:{z}}}}}")?;
         formatter.write_char(end)?;
     }
     Ok(())
@@ -264,9 +267,13 @@ mod tests {
             "X:0.00 Y:0.00 Z:0.00 E:0.00 Count A:0 B:0 Z:0",
         );
         says(
-            Reply::SoftLimits { enabled: true, max_10nm: [20_000_000, 20_000_000, 18_500_500] },
+            Reply::SoftLimits {
+                enabled: true,
+                min_10nm: [-20_000, -300_000, 0],
+                max_10nm: [20_000_000, 20_000_000, 18_500_500],
+            },
             "echo:; Soft endstops:\necho:  M211 S1 ; ON\n\
-             echo:  Min:  X0.00 Y0.00 Z0.00   Max:  X200.00 Y200.00 Z185.01",
+             echo:  Min:  X-0.20 Y-3.00 Z0.00   Max:  X200.00 Y200.00 Z185.01",
         );
     }
 
@@ -350,6 +357,7 @@ mod tests {
             version: "0.1.0 (commit abcdef0)",
             machine: "corexy",
             kinematics: "COREXY",
+            lower_end_10nm: [0, -300_000, 0],
             size_10nm: [30_000_000, 30_000_000, 29_999_900],
             emergency_parser: true,
             thermal_protection: true,
@@ -367,12 +375,13 @@ mod tests {
         let capabilities = &lines[1..38];
         assert!(capabilities.iter().all(|line| line.starts_with("Cap:")));
         let on: Vec<_> = capabilities.iter().filter(|line| line.ends_with(":1")).copied().collect();
-        let expected = ["PAREN_COMMENTS", "AUTOREPORT_TEMP", "EMERGENCY_PARSER", "THERMAL_PROTECTION", "ARCS"];
+        let expected =
+            ["PAREN_COMMENTS", "AUTOREPORT_TEMP", "EMERGENCY_PARSER", "THERMAL_PROTECTION", "ARCS", "BABYSTEPPING"];
         assert_eq!(on, expected.map(|name| format!("Cap:{name}:1")));
         assert_eq!(
             lines[38],
-            "area:{full:{min:{x:0.00,y:0.00,z:0.00},max:{x:300.00,y:300.00,z:300.00}},\
-             work:{min:{x:0.00,y:0.00,z:0.00},max:{x:300.00,y:300.00,z:300.00}}}"
+            "area:{full:{min:{x:0.00,y:-3.00,z:0.00},max:{x:300.00,y:300.00,z:300.00}},\
+             work:{min:{x:0.00,y:-3.00,z:0.00},max:{x:300.00,y:300.00,z:300.00}}}"
         );
         // Hosts switch on quirks of other firmware at these names.
         let lower = text.to_lowercase();

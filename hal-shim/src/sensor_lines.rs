@@ -38,10 +38,12 @@ impl SensorPin {
         1 << (self.number & 15)
     }
 
-    /// Whether the sensor is triggered now.
+    /// Whether the sensor is triggered now, at every one of [`LOOKS`].
     fn is_triggered(self, registers: &mut impl Registers) -> bool {
-        let is_high = registers.read(self.of_port(IDR)) & self.bit() != 0;
-        is_high != self.triggers_low
+        (0..LOOKS).all(|_| {
+            let is_high = registers.read(self.of_port(IDR)) & self.bit() != 0;
+            is_high != self.triggers_low
+        })
     }
 }
 
@@ -76,7 +78,8 @@ impl SensorLines {
         Self { pins }
     }
 
-    /// Whether the sensor of an axis is triggered now; one that is not there never is.
+    /// Whether the sensor of an axis is triggered now, looked at as often as the interrupt does: a spike is not the end of an
+    /// approach that has not begun. One that is not there never is.
     pub fn is_triggered(&self, axis: usize, registers: &mut impl Registers) -> bool {
         self.pins.get(axis).copied().flatten().is_some_and(|pin| pin.is_triggered(registers))
     }
@@ -101,7 +104,7 @@ impl SensorLines {
         let open = registers.read(EXTI_IMR);
         registers.write(EXTI_PR, open);
         for pin in self.pins.into_iter().flatten() {
-            if pin.bit() == open && (0..LOOKS).all(|_| pin.is_triggered(registers)) {
+            if pin.bit() == open && pin.is_triggered(registers) {
                 registers.write(EXTI_IMR, 0);
                 return true;
             }
@@ -195,6 +198,31 @@ mod tests {
         assert_eq!((registers.value(EXTI_PR), registers.value(EXTI_IMR)), (1 << 1, 1 << 1));
         registers.fix(GPIOE_IDR, 1 << 1);
         assert!(lines.interrupt(&mut registers));
+    }
+
+    /// A port whose pins read high for some looks at them.
+    struct Spike {
+        looks_left: u32,
+    }
+
+    impl Registers for Spike {
+        fn read(&mut self, _: u32) -> u32 {
+            let is_high = self.looks_left > 0;
+            self.looks_left = self.looks_left.saturating_sub(1);
+            if is_high { u32::MAX } else { 0 }
+        }
+
+        fn write(&mut self, _: u32, _: u32) {}
+    }
+
+    /// The level at the beginning of an approach counts as its edge does.
+    #[test]
+    fn a_spike_is_no_level_either() {
+        let lines = SensorLines::started(PINS);
+        for looks_left in 0..LOOKS {
+            assert!(!lines.is_triggered(0, &mut Spike { looks_left }), "{looks_left}");
+        }
+        assert!(lines.is_triggered(0, &mut Spike { looks_left: LOOKS }));
     }
 
     #[test]

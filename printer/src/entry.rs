@@ -10,6 +10,7 @@ use ferrostep_hal_shim::Clock;
 use ferrostep_planner::Limits;
 
 use crate::error::CommandError;
+use crate::modal::KnownZ;
 use crate::ports::{Heating, Motion, Replies};
 use crate::printer::Printer;
 use crate::settings::{LARGEST_LIMIT, PERCENTS, SMALLEST_LIMIT};
@@ -50,7 +51,7 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
     /// # Errors
     /// Motion was stopped, or there is no such height on this machine.
     pub async fn take_height(&mut self, z_10nm: i64) -> Result<(), CommandError> {
-        if !(0..=self.profile.size_10nm[2]).contains(&z_10nm) {
+        if !(self.profile.lower_end_10nm[2]..=self.profile.size_10nm[2]).contains(&z_10nm) {
             return Err(CommandError::Outside { axis: 2 });
         }
         self.motion.finish().await?;
@@ -59,6 +60,8 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         self.motion.set_position([x, y, z_10nm]);
         (self.modal.machine_10nm, self.modal.lift_10nm) = ([x, y, z_10nm], 0);
         self.modal.homed[2] = true;
+        // A probe triggers where its offset says; without a probe, where the profile does.
+        self.modal.z = KnownZ { trigger_10nm: Some(self.trigger_10nm(2)), ..KnownZ::default() };
         Ok(())
     }
 

@@ -65,10 +65,42 @@ pub enum CommandError {
         /// Largest allowed.
         maximum: f64,
     },
-    /// The end stop did not trigger within one and a half times the axis' length.
+    /// The sensor did not trigger as far as it was searched for.
     HomingFailed {
         /// Index of the axis.
         axis: usize,
+        /// How far the first approach went, units of 10 nm.
+        searched_10nm: i64,
+        /// The axis whose sensor triggered instead.
+        swapped: Option<usize>,
+    },
+    /// Two approaches have met the sensor at different places, twice.
+    HomingDisagrees {
+        /// Index of the axis.
+        axis: usize,
+        /// How much farther up the axis the second was, units of 10 nm; `None`: it did not meet it.
+        apart_10nm: Option<i64>,
+        /// How far apart they may be.
+        agree_10nm: i64,
+    },
+    /// Z homes at a place of the bed, and where the nozzle is in the plane is not known.
+    HomeFirst {
+        /// Index of the axis that is not homed.
+        axis: usize,
+    },
+    /// A prepared job has heights of its own, and M290 has shifted Z.
+    Shifted {
+        /// By how much, units of 10 nm.
+        shift_10nm: i64,
+    },
+    /// M290 shifts no prepared job.
+    ShiftsNoJob,
+    /// M290 shifts a Z of which it is known where it is.
+    ShiftsHomedZ,
+    /// M290 moves Z alone.
+    ShiftsZOnly {
+        /// The word's letter.
+        word: char,
     },
     /// The axis' sensor is triggered where it should not be.
     SensorStuck {
@@ -174,15 +206,59 @@ impl fmt::Display for CommandError {
                 let [value, minimum, maximum] = [value, minimum, maximum].map(|number| Real::short(*number, 6));
                 write!(out, "{word}: {value} is out of range, expected {minimum} to {maximum}")
             }
-            Self::HomingFailed { axis } => {
+            Self::HomingFailed { axis, searched_10nm, swapped } => {
                 let name = AXIS_NAMES.get(*axis).copied().unwrap_or('?');
-                write!(out, "homing {name} failed: its end stop did not trigger, expected it within the axis' length")
+                let searched = mm(*searched_10nm, 1);
+                write!(out, "homing {name} failed: its sensor did not trigger within {searched} mm, ")?;
+                match swapped.and_then(|swapped| AXIS_NAMES.get(swapped)) {
+                    Some(other) => {
+                        write!(out, "but that of {other} did: expected each at its own axis, are the two swapped?")
+                    }
+                    None if *axis == 2 => write!(
+                        out,
+                        "expected it at the bed: is the sheet on it, is the sensor connected (M119)? If the nozzle is                          still above the bed, switch the motors off (M84) and home again"
+                    ),
+                    None => write!(
+                        out,
+                        "expected it at the end of the axis: is it connected, or swapped with another's \
+                         (M119)?"
+                    ),
+                }
             }
+            Self::HomingDisagrees { axis, apart_10nm, agree_10nm } => {
+                let name = AXIS_NAMES.get(*axis).copied().unwrap_or('?');
+                let agree = mm(*agree_10nm, 2);
+                write!(out, "homing {name} failed twice: ")?;
+                match apart_10nm {
+                    Some(apart) => {
+                        write!(out, "the second approach met the sensor {} mm from the first, ", mm(*apart, 2))?
+                    }
+                    None => write!(out, "the second approach did not meet the sensor where the first did, ")?,
+                }
+                write!(out, "expected at most {agree} mm: is the sensor loose, or its threshold (M914) too sensitive?")
+            }
+            Self::HomeFirst { axis } => {
+                let name = AXIS_NAMES.get(*axis).copied().unwrap_or('?');
+                write!(
+                    out,
+                    "homing Z refused: {name} is not homed, and Z homes at a place of the bed only, expected X and Y \
+                     homed before: G28"
+                )
+            }
+            Self::Shifted { shift_10nm } => write!(
+                out,
+                "M290 has shifted Z by {} mm, and a prepared job has heights of its own, expected no shift: G28 Z ends it, \
+                 M851 keeps it",
+                mm(*shift_10nm, 3)
+            ),
+            Self::ShiftsNoJob => write!(out, "a prepared job has heights of its own, expected M290 before or after it"),
+            Self::ShiftsHomedZ => write!(out, "Z is not homed, expected G28 before M290"),
+            Self::ShiftsZOnly { word } => write!(out, "{word}: M290 shifts Z alone, expected M290 Z"),
             Self::SensorStuck { axis } => {
                 let name = AXIS_NAMES.get(*axis).copied().unwrap_or('?');
                 write!(
                     out,
-                    "homing {name} failed: its sensor is triggered away from the end, expected it released; is it connected?"
+                    "homing {name} failed: its sensor is triggered away from the end, expected it released: is it connected, or swapped with another's (M119)?"
                 )
             }
             Self::NoStallSignal { axis } => {
@@ -254,6 +330,11 @@ impl fmt::Display for CommandError {
             Self::NoJobs => write!(out, "jobs are received by a board, expected a line from its host"),
         }
     }
+}
+
+/// A length as messages show it, mm.
+fn mm(length_10nm: i64, decimals: u8) -> Real {
+    Real::fixed(length_10nm as f64 / 100_000.0, decimals)
 }
 
 /// Why a line was not executed.

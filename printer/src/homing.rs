@@ -8,68 +8,125 @@ use ferrostep_planner::{Kinematics, Move};
 use crate::error::CommandError;
 use crate::ports::{Heating, Motion, Replies, Seek};
 use crate::printer::Printer;
-use crate::profile::{HomeEnd, HomeSensor};
+use crate::profile::{AxisHoming, HomeEnd, HomeSensor};
+
+/// The axis that may drive the nozzle into the bed.
+const Z: usize = 2;
+
+/// How often an axis is approached as a whole before two approaches that do not agree are an error.
+const ATTEMPTS: u32 = 2;
 
 impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, M, H, T, R> {
     /// Homes X, then Y, then Z, those that are named or all.
+    ///
+    /// Before X and Y move, and before Z homes elsewhere than where the nozzle stands, Z is raised.
     pub(crate) async fn home(&mut self, axes: AxisFlags) -> Result<(), CommandError> {
         self.needs(self.equipment.end_stops, "end stops")?;
-        self.motion.finish().await?;
         let all = !(axes.x || axes.y || axes.z);
-        for (axis, named) in [axes.x, axes.y, axes.z].into_iter().enumerate() {
-            if named || all {
-                self.home_axis(axis).await?;
+        let named = [axes.x, axes.y, axes.z].map(|named| named || all);
+        let home_at_10nm = self.profile.safe_homing.home_at_10nm.filter(|_| named[Z]);
+        if home_at_10nm.is_some() {
+            let unknown = (0..Z).find(|&axis| !named[axis] && !self.modal.homed[axis]);
+            unknown.map_or(Ok(()), |axis| Err(CommandError::HomeFirst { axis }))?;
+        }
+        for axis in (0..Z).filter(|&axis| named[axis]) {
+            self.needs_stall_signal(axis)?;
+        }
+        self.motion.finish().await?;
+        if named[0] || named[1] || home_at_10nm.is_some() {
+            self.raise().await?;
+        }
+        for axis in (0..Z).filter(|&axis| named[axis]) {
+            self.home_axis(axis).await?;
+        }
+        if named[Z] {
+            if let Some(place_10nm) = home_at_10nm {
+                self.travel(place_10nm).await?;
+            }
+            self.home_axis(Z).await?;
+            if home_at_10nm.is_some() {
+                // Off the bed, and to a height that does not depend on the probe's offset.
+                self.raise().await?;
+                // With this homing has ended.
+                let position_10nm = self.motion.position_10nm();
+                self.motion.set_position(position_10nm);
             }
         }
         self.replies.send(Reply::Position(self.position()));
         Ok(())
     }
 
-    /// A fast approach until the sensor triggers, a way back, and a slow one that counts. An axis that homes by a stall
-    /// begins with the way back: it may stand at its end already, and a motor that is held back from its first step on
-    /// never reaches the speed at which a stall is told.
+    /// Raises Z to the profile's height, or by it where Z is unknown and has not been raised since. Never lowers it.
+    async fn raise(&mut self) -> Result<(), CommandError> {
+        let raise_10nm = self.profile.safe_homing.raise_10nm;
+        let mut target_10nm = self.motion.position_10nm();
+        let z_10nm = target_10nm[Z];
+        target_10nm[Z] = if self.modal.homed[Z] {
+            raise_10nm.min(self.profile.size_10nm[Z])
+        } else {
+            self.modal.z.raised_to_10nm.unwrap_or(z_10nm.saturating_add(raise_10nm))
+        };
+        if raise_10nm == 0 || target_10nm[Z] <= z_10nm {
+            return Ok(());
+        }
+        let outcome = self.go(target_10nm, self.profile.homing[Z].fast_mm_per_s).await;
+        self.modal.machine_10nm[Z] += self.motion.position_10nm()[Z] - z_10nm;
+        if !self.modal.homed[Z] {
+            self.modal.z.raised_to_10nm = Some(target_10nm[Z]);
+        }
+        outcome
+    }
+
+    /// Goes to a place in the plane at the height where the nozzle is.
+    async fn travel(&mut self, [x_10nm, y_10nm]: [i64; 2]) -> Result<(), CommandError> {
+        let [x, y, _] = &self.profile.homing;
+        let feed_mm_per_s = x.fast_mm_per_s.min(y.fast_mm_per_s);
+        let [.., z_10nm] = self.motion.position_10nm();
+        self.go([x_10nm, y_10nm, z_10nm], feed_mm_per_s).await?;
+        (self.modal.machine_10nm[0], self.modal.machine_10nm[1]) = (x_10nm, y_10nm);
+        Ok(())
+    }
+
+    /// A move that is part of homing, to its end.
+    async fn go(&mut self, target_10nm: [i64; 3], feed_mm_per_s: f64) -> Result<(), CommandError> {
+        self.motion.begin_homing();
+        self.move_to(target_10nm, feed_mm_per_s).await?;
+        Ok(self.motion.finish().await?)
+    }
+
+    /// Homes an axis, and says where it is.
     async fn home_axis(&mut self, axis: usize) -> Result<(), CommandError> {
         let homing = self.profile.homing[axis];
-        let towards = if homing.end == HomeEnd::Max { 1 } else { -1 };
-        let reach = self.profile.size_10nm[axis] * 3 / 2;
-        let by_stall = homing.sensor == HomeSensor::Stall;
-        if by_stall {
-            self.needs_stall_signal(axis)?;
-        }
+        let towards = towards(&homing);
         self.modal.homed[axis] = false;
         self.motion.set_motors_enabled(1 << axis, true);
 
-        let outcome = async {
-            if by_stall {
-                self.motion.begin_homing();
-                self.move_back(axis, towards * homing.back_off_10nm, homing.fast_mm_per_s).await?;
-                self.is_released(axis)?;
-            }
-            self.seek(axis, towards * reach, homing.fast_mm_per_s).await?;
-            self.move_back(axis, towards * homing.back_off_10nm, homing.fast_mm_per_s).await?;
-            self.is_released(axis)?;
-            self.seek(axis, towards * homing.back_off_10nm * 2, homing.slow_mm_per_s).await
-        }
-        .await;
+        let outcome = self.find_home(axis, &homing).await;
         // Even after a failure the G-code's position is where the motors stand.
-        if axis == 2 {
-            // Z is where its sensor says; nothing is left to lower.
+        let found_10nm = self.motion.position_10nm()[axis];
+        if axis == Z {
+            // Z is where its sensor says; nothing is left to lower or to shift.
             self.modal.lift_10nm = 0;
+            self.modal.z.shift_10nm = 0;
+            self.modal.z.raised_to_10nm = None;
         }
         let mut position = self.raised(self.modal.machine_10nm);
         position[axis] = match outcome {
-            Ok(()) => homing.position_10nm,
-            Err(_) => self.motion.position_10nm()[axis],
+            Ok(()) => self.trigger_10nm(axis),
+            Err(_) => found_10nm,
         };
+        if axis == Z && outcome.is_ok() && homing.end == HomeEnd::Min {
+            self.modal.z.trigger_10nm = Some(position[Z]);
+        }
         self.motion.set_position(position);
         self.modal.machine_10nm[axis] = position[axis];
         outcome?;
         self.modal.offset_10nm[axis] = 0;
         self.modal.homed[axis] = true;
-        if by_stall && self.profile.kinematics == Kinematics::CoreXy {
+        if homing.sensor == HomeSensor::Stall && self.profile.kinematics == Kinematics::CoreXy {
             // Motors that still push against the frame would seem to stall as soon as they move the other axis.
             self.motion.begin_homing();
-            self.move_back(axis, towards * homing.back_off_10nm, homing.fast_mm_per_s).await?;
+            self.move_back(axis, &homing).await?;
             position[axis] -= towards * homing.back_off_10nm;
             self.motion.set_position(position);
             self.modal.machine_10nm[axis] = position[axis];
@@ -77,10 +134,87 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         Ok(())
     }
 
-    async fn move_back(&mut self, axis: usize, distance_10nm: i64, feed_mm_per_s: f64) -> Result<(), CommandError> {
+    /// Machine coordinate at which the sensor of an axis triggers. M851 moves a probe's.
+    pub(crate) fn trigger_10nm(&self, axis: usize) -> i64 {
+        let homing = &self.profile.homing[axis];
+        let offset_10nm = if homing.sensor == HomeSensor::Probe { self.modal.probe_offset_10nm[Z] } else { 0 };
+        homing.position_10nm - offset_10nm
+    }
+
+    /// A fast approach until the sensor triggers, a way back, and a second approach, which counts if it agrees with the
+    /// first. An axis that homes by a stall begins with the way back: it may stand at its end already, and a motor that is
+    /// held back from its first step on never reaches the speed at which a stall is told.
+    async fn find_home(&mut self, axis: usize, homing: &AxisHoming) -> Result<(), CommandError> {
+        if homing.sensor == HomeSensor::Stall {
+            self.motion.begin_homing();
+            self.move_back(axis, homing).await?;
+            self.is_released(axis)?;
+        }
+        let mut apart_10nm = None;
+        for attempt in 0..ATTEMPTS {
+            let by_stall = homing.sensor == HomeSensor::Stall;
+            if attempt > 0 && (by_stall || self.motion.is_end_stop_triggered(axis)) {
+                self.move_back(axis, homing).await?;
+                self.is_released(axis)?;
+            }
+            let others = self.other_sensors(axis);
+            let target_10nm = self.end_of_search_10nm(axis, homing);
+            let from_10nm = self.motion.position_10nm()[axis];
+            if self.seek(axis, target_10nm, homing.fast_mm_per_s).await? == Seek::Missed {
+                let searched_10nm = way_10nm(homing, from_10nm, target_10nm).max(0);
+                // A sensor of another axis that triggers here is this one's.
+                let swapped = others.into_iter().flatten().find(|&other| self.motion.is_end_stop_triggered(other));
+                return Err(CommandError::HomingFailed { axis, searched_10nm, swapped });
+            }
+            let first_10nm = self.motion.position_10nm()[axis];
+            self.move_back(axis, homing).await?;
+            self.is_released(axis)?;
+            let beyond_10nm = if is_bed(axis, homing) {
+                AxisHoming::MAX_PRESS_10NM.min(homing.back_off_10nm)
+            } else {
+                homing.back_off_10nm
+            };
+            let target_10nm = first_10nm + towards(homing) * beyond_10nm;
+            apart_10nm = match self.seek(axis, target_10nm, homing.slow_mm_per_s).await? {
+                Seek::Triggered => Some(self.motion.position_10nm()[axis] - first_10nm),
+                Seek::Missed => None,
+            };
+            if apart_10nm.is_some_and(|apart_10nm| apart_10nm.abs() <= homing.agree_10nm) {
+                return Ok(());
+            }
+        }
+        Err(CommandError::HomingDisagrees { axis, apart_10nm, agree_10nm: homing.agree_10nm })
+    }
+
+    /// Where a first approach ends at the latest, machine coordinate of the motors. Away from the bed that is the whole
+    /// travel and what the frame may be longer. Towards the bed it is a little below the place where the sensor must
+    /// trigger, as low as that can be by what is known of Z: since the last homing, or since an approach from an
+    /// unknown height has gone down all the way.
+    fn end_of_search_10nm(&mut self, axis: usize, homing: &AxisHoming) -> i64 {
+        let position_10nm = self.motion.position_10nm()[axis];
+        let length_10nm = self.profile.size_10nm[axis] - self.profile.lower_end_10nm[axis];
+        if !is_bed(axis, homing) {
+            return position_10nm + towards(homing) * (length_10nm + homing.overrun_10nm);
+        }
+        let highest_10nm = self.profile.size_10nm[Z] + homing.overrun_10nm;
+        let below_10nm = highest_10nm - self.trigger_10nm(Z);
+        let trigger_10nm = *self.modal.z.trigger_10nm.get_or_insert(position_10nm - below_10nm);
+        trigger_10nm - AxisHoming::MAX_PRESS_10NM
+    }
+
+    /// The other axes whose sensors are released.
+    fn other_sensors(&self, axis: usize) -> [Option<usize>; 3] {
+        let released = |other: usize| {
+            let by_stall = self.profile.homing[other].sensor == HomeSensor::Stall;
+            other != axis && !by_stall && !self.motion.is_end_stop_triggered(other)
+        };
+        [0, 1, 2].map(|other| released(other).then_some(other))
+    }
+
+    async fn move_back(&mut self, axis: usize, homing: &AxisHoming) -> Result<(), CommandError> {
         let mut back = self.motion.position_10nm();
-        back[axis] -= distance_10nm;
-        self.move_to(back, feed_mm_per_s).await?;
+        back[axis] -= towards(homing) * homing.back_off_10nm;
+        self.move_to(back, homing.fast_mm_per_s).await?;
         Ok(self.motion.finish().await?)
     }
 
@@ -91,6 +225,9 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
 
     /// Refuses an axis whose driver would let the motor push on for ever.
     fn needs_stall_signal(&self, axis: usize) -> Result<(), CommandError> {
+        if self.profile.homing[axis].sensor != HomeSensor::Stall {
+            return Ok(());
+        }
         let settings = self.drivers.and_then(|drivers| drivers.report(axis)).map(|report| report.settings);
         match settings {
             Some(settings) if settings.stall_threshold == 0 || !settings.stealth_chop => {
@@ -100,18 +237,34 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         }
     }
 
-    async fn seek(&mut self, axis: usize, distance_10nm: i64, feed_mm_per_s: f64) -> Result<(), CommandError> {
+    async fn seek(&mut self, axis: usize, to_10nm: i64, feed_mm_per_s: f64) -> Result<Seek, CommandError> {
         let mut target_10nm = self.motion.position_10nm();
-        target_10nm[axis] += distance_10nm;
+        // Never away from the sensor: one that has to be behind is missed.
+        if way_10nm(&self.profile.homing[axis], target_10nm[axis], to_10nm) <= 0 {
+            return Ok(Seek::Missed);
+        }
+        target_10nm[axis] = to_10nm;
         let feed_mm_per_s = feed_mm_per_s as f32;
         let request = Move { target_10nm, filament_100pm: 0, feed_mm_per_s, line: self.line, ends_move: false };
-        match self.motion.seek(request, axis).await? {
-            Seek::Triggered => Ok(()),
-            Seek::Missed => Err(CommandError::HomingFailed { axis }),
-        }
+        Ok(self.motion.seek(request, axis).await?)
     }
+}
+
+/// The direction in which an axis homes.
+fn towards(homing: &AxisHoming) -> i64 {
+    if homing.end == HomeEnd::Max { 1 } else { -1 }
+}
+
+/// How far it is from one place of an axis to another, in the direction in which it homes.
+fn way_10nm(homing: &AxisHoming, from_10nm: i64, to_10nm: i64) -> i64 {
+    if homing.end == HomeEnd::Max { to_10nm - from_10nm } else { from_10nm - to_10nm }
+}
+
+/// Whether an axis homes towards the bed, into which nothing may press the nozzle.
+fn is_bed(axis: usize, homing: &AxisHoming) -> bool {
+    axis == Z && homing.end == HomeEnd::Min
 }
 
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
-mod tests;
+pub(crate) mod tests;

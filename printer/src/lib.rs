@@ -26,6 +26,7 @@ mod profile_hash;
 mod settings;
 mod transfer;
 mod waits;
+mod z_offset;
 
 pub use drivers::tell_driver_event;
 pub use error::{CommandError, Failure};
@@ -39,7 +40,7 @@ pub use ports::{
 pub use printer::Printer;
 pub use profile::{
     AxisHoming, DEFAULT_EVENTS_PER_S, DEFAULT_HEATER_TIMEOUT_S, DEFAULT_MOVES_PER_S, DriverTiming, ExtrusionSettings,
-    FirmwareRetraction, HeaterSettings, HeaterWatch, HomeEnd, HomeSensor, Profile,
+    FirmwareRetraction, HeaterSettings, HeaterWatch, HomeEnd, HomeSensor, Profile, SafeHoming,
 };
 pub use transfer::{JobLine, JobRequest};
 pub use waits::temperatures;

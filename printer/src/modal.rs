@@ -17,6 +17,18 @@ pub struct Tally {
     pub filament_100pm: i64,
 }
 
+/// What is known of Z beyond where the motors say it is. The places are those of the motors, units of 10 nm.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct KnownZ {
+    /// Where the sensor of Z triggers, or the lowest place where it can trigger; `None`: not known at all. Approaches to the
+    /// bed end a little below it.
+    pub trigger_10nm: Option<i64>,
+    /// To where homing has raised a Z that is not homed: once is enough.
+    pub raised_to_10nm: Option<i64>,
+    /// How far the motors stand above what the G-code sees (M290).
+    pub shift_10nm: i64,
+}
+
 /// Modal state.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Modal {
@@ -36,6 +48,11 @@ pub(crate) struct Modal {
     /// What moves of a prepared job have pushed that is not in it yet, units of 0.1 nm times percent.
     pub extruder_rest_100pm: i64,
     pub homed: [bool; 3],
+    pub z: KnownZ,
+    /// A prepared job comes over the line, beside which the host's lines are executed.
+    pub in_prepared_job: bool,
+    /// From the nozzle to the probe (M851).
+    pub probe_offset_10nm: [i64; 3],
     pub soft_limits: bool,
     pub retraction: FirmwareRetraction,
     pub extrusion: AdaptiveExtrusion,
@@ -63,6 +80,9 @@ impl Modal {
             extruder_10nm: 0,
             extruder_rest_100pm: 0,
             homed: [false; 3],
+            z: KnownZ::default(),
+            in_prepared_job: false,
+            probe_offset_10nm: profile.safe_homing.probe_offset_10nm,
             soft_limits: true,
             retraction: profile.retraction,
             extrusion: AdaptiveExtrusion::new(profile.extrusion),
@@ -71,6 +91,24 @@ impl Modal {
             min_extrusion_celsius: profile.min_extrusion_celsius,
             cold_extrusion_allowed: false,
         }
+    }
+
+    /// The motors of these axes may have been turned since they stood where their steps say: nothing is known of the axes in the
+    /// mask.
+    pub fn forget_home(&mut self, axes: u8) {
+        for (axis, homed) in self.homed.iter_mut().enumerate() {
+            *homed &= axes >> axis & 1 == 0;
+        }
+        if axes >> 2 & 1 == 1 {
+            // The shift is one of coordinates and stays.
+            self.z = KnownZ { shift_10nm: self.z.shift_10nm, ..KnownZ::default() };
+        }
+    }
+
+    /// Z of the machine where the motors stand at a height, without what the G-code does not see of it.
+    pub fn machine_z_10nm(&self, motors_10nm: i64) -> i64 {
+        // All three are within 5 m.
+        motors_10nm.wrapping_sub(self.lift_10nm).wrapping_sub(self.z.shift_10nm)
     }
 
     /// Moves of a prepared job have pushed so much; an arc's share of a whole number need not be whole.

@@ -232,12 +232,19 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         clamped
     }
 
+    /// Lower and upper end of an axis's travel.
+    fn travel_10nm(&self, axis: usize) -> [i64; 2] {
+        let upper = self.profile.size_10nm[axis];
+        [self.profile.lower_end_10nm[axis].min(upper), upper]
+    }
+
     fn clamp_into(&self, target_10nm: &mut [i64; 3], clamped: &mut [bool; 3]) {
         if !self.modal.soft_limits {
             return;
         }
         for axis in 0..3 {
-            let inside = target_10nm[axis].clamp(0, self.profile.size_10nm[axis]);
+            let [lower, upper] = self.travel_10nm(axis);
+            let inside = target_10nm[axis].clamp(lower, upper);
             if self.modal.homed[axis] && inside != target_10nm[axis] {
                 target_10nm[axis] = inside;
                 clamped[axis] = true;
@@ -266,11 +273,12 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         let line = self.line;
         let mut complete = core::fmt::write(&mut text, format_args!("echo:line {line}: outside the soft limits,"));
         for axis in (0..3).filter(|&axis| clamped[axis]) {
-            let [at, end] = [self.modal.machine_10nm[axis], self.profile.size_10nm[axis]]
+            let [lower, upper] = self.travel_10nm(axis);
+            let [at, lower, upper] = [self.modal.machine_10nm[axis], lower, upper]
                 .map(|length_10nm| Real::fixed(length_10nm as f64 / 100_000.0, 2));
             let name = AXIS_NAMES[axis];
-            complete =
-                complete.and(core::fmt::write(&mut text, format_args!(" {name} ends at {at} (allowed 0.00 to {end})")));
+            let allowed = format_args!(" {name} ends at {at} (allowed {lower} to {upper})");
+            complete = complete.and(core::fmt::write(&mut text, allowed));
         }
         if complete.is_ok() {
             self.replies.send(Reply::Text(&text));
@@ -336,12 +344,17 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         }
     }
 
-    /// A machine position with Z lifted, as far as the soft limits let it.
+    /// A machine position with Z lifted, as far as the soft limits let it, and shifted as M290 has it.
     fn lifted(&self, machine_10nm: [i64; 3], lift_10nm: i64) -> [i64; 3] {
         let [x, y, z] = machine_10nm;
         let mut lifted = [x, y, z + lift_10nm];
         if lift_10nm != 0 {
             self.clamp(&mut lifted);
+        }
+        let shift_10nm = self.modal.z.shift_10nm;
+        lifted[2] += shift_10nm;
+        if shift_10nm > 0 && self.modal.soft_limits && self.modal.homed[2] {
+            lifted[2] = lifted[2].min(self.profile.size_10nm[2]);
         }
         lifted
     }

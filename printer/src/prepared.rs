@@ -28,8 +28,7 @@ impl Unseen {
         let Self { any, moves, filament_100pm } = core::mem::take(self);
         if any {
             let [x, y, z] = position_10nm;
-            // Heights and lifts are within 5 m.
-            modal.machine_10nm = [x, y, z.wrapping_sub(modal.lift_10nm)];
+            modal.machine_10nm = [x, y, modal.machine_z_10nm(z)];
             modal.push_prepared(filament_100pm);
             tally.moves = tally.moves.wrapping_add(moves.into());
             tally.filament_100pm = tally.filament_100pm.wrapping_add(filament_100pm);
@@ -143,10 +142,15 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         if self.signals.is_halted() {
             return Err(self.refused(CommandError::Halted));
         }
+        if self.modal.z.shift_10nm != 0 {
+            return Err(CommandError::Shifted { shift_10nm: self.modal.z.shift_10nm });
+        }
         if self.modal.soft_limits {
             for axis in 0..3 {
-                // Below zero it is more than any size, which is at most 5 m.
-                let is_outside = item.target[axis].units().cast_unsigned() > self.profile.size_10nm[axis] as u32;
+                // Below the lower end it is more than any length: all are at most 5 m.
+                let (lower, upper) = (self.profile.lower_end_10nm[axis] as i32, self.profile.size_10nm[axis] as i32);
+                let above_lower = item.target[axis].units().wrapping_sub(lower).cast_unsigned();
+                let is_outside = above_lower > upper.wrapping_sub(lower).cast_unsigned();
                 if is_outside && self.modal.homed[axis] {
                     return Err(CommandError::Outside { axis });
                 }
@@ -239,6 +243,9 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         if self.signals.is_halted() {
             return Err(CommandError::Halted);
         }
+        if self.modal.z.shift_10nm != 0 {
+            return Err(CommandError::Shifted { shift_10nm: self.modal.z.shift_10nm });
+        }
         if block.block.extruder_256ths != 0 {
             self.check_extrusion_temperature()?;
         }
@@ -273,7 +280,7 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         // Where the motors stand is up to a step beside where they should.
         for (axis, end) in end.into_iter().enumerate() {
             let step = self.profile.steps_per_mm[axis].step_10nm();
-            let inside = -step..=self.profile.size_10nm[axis] + step;
+            let inside = self.profile.lower_end_10nm[axis] - step..=self.profile.size_10nm[axis] + step;
             if self.modal.soft_limits && self.modal.homed[axis] && !inside.contains(&end) {
                 return Err(CommandError::Outside { axis });
             }

@@ -160,7 +160,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
         // From here on nobody switches the motors off; if somebody has, it is noticed now.
         self.signals.set_at_work(true);
         if self.motion.take_switched_off() {
-            self.modal.homed = [false; 3];
+            self.modal.forget_home(ALL_MOTORS);
         }
         let outcome = self.answer(line, text).await;
         self.signals.set_at_work(false);
@@ -256,7 +256,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
     pub(crate) fn follow_after(&mut self, error: CommandError) {
         match error {
             CommandError::MotionFault(_) => {
-                self.modal.homed = [false; 3];
+                self.forget_home(ALL_MOTORS);
                 self.follow_the_motors();
             }
             CommandError::Stopped | CommandError::Halted | CommandError::NeedsReset(_) => self.follow_the_motors(),
@@ -270,10 +270,11 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
         self.see_moves();
         if self.signals.is_halted() {
             self.motion.set_motors_enabled(ALL_MOTORS, false);
-            self.modal.homed = [false; 3];
+            self.modal.forget_home(ALL_MOTORS);
         }
-        self.modal.machine_10nm = self.motion.position_10nm();
         self.modal.lift_10nm = 0;
+        let [x, y, z] = self.motion.position_10nm();
+        self.modal.machine_10nm = [x, y, self.modal.machine_z_10nm(z)];
     }
 
     /// Motion stops at once; position, extruder and filament are what has really happened.
@@ -385,6 +386,8 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
             Command::Junction { deviation, corner_velocity } => self.set_corners(deviation, &corner_velocity)?,
             Command::RetractSettings(ref words) => self.set_retraction(words, false)?,
             Command::RecoverSettings(ref words) => self.set_retraction(words, true)?,
+            Command::ProbeOffset(ref words) => self.probe_offset(words)?,
+            Command::ShiftZ { ref words, keeps_offset } => self.shift_z(words, keeps_offset).await?,
             Command::SoftLimits(enabled) => self.soft_limits(enabled),
             Command::FeedPercent(value) => self.feed_percent(value)?,
             Command::FlowPercent(value) => self.flow_percent(value)?,
@@ -432,10 +435,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
 
     /// The motors in the mask may not be where their steps say: no axis that they move is homed any more.
     pub(crate) fn forget_home(&mut self, motors: u8) {
-        let axes = self.profile.axes_of_motors(motors);
-        for (axis, homed) in self.modal.homed.iter_mut().enumerate() {
-            *homed &= axes >> axis & 1 == 0;
-        }
+        self.modal.forget_home(self.profile.axes_of_motors(motors));
     }
 
     /// M112: heat first, then motion.
@@ -464,6 +464,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
                 Kinematics::Cartesian => "Cartesian",
                 Kinematics::CoreXy => "COREXY",
             },
+            lower_end_10nm: self.profile.lower_end_10nm,
             size_10nm: self.profile.size_10nm,
             emergency_parser: self.emergency_parser,
             thermal_protection: self.equipment.heaters,

@@ -2,7 +2,9 @@
 
 use ferrostep_hal_shim::thermistor::Thermistor;
 use ferrostep_hal_shim::tmc2209::DriverSettings;
-use ferrostep_hal_shim::virtual_board::{HeatedMass, START_10NM, VirtualEndStop, VirtualHeaters, VirtualMotors};
+use ferrostep_hal_shim::virtual_board::{
+    HeatedMass, START_10NM, VirtualEndStop, VirtualHeaters, VirtualMotors, VirtualProbe,
+};
 use ferrostep_planner::{Geometry, Kinematics, Limits, MotionChoice, StepsPerMm};
 
 /// Step events a second that the processor can make if it has nothing else to do for motion, where a profile does not
@@ -52,7 +54,8 @@ pub struct AxisHoming {
     pub sensor: HomeSensor,
     /// Whether the sensor's signal is low when it triggers. A driver's stall signal never is.
     pub triggers_low: bool,
-    /// Machine coordinate at which the sensor triggers, in units of 10 nm.
+    /// Machine coordinate at which the sensor triggers, in units of 10 nm; with a probe that of the bed, so that it triggers
+    /// at this less the Z of [`SafeHoming::probe_offset_10nm`].
     pub position_10nm: i64,
     /// Speed of the first approach, mm/s.
     pub fast_mm_per_s: f64,
@@ -60,6 +63,39 @@ pub struct AxisHoming {
     pub slow_mm_per_s: f64,
     /// Way back between the two, in units of 10 nm.
     pub back_off_10nm: i64,
+    /// How much longer than the travel the frame may be: an approach from an unknown place goes no farther than the travel
+    /// and this, in units of 10 nm.
+    pub overrun_10nm: i64,
+    /// How far apart the two approaches may trigger, in units of 10 nm.
+    pub agree_10nm: i64,
+}
+
+/// What keeps the nozzle off the bed while a machine homes. Lengths in units of 10 nm.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SafeHoming {
+    /// Height over the bed that Z has at least while X and Y move; where Z is unknown it is raised by that.
+    pub raise_10nm: i64,
+    /// Where the nozzle stands (X, Y) while Z homes; `None`: wherever it is.
+    pub home_at_10nm: Option<[i64; 2]>,
+    /// From the nozzle's tip to where the probe triggers (X, Y, Z), as M851 has it: a Z of -1 mm says that the nozzle is 1 mm
+    /// above the bed when the probe triggers.
+    pub probe_offset_10nm: [i64; 3],
+    /// Where the probe finds the bed: lower and upper end along X and along Y, machine coordinates.
+    pub bed_10nm: [[i64; 2]; 2],
+}
+
+impl SafeHoming {
+    /// Smallest and largest Z of a probe's offset, units of 10 nm. A probe that triggers when the nozzle is higher than 10 mm
+    /// must be deployed and is none that can be used here; above 0 the nozzle touches before the probe triggers.
+    pub const PROBE_Z_10NM: [i64; 2] = [-1_000_000, 500_000];
+
+    /// Nothing is raised, and Z homes where it is.
+    pub const NONE: Self = Self { raise_10nm: 0, home_at_10nm: None, probe_offset_10nm: [0; 3], bed_10nm: [[0; 2]; 2] };
+}
+
+impl AxisHoming {
+    /// How far below the place where its sensor must trigger an approach to the bed may go, units of 10 nm: 0.5 mm.
+    pub const MAX_PRESS_10NM: i64 = 50_000;
 }
 
 /// When a heater that should heat counts as failed ([`crate::heat::safety`]). The defaults are what Marlin has.
@@ -167,8 +203,10 @@ pub struct Profile {
     pub name: &'static str,
     /// How X and Y are driven.
     pub kinematics: Kinematics,
-    /// Upper end of X, Y and Z in machine coordinates (the lower is 0), units of 10 nm.
+    /// Upper end of X, Y and Z in machine coordinates, units of 10 nm.
     pub size_10nm: [i64; 3],
+    /// Lower end of X, Y and Z in machine coordinates, units of 10 nm; at most 0.
+    pub lower_end_10nm: [i64; 3],
     /// Steps/mm of X, Y, Z and the extruder (CoreXY: of the motors A and B for X and Y).
     pub steps_per_mm: [StepsPerMm; 4],
     /// Speeds, accelerations and junctions at start-up.
@@ -183,6 +221,8 @@ pub struct Profile {
     pub move_cost_ticks: u32,
     /// Homing of X, Y and Z.
     pub homing: [AxisHoming; 3],
+    /// What keeps the nozzle off the bed meanwhile.
+    pub safe_homing: SafeHoming,
     /// Extrusion is refused below this nozzle temperature, degrees Celsius.
     pub min_extrusion_celsius: f32,
     /// Heaters go off after this many seconds without a line from a host and without motion; 0: never (M86).
@@ -237,9 +277,17 @@ impl Profile {
     /// Counting motors with this machine's end stops, as they stand when it is switched on. Where an axis homes by a stall,
     /// there is an end stop, too: who has a model of the drivers says that there is none ([`Self::framed_axes`]).
     pub fn virtual_motors(&self) -> VirtualMotors {
-        let end_stops = self
-            .homing
-            .map(|homing| VirtualEndStop { position_10nm: homing.position_10nm, at_max: homing.end == HomeEnd::Max });
-        VirtualMotors::new(self.geometry(), end_stops, START_10NM)
+        let [offset_x, offset_y, offset_z] = self.safe_homing.probe_offset_10nm;
+        let end_stops = self.homing.map(|homing| {
+            let height_10nm = if homing.sensor == HomeSensor::Probe { -offset_z } else { 0 };
+            let position_10nm = homing.position_10nm + height_10nm;
+            VirtualEndStop { position_10nm, at_max: homing.end == HomeEnd::Max }
+        });
+        let mut motors = VirtualMotors::new(self.geometry(), end_stops, START_10NM);
+        if self.homing.iter().any(|homing| homing.sensor == HomeSensor::Probe) {
+            let sheet_10nm = self.safe_homing.bed_10nm;
+            motors.set_probe(VirtualProbe { offset_10nm: [offset_x, offset_y], sheet_10nm });
+        }
+        motors
     }
 }

@@ -50,6 +50,14 @@ impl Profile {
             hash.number(ticks.into());
         }
         self.homing.iter().for_each(|homing| hash.number(homing.position_10nm.cast_unsigned()));
+        // Without these the hash is that of before they were there. Where a probe triggers is measured on each machine.
+        let safe = &self.safe_homing;
+        let places = safe.home_at_10nm.unwrap_or_default();
+        for length in
+            self.lower_end_10nm.into_iter().chain(places).chain([safe.raise_10nm]).filter(|length| *length != 0)
+        {
+            hash.number(length.cast_unsigned());
+        }
         for heater in [&self.nozzle, &self.bed] {
             hash.number(u64::from(heater.max_celsius.to_bits()));
         }

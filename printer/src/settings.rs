@@ -197,9 +197,11 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
     pub(crate) fn soft_limits(&mut self, enabled: Option<bool>) {
         match enabled {
             Some(enabled) => self.modal.soft_limits = enabled,
-            None => self
-                .replies
-                .send(Reply::SoftLimits { enabled: self.modal.soft_limits, max_10nm: self.profile.size_10nm }),
+            None => self.replies.send(Reply::SoftLimits {
+                enabled: self.modal.soft_limits,
+                min_10nm: self.profile.lower_end_10nm,
+                max_10nm: self.profile.size_10nm,
+            }),
         }
     }
 

@@ -271,7 +271,9 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
     ) -> (Report, bool) {
         let mut incoming = Incoming::new(request.size, self.clock.now_ms(), self.motion.stops());
         let mut progress = Progress { begun: false, frame: 0, offset: 0 };
+        self.modal.in_prepared_job = true;
         let outcome = self.play(request, line, buffer, &mut incoming, &mut progress).await;
+        self.modal.in_prepared_job = false;
         let (replies, clock, signals) = (self.replies(), self.clock.clone(), self.signals);
         incoming.text = false;
         incoming.aborted = false;
@@ -399,7 +401,8 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
             Item::Move(next) => {
                 // At the start of a frame, and wherever M410 may have stopped the moves before.
                 let expected_10nm = place.end_10nm.or((!place.begun).then_some(place.start.position_10nm));
-                if expected_10nm.is_some_and(|expected| self.machine_10nm() != expected) {
+                // Where M290 has shifted Z, that is what is wrong.
+                if expected_10nm.is_some_and(|expected| self.machine_10nm() != expected) && !self.is_shifted() {
                     return Err(Stop::Elsewhere { frame, offset });
                 }
                 (place.begun, place.end_10nm) = (true, Some(next.target_10nm().map(i64::from)));

@@ -1,35 +1,32 @@
 //! From the checked text to the machine: ranges, units, and the values that must fit each other.
 
 use ferrostep_checked_toml::{Checker, Range, range};
-use ferrostep_hal_shim::tmc2209::{DriverSettings, STALL_FULL_STEPS_PER_S};
 use ferrostep_planner::s_curve::FrequencyTable;
 use ferrostep_planner::{
     AccelerationProfile, DualRatePeriods, Interpolation, Kinematics, Limits, MotionChoice, SCurveTableSettings,
     StepsPerMm, TICKS_PER_SECOND,
 };
 use ferrostep_printer::{
-    AxisHoming, DEFAULT_EVENTS_PER_S, DEFAULT_HEATER_TIMEOUT_S, DEFAULT_MOVES_PER_S, ExtrusionSettings,
-    FirmwareRetraction, HomeEnd, HomeSensor, Profile,
+    DEFAULT_EVENTS_PER_S, DEFAULT_HEATER_TIMEOUT_S, DEFAULT_MOVES_PER_S, ExtrusionSettings, FirmwareRetraction, Profile,
 };
 
 use crate::ProfileError;
 use crate::check::CheckAxes;
 use crate::drivers::{MIN_GAP_US, driver, drivers};
 use crate::file::{
-    AccelerationName, CornerVelocityTable, DriverTables, DualRateTable, EndName, ExtrusionName, ExtrusionTable,
-    HomingTable, InterpolationName, KinematicsName, Number, ProfileFile, RetractionTable, SCurveTable, SensorName,
-    Xyze,
+    AccelerationName, CornerVelocityTable, DualRateTable, ExtrusionName, ExtrusionTable, InterpolationName,
+    KinematicsName, Number, ProfileFile, RetractionTable, SCurveTable, Xyze,
 };
 use crate::heaters::heaters;
+use crate::homing;
 
 /// Units of 10 nm in a mm.
 const UNITS_PER_MM: f64 = 100_000.0;
 /// Ticks of the nominal time base in a microsecond.
 const TICKS_PER_US: f64 = TICKS_PER_SECOND as f64 / 1e6;
 
-const SIZE: Range = range(10.0, 2_000.0, "mm");
 const STEPS_PER_MM: Range = range(1.0, 10_000.0, "steps/mm");
-const FEED: Range = range(0.01, 2_000.0, "mm/s");
+pub const FEED: Range = range(0.01, 2_000.0, "mm/s");
 const ACCELERATION: Range = range(0.1, 100_000.0, "mm/s^2");
 const JUNCTION_DEVIATION: Range = range(0.000_1, 1.0, "mm");
 const CORNER_VELOCITY: Range = range(0.001, 1_000.0, "mm/s");
@@ -38,7 +35,6 @@ const JERK: Range = range(1.0, 10_000_000.0, "mm/s^3");
 const EVENT_INTERVAL: Range = range(2.0 * MIN_GAP_US, 100.0, "us");
 const MIN_EXTRUSION: Range = range(0.0, 400.0, "degrees Celsius");
 const HEATER_TIMEOUT: Range = range(0.0, 65_535.0, "s");
-const BACK_OFF: Range = range(0.1, 50.0, "mm");
 const RETRACTION: Range = range(0.0, 100.0, "mm");
 const EXTRA_RECOVER: Range = range(-100.0, 100.0, "mm");
 const LIFT: Range = range(0.0, 50.0, "mm");
@@ -58,7 +54,7 @@ pub fn profile(file: &ProfileFile, check: &Checker<'_>) -> Result<Profile, Profi
         KinematicsName::Cartesian => Kinematics::Cartesian,
         KinematicsName::CoreXy => Kinematics::CoreXy,
     };
-    let size_mm = check.three("size_mm", &file.size_mm, SIZE)?;
+    let travel = homing::Travel::new(file, check)?;
     let steps = check.four("steps_per_mm", &file.steps_per_mm, STEPS_PER_MM)?;
     let steps_per_mm = fixed_point_steps(steps, file, check)?;
     let limits = limits(file, check)?;
@@ -71,15 +67,8 @@ pub fn profile(file: &ProfileFile, check: &Checker<'_>) -> Result<Profile, Profi
         None => DEFAULT_HEATER_TIMEOUT_S,
     };
     let drivers = drivers(file, steps, check)?;
-    let axis = |axis: usize, name, table| {
-        let homing = homing(name, table, size_mm[axis], limits.max_feed_mm_per_s[axis], check)?;
-        if homing.sensor == HomeSensor::Stall {
-            let acceleration = limits.max_acceleration_mm_per_s2[axis].min(limits.travel_acceleration_mm_per_s2);
-            homing_by_stall(name, table, steps[axis], acceleration, &file.drivers, &drivers[axis], check)?;
-        }
-        Ok(homing)
-    };
-    let homing = [axis(0, "x", &file.homing.x)?, axis(1, "y", &file.homing.y)?, axis(2, "z", &file.homing.z)?];
+    let homing = homing::axes(file, &travel, steps, &limits, &drivers, check)?;
+    let safe_homing = homing::safe(file, &travel, &homing[2], check)?;
     let [nozzle, bed] = heaters(&file.nozzle, &file.bed, check)?;
     if min_extrusion as f32 >= nozzle.max_celsius {
         let expected = format!("less than nozzle.max_celsius = {}", nozzle.max_celsius);
@@ -90,7 +79,8 @@ pub fn profile(file: &ProfileFile, check: &Checker<'_>) -> Result<Profile, Profi
     let move_cost_ticks = cost_ticks("moves_per_s", &budget.moves_per_s, DEFAULT_MOVES_PER_S, MOVES_PER_S, check)?;
     Ok(Profile {
         kinematics,
-        size_10nm: size_mm.map(units_10nm),
+        size_10nm: travel.upper_mm.map(units_10nm),
+        lower_end_10nm: travel.lower_mm.map(units_10nm),
         steps_per_mm,
         limits,
         motion,
@@ -98,6 +88,7 @@ pub fn profile(file: &ProfileFile, check: &Checker<'_>) -> Result<Profile, Profi
         event_cost_ticks,
         move_cost_ticks,
         homing,
+        safe_homing,
         min_extrusion_celsius: min_extrusion as f32,
         heater_timeout_s,
         nozzle,
@@ -256,120 +247,6 @@ fn motor_rates(
     Ok(())
 }
 
-/// Homing of one axis, within its travel and its speed.
-fn homing(
-    axis: &str,
-    table: &HomingTable,
-    size_mm: f64,
-    max_feed_mm_per_s: f64,
-    check: &Checker<'_>,
-) -> Result<AxisHoming, ProfileError> {
-    let key = |name: &str| format!("homing.{axis}.{name}");
-    let shown = |word| toml::Spanned::new(table.sensor.span(), word);
-    let sensor = match table.sensor.get_ref() {
-        SensorName::EndStop => HomeSensor::EndStop,
-        SensorName::Probe if axis == "z" => HomeSensor::Probe,
-        SensorName::Probe => {
-            let expected = "\"end-stop\" or \"stall\": only Z homes by a probe";
-            return Err(check.refuse(&key("sensor"), &shown("\"probe\""), expected));
-        }
-        SensorName::Stall if axis != "z" => HomeSensor::Stall,
-        SensorName::Stall => {
-            let expected = "\"end-stop\" or \"probe\": Z would push the nozzle into the bed";
-            return Err(check.refuse(&key("sensor"), &shown("\"stall\""), expected));
-        }
-    };
-    if sensor == HomeSensor::Stall && table.triggers_low {
-        let expected = "an end stop or a probe at triggers_low = true: a stall signal is high";
-        return Err(check.refuse(&key("sensor"), &shown("\"stall\""), expected));
-    }
-    // An end that contradicts its position would let the soft limits drive into the frame.
-    let (end, travel) = match table.end {
-        EndName::Min => (HomeEnd::Min, range(0.0, size_mm / 2.0, "mm")),
-        EndName::Max => (HomeEnd::Max, range(size_mm / 2.0, size_mm, "mm")),
-    };
-    let position = table.position_mm.get_ref();
-    if !(travel.low..=travel.high).contains(position) {
-        let word = if end == HomeEnd::Min { "min" } else { "max" };
-        let expected = format!("{travel}, the half of the travel at end = \"{word}\"");
-        return Err(check.refuse(&key("position_mm"), &table.position_mm, expected));
-    }
-    let fast_mm_per_s = check.number(
-        &key("fast_mm_per_s"),
-        &table.fast_mm_per_s,
-        range(FEED.low, max_feed_mm_per_s, "mm/s, the axis's max_feed_mm_per_s"),
-    )?;
-    let slow_mm_per_s = check.number(
-        &key("slow_mm_per_s"),
-        &table.slow_mm_per_s,
-        range(FEED.low, fast_mm_per_s, "mm/s, this axis's fast_mm_per_s"),
-    )?;
-    let back_off = range(BACK_OFF.low, BACK_OFF.high.min(size_mm / 2.0), BACK_OFF.unit);
-    Ok(AxisHoming {
-        end,
-        sensor,
-        triggers_low: table.triggers_low,
-        position_10nm: units_10nm(*position),
-        fast_mm_per_s,
-        slow_mm_per_s,
-        back_off_10nm: units_10nm(check.number(&key("back_off_mm"), &table.back_off_mm, back_off)?),
-    })
-}
-
-/// What a stall signal needs: a driver that gives one, and a motor that is fast enough for it on both approaches.
-fn homing_by_stall(
-    axis: &str,
-    table: &HomingTable,
-    steps_per_mm: f64,
-    acceleration_mm_per_s2: f64,
-    driver_tables: &DriverTables,
-    driver: &Option<DriverSettings>,
-    check: &Checker<'_>,
-) -> Result<(), ProfileError> {
-    let key = |name: &str| format!("homing.{axis}.{name}");
-    let driver_table = if axis == "x" { &driver_tables.x } else { &driver_tables.y };
-    let (Some(driver), Some(driver_table)) = (driver, driver_table) else {
-        let shown = toml::Spanned::new(table.sensor.span(), "\"stall\"");
-        let expected = format!("\"end-stop\": the stall signal is a TMC2209's, and there is no table [drivers.{axis}]");
-        return Err(check.refuse(&key("sensor"), &shown, expected));
-    };
-    let driver_key = |name: &str| format!("drivers.{axis}.{name}");
-    if driver.stall_threshold == 0 {
-        let expected = format!("1 to 255: homing.{axis}.sensor is \"stall\", and at 0 no stall signal comes");
-        return Err(check.refuse(&driver_key("stall_threshold"), &driver_table.stall_threshold, expected));
-    }
-    if !driver.stealth_chop {
-        let shown = toml::Spanned::new(table.sensor.span(), "\"stall\"");
-        let expected = format!("drivers.{axis}.stealth_chop = true with it: in spreadCycle no stall signal comes");
-        return Err(check.refuse(&key("sensor"), &shown, expected));
-    }
-    let slowest = f64::from(STALL_FULL_STEPS_PER_S) * f64::from(driver.microsteps) / steps_per_mm;
-    let slow_mm_per_s = *table.slow_mm_per_s.get_ref();
-    if slow_mm_per_s < slowest {
-        let expected = format!(
-            "at least {slowest:.1} mm/s for \"stall\", {STALL_FULL_STEPS_PER_S} full steps a second: the driver cannot \
-             tell the load of a slower motor"
-        );
-        return Err(check.refuse(&key("slow_mm_per_s"), &table.slow_mm_per_s, expected));
-    }
-    // The signal stops where spreadCycle takes over.
-    let fast_mm_per_s = *table.fast_mm_per_s.get_ref();
-    let until = *driver_table.spread_cycle_above_mm_per_s.get_ref();
-    if until > 0.0 && until <= fast_mm_per_s {
-        let expected =
-            format!("0 or above homing.{axis}.fast_mm_per_s = {fast_mm_per_s}: in spreadCycle no stall signal comes");
-        let key = driver_key("spread_cycle_above_mm_per_s");
-        return Err(check.refuse(&key, &driver_table.spread_cycle_above_mm_per_s, expected));
-    }
-    // Within half of the way back the second approach must have its speed.
-    let least_mm = slow_mm_per_s * slow_mm_per_s / acceleration_mm_per_s2;
-    if *table.back_off_mm.get_ref() < least_mm {
-        let expected = format!("at least {least_mm:.1} mm for \"stall\", to reach {slow_mm_per_s} mm/s in half of it");
-        return Err(check.refuse(&key("back_off_mm"), &table.back_off_mm, expected));
-    }
-    Ok(())
-}
-
 /// Firmware retraction at start-up.
 fn retraction(table: &RetractionTable, check: &Checker<'_>) -> Result<FirmwareRetraction, ProfileError> {
     let units = |key: &str, value: &Number, range| {
@@ -418,6 +295,6 @@ fn cost_ticks(
 }
 
 /// Millimetres to units of 10 nm. The ranges above keep the product far within both types.
-fn units_10nm(length_mm: f64) -> i64 {
+pub fn units_10nm(length_mm: f64) -> i64 {
     (length_mm * UNITS_PER_MM).round() as i64
 }

@@ -20,6 +20,7 @@ pub struct ProfileFile {
     pub name: Spanned<String>,
     pub kinematics: KinematicsName,
     pub size_mm: Xyz,
+    pub lower_end_mm: Option<Xyz>,
     pub steps_per_mm: Xyze,
     pub max_feed_mm_per_s: Xyze,
     pub max_acceleration_mm_per_s2: Xyze,
@@ -120,6 +121,22 @@ pub enum KinematicsName {
     CoreXy,
 }
 
+/// A value for each axis of the plane.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, expecting = "a table with the keys x, y")]
+pub struct Xy {
+    pub x: Number,
+    pub y: Number,
+}
+
+/// Where the bed is, lower and upper end along each axis of the plane.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, expecting = "a table such as { x = [0, 180], y = [0, 180] }")]
+pub struct BedTable {
+    pub x: Spanned<[f64; 2]>,
+    pub y: Spanned<[f64; 2]>,
+}
+
 /// A value for each of the three axes.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields, expecting = "a table with the keys x, y, z")]
@@ -158,10 +175,14 @@ pub struct MoveAccelerations {
     pub retract: Number,
 }
 
-/// The three homing tables.
+/// What holds for all axes, and the three homing tables.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields, expecting = "the tables homing.x, homing.y, homing.z")]
 pub struct HomingTables {
+    pub raise_mm: Option<Number>,
+    pub home_at_mm: Option<Spanned<Xy>>,
+    pub probe_offset_mm: Option<Xyz>,
+    pub bed_mm: Option<BedTable>,
     pub x: HomingTable,
     pub y: HomingTable,
     pub z: HomingTable,
@@ -179,6 +200,8 @@ pub struct HomingTable {
     pub fast_mm_per_s: Number,
     pub slow_mm_per_s: Number,
     pub back_off_mm: Number,
+    pub overrun_mm: Option<Number>,
+    pub agree_mm: Option<Number>,
 }
 
 /// Which end of the travel.

@@ -10,6 +10,7 @@ mod convert;
 mod drivers;
 mod file;
 mod heaters;
+mod homing;
 
 use ferrostep_printer::Profile;
 

@@ -306,7 +306,8 @@ async fn execute<O: Observer, R: Replies>(
         match item {
             Item::Move(next) => {
                 progress.lines = next.line;
-                if !begun && printer.machine_10nm() != start.position_10nm {
+                // Where M290 has shifted Z, that is what is wrong.
+                if !begun && printer.machine_10nm() != start.position_10nm && !printer.is_shifted() {
                     let message = "the frame begins elsewhere, expected it where the one before ended".to_owned();
                     return Err(Stopped { line: Some(next.line), message });
                 }

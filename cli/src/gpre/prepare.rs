@@ -3,6 +3,7 @@
 use std::cell::RefCell;
 use std::io::{self, Read, Seek, SeekFrom, Write};
 
+use ferrostep_gcode::{Command, parse};
 use ferrostep_gpre::compact::FrameWriter;
 use ferrostep_gpre::{Encoding, Header, ModalState, Thumbnail};
 use ferrostep_planner::{AccelerationProfile, PLANNER_VERSION};
@@ -147,6 +148,12 @@ impl<W: Write> Writer<'_, W> {
 
 impl<W: Write, R: Replies> Onlooker<(), R> for Writer<'_, W> {
     fn begins(&mut self, _: &DeskPrinter<'_, (), R>, line: u32, text: &str) {
+        if let Ok(Command::ShiftZ { words, .. }) = parse(text)
+            && words.z.is_some()
+        {
+            let why = "M290 shifts a print by hand and cannot be prepared, expected the height in the job (M851, or its G-code)";
+            self.failed.get_or_insert(PrepareError::Command(line, why));
+        }
         if let Some(script) = self.desk.borrow_mut().script() {
             script.begins(line, text);
         }

@@ -2,7 +2,7 @@
 
 use super::Code;
 use crate::remarks::{Remark, Remarks};
-use crate::{Command, Decimal, DriverWords, ParseError, RetractionWords, WaitTarget};
+use crate::{AxisWords, Command, Decimal, DriverWords, ParseError, RetractionWords, WaitTarget};
 
 /// Longest interval of M113 and M155, seconds.
 const MAX_INTERVAL_S: u8 = 60;
@@ -100,9 +100,19 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
             let mut words = code.words(remarks)?;
             Ok(Command::ColdExtrusion { minimum: words.not_negative(b'S')?, allow: words.switch(b'P')? })
         }
+        290 => {
+            let mut words = code.words(remarks)?;
+            let (mut axes, by) = (words.axes(), words.value(b'S'));
+            axes.z = axes.z.or(by);
+            Ok(Command::ShiftZ { words: axes, keeps_offset: words.switch(b'P')? == Some(false) })
+        }
         400 => Ok(Command::Finish),
         410 => Ok(Command::QuickStop),
         569 => stealth_chop(code, remarks),
+        851 => {
+            let AxisWords { x, y, z, .. } = code.words(remarks)?.axes();
+            Ok(Command::ProbeOffset(AxisWords { x, y, z, e: None }))
+        }
         906 => Ok(Command::DriverCurrent(driver_words(code, remarks, MAX_CURRENT_MA)?)),
         914 => Ok(Command::StallThreshold(driver_words(code, remarks, MAX_STALL_THRESHOLD)?)),
         790 => {

@@ -134,6 +134,10 @@ fn take_apart_m(command: Command<'_>) -> (u32, Words) {
         }
         Command::RetractSettings(words) => (207, retraction(words)),
         Command::RecoverSettings(words) => (208, retraction(words)),
+        Command::ShiftZ { words, keeps_offset } => {
+            (290, [axes(words), given([('P', keeps_offset.then_some(Decimal::ZERO))])].concat())
+        }
+        Command::ProbeOffset(words) => (851, axes(words)),
         Command::SoftLimits(on) => (211, given([('S', switch(on))])),
         Command::FeedPercent(percent) => (220, given([('S', percent)])),
         Command::FlowPercent(percent) => (221, given([('S', percent)])),
@@ -301,6 +305,8 @@ fn settings() -> impl Strategy<Value = Command<'static>> {
             .prop_map(|(length, feed, lift)| { Command::RetractSettings(RetractionWords { length, feed, lift }) }),
         (of(any_number()), of(above_zero()))
             .prop_map(|(length, feed)| { Command::RecoverSettings(RetractionWords { length, feed, lift: None }) }),
+        (any_axes(), any::<bool>()).prop_map(|(words, keeps_offset)| Command::ShiftZ { words, keeps_offset }),
+        any_axes().prop_map(|words| Command::ProbeOffset(AxisWords { e: None, ..words })),
         of(any::<bool>()).prop_map(Command::SoftLimits),
         of(percent()).prop_map(Command::FeedPercent),
         of(percent()).prop_map(Command::FlowPercent),

@@ -168,6 +168,12 @@ fn motors_and_limits() {
     assert_eq!(refused("M207 S-1"), "S: -1 is below 0, expected 0 or more");
     let none = RetractionWords::default();
     reads_with("M208 F0", Command::RecoverSettings(none), "F is not above 0 and is ignored");
+    let z = |text: &str| AxisWords { z: some(text), ..AxisWords::default() };
+    reads("M290 Z-0.05", Command::ShiftZ { words: z("-0.05"), keeps_offset: false });
+    reads("M290 S.1 P0", Command::ShiftZ { words: z(".1"), keeps_offset: true });
+    reads("M290 R", Command::ShiftZ { words: AxisWords::default(), keeps_offset: false });
+    reads("M851", Command::ProbeOffset(AxisWords::default()));
+    reads("M851 Z-1.1 E5", Command::ProbeOffset(z("-1.1")));
     reads("M211 S0", Command::SoftLimits(Some(false)));
     reads("M211", Command::SoftLimits(None));
     reads("M220 S80", Command::FeedPercent(some("80")));
@@ -297,7 +303,6 @@ fn accepted_and_unknown() {
         "M28 x",
         "M30 %",
         "M500",
-        "M851 Z-1",
         "M104.1 S5",
         "X10",
         "D576",

@@ -3,7 +3,7 @@
 use ferrostep_planner::kinematics::UNITS_PER_MM;
 use ferrostep_planner::{Geometry, StepEntry};
 
-use super::{StallSignal, StepObserver, StepTimer};
+use super::{StallSignal, StepObserver, StepTimer, VirtualProbe};
 use crate::{EndStops, MotorEnable};
 
 /// Where the tool head truly stands when a virtual machine is switched on, units of 10 nm from its origin.
@@ -30,6 +30,8 @@ pub struct VirtualMotors {
     enabled: u8,
     /// Axes without a switch: the frame ends where it would be.
     framed: u8,
+    /// Z's end stop is this probe, which triggers at its coordinate where it is above the sheet.
+    probe: Option<VirtualProbe>,
     /// When the motor that homes by its stall signal has stepped last.
     last_step_tick: u64,
 }
@@ -44,6 +46,7 @@ impl VirtualMotors {
             true_offset: geometry.motor_steps(true_position_10nm).map(i64::from),
             enabled: 0,
             framed: 0,
+            probe: None,
             last_step_tick: 0,
         }
     }
@@ -51,6 +54,11 @@ impl VirtualMotors {
     /// Axes in the mask have no switch, but a frame that holds them where it would be.
     pub fn set_framed(&mut self, axes: u8) {
         self.framed = axes;
+    }
+
+    /// Z has this probe.
+    pub fn set_probe(&mut self, probe: VirtualProbe) {
+        self.probe = Some(probe);
     }
 
     /// Whether an axis has no switch.
@@ -186,6 +194,9 @@ impl EndStops for VirtualMotors {
         if self.is_framed(axis) {
             return false;
         }
+        if axis == 2 && self.probe.is_some_and(|probe| !probe.is_above_sheet(self.true_position_10nm())) {
+            return false;
+        }
         if stop.at_max { position >= stop.position_10nm } else { position <= stop.position_10nm }
     }
 }
@@ -262,6 +273,19 @@ mod tests {
                     );
                 }
             }
+        }
+    }
+
+    #[test]
+    fn a_probe_triggers_above_the_sheet_only() {
+        for (left_10nm, sees) in [(0, true), (100_001, false)] {
+            let mut motors = motors(Kinematics::Cartesian);
+            let sheet_10nm = [[left_10nm, 1_000_000], [0, 1_000_000]];
+            motors.set_probe(VirtualProbe { offset_10nm: [0, 0], sheet_10nm });
+            let down = StepEntry::stair(1_000, 2_000, 0b100, 0).unwrap();
+            motors.play_until_triggered(StepEntry::directions(0b100), 2, &mut ());
+            assert_eq!(motors.play_until_triggered(down, 2, &mut ()).1, sees);
+            assert_eq!(motors.steps.motor_steps()[2], if sees { -1_200 } else { -2_000 });
         }
     }
 

@@ -1,6 +1,7 @@
 //! What homing asks of the motors, and where it leaves the machine, whatever the sensors do.
 
-mod rig;
+pub mod rig;
+mod safety;
 
 use super::*;
 use crate::error::Failure;
@@ -13,8 +14,21 @@ const FAST: f32 = 50.0;
 const SLOW: f32 = 25.0;
 const BACK_OFF: f64 = 5.0;
 
-/// One and a half times the axes' length, mm.
-const REACH: f64 = 1.5 * rig::SIZE_MM as f64;
+/// The axes' length, and what the frame may be longer, mm.
+const REACH: f64 = rig::SIZE_MM as f64 + 5.0;
+
+/// How far below the place where its sensor must trigger an approach of Z may go, mm.
+const PRESS: f64 = 0.5;
+
+/// How far a first approach goes at most: that of Z, of which nothing is known, to a little below the bed of the lowest machine.
+fn reach(axis: usize) -> f64 {
+    if axis == 2 { REACH + PRESS } else { REACH }
+}
+
+/// How far a second approach goes at most.
+fn second(axis: usize) -> f64 {
+    if axis == 2 { BACK_OFF + PRESS } else { 2.0 * BACK_OFF }
+}
 
 fn refused(error: CommandError) -> Result<(), Failure> {
     Err(Failure::Command(error))
@@ -40,9 +54,9 @@ fn a_fast_approach_a_way_back_and_a_slow_approach() {
     for (axis, towards, home) in [(0, 1.0, 200.0), (1, -1.0, -3.0), (2, -1.0, 0.0)] {
         place[axis] = home;
         expected.extend([
-            Event::Sought(axis, towards * REACH, FAST),
+            Event::Sought(axis, towards * reach(axis), FAST),
             Event::Moved(along(axis, -towards * BACK_OFF), FAST),
-            Event::Sought(axis, towards * 2.0 * BACK_OFF, SLOW),
+            Event::Sought(axis, towards * second(axis), SLOW),
             Event::Placed(place),
         ]);
     }
@@ -74,7 +88,8 @@ fn only_what_is_named_is_homed() {
     assert_eq!(sought.collect::<Vec<_>>(), [0, 0, 2, 2]);
 }
 
-/// An axis that was homed and whose sensor has failed since: it is homed no more, and stands where its motor does.
+/// An axis that was homed and whose sensor has failed since: it is homed no more, and stands where its motor does. Z goes no
+/// lower than just below the place where its sensor triggered before, however often it is tried.
 #[test]
 fn an_axis_that_does_not_find_its_end_is_not_homed() {
     for (axis, name) in ["X", "Y", "Z"].into_iter().enumerate() {
@@ -85,15 +100,45 @@ fn an_axis_that_does_not_find_its_end_is_not_homed() {
         rig.take_events();
         execute(&mut printer, &format!("G92 {name}30")).unwrap();
         let outcome = execute(&mut printer, &format!("G28 {name}"));
-        assert_eq!(outcome, refused(CommandError::HomingFailed { axis }));
-        let end = -2.0 - REACH;
+        let searched = if axis == 2 { PRESS } else { REACH };
+        let searched_10nm = (searched * MM as f64) as i64;
+        assert_eq!(outcome, refused(CommandError::HomingFailed { axis, searched_10nm, swapped: None }));
+        let end = -2.0 - searched;
         // No second approach.
-        assert_eq!(rig.take_events(), [Event::Sought(axis, -REACH, FAST), Event::Placed(along(axis, end))]);
+        assert_eq!(rig.take_events(), [Event::Sought(axis, -searched, FAST), Event::Placed(along(axis, end))]);
         assert_eq!(printer.modal.homed, core::array::from_fn(|one| one != axis));
         assert_eq!(rig.believed_mm(), along(axis, end));
         assert_eq!(printer.modal.machine_10nm[axis], (end * MM as f64) as i64);
         // The coordinates are those of before: what G92 said is still there.
         assert_eq!(printer.modal.offset_10nm[axis], 32 * MM);
+        execute(&mut printer, &format!("G28 {name}")).unwrap_err();
+        assert_eq!(rig.believed_mm()[axis], if axis == 2 { end } else { end - REACH });
+    }
+}
+
+/// Of a Z that is not homed nothing is known but the frame. An approach that has gone down all the way is not repeated, until
+/// the motors were off and a hand may have moved it.
+#[test]
+fn an_unknown_z_is_searched_once() {
+    for off in ["M84", "M18 Z"] {
+        let rig = Rig::new(|_| ());
+        rig.sensors[2].set(Sensor::Dead);
+        let mut printer = rig.printer();
+        let search = |printer: &mut RigPrinter<'_>| {
+            execute(printer, "G28 Z").unwrap_err();
+            rig.take_events().into_iter().find_map(|event| match event {
+                Event::Sought(2, way, _) => Some(way),
+                _ => None,
+            })
+        };
+        assert_eq!(search(&mut printer), Some(-reach(2)));
+        assert_eq!(search(&mut printer), None);
+        // What is driven up since is searched, and no more.
+        execute(&mut printer, "G91").unwrap();
+        execute(&mut printer, "G1 Z30 F600").unwrap();
+        assert_eq!(search(&mut printer), Some(-30.0));
+        execute(&mut printer, off).unwrap();
+        assert_eq!(search(&mut printer), Some(-reach(2)));
     }
 }
 
@@ -110,7 +155,7 @@ fn a_sensor_that_is_triggered_away_from_the_end_is_told() {
         assert_eq!(
             rig.take_events(),
             [
-                Event::Sought(axis, -REACH, FAST),
+                Event::Sought(axis, -reach(axis), FAST),
                 Event::Moved(along(axis, BACK_OFF), FAST),
                 Event::Placed(along(axis, BACK_OFF))
             ]
@@ -246,8 +291,10 @@ fn a_lift_ends_where_homing_z_fails_too() {
     let rig = rig_that_lifts();
     let mut printer = lifted(&rig);
     rig.sensors[2].set(Sensor::Dead);
-    assert_eq!(execute(&mut printer, "G28 Z"), refused(CommandError::HomingFailed { axis: 2 }));
-    let z_mm = 12.0 - REACH;
+    let searched_10nm = 12 * MM + MM / 2;
+    let failed = CommandError::HomingFailed { axis: 2, searched_10nm, swapped: None };
+    assert_eq!(execute(&mut printer, "G28 Z"), refused(failed));
+    let z_mm = -PRESS;
     assert_eq!((rig.believed_mm()[2], printer.modal.machine_10nm[2]), (z_mm, (z_mm * MM as f64) as i64));
     assert_eq!(printer.modal.lift_10nm, 0);
 }

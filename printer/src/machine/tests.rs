@@ -39,11 +39,14 @@ pub(crate) fn profile() -> Profile {
         fast_mm_per_s: 50.0,
         slow_mm_per_s: 25.0,
         back_off_10nm: 500_000,
+        overrun_10nm: 500_000,
+        agree_10nm: 50_000,
     };
     Profile {
         name: "test",
         kinematics: Kinematics::Cartesian,
         size_10nm: [20_000_000; 3],
+        lower_end_10nm: [0; 3],
         steps_per_mm: [steps(80.0), steps(80.0), steps(400.0), steps(95.0)],
         limits: Limits {
             max_feed_mm_per_s: [200.0, 200.0, 10.0, 60.0],
@@ -59,6 +62,7 @@ pub(crate) fn profile() -> Profile {
         event_cost_ticks: 210,
         move_cost_ticks: 10_500,
         homing: [homing; 3],
+        safe_homing: crate::profile::SafeHoming::NONE,
         min_extrusion_celsius: 170.0,
         heater_timeout_s: crate::profile::DEFAULT_HEATER_TIMEOUT_S,
         nozzle: heater,

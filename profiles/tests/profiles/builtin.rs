@@ -5,7 +5,7 @@ use ferrostep_hal_shim::tmc2209::DriverSettings;
 use ferrostep_hal_shim::virtual_board::HeatedMass;
 use ferrostep_planner::{Kinematics, Limits, StepsPerMm};
 use ferrostep_printer::{
-    AxisHoming, DriverTiming, FirmwareRetraction, HeaterSettings, HeaterWatch, HomeEnd, HomeSensor, Profile,
+    AxisHoming, DriverTiming, FirmwareRetraction, HeaterSettings, HeaterWatch, HomeEnd, HomeSensor, Profile, SafeHoming,
 };
 use ferrostep_profiles::{Problem, builtin_names, builtin_text, load};
 
@@ -15,23 +15,27 @@ const MM: i64 = 100_000;
 struct Expected {
     name: &'static str,
     kinematics: Kinematics,
-    size_mm: [i64; 3],
+    size_mm: [f64; 3],
     steps_per_mm: [f64; 4],
     limits: Limits,
     jerk_mm_per_s3: f64,
-    homes: [(HomeEnd, HomeSensor, i64); 3],
+    homes: [(HomeEnd, HomeSensor, f64); 3],
+}
+
+fn units(mm: f64) -> i64 {
+    (mm * MM as f64).round() as i64
 }
 
 fn check(expected: &Expected) -> Profile {
     let profile = load(expected.name).unwrap();
     assert_eq!(profile.name, expected.name);
     assert_eq!(profile.kinematics, expected.kinematics);
-    assert_eq!(profile.size_10nm, expected.size_mm.map(|mm| mm * MM));
+    assert_eq!(profile.size_10nm, expected.size_mm.map(units));
     assert_eq!(profile.steps_per_mm, expected.steps_per_mm.map(|steps| StepsPerMm::from_f64(steps).unwrap()));
     assert_eq!(profile.limits, expected.limits);
     assert_eq!(profile.motion.jerk_mm_per_s3, expected.jerk_mm_per_s3);
     for (homing, (end, sensor, position_mm)) in profile.homing.iter().zip(expected.homes) {
-        assert_eq!((homing.end, homing.sensor, homing.position_10nm), (end, sensor, position_mm * MM));
+        assert_eq!((homing.end, homing.sensor, homing.position_10nm), (end, sensor, units(position_mm)));
     }
     // 2 us at 84 MHz.
     assert_eq!(profile.minimum_event_interval_ticks, 168);
@@ -59,7 +63,7 @@ fn cartesian_is_as_designed() {
     let profile = check(&Expected {
         name: "cartesian",
         kinematics: Kinematics::Cartesian,
-        size_mm: [200, 200, 200],
+        size_mm: [200.0, 200.0, 200.0],
         steps_per_mm: [80.0, 80.0, 400.0, 95.0],
         limits: Limits {
             max_feed_mm_per_s: [200.0, 200.0, 10.0, 60.0],
@@ -72,11 +76,13 @@ fn cartesian_is_as_designed() {
         },
         jerk_mm_per_s3: 10_000.0,
         homes: [
-            (HomeEnd::Min, HomeSensor::EndStop, 0),
-            (HomeEnd::Min, HomeSensor::EndStop, 0),
-            (HomeEnd::Min, HomeSensor::EndStop, 0),
+            (HomeEnd::Min, HomeSensor::EndStop, 0.0),
+            (HomeEnd::Min, HomeSensor::EndStop, 0.0),
+            (HomeEnd::Min, HomeSensor::EndStop, 0.0),
         ],
     });
+    assert_eq!(profile.lower_end_10nm, [0; 3]);
+    assert_eq!(profile.safe_homing, SafeHoming { bed_10nm: [[0, 200 * MM]; 2], ..SafeHoming::NONE });
     // The conversions that the table has no column for, once each.
     assert_eq!(
         profile.homing[2],
@@ -88,6 +94,8 @@ fn cartesian_is_as_designed() {
             fast_mm_per_s: 4.0,
             slow_mm_per_s: 2.0,
             back_off_10nm: 2 * MM,
+            overrun_10nm: 5 * MM,
+            agree_10nm: MM / 2,
         }
     );
     assert_eq!(
@@ -123,7 +131,7 @@ fn corexy_is_as_designed() {
     check(&Expected {
         name: "corexy",
         kinematics: Kinematics::CoreXy,
-        size_mm: [300, 300, 300],
+        size_mm: [300.0, 300.0, 300.0],
         steps_per_mm: [160.0, 160.0, 800.0, 400.0],
         limits: Limits {
             max_feed_mm_per_s: [500.0, 500.0, 20.0, 80.0],
@@ -136,9 +144,9 @@ fn corexy_is_as_designed() {
         },
         jerk_mm_per_s3: 300_000.0,
         homes: [
-            (HomeEnd::Max, HomeSensor::EndStop, 300),
-            (HomeEnd::Max, HomeSensor::EndStop, 300),
-            (HomeEnd::Min, HomeSensor::EndStop, 0),
+            (HomeEnd::Max, HomeSensor::EndStop, 300.0),
+            (HomeEnd::Max, HomeSensor::EndStop, 300.0),
+            (HomeEnd::Min, HomeSensor::EndStop, 0.0),
         ],
     });
 }
@@ -148,7 +156,7 @@ fn prusa_mini_is_as_designed() {
     let profile = check(&Expected {
         name: "prusa-mini",
         kinematics: Kinematics::Cartesian,
-        size_mm: [180, 180, 185],
+        size_mm: [180.4, 180.0, 185.0],
         steps_per_mm: [100.0, 100.0, 400.0, 325.0],
         limits: Limits {
             max_feed_mm_per_s: [180.0, 180.0, 12.0, 80.0],
@@ -161,11 +169,24 @@ fn prusa_mini_is_as_designed() {
         },
         jerk_mm_per_s3: 15_000.0,
         homes: [
-            (HomeEnd::Max, HomeSensor::Stall, 180),
-            (HomeEnd::Min, HomeSensor::Stall, 0),
-            (HomeEnd::Min, HomeSensor::Probe, 0),
+            (HomeEnd::Max, HomeSensor::Stall, 180.4),
+            (HomeEnd::Min, HomeSensor::Stall, -3.0),
+            (HomeEnd::Min, HomeSensor::Probe, 0.0),
         ],
     });
+    // Prusa-Firmware-Buddy, Configuration_MINI.h: X_MIN_POS, Y_MIN_POS; Z_SAFE_HOMING_*_POINT less NOZZLE_TO_PROBE_OFFSET.
+    assert_eq!(profile.lower_end_10nm, [-2 * MM, -3 * MM, 0]);
+    let safe = SafeHoming {
+        raise_10nm: 4 * MM,
+        home_at_10nm: Some([units(147.4 + 29.0), units(21.1 + 3.0)]),
+        probe_offset_10nm: [-29 * MM, -3 * MM, 0],
+        bed_10nm: [[0, 180 * MM]; 2],
+    };
+    assert_eq!(profile.safe_homing, safe);
+    let [x, y, z] = profile.homing;
+    assert_eq!((x.fast_mm_per_s, x.slow_mm_per_s, x.back_off_10nm, x.overrun_10nm), (50.0, 50.0, units(2.56), 10 * MM));
+    assert_eq!((y.fast_mm_per_s, y.slow_mm_per_s, y.back_off_10nm, y.overrun_10nm), (50.0, 50.0, units(2.56), 10 * MM));
+    assert_eq!((z.fast_mm_per_s, z.slow_mm_per_s, z.agree_10nm), (6.0, 1.5, MM / 5));
     let x = DriverSettings {
         current_ma: 350,
         hold_percent: 100,

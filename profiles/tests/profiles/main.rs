@@ -7,3 +7,4 @@ mod heaters;
 mod mini_heat;
 mod refusals;
 mod robustness;
+mod safe_homing;

@@ -148,7 +148,8 @@ fn errors_read_as_they_should() {
         error_after("slow_mm_per_s = 2\n", "slow_mm_per_second = 2\n"),
         format!(
             "test.toml:{}: unknown key \"homing.z.slow_mm_per_second\", expected one of \"end\", \"sensor\", \
-             \"triggers_low\", \"position_mm\", \"fast_mm_per_s\", \"slow_mm_per_s\", \"back_off_mm\"",
+             \"triggers_low\", \"position_mm\", \"fast_mm_per_s\", \"slow_mm_per_s\", \"back_off_mm\", \
+             \"overrun_mm\", \"agree_mm\"",
             line("[homing.z]") + 5
         )
     );
@@ -217,16 +218,16 @@ fn homing_by_stall_has_a_driver_that_tells_and_a_motor_that_is_fast_enough() {
     assert_conflict("prusa-mini", "stealth_chop = true\n", "stealth_chop = false\n", "homing.x.sensor");
     assert_conflict("prusa-mini", "stall_threshold = 130", "stall_threshold = 0", "drivers.x.stall_threshold");
     // 200 full steps of 16 microsteps at 100 steps/mm.
-    assert_conflict("prusa-mini", "slow_mm_per_s = 40", "slow_mm_per_s = 31.9", "homing.x.slow_mm_per_s");
+    assert_conflict("prusa-mini", "slow_mm_per_s = 50", "slow_mm_per_s = 31.9", "homing.x.slow_mm_per_s");
     let (from, to) = ("spread_cycle_above_mm_per_s = 0\n", "spread_cycle_above_mm_per_s = 50\n");
     assert_conflict("prusa-mini", from, to, "drivers.x.spread_cycle_above_mm_per_s");
-    // 40 mm/s at 1250 mm/s^2 take 0.64 mm.
-    assert_conflict("prusa-mini", "back_off_mm = 5", "back_off_mm = 1.2", "homing.x.back_off_mm");
+    // 50 mm/s at 1250 mm/s^2 take 1 mm, which is to be half of the way.
+    assert_conflict("prusa-mini", "back_off_mm = 2.56", "back_off_mm = 1.99", "homing.x.back_off_mm");
     let text = builtin_text("prusa-mini").unwrap();
     for (from, to) in [
-        ("slow_mm_per_s = 40", "slow_mm_per_s = 32"),
+        ("slow_mm_per_s = 50", "slow_mm_per_s = 32"),
         (from, "spread_cycle_above_mm_per_s = 51\n"),
-        ("back_off_mm = 5", "back_off_mm = 1.3"),
+        ("back_off_mm = 2.56", "back_off_mm = 2"),
         ("\"probe\"\n", "\"probe\"\ntriggers_low = true\n"),
     ] {
         assert!(text.contains(from), "{from}");

@@ -61,7 +61,12 @@ struct State {
     options: InterpretOptions,
     limits: Limits,
     size_10nm: [i64; 3],
+    lower_end_10nm: [i64; 3],
     home_10nm: [i64; 3],
+    home_at_10nm: Option<[i64; 2]>,
+    raise_10nm: i64,
+    /// A Z that is not homed has been raised to here.
+    raised_10nm: Option<i64>,
     /// Machine position without the retraction's lift.
     position_10nm: [i64; 3],
     /// Machine coordinate minus the coordinate the G-code uses, for X, Y, Z.
@@ -114,7 +119,11 @@ impl State {
             options,
             limits,
             size_10nm: profile.size_mm.map(units),
+            lower_end_10nm: profile.lower_end_mm.map(units),
             home_10nm: profile.home_mm.map(units),
+            home_at_10nm: profile.home_at_mm.map(|place| place.map(units)),
+            raise_10nm: units(profile.raise_mm),
+            raised_10nm: None,
             position_10nm: [0; 3],
             offset_10nm: [0; 3],
             homed: [false; 3],
@@ -218,9 +227,10 @@ impl State {
 
     /// The position with every homed axis inside the machine.
     fn clamped(&self, mut position_10nm: [i64; 3]) -> [i64; 3] {
-        for ((coordinate, size), homed) in position_10nm.iter_mut().zip(self.size_10nm).zip(self.homed) {
+        let travel = self.lower_end_10nm.into_iter().zip(self.size_10nm);
+        for ((coordinate, (lower, upper)), homed) in position_10nm.iter_mut().zip(travel).zip(self.homed) {
             if homed {
-                *coordinate = (*coordinate).clamp(0, size.max(0));
+                *coordinate = (*coordinate).clamp(lower, upper.max(lower));
             }
         }
         position_10nm
@@ -366,6 +376,10 @@ impl State {
 
     fn home(&mut self, command: &Command<'_>) {
         let all = !b"XYZ".iter().any(|&letter| command.has(letter));
+        let home_at = self.home_at_10nm.filter(|_| all || command.has(b'Z'));
+        if all || command.has(b'X') || command.has(b'Y') || home_at.is_some() {
+            self.raise();
+        }
         for (axis, letter) in b"XYZ".iter().enumerate() {
             if all || command.has(*letter) {
                 self.position_10nm[axis] = self.home_10nm[axis];
@@ -376,8 +390,26 @@ impl State {
                 }
             }
         }
+        if let Some([x, y]) = home_at {
+            (self.position_10nm[0], self.position_10nm[1]) = (x, y);
+            self.raise();
+        }
         self.stop_before = true;
         self.homing_before = true;
+    }
+
+    /// Z goes up to the height that homing wants, if it is lower; one that is not homed goes up by it, once.
+    fn raise(&mut self) {
+        let [_, _, z] = &mut self.position_10nm;
+        let now = *z + self.lift_10nm;
+        let wanted = if self.homed[2] {
+            self.raise_10nm.min(self.size_10nm[2])
+        } else {
+            *self.raised_10nm.get_or_insert(now + self.raise_10nm)
+        };
+        if self.raise_10nm > 0 {
+            *z += (wanted - now).max(0);
+        }
     }
 
     fn set_coordinates(&mut self, command: &Command<'_>) -> Result<(), OutOfRange> {

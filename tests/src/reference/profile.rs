@@ -78,10 +78,16 @@ pub struct ReferenceProfile {
     pub junction_deviation_mm: f64,
     /// By how much the speed of each axis may jump at a corner, mm/s; infinite for none.
     pub corner_velocity_mm_per_s: [f64; 4],
-    /// The soft limits' far ends, mm; the near ends are 0.
+    /// The soft limits' far ends, mm.
     pub size_mm: [f64; 3],
-    /// Where each axis stands after homing, mm.
+    /// Their near ends, mm.
+    pub lower_end_mm: [f64; 3],
+    /// Where each axis stands when its sensor has triggered, mm.
     pub home_mm: [f64; 3],
+    /// Where the nozzle stands in the plane while Z homes, mm, if anywhere in particular; Z is raised then afterwards.
+    pub home_at_mm: Option<[f64; 2]>,
+    /// Height to which homing raises Z before X and Y move, or by which if it is unknown, mm; 0 for none.
+    pub raise_mm: f64,
     /// What G10 and G11 do.
     pub firmware_retraction: FirmwareRetraction,
     /// Step events nearer to each other than this join, us.
@@ -152,6 +158,24 @@ struct HomingText {
     x: HomeText,
     y: HomeText,
     z: HomeText,
+    home_at_mm: Option<PlaneText>,
+    #[serde(default)]
+    raise_mm: f64,
+    #[serde(default)]
+    probe_offset_mm: ProbeText,
+}
+
+/// A place in the plane.
+#[derive(Deserialize)]
+struct PlaneText {
+    x: f64,
+    y: f64,
+}
+
+/// How much lower than the nozzle the probe triggers.
+#[derive(Default, Deserialize)]
+struct ProbeText {
+    z: f64,
 }
 
 /// The keys that are read; all others are somebody else's.
@@ -166,6 +190,7 @@ struct ProfileText {
     #[serde(default)]
     instantaneous_corner_velocity_mm_per_s: CornerText,
     size_mm: PerAxis,
+    lower_end_mm: Option<PerAxis>,
     homing: HomingText,
     #[serde(default)]
     firmware_retraction: FirmwareRetraction,
@@ -213,7 +238,14 @@ impl ReferenceProfile {
             junction_deviation_mm: text.junction_deviation_mm,
             corner_velocity_mm_per_s: text.instantaneous_corner_velocity_mm_per_s.four(),
             size_mm: text.size_mm.three(),
-            home_mm: [text.homing.x.position_mm, text.homing.y.position_mm, text.homing.z.position_mm],
+            lower_end_mm: text.lower_end_mm.map_or([0.0; 3], |ends| ends.three()),
+            home_mm: [
+                text.homing.x.position_mm,
+                text.homing.y.position_mm,
+                text.homing.z.position_mm - text.homing.probe_offset_mm.z,
+            ],
+            home_at_mm: text.homing.home_at_mm.map(|place| [place.x, place.y]),
+            raise_mm: text.homing.raise_mm,
             firmware_retraction: text.firmware_retraction,
             minimum_event_interval_us: text.minimum_event_interval_us,
         };
@@ -231,7 +263,10 @@ impl ReferenceProfile {
             junction_deviation_mm: 0.1,
             corner_velocity_mm_per_s: [f64::INFINITY, f64::INFINITY, 5.0, 10.0],
             size_mm: [200.0; 3],
+            lower_end_mm: [0.0; 3],
             home_mm: [0.0; 3],
+            home_at_mm: None,
+            raise_mm: 0.0,
             firmware_retraction: FirmwareRetraction::default(),
             minimum_event_interval_us: DEFAULT_EVENT_INTERVAL_US,
         }
@@ -248,7 +283,10 @@ impl ReferenceProfile {
             junction_deviation_mm: 0.02,
             corner_velocity_mm_per_s: [f64::INFINITY, f64::INFINITY, 5.0, 10.0],
             size_mm: [300.0; 3],
+            lower_end_mm: [0.0; 3],
             home_mm: [300.0, 300.0, 0.0],
+            home_at_mm: None,
+            raise_mm: 0.0,
             firmware_retraction: FirmwareRetraction::default(),
             minimum_event_interval_us: DEFAULT_EVENT_INTERVAL_US,
         }
@@ -264,8 +302,11 @@ impl ReferenceProfile {
             acceleration_mm_per_s2: Acceleration { print: 1250.0, travel: 1250.0, retract: 1250.0 },
             junction_deviation_mm: 0.05,
             corner_velocity_mm_per_s: [f64::INFINITY, f64::INFINITY, 2.0, 10.0],
-            size_mm: [180.0, 180.0, 185.0],
-            home_mm: [180.0, 0.0, 0.0],
+            size_mm: [180.4, 180.0, 185.0],
+            lower_end_mm: [-2.0, -3.0, 0.0],
+            home_mm: [180.4, -3.0, 0.0],
+            home_at_mm: Some([176.4, 24.1]),
+            raise_mm: 4.0,
             firmware_retraction: FirmwareRetraction::default(),
             minimum_event_interval_us: DEFAULT_EVENT_INTERVAL_US,
         }

@@ -5,9 +5,9 @@ use std::path::Path;
 
 /// The points of the review: its sections 1 to 3, and the deviations of section 4 in their order.
 const POINTS: [&str; 37] = [
-    "1.1", "1.2", "1.3", "1.4", "1.5", "1.6", "1.7", "2.1", "2.2", "2.3", "2.4", "2.5", "2.6", "2.7", "2.8", "2.9", "3.1",
-    "3.2", "3.3", "3.4", "3.5", "3.6", "4.1", "4.2", "4.3", "4.4", "4.5", "4.6", "4.7", "4.8", "4.9", "4.10", "4.11",
-    "4.12", "4.13", "4.14", "4.15",
+    "1.1", "1.2", "1.3", "1.4", "1.5", "1.6", "1.7", "2.1", "2.2", "2.3", "2.4", "2.5", "2.6", "2.7", "2.8", "2.9",
+    "3.1", "3.2", "3.3", "3.4", "3.5", "3.6", "4.1", "4.2", "4.3", "4.4", "4.5", "4.6", "4.7", "4.8", "4.9", "4.10",
+    "4.11", "4.12", "4.13", "4.14", "4.15",
 ];
 
 /// A row of the table.
@@ -46,7 +46,8 @@ fn every_hazard_has_a_mend_and_a_test_that_exists() {
         let is_no_fault = done.starts_with("No fault:") || done.starts_with("Open:");
         assert!(is_no_fault || !named(tests).is_empty(), "{point}: no test");
         for (file, function) in named(tests) {
-            let text = std::fs::read_to_string(root.join(file)).unwrap_or_else(|error| panic!("{point}: {file}: {error}"));
+            let text =
+                std::fs::read_to_string(root.join(file)).unwrap_or_else(|error| panic!("{point}: {file}: {error}"));
             let is_test = text.match_indices(&format!("fn {function}(")).any(|(place, _)| {
                 let before = &text[..place];
                 let attributes = before.rfind("\n\n").map_or(before, |start| &before[start..]);

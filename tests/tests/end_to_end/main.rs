@@ -13,6 +13,7 @@ mod exactness;
 mod extrusion;
 mod hazards;
 mod heater_faults;
+mod homing_places;
 mod hostile;
 mod hosts;
 mod idle_heaters;

@@ -233,6 +233,27 @@ fn gcode_that_stops_at_a_line_leaves_no_job() {
     assert_eq!(std::fs::read_dir(directory.path()).unwrap().count(), 1);
 }
 
+/// A job has heights of its own. A shift before it would be lost, or be there twice, and is refused by name.
+#[test]
+fn a_shift_of_z_and_a_prepared_job_do_not_mix() {
+    let directory = directory();
+    let gcode = file(&directory, "shift.gcode", "G28\nM290 Z0.1\nG1 X10 F3000\n");
+    let out = directory.path().join("shift.gpre");
+    let outcome = ferrostep(["preprocess", gcode.to_str().unwrap(), "-o", out.to_str().unwrap()]);
+    assert_ne!(outcome.status, Some(0), "{outcome:#?}");
+    says(&outcome.stderr, "line 2: M290 shifts a print by hand and cannot be prepared");
+
+    let machine = profile("cartesian");
+    // Without a homing of its own it goes on from where the machine stands; homing ends a shift.
+    for (text, is_refused) in [("G1 X10 Y10 Z2 F3000\n", true), ("G28\nG1 X10 Y10 Z2 F3000\n", false)] {
+        let job = prepared(&machine, text.as_bytes(), Encoding::Compact).unwrap();
+        let printed = rehearse_behind(&machine, &["G28", "M290 Z0.1", "M400"], &mut &job[..]);
+        let said = format!("{:?}", printed.outcome);
+        assert_eq!(said.contains("M290 has shifted Z by 0.100 mm"), is_refused, "{said}");
+        assert_eq!(printed.outcome.is_err(), is_refused, "{said}");
+    }
+}
+
 #[test]
 fn inspect_tells_every_move() {
     let (_directory, path) = square();

@@ -43,9 +43,9 @@ fn x_and_y_home_against_the_frame() {
     let machine = machine(&profile);
     let mut printer = machine.printer();
     let replies = say(&machine, &mut printer, &["G28"]);
-    assert!(replies[0].starts_with("X:180.00 Y:0.00 Z:0.00"), "{replies:?}");
-    assert_eq!(true_mm(&machine)[..2], [180.0, 0.0]);
-    // Back inside, the motor's lag at the signal is what remains.
+    // Over the sheet, and off it again.
+    assert!(replies[0].starts_with("X:176.40 Y:24.10 Z:4.00"), "{replies:?}");
+    // The motor's lag at the signal is what remains.
     say(&machine, &mut printer, &["G1 X90 Y90 Z10 F6000", "M400"]);
     let [x, y, z] = true_mm(&machine);
     assert!((x - 90.0 - LAG_MM).abs() < 1e-6 && (y - 90.0 + LAG_MM).abs() < 1e-6, "{x} {y}");
@@ -62,27 +62,35 @@ fn an_axis_that_stands_at_its_end_homes_too() {
     let mut printer = machine.printer();
     for _ in 0..3 {
         let replies = say(&machine, &mut printer, &["G28 X"]);
-        assert!(replies[0].starts_with("X:180.00"), "{replies:?}");
-        assert_eq!(true_mm(&machine)[0], 180.0);
+        assert!(replies[0].starts_with("X:180.40"), "{replies:?}");
+        assert_eq!(true_mm(&machine)[0], 180.4);
     }
-    // Back 5 mm, on to the frame, back again, and the slow way.
+    // Back 2.56 mm, on to the frame, back again, and the second approach.
     let steps = machine.desk().borrow().figures().motor_steps[0];
-    assert_eq!(steps, (500 + 12_506 + 500 + 500) + 2 * 4 * 500);
+    assert_eq!(steps, (256 + 12_302 + 256 + 256) + 2 * 4 * 256);
+    // Z has been raised by 4 mm, once.
+    assert_eq!(machine.desk().borrow().figures().motor_steps[2], 1_600);
 }
 
 #[test]
 fn a_threshold_that_is_too_sensitive_or_not_enough_shows() {
     let profile = profile("prusa-mini");
-    // At 250 a motor in free motion seems to stall as soon as it is fast enough to tell: far from the end.
+    // At 250 a motor in free motion seems to stall as soon as it is fast enough to tell: far from the end, and the second
+    // approach elsewhere than the first.
     let too_sensitive = machine(&profile);
-    say(&too_sensitive, &mut too_sensitive.printer(), &["M914 X250", "G28 X"]);
+    let replies = say(&too_sensitive, &mut too_sensitive.printer(), &["M914 X250", "G28 X"]);
+    assert!(
+        replies[0].starts_with("echo:line 2: homing X failed twice: the second approach met the sensor"),
+        "{replies:?}"
+    );
+    assert!(replies[0].contains("expected at most 0.50 mm"), "{replies:?}");
     let x = true_mm(&too_sensitive)[0];
     assert!(x < START_10NM[0] as f64 / 1e5 + 5.0, "{x}");
     // A load of 2 is a full step behind: later, but there.
     let late = machine(&profile);
     let replies = say(&late, &mut late.printer(), &["M914 X1", "G28 X"]);
-    assert!(replies[0].starts_with("X:180.00"), "{replies:?}");
-    assert_eq!(true_mm(&late)[0], 180.0);
+    assert!(replies[0].starts_with("X:180.40"), "{replies:?}");
+    assert_eq!(true_mm(&late)[0], 180.4);
 }
 
 #[test]
@@ -107,11 +115,14 @@ fn a_motor_that_is_too_slow_to_tell_is_not_believed() {
     let replies = say(&machine, &mut machine.printer(), &["G28 X"]);
     assert_eq!(
         replies,
-        ["echo:line 1: homing X failed: its end stop did not trigger, expected it within the axis' length"]
+        [
+            "echo:line 1: homing X failed: its sensor did not trigger within 192.4 mm, expected it at the end of the axis: is \
+             it connected, or swapped with another's (M119)?"
+        ]
     );
     // It has pushed against the frame, and fallen back each time by four full steps.
     let x = true_mm(&machine)[0];
-    assert!(x > 179.0 && x <= 180.0, "{x}");
+    assert!(x > 179.4 && x <= 180.4, "{x}");
 }
 
 #[test]
@@ -141,6 +152,28 @@ fn motors_of_a_corexy_machine_are_held_back_both() {
     assert!(replies[0].starts_with("X:295.00 Y:295.00 Z:0.00"), "{replies:?}");
     let [x, y, _] = true_mm(&machine);
     assert!((x - 100.0).abs() < 0.2 && (y - 120.0).abs() < 0.2, "{x} {y}");
+}
+
+/// With every step, from places all over the machine; where the nozzle prints is what the probe's offset says.
+#[test]
+fn the_first_layer_is_where_the_offset_says() {
+    let mut profile = profile("prusa-mini");
+    profile.safe_homing.probe_offset_10nm[2] = -110_000;
+    for place in ["X0 Y0 Z0", "X100 Y-40 Z150", "X-50 Y120 Z-8", "X119 Y129 Z20"] {
+        let machine = machine(&profile);
+        let mut printer = machine.printer();
+        let replies = say(&machine, &mut printer, &[&format!("G1 {place} F6000"), "G28"]);
+        assert!(replies[0].starts_with("X:176.40 Y:24.10 Z:4.00"), "{place}: {replies:?}");
+        say(&machine, &mut printer, &["G1 X90 Y90 Z0.2 F6000", "M400"]);
+        assert_eq!(true_mm(&machine)[2], 0.2, "{place}");
+        // Too high by a tenth, says the paper; a second homing keeps it.
+        let replies = say(&machine, &mut printer, &["M290 Z-0.1", "M114", "M400"]);
+        assert_eq!(replies[0], "echo:Probe Offset Z-1.20");
+        assert!(replies[1].starts_with("X:90.00 Y:90.00 Z:0.20"), "{replies:?}");
+        assert!((true_mm(&machine)[2] - 0.1).abs() < 1e-9, "{place}");
+        say(&machine, &mut printer, &["G28", "G1 X90 Y90 Z0.2 F6000", "M400"]);
+        assert!((true_mm(&machine)[2] - 0.1).abs() < 1e-9, "{place}");
+    }
 }
 
 #[test]

@@ -152,11 +152,13 @@ fn drivers_are_set_up_by_the_image_before_anything_moves() {
     assert_eq!(line, "x_max: open");
     let line = bench.host.ask("G28 X", "echo:line").unwrap();
     assert!(
-        line.ends_with("homing X failed: its end stop did not trigger, expected it within the axis' length"),
+        line.contains(
+            "homing X failed: its sensor did not trigger within 192.4 mm, expected it at the end of the axis"
+        ),
         "{line}"
     );
-    // Back 5 mm, and then one and a half times the axis.
-    assert_eq!(displacement(board, &bench.port_writes()), [100 - 500 + 27_000, 0, 0, 0]);
+    // Up by 4 mm, back by 2.56, and then the travel from -2 to 180.4 mm and 10 mm.
+    assert_eq!(displacement(board, &bench.port_writes()), [100 - 256 + 19_240, 0, 1_600, 0]);
 }
 
 #[test]

@@ -30,6 +30,8 @@ pub enum Sensor {
     Dead,
     /// It is always triggered.
     Stuck,
+    /// Its input has the sensor of this axis.
+    WiredTo(usize),
 }
 
 /// What was asked of the motors. Distances in mm, speeds in mm/s.
@@ -50,6 +52,8 @@ pub enum Event {
 pub struct Rig {
     pub profile: Profile,
     pub sensors: [Cell<Sensor>; 3],
+    /// How much too early the next approaches end, units of 10 nm; right where there is none.
+    pub early_10nm: RefCell<Vec<i64>>,
     /// The seek with this number is stopped from outside.
     pub stopped_seek: Cell<Option<usize>>,
     true_10nm: Cell<[i64; 3]>,
@@ -73,6 +77,7 @@ impl Rig {
         Self {
             profile,
             sensors: [const { Cell::new(Sensor::Good) }; 3],
+            early_10nm: RefCell::default(),
             stopped_seek: Cell::new(None),
             true_10nm: Cell::new([60 * MM, 50 * MM, 40 * MM]),
             believed_10nm: Cell::new([0; 3]),
@@ -122,18 +127,22 @@ impl Rig {
         core::array::from_fn(|axis| target_10nm[axis] - self.believed_10nm.get()[axis])
     }
 
-    /// How far it is to where the sensor of an axis triggers, along a direction; not below 0.
-    fn way_to_sensor(&self, axis: usize, direction: i64) -> Option<i64> {
+    /// How far it is to where a sound sensor of an axis is, along a direction; not below 0.
+    fn way_to_place(&self, axis: usize, direction: i64) -> Option<i64> {
         let at_max = self.profile.homing[axis].end == HomeEnd::Max;
         let end = if at_max { SIZE_MM * MM } else { 0 };
+        let towards = if at_max { 1 } else { -1 };
+        let left = (end - self.true_10nm.get()[axis]) * towards;
+        (left <= 0 || towards == direction).then_some(left.max(0))
+    }
+
+    /// How far it is to where the input of an axis triggers, along a direction; not below 0.
+    fn way_to_sensor(&self, axis: usize, direction: i64) -> Option<i64> {
         match self.sensors[axis].get() {
-            Sensor::Good => {
-                let towards = if at_max { 1 } else { -1 };
-                let left = (end - self.true_10nm.get()[axis]) * towards;
-                (left <= 0 || towards == direction).then_some(left.max(0))
-            }
+            Sensor::Good => self.way_to_place(axis, direction),
             Sensor::Dead => None,
             Sensor::Stuck => Some(0),
+            Sensor::WiredTo(other) => self.way_to_place(other, 0).filter(|way| *way == 0),
         }
     }
 }
@@ -197,7 +206,8 @@ impl Motion for RigMotion<'_> {
             self.0.go(along(way.abs().min(MM)));
             return Err(MotionError::Stopped);
         }
-        match self.0.way_to_sensor(axis, way.signum()) {
+        let early = self.0.early_10nm.borrow_mut().pop().unwrap_or(0);
+        match self.0.way_to_sensor(axis, way.signum()).map(|left| (left - early).max(0)) {
             Some(left) if left <= way.abs() => {
                 self.0.go(along(left));
                 Ok(Seek::Triggered)
