@@ -211,11 +211,11 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
             // A slot begins with the end of a pulse and ends with the start of one.
             timer.set_reload(self.reloads[(left >> 16 & 1) as usize].load());
         }
+        self.left.store(left);
         for words in &mut next.words {
             let [_, then] = *words;
             *words = [then, then.rotate_right(16)];
         }
-        self.left.store(left);
     }
 
     /// The first event of a slot is prepared.

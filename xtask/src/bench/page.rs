@@ -124,7 +124,7 @@ fn steps_per_second(out: &mut String, figures: &Value) -> std::fmt::Result {
         "A model until silicon confirms it: at 168 MHz 12 cycles to enter the interrupt, 10 to leave it, and 1.4 an \
          instruction\n(what Klipper's 46 cycles for 33 instructions come to). All motors of a port step with one \
          store, so steps are events\ntimes motors. This is the mean rate that the processor could keep up, doing nothing \
-         else; single events may be no nearer\nthan [0.86 us](stepping.md#the-reload-value-in-time). In thousands of steps \
+         else; single events may be no nearer\nthan [1 us](stepping.md#the-reload-value-in-time). In thousands of steps \
          a second:\n"
     )?;
     writeln!(out, "| motors at once | inside a stair | each event a stair | others |\n|---|---|---|---|")?;

@@ -61,7 +61,13 @@ impl Motion for Machine<'_, '_> {
         Ok(())
     }
 
-    async fn seek(&mut self, _request: Move, _axis: usize) -> Result<Seek, MotionError> {
+    /// Every sensor triggers at 0, and the way there takes no steps.
+    async fn seek(&mut self, _request: Move, axis: usize) -> Result<Seek, MotionError> {
+        let mut position_10nm = self.position_10nm();
+        if let Some(coordinate_10nm) = position_10nm.get_mut(axis) {
+            *coordinate_10nm = 0;
+        }
+        self.set_position(position_10nm);
         Ok(Seek::Triggered)
     }
 
