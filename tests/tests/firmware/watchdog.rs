@@ -50,8 +50,8 @@ fn the_watchdog_is_fed_while_every_task_runs() {
         let mut bench = Bench::boot_board(board);
         assert_eq!(bench.logged(STARTED), 1, "{}", board.name);
         let fed = feeds(&mut bench, A_WHILE);
-        // A hundred times a second; the emulator's seconds are ten times as fast, where it keeps up with them.
-        assert!((5..=1000).contains(&fed), "{}: fed {fed} times", board.name);
+        // A hundred times a second; the emulator's seconds are ten times as fast and more, where it keeps up.
+        assert!((5..=10_000).contains(&fed), "{}: fed {fed} times", board.name);
     }
 }
 

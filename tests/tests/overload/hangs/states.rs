@@ -9,8 +9,9 @@ use ferrostep_gpre::Encoding;
 use ferrostep_printer::{HomeEnd, Profile};
 use ferrostep_tests::board_model::LOOK_AHEAD_BLOCKS;
 
-/// Width of the machines, mm: small, so that homing does not take most of the test's time.
-const SIZE_MM: i64 = 65;
+/// Width of the machines, mm: small, so that homing does not take most of the test's time, and wide enough for moves from where
+/// the motors stand when they are switched on.
+const SIZE_MM: i64 = 95;
 
 /// What the board is at.
 pub enum Work {
@@ -37,6 +38,8 @@ pub struct State {
 fn machine(name: &str) -> Profile {
     let mut profile = ferrostep_profiles::load(name).unwrap();
     profile.size_10nm = [SIZE_MM * 100_000; 3];
+    // The probe is then at X 31 and Y 21, above the bed.
+    profile.safe_homing.home_at_10nm = profile.safe_homing.home_at_10nm.map(|_| [6_000_000, 2_400_000]);
     for homing in profile.homing.iter_mut().filter(|homing| homing.end == HomeEnd::Max) {
         homing.position_10nm = SIZE_MM * 100_000;
     }
@@ -79,7 +82,7 @@ impl State {
     /// All of them.
     pub fn all() -> Vec<Self> {
         const NEAR_MIN: &str = "G28; G1 X8 Y7 Z3 F6000; M400";
-        const NEAR_MAX: &str = "G28; G1 X57 Y58 Z3 F6000; M400";
+        const NEAR_MAX: &str = "G28; G1 X87 Y88 Z3 F6000; M400";
         const HOMED: &str = "G28; G1 X5 Y5 Z3 F6000; M400; M82";
         const ARC: &str = "G2 I5 J0 E1 F1800; G3 X4 Y4 I2 J2 E2; G2 X0 Y0 I-2 J-2 E3; M400";
         vec![
