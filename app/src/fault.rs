@@ -36,7 +36,7 @@ mod handlers {
     /// The interrupt that cannot be masked, as the core numbers it (PM0214, 2.3.2).
     const NON_MASKABLE: i16 = -14;
 
-    /// An interrupt that nobody has asked for, and the one by which the chip says that its crystal has stopped.
+    /// An interrupt that no task handles, and the one by which the chip reports that its crystal has stopped.
     #[exception]
     unsafe fn DefaultHandler(interrupt: i16) {
         safe_state::enter();

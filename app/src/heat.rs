@@ -85,7 +85,7 @@ impl Heat {
     /// One sample of control, every [`SAMPLE_MS`]; `fan_power` is what M106 asks of the part-cooling fan, 0 to 255.
     ///
     /// # Errors
-    /// A heater or thermometer has failed: all heaters are off and all fans on. It is told once.
+    /// A heater or thermometer has failed: all heaters are off and all fans on. Reported once.
     pub fn update(&mut self, fan_power: u8) -> Result<(), HeatFault> {
         let Some(Controlled { control, parts }) = &mut self.0 else { return Ok(()) };
         control.set_part_fan_power(fan_power);

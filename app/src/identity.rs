@@ -1,4 +1,4 @@
-//! What the image says it is: to a host by M115, and to whoever looks into it by `strings`.
+//! The image's own description: for a host by M115, for a person by `strings`.
 
 use core::ops::Range;
 

@@ -442,14 +442,13 @@ mod app {
         let mut machine = cx.shared.machine;
         let mut heater_timeout = HeaterTimeout::new();
         let mut reported = Overload::default();
-        let mut reported_ms = 0;
-        let mut logged_ms = 0;
+        let (mut reported_ms, mut logged_ms) = (0, 0);
         loop {
             LIFE.show(Task::Reports);
             let interval = REPORTS_INTERVAL_MS.millis();
             if let Ok(()) = Mono::timeout_after(interval, cx.local.halted.wait()).await {
-                // A command at work has done it already; where none is, nobody else does. Whether the machine is still
-                // halted must not change in between: after M999 the motors are needed.
+                // A command at work has done it already; without one it is done here. Whether the machine is still halted
+                // must not change in between: after M999 the motors are needed.
                 machine.lock(|machine| {
                     if SIGNALS.is_halted() {
                         machine.switch_motors_off();

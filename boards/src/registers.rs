@@ -249,7 +249,7 @@ mod tests {
         }
     }
 
-    /// Behind heaters and motors, taken from their timers, and none but those of nozzle and part.
+    /// After heaters and motors, taken from their timers: only those of nozzle and part.
     #[test]
     fn the_end_lets_both_fans_blow() {
         for board in boards() {

@@ -135,7 +135,7 @@ impl<O: Observer, R: Replies> Session<O, R> {
         }
     }
 
-    /// Switches heaters off that nobody uses, as a board does (M86).
+    /// Switches unused heaters off, as a board does (M86).
     fn rest_heaters(&self) {
         // A clock of milliseconds that wraps.
         let now_ms = (&self.clock).now_ms() as u32;

@@ -108,7 +108,7 @@ pub mod recorder {
     /// read back.
     #[derive(Clone, Debug)]
     pub struct Sluggish<R> {
-        /// What is behind them.
+        /// The registers.
         pub registers: R,
         /// The switch that was stored to last.
         switched: Option<u32>,
@@ -117,7 +117,7 @@ pub mod recorder {
     }
 
     impl<R: Registers> Sluggish<R> {
-        /// With these registers behind them.
+        /// With these registers.
         pub fn new(registers: R) -> Self {
             Self { registers, switched: None, lost: 0 }
         }

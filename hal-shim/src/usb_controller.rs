@@ -1,4 +1,4 @@
-//! The full-speed USB controller (OTG_FS) as far as it is told to leave the bus.
+//! The full-speed USB controller (OTG_FS) as far as leaving the bus needs it.
 //!
 //! Addresses and bits: RM0090 34.16, RM0390 31.15.
 

@@ -128,7 +128,7 @@ impl HeatControl {
     /// Takes a sample of every thermometer and sets every heater; to be called every [`SAMPLE_MS`].
     ///
     /// # Errors
-    /// A heater or thermometer has failed: all heaters are off and all fans on, until [`Self::restart`]. It is told once.
+    /// A heater or thermometer has failed: all heaters are off and all fans on, until [`Self::restart`]. Reported once.
     pub fn update(&mut self, board: &mut (impl ThermalBoard + Fans)) -> Result<(), HeatFault> {
         let mut found = None;
         for heater in Heater::ALL {

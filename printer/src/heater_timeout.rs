@@ -1,6 +1,6 @@
 //! Heaters that have a target and no use go off: a host that has gone must not leave them on for ever.
 //!
-//! Use is a line from any host, a frame of a prepared job, or motion. A dwell and a wait for heat are none: they end by
+//! Use is a line from any host, a frame of a prepared job, or motion. A dwell and a wait for heat do not count: they end by
 //! themselves, and what comes after them is a line or silence. So that no wait is cut short unannounced, a warning comes
 //! before.
 

@@ -143,7 +143,7 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
 
     /// A fast approach until the sensor triggers, a way back, and a second approach, which counts if it agrees with the
     /// first. An axis that homes by a stall begins with the way back: it may stand at its end already, and a motor that is
-    /// held back from its first step on never reaches the speed at which a stall is told.
+    /// held back from its first step on never reaches the speed that a stall signal needs.
     async fn find_home(&mut self, axis: usize, homing: &AxisHoming) -> Result<(), CommandError> {
         if homing.sensor == HomeSensor::Stall {
             self.motion.begin_homing();

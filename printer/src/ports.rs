@@ -301,7 +301,7 @@ impl Signals {
         self.heater_timeout_s.store(seconds, Ordering::Relaxed);
     }
 
-    /// A host has sent a line, or a frame of a prepared job. From any priority: whoever receives calls it, for a line may
+    /// A host has sent a line, or a frame of a prepared job. From any priority: the receiving interrupt calls it, for a line may
     /// have to wait its turn.
     pub fn note_host(&self) {
         self.host_spoke.store(true, Ordering::Release);

@@ -86,7 +86,7 @@ pub struct SafeHoming {
 
 impl SafeHoming {
     /// Smallest and largest Z of a probe's offset, units of 10 nm. A probe that triggers when the nozzle is higher than 10 mm
-    /// must be deployed and is none that can be used here; above 0 the nozzle touches before the probe triggers.
+    /// must be deployed, which this firmware cannot; above 0 the nozzle touches before the probe triggers.
     pub const PROBE_Z_10NM: [i64; 2] = [-1_000_000, 500_000];
 
     /// Nothing is raised, and Z homes where it is.

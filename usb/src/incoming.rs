@@ -155,7 +155,7 @@ mod tests {
             (b"M105\r\nN3 G1 X5*44\n\n;\thm\r", 3),
             (b"M105", 0),
             (b"\n\r\n", 0),
-            // A frame, noise, and text behind it in the same line.
+            // A frame, noise, and text after it in the same line.
             (b"\x7e\x00abc\n", 0),
             (b"\xffM105\n\x00\n", 0),
             (b"\xff\nM105\n", 1),

@@ -10,7 +10,7 @@ use std::process::Command;
 /// Letters of a commit's name, at least.
 const COMMIT_LETTERS: &str = "--short=7";
 
-/// Variables by which git is told about another repository than the one around the sources.
+/// Variables that point git to another repository than the one around the sources.
 const FOREIGN_VARIABLES: [&str; 3] = ["GIT_DIR", "GIT_WORK_TREE", "GIT_INDEX_FILE"];
 
 /// What is being built.

@@ -25,7 +25,7 @@ pub fn crystal_has_stopped() -> bool {
     // SAFETY: a register is only read.
     let has_stopped = clock_setup::crystal_has_stopped(&mut unsafe { Volatile::new() });
     if has_stopped {
-        // SAFETY: interrupts are off for good, so that nobody else writes to the port.
+        // SAFETY: interrupts are off for good, so that no other code writes to the port.
         let usart = unsafe { &*USART1::ptr() };
         let divider = clock_setup::divider_without_crystal(usart.brr().read().bits(), CORE_HZ, INTERNAL_HZ);
         // SAFETY: any value is a divider.
@@ -56,7 +56,7 @@ pub struct LastWords;
 
 impl fmt::Write for LastWords {
     fn write_str(&mut self, text: &str) -> fmt::Result {
-        // SAFETY: interrupts are off for good, so that nobody else writes to the port.
+        // SAFETY: interrupts are off for good, so that no other code writes to the port.
         let usart = unsafe { &*USART1::ptr() };
         for byte in text.bytes() {
             let _ready = (0..MOST_LOOKS).any(|_| usart.sr().read().txe().bit_is_set());

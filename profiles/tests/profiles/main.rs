@@ -5,6 +5,7 @@ mod builtin;
 mod heater_keys;
 mod heaters;
 mod mini_heat;
+mod motor_drivers;
 mod refusals;
 mod robustness;
 mod safe_homing;

@@ -155,7 +155,7 @@ fn a_wait_is_warned_before_its_heaters_go_off() {
     assert!(replies.iter().any(|reply| reply.starts_with("echo:line 2: the heaters were switched off")), "{replies:?}");
 }
 
-/// A line that has to wait its turn keeps the heaters on: whoever receives it says so.
+/// A line that has to wait its turn keeps the heaters on: the receiving side reports it.
 #[test]
 fn a_line_that_waits_its_turn_counts() {
     let machine = machine(&profile("cartesian"));

@@ -329,7 +329,7 @@ fn a_stray_jump_switches_heaters_off_first() {
 const PEND_NON_MASKABLE: [u16; 6] = [0xf64e, 0x5104, 0xf2ce, 0x0100, 0x6008, 0xe7fe];
 
 /// The interrupt by which the chip says that its crystal has stopped. The emulator's has no such flag, so that the image
-/// takes it for one that nobody has asked for.
+/// takes it for one that no task handles.
 #[test]
 fn the_interrupt_that_cannot_be_masked_switches_heaters_off_first() {
     for board in &BOARDS {

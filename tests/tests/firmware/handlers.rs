@@ -19,7 +19,7 @@ fn function(all: &[Instruction], start: u32, code: &Code) -> Vec<Instruction> {
     all.iter().filter(|one| code.function_start(one.address) == Some(start)).cloned().collect()
 }
 
-/// A handler may leave its work, and the barrier behind it, to a function that it calls.
+/// A handler may leave its work, and the barrier after it, to a function that it calls.
 #[test]
 fn stores_to_slow_buses_are_complete_before_a_handler_returns() {
     for board in &BOARDS {

@@ -190,7 +190,7 @@ const PLAYED_S: u32 = 10;
 /// By how much their time may be off: a look at either end falls somewhere into a step, and one interrupt may be late.
 const MOST_TICKS_OFF: u32 = 2 * 4_200 + MOST_TICKS_LATE;
 
-/// What so many steps at those intervals take, ticks modulo 2^32.
+/// Duration of this many steps at those intervals, ticks modulo 2^32.
 fn ticks_of(steps: u32) -> u32 {
     let all: u32 = CHANGING_TICKS.iter().sum();
     let (rounds, rest) = (steps / CHANGING_TICKS.len() as u32, steps as usize % CHANGING_TICKS.len());

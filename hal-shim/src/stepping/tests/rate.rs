@@ -38,9 +38,9 @@ impl StepObserver for Due {
 struct Delays {
     /// Cycles from an update to the interrupt's first instruction, at the most.
     most_entry: u64,
-    /// Cycles before each of its accesses to the timer; the edge is before the second, the reload value behind it.
+    /// Cycles before each of its accesses to the timer; the edge comes before the second, the reload value after it.
     access: u64,
-    /// Every fiftieth interrupt on average is held up for up to so many cycles.
+    /// Every fiftieth interrupt on average is held up for up to this many cycles.
     most_held_up: u64,
 }
 

@@ -52,7 +52,7 @@ pub enum Event {
 pub struct Rig {
     pub profile: Profile,
     pub sensors: [Cell<Sensor>; 3],
-    /// How much too early the next approaches end, units of 10 nm; right where there is none.
+    /// How much too early the next approaches end, units of 10 nm; right where it is absent.
     pub early_10nm: RefCell<Vec<i64>>,
     /// The seek with this number is stopped from outside.
     pub stopped_seek: Cell<Option<usize>>,

@@ -84,7 +84,7 @@ const MEDIAN_S: f32 = 0.03;
 /// Heat on its way when the heater fails: the temperature rises for so much longer, s.
 const DEAD_S: f32 = 4.0;
 
-/// The failure is noticed within so many seconds, for such a reason.
+/// The failure is noticed within this many seconds, for this reason.
 #[track_caller]
 fn assert_noticed(rig: Rig, heater: Heater, failure: HeaterFailure, within_s: f32, is_right: fn(&Trip) -> bool) -> f32 {
     let (trip, after_s, highest) = rig.fail(heater, failure, 3600.0).expect("never noticed");

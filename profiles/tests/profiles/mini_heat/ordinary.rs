@@ -181,7 +181,7 @@ impl Life {
     }
 }
 
-/// So many hours, divided among the processors.
+/// This many hours, divided among the processors.
 fn live(hours: f32) -> Report {
     let threads = std::thread::available_parallelism().map_or(1, usize::from).min(2);
     let each = |thread: usize| {
