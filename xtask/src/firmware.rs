@@ -5,7 +5,6 @@ use std::process::Command;
 
 use ferrostep_boards::Board;
 use ferrostep_hal_shim::stepping::MIN_GAP_TICKS;
-use ferrostep_hal_shim::virtual_board::CYCLES_A_TICK;
 use ferrostep_image_code::code::Code;
 use ferrostep_image_code::interrupt_time;
 use ferrostep_planner::{AccelerationProfile, Interpolation, MotionChoice};
@@ -135,7 +134,8 @@ pub fn build_image(run: &mut Run, target: &Target) -> Result<PathBuf, Failure> {
     let elf = build(run, Program::Firmware, target)?;
     run.step("time of the step interrupt", || {
         let code = Code::of(&elf)?;
-        let gap_cycles = MIN_GAP_TICKS * CYCLES_A_TICK as u32;
+        let clock = &target.board.clock;
+        let gap_cycles = MIN_GAP_TICKS * (clock.core_hz / clock.timer_hz);
         let [time, measured] = interrupt_time::check(&code, gap_cycles)?;
         eprintln!("    step interrupt: {time}; at most {gap_cycles}\n    measured (M798): {measured}");
         Ok(())
