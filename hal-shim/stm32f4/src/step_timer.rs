@@ -260,22 +260,19 @@ impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> StepQueu
         has_count()
     }
 
-    /// How many updates the interrupt has missed in this motion.
-    fn missed(&self) -> u16 {
+    /// How many updates the interrupt has missed in this motion; `None` where updates come faster than both sides are read.
+    fn missed(&self) -> Option<u16> {
         if !has_count() {
-            return 0;
+            return Some(0);
         }
         // SAFETY: TIM9's counter is only read.
         let count = || unsafe { &*TIM9::ptr() }.cnt().read().bits() as u16;
-        for _ in 0..4 {
+        (0..4).find_map(|_| {
             let before = count();
             let missed = self.feeder.missed_updates(before);
             // Without an update in between both sides were read at the same moment.
-            if count() == before {
-                return missed;
-            }
-        }
-        0
+            (count() == before).then_some(missed)
+        })
     }
 }
 
@@ -379,7 +376,7 @@ impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> StepOutp
     }
 
     fn take_missed_updates(&mut self) -> u32 {
-        let missed = self.missed();
+        let Some(missed) = self.missed() else { return 0 };
         // Fewer than before: another motion.
         let new = missed.saturating_sub(self.counted_missed);
         self.counted_missed = missed;
