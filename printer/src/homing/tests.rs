@@ -326,3 +326,11 @@ fn a_stop_on_the_way_leaves_the_axis_where_it_is() {
         assert_eq!(sought, seek + 1);
     }
 }
+
+#[test]
+fn the_way_is_counted_in_the_direction_of_homing() {
+    let to_max = AxisHoming { end: HomeEnd::Max, ..crate::machine::tests::profile().homing[0] };
+    let to_min = AxisHoming { end: HomeEnd::Min, ..to_max };
+    assert_eq!([way_10nm(&to_max, 3, 5), way_10nm(&to_max, 5, 3)], [2, -2]);
+    assert_eq!([way_10nm(&to_min, 3, 5), way_10nm(&to_min, 5, 3)], [-2, 2]);
+}
