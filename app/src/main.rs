@@ -50,7 +50,7 @@ mod app {
     use ferrostep_hal_shim::chip::BrownOut;
     use ferrostep_hal_shim::clock_tree::ClockSource;
     use ferrostep_hal_shim::life_signs::{LifeSigns, Task, Vigil};
-    use ferrostep_hal_shim::stepping::{self, StepFeeder};
+    use ferrostep_hal_shim::stepping::StepFeeder;
     use ferrostep_hal_shim::tmc2209::DriverBank;
     use ferrostep_planner::look_ahead::Slot;
     use ferrostep_printer::heat::SAMPLE_MS;
@@ -164,12 +164,8 @@ mod app {
         let ports = (device.GPIOA, device.GPIOB, device.GPIOC, device.GPIOD, device.GPIOE, device.GPIOF, device.GPIOG);
         let pins = BoardPins::new(ports, SENSORS, &SENSOR_STORES);
 
-        let signals = stepping::Signals {
-            pulse_ticks: clock.timer_ticks(PROFILE.driver.pulse_width_ns),
-            direction_setup_ticks: clock.timer_ticks(PROFILE.driver.direction_setup_ns),
-        };
         let pin_map = board::PIN_MAP.with_inverted(PROFILE.driver.inverted);
-        let feeder = StepFeeder::new(&STEPS, pin_map, signals);
+        let feeder = StepFeeder::new(&STEPS, pin_map, PROFILE.driver.signals(&clock));
         let step_timer = StepTimer::start(device.TIM2, device.TIM9, &device.RCC, &pins, &STEPS);
         // On the bare internal oscillator the plan shall not depend on time, as for the host's line.
         let planning_clock = (clock.source != ClockSource::Internal).then_some(motion_clock);

@@ -1,5 +1,7 @@
 //! The machine as numbers: what a profile file or a board's constants say.
 
+use ferrostep_hal_shim::clock_tree::Clock;
+use ferrostep_hal_shim::stepping::Signals;
 use ferrostep_hal_shim::thermistor::Thermistor;
 use ferrostep_hal_shim::tmc2209::DriverSettings;
 use ferrostep_hal_shim::virtual_board::{
@@ -172,6 +174,16 @@ pub struct DriverTiming {
     pub both_edges: bool,
     /// Motors that run the other way round: bit i is motor i.
     pub inverted: u8,
+}
+
+impl DriverTiming {
+    /// The same in ticks of a board's step timer, rounded up.
+    pub const fn signals(&self, clock: &Clock) -> Signals {
+        Signals {
+            pulse_ticks: clock.timer_ticks(self.pulse_width_ns),
+            direction_setup_ticks: clock.timer_ticks(self.direction_setup_ns),
+        }
+    }
 }
 
 /// Filament for moves that tell none (Wu 2024, eqs. 10 and 11).

@@ -74,8 +74,7 @@ impl OutputPorts<1> for Port<'_> {
         }
         let now = self.timer.now_cycles();
         let mut changed_at = self.changed_at.get();
-        for (pin, at) in changed_at.iter_mut().enumerate().filter(|(pin, _)| changed >> pin & 1 == 1) {
-            debug_assert!(pin < 4);
+        for (_, at) in changed_at.iter_mut().enumerate().filter(|(pin, _)| changed >> pin & 1 == 1) {
             if let Some(before) = at.replace(now) {
                 self.pulse.set(self.pulse.get().min(now - before));
             }

@@ -49,7 +49,7 @@ struct Repository<'a> {
 }
 
 impl<'a> Repository<'a> {
-    /// `None` if there is none, or only one of a folder further up: that is of something else.
+    /// `None` without a repository here: one of a folder further up belongs to other sources.
     fn at(root: &'a Path) -> Option<Self> {
         let repository = Self { root };
         let top = PathBuf::from(repository.git(&["rev-parse", "--show-toplevel"])?);

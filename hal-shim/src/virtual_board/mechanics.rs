@@ -149,7 +149,7 @@ impl Mechanics {
 
     /// Whether the axis truly is at its sensor.
     fn has_met(&self, axis: usize, sensor: &VirtualSensor) -> bool {
-        // A stall is told by a motor in motion.
+        // Only a motor in motion can stall.
         let SensorPlace::At(at) = sensor.place else { return false };
         let Some(&place) = self.true_10nm.get(axis) else { return false };
         self.is_in_sight(axis) && if sensor.at_max { place >= at } else { place <= at }

@@ -190,7 +190,7 @@ impl EndStops for VirtualMotors {
         else {
             return false;
         };
-        // A stall is told by a motor in motion.
+        // Only a motor in motion can stall.
         if self.is_framed(axis) {
             return false;
         }

@@ -68,7 +68,7 @@ fn a_host_that_has_gone_leaves_no_heater_on() {
         assert!(!machine.signals().is_halted(), "{name}");
         assert!(temperatures(&conversation.say("M105")[0]).iter().all(|sensor| sensor.2 == 0.0), "{name}");
 
-        // Off is off: nothing is said again, and the printer goes on where it was when it is told to.
+        // Off is off: no message follows, and the printer goes on where it was with the next line.
         assert_eq!(silence(&machine, 3600), []);
         assert!(conversation.say("G1 X30 E3")[0].contains("cold extrusion prevented"), "{name}");
         for line in ["M104 S205", "M109 S210", "G1 X30 E3", "M400"] {

@@ -38,7 +38,7 @@ use defmt_rtt as _;
 use ferrostep_gcode::Emergency;
 use ferrostep_hal_shim::StepOutput;
 use ferrostep_hal_shim::clock_tree::Clock;
-use ferrostep_hal_shim::stepping::{BothEdges, MIN_GAP_TICKS, Pulses, Signals, StepFeeder, StepPlayer, Stepping};
+use ferrostep_hal_shim::stepping::{BothEdges, MIN_GAP_TICKS, Pulses, StepFeeder, StepPlayer, Stepping};
 use ferrostep_planner::look_ahead::Slot;
 use ferrostep_planner::{StepEntry, TICKS_PER_SECOND};
 use ferrostep_stm32f4::board::{BoardPins, MOTOR_PORTS, PIN_MAP};
@@ -206,12 +206,8 @@ fn steps_take_the_time_that_they_say<M: Stepping>(
     let Board { device, core, clock, motion_clock } = board;
     let mut controller = core.NVIC;
     let on_silicon = Cycles::start(core.DCB, core.DWT, motion_clock).are_of_core();
-    let signals = Signals {
-        pulse_ticks: clock.timer_ticks(PROFILE.driver.pulse_width_ns),
-        direction_setup_ticks: clock.timer_ticks(PROFILE.driver.direction_setup_ns),
-    };
     let timer = StepTimer::start(device.TIM2, device.TIM9, &device.RCC, &pins(), player);
-    let mut queue = StepQueue::new(pins(), StepFeeder::new(player, PIN_MAP, signals), None);
+    let mut queue = StepQueue::new(pins(), StepFeeder::new(player, PIN_MAP, PROFILE.driver.signals(&clock)), None);
     play(timer, &mut controller);
     let mut queued = 0usize;
     let (mut began, mut missed) = (None, 0);
@@ -272,12 +268,8 @@ fn ignore(_emergency: Emergency) {}
 fn a_step_is_on_time_under_usb_load(board: Board) -> Result<(), Failure> {
     let Board { device, core, clock, motion_clock } = board;
     let mut controller = core.NVIC;
-    let signals = Signals {
-        pulse_ticks: clock.timer_ticks(PROFILE.driver.pulse_width_ns),
-        direction_setup_ticks: clock.timer_ticks(PROFILE.driver.direction_setup_ns),
-    };
     let timer = StepTimer::start(device.TIM2, device.TIM9, &device.RCC, &pins(), &STEPS);
-    let mut queue = StepQueue::new(pins(), StepFeeder::new(&STEPS, PIN_MAP, signals), None);
+    let mut queue = StepQueue::new(pins(), StepFeeder::new(&STEPS, PIN_MAP, PROFILE.driver.signals(&clock)), None);
     handlers::play(timer, &mut controller);
 
     let memory = cortex_m::singleton!(: Memory = Memory::new()).ok_or("started twice")?;

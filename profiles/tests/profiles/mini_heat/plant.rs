@@ -95,7 +95,7 @@ pub struct Weather {
     pub filament_w: f32,
     /// Standard deviation of a single conversion, of 4096.
     pub noise: f32,
-    /// One reading in so many is anything at all.
+    /// One reading in this many has any value at all.
     pub spark_in: f32,
 }
 
