@@ -1,0 +1,11 @@
+//! A virtual mainboard: printer boards around an emulated STM32F4 on which the shipped images run unmodified.
+//!
+//! Nothing here knows the firmware. The chip is rigless's, written from ST's reference manual (RM0090) by others, and what
+//! it lacks is in [`chip`]; the parts on the board and the mechanics around it are in [`parts`], from their data sheets; what
+//! hangs on which pin is read from the board's file, as a maker would read a wiring plan, in [`wiring`].
+
+pub mod chip;
+pub mod host;
+pub mod parts;
+pub mod pins;
+pub mod wiring;
