@@ -1,1 +1,422 @@
-//! See the crate.
+//! The chip: an STM32F405, F407 or F446 of rigless's models, and of our own for what it lacks.
+//!
+//! The models are rigless's, written from RM0090 for the STM32F427, of which these chips have less: clock tree, supply, flash
+//! interface, ports, DMA, converters, serial ports, TIM1 to TIM5 and TIM8, watchdog, card interface, cycle counter. Ours are the
+//! EXTI and SYSCFG ([`exti`]), the other timers and the wires between timers ([`timers`]), and USB ([`usb`]). Which instances a
+//! chip has, and its memories, is in [`map`].
+//!
+//! **Where an F405, F407 or F446 is not an F427, and the model is the F427's**
+//!
+//! | Section | What | What comes of it |
+//! |---|---|---|
+//! | 5.4.1 | the F405's and F407's voltage scale is one bit (14), the F427's and F446's two (15 and 14) | a scale that an F405 calls 1 reads as the F427's 3; nothing here judges a scale against the clock. [`Chip::set_clock_too_fast`] does |
+//! | RM0390 6.3.2 | the F446's PLL has an output R | nothing runs on it |
+//! | RM0390 6.3.25 | DCKCFGR2 chooses USB's clock on an F446 | at reset it is the PLL's Q, which is what boards here use; a write is reported as reaching nothing |
+//! | 3.9.2 | the F405's and F446's flash latency has three or four bits | as the F427's |
+
+pub mod exti;
+pub mod map;
+pub mod timers;
+pub mod usb;
+
+use rigless::cpu::armv7m::{self, Dwt};
+use rigless::device::{DeviceContext, ErasedDevice, RegisterFile, ResetCause};
+use rigless::mcu::{Mcu, Operate};
+use rigless::soc::stm32f427::generated;
+use rigless::soc::stm32f427::peripherals::adc::{Adc, AdcCommon};
+use rigless::soc::stm32f427::peripherals::dbg::Dbg;
+use rigless::soc::stm32f427::peripherals::dma::Dma;
+use rigless::soc::stm32f427::peripherals::flash::Flash;
+use rigless::soc::stm32f427::peripherals::gpio::Gpio;
+use rigless::soc::stm32f427::peripherals::iwdg::Iwdg;
+use rigless::soc::stm32f427::peripherals::pwr::Pwr;
+use rigless::soc::stm32f427::peripherals::rcc::{self, Rcc};
+use rigless::soc::stm32f427::peripherals::rtc::Rtc;
+use rigless::soc::stm32f427::peripherals::sdio::Sdio;
+use rigless::soc::stm32f427::peripherals::usart::{Kind, Usart};
+use rigless::soc::stm32f427::peripherals::{ADC_COMMON, CONTROLLERS, CONVERTERS};
+use rigless::soc::st::tim::{Counter, Tim};
+use rigless::soc::{Bus, Error, Layout};
+use rigless::store;
+use rigless::time::VirtualNanos;
+
+use exti::{Exti, Syscfg};
+use timers::{Advanced, Basic, General, Linked, OneChannel, TwoChannels};
+use usb::Otg;
+
+/// Which chip.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub enum Model {
+    /// STM32F405.
+    F405,
+    /// STM32F407.
+    F407,
+    /// STM32F446.
+    F446,
+}
+
+/// Ports A to I; the F446 has A to H.
+pub const PORTS: [&str; 9] = ["GPIOA", "GPIOB", "GPIOC", "GPIOD", "GPIOE", "GPIOF", "GPIOG", "GPIOH", "GPIOI"];
+/// Serial ports, with the table that each answers from (RM0090 table 148).
+pub const SERIAL_PORTS: [(&str, Kind); 6] = [
+    ("USART1", Kind::Usart),
+    ("USART2", Kind::Usart),
+    ("USART3", Kind::Usart),
+    ("USART6", Kind::Usart),
+    ("UART4", Kind::Uart),
+    ("UART5", Kind::Uart),
+];
+const GENERAL: [(&str, Counter); 4] =
+    [("TIM2", Counter::Wide), ("TIM3", Counter::Narrow), ("TIM4", Counter::Narrow), ("TIM5", Counter::Wide)];
+const ADVANCED: [&str; 2] = ["TIM1", "TIM8"];
+const BASIC: [&str; 2] = ["TIM6", "TIM7"];
+const TWO_CHANNELS: [&str; 2] = ["TIM9", "TIM12"];
+const ONE_CHANNEL: [&str; 4] = ["TIM10", "TIM11", "TIM13", "TIM14"];
+
+/// All clocks are the internal oscillator's after a reset (RM0090 6.2.2, 6.3.3).
+const RESET_HZ: u64 = rcc::HSI_HZ;
+
+/// Which field answers for a slot of the bus.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Field {
+    None,
+    Rcc,
+    Pwr,
+    Flash,
+    Gpio(usize),
+    Usart(usize),
+    Adc(usize),
+    AdcCommon,
+    General(usize),
+    Advanced(usize),
+    Basic(usize),
+    TwoChannels(usize),
+    OneChannel(usize),
+    Dma(usize),
+    Exti,
+    Syscfg,
+    Otg,
+    Sdio,
+    Rtc,
+    Dbg,
+    Iwdg,
+    Dwt,
+}
+
+impl Field {
+    fn all() -> Vec<Self> {
+        let mut all = vec![
+            Self::Rcc,
+            Self::Pwr,
+            Self::Flash,
+            Self::AdcCommon,
+            Self::Exti,
+            Self::Syscfg,
+            Self::Otg,
+            Self::Sdio,
+            Self::Rtc,
+            Self::Dbg,
+            Self::Iwdg,
+            Self::Dwt,
+        ];
+        all.extend((0..PORTS.len()).map(Self::Gpio));
+        all.extend((0..SERIAL_PORTS.len()).map(Self::Usart));
+        all.extend((0..CONVERTERS.len()).map(Self::Adc));
+        all.extend((0..GENERAL.len()).map(Self::General));
+        all.extend((0..ADVANCED.len()).map(Self::Advanced));
+        all.extend((0..BASIC.len()).map(Self::Basic));
+        all.extend((0..TWO_CHANNELS.len()).map(Self::TwoChannels));
+        all.extend((0..ONE_CHANNEL.len()).map(Self::OneChannel));
+        all.extend((0..CONTROLLERS.len()).map(Self::Dma));
+        all
+    }
+
+    fn instance(self) -> &'static str {
+        match self {
+            Self::None => "",
+            Self::Rcc => "RCC",
+            Self::Pwr => "PWR",
+            Self::Flash => "FLASH",
+            Self::Gpio(nth) => PORTS[nth],
+            Self::Usart(nth) => SERIAL_PORTS[nth].0,
+            Self::Adc(nth) => CONVERTERS[nth],
+            Self::AdcCommon => ADC_COMMON,
+            Self::General(nth) => GENERAL[nth].0,
+            Self::Advanced(nth) => ADVANCED[nth],
+            Self::Basic(nth) => BASIC[nth],
+            Self::TwoChannels(nth) => TWO_CHANNELS[nth],
+            Self::OneChannel(nth) => ONE_CHANNEL[nth],
+            Self::Dma(nth) => CONTROLLERS[nth].instance,
+            Self::Exti => "EXTI",
+            Self::Syscfg => "SYSCFG",
+            Self::Otg => "OTG_FS_GLOBAL",
+            Self::Sdio => "SDIO",
+            Self::Rtc => "RTC",
+            Self::Dbg => "DBG",
+            Self::Iwdg => "IWDG",
+            Self::Dwt => armv7m::DWT,
+        }
+    }
+
+    /// Whether the instance has a clock enable and a reset bit: all but the clock tree itself, what the core brings, and
+    /// what runs without a bus clock (RM0090 2.1.11, 6.2.9, 26.3.5).
+    const fn is_gated(self) -> bool {
+        !matches!(self, Self::None | Self::Rcc | Self::Flash | Self::Rtc | Self::Dbg | Self::Iwdg | Self::Dwt | Self::Exti)
+    }
+}
+
+/// The chip, with nothing on its pins.
+#[derive(Debug)]
+pub struct Chip {
+    model: Model,
+    /// Clock tree.
+    pub rcc: Rcc,
+    pwr: Pwr,
+    flash: Flash,
+    gpio: [Gpio; PORTS.len()],
+    usart: [Usart; SERIAL_PORTS.len()],
+    adc: [Adc; CONVERTERS.len()],
+    adc_common: AdcCommon,
+    general: [Linked<General>; GENERAL.len()],
+    advanced: [Linked<Advanced>; ADVANCED.len()],
+    basic: [Tim<Basic>; BASIC.len()],
+    two_channels: [Linked<TwoChannels>; TWO_CHANNELS.len()],
+    one_channel: [Tim<OneChannel>; ONE_CHANNEL.len()],
+    dma: [Dma; CONTROLLERS.len()],
+    exti: Exti,
+    syscfg: Syscfg,
+    otg: Otg,
+    sdio: Sdio,
+    rtc: Rtc,
+    dbg: Dbg,
+    iwdg: Iwdg,
+    dwt: Dwt,
+    bus: Bus,
+    wiring: Box<[Field]>,
+}
+
+store!(Chip {
+    values: [
+        rcc, pwr, flash, gpio, adc, adc_common, general, advanced, basic, two_channels, one_channel, exti, syscfg, rtc,
+        dbg, iwdg, dwt, otg,
+    ],
+    parts: [usart, dma, sdio, bus],
+    built: [model, wiring],
+});
+
+impl Chip {
+    /// The chip after power-on.
+    pub fn new(model: Model) -> Result<Self, Error> {
+        let bus = map::bus(model)?;
+        let mut wiring = vec![Field::None; bus.slots().len()].into_boxed_slice();
+        for field in Field::all() {
+            wiring[bus.slot(field.instance())?] = field;
+        }
+        let adc_common = AdcCommon::with_clock(RESET_HZ);
+        let mut chip = Self {
+            model,
+            rcc: Rcc::new(),
+            pwr: Pwr::new(),
+            flash: Flash::with_clock(RESET_HZ),
+            gpio: std::array::from_fn(|_| Gpio::default()),
+            usart: std::array::from_fn(|nth| Usart::with_clock(SERIAL_PORTS[nth].1, RESET_HZ)),
+            adc: std::array::from_fn(|_| Adc::with_clock(RESET_HZ / 2) /* ADCPRE is 0 after a reset, 13.13.16 */),
+            adc_common,
+            general: std::array::from_fn(|nth| Linked::new(GENERAL[nth].0, RESET_HZ, GENERAL[nth].1)),
+            advanced: std::array::from_fn(|nth| {
+                let tim = Tim::with_clock(RESET_HZ, Counter::Narrow).breaks_on("RCC", rcc::CLOCK_FAILURE);
+                Linked::wrap(ADVANCED[nth], RESET_HZ, tim)
+            }),
+            basic: std::array::from_fn(|_| Tim::with_clock(RESET_HZ, Counter::Narrow)),
+            two_channels: std::array::from_fn(|nth| Linked::new(TWO_CHANNELS[nth], RESET_HZ, Counter::Narrow)),
+            one_channel: std::array::from_fn(|_| Tim::with_clock(RESET_HZ, Counter::Narrow)),
+            dma: std::array::from_fn(|nth| {
+                let controller = &CONTROLLERS[nth];
+                Dma::new(controller.wiring, controller.last_data, controller.reaches_memory)
+            }),
+            exti: Exti::default(),
+            syscfg: Syscfg::default(),
+            otg: Otg,
+            sdio: Sdio::with_clock(0),
+            rtc: Rtc,
+            dbg: Dbg,
+            iwdg: Iwdg::new(),
+            dwt: Dwt::with_clock(RESET_HZ),
+            bus,
+            wiring,
+        };
+        chip.check()?;
+        Ok(chip)
+    }
+
+    /// Which chip it is.
+    #[must_use]
+    pub const fn model(&self) -> Model {
+        self.model
+    }
+
+    /// The instances that have a clock enable and a reset bit of their own.
+    pub(crate) fn clocked_instances() -> impl Iterator<Item = &'static str> {
+        Field::all().into_iter().filter(|field| field.is_gated()).map(Field::instance)
+    }
+
+    fn registers(bus: &Bus, slot: usize) -> &RegisterFile {
+        bus.slots()[slot].registers()
+    }
+
+    fn slot(&self, field: Field) -> usize {
+        self.wiring.iter().position(|wired| *wired == field).unwrap_or_default()
+    }
+
+    /// The 3.3 V rail, mV: what brown-out and the flash interface compare with, and the converters' reference.
+    pub fn set_supply(&mut self, millivolts: u32) {
+        let slot = self.slot(Field::Pwr);
+        self.pwr.set_supply(millivolts, self.bus.slot_mut(slot).registers_mut());
+        if let Some(millivolts) = std::num::NonZeroU32::new(millivolts) {
+            self.flash.set_supply(millivolts);
+        }
+        for converter in &mut self.adc {
+            converter.set_reference(millivolts);
+            converter.set_backup_battery(millivolts);
+        }
+    }
+
+    /// The crystal at the high-speed pins, Hz; 0 for none, or one that does not swing.
+    pub fn set_crystal(&mut self, hz: u64) {
+        self.rcc.attach_crystals(hz, 0);
+    }
+
+    /// The crystal stops swinging at `at`; the clock security system notices if it is on (RM0090 6.2.7).
+    pub fn stop_crystal(&mut self, at: VirtualNanos) {
+        let slot = self.slot(Field::Rcc);
+        let (registers, mut context) = self.bus.drive(at, slot);
+        self.rcc.fail_hse(registers, &mut context);
+    }
+
+    /// A port's model and what it holds, driven at `at`.
+    pub fn drive_port<T>(
+        &mut self,
+        at: VirtualNanos,
+        port: usize,
+        input: impl FnOnce(&mut Gpio, &mut RegisterFile, &mut DeviceContext<'_>) -> T,
+    ) -> Option<T> {
+        let slot = self.slot(Field::Gpio(port));
+        let gpio = self.gpio.get_mut(port)?;
+        let (registers, mut context) = self.bus.drive(at, slot);
+        Some(input(gpio, registers, &mut context))
+    }
+
+    /// A port's model and its registers, to look at.
+    #[must_use]
+    pub fn port(&self, port: usize) -> Option<(&Gpio, &RegisterFile)> {
+        Some((self.gpio.get(port)?, Self::registers(&self.bus, self.slot(Field::Gpio(port)))))
+    }
+
+    /// The serial port called `instance`.
+    pub fn serial_port(&mut self, instance: &str) -> Option<&mut Usart> {
+        let nth = SERIAL_PORTS.iter().position(|(name, _)| *name == instance)?;
+        self.usart.get_mut(nth)
+    }
+
+    /// Converter 1, 2 or 3.
+    pub fn converter(&mut self, number: u8) -> Option<&mut Adc> {
+        self.adc.get_mut(usize::from(number).checked_sub(1)?)
+    }
+}
+
+impl Mcu for Chip {
+    fn bus(&self) -> &Bus {
+        &self.bus
+    }
+
+    fn bus_mut(&mut self) -> &mut Bus {
+        &mut self.bus
+    }
+
+    /// A reset of the whole chip, RM0090 6.1.1: what hangs on its pins stays, and so do the backup domain and the debug
+    /// unit's registers, but at power-on (6.1.2, 6.1.3, 38.16.3).
+    fn reset(&mut self, _at: VirtualNanos, cause: ResetCause) {
+        // The description built once, so it builds again.
+        let Ok(mut fresh) = Self::new(self.model) else { return };
+        let (hse_hz, lse_hz) = self.rcc.crystals();
+        fresh.rcc.attach_crystals(hse_hz, lse_hz);
+        fresh.rcc.calibrate_lsi(self.rcc.lsi_hz());
+        fresh.set_supply(self.pwr.supply());
+        for (fresh, old) in fresh.usart.iter_mut().zip(&mut self.usart) {
+            fresh.inherit(old);
+        }
+        for (fresh, old) in fresh.adc.iter_mut().zip(&self.adc) {
+            fresh.inherit(old);
+        }
+        fresh.sdio.inherit(&mut self.sdio);
+        let (optcr, optcr1) = self.flash.committed_options();
+        let flash = fresh.slot(Field::Flash);
+        fresh.flash.keep_options(optcr, optcr1, fresh.bus.slot_mut(flash).registers_mut());
+        if cause != ResetCause::PowerOn {
+            let rcc = self.slot(Field::Rcc);
+            let flags = Self::registers(&self.bus, rcc).get(generated::rcc::Register::Csr);
+            fresh.rcc.restarted(cause, flags, fresh.bus.slot_mut(rcc).registers_mut());
+            let pwr = self.slot(Field::Pwr);
+            let regulator = Self::registers(&self.bus, pwr).get(generated::pwr::Register::Csr);
+            fresh.pwr.keep_backup_regulator(regulator, fresh.bus.slot_mut(pwr).registers_mut());
+            keep(&self.bus, &mut fresh.bus, rcc, [generated::rcc::Register::Bdcr]);
+            keep(&self.bus, &mut fresh.bus, self.slot(Field::Rtc), generated::rtc::Register::ALL);
+            use generated::dbg::Register::{DbgmcuApb1Fz, DbgmcuApb2Fz, DbgmcuCr};
+            keep(&self.bus, &mut fresh.bus, self.slot(Field::Dbg), [DbgmcuCr, DbgmcuApb1Fz, DbgmcuApb2Fz]);
+        }
+        if fresh.bus.keep_added(&self.bus).is_err() {
+            return;
+        }
+        // What the world drives on the pins stays: the ports' models keep it through a reset of their own.
+        std::mem::swap(&mut fresh.gpio, &mut self.gpio);
+        for gpio in &mut fresh.gpio {
+            rigless::device::Device::reset(gpio);
+        }
+        *self = fresh;
+    }
+
+    fn poll(&mut self, now: VirtualNanos) {
+        for slot in 0..self.wiring.len() {
+            let Field::Usart(nth) = self.wiring[slot] else { continue };
+            let (registers, mut context) = self.bus.drive(now, slot);
+            rigless::device::Device::poll(&mut self.usart[nth], registers, &mut context);
+        }
+    }
+
+    fn split(&mut self, slot: usize) -> (&mut Bus, Option<&mut dyn ErasedDevice>) {
+        let field = self.wiring.get(slot).copied().unwrap_or(Field::None);
+        let model: Option<&mut dyn ErasedDevice> = match field {
+            Field::None => None,
+            Field::Rcc => Some(&mut self.rcc),
+            Field::Pwr => Some(&mut self.pwr),
+            Field::Flash => Some(&mut self.flash),
+            Field::Gpio(nth) => Some(&mut self.gpio[nth]),
+            Field::Usart(nth) => Some(&mut self.usart[nth]),
+            Field::Adc(nth) => Some(&mut self.adc[nth]),
+            Field::AdcCommon => Some(&mut self.adc_common),
+            Field::General(nth) => Some(&mut self.general[nth]),
+            Field::Advanced(nth) => Some(&mut self.advanced[nth]),
+            Field::Basic(nth) => Some(&mut self.basic[nth]),
+            Field::TwoChannels(nth) => Some(&mut self.two_channels[nth]),
+            Field::OneChannel(nth) => Some(&mut self.one_channel[nth]),
+            Field::Dma(nth) => Some(&mut self.dma[nth]),
+            Field::Exti => Some(&mut self.exti),
+            Field::Syscfg => Some(&mut self.syscfg),
+            Field::Otg => Some(&mut self.otg),
+            Field::Sdio => Some(&mut self.sdio),
+            Field::Rtc => Some(&mut self.rtc),
+            Field::Dbg => Some(&mut self.dbg),
+            Field::Iwdg => Some(&mut self.iwdg),
+            Field::Dwt => Some(&mut self.dwt),
+        };
+        (&mut self.bus, model)
+    }
+}
+
+/// Copies registers that a reset does not reach.
+fn keep<L: Layout>(from: &Bus, to: &mut Bus, slot: usize, registers: impl IntoIterator<Item = L>) {
+    for register in registers {
+        let value = Chip::registers(from, slot).get(register);
+        to.slot_mut(slot).registers_mut().set(register, value);
+    }
+}

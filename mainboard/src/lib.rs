@@ -9,3 +9,4 @@ pub mod host;
 pub mod parts;
 pub mod pins;
 pub mod wiring;
+pub mod machine;
