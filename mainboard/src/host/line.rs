@@ -186,7 +186,7 @@ impl Line {
 impl Drop for Line {
     fn drop(&mut self) {
         if let Door::Pty { link, name, .. } = &self.door
-            && std::fs::read_link(&*link).is_ok_and(|target| target == *name)
+            && std::fs::read_link(link).is_ok_and(|target| target == *name)
         {
             // Nothing can be done about a link that stays: the next line replaces it.
             let _ = std::fs::remove_file(link);
