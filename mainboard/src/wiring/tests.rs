@@ -229,6 +229,7 @@ fn an_image_fits_its_board_and_no_other() {
 
     let refusals = [
         (elf(0x0800_8000, 0x2000_6000, 0x0800_8009, 64, 0), "boot_offset", "0x8020200"),
+        (elf(start + 0x200, 0x2000_6000, start + 0x209, 64, 0), "boot_offset", "0x8020400"),
         (elf(start, 0x2000_6000, start + 9, whole + 4, 0), "flash_kib", "0x8100000"),
         (elf(start, 0x2002_0004, start + 9, 64, 0), "ram_kib", "stack pointer"),
         (elf(start, 0x2000_0000, start + 9, 64, 0), "ram_kib", "stack pointer"),

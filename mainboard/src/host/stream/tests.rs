@@ -177,8 +177,10 @@ proptest! {
                 }
                 printer.take(String::from_utf8(bytes).unwrap().trim_end());
             }
-            let replies = std::mem::take(&mut printer.replies);
-            stream.received(now_ns, &replies);
+            // Answers come one by one: a resend may be followed by others of the same line.
+            let length = printer.replies.iter().position(|byte| *byte == b'\n').map_or(0, |end| end + 1);
+            let reply: Vec<u8> = printer.replies.drain(..length).collect();
+            stream.received(now_ns, &reply);
             if stream.finished() {
                 break;
             }
