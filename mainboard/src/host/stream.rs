@@ -1,0 +1,375 @@
+//! A host that prints a file by the `ok` protocol, line by line.
+//!
+//! What it follows is what hosts and printers agree on: RepRap's "G-code" page (replies, N and *), and the behaviour of
+//! OctoPrint and Pronterface towards Marlin.
+//!
+//! | Covered | |
+//! |---|---|
+//! | `ok`, also with more behind it | the oldest line on its way is acknowledged |
+//! | line numbers, checksums | `N1 G28*18`; numbers begin with `N0 M110 N0` |
+//! | `Resend: N`, `rs N` | sending goes back to line N, once the `ok` after it has come (see [`Options::window`]) |
+//! | `busy:` | it is a sign of life ([`Stream::silent_ns`]) |
+//! | `wait` | while lines are on their way, one of them or its `ok` is lost: a problem |
+//! | `start` | after the first line was sent, the printer was reset: a problem, and sending ends |
+//! | `Error:`, `!!` | collected; a resend's own error as well |
+//!
+//! Left out: sending on after a reset, resends of unnumbered lines, prompts (`//action:`), and more than one line from
+//! `ADVANCED_OK`'s counters.
+
+use std::collections::VecDeque;
+
+use serde::{Deserialize, Serialize};
+
+/// How to send.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Options {
+    /// Whether lines carry numbers and checksums.
+    pub numbered: bool,
+    /// How many lines may be on their way at once; at least 1. With more than 1 a resend waits until the printer has said
+    /// nothing for `settle_ns`, for each line that was already on its way asks for the same resend.
+    pub window: usize,
+    /// Whether to send nothing before the printer has said `start`.
+    pub wait_for_start: bool,
+    /// The silence that ends a resend, ns.
+    pub settle_ns: u64,
+}
+
+impl Default for Options {
+    /// Unnumbered, one line at a time, from the first moment on; 100 ms.
+    fn default() -> Self {
+        Self { numbered: false, window: 1, wait_for_start: false, settle_ns: 100_000_000 }
+    }
+}
+
+/// A line from the printer.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Heard {
+    /// When its last byte came, ns.
+    pub at_ns: u64,
+    /// Its text, without the line's end.
+    pub text: String,
+    /// What it means to a host.
+    pub answer: Answer,
+}
+
+/// What a line of the printer means to a host.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Answer {
+    /// A line is done.
+    Ok,
+    /// Send again from this number on.
+    Resend(u64),
+    /// It is still at work.
+    Busy,
+    /// It has nothing to do.
+    Wait,
+    /// It has started.
+    Start,
+    /// An error.
+    Error,
+    /// Anything else.
+    Text,
+}
+
+/// What went wrong between host and printer.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Problem {
+    /// When, ns.
+    pub at_ns: u64,
+    /// What.
+    pub text: String,
+}
+
+/// A line on its way.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+enum Sent {
+    /// One of the file, by its index.
+    Line(usize),
+    /// One that was sent out of turn.
+    Urgent,
+}
+
+/// A resend that has not begun yet.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+struct Hold {
+    /// The printer last said something then, ns.
+    heard_ns: u64,
+    /// Its `ok` has come.
+    acknowledged: bool,
+}
+
+/// A host that prints a file.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Stream {
+    options: Options,
+    lines: Vec<String>,
+    next: usize,
+    acknowledged: usize,
+    on_the_way: VecDeque<Sent>,
+    urgent: VecDeque<String>,
+    hold: Option<Hold>,
+    started: bool,
+    begun: bool,
+    reset: bool,
+    partial: Vec<u8>,
+    heard: Vec<Heard>,
+    problems: Vec<Problem>,
+    resends: u64,
+    last_sign_ns: u64,
+}
+
+impl Stream {
+    /// A host for these lines. Comments and what is then empty are not sent: a printer acknowledges no empty line. With
+    /// numbers, `M110 N0` goes first.
+    #[must_use]
+    pub fn new<T: AsRef<str>>(lines: impl IntoIterator<Item = T>, options: Options) -> Self {
+        let mut stream = Self {
+            options: Options { window: options.window.max(1), ..options },
+            lines: Vec::new(),
+            next: 0,
+            acknowledged: 0,
+            on_the_way: VecDeque::new(),
+            urgent: VecDeque::new(),
+            hold: None,
+            started: false,
+            begun: false,
+            reset: false,
+            partial: Vec::new(),
+            heard: Vec::new(),
+            problems: Vec::new(),
+            resends: 0,
+            last_sign_ns: 0,
+        };
+        if options.numbered {
+            stream.push("M110 N0");
+        }
+        for line in lines {
+            stream.push(line.as_ref());
+        }
+        stream
+    }
+
+    /// Adds a line at the end. A comment is dropped, and so is an empty line.
+    pub fn push(&mut self, line: &str) {
+        if let Some(line) = without_comment(line) {
+            self.lines.push(line);
+        }
+    }
+
+    /// Sends a line next, without a number, whether or not others are on their way: M108, M112, M410. It is to be
+    /// acknowledged as any other.
+    pub fn push_urgent(&mut self, line: &str) {
+        self.urgent.extend(without_comment(line));
+    }
+
+    /// Takes what the printer sent, in pieces of any size; `at_ns` is when it came.
+    pub fn received(&mut self, at_ns: u64, bytes: &[u8]) {
+        for byte in bytes {
+            match byte {
+                b'\n' | b'\r' if self.partial.is_empty() => {}
+                b'\n' | b'\r' => {
+                    let text = String::from_utf8_lossy(&self.partial).into_owned();
+                    self.partial.clear();
+                    self.line(at_ns, text);
+                }
+                byte => self.partial.push(*byte),
+            }
+        }
+    }
+
+    fn line(&mut self, at_ns: u64, text: String) {
+        let answer = understand(&text);
+        self.last_sign_ns = at_ns;
+        if let Some(hold) = &mut self.hold {
+            hold.heard_ns = at_ns;
+        }
+        match answer {
+            Answer::Ok => self.ok(at_ns),
+            Answer::Resend(number) => self.resend(at_ns, number),
+            Answer::Start => {
+                self.started = true;
+                if self.begun {
+                    self.reset = true;
+                    let lines = self.on_the_way.len();
+                    self.problem(
+                        at_ns,
+                        format!("the printer was reset: it said \"start\" with {lines} lines on their way"),
+                    );
+                }
+            }
+            Answer::Wait if !self.on_the_way.is_empty() && self.hold.is_none() => {
+                let lines = self.on_the_way.len();
+                self.problem(at_ns, format!("the printer waits, and {lines} lines are unacknowledged"));
+            }
+            Answer::Wait | Answer::Busy | Answer::Error | Answer::Text => {}
+        }
+        self.heard.push(Heard { at_ns, text, answer });
+    }
+
+    fn ok(&mut self, at_ns: u64) {
+        if let Some(hold) = &mut self.hold {
+            hold.acknowledged = true;
+            return;
+        }
+        match self.on_the_way.pop_front() {
+            Some(Sent::Line(index)) => self.acknowledged = index + 1,
+            Some(Sent::Urgent) => {}
+            None => self.problem(at_ns, "the printer acknowledged a line that nobody sent".to_owned()),
+        }
+    }
+
+    fn resend(&mut self, at_ns: u64, number: u64) {
+        self.resends += 1;
+        if !self.options.numbered {
+            self.problem(at_ns, format!("the printer wants line {number} again, and lines have no numbers"));
+            return;
+        }
+        match usize::try_from(number) {
+            // The line after the last one sent may be asked for: what arrived and was refused was a duplicate.
+            Ok(index) if index <= self.next && index >= self.acknowledged => {
+                self.next = index;
+                self.acknowledged = index;
+                self.on_the_way.clear();
+                self.hold = Some(Hold { heard_ns: at_ns, acknowledged: false });
+            }
+            _ => {
+                let (from, to) = (self.acknowledged, self.next);
+                self.problem(at_ns, format!("the printer wants line {number} again, expected one of {from} to {to}"));
+            }
+        }
+    }
+
+    fn problem(&mut self, at_ns: u64, text: String) {
+        self.problems.push(Problem { at_ns, text });
+    }
+
+    /// The next line to send now, with its end, or `None` while there is nothing to send; call it until then.
+    pub fn to_send(&mut self, now_ns: u64) -> Option<Vec<u8>> {
+        if self.reset || (self.options.wait_for_start && !self.started) {
+            return None;
+        }
+        if let Some(line) = self.urgent.pop_front() {
+            self.on_the_way.push_back(Sent::Urgent);
+            return Some(self.sent(now_ns, line));
+        }
+        if let Some(hold) = self.hold {
+            let silent = now_ns.saturating_sub(hold.heard_ns) >= self.options.settle_ns;
+            if !(silent || (self.options.window == 1 && hold.acknowledged)) {
+                return None;
+            }
+            self.hold = None;
+        }
+        if self.on_the_way.len() >= self.options.window {
+            return None;
+        }
+        let text = self.lines.get(self.next)?;
+        let line = if self.options.numbered { numbered(self.next, text) } else { text.clone() };
+        self.on_the_way.push_back(Sent::Line(self.next));
+        self.next += 1;
+        Some(self.sent(now_ns, line))
+    }
+
+    fn sent(&mut self, now_ns: u64, mut line: String) -> Vec<u8> {
+        if self.on_the_way.len() == 1 {
+            // Silence counts from when the printer has something to answer.
+            self.last_sign_ns = self.last_sign_ns.max(now_ns);
+        }
+        self.begun = true;
+        line.push('\n');
+        line.into_bytes()
+    }
+
+    /// Whether all lines are sent and acknowledged.
+    #[must_use]
+    pub fn finished(&self) -> bool {
+        self.acknowledged == self.lines.len()
+            && self.on_the_way.is_empty()
+            && self.urgent.is_empty()
+            && self.hold.is_none()
+    }
+
+    /// For how long the printer has given no sign of life although lines are on their way, ns; 0 if none is.
+    #[must_use]
+    pub fn silent_ns(&self, now_ns: u64) -> u64 {
+        if self.on_the_way.is_empty() { 0 } else { now_ns.saturating_sub(self.last_sign_ns) }
+    }
+
+    /// Lines of the file that are acknowledged.
+    #[must_use]
+    pub fn acknowledged(&self) -> usize {
+        self.acknowledged
+    }
+
+    /// Lines of the file, `M110` included.
+    #[must_use]
+    pub fn lines(&self) -> usize {
+        self.lines.len()
+    }
+
+    /// How often the printer asked for a line again.
+    #[must_use]
+    pub fn resends(&self) -> u64 {
+        self.resends
+    }
+
+    /// Whether the printer was reset after the first line was sent.
+    #[must_use]
+    pub fn was_reset(&self) -> bool {
+        self.reset
+    }
+
+    /// All lines that the printer sent.
+    #[must_use]
+    pub fn heard(&self) -> &[Heard] {
+        &self.heard
+    }
+
+    /// The errors among them.
+    pub fn errors(&self) -> impl Iterator<Item = &Heard> {
+        self.heard.iter().filter(|heard| heard.answer == Answer::Error)
+    }
+
+    /// What went wrong between host and printer.
+    #[must_use]
+    pub fn problems(&self) -> &[Problem] {
+        &self.problems
+    }
+}
+
+/// A line without its comment and blanks; `None` if nothing is left.
+fn without_comment(line: &str) -> Option<String> {
+    let line = line.split(';').next().unwrap_or_default().trim();
+    (!line.is_empty()).then(|| line.to_owned())
+}
+
+/// A line with number and checksum: the exclusive or of all bytes before the `*`.
+fn numbered(number: usize, text: &str) -> String {
+    let line = format!("N{number} {text}");
+    let checksum = line.bytes().fold(0, |checksum, byte| checksum ^ byte);
+    format!("{line}*{checksum}")
+}
+
+fn understand(text: &str) -> Answer {
+    let text = text.trim();
+    let number = |rest: &str| rest.trim_start_matches([':', ' ', 'N']).split_whitespace().next()?.parse().ok();
+    if text == "ok" || text.starts_with("ok ") {
+        return Answer::Ok;
+    }
+    if let Some(rest) = text.strip_prefix("Resend").or_else(|| text.strip_prefix("rs "))
+        && let Some(number) = number(rest)
+    {
+        return Answer::Resend(number);
+    }
+    if text.strip_prefix("echo:").unwrap_or(text).starts_with("busy:") {
+        return Answer::Busy;
+    }
+    match text {
+        "wait" => Answer::Wait,
+        "start" => Answer::Start,
+        _ if text.starts_with("Error:") || text.starts_with("!!") => Answer::Error,
+        _ => Answer::Text,
+    }
+}
+
+#[cfg(test)]
+mod tests;
