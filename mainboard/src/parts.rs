@@ -15,5 +15,6 @@
 //! | [`supply`] | rails: sag, cut, return |
 //! | [`random`] | the seeded generator behind all noise |
 
+pub mod motion;
 pub mod random;
 pub mod tmc2209;

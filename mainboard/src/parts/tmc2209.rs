@@ -288,7 +288,7 @@ impl Tmc2209 {
 
     fn take_step(&mut self, now_ns: u64) {
         let before = self.mscnt;
-        self.mscnt = (i32::from(before) + self.delta & 1023) as u16;
+        self.mscnt = ((i32::from(before) + self.delta) & 1023) as u16;
         let elapsed_ns = now_ns.saturating_sub(self.last_step_ns);
         self.tstep = if !self.stepped || elapsed_ns >= self.standstill_after_ns {
             TSTEP_MAX
