@@ -18,3 +18,4 @@
 pub mod motion;
 pub mod random;
 pub mod tmc2209;
+pub mod wire;
