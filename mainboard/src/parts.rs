@@ -15,7 +15,10 @@
 //! | [`supply`] | rails: sag, cut, return |
 //! | [`random`] | the seeded generator behind all noise |
 
+pub mod fan;
+pub mod heat;
 pub mod motion;
 pub mod random;
+pub mod supply;
 pub mod tmc2209;
 pub mod wire;

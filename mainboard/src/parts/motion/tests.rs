@@ -197,8 +197,8 @@ proptest! {
         let fields = [0, 1].map(|motor| motion.field_256(motor) - start[motor]);
         prop_assert_eq!(fields, sums);
         let moved = if core { [sums[0] + sums[1], sums[0] - sums[1]] } else { sums.map(|sum| 2 * sum) };
-        for axis in 0..2 {
-            prop_assert_eq!(motion.position_mm(axis), 50.0 + moved[axis] as f64 / 2560.0);
+        for (axis, moved) in moved.into_iter().enumerate() {
+            prop_assert_eq!(motion.position_mm(axis), 50.0 + moved as f64 / 2560.0);
         }
     }
 
