@@ -22,3 +22,6 @@ pub mod random;
 pub mod supply;
 pub mod tmc2209;
 pub mod wire;
+
+#[cfg(test)]
+mod tests;

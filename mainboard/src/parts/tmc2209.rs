@@ -21,6 +21,8 @@
 //! - OTP_PROG: writes are counted and change nothing; the memory's contents come with [`Config`].
 //! - SG_RESULT is a straight line of load, of one full step; in the chip it also depends on speed, current and motor.
 //! - The input filter of STEP and DIR: pulses that are too short are counted as such, yet make their steps.
+//! - What SG_RESULT is between standstill and the first full step: the data sheet does not say. Here the old value stays
+//!   readable and raises no DIAG, as drivers in the field start from a stall without a false one.
 //! - TSTEP's hysteresis at thresholds. Clock drift: the chip's 12 MHz is exact.
 //! - Which level of DIR counts MSCNT up: the data sheet does not say; here low does. Wiring decides what moves where.
 //! - Loss of VCC_IO while the motor supply stays.
@@ -151,6 +153,8 @@ pub struct Tmc2209 {
     tstep: u32,
     load: f32,
     sg_result: u16,
+    /// Whether SG_RESULT was measured since the motor last stood still.
+    sg_measured: bool,
     celsius: f64,
     over_temperature: bool,
     faults_present: u32,
@@ -197,6 +201,7 @@ impl Tmc2209 {
             tstep: TSTEP_MAX,
             load: 0.0,
             sg_result: 0,
+            sg_measured: false,
             celsius: 25.0,
             over_temperature: false,
             faults_present: 0,
@@ -224,7 +229,7 @@ impl Tmc2209 {
         self.receiver.reset();
         self.transmits_until_ns = now_ns;
         (self.mscnt, self.sg_result, self.tstep) = (0, 0, TSTEP_MAX);
-        (self.last_step_ns, self.stepped) = (now_ns, false);
+        (self.last_step_ns, self.stepped, self.sg_measured) = (now_ns, false, false);
         (self.shorts_latched, self.over_temperature) = (0, false);
         self.settle(now_ns);
     }
@@ -291,6 +296,7 @@ impl Tmc2209 {
         self.mscnt = ((i32::from(before) + self.delta) & 1023) as u16;
         let elapsed_ns = now_ns.saturating_sub(self.last_step_ns);
         self.tstep = if !self.stepped || elapsed_ns >= self.standstill_after_ns {
+            self.sg_measured = false;
             TSTEP_MAX
         } else {
             let clocks = elapsed_ns * u64::from(self.config.clock_hz) / 1_000_000_000;
@@ -300,6 +306,7 @@ impl Tmc2209 {
         // A new value at each full step (11.1).
         if before >> 8 != self.mscnt >> 8 || self.delta.unsigned_abs() == 256 {
             self.sg_result = self.measured_load();
+            self.sg_measured = true;
         }
         self.diag = self.diag_at(now_ns);
     }
@@ -378,13 +385,13 @@ impl Tmc2209 {
 
     /// When DIAG next changes by time alone: a stall signal ends at standstill.
     pub fn next_event_ns(&self) -> Option<u64> {
-        (self.diag && self.tstep != TSTEP_MAX).then_some(self.last_step_ns + self.standstill_after_ns)
+        (self.diag && !self.driver_error()).then_some(self.last_step_ns + self.standstill_after_ns)
     }
 
     /// Lets what depends on time alone happen up to now.
     pub fn advance(&mut self, now_ns: u64) {
-        if self.stands_still(now_ns) && self.tstep != TSTEP_MAX {
-            self.tstep = TSTEP_MAX;
+        if self.sg_measured && self.stands_still(now_ns) {
+            self.sg_measured = false;
             self.diag = self.diag_at(now_ns);
         }
     }
@@ -409,7 +416,7 @@ impl Tmc2209 {
         if self.over_temperature || self.shorts_latched != 0 {
             self.registers.gstat |= gstat::DRV_ERR;
         }
-        self.energized = asked && !self.over_temperature && self.shorts_latched == 0 && !self.charge_pump_low;
+        self.energized = asked && !self.driver_error();
         self.delta = self.microsteps();
         self.diag = self.diag_at(now_ns);
     }
@@ -438,16 +445,24 @@ impl Tmc2209 {
         self.registers.spread_cycle() == self.config.spread && tstep >= self.registers.tpwmthrs
     }
 
+    /// What switches the outputs off and raises DIAG. GSTAT.drv_err stays until it is cleared, DIAG only while the reason
+    /// lasts: EN high ends that of a short (2.2, pin DIAG).
+    fn driver_error(&self) -> bool {
+        self.over_temperature || self.shorts_latched != 0 || self.charge_pump_low
+    }
+
     fn diag_at(&self, now_ns: u64) -> bool {
         if !self.supplied {
             return false;
         }
-        if self.registers.gstat & gstat::DRV_ERR != 0 || self.charge_pump_low {
+        if self.driver_error() {
             return true;
         }
         let tstep = self.tstep_at(now_ns);
         // TCOOLTHRS >= TSTEP > TPWMTHRS (5.3): a stall of a motor that is on.
         self.energized
+            && self.sg_measured
+            && !self.stands_still(now_ns)
             && u32::from(self.sg_result) <= 2 * self.registers.sgthrs
             && self.registers.tcoolthrs >= tstep
             && tstep > self.registers.tpwmthrs

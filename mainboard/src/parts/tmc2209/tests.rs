@@ -289,6 +289,25 @@ fn a_stall_raises_diag_between_the_thresholds_of_speed() {
 }
 
 #[test]
+fn a_stall_of_before_raises_no_diag_at_the_next_start() {
+    let mut driver = driver();
+    write(&mut driver, address::SGTHRS, 100);
+    write(&mut driver, address::TCOOLTHRS, TSTEP_MAX);
+    driver.set_load(1.0);
+    let last_ns = run(&mut driver, 0, 20, 160_000);
+    assert_eq!(driver.diag(), Some(true));
+    driver.set_load(0.0);
+    let start_ns = last_ns + 100_000_000;
+    for step in 0..40 {
+        let step_ns = start_ns + step * 160_000;
+        driver.set_step_pin(step_ns, true);
+        driver.set_step_pin(step_ns + 80_000, false);
+        assert_eq!(driver.diag(), Some(false), "{step}");
+    }
+    assert_eq!(driver.read(start_ns, address::SG_RESULT), 300);
+}
+
+#[test]
 fn a_short_switches_off_until_enabled_afresh() {
     let mut driver = driver();
     driver.set_fault(0, Fault::ShortToGroundA, true);
@@ -298,6 +317,7 @@ fn a_short_switches_off_until_enabled_afresh() {
     write(&mut driver, address::GSTAT, 7);
     assert_eq!(driver.read(0, address::GSTAT) & gstat::DRV_ERR, gstat::DRV_ERR);
     driver.set_enable_pin(0, true);
+    assert_eq!((driver.diag(), driver.read(0, address::GSTAT) & gstat::DRV_ERR), (Some(false), gstat::DRV_ERR));
     write(&mut driver, address::GSTAT, 7);
     driver.set_enable_pin(0, false);
     assert!(driver.energized() && driver.diag() == Some(false));
@@ -311,7 +331,7 @@ fn heat_warns_and_then_switches_off_until_cool() {
     assert_eq!(driver.read(0, address::DRV_STATUS) & 0xF03, drv_status::OTPW | drv_status::T120);
     assert!(driver.energized());
     driver.set_temperature(0, 144.0);
-    assert!(!driver.energized());
+    assert!(!driver.energized() && driver.diag() == Some(true) && driver.next_event_ns().is_none());
     driver.set_temperature(0, 125.0);
     assert!(!driver.energized());
     driver.set_temperature(0, 119.0);
