@@ -1,0 +1,431 @@
+//! Motors, kinematics and axes: from steps to where the nozzle stands, and what that does to switches, probe and bed.
+//!
+//! Positions are exact: a motor's field is counted in 1/256 of a full step (`i64`), an axis in half of that, so that the mean
+//! of two CoreXY motors is exact as well.
+//!
+//! | what | test |
+//! |---|---|
+//! | Cartesian and CoreXY (A = X + Y, B = X - Y) | `cartesian_*`, `core_xy_*` |
+//! | hard ends: the carriage stays, the field runs ahead, the rotor slips by four full steps, the load is 1 | `a_motor_at_the_frame_*`, `a_stall_*` |
+//! | outputs off: steps move nothing; outputs on again: the rotor snaps to the nearest place of the field | `without_current_*`, `the_rotor_snaps_*` |
+//! | end stops: hysteresis, bounce, stuck, polarity ([`end_stop`]) | `end_stop::tests` |
+//! | probe over the sheet only, hysteresis, noise, dead, always on; nozzle pressed into the sheet ([`sheet`]) | `sheet::tests`, `the_probe_*`, `a_nozzle_*` |
+//!
+//! Left out, and why:
+//! - Mass, belts' stretch and torque: a motor follows its field wherever nothing blocks it, however fast. Steps lost by speed
+//!   are a question for a machine, not for its firmware's logic.
+//! - A carriage that is blocked lets its rotor swing between the frame and two full steps before it (slipping); it does not
+//!   bounce further. Pushing into the sheet does not stop Z: the depth is recorded instead.
+//! - A motor without current keeps its place: Z does not sink, and nobody pushes the carriage.
+//! - Several motors on one axis: wire them to one driver.
+
+pub mod end_stop;
+pub mod sheet;
+#[cfg(test)]
+mod tests;
+
+use end_stop::{EndStop, EndStopConfig};
+use sheet::{Probe, ProbeConfig, Sheet, SheetConfig};
+
+/// Microsteps of 1/256 in an electrical period: four full steps.
+const PERIOD: i64 = 1024;
+/// Half a period, in halves of 1/256: a field further ahead than that pulls the rotor the other way.
+const SLIP_HALVES: i64 = PERIOD;
+/// Halves of 1/256 in a full step.
+const FULL_STEP_HALVES: i64 = 512;
+
+/// How motors move axes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub enum Kinematics {
+    /// Motors 0, 1, 2 move X, Y, Z.
+    Cartesian,
+    /// Motor 0 is A = X + Y, motor 1 is B = X - Y, motor 2 moves Z. A and B have the same steps per mm: motor 0's.
+    CoreXy,
+}
+
+/// A motor and what it drives.
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct MotorConfig {
+    /// Full steps for a millimetre of its axis (or of filament).
+    pub full_steps_per_mm: f64,
+    /// Whether a field that counts up moves the axis down.
+    pub inverted: bool,
+}
+
+/// An axis between its ends.
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct AxisConfig {
+    /// Lower end of its travel in mm.
+    pub minimum_mm: f64,
+    /// Upper end of its travel in mm.
+    pub maximum_mm: f64,
+    /// How far beyond the lower end the frame stands, in mm.
+    pub frame_below_mm: f64,
+    /// How far beyond the upper end the frame stands, in mm.
+    pub frame_above_mm: f64,
+    /// Where it stands at first, in mm.
+    pub start_mm: f64,
+}
+
+/// All that moves. Motors from 3 on are extruders: they have no ends.
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Config {
+    /// How motors 0 and 1 move X and Y.
+    pub kinematics: Kinematics,
+    /// X, Y, Z.
+    pub axes: [AxisConfig; 3],
+    /// X or A, Y or B, Z, then extruders.
+    pub motors: Vec<MotorConfig>,
+    /// Switches along axes.
+    pub end_stops: Vec<EndStopConfig>,
+    /// The bed's sheet.
+    pub sheet: SheetConfig,
+    /// The probe beside the nozzle.
+    pub probe: Option<ProbeConfig>,
+}
+
+/// What a call changed, so that the run looks only where it must.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Effect {
+    /// Motors' loads: give them to their drivers.
+    pub loads: bool,
+    /// Levels of end stops or of the probe.
+    pub lines: bool,
+}
+
+impl std::ops::BitOrAssign for Effect {
+    fn bitor_assign(&mut self, other: Self) {
+        self.loads |= other.loads;
+        self.lines |= other.lines;
+    }
+}
+
+/// What became of a motor's steps.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub struct MotorRecord {
+    /// Steps that came while its driver gave no current.
+    pub unpowered_steps: u64,
+    /// Electrical periods (four full steps) that the rotor slipped, in either direction.
+    pub slipped_periods: u64,
+    /// The slips' sum in 1/256 of a full step, positive where the field was ahead upwards: what the firmware is off by.
+    pub lost_256: i64,
+    /// The sum of jumps when the current came back, in 1/256.
+    pub snapped_256: i64,
+}
+
+#[derive(Debug, Clone, serde::Serialize, serde::Deserialize)]
+struct Motor {
+    sign: i64,
+    field_256: i64,
+    /// Field less the driver's microstep counter, modulo a period.
+    phase_256: i64,
+    energized: bool,
+    record: MotorRecord,
+}
+
+#[derive(Debug, Clone, serde::Serialize, serde::Deserialize)]
+struct Axis {
+    halves_per_mm: f64,
+    low_frame: i64,
+    high_frame: i64,
+    position: i64,
+    /// How far the field is ahead of the carriage.
+    lead: i64,
+    /// While it leans on the frame: 1 above, -1 below; 0 when free.
+    leaning: i64,
+    /// The furthest field towards the frame since then.
+    furthest: i64,
+}
+
+impl Axis {
+    /// Moves to the field's position as far as the frame allows; whether the leaning changed.
+    fn follow(&mut self, field: i64) -> bool {
+        self.position = field.clamp(self.low_frame, self.high_frame);
+        self.lead = field - self.position;
+        let before = self.leaning;
+        if self.lead != 0 {
+            self.leaning = self.lead.signum();
+            self.furthest =
+                if before == self.leaning { self.furthest.max(field * before) } else { field * self.leaning };
+        } else if before != 0 {
+            // Free again a full step on the way back.
+            let outward = field * before;
+            self.furthest = self.furthest.max(outward);
+            if outward < self.furthest - FULL_STEP_HALVES {
+                self.leaning = 0;
+            }
+        }
+        self.leaning != before
+    }
+}
+
+/// Motors, axes and what they reach.
+#[derive(Debug, Clone, serde::Serialize, serde::Deserialize)]
+pub struct Motion {
+    kinematics: Kinematics,
+    motors: Vec<Motor>,
+    axes: [Axis; 3],
+    end_stops: Vec<EndStop>,
+    sheet: Sheet,
+    probe: Option<Probe>,
+    full_steps_per_mm: Vec<f64>,
+}
+
+impl Motion {
+    /// The machine at its start, motors without current.
+    ///
+    /// # Errors
+    /// If X, Y or Z has no motor, steps per mm are not positive, an axis's ends are swapped or it starts beyond the frame,
+    /// or an end stop sits on an axis that is not there.
+    pub fn new(config: Config) -> Result<Self, String> {
+        if config.motors.len() < 3 {
+            return Err(format!("motors: {} given, at least 3 expected: X or A, Y or B, Z", config.motors.len()));
+        }
+        for (index, motor) in config.motors.iter().enumerate() {
+            if !(motor.full_steps_per_mm > 0.0 && motor.full_steps_per_mm.is_finite()) {
+                return Err(format!("motors[{index}].full_steps_per_mm: {} is not above 0", motor.full_steps_per_mm));
+            }
+        }
+        for (index, axis) in config.axes.iter().enumerate() {
+            let frame = axis.minimum_mm - axis.frame_below_mm..=axis.maximum_mm + axis.frame_above_mm;
+            if !(axis.minimum_mm < axis.maximum_mm && frame.contains(&axis.start_mm)) {
+                return Err(format!(
+                    "axes[{index}]: its minimum must be below its maximum, its start within the frame"
+                ));
+            }
+        }
+        if let Some(index) = config.end_stops.iter().position(|stop| stop.axis > 2) {
+            return Err(format!("end_stops[{index}].axis: {} expected 0 to 2", config.end_stops[index].axis));
+        }
+        let per_mm = |axis: usize| match (config.kinematics, axis) {
+            (Kinematics::CoreXy, 1) => config.motors[0].full_steps_per_mm,
+            _ => config.motors[axis].full_steps_per_mm,
+        };
+        let axes = [0, 1, 2].map(|index| {
+            let halves_per_mm = per_mm(index) * FULL_STEP_HALVES as f64;
+            let axis = &config.axes[index];
+            Axis {
+                halves_per_mm,
+                low_frame: ((axis.minimum_mm - axis.frame_below_mm) * halves_per_mm).round() as i64,
+                high_frame: ((axis.maximum_mm + axis.frame_above_mm) * halves_per_mm).round() as i64,
+                // A whole number of 1/256 for each motor, also for the sum and difference of two.
+                position: (axis.start_mm * halves_per_mm / 2.0).round() as i64 * 2,
+                lead: 0,
+                leaning: 0,
+                furthest: 0,
+            }
+        });
+        let (x, y) = (axes[0].position / 2, axes[1].position / 2);
+        let fields = match config.kinematics {
+            Kinematics::Cartesian => [x, y, axes[2].position / 2],
+            Kinematics::CoreXy => [x + y, x - y, axes[2].position / 2],
+        };
+        let motors = config.motors.iter().enumerate().map(|(index, motor)| {
+            let field_256 = fields.get(index).copied().unwrap_or(0);
+            let sign = if motor.inverted { -1 } else { 1 };
+            Motor { sign, field_256, phase_256: field_256, energized: false, record: MotorRecord::default() }
+        });
+        let scale = [0, 1, 2].map(|axis: usize| axes[axis].halves_per_mm);
+        let end_stops = config.end_stops.iter().map(|stop| EndStop::new(stop, scale[stop.axis]));
+        let mut motion = Self {
+            kinematics: config.kinematics,
+            motors: motors.collect(),
+            end_stops: end_stops.collect(),
+            sheet: Sheet::new(config.sheet),
+            probe: config.probe.map(Probe::new),
+            full_steps_per_mm: config.motors.iter().map(|motor| motor.full_steps_per_mm).collect(),
+            axes,
+        };
+        for axis in 0..3 {
+            motion.look(0, axis);
+        }
+        // At the start nothing bounces.
+        for stop in &mut motion.end_stops {
+            stop.come_to_rest();
+        }
+        Ok(motion)
+    }
+
+    /// A step at a driver's outputs: `delta_256` as the driver counts it. A motor that is not there moves nothing.
+    pub fn step(&mut self, now_ns: u64, motor: usize, delta_256: i32) -> Effect {
+        let Some(moved) = self.motors.get_mut(motor) else { return Effect::default() };
+        if !moved.energized {
+            moved.record.unpowered_steps += 1;
+            return Effect::default();
+        }
+        moved.field_256 += moved.sign * i64::from(delta_256);
+        self.follow(now_ns, motor)
+    }
+
+    /// The driver's outputs are on or off; `mscnt` is where its field stands. Repeated calls change nothing.
+    ///
+    /// Off, the rotor rests where it is. On, it snaps to the nearest place that the field allows: within two full steps.
+    pub fn set_energized(&mut self, now_ns: u64, motor: usize, on: bool, mscnt: u16) -> Effect {
+        let lead_256 = self.lead_256(motor);
+        let Some(changed) = self.motors.get_mut(motor) else { return Effect::default() };
+        if changed.energized == on {
+            return Effect::default();
+        }
+        changed.energized = on;
+        if on {
+            let ahead = (changed.sign * i64::from(mscnt) + changed.phase_256 - changed.field_256).rem_euclid(PERIOD);
+            let jump = if ahead > PERIOD / 2 { ahead - PERIOD } else { ahead };
+            changed.field_256 += jump;
+            changed.record.snapped_256 += jump;
+        } else {
+            changed.field_256 -= lead_256;
+        }
+        self.follow(now_ns, motor)
+    }
+
+    /// How far a motor's field is ahead of its rotor, in 1/256.
+    fn lead_256(&self, motor: usize) -> i64 {
+        let (x, y) = (self.axes[0].lead, self.axes[1].lead);
+        match (self.kinematics, motor) {
+            (Kinematics::CoreXy, 0) => (x + y) / 2,
+            (Kinematics::CoreXy, 1) => (x - y) / 2,
+            (_, 0..=2) => self.axes[motor].lead / 2,
+            _ => 0,
+        }
+    }
+
+    /// Lets the carriage follow the fields after one of them moved.
+    fn follow(&mut self, now_ns: u64, motor: usize) -> Effect {
+        let mut effect = Effect::default();
+        match (self.kinematics, motor) {
+            (Kinematics::CoreXy, 0 | 1) => {
+                let (a, b) = (self.motors[0].field_256, self.motors[1].field_256);
+                effect.loads |= self.axes[0].follow(a + b) | self.axes[1].follow(a - b);
+                let (x, y) = (self.axes[0].lead, self.axes[1].lead);
+                if x | y != 0 {
+                    // Both leads are judged before either slips: a push along X slips A and B together.
+                    let slipped = [self.slip(0, x + y), self.slip(1, x - y)];
+                    if slipped != [false; 2] {
+                        let (a, b) = (self.motors[0].field_256, self.motors[1].field_256);
+                        self.axes[0].furthest = i64::MIN / 2;
+                        self.axes[1].furthest = i64::MIN / 2;
+                        effect.loads |= self.axes[0].follow(a + b) | self.axes[1].follow(a - b);
+                    }
+                }
+                effect.lines = self.look(now_ns, 0) | self.look(now_ns, 1);
+            }
+            (_, 0..=2) => {
+                effect.loads = self.axes[motor].follow(2 * self.motors[motor].field_256);
+                let lead = self.axes[motor].lead;
+                if lead != 0 && self.slip(motor, lead) {
+                    self.axes[motor].furthest = i64::MIN / 2;
+                    effect.loads |= self.axes[motor].follow(2 * self.motors[motor].field_256);
+                }
+                effect.lines = self.look(now_ns, motor);
+            }
+            _ => {}
+        }
+        effect
+    }
+
+    /// Slips a rotor whose field is more than half a period ahead; whether it did.
+    fn slip(&mut self, motor: usize, lead_halves: i64) -> bool {
+        if lead_halves.abs() <= SLIP_HALVES {
+            return false;
+        }
+        let lost = PERIOD * lead_halves.signum();
+        let motor = &mut self.motors[motor];
+        motor.field_256 -= lost;
+        motor.record.slipped_periods += 1;
+        motor.record.lost_256 += lost;
+        true
+    }
+
+    /// Shows an axis's new position to what stands along it; whether a level changed.
+    fn look(&mut self, now_ns: u64, axis: usize) -> bool {
+        let position = self.axes[axis].position;
+        let mut changed = false;
+        for stop in &mut self.end_stops {
+            if stop.axis() == axis {
+                changed |= stop.update(now_ns, position);
+            }
+        }
+        let z_mm = self.position_mm(2);
+        if self.sheet.may_touch(z_mm) || self.probe.as_ref().is_some_and(|probe| probe.may_change(&self.sheet, z_mm)) {
+            let (x_mm, y_mm) = (self.position_mm(0), self.position_mm(1));
+            self.sheet.press(now_ns, x_mm, y_mm, z_mm);
+            if let Some(probe) = &mut self.probe {
+                changed |= probe.update(&self.sheet, x_mm, y_mm, z_mm);
+            }
+        }
+        changed
+    }
+
+    /// Lets bouncing switches bounce up to now; whether a level changed.
+    pub fn advance(&mut self, now_ns: u64) -> bool {
+        self.end_stops.iter_mut().fold(false, |changed, stop| stop.advance(now_ns) | changed)
+    }
+
+    /// When a switch bounces next.
+    pub fn next_event_ns(&self) -> Option<u64> {
+        self.end_stops.iter().filter_map(EndStop::next_event_ns).min()
+    }
+
+    /// Where an axis stands, in mm (0 for X, 1 for Y, 2 for Z).
+    pub fn position_mm(&self, axis: usize) -> f64 {
+        self.axes.get(axis).map_or(0.0, |axis| axis.position as f64 / axis.halves_per_mm)
+    }
+
+    /// Where a motor's field stands, in 1/256 of a full step: exact, with its sign as the axis counts.
+    pub fn field_256(&self, motor: usize) -> i64 {
+        self.motors.get(motor).map_or(0, |motor| motor.field_256)
+    }
+
+    /// How much filament an extruder has fed, or where a motor's field stands, in mm.
+    pub fn motor_mm(&self, motor: usize) -> f64 {
+        self.full_steps_per_mm.get(motor).map_or(0.0, |per_mm| self.field_256(motor) as f64 / (per_mm * 256.0))
+    }
+
+    /// What became of a motor's steps.
+    pub fn record(&self, motor: usize) -> MotorRecord {
+        self.motors.get(motor).map_or_else(MotorRecord::default, |motor| motor.record)
+    }
+
+    /// A motor's load for its driver: 1 while it pushes against the frame, otherwise 0. With CoreXY both motors push.
+    pub fn load(&self, motor: usize) -> f32 {
+        let leaning = match (self.kinematics, motor) {
+            (Kinematics::CoreXy, 0 | 1) => self.axes[0].leaning | self.axes[1].leaning,
+            (_, 0..=2) => self.axes[motor].leaning,
+            _ => 0,
+        };
+        if leaning == 0 { 0.0 } else { 1.0 }
+    }
+
+    /// An end stop, by its place in the configuration.
+    pub fn end_stop(&self, index: usize) -> Option<&EndStop> {
+        self.end_stops.get(index)
+    }
+
+    /// An end stop to break or mend.
+    pub fn end_stop_mut(&mut self, index: usize) -> Option<&mut EndStop> {
+        self.end_stops.get_mut(index)
+    }
+
+    /// The probe.
+    pub fn probe(&self) -> Option<&Probe> {
+        self.probe.as_ref()
+    }
+
+    /// The probe, to break or mend it.
+    pub fn probe_mut(&mut self) -> Option<&mut Probe> {
+        self.probe.as_mut()
+    }
+
+    /// The sheet, which knows how deep the nozzle was pressed into it.
+    pub fn sheet(&self) -> &Sheet {
+        &self.sheet
+    }
+
+    /// Puts something in an axis's path: it now ends at these places in mm, or where it stands if that is beyond them.
+    pub fn set_frame(&mut self, axis: usize, low_mm: f64, high_mm: f64) {
+        if let Some(axis) = self.axes.get_mut(axis) {
+            axis.low_frame = ((low_mm * axis.halves_per_mm).round() as i64).min(axis.position);
+            axis.high_frame = ((high_mm * axis.halves_per_mm).round() as i64).max(axis.position);
+        }
+    }
+}

@@ -1,0 +1,218 @@
+#![allow(clippy::unwrap_used)]
+
+use super::*;
+use crate::parts::tmc2209::datagram::checksum;
+use crate::parts::tmc2209::registers::address;
+use crate::parts::tmc2209::{Config, Fault};
+use proptest::prelude::*;
+
+fn drivers(nodes: &[u8]) -> Vec<Tmc2209> {
+    let made = nodes.iter().map(|node| {
+        let mut driver = Tmc2209::new(Config { ms1: node & 1 != 0, ms2: node & 2 != 0, ..Config::default() });
+        driver.set_supply(0, true);
+        driver
+    });
+    made.collect()
+}
+
+fn request(node: u8, register: u8, value: Option<u32>) -> Vec<u8> {
+    let mut bytes = vec![0x05, node, register];
+    if let Some(value) = value {
+        bytes[2] |= 0x80;
+        bytes.extend(value.to_be_bytes());
+    }
+    bytes.push(checksum(&bytes));
+    bytes
+}
+
+/// A host that drives a pin: it knows nothing of the wire's insides.
+struct Host {
+    now_ns: f64,
+    bit_ns: f64,
+}
+
+impl Host {
+    fn send(&mut self, wire: &mut Wire, drivers: &mut [Tmc2209], bytes: &[u8]) {
+        wire.set_master(drivers, self.now_ns as u64, Some(true));
+        for &byte in bytes {
+            let frame = u16::from(byte) << 1 | 1 << 9;
+            for bit in 0..10 {
+                wire.set_master(drivers, self.now_ns as u64, Some(frame >> bit & 1 != 0));
+                self.now_ns += self.bit_ns;
+            }
+        }
+        wire.set_master(drivers, self.now_ns as u64, None);
+    }
+
+    /// Samples the pin until a reply has come or none can any more.
+    fn receive(&mut self, wire: &mut Wire, drivers: &mut [Tmc2209]) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        let until_ns = self.now_ns + 400.0 * self.bit_ns;
+        while self.now_ns < until_ns && bytes.len() < 8 {
+            let step_ns = self.bit_ns / 16.0;
+            wire.advance(drivers, self.now_ns as u64);
+            if wire.level() {
+                self.now_ns += step_ns;
+                continue;
+            }
+            let mut frame = 0_u16;
+            for bit in 0..10 {
+                wire.advance(drivers, (self.now_ns + self.bit_ns * (f64::from(bit) + 0.5)) as u64);
+                frame |= u16::from(wire.level()) << bit;
+            }
+            assert_eq!(frame & 0x201, 0x200);
+            bytes.push((frame >> 1) as u8);
+            self.now_ns += self.bit_ns * 9.6;
+        }
+        self.now_ns += 20.0 * self.bit_ns;
+        wire.advance(drivers, self.now_ns as u64);
+        bytes
+    }
+}
+
+fn wire(members: usize) -> Wire {
+    Wire::new(Bus::new((0..members).collect(), 1), BitTime::Measured)
+}
+
+proptest! {
+    #[test]
+    fn round_trip_at_any_baud_rate(baud in 9_600.0_f64..500_000.0, value: u32, start in 0.0_f64..1e6) {
+        let (mut drivers, mut wire) = (drivers(&[0]), wire(1));
+        let mut host = Host { now_ns: 1e6 + start, bit_ns: 1e9 / baud };
+        host.send(&mut wire, &mut drivers, &request(0, address::CHOPCONF, Some(value)));
+        host.send(&mut wire, &mut drivers, &request(0, address::CHOPCONF, None));
+        let reply = host.receive(&mut wire, &mut drivers);
+        prop_assert_eq!(reply.len(), 8);
+        prop_assert_eq!(reply[3..7].to_vec(), value.to_be_bytes().to_vec());
+        prop_assert_eq!(reply[7], checksum(&reply[..7]));
+        prop_assert_eq!((drivers[0].registers().ifcnt, wire.conflicts(), wire.driven()), (1, 0, None));
+    }
+
+    #[test]
+    fn a_given_bit_time_bears_some_per_cent(off in -0.035_f64..0.035, value: u32) {
+        let mut drivers = drivers(&[0]);
+        let mut wire = Wire::new(Bus::new(vec![0], 1), BitTime::Given(10_000));
+        let mut host = Host { now_ns: 1e6, bit_ns: 10_000.0 * (1.0 + off) };
+        host.send(&mut wire, &mut drivers, &request(0, address::PWMCONF, Some(value)));
+        wire.advance(&mut drivers, host.now_ns as u64);
+        prop_assert_eq!((drivers[0].registers().ifcnt, drivers[0].registers().pwmconf), (1, value));
+    }
+}
+
+#[test]
+fn a_given_bit_time_does_not_bear_8_per_cent() {
+    let mut drivers = drivers(&[0]);
+    let mut wire = Wire::new(Bus::new(vec![0], 1), BitTime::Given(10_000));
+    let mut host = Host { now_ns: 1e6, bit_ns: 10_800.0 };
+    host.send(&mut wire, &mut drivers, &request(0, address::PWMCONF, Some(0x55AA_55AA)));
+    assert_eq!(drivers[0].registers().ifcnt, 0);
+}
+
+#[test]
+fn drivers_share_a_wire_by_address() {
+    let (mut drivers, mut wire) = (drivers(&[0, 1, 2, 3]), wire(4));
+    let mut host = Host { now_ns: 1e6, bit_ns: 8_680.6 };
+    for node in 0..4 {
+        host.send(&mut wire, &mut drivers, &request(node, address::NODECONF, Some(2 << 8)));
+    }
+    for node in 0..4_u8 {
+        let value = 0x100 + u32::from(node);
+        host.send(&mut wire, &mut drivers, &request(node, address::CHOPCONF, Some(value)));
+        host.send(&mut wire, &mut drivers, &request(node, address::CHOPCONF, None));
+        let reply = host.receive(&mut wire, &mut drivers);
+        assert_eq!(reply[3..7], value.to_be_bytes());
+    }
+    assert!(drivers.iter().all(|driver| driver.registers().ifcnt == 2 && driver.line_errors() == 0));
+}
+
+#[test]
+fn two_drivers_with_one_address_answer_together() {
+    let (mut drivers, mut bus) = (drivers(&[1, 1]), Bus::new(vec![0, 1], 1));
+    drivers[1].set_enable_pin(0, true);
+    let mut reply = None;
+    for (index, byte) in request(1, address::IOIN, None).into_iter().enumerate() {
+        reply = bus.byte(&mut drivers, index as u64 * 100_000, 10_000, byte);
+    }
+    // Both say EN (high before anything drives it); the same reply twice is one.
+    assert_eq!(reply.unwrap().bytes[..4], [0x05, 0xFF, 0x06, 0x21]);
+}
+
+#[test]
+fn releases_the_wire_four_bits_after_its_reply() {
+    let (mut drivers, mut wire) = (drivers(&[0]), wire(1));
+    let mut host = Host { now_ns: 1e6, bit_ns: 10_000.0 };
+    host.send(&mut wire, &mut drivers, &request(0, address::GSTAT, None));
+    let mut edges = Vec::new();
+    while let Some(at_ns) = wire.next_event_ns() {
+        if wire.advance(&mut drivers, at_ns) {
+            edges.push((at_ns, wire.driven()));
+        }
+    }
+    // The request's 40 bits, SENDDELAY's 8, then 80, then 4.
+    assert_eq!(edges[0], (1_000_000 + 48 * 10_000, Some(false)));
+    assert_eq!(edges[edges.len() - 1], (1_000_000 + 132 * 10_000, None));
+}
+
+#[test]
+fn a_missing_stop_bit_spoils_the_datagram() {
+    let (mut drivers, mut wire) = (drivers(&[0]), wire(1));
+    let bytes = request(0, address::SGTHRS, Some(7));
+    let mut host = Host { now_ns: 1e6, bit_ns: 10_000.0 };
+    host.send(&mut wire, &mut drivers, &bytes[..2]);
+    // A break: low for 15 bits.
+    wire.set_master(&mut drivers, host.now_ns as u64, Some(false));
+    host.now_ns += 150_000.0;
+    wire.set_master(&mut drivers, host.now_ns as u64, Some(true));
+    host.now_ns += 10_000.0;
+    host.send(&mut wire, &mut drivers, &bytes[2..]);
+    assert_eq!(drivers[0].registers().ifcnt, 0);
+    assert!(drivers[0].line_errors() > 0);
+    host.now_ns += 700_000.0;
+    host.send(&mut wire, &mut drivers, &bytes);
+    assert_eq!(drivers[0].registers().ifcnt, 1);
+}
+
+#[test]
+fn a_spike_before_a_datagram_spoils_it_and_no_other() {
+    let (mut drivers, mut wire) = (drivers(&[0]), wire(1));
+    let bytes = request(0, address::SGTHRS, Some(7));
+    let mut host = Host { now_ns: 1e6, bit_ns: 10_000.0 };
+    wire.set_master(&mut drivers, 990_000, Some(false));
+    wire.set_master(&mut drivers, 990_300, Some(true));
+    host.send(&mut wire, &mut drivers, &bytes);
+    assert_eq!(drivers[0].registers().ifcnt, 0);
+    host.now_ns += 200_000.0;
+    host.send(&mut wire, &mut drivers, &bytes);
+    assert_eq!(drivers[0].registers().ifcnt, 1);
+}
+
+#[test]
+fn garbles_with_its_probability() {
+    let mut accepted = 0;
+    for seed in 0..200 {
+        let mut drivers = drivers(&[0]);
+        let mut bus = Bus::new(vec![0], seed);
+        bus.set_fault(LineFault { garble: 0.01, mute: false });
+        for (index, byte) in request(0, address::SGTHRS, Some(7)).into_iter().enumerate() {
+            bus.byte(&mut drivers, index as u64 * 100_000, 10_000, byte);
+        }
+        accepted += u32::from(drivers[0].registers().ifcnt);
+    }
+    // 0.99 to the power of 80 bits is 0.45.
+    assert!((60..120).contains(&accepted), "{accepted}");
+}
+
+#[test]
+fn a_mute_line_and_a_mute_driver_answer_nothing() {
+    for line in [true, false] {
+        let (mut drivers, mut wire) = (drivers(&[0]), wire(1));
+        if line {
+            wire.bus_mut().set_fault(LineFault { garble: 0.0, mute: true });
+        } else {
+            drivers[0].set_fault(0, Fault::Mute, true);
+        }
+        let mut host = Host { now_ns: 1e6, bit_ns: 10_000.0 };
+        host.send(&mut wire, &mut drivers, &request(0, address::IOIN, None));
+        assert!(host.receive(&mut wire, &mut drivers).is_empty());
+    }
+}
