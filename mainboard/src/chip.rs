@@ -9,7 +9,7 @@
 //!
 //! | Section | What | What comes of it |
 //! |---|---|---|
-//! | 5.4.1 | the F405's and F407's voltage scale is one bit (14), the F427's and F446's two (15 and 14) | a scale that an F405 calls 1 reads as the F427's 3; nothing here judges a scale against the clock. [`Chip::set_clock_too_fast`] does |
+//! | 5.4.1 | the F405's and F407's voltage scale is one bit (14), the F427's and F446's two (15 and 14) | a scale that an F405 calls 1 reads as the F427's 3; nothing here judges a scale against the clock.  |
 //! | RM0390 6.3.2 | the F446's PLL has an output R | nothing runs on it |
 //! | RM0390 6.3.25 | DCKCFGR2 chooses USB's clock on an F446 | at reset it is the PLL's Q, which is what boards here use; a write is reported as reaching nothing |
 //! | 3.9.2 | the F405's and F446's flash latency has three or four bits | as the F427's |
@@ -20,14 +20,14 @@ pub mod timers;
 pub mod usb;
 
 use rigless::cpu::armv7m::{self, Dwt};
-use rigless::device::{DeviceContext, ErasedDevice, RegisterFile, ResetCause};
+use rigless::device::{ErasedDevice, Level, RegisterFile, ResetCause};
 use rigless::mcu::{Mcu, Operate};
 use rigless::soc::stm32f427::generated;
 use rigless::soc::stm32f427::peripherals::adc::{Adc, AdcCommon};
 use rigless::soc::stm32f427::peripherals::dbg::Dbg;
 use rigless::soc::stm32f427::peripherals::dma::Dma;
 use rigless::soc::stm32f427::peripherals::flash::Flash;
-use rigless::soc::stm32f427::peripherals::gpio::Gpio;
+use rigless::soc::stm32f427::peripherals::gpio::{Gpio, Pin};
 use rigless::soc::stm32f427::peripherals::iwdg::Iwdg;
 use rigless::soc::stm32f427::peripherals::pwr::Pwr;
 use rigless::soc::stm32f427::peripherals::rcc::{self, Rcc};
@@ -35,25 +35,15 @@ use rigless::soc::stm32f427::peripherals::rtc::Rtc;
 use rigless::soc::stm32f427::peripherals::sdio::Sdio;
 use rigless::soc::stm32f427::peripherals::usart::{Kind, Usart};
 use rigless::soc::stm32f427::peripherals::{ADC_COMMON, CONTROLLERS, CONVERTERS};
-use rigless::soc::st::tim::{Counter, Tim};
+use rigless::soc::st::tim::{Channel, Counter, Tim};
 use rigless::soc::{Bus, Error, Layout};
 use rigless::store;
 use rigless::time::VirtualNanos;
 
+use crate::wiring::Chip as Model;
 use exti::{Exti, Syscfg};
 use timers::{Advanced, Basic, General, Linked, OneChannel, TwoChannels};
 use usb::Otg;
-
-/// Which chip.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-pub enum Model {
-    /// STM32F405.
-    F405,
-    /// STM32F407.
-    F407,
-    /// STM32F446.
-    F446,
-}
 
 /// Ports A to I; the F446 has A to H.
 pub const PORTS: [&str; 9] = ["GPIOA", "GPIOB", "GPIOC", "GPIOD", "GPIOE", "GPIOF", "GPIOG", "GPIOH", "GPIOI"];
@@ -167,7 +157,7 @@ impl Field {
 
 /// The chip, with nothing on its pins.
 #[derive(Debug)]
-pub struct Chip {
+pub struct Stm32f4 {
     model: Model,
     /// Clock tree.
     pub rcc: Rcc,
@@ -195,7 +185,7 @@ pub struct Chip {
     wiring: Box<[Field]>,
 }
 
-store!(Chip {
+store!(Stm32f4 {
     values: [
         rcc, pwr, flash, gpio, adc, adc_common, general, advanced, basic, two_channels, one_channel, exti, syscfg, rtc,
         dbg, iwdg, dwt, otg,
@@ -204,7 +194,7 @@ store!(Chip {
     built: [model, wiring],
 });
 
-impl Chip {
+impl Stm32f4 {
     /// The chip after power-on.
     pub fn new(model: Model) -> Result<Self, Error> {
         let bus = map::bus(model)?;
@@ -293,23 +283,61 @@ impl Chip {
         self.rcc.fail_hse(registers, &mut context);
     }
 
-    /// A port's model and what it holds, driven at `at`.
-    pub fn drive_port<T>(
-        &mut self,
-        at: VirtualNanos,
-        port: usize,
-        input: impl FnOnce(&mut Gpio, &mut RegisterFile, &mut DeviceContext<'_>) -> T,
-    ) -> Option<T> {
+    /// The outside drives a pin from `at` on (none: it lets go).
+    pub fn drive_pin(&mut self, at: VirtualNanos, pin: crate::pins::Pin, level: Option<bool>) {
+        let port = usize::from(pin.port);
         let slot = self.slot(Field::Gpio(port));
-        let gpio = self.gpio.get_mut(port)?;
-        let (registers, mut context) = self.bus.drive(at, slot);
-        Some(input(gpio, registers, &mut context))
+        if let (Some(gpio), Some(pin)) = (self.gpio.get_mut(port), Pin::new(pin.number)) {
+            let (registers, mut context) = self.bus.drive(at, slot);
+            gpio.drive(pin, level.map(Level::from), registers, &mut context);
+        }
     }
 
-    /// A port's model and its registers, to look at.
+    /// A port's registers.
     #[must_use]
-    pub fn port(&self, port: usize) -> Option<(&Gpio, &RegisterFile)> {
-        Some((self.gpio.get(port)?, Self::registers(&self.bus, self.slot(Field::Gpio(port)))))
+    pub fn port_registers(&self, port: usize) -> Option<&RegisterFile> {
+        (port < PORTS.len()).then(|| Self::registers(&self.bus, self.slot(Field::Gpio(port))))
+    }
+
+    /// The share of time for which a timer's channel drives its pin high; none where it drives nothing.
+    #[must_use]
+    pub fn duty(&self, timer: u8, channel: u8) -> Option<f64> {
+        let name = format!("TIM{timer}");
+        let channel = Channel::new(channel)?;
+        if let Some(nth) = GENERAL.iter().position(|(general, _)| *general == name) {
+            let registers = Self::registers(&self.bus, self.slot(Field::General(nth)));
+            return duty(&self.general[nth].tim, channel, registers);
+        }
+        let nth = ADVANCED.iter().position(|advanced| *advanced == name)?;
+        let registers = Self::registers(&self.bus, self.slot(Field::Advanced(nth)));
+        duty(&self.advanced[nth].tim, channel, registers)
+    }
+
+    /// The time of a bit on a serial port, ns, as its divider says (RM0090 30.3.4, oversampling by 16).
+    #[must_use]
+    pub fn bit_ns(&self, instance: &str) -> u64 {
+        use generated::usart6::Register::Brr;
+        let Some(nth) = SERIAL_PORTS.iter().position(|(name, _)| *name == instance) else { return 0 };
+        let divider = Self::registers(&self.bus, self.slot(Field::Usart(nth))).get(Brr);
+        let tree = Self::registers(&self.bus, self.slot(Field::Rcc));
+        let hz = match instance {
+            "USART1" | "USART6" => self.rcc.pclk2(tree),
+            _ => self.rcc.pclk1(tree),
+        };
+        if hz == 0 { 0 } else { divider * 1_000_000_000 / hz }
+    }
+
+    /// BOR_LEV of the option bytes, RM0090 3.9.10: 0 is the highest threshold, 3 is off.
+    #[must_use]
+    pub fn brown_out_level(&self) -> usize {
+        (self.flash.committed_options().0 >> 2 & 0b11) as usize
+    }
+
+    /// The chip's supply goes, or comes back: all is as after power-on.
+    pub fn set_power(&mut self, at: VirtualNanos, on: bool) {
+        let slot = self.slot(Field::Pwr);
+        let (_, mut context) = self.bus.drive(at, slot);
+        context.request_power(on);
     }
 
     /// The serial port called `instance`.
@@ -324,7 +352,7 @@ impl Chip {
     }
 }
 
-impl Mcu for Chip {
+impl Mcu for Stm32f4 {
     fn bus(&self) -> &Bus {
         &self.bus
     }
@@ -413,10 +441,17 @@ impl Mcu for Chip {
     }
 }
 
+fn duty<F: rigless::soc::st::tim::Family>(tim: &Tim<F>, channel: Channel, registers: &RegisterFile) -> Option<f64> {
+    if let Some(pulse) = tim.pulse(channel, registers) {
+        return (pulse.period.0 > 0).then(|| pulse.width.0 as f64 / pulse.period.0 as f64);
+    }
+    tim.output(channel, registers).map(|level| if level == Level::High { 1.0 } else { 0.0 })
+}
+
 /// Copies registers that a reset does not reach.
 fn keep<L: Layout>(from: &Bus, to: &mut Bus, slot: usize, registers: impl IntoIterator<Item = L>) {
     for register in registers {
-        let value = Chip::registers(from, slot).get(register);
+        let value = Stm32f4::registers(from, slot).get(register);
         to.slot_mut(slot).registers_mut().set(register, value);
     }
 }

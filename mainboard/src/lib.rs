@@ -10,5 +10,7 @@ pub mod decode;
 pub mod host;
 pub mod parts;
 pub mod pins;
+pub mod plant;
+pub mod run;
 pub mod wiring;
 pub mod machine;

@@ -1,54 +1,228 @@
-//! x
-use rigless::machine::armv7m;
-use rigless::machine::{Board, Target};
-use rigless::soc::Error;
-use rigless::store;
+//! The machine: the chip, the printer around it, and who watches the pins.
+
+pub mod mailbox;
+mod ports;
+
 use std::num::{NonZeroU32, NonZeroU64};
 
-use crate::chip::{Chip, Model};
+use rigless::cpu::armv7m as core;
+use rigless::machine::armv7m::{self, Fpu, MpuRegions, Variant};
+use rigless::machine::{Board as Rigless, Target};
+use rigless::mcu::{Mcu, Operate};
+use rigless::soc::stm32f427::peripherals::adc::Channel;
+use rigless::store;
+use rigless::time::VirtualNanos;
 
-/// The machine.
+use crate::chip::Stm32f4;
+use crate::decode::Decoder;
+use crate::plant::Plant;
+use crate::wiring::{Board, Printer};
+use mailbox::Mailbox;
+use ports::Ports;
+
+/// Instructions a second of virtual time. The cycle model of the step interrupt counts 1.4 cycles an instruction over all code
+/// (docs/src/stepping.md); at 168 MHz that is 120 million.
+pub const INSTRUCTIONS_PER_SECOND: u64 = 120_000_000;
+/// The core's clock, which its own timer counts eighths of.
+const CORE_HZ: u64 = 168_000_000;
+/// Steps of different motors that leave within this time are one event: one store a port, with some instructions between.
+const EVENT_WINDOW_NS: u64 = 400;
+/// The line of the host, and the one that drivers share where they do.
+pub const HOST_PORT: &str = "USART1";
+const DRIVER_PORT: &str = "USART2";
+/// Thresholds of the brown-out reset by its level in the option bytes, mV, falling: DS8626 table 22 (typical), with the
+/// power-down reset's where it is off (level 3 in the bits).
+const BROWN_OUT_MV: [f64; 4] = [2830.0, 2500.0, 2190.0, 1680.0];
+const BROWN_OUT_HYSTERESIS_MV: f64 = 100.0;
+
+/// A board with a printer around it.
 #[derive(Debug)]
 pub struct Machine {
-    /// chip
-    pub chip: Chip,
-    ips: NonZeroU64,
+    /// The chip.
+    pub chip: Stm32f4,
+    /// The printer.
+    pub plant: Plant,
+    /// What the step pins did.
+    pub decoder: Decoder,
+    ports: Ports,
+    instructions_per_second: NonZeroU64,
+    powered: bool,
+    shares_line: bool,
+    resets_seen: usize,
 }
 
-store!(Machine { values: [], parts: [chip], built: [ips] });
+store!(Machine {
+    values: [plant, decoder, ports, powered, resets_seen],
+    parts: [chip],
+    built: [instructions_per_second, shares_line],
+});
 
 impl Machine {
-    /// new
-    pub fn new(model: Model, crystal_hz: u64) -> Result<Self, Error> {
-        let mut chip = Chip::new(model)?;
-        chip.set_crystal(crystal_hz);
+    /// A board and a printer as their files say, everything off but the supply.
+    ///
+    /// # Errors
+    /// What the files say together makes no machine, or rigless's description of the chip does not hold together.
+    pub fn new(board: &Board, printer: &Printer, seed: u64) -> Result<Self, String> {
+        let mut chip = Stm32f4::new(board.chip).map_err(|error| format!("the chip's model: {error}"))?;
+        chip.set_crystal(u64::from(board.crystal_hz));
         chip.set_supply(3300);
-        Ok(Self { chip, ips: NonZeroU64::new(120_000_000).unwrap() })
+        let shares_line = board.driver_uart.is_some();
+        for (port, one_wire) in [(HOST_PORT, false), (DRIVER_PORT, shares_line)] {
+            if let Some(line) = chip.serial_port(port) {
+                line.attach(Mailbox::new(one_wire));
+            }
+        }
+        let plant = Plant::new(board, printer, seed)?;
+        Ok(Self {
+            chip,
+            ports: Ports::new(board, &plant),
+            plant,
+            decoder: Decoder::new(board, printer, EVENT_WINDOW_NS),
+            instructions_per_second: NonZeroU64::new(INSTRUCTIONS_PER_SECOND).unwrap_or(NonZeroU64::MIN),
+            powered: true,
+            shares_line,
+            resets_seen: 0,
+        })
+    }
+
+    /// Runs the core at another rate than [`INSTRUCTIONS_PER_SECOND`]: slower is how wait states would feel.
+    pub fn set_instructions_per_second(&mut self, rate: NonZeroU64) {
+        self.instructions_per_second = rate;
+    }
+
+    /// A mailbox by the serial port at which it hangs.
+    pub fn mailbox(&mut self, port: &str) -> Option<&mut Mailbox> {
+        self.chip.serial_port(port)?.chip_mut::<Mailbox>()
+    }
+
+    /// The firmware has reached a register of a port: what its pins drive now.
+    pub fn port_reached(&mut self, now_ns: u64, address: u64) {
+        if let Some(port) = Ports::at(address) {
+            self.look_at_port(now_ns, port);
+        }
+    }
+
+    fn look_at_port(&mut self, now_ns: u64, port: usize) {
+        let Some(registers) = self.chip.port_registers(port) else { return };
+        for (pin, level, is_edge) in self.ports.changes(port, registers) {
+            if let Some(high) = level
+                && (is_edge || !self.ports.is_step(pin))
+            {
+                self.decoder.edge(now_ns, pin, high);
+            }
+            self.plant.output(now_ns, pin, level);
+        }
+    }
+
+    /// Lets everything around the chip follow it up to `now_ns`.
+    pub fn advance(&mut self, now_ns: u64, resets: usize) {
+        if self.resets_seen != resets {
+            self.resets_seen = resets;
+            for port in 0..ports::COUNT {
+                self.look_at_port(now_ns, port);
+            }
+            self.follow_timers(now_ns);
+        }
+        self.exchange_with_drivers();
+        if self.plant.advance(now_ns) {
+            self.follow_timers(now_ns);
+            for (adc, millivolts) in self.plant.voltages(now_ns) {
+                if let (Some(converter), Some(channel)) =
+                    (self.chip.converter(adc.converter), Channel::new(adc.channel))
+                {
+                    converter.set_input(channel, millivolts);
+                }
+            }
+            self.follow_rail(now_ns);
+        }
+        for (pin, level) in self.plant.take_inputs() {
+            self.chip.drive_pin(VirtualNanos(now_ns), pin, level);
+        }
+    }
+
+    /// Duty cycles of what timers switch.
+    fn follow_timers(&mut self, now_ns: u64) {
+        for heater in 0..self.plant.heaters.len() {
+            let switched = self.plant.heaters[heater].switched;
+            if let Some(power) = self.ports.timer_power(&self.chip, switched) {
+                self.plant.power_heater(now_ns, heater, power);
+            }
+        }
+        for fan in 0..self.plant.fans.len() {
+            let switched = self.plant.fans[fan].switched;
+            if let Some(power) = self.ports.timer_power(&self.chip, switched) {
+                self.plant.power_fan(now_ns, fan, power);
+            }
+        }
+    }
+
+    fn exchange_with_drivers(&mut self) {
+        if !self.shares_line {
+            return;
+        }
+        let bit_ns = self.chip.bit_ns(DRIVER_PORT);
+        let Some(mailbox) = self.chip.serial_port(DRIVER_PORT).and_then(|line| line.chip_mut::<Mailbox>()) else {
+            return;
+        };
+        let sent: Vec<(u64, u16)> = mailbox.take().collect();
+        for (ended_ns, word) in sent {
+            self.plant.serial_byte(ended_ns.saturating_sub(10 * bit_ns), bit_ns, word as u8);
+        }
+        let replies = self.plant.take_replies();
+        if let Some(mailbox) = self.mailbox(DRIVER_PORT) {
+            for (due_ns, byte) in replies {
+                mailbox.send(due_ns, u16::from(byte));
+            }
+        }
+    }
+
+    /// The chip's supply: too low, it stands in reset (RM0090 5.2.2, 5.2.3).
+    fn follow_rail(&mut self, now_ns: u64) {
+        let millivolts = self.plant.chip_rail.millivolts(now_ns);
+        let threshold = BROWN_OUT_MV[self.chip.brown_out_level()];
+        let powered =
+            if self.powered { millivolts >= threshold } else { millivolts >= threshold + BROWN_OUT_HYSTERESIS_MV };
+        if powered != self.powered {
+            self.powered = powered;
+            self.chip.set_power(VirtualNanos(now_ns), powered);
+        }
+        if powered {
+            self.chip.set_supply(millivolts.round() as u32);
+        }
+    }
+
+    /// Whether the chip has its supply.
+    #[must_use]
+    pub const fn powered(&self) -> bool {
+        self.powered
     }
 }
 
-impl Board for Machine {
+impl Rigless for Machine {
     fn name(&self) -> &'static str {
         "mainboard"
     }
+
     fn target_names(&self) -> Vec<&'static str> {
         vec!["mcu"]
     }
-    fn mcu(&mut self, target: usize) -> Option<&mut dyn rigless::mcu::Mcu> {
+
+    fn mcu(&mut self, target: usize) -> Option<&mut dyn Mcu> {
         (target == 0).then_some(&mut self.chip)
     }
+
     fn targets(&mut self) -> Vec<Target<'_>> {
-        let windows = rigless::cpu::armv7m::windows(rigless::mcu::Mcu::bus(&self.chip));
+        let one = NonZeroU32::MIN;
         let core = armv7m::Core {
-            variant: armv7m::Variant::M4,
-            clock_hz: NonZeroU64::new(168_000_000).unwrap(),
-            interrupt_lines: NonZeroU32::new(91).unwrap(),
+            variant: Variant::M4,
+            clock_hz: NonZeroU64::new(CORE_HZ).unwrap_or(NonZeroU64::MIN),
+            interrupt_lines: NonZeroU32::new(u32::from(self.chip.cpu().interrupt_lines)).unwrap_or(one),
             priority_bits: 4,
-            refclk_divider: NonZeroU32::new(8).unwrap(),
-            instructions_per_second: self.ips,
+            refclk_divider: NonZeroU32::new(8).unwrap_or(one),
+            instructions_per_second: self.instructions_per_second,
             boot: "flash",
         }
-        .spec_with_parts(&windows, armv7m::Fpu::FpV4Sp, armv7m::MpuRegions::Eight);
+        .spec_with_parts(&core::windows(self.chip.bus()), Fpu::FpV4Sp, MpuRegions::Eight);
         vec![Target::new("mcu", &mut self.chip, core)]
     }
 }

@@ -10,7 +10,8 @@ use rigless::soc::stm32f427::generated::{self, gpioa, tim2, tim3, tim10};
 use rigless::soc::stm32f427::peripherals::{ADC_COMMON, CONVERTERS, PORTS, SERIAL_PORTS, adc, flash, rcc};
 use rigless::soc::{Bus, Clock, Cpu, EraseBlocks, Error, Gate, Peripheral, Region, WriteModify};
 
-use super::{Chip, Model, usb};
+use super::{Stm32f4, usb};
+use crate::wiring::Chip as Model;
 
 /// The interrupt lines of the F405 and F407 are 0 to 81, of the F446 0 to 96 (RM0090 table 62, RM0390 table 38). The lines
 /// above 90 are instances that no board here uses.
@@ -200,7 +201,7 @@ fn gates() -> Result<Vec<(&'static str, Gate, Gate)>, Error> {
         rcc.iter().any(|row| row.name == register && row.fields.iter().any(|known| known.name == field))
     };
     let mut gates = Vec::new();
-    for instance in Chip::clocked_instances() {
+    for instance in Stm32f4::clocked_instances() {
         let spelled = SPELLED_OTHERWISE.iter().find(|(name, ..)| *name == instance);
         // The names live as long as the tables that they are looked up in.
         let found = BUSES.iter().find_map(|(enables, resets)| {

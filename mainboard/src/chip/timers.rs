@@ -127,6 +127,8 @@ pub struct Linked<F: Family> {
 struct Rest {
     since: VirtualNanos,
     count: u64,
+    /// Ticks from one update to the next: the reload is the register's, for this is right after an update.
+    period: u64,
     cr1: u64,
 }
 
@@ -179,7 +181,7 @@ impl<F: Family> Linked<F> {
         let silent = registers.get(rows.dier) == 0 && context.now().0.saturating_sub(self.touched.0) >= RESTS_AFTER_NS;
         if plain && silent && self.resting.is_none() {
             let count = Device::read(&mut self.tim, rows.cnt, registers, context).unwrap_or_else(|| registers.get(rows.cnt));
-            self.resting = Some(Rest { since: context.now(), count, cr1 });
+            self.resting = Some(Rest { since: context.now(), count, period: registers.get(rows.arr) + 1, cr1 });
             self.put(rows.cr1, cr1 & !COUNTS, registers, context);
         }
     }
@@ -188,14 +190,13 @@ impl<F: Family> Linked<F> {
     fn wake(&mut self, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
         self.touched = context.now();
         let (Some(rest), Some(rows)) = (self.resting.take(), self.rows()) else { return };
-        let period = registers.get(rows.arr) + 1;
         let passed = u128::from(context.now().0 - rest.since.0) * u128::from(self.clock_hz) / 1_000_000_000;
         let counted = u128::from(rest.count) + passed;
-        if counted >= u128::from(period) {
+        if counted >= u128::from(rest.period) {
             let flags = registers.get(rows.sr);
             registers.set(rows.sr, flags | 1);
         }
-        self.put(rows.cnt, (counted % u128::from(period)) as u64, registers, context);
+        self.put(rows.cnt, (counted % u128::from(rest.period)) as u64, registers, context);
         self.put(rows.cr1, rest.cr1, registers, context);
     }
 

@@ -1,0 +1,366 @@
+//! The printer around the chip: each part on the pins that the wiring plan names.
+//!
+//! The run tells it what the chip drives ([`Plant::output`], [`Plant::serial_byte`], [`Plant::set_power`]) and asks what the
+//! chip should see ([`Plant::take_inputs`], [`Plant::voltages`], [`Plant::take_replies`]).
+
+mod build;
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use crate::parts::fan::Fan;
+use crate::parts::heat::Heater;
+use crate::parts::heat::thermistor::Thermistor;
+use crate::parts::motion::{Effect, Motion};
+use crate::parts::supply::Rail;
+use crate::parts::tmc2209::Tmc2209;
+use crate::parts::wire::{Bus, Wire};
+use crate::pins::Pin;
+use crate::wiring::{Adc, TimerChannel};
+
+/// What a pin is soldered to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+enum Role {
+    /// STEP of a motor's driver.
+    Step(usize),
+    /// DIR.
+    Direction(usize),
+    /// EN, of all motors in this mask.
+    Enable(u32),
+    /// A driver's own serial line.
+    Wire(usize),
+    /// The gate of a heater's transistor.
+    Heater(usize),
+    /// The gate of a fan's.
+    Fan(usize),
+}
+
+/// A heater or fan that a timer may switch.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Switched {
+    /// Its pin.
+    pub pin: Pin,
+    /// The timer channel that can switch it.
+    pub timer: Option<TimerChannel>,
+}
+
+/// A heater with its switch.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct HeaterPlace {
+    /// "nozzle", "bed" ...
+    pub name: String,
+    /// How it is switched.
+    pub switched: Switched,
+    /// What it heats.
+    pub heater: Heater,
+    /// Share of the supply's power that it gets just now, 0 to 1.
+    pub power: f64,
+    /// When it last got power, ns.
+    pub last_on_ns: Option<u64>,
+}
+
+/// A fan with its switch.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct FanPlace {
+    /// "part", "hotend" ...
+    pub name: String,
+    /// How it is switched.
+    pub switched: Switched,
+    /// The fan.
+    pub fan: Fan,
+    /// The pin that hears its tacho.
+    pub tacho: Option<Pin>,
+    /// Share of full power, 0 to 1, and what a slower switch than the timer's still owes it.
+    pub power: f64,
+    owed: f64,
+}
+
+/// A thermistor at its converter.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct ThermistorPlace {
+    /// "nozzle", "bed", "board" ...
+    pub name: String,
+    /// Where it is measured.
+    pub adc: Adc,
+    /// The thermistor.
+    pub thermistor: Thermistor,
+    /// The heater in whose block it sits.
+    pub heater: Option<usize>,
+}
+
+/// What the chip's input is wired to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+enum Source {
+    EndStop(usize),
+    Probe,
+    Diag(usize),
+    Tacho(usize),
+    Wire(usize),
+    /// Nothing moves it: held at a level.
+    Held(bool),
+}
+
+/// How often analogue values and duty cycles are looked at, ns: a converter's conversions are no denser.
+const SLOW_NS: u64 = 500_000;
+
+/// Everything around the chip.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Plant {
+    roles: BTreeMap<Pin, Role>,
+    inputs: Vec<(Pin, Source)>,
+    driven: Vec<Option<Option<bool>>>,
+    /// Drivers in the order of the board's motors: x, y, z, e, then sockets that nothing moves.
+    pub drivers: Vec<Tmc2209>,
+    /// Motors, axes, switches, probe.
+    pub motion: Motion,
+    wires: Vec<Wire>,
+    shared: Option<Bus>,
+    replies: Vec<(u64, u8)>,
+    /// Heaters.
+    pub heaters: Vec<HeaterPlace>,
+    /// Fans.
+    pub fans: Vec<FanPlace>,
+    /// Thermistors.
+    pub thermistors: Vec<ThermistorPlace>,
+    /// The supply of motors and heaters.
+    pub motor_rail: Rail,
+    /// The chip's supply.
+    pub chip_rail: Rail,
+    ambient_celsius: f64,
+    slow_ns: u64,
+    lines_changed: bool,
+}
+
+impl Plant {
+    /// Whether a pin is one whose edges it wants.
+    #[must_use]
+    pub fn listens_to(&self, pin: Pin) -> bool {
+        self.roles.contains_key(&pin)
+    }
+
+    /// The chip drives a pin (none: it does not, and a resistor decides: drivers off, heaters off).
+    pub fn output(&mut self, now_ns: u64, pin: Pin, level: Option<bool>) {
+        let Some(&role) = self.roles.get(&pin) else { return };
+        match role {
+            Role::Step(motor) => {
+                let Some(driver) = self.drivers.get_mut(motor) else { return };
+                let stalled = driver.diag();
+                let Some(moved) = driver.set_step_pin(now_ns, level.unwrap_or(false)) else { return };
+                self.lines_changed |= driver.diag() != stalled;
+                let effect = self.motion.step(now_ns, motor, moved.delta);
+                self.follow(now_ns, motor, effect);
+            }
+            Role::Direction(motor) => {
+                if let Some(driver) = self.drivers.get_mut(motor) {
+                    driver.set_direction_pin(now_ns, level.unwrap_or(false));
+                }
+            }
+            Role::Enable(motors) => {
+                for motor in 0..self.drivers.len() {
+                    if motors & 1 << motor != 0
+                        && let Some(driver) = self.drivers.get_mut(motor)
+                    {
+                        // Boards pull EN high: drivers are off until the firmware says otherwise.
+                        driver.set_enable_pin(now_ns, level.unwrap_or(true));
+                        self.energize(now_ns, motor);
+                    }
+                }
+            }
+            Role::Wire(wire) => {
+                if let Some(wire) = self.wires.get_mut(wire) {
+                    wire.set_master(&mut self.drivers, now_ns, level);
+                    self.lines_changed = true;
+                }
+            }
+            Role::Heater(heater) => self.power_heater(now_ns, heater, if level == Some(true) { 1.0 } else { 0.0 }),
+            Role::Fan(fan) => self.power_fan(now_ns, fan, if level == Some(true) { 1.0 } else { 0.0 }),
+        }
+    }
+
+    fn energize(&mut self, now_ns: u64, motor: usize) {
+        if let Some(driver) = self.drivers.get(motor) {
+            let (on, mscnt) = (driver.energized(), driver.mscnt());
+            let effect = self.motion.set_energized(now_ns, motor, on, mscnt);
+            self.follow(now_ns, motor, effect);
+        }
+    }
+
+    fn follow(&mut self, _now_ns: u64, _motor: usize, effect: Effect) {
+        if effect.loads {
+            for (motor, driver) in self.drivers.iter_mut().enumerate() {
+                driver.set_load(self.motion.load(motor));
+            }
+            self.lines_changed = true;
+        }
+        self.lines_changed |= effect.lines;
+    }
+
+    /// A heater gets this share of the supply's power from now on.
+    pub fn power_heater(&mut self, now_ns: u64, heater: usize, power: f64) {
+        let scale = self.motor_rail.power_scale(now_ns);
+        if let Some(place) = self.heaters.get_mut(heater) {
+            place.power = power;
+            if power > 0.0 {
+                place.last_on_ns = Some(now_ns);
+            }
+            place.heater.set_on(now_ns, power > 0.0);
+            place.heater.set_power_scale(now_ns, power * scale);
+        }
+    }
+
+    /// A fan gets this share of full power from now on.
+    pub fn power_fan(&mut self, now_ns: u64, fan: usize, power: f64) {
+        if let Some(place) = self.fans.get_mut(fan) {
+            place.power = power;
+            if power == 0.0 || power == 1.0 {
+                place.fan.set_driven(now_ns, power == 1.0);
+            }
+        }
+    }
+
+    /// Whether any heater gets power, or would with the supply on.
+    #[must_use]
+    pub fn any_heater_on(&self) -> bool {
+        self.heaters.iter().any(|heater| heater.power > 0.0)
+    }
+
+    /// A byte that the chip has sent on the drivers' shared line; its start bit began at `start_ns`.
+    pub fn serial_byte(&mut self, start_ns: u64, bit_ns: u64, byte: u8) {
+        let Some(bus) = &mut self.shared else { return };
+        if let Some(reply) = bus.byte(&mut self.drivers, start_ns, bit_ns, byte) {
+            for (index, byte) in reply.bytes.iter().enumerate() {
+                self.replies.push((reply.start_ns + index as u64 * 10 * reply.bit_ns, *byte));
+            }
+        }
+        for motor in 0..self.drivers.len() {
+            self.energize(start_ns, motor);
+        }
+        self.lines_changed = true;
+    }
+
+    /// Bytes that drivers answer on the shared line, with the instants at which they begin.
+    pub fn take_replies(&mut self) -> Vec<(u64, u8)> {
+        std::mem::take(&mut self.replies)
+    }
+
+    /// The line that all drivers share, to break or mend.
+    pub fn shared_line(&mut self) -> Option<&mut Bus> {
+        self.shared.as_mut()
+    }
+
+    /// The lines of single drivers, to break or mend.
+    pub fn own_lines(&mut self) -> &mut [Wire] {
+        &mut self.wires
+    }
+
+    /// Lets time pass. True if it is time for [`Plant::voltages`].
+    pub fn advance(&mut self, now_ns: u64) -> bool {
+        if self.motor_rail.advance(now_ns) {
+            let on = self.motor_rail.on();
+            for driver in &mut self.drivers {
+                driver.set_supply(now_ns, on);
+            }
+            for motor in 0..self.drivers.len() {
+                self.energize(now_ns, motor);
+            }
+            self.lines_changed = true;
+        }
+        self.chip_rail.advance(now_ns);
+        self.lines_changed |= self.motion.advance(now_ns);
+        for wire in &mut self.wires {
+            self.lines_changed |= wire.advance(&mut self.drivers, now_ns);
+        }
+        for driver in &mut self.drivers {
+            if driver.next_event_ns().is_some_and(|at_ns| at_ns <= now_ns) {
+                driver.advance(now_ns);
+                self.lines_changed = true;
+            }
+        }
+        if now_ns < self.slow_ns {
+            return false;
+        }
+        self.slow_ns = now_ns + SLOW_NS;
+        for fan in &mut self.fans {
+            let before = fan.fan.tacho();
+            if fan.power > 0.0 && fan.power < 1.0 {
+                fan.owed += fan.power;
+                let driven = fan.owed >= 1.0;
+                fan.owed -= if driven { 1.0 } else { 0.0 };
+                fan.fan.set_driven(now_ns, driven);
+            } else {
+                fan.fan.advance(now_ns);
+            }
+            self.lines_changed |= fan.fan.tacho() != before;
+        }
+        let airflow = self.fans.iter_mut().find(|fan| fan.name == "part").map_or(0.0, |fan| fan.fan.airflow(now_ns));
+        let rail = self.motor_rail.power_scale(now_ns);
+        for place in &mut self.heaters {
+            if place.name.starts_with("nozzle") {
+                place.heater.set_fan(now_ns, airflow);
+            }
+            if place.power > 0.0 {
+                place.last_on_ns = Some(now_ns);
+                place.heater.set_power_scale(now_ns, place.power * rail);
+            }
+        }
+        true
+    }
+
+    /// When something happens that the chip may see at once.
+    #[must_use]
+    pub fn next_event_ns(&self) -> Option<u64> {
+        let drivers = self.drivers.iter().filter_map(Tmc2209::next_event_ns);
+        let wires = self.wires.iter().filter_map(Wire::next_event_ns);
+        let rest = [self.motion.next_event_ns(), self.motor_rail.next_event_ns(), self.chip_rail.next_event_ns()];
+        drivers.chain(wires).chain(rest.into_iter().flatten()).min()
+    }
+
+    /// What the converters' pins carry now, mV: converter, channel, voltage.
+    pub fn voltages(&mut self, now_ns: u64) -> Vec<(Adc, u32)> {
+        let mut voltages = Vec::with_capacity(self.thermistors.len());
+        for place in &mut self.thermistors {
+            let celsius = match place.heater.and_then(|heater| self.heaters.get_mut(heater)) {
+                Some(heater) => heater.heater.sensor_celsius(now_ns),
+                None => self.ambient_celsius,
+            };
+            let millivolts = place.thermistor.millivolts(now_ns, celsius, self.ambient_celsius);
+            voltages.push((place.adc, millivolts.round() as u32));
+        }
+        voltages
+    }
+
+    /// Levels that the chip's inputs change to (none: nobody drives the pin).
+    pub fn take_inputs(&mut self) -> Vec<(Pin, Option<bool>)> {
+        if !std::mem::take(&mut self.lines_changed) {
+            return Vec::new();
+        }
+        let mut changes = Vec::new();
+        for (index, (pin, source)) in self.inputs.iter().enumerate() {
+            let level = match *source {
+                Source::EndStop(stop) => self.motion.end_stop(stop).map(|stop| stop.level()),
+                Source::Probe => self.motion.probe().map(|probe| probe.level()),
+                Source::Diag(motor) => self.drivers.get(motor).and_then(Tmc2209::diag),
+                Source::Tacho(fan) => self.fans.get(fan).map(|fan| fan.fan.tacho()),
+                Source::Wire(wire) => self.wires.get(wire).map(Wire::level),
+                Source::Held(level) => Some(level),
+            };
+            if self.driven[index] != Some(level) {
+                self.driven[index] = Some(level);
+                changes.push((*pin, level));
+            }
+        }
+        changes
+    }
+
+    /// All inputs are to be driven again: the chip's ports have forgotten them, or something was broken or mended by hand.
+    pub fn look_again(&mut self) {
+        self.lines_changed = true;
+    }
+
+    /// The air's temperature, degrees Celsius.
+    #[must_use]
+    pub fn ambient_celsius(&self) -> f64 {
+        self.ambient_celsius
+    }
+}

@@ -1,0 +1,269 @@
+//! From the wiring plan and the printer's profile to parts on pins.
+
+use super::{FanPlace, HeaterPlace, Plant, Role, Source, Switched, ThermistorPlace};
+use crate::parts::fan::{self, Fan};
+use crate::parts::heat::thermistor::{Curve, SensorFault, Thermistor, ThermistorConfig};
+use crate::parts::heat::{self, Heater};
+use crate::parts::motion::end_stop::{EndStopConfig, Side};
+use crate::parts::motion::sheet::{ProbeConfig, SheetConfig};
+use crate::parts::motion::{self, AxisConfig, Kinematics, Motion, MotorConfig};
+use crate::parts::supply::{self, Rail};
+use crate::parts::tmc2209::{self, Tmc2209};
+use crate::parts::wire::{BitTime, Bus, Wire};
+use crate::wiring::{self, Board, DriverLine, End, HomingSensor, NamedThermistor, Printer, ThermistorKind};
+
+/// The room, degrees Celsius.
+const AMBIENT_CELSIUS: f64 = 22.0;
+/// The chip's supply and its converters' reference, mV.
+pub const REFERENCE_MV: f64 = 3300.0;
+/// Sense resistors of the usual modules for sockets, milliohm.
+const MODULE_SENSE_MILLIOHM: u32 = 110;
+/// Where the frame stands behind an end at which nothing is met, and behind a switch, mm.
+const FRAME_MM: f64 = 3.0;
+/// Nozzle height over the sheet at which an inductive probe triggers on a well set-up machine, mm.
+const PROBE_TRIGGER_MM: f64 = 1.0;
+/// How far the sheet gives way, mm.
+const ALLOWED_PRESS_MM: f64 = 0.5;
+
+impl Plant {
+    /// The printer of a board and a profile; all that is random in it follows from the seed.
+    ///
+    /// # Errors
+    /// What the two files say together makes no machine.
+    pub fn new(board: &Board, printer: &Printer, seed: u64) -> Result<Self, String> {
+        let mut plant = Self {
+            roles: Default::default(),
+            inputs: Vec::new(),
+            driven: Vec::new(),
+            drivers: Vec::new(),
+            motion: mechanics(board, printer, seed)?,
+            wires: Vec::new(),
+            shared: None,
+            replies: Vec::new(),
+            heaters: Vec::new(),
+            fans: Vec::new(),
+            thermistors: Vec::new(),
+            motor_rail: Rail::new(supply::Config::motors_24_v()),
+            chip_rail: Rail::new(supply::Config::chip_3_3_v()),
+            ambient_celsius: AMBIENT_CELSIUS,
+            slow_ns: 0,
+            lines_changed: true,
+        };
+        plant.solder_drivers(board, seed);
+        plant.solder_switches(board, printer);
+        plant.solder_heat(board, printer, seed)?;
+        for driver in &mut plant.drivers {
+            driver.set_supply(0, true);
+        }
+        plant.driven = vec![None; plant.inputs.len()];
+        Ok(plant)
+    }
+
+    fn solder_drivers(&mut self, board: &Board, seed: u64) {
+        let mut sharing = Vec::new();
+        for (index, motor) in board.motors.iter().enumerate() {
+            if motor.driver == wiring::Driver::None {
+                continue;
+            }
+            let address = if let DriverLine::Shared(address) = motor.line { address } else { 0 };
+            let sense_milliohm =
+                motor.sense_resistor_ohm.map_or(MODULE_SENSE_MILLIOHM, |ohm| (ohm * 1000.0).round() as u32);
+            self.drivers.push(Tmc2209::new(tmc2209::Config {
+                ms1: address & 1 != 0,
+                ms2: address & 2 != 0,
+                sense_milliohm,
+                ..tmc2209::Config::default()
+            }));
+            self.roles.insert(motor.step, Role::Step(index));
+            self.roles.insert(motor.direction, Role::Direction(index));
+            let mask = match self.roles.get(&motor.enable) {
+                Some(Role::Enable(others)) => others | 1 << index,
+                _ => 1 << index,
+            };
+            self.roles.insert(motor.enable, Role::Enable(mask));
+            if let Some(diag) = motor.diag {
+                self.inputs.push((diag, Source::Diag(index)));
+            }
+            match motor.line {
+                DriverLine::None => {}
+                DriverLine::Shared(_) => sharing.push(index),
+                DriverLine::Own(pin) => {
+                    let bus = Bus::new(vec![index], seed ^ index as u64);
+                    self.roles.insert(pin, Role::Wire(self.wires.len()));
+                    self.inputs.push((pin, Source::Wire(self.wires.len())));
+                    self.wires.push(Wire::new(bus, BitTime::Measured));
+                }
+            }
+        }
+        if !sharing.is_empty() {
+            self.shared = Some(Bus::new(sharing, seed ^ 0x5EA1));
+        }
+    }
+
+    fn solder_switches(&mut self, board: &Board, printer: &Printer) {
+        let mut stop = 0;
+        for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
+            if printer.homing.axes[axis].is_some_and(|home| home.sensor == HomingSensor::EndStop) {
+                if let Some(input) = board.input(name) {
+                    self.inputs.push((input.pin, Source::EndStop(stop)));
+                }
+                stop += 1;
+            }
+        }
+        if let (Some(input), true) = (board.input("probe"), self.motion.probe().is_some()) {
+            self.inputs.push((input.pin, Source::Probe));
+        }
+        if let Some(input) = board.input("filament") {
+            // Filament is there: a switch that it holds closed to the supply.
+            self.inputs.push((input.pin, Source::Held(true)));
+        }
+    }
+
+    fn solder_heat(&mut self, board: &Board, printer: &Printer, seed: u64) -> Result<(), String> {
+        for heater in &board.heaters {
+            let settings = if heater.name == "bed" { printer.bed.as_ref() } else { Some(&printer.nozzle) };
+            // The profile's defaults for a heater without a model.
+            let (power_w, capacity_j_per_k, loss_w_per_k) =
+                if heater.name == "bed" { (250.0, 500.0, 2.0) } else { (40.0, 12.0, 0.074) };
+            let mut config = heat::Config {
+                power_w,
+                capacity_j_per_k,
+                loss_w_per_k,
+                fan_loss_w_per_k: 0.0,
+                sensor_lag_s: 0.5,
+                dead_time_ns: 0,
+                ambient_celsius: AMBIENT_CELSIUS,
+            };
+            if let Some(model) = settings.and_then(|settings| settings.model) {
+                config.power_w = model.power_w;
+                config.capacity_j_per_k = model.capacity_j_per_k;
+                config.loss_w_per_k = model.loss_w_per_k;
+                config.fan_loss_w_per_k = model.fan_loss_w_per_k;
+                config.dead_time_ns = (model.dead_time_s * 1e9) as u64;
+            }
+            self.roles.insert(heater.pin, Role::Heater(self.heaters.len()));
+            self.heaters.push(HeaterPlace {
+                name: heater.name.clone(),
+                switched: Switched { pin: heater.pin, timer: heater.timer },
+                heater: Heater::new(config).map_err(|error| format!("heater {}: {error}", heater.name))?,
+                power: 0.0,
+                last_on_ns: None,
+            });
+        }
+        for fan in &board.fans {
+            self.roles.insert(fan.pin, Role::Fan(self.fans.len()));
+            if let Some(tacho) = fan.tacho {
+                self.inputs.push((tacho, Source::Tacho(self.fans.len())));
+            }
+            self.fans.push(FanPlace {
+                name: fan.name.clone(),
+                switched: Switched { pin: fan.pin, timer: fan.timer },
+                fan: Fan::new(fan::Config { full_rpm: 6000.0, spin_up_ns: 500_000_000, run_down_ns: 1_000_000_000 }),
+                tacho: fan.tacho,
+                power: 0.0,
+                owed: 0.0,
+            });
+        }
+        for (index, place) in board.thermistors.iter().enumerate() {
+            let heater = board.heaters.iter().position(|heater| heater.sensor == place.name);
+            let kind = place.kind.or(match place.name.as_str() {
+                "nozzle" => Some(printer.nozzle.sensor),
+                "bed" => printer.bed.as_ref().map(|bed| bed.sensor),
+                _ => None,
+            });
+            let mut thermistor = Thermistor::new(ThermistorConfig {
+                curve: kind.map_or_else(Curve::epcos_b57560g104f, curve),
+                pull_up_ohm: place.pull_up_ohm,
+                reference_mv: REFERENCE_MV,
+                noise_mv: 0.8,
+                seed: seed ^ (0x7E40 + index as u64),
+            });
+            if kind.is_none() {
+                // Nothing is plugged in.
+                thermistor.set_fault(Some(SensorFault::Open));
+            }
+            self.thermistors.push(ThermistorPlace { name: place.name.clone(), adc: place.adc, thermistor, heater });
+        }
+        Ok(())
+    }
+}
+
+fn curve(kind: ThermistorKind) -> Curve {
+    match kind {
+        ThermistorKind::Named(NamedThermistor::Semitec104Gt2) => Curve::semitec_104gt_2(),
+        ThermistorKind::Named(NamedThermistor::Epcos100k) => Curve::epcos_b57560g104f(),
+        ThermistorKind::Beta { r25_ohm, beta_k } => Curve::Beta { r25_ohm, beta_k },
+    }
+}
+
+/// Motors, axes between their ends, switches, sheet and probe.
+fn mechanics(board: &Board, printer: &Printer, seed: u64) -> Result<Motion, String> {
+    let homing = &printer.homing;
+    let mut end_stops = Vec::new();
+    let axes = std::array::from_fn(|axis| {
+        let (minimum_mm, maximum_mm) = (printer.lower_end_mm[axis], printer.size_mm[axis]);
+        let home = homing.axes[axis];
+        let high = home.is_some_and(|home| home.end == End::Max);
+        if let Some(home) = home.filter(|home| home.sensor == HomingSensor::EndStop) {
+            end_stops.push(EndStopConfig {
+                axis,
+                side: if high { Side::High } else { Side::Low },
+                at_mm: home.position_mm,
+                hysteresis_mm: 0.2,
+                bounce_ns: 3_000_000,
+                high_when_triggered: !home.triggers_low,
+                seed: seed ^ (0xE570 + axis as u64),
+            });
+        }
+        // Where an axis homes by a stall, the frame stands at its end; where something else is met, behind it.
+        let stalls = home.is_some_and(|home| home.sensor == HomingSensor::Stall);
+        let beyond = |end: bool| if stalls && high == end { 0.0 } else { FRAME_MM };
+        AxisConfig {
+            minimum_mm,
+            maximum_mm,
+            frame_below_mm: if axis == 2 { 2.0 * FRAME_MM } else { beyond(false) },
+            frame_above_mm: beyond(true),
+            // Somewhere that the firmware cannot know.
+            start_mm: minimum_mm + (maximum_mm - minimum_mm) * [0.41, 0.53, 0.08][axis],
+        }
+    });
+    let motors = (0..4)
+        .map(|motor| {
+            let microsteps = printer.drivers[motor].map_or(16, |driver| driver.microsteps);
+            MotorConfig {
+                full_steps_per_mm: printer.steps_per_mm[motor] / f64::from(microsteps),
+                inverted: printer.signals.inverted[motor],
+            }
+        })
+        .collect();
+    let bed = homing.bed_mm;
+    let by_probe = homing.axes[2].filter(|home| home.sensor == HomingSensor::Probe && board.input("probe").is_some());
+    let probe = by_probe.map(|home| {
+        let offset = homing.probe_offset_mm.unwrap_or_default();
+        ProbeConfig {
+            offset_mm: (offset[0], offset[1]),
+            trigger_mm: PROBE_TRIGGER_MM,
+            hysteresis_mm: 0.1,
+            noise_mm: 0.002,
+            high_when_triggered: !home.triggers_low,
+            seed: seed ^ 0x940B,
+        }
+    });
+    Motion::new(motion::Config {
+        kinematics: match printer.kinematics {
+            wiring::Kinematics::Cartesian => Kinematics::Cartesian,
+            wiring::Kinematics::CoreXy => Kinematics::CoreXy,
+        },
+        axes,
+        motors,
+        end_stops,
+        sheet: SheetConfig {
+            x_mm: (bed[0][0], bed[0][1]),
+            y_mm: (bed[1][0], bed[1][1]),
+            height_mm: 0.0,
+            tilt: (0.0, 0.0),
+            allowed_press_mm: ALLOWED_PRESS_MM,
+        },
+        probe,
+    })
+}

@@ -1,0 +1,146 @@
+//! A run of an image on a machine, in virtual time.
+
+use std::net::TcpListener;
+
+use rigless::emulator::{self, AccessKind, Driver, Host, Settled, Start, Stop};
+use rigless::image::Image;
+use rigless::session::Session;
+use rigless::time::VirtualNanos;
+
+use crate::machine::Machine;
+
+/// What is outside the chip moves in slices of this, ns, and at its own instants in between.
+pub const SLICE_NS: u64 = 100_000;
+
+/// Whether to go on after a slice.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Turn {
+    /// Go on.
+    GoOn,
+    /// The run is over.
+    Stop,
+}
+
+/// Who stands at the machine: talks on its lines, breaks and mends its parts, and ends the run.
+pub trait Operator: Send + 'static {
+    /// A slice is over; `now_ns` is virtual time since the run began.
+    fn turn(&mut self, machine: &mut Machine, now_ns: u64, host: &mut dyn Host) -> Turn;
+
+    /// The next instant at which it wants a turn, beside the slices.
+    fn next_turn_ns(&self) -> Option<u64> {
+        None
+    }
+}
+
+/// How to start.
+#[derive(Debug, Default)]
+pub struct Options<'a> {
+    /// Where the core boots, if not at the start of flash: behind a boot loader.
+    pub boot: Option<u64>,
+    /// Serves GDB there.
+    pub debugger: Option<&'a TcpListener>,
+    /// Waits for GDB before the first instruction.
+    pub wait_for_debugger: bool,
+}
+
+/// What a run leaves behind.
+#[derive(Debug)]
+pub struct Finished<O> {
+    /// The session, and in it the machine as it stood.
+    session: Session<Machine>,
+    /// The operator.
+    pub operator: O,
+    /// How it went.
+    pub report: Report,
+}
+
+impl<O> Finished<O> {
+    /// The machine as it stood.
+    #[must_use]
+    pub fn machine(&self) -> &Machine {
+        self.session.board()
+    }
+}
+
+/// How a run went.
+#[derive(Debug, Default, serde::Serialize)]
+pub struct Report {
+    /// Virtual time, ns.
+    pub virtual_ns: u64,
+    /// Instructions that the core retired.
+    pub instructions: u64,
+    /// Resets after the first start: when (ns), and who asked for it.
+    pub resets: Vec<(u64, String)>,
+    /// Registers that the firmware reached and nobody models, addresses at which nothing answers, accesses that a closed clock
+    /// gate refused, interrupts without a line, and states that the manual forbids.
+    pub unmodelled: Vec<String>,
+    /// Accesses to peripherals.
+    pub accesses: u64,
+}
+
+struct Runner<O> {
+    operator: O,
+    accesses: u64,
+    last_stop: Option<Stop>,
+}
+
+impl<O: Operator> Driver<Machine> for Runner<O> {
+    fn on_settled(&mut self, session: &mut Session<Machine>, _: &mut dyn Host, settled: Settled) {
+        if let Settled::Access { access, .. } = settled {
+            self.accesses += 1;
+            if access.kind == AccessKind::Write {
+                session.board_mut().port_reached(access.virtual_time.0, access.address);
+            }
+        }
+    }
+
+    fn on_stop(&mut self, session: &mut Session<Machine>, stop: Stop, host: &mut dyn Host) -> Option<VirtualNanos> {
+        let now_ns = stop.at.0;
+        self.last_stop = Some(stop);
+        let resets = session.resets().len();
+        let machine = session.board_mut();
+        machine.advance(now_ns, resets);
+        if self.operator.turn(machine, now_ns, host) == Turn::Stop {
+            return None;
+        }
+        let next = [machine.plant.next_event_ns(), self.operator.next_turn_ns()].into_iter().flatten().min();
+        let slice = now_ns + SLICE_NS;
+        Some(VirtualNanos(next.map_or(slice, |next| next.clamp(now_ns + 1, slice))))
+    }
+}
+
+/// Runs an image until the operator stops.
+///
+/// # Errors
+/// The image does not fit the chip, or the emulator could not go on.
+pub fn run<O: Operator>(
+    machine: Machine,
+    images: &[Image],
+    options: &Options<'_>,
+    operator: O,
+) -> Result<Finished<O>, emulator::Error> {
+    let mut start = Start::new(images);
+    start.boot = options.boot;
+    start.debugger = options.debugger;
+    start.wait_for_debugger = options.wait_for_debugger;
+    let session = Session::new(Box::new(machine), 0, VirtualNanos(SLICE_NS))?;
+    let finished = emulator::run(session, &start, Runner { operator, accesses: 0, last_stop: None })?;
+    let mut session = finished.session;
+    let report = report(&mut session, finished.driver.last_stop, finished.driver.accesses);
+    Ok(Finished { session, operator: finished.driver.operator, report })
+}
+
+fn report(session: &mut Session<Machine>, stop: Option<Stop>, accesses: u64) -> Report {
+    let mut unmodelled: Vec<String> = session.unmapped().iter().map(ToString::to_string).collect();
+    unmodelled.extend(session.refused().iter().map(|(address, fault)| format!("{address:#010x}: {fault}")));
+    unmodelled.extend(session.unimplemented().values().map(|register| format!("{register:?}")));
+    unmodelled.extend(session.unrouted().iter().map(|(instance, line)| format!("{instance}: interrupt {line}")));
+    unmodelled.extend(session.told().map(|told| format!("{} {}: {}", told.instance, told.register, told.reason)));
+    Report {
+        virtual_ns: stop.map_or(0, |stop| stop.at.0),
+        instructions: stop.map_or(0, |stop| stop.instruction_count),
+        resets: session.resets().iter().map(|reset| (reset.at.0, format!("{:?}", reset.cause))).collect(),
+        unmodelled,
+        accesses,
+    }
+}
