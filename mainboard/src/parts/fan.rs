@@ -171,6 +171,8 @@ mod tests {
         fan.set_driven(0, true);
         assert!((fan.rpm(SECOND / 2) - 6_000.0 * 0.632_12).abs() < 1.0);
         assert!((fan.rpm(10 * SECOND) - 6_000.0).abs() < 0.01);
+        // 10 s at full speed but for one time constant.
+        assert!((fan.quarters - 4.0 * 950.0).abs() < 0.01, "{}", fan.quarters);
         fan.set_driven(10 * SECOND, false);
         assert!((fan.rpm(11 * SECOND) - 6_000.0 * 0.367_88).abs() < 1.0);
         assert_eq!((fan.rpm(30 * SECOND), fan.next_event_ns()), (0.0, None));

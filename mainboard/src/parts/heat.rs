@@ -295,6 +295,7 @@ mod tests {
         heater.set_on(6_000 * SECOND, false);
         assert!((heater.body_celsius(9_000 * SECOND) - 21.0).abs() < 0.01);
         assert!((heater.hottest_celsius() - end).abs() < 0.01);
+        assert!((heater.energy_j(9_000 * SECOND) - 240_000.0).abs() < 1e-6);
     }
 
     #[test]

@@ -274,8 +274,22 @@ impl Motion {
             changed.record.snapped_256 += jump;
         } else {
             changed.field_256 -= lead_256;
+            let effect = self.follow(now_ns, motor);
+            return self.rest(now_ns, motor, effect);
         }
         self.follow(now_ns, motor)
+    }
+
+    /// With both of CoreXY's motors off nothing pushes any more: what is left of their leads goes.
+    fn rest(&mut self, now_ns: u64, motor: usize, mut effect: Effect) -> Effect {
+        let both = self.kinematics == Kinematics::CoreXy && motor < 2;
+        if both && !self.motors[0].energized && !self.motors[1].energized {
+            let leads = [self.lead_256(0), self.lead_256(1)];
+            self.motors[0].field_256 -= leads[0];
+            self.motors[1].field_256 -= leads[1];
+            effect |= self.follow(now_ns, motor);
+        }
+        effect
     }
 
     /// How far a motor's field is ahead of its rotor, in 1/256.
