@@ -101,9 +101,12 @@ fn a_motor_at_the_frame_slips_by_whole_periods() {
 #[test]
 fn core_xy_a_stall_slips_both_motors_and_leaves_the_other_axis() {
     let mut motion = powered(Kinematics::CoreXy);
+    let mut leant = false;
     for _ in 0..(60 * 5 * 16) {
         motion.step(0, 0, 16);
         motion.step(0, 1, -16);
+        leant |= motion.load(0) == 1.0;
+        assert_eq!(motion.load(0) == 1.0, leant);
     }
     assert!(motion.record(0).slipped_periods > 5);
     assert_eq!(motion.record(0), motion.record(1));

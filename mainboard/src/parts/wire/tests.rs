@@ -215,16 +215,37 @@ fn a_missing_stop_bit_spoils_the_datagram() {
 }
 
 #[test]
-fn a_spike_before_a_datagram_spoils_it_and_no_other() {
-    let (mut drivers, mut wire) = (drivers(&[0]), wire(1));
-    let bytes = request(0, address::SGTHRS, Some(7));
+fn a_spike_spoils_a_datagram_within_12_bit_times() {
+    for (before_ns, accepted) in [(10_000, 0), (119_000, 0), (121_000, 1), (1_000_000, 1)] {
+        let (mut drivers, mut wire) = (drivers(&[0]), wire(1));
+        let mut host = Host { now_ns: 2e6, bit_ns: 10_000.0 };
+        wire.set_master(&mut drivers, 2_000_000 - before_ns, Some(false));
+        wire.set_master(&mut drivers, 2_000_300 - before_ns, Some(true));
+        host.send(&mut wire, &mut drivers, &request(0, address::SGTHRS, Some(7)));
+        assert_eq!(drivers[0].registers().ifcnt, accepted, "{before_ns}");
+        host.now_ns += 200_000.0;
+        host.send(&mut wire, &mut drivers, &request(0, address::SGTHRS, Some(7)));
+        assert_eq!(drivers[0].registers().ifcnt, accepted + 1);
+    }
+}
+
+#[test]
+fn a_mute_driver_does_not_deafen_the_others() {
+    let (mut drivers, mut wire) = (drivers(&[0, 1]), wire(2));
+    drivers[0].set_fault(0, Fault::Mute, true);
     let mut host = Host { now_ns: 1e6, bit_ns: 10_000.0 };
-    wire.set_master(&mut drivers, 990_000, Some(false));
-    wire.set_master(&mut drivers, 990_300, Some(true));
-    host.send(&mut wire, &mut drivers, &bytes);
-    assert_eq!(drivers[0].registers().ifcnt, 0);
-    host.now_ns += 200_000.0;
-    host.send(&mut wire, &mut drivers, &bytes);
+    host.send(&mut wire, &mut drivers, &request(1, address::IOIN, None));
+    assert_eq!(host.receive(&mut wire, &mut drivers).len(), 8);
+}
+
+#[test]
+fn what_was_said_without_supply_is_forgotten() {
+    let (mut drivers, mut wire) = (drivers(&[0]), wire(1));
+    drivers[0].set_supply(0, false);
+    let mut host = Host { now_ns: 1e6, bit_ns: 10_000.0 };
+    host.send(&mut wire, &mut drivers, &[0x00, 0x00]);
+    drivers[0].set_supply(host.now_ns as u64, true);
+    host.send(&mut wire, &mut drivers, &request(0, address::SGTHRS, Some(7)));
     assert_eq!(drivers[0].registers().ifcnt, 1);
 }
 
