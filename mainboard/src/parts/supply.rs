@@ -26,7 +26,7 @@ pub struct Config {
 }
 
 impl Config {
-    /// A 24 V rail for motors and heaters. A TMC2209 works from 4.75 V and resets below some 4 V (data sheet 19.1, 19.2).
+    /// A 24 V rail for motors and heaters. A TMC2209 works from 4.75 V and locks out below some 4 V (data sheet 20, operating range).
     pub fn motors_24_v() -> Self {
         Self {
             nominal_mv: 24_000.0,

@@ -11,11 +11,12 @@
 //! | STEP and DIR: shortest times seen, against 13.1 | 13.1 | `records_the_shortest_*` |
 //! | TSTEP, standstill, run and hold current, sense resistor, vsense, VREF | 5.2, 6, 8, 9 | `tstep_*`, `current_*` |
 //! | SG_RESULT and DIAG by SGTHRS, TCOOLTHRS, TPWMTHRS | 5.3, 11 | `a_stall_*` |
-//! | over-temperature, shorts, open load, charge pump, DIAG on error | 5.5.3, 14 | `a_short_*`, `heat_*` |
-//! | supply off: silent, outputs off, registers lost, GSTAT.reset after | 5.1, 3 | `without_supply_*` |
+//! | over-temperature, shorts, open load, charge pump, DIAG on error | 5.5.3, 15 | `a_short_*`, `heat_*` |
+//! | supply off: silent, outputs off, registers lost, GSTAT.reset after | 5.1, 20 | `without_supply_*` |
 //!
 //! Left out, and why:
-//! - VACTUAL and the INDEX pin: no board here turns a motor by them. VACTUAL is kept and read as nothing.
+//! - VACTUAL and the INDEX pin: no board here turns a motor by them. VACTUAL is kept without effect.
+//! - GCONF: internal_Rsense, multistep_filt, test_mode and the bits of INDEX are kept without effect.
 //! - MicroPlyer's interpolation (CHOPCONF.intpol): a step is a jump; the position at each step is the same.
 //! - stealthChop's tuning: PWM_SCALE and PWM_AUTO report what PWMCONF starts with. coolStep (COOLCONF) changes no current.
 //! - OTP_PROG: writes are counted and change nothing; the memory's contents come with [`Config`].
@@ -407,11 +408,11 @@ impl Tmc2209 {
     /// Works out afresh what steps and levels use, after an input changed.
     fn settle(&mut self, now_ns: u64) {
         let (warning, shutdown) = self.registers.over_temperature_celsius();
-        // Shutdown lasts until the warning is over, too (14.1).
+        // Shutdown lasts until the warning is over, too (15.1).
         let limit = if self.over_temperature { warning } else { shutdown };
         self.over_temperature = self.supplied && self.celsius >= limit;
         let asked = self.supplied && !self.enable_not && self.registers.toff() != 0;
-        // A short switches the outputs off until they are switched off and on again by EN or TOFF (14.2).
+        // A short switches the outputs off until they are switched off and on again by EN or TOFF (15.2).
         self.shorts_latched = if asked { self.shorts_latched | self.faults_present & SHORTS } else { 0 };
         if self.over_temperature || self.shorts_latched != 0 {
             self.registers.gstat |= gstat::DRV_ERR;
@@ -426,7 +427,7 @@ impl Tmc2209 {
         let size = if self.registers.mstep_reg_select() {
             1 << self.registers.mres()
         } else {
-            // MS2, MS1: 1/8, 1/32, 1/64, 1/16 (3.1, table of MS1 and MS2).
+            // MS2, MS1: 1/8, 1/32, 1/64, 1/16 (2.2, pins MS1 and MS2).
             [32, 8, 4, 16][usize::from(self.node())]
         };
         if self.direction_level != self.registers.shaft() { -size } else { size }
