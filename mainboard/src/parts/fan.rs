@@ -1,7 +1,7 @@
 //! A fan with a tacho: a rotor with inertia, two pulses a turn.
 //!
-//! Driven, its speed tends to full speed; left alone, to 0; each with its own time constant. The tacho is open collector
-//! with a pull-up: high and low for a quarter turn each, whatever the speed.
+//! Driven, its speed tends to full speed; left alone, to 0; each with its own time constant. The tacho is open
+//! collector with a pull-up: high and low for a quarter turn each, whatever the speed.
 //!
 //! | what | test |
 //! |---|---|
@@ -9,7 +9,8 @@
 //! | tacho edges at their exact instants | `the_tacho_*` |
 //! | stuck rotor, dead tacho | `a_stuck_*` |
 //!
-//! Left out: the tacho going dead between PWM pulses (a fan switched at its ground loses its tacho's supply), speed by voltage.
+//! Left out: the tacho going dead between PWM pulses (a fan switched at its ground loses its tacho's supply), speed by
+//! voltage.
 
 /// Tacho levels in a turn: two pulses, each a high and a low.
 const LEVELS_A_TURN: f64 = 4.0;

@@ -18,12 +18,13 @@
 //! - VACTUAL and the INDEX pin: no board here turns a motor by them. VACTUAL is kept without effect.
 //! - GCONF: internal_Rsense, multistep_filt, test_mode and the bits of INDEX are kept without effect.
 //! - MicroPlyer's interpolation (CHOPCONF.intpol): a step is a jump; the position at each step is the same.
-//! - stealthChop's tuning: PWM_SCALE and PWM_AUTO report what PWMCONF starts with. coolStep (COOLCONF) changes no current.
+//! - stealthChop's tuning: PWM_SCALE and PWM_AUTO report what PWMCONF starts with. coolStep (COOLCONF) changes no
+//!   current.
 //! - OTP_PROG: writes are counted and change nothing; the memory's contents come with [`Config`].
 //! - SG_RESULT is a straight line of load, of one full step; in the chip it also depends on speed, current and motor.
 //! - The input filter of STEP and DIR: pulses that are too short are counted as such, yet make their steps.
-//! - What SG_RESULT is between standstill and the first full step: the data sheet does not say. Here the old value stays
-//!   readable and raises no DIAG, as drivers in the field start from a stall without a false one.
+//! - What SG_RESULT is between standstill and the first full step: the data sheet does not say. Here the old value
+//!   stays readable and raises no DIAG, as drivers in the field start from a stall without a false one.
 //! - TSTEP's hysteresis at thresholds. Clock drift: the chip's 12 MHz is exact.
 //! - Which level of DIR counts MSCNT up: the data sheet does not say; here low does. Wiring decides what moves where.
 //! - Loss of VCC_IO while the motor supply stays.
@@ -246,7 +247,8 @@ impl Tmc2209 {
         self.settle(now_ns);
     }
 
-    /// The level at PDN_UART as power-down input; matters while GCONF.pdn_disable is 0 only. High before the first call.
+    /// The level at PDN_UART as power-down input; matters while GCONF.pdn_disable is 0 only. High before the first
+    /// call.
     pub fn set_pdn_pin(&mut self, level: bool) {
         self.pdn_level = level;
     }
@@ -446,8 +448,8 @@ impl Tmc2209 {
         self.registers.spread_cycle() == self.config.spread && tstep >= self.registers.tpwmthrs
     }
 
-    /// What switches the outputs off and raises DIAG. GSTAT.drv_err stays until it is cleared, DIAG only while the reason
-    /// lasts: EN high ends that of a short (2.2, pin DIAG).
+    /// What switches the outputs off and raises DIAG. GSTAT.drv_err stays until it is cleared, DIAG only while the
+    /// reason lasts: EN high ends that of a short (2.2, pin DIAG).
     fn driver_error(&self) -> bool {
         self.over_temperature || self.shorts_latched != 0 || self.charge_pump_low
     }

@@ -1,12 +1,13 @@
 //! The drivers' serial line: several drivers on one wire, by bytes or by a pin's edges.
 //!
-//! [`Bus`] takes whole bytes, as a USART of the chip sends them. [`Wire`] takes a pin's edges, finds the bytes in them and
-//! plays a reply back as edges at exact instants. Both share the drivers by address (data sheet of the TMC2209, 4.3).
+//! [`Bus`] takes whole bytes, as a USART of the chip sends them. [`Wire`] takes a pin's edges, finds the bytes in them
+//! and plays a reply back as edges at exact instants. Both share the drivers by address (data sheet of the TMC2209,
+//! 4.3).
 //!
 //! | what | TMC2209, section | test |
 //! |---|---|---|
 //! | bit time from the sync nibble: four bits from the start bit to the third falling edge | 4.1.1 | `round_trip_*`, `a_given_*` |
-//! | sampling in mid-bit, missing stop bit, pulses below 16 clocks | 4.1.1 | `a_missing_stop_bit_*`, `a_spike_*` |
+//! | sampling in mid-bit, missing stop bit, pulses below 16 clocks | 4.1.1 | `a_missing_stop_bit_*`, `a_low_stop_bit_*`, `a_spike_*` |
 //! | reply as edges, driver released four bit times after it | 4.1.2 | `round_trip_*`, `releases_*` |
 //! | several drivers on one wire | 4.3 | `drivers_share_*`, `two_drivers_with_one_address_*` |
 //! | garbled bits, mute line | | `garbles_*`, `a_mute_*` |

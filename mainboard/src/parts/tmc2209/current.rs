@@ -25,7 +25,8 @@ impl Tmc2209 {
         if hold < run { run.saturating_sub(steps).max(hold) } else { (run + steps).min(hold) }
     }
 
-    /// The phase current in milliamperes RMS at full excitation (8): by scale, VREF and sense resistors. 0 with the outputs off.
+    /// The phase current in milliamperes RMS at full excitation (8): by scale, VREF and sense resistors. 0 with the
+    /// outputs off.
     pub fn current_ma(&self, now_ns: u64) -> u32 {
         if !self.energized {
             return 0;
