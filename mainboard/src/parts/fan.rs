@@ -1,7 +1,7 @@
 //! A fan with a tacho: a rotor with inertia, two pulses a turn.
 //!
-//! Driven, its speed tends to full speed; left alone, to 0; each with its own time constant. The tacho is open collector
-//! with a pull-up: high and low for a quarter turn each, whatever the speed.
+//! Driven, its speed tends to full speed; left alone, to 0; each with its own time constant. The tacho is open
+//! collector with a pull-up: high and low for a quarter turn each, whatever the speed.
 //!
 //! | what | test |
 //! |---|---|
@@ -9,7 +9,8 @@
 //! | tacho edges at their exact instants | `the_tacho_*` |
 //! | stuck rotor, dead tacho | `a_stuck_*` |
 //!
-//! Left out: the tacho going dead between PWM pulses (a fan switched at its ground loses its tacho's supply), speed by voltage.
+//! Left out: the tacho going dead between PWM pulses (a fan switched at its ground loses its tacho's supply), speed by
+//! voltage.
 
 /// Tacho levels in a turn: two pulses, each a high and a low.
 const LEVELS_A_TURN: f64 = 4.0;
@@ -171,6 +172,8 @@ mod tests {
         fan.set_driven(0, true);
         assert!((fan.rpm(SECOND / 2) - 6_000.0 * 0.632_12).abs() < 1.0);
         assert!((fan.rpm(10 * SECOND) - 6_000.0).abs() < 0.01);
+        // 10 s at full speed but for one time constant.
+        assert!((fan.quarters - 4.0 * 950.0).abs() < 0.01, "{}", fan.quarters);
         fan.set_driven(10 * SECOND, false);
         assert!((fan.rpm(11 * SECOND) - 6_000.0 * 0.367_88).abs() < 1.0);
         assert_eq!((fan.rpm(30 * SECOND), fan.next_event_ns()), (0.0, None));

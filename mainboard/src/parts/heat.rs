@@ -1,7 +1,8 @@
 //! Heaters and what they heat, and thermistors ([`thermistor`]).
 //!
-//! A heated body is one mass that loses heat to the air; its sensor follows it with a lag of its own, so that the answer to
-//! power is of second order. A transport delay before that can be set. Between changes of power all is solved exactly:
+//! A heated body is one mass that loses heat to the air; its sensor follows it with a lag of its own, so that the
+//! answer to power is of second order. A transport delay before that can be set. Between changes of power all is solved
+//! exactly:
 //!
 //! ```text
 //! C dT/dt = P - G (T - ambient)        lag dS/dt = T - S
@@ -13,8 +14,8 @@
 //! | transport delay | `a_dead_time_*` |
 //! | supply voltage, broken heater, switch shorted | `faults_*` |
 //!
-//! Left out: radiation (loss that grows faster than the difference), the heat that melting filament takes, heat from the
-//! bed to the nozzle. Set `loss_w_per_k` for the temperature of interest.
+//! Left out: radiation (loss that grows faster than the difference), the heat that melting filament takes, heat from
+//! the bed to the nozzle. Set `loss_w_per_k` for the temperature of interest.
 
 pub mod thermistor;
 
@@ -164,8 +165,8 @@ impl Heater {
         self.sensor_celsius
     }
 
-    /// The hottest that the mass was when power changed or someone looked, in degrees Celsius. The mass is hottest where its
-    /// power ends, so that nothing hotter lies between.
+    /// The hottest that the mass was when power changed or someone looked, in degrees Celsius. The mass is hottest
+    /// where its power ends, so that nothing hotter lies between.
     pub fn hottest_celsius(&self) -> f64 {
         self.hottest_celsius
     }
@@ -295,6 +296,7 @@ mod tests {
         heater.set_on(6_000 * SECOND, false);
         assert!((heater.body_celsius(9_000 * SECOND) - 21.0).abs() < 0.01);
         assert!((heater.hottest_celsius() - end).abs() < 0.01);
+        assert!((heater.energy_j(9_000 * SECOND) - 240_000.0).abs() < 1e-6);
     }
 
     #[test]

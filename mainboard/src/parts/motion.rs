@@ -1,21 +1,21 @@
 //! Motors, kinematics and axes: from steps to where the nozzle stands, and what that does to switches, probe and bed.
 //!
-//! Positions are exact: a motor's field is counted in 1/256 of a full step (`i64`), an axis in half of that, so that the mean
-//! of two CoreXY motors is exact as well.
+//! Positions are exact: a motor's field is counted in 1/256 of a full step (`i64`), an axis in half of that, so that
+//! the mean of two CoreXY motors is exact as well.
 //!
 //! | what | test |
 //! |---|---|
 //! | Cartesian and CoreXY (A = X + Y, B = X - Y) | `cartesian_*`, `core_xy_*` |
-//! | hard ends: the carriage stays, the field runs ahead, the rotor slips by four full steps, the load is 1 | `a_motor_at_the_frame_*`, `a_stall_*` |
-//! | outputs off: steps move nothing; outputs on again: the rotor snaps to the nearest place of the field | `without_current_*`, `the_rotor_snaps_*` |
+//! | hard ends: the carriage stays, the field runs ahead, the rotor slips by four full steps, the load is 1 | `a_motor_at_the_frame_*`, `core_xy_a_stall_*` |
+//! | outputs off: steps move nothing; outputs on again: the rotor snaps to the nearest place of the field | `without_current_*`, `the_rotor_snaps_*`, `a_rotor_rests_*` |
 //! | end stops: hysteresis, bounce, stuck, polarity ([`end_stop`]) | `end_stop::tests` |
-//! | probe over the sheet only, hysteresis, noise, dead, always on; nozzle pressed into the sheet ([`sheet`]) | `sheet::tests`, `the_probe_*`, `a_nozzle_*` |
+//! | probe over the sheet only, hysteresis, noise, dead, always on; nozzle pressed into the sheet ([`sheet`]) | `sheet::tests`, `the_probe_*` |
 //!
 //! Left out, and why:
-//! - Mass, belts' stretch and torque: a motor follows its field wherever nothing blocks it, however fast. Steps lost by speed
-//!   are a question for a machine, not for its firmware's logic.
-//! - A carriage that is blocked lets its rotor swing between the frame and two full steps before it (slipping); it does not
-//!   bounce further. Pushing into the sheet does not stop Z: the depth is recorded instead.
+//! - Mass, belts' stretch and torque: a motor follows its field wherever nothing blocks it, however fast. Steps lost by
+//!   speed are a question for a machine, not for its firmware's logic.
+//! - A carriage that is blocked lets its rotor swing between the frame and two full steps before it (slipping); it does
+//!   not bounce further. Pushing into the sheet does not stop Z: the depth is recorded instead.
 //! - A motor without current keeps its place: Z does not sink, and nobody pushes the carriage.
 //! - Several motors on one axis: wire them to one driver.
 
@@ -175,8 +175,8 @@ impl Motion {
     /// The machine at its start, motors without current.
     ///
     /// # Errors
-    /// If X, Y or Z has no motor, steps per mm are not positive, an axis's ends are swapped or it starts beyond the frame,
-    /// or an end stop sits on an axis that is not there.
+    /// If X, Y or Z has no motor, steps per mm are not positive, an axis's ends are swapped or it starts beyond the
+    /// frame, or an end stop sits on an axis that is not there.
     pub fn new(config: Config) -> Result<Self, String> {
         if config.motors.len() < 3 {
             return Err(format!("motors: {} given, at least 3 expected: X or A, Y or B, Z", config.motors.len()));
@@ -259,7 +259,8 @@ impl Motion {
 
     /// The driver's outputs are on or off; `mscnt` is where its field stands. Repeated calls change nothing.
     ///
-    /// Off, the rotor rests where it is. On, it snaps to the nearest place that the field allows: within two full steps.
+    /// Off, the rotor rests where it is. On, it snaps to the nearest place that the field allows: within two full
+    /// steps.
     pub fn set_energized(&mut self, now_ns: u64, motor: usize, on: bool, mscnt: u16) -> Effect {
         let lead_256 = self.lead_256(motor);
         let Some(changed) = self.motors.get_mut(motor) else { return Effect::default() };
@@ -274,8 +275,22 @@ impl Motion {
             changed.record.snapped_256 += jump;
         } else {
             changed.field_256 -= lead_256;
+            let effect = self.follow(now_ns, motor);
+            return self.rest(now_ns, motor, effect);
         }
         self.follow(now_ns, motor)
+    }
+
+    /// With both of CoreXY's motors off nothing pushes any more: what is left of their leads goes.
+    fn rest(&mut self, now_ns: u64, motor: usize, mut effect: Effect) -> Effect {
+        let both = self.kinematics == Kinematics::CoreXy && motor < 2;
+        if both && !self.motors[0].energized && !self.motors[1].energized {
+            let leads = [self.lead_256(0), self.lead_256(1)];
+            self.motors[0].field_256 -= leads[0];
+            self.motors[1].field_256 -= leads[1];
+            effect |= self.follow(now_ns, motor);
+        }
+        effect
     }
 
     /// How far a motor's field is ahead of its rotor, in 1/256.

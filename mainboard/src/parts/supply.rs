@@ -26,7 +26,8 @@ pub struct Config {
 }
 
 impl Config {
-    /// A 24 V rail for motors and heaters. A TMC2209 works from 4.75 V and resets below some 4 V (data sheet 19.1, 19.2).
+    /// A 24 V rail for motors and heaters. A TMC2209 works from 4.75 V and locks out below some 4 V (data sheet 20,
+    /// operating range).
     pub fn motors_24_v() -> Self {
         Self {
             nominal_mv: 24_000.0,
@@ -38,7 +39,8 @@ impl Config {
         }
     }
 
-    /// A 3.3 V rail for the chip, with the power-down reset at 1.68 and 1.72 V (STM32F4 data sheet, embedded reset block).
+    /// A 3.3 V rail for the chip, with the power-down reset at 1.68 and 1.72 V (STM32F4 data sheet, embedded reset
+    /// block).
     pub fn chip_3_3_v() -> Self {
         Self {
             nominal_mv: 3_300.0,

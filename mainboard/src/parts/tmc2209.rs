@@ -11,18 +11,20 @@
 //! | STEP and DIR: shortest times seen, against 13.1 | 13.1 | `records_the_shortest_*` |
 //! | TSTEP, standstill, run and hold current, sense resistor, vsense, VREF | 5.2, 6, 8, 9 | `tstep_*`, `current_*` |
 //! | SG_RESULT and DIAG by SGTHRS, TCOOLTHRS, TPWMTHRS | 5.3, 11 | `a_stall_*` |
-//! | over-temperature, shorts, open load, charge pump, DIAG on error | 5.5.3, 14 | `a_short_*`, `heat_*` |
-//! | supply off: silent, outputs off, registers lost, GSTAT.reset after | 5.1, 3 | `without_supply_*` |
+//! | over-temperature, shorts, open load, charge pump, DIAG on error | 5.5.3, 15 | `a_short_*`, `heat_*` |
+//! | supply off: silent, outputs off, registers lost, GSTAT.reset after | 5.1, 20 | `without_supply_*` |
 //!
 //! Left out, and why:
-//! - VACTUAL and the INDEX pin: no board here turns a motor by them. VACTUAL is kept and read as nothing.
+//! - VACTUAL and the INDEX pin: no board here turns a motor by them. VACTUAL is kept without effect.
+//! - GCONF: internal_Rsense, multistep_filt, test_mode and the bits of INDEX are kept without effect.
 //! - MicroPlyer's interpolation (CHOPCONF.intpol): a step is a jump; the position at each step is the same.
-//! - stealthChop's tuning: PWM_SCALE and PWM_AUTO report what PWMCONF starts with. coolStep (COOLCONF) changes no current.
+//! - stealthChop's tuning: PWM_SCALE and PWM_AUTO report what PWMCONF starts with. coolStep (COOLCONF) changes no
+//!   current.
 //! - OTP_PROG: writes are counted and change nothing; the memory's contents come with [`Config`].
 //! - SG_RESULT is a straight line of load, of one full step; in the chip it also depends on speed, current and motor.
 //! - The input filter of STEP and DIR: pulses that are too short are counted as such, yet make their steps.
-//! - What SG_RESULT is between standstill and the first full step: the data sheet does not say. Here the old value stays
-//!   readable and raises no DIAG, as drivers in the field start from a stall without a false one.
+//! - What SG_RESULT is between standstill and the first full step: the data sheet does not say. Here the old value
+//!   stays readable and raises no DIAG, as drivers in the field start from a stall without a false one.
 //! - TSTEP's hysteresis at thresholds. Clock drift: the chip's 12 MHz is exact.
 //! - Which level of DIR counts MSCNT up: the data sheet does not say; here low does. Wiring decides what moves where.
 //! - Loss of VCC_IO while the motor supply stays.
@@ -245,7 +247,8 @@ impl Tmc2209 {
         self.settle(now_ns);
     }
 
-    /// The level at PDN_UART as power-down input; matters while GCONF.pdn_disable is 0 only. High before the first call.
+    /// The level at PDN_UART as power-down input; matters while GCONF.pdn_disable is 0 only. High before the first
+    /// call.
     pub fn set_pdn_pin(&mut self, level: bool) {
         self.pdn_level = level;
     }
@@ -407,11 +410,11 @@ impl Tmc2209 {
     /// Works out afresh what steps and levels use, after an input changed.
     fn settle(&mut self, now_ns: u64) {
         let (warning, shutdown) = self.registers.over_temperature_celsius();
-        // Shutdown lasts until the warning is over, too (14.1).
+        // Shutdown lasts until the warning is over, too (15.1).
         let limit = if self.over_temperature { warning } else { shutdown };
         self.over_temperature = self.supplied && self.celsius >= limit;
         let asked = self.supplied && !self.enable_not && self.registers.toff() != 0;
-        // A short switches the outputs off until they are switched off and on again by EN or TOFF (14.2).
+        // A short switches the outputs off until they are switched off and on again by EN or TOFF (15.2).
         self.shorts_latched = if asked { self.shorts_latched | self.faults_present & SHORTS } else { 0 };
         if self.over_temperature || self.shorts_latched != 0 {
             self.registers.gstat |= gstat::DRV_ERR;
@@ -426,7 +429,7 @@ impl Tmc2209 {
         let size = if self.registers.mstep_reg_select() {
             1 << self.registers.mres()
         } else {
-            // MS2, MS1: 1/8, 1/32, 1/64, 1/16 (3.1, table of MS1 and MS2).
+            // MS2, MS1: 1/8, 1/32, 1/64, 1/16 (2.2, pins MS1 and MS2).
             [32, 8, 4, 16][usize::from(self.node())]
         };
         if self.direction_level != self.registers.shaft() { -size } else { size }
@@ -445,8 +448,8 @@ impl Tmc2209 {
         self.registers.spread_cycle() == self.config.spread && tstep >= self.registers.tpwmthrs
     }
 
-    /// What switches the outputs off and raises DIAG. GSTAT.drv_err stays until it is cleared, DIAG only while the reason
-    /// lasts: EN high ends that of a short (2.2, pin DIAG).
+    /// What switches the outputs off and raises DIAG. GSTAT.drv_err stays until it is cleared, DIAG only while the
+    /// reason lasts: EN high ends that of a short (2.2, pin DIAG).
     fn driver_error(&self) -> bool {
         self.over_temperature || self.shorts_latched != 0 || self.charge_pump_low
     }

@@ -1,12 +1,13 @@
 //! The drivers' serial line: several drivers on one wire, by bytes or by a pin's edges.
 //!
-//! [`Bus`] takes whole bytes, as a USART of the chip sends them. [`Wire`] takes a pin's edges, finds the bytes in them and
-//! plays a reply back as edges at exact instants. Both share the drivers by address (data sheet of the TMC2209, 4.3).
+//! [`Bus`] takes whole bytes, as a USART of the chip sends them. [`Wire`] takes a pin's edges, finds the bytes in them
+//! and plays a reply back as edges at exact instants. Both share the drivers by address (data sheet of the TMC2209,
+//! 4.3).
 //!
 //! | what | TMC2209, section | test |
 //! |---|---|---|
 //! | bit time from the sync nibble: four bits from the start bit to the third falling edge | 4.1.1 | `round_trip_*`, `a_given_*` |
-//! | sampling in mid-bit, missing stop bit, pulses below 16 clocks | 4.1.1 | `a_missing_stop_bit_*`, `a_spike_*` |
+//! | sampling in mid-bit, missing stop bit, pulses below 16 clocks | 4.1.1 | `a_missing_stop_bit_*`, `a_low_stop_bit_*`, `a_spike_*` |
 //! | reply as edges, driver released four bit times after it | 4.1.2 | `round_trip_*`, `releases_*` |
 //! | several drivers on one wire | 4.3 | `drivers_share_*`, `two_drivers_with_one_address_*` |
 //! | garbled bits, mute line | | `garbles_*`, `a_mute_*` |
@@ -24,10 +25,10 @@ mod tests;
 
 /// Bit times after its last bit for which a driver still drives the line (4.1.2).
 const RELEASE_BITS: u64 = 4;
-/// Bits by which a measured sync nibble's halves may differ: a quarter of two bits.
+/// The parts of a sync nibble may differ by one over this.
 const SYNC_TOLERANCE: u64 = 4;
-/// Time without an edge after which a sync nibble in part is given up, in ns: longer than 63 bits at the slowest rate.
-const SYNC_TIMEOUT_NS: u64 = 12_000_000;
+/// A low pulse on an idle line that is shorter is a glitch, in ns: 16 clocks of 12 MHz (4.1.1).
+const GLITCH_NS: u64 = 1_333;
 
 /// Faults of a line.
 #[derive(Debug, Clone, Copy, Default, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -62,9 +63,10 @@ impl Bus {
         &self.members
     }
 
-    /// Whether the next byte would begin a datagram for the drivers.
-    fn expects_sync(&self, drivers: &[Tmc2209], start_ns: u64) -> bool {
-        self.members.iter().find_map(|&member| drivers.get(member)).is_none_or(|driver| driver.expects_sync(start_ns))
+    /// Whether the next byte would begin a datagram for the drivers; none where no driver hears anything.
+    fn expects_sync(&self, drivers: &[Tmc2209], start_ns: u64) -> Option<bool> {
+        let mut hearing = self.members.iter().filter_map(|&member| drivers.get(member)).filter(|driver| driver.hears());
+        hearing.next().map(|driver| driver.expects_sync(start_ns))
     }
 
     /// A byte from the master whose start bit began at `start_ns`; the reply that follows it on the wire.
@@ -220,30 +222,42 @@ impl Wire {
     }
 
     fn edge(&mut self, drivers: &mut [Tmc2209], now_ns: u64, level: bool) {
-        if self.incoming.as_ref().is_some_and(|byte| byte.bit_ns == 0 && now_ns - byte.start_ns > SYNC_TIMEOUT_NS) {
-            self.incoming = None;
-        }
         let Some(incoming) = &mut self.incoming else {
             if level {
                 return;
             }
-            let bit_ns = match self.bit_time {
-                BitTime::Given(bit_ns) => bit_ns,
-                BitTime::Measured if self.bus.expects_sync(drivers, now_ns) => 0,
-                BitTime::Measured => self.bit_ns,
+            let bit_ns = match (self.bit_time, self.bus.expects_sync(drivers, now_ns)) {
+                (_, None) => return,
+                (BitTime::Given(bit_ns), _) => bit_ns,
+                (BitTime::Measured, Some(true)) => 0,
+                (BitTime::Measured, Some(false)) => self.bit_ns,
             };
             self.incoming = Some(Incoming { start_ns: now_ns, bit_ns, edges: vec![(now_ns, false)] });
             return;
         };
-        incoming.edges.push((now_ns, level));
-        if incoming.bit_ns != 0 || level || incoming.edges.len() != 5 {
-            return;
-        }
-        // Falling edges of the start bit, of bit 1 and of bit 3: 0 then 1 0 1 0 (the sync nibble, lowest bit first).
-        let (first_ns, second_ns) = (incoming.edges[2].0 - incoming.start_ns, now_ns - incoming.edges[2].0);
-        if first_ns.abs_diff(second_ns) * SYNC_TOLERANCE > first_ns.max(second_ns) {
+        if level && incoming.edges.len() == 1 && now_ns - incoming.start_ns < GLITCH_NS {
             self.incoming = None;
             self.bus.garbled(drivers, now_ns);
+            return;
+        }
+        incoming.edges.push((now_ns, level));
+        if incoming.bit_ns != 0 || level {
+            return;
+        }
+        // Falling edges of the start bit, of bit 1 and of bit 3: 0 then 1 0 1 0 (the sync nibble, lowest bit first). A
+        // nibble that does not fit was busy until its last rise, and another may begin here.
+        let count = incoming.edges.len();
+        let at_ns = |index: usize| incoming.edges.get(index).map_or(now_ns, |edge| edge.0);
+        let (low_ns, first_ns, second_ns) = (at_ns(1) - at_ns(0), at_ns(2) - at_ns(0), now_ns - at_ns(0));
+        let last_rise_ns = at_ns(count - 2);
+        let fits = first_ns.abs_diff(2 * low_ns) * SYNC_TOLERANCE <= first_ns
+            && (count == 3 || second_ns.abs_diff(2 * first_ns) * SYNC_TOLERANCE <= first_ns);
+        if !fits {
+            *incoming = Incoming { start_ns: now_ns, bit_ns: 0, edges: vec![(now_ns, false)] };
+            self.bus.garbled(drivers, last_rise_ns);
+            return;
+        }
+        if count < 5 {
             return;
         }
         incoming.bit_ns = ((now_ns - incoming.start_ns) / 4).max(1);

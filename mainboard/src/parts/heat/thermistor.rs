@@ -39,8 +39,8 @@ pub enum Curve {
 }
 
 impl Curve {
-    /// Semitec 104GT-2 by its maker's constants: 100 kiloohm at 25 degrees Celsius, B25/85 4267 K. Near those temperatures; at
-    /// 200 degrees and above use [`Curve::semitec_104gt_2_points`].
+    /// Semitec 104GT-2 by its maker's constants: 100 kiloohm at 25 degrees Celsius, B25/85 4267 K. Near those
+    /// temperatures; at 200 degrees and above use [`Curve::semitec_104gt_2_points`].
     pub fn semitec_104gt_2() -> Self {
         Self::Beta { r25_ohm: 100_000.0, beta_k: 4267.0 }
     }
@@ -105,8 +105,8 @@ pub enum SensorFault {
     Open,
     /// Shorted to ground: 0 V.
     Short,
-    /// Slipped out of its block at `since_ns`: falls to the air's temperature with this time constant, but for a share of
-    /// what the block is above it.
+    /// Slipped out of its block at `since_ns`: falls to the air's temperature with this time constant, but for a share
+    /// of what the block is above it.
     SlippedOut {
         /// When it slipped.
         since_ns: u64,

@@ -101,14 +101,57 @@ fn a_motor_at_the_frame_slips_by_whole_periods() {
 #[test]
 fn core_xy_a_stall_slips_both_motors_and_leaves_the_other_axis() {
     let mut motion = powered(Kinematics::CoreXy);
+    let mut leant = false;
     for _ in 0..(60 * 5 * 16) {
         motion.step(0, 0, 16);
         motion.step(0, 1, -16);
+        leant |= motion.load(0) == 1.0;
+        assert_eq!(motion.load(0) == 1.0, leant);
     }
     assert!(motion.record(0).slipped_periods > 5);
     assert_eq!(motion.record(0), motion.record(1));
     assert_eq!((motion.position_mm(1), motion.load(0), motion.load(1)), (50.0, 1.0, 1.0));
     assert!(motion.position_mm(0) > 100.5 && motion.position_mm(0) <= 101.0);
+}
+
+#[test]
+fn core_xy_a_stall_along_y_slips_a_and_b_apart() {
+    let mut motion = powered(Kinematics::CoreXy);
+    let mut leant = false;
+    for _ in 0..(60 * 5 * 16) {
+        motion.step(0, 0, 16);
+        motion.step(0, 1, 16);
+        leant |= motion.load(0) == 1.0;
+        assert_eq!(motion.load(1) == 1.0, leant);
+    }
+    let (a, b) = (motion.record(0), motion.record(1));
+    assert!(leant && a.slipped_periods > 5 && a.lost_256 == -b.lost_256 && a.lost_256 > 0);
+    assert_eq!((motion.position_mm(0), b.slipped_periods), (50.0, a.slipped_periods));
+}
+
+#[test]
+fn a_rotor_rests_where_it_is_when_the_current_goes() {
+    for kinematics in [Kinematics::Cartesian, Kinematics::CoreXy] {
+        let mut motion = powered(kinematics);
+        // To the frame at 101 mm in Y and 10 steps into it, without a slip.
+        for _ in 0..51 * 80 + 10 {
+            if kinematics == Kinematics::CoreXy {
+                motion.step(0, 0, 16);
+                motion.step(0, 1, 16);
+            } else {
+                motion.step(0, 1, -16);
+            }
+        }
+        assert_eq!((motion.position_mm(1), motion.record(1).slipped_periods), (101.0, 0));
+        let field_256 = motion.field_256(1);
+        motion.set_energized(0, 0, false, 0);
+        motion.set_energized(0, 1, false, 0);
+        assert_eq!((motion.position_mm(1), motion.axes[1].lead, motion.axes[0].lead), (101.0, 0, 0));
+        if kinematics == Kinematics::Cartesian {
+            assert_eq!(motion.field_256(1), field_256 - 160);
+        }
+        assert!((motion.position_mm(0) - 50.0).abs() < 0.05);
+    }
 }
 
 #[test]
@@ -157,6 +200,8 @@ fn the_probe_triggers_over_the_sheet_and_a_nozzle_crash_is_recorded() {
     steps(&mut motion, 99, 2, -16, 160);
     let crash = motion.sheet().crash().unwrap();
     assert!((crash.deepest_mm - 0.5).abs() < 1e-9 && crash.first_ns == 99, "{crash:?}");
+    // A jump up, as when the rotor snaps: the probe still notices.
+    assert!((0..15).filter(|_| motion.step(99, 2, 256 * 5).lines).count() == 1 && motion.probe().unwrap().level());
 }
 
 #[test]

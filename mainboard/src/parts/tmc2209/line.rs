@@ -49,8 +49,13 @@ impl Tmc2209 {
         }
     }
 
+    /// Whether it takes part in the line at all: supplied and not mute.
+    pub fn hears(&self) -> bool {
+        self.supplied && !self.mute
+    }
+
     fn listens(&self, at_ns: u64) -> bool {
-        self.supplied && !self.mute && at_ns >= self.transmits_until_ns
+        self.hears() && at_ns >= self.transmits_until_ns
     }
 
     /// 16 clocks a bit at least; 2222 at most: 9000 baud with the fastest clock of 20 MHz (4.1.1).

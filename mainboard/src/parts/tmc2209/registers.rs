@@ -93,8 +93,8 @@ pub struct Registers {
 }
 
 impl Registers {
-    /// The values after power-up. `otp` is the one-time memory (OTP_READ, 5.1.1); its power-up values for currents, sense
-    /// resistor, chopper mode and trims are followed, the rest has no effect.
+    /// The values after power-up. `otp` is the one-time memory (OTP_READ, 5.1.1); its power-up values for currents,
+    /// sense resistor, chopper mode and trims are followed, the rest has no effect.
     pub fn at_reset(otp: u32) -> Self {
         let bit = |number: u32| otp >> number & 1;
         let ihold = [16, 2, 8, 24][(otp >> 21 & 3) as usize];

@@ -87,6 +87,39 @@ fn recovers_after_12_bit_times_of_silence_and_no_sooner() {
 }
 
 #[test]
+fn recovery_counts_silence_and_not_time() {
+    let mut driver = driver();
+    let (_, end_ns) = send(&mut driver, 0, &[0x0A]);
+    let (_, end_ns) = send(&mut driver, end_ns + 11 * BIT_NS, &[0xFF]);
+    send(&mut driver, end_ns, &write_request(0, address::SGTHRS, 1));
+    assert_eq!(driver.registers().ifcnt, 0);
+}
+
+#[test]
+fn refuses_bytes_of_another_baud_rate_in_a_datagram() {
+    for (per_cent, accepted) in [(104, 1), (106, 0), (94, 0)] {
+        let mut driver = driver();
+        for (index, byte) in write_request(0, address::SGTHRS, 1).into_iter().enumerate() {
+            let bit_ns = if index == 5 { 10_000 * per_cent / 100 } else { 10_000 };
+            driver.receive_byte(index as u64 * 110_000, bit_ns, byte);
+        }
+        assert_eq!(driver.registers().ifcnt, accepted, "{per_cent}");
+    }
+}
+
+#[test]
+fn a_load_shows_at_the_next_full_step() {
+    let mut driver = driver();
+    let last_ns = run(&mut driver, 0, 8, 160_000);
+    assert_eq!((driver.mscnt(), driver.read(last_ns, address::SG_RESULT)), (256, 300));
+    driver.set_load(0.5);
+    let last_ns = run(&mut driver, last_ns + 160_000, 7, 160_000);
+    assert_eq!(driver.read(last_ns, address::SG_RESULT), 300);
+    let last_ns = run(&mut driver, last_ns + 160_000, 1, 160_000);
+    assert_eq!(driver.read(last_ns, address::SG_RESULT), 150);
+}
+
+#[test]
 fn gives_a_datagram_up_after_63_bit_times_without_a_start_bit() {
     for (gap_bits, accepted) in [(63, 1), (64, 0)] {
         let mut driver = driver();

@@ -128,13 +128,55 @@ fn drivers_share_a_wire_by_address() {
 #[test]
 fn two_drivers_with_one_address_answer_together() {
     let (mut drivers, mut bus) = (drivers(&[1, 1]), Bus::new(vec![0, 1], 1));
-    drivers[1].set_enable_pin(0, true);
+    drivers[0].set_enable_pin(0, false);
+    drivers[1].set_step_pin(0, true);
     let mut reply = None;
     for (index, byte) in request(1, address::IOIN, None).into_iter().enumerate() {
         reply = bus.byte(&mut drivers, index as u64 * 100_000, 10_000, byte);
     }
-    // Both say EN (high before anything drives it); the same reply twice is one.
-    assert_eq!(reply.unwrap().bytes[..4], [0x05, 0xFF, 0x06, 0x21]);
+    // One says 0x44, the other 0xC5 (STEP, EN, MS1, PDN_UART): a low wins.
+    assert_eq!(reply.unwrap().bytes[..7], [0x05, 0xFF, 0x06, 0x21, 0x00, 0x00, 0x44]);
+}
+
+#[test]
+fn a_neighbour_with_a_short_send_delay_misses_what_follows_a_reply() {
+    for (setting, accepted) in [(0, 1), (2, 2)] {
+        let (mut drivers, mut bus) = (drivers(&[0, 1]), Bus::new(vec![0, 1], 1));
+        let mut now_ns = 1_000_000;
+        let mut reply_end_ns = 0;
+        let mut send = |bus: &mut Bus, drivers: &mut [Tmc2209], bytes: &[u8], from_ns: u64| {
+            now_ns = now_ns.max(from_ns);
+            for &byte in bytes {
+                if let Some(reply) = bus.byte(drivers, now_ns, 10_000, byte) {
+                    reply_end_ns = reply.end_ns();
+                }
+                now_ns += 100_000;
+            }
+            reply_end_ns
+        };
+        send(&mut bus, &mut drivers, &request(1, address::NODECONF, Some(setting << 8)), 0);
+        let end_ns = send(&mut bus, &mut drivers, &request(0, address::IOIN, None), 0);
+        assert!(end_ns > 0);
+        send(&mut bus, &mut drivers, &request(1, address::SGTHRS, Some(1)), end_ns + 40_000);
+        assert_eq!(drivers[1].registers().ifcnt, accepted);
+    }
+}
+
+#[test]
+fn a_low_stop_bit_spoils_a_byte() {
+    for low in [false, true] {
+        let (mut drivers, mut wire) = (drivers(&[0]), wire(1));
+        let bytes = request(0, address::SGTHRS, Some(7));
+        let mut host = Host { now_ns: 1e6, bit_ns: 10_000.0 };
+        host.send(&mut wire, &mut drivers, &bytes[..7]);
+        for bit in 0..10 {
+            let level = if bit == 9 { !low } else { (u16::from(bytes[7]) << 1) >> bit & 1 != 0 };
+            wire.set_master(&mut drivers, host.now_ns as u64, Some(level));
+            host.now_ns += 10_000.0;
+        }
+        wire.set_master(&mut drivers, host.now_ns as u64, None);
+        assert_eq!(drivers[0].registers().ifcnt, u8::from(!low));
+    }
 }
 
 #[test]
@@ -173,16 +215,37 @@ fn a_missing_stop_bit_spoils_the_datagram() {
 }
 
 #[test]
-fn a_spike_before_a_datagram_spoils_it_and_no_other() {
-    let (mut drivers, mut wire) = (drivers(&[0]), wire(1));
-    let bytes = request(0, address::SGTHRS, Some(7));
+fn a_spike_spoils_a_datagram_within_12_bit_times() {
+    for (before_ns, accepted) in [(10_000, 0), (119_000, 0), (121_000, 1), (1_000_000, 1)] {
+        let (mut drivers, mut wire) = (drivers(&[0]), wire(1));
+        let mut host = Host { now_ns: 2e6, bit_ns: 10_000.0 };
+        wire.set_master(&mut drivers, 2_000_000 - before_ns, Some(false));
+        wire.set_master(&mut drivers, 2_000_300 - before_ns, Some(true));
+        host.send(&mut wire, &mut drivers, &request(0, address::SGTHRS, Some(7)));
+        assert_eq!(drivers[0].registers().ifcnt, accepted, "{before_ns}");
+        host.now_ns += 200_000.0;
+        host.send(&mut wire, &mut drivers, &request(0, address::SGTHRS, Some(7)));
+        assert_eq!(drivers[0].registers().ifcnt, accepted + 1);
+    }
+}
+
+#[test]
+fn a_mute_driver_does_not_deafen_the_others() {
+    let (mut drivers, mut wire) = (drivers(&[0, 1]), wire(2));
+    drivers[0].set_fault(0, Fault::Mute, true);
     let mut host = Host { now_ns: 1e6, bit_ns: 10_000.0 };
-    wire.set_master(&mut drivers, 990_000, Some(false));
-    wire.set_master(&mut drivers, 990_300, Some(true));
-    host.send(&mut wire, &mut drivers, &bytes);
-    assert_eq!(drivers[0].registers().ifcnt, 0);
-    host.now_ns += 200_000.0;
-    host.send(&mut wire, &mut drivers, &bytes);
+    host.send(&mut wire, &mut drivers, &request(1, address::IOIN, None));
+    assert_eq!(host.receive(&mut wire, &mut drivers).len(), 8);
+}
+
+#[test]
+fn what_was_said_without_supply_is_forgotten() {
+    let (mut drivers, mut wire) = (drivers(&[0]), wire(1));
+    drivers[0].set_supply(0, false);
+    let mut host = Host { now_ns: 1e6, bit_ns: 10_000.0 };
+    host.send(&mut wire, &mut drivers, &[0x00, 0x00]);
+    drivers[0].set_supply(host.now_ns as u64, true);
+    host.send(&mut wire, &mut drivers, &request(0, address::SGTHRS, Some(7)));
     assert_eq!(drivers[0].registers().ifcnt, 1);
 }
 
