@@ -11,9 +11,10 @@
 //! |---|---|---|
 //! | 5.4.1 | the F405's and F407's voltage scale is one bit (14), the F427's and F446's two (15 and 14) | a scale that an F405 calls 1 reads as the F427's 3; nothing here judges a scale against the clock.  |
 //! | RM0390 6.3.2 | the F446's PLL has an output R | nothing runs on it |
-//! | RM0390 6.3.25 | DCKCFGR2 chooses USB's clock on an F446 | at reset it is the PLL's Q, which is what boards here use; a write is reported as reaching nothing |
+//! | RM0390 6.3.28 | DCKCFGR2 chooses USB's clock on an F446 | at reset it is the PLL's Q, which is what boards here use; another choice is reported |
 //! | 3.9.2 | the F405's and F446's flash latency has three or four bits | as the F427's |
 
+pub mod entry;
 pub mod exti;
 pub mod map;
 pub mod timers;
@@ -41,6 +42,7 @@ use rigless::store;
 use rigless::time::VirtualNanos;
 
 use crate::wiring::Chip as Model;
+use entry::{ClocksF446, ENTRY_NS, Entry};
 use exti::{Exti, Syscfg};
 use timers::{Advanced, Basic, General, Linked, OneChannel, TwoChannels};
 use usb::Otg;
@@ -91,6 +93,8 @@ enum Field {
     Dbg,
     Iwdg,
     Dwt,
+    Entry,
+    ClocksF446,
 }
 
 impl Field {
@@ -108,6 +112,7 @@ impl Field {
             Self::Dbg,
             Self::Iwdg,
             Self::Dwt,
+            Self::Entry,
         ];
         all.extend((0..PORTS.len()).map(Self::Gpio));
         all.extend((0..SERIAL_PORTS.len()).map(Self::Usart));
@@ -145,13 +150,30 @@ impl Field {
             Self::Dbg => "DBG",
             Self::Iwdg => "IWDG",
             Self::Dwt => armv7m::DWT,
+            Self::Entry => entry::PERIPHERAL.name,
+            Self::ClocksF446 => entry::CLOCKS_F446.name,
         }
     }
 
     /// Whether the instance has a clock enable and a reset bit: all but the clock tree itself, what the core brings, and
     /// what runs without a bus clock (RM0090 2.1.11, 6.2.9, 26.3.5).
     const fn is_gated(self) -> bool {
-        !matches!(self, Self::None | Self::Rcc | Self::Flash | Self::Rtc | Self::Dbg | Self::Iwdg | Self::Dwt | Self::Exti)
+        // The converters' common block answers while any converter is clocked.
+        // What else is named here is the clock tree, what the core brings, and what has no enable.
+        !matches!(
+            self,
+            Self::None
+                | Self::Rcc
+                | Self::Flash
+                | Self::Rtc
+                | Self::Dbg
+                | Self::Iwdg
+                | Self::Dwt
+                | Self::Exti
+                | Self::AdcCommon
+                | Self::Entry
+                | Self::ClocksF446
+        )
     }
 }
 
@@ -181,6 +203,8 @@ pub struct Stm32f4 {
     dbg: Dbg,
     iwdg: Iwdg,
     dwt: Dwt,
+    entry: Entry,
+    clocks_f446: ClocksF446,
     bus: Bus,
     wiring: Box<[Field]>,
 }
@@ -188,7 +212,7 @@ pub struct Stm32f4 {
 store!(Stm32f4 {
     values: [
         rcc, pwr, flash, gpio, adc, adc_common, general, advanced, basic, two_channels, one_channel, exti, syscfg, rtc,
-        dbg, iwdg, dwt, otg,
+        dbg, iwdg, dwt, otg, entry, clocks_f446,
     ],
     parts: [usart, dma, sdio, bus],
     built: [model, wiring],
@@ -201,6 +225,9 @@ impl Stm32f4 {
         let mut wiring = vec![Field::None; bus.slots().len()].into_boxed_slice();
         for field in Field::all() {
             wiring[bus.slot(field.instance())?] = field;
+        }
+        if let Some(slot) = bus.slot_of(entry::CLOCKS_F446.name) {
+            wiring[slot] = Field::ClocksF446;
         }
         let adc_common = AdcCommon::with_clock(RESET_HZ);
         let mut chip = Self {
@@ -232,6 +259,8 @@ impl Stm32f4 {
             dbg: Dbg,
             iwdg: Iwdg::new(),
             dwt: Dwt::with_clock(RESET_HZ),
+            entry: Entry::new(ENTRY_NS),
+            clocks_f446: ClocksF446,
             bus,
             wiring,
         };
@@ -269,6 +298,11 @@ impl Stm32f4 {
             converter.set_reference(millivolts);
             converter.set_backup_battery(millivolts);
         }
+    }
+
+    /// How long an interrupt takes until the first instruction of its handler, ns; [`ENTRY_NS`] if never set.
+    pub fn set_interrupt_entry(&mut self, delay_ns: u64) {
+        self.entry = Entry::new(delay_ns);
     }
 
     /// The crystal at the high-speed pins, Hz; 0 for none, or one that does not swing.
@@ -370,6 +404,7 @@ impl Mcu for Stm32f4 {
         fresh.rcc.attach_crystals(hse_hz, lse_hz);
         fresh.rcc.calibrate_lsi(self.rcc.lsi_hz());
         fresh.set_supply(self.pwr.supply());
+        fresh.entry = Entry::new(self.entry.delay_ns());
         for (fresh, old) in fresh.usart.iter_mut().zip(&mut self.usart) {
             fresh.inherit(old);
         }
@@ -436,6 +471,8 @@ impl Mcu for Stm32f4 {
             Field::Dbg => Some(&mut self.dbg),
             Field::Iwdg => Some(&mut self.iwdg),
             Field::Dwt => Some(&mut self.dwt),
+            Field::Entry => Some(&mut self.entry),
+            Field::ClocksF446 => Some(&mut self.clocks_f446),
         };
         (&mut self.bus, model)
     }

@@ -10,7 +10,7 @@ use rigless::soc::stm32f427::generated::{self, gpioa, tim2, tim3, tim10};
 use rigless::soc::stm32f427::peripherals::{ADC_COMMON, CONVERTERS, PORTS, SERIAL_PORTS, adc, flash, rcc};
 use rigless::soc::{Bus, Clock, Cpu, EraseBlocks, Error, Gate, Peripheral, Region, WriteModify};
 
-use super::{Stm32f4, usb};
+use super::{Stm32f4, entry, usb};
 use crate::wiring::Chip as Model;
 
 /// The interrupt lines of the F405 and F407 are 0 to 81, of the F446 0 to 96 (RM0090 table 62, RM0390 table 38). The lines
@@ -89,11 +89,10 @@ const WIDE_TIMERS: [&str; 2] = ["TIM2", "TIM5"];
 
 /// What each instance's clock enable and reset are called where it is not its name with EN and RST behind it (RM0090 6.3.5 to
 /// 6.3.14, in ST's spelling).
-const SPELLED_OTHERWISE: [(&str, &str, &str); 7] = [
+const SPELLED_OTHERWISE: [(&str, &str, &str); 6] = [
     ("ADC1", "ADC1EN", "ADCRST"),
     ("ADC2", "ADC2EN", "ADCRST"),
     ("ADC3", "ADC3EN", "ADCRST"),
-    ("C_ADC", "ADC1EN", "ADCRST"),
     ("USART2", "USART2EN", "UART2RST"),
     ("USART3", "USART3EN", "UART3RST"),
     ("OTG_FS_GLOBAL", "OTGFSEN", "OTGFSRST"),
@@ -109,7 +108,8 @@ pub fn bus(model: Model) -> Result<Bus, Error> {
         Model::F405 | Model::F407 => &MEMORY_F405,
         Model::F446 => &MEMORY_F446,
     };
-    let mut builder = Bus::builder(CPU, memory, instances())
+    let mut builder = Bus::builder(CPU, memory, instances(model))
+        .routes_interrupts(entry::PERIPHERAL.name)
         // DBGMCU_IDCODE: RM0090 38.6.1 (0x413; revision Z 0x1001, DS8626) and RM0390 33.6.1 (0x421).
         .reset("DBG", "DBGMCU_IDCODE", if model == Model::F446 { 0x1000_0421 } else { 0x1001_6413 })
         // AHBIDL, 34.16.2, is part of the model's own table.
@@ -158,11 +158,12 @@ pub fn bus(model: Model) -> Result<Bus, Error> {
     for (instance, _) in super::timers::MASTERS {
         builder = builder.reads_requests(instance);
     }
-    clocks()?.into_iter().try_fold(builder, |builder, (instance, clock)| Ok(builder.clocked_by(instance, clock)))?.build()
+    clocks(model)?.into_iter().try_fold(builder, |builder, (instance, clock)| Ok(builder.clocked_by(instance, clock)))?.build()
 }
 
 /// Every instance of the chip.
-fn instances() -> impl Iterator<Item = Peripheral> {
+fn instances(model: Model) -> impl Iterator<Item = Peripheral> {
+    let clocks = (model == Model::F446).then_some(entry::CLOCKS_F446);
     generated::PERIPHERALS
         .iter()
         .filter(|peripheral| !ABSENT.contains(&peripheral.name))
@@ -173,6 +174,8 @@ fn instances() -> impl Iterator<Item = Peripheral> {
                 .map_or(peripheral.interrupts, |(_, lines)| *lines);
             match peripheral.name {
                 "OTG_FS_GLOBAL" => usb::PERIPHERAL,
+                // The registers that all have end here.
+                "RCC" => Peripheral { size: entry::CLOCKS_F446.base - peripheral.base, ..peripheral },
                 name if PORTS.contains(&name) => Peripheral { registers: &gpioa::REGISTERS, ..peripheral },
                 "TIM2" | "TIM5" => Peripheral { registers: &tim2::REGISTERS, ..peripheral },
                 "TIM3" | "TIM4" => Peripheral { registers: &tim3::REGISTERS, ..peripheral },
@@ -181,7 +184,8 @@ fn instances() -> impl Iterator<Item = Peripheral> {
                 _ => Peripheral { interrupts, ..peripheral },
             }
         })
-        .chain(std::iter::once(armv7m::PERIPHERAL))
+        .chain([armv7m::PERIPHERAL, entry::PERIPHERAL])
+        .chain(clocks)
 }
 
 /// The ports that all three chips have.
@@ -224,9 +228,9 @@ fn gates() -> Result<Vec<(&'static str, Gate, Gate)>, Error> {
 
 /// Which output of the clock tree each instance that keeps time runs on (RM0090 figure 16): rigless's own answer for the
 /// instances that it models, and for the timers of chapters 19 and 20 that of their bus.
-fn clocks() -> Result<Vec<(&'static str, Clock)>, Error> {
+fn clocks(model: Model) -> Result<Vec<(&'static str, Clock)>, Error> {
     let theirs = rigless::soc::stm32f427::builder().build()?;
-    let mut clocks: Vec<(&'static str, Clock)> = instances()
+    let mut clocks: Vec<(&'static str, Clock)> = instances(model)
         .filter(|instance| !instance.name.starts_with("ADC"))
         .filter_map(|instance| Some((instance.name, theirs.clock_of(instance.name)?)))
         .collect();
