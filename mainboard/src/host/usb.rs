@@ -341,7 +341,6 @@ impl UsbHost {
     /// Does everything that is due by `now_ns`, in order. `bus` acts at the instant that the run has reached, so a run
     /// that goes from one [`UsbHost::next_event_ns`] to the next keeps the times exact.
     pub fn advance(&mut self, now_ns: u64, bus: &mut impl Bus) {
-        self.now_ns = self.now_ns.max(now_ns.min(self.next_event_ns()));
         while let Some(command) = self.commands.pop_front() {
             self.now_ns = now_ns;
             self.obey(command, bus);
@@ -449,6 +448,10 @@ impl UsbHost {
             }
             Phase::Resetting { .. } => {
                 bus.set_reset(false);
+                if !bus.connected() {
+                    self.lose_device();
+                    return;
+                }
                 self.frame_ns = Some(now_ns + FRAME_NS);
                 self.phase = Phase::Recovering { until_ns: now_ns + self.timing.recovery_ns };
             }
@@ -476,4 +479,5 @@ impl UsbHost {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used)]
 mod tests;

@@ -144,6 +144,15 @@ impl Otg {
             }
         }
         self.output[0].setup_open = false;
+        self.control_open = false;
+    }
+
+    /// A packet without data at endpoint 0 ends a control transfer; an address that came in it counts from now on.
+    fn end_control(&mut self, endpoint: u8, length: usize, registers: &RegisterFile) {
+        if endpoint == 0 && length == 0 {
+            self.control_open = false;
+            self.address = f::dcfg::DAD.get(registers.get(Register::Dcfg)) as u8;
+        }
     }
 
     /// ENUMDNE: full speed with a transceiver of 48 MHz, the only answer there is.
@@ -157,9 +166,8 @@ impl Otg {
     }
 
     fn transact(&mut self, token: &Token<'_>, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) -> Answer {
-        let address = f::dcfg::DAD.get(registers.get(Register::Dcfg));
         let present = usize::from(token.endpoint) < self.core.endpoints();
-        if !self.listening(registers) || address != u64::from(token.address) || !present {
+        if !self.listening(registers) || self.address != token.address || !present {
             return Answer::Silence;
         }
         if token.endpoint == 0 && !matches!(token.kind, Kind::Setup(_)) {
@@ -195,6 +203,7 @@ impl Otg {
         let entry = self.entry(Status::Setup, 0, false, bytes.to_vec(), registers);
         self.receive.push(entry);
         self.output[0].setup_open = true;
+        self.control_open = true;
         self.output[0].toggle = true;
         self.input[0].toggle = true;
         for control in [Register::Diepctl(0), Register::Doepctl(0)] {
@@ -248,6 +257,7 @@ impl Otg {
         let entry = self.entry(Status::Out, endpoint, toggle, data.to_vec(), registers);
         self.receive.push(entry);
         self.output[usize::from(endpoint)].toggle = !toggle;
+        self.end_control(endpoint, data.len(), registers);
         let size = Register::Doeptsiz(endpoint);
         let left = f::eptsiz::PKTCNT.get(registers.get(size)).saturating_sub(1);
         registers.set(size, f::eptsiz::PKTCNT.set(registers.get(size), left));
@@ -296,6 +306,7 @@ impl Otg {
             return Answer::Data { toggle, bytes };
         }
         self.transmit[fifo].drop_packet(length);
+        self.end_control(endpoint, length, registers);
         let input = &mut self.input[usize::from(endpoint)];
         input.toggle = !toggle;
         input.to_send -= length as u32;

@@ -164,16 +164,20 @@ impl Otg {
     /// Tells the run of FIFOs in use that share words or end beyond the memory, 34.11.
     fn check_fifos(&mut self, registers: &RegisterFile, context: &mut DeviceContext<'_>) {
         let receive = f::grxfsiz::RXFD.get(registers.get(Register::Grxfsiz)) as u32;
+        let mut fifos: Vec<u8> = self
+            .numbers()
+            .filter(|endpoint| f::epctl::USBAEP.is_set(registers.get(Register::Diepctl(*endpoint))))
+            .map(|endpoint| self.fifo_of(endpoint, registers))
+            .collect();
+        fifos.sort_unstable();
+        fifos.dedup();
         let mut spans = vec![(0, receive)];
-        for endpoint in self.numbers() {
-            if f::epctl::USBAEP.is_set(registers.get(Register::Diepctl(endpoint))) {
-                let size = registers.get(Register::Dieptxf(self.fifo_of(endpoint, registers)));
-                let start = f::dieptxf::SA.get(size) as u32;
-                spans.push((start, start + f::dieptxf::FD.get(size) as u32));
-            }
-        }
+        spans.extend(fifos.into_iter().map(|fifo| {
+            let size = registers.get(Register::Dieptxf(fifo));
+            let start = f::dieptxf::SA.get(size) as u32;
+            (start, start + f::dieptxf::FD.get(size) as u32)
+        }));
         spans.sort_unstable();
-        spans.dedup();
         let overlap = spans.windows(2).any(|pair| pair[1].0 < pair[0].1);
         if overlap || spans.iter().any(|span| span.1 > MEMORY_WORDS) {
             self.complain(Complaint::Overlap, context);

@@ -144,8 +144,7 @@ impl UsbHost {
             Step::LineCoding => self.request(Step::LineState),
             Step::LineState => self.open(),
             Step::ClearHalt(endpoint) => {
-                let pipe = if endpoint & 0x80 != 0 { &mut self.input } else { &mut self.output };
-                pipe.toggle = false;
+                self.restart(endpoint);
                 self.phase = Phase::Open;
             }
         }
@@ -196,6 +195,10 @@ impl UsbHost {
     /// The device failed: tries again from a reset, a few times, then gives it up by name.
     pub(super) fn fail(&mut self, why: &str, bus: &mut impl Bus) {
         self.errors.failed_requests += 1;
+        if !bus.connected() {
+            self.lose_device();
+            return;
+        }
         self.attempts += 1;
         if self.attempts < ENUMERATIONS {
             self.begin_reset(Step::DescriptorHead, bus);

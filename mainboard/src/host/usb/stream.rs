@@ -93,7 +93,8 @@ impl UsbHost {
     fn poll(&mut self, which: Which, bus: &mut impl Bus) {
         let input = which == Which::Input;
         let pipe = if input { self.input } else { self.notification.unwrap_or_default() };
-        let lose = input && self.lose_one();
+        // Only a packet has a handshake to lose, and the answer is not known yet.
+        let lose = input && self.lose_handshakes > 0;
         let kind = Kind::In { acknowledged: !lose };
         let answer = bus.transact(&Token { address: self.address, endpoint: pipe.endpoint, kind });
         if input {
@@ -104,6 +105,7 @@ impl UsbHost {
             self.not_taken(which, answer, bus);
             return;
         };
+        self.lose_handshakes -= u32::from(lose);
         self.free_ns = self.now_ns + duration_ns(bytes.len() as u64);
         let free_ns = self.free_ns;
         let expected = pipe.toggle == toggle;
@@ -119,6 +121,18 @@ impl UsbHost {
             pipe.attempts = 0;
             if expected {
                 pipe.toggle = !toggle;
+            }
+        }
+    }
+
+    /// The endpoint of this address begins again with DATA0.
+    pub(super) fn restart(&mut self, address: u8) {
+        for which in [Which::Input, Which::Output, Which::Notification] {
+            let direction = if which == Which::Output { 0 } else { 0x80 };
+            if let Some(pipe) = self.pipe(which)
+                && pipe.endpoint | direction == address
+            {
+                pipe.toggle = false;
             }
         }
     }
