@@ -50,22 +50,25 @@
 //! | `PKTCNT` of 0 on an enabled OUT endpoint | 34.17.6 | The manual wants at least one; drivers rely on it, so that each packet is a transfer. Told once |
 //! | CRC errors, bit errors | 34.16.4 | The host loses handshakes instead |
 
-use rigless::device::{Device, DeviceContext, Level, RegisterFile};
+use rigless::device::{Device, DeviceContext, RegisterFile};
 use rigless::soc::{FieldSpec, Layout};
 use rigless::time::{EventId, VirtualNanos};
 
 pub mod bus_side;
+mod complaint;
 mod endpoints;
 #[allow(missing_docs)] // Modules of constants by the manual's names.
 pub mod fields;
 pub mod fifo;
+mod levels;
 pub mod registers;
 
 pub use bus_side::Port;
 pub use registers::{ENDPOINTS, PERIPHERAL, REGISTERS, Register};
 
+use complaint::Complaint;
 use fields as f;
-use fifo::{MEMORY_WORDS, Receive, Transmit};
+use fifo::{Receive, Transmit};
 
 /// Position of the core's interrupt (67) in [`PERIPHERAL`]'s list; position 0 is the wakeup, which EXTI raises.
 pub const OTG_FS: usize = 1;
@@ -152,50 +155,6 @@ pub struct Otg {
 
 rigless::store!(Otg);
 
-/// What the core tells the run about its driver, each once until a reset.
-#[derive(Debug, Clone, Copy)]
-enum Complaint {
-    AbsentEndpoint,
-    UnreadPacket,
-    EmptyRead,
-    TransmitOverflow,
-    ReceiveFull,
-    SetupLost,
-    Overlap,
-    NoPacketsIn,
-    NoPacketsOut,
-    DisableWithoutNak,
-    SetAndClearNak,
-    Babble,
-    HostMode,
-    Speed,
-    FifoNumber,
-}
-
-impl Complaint {
-    fn text(self) -> (&'static str, &'static str) {
-        match self {
-            Self::AbsentEndpoint => ("DIEPCTL", "this core has endpoints 0 to 3 only, RM0090 34.2"),
-            Self::UnreadPacket => {
-                ("GRXSTSP", "popped with words of the packet before it unread, which are lost, 34.17.6")
-            }
-            Self::EmptyRead => ("DFIFO", "read with no packet popped, 34.17.6"),
-            Self::TransmitOverflow => ("DFIFO", "written with no room in the transmit FIFO; the word is lost, 34.11"),
-            Self::ReceiveFull => ("GRXFSIZ", "no room for an OUT packet, which is NAKed, 34.11.1"),
-            Self::SetupLost => ("GRXFSIZ", "no room for a SETUP packet, which is lost, 34.11.1"),
-            Self::Overlap => ("DIEPTXF", "FIFOs overlap or end beyond the 320 words of packet memory, 34.11"),
-            Self::NoPacketsIn => ("DIEPTSIZ", "enabled with PKTCNT 0: nothing is sent, 34.17.6"),
-            Self::NoPacketsOut => ("DOEPTSIZ", "enabled with PKTCNT 0: each packet is taken as a transfer, 34.17.6"),
-            Self::DisableWithoutNak => ("DOEPCTL", "disabled without the global OUT NAK in effect, 34.17.6"),
-            Self::SetAndClearNak => ("DIEPCTL", "SNAK and CNAK in one write; NAK is set, 34.16.4"),
-            Self::Babble => ("DOEPCTL", "a packet longer than MPSIZ is not answered, 34.16.4"),
-            Self::HostMode => ("GUSBCFG", "FHMOD forces host mode, which is not modelled, 34.16.2"),
-            Self::Speed => ("DCFG", "DSPD is not 3, the one speed of this core, 34.16.4"),
-            Self::FifoNumber => ("DIEPCTL", "TXFNUM names a FIFO that this core lacks, 34.16.4"),
-        }
-    }
-}
-
 impl Otg {
     /// The core of a chip, its cable out, and its 48 MHz clock stopped until the clock tree drives it.
     #[must_use]
@@ -239,15 +198,6 @@ impl Otg {
         Port::new(self, registers, context)
     }
 
-    fn complain(&mut self, complaint: Complaint, context: &mut DeviceContext<'_>) {
-        let bit = 1 << complaint as u32;
-        if self.told & bit == 0 {
-            self.told |= bit;
-            let (register, reason) = complaint.text();
-            context.tell(register, reason);
-        }
-    }
-
     /// Whether this register belongs to an endpoint that the core lacks.
     fn absent(&self, register: Register) -> bool {
         let number = match register {
@@ -263,111 +213,6 @@ impl Otg {
             _ => return false,
         };
         usize::from(number) >= self.core.endpoints()
-    }
-
-    /// The numbers of the endpoints that the core has.
-    fn numbers(&self) -> impl Iterator<Item = u8> + use<> {
-        0..self.core.endpoints() as u8
-    }
-
-    /// Words that the receive FIFO holds.
-    fn receive_depth(registers: &RegisterFile) -> u32 {
-        (f::grxfsiz::RXFD.get(registers.get(Register::Grxfsiz)) as u32).min(MEMORY_WORDS)
-    }
-
-    /// The transmit FIFO of an IN endpoint.
-    fn fifo_of(&self, endpoint: u8, registers: &RegisterFile) -> u8 {
-        let number = f::epctl::TXFNUM.get(registers.get(Register::Diepctl(endpoint))) as u8;
-        if usize::from(number) < self.core.endpoints() { number } else { endpoint }
-    }
-
-    /// Words that a transmit FIFO holds.
-    fn transmit_depth(fifo: u8, registers: &RegisterFile) -> u32 {
-        (f::dieptxf::FD.get(registers.get(Register::Dieptxf(fifo))) as u32).min(MEMORY_WORDS)
-    }
-
-    /// DTXFSTS: the free words of an endpoint's FIFO.
-    fn free_words(&self, endpoint: u8, registers: &RegisterFile) -> u32 {
-        let fifo = self.fifo_of(endpoint, registers);
-        Self::transmit_depth(fifo, registers).saturating_sub(self.transmit[usize::from(fifo)].used())
-    }
-
-    /// Largest packet of an endpoint; endpoint 0 encodes it (64, 32, 16, 8).
-    fn packet_size(endpoint: u8, control: Register, registers: &RegisterFile) -> u32 {
-        if endpoint == 0 {
-            64 >> f::diepctl0::MPSIZ.get(registers.get(Register::Diepctl(0)))
-        } else {
-            f::epctl::MPSIZ.get(registers.get(control)) as u32
-        }
-    }
-
-    /// DIEPINT with the level of the FIFO.
-    fn in_flags(&self, endpoint: u8, registers: &RegisterFile) -> u64 {
-        let depth = Self::transmit_depth(self.fifo_of(endpoint, registers), registers);
-        let free = self.free_words(endpoint, registers);
-        let wholly = f::gahbcfg::TXFELVL.is_set(registers.get(Register::Gahbcfg));
-        let empty = if wholly { free == depth } else { free >= depth.div_ceil(2) };
-        f::diepint::TXFE.set(registers.get(Register::Diepint(endpoint)), empty.into())
-    }
-
-    /// DAINT: the endpoints with a flag that counts.
-    fn endpoints_flagged(&self, registers: &RegisterFile) -> u64 {
-        let in_mask = registers.get(Register::Diepmsk);
-        let out_mask = registers.get(Register::Doepmsk);
-        let empty_mask = registers.get(Register::Diepempmsk);
-        self.numbers().fold(0, |flagged, number| {
-            let empty = f::diepint::TXFE.mask();
-            let flags = self.in_flags(number, registers);
-            let input = flags & in_mask & !empty != 0 || (flags & empty != 0 && empty_mask >> number & 1 != 0);
-            let output = registers.get(Register::Doepint(number)) & out_mask != 0;
-            flagged | u64::from(input) << number | u64::from(output) << (16 + number)
-        })
-    }
-
-    /// GINTSTS with the flags that are levels.
-    fn flags(&self, registers: &RegisterFile) -> u64 {
-        let counted = self.endpoints_flagged(registers) & registers.get(Register::Daintmsk);
-        let host = f::gusbcfg::FHMOD.is_set(registers.get(Register::Gusbcfg));
-        let levels = [
-            (f::gintsts::CMOD, host),
-            (f::gintsts::OTGINT, registers.get(Register::Gotgint) != 0),
-            (f::gintsts::RXFLVL, self.receive.front().is_some()),
-            (f::gintsts::GINAKEFF, self.global_in_nak),
-            (f::gintsts::GONAKEFF, self.global_out_nak_effective),
-            (f::gintsts::IEPINT, f::daint::IEP.is_set(counted)),
-            (f::gintsts::OEPINT, f::daint::OEP.is_set(counted)),
-        ];
-        levels.iter().fold(registers.get(Register::Gintsts), |flags, (field, on)| field.set(flags, (*on).into()))
-    }
-
-    /// Follows the session and drives the interrupt line: the last step of everything that changes something.
-    fn settle(&mut self, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
-        let session = self.session_valid(registers);
-        if session != self.session {
-            self.session = session;
-            if session {
-                raise(Register::Gintsts, f::gintsts::SRQINT, registers);
-            } else {
-                raise(Register::Gotgint, f::gotgint::SEDET, registers);
-            }
-        }
-        let enabled = f::gahbcfg::GINT.is_set(registers.get(Register::Gahbcfg));
-        let line = enabled && self.flags(registers) & registers.get(Register::Gintmsk) != 0;
-        if line != self.line {
-            self.line = line;
-            context.interrupt(OTG_FS, if line { Level::High } else { Level::Low });
-        }
-    }
-
-    /// GRXSTSR for the entry at the front, 0 while the FIFO is empty.
-    fn front(&self) -> u64 {
-        self.receive.front().map_or(0, |entry| {
-            let mut word = f::grxsts::EPNUM.set(0, entry.endpoint.into());
-            word = f::grxsts::BCNT.set(word, entry.bytes.len() as u64);
-            word = f::grxsts::DPID.set(word, if entry.toggle { 2 } else { 0 });
-            word = f::grxsts::PKTSTS.set(word, entry.status.code());
-            f::grxsts::FRMNUM.set(word, u64::from(entry.frame) & 0xF)
-        })
     }
 
     fn write_grstctl(&mut self, registers: &mut RegisterFile) {
@@ -446,10 +291,7 @@ impl Otg {
         }
         let actions = f::dctl::SGINAK.mask() | f::dctl::CGINAK.mask() | f::dctl::SGONAK.mask() | f::dctl::CGONAK.mask();
         registers.set(Register::Dctl, value & !actions);
-        if f::dctl::SDIS.is_set(value) {
-            // The host sees a device leave; nothing answers until the next reset.
-            self.ready = false;
-        } else if f::dcfg::DSPD.get(registers.get(Register::Dcfg)) != 3 {
+        if !f::dctl::SDIS.is_set(value) && f::dcfg::DSPD.get(registers.get(Register::Dcfg)) != 3 {
             self.complain(Complaint::Speed, context);
         }
     }
@@ -557,9 +399,6 @@ impl Device for Otg {
 
     fn on_clock(&mut self, hz: u64, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
         self.clock_hz = hz;
-        if !self.connected(registers) {
-            self.ready = false;
-        }
         self.settle(registers, context);
     }
 

@@ -52,10 +52,8 @@ impl Bus for Port<'_, '_> {
             self.otg.ready = false;
             self.otg.enumerated = None;
             self.otg.reset_seen = Some(self.context.schedule(VirtualNanos(now + RESET_SEEN_NS)));
-        } else if !active && self.otg.in_reset {
-            if self.otg.reset_seen.take().is_none() {
-                self.otg.enumerated = Some(self.context.schedule(VirtualNanos(now + ENUMERATION_NS)));
-            }
+        } else if !active && self.otg.in_reset && self.otg.reset_seen.take().is_none() {
+            self.otg.enumerated = Some(self.context.schedule(VirtualNanos(now + ENUMERATION_NS)));
         }
         self.otg.in_reset = active;
     }

@@ -244,10 +244,10 @@ impl Driver {
     }
 
     fn sent(&mut self, endpoint: u8, bench: &mut Bench) {
-        if endpoint == 0 {
-            if let Some(packet) = self.reply.pop_front() {
-                self.send(0, &packet, bench);
-            }
+        if endpoint == 0
+            && let Some(packet) = self.reply.pop_front()
+        {
+            self.send(0, &packet, bench);
         }
     }
 

@@ -285,15 +285,16 @@ const fn table() -> [RegisterSpec; ROWS] {
 pub static REGISTERS: [RegisterSpec; ROWS] = table();
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
 
     #[test]
     fn every_register_stands_in_its_own_row() {
-        for index in 0..PLAIN_ROWS {
+        for (index, row) in REGISTERS.iter().enumerate().take(PLAIN_ROWS) {
             let register = Register::from_index(index).unwrap();
             assert_eq!(register.index(), index, "{register:?}");
-            assert!(!REGISTERS[index].name.is_empty(), "row {index} is filled");
+            assert!(!row.name.is_empty(), "row {index} is filled");
         }
         assert_eq!(Register::from_index(PLAIN_ROWS + WINDOW_WORDS - 1), Some(Register::Fifo(0)));
         assert_eq!(Register::from_index(PLAIN_ROWS + WINDOW_WORDS), Some(Register::Fifo(1)));

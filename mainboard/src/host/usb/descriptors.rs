@@ -130,12 +130,13 @@ impl Serial {
 /// The text of a string descriptor.
 #[must_use]
 pub fn text(bytes: &[u8]) -> String {
-    let units: Vec<u16> =
-        bytes.get(2..).unwrap_or(&[]).chunks_exact(2).map(|pair| u16::from_le_bytes([pair[0], pair[1]])).collect();
+    let pairs = bytes.get(2..).unwrap_or(&[]).as_chunks::<2>().0;
+    let units: Vec<u16> = pairs.iter().map(|pair| u16::from_le_bytes(*pair)).collect();
     String::from_utf16_lossy(&units)
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
 
