@@ -2,6 +2,11 @@
 //!
 //! The firmware sees registers and FIFOs; a host drives the other side between two accesses, through [`Port`].
 //!
+//! A chip puts [`PERIPHERAL`] on its bus in place of rigless's four instances, wires its clock to the tree's 48 MHz
+//! output (`clocked_by("OTG_FS_GLOBAL", Clock::output("RCC", rcc::PLL48))`), and lets EXTI read request [`WAKEUP`].
+//! A run drives the host with the registers and context that `Bus::drive` lends for the slot:
+//! `host.advance(now_ns, &mut otg.port(registers, &mut context))`.
+//!
 //! | Register or section | Behaviour | Source | Test |
 //! |---|---|---|---|
 //! | Reset values, reserved bits | As the register descriptions give them; reserved bits stay zero | 34.16 | `registers_reset_as_the_manual_gives_them`, `reserved_bits_stay_zero` |
@@ -16,7 +21,7 @@
 //! | `GRXSTSR`, `GRXSTSP` | Peek and pop: SETUP 6, its end 4, OUT 2, its end 3, global OUT NAK 1; endpoint, bytes, DATA0/1, frame | 34.16.2 | `a_setup_comes_with_its_data_and_its_end`, `an_out_packet_is_read_and_ended` |
 //! | SETUP | Taken whatever `NAKSTS` and `EPENA` say; sets NAK on both sides, DATA1 next, clears STALL, counts `STUPCNT`; more than three set `B2BSTUP` | 34.17.6 | `a_setup_is_taken_in_spite_of_nak`, `too_many_setups_set_b2bstup` |
 //! | End of SETUP | Written at the next token of endpoint 0; popping it sets `STUP` and (F405) clears `EPENA` | 34.17.6 | `a_setup_comes_with_its_data_and_its_end` |
-//! | OUT | `PKTCNT` at reception, `XFRSIZ` at the pop; NAK set at the last or a short packet; popping the end sets `XFRC` and (F405) clears `EPENA` | 34.17.6 | `an_out_packet_is_read_and_ended`, `a_transfer_of_several_packets_ends_at_its_count` |
+//! | OUT | `PKTCNT` at reception, `XFRSIZ` at the pop; NAK set at the last or a short packet; popping the end sets `XFRC` and (F405) clears `EPENA` | 34.17.6 | `an_out_packet_is_read_and_ended`, `a_transfer_of_several_packets_ends_at_its_count`, `a_short_packet_ends_a_transfer` |
 //! | `EPENA` of the F446 | Cleared as the end is written, not as it is popped: drivers re-enable before they pop | `synopsys-usb-otg` 0.5 | `the_f446_may_be_enabled_before_the_end_is_popped` |
 //! | IN | Needs `EPENA`, no NAK, the packet in the FIFO; `PKTCNT` at the acknowledgement, `XFRSIZ` as the FIFO is filled; `XFRC` and `EPENA` cleared at the end; zero-length packets | 34.17.6 | `an_in_packet_goes_out_once`, `an_in_transfer_of_several_packets`, `a_packet_of_no_bytes` |
 //! | Data toggles | DATA0/1 in turn; a repeated OUT is acknowledged and dropped; an unacknowledged IN is sent again; `SD0PID`, `SD1PID`, `DPID` | USB 2.0 8.6 | `a_repeated_packet_is_acknowledged_and_dropped`, `an_unacknowledged_packet_is_sent_again`, `toggles_can_be_set` |

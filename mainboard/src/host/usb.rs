@@ -307,13 +307,13 @@ impl UsbHost {
     }
 
     /// The instant at which the host next does something: the run should call [`UsbHost::advance`] then.
-    /// `u64::MAX` while the cable is out.
+    /// Never before the last call of it; `u64::MAX` while the cable is out.
     #[must_use]
     pub fn next_event_ns(&self) -> u64 {
         if !self.commands.is_empty() {
             return self.now_ns;
         }
-        self.frame_ns.unwrap_or(u64::MAX).min(self.phase_ns())
+        self.frame_ns.unwrap_or(u64::MAX).min(self.phase_ns()).max(self.now_ns)
     }
 
     /// The instant at which the phase goes on.

@@ -467,6 +467,24 @@ fn the_cable_comes_and_goes_in_the_middle_of_a_stream() {
 }
 
 #[test]
+fn a_reset_in_the_middle_of_a_request_is_overcome() {
+    for (core, style) in WAYS {
+        for wait_us in (0..3_000).step_by(37) {
+            let mut desk = Desk::new(core, style, wait_us, 30_000);
+            desk.host.plug();
+            // The first request begins 160 ms after the cable is in, the address 60 ms later.
+            let from_us = if wait_us % 2 == 0 { 160_000 } else { 220_000 };
+            desk.run((from_us + wait_us) * 1_000, |_| false);
+            desk.host.reset_bus();
+            desk.run(1_000_000, |_| false);
+            desk.open();
+            desk.echoes(b"M105\n");
+            assert_eq!(desk.host.errors.failed_requests, 0, "{core:?} {style:?} {wait_us} us: {:?}", desk.host.errors);
+        }
+    }
+}
+
+#[test]
 fn a_driver_that_is_gone_is_missed() {
     let mut desk = Desk::new(Core::F405, Style::Manual, 9, 5_000);
     desk.open();

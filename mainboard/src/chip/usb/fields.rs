@@ -26,15 +26,14 @@ const fn flag(name: &'static str, bit: u8) -> FieldSpec {
 macro_rules! fields {
     ($(#[$about:meta])* $module:ident { $($name:ident = $kind:ident($($argument:expr),*);)+ }) => {
         $(#[$about])*
-        #[allow(dead_code, missing_docs)] // The names are the manual's own.
+        #[allow(missing_docs)] // The names are the manual's own.
         pub mod $module {
-            use super::{FieldSpec, flag, ro, rs, rw};
+            use super::FieldSpec;
+            #[allow(unused_imports)] // Not every register has a field of each kind.
+            use super::{flag, ro, rs, rw};
             $(pub const $name: FieldSpec = $kind(stringify!($name), $($argument),*);)+
             /// Every field, by position.
             pub static ALL: &[FieldSpec] = &[$($name),+];
-            // Not every register has a field of each kind.
-            const _: [fn(&'static str, u8) -> FieldSpec; 2] = [rs, flag];
-            const _: [fn(&'static str, u8, u8) -> FieldSpec; 2] = [ro, rw];
         }
     };
 }

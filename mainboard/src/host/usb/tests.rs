@@ -58,8 +58,8 @@ impl Fake {
                 self.reply.truncate(length);
                 if setup[..2] == [2, 1] {
                     self.stalled = false;
-                    self.in_toggle = false;
-                    self.out_toggle = false;
+                    let toggle = if setup[4] & 0x80 != 0 { &mut self.in_toggle } else { &mut self.out_toggle };
+                    *toggle = false;
                 }
                 Answer::Ack
             }
@@ -248,15 +248,34 @@ fn lost_handshakes_lose_and_repeat_nothing() {
 #[test]
 fn a_halted_endpoint_is_cleared() {
     let (mut host, mut fake) = open();
+    fake.to_send = vec![vec![8]];
     host.write(b"ab");
     run(&mut host, &mut fake, 5 * MS);
+    assert!(fake.in_toggle && fake.out_toggle, "both are at DATA1");
     fake.stalled = true;
     run(&mut host, &mut fake, 5 * MS);
     assert_eq!(host.errors.stalls, 1);
     assert_eq!(fake.setups.last().map(|setup| (setup[1], setup[4])), Some((1, 0x81)));
     fake.to_send = vec![vec![9]];
+    host.write(b"c");
     run(&mut host, &mut fake, 5 * MS);
-    assert_eq!(host.read(), [9], "both begin with DATA0");
+    assert_eq!(host.read(), [8, 9], "the cleared endpoint begins again with DATA0");
+    assert_eq!((&fake.got[..], host.errors.repeated_packets), (&b"abc"[..], 0), "the other goes on");
+}
+
+#[test]
+fn bytes_written_late_do_not_go_back_in_time() {
+    let (mut host, mut fake) = open();
+    host.timing.nak_retry_ns = 50 * MS;
+    run(&mut host, &mut fake, 5 * MS);
+    fake.transactions.clear();
+    let written_ns = fake.now_ns;
+    host.write(&[5; 640]);
+    assert_eq!(host.next_event_ns(), written_ns);
+    run(&mut host, &mut fake, 5 * MS);
+    let gaps = fake.transactions.windows(2).map(|pair| pair[1].0 - pair[0].0);
+    assert_eq!(fake.transactions[0].0, written_ns);
+    assert!(gaps.min() >= Some(51_000), "{:?}", fake.transactions);
 }
 
 #[test]

@@ -97,6 +97,23 @@ fn a_transfer_of_several_packets_ends_at_its_count() {
 }
 
 #[test]
+fn a_short_packet_ends_a_transfer() {
+    let mut bench = Bench::ready(Core::F405);
+    bench.open_bulk(1);
+    bench.arm_out(1, 4);
+    bench.out(1, false, &[1; 64]);
+    bench.out(1, true, &[1; 63]);
+    assert_eq!(bench.out(1, false, &[1; 64]), Answer::Nak);
+    assert_eq!(bench.get(Register::Doeptsiz(1), f::eptsiz::PKTCNT), 2);
+    for (status, bytes) in [(2, 64), (2, 63)] {
+        assert_eq!(pop(&mut bench), (status, 1, bytes));
+        bench.drain(bytes as usize);
+    }
+    assert_eq!(pop(&mut bench), (3, 1, 0));
+    assert_eq!(bench.get(Register::Doeptsiz(1), f::eptsiz::XFRSIZ), 256 - 127);
+}
+
+#[test]
 fn the_f446_may_be_enabled_before_the_end_is_popped() {
     for (core, enabled) in [(Core::F405, 0), (Core::F446, 1)] {
         let mut bench = Bench::ready(core);
