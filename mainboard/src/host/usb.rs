@@ -359,7 +359,6 @@ impl UsbHost {
     fn obey(&mut self, command: Command, bus: &mut impl Bus) {
         match command {
             Command::Plug if self.phase == Phase::Unplugged => {
-                bus.set_vbus(true);
                 self.phase = Phase::Waiting { poll_ns: self.now_ns };
             }
             Command::Unplug => {
@@ -428,6 +427,8 @@ impl UsbHost {
         match &self.phase {
             Phase::Unplugged | Phase::Refused(_) => {}
             Phase::Waiting { .. } => {
+                // A level, not an event: a chip that was rebuilt by its reset must find it again.
+                bus.set_vbus(true);
                 self.phase = if bus.connected() {
                     let until_ns = now_ns + self.timing.debounce_ns;
                     Phase::Debouncing { idle_ns: Some(now_ns + 3 * FRAME_NS), until_ns }

@@ -496,5 +496,6 @@ fn a_driver_that_is_gone_is_missed() {
     assert!(desk.run(2_000_000_000, |desk| desk.host.state() == State::Open));
     desk.bench.bus(|port| port.set_vbus(false));
     desk.run(2_000_000, |_| false);
-    assert_eq!(desk.host.state(), State::Waiting, "VBUS sensing took the pull-up off");
+    assert_eq!(desk.host.errors.disconnects, 2, "VBUS sensing took the pull-up off");
+    assert!(desk.run(2_000_000_000, |desk| desk.host.state() == State::Open), "the host gives VBUS again");
 }

@@ -202,6 +202,12 @@ mod tests {
         let fifo = Receive::default();
         assert!(fifo.takes_packet(64, 31, 2));
         assert!(!fifo.takes_packet(64, 30, 2));
+        let mut fifo = fifo;
+        fifo.push(Entry { status: Status::Setup, ..packet(8) });
+        assert!(fifo.takes_packet(64, 31, 2), "a SETUP packet lies in the words kept for it");
+        fifo.push(packet(0));
+        assert!(!fifo.takes_packet(64, 31, 2));
+        assert!(fifo.takes_packet(64, 32, 2));
     }
 
     #[test]

@@ -352,6 +352,9 @@ fn an_address_counts_after_its_status_stage() {
     assert_eq!(bench.transact(5, 0, Kind::Setup(GET)), Answer::Ack);
     bench.set(Register::Dcfg, f::dcfg::DAD, 0);
     assert_eq!(bench.setup(GET), Answer::Ack, "zero counts at once");
+    bench.bus_reset();
+    bench.set(Register::Dcfg, f::dcfg::DAD, 6);
+    assert_eq!(bench.transact(6, 0, Kind::Setup(GET)), Answer::Ack, "a reset ends the transfer");
 }
 
 #[test]

@@ -163,6 +163,16 @@ mod tests {
     }
 
     #[test]
+    fn a_read_ends_with_what_was_asked_for() {
+        let mut control = Control::new([0x80, 6, 0, 1, 0, 0, 16, 0], Vec::new(), 8);
+        control.take(Answer::Ack);
+        control.take(data(true, &[1; 8]));
+        assert_eq!(control.next(true), Kind::In { acknowledged: true });
+        control.take(data(false, &[1; 8]));
+        assert_eq!(control.next(true), Kind::Out { toggle: true, data: &[] });
+    }
+
+    #[test]
     fn a_write_sends_its_bytes_and_reads_the_status() {
         let mut control = Control::new([0x21, 0x20, 0, 0, 0, 0, 7, 0], vec![1, 2, 3, 4, 5, 6, 7], 4);
         control.take(Answer::Ack);

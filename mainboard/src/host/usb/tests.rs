@@ -85,7 +85,6 @@ impl Bus for Fake {
 
     fn set_vbus(&mut self, on: bool) {
         self.vbus = on;
-        self.events.push((self.now_ns, if on { "vbus on" } else { "vbus off" }));
     }
 
     fn set_reset(&mut self, active: bool) {
