@@ -23,6 +23,7 @@ pub mod usb;
 use rigless::cpu::armv7m::{self, Dwt};
 use rigless::device::{ErasedDevice, Level, RegisterFile, ResetCause};
 use rigless::mcu::{Mcu, Operate};
+use rigless::soc::st::tim::{Channel, Counter, Tim};
 use rigless::soc::stm32f427::generated;
 use rigless::soc::stm32f427::peripherals::adc::{Adc, AdcCommon};
 use rigless::soc::stm32f427::peripherals::dbg::Dbg;
@@ -36,7 +37,6 @@ use rigless::soc::stm32f427::peripherals::rtc::Rtc;
 use rigless::soc::stm32f427::peripherals::sdio::Sdio;
 use rigless::soc::stm32f427::peripherals::usart::{Kind, Usart};
 use rigless::soc::stm32f427::peripherals::{ADC_COMMON, CONTROLLERS, CONVERTERS};
-use rigless::soc::st::tim::{Channel, Counter, Tim};
 use rigless::soc::{Bus, Error, Layout};
 use rigless::store;
 use rigless::time::VirtualNanos;
@@ -211,8 +211,26 @@ pub struct Stm32f4 {
 
 store!(Stm32f4 {
     values: [
-        rcc, pwr, flash, gpio, adc, adc_common, general, advanced, basic, two_channels, one_channel, exti, syscfg, rtc,
-        dbg, iwdg, dwt, otg, entry, clocks_f446,
+        rcc,
+        pwr,
+        flash,
+        gpio,
+        adc,
+        adc_common,
+        general,
+        advanced,
+        basic,
+        two_channels,
+        one_channel,
+        exti,
+        syscfg,
+        rtc,
+        dbg,
+        iwdg,
+        dwt,
+        otg,
+        entry,
+        clocks_f446,
     ],
     parts: [usart, dma, sdio, bus],
     built: [model, wiring],
@@ -253,7 +271,10 @@ impl Stm32f4 {
             }),
             exti: Exti::default(),
             syscfg: Syscfg::default(),
-            otg: Otg,
+            otg: Otg::new(match model {
+                Model::F405 | Model::F407 => usb::Core::F405,
+                Model::F446 => usb::Core::F446,
+            }),
             sdio: Sdio::with_clock(0),
             rtc: Rtc,
             dbg: Dbg,
@@ -303,6 +324,12 @@ impl Stm32f4 {
     /// How long an interrupt takes until the first instruction of its handler, ns; [`ENTRY_NS`] if never set.
     pub fn set_interrupt_entry(&mut self, delay_ns: u64) {
         self.entry = Entry::new(delay_ns);
+    }
+
+    /// Whether the core is entering a handler: it runs nothing meanwhile.
+    #[must_use]
+    pub fn is_entering(&self) -> bool {
+        self.entry.is_entering()
     }
 
     /// The crystal at the high-speed pins, Hz; 0 for none, or one that does not swing.
@@ -358,7 +385,7 @@ impl Stm32f4 {
             "USART1" | "USART6" => self.rcc.pclk2(tree),
             _ => self.rcc.pclk1(tree),
         };
-        if hz == 0 { 0 } else { divider * 1_000_000_000 / hz }
+        (divider * 1_000_000_000).checked_div(hz).unwrap_or(0)
     }
 
     /// BOR_LEV of the option bytes, RM0090 3.9.10: 0 is the highest threshold, 3 is off.
@@ -372,6 +399,13 @@ impl Stm32f4 {
         let slot = self.slot(Field::Pwr);
         let (_, mut context) = self.bus.drive(at, slot);
         context.request_power(on);
+    }
+
+    /// The chip's end of the USB cable, at `at`.
+    pub fn with_usb<T>(&mut self, at: VirtualNanos, cable: impl FnOnce(&mut usb::Port<'_, '_>) -> T) -> T {
+        let slot = self.slot(Field::Otg);
+        let (registers, mut context) = self.bus.drive(at, slot);
+        cable(&mut self.otg.port(registers, &mut context))
     }
 
     /// The serial port called `instance`.

@@ -6,11 +6,12 @@
 //! decoded and held against the desk's plan in [`decode`]; the host at the other end of the line is in [`host`].
 
 pub mod chip;
+pub mod commands;
 pub mod decode;
 pub mod host;
+pub mod machine;
 pub mod parts;
 pub mod pins;
 pub mod plant;
 pub mod run;
 pub mod wiring;
-pub mod machine;

@@ -15,6 +15,7 @@ use rigless::time::VirtualNanos;
 
 use crate::chip::Stm32f4;
 use crate::decode::Decoder;
+use crate::host::usb::{State, UsbHost};
 use crate::plant::Plant;
 use crate::wiring::{Board, Printer};
 use mailbox::Mailbox;
@@ -30,6 +31,9 @@ const EVENT_WINDOW_NS: u64 = 400;
 /// The line of the host, and the one that drivers share where they do.
 pub const HOST_PORT: &str = "USART1";
 const DRIVER_PORT: &str = "USART2";
+/// How long the computer waits before it asks again for what the printer has to say, ns: rarer than on a real bus, where it
+/// would stop the run every 50 us to hear nothing.
+const NAK_RETRY_NS: u64 = 250_000;
 /// Thresholds of the brown-out reset by its level in the option bytes, mV, falling: DS8626 table 22 (typical), with the
 /// power-down reset's where it is off (level 3 in the bits).
 const BROWN_OUT_MV: [f64; 4] = [2830.0, 2500.0, 2190.0, 1680.0];
@@ -44,6 +48,8 @@ pub struct Machine {
     pub plant: Plant,
     /// What the step pins did.
     pub decoder: Decoder,
+    /// The computer at the USB plug.
+    pub usb_host: UsbHost,
     ports: Ports,
     instructions_per_second: NonZeroU64,
     powered: bool,
@@ -52,7 +58,7 @@ pub struct Machine {
 }
 
 store!(Machine {
-    values: [plant, decoder, ports, powered, resets_seen],
+    values: [plant, decoder, usb_host, ports, powered, resets_seen],
     parts: [chip],
     built: [instructions_per_second, shares_line],
 });
@@ -78,6 +84,11 @@ impl Machine {
             ports: Ports::new(board, &plant),
             plant,
             decoder: Decoder::new(board, printer, EVENT_WINDOW_NS),
+            usb_host: {
+                let mut host = UsbHost::new();
+                host.timing.nak_retry_ns = NAK_RETRY_NS;
+                host
+            },
             instructions_per_second: NonZeroU64::new(INSTRUCTIONS_PER_SECOND).unwrap_or(NonZeroU64::MIN),
             powered: true,
             shares_line,
@@ -124,6 +135,10 @@ impl Machine {
             self.follow_timers(now_ns);
         }
         self.exchange_with_drivers();
+        if self.usb_host.next_event_ns() <= now_ns {
+            let host = &mut self.usb_host;
+            self.chip.with_usb(VirtualNanos(now_ns), |cable| host.advance(now_ns, cable));
+        }
         if self.plant.advance(now_ns) {
             self.follow_timers(now_ns);
             for (adc, millivolts) in self.plant.voltages(now_ns) {
@@ -138,6 +153,12 @@ impl Machine {
         for (pin, level) in self.plant.take_inputs() {
             self.chip.drive_pin(VirtualNanos(now_ns), pin, level);
         }
+    }
+
+    /// When the computer at the USB plug does something next.
+    #[must_use]
+    pub fn usb_next_ns(&self) -> Option<u64> {
+        (self.usb_host.state() != State::Unplugged).then(|| self.usb_host.next_event_ns())
     }
 
     /// Duty cycles of what timers switch.

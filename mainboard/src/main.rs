@@ -1,2 +1,37 @@
-//! The command.
-fn main() {}
+//! The virtual mainboard's command: prints on it, or leads its line out.
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+use ferrostep_mainboard::commands::{print::Print, serve::Serve};
+
+/// Printer boards around an emulated STM32F4, on which the shipped images run unmodified.
+#[derive(Parser)]
+#[command(version, about)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Prints a file, and compares the pins with the desk's trace.
+    Print(Print),
+    /// Leads the printer's line out, for any host.
+    Serve(Serve),
+}
+
+fn main() -> ExitCode {
+    let done = match Cli::parse().command {
+        Command::Print(print) => print.run(),
+        Command::Serve(serve) => serve.run(),
+    };
+    match done {
+        Ok(true) => ExitCode::SUCCESS,
+        Ok(false) => ExitCode::from(1),
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::from(2)
+        }
+    }
+}

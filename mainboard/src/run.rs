@@ -72,8 +72,10 @@ pub struct Report {
     /// Resets after the first start: when (ns), and who asked for it.
     pub resets: Vec<(u64, String)>,
     /// Registers that the firmware reached and nobody models, addresses at which nothing answers, accesses that a closed clock
-    /// gate refused, interrupts without a line, and states that the manual forbids.
+    /// gate refused, and interrupts without a line.
     pub unmodelled: Vec<String>,
+    /// What a model says of a state that its manual forbids or leaves open.
+    pub told: Vec<String>,
     /// Accesses to peripherals.
     pub accesses: u64,
 }
@@ -82,10 +84,16 @@ struct Runner<O> {
     operator: O,
     accesses: u64,
     last_stop: Option<Stop>,
+    entering: bool,
 }
 
 impl<O: Operator> Driver<Machine> for Runner<O> {
-    fn on_settled(&mut self, session: &mut Session<Machine>, _: &mut dyn Host, settled: Settled) {
+    fn on_settled(&mut self, session: &mut Session<Machine>, host: &mut dyn Host, settled: Settled) {
+        let entering = session.board().chip.is_entering();
+        if entering != self.entering {
+            self.entering = entering;
+            host.hold(entering || session.unpowered());
+        }
         if let Settled::Access { access, .. } = settled {
             self.accesses += 1;
             if access.kind == AccessKind::Write {
@@ -103,7 +111,10 @@ impl<O: Operator> Driver<Machine> for Runner<O> {
         if self.operator.turn(machine, now_ns, host) == Turn::Stop {
             return None;
         }
-        let next = [machine.plant.next_event_ns(), self.operator.next_turn_ns()].into_iter().flatten().min();
+        let next = [machine.plant.next_event_ns(), machine.usb_next_ns(), self.operator.next_turn_ns()]
+            .into_iter()
+            .flatten()
+            .min();
         let slice = now_ns + SLICE_NS;
         Some(VirtualNanos(next.map_or(slice, |next| next.clamp(now_ns + 1, slice))))
     }
@@ -124,7 +135,7 @@ pub fn run<O: Operator>(
     start.debugger = options.debugger;
     start.wait_for_debugger = options.wait_for_debugger;
     let session = Session::new(Box::new(machine), 0, VirtualNanos(SLICE_NS))?;
-    let finished = emulator::run(session, &start, Runner { operator, accesses: 0, last_stop: None })?;
+    let finished = emulator::run(session, &start, Runner { operator, accesses: 0, last_stop: None, entering: false })?;
     let mut session = finished.session;
     let report = report(&mut session, finished.driver.last_stop, finished.driver.accesses);
     Ok(Finished { session, operator: finished.driver.operator, report })
@@ -135,12 +146,13 @@ fn report(session: &mut Session<Machine>, stop: Option<Stop>, accesses: u64) -> 
     unmodelled.extend(session.refused().iter().map(|(address, fault)| format!("{address:#010x}: {fault}")));
     unmodelled.extend(session.unimplemented().values().map(|register| format!("{register:?}")));
     unmodelled.extend(session.unrouted().iter().map(|(instance, line)| format!("{instance}: interrupt {line}")));
-    unmodelled.extend(session.told().map(|told| format!("{} {}: {}", told.instance, told.register, told.reason)));
+    let told = session.told().map(|told| format!("{} {}: {}", told.instance, told.register, told.reason)).collect();
     Report {
         virtual_ns: stop.map_or(0, |stop| stop.at.0),
         instructions: stop.map_or(0, |stop| stop.instruction_count),
         resets: session.resets().iter().map(|reset| (reset.at.0, format!("{:?}", reset.cause))).collect(),
         unmodelled,
+        told,
         accesses,
     }
 }

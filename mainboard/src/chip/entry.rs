@@ -1,11 +1,13 @@
 //! What an interrupt costs before its first instruction, and the F446's clock registers that the F427 does not have.
 //!
 //! The core enters a handler in 12 cycles (PM0214 rev 10, 2.3.7), more behind wait states or a floating-point frame. rigless's
-//! core enters in none. So every interrupt passes through [`Entry`], which holds it back for a time that the run chooses. A
-//! request that its peripheral takes back in that time does not arrive.
+//! core enters in none. The interrupt for which that matters is the step timer's: it is the highest of all and nothing holds it
+//! back, so whenever it is asked for, [`Entry`] delays it, and the run holds the core for as long: it is stacking registers.
+//! A request that its peripheral takes back in that time does not arrive.
 //!
-//! **Left out:** tail-chaining (a handler that follows another pays the whole time again), and whatever else delays single
-//! instructions: [`crate::machine::INSTRUCTIONS_PER_SECOND`] is their mean.
+//! **Left out:** the entries of all other interrupts, which cost the processor time and nothing else; tail-chaining (a handler that
+//! follows another pays the whole time again); and whatever else delays single instructions:
+//! [`crate::machine::INSTRUCTIONS_PER_SECOND`] is their mean.
 
 use rigless::device::{Device, DeviceContext, InterruptChange, Level, RegisterFile};
 use rigless::emulator::InterruptLine;
@@ -14,6 +16,8 @@ use rigless::time::{EventId, VirtualNanos};
 
 /// 12 cycles at 168 MHz, ns.
 pub const ENTRY_NS: u64 = 71;
+/// TIM2's line, RM0090 table 62.
+const STEP_TIMER: u16 = 28;
 
 const fn word(name: &'static str, offset: u32) -> RegisterSpec {
     RegisterSpec {
@@ -62,6 +66,12 @@ impl Entry {
         Self { delay_ns, waiting: Vec::new() }
     }
 
+    /// Whether a handler is being entered.
+    #[must_use]
+    pub const fn is_entering(&self) -> bool {
+        !self.waiting.is_empty()
+    }
+
     /// How long it takes, ns.
     #[must_use]
     pub const fn delay_ns(&self) -> u64 {
@@ -74,7 +84,7 @@ impl Device for Entry {
 
     fn on_interrupt(&mut self, change: InterruptChange, _: &mut RegisterFile, context: &mut DeviceContext<'_>) {
         let Some(line) = InterruptLine::new(change.interrupt) else { return };
-        if change.level == Level::High && self.delay_ns > 0 {
+        if change.level == Level::High && self.delay_ns > 0 && change.interrupt == STEP_TIMER {
             let at = VirtualNanos(context.now().0 + self.delay_ns);
             self.waiting.push((at, change.interrupt));
             context.schedule(at);

@@ -146,9 +146,11 @@ pub fn bus(model: Model) -> Result<Bus, Error> {
         builder = builder.gate(instance, enable).reset_by(instance, reset);
     }
     // 5.4.1 bit 8: DBP protects RCC_BDCR and the RTC with its backup registers.
-    builder = builder
-        .gate_writes("RCC", &["BDCR"], Gate::by("PWR", "CR", "DBP"))
-        .gate_writes("RTC", &[], Gate::by("PWR", "CR", "DBP"));
+    builder = builder.gate_writes("RCC", &["BDCR"], Gate::by("PWR", "CR", "DBP")).gate_writes(
+        "RTC",
+        &[],
+        Gate::by("PWR", "CR", "DBP"),
+    );
     // Who listens to the wires between instances: the backup domain's reset, the clock controller (the watchdog's start), the
     // converters' common block, the advanced timers' break, the DMA controllers (tables 42 and 43), each timer that can
     // follow another (tables 93, 94, 101), and the EXTI (12.2.5).
@@ -158,7 +160,10 @@ pub fn bus(model: Model) -> Result<Bus, Error> {
     for (instance, _) in super::timers::MASTERS {
         builder = builder.reads_requests(instance);
     }
-    clocks(model)?.into_iter().try_fold(builder, |builder, (instance, clock)| Ok(builder.clocked_by(instance, clock)))?.build()
+    clocks(model)?
+        .into_iter()
+        .try_fold(builder, |builder, (instance, clock)| Ok(builder.clocked_by(instance, clock)))?
+        .build()
 }
 
 /// Every instance of the chip.

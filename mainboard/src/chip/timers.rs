@@ -21,10 +21,10 @@
 //! | table 62 | lines that a timer shares with another (24 to 26, 43 to 46) | each drives the line as if it were its own: at most one of a pair is in use on any board here |
 
 use rigless::device::{Device, DeviceContext, Level, RegisterFile, RequestChange};
-use rigless::soc::{Layout, RegisterSpec};
 use rigless::soc::st::tim::{Counter, Family, Flags, Kind, Part, Tim, Wakeups};
 use rigless::soc::stm32f427::generated::{tim1, tim2, tim6, tim9, tim10};
 use rigless::soc::stm32f427::peripherals::tim as stm32f427;
+use rigless::soc::{Layout, RegisterSpec};
 use rigless::time::{EventId, VirtualNanos};
 
 /// The request output on which a timer here reports its trigger output, behind those for DMA (0 to 6).
@@ -158,9 +158,10 @@ impl<F: Family> Linked<F> {
     /// The wires of the timer called `instance`, around its model.
     #[must_use]
     pub fn wrap(instance: &'static str, clock_hz: u64, tim: Tim<F>) -> Self {
-        let masters = MASTERS.iter().find(|(name, _)| *name == instance).map_or([None; 4], |(_, masters)| {
-            masters.map(|master| (!master.is_empty()).then_some(master))
-        });
+        let masters = MASTERS
+            .iter()
+            .find(|(name, _)| *name == instance)
+            .map_or([None; 4], |(_, masters)| masters.map(|master| (!master.is_empty()).then_some(master)));
         Self { tim, masters, level: Level::Low, pulses: 0, touched: VirtualNanos(0), clock_hz, resting: None }
     }
 
@@ -180,7 +181,8 @@ impl<F: Family> Linked<F> {
         let plain = master && cr1 & (COUNTS | ONE_PULSE | DOWN_OR_CENTRED) == COUNTS && registers.get(rows.psc) == 0;
         let silent = registers.get(rows.dier) == 0 && context.now().0.saturating_sub(self.touched.0) >= RESTS_AFTER_NS;
         if plain && silent && self.resting.is_none() {
-            let count = Device::read(&mut self.tim, rows.cnt, registers, context).unwrap_or_else(|| registers.get(rows.cnt));
+            let count =
+                Device::read(&mut self.tim, rows.cnt, registers, context).unwrap_or_else(|| registers.get(rows.cnt));
             self.resting = Some(Rest { since: context.now(), count, period: registers.get(rows.arr) + 1, cr1 });
             self.put(rows.cr1, cr1 & !COUNTS, registers, context);
         }

@@ -1,0 +1,244 @@
+//! The packet memory of the OTG_FS core, RM0090 section 34.11: one receive FIFO for all, one transmit FIFO each.
+
+use std::collections::VecDeque;
+
+/// Words of packet memory, of both cores: 1.25 Kbytes, RM0090 34.2 and RM0390 31.2.
+pub const MEMORY_WORDS: u32 = 320;
+/// Words of the receive FIFO that only SETUP packets use: four for each control endpoint and six, 34.11.1.
+const SETUP_WORDS: u32 = 10;
+/// One word for the global OUT NAK, 34.11.1.
+const GLOBAL_NAK_WORDS: u32 = 1;
+
+/// GRXSTSR.PKTSTS of a device, 34.16.2.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub enum Status {
+    /// The global OUT NAK has reached the front.
+    GlobalOutNak,
+    /// An OUT packet.
+    Out,
+    /// An OUT transfer ended.
+    OutComplete,
+    /// The SETUP stage ended.
+    SetupComplete,
+    /// A SETUP packet.
+    Setup,
+}
+
+impl Status {
+    /// Its code in GRXSTSR.
+    #[must_use]
+    pub fn code(self) -> u64 {
+        match self {
+            Self::GlobalOutNak => 1,
+            Self::Out => 2,
+            Self::OutComplete => 3,
+            Self::SetupComplete => 4,
+            Self::Setup => 6,
+        }
+    }
+}
+
+/// An entry of the receive FIFO: a status word and its data.
+#[derive(Debug, Clone, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub struct Entry {
+    /// What it is.
+    pub status: Status,
+    /// The endpoint it is for.
+    pub endpoint: u8,
+    /// DATA1 rather than DATA0.
+    pub toggle: bool,
+    /// Low bits of the frame number in which it came.
+    pub frame: u16,
+    /// Its data, empty but for packets.
+    pub bytes: Vec<u8>,
+}
+
+impl Entry {
+    fn words(&self) -> u32 {
+        1 + words_of(self.bytes.len())
+    }
+}
+
+/// Words that so many bytes fill.
+#[must_use]
+pub fn words_of(bytes: usize) -> u32 {
+    u32::try_from(bytes.div_ceil(4)).unwrap_or(u32::MAX)
+}
+
+/// The receive FIFO.
+#[derive(Debug, Clone, Default, serde::Serialize, serde::Deserialize)]
+pub struct Receive {
+    entries: VecDeque<Entry>,
+    /// Words of the packet whose status was popped last.
+    open: VecDeque<u32>,
+}
+
+impl Receive {
+    /// The entry at the front.
+    #[must_use]
+    pub fn front(&self) -> Option<&Entry> {
+        self.entries.front()
+    }
+
+    /// Takes the entry at the front; its data are read next. The second value says that words of the packet before
+    /// it were left unread, and are lost.
+    pub fn pop(&mut self) -> Option<(Entry, bool)> {
+        let entry = self.entries.pop_front()?;
+        let left_unread = !self.open.is_empty();
+        self.open = entry.bytes.chunks(4).map(word).collect();
+        Some((entry, left_unread))
+    }
+
+    /// The next word of the packet that was popped.
+    pub fn read(&mut self) -> Option<u32> {
+        self.open.pop_front()
+    }
+
+    /// The word that [`Receive::read`] would give.
+    #[must_use]
+    pub fn peek(&self) -> Option<u32> {
+        self.open.front().copied()
+    }
+
+    /// Adds an entry, for which there is room.
+    pub fn push(&mut self, entry: Entry) {
+        self.entries.push_back(entry);
+    }
+
+    /// Whether an OUT packet of so many bytes finds room in a FIFO of `depth` words: with its status and the entry
+    /// that ends its transfer, without what is kept for SETUP packets, the global NAK and the endings of `transfers`
+    /// other endpoints.
+    #[must_use]
+    pub fn takes_packet(&self, bytes: usize, depth: u32, transfers: u32) -> bool {
+        let kept = SETUP_WORDS + GLOBAL_NAK_WORDS + transfers;
+        let setup: u32 = self.entries.iter().filter(|entry| entry.status == Status::Setup).map(Entry::words).sum();
+        self.used() - setup + 1 + words_of(bytes) + 1 + kept <= depth
+    }
+
+    /// Whether a SETUP packet finds room: three words, and one for its end.
+    #[must_use]
+    pub fn takes_setup(&self, depth: u32) -> bool {
+        self.used() + 4 <= depth
+    }
+
+    /// Words in use.
+    #[must_use]
+    pub fn used(&self) -> u32 {
+        let open = u32::try_from(self.open.len()).unwrap_or(u32::MAX);
+        self.entries.iter().map(Entry::words).sum::<u32>() + open
+    }
+
+    /// Empties it.
+    pub fn flush(&mut self) {
+        *self = Self::default();
+    }
+}
+
+/// One transmit FIFO.
+#[derive(Debug, Clone, Default, serde::Serialize, serde::Deserialize)]
+pub struct Transmit {
+    words: VecDeque<u32>,
+}
+
+impl Transmit {
+    /// Adds a word to a FIFO of `depth` words; false says that it was full and the word is lost.
+    pub fn push(&mut self, value: u32, depth: u32) -> bool {
+        let fits = self.used() < depth;
+        if fits {
+            self.words.push_back(value);
+        }
+        fits
+    }
+
+    /// The first so many bytes, without taking them, or `None` while they are not all there.
+    #[must_use]
+    pub fn peek_packet(&self, bytes: usize) -> Option<Vec<u8>> {
+        if words_of(bytes) > self.used() {
+            return None;
+        }
+        Some(self.words.iter().flat_map(|word| word.to_le_bytes()).take(bytes).collect())
+    }
+
+    /// Drops the words of a packet of so many bytes, which the host has acknowledged.
+    pub fn drop_packet(&mut self, bytes: usize) {
+        self.words.drain(..bytes.div_ceil(4).min(self.words.len()));
+    }
+
+    /// Words in use.
+    #[must_use]
+    pub fn used(&self) -> u32 {
+        u32::try_from(self.words.len()).unwrap_or(u32::MAX)
+    }
+
+    /// Empties it.
+    pub fn flush(&mut self) {
+        self.words.clear();
+    }
+}
+
+/// Up to four bytes as the word the FIFO hands over, the first byte lowest.
+fn word(bytes: &[u8]) -> u32 {
+    bytes.iter().rev().fold(0, |word, byte| word << 8 | u32::from(*byte))
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    fn packet(length: usize) -> Entry {
+        Entry { status: Status::Out, endpoint: 1, toggle: false, frame: 0, bytes: vec![7; length] }
+    }
+
+    #[test]
+    fn words_carry_the_first_byte_lowest() {
+        assert_eq!(word(&[1, 2, 3, 4]), 0x0403_0201);
+        assert_eq!(word(&[1, 2]), 0x0201);
+    }
+
+    #[test]
+    fn a_packet_leaves_room_for_setup_and_endings() {
+        // 11 kept, 2 transfers, status, 16 words, its own ending.
+        let fifo = Receive::default();
+        assert!(fifo.takes_packet(64, 31, 2));
+        assert!(!fifo.takes_packet(64, 30, 2));
+        let mut fifo = fifo;
+        fifo.push(Entry { status: Status::Setup, ..packet(8) });
+        assert!(fifo.takes_packet(64, 31, 2), "a SETUP packet lies in the words kept for it");
+        fifo.push(packet(0));
+        assert!(!fifo.takes_packet(64, 31, 2));
+        assert!(fifo.takes_packet(64, 32, 2));
+    }
+
+    #[test]
+    fn a_packet_in_the_fifo_takes_its_words_until_it_is_read() {
+        let mut fifo = Receive::default();
+        fifo.push(packet(6));
+        assert_eq!(fifo.used(), 3);
+        assert!(!fifo.pop().unwrap().1);
+        assert_eq!(fifo.used(), 2);
+        assert_eq!((fifo.read(), fifo.read(), fifo.read()), (Some(0x0707_0707), Some(0x0707), None));
+        assert_eq!(fifo.used(), 0);
+    }
+
+    #[test]
+    fn words_left_unread_are_reported() {
+        let mut fifo = Receive::default();
+        fifo.push(packet(8));
+        fifo.push(packet(4));
+        fifo.pop();
+        fifo.read();
+        assert!(fifo.pop().unwrap().1);
+    }
+
+    #[test]
+    fn a_transmit_fifo_refuses_what_it_cannot_hold() {
+        let mut fifo = Transmit::default();
+        assert!(fifo.push(0x0403_0201, 2) && fifo.push(0x0605, 2));
+        assert!(!fifo.push(0, 2));
+        assert_eq!(fifo.peek_packet(6).unwrap(), [1, 2, 3, 4, 5, 6]);
+        assert_eq!(fifo.peek_packet(9), None);
+        fifo.drop_packet(6);
+        assert_eq!(fifo.used(), 0);
+    }
+}

@@ -1,0 +1,5 @@
+//! What the command can do.
+
+pub mod print;
+pub mod serve;
+pub mod setup;

@@ -1,0 +1,282 @@
+//! Prints a file on the machine and compares its pins with the desk's trace.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use rigless::emulator::Host;
+use serde::Serialize;
+
+use super::setup::{Setup, Via, hear, say, unsaid};
+use crate::decode::{Comparison, Rules, Trace, compare};
+use crate::host::usb::State;
+use crate::host::{self, Stream};
+use crate::machine::Machine;
+use crate::run::{Finished, Operator, Turn, run};
+
+/// Words of the command.
+#[derive(Debug, Args)]
+pub struct Print {
+    #[command(flatten)]
+    setup: Setup,
+    /// G-code.
+    file: PathBuf,
+    /// The line of the host.
+    #[arg(long, value_enum, default_value_t = Via::Usb)]
+    via: Via,
+    /// The desk's trace of the same file (`ferrostep print --trace`), to compare the pins with.
+    #[arg(long, value_name = "TRACE")]
+    desk_trace: Option<PathBuf>,
+    /// Gives up after so much virtual time, s.
+    #[arg(long, default_value_t = 36_000)]
+    at_most_s: u64,
+    /// One object of JSON on standard output.
+    #[arg(long)]
+    json: bool,
+}
+
+/// The host: prints the file and waits until motion has ended.
+struct Job {
+    stream: Stream,
+    via: Via,
+    plugged: bool,
+    ends_ns: u64,
+    shown: usize,
+    quiet: bool,
+    next_progress_ns: u64,
+}
+
+/// Virtual time between two lines of progress, ns.
+const PROGRESS_NS: u64 = 30_000_000_000;
+
+impl Operator for Job {
+    fn turn(&mut self, machine: &mut Machine, now_ns: u64, _: &mut dyn Host) -> Turn {
+        if self.via == Via::Usb && !self.plugged {
+            self.plugged = true;
+            machine.usb_host.plug();
+        }
+        let heard = hear(machine, self.via);
+        if !heard.is_empty() {
+            self.stream.received(now_ns, &heard);
+        }
+        let open = self.via == Via::Uart || machine.usb_host.state() == State::Open;
+        while open && unsaid(machine, self.via) == 0 {
+            let Some(bytes) = self.stream.to_send(now_ns) else { break };
+            say(machine, self.via, now_ns, &bytes);
+        }
+        if !self.quiet && now_ns >= self.next_progress_ns {
+            self.next_progress_ns = now_ns + PROGRESS_NS;
+            eprintln!("{:6.0} s: {} of {} lines", now_ns as f64 / 1e9, self.stream.acknowledged(), self.stream.lines());
+        }
+        self.shown = self.stream.heard().len();
+        if self.stream.finished() || now_ns >= self.ends_ns || self.stream.was_reset() {
+            Turn::Stop
+        } else {
+            Turn::GoOn
+        }
+    }
+}
+
+/// What a print came to.
+#[derive(Debug, Serialize)]
+pub struct Outcome {
+    /// The board's name.
+    pub board: String,
+    /// SHA-256 of the image.
+    pub image_sha256: String,
+    /// What stopped the job, if anything did.
+    pub stopped: Option<String>,
+    /// Digest of the order of steps after the last homing, from the pins' edges.
+    pub pin_order_digest: Option<String>,
+    /// The same of the desk's trace.
+    pub desk_order_digest: Option<String>,
+    /// Whether every step of the desk was on the pins, in its order, and none later than the bound.
+    pub agrees: Option<bool>,
+    /// The first difference, or the latest step, in words.
+    pub difference: Option<String>,
+    /// Steps compared.
+    pub events: usize,
+    /// Continuous runs of motion that were compared.
+    pub runs: usize,
+    /// Shortest high or low time of a step signal, us.
+    pub smallest_pulse_us: f64,
+    /// Shortest time between two step events, us.
+    pub smallest_gap_us: f64,
+    /// Shortest time from a direction's change to the step after it, us.
+    pub smallest_direction_setup_us: f64,
+    /// How late a step left at most, us.
+    pub largest_latency_us: Option<f64>,
+    /// Steps that the drivers saw below their data sheet's times.
+    pub driver_timing_violations: u64,
+    /// Motors' steps that moved nothing, and full steps that slipped.
+    pub lost_steps: Vec<String>,
+    /// How deep the nozzle went into the bed beyond what it gives way, mm.
+    pub crash_mm: Option<f64>,
+    /// Registers reached without a model, and what else the emulator could not stand in for.
+    pub unmodelled: Vec<String>,
+    /// What models say of states that the manual forbids or leaves open.
+    pub told: Vec<String>,
+    /// Resets on the way.
+    pub resets: Vec<(u64, String)>,
+    /// What the host read, without acknowledgements, temperatures and signs of life.
+    pub host_lines: Vec<String>,
+    /// Virtual time, s.
+    pub virtual_s: f64,
+    /// Retired instructions.
+    pub instructions: u64,
+    /// Virtual time for a second of this computer's.
+    pub realtime_factor: f64,
+}
+
+impl Print {
+    /// Prints. True if all went well.
+    ///
+    /// # Errors
+    /// What was named cannot be read or does not fit together, or the emulator could not go on.
+    pub fn run(&self) -> Result<bool, String> {
+        let text = std::fs::read_to_string(&self.file).map_err(|error| format!("{}: {error}", self.file.display()))?;
+        let trace = match &self.desk_trace {
+            Some(path) => {
+                let bytes = std::fs::read(path).map_err(|error| format!("{}: {error}", path.display()))?;
+                Some(Trace::parse(&bytes).map_err(|error| format!("{}: {error}", path.display()))?)
+            }
+            None => None,
+        };
+        let mut bench = self.setup.bench()?;
+        let (printer, image_sha256) = (bench.printer.clone(), bench.image_sha256.clone());
+        // The last line's acknowledgement comes when motion has ended.
+        let lines = text.lines().chain(["M400"]);
+        let options = host::Options { wait_for_start: true, ..host::Options::default() };
+        let job = Job {
+            stream: Stream::new(lines, options),
+            via: self.via,
+            plugged: false,
+            ends_ns: self.at_most_s.saturating_mul(1_000_000_000),
+            shown: 0,
+            quiet: self.json,
+            next_progress_ns: PROGRESS_NS,
+        };
+        let began = std::time::Instant::now();
+        let machine = std::mem::replace(&mut bench.machine, Machine::new(&bench.board, &printer, 0)?);
+        let finished = run(machine, &bench.images, &bench.options(), job).map_err(|error| error.to_string())?;
+        let wall_s = began.elapsed().as_secs_f64();
+        let outcome = outcome(&finished, trace.as_ref(), &bench.board.name, image_sha256, wall_s);
+        if self.json {
+            println!("{}", serde_json::to_string_pretty(&outcome).map_err(|error| error.to_string())?);
+        } else {
+            show(&outcome);
+        }
+        Ok(outcome.is_well())
+    }
+}
+
+fn outcome(finished: &Finished<Job>, trace: Option<&Trace>, board: &str, image_sha256: String, wall_s: f64) -> Outcome {
+    let (machine, stream) = (finished.machine(), &finished.operator.stream);
+    let mut decoder = machine.decoder.clone();
+    let events = decoder.finish().to_vec();
+    let smallest = decoder.smallest();
+    let compared: Option<Comparison> = trace.map(|trace| {
+        let desk = trace.steps_after_homing();
+        let pins = events.get(events.len().saturating_sub(desk.len())..).unwrap_or_default();
+        compare(pins, desk, trace.tick_hz, &Rules::default())
+    });
+    let digest = |steps: &mut dyn Iterator<Item = (u8, u8)>| format!("{:016x}", crate::decode::order_digest(steps));
+    let desk_steps = trace.map(Trace::steps_after_homing);
+    let pins = desk_steps.map(|desk| &events[events.len().saturating_sub(desk.len())..]);
+    let us = |ns: u64| if ns == u64::MAX { f64::NAN } else { ns as f64 / 1000.0 };
+    let stopped = if stream.was_reset() {
+        Some("the printer was reset".to_owned())
+    } else if !stream.finished() {
+        Some(format!("{} of {} lines were done when time was up", stream.acknowledged(), stream.lines()))
+    } else {
+        stream.errors().next().map(|error| error.text.clone())
+    };
+    let host_lines = stream
+        .heard()
+        .iter()
+        .filter(|heard| matches!(heard.answer, host::Answer::Text | host::Answer::Error | host::Answer::Start))
+        .filter(|heard| !heard.text.trim_start().starts_with("T:") && !heard.text.starts_with("ok"))
+        .map(|heard| heard.text.clone())
+        .collect();
+    let lost_steps = (0..4)
+        .map(|motor| (motor, machine.plant.motion.record(motor)))
+        .filter(|(_, record)| record.unpowered_steps > 0 || record.slipped_periods > 0)
+        .map(|(motor, record)| {
+            let name = ["x", "y", "z", "e"][motor];
+            format!(
+                "{name}: {} without current, {} full steps slipped",
+                record.unpowered_steps,
+                4 * record.slipped_periods
+            )
+        })
+        .collect();
+    Outcome {
+        board: board.to_owned(),
+        image_sha256,
+        stopped,
+        pin_order_digest: pins.map(|pins| digest(&mut pins.iter().map(|event| (event.axes, event.directions)))),
+        desk_order_digest: desk_steps.map(|desk| digest(&mut desk.iter().map(|step| (step.axes, step.directions)))),
+        agrees: compared.as_ref().map(Comparison::agrees),
+        difference: compared.as_ref().and_then(|compared| {
+            let late = || {
+                compared
+                    .first_too_late
+                    .map(|late| format!("a step {:.1} us late: {late:?}", late.latency_ns as f64 / 1e3))
+            };
+            compared.difference.map(|difference| difference.to_string()).or_else(late)
+        }),
+        events: compared.as_ref().map_or(events.len(), |compared| compared.pin_events),
+        runs: compared.as_ref().map_or(0, |compared| compared.runs),
+        smallest_pulse_us: us(smallest.pulse_ns()),
+        smallest_gap_us: us(smallest.gap_ns),
+        smallest_direction_setup_us: us(smallest.direction_setup_ns),
+        largest_latency_us: compared.as_ref().map(Comparison::largest_latency_us),
+        driver_timing_violations: machine.plant.drivers.iter().map(|driver| driver.timing().violations).sum(),
+        lost_steps,
+        crash_mm: machine.plant.motion.sheet().crash().map(|crash| crash.deepest_mm),
+        unmodelled: finished.report.unmodelled.clone(),
+        told: finished.report.told.clone(),
+        resets: finished.report.resets.clone(),
+        host_lines,
+        virtual_s: finished.report.virtual_ns as f64 / 1e9,
+        instructions: finished.report.instructions,
+        realtime_factor: finished.report.virtual_ns as f64 / 1e9 / wall_s,
+    }
+}
+
+impl Outcome {
+    /// Whether the print is as it should be.
+    fn is_well(&self) -> bool {
+        self.stopped.is_none() && self.agrees != Some(false) && self.resets.is_empty() && self.crash_mm.is_none()
+    }
+}
+
+fn show(outcome: &Outcome) {
+    println!("board             {} (image {})", outcome.board, &outcome.image_sha256[..16]);
+    println!("time              {:.1} s, {:.1} times real time", outcome.virtual_s, outcome.realtime_factor);
+    println!("smallest pulse    {:.3} us", outcome.smallest_pulse_us);
+    println!("smallest gap      {:.3} us", outcome.smallest_gap_us);
+    println!("direction set-up  {:.3} us", outcome.smallest_direction_setup_us);
+    if let (Some(agrees), Some(latency_us)) = (outcome.agrees, outcome.largest_latency_us) {
+        let verdict = if agrees { "the desk's, step by step" } else { "NOT the desk's" };
+        println!("steps             {} after homing, in {} runs: {verdict}", outcome.events, outcome.runs);
+        println!("latest step       {latency_us:.3} us");
+    }
+    let lists = [
+        ("host", &outcome.host_lines),
+        ("lost", &outcome.lost_steps),
+        ("unmodelled", &outcome.unmodelled),
+        ("told", &outcome.told),
+    ];
+    for (what, lines) in lists {
+        lines.iter().for_each(|line| println!("{what:<17} {line}"));
+    }
+    for (at_ns, cause) in &outcome.resets {
+        println!("reset             at {:.6} s: {cause}", *at_ns as f64 / 1e9);
+    }
+    for what in [&outcome.difference, &outcome.stopped].into_iter().flatten() {
+        println!("STOPPED           {what}");
+    }
+    if let Some(crash_mm) = outcome.crash_mm {
+        println!("CRASHED           the nozzle went {crash_mm:.3} mm into the bed");
+    }
+}

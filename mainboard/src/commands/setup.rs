@@ -1,0 +1,155 @@
+//! Which board, which printer, which image: the same words for all commands.
+
+use std::net::TcpListener;
+use std::num::NonZeroU64;
+use std::path::{Path, PathBuf};
+
+use clap::{Args, ValueEnum};
+use rigless::image::Image;
+
+use crate::machine::{HOST_PORT, INSTRUCTIONS_PER_SECOND, Machine};
+use crate::run::Options;
+use crate::wiring::{Board, Printer, check_image};
+
+/// Which line the host is on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Via {
+    /// The USB plug.
+    Usb,
+    /// The serial line.
+    Uart,
+}
+
+/// A board, its printer and its image.
+#[derive(Debug, Args)]
+pub struct Setup {
+    /// The board: its file.
+    #[arg(long, value_name = "TOML")]
+    board: PathBuf,
+    /// The printer: its profile.
+    #[arg(long, value_name = "TOML")]
+    profile: PathBuf,
+    /// The image, as it would be flashed, with its addresses (ELF).
+    #[arg(long, value_name = "ELF")]
+    image: PathBuf,
+    /// Noise, bouncing and whatever else is random follow from it.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Instructions a second of virtual time: fewer is how wait states would feel.
+    #[arg(long, default_value_t = INSTRUCTIONS_PER_SECOND)]
+    instructions_per_second: u64,
+    /// How long the core takes into the step interrupt, ns.
+    #[arg(long, default_value_t = crate::chip::entry::ENTRY_NS)]
+    entry_ns: u64,
+    /// Serves GDB on this port of this computer.
+    #[arg(long, value_name = "PORT")]
+    gdb: Option<u16>,
+    /// Waits for GDB before the first instruction.
+    #[arg(long, requires = "gdb")]
+    wait_for_gdb: bool,
+}
+
+/// What [`Setup`] names, read and checked.
+#[derive(Debug)]
+pub struct Bench {
+    /// The board.
+    pub board: Board,
+    /// The printer.
+    pub printer: Printer,
+    /// The machine.
+    pub machine: Machine,
+    /// The image.
+    pub images: Vec<Image>,
+    /// Its SHA-256, in hexadecimal, as the file is.
+    pub image_sha256: String,
+    debugger: Option<TcpListener>,
+    wait_for_debugger: bool,
+}
+
+impl Setup {
+    /// Reads the files and puts the machine together.
+    ///
+    /// # Errors
+    /// A file that cannot be read, a board that contradicts its chip, an image for another board: each by name.
+    pub fn bench(&self) -> Result<Bench, String> {
+        let board = Board::read(&self.board).map_err(|error| error.to_string())?;
+        let printer = Printer::read(&self.profile).map_err(|error| error.to_string())?;
+        let bytes = std::fs::read(&self.image).map_err(|error| format!("{}: {error}", self.image.display()))?;
+        let name = self.image.display().to_string();
+        check_image(&board, &name, &bytes).map_err(|error| error.to_string())?;
+        let image_sha256 = sha256(&bytes);
+        let image = Image::new(Path::new(&name), bytes, None).map_err(|error| error.to_string())?;
+        let mut machine = Machine::new(&board, &printer, self.seed)?;
+        let rate = NonZeroU64::new(self.instructions_per_second)
+            .ok_or("--instructions-per-second 0: a core that stands still prints nothing; 120000000 is usual")?;
+        machine.set_instructions_per_second(rate);
+        machine.chip.set_interrupt_entry(self.entry_ns);
+        let debugger = match self.gdb {
+            Some(port) => Some(
+                TcpListener::bind(("127.0.0.1", port))
+                    .map_err(|error| format!("--gdb {port}: {error}; another port, or 0 for any that is free"))?,
+            ),
+            None => None,
+        };
+        if let Some(address) = debugger.as_ref().and_then(|listener| listener.local_addr().ok()) {
+            eprintln!("GDB on {address}: gdb-multiarch -ex 'target remote {address}' {name}");
+        }
+        Ok(Bench {
+            board,
+            printer,
+            machine,
+            images: vec![image],
+            image_sha256,
+            debugger,
+            wait_for_debugger: self.wait_for_gdb,
+        })
+    }
+}
+
+impl Bench {
+    /// How the run starts.
+    #[must_use]
+    pub fn options(&self) -> Options<'_> {
+        Options {
+            boot: Some(0x0800_0000 + u64::from(self.board.boot_offset)),
+            debugger: self.debugger.as_ref(),
+            wait_for_debugger: self.wait_for_debugger,
+        }
+    }
+}
+
+fn sha256(bytes: &[u8]) -> String {
+    use sha2::{Digest, Sha256};
+    Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+/// What the printer has said since the last time.
+pub fn hear(machine: &mut Machine, via: Via) -> Vec<u8> {
+    match via {
+        Via::Usb => machine.usb_host.read(),
+        Via::Uart => machine
+            .mailbox(HOST_PORT)
+            .map(|mailbox| mailbox.take().map(|(_, word)| word as u8).collect())
+            .unwrap_or_default(),
+    }
+}
+
+/// Says something to the printer.
+pub fn say(machine: &mut Machine, via: Via, now_ns: u64, bytes: &[u8]) {
+    match via {
+        Via::Usb => machine.usb_host.write(bytes),
+        Via::Uart => {
+            if let Some(mailbox) = machine.mailbox(HOST_PORT) {
+                bytes.iter().for_each(|byte| mailbox.send(now_ns, u16::from(*byte)));
+            }
+        }
+    }
+}
+
+/// How many bytes the printer has not taken yet.
+pub fn unsaid(machine: &mut Machine, via: Via) -> usize {
+    match via {
+        Via::Usb => machine.usb_host.unsent(),
+        Via::Uart => machine.mailbox(HOST_PORT).map_or(0, |mailbox| mailbox.waiting()),
+    }
+}

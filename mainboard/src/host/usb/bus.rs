@@ -1,0 +1,69 @@
+//! What a host and a device say to each other on a full-speed bus, one whole transaction at a time.
+
+/// A transaction as the host starts it, USB 2.0 section 8.5.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Token<'a> {
+    /// Address of the device, 0 before SET_ADDRESS.
+    pub address: u8,
+    /// Number of the endpoint, without its direction.
+    pub endpoint: u8,
+    /// What is asked.
+    pub kind: Kind<'a>,
+}
+
+/// The kinds of transaction.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Kind<'a> {
+    /// SETUP with its eight bytes, always DATA0.
+    Setup([u8; 8]),
+    /// Data to the device.
+    Out {
+        /// DATA1 rather than DATA0.
+        toggle: bool,
+        /// Up to one packet.
+        data: &'a [u8],
+    },
+    /// Data from the device.
+    In {
+        /// Whether the host's handshake reaches the device. Without it the device sends the packet again.
+        acknowledged: bool,
+    },
+}
+
+/// What the device answered.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Answer {
+    /// The data were taken.
+    Ack,
+    /// Not now.
+    Nak,
+    /// The endpoint is halted, or the request is refused.
+    Stall,
+    /// A packet to the host.
+    Data {
+        /// DATA1 rather than DATA0.
+        toggle: bool,
+        /// Its bytes.
+        bytes: Vec<u8>,
+    },
+    /// Nothing: the host's turnaround timer runs out.
+    Silence,
+}
+
+/// The bus seen from the host. Each call happens at the instant that the run has reached.
+pub trait Bus {
+    /// Whether a device's pull-up holds D+ high.
+    fn connected(&mut self) -> bool;
+    /// Switches the 5 V of the cable.
+    fn set_vbus(&mut self, on: bool);
+    /// Drives the reset state (SE0) from now on, or ends it.
+    fn set_reset(&mut self, active: bool);
+    /// Tells that the bus has been idle for 3 ms, which is how a device learns of a suspend.
+    fn suspend(&mut self);
+    /// Drives the resume state.
+    fn resume(&mut self);
+    /// Sends a start of frame with this number, 0 to 2047.
+    fn start_of_frame(&mut self, frame: u16);
+    /// Runs one transaction.
+    fn transact(&mut self, token: &Token<'_>) -> Answer;
+}
