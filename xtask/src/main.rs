@@ -10,6 +10,7 @@ mod emulator;
 mod firmware;
 mod generated;
 mod image;
+mod mainboard;
 mod mutants;
 mod no_std;
 mod on_target;
@@ -70,6 +71,8 @@ enum Task {
     Flash(on_target::FlashOptions),
     /// Measure a board over a debug probe, and hold the times against their bounds; without a board, in the emulator
     OnTarget(on_target::TestOptions),
+    /// Print a file on the virtual mainboard: the board's image, unmodified, on an emulated chip with a printer around it
+    Mainboard(mainboard::Options),
     /// Make small mistakes in the code, one at a time, and see which of them no test notices
     Mutants(mutants::Options),
     /// Check that the firmware's crates build for thumbv7em-none-eabihf, without std
@@ -85,6 +88,7 @@ fn main() -> ExitCode {
         Task::Bench(_) => "bench",
         Task::Flash(_) => "flash",
         Task::OnTarget(_) => "on-target",
+        Task::Mainboard(_) => "mainboard",
         Task::Mutants(_) => "mutants",
         Task::NoStd => "no-std",
     };
@@ -96,6 +100,7 @@ fn main() -> ExitCode {
         Task::Bench(options) => bench::run(&mut run, options),
         Task::Flash(options) => on_target::flash(&mut run, &options),
         Task::OnTarget(options) => on_target::test(&mut run, &options),
+        Task::Mainboard(options) => mainboard::run(&mut run, &options),
         Task::Mutants(options) => mutants::run(&mut run, &options),
         Task::NoStd => no_std::check(&mut run),
     };
@@ -136,6 +141,7 @@ fn test(run: &mut Run) -> Result<PathBuf, Failure> {
         )
     })?;
     no_std::check(run)?;
+    mainboard::check(run)?;
     Ok(image)
 }
 

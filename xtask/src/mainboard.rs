@@ -1,0 +1,276 @@
+//! The virtual mainboard: a workspace of its own (`mainboard/`), for its emulator wants a newer Rust than the rest.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use crate::firmware::{self, Target};
+use crate::steps::{Failure, Run};
+use crate::system::{self, cargo};
+
+/// What to print on which machine.
+#[derive(Clone, Debug, clap::Args)]
+pub struct Options {
+    /// The board: its name or a TOML file
+    #[arg(long, default_value = "prusa-buddy")]
+    board: String,
+    /// The machine: a profile's name or a TOML file; the board's own if left out
+    #[arg(long)]
+    profile: Option<String>,
+    /// The G-code to print; without one, image and program are built and nothing is printed
+    file: Option<PathBuf>,
+    /// The line of the host: "usb" or "uart"
+    #[arg(long, default_value = "usb")]
+    via: String,
+    /// Prints only so many layers, as the slicer's comments count them
+    #[arg(long)]
+    layers: Option<usize>,
+    /// One object of JSON on standard output
+    #[arg(long)]
+    json: bool,
+    /// Leads the printer's line out as a pseudo-terminal of this name, for any host
+    #[arg(long, value_name = "PATH", conflicts_with_all = ["file", "tcp"])]
+    pty: Option<PathBuf>,
+    /// Leads the printer's line out at a port of this computer
+    #[arg(long, value_name = "PORT", conflicts_with = "file")]
+    tcp: Option<u16>,
+    /// More words for the program, such as --gdb 3333 or --entry-ns 173
+    #[arg(last = true)]
+    more: Vec<String>,
+}
+
+/// Boards whose images print in every test, with the lines that each prints over. The bench has no sensors and no drivers of
+/// its own, and both lines are the same code.
+const PRINTS: [(&str, &str); 5] = [
+    ("prusa-buddy", "usb"),
+    ("btt-octopus-1.1", "usb"),
+    ("prusa-buddy", "uart"),
+    ("btt-octopus-1.1", "uart"),
+    ("bench", "uart"),
+];
+const PRINTED: &str = "examples/cube.gcode";
+const LAYERS: usize = 2;
+
+fn folder() -> PathBuf {
+    system::root().join("mainboard")
+}
+
+/// The Rust that the folder asks for.
+fn channel() -> Result<String, Failure> {
+    let path = folder().join("rust-toolchain.toml");
+    let text = std::fs::read_to_string(&path).map_err(|error| format!("{}: {error}", path.display()))?;
+    let named = text.lines().find_map(|line| line.strip_prefix("channel = \"")?.strip_suffix('"'));
+    named.map(str::to_owned).ok_or_else(|| format!("{}: no channel", path.display()))
+}
+
+/// Finds the toolchain, or has rustup install it.
+pub fn find_toolchain() -> Result<(), Failure> {
+    let channel = channel()?;
+    let version = || system::output(Command::new("rustup").args(["run", &channel, "cargo", "clippy", "--version"]));
+    if let Some(version) = version() {
+        eprintln!("    {}", version.trim());
+        return Ok(());
+    }
+    let mut install = Command::new("rustup");
+    install.args(["toolchain", "install", &channel, "--profile", "minimal", "-c", "clippy", "-c", "rustfmt"]);
+    let installed = system::run(&mut install);
+    match (version(), installed) {
+        (Some(version), _) => {
+            eprintln!("    {}", version.trim());
+            Ok(())
+        }
+        (None, failed) => Err(format!(
+            "the virtual mainboard wants Rust {channel}, and it is not there: {}. Everything else builds and runs without: \
+             `cargo run --release -- print FILE`, `cargo xtask firmware`. To get it: rustup toolchain install {channel} \
+             --profile minimal -c clippy -c rustfmt",
+            failed.err().unwrap_or_else(|| "rustup has installed it elsewhere".to_owned()),
+        )),
+    }
+}
+
+/// Cargo of that toolchain, in that folder.
+pub fn cargo_there() -> Result<Command, Failure> {
+    let mut command = Command::new("rustup");
+    command.args(["run", &channel()?, "cargo"]).current_dir(folder());
+    // What the cargo around this program says of itself is not true of that one.
+    for variable in ["CARGO", "RUSTC", "RUSTUP_TOOLCHAIN", "CARGO_TARGET_DIR", "RUSTFLAGS"] {
+        command.env_remove(variable);
+    }
+    Ok(command)
+}
+
+/// Builds the program and returns its path.
+pub fn build(run: &mut Run) -> Result<PathBuf, Failure> {
+    run.step("virtual mainboard: toolchain", find_toolchain)?;
+    run.step("virtual mainboard: build", || system::run(cargo_there()?.args(["build", "--release"])))?;
+    Ok(folder().join("target/release/ferrostep-mainboard"))
+}
+
+/// `cargo xtask mainboard`.
+pub fn run(run: &mut Run, options: &Options) -> Result<(), Failure> {
+    let target = Target::new(&options.board, options.profile.as_deref())?;
+    let program = build(run)?;
+    let image = firmware::build_image(run, &target)?;
+    let machine = Machine::new(&program, &options.board, options.profile.as_deref(), &image)?;
+    if options.pty.is_some() || options.tcp.is_some() {
+        return run.step("serve", || {
+            let mut command = machine.command("serve");
+            command.args(["--via", &options.via]).args(&options.more);
+            options.pty.iter().for_each(|path| {
+                command.arg("--pty").arg(path);
+            });
+            options.tcp.iter().for_each(|port| {
+                command.args(["--tcp", &port.to_string()]);
+            });
+            system::run(&mut command)
+        });
+    }
+    let Some(file) = &options.file else { return Ok(()) };
+    run.step("print", || {
+        let job = machine.prepare(file, options.layers, &options.via)?;
+        let mut command = machine.print(&job, &options.via);
+        if options.json {
+            command.arg("--json");
+        }
+        system::run(command.args(&options.more))
+    })
+}
+
+/// Lints, tests, and the first layers of the cube on every board.
+pub fn check(run: &mut Run) -> Result<(), Failure> {
+    let program = build(run)?;
+    run.step("virtual mainboard: format", || system::run(cargo_there()?.args(["fmt", "--check"])))?;
+    run.step("virtual mainboard: lints", || {
+        system::run(cargo_there()?.args(["clippy", "--release", "--all-targets", "--", "-D", "warnings"]))
+    })?;
+    run.step("virtual mainboard: tests", || {
+        system::run_tests(cargo_there()?.args(["test", "--release", "--no-fail-fast"]))
+    })?;
+    run.step("virtual mainboard: the images print", || {
+        let half = PRINTS.len().div_ceil(2);
+        let failures: Vec<Failure> = std::thread::scope(|scope| {
+            let halves = PRINTS.chunks(half).map(|prints| {
+                let program = &program;
+                scope.spawn(move || prints.iter().filter_map(|(board, via)| print(program, board, via).err()).collect())
+            });
+            // Both begin before the first is waited for.
+            let halves: Vec<_> = halves.collect();
+            halves
+                .into_iter()
+                .flat_map(|half| half.join().unwrap_or_else(|_| vec!["a print panicked".to_owned()]))
+                .collect()
+        });
+        if failures.is_empty() { Ok(()) } else { Err(failures.join("\n")) }
+    })
+}
+
+fn print(program: &Path, board: &str, via: &str) -> Result<(), Failure> {
+    let image = crate::image::images().join(board).join("ferrostep.elf");
+    let machine = Machine::new(program, board, None, &image)?;
+    let job = machine.prepare(Path::new(PRINTED), Some(LAYERS), via)?;
+    let output = machine.print(&job, via).output().map_err(|error| format!("{}: {error}", program.display()))?;
+    let said = String::from_utf8_lossy(&output.stdout);
+    eprintln!("--- {board} over {via}\n{said}");
+    if output.status.success() {
+        return Ok(());
+    }
+    Err(format!("{board} over {via}: {}\n{said}{}", output.status, String::from_utf8_lossy(&output.stderr)))
+}
+
+/// The program with a board, a printer and an image.
+struct Machine<'a> {
+    program: &'a Path,
+    board: PathBuf,
+    profile: PathBuf,
+    image: &'a Path,
+}
+
+/// What is printed, and the desk's trace of it.
+struct Job {
+    file: PathBuf,
+    trace: PathBuf,
+}
+
+impl<'a> Machine<'a> {
+    fn new(program: &'a Path, board: &str, profile: Option<&str>, image: &'a Path) -> Result<Self, Failure> {
+        let loaded = ferrostep_boards::load(board).map_err(|error| error.to_string())?;
+        let file = |folder: &str, name: &str| {
+            let built_in = system::root().join(folder).join(format!("{name}.toml"));
+            if built_in.exists() { built_in } else { PathBuf::from(name) }
+        };
+        Ok(Self {
+            program,
+            board: file("boards", board),
+            profile: file("profiles", profile.unwrap_or(&loaded.profile)),
+            image,
+        })
+    }
+
+    fn command(&self, what: &str) -> Command {
+        let mut command = Command::new(self.program);
+        command.arg(what).arg("--board").arg(&self.board).arg("--profile").arg(&self.profile);
+        command.arg("--image").arg(self.image);
+        command
+    }
+
+    fn print(&self, job: &Job, via: &str) -> Command {
+        let mut command = self.command("print");
+        command.args(["--via", via, "--desk-trace"]).arg(&job.trace).arg(&job.file);
+        command
+    }
+
+    /// The file, cut to its first layers if that is asked for, and the desk's trace. Jobs over other lines have other files.
+    fn prepare(&self, file: &Path, layers: Option<usize>, via: &str) -> Result<Job, Failure> {
+        let folder = system::target_directory().join("mainboard");
+        std::fs::create_dir_all(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+        let stem = |path: &Path| path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let name = format!("{}-{}-{via}", stem(&self.profile), stem(file));
+        let file = match layers {
+            None => file.to_owned(),
+            Some(layers) => {
+                let text = std::fs::read_to_string(system::root().join(file))
+                    .map_err(|error| format!("{}: {error}", file.display()))?;
+                let cut = folder.join(format!("{name}-{layers}-layers.gcode"));
+                std::fs::write(&cut, first_layers(&text, layers))
+                    .map_err(|error| format!("{}: {error}", cut.display()))?;
+                cut
+            }
+        };
+        let trace = folder.join(format!("{name}.trace"));
+        let mut desk = cargo();
+        desk.args(["run", "--release", "--quiet", "--", "print"]).arg(&file).arg("--profile").arg(&self.profile);
+        desk.arg("--trace").arg(&trace).arg("--json");
+        let output = desk.output().map_err(|error| format!("cannot run cargo: {error}"))?;
+        if !output.status.success() {
+            return Err(format!("the desk: {}", String::from_utf8_lossy(&output.stderr)));
+        }
+        Ok(Job { file, trace })
+    }
+}
+
+/// The lines before the layer after the last that is wanted. Slicers mark the beginning of a layer by one of two comments.
+fn first_layers(text: &str, layers: usize) -> String {
+    let mut begun = 0;
+    let wanted = text.lines().take_while(|line| {
+        begun += usize::from(line.starts_with(";LAYER_CHANGE") || line.starts_with(";LAYER:"));
+        begun <= layers
+    });
+    wanted.flat_map(|line| [line, "\n"]).collect()
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_is_cut_behind_its_layers() {
+        let text = "G28\n;LAYER_CHANGE\nG1 X1\n;LAYER_CHANGE\nG1 X2\n;LAYER_CHANGE\nG1 X3\n";
+        assert_eq!(first_layers(text, 2), "G28\n;LAYER_CHANGE\nG1 X1\n;LAYER_CHANGE\nG1 X2\n");
+        assert_eq!(first_layers(text, 9), text);
+    }
+
+    #[test]
+    fn the_folder_names_its_toolchain() {
+        assert!(channel().unwrap().starts_with("1."));
+    }
+}
