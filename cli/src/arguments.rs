@@ -72,6 +72,10 @@ pub enum Command {
         #[arg(long, value_name = "FILE")]
         fallback: Option<PathBuf>,
     },
+    /// A printer for hosts to connect to: a board's image, as it would be flashed, on an emulated chip with the printer's drivers,
+    /// heaters and mechanics around it (`cargo xtask mainboard` builds it).
+    #[cfg(unix)]
+    Serve(ServeArguments),
     /// Time and material of a file, without its steps.
     Estimate {
         #[command(flatten)]
@@ -95,6 +99,48 @@ pub enum Command {
         #[arg(long, value_name = "NAME|PATH", default_value = "cartesian", requires = "compare")]
         profile: String,
     },
+}
+
+/// A printer on a line of this computer.
+#[cfg(unix)]
+#[derive(clap::Args)]
+pub struct ServeArguments {
+    /// The board: its name or a TOML file.
+    #[arg(long, value_name = "NAME|PATH")]
+    pub board: String,
+    /// The printer's line that is led out.
+    #[arg(long, value_enum, default_value_t = Via::Usb)]
+    pub via: Via,
+    /// A pseudo-terminal, under this name: the port that a host is told.
+    #[arg(long, value_name = "PATH", required_unless_present = "tcp", conflicts_with = "tcp")]
+    pub pty: Option<PathBuf>,
+    /// A port of this computer (0: any that is free).
+    #[arg(long, value_name = "PORT")]
+    pub tcp: Option<u16>,
+    /// The printer's seconds for a second of this computer's; as many as it can if it cannot keep up.
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
+    pub speed: f64,
+}
+
+/// A printer's lines.
+#[cfg(unix)]
+#[derive(Clone, Copy, clap::ValueEnum)]
+pub enum Via {
+    /// The USB plug.
+    Usb,
+    /// The serial line.
+    Uart,
+}
+
+#[cfg(unix)]
+impl Via {
+    /// What the virtual mainboard calls it.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Usb => "usb",
+            Self::Uart => "uart",
+        }
+    }
 }
 
 /// The encodings of a prepared job.

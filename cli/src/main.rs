@@ -4,6 +4,8 @@ mod arguments;
 mod progress;
 #[cfg(unix)]
 mod sending;
+#[cfg(unix)]
+mod serving;
 
 use std::cell::Cell;
 use std::io::{BufWriter, Write};
@@ -50,6 +52,8 @@ fn main() -> ExitCode {
         }
         #[cfg(unix)]
         Command::Send { file, port, baud, fallback } => sending::run(&file, &port, baud, fallback.as_deref()),
+        #[cfg(unix)]
+        Command::Serve(arguments) => serving::run(&arguments),
         Command::Estimate { job } => estimate(&job),
         Command::Papers { compare: Some(file), profile, json, .. } => compare(&file, &profile, json),
         Command::Papers { paper, json, svg, .. } => papers(paper.map(Paper::from), json, svg.as_deref()),

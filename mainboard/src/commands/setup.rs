@@ -26,12 +26,12 @@ pub struct Setup {
     /// The board: its file.
     #[arg(long, value_name = "TOML")]
     board: PathBuf,
-    /// The printer: its profile.
+    /// The printer: its profile; if left out, the board's own, in the folder `profiles` beside the board's.
     #[arg(long, value_name = "TOML")]
-    profile: PathBuf,
-    /// The image, as it would be flashed, with its addresses (ELF).
+    profile: Option<PathBuf>,
+    /// The image, as it would be flashed, with its addresses (ELF); if left out, where `cargo xtask firmware` has put it.
     #[arg(long, value_name = "ELF")]
-    image: PathBuf,
+    image: Option<PathBuf>,
     /// Noise, bouncing and whatever else is random follow from it.
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -73,9 +73,14 @@ impl Setup {
     /// A file that cannot be read, a board that contradicts its chip, an image for another board: each by name.
     pub fn bench(&self) -> Result<Bench, String> {
         let board = Board::read(&self.board).map_err(|error| error.to_string())?;
-        let printer = Printer::read(&self.profile).map_err(|error| error.to_string())?;
-        let bytes = std::fs::read(&self.image).map_err(|error| format!("{}: {error}", self.image.display()))?;
-        let name = self.image.display().to_string();
+        let home = self.board.parent().unwrap_or(Path::new(".")).join("..");
+        let profile = self.profile.clone().unwrap_or_else(|| home.join(format!("profiles/{}.toml", board.profile)));
+        let image =
+            self.image.clone().unwrap_or_else(|| home.join(format!("target/images/{}/ferrostep.elf", board.name)));
+        let printer = Printer::read(&profile).map_err(|error| error.to_string())?;
+        let name = image.display().to_string();
+        let bytes = std::fs::read(&image)
+            .map_err(|error| format!("{name}: {error}; cargo xtask firmware --board {} builds it", board.name))?;
         check_image(&board, &name, &bytes).map_err(|error| error.to_string())?;
         let image_sha256 = sha256(&bytes);
         let image = Image::new(Path::new(&name), bytes, None).map_err(|error| error.to_string())?;
