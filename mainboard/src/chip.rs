@@ -526,3 +526,6 @@ fn keep<L: Layout>(from: &Bus, to: &mut Bus, slot: usize, registers: impl IntoIt
         to.slot_mut(slot).registers_mut().set(register, value);
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -72,13 +72,20 @@ impl Device for Syscfg {
 pub struct Exti {
     /// Level of each pin of each port as it last announced it; a bit a pin.
     levels: [u16; PORTS.len()],
+    /// Pins that have announced a level. The first is no edge: nobody knows what a floating pin was before.
+    known: [u16; PORTS.len()],
     chosen: [u8; LINES],
     driven: [Level; INTERRUPTS.len()],
 }
 
 impl Default for Exti {
     fn default() -> Self {
-        Self { levels: [0; PORTS.len()], chosen: [0; LINES], driven: [Level::Low; INTERRUPTS.len()] }
+        Self {
+            levels: [0; PORTS.len()],
+            known: [0; PORTS.len()],
+            chosen: [0; LINES],
+            driven: [Level::Low; INTERRUPTS.len()],
+        }
     }
 }
 
@@ -98,8 +105,10 @@ impl Exti {
         let bit = 1u16 << pin;
         let high = level == Level::High;
         let was_high = self.levels[port] & bit != 0;
+        let was_known = self.known[port] & bit != 0;
+        self.known[port] |= bit;
         self.levels[port] = if high { self.levels[port] | bit } else { self.levels[port] & !bit };
-        if was_high == high || usize::from(self.chosen[pin]) != port {
+        if !was_known || was_high == high || usize::from(self.chosen[pin]) != port {
             return;
         }
         let edges = registers.get(if high { Register::Rtsr } else { Register::Ftsr });
@@ -144,6 +153,6 @@ impl Device for Exti {
         self.chosen = [0; LINES];
         self.driven = [Level::Low; INTERRUPTS.len()];
         // Ports announce their pins again after a reset of the whole chip.
-        self.levels = [0; PORTS.len()];
+        self.known = [0; PORTS.len()];
     }
 }
