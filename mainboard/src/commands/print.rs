@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use rigless::emulator::Host;
+use rigless::soc::Width;
 use serde::Serialize;
 
 use super::setup::{Setup, Via, hear, say, unsaid};
@@ -26,6 +27,9 @@ pub struct Print {
     /// The desk's trace of the same file (`ferrostep print --trace`), to compare the pins with.
     #[arg(long, value_name = "TRACE")]
     desk_trace: Option<PathBuf>,
+    /// Has the firmware measure itself (M798): its step interrupt and its planning, in the cycles of its own counter.
+    #[arg(long)]
+    measure: bool,
     /// Gives up after so much virtual time, s.
     #[arg(long, default_value_t = 36_000)]
     at_most_s: u64,
@@ -40,16 +44,27 @@ struct Job {
     via: Via,
     plugged: bool,
     ends_ns: u64,
-    shown: usize,
     quiet: bool,
     next_progress_ns: u64,
+    stack_top: u32,
+    stack_bytes: Option<u64>,
+}
+
+/// Where RAM, and below all else the stack, begins (RM0090 2.3.1).
+const RAM: u64 = 0x2000_0000;
+
+/// How deep the stack has been: RAM is zero before the start, and what was pushed stays.
+fn deepest_stack(host: &mut dyn Host, stack_top: u32) -> Option<u64> {
+    let untouched = |word: &u64| host.read(*word, Width::W32).is_ok_and(|value| value == 0);
+    let mut words = (RAM..u64::from(stack_top)).step_by(4).skip_while(untouched);
+    words.next().map(|word| u64::from(stack_top) - word)
 }
 
 /// Virtual time between two lines of progress, ns.
 const PROGRESS_NS: u64 = 30_000_000_000;
 
 impl Operator for Job {
-    fn turn(&mut self, machine: &mut Machine, now_ns: u64, _: &mut dyn Host) -> Turn {
+    fn turn(&mut self, machine: &mut Machine, now_ns: u64, host: &mut dyn Host) -> Turn {
         if self.via == Via::Usb && !self.plugged {
             self.plugged = true;
             machine.usb_host.plug();
@@ -67,12 +82,11 @@ impl Operator for Job {
             self.next_progress_ns = now_ns + PROGRESS_NS;
             eprintln!("{:6.0} s: {} of {} lines", now_ns as f64 / 1e9, self.stream.acknowledged(), self.stream.lines());
         }
-        self.shown = self.stream.heard().len();
         if self.stream.finished() || now_ns >= self.ends_ns || self.stream.was_reset() {
-            Turn::Stop
-        } else {
-            Turn::GoOn
+            self.stack_bytes = deepest_stack(host, self.stack_top);
+            return Turn::Stop;
         }
+        Turn::GoOn
     }
 }
 
@@ -111,6 +125,8 @@ pub struct Outcome {
     pub lost_steps: Vec<String>,
     /// How deep the nozzle went into the bed beyond what it gives way, mm.
     pub crash_mm: Option<f64>,
+    /// How deep the stack has been, bytes.
+    pub stack_bytes: Option<u64>,
     /// Registers reached without a model, and what else the emulator could not stand in for.
     pub unmodelled: Vec<String>,
     /// What models say of states that the manual forbids or leaves open.
@@ -144,16 +160,19 @@ impl Print {
         let mut bench = self.setup.bench()?;
         let (printer, image_sha256) = (bench.printer.clone(), bench.image_sha256.clone());
         // The last line's acknowledgement comes when motion has ended.
-        let lines = text.lines().chain(["M400"]);
+        let before = self.measure.then_some("M798 S1");
+        let after = self.measure.then_some("M798");
+        let lines = before.into_iter().chain(text.lines()).chain(["M400"]).chain(after);
         let options = host::Options { wait_for_start: true, ..host::Options::default() };
         let job = Job {
             stream: Stream::new(lines, options),
             via: self.via,
             plugged: false,
             ends_ns: self.at_most_s.saturating_mul(1_000_000_000),
-            shown: 0,
             quiet: self.json,
             next_progress_ns: PROGRESS_NS,
+            stack_top: bench.stack_top,
+            stack_bytes: None,
         };
         let began = std::time::Instant::now();
         let machine = std::mem::replace(&mut bench.machine, Machine::new(&bench.board, &printer, 0)?);
@@ -233,6 +252,7 @@ fn outcome(finished: &Finished<Job>, trace: Option<&Trace>, board: &str, image_s
         driver_timing_violations: machine.plant.drivers.iter().map(|driver| driver.timing().violations).sum(),
         lost_steps,
         crash_mm: machine.plant.motion.sheet().crash().map(|crash| crash.deepest_mm),
+        stack_bytes: finished.operator.stack_bytes,
         unmodelled: finished.report.unmodelled.clone(),
         told: finished.report.told.clone(),
         resets: finished.report.resets.clone(),

@@ -62,6 +62,8 @@ pub struct Bench {
     pub images: Vec<Image>,
     /// Its SHA-256, in hexadecimal, as the file is.
     pub image_sha256: String,
+    /// Where the image's stack begins; it grows down to the start of RAM.
+    pub stack_top: u32,
     debugger: Option<TcpListener>,
     wait_for_debugger: bool,
 }
@@ -81,7 +83,7 @@ impl Setup {
         let name = image.display().to_string();
         let bytes = std::fs::read(&image)
             .map_err(|error| format!("{name}: {error}; cargo xtask firmware --board {} builds it", board.name))?;
-        check_image(&board, &name, &bytes).map_err(|error| error.to_string())?;
+        let stack_top = check_image(&board, &name, &bytes).map_err(|error| error.to_string())?.stack_pointer;
         let image_sha256 = sha256(&bytes);
         let image = Image::new(Path::new(&name), bytes, None).map_err(|error| error.to_string())?;
         let mut machine = Machine::new(&board, &printer, self.seed)?;
@@ -105,6 +107,7 @@ impl Setup {
             machine,
             images: vec![image],
             image_sha256,
+            stack_top,
             debugger,
             wait_for_debugger: self.wait_for_gdb,
         })
