@@ -99,8 +99,9 @@ pub struct Outcome {
     pub image_sha256: String,
     /// What stopped the job, if anything did.
     pub stopped: Option<String>,
-    /// Digest of the order of steps after the last homing, from the pins' edges.
-    pub pin_order_digest: Option<String>,
+    /// Digest of the order of steps from the pins' edges: of those that the desk's trace has after its last homing, or of all
+    /// without a trace.
+    pub pin_order_digest: String,
     /// The same of the desk's trace.
     pub desk_order_digest: Option<String>,
     /// Whether every step of the desk was on the pins, in its order, and none later than the bound.
@@ -200,7 +201,8 @@ fn outcome(finished: &Finished<Job>, trace: Option<&Trace>, board: &str, image_s
     });
     let digest = |steps: &mut dyn Iterator<Item = (u8, u8)>| format!("{:016x}", crate::decode::order_digest(steps));
     let desk_steps = trace.map(Trace::steps_after_homing);
-    let pins = desk_steps.map(|desk| &events[events.len().saturating_sub(desk.len())..]);
+    let compared_from = desk_steps.map_or(0, |desk| events.len().saturating_sub(desk.len()));
+    let pins = events.get(compared_from..).unwrap_or_default();
     let us = |ns: u64| if ns == u64::MAX { f64::NAN } else { ns as f64 / 1000.0 };
     let stopped = if stream.was_reset() {
         Some("the printer was reset".to_owned())
@@ -232,7 +234,7 @@ fn outcome(finished: &Finished<Job>, trace: Option<&Trace>, board: &str, image_s
         board: board.to_owned(),
         image_sha256,
         stopped,
-        pin_order_digest: pins.map(|pins| digest(&mut pins.iter().map(|event| (event.axes, event.directions)))),
+        pin_order_digest: digest(&mut pins.iter().map(|event| (event.axes, event.directions))),
         desk_order_digest: desk_steps.map(|desk| digest(&mut desk.iter().map(|step| (step.axes, step.directions)))),
         agrees: compared.as_ref().map(Comparison::agrees),
         difference: compared.as_ref().and_then(|compared| {
