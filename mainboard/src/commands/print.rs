@@ -1,5 +1,6 @@
 //! Prints a file on the machine and compares its pins with the desk's trace.
 
+use std::io::Write;
 use std::path::PathBuf;
 
 use clap::Args;
@@ -180,11 +181,12 @@ impl Print {
         let finished = run(machine, &bench.images, &bench.options(), job).map_err(|error| error.to_string())?;
         let wall_s = began.elapsed().as_secs_f64();
         let outcome = outcome(&finished, trace.as_ref(), &bench.board.name, image_sha256, wall_s);
-        if self.json {
-            println!("{}", serde_json::to_string_pretty(&outcome).map_err(|error| error.to_string())?);
+        let result = if self.json {
+            serde_json::to_string_pretty(&outcome).map_err(|error| error.to_string())?
         } else {
-            show(&outcome);
-        }
+            text(&outcome)
+        };
+        writeln!(std::io::stdout(), "{result}").map_err(|error| format!("the result cannot be written: {error}"))?;
         Ok(outcome.is_well())
     }
 }
@@ -272,16 +274,22 @@ impl Outcome {
     }
 }
 
-fn show(outcome: &Outcome) {
-    println!("board             {} (image {})", outcome.board, &outcome.image_sha256[..16]);
-    println!("time              {:.1} s, {:.1} times real time", outcome.virtual_s, outcome.realtime_factor);
-    println!("smallest pulse    {:.3} us", outcome.smallest_pulse_us);
-    println!("smallest gap      {:.3} us", outcome.smallest_gap_us);
-    println!("direction set-up  {:.3} us", outcome.smallest_direction_setup_us);
+/// The outcome in lines for a person.
+fn text(outcome: &Outcome) -> String {
+    let mut lines = vec![
+        format!("board             {} (image {:.16})", outcome.board, outcome.image_sha256),
+        format!("time              {:.1} s, {:.1} times real time", outcome.virtual_s, outcome.realtime_factor),
+        format!("smallest pulse    {:.3} us", outcome.smallest_pulse_us),
+        format!("smallest gap      {:.3} us", outcome.smallest_gap_us),
+        format!("direction set-up  {:.3} us", outcome.smallest_direction_setup_us),
+    ];
     if let (Some(agrees), Some(latency_us)) = (outcome.agrees, outcome.largest_latency_us) {
         let verdict = if agrees { "the desk's, step by step" } else { "NOT the desk's" };
-        println!("steps             {} after homing, in {} runs: {verdict}", outcome.events, outcome.runs);
-        println!("latest step       {latency_us:.3} us");
+        lines.push(format!("steps             {} after homing, in {} runs: {verdict}", outcome.events, outcome.runs));
+        lines.push(format!("latest step       {latency_us:.3} us"));
+    }
+    if let Some(stack_bytes) = outcome.stack_bytes {
+        lines.push(format!("deepest stack     {stack_bytes} bytes"));
     }
     let lists = [
         ("host", &outcome.host_lines),
@@ -289,16 +297,19 @@ fn show(outcome: &Outcome) {
         ("unmodelled", &outcome.unmodelled),
         ("told", &outcome.told),
     ];
-    for (what, lines) in lists {
-        lines.iter().for_each(|line| println!("{what:<17} {line}"));
+    for (what, said) in lists {
+        lines.extend(said.iter().map(|line| format!("{what:<17} {line}")));
     }
-    for (at_ns, cause) in &outcome.resets {
-        println!("reset             at {:.6} s: {cause}", *at_ns as f64 / 1e9);
-    }
-    for what in [&outcome.difference, &outcome.stopped].into_iter().flatten() {
-        println!("STOPPED           {what}");
-    }
+    lines.extend(
+        outcome
+            .resets
+            .iter()
+            .map(|(at_ns, cause)| format!("reset             at {:.6} s: {cause}", *at_ns as f64 / 1e9)),
+    );
+    let stops = [&outcome.difference, &outcome.stopped].into_iter().flatten();
+    lines.extend(stops.map(|what| format!("STOPPED           {what}")));
     if let Some(crash_mm) = outcome.crash_mm {
-        println!("CRASHED           the nozzle went {crash_mm:.3} mm into the bed");
+        lines.push(format!("CRASHED           the nozzle went {crash_mm:.3} mm into the bed"));
     }
+    lines.join("\n")
 }
