@@ -151,7 +151,7 @@ impl Print {
     /// # Errors
     /// What was named cannot be read or does not fit together, or the emulator could not go on.
     pub fn run(&self) -> Result<bool, String> {
-        let text = std::fs::read_to_string(&self.file).map_err(|error| format!("{}: {error}", self.file.display()))?;
+        let gcode = std::fs::read_to_string(&self.file).map_err(|error| format!("{}: {error}", self.file.display()))?;
         let trace = match &self.desk_trace {
             Some(path) => {
                 let bytes = std::fs::read(path).map_err(|error| format!("{}: {error}", path.display()))?;
@@ -164,7 +164,7 @@ impl Print {
         // The last line's acknowledgement comes when motion has ended.
         let before = self.measure.then_some("M798 S1");
         let after = self.measure.then_some("M798");
-        let lines = before.into_iter().chain(text.lines()).chain(["M400"]).chain(after);
+        let lines = before.into_iter().chain(gcode.lines()).chain(["M400"]).chain(after);
         let options = host::Options { wait_for_start: true, ..host::Options::default() };
         let job = Job {
             stream: Stream::new(lines, options),
