@@ -100,24 +100,3 @@ fn a_state_survives_being_stored() {
     assert_eq!(motion.position_mm(0), restored.0.position_mm(0));
     assert_eq!(driver.mscnt(), restored.1.mscnt());
 }
-
-/// Not a check: how long a step takes. Run with `--release -- --ignored --nocapture`.
-#[test]
-#[ignore]
-fn time_of_a_step() {
-    let (mut motion, mut driver) = (machine(), Tmc2209::new(DriverConfig::default()));
-    driver.set_supply(0, true);
-    driver.set_enable_pin(0, false);
-    motion.set_energized(0, 0, true, 0);
-    let began = std::time::Instant::now();
-    let edges = 20_000_000_u64;
-    for edge in 0..edges {
-        if edge % 3_000 == 0 {
-            driver.set_direction_pin(edge * 1_000, edge % 6_000 == 0);
-        }
-        if let Some(moved) = driver.set_step_pin(edge * 1_000 + 500, edge % 2 == 0) {
-            motion.step(edge * 1_000, 0, moved.delta);
-        }
-    }
-    println!("{:?} for an edge", began.elapsed() / edges as u32);
-}
