@@ -29,6 +29,7 @@ type Action = Box<dyn FnOnce(&mut Machine, u64, &mut dyn Host) + Send>;
 enum Command {
     Do(Action),
     Listen { until_ns: u64 },
+    Wait { until_ns: u64 },
     Reset,
     End,
 }
@@ -45,6 +46,7 @@ pub struct Puppet {
     partial: Vec<u8>,
     lines: VecDeque<Line>,
     listening_until_ns: Option<u64>,
+    waiting_until_ns: Option<u64>,
 }
 
 impl fmt::Debug for Puppet {
@@ -73,6 +75,15 @@ impl Operator for Puppet {
     fn turn(&mut self, machine: &mut Machine, now_ns: u64, host: &mut dyn Host) -> Turn {
         self.hear(machine);
         loop {
+            if let Some(until_ns) = self.waiting_until_ns {
+                if now_ns < until_ns {
+                    return Turn::GoOn;
+                }
+                self.waiting_until_ns = None;
+                if self.answers.send(Answer::Silence { now_ns }).is_err() {
+                    return Turn::Stop;
+                }
+            }
             if let Some(until_ns) = self.listening_until_ns {
                 let answer = match self.lines.pop_front() {
                     Some(line) => Answer::Heard(line),
@@ -87,6 +98,7 @@ impl Operator for Puppet {
             match self.commands.recv() {
                 Ok(Command::Do(action)) => action(machine, now_ns, host),
                 Ok(Command::Listen { until_ns }) => self.listening_until_ns = Some(until_ns),
+                Ok(Command::Wait { until_ns }) => self.waiting_until_ns = Some(until_ns),
                 Ok(Command::Reset) => return Turn::Reset,
                 Ok(Command::End) | Err(_) => return Turn::Stop,
             }
@@ -94,7 +106,7 @@ impl Operator for Puppet {
     }
 
     fn next_turn_ns(&self) -> Option<u64> {
-        self.listening_until_ns
+        self.listening_until_ns.or(self.waiting_until_ns)
     }
 }
 
@@ -121,6 +133,7 @@ impl Conversation {
             partial: Vec::new(),
             lines: VecDeque::new(),
             listening_until_ns: None,
+            waiting_until_ns: None,
         };
         let run = std::thread::Builder::new()
             .name("mainboard".to_owned())
@@ -187,6 +200,20 @@ impl Conversation {
                 Ok(None)
             }
         }
+    }
+
+    /// Lets time pass until this instant of the board's; what it says meanwhile is not lost.
+    ///
+    /// # Errors
+    /// The run has ended, and why.
+    pub fn wait(&mut self, until_ns: u64) -> Result<(), String> {
+        self.say(Command::Wait { until_ns })?;
+        match self.answers.recv().map_err(|_| self.why_it_ended())? {
+            Answer::Silence { now_ns } => self.now_ns = now_ns,
+            // Nobody listened.
+            Answer::Heard(line) => self.now_ns = line.at_ns,
+        }
+        Ok(())
     }
 
     /// Presses the reset button.
