@@ -120,11 +120,11 @@ pub struct Conversation {
 }
 
 impl Conversation {
-    /// Switches a machine on; `boot` is where its image begins in flash.
+    /// Switches a machine on with these images in its memories; `boot` is where the core's table of handlers is.
     ///
     /// # Errors
     /// This computer gives no thread.
-    pub fn start(machine: Machine, image: Image, boot: u64) -> Result<Self, String> {
+    pub fn start(machine: Machine, images: Vec<Image>, boot: u64) -> Result<Self, String> {
         let (commands, incoming) = channel();
         let (outgoing, answers) = channel();
         let puppet = Puppet {
@@ -139,7 +139,7 @@ impl Conversation {
             .name("mainboard".to_owned())
             .spawn(move || {
                 let options = Options { boot: Some(boot), ..Options::default() };
-                run::run(machine, &[image], &options, puppet)
+                run::run(machine, &images, &options, puppet)
             })
             .map_err(|error| format!("there is no thread for the run: {error}"))?;
         Ok(Self { commands, answers, run: Some(run), now_ns: 0 })

@@ -125,7 +125,14 @@ impl Machine {
     /// The firmware has stored to a peripheral's register: what a port's pins drive now.
     pub fn stored(&mut self, at_ns: u64, address: u64, value: u64) {
         if let Some(stores) = &mut self.stores {
-            stores.push(Store { at_ns, address: address as u32, value: value as u32 });
+            let (address, value) = (address as u32, value as u32);
+            match stores.last_mut() {
+                Some(last) if (last.address, last.value) == (address, value) => {
+                    last.times = last.times.saturating_add(1);
+                    last.until_ns = at_ns;
+                }
+                _ => stores.push(Store { at_ns, until_ns: at_ns, times: 1, address, value }),
+            }
         }
         self.port_reached(at_ns, address);
     }

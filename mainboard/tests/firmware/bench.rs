@@ -2,7 +2,6 @@
 
 use std::path::Path;
 
-use ferrostep_image_code::code::Code;
 use ferrostep_mainboard::conversation::{Conversation, Puppet};
 use ferrostep_mainboard::machine::{Machine, Store};
 use ferrostep_mainboard::plant::Plant;
@@ -13,14 +12,14 @@ use rigless::image::Image;
 use rigless::soc::Width;
 
 use crate::boards::{BOARDS, BoardFacts};
-use crate::foreign_code::Diversion;
+use crate::foreign_code::{Opened, PROGRAM, WAY_IN};
 use crate::host::{Host, Port};
 use crate::images::{image_of, root};
 use crate::pins::PinLog;
 use crate::port_log::{PortState, PortWrite};
 
 /// A printer that says nothing for so long does not say anything any more, virtual ns.
-const LIMIT_NS: u64 = 120_000_000_000;
+const LIMIT_NS: u64 = 40_000_000_000;
 
 /// Far more moments of 100 us than a processor is busy for.
 const MOST_MOMENTS: u32 = 10_000;
@@ -66,22 +65,42 @@ impl Bench {
         bench
     }
 
-    /// A board that runs, and nobody has spoken to it; `change` may break something before.
-    pub fn switch_on(facts: &'static BoardFacts, change: impl FnOnce(&mut Machine)) -> Self {
-        Self::switch_on_with(facts, &image_of(facts.name), change)
+    /// The same with a way for [`Self::execute`].
+    pub fn boot_opened(facts: &'static BoardFacts) -> Self {
+        let mut bench = Self::switch_on_opened(facts);
+        bench.host.connect().unwrap_or_else(|error| panic!("no connection to {}: {error}", facts.name));
+        bench
     }
 
-    /// The same with this file in its flash, where its boot loader jumps to.
-    pub fn switch_on_with(facts: &'static BoardFacts, file: &Path, change: impl FnOnce(&mut Machine)) -> Self {
+    /// A board that runs, and nobody has spoken to it; `change` may break something before.
+    pub fn switch_on(facts: &'static BoardFacts, change: impl FnOnce(&mut Machine)) -> Self {
+        let image = Image::read(&image_of(facts.name), None).unwrap();
+        Self::switch_on_with(facts, vec![image], change)
+    }
+
+    /// The same with these bytes where its boot loader jumps to.
+    pub fn switch_on_from(facts: &'static BoardFacts, file: &Path) -> Self {
+        let image = Image::read(file, Some(u64::from(facts.image_address))).unwrap();
+        Self::switch_on_with(facts, vec![image], |_| {})
+    }
+
+    /// The same with a way for [`Self::execute`].
+    pub fn switch_on_opened(facts: &'static BoardFacts) -> Self {
+        let path = image_of(facts.name);
+        let Opened { image, stub, stub_address } = Opened::of(&path, facts.flash_end);
+        let image = Image::new(&path, image, None).unwrap();
+        let stub = Image::new(Path::new("stub"), stub, Some(u64::from(stub_address))).unwrap();
+        Self::switch_on_with(facts, vec![image, stub], |_| {})
+    }
+
+    fn switch_on_with(facts: &'static BoardFacts, images: Vec<Image>, change: impl FnOnce(&mut Machine)) -> Self {
         let board = Board::read(&root().join(format!("boards/{}.toml", facts.name))).unwrap();
         let printer = Printer::read(&root().join(format!("profiles/{}.toml", facts.profile))).unwrap();
         let mut machine = Machine::new(&board, &printer, SEED).unwrap();
         machine.keep_stores();
         change(&mut machine);
         let boot = u64::from(facts.image_address);
-        let is_elf = file.extension().is_some_and(|extension| extension == "elf");
-        let image = Image::read(file, (!is_elf).then_some(boot)).unwrap();
-        let conversation = Conversation::start(machine, image, boot).unwrap();
+        let conversation = Conversation::start(machine, images, boot).unwrap();
         Self { host: Host::new(Line(conversation), LIMIT_NS), facts }
     }
 
@@ -131,12 +150,15 @@ impl Bench {
 
     /// How often this was stored to a register so far.
     pub fn stored(&mut self, address: u32, value: u32) -> usize {
-        self.stores().iter().filter(|store| (store.address, store.value) == (address, value)).count()
+        self.with(move |machine, _| {
+            let these = machine.stores().iter().filter(|store| (store.address, store.value) == (address, value));
+            these.map(|store| store.times as usize).sum()
+        })
     }
 
     /// All that was stored to the ports so far.
     pub fn port_writes(&mut self) -> Vec<PortWrite> {
-        self.stores().iter().filter_map(PortWrite::of).collect()
+        self.with(|machine, _| machine.stores().iter().filter_map(PortWrite::of).collect())
     }
 
     /// The pins after all stores so far.
@@ -174,20 +196,20 @@ impl Bench {
         self.with(move |_, core| core.read(u64::from(address), Width::W32).unwrap() as u32)
     }
 
-    /// Lets the processor execute these instructions instead of sleeping, from the end of its next sleep on; in flash all is
-    /// as before once it does. See [`Diversion`].
+    /// Lets the processor execute these instructions instead of sleeping, from the end of its next sleep on. Only for a board
+    /// that was switched on opened.
     pub fn execute(&mut self, code: &[u16]) {
-        let mut diversion = Diversion::of(&Code::of(&image_of(self.facts.name)).unwrap());
         let code = code.to_vec();
-        let diversion = self.with(move |_, core| {
-            diversion.begin(core, &code);
-            diversion
+        self.with(move |_, core| {
+            for (place, half) in (u64::from(PROGRAM)..).step_by(2).zip(code) {
+                core.write(place, Width::W16, u64::from(half)).unwrap();
+            }
+            core.write(u64::from(WAY_IN), Width::W32, u64::from(PROGRAM | 1)).unwrap();
         });
         for _ in 0..MOST_MOMENTS {
             self.wait_us(100);
-            let looked_at = diversion.clone();
-            if self.with(move |_, core| looked_at.has_begun(core)) {
-                return self.with(move |_, core| diversion.end(core));
+            if self.word(WAY_IN) == 0 {
+                return;
             }
         }
         panic!("{}: the processor does not sleep", self.facts.name);

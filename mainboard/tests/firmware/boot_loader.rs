@@ -21,7 +21,7 @@ fn an_image_starts_whatever_masks_and_stack_a_boot_loader_leaves() {
         let code = Code::of(&image_of(board.name)).unwrap();
         let is_reset = |start: &u32| code.names(*start).iter().any(|name| name == "Reset");
         let reset = code.functions_named("Reset").into_iter().find(is_reset).unwrap();
-        let mut bench = Bench::boot_board(board);
+        let mut bench = Bench::boot_opened(board);
         // A stack of some words, which the image would run over.
         let program = [&MASKS[..], &load(1, reset | 1), &load(2, PROGRAM + 0x80), &LEAVE].concat();
         bench.execute(&program);

@@ -1,20 +1,18 @@
-//! Code that no image has, executed in the place of its sleep: what a stray jump or a broken flash would come to.
+//! Code that no image has, executed in the place of its sleep: what a stray jump or a broken memory would come to.
+
+use std::path::Path;
 
 use ferrostep_image_code::code::Code;
-use rigless::emulator::Host as Core;
-use rigless::soc::Width;
+use object::{Object, ObjectSection};
 
 /// Below all that the stack comes down to.
 pub const PROGRAM: u32 = 0x2000_0200;
 
-/// This word has its own address as soon as the program runs.
-const MARK: u32 = PROGRAM - 4;
+/// Once this word is not 0, the processor goes where it says.
+pub const WAY_IN: u32 = PROGRAM - 4;
 
-/// `str r3, [r3]`.
-const STORE_R3: u16 = 0x601b;
-
-/// `ldr.w pc, [pc]`: the word behind it is where to go on.
-const JUMP: [u16; 2] = [0xf8df, 0xf000];
+/// Bytes at the end of flash, which no image fills.
+const STUB_BYTES: u32 = 64;
 
 /// `movw` and `movt` of a constant to a register.
 pub fn load(register: u16, constant: u32) -> [u16; 4] {
@@ -29,64 +27,61 @@ pub fn load(register: u16, constant: u32) -> [u16; 4] {
 /// `b .`
 pub const STAND_STILL: u16 = 0xe7fe;
 
-/// What makes a processor that wakes up go to [`PROGRAM`] instead of back to sleep.
-///
-/// The branch behind the image's one `wfi` leads to the first instructions of the function around it, which are its start
-/// and never run again; a jump to RAM takes their place.
-#[derive(Clone, Debug)]
-pub struct Diversion {
-    branch: u32,
-    jump: u32,
-    before: Vec<(u32, u16)>,
+/// What stands where the image slept: sleeps, looks at [`WAY_IN`], forgets it and goes there, or sleeps again.
+fn stub() -> Vec<u16> {
+    // wfi; r3 = WAY_IN; ldr r2, [r3]; cmp r2, #0; beq to the wfi; movs r0, #0; str r0, [r3]; bx r2
+    [&[0xbf30][..], &load(3, WAY_IN), &[0x681a, 0x2a00, 0xd0f7, 0x2000, 0x6018, 0x4710]].concat()
 }
 
-impl Diversion {
-    /// The places in an image.
-    pub fn of(code: &Code) -> Self {
-        let all = code.instructions().unwrap();
+/// An image with a way into it.
+#[derive(Clone, Debug)]
+pub struct Opened {
+    /// The image: as it was, but that the branch behind its one `wfi` and the `wfi` itself lead to the stub.
+    pub image: Vec<u8>,
+    /// What to put at the end of flash.
+    pub stub: Vec<u8>,
+    /// Where that is.
+    pub stub_address: u32,
+}
+
+impl Opened {
+    /// Opens an image for a chip whose flash ends there.
+    pub fn of(image: &Path, flash_end: u32) -> Self {
+        let all = Code::of(image).unwrap().instructions().unwrap();
         let sleeps: Vec<_> = all.windows(2).filter(|pair| pair[0].name == "wfi").collect();
-        let &[[sleep, branch]] = sleeps.as_slice() else { panic!("one place to sleep") };
-        assert_eq!((branch.length, branch.target()), (2, Some(sleep.address)), "{branch}");
-        let jump = code.function_start(sleep.address).unwrap().next_multiple_of(4);
-        assert!(jump + 8 < sleep.address, "no room in the start");
-        Self { branch: branch.address, jump, before: Vec::new() }
+        let &[[sleep, back]] = sleeps.as_slice() else { panic!("one place to sleep") };
+        assert_eq!((back.length, back.target()), (2, Some(sleep.address)), "{back}");
+        let mut bytes = std::fs::read(image).unwrap();
+        let place = {
+            let file = object::File::parse(&*bytes).unwrap();
+            let text = file.section_by_name(".text").unwrap();
+            (text.file_range().unwrap().0 + u64::from(sleep.address) - text.address()) as usize
+        };
+        let stub_address = flash_end - STUB_BYTES;
+        let branch: Vec<u8> = branch(sleep.address, stub_address).into_iter().flat_map(u16::to_le_bytes).collect();
+        bytes[place..place + 4].copy_from_slice(&branch);
+        Self { image: bytes, stub: stub().into_iter().flat_map(u16::to_le_bytes).collect(), stub_address }
     }
+}
 
-    /// Puts the program into RAM and the way to it into flash.
-    pub fn begin(&mut self, core: &mut dyn Core, code: &[u16]) {
-        let program = load(3, MARK).into_iter().chain([STORE_R3]).chain(code.iter().copied());
-        core.write(u64::from(MARK), Width::W32, 0).unwrap();
-        for (place, half) in (u64::from(PROGRAM)..).step_by(2).zip(program) {
-            core.write(place, Width::W16, u64::from(half)).unwrap();
-        }
-        // PC is 4 ahead of a branch, and its distance is in halfwords (ARMv7-M, A7.7.12, encoding T2).
-        let distance = self.jump.wrapping_sub(self.branch + 4) >> 1 & 0x7ff;
-        let target = (PROGRAM | 1).to_le_bytes();
-        let target = [u16::from_le_bytes([target[0], target[1]]), u16::from_le_bytes([target[2], target[3]])];
-        let jump = JUMP.into_iter().chain(target);
-        let stores = (self.jump..).step_by(2).zip(jump).chain([(self.branch, 0xe000 | distance as u16)]);
-        for (place, half) in stores {
-            let before = core.read(u64::from(place), Width::W16).unwrap() as u16;
-            self.before.push((place, before));
-            core.program(u64::from(place), Width::W16, u64::from(half)).unwrap();
-        }
-    }
-
-    /// Whether the program runs.
-    pub fn has_begun(&self, core: &mut dyn Core) -> bool {
-        core.read(u64::from(MARK), Width::W32).unwrap() == u64::from(MARK)
-    }
-
-    /// Puts flash back as it was.
-    pub fn end(&self, core: &mut dyn Core) {
-        for &(place, half) in &self.before {
-            core.program(u64::from(place), Width::W16, u64::from(half)).unwrap();
-        }
-    }
+/// `b.w` (ARMv7-M, A7.7.12, encoding T4).
+fn branch(from: u32, to: u32) -> [u16; 2] {
+    let distance = to.wrapping_sub(from + 4);
+    let bit = |place: u32| (distance >> place & 1) as u16;
+    let (sign, high, low) = (bit(24), (distance >> 12 & 0x3ff) as u16, (distance >> 1 & 0x7ff) as u16);
+    [0xf000 | sign << 10 | high, 0x9000 | (1 ^ bit(23) ^ sign) << 13 | (1 ^ bit(22) ^ sign) << 11 | low]
 }
 
 #[test]
 fn constants_are_encoded_as_the_architecture_s_manual_says() {
     // A7.7.76 and A7.7.79: imm4:i:imm3:imm8.
     assert_eq!(load(1, 0xe000_ed0c), [0xf64e, 0x510c, 0xf2ce, 0x0100]);
+}
+
+#[test]
+fn branches_are_encoded_as_the_architecture_s_manual_says() {
+    // As an assembler has them: 4 ahead, 4 back, 1 MiB ahead.
+    assert_eq!(branch(0x0800_0000, 0x0800_0008), [0xf000, 0xb802]);
+    assert_eq!(branch(0x0800_0000, 0x0800_0000), [0xf7ff, 0xbffe]);
+    assert_eq!(branch(0x0800_0000, 0x0810_0004), [0xf100, 0xb800]);
 }

@@ -29,7 +29,9 @@ fn found(board: &str) -> PathBuf {
 
 fn build(board: &str, root: &Path) {
     let mut cargo = Command::new("cargo");
-    OF_THIS_TOOLCHAIN.iter().for_each(|name| drop(cargo.env_remove(name)));
+    for name in OF_THIS_TOOLCHAIN {
+        cargo.env_remove(name);
+    }
     let output = cargo.args(["xtask", "firmware", "--board", board]).current_dir(root).output().unwrap();
     let messages = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "cargo xtask firmware --board {board}: {messages}");

@@ -18,8 +18,6 @@ pub struct PinEvent {
 #[derive(Clone, Debug)]
 pub struct PinLog {
     events: Vec<PinEvent>,
-    /// When each began, ns.
-    times_ns: Vec<u64>,
     motors_disabled: bool,
 }
 
@@ -34,24 +32,18 @@ impl PinLog {
         let is_off = |enable: &(char, u8)| !state.is_output(*enable) || state.is_high(*enable);
         Self::new(
             events.iter().map(|event| PinEvent { axes: event.axes, directions: event.directions }).collect(),
-            events.iter().map(|event| event.at_ns).collect(),
             board.all_enable().iter().all(is_off),
         )
     }
 
     /// These events.
-    pub fn new(events: Vec<PinEvent>, times_ns: Vec<u64>, motors_disabled: bool) -> Self {
-        Self { events, times_ns, motors_disabled }
+    pub fn new(events: Vec<PinEvent>, motors_disabled: bool) -> Self {
+        Self { events, motors_disabled }
     }
 
     /// All steps, in order.
     pub fn events(&self) -> &[PinEvent] {
         &self.events
-    }
-
-    /// When the first of each event's steps left, ns.
-    pub fn times_ns(&self) -> &[u64] {
-        &self.times_ns
     }
 
     /// Whether all motors are switched off.

@@ -114,8 +114,7 @@ impl Observer for Watcher {
 fn log_of(rehearsal: &Rehearsal, change: impl FnOnce(&mut Vec<PinEvent>)) -> PinLog {
     let mut events = rehearsal.events.clone();
     change(&mut events);
-    let times_ns = (0..events.len() as u64).collect();
-    PinLog::new(events, times_ns, false)
+    PinLog::new(events, false)
 }
 
 /// A short job, and an event in its last move.

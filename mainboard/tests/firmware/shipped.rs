@@ -25,13 +25,20 @@ fn the_plain_bytes_start_and_say_their_version() {
         let (version, rest) = text.strip_prefix("ferrostep ").unwrap().split_once(" (commit ").unwrap();
         let (commit, _) = rest.split_once(") ").unwrap();
 
-        let mut bench = Bench::switch_on_with(board, &bytes, |_| {});
+        let mut bench = Bench::switch_on_from(board, &bytes);
         bench.host.connect().unwrap();
         let line = bench.host.ask("M115", "FIRMWARE_NAME").unwrap();
         let expected = format!("FIRMWARE_NAME:Ferrostep {version} (commit {commit}) PROTOCOL_VERSION:");
         assert!(line.starts_with(&expected), "{}: {line}", board.name);
-        // The vector table that the core uses is this image's, whatever a boot loader's was.
+    }
+}
+
+/// The vector table that the core uses is this image's, whatever a boot loader's was.
+#[test]
+fn the_core_uses_the_image_s_own_table_of_handlers() {
+    for board in &BOARDS {
+        let mut bench = Bench::boot_opened(board);
         bench.execute(&[&load(1, VTOR)[..], &load(2, FOUND), &COPY, &[STAND_STILL]].concat());
-        assert_eq!(bench.word(FOUND), board.image_address, "{}: VTOR", board.name);
+        assert_eq!(bench.word(FOUND), board.image_address, "{}", board.name);
     }
 }
