@@ -35,6 +35,11 @@ pub trait Port {
     /// # Errors
     /// The board is gone.
     fn receive(&mut self, until: Instant) -> io::Result<Option<String>>;
+
+    /// The time, as patience counts it: the clock of this computer, but where the board's time is another.
+    fn now(&mut self) -> Instant {
+        Instant::now()
+    }
 }
 
 /// How long to wait for what.
@@ -119,18 +124,18 @@ pub fn send(
     // The line end is that of a frame which a host before this one has not sent to its end.
     let begin = format!("\n{}{}", numbered(0, "M110 N0"), numbered(1, &sender.command(patience.board_s)));
     port.send(begin.as_bytes())?;
-    let mut asked = Instant::now();
+    let mut asked = port.now();
     let mut last = asked;
     // How often the board has accepted a command since the transfer was last begun, and how often all in vain.
     let (mut accepted, mut unheeded) = (0, 0);
     loop {
         while let Some(frame) = sender.next_frame() {
             port.send(&frame)?;
-            asked = Instant::now();
+            asked = port.now();
         }
         let wait = if sender.awaits_answer() { patience.ask } else { patience.ask * 8 };
         if let Some(line) = port.receive(asked + wait)? {
-            last = Instant::now();
+            last = port.now();
             // What is reported before the board has accepted the beginning was for a host before this one.
             let reports = sender.has_begun() || accepted >= BEGINNING_COMMANDS;
             let is_report = if reports { sender.hear(&line) } else { Report::parse(&line).is_some() };
@@ -154,7 +159,7 @@ pub fn send(
                 return Ok(end);
             }
         }
-        let now = Instant::now();
+        let now = port.now();
         if now.duration_since(last) > patience.give_up {
             return Err(SendError::Silent(heard.into()));
         }
@@ -204,7 +209,8 @@ pub fn send_lines(
         port.send(line.as_bytes())?;
         let mut again = false;
         loop {
-            let Some(said) = port.receive(Instant::now() + patience.give_up)? else {
+            let until = port.now() + patience.give_up;
+            let Some(said) = port.receive(until)? else {
                 return Err(SendError::Silent(vec![format!("(nothing after {:?})", line.trim_end())]));
             };
             hear(&said);

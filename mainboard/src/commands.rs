@@ -1,5 +1,6 @@
 //! What the command can do.
 
+pub mod count;
 pub mod print;
 pub mod serve;
 pub mod setup;

@@ -7,6 +7,7 @@
 
 pub mod chip;
 pub mod commands;
+pub mod conversation;
 pub mod decode;
 pub mod host;
 pub mod machine;

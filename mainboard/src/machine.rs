@@ -2,6 +2,7 @@
 
 pub mod mailbox;
 mod ports;
+mod stores;
 
 use std::num::{NonZeroU32, NonZeroU64};
 
@@ -20,6 +21,7 @@ use crate::plant::Plant;
 use crate::wiring::{Board, Printer};
 use mailbox::Mailbox;
 use ports::Ports;
+pub use stores::Store;
 
 /// Instructions a second of virtual time. The cycle model of the step interrupt counts 1.4 cycles an instruction over all code
 /// (docs/src/stepping.md); at 168 MHz that is 120 million.
@@ -50,6 +52,8 @@ pub struct Machine {
     pub decoder: Decoder,
     /// The computer at the USB plug.
     pub usb_host: UsbHost,
+    /// What was stored to peripherals, once somebody has asked for it ([`Machine::keep_stores`]).
+    stores: Option<Vec<Store>>,
     ports: Ports,
     instructions_per_second: NonZeroU64,
     powered: bool,
@@ -58,7 +62,7 @@ pub struct Machine {
 }
 
 store!(Machine {
-    values: [plant, decoder, usb_host, ports, powered, resets_seen],
+    values: [plant, decoder, usb_host, stores, ports, powered, resets_seen],
     parts: [chip],
     built: [instructions_per_second, shares_line],
 });
@@ -89,6 +93,7 @@ impl Machine {
                 host.timing.nak_retry_ns = NAK_RETRY_NS;
                 host
             },
+            stores: None,
             instructions_per_second: NonZeroU64::new(INSTRUCTIONS_PER_SECOND).unwrap_or(NonZeroU64::MIN),
             powered: true,
             shares_line,
@@ -106,8 +111,33 @@ impl Machine {
         self.chip.serial_port(port)?.chip_mut::<Mailbox>()
     }
 
-    /// The firmware has reached a register of a port: what its pins drive now.
-    pub fn port_reached(&mut self, now_ns: u64, address: u64) {
+    /// Keeps every store to a peripheral from now on: some ten bytes for each, millions in a print.
+    pub fn keep_stores(&mut self) {
+        self.stores.get_or_insert_default();
+    }
+
+    /// The stores to peripherals so far, in the program's order.
+    #[must_use]
+    pub fn stores(&self) -> &[Store] {
+        self.stores.as_deref().unwrap_or_default()
+    }
+
+    /// The firmware has stored to a peripheral's register: what a port's pins drive now.
+    pub fn stored(&mut self, at_ns: u64, address: u64, value: u64) {
+        if let Some(stores) = &mut self.stores {
+            let (address, value) = (address as u32, value as u32);
+            match stores.last_mut() {
+                Some(last) if (last.address, last.value) == (address, value) => {
+                    last.times = last.times.saturating_add(1);
+                    last.until_ns = at_ns;
+                }
+                _ => stores.push(Store { at_ns, until_ns: at_ns, times: 1, address, value }),
+            }
+        }
+        self.port_reached(at_ns, address);
+    }
+
+    fn port_reached(&mut self, now_ns: u64, address: u64) {
         if let Some(port) = Ports::at(address) {
             self.look_at_port(now_ns, port);
         }

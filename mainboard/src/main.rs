@@ -3,7 +3,7 @@
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
-use ferrostep_mainboard::commands::{print::Print, serve::Serve};
+use ferrostep_mainboard::commands::{count::Count, print::Print, serve::Serve};
 
 /// Printer boards around an emulated STM32F4, on which the shipped images run unmodified.
 #[derive(Parser)]
@@ -19,12 +19,15 @@ enum Command {
     Print(Print),
     /// Leads the printer's line out, for any host.
     Serve(Serve),
+    /// Runs a bench or a test that prints by semihosting and ends itself.
+    Count(Count),
 }
 
 fn main() -> ExitCode {
     let done = match Cli::parse().command {
         Command::Print(print) => print.run(),
         Command::Serve(serve) => serve.run(),
+        Command::Count(count) => count.run(),
     };
     match done {
         Ok(true) => ExitCode::SUCCESS,

@@ -17,6 +17,8 @@ pub const SLICE_NS: u64 = 100_000;
 pub enum Turn {
     /// Go on.
     GoOn,
+    /// Go on after a pulse at the chip's reset pin (RM0090 6.1.1).
+    Reset,
     /// The run is over.
     Stop,
 }
@@ -97,24 +99,28 @@ impl<O: Operator> Driver<Machine> for Runner<O> {
         if let Settled::Access { access, .. } = settled {
             self.accesses += 1;
             if access.kind == AccessKind::Write {
-                session.board_mut().port_reached(access.virtual_time.0, access.address);
+                session.board_mut().stored(access.virtual_time.0, access.address, access.value);
             }
         }
     }
 
     fn on_stop(&mut self, session: &mut Session<Machine>, stop: Stop, host: &mut dyn Host) -> Option<VirtualNanos> {
         let now_ns = stop.at.0;
+        let instructions = stop.instruction_count;
         self.last_stop = Some(stop);
         let resets = session.resets().len();
         let machine = session.board_mut();
         machine.advance(now_ns, resets);
-        if self.operator.turn(machine, now_ns, host) == Turn::Stop {
-            return None;
-        }
+        let turn = self.operator.turn(machine, now_ns, host);
         let next = [machine.plant.next_event_ns(), machine.usb_next_ns(), self.operator.next_turn_ns()]
             .into_iter()
             .flatten()
             .min();
+        match turn {
+            Turn::GoOn => {}
+            Turn::Reset => session.reset_by_pin(VirtualNanos(now_ns), instructions, host),
+            Turn::Stop => return None,
+        }
         let slice = now_ns + SLICE_NS;
         Some(VirtualNanos(next.map_or(slice, |next| next.clamp(now_ns + 1, slice))))
     }

@@ -16,7 +16,6 @@ pub mod feed_chart;
 pub mod hand_made;
 pub mod hostile;
 pub mod live_machine;
-pub mod qemu;
 pub mod reference;
 pub mod stack;
 pub mod step_edges;

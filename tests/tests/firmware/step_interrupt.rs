@@ -134,7 +134,7 @@ fn the_step_interrupt_calls_nothing_waits_for_nothing_and_cannot_panic() {
 #[test]
 fn the_reload_value_arrives_in_time_in_every_image() {
     let gap_cycles = MIN_GAP_TICKS * CYCLES_A_TICK as u32;
-    for board in BOARDS {
+    for board in &BOARDS {
         let code = Code::of(&image_of(board.name)).unwrap();
         let [time, measured] = interrupt_time::check(&code, gap_cycles).unwrap();
         eprintln!("{}: {time}; measured: {measured}; a gap has {gap_cycles}", board.name);

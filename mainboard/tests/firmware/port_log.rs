@@ -1,10 +1,10 @@
-//! All stores to the ports' registers, from the emulator's log of devices that it does not have.
-//!
-//! A line is `GPIOC: unimplemented device write (size 4, offset 0x018, value 0x00000020)`, in the program's order.
+//! All stores to the ports' registers.
 
 use std::collections::BTreeMap;
-use std::io::{self, BufRead, BufReader};
-use std::path::Path;
+
+use ferrostep_mainboard::machine::Store;
+
+use crate::boards::Pin;
 
 /// Offset of the register that makes pins inputs or outputs, two bits each.
 pub const MODER: u32 = 0x00;
@@ -15,8 +15,8 @@ pub const ODR: u32 = 0x14;
 /// Offset of the register that sets pins by its lower and resets pins by its upper half.
 pub const BSRR: u32 = 0x18;
 
-/// A pin: its port's letter and its number.
-pub type Pin = (char, u8);
+/// Where the ports' registers begin.
+const PORTS: u32 = 0x4002_0000;
 
 /// A store to a port's register.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -30,27 +30,11 @@ pub struct PortWrite {
 }
 
 impl PortWrite {
-    /// The store that a line of the log tells; lines about anything else, or still being written, tell none.
-    pub fn of_line(line: &[u8]) -> Option<Self> {
-        let rest = line.strip_prefix(b"GPIO")?;
-        let (&port, rest) = rest.split_first()?;
-        let rest = rest.strip_prefix(b": unimplemented device write (size 4, offset 0x")?;
-        let (offset, value) = offset_and_value(rest)?;
-        port.is_ascii_uppercase().then_some(Self { port: port.into(), offset, value })
-    }
-
-    /// All stores of a log.
-    ///
-    /// # Errors
-    /// The file cannot be read.
-    pub fn read(path: &Path) -> io::Result<Vec<Self>> {
-        let mut file = BufReader::with_capacity(1 << 20, std::fs::File::open(path)?);
-        let (mut writes, mut line) = (Vec::new(), Vec::new());
-        while file.read_until(b'\n', &mut line)? > 0 {
-            writes.extend(Self::of_line(&line));
-            line.clear();
-        }
-        Ok(writes)
+    /// What was stored to a port, if it was to a port (RM0090, 2.3: 1 KiB each).
+    pub fn of(store: &Store) -> Option<Self> {
+        let place = store.address.checked_sub(PORTS)?;
+        let port = u8::try_from(place / 0x400).ok().filter(|port| *port < 9)?;
+        Some(Self { port: char::from(b'A' + port), offset: place % 0x400, value: store.value })
     }
 
     /// The level that this store gives a pin, if it is about its level.
@@ -68,19 +52,13 @@ impl PortWrite {
         }
     }
 
-    /// Whether this store makes a pin an output.
-    pub fn makes_output(&self, (port, number): Pin) -> bool {
-        self.mode((port, number)) == Some(0b01)
-    }
-
     /// The mode that this store gives a pin, if it may be about that.
     fn mode(&self, (port, number): Pin) -> Option<u32> {
         (self.port == port && self.offset == MODER).then_some(self.value >> (2 * number) & 0b11)
     }
 }
 
-/// The pins as a log leaves them. An output, or a peripheral's pin, stays one until it becomes the other: the emulator's
-/// ports read as 0, so that a store to some pins' fields would seem to take back the others'.
+/// The pins as the stores leave them.
 #[derive(Clone, Debug, Default)]
 pub struct PortState {
     levels: BTreeMap<char, u16>,
@@ -109,7 +87,8 @@ impl PortState {
             match write.mode(pin) {
                 Some(0b01) => (*output, *alternate) = (*output | bit, *alternate & !bit),
                 Some(0b10) => (*output, *alternate) = (*output & !bit, *alternate | bit),
-                _ => {}
+                Some(_) => (*output, *alternate) = (*output & !bit, *alternate & !bit),
+                None => {}
             }
         }
     }
@@ -130,16 +109,7 @@ impl PortState {
     }
 }
 
-/// The numbers of `018, value 0x00000020)`. A line that is still being written has no closing bracket.
-pub(super) fn offset_and_value(access: &[u8]) -> Option<(u32, u32)> {
-    let access = std::str::from_utf8(access).ok()?;
-    let (offset, value) = access.split_once(", value 0x")?;
-    let (value, _) = value.split_once(')')?;
-    Some((u32::from_str_radix(offset, 16).ok()?, u32::from_str_radix(value, 16).ok()?))
-}
-
 #[cfg(test)]
-#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
 
@@ -149,17 +119,11 @@ mod tests {
 
     #[test]
     fn stores_to_ports_are_told_from_all_else() {
-        let line = b"GPIOF: unimplemented device write (size 4, offset 0x018, value 0x20000001)\n";
-        assert_eq!(PortWrite::of_line(line), Some(write('F', 0x18, 0x2000_0001)));
-        for line in [
-            "GPIOF: unimplemented device read  (size 4, offset 0x018)\n",
-            "GPIOF: unimplemented device write (size 2, offset 0x018, value 0x0001)\n",
-            "GPIOF: unimplemented device write (size 4, offset 0x018, value 0x0001",
-            "GPIO: unimplemented device write (size 4, offset 0x018, value 0x00000001)\n",
-            "RCC: unimplemented device write (size 4, offset 0x018, value 0x00000001)\n",
-            "",
-        ] {
-            assert_eq!(PortWrite::of_line(line.as_bytes()), None, "{line}");
+        let store = |address| Store { at_ns: 0, until_ns: 0, times: 1, address, value: 0x2000_0001 };
+        assert_eq!(PortWrite::of(&store(0x4002_1418)), Some(write('F', BSRR, 0x2000_0001)));
+        assert_eq!(PortWrite::of(&store(0x4002_2000)), Some(write('I', MODER, 0x2000_0001)));
+        for address in [0x4001_fc18, 0x4002_2400, 0x4002_3874, 0x2000_0000] {
+            assert_eq!(PortWrite::of(&store(address)), None, "{address:#x}");
         }
     }
 
@@ -172,25 +136,15 @@ mod tests {
         state.apply(write('C', BSRR, 1 << 17));
         assert!(state.is_high(heater));
         state.apply(write('B', BSRR, 1 << 17));
-        state.apply(write('B', MODER, 0b01 << 2));
-        // An alternate function is no output, and takes no other's place.
-        state.apply(write('B', MODER, 0b10 << 4));
-        assert!(!state.is_high(heater) && state.is_output(heater) && !state.is_output(other));
+        state.apply(write('B', MODER, 0b01 << 2 | 0b10 << 4));
+        assert!(!state.is_high(heater) && state.is_output(heater));
+        assert!(!state.is_output(other) && state.is_alternate(other));
+        state.apply(write('B', MODER, 0b10 << 2));
+        assert!(!state.is_output(heater) && state.is_alternate(heater) && !state.is_alternate(other));
         state.apply(write('B', ODR, 1 << 1));
         assert!(state.is_high(heater) && !state.is_high(other));
         // Setting wins.
         state.apply(write('B', BSRR, 1 << 2 | 1 << 18));
         assert!(state.is_high(other));
-    }
-
-    #[test]
-    fn a_file_is_read_to_its_end() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("pins.log");
-        let line = "GPIOB: unimplemented device write (size 4, offset 0x018, value 0x00000002)\n";
-        std::fs::write(&path, format!("{line}RCC: unimplemented device read  (size 4, offset 0x000)\n{}", &line[..40]))
-            .unwrap();
-        assert_eq!(PortWrite::read(&path).unwrap(), [write('B', BSRR, 2)]);
-        assert!(PortWrite::read(&folder.path().join("none")).is_err());
     }
 }

@@ -1,8 +1,6 @@
 //! A host on the serial line: numbers, checksums, one line at a time, sends again what is asked for.
 
 use std::fmt;
-use std::io;
-use std::time::{Duration, Instant};
 
 use super::noise::Noise;
 
@@ -15,20 +13,23 @@ pub trait Port {
     ///
     /// # Errors
     /// The printer is gone.
-    fn send(&mut self, bytes: &[u8]) -> io::Result<()>;
+    fn send(&mut self, bytes: &[u8]) -> Result<(), String>;
 
-    /// The next line from the printer, without its end; `None` when none has come in time.
+    /// The next line from the printer, without its end; `None` when none has come at this instant of the printer's time, ns.
     ///
     /// # Errors
     /// The printer is gone.
-    fn receive(&mut self, until: Instant) -> io::Result<Option<String>>;
+    fn receive(&mut self, until_ns: u64) -> Result<Option<String>, String>;
+
+    /// The printer's time, ns.
+    fn now_ns(&self) -> u64;
 }
 
 /// Why the conversation ended.
 #[derive(Debug)]
 pub enum HostError {
     /// The printer is gone.
-    Port(io::Error),
+    Port(String),
     /// Nothing of what was waited for came within the time limit.
     Silent {
         /// What was waited for.
@@ -58,8 +59,8 @@ impl fmt::Display for HostError {
 
 impl std::error::Error for HostError {}
 
-impl From<io::Error> for HostError {
-    fn from(error: io::Error) -> Self {
+impl From<String> for HostError {
+    fn from(error: String) -> Self {
         Self::Port(error)
     }
 }
@@ -75,7 +76,7 @@ pub fn with_checksum(text: &str) -> String {
 pub struct Host<P> {
     port: P,
     noise: Option<Noise>,
-    deadline: Instant,
+    limit_ns: u64,
     /// All numbered lines; the first has number 1.
     history: Vec<String>,
     /// Index in `history` of the line to send next.
@@ -86,12 +87,12 @@ pub struct Host<P> {
 }
 
 impl<P: Port> Host<P> {
-    /// A host that gives up on everything after `limit`.
-    pub fn new(port: P, limit: Duration) -> Self {
+    /// A host that gives up when nothing has come for `limit_ns`.
+    pub fn new(port: P, limit_ns: u64) -> Self {
         Self {
             port,
             noise: None,
-            deadline: Instant::now() + limit,
+            limit_ns,
             history: Vec::new(),
             next: 0,
             heard: Vec::new(),
@@ -118,6 +119,11 @@ impl<P: Port> Host<P> {
     /// How many `ok`s have come.
     pub fn acknowledged(&self) -> u64 {
         self.acknowledged
+    }
+
+    /// The serial line, the host being gone.
+    pub fn into_port(self) -> P {
+        self.port
     }
 
     /// The serial line.
@@ -210,14 +216,14 @@ impl<P: Port> Host<P> {
         }
     }
 
-    /// Lines that come within a time.
+    /// Lines that come within a time, ms.
     ///
     /// # Errors
     /// The printer is gone.
-    pub fn listen(&mut self, time: Duration) -> Result<Vec<String>, HostError> {
-        let until = Instant::now() + time;
+    pub fn listen(&mut self, time_ms: u64) -> Result<Vec<String>, HostError> {
+        let until_ns = self.port.now_ns() + time_ms * 1_000_000;
         let mut lines = Vec::new();
-        while let Some(line) = self.port.receive(until)? {
+        while let Some(line) = self.port.receive(until_ns)? {
             lines.push(line);
         }
         Ok(lines)
@@ -279,7 +285,8 @@ impl<P: Port> Host<P> {
 
     /// The next line, whatever it is.
     fn hear(&mut self, awaited: &str) -> Result<String, HostError> {
-        match self.port.receive(self.deadline)? {
+        let until_ns = self.port.now_ns() + self.limit_ns;
+        match self.port.receive(until_ns)? {
             Some(line) => {
                 if self.heard.len() == REMEMBERED_LINES {
                     self.heard.remove(0);
@@ -354,7 +361,7 @@ mod tests {
     }
 
     impl Port for Fake {
-        fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
+        fn send(&mut self, bytes: &[u8]) -> Result<(), String> {
             if !self.mute {
                 for line in String::from_utf8_lossy(bytes).split(['\n', '\r']).filter(|line| !line.is_empty()) {
                     self.line(line);
@@ -363,15 +370,19 @@ mod tests {
             Ok(())
         }
 
-        fn receive(&mut self, _until: Instant) -> io::Result<Option<String>> {
+        fn receive(&mut self, _until_ns: u64) -> Result<Option<String>, String> {
             Ok(self.replies.pop_front())
+        }
+
+        fn now_ns(&self) -> u64 {
+            0
         }
     }
 
     fn host() -> Host<Fake> {
         let mut fake = Fake::default();
         fake.reply(&["", "start", "echo:clock"]);
-        let mut host = Host::new(fake, Duration::from_secs(1));
+        let mut host = Host::new(fake, 1_000_000_000);
         host.connect().unwrap();
         host
     }

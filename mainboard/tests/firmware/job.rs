@@ -1,8 +1,8 @@
 //! A real slicer's lines, as a host sends them.
 
-use std::path::Path;
-
 use ferrostep_tests::gcode_text;
+
+use crate::images::root;
 
 /// The lines that make each of the choices that M796 has.
 pub const WAYS: [&str; 15] = [
@@ -25,7 +25,7 @@ pub const WAYS: [&str; 15] = [
 
 /// The text of an example, unpacked.
 fn example_text(file: &str) -> String {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples").join(file);
+    let path = root().join("examples").join(file);
     String::from_utf8(gcode_text(&std::fs::read(path).unwrap()).unwrap()).unwrap()
 }
 

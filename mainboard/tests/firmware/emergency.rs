@@ -1,8 +1,6 @@
 //! M112: motors still, heaters off, and the reply that hosts expect.
 
-use std::time::Duration;
-
-use crate::image::Bench;
+use crate::bench::Bench;
 use crate::job::Job;
 use crate::rehearsal::Rehearsal;
 use crate::same_steps::LINES;
@@ -13,15 +11,15 @@ const KILLED: &str = "Error:Printer halted. kill() called!";
 /// Lines of the cube after which the look-ahead ring is full and the motors run.
 const LINES_INTO_THE_PRINT: usize = 200;
 
-/// Long enough for thousands of steps.
-const A_WHILE: Duration = Duration::from_millis(500);
+/// Long enough for thousands of steps, ms.
+const A_WHILE_MS: u64 = 500;
 
 /// Sends M112 out of turn and checks that all motion has ended when the reply comes.
 fn stop(bench: &mut Bench) {
     bench.host.send_raw(b"M112\n").unwrap();
     bench.host.wait_for(KILLED, |line| line == KILLED).unwrap();
     let at_once = bench.pins().events().len();
-    let heard = bench.host.listen(A_WHILE).unwrap();
+    let heard = bench.host.listen(A_WHILE_MS).unwrap();
     let pins = bench.pins();
     assert_eq!(pins.events().len(), at_once, "the motors went on");
     assert!(pins.motors_disabled(), "the motors are still switched on");

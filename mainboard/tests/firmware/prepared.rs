@@ -10,13 +10,12 @@ use ferrostep_gpre::transfer::{Kind, Report, Sender, Word, to_wire};
 use ferrostep_gpre::{Encoding, Entry};
 use ferrostep_printer::Profile;
 use ferrostep_tests::hand_made::{self, given};
-use ferrostep_tests::qemu::{Host, Machine, Port};
 
-use crate::image::Bench;
+use crate::bench::{self, Bench};
+use crate::host::{Host, Port};
 use crate::job::Job;
 use crate::same_steps::{LINES, assert_printed_far_ahead};
 
-/// The image's time may run much faster than this machine's, so it is the host that does not wait for ever.
 const PATIENCE: Patience =
     Patience { ask: Duration::from_millis(250), give_up: Duration::from_secs(60), board_s: 3600 };
 
@@ -35,7 +34,9 @@ fn prepared(job: &Job) -> Vec<u8> {
 
 /// The emulator's line, on which one frame in a hundred has a bit changed, and one is lost.
 struct Line<'a> {
-    host: &'a mut Host<Machine>,
+    host: &'a mut Host<bench::Line>,
+    /// The host's clock when the board was switched on.
+    start: Instant,
     dice: Option<u64>,
     frames: u32,
     changed: u32,
@@ -43,8 +44,8 @@ struct Line<'a> {
 }
 
 impl<'a> Line<'a> {
-    fn new(host: &'a mut Host<Machine>, seed: Option<u64>) -> Self {
-        Self { host, dice: seed, frames: 0, changed: 0, lost: 0 }
+    fn new(host: &'a mut Host<bench::Line>, seed: Option<u64>) -> Self {
+        Self { host, start: Instant::now(), dice: seed, frames: 0, changed: 0, lost: 0 }
     }
 
     /// SplitMix64 (Steele, Lea, Flood 2014).
@@ -72,11 +73,17 @@ impl send::Port for Line<'_> {
                 self.changed += 1;
             }
         }
-        self.host.port().send(&bytes)
+        self.host.port().send(&bytes).map_err(io::Error::other)
     }
 
     fn receive(&mut self, until: Instant) -> io::Result<Option<String>> {
-        self.host.port().receive(until)
+        let until_ns = until.saturating_duration_since(self.start).as_nanos() as u64;
+        self.host.port().receive(until_ns).map_err(io::Error::other)
+    }
+
+    /// The board's time: what this computer takes for it is nothing to the transfer.
+    fn now(&mut self) -> Instant {
+        self.start + Duration::from_nanos(self.host.port().now_ns())
     }
 }
 
@@ -179,7 +186,6 @@ fn a_silent_host_is_not_waited_for() {
     let job = hand_made::job(profile().hash(), &[(40, Entry::Bound), (20, Entry::Bound)]);
     bench.host.send(&format!("M790 S{} T15", job.len())).unwrap();
     bench.host.send_raw(&to_wire(Kind::Data, 0, &job[..job.len() - 10])).unwrap();
-    // The image's seconds are shorter than this machine's, which may have much else to do.
     bench.host.wait_for("the end of patience", |line| line == "echo:gpre: nothing from the host for 15 s").unwrap();
     bench.host.wait_for("the end", |line| line.starts_with("gpre:stopped ")).unwrap();
     // A host that has not heard it asks again.

@@ -1,9 +1,10 @@
 //! A whole job streamed into the image.
 
-use ferrostep_tests::qemu::{Host, Machine, Noise, PinLog};
-
-use crate::image::Bench;
+use crate::bench::{Bench, Line};
+use crate::host::Host;
 use crate::job::Job;
+use crate::noise::Noise;
+use crate::pins::PinLog;
 use crate::rehearsal::Rehearsal;
 
 /// Lines of the cube: up to the infill of the first layer.
@@ -80,7 +81,7 @@ fn assert_same_figures(reported: &Motion, pins: &PinLog, rehearsal: &Rehearsal) 
 }
 
 /// Sends all lines.
-pub fn stream(host: &mut Host<Machine>, job: &Job) {
+pub fn stream(host: &mut Host<Line>, job: &Job) {
     for (index, line) in job.lines().enumerate() {
         host.send(line).unwrap_or_else(|error| panic!("{}: {error}", job.source(index + 1)));
     }

@@ -1,85 +1,69 @@
 //! Printer boards heat: by the right pins, watched by their thermistors, and off when those cannot be read.
 
-use std::time::Duration;
+use ferrostep_mainboard::machine::Machine;
+use ferrostep_mainboard::parts::heat::thermistor::SensorFault;
 
-use ferrostep_tests::qemu::{PortState, Register, Sleep};
+use crate::bench::Bench;
+use crate::board_pins::{assert_all_off, assert_heaters_are_taken_from_timers, assert_nothing_heats, jump_nowhere};
+use crate::boards::{BOARDS, BoardFacts};
 
-use crate::board_pins::{
-    assert_all_off, assert_heaters_are_taken_from_timers, assert_heaters_come_first, assert_no_timer_heats,
-};
-use crate::boards::{BOARDS, BoardFacts, pin};
-use crate::image::{Bench, image_of};
-use crate::thermistors::{reading, set_reading};
+/// Some periods of the heaters' pulses, ms.
+const A_WHILE_MS: u64 = 1000;
 
-/// Some periods of the heaters' pulses. The emulator's seconds are ten times as fast as the wall's: a nozzle whose
-/// thermistor stays cold trips after two of those.
-const A_WHILE: Duration = Duration::from_millis(200);
+/// Between two looks at the heaters, ms.
+const A_MOMENT_MS: u64 = 20;
 
-/// Between two looks at the pins.
-const A_MOMENT: Duration = Duration::from_millis(20);
-
-/// Far longer than the emulator takes on a busy computer.
+/// After so many looks nothing changes any more: 10 s.
 const MOST_MOMENTS: u32 = 500;
 
-/// Nothing is here.
-const NOWHERE: u32 = 0x6000_0000;
+/// A fan that turns at least this fast is at full power, turns a minute.
+const FULL_RPM: f64 = 5900.0;
 
 fn printers() -> impl Iterator<Item = &'static BoardFacts> {
     BOARDS.iter().filter(|board| board.is_printer())
 }
 
-/// The pins after all stores so far.
-fn state(bench: &mut Bench) -> PortState {
-    let mut state = PortState::new();
-    bench.port_writes().into_iter().for_each(|write| state.apply(write));
-    state
-}
-
 /// Waits until nozzle and bed have full power, or none.
 fn wait_for_powers(board: &BoardFacts, bench: &mut Bench, powers: [bool; 2]) {
     for _ in 0..MOST_MOMENTS {
-        if at_full_power(board, bench) == powers {
+        if at_full_power(bench) == powers {
             return;
         }
-        bench.host.listen(A_MOMENT).unwrap();
+        bench.wait_us(A_MOMENT_MS * 1000);
     }
     panic!("{}: the powers are not {powers:?}", board.name);
 }
 
 /// Whether nozzle and bed have full power.
-fn at_full_power(board: &BoardFacts, bench: &mut Bench) -> [bool; 2] {
-    match board.heater_timers {
-        Some(compares) => {
-            let state = state(bench);
-            compares
-                .map(|compare| bench.register(compare) == 1000)
-                .map(|full| full && board.heater_pins().iter().all(|heater| state.is_alternate(*heater)))
-        }
-        None => {
-            let state = state(bench);
-            [0, 1].map(|heater| state.is_high(board.heater_pins()[heater]))
-        }
-    }
+fn at_full_power(bench: &mut Bench) -> [bool; 2] {
+    ["nozzle", "bed"].map(|heater| bench.heater_power(heater) > 0.99)
 }
 
 /// Heats nozzle and bed one after the other, and checks that it is theirs that are on.
 fn heat(board: &BoardFacts, bench: &mut Bench) {
-    for (command, powers) in [("M104 S60", [true, false]), ("M140 S50", [true, true])] {
+    for (command, powers) in [("M104 S150", [true, false]), ("M140 S60", [true, true])] {
         bench.host.send(command).unwrap();
         wait_for_powers(board, bench, powers);
     }
-    let state = state(bench);
+    let state = bench.state();
     for other in &board.heater_pins()[2..] {
         assert!(!state.is_high(*other), "{}: {other:?}", board.name);
     }
 }
 
 fn assert_off(board: &BoardFacts, bench: &mut Bench) {
-    let state = state(bench);
+    let state = bench.state();
     for heater in board.heater_pins() {
         assert!(!state.is_high(heater), "{}: {heater:?}", board.name);
     }
-    assert_no_timer_heats(board, bench);
+    assert_nothing_heats(board, bench);
+}
+
+/// Pulls the plug of a thermistor, or puts it back.
+fn unplug(machine: &mut Machine, name: &str, out: bool) {
+    let places = machine.plant.thermistors.iter_mut();
+    let place = places.into_iter().find(|place| place.name == name).unwrap();
+    place.thermistor.set_fault(out.then_some(SensorFault::Open));
 }
 
 #[test]
@@ -88,31 +72,32 @@ fn a_broken_thermistor_switches_all_heaters_off_and_is_said() {
         let mut bench = Bench::boot_board(board);
         bench.host.send_raw(b"M105\n").unwrap();
         let temperatures = bench.host.wait_for("temperatures", |line| line.starts_with("ok T:")).unwrap();
-        assert!(temperatures.starts_with("ok T:2") && temperatures.contains(" B:25.0"), "{temperatures}");
+        // The room's temperature.
+        assert!(temperatures.starts_with("ok T:2") && temperatures.contains(" B:2"), "{temperatures}");
         let capability = bench.host.ask("M115", "Cap:THERMAL_PROTECTION").unwrap();
         assert_eq!(capability, "Cap:THERMAL_PROTECTION:1");
         heat(board, &mut bench);
 
-        set_reading(&mut bench, u16::MAX);
+        bench.with(|machine, _| unplug(machine, "nozzle", true));
         let error = bench.host.wait_for("a thermal error", |line| line.starts_with("Error:")).unwrap();
         assert_eq!(error, "Error:MINTEMP triggered, system stopped! Heater_ID: E0", "{}", board.name);
         let next = bench.host.wait_for("the next line", |_| true).unwrap();
         assert_eq!(next, "Error:Printer halted. kill() called!");
         assert_off(board, &mut bench);
-        assert_all_off(board, &state(&mut bench));
+        assert_all_off(board, &bench.state());
 
         // Nothing heats again before M999, and that is refused while it is broken.
         bench.host.send_raw(b"M104 S60\n").unwrap();
         bench.host.wait_for("a refusal", |line| line.contains("M999")).unwrap();
         bench.host.send_raw(b"M999\n").unwrap();
         bench.host.wait_for("the same again", |line| line.starts_with("Error:MINTEMP triggered")).unwrap();
-        set_reading(&mut bench, reading(25.0));
-        bench.host.listen(A_WHILE).unwrap();
+        bench.with(|machine, _| unplug(machine, "nozzle", false));
+        bench.pass(A_WHILE_MS);
         assert_off(board, &mut bench);
         bench.host.send_raw(b"M999\nM105\n").unwrap();
         bench.host.wait_for("temperatures", |line| line.starts_with("ok T:")).unwrap();
         assert_off(board, &mut bench);
-        bench.host.send_raw(b"M104 S60\nM400\n").unwrap();
+        bench.host.send_raw(b"M104 S150\nM400\n").unwrap();
         wait_for_powers(board, &mut bench, [true, false]);
     }
 }
@@ -131,58 +116,72 @@ fn m112_switches_heaters_off_at_once() {
 #[test]
 fn a_fault_while_heating_takes_the_pins_from_the_timers_first() {
     for board in printers() {
-        let mut bench = Bench::boot_board(board);
+        let mut bench = Bench::boot_opened(board);
         heat(board, &mut bench);
-        let mut debugger = bench.host.port().halt().unwrap();
-        let before = bench.port_writes().len();
-        debugger.set_register(Register::ProgramCounter, NOWHERE).unwrap();
-        debugger.resume().unwrap();
+        jump_nowhere(&mut bench);
         bench.host.wait_for("a fault", |line| line.starts_with("Error:firmware fault")).unwrap();
-        bench.host.listen(A_WHILE).unwrap();
-        let writes = bench.port_writes();
-        assert_heaters_come_first(board, &writes[before..]);
-        let state = state(&mut bench);
+        bench.pass(100);
+        let state = bench.state();
         assert_all_off(board, &state);
         // Whatever the timer goes on to do, it reaches no heater.
         assert_heaters_are_taken_from_timers(board, &state);
+        assert_off(board, &mut bench);
     }
+}
+
+/// How fast a fan turns, by its name, turns a minute.
+fn rpm(bench: &mut Bench, name: &'static str) -> f64 {
+    let now_ns = bench.now_ns();
+    bench.with(move |machine, _| {
+        machine.plant.fans.iter_mut().find(|fan| fan.name == name).map(|fan| fan.fan.rpm(now_ns)).unwrap()
+    })
 }
 
 #[test]
 fn fans_turn_when_they_are_told_to_and_above_a_hot_nozzle() {
     for board in printers() {
         let mut bench = Bench::boot_board(board);
-        assert_eq!(bench.logged(board.full_fan), 0, "{}", board.name);
+        bench.pass(2000);
+        assert_eq!([rpm(&mut bench, "part"), rpm(&mut bench, "hotend")], [0.0; 2], "{}", board.name);
         for line in ["M106 S255", "M400"] {
             bench.host.send(line).unwrap();
         }
-        bench.host.listen(A_WHILE).unwrap();
-        assert_eq!(bench.logged(board.full_fan), 1, "{}", board.name);
-        // The Octopus's hot-end fan has no timer, and can be seen.
-        if board.name == "btt-octopus-1.1" {
-            let fan = pin("E5");
-            assert!(!state(&mut bench).is_high(fan));
-            for (celsius, is_on) in [(55.0, true), (47.0, true), (40.0, false)] {
-                set_reading(&mut bench, reading(celsius));
-                bench.host.listen(A_WHILE).unwrap();
-                assert_eq!(state(&mut bench).is_high(fan), is_on, "{celsius}");
+        bench.pass(5000);
+        assert!(rpm(&mut bench, "part") > FULL_RPM && rpm(&mut bench, "hotend") == 0.0, "{}", board.name);
+        for (celsius, is_on) in [(55.0, true), (47.0, true), (40.0, false)] {
+            // The block is held at a temperature for as long as it takes to see what the fan does.
+            for _ in 0..80 {
+                bench.change(move |plant, now_ns| {
+                    let nozzle = plant.heaters.iter_mut().find(|heater| heater.name == "nozzle").unwrap();
+                    nozzle.heater.set_temperature(now_ns, celsius);
+                });
+                bench.pass(100);
             }
+            bench.host.send_raw(b"M105\n").unwrap();
+            let said = bench.host.wait_for("temperatures", |line| line.starts_with("ok T:")).unwrap();
+            eprintln!("{}: {celsius} is {said}", board.name);
+            assert_eq!(rpm(&mut bench, "hotend") > FULL_RPM, is_on, "{}: {celsius}", board.name);
         }
+        bench.host.send("M107").unwrap();
+        bench.pass(10_000);
+        assert_eq!([rpm(&mut bench, "part"), rpm(&mut bench, "hotend")], [0.0; 2], "{}", board.name);
     }
 }
 
-/// The emulator's converter never converts: a board whose thermistors cannot be read at all.
+/// A board whose thermistors cannot be read from the start.
 #[test]
-fn a_converter_that_does_not_run_is_said_and_nothing_heats() {
+fn thermistors_that_are_not_there_are_said_and_nothing_heats() {
     for board in printers() {
-        let mut bench = Bench::switch_on(&image_of(board.name), Sleep::RealTime);
+        let mut bench = Bench::switch_on(board, |machine| {
+            ["nozzle", "bed"].into_iter().for_each(|name| unplug(machine, name, true));
+        });
         let error = bench.host.wait_for("a thermal error", |line| line.starts_with("Error:MINTEMP")).unwrap();
         assert_eq!(error, "Error:MINTEMP triggered, system stopped! Heater_ID: E0", "{}", board.name);
         let next = bench.host.wait_for("the next line", |_| true).unwrap();
         assert_eq!(next, "Error:Printer halted. kill() called!");
         bench.host.send_raw(b"M104 S200\nM999\nM104 S200\n").unwrap();
         bench.host.wait_for("the same again", |line| line.starts_with("Error:MINTEMP triggered")).unwrap();
-        bench.host.listen(A_WHILE).unwrap();
+        bench.pass(A_WHILE_MS);
         assert_off(board, &mut bench);
     }
 }
@@ -204,7 +203,7 @@ fn heaters_that_nothing_uses_go_off() {
         bench.host.wait_for("the warning", |line| line.starts_with("echo:heaters go off in 2 s: ")).unwrap();
         bench.host.send_raw(b"M105\n").unwrap();
         bench.host.wait_for("the warning anew", |line| line.starts_with("echo:heaters go off in 2 s: ")).unwrap();
-        assert_eq!(at_full_power(board, &mut bench), [true; 2], "{}", board.name);
+        assert_eq!(at_full_power(&mut bench), [true; 2], "{}", board.name);
         bench.host.wait_for("the end", |line| line.starts_with("echo:heaters switched off: 4 s ")).unwrap();
         wait_for_powers(board, &mut bench, [false; 2]);
         let report = bench.host.wait_for("temperatures", |line| line.starts_with("ok T:")).unwrap();

@@ -5,9 +5,9 @@ use ferrostep::job::{self, JobProgress};
 use ferrostep::record::Observer;
 use ferrostep::session::{JobReplies, Session};
 use ferrostep_hal_shim::virtual_board::StepObserver;
-use ferrostep_tests::qemu::{PinEvent, PinLog, Pins};
 
 use crate::job::Job;
+use crate::pins::{PinEvent, PinLog};
 
 /// What the desk did with a job.
 pub struct Rehearsal {
@@ -110,23 +110,11 @@ impl Observer for Watcher {
     }
 }
 
-/// The pin log that an image leaves which does what was rehearsed, but for what `change` does to its events.
+/// What an image does that does what was rehearsed, but for what `change` does to its events.
 fn log_of(rehearsal: &Rehearsal, change: impl FnOnce(&mut Vec<PinEvent>)) -> PinLog {
     let mut events = rehearsal.events.clone();
     change(&mut events);
-    let mut log = PinLog::new(Pins::BENCH);
-    let mut store = |value: u32| {
-        log.add_line(
-            format!("GPIOC: unimplemented device write (size 4, offset 0x018, value 0x{value:08x})\n").as_bytes(),
-        );
-    };
-    for PinEvent { axes, directions } in events {
-        let (forwards, backwards) = (u32::from(axes & !directions), u32::from(directions));
-        store(forwards << 20 | backwards << 4);
-        store(u32::from(axes));
-        store(u32::from(axes) << 16);
-    }
-    log
+    PinLog::new(events, false)
 }
 
 /// A short job, and an event in its last move.

@@ -1,20 +1,15 @@
 //! A heater that gets too hot: everything off, and said as hosts expect, by the image itself.
 
-use std::time::Duration;
-
-use ferrostep_tests::qemu::Sleep;
-
-use crate::image::Bench;
+use crate::bench::Bench;
 
 /// So near below the nozzle's maximum of 275 degrees that it is held only as long as nothing happens.
 const WAIT_FOR_NOZZLE: &str = "M109 S274.5";
 
-/// Moves of 32,000 steps that are planned when the nozzle is too hot. In the emulator few of them are made until then, or
-/// none: with the step timer's interrupts following each other at once, hardly any time passes in motion.
+/// Moves of 32,000 steps that are planned when the nozzle is too hot: 160 s of motion.
 const MOVES: usize = 20;
 
-/// Long enough for thousands of steps.
-const A_WHILE: Duration = Duration::from_secs(2);
+/// Long enough for thousands of steps, ms.
+const A_WHILE_MS: u64 = 2000;
 
 /// Two adjacent lines of the host's, and nothing of the kind after them.
 fn assert_told_once(bench: &mut Bench) {
@@ -24,7 +19,7 @@ fn assert_told_once(bench: &mut Bench) {
     assert_eq!(next, "Error:Printer halted. kill() called!");
     let at_once = bench.pins();
     assert!(at_once.motors_disabled(), "the motors are still switched on");
-    let heard = bench.host.listen(A_WHILE).unwrap();
+    let heard = bench.host.listen(A_WHILE_MS).unwrap();
     assert!(!heard.iter().any(|line| line.starts_with("Error:")), "told twice: {heard:?}");
     let later = bench.pins();
     assert_eq!(later.events().len(), at_once.events().len(), "the motors went on");
@@ -35,11 +30,10 @@ fn assert_told_once(bench: &mut Bench) {
 /// the nozzle is beyond its maximum.
 #[test]
 fn a_nozzle_that_gets_too_hot_stops_everything_and_says_so() {
-    let mut bench = Bench::boot_with(Sleep::LeftOut);
+    let mut bench = Bench::boot();
     for line in ["M106 S255", "M140 S60", WAIT_FOR_NOZZLE] {
         bench.host.send(line).unwrap();
     }
-    // All is received while the temperature is held, so that it does not matter how fast the host is.
     let moves = "G1 X400 F3000\nG1 X0\n".repeat(MOVES / 2);
     bench.host.send_raw(format!("G4 S60\nM107\n{moves}M400\n").as_bytes()).unwrap();
     assert_told_once(&mut bench);
@@ -60,7 +54,7 @@ fn a_nozzle_that_gets_too_hot_stops_everything_and_says_so() {
 /// No command is at work that would notice the halt.
 #[test]
 fn an_idle_machine_whose_nozzle_gets_too_hot_lets_go_of_its_motors() {
-    let mut bench = Bench::boot_with(Sleep::LeftOut);
+    let mut bench = Bench::boot();
     for line in ["M106 S255", WAIT_FOR_NOZZLE, "G4 S60", "G1 X10 F3000", "M400"] {
         bench.host.send(line).unwrap();
     }

@@ -1,10 +1,7 @@
 //! What no host should send, in the middle of a print: answered, and without effect on a single step.
 
-use std::time::Duration;
-
-use ferrostep_tests::qemu::{Host, Machine};
-
-use crate::image::Bench;
+use crate::bench::{Bench, Line};
+use crate::host::Host;
 use crate::job::Job;
 use crate::same_steps::{LINES, assert_printed_as_rehearsed};
 
@@ -18,7 +15,7 @@ const PAUSE: usize = 260;
 const BURST: usize = 240;
 
 /// Sends lines without numbers and waits until each has got its `ok`.
-fn answered(host: &mut Host<Machine>, bytes: &[u8], lines: usize) {
+fn answered(host: &mut Host<Line>, bytes: &[u8], lines: usize) {
     host.send_raw(bytes).unwrap();
     for line in 0..lines {
         host.wait_for(&format!("ok {} of {lines}", line + 1), |line| line.starts_with("ok")).unwrap();
@@ -26,7 +23,7 @@ fn answered(host: &mut Host<Machine>, bytes: &[u8], lines: usize) {
 }
 
 /// Sends bytes that look like a numbered line and waits until the line is asked for.
-fn asked_for_again(host: &mut Host<Machine>, bytes: &[u8], number: usize) {
+fn asked_for_again(host: &mut Host<Line>, bytes: &[u8], number: usize) {
     host.send_raw(bytes).unwrap();
     let resend = format!("Resend: {number}");
     host.wait_for(&resend, |line| line == resend).unwrap();
@@ -65,7 +62,7 @@ fn nonsense_in_mid_print_is_answered_and_changes_no_step() {
         }
         if index == PAUSE + 1 {
             host.send_raw(format!("N{number} G1 X50").as_bytes()).unwrap();
-            let heard = host.listen(Duration::from_millis(500)).unwrap();
+            let heard = host.listen(500).unwrap();
             assert!(!heard.iter().any(|line| line.starts_with("ok")), "half a line was answered: {heard:?}");
             asked_for_again(host, b"\n", number);
         }

@@ -7,7 +7,7 @@ use ferrostep::job::{self, JobProgress};
 use ferrostep::session::{JobReplies, Session};
 use ferrostep_planner::AccelerationProfile;
 
-use crate::image::Bench;
+use crate::bench::Bench;
 use crate::job::{Job, WAYS};
 use crate::rehearsal::Rehearsal;
 use crate::same_steps::{assert_printed_as_rehearsed, stream};

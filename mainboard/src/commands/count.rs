@@ -1,0 +1,100 @@
+//! Runs a program that speaks to its debugger: benches and tests for a board, which print by semihosting (Arm's specification of
+//! that name) and end themselves.
+//!
+//! With as many instructions a second as their timer has ticks they count instructions, exactly and the same everywhere.
+//!
+//! The console and the end are the emulator's own; files and the command line it leaves to a debugger, which [`debugger`] is.
+
+mod debugger;
+
+use std::io::Write;
+use std::net::TcpListener;
+use std::path::PathBuf;
+
+use clap::Args;
+use rigless::emulator::{self, Driver, Host, Start, Stop};
+use rigless::session::Session;
+use rigless::time::VirtualNanos;
+
+use super::setup::Setup;
+use crate::machine::Machine;
+
+/// Nothing outside the chip takes part: it is looked after rarely, ns.
+const SLICE_NS: u64 = 100_000_000;
+
+/// A program and what it may ask for.
+#[derive(Debug, Args)]
+pub struct Count {
+    #[command(flatten)]
+    setup: Setup,
+    /// The program's command line.
+    #[arg(long, default_value = "")]
+    arguments: String,
+    /// The folder whose files it may read.
+    #[arg(long, value_name = "FOLDER", default_value = ".")]
+    folder: PathBuf,
+    /// A program that has not ended after so many seconds of its time never will.
+    #[arg(long, default_value_t = 3600)]
+    seconds: u64,
+}
+
+impl Count {
+    /// Runs it; what it prints goes to standard output. Whether it says of itself that it was successful.
+    ///
+    /// # Errors
+    /// Files that cannot be read, a program that does not end, or an emulator that cannot go on.
+    pub fn run(&self) -> Result<bool, String> {
+        let bench = self.setup.bench()?;
+        let mut machine = bench.machine;
+        // Its time is no instruction.
+        machine.chip.set_interrupt_entry(0);
+        let listener = TcpListener::bind(("127.0.0.1", 0)).map_err(|error| format!("no port for a debugger: {error}"))?;
+        let address = listener.local_addr().map_err(|error| format!("no port for a debugger: {error}"))?;
+        let mut start = Start::new(&bench.images);
+        start.boot = Some(0x0800_0000 + u64::from(bench.board.boot_offset));
+        start.semihosting = true;
+        start.debugger = Some(&listener);
+        start.wait_for_debugger = true;
+        let session =
+            Session::new(Box::new(machine), 0, VirtualNanos(SLICE_NS)).map_err(|error| error.to_string())?;
+        let console = Console { until_ns: self.seconds.saturating_mul(1_000_000_000), broken: None };
+        let finished = std::thread::scope(|scope| {
+            let server = scope.spawn(|| debugger::serve(address, &self.folder, &self.arguments));
+            let finished = emulator::run(session, &start, console).map_err(|error| error.to_string());
+            let served = server.join().map_err(|_| "the debugger's side panicked".to_owned())?;
+            match finished {
+                Ok(finished) => served.map(|()| finished),
+                Err(error) => Err(error),
+            }
+        })?;
+        if let Some(error) = finished.driver.broken {
+            return Err(format!("what it prints cannot be written: {error}"));
+        }
+        match finished.exit_status {
+            Some(status) => Ok(status == 0),
+            None => Err(format!("the program has not ended within {} s of its time; --seconds allows more", self.seconds)),
+        }
+    }
+}
+
+/// Passes on what the program prints, and waits for its end.
+struct Console {
+    until_ns: u64,
+    broken: Option<std::io::Error>,
+}
+
+impl Driver<Machine> for Console {
+    fn on_stop(&mut self, session: &mut Session<Machine>, stop: Stop, _: &mut dyn Host) -> Option<VirtualNanos> {
+        let now_ns = stop.at.0;
+        let resets = session.resets().len();
+        session.board_mut().advance(now_ns, resets);
+        (now_ns < self.until_ns && self.broken.is_none()).then_some(VirtualNanos(now_ns + SLICE_NS))
+    }
+
+    fn on_console(&mut self, _: VirtualNanos, _: u64, bytes: &[u8]) {
+        let mut out = std::io::stdout().lock();
+        if let Err(error) = out.write_all(bytes).and_then(|()| out.flush()) {
+            self.broken.get_or_insert(error);
+        }
+    }
+}

@@ -1,0 +1,220 @@
+//! The debugger of a program that asks for files and for its command line.
+//!
+//! GDB's remote protocol ("Debugging with GDB", appendix E), as much of it as that takes: packets `$TEXT#SUM`, each
+//! acknowledged by a `+`; the file calls `Fopen`, `Fread` and `Fclose` of its section on File-I/O; and a stop at a breakpoint
+//! instruction, which is a call of semihosting that the emulator does not know. Of those only SYS_GET_CMDLINE (0x15) is
+//! answered. Files are opened for reading, by name, in one folder.
+//!
+//! **Left out:** all other calls. They fail, as the protocol says they may.
+
+use std::fs::File;
+use std::io::{self, BufReader, Read, Write};
+use std::net::{SocketAddr, TcpStream};
+use std::path::{Component, Path};
+
+/// Registers by their numbers in the protocol: operation and answer, parameter, next instruction.
+const OPERATION: usize = 0;
+const PARAMETER: usize = 1;
+const NEXT: usize = 15;
+
+/// Semihosting's call for the command line.
+const GET_COMMAND_LINE: u32 = 0x15;
+
+/// The protocol's numbers of errors: there is no such file, the call is not known.
+const NO_FILE: &str = "F-1,2";
+const UNKNOWN: &str = "F-1,270f";
+
+/// A packet holds no more bytes of memory than this.
+const MOST_BYTES: usize = 1024;
+
+/// Serves a program from its first instruction to its end.
+///
+/// # Errors
+/// The emulator is gone, or the program has stopped by itself.
+pub fn serve(emulator: SocketAddr, folder: &Path, arguments: &str) -> Result<(), String> {
+    let mut server = Server::connect(emulator).map_err(|error| format!("the emulator's debugger: {error}"))?;
+    server.serve(folder, arguments).map_err(|error| format!("the emulator's debugger: {error}"))
+}
+
+struct Server {
+    out: TcpStream,
+    incoming: BufReader<TcpStream>,
+    files: Vec<File>,
+}
+
+impl Server {
+    fn connect(emulator: SocketAddr) -> io::Result<Self> {
+        let out = TcpStream::connect(emulator)?;
+        out.set_nodelay(true)?;
+        let incoming = BufReader::new(out.try_clone()?);
+        Ok(Self { out, incoming, files: Vec::new() })
+    }
+
+    fn serve(&mut self, folder: &Path, arguments: &str) -> io::Result<()> {
+        self.ask("qSupported:swbreak+;hwbreak+")?;
+        self.ask("?")?;
+        self.send("c")?;
+        loop {
+            let said = self.receive()?;
+            match said.as_bytes().first() {
+                // What it prints is the emulator's business.
+                Some(b'O') => {}
+                Some(b'F') => {
+                    let answer = self.file_call(&said[1..], folder)?;
+                    self.send(&answer)?;
+                }
+                Some(b'S' | b'T') => {
+                    self.host_call(arguments)?;
+                    self.send("c")?;
+                }
+                Some(b'W' | b'X') => return Ok(()),
+                _ => return Err(unexpected(&said)),
+            }
+        }
+    }
+
+    fn file_call(&mut self, request: &str, folder: &Path) -> io::Result<String> {
+        let mut words = request.split(',');
+        let (call, words) = (words.next().unwrap_or_default(), words.collect::<Vec<_>>());
+        let number = |index: usize| {
+            let word: &str = words.get(index).copied().unwrap_or_default();
+            usize::from_str_radix(word, 16).map_err(|_| unexpected(request))
+        };
+        Ok(match call {
+            "open" => {
+                let place = words.first().and_then(|word| word.split_once('/')).ok_or_else(|| unexpected(request))?;
+                let (Ok(address), Ok(length)) =
+                    (usize::from_str_radix(place.0, 16), usize::from_str_radix(place.1, 16))
+                else {
+                    return Err(unexpected(request));
+                };
+                // Its last byte is the zero behind the name.
+                let name = self.read_memory(address, length.saturating_sub(1))?;
+                let name = String::from_utf8_lossy(&name).into_owned();
+                let is_name = Path::new(&name).components().all(|part| matches!(part, Component::Normal(_)));
+                match File::open(folder.join(&name)) {
+                    Ok(file) if is_name => {
+                        self.files.push(file);
+                        format!("F{:x}", FIRST_HANDLE + self.files.len() - 1)
+                    }
+                    _ => NO_FILE.to_owned(),
+                }
+            }
+            "read" => {
+                let (handle, address, length) = (number(0)?, number(1)?, number(2)?);
+                let Some(file) = handle.checked_sub(FIRST_HANDLE).and_then(|index| self.files.get_mut(index)) else {
+                    return Ok(NO_FILE.to_owned());
+                };
+                let mut bytes = Vec::new();
+                Read::take(file, length as u64).read_to_end(&mut bytes)?;
+                self.write_memory(address, &bytes)?;
+                format!("F{:x}", bytes.len())
+            }
+            "close" => "F0".to_owned(),
+            _ => UNKNOWN.to_owned(),
+        })
+    }
+
+    /// Answers the call at which the program has stopped.
+    fn host_call(&mut self, arguments: &str) -> io::Result<()> {
+        let (operation, parameter) = (self.register(OPERATION)?, self.register(PARAMETER)? as usize);
+        if operation != GET_COMMAND_LINE {
+            let place = self.register(NEXT)?;
+            return Err(io::Error::other(format!("the program has stopped at {place:#010x}, r0 is {operation:#x}")));
+        }
+        // A block of two words: where to put it, and how long it may be; then how long it is.
+        let block = self.read_memory(parameter, 8)?;
+        let word = |at: usize| {
+            block.get(at..at + 4).and_then(|bytes| bytes.try_into().ok()).map_or(0, u32::from_le_bytes)
+        };
+        let fits = arguments.len() < word(4) as usize;
+        if fits {
+            self.write_memory(word(0) as usize, format!("{arguments}\0").as_bytes())?;
+            self.write_memory(parameter + 4, &(arguments.len() as u32).to_le_bytes())?;
+        }
+        self.set_register(OPERATION, if fits { 0 } else { u32::MAX })?;
+        // Behind the breakpoint instruction.
+        let next = self.register(NEXT)? + 2;
+        self.set_register(NEXT, next)
+    }
+
+    fn read_memory(&mut self, address: usize, length: usize) -> io::Result<Vec<u8>> {
+        let answer = self.ask(&format!("m{address:x},{length:x}"))?;
+        let digits = answer.as_bytes().chunks(2).map(|pair| std::str::from_utf8(pair).ok());
+        let bytes = digits.map(|pair| u8::from_str_radix(pair?, 16).ok()).collect::<Option<Vec<u8>>>();
+        bytes.filter(|bytes| bytes.len() == length).ok_or_else(|| unexpected(&answer))
+    }
+
+    fn write_memory(&mut self, address: usize, bytes: &[u8]) -> io::Result<()> {
+        for (place, part) in (address..).step_by(MOST_BYTES).zip(bytes.chunks(MOST_BYTES)) {
+            let digits: String = part.iter().map(|byte| format!("{byte:02x}")).collect();
+            self.command(&format!("M{place:x},{:x}:{digits}", part.len()))?;
+        }
+        Ok(())
+    }
+
+    fn register(&mut self, number: usize) -> io::Result<u32> {
+        let answer = self.ask(&format!("p{number:x}"))?;
+        Ok(u32::from_str_radix(&answer, 16).map_err(|_| unexpected(&answer))?.swap_bytes())
+    }
+
+    fn set_register(&mut self, number: usize, value: u32) -> io::Result<()> {
+        self.command(&format!("P{number:x}={:08x}", value.swap_bytes()))
+    }
+
+    fn command(&mut self, text: &str) -> io::Result<()> {
+        match self.ask(text)?.as_str() {
+            "OK" => Ok(()),
+            answer => Err(unexpected(answer)),
+        }
+    }
+
+    fn ask(&mut self, text: &str) -> io::Result<String> {
+        self.send(text)?;
+        self.receive()
+    }
+
+    fn send(&mut self, text: &str) -> io::Result<()> {
+        self.out.write_all(packet(text).as_bytes())
+    }
+
+    /// The next packet that comes.
+    fn receive(&mut self) -> io::Result<String> {
+        while self.byte()? != b'$' {}
+        let mut text = Vec::new();
+        loop {
+            match self.byte()? {
+                b'#' => break,
+                byte => text.push(byte),
+            }
+        }
+        // The sum: the line is within this computer, and loses nothing.
+        self.byte()?;
+        self.byte()?;
+        self.out.write_all(b"+")?;
+        Ok(String::from_utf8_lossy(&text).into_owned())
+    }
+
+    fn byte(&mut self) -> io::Result<u8> {
+        let mut byte = [0];
+        self.incoming.read_exact(&mut byte)?;
+        Ok(byte[0])
+    }
+}
+
+/// Those below are the console's.
+const FIRST_HANDLE: usize = 3;
+
+/// A text as a packet.
+fn packet(text: &str) -> String {
+    let sum = text.bytes().fold(0_u8, u8::wrapping_add);
+    format!("${text}#{sum:02x}")
+}
+
+fn unexpected(answer: &str) -> io::Error {
+    io::Error::other(format!("{answer:?} was not expected"))
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests;

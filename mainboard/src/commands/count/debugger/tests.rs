@@ -1,0 +1,88 @@
+use std::net::TcpListener;
+
+use super::*;
+
+/// An emulator that says and hears this: each line what the debugger is to send, and what comes then.
+fn conversation(lines: &'static [(&'static str, &'static str)], folder: &Path, arguments: &str) -> Result<(), String> {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap();
+    std::thread::scope(|scope| {
+        let emulator = scope.spawn(move || {
+            let (mut stream, _) = listener.accept().unwrap();
+            let mut heard = String::new();
+            for (asked, answer) in lines {
+                let wanted = packet(asked);
+                while !heard.contains(&wanted) {
+                    let mut byte = [0];
+                    stream.read_exact(&mut byte).unwrap();
+                    heard.push(char::from(byte[0]));
+                }
+                heard.clear();
+                stream.write_all(format!("+{}", packet(answer)).as_bytes()).unwrap();
+            }
+        });
+        let served = serve(address, folder, arguments);
+        emulator.join().unwrap();
+        served
+    })
+}
+
+const HELLO: (&str, &str) = ("qSupported:swbreak+;hwbreak+", "PacketSize=1000");
+
+#[test]
+fn a_packet_ends_with_the_sum_of_its_bytes() {
+    assert_eq!(packet(""), "$#00");
+    assert_eq!(packet("OK"), "$OK#9a");
+}
+
+#[test]
+fn a_file_is_opened_and_read() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("a"), "hi").unwrap();
+    let lines = &[
+        HELLO,
+        ("?", "S05"),
+        ("c", "Fopen,20000000/2,0,1a4"),
+        ("m20000000,1", "61"),
+        ("F3", "Fread,3,20000100,10"),
+        ("M20000100,2:6869", "OK"),
+        ("F2", "Fread,3,20000100,10"),
+        ("F0", "Flseek,3,0,0"),
+        ("F-1,270f", "O6f"),
+    ];
+    // The last line is what ends it.
+    let error = conversation(lines, folder.path(), "").unwrap_err();
+    assert!(error.contains("debugger"), "{error}");
+}
+
+#[test]
+fn what_is_outside_the_folder_is_not_there() {
+    let lines = &[HELLO, ("?", "S05"), ("c", "Fopen,20000000/4,0,1a4"), ("m20000000,3", "2e2e2f"), ("F-1,2", "W00")];
+    assert_eq!(conversation(lines, Path::new("/tmp"), ""), Ok(()));
+}
+
+#[test]
+fn the_command_line_is_told() {
+    let lines = &[
+        HELLO,
+        ("?", "S05"),
+        ("c", "T05swbreak:;"),
+        ("p0", "15000000"),
+        ("p1", "00010020"),
+        ("m20000100,8", "0002002050000000"),
+        ("M20000200,4:72756e00", "OK"),
+        ("M20000104,4:03000000", "OK"),
+        ("P0=00000000", "OK"),
+        ("pf", "10000008"),
+        ("Pf=12000008", "OK"),
+        ("c", "W00"),
+    ];
+    assert_eq!(conversation(lines, Path::new("."), "run"), Ok(()));
+}
+
+#[test]
+fn any_other_stop_is_an_error() {
+    let lines = &[HELLO, ("?", "S05"), ("c", "S05"), ("p0", "07000000"), ("p1", "00000000"), ("pf", "10000008")];
+    let error = conversation(lines, Path::new("."), "").unwrap_err();
+    assert!(error.contains("0x08000010"), "{error}");
+}

@@ -1,0 +1,234 @@
+//! A board on the test's bench: switched on, with a host at its line and a look at everything around its chip.
+
+use std::path::Path;
+
+use ferrostep_mainboard::conversation::{Conversation, Puppet};
+use ferrostep_mainboard::machine::{Machine, Store};
+use ferrostep_mainboard::plant::Plant;
+use ferrostep_mainboard::run::Finished;
+use ferrostep_mainboard::wiring::{Board, Printer};
+use rigless::emulator::Host as Core;
+use rigless::image::Image;
+use rigless::soc::Width;
+
+use crate::boards::{BOARDS, BoardFacts};
+use crate::foreign_code::{Opened, PROGRAM, WAY_IN};
+use crate::host::{Host, Port};
+use crate::images::{image_of, root};
+use crate::pins::PinLog;
+use crate::port_log::{PortState, PortWrite};
+
+/// A printer that says nothing for so long does not say anything any more, virtual ns.
+const LIMIT_NS: u64 = 40_000_000_000;
+
+/// Far more moments of 100 us than a processor is busy for.
+const MOST_MOMENTS: u32 = 10_000;
+
+/// What is random in a printer follows from this.
+const SEED: u64 = 1;
+
+/// The host's line.
+#[derive(Debug)]
+pub struct Line(pub Conversation);
+
+impl Port for Line {
+    fn send(&mut self, bytes: &[u8]) -> Result<(), String> {
+        self.0.send(bytes)
+    }
+
+    fn receive(&mut self, until_ns: u64) -> Result<Option<String>, String> {
+        Ok(self.0.next_line(until_ns)?.map(|line| line.text))
+    }
+
+    fn now_ns(&self) -> u64 {
+        self.0.now_ns()
+    }
+}
+
+/// A running board with a host connected to it.
+pub struct Bench {
+    /// The host.
+    pub host: Host<Line>,
+    facts: &'static BoardFacts,
+}
+
+impl Bench {
+    /// Boots the bench board.
+    pub fn boot() -> Self {
+        Self::boot_board(&BOARDS[0])
+    }
+
+    /// Boots a board, and lets a host set the line's number.
+    pub fn boot_board(facts: &'static BoardFacts) -> Self {
+        let mut bench = Self::switch_on(facts, |_| {});
+        bench.host.connect().unwrap_or_else(|error| panic!("no connection to {}: {error}", facts.name));
+        bench
+    }
+
+    /// The same with a way for [`Self::execute`].
+    pub fn boot_opened(facts: &'static BoardFacts) -> Self {
+        let mut bench = Self::switch_on_opened(facts);
+        bench.host.connect().unwrap_or_else(|error| panic!("no connection to {}: {error}", facts.name));
+        bench
+    }
+
+    /// A board that runs, and nobody has spoken to it; `change` may break something before.
+    pub fn switch_on(facts: &'static BoardFacts, change: impl FnOnce(&mut Machine)) -> Self {
+        let image = Image::read(&image_of(facts.name), None).unwrap();
+        Self::switch_on_with(facts, vec![image], change)
+    }
+
+    /// The same with these bytes where its boot loader jumps to.
+    pub fn switch_on_from(facts: &'static BoardFacts, file: &Path) -> Self {
+        let image = Image::read(file, Some(u64::from(facts.image_address))).unwrap();
+        Self::switch_on_with(facts, vec![image], |_| {})
+    }
+
+    /// The same with a way for [`Self::execute`].
+    pub fn switch_on_opened(facts: &'static BoardFacts) -> Self {
+        let path = image_of(facts.name);
+        let Opened { image, stub, stub_address } = Opened::of(&path, facts.flash_end);
+        let image = Image::new(&path, image, None).unwrap();
+        let stub = Image::new(Path::new("stub"), stub, Some(u64::from(stub_address))).unwrap();
+        Self::switch_on_with(facts, vec![image, stub], |_| {})
+    }
+
+    fn switch_on_with(facts: &'static BoardFacts, images: Vec<Image>, change: impl FnOnce(&mut Machine)) -> Self {
+        let board = Board::read(&root().join(format!("boards/{}.toml", facts.name))).unwrap();
+        let printer = Printer::read(&root().join(format!("profiles/{}.toml", facts.profile))).unwrap();
+        let mut machine = Machine::new(&board, &printer, SEED).unwrap();
+        machine.keep_stores();
+        change(&mut machine);
+        let boot = u64::from(facts.image_address);
+        let conversation = Conversation::start(machine, images, boot).unwrap();
+        Self { host: Host::new(Line(conversation), LIMIT_NS), facts }
+    }
+
+    /// Looks at the machine, or changes it, while it stands still.
+    pub fn with<T: Send + 'static>(
+        &mut self,
+        action: impl FnOnce(&mut Machine, &mut dyn Core) -> T + Send + 'static,
+    ) -> T {
+        self.host.port().0.with(action).unwrap()
+    }
+
+    /// Changes what is around the chip; the chip sees it at once. The second number is the board's time, ns.
+    pub fn change(&mut self, action: impl FnOnce(&mut Plant, u64) + Send + 'static) {
+        let now_ns = self.now_ns();
+        self.with(move |machine, _| {
+            action(&mut machine.plant, now_ns);
+            machine.plant.look_again();
+        });
+    }
+
+    /// The board's time, ns.
+    pub fn now_ns(&mut self) -> u64 {
+        self.with(|_, _| ());
+        self.host.port().now_ns()
+    }
+
+    /// Lets time pass, ms; what is said meanwhile is lost.
+    pub fn pass(&mut self, time_ms: u64) {
+        self.host.listen(time_ms).unwrap();
+    }
+
+    /// Presses the reset button.
+    pub fn press_reset(&mut self) {
+        self.host.port().0.press_reset().unwrap();
+    }
+
+    /// What the motors' pins have done so far.
+    pub fn pins(&mut self) -> PinLog {
+        let facts = self.facts;
+        self.with(move |machine, _| PinLog::of(machine, facts))
+    }
+
+    /// All that was stored to peripherals so far.
+    pub fn stores(&mut self) -> Vec<Store> {
+        self.with(|machine, _| machine.stores().to_vec())
+    }
+
+    /// How often this was stored to a register so far.
+    pub fn stored(&mut self, address: u32, value: u32) -> usize {
+        self.with(move |machine, _| {
+            let these = machine.stores().iter().filter(|store| (store.address, store.value) == (address, value));
+            these.map(|store| store.times as usize).sum()
+        })
+    }
+
+    /// All that was stored to the ports so far.
+    pub fn port_writes(&mut self) -> Vec<PortWrite> {
+        self.with(|machine, _| machine.stores().iter().filter_map(PortWrite::of).collect())
+    }
+
+    /// The pins after all stores so far.
+    pub fn state(&mut self) -> PortState {
+        let mut state = PortState::new();
+        self.port_writes().into_iter().for_each(|write| state.apply(write));
+        state
+    }
+
+    /// The share of full power that a heater gets, by its name.
+    pub fn heater_power(&mut self, name: &str) -> f64 {
+        let name = name.to_owned();
+        self.with(move |machine, _| {
+            machine.plant.heaters.iter().find(|heater| heater.name == name).map(|heater| heater.power).unwrap()
+        })
+    }
+
+    /// Whether any heater gets power.
+    pub fn any_heater_on(&mut self) -> bool {
+        self.with(|machine, _| machine.plant.any_heater_on())
+    }
+
+    /// Writes words to RAM.
+    pub fn write_memory(&mut self, address: u32, words: &[u32]) {
+        let words = words.to_vec();
+        self.with(move |_, core| {
+            for (place, word) in (u64::from(address)..).step_by(4).zip(words) {
+                core.write(place, Width::W32, u64::from(word)).unwrap();
+            }
+        });
+    }
+
+    /// A word of RAM.
+    pub fn word(&mut self, address: u32) -> u32 {
+        self.with(move |_, core| core.read(u64::from(address), Width::W32).unwrap() as u32)
+    }
+
+    /// Lets the processor execute these instructions instead of sleeping, from the end of its next sleep on. Only for a board
+    /// that was switched on opened.
+    pub fn execute(&mut self, code: &[u16]) {
+        let code = code.to_vec();
+        self.with(move |_, core| {
+            for (place, half) in (u64::from(PROGRAM)..).step_by(2).zip(code) {
+                core.write(place, Width::W16, u64::from(half)).unwrap();
+            }
+            core.write(u64::from(WAY_IN), Width::W32, u64::from(PROGRAM | 1)).unwrap();
+        });
+        for _ in 0..MOST_MOMENTS {
+            self.wait_us(100);
+            if self.word(WAY_IN) == 0 {
+                return;
+            }
+        }
+        panic!("{}: the processor does not sleep", self.facts.name);
+    }
+
+    /// Lets time pass, us; what is said meanwhile is heard later.
+    pub fn wait_us(&mut self, time_us: u64) {
+        let until_ns = self.now_ns() + time_us * 1000;
+        self.host.port().0.wait(until_ns).unwrap();
+    }
+
+    /// Switches the machine off; what its motors' pins have done.
+    pub fn switch_off(self) -> PinLog {
+        let facts = self.facts;
+        PinLog::of(self.end().machine(), facts)
+    }
+
+    /// Switches the machine off; what is left of it.
+    pub fn end(self) -> Finished<Puppet> {
+        self.host.into_port().0.end().unwrap()
+    }
+}

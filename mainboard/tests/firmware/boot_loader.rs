@@ -1,0 +1,33 @@
+//! A boot loader that ran as a task, with interrupts masked, and jumps to the image from there.
+
+use ferrostep_image_code::code::Code;
+
+use crate::bench::Bench;
+use crate::boards::BOARDS;
+use crate::foreign_code::{PROGRAM, load};
+use crate::images::image_of;
+
+/// All of RTIC's priorities masked but the highest, and a stack of its own: `movs r0, #0x10; msr basepri, r0; movs r0, #2;
+/// msr control, r0; isb`.
+const MASKS: [u16; 8] = [0x2010, 0xf380, 0x8811, 0x2002, 0xf380, 0x8814, 0xf3bf, 0x8f6f];
+
+/// `mov sp, r2; bx r1`.
+const LEAVE: [u16; 2] = [0x4695, 0x4708];
+
+/// With masks left the image would never hear its host; with another stack it would run over the other's memory.
+#[test]
+fn an_image_starts_whatever_masks_and_stack_a_boot_loader_leaves() {
+    for board in &BOARDS {
+        let code = Code::of(&image_of(board.name)).unwrap();
+        let is_reset = |start: &u32| code.names(*start).iter().any(|name| name == "Reset");
+        let reset = code.functions_named("Reset").into_iter().find(is_reset).unwrap();
+        let mut bench = Bench::boot_opened(board);
+        // A stack of some words, which the image would run over.
+        let program = [&MASKS[..], &load(1, reset | 1), &load(2, PROGRAM + 0x80), &LEAVE].concat();
+        bench.execute(&program);
+        bench.host.wait_for("start", |line| line == "start").unwrap();
+        bench.host.send_raw(b"M110 N0\nM115\n").unwrap();
+        let line = bench.host.wait_for("M115", |line| line.starts_with("FIRMWARE_NAME")).unwrap();
+        assert!(line.contains("EXTRUDER_COUNT:1"), "{}: {line}", board.name);
+    }
+}

@@ -1,0 +1,87 @@
+//! Code that no image has, executed in the place of its sleep: what a stray jump or a broken memory would come to.
+
+use std::path::Path;
+
+use ferrostep_image_code::code::Code;
+use object::{Object, ObjectSection};
+
+/// Below all that the stack comes down to.
+pub const PROGRAM: u32 = 0x2000_0200;
+
+/// Once this word is not 0, the processor goes where it says.
+pub const WAY_IN: u32 = PROGRAM - 4;
+
+/// Bytes at the end of flash, which no image fills.
+const STUB_BYTES: u32 = 64;
+
+/// `movw` and `movt` of a constant to a register.
+pub fn load(register: u16, constant: u32) -> [u16; 4] {
+    let half = |instruction: u16, half: u16| {
+        let (high, low) = (half >> 12, half & 0xff);
+        [instruction | (half >> 11 & 1) << 10 | high, (half >> 8 & 7) << 12 | register << 8 | low]
+    };
+    let ([a, b], [c, d]) = (half(0xf240, constant as u16), half(0xf2c0, (constant >> 16) as u16));
+    [a, b, c, d]
+}
+
+/// `b .`
+pub const STAND_STILL: u16 = 0xe7fe;
+
+/// What stands where the image slept: sleeps, looks at [`WAY_IN`], forgets it and goes there, or sleeps again.
+fn stub() -> Vec<u16> {
+    // wfi; r3 = WAY_IN; ldr r2, [r3]; cmp r2, #0; beq to the wfi; movs r0, #0; str r0, [r3]; bx r2
+    [&[0xbf30][..], &load(3, WAY_IN), &[0x681a, 0x2a00, 0xd0f7, 0x2000, 0x6018, 0x4710]].concat()
+}
+
+/// An image with a way into it.
+#[derive(Clone, Debug)]
+pub struct Opened {
+    /// The image: as it was, but that the branch behind its one `wfi` and the `wfi` itself lead to the stub.
+    pub image: Vec<u8>,
+    /// What to put at the end of flash.
+    pub stub: Vec<u8>,
+    /// Where that is.
+    pub stub_address: u32,
+}
+
+impl Opened {
+    /// Opens an image for a chip whose flash ends there.
+    pub fn of(image: &Path, flash_end: u32) -> Self {
+        let all = Code::of(image).unwrap().instructions().unwrap();
+        let sleeps: Vec<_> = all.windows(2).filter(|pair| pair[0].name == "wfi").collect();
+        let &[[sleep, back]] = sleeps.as_slice() else { panic!("one place to sleep") };
+        assert_eq!((back.length, back.target()), (2, Some(sleep.address)), "{back}");
+        let mut bytes = std::fs::read(image).unwrap();
+        let place = {
+            let file = object::File::parse(&*bytes).unwrap();
+            let text = file.section_by_name(".text").unwrap();
+            (text.file_range().unwrap().0 + u64::from(sleep.address) - text.address()) as usize
+        };
+        let stub_address = flash_end - STUB_BYTES;
+        let branch: Vec<u8> = branch(sleep.address, stub_address).into_iter().flat_map(u16::to_le_bytes).collect();
+        bytes[place..place + 4].copy_from_slice(&branch);
+        Self { image: bytes, stub: stub().into_iter().flat_map(u16::to_le_bytes).collect(), stub_address }
+    }
+}
+
+/// `b.w` (ARMv7-M, A7.7.12, encoding T4).
+fn branch(from: u32, to: u32) -> [u16; 2] {
+    let distance = to.wrapping_sub(from + 4);
+    let bit = |place: u32| (distance >> place & 1) as u16;
+    let (sign, high, low) = (bit(24), (distance >> 12 & 0x3ff) as u16, (distance >> 1 & 0x7ff) as u16);
+    [0xf000 | sign << 10 | high, 0x9000 | (1 ^ bit(23) ^ sign) << 13 | (1 ^ bit(22) ^ sign) << 11 | low]
+}
+
+#[test]
+fn constants_are_encoded_as_the_architecture_s_manual_says() {
+    // A7.7.76 and A7.7.79: imm4:i:imm3:imm8.
+    assert_eq!(load(1, 0xe000_ed0c), [0xf64e, 0x510c, 0xf2ce, 0x0100]);
+}
+
+#[test]
+fn branches_are_encoded_as_the_architecture_s_manual_says() {
+    // As an assembler has them: 4 ahead, 4 back, 1 MiB ahead.
+    assert_eq!(branch(0x0800_0000, 0x0800_0008), [0xf000, 0xb802]);
+    assert_eq!(branch(0x0800_0000, 0x0800_0000), [0xf7ff, 0xbffe]);
+    assert_eq!(branch(0x0800_0000, 0x0810_0004), [0xf100, 0xb800]);
+}

@@ -1,0 +1,75 @@
+//! What is said after a reset: its cause, and the last words of the program that ended before.
+
+use crate::bench::Bench;
+use crate::board_pins::{force_panic, jump_nowhere};
+use crate::boards::{BOARDS, BoardFacts};
+use crate::foreign_code::{STAND_STILL, load};
+
+/// AIRCR and what asks it for a reset by software (PM0214, 4.4.5).
+const AIRCR: u32 = 0xe000_ed0c;
+const RESET_KEY: u32 = 0x05fa_0004;
+
+/// `str r0, [r1]`.
+const STORE: u16 = 0x6008;
+
+/// What the image says at its start, up to its reset's cause and what follows.
+fn greeting(bench: &mut Bench) -> Vec<String> {
+    bench.host.wait_for("start", |line| line == "start").unwrap();
+    bench.host.listen(300).unwrap()
+}
+
+fn last_words(greeting: &[String]) -> Vec<&str> {
+    greeting.iter().filter_map(|line| line.strip_prefix("echo:last ")).collect()
+}
+
+fn assert_cause(board: &BoardFacts, greeting: &[String], cause: &str) {
+    assert!(greeting.contains(&format!("echo:reset: {cause}")), "{}: {greeting:?}", board.name);
+}
+
+fn boot(board: &'static BoardFacts) -> Bench {
+    let mut bench = Bench::switch_on_opened(board);
+    let heard = greeting(&mut bench);
+    assert!(last_words(&heard).is_empty(), "{heard:?}");
+    assert_cause(board, &heard, "power-on");
+    bench
+}
+
+#[test]
+fn a_panic_is_told_after_the_reset_and_once() {
+    for board in &BOARDS {
+        let mut bench = boot(board);
+        force_panic(board, &mut bench);
+        bench.host.wait_for("the panic", |line| line.starts_with("Error:firmware panic")).unwrap();
+        bench.pass(50);
+        bench.press_reset();
+        let heard = greeting(&mut bench);
+        let expected = "panic: panicked at nowhere.rs:1:1: attempt to add with overflow";
+        assert_eq!(last_words(&heard), [expected], "{}: {heard:?}", board.name);
+        assert_cause(board, &heard, "pin");
+        bench.press_reset();
+        let heard = greeting(&mut bench);
+        assert!(last_words(&heard).is_empty() && !heard.is_empty(), "{}: {heard:?}", board.name);
+    }
+}
+
+#[test]
+fn a_fault_is_told_after_the_reset() {
+    let mut bench = boot(&BOARDS[0]);
+    jump_nowhere(&mut bench);
+    bench.host.wait_for("the fault", |line| line.starts_with("Error:firmware fault")).unwrap();
+    bench.pass(50);
+    bench.press_reset();
+    assert_eq!(last_words(&greeting(&mut bench)), ["fault at 0x60000000"]);
+}
+
+#[test]
+fn a_reset_by_software_is_called_so() {
+    for board in &BOARDS {
+        let mut bench = boot(board);
+        let program = [&load(0, RESET_KEY)[..], &load(1, AIRCR), &[STORE, STAND_STILL]].concat();
+        bench.execute(&program);
+        let heard = greeting(&mut bench);
+        assert_cause(board, &heard, "software");
+        assert!(last_words(&heard).is_empty(), "{}: {heard:?}", board.name);
+    }
+}

@@ -1,0 +1,80 @@
+//! What an image did to the pins of its motors.
+
+use ferrostep_mainboard::machine::Machine;
+
+use crate::boards::BoardFacts;
+use crate::port_log::{PortState, PortWrite};
+
+/// Motors that stepped at the same moment.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PinEvent {
+    /// Bit i = motor i steps.
+    pub axes: u8,
+    /// Bit i = motor i steps backwards.
+    pub directions: u8,
+}
+
+/// The step events of a run.
+#[derive(Clone, Debug)]
+pub struct PinLog {
+    events: Vec<PinEvent>,
+    motors_disabled: bool,
+}
+
+impl PinLog {
+    /// What a machine's motors have been told, up to now.
+    pub fn of(machine: &Machine, board: &BoardFacts) -> Self {
+        // Its last event may still be open: of a copy it can be ended.
+        let mut decoder = machine.decoder.clone();
+        let events = decoder.finish();
+        let mut state = PortState::new();
+        machine.stores().iter().filter_map(PortWrite::of).for_each(|write| state.apply(write));
+        let is_off = |enable: &(char, u8)| !state.is_output(*enable) || state.is_high(*enable);
+        Self::new(
+            events.iter().map(|event| PinEvent { axes: event.axes, directions: event.directions }).collect(),
+            board.all_enable().iter().all(is_off),
+        )
+    }
+
+    /// These events.
+    pub fn new(events: Vec<PinEvent>, motors_disabled: bool) -> Self {
+        Self { events, motors_disabled }
+    }
+
+    /// All steps, in order.
+    pub fn events(&self) -> &[PinEvent] {
+        &self.events
+    }
+
+    /// Whether all motors are switched off.
+    pub fn motors_disabled(&self) -> bool {
+        self.motors_disabled
+    }
+
+    /// FNV-1a-64 over the (axes, directions) bytes of all events.
+    pub fn order_digest(&self) -> u64 {
+        ferrostep_mainboard::decode::order_digest(self.events.iter().map(|event| (event.axes, event.directions)))
+    }
+
+    /// Steps of each motor, both directions added.
+    pub fn issued(&self) -> [u64; 4] {
+        let mut issued = [0; 4];
+        for event in &self.events {
+            for (motor, steps) in issued.iter_mut().enumerate() {
+                *steps += u64::from(event.axes >> motor & 1);
+            }
+        }
+        issued
+    }
+
+    /// Where each motor has come to from where it stood at reset, in steps.
+    pub fn displacement(&self) -> [i64; 4] {
+        let mut displacement = [0; 4];
+        for event in &self.events {
+            for (motor, steps) in displacement.iter_mut().enumerate() {
+                *steps += i64::from(event.axes >> motor & 1) - 2 * i64::from(event.directions >> motor & 1);
+            }
+        }
+        displacement
+    }
+}

@@ -1,0 +1,44 @@
+//! The files as boot loaders and programmers write them: the board starts from them, and they say what they are.
+
+use crate::bench::Bench;
+use crate::boards::BOARDS;
+use crate::foreign_code::{PROGRAM, STAND_STILL, load};
+use crate::images::image_of;
+
+/// Where the core finds the address of its table of handlers (PM0214, 4.4.4).
+const VTOR: u32 = 0xe000_ed08;
+
+/// A word of RAM that nothing else uses.
+const FOUND: u32 = PROGRAM - 8;
+
+/// `ldr r0, [r1]; str r0, [r2]`.
+const COPY: [u16; 2] = [0x6808, 0x6010];
+
+#[test]
+fn the_plain_bytes_start_and_say_their_version() {
+    for board in &BOARDS {
+        let bytes = image_of(board.name).with_file_name(board.bytes_file);
+        let content = std::fs::read(&bytes).unwrap();
+        let start = content.windows(10).position(|window| window == b"ferrostep ").unwrap();
+        let text: String =
+            content[start..].iter().map(|&byte| char::from(byte)).take_while(|one| !one.is_control()).collect();
+        let (version, rest) = text.strip_prefix("ferrostep ").unwrap().split_once(" (commit ").unwrap();
+        let (commit, _) = rest.split_once(") ").unwrap();
+
+        let mut bench = Bench::switch_on_from(board, &bytes);
+        bench.host.connect().unwrap();
+        let line = bench.host.ask("M115", "FIRMWARE_NAME").unwrap();
+        let expected = format!("FIRMWARE_NAME:Ferrostep {version} (commit {commit}) PROTOCOL_VERSION:");
+        assert!(line.starts_with(&expected), "{}: {line}", board.name);
+    }
+}
+
+/// The vector table that the core uses is this image's, whatever a boot loader's was.
+#[test]
+fn the_core_uses_the_image_s_own_table_of_handlers() {
+    for board in &BOARDS {
+        let mut bench = Bench::boot_opened(board);
+        bench.execute(&[&load(1, VTOR)[..], &load(2, FOUND), &COPY, &[STAND_STILL]].concat());
+        assert_eq!(bench.word(FOUND), board.image_address, "{}", board.name);
+    }
+}
