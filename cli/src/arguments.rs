@@ -117,7 +117,7 @@ pub struct ServeArguments {
     /// A port of this computer (0: any that is free).
     #[arg(long, value_name = "PORT")]
     pub tcp: Option<u16>,
-    /// The printer's seconds for a second of this computer's; as many as it can if it cannot keep up.
+    /// The printer's seconds for a second of this computer's; where it cannot keep up, the printer is late and stays so.
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
     pub speed: f64,
 }

@@ -3,6 +3,7 @@
 //! The machine is a program of its own (`mainboard/`), for its emulator wants a newer Rust than this one; this finds it and
 //! hands over.
 
+use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 
@@ -38,8 +39,8 @@ pub fn run(arguments: &ServeArguments) -> Result<ExitCode, String> {
     if let Some(port) = arguments.tcp {
         command.args(["--tcp", &port.to_string()]);
     }
-    let status = command.status().map_err(|error| format!("{}: {error}", program.display()))?;
-    Ok(status.code().and_then(|code| u8::try_from(code).ok()).map_or(ExitCode::FAILURE, ExitCode::from))
+    // In this program's place, so that a signal to it reaches the machine. It comes back only if it could not begin.
+    Err(format!("{}: {}", program.display(), command.exec()))
 }
 
 /// The boards that have names, in words.

@@ -59,12 +59,13 @@ pub struct Machine {
     powered: bool,
     shares_line: bool,
     resets_seen: usize,
+    records_steps: bool,
 }
 
 store!(Machine {
     values: [plant, decoder, usb_host, stores, ports, powered, resets_seen],
     parts: [chip],
-    built: [instructions_per_second, shares_line],
+    built: [instructions_per_second, shares_line, records_steps],
 });
 
 impl Machine {
@@ -98,12 +99,18 @@ impl Machine {
             powered: true,
             shares_line,
             resets_seen: 0,
+            records_steps: true,
         })
     }
 
     /// Runs the core at another rate than [`INSTRUCTIONS_PER_SECOND`]: slower is how wait states would feel.
     pub fn set_instructions_per_second(&mut self, rate: NonZeroU64) {
         self.instructions_per_second = rate;
+    }
+
+    /// Keeps no record of the steps: for a machine that runs for days, which nobody compares with a trace.
+    pub fn forget_steps(&mut self) {
+        self.records_steps = false;
     }
 
     /// A mailbox by the serial port at which it hangs.
@@ -147,6 +154,7 @@ impl Machine {
         let Some(registers) = self.chip.port_registers(port) else { return };
         for (pin, level, is_edge) in self.ports.changes(port, registers) {
             if let Some(high) = level
+                && self.records_steps
                 && (is_edge || !self.ports.is_step(pin))
             {
                 self.decoder.edge(now_ns, pin, high);

@@ -69,3 +69,24 @@ fn a_line_in_use_is_refused_by_its_name() {
     refused(&["serve", "--board", BUDDY, "--pty", file], &[file, "in use"]);
     refused(&["serve", "--board", BUDDY], &["--pty"]);
 }
+
+/// A signal that asks the program to end takes its line away: a later terminal of that number would be taken for a printer.
+#[test]
+fn a_line_goes_with_its_machine() {
+    let link = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("printer");
+    let Ok(images) = fs::canonicalize("../target/images/prusa-buddy/ferrostep.elf") else {
+        panic!("no image: cargo xtask firmware --board prusa-buddy builds it");
+    };
+    let mut serve = Command::new(env!("CARGO_BIN_EXE_ferrostep-mainboard"))
+        .args(["serve", "--board", BUDDY, "--image", images.to_str().unwrap(), "--pty", link.to_str().unwrap()])
+        .spawn()
+        .unwrap();
+    while !link.is_symlink() {
+        assert!(serve.try_wait().unwrap().is_none(), "it has ended before its line was there");
+        std::thread::yield_now();
+    }
+    let ended = Command::new("kill").arg(serve.id().to_string()).status().unwrap();
+    assert!(ended.success());
+    serve.wait().unwrap();
+    assert!(!link.is_symlink());
+}

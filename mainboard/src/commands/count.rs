@@ -48,15 +48,15 @@ impl Count {
         let mut machine = bench.machine;
         // Its time is no instruction.
         machine.chip.set_interrupt_entry(0);
-        let listener = TcpListener::bind(("127.0.0.1", 0)).map_err(|error| format!("no port for a debugger: {error}"))?;
+        let listener =
+            TcpListener::bind(("127.0.0.1", 0)).map_err(|error| format!("no port for a debugger: {error}"))?;
         let address = listener.local_addr().map_err(|error| format!("no port for a debugger: {error}"))?;
         let mut start = Start::new(&bench.images);
         start.boot = Some(0x0800_0000 + u64::from(bench.board.boot_offset));
         start.semihosting = true;
         start.debugger = Some(&listener);
         start.wait_for_debugger = true;
-        let session =
-            Session::new(Box::new(machine), 0, VirtualNanos(SLICE_NS)).map_err(|error| error.to_string())?;
+        let session = Session::new(Box::new(machine), 0, VirtualNanos(SLICE_NS)).map_err(|error| error.to_string())?;
         let console = Console { until_ns: self.seconds.saturating_mul(1_000_000_000), broken: None };
         let finished = std::thread::scope(|scope| {
             let server = scope.spawn(|| debugger::serve(address, &self.folder, &self.arguments));
@@ -72,7 +72,9 @@ impl Count {
         }
         match finished.exit_status {
             Some(status) => Ok(status == 0),
-            None => Err(format!("the program has not ended within {} s of its time; --seconds allows more", self.seconds)),
+            None => {
+                Err(format!("the program has not ended within {} s of its time; --seconds allows more", self.seconds))
+            }
         }
     }
 }

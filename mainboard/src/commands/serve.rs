@@ -1,10 +1,14 @@
 //! The machine on a line of this computer, for anybody's host.
 
 use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use clap::Args;
 use rigless::emulator::Host;
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use signal_hook::flag;
 
 use super::setup::{Setup, Via, hear, say};
 use crate::host::Line;
@@ -25,7 +29,7 @@ pub struct Serve {
     /// A port of this computer (0: any that is free).
     #[arg(long, value_name = "PORT")]
     tcp: Option<u16>,
-    /// Virtual time for a second of this computer's; the machine runs as fast as it can if it cannot keep up.
+    /// Virtual time for a second of this computer's; where the computer cannot keep up, the machine is late and stays so.
     #[arg(long, default_value_t = 1.0)]
     speed: f64,
 }
@@ -38,22 +42,40 @@ struct Door {
     speed: f64,
     began: Instant,
     failed: Option<String>,
+    /// Set by a signal that asks the program to end, so that the line is taken away.
+    stops: Arc<AtomicBool>,
 }
 
 /// How often the clocks are compared: each this many ns of virtual time.
 const PACE_NS: u64 = 1_000_000;
 
+/// A machine that is later than this does not run after what it has lost: a printer that races is no printer.
+const PATIENCE: Duration = Duration::from_millis(100);
+
+impl Door {
+    /// Waits until this computer's clock has come to where the machine's is.
+    fn keep_pace(&mut self, now_ns: u64) {
+        let due = Duration::from_secs_f64(now_ns as f64 / 1e9 / self.speed);
+        let passed = self.began.elapsed();
+        if let Some(ahead) = due.checked_sub(passed) {
+            std::thread::sleep(ahead);
+        } else if passed - due > PATIENCE {
+            self.began += passed - due;
+        }
+    }
+}
+
 impl Operator for Door {
     fn turn(&mut self, machine: &mut Machine, now_ns: u64, _: &mut dyn Host) -> Turn {
+        if self.stops.load(Ordering::Relaxed) {
+            return Turn::Stop;
+        }
         if self.via == Via::Usb && !self.plugged {
             self.plugged = true;
             machine.usb_host.plug();
         }
         if now_ns % PACE_NS < crate::run::SLICE_NS {
-            let due = Duration::from_secs_f64(now_ns as f64 / 1e9 / self.speed);
-            if let Some(ahead) = due.checked_sub(self.began.elapsed()) {
-                std::thread::sleep(ahead);
-            }
+            self.keep_pace(now_ns);
             let read = self.line.read().map_err(|error| error.to_string());
             let written = match read {
                 Ok(bytes) => {
@@ -80,6 +102,11 @@ impl Serve {
         if !(self.speed > 0.0 && self.speed.is_finite()) {
             return Err(format!("--speed {}: expected more than 0; 1 is real time", self.speed));
         }
+        // Before the line is there, so that it never outlives the program.
+        let stops = Arc::new(AtomicBool::new(false));
+        for signal in [SIGINT, SIGTERM, SIGHUP] {
+            flag::register(signal, Arc::clone(&stops)).map_err(|error| error.to_string())?;
+        }
         let line = match (&self.pty, self.tcp) {
             (Some(path), _) => Line::pty(path)?,
             (None, Some(port)) => Line::tcp(port)?,
@@ -88,8 +115,10 @@ impl Serve {
         let mut bench = self.setup.bench()?;
         eprintln!("{} on {}", bench.board.title, line.address());
         let spare = Machine::new(&bench.board, &bench.printer, 0)?;
-        let machine = std::mem::replace(&mut bench.machine, spare);
-        let door = Door { line, via: self.via, plugged: false, speed: self.speed, began: Instant::now(), failed: None };
+        let mut machine = std::mem::replace(&mut bench.machine, spare);
+        machine.forget_steps();
+        let door =
+            Door { line, via: self.via, plugged: false, speed: self.speed, began: Instant::now(), failed: None, stops };
         let finished = run(machine, &bench.images, &bench.options(), door).map_err(|error| error.to_string())?;
         finished.operator.failed.map_or(Ok(true), Err)
     }

@@ -124,9 +124,8 @@ impl Server {
         }
         // A block of two words: where to put it, and how long it may be; then how long it is.
         let block = self.read_memory(parameter, 8)?;
-        let word = |at: usize| {
-            block.get(at..at + 4).and_then(|bytes| bytes.try_into().ok()).map_or(0, u32::from_le_bytes)
-        };
+        let word =
+            |at: usize| block.get(at..at + 4).and_then(|bytes| bytes.try_into().ok()).map_or(0, u32::from_le_bytes);
         let fits = arguments.len() < word(4) as usize;
         if fits {
             self.write_memory(word(0) as usize, format!("{arguments}\0").as_bytes())?;
