@@ -16,7 +16,9 @@ use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 use std::thread;
 
 use ferrostep_image_code::code::{Code, Instruction, constant};
-use ferrostep_tests::qemu::EMULATOR;
+
+/// The program, which is to be installed by hand. Version 7.2 is known to work.
+const EMULATOR: &str = "qemu-system-arm";
 
 /// TIM2's number (RM0090, table 61).
 const STEP_TIMER: u32 = 28;

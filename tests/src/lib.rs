@@ -2,8 +2,7 @@
 //!
 //! No check shares code with the crates under test. [`mod@reference`] reads G-code and plans it a second time,
 //! with floating point and all the memory it wants; [`trace`] reads the records that `ferrostep print --trace`
-//! writes; [`trace_check`] holds one against the other; [`qemu`] runs the firmware image and
-//! reads its pins. What they have in common is the written interface only.
+//! writes; [`trace_check`] holds one against the other. What they have in common is the written interface only.
 //!
 //! [`board_model`] is made of the crates under test: it runs them as the firmware does, at any speed of host and
 //! processor. [`live_machine`] makes hostile conversations with it of any bytes. [`stress_file`] makes a print that asks much of both, [`feed_chart`] draws what came out. [`step_edges`]

@@ -15,8 +15,8 @@ use std::path::Path;
 use serde_json::{Value, json};
 
 use crate::core_library;
-use crate::emulator;
 use crate::firmware::{self, Program, Target};
+use crate::mainboard;
 use crate::steps::{Failure, Run};
 
 /// What to do with the counts.
@@ -35,9 +35,9 @@ pub struct Options {
 
 /// Builds both images, counts, and does what was asked for. The desk is measured for a reader only.
 pub fn run(run: &mut Run, options: Options) -> Result<(), Failure> {
-    run.step("emulator", emulator::find)?;
+    let mainboard = mainboard::build(run)?;
     let image = firmware::build(run, Program::Firmware, &Target::bench()?)?;
-    let mut figures = count(run, &image)?;
+    let mut figures = count(run, &mainboard, &image)?;
     if options.json || !(options.check || options.save_baseline) {
         let host = run.step("the desk", host::measure)?;
         insert(&mut figures, "host", host);
@@ -56,9 +56,9 @@ pub fn run(run: &mut Run, options: Options) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Counts and compares, the firmware's image being there.
-pub fn check(run: &mut Run, firmware: &Path) -> Result<(), Failure> {
-    let figures = count(run, firmware)?;
+/// Counts and compares, the virtual mainboard's program and the firmware's image being there.
+pub fn check(run: &mut Run, mainboard: &Path, firmware: &Path) -> Result<(), Failure> {
+    let figures = count(run, mainboard, firmware)?;
     compare(run, &figures)
 }
 
@@ -67,12 +67,12 @@ fn compare(run: &mut Run, figures: &Value) -> Result<(), Failure> {
 }
 
 /// What is the same on every run and every machine.
-fn count(run: &mut Run, firmware: &Path) -> Result<Value, Failure> {
+fn count(run: &mut Run, mainboard: &Path, firmware: &Path) -> Result<Value, Failure> {
     let board = Target::bench()?;
     let tally = firmware::build(run, Program::Tally, &board)?;
-    let mut workload = run.step("events to make", || emulation::count(&tally))?;
+    let mut workload = run.step("events to make", || emulation::count(mainboard, &tally))?;
     let bench = firmware::build(run, Program::Bench, &board)?;
-    let mut counts = run.step("instructions", || emulation::count(&bench))?;
+    let mut counts = run.step("instructions", || emulation::count(mainboard, &bench))?;
     let target = counts.get_mut("target").ok_or("the bench counted nothing of the target")?;
     lines::join(target, &mut workload)?;
     let sizes = firmware::sizes(firmware)?;

@@ -90,7 +90,7 @@ impl Target {
         self.board.chip.probe_name
     }
 
-    /// The bench, which the emulator runs.
+    /// The bench, whose programs the virtual mainboard runs.
     pub fn bench() -> Result<Self, Failure> {
         Self::new(ferrostep_boards::DEFAULT, None)
     }

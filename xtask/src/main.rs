@@ -6,7 +6,6 @@
 mod bbf;
 mod bench;
 mod core_library;
-mod emulator;
 mod firmware;
 mod generated;
 mod image;
@@ -65,11 +64,11 @@ enum Task {
     /// Build the firmware images of one board or all, as ELF, plain bytes and Intel HEX, and print their size tables; the
     /// first image's path is the first line of the output
     Firmware(firmware::Options),
-    /// Count the target's instructions for the parts of a print, in an emulator: the same on every machine
+    /// Count the target's instructions for the parts of a print, on the virtual mainboard: the same on every machine
     Bench(bench::Options),
     /// Build a board's firmware, write it over a debug probe, and start it
     Flash(on_target::FlashOptions),
-    /// Measure a board over a debug probe, and hold the times against their bounds; without a board, in the emulator
+    /// Measure a board over a debug probe, and hold the times against their bounds; without a board, on the virtual mainboard
     OnTarget(on_target::TestOptions),
     /// Print a file on the virtual mainboard: the board's image, unmodified, on an emulated chip with a printer around it
     Mainboard(mainboard::Options),
@@ -118,12 +117,12 @@ fn test(run: &mut Run) -> Result<PathBuf, Failure> {
         system::run(cargo().arg("clippy").args(DESK).args(["--all-targets", "--", "-D", "warnings"]))
     })?;
     firmware::check(run)?;
-    run.step("emulator", emulator::find)?;
-    // All boards; the bench's comes first, and the emulator runs it.
+    let mainboard = mainboard::build(run)?;
+    // All boards; the bench's comes first.
     let images = firmware::build_images(run, &firmware::Options::default())?;
     let image = images.into_iter().next().ok_or("there is no board")?;
-    bench::check(run, &image)?;
-    on_target::rehearse(run)?;
+    bench::check(run, &mainboard, &image)?;
+    on_target::rehearse(run, &mainboard)?;
     // The test profile and not release: it is optimised but checks overflows and debug assertions, and does not spend
     // minutes on link-time optimisation of every test program.
     run.step("tests", || {

@@ -105,6 +105,46 @@ pub fn build(run: &mut Run) -> Result<PathBuf, Failure> {
     Ok(folder().join("target/release/ferrostep-mainboard"))
 }
 
+/// Instructions a second of the bench's own programs: as many as their timers have ticks on the chip's internal oscillator, with
+/// which it leaves reset (RM0090, 7.2.2). The timers then count instructions.
+const INTERNAL_OSCILLATOR_HZ: u32 = 16_000_000;
+
+/// As many as a core at full speed has cycles: its counter of cycles then counts instructions.
+const CORE_HZ: u32 = 168_000_000;
+
+/// What a program of the bench counts with.
+#[derive(Clone, Copy, Debug)]
+pub enum Counter {
+    /// A timer, on the clock after reset.
+    Timer,
+    /// The core's counter of cycles, on the clock of the firmware.
+    Core,
+}
+
+/// A program for the bench that speaks by semihosting, so that what it counts is instructions; its files are in `folder`.
+pub fn counting(program: &Path, image: &Path, counter: Counter, folder: &Path, arguments: &str) -> Result<Command, Failure> {
+    let machine = Machine::new(program, ferrostep_boards::DEFAULT, None, image)?;
+    let mut command = machine.command("count");
+    let hz = match counter {
+        Counter::Timer => INTERNAL_OSCILLATOR_HZ,
+        Counter::Core => CORE_HZ,
+    };
+    command.arg("--instructions-per-second").arg(hz.to_string());
+    command.arg("--folder").arg(folder).arg("--arguments").arg(arguments);
+    Ok(command)
+}
+
+/// Standard output of a program that is to end by itself, and in success.
+pub fn output_of(command: &mut Command) -> Result<String, Failure> {
+    let output = command.output().map_err(|error| format!("cannot run {:?}: {error}", command.get_program()))?;
+    let said = String::from_utf8_lossy(&output.stdout).into_owned();
+    if output.status.success() {
+        return Ok(said);
+    }
+    let why = String::from_utf8_lossy(&output.stderr);
+    Err(format!("the image failed: {}; its output was: {said}{why}", output.status))
+}
+
 /// `cargo xtask mainboard`.
 pub fn run(run: &mut Run, options: &Options) -> Result<(), Failure> {
     let target = Target::new(&options.board, options.profile.as_deref())?;
@@ -143,7 +183,9 @@ pub fn check(run: &mut Run) -> Result<(), Failure> {
         system::run(cargo_there()?.args(["clippy", "--release", "--all-targets", "--", "-D", "warnings"]))
     })?;
     run.step("virtual mainboard: tests", || {
-        system::run_tests(cargo_there()?.args(["test", "--release", "--no-fail-fast"]))
+        let mut tests = cargo_there()?;
+        tests.args(["test", "--release", "--no-fail-fast"]).env(crate::IMAGES_VARIABLE, crate::image::images());
+        system::run_tests(&mut tests)
     })?;
     run.step("virtual mainboard: the images print", || {
         let half = PRINTS.len().div_ceil(2);
@@ -267,6 +309,22 @@ mod tests {
         let text = "G28\n;LAYER_CHANGE\nG1 X1\n;LAYER_CHANGE\nG1 X2\n;LAYER_CHANGE\nG1 X3\n";
         assert_eq!(first_layers(text, 2), "G28\n;LAYER_CHANGE\nG1 X1\n;LAYER_CHANGE\nG1 X2\n");
         assert_eq!(first_layers(text, 9), text);
+    }
+
+    #[test]
+    fn a_program_must_end_in_success() {
+        assert_eq!(output_of(Command::new("echo").arg("{}")).unwrap(), "{}\n");
+        assert!(output_of(&mut Command::new("false")).unwrap_err().contains("failed"));
+    }
+
+    #[test]
+    fn a_program_is_told_its_arguments_and_its_rate() {
+        let [program, image] = ["program", "image"].map(Path::new);
+        let command = counting(program, image, Counter::Timer, Path::new("files"), "run_addr 134234733").unwrap();
+        let words: Vec<&str> = command.get_args().map(|word| word.to_str().unwrap()).collect();
+        for pair in [["--instructions-per-second", "16000000"], ["--arguments", "run_addr 134234733"], ["--folder", "files"]] {
+            assert!(words.windows(2).any(|two| two == pair), "{words:?}");
+        }
     }
 
     #[test]

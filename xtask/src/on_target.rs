@@ -1,15 +1,14 @@
 //! Over a debug probe: flashing, and the tests that measure the board they run on.
 //!
-//! Without a probe those tests run in the emulator: there they count instructions, and cannot tell how late a step is.
+//! Without a probe those tests run on the virtual mainboard: there they count instructions, and cannot tell how late a step is.
 
 use std::path::Path;
 use std::process::Command;
-use std::time::Duration;
 
 use object::{Object, ObjectSection, ObjectSymbol};
 
-use crate::emulator;
 use crate::firmware::{self, Program, Target};
+use crate::mainboard::{self, Counter};
 use crate::steps::{Failure, Run};
 use crate::system;
 
@@ -19,9 +18,6 @@ const PROBE_RS: &str = "probe-rs";
 /// Where the test harness keeps its tests: a symbol for each, whose name is JSON, and there three words of which the first
 /// is the address of what runs it.
 const SECTION: &str = ".embedded_test";
-
-/// A test takes a second in the emulator.
-const LONGEST: Duration = Duration::from_secs(120);
 
 /// What to flash.
 #[derive(Clone, Debug, clap::Args)]
@@ -40,7 +36,7 @@ pub struct FlashOptions {
 /// What to test.
 #[derive(Clone, Debug, clap::Args)]
 pub struct TestOptions {
-    /// The board at the probe: its name or a TOML file; the emulator if left out
+    /// The board at the probe: its name or a TOML file; the virtual mainboard if left out
     #[arg(long)]
     board: Option<String>,
     /// The machine: a profile's name or a TOML file; the board's own if left out
@@ -66,8 +62,8 @@ pub fn flash(run: &mut Run, options: &FlashOptions) -> Result<(), Failure> {
 /// Builds the tests for a board and runs them over a probe.
 pub fn test(run: &mut Run, options: &TestOptions) -> Result<(), Failure> {
     let Some(board) = &options.board else {
-        run.step("emulator", emulator::find)?;
-        return rehearse(run);
+        let mainboard = mainboard::build(run)?;
+        return rehearse(run, &mainboard);
     };
     let target = Target::new(board, options.profile.as_deref())?.at(options.boot_offset)?;
     run.step("probe-rs is installed", probe_rs)?;
@@ -77,13 +73,17 @@ pub fn test(run: &mut Run, options: &TestOptions) -> Result<(), Failure> {
     })
 }
 
-/// Builds them for the bench and runs them in the emulator.
-pub fn rehearse(run: &mut Run) -> Result<(), Failure> {
+/// Builds them for the bench and runs them on the virtual mainboard.
+pub fn rehearse(run: &mut Run, mainboard: &Path) -> Result<(), Failure> {
     let image = firmware::build(run, Program::OnTarget, &Target::bench()?)?;
-    run.step("on-target tests in the emulator", || {
+    run.step("on-target tests on the virtual mainboard", || {
         let bytes = std::fs::read(&image).map_err(|error| format!("{}: {error}", image.display()))?;
         for OnTargetTest { name, address } in tests(&bytes).map_err(|error| format!("{}: {error}", image.display()))? {
-            let said = emulator::output_of(&mut command(&image, address), LONGEST)
+            // The harness's runner names the test in the program's arguments.
+            let arguments = format!("run_addr {address}");
+            let folder = system::target_directory();
+            let said = mainboard::counting(mainboard, &image, Counter::Core, &folder, &arguments)
+                .and_then(|mut command| mainboard::output_of(&mut command))
                 .map_err(|reason| format!("{name}: {reason}"))?;
             eprintln!("    {name}");
             said.lines().for_each(|line| eprintln!("        {line}"));
@@ -129,15 +129,6 @@ fn tests(image: &[u8]) -> Result<Vec<OnTargetTest>, Failure> {
     if tests.is_empty() { Err("there are no tests in it".to_owned()) } else { Ok(tests) }
 }
 
-/// The emulator as the harness's runner: it names the test in the program's arguments.
-fn command(image: &Path, address: u32) -> Command {
-    let mut command = emulator::counting();
-    command.arg("-semihosting-config");
-    command.arg(format!("enable=on,target=native,arg=run_addr,arg={address}"));
-    command.arg("-kernel").arg(image);
-    command
-}
-
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod tests {
@@ -148,12 +139,5 @@ mod tests {
         let this = std::fs::read(std::env::current_exe().unwrap()).unwrap();
         assert_eq!(tests(&this).unwrap_err(), "there are no tests in it");
         assert!(tests(b"no image").is_err());
-    }
-
-    #[test]
-    fn the_emulator_is_told_which_test() {
-        let command = command(Path::new("image"), 134_234_733);
-        let words: Vec<&str> = command.get_args().map(|word| word.to_str().unwrap()).collect();
-        assert!(words.contains(&"enable=on,target=native,arg=run_addr,arg=134234733"), "{words:?}");
     }
 }

@@ -51,6 +51,7 @@ impl Count {
         let listener =
             TcpListener::bind(("127.0.0.1", 0)).map_err(|error| format!("no port for a debugger: {error}"))?;
         let address = listener.local_addr().map_err(|error| format!("no port for a debugger: {error}"))?;
+        let calls = debugger::calls(bench.images.iter().flat_map(|image| image.segments()));
         let mut start = Start::new(&bench.images);
         start.boot = Some(0x0800_0000 + u64::from(bench.board.boot_offset));
         start.semihosting = true;
@@ -59,7 +60,7 @@ impl Count {
         let session = Session::new(Box::new(machine), 0, VirtualNanos(SLICE_NS)).map_err(|error| error.to_string())?;
         let console = Console { until_ns: self.seconds.saturating_mul(1_000_000_000), broken: None };
         let finished = std::thread::scope(|scope| {
-            let server = scope.spawn(|| debugger::serve(address, &self.folder, &self.arguments));
+            let server = scope.spawn(|| debugger::serve(address, &self.folder, &self.arguments, &calls));
             let finished = emulator::run(session, &start, console).map_err(|error| error.to_string());
             let served = server.join().map_err(|_| "the debugger's side panicked".to_owned())?;
             match finished {

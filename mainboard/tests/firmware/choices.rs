@@ -1,6 +1,7 @@
 //! Every way to interpolate with every way to accelerate: the image's steps are the desk's.
 
 use std::collections::BTreeSet;
+use std::num::NonZeroU64;
 
 use ferrostep::desk::{LOOK_AHEAD_BLOCKS, Mode};
 use ferrostep::job::{self, JobProgress};
@@ -8,6 +9,7 @@ use ferrostep::session::{JobReplies, Session};
 use ferrostep_planner::AccelerationProfile;
 
 use crate::bench::Bench;
+use crate::boards::BOARDS;
 use crate::job::{Job, WAYS};
 use crate::rehearsal::Rehearsal;
 use crate::same_steps::{assert_printed_as_rehearsed, stream};
@@ -18,6 +20,10 @@ const BEFORE: usize = 30;
 /// Moves of the first layer that every choice makes.
 const MOVES: usize = 14;
 
+/// Instructions a second of a processor that is in time with every move in every way: one that is not makes moves slower, at
+/// places that no desk knows (docs/src/overload.md).
+const QUICK: NonZeroU64 = NonZeroU64::new(1_000_000_000).unwrap();
+
 /// Layers of the gyroid whose infill every choice makes: its curves turn from along Y to along X and back with height.
 const GYROID_HEIGHTS_MM: [&str; 3] = ["5", "15.2", "25"];
 
@@ -26,7 +32,8 @@ const GYROID_MOVES: usize = 24;
 
 #[track_caller]
 fn assert_every_way_is_printed_as_rehearsed(job: &Job) {
-    let mut bench = Bench::boot();
+    let mut bench = Bench::switch_on(&BOARDS[0], |machine| machine.set_instructions_per_second(QUICK));
+    bench.host.connect().unwrap();
     stream(&mut bench.host, job);
     let choice = bench.host.ask("M796", "echo:motion ").unwrap();
     assert_eq!(choice, "echo:motion interpolation:dual-rate acceleration:s-curve-table");

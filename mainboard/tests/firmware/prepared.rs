@@ -32,7 +32,7 @@ fn prepared(job: &Job) -> Vec<u8> {
     out.into_inner()
 }
 
-/// The emulator's line, on which one frame in a hundred has a bit changed, and one is lost.
+/// The board's line, on which one frame in a hundred has a bit changed, and one is lost.
 struct Line<'a> {
     host: &'a mut Host<bench::Line>,
     /// The host's clock when the board was switched on.

@@ -18,6 +18,7 @@ struct Motion {
     underruns: u64,
     starvation_flushes: u64,
     idle_flushes: u64,
+    planning_slowdowns: u64,
     steps: [u64; 4],
 }
 
@@ -35,6 +36,7 @@ impl Motion {
             underruns: count("underruns"),
             starvation_flushes: count("starvation_flushes"),
             idle_flushes: count("idle_flushes"),
+            planning_slowdowns: count("planning_slowdowns"),
             steps: ["X", "Y", "Z", "E"].map(count),
         }
     }
@@ -60,7 +62,8 @@ fn assert_printed_as(mut bench: Bench, job: &Job, rehearse: impl FnOnce(&Job) ->
     eprintln!("{} step events, {resends} resends; the image reports {reported:x?}", pins.events().len());
 
     let early = reported.starvation_flushes + reported.idle_flushes;
-    assert_eq!(early, 0, "this machine was too slow a host: blocks left the look-ahead ring early: {reported:?}");
+    assert_eq!(early, 0, "the line was too slow: blocks left the look-ahead ring early: {reported:?}");
+    assert_eq!(reported.planning_slowdowns, 0, "planning was too slow: {reported:?}");
     rehearsal.assert_same_events(job, &pins);
     assert!(!pins.motors_disabled(), "the motors were stepped without current");
     assert_same_figures(&reported, &pins, &rehearsal);

@@ -1,9 +1,9 @@
 //! The debugger of a program that asks for files and for its command line.
 //!
 //! GDB's remote protocol ("Debugging with GDB", appendix E), as much of it as that takes: packets `$TEXT#SUM`, each
-//! acknowledged by a `+`; the file calls `Fopen`, `Fread` and `Fclose` of its section on File-I/O; and a stop at a breakpoint
-//! instruction, which is a call of semihosting that the emulator does not know. Of those only SYS_GET_CMDLINE (0x15) is
-//! answered. Files are opened for reading, by name, in one folder.
+//! acknowledged by a `+`; the file calls `Fopen`, `Fread` and `Fclose` of its section on File-I/O; and breakpoints at the calls
+//! of semihosting, where SYS_GET_CMDLINE (0x15) is answered, which the emulator lets fail. Files are opened for reading, by
+//! name, in one folder.
 //!
 //! **Left out:** all other calls. They fail, as the protocol says they may.
 
@@ -27,13 +27,25 @@ const UNKNOWN: &str = "F-1,270f";
 /// A packet holds no more bytes of memory than this.
 const MOST_BYTES: usize = 1024;
 
-/// Serves a program from its first instruction to its end.
+/// The instruction that calls the host: `bkpt 0xab`.
+const CALL: [u8; 2] = [0xab, 0xbe];
+
+/// Where a program may call its host: addresses of the instruction, or of data that looks the same.
+pub fn calls<'a>(segments: impl Iterator<Item = (u64, &'a [u8])>) -> Vec<u64> {
+    let calls = segments.flat_map(|(start, bytes)| {
+        bytes.chunks_exact(2).enumerate().filter(|(_, half)| *half == CALL).map(move |(place, _)| start + 2 * place as u64)
+    });
+    calls.collect()
+}
+
+/// Serves a program from its first instruction to its end. A program that is told no arguments need not be stopped at its
+/// calls.
 ///
 /// # Errors
 /// The emulator is gone, or the program has stopped by itself.
-pub fn serve(emulator: SocketAddr, folder: &Path, arguments: &str) -> Result<(), String> {
+pub fn serve(emulator: SocketAddr, folder: &Path, arguments: &str, calls: &[u64]) -> Result<(), String> {
     let mut server = Server::connect(emulator).map_err(|error| format!("the emulator's debugger: {error}"))?;
-    server.serve(folder, arguments).map_err(|error| format!("the emulator's debugger: {error}"))
+    server.serve(folder, arguments, calls).map_err(|error| format!("the emulator's debugger: {error}"))
 }
 
 struct Server {
@@ -50,9 +62,13 @@ impl Server {
         Ok(Self { out, incoming, files: Vec::new() })
     }
 
-    fn serve(&mut self, folder: &Path, arguments: &str) -> io::Result<()> {
+    fn serve(&mut self, folder: &Path, arguments: &str, calls: &[u64]) -> io::Result<()> {
         self.ask("qSupported:swbreak+;hwbreak+")?;
         self.ask("?")?;
+        let calls = if arguments.is_empty() { &[] } else { calls };
+        for call in calls {
+            self.command(&format!("Z1,{call:x},2"))?;
+        }
         self.send("c")?;
         loop {
             let said = self.receive()?;
@@ -64,7 +80,7 @@ impl Server {
                     self.send(&answer)?;
                 }
                 Some(b'S' | b'T') => {
-                    self.host_call(arguments)?;
+                    self.stopped(arguments, calls)?;
                     self.send("c")?;
                 }
                 Some(b'W' | b'X') => return Ok(()),
@@ -115,12 +131,18 @@ impl Server {
         })
     }
 
-    /// Answers the call at which the program has stopped.
-    fn host_call(&mut self, arguments: &str) -> io::Result<()> {
+    /// Answers the call at which the program has stopped if it is for the command line, for which it calls once.
+    fn stopped(&mut self, arguments: &str, calls: &[u64]) -> io::Result<()> {
         let (operation, parameter) = (self.register(OPERATION)?, self.register(PARAMETER)? as usize);
+        let place = self.register(NEXT)?;
+        if !calls.contains(&u64::from(place)) {
+            return Err(io::Error::other(format!("the program has stopped at {place:#010x}")));
+        }
         if operation != GET_COMMAND_LINE {
-            let place = self.register(NEXT)?;
-            return Err(io::Error::other(format!("the program has stopped at {place:#010x}, r0 is {operation:#x}")));
+            return Ok(());
+        }
+        for call in calls {
+            self.command(&format!("z1,{call:x},2"))?;
         }
         // A block of two words: where to put it, and how long it may be; then how long it is.
         let block = self.read_memory(parameter, 8)?;
@@ -132,9 +154,7 @@ impl Server {
             self.write_memory(parameter + 4, &(arguments.len() as u32).to_le_bytes())?;
         }
         self.set_register(OPERATION, if fits { 0 } else { u32::MAX })?;
-        // Behind the breakpoint instruction.
-        let next = self.register(NEXT)? + 2;
-        self.set_register(NEXT, next)
+        self.set_register(NEXT, place + CALL.len() as u32)
     }
 
     fn read_memory(&mut self, address: usize, length: usize) -> io::Result<Vec<u8>> {

@@ -21,7 +21,7 @@ fn conversation(lines: &'static [(&'static str, &'static str)], folder: &Path, a
                 stream.write_all(format!("+{}", packet(answer)).as_bytes()).unwrap();
             }
         });
-        let served = serve(address, folder, arguments);
+        let served = serve(address, folder, arguments, &[0x0800_0010, 0x0800_0020]);
         emulator.join().unwrap();
         served
     })
@@ -66,14 +66,23 @@ fn the_command_line_is_told() {
     let lines = &[
         HELLO,
         ("?", "S05"),
-        ("c", "T05swbreak:;"),
+        ("Z1,8000010,2", "OK"),
+        ("Z1,8000020,2", "OK"),
+        // Some other call, which is the emulator's.
+        ("c", "T05hwbreak:;"),
+        ("p0", "05000000"),
+        ("p1", "00010020"),
+        ("pf", "20000008"),
+        ("c", "T05hwbreak:;"),
         ("p0", "15000000"),
         ("p1", "00010020"),
+        ("pf", "10000008"),
+        ("z1,8000010,2", "OK"),
+        ("z1,8000020,2", "OK"),
         ("m20000100,8", "0002002050000000"),
         ("M20000200,4:72756e00", "OK"),
         ("M20000104,4:03000000", "OK"),
         ("P0=00000000", "OK"),
-        ("pf", "10000008"),
         ("Pf=12000008", "OK"),
         ("c", "W00"),
     ];
@@ -82,7 +91,13 @@ fn the_command_line_is_told() {
 
 #[test]
 fn any_other_stop_is_an_error() {
-    let lines = &[HELLO, ("?", "S05"), ("c", "S05"), ("p0", "07000000"), ("p1", "00000000"), ("pf", "10000008")];
+    let lines = &[HELLO, ("?", "S05"), ("c", "S05"), ("p0", "07000000"), ("p1", "00000000"), ("pf", "40000008")];
     let error = conversation(lines, Path::new("."), "").unwrap_err();
-    assert!(error.contains("0x08000010"), "{error}");
+    assert!(error.contains("0x08000040"), "{error}");
+}
+
+#[test]
+fn calls_are_found_at_whole_halfwords() {
+    let bytes: &[u8] = &[0xab, 0xbe, 0, 0xab, 0xbe, 0, 0xab, 0xbe, 0xab];
+    assert_eq!(calls([(0x0800_0000, bytes)].into_iter()), [0x0800_0000, 0x0800_0006]);
 }
