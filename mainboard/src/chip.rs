@@ -16,6 +16,8 @@
 
 pub mod entry;
 pub mod exti;
+pub mod halt;
+pub mod late_clocks;
 pub mod map;
 pub mod timers;
 pub mod usb;
@@ -44,6 +46,8 @@ use rigless::time::VirtualNanos;
 use crate::wiring::Chip as Model;
 use entry::{ClocksF446, ENTRY_NS, Entry};
 use exti::{Exti, Syscfg};
+use halt::Halt;
+use late_clocks::LateClocks;
 use timers::{Advanced, Basic, General, Linked, OneChannel, TwoChannels};
 use usb::Otg;
 
@@ -95,6 +99,7 @@ enum Field {
     Dwt,
     Entry,
     ClocksF446,
+    LateClocks,
 }
 
 impl Field {
@@ -113,6 +118,7 @@ impl Field {
             Self::Iwdg,
             Self::Dwt,
             Self::Entry,
+            Self::LateClocks,
         ];
         all.extend((0..PORTS.len()).map(Self::Gpio));
         all.extend((0..SERIAL_PORTS.len()).map(Self::Usart));
@@ -152,6 +158,7 @@ impl Field {
             Self::Dwt => armv7m::DWT,
             Self::Entry => entry::PERIPHERAL.name,
             Self::ClocksF446 => entry::CLOCKS_F446.name,
+            Self::LateClocks => late_clocks::PERIPHERAL.name,
         }
     }
 
@@ -173,6 +180,7 @@ impl Field {
                 | Self::AdcCommon
                 | Self::Entry
                 | Self::ClocksF446
+                | Self::LateClocks
         )
     }
 }
@@ -205,6 +213,8 @@ pub struct Stm32f4 {
     dwt: Dwt,
     entry: Entry,
     clocks_f446: ClocksF446,
+    late_clocks: LateClocks,
+    halt: Halt,
     bus: Bus,
     wiring: Box<[Field]>,
 }
@@ -231,6 +241,8 @@ store!(Stm32f4 {
         otg,
         entry,
         clocks_f446,
+        late_clocks,
+        halt,
     ],
     parts: [usart, dma, sdio, bus],
     built: [model, wiring],
@@ -239,7 +251,11 @@ store!(Stm32f4 {
 impl Stm32f4 {
     /// The chip after power-on.
     pub fn new(model: Model) -> Result<Self, Error> {
-        let bus = map::bus(model)?;
+        Self::build(model, LateClocks::default())
+    }
+
+    fn build(model: Model, late_clocks: LateClocks) -> Result<Self, Error> {
+        let bus = map::bus(model, late_clocks.is_on())?;
         let mut wiring = vec![Field::None; bus.slots().len()].into_boxed_slice();
         for field in Field::all() {
             wiring[bus.slot(field.instance())?] = field;
@@ -282,6 +298,8 @@ impl Stm32f4 {
             dwt: Dwt::with_clock(RESET_HZ),
             entry: Entry::new(ENTRY_NS),
             clocks_f446: ClocksF446,
+            late_clocks,
+            halt: Halt::Runs,
             bus,
             wiring,
         };
@@ -433,7 +451,7 @@ impl Mcu for Stm32f4 {
     /// unit's registers, but at power-on (6.1.2, 6.1.3, 38.16.3).
     fn reset(&mut self, _at: VirtualNanos, cause: ResetCause) {
         // The description built once, so it builds again.
-        let Ok(mut fresh) = Self::new(self.model) else { return };
+        let Ok(mut fresh) = Self::build(self.model, self.late_clocks.fresh()) else { return };
         let (hse_hz, lse_hz) = self.rcc.crystals();
         fresh.rcc.attach_crystals(hse_hz, lse_hz);
         fresh.rcc.calibrate_lsi(self.rcc.lsi_hz());
@@ -507,6 +525,7 @@ impl Mcu for Stm32f4 {
             Field::Dwt => Some(&mut self.dwt),
             Field::Entry => Some(&mut self.entry),
             Field::ClocksF446 => Some(&mut self.clocks_f446),
+            Field::LateClocks => Some(&mut self.late_clocks),
         };
         (&mut self.bus, model)
     }
