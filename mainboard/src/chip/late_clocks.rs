@@ -1,7 +1,7 @@
 //! Clock enables that take effect late, as an option: whatever reaches an instance too soon after its enable is lost.
 //!
-//! ES0206 rev 24 2.2.7 and ES0182 rev 13 2.2.5 ("Delay after an RCC peripheral clock enabling"): after the bit is set, an
-//! instance on an AHB answers two cycles later, one on an APB 1 + (AHB clock / APB clock) cycles later. A read of the enable
+//! ES0206 rev 24 2.2.7 (and the same erratum of the F405 and F407 in ES0182): after the bit is set, an instance on an AHB
+//! answers two cycles later, one on an APB 1 + (AHB clock / APB clock) of its bus's cycles later. A read of the enable
 //! register in between waits for the store before it: that is one of the sheets' three ways around. A read from an
 //! instance that has no clock yet answers 0, a write to it does nothing; the run reports it as an access that a closed gate
 //! refused, by "LATE_CLOCKS".
@@ -183,9 +183,10 @@ impl Stm32f4 {
 /// How long an enable takes, cycles of the AHB. PPRE1 and PPRE2: RM0090 7.3.3.
 fn cycles(enable: rcc::Register, cfgr: u64) -> u64 {
     let prescaler = |code: u64| if code & 0b100 == 0 { 1 } else { 2 << (code & 0b11) };
+    let bus_cycles = |prescaler: u64| prescaler * (1 + prescaler);
     match enable {
-        rcc::Register::Apb1enr => 1 + prescaler(cfgr >> 10 & 0b111),
-        rcc::Register::Apb2enr => 1 + prescaler(cfgr >> 13 & 0b111),
+        rcc::Register::Apb1enr => bus_cycles(prescaler(cfgr >> 10 & 0b111)),
+        rcc::Register::Apb2enr => bus_cycles(prescaler(cfgr >> 13 & 0b111)),
         _ => AHB_CYCLES,
     }
 }
@@ -241,11 +242,11 @@ mod tests {
             assert!(!bench.read(1_010, instance));
             assert!(bench.write(1_016, instance, 7) && bench.read(1_020, instance));
         }
-        // PPRE1 = 4: five cycles, 29 ns.
+        // PPRE1 = 4: five cycles of the bus, 119 ns.
         let mut bench = Bench::late();
         assert!(bench.write(0, RCC + 8, 0b101 << 10) && bench.write(1_000, APB1ENR, 1));
-        assert!(!bench.write(1_025, TIM2_ARR, 7));
-        assert!(bench.write(1_030, TIM2_ARR, 7));
+        assert!(!bench.write(1_118, TIM2_ARR, 7));
+        assert!(bench.write(1_120, TIM2_ARR, 7));
     }
 
     #[test]

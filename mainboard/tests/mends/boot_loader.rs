@@ -162,7 +162,7 @@ behind! {
     masks_start_the_same: masks,
     stacks_of_a_boot_loader_start_the_same: stacks,
     guarded_memory_starts_the_same: mpu,
-    #[ignore = "open: the image's first instruction but three stores to its stack before it switches the guard off"]
+    #[ignore = "open: the image saves two registers on its stack before it switches the guard off"]
     a_guarded_stack_starts_the_same: guarded_stack,
     deep_sleep_starts_the_same: deep_sleep,
     priorities_that_preempt_nothing_start_the_same: priorities,
