@@ -14,6 +14,9 @@ const NVIC_ICER: u32 = 0xe000_e180;
 const NVIC_ICPR: u32 = 0xe000_e280;
 const SCB_ICSR: u32 = 0xe000_ed04;
 const SCB_SCR: u32 = 0xe000_ed10;
+/// At reset: the stack is aligned at exceptions, and nothing traps.
+const SCB_CCR: u32 = 0xe000_ed14;
+const CCR_AT_RESET: u32 = 1 << 9;
 const MPU_CTRL: u32 = 0xe000_ed94;
 
 /// In OSPEEDR, two bits a pin: the slowest edges, up to 100 ns at 50 pF (DS8626, I/O AC characteristics). That is short beside
@@ -127,6 +130,7 @@ pub fn first(board: &Board) -> Vec<Store> {
     stores.extend(fields(&enable_pins(board), MODER, 2, OUTPUT));
     // Nothing ticks, no memory is guarded, and sleep is no deep sleep, which would stop all clocks.
     stores.extend([SYST_CSR, MPU_CTRL, SCB_SCR].map(|register| Store::word(register, 0)));
+    stores.push(Store::word(SCB_CCR, CCR_AT_RESET));
     stores.extend(as_after_reset(board.chip, ports));
     for word in 0..board.chip.interrupt_words {
         stores.push(Store::word(NVIC_ICER + 4 * word, u32::MAX));

@@ -16,6 +16,8 @@
 
 pub mod entry;
 pub mod exti;
+pub mod halt;
+pub mod late_clocks;
 pub mod map;
 mod part;
 pub mod timers;
@@ -45,6 +47,8 @@ use rigless::time::VirtualNanos;
 use crate::wiring::Chip as Model;
 use entry::{ClocksF446, ENTRY_NS, Entry};
 use exti::{Exti, Syscfg};
+use halt::Halt;
+use late_clocks::LateClocks;
 use timers::{Advanced, Basic, General, Linked, OneChannel, TwoChannels};
 use usb::Otg;
 
@@ -96,6 +100,7 @@ enum Field {
     Dwt,
     Entry,
     ClocksF446,
+    LateClocks,
 }
 
 impl Field {
@@ -114,6 +119,7 @@ impl Field {
             Self::Iwdg,
             Self::Dwt,
             Self::Entry,
+            Self::LateClocks,
         ];
         all.extend((0..PORTS.len()).map(Self::Gpio));
         all.extend((0..SERIAL_PORTS.len()).map(Self::Usart));
@@ -153,6 +159,7 @@ impl Field {
             Self::Dwt => armv7m::DWT,
             Self::Entry => entry::PERIPHERAL.name,
             Self::ClocksF446 => entry::CLOCKS_F446.name,
+            Self::LateClocks => late_clocks::PERIPHERAL.name,
         }
     }
 
@@ -174,6 +181,7 @@ impl Field {
                 | Self::AdcCommon
                 | Self::Entry
                 | Self::ClocksF446
+                | Self::LateClocks
         )
     }
 }
@@ -206,6 +214,8 @@ pub struct Stm32f4 {
     dwt: Dwt,
     entry: Entry,
     clocks_f446: ClocksF446,
+    late_clocks: LateClocks,
+    halt: Halt,
     bus: Bus,
     wiring: Box<[Field]>,
 }
@@ -232,6 +242,8 @@ store!(Stm32f4 {
         otg,
         entry,
         clocks_f446,
+        late_clocks,
+        halt,
     ],
     parts: [usart, dma, sdio, bus],
     built: [model, wiring],
@@ -240,7 +252,11 @@ store!(Stm32f4 {
 impl Stm32f4 {
     /// The chip after power-on.
     pub fn new(model: Model) -> Result<Self, Error> {
-        let bus = map::bus(model)?;
+        Self::build(model, LateClocks::default())
+    }
+
+    fn build(model: Model, late_clocks: LateClocks) -> Result<Self, Error> {
+        let bus = map::bus(model, late_clocks.is_on())?;
         let mut wiring = vec![Field::None; bus.slots().len()].into_boxed_slice();
         for field in Field::all() {
             wiring[bus.slot(field.instance())?] = field;
@@ -283,6 +299,8 @@ impl Stm32f4 {
             dwt: Dwt::with_clock(RESET_HZ),
             entry: Entry::new(ENTRY_NS),
             clocks_f446: ClocksF446,
+            late_clocks,
+            halt: Halt::Runs,
             bus,
             wiring,
         };

@@ -7,6 +7,7 @@ use rigless::image::Image;
 use rigless::session::Session;
 use rigless::time::VirtualNanos;
 
+use crate::chip::halt::Halt;
 use crate::machine::Machine;
 
 /// What is outside the chip moves in slices of this, ns, and at its own instants in between.
@@ -86,18 +87,27 @@ struct Runner<O> {
     operator: O,
     accesses: u64,
     last_stop: Option<Stop>,
-    entering: bool,
+    held: bool,
+}
+
+impl<O> Runner<O> {
+    /// The core runs nothing while it enters a handler, or while somebody has stopped it.
+    fn hold(&mut self, session: &Session<Machine>, host: &mut dyn Host) {
+        let chip = &session.board().chip;
+        let held = chip.is_entering() || chip.halted() != Halt::Runs;
+        if held != self.held {
+            self.held = held;
+            host.hold(held || session.unpowered());
+        }
+    }
 }
 
 impl<O: Operator> Driver<Machine> for Runner<O> {
     fn on_settled(&mut self, session: &mut Session<Machine>, host: &mut dyn Host, settled: Settled) {
-        let entering = session.board().chip.is_entering();
-        if entering != self.entering {
-            self.entering = entering;
-            host.hold(entering || session.unpowered());
-        }
+        self.hold(session, host);
         if let Settled::Access { access, .. } = settled {
             self.accesses += 1;
+            session.board_mut().chip.reached(access.virtual_time, access.kind, access.address);
             if access.kind == AccessKind::Write {
                 session.board_mut().stored(access.virtual_time.0, access.address, access.value);
             }
@@ -121,6 +131,7 @@ impl<O: Operator> Driver<Machine> for Runner<O> {
             Turn::Reset => session.reset_by_pin(VirtualNanos(now_ns), instructions, host),
             Turn::Stop => return None,
         }
+        self.hold(session, host);
         let slice = now_ns + SLICE_NS;
         Some(VirtualNanos(next.map_or(slice, |next| next.clamp(now_ns + 1, slice))))
     }
@@ -141,7 +152,7 @@ pub fn run<O: Operator>(
     start.debugger = options.debugger;
     start.wait_for_debugger = options.wait_for_debugger;
     let session = Session::new(Box::new(machine), 0, VirtualNanos(SLICE_NS))?;
-    let finished = emulator::run(session, &start, Runner { operator, accesses: 0, last_stop: None, entering: false })?;
+    let finished = emulator::run(session, &start, Runner { operator, accesses: 0, last_stop: None, held: false })?;
     let mut session = finished.session;
     let report = report(&mut session, finished.driver.last_stop, finished.driver.accesses);
     Ok(Finished { session, operator: finished.driver.operator, report })

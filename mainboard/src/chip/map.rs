@@ -10,7 +10,7 @@ use rigless::soc::stm32f427::generated::{self, gpioa, tim2, tim3, tim10};
 use rigless::soc::stm32f427::peripherals::{ADC_COMMON, CONVERTERS, PORTS, SERIAL_PORTS, adc, flash, rcc};
 use rigless::soc::{Bus, Clock, Cpu, EraseBlocks, Error, Gate, Peripheral, Region, WriteModify};
 
-use super::{Stm32f4, entry, usb};
+use super::{Stm32f4, entry, late_clocks, usb};
 use crate::wiring::Chip as Model;
 
 /// The interrupt lines of the F405 and F407 are 0 to 81, of the F446 0 to 96 (RM0090 table 62, RM0390 table 38). The lines
@@ -102,8 +102,8 @@ const SPELLED_OTHERWISE: [(&str, &str, &str); 6] = [
 const BUSES: [(&str, &str); 4] =
     [("AHB1ENR", "AHB1RSTR"), ("AHB2ENR", "AHB2RSTR"), ("APB1ENR", "APB1RSTR"), ("APB2ENR", "APB2RSTR")];
 
-/// The bus of a chip without its models.
-pub fn bus(model: Model) -> Result<Bus, Error> {
+/// The bus of a chip without its models. With `clocks_are_late` an instance answers as [`late_clocks`] says.
+pub fn bus(model: Model, clocks_are_late: bool) -> Result<Bus, Error> {
     let memory: &'static [Region] = match model {
         Model::F405 | Model::F407 => &MEMORY_F405,
         Model::F446 => &MEMORY_F446,
@@ -143,6 +143,7 @@ pub fn bus(model: Model) -> Result<Bus, Error> {
         }
     }
     for (instance, enable, reset) in gates()? {
+        let enable = if clocks_are_late { late_clocks::late(enable) } else { enable };
         builder = builder.gate(instance, enable).reset_by(instance, reset);
     }
     // 5.4.1 bit 8: DBP protects RCC_BDCR and the RTC with its backup registers.
@@ -189,7 +190,7 @@ fn instances(model: Model) -> impl Iterator<Item = Peripheral> {
                 _ => Peripheral { interrupts, ..peripheral },
             }
         })
-        .chain([armv7m::PERIPHERAL, entry::PERIPHERAL])
+        .chain([armv7m::PERIPHERAL, entry::PERIPHERAL, late_clocks::PERIPHERAL])
         .chain(clocks)
 }
 

@@ -22,7 +22,7 @@ impl Mcu for Stm32f4 {
     /// unit's registers, but at power-on (6.1.2, 6.1.3, 38.16.3).
     fn reset(&mut self, _at: VirtualNanos, cause: ResetCause) {
         // The description built once, so it builds again.
-        let Ok(mut fresh) = Self::new(self.model) else { return };
+        let Ok(mut fresh) = Self::build(self.model, self.late_clocks.fresh()) else { return };
         let (hse_hz, lse_hz) = self.rcc.crystals();
         fresh.rcc.attach_crystals(hse_hz, lse_hz);
         fresh.rcc.calibrate_lsi(self.rcc.lsi_hz());
@@ -96,6 +96,7 @@ impl Mcu for Stm32f4 {
             Field::Dwt => Some(&mut self.dwt),
             Field::Entry => Some(&mut self.entry),
             Field::ClocksF446 => Some(&mut self.clocks_f446),
+            Field::LateClocks => Some(&mut self.late_clocks),
         };
         (&mut self.bus, model)
     }

@@ -33,7 +33,11 @@ const CALL: [u8; 2] = [0xab, 0xbe];
 /// Where a program may call its host: addresses of the instruction, or of data that looks the same.
 pub fn calls<'a>(segments: impl Iterator<Item = (u64, &'a [u8])>) -> Vec<u64> {
     let calls = segments.flat_map(|(start, bytes)| {
-        bytes.chunks_exact(2).enumerate().filter(|(_, half)| *half == CALL).map(move |(place, _)| start + 2 * place as u64)
+        bytes
+            .chunks_exact(2)
+            .enumerate()
+            .filter(|(_, half)| *half == CALL)
+            .map(move |(place, _)| start + 2 * place as u64)
     });
     calls.collect()
 }

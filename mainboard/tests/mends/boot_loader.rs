@@ -1,0 +1,211 @@
+//! 3.1 and 3.2: what a boot loader leaves, first accesses that are lost, and the voltage's scale.
+//!
+//! The same few words with the printer after a start from reset and after one behind a boot loader: it must say, move and heat
+//! the same.
+
+use std::sync::OnceLock;
+
+use ferrostep_mainboard::host::usb::State;
+use ferrostep_mainboard::run::{Finished, Turn};
+use rigless::mcu::Operate;
+use rigless::soc::Width;
+use rigless::time::VirtualNanos;
+
+use super::leftovers;
+use super::scene::{MS, Play, Plot, S, Setting, Stage, play};
+use super::stub::Stub;
+
+const PWR_CR: u64 = 0x4000_7000;
+/// VOS of the F407, RM0090 5.4.1: scale 1, which 168 MHz need (DS8626 table 14).
+const VOS: u64 = 1 << 14;
+const RCC_CFGR: u64 = 0x4002_3808;
+
+/// What a printer does.
+#[derive(Debug, Clone, PartialEq, Default)]
+struct Behaviour {
+    /// Whether it did all that it was asked to, in time.
+    ended: bool,
+    /// What it said, without temperatures.
+    lines: Vec<String>,
+    /// The nozzle's temperature is right.
+    reads_temperatures: bool,
+    /// Steps of each motor, and the time from the first to the last, us.
+    steps: [usize; 4],
+    motion_us: u64,
+    /// The nozzle got power when it was asked to.
+    heats: bool,
+    /// Heaters that got power without being asked to.
+    heats_unasked: Vec<&'static str>,
+    /// Motors had current only when they were to move.
+    holds_unasked: bool,
+    usb_is_open: bool,
+    resets: usize,
+    /// Voltage scale 1.
+    scale_1: bool,
+    /// The core runs from the PLL.
+    from_pll: bool,
+}
+
+#[derive(Default)]
+struct FewWords {
+    begun: bool,
+    asked_ns: Option<u64>,
+    behaviour: Behaviour,
+}
+
+impl Plot for FewWords {
+    fn turn(&mut self, stage: &mut Stage<'_>) -> Turn {
+        if !self.begun {
+            self.begun = true;
+            stage.machine.usb_host.plug();
+            for line in ["M105", "G91", "G1 X10 Y4 F6000", "M400", "M84", "M104 S60", "G4 P20"] {
+                stage.talk.say(line);
+            }
+        }
+        // Before that, the boot loader has the pins.
+        if stage.now_ns < MS {
+            return Turn::GoOn;
+        }
+        if !stage.talk.has_started(1) && stage.now_ns > S {
+            return Turn::Stop;
+        }
+        let may_heat = self.asked_ns.is_some() || stage.talk.remaining() < 2;
+        for (heater, may_heat) in [("nozzle", may_heat), ("bed", false)] {
+            if stage.heater(heater) > 0.0 && !may_heat && !self.behaviour.heats_unasked.contains(&heater) {
+                self.behaviour.heats_unasked.push(heater);
+            }
+        }
+        let on = stage.machine.plant.drivers[0].energized();
+        self.behaviour.holds_unasked |= on && !stage.talk.has_started(1);
+        if stage.talk.is_quiet() && self.asked_ns.is_none() {
+            self.asked_ns = Some(stage.now_ns);
+        }
+        let Some(asked_ns) = self.asked_ns else { return Turn::GoOn };
+        self.behaviour.heats |= stage.heater("nozzle") > 0.5;
+        if stage.now_ns < asked_ns + 300 * MS {
+            return Turn::GoOn;
+        }
+        let at = VirtualNanos(stage.now_ns);
+        let mut peek = |address| stage.machine.chip.peek(at, address, Width::W32).unwrap();
+        self.behaviour.scale_1 = peek(PWR_CR) & VOS != 0;
+        self.behaviour.from_pll = peek(RCC_CFGR) & 0b1111 == 0b1010;
+        Turn::Stop
+    }
+}
+
+fn behaviour(done: &Finished<Play<FewWords>>) -> Behaviour {
+    let (machine, talk) = (done.machine(), &done.operator.talk);
+    let mut decoder = machine.decoder.clone();
+    // What was before is the boot loader's.
+    let events: Vec<_> = decoder.finish().iter().filter(|event| event.at_ns > MS).collect();
+    let time_ns = events.last().map_or(0, |last| last.at_ns - events[0].at_ns);
+    let celsius = talk.heard.iter().find_map(|(_, line)| {
+        let (_, rest) = line.split_once("T:")?;
+        rest.split_whitespace().next()?.parse::<f64>().ok()
+    });
+    Behaviour {
+        ended: done.operator.ended && done.operator.plot.asked_ns.is_some(),
+        lines: talk.heard.iter().map(|(_, line)| line.clone()).filter(|line| !line.contains("T:")).collect(),
+        reads_temperatures: celsius.is_some_and(|celsius| (celsius - machine.plant.ambient_celsius()).abs() < 2.0),
+        steps: [1, 2, 4, 8].map(|motor| events.iter().filter(|event| event.axes & motor != 0).count()),
+        motion_us: (time_ns + 500) / 1_000,
+        usb_is_open: machine.usb_host.state() == State::Open,
+        resets: done.report.resets.len(),
+        ..done.operator.plot.behaviour.clone()
+    }
+}
+
+fn start(boot_loader: Option<Stub>, late_clocks: bool) -> (Behaviour, Vec<String>) {
+    let setting = Setting { boot_loader, late_clocks, ..Setting::default() };
+    let done = play(&setting, 6 * S, FewWords::default());
+    (behaviour(&done), done.report.unmodelled)
+}
+
+fn from_reset() -> &'static Behaviour {
+    static FROM_RESET: OnceLock<Behaviour> = OnceLock::new();
+    FROM_RESET.get_or_init(|| start(None, false).0)
+}
+
+/// A start from reset does all that it is asked to: what the others are compared with.
+#[test]
+fn a_start_from_reset_prints_and_heats() {
+    let found = from_reset();
+    println!("{found:#?}");
+    assert!(found.ended && found.reads_temperatures && found.heats && found.usb_is_open && found.scale_1);
+    assert!(found.from_pll && found.heats_unasked.is_empty() && !found.holds_unasked && found.resets == 0);
+    assert_eq!(found.steps, [1000, 400, 0, 0]);
+}
+
+macro_rules! behind {
+    ($($(#[$what:meta])* $name:ident: $left:ident,)*) => {
+        $(
+            $(#[$what])*
+            #[test]
+            fn $name() {
+                let (found, _) = start(Some(leftovers::$left()), false);
+                assert_eq!(&found, from_reset());
+            }
+        )*
+    };
+}
+
+behind! {
+    a_core_on_a_pll_starts_the_same: pll,
+    clocks_that_are_on_and_stop_in_sleep_start_the_same: clocks_of_parts,
+    external_interrupts_that_are_on_start_the_same: exti,
+    timers_that_run_start_the_same: timers,
+    a_stream_into_ram_starts_the_same: dma,
+    serial_ports_of_another_kind_start_the_same: serial_ports,
+    a_usb_core_at_work_starts_the_same: usb,
+    pins_that_heat_start_the_same: ports,
+    a_systick_that_runs_starts_the_same: systick,
+    masks_start_the_same: masks,
+    stacks_of_a_boot_loader_start_the_same: stacks,
+    guarded_memory_starts_the_same: mpu,
+    a_guarded_stack_starts_the_same: guarded_stack,
+    deep_sleep_starts_the_same: deep_sleep,
+    priorities_that_preempt_nothing_start_the_same: priorities,
+    a_trap_of_unaligned_words_starts_the_same: unaligned_trap,
+    handlers_of_faults_start_the_same: faults,
+    interrupts_that_are_asked_for_start_the_same: pended,
+    a_watchdog_that_runs_starts_the_same: watchdog,
+    a_voltage_too_low_for_168_mhz_starts_the_same: voltage,
+}
+
+/// All at once, but for what is open and for the stacks: the boot loader's own would lie in guarded memory.
+#[test]
+fn everything_at_once_starts_the_same() {
+    use leftovers::{
+        deep_sleep, dma, exti, faults, masks, mpu, pended, pll, ports, priorities, serial_ports, systick, timers, usb,
+        voltage, watchdog,
+    };
+    let all = [
+        pll(),
+        voltage(),
+        exti(),
+        timers(),
+        dma(),
+        serial_ports(),
+        usb(),
+        ports(),
+        systick(),
+        mpu(),
+        deep_sleep(),
+        priorities(),
+        faults(),
+        pended(),
+        watchdog(),
+    ];
+    let all = all.iter().fold(masks(), Stub::and);
+    let (found, _) = start(Some(all), false);
+    assert_eq!(&found, from_reset());
+}
+
+#[test]
+fn no_first_access_behind_a_clock_enable_is_lost() {
+    let (found, unmodelled) = start(None, true);
+    let lost: Vec<&String> = unmodelled.iter().filter(|what| what.contains("LATE_CLOCKS")).collect();
+    println!("{lost:#?}");
+    assert!(lost.is_empty(), "{lost:#?}");
+    assert_eq!(&found, from_reset());
+}

@@ -1,0 +1,71 @@
+//! 1.2: a debugger's halt while a heater is on.
+
+use ferrostep_mainboard::chip::halt::Halt;
+use ferrostep_mainboard::run::Turn;
+use rigless::time::VirtualNanos;
+
+use super::scene::{MS, Plot, S, Setting, Stage, play};
+use super::stub::Stub;
+
+/// DBGMCU_APB1_FZ with DBG_IWDG_STOP (RM0090 38.16.4): as a probe leaves it that stops the watchdog.
+const FROZEN_BY_A_PROBE: (u32, u32, u32) = (0xE004_2008, 1 << 12, 0);
+
+/// The watchdog's longest time-out and a look at the pins.
+const BOUND_NS: u64 = 1_900 * MS;
+
+#[derive(Default)]
+struct HaltWhileHeating {
+    asked: bool,
+    halted_ns: Option<u64>,
+    power: f64,
+    off_ns: Option<u64>,
+    on_again: bool,
+}
+
+impl Plot for HaltWhileHeating {
+    fn turn(&mut self, stage: &mut Stage<'_>) -> Turn {
+        let power = stage.heater("nozzle");
+        if !self.asked && stage.talk.has_started(1) {
+            self.asked = true;
+            stage.talk.say("M104 S200");
+        }
+        match self.halted_ns {
+            None if power > 0.5 && stage.now_ns > 800 * MS => {
+                self.halted_ns = Some(stage.now_ns);
+                self.power = power;
+                stage.machine.chip.halt(VirtualNanos(stage.now_ns), Halt::Debugger);
+            }
+            None => {}
+            Some(halted_ns) => {
+                if power == 0.0 && self.off_ns.is_none() {
+                    self.off_ns = Some(stage.now_ns - halted_ns);
+                }
+                self.on_again |= power > 0.0 && self.off_ns.is_some();
+                if stage.now_ns > halted_ns + 4 * S {
+                    return Turn::Stop;
+                }
+            }
+        }
+        Turn::GoOn
+    }
+}
+
+#[test]
+fn a_halted_core_is_reset_and_heats_no_more() {
+    let boot_loader = Some(Stub { statements: vec![FROZEN_BY_A_PROBE], ..Stub::default() });
+    let setting = Setting { boot_loader, ..Setting::default() };
+    let done = play(&setting, 20 * S, HaltWhileHeating::default());
+    let plot = &done.operator.plot;
+    println!(
+        "nozzle at {:.0} % when halted, off after {:?} ms, resets {:?}",
+        plot.power * 100.0,
+        plot.off_ns.map(|ns| ns / MS),
+        done.report.resets
+    );
+    let text = done.operator.talk.text();
+    assert!(plot.halted_ns.is_some(), "the nozzle never heated: {text}");
+    assert!(plot.off_ns.is_some_and(|off_ns| off_ns <= BOUND_NS), "the nozzle heats on: {:?}{text}", plot.off_ns);
+    assert!(!plot.on_again, "{text}");
+    assert_eq!(done.report.resets.len(), 1, "{text}");
+    assert!(done.operator.talk.heard("echo:reset: watchdog").is_some(), "{text}");
+}
