@@ -7,6 +7,7 @@
 
 pub mod chip;
 pub mod decode;
+pub mod faults;
 pub mod host;
 pub mod parts;
 pub mod pins;

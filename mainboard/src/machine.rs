@@ -191,6 +191,12 @@ impl Machine {
         }
     }
 
+    /// How often the chip was reset so far.
+    #[must_use]
+    pub const fn resets(&self) -> usize {
+        self.resets_seen
+    }
+
     /// Whether the chip has its supply.
     #[must_use]
     pub const fn powered(&self) -> bool {
