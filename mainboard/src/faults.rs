@@ -285,6 +285,7 @@ fn nothing(fault: Fault, state: State, seed: u64, at_ns: u64) -> Outcome {
         was_hot: state.is_hot(),
         host_read: "-".to_owned(),
         resets: Vec::new(),
+        heard: Vec::new(),
         hottest_celsius: [0.0; 2],
         watched_s: 0.0,
         violations: Vec::new(),

@@ -185,6 +185,10 @@ impl Machine {
         if powered != self.powered {
             self.powered = powered;
             self.chip.set_power(VirtualNanos(now_ns), powered);
+            if !powered {
+                // Its pins drive nothing: what holds the gates down decides.
+                self.plant.let_go(now_ns);
+            }
         }
         if powered {
             self.chip.set_supply(millivolts.round() as u32);

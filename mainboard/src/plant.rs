@@ -205,7 +205,19 @@ impl Plant {
                 place.last_on_ns = Some(now_ns);
             }
             place.heater.set_on(now_ns, power > 0.0);
-            place.heater.set_power_scale(now_ns, power * scale);
+            // A transistor that conducts always gives all that the supply has.
+            let share = if place.heater.is_stuck_on() { 1.0 } else { power };
+            place.heater.set_power_scale(now_ns, share * scale);
+        }
+    }
+
+    /// Nobody drives the gates of heaters and fans.
+    pub fn let_go(&mut self, now_ns: u64) {
+        for heater in 0..self.heaters.len() {
+            self.power_heater(now_ns, heater, 0.0);
+        }
+        for fan in 0..self.fans.len() {
+            self.power_fan(now_ns, fan, 0.0);
         }
     }
 
@@ -302,6 +314,9 @@ impl Plant {
             if place.power > 0.0 {
                 place.last_on_ns = Some(now_ns);
                 place.heater.set_power_scale(now_ns, place.power * rail);
+            }
+            if place.heater.is_stuck_on() {
+                place.heater.set_power_scale(now_ns, rail);
             }
         }
         true

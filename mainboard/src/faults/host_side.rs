@@ -20,6 +20,8 @@ pub struct HostSide {
     last_sent_ns: u64,
     seen: usize,
     gone: bool,
+    /// The file's lines, as the stream counts them.
+    lines: Vec<String>,
 }
 
 fn options(wait_for_start: bool) -> Options {
@@ -30,15 +32,24 @@ impl HostSide {
     /// A host with these lines to send, once the printer has said `start`.
     #[must_use]
     pub fn new<T: AsRef<str>>(lines: impl IntoIterator<Item = T>) -> Self {
+        let lines: Vec<String> = lines.into_iter().map(|line| line.as_ref().to_owned()).collect();
         Self {
-            stream: Stream::new(lines, options(true)),
+            stream: Stream::new(&lines, options(true)),
             polled_ns: 0,
             heard: Vec::new(),
             last_heard_ns: 0,
             last_sent_ns: 0,
             seen: 0,
             gone: false,
+            // Numbered lines begin with one that sets the number.
+            lines: std::iter::once("M110 N0".to_owned()).chain(lines).collect(),
         }
+    }
+
+    /// The file's line that is on its way, if none before it is.
+    #[must_use]
+    pub fn line_on_its_way(&self) -> Option<&str> {
+        self.lines.get(self.stream.acknowledged()).map(String::as_str)
     }
 
     /// It says nothing more, and what it has sent and the chip has not received is lost.
@@ -57,6 +68,7 @@ impl HostSide {
     /// Adds a line at the end.
     pub fn push(&mut self, line: &str) {
         self.stream.push(line);
+        self.lines.push(line.to_owned());
     }
 
     /// Reads and writes.
@@ -81,6 +93,7 @@ impl HostSide {
         if self.stream.finished() && now_ns >= self.polled_ns + POLL_NS {
             self.polled_ns = now_ns;
             self.stream.push("M105");
+            self.lines.push("M105".to_owned());
         }
         while mailbox.waiting() < WAITING_BYTES {
             let Some(line) = self.stream.to_send(now_ns) else { break };
@@ -93,12 +106,6 @@ impl HostSide {
     #[must_use]
     pub fn heard(&self) -> &[Heard] {
         &self.heard
-    }
-
-    /// How many lines of the file the printer has acknowledged.
-    #[must_use]
-    pub fn acknowledged(&self) -> usize {
-        self.stream.acknowledged()
     }
 
     /// Whether all is sent and acknowledged, but for what it asks while idle.
@@ -138,8 +145,24 @@ impl HostSide {
                 || heard.text.starts_with("echo:last ")
                 || heard.text.starts_with("echo:heaters switched off")
                 || heard.text.contains("no longer homed")
-                || (heard.text.starts_with("echo:") && heard.text.contains("refused"))
         })
+    }
+
+    /// Whether it read, since this instant, that a command was not done as it was sent.
+    #[must_use]
+    pub fn was_told(&self, since_ns: u64) -> bool {
+        let from = self.heard.partition_point(|heard| heard.at_ns < since_ns);
+        self.heard[from..].iter().any(|heard| heard.text.starts_with("echo:line"))
+    }
+
+    /// The first lines since this instant that are not temperatures and not an `ok`.
+    #[must_use]
+    pub fn telling(&self, since_ns: u64, most: usize) -> Vec<String> {
+        let from = self.heard.partition_point(|heard| heard.at_ns < since_ns);
+        let telling = self.heard[from..].iter().filter(|heard| {
+            !matches!(heard.answer, Answer::Ok | Answer::Busy) && Temperatures::parse(&heard.text).is_none()
+        });
+        telling.take(most).map(|heard| format!("{:.3} {}", heard.at_ns as f64 / 1e9, heard.text)).collect()
     }
 }
 

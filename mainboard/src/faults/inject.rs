@@ -22,10 +22,8 @@ const MILLISECOND: u64 = 1_000_000;
 const MOTORS: [&str; 4] = ["X", "Y", "Z", "E"];
 /// A branch to itself, Thumb encoding T2.
 const BRANCH_TO_ITSELF: u64 = 0xE7FE;
-/// RCC's enables of AHB1 and APB2, RM0090 6.3.10 and 6.3.14: DMA2EN is bit 22, ADC1EN to ADC3EN are bits 8 to 10.
-const RCC_AHB1ENR: u64 = 0x4002_3830;
+/// RCC's enables of APB2, RM0090 6.3.14: ADC1EN to ADC3EN are bits 8 to 10.
 const RCC_APB2ENR: u64 = 0x4002_3844;
-const DMA2EN: u64 = 1 << 22;
 const ADCEN: u64 = 0b111 << 8;
 /// ADC1 to ADC3, 0x100 apart: CR2 is at 0x08 with ADON in bit 0, DR at 0x4C (RM0090 13.13).
 const ADC: u64 = 0x4001_2000;
@@ -33,7 +31,7 @@ const ADC_CR2: u64 = 0x08;
 const ADC_DR: u64 = 0x4C;
 /// DMA2: of stream n CR is at 0x10 + 0x18 n with EN in bit 0, PAR at 0x18 + 0x18 n (RM0090 10.5).
 const DMA2: u64 = 0x4002_6400;
-/// Signals of stepper drivers, for [`crate::parts`].
+/// A driver that is hotter than each of its limits.
 const HOT_CELSIUS: f64 = 165.0;
 
 /// What is still to be done of a fault that lasts.
@@ -61,6 +59,8 @@ pub struct Injection {
     pub motor: Option<usize>,
     random: Random,
     later: VecDeque<(u64, Later)>,
+    /// Bits that are cleared again at each turn: register and mask.
+    held: Vec<(u64, u64)>,
     done: bool,
     halted: bool,
     resets: usize,
@@ -78,6 +78,7 @@ impl Injection {
             motor: None,
             random,
             later: VecDeque::new(),
+            held: Vec::new(),
             done: false,
             halted: false,
             resets: 0,
@@ -112,6 +113,9 @@ impl Injection {
         }
         while let Some((_, later)) = self.later.pop_front_if(|(at_ns, _)| *at_ns <= now_ns) {
             self.go_on(machine, later, now_ns);
+        }
+        for (address, bits) in &self.held {
+            clear(machine, now_ns, *address, *bits);
         }
         if self.done || now_ns < self.at_ns {
             return;
@@ -179,18 +183,21 @@ impl Injection {
                 Some(String::new())
             }
             Fault::ConverterStands => clear(machine, now_ns, RCC_APB2ENR, ADCEN),
-            Fault::TransferStands => clear(machine, now_ns, RCC_AHB1ENR, DMA2EN),
             Fault::ConverterHiccup => {
                 let done: Vec<String> =
                     (0..3).filter_map(|nth| clear(machine, now_ns, ADC + 0x100 * nth + ADC_CR2, 1)).collect();
                 (!done.is_empty()).then(|| done.join(", "))
             }
-            Fault::TransferHiccup => {
+            Fault::TransferStands | Fault::TransferHiccup => {
                 let mut done = Vec::new();
                 for stream in 0..8 {
                     let from = peek(machine, now_ns, DMA2 + 0x18 + 0x18 * stream);
                     if (0..3).any(|nth| from == Some(ADC + 0x100 * nth + ADC_DR)) {
-                        done.extend(clear(machine, now_ns, DMA2 + 0x10 + 0x18 * stream, 1));
+                        let control = DMA2 + 0x10 + 0x18 * stream;
+                        done.extend(clear(machine, now_ns, control, 1));
+                        if self.fault == Fault::TransferStands {
+                            self.held.push((control, 1));
+                        }
                     }
                 }
                 (!done.is_empty()).then(|| done.join(", "))

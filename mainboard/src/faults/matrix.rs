@@ -175,6 +175,7 @@ mod tests {
             was_hot: true,
             host_read: "Error:x".to_owned(),
             resets: Vec::new(),
+            heard: Vec::new(),
             hottest_celsius: [0.0; 2],
             watched_s: 0.0,
             violations: violations.iter().map(|text| (*text).to_owned()).collect(),

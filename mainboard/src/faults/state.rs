@@ -150,9 +150,9 @@ const PLAN: [(State, Due); 13] = [
 /// Who leads the printer through all states.
 struct Guide {
     host: HostSide,
-    before: Vec<String>,
+    /// What is sent after the idle state.
+    rest: Vec<String>,
     next: usize,
-    fed: usize,
     began_ns: [Option<u64>; 4],
     stopped: bool,
     wants: bool,
@@ -168,11 +168,8 @@ const MARKS: [&str; 4] = ["G28", "G4", "G92", "M112"];
 impl Guide {
     fn new(printing: Vec<String>) -> Self {
         let [nozzle, bed] = TARGETS_CELSIUS;
+        let first = ["M155 S1".to_owned(), format!("M86 S{HEATER_TIMEOUT_S}"), "M115".to_owned()];
         let mut lines = vec![
-            "M155 S1".to_owned(),
-            format!("M86 S{HEATER_TIMEOUT_S}"),
-            "M115".to_owned(),
-            "G4 P2500".to_owned(),
             format!("M140 S{bed}"),
             format!("M109 S{nozzle}"),
             "G28".to_owned(),
@@ -182,11 +179,9 @@ impl Guide {
         ];
         lines.extend(printing);
         Self {
-            host: HostSide::new(&lines),
-            // The host numbers from 0: M110 N0 goes first.
-            before: std::iter::once("M110 N0".to_owned()).chain(lines).collect(),
+            host: HostSide::new(first),
+            rest: lines,
             next: 0,
-            fed: 0,
             began_ns: [None; 4],
             stopped: false,
             wants: false,
@@ -214,15 +209,10 @@ impl Guide {
     }
 
     fn follow_marks(&mut self, now_ns: u64) {
-        while self.fed < self.host.acknowledged() {
-            self.fed += 1;
-            let Some(line) = self.before.get(self.fed) else { continue };
-            for (mark, text) in MARKS.iter().enumerate() {
-                // The first G4 is a pause before anything is hot.
-                let counts = line.starts_with(text) && line != "G4 P2500";
-                if counts && self.began_ns[mark].is_none() {
-                    self.began_ns[mark] = Some(now_ns);
-                }
+        let Some(line) = self.host.line_on_its_way() else { return };
+        for (mark, text) in MARKS.iter().enumerate() {
+            if line.starts_with(text) && self.began_ns[mark].is_none() {
+                self.began_ns[mark] = Some(now_ns);
             }
         }
     }
@@ -257,7 +247,12 @@ impl Operator for Guide {
                 self.refused = Some(format!("at {:.3} s the printer says \"{}\"", now_ns as f64 / 1e9, line.text));
             }
         }
-        let Some(&(_, due)) = PLAN.get(self.next) else { return Turn::Stop };
+        let Some(&(state, due)) = PLAN.get(self.next) else { return Turn::Stop };
+        if state > State::Idle {
+            for line in std::mem::take(&mut self.rest) {
+                self.host.push(&line);
+            }
+        }
         if matches!(due, Due::After("M112", _)) && !self.stopped {
             self.stopped = true;
             self.host.push_urgent("M112");

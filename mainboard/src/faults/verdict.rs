@@ -52,6 +52,8 @@ pub struct Outcome {
     pub hottest_celsius: [f64; 2],
     /// How long the run was watched after the fault, s.
     pub watched_s: f64,
+    /// The first telling lines that the host read after it.
+    pub heard: Vec<String>,
     /// What is not as it is promised.
     pub violations: Vec<String>,
 }
@@ -222,6 +224,7 @@ impl Watch {
                 .collect(),
             hottest_celsius: hottest.map(|celsius| (celsius * 10.0).round() / 10.0),
             watched_s: ms(now_ns - self.at_ns) / 1e3,
+            heard: side.telling(self.at_ns, 8),
             violations: Vec::new(),
         };
         outcome.violations = self.violations(machine, side, &outcome, now_ns);
@@ -290,7 +293,7 @@ impl Watch {
             What::Controlled => {}
         }
         self.heat_is_controlled(side, outcome, now_ns, &mut found);
-        self.motion_is_honest(machine, alarm, &mut found);
+        self.motion_is_honest(machine, side, alarm, &mut found);
         found
     }
 
@@ -315,16 +318,17 @@ impl Watch {
         }
     }
 
-    fn motion_is_honest(&self, machine: &Machine, alarm: Option<&str>, found: &mut Vec<String>) {
+    fn motion_is_honest(&self, machine: &Machine, side: &HostSide, alarm: Option<&str>, found: &mut Vec<String>) {
         let motion = &machine.plant.motion;
         let unknown = matches!(self.fault, Fault::Probe(ProbeFault::Dead)) && !self.state.is_homed();
         if let Some(crash) = motion.sheet().crash().filter(|crash| crash.first_ns >= self.at_ns && !unknown) {
             found.push(format!("the nozzle is pressed {:.2} mm into the bed", crash.deepest_mm));
         }
-        if let Some((axis, off_mm)) = self.lied_mm {
+        let told = alarm.is_some() || side.was_told(self.at_ns);
+        if let Some((axis, off_mm)) = self.lied_mm.filter(|_| !told) {
             found.push(format!("{} is homed {off_mm:.2} mm from where it says", ["X", "Y", "Z"][axis]));
         }
-        if !self.state.is_homed() || alarm.is_some() || self.reset_ns.is_some() {
+        if !self.state.is_homed() || told || self.reset_ns.is_some() {
             return;
         }
         for motor in 0..3 {
