@@ -29,6 +29,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Instant;
 
 use rigless::emulator::Host;
 
@@ -110,6 +111,21 @@ pub struct Wanted {
     pub only: Option<Fault>,
     /// This state alone.
     pub state: Option<State>,
+}
+
+/// Many runs.
+#[derive(Debug, Clone, Copy)]
+pub struct Runs {
+    /// How many.
+    pub count: usize,
+    /// Draws their seeds.
+    pub seed: u64,
+    /// On so many threads.
+    pub threads: usize,
+    /// Which.
+    pub wanted: Wanted,
+    /// None begins after this.
+    pub until: Option<Instant>,
 }
 
 /// Who makes the fault happen, plays the host and watches.
@@ -227,15 +243,9 @@ impl Campaign {
         Ok(watch.outcome(finished.machine(), side, seed, detail, resets, culprit.now_ns))
     }
 
-    /// So many runs on so many threads; the outcomes in the order of their seeds, which `seed` draws. `progress` hears of each.
-    pub fn runs(
-        &self,
-        count: usize,
-        seed: u64,
-        threads: usize,
-        wanted: Wanted,
-        progress: impl Fn(usize, &Outcome) + Sync,
-    ) -> Vec<Outcome> {
+    /// Many runs; the outcomes in the order of their seeds. `progress` hears of each as it ends.
+    pub fn runs(&self, runs: Runs, progress: impl Fn(usize, &Outcome) + Sync) -> Vec<Outcome> {
+        let Runs { count, seed, threads, wanted, until } = runs;
         let mut random = Random::new(seed);
         let seeds: Vec<u64> = (0..count).map(|_| random.bits() >> 16).collect();
         let next = AtomicUsize::new(0);
@@ -246,6 +256,9 @@ impl Campaign {
                     loop {
                         let index = next.fetch_add(1, Ordering::Relaxed);
                         let Some(seed) = seeds.get(index) else { break };
+                        if until.is_some_and(|until| Instant::now() >= until) {
+                            break;
+                        }
                         let outcome = self.run(*seed, wanted);
                         progress(index, &outcome);
                         if let Ok(mut outcomes) = outcomes.lock() {

@@ -1,7 +1,7 @@
 //! `mainboard faults`: runs with faults, and their matrix.
 
 use std::path::PathBuf;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use clap::Args;
 
@@ -9,7 +9,7 @@ use super::fault::{self, Fault};
 use super::matrix::{Matrix, reproduction};
 use super::state::State;
 use super::verdict::Outcome;
-use super::{Bench, Campaign, Wanted};
+use super::{Bench, Campaign, Runs, Wanted};
 
 /// Lets parts fail at random instants and holds what comes of it against the documentation.
 #[derive(Debug, Args)]
@@ -35,6 +35,9 @@ pub struct Faults {
     /// Threads.
     #[arg(long, default_value_t = 2)]
     pub threads: usize,
+    /// Begins no run after so many minutes.
+    #[arg(long)]
+    pub minutes: Option<u64>,
     /// The repository's root.
     #[arg(long, default_value = "..")]
     pub root: PathBuf,
@@ -91,7 +94,11 @@ impl Faults {
                 eprintln!("{} of {} runs after {:.0} s", index + 1, self.count, began.elapsed().as_secs_f64());
             }
         };
-        let outcomes = campaign.runs(self.count, self.seed, self.threads, wanted, progress);
+        let until = self.minutes.map(|minutes| Instant::now() + Duration::from_secs(60 * minutes));
+        let outcomes = campaign.runs(
+            Runs { count: self.count, seed: self.seed, threads: self.threads, wanted, until },
+            progress,
+        );
         self.report(&outcomes, began)
     }
 
