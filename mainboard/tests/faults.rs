@@ -25,7 +25,7 @@ fn states(fault: Fault) -> [State; 2] {
         Fault::Thermistor(_, Sensor::SlippedOut) | Fault::Heater(_, HeaterFault::Broken) => {
             [State::Idle, State::Halted]
         }
-        Fault::Heater(Block::Bed, HeaterFault::StuckOn) => [State::Heating, State::Waiting],
+        Fault::Heater(Block::Bed, HeaterFault::StuckOn) => [State::Idle, State::Halted],
         Fault::HostVanishes => [State::Idle, State::Waiting],
         Fault::Flip(_) => [State::Waiting, State::Printing],
         _ => [State::Idle, State::Waiting],

@@ -82,6 +82,8 @@ const DRIVER: [Promise; 2] = [
         off while it has current halts the machine; each is looked at twice a second"),
     row(When::Always, What::Controlled, 3_000, &[], "a notice, where the motor has no current"),
 ];
+const SAGS: [Promise; 1] =
+    [row(When::Always, What::Controlled, 2_500, &[], "a driver that is reset while it has current halts the machine")];
 const BROWN_OUT: [Promise; 2] = [
     row(When::Running, What::Reset, 60, &["start"], "a supply that is too low resets the chip below 2.7 V"),
     row(When::Always, What::Controlled, 2_500, &[], "the level is set by the first start"),
@@ -110,7 +112,8 @@ pub fn rows(fault: Fault) -> &'static [Promise] {
             )];
             &ROWS
         }
-        Fault::MotorSupply(Supply::Sags) => &FLIP,
+        // Drivers live on above 4 V: whether a dip takes their registers is the capacitors' affair.
+        Fault::MotorSupply(Supply::Sags | Supply::Dips) => &SAGS,
         Fault::MotorSupply(_) => &DRIVER,
         Fault::ChipSupply(_) => &BROWN_OUT,
         Fault::HostVanishes => {
