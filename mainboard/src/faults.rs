@@ -12,7 +12,8 @@
 //!
 //! A run is drawn by its seed alone: fault, state, instant within the state, and what exactly fails. So each can be done again.
 //!
-//! Left out: two faults at once (but for what a fault brings with it); noise on pins that is not an edge; faults of the card;
+//! Left out: a thermistor half out of its hole (no promise, and minutes of time for each); the NMI of a crystal that stops, which
+//! the emulator does not raise; a hang of the idle loop; two faults at once (but for what a fault brings with it); noise on pins that is not an edge; faults of the card;
 //! slow wear. The host's line is the serial one.
 
 pub mod command;
@@ -224,17 +225,10 @@ impl Campaign {
 
     fn run_at(&self, place: &'static Place, injection: Injection, seed: u64) -> Result<Outcome, String> {
         let (fault, at_ns) = (injection.fault, injection.at_ns);
-        let culprit = Culprit {
-            side: place.host.clone(),
-            injection,
-            watch: None,
-            place,
-            bench: self.bench,
-            now_ns: place.at_ns,
-        };
+        let culprit =
+            Culprit { side: place.host.clone(), injection, watch: None, place, bench: self.bench, now_ns: place.at_ns };
         let machine = self.bench.machine()?;
-        let finished =
-            run::run_from(&place.snapshot, machine, &self.bench.images, self.bench.boot, Owned(culprit))?;
+        let finished = run::run_from(&place.snapshot, machine, &self.bench.images, self.bench.boot, Owned(culprit))?;
         let culprit = &finished.operator.0;
         let Some(watch) = &culprit.watch else {
             return Ok(Outcome { without: true, ..nothing(fault, place.state, seed, at_ns) });

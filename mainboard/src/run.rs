@@ -183,12 +183,10 @@ pub fn run_from<O: Operator>(
     boot: Option<u64>,
     operator: O,
 ) -> Result<Finished<O>, String> {
-    let mut session =
-        Session::new(Box::new(machine), 0, VirtualNanos(SLICE_NS)).map_err(|error| error.to_string())?;
+    let mut session = Session::new(Box::new(machine), 0, VirtualNanos(SLICE_NS)).map_err(|error| error.to_string())?;
     let mut runner = Runner::new(operator, images, boot);
     let mut progress = Progress::default();
-    let resume =
-        snapshot.restore(&mut session, &runner.firmware, &mut progress).map_err(|error| error.to_string())?;
+    let resume = snapshot.restore(&mut session, &runner.firmware, &mut progress).map_err(|error| error.to_string())?;
     (runner.accesses, runner.next_ns) = (progress.accesses, progress.next_ns);
     session.run_until(VirtualNanos(progress.next_ns));
     let mut start = Start::new(images);

@@ -95,10 +95,8 @@ impl Faults {
             }
         };
         let until = self.minutes.map(|minutes| Instant::now() + Duration::from_secs(60 * minutes));
-        let outcomes = campaign.runs(
-            Runs { count: self.count, seed: self.seed, threads: self.threads, wanted, until },
-            progress,
-        );
+        let outcomes =
+            campaign.runs(Runs { count: self.count, seed: self.seed, threads: self.threads, wanted, until }, progress);
         self.report(&outcomes, began)
     }
 
@@ -106,7 +104,8 @@ impl Faults {
         let matrix = Matrix::new(outcomes);
         let violations: Vec<&Outcome> = outcomes.iter().filter(|outcome| !outcome.violations.is_empty()).collect();
         if let Some(path) = &self.csv {
-            std::fs::write(path, matrix.csv()).map_err(|error| format!("{} cannot be written: {error}", path.display()))?;
+            std::fs::write(path, matrix.csv())
+                .map_err(|error| format!("{} cannot be written: {error}", path.display()))?;
         }
         if self.json {
             let report = serde_json::json!({ "board": self.board, "matrix": matrix, "violations": violations });

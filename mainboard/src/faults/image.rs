@@ -113,7 +113,7 @@ impl Layout {
 
 fn symbols(table: &[u8], names: &[u8]) -> Vec<Symbol> {
     let mut symbols = Vec::new();
-    for entry in table.chunks_exact(SYMBOL_BYTES) {
+    for entry in table.as_chunks::<SYMBOL_BYTES>().0 {
         let (Some(name), Some(address), Some(bytes)) = (word(entry, 0), word(entry, 4), word(entry, 8)) else {
             continue;
         };
@@ -127,7 +127,7 @@ fn symbols(table: &[u8], names: &[u8]) -> Vec<Symbol> {
 /// Handlers of a vector table but for the one that most exceptions share.
 fn handlers(vectors: &[u8]) -> Vec<(u64, u32)> {
     let all: Vec<(u64, u32)> = (0..)
-        .zip(vectors.chunks_exact(4))
+        .zip(vectors.as_chunks::<4>().0)
         .filter_map(|(number, bytes)| Some((number, word(bytes, 0)?)))
         .filter(|(number, address)| *number >= FIRST_HANDLER && *address != 0)
         .collect();

@@ -50,13 +50,7 @@ pub struct Promise {
     pub source: &'static str,
 }
 
-const fn row(
-    when: When,
-    what: What,
-    within_ms: u64,
-    says: &'static [&'static str],
-    source: &'static str,
-) -> Promise {
+const fn row(when: When, what: What, within_ms: u64, says: &'static [&'static str], source: &'static str) -> Promise {
     Promise { when, what, within_ms, says, source }
 }
 
@@ -78,8 +72,14 @@ const STANDS: [Promise; 1] = [row(
     "a reading that is not new for 80 ms is that of an open thermistor; one that lasts trips",
 )];
 const DRIVER: [Promise; 2] = [
-    row(When::Powered, What::Off, 3_000, &["driver", "Driver"], "a driver that is reset, falls silent or switches its motor \
-        off while it has current halts the machine; each is looked at twice a second"),
+    row(
+        When::Powered,
+        What::Off,
+        3_000,
+        &["driver", "Driver"],
+        "a driver that is reset, falls silent or switches its motor \
+        off while it has current halts the machine; each is looked at twice a second",
+    ),
     row(When::Always, What::Controlled, 3_000, &[], "a notice, where the motor has no current"),
 ];
 const SAGS: [Promise; 1] =
@@ -88,8 +88,14 @@ const BROWN_OUT: [Promise; 2] = [
     row(When::Running, What::Reset, 60, &["start"], "a supply that is too low resets the chip below 2.7 V"),
     row(When::Always, What::Controlled, 2_500, &[], "the level is set by the first start"),
 ];
-const FLIP: [Promise; 1] = [row(When::Always, What::Controlled, 2_000, &[], "nothing is promised for a bit that flips: \
-    heaters off within the watchdog's time, or the heat stays controlled")];
+const FLIP: [Promise; 1] = [row(
+    When::Always,
+    What::Controlled,
+    2_000,
+    &[],
+    "nothing is promised for a bit that flips: \
+    heaters off within the watchdog's time, or the heat stays controlled",
+)];
 
 /// The rows of a fault.
 #[must_use]
@@ -98,7 +104,8 @@ pub fn rows(fault: Fault) -> &'static [Promise] {
         (bed 46 s)";
     match fault {
         Fault::Control => {
-            const ROWS: [Promise; 1] = [row(When::Always, What::GoesOn, 4_000, &[], "nothing trips that has not failed")];
+            const ROWS: [Promise; 1] =
+                [row(When::Always, What::GoesOn, 4_000, &[], "nothing trips that has not failed")];
             &ROWS
         }
         Fault::CrystalStops => {
@@ -150,8 +157,13 @@ pub fn rows(fault: Fault) -> &'static [Promise] {
             &ROWS
         }
         Fault::Thermistor(_, Sensor::Drifts) => {
-            const ROWS: [Promise; 1] =
-                [row(When::Always, What::Controlled, 8_000, &[], "not covered: nothing that looks at this reading can tell")];
+            const ROWS: [Promise; 1] = [row(
+                When::Always,
+                What::Controlled,
+                8_000,
+                &[],
+                "not covered: nothing that looks at this reading can tell",
+            )];
             &ROWS
         }
         Fault::Heater(Block::Nozzle, HeaterFault::Broken) => {
@@ -203,14 +215,25 @@ pub fn rows(fault: Fault) -> &'static [Promise] {
             &ROWS
         }
         Fault::InputStorm | Fault::FanStuck => {
-            const ROWS: [Promise; 1] =
-                [row(When::Always, What::GoesOn, 2_000, &[], "tachometers are not read; heat does not depend on motion")];
+            const ROWS: [Promise; 1] = [row(
+                When::Always,
+                What::GoesOn,
+                2_000,
+                &[],
+                "tachometers are not read; heat does not depend on motion",
+            )];
             &ROWS
         }
         Fault::Flip(_) => &FLIP,
         Fault::TaskHangs => {
-            const ROWS: [Promise; 1] = [row(When::Always, What::Controlled, 3_000, &[], "the watchdog resets when control \
-                stands still, the planner is silent for a second, the lowest task for five")];
+            const ROWS: [Promise; 1] = [row(
+                When::Always,
+                What::Controlled,
+                3_000,
+                &[],
+                "the watchdog resets when control \
+                stands still, the planner is silent for a second, the lowest task for five",
+            )];
             &ROWS
         }
         Fault::CoreHalted => {

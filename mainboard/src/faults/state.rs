@@ -147,6 +147,14 @@ const PLAN: [(State, Due); 13] = [
     (State::Halted, Due::After("M112", 500_000_000)),
 ];
 
+/// A snapshot as it was taken.
+struct Taking {
+    state: State,
+    at_ns: u64,
+    file: Vec<u8>,
+    host: HostSide,
+}
+
 /// Who leads the printer through all states.
 struct Guide {
     host: HostSide,
@@ -157,7 +165,7 @@ struct Guide {
     stopped: bool,
     wants: bool,
     offset_mm: [f64; 3],
-    taken: Vec<(State, u64, Vec<u8>, HostSide, [f64; 3])>,
+    taken: Vec<Taking>,
     now_ns: u64,
     refused: Option<String>,
 }
@@ -273,7 +281,8 @@ impl Operator for Guide {
         match snapshot {
             Ok(snapshot) => {
                 let state = PLAN[self.next].0;
-                self.taken.push((state, self.now_ns, snapshot.file, self.host.clone(), self.offset_mm));
+                let (at_ns, host) = (self.now_ns, self.host.clone());
+                self.taken.push(Taking { state, at_ns, file: snapshot.file, host });
                 self.next += 1;
             }
             // A reset is under way: at the next turn.
@@ -300,7 +309,7 @@ pub fn places(bench: &Bench, folder: &Path) -> Result<Vec<Place>, String> {
         .taken
         .into_iter()
         .enumerate()
-        .map(|(index, (state, at_ns, file, host, _))| {
+        .map(|(index, Taking { state, at_ns, file, host })| {
             let path = folder.join(format!("ferrostep-faults-{}-{index}", std::process::id()));
             let shown = path.display();
             std::fs::write(&path, file).map_err(|error| format!("{shown} cannot be written: {error}"))?;

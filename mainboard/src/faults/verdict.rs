@@ -154,7 +154,7 @@ impl Watch {
         let off = self.last_on_ns.is_none_or(|on_ns| now_ns - on_ns > OFF_FOR_NS);
         let said = alarm_of(side, self.at_ns).is_some();
         match self.promise.what {
-            What::Off => (off && said) || passed_ns > within_ns + 4_000 * MILLISECOND,
+            What::Off => (off && said && !self.has_targets(side)) || passed_ns > within_ns + 4_000 * MILLISECOND,
             What::Reset => {
                 (off && self.reset_ns.is_some() && (said || !self.powered) && passed_ns > OFF_FOR_NS)
                     || passed_ns > within_ns + 4_000 * MILLISECOND
@@ -172,6 +172,12 @@ impl Watch {
                 (off && passed_ns > OFF_FOR_NS) || !self.is_odd(side, now_ns) || passed_ns > WATCHED_NS
             }
         }
+    }
+
+    /// Whether the printer reported a target, of any heater, since it gave a reason to stop.
+    fn has_targets(&self, side: &HostSide) -> bool {
+        let since_ns = side.alarms(self.at_ns).next().map_or(self.at_ns, |alarm| alarm.at_ns);
+        side.temperatures(since_ns).is_some_and(|said| said.celsius[1] > 0.0 || said.celsius[3] > 0.0)
     }
 
     /// Whether something is out of the ordinary: silence, errors, other targets than the host has set.
@@ -198,7 +204,13 @@ impl Watch {
         resets: &[(u64, String)],
         now_ns: u64,
     ) -> Outcome {
+        // A nozzle above its target gets no power either: that alone is not off for good.
+        let ended = alarm_of(side, self.at_ns).is_some()
+            || self.reset_ns.is_some()
+            || !self.powered
+            || matches!(self.promise.what, What::Off | What::Reset);
         let off_ms = match self.last_on_ns {
+            _ if !ended => None,
             None => Some(0.0),
             Some(on_ns) if now_ns - on_ns > OFF_FOR_NS => Some(ms(on_ns - self.at_ns)),
             Some(_) => None,
@@ -259,6 +271,9 @@ impl Watch {
                     }
                     _ => {}
                 }
+                if was_on && alarm.is_some() && self.has_targets(side) {
+                    found.push("a heater still has a target after the reason to stop".to_owned());
+                }
                 let said = self.promise.says.is_empty() && alarm.is_some()
                     || side
                         .heard()
@@ -276,7 +291,8 @@ impl Watch {
                     found.push(format!("reset after {after_ms:.0} ms, promised within {within_ms} ms"));
                 }
                 Some(_) if outcome.heaters_off_ms.is_none_or(|off_ms| off_ms > within_ms) && was_on => {
-                    let off = outcome.heaters_off_ms.map_or("never".to_owned(), |off_ms| format!("after {off_ms:.0} ms"));
+                    let off =
+                        outcome.heaters_off_ms.map_or("never".to_owned(), |off_ms| format!("after {off_ms:.0} ms"));
                     found.push(format!("heaters off {off}, promised within {within_ms} ms"));
                 }
                 Some(_) => {}
