@@ -266,7 +266,8 @@ impl Injection {
     fn chip_supply(&mut self, machine: &mut Machine, supply: Supply, now_ns: u64) -> String {
         let (to_mv, for_ms) = match supply {
             Supply::Sags => (self.random.between(2_000, 2_600), Some(self.random.between(50, 500))),
-            Supply::Dips => (self.random.between(0, 2_000), Some(self.random.between(1, 20))),
+            // Long enough for the rail to fall below the brown-out level, by its own capacitors.
+            Supply::Dips => (self.random.between(0, 2_000), Some(self.random.between(6, 20))),
             Supply::Cut => (0, None),
             Supply::Returns => (0, Some(self.random.between(100, 1_000))),
         };

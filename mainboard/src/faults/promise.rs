@@ -124,11 +124,11 @@ pub fn rows(fault: Fault) -> &'static [Promise] {
         Fault::MotorSupply(_) => &DRIVER,
         Fault::ChipSupply(_) => &BROWN_OUT,
         Fault::HostVanishes => {
-            // Motion that is queued goes on for some seconds, and the time begins at its end.
+            // The time begins at the end of the motion that is queued.
             const ROWS: [Promise; 1] = [row(
                 When::Hot,
                 What::Off,
-                (HEATER_TIMEOUT_S + 25) * SECOND,
+                (HEATER_TIMEOUT_S + 5) * SECOND,
                 &["heaters switched off"],
                 "heaters that have a target and no use are switched off (M86)",
             )];
