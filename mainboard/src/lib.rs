@@ -9,6 +9,7 @@ pub mod chip;
 pub mod commands;
 pub mod conversation;
 pub mod decode;
+pub mod faults;
 pub mod host;
 pub mod machine;
 pub mod parts;

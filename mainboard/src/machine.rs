@@ -244,10 +244,20 @@ impl Machine {
         if powered != self.powered {
             self.powered = powered;
             self.chip.set_power(VirtualNanos(now_ns), powered);
+            if !powered {
+                // Its pins drive nothing: what holds the gates down decides.
+                self.plant.let_go(now_ns);
+            }
         }
         if powered {
             self.chip.set_supply(millivolts.round() as u32);
         }
+    }
+
+    /// How often the chip was reset so far.
+    #[must_use]
+    pub const fn resets(&self) -> usize {
+        self.resets_seen
     }
 
     /// Whether the chip has its supply.

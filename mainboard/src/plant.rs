@@ -205,7 +205,19 @@ impl Plant {
                 place.last_on_ns = Some(now_ns);
             }
             place.heater.set_on(now_ns, power > 0.0);
-            place.heater.set_power_scale(now_ns, power * scale);
+            // A transistor that conducts always gives all that the supply has.
+            let share = if place.heater.is_stuck_on() { 1.0 } else { power };
+            place.heater.set_power_scale(now_ns, share * scale);
+        }
+    }
+
+    /// Nobody drives the gates of heaters and fans.
+    pub fn let_go(&mut self, now_ns: u64) {
+        for heater in 0..self.heaters.len() {
+            self.power_heater(now_ns, heater, 0.0);
+        }
+        for fan in 0..self.fans.len() {
+            self.power_fan(now_ns, fan, 0.0);
         }
     }
 
@@ -303,6 +315,9 @@ impl Plant {
                 place.last_on_ns = Some(now_ns);
                 place.heater.set_power_scale(now_ns, place.power * rail);
             }
+            if place.heater.is_stuck_on() {
+                place.heater.set_power_scale(now_ns, rail);
+            }
         }
         true
     }
@@ -319,13 +334,15 @@ impl Plant {
     /// What the converters' pins carry now, mV: converter, channel, voltage.
     pub fn voltages(&mut self, now_ns: u64) -> Vec<(Adc, u32)> {
         let mut voltages = Vec::with_capacity(self.thermistors.len());
+        // The pull-ups hang on the converter's reference: both sag together.
+        let reference = self.chip_rail.millivolts(now_ns) / build::REFERENCE_MV;
         for place in &mut self.thermistors {
             let celsius = match place.heater.and_then(|heater| self.heaters.get_mut(heater)) {
                 Some(heater) => heater.heater.sensor_celsius(now_ns),
                 None => self.ambient_celsius,
             };
             let millivolts = place.thermistor.millivolts(now_ns, celsius, self.ambient_celsius);
-            voltages.push((place.adc, millivolts.round() as u32));
+            voltages.push((place.adc, (millivolts * reference).round() as u32));
         }
         voltages
     }
@@ -356,6 +373,20 @@ impl Plant {
     /// All inputs are to be driven again: the chip's ports have forgotten them, or something was broken or mended by hand.
     pub fn look_again(&mut self) {
         self.lines_changed = true;
+    }
+
+    /// Breaks or mends a driver; what that does to its outputs reaches the motor.
+    pub fn disturb_driver(&mut self, now_ns: u64, motor: usize, change: impl FnOnce(&mut Tmc2209)) {
+        if let Some(driver) = self.drivers.get_mut(motor) {
+            change(driver);
+            self.energize(now_ns, motor);
+            self.lines_changed = true;
+        }
+    }
+
+    /// The chip's pins that something of the printer drives: switches, probe, stall signals, tachos, lines of drivers.
+    pub fn input_pins(&self) -> impl Iterator<Item = Pin> + '_ {
+        self.inputs.iter().map(|(pin, _)| *pin)
     }
 
     /// The air's temperature, degrees Celsius.

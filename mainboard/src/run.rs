@@ -3,8 +3,9 @@
 use std::net::TcpListener;
 
 use rigless::emulator::{self, AccessKind, Driver, Host, Settled, Start, Stop};
-use rigless::image::Image;
+use rigless::image::{self, Image};
 use rigless::session::Session;
+use rigless::snapshot::{self, Reader, Snapshot, Store, Taken, Writer};
 use rigless::time::VirtualNanos;
 
 use crate::chip::halt::Halt;
@@ -32,6 +33,16 @@ pub trait Operator: Send + 'static {
     /// The next instant at which it wants a turn, beside the slices.
     fn next_turn_ns(&self) -> Option<u64> {
         None
+    }
+
+    /// Whether a snapshot is to be taken at the end of this turn; asked once after each.
+    fn wants_snapshot(&mut self) -> bool {
+        false
+    }
+
+    /// The snapshot that it wanted, of everything but the operator itself: what to keep of that is its own affair.
+    fn snapshot_taken(&mut self, snapshot: Result<Taken, snapshot::Error>) {
+        let _ = snapshot;
     }
 }
 
@@ -88,9 +99,17 @@ struct Runner<O> {
     accesses: u64,
     last_stop: Option<Stop>,
     held: bool,
+    /// The instant that it asked for last, ns.
+    next_ns: u64,
+    firmware: [u8; 32],
 }
 
 impl<O> Runner<O> {
+    fn new(operator: O, images: &[Image], boot: Option<u64>) -> Self {
+        let firmware = image::digest(images, boot);
+        Self { operator, accesses: 0, last_stop: None, held: false, next_ns: SLICE_NS, firmware }
+    }
+
     /// The core runs nothing while it enters a handler, or while somebody has stopped it.
     fn hold(&mut self, session: &Session<Machine>, host: &mut dyn Host) {
         let chip = &session.board().chip;
@@ -99,6 +118,25 @@ impl<O> Runner<O> {
             self.held = held;
             host.hold(held || session.unpowered());
         }
+    }
+}
+
+/// What a snapshot keeps of a run beside chip and machine; the operator is the caller's.
+#[derive(Debug, Default)]
+struct Progress {
+    accesses: u64,
+    next_ns: u64,
+    held: bool,
+}
+
+impl Store for Progress {
+    fn store(&self, to: &mut Writer) -> Result<(), snapshot::Error> {
+        to.put(&(self.accesses, self.next_ns, self.held))
+    }
+
+    fn load(&mut self, from: &mut Reader) -> Result<(), snapshot::Error> {
+        (self.accesses, self.next_ns, self.held) = from.take()?;
+        Ok(())
     }
 }
 
@@ -133,7 +171,12 @@ impl<O: Operator> Driver<Machine> for Runner<O> {
         }
         self.hold(session, host);
         let slice = now_ns + SLICE_NS;
-        Some(VirtualNanos(next.map_or(slice, |next| next.clamp(now_ns + 1, slice))))
+        self.next_ns = next.map_or(slice, |next| next.clamp(now_ns + 1, slice));
+        if self.operator.wants_snapshot() {
+            let progress = Progress { accesses: self.accesses, next_ns: self.next_ns, held: self.held };
+            self.operator.snapshot_taken(snapshot::take(session, host, stop, &self.firmware, &progress));
+        }
+        Some(VirtualNanos(self.next_ns))
     }
 }
 
@@ -152,7 +195,39 @@ pub fn run<O: Operator>(
     start.debugger = options.debugger;
     start.wait_for_debugger = options.wait_for_debugger;
     let session = Session::new(Box::new(machine), 0, VirtualNanos(SLICE_NS))?;
-    let finished = emulator::run(session, &start, Runner { operator, accesses: 0, last_stop: None, held: false })?;
+    finish(session, &start, Runner::new(operator, images, options.boot))
+}
+
+/// Goes on from a snapshot, with a machine built as the one that it was taken of. From there on it is the run that it was taken
+/// in, as long as the operator is as it was then.
+///
+/// # Errors
+/// The snapshot is of another machine or image, or the emulator could not go on.
+pub fn run_from<O: Operator>(
+    snapshot: &Snapshot,
+    machine: Machine,
+    images: &[Image],
+    boot: Option<u64>,
+    operator: O,
+) -> Result<Finished<O>, String> {
+    let mut session = Session::new(Box::new(machine), 0, VirtualNanos(SLICE_NS)).map_err(|error| error.to_string())?;
+    let mut runner = Runner::new(operator, images, boot);
+    let mut progress = Progress::default();
+    let resume = snapshot.restore(&mut session, &runner.firmware, &mut progress).map_err(|error| error.to_string())?;
+    (runner.accesses, runner.next_ns, runner.held) = (progress.accesses, progress.next_ns, progress.held);
+    session.run_until(VirtualNanos(progress.next_ns));
+    let mut start = Start::new(images);
+    start.boot = boot;
+    start.resume = Some(&resume);
+    finish(session, &start, runner).map_err(|error| error.to_string())
+}
+
+fn finish<O: Operator>(
+    session: Session<Machine>,
+    start: &Start<'_>,
+    runner: Runner<O>,
+) -> Result<Finished<O>, emulator::Error> {
+    let finished = emulator::run(session, start, runner)?;
     let mut session = finished.session;
     let report = report(&mut session, finished.driver.last_stop, finished.driver.accesses);
     Ok(Finished { session, operator: finished.driver.operator, report })

@@ -30,7 +30,7 @@ const fn blocks(kib: u64, count: u32) -> EraseBlocks {
 
 /// The F405's and F407's memories: RM0090 section 2.3, table 1, and DS8626 section 2.2.
 static MEMORY_F405: [Region; 5] = [
-    Region::flash("flash", 0x0800_0000, 1 << 20).erased_in(&SECTORS_1024).erased_to(0xFF),
+    Region::flash("flash", 0x0800_0000, 1 << 20).erased_in(&SECTORS_1024).erased_to(0xFF).programmed_by("FLASH"),
     Region::ram("ccm", 0x1000_0000, 64 << 10),
     Region::system("system", 0x1FFF_0000, 32 << 10),
     Region::ram("sram", 0x2000_0000, 128 << 10),
@@ -39,7 +39,7 @@ static MEMORY_F405: [Region; 5] = [
 
 /// The F446's memories: RM0390 section 2.2, table 1. It has no memory beside its core.
 static MEMORY_F446: [Region; 4] = [
-    Region::flash("flash", 0x0800_0000, 512 << 10).erased_in(&SECTORS_512).erased_to(0xFF),
+    Region::flash("flash", 0x0800_0000, 512 << 10).erased_in(&SECTORS_512).erased_to(0xFF).programmed_by("FLASH"),
     Region::system("system", 0x1FFF_0000, 32 << 10),
     Region::ram("sram", 0x2000_0000, 128 << 10),
     Region::ram("backup_sram", 0x4002_4000, 4 << 10),

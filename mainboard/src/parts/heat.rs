@@ -124,6 +124,11 @@ impl Heater {
         self.change_power(now_ns);
     }
 
+    /// Whether its transistor conducts always.
+    pub fn is_stuck_on(&self) -> bool {
+        self.fault == Some(HeaterFault::StuckOn)
+    }
+
     /// The fan that blows at it, 0 to 1.
     pub fn set_fan(&mut self, now_ns: u64, fan: f64) {
         self.advance(now_ns);

@@ -78,7 +78,7 @@ mod tests {
         let mut noise = Noise::new(2);
         for _ in 0..1000 {
             noise.pass(&mut []);
-            noise.pass(&mut *b"\n".clone());
+            noise.pass(&mut b"\n".clone());
         }
         assert_eq!(noise.corrupted(), 0);
     }

@@ -1,0 +1,205 @@
+//! What can go wrong, by name.
+
+use serde::Serialize;
+
+use crate::parts::heat::HeaterFault;
+use crate::parts::motion::end_stop::EndStopFault;
+use crate::parts::motion::sheet::ProbeFault;
+
+/// A heated block.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+pub enum Block {
+    /// The hot end.
+    Nozzle,
+    /// The bed.
+    Bed,
+}
+
+impl Block {
+    /// As the board's file names its heater and its thermistor.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Nozzle => "nozzle",
+            Self::Bed => "bed",
+        }
+    }
+}
+
+/// What a supply does.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Supply {
+    /// It sinks, stays there for a while and comes back.
+    Sags,
+    /// It is away for milliseconds.
+    Dips,
+    /// It is cut for good.
+    Cut,
+    /// It is cut, and comes back after a while.
+    Returns,
+}
+
+/// What a thermistor does.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Sensor {
+    /// Its wire is broken.
+    Open,
+    /// Its wires touch.
+    Short,
+    /// It is out of its hole.
+    SlippedOut,
+    /// Its plug is loose.
+    Loose,
+    /// It reads ever more beside the truth, by 10 kelvin a minute.
+    Drifts,
+}
+
+/// What a motor's driver does.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Driver {
+    /// Its own supply is away for some ms: its registers are lost.
+    Resets,
+    /// Too hot: it switches its motor off.
+    Hot,
+    /// A motor's phase touches ground.
+    Short,
+    /// It does not hear and says nothing.
+    Mute,
+}
+
+/// Memory of the chip.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Memory {
+    /// Static variables and the stack.
+    Ram,
+    /// The memory beside the core.
+    Ccm,
+    /// The image in flash.
+    Flash,
+}
+
+/// A fault.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Fault {
+    /// Nothing: what must be said of every run must hold for a sound one.
+    Control,
+    /// The crystal stops swinging.
+    CrystalStops,
+    /// The 24 V of motors and heaters; the chip lives on by USB.
+    MotorSupply(Supply),
+    /// The chip's 3.3 V.
+    ChipSupply(Supply),
+    /// The host says nothing more.
+    HostVanishes,
+    /// Some of the bits to the chip arrive wrong for a while.
+    HostLineGarbles,
+    /// A thermistor.
+    Thermistor(Block, Sensor),
+    /// A heater or its transistor.
+    Heater(Block, HeaterFault),
+    /// The converters' clock is off, and stays off.
+    ConverterStands,
+    /// The converters are switched off once.
+    ConverterHiccup,
+    /// The stream that carries conversions to memory is off, and off again within 0.1 ms whoever switches it on.
+    TransferStands,
+    /// The transfer of conversions ends once.
+    TransferHiccup,
+    /// A motor's driver.
+    Driver(Driver),
+    /// A switch at an axis's end.
+    EndStop(EndStopFault),
+    /// The probe at the nozzle.
+    Probe(ProbeFault),
+    /// A fan is blocked.
+    FanStuck,
+    /// A random bit of memory flips.
+    Flip(Memory),
+    /// The first instruction of an interrupt's handler becomes a branch to itself.
+    TaskHangs,
+    /// A debugger halts the core.
+    CoreHalted,
+    /// An input changes its level every few microseconds for a while.
+    InputStorm,
+}
+
+/// All faults: name, fault, and its share of a campaign's runs.
+///
+/// The shares are by cost and interest: flips of single bits are many, and what takes minutes of the printer's time is rare.
+pub const ALL: [(&str, Fault, u32); 45] = [
+    ("control", Fault::Control, 10),
+    ("crystal-stops", Fault::CrystalStops, 20),
+    ("24v-sags", Fault::MotorSupply(Supply::Sags), 10),
+    ("24v-dips", Fault::MotorSupply(Supply::Dips), 20),
+    ("24v-cut", Fault::MotorSupply(Supply::Cut), 15),
+    ("24v-returns", Fault::MotorSupply(Supply::Returns), 20),
+    ("3v3-sags", Fault::ChipSupply(Supply::Sags), 20),
+    ("3v3-dips", Fault::ChipSupply(Supply::Dips), 20),
+    ("3v3-cut", Fault::ChipSupply(Supply::Cut), 10),
+    ("3v3-returns", Fault::ChipSupply(Supply::Returns), 20),
+    ("host-vanishes", Fault::HostVanishes, 4),
+    ("host-line-garbles", Fault::HostLineGarbles, 20),
+    ("nozzle-thermistor-open", Fault::Thermistor(Block::Nozzle, Sensor::Open), 15),
+    ("nozzle-thermistor-short", Fault::Thermistor(Block::Nozzle, Sensor::Short), 15),
+    ("nozzle-thermistor-slipped-out", Fault::Thermistor(Block::Nozzle, Sensor::SlippedOut), 8),
+    ("nozzle-thermistor-loose", Fault::Thermistor(Block::Nozzle, Sensor::Loose), 10),
+    ("nozzle-thermistor-drifts", Fault::Thermistor(Block::Nozzle, Sensor::Drifts), 4),
+    ("bed-thermistor-open", Fault::Thermistor(Block::Bed, Sensor::Open), 15),
+    ("bed-thermistor-short", Fault::Thermistor(Block::Bed, Sensor::Short), 15),
+    ("bed-thermistor-slipped-out", Fault::Thermistor(Block::Bed, Sensor::SlippedOut), 3),
+    ("bed-thermistor-loose", Fault::Thermistor(Block::Bed, Sensor::Loose), 10),
+    ("bed-thermistor-drifts", Fault::Thermistor(Block::Bed, Sensor::Drifts), 4),
+    ("nozzle-heater-broken", Fault::Heater(Block::Nozzle, HeaterFault::Broken), 6),
+    ("nozzle-heater-stuck-on", Fault::Heater(Block::Nozzle, HeaterFault::StuckOn), 6),
+    ("bed-heater-broken", Fault::Heater(Block::Bed, HeaterFault::Broken), 2),
+    ("bed-heater-stuck-on", Fault::Heater(Block::Bed, HeaterFault::StuckOn), 2),
+    ("converter-stands", Fault::ConverterStands, 20),
+    ("converter-hiccup", Fault::ConverterHiccup, 20),
+    ("transfer-stands", Fault::TransferStands, 20),
+    ("transfer-hiccup", Fault::TransferHiccup, 20),
+    ("driver-resets", Fault::Driver(Driver::Resets), 30),
+    ("driver-hot", Fault::Driver(Driver::Hot), 15),
+    ("driver-short", Fault::Driver(Driver::Short), 15),
+    ("driver-mute", Fault::Driver(Driver::Mute), 15),
+    ("end-stop-stuck-open", Fault::EndStop(EndStopFault::StuckOpen), 6),
+    ("end-stop-stuck-closed", Fault::EndStop(EndStopFault::StuckClosed), 6),
+    ("probe-dead", Fault::Probe(ProbeFault::Dead), 8),
+    ("probe-always-on", Fault::Probe(ProbeFault::AlwaysOn), 8),
+    ("fan-stuck", Fault::FanStuck, 5),
+    ("ram-bit-flips", Fault::Flip(Memory::Ram), 220),
+    ("ccm-bit-flips", Fault::Flip(Memory::Ccm), 20),
+    ("flash-bit-flips", Fault::Flip(Memory::Flash), 120),
+    ("task-hangs", Fault::TaskHangs, 60),
+    ("core-halted", Fault::CoreHalted, 30),
+    ("input-storm", Fault::InputStorm, 20),
+];
+
+impl Fault {
+    /// Its name.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        ALL.into_iter().find(|(_, fault, _)| *fault == self).map_or("", |(name, ..)| name)
+    }
+
+    /// The fault of that name.
+    #[must_use]
+    pub fn named(name: &str) -> Option<Self> {
+        ALL.into_iter().find(|(other, ..)| *other == name).map(|(_, fault, _)| fault)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+
+    #[test]
+    fn every_fault_has_a_name_of_its_own() {
+        for (name, fault, share) in ALL.into_iter() {
+            assert!(share > 0);
+            assert_eq!(Fault::named(name).unwrap(), fault);
+            assert_eq!(fault.name(), name);
+        }
+        assert_eq!(Fault::named("flood"), None);
+    }
+}

@@ -1,0 +1,339 @@
+//! The states of a printer that faults come upon, and a run that passes through all of them and takes a snapshot in each.
+
+use std::path::Path;
+
+use rigless::emulator::Host;
+use rigless::snapshot::{Snapshot, Taken};
+use serde::Serialize;
+
+use super::Bench;
+use super::host_side::HostSide;
+use crate::machine::Machine;
+use crate::run::{self, Operator, Options, Turn};
+
+const SECOND: u64 = 1_000_000_000;
+/// What the nozzle and the bed are set to, degrees Celsius.
+pub const TARGETS_CELSIUS: [f64; 2] = [200.0, 40.0];
+/// After this long without a host the heaters are to go off, s: M86, so that a run need not last for half an hour.
+pub const HEATER_TIMEOUT_S: u64 = 90;
+/// The run through all states is given up after this.
+const LIMIT_NS: u64 = 400 * SECOND;
+/// Moves of the job that are printed at most.
+const MAX_LINES: usize = 160;
+
+/// What the printer does when a fault comes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum State {
+    /// From power-on until the drivers are confirmed.
+    Boot,
+    /// Nothing: cold, motors without current.
+    Idle,
+    /// Heats nozzle and bed, waits for the nozzle (M109).
+    Heating,
+    /// G28, hot.
+    Homing,
+    /// Waits (G4), hot and homed.
+    Waiting,
+    /// The first layer of a cube, hot.
+    Printing,
+    /// Halted by M112 in the midst of a print.
+    Halted,
+}
+
+impl State {
+    /// All states, in the order in which a run passes through them.
+    pub const ALL: [Self; 7] =
+        [Self::Boot, Self::Idle, Self::Heating, Self::Homing, Self::Waiting, Self::Printing, Self::Halted];
+
+    /// Its name.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Boot => "boot",
+            Self::Idle => "idle",
+            Self::Heating => "heating",
+            Self::Homing => "homing",
+            Self::Waiting => "waiting",
+            Self::Printing => "printing",
+            Self::Halted => "halted",
+        }
+    }
+
+    /// Whether heaters have targets in it.
+    #[must_use]
+    pub const fn is_hot(self) -> bool {
+        matches!(self, Self::Heating | Self::Homing | Self::Waiting | Self::Printing)
+    }
+
+    /// Whether the printer knows where it stands.
+    #[must_use]
+    pub const fn is_homed(self) -> bool {
+        matches!(self, Self::Waiting | Self::Printing)
+    }
+
+    /// After a snapshot a fault may come within this, ns.
+    #[must_use]
+    pub const fn window_ns(self) -> u64 {
+        match self {
+            Self::Boot => 120_000_000,
+            Self::Idle | Self::Halted => 500_000_000,
+            Self::Heating | Self::Homing | Self::Waiting | Self::Printing => 1_500_000_000,
+        }
+    }
+}
+
+/// A place where runs begin.
+#[derive(Debug)]
+pub struct Place {
+    /// The printer is in this state.
+    pub state: State,
+    /// When it was taken, ns of the run.
+    pub at_ns: u64,
+    /// Chip, parts and what is under way.
+    pub snapshot: Snapshot,
+    /// The host as it was then.
+    pub host: HostSide,
+    /// Where motors X, Y, Z stand less where the printer said they do when it stood still after homing, mm.
+    pub offset_mm: [f64; 3],
+}
+
+/// Lines of a job's moves, without what heats and homes, with a question for the temperature now and then.
+#[must_use]
+pub fn moves(job: &str) -> Vec<String> {
+    let mut lines = Vec::new();
+    let body = job.lines().skip_while(|line| !line.starts_with("G28")).skip(1);
+    for line in body {
+        let line = line.split(';').next().unwrap_or_default().trim();
+        if line.is_empty() || ["M190", "M109", "M140", "M104", "M73"].iter().any(|word| line.starts_with(word)) {
+            continue;
+        }
+        lines.push(line.to_owned());
+        if lines.len() % 8 == 0 {
+            lines.push("M105".to_owned());
+        }
+        if lines.len() >= MAX_LINES {
+            break;
+        }
+    }
+    lines
+}
+
+/// When the next snapshot is due.
+#[derive(Debug, Clone, Copy)]
+enum Due {
+    /// At this instant of the run.
+    At(u64),
+    /// So many ns after the host has sent the line with this text on its way.
+    After(&'static str, u64),
+    /// When the nozzle has this temperature in truth.
+    NozzleAt(f64),
+}
+
+/// Snapshots in the order in which they are taken.
+const PLAN: [(State, Due); 13] = [
+    (State::Boot, Due::At(0)),
+    (State::Boot, Due::At(60_000_000)),
+    (State::Idle, Due::At(1_500_000_000)),
+    (State::Heating, Due::NozzleAt(40.0)),
+    (State::Heating, Due::NozzleAt(150.0)),
+    (State::Homing, Due::After("G28", 500_000_000)),
+    (State::Homing, Due::After("G28", 3_000_000_000)),
+    (State::Homing, Due::After("G28", 6_000_000_000)),
+    (State::Homing, Due::After("G28", 8_500_000_000)),
+    (State::Waiting, Due::After("G4", 500_000_000)),
+    (State::Printing, Due::After("G92", 1_500_000_000)),
+    (State::Printing, Due::After("G92", 6_000_000_000)),
+    (State::Halted, Due::After("M112", 500_000_000)),
+];
+
+/// A snapshot as it was taken.
+struct Taking {
+    state: State,
+    at_ns: u64,
+    file: Vec<u8>,
+    host: HostSide,
+}
+
+/// Who leads the printer through all states.
+struct Guide {
+    host: HostSide,
+    /// What is sent after the idle state.
+    rest: Vec<String>,
+    next: usize,
+    began_ns: [Option<u64>; 4],
+    stopped: bool,
+    wants: bool,
+    offset_mm: [f64; 3],
+    taken: Vec<Taking>,
+    now_ns: u64,
+    refused: Option<String>,
+}
+
+/// Lines whose beginnings are told: each after the one before it is acknowledged.
+const MARKS: [&str; 4] = ["G28", "G4", "G92", "M112"];
+
+impl Guide {
+    fn new(printing: Vec<String>) -> Self {
+        let [nozzle, bed] = TARGETS_CELSIUS;
+        let first = ["M155 S1".to_owned(), format!("M86 S{HEATER_TIMEOUT_S}"), "M115".to_owned()];
+        let mut lines = vec![
+            format!("M140 S{bed}"),
+            format!("M109 S{nozzle}"),
+            "G28".to_owned(),
+            "M114".to_owned(),
+            "G4 S10".to_owned(),
+            "G92 E0".to_owned(),
+        ];
+        lines.extend(printing);
+        Self {
+            host: HostSide::new(first),
+            rest: lines,
+            next: 0,
+            began_ns: [None; 4],
+            stopped: false,
+            wants: false,
+            offset_mm: [0.0; 3],
+            taken: Vec::new(),
+            now_ns: 0,
+            refused: None,
+        }
+    }
+
+    fn due(&self, machine: &Machine, now_ns: u64, due: Due) -> bool {
+        match due {
+            Due::At(at_ns) => now_ns >= at_ns,
+            Due::After(mark, passed_ns) => MARKS
+                .iter()
+                .position(|other| *other == mark)
+                .and_then(|mark| self.began_ns[mark])
+                .is_some_and(|began_ns| now_ns >= began_ns + passed_ns),
+            Due::NozzleAt(celsius) => machine
+                .plant
+                .heaters
+                .iter()
+                .any(|place| place.name.starts_with("nozzle") && place.heater.hottest_celsius() >= celsius),
+        }
+    }
+
+    fn follow_marks(&mut self, now_ns: u64) {
+        let Some(line) = self.host.line_on_its_way() else { return };
+        for (mark, text) in MARKS.iter().enumerate() {
+            if line.starts_with(text) && self.began_ns[mark].is_none() {
+                self.began_ns[mark] = Some(now_ns);
+            }
+        }
+    }
+}
+
+/// What the printer says of its place: `X:176.40 Y:24.10 Z:4.00 E:0.00 Count ...`.
+#[must_use]
+pub fn position_mm(line: &str) -> Option<[f64; 3]> {
+    let mut place = [None; 3];
+    for word in line.split("Count").next()?.split_whitespace() {
+        for (axis, letter) in ["X:", "Y:", "Z:"].into_iter().enumerate() {
+            if let Some(rest) = word.strip_prefix(letter) {
+                place[axis] = rest.parse().ok();
+            }
+        }
+    }
+    let [Some(x), Some(y), Some(z)] = place else { return None };
+    Some([x, y, z])
+}
+
+impl Operator for Guide {
+    fn turn(&mut self, machine: &mut Machine, now_ns: u64, _: &mut dyn Host) -> Turn {
+        self.now_ns = now_ns;
+        let heard = self.host.heard().len();
+        self.host.turn(machine, now_ns);
+        self.follow_marks(now_ns);
+        for line in &self.host.heard()[heard..] {
+            if let Some(said_mm) = position_mm(&line.text) {
+                self.offset_mm = std::array::from_fn(|axis| machine.plant.motion.position_mm(axis) - said_mm[axis]);
+            }
+            if line.text.starts_with("Error") && !self.stopped {
+                self.refused = Some(format!("at {:.3} s the printer says \"{}\"", now_ns as f64 / 1e9, line.text));
+            }
+        }
+        let Some(&(state, due)) = PLAN.get(self.next) else { return Turn::Stop };
+        if state > State::Idle {
+            for line in std::mem::take(&mut self.rest) {
+                self.host.push(&line);
+            }
+        }
+        if matches!(due, Due::After("M112", _)) && !self.stopped {
+            self.stopped = true;
+            self.host.push_urgent("M112");
+            self.began_ns[3] = Some(now_ns);
+        }
+        self.wants = self.due(machine, now_ns, due);
+        if now_ns > LIMIT_NS {
+            self.refused = Some(format!("the printer does not come to {:?}", PLAN[self.next]));
+        }
+        if self.refused.is_some() { Turn::Stop } else { Turn::GoOn }
+    }
+
+    fn wants_snapshot(&mut self) -> bool {
+        std::mem::take(&mut self.wants)
+    }
+
+    fn snapshot_taken(&mut self, snapshot: Result<Taken, rigless::snapshot::Error>) {
+        match snapshot {
+            Ok(snapshot) => {
+                let state = PLAN[self.next].0;
+                let (at_ns, host) = (self.now_ns, self.host.clone());
+                self.taken.push(Taking { state, at_ns, file: snapshot.file, host });
+                self.next += 1;
+            }
+            // A reset is under way: at the next turn.
+            Err(rigless::snapshot::Error::Resetting) => {}
+            Err(error) => self.refused = Some(format!("no snapshot: {error}")),
+        }
+    }
+}
+
+/// Leads the printer through all states once.
+///
+/// # Errors
+/// It does not get through, or a snapshot cannot be written to this folder, which it leaves as it was.
+pub fn places(bench: &Bench, folder: &Path) -> Result<Vec<Place>, String> {
+    let options = Options { boot: bench.boot, ..Options::default() };
+    let guide = Guide::new(moves(&bench.job));
+    let finished =
+        run::run(bench.machine()?, &bench.images, &options, guide).map_err(|error| error.to_string())?.operator;
+    if let Some(refused) = finished.refused {
+        return Err(refused);
+    }
+    let offset_mm = finished.offset_mm;
+    finished
+        .taken
+        .into_iter()
+        .enumerate()
+        .map(|(index, Taking { state, at_ns, file, host })| {
+            let path = folder.join(format!("ferrostep-faults-{}-{index}", std::process::id()));
+            let shown = path.display();
+            std::fs::write(&path, file).map_err(|error| format!("{shown} cannot be written: {error}"))?;
+            let snapshot = Snapshot::read(&path).map_err(|error| format!("{shown}: {error}"));
+            std::fs::remove_file(&path).map_err(|error| format!("{shown} cannot be removed: {error}"))?;
+            Ok(Place { state, at_ns, snapshot: snapshot?, host, offset_mm })
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn reads_the_place_that_m114_reports() {
+        let line = "X:176.40 Y:24.10 Z:4.00 E:0.00 Count X:17640 Y:2410 Z:1600";
+        assert_eq!(position_mm(line), Some([176.4, 24.1, 4.0]));
+        assert_eq!(position_mm("ok"), None);
+    }
+
+    #[test]
+    fn takes_a_job_without_its_heating() {
+        let job = "G21\nM104 S210\nG28\nM109 S210 ; wait\nG1 X1\n; text\nG1 X2 ; there\n";
+        assert_eq!(moves(job), ["G1 X1", "G1 X2"]);
+    }
+}
