@@ -48,7 +48,8 @@ impl Count {
         let mut machine = bench.machine;
         // Its time is no instruction.
         machine.chip.set_interrupt_entry(0);
-        let listener = TcpListener::bind(("127.0.0.1", 0)).map_err(|error| format!("no port for a debugger: {error}"))?;
+        let listener =
+            TcpListener::bind(("127.0.0.1", 0)).map_err(|error| format!("no port for a debugger: {error}"))?;
         let address = listener.local_addr().map_err(|error| format!("no port for a debugger: {error}"))?;
         let calls = debugger::calls(bench.images.iter().flat_map(|image| image.segments()));
         let mut start = Start::new(&bench.images);
@@ -56,8 +57,7 @@ impl Count {
         start.semihosting = true;
         start.debugger = Some(&listener);
         start.wait_for_debugger = true;
-        let session =
-            Session::new(Box::new(machine), 0, VirtualNanos(SLICE_NS)).map_err(|error| error.to_string())?;
+        let session = Session::new(Box::new(machine), 0, VirtualNanos(SLICE_NS)).map_err(|error| error.to_string())?;
         let console = Console { until_ns: self.seconds.saturating_mul(1_000_000_000), broken: None };
         let finished = std::thread::scope(|scope| {
             let server = scope.spawn(|| debugger::serve(address, &self.folder, &self.arguments, &calls));
@@ -73,7 +73,9 @@ impl Count {
         }
         match finished.exit_status {
             Some(status) => Ok(status == 0),
-            None => Err(format!("the program has not ended within {} s of its time; --seconds allows more", self.seconds)),
+            None => {
+                Err(format!("the program has not ended within {} s of its time; --seconds allows more", self.seconds))
+            }
         }
     }
 }

@@ -33,7 +33,11 @@ const CALL: [u8; 2] = [0xab, 0xbe];
 /// Where a program may call its host: addresses of the instruction, or of data that looks the same.
 pub fn calls<'a>(segments: impl Iterator<Item = (u64, &'a [u8])>) -> Vec<u64> {
     let calls = segments.flat_map(|(start, bytes)| {
-        bytes.chunks_exact(2).enumerate().filter(|(_, half)| *half == CALL).map(move |(place, _)| start + 2 * place as u64)
+        bytes
+            .chunks_exact(2)
+            .enumerate()
+            .filter(|(_, half)| *half == CALL)
+            .map(move |(place, _)| start + 2 * place as u64)
     });
     calls.collect()
 }
@@ -146,9 +150,8 @@ impl Server {
         }
         // A block of two words: where to put it, and how long it may be; then how long it is.
         let block = self.read_memory(parameter, 8)?;
-        let word = |at: usize| {
-            block.get(at..at + 4).and_then(|bytes| bytes.try_into().ok()).map_or(0, u32::from_le_bytes)
-        };
+        let word =
+            |at: usize| block.get(at..at + 4).and_then(|bytes| bytes.try_into().ok()).map_or(0, u32::from_le_bytes);
         let fits = arguments.len() < word(4) as usize;
         if fits {
             self.write_memory(word(0) as usize, format!("{arguments}\0").as_bytes())?;
