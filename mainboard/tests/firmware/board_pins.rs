@@ -325,8 +325,9 @@ fn first_switching_off<'a>(board: &BoardFacts, writes: &'a [PortWrite]) -> &'a [
     };
     let heaters = board.heater_pins();
     let is_off = |write: &PortWrite| heaters.iter().any(|heater| write.level(*heater) == Some(false));
-    let of_heaters = writes[..motors_off].iter().rev().take_while(|write| is_off(write)).count();
-    &writes[motors_off - of_heaters..]
+    let Some(last) = writes[..motors_off].iter().rposition(is_off) else { return &writes[motors_off..] };
+    let before = writes[..last].iter().rev().take_while(|write| is_off(write)).count();
+    &writes[last - before..]
 }
 
 /// Checks that the fans of part and hot end, the first two, are plain outputs and high, and no others.
