@@ -34,9 +34,11 @@ const CALL: [u8; 2] = [0xab, 0xbe];
 pub fn calls<'a>(segments: impl Iterator<Item = (u64, &'a [u8])>) -> Vec<u64> {
     let calls = segments.flat_map(|(start, bytes)| {
         bytes
-            .chunks_exact(2)
+            .as_chunks::<2>()
+            .0
+            .iter()
             .enumerate()
-            .filter(|(_, half)| *half == CALL)
+            .filter(|(_, half)| **half == CALL)
             .map(move |(place, _)| start + 2 * place as u64)
     });
     calls.collect()
