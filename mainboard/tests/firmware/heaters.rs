@@ -137,6 +137,15 @@ fn rpm(bench: &mut Bench, name: &'static str) -> f64 {
     })
 }
 
+/// The nozzle's temperature at its sensor.
+fn nozzle_celsius(bench: &mut Bench) -> f64 {
+    let now_ns = bench.now_ns();
+    bench.with(move |machine, _| {
+        let nozzle = machine.plant.heaters.iter_mut().find(|heater| heater.name == "nozzle").unwrap();
+        nozzle.heater.sensor_celsius(now_ns)
+    })
+}
+
 #[test]
 fn fans_turn_when_they_are_told_to_and_above_a_hot_nozzle() {
     for board in printers() {
@@ -148,20 +157,19 @@ fn fans_turn_when_they_are_told_to_and_above_a_hot_nozzle() {
         }
         bench.pass(5000);
         assert!(rpm(&mut bench, "part") > FULL_RPM && rpm(&mut bench, "hotend") == 0.0, "{}", board.name);
-        for (celsius, is_on) in [(55.0, true), (47.0, true), (40.0, false)] {
-            // The block is held at a temperature for as long as it takes to see what the fan does.
-            for _ in 0..80 {
-                bench.change(move |plant, now_ns| {
-                    let nozzle = plant.heaters.iter_mut().find(|heater| heater.name == "nozzle").unwrap();
-                    nozzle.heater.set_temperature(now_ns, celsius);
-                });
-                bench.pass(100);
-            }
-            bench.host.send_raw(b"M105\n").unwrap();
-            let said = bench.host.wait_for("temperatures", |line| line.starts_with("ok T:")).unwrap();
-            eprintln!("{}: {celsius} is {said}", board.name);
-            assert_eq!(rpm(&mut bench, "hotend") > FULL_RPM, is_on, "{}: {celsius}", board.name);
+        // Hot, it is cooled until it is cold.
+        bench.host.send("M109 S60").unwrap();
+        bench.pass(2000);
+        assert!(rpm(&mut bench, "hotend") > FULL_RPM, "{}: no fan above a hot nozzle", board.name);
+        bench.host.send("M104 S0").unwrap();
+        while nozzle_celsius(&mut bench) > 47.0 {
+            assert!(rpm(&mut bench, "hotend") > FULL_RPM, "{}: the fan stops too early", board.name);
+            bench.pass(1000);
         }
+        while nozzle_celsius(&mut bench) > 36.0 {
+            bench.pass(1000);
+        }
+        assert_eq!(rpm(&mut bench, "hotend"), 0.0, "{}: the fan does not stop", board.name);
         bench.host.send("M107").unwrap();
         bench.pass(10_000);
         assert_eq!([rpm(&mut bench, "part"), rpm(&mut bench, "hotend")], [0.0; 2], "{}", board.name);
