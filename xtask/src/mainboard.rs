@@ -122,7 +122,13 @@ pub enum Counter {
 }
 
 /// A program for the bench that speaks by semihosting, so that what it counts is instructions; its files are in `folder`.
-pub fn counting(program: &Path, image: &Path, counter: Counter, folder: &Path, arguments: &str) -> Result<Command, Failure> {
+pub fn counting(
+    program: &Path,
+    image: &Path,
+    counter: Counter,
+    folder: &Path,
+    arguments: &str,
+) -> Result<Command, Failure> {
     let machine = Machine::new(program, ferrostep_boards::DEFAULT, None, image)?;
     let mut command = machine.command("count");
     let hz = match counter {
@@ -322,7 +328,9 @@ mod tests {
         let [program, image] = ["program", "image"].map(Path::new);
         let command = counting(program, image, Counter::Timer, Path::new("files"), "run_addr 134234733").unwrap();
         let words: Vec<&str> = command.get_args().map(|word| word.to_str().unwrap()).collect();
-        for pair in [["--instructions-per-second", "16000000"], ["--arguments", "run_addr 134234733"], ["--folder", "files"]] {
+        for pair in
+            [["--instructions-per-second", "16000000"], ["--arguments", "run_addr 134234733"], ["--folder", "files"]]
+        {
             assert!(words.windows(2).any(|two| two == pair), "{words:?}");
         }
     }
