@@ -224,6 +224,10 @@ fn steps_take_the_time_that_they_say<M: Stepping>(
         missed += queue.take_missed_updates();
         // Each step is a slot. Both looks together, or a step would come in between.
         let (played, now) = critical_section::with(|_| (queue.played(), motion_clock.now_ticks()));
+        if played == 0 {
+            // The idle timer's gap before the first step is no step's.
+            continue;
+        }
         let (first, from) = *began.get_or_insert((played, now));
         let elapsed = now.wrapping_sub(from);
         if elapsed < PLAYED_S * clock.timer_hz {
@@ -236,9 +240,7 @@ fn steps_take_the_time_that_they_say<M: Stepping>(
             return Err("the steps did not come");
         }
         if !on_silicon {
-            hprintln!(
-                "whether that is right is for a board to say: an emulator's timer has no preload and no second timer"
-            );
+            hprintln!("whether that is right is for a board to say, or for an emulator whose core counts its cycles");
             return Ok(());
         }
         if !queue.has_update_count() {
