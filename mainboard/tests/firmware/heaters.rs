@@ -80,7 +80,8 @@ fn a_broken_thermistor_switches_all_heaters_off_and_is_said() {
 
         bench.with(|machine, _| unplug(machine, "nozzle", true));
         let error = bench.host.wait_for("a thermal error", |line| line.starts_with("Error:")).unwrap();
-        assert_eq!(error, "Error:MINTEMP triggered, system stopped! Heater_ID: E0", "{}", board.name);
+        // A reading in whose midst the plug came out tells a temperature, a whole one none.
+        assert!(error.starts_with("Error:MINTEMP triggered, system stopped! Heater_ID: E0"), "{}: {error}", board.name);
         let next = bench.host.wait_for("the next line", |_| true).unwrap();
         assert_eq!(next, "Error:Printer halted. kill() called!");
         assert_off(board, &mut bench);
@@ -184,7 +185,8 @@ fn thermistors_that_are_not_there_are_said_and_nothing_heats() {
             ["nozzle", "bed"].into_iter().for_each(|name| unplug(machine, name, true));
         });
         let error = bench.host.wait_for("a thermal error", |line| line.starts_with("Error:MINTEMP")).unwrap();
-        assert_eq!(error, "Error:MINTEMP triggered, system stopped! Heater_ID: E0", "{}", board.name);
+        // A reading in whose midst the plug came out tells a temperature, a whole one none.
+        assert!(error.starts_with("Error:MINTEMP triggered, system stopped! Heater_ID: E0"), "{}: {error}", board.name);
         let next = bench.host.wait_for("the next line", |_| true).unwrap();
         assert_eq!(next, "Error:Printer halted. kill() called!");
         bench.host.send_raw(b"M104 S200\nM999\nM104 S200\n").unwrap();
