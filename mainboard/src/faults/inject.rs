@@ -11,6 +11,7 @@ use rigless::time::VirtualNanos;
 use super::fault::{Block, Driver, Fault, Memory, Sensor, Supply};
 use super::host_side::HostSide;
 use super::image::Layout;
+use crate::chip::halt::Halt;
 use crate::machine::{HOST_PORT, Machine};
 use crate::parts::fan::FanFault;
 use crate::parts::heat::thermistor::SensorFault;
@@ -62,8 +63,6 @@ pub struct Injection {
     /// Bits that are cleared again at each turn: register and mask.
     held: Vec<(u64, u64)>,
     done: bool,
-    halted: bool,
-    resets: usize,
 }
 
 impl Injection {
@@ -80,8 +79,6 @@ impl Injection {
             later: VecDeque::new(),
             held: Vec::new(),
             done: false,
-            halted: false,
-            resets: 0,
         }
     }
 
@@ -106,11 +103,6 @@ impl Injection {
         now_ns: u64,
         host: &mut dyn Host,
     ) {
-        if self.halted && machine.resets() != self.resets {
-            // A reset of the system ends the halt of a core in which no debugger catches it (ARMv7-M C1.4.1).
-            self.halted = false;
-            host.hold(false);
-        }
         while let Some((_, later)) = self.later.pop_front_if(|(at_ns, _)| *at_ns <= now_ns) {
             self.go_on(machine, later, now_ns);
         }
@@ -227,8 +219,7 @@ impl Injection {
                 Some(format!("exception {line} at {address:#010x}"))
             }
             Fault::CoreHalted => {
-                host.hold(true);
-                (self.halted, self.resets) = (true, machine.resets());
+                machine.chip.halt(VirtualNanos(now_ns), Halt::Debugger);
                 Some(String::new())
             }
             Fault::InputStorm => {
