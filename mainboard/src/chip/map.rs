@@ -207,9 +207,6 @@ pub fn serial_ports() -> impl Iterator<Item = &'static str> {
 /// Each modelled instance's clock enable and reset bit.
 fn gates() -> Result<Vec<(&'static str, Gate, Gate)>, Error> {
     let rcc = generated::rcc::REGISTERS;
-    let has = |register: &str, field: &str| {
-        rcc.iter().any(|row| row.name == register && row.fields.iter().any(|known| known.name == field))
-    };
     let mut gates = Vec::new();
     for instance in Stm32f4::clocked_instances() {
         let spelled = SPELLED_OTHERWISE.iter().find(|(name, ..)| *name == instance);
@@ -223,8 +220,7 @@ fn gates() -> Result<Vec<(&'static str, Gate, Gate)>, Error> {
                 Some((.., reset)) => field.name == *reset,
                 None => field.name.strip_suffix("RST") == Some(instance),
             })?;
-            has(enables, enable.name)
-                .then_some((Gate::by("RCC", enables, enable.name), Gate::by("RCC", resets, reset.name)))
+            Some((Gate::by("RCC", enables, enable.name), Gate::by("RCC", resets, reset.name)))
         });
         let (enable, reset) = found.ok_or(Error::UnknownInstance { instance })?;
         gates.push((instance, enable, reset));
