@@ -1,5 +1,6 @@
 //! The states of a printer that faults come upon, and a run that passes through all of them and takes a snapshot in each.
 
+use std::io::Write as _;
 use std::path::Path;
 
 use rigless::emulator::Host;
@@ -308,13 +309,11 @@ pub fn places(bench: &Bench, folder: &Path) -> Result<Vec<Place>, String> {
     finished
         .taken
         .into_iter()
-        .enumerate()
-        .map(|(index, Taking { state, at_ns, file, host })| {
-            let path = folder.join(format!("ferrostep-faults-{}-{index}", std::process::id()));
-            let shown = path.display();
-            std::fs::write(&path, file).map_err(|error| format!("{shown} cannot be written: {error}"))?;
-            let snapshot = Snapshot::read(&path).map_err(|error| format!("{shown}: {error}"));
-            std::fs::remove_file(&path).map_err(|error| format!("{shown} cannot be removed: {error}"))?;
+        .map(|Taking { state, at_ns, file, host }| {
+            let file_error = |error: std::io::Error| format!("{}: no snapshot: {error}", folder.display());
+            let mut kept = tempfile::NamedTempFile::new_in(folder).map_err(file_error)?;
+            kept.write_all(&file).map_err(file_error)?;
+            let snapshot = Snapshot::read(kept.path()).map_err(|error| format!("{}: {error}", kept.path().display()));
             Ok(Place { state, at_ns, snapshot: snapshot?, host, offset_mm })
         })
         .collect()
