@@ -81,7 +81,7 @@ fn count(run: &mut Run, mainboard: &Path, firmware: &Path) -> Result<Value, Fail
         "target": per_event::target(&counts, &workload)?,
         "workload": per_event::workload(&counts, workload)?,
         "image": {"text": sizes.text, "data": sizes.data, "bss": sizes.bss},
-        "compiler": core_library::find()?.compiler_version()?,
+        "compiler": core_library::compiler_version()?,
     });
     if let Some(desk) = desk {
         insert(&mut figures, baseline::DESK, desk);

@@ -54,54 +54,18 @@ fn folder() -> PathBuf {
     system::root().join("mainboard")
 }
 
-/// The Rust that the folder asks for.
-fn channel() -> Result<String, Failure> {
-    let path = folder().join("rust-toolchain.toml");
-    let text = std::fs::read_to_string(&path).map_err(|error| format!("{}: {error}", path.display()))?;
-    let named = text.lines().find_map(|line| line.strip_prefix("channel = \"")?.strip_suffix('"'));
-    named.map(str::to_owned).ok_or_else(|| format!("{}: no channel", path.display()))
-}
-
-/// Finds the toolchain, or has rustup install it.
-pub fn find_toolchain() -> Result<(), Failure> {
-    let channel = channel()?;
-    let version = || system::output(Command::new("rustup").args(["run", &channel, "cargo", "clippy", "--version"]));
-    if let Some(version) = version() {
-        eprintln!("    {}", version.trim());
-        return Ok(());
-    }
-    let mut install = Command::new("rustup");
-    install.args(["toolchain", "install", &channel, "--profile", "minimal", "-c", "clippy", "-c", "rustfmt"]);
-    let installed = system::run(&mut install);
-    match (version(), installed) {
-        (Some(version), _) => {
-            eprintln!("    {}", version.trim());
-            Ok(())
-        }
-        (None, failed) => Err(format!(
-            "the virtual mainboard wants Rust {channel}, and it is not there: {}. Everything else builds and runs without: \
-             `cargo run --release -- print FILE`, `cargo xtask firmware`. To get it: rustup toolchain install {channel} \
-             --profile minimal -c clippy -c rustfmt",
-            failed.err().unwrap_or_else(|| "rustup has installed it elsewhere".to_owned()),
-        )),
-    }
-}
-
-/// Cargo of that toolchain, in that folder.
-pub fn cargo_there() -> Result<Command, Failure> {
-    let mut command = Command::new("rustup");
-    command.args(["run", &channel()?, "cargo"]).current_dir(folder());
-    // What the cargo around this program says of itself is not true of that one.
-    for variable in ["CARGO", "RUSTC", "RUSTUP_TOOLCHAIN", "CARGO_TARGET_DIR", "RUSTFLAGS"] {
-        command.env_remove(variable);
-    }
-    Ok(command)
+/// Cargo in that folder, a workspace of its own.
+pub fn cargo_there() -> Command {
+    let mut command = system::cargo();
+    command.current_dir(folder());
+    // A target folder of the workspace around this program is not that one's.
+    command.env_remove("CARGO_TARGET_DIR");
+    command
 }
 
 /// Builds the program and returns its path.
 pub fn build(run: &mut Run) -> Result<PathBuf, Failure> {
-    run.step("virtual mainboard: toolchain", find_toolchain)?;
-    run.step("virtual mainboard: build", || system::run(cargo_there()?.args(["build", "--release"])))?;
+    run.step("virtual mainboard: build", || system::run(cargo_there().args(["build", "--release"])))?;
     Ok(folder().join("target/release/ferrostep-mainboard"))
 }
 
@@ -184,12 +148,12 @@ pub fn run(run: &mut Run, options: &Options) -> Result<(), Failure> {
 /// Lints, tests, and the first layers of the cube on every board.
 pub fn check(run: &mut Run) -> Result<(), Failure> {
     let program = build(run)?;
-    run.step("virtual mainboard: format", || system::run(cargo_there()?.args(["fmt", "--check"])))?;
+    run.step("virtual mainboard: format", || system::run(cargo_there().args(["fmt", "--check"])))?;
     run.step("virtual mainboard: lints", || {
-        system::run(cargo_there()?.args(["clippy", "--release", "--all-targets", "--", "-D", "warnings"]))
+        system::run(cargo_there().args(["clippy", "--release", "--all-targets", "--", "-D", "warnings"]))
     })?;
     run.step("virtual mainboard: tests", || {
-        let mut tests = cargo_there()?;
+        let mut tests = cargo_there();
         tests.args(["test", "--release", "--no-fail-fast"]).env(crate::IMAGES_VARIABLE, crate::image::images());
         system::run_tests(&mut tests)
     })?;

@@ -117,32 +117,6 @@ pub fn rustup_component(component: &str, subcommand: &str) -> Result<(), Failure
     Err(format!("`cargo {subcommand}` is missing and could not be added: {reason}"))
 }
 
-/// Whether Debian's package manager can be used: a Debian system (or a relative of one) and the user root.
-pub fn can_install_debian_packages() -> bool {
-    let os_release = std::fs::read_to_string("/etc/os-release").unwrap_or_default();
-    is_debian(&os_release) && output(Command::new("id").arg("-u")).as_deref() == Some("0")
-}
-
-/// Installs Debian packages from fresh package lists.
-pub fn install_debian_packages(packages: &[&str]) -> Result<(), Failure> {
-    let apt_get = || {
-        let mut command = Command::new("apt-get");
-        command.env("DEBIAN_FRONTEND", "noninteractive");
-        command
-    };
-    run(apt_get().arg("update"))?;
-    run(apt_get().args(["install", "--yes", "--no-install-recommends"]).args(packages))
-}
-
-/// Whether the text of `/etc/os-release` is of Debian or one of its relatives.
-fn is_debian(os_release: &str) -> bool {
-    os_release
-        .lines()
-        .filter_map(|line| line.strip_prefix("ID=").or_else(|| line.strip_prefix("ID_LIKE=")))
-        .flat_map(|value| value.trim_matches(['"', '\'']).split_whitespace())
-        .any(|id| id == "debian")
-}
-
 /// A command as one would type it, with the variables it sets.
 fn show(command: &Command) -> String {
     let variables = command.get_envs().filter_map(|(key, value)| {
@@ -160,15 +134,6 @@ fn show(command: &Command) -> String {
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn debian_and_its_relatives_are_told_from_others() {
-        assert!(is_debian("PRETTY_NAME=\"Debian GNU/Linux 12\"\nID=debian\n"));
-        assert!(is_debian("ID=linuxmint\nID_LIKE=\"ubuntu debian\"\n"));
-        assert!(!is_debian("ID=fedora\nHOME_URL=\"https://example.org/debian\"\n"));
-        assert!(!is_debian("VARIANT_ID=debian\n"));
-        assert!(!is_debian(""));
-    }
 
     #[test]
     fn a_failing_command_is_named_with_its_variables() {
