@@ -37,7 +37,8 @@ pub fn find() -> Result<CoreLibrary, Failure> {
     if has_library_source() {
         return Ok(CoreLibrary::FromSource);
     }
-    let reason = |failure: Option<Failure>| failure.unwrap_or_else(|| "rustup added it to another toolchain".to_owned());
+    let reason =
+        |failure: Option<Failure>| failure.unwrap_or_else(|| "rustup added it to another toolchain".to_owned());
     Err(format!(
         "no core library for {TARGET}: {}; and no source to compile it from: {}. Install one of them by hand",
         reason(no_target),

@@ -126,7 +126,7 @@ fn retract_or_recover<'a>(
 ) -> Result<Command<'a>, ParseError> {
     let mut words = code.words(remarks)?;
     let names_tool = words.has(b'P') || words.has(b'R');
-    let moves_tool = names_tool && [b'X', b'Y', b'Z'].iter().any(|&axis| words.is_not_zero(axis));
+    let moves_tool = names_tool && b"XYZ".iter().any(|&axis| words.is_not_zero(axis));
     if words.has(b'L') || moves_tool {
         return Err(not_supported("G10 with an offset", "the part would lie elsewhere, expected G92"));
     }

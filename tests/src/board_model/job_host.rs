@@ -156,7 +156,7 @@ impl<M: Stepping> JobLine for JobPort<'_, '_, M> {
             return (read.await, true);
         }
         let mut length = sender.read(board, bytes);
-        board.awaits_since.set(Some(board.now()).filter(|_| length == 0));
+        board.awaits_since.set((length == 0).then(|| board.now()));
         for _ in 0..WAIT_MS / LOOK_MS {
             if length > 0 {
                 break;

@@ -54,7 +54,7 @@ fn send(machine: &Machine, lines: &[String], room: usize, slowness: usize, rando
         machine.run(host.answer(&mut printer, line));
         said.borrow_mut().extend(machine.replies().take());
     };
-    for byte in lines.iter().flat_map(|line| line.bytes().chain([b'\n'])) {
+    for byte in lines.iter().flat_map(|line| line.bytes().chain(*b"\n")) {
         lost += incoming.take_in(&[byte], &mut ring);
         if random.below(slowness) == 0 {
             read(&mut ring);
