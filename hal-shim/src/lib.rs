@@ -17,6 +17,8 @@ pub mod stepping;
 pub mod thermistor;
 pub mod tmc2209;
 pub mod usb_controller;
+// Becomes a crate of its own as soon as what it models has.
+#[path = "../virtual-board/src/lib.rs"]
 pub mod virtual_board;
 
 use ferrostep_planner::StepEntry;
