@@ -13,6 +13,8 @@ mod mainboard;
 mod mutants;
 mod no_std;
 mod on_target;
+mod policy;
+mod release;
 mod seed;
 mod size;
 mod steps;
@@ -59,7 +61,8 @@ struct Arguments {
 enum Task {
     /// Install what is missing, then check format, lints, tests, documentation and the target build
     Test,
-    /// All of `test`, then the tests again as released code with more and other random cases, and a part of the mutants
+    /// All of `test`, then spelling, licences and sources of dependencies, the tests again as released code with more and
+    /// other random cases, and a part of the mutants
     Ci,
     /// Build the firmware images of one board or all, as ELF, plain bytes and Intel HEX, and print their size tables; the
     /// first image's path is the first line of the output
@@ -72,6 +75,8 @@ enum Task {
     OnTarget(on_target::TestOptions),
     /// Print a file on the virtual mainboard: the board's image, unmodified, on an emulated chip with a printer around it
     Mainboard(mainboard::Options),
+    /// Write what a release consists of into a folder: images, the command, their checksums, parts lists and licences
+    Release(release::Options),
     /// Make small mistakes in the code, one at a time, and see which of them no test notices
     Mutants(mutants::Options),
     /// Check that the firmware's crates build for thumbv7em-none-eabihf, without std
@@ -88,6 +93,7 @@ fn main() -> ExitCode {
         Task::Flash(_) => "flash",
         Task::OnTarget(_) => "on-target",
         Task::Mainboard(_) => "mainboard",
+        Task::Release(_) => "release",
         Task::Mutants(_) => "mutants",
         Task::NoStd => "no-std",
     };
@@ -100,6 +106,7 @@ fn main() -> ExitCode {
         Task::Flash(options) => on_target::flash(&mut run, &options),
         Task::OnTarget(options) => on_target::test(&mut run, &options),
         Task::Mainboard(options) => mainboard::run(&mut run, &options),
+        Task::Release(options) => release::write(&mut run, &options),
         Task::Mutants(options) => mutants::run(&mut run, &options),
         Task::NoStd => no_std::check(&mut run),
     };
@@ -147,6 +154,7 @@ fn test(run: &mut Run) -> Result<PathBuf, Failure> {
 /// What takes too long for every change: the code as it is shipped must give the same answers as the checked one, also on
 /// cases that were not tried yet; and mutants show tests that notice nothing.
 fn slow_tests(run: &mut Run, image: &Path) -> Result<(), Failure> {
+    policy::check(run)?;
     let seed = seed::of_this_run();
     run.step("tests as released, with more and other random cases", || {
         eprintln!("    random cases of seed {seed}: {}={seed} tries them again", seed::VARIABLE);

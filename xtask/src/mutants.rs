@@ -55,7 +55,7 @@ type Files = BTreeMap<String, Tried>;
 
 /// Tries mutants, and compares or writes the page.
 pub fn run(run: &mut Run, options: &Options) -> Result<(), Failure> {
-    run.step("cargo-mutants is installed", install)?;
+    run.step("cargo-mutants is installed", || system::cargo_program("cargo-mutants", "mutants"))?;
     let tried = run.step("mutants", || try_all(options))?;
     if options.refresh {
         return run.step("page of survivors", || page::write(&tried));
@@ -67,16 +67,6 @@ pub fn run(run: &mut Run, options: &Options) -> Result<(), Failure> {
 pub fn check_a_part(run: &mut Run, seed: u64) -> Result<(), Failure> {
     let shard = Some(format!("{}/{CI_SHARDS}", seed % CI_SHARDS));
     self::run(run, &Options { shard, ..Options::default() })
-}
-
-fn install() -> Result<(), Failure> {
-    let version = || system::output(cargo().args(["mutants", "--version"]));
-    if version().is_none() {
-        system::run(cargo().args(["install", "cargo-mutants", "--locked"]))?;
-    }
-    let version = version().ok_or("cargo-mutants is installed, but `cargo mutants` does not start")?;
-    eprintln!("    {version}");
-    Ok(())
 }
 
 /// Runs cargo-mutants and reads its report.

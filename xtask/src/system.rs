@@ -117,6 +117,18 @@ pub fn rustup_component(component: &str, subcommand: &str) -> Result<(), Failure
     Err(format!("`cargo {subcommand}` is missing and could not be added: {reason}"))
 }
 
+/// Makes a program of crates.io available as `cargo SUBCOMMAND`, at the version in use or newer.
+pub fn cargo_program(package: &str, subcommand: &str) -> Result<(), Failure> {
+    let version = || output(cargo().args([subcommand, "--version"]));
+    if version().is_none() {
+        run(cargo().args(["install", package, "--locked"]))?;
+    }
+    let version = version()
+        .ok_or_else(|| format!("{package} is installed, but `cargo {subcommand} --version` does not start"))?;
+    eprintln!("    {version}");
+    Ok(())
+}
+
 /// A command as one would type it, with the variables it sets.
 fn show(command: &Command) -> String {
     let variables = command.get_envs().filter_map(|(key, value)| {

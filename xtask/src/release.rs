@@ -1,0 +1,267 @@
+//! A release: a folder with all that is given away, and what a stranger needs to trust it.
+//!
+//! Images of all boards, the `ferrostep` command for this machine, a parts list (SBOM, CycloneDX) and the notices of others
+//! for each, the licence texts, this version's part of the changelog, and the SHA-256 of every file.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use sha2::{Digest, Sha256};
+
+use crate::firmware;
+use crate::image;
+use crate::policy;
+use crate::steps::{Failure, Run};
+use crate::system::{self, cargo};
+
+/// What to leave out.
+#[derive(Clone, Debug, Default, clap::Args)]
+pub struct Options {
+    /// Writes a trial release although sources differ from the last commit, the commit has no tag `vVERSION`, or the list of
+    /// known vulnerabilities cannot be read
+    #[arg(long)]
+    trial: bool,
+}
+
+/// Files of the sources that go along as they are.
+const TEXTS: [&str; 3] = ["LICENSE-APACHE", "LICENSE-MIT", "SECURITY.md"];
+
+/// The list of checksums, as `sha256sum --check` reads it.
+const CHECKSUMS: &str = "SHA256SUMS";
+
+/// Writes the release of this version into `target/release-VERSION`.
+///
+/// # Errors
+/// The sources are not those of a tagged version (but for a trial), the changelog has no part for it, something does not build,
+/// or a file cannot be written.
+pub fn write(run: &mut Run, options: &Options) -> Result<(), Failure> {
+    let version = env!("CARGO_PKG_VERSION");
+    let changes = run.step("version", || {
+        let checked = check_sources(version);
+        if !options.trial {
+            checked?;
+        } else if let Err(failure) = checked {
+            eprintln!("    trial: {failure}");
+        }
+        changes_of(version, &read(&system::root().join("CHANGELOG.md"))?)
+    })?;
+    let known = policy::advisories(run);
+    if !options.trial {
+        known?;
+    }
+    let folder = system::target_directory().join(format!("release-{version}"));
+    if folder.exists() {
+        fs::remove_dir_all(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+    }
+    fs::create_dir_all(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+    write_file(&folder.join("CHANGES.md"), &changes)?;
+    for text in TEXTS {
+        copy(&system::root().join(text), &folder.join(text))?;
+    }
+
+    firmware::build_images(run, &firmware::Options::default())?;
+    run.step("images", || collect_images(&folder, version))?;
+    run.step("command", || {
+        system::run(cargo().args(["build", "--release", "--locked", "--package", "ferrostep"]))?;
+        let name = format!("ferrostep{}", std::env::consts::EXE_SUFFIX);
+        copy(&system::target_directory().join("release").join(&name), &folder.join(name))
+    })?;
+    run.step("parts lists", || parts_lists(&folder))?;
+    run.step("notices", || notices(&folder))?;
+    run.step("checksums", || write_file(&folder.join(CHECKSUMS), &checksums(&folder)?))?;
+    println!("{}", folder.display());
+    Ok(())
+}
+
+/// Whether the sources are those of the commit that is tagged as this version.
+fn check_sources(version: &str) -> Result<(), Failure> {
+    let git = |arguments: &[&str]| {
+        let mut git = std::process::Command::new("git");
+        system::output(git.args(arguments).current_dir(system::root()))
+            .ok_or("git does not answer: is this a repository?")
+    };
+    if !git(&["status", "--porcelain"])?.is_empty() {
+        return Err("there are uncommitted changes: commit them, or pass --trial".to_owned());
+    }
+    let tag = format!("v{version}");
+    if git(&["tag", "--points-at", "HEAD"])?.lines().any(|line| line == tag) {
+        return Ok(());
+    }
+    Err(format!("the last commit is not tagged {tag}: `git tag -a {tag}`, or pass --trial"))
+}
+
+/// The part of the changelog for a version, without its heading.
+///
+/// # Errors
+/// There is none, or it is empty.
+fn changes_of(version: &str, changelog: &str) -> Result<String, Failure> {
+    let heading = format!("## [{version}]");
+    let part: Vec<&str> = changelog
+        .lines()
+        .skip_while(|line| !line.starts_with(&heading))
+        .skip(1)
+        .take_while(|line| !line.starts_with("## ") && !line.starts_with('['))
+        .collect();
+    let part = part.join("\n");
+    match part.trim() {
+        "" => Err(format!("CHANGELOG.md has nothing under \"{heading} - DATE\": write what changed for users")),
+        part => Ok(format!("{part}\n")),
+    }
+}
+
+/// Copies every board's files, named after version and board but for what a boot loader looks for by its name: that stays
+/// in a folder named so.
+fn collect_images(folder: &Path, version: &str) -> Result<(), Failure> {
+    for board in ferrostep_boards::builtin_names() {
+        let to = folder.join(format!("ferrostep-{version}-{board}"));
+        fs::create_dir_all(&to).map_err(|error| format!("{}: {error}", to.display()))?;
+        for from in files(&image::images().join(board))? {
+            copy(&from, &to.join(from.file_name().unwrap_or_default()))?;
+        }
+    }
+    Ok(())
+}
+
+/// Packages of which something is given away, with the target that they are built for.
+fn packages() -> [(&'static str, Option<&'static str>); 2] {
+    [("cli", None), ("app", Some(crate::core_library::TARGET))]
+}
+
+/// Writes a CycloneDX parts list for the command and the firmware.
+fn parts_lists(folder: &Path) -> Result<(), Failure> {
+    system::cargo_program("cargo-cyclonedx", "cyclonedx")?;
+    for (package, target) in packages() {
+        let manifest = system::root().join(package).join("Cargo.toml");
+        let name = format!("ferrostep-{package}.cdx");
+        let mut list = cargo();
+        list.args(["cyclonedx", "--format", "json", "--spec-version", "1.5", "--override-filename", &name]);
+        list.arg("--manifest-path").arg(&manifest);
+        if let Some(target) = target {
+            list.args(["--target", target]);
+        }
+        system::run(&mut list)?;
+        // It writes one beside every manifest of the workspace.
+        for found in written_lists(&format!("{name}.json"))? {
+            if found.parent() == manifest.parent() {
+                copy(&found, &folder.join(format!("{name}.json")))?;
+            }
+            fs::remove_file(&found).map_err(|error| format!("{}: {error}", found.display()))?;
+        }
+        if !folder.join(format!("{name}.json")).is_file() {
+            return Err(format!("cargo-cyclonedx has written no parts list for {package}"));
+        }
+    }
+    Ok(())
+}
+
+/// The parts lists of this name beside the workspace's manifests.
+fn written_lists(name: &str) -> Result<Vec<PathBuf>, Failure> {
+    let metadata = system::run_for_output(cargo().args(["metadata", "--no-deps", "--format-version", "1"]))?;
+    let metadata: serde_json::Value =
+        serde_json::from_str(&metadata).map_err(|error| format!("cargo metadata: {error}"))?;
+    let manifests =
+        metadata["packages"].as_array().into_iter().flatten().filter_map(|package| package["manifest_path"].as_str());
+    let lists = manifests.filter_map(|manifest| Path::new(manifest).parent()).map(|folder| folder.join(name));
+    Ok(lists.filter(|list| list.is_file()).collect())
+}
+
+/// Writes the notices of others whose code is in the command and the firmware.
+fn notices(folder: &Path) -> Result<(), Failure> {
+    system::cargo_program("cargo-about", "about")?;
+    for (package, target) in packages() {
+        let mut about = cargo();
+        about.args(["about", "--offline", "generate", "--fail", "--config", "about.toml"]);
+        about.arg("--manifest-path").arg(system::root().join(package).join("Cargo.toml"));
+        if let Some(target) = target {
+            about.args(["--target", target]);
+        }
+        about.arg("docs/notices.hbs").arg("--output-file").arg(folder.join(format!("NOTICES-{package}.md")));
+        system::run(&mut about)?;
+    }
+    Ok(())
+}
+
+/// SHA-256 of every file in a folder and its subfolders, a line each.
+fn checksums(folder: &Path) -> Result<String, Failure> {
+    let mut lines = Vec::new();
+    for file in files(folder)? {
+        let bytes = fs::read(&file).map_err(|error| format!("{}: {error}", file.display()))?;
+        let digest: String = Sha256::digest(&bytes).iter().map(|byte| format!("{byte:02x}")).collect();
+        let name = file.strip_prefix(folder).unwrap_or(&file).display().to_string().replace('\\', "/");
+        lines.push(format!("{digest}  {name}\n"));
+    }
+    Ok(lines.concat())
+}
+
+/// All files in a folder and its subfolders, in the order of their paths.
+fn files(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
+    let shown = |error: std::io::Error| format!("{}: {error}", folder.display());
+    let mut found = Vec::new();
+    for entry in fs::read_dir(folder).map_err(shown)? {
+        let path = entry.map_err(shown)?.path();
+        if path.is_dir() {
+            found.extend(files(&path)?);
+        } else {
+            found.push(path);
+        }
+    }
+    found.sort();
+    Ok(found)
+}
+
+fn read(path: &Path) -> Result<String, Failure> {
+    fs::read_to_string(path).map_err(|error| format!("{}: {error}", path.display()))
+}
+
+fn write_file(path: &Path, text: &str) -> Result<(), Failure> {
+    fs::write(path, text).map_err(|error| format!("{}: {error}", path.display()))
+}
+
+fn copy(from: &Path, to: &Path) -> Result<(), Failure> {
+    fs::copy(from, to).map(|_| ()).map_err(|error| format!("{} to {}: {error}", from.display(), to.display()))
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    const CHANGELOG: &str = "# Changelog\n\n## [Unreleased]\n\n## [0.2.0] - 2026-11-22\n\n### Added\n\n- A thing.\n\n\
+        ## [0.1.0] - 2026-01-01\n\n- The first.\n\n[0.2.0]: https://example.org\n";
+
+    #[test]
+    fn takes_the_changes_of_one_version() {
+        assert_eq!(changes_of("0.2.0", CHANGELOG).unwrap(), "### Added\n\n- A thing.\n");
+        assert_eq!(changes_of("0.1.0", CHANGELOG).unwrap(), "- The first.\n");
+    }
+
+    #[test]
+    fn refuses_a_version_without_changes() {
+        for version in ["Unreleased", "0.3.0"] {
+            let failure = changes_of(version, CHANGELOG).unwrap_err();
+            assert!(failure.starts_with(&format!("CHANGELOG.md has nothing under \"## [{version}]")), "{failure}");
+        }
+    }
+
+    #[test]
+    fn this_version_has_its_part_of_the_changelog() {
+        let changelog = read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../CHANGELOG.md")).unwrap();
+        assert!(!changes_of(env!("CARGO_PKG_VERSION"), &changelog).unwrap().is_empty());
+    }
+
+    #[test]
+    fn sums_up_every_file_with_its_path() {
+        let folder = std::env::temp_dir().join(format!("ferrostep-release-{}", std::process::id()));
+        fs::create_dir_all(folder.join("board")).unwrap();
+        write_file(&folder.join("b"), "").unwrap();
+        write_file(&folder.join("board/a"), "abc").unwrap();
+        let lines = checksums(&folder).unwrap();
+        fs::remove_dir_all(&folder).unwrap();
+        // FIPS 180-4's example, and the digest of nothing.
+        assert_eq!(
+            lines,
+            "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855  b\n\
+             ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad  board/a\n"
+        );
+    }
+}
