@@ -5,7 +5,7 @@
 //! ```
 //!
 //! Exit status 0 if every motor stands where it must at every end. The count knows the text, the profile and the trace, and
-//! shares nothing with the planner ([`ferrostep_tests::trace_ends`]).
+//! shares nothing with the planner ([`ferrostep_oracle::trace_ends`]).
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use std::env;
@@ -18,9 +18,9 @@ use ferrostep::job::{self, JobProgress};
 use ferrostep::record::Observer;
 use ferrostep::session::{JobReplies, Session};
 use ferrostep_hal_shim::virtual_board::StepObserver;
+use ferrostep_oracle::reference::ReferenceProfile;
+use ferrostep_oracle::trace_ends::{Ends, count_ends};
 use ferrostep_tests::hostile::Hostile;
-use ferrostep_tests::reference::ReferenceProfile;
-use ferrostep_tests::trace_ends::{Ends, count_ends};
 use indicatif::ProgressBar;
 
 /// The trace's records, in memory.

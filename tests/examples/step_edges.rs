@@ -12,9 +12,9 @@ use ferrostep_hal_shim::stepping::{BothEdges, MIN_GAP_TICKS, Pulses};
 use ferrostep_hal_shim::virtual_board::CYCLES_A_TICK;
 use ferrostep_image_code::code::Code;
 use ferrostep_image_code::interrupt_time;
+use ferrostep_oracle::trace::{Record, TraceReader};
 use ferrostep_planner::TICKS_PER_SECOND;
 use ferrostep_tests::step_edges::{FIRST_ENTRY_CYCLES, Lateness, play};
-use ferrostep_tests::trace::{Record, TraceReader};
 
 fn main() {
     let arguments: Vec<String> = env::args().skip(1).collect();

@@ -12,7 +12,7 @@ use ferrostep_hal_shim::stepping::{
 use ferrostep_hal_shim::virtual_board::{CYCLES_A_TICK, VirtualPort, VirtualUpdateTimer};
 use ferrostep_planner::StepEntry;
 
-use crate::trace::StepEvent;
+use ferrostep_oracle::trace::StepEvent;
 
 /// Cycles from an update to the interrupt's first instruction, at the least.
 pub const FIRST_ENTRY_CYCLES: u64 = 12;

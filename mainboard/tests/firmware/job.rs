@@ -1,6 +1,6 @@
 //! A real slicer's lines, as a host sends them.
 
-use ferrostep_tests::gcode_text;
+use ferrostep_oracle::gcode_text;
 
 use crate::images::root;
 

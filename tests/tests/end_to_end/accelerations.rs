@@ -5,9 +5,9 @@ use std::fs::File;
 use ferrostep::desk::{LOOK_AHEAD_BLOCKS, Mode};
 use ferrostep::job::{self, JobProgress};
 use ferrostep::session::{JobReplies, Session};
+use ferrostep_oracle::reference::{InterpretOptions, ReferenceProfile, interpret};
+use ferrostep_oracle::trace_check::{Finding, TraceCheckOptions, check_trace};
 use ferrostep_planner::AccelerationProfile;
-use ferrostep_tests::reference::{InterpretOptions, ReferenceProfile, interpret};
-use ferrostep_tests::trace_check::{Finding, TraceCheckOptions, check_trace};
 
 use crate::command::{directory, example, ferrostep, file};
 use crate::desk::profile;

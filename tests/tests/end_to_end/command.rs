@@ -102,5 +102,5 @@ pub fn gzip(bytes: &[u8]) -> Vec<u8> {
 /// The text of one of the repository's examples.
 pub fn example(name: &str) -> Vec<u8> {
     let bytes = std::fs::read(repository().join("examples").join(name)).unwrap();
-    ferrostep_tests::gcode_text(&bytes).unwrap()
+    ferrostep_oracle::gcode_text(&bytes).unwrap()
 }

@@ -4,9 +4,9 @@ use std::path::Path;
 
 use ferrostep_gpre::compact::{Frame, FrameState, HEAD_BYTES, frame_length};
 use ferrostep_gpre::{Encoding, Entry, Header};
+use ferrostep_oracle::trace::{Record, TraceReader};
 use ferrostep_printer::Profile;
 use ferrostep_tests::hand_made;
-use ferrostep_tests::trace::{Record, TraceReader};
 use proptest::prelude::*;
 
 use crate::command::{directory, example, ferrostep, file};
@@ -211,7 +211,7 @@ fn from_a_standstill_every_step_is_at_its_time() {
             let from = |tick: u64| tick - first.tick;
             let later = tail.iter().map(|record| match record.clone() {
                 Record::Step(event) => {
-                    Record::Step(ferrostep_tests::trace::StepEvent { tick: from(event.tick), ..event })
+                    Record::Step(ferrostep_oracle::trace::StepEvent { tick: from(event.tick), ..event })
                 }
                 Record::MoveEnd { tick, line } => Record::MoveEnd { tick: from(tick), line },
                 Record::PositionsRedefined { .. } => panic!("the tail homes nothing"),

@@ -7,8 +7,8 @@
 use std::fs::File;
 use std::path::Path;
 
-use ferrostep_tests::trace::{Record, TraceReader};
-use ferrostep_tests::trace_check::Slave;
+use ferrostep_oracle::trace::{Record, TraceReader};
+use ferrostep_oracle::trace_check::Slave;
 
 use crate::command::{directory, example, ferrostep, file};
 

@@ -2,9 +2,9 @@
 //! was planned.
 
 use ferrostep_gpre::Encoding;
+use ferrostep_oracle::reference::ReferenceProfile;
+use ferrostep_oracle::trace_ends::{Ends, count_ends};
 use ferrostep_tests::hostile::Hostile;
-use ferrostep_tests::reference::ReferenceProfile;
-use ferrostep_tests::trace_ends::{Ends, count_ends};
 use proptest::prelude::*;
 
 use crate::desk::{profile, rehearse_at, rehearse_far};

@@ -2,8 +2,8 @@
 
 use std::fs::{self, File};
 
-use ferrostep_tests::reference::{InterpretOptions, ReferenceProfile, interpret, plan};
-use ferrostep_tests::trace_check::{TraceCheckOptions, TraceReport, check_trace};
+use ferrostep_oracle::reference::{InterpretOptions, ReferenceProfile, interpret, plan};
+use ferrostep_oracle::trace_check::{TraceCheckOptions, TraceReport, check_trace};
 
 use crate::command::{directory, example, ferrostep, file, repository};
 

@@ -4,9 +4,9 @@ use std::collections::VecDeque;
 use std::fs::{self, File};
 use std::path::Path;
 
-use ferrostep_tests::reference::{InterpretOptions, Job, ReferenceProfile, interpret, plan};
-use ferrostep_tests::trace::{Record, TraceReader};
-use ferrostep_tests::trace_check::{TraceCheckOptions, TraceReport, check_trace};
+use ferrostep_oracle::reference::{InterpretOptions, Job, ReferenceProfile, interpret, plan};
+use ferrostep_oracle::trace::{Record, TraceReader};
+use ferrostep_oracle::trace_check::{TraceCheckOptions, TraceReport, check_trace};
 use serde_json::Value;
 
 use crate::command::{directory, example, ferrostep, file, repository};

@@ -3,11 +3,11 @@
 pub mod generator;
 
 use ferrostep::desk::LOOK_AHEAD_BLOCKS;
-use ferrostep_random_cases::cases;
-use ferrostep_tests::reference::{
+use ferrostep_oracle::reference::{
     EXTRUDER_FRACTIONS_PER_UNIT, InterpretOptions, Job, ReferenceProfile, UNITS_PER_MM, interpret,
 };
-use ferrostep_tests::trace_check::{Finding, TraceCheckOptions, check_trace};
+use ferrostep_oracle::trace_check::{Finding, TraceCheckOptions, check_trace};
+use ferrostep_random_cases::cases;
 use proptest::prelude::*;
 
 use crate::desk::{profile, rehearse, rehearse_traced};

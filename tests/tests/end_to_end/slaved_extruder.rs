@@ -3,8 +3,8 @@
 
 use std::fs::{self, File};
 
-use ferrostep_tests::reference::ReferenceProfile;
-use ferrostep_tests::trace_check::{Extrusion, TraceCheckOptions, check_trace};
+use ferrostep_oracle::reference::ReferenceProfile;
+use ferrostep_oracle::trace_check::{Extrusion, TraceCheckOptions, check_trace};
 
 use crate::command::{directory, example, ferrostep, repository};
 use crate::papers::REFRESH_VARIABLE;

@@ -3,9 +3,9 @@
 //! `check_trace TRACE GCODE(.gz) PROFILE.toml|NAME [--look-ahead N]`. Exit status 0 if nothing was found.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-use ferrostep_tests::gcode_text;
-use ferrostep_tests::reference::ReferenceProfile;
-use ferrostep_tests::trace_check::{TraceCheckOptions, check_trace};
+use ferrostep_oracle::gcode_text;
+use ferrostep_oracle::reference::ReferenceProfile;
+use ferrostep_oracle::trace_check::{TraceCheckOptions, check_trace};
 use std::{env, fs, process::ExitCode};
 
 fn main() -> ExitCode {

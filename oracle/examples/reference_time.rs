@@ -3,8 +3,8 @@
 //! `reference_time GCODE(.gz) PROFILE.toml|NAME [--junction-deviation MM] [--without-limits] [--look-ahead N]`
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-use ferrostep_tests::gcode_text;
-use ferrostep_tests::reference::{InterpretOptions, ReferenceProfile, interpret, plan};
+use ferrostep_oracle::gcode_text;
+use ferrostep_oracle::reference::{InterpretOptions, ReferenceProfile, interpret, plan};
 use std::{env, fs, num::NonZeroUsize};
 
 fn main() {
