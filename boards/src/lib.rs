@@ -26,12 +26,14 @@ pub use ferrostep_checked_toml::{FileError as BoardError, Problem};
 pub use pin::Pin;
 pub use signals::AnalogueChannel;
 
+// ANCHOR: builtin
 /// Names and texts of the boards that need no file. The first is the default.
 const BUILTIN: [(&str, &str); 3] = [
     ("bench", include_str!("../bench.toml")),
     ("btt-octopus-1.1", include_str!("../btt-octopus-1.1.toml")),
     ("prusa-buddy", include_str!("../prusa-buddy.toml")),
 ];
+// ANCHOR_END: builtin
 
 /// The board that the firmware is built for when nobody names one.
 pub const DEFAULT: &str = BUILTIN[0].0;

@@ -240,6 +240,7 @@ pub enum Command<'a> {
     FeedPercent(Option<Decimal>),
     /// M221 S: flow in percent; without S a query.
     FlowPercent(Option<Decimal>),
+    // ANCHOR: m302
     /// M302: S = smallest extrusion temperature, P1 = allow cold extrusion; neither: a query.
     ColdExtrusion {
         /// S, degrees Celsius.
@@ -247,6 +248,7 @@ pub enum Command<'a> {
         /// P.
         allow: Option<bool>,
     },
+    // ANCHOR_END: m302
     /// M290 Z (or S): shifts Z while the G-code's coordinates stay; without Z a query. X, Y and E are for the machine to refuse.
     ShiftZ {
         /// By how much, with its sign.

@@ -163,6 +163,7 @@ pub enum Reply<'a> {
     FeedPercent(u16),
     /// `echo:E0 Flow: <n>%`
     FlowPercent(u16),
+    // ANCHOR: m302
     /// `echo:Cold extrudes are <en|dis>abled (min temp <n>C)`
     ColdExtrusion {
         /// Whether extrusion is allowed at any temperature.
@@ -170,6 +171,7 @@ pub enum Reply<'a> {
         /// The limit, degrees Celsius.
         minimum: f32,
     },
+    // ANCHOR_END: m302
     /// `echo:Active Extruder: <n>`
     ActiveExtruder(u32),
     /// `echo:; Soft endstops:` and the M211 line, as protocol.md section 11.

@@ -97,10 +97,12 @@ impl Display for Reply<'_> {
             Reply::LastLine(number) => write!(formatter, "Line: {number}"),
             Reply::FeedPercent(percent) => write!(formatter, "FR:{percent}%"),
             Reply::FlowPercent(percent) => write!(formatter, "echo:E0 Flow: {percent}%"),
+            // ANCHOR: m302
             Reply::ColdExtrusion { allowed, minimum } => {
                 let state = if *allowed { "en" } else { "dis" };
                 write!(formatter, "echo:Cold extrudes are {state}abled (min temp {}C)", Real::fixed(*minimum, 0))
             }
+            // ANCHOR_END: m302
             Reply::ActiveExtruder(tool) => write!(formatter, "echo:Active Extruder: {tool}"),
             Reply::SoftLimits { enabled, min_10nm, max_10nm } => {
                 let (digit, word) = if *enabled { (1, "ON") } else { (0, "OFF") };

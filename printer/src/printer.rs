@@ -391,7 +391,9 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
             Command::SoftLimits(enabled) => self.soft_limits(enabled),
             Command::FeedPercent(value) => self.feed_percent(value)?,
             Command::FlowPercent(value) => self.flow_percent(value)?,
+            // ANCHOR: m302
             Command::ColdExtrusion { minimum, allow } => self.cold_extrusion(minimum, allow)?,
+            // ANCHOR_END: m302
             Command::Finish => self.motion.finish().await?,
             Command::QuickStop => self.stop_motion(),
             Command::Restart => self.restart()?,

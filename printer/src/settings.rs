@@ -205,6 +205,7 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         }
     }
 
+    // ANCHOR: m302
     /// M302.
     pub(crate) fn cold_extrusion(&mut self, minimum: Option<Decimal>, allow: Option<bool>) -> Result<(), CommandError> {
         if let Some(value) = minimum {
@@ -223,4 +224,5 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         }
         Ok(())
     }
+    // ANCHOR_END: m302
 }

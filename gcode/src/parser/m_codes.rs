@@ -96,10 +96,12 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
             let percent = words.required_above_zero(b'S')?;
             Ok(Command::FlowPercent(words.at_most(b'S', percent, MAX_PERCENT)?))
         }
+        // ANCHOR: m302
         302 => {
             let mut words = code.words(remarks)?;
             Ok(Command::ColdExtrusion { minimum: words.not_negative(b'S')?, allow: words.switch(b'P')? })
         }
+        // ANCHOR_END: m302
         290 => {
             let mut words = code.words(remarks)?;
             let (mut axes, by) = (words.axes(), words.value(b'S'));

@@ -141,7 +141,9 @@ fn take_apart_m(command: Command<'_>) -> (u32, Words) {
         Command::SoftLimits(on) => (211, given([('S', switch(on))])),
         Command::FeedPercent(percent) => (220, given([('S', percent)])),
         Command::FlowPercent(percent) => (221, given([('S', percent)])),
+        // ANCHOR: m302
         Command::ColdExtrusion { minimum, allow } => (302, given([('S', minimum), ('P', switch(allow))])),
+        // ANCHOR_END: m302
         Command::ReportTemperatures => (105, vec![]),
         Command::EndWait => (108, vec![]),
         Command::EmergencyStop => (112, vec![]),

@@ -127,8 +127,10 @@ fn heaters_and_fans() {
     reads_with("M106 P127.5", other_fan, says);
     reads_with("M106 P1.5 S3", Command::Fan { index: 1, power: 3 }, "P is whole, its fraction is dropped");
     assert_eq!(refused("M106 P256"), "P: 256 is out of range, expected 0 to 255");
+    // ANCHOR: m302
     reads("M302 S170 P1", Command::ColdExtrusion { minimum: some("170"), allow: Some(true) });
     assert_eq!(refused("M302 P2"), "P: 2 is out of range, expected 0 to 1");
+    // ANCHOR_END: m302
 }
 
 #[test]
