@@ -5,128 +5,129 @@ use std::path::PathBuf;
 use clap::{Parser, Subcommand};
 use ferrostep::papers::Paper;
 
-/// The 3D-printer firmware that rehearses on the desk what it does on the board.
+/// Rehearses 3D prints on the desk, with the motion code that runs on the board.
 #[derive(Parser)]
-#[command(version = ferrostep::VERSION, about)]
+#[command(version = ferrostep::VERSION, about = "Rehearses 3D prints on the desk, with the motion code that runs on the board")]
 pub struct Arguments {
-    /// What to do.
+    /// The subcommand.
     #[command(subcommand)]
     pub command: Command,
 }
 
-/// What to do.
+/// The subcommands.
 #[derive(Subcommand)]
 pub enum Command {
-    /// Prints a file on the virtual board: the whole machine, every step.
+    /// Prints a file on the virtual board: executes the whole job, makes every step, and stops at a line the printer would refuse.
     Print {
         #[command(flatten)]
         job: JobArguments,
-        /// Blocks in the look-ahead ring; 128 if not given, and 65536 for a prepared job.
+        /// How many blocks the planner sees ahead [default: 128, as on the board; 65536 for a prepared job].
         #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=1_048_576))]
         look_ahead: Option<u32>,
-        /// Enters a prepared job at a frame, as after a power cut (`inspect --entries` lists those that can be): heats, takes the
-        /// nozzle to stand at the frame's height, homes X and Y alone, goes to the frame's start, and prints on.
+        /// Starts a prepared job in its middle, at frame N, as after a power cut: heats, assumes that the nozzle is at the height of
+        /// the frame, homes X and Y only, moves to the start of the frame, and prints from there. `inspect --entries` lists the
+        /// possible frames.
         #[arg(long, value_name = "N")]
         from_frame: Option<u32>,
-        /// Writes every step event to a file.
+        /// Writes every step with its time to a file (format: the book, "The trace").
         #[arg(long, value_name = "OUT")]
         trace: Option<PathBuf>,
-        /// Writes step and direction signals as a waveform.
+        /// Writes the step and direction signals as a waveform, for GTKWave or PulseView. A whole print is large.
         #[arg(long, value_name = "OUT")]
         vcd: Option<PathBuf>,
     },
-    /// Plans a file's speeds here, with all the look-ahead there is, for a board that only executes them.
+    /// Plans the speeds of a file on this computer and writes a prepared job (.gpre), which a board only has to execute.
     Preprocess {
         #[command(flatten)]
         job: JobArguments,
-        /// The prepared job.
+        /// The file to write.
         #[arg(short, value_name = "OUT.gpre")]
         out: PathBuf,
-        /// Its encoding.
+        /// How the job is encoded.
         #[arg(long, value_enum, default_value_t = Format::Compact)]
         format: Format,
     },
-    /// What is in a prepared job.
+    /// Shows what is in a prepared job: its header and where its frames begin.
     Inspect {
-        /// A prepared job.
+        /// The prepared job.
         file: PathBuf,
-        /// Every move and command, not only where the frames begin.
+        /// Lists every move and command, not only the frames.
         #[arg(long)]
         items: bool,
-        /// The frames at which the job can be entered, instead of where all begin.
+        /// Lists only the frames at which `print --from-frame` can start.
         #[arg(long, conflicts_with = "items")]
         entries: bool,
     },
-    /// Sends a prepared job to a board, which executes it as it comes.
+    /// Sends a prepared job to a board, which executes it while it arrives.
     #[cfg(unix)]
     Send {
         /// A prepared job, in the compact encoding.
         file: PathBuf,
-        /// The board's serial port.
+        /// The serial port of the board.
         #[arg(long, value_name = "PATH", default_value = "/dev/ttyACM0")]
         port: PathBuf,
-        /// The port's speed; over USB it does not matter.
+        /// Speed of the port; without meaning over USB.
         #[arg(long, value_name = "BAUD", default_value_t = 115_200)]
         baud: u32,
-        /// G-code to send line by line instead, where the board refuses the prepared job.
+        /// G-code to send line by line instead if the board refuses the prepared job.
         #[arg(long, value_name = "FILE")]
         fallback: Option<PathBuf>,
     },
-    /// A printer for hosts to connect to: a board's image, as it would be flashed, on an emulated chip with the printer's drivers,
-    /// heaters and mechanics around it (`cargo xtask mainboard` builds it).
+    /// Serves a virtual printer that hosts such as OctoPrint connect to: the image of a board, as it would be flashed, on an
+    /// emulated chip with drivers, heaters and mechanics around it. `cargo xtask mainboard` builds it.
     #[cfg(unix)]
     Serve(ServeArguments),
-    /// Time and material of a file, without its steps.
+    /// Tells the time and the material that a file takes, without making its steps.
     Estimate {
         #[command(flatten)]
         job: JobArguments,
     },
-    /// The tables and figures of the papers that the machine works by, made anew; all papers without a name.
+    /// Computes the tables and figures of the papers behind the motion code again, beside ours; of all papers if none is named.
     Papers {
-        /// Which paper.
+        /// The paper.
         #[arg(value_enum)]
         paper: Option<PaperName>,
         /// Prints one JSON object.
         #[arg(long)]
         json: bool,
-        /// Draws the figures into a folder.
+        /// Draws the figures into this folder.
         #[arg(long, value_name = "DIR")]
         svg: Option<PathBuf>,
-        /// Instead, prints a file in every way to interpolate and to accelerate, and compares them.
+        /// Prints this file with every combination of interpolation and acceleration instead, and compares them.
         #[arg(long, value_name = "FILE", conflicts_with_all = ["paper", "svg"])]
         compare: Option<PathBuf>,
-        /// The machine to compare on: cartesian, corexy, prusa-mini, or a TOML file.
+        /// The machine to compare on: cartesian, corexy, prusa-mini, or the path of a TOML file.
         #[arg(long, value_name = "NAME|PATH", default_value = "cartesian", requires = "compare")]
         profile: String,
     },
 }
 
-/// A printer on a line of this computer.
+/// Arguments of `serve`.
 #[cfg(unix)]
 #[derive(clap::Args)]
 pub struct ServeArguments {
-    /// The board: its name or a TOML file.
+    /// The board: bench, prusa-buddy, btt-octopus-1.1, or the path of a TOML file.
     #[arg(long, value_name = "NAME|PATH")]
     pub board: String,
-    /// The printer's line that is led out.
+    /// Which port of the printer the host connects to.
     #[arg(long, value_enum, default_value_t = Via::Usb)]
     pub via: Via,
-    /// A pseudo-terminal, under this name: the port that a host is told.
+    /// Serves on a pseudo-terminal with this path, which the host opens as its serial port.
     #[arg(long, value_name = "PATH", required_unless_present = "tcp", conflicts_with = "tcp")]
     pub pty: Option<PathBuf>,
-    /// A port of this computer (0: any that is free).
+    /// Serves on a TCP port of this computer; 0 takes a free one.
     #[arg(long, value_name = "PORT")]
     pub tcp: Option<u16>,
-    /// The printer's seconds for a second of this computer's; where it cannot keep up, the printer is late and stays so.
+    /// How many seconds of the printer pass in one second; a slow computer falls behind and does not catch up.
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
     pub speed: f64,
 }
 
-/// A printer's lines.
+/// The ports of a printer.
 #[cfg(unix)]
 #[derive(Clone, Copy, clap::ValueEnum)]
 pub enum Via {
-    /// The USB plug.
+    /// USB.
     Usb,
     /// The serial line.
     Uart,
@@ -134,7 +135,7 @@ pub enum Via {
 
 #[cfg(unix)]
 impl Via {
-    /// What the virtual mainboard calls it.
+    /// Its name on the command line of the virtual mainboard.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Usb => "usb",
@@ -146,22 +147,22 @@ impl Via {
 /// The encodings of a prepared job.
 #[derive(Clone, Copy, clap::ValueEnum)]
 pub enum Format {
-    /// About five bytes a move.
+    /// About five bytes a move, with checksums.
     Compact,
-    /// The paper's packets of 84 bytes.
+    /// Packets of 84 bytes, as in Yu 2019; for comparison.
     Wide,
 }
 
 /// The papers by their short names.
 #[derive(Clone, Copy, clap::ValueEnum)]
 pub enum PaperName {
-    /// Step Bresenham and velocity-adaptive extrusion (2024).
+    /// Wu 2024: step Bresenham, velocity-adaptive extrusion.
     Wu,
-    /// Planning on the computer, look-ahead (2019).
+    /// Yu 2019: planning on the computer, look-ahead.
     Yu,
-    /// CoreXY plane control.
+    /// Three ways to lead CoreXY motors.
     Corexy,
-    /// S-curve acceleration (2017).
+    /// Li 2017: S-curve acceleration.
     Li,
 }
 
@@ -176,12 +177,12 @@ impl From<PaperName> for Paper {
     }
 }
 
-/// What `print`, `preprocess` and `estimate` have in common.
+/// Arguments that `print`, `preprocess` and `estimate` share.
 #[derive(clap::Args)]
 pub struct JobArguments {
-    /// G-code (or, to print, a prepared job), plain or gzip.
+    /// The job: G-code, plain or gzip; `print` also takes a prepared job.
     pub file: PathBuf,
-    /// The machine: cartesian, corexy, prusa-mini, or a TOML file.
+    /// The machine: cartesian, corexy, prusa-mini, or the path of a TOML file.
     #[arg(long, value_name = "NAME|PATH", default_value = "cartesian")]
     pub profile: String,
     /// Prints the result as one JSON object.

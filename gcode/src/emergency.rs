@@ -256,7 +256,7 @@ mod tests {
 
     /// A bit that has changed on the way must not drop the motion of a print.
     #[test]
-    fn with_a_number_all_but_m112_wait_for_the_checksum() {
+    fn numbered_commands_except_m112_wait_for_the_checksum() {
         let sum = |text: &str| text.bytes().fold(0, |sum, byte| sum ^ byte);
         for (text, emergency) in [
             ("N12 M410", Emergency::QuickStop),

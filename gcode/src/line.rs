@@ -20,7 +20,7 @@ pub struct Line<'a> {
 /// The checksum of a numbered line: the XOR of its bytes before the `*`, in decimal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Checksum {
-    /// None is there.
+    /// Missing.
     Absent,
     /// It agrees with the bytes.
     Right,
@@ -35,7 +35,7 @@ pub enum Checksum {
     Malformed,
 }
 
-/// Why a line cannot be handed out. It is reported once, where the line ends.
+/// Why a line cannot be used. It is reported once, at the line's end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LineError {
     /// More characters before the comment than [`LINE_CAPACITY`](crate::LINE_CAPACITY).
@@ -94,7 +94,7 @@ impl fmt::Display for LineError {
                 write!(formatter, "not text: byte 0x{byte:02x}, expected UTF-8 without control characters")
             }
             LineError::Incomplete { .. } => {
-                formatter.write_str("part of the line was lost, expected lines no faster than they are answered")
+                formatter.write_str("part of the line was lost; send each line after the answer to the one before")
             }
         }
     }
@@ -192,7 +192,7 @@ fn skip_blanks(text: &[u8], mut at: usize) -> usize {
     at
 }
 
-/// The first byte that makes `bytes` no text, if any.
+/// The first byte that is not text, if any.
 fn first_byte_not_text(bytes: &[u8]) -> Option<u8> {
     let valid = match core::str::from_utf8(bytes) {
         Ok(_) => bytes.len(),
@@ -202,8 +202,8 @@ fn first_byte_not_text(bytes: &[u8]) -> Option<u8> {
     bytes.iter().take(valid).copied().find(|byte| is_control(byte)).or_else(|| bytes.get(valid).copied())
 }
 
-/// Takes a line apart. `bytes` is what stands before the comment, `plain` says that all of it is known to be printable
-/// ASCII, `in_comment` is the checksum found in the comment.
+/// Splits a line into number, text and checksum. `bytes` is everything before the comment, `plain` promises that it is
+/// printable ASCII, `in_comment` is the checksum found in the comment.
 pub(crate) fn take_apart<'a>(
     bytes: &'a [u8],
     plain: bool,

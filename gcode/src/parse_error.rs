@@ -1,4 +1,4 @@
-//! Why a line is no command.
+//! Errors of lines that cannot be read as a command.
 
 use core::fmt;
 
@@ -52,7 +52,7 @@ impl fmt::Debug for ShortText {
     }
 }
 
-/// Why a line is no command. `Display` names the field and what was expected there.
+/// Why a line cannot be read as a command. `Display` names the word and what was expected there.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ParseError {
     /// The line does not begin with a letter.
@@ -60,14 +60,14 @@ pub enum ParseError {
         /// What it begins with.
         found: char,
     },
-    /// A character that no word begins with.
+    /// A character with which no word can begin.
     UnexpectedCharacter(char),
     /// G or M without its number.
     NumberExpected {
         /// The letter, upper case.
         letter: char,
     },
-    /// What follows the letter has digits, points or signs but is no number.
+    /// Digits, points or signs follow the letter, but they do not form a number.
     NotANumber {
         /// The letter, upper case.
         letter: char,
@@ -81,14 +81,14 @@ pub enum ParseError {
         /// The number.
         text: ShortText,
     },
-    /// Zero or less where something must move or change.
+    /// Zero or less where the number must be above zero.
     NotAboveZero {
         /// The letter, upper case.
         letter: char,
         /// The number.
         value: Decimal,
     },
-    /// A negative number where none can be.
+    /// A negative number where it must be zero or more.
     BelowZero {
         /// The letter, upper case.
         letter: char,
@@ -106,21 +106,21 @@ pub enum ParseError {
         /// Largest allowed.
         high: u16,
     },
-    /// Words that the command cannot do without.
+    /// Words that the command requires are missing.
     WordsExpected {
         /// The command, such as `G4`.
         command: &'static str,
         /// The words, such as `P or S`.
         words: &'static str,
     },
-    /// A command without which the rest of a job would print elsewhere, or with more or less filament.
+    /// A command that cannot be skipped: the rest of the job would print elsewhere, or with more or less filament.
     NotSupported {
         /// The command, such as `G5`.
         command: &'static str,
-        /// What would happen without it, and what is expected in its place.
+        /// What would happen if it were skipped, and what to write instead.
         why: &'static str,
     },
-    /// G18 or G19: arcs are made in the XY plane only.
+    /// G18 or G19; arcs are supported in the XY plane only.
     PlaneNotSupported,
 }
 
@@ -128,13 +128,13 @@ impl fmt::Display for ParseError {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             ParseError::CommandLetterExpected { found } => {
-                write!(formatter, "expected a command letter, found '{found}'")
+                write!(formatter, "expected a command such as G1 or M104, found '{found}'")
             }
             ParseError::UnexpectedCharacter(character) => {
-                write!(formatter, "unexpected character '{character}', expected a letter with its number")
+                write!(formatter, "unexpected character '{character}', expected a letter and its number")
             }
             ParseError::NumberExpected { letter } => {
-                write!(formatter, "{letter}: expected a number after it")
+                write!(formatter, "{letter} without a number, expected a command such as {letter}1")
             }
             ParseError::NotANumber { letter, text } => {
                 write!(formatter, "{letter}: \"{text}\" is not a number, expected one like 12.5 or -.8")
@@ -143,10 +143,10 @@ impl fmt::Display for ParseError {
                 write!(formatter, "{letter}: {text} is too large, expected at most 9 digits before the point")
             }
             ParseError::NotAboveZero { letter, value } => {
-                write!(formatter, "{letter}: {value} is not above 0, expected a larger number")
+                write!(formatter, "{letter}: {value} is out of range, expected more than 0")
             }
             ParseError::BelowZero { letter, value } => {
-                write!(formatter, "{letter}: {value} is below 0, expected 0 or more")
+                write!(formatter, "{letter}: {value} is out of range, expected 0 or more")
             }
             ParseError::OutOfRange { letter, value, low, high } => {
                 write!(formatter, "{letter}: {value} is out of range, expected {low} to {high}")
@@ -155,7 +155,9 @@ impl fmt::Display for ParseError {
                 write!(formatter, "{command}: expected {words}")
             }
             ParseError::NotSupported { command, why } => write!(formatter, "{command}: not supported, {why}"),
-            ParseError::PlaneNotSupported => formatter.write_str("this plane is not supported, expected G17 (XY)"),
+            ParseError::PlaneNotSupported => {
+                formatter.write_str("arcs in other planes are not supported; use G17 (XY)")
+            }
         }
     }
 }

@@ -114,7 +114,7 @@ mod tests {
     }
 
     #[test]
-    fn a_connection_as_hosts_make_it() {
+    fn hosts_connect_with_m110() {
         let mut numbers = LineNumbers::new();
         let octoprint = "N0 M110 N0*125\nN0 M110 N0*125\nN0 M110 N0*125\nN1 M115*39\nM21\nM155 S2\nN0 M110 N0*125\n\
                          N1 M73 P0 R21*39\nN2 M73 Q0 S21*36\nN3 M201 X1000 Y1000 Z200 E5000*10\n";
@@ -131,7 +131,7 @@ mod tests {
     }
 
     #[test]
-    fn lines_that_are_asked_for_again() {
+    fn wrong_lines_are_requested_again() {
         let mut numbers = LineNumbers { last: 10 };
         use ResendReason::*;
         for (text, reason) in [

@@ -65,7 +65,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn decimals_are_all_or_those_that_say_something() {
+    fn short_form_drops_trailing_zeros() {
         for (value, decimals, fixed, short) in [
             (0.0, 2, "0.00", "0"),
             (-0.0, 2, "0.00", "0"),

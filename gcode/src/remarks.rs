@@ -1,29 +1,29 @@
-//! What was odd about a line that is carried out all the same.
+//! Remarks about odd lines, which are executed all the same.
 
 use core::fmt;
 
-/// One of [`Remarks`]. Letters are upper case.
+/// One remark. Letters are upper case.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Remark {
     /// A word without a number was ignored.
     NoNumber(u8),
-    /// A number of zero or less, where something must move, was ignored.
+    /// A number of zero or less was ignored where it must be above zero.
     NotAboveZero(u8),
     /// The fraction of a number that must be whole was dropped.
     Fraction(u8),
-    /// A number above its range became the largest one.
+    /// A number above its range became the maximum.
     TooLarge(u8),
-    /// A second command in the line, and all behind it, was ignored.
+    /// A second command in the line, and everything after it, was ignored.
     SecondCommand,
     /// G4 without P and S.
     BareDwell,
-    /// M106 with P and without S: other firmware takes P for the power.
+    /// M106 with P and without S; other firmware takes P for the power.
     FanPower,
 }
 
-/// How a line was read that another machine might read otherwise: what of it was ignored or changed.
+/// What of a line was ignored or changed, so that the host learns how the line was read.
 ///
-/// `Display` tells all of it in one line.
+/// `Display` writes all remarks in one line.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Remarks {
     /// A bit for each letter, `A` the lowest.
@@ -31,22 +31,22 @@ pub struct Remarks {
     not_above_zero: u32,
     fraction: u32,
     too_large: u32,
-    /// A bit for each remark that concerns no word.
+    /// A bit for each remark about the line as a whole.
     about_line: u32,
 }
 
-/// Bits of `about_line`, and what they say.
+/// Texts of the bits of `about_line`.
 const ABOUT_LINE: [&str; 3] = [
-    "expected one command a line, the second and all behind it are ignored",
-    "without P or S it waits until all motion has ended",
-    "P is the fan's number and this fan does not exist, expected the power after S",
+    "one command a line: the second and everything after it is ignored",
+    "without P or S: waits until all motion has ended",
+    "P is the number of a fan, and this machine has no such fan; give the power with S",
 ];
 
 impl Remarks {
-    /// Nothing was odd.
+    /// No remarks.
     pub const NONE: Self = Remarks { no_number: 0, not_above_zero: 0, fraction: 0, too_large: 0, about_line: 0 };
 
-    /// Whether nothing was odd.
+    /// Whether there are no remarks.
     pub fn is_empty(&self) -> bool {
         *self == Self::NONE
     }
@@ -65,7 +65,7 @@ impl Remarks {
         }
     }
 
-    /// Adds all of `other`; returns those of it that were not there before.
+    /// Adds all of `other`; returns the remarks that are new.
     pub fn merge(&mut self, other: &Self) -> Self {
         let merge = |all: &mut u32, more: u32| {
             let new = more & !*all;
@@ -88,7 +88,7 @@ impl fmt::Display for Remarks {
         let words = [
             (self.no_number, "without a number is ignored"),
             (self.not_above_zero, "is not above 0 and is ignored"),
-            (self.fraction, "is whole, its fraction is dropped"),
+            (self.fraction, "must be whole, the fraction is dropped"),
             (self.too_large, "is too large and becomes the largest value"),
         ];
         for (letters, says) in words {
@@ -111,7 +111,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn each_is_told_once() {
+    fn each_remark_is_reported_once() {
         let mut said = Remarks::default();
         let mut line = Remarks::default();
         line.add(Remark::NoNumber(b'E'));
@@ -120,17 +120,20 @@ mod tests {
         assert!(said.merge(&line).is_empty());
         line.add(Remark::NoNumber(b'Z'));
         line.add(Remark::Fraction(b'E'));
-        assert_eq!(said.merge(&line).to_string(), "Z without a number is ignored; E is whole, its fraction is dropped");
+        assert_eq!(
+            said.merge(&line).to_string(),
+            "Z without a number is ignored; E must be whole, the fraction is dropped"
+        );
     }
 
     #[test]
-    fn all_of_them_have_words() {
+    fn every_remark_has_a_text() {
         for (remark, text) in [
             (Remark::NotAboveZero(b'T'), "T is not above 0 and is ignored"),
             (Remark::TooLarge(b'S'), "S is too large and becomes the largest value"),
-            (Remark::SecondCommand, "expected one command a line, the second and all behind it are ignored"),
-            (Remark::BareDwell, "without P or S it waits until all motion has ended"),
-            (Remark::FanPower, "P is the fan's number and this fan does not exist, expected the power after S"),
+            (Remark::SecondCommand, "one command a line: the second and everything after it is ignored"),
+            (Remark::BareDwell, "without P or S: waits until all motion has ended"),
+            (Remark::FanPower, "P is the number of a fan, and this machine has no such fan; give the power with S"),
         ] {
             let mut remarks = Remarks::default();
             remarks.add(remark);

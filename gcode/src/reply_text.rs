@@ -335,7 +335,7 @@ mod tests {
     }
 
     #[test]
-    fn the_rest() {
+    fn other_replies() {
         says(Reply::Start, "start");
         says(Reply::Ok, "ok");
         says(Reply::UnknownCommand("M862 P"), "echo:Unknown command: \"M862 P\"");

@@ -305,7 +305,7 @@ mod tests {
     }
 
     #[test]
-    fn instructions_take_the_cycles_of_the_manual_s_table() {
+    fn instructions_take_the_cycles_of_the_manual() {
         for (name, operands, branches, expected) in [
             ("movw", "r0, #1", false, 1),
             ("ldr", "r0, [r1]", false, 2),
@@ -320,14 +320,14 @@ mod tests {
     }
 
     #[test]
-    fn a_store_tells_its_base_and_offset() {
+    fn a_store_has_its_base_and_offset() {
         assert_eq!(stored_to(&instruction("str", "r2, [r3, #0x2c]")), Some(("r3", RELOAD)));
         assert_eq!(stored_to(&instruction("str", "r2, [r3]")), Some(("r3", "#0")));
         assert_eq!(stored_to(&instruction("ldr", "r2, [r3]")), None);
     }
 
     #[test]
-    fn each_bound_is_held() {
+    fn each_bound_is_checked() {
         let time = |to_reload: (u32, u32), whole: (u32, u32)| {
             let [to_reload, whole] = [to_reload, whole].map(|(cached, uncached)| Cycles { cached, uncached });
             InterruptTime { to_reload, whole, reload_instructions: 21 }.fits(168)

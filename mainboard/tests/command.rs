@@ -50,7 +50,7 @@ fn a_board_that_contradicts_its_chip_is_refused_by_the_key() {
 }
 
 #[test]
-fn an_image_that_is_missing_or_no_image_is_refused_by_its_name() {
+fn a_missing_or_invalid_image_is_refused_by_name() {
     let job = file("image.gcode", "M105\n");
     let nothing = file("nothing.elf", "no image");
     let job = job.to_str().unwrap();
@@ -60,7 +60,7 @@ fn an_image_that_is_missing_or_no_image_is_refused_by_its_name() {
 }
 
 #[test]
-fn a_line_in_use_is_refused_by_its_name() {
+fn a_line_in_use_is_refused_by_name() {
     let taken = TcpListener::bind("127.0.0.1:0").unwrap();
     let port = taken.local_addr().unwrap().port().to_string();
     refused(&["serve", "--board", BUDDY, "--tcp", &port], &[&port, "in use"]);
@@ -72,7 +72,7 @@ fn a_line_in_use_is_refused_by_its_name() {
 
 /// A signal that asks the program to end takes its line away: a later terminal of that number would be taken for a printer.
 #[test]
-fn a_line_goes_with_its_machine() {
+fn a_line_closes_with_its_machine() {
     let link = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("printer");
     let Ok(images) = fs::canonicalize("../target/images/prusa-buddy/ferrostep.elf") else {
         panic!("no image: cargo xtask firmware --board prusa-buddy builds it");

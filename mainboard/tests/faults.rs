@@ -82,7 +82,7 @@ fn every_fault_in_two_states_ends_as_promised() {
 
 #[test]
 #[cfg_attr(debug_assertions, ignore = "takes minutes without optimization")]
-fn a_run_is_drawn_by_its_seed_alone() {
+fn a_run_depends_only_on_its_seed() {
     let Some(campaign) = campaign() else { return };
     let wanted = Wanted { only: Fault::named("ram-bit-flips"), state: Some(State::Printing) };
     let [one, same, other] = [5, 5, 6].map(|seed| campaign.run(seed, wanted));

@@ -53,7 +53,7 @@ fn seen(finished: &run::Finished<Homing>) -> (Vec<Heard>, String, String) {
 }
 
 #[test]
-fn a_run_from_a_snapshot_is_the_run_that_never_stopped() {
+fn a_run_from_a_snapshot_equals_an_uninterrupted_run() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let file = |path: &str| -> PathBuf { root.join(path) };
     let image_path = file("target/images/prusa-buddy/ferrostep.elf");

@@ -149,7 +149,7 @@ mod tests {
     }
 
     #[test]
-    fn lines_of_text_are_noted_even_where_there_is_no_room_for_them() {
+    fn lines_are_noted_even_without_room_for_them() {
         for (bytes, lines) in [
             (&b"M105\n"[..], 1),
             (b"M105\r\nN3 G1 X5*44\n\n;\thm\r", 3),

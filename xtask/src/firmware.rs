@@ -320,7 +320,7 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_fit_is_refused_before_anything_is_built() {
+    fn a_mismatch_is_refused_before_building() {
         let error = |board: &str, profile: Option<&str>| Target::new(board, profile).unwrap_err();
         assert!(error("no-board", None).contains("the built-in boards are bench"));
         assert!(error("bench", Some("no-profile")).contains("the built-in profiles are cartesian"));

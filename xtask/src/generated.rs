@@ -69,7 +69,7 @@ mod tests {
     const PAGE: Page = Page { path: "docs/page.md", command: "cargo xtask it" };
 
     #[test]
-    fn only_what_stands_between_the_marks_is_replaced() {
+    fn only_text_between_the_marks_is_replaced() {
         let begin = "<!-- What follows is written by `cargo xtask it`. -->\n";
         let text = format!("by hand\n{begin}old\n{END}more by hand\n");
         assert_eq!(PAGE.generated(&text).unwrap(), "old\n");

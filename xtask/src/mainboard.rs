@@ -275,7 +275,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_file_is_cut_behind_its_layers() {
+    fn a_file_is_cut_after_its_layers() {
         let text = "G28\n;LAYER_CHANGE\nG1 X1\n;LAYER_CHANGE\nG1 X2\n;LAYER_CHANGE\nG1 X3\n";
         assert_eq!(first_layers(text, 2), "G28\n;LAYER_CHANGE\nG1 X1\n;LAYER_CHANGE\nG1 X2\n");
         assert_eq!(first_layers(text, 9), text);
@@ -288,7 +288,7 @@ mod tests {
     }
 
     #[test]
-    fn a_program_is_told_its_arguments_and_its_rate() {
+    fn a_program_gets_its_arguments_and_its_rate() {
         let [program, image] = ["program", "image"].map(Path::new);
         let command = counting(program, image, Counter::Timer, Path::new("files"), "run_addr 134234733").unwrap();
         let words: Vec<&str> = command.get_args().map(|word| word.to_str().unwrap()).collect();

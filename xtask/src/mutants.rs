@@ -212,7 +212,7 @@ mod tests {
     }
 
     #[test]
-    fn a_survivor_that_is_not_on_the_page_is_named() {
+    fn a_new_survivor_is_named() {
         let files = |tried: Tried| Files::from([("a.rs".to_owned(), tried)]);
         let page = files(tried(9, &[("f", 2), ("g", 1)]));
         for same_or_fewer in [&[("f", 2), ("g", 1)][..], &[("f", 1)], &[]] {

@@ -27,7 +27,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_a_seed_that_somebody_has_set_is_taken() {
+    fn only_an_explicit_seed_is_taken() {
         assert_eq!(
             [given(Some("7")), given(Some("20190101")), given(Some("x")), given(None)],
             [Some(7), None, None, None]
@@ -36,7 +36,7 @@ mod tests {
     }
 
     #[test]
-    fn each_run_has_another() {
+    fn each_run_has_another_seed() {
         if given(std::env::var(VARIABLE).ok().as_deref()).is_none() {
             let first = of_this_run();
             std::thread::sleep(std::time::Duration::from_millis(1));

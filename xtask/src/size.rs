@@ -158,20 +158,20 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_image_is_refused() {
+    fn files_that_are_not_images_are_refused() {
         assert!(Sizes::of_elf(b"\x7fELF").is_err());
         assert!(Sizes::of_elf(b"").is_err());
     }
 
     #[test]
-    fn the_table_tells_both_memories() {
+    fn the_table_shows_both_memories() {
         let sizes = Sizes { text: 131_072, data: 0, bss: 24_576, ccm: 64 };
         let text = Table(sizes, Budget { flash: 262_144, ram: 98_304 }).to_string();
         assert!(text.ends_with("     64      131072 (50.0 %)       49152 (50.0 %)"), "{text}");
     }
 
     #[test]
-    fn what_takes_too_much_is_refused() {
+    fn an_oversized_image_is_refused() {
         let sizes = Sizes { text: 256 * 1024 - 8, data: 8, bss: 72 * 1024 - 8, ccm: 65_536 };
         let budget = Budget { flash: 262_144, ram: 98_304 };
         assert_eq!(sizes.check(budget), Ok(()));

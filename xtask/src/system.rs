@@ -162,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn failed_tests_are_heard_again_at_the_end() {
+    fn failed_tests_are_listed_at_the_end() {
         let output =
             "test a ... FAILED\n\nfailures:\n\n---- a stdout ----\nleft: 1\n\ntest result: FAILED. 0 passed\nmore";
         let error = run_tests(Command::new("sh").args(["-c", "printf \"$1\"; exit 1", "sh", output])).unwrap_err();

@@ -56,7 +56,7 @@ fn line_ends_of_all_kinds() {
 }
 
 #[test]
-fn lines_that_say_nothing_are_counted() {
+fn empty_lines_are_counted() {
     assert_eq!(read_portions([&b""[..]]), (vec![], 0));
     assert_eq!(read_portions([&b"\n\r\n \t\n;\n ; x"[..]]), (vec![], 5));
     assert_eq!(read_portions([&b"  "[..]]), (vec![], 1));
@@ -97,7 +97,7 @@ fn long_lines_are_refused_once() {
 
 /// A number behind what is kept of a line is not seen, however the line comes.
 #[test]
-fn a_long_line_is_numbered_by_what_is_kept_of_it() {
+fn a_line_number_beyond_the_capacity_is_not_seen() {
     for (blanks, numbered) in [(LINE_CAPACITY - 3, true), (LINE_CAPACITY, false), (LINE_CAPACITY + 40, false)] {
         let text = format!("{}N5 G1 X1\n", " ".repeat(blanks));
         let refused = Read::Refused(LineError::TooLong { line_number: 1, numbered });
@@ -107,7 +107,7 @@ fn a_long_line_is_numbered_by_what_is_kept_of_it() {
 
 /// The `\n` after a stream that ended with `\r` begins another stream.
 #[test]
-fn a_stream_that_has_ended_takes_nothing_of_the_next() {
+fn a_finished_stream_leaves_nothing_for_the_next() {
     let mut reader = LineReader::new();
     let (consumed, line) = reader.feed(b"G28\r");
     assert_eq!((consumed, line.map(Read::from)), (4, Some(plain(1, "G28"))));
@@ -117,7 +117,7 @@ fn a_stream_that_has_ended_takes_nothing_of_the_next() {
 }
 
 #[test]
-fn the_last_line_number_stays() {
+fn the_last_line_number_survives() {
     let mut reader = LineReader { lines_ended: u32::MAX - 1, ..LineReader::new() };
     for _ in 0..3 {
         assert_eq!(reader.feed(b"G28\n").1.map(Read::from), Some(plain(u32::MAX, "G28")));
@@ -139,7 +139,7 @@ fn bytes_that_are_not_text_are_refused() {
 }
 
 #[test]
-fn a_byte_order_mark_is_no_text() {
+fn a_byte_order_mark_is_skipped() {
     assert_eq!(read(b"\xef\xbb\xbfG28\n"), [plain(1, "G28")]);
     assert_eq!(read(b"\xef\xbb\xbf; c\nG28\n"), [plain(2, "G28")]);
     assert_eq!(read(b"\n\xef\xbb\xbfG28\n"), [plain(2, "\u{feff}G28")]);
@@ -269,7 +269,7 @@ proptest! {
 }
 
 #[test]
-fn what_has_come_of_a_broken_line_is_forgotten() {
+fn a_broken_line_is_dropped_whole() {
     let mut reader = LineReader::new();
     let incomplete = |line_number, numbered| LineError::Incomplete { line_number, numbered };
     assert_eq!(reader.feed(b"N7 G1 X1"), (8, None));

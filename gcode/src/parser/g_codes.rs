@@ -10,9 +10,9 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
         return match code.number {
             // G29.1 and the like belong to bed levelling, as G29 itself.
             29 => Ok(Command::Accepted),
-            0..=6 => Err(not_supported("G0.x to G6.x", "the move would be missing, expected G0 to G3")),
+            0..=6 => Err(not_supported("G0.x to G6.x", "the move would be missing; use G0 to G3")),
             38 => Err(PROBING),
-            92 => Err(not_supported("G92.x", "the coordinates would stay as they are, expected G92 with X, Y, Z or E")),
+            92 => Err(not_supported("G92.x", "the coordinates would stay as they are; use G92 with X, Y, Z or E")),
             53..=59 => Err(WORKSPACE),
             _ => Ok(code.unknown()),
         };
@@ -47,31 +47,30 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
 /// Unknown commands, and those among them without which the rest of a job would be made elsewhere or with other feeds.
 fn displacing<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
     Err(match code.number {
-        5 => not_supported("G5", "the curve would be missing, expected it as G1, G2 or G3"),
-        6 => not_supported("G6", "the steps would be missing, expected G1"),
-        16 => not_supported("G16", "polar coordinates would be read as X and Y, expected X and Y"),
+        5 => not_supported("G5", "the curve would be missing; let the slicer write G1, G2 or G3"),
+        6 => not_supported("G6", "the steps would be missing; use G1"),
+        16 => not_supported("G16", "polar coordinates would be read as X and Y; write X and Y"),
         38 => PROBING,
-        41 | 42 => not_supported("G41 and G42", "the path would lie elsewhere, expected it corrected by the slicer"),
-        43 | 44 => not_supported("G43 and G44", "Z would be off by the tool's length, expected no offset"),
-        51 => not_supported("G51", "the part would have another size, expected it scaled by the slicer"),
-        52 => not_supported("G52", "the part would lie elsewhere, expected G92"),
-        53 => not_supported("G53 with a move", "the move would be missing, expected it in a line of its own"),
+        41 | 42 => not_supported("G41 and G42", "the path would lie elsewhere; let the slicer correct it"),
+        43 | 44 => not_supported("G43 and G44", "Z would be off by the tool's length; leave the offset out"),
+        51 => not_supported("G51", "the part would have another size; scale it in the slicer"),
+        52 => not_supported("G52", "the part would lie elsewhere; use G92"),
+        53 => not_supported("G53 with a move", "the move would be missing; put the move on a line of its own"),
         55..=59 => WORKSPACE,
-        68 => not_supported("G68", "the part would lie elsewhere, expected it turned by the slicer"),
+        68 => not_supported("G68", "the part would lie elsewhere; turn it in the slicer"),
         73 | 76 | 81..=89 if code.words(remarks)?.axes() != AxisWords::default() => {
-            not_supported("G73 to G89", "the cycle's moves would be missing, expected G0 and G1")
+            not_supported("G73 to G89", "the moves of the cycle would be missing; write G0 and G1")
         }
-        93 => not_supported("G93", "every feed would be wrong, expected feeds per minute (G94)"),
-        95 => not_supported("G95", "every feed would be wrong, expected feeds per minute (G94)"),
+        93 => not_supported("G93", "every feed would be wrong; write feeds per minute (G94)"),
+        95 => not_supported("G95", "every feed would be wrong; write feeds per minute (G94)"),
         _ => return Ok(code.unknown()),
     })
 }
 
-const PROBING: ParseError =
-    not_supported("G38", "the nozzle would stand elsewhere than at the probed place, expected G28");
+const PROBING: ParseError = not_supported("G38", "the nozzle would not stand at the probed place; home with G28");
 
 const WORKSPACE: ParseError =
-    not_supported("G55 to G59", "the part would lie elsewhere, expected the coordinates of G54 or G92");
+    not_supported("G55 to G59", "the part would lie elsewhere; use the coordinates of G54, or G92");
 
 const fn not_supported(command: &'static str, why: &'static str) -> ParseError {
     ParseError::NotSupported { command, why }
@@ -81,10 +80,7 @@ fn arc<'a>(code: Code<'a>, clockwise: bool, remarks: &mut Remarks) -> Result<Com
     let mut words = code.words(remarks)?;
     // P asks for more full circles, K for an arc in another plane.
     if words.is_not_zero(b'P') || words.is_not_zero(b'K') {
-        return Err(not_supported(
-            "G2 and G3 with P or K",
-            "the arc would be missing, expected arcs in XY, once around",
-        ));
+        return Err(not_supported("G2 and G3 with P or K", "the arc would be missing; write arcs in XY, once around"));
     }
     let form = match (words.value(b'R'), words.value(b'I'), words.value(b'J')) {
         (Some(radius), _, _) => ArcForm::Radius(radius),
@@ -128,7 +124,7 @@ fn retract_or_recover<'a>(
     let names_tool = words.has(b'P') || words.has(b'R');
     let moves_tool = names_tool && b"XYZ".iter().any(|&axis| words.is_not_zero(axis));
     if words.has(b'L') || moves_tool {
-        return Err(not_supported("G10 with an offset", "the part would lie elsewhere, expected G92"));
+        return Err(not_supported("G10 with an offset", "the part would lie elsewhere; use G92"));
     }
     Ok(if names_tool { code.unknown() } else { command })
 }

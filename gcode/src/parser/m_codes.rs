@@ -4,16 +4,17 @@ use super::Code;
 use crate::remarks::{Remark, Remarks};
 use crate::{AxisWords, Command, Decimal, DriverWords, ParseError, RetractionWords, WaitTarget};
 
-/// Longest interval of M113 and M155, seconds.
+/// Maximum interval of M113 and M155, seconds.
 const MAX_INTERVAL_S: u8 = 60;
-/// Largest M220 and M221.
+/// Maximum of M220 and M221, percent.
 const MAX_PERCENT: u16 = 999;
-/// Largest M906, mA: more than any driver that is set by it can make.
+/// Maximum of M906, mA: more than any of the drivers can deliver.
 const MAX_CURRENT_MA: u16 = 3000;
-/// Largest M914.
+/// Maximum of M914.
 const MAX_STALL_THRESHOLD: u16 = 255;
-/// Longest T of M790, seconds, and what it is without.
+/// Maximum T of M790, seconds.
 const MAX_SILENCE_S: u16 = 3600;
+/// T of M790 if the line has none, seconds.
 const DEFAULT_SILENCE_S: u16 = 30;
 
 pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
@@ -92,7 +93,7 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
             if words.names_other_tool() {
                 return Ok(code.unknown());
             }
-            // Without filament there is no print: not ignored, as a feed of 0 is.
+            // An error, unlike a feed of 0: without filament nothing would be printed.
             let percent = words.required_above_zero(b'S')?;
             Ok(Command::FlowPercent(words.at_most(b'S', percent, MAX_PERCENT)?))
         }
@@ -147,7 +148,7 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
             Ok(Command::Timing { on: words.switch(b'S')?, clear: words.has(b'R') })
         }
         999 => Ok(Command::Restart),
-        // Progress and timers of a display, sounds, object labels; parts and corrections this machine has not.
+        // Progress and timers of a display, sounds, object labels; parts and corrections that this machine does not have.
         73..=77
         | 141
         | 142
@@ -191,7 +192,7 @@ fn temperature<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>,
     })
 }
 
-/// M569. With P it is another firmware's, which sets a driver's direction by its number.
+/// M569. With P it is the M569 of another firmware, which sets a driver's direction by its number.
 fn stealth_chop<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
     let mut words = code.words(remarks)?;
     if words.has(b'P') {
@@ -211,7 +212,7 @@ fn driver_words(code: Code<'_>, remarks: &mut Remarks, high: u16) -> Result<Driv
     Ok(DriverWords { x: number(b'X')?, y: number(b'Y')?, z: number(b'Z')?, e: number(b'E')? })
 }
 
-/// M106 and M107. Slicers write powers such as 252.45: the nearest whole one is meant.
+/// M106 and M107. Slicers write powers such as 252.45, which are rounded.
 fn fan<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
     let mut words = code.words(remarks)?;
     let index = words.whole_to(b'P', u8::MAX)?.unwrap_or(0);
@@ -234,7 +235,7 @@ fn volumetric<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, 
         None if !has_diameter => Ok(Command::Accepted),
         _ => Err(ParseError::NotSupported {
             command: "M200",
-            why: "volumes in E would be read as mm of filament, expected the slicer's volumetric E off, or M200 D0",
+            why: "volumes in E would be read as mm of filament; switch volumetric E off in the slicer, or write M200 D0",
         }),
     }
 }
@@ -245,7 +246,7 @@ fn temperature_units(code: Code<'_>) -> Result<Command<'_>, ParseError> {
     let mut remarks = Remarks::default();
     let words = code.words(&mut remarks)?;
     if words.has(b'F') || words.has(b'K') {
-        let why = "temperatures would be read as degrees Celsius, expected M149 C";
+        let why = "temperatures would be read as degrees Celsius; use M149 C";
         return Err(ParseError::NotSupported { command: "M149 F and K", why });
     }
     Ok(Command::Accepted)

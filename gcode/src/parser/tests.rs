@@ -62,7 +62,7 @@ fn arcs() {
     let form = ArcForm::Radius(number("-3"));
     reads("G3 R-3 I1", Command::Arc { clockwise: false, axes: none, form, feed: None });
     assert_eq!(refused("G2 X5"), "G2: expected I and J, or R");
-    assert_eq!(refused("G18"), "this plane is not supported, expected G17 (XY)");
+    assert_eq!(refused("G18"), "arcs in other planes are not supported; use G17 (XY)");
     for text in ["G2 I5 P3", "G3 X5 J1 K1"] {
         assert!(refused(text).starts_with("G2 and G3 with P or K: not supported, the arc would be missing"), "{text}");
     }
@@ -110,8 +110,8 @@ fn heaters_and_fans() {
     reads("M109 R40", Command::WaitNozzle(WaitTarget::HeatingOrCooling(number("40"))));
     reads("M190 R40 S60", Command::WaitBed(WaitTarget::Heating(number("60"))));
     reads("M190", Command::WaitBed(WaitTarget::Current));
-    assert_eq!(refused("M104 S-5"), "S: -5 is below 0, expected 0 or more");
-    assert_eq!(refused("M190 R-0.5"), "R: -0.5 is below 0, expected 0 or more");
+    assert_eq!(refused("M104 S-5"), "S: -5 is out of range, expected 0 or more");
+    assert_eq!(refused("M190 R-0.5"), "R: -0.5 is out of range, expected 0 or more");
     reads("M106", Command::Fan { index: 0, power: 255 });
     reads("M106 S252.45", Command::Fan { index: 0, power: 252 });
     reads("M106 P2 S249.9", Command::Fan { index: 2, power: 250 });
@@ -122,10 +122,10 @@ fn heaters_and_fans() {
     assert_eq!(refused("M106 S-.3"), "S: -0.3 is out of range, expected 0 to 255");
     // Other machines' slicers write the power as P.
     let other_fan = Command::Fan { index: 127, power: 255 };
-    let says = "P is whole, its fraction is dropped; P is the fan's number and this fan does not exist, \
-                expected the power after S";
+    let says = "P must be whole, the fraction is dropped; P is the number of a fan, and this machine has no such fan; \
+                give the power with S";
     reads_with("M106 P127.5", other_fan, says);
-    reads_with("M106 P1.5 S3", Command::Fan { index: 1, power: 3 }, "P is whole, its fraction is dropped");
+    reads_with("M106 P1.5 S3", Command::Fan { index: 1, power: 3 }, "P must be whole, the fraction is dropped");
     assert_eq!(refused("M106 P256"), "P: 256 is out of range, expected 0 to 255");
     // ANCHOR: m302
     reads("M302 S170 P1", Command::ColdExtrusion { minimum: some("170"), allow: Some(true) });
@@ -162,12 +162,12 @@ fn motors_and_limits() {
     reads_with("M204 P500 T0", travel, "T is not above 0 and is ignored");
     let corners = Command::Junction { deviation: None, corner_velocity: none };
     reads_with("M205 J0 X0", corners, "J is not above 0 and is ignored; X is not above 0 and is ignored");
-    assert_eq!(refused("M84 S-1"), "S: -1 is below 0, expected 0 or more");
+    assert_eq!(refused("M84 S-1"), "S: -1 is out of range, expected 0 or more");
     let words = RetractionWords { length: some("2"), feed: some("1800"), lift: some("0.4") };
     reads("M207 S2 F1800 Z.4", Command::RetractSettings(words));
     let words = RetractionWords { length: some("-0.1"), feed: None, lift: None };
     reads("M208 S-.1 Z5", Command::RecoverSettings(words));
-    assert_eq!(refused("M207 S-1"), "S: -1 is below 0, expected 0 or more");
+    assert_eq!(refused("M207 S-1"), "S: -1 is out of range, expected 0 or more");
     let none = RetractionWords::default();
     reads_with("M208 F0", Command::RecoverSettings(none), "F is not above 0 and is ignored");
     let z = |text: &str| AxisWords { z: some(text), ..AxisWords::default() };
@@ -185,7 +185,7 @@ fn motors_and_limits() {
     reads("M221 T1 S95", Command::Unknown("M221 T1 S95"));
     reads_with("M220 S0", Command::FeedPercent(None), "S is not above 0 and is ignored");
     assert_eq!(refused("M220 S1000"), "S: 1000 is out of range, expected 0 to 999");
-    assert_eq!(refused("M221 S0"), "S: 0 is not above 0, expected a larger number");
+    assert_eq!(refused("M221 S0"), "S: 0 is out of range, expected more than 0");
     assert_eq!(refused("M221 S999.5"), "S: 999.5 is out of range, expected 0 to 999");
 }
 
@@ -240,10 +240,10 @@ fn host_commands() {
     assert!(refused("M795 S2").starts_with("S: "));
     assert_eq!(refused("M796 I5"), "I: 5 is out of range, expected 0 to 4");
     let choice = Command::MotionChoice { interpolation: None, acceleration: Some(0) };
-    reads_with("M796 A0.5", choice, "A is whole, its fraction is dropped");
+    reads_with("M796 A0.5", choice, "A must be whole, the fraction is dropped");
     assert_eq!(refused("M798 S2"), "S: 2 is out of range, expected 0 to 1");
     assert_eq!(refused("M155 S61"), "S: 61 is out of range, expected 0 to 60");
-    reads_with("M110 N-1.5", Command::SetLineNumber(Some(-1)), "N is whole, its fraction is dropped");
+    reads_with("M110 N-1.5", Command::SetLineNumber(Some(-1)), "N must be whole, the fraction is dropped");
     assert_eq!(refused("T4294967295"), "T: 4294967295 is too large, expected at most 9 digits before the point");
 }
 
@@ -341,7 +341,7 @@ fn motor_drivers() {
     assert_eq!(refused("M906 X3001"), "X: 3001 is out of range, expected 0 to 3000");
     assert_eq!(refused("M906 E-1"), "E: -1 is out of range, expected 0 to 3000");
     let z = DriverWords { z: Some(500), ..DriverWords::default() };
-    reads_with("M906 Z500.5", Command::DriverCurrent(z), "Z is whole, its fraction is dropped");
+    reads_with("M906 Z500.5", Command::DriverCurrent(z), "Z must be whole, the fraction is dropped");
     assert_eq!(refused("M914 Y256"), "Y: 256 is out of range, expected 0 to 255");
     reads_with("M914 X", Command::StallThreshold(DriverWords::default()), "X without a number is ignored");
 }
@@ -361,15 +361,15 @@ fn malformed_lines_name_the_field() {
             "G1 X1111111111111111111111111111111",
             "X: 111111111111111111111111... is too large, expected at most 9 digits before the point",
         ),
-        ("G1 X5 %", "unexpected character '%', expected a letter with its number"),
-        ("G1 X5 \u{2212}3", "unexpected character '\u{2212}', expected a letter with its number"),
-        ("G1 X\u{e9}", "unexpected character '\u{e9}', expected a letter with its number"),
-        ("\u{e9}5", "expected a command letter, found '\u{e9}'"),
-        ("5", "expected a command letter, found '5'"),
-        ("G", "G: expected a number after it"),
-        ("M-5", "M: expected a number after it"),
-        ("GX5", "G: expected a number after it"),
-        ("G4 P-5", "P: -5 is below 0, expected 0 or more"),
+        ("G1 X5 %", "unexpected character '%', expected a letter and its number"),
+        ("G1 X5 \u{2212}3", "unexpected character '\u{2212}', expected a letter and its number"),
+        ("G1 X\u{e9}", "unexpected character '\u{e9}', expected a letter and its number"),
+        ("\u{e9}5", "expected a command such as G1 or M104, found '\u{e9}'"),
+        ("5", "expected a command such as G1 or M104, found '5'"),
+        ("G", "G without a number, expected a command such as G1"),
+        ("M-5", "M without a number, expected a command such as M1"),
+        ("GX5", "G without a number, expected a command such as G1"),
+        ("G4 P-5", "P: -5 is out of range, expected 0 or more"),
     ] {
         assert_eq!(refused(text), error, "{text:?}");
     }
@@ -377,15 +377,15 @@ fn malformed_lines_name_the_field() {
 
 /// Lines that end no print: a remark says what of them is ignored.
 #[test]
-fn odd_lines_go_on_as_in_marlin() {
+fn odd_lines_are_read_as_in_marlin() {
     let line = |axes, feed| Command::Linear { rapid: false, axes, feed };
     let (none, x) = (AxisWords::default(), AxisWords { x: some("5"), ..AxisWords::default() });
-    let second = "expected one command a line, the second and all behind it are ignored";
-    reads_with("G4", Command::Dwell { milliseconds: 0 }, "without P or S it waits until all motion has ended");
+    let second = "one command a line: the second and everything after it is ignored";
+    reads_with("G4", Command::Dwell { milliseconds: 0 }, "without P or S: waits until all motion has ended");
     reads_with(
         "G4 P",
         Command::Dwell { milliseconds: 0 },
-        "P without a number is ignored; without P or S it waits until all motion has ended",
+        "P without a number is ignored; without P or S: waits until all motion has ended",
     );
     reads_with("G1 X5 E", line(x, None), "E without a number is ignored");
     reads_with("G1 YX5", line(x, None), "Y without a number is ignored");
@@ -407,7 +407,7 @@ fn odd_lines_go_on_as_in_marlin() {
 }
 
 #[test]
-fn what_would_spoil_a_print_is_refused_by_name() {
+fn commands_that_must_not_be_skipped_are_refused() {
     for (text, says) in [
         ("G5 X5 Y5 I1 J1 P1 Q1", "G5: not supported, the curve would be missing"),
         ("G5.1 I1 J1", "G0.x to G6.x: not supported"),
@@ -435,7 +435,7 @@ fn what_would_spoil_a_print_is_refused_by_name() {
         ("M200 S1", "M200: not supported"),
     ] {
         let text_of_error = refused(text);
-        assert!(text_of_error.starts_with(says) && text_of_error.contains("expected"), "{text}: {text_of_error}");
+        assert!(text_of_error.starts_with(says) && text_of_error.contains("; "), "{text}: {text_of_error}");
     }
     for text in ["M200", "M200 D0", "M200 D1.75 S0", "M200 S0", "M149", "M149 C"] {
         assert_eq!(parse(text), Ok(Command::Accepted), "{text}");

@@ -247,7 +247,7 @@ fn tim9_counts_the_updates_of_tim2() {
 }
 
 #[test]
-fn a_timer_that_rested_is_where_it_would_be() {
+fn a_timer_catches_up_after_a_rest() {
     let mut bench = Bench::new(Chip::F407);
     step_timer(&mut bench, 1_000); // 62.5 us
     bench.pass(500_000);

@@ -93,7 +93,7 @@ fn steps_are_one_event_within_the_window_and_not_of_one_motor() {
 }
 
 #[test]
-fn a_level_that_repeats_is_no_step_and_is_counted() {
+fn a_repeated_level_is_counted_and_not_a_step() {
     let mut decoder = decoder(true);
     decoder.edge(1_000, step(0), true);
     decoder.edge(2_000, step(0), true);
@@ -146,7 +146,7 @@ fn a_trace_is_read_with_homing_and_source_lines() {
 }
 
 #[test]
-fn what_is_no_trace_is_refused() {
+fn files_that_are_not_traces_are_refused() {
     let good = String::from_utf8(trace(&[])).unwrap();
     for (from, to) in [
         ("\"version\":1", "\"version\":2"),
@@ -208,7 +208,7 @@ fn a_rest_and_a_pause_end_a_run_and_a_punctual_gap_does_not() {
 }
 
 #[test]
-fn nothing_agrees_with_nothing_only() {
+fn an_empty_trace_agrees_only_with_an_empty_one() {
     let rules = Rules::default();
     assert!(compare(&[], &[], TICK_HZ, &rules).agrees());
     let found = compare(&[event(5, 1, 0)], &[], TICK_HZ, &rules);

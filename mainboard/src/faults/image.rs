@@ -154,7 +154,7 @@ mod tests {
     }
 
     #[test]
-    fn refuses_what_is_no_elf() {
+    fn refuses_files_that_are_not_elf() {
         assert!(handlers(&[]).is_empty());
         assert_eq!(word(&[1, 2], 0), None);
     }

@@ -190,7 +190,7 @@ mod tests {
     }
 
     #[test]
-    fn the_tacho_does_not_depend_on_who_looks() {
+    fn reading_the_tacho_does_not_change_it() {
         let (mut seldom, mut often) = (fan(), fan());
         seldom.set_driven(0, true);
         often.set_driven(0, true);

@@ -305,7 +305,7 @@ mod tests {
     }
 
     #[test]
-    fn equal_times_have_no_hole() {
+    fn equal_time_constants_are_solved_exactly() {
         let lag_s = 12.0 / 0.12;
         let at = |lag_s: f64| {
             let mut heater = Heater::new(Config { sensor_lag_s: lag_s, ..hotend() }).unwrap();
@@ -317,7 +317,7 @@ mod tests {
     }
 
     #[test]
-    fn a_dead_time_moves_the_answer_and_nothing_else() {
+    fn a_dead_time_only_delays_the_response() {
         let mut prompt = Heater::new(hotend()).unwrap();
         let mut late = Heater::new(Config { dead_time_ns: 2 * SECOND, ..hotend() }).unwrap();
         for second in 0..20 {

@@ -61,7 +61,7 @@ fn the_other_boards_and_all_profiles_are_read() {
 }
 
 #[test]
-fn a_profile_is_read_with_what_it_leaves_out() {
+fn a_profile_gets_its_defaults() {
     let mini = Printer::parse("mini.toml", MINI).unwrap();
     assert_eq!((mini.size_mm, mini.lower_end_mm), ([180.4, 180.0, 185.0], [-2.0, -3.0, 0.0]));
     assert_eq!(mini.homing.bed_mm, [[0.0, 180.0], [0.0, 180.0]]);
@@ -154,7 +154,7 @@ fn motors_may_share_an_enable_pin_and_nothing_else() {
 }
 
 #[test]
-fn a_profile_of_no_machine_is_refused_by_key() {
+fn an_impossible_profile_is_refused_by_key() {
     let cases = [
         ("x = -2, y = -3, z = 0 }\n\n# Motor", "x = 2, y = -3, z = 0 }\n\n# Motor", "size_mm.x"),
         ("e = 325", "e = 0", "steps_per_mm"),
@@ -173,7 +173,7 @@ fn a_profile_of_no_machine_is_refused_by_key() {
 }
 
 #[test]
-fn a_file_that_is_not_there_is_named() {
+fn a_missing_file_is_named() {
     let refusal = Board::read(Path::new("/nowhere/board.toml")).unwrap_err();
     assert!(refusal.to_string().starts_with("/nowhere/board.toml: cannot be read"), "{refusal}");
     assert!(Printer::read(Path::new("/nowhere/p.toml")).is_err());
@@ -249,7 +249,7 @@ fn an_image_fits_its_board_and_no_other() {
 }
 
 #[test]
-fn a_truncated_image_is_refused_wherever_it_ends() {
+fn a_truncated_image_is_refused() {
     let board = Board::parse("bench.toml", BENCH).unwrap();
     let file = elf(0x0800_0000, 0x2000_6000, 0x0800_0009, 64, 0);
     assert!(check_image(&board, "f.elf", &file).is_ok());

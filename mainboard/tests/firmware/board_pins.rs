@@ -80,7 +80,7 @@ pub fn assert_heaters_come_first(board: &BoardFacts, writes: &[PortWrite]) {
 }
 
 #[test]
-fn nothing_is_switched_on_between_reset_and_the_first_command() {
+fn outputs_stay_off_from_reset_to_the_first_command() {
     for board in &BOARDS {
         let mut bench = Bench::boot_board(board);
         let writes = bench.port_writes();
@@ -113,7 +113,7 @@ fn nothing_is_switched_on_between_reset_and_the_first_command() {
 }
 
 #[test]
-fn what_is_told_to_be_off_stays_off() {
+fn outputs_commanded_off_stay_off() {
     for board in BOARDS.iter().filter(|board| board.is_printer()) {
         let mut bench = Bench::boot_board(board);
         for command in ["M104 S0", "M140 S0", "M109 S0", "M107", "M106 S0"] {
@@ -154,7 +154,7 @@ fn drivers_are_set_up_by_the_image_before_anything_moves() {
 
 /// The frame has moved out of reach: no stall tells the driver of an end.
 #[test]
-fn an_axis_that_meets_nothing_fails_to_home_after_its_travel() {
+fn homing_without_an_end_stop_fails_after_the_travel() {
     let board = BOARDS.iter().find(|board| board.name == "prusa-buddy").unwrap();
     let mut bench = Bench::boot_board(board);
     bench.change(|plant, _| plant.motion.set_frame(0, -1000.0, 1000.0));
@@ -172,7 +172,7 @@ fn an_axis_that_meets_nothing_fails_to_home_after_its_travel() {
 }
 
 #[test]
-fn a_driver_that_does_not_answer_is_named_and_the_rest_goes_on() {
+fn a_silent_driver_is_named_and_the_rest_works() {
     let board = BOARDS.iter().find(|board| board.own_lines).unwrap();
     let mut bench = Bench::switch_on(board, |machine| {
         for line in machine.plant.own_lines() {
@@ -243,7 +243,7 @@ fn each_motor_steps_by_its_own_pins() {
 }
 
 #[test]
-fn motors_that_rest_are_switched_off_and_their_axes_not_homed() {
+fn resting_motors_go_off_and_lose_homing() {
     let board = &BOARDS[0];
     let mut bench = Bench::boot_board(board);
     // Homed, Z is kept above 0.
@@ -416,28 +416,28 @@ fn buddy_and_store(value: u32) -> (&'static BoardFacts, PortWrite) {
 
 #[test]
 #[should_panic = "heater ('B', 1) on"]
-fn a_heater_that_comes_on_is_found() {
+fn an_unexpected_heater_is_found() {
     let (board, on) = buddy_and_store(1 << 1);
     state_after(board, &[on], true);
 }
 
 #[test]
 #[should_panic = "motor ('D', 14) on"]
-fn a_motor_that_comes_on_is_found() {
+fn an_unexpected_motor_is_found() {
     let (board, off) = buddy_and_store(0b11 << 16);
     state_after(board, &[off, PortWrite { port: 'D', offset: MODER, value: 1 << 28 }], false);
 }
 
 #[test]
 #[should_panic = "comes before"]
-fn motors_before_heaters_are_found() {
+fn motors_off_before_heaters_is_found() {
     let (board, off) = buddy_and_store(0b11 << 16);
     assert_heaters_come_first(board, &[PortWrite { port: 'D', ..off }, off]);
 }
 
 #[test]
 #[should_panic = "never switched off"]
-fn a_heater_that_is_forgotten_is_found() {
+fn a_forgotten_heater_is_found() {
     let (board, one) = buddy_and_store(0b01 << 16);
     assert_heaters_come_first(board, &[one]);
 }

@@ -16,7 +16,7 @@ const LEAVE: [u16; 2] = [0x4695, 0x4708];
 
 /// With masks left the image would never hear its host; with another stack it would run over the other's memory.
 #[test]
-fn an_image_starts_whatever_masks_and_stack_a_boot_loader_leaves() {
+fn an_image_starts_with_any_masks_and_stack() {
     for board in &BOARDS {
         let code = Code::of(&image_of(board.name)).unwrap();
         let is_reset = |start: &u32| code.names(*start).iter().any(|name| name == "Reset");

@@ -41,7 +41,7 @@ fn assert_every_way_is_printed_as_rehearsed(job: &Job) {
 }
 
 #[test]
-fn every_choice_makes_the_steps_that_the_desk_rehearsed() {
+fn every_method_makes_the_steps_of_the_desk() {
     assert_every_way_is_printed_as_rehearsed(&Job::cube_in_every_way(BEFORE, MOVES).without_heating());
 }
 
@@ -51,12 +51,12 @@ fn gyroid(ways: &[&str]) -> Job {
 }
 
 #[test]
-fn every_choice_makes_the_gyroid_s_steps_that_the_desk_rehearsed() {
+fn every_method_makes_the_gyroids_steps_of_the_desk() {
     assert_every_way_is_printed_as_rehearsed(&gyroid(&WAYS));
 }
 
 #[test]
-fn every_choice_makes_other_steps_of_the_gyroid() {
+fn every_method_makes_different_steps_of_the_gyroid() {
     let different: BTreeSet<_> = WAYS.map(|way| Rehearsal::of(&gyroid(&[way])).figures.digests.step).into();
     assert_eq!(different.len(), WAYS.len());
 }
@@ -75,7 +75,7 @@ fn motion_time_s(acceleration: AccelerationProfile, block_by_block: bool) -> f64
 }
 
 #[test]
-fn an_s_curve_of_the_gyroid_is_planned_over_runs_of_its_moves() {
+fn the_gyroids_s_curves_span_runs_of_moves() {
     let trapezoid = motion_time_s(AccelerationProfile::Trapezoid, false);
     let [runs, alone] = [false, true].map(|alone| motion_time_s(AccelerationProfile::SCurve, alone));
     eprintln!("trapezoid {trapezoid:.3} s, s-curve in runs {runs:.3} s, block by block {alone:.3} s");

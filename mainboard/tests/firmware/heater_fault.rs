@@ -29,7 +29,7 @@ fn assert_told_once(bench: &mut Bench) {
 /// The part-cooling fan goes off, and with it an eighth of what the nozzle loses: before the control has taken that back,
 /// the nozzle is beyond its maximum.
 #[test]
-fn a_nozzle_that_gets_too_hot_stops_everything_and_says_so() {
+fn an_overheated_nozzle_stops_everything_and_is_reported() {
     let mut bench = Bench::boot();
     for line in ["M106 S255", "M140 S60", WAIT_FOR_NOZZLE] {
         bench.host.send(line).unwrap();
@@ -53,7 +53,7 @@ fn a_nozzle_that_gets_too_hot_stops_everything_and_says_so() {
 
 /// No command is at work that would notice the halt.
 #[test]
-fn an_idle_machine_whose_nozzle_gets_too_hot_lets_go_of_its_motors() {
+fn an_overheated_nozzle_at_rest_switches_motors_off() {
     let mut bench = Bench::boot();
     for line in ["M106 S255", WAIT_FOR_NOZZLE, "G4 S60", "G1 X10 F3000", "M400"] {
         bench.host.send(line).unwrap();

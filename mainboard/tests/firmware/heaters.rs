@@ -67,7 +67,7 @@ fn unplug(machine: &mut Machine, name: &str, out: bool) {
 }
 
 #[test]
-fn a_broken_thermistor_switches_all_heaters_off_and_is_said() {
+fn a_broken_thermistor_switches_heaters_off_and_is_reported() {
     for board in printers() {
         let mut bench = Bench::boot_board(board);
         bench.host.send_raw(b"M105\n").unwrap();
@@ -148,7 +148,7 @@ fn nozzle_celsius(bench: &mut Bench) -> f64 {
 }
 
 #[test]
-fn fans_turn_when_they_are_told_to_and_above_a_hot_nozzle() {
+fn fans_follow_m106_and_the_hot_nozzle() {
     for board in printers() {
         let mut bench = Bench::boot_board(board);
         bench.pass(2000);
@@ -179,7 +179,7 @@ fn fans_turn_when_they_are_told_to_and_above_a_hot_nozzle() {
 
 /// A board whose thermistors cannot be read from the start.
 #[test]
-fn thermistors_that_are_not_there_are_said_and_nothing_heats() {
+fn missing_thermistors_are_reported_and_nothing_heats() {
     for board in printers() {
         let mut bench = Bench::switch_on(board, |machine| {
             ["nozzle", "bed"].into_iter().for_each(|name| unplug(machine, name, true));
@@ -198,7 +198,7 @@ fn thermistors_that_are_not_there_are_said_and_nothing_heats() {
 
 /// A host that has gone: after M86's time no heater of a real board has power, and the machine is not halted.
 #[test]
-fn heaters_that_nothing_uses_go_off() {
+fn unused_heaters_go_off() {
     for board in printers() {
         let mut bench = Bench::boot_board(board);
         bench.host.send("M86 S4").unwrap();

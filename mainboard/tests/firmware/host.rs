@@ -404,7 +404,7 @@ mod tests {
     }
 
     #[test]
-    fn whatever_the_noise_every_line_is_executed_once() {
+    fn noise_never_drops_or_repeats_a_line() {
         let commands: Vec<String> = (0..300).map(|index| format!("G1 X{index}.5 E-0.25")).collect();
         let mut resends = 0;
         for seed in 0..50 {
@@ -432,7 +432,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_never_sent_cannot_be_sent_again() {
+    fn unsent_lines_cannot_be_resent() {
         for number in ["7", "0", "-1"] {
             let mut host = host();
             host.port().reply(&[&format!("Resend: {number}"), "ok"]);

@@ -35,7 +35,7 @@ fn boot(board: &'static BoardFacts) -> Bench {
 }
 
 #[test]
-fn a_panic_is_told_after_the_reset_and_once() {
+fn a_panic_is_reported_once_after_the_reset() {
     for board in &BOARDS {
         let mut bench = boot(board);
         force_panic(board, &mut bench);
@@ -53,7 +53,7 @@ fn a_panic_is_told_after_the_reset_and_once() {
 }
 
 #[test]
-fn a_fault_is_told_after_the_reset() {
+fn a_fault_is_reported_after_the_reset() {
     let mut bench = boot(&BOARDS[0]);
     jump_nowhere(&mut bench);
     bench.host.wait_for("the fault", |line| line.starts_with("Error:firmware fault")).unwrap();
@@ -63,7 +63,7 @@ fn a_fault_is_told_after_the_reset() {
 }
 
 #[test]
-fn a_reset_by_software_is_called_so() {
+fn a_software_reset_is_reported_as_such() {
     for board in &BOARDS {
         let mut bench = boot(board);
         let program = [&load(0, RESET_KEY)[..], &load(1, AIRCR), &[STORE, STAND_STILL]].concat();

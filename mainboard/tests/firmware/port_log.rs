@@ -118,7 +118,7 @@ mod tests {
     }
 
     #[test]
-    fn stores_to_ports_are_told_from_all_else() {
+    fn stores_to_ports_are_recognised() {
         let store = |address| Store { at_ns: 0, until_ns: 0, times: 1, address, value: 0x2000_0001 };
         assert_eq!(PortWrite::of(&store(0x4002_1418)), Some(write('F', BSRR, 0x2000_0001)));
         assert_eq!(PortWrite::of(&store(0x4002_2000)), Some(write('I', MODER, 0x2000_0001)));

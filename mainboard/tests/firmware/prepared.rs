@@ -98,7 +98,7 @@ fn send(line: &mut Line<'_>, job: Vec<u8>) -> (Report, Vec<String>) {
 }
 
 #[test]
-fn a_prepared_job_makes_the_steps_that_the_desk_rehearsed() {
+fn a_prepared_job_makes_the_steps_of_the_desk() {
     let job = Job::cube(LINES);
     let bytes = prepared(&job);
     let mut bench = Bench::boot();
@@ -124,7 +124,7 @@ fn frames_that_are_changed_and_lost_change_no_step() {
 }
 
 #[test]
-fn what_the_machine_may_not_do_stops_on_the_path() {
+fn a_forbidden_move_stops_the_job_on_its_path() {
     let mut bench = Bench::boot();
     let hash = profile().hash();
     let mut stops = |job: Vec<u8>, word: Word, frame: u32, expected: &str| {
@@ -159,7 +159,7 @@ fn what_the_machine_may_not_do_stops_on_the_path() {
 }
 
 #[test]
-fn commands_between_frames_are_heard() {
+fn commands_between_frames_are_executed() {
     let mut bench = Bench::boot();
     let moves: Vec<_> = (0..40).map(|_| (4, Entry::Bound)).collect();
     let job = hand_made::job(profile().hash(), &moves);
@@ -181,7 +181,7 @@ fn commands_between_frames_are_heard() {
 }
 
 #[test]
-fn a_silent_host_is_not_waited_for() {
+fn a_silent_host_is_given_up_on() {
     let mut bench = Bench::boot();
     let job = hand_made::job(profile().hash(), &[(40, Entry::Bound), (20, Entry::Bound)]);
     bench.host.send(&format!("M790 S{} T15", job.len())).unwrap();
@@ -197,7 +197,7 @@ fn a_silent_host_is_not_waited_for() {
 }
 
 #[test]
-fn a_job_does_not_go_on_behind_a_stop() {
+fn a_stopped_job_does_not_resume() {
     let mut bench = Bench::boot();
     let moves: Vec<_> = (0..10).map(|_| (15, Entry::Bound)).collect();
     let job = hand_made::job(profile().hash(), &moves);

@@ -126,7 +126,7 @@ fn short() -> (Job, Rehearsal, usize) {
 }
 
 #[test]
-fn the_same_events_are_the_same() {
+fn identical_events_agree() {
     let (job, rehearsal, _) = short();
     let log = log_of(&rehearsal, |_| {});
     rehearsal.assert_same_events(&job, &log);

@@ -91,7 +91,7 @@ pub fn stream(host: &mut Host<Line>, job: &Job) {
 }
 
 #[test]
-fn the_image_makes_the_steps_that_the_desk_rehearsed() {
+fn the_image_makes_the_steps_of_the_desk() {
     let job = Job::cube(LINES);
     let mut bench = Bench::boot();
     stream(&mut bench.host, &job);

@@ -53,7 +53,7 @@ fn is_move(line: &str) -> bool {
 }
 
 #[test]
-fn times_are_measured_while_it_is_switched_on_and_no_step_changes() {
+fn measuring_times_changes_no_step() {
     let mut job = Job::cube(LINES).without_heating();
     // The machine stands at each switch, so that all events between are seen.
     for (index, line) in [(OFF, "M798 S0"), (OFF, "M400"), (ON, "M798 S1"), (ON, "M400")] {

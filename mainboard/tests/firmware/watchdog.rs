@@ -55,7 +55,7 @@ fn the_watchdog_is_fed_while_every_task_runs() {
 }
 
 #[test]
-fn a_planner_that_does_not_run_any_more_starves_it() {
+fn a_hanging_planner_starves_the_watchdog() {
     for board in &BOARDS {
         let mut bench = Bench::boot_opened(board);
         let before = bench.stored(KEY, FEED);
@@ -73,7 +73,7 @@ fn a_planner_that_does_not_run_any_more_starves_it() {
 }
 
 #[test]
-fn a_processor_that_does_nothing_any_more_starves_it() {
+fn a_hanging_processor_starves_the_watchdog() {
     let mut bench = Bench::boot_opened(&BOARDS[0]);
     bench.execute(&NOTHING);
     let silent_s = starved_s(&mut bench);
@@ -86,7 +86,7 @@ fn a_processor_that_does_nothing_any_more_starves_it() {
 
 /// What is off shall stay off until someone comes.
 #[test]
-fn the_rest_after_a_panic_is_no_reset() {
+fn a_panicked_board_is_not_reset() {
     let board = &BOARDS[0];
     let mut bench = Bench::boot_opened(board);
     force_panic(board, &mut bench);

@@ -202,7 +202,7 @@ fn everything_at_once_starts_the_same() {
 }
 
 #[test]
-fn no_first_access_behind_a_clock_enable_is_lost() {
+fn the_first_access_after_a_clock_enable_arrives() {
     let (found, unmodelled) = start(None, true);
     let lost: Vec<&String> = unmodelled.iter().filter(|what| what.contains("LATE_CLOCKS")).collect();
     println!("{lost:#?}");

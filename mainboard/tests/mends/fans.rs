@@ -113,11 +113,11 @@ fn a_heater_fault_puts_both_fans_to_full() {
 }
 
 #[test]
-fn after_a_reset_in_mid_print_the_hot_end_s_fan_turns() {
+fn the_hot_end_fan_turns_after_a_reset_in_mid_print() {
     cools_within(Event::Reset, 200 * MS);
 }
 
 #[test]
-fn after_a_reset_with_an_unknown_temperature_both_fans_turn() {
+fn both_fans_turn_after_a_reset_with_unknown_temperature() {
     cools_within(Event::ResetWithOpenThermistor, 200 * MS);
 }

@@ -18,7 +18,7 @@ fn figure(text: &str, name: &str) -> Option<u64> {
 }
 
 #[test]
-fn steps_keep_their_intervals_however_slow_the_interrupt() {
+fn steps_keep_their_intervals_with_a_slow_interrupt() {
     let mut wrong = Vec::new();
     for pace in PACES {
         let setting = Setting { pace: Some(pace), ..Setting::default() };

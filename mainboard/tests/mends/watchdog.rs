@@ -51,7 +51,7 @@ impl Plot for HaltWhileHeating {
 }
 
 #[test]
-fn a_halted_core_is_reset_and_heats_no_more() {
+fn a_halted_core_is_reset_and_stops_heating() {
     let boot_loader = Some(Stub { statements: vec![FROZEN_BY_A_PROBE], ..Stub::default() });
     let setting = Setting { boot_loader, ..Setting::default() };
     let done = play(&setting, 20 * S, HaltWhileHeating::default());

@@ -64,22 +64,22 @@ fn check(name: &str, law: AccelerationProfile) {
 }
 
 #[test]
-fn a_cube_under_an_s_curve() {
+fn a_cube_with_s_curves_passes_the_trace_check() {
     check("cube.gcode", AccelerationProfile::SCurve);
 }
 
 #[test]
-fn a_cube_under_a_table() {
+fn a_cube_with_a_frequency_table_passes_the_trace_check() {
     check("cube.gcode", AccelerationProfile::SCurveTable);
 }
 
 #[test]
-fn a_gyroid_under_an_s_curve() {
+fn a_gyroid_with_s_curves_passes_the_trace_check() {
     check("gyroid.gcode.gz", AccelerationProfile::SCurve);
 }
 
 #[test]
-fn a_gyroid_under_a_table() {
+fn a_gyroid_with_a_frequency_table_passes_the_trace_check() {
     check("gyroid.gcode.gz", AccelerationProfile::SCurveTable);
 }
 
@@ -98,7 +98,7 @@ fn motion_s(machine: &str, name: &str, law: AccelerationProfile, block_by_block:
 
 /// What neighbours under one law gain over a stop of acceleration at the end of every block.
 #[test]
-fn shared_laws_gain_most_in_curves() {
+fn s_curves_over_several_blocks_gain_most_in_curves() {
     for (machine, name, least) in [
         ("cartesian", "cube.gcode", 0.01),
         ("cartesian", "gyroid.gcode.gz", 0.08),

@@ -43,7 +43,7 @@ fn stops_at(line: impl AsRef<[u8]>, says: &[&str]) {
 }
 
 #[test]
-fn a_line_that_cannot_be_read() {
+fn unreadable_lines_stop_the_job() {
     for (line, says) in [
         ("G1 X20 Y1.2.3", ["G1 X20 Y1.2.3", "Y: \"1.2.3\" is not a number, expected"]),
         ("G1 X20 Y--4", ["G1 X20 Y--4", "Y: \"--4\" is not a number, expected"]),
@@ -52,11 +52,11 @@ fn a_line_that_cannot_be_read() {
         ("G1 X20 #4", ["G1 X20 #4", "unexpected character '#', expected"]),
         ("G1 X99999999999", ["G1 X99999999999", "X: 99999999999 is too large, expected"]),
         ("G2 X20 Y20", ["G2 X20 Y20", "expected I and J, or R"]),
-        ("G18", ["\"G18\"", "expected G17 (XY)"]),
+        ("G18", ["\"G18\"", "use G17 (XY)"]),
         ("M106 S-1", ["M106 S-1", "S: -1 is out of range, expected 0 to 255"]),
-        ("M221 S0", ["M221 S0", "S: 0 is not above 0, expected"]),
-        ("M104 S-5", ["M104 S-5", "S: -5 is below 0, expected"]),
-        ("100", ["\"100\"", "expected a command letter"]),
+        ("M221 S0", ["M221 S0", "S: 0 is out of range, expected more than 0"]),
+        ("M104 S-5", ["M104 S-5", "S: -5 is out of range, expected 0 or more"]),
+        ("100", ["\"100\"", "expected a command such as G1"]),
         ("N3 G1 X20*5", ["G1 X20", "checksum mismatch"]),
         ("N3 G1 X20*x", ["G1 X20", "malformed checksum, expected"]),
     ] {
@@ -64,12 +64,12 @@ fn a_line_that_cannot_be_read() {
     }
 }
 
-/// Going on without them would print elsewhere, or with other amounts of filament.
+/// Without them the rest of the job would print elsewhere, or with other amounts of filament.
 #[test]
-fn a_line_that_would_spoil_the_rest() {
+fn commands_that_must_not_be_skipped_stop_the_job() {
     for (line, says) in [
-        ("G5 X20 Y20 I1 J1 P1 Q1", ["\"G5", "G5: not supported, the curve would be missing, expected"]),
-        ("G5.1 X20 Y20 I1 J1", ["\"G5.1", "not supported, the move would be missing, expected"]),
+        ("G5 X20 Y20 I1 J1 P1 Q1", ["\"G5", "G5: not supported, the curve would be missing; let the slicer"]),
+        ("G5.1 X20 Y20 I1 J1", ["\"G5.1", "not supported, the move would be missing; use"]),
         ("G2 X10 Y20 I5 P2", ["\"G2", "G2 and G3 with P or K: not supported"]),
         ("G10 L2 P1 X5", ["\"G10", "not supported, the part would lie elsewhere"]),
         ("G52 X5", ["\"G52", "G52: not supported"]),
@@ -77,7 +77,7 @@ fn a_line_that_would_spoil_the_rest() {
         ("G55", ["\"G55", "G55 to G59: not supported"]),
         ("G68 R45", ["\"G68", "G68: not supported"]),
         ("G92.1", ["\"G92.1", "G92.x: not supported"]),
-        ("M200 D1.75", ["\"M200", "volumes in E would be read as mm of filament, expected"]),
+        ("M200 D1.75", ["\"M200", "volumes in E would be read as mm of filament; switch"]),
         ("M200 S1", ["\"M200", "M200: not supported"]),
     ] {
         stops_at(line, &says);
@@ -85,7 +85,7 @@ fn a_line_that_would_spoil_the_rest() {
 }
 
 #[test]
-fn a_line_that_cannot_be_done() {
+fn impossible_commands_stop_the_job() {
     for (line, says) in [
         ("G1 X20 E5", ["G1 X20 E5", "cold extrusion prevented, the nozzle is at 22.0 C, expected at least 170 C"]),
         ("G1 E-1", ["G1 E-1", "cold extrusion prevented"]),
@@ -111,7 +111,7 @@ fn a_line_that_cannot_be_done() {
 }
 
 #[test]
-fn a_line_that_is_no_text() {
+fn lines_that_are_not_text_stop_the_job() {
     stops_at(format!("G1 X20{}", " ".repeat(300)), &["expected at most 256 characters"]);
     stops_at(format!("G1 X20 F{}", "1".repeat(300)), &["expected at most 256 characters"]);
     stops_at(b"G1 X20 Y\xff", &["not text: byte 0xff", "expected UTF-8"]);
@@ -126,7 +126,7 @@ fn a_line_that_is_no_text() {
 }
 
 #[test]
-fn the_last_line_counts_without_its_end() {
+fn the_last_line_needs_no_line_end() {
     let directory = directory();
     let outcome = print(&file(&directory, "job.gcode", format!("{PROLOGUE}G1 X20 Y-")));
     assert_eq!(outcome.status, Some(1), "{outcome:#?}");
@@ -135,7 +135,7 @@ fn the_last_line_counts_without_its_end() {
 }
 
 #[test]
-fn bytes_that_are_no_text_far_behind_the_start() {
+fn bytes_that_are_not_text_late_in_the_file() {
     let directory = directory();
     let mut text = PROLOGUE.repeat(5_000).into_bytes();
     text.extend(b"G1 X20\0\nG1 X99\n");
@@ -147,7 +147,7 @@ fn bytes_that_are_no_text_far_behind_the_start() {
 
 /// Also where the filament is pushed bit by bit along an arc.
 #[test]
-fn more_filament_than_a_move_may_push() {
+fn too_much_filament_in_a_move_stops_the_job() {
     let directory = directory();
     for line in ["G1 X20 E1500", "G1 E-1001", "G2 X20 Y20 I5 J0 E9999999"] {
         let outcome = print(&file(&directory, "job.gcode", format!("M302 P1\n{PROLOGUE}{line}\nG1 X99\n")));
@@ -158,7 +158,7 @@ fn more_filament_than_a_move_may_push() {
 }
 
 #[test]
-fn an_emergency_stop_in_a_file() {
+fn m112_in_a_file_stops_the_job() {
     let directory = directory();
     let outcome = print(&file(&directory, "job.gcode", format!("{PROLOGUE}M112\nG1 X99\n")));
     assert_eq!(outcome.status, Some(1), "{outcome:#?}");
@@ -167,7 +167,7 @@ fn an_emergency_stop_in_a_file() {
 }
 
 #[test]
-fn gzip_that_is_damaged() {
+fn damaged_gzip_is_refused() {
     let directory = directory();
     let packed = gzip(&example("cube.gcode"));
     let cut = print(&file(&directory, "cut.gcode.gz", &packed[..packed.len() / 2]));
@@ -201,7 +201,7 @@ fn refused(outcome: &Outcome, says: &[&str]) {
 }
 
 #[test]
-fn files_that_are_no_jobs() {
+fn files_that_are_not_jobs_are_refused() {
     let directory = directory();
     refused(&print(&directory.path().join("missing.gcode")), &["missing.gcode", "cannot be read"]);
     refused(&print(directory.path()), &["cannot be read"]);
@@ -216,7 +216,7 @@ fn files_that_are_no_jobs() {
 }
 
 #[test]
-fn a_job_may_say_nothing() {
+fn a_job_without_commands_is_done() {
     let directory = directory();
     for text in ["\n", "; only a comment", "\r\n\r\n", "G21\n"] {
         let outcome = print(&file(&directory, "job.gcode", text));
@@ -227,7 +227,7 @@ fn a_job_may_say_nothing() {
 }
 
 #[test]
-fn options_that_do_not_exist() {
+fn unknown_options_are_refused() {
     let job = "examples/cube.gcode";
     let cases: [&[&str]; 9] = [
         &[],
@@ -248,7 +248,7 @@ fn options_that_do_not_exist() {
 }
 
 #[test]
-fn profiles_that_are_wrong() {
+fn wrong_profiles_are_refused() {
     let directory = directory();
     let cartesian = fs::read_to_string(repository().join("profiles/cartesian.toml")).unwrap();
     let with = |profile: &Path| {
@@ -306,7 +306,7 @@ fn soft_limits_hold_homed_axes() {
 }
 
 #[test]
-fn unknown_commands_are_named_once_and_passed_over() {
+fn unknown_commands_are_listed_once_and_skipped() {
     let directory = directory();
     let text = "G28\nM7777 X1\nG1 X5 F3000\nM7777 X1\nG123\nM7777 X2\nO100\n";
     let outcome = print(&file(&directory, "job.gcode", text));

@@ -78,7 +78,7 @@ fn drivers_change_no_step() {
 }
 
 #[test]
-fn a_driver_that_does_not_answer_refuses_motion_and_nothing_else() {
+fn a_silent_driver_blocks_motion_only() {
     let profile = profile("prusa-mini");
     let machine = machine(&profile);
     let mut printer = machine.printer();
@@ -106,7 +106,7 @@ fn a_driver_that_does_not_answer_refuses_motion_and_nothing_else() {
 
 /// Until a driver is set, its current is what the chip has after a reset: more than twice what the MINI's motors get.
 #[test]
-fn m17_gives_no_motor_current_before_its_driver_is_set() {
+fn m17_waits_for_the_drivers() {
     let profile = profile("prusa-mini");
     let machine = machine(&profile);
     let mut printer = machine.printer();
@@ -130,7 +130,7 @@ fn m17_gives_no_motor_current_before_its_driver_is_set() {
 
 /// On CoreXY each of the motors A and B moves X and Y; on the others M84 X leaves Y homed.
 #[test]
-fn an_axis_whose_motor_was_switched_off_is_not_homed() {
+fn switching_a_motor_off_unhomes_its_axis() {
     for (name, size_mm, off, homed) in [
         ("corexy", 300, "M84 X", [false, false, true]),
         ("corexy", 300, "M18 Y", [false, false, true]),
@@ -164,7 +164,7 @@ fn fault_in_mid_print(fault: impl FnOnce(&mut DriverChip)) -> (Machine, Vec<Stri
 }
 
 #[test]
-fn a_reset_in_mid_print_halts_and_is_made_good() {
+fn a_driver_reset_halts_the_print_and_is_set_up_again() {
     let (machine, replies) = fault_in_mid_print(DriverChip::reset);
     assert_eq!(replies[0], "Error:driver X has been reset, its motor may have moved");
     assert_eq!(replies[1], "Error:Printer halted. kill() called!");
@@ -183,7 +183,7 @@ fn a_reset_in_mid_print_halts_and_is_made_good() {
 }
 
 #[test]
-fn over_temperature_in_mid_print_halts_and_its_warning_does_not() {
+fn driver_over_temperature_halts_its_warning_does_not() {
     let (_, replies) = fault_in_mid_print(|chip| chip.set_flags(DriverStatus::OVER_TEMPERATURE));
     assert_eq!(replies[0], "Error:driver X has switched its motor off: over-temperature, switched off");
     assert_eq!(replies[1], "Error:Printer halted. kill() called!");
@@ -192,7 +192,7 @@ fn over_temperature_in_mid_print_halts_and_its_warning_does_not() {
 }
 
 #[test]
-fn a_job_stops_with_the_message() {
+fn a_driver_fault_stops_a_job_with_its_message() {
     let notices = RefCell::new(Vec::new());
     let replies = JobReplies::new(|text: &str| notices.borrow_mut().push(text.to_owned()));
     let session = Session::new(profile("prusa-mini"), Mode::Print, LOOK_AHEAD_BLOCKS, (), replies);
@@ -240,7 +240,7 @@ fn settings_are_changed_reported_and_refused() {
 }
 
 #[test]
-fn a_machine_without_such_drivers_says_so() {
+fn driver_commands_without_drivers_say_so() {
     let profile = profile("cartesian");
     let machine = machine(&profile);
     let mut printer = machine.printer();

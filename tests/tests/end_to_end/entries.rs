@@ -137,22 +137,22 @@ fn check(name: &str, machine: &str, lines: usize) {
 }
 
 #[test]
-fn a_cube_goes_on_at_any_frame() {
+fn a_cube_resumes_at_any_frame() {
     check("cube.gcode", "cartesian", 3_000);
 }
 
 #[test]
-fn a_gyroid_goes_on_at_any_frame() {
+fn a_gyroid_resumes_at_any_frame() {
     check("gyroid.gcode.gz", "cartesian", 6_000);
 }
 
 #[test]
-fn another_slicer_and_homing_by_stall() {
+fn a_slic3r_cube_resumes_on_a_machine_that_homes_by_stall() {
     check("cube-slic3r.gcode.gz", "prusa-mini", 3_000);
 }
 
 #[test]
-fn a_corexy_goes_on_at_any_frame() {
+fn a_corexy_job_resumes_at_any_frame() {
     check("cube-corexy.gcode.gz", "corexy", 3_000);
 }
 
@@ -161,7 +161,7 @@ proptest! {
 
     /// Whatever was set before, in a machine that was homed.
     #[test]
-    fn any_program_goes_on_at_any_frame(program in homed_program()) {
+    fn any_program_resumes_at_any_frame(program in homed_program()) {
         let machine = profile(program.machine);
         let Some(job) = prepared(&machine, program.text.as_bytes(), Encoding::Compact) else { return Ok(()) };
         let whole = rehearse_far(&machine, &mut &job[..], true);
@@ -194,7 +194,7 @@ const MORE: &str =
     "G1 X100 Y70 E1 F5000\nG1 X70 E2\nG10\nG1 Y20\nG11\nG1 X60 Y61 E1\nM106 S5\nG1 X61 Y62 Z2 E.2\nG1 X20\n";
 
 #[test]
-fn from_a_standstill_every_step_is_at_its_time() {
+fn steps_keep_their_times_from_a_standstill_on() {
     for machine in ["cartesian", "corexy"] {
         let machine = profile(machine);
         let gcode = [SETTINGS, MORE].concat();
@@ -231,7 +231,7 @@ fn print_from(path: &Path, frame: &str, status: i32) -> String {
 }
 
 #[test]
-fn what_cannot_be_entered_is_told() {
+fn impossible_entry_frames_are_refused() {
     let directory = directory();
     let machine = profile("cartesian");
     // One frame a move, behind that which homes.
@@ -255,7 +255,7 @@ fn what_cannot_be_entered_is_told() {
 }
 
 #[test]
-fn the_list_of_entries_is_that_of_the_frames() {
+fn inspect_lists_exactly_the_possible_entry_frames() {
     let directory = directory();
     let job = prepared(&profile("cartesian"), &example("cube.gcode"), Encoding::Compact).unwrap();
     let path = file(&directory, "cube.gpre", &job);
@@ -273,7 +273,7 @@ fn the_list_of_entries_is_that_of_the_frames() {
 }
 
 #[test]
-fn a_job_is_entered_hot() {
+fn a_resumed_job_heats_first() {
     let directory = directory();
     let text = String::from_utf8(example("cube.gcode")).unwrap();
     let gcode: String = text.lines().take(1_500).map(|line| format!("{line}\n")).collect();

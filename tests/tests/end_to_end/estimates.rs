@@ -43,7 +43,7 @@ fn after_hours(seconds: u32) -> String {
 
 /// An hour, or ten: what is at rest is not looked at.
 #[test]
-fn the_cost_of_an_estimate_does_not_follow_the_time_of_the_print() {
+fn the_cost_of_an_estimate_is_independent_of_the_print_time() {
     for machine in ["cartesian", "corexy", "prusa-mini"] {
         let [short, long] = [1, 2000].map(|seconds| run(machine, Mode::Estimate, after_hours(seconds).as_bytes()));
         assert!(long.print_time_s > short.print_time_s + 3900.0, "{machine}: {} s", long.print_time_s);
@@ -59,7 +59,7 @@ fn the_cost_of_an_estimate_does_not_follow_the_time_of_the_print() {
 
 /// Of a print of twenty minutes, only what comes after a change of a target is stepped.
 #[test]
-fn the_heaters_of_an_estimated_cube_are_stepped_while_they_are_on_their_way() {
+fn an_estimate_steps_heaters_only_until_they_settle() {
     for machine in ["cartesian", "corexy", "prusa-mini"] {
         let ended = run(machine, Mode::Estimate, &example("cube.gcode"));
         assert!(ended.print_time_s > 1300.0);
@@ -71,7 +71,7 @@ fn the_heaters_of_an_estimated_cube_are_stepped_while_they_are_on_their_way() {
 
 /// Heaters that were not stepped are where they would be: waits after hours at rest, for more heat, for less, for none.
 #[test]
-fn waits_of_an_estimate_take_as_long_as_those_of_a_print() {
+fn an_estimate_waits_as_long_as_a_print() {
     let text = "M86 S0\nG28\nM190 S60\nM109 S210\nG4 S900\nM109 S230\nG4 S600\nM109 R190\nG4 S600\nM190 S80\nM140 S0\nG4 S100\n\
                 M190 S70\nG4 S400\nM104 S0\nG4 S2000\nM109 S200\nG1 X20 F3000\nG1 X30 E1\n";
     for machine in ["cartesian", "corexy", "prusa-mini"] {
@@ -85,7 +85,7 @@ fn waits_of_an_estimate_take_as_long_as_those_of_a_print() {
 
 /// Too weak for its target is not at rest, however steady: it fails as in a print.
 #[test]
-fn a_heater_that_fails_is_found_by_an_estimate() {
+fn an_estimate_notices_a_failed_heater() {
     let directory = crate::command::directory();
     let text = std::fs::read_to_string(crate::command::repository().join("profiles/cartesian.toml")).unwrap();
     let weak = text.replacen("\nproportional = 0.1\nintegral = 0.004\n", "\nproportional = 0.0001\nintegral = 0\n", 1);

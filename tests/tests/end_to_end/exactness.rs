@@ -36,7 +36,7 @@ fn homing_keeps_the_fraction_of_the_extruder() {
 
 /// What G10 lifts G11 lowers, so that Z is again where it says.
 #[test]
-fn a_lift_is_taken_back_as_it_was() {
+fn a_lift_is_undone_exactly() {
     let mut wrong = Vec::new();
     for (lines, z_mm) in [
         // As a matter of course.
@@ -78,7 +78,7 @@ fn retractions_cancel_out() {
 
 /// In inches the limits are inches too, as lengths of any other command.
 #[test]
-fn limits_have_the_unit_in_force() {
+fn limits_use_the_current_unit() {
     let (machine, reference) = (profile("cartesian"), ReferenceProfile::cartesian());
     let time_s = |limit: &str, moves: &str| {
         let text = format!("G28\n{limit}\nG21\nM302 P1\n{moves}\n");

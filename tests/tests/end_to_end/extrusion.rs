@@ -246,7 +246,7 @@ fn filament_by_length_follows_the_nozzle() {
 }
 
 #[test]
-fn filament_by_length_knows_its_exceptions() {
+fn filament_by_length_is_for_moves_without_e() {
     let section = std::f64::consts::PI * 1.75 * 1.75 / 4.0;
     let lambda = 0.2 * 0.45 / section;
     let filament = |lines: &str| {

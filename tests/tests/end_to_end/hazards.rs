@@ -35,7 +35,7 @@ fn named(tests: &str) -> Vec<(&str, &str)> {
 }
 
 #[test]
-fn every_hazard_has_a_mend_and_a_test_that_exists() {
+fn every_hazard_has_a_mend_and_an_existing_test() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap();
     let page = std::fs::read_to_string(root.join("docs/src/hazards.md")).unwrap();
     let rows = rows(&page);

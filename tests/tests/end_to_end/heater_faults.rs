@@ -49,7 +49,7 @@ fn check_stopped(outcome: &Outcome, error: &str, line: u64) -> Value {
 
 /// With hardly any power the nozzle does not get warm.
 #[test]
-fn a_job_whose_nozzle_does_not_heat_stops() {
+fn a_cold_nozzle_stops_the_job() {
     let weak = [("proportional", "0.0001"), ("integral", "0")];
     let error = "Error:Heating failed, system stopped! Heater_ID: E0 (temp: 2";
     let outcome = print_with_nozzle(&weak, "G92 X0\nM109 S200\nG1 X99 F3000\n");
@@ -69,7 +69,7 @@ fn a_job_whose_nozzle_does_not_heat_stops() {
 
 /// A loop that overshoots by far runs into the maximum.
 #[test]
-fn a_job_whose_nozzle_gets_too_hot_stops() {
+fn an_overheated_nozzle_stops_the_job() {
     let wild = [("max_celsius", "210"), ("proportional", "0.0001"), ("integral", "0.001"), ("derivative", "0")];
     let outcome = print_with_nozzle(&wild, "M104 S200\nG4 S600\nG1 X99 F3000\n");
     let summary = check_stopped(&outcome, "Error:MAXTEMP triggered, system stopped! Heater_ID: E0 (temp: 210.", 2);

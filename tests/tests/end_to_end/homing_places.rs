@@ -321,7 +321,7 @@ fn only_stalls_push(profile: &Profile, places: &Places) {
 }
 
 #[test]
-fn sound_sensors_home_from_everywhere_and_push_nowhere() {
+fn working_sensors_home_from_anywhere_without_pushing() {
     from_everywhere(HEALTHY, |profile, places, _, outcome| {
         assert_eq!(outcome, Ok(()));
         is_home(profile, places);
@@ -331,7 +331,7 @@ fn sound_sensors_home_from_everywhere_and_push_nowhere() {
 }
 
 #[test]
-fn sensors_that_bounce_home_from_everywhere() {
+fn bouncing_sensors_home_from_anywhere() {
     from_everywhere([SensorFault::Bouncing; 3], |profile, places, _, outcome| {
         assert_eq!(outcome, Ok(()));
         is_home(profile, places);
@@ -342,7 +342,7 @@ fn sensors_that_bounce_home_from_everywhere() {
 
 /// Always triggered is also a sensor that is not there: inputs have pull-ups, and those of these machines trigger high.
 #[test]
-fn a_sensor_that_is_absent_or_stuck_on_is_named_and_nothing_goes_down() {
+fn an_absent_or_stuck_sensor_is_named_and_z_stays_up() {
     for axis in 0..3 {
         from_everywhere(with_fault(axis, SensorFault::AlwaysOn), |profile, places, _, outcome| {
             assert_eq!(outcome, Err(CommandError::SensorStuck { axis }), "{}", profile.name);
@@ -354,7 +354,7 @@ fn a_sensor_that_is_absent_or_stuck_on_is_named_and_nothing_goes_down() {
 
 /// X and Y push against the frame for as long as the bound lets them, and Z has not been touched.
 #[test]
-fn a_sensor_of_x_or_y_that_is_stuck_off_is_named() {
+fn a_dead_sensor_of_x_or_y_is_named() {
     for axis in 0..2 {
         from_everywhere(with_fault(axis, SensorFault::AlwaysOff), |profile, places, _, outcome| {
             let searched_10nm =
@@ -405,7 +405,7 @@ fn spikes_on_z_leave_the_nozzle_above_the_bed() {
 
 /// A probe that dies after it has homed once: what was known of Z bounds the next approach, from wherever the nozzle is.
 #[test]
-fn a_sensor_of_z_that_dies_later_presses_by_no_more_than_the_promise() {
+fn a_z_sensor_that_dies_after_homing_presses_half_a_millimetre_at_most() {
     for name in ["cartesian", "corexy", "prusa-mini"] {
         let profile = profile(name);
         for seed in 0..PLACES {
@@ -433,7 +433,7 @@ fn a_sensor_of_z_that_dies_later_presses_by_no_more_than_the_promise() {
 /// What physics does not permit: of a Z that has not been homed since power-on, and a sensor that never triggers, an approach
 /// cannot tell a high nozzle from a dead sensor. It goes down by the travel at most, and only once.
 #[test]
-fn a_dead_sensor_of_an_unknown_z_presses_once_and_by_what_is_documented() {
+fn a_dead_z_sensor_presses_once_as_documented() {
     from_everywhere(with_fault(2, SensorFault::AlwaysOff), |profile, places, true_10nm, outcome| {
         assert!(matches!(outcome, Err(CommandError::HomingFailed { axis: 2, .. })), "{}: {outcome:?}", profile.name);
         assert!(places.said.borrow().contains("is the sheet on it"), "{}", places.said.borrow());

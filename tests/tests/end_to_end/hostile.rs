@@ -29,7 +29,7 @@ fn ends_on(name: &str, text: &str) -> Ends {
 }
 
 #[test]
-fn a_block_whose_first_move_has_no_step_loses_none() {
+fn a_block_starting_with_a_stepless_move_loses_no_step() {
     for text in [
         "G28\nG1 X20 F1200\nG1 X20.004\nG1 X20.21\n",
         "G28\nG1 X10 Y10 F6000\nG1 X10.000 Y10.307 F1200\nG1 X10.000 Y10.346\nG1 X10.000 Y10.352\nG1 X10.000 Y10.558\n",
@@ -42,7 +42,7 @@ fn a_block_whose_first_move_has_no_step_loses_none() {
 }
 
 #[test]
-fn a_count_sees_a_lost_step() {
+fn the_step_count_detects_a_lost_step() {
     let text = "G28\nG1 X20 F1200\nG1 X20.5\n";
     let ended = rehearse_at(&profile("cartesian"), 128, &mut text.as_bytes());
     let other = "G28\nG1 X20 F1200\nG1 X20.52\n";
@@ -77,7 +77,7 @@ proptest! {
 }
 
 #[test]
-fn moves_of_some_nanometres_are_executed_in_both_encodings() {
+fn nanometre_moves_are_executed_in_both_encodings() {
     let text =
         "M302 P1\nG28\nG1 X50 Y50 Z1 F6000\nG91\nG1 X.00001\nG1 X.00001\nG1 Y.00003 E.00003\nG1 X5 E.1\nG1 X.00005\n";
 

@@ -83,7 +83,7 @@ fn resend(replies: &[String]) -> Option<i64> {
 
 /// What real hosts said when they connected and printed.
 #[test]
-fn recorded_hosts_are_understood() {
+fn recorded_host_conversations_are_answered() {
     for (name, text, end) in [
         ("OctoPrint", include_str!("../../data/octoprint.host"), [5.4, 180.0, 0.28, 0.0]),
         ("printcore", include_str!("../../data/printcore.host"), [5.1, 180.0, 0.28, 0.0]),
@@ -133,7 +133,7 @@ fn garbled(line: &str, random: &mut Seeded) -> Vec<u8> {
 }
 
 #[test]
-fn a_bad_line_changes_nothing_but_the_time() {
+fn a_bad_line_changes_only_the_time() {
     let profile = profile("cartesian");
     let lines = lines_to_send();
     let clean = rehearse(&profile, LOOK_AHEAD_BLOCKS, &mut lines.join("\n").as_bytes());
@@ -181,7 +181,7 @@ fn a_bad_line_changes_nothing_but_the_time() {
 }
 
 #[test]
-fn a_repeated_line_is_answered_and_not_done_again() {
+fn a_repeated_line_is_answered_but_not_executed_again() {
     let machine = machine(&profile("cartesian"));
     let mut conversation = Conversation::new(&machine);
     for line in ["G91", "G1 X5 F3000", "G1 X5"].iter().zip(1..).map(|(text, number)| numbered(number, text)) {
@@ -195,7 +195,7 @@ fn a_repeated_line_is_answered_and_not_done_again() {
 }
 
 #[test]
-fn lines_that_must_come_again() {
+fn damaged_lines_are_requested_again() {
     let machine = machine(&profile("cartesian"));
     let mut conversation = Conversation::new(&machine);
     assert_eq!(conversation.say(&numbered(5, "M110 N5")), ["ok"]);
@@ -239,7 +239,7 @@ fn m110_in_every_form() {
 }
 
 #[test]
-fn whatever_has_no_number_needs_no_checksum() {
+fn unnumbered_lines_need_no_checksum() {
     let machine = machine(&profile("cartesian"));
     let mut conversation = Conversation::new(&machine);
     assert_eq!(conversation.say("G91"), ["ok"]);

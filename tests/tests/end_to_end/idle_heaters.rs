@@ -51,7 +51,7 @@ fn printing(profile: &Profile) -> (Machine, Vec<&'static str>) {
 
 /// The host dies in mid-print: 25 minutes later it is said, 30 minutes later all heaters are off.
 #[test]
-fn a_host_that_has_gone_leaves_no_heater_on() {
+fn heaters_go_off_when_the_host_is_gone() {
     for name in ["cartesian", "prusa-mini"] {
         let (machine, start) = printing(&profile(name));
         let mut conversation = Conversation::new(&machine);
@@ -82,7 +82,7 @@ fn a_host_that_has_gone_leaves_no_heater_on() {
 
 /// Hours of lines, one slow move, and a host that only asks: none of them is a host that has gone.
 #[test]
-fn a_printer_in_use_keeps_its_heat() {
+fn heaters_stay_on_while_the_printer_is_used() {
     let (machine, start) = printing(&profile("cartesian"));
     let mut conversation = Conversation::new(&machine);
     start.iter().for_each(|line| drop(conversation.say(line)));
@@ -105,7 +105,7 @@ fn a_printer_in_use_keeps_its_heat() {
 
 /// What has to be planned only takes its time all the same.
 #[test]
-fn an_estimate_of_a_long_move_keeps_its_heat() {
+fn heaters_stay_on_in_an_estimated_long_move() {
     let profile = profile("cartesian");
     let session = Session::new(profile, Mode::Estimate, LOOK_AHEAD_BLOCKS, (), Collector::default());
     let mut printer = session.printer();
@@ -117,7 +117,7 @@ fn an_estimate_of_a_long_move_keeps_its_heat() {
 
 /// Waits that a user has asked for are cut short, but not unannounced.
 #[test]
-fn a_wait_is_warned_before_its_heaters_go_off() {
+fn a_warning_precedes_heaters_going_off_in_a_wait() {
     for (before, wait, cut_short) in [
         // A dwell of 40 minutes goes on.
         (&["M104 S210"][..], "G4 S2400", false),
@@ -157,7 +157,7 @@ fn a_wait_is_warned_before_its_heaters_go_off() {
 
 /// A line that has to wait its turn keeps the heaters on: the receiving side reports it.
 #[test]
-fn a_line_that_waits_its_turn_counts() {
+fn a_waiting_line_keeps_heaters_on() {
     let machine = machine(&profile("cartesian"));
     let mut conversation = Conversation::new(&machine);
     for line in ["M86 S60", "M104 S100"] {
@@ -177,7 +177,7 @@ fn a_line_that_waits_its_turn_counts() {
 }
 
 #[test]
-fn the_time_is_the_profile_s_until_m86() {
+fn the_heater_timeout_is_the_profiles_until_m86() {
     for (profile_s, m86, expected) in [(1800, None, 2), (300, None, 2), (0, None, 0), (1800, Some("M86 S0"), 0)] {
         let profile = Profile { heater_timeout_s: profile_s, ..profile("cartesian") };
         let machine = machine(&profile);
@@ -198,7 +198,7 @@ fn the_time_is_the_profile_s_until_m86() {
 
 /// Without a target there is nothing to switch off, and nothing to say.
 #[test]
-fn cold_heaters_are_left_alone() {
+fn cold_heaters_cause_no_message() {
     let machine = machine(&profile("cartesian"));
     Conversation::new(&machine).say("G28");
     assert_eq!(silence(&machine, 7200), []);

@@ -31,7 +31,7 @@ fn notices(outcome: &Outcome) -> Vec<&str> {
 
 /// The end of a print with a dwell of no time, as the start of what switches everything off.
 #[test]
-fn an_end_block_with_a_bare_dwell_runs_to_its_end() {
+fn a_bare_dwell_does_not_stop_a_job() {
     let text =
         format!("{PROLOGUE}M104 S60\nM140 S40\nM106 S99\n{EPILOGUE}G4 ; wait\nM104 S0\nM140 S0\nM107\nG1 X50\nM84\n");
     for command in ["print", "estimate", "preprocess"] {
@@ -43,7 +43,7 @@ fn an_end_block_with_a_bare_dwell_runs_to_its_end() {
         assert_eq!(summary["unknown_commands"], serde_json::json!([]), "{command}");
         let notices = notices(&outcome);
         assert!(
-            notices.len() == 1 && notices[0].contains("line 8: \"G4\": without P or S it waits"),
+            notices.len() == 1 && notices[0].contains("line 8: \"G4\": without P or S: waits"),
             "{command}: {notices:?}"
         );
     }
@@ -53,7 +53,7 @@ fn an_end_block_with_a_bare_dwell_runs_to_its_end() {
 #[test]
 fn odd_lines_are_read_as_marlin_reads_them() {
     for (odd, as_if, says) in [
-        ("G4", "M400", "without P or S it waits until all motion has ended"),
+        ("G4", "M400", "without P or S: waits until all motion has ended"),
         ("G1 X20 E", "G1 X20", "E without a number is ignored"),
         ("G1 X20 F0", "G1 X20", "F is not above 0 and is ignored"),
         ("G1 X20 F-5", "G1 X20", "F is not above 0 and is ignored"),
@@ -64,7 +64,7 @@ fn odd_lines_are_read_as_marlin_reads_them() {
         ("M203 Y0", "", "Y is not above 0 and is ignored"),
         ("M205 J0", "", "J is not above 0 and is ignored"),
         ("M220 S0", "", "S is not above 0 and is ignored"),
-        ("M106 P127.5", "", "P is whole, its fraction is dropped; P is the fan's number"),
+        ("M106 P127.5", "", "P must be whole, the fraction is dropped; P is the number of a fan"),
         ("M106 S300", "M106", "S is too large and becomes the largest value"),
         ("G91 G0 X5", "G91", "the second and all behind it are ignored"),
         ("G1 X20 M106", "G1 X20", "the second and all behind it are ignored"),

@@ -56,7 +56,7 @@ fn text(path: &Path) -> &str {
 }
 
 #[test]
-fn a_job_from_a_pipe_is_prepared_whole() {
+fn a_piped_job_is_prepared_completely() {
     let directory = directory();
     let [from_file, from_pipe, from_fifo] =
         ["file.gpre", "pipe.gpre", "fifo.gpre"].map(|name| directory.path().join(name));
@@ -84,7 +84,7 @@ fn a_job_from_a_pipe_is_prepared_whole() {
 
 /// The picture is looked for in what is never more than comments: all of it is still to be read as G-code.
 #[test]
-fn a_job_of_comments_and_one_cut_off_in_its_picture_are_read_to_their_ends() {
+fn comments_and_a_truncated_thumbnail_are_read_to_the_end() {
     let directory = directory();
     let out = directory.path().join("out.gpre");
     let comments = b"; nothing but this\n".repeat(200_000);
@@ -99,7 +99,7 @@ fn a_job_of_comments_and_one_cut_off_in_its_picture_are_read_to_their_ends() {
 }
 
 #[test]
-fn a_job_named_like_an_unfinished_output_stays() {
+fn a_file_named_like_a_part_file_survives() {
     let directory = directory();
     let job = long_job();
     let input = file(&directory, "cube.gpre.part", &job);
@@ -110,7 +110,7 @@ fn a_job_named_like_an_unfinished_output_stays() {
 }
 
 #[test]
-fn two_runs_with_one_output_leave_one_of_their_jobs() {
+fn two_runs_with_one_output_leave_one_whole_job() {
     let directory = directory();
     let inputs = [file(&directory, "a.gcode", long_job()), file(&directory, "b.gcode", SQUARE)];
     let alone = directory.path().join("alone.gpre");
@@ -140,7 +140,7 @@ fn refuses(arguments: &[&str], reason: &str) {
 }
 
 #[test]
-fn an_output_that_is_no_file_is_refused() {
+fn an_output_that_is_not_a_file_is_refused() {
     let directory = directory();
     let job = file(&directory, "job.gcode", SQUARE);
     let socket = directory.path().join("socket");
@@ -180,7 +180,7 @@ fn a_trace_goes_through_a_pipe() {
 }
 
 #[test]
-fn an_output_that_is_the_input_is_refused_whatever_its_name() {
+fn an_output_equal_to_the_input_is_refused_under_any_name() {
     let directory = directory();
     let job = file(&directory, "job.gcode", SQUARE);
     let machine = fs::read(crate::command::repository().join("profiles/cartesian.toml")).unwrap();
@@ -229,7 +229,7 @@ fn a_link_is_written_through() {
 }
 
 #[test]
-fn an_output_has_the_rights_of_a_new_file_or_of_the_one_that_it_replaces() {
+fn an_output_gets_the_permissions_of_the_file_it_replaces() {
     let directory = directory();
     let job = file(&directory, "job.gcode", SQUARE);
     let [out, usual] = ["out.gpre", "usual"].map(|name| directory.path().join(name));
@@ -269,7 +269,7 @@ fn interrupted(child: Child, signal: &str, directory: &TempDir, names_before: us
 }
 
 #[test]
-fn an_interrupted_command_leaves_no_part_and_the_file_from_before() {
+fn an_interrupted_command_leaves_the_old_file_and_no_part() {
     let directory = directory();
     let input = fifo(&directory, "job");
     let out = file(&directory, "out", "from before");
@@ -288,7 +288,7 @@ fn an_interrupted_command_leaves_no_part_and_the_file_from_before() {
 
 /// Who starts the command under `nohup` means it to survive the terminal.
 #[test]
-fn a_signal_that_is_to_be_ignored_is_ignored() {
+fn an_ignored_signal_stays_ignored() {
     let directory = directory();
     let input = fifo(&directory, "job");
     let out = directory.path().join("out.gpre");
@@ -309,7 +309,7 @@ fn a_signal_that_is_to_be_ignored_is_ignored() {
 }
 
 #[test]
-fn a_trace_that_cannot_be_written_to_its_end_is_told() {
+fn an_incomplete_trace_is_an_error() {
     let outcome = ferrostep(["print", "examples/cube.gcode", "--json", "--trace", "/dev/full"]);
     assert_eq!(outcome.status, Some(1), "{outcome:#?}");
     says(&outcome.stderr, "/dev/full: cannot be written");
@@ -324,7 +324,7 @@ fn into_device(device: &str, arguments: &[&str]) -> Outcome {
 }
 
 #[test]
-fn results_that_cannot_be_written_are_an_error() {
+fn an_unwritable_result_is_an_error() {
     let directory = directory();
     let job = file(&directory, "job.gcode", SQUARE);
     let out = directory.path().join("out.gpre");
@@ -354,7 +354,7 @@ fn results_that_cannot_be_written_are_an_error() {
 
 /// Who reads no further has read enough.
 #[test]
-fn a_reader_that_goes_away_is_no_error() {
+fn a_closed_pipe_is_not_an_error() {
     for arguments in [&["papers", "wu"][..], &["estimate", "examples/cube.gcode"]] {
         let mut child = start(arguments);
         drop(child.stdout.take());
@@ -365,7 +365,7 @@ fn a_reader_that_goes_away_is_no_error() {
 
 /// What a file is named, and what is in it, must not command the terminal.
 #[test]
-fn control_characters_are_shown_not_sent() {
+fn control_characters_are_escaped() {
     let directory = directory();
     let job =
         file(&directory, "red\x1b[31m\n\u{9b}2J.gcode", "G28\nM118 A1 ring\u{9b}6n\nG1 X10 F3000\nFIRMWARE_\u{9b}1\n");

@@ -73,7 +73,7 @@ fn send(machine: &Machine, lines: &[String], room: usize, slowness: usize, rando
 }
 
 #[test]
-fn two_lines_never_become_one() {
+fn overflowing_input_never_joins_two_lines() {
     let mut random = Seeded::new(31);
     let mut broken = 0;
     for room in [3, 8, 13, 40, 100] {
@@ -102,7 +102,7 @@ fn two_lines_never_become_one() {
 }
 
 #[test]
-fn a_numbered_line_that_was_broken_is_asked_for_again() {
+fn a_broken_numbered_line_is_requested_again() {
     let mut random = Seeded::new(32);
     let machine = machine(&profile("cartesian"));
     let lines: Vec<String> = (1..100).map(|number| numbered(number, &format!("G1 X{number} F600"))).collect();

@@ -47,7 +47,7 @@ fn every_paper_has_its_tables() {
 }
 
 #[test]
-fn the_book_s_pictures_are_those_that_the_command_draws() {
+fn the_books_figures_match_the_command() {
     let in_book = repository().join("docs/src/images/papers");
     let folder = TempDir::new().unwrap();
     let drawn = ferrostep(["papers".as_ref(), "--svg".as_ref(), folder.path().as_os_str()]);
@@ -67,7 +67,7 @@ fn the_book_s_pictures_are_those_that_the_command_draws() {
 }
 
 #[test]
-fn the_book_s_tables_of_choices_are_those_that_the_command_prints() {
+fn the_books_tables_match_the_command() {
     const PLACE: &str = "<!-- what `papers --compare` prints -->\n";
     let page = repository().join("docs/src/papers.md");
     let text = std::fs::read_to_string(&page).unwrap();
@@ -86,7 +86,7 @@ fn the_book_s_tables_of_choices_are_those_that_the_command_prints() {
 }
 
 #[test]
-fn a_file_is_printed_in_every_way() {
+fn compare_prints_a_file_in_every_way() {
     let folder = TempDir::new().unwrap();
     let file = folder.path().join("corner.gcode");
     std::fs::write(&file, "M302 P1\nG28\nG1 X30 Y20 F6000\nG1 X60 Y21 E1\nG1 X60 Y60 E2\nG1 Z2\n").unwrap();
@@ -136,7 +136,7 @@ fn a_file_is_printed_in_every_way() {
 }
 
 #[test]
-fn what_cannot_be_compared_or_drawn_is_said() {
+fn impossible_comparisons_and_figures_are_refused() {
     let missing = ferrostep(["papers", "--compare", "no-such-file.gcode"]);
     assert_eq!(missing.status, Some(2));
     assert!(missing.stderr.contains("no-such-file.gcode"), "{missing:?}");

@@ -165,7 +165,7 @@ pub fn says(stderr: &str, expected: &str) {
 }
 
 #[test]
-fn each_broken_file_has_its_message() {
+fn each_broken_file_is_refused_with_its_message() {
     let (directory, path) = square();
     let job = std::fs::read(&path).unwrap();
     let header = Header::read(&job).unwrap().length() as usize;
@@ -198,7 +198,7 @@ fn each_broken_file_has_its_message() {
 }
 
 #[test]
-fn the_content_says_what_a_file_is() {
+fn content_decides_what_a_file_is() {
     let (directory, path) = square();
     let named_gcode = directory.path().join("square.gcode");
     std::fs::copy(&path, &named_gcode).unwrap();
@@ -223,7 +223,7 @@ fn the_content_says_what_a_file_is() {
 }
 
 #[test]
-fn gcode_that_stops_at_a_line_leaves_no_job() {
+fn preprocess_leaves_no_file_if_the_job_stops() {
     let directory = directory();
     let gcode = file(&directory, "bad.gcode", "G28\nG1 X10 F3000\nG1 Xnan\n");
     let out = directory.path().join("bad.gpre");
@@ -235,7 +235,7 @@ fn gcode_that_stops_at_a_line_leaves_no_job() {
 
 /// A job has heights of its own. A shift before it would be lost, or be there twice, and is refused by name.
 #[test]
-fn a_shift_of_z_and_a_prepared_job_do_not_mix() {
+fn a_prepared_job_is_refused_while_z_is_shifted() {
     let directory = directory();
     let gcode = file(&directory, "shift.gcode", "G28\nM290 Z0.1\nG1 X10 F3000\n");
     let out = directory.path().join("shift.gpre");
@@ -255,7 +255,7 @@ fn a_shift_of_z_and_a_prepared_job_do_not_mix() {
 }
 
 #[test]
-fn inspect_tells_every_move() {
+fn inspect_lists_every_move() {
     let (_directory, path) = square();
     let outcome = ferrostep(["inspect", path.to_str().unwrap(), "--items"]);
     assert_eq!(outcome.status, Some(0), "{outcome:#?}");
@@ -272,7 +272,7 @@ fn by_hand(moves: &[(i64, Entry)]) -> Vec<u8> {
 }
 
 #[test]
-fn plans_that_no_machine_could_follow_end_where_they_begin() {
+fn impossible_plans_stop_where_they_begin() {
     let machine = profile("cartesian");
     let ended = |moves: &[(i64, Entry)]| rehearse_far(&machine, &mut &by_hand(moves)[..], true);
     let message = |moves: &[(i64, Entry)]| ended(moves).outcome.unwrap_err().to_string();
@@ -301,7 +301,7 @@ fn plans_that_no_machine_could_follow_end_where_they_begin() {
 }
 
 #[test]
-fn examples_are_prepared_whatever_is_in_them() {
+fn all_examples_can_be_prepared() {
     // Labels of objects, and comments between moves.
     let gcode = example("four-cubes-labelled.gcode.gz");
     let machine = profile("cartesian");
@@ -329,7 +329,7 @@ fn spiral() -> String {
 /// Part of an extruder step may be owed from before, and the flow another than the plan's: then the extruder steps elsewhere
 /// within a block that is joined of many moves, which the plan is not to blame for.
 #[test]
-fn a_job_is_printed_whatever_the_extruder_has_pushed_before_and_at_any_percentage() {
+fn a_job_prints_after_any_filament_and_at_any_flow() {
     let machine = profile("corexy");
     let job = prepared(&machine, spiral().as_bytes(), Encoding::Compact).unwrap();
     let plain = rehearse_far(&machine, &mut &job[..], true);
@@ -359,7 +359,7 @@ fn a_job_is_printed_whatever_the_extruder_has_pushed_before_and_at_any_percentag
 
 /// A flow that the extruder cannot push at the plan's speeds ends the job where it would be too fast, at rest on its path.
 #[test]
-fn more_flow_than_the_extruder_can_push_is_not_pushed() {
+fn too_much_flow_ends_the_job_at_rest() {
     let machine = profile("cartesian");
     let gcode = "G28\nM302 P1\nM83\nG1 X20 Y20 Z1 F6000\nG1 X40 E18\nG1 X60 E18\nG1 X80 Y30 E18\nG1 X100 Y32 E18\n\
                  G1 X101 E1\nG1 Y33 E1\nG1 Y60 E22\n";
@@ -377,7 +377,7 @@ fn more_flow_than_the_extruder_can_push_is_not_pushed() {
 }
 
 #[test]
-fn the_bench_counts_jobs_of_the_present_planner() {
+fn the_benchmarked_jobs_are_of_the_current_planner() {
     let folder = repository().join("app/src/bin/bench/gyroid");
     let gcode = std::fs::read(folder.join("job.gcode")).unwrap();
     for (name, encoding) in [("compact.gpre", Encoding::Compact), ("wide.gpre", Encoding::Wide)] {
@@ -417,7 +417,7 @@ fn extruder_after_refusal(extruder_10nm: i64) -> f64 {
 
 /// What a job that is refused says of E does not stay: E is what the motors have pushed.
 #[test]
-fn a_refused_job_leaves_e_as_the_motors_are() {
+fn a_refused_job_leaves_e_where_the_motors_are() {
     for (extruder_10nm, pushed_mm) in [(400_000, 4.0), (50_000_000, 4.0), (i64::MAX, 3.0), (i64::MIN, 3.0)] {
         let extruder_mm = extruder_after_refusal(extruder_10nm);
         assert!((extruder_mm - pushed_mm).abs() < 0.01, "{extruder_10nm}: {extruder_mm}");

@@ -138,7 +138,7 @@ macro_rules! prints {
 
         /// A file that is added to the examples must be printed here too.
         #[test]
-        fn no_example_is_left_out() {
+        fn every_example_is_listed() {
             let mut listed = vec![$($name),+];
             listed.sort_unstable();
             let found = fs::read_dir(repository().join("examples")).unwrap();
@@ -171,7 +171,7 @@ fn without_limits(text: &[u8]) -> Vec<u8> {
 
 /// Times that agree with another planner's for the same limits.
 #[test]
-fn times_of_another_planner() {
+fn estimates_match_the_reference_planner() {
     let directory = directory();
     let cartesian = fs::read_to_string(repository().join("profiles/cartesian.toml")).unwrap();
     let changed = cartesian.replace("junction_deviation_mm = 0.1\n", "junction_deviation_mm = 0.0995\n");
@@ -198,7 +198,7 @@ fn times_of_another_planner() {
 
 /// Without `--json` the summary is for people, and its figures are the same.
 #[test]
-fn a_summary_for_people() {
+fn the_summary_is_readable() {
     let outcome = ferrostep(["print", "examples/cube.gcode"]);
     let summary = ferrostep(["print", "examples/cube.gcode", "--json"]).json();
     assert_eq!((outcome.status, outcome.stderr.as_str()), (Some(0), ""), "{outcome:#?}");

@@ -159,12 +159,12 @@ proptest! {
     #![proptest_config(cases(400))]
 
     #[test]
-    fn any_bytes_end_well(bytes in prop::collection::vec(any::<u8>(), 0..600)) {
+    fn any_bytes_end_without_panic(bytes in prop::collection::vec(any::<u8>(), 0..600)) {
         ends_well(&bytes, "cartesian")?;
     }
 
     #[test]
-    fn almost_gcode_ends_well(bytes in almost_gcode(), homed in any::<bool>()) {
+    fn near_gcode_ends_without_panic(bytes in almost_gcode(), homed in any::<bool>()) {
         let prologue: &[u8] = if homed { b"G28\nM302 P1\n" } else { b"" };
         ends_well(&[prologue, &bytes].concat(), "corexy")?;
     }

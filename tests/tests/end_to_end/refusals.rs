@@ -75,7 +75,7 @@ fn changes_nothing(profile: &Profile, before: &[&str], bad: &str, after: &[&str]
 }
 
 #[test]
-fn neither_place_nor_feed_nor_limits() {
+fn a_refused_line_keeps_position_feed_and_limits() {
     let profile = profile("cartesian");
     let before = ["G28", "G1 X10 Y20 Z3 F3000", "G1 X20 Y30"];
     let after = ["M220", "G1 X40", "M114", "G1 Y60 Z3.5", "G1 X10", "G91", "G1 X5 Y5", "G2 I4 J3", "M114"];
@@ -114,14 +114,14 @@ fn neither_place_nor_feed_nor_limits() {
 
 /// An arc may leave the reach of the planner between ends that are well inside.
 #[test]
-fn not_even_the_first_chords_of_an_arc() {
+fn a_refused_arc_makes_no_chord() {
     let profile = profile("cartesian");
     let before = ["G1 X4990 Y0 F60000"];
     changes_nothing(&profile, &before, "G3 X4990 Y100 I0 J50", &["M114", "G1 X4980 Y5", "M114"]);
 }
 
 #[test]
-fn nor_the_filament() {
+fn a_refused_line_keeps_the_extruder_position() {
     let profile = profile("cartesian");
     let before = ["G28", "M302 P1", "G1 X10 Y20 E2 F3000"];
     let after = ["G1 X20 E3", "M83", "G1 X30 E1", "M114"];

@@ -53,7 +53,7 @@ fn same(one: &Ended, other: &Ended) {
 }
 
 #[test]
-fn portions_of_any_size() {
+fn input_in_portions_of_any_size_gives_the_same_steps() {
     for (name, machine, sizes) in [
         ("cube.gcode", "cartesian", [1, 3, 50]),
         ("supports.gcode.gz", "cartesian", [7, 300, 70_000]),
@@ -77,7 +77,7 @@ fn step_digest(path: &Path) -> String {
 }
 
 #[test]
-fn a_file_however_it_is_written() {
+fn equivalent_files_give_the_same_steps() {
     let directory = directory();
     let text = example("cube.gcode");
     let plain = step_digest(&file(&directory, "plain.gcode", &text));
@@ -97,7 +97,7 @@ fn a_file_however_it_is_written() {
 
 /// The way is the same whatever is known of it in advance; only its speed is not.
 #[test]
-fn rings_of_any_size() {
+fn rings_of_any_size_give_the_same_path() {
     let (text, profile) = (example("cube.gcode"), profile("cartesian"));
     let most = rehearse(&profile, 10_000, &mut text.as_slice());
     let mut slower = f64::INFINITY;
@@ -115,7 +115,7 @@ fn rings_of_any_size() {
 
 /// Twice the job makes twice the steps, but for the way back to its start.
 #[test]
-fn a_job_behind_itself() {
+fn a_job_can_be_printed_twice_in_a_row() {
     let (text, profile) = (example("cube-cura.gcode.gz"), profile("cartesian"));
     let once = rehearse(&profile, LOOK_AHEAD_BLOCKS, &mut text.as_slice());
     let twice = rehearse(&profile, LOOK_AHEAD_BLOCKS, &mut text.as_slice().chain(text.as_slice()));

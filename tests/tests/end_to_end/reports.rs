@@ -42,7 +42,7 @@ fn temperatures_on_request() {
 }
 
 #[test]
-fn the_position() {
+fn position_report() {
     let machine = machine(&profile("cartesian"));
     let mut conversation = Conversation::new(&machine);
     // Pronterface looks for ` Count `, OctoPrint for the letters.
@@ -65,7 +65,7 @@ fn the_position() {
 }
 
 #[test]
-fn motors_of_corexy_have_their_own_letters() {
+fn corexy_motors_are_reported_as_a_and_b() {
     let machine = machine(&profile("corexy"));
     let mut conversation = Conversation::new(&machine);
     conversation.say("G28");
@@ -76,7 +76,7 @@ fn motors_of_corexy_have_their_own_letters() {
 }
 
 #[test]
-fn firmware_and_capabilities() {
+fn firmware_report_and_capabilities() {
     let machine = machine(&profile("prusa-mini"));
     let mut conversation = Conversation::new(&machine);
     let replies = conversation.say("M115");
@@ -110,7 +110,7 @@ fn firmware_and_capabilities() {
 }
 
 #[test]
-fn end_stops() {
+fn end_stop_report() {
     for (name, names) in [
         ("cartesian", ["x_min", "y_min", "z_min"]),
         ("corexy", ["x_max", "y_max", "z_min"]),
@@ -165,7 +165,7 @@ fn settings() {
 
 /// Of the lines that begin with `Error:` hosts forgive only those about line numbers and checksums.
 #[test]
-fn notices_are_no_errors() {
+fn notices_are_not_errors() {
     let machine = machine(&profile("cartesian"));
     let mut conversation = Conversation::new(&machine);
     conversation.say("G28");
@@ -178,7 +178,7 @@ fn notices_are_no_errors() {
 }
 
 #[test]
-fn the_desk_measures_no_times() {
+fn the_desk_refuses_to_measure_times() {
     let machine = machine(&profile("cartesian"));
     let mut conversation = Conversation::new(&machine);
     for line in ["M798", "M798 S1", "M798 R"] {
@@ -206,7 +206,7 @@ impl Timing for Noted {
 }
 
 #[test]
-fn times_are_cleared_before_they_are_measured_anew() {
+fn m798_s1_clears_earlier_times() {
     let machine = machine(&profile("cartesian"));
     let board = Noted::default();
     let mut printer = machine.printer();

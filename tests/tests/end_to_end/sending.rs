@@ -99,7 +99,7 @@ fn packets_are_refused() {
 }
 
 #[test]
-fn where_the_board_refuses_the_gcode_is_printed_instead() {
+fn the_fallback_is_printed_if_the_board_refuses_the_job() {
     let directory = directory();
     let job = job(&directory, "part.gpre", "corexy", &part());
     // As slicers and people write it: comments, blank lines, letters of old code pages; packed.
@@ -118,7 +118,7 @@ fn where_the_board_refuses_the_gcode_is_printed_instead() {
 }
 
 #[test]
-fn the_gcode_is_sent_only_where_nothing_was_printed() {
+fn the_fallback_is_not_sent_after_a_job_has_begun() {
     let directory = directory();
     let gcode = file(&directory, "other.gcode", "G28\nG1 X100 F6000\n");
     let square = job(&directory, "square.gpre", "cartesian", SQUARE);
@@ -142,7 +142,7 @@ fn the_gcode_is_sent_only_where_nothing_was_printed() {
 }
 
 #[test]
-fn a_fallback_that_is_none_is_told_before_anything_is_sent() {
+fn a_bad_fallback_is_refused_before_sending() {
     let directory = directory();
     let job = job(&directory, "square.gpre", "corexy", SQUARE);
     let board = PtyBoard::start(board());
@@ -158,7 +158,7 @@ fn a_fallback_that_is_none_is_told_before_anything_is_sent() {
 }
 
 #[test]
-fn gcode_that_halts_the_machine_is_not_printed() {
+fn a_fallback_that_halts_the_machine_ends() {
     let directory = directory();
     let job = job(&directory, "square.gpre", "corexy", SQUARE);
     let gcode = file(&directory, "halts.gcode", "G28\nM112\nG1 X100 F6000\n");
@@ -171,7 +171,7 @@ fn gcode_that_halts_the_machine_is_not_printed() {
 }
 
 #[test]
-fn a_board_that_takes_no_job_is_not_asked_for_ever() {
+fn a_board_without_job_support_is_given_up() {
     let directory = directory();
     let job = job(&directory, "square.gpre", "cartesian", SQUARE);
     let gcode = file(&directory, "square.gcode", SQUARE);
@@ -188,7 +188,7 @@ fn a_board_that_takes_no_job_is_not_asked_for_ever() {
 }
 
 #[test]
-fn a_board_that_says_nothing_is_given_up() {
+fn a_silent_board_is_given_up() {
     let directory = directory();
     let job = job(&directory, "square.gpre", "cartesian", SQUARE);
     let nobody = Pty::new();
@@ -198,7 +198,7 @@ fn a_board_that_says_nothing_is_given_up() {
 }
 
 #[test]
-fn a_port_that_is_not_there_is_told() {
+fn a_missing_port_is_an_error() {
     let directory = directory();
     let job = job(&directory, "square.gpre", "cartesian", SQUARE);
     let outcome = send(&job, "/dev/no-such-port", None);
@@ -217,7 +217,7 @@ fn send_and_kill(job: &Path, board: &PtyBoard, bytes: u64) {
 }
 
 #[test]
-fn a_host_that_was_killed_goes_on() {
+fn a_killed_host_can_resume() {
     let directory = directory();
     let job = job(&directory, "part.gpre", "cartesian", &part());
     let length = std::fs::metadata(&job).unwrap().len();
@@ -235,7 +235,7 @@ fn a_host_that_was_killed_goes_on() {
 }
 
 #[test]
-fn another_job_does_not_go_on_where_one_stopped() {
+fn a_different_job_is_not_resumed() {
     let directory = directory();
     let first = job(&directory, "part.gpre", "cartesian", &part());
     let other = job(&directory, "square.gpre", "cartesian", SQUARE);
@@ -252,7 +252,7 @@ fn another_job_does_not_go_on_where_one_stopped() {
 }
 
 #[test]
-fn a_silent_host_is_given_up_and_the_next_one_heard() {
+fn a_silent_host_is_given_up_and_the_next_one_served() {
     let directory = directory();
     let first = job(&directory, "part.gpre", "cartesian", &part());
     let next = job(&directory, "square.gpre", "cartesian", SQUARE);
@@ -281,7 +281,7 @@ fn at_terminal(board: &PtyBoard, said: &[u8], answer: &str) {
 
 /// `M790` by hand: every line is answered, and the port is free again soon, however long a silence was asked for.
 #[test]
-fn a_person_who_asks_for_a_transfer_is_answered() {
+fn text_lines_during_a_transfer_are_answered() {
     let board = PtyBoard::start(board());
     at_terminal(&board, b"M790 S1000 T3600\n", "gpre:");
     at_terminal(&board, b"M114\n", "echo:gpre: a prepared job is being received");
@@ -296,7 +296,7 @@ fn a_person_who_asks_for_a_transfer_is_answered() {
 
 /// What comes after a transfer that ended in mid-frame by silence is a line, and gets its `ok`.
 #[test]
-fn a_line_after_half_a_frame_and_silence_is_answered() {
+fn a_line_after_half_a_frame_is_answered() {
     let board = PtyBoard::start(board());
     at_terminal(&board, b"M790 S1000 T5\n", "gpre:");
     at_terminal(&board, b"\x7eD\x01\x02", "gpre:");

@@ -30,7 +30,7 @@ fn print(name: &str) -> Extrusion {
 }
 
 #[test]
-fn a_slaved_extruder_is_farther_from_lambda_s_in_whole_prints() {
+fn an_extruder_slaved_to_the_master_is_farther_from_lambda_s() {
     let mut table =
         "| file | blocks | extruder steps | by times of its own: farthest off, steps | mean | with the leading \
                      motor: farthest off, steps | mean |\n|---|---|---|---|---|---|---|\n"

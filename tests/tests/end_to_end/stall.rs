@@ -38,7 +38,7 @@ fn true_mm(machine: &Machine) -> [f64; 3] {
 const LAG_MM: f64 = 0.06;
 
 #[test]
-fn x_and_y_home_against_the_frame() {
+fn x_and_y_home_by_stall_against_the_frame() {
     let profile = profile("prusa-mini");
     let machine = machine(&profile);
     let mut printer = machine.printer();
@@ -56,7 +56,7 @@ fn x_and_y_home_against_the_frame() {
 }
 
 #[test]
-fn an_axis_that_stands_at_its_end_homes_too() {
+fn an_axis_at_its_end_homes() {
     let profile = profile("prusa-mini");
     let machine = machine(&profile);
     let mut printer = machine.printer();
@@ -73,7 +73,7 @@ fn an_axis_that_stands_at_its_end_homes_too() {
 }
 
 #[test]
-fn a_threshold_that_is_too_sensitive_or_not_enough_shows() {
+fn a_wrong_stall_threshold_shows() {
     let profile = profile("prusa-mini");
     // At 250 a motor in free motion seems to stall as soon as it is fast enough to tell: far from the end, and the second
     // approach elsewhere than the first.
@@ -94,7 +94,7 @@ fn a_threshold_that_is_too_sensitive_or_not_enough_shows() {
 }
 
 #[test]
-fn without_a_stall_signal_nothing_moves() {
+fn homing_without_a_stall_signal_is_refused() {
     let profile = profile("prusa-mini");
     for off in ["M914 X0", "M569 S0 X"] {
         let machine = machine(&profile);
@@ -106,7 +106,7 @@ fn without_a_stall_signal_nothing_moves() {
 }
 
 #[test]
-fn a_motor_that_is_too_slow_to_tell_is_not_believed() {
+fn a_stall_of_a_slow_motor_is_ignored() {
     // The profile's check would refuse this speed: 20 mm/s are 125 full steps a second, below what TCOOLTHRS admits.
     let mut profile = profile("prusa-mini");
     profile.homing[0].fast_mm_per_s = 20.0;
@@ -126,7 +126,7 @@ fn a_motor_that_is_too_slow_to_tell_is_not_believed() {
 }
 
 #[test]
-fn what_the_chip_holds_decides() {
+fn the_chips_registers_decide_about_stalls() {
     let profile = profile("prusa-mini");
     let machine = machine(&profile);
     let mut printer = machine.printer();
@@ -138,7 +138,7 @@ fn what_the_chip_holds_decides() {
 }
 
 #[test]
-fn motors_of_a_corexy_machine_are_held_back_both() {
+fn a_corexy_stall_holds_both_motors() {
     let text = ferrostep_profiles::builtin_text("corexy").unwrap();
     let text = text
         .replacen("sensor = \"end-stop\"", "sensor = \"stall\"", 2)
@@ -156,7 +156,7 @@ fn motors_of_a_corexy_machine_are_held_back_both() {
 
 /// With every step, from places all over the machine; where the nozzle prints is what the probe's offset says.
 #[test]
-fn the_first_layer_is_where_the_offset_says() {
+fn the_probe_offset_places_the_first_layer() {
     let mut profile = profile("prusa-mini");
     profile.safe_homing.probe_offset_10nm[2] = -110_000;
     for place in ["X0 Y0 Z0", "X100 Y-40 Z150", "X-50 Y120 Z-8", "X119 Y129 Z20"] {
@@ -177,7 +177,7 @@ fn the_first_layer_is_where_the_offset_says() {
 }
 
 #[test]
-fn the_cube_is_printed_after_it() {
+fn a_cube_prints_after_homing_by_stall() {
     let profile = profile("prusa-mini");
     let cube = std::fs::read(concat!(env!("CARGO_MANIFEST_DIR"), "/../examples/cube.gcode")).unwrap();
     let ended = rehearse(&profile, LOOK_AHEAD_BLOCKS, &mut cube.as_slice());

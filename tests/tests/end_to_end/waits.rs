@@ -90,7 +90,7 @@ fn an_emergency_stop_ends_a_dwell_and_motion() {
 
 /// M112 in its turn: the position is where the motors stand, and `kill() called` is said.
 #[test]
-fn an_emergency_stop_in_its_turn() {
+fn m112_in_its_turn_halts() {
     let machine = machine(&profile("cartesian"));
     let mut conversation = Conversation::new(&machine);
     conversation.say("M104 S200");
@@ -159,7 +159,7 @@ fn a_wait_for_heat_reports_each_second_and_ends_in_the_window() {
 }
 
 #[test]
-fn reports_and_signs_of_life_during_a_dwell() {
+fn a_dwell_sends_reports_and_busy_messages() {
     let machine = machine(&profile("cartesian"));
     let mut conversation = Conversation::new(&machine);
     let count = |replies: &[String], start: &str| replies.iter().filter(|reply| reply.starts_with(start)).count();
@@ -183,7 +183,7 @@ fn reports_and_signs_of_life_during_a_dwell() {
 
 /// While a wait for heat prints its own lines, automatic reports would only repeat them.
 #[test]
-fn a_wait_for_heat_is_not_reported_twice() {
+fn a_wait_for_heat_suppresses_m155_reports() {
     let machine = machine(&profile("cartesian"));
     let mut conversation = Conversation::new(&machine);
     conversation.say("M155 S1");
@@ -196,7 +196,7 @@ fn a_wait_for_heat_is_not_reported_twice() {
 
 /// A host that has seen one sign of life expects the next within three seconds, motion or not.
 #[test]
-fn signs_of_life_during_motion() {
+fn motion_sends_busy_messages() {
     for line in ["G28", "M400"] {
         let machine = machine(&profile("cartesian"));
         let mut conversation = Conversation::new(&machine);
@@ -209,7 +209,7 @@ fn signs_of_life_during_motion() {
 
 /// Colder than the room nothing gets: such a wait ends by itself, and says so.
 #[test]
-fn a_wait_for_less_than_the_room_has_ends() {
+fn a_wait_for_less_than_room_temperature_ends() {
     for (line, name) in [("M190 R20", "bed"), ("M109 R5", "nozzle"), ("M190 R21.5", "")] {
         let machine = machine(&profile("cartesian"));
         let mut conversation = Conversation::new(&machine);
@@ -224,7 +224,7 @@ fn a_wait_for_less_than_the_room_has_ends() {
 
 /// What can be reached by cooling is waited for.
 #[test]
-fn a_wait_for_cooling_above_the_room_lasts_until_then() {
+fn a_wait_for_cooling_lasts_until_the_target() {
     let machine = machine(&profile("cartesian"));
     let mut conversation = Conversation::new(&machine);
     conversation.say("M190 S60");

@@ -94,14 +94,14 @@ fn check(job: &[u8], profile: &str, names: [&str; 4], pulse_ns: Option<u64>) {
 
 /// The first layer of a cube.
 #[test]
-fn steps_of_a_sliced_file() {
+fn the_waveform_has_the_steps_of_a_sliced_file() {
     let text = String::from_utf8(example("cube.gcode")).unwrap();
     let layer: String = text.split_inclusive('\n').take(900).collect();
     check(layer.as_bytes(), "cartesian", ["x", "y", "z", "e"], Some(1000));
 }
 
 #[test]
-fn motors_of_corexy_are_called_a_and_b() {
+fn the_waveform_names_corexy_motors_a_and_b() {
     let job = "G28\nM302 P1\nG1 X100 Y120 Z5 F30000\nG2 I10 J5 E3\nG1 X200 Y50 Z2 E1\n";
     check(job.as_bytes(), "corexy", ["a", "b", "z", "e"], None);
 }

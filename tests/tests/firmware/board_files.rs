@@ -27,7 +27,7 @@ fn read(image: &Path, name: &str) -> Vec<u8> {
 }
 
 #[test]
-fn the_core_finds_its_stack_and_its_handlers_where_the_boot_loader_jumps_to() {
+fn the_vector_table_is_where_the_boot_loader_jumps() {
     for board in &BOARDS {
         let elf = std::fs::read(image_of(board.name)).unwrap();
         let file = object::File::parse(&*elf).unwrap();
@@ -54,7 +54,7 @@ fn the_core_finds_its_stack_and_its_handlers_where_the_boot_loader_jumps_to() {
 }
 
 #[test]
-fn everything_is_in_memory_that_the_board_has() {
+fn everything_fits_the_boards_memory() {
     for board in &BOARDS {
         let elf = std::fs::read(image_of(board.name)).unwrap();
         let file = object::File::parse(&*elf).unwrap();
@@ -79,7 +79,7 @@ fn everything_is_in_memory_that_the_board_has() {
 }
 
 #[test]
-fn the_plls_numbers_make_168_mhz_and_48_mhz_of_the_boards_crystal() {
+fn the_pll_makes_168_mhz_and_48_mhz_from_the_crystal() {
     for board in &BOARDS {
         let elf = std::fs::read(image_of(board.name)).unwrap();
         let file = object::File::parse(&*elf).unwrap();
@@ -158,7 +158,7 @@ fn all_files_of_a_board_hold_the_same_bytes() {
 /// the boot loader has written hash and header to the beginning of a flash sector (Prusa-Firmware-Buddy,
 /// `utils/unpack_bbf.py`).
 #[test]
-fn the_container_holds_the_same_bytes_for_the_place_that_they_are_linked_to() {
+fn the_container_holds_the_same_bytes_for_their_link_address() {
     for (board, name) in BOARDS.iter().filter_map(|board| Some((board, board.container?))) {
         let image = image_of(board.name);
         let (file, bytes) = (read(&image, name), read(&image, board.bytes_file));

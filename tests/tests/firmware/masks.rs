@@ -24,7 +24,7 @@ fn instructions(code: &Code) -> Vec<Instruction> {
 }
 
 #[test]
-fn only_the_start_and_the_end_mask_the_step_interrupt() {
+fn only_start_and_crash_handlers_mask_the_step_interrupt() {
     let code = Code::of(image()).unwrap();
     let mut masking = instructions(&code);
     masking.retain(|instruction| matches!(instruction.written_register(), Some("primask" | "faultmask")));
@@ -47,7 +47,7 @@ fn only_the_start_and_the_end_mask_the_step_interrupt() {
 /// Lists where the image raises its priority, and to which of RTIC's: 15 in critical sections, which delay all but
 /// steps, and in locks the ceiling of the resource.
 #[test]
-fn a_raised_priority_masks_something() {
+fn each_raised_priority_masks_something() {
     let code = Code::of(image()).unwrap();
     let all = instructions(&code);
     let mut sites = BTreeMap::<(Option<u32>, String), usize>::new();

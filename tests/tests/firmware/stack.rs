@@ -20,7 +20,7 @@ const OF_ONE_PRIORITY: [&[&str]; 2] = [
 const BEFORE_TASKS: [&str; 3] = ["Reset", "main", "__rtic_init_resources"];
 
 #[test]
-fn the_stack_holds_all_tasks_within_each_other() {
+fn the_stack_holds_all_tasks_nested() {
     for board in &BOARDS {
         let code = Code::of(&image_of(board.name)).unwrap();
         let stack_use = StackUse::of(&code).unwrap();

@@ -123,7 +123,7 @@ fn assert_short_and_alone(code: &Code, entry: u32, may_call: &[&str]) {
 }
 
 #[test]
-fn the_step_interrupt_calls_nothing_waits_for_nothing_and_cannot_panic() {
+fn the_step_interrupt_never_calls_waits_or_panics() {
     let code = Code::of(image()).unwrap();
     for interrupt in [STEP_TIMER, START_OR_END] {
         assert_short_and_alone(&code, code.handler(interrupt).unwrap(), &[]);
@@ -154,7 +154,7 @@ const _: () = assert!(START_OR_END < STEP_TIMER);
 /// Critical sections do not keep out RTIC's priority 16, and RTIC would guard what a task of that priority shares with
 /// a lower one by just these. The image cannot show that; the application's text can.
 #[test]
-fn the_step_tasks_are_alone_at_their_priority_and_share_with_each_other_only() {
+fn the_step_tasks_are_alone_at_their_priority() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../app/src/main.rs");
     let text = std::fs::read_to_string(path).unwrap();
     let tasks: Vec<&str> = text.split("#[task(").skip(1).map(|task| task.split(")]").next().unwrap()).collect();
@@ -173,7 +173,7 @@ fn the_step_tasks_are_alone_at_their_priority_and_share_with_each_other_only() {
 
 /// While M798 measures, the vector leads here.
 #[test]
-fn neither_does_the_measured_one_but_for_the_handler_it_measures() {
+fn the_measured_step_interrupt_calls_only_its_handler() {
     let code = Code::of(image()).unwrap();
     let [entry] = code.functions_named(MEASURED)[..] else {
         panic!("not one function is called {MEASURED}: {:x?}", code.functions_named(MEASURED))
@@ -186,7 +186,7 @@ fn instruction(name: &str, operands: &str) -> Instruction {
 }
 
 #[test]
-fn what_has_no_place_in_the_interrupt_is_found() {
+fn forbidden_instructions_in_the_interrupt_are_found() {
     for (name, operands) in [
         ("vadd.f32", "s0, s1, s2"),
         ("udiv", "r0, r1, r2"),

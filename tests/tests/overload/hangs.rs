@@ -413,13 +413,13 @@ fn m108_at_any_instant() {
 }
 
 #[test]
-fn a_host_that_goes_at_any_instant() {
+fn host_leaves_at_any_instant() {
     at_any_instant(Kind::HostGoes);
 }
 
 /// M108 is meant for the wait of the command in execution, also while the motion before it is not over.
 #[test]
-fn m108_ends_a_wait_that_is_still_to_begin() {
+fn m108_before_a_wait_ends_it_at_its_start() {
     let profile = ferrostep_profiles::load("cartesian").unwrap();
     with_board::<Pulses, _>(&profile, LOOK_AHEAD_BLOCKS, Costs::BOARD, |board| {
         let mut printer = board.printer();
@@ -438,7 +438,7 @@ fn m108_ends_a_wait_that_is_still_to_begin() {
 
 /// M410 has acted, and its line has a wrong number: what was left unpushed is reckoned with the next line, whichever it is.
 #[test]
-fn a_stop_is_reckoned_without_its_line() {
+fn position_is_exact_after_a_stop_whose_line_was_lost() {
     let profile = ferrostep_profiles::load("cartesian").unwrap();
     with_board::<Pulses, _>(&profile, LOOK_AHEAD_BLOCKS, Costs::BOARD, |board| {
         let mut printer = board.printer();

@@ -147,7 +147,7 @@ fn a_feed_percentage_changes_the_time_and_not_the_path() {
 }
 
 #[test]
-fn a_feed_percentage_may_come_and_go() {
+fn a_feed_percentage_can_change_and_return() {
     let plain = undisturbed();
     let says = |host: JobHost| {
         (0..10).fold(host, |host, number| {
@@ -163,7 +163,7 @@ fn a_feed_percentage_may_come_and_go() {
 }
 
 #[test]
-fn a_flow_percentage_scales_the_filament_from_there_on() {
+fn a_flow_percentage_scales_the_remaining_filament() {
     let plain = undisturbed();
     for percent in [50, 130] {
         let print = print(|host| host.says(MIDDLE, &numbered(1, &format!("M221 S{percent}"))), &[]);
@@ -179,7 +179,7 @@ fn a_flow_percentage_scales_the_filament_from_there_on() {
 }
 
 #[test]
-fn fan_and_temperatures_are_heard_in_the_middle() {
+fn fan_and_temperatures_change_during_a_job() {
     let plain = undisturbed();
     let says = |host: JobHost| {
         host.says(MIDDLE, &numbered(1, "M106 S128"))
@@ -196,7 +196,7 @@ fn fan_and_temperatures_are_heard_in_the_middle() {
 }
 
 #[test]
-fn a_pause_brings_the_machine_to_rest_on_its_path() {
+fn a_pause_stops_the_machine_on_its_path() {
     let plain = undisturbed();
     let pause = MIDDLE..5 * MIDDLE;
     let print = print(|host| host.pauses(pause.clone()), &[]);
@@ -269,7 +269,7 @@ fn m112_ends_the_job_and_halts() {
 
 /// At rest in the middle of a job only the job can be stopped: no more of it is executed.
 #[test]
-fn m410_ends_a_job_whose_host_pauses() {
+fn m410_ends_a_paused_job() {
     let pause = MIDDLE..5 * MIDDLE;
     let at = 4 * MIDDLE;
     let print = print(|host| host.pauses(pause).says(at, "M410"), &["G90", "G1 X3 Y2 F3000", "M400"]);

@@ -22,7 +22,7 @@ fn bytes(seed: u64, length: usize) -> Vec<u8> {
 
 /// `FERROSTEP_SEEDS=60-1000` tries others.
 #[test]
-fn whatever_is_said_the_machine_answers_and_knows_where_it_is() {
+fn hostile_conversations_are_answered_and_positions_stay_exact() {
     let seeds = std::env::var("FERROSTEP_SEEDS").ok();
     let [first, last] = match seeds.as_deref().map(|seeds| seeds.split_once('-')) {
         Some(Some((first, last))) => [first, last].map(|seed| seed.parse().unwrap()),
@@ -41,7 +41,7 @@ fn whatever_is_said_the_machine_answers_and_knows_where_it_is() {
 
 /// The chords that were taken before a stop have been pushed, the others have not; E says both.
 #[test]
-fn e_is_right_after_a_stop_within_an_arc() {
+fn e_is_exact_after_a_stop_in_an_arc() {
     let profile = ferrostep_profiles::load("cartesian").unwrap();
     let mut stopped = 0;
     for after_ms in (1..60).map(|k| k * 97) {
@@ -74,7 +74,7 @@ fn e_is_right_after_a_stop_within_an_arc() {
 
 /// A firmware retraction is no part of E, however far it was when the machine was stopped.
 #[test]
-fn e_is_right_after_a_stop_within_a_firmware_retraction() {
+fn e_is_exact_after_a_stop_in_a_firmware_retraction() {
     let profile = ferrostep_profiles::load("cartesian").unwrap();
     let (mut before, mut within, mut after) = (0, 0, 0);
     for after_ms in (1..140).map(|k| k * 10) {

@@ -49,7 +49,7 @@ fn slow_lines_brake_the_machine_on_its_path() {
 }
 
 #[test]
-fn when_input_stops_the_machine_stops_and_goes_on_later() {
+fn motion_stops_and_resumes_with_its_input() {
     let ample = smooth_print(&Speeds::ample());
     for before_line in [500, 2_000, 2_001, 3_333, 5_000] {
         let print = smooth_print(&Speeds::with_host(HostLine::steady(20_000).with_silence(before_line, 500)));
@@ -62,7 +62,7 @@ fn when_input_stops_the_machine_stops_and_goes_on_later() {
 }
 
 #[test]
-fn a_slow_executor_is_slow_input() {
+fn a_slow_executor_acts_like_slow_input() {
     for times in [4, 16, 64] {
         let costs = Costs { line: Costs::BOARD.line * times, ..Costs::BOARD };
         let print = smooth_print(&Speeds { costs, ..Speeds::ample() });

@@ -13,7 +13,7 @@ fn slower(times: u64) -> Speeds {
 }
 
 #[test]
-fn a_planner_with_time_to_spare_changes_nothing() {
+fn a_fast_planner_changes_nothing() {
     let text = stress_file(PIECES, 5);
     let ample = print(&profile(), &text, &Speeds::ample());
     let slow = print(&profile(), &text, &slower(3));
@@ -24,7 +24,7 @@ fn a_planner_with_time_to_spare_changes_nothing() {
 }
 
 #[test]
-fn steps_are_exact_however_slow_the_planner() {
+fn steps_stay_exact_with_any_slow_planner() {
     let text = stress_file(PIECES, 5);
     let ample = print(&profile(), &text, &Speeds::ample());
     for times in [8, 16, 32, 64, 256] {
@@ -35,7 +35,7 @@ fn steps_are_exact_however_slow_the_planner() {
 }
 
 #[test]
-fn a_planner_that_cannot_keep_up_lowers_the_feed() {
+fn a_slow_planner_lowers_the_feed() {
     let text = stress_file(PIECES, 5);
     for times in [8, 16, 32, 64] {
         let slow = print(&profile(), &text, &slower(times));
@@ -56,7 +56,7 @@ fn a_planner_that_cannot_keep_up_lowers_the_feed() {
 /// The queue holds 43 ms of motion at full feed, and braking takes 30 ms: 90 moves, for which a planner that is 16 times
 /// slower needs 40 ms and one that is 32 times slower 80 ms.
 #[test]
-fn a_planner_that_becomes_slow_at_speed_brakes_in_time() {
+fn a_planner_that_slows_down_at_speed_brakes_in_time() {
     let text = stress_file(PIECES, 5);
     for (times, most_underruns) in [(8, 0), (16, 0), (32, 1)] {
         for from_ms in [100, 200, 300, 500, 777] {
@@ -74,7 +74,7 @@ fn a_planner_that_becomes_slow_at_speed_brakes_in_time() {
 }
 
 #[test]
-fn a_budget_that_says_so_needs_no_pace() {
+fn an_honest_budget_needs_no_pace() {
     let mut slow_machine = profile();
     // Planning 16 times slower takes 27,600 ticks a move.
     slow_machine.move_cost_ticks = 45_000;

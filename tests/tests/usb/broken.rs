@@ -26,7 +26,7 @@ fn line(text: &str) -> Option<String> {
 }
 
 #[test]
-fn a_reset_drops_half_a_line_and_no_more() {
+fn a_reset_drops_only_the_unfinished_line() {
     let device = Device::new();
     let mut host = device.host();
     host.plug_in();
@@ -39,7 +39,7 @@ fn a_reset_drops_half_a_line_and_no_more() {
 }
 
 #[test]
-fn a_program_that_closes_the_port_in_mid_line_ends_that_line() {
+fn closing_the_port_in_mid_line_drops_that_line() {
     let device = Device::new();
     let mut host = device.host();
     host.plug_in();
@@ -52,7 +52,7 @@ fn a_program_that_closes_the_port_in_mid_line_ends_that_line() {
 }
 
 #[test]
-fn half_an_emergency_command_is_none_after_a_reset() {
+fn a_reset_forgets_half_an_emergency_command() {
     let device = Device::new();
     let mut host = device.host();
     host.plug_in();
@@ -65,7 +65,7 @@ fn half_an_emergency_command_is_none_after_a_reset() {
 }
 
 #[test]
-fn a_host_that_sleeps_goes_on_where_it_was() {
+fn a_suspended_host_resumes() {
     let device = Device::new();
     let mut host = device.host();
     host.plug_in();
@@ -86,7 +86,7 @@ fn a_host_that_sleeps_goes_on_where_it_was() {
 }
 
 #[test]
-fn a_host_that_does_not_read_holds_nothing_up() {
+fn a_host_that_does_not_read_blocks_nothing() {
     let device = Device::new();
     let mut host = device.host();
     host.plug_in();
@@ -124,7 +124,7 @@ fn reports_leave_room_for_replies() {
 }
 
 #[test]
-fn what_nobody_has_read_is_not_told_to_the_next_program() {
+fn unread_output_is_not_sent_to_the_next_program() {
     let device = Device::new();
     let mut host = device.host();
     device.report("start");
@@ -154,7 +154,7 @@ fn what_nobody_has_read_is_not_told_to_the_next_program() {
 }
 
 #[test]
-fn a_host_that_never_stops_sending_is_heard_when_it_says_stop() {
+fn an_emergency_stop_is_seen_in_a_flood_of_lines() {
     let device = Device::new();
     let mut host = device.host();
     host.plug_in();
@@ -183,7 +183,7 @@ fn a_host_that_never_stops_sending_is_heard_when_it_says_stop() {
 
 /// The driver panics at a speed that it does not know, and with it the print would end.
 #[test]
-fn a_controller_that_is_not_sound_is_left_alone() {
+fn a_faulty_controller_is_left_alone() {
     let device = Device::new();
     let mut host = device.host();
     host.plug_in();

@@ -132,7 +132,7 @@ fn over_serial(job: &[String]) -> (Vec<Vec<String>>, StepDigests) {
 }
 
 #[test]
-fn a_job_is_answered_and_printed_as_over_a_serial_line() {
+fn usb_prints_a_job_as_a_serial_line_does() {
     let job = job();
     let (expected, digests) = over_serial(&job);
     let device = Device::new();
@@ -151,7 +151,7 @@ fn a_job_is_answered_and_printed_as_over_a_serial_line() {
 }
 
 #[test]
-fn a_garbled_line_is_asked_for_again() {
+fn a_garbled_line_is_requested_again() {
     let device = Device::new();
     let machine = machine(Port(&device));
     let mut conversation = Conversation::new(&machine);
@@ -183,7 +183,7 @@ fn emergency_commands_act_as_their_bytes_arrive() {
 
 /// Every connection is another host, but the machine is the same.
 #[test]
-fn a_new_connection_finds_the_machine_as_it_was() {
+fn a_new_connection_finds_the_machine_unchanged() {
     let device = Device::new();
     let machine = machine(Port(&device));
     let mut conversation = Conversation::new(&machine);

@@ -40,7 +40,7 @@ const CONFIGURATION: [u8; 67] = [
 ];
 
 #[test]
-fn descriptors_are_what_they_should_be() {
+fn descriptors_match_the_specification() {
     let device = Device::new();
     let mut host = device.host();
     host.reset();
@@ -67,7 +67,7 @@ fn descriptors_are_what_they_should_be() {
 }
 
 #[test]
-fn the_endpoints_of_the_descriptor_are_those_of_the_port() {
+fn the_port_has_the_endpoints_of_its_descriptor() {
     let device = Device::new();
     let mut host = device.host();
     host.plug_in();
@@ -84,7 +84,7 @@ fn line_coding(host: &Host<'_>) -> Vec<u8> {
 }
 
 #[test]
-fn line_coding_is_kept_and_means_nothing() {
+fn line_coding_is_stored_without_effect() {
     let device = Device::new();
     let mut host = device.host();
     host.plug_in();

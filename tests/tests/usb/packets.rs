@@ -28,7 +28,7 @@ fn lines() -> impl Strategy<Value = Vec<String>> {
 proptest! {
     /// Lines arrive whole or not at all, wherever packets and connections end.
     #[test]
-    fn lines_arrive_however_they_are_cut(lines in lines(), steps in steps()) {
+    fn lines_arrive_in_packets_of_any_size(lines in lines(), steps in steps()) {
         let text: String = lines.iter().map(|line| format!("{line}\n")).collect();
         let device = Device::new();
         let mut host = device.host();

@@ -168,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn what_two_builds_tell_of_a_line_is_put_together() {
+    fn counts_of_two_builds_are_combined() {
         let (mut target, mut workload) = counted();
         join(&mut target, &mut workload).unwrap();
         assert_eq!(workload, json!({}));
@@ -189,7 +189,7 @@ mod tests {
     }
 
     #[test]
-    fn a_line_of_which_nothing_is_told_is_an_error() {
+    fn a_line_without_counts_is_an_error() {
         let (target, workload) = counted();
         for missing in ["bresenham", "bresenham_pulses", "bresenham_slopes"] {
             let mut less = workload.clone();

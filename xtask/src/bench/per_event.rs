@@ -76,7 +76,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_not_counted_is_named() {
+    fn uncounted_values_are_named() {
         assert!(target(&json!({}), &tallies(2)).is_err());
         assert!(target(&counts(), &tallies(0)).unwrap_err().contains("print"));
         let error = target(&counts(), &json!({})).unwrap_err();

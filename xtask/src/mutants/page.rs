@@ -90,7 +90,7 @@ mod tests {
     }
 
     #[test]
-    fn a_line_that_is_none_is_named() {
+    fn a_malformed_line_is_named() {
         for line in ["| `a.rs` | x | 3 |", "- `a change of no file`", "### `a.rs`\n- `f`, many times"] {
             let error = parsed(line).unwrap_err();
             assert!(error.contains(line.lines().last().unwrap()), "{error}");

@@ -467,7 +467,7 @@ fn the_cable_comes_and_goes_in_the_middle_of_a_stream() {
 }
 
 #[test]
-fn a_reset_in_the_middle_of_a_request_is_overcome() {
+fn a_reset_during_a_request_is_survived() {
     for (core, style) in WAYS {
         for wait_us in (0..3_000).step_by(37) {
             let mut desk = Desk::new(core, style, wait_us, 30_000);
@@ -485,7 +485,7 @@ fn a_reset_in_the_middle_of_a_request_is_overcome() {
 }
 
 #[test]
-fn a_driver_that_is_gone_is_missed() {
+fn a_missing_driver_is_noticed() {
     let mut desk = Desk::new(Core::F405, Style::Manual, 9, 5_000);
     desk.open();
     desk.bench.set(Register::Dctl, f::dctl::SDIS, 1);

@@ -151,7 +151,7 @@ fn a_bus_reset_is_seen_and_enumerates() {
 }
 
 #[test]
-fn a_short_reset_is_none() {
+fn a_short_reset_is_ignored() {
     let mut bench = Bench::new(Core::F405);
     bench.connect();
     bench.bus(|port| port.set_reset(true));
@@ -228,7 +228,7 @@ fn a_transmit_fifo_too_small_loses() {
 }
 
 #[test]
-fn fifos_that_overlap_are_told() {
+fn overlapping_fifos_are_reported() {
     for (start, told) in [(144, false), (127, true), (128, true), (310, true)] {
         let mut bench = Bench::ready(Core::F405);
         bench.open_bulk(1);
@@ -257,7 +257,7 @@ fn any_word_of_a_window_reaches_the_fifo() {
 }
 
 #[test]
-fn words_left_unread_are_told() {
+fn unread_words_are_reported() {
     let mut bench = Bench::ready(Core::F405);
     bench.setup(GET);
     bench.setup(GET);

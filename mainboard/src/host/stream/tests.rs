@@ -61,7 +61,7 @@ fn a_resend_goes_back_once_its_ok_has_come() {
 }
 
 #[test]
-fn without_an_ok_silence_ends_a_resend() {
+fn silence_without_ok_ends_a_resend() {
     let mut stream = Stream::new(["G28"], numbered_options(1));
     stream.to_send(0);
     stream.received(10, b"Resend: 0\n");
@@ -70,7 +70,7 @@ fn without_an_ok_silence_ends_a_resend() {
 }
 
 #[test]
-fn a_resend_that_cannot_be_is_a_problem() {
+fn an_impossible_resend_is_a_problem() {
     let mut stream = Stream::new(["G28", "G1"], numbered_options(1));
     stream.to_send(0);
     stream.received(1, b"ok\nResend: 7\n");
@@ -107,7 +107,7 @@ fn a_waiting_printer_and_an_ok_too_many_are_problems() {
 }
 
 #[test]
-fn signs_of_life_are_told_from_silence() {
+fn busy_messages_are_not_silence() {
     let mut stream = Stream::new(["G28"], Options::default());
     stream.received(1, b"start\n");
     assert_eq!(stream.silent_ns(1_000), 0, "nothing is to be answered");

@@ -130,7 +130,7 @@ fn core_xy_a_stall_along_y_slips_a_and_b_apart() {
 }
 
 #[test]
-fn a_rotor_rests_where_it_is_when_the_current_goes() {
+fn a_rotor_stays_when_its_current_goes() {
     for kinematics in [Kinematics::Cartesian, Kinematics::CoreXy] {
         let mut motion = powered(kinematics);
         // To the frame at 101 mm in Y and 10 steps into it, without a slip.

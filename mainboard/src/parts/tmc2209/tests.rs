@@ -120,7 +120,7 @@ fn a_load_shows_at_the_next_full_step() {
 }
 
 #[test]
-fn gives_a_datagram_up_after_63_bit_times_without_a_start_bit() {
+fn a_datagram_times_out_after_63_bit_times() {
     for (gap_bits, accepted) in [(63, 1), (64, 0)] {
         let mut driver = driver();
         let request = write_request(0, address::SGTHRS, 1);
@@ -154,7 +154,7 @@ fn a_short_send_delay_trips_over_replies_of_neighbours() {
 }
 
 #[test]
-fn registers_have_their_values_at_reset_and_their_access() {
+fn registers_have_their_reset_values_and_access() {
     let mut driver = driver();
     for (register, value) in [
         (address::GCONF, 0x101),
@@ -322,7 +322,7 @@ fn a_stall_raises_diag_between_the_thresholds_of_speed() {
 }
 
 #[test]
-fn a_stall_of_before_raises_no_diag_at_the_next_start() {
+fn an_old_stall_raises_no_diag_at_the_next_start() {
     let mut driver = driver();
     write(&mut driver, address::SGTHRS, 100);
     write(&mut driver, address::TCOOLTHRS, TSTEP_MAX);

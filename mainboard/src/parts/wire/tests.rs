@@ -100,7 +100,7 @@ proptest! {
 }
 
 #[test]
-fn a_given_bit_time_does_not_bear_8_per_cent() {
+fn a_fixed_bit_time_fails_at_8_percent() {
     let mut drivers = drivers(&[0]);
     let mut wire = Wire::new(Bus::new(vec![0], 1), BitTime::Given(10_000));
     let mut host = Host { now_ns: 1e6, bit_ns: 10_800.0 };
@@ -239,7 +239,7 @@ fn a_mute_driver_does_not_deafen_the_others() {
 }
 
 #[test]
-fn what_was_said_without_supply_is_forgotten() {
+fn datagrams_without_supply_are_forgotten() {
     let (mut drivers, mut wire) = (drivers(&[0]), wire(1));
     drivers[0].set_supply(0, false);
     let mut host = Host { now_ns: 1e6, bit_ns: 10_000.0 };

@@ -56,13 +56,13 @@ fn a_file_is_opened_and_read() {
 }
 
 #[test]
-fn what_is_outside_the_folder_is_not_there() {
+fn files_outside_the_folder_are_hidden() {
     let lines = &[HELLO, ("?", "S05"), ("c", "Fopen,20000000/4,0,1a4"), ("m20000000,3", "2e2e2f"), ("F-1,2", "W00")];
     assert_eq!(conversation(lines, Path::new("/tmp"), ""), Ok(()));
 }
 
 #[test]
-fn the_command_line_is_told() {
+fn the_command_line_is_passed() {
     let lines = &[
         HELLO,
         ("?", "S05"),
