@@ -66,8 +66,8 @@ fn odd_lines_are_read_as_marlin_reads_them() {
         ("M220 S0", "", "S is not above 0 and is ignored"),
         ("M106 P127.5", "", "P must be whole, the fraction is dropped; P is the number of a fan"),
         ("M106 S300", "M106", "S is too large and becomes the largest value"),
-        ("G91 G0 X5", "G91", "the second and all behind it are ignored"),
-        ("G1 X20 M106", "G1 X20", "the second and all behind it are ignored"),
+        ("G91 G0 X5", "G91", "the second and everything after it is ignored"),
+        ("G1 X20 M106", "G1 X20", "the second and everything after it is ignored"),
         ("%", "", "Unknown command: \"%\""),
     ] {
         let job = |line: &str| format!("{PROLOGUE}{}{EPILOGUE}", format!("{line}\n").repeat(3));
