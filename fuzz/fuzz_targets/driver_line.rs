@@ -1,4 +1,4 @@
-//! Any bytes are a TMC2209's reply or an error that can be told; and whatever comes over the line, the drivers' code ends
+//! Any bytes are a TMC2209's reply or a reported error; and whatever comes over the line, the drivers' code ends
 //! in drivers that are confirmed or have failed, the chips of those that are confirmed hold what was to be written.
 #![no_main]
 

@@ -1,4 +1,4 @@
-//! Frames of bits: whatever is in them, items come to an end, and what they say is in range.
+//! Frames of bits: with any content, items come to an end and their values are in range.
 #![no_main]
 
 use ferrostep_gpre::compact::{Frame, HEAD_BYTES, MOST_FRAME_BYTES, frame_length};
@@ -24,7 +24,7 @@ fn read(bytes: &[u8]) {
 }
 
 fuzz_target!(|bytes: &[u8]| {
-    // As a file, and as a payload in a frame with a right check sum: by chance there is none.
+    // As a file, and as a payload in a frame with a right checksum, which no random file has.
     let _ = Header::read(bytes);
     if let Some(head) = bytes.first_chunk::<HEAD_BYTES>()
         && let Ok(length) = frame_length(head)

@@ -1,4 +1,4 @@
-//! The paper's packets: whatever the bytes, what is read is in range and is written as it was.
+//! The paper's packets: for any bytes, what is read is in range and is written back unchanged.
 #![no_main]
 
 use ferrostep_gpre::wide::Packet;

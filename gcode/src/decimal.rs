@@ -8,7 +8,7 @@ const NANOS_PER_UNIT: i64 = 1_000_000_000;
 const FRACTION_DIGITS: usize = 9;
 /// Largest whole part that leaves room for the fraction.
 const MAX_WHOLE: u64 = (i64::MAX / NANOS_PER_UNIT) as u64;
-/// What a fraction of so many digits is multiplied by to become units of 1e-9.
+/// Factors that turn a fraction with this many digits into units of 1e-9.
 const FRACTION_SCALE: [u32; FRACTION_DIGITS + 1] =
     [1_000_000_000, 100_000_000, 10_000_000, 1_000_000, 100_000, 10_000, 1_000, 100, 10, 1];
 
@@ -43,7 +43,7 @@ impl Decimal {
     /// Zero.
     pub const ZERO: Decimal = Decimal(0);
 
-    /// The number of so many units of 1e-9.
+    /// The number with this many units of 1e-9.
     pub const fn from_nanos(nanos: i64) -> Self {
         Decimal(nanos)
     }

@@ -142,7 +142,7 @@ fn next(state: State, byte: u8) -> State {
         (State::Letter, b' ' | b'\t') => State::Letter,
         (State::Letter, b'0'..=b'9') => State::Code(u16::from(digit)),
         (State::Code(number), b'0'..=b'9') => {
-            // Saturates at a number that is none of ours.
+            // Saturates at a number that no command has.
             State::Code(number.saturating_mul(10).saturating_add(u16::from(digit)))
         }
         (State::Code(876), b' ' | b'\t') => State::Prompt,

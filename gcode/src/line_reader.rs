@@ -76,7 +76,7 @@ impl Comment {
         }
     }
 
-    /// A host that sends comments puts the checksum behind them; a `*` in a comment that is not one means nothing.
+    /// A host that sends comments puts the checksum after them; a `*` in a comment that is not a checksum means nothing.
     fn checksum(&self) -> Checksum {
         match self {
             Comment::NotYet | Comment::Skipped => Checksum::Absent,

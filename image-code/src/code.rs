@@ -31,7 +31,7 @@ impl fmt::Display for Instruction {
 }
 
 impl Instruction {
-    /// The address of the instruction behind it.
+    /// The address of the next instruction.
     pub fn next(&self) -> u32 {
         self.address + self.length
     }
@@ -183,7 +183,7 @@ impl Code {
     /// The instruction at an address.
     ///
     /// # Errors
-    /// There is none, or none that this processor has.
+    /// No instruction, or none of this processor.
     pub fn instruction(&self, address: u32) -> Result<Instruction, String> {
         let in_section = |(start, bytes): &(u32, Vec<u8>)| {
             let offset = address.checked_sub(*start)? as usize;
@@ -209,7 +209,7 @@ impl Code {
     /// Every instruction of the image, in order.
     ///
     /// # Errors
-    /// Something that is said to be code is none.
+    /// Bytes that the file calls code are not valid code.
     pub fn instructions(&self) -> Result<Vec<Instruction>, String> {
         let mut all = Vec::new();
         for (start, bytes) in &self.sections {

@@ -62,7 +62,7 @@ pub fn flow(instruction: &Instruction) -> Flow {
     if pops_return || loads_return {
         return Flow::Return { is_conditional: false };
     }
-    // Table branches, and whatever else writes the program counter.
+    // Table branches, and everything else that writes the program counter.
     if name.starts_with("tb") || operands.split(',').next().is_some_and(|first| first.trim() == "pc") {
         return Flow::Computed;
     }

@@ -1,4 +1,4 @@
-//! A conversation with a running board: time passes only while somebody waits for something.
+//! A conversation with a running board: time passes only while the test waits for something.
 //!
 //! For tests and other programs that say one thing, look, and say the next. The run has a thread of its own, which stands
 //! still between two questions: nothing depends on how fast this computer is, and whoever asks the same gets the same.
@@ -257,7 +257,7 @@ impl Drop for Conversation {
     fn drop(&mut self) {
         let _ = self.commands.send(Command::End);
         if let Some(run) = self.run.take() {
-            // What went wrong in it was said, or nobody asks.
+            // Its failure was reported already, or does not matter.
             let _ = run.join();
         }
     }

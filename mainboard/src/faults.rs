@@ -121,7 +121,7 @@ pub struct Runs {
     pub count: usize,
     /// Draws their seeds.
     pub seed: u64,
-    /// On so many threads.
+    /// On this many threads.
     pub threads: usize,
     /// Which.
     pub wanted: Wanted,

@@ -52,7 +52,7 @@ pub struct Machine {
     pub decoder: Decoder,
     /// The computer at the USB plug.
     pub usb_host: UsbHost,
-    /// What was stored to peripherals, once somebody has asked for it ([`Machine::keep_stores`]).
+    /// What was stored to peripherals since [`Machine::keep_stores`] asked for it.
     stores: Option<Vec<Store>>,
     ports: Ports,
     instructions_per_second: NonZeroU64,
@@ -108,7 +108,7 @@ impl Machine {
         self.instructions_per_second = rate;
     }
 
-    /// Keeps no record of the steps: for a machine that runs for days, which nobody compares with a trace.
+    /// Keeps no record of the steps: for a machine that runs for days and is not compared with a trace.
     pub fn forget_steps(&mut self) {
         self.records_steps = false;
     }

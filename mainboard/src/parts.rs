@@ -13,7 +13,7 @@
 //! | [`heat`] | heaters with their mass, thermistors |
 //! | [`fan`] | rotor and tacho |
 //! | [`supply`] | rails: sag, cut, return |
-//! | [`random`] | the seeded generator behind all noise |
+//! | [`random`] | the seeded generator of all noise |
 
 pub mod fan;
 pub mod heat;

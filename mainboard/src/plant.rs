@@ -347,7 +347,7 @@ impl Plant {
         voltages
     }
 
-    /// Levels that the chip's inputs change to (none: nobody drives the pin).
+    /// Levels that the chip's inputs change to (`None`: the pin is not driven).
     pub fn take_inputs(&mut self) -> Vec<(Pin, Option<bool>)> {
         if !std::mem::take(&mut self.lines_changed) {
             return Vec::new();

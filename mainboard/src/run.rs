@@ -49,7 +49,7 @@ pub trait Operator: Send + 'static {
 /// How to start.
 #[derive(Debug, Default)]
 pub struct Options<'a> {
-    /// Where the core boots, if not at the start of flash: behind a boot loader.
+    /// Where the core boots, if not at the start of flash: after a boot loader.
     pub boot: Option<u64>,
     /// Serves GDB there.
     pub debugger: Option<&'a TcpListener>,
@@ -57,7 +57,7 @@ pub struct Options<'a> {
     pub wait_for_debugger: bool,
 }
 
-/// What a run leaves behind.
+/// The result of a run.
 #[derive(Debug)]
 pub struct Finished<O> {
     /// The session, and in it the machine as it stood.
@@ -85,7 +85,7 @@ pub struct Report {
     pub instructions: u64,
     /// Resets after the first start: when (ns), and who asked for it.
     pub resets: Vec<(u64, String)>,
-    /// Registers that the firmware reached and nobody models, addresses at which nothing answers, accesses that a closed clock
+    /// Registers that the firmware reached and that have no model, addresses at which nothing answers, accesses that a closed clock
     /// gate refused, and interrupts without a line.
     pub unmodelled: Vec<String>,
     /// What a model says of a state that its manual forbids or leaves open.
@@ -110,7 +110,7 @@ impl<O> Runner<O> {
         Self { operator, accesses: 0, last_stop: None, held: false, next_ns: SLICE_NS, firmware }
     }
 
-    /// The core runs nothing while it enters a handler, or while somebody has stopped it.
+    /// The core runs nothing while it enters a handler, or while it is held.
     fn hold(&mut self, session: &Session<Machine>, host: &mut dyn Host) {
         let chip = &session.board().chip;
         let held = chip.is_entering() || chip.halted() != Halt::Runs;

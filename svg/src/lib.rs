@@ -5,7 +5,7 @@ use std::fmt::Display;
 /// Colour of text, unless told.
 pub const TEXT_COLOUR: &str = "#1f2328";
 
-/// A chart as an SVG file, `content` being what is drawn on a page of so many pixels.
+/// A chart as an SVG file; `content` is drawn on a page of this many pixels.
 pub fn page(title: &str, [width, height]: [f64; 2], font_pixels: u8, content: impl Display) -> String {
     let title = escaped(title);
     let [frame_width, frame_height] = [width, height].map(|side| side - 1.0);

@@ -135,7 +135,7 @@ impl Counter {
             return;
         }
         if address == self.previous {
-            // The step interrupt came before it was executed; it is told a second time.
+            // The step interrupt came before it was executed; it is reported a second time.
             return;
         }
         if self.section.is_some() && self.places.handlers.contains(&address) {

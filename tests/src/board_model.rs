@@ -88,7 +88,7 @@ pub struct StopReport {
     pub stepped_after: bool,
 }
 
-/// Runs `job` with a board that has just been switched on, with a look-ahead ring of so many blocks.
+/// Runs `job` with a board that has just been switched on, with a look-ahead ring of this many blocks.
 pub fn with_board<M: Stepping, T>(
     profile: &Profile,
     look_ahead: usize,
@@ -175,7 +175,7 @@ impl<'a, M: Stepping> Board<'a, M> {
         self.clock.advance_to(to_ns(self.now()));
     }
 
-    /// The executor works for so many cycles, with the planner task's time on top.
+    /// The executor works for this many cycles; the planner task's time is added.
     fn work_for(&self, cycles: u64) {
         let mut end = self.now() + cycles;
         while self.next_plan.get() <= end {
@@ -194,7 +194,7 @@ impl<'a, M: Stepping> Board<'a, M> {
         self.awaits_since.set(None);
     }
 
-    /// The host says nothing for so long.
+    /// The host is silent for this long.
     pub fn stay_silent(&self, milliseconds: u64) {
         self.wait_for_line(self.now() + milliseconds * CYCLES_A_MS);
     }

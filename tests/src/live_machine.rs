@@ -107,7 +107,7 @@ enum Said {
     Silence(u64),
     /// M400, and it looks whether all is as it should be.
     Finish,
-    /// These act after this many cycles, whatever the board does.
+    /// These act after this many cycles, regardless of what the board does.
     Emergency(Emergency, u64),
 }
 

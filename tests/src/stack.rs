@@ -12,7 +12,7 @@ use ferrostep_image_code::code::{Code, Instruction};
 /// them (ARMv7-M Architecture Reference Manual, B1.5.6 and B1.5.7).
 pub const EXCEPTION_BYTES: u32 = 4 * (8 + 18 + 1);
 
-/// A text whose arguments are texts with arguments, and so on: so many within each other.
+/// A text whose arguments are texts with arguments, and so on, nested this deep.
 ///
 /// The longest chain there is: a reply, the refusal in it, the error in that, what a driver said, its error, a number.
 const NESTED_TEXTS: u32 = 6;
@@ -78,10 +78,10 @@ impl<'a> StackUse<'a> {
             }
             let function = functions.entry(start).or_default();
             function.frame += taken_bytes(&instruction).ok_or_else(|| {
-                format!("{instruction} in {}: moves the stack pointer by nobody knows what", code.function(start))
+                format!("{instruction} in {}: moves the stack pointer by an unknown amount", code.function(start))
             })?;
             if let Some(callee) = callee(&instruction).and_then(|target| code.function_start(target)) {
-                // A branch within the function is none; a call of itself is.
+                // A branch within the function is not a call; a recursion is.
                 if callee != start || instruction.name == "bl" {
                     function.calls.insert(callee);
                 }
@@ -145,7 +145,7 @@ struct Search<'a, 'b> {
 }
 
 impl Search<'_, '_> {
-    /// With so many texts within texts left.
+    /// With this many levels of texts left.
     fn deepest(&mut self, start: u32, texts: u32) -> Result<Deepest, String> {
         if let Some(known) = self.known.get(&(start, texts)) {
             return Ok(known.clone());

@@ -28,7 +28,7 @@ const TURNS: f64 = 7.0;
 /// Filament of 1.75 mm for a line 0.4 mm wide and 0.2 mm high, mm for a mm of path.
 const FILAMENT_PER_MM: f64 = 0.4 * 0.2 / (TAU / 8.0 * 1.75 * 1.75);
 
-/// The file with so many pieces: in each line an absolute position of so many decimals, and filament of five. A preamble
+/// The file with this many moves: in each line an absolute position with this many decimals, and filament with five. A preamble
 /// lets it be printed cold, from where the machine stands.
 ///
 /// With three decimals, as slicers write them, a curve of such pieces has corners of a hundredth of a radian that only

@@ -21,7 +21,7 @@ impl<'a> LineWriter<'a> {
         self.line(text, 0);
     }
 
-    /// A line that nobody has asked for. It leaves half of the ring to replies: a host that reads again after a while
+    /// An unsolicited line. It leaves half of the ring to replies: a host that reads again after a while
     /// has missed reports, but no `ok` that it waits for.
     pub fn report(&mut self, text: fmt::Arguments<'_>) {
         self.line(text, self.bytes.capacity() / 2);

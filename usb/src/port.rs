@@ -29,7 +29,7 @@ pub trait Buffers {
     fn take(&mut self) -> Option<u8>;
     /// A command that does not wait its turn; its bytes were, or will be, [`Self::put`] as well.
     fn emergency(&mut self, emergency: Emergency);
-    /// A line of text has ended, of whatever words: its host is there. It may have to wait its turn.
+    /// A line of text has ended, so its host is present. The line may have to wait its turn.
     fn note_line(&mut self) {}
 }
 

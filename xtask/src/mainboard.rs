@@ -21,7 +21,7 @@ pub struct Options {
     /// The line of the host: "usb" or "uart"
     #[arg(long, default_value = "usb")]
     via: String,
-    /// Prints only so many layers, as the slicer's comments count them
+    /// Prints only this many layers, as the slicer's comments count them
     #[arg(long)]
     layers: Option<usize>,
     /// One object of JSON on standard output

@@ -95,7 +95,7 @@ fn long_lines_are_refused_once() {
     assert_eq!(read(format!("{blanks}\nG28").as_bytes()), [refused, plain(2, "G28")]);
 }
 
-/// A number behind what is kept of a line is not seen, however the line comes.
+/// A number beyond the kept part of a line is not seen, in portions of any size.
 #[test]
 fn a_line_number_beyond_the_capacity_is_not_seen() {
     for (blanks, numbered) in [(LINE_CAPACITY - 3, true), (LINE_CAPACITY, false), (LINE_CAPACITY + 40, false)] {

@@ -60,7 +60,7 @@ pub struct Entry {
 }
 
 impl Entry {
-    /// An entry that takes so long, ns.
+    /// An entry that takes this long, ns.
     #[must_use]
     pub const fn new(delay_ns: u64) -> Self {
         Self { delay_ns, waiting: Vec::new() }

@@ -72,7 +72,7 @@ impl Device for Syscfg {
 pub struct Exti {
     /// Level of each pin of each port as it last announced it; a bit a pin.
     levels: [u16; PORTS.len()],
-    /// Pins that have announced a level. The first is no edge: nobody knows what a floating pin was before.
+    /// Pins that have announced a level. The first is no edge: the level of a floating pin before it is unknown.
     known: [u16; PORTS.len()],
     chosen: [u8; LINES],
     driven: [Level; INTERRUPTS.len()],

@@ -1,4 +1,4 @@
-//! Clock enables that take effect late, as an option: whatever reaches an instance too soon after its enable is lost.
+//! Clock enables that take effect late, as an option: an access too soon after an enable is lost.
 //!
 //! ES0206 rev 24 2.2.7 (and the same erratum of the F405 and F407 in ES0182): after the bit is set, an instance on an AHB
 //! answers two cycles later, one on an APB 1 + (AHB clock / APB clock) of its bus's cycles later. A read of the enable
@@ -19,7 +19,7 @@
 //!
 //! | What | Why |
 //! |---|---|
-//! | the clock's own rate | the run's instructions come at one rate whatever the clock tree says, so cycles are those of 168 MHz |
+//! | the clock's own rate | the run's instructions come at one rate for any state of the clock tree, so cycles are those of 168 MHz |
 //! | a barrier (DSB) in place of the read-back | no model sees it: code that relies on it is reported although it is right |
 //! | AHB3 | no instance on it is modelled |
 

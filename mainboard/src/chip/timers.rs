@@ -17,7 +17,7 @@
 //! | table 101, ITR2 and ITR3 | OC outputs of TIM10, 11, 13, 14 as triggers | a wave, not an edge that the model reports; nothing here uses it |
 //! | 19.5.11 | TIM11's option register (HSE as an input) | no capture here |
 //! | 6.3.13, 6.3.14 | a cleared clock enable stops the counter | the registers are closed by it; the counter of these eight goes on. Nothing here switches one off |
-//! | 18.3.15 | a master that nobody has touched for 1 ms and that asks for no interrupt does not tell its slave of its updates | a million events a second that nobody sees: [`Linked::rest`] |
+//! | 18.3.15 | a master that was not accessed for 1 ms and requests no interrupt does not report its updates to its slave | a million events a second without effect: [`Linked::rest`] |
 //! | table 62 | lines that a timer shares with another (24 to 26, 43 to 46) | each drives the line as if it were its own: at most one of a pair is in use on any board here |
 
 use rigless::device::{Device, DeviceContext, Level, RegisterFile, RequestChange};
@@ -42,7 +42,7 @@ pub const MASTERS: [(&str, [&str; 4]); 8] = [
     ("TIM12", ["TIM4", "TIM5", "", ""]),
 ];
 
-/// What the manual and the errata sheet say of all timers. A timer wakes the run only while somebody could see its events,
+/// What the manual and the errata sheet say of all timers. A timer wakes the run only while its events can have an effect,
 /// which changes nothing but the speed.
 static PART: Part = Part { wakeups: Wakeups::WhenSeen, ..stm32f427::PART };
 
@@ -143,7 +143,7 @@ struct Rows<R> {
     arr: R,
 }
 
-/// A timer that nobody has reached for so long, ns, and that asks for no interrupt, may rest.
+/// A timer that was not accessed for this long, ns, and that requests no interrupt, may rest.
 const RESTS_AFTER_NS: u64 = 1_000_000;
 
 impl<F: Family<Instance = Counter>> Linked<F> {

@@ -14,7 +14,7 @@
 //! | `GRSTCTL` `CSRST` | Clears interrupts, registers and FIFOs, keeps PCGCCTL, DSPD, SDIS and GCCFG; clears itself | 34.16.2 | `a_soft_reset_keeps_what_the_manual_lists` |
 //! | `GRSTCTL` `AHBIDL`, `RXFFLSH`, `TXFFLSH`, `TXFNUM` | The core is always idle; a flush empties one FIFO or all and clears itself at once | 34.16.2 | `flushes_empty_the_fifos_they_name` |
 //! | `GAHBCFG` `GINT`, `GINTMSK` | The interrupt line is a level: any masked flag with `GINT` | 34.16.2 | `the_line_is_the_masked_flags` |
-//! | `GINTSTS` `USBRST`, `ENUMDNE` | 2.5 us into a reset, and after its end; `DSTS` then reads full speed; a shorter reset is none | 34.17.3, USB 2.0 7.1.7.5 | `a_bus_reset_is_seen_and_enumerates`, `a_short_reset_is_ignored` |
+//! | `GINTSTS` `USBRST`, `ENUMDNE` | 2.5 us into a reset, and after its end; `DSTS` then reads full speed; a shorter reset is ignored | 34.17.3, USB 2.0 7.1.7.5 | `a_bus_reset_is_seen_and_enumerates`, `a_short_reset_is_ignored` |
 //! | USB reset | Deactivates all endpoints but 0; leaves `DAD`, which the driver clears | 34.16.4, 34.17.5 | `a_bus_reset_deactivates_the_endpoints` |
 //! | `GINTSTS` `ESUSP`, `USBSUSP`, `WKUPINT`, `DSTS` `SUSPSTS` | Idle for 3 ms and resume; a resume pulses request [`WAKEUP`] too, for EXTI line 18 | 34.7.3, 34.16.2 | `suspend_and_resume_are_seen` |
 //! | `GINTSTS` `SOF`, `DSTS` `FNSOF` | At each start of frame | 34.16.4 | `a_start_of_frame_sets_the_frame_number` |
@@ -32,7 +32,7 @@
 //! | `ITTXFE`, `OTEPDIS`, `TOC` | IN token with an empty FIFO, OUT token at a disabled endpoint 0, missing acknowledgement | 34.16.4 | `tokens_without_a_transfer_are_flagged`, `an_unacknowledged_packet_is_sent_again` |
 //! | `DAINT`, `DAINTMSK`, `DIEPMSK`, `DOEPMSK` | Which endpoint's flags count | 34.16.4 | `the_masks_of_the_endpoints` |
 //! | Global NAKs | `SGINAK`, `CGINAK` at once; `SGONAK` through the FIFO, in force for the bus at once | 34.17.6 | `the_global_naks` |
-//! | FIFO sizes | An OUT packet without room is NAKed, a SETUP without room unanswered, a word too many lost; each is told to the run | 34.11, 34.17.6 | `a_receive_fifo_too_small_naks`, `a_transmit_fifo_too_small_loses`, `overlapping_fifos_are_reported` |
+//! | FIFO sizes | An OUT packet without room is NAKed, a SETUP without room unanswered, a word too many lost; each is reported to the run | 34.11, 34.17.6 | `a_receive_fifo_too_small_naks`, `a_transmit_fifo_too_small_loses`, `overlapping_fifos_are_reported` |
 //! | FIFO windows | Every word of the 4 KiB windows reaches the FIFO | 34.16.1 | `any_word_of_a_window_reaches_the_fifo` |
 //! | Connection | Pull-up with `PWRDWN`, no `SDIS`, 48 MHz within 0.25 %, device mode, and a valid session | 34.17.3, 34.16.2, USB 2.0 7.1.11 | `the_pull_up_needs_every_condition` |
 //! | Session | F405: `NOVBUSSENS`, or `VBUSBSEN` with VBUS. F446: `VBDEN` with VBUS, or `BVALOEN` with `BVALOVAL`. `BSVLD`, `SRQINT`, `SEDET` | 34.16.2, RM0390 31.15.2 | `a_session_follows_the_cable`, `the_f446_detects_vbus_in_its_own_way` |
@@ -47,7 +47,7 @@
 //! | Host mode, HNP, SRP | 34.16.3 | No board here is a host. The host registers are stored; writing one sets `MMIS` |
 //! | Isochronous endpoints, `EOPF`, `ISOODRP`, `IISOIXFR`, `IPXFR` | 34.17.6 | Serial ports have none |
 //! | Remote wakeup (`RWUSIG`), test modes (`TCTL`), battery charging | 34.16.4 | Stored |
-//! | Low speed, and speeds other than `DSPD` 3 | 34.16.4 | The core's transceiver has full speed only; another value is told |
+//! | Low speed, and speeds other than `DSPD` 3 | 34.16.4 | The core's transceiver has full speed only; another value is reported |
 //! | Time that flushes, soft reset and the change of mode take | 34.16.2 | They happen at once; a driver that does not wait is not caught |
 //! | Control endpoints other than 0 | 34.17.6 | SETUP to them is not answered |
 //! | Accesses narrower than a word to a FIFO, the window at 0x2_0000 into the packet memory | 34.16.1 | The manual forbids the first; the second is for debuggers |

@@ -33,7 +33,7 @@ pub struct Count {
     /// The folder whose files it may read.
     #[arg(long, value_name = "FOLDER", default_value = ".")]
     folder: PathBuf,
-    /// A program that has not ended after so many seconds of its time never will.
+    /// A program that runs longer than this, in seconds of its own time, is considered hung.
     #[arg(long, default_value_t = 3600)]
     seconds: u64,
 }

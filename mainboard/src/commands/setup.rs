@@ -32,7 +32,7 @@ pub struct Setup {
     /// The image, as it would be flashed, with its addresses (ELF); if left out, where `cargo xtask firmware` has put it.
     #[arg(long, value_name = "ELF")]
     image: Option<PathBuf>,
-    /// Noise, bouncing and whatever else is random follow from it.
+    /// Noise, bouncing and everything else that is random follow from it.
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Instructions a second of virtual time: fewer is how wait states would feel.

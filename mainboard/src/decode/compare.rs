@@ -1,7 +1,7 @@
 //! The pins' events against the desk's.
 //!
 //! The order is to be the same from the first event to the last. The times are compared run by run: while the queue holds
-//! moves, the chip makes events at the desk's intervals, and only whatever delays its interrupts makes an event late. Where
+//! moves, the chip makes events at the desk's intervals, and only a delay of its interrupts makes an event late. Where
 //! the queue came to rest, the next move begins when it arrives, which the desk cannot know: a new run. Within a run the
 //! punctual event is the one with the smallest (pin - desk); what another is later than that is its latency.
 //!

@@ -261,7 +261,7 @@ impl Decoder {
         self.smallest
     }
 
-    /// Edges to the level that the pin had: one between them is lost, or whoever reports edges reports levels.
+    /// Edges to the level that the pin had: an edge between them is lost, or levels are reported as edges.
     #[must_use]
     pub fn repeated_levels(&self) -> u64 {
         self.repeated_levels

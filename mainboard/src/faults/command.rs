@@ -35,7 +35,7 @@ pub struct Faults {
     /// Threads.
     #[arg(long, default_value_t = 2)]
     pub threads: usize,
-    /// Begins no run after so many minutes.
+    /// Begins no run after this many minutes.
     #[arg(long)]
     pub minutes: Option<u64>,
     /// The repository's root.

@@ -101,7 +101,7 @@ pub enum Fault {
     ConverterStands,
     /// The converters are switched off once.
     ConverterHiccup,
-    /// The stream that carries conversions to memory is off, and off again within 0.1 ms whoever switches it on.
+    /// The stream that carries conversions to memory is off, and off again within 0.1 ms after anything switches it on.
     TransferStands,
     /// The transfer of conversions ends once.
     TransferHiccup,

@@ -288,7 +288,7 @@ impl Injection {
             Sensor::Short => (SensorFault::Short, String::new()),
             Sensor::SlippedOut => {
                 let seconds = self.random.between(2, 15);
-                // Out of its hole, not half out of it: that nobody can tell, and the documentation says so.
+                // Out of its hole, not half out of it: the latter cannot be noticed, as the documentation says.
                 let coupling = self.random.unit() * 0.05;
                 let fault =
                     SensorFault::SlippedOut { since_ns: now_ns, time_constant_ns: seconds * 1_000_000_000, coupling };

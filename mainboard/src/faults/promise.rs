@@ -29,9 +29,9 @@ pub enum What {
     Off,
     /// The chip is reset within the time, which is heaters off.
     Reset,
-    /// Nothing stops: after so long all is as it would have been.
+    /// Nothing stops: after this long everything is as it would have been.
     GoesOn,
-    /// Nothing in particular: watched for so long. The heat stays controlled, or the heaters are off.
+    /// Nothing in particular: watched for this long. The heat stays controlled, or the heaters are off.
     Controlled,
 }
 

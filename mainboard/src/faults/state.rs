@@ -171,7 +171,7 @@ struct Guide {
     refused: Option<String>,
 }
 
-/// Lines whose beginnings are told: each after the one before it is acknowledged.
+/// Lines whose start times are reported: each follows the acknowledgement of the one before.
 const MARKS: [&str; 4] = ["G28", "G4", "G92", "M112"];
 
 impl Guide {

@@ -367,7 +367,7 @@ impl Watch {
             if lost.abs() > LOST_256 {
                 let unpowered = motion.record(motor).unpowered_steps - self.unpowered_at_start[motor];
                 found.push(format!(
-                    "motor {} lost {} full steps ({unpowered} steps without current), and nobody says so",
+                    "motor {} lost {} full steps ({unpowered} steps without current), unreported",
                     ["X", "Y", "Z"][motor],
                     lost / 256
                 ));

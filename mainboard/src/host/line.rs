@@ -1,6 +1,6 @@
 //! A door of this computer to the board's line, for a person or a host such as OctoPrint.
 //!
-//! Nothing here waits: an emulated board asks between two slices of its time. What is said while nobody listens is lost on
+//! Nothing here waits: an emulated board asks between two slices of its time. What is said while no host listens is lost on
 //! TCP, as on a wire; a pseudo-terminal keeps what fits, so that a host that opens it soon still reads the `start`.
 //!
 //! The bytes of a real host come at real times: a run with such a line cannot be repeated exactly.
@@ -221,7 +221,7 @@ fn hung_up(board_end: &File) -> bool {
     poll(&mut ends, Some(&at_once)).is_ok() && ends[0].revents().contains(PollFlags::HUP)
 }
 
-/// Takes the next host if there is none.
+/// Takes the next host if none is connected.
 fn accept(listener: &TcpListener, client: &mut Option<TcpStream>) {
     if client.is_none()
         && let Ok((stream, _)) = listener.accept()

@@ -5,7 +5,7 @@
 //!
 //! | Covered | |
 //! |---|---|
-//! | `ok`, also with more behind it | the oldest line on its way is acknowledged |
+//! | `ok`, also with more text after it | the oldest line on its way is acknowledged |
 //! | line numbers, checksums | `N1 G28*18`; numbers begin with `N0 M110 N0` |
 //! | `Resend: N`, `rs N` | sending goes back to line N, once the `ok` after it has come (see [`Options::window`]) |
 //! | `busy:` | it is a sign of life ([`Stream::silent_ns`]) |

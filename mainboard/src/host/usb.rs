@@ -246,12 +246,12 @@ impl UsbHost {
         self.commands.push_back(Command::Resume);
     }
 
-    /// Resets the device and enumerates it again, whatever it is doing. Without effect while none is attached.
+    /// Resets the device and enumerates it again at any time. Without effect while no device is attached.
     pub fn reset_bus(&mut self) {
         self.commands.push_back(Command::Reset);
     }
 
-    /// Loses the handshake of so many of the next bulk transactions, so that the packet is sent twice.
+    /// Loses the handshakes of the next bulk transactions, this many, so that each packet is sent twice.
     pub fn lose_handshakes(&mut self, count: u32) {
         self.lose_handshakes += count;
     }
@@ -329,7 +329,7 @@ impl UsbHost {
         }
     }
 
-    /// The first instant from `ready_ns` on at which a transaction of so many bytes fits into a frame.
+    /// The first instant from `ready_ns` on at which a transaction of this many bytes fits into a frame.
     fn slot_ns(&self, ready_ns: u64, bytes: u64) -> u64 {
         let start = ready_ns.max(self.free_ns);
         match self.frame_ns {

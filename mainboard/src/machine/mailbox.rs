@@ -55,7 +55,7 @@ impl Peer for Mailbox {
         let now = context.now().0;
         self.received.push_back((now, word));
         if self.one_wire {
-            // Before whatever a chip on the line answers.
+            // Before any answer of a chip on the line.
             let place = self.to_send.iter().position(|(due, _)| *due > now).unwrap_or(self.to_send.len());
             self.to_send.insert(place, (now, word));
         }

@@ -18,7 +18,7 @@ const SPACING: u64 = 0x400;
 const OUTPUT: u64 = 0b01;
 const ALTERNATE: u64 = 0b10;
 
-/// Which pins somebody wants to know of, and what they last drove.
+/// The pins that are watched, and what they last drove.
 #[derive(Debug, Clone, serde::Serialize, serde::Deserialize)]
 pub struct Ports {
     watched: [u16; COUNT],
@@ -59,7 +59,7 @@ impl Ports {
     }
 
     /// Watched pins of a port that drive something else than they did (none: nothing), and whether that is an edge: a pin that
-    /// nobody drives is low by the driver's own resistor, so that one which becomes a low output makes none.
+    /// is not driven is low by the driver's own resistor, so that one which becomes a low output makes none.
     pub fn changes(&mut self, port: usize, registers: &RegisterFile) -> Vec<(Pin, Option<bool>, bool)> {
         let (modes, levels) = (registers.get(Register::Moder), registers.get(Register::Odr) as u16);
         let mut driven = 0u16;

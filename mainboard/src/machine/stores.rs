@@ -1,4 +1,4 @@
-//! What the firmware stores to peripherals, for whoever wants to know in which order.
+//! What the firmware stores to peripherals, in order.
 
 use serde::{Deserialize, Serialize};
 

@@ -1,7 +1,7 @@
 //! A fan with a tacho: a rotor with inertia, two pulses a turn.
 //!
 //! Driven, its speed tends to full speed; left alone, to 0; each with its own time constant. The tacho is open
-//! collector with a pull-up: high and low for a quarter turn each, whatever the speed.
+//! collector with a pull-up: high and low for a quarter turn each, at any speed.
 //!
 //! | what | test |
 //! |---|---|

@@ -45,7 +45,7 @@ pub struct Config {
 pub enum HeaterFault {
     /// Wire broken: it never heats.
     Broken,
-    /// The transistor conducts always: it heats whatever the pin says.
+    /// The transistor always conducts: it heats at any level of the pin.
     StuckOn,
 }
 

@@ -16,7 +16,7 @@
 //!   speed are a question for a machine, not for its firmware's logic.
 //! - A carriage that is blocked lets its rotor swing between the frame and two full steps before it (slipping); it does
 //!   not bounce further. Pushing into the sheet does not stop Z: the depth is recorded instead.
-//! - A motor without current keeps its place: Z does not sink, and nobody pushes the carriage.
+//! - A motor without current keeps its place: Z does not sink, and the carriage is not pushed.
 //! - Several motors on one axis: wire them to one driver.
 
 pub mod end_stop;

@@ -172,7 +172,7 @@ pub struct Wire {
 }
 
 impl Wire {
-    /// A wire at rest: nobody drives it, a resistor pulls it high.
+    /// A wire at rest: it is not driven, and a resistor pulls it high.
     pub fn new(bus: Bus, bit_time: BitTime) -> Self {
         Self {
             bus,
@@ -186,7 +186,7 @@ impl Wire {
         }
     }
 
-    /// The bus behind it, to break or mend.
+    /// The bus at its other end, to break or mend.
     pub fn bus_mut(&mut self) -> &mut Bus {
         &mut self.bus
     }

@@ -18,7 +18,7 @@ const AMBIENT_CELSIUS: f64 = 22.0;
 pub const REFERENCE_MV: f64 = 3300.0;
 /// Sense resistors of the usual modules for sockets, milliohm.
 const MODULE_SENSE_MILLIOHM: u32 = 110;
-/// Where the frame stands behind an end at which nothing is met, and behind a switch, mm.
+/// How far the frame is beyond an end without a sensor, and beyond a switch, mm.
 const FRAME_MM: f64 = 3.0;
 /// Nozzle height over the sheet at which an inductive probe triggers on a well set-up machine, mm.
 const PROBE_TRIGGER_MM: f64 = 1.0;
@@ -215,7 +215,7 @@ fn mechanics(board: &Board, printer: &Printer, seed: u64) -> Result<Motion, Stri
                 seed: seed ^ (0xE570 + axis as u64),
             });
         }
-        // Where an axis homes by a stall, the frame stands at its end; where something else is met, behind it.
+        // If an axis homes by a stall, the frame is at its end; with another sensor it is beyond it.
         let stalls = home.is_some_and(|home| home.sensor == HomingSensor::Stall);
         let beyond = |end: bool| if stalls && high == end { 0.0 } else { FRAME_MM };
         AxisConfig {

@@ -61,7 +61,7 @@ pub struct Board {
 pub enum Driver {
     /// Nothing is there.
     None,
-    /// A socket: whatever is plugged in.
+    /// A socket for any driver.
     Socket,
     /// Allegro A4988.
     A4988,

@@ -54,7 +54,7 @@ pub(super) fn board(file: &str, raw: RawBoard) -> Result<Board, Refusal> {
         return Err(Refusal::new(
             file,
             "virtual_sensors",
-            "the board has heaters, thermistors or inputs, and is said to have none",
+            "the board has heaters, thermistors or inputs, but the file says that it has none",
             "set it to false, or remove those tables",
         ));
     }

@@ -18,7 +18,7 @@ use crate::images::{image_of, root};
 use crate::pins::PinLog;
 use crate::port_log::{PortState, PortWrite};
 
-/// A printer that says nothing for so long does not say anything any more, virtual ns.
+/// A printer that is silent for this long is taken to have finished, virtual ns.
 const LIMIT_NS: u64 = 40_000_000_000;
 
 /// Far more moments of 100 us than a processor is busy for.
@@ -72,7 +72,7 @@ impl Bench {
         bench
     }
 
-    /// A board that runs, and nobody has spoken to it; `change` may break something before.
+    /// A running board that no host has talked to; `change` may break something before.
     pub fn switch_on(facts: &'static BoardFacts, change: impl FnOnce(&mut Machine)) -> Self {
         let image = Image::read(&image_of(facts.name), None).unwrap();
         Self::switch_on_with(facts, vec![image], change)

@@ -294,7 +294,7 @@ fn assert_ends_safely(board: &'static BoardFacts, last_words: &str, go_wrong: im
     let line = bench.host.wait_for(last_words, |line| line.starts_with("Error:")).unwrap();
     assert!(line.contains(last_words) && line.ends_with("kill() called!"), "{}: {line}", board.name);
     bench.pass(A_WHILE_MS);
-    // The end is the end: nobody listens any more.
+    // A halted board does not listen any more.
     bench.host.send_raw(b"M999\nM105\n").unwrap();
     let heard = bench.host.listen(A_WHILE_MS).unwrap();
     assert!(heard.is_empty(), "{}: {heard:?}", board.name);
@@ -340,7 +340,7 @@ fn assert_fans_blow(board: &BoardFacts, state: &PortState) {
 /// `bx r2`: on to the address in it.
 const GO: u16 = 0x4710;
 
-/// Lets the image panic, with an overflow at a place that is none.
+/// Lets the image panic, with an overflow at an arbitrary place.
 pub fn force_panic(board: &BoardFacts, bench: &mut Bench) {
     let code = Code::of(&image_of(board.name)).unwrap();
     let overflow = code.functions_named("panic_const_add_overflow");

@@ -36,7 +36,7 @@ fn stub() -> Vec<u16> {
 /// An image with a way into it.
 #[derive(Clone, Debug)]
 pub struct Opened {
-    /// The image: as it was, but that the branch behind its one `wfi` and the `wfi` itself lead to the stub.
+    /// The image, unchanged but for the branch after its one `wfi` and the `wfi` itself, which lead to the stub.
     pub image: Vec<u8>,
     /// What to put at the end of flash.
     pub stub: Vec<u8>,

@@ -13,7 +13,7 @@ const A_WHILE_MS: u64 = 1000;
 /// Between two looks at the heaters, ms.
 const A_MOMENT_MS: u64 = 20;
 
-/// After so many looks nothing changes any more: 10 s.
+/// After this many looks nothing changes any more: 10 s.
 const MOST_MOMENTS: u32 = 500;
 
 /// A fan that turns at least this fast is at full power, turns a minute.

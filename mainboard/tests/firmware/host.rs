@@ -141,7 +141,7 @@ impl<P: Port> Host<P> {
         self.wait_for_ok()
     }
 
-    /// Counts lines anew, after somebody else has used the line.
+    /// Restarts the line count, after another host has used the line.
     ///
     /// # Errors
     /// The printer does not answer.
@@ -283,7 +283,7 @@ impl<P: Port> Host<P> {
         Ok(false)
     }
 
-    /// The next line, whatever it is.
+    /// The next line.
     fn hear(&mut self, awaited: &str) -> Result<String, HostError> {
         let until_ns = self.port.now_ns() + self.limit_ns;
         match self.port.receive(until_ns)? {

@@ -8,7 +8,7 @@ use std::sync::{Mutex, PoisonError};
 /// What a toolchain sets for the programs that it starts: the image wants the main workspace's own.
 const OF_THIS_TOOLCHAIN: [&str; 5] = ["CARGO", "RUSTC", "RUSTDOC", "RUSTUP_TOOLCHAIN", "RUSTFLAGS"];
 
-/// Path of a board's image; built when nobody has. Its other files lie next to it.
+/// Path of a board's image, which is built if necessary. Its other files lie next to it.
 pub fn image_of(board: &str) -> PathBuf {
     static KNOWN: Mutex<BTreeMap<String, PathBuf>> = Mutex::new(BTreeMap::new());
     // One test builds, the others wait for it.

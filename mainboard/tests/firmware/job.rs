@@ -116,7 +116,7 @@ impl Job {
         Self { lines, ..gyroid }
     }
 
-    /// Prints cold instead of waiting for heat: for what has nothing to do with it, and is not to take so long.
+    /// Prints cold instead of waiting for heat, to save time where heat does not matter.
     pub fn without_heating(mut self) -> Self {
         for (line, _) in &mut self.lines {
             if ["M104 ", "M109 ", "M140 ", "M190 "].iter().any(|code| line.starts_with(code)) {

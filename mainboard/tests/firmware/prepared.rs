@@ -1,4 +1,4 @@
-//! Prepared jobs over the serial line: the same steps whatever it loses, and nothing that the machine may not do.
+//! Prepared jobs over the serial line: the same steps whatever is lost, and nothing that the machine may not do.
 
 use std::io::{self, Cursor};
 use std::time::{Duration, Instant};
@@ -166,11 +166,11 @@ fn commands_between_frames_are_executed() {
     bench.host.send(&format!("M790 S{} T3600", job.len())).unwrap();
     bench.host.send_raw(&to_wire(Kind::Data, 0, &job[..250])).unwrap();
     bench.host.wait_for("what has come", |line| line.starts_with("gpre:have 250 ")).unwrap();
-    // A numbered line is executed; what is left of a frame is none.
+    // A numbered line is executed; the rest of a frame is not.
     bench.host.send_raw(b"X12 G28\nG1 Y10 F3000\n").unwrap();
     let feed = bench.host.ask("M220", "FR:").unwrap();
     assert_eq!(feed, "FR:100%");
-    // A host that was restarted is told where it was.
+    // A restarted host learns where it was.
     bench.host.send(&format!("M790 S{}", job.len())).unwrap();
     bench.host.wait_for("what has come", |line| line.starts_with("gpre:have 250 ")).unwrap();
     // The emergency needs no number, and comes between any two frames.

@@ -33,7 +33,7 @@ fn the_plain_bytes_start_and_say_their_version() {
     }
 }
 
-/// The vector table that the core uses is this image's, whatever a boot loader's was.
+/// The core uses this image's vector table, whatever table a boot loader used.
 #[test]
 fn the_core_uses_the_image_s_own_table_of_handlers() {
     for board in &BOARDS {

@@ -1,6 +1,6 @@
 //! 3.1 and 3.2: what a boot loader leaves, first accesses that are lost, and the voltage's scale.
 //!
-//! The same few words with the printer after a start from reset and after one behind a boot loader: it must say, move and heat
+//! The same few words with the printer after a start from reset and after one after a boot loader: it must say, move and heat
 //! the same.
 
 use std::sync::OnceLock;

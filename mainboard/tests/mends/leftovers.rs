@@ -1,4 +1,4 @@
-//! What boot loaders leave behind, kind by kind. Addresses: RM0090 2.3 and the chapters of the parts; PM0214 4.
+//! The leftovers of boot loaders, kind by kind. Addresses: RM0090 2.3 and the chapters of the parts; PM0214 4.
 
 use super::stub::Stub;
 

@@ -137,7 +137,7 @@ fn file(variable: &str, in_repository: &str) -> PathBuf {
         .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap().join(in_repository), PathBuf::from)
 }
 
-/// Plays a plot, for so long at most.
+/// Plays a plot, for this long at most.
 pub fn play<P: Plot>(setting: &Setting, at_most_ns: u64, plot: P) -> Finished<Play<P>> {
     let board = Board::read(&file("FERROSTEP_BOARD", "boards/prusa-buddy.toml")).unwrap();
     let printer = Printer::read(&file("FERROSTEP_PROFILE", "profiles/prusa-mini.toml")).unwrap();

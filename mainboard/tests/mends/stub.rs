@@ -4,14 +4,14 @@ use std::path::Path;
 
 use rigless::image::Image;
 
-/// Where it lies: behind the largest image, on a boundary that suits a vector table.
+/// Its address: after the largest image, on a boundary that suits a vector table.
 pub const BASE: u32 = 0x080C_0000;
 /// Its vector table: the stack pointer, then addresses of instructions, for 82 interrupts.
 const VECTORS: u32 = 16 + 82;
 /// Its own stack; the image's own is elsewhere.
 const STACK: u32 = 0x2001_0000;
 
-/// For each record of the table behind it (address, value, mask): a store where the mask is 0, or a wait until the masked
+/// For each record of the table after it (address, value, mask): a store where the mask is 0, or a wait until the masked
 /// word has the value. After a record of zeros: the image's vector table, CONTROL, BASEPRI, PRIMASK with FAULTMASK in bit 1, PSP,
 /// and MSP (0: the image's own, as decent boot loaders do).
 ///
@@ -39,7 +39,7 @@ const CODE: [u16; 32] = [
 /// An interrupt that comes before the image has its own table is stuck here: `b .`
 const STUCK: u32 = 0xE7FE_E7FE;
 
-/// What it leaves behind.
+/// Its leftovers.
 #[derive(Debug, Clone, Default)]
 pub struct Stub {
     /// Address, value, and mask of what is waited for (0: a store).

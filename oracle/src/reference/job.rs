@@ -52,7 +52,7 @@ pub enum MoveKind {
 }
 
 impl MoveKind {
-    /// Whether the trace holds an end-of-move record behind this move.
+    /// Whether the trace holds an end-of-move record after this move.
     pub fn ends_with_a_record(self) -> bool {
         matches!(self, Self::Line | Self::ArcChord { last: true })
     }
@@ -94,9 +94,9 @@ pub struct Job {
     pub lines: u32,
     /// G0-G3 whose target (or, on an arc, any point) a soft limit moved.
     pub clamped_moves: u32,
-    /// Whether axes were homed behind the last move.
+    /// Whether axes were homed after the last move.
     pub homed_at_end: bool,
-    /// X, Y, Z and E behind the last line as the G-code itself counts them, in units of 10 nm.
+    /// X, Y, Z and E after the last line as the G-code itself counts them, in units of 10 nm.
     pub logical_end_10nm: [i64; 4],
 }
 

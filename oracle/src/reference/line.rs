@@ -2,15 +2,15 @@
 
 use super::decimal::{Decimal, OutOfRange};
 
-/// A command letter, its number, and the words behind it. Upper-case letters only; spaces are optional; of two
+/// A command letter, its number, and the words after it. Upper-case letters only; spaces are optional; of two
 /// words with the same letter the last counts.
 #[derive(Debug)]
 pub struct Command<'a> {
     /// `G`, `M` or another letter.
     pub letter: u8,
-    /// The number behind the letter.
+    /// The number after the letter.
     pub number: u32,
-    /// For each letter of the alphabet the text behind it, if the letter was there.
+    /// For each letter of the alphabet the text after it, if the letter was there.
     words: [Option<&'a [u8]>; 26],
 }
 
@@ -24,7 +24,7 @@ impl<'a> Command<'a> {
             let digits = numbered.iter().take_while(|byte| byte.is_ascii_digit() || **byte == b'-').count();
             rest = numbered.get(digits..)?;
         }
-        // The host's checksum stands behind the last asterisk and is not part of the command.
+        // The host's checksum follows the last asterisk and is not part of the command.
         rest = cut_at(rest, b'*').trim_ascii();
         let (&letter, rest) = rest.split_first()?;
         if !letter.is_ascii_uppercase() {

@@ -178,7 +178,7 @@ struct ProbeText {
     z: f64,
 }
 
-/// The keys that are read; all others are somebody else's.
+/// The keys that are read; all others are ignored.
 #[derive(Deserialize)]
 struct ProfileText {
     kinematics: String,

@@ -8,7 +8,7 @@ use crate::reference::{
     EXTRUDER_FRACTIONS_PER_UNIT, Job, Kinematics, Move, MoveKind, Plan, ReferenceProfile, UNITS_PER_MM,
 };
 
-/// Steps are looked at for so long before and after a corner, s.
+/// How long before and after a corner steps are examined, s.
 const WINDOW_S: f64 = 0.01;
 
 /// How far off an axis may be at either end of a window, steps.

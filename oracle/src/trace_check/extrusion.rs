@@ -14,7 +14,7 @@ const EXTRUDER: usize = 3;
 /// Distances from lambda s(t), extruder steps.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Distances {
-    /// The largest, just before or just behind a step.
+    /// The maximum, just before or just after a step.
     pub largest_steps: f64,
     /// Source line of the block in which that is.
     pub largest_line: u32,
@@ -23,7 +23,7 @@ pub struct Distances {
 }
 
 impl Distances {
-    /// The mean over the nozzle's way: just before and just behind each step of the leading motor. 0.25 for steps that
+    /// The mean over the nozzle's way: just before and just after each step of the leading motor. 0.25 for steps that
     /// are spaced evenly and are where lambda s passes their middle.
     pub fn mean_steps(&self) -> f64 {
         if self.count == 0 { 0.0 } else { self.sum_steps / self.count as f64 }
@@ -202,7 +202,7 @@ mod tests {
 
     #[test]
     fn a_slave_from_rounded_positions_is_off_by_up_to_a_step() {
-        // Half a step behind at the start, and its next step is due in the middle of the block.
+        // It lags half a step at the start, and its next step is due in the middle of the block.
         let found = straight(100, [0.49, 1.49], |index| index == 1);
         assert_eq!((found.own_steps, found.slaved_steps), (1, 1));
         assert!(found.own.largest_steps < 0.52 && found.slaved.largest_steps > 0.98, "{found:?}");

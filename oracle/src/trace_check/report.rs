@@ -81,7 +81,7 @@ pub enum Finding {
     },
     /// The job homes, the trace does not.
     MissingHoming {
-        /// Line of the move behind it.
+        /// Line of the move after it.
         line: u32,
     },
     /// A motor stands elsewhere at a move's end.

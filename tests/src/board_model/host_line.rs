@@ -20,12 +20,12 @@ impl HostLine {
         Self::bursts(lines_per_s, 1)
     }
 
-    /// As many lines a second, so many of them at once and then none for a while.
+    /// This many lines a second, sent in bursts of this many.
     pub fn bursts(lines_per_s: u64, burst: u64) -> Self {
         Self { lines_per_s: lines_per_s.max(1), burst: burst.max(1), silences: Vec::new(), taken: 0, began: 0 }
     }
 
-    /// Before a line, counted from 0, the host is silent for so many milliseconds.
+    /// Before this line, counted from 0, the host is silent for this many milliseconds.
     pub fn with_silence(mut self, before_line: u64, milliseconds: u64) -> Self {
         self.silences.push((before_line, milliseconds * (CYCLES_PER_S / 1_000)));
         self

@@ -19,10 +19,10 @@ use super::{Board, BoardPrinter, LONGEST_COMMAND};
 /// A line of 115,200 baud: ten bits a byte.
 const CYCLES_A_BYTE: u64 = CYCLES_PER_S / 11_520;
 
-/// A host that says nothing for so long, while the board waits for it, is given up.
+/// A host that is silent for this long while the board waits for it is given up.
 pub const JOB_SILENCE_S: u16 = 30;
 
-/// A host that has heard nothing for so long asks.
+/// A host asks after this long without an answer.
 const ASK_CYCLES: u64 = 250 * CYCLES_A_MS;
 
 /// As long as the firmware waits for bytes, and for how long at once it looks away here, ms.
@@ -110,7 +110,7 @@ impl JobHost {
         }
     }
 
-    /// Puts bytes onto the line. What acts as its bytes arrive does so then, whatever the board does.
+    /// Puts bytes onto the line. Emergency commands act as their bytes arrive, whatever the board does.
     fn put<M: Stepping>(&mut self, board: &Board<'_, M>, bytes: &[u8]) {
         for &byte in bytes {
             self.last_arrival = self.last_arrival.max(board.now()) + CYCLES_A_BYTE;

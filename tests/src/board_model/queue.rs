@@ -28,7 +28,7 @@ impl<'a, M: Stepping> Queue<'a, M> {
         Self { feeder, interrupts, costs }
     }
 
-    /// The planner task works for so many cycles, or as many times longer as it is slower now.
+    /// The planner task works for this many cycles, multiplied by its present slowness.
     fn plan_for(&self, cycles: u64) {
         self.interrupts.pass(cycles * self.costs.slowness_at(self.interrupts.now()));
     }

@@ -31,7 +31,7 @@ pub struct Costs {
     pub planned_move: u64,
     /// An entry for the step queue.
     pub entry: u64,
-    /// The planner task takes so many times longer, from this cycle on.
+    /// The planner task takes this many times longer from this cycle on.
     pub slower_planner: (u64, u64),
 }
 
@@ -40,7 +40,7 @@ impl Costs {
     /// 90 an event (`ferrostep_printer::DEFAULT_MOVES_PER_S`, `DEFAULT_EVENTS_PER_S`).
     pub const BOARD: Self = Self { line: 6_600, planned_move: 3_200, entry: 126, slower_planner: (1, 0) };
 
-    /// The same with a planner task so many times slower, from a millisecond on.
+    /// The same with a planner task this many times slower from a millisecond on.
     pub const fn with_slower_planner(self, times: u64, from_ms: u64) -> Self {
         Self { slower_planner: (times, from_ms * CYCLES_A_MS), ..self }
     }

@@ -8,7 +8,7 @@ use std::sync::OnceLock;
 use serde_json::Value;
 use tempfile::TempDir;
 
-/// What one run left behind.
+/// The result of one run.
 #[derive(Debug)]
 pub struct Outcome {
     /// Exit status; `None` after a signal.

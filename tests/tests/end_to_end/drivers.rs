@@ -171,7 +171,7 @@ fn a_driver_reset_halts_the_print_and_is_set_up_again() {
     assert!(replies[2..].iter().all(|reply| reply.contains("halted") || reply.contains("stopped")), "{replies:#?}");
     let steps = machine.desk().borrow().figures().motor_steps;
     let mut printer = machine.printer();
-    // Halted is halted, whatever the driver says meanwhile.
+    // The machine stays halted whatever the driver reports.
     let refused = say(&machine, &mut printer, &["G1 X100", "G28"]);
     assert!(refused.iter().all(|reply| reply.contains("halted")), "{refused:?}");
     assert_eq!(machine.desk().borrow().figures().motor_steps, steps);

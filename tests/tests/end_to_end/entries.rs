@@ -31,7 +31,7 @@ fn starts(job: &[u8]) -> Vec<FrameState> {
     starts
 }
 
-/// The frames behind the first at which a job can be entered.
+/// The frames after the first at which a job can be entered.
 fn entries(job: &[u8]) -> Vec<(u32, FrameState)> {
     (0..).zip(starts(job)).skip(1).filter(|(_, start)| start.can_be_entered).collect()
 }
@@ -40,7 +40,7 @@ fn records(ended: &Ended) -> Vec<Record> {
     TraceReader::new(&ended.trace[..]).unwrap().map(Result::unwrap).collect()
 }
 
-/// What is before and what is behind the last homing, or the last move up to a line.
+/// The parts before and after the last homing, or the last move up to a line.
 fn behind(mut records: Vec<Record>, line: u32) -> (Vec<Record>, Vec<Record>) {
     let ended = |record: &Record| match record {
         Record::Step(_) => false,
@@ -90,7 +90,7 @@ fn keeps_above(machine: &Profile, way: &[Record], start: &FrameState) {
     for record in way {
         match record {
             Record::PositionsRedefined { positions, .. } => {
-                // The first is what Z is told to be; X and Y are homed later, and change nothing of it.
+                // The first sets Z; X and Y are homed later and leave it unchanged.
                 assert_eq!(positions[2], z.unwrap_or(z_steps(start.position_10nm[2])), "Z was homed");
                 z = Some(positions[2]);
             }
@@ -234,7 +234,7 @@ fn print_from(path: &Path, frame: &str, status: i32) -> String {
 fn impossible_entry_frames_are_refused() {
     let directory = directory();
     let machine = profile("cartesian");
-    // One frame a move, behind that which homes.
+    // One frame a move, after the frame that homes.
     let moves =
         [(40, Entry::Bound), (20, Entry::Falling), (10, Entry::Falling), (10, Entry::Bound), (5, Entry::Falling)];
     let path = file(&directory, "moves.gpre", hand_made::job(machine.hash(), &moves));

@@ -32,7 +32,7 @@ fn run(machine: &str, mode: Mode, text: &[u8]) -> Ended {
     }
 }
 
-/// Hot, then so long a dwell, then a move, then so long a move.
+/// Heats, dwells this long, moves, then makes a move this long.
 fn after_hours(seconds: u32) -> String {
     format!(
         "M86 S0\nG28\nM190 S60\nM109 S210\nG4 S300\nG4 S{seconds}\nG92 X0\nM211 S0\nM203 X500\n\

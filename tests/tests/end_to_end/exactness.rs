@@ -23,7 +23,7 @@ fn stands(machine_name: &str, lines: &str) -> ([i64; 4], [f64; 4]) {
 /// Homing stops the machine, and what was not yet a whole step of filament must not get lost with it.
 #[test]
 fn homing_keeps_the_fraction_of_the_extruder() {
-    // 0.9723 mm at 400 steps/mm are 388.92 steps, whatever happened on the way.
+    // 0.9723 mm at 400 steps/mm are 388.92 steps, whatever happened in between.
     let lines = "M302 P1\nG1 E-.1063\nG28 X\nG1 E.9723\n";
     assert_eq!(stands("corexy", lines).0[3], 389);
     let mut lines = "M302 P1\nM83\n".to_owned();

@@ -1,4 +1,4 @@
-//! Programs that no slicer writes, in short pieces: no step is lost, whatever the machine, and a prepared job is executed as it
+//! Programs that no slicer writes, in short moves: no step is lost on any machine, and a prepared job is executed as it
 //! was planned.
 
 use ferrostep_gpre::Encoding;

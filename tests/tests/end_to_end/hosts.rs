@@ -18,7 +18,7 @@ pub fn machine(profile: &Profile) -> Machine {
     Session::new(*profile, Mode::Print, LOOK_AHEAD_BLOCKS, (), Collector::default())
 }
 
-/// The host's end of the line, and the printer's behind it.
+/// The host's end of the line, and the printer at the other end.
 pub struct Conversation<'a> {
     machine: &'a Machine,
     printer: DeskPrinter<'a, (), Collector>,

@@ -112,7 +112,7 @@ fn compare_prints_a_file_in_every_way() {
             let limit = if profile == "corexy" { 10_000.0 } else { 1_000.0 };
             assert!(number("motion") > 1.0 && number("most events") > 1_000.0, "{row}");
             // Differences over 10 ms of positions that are whole steps, which of point-by-point are the coarsest. The
-            // paper's table is slow: 30,000 Hz/s at the most, whatever the machine could do.
+            // paper's table is slow: 30,000 Hz/s at most, whatever the machine could do.
             let (least, most) = match (row[0].as_str().unwrap(), row[1].as_str().unwrap()) {
                 (_, "s-curve-table") => (100.0, limit),
                 ("point-by-point", _) => (0.4 * limit, 1.2 * limit),
@@ -120,7 +120,7 @@ fn compare_prints_a_file_in_every_way() {
             };
             assert!(number("peak acceleration") > least && number("peak acceleration") < most, "{row}");
             assert!(number("largest path error") < 0.03, "{row}");
-            // Just before and behind a step it is half a step off where it is exact.
+            // An exact one is half a step off just before and just after a step.
             assert!(number("extruder") > 0.49 && number("extruder") < 1.0, "{row}");
         }
         // Each way makes steps of its own.

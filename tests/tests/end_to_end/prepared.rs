@@ -1,4 +1,4 @@
-//! Prepared jobs: the same steps as the G-code's with all look-ahead there is, and nothing of a file that is not one.
+//! Prepared jobs: the same steps as the G-code's with unlimited look-ahead, and nothing from files that are not jobs.
 
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
@@ -280,7 +280,7 @@ fn impossible_plans_stop_where_they_begin() {
     let sound = ended(&[(40, Entry::Bound), (40, given(50.0)), (1, Entry::Falling), (20, Entry::Bound)]);
     assert!(sound.outcome.is_ok(), "{:?}", sound.outcome);
 
-    // Faster than the feed; the corner is none, for the path goes straight on.
+    // Faster than the feed; there is no corner, because the path continues straight.
     let moves = [(40, Entry::Bound), (40, given(100.1)), (20, Entry::Bound)];
     assert!(message(&moves).starts_with("frame 3"), "{}", message(&moves));
     assert!(message(&moves).contains("the planned speed is too high"), "{}", message(&moves));

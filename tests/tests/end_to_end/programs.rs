@@ -1,4 +1,4 @@
-//! Jobs nobody would write: any bytes at all, and any valid program.
+//! Unusual jobs: arbitrary bytes, and arbitrary valid programs.
 
 pub mod generator;
 

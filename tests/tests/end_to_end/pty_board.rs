@@ -1,4 +1,4 @@
-//! A virtual board behind a pseudo-terminal, which answers as the firmware does at a port.
+//! A virtual board on a pseudo-terminal, which answers as the firmware does at a port.
 
 use std::cell::RefCell;
 use std::fs::OpenOptions;
@@ -28,7 +28,7 @@ const LOOK_MS: u32 = 150;
 /// Room for a job's bytes, as in the firmware.
 const JOB_BYTES: usize = MOST_FRAME_BYTES + 1024;
 
-/// A pseudo-terminal: one end is a port for whoever opens its path, the other is held here.
+/// A pseudo-terminal: one end is a port that a program opens by its path, the other is held here.
 pub struct Pty {
     master: OwnedFd,
     /// Somebody has it open at all times, so that it does not hang up when a host goes.
@@ -127,7 +127,7 @@ impl PtyBoard {
         self.path.to_str().unwrap()
     }
 
-    /// From now on the board stands still when it has read so many bytes.
+    /// From now on the board stops when it has read this many bytes.
     pub fn hold_after(&self, bytes: u64) {
         self.shared.state.lock().unwrap().most = Some(bytes);
     }
@@ -261,7 +261,7 @@ impl JobLine for JobPort<'_> {
 fn serve(pty: &Pty, settings: &Settings, shared: &Shared) -> Served {
     let port = Port { pty, shared };
     let session = Session::new(settings.profile, Mode::Print, LOOK_AHEAD_BLOCKS, (), Silent(RefCell::new(None)));
-    // The replies of what came before nobody hears.
+    // The replies to earlier lines are not read.
     let mut printer = session.printer();
     for line in settings.before {
         let _ = session.run(printer.execute(0, line));

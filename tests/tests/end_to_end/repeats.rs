@@ -95,7 +95,7 @@ fn equivalent_files_give_the_same_steps() {
     assert_ne!(step_digest(&file(&directory, "other.gcode", lines.replacen("X87.153", "X87.253", 1))), plain);
 }
 
-/// The way is the same whatever is known of it in advance; only its speed is not.
+/// The path does not depend on the look-ahead; only the speed does.
 #[test]
 fn rings_of_any_size_give_the_same_path() {
     let (text, profile) = (example("cube.gcode"), profile("cartesian"));

@@ -82,7 +82,7 @@ fn firmware_report_and_capabilities() {
     let replies = conversation.say("M115");
     let (ok, replies) = replies.split_last().unwrap();
     assert_eq!(ok, "ok");
-    // OctoPrint: a key in capitals behind a blank, its value up to the next key.
+    // OctoPrint: a key in capitals after a blank, its value up to the next key.
     let keys = regex(r"(?:^|\s)([A-Z][A-Z0-9_]*):");
     let keys: Vec<String> = keys.captures_iter(&replies[0]).map(|found| found[1].to_owned()).collect();
     for key in ["FIRMWARE_NAME", "PROTOCOL_VERSION", "MACHINE_TYPE", "KINEMATICS", "EXTRUDER_COUNT"] {
@@ -137,7 +137,7 @@ fn end_stop_report() {
     }
 }
 
-/// Queries, and that what was set is what is told.
+/// Queries report what was set.
 #[test]
 fn settings() {
     let machine = machine(&profile("cartesian"));

@@ -1,4 +1,4 @@
-//! `ferrostep send`, at a terminal with a virtual board behind it.
+//! `ferrostep send` to a terminal with a virtual board at its other end.
 
 use std::path::{Path, PathBuf};
 
@@ -166,7 +166,7 @@ fn a_fallback_that_halts_the_machine_ends() {
     let outcome = send(&job, board.port(), Some(&gcode));
     assert_eq!(outcome.status, Some(1), "{outcome:#?}");
     says(&outcome.stderr, "error: the board has halted: Error:Printer halted");
-    // M112 is answered so; nothing was sent behind it.
+    // This answers M112; nothing was sent after it.
     assert_eq!(board.end().said.iter().filter(|line| line.contains("is halted")).count(), 1);
 }
 
@@ -206,7 +206,7 @@ fn a_missing_port_is_an_error() {
     says(&outcome.stderr, "/dev/no-such-port: No such file");
 }
 
-/// Sends a job and kills the host when the board has read so many bytes.
+/// Sends a job and kills the host when the board has read this many bytes.
 fn send_and_kill(job: &Path, board: &PtyBoard, bytes: u64) {
     board.hold_after(bytes);
     let mut host = start(["send", job.to_str().unwrap(), "--port", board.port()]);

@@ -9,7 +9,7 @@ use ferrostep_oracle::trace_check::{Extrusion, TraceCheckOptions, check_trace};
 use crate::command::{directory, example, ferrostep, repository};
 use crate::papers::REFRESH_VARIABLE;
 
-/// Before and behind the table in the book.
+/// Marks before and after the table in the book.
 const BEGIN: &str = "<!-- both extruders over whole prints -->\n";
 const END: &str = "<!-- end -->\n";
 

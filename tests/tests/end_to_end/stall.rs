@@ -34,7 +34,7 @@ fn true_mm(machine: &Machine) -> [f64; 3] {
     machine.desk().borrow().board().motors.true_position_10nm().map(|units| units as f64 / 1e5)
 }
 
-/// Threshold 130 means a load of 260, which the model's motor has 0.35 full steps behind: 6 of its 16 microsteps.
+/// Threshold 130 means a load of 260, which the model's motor reaches when it lags 0.35 full steps: 6 of its 16 microsteps.
 const LAG_MM: f64 = 0.06;
 
 #[test]
@@ -86,7 +86,7 @@ fn a_wrong_stall_threshold_shows() {
     assert!(replies[0].contains("expected at most 0.50 mm"), "{replies:?}");
     let x = true_mm(&too_sensitive)[0];
     assert!(x < START_10NM[0] as f64 / 1e5 + 5.0, "{x}");
-    // A load of 2 is a full step behind: later, but there.
+    // A load of 2 means a lag of a full step: later, but it comes.
     let late = machine(&profile);
     let replies = say(&late, &mut late.printer(), &["M914 X1", "G28 X"]);
     assert!(replies[0].starts_with("X:180.40"), "{replies:?}");

@@ -13,7 +13,7 @@ pub struct BoardFacts {
     pub profile: &'static str,
     /// Where its image begins.
     pub image_address: u32,
-    /// Flash behind its end is not there.
+    /// The flash ends here.
     pub flash_end: u32,
     /// What the plain bytes are called.
     pub bytes_file: &'static str,

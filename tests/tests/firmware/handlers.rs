@@ -37,7 +37,7 @@ fn stores_to_slow_buses_are_complete_before_a_handler_returns() {
 }
 
 /// The step interrupt does without: whichever way it returns, it loads registers from the stack first. The stack, the step
-/// timer and the ports are all behind the core's system bus, on which a load follows the stores before it.
+/// timer and the ports are all on the core's system bus, on which a load follows the stores before it.
 #[test]
 fn the_step_interrupt_loads_before_it_returns() {
     for board in &BOARDS {

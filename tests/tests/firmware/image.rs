@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::{Mutex, OnceLock, PoisonError};
 
-/// Path of the bench board's image; built when nobody has.
+/// Path of the bench board's image, which is built if necessary.
 pub fn image() -> &'static Path {
     static IMAGE: OnceLock<PathBuf> = OnceLock::new();
     IMAGE.get_or_init(|| match std::env::var_os("FERROSTEP_FIRMWARE") {
@@ -14,7 +14,7 @@ pub fn image() -> &'static Path {
     })
 }
 
-/// Path of a board's image; built when nobody has. Its other files lie next to it.
+/// Path of a board's image, which is built if necessary. Its other files lie next to it.
 pub fn image_of(board: &str) -> PathBuf {
     static BUILT: Mutex<BTreeMap<String, PathBuf>> = Mutex::new(BTreeMap::new());
     match std::env::var_os("FERROSTEP_IMAGES") {

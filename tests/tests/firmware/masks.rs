@@ -13,7 +13,7 @@ const MAY_SET_PRIMASK: [(&str, &str); 4] = [
     ("main", "RTIC's start: from reset to the end of `init`, when no task runs yet"),
     ("__rustc::rust_begin_unwind", "the panic handler: heaters and motors off, for good"),
     ("ferrostep_stm32f4::fault::handle", "the hard fault: the same"),
-    ("DefaultHandler", "an interrupt that nobody has asked for: the same"),
+    ("DefaultHandler", "an unexpected interrupt: the same"),
 ];
 
 /// Every instruction of the image.

@@ -1,4 +1,4 @@
-//! M410, M112, M108 and a host that goes, at any instant of whatever the board is at: it answers within the times that the
+//! M410, M112, M108 and a vanishing host, at any instant of anything the board does: it answers within the times that the
 //! book tells (Overload), no motor steps after a stop, and the machine goes on from where its motors stand.
 //!
 //! Everything follows from a seed, which a failure names. `FERROSTEP_INSTANTS` says how many instants of each kind are
@@ -23,13 +23,13 @@ use states::{State, Work};
 /// Instants of a kind in all states, unless `FERROSTEP_INSTANTS` is set.
 const INSTANTS: u64 = 100;
 
-/// A command that waits for motion is answered so long after a stop, and a line that need not wait after it has come, ms.
+/// How soon a command that waits for motion is answered after a stop, and a line that need not wait after its arrival, ms.
 const ANSWER_MS: u64 = 5;
 
 /// One that waits for time or heat looks around so often, ms.
 const LOOK_MS: u64 = 100;
 
-/// A prepared job waits so long for its line before it looks around, ms.
+/// How long a prepared job waits for its line before it checks for stops, ms.
 const LINE_MS: u64 = 150;
 
 /// How long a wait for heat is watched that nothing ends, ms.
@@ -436,7 +436,7 @@ fn m108_before_a_wait_ends_it_at_its_start() {
     });
 }
 
-/// M410 has acted, and its line has a wrong number: what was left unpushed is reckoned with the next line, whichever it is.
+/// M410 has acted, but its line had a wrong number: the next executed line accounts for the filament that was not pushed.
 #[test]
 fn position_is_exact_after_a_stop_whose_line_was_lost() {
     let profile = ferrostep_profiles::load("cartesian").unwrap();

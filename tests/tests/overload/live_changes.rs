@@ -240,7 +240,7 @@ fn stops_at_once(line: &str, after: &[&str]) -> Vec<Print> {
             for stop in &print.stops {
                 assert_eq!(stop.motor_steps, stop.counted_steps);
                 assert!(!stop.stepped_after, "a motor stepped after the stop: {stop:?}");
-                // No item of the job came behind it.
+                // No item of the job came after it.
                 assert_eq!(stop.counted_steps, first.counted_steps);
             }
             let said_ms = print.idle_at.saturating_sub(at) / CYCLES_A_MS;

@@ -77,7 +77,7 @@ impl<'b, 'a, M: Stepping> StoppedPrint<'b, 'a, M> {
         }
     }
 
-    /// Prints lines over and over; a stop comes after so many cycles. Returns whether motion was under way.
+    /// Prints lines again and again; a stop comes after this many cycles. Returns whether motion was under way.
     #[track_caller]
     fn stop_after(&mut self, cycles: u64, lines: &mut impl Iterator<Item = String>, emergency: Emergency) -> bool {
         let events = self.board.events();

@@ -130,7 +130,7 @@ fn unread_output_is_not_sent_to_the_next_program() {
     device.report("start");
     host.plug_in();
     host.plug_in();
-    // The first one is told what was said before it came ...
+    // The first one reads what was said before it came ...
     host.set_open(true);
     assert_eq!(host.read_lines(), ["start"]);
     // ... the next is not. It begins with a whole line, though the one before had read half of one.

@@ -39,7 +39,7 @@ pub fn machine<R: Replies>(replies: R) -> Session<(), R> {
     Session::new(ferrostep_profiles::load("cartesian").unwrap(), Mode::Print, LOOK_AHEAD_BLOCKS, (), replies)
 }
 
-/// A printer behind the port, and a host that prints through it.
+/// A printer at the port, and a host that prints through it.
 pub struct Conversation<'a> {
     machine: &'a Session<(), Port<'a>>,
     printer: DeskPrinter<'a, (), Port<'a>>,

@@ -120,7 +120,7 @@ impl Device {
         self.interrupt();
     }
 
-    /// A line that nobody has asked for.
+    /// An unsolicited line.
     pub fn report(&self, text: impl Display) {
         self.writer.borrow_mut().report(format_args!("{text}"));
         self.interrupt();

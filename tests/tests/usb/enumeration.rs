@@ -94,7 +94,7 @@ fn line_coding_is_stored_without_effect() {
         host.send(b"M105\n");
         assert_eq!(device.take_received(), b"M105\n");
     }
-    // Half of it, of another interface, and requests that are none.
+    // Half of it, of another interface, and invalid requests.
     assert_eq!(host.tell(0x21, 0x20, 0, 0, &[1, 2, 3]), Err(Stalled));
     assert_eq!(host.tell(0x21, 0x20, 0, 1, &[0; 7]), Err(Stalled));
     assert_eq!(host.tell(0x21, 0x7f, 0, 0, &[]), Err(Stalled));

@@ -129,7 +129,7 @@ impl<'a> Host<'a> {
         answer
     }
 
-    /// Any request, with whatever data it asks for or brings; its outcome is nobody's affair.
+    /// Any request with any data; the outcome does not matter.
     pub fn try_request(&self, [kind, number, low, high]: [u8; 4], index: u16, length: usize) {
         self.setup(request(kind, number, u16::from_le_bytes([low, high]), index, length));
         for _ in 0..length / CONTROL_BYTES + 2 {

@@ -10,9 +10,9 @@ use crate::host::PACKET_BYTES;
 /// What a host does next.
 #[derive(Clone, Debug)]
 enum Step {
-    /// Sends so many of the bytes that are left, in one packet; none at all is a packet as well.
+    /// Sends this many of the remaining bytes in one packet; a packet may be empty.
     Send(usize),
-    /// Resets the bus, in the middle of whatever it is in.
+    /// Resets the bus in the middle of anything.
     Reset,
 }
 

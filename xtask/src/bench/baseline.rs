@@ -8,7 +8,7 @@ use serde_json::Value;
 use crate::steps::Failure;
 use crate::system;
 
-/// A count may grow by so many percent; more fails the check.
+/// How much a count may grow, percent; more fails the check.
 const TOLERANCE_PERCENT: f64 = 3.0;
 
 /// The same where another compiler than the baseline's has built the images: that alone was seen to change counts by up
@@ -28,7 +28,7 @@ pub struct Change {
     pub key: String,
     /// The committed count; `None` where there was none.
     pub before: Option<f64>,
-    /// The count now; `None` where there is none any more.
+    /// The current count; `None` if it is no longer counted.
     pub now: Option<f64>,
 }
 

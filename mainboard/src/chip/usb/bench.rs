@@ -73,7 +73,7 @@ impl Bench {
         self.write(Register::Doepctl(endpoint), open);
     }
 
-    /// Enables an OUT endpoint for so many packets of 64 bytes.
+    /// Enables an OUT endpoint for this many packets of 64 bytes.
     pub fn arm_out(&mut self, endpoint: u8, packets: u64) {
         let size = f::eptsiz::PKTCNT.set(0, packets) | (64 * packets).min(if endpoint == 0 { 64 } else { 0x7_FFFF });
         self.write(Register::Doeptsiz(endpoint), size);
@@ -98,7 +98,7 @@ impl Bench {
         }
     }
 
-    /// Reads so many bytes from the receive FIFO.
+    /// Reads this many bytes from the receive FIFO.
     pub fn drain(&mut self, bytes: usize) -> Vec<u8> {
         let words: Vec<u64> = (0..bytes.div_ceil(4)).map(|_| self.read(Register::Fifo(0))).collect();
         words.iter().flat_map(|word| (*word as u32).to_le_bytes()).take(bytes).collect()

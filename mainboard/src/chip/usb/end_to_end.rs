@@ -339,7 +339,7 @@ impl Desk {
         Self { bench, host: UsbHost::new(), driver, random: Random(seed | 1), service_ns: None, latency_ns }
     }
 
-    /// Runs until `done` or for so long.
+    /// Runs until `done`, or for this long.
     fn run(&mut self, for_ns: u64, mut done: impl FnMut(&mut Self) -> bool) -> bool {
         let end_ns = self.bench.now_ns + for_ns;
         while !done(self) {

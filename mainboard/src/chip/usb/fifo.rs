@@ -59,7 +59,7 @@ impl Entry {
     }
 }
 
-/// Words that so many bytes fill.
+/// Words that this many bytes fill.
 #[must_use]
 pub fn words_of(bytes: usize) -> u32 {
     u32::try_from(bytes.div_ceil(4)).unwrap_or(u32::MAX)
@@ -105,7 +105,7 @@ impl Receive {
         self.entries.push_back(entry);
     }
 
-    /// Whether an OUT packet of so many bytes finds room in a FIFO of `depth` words: with its status and the entry
+    /// Whether an OUT packet of this many bytes finds room in a FIFO of `depth` words: with its status and the entry
     /// that ends its transfer, without what is kept for SETUP packets, the global NAK and the endings of `transfers`
     /// other endpoints.
     #[must_use]
@@ -150,7 +150,7 @@ impl Transmit {
         fits
     }
 
-    /// The first so many bytes, without taking them, or `None` while they are not all there.
+    /// The first bytes, without taking them, or `None` until all of them are there.
     #[must_use]
     pub fn peek_packet(&self, bytes: usize) -> Option<Vec<u8>> {
         if words_of(bytes) > self.used() {
@@ -159,7 +159,7 @@ impl Transmit {
         Some(self.words.iter().flat_map(|word| word.to_le_bytes()).take(bytes).collect())
     }
 
-    /// Drops the words of a packet of so many bytes, which the host has acknowledged.
+    /// Drops the words of a packet of this many bytes, which the host has acknowledged.
     pub fn drop_packet(&mut self, bytes: usize) {
         self.words.drain(..bytes.div_ceil(4).min(self.words.len()));
     }

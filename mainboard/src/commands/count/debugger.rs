@@ -44,7 +44,7 @@ pub fn calls<'a>(segments: impl Iterator<Item = (u64, &'a [u8])>) -> Vec<u64> {
     calls.collect()
 }
 
-/// Serves a program from its first instruction to its end. A program that is told no arguments need not be stopped at its
+/// Serves a program from its first instruction to its end. A program without arguments need not be stopped at its
 /// calls.
 ///
 /// # Errors
@@ -110,7 +110,7 @@ impl Server {
                 else {
                     return Err(unexpected(request));
                 };
-                // Its last byte is the zero behind the name.
+                // Its last byte is the zero after the name.
                 let name = self.read_memory(address, length.saturating_sub(1))?;
                 let name = String::from_utf8_lossy(&name).into_owned();
                 let is_name = Path::new(&name).components().all(|part| matches!(part, Component::Normal(_)));

@@ -41,7 +41,7 @@ fn a_host_reads_and_writes_a_terminal_as_it_is() {
     let all: Vec<u8> = (0..=255).collect();
     host.write_all(&all).unwrap();
     assert_eq!(read_all(&mut line, 256), all);
-    assert!(line.read().unwrap().is_empty(), "nothing is echoed, nobody waits");
+    assert!(line.read().unwrap().is_empty(), "nothing is echoed or pending");
     assert!(line.connected());
     drop(host);
     assert!(becomes(&mut line, false));

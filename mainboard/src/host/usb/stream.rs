@@ -10,7 +10,7 @@ const OVERHEAD_BYTES: u64 = 13;
 /// A NAK to an IN token: token, handshake and turnarounds.
 const REFUSAL_BYTES: u64 = 7;
 
-/// How long a transaction with so many bytes of data holds the bus: 12 Mbit/s, so 19 of 64 bytes fill a frame.
+/// How long a transaction with this many bytes of data occupies the bus: 12 Mbit/s, so 19 of 64 bytes fill a frame.
 pub(super) fn duration_ns(bytes: u64) -> u64 {
     (OVERHEAD_BYTES + bytes) * 2_000 / 3
 }

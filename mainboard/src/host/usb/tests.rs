@@ -135,7 +135,7 @@ impl Bus for Fake {
     }
 }
 
-/// Runs from event to event for so long.
+/// Runs from event to event for this long.
 fn run(host: &mut UsbHost, fake: &mut Fake, for_ns: u64) {
     let end_ns = fake.now_ns + for_ns;
     while host.next_event_ns() <= end_ns {

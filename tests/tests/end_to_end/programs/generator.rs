@@ -227,7 +227,7 @@ impl Writer {
             Line::RetractSettings { length, feed, lift, extra } => {
                 let retract = self.words(&[('S', *length), ('F', *feed), ('Z', *lift)]);
                 let recover = self.words(&[('S', *extra), ('F', *feed)]);
-                // Whether a change behind G10 changes what G11 takes back is a matter of choice.
+                // Whether a change after G10 changes what G11 recovers is a matter of choice.
                 self.line("G11");
                 self.line(&format!("M207{retract}"));
                 self.line(&format!("M208{recover}"));
