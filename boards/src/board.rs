@@ -5,7 +5,40 @@ use crate::clock::Clock;
 use crate::pin::Pin;
 use crate::signals::AnalogueChannel;
 
-pub use crate::file::DriverName as Driver;
+/// A motor driver.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Driver {
+    /// No driver.
+    None,
+    /// Whatever is plugged in.
+    Socket,
+    /// Allegro A4988.
+    A4988,
+    /// Texas Instruments DRV8825.
+    Drv8825,
+    /// Trinamic TMC2130.
+    Tmc2130,
+    /// Trinamic TMC2208.
+    Tmc2208,
+    /// Trinamic TMC2209.
+    Tmc2209,
+    /// Trinamic TMC5160.
+    Tmc5160,
+}
+
+impl Driver {
+    /// All drivers by the words that a board's file has for them.
+    pub const ALL: [(&'static str, Self); 8] = [
+        ("none", Self::None),
+        ("socket", Self::Socket),
+        ("a4988", Self::A4988),
+        ("drv8825", Self::Drv8825),
+        ("tmc2130", Self::Tmc2130),
+        ("tmc2208", Self::Tmc2208),
+        ("tmc2209", Self::Tmc2209),
+        ("tmc5160", Self::Tmc5160),
+    ];
+}
 
 /// A board.
 #[derive(Clone, Debug, PartialEq)]

@@ -94,15 +94,8 @@ const CHIPS: [Chip; 3] = [
 ];
 
 impl Chip {
-    /// The chip of this name.
-    pub fn named(name: &str) -> Option<Self> {
-        CHIPS.into_iter().find(|chip| chip.name == name)
-    }
-
-    /// Names of all chips.
-    pub fn names() -> impl Iterator<Item = &'static str> {
-        CHIPS.iter().map(|chip| chip.name)
-    }
+    /// All chips.
+    pub(crate) const ALL: [Self; 3] = CHIPS;
 
     /// Whether the package brings this pin out, for other things than the crystal.
     pub fn has(self, pin: Pin) -> bool {

@@ -169,12 +169,12 @@ pub fn drivers(board: &Board, profile: &Profile) -> String {
         (true, Some(_)) => "SharedLine",
         (true, None) => "OwnLines",
     };
-    let wiring = format!("{wiring:?}").replace("DriverWiring", "ferrostep_hal_shim::tmc2209::DriverWiring");
     format!(
         "/// What the drivers are told over.\npub type BoardDriverLine = ferrostep_stm32f4::driver_line::{line};\n\
          /// Port and number of the lines' pins.\npub const DRIVER_PINS: [(u8, u8); 4] = {pins:?};\n\
          /// How the drivers that are set are connected.\n\
-         pub const DRIVER_WIRING: [Option<ferrostep_hal_shim::tmc2209::DriverWiring>; 4] = {wiring};\n"
+         pub const DRIVER_WIRING: [Option<ferrostep_hal_shim::tmc2209::DriverWiring>; 4] = {{\n    \
+         #[allow(unused_imports)]\n    use ferrostep_hal_shim::tmc2209::DriverWiring;\n    {wiring:?}\n}};\n"
     )
 }
 

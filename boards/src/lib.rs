@@ -1,17 +1,18 @@
 //! Printer boards as TOML: their pins and clocks, checked, and what the firmware is built from.
 //!
-//! The boards are the files next to this crate's `Cargo.toml`; those of the bench and of the Buddy board document the
-//! keys. [`constants::rust`] turns one into the constants that the firmware is compiled with.
+//! The boards are the files next to this crate's `Cargo.toml`. A key is one line of code that reads it (`keys.rs`), with its
+//! range, its default and its meaning; the book's table of keys is made from the same lines ([`schema`]). [`constants::rust`]
+//! turns a board into the constants that the firmware is compiled with.
 #![forbid(unsafe_code)]
 
 mod board;
 mod chip;
 pub mod clock;
 pub mod constants;
-mod convert;
-mod file;
 pub mod fit;
+mod keys;
 mod pin;
+mod pins;
 pub mod registers;
 mod signals;
 mod start;
@@ -21,7 +22,7 @@ pub use board::{
     RAM_ADDRESS, Thermistor,
 };
 pub use chip::Chip;
-use ferrostep_checked_toml::Checker;
+use ferrostep_checked_toml::{Reader, Schema};
 pub use ferrostep_checked_toml::{FileError as BoardError, Problem};
 pub use pin::Pin;
 pub use signals::AnalogueChannel;
@@ -67,6 +68,12 @@ pub fn load(name_or_path: &str) -> Result<Board, BoardError> {
 /// The first problem found: TOML syntax, then unknown, missing or mistyped keys, then values out of their range, then
 /// pins and channels that contradict each other.
 pub fn parse(text: &str, origin: &str) -> Result<Board, BoardError> {
-    let file = ferrostep_checked_toml::parse(text, origin)?;
-    convert::board(&file, &Checker::new(text, origin))
+    let reader = Reader::new(text, origin)?;
+    let board = keys::board(&reader.root());
+    reader.finish(board).map(|checked| checked.value)
+}
+
+/// The keys of a board.
+pub fn schema() -> Schema {
+    Reader::describe(keys::board)
 }

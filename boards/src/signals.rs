@@ -71,7 +71,7 @@ pub const USB_PINS: [&str; 2] = ["PA11", "PA12"];
 pub const DEBUG_PINS: [(&str, &str); 2] = [("PA13", "SWDIO"), ("PA14", "SWCLK")];
 
 /// A converter's channel, and the pin it measures.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct AnalogueChannel {
     /// The converter, 1 to 3.
     pub converter: u8,

@@ -16,13 +16,13 @@ pub struct FileError {
 #[derive(Debug)]
 #[non_exhaustive]
 pub enum Problem {
-    /// The file could not be read (and its name is none that is built in).
+    /// The file could not be read, and its name is not a built-in one.
     Read {
         /// What it should have been: "profile".
         what: &'static str,
         /// Names that need no file.
         built_in: Vec<&'static str>,
-        /// Why not.
+        /// The operating system's reason.
         error: std::io::Error,
     },
     /// The text is not TOML.
@@ -31,28 +31,32 @@ pub enum Problem {
     UnknownKey {
         /// The key.
         key: String,
-        /// What may stand in its place, in words.
+        /// The keys that its table has, in words.
         expected: String,
     },
-    /// A key that it must have.
+    /// A required key that is missing.
     MissingKey {
         /// The key.
         key: String,
+        /// Its values, in words and with their unit.
+        expected: String,
     },
-    /// A value of the wrong type, or a word that is none of the key's.
+    /// A value of the wrong type, or an unknown word.
     WrongType {
-        /// The key; empty if it could not be told.
+        /// The key.
         key: String,
-        /// What was found and what was expected.
-        message: String,
+        /// The value as it stands in the text.
+        value: String,
+        /// The right values, in words.
+        expected: String,
     },
     /// A value outside its range, or one that contradicts another.
     OutOfRange {
         /// The key.
         key: String,
-        /// The value as it was read.
+        /// The value as it stands in the text.
         value: String,
-        /// What it should have been, in words and with its unit.
+        /// The right values, in words and with their unit.
         expected: String,
     },
 }
@@ -68,7 +72,7 @@ impl FileError {
         &self.origin
     }
 
-    /// Line of the text, counted from 1; `None` where no line is to blame, as for a key missing at the top level.
+    /// Line of the text, counted from 1; `None` if the problem has no line, as a key missing at the top level.
     pub fn line(&self) -> Option<usize> {
         self.line
     }
@@ -82,7 +86,7 @@ impl FileError {
     pub fn key(&self) -> Option<&str> {
         match &self.problem {
             Problem::UnknownKey { key, .. }
-            | Problem::MissingKey { key }
+            | Problem::MissingKey { key, .. }
             | Problem::WrongType { key, .. }
             | Problem::OutOfRange { key, .. } => Some(key),
             Problem::Read { .. } | Problem::Syntax(_) => None,
@@ -107,13 +111,9 @@ impl fmt::Display for Problem {
                 write!(f, "cannot read {what}: {error}; the built-in {what}s are {}", built_in.join(", "))
             }
             Problem::Syntax(message) => write!(f, "not valid TOML: {message}"),
-            Problem::UnknownKey { key, expected } => {
-                write!(f, "unknown key \"{key}\", expected {expected}")
-            }
-            Problem::MissingKey { key } => write!(f, "missing key \"{key}\""),
-            Problem::WrongType { key, message } if key.is_empty() => f.write_str(message),
-            Problem::WrongType { key, message } => write!(f, "{key}: {message}"),
-            Problem::OutOfRange { key, value, expected } => {
+            Problem::UnknownKey { key, expected } => write!(f, "unknown key \"{key}\", expected {expected}"),
+            Problem::MissingKey { key, expected } => write!(f, "missing key \"{key}\", expected {expected}"),
+            Problem::WrongType { key, value, expected } | Problem::OutOfRange { key, value, expected } => {
                 write!(f, "{key} = {value}: expected {expected}")
             }
         }

@@ -1,32 +1,28 @@
-//! TOML files that people write: read within bounds, and refused with the key, the line and what was expected.
+//! TOML files that people write: read key by key, and refused with the key, the line and the right values.
 //!
-//! Profiles and boards are such files. What their keys mean is their own crates' business.
+//! A file's schema is the code that reads it: each call on a [`Section`] declares a key with its range, what holds if it is
+//! left out, and its meaning. From the same calls follow the values, the refusals, the book's table ([`Schema::markdown`])
+//! and a hash of the values that bind other files to this one ([`Checked`]). Profiles and boards are such files.
 
-mod check;
 mod error;
+mod field;
 pub mod keys;
 mod locate;
+mod range;
+mod reader;
+mod schema;
 
 use std::io::Read;
 
-use serde::de::DeserializeOwned;
-
-pub use check::{Checker, Range, range};
 pub use error::{FileError, Problem};
+pub use field::Field;
 pub use locate::{line_of, line_of_key};
+pub use range::{Range, range};
+pub use reader::{Checked, Choice, Reader, Section};
+pub use schema::{Key, Schema};
 
-/// Longest file that is read, bytes. A path given by mistake may name a print of many megabytes, or a device that never
-/// ends.
+/// Longest file that is read, bytes. A path given by mistake may name a print of many megabytes, or an endless device.
 const MAX_BYTES: u64 = 1 << 20;
-
-/// The text as the shape of file that is wanted; `origin` (a path or a name) stands in front of the line number in
-/// errors.
-///
-/// # Errors
-/// The first problem found: TOML syntax, then unknown, missing or mistyped keys.
-pub fn parse<T: DeserializeOwned>(text: &str, origin: &str) -> Result<T, FileError> {
-    toml::from_str(text).map_err(|error| locate::explain(&error, text, origin))
-}
 
 /// Reads a whole text file of at most 1 MiB; `what` says in errors what it should have been, `built_in` what names need
 /// no file.

@@ -1,5 +1,6 @@
 //! From machine coordinates to motor steps.
 
+use core::fmt;
 use core::num::NonZeroU32;
 
 use crate::division::Divisor;
@@ -62,7 +63,7 @@ pub enum Kinematics {
 }
 
 /// Steps a millimetre, exact to five decimals, above 0 and at most 10,000.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, PartialEq, Eq)]
 pub struct StepsPerMm {
     hundred_thousandths: i64,
     /// The value in steps per unit of 10 nm.
@@ -110,21 +111,33 @@ impl Fraction {
     }
 }
 
+impl fmt::Debug for StepsPerMm {
+    /// As an expression: the image's profile is compiled from it.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "StepsPerMm::clamped({})", self.hundred_thousandths)
+    }
+}
+
 impl StepsPerMm {
     /// The nearest value with five decimals; `None` outside 0.00001 to 10,000.
     pub fn from_f64(steps_per_mm: f64) -> Option<Self> {
         let scaled = steps_per_mm * 100_000.0 + 0.5;
         // NaN is in no range.
-        (1.0..1e9 + 1.0).contains(&scaled).then(|| Self::of(scaled as i64))
+        (1.0..1e9 + 1.0).contains(&scaled).then(|| Self::nearest(steps_per_mm))
     }
 
-    /// The value in units of 1e-5 steps/mm, for machines that are constants of a program; `None` outside
-    /// 1 to 1,000,000,000.
-    pub const fn from_hundred_thousandths(hundred_thousandths: i64) -> Option<Self> {
-        if hundred_thousandths < 1 || hundred_thousandths > 1_000_000_000 {
-            return None;
+    /// The nearest value with five decimals that there is: values outside 0.00001 to 10,000 become these ends, NaN the lower.
+    pub fn nearest(steps_per_mm: f64) -> Self {
+        Self::clamped((steps_per_mm * 100_000.0 + 0.5) as i64)
+    }
+
+    /// The value in units of 1e-5 steps/mm, 1 to 1,000,000,000; values outside become these ends.
+    pub const fn clamped(hundred_thousandths: i64) -> Self {
+        match hundred_thousandths {
+            ..1 => Self::of(1),
+            1..=1_000_000_000 => Self::of(hundred_thousandths),
+            _ => Self::of(1_000_000_000),
         }
-        Some(Self::of(hundred_thousandths))
     }
 
     const fn of(hundred_thousandths: i64) -> Self {
@@ -346,10 +359,11 @@ mod tests {
             assert_eq!(StepsPerMm::from_f64(bad), None, "{bad}");
         }
         assert_eq!(steps(415.305).hundred_thousandths(), 41_530_500);
-        assert_eq!(StepsPerMm::from_hundred_thousandths(41_530_500), Some(steps(415.305)));
-        for bad in [0, -1, 1_000_000_001, i64::MIN, i64::MAX] {
-            assert_eq!(StepsPerMm::from_hundred_thousandths(bad), None, "{bad}");
+        assert_eq!(StepsPerMm::clamped(41_530_500), steps(415.305));
+        for (outside, end) in [(0, 1), (-1, 1), (i64::MIN, 1), (1_000_000_001, 1_000_000_000), (i64::MAX, 1_000_000_000)] {
+            assert_eq!(StepsPerMm::clamped(outside).hundred_thousandths(), end);
         }
+        assert_eq!(StepsPerMm::nearest(f64::NAN).hundred_thousandths(), 1);
     }
 
     #[test]

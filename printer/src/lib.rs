@@ -22,7 +22,6 @@ mod moves;
 mod prepared;
 mod printer;
 mod profile;
-mod profile_hash;
 mod settings;
 mod transfer;
 mod waits;

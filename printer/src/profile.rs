@@ -213,6 +213,9 @@ impl ExtrusionSettings {
 pub struct Profile {
     /// Name, for M115 and reports.
     pub name: &'static str,
+    /// Which machine a job is prepared for: a hash of the profile's keys that a plan depends on, or must not exceed. Two
+    /// machines with the same hash may execute each other's prepared jobs.
+    pub plan_hash: u64,
     /// How X and Y are driven.
     pub kinematics: Kinematics,
     /// Upper end of X, Y and Z in machine coordinates, units of 10 nm.

@@ -355,7 +355,7 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
                 }
                 Part::Passed(length) => length,
                 Part::Header(length, header) => {
-                    header.matches(self.profile.hash(), PLANNER_VERSION)?;
+                    header.matches(self.profile.plan_hash, PLANNER_VERSION)?;
                     if header.encoding != Encoding::Compact {
                         let fault = Fault::Content("the compact encoding, which alone is sent to a board");
                         return Err(Stop::Read(ReadError { fault, offset: 10, frame: None }));

@@ -1,12 +1,9 @@
-//! Range, control and checks of the heaters, and what they heat on the virtual board.
+//! Range, control and checks of the heaters, and their models on the virtual board.
 
-use ferrostep_checked_toml::{Checker, Range, range};
+use ferrostep_checked_toml::{Range, Section, range};
 use ferrostep_hal_shim::thermistor::{Thermistor, ThermistorType};
 use ferrostep_hal_shim::virtual_board::HeatedMass;
 use ferrostep_printer::{HeaterSettings, HeaterWatch};
-
-use crate::ProfileError;
-use crate::file::{HeaterTable, ModelTable, Number, ThermistorName, ThermistorValue};
 
 const HEATER_MIN: Range = range(-50.0, 50.0, "degrees Celsius");
 const NOZZLE_MAX: Range = range(60.0, 500.0, "degrees Celsius");
@@ -19,8 +16,8 @@ const RESIDENCY: Range = range(0.0, 600.0, "s");
 const R25: Range = range(1_000.0, 1_000_000.0, "ohms");
 const BETA: Range = range(2_000.0, 6_000.0, "K");
 const PULL_UP: Range = range(100.0, 100_000.0, "ohms");
-// No time so long, no rise so small that a failed heater goes unnoticed until something melts; none so short or so
-// large that a sound heater trips. A weak bed gains a degree a minute, and melts nothing in five.
+// Long times and small rises would let a failed heater go unnoticed until something melts; short times and large rises trip
+// on a sound one. A weak bed gains a degree a minute, and melts nothing in five.
 const WATCH: Range = range(5.0, 120.0, "s");
 const BED_WATCH: Range = range(5.0, 300.0, "s");
 const WATCH_RISE: Range = range(1.0, 20.0, "degrees");
@@ -33,107 +30,129 @@ const LOSS: Range = range(0.001, 100.0, "W/K");
 const FAN_LOSS: Range = range(0.0, 100.0, "W/K");
 const DEAD_TIME: Range = range(0.0, 30.0, "s");
 
-/// Nozzle and bed.
-pub fn heaters(
-    nozzle: &HeaterTable,
-    bed: &HeaterTable,
-    check: &Checker<'_>,
-) -> Result<[HeaterSettings; 2], ProfileError> {
-    Ok([
-        heater("nozzle", nozzle, NOZZLE_MAX, (HeaterWatch::NOZZLE, HeatedMass::NOZZLE), check)?,
-        heater("bed", bed, BED_MAX, (HeaterWatch::BED, HeatedMass::BED), check)?,
-    ])
+/// In what the nozzle's heater and the bed's differ.
+struct Kind {
+    max_celsius: Range,
+    watch_s: Range,
+    hysteresis: Range,
+    /// If the profile does not say.
+    watch: HeaterWatch,
+    mass: HeatedMass,
+    mass_in_words: &'static str,
 }
 
-/// Range and control of one heater.
-fn heater(
-    name: &str,
-    table: &HeaterTable,
-    max_celsius: Range,
-    (default_watch, default_mass): (HeaterWatch, HeatedMass),
-    check: &Checker<'_>,
-) -> Result<HeaterSettings, ProfileError> {
-    let number = |key: &str, value: &Number, range| check.number(&format!("{name}.{key}"), value, range);
-    let thermistor = thermistor(name, table, check)?;
-    let readable = |key: &str, value: &Number, range| {
-        let celsius = number(key, value, range)? as f32;
-        if thermistor.can_tell(celsius) {
-            return Ok(celsius);
+const NOZZLE: Kind = Kind {
+    max_celsius: NOZZLE_MAX,
+    watch_s: WATCH,
+    hysteresis: RUNAWAY_HYSTERESIS,
+    watch: HeaterWatch::NOZZLE,
+    mass: HeatedMass::NOZZLE,
+    mass_in_words: "40 W on 12 J/K",
+};
+
+const BED: Kind = Kind {
+    max_celsius: BED_MAX,
+    watch_s: BED_WATCH,
+    hysteresis: BED_RUNAWAY_HYSTERESIS,
+    watch: HeaterWatch::BED,
+    mass: HeatedMass::BED,
+    mass_in_words: "250 W on 500 J/K",
+};
+
+/// Nozzle and bed.
+pub(crate) fn heaters(keys: &Section<'_>) -> [HeaterSettings; 2] {
+    [("nozzle", NOZZLE), ("bed", BED)].map(|(name, kind)| heater(keys, name, &kind))
+}
+
+/// Range and control of one heater. A prepared job sets its targets, so that it is bound to their end; the rest is apart.
+fn heater(keys: &Section<'_>, name: &'static str, kind: &Kind) -> HeaterSettings {
+    let table = keys.section(name, "");
+    let apart = table.apart();
+    let thermistor = thermistor(&apart);
+    let min_celsius = apart
+        .number("min_celsius", HEATER_MIN)
+        .required("and what `sensor` can read; below this all heaters are switched off") as f32;
+    let max_celsius = table
+        .number("max_celsius", kind.max_celsius)
+        .required("and what `sensor` can read; at or above this all heaters are switched off")
+        as f32;
+    for (key, celsius) in [("min_celsius", min_celsius), ("max_celsius", max_celsius)] {
+        if !thermistor.can_tell(celsius) {
+            let [lowest, highest] = readable_celsius(&thermistor);
+            let expected = format!(
+                "{lowest} to {highest} degrees Celsius, what {name}.sensor can read with pull_up_ohm = {}",
+                thermistor.pull_up_ohm
+            );
+            table.refuse(key, expected);
         }
-        let [lowest, highest] = readable_celsius(&thermistor);
-        let expected = format!(
-            "{lowest} to {highest} degrees Celsius, what {name}.sensor can read with pull_up_ohm = {}",
-            thermistor.pull_up_ohm
-        );
-        Err(check.refuse(&format!("{name}.{key}"), value, expected))
-    };
-    let min_celsius = readable("min_celsius", &table.min_celsius, HEATER_MIN)?;
-    let max_celsius = readable("max_celsius", &table.max_celsius, max_celsius)?;
-    let max_target_celsius = match &table.max_target_celsius {
-        Some(value) => {
-            let key = format!("{name}.max_target_celsius");
-            let highest = range(HEATER_MIN.high, f64::from(max_celsius), "degrees Celsius, at most max_celsius");
-            check.number(&key, value, highest)? as f32
-        }
-        None => max_celsius,
-    };
-    let watch = watch(name, table, default_watch, check)?;
-    let window_value = &table.residency_window_celsius;
-    let residency_window_celsius = number("residency_window_celsius", window_value, RESIDENCY_WINDOW)? as f32;
+    }
+    let target = range(HEATER_MIN.high, kind.max_celsius.high, "degrees Celsius");
+    let max_target_celsius = apart
+        .number("max_target_celsius", target.at_most(max_celsius.into(), "at most max_celsius"))
+        .optional("`max_celsius`", "higher targets are refused (M104, M140)");
+    let watch = watch(&apart, kind);
+    let residency_window_celsius = apart
+        .number("residency_window_celsius", RESIDENCY_WINDOW)
+        .required("at most `runaway_celsius`: M109 (M190) waits until the temperature has stayed this near the target")
+        as f32;
     if residency_window_celsius > watch.runaway_celsius {
         // What M109 takes for reached would be a runaway.
         let expected = format!("at most {name}.runaway_celsius = {}", watch.runaway_celsius);
-        return Err(check.refuse(&format!("{name}.residency_window_celsius"), window_value, expected));
+        table.refuse("residency_window_celsius", expected);
     }
-    Ok(HeaterSettings {
+    HeaterSettings {
         thermistor,
         min_celsius,
         max_celsius,
-        max_target_celsius,
+        max_target_celsius: max_target_celsius.map_or(max_celsius, |celsius| celsius as f32),
         watch,
-        proportional: number("proportional", &table.proportional, PROPORTIONAL)? as f32,
-        integral: number("integral", &table.integral, INTEGRAL)? as f32,
-        derivative: number("derivative", &table.derivative, DERIVATIVE)? as f32,
+        proportional: apart.number("proportional", PROPORTIONAL).required("PID gain; power is 0 to 1") as f32,
+        integral: apart.number("integral", INTEGRAL).required("PID gain") as f32,
+        derivative: apart.number("derivative", DERIVATIVE).required("PID gain") as f32,
         residency_window_celsius,
-        residency_ms: (number("residency_s", &table.residency_s, RESIDENCY)? * 1e3).round() as u32,
-        mass: table.model.as_ref().map_or(Ok(default_mass), |model| mass(name, model, check))?,
-    })
+        residency_ms: milliseconds(apart.number("residency_s", RESIDENCY).required("for this long")),
+        mass: mass(&apart, kind),
+    }
 }
 
 /// What the virtual board's heater heats.
-fn mass(name: &str, table: &ModelTable, check: &Checker<'_>) -> Result<HeatedMass, ProfileError> {
-    let number = |key: &str, value: &Number, range| {
-        check.number(&format!("{name}.model.{key}"), value, range).map(|number| number as f32)
-    };
-    let optional =
-        |key: &str, value: &Option<Number>, range| value.as_ref().map_or(Ok(0.0), |value| number(key, value, range));
-    Ok(HeatedMass {
-        heater_w: number("power_w", &table.power_w, POWER)?,
-        capacity_j_per_k: number("capacity_j_per_k", &table.capacity_j_per_k, CAPACITY)?,
-        loss_w_per_k: number("loss_w_per_k", &table.loss_w_per_k, LOSS)?,
-        fan_loss_w_per_k: optional("fan_loss_w_per_k", &table.fan_loss_w_per_k, FAN_LOSS)?,
-        dead_time_s: optional("dead_time_s", &table.dead_time_s, DEAD_TIME)?,
-    })
+fn mass(heater: &Section<'_>, kind: &Kind) -> HeatedMass {
+    let about = "what the heater heats, for the [virtual board](virtual-board.md) alone";
+    let Some(model) = heater.optional_section("model", kind.mass_in_words, about) else { return kind.mass };
+    HeatedMass {
+        heater_w: model.number("power_w", POWER).required("") as f32,
+        capacity_j_per_k: model.number("capacity_j_per_k", CAPACITY).required("") as f32,
+        loss_w_per_k: model.number("loss_w_per_k", LOSS).required("to the air") as f32,
+        fan_loss_w_per_k: model
+            .number("fan_loss_w_per_k", FAN_LOSS)
+            .or(0.0, "more with the part-cooling fan at full power") as f32,
+        dead_time_s: model
+            .number("dead_time_s", DEAD_TIME)
+            .or(0.0, "from a change of power until the thermistor answers") as f32,
+    }
 }
 
 /// What measures a heater.
-fn thermistor(name: &str, table: &HeaterTable, check: &Checker<'_>) -> Result<Thermistor, ProfileError> {
-    let kind = match &table.sensor {
-        ThermistorValue::Named(ThermistorName::Semitec104Gt2) => ThermistorType::Semitec104Gt2,
-        ThermistorValue::Named(ThermistorName::Epcos100k) => ThermistorType::Epcos100k,
-        ThermistorValue::Beta(beta) => ThermistorType::Beta {
-            r25_ohm: check.number(&format!("{name}.sensor.r25_ohm"), &beta.r25_ohm, R25)? as f32,
-            beta_k: check.number(&format!("{name}.sensor.beta_k"), &beta.beta_k, BETA)? as f32,
-        },
-    };
-    let pull_up_ohm = match &table.pull_up_ohm {
-        Some(value) => check.number(&format!("{name}.pull_up_ohm"), value, PULL_UP)? as f32,
-        None => Thermistor::USUAL_PULL_UP_OHM,
-    };
-    Ok(Thermistor { kind, pull_up_ohm })
+fn thermistor(heater: &Section<'_>) -> Thermistor {
+    let named = [
+        ("semitec-104gt-2", ThermistorType::Semitec104Gt2),
+        // EPCOS B57560G104F.
+        ("epcos-100k", ThermistorType::Epcos100k),
+    ];
+    let kind = heater
+        .word_or_section("sensor", named, "{ r25_ohm = 100000, beta_k = 3950 }", |beta| ThermistorType::Beta {
+            r25_ohm: beta.number("r25_ohm", R25).required("resistance at 25 °C") as f32,
+            beta_k: beta.number("beta_k", BETA).required("beta of the data sheet") as f32,
+        })
+        .required("the thermistor ([below](#thermistors))");
+    let pull_up_ohm = heater
+        .number("pull_up_ohm", PULL_UP)
+        .or(Thermistor::USUAL_PULL_UP_OHM.into(), "from the thermistor to the reference voltage")
+        as f32;
+    Thermistor { kind, pull_up_ohm }
 }
 
-/// The lowest and the highest whole degree that a thermistor can read; the range is nowhere interrupted.
+/// The lowest and the highest whole degree that a thermistor can read; the range has no gaps.
 fn readable_celsius(thermistor: &Thermistor) -> [i16; 2] {
     let mut readable = (-100..=500_i16).filter(|celsius| thermistor.can_tell(f32::from(*celsius)));
     let lowest = readable.next().unwrap_or_default();
@@ -141,26 +160,29 @@ fn readable_celsius(thermistor: &Thermistor) -> [i16; 2] {
 }
 
 /// When a heater counts as failed.
-fn watch(
-    name: &str,
-    table: &HeaterTable,
-    default: HeaterWatch,
-    check: &Checker<'_>,
-) -> Result<HeaterWatch, ProfileError> {
-    let number = |key: &str, value: &Option<Number>, range| match value {
-        Some(value) => check.number(&format!("{name}.{key}"), value, range).map(Some),
-        None => Ok(None),
-    };
-    let (watch_s, hysteresis) =
-        if name == "bed" { (BED_WATCH, BED_RUNAWAY_HYSTERESIS) } else { (WATCH, RUNAWAY_HYSTERESIS) };
-    let milliseconds = |seconds: f64| (seconds * 1e3).round() as u32;
-    let degrees = |degrees: f64| degrees as f32;
-    Ok(HeaterWatch {
-        watch_ms: number("watch_s", &table.watch_s, watch_s)?.map_or(default.watch_ms, milliseconds),
-        watch_celsius: number("watch_celsius", &table.watch_celsius, WATCH_RISE)?
-            .map_or(default.watch_celsius, degrees),
-        runaway_ms: number("runaway_s", &table.runaway_s, RUNAWAY)?.map_or(default.runaway_ms, milliseconds),
-        runaway_celsius: number("runaway_celsius", &table.runaway_celsius, hysteresis)?
-            .map_or(default.runaway_celsius, degrees),
-    })
+fn watch(heater: &Section<'_>, kind: &Kind) -> HeaterWatch {
+    let default = &kind.watch;
+    let seconds = |milliseconds: u32| f64::from(milliseconds) / 1e3;
+    HeaterWatch {
+        watch_ms: milliseconds(
+            heater
+                .number("watch_s", kind.watch_s)
+                .or(seconds(default.watch_ms), "while it heats up, the temperature must rise within this time ..."),
+        ),
+        watch_celsius: heater.number("watch_celsius", WATCH_RISE).or(default.watch_celsius.into(), "... by this much")
+            as f32,
+        runaway_ms: milliseconds(
+            heater
+                .number("runaway_s", RUNAWAY)
+                .or(seconds(default.runaway_ms), "once at its target, the temperature may for no longer than this ..."),
+        ),
+        runaway_celsius: heater.number("runaway_celsius", kind.hysteresis).or(
+            default.runaway_celsius.into(),
+            "... be farther below it than this; [less for low targets](safety.md#what-is-watched)",
+        ) as f32,
+    }
+}
+
+fn milliseconds(seconds: f64) -> u32 {
+    (seconds * 1e3).round() as u32
 }

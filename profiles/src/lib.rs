@@ -1,20 +1,20 @@
 //! Machines as TOML: the built-in profiles, profiles from files, and the checks both pass.
 //!
-//! The three built-in profiles are the files next to this crate's `Cargo.toml` and document every key. All keys
-//! are required but those that they show as absent, and no others are known, so that a misspelt key cannot quietly
-//! leave a value at a default.
+//! A key is one line of code that reads it, with its range, its default and its meaning ([`machine`](mod@machine) and its
+//! neighbours); the book's table of keys is made from the same lines ([`schema`]). Unknown keys are refused, so that a misspelt
+//! one cannot quietly leave a value at a default.
 #![forbid(unsafe_code)]
 
-mod check;
-mod convert;
 mod drivers;
-mod file;
+mod extrusion;
 mod heaters;
 mod homing;
+mod machine;
+mod motion;
 
 use ferrostep_printer::Profile;
 
-use ferrostep_checked_toml::{Checker, line_of_key};
+use ferrostep_checked_toml::{Checked, Reader, Schema, line_of_key};
 pub use ferrostep_checked_toml::{FileError as ProfileError, Problem};
 
 /// Names and texts of the profiles that need no file.
@@ -69,6 +69,13 @@ fn text_of(name_or_path: &str) -> Result<String, ProfileError> {
 /// The first problem found: TOML syntax, then unknown, missing or mistyped keys, then values out of their range, then
 /// values that contradict each other.
 pub fn parse(text: &str, origin: &str) -> Result<Profile, ProfileError> {
-    let file = ferrostep_checked_toml::parse(text, origin)?;
-    convert::profile(&file, &Checker::new(text, origin))
+    let reader = Reader::new(text, origin)?;
+    let machine = machine::profile(&reader.root());
+    let Checked { value: (profile, name), hash } = reader.finish(machine)?;
+    Ok(Profile { name: Box::leak(name.into_boxed_str()), plan_hash: hash, ..profile })
+}
+
+/// The keys of a profile.
+pub fn schema() -> Schema {
+    Reader::describe(machine::profile)
 }

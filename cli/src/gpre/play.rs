@@ -152,7 +152,7 @@ pub async fn play_from<O: Observer, R: Replies>(
 ) -> Result<(), JobError> {
     let mut reader = PartReader::new(input);
     let header = reader.header()?;
-    header.matches(profile.hash(), PLANNER_VERSION).map_err(refused)?;
+    header.matches(profile.plan_hash, PLANNER_VERSION).map_err(refused)?;
     progress.layers = header.layers;
     if from >= header.frames.max(1) {
         return Err(entry::no_such_frame(from, header.frames));

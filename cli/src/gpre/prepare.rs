@@ -188,7 +188,7 @@ pub fn prepare<R: Replies>(
     let Target { mut out, encoding } = target;
     let mut header = Header {
         encoding,
-        profile_hash: profile.hash(),
+        profile_hash: profile.plan_hash,
         planner_version: PLANNER_VERSION,
         frames: 0,
         moves: 0,

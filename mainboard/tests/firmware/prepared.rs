@@ -126,7 +126,7 @@ fn frames_that_are_changed_and_lost_change_no_step() {
 #[test]
 fn a_forbidden_move_stops_the_job_on_its_path() {
     let mut bench = Bench::boot();
-    let hash = profile().hash();
+    let hash = profile().plan_hash;
     let mut stops = |job: Vec<u8>, word: Word, frame: u32, expected: &str| {
         let (end, heard) = send(&mut Line::new(&mut bench.host, None), job);
         assert_eq!((end.word, end.numbers[1]), (word, frame), "{heard:?}");
@@ -162,7 +162,7 @@ fn a_forbidden_move_stops_the_job_on_its_path() {
 fn commands_between_frames_are_executed() {
     let mut bench = Bench::boot();
     let moves: Vec<_> = (0..40).map(|_| (4, Entry::Bound)).collect();
-    let job = hand_made::job(profile().hash(), &moves);
+    let job = hand_made::job(profile().plan_hash, &moves);
     bench.host.send(&format!("M790 S{} T3600", job.len())).unwrap();
     bench.host.send_raw(&to_wire(Kind::Data, 0, &job[..250])).unwrap();
     bench.host.wait_for("what has come", |line| line.starts_with("gpre:have 250 ")).unwrap();
@@ -183,7 +183,7 @@ fn commands_between_frames_are_executed() {
 #[test]
 fn a_silent_host_is_given_up_on() {
     let mut bench = Bench::boot();
-    let job = hand_made::job(profile().hash(), &[(40, Entry::Bound), (20, Entry::Bound)]);
+    let job = hand_made::job(profile().plan_hash, &[(40, Entry::Bound), (20, Entry::Bound)]);
     bench.host.send(&format!("M790 S{} T15", job.len())).unwrap();
     bench.host.send_raw(&to_wire(Kind::Data, 0, &job[..job.len() - 10])).unwrap();
     bench.host.wait_for("the end of patience", |line| line == "echo:gpre: nothing from the host for 15 s").unwrap();
@@ -200,7 +200,7 @@ fn a_silent_host_is_given_up_on() {
 fn a_stopped_job_does_not_resume() {
     let mut bench = Bench::boot();
     let moves: Vec<_> = (0..10).map(|_| (15, Entry::Bound)).collect();
-    let job = hand_made::job(profile().hash(), &moves);
+    let job = hand_made::job(profile().plan_hash, &moves);
     let (first, rest) = job.split_at(job.len() / 2);
     bench.host.send(&format!("M790 S{} T3600", job.len())).unwrap();
     for (index, part) in first.chunks(200).enumerate() {

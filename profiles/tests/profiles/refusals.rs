@@ -57,7 +57,7 @@ fn each_key_is_required() {
         let (holder, last) = holder(&mut table, &path).unwrap();
         holder.remove(last).unwrap();
         let error = refused(&table);
-        assert!(matches!(error.problem(), Problem::MissingKey { key } if *key == path), "{path}: {error}");
+        assert!(matches!(error.problem(), Problem::MissingKey { key, .. } if *key == path), "{path}: {error}");
     }
 }
 
@@ -137,39 +137,44 @@ fn errors_read_as_they_should() {
     );
     assert_eq!(
         error_after("{ x = 200, y = 200, z = 10, e = 60 }", "{ x = 200, y = 200, e = 60 }"),
-        format!("test.toml:{feed}: missing key \"max_feed_mm_per_s.z\"")
+        format!("test.toml:{feed}: missing key \"max_feed_mm_per_s.z\", expected 0.01 to 2000 mm/s")
     );
-    assert_eq!(error_after("jerk_mm_per_s3 = 10000", ""), "test.toml: missing key \"jerk_mm_per_s3\"");
+    assert_eq!(
+        error_after("jerk_mm_per_s3 = 10000", ""),
+        "test.toml: missing key \"jerk_mm_per_s3\", expected 1 to 10000000 mm/s^3"
+    );
     assert_eq!(
         error_after("max_celsius = 125\n", ""),
-        format!("test.toml:{}: missing key \"bed.max_celsius\"", line("[bed]"))
+        format!("test.toml:{}: missing key \"bed.max_celsius\", expected 60 to 200 degrees Celsius", line("[bed]"))
     );
     assert_eq!(
         error_after("slow_mm_per_s = 2\n", "slow_mm_per_second = 2\n"),
         format!(
-            "test.toml:{}: unknown key \"homing.z.slow_mm_per_second\", expected one of \"end\", \"sensor\", \
+            "test.toml:{}: unknown key \"homing.z.slow_mm_per_second\", expected \"end\", \"sensor\", \
              \"triggers_low\", \"position_mm\", \"fast_mm_per_s\", \"slow_mm_per_s\", \"back_off_mm\", \
-             \"overrun_mm\", \"agree_mm\"",
+             \"overrun_mm\" or \"agree_mm\"",
             line("[homing.z]") + 5
         )
     );
     assert_eq!(
         error_after("kinematics = \"cartesian\"", "kinematics = \"delta\""),
         format!(
-            "test.toml:{}: kinematics: unknown word \"delta\", expected \"cartesian\" or \"corexy\"",
+            "test.toml:{}: kinematics = \"delta\": expected \"cartesian\" or \"corexy\"",
             line("kinematics =")
         )
     );
     assert_eq!(
         error_after("both_edges = false", "both_edges = 0"),
         format!(
-            "test.toml:{}: driver.both_edges: invalid type: integer \"0\", expected a boolean",
+            "test.toml:{}: driver.both_edges = 0: expected true or false",
             line("both_edges =")
         )
     );
     let named = error_after("both_edges = false", "both_edges = false\ninverted = [\"x\", \"w\"]");
     let key = line("both_edges =") + 1;
-    assert_eq!(named, format!("test.toml:{key}: unknown word \"w\", expected one of \"x\", \"y\", \"z\", \"e\""));
+    assert_eq!(named, format!(
+            "test.toml:{key}: driver.inverted = [\"x\", \"w\"]: expected a list of \"x\", \"y\", \"z\" or \"e\""
+        ));
     let syntax = error_after("[driver]", "[driver");
     assert!(syntax.starts_with(&format!("test.toml:{}: not valid TOML: ", line("[driver]"))), "{syntax}");
     assert!(!syntax.contains('\n'), "{syntax}");
@@ -441,22 +446,24 @@ fn a_thermistor_is_a_name_or_two_numbers() {
     for (lines, message) in [
         (
             "sensor = \"semitec\"",
-            "nozzle.sensor: unknown word \"semitec\", expected \"semitec-104gt-2\" or \"epcos-100k\"",
+            "nozzle.sensor = \"semitec\": expected \"semitec-104gt-2\" or \"epcos-100k\" or a table such as \
+             { r25_ohm = 100000, beta_k = 3950 }",
         ),
         (
             "sensor = 5",
-            "nozzle.sensor: invalid type: integer \"5\", expected a thermistor's name or a table with the keys r25_ohm, beta_k",
+            "nozzle.sensor = 5: expected \"semitec-104gt-2\" or \"epcos-100k\" or a table such as \
+             { r25_ohm = 100000, beta_k = 3950 }",
         ),
-        ("sensor = { r25_ohm = 100000 }", "missing key \"nozzle.sensor.beta_k\""),
+        ("sensor = { r25_ohm = 100000 }", "missing key \"nozzle.sensor.beta_k\", expected 2000 to 6000 K"),
         (
             "sensor = { beta = 3950, r25_ohm = 100000 }",
             "unknown key \"nozzle.sensor.beta\", expected \"r25_ohm\" or \"beta_k\"",
         ),
         ("sensor = { beta_k = 395, r25_ohm = 100000 }", "nozzle.sensor.beta_k = 395: expected 2000 to 6000 K"),
-        ("sensor = { beta_k = 3950, r25_ohm = nan }", "nozzle.sensor.r25_ohm = NaN: expected 1000 to 1000000 ohms"),
+        ("sensor = { beta_k = 3950, r25_ohm = nan }", "nozzle.sensor.r25_ohm = nan: expected 1000 to 1000000 ohms"),
         (
             "sensor = { beta_k = \"x\", r25_ohm = 1000 }",
-            "nozzle.sensor.beta_k: invalid type: string \"x\", expected a number",
+            "nozzle.sensor.beta_k = \"x\": expected a number from 2000 to 6000 K",
         ),
     ] {
         assert_eq!(with_sensor(lines).unwrap_err().to_string(), format!("test.toml:{nozzle}: {message}"));

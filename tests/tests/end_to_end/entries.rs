@@ -237,7 +237,7 @@ fn impossible_entry_frames_are_refused() {
     // One frame a move, after the frame that homes.
     let moves =
         [(40, Entry::Bound), (20, Entry::Falling), (10, Entry::Falling), (10, Entry::Bound), (5, Entry::Falling)];
-    let path = file(&directory, "moves.gpre", hand_made::job(machine.hash(), &moves));
+    let path = file(&directory, "moves.gpre", hand_made::job(machine.plan_hash, &moves));
     says(&print_from(&path, "6", 1), "frame 6: there is no such frame, expected one from 0 to 5");
     let goes_on = "a job cannot be entered here, for its first move goes on from the one before";
     says(

@@ -268,7 +268,7 @@ fn inspect_lists_every_move() {
 
 /// A job made by hand for this machine.
 fn by_hand(moves: &[(i64, Entry)]) -> Vec<u8> {
-    hand_made::job(profile("cartesian").hash(), moves)
+    hand_made::job(profile("cartesian").plan_hash, moves)
 }
 
 #[test]

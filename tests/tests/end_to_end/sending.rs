@@ -130,7 +130,7 @@ fn the_fallback_is_not_sent_after_a_job_has_begun() {
 
     // Beyond the end of the axis, when half of it is done.
     let moves = [(40, Entry::Bound), (400, Entry::Bound)];
-    let stops = file(&directory, "stops.gpre", hand_made::job(profile("cartesian").hash(), &moves));
+    let stops = file(&directory, "stops.gpre", hand_made::job(profile("cartesian").plan_hash, &moves));
     let stopped = PtyBoard::start(board());
     let outcome = send(&stops, stopped.port(), Some(&gcode));
     assert_eq!(outcome.status, Some(1), "{outcome:#?}");

@@ -1,0 +1,147 @@
+//! The keys of a kind of file, and the book's table of them.
+
+use std::fmt::Write;
+
+/// A key as it was declared.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Key {
+    /// Its name in its table.
+    pub name: &'static str,
+    /// Full path.
+    pub path: String,
+    /// It names a table with keys of its own.
+    pub is_section: bool,
+    /// Names of the keys in a table that counts as one value, such as `x`, `y`, `z`.
+    pub names: Vec<&'static str>,
+    /// Unit in words; empty for a plain number and for words.
+    pub unit: &'static str,
+    /// The right values, for a book.
+    pub allowed: String,
+    /// What holds if it is left out; empty for a required key.
+    pub absent: String,
+    /// What it means, for a book.
+    pub about: &'static str,
+    /// Two files that differ in it do not count as the same.
+    pub is_bound: bool,
+}
+
+/// The keys of a kind of file, in the order in which they are read.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Schema {
+    keys: Vec<Key>,
+}
+
+/// Tables of the same keys, such as `homing.x` and `homing.y`, or one key, or the same key of those tables.
+struct Row<'a> {
+    same: Vec<&'a Key>,
+    depth: usize,
+    inner: Vec<Row<'a>>,
+}
+
+impl Schema {
+    pub(crate) fn new(keys: Vec<Key>) -> Self {
+        Self { keys }
+    }
+
+    /// All keys.
+    pub fn keys(&self) -> &[Key] {
+        &self.keys
+    }
+
+    /// A Markdown table: key, unit, right values, what holds without it, whether it is bound (under the heading `bound`) and
+    /// what it means. Tables of the same keys share their lines.
+    pub fn markdown(&self, bound: &str) -> String {
+        let mut text = format!("| key | unit | value | if left out | {bound} | meaning |\n|---|---|---|---|---|---|\n");
+        for row in rows(&self.keys.iter().collect::<Vec<_>>(), "", 0) {
+            row.write(&mut text);
+        }
+        text
+    }
+}
+
+/// The keys of one table, those of equal tables merged.
+fn rows<'a>(keys: &[&'a Key], table: &str, depth: usize) -> Vec<Row<'a>> {
+    let parent = |key: &Key| key.path.rsplit_once('.').map_or("", |(parent, _)| parent).to_owned();
+    let mut rows: Vec<Row<'a>> = Vec::new();
+    for key in keys.iter().filter(|key| parent(key) == table) {
+        let inner = self::rows(keys, &key.path, depth + 1);
+        match rows.last_mut() {
+            // A table of the same keys as the one before.
+            Some(before) if !inner.is_empty() && before.names() == names(&inner) => before.merge(key, inner),
+            _ => rows.push(Row { same: vec![key], depth, inner }),
+        }
+    }
+    rows
+}
+
+fn names(rows: &[Row<'_>]) -> Vec<&'static str> {
+    rows.iter().filter_map(|row| row.same.first().map(|key| key.name)).collect()
+}
+
+impl<'a> Row<'a> {
+    fn names(&self) -> Vec<&'static str> {
+        names(&self.inner)
+    }
+
+    fn merge(&mut self, key: &'a Key, inner: Vec<Row<'a>>) {
+        self.same.push(key);
+        for (mine, other) in self.inner.iter_mut().zip(inner) {
+            mine.absorb(other);
+        }
+    }
+
+    fn absorb(&mut self, other: Row<'a>) {
+        self.same.extend(other.same);
+        for (mine, other) in self.inner.iter_mut().zip(other.inner) {
+            mine.absorb(other);
+        }
+    }
+
+    fn write(&self, text: &mut String) {
+        let Some(first) = self.same.first() else { return };
+        let dashes = "– ".repeat(self.depth);
+        let mut names: Vec<String> = self.same.iter().map(|key| format!("`{}`", key.name)).collect();
+        names.dedup();
+        let mut name = names.join(", ");
+        if !first.names.is_empty() {
+            let _ = write!(name, " `{}`", first.names.join(" "));
+        }
+        let cell = |of: fn(&Key) -> String| self.cell(of);
+        let is_bound = cell(|key| if key.is_bound && !key.is_section { "●".to_owned() } else { String::new() });
+        let _ = writeln!(
+            text,
+            "| {dashes}{name}{} | {} | {} | {} | {is_bound} | {} |",
+            if first.is_section { ":" } else { "" },
+            cell(|key| book_unit(key.unit)),
+            cell(|key| key.allowed.clone()),
+            cell(|key| key.absent.clone()),
+            cell(|key| key.about.to_owned()),
+        );
+        self.inner.iter().for_each(|row| row.write(text));
+    }
+
+    /// What all have in common, or each one's own.
+    fn cell(&self, of: fn(&Key) -> String) -> String {
+        let all: Vec<String> = self.same.iter().map(|key| of(key)).collect();
+        if all.windows(2).all(|pair| pair[0] == pair[1]) {
+            return all.into_iter().next().unwrap_or_default();
+        }
+        let paths: Vec<Vec<&str>> = self.same.iter().map(|key| key.path.split('.').collect()).collect();
+        let differing =
+            (0..).find(|at| paths.iter().any(|path| path.get(*at) != paths[0].get(*at))).unwrap_or_default();
+        let of_table = |(path, value): (&Vec<&str>, String)| match path.get(differing) {
+            Some(table) if value.is_empty() => format!("{table}: –"),
+            Some(table) => format!("{table}: {value}"),
+            None => value,
+        };
+        paths.iter().zip(all).map(of_table).collect::<Vec<_>>().join("; ")
+    }
+}
+
+/// A unit by its sign.
+fn book_unit(unit: &str) -> String {
+    let signs =
+        [("degrees Celsius", "°C"), ("degrees", "K"), ("ohms", "Ω"), ("ohm", "Ω"), ("us", "µs"), ("percent", "%")];
+    let sign = signs.iter().find(|(words, _)| *words == unit).map_or(unit, |(_, sign)| *sign);
+    sign.replace("^2", "²").replace("^3", "³")
+}

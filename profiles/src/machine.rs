@@ -1,0 +1,196 @@
+//! The keys of a profile: those that stand in no table here, each table's in a file of its own.
+
+use ferrostep_checked_toml::{Range, Section, range};
+use ferrostep_planner::{Kinematics, Limits, StepsPerMm, TICKS_PER_SECOND};
+use ferrostep_printer::{DEFAULT_EVENTS_PER_S, DEFAULT_HEATER_TIMEOUT_S, DEFAULT_MOVES_PER_S, Profile};
+
+use crate::drivers::{self, MIN_GAP_US};
+use crate::{extrusion, heaters, homing, motion};
+
+/// Units of 10 nm in a mm.
+const UNITS_PER_MM: f64 = 100_000.0;
+/// Ticks of the nominal time base in a microsecond.
+const TICKS_PER_US: f64 = TICKS_PER_SECOND as f64 / 1e6;
+
+pub(crate) const AXES: [&str; 3] = ["x", "y", "z"];
+pub(crate) const MOTORS: [&str; 4] = ["x", "y", "z", "e"];
+
+const SIZE: Range = range(10.0, 2_000.0, "mm");
+const LOWER_END: Range = range(-1_000.0, 0.0, "mm");
+const STEPS_PER_MM: Range = range(1.0, 10_000.0, "steps/mm");
+pub(crate) const FEED: Range = range(0.01, 2_000.0, "mm/s");
+const ACCELERATION: Range = range(0.1, 100_000.0, "mm/s^2");
+const JUNCTION_DEVIATION: Range = range(0.000_1, 1.0, "mm");
+const CORNER_VELOCITY: Range = range(0.001, 1_000.0, "mm/s");
+// A step has two levels or, at its closest, a direction change before it: each takes a gap of the step interrupt.
+const EVENT_INTERVAL: Range = range(2.0 * MIN_GAP_US, 100.0, "us");
+const MIN_EXTRUSION: Range = range(0.0, 400.0, "degrees Celsius");
+const HEATER_TIMEOUT: Range = range(0.0, 65_535.0, "s");
+const EVENTS_PER_S: Range = range(1_000.0, 10_000_000.0, "events/s");
+const MOVES_PER_S: Range = range(10.0, 1_000_000.0, "moves/s");
+
+/// Longest name, bytes.
+const MAX_NAME: usize = 32;
+
+/// Ends of the travel of X, Y and Z, mm.
+pub(crate) struct Travel {
+    /// Lower ends, at most 0.
+    pub lower_mm: [f64; 3],
+    /// Upper ends.
+    pub upper_mm: [f64; 3],
+}
+
+/// The machine; its name is apart, for a [`Profile`] has it for ever.
+///
+/// A prepared job is bound to every key but those that are read `apart`: what changes neither the plan nor what it may ask of
+/// the machine.
+pub(crate) fn profile(keys: &Section<'_>) -> (Profile, String) {
+    let apart = keys.apart();
+    let name = name(&apart);
+    let kinematics = keys
+        .word("kinematics", [("cartesian", Kinematics::Cartesian), ("corexy", Kinematics::CoreXy)])
+        .required("one motor an axis, or the two motors A = X + Y and B = X − Y");
+    let travel = Travel {
+        upper_mm: keys.numbers("size_mm", AXES, [SIZE; 3]).required("upper end of the travel in machine coordinates"),
+        lower_mm: keys.numbers("lower_end_mm", AXES, [LOWER_END; 3]).or([0.0; 3], "lower end of the travel"),
+    };
+    let steps_per_mm = keys
+        .numbers("steps_per_mm", MOTORS, [STEPS_PER_MM; 4])
+        .required("motor steps, microsteps included; five decimals are kept; CoreXY: of motors A and B under x and y");
+    let limits = limits(keys);
+    let motion = motion::motion(keys);
+    let interval_us = keys
+        .number("minimum_event_interval_us", EVENT_INTERVAL)
+        .required("step events nearer to each other than this leave as one");
+    motor_rates(keys, kinematics, steps_per_mm, &limits, interval_us);
+    let min_extrusion = keys
+        .number("min_extrusion_celsius", MIN_EXTRUSION)
+        .required("below `nozzle.max_celsius`; extrusion is refused while the nozzle is colder (M302)");
+    let heater_timeout_s = apart.number("heater_timeout_s", HEATER_TIMEOUT).or(
+        DEFAULT_HEATER_TIMEOUT_S.into(),
+        "heaters go off after this long [without a line from a host and without motion](safety.md#a-host-that-has-gone); \
+         0 = never (M86)",
+    );
+    let timing = drivers::timing(&apart, interval_us);
+    let drivers = drivers::drivers(&apart, steps_per_mm, timing.both_edges);
+    let (homing, safe_homing) = homing::homing(keys, &travel, steps_per_mm, &limits, &drivers);
+    let [nozzle, bed] = heaters::heaters(keys);
+    if min_extrusion as f32 >= nozzle.max_celsius {
+        let expected = format!("less than nozzle.max_celsius = {}", nozzle.max_celsius);
+        keys.refuse("min_extrusion_celsius", expected);
+    }
+    let budget = keys.section_of_defaults(
+        "budget",
+        "what the board's processor keeps up with; moves beyond it become [slower](planning.md#the-budget)",
+    );
+    let events_per_s = budget
+        .number("events_per_s", EVENTS_PER_S)
+        .or(DEFAULT_EVENTS_PER_S.into(), "step events, if the processor has nothing else to do for motion");
+    let moves_per_s = budget
+        .number("moves_per_s", MOVES_PER_S)
+        .or(DEFAULT_MOVES_PER_S.into(), "moves, if the processor has nothing else to do for motion");
+    let profile = Profile {
+        name: "",
+        plan_hash: 0,
+        kinematics,
+        size_10nm: travel.upper_mm.map(units_10nm),
+        lower_end_10nm: travel.lower_mm.map(units_10nm),
+        steps_per_mm: steps_per_mm.map(StepsPerMm::nearest),
+        limits,
+        motion,
+        minimum_event_interval_ticks: (interval_us * TICKS_PER_US).round() as u32,
+        event_cost_ticks: cost_ticks(events_per_s),
+        move_cost_ticks: cost_ticks(moves_per_s),
+        homing,
+        safe_homing,
+        min_extrusion_celsius: min_extrusion as f32,
+        heater_timeout_s: heater_timeout_s.round() as u16,
+        nozzle,
+        bed,
+        retraction: extrusion::retraction(&apart),
+        driver: timing,
+        extrusion: extrusion::extrusion(&apart),
+        drivers: drivers.map(|driver| driver.map(|driver| driver.settings)),
+    };
+    (profile, name)
+}
+
+/// A name that M115 can put into its line.
+fn name(keys: &Section<'_>) -> String {
+    let expected = format!("1 to {MAX_NAME} printable ASCII characters, not all blank");
+    let is_right = |name: &str| {
+        let is_printable = name.bytes().all(|byte| byte == b' ' || byte.is_ascii_graphic());
+        is_printable && !name.trim().is_empty() && name.len() <= MAX_NAME
+    };
+    keys.text("name", &expected, is_right).required("what M115 and reports call the machine")
+}
+
+/// Speeds, accelerations and corners.
+fn limits(keys: &Section<'_>) -> Limits {
+    let max_feed_mm_per_s =
+        keys.numbers("max_feed_mm_per_s", MOTORS, [FEED; 4]).required("largest speeds of the axes (M203)");
+    let max_acceleration_mm_per_s2 = keys
+        .numbers("max_acceleration_mm_per_s2", MOTORS, [ACCELERATION; 4])
+        .required("largest accelerations of the axes (M201)");
+    let [print, travel, retract] = keys
+        .numbers("acceleration_mm_per_s2", ["print", "travel", "retract"], [ACCELERATION; 3])
+        .required("accelerations of moves: with extrusion, without, and of the extruder alone (M204 P, T, R)");
+    let junction_deviation_mm = keys
+        .number("junction_deviation_mm", JUNCTION_DEVIATION)
+        .required("how far the arc that rounds a corner may stay from it (M205 J)");
+    let corner = keys.section_of_defaults(
+        "instantaneous_corner_velocity_mm_per_s",
+        "by how much the speed of an axis may [change at a corner](planning.md#each-axis-at-a-corner), whatever the arc \
+         allows (M205 X Y Z E, \"jerk\")",
+    );
+    let unlimited = |axis| {
+        let limit = corner
+            .number(axis, CORNER_VELOCITY)
+            .optional("no limit but the arc's", "such a limit exists only if the key does: without it M205 sets none");
+        limit.unwrap_or(f64::INFINITY)
+    };
+    let limited = |axis, default| corner.number(axis, CORNER_VELOCITY).or(default, "");
+    Limits {
+        max_feed_mm_per_s,
+        max_acceleration_mm_per_s2,
+        print_acceleration_mm_per_s2: print,
+        travel_acceleration_mm_per_s2: travel,
+        retract_acceleration_mm_per_s2: retract,
+        junction_deviation_mm,
+        // For Z half of what the extruder has, which is what makers of printers with such a limit give it.
+        instantaneous_corner_velocity_mm_per_s: [unlimited("x"), unlimited("y"), limited("z", 5.0), limited("e", 10.0)],
+    }
+}
+
+/// No motor may have to step more often than events may follow each other.
+fn motor_rates(keys: &Section<'_>, kinematics: Kinematics, steps_per_mm: [f64; 4], limits: &Limits, interval_us: f64) {
+    let [x, y, z, e] = limits.max_feed_mm_per_s;
+    // Both motors of a CoreXY machine turn fastest on a diagonal, by the sum of the speeds.
+    let motor_feeds_mm_per_s = match kinematics {
+        Kinematics::Cartesian => [x, y, z, e],
+        Kinematics::CoreXy => [x + y, x + y, z, e],
+    };
+    let highest_per_s = 1e6 / interval_us;
+    for ((axis, feed), steps_per_mm) in MOTORS.into_iter().zip(motor_feeds_mm_per_s).zip(steps_per_mm) {
+        let steps_per_s = feed * steps_per_mm;
+        if steps_per_s > highest_per_s {
+            keys.refuse(
+                &format!("max_feed_mm_per_s.{axis}"),
+                format!(
+                    "a motor rate of at most {highest_per_s:.0} steps/s (minimum_event_interval_us = {interval_us}), \
+                     not {steps_per_s:.0}: lower it, or steps_per_mm.{axis} with fewer microsteps"
+                ),
+            );
+        }
+    }
+}
+
+/// Ticks that each of this many things a second costs, rounded up.
+fn cost_ticks(per_s: f64) -> u32 {
+    (f64::from(TICKS_PER_SECOND) / per_s).ceil() as u32
+}
+
+/// Millimetres to units of 10 nm. The keys' ranges keep the product far within both types.
+pub(crate) fn units_10nm(length_mm: f64) -> i64 {
+    (length_mm * UNITS_PER_MM).round() as i64
+}

@@ -1,0 +1,68 @@
+//! The methods that make the steps.
+
+use ferrostep_checked_toml::{Range, Section, range};
+use ferrostep_planner::s_curve::FrequencyTable;
+use ferrostep_planner::{AccelerationProfile, DualRatePeriods, Interpolation, MotionChoice, SCurveTableSettings};
+
+const JERK: Range = range(1.0, 10_000_000.0, "mm/s^3");
+const PERIOD: Range = range(1.0, 1_000_000.0, "us");
+const FREQUENCY: Range = range(1.0, 1_000_000.0, "steps/s");
+const TABLE_JERK: Range = range(1.0, 1_000_000_000.0, "steps/s^3");
+
+/// The methods and their settings. Prepared jobs hold trapezoids, so that settings of S-curves are apart.
+pub(crate) fn motion(keys: &Section<'_>) -> MotionChoice {
+    let default = MotionChoice::DEFAULT;
+    MotionChoice {
+        interpolation: keys
+            .word("interpolation", Interpolation::ALL.map(|choice| (choice.name(), choice)))
+            .or(default.interpolation, "how steps follow a straight line ([CoreXY](papers/corexy.md)); M796 I"),
+        dual_rate: dual_rate(keys),
+        acceleration: keys
+            .word("acceleration", AccelerationProfile::ALL.map(|choice| (choice.name(), choice)))
+            .or(default.acceleration, "how speeds change ([Li 2017](papers/li.md)); M796 A"),
+        jerk_mm_per_s3: keys
+            .apart()
+            .number("jerk_mm_per_s3", JERK)
+            .required("largest jerk along the path, under `acceleration = \"s-curve\"`"),
+        s_curve_table: s_curve_table(&keys.apart()),
+    }
+}
+
+/// Periods, the longest not below the shortest.
+fn dual_rate(keys: &Section<'_>) -> DualRatePeriods {
+    let default = MotionChoice::DEFAULT.dual_rate;
+    let table = keys.optional_section("dual_rate", "10 and 3000 µs", "pulse periods of a motor under `\"dual-rate\"`");
+    let Some(table) = table else { return default };
+    let shortest_us = table.number("min_period_us", PERIOD).required("no motor is planned faster");
+    let longest_us = table
+        .number("max_period_us", PERIOD.at_least(shortest_us, "at least min_period_us"))
+        .required("where one motor has more than max/min times the other's pulses, minimum deviation steps in");
+    let [shortest_ns, longest_ns] = [shortest_us, longest_us].map(|us| (us * 1e3).round() as u32);
+    DualRatePeriods { shortest_ns, longest_ns }
+}
+
+/// The table of frequencies; it ends above where it starts.
+fn s_curve_table(keys: &Section<'_>) -> SCurveTableSettings {
+    let about = "the table under `\"s-curve-table\"`: frequencies of a block's busiest motor, which no block exceeds";
+    let absent = "1000 to 10 000 steps/s, 100 000 steps/s³";
+    let Some(table) = keys.optional_section("s_curve_table", absent, about) else {
+        return MotionChoice::DEFAULT.s_curve_table;
+    };
+    let start_hz = table
+        .number("start_hz", range(FREQUENCY.low, FREQUENCY.high - 1.0, FREQUENCY.unit))
+        .required("up to this a motor starts without a ramp")
+        .round();
+    let top_hz = table
+        .number("top_hz", FREQUENCY.at_least(start_hz + 1.0, "above start_hz"))
+        .required("the ramp ends here")
+        .round();
+    let jerk = table
+        .number("jerk_hz_per_s2", TABLE_JERK)
+        .required("large enough that the ramp has at most 65 536 slices of 2/`start_hz`")
+        .round();
+    if FrequencyTable::new(start_hz, top_hz, jerk).is_err() {
+        let expected = "a table of at most 65536 slices of 2/start_hz: a larger jerk or a lower start_hz";
+        table.refuse("jerk_hz_per_s2", expected);
+    }
+    SCurveTableSettings { start_hz: start_hz as u32, top_hz: top_hz as u32, jerk_hz_per_s2: jerk as u32 }
+}
