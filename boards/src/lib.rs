@@ -22,8 +22,8 @@ pub use board::{
     RAM_ADDRESS, Thermistor,
 };
 pub use chip::Chip;
-use ferrostep_checked_toml::{Reader, Schema};
 pub use ferrostep_checked_toml::{FileError as BoardError, Problem};
+use ferrostep_checked_toml::{Reader, Schema};
 pub use pin::Pin;
 pub use signals::AnalogueChannel;
 

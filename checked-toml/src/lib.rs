@@ -4,6 +4,7 @@
 //! left out, and its meaning. From the same calls follow the values, the refusals, the book's table ([`Schema::markdown`])
 //! and a hash of the values that bind other files to this one ([`Checked`]). Profiles and boards are such files.
 
+pub mod book;
 mod error;
 mod field;
 pub mod keys;

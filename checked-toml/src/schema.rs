@@ -48,10 +48,10 @@ impl Schema {
         &self.keys
     }
 
-    /// A Markdown table: key, unit, right values, what holds without it, whether it is bound (under the heading `bound`) and
-    /// what it means. Tables of the same keys share their lines.
-    pub fn markdown(&self, bound: &str) -> String {
-        let mut text = format!("| key | unit | value | if left out | {bound} | meaning |\n|---|---|---|---|---|---|\n");
+    /// A Markdown table: key (● after it: [bound](Key::is_bound)), unit, right values, what holds without it, and what it means.
+    /// Tables of the same keys share their lines.
+    pub fn markdown(&self) -> String {
+        let mut text = "| key | unit | value | if left out | meaning |\n|---|---|---|---|---|\n".to_owned();
         for row in rows(&self.keys.iter().collect::<Vec<_>>(), "", 0) {
             row.write(&mut text);
         }
@@ -67,22 +67,19 @@ fn rows<'a>(keys: &[&'a Key], table: &str, depth: usize) -> Vec<Row<'a>> {
         let inner = self::rows(keys, &key.path, depth + 1);
         match rows.last_mut() {
             // A table of the same keys as the one before.
-            Some(before) if !inner.is_empty() && before.names() == names(&inner) => before.merge(key, inner),
+            Some(before) if !inner.is_empty() && paths(&before.inner) == paths(&inner) => before.merge(key, inner),
             _ => rows.push(Row { same: vec![key], depth, inner }),
         }
     }
     rows
 }
 
-fn names(rows: &[Row<'_>]) -> Vec<&'static str> {
-    rows.iter().filter_map(|row| row.same.first().map(|key| key.name)).collect()
+/// Names of all keys, those of tables within included.
+fn paths(rows: &[Row<'_>]) -> Vec<&'static str> {
+    rows.iter().flat_map(|row| row.same.first().map(|key| key.name).into_iter().chain(paths(&row.inner))).collect()
 }
 
 impl<'a> Row<'a> {
-    fn names(&self) -> Vec<&'static str> {
-        names(&self.inner)
-    }
-
     fn merge(&mut self, key: &'a Key, inner: Vec<Row<'a>>) {
         self.same.push(key);
         for (mine, other) in self.inner.iter_mut().zip(inner) {
@@ -100,17 +97,21 @@ impl<'a> Row<'a> {
     fn write(&self, text: &mut String) {
         let Some(first) = self.same.first() else { return };
         let dashes = "– ".repeat(self.depth);
-        let mut names: Vec<String> = self.same.iter().map(|key| format!("`{}`", key.name)).collect();
-        names.dedup();
+        let mut names: Vec<String> = Vec::new();
+        for name in self.same.iter().map(|key| format!("`{}`", key.name)) {
+            if !names.contains(&name) {
+                names.push(name);
+            }
+        }
         let mut name = names.join(", ");
         if !first.names.is_empty() {
             let _ = write!(name, " `{}`", first.names.join(" "));
         }
         let cell = |of: fn(&Key) -> String| self.cell(of);
-        let is_bound = cell(|key| if key.is_bound && !key.is_section { "●".to_owned() } else { String::new() });
+        let is_bound = cell(|key| if key.is_bound && !key.is_section { " ●".to_owned() } else { String::new() });
         let _ = writeln!(
             text,
-            "| {dashes}{name}{} | {} | {} | {} | {is_bound} | {} |",
+            "| {dashes}{name}{}{is_bound} | {} | {} | {} | {} |",
             if first.is_section { ":" } else { "" },
             cell(|key| book_unit(key.unit)),
             cell(|key| key.allowed.clone()),
@@ -129,12 +130,15 @@ impl<'a> Row<'a> {
         let paths: Vec<Vec<&str>> = self.same.iter().map(|key| key.path.split('.').collect()).collect();
         let differing =
             (0..).find(|at| paths.iter().any(|path| path.get(*at) != paths[0].get(*at))).unwrap_or_default();
-        let of_table = |(path, value): (&Vec<&str>, String)| match path.get(differing) {
-            Some(table) if value.is_empty() => format!("{table}: –"),
-            Some(table) => format!("{table}: {value}"),
-            None => value,
-        };
-        paths.iter().zip(all).map(of_table).collect::<Vec<_>>().join("; ")
+        let mut groups: Vec<(Vec<&str>, String)> = Vec::new();
+        for (path, value) in paths.iter().zip(all).filter(|(_, value)| !value.is_empty()) {
+            let table = path.get(differing).copied().unwrap_or_default();
+            match groups.iter_mut().find(|(_, other)| *other == value) {
+                Some((tables, _)) => tables.push(table),
+                None => groups.push((vec![table], value)),
+            }
+        }
+        groups.iter().map(|(tables, value)| format!("{}: {value}", tables.join(", "))).collect::<Vec<_>>().join("; ")
     }
 }
 

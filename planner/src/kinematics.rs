@@ -360,7 +360,9 @@ mod tests {
         }
         assert_eq!(steps(415.305).hundred_thousandths(), 41_530_500);
         assert_eq!(StepsPerMm::clamped(41_530_500), steps(415.305));
-        for (outside, end) in [(0, 1), (-1, 1), (i64::MIN, 1), (1_000_000_001, 1_000_000_000), (i64::MAX, 1_000_000_000)] {
+        for (outside, end) in
+            [(0, 1), (-1, 1), (i64::MIN, 1), (1_000_000_001, 1_000_000_000), (i64::MAX, 1_000_000_000)]
+        {
             assert_eq!(StepsPerMm::clamped(outside).hundred_thousandths(), end);
         }
         assert_eq!(StepsPerMm::nearest(f64::NAN).hundred_thousandths(), 1);

@@ -238,8 +238,10 @@ pub struct Profile {
     pub homing: [AxisHoming; 3],
     /// What keeps the nozzle off the bed meanwhile.
     pub safe_homing: SafeHoming,
+    // ANCHOR: min_extrusion
     /// Extrusion is refused below this nozzle temperature, degrees Celsius.
     pub min_extrusion_celsius: f32,
+    // ANCHOR_END: min_extrusion
     /// Heaters go off after this many seconds without a line from a host and without motion; 0: never (M86).
     pub heater_timeout_s: u16,
     /// The nozzle's heater.

@@ -63,9 +63,11 @@ pub(crate) fn profile(keys: &Section<'_>) -> (Profile, String) {
         .number("minimum_event_interval_us", EVENT_INTERVAL)
         .required("step events nearer to each other than this leave as one");
     motor_rates(keys, kinematics, steps_per_mm, &limits, interval_us);
+    // ANCHOR: min_extrusion
     let min_extrusion = keys
         .number("min_extrusion_celsius", MIN_EXTRUSION)
         .required("below `nozzle.max_celsius`; extrusion is refused while the nozzle is colder (M302)");
+    // ANCHOR_END: min_extrusion
     let heater_timeout_s = apart.number("heater_timeout_s", HEATER_TIMEOUT).or(
         DEFAULT_HEATER_TIMEOUT_S.into(),
         "heaters go off after this long [without a line from a host and without motion](safety.md#a-host-that-has-gone); \

@@ -1,6 +1,7 @@
 //! The boards' files, and what is refused.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
+mod book;
 mod boot_loader;
 mod builtin;
 mod fit;

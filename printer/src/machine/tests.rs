@@ -44,6 +44,7 @@ pub(crate) fn profile() -> Profile {
     };
     Profile {
         name: "test",
+        plan_hash: 0,
         kinematics: Kinematics::Cartesian,
         size_10nm: [20_000_000; 3],
         lower_end_10nm: [0; 3],

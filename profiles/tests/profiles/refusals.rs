@@ -158,23 +158,18 @@ fn errors_read_as_they_should() {
     );
     assert_eq!(
         error_after("kinematics = \"cartesian\"", "kinematics = \"delta\""),
-        format!(
-            "test.toml:{}: kinematics = \"delta\": expected \"cartesian\" or \"corexy\"",
-            line("kinematics =")
-        )
+        format!("test.toml:{}: kinematics = \"delta\": expected \"cartesian\" or \"corexy\"", line("kinematics ="))
     );
     assert_eq!(
         error_after("both_edges = false", "both_edges = 0"),
-        format!(
-            "test.toml:{}: driver.both_edges = 0: expected true or false",
-            line("both_edges =")
-        )
+        format!("test.toml:{}: driver.both_edges = 0: expected true or false", line("both_edges ="))
     );
     let named = error_after("both_edges = false", "both_edges = false\ninverted = [\"x\", \"w\"]");
     let key = line("both_edges =") + 1;
-    assert_eq!(named, format!(
-            "test.toml:{key}: driver.inverted = [\"x\", \"w\"]: expected a list of \"x\", \"y\", \"z\" or \"e\""
-        ));
+    assert_eq!(
+        named,
+        format!("test.toml:{key}: driver.inverted = [\"x\", \"w\"]: expected a list of \"x\", \"y\", \"z\" or \"e\"")
+    );
     let syntax = error_after("[driver]", "[driver");
     assert!(syntax.starts_with(&format!("test.toml:{}: not valid TOML: ", line("[driver]"))), "{syntax}");
     assert!(!syntax.contains('\n'), "{syntax}");

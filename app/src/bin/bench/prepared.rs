@@ -165,7 +165,9 @@ pub fn measure(
 ) -> Result<Prepared, &'static str> {
     let without_header = |job: &'static [u8]| {
         let header = Header::read(job).map_err(|_| "a job has no header")?;
-        header.matches(profile.plan_hash, ferrostep_planner::PLANNER_VERSION).map_err(|_| "a job of another machine")?;
+        header
+            .matches(profile.plan_hash, ferrostep_planner::PLANNER_VERSION)
+            .map_err(|_| "a job of another machine")?;
         Ok::<_, &'static str>((header, job.get(header.length() as usize..).ok_or("a job is its header")?))
     };
     let ((header, compact), (_, wide)) = (without_header(COMPACT)?, without_header(WIDE)?);
