@@ -102,7 +102,7 @@ impl SquaredSpeed {
             return FASTEST;
         }
         // The single-precision root is off by a few units, the more the faster: 2 at 256 mm/s, 12 at 2 m/s.
-        let mut speed = square_root_f32(crate::single::of_u64(self.0) * SCALE) as u32;
+        let mut speed = square_root_f32(crate::u64_to_f32::of_u64(self.0) * SCALE) as u32;
         // What is left of this, in 2^-20 units. It is so much less than 2^63 that the terms may wrap.
         let square = u64::from(speed) * u64::from(speed);
         let mut rest = (self.0 << 20).wrapping_sub(square.wrapping_mul(3_125)).cast_signed();

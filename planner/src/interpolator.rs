@@ -5,15 +5,14 @@
 //! follow it by step Bresenham. The extruder has times of its own: it steps where e(t) = e0 + lambda s(t) passes a
 //! half step, lambda = dE/S (Wu 2024, eqs. 10 and 11).
 
+mod hot_loop;
 mod pulses;
-mod runs;
 mod streams;
 
 use crate::EXTRUDER;
 use crate::block::{Block, PlannedBlock};
-use crate::block_law::BlockLaw;
 use crate::bresenham::MAX_STEPS;
-use crate::entries::Entries;
+use crate::event_buffer::EventBuffer;
 use crate::extruder::rounded_steps;
 use crate::follower::Follower;
 use crate::inner_ends::{Stretch, Stretches};
@@ -21,11 +20,11 @@ use crate::kinematics::Kinematics;
 use crate::method::Method;
 use crate::motion_choice::MotionChoice;
 use crate::offered::INTERPOLATIONS;
-use crate::real::Real;
-use crate::spacing::{ExtruderTravel, Spacing, Span};
+use crate::spacing::MotorSteps;
 use crate::step_queue::{Notice, StepEntry, StepSink};
 use crate::step_times::StepTimes;
-use crate::time_law::{FRACTION_BITS, HALF_TICK, Precision, TimeLaw};
+use crate::time_law::TimeLaw;
+use crate::time_units::{FRACTION_BITS, HALF_TICK};
 use streams::Streams;
 
 /// Most entries a single [`Interpolator::advance`] or [`Interpolator::begin`] hands to its sink.
@@ -72,7 +71,7 @@ pub struct Interpolator {
     /// When the move before ended, a whole tick: an extruder step due at the very start of a move stays behind.
     move_start: u64,
     /// Entries on their way out. The last of them is held back while a later event may still join it.
-    entries: Entries,
+    entries: EventBuffer,
     /// The direction signals as they stand.
     directions: u8,
     /// Extruder position at the end of the present stretch (or the last one).
@@ -109,7 +108,7 @@ impl Interpolator {
             clock: 0,
             last: 0,
             move_start: 0,
-            entries: Entries::NONE,
+            entries: EventBuffer::NONE,
             directions: 0,
             extruder_256ths: 0,
             is_busy: false,
@@ -192,12 +191,13 @@ impl Interpolator {
         let (start_steps, end_steps) = (rounded_steps(start_256ths), rounded_steps(end_256ths));
         let forward = stretch.extruder_256ths >= 0;
         let threshold = start_steps * 256 + if forward { 128 } else { -128 };
-        let extruder = ExtruderTravel {
+        let count = end_steps.abs_diff(start_steps) as u32;
+        let extruder = MotorSteps::Extruder {
             whole: stretch.extruder_256ths.unsigned_abs(),
             first: threshold.abs_diff(start_256ths) as u32,
-            count: end_steps.abs_diff(start_steps) as u32,
+            count,
         };
-        self.set_directions_of(stretch, extruder.count > 0);
+        self.set_directions_of(stretch, count > 0);
         self.extruder_256ths = end_256ths;
         self.line = stretch.ends_move.then_some(stretch.line);
         self.joining = MOVE_BEGINS;
@@ -207,12 +207,9 @@ impl Interpolator {
             self.start_streams(stretch, law, &extruder);
             return;
         }
-        match &law.0 {
-            Precision::Short(law) => self.start(stretch, law, &extruder, earliest),
-            Precision::Long(law) => self.start_long(stretch, law, &extruder, earliest),
-            Precision::Run(law) => self.start_long(stretch, law, &extruder, earliest),
-            Precision::Staircase(law) => self.start_long(stretch, law, &extruder, earliest),
-        }
+        let count = self.start_motors(stretch);
+        self.master.start(law, stretch, &MotorSteps::Even { count }, earliest);
+        self.extruder.start(law, stretch, &extruder, earliest);
     }
 
     fn set_directions_of(&mut self, stretch: &Stretch, extruder_moves: bool) {
@@ -229,14 +226,9 @@ impl Interpolator {
         self.directions = self.directions & !moving | backwards;
     }
 
-    #[cold]
-    #[inline(never)]
-    fn start_long(&mut self, stretch: &Stretch, law: &impl BlockLaw<f64>, extruder: &ExtruderTravel, earliest: u64) {
-        self.start(stretch, law, extruder, earliest);
-    }
-
+    /// Chooses the master and the followers; the master's steps.
     #[inline]
-    fn start<F: Real>(&mut self, stretch: &Stretch, law: &impl BlockLaw<F>, extruder: &ExtruderTravel, earliest: u64) {
+    fn start_motors(&mut self, stretch: &Stretch) -> u32 {
         let magnitudes = stretch.steps.map(|steps| steps.unsigned_abs().min(MAX_STEPS));
         let [x, y, z] = magnitudes;
         // Z, which rarely steps with others, is the second follower.
@@ -251,10 +243,7 @@ impl Interpolator {
         self.followers = followers.map(|(bit, steps)| Follower::new(bit, count, steps));
         let [(first_bit, _), _] = followers;
         self.masters_events = [master_bit, master_bit | first_bit].map(|bits| StepEntry::event(0, bits));
-
-        let span = Span::of(stretch, law);
-        law.start(&mut self.master, &Spacing::of_master(&span, count), earliest);
-        law.start(&mut self.extruder, &Spacing::of_extruder(&span, extruder), earliest);
+        count
     }
 
     /// Works out the next events, or ends the block. Does nothing without one.
@@ -318,10 +307,10 @@ impl Interpolator {
             let behind = master.map(|due| due.wrapping_add(HALF_TICK).wrapping_sub(self.last));
             if let Some(behind) = behind.filter(|&behind| behind < FAR) {
                 let (entries, has_joined) = match self.master.cruise() {
-                    Some((cruise, steps)) => self.run_cruise(cruise, steps, behind, room),
+                    Some((cruise, steps)) => self.make_cruise(cruise, steps, behind, room),
                     None => match u32::try_from(behind) {
-                        Ok(gap) => self.run_ramp(gap, room),
-                        Err(_) => self.run_ramp(behind, room),
+                        Ok(gap) => self.make_ramp(gap, room),
+                        Err(_) => self.make_ramp(behind, room),
                     },
                 };
                 room -= entries;

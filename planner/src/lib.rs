@@ -22,12 +22,11 @@ pub mod s_curve;
 pub mod step_queue;
 pub mod time_law;
 
-mod between;
 mod block;
-mod block_law;
 mod budget;
 mod division;
-mod entries;
+mod event_buffer;
+mod extruder_gap;
 mod follower;
 mod junction;
 mod limits;
@@ -37,16 +36,17 @@ mod motion_choice;
 mod offered;
 mod pace;
 mod path;
+mod piece;
 mod planner;
 #[cfg(test)]
 mod random;
 mod real;
-mod single;
 mod spacing;
 mod square_root;
 mod step_times;
-#[cfg(test)]
-mod step_times_tests;
+mod time_units;
+mod trapezoid;
+mod u64_to_f32;
 
 pub use block::{Acceleration, Block, PlannedBlock, Speed, SquaredSpeed};
 pub use digest::StepDigests;

@@ -16,7 +16,7 @@ pub use core_xy::{CoreXyLine, LineEvent, PlaneMethod};
 pub use dual_rate::{DualRate, TwoRates};
 pub use figures::LineFigures;
 pub use minimum_deviation::MinimumDeviation;
-pub(crate) use motors::{CoreXyTarget, FeedSteps, MotorSteps};
+pub(crate) use motors::{CoreXyTarget, FeedSteps, MotorPulse};
 pub use point_by_point::PointByPoint;
 
 use crate::bresenham::MAX_STEPS;

@@ -21,9 +21,9 @@ use crate::pace::Pace;
 use crate::path::Path;
 use crate::s_curve::law::Curve;
 use crate::s_curve::{FrequencyTable, Jerk};
-use crate::single;
 use crate::step_queue::{Notice, StepSink};
 use crate::time_law::TimeLaw;
+use crate::u64_to_f32;
 use crate::{TICKS_PER_SECOND, kinematics};
 use in_plane::Cruise;
 use prepared::OpenPrepared;
@@ -605,7 +605,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         } else {
             self.exit
         };
-        let (law, exit) = TimeLaw::along(&self.curve, part);
+        let (law, exit) = TimeLaw::along(&self.curve, part.offset_10nm, part.block.length_10nm);
         let ends_run = part.offset_10nm.saturating_add(part.block.length_10nm) >= part.run.length_10nm;
         let exit = if ends_run { part.run.exit } else { exit };
         self.exit = exit;
@@ -727,7 +727,7 @@ fn filament_10nm(filament_100pm: i64) -> f32 {
     // Of up to 43 cm the processor makes a float.
     let filament = match u32::try_from(filament_100pm) {
         Ok(filament) => filament as f32,
-        Err(_) => single::of_i64(filament_100pm),
+        Err(_) => u64_to_f32::of_i64(filament_100pm),
     };
     filament / FILAMENT_UNITS_PER_10NM as f32
 }

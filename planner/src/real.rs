@@ -9,7 +9,7 @@ use core::ops::{Add, Div, Mul, Sub};
 use crate::square_root::{square_root, square_root_f32};
 
 /// A floating-point type: + - * /, the square root, and conversions. All are correctly rounded on every target.
-pub(crate) trait Real:
+pub trait Real:
     Copy + PartialOrd + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self>
 {
     /// Zero.

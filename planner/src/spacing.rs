@@ -1,18 +1,26 @@
 //! Where on a block's path the steps of a motor are.
 
-use crate::block_law::BlockLaw;
 use crate::inner_ends::Stretch;
+use crate::piece::PieceEnd;
 use crate::real::Real;
 
-/// How the extruder's steps lie in a stretch, in 1/256 steps.
+/// The steps of a motor in a stretch of a block.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct ExtruderTravel {
-    /// Travel in the stretch, either way.
-    pub(crate) whole: u32,
-    /// Travel up to the first step.
-    pub(crate) first: u32,
-    /// Number of steps.
-    pub(crate) count: u32,
+pub enum MotorSteps {
+    /// Step k of N at (k - 1/2)/N of the stretch.
+    Even {
+        /// Number of steps.
+        count: u32,
+    },
+    /// Where the travel says, in 1/256 steps.
+    Extruder {
+        /// Travel in the stretch, either way.
+        whole: u32,
+        /// Travel up to the first step.
+        first: u32,
+        /// Number of steps.
+        count: u32,
+    },
 }
 
 /// The part of a block's path that a stretch is, in units of 10 nm.
@@ -30,17 +38,17 @@ pub(crate) struct Span<F> {
 }
 
 impl<F: Real> Span<F> {
-    /// All of a block.
+    /// All of a block of this length.
     #[inline(always)]
-    pub(crate) fn whole(law: &impl BlockLaw<F>) -> Self {
-        Self { before: F::ZERO, length: law.length(), per_length: law.per_length(), after: F::ZERO }
+    pub(crate) fn whole(length: F, per_length: F) -> Self {
+        Self { before: F::ZERO, length, per_length, after: F::ZERO }
     }
 
-    /// A stretch of a block.
+    /// A stretch of a block of this length.
     #[inline(always)]
-    pub(crate) fn of(stretch: &Stretch, law: &impl BlockLaw<F>) -> Self {
+    pub(crate) fn of(stretch: &Stretch, length: F, per_length: F) -> Self {
         if stretch.before_10nm == 0 && stretch.after_10nm == 0 {
-            return Self::whole(law);
+            return Self::whole(length, per_length);
         }
         let length = F::from_u32(stretch.length_10nm);
         Self {
@@ -68,34 +76,61 @@ pub(crate) struct Spacing<F> {
 }
 
 impl<F: Real> Spacing<F> {
-    /// The master's: its step k of N is at (k - 1/2) S/N of the stretch.
+    /// Path from the block's start to a step.
     #[inline]
-    pub(crate) fn of_master(span: &Span<F>, count: u32) -> Self {
-        let steps = F::from_u32(count.max(1));
-        let spacing = span.length / steps;
-        let half = F::constant(0.5) * spacing;
-        Self {
-            count,
-            first: span.before + half,
-            after_last: span.after + half,
-            spacing,
-            per_spacing: steps * span.per_length,
+    pub(crate) fn position(&self, index: u32) -> F {
+        self.first + F::from_u32(index) * self.spacing
+    }
+
+    /// Path from a step to the block's end.
+    #[inline]
+    pub(crate) fn rest(&self, index: u32) -> F {
+        self.after_last + F::from_u32((self.count.saturating_sub(1)).saturating_sub(index)) * self.spacing
+    }
+
+    /// Steps up to and including the end of a piece, of which `done` are in those before it.
+    #[inline]
+    pub(crate) fn steps_up_to(&self, end: PieceEnd<F>, done: u32) -> u32 {
+        // The first step in a length, and as many as spacings fit after it. Casts saturate.
+        let fitting = |length: F| (length * self.per_spacing + F::from_u32(1)).to_u32();
+        match end {
+            PieceEnd::FromStart(end) => fitting(end - self.first).min(self.count),
+            PieceEnd::ToEnd(rest) => {
+                let left = self.count.saturating_sub(done);
+                self.count.saturating_sub(fitting(rest - self.after_last).min(left))
+            }
+            PieceEnd::Last => self.count,
         }
     }
 
-    /// The extruder's, which steps where its own travel says.
+    /// Those of a motor.
     #[inline]
-    pub(crate) fn of_extruder(span: &Span<F>, travel: &ExtruderTravel) -> Self {
-        let &ExtruderTravel { whole, first, count } = travel;
-        let last = first.saturating_add(count.saturating_sub(1).saturating_mul(256));
-        let parts = F::from_u32(whole.max(1));
-        let per_256th = span.length / parts;
-        Self {
-            count,
-            first: span.before + F::from_u32(first) * per_256th,
-            after_last: span.after + F::from_u32(whole.saturating_sub(last)) * per_256th,
-            spacing: F::from_u32(256) * per_256th,
-            per_spacing: parts * F::constant(1.0 / 256.0) * span.per_length,
+    pub(crate) fn new(span: &Span<F>, steps: &MotorSteps) -> Self {
+        match *steps {
+            MotorSteps::Even { count } => {
+                let parts = F::from_u32(count.max(1));
+                let spacing = span.length / parts;
+                let half = F::constant(0.5) * spacing;
+                Self {
+                    count,
+                    first: span.before + half,
+                    after_last: span.after + half,
+                    spacing,
+                    per_spacing: parts * span.per_length,
+                }
+            }
+            MotorSteps::Extruder { whole, first, count } => {
+                let last = first.saturating_add(count.saturating_sub(1).saturating_mul(256));
+                let parts = F::from_u32(whole.max(1));
+                let per_256th = span.length / parts;
+                Self {
+                    count,
+                    first: span.before + F::from_u32(first) * per_256th,
+                    after_last: span.after + F::from_u32(whole.saturating_sub(last)) * per_256th,
+                    spacing: F::from_u32(256) * per_256th,
+                    per_spacing: parts * F::constant(1.0 / 256.0) * span.per_length,
+                }
+            }
         }
     }
 }

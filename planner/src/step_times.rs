@@ -1,291 +1,122 @@
-//! When each step of one motor is due: s(t) solved for equally spaced path positions.
+//! When each step of one motor is due: the pieces of a time law, solved for equally spaced path positions.
 
+mod accelerated;
+mod even;
 mod jerk;
-mod pieces;
+mod phase;
 #[cfg(test)]
-mod run_tests;
+mod s_curve_tests;
+#[cfg(test)]
+mod trapezoid_tests;
 
-use crate::real::Real;
-use crate::s_curve::law::Along;
-use crate::s_curve::staircase::Staircase;
-use crate::spacing::Spacing;
-use crate::square_root::square_root_f32;
-use crate::time_law::{FRACTION_BITS, HALF_TICK, Trapezoid, cruise_time, ramp_time, steps_per_tick};
-use jerk::JerkRamp;
-use pieces::Pieces;
+use crate::inner_ends::Stretch;
+use crate::s_curve::law::CurvePieces;
+use crate::s_curve::staircase::StaircasePieces;
+use crate::spacing::{MotorSteps, Spacing, Span};
+use crate::time_law::TimeLaw;
+use crate::time_units::{FRACTION_BITS, HALF_TICK};
+use crate::trapezoid::TrapezoidPieces;
+use phase::{Phase, PhaseMotion, Unsolved};
 
-/// Number of phases of a trapezoid.
-const PHASES: usize = 3;
+pub(crate) use accelerated::HotRamp;
+pub(crate) use even::EvenSteps;
 
-/// How the time advances within a phase.
+/// The pieces to come and a motor's steps along them, by what yields the pieces.
 #[derive(Clone, Copy, Debug)]
-enum Pace {
-    /// A constant interval.
-    Cruise(Cruise),
-    /// A constant acceleration.
-    Ramp(Ramp),
-    /// A constant jerk.
-    Jerk(JerkRamp),
+enum Source {
+    /// No steps.
+    None,
+    /// Along a trapezoid of a quarter of a second at most.
+    Short(Unsolved<f32, TrapezoidPieces<f32>>),
+    /// Along a longer trapezoid.
+    Long(Unsolved<f64, TrapezoidPieces<f64>>),
+    /// Along a block of a run, and the block's start, in time units from the run's, from which the pieces count.
+    Run(Unsolved<f64, CurvePieces>, u64),
+    /// Along a staircase.
+    Staircase(Unsolved<f64, StaircasePieces>),
 }
 
-/// A constant interval between steps.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Cruise {
-    /// The interval, in time units.
-    pub(crate) interval: u64,
-    /// What is beyond it, in 2^-16 time units: over millions of steps it adds up.
-    pub(crate) beyond: u16,
-    /// The interval in whole ticks, the nearest.
-    pub(crate) ticks: u32,
-    /// By how much those are longer than it, in time units.
-    pub(crate) drift: i32,
-    /// How many steps at whole ticks add up to [`STAIR_DRIFT`] and [`LONGEST_STAIR_TICKS`] at most; at least 1.
-    pub(crate) longest_stair: u32,
-}
-
-/// Most that a stair may be off because its one interval is a whole number of ticks, in time units: 31 ticks, 0.4 us.
-const STAIR_DRIFT: u32 = 31 << FRACTION_BITS;
-
-/// Most steps of a stair: the players' slots hold as many.
-const LONGEST_STAIR: u32 = 1 << 13;
-
-/// Most ticks from a stair's first step to its last, some 25 s: with an interval more, they are still a 32-bit number.
-const LONGEST_STAIR_TICKS: u32 = 1 << 31;
-
-impl Cruise {
-    const EMPTY: Self = Self { interval: 0, beyond: 0, ticks: 0, drift: 0, longest_stair: 0 };
-
+impl Source {
+    /// The steps of the next piece that has any.
     #[inline]
-    fn new(interval: u64, beyond: u16) -> Self {
-        let rounded = interval.saturating_add(HALF_TICK) >> FRACTION_BITS;
-        let ticks = rounded as u32;
-        // At most half a tick.
-        let drift = (ticks << FRACTION_BITS).wrapping_sub(interval as u32) as i32;
-        let longest = if rounded > u64::from(u32::MAX) {
-            1
-        } else {
-            (STAIR_DRIFT / drift.unsigned_abs().max(1)).min(LONGEST_STAIR_TICKS / ticks.max(1)).max(1)
-        };
-        Self { interval, beyond, ticks, drift, longest_stair: longest.min(LONGEST_STAIR) }
-    }
-}
-
-/// Squared speeds in steps^2/tick^2: at index k from the ramp's slow end, `slow + k * gain`.
-///
-/// From the slow end, where relative errors would hurt most.
-#[derive(Clone, Copy, Debug)]
-struct Ramp {
-    slow: f32,
-    gain: f32,
-    /// Speed at the next step.
-    speed: f32,
-    index: u32,
-    /// 1, or -1 as a wrapping number while slowing down.
-    direction: u32,
-}
-
-/// Time units in two ticks.
-const UNITS_IN_TWO_TICKS: f32 = (2u32 << FRACTION_BITS) as f32;
-
-/// What [`Ramp::units_and_half`] gives, as a whole number: the nearest, for cut they would add up.
-#[inline(always)]
-fn whole_units(units_and_half: f32) -> u64 {
-    // One instruction, and enough for all but slow steps.
-    let short = units_and_half as u32;
-    if short < u32::MAX { u64::from(short) } else { units_and_half.to_u64() }
-}
-
-impl Ramp {
-    /// Goes on to the next step; how long it takes, in time units, and half of one.
-    #[inline(always)]
-    fn units_and_half(&mut self) -> f32 {
-        self.index = self.index.wrapping_add(self.direction);
-        let speed = square_root_f32(self.slow + self.index as f32 * self.gain);
-        let units = UNITS_IN_TWO_TICKS / (self.speed + speed);
-        self.speed = speed;
-        units + 0.5
-    }
-}
-
-/// Longest ramp that is run: the numbers of its steps are exact in f32.
-const LONGEST_RUN: u32 = 1 << 24;
-
-/// Steps of a ramp that are taken one after the other.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct RampRun(ferrostep_square_root::Ramp);
-
-impl RampRun {
-    /// Takes a step. Time units from it to the next one, cut to 32 bits; no matter what behind a ramp's last step.
-    #[inline(always)]
-    pub(crate) fn take(&mut self) -> u32 {
-        self.0.advance()
+    fn next_phase(&mut self) -> Option<Phase> {
+        match self {
+            Self::None => None,
+            Self::Short(unsolved) => unsolved.next_phase(),
+            other => other.next_phase_in_f64(),
+        }
     }
 
-    /// What [`Self::take`] has told last.
-    #[inline(always)]
-    pub(crate) fn short_units(&self) -> u32 {
-        self.0.interval_and_half as u32
-    }
-
-    /// The same, not cut.
-    #[inline(always)]
-    pub(crate) fn units(&self) -> u64 {
-        whole_units(self.0.interval_and_half)
-    }
-}
-
-/// The steps of one phase.
-#[derive(Clone, Copy, Debug)]
-struct Phase {
-    count: u32,
-    /// When its first step is due.
-    first: u64,
-    pace: Pace,
-}
-
-impl Phase {
-    const EMPTY: Self = Self { count: 0, first: 0, pace: Pace::Cruise(Cruise::EMPTY) };
-
-    /// `count` steps of a ramp, told from its slow end, where the speed is `end`: lengths from there to the slowest and
-    /// to the first step, and the index of the first from the slowest. And how long it takes from the slow end to the
-    /// first step.
-    #[inline]
-    fn ramp<F: Real>(law: &Trapezoid<F>, steps: &Spacing<F>, end: F, lengths: [F; 2], index: u32) -> (Pace, F) {
-        let [to_slowest, to_first] = lengths;
-        let end_squared = end * end;
-        let steps_per_tick = steps_per_tick(steps.per_spacing);
-        let square = steps_per_tick * steps_per_tick;
-        let speed = (end_squared + law.gain * to_first).square_root();
-        let ramp = Ramp {
-            slow: ((end_squared + law.gain * to_slowest) * square).to_f32(),
-            gain: (law.gain * steps.spacing * square).to_f32(),
-            speed: (speed * steps_per_tick).to_f32(),
-            index,
-            direction: if index == 0 { 1 } else { u32::MAX },
-        };
-        (Pace::Ramp(ramp), ramp_time(to_first, end, speed))
-    }
-}
-
-/// The phases of a trapezoid, worked out before its first step.
-#[derive(Clone, Copy, Debug)]
-struct Phases {
-    phases: [Phase; PHASES],
-    /// Those that have steps and are still to come: bit i = phase i.
-    to_come: u8,
-}
-
-impl Phases {
-    const NONE: Self = Self { phases: [Phase::EMPTY; PHASES], to_come: 0 };
-
-    /// Takes the next one that has steps.
-    #[inline]
-    fn take(&mut self) -> Option<Phase> {
-        let phase = self.phases.get(self.to_come.trailing_zeros() as usize).copied();
-        // All but the lowest bit.
-        self.to_come &= self.to_come.wrapping_sub(1);
-        phase
+    #[cold]
+    #[inline(never)]
+    fn next_phase_in_f64(&mut self) -> Option<Phase> {
+        match self {
+            Self::None | Self::Short(_) => None,
+            Self::Long(unsolved) => unsolved.next_phase(),
+            Self::Run(unsolved, start) => {
+                let phase = unsolved.next_phase()?;
+                Some(Phase { first: phase.first.saturating_sub(*start), ..phase })
+            }
+            Self::Staircase(unsolved) => unsolved.next_phase(),
+        }
     }
 }
 
 /// The step times of a motor along one stretch of a block, in units of 2^-16 tick from the block's start, never
 /// decreasing.
 ///
-/// Each phase begins anew from its own time, so that rounding never adds up over more than a phase. Inside a ramp the
-/// interval is 2h/(v_k + v_k+1) with v_k = sqrt(v_0^2 + 2 a h k), in f32; inside the cruise it is constant.
+/// Each phase begins anew from its own time, so that rounding never adds up over more than a phase. At a constant
+/// acceleration the interval is 2h/(v_k + v_k+1) with v_k = sqrt(v_0^2 + 2 a h k), in f32; at a constant speed it is
+/// constant.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct StepTimes {
     /// When the next step is due, of those `left`. Without any it has no meaning: [`Self::next`] is the only way to it.
     due: u64,
     /// Steps left in the phase; without any, no step is due any more.
     left: u32,
-    pace: Pace,
+    motion: PhaseMotion,
     /// 2^-16 time units that `due` lacks.
     beyond: u32,
-    phases: Phases,
-    /// What the phases after those are made of.
-    pieces: Pieces,
+    source: Source,
 }
 
 impl StepTimes {
     /// No steps.
     pub(crate) const NONE: Self =
-        Self { due: 0, left: 0, pace: Phase::EMPTY.pace, beyond: 0, phases: Phases::NONE, pieces: Pieces::None };
+        Self { due: 0, left: 0, motion: PhaseMotion::Even(EvenSteps::EMPTY), beyond: 0, source: Source::None };
 
-    /// Starts with the steps of a block, none of them due before `earliest`.
+    /// Starts with the steps of a motor in a stretch of a block, none of them due before `earliest`. Every field is set here
+    /// or by [`Self::enter_phase`]: nothing of a block that was abandoned half-way remains.
     #[inline]
-    pub(crate) fn start<F: Real>(&mut self, law: &Trapezoid<F>, steps: &Spacing<F>, earliest: u64) {
-        self.phases.to_come = 0;
-        if steps.count > 0 {
-            self.set_phases(law, steps);
+    pub(crate) fn start(&mut self, law: &TimeLaw, stretch: &Stretch, steps: &MotorSteps, earliest: u64) {
+        match law {
+            TimeLaw::Short(law) => {
+                let span = Span::of(stretch, law.length, law.per_length);
+                self.source = Source::Short(Unsolved::new(law.pieces(), Spacing::new(&span, steps)));
+            }
+            law => self.set_source_in_f64(law, stretch, steps),
         }
-        self.pieces = Pieces::None;
-        self.begin(earliest);
-    }
-
-    /// The same along a block of a run.
-    pub(crate) fn start_run(&mut self, law: &Along, steps: &Spacing<f64>, earliest: u64) {
-        self.phases.to_come = 0;
-        self.pieces = Pieces::Run { law: *law, steps: *steps, next: 0, done: 0 };
-        self.begin(earliest);
-    }
-
-    /// The same along a block at the frequencies of a table.
-    pub(crate) fn start_staircase(&mut self, law: &Staircase, steps: &Spacing<f64>, earliest: u64) {
-        self.phases.to_come = 0;
-        self.pieces = Pieces::Staircase { law: *law, steps: *steps, next: 0, done: 0 };
-        self.begin(earliest);
-    }
-
-    /// Begins with the first phase that has steps. Phases and pieces are those of the new stretch, and every other field is set
-    /// here or by [`Self::enter_phase`]: nothing of a block that was abandoned half-way remains.
-    #[inline]
-    fn begin(&mut self, earliest: u64) {
         self.due = earliest;
         self.left = 0;
         self.beyond = 0;
         self.enter_phase();
     }
 
-    /// How many steps each phase has, and the time of its first.
-    #[inline]
-    fn set_phases<F: Real>(&mut self, law: &Trapezoid<F>, steps: &Spacing<F>) {
-        let &Spacing { count, first, after_last, spacing, per_spacing } = steps;
-        // The first step in a length, and as many as spacings fit behind it. Casts saturate.
-        let fitting = |length: F| (length * per_spacing + F::from_u32(1)).to_u32();
-        let up = if law.up > F::ZERO { fitting(law.up - first).min(count) } else { 0 };
-        let down = match (law.down > F::ZERO, law.cruise > F::ZERO) {
-            (true, true) => fitting(law.down - after_last).min(count - up),
-            // Without a cruise, the ramps share all steps, whatever the rounding.
-            (true, false) => count - up,
-            (false, _) => 0,
+    #[cold]
+    #[inline(never)]
+    fn set_source_in_f64(&mut self, law: &TimeLaw, stretch: &Stretch, steps: &MotorSteps) {
+        let spacing = |length: f64, per_length: f64| Spacing::new(&Span::of(stretch, length, per_length), steps);
+        self.source = match law {
+            TimeLaw::Short(_) => Source::None,
+            TimeLaw::Long(law) => Source::Long(Unsolved::new(law.pieces(), spacing(law.length, law.per_length))),
+            TimeLaw::Run(law) => {
+                let steps = spacing(law.length, 1.0 / law.length);
+                Source::Run(Unsolved::new(law.pieces(), steps), law.start)
+            }
+            TimeLaw::Staircase(law) => {
+                Source::Staircase(Unsolved::new(law.pieces(), spacing(law.length, 1.0 / law.length)))
+            }
         };
-        let up = if law.cruise > F::ZERO || down > 0 { up } else { count };
-        let cruise = count - up - down;
-        let Phases { phases: [phase_up, phase_cruise, phase_down], to_come } = &mut self.phases;
-        if up > 0 {
-            *to_come |= 1;
-            let (pace, delay) = Phase::ramp(law, steps, law.entry, [first, first], 0);
-            *phase_up = Phase { count: up, first: delay.to_u64(), pace };
-        }
-        if cruise > 0 {
-            *to_come |= 2;
-            let inside = first + F::from_u32(up) * spacing - law.up;
-            let inside = if inside > F::ZERO { inside } else { F::ZERO };
-            let delay = law.up_time + cruise_time(inside, law.peak);
-            let interval = cruise_time(spacing, law.peak);
-            let whole = interval.to_u64();
-            let beyond = (interval * F::from_u32(1 << 16)).to_u64() as u16;
-            let pace = Pace::Cruise(Cruise::new(whole, beyond));
-            *phase_cruise = Phase { count: cruise, first: delay.to_u64(), pace };
-        }
-        if down > 0 {
-            *to_come |= 4;
-            let index = down - 1;
-            let to_first = after_last + F::from_u32(index) * spacing;
-            let (pace, rest) = Phase::ramp(law, steps, law.exit, [after_last, to_first], index);
-            *phase_down = Phase { count: down, first: (law.duration - rest).to_u64(), pace };
-        }
     }
 
     /// When the next step is due; `None` after the last.
@@ -304,10 +135,10 @@ impl StepTimes {
 
     /// In the cruise: its interval, and how many steps are left in it, the next one included.
     #[inline]
-    pub(crate) fn cruise(&self) -> Option<(Cruise, u32)> {
-        match self.pace {
-            Pace::Cruise(cruise) => Some((cruise, self.left)),
-            Pace::Ramp(_) | Pace::Jerk(_) => None,
+    pub(crate) fn cruise(&self) -> Option<(EvenSteps, u32)> {
+        match self.motion {
+            PhaseMotion::Even(cruise) => Some((cruise, self.left)),
+            PhaseMotion::Accelerated(_) | PhaseMotion::Jerk(_) => None,
         }
     }
 
@@ -325,36 +156,26 @@ impl StepTimes {
         self.beyond = beyond;
         if self.left == 0 {
             // Not before the last one.
-            if let Pace::Cruise(cruise) = &self.pace {
+            if let PhaseMotion::Even(cruise) = &self.motion {
                 self.due = due.wrapping_sub(cruise.interval);
             }
             self.enter_phase();
         }
     }
 
-    /// In a ramp: its next steps, to be taken one after the other, at most as many as are told.
+    /// In a ramp: its next steps for one loop, and how many it may take.
     #[inline(always)]
-    pub(crate) fn run(&self) -> Option<(RampRun, u32)> {
-        match self.pace {
-            Pace::Ramp(Ramp { slow, gain, speed, index, direction }) if self.left > 0 && index < LONGEST_RUN => {
-                let (most, direction) =
-                    if direction == 1 { (LONGEST_RUN - index, 1.0) } else { (index.saturating_add(1), -1.0) };
-                let run = ferrostep_square_root::Ramp::new(
-                    [index as f32, direction],
-                    speed,
-                    [slow, gain],
-                    UNITS_IN_TWO_TICKS,
-                );
-                Some((RampRun(run), most.min(self.left)))
-            }
-            _ => None,
+    pub(crate) fn hot_ramp(&self) -> Option<(HotRamp, u32)> {
+        match &self.motion {
+            PhaseMotion::Accelerated(ramp) => ramp.hot(self.left),
+            PhaseMotion::Even(_) | PhaseMotion::Jerk(_) => None,
         }
     }
 
-    /// Takes over what a run has done, which took `count` steps. The one behind the last would be due at `due` if that
-    /// `is_next`; if not, the last one taken was.
+    /// Takes over `count` steps that a loop has taken. The one after the last would be due at `due` if that `is_next`; if
+    /// not, the last one taken was.
     #[inline(always)]
-    pub(crate) fn end_run(&mut self, run: &RampRun, count: u32, due: u64, is_next: bool) {
+    pub(crate) fn end_hot_ramp(&mut self, run: &HotRamp, count: u32, due: u64, is_next: bool) {
         self.due = due;
         self.left = self.left.wrapping_sub(count);
         if self.left == 0 {
@@ -365,9 +186,8 @@ impl StepTimes {
             self.enter_phase();
             return;
         }
-        if let Pace::Ramp(ramp) = &mut self.pace {
-            ramp.speed = run.0.speed;
-            ramp.index = run.0.index as u32;
+        if let PhaseMotion::Accelerated(ramp) = &mut self.motion {
+            ramp.set_hot(run);
         }
         if !is_next {
             self.due = due.wrapping_add(run.units());
@@ -388,10 +208,10 @@ impl StepTimes {
     /// The time of the next step in the same phase.
     #[inline]
     fn pass(&mut self, count: u32) {
-        match &mut self.pace {
-            Pace::Ramp(ramp) => self.due = self.due.wrapping_add(whole_units(ramp.units_and_half())),
-            Pace::Jerk(ramp) => self.due = self.due.wrapping_add(ramp.units()),
-            Pace::Cruise(cruise) => {
+        match &mut self.motion {
+            PhaseMotion::Accelerated(ramp) => self.due = self.due.wrapping_add(ramp.units()),
+            PhaseMotion::Jerk(ramp) => self.due = self.due.wrapping_add(ramp.units()),
+            PhaseMotion::Even(cruise) => {
                 let beyond = self.beyond.wrapping_add(u32::from(cruise.beyond).wrapping_mul(count));
                 self.beyond = beyond & 0xffff;
                 let passed = cruise.interval.wrapping_mul(u64::from(count)).wrapping_add(u64::from(beyond >> 16));
@@ -403,9 +223,8 @@ impl StepTimes {
     /// Begins with the next phase that has steps.
     #[inline(never)]
     fn enter_phase(&mut self) {
-        // All phases that are there have steps.
-        let Some(phase) = self.phases.take().or_else(|| self.pieces.next_phase()) else { return };
-        self.pace = phase.pace;
+        let Some(phase) = self.source.next_phase() else { return };
+        self.motion = phase.motion;
         self.beyond = 0;
         self.due = self.due.max(phase.first);
         self.left = phase.count;

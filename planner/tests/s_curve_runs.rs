@@ -212,7 +212,7 @@ impl Checker {
     /// The block makes its steps in the time and between the speeds that the closed form says, to the run's end.
     fn check_steps(&mut self, part: &Part, passed: u32) {
         let run = &part.run;
-        let (law, exit) = TimeLaw::of_part(part);
+        let (law, exit) = part.law();
         let exact = speed_at(&self.law(run), run, passed);
         assert!((exit.mm_per_s() - exact).abs() <= 1e-3 + 1e-4 * exact, "{exit:?} {exact}: {part:?}");
         self.ticks += self.stepper.run(&part.block, [self.passes, exit], &law);

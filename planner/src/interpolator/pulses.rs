@@ -1,16 +1,16 @@
 //! The motors' steps in the plane, one event after the other, by any of the methods.
 
-use crate::block_law::BlockLaw;
 use crate::bresenham::MAX_STEPS;
 use crate::follower::Follower;
+use crate::inner_ends::Stretch;
 use crate::kinematics::Kinematics;
 use crate::method::Method;
 use crate::motion_choice::Interpolation;
-use crate::plane::{CoreXyTarget, FeedSteps, MinimumDeviation, MotorSteps, PointByPoint};
-use crate::real::Real;
-use crate::spacing::{Spacing, Span};
+use crate::plane::{CoreXyTarget, FeedSteps, MinimumDeviation, MotorPulse, PointByPoint};
+use crate::spacing::MotorSteps;
 use crate::step_times::StepTimes;
-use crate::time_law::HALF_TICK;
+use crate::time_law::TimeLaw;
+use crate::time_units::HALF_TICK;
 
 /// A step event and when it is due.
 #[derive(Clone, Copy, Debug)]
@@ -27,7 +27,7 @@ pub(super) struct Due {
 #[derive(Clone, Copy, Debug)]
 enum Rule {
     /// The same always.
-    Always(MotorSteps),
+    Always(MotorPulse),
     /// The first, and with some of its steps the others (Wu 2024, eq. 3).
     Bresenham {
         master: u8,
@@ -56,9 +56,9 @@ pub(super) struct Pulses {
     /// Each pulse has two halves, which may be an event each.
     has_halves: bool,
     /// The second half of a diagonal.
-    second: Option<MotorSteps>,
+    second: Option<MotorPulse>,
     /// A step behind the last pulse.
-    rest: Option<MotorSteps>,
+    rest: Option<MotorPulse>,
     /// The next event; `None` after the last.
     next: Option<Due>,
 }
@@ -69,15 +69,16 @@ impl Pulses {
         Self { rule: Rule::Nothing, feeds: FeedSteps::NONE, has_halves: false, second: None, rest: None, next: None };
 
     /// One motor by itself.
-    pub fn start_alone<F: Real>(&mut self, times: &mut StepTimes, law: &impl BlockLaw<F>, bit: u8, steps: i32) {
+    pub fn start_alone(&mut self, times: &mut StepTimes, law: &TimeLaw, stretch: &Stretch, bit: u8, steps: i32) {
         let count = steps.unsigned_abs().min(MAX_STEPS);
         let backwards = if steps < 0 { bit } else { 0 };
-        self.rule = Rule::Always(MotorSteps { axes: bit, backwards, twice: false });
-        self.begin(times, law, count, false, None);
+        self.rule = Rule::Always(MotorPulse { axes: bit, backwards, twice: false });
+        self.begin(times, law, stretch, count, false, None);
     }
 
     /// Classic Bresenham: the motor with most steps, the others with some of its steps.
-    pub fn start_bresenham<F: Real>(&mut self, times: &mut StepTimes, law: &impl BlockLaw<F>, steps: [i32; 3]) {
+    pub fn start_bresenham(&mut self, times: &mut StepTimes, law: &TimeLaw, stretch: &Stretch) {
+        let steps = stretch.steps;
         let [x, y, z] = steps.map(|steps| steps.unsigned_abs().min(MAX_STEPS));
         let (count, master, others) = if x >= y && x >= z {
             (x, 1, [(2, y), (4, z)])
@@ -90,17 +91,12 @@ impl Pulses {
         let backwards = bits.fold(0, |mask, (bit, steps)| if steps < 0 { mask | bit } else { mask });
         let followers = others.map(|(bit, steps)| Follower::new(bit, count, steps));
         self.rule = Rule::Bresenham { master, followers, backwards };
-        self.begin(times, law, count, false, None);
+        self.begin(times, law, stretch, count, false, None);
     }
 
     /// X and Y together by point-by-point comparison or minimum deviation.
-    pub fn start_plane<F: Real>(
-        &mut self,
-        times: &mut StepTimes,
-        law: &impl BlockLaw<F>,
-        method: &Method,
-        [first, second, _]: [i32; 3],
-    ) {
+    pub fn start_plane(&mut self, times: &mut StepTimes, law: &TimeLaw, stretch: &Stretch, method: &Method) {
+        let [first, second, _] = stretch.steps;
         let motors = [first, second].map(i64::from);
         let CoreXyTarget { pulses: [x, y], rest } = match method.kinematics {
             Kinematics::Cartesian => CoreXyTarget { pulses: motors, rest: None },
@@ -120,22 +116,23 @@ impl Pulses {
             count = line.len() as u32 * if has_halves { 2 } else { 1 };
             self.rule = Rule::MinimumDeviation(line);
         }
-        self.begin(times, law, count + u32::from(rest.is_some()), has_halves, rest);
+        self.begin(times, law, stretch, count + u32::from(rest.is_some()), has_halves, rest);
     }
 
     /// So many parts, the first event's time included.
-    fn begin<F: Real>(
+    fn begin(
         &mut self,
         times: &mut StepTimes,
-        law: &impl BlockLaw<F>,
+        law: &TimeLaw,
+        stretch: &Stretch,
         parts: u32,
         has_halves: bool,
-        rest: Option<MotorSteps>,
+        rest: Option<MotorPulse>,
     ) {
         self.has_halves = has_halves;
         self.second = None;
         self.rest = rest;
-        law.start(times, &Spacing::of_master(&Span::whole(law), parts), HALF_TICK);
+        times.start(law, stretch, &MotorSteps::Even { count: parts }, HALF_TICK);
         self.advance(times);
     }
 
@@ -170,12 +167,12 @@ impl Pulses {
     }
 
     /// What the next pulse asks for, and after the last what is left.
-    fn next_steps(&mut self) -> MotorSteps {
+    fn next_steps(&mut self) -> MotorPulse {
         let pulse = match &mut self.rule {
             Rule::Always(steps) => return *steps,
             Rule::Bresenham { master, followers: [first, second], backwards } => {
                 let axes = *master | first.pass(1) | second.pass(1);
-                return MotorSteps { axes, backwards: *backwards & axes, twice: false };
+                return MotorPulse { axes, backwards: *backwards & axes, twice: false };
             }
             Rule::PointByPoint(line) => line.next(),
             Rule::MinimumDeviation(line) => line.next(),
@@ -184,7 +181,7 @@ impl Pulses {
         match (pulse, self.rest) {
             (Some(pulse), _) => self.feeds.of(pulse),
             // There are as many parts as pulses, and one for the rest.
-            (None, rest) => rest.unwrap_or(MotorSteps::NONE),
+            (None, rest) => rest.unwrap_or(MotorPulse::NONE),
         }
     }
 }

@@ -12,15 +12,14 @@
 
 use super::{FAR, Interpolator, MAX_ENTRIES, WHOLE_TICKS, Work};
 use crate::EXTRUDER;
-use crate::block_law::BlockLaw;
 use crate::inner_ends::Stretch;
 use crate::method::Method;
 use crate::motion_choice::Interpolation;
-use crate::real::Real;
-use crate::spacing::{ExtruderTravel, Spacing, Span};
+use crate::spacing::MotorSteps;
 use crate::step_queue::StepEntry;
 use crate::step_times::StepTimes;
-use crate::time_law::{FRACTION_BITS, HALF_TICK, Precision, TimeLaw};
+use crate::time_law::TimeLaw;
+use crate::time_units::{FRACTION_BITS, HALF_TICK};
 
 use super::pulses::{Due, Pulses};
 
@@ -49,23 +48,23 @@ impl Streams {
         Self { are_on: false, plane: [Pulses::NONE; 2], second: StepTimes::NONE, z: StepTimes::NONE, waiting: 0 };
 
     /// Those of a block.
-    fn start<F: Real>(&mut self, times: &mut StepTimes, method: &Method, stretch: &Stretch, law: &impl BlockLaw<F>) {
+    fn start(&mut self, times: &mut StepTimes, method: &Method, stretch: &Stretch, law: &TimeLaw) {
         let [x, y, z] = stretch.steps;
         let [first, second] = &mut self.plane;
         *second = Pulses::NONE;
         self.z = StepTimes::NONE;
         self.waiting = 0;
         if method.interpolation() == Interpolation::Bresenham {
-            first.start_bresenham(times, law, stretch.steps);
+            first.start_bresenham(times, law, stretch);
             return;
         }
         if method.has_two_rates(stretch.steps) {
-            first.start_alone(times, law, 1, x);
-            second.start_alone(&mut self.second, law, 2, y);
+            first.start_alone(times, law, stretch, 1, x);
+            second.start_alone(&mut self.second, law, stretch, 2, y);
         } else {
-            first.start_plane(times, law, method, stretch.steps);
+            first.start_plane(times, law, stretch, method);
         }
-        law.start(&mut self.z, &Spacing::of_master(&Span::whole(law), z.unsigned_abs()), HALF_TICK);
+        self.z.start(law, stretch, &MotorSteps::Even { count: z.unsigned_abs() }, HALF_TICK);
     }
 
     /// The plane's next event, and which of its streams has it.
@@ -92,19 +91,10 @@ impl Streams {
 impl Interpolator {
     /// Begins a block that is made of streams.
     #[inline(never)]
-    pub(super) fn start_streams(&mut self, stretch: &Stretch, law: &TimeLaw, extruder: &ExtruderTravel) {
-        match &law.0 {
-            Precision::Short(law) => self.start_streams_in(stretch, law, extruder),
-            Precision::Long(law) => self.start_streams_in(stretch, law, extruder),
-            Precision::Run(law) => self.start_streams_in(stretch, law, extruder),
-            Precision::Staircase(law) => self.start_streams_in(stretch, law, extruder),
-        }
-    }
-
-    fn start_streams_in<F: Real>(&mut self, stretch: &Stretch, law: &impl BlockLaw<F>, extruder: &ExtruderTravel) {
+    pub(super) fn start_streams(&mut self, stretch: &Stretch, law: &TimeLaw, extruder: &MotorSteps) {
         self.joining = 0;
         self.streams.start(&mut self.master, &self.method, stretch, law);
-        law.start(&mut self.extruder, &Spacing::of_extruder(&Span::whole(law), extruder), HALF_TICK);
+        self.extruder.start(law, stretch, extruder, HALF_TICK);
     }
 
     /// As [`Interpolator::work`], by streams.

@@ -24,8 +24,10 @@
 use super::{Content, Left, LookAhead, Slot, Waiting};
 use crate::block::{Acceleration, Block, Speed, SquaredSpeed};
 use crate::pace::Pace;
+use crate::s_curve::law::Curve;
 use crate::s_curve::run::Planning;
 use crate::s_curve::{Jerk, Run};
+use crate::time_law::TimeLaw;
 
 /// A block of a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,6 +38,13 @@ pub struct Part {
     pub run: Run,
     /// Where in the run it begins, units of 10 nm.
     pub offset_10nm: u32,
+}
+
+impl Part {
+    /// The law of the run along the block, and the speed at the block's end (Li 2017).
+    pub fn law(&self) -> (TimeLaw, Speed) {
+        TimeLaw::along(&Curve::new(&self.run), self.offset_10nm, self.block.length_10nm)
+    }
 }
 
 /// The run whose blocks are leaving.

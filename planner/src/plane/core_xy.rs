@@ -1,6 +1,6 @@
 //! A straight line as the steps of a CoreXY machine's motors.
 
-use super::{CoreXyTarget, DualRate, FeedSteps, MinimumDeviation, MotorSteps, PlaneError, PointByPoint, TwoRates};
+use super::{CoreXyTarget, DualRate, FeedSteps, MinimumDeviation, MotorPulse, PlaneError, PointByPoint, TwoRates};
 use crate::kinematics::Kinematics;
 use crate::motion_choice::DualRatePeriods;
 
@@ -50,9 +50,9 @@ pub struct CoreXyLine {
     all_quarters: u64,
     feeds: FeedSteps,
     /// The second step of a diagonal.
-    second: Option<MotorSteps>,
+    second: Option<MotorPulse>,
     /// The odd step at the end.
-    rest: Option<MotorSteps>,
+    rest: Option<MotorPulse>,
 }
 
 impl CoreXyLine {
@@ -84,7 +84,7 @@ impl CoreXyLine {
         Ok(Self::of(rule, [first, second], feeds([x, y]), pulses as u64, rest))
     }
 
-    fn of(rule: Rule, whole: [i64; 2], feeds: FeedSteps, pulses: u64, rest: Option<MotorSteps>) -> Self {
+    fn of(rule: Rule, whole: [i64; 2], feeds: FeedSteps, pulses: u64, rest: Option<MotorPulse>) -> Self {
         // The odd step takes as long as half a diagonal, and as a whole pulse of point-by-point's.
         let rest_quarters = match (&rule, &rest) {
             (_, None) => 0,
@@ -131,7 +131,7 @@ impl CoreXyLine {
             Rule::MinimumDeviation(line) => line.next(),
             Rule::Nothing => None,
         };
-        let Some(pulse) = pulse else { return self.rest.take().map(MotorSteps::signed) };
+        let Some(pulse) = pulse else { return self.rest.take().map(MotorPulse::signed) };
         let steps = self.feeds.of(pulse);
         if steps.twice {
             self.second = Some(steps);

@@ -9,7 +9,7 @@ const SECOND: u8 = 2;
 
 /// A step of one or both motors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct MotorSteps {
+pub(crate) struct MotorPulse {
     /// The motors that step.
     pub axes: u8,
     /// Those of them that run backwards.
@@ -18,7 +18,7 @@ pub(crate) struct MotorSteps {
     pub twice: bool,
 }
 
-impl MotorSteps {
+impl MotorPulse {
     /// None.
     pub const NONE: Self = Self { axes: 0, backwards: 0, twice: false };
 
@@ -40,35 +40,35 @@ impl MotorSteps {
 /// What the motors do for each pulse that a line has, whose signs never change.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct FeedSteps {
-    along_x: MotorSteps,
-    along_y: MotorSteps,
-    diagonally: MotorSteps,
+    along_x: MotorPulse,
+    along_y: MotorPulse,
+    diagonally: MotorPulse,
 }
 
 impl FeedSteps {
     /// No steps at all.
-    pub const NONE: Self = Self { along_x: MotorSteps::NONE, along_y: MotorSteps::NONE, diagonally: MotorSteps::NONE };
+    pub const NONE: Self = Self { along_x: MotorPulse::NONE, along_y: MotorPulse::NONE, diagonally: MotorPulse::NONE };
 
     /// Those of a line in this direction; only the signs count, 0 as 1.
     pub fn new(kinematics: Kinematics, x: i64, y: i64) -> Self {
         let [x_sign, y_sign] = [x, y].map(|pulses| if pulses < 0 { -1i8 } else { 1 });
         let both = |first: i8, second: i8| {
-            let (first, second) = (MotorSteps::of(FIRST, first), MotorSteps::of(SECOND, second));
-            MotorSteps { axes: FIRST | SECOND, backwards: first.backwards | second.backwards, twice: false }
+            let (first, second) = (MotorPulse::of(FIRST, first), MotorPulse::of(SECOND, second));
+            MotorPulse { axes: FIRST | SECOND, backwards: first.backwards | second.backwards, twice: false }
         };
         match kinematics {
             Kinematics::Cartesian => Self {
-                along_x: MotorSteps::of(FIRST, x_sign),
-                along_y: MotorSteps::of(SECOND, y_sign),
+                along_x: MotorPulse::of(FIRST, x_sign),
+                along_y: MotorPulse::of(SECOND, y_sign),
                 diagonally: both(x_sign, y_sign),
             },
             // A = X + Y, B = X - Y.
             Kinematics::CoreXy => Self {
                 along_x: both(x_sign, x_sign),
                 along_y: both(y_sign, -y_sign),
-                diagonally: MotorSteps {
+                diagonally: MotorPulse {
                     twice: true,
-                    ..MotorSteps::of(if x_sign == y_sign { FIRST } else { SECOND }, x_sign)
+                    ..MotorPulse::of(if x_sign == y_sign { FIRST } else { SECOND }, x_sign)
                 },
             },
         }
@@ -76,7 +76,7 @@ impl FeedSteps {
 
     /// Those of a pulse.
     #[inline]
-    pub fn of(&self, pulse: Pulse) -> MotorSteps {
+    pub fn of(&self, pulse: Pulse) -> MotorPulse {
         match (pulse.x, pulse.y) {
             (_, 0) => self.along_x,
             (0, _) => self.along_y,
@@ -91,7 +91,7 @@ pub(crate) struct CoreXyTarget {
     /// Pulses along X and Y.
     pub pulses: [i64; 2],
     /// Where A + B is odd, half a diagonal pulse more: a step of the motor that has more of them.
-    pub rest: Option<MotorSteps>,
+    pub rest: Option<MotorPulse>,
 }
 
 impl CoreXyTarget {
@@ -103,11 +103,11 @@ impl CoreXyTarget {
             rest = Some(if a.unsigned_abs() >= b.unsigned_abs() {
                 let sign = a.signum();
                 a -= sign;
-                MotorSteps::of(FIRST, sign as i8)
+                MotorPulse::of(FIRST, sign as i8)
             } else {
                 let sign = b.signum();
                 b -= sign;
-                MotorSteps::of(SECOND, sign as i8)
+                MotorPulse::of(SECOND, sign as i8)
             });
         }
         // Both even or both odd.
@@ -125,7 +125,7 @@ mod tests {
             for b in -9i64..=9 {
                 let target = CoreXyTarget::new(a, b);
                 let [x, y] = target.pulses;
-                let [rest_a, rest_b] = target.rest.map_or([0; 2], MotorSteps::signed).map(i64::from);
+                let [rest_a, rest_b] = target.rest.map_or([0; 2], MotorPulse::signed).map(i64::from);
                 assert_eq!([x + y + rest_a, x - y + rest_b], [a, b]);
                 assert_eq!(target.rest.is_some(), (a + b) & 1 == 1);
                 // No motor goes on beyond its end.

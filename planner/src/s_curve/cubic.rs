@@ -7,10 +7,12 @@ use crate::real::Real;
 /// With V the speed there and t1 the half's duration, linear = V t1 and cubic = +-j t1^3 / 6: plus beside a ramp's slow
 /// end, whichever way time runs, and minus beside its fast one. There j t1^2 is no more than V, so the path grows with x
 /// everywhere.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Cubic<F> {
-    pub(crate) linear: F,
-    pub(crate) cubic: F,
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cubic<F> {
+    /// Path that the speed beside the place makes in a half.
+    pub linear: F,
+    /// Path that the jerk makes.
+    pub cubic: F,
 }
 
 /// Newton's steps in f32. From the guess, which is less than a third too large, each squares the relative error.
@@ -22,6 +24,11 @@ pub(crate) fn cube_root_above(x: f32) -> f32 {
 }
 
 impl<F: Real> Cubic<F> {
+    /// The same in another unit of path, of which one of this makes `factor`.
+    pub(crate) fn scaled(&self, factor: F) -> Self {
+        Self { linear: self.linear * factor, cubic: self.cubic * factor }
+    }
+
     /// How far it is to a share of the half.
     pub(crate) fn at(&self, x: F) -> F {
         x * (self.linear + self.cubic * x * x)

@@ -3,15 +3,11 @@
 use super::bounds::Bounds;
 use super::cubic::Cubic;
 use super::run::Run;
-use crate::TICKS_PER_SECOND;
 use crate::block::Speed;
 use crate::kinematics::UNITS_PER_MM;
-use crate::offered::SCurves;
+use crate::piece::{Anchor, Motion, Piece, PieceEnd, Place, piece_at, time_at};
 use crate::real::Real;
-use crate::time_law::{FRACTION_BITS, HALF_TICK, cruise_time};
-
-/// Time units in a second.
-const PER_SECOND: f64 = TICKS_PER_SECOND as f64 * (1u64 << FRACTION_BITS) as f64;
+use crate::time_units::{FRACTION_BITS, HALF_TICK, UNITS, UNITS_PER_SECOND, cruise_time};
 
 /// A ramp: two halves of opposite jerks, each told from the end where the acceleration is zero. There its times are exact
 /// however slow it is.
@@ -33,7 +29,7 @@ impl Ramp {
         let seconds = bounds.half_time(slow, fast);
         let per_speed = seconds * UNITS_PER_MM as f64;
         Self {
-            half_time: seconds * PER_SECOND,
+            half_time: seconds * UNITS_PER_SECOND,
             slow: slow * per_speed,
             fast: fast * per_speed,
             cubic: (fast - slow) * per_speed * (1.0 / 6.0),
@@ -63,20 +59,9 @@ impl Ramp {
     }
 }
 
-/// A part of a run in which the jerk is constant. Lengths in units of 10 nm, times in time units, from the run's start.
-#[derive(Clone, Copy, Debug)]
-pub(crate) enum Piece {
-    /// At a constant speed from here on.
-    Cruise { start: f64, start_time: f64 },
-    /// Half of a ramp that begins with no acceleration.
-    From { anchor: f64, anchor_time: f64, curve: Cubic<f64>, half_time: f64 },
-    /// Half of a ramp that ends with no acceleration, told backwards from there: so far before the run's end.
-    To { before_end: f64, anchor_time: f64, curve: Cubic<f64>, half_time: f64 },
-}
-
 /// The time law of a run (Li 2017, eqs. 1 to 4, and the limit of acceleration).
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Curve {
+pub struct Curve {
     length: f64,
     /// Speed of the cruise, units of [`Speed`].
     peak: f64,
@@ -87,18 +72,7 @@ pub(crate) struct Curve {
     duration: f64,
 }
 
-/// A place in a run: path from its start, and to its end. Not one from the other: near a standstill, a hair of path takes
-/// long.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Place {
-    pub(crate) from_start: f64,
-    pub(crate) to_end: f64,
-}
-
 impl Curve {
-    /// Pieces of a run, some of them perhaps without length.
-    pub(crate) const PIECES: u8 = 5;
-
     /// No run.
     pub(crate) const NONE: Self = {
         let none = Ramp { half_time: 0.0, slow: 0.0, fast: 0.0, cubic: 0.0 };
@@ -125,130 +99,123 @@ impl Curve {
         Self { length, peak, up, down, down_start, duration }
     }
 
-    /// Its pieces in their order; `None` behind the last.
-    pub(crate) fn piece(&self, index: u8) -> Option<Piece> {
-        let Self { up, down, .. } = self;
-        Some(match index {
-            0 => Piece::From { anchor: 0.0, anchor_time: 0.0, curve: up.slow_half(), half_time: up.half_time },
-            1 => Piece::To {
-                before_end: self.length - up.length(),
-                anchor_time: up.half_time + up.half_time,
-                curve: up.fast_half(),
-                half_time: up.half_time,
-            },
-            2 => Piece::Cruise { start: up.length(), start_time: up.half_time + up.half_time },
-            3 => Piece::From {
-                anchor: self.length - down.length(),
-                anchor_time: self.down_start,
-                curve: down.fast_half(),
-                half_time: down.half_time,
-            },
-            4 => Piece::To {
-                before_end: 0.0,
-                anchor_time: self.duration,
-                curve: down.slow_half(),
-                half_time: down.half_time,
-            },
-            _ => return None,
-        })
+    /// The pieces of the run itself.
+    fn pieces(&self) -> CurvePieces {
+        CurvePieces { curve: *self, offset: 0.0, rest: 0.0, next: 0 }
     }
 
-    /// Where a piece ends, from the run's start.
-    pub(crate) fn end_of(&self, index: u8) -> f64 {
-        let Self { up, down, length, .. } = self;
-        match index {
-            0 => up.slow + up.cubic,
-            1 => up.length(),
-            2 => length - down.length(),
-            3 => length - down.slow - down.cubic,
-            _ => *length,
-        }
-    }
-
-    /// Time units for a length in the cruise.
-    pub(crate) fn cruise_time(&self, length: f64) -> f64 {
-        cruise_time(length, self.peak)
-    }
-
-    /// The piece that a place is in.
-    fn piece_at(&self, place: &Place) -> Option<Piece> {
-        let last = Self::PIECES - 1;
-        let index = (0..last).find(|&index| place.from_start < self.end_of(index)).unwrap_or(last);
-        self.piece(index)
-    }
-
-    /// When a place is reached, time units from the run's start.
-    pub(crate) fn time_at(&self, place: &Place) -> f64 {
-        if place.to_end <= 0.0 {
-            return self.duration;
-        }
-        match self.piece_at(place) {
-            Some(Piece::Cruise { start, start_time }) => start_time + self.cruise_time(place.from_start - start),
-            Some(Piece::From { anchor, anchor_time, curve, half_time }) => {
-                anchor_time + curve.solve(place.from_start - anchor) * half_time
-            }
-            Some(Piece::To { before_end, anchor_time, curve, half_time }) => {
-                anchor_time - curve.solve(place.to_end - before_end) * half_time
-            }
-            None => self.duration,
-        }
+    /// When a place is passed, time units from the run's start.
+    fn time_at(&self, place: &Place<f64>) -> f64 {
+        if place.to_end <= 0.0 { self.duration } else { time_at(self.pieces(), place) }
     }
 
     /// How fast a place is passed.
-    pub(crate) fn speed_at(&self, place: &Place) -> Speed {
-        // 10 nm a time unit are so many units of speed.
-        let of = |curve: Cubic<f64>, x: f64, half_time: f64| {
-            if half_time > 0.0 { curve.slope(x) / half_time * cruise_time(1.0, 1.0) } else { self.peak }
-        };
-        let speed = match self.piece_at(place) {
-            Some(Piece::From { anchor, curve, half_time, .. }) => {
-                of(curve, curve.solve(place.from_start - anchor), half_time)
-            }
-            Some(Piece::To { before_end, curve, half_time, .. }) => {
-                of(curve, curve.solve(place.to_end - before_end), half_time)
-            }
-            _ => self.peak,
+    fn speed_at(&self, place: &Place<f64>) -> Speed {
+        let speed = match piece_at(self.pieces(), place) {
+            Some(piece) => match piece.motion {
+                // 10 nm a time unit are this many units of speed.
+                Motion::Jerk { curve, duration } if duration > 0.0 => {
+                    curve.slope(curve.solve(piece.distance(place))) / duration * cruise_time(1.0, 1.0)
+                }
+                _ => self.peak,
+            },
+            None => self.peak,
         };
         Speed(Real::to_u32(speed))
     }
 }
 
+/// The pieces of a run as one of its blocks sees them: places from the block's ends, times from the run's start. Some
+/// pieces may have no length.
+#[derive(Clone, Copy, Debug)]
+pub struct CurvePieces {
+    curve: Curve,
+    /// From the run's start to the block's, and from the block's end to the run's, 10 nm.
+    offset: f64,
+    rest: f64,
+    next: u8,
+}
+
+impl Iterator for CurvePieces {
+    type Item = Piece<f64>;
+
+    fn next(&mut self) -> Option<Piece<f64>> {
+        let Self { curve: Curve { length, peak, up, down, down_start, duration }, offset, rest, next } = *self;
+        let [up_time, down_time] = [up, down].map(|ramp| ramp.half_time);
+        let leaving = |position: f64, time: f64, curve, duration, end: f64| Piece {
+            anchor: Anchor::Start,
+            time,
+            position: position - offset,
+            motion: Motion::Jerk { curve, duration },
+            end: PieceEnd::FromStart(end - offset),
+        };
+        let arriving = |to_end: f64, time: f64, curve, duration, end| Piece {
+            anchor: Anchor::End,
+            time,
+            position: to_end - rest,
+            motion: Motion::Jerk { curve, duration },
+            end,
+        };
+        self.next = next + 1;
+        Some(match next {
+            0 => leaving(0.0, 0.0, up.slow_half(), up_time, up.slow + up.cubic),
+            1 => {
+                let end = PieceEnd::FromStart(up.length() - offset);
+                arriving(length - up.length(), up_time + up_time, up.fast_half(), up_time, end)
+            }
+            2 => Piece {
+                anchor: Anchor::Start,
+                time: up_time + up_time,
+                position: up.length() - offset,
+                motion: Motion::Constant { path: peak, time: UNITS },
+                end: PieceEnd::FromStart(length - down.length() - offset),
+            },
+            3 => {
+                let start = length - down.length();
+                leaving(start, down_start, down.fast_half(), down_time, length - down.slow - down.cubic)
+            }
+            4 => arriving(0.0, duration, down.slow_half(), down_time, PieceEnd::Last),
+            _ => {
+                self.next = next;
+                return None;
+            }
+        })
+    }
+}
+
 /// The law of a run along one of its blocks.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Along {
-    pub(crate) curve: Curve,
+pub struct Along {
+    curve: Curve,
     /// The block's start in the run, units of 10 nm.
-    pub(crate) offset: f64,
+    offset: f64,
     /// The block's length.
     pub(crate) length: f64,
     /// From the block's end to the run's.
-    pub(crate) rest: f64,
+    rest: f64,
     /// When it begins, a whole tick, in time units from the run's start.
     pub(crate) start: u64,
     duration_ticks: u64,
-    _offered: SCurves,
 }
 
 impl Along {
-    /// The block that begins so far behind the run's start. It begins at the nearest tick, as the one before ends there:
+    /// The block that begins this far after the run's start. It begins at the nearest tick, as the one before ends there:
     /// however many blocks a run has, nothing adds up.
-    pub(crate) fn new(offered: SCurves, curve: &Curve, offset_10nm: u32, length_10nm: u32) -> Self {
+    pub(crate) fn new(curve: &Curve, offset_10nm: u32, length_10nm: u32) -> Self {
         let whole = curve.length;
         let offset = f64::from(offset_10nm);
         let length = f64::from(length_10nm.max(1));
         let rest = whole - offset - length;
-        let tick = |place: &Place| (Real::to_u64(curve.time_at(place)) + HALF_TICK) >> FRACTION_BITS;
+        let tick = |place: &Place<f64>| (Real::to_u64(curve.time_at(place)) + HALF_TICK) >> FRACTION_BITS;
         let start = if offset_10nm == 0 { 0 } else { tick(&Place { from_start: offset, to_end: whole - offset }) };
         let end = tick(&Place { from_start: offset + length, to_end: rest });
-        Self {
-            curve: *curve,
-            offset,
-            length,
-            rest,
-            start: start << FRACTION_BITS,
-            duration_ticks: end.saturating_sub(start),
-            _offered: offered,
-        }
+        let duration_ticks = end.saturating_sub(start);
+        Self { curve: *curve, offset, length, rest, start: start << FRACTION_BITS, duration_ticks }
+    }
+
+    /// Its pieces. Their times count from the run's start, [`Self::start`] before the block's.
+    pub(crate) fn pieces(&self) -> CurvePieces {
+        CurvePieces { curve: self.curve, offset: self.offset, rest: self.rest, next: 0 }
     }
 
     /// Duration in whole ticks.
@@ -256,16 +223,11 @@ impl Along {
         self.duration_ticks
     }
 
-    /// A time of the run from the block's start.
-    pub(crate) fn since_start(&self, time: f64) -> u64 {
-        Real::to_u64(time).saturating_sub(self.start)
-    }
-
     /// When a path position of the block is reached, in time units from its start.
     pub(crate) fn time_at(&self, length_10nm: u32) -> u64 {
         let position = f64::from(length_10nm);
         let place = Place { from_start: self.offset + position, to_end: self.rest + (self.length - position) };
-        self.since_start(self.curve.time_at(&place))
+        Real::to_u64(self.curve.time_at(&place)).saturating_sub(self.start)
     }
 
     /// Speed at the block's end.

@@ -25,11 +25,6 @@ impl Jerk {
         }
     }
 
-    /// That there are S-curves.
-    pub(crate) fn offered(self) -> SCurves {
-        self.1
-    }
-
     /// The jerk, mm/s^3.
     pub fn mm_per_s3(self) -> f64 {
         f64::from(self.0)

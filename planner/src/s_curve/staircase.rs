@@ -1,14 +1,11 @@
 //! s(t) of a block under Li's table: a staircase of constant speeds.
 
 use super::{FrequencyTable, Plan};
-use crate::TICKS_PER_SECOND;
 use crate::block::{Block, PlannedBlock, Speed};
 use crate::kinematics::UNITS_PER_MM;
+use crate::piece::{Anchor, Motion, Piece, PieceEnd};
 use crate::real::Real;
-use crate::time_law::{FRACTION_BITS, HALF_TICK};
-
-/// Time units in a second.
-const PER_SECOND: f64 = TICKS_PER_SECOND as f64 * (1u64 << FRACTION_BITS) as f64;
+use crate::time_units::{FRACTION_BITS, HALF_TICK, UNITS_PER_SECOND};
 
 /// A block's motion in steps of the motor with most of them.
 ///
@@ -64,7 +61,7 @@ impl Pulses {
 
 /// The time law of a block under the table. Lengths in units of 10 nm, times in time units, from the block's start.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Staircase {
+pub struct Staircase {
     pub(crate) length: f64,
     table: FrequencyTable,
     plan: Plan,
@@ -80,19 +77,6 @@ pub(crate) struct Staircase {
     up_s: f64,
     cruise_s: f64,
     duration_ticks: u64,
-}
-
-/// A stair: a constant speed.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Stair {
-    /// Where it begins.
-    pub(crate) start: f64,
-    /// Where it ends; `None` for the last.
-    pub(crate) end: Option<f64>,
-    /// When it begins.
-    pub(crate) start_time: f64,
-    /// Time for a unit of path.
-    pub(crate) per_length: f64,
 }
 
 impl Staircase {
@@ -121,7 +105,7 @@ impl Staircase {
         let up_s = if plan.acceleration > 0.0 { up_end_s - start_s } else { 0.0 };
         let down_s = if plan.deceleration > 0.0 { down_start_s - stop_s } else { 0.0 };
         let cruise_s = if plan.cruise > 0.0 { plan.cruise / plan.run_hz } else { 0.0 };
-        let duration = Real::to_u64((up_s + cruise_s + down_s) * PER_SECOND);
+        let duration = Real::to_u64((up_s + cruise_s + down_s) * UNITS_PER_SECOND);
         Self {
             length,
             table: *table,
@@ -142,8 +126,13 @@ impl Staircase {
         self.duration_ticks
     }
 
-    /// Its stairs in their order, some of them perhaps without length; `None` behind the last.
-    pub(crate) fn stair(&self, index: u32) -> Option<Stair> {
+    /// Its pieces: a constant speed each, some of them perhaps without length.
+    pub(crate) fn pieces(&self) -> StaircasePieces {
+        StaircasePieces { law: *self, next: 0 }
+    }
+
+    /// The piece of a number; `None` after the last.
+    fn piece(&self, index: u32) -> Option<Piece<f64>> {
         let Self { plan, table, .. } = self;
         let [up_first, up_last] = self.up;
         let [down_first, down_last] = self.down;
@@ -175,11 +164,12 @@ impl Staircase {
             return None;
         };
         let is_last = index == ups + downs;
-        Some(Stair {
-            start: start * self.per_pulse,
-            end: (!is_last).then_some(end * self.per_pulse),
-            start_time: start_s * PER_SECOND,
-            per_length: PER_SECOND / (frequency_hz * self.per_pulse),
+        Some(Piece {
+            anchor: Anchor::Start,
+            time: start_s * UNITS_PER_SECOND,
+            position: start * self.per_pulse,
+            motion: Motion::Constant { path: 1.0, time: UNITS_PER_SECOND / (frequency_hz * self.per_pulse) },
+            end: if is_last { PieceEnd::Last } else { PieceEnd::FromStart(end * self.per_pulse) },
         })
     }
 
@@ -205,6 +195,23 @@ impl Staircase {
             let here = self.down_start - (behind - plan.cruise);
             self.up_s + self.cruise_s + table.time_after(self.down_start) - table.time_after(here)
         };
-        seconds * PER_SECOND
+        seconds * UNITS_PER_SECOND
+    }
+}
+
+/// The pieces of a staircase, in their order.
+#[derive(Clone, Copy, Debug)]
+pub struct StaircasePieces {
+    law: Staircase,
+    next: u32,
+}
+
+impl Iterator for StaircasePieces {
+    type Item = Piece<f64>;
+
+    fn next(&mut self) -> Option<Piece<f64>> {
+        let piece = self.law.piece(self.next)?;
+        self.next += 1;
+        Some(piece)
     }
 }

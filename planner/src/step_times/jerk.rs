@@ -13,21 +13,35 @@ const CORRECTION: f32 = 1.0 / 16.0;
 /// Half of an S-curve's ramp, in steps: `linear x + cubic x^3` of them up to the share x of its duration, counted from
 /// where the acceleration is zero.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct JerkRamp {
-    pub(super) curve: Cubic<f32>,
+pub(super) struct JerkSteps {
+    curve: Cubic<f32>,
     /// Its duration, time units, and the reciprocal.
-    pub(super) half_time: f32,
-    pub(super) per_half_time: f32,
+    half_time: f32,
+    per_half_time: f32,
     /// Time units between the next step and where the acceleration is zero.
-    pub(super) time: u64,
+    time: u64,
     /// Steps from there at index 0, and the next step's index.
-    pub(super) base: f32,
-    pub(super) index: u32,
+    base: f32,
+    index: u32,
     /// 1 away from there, -1 as a wrapping number towards it.
-    pub(super) direction: u32,
+    direction: u32,
 }
 
-impl JerkRamp {
+impl JerkSteps {
+    /// Steps on a curve told in steps: the next one, of this number, is `time` units from where the acceleration is zero,
+    /// and the step of number 0 is `base` steps from there.
+    pub(super) fn new<F: Real>(curve: &Cubic<F>, half_time: F, time: F, base: F, index: u32, direction: u32) -> Self {
+        Self {
+            curve: Cubic { linear: curve.linear.to_f32(), cubic: curve.cubic.to_f32() },
+            half_time: half_time.to_f32(),
+            per_half_time: (F::from_u32(1) / half_time).to_f32(),
+            time: time.to_u64(),
+            base: base.to_f32(),
+            index,
+            direction,
+        }
+    }
+
     /// Goes on to the next step; how long it takes, in time units.
     ///
     /// The time from where the acceleration is zero is a whole number, so that intervals add up without rounding. From

@@ -2,10 +2,10 @@
 
 use super::{FAR, Interpolator, MOVE_BEGINS, ONE_TICK};
 use crate::EXTRUDER;
-use crate::between::{Between, Look};
+use crate::extruder_gap::{ExtruderGap, Look};
 use crate::step_queue::StepEntry;
-use crate::step_times::{Cruise, RampRun};
-use crate::time_law::{FRACTION_BITS, HALF_TICK};
+use crate::step_times::{EvenSteps, HotRamp};
+use crate::time_units::{FRACTION_BITS, HALF_TICK};
 
 /// Most ticks that the first and the last step of a stair may be off: 0.4 us.
 const STAIR_TOLERANCE: u32 = 32;
@@ -23,10 +23,10 @@ pub(super) trait Gap: Copy {
     fn holds(units: u64) -> bool;
 
     /// Takes a step, so far behind the last event: how far the next one is behind it, and whether that is told.
-    fn behind(self, run: &mut RampRun) -> (Self, bool);
+    fn behind(self, run: &mut HotRamp) -> (Self, bool);
 
     /// What the step taken last leaves over its tick; this is what [`Self::behind`] has given.
-    fn left_over(self, run: &RampRun) -> u64;
+    fn left_over(self, run: &HotRamp) -> u64;
 
     /// In time units.
     fn units(self) -> u64;
@@ -48,13 +48,13 @@ impl Gap for u32 {
     }
 
     #[inline(always)]
-    fn behind(self, run: &mut RampRun) -> (Self, bool) {
+    fn behind(self, run: &mut HotRamp) -> (Self, bool) {
         let units = run.take();
         ((self & (ONE_TICK - 1)).wrapping_add(units), units <= u32::MAX - ONE_TICK)
     }
 
     #[inline(always)]
-    fn left_over(self, run: &RampRun) -> u64 {
+    fn left_over(self, run: &HotRamp) -> u64 {
         u64::from(self.wrapping_sub(run.short_units()))
     }
 
@@ -77,14 +77,14 @@ impl Gap for u64 {
     }
 
     #[inline(always)]
-    fn behind(self, run: &mut RampRun) -> (Self, bool) {
+    fn behind(self, run: &mut HotRamp) -> (Self, bool) {
         run.take();
         let units = run.units();
         ((self & u64::from(ONE_TICK - 1)).wrapping_add(units), Self::holds(units))
     }
 
     #[inline(always)]
-    fn left_over(self, run: &RampRun) -> u64 {
+    fn left_over(self, run: &HotRamp) -> u64 {
         self.wrapping_sub(run.units())
     }
 
@@ -104,14 +104,14 @@ impl Interpolator {
     /// `most` events, the master's first step `gap` time units behind the last event, half a tick included. How many
     /// events there are, and whether anything has happened.
     #[inline(never)]
-    pub(super) fn run_ramp<G: Gap>(&mut self, mut gap: G, most: usize) -> (usize, bool) {
-        let Some((mut run, steps)) = self.master.run() else { return (0, false) };
+    pub(super) fn make_ramp<G: Gap>(&mut self, mut gap: G, most: usize) -> (usize, bool) {
+        let Some((mut run, steps)) = self.master.hot_ramp() else { return (0, false) };
         let [first, second] = self.followers;
         // Up to the second follower's next step.
         let steps = steps.min(second.until().wrapping_sub(1)) as usize;
         let places = self.entries.room(most);
         let mut between =
-            Between::new(&self.extruder, self.last, self.joining & EXTRUDER != 0, self.near, self.minimum_interval);
+            ExtruderGap::new(&self.extruder, self.last, self.joining & EXTRUDER != 0, self.near, self.minimum_interval);
         let mut free = between.free;
         let [alone, common] = self.masters_events;
         let least = self.minimum_interval;
@@ -158,7 +158,7 @@ impl Interpolator {
         let is_held = steps == 0 || G::holds(run.units());
         let behind = if is_held { gap.units() } else { gap.left_over(&run) };
         let due = between.last(free).wrapping_add(behind).wrapping_sub(HALF_TICK);
-        self.master.end_run(&run, steps, due, is_held);
+        self.master.end_hot_ramp(&run, steps, due, is_held);
         let [first, second] = &mut self.followers;
         first.set_line(line);
         second.pass(steps);
@@ -173,7 +173,7 @@ impl Interpolator {
     /// Wu 2024; the second kind is the stairs' complement. All of a stair's steps are about where they are due, and no
     /// step of the extruder comes before the last.
     #[inline(never)]
-    pub(super) fn run_cruise(&mut self, cruise: Cruise, mut left: u32, gap: u64, most: usize) -> (usize, bool) {
+    pub(super) fn make_cruise(&mut self, cruise: EvenSteps, mut left: u32, gap: u64, most: usize) -> (usize, bool) {
         if cruise.interval >= FAR {
             return (0, false);
         }
@@ -181,7 +181,7 @@ impl Interpolator {
         let mut line = first.line();
         let mut to_second = second.until();
         let waits = self.joining & EXTRUDER != 0;
-        let mut between = Between::new(&self.extruder, self.last, waits, self.near, self.minimum_interval);
+        let mut between = ExtruderGap::new(&self.extruder, self.last, waits, self.near, self.minimum_interval);
         let mut free = between.free;
         let least = self.minimum_interval;
         // In 2^-32 tick, so that whole ticks are a word: from the last event to the master's next step; from one step to
@@ -299,7 +299,7 @@ impl Interpolator {
 
     /// Takes over what a run has done besides the master's steps.
     #[inline(always)]
-    fn end_run(&mut self, between: &Between, free: u32, entries: usize, has_stepped: bool) {
+    fn end_run(&mut self, between: &ExtruderGap, free: u32, entries: usize, has_stepped: bool) {
         self.last = between.last(free);
         self.entries.filled(entries);
         if has_stepped {

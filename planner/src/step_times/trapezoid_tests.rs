@@ -1,13 +1,15 @@
 //! Step times against t(s) by the textbook, in f64, of a million random blocks.
 #![allow(clippy::unwrap_used)]
 
+use super::StepTimes;
 use crate::block::{Acceleration, Block, PlannedBlock, Speed};
 use crate::inner_ends::InnerEnds;
+use crate::inner_ends::Stretch;
 use crate::interpolator::{Interpolator, MAX_ENTRIES};
 use crate::random::Random;
-use crate::spacing::{ExtruderTravel, Spacing, Span};
-use crate::step_times::StepTimes;
-use crate::time_law::{FRACTION_BITS, Precision, TimeLaw};
+use crate::spacing::MotorSteps;
+use crate::time_law::TimeLaw;
+use crate::time_units::FRACTION_BITS;
 use crate::{EXTRUDER, Notice, StepEntry, StepKind, StepSink, TICKS_PER_SECOND};
 
 /// A microsecond.
@@ -124,8 +126,7 @@ struct Steps {
     first: u64,
     spacing: u64,
     whole: u64,
-    /// The extruder's.
-    travel: Option<ExtruderTravel>,
+    motor: MotorSteps,
 }
 
 fn random_steps(random: &mut Random, planned: &PlannedBlock) -> Steps {
@@ -134,13 +135,13 @@ fn random_steps(random: &mut Random, planned: &PlannedBlock) -> Steps {
     let most = (MOST_STEPS_PER_S / fastest * length).clamp(1.0, 3_000_000.0);
     let count = random.magnitude(1.0, (length * 1_600.0).clamp(1.0, most)) as u32;
     if !random.next().is_multiple_of(4) {
-        return Steps { count, first: 1, spacing: 2, whole: 2 * u64::from(count), travel: None };
+        return Steps { count, first: 1, spacing: 2, whole: 2 * u64::from(count), motor: MotorSteps::Even { count } };
     }
     let first = (random.next() % 257) as u32;
     let behind = (random.next() % 256) as u32;
     let whole = (first + behind + (count - 1) * 256).max(1);
-    let travel = Some(ExtruderTravel { whole, first, count });
-    Steps { count, first: u64::from(first), spacing: 256, whole: u64::from(whole), travel }
+    let motor = MotorSteps::Extruder { whole, first, count };
+    Steps { count, first: u64::from(first), spacing: 256, whole: u64::from(whole), motor }
 }
 
 /// What a block was found to be off by, at most: ticks from f64, and ticks that an interval grew in an acceleration or
@@ -149,13 +150,7 @@ fn check(planned: &PlannedBlock, steps: &Steps, random: &mut Random) -> [f64; 2]
     let exact = Exact::new(planned);
     let law = TimeLaw::trapezoid(planned);
     let mut times = StepTimes::NONE;
-    match (&law.0, &steps.travel) {
-        (Precision::Short(law), None) => times.start(law, &Spacing::of_master(&Span::whole(law), steps.count), 0),
-        (Precision::Long(law), None) => times.start(law, &Spacing::of_master(&Span::whole(law), steps.count), 0),
-        (Precision::Short(law), Some(travel)) => times.start(law, &Spacing::of_extruder(&Span::whole(law), travel), 0),
-        (Precision::Long(law), Some(travel)) => times.start(law, &Spacing::of_extruder(&Span::whole(law), travel), 0),
-        (Precision::Run(_) | Precision::Staircase(_), _) => unreachable!("a trapezoid"),
-    }
+    times.start(&law, &Stretch::whole(&planned.block), &steps.motor, 0);
     let every = random.next().is_multiple_of(16);
     let unit = 1.0 / (1u64 << FRACTION_BITS) as f64;
     let path = |parts: u64| exact.length * (parts as f64 / steps.whole as f64);

@@ -1,7 +1,7 @@
 //! The extruder's steps between the master's.
 
 use crate::step_times::StepTimes;
-use crate::time_law::{FRACTION_BITS, HALF_TICK};
+use crate::time_units::{FRACTION_BITS, HALF_TICK};
 
 /// What comes before the master's next step.
 pub(crate) enum Look {
@@ -16,7 +16,7 @@ pub(crate) enum Look {
 }
 
 /// The extruder's steps while the master's are taken one after the other.
-pub(crate) struct Between {
+pub(crate) struct ExtruderGap {
     /// The last event, a whole tick, when the extruder was looked at.
     start: u64,
     /// No step of the extruder was due for so many ticks from then on.
@@ -33,7 +33,7 @@ pub(crate) struct Between {
     pub(crate) steps: usize,
 }
 
-impl Between {
+impl ExtruderGap {
     /// The last event is at `last`; perhaps a step waits for the next one.
     #[inline(always)]
     pub(crate) fn new(extruder: &StepTimes, last: u64, waits: bool, near: u64, least: u32) -> Self {

@@ -4,15 +4,15 @@
 use super::StepTimes;
 use crate::TICKS_PER_SECOND;
 use crate::block::{Acceleration, Block, PlannedBlock, Speed};
-use crate::block_law::BlockLaw;
-use crate::inner_ends::InnerEnds;
+use crate::inner_ends::{InnerEnds, Stretch};
 use crate::random::Random;
 use crate::s_curve::law::{Along, Curve};
 use crate::s_curve::run::Planning;
 use crate::s_curve::staircase::{Pulses, Staircase};
 use crate::s_curve::{FrequencyTable, Jerk, Ramp, Run};
-use crate::spacing::{ExtruderTravel, Spacing, Span};
-use crate::time_law::FRACTION_BITS;
+use crate::spacing::{MotorSteps, Spacing, Span};
+use crate::time_law::TimeLaw;
+use crate::time_units::FRACTION_BITS;
 
 /// A microsecond.
 const MOST_TICKS_OFF: f64 = 84.0;
@@ -40,7 +40,7 @@ fn random_run(random: &mut Random) -> Run {
         }
         let peak = planning.peak(entry, exit, most, length_10nm);
         let run = Run { length_10nm, entry, peak, exit, acceleration, jerk };
-        let law = Along::new(run.jerk.offered(), &Curve::new(&run), 0, length_10nm);
+        let law = Along::new(&Curve::new(&run), 0, length_10nm);
         if law.duration_ticks() < 20 * u64::from(TICKS_PER_SECOND) {
             return run;
         }
@@ -92,31 +92,43 @@ impl Exact {
 }
 
 /// Where steps are in a block: shares of its length.
-fn random_steps<L: BlockLaw<f64>>(random: &mut Random, law: &L, fastest: f64) -> Option<(Spacing<f64>, u32)> {
-    let length_mm = law.length() / 1e5;
+fn random_steps(random: &mut Random, length: f64, fastest: f64) -> Option<MotorSteps> {
+    let length_mm = length / 1e5;
     let most = (MOST_STEPS_PER_S / fastest * length_mm).min(200_000.0);
     if most < 1.0 {
         return None;
     }
     let count = random.magnitude(1.0, (length_mm * 1_600.0).clamp(1.0, most)) as u32;
     if !random.next().is_multiple_of(4) {
-        return Some((Spacing::of_master(&Span::whole(law), count), count));
+        return Some(MotorSteps::Even { count });
     }
     let first = (random.next() % 257) as u32;
     let whole = (first + (random.next() % 256) as u32 + (count - 1) * 256).max(1);
-    Some((Spacing::of_extruder(&Span::whole(law), &ExtruderTravel { whole, first, count }), count))
+    Some(MotorSteps::Extruder { whole, first, count })
 }
 
 /// Times of all steps against the exact ones: ticks off at most; and by how much an interval was, as a share of a tick and
 /// a ten-thousandth of it.
-fn deviations<L: BlockLaw<f64>>(
-    law: &L,
-    (steps, count): (Spacing<f64>, u32),
+fn deviations(
+    law: &TimeLaw,
+    length: f64,
+    motor: MotorSteps,
     random: &mut Random,
     exact: impl Fn(f64, f64) -> f64,
 ) -> [f64; 2] {
+    let stretch = Stretch {
+        before_10nm: 0,
+        length_10nm: length as u32,
+        after_10nm: 0,
+        steps: [0; 3],
+        extruder_256ths: 0,
+        line: 1,
+        ends_move: true,
+    };
+    let steps = Spacing::new(&Span::whole(length, 1.0 / length), &motor);
+    let count = steps.count;
     let mut times = StepTimes::NONE;
-    law.start(&mut times, &steps, 0);
+    times.start(law, &stretch, &motor, 0);
     let (mut worst, mut interval) = (0.0f64, 0.0f64);
     let mut before: Option<(u64, f64)> = None;
     let mut last = 0;
@@ -160,12 +172,12 @@ fn steps_of_random_runs_are_within_a_microsecond() {
             0 => whole - offset,
             _ => ((f64::from(whole - offset) * random.share()) as u32).max(1),
         };
-        let law = Along::new(run.jerk.offered(), &curve, offset, length);
+        let law = Along::new(&curve, offset, length);
         let fastest = run.peak.mm_per_s().max(0.001);
-        let Some(steps) = random_steps(&mut random, &law, fastest) else { continue };
+        let Some(steps) = random_steps(&mut random, law.length, fastest) else { continue };
         let rest = whole - offset - length;
         let start_tick = law.start as f64 * UNIT;
-        let [off, interval] = deviations(&law, steps, &mut random, |place, behind| {
+        let [off, interval] = deviations(&TimeLaw::Run(law), law.length, steps, &mut random, |place, behind| {
             let (from_start, to_end) = (f64::from(offset) + place, f64::from(rest) + behind);
             exact.seconds(from_start / 1e5, to_end / 1e5) * f64::from(TICKS_PER_SECOND) - start_tick
         });
@@ -184,13 +196,13 @@ fn durations_of_a_run_s_blocks_add_up_to_its_own() {
         let run = random_run(&mut random);
         let curve = Curve::new(&run);
         let exact = Exact::new(&run).duration_s() * f64::from(TICKS_PER_SECOND);
-        let whole = Along::new(run.jerk.offered(), &curve, 0, run.length_10nm).duration_ticks();
+        let whole = Along::new(&curve, 0, run.length_10nm).duration_ticks();
         assert!((whole as f64 - exact).abs() <= 1.0 + 1e-9 * exact, "{whole} {exact} {run:?}");
         let (mut offset, mut sum) = (0, 0);
         let mut speed = run.entry;
         while offset < run.length_10nm {
             let length = (random.magnitude(1.0, f64::from(run.length_10nm)) as u32).clamp(1, run.length_10nm - offset);
-            let law = Along::new(run.jerk.offered(), &curve, offset, length);
+            let law = Along::new(&curve, offset, length);
             sum += law.duration_ticks();
             let exit = law.exit();
             // No faster than the acceleration allows, from block to block.
@@ -231,8 +243,9 @@ fn steps_of_random_staircases_are_within_a_microsecond() {
         let exit = exit.max(pulses.slowest(&table, entry, Speed::ZERO));
         let planned = PlannedBlock { block, entry, exit };
         let law = Staircase::new(&planned, &table);
-        let Some(steps) = random_steps(&mut random, &law, nominal.mm_per_s()) else { continue };
-        let [off, _] = deviations(&law, steps, &mut random, |place, _| law.time(place) * UNIT);
+        let Some(steps) = random_steps(&mut random, law.length, nominal.mm_per_s()) else { continue };
+        let [off, _] =
+            deviations(&TimeLaw::Staircase(law), law.length, steps, &mut random, |place, _| law.time(place) * UNIT);
         assert!(off <= MOST_TICKS_OFF, "{off} ticks off: {planned:?} {table:?}");
         worst = worst.max(off);
     }

@@ -5,12 +5,12 @@ use crate::step_queue::StepEntry;
 
 /// Entries in their order. Handed out together, they cost whoever takes them less.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Entries {
+pub(crate) struct EventBuffer {
     entries: [StepEntry; MAX_ENTRIES],
     count: usize,
 }
 
-impl Entries {
+impl EventBuffer {
     /// None.
     pub(crate) const NONE: Self = Self { entries: [StepEntry::wait(0); MAX_ENTRIES], count: 0 };
 
