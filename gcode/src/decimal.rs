@@ -14,8 +14,8 @@ const FRACTION_SCALE: [u32; FRACTION_DIGITS + 1] =
 
 /// A decimal number, exact in units of 1e-9, from -9 223 372 036.85 to 9 223 372 036.85.
 ///
-/// Slicers write three to five fractional digits; what stands after the ninth is cut off. Whether the number means
-/// millimetres, inches or seconds is the command's business.
+/// Slicers write three to five fractional digits; digits after the ninth are dropped. Whether the number means
+/// millimetres, inches or seconds depends on the command.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Decimal(i64);
 
@@ -66,8 +66,8 @@ impl Decimal {
         }
     }
 
-    /// Reads the number at the start of `text`: the length of the longest run of signs, digits and points there, and
-    /// what it says.
+    /// Reads the number at the start of `text`. Returns the length of the longest run of signs, digits and points there, and
+    /// its value.
     pub(crate) fn parse_prefix(text: &[u8]) -> (usize, Result<Self, NumberError>) {
         let negative = text.first() == Some(&b'-');
         let start = usize::from(negative || text.first() == Some(&b'+'));
@@ -77,7 +77,7 @@ impl Decimal {
         while head_digits == FRACTION_DIGITS
             && let Some(digit) = digit_at(text, at)
         {
-            // Past the limit the value no longer matters, only that it is past.
+            // Beyond the limit the value does not matter any more.
             if whole <= MAX_WHOLE {
                 whole = whole * 10 + u64::from(digit);
             }
@@ -118,7 +118,7 @@ impl Decimal {
     pub const fn to_10nm_from_mm(self) -> i64 {
         const DIVISOR: u64 = 10_000;
         const RECIPROCAL: u64 = u64::MAX / DIVISOR;
-        // Every coordinate passes here, and 64 bits are divided in software where this has to be fast. The cut
+        // Every coordinate is converted here, and the board divides 64 bits in software. The truncated
         // reciprocal makes the quotient right or one short.
         let magnitude = self.0.unsigned_abs() + DIVISOR / 2;
         let mut quotient = upper_half_of_product(magnitude, RECIPROCAL);
@@ -130,7 +130,7 @@ impl Decimal {
 
     /// A length in inches (25.4 mm) as units of 10 nm, halves away from zero.
     ///
-    /// Every number in range fits; the `Option` is there so that callers need no range of their own to rely on.
+    /// Every number in range fits; with the `Option`, callers need not know the range.
     pub const fn to_10nm_from_inches(self) -> Option<i64> {
         // nanos * 25.4 / 10^4 = nanos * 254 / 10^5, in two parts so that 64 bits are enough.
         let (quotient, remainder) = (self.0 / 100_000, self.0 % 100_000);
@@ -185,7 +185,7 @@ impl fmt::Display for Decimal {
     }
 }
 
-/// The number that the digits from a place on are, and how many they are; at most nine, which fit in 32 bits.
+/// The value and the count of the digits from a place on; at most nine digits, which fit in 32 bits.
 #[inline(always)]
 fn leading_digits(text: &[u8], from: usize) -> (u32, usize) {
     let (mut number, mut digits) = (0u32, 0);
@@ -200,7 +200,7 @@ fn leading_digits(text: &[u8], from: usize) -> (u32, usize) {
     (number, digits)
 }
 
-/// The value of the digit at `at`, if one stands there.
+/// The value of the digit at `at`, if there is one.
 #[inline]
 fn digit_at(text: &[u8], at: usize) -> Option<u8> {
     let digit = text.get(at)?.wrapping_sub(b'0');

@@ -1,4 +1,4 @@
-//! Commands that act as their bytes arrive, past all queues.
+//! Commands that act as their bytes arrive, ahead of all queues.
 
 use crate::Checksum;
 use crate::line::ChecksumScan;
@@ -18,10 +18,10 @@ pub enum Emergency {
 
 /// Watches the bytes of one port for M108, M112, M410 and M876 S.
 ///
-/// M112 acts at once whatever is printed behind it, as long as no digit or point makes it another command: the parser
-/// takes the same lines for M112 in their turn, and a stop should not depend on how it is spelled, nor wait until a
-/// garbled line has been sent again. The others act as whole lines only. With a line number they wait for their
-/// checksum, for a single wrong bit makes `M400` of a print into `M410`; without one they act at once.
+/// M112 acts at once whatever follows it, unless a digit or point makes it another command: the parser
+/// reads the same lines as M112 in their turn, and a stop should not depend on its spelling, nor wait until a
+/// garbled line has been sent again. The others act only as whole lines. With a line number they wait for their
+/// checksum, because a single wrong bit turns the `M400` of a print into `M410`; without one they act at once.
 ///
 /// Blanks, an `N` word in front, and a checksum or comment after it do not matter. `M1121`, `M112.5` and `M117 M112` are
 /// not M112. A `(` comment in front makes the line an ordinary one, which still acts in its turn.
@@ -43,7 +43,7 @@ impl Default for EmergencyScanner {
     }
 }
 
-/// What the line has been so far.
+/// The part of the line so far.
 #[derive(Clone, Copy, Debug, Default)]
 enum State {
     /// Blanks.
@@ -71,7 +71,7 @@ enum State {
     Other,
 }
 
-/// How far a line number has come.
+/// The part of a line number so far.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Sign {
     /// Nothing but blanks after N.
@@ -172,7 +172,7 @@ fn after(emergency: Emergency, byte: u8) -> State {
     match byte {
         b' ' | b'\t' => State::Whole(emergency),
         b'*' | b';' => State::Suffix(emergency),
-        // Anything that is text, but what would have made it another number.
+        // Any text, except what would make it another number.
         b'!'..=b'~' if emergency == Emergency::Stop && byte != b'.' => State::Suffix(emergency),
         _ => State::Other,
     }
@@ -254,7 +254,7 @@ mod tests {
         }
     }
 
-    /// A bit that has changed on the way must not drop the motion of a print.
+    /// A bit that changed on the line must not drop the motion of a print.
     #[test]
     fn numbered_commands_except_m112_wait_for_the_checksum() {
         let sum = |text: &str| text.bytes().fold(0, |sum, byte| sum ^ byte);
@@ -280,7 +280,7 @@ mod tests {
     }
 
     proptest! {
-        /// Whatever the parser takes for M112 in its turn has acted before, but after a comment in brackets.
+        /// Every line that the parser reads as M112 has acted before, except after a comment in brackets.
         #[test]
         fn m112_never_waits_its_turn(text in "[Nn]?-?[0-9 ]{0,3}[ \t]?[Mm][ ]?0?1?1?[12]?[ -~]{0,6}") {
             let bytes = format!("{text}\n");

@@ -3,16 +3,16 @@
 use crate::line::{ChecksumScan, number_word, take_apart};
 use crate::{Checksum, Line, LineError};
 
-/// Longest line in bytes, from its start to its comment or its end; longer ones are refused.
+/// Maximum length of a line in bytes, from its start to its comment or its end; longer lines are refused.
 pub const LINE_CAPACITY: usize = 256;
 
-/// What some editors write at the start of a UTF-8 file.
+/// Mark that some editors write at the start of a UTF-8 file.
 const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 
 /// Cuts a stream of bytes into [`Line`]s.
 ///
-/// `\n`, `\r` or both together end a line. Empty lines and lines with nothing but a `;` comment are counted and not
-/// handed out. Comments may have any length and hold any bytes.
+/// `\n`, `\r` or both together end a line. Empty lines and lines with only a `;` comment are counted, but not
+/// returned. Comments may have any length and contain any bytes.
 ///
 /// ```
 /// use ferrostep_gcode::LineReader;
@@ -34,12 +34,12 @@ const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 /// ```
 #[derive(Clone, Debug)]
 pub struct LineReader {
-    /// What has come of a line whose end has not.
+    /// The received part of an unfinished line.
     buffer: [u8; LINE_CAPACITY],
     length: usize,
     too_long: bool,
     comment: Comment,
-    /// The last byte was a `\r` that ended a line: a `\n` next belongs to it.
+    /// The last byte was a `\r` that ended a line: a following `\n` belongs to it.
     after_carriage_return: bool,
     lines_ended: u32,
 }
@@ -49,7 +49,7 @@ pub struct LineReader {
 enum Comment {
     /// No `;` yet.
     NotYet,
-    /// In the comment of a line whose checksum cannot be there.
+    /// In a comment that cannot contain the line's checksum.
     Skipped,
     /// In the comment of a numbered line without a `*` so far.
     Scanned(ChecksumScan),
@@ -123,14 +123,14 @@ impl LineReader {
         self.lines_ended
     }
 
-    /// Reads up to the end of the next line that says something.
+    /// Reads up to the end of the next line that is not empty.
     ///
-    /// Returns how many of `bytes` are done with and, if it was reached, that line. Without a line all bytes have been
-    /// taken in; with one, call again with the rest.
+    /// Returns how many of `bytes` are consumed and, if its end was reached, that line. Without a line all bytes have been
+    /// consumed; with one, call again with the rest.
     ///
     /// # Errors
     ///
-    /// In place of a line, [`LineError`] says why it cannot be handed out; the next call goes on with the line after.
+    /// [`LineError`] in place of a line that cannot be used; the next call continues with the line after it.
     pub fn feed<'a>(&'a mut self, bytes: &'a [u8]) -> (usize, Option<Result<Line<'a>, LineError>>) {
         let mut start = 0;
         while let Some(rest) = bytes.get(start..)
@@ -175,7 +175,7 @@ impl LineReader {
         Some(hand_out(text, ended, self.lines_ended))
     }
 
-    /// Says that the rest of the present line is lost: what has come of it is forgotten, the next byte begins a line.
+    /// Drops the unfinished line, whose rest was lost; the next byte begins a new line.
     pub fn break_off(&mut self) -> LineError {
         let ended = self.end_buffered();
         self.after_carriage_return = false;
@@ -183,7 +183,7 @@ impl LineReader {
         LineError::Incomplete { line_number: self.lines_ended, numbered: number_word(text).is_some() }
     }
 
-    /// Takes in some of `bytes`, which are not empty: at most to the end of a line, at least one.
+    /// Consumes some of `bytes`, which are not empty: at least one, at most to the end of a line.
     fn advance(&mut self, bytes: &[u8]) -> (usize, Option<Ended>) {
         if self.after_carriage_return {
             self.after_carriage_return = false;
@@ -300,7 +300,7 @@ fn is_blank(text: &[u8], line_number: u32) -> bool {
 const ENDS_TEXT: u8 = 1;
 const NOT_PLAIN: u8 = 2;
 
-/// What each byte means to [`scan_text`].
+/// The class of each byte for [`scan_text`].
 static BYTE_CLASS: [u8; 256] = {
     let mut class = [0; 256];
     let mut byte = 0;

@@ -1,4 +1,4 @@
-//! The text of a line to a [`Command`].
+//! From the text of a line to a [`Command`].
 
 mod g_codes;
 mod m_codes;
@@ -23,18 +23,18 @@ struct Code<'a> {
 ///
 /// Words stand in any order, with or without spaces, in upper or lower case; the last of two words with the same
 /// letter counts. `( )` comments are skipped, and the line ends at a `*`, except in the text of M117 and M118. A line
-/// that says nothing is [`Command::Accepted`]; one that says something this machine does not know is
+/// without content is [`Command::Accepted`]; an unknown command is
 /// [`Command::Unknown`].
 ///
 /// # Errors
 ///
 /// [`ParseError`] where a word of a known command is missing, malformed or out of range, for text that is no command at
-/// all, and for commands without which the rest of a job would print somewhere else.
+/// all, and for commands that cannot be skipped because the rest of the job would print elsewhere.
 pub fn parse(text: &str) -> Result<Command<'_>, ParseError> {
     parse_with_remarks(text, &mut Remarks::default())
 }
 
-/// As [`parse`]; adds to `remarks` what of the line is ignored or changed, for the host.
+/// As [`parse`]; adds to `remarks` which parts of the line are ignored or changed, for the host.
 ///
 /// # Errors
 ///
@@ -45,7 +45,7 @@ pub fn parse_with_remarks<'a>(text: &'a str, remarks: &mut Remarks) -> Result<Co
     let letter = match bytes.get(at) {
         None | Some(b'*' | b';') => return Ok(Command::Accepted),
         Some(byte) if byte.is_ascii_alphabetic() => byte.to_ascii_uppercase(),
-        // Other machines' programs begin and end with it.
+        // Programs for other machines begin and end with it.
         Some(b'%') => return Ok(Command::Unknown(text.trim_matches([' ', '\t']))),
         Some(_) => {
             let found = char_at(text, at);

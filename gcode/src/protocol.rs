@@ -1,15 +1,15 @@
-//! Line numbers and checksums of the serial protocol: which lines are done, which are asked for again.
+//! Line numbers and checksums of the serial protocol: which lines are executed, and which are requested again.
 
 use crate::{Checksum, Command, Line, LineError, ResendReason, parse};
 
 /// What to do with a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
-    /// Do what it says and answer `ok`.
+    /// Execute it and answer `ok`.
     Execute,
-    /// It has been done already: answer `ok` and do nothing.
+    /// It was executed already: answer `ok` only.
     Repeat,
-    /// Ask for the line after the last good one, whose number is the second field.
+    /// Request the line after the last good one, whose number is the second field.
     Resend(ResendReason, i64),
 }
 
@@ -30,13 +30,13 @@ impl LineNumbers {
         self.last
     }
 
-    /// Judges a line and, when it is good, takes its number.
+    /// Decides about a line and, if it is good, remembers its number.
     ///
-    /// Un-numbered lines are always good. M110 takes effect here, so that the lines behind it are judged by the new
+    /// Lines without a number are always good. M110 takes effect here, so that the lines after it are checked against the new
     /// number: `N12 M110 N5` makes 5 the last number, `N12 M110` makes it 12, and `M110` alone changes nothing. It is
     /// exempt from the sequence but not from the checksum.
     ///
-    /// The number is looked at before the checksum, as hosts expect from the error they are told. A line counts as
+    /// The number is checked before the checksum, as hosts expect from the error that they read. A line counts as
     /// repeated only if its checksum is right too: a garbled number must not make a new line pass for an old one.
     pub fn check(&mut self, line: &Line<'_>) -> Verdict {
         let line_number_command = line_number_command(line.text);
@@ -66,8 +66,8 @@ impl LineNumbers {
         Verdict::Execute
     }
 
-    /// Judges a line that could not be read: one that began with a number is asked for again as if its checksum had
-    /// failed. `None` means that it cannot be asked for; it deserves a notice and its `ok`.
+    /// Decides about a line that could not be read: one that began with a number is requested again as if its checksum had
+    /// failed. `None` means that it cannot be requested; it is answered by a notice and `ok`.
     pub const fn check_unreadable(&self, error: &LineError) -> Option<Verdict> {
         if error.is_numbered() { Some(Verdict::Resend(ResendReason::WrongChecksum, self.last)) } else { None }
     }
@@ -75,7 +75,7 @@ impl LineNumbers {
 
 /// The N word of an M110 (`Some(None)` without one); `None` for every other command.
 fn line_number_command(text: &str) -> Option<Option<i64>> {
-    // Nearly every line is something else and must not pay for the parser twice.
+    // Nearly every line is another command and should not be parsed twice.
     if !matches!(text.as_bytes().first(), Some(b'M' | b'm')) {
         return None;
     }

@@ -2,13 +2,13 @@
 
 use core::fmt::{self, Display, Formatter};
 
-/// Most decimals; values to 9e6 are written exactly with them.
+/// Maximum number of decimals; values to 9e6 are written exactly with them.
 const MOST_DECIMALS: u8 = 9;
 
 /// A number rounded to some decimals, halves away from zero, and zero without a sign.
 ///
-/// What the core library writes is exact for all numbers there are, to any number of digits: 20 KB of a board's flash. This
-/// is exact up to 9e15 units of the last decimal, more than replies tell, and saturates at 1.8e19.
+/// The core library's formatting is exact for all numbers and any number of digits, for 20 KB of a board's flash. This
+/// is exact up to 9e15 units of the last decimal, more than replies need, and saturates at 1.8e19.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Real {
     value: f64,
@@ -22,7 +22,7 @@ impl Real {
         Self { value: value.into(), decimals: decimals.min(MOST_DECIMALS), is_short: false }
     }
 
-    /// With as many of the decimals, 0 to 9, as are not all zeros.
+    /// With up to this many decimals, 0 to 9, without trailing zeros.
     pub fn short(value: impl Into<f64>, decimals: u8) -> Self {
         Self { is_short: true, ..Self::fixed(value, decimals) }
     }
@@ -40,7 +40,7 @@ impl Display for Real {
         }
         let mut unit = 10_u64.pow(decimals.into());
         let magnitude = if is_negative { -value } else { value };
-        // The conversion cuts towards zero and saturates.
+        // The conversion truncates towards zero and saturates.
         let mut units = (magnitude * unit as f64 + 0.5) as u64;
         let mut digits = usize::from(decimals);
         while is_short && digits > 0 && units.is_multiple_of(10) {

@@ -1,4 +1,4 @@
-//! What the printer says to the host, as text.
+//! Replies of the printer to its host, as text.
 //!
 //! `Display` of a [`Reply`] is one or more complete lines, without the final newline.
 
@@ -30,9 +30,9 @@ pub struct Position {
     pub core_xy: bool,
 }
 
-/// What the motors were told since the start (M797).
+/// Everything that the motors were commanded since the start (M797).
 ///
-/// The desk and the board print the same two digests for the same job: that is how a print is compared with its
+/// The desk and the board print the same two digests for the same job, so that a print can be compared with its
 /// rehearsal.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct MotionFigures {
@@ -44,25 +44,25 @@ pub struct MotionFigures {
     pub underruns: u64,
     /// How often a block left the look-ahead ring because steps ran out.
     pub starvation_flushes: u64,
-    /// How often what waited for more moves was executed because the host sent none.
+    /// How often waiting moves were executed because the host sent no more.
     pub idle_flushes: u64,
     /// Steps issued to the X, Y, Z (A, B, Z) and extruder motors, both directions added.
     pub issued_steps: [u64; 4],
-    /// Moves that were planned slower than asked for, because the board could not keep up with their events.
+    /// Moves that were planned slower than requested, because the board could not keep up with their events.
     pub slowed_moves: u64,
-    /// Moves that became one block with the one before.
+    /// Moves that share the block of the one before.
     pub merged_moves: u64,
-    /// How often planning did not keep up and lowered the speed of what was to come.
+    /// How often planning did not keep up and lowered the speed of the following blocks.
     pub planning_slowdowns: u64,
-    /// Updates of the step timer that its interrupt missed, and made up.
+    /// Updates of the step timer that its interrupt missed.
     pub missed_updates: u64,
     /// Entries that the step queue refused; each has stopped motion.
     pub refused_entries: u64,
-    /// Blocks at whose end a motor stood elsewhere than it must.
+    /// Blocks at whose end a motor was not where the block ends.
     pub miscounts: u64,
 }
 
-/// How long something takes that happens often (M798). Percentiles are upper limits.
+/// How long a frequent event takes (M798). Percentiles are upper limits.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct TimingFigures {
     /// What was measured: `step_latency` ...
@@ -103,9 +103,9 @@ pub struct FirmwareInfo<'a> {
     pub lower_end_10nm: [i64; 3],
     /// Upper ends.
     pub size_10nm: [i64; 3],
-    /// Whether M112, M108 and M410 are acted on as their bytes arrive.
+    /// Whether M112, M108 and M410 act as their bytes arrive.
     pub emergency_parser: bool,
-    /// Whether there are heaters, and they are watched.
+    /// Whether there are heaters, which are watched then.
     pub thermal_protection: bool,
 }
 
@@ -196,7 +196,7 @@ pub enum Reply<'a> {
     Killed,
 }
 
-/// Why a line is asked for again.
+/// Why a line is requested again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ResendReason {
     /// `Error:Line Number is not Last Line Number+1, Last Line: <n>`

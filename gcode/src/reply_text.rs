@@ -5,8 +5,8 @@ use core::fmt::{self, Display, Formatter, Write};
 use crate::decimal::divide_half_away;
 use crate::{FirmwareInfo, MotionFigures, Position, Real, Reply, ResendReason, Temperatures, TimingFigures};
 
-/// What M115 says this firmware can do, in the order hosts know from Marlin. EMERGENCY_PARSER stands between the two
-/// lists, for it depends on the port.
+/// Capabilities that M115 reports, in Marlin's order. EMERGENCY_PARSER stands between the two
+/// lists, because it depends on the port.
 const CAPABILITIES_BEFORE: [(&str, bool); 17] = [
     ("PAREN_COMMENTS", true),
     ("SERIAL_XON_XOFF", false),
@@ -27,7 +27,7 @@ const CAPABILITIES_BEFORE: [(&str, bool); 17] = [
     ("CASE_LIGHT_BRIGHTNESS", false),
 ];
 
-/// The capability of what watches its heaters; nothing has it without heaters.
+/// The capability of a machine that watches its heaters.
 const THERMAL_PROTECTION: &str = "THERMAL_PROTECTION";
 
 /// The capabilities after EMERGENCY_PARSER.
@@ -154,7 +154,7 @@ fn write_temperatures(formatter: &mut Formatter<'_>, temperatures: &Temperatures
     ];
     for (label, value) in fields {
         formatter.write_str(label)?;
-        // What is not finite is written as such: hosts then find no temperature there, rather than a wrong one.
+        // A value that is not finite is written as such, so that hosts find no temperature instead of a wrong one.
         write!(formatter, "{}", Real::fixed(value, 2))?;
     }
     write!(formatter, " @:{} B@:{}", temperatures.nozzle_power, temperatures.bed_power)

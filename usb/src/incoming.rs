@@ -14,11 +14,11 @@ const NOT_A_BREAK: u8 = 0xfe;
 #[derive(Clone, Debug, Default)]
 pub struct Incoming {
     scanner: EmergencyScanner,
-    /// A line has begun in the ring and not ended.
+    /// The ring ends with an unfinished line.
     mid_line: bool,
     /// That line is broken off: a [`BREAK`] goes before the next byte.
     broken: bool,
-    /// The rest of a line is dropped, for there was no room for all of it.
+    /// The rest of a line is dropped, because it did not fit.
     dropping: bool,
     line: LineKind,
 }
@@ -93,12 +93,12 @@ impl Incoming {
     }
 }
 
-/// What a host was heard to say.
+/// What arrived from a host.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Heard<'a> {
     /// A line, or why it cannot be read.
     Line(Result<Line<'a>, LineError>),
-    /// The beginning of a line whose rest was lost with the connection, or for want of room. It is forgotten. Always
+    /// The beginning of a line whose rest was lost with the connection, or for lack of room. It is dropped. Always
     /// [`LineError::Incomplete`], which tells whether it began with a line number.
     HalfALine(LineError),
 }
@@ -115,7 +115,7 @@ impl Lines {
         Self { reader: LineReader::new() }
     }
 
-    /// Reads up to the end of the next line that says something, or to a break; as [`LineReader::feed`].
+    /// Reads up to the end of the next line that is not empty, or to a break; as [`LineReader::feed`].
     pub fn feed<'a>(&'a mut self, bytes: &'a [u8]) -> (usize, Option<Heard<'a>>) {
         if bytes.first() == Some(&BREAK) {
             return (1, Some(Heard::HalfALine(self.reader.break_off())));
@@ -165,7 +165,7 @@ mod tests {
                 incoming.take_in(&[byte], &mut counter);
             }
             assert_eq!(counter.0, lines, "{bytes:?}");
-            // The rest of a line is another's once the connection has ended.
+            // After the connection has ended, the rest of a line belongs to another host.
             incoming.break_off();
             incoming.take_in(b"\n", &mut counter);
             assert_eq!(counter.0, lines);

@@ -16,7 +16,7 @@ impl<'a> LineWriter<'a> {
         Self { bytes, dropped: 0 }
     }
 
-    /// A line that a command is answered with, without its end.
+    /// A line of an answer, without its line end.
     pub fn reply(&mut self, text: fmt::Arguments<'_>) {
         self.line(text, 0);
     }
@@ -45,7 +45,7 @@ impl<'a> LineWriter<'a> {
     /// Writes a text if it fits.
     fn fits(&mut self, text: fmt::Arguments<'_>, room: usize) -> bool {
         let mut length = Length(0);
-        // Neither a count nor the ring can fail, the one having been asked before the other.
+        // Neither can fail: the room was checked before.
         let fits = length.write_fmt(text).is_ok() && length.0 <= room;
         fits && Ring(&mut self.bytes).write_fmt(text).is_ok()
     }

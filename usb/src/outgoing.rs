@@ -16,7 +16,7 @@ pub(crate) struct Outgoing {
     last_taken: u8,
     /// The last byte that the host was given.
     last_sent: u8,
-    /// The rest of a line is dropped, for its beginning was.
+    /// The rest of a line is dropped, because its beginning was.
     dropping: bool,
 }
 
@@ -66,13 +66,13 @@ impl Outgoing {
         }
     }
 
-    /// Forgets what has not been sent. The next line begins at the start of a line, also for a reader of before
+    /// Drops what has not been sent. The next line begins at the start of a line, also for the reader before
     /// (`same_reader`), who may have had half of one.
     pub fn discard(&mut self, mut take: impl FnMut() -> Option<u8>, same_reader: bool) {
         while let Some(byte) = take() {
             self.last_taken = byte;
         }
-        // Someone is in the midst of writing it.
+        // Another task is writing it.
         self.dropping = self.last_taken != b'\n';
         self.length = 0;
         let owes_line_end = same_reader && self.last_sent != b'\n';

@@ -18,10 +18,10 @@ const PACKET_SIZE: u16 = PACKET_BYTES as u16;
 /// Bytes in a packet of control transfers.
 const CONTROL_PACKET_BYTES: u8 = 64;
 
-/// Most packets taken in one go. A host sends 19 in a millisecond at most (USB 2.0, table 5-9).
+/// Maximum number of packets taken at a time. A host sends 19 in a millisecond at most (USB 2.0, table 5-9).
 const PACKETS_AT_ONCE: u32 = 4;
 
-/// What is at the other side of the port.
+/// The firmware's side of the port.
 pub trait Buffers {
     /// A received byte, or a [`BREAK`](crate::BREAK); whether there was room for it.
     fn put(&mut self, byte: u8) -> bool;
@@ -35,7 +35,7 @@ pub trait Buffers {
 
 /// A USB device with one serial port.
 ///
-/// Baud rate, stop bits and parity (`SET_LINE_CODING`) are kept and told, and mean nothing. DTR means that a program has
+/// Baud rate, stop bits and parity (`SET_LINE_CODING`) are stored and reported without effect. DTR means that a program has
 /// opened the port: when it changes, half a line that was received is dropped, and so is what had not been sent. Some
 /// programs never set it; then the first bytes open the port.
 pub struct UsbSerial<'a, B: UsbBus> {
@@ -47,7 +47,7 @@ pub struct UsbSerial<'a, B: UsbBus> {
     dtr: bool,
     /// A program has the port open, by DTR or because it has sent something.
     is_open: bool,
-    /// One had before. What is said before the first is kept for it.
+    /// A program had it open before. Output before the first program is kept for it.
     was_open: bool,
 }
 
@@ -82,10 +82,10 @@ impl<'a, B: UsbBus> UsbSerial<'a, B> {
         }
     }
 
-    /// Does what there is to do: answers the host's requests, takes what it has sent, gives it what waits. To be called
+    /// Handles all pending work: answers the host's requests, takes its packets, sends what waits. To be called
     /// when the controller interrupts and when there is something to send. Returns how many received bytes were dropped.
     ///
-    /// `is_sound` is asked each time before the controller's driver is; once it says no the driver is left alone.
+    /// `is_sound` is checked each time before the controller's driver is called; once it is false the driver is left alone.
     pub fn serve(&mut self, buffers: &mut impl Buffers, mut is_sound: impl FnMut() -> bool) -> u32 {
         let mut dropped = 0;
         for _ in 0..PACKETS_AT_ONCE {

@@ -32,10 +32,10 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
         20 => code.without_words(Command::SetUnits(Units::Inches), remarks),
         21 => code.without_words(Command::SetUnits(Units::Millimetres), remarks),
         28 => Ok(Command::Home(code.words(remarks)?.axis_flags())),
-        // Bed levelling: start scripts ask for it whether or not the machine has it.
+        // Bed levelling: start scripts contain it whether or not the machine has it.
         29 => Ok(Command::Accepted),
         17 | 54 | 80 => code.without_words(Command::Accepted, remarks),
-        // In front of a move G53 asks for machine coordinates, and the move must not vanish silently.
+        // Before a move G53 means machine coordinates, and the move must not vanish silently.
         53 if skip_blanks(code.rest.as_bytes(), 0) == code.rest.len() => Ok(Command::Accepted),
         90 => code.without_words(Command::AbsolutePositioning, remarks),
         91 => code.without_words(Command::RelativePositioning, remarks),
@@ -44,7 +44,7 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
     }
 }
 
-/// Unknown commands, and those among them without which the rest of a job would be made elsewhere or with other feeds.
+/// Unknown commands, some of which must not be skipped: the rest of the job would be printed elsewhere or with other feeds.
 fn displacing<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
     Err(match code.number {
         5 => not_supported("G5", "the curve would be missing; let the slicer write G1, G2 or G3"),
@@ -78,7 +78,7 @@ const fn not_supported(command: &'static str, why: &'static str) -> ParseError {
 
 fn arc<'a>(code: Code<'a>, clockwise: bool, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
     let mut words = code.words(remarks)?;
-    // P asks for more full circles, K for an arc in another plane.
+    // P means more full circles, K an arc in another plane.
     if words.is_not_zero(b'P') || words.is_not_zero(b'K') {
         return Err(not_supported("G2 and G3 with P or K", "the arc would be missing; write arcs in XY, once around"));
     }
@@ -104,7 +104,7 @@ fn dwell<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, Parse
     Ok(Command::Dwell { milliseconds })
 }
 
-/// G92. Where no axis is named all become zero; one without a number stays.
+/// G92. If no axis is named all become zero; an axis without a number stays.
 fn set_position<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
     let mut words = code.words(remarks)?;
     if words.axis_flags().is_empty() {
@@ -114,7 +114,7 @@ fn set_position<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>
     Ok(Command::SetPosition(words.axes()))
 }
 
-/// G10 and G11. With P or R they set a tool's temperatures on other machines, with L and with P and an axis its place.
+/// G10 and G11. On other machines they set a tool's temperatures with P or R, and its offset with L or with P and an axis.
 fn retract_or_recover<'a>(
     code: Code<'a>,
     command: Command<'a>,

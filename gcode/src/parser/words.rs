@@ -4,7 +4,7 @@ use super::char_at;
 use crate::remarks::{Remark, Remarks};
 use crate::{AxisFlags, AxisWords, Decimal, NumberError, ParseError, ShortText};
 
-/// The words of a line, by letter. What is odd about those that are asked for goes to `remarks`.
+/// The words of a line, by letter. Oddities of the words that are asked for go to `remarks`.
 pub(super) struct Words<'a> {
     remarks: &'a mut Remarks,
     /// Bit 0 = A: the letter is there.
@@ -31,9 +31,9 @@ impl<'a> Words<'a> {
         Ok(words)
     }
 
-    /// Reads the words of a line into an empty list: for the commonest commands, as a list is long to copy. A second
-    /// command ends them, as its words would be taken for the first one's. A letter without a number does not take the
-    /// number of the same letter before it away.
+    /// Reads the words of a line into an empty list, without copying it, for the most common commands. A second
+    /// command ends them, because its words would count as the first one's. A letter without a number does not remove the
+    /// number of the same letter before it.
     pub(super) fn read(&mut self, text: &str) -> Result<(), ParseError> {
         let words = self;
         let bytes = text.as_bytes();
@@ -152,7 +152,7 @@ impl<'a> Words<'a> {
     /// A number from 0 to 255, rounded to the nearest whole one; larger ones are 255, as in Marlin.
     pub(super) fn nearest_byte(&mut self, letter: u8) -> Result<Option<u8>, ParseError> {
         let Some(value) = self.value(letter) else { return Ok(None) };
-        // -0.3 would round to 0 and is refused all the same.
+        // -0.3 would round to 0, but is refused as well.
         if value.is_negative() {
             return Err(self.out_of_range(letter, 0, 255));
         }
@@ -187,7 +187,7 @@ impl<'a> Words<'a> {
         AxisWords { x: self.value(b'X'), y: self.value(b'Y'), z: self.value(b'Z'), e: self.value(b'E') }
     }
 
-    /// X, Y, Z and E, as far as they are above zero.
+    /// X, Y, Z and E; values that are not above zero are ignored.
     pub(super) fn axis_limits(&mut self) -> AxisWords {
         AxisWords {
             x: self.above_zero(b'X'),
@@ -207,7 +207,7 @@ impl<'a> Words<'a> {
         self.is_not_zero(b'T')
     }
 
-    /// Whether a letter is there with a number other than zero.
+    /// Whether a letter has a number other than zero.
     pub(super) fn is_not_zero(&mut self, letter: u8) -> bool {
         self.value(letter).is_some_and(|value| value != Decimal::ZERO)
     }
@@ -223,7 +223,7 @@ impl<'a> Words<'a> {
     }
 }
 
-/// What stands right behind a letter in place of a number where a program has printed one that it could not reckon: no
+/// `nan` or `inf` after a letter, as programs print numbers that they failed to compute: no
 /// words are meant by `Xnan`, and the move must not go elsewhere without it.
 #[inline]
 fn not_finite(text: &str, at: usize) -> Option<ShortText> {
@@ -235,7 +235,7 @@ fn not_finite(text: &str, at: usize) -> Option<ShortText> {
     ["nan", "inf"].iter().any(|not_finite| name.eq_ignore_ascii_case(not_finite)).then(|| ShortText::new(name))
 }
 
-/// The first place from `at` on that is no space, tab or `( )` comment; an open comment goes to the end.
+/// The first place from `at` on that is not a space, tab or `( )` comment; an unclosed comment extends to the end.
 #[inline]
 pub(super) fn skip_blanks(bytes: &[u8], mut at: usize) -> usize {
     while let Some(&byte) = bytes.get(at) {
