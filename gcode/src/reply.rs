@@ -147,7 +147,7 @@ pub enum Reply<'a> {
     Timing(TimingFigures),
     /// `Reporting endstop status` and a line for each end stop.
     EndStops(&'a [EndStopState]),
-    /// Firmware line, capabilities and area (protocol.md section 7).
+    /// Firmware line, capabilities and area.
     Firmware(FirmwareInfo<'a>),
     /// `echo:Unknown command: "<text>"`
     UnknownCommand(&'a str),
@@ -174,7 +174,7 @@ pub enum Reply<'a> {
     // ANCHOR_END: m302
     /// `echo:Active Extruder: <n>`
     ActiveExtruder(u32),
-    /// `echo:; Soft endstops:` and the M211 line, as protocol.md section 11.
+    /// `echo:; Soft endstops:` and the M211 line.
     SoftLimits {
         /// On or off.
         enabled: bool,
