@@ -1,31 +1,35 @@
-//! The chip: an STM32F405, F407 or F446 of rigless's models, and of our own for what it lacks.
+//! The chip: an STM32F405, F407 or F446, built from rigless's models and from own models for what rigless lacks.
 //!
-//! The models are rigless's, written from RM0090 for the STM32F427, of which these chips have less: clock tree, supply, flash
-//! interface, ports, DMA, converters, serial ports, TIM1 to TIM5 and TIM8, watchdog, card interface, cycle counter. Ours are the
-//! EXTI and SYSCFG ([`exti`]), the other timers and the wires between timers ([`timers`]), and USB ([`usb`]). Which instances a
-//! chip has, and its memories, is in [`map`].
+//! rigless's models were written from RM0090 for the STM32F427, of which these chips have a subset: clock tree, supply,
+//! flash interface, ports, DMA, converters, serial ports, TIM1 to TIM5 and TIM8, watchdog, card interface, cycle
+//! counter. Own models are the EXTI and SYSCFG ([`exti`]), the other timers and the connections between timers
+//! ([`timers`]), and USB ([`usb`]). [`map`] lists each chip's instances and memories.
 //!
-//! **Where an F405, F407 or F446 is not an F427, and the model is the F427's**
+//! **Where an F405, F407 or F446 differs from an F427 and the model is the F427's**
 //!
-//! | Section | What | What comes of it |
+//! | Section | Difference | Effect |
 //! |---|---|---|
-//! | 5.4.1 | the F405's and F407's voltage scale is one bit (14), the F427's and F446's two (15 and 14) | a scale that an F405 calls 1 reads as the F427's 3; nothing here judges a scale against the clock.  |
-//! | RM0390 6.3.2 | the F446's PLL has an output R | nothing runs on it |
-//! | RM0390 6.3.28 | DCKCFGR2 chooses USB's clock on an F446 | at reset it is the PLL's Q, which is what boards here use; another choice is reported |
-//! | 3.9.2 | the F405's and F446's flash latency has three or four bits | as the F427's |
+//! | 5.4.1 | the voltage scale has one bit (14) on the F405 and F407, two (15 and 14) on the F427 and F446 | scale 1 of
+//! an F405 reads as scale 3 of the F427; no model compares a scale with the clock |
+//! | RM0390 6.3.2 | the F446's PLL has an output R | no instance uses it |
+//! | RM0390 6.3.28 | DCKCFGR2 selects USB's clock on an F446 | at reset it is the PLL's Q, which boards here use;
+//! another selection is reported |
+//! | 3.9.2 | the flash latency has three bits on the F405 and four on the F446 | modelled like the F427's |
 
 pub mod entry;
 pub mod exti;
-pub mod halt;
+mod halt;
+mod instances;
 pub mod late_clocks;
 pub mod map;
 mod part;
 pub mod timers;
 pub mod usb;
 
-use rigless::cpu::armv7m::{self, Dwt};
-use rigless::device::{Level, RegisterFile};
-use rigless::mcu::Operate;
+use rigless::cpu::armv7m::Dwt;
+use rigless::device::{Level, RegisterFile, ResetCause};
+use rigless::emulator::AccessKind;
+use rigless::mcu::{Mcu, Operate};
 use rigless::soc::st::tim::{Channel, Counter, Tim};
 use rigless::soc::stm32f427::generated;
 use rigless::soc::stm32f427::peripherals::adc::{Adc, AdcCommon};
@@ -38,8 +42,8 @@ use rigless::soc::stm32f427::peripherals::pwr::Pwr;
 use rigless::soc::stm32f427::peripherals::rcc::{self, Rcc};
 use rigless::soc::stm32f427::peripherals::rtc::Rtc;
 use rigless::soc::stm32f427::peripherals::sdio::Sdio;
-use rigless::soc::stm32f427::peripherals::usart::{Kind, Usart};
-use rigless::soc::stm32f427::peripherals::{ADC_COMMON, CONTROLLERS, CONVERTERS};
+use rigless::soc::stm32f427::peripherals::usart::Usart;
+use rigless::soc::stm32f427::peripherals::{CONTROLLERS, CONVERTERS};
 use rigless::soc::{Bus, Error};
 use rigless::store;
 use rigless::time::VirtualNanos;
@@ -47,146 +51,28 @@ use rigless::time::VirtualNanos;
 use crate::wiring::Chip as Model;
 use entry::{ClocksF446, ENTRY_NS, Entry};
 use exti::{Exti, Syscfg};
-use halt::Halt;
+use instances::{ADVANCED, BASIC, GENERAL, Instance, ONE_CHANNEL, TWO_CHANNELS};
+pub use instances::{PORTS, SERIAL_PORTS};
 use late_clocks::LateClocks;
 use timers::{Advanced, Basic, General, Linked, OneChannel, TwoChannels};
 use usb::Otg;
 
-/// Ports A to I; the F446 has A to H.
-pub const PORTS: [&str; 9] = ["GPIOA", "GPIOB", "GPIOC", "GPIOD", "GPIOE", "GPIOF", "GPIOG", "GPIOH", "GPIOI"];
-/// Serial ports, with the table that each answers from (RM0090 table 148).
-pub const SERIAL_PORTS: [(&str, Kind); 6] = [
-    ("USART1", Kind::Usart),
-    ("USART2", Kind::Usart),
-    ("USART3", Kind::Usart),
-    ("USART6", Kind::Usart),
-    ("UART4", Kind::Uart),
-    ("UART5", Kind::Uart),
-];
-const GENERAL: [(&str, Counter); 4] =
-    [("TIM2", Counter::Wide), ("TIM3", Counter::Narrow), ("TIM4", Counter::Narrow), ("TIM5", Counter::Wide)];
-const ADVANCED: [&str; 2] = ["TIM1", "TIM8"];
-const BASIC: [&str; 2] = ["TIM6", "TIM7"];
-const TWO_CHANNELS: [&str; 2] = ["TIM9", "TIM12"];
-const ONE_CHANNEL: [&str; 4] = ["TIM10", "TIM11", "TIM13", "TIM14"];
-
-/// All clocks are the internal oscillator's after a reset (RM0090 6.2.2, 6.3.3).
+/// Clock of all instances after a reset: the internal oscillator's (RM0090 6.2.2, 6.3.3).
 const RESET_HZ: u64 = rcc::HSI_HZ;
 
-/// Which field answers for a slot of the bus.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Field {
-    None,
-    Rcc,
-    Pwr,
-    Flash,
-    Gpio(usize),
-    Usart(usize),
-    Adc(usize),
-    AdcCommon,
-    General(usize),
-    Advanced(usize),
-    Basic(usize),
-    TwoChannels(usize),
-    OneChannel(usize),
-    Dma(usize),
-    Exti,
-    Syscfg,
-    Otg,
-    Sdio,
-    Rtc,
-    Dbg,
-    Iwdg,
-    Dwt,
-    Entry,
-    ClocksF446,
-    LateClocks,
+/// What keeps the core from running.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub enum Halt {
+    /// The core runs.
+    #[default]
+    Runs,
+    /// A debugger.
+    Debugger,
+    /// The core itself: locked up, or in a loop with its interrupts off.
+    Stuck,
 }
 
-impl Field {
-    fn all() -> Vec<Self> {
-        let mut all = vec![
-            Self::Rcc,
-            Self::Pwr,
-            Self::Flash,
-            Self::AdcCommon,
-            Self::Exti,
-            Self::Syscfg,
-            Self::Otg,
-            Self::Sdio,
-            Self::Rtc,
-            Self::Dbg,
-            Self::Iwdg,
-            Self::Dwt,
-            Self::Entry,
-            Self::LateClocks,
-        ];
-        all.extend((0..PORTS.len()).map(Self::Gpio));
-        all.extend((0..SERIAL_PORTS.len()).map(Self::Usart));
-        all.extend((0..CONVERTERS.len()).map(Self::Adc));
-        all.extend((0..GENERAL.len()).map(Self::General));
-        all.extend((0..ADVANCED.len()).map(Self::Advanced));
-        all.extend((0..BASIC.len()).map(Self::Basic));
-        all.extend((0..TWO_CHANNELS.len()).map(Self::TwoChannels));
-        all.extend((0..ONE_CHANNEL.len()).map(Self::OneChannel));
-        all.extend((0..CONTROLLERS.len()).map(Self::Dma));
-        all
-    }
-
-    fn instance(self) -> &'static str {
-        match self {
-            Self::None => "",
-            Self::Rcc => "RCC",
-            Self::Pwr => "PWR",
-            Self::Flash => "FLASH",
-            Self::Gpio(nth) => PORTS[nth],
-            Self::Usart(nth) => SERIAL_PORTS[nth].0,
-            Self::Adc(nth) => CONVERTERS[nth],
-            Self::AdcCommon => ADC_COMMON,
-            Self::General(nth) => GENERAL[nth].0,
-            Self::Advanced(nth) => ADVANCED[nth],
-            Self::Basic(nth) => BASIC[nth],
-            Self::TwoChannels(nth) => TWO_CHANNELS[nth],
-            Self::OneChannel(nth) => ONE_CHANNEL[nth],
-            Self::Dma(nth) => CONTROLLERS[nth].instance,
-            Self::Exti => "EXTI",
-            Self::Syscfg => "SYSCFG",
-            Self::Otg => "OTG_FS_GLOBAL",
-            Self::Sdio => "SDIO",
-            Self::Rtc => "RTC",
-            Self::Dbg => "DBG",
-            Self::Iwdg => "IWDG",
-            Self::Dwt => armv7m::DWT,
-            Self::Entry => entry::PERIPHERAL.name,
-            Self::ClocksF446 => entry::CLOCKS_F446.name,
-            Self::LateClocks => late_clocks::PERIPHERAL.name,
-        }
-    }
-
-    /// Whether the instance has a clock enable and a reset bit: all but the clock tree itself, what the core brings, and
-    /// what runs without a bus clock (RM0090 2.1.11, 6.2.9, 26.3.5).
-    const fn is_gated(self) -> bool {
-        // The converters' common block answers while any converter is clocked.
-        // What else is named here is the clock tree, what the core brings, and what has no enable.
-        !matches!(
-            self,
-            Self::None
-                | Self::Rcc
-                | Self::Flash
-                | Self::Rtc
-                | Self::Dbg
-                | Self::Iwdg
-                | Self::Dwt
-                | Self::Exti
-                | Self::AdcCommon
-                | Self::Entry
-                | Self::ClocksF446
-                | Self::LateClocks
-        )
-    }
-}
-
-/// The chip, with nothing on its pins.
+/// The chip, with unconnected pins.
 #[derive(Debug)]
 pub struct Stm32f4 {
     model: Model,
@@ -217,7 +103,7 @@ pub struct Stm32f4 {
     late_clocks: LateClocks,
     halt: Halt,
     bus: Bus,
-    wiring: Box<[Field]>,
+    wiring: Box<[Instance]>,
 }
 
 store!(Stm32f4 {
@@ -257,12 +143,12 @@ impl Stm32f4 {
 
     fn build(model: Model, late_clocks: LateClocks) -> Result<Self, Error> {
         let bus = map::bus(model, late_clocks.is_on())?;
-        let mut wiring = vec![Field::None; bus.slots().len()].into_boxed_slice();
-        for field in Field::all() {
-            wiring[bus.slot(field.instance())?] = field;
+        let mut wiring = vec![Instance::None; bus.slots().len()].into_boxed_slice();
+        for instance in Instance::all() {
+            wiring[bus.slot(instance.name())?] = instance;
         }
         if let Some(slot) = bus.slot_of(entry::CLOCKS_F446.name) {
-            wiring[slot] = Field::ClocksF446;
+            wiring[slot] = Instance::ClocksF446;
         }
         let adc_common = AdcCommon::with_clock(RESET_HZ);
         let mut chip = Self {
@@ -308,28 +194,23 @@ impl Stm32f4 {
         Ok(chip)
     }
 
-    /// Which chip it is.
+    /// The chip's type.
     #[must_use]
     pub const fn model(&self) -> Model {
         self.model
-    }
-
-    /// The instances that have a clock enable and a reset bit of their own.
-    pub(crate) fn clocked_instances() -> impl Iterator<Item = &'static str> {
-        Field::all().into_iter().filter(|field| field.is_gated()).map(Field::instance)
     }
 
     fn registers(bus: &Bus, slot: usize) -> &RegisterFile {
         bus.slots()[slot].registers()
     }
 
-    fn slot(&self, field: Field) -> usize {
-        self.wiring.iter().position(|wired| *wired == field).unwrap_or_default()
+    fn slot(&self, instance: Instance) -> usize {
+        self.wiring.iter().position(|wired| *wired == instance).unwrap_or_default()
     }
 
-    /// The 3.3 V rail, mV: what brown-out and the flash interface compare with, and the converters' reference.
+    /// Sets the 3.3 V rail, mV: the voltage that brown-out and flash interface compare, and the converters' reference.
     pub fn set_supply(&mut self, millivolts: u32) {
-        let slot = self.slot(Field::Pwr);
+        let slot = self.slot(Instance::Pwr);
         self.pwr.set_supply(millivolts, self.bus.slot_mut(slot).registers_mut());
         if let Some(millivolts) = std::num::NonZeroU32::new(millivolts) {
             self.flash.set_supply(millivolts);
@@ -340,33 +221,62 @@ impl Stm32f4 {
         }
     }
 
-    /// How long an interrupt takes until the first instruction of its handler, ns; [`ENTRY_NS`] if never set.
+    /// Sets the time from an interrupt's request to its handler's first instruction, ns; [`ENTRY_NS`] by default.
     pub fn set_interrupt_entry(&mut self, delay_ns: u64) {
         self.entry = Entry::new(delay_ns);
     }
 
-    /// Whether the core is entering a handler: it runs nothing meanwhile.
+    /// Whether the core is entering a handler, during which it executes no instruction.
     #[must_use]
     pub fn is_entering(&self) -> bool {
         self.entry.is_entering()
     }
 
-    /// The crystal at the high-speed pins, Hz; 0 for none, or one that does not swing.
+    /// Switches [`late_clocks`] on and resets the chip as at power-on.
+    pub fn start_clocks_late(&mut self) {
+        self.late_clocks.switch_on();
+        Mcu::reset(self, VirtualNanos(0), ResetCause::PowerOn);
+    }
+
+    /// Whether clock enables take effect late.
+    #[must_use]
+    pub const fn clocks_start_late(&self) -> bool {
+        self.late_clocks.is_on()
+    }
+
+    /// Follows an access of the firmware: a write to a clock enable starts its delay, a read ends it.
+    pub fn reached(&mut self, at: VirtualNanos, kind: AccessKind, address: u64) {
+        if !self.late_clocks.is_on() {
+            return;
+        }
+        let Some((copy, enable)) = late_clocks::enable_at(address) else { return };
+        let tree = Self::registers(&self.bus, self.slot(Instance::Rcc));
+        let enabled = tree.get(enable);
+        let delay_ns = late_clocks::delay_ns(enable, tree.get(generated::rcc::Register::Cfgr));
+        let slot = self.slot(Instance::LateClocks);
+        let (registers, mut context) = self.bus.drive(at, slot);
+        match kind {
+            AccessKind::Write => self.late_clocks.written(copy, enabled, delay_ns, registers, &mut context),
+            AccessKind::Read => self.late_clocks.open(registers, |_, waiting| waiting == copy),
+        }
+    }
+
+    /// Sets the crystal's frequency, Hz; 0 without a crystal or with one that does not oscillate.
     pub fn set_crystal(&mut self, hz: u64) {
         self.rcc.attach_crystals(hz, 0);
     }
 
-    /// The crystal stops swinging at `at`; the clock security system notices if it is on (RM0090 6.2.7).
+    /// Stops the crystal at `at`; the clock security system reports it if it is on (RM0090 6.2.7).
     pub fn stop_crystal(&mut self, at: VirtualNanos) {
-        let slot = self.slot(Field::Rcc);
+        let slot = self.slot(Instance::Rcc);
         let (registers, mut context) = self.bus.drive(at, slot);
         self.rcc.fail_hse(registers, &mut context);
     }
 
-    /// The outside drives a pin from `at` on (none: it lets go).
+    /// Drives a pin from outside from `at` on; `None` releases it.
     pub fn drive_pin(&mut self, at: VirtualNanos, pin: crate::pins::Pin, level: Option<bool>) {
         let port = usize::from(pin.port);
-        let slot = self.slot(Field::Gpio(port));
+        let slot = self.slot(Instance::Gpio(port));
         if let (Some(gpio), Some(pin)) = (self.gpio.get_mut(port), Pin::new(pin.number)) {
             let (registers, mut context) = self.bus.drive(at, slot);
             gpio.drive(pin, level.map(Level::from), registers, &mut context);
@@ -376,30 +286,30 @@ impl Stm32f4 {
     /// A port's registers.
     #[must_use]
     pub fn port_registers(&self, port: usize) -> Option<&RegisterFile> {
-        (port < PORTS.len()).then(|| Self::registers(&self.bus, self.slot(Field::Gpio(port))))
+        (port < PORTS.len()).then(|| Self::registers(&self.bus, self.slot(Instance::Gpio(port))))
     }
 
-    /// The share of time for which a timer's channel drives its pin high; none where it drives nothing.
+    /// The share of time for which a timer's channel drives its pin high; `None` if it does not drive the pin.
     #[must_use]
     pub fn duty(&self, timer: u8, channel: u8) -> Option<f64> {
         let name = format!("TIM{timer}");
         let channel = Channel::new(channel)?;
         if let Some(nth) = GENERAL.iter().position(|(general, _)| *general == name) {
-            let registers = Self::registers(&self.bus, self.slot(Field::General(nth)));
+            let registers = Self::registers(&self.bus, self.slot(Instance::General(nth)));
             return duty(&self.general[nth].tim, channel, registers);
         }
         let nth = ADVANCED.iter().position(|advanced| *advanced == name)?;
-        let registers = Self::registers(&self.bus, self.slot(Field::Advanced(nth)));
+        let registers = Self::registers(&self.bus, self.slot(Instance::Advanced(nth)));
         duty(&self.advanced[nth].tim, channel, registers)
     }
 
-    /// The time of a bit on a serial port, ns, as its divider says (RM0090 30.3.4, oversampling by 16).
+    /// The duration of a bit on a serial port, ns, from its divider (RM0090 30.3.4, oversampling by 16).
     #[must_use]
     pub fn bit_ns(&self, instance: &str) -> u64 {
         use generated::usart6::Register::Brr;
         let Some(nth) = SERIAL_PORTS.iter().position(|(name, _)| *name == instance) else { return 0 };
-        let divider = Self::registers(&self.bus, self.slot(Field::Usart(nth))).get(Brr);
-        let tree = Self::registers(&self.bus, self.slot(Field::Rcc));
+        let divider = Self::registers(&self.bus, self.slot(Instance::Usart(nth))).get(Brr);
+        let tree = Self::registers(&self.bus, self.slot(Instance::Rcc));
         let hz = match instance {
             "USART1" | "USART6" => self.rcc.pclk2(tree),
             _ => self.rcc.pclk1(tree),
@@ -413,16 +323,16 @@ impl Stm32f4 {
         (self.flash.committed_options().0 >> 2 & 0b11) as usize
     }
 
-    /// The chip's supply goes, or comes back: all is as after power-on.
+    /// Switches the chip's supply off, or on again with a power-on reset.
     pub fn set_power(&mut self, at: VirtualNanos, on: bool) {
-        let slot = self.slot(Field::Pwr);
+        let slot = self.slot(Instance::Pwr);
         let (_, mut context) = self.bus.drive(at, slot);
         context.request_power(on);
     }
 
-    /// The chip's end of the USB cable, at `at`.
-    pub fn with_usb<T>(&mut self, at: VirtualNanos, cable: impl FnOnce(&mut usb::Port<'_, '_>) -> T) -> T {
-        let slot = self.slot(Field::Otg);
+    /// Lends the chip's end of the USB cable at `at`.
+    pub fn with_usb<T>(&mut self, at: VirtualNanos, cable: impl FnOnce(&mut usb::bus_side::Port<'_, '_>) -> T) -> T {
+        let slot = self.slot(Instance::Otg);
         let (registers, mut context) = self.bus.drive(at, slot);
         cable(&mut self.otg.port(registers, &mut context))
     }

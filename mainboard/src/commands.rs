@@ -1,4 +1,4 @@
-//! What the command can do.
+//! The subcommands of the virtual mainboard.
 
 pub mod count;
 pub mod print;

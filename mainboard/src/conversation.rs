@@ -1,7 +1,8 @@
-//! A conversation with a running board: time passes only while the test waits for something.
+//! A conversation with a running board: virtual time passes only while the caller waits for an answer.
 //!
-//! For tests and other programs that say one thing, look, and say the next. The run has a thread of its own, which stands
-//! still between two questions: nothing depends on how fast this computer is, and whoever asks the same gets the same.
+//! For tests and other programs that send, check, and send again. The run has its own thread, which stands still
+//! between two calls: the result does not depend on the speed of this computer, and the same calls give the same
+//! answers.
 
 use std::collections::VecDeque;
 use std::fmt;
@@ -14,16 +15,16 @@ use rigless::image::Image;
 use crate::machine::{HOST_PORT, Machine};
 use crate::run::{self, Finished, Operator, Options, Turn};
 
-/// A line that the board has said.
+/// A line from the board.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Line {
-    /// When its last byte came, ns.
+    /// When its last byte arrived, ns.
     pub at_ns: u64,
-    /// Its text, without the line's end.
+    /// The text, without the line's end.
     pub text: String,
 }
 
-/// Something to do between two slices of the run.
+/// An action on the machine between two slices of the run.
 type Action = Box<dyn FnOnce(&mut Machine, u64, &mut dyn Host) + Send>;
 
 enum Command {
@@ -39,8 +40,8 @@ enum Answer {
     Silence { now_ns: u64 },
 }
 
-/// Who does what the other thread says.
-pub struct Puppet {
+/// The operator that executes the commands of the other thread.
+pub struct ConversationOperator {
     commands: Receiver<Command>,
     answers: Sender<Answer>,
     partial: Vec<u8>,
@@ -49,13 +50,16 @@ pub struct Puppet {
     waiting_until_ns: Option<u64>,
 }
 
-impl fmt::Debug for Puppet {
+impl fmt::Debug for ConversationOperator {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        out.debug_struct("Puppet").field("partial", &self.partial).field("lines", &self.lines).finish_non_exhaustive()
+        out.debug_struct("ConversationOperator")
+            .field("partial", &self.partial)
+            .field("lines", &self.lines)
+            .finish_non_exhaustive()
     }
 }
 
-impl Puppet {
+impl ConversationOperator {
     fn hear(&mut self, machine: &mut Machine) {
         let Some(mailbox) = machine.mailbox(HOST_PORT) else { return };
         for (at_ns, word) in mailbox.take() {
@@ -71,13 +75,13 @@ impl Puppet {
     }
 }
 
-impl Operator for Puppet {
+impl Operator for ConversationOperator {
     fn turn(&mut self, machine: &mut Machine, now_ns: u64, host: &mut dyn Host) -> Turn {
         self.hear(machine);
         loop {
             if let Some(until_ns) = self.waiting_until_ns {
                 if now_ns < until_ns {
-                    return Turn::GoOn;
+                    return Turn::Continue;
                 }
                 self.waiting_until_ns = None;
                 if self.answers.send(Answer::Silence { now_ns }).is_err() {
@@ -88,7 +92,7 @@ impl Operator for Puppet {
                 let answer = match self.lines.pop_front() {
                     Some(line) => Answer::Heard(line),
                     None if now_ns >= until_ns => Answer::Silence { now_ns },
-                    None => return Turn::GoOn,
+                    None => return Turn::Continue,
                 };
                 self.listening_until_ns = None;
                 if self.answers.send(answer).is_err() {
@@ -115,19 +119,19 @@ impl Operator for Puppet {
 pub struct Conversation {
     commands: Sender<Command>,
     answers: Receiver<Answer>,
-    run: Option<JoinHandle<Result<Finished<Puppet>, emulator::Error>>>,
+    run: Option<JoinHandle<Result<Finished<ConversationOperator>, emulator::Error>>>,
     now_ns: u64,
 }
 
 impl Conversation {
-    /// Switches a machine on with these images in its memories; `boot` is where the core's table of handlers is.
+    /// Switches a machine on with these images in its memories; `boot` is the address of the vector table.
     ///
     /// # Errors
-    /// This computer gives no thread.
+    /// The operating system refuses a thread.
     pub fn start(machine: Machine, images: Vec<Image>, boot: u64) -> Result<Self, String> {
         let (commands, incoming) = channel();
         let (outgoing, answers) = channel();
-        let puppet = Puppet {
+        let puppet = ConversationOperator {
             commands: incoming,
             answers: outgoing,
             partial: Vec::new(),
@@ -141,28 +145,28 @@ impl Conversation {
                 let options = Options { boot: Some(boot), ..Options::default() };
                 run::run(machine, &images, &options, puppet)
             })
-            .map_err(|error| format!("there is no thread for the run: {error}"))?;
+            .map_err(|error| format!("cannot start a thread for the run: {error}"))?;
         Ok(Self { commands, answers, run: Some(run), now_ns: 0 })
     }
 
-    /// The board's time when it last said or was asked something, ns.
+    /// The board's time at the last answer, ns.
     #[must_use]
     pub const fn now_ns(&self) -> u64 {
         self.now_ns
     }
 
-    /// Does something with the machine, and with the chip's memory, while it stands still. What is broken or mended by hand
-    /// in [`Machine::plant`] is seen by the chip after [`crate::plant::Plant::look_again`].
+    /// Acts on the machine and the chip's memory while the run stands still. The chip sees changes to
+    /// [`Machine::plant`] after [`crate::plant::Plant::refresh_inputs`].
     ///
     /// # Errors
-    /// The run has ended, and why.
+    /// The run has ended; the text says why.
     pub fn with<T: Send + 'static>(
         &mut self,
         action: impl FnOnce(&mut Machine, &mut dyn Host) -> T + Send + 'static,
     ) -> Result<T, String> {
         let (give, take) = channel();
         let action: Action = Box::new(move |machine, now_ns, host| {
-            // Whoever asked waits for it.
+            // The caller waits below, so the channel is open.
             let _ = give.send((now_ns, action(machine, host)));
         });
         self.say(Command::Do(action))?;
@@ -171,10 +175,10 @@ impl Conversation {
         Ok(result)
     }
 
-    /// Sends bytes down the host's line, as fast as it takes them.
+    /// Sends bytes on the host's line, as fast as the board takes them.
     ///
     /// # Errors
-    /// The run has ended, and why.
+    /// The run has ended; the text says why.
     pub fn send(&mut self, bytes: &[u8]) -> Result<(), String> {
         let bytes = bytes.to_vec();
         self.with(|machine, _| {
@@ -184,10 +188,10 @@ impl Conversation {
         })
     }
 
-    /// The next line that the board says; none if none has come at this instant of its time.
+    /// The next line from the board; `None` if no line has come at this instant of its time.
     ///
     /// # Errors
-    /// The run has ended, and why.
+    /// The run has ended; the text says why.
     pub fn next_line(&mut self, until_ns: u64) -> Result<Option<Line>, String> {
         self.say(Command::Listen { until_ns })?;
         match self.answers.recv().map_err(|_| self.why_it_ended())? {
@@ -202,15 +206,15 @@ impl Conversation {
         }
     }
 
-    /// Lets time pass until this instant of the board's; what it says meanwhile is not lost.
+    /// Lets time pass until this instant; lines that arrive meanwhile are kept.
     ///
     /// # Errors
-    /// The run has ended, and why.
+    /// The run has ended; the text says why.
     pub fn wait(&mut self, until_ns: u64) -> Result<(), String> {
         self.say(Command::Wait { until_ns })?;
         match self.answers.recv().map_err(|_| self.why_it_ended())? {
             Answer::Silence { now_ns } => self.now_ns = now_ns,
-            // Nobody listened.
+            // Unreachable while no listen command is open.
             Answer::Heard(line) => self.now_ns = line.at_ns,
         }
         Ok(())
@@ -219,7 +223,7 @@ impl Conversation {
     /// Presses the reset button.
     ///
     /// # Errors
-    /// The run has ended, and why.
+    /// The run has ended; the text says why.
     pub fn press_reset(&mut self) -> Result<(), String> {
         self.say(Command::Reset)
     }
@@ -227,14 +231,14 @@ impl Conversation {
     /// Ends the run.
     ///
     /// # Errors
-    /// It had ended before, and why.
-    pub fn end(mut self) -> Result<Finished<Puppet>, String> {
-        // Whether it hears that or has ended already, the answer is what the thread says.
+    /// The run had ended before; the text says why.
+    pub fn end(mut self) -> Result<Finished<ConversationOperator>, String> {
+        // If the send fails the run has ended already, and the join below tells why.
         let _ = self.commands.send(Command::End);
         match self.run.take().map(JoinHandle::join) {
             Some(Ok(Ok(finished))) => Ok(finished),
             Some(Ok(Err(error))) => Err(error.to_string()),
-            Some(Err(_)) => Err("the run panicked: its message is above".to_owned()),
+            Some(Err(_)) => Err("the run panicked: see its message above".to_owned()),
             None => Err("the run had ended before".to_owned()),
         }
     }
@@ -245,9 +249,9 @@ impl Conversation {
 
     fn why_it_ended(&mut self) -> String {
         match self.run.take().map(JoinHandle::join) {
-            Some(Ok(Ok(_))) => "the run has ended: the image asked for it".to_owned(),
+            Some(Ok(Ok(_))) => "the run has ended by itself: the image requested it".to_owned(),
             Some(Ok(Err(error))) => format!("the run has ended: {error}"),
-            Some(Err(_)) => "the run panicked: its message is above".to_owned(),
+            Some(Err(_)) => "the run panicked: see its message above".to_owned(),
             None => "the run had ended before".to_owned(),
         }
     }
@@ -257,7 +261,7 @@ impl Drop for Conversation {
     fn drop(&mut self) {
         let _ = self.commands.send(Command::End);
         if let Some(run) = self.run.take() {
-            // Its failure was reported already, or does not matter.
+            // `end` reports errors; a dropped conversation discards them.
             let _ = run.join();
         }
     }

@@ -1,8 +1,7 @@
-//! Pins to motion: what the edges of the step and direction pins were, and whether that is what the planner on the desk
-//! had in mind.
+//! Decodes the edges of step and direction pins into steps, and compares them with the plan of the desk.
 //!
-//! [`Decoder`] takes edges and yields step events; [`Trace`] reads what the desk wrote; [`compare`] holds the two against
-//! each other, in order and in time.
+//! [`Decoder`] takes edges and yields step events; [`Trace`] reads the desk's trace; [`compare`] compares the two in
+//! order and in time.
 
 mod compare;
 mod digest;

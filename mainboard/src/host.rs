@@ -1,8 +1,8 @@
-//! Who sits at the other end of the board's line.
+//! The computer at the other end of the board's line.
 //!
-//! [`Stream`] is a host of its own, which prints a file by the `ok` protocol; it knows no transport and no clock. [`Line`] is
-//! a door for somebody else's host, such as OctoPrint: a pseudo-terminal or a TCP port of this computer. [`usb`] is the
-//! computer's end of a USB cable.
+//! [`Stream`] is a host that prints a file by the `ok` protocol; it is independent of transport and clock. [`Line`]
+//! opens a pseudo-terminal or TCP port for an external host program, such as OctoPrint. [`usb`] is the computer's end
+//! of a USB cable.
 
 mod line;
 mod stream;

@@ -1,9 +1,9 @@
-//! A virtual mainboard: printer boards around an emulated STM32F4 on which the shipped images run unmodified.
+//! A virtual mainboard: printer boards around an emulated STM32F4 that run the shipped images unmodified.
 //!
-//! Nothing here knows the firmware. The chip is rigless's, written from ST's reference manual (RM0090) by others, and what
-//! it lacks is in [`chip`]; the parts on the board and the mechanics around it are in [`parts`], from their data sheets; what
-//! hangs on which pin is read from the board's file, as a maker would read a wiring plan, in [`wiring`]; what the pins did is
-//! decoded and held against the desk's plan in [`decode`]; the host at the other end of the line is in [`host`].
+//! This crate does not know the firmware. The chip model is rigless, which others wrote from ST's reference manual
+//! (RM0090); [`chip`] adds what rigless lacks. [`parts`] holds the parts on the board and the printer's mechanics, from
+//! their data sheets. [`wiring`] reads what is connected to each pin from the board's file. [`decode`] turns the pins'
+//! edges into steps and compares them with the desk's trace. [`host`] is the computer at the other end of the line.
 
 pub mod chip;
 pub mod commands;

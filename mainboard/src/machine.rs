@@ -1,4 +1,4 @@
-//! The machine: the chip, the printer around it, and who watches the pins.
+//! The machine: the chip, the printer around it, and the decoder of its step pins.
 
 pub mod mailbox;
 mod ports;
@@ -23,21 +23,22 @@ use mailbox::Mailbox;
 use ports::Ports;
 pub use stores::Store;
 
-/// Instructions a second of virtual time. The cycle model of the step interrupt counts 1.4 cycles an instruction over all code
+/// Instructions per second of virtual time. The cycle model of the step interrupt averages 1.4 cycles an instruction
 /// (docs/src/stepping.md); at 168 MHz that is 120 million.
 pub const INSTRUCTIONS_PER_SECOND: u64 = 120_000_000;
-/// The core's clock, which its own timer counts eighths of.
+/// The core's clock; SysTick counts eighths of it.
 const CORE_HZ: u64 = 168_000_000;
-/// Steps of different motors that leave within this time are one event: one store a port, with some instructions between.
+/// Steps of different motors within this time are one event: one store a port, with some instructions in between.
 const EVENT_WINDOW_NS: u64 = 400;
-/// The line of the host, and the one that drivers share where they do.
+/// The serial line of the host.
 pub const HOST_PORT: &str = "USART1";
+/// The serial line that drivers share on some boards.
 const DRIVER_PORT: &str = "USART2";
-/// How long the computer waits before it asks again for what the printer has to say, ns: rarer than on a real bus, where it
-/// would stop the run every 50 us to hear nothing.
+/// How long the computer waits before it polls the printer again after a NAK, ns: longer than on a real bus, which
+/// would interrupt the run every 50 us without any data.
 const NAK_RETRY_NS: u64 = 250_000;
-/// Thresholds of the brown-out reset by its level in the option bytes, mV, falling: DS8626 table 22 (typical), with the
-/// power-down reset's where it is off (level 3 in the bits).
+/// Falling thresholds of the brown-out reset by its level in the option bytes, mV: DS8626 table 22 (typical). Level 3
+/// switches the brown-out reset off and leaves the threshold of the power-down reset.
 const BROWN_OUT_MV: [f64; 4] = [2830.0, 2500.0, 2190.0, 1680.0];
 const BROWN_OUT_HYSTERESIS_MV: f64 = 100.0;
 
@@ -48,11 +49,11 @@ pub struct Machine {
     pub chip: Stm32f4,
     /// The printer.
     pub plant: Plant,
-    /// What the step pins did.
+    /// The decoder of the step pins.
     pub decoder: Decoder,
     /// The computer at the USB plug.
     pub usb_host: UsbHost,
-    /// What was stored to peripherals since [`Machine::keep_stores`] asked for it.
+    /// Stores to peripherals, from the call of [`Machine::keep_stores`] on.
     stores: Option<Vec<Store>>,
     ports: Ports,
     instructions_per_second: NonZeroU64,
@@ -69,12 +70,13 @@ store!(Machine {
 });
 
 impl Machine {
-    /// A board and a printer as their files say, everything off but the supply.
+    /// A board and a printer according to their files, with everything off except the supply.
     ///
     /// # Errors
-    /// What the files say together makes no machine, or rigless's description of the chip does not hold together.
+    /// The files contradict each other, or rigless's description of the chip is inconsistent.
     pub fn new(board: &Board, printer: &Printer, seed: u64) -> Result<Self, String> {
-        let mut chip = Stm32f4::new(board.chip).map_err(|error| format!("the chip's model: {error}"))?;
+        let mut chip =
+            Stm32f4::new(board.chip).map_err(|error| format!("the chip's model is inconsistent: {error}"))?;
         chip.set_crystal(u64::from(board.crystal_hz));
         chip.set_supply(3300);
         let shares_line = board.driver_uart.is_some();
@@ -103,34 +105,34 @@ impl Machine {
         })
     }
 
-    /// Runs the core at another rate than [`INSTRUCTIONS_PER_SECOND`]: slower is how wait states would feel.
+    /// Sets the core's rate, by default [`INSTRUCTIONS_PER_SECOND`]: a lower rate stands for wait states.
     pub fn set_instructions_per_second(&mut self, rate: NonZeroU64) {
         self.instructions_per_second = rate;
     }
 
-    /// Keeps no record of the steps: for a machine that runs for days and is not compared with a trace.
-    pub fn forget_steps(&mut self) {
+    /// Keeps no record of steps, for a machine that runs for days without a trace to compare.
+    pub fn stop_recording_steps(&mut self) {
         self.records_steps = false;
     }
 
-    /// A mailbox by the serial port at which it hangs.
+    /// The far end of a serial port.
     pub fn mailbox(&mut self, port: &str) -> Option<&mut Mailbox> {
         self.chip.serial_port(port)?.chip_mut::<Mailbox>()
     }
 
-    /// Keeps every store to a peripheral from now on: some ten bytes for each, millions in a print.
+    /// Records every store to a peripheral from now on: some ten bytes each, millions in a print.
     pub fn keep_stores(&mut self) {
         self.stores.get_or_insert_default();
     }
 
-    /// The stores to peripherals so far, in the program's order.
+    /// The recorded stores, in program order.
     #[must_use]
     pub fn stores(&self) -> &[Store] {
         self.stores.as_deref().unwrap_or_default()
     }
 
-    /// The firmware has stored to a peripheral's register: what a port's pins drive now.
-    pub fn stored(&mut self, at_ns: u64, address: u64, value: u64) {
+    /// Follows a store of the firmware to a peripheral's register.
+    pub fn record_store(&mut self, at_ns: u64, address: u64, value: u64) {
         if let Some(stores) = &mut self.stores {
             let (address, value) = (address as u32, value as u32);
             match stores.last_mut() {
@@ -163,7 +165,7 @@ impl Machine {
         }
     }
 
-    /// Lets everything around the chip follow it up to `now_ns`.
+    /// Advances everything around the chip to `now_ns`.
     pub fn advance(&mut self, now_ns: u64, resets: usize) {
         if self.resets_seen != resets {
             self.resets_seen = resets;
@@ -193,13 +195,13 @@ impl Machine {
         }
     }
 
-    /// When the computer at the USB plug does something next.
+    /// The next event of the computer at the USB plug, ns.
     #[must_use]
     pub fn usb_next_ns(&self) -> Option<u64> {
         (self.usb_host.state() != State::Unplugged).then(|| self.usb_host.next_event_ns())
     }
 
-    /// Duty cycles of what timers switch.
+    /// Passes the duty cycles of timer outputs to heaters and fans.
     fn follow_timers(&mut self, now_ns: u64) {
         for heater in 0..self.plant.heaters.len() {
             let switched = self.plant.heaters[heater].switched;
@@ -235,7 +237,7 @@ impl Machine {
         }
     }
 
-    /// The chip's supply: too low, it stands in reset (RM0090 5.2.2, 5.2.3).
+    /// Passes the supply voltage to the chip; below the threshold the chip stands in reset (RM0090 5.2.2, 5.2.3).
     fn follow_rail(&mut self, now_ns: u64) {
         let millivolts = self.plant.chip_rail.millivolts(now_ns);
         let threshold = BROWN_OUT_MV[self.chip.brown_out_level()];
@@ -245,8 +247,8 @@ impl Machine {
             self.powered = powered;
             self.chip.set_power(VirtualNanos(now_ns), powered);
             if !powered {
-                // Its pins drive nothing: what holds the gates down decides.
-                self.plant.let_go(now_ns);
+                // Pins without supply float: the gates' pull-down resistors switch off.
+                self.plant.release_gates(now_ns);
             }
         }
         if powered {
@@ -254,7 +256,7 @@ impl Machine {
         }
     }
 
-    /// How often the chip was reset so far.
+    /// The number of resets so far.
     #[must_use]
     pub const fn resets(&self) -> usize {
         self.resets_seen

@@ -1,4 +1,4 @@
-//! The virtual mainboard's command: prints on it, leads its line out, breaks its parts, counts.
+//! The virtual mainboard's command: prints on it, serves its line, injects faults, counts instructions.
 
 use std::process::ExitCode;
 
@@ -6,7 +6,7 @@ use clap::{Parser, Subcommand};
 use ferrostep_mainboard::commands::{count::Count, print::Print, serve::Serve};
 use ferrostep_mainboard::faults::command::Faults;
 
-/// Printer boards around an emulated STM32F4, on which the shipped images run unmodified.
+/// Printer boards around an emulated STM32F4 that run the shipped images unmodified.
 #[derive(Parser)]
 #[command(version, about)]
 struct Cli {
@@ -16,24 +16,24 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Prints a file, and compares the pins with the desk's trace.
+    /// Prints a file and compares the pins with the desk's trace.
     Print(Print),
-    /// Leads the printer's line out, for any host.
+    /// Serves the printer on a pseudo-terminal or TCP port, for any host program.
     Serve(Serve),
-    /// Lets parts fail at random instants of a print, and tells what the printer did.
+    /// Injects faults at random instants of a print and checks how the printer reacts.
     Faults(Faults),
-    /// Runs a bench or a test that prints by semihosting and ends itself.
+    /// Runs a benchmark or test that prints by semihosting and ends itself.
     Count(Count),
 }
 
 fn main() -> ExitCode {
-    let done = match Cli::parse().command {
+    let result = match Cli::parse().command {
         Command::Print(print) => print.run(),
         Command::Serve(serve) => serve.run(),
         Command::Faults(faults) => faults.execute(),
         Command::Count(count) => count.run(),
     };
-    match done {
+    match result {
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::from(1),
         Err(error) => {

@@ -1,9 +1,8 @@
-//! What stands around the chip: drivers, motors and axes, switches, heaters, sensors, fans and the supply.
+//! The parts around the chip: drivers, motors and axes, switches, heaters, sensors, fans and the supply.
 //!
-//! Everything here counts virtual nanoseconds from the start of the run (`u64`) and depends on its inputs and its seeds
-//! only: the same calls give the same run. A level is a `bool`; where a wire can be left alone it is an `Option<bool>`
-//! and `None` is a floating wire. Parts never look at the firmware: they follow data sheets and physics. Each module
-//! has a table of what it covers and a list of what it leaves out.
+//! All times are virtual nanoseconds from the start of the run (`u64`). A part depends on its inputs and its seed only:
+//! the same calls give the same run. A level is a `bool`; `Option<bool>` is a wire that may float, `None` when it does.
+//! Parts follow data sheets and physics, never the firmware. Each module lists what it covers and what it leaves out.
 //!
 //! | module | part |
 //! |---|---|

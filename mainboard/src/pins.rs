@@ -1,4 +1,4 @@
-//! Pins by the names on a wiring plan, and what their edges say.
+//! Pins by their names on a circuit diagram.
 
 use std::fmt;
 use std::str::FromStr;
@@ -16,7 +16,8 @@ impl FromStr for Pin {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let refused = || format!("{text:?} is no pin: it should look like \"PD1\", port A to K and number 0 to 15");
+        let refused =
+            || format!("{text:?} is not a pin: write a name such as \"PD1\", with port A to K and number 0 to 15");
         let mut letters = text.chars();
         let (Some('P'), Some(port @ 'A'..='K')) = (letters.next(), letters.next()) else {
             return Err(refused());

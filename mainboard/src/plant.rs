@@ -1,7 +1,7 @@
-//! The printer around the chip: each part on the pins that the wiring plan names.
+//! The printer around the chip: every part on the pins that the board's file names.
 //!
-//! The run tells it what the chip drives ([`Plant::output`], [`Plant::serial_byte`], [`Plant::set_power`]) and asks what the
-//! chip should see ([`Plant::take_inputs`], [`Plant::voltages`], [`Plant::take_replies`]).
+//! The run reports the chip's outputs ([`Plant::output`], [`Plant::serial_byte`]) and asks for its inputs
+//! ([`Plant::take_inputs`], [`Plant::voltages`], [`Plant::take_replies`]).
 
 mod build;
 
@@ -19,12 +19,12 @@ use crate::parts::wire::{Bus, Wire};
 use crate::pins::Pin;
 use crate::wiring::{Adc, TimerChannel};
 
-/// What a pin is soldered to.
+/// The part connected to an output pin of the chip.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 enum Role {
     /// STEP of a motor's driver.
     Step(usize),
-    /// DIR.
+    /// DIR of a motor's driver.
     Direction(usize),
     /// EN, of all motors in this mask.
     Enable(u32),
@@ -32,64 +32,65 @@ enum Role {
     Wire(usize),
     /// The gate of a heater's transistor.
     Heater(usize),
-    /// The gate of a fan's.
+    /// The gate of a fan's transistor.
     Fan(usize),
 }
 
-/// A heater or fan that a timer may switch.
+/// The pin of a heater or fan, and the timer channel that may drive it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Switched {
     /// Its pin.
     pub pin: Pin,
-    /// The timer channel that can switch it.
+    /// The timer channel that can drive the pin.
     pub timer: Option<TimerChannel>,
 }
 
-/// A heater with its switch.
+/// A heater and its output pin.
 #[derive(Debug, Clone, Serialize, Deserialize)]
-pub struct HeaterPlace {
+pub struct WiredHeater {
     /// "nozzle", "bed" ...
     pub name: String,
-    /// How it is switched.
+    /// The output.
     pub switched: Switched,
-    /// What it heats.
+    /// The heated mass.
     pub heater: Heater,
-    /// Share of the supply's power that it gets just now, 0 to 1.
+    /// The share of the supply's power that it gets now, 0 to 1.
     pub power: f64,
     /// When it last got power, ns.
     pub last_on_ns: Option<u64>,
 }
 
-/// A fan with its switch.
+/// A fan and its output pin.
 #[derive(Debug, Clone, Serialize, Deserialize)]
-pub struct FanPlace {
+pub struct WiredFan {
     /// "part", "hotend" ...
     pub name: String,
-    /// How it is switched.
+    /// The output.
     pub switched: Switched,
     /// The fan.
     pub fan: Fan,
-    /// The pin that hears its tacho.
+    /// The tachometer input.
     pub tacho: Option<Pin>,
-    /// Share of full power, 0 to 1, and what a slower switch than the timer's still owes it.
+    /// Share of full power, 0 to 1.
     pub power: f64,
+    /// Power not yet delivered when a duty cycle is played in slots of [`SLOW_NS`], in slots.
     owed: f64,
 }
 
 /// A thermistor at its converter.
 #[derive(Debug, Clone, Serialize, Deserialize)]
-pub struct ThermistorPlace {
+pub struct WiredThermistor {
     /// "nozzle", "bed", "board" ...
     pub name: String,
-    /// Where it is measured.
+    /// The converter channel.
     pub adc: Adc,
     /// The thermistor.
     pub thermistor: Thermistor,
-    /// The heater in whose block it sits.
+    /// The heater in whose block it is mounted.
     pub heater: Option<usize>,
 }
 
-/// What the chip's input is wired to.
+/// The part connected to an input pin of the chip.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 enum Source {
     EndStop(usize),
@@ -97,12 +98,14 @@ enum Source {
     Diag(usize),
     Tacho(usize),
     Wire(usize),
-    /// Nothing moves it: held at a level.
+    /// Held at a constant level.
     Held(bool),
 }
 
-/// How often analogue values and duty cycles are looked at, ns: a converter's conversions are no denser.
+/// Interval of analogue values and duty cycles, ns: converters do not sample more often.
 const SLOW_NS: u64 = 500_000;
+/// The chip's supply and its converters' reference, mV.
+const REFERENCE_MV: f64 = 3300.0;
 
 /// Everything around the chip.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -110,7 +113,7 @@ pub struct Plant {
     roles: BTreeMap<Pin, Role>,
     inputs: Vec<(Pin, Source)>,
     driven: Vec<Option<Option<bool>>>,
-    /// Drivers in the order of the board's motors: x, y, z, e, then sockets that nothing moves.
+    /// Drivers in the order of the board's motors: x, y, z, e, then sockets that the firmware does not use.
     pub drivers: Vec<Tmc2209>,
     /// Motors, axes, switches, probe.
     pub motion: Motion,
@@ -118,11 +121,11 @@ pub struct Plant {
     shared: Option<Bus>,
     replies: Vec<(u64, u8)>,
     /// Heaters.
-    pub heaters: Vec<HeaterPlace>,
+    pub heaters: Vec<WiredHeater>,
     /// Fans.
-    pub fans: Vec<FanPlace>,
+    pub fans: Vec<WiredFan>,
     /// Thermistors.
-    pub thermistors: Vec<ThermistorPlace>,
+    pub thermistors: Vec<WiredThermistor>,
     /// The supply of motors and heaters.
     pub motor_rail: Rail,
     /// The chip's supply.
@@ -133,13 +136,13 @@ pub struct Plant {
 }
 
 impl Plant {
-    /// Whether a pin is one whose edges it wants.
+    /// Whether a part is connected to this output pin.
     #[must_use]
     pub fn listens_to(&self, pin: Pin) -> bool {
         self.roles.contains_key(&pin)
     }
 
-    /// The chip drives a pin (none: it does not, and a resistor decides: drivers off, heaters off).
+    /// Follows an output pin; `None` when the chip stops driving it: then resistors switch drivers and heaters off.
     pub fn output(&mut self, now_ns: u64, pin: Pin, level: Option<bool>) {
         let Some(&role) = self.roles.get(&pin) else { return };
         match role {
@@ -161,7 +164,7 @@ impl Plant {
                     if motors & 1 << motor != 0
                         && let Some(driver) = self.drivers.get_mut(motor)
                     {
-                        // Boards pull EN high: drivers are off until the firmware says otherwise.
+                        // Boards pull EN high, which switches drivers off until the firmware switches them on.
                         driver.set_enable_pin(now_ns, level.unwrap_or(true));
                         self.energize(now_ns, motor);
                     }
@@ -196,7 +199,7 @@ impl Plant {
         self.lines_changed |= effect.lines;
     }
 
-    /// A heater gets this share of the supply's power from now on.
+    /// Gives a heater this share of the supply's power from now on.
     pub fn power_heater(&mut self, now_ns: u64, heater: usize, power: f64) {
         let scale = self.motor_rail.power_scale(now_ns);
         if let Some(place) = self.heaters.get_mut(heater) {
@@ -205,14 +208,14 @@ impl Plant {
                 place.last_on_ns = Some(now_ns);
             }
             place.heater.set_on(now_ns, power > 0.0);
-            // A transistor that conducts always gives all that the supply has.
+            // A transistor that is stuck on passes the whole supply.
             let share = if place.heater.is_stuck_on() { 1.0 } else { power };
             place.heater.set_power_scale(now_ns, share * scale);
         }
     }
 
-    /// Nobody drives the gates of heaters and fans.
-    pub fn let_go(&mut self, now_ns: u64) {
+    /// Stops driving the gates of heaters and fans.
+    pub fn release_gates(&mut self, now_ns: u64) {
         for heater in 0..self.heaters.len() {
             self.power_heater(now_ns, heater, 0.0);
         }
@@ -221,7 +224,7 @@ impl Plant {
         }
     }
 
-    /// A fan gets this share of full power from now on.
+    /// Gives a fan this share of full power from now on.
     pub fn power_fan(&mut self, now_ns: u64, fan: usize, power: f64) {
         if let Some(place) = self.fans.get_mut(fan) {
             place.power = power;
@@ -231,13 +234,13 @@ impl Plant {
         }
     }
 
-    /// Whether any heater gets power, or would with the supply on.
+    /// Whether the chip switches any heater on, with or without supply.
     #[must_use]
     pub fn any_heater_on(&self) -> bool {
         self.heaters.iter().any(|heater| heater.power > 0.0)
     }
 
-    /// A byte that the chip has sent on the drivers' shared line; its start bit began at `start_ns`.
+    /// Passes a byte from the chip to the drivers' shared line; its start bit began at `start_ns`.
     pub fn serial_byte(&mut self, start_ns: u64, bit_ns: u64, byte: u8) {
         let Some(bus) = &mut self.shared else { return };
         if let Some(reply) = bus.byte(&mut self.drivers, start_ns, bit_ns, byte) {
@@ -251,12 +254,12 @@ impl Plant {
         self.lines_changed = true;
     }
 
-    /// Bytes that drivers answer on the shared line, with the instants at which they begin.
+    /// Takes the drivers' replies on the shared line: start of each byte, ns, and the byte.
     pub fn take_replies(&mut self) -> Vec<(u64, u8)> {
         std::mem::take(&mut self.replies)
     }
 
-    /// The line that all drivers share, to break or mend.
+    /// The shared line of the drivers, to break or mend.
     pub fn shared_line(&mut self) -> Option<&mut Bus> {
         self.shared.as_mut()
     }
@@ -266,7 +269,7 @@ impl Plant {
         &mut self.wires
     }
 
-    /// Lets time pass. True if it is time for [`Plant::voltages`].
+    /// Lets time pass. True if [`Plant::voltages`] is due.
     pub fn advance(&mut self, now_ns: u64) -> bool {
         if self.motor_rail.advance(now_ns) {
             let on = self.motor_rail.on();
@@ -322,7 +325,7 @@ impl Plant {
         true
     }
 
-    /// When something happens that the chip may see at once.
+    /// The next event that the chip may see, ns.
     #[must_use]
     pub fn next_event_ns(&self) -> Option<u64> {
         let drivers = self.drivers.iter().filter_map(Tmc2209::next_event_ns);
@@ -331,11 +334,11 @@ impl Plant {
         drivers.chain(wires).chain(rest.into_iter().flatten()).min()
     }
 
-    /// What the converters' pins carry now, mV: converter, channel, voltage.
+    /// The voltages at the converters' pins now, mV.
     pub fn voltages(&mut self, now_ns: u64) -> Vec<(Adc, u32)> {
         let mut voltages = Vec::with_capacity(self.thermistors.len());
-        // The pull-ups hang on the converter's reference: both sag together.
-        let reference = self.chip_rail.millivolts(now_ns) / build::REFERENCE_MV;
+        // The pull-ups are connected to the converter's reference, so both sag together.
+        let reference = self.chip_rail.millivolts(now_ns) / REFERENCE_MV;
         for place in &mut self.thermistors {
             let celsius = match place.heater.and_then(|heater| self.heaters.get_mut(heater)) {
                 Some(heater) => heater.heater.sensor_celsius(now_ns),
@@ -347,7 +350,7 @@ impl Plant {
         voltages
     }
 
-    /// Levels that the chip's inputs change to (`None`: the pin is not driven).
+    /// Takes the changed levels of the chip's inputs; `None` for a floating pin.
     pub fn take_inputs(&mut self) -> Vec<(Pin, Option<bool>)> {
         if !std::mem::take(&mut self.lines_changed) {
             return Vec::new();
@@ -370,12 +373,12 @@ impl Plant {
         changes
     }
 
-    /// All inputs are to be driven again: the chip's ports have forgotten them, or something was broken or mended by hand.
-    pub fn look_again(&mut self) {
+    /// Drives all inputs again: after a reset of the chip's ports, or after a part was broken or mended.
+    pub fn refresh_inputs(&mut self) {
         self.lines_changed = true;
     }
 
-    /// Breaks or mends a driver; what that does to its outputs reaches the motor.
+    /// Breaks or mends a driver and passes the change of its outputs to the motor.
     pub fn disturb_driver(&mut self, now_ns: u64, motor: usize, change: impl FnOnce(&mut Tmc2209)) {
         if let Some(driver) = self.drivers.get_mut(motor) {
             change(driver);
@@ -384,7 +387,7 @@ impl Plant {
         }
     }
 
-    /// The chip's pins that something of the printer drives: switches, probe, stall signals, tachos, lines of drivers.
+    /// The input pins of the chip that a part drives: switches, probe, stall signals, tachometers, driver lines.
     pub fn input_pins(&self) -> impl Iterator<Item = Pin> + '_ {
         self.inputs.iter().map(|(pin, _)| *pin)
     }

@@ -8,39 +8,39 @@ use rigless::session::Session;
 use rigless::snapshot::{self, Reader, Snapshot, Store, Taken, Writer};
 use rigless::time::VirtualNanos;
 
-use crate::chip::halt::Halt;
+use crate::chip::Halt;
 use crate::machine::Machine;
 
-/// What is outside the chip moves in slices of this, ns, and at its own instants in between.
+/// Length of a slice, ns: everything outside the chip advances once a slice, and at its own events in between.
 pub const SLICE_NS: u64 = 100_000;
 
-/// Whether to go on after a slice.
+/// What the run does after an operator's turn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Turn {
-    /// Go on.
-    GoOn,
-    /// Go on after a pulse at the chip's reset pin (RM0090 6.1.1).
+    /// Continue.
+    Continue,
+    /// Pulse the chip's reset pin and continue (RM0090 6.1.1).
     Reset,
-    /// The run is over.
+    /// End the run.
     Stop,
 }
 
-/// Who stands at the machine: talks on its lines, breaks and mends its parts, and ends the run.
+/// The person at the machine: talks on its lines, breaks and mends its parts, and ends the run.
 pub trait Operator: Send + 'static {
-    /// A slice is over; `now_ns` is virtual time since the run began.
+    /// Acts at the end of a slice; `now_ns` is virtual time since the run began.
     fn turn(&mut self, machine: &mut Machine, now_ns: u64, host: &mut dyn Host) -> Turn;
 
-    /// The next instant at which it wants a turn, beside the slices.
+    /// The next instant at which the operator wants a turn besides the slices, ns.
     fn next_turn_ns(&self) -> Option<u64> {
         None
     }
 
-    /// Whether a snapshot is to be taken at the end of this turn; asked once after each.
+    /// Whether to take a snapshot at the end of this turn; called once after each.
     fn wants_snapshot(&mut self) -> bool {
         false
     }
 
-    /// The snapshot that it wanted, of everything but the operator itself: what to keep of that is its own affair.
+    /// Receives the requested snapshot. It contains everything except the operator, which saves its own state.
     fn snapshot_taken(&mut self, snapshot: Result<Taken, snapshot::Error>) {
         let _ = snapshot;
     }
@@ -49,18 +49,18 @@ pub trait Operator: Send + 'static {
 /// How to start.
 #[derive(Debug, Default)]
 pub struct Options<'a> {
-    /// Where the core boots, if not at the start of flash: after a boot loader.
+    /// The address of the vector table, for an image after a boot loader; `None` for the start of flash.
     pub boot: Option<u64>,
-    /// Serves GDB there.
+    /// Serves GDB on this listener.
     pub debugger: Option<&'a TcpListener>,
     /// Waits for GDB before the first instruction.
     pub wait_for_debugger: bool,
 }
 
-/// The result of a run.
+/// A run that has ended.
 #[derive(Debug)]
 pub struct Finished<O> {
-    /// The session, and in it the machine as it stood.
+    /// The session with the machine in its last state.
     session: Session<Machine>,
     /// The operator.
     pub operator: O,
@@ -69,7 +69,7 @@ pub struct Finished<O> {
 }
 
 impl<O> Finished<O> {
-    /// The machine as it stood.
+    /// The machine in its last state.
     #[must_use]
     pub fn machine(&self) -> &Machine {
         self.session.board()
@@ -81,16 +81,16 @@ impl<O> Finished<O> {
 pub struct Report {
     /// Virtual time, ns.
     pub virtual_ns: u64,
-    /// Instructions that the core retired.
+    /// Instructions retired by the core.
     pub instructions: u64,
-    /// Resets after the first start: when (ns), and who asked for it.
+    /// Resets after the first start: instant (ns) and cause.
     pub resets: Vec<(u64, String)>,
-    /// Registers that the firmware reached and that have no model, addresses at which nothing answers, accesses that a closed clock
-    /// gate refused, and interrupts without a line.
+    /// Registers without a model that the firmware accessed, addresses without a device, accesses refused by a closed
+    /// clock gate, and interrupts without a line.
     pub unmodelled: Vec<String>,
-    /// What a model says of a state that its manual forbids or leaves open.
+    /// Messages of models about states that their manual forbids or leaves open.
     pub told: Vec<String>,
-    /// Accesses to peripherals.
+    /// Number of accesses to peripherals.
     pub accesses: u64,
 }
 
@@ -99,7 +99,7 @@ struct Runner<O> {
     accesses: u64,
     last_stop: Option<Stop>,
     held: bool,
-    /// The instant that it asked for last, ns.
+    /// The next turn, ns.
     next_ns: u64,
     firmware: [u8; 32],
 }
@@ -110,7 +110,7 @@ impl<O> Runner<O> {
         Self { operator, accesses: 0, last_stop: None, held: false, next_ns: SLICE_NS, firmware }
     }
 
-    /// The core runs nothing while it enters a handler, or while it is held.
+    /// Holds the core while it enters a handler or is halted.
     fn hold(&mut self, session: &Session<Machine>, host: &mut dyn Host) {
         let chip = &session.board().chip;
         let held = chip.is_entering() || chip.halted() != Halt::Runs;
@@ -121,7 +121,7 @@ impl<O> Runner<O> {
     }
 }
 
-/// What a snapshot keeps of a run beside chip and machine; the operator is the caller's.
+/// The part of a snapshot that belongs to the run, besides chip and machine.
 #[derive(Debug, Default)]
 struct Progress {
     accesses: u64,
@@ -147,7 +147,7 @@ impl<O: Operator> Driver<Machine> for Runner<O> {
             self.accesses += 1;
             session.board_mut().chip.reached(access.virtual_time, access.kind, access.address);
             if access.kind == AccessKind::Write {
-                session.board_mut().stored(access.virtual_time.0, access.address, access.value);
+                session.board_mut().record_store(access.virtual_time.0, access.address, access.value);
             }
         }
     }
@@ -165,7 +165,7 @@ impl<O: Operator> Driver<Machine> for Runner<O> {
             .flatten()
             .min();
         match turn {
-            Turn::GoOn => {}
+            Turn::Continue => {}
             Turn::Reset => session.reset_by_pin(VirtualNanos(now_ns), instructions, host),
             Turn::Stop => return None,
         }
@@ -183,7 +183,7 @@ impl<O: Operator> Driver<Machine> for Runner<O> {
 /// Runs an image until the operator stops.
 ///
 /// # Errors
-/// The image does not fit the chip, or the emulator could not go on.
+/// The image does not fit the chip, or the emulator failed.
 pub fn run<O: Operator>(
     machine: Machine,
     images: &[Image],
@@ -198,11 +198,11 @@ pub fn run<O: Operator>(
     finish(session, &start, Runner::new(operator, images, options.boot))
 }
 
-/// Goes on from a snapshot, with a machine built as the one that it was taken of. From there on it is the run that it was taken
-/// in, as long as the operator is as it was then.
+/// Continues from a snapshot, on a machine built like the one in the snapshot. The run repeats the original one as long
+/// as the operator has the same state as then.
 ///
 /// # Errors
-/// The snapshot is of another machine or image, or the emulator could not go on.
+/// The snapshot is of another machine or image, or the emulator failed.
 pub fn run_from<O: Operator>(
     snapshot: &Snapshot,
     machine: Machine,

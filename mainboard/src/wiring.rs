@@ -1,16 +1,16 @@
-//! What hangs on which pin, read from the board's file as a maker reads a wiring plan, and what the machine around it is
-//! like, read from the profile.
+//! Reads what is connected to each pin from the board's file, and the printer around the board from the profile.
 //!
-//! The firmware's build reads the same files with code of its own, which this module does not use: a pin that the build
-//! misreads is wired right here, and the printer then does not move.
+//! The firmware's build reads the same files with its own code, which this module does not use: if the build misreads a
+//! pin, this module still wires it correctly and the printer does not move.
 //!
 //! | File | Read by | Refused |
 //! |---|---|---|
-//! | `boards/*.toml` | [`Board`] | unknown keys, and what the chip's data sheet rules out |
-//! | `profiles/*.toml` | [`Printer`] | values that no machine has; keys that do not concern the wiring are not read |
+//! | `boards/*.toml` | [`Board`] | unknown keys, and wiring that the chip's data sheet excludes |
+//! | `profiles/*.toml` | [`Printer`] | values that no machine has; keys outside the wiring are ignored |
 //! | an image (ELF) | [`check_image`] | an image for another chip, boot offset or memory |
 
 mod board;
+mod board_file;
 mod check;
 mod chip;
 mod functions;

@@ -1,4 +1,4 @@
-//! What the command refuses, and how it says so.
+//! Refusals of the command and their texts.
 #![allow(clippy::unwrap_used, missing_docs)]
 
 use std::fs;
@@ -12,7 +12,7 @@ fn run(words: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_ferrostep-mainboard")).args(words).output().unwrap()
 }
 
-/// It could not start, and says all of this.
+/// Checks that the command does not start and that its error contains all these texts.
 fn refused(words: &[&str], said: &[&str]) {
     let output = run(words);
     let error = String::from_utf8(output.stderr).unwrap();
@@ -23,7 +23,7 @@ fn refused(words: &[&str], said: &[&str]) {
     assert!(!error.contains("panicked"), "{error}");
 }
 
-/// A file of the test's own.
+/// Writes a file of this test.
 fn file(name: &str, text: &str) -> PathBuf {
     let path = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name);
     fs::write(&path, text).unwrap();
@@ -31,7 +31,7 @@ fn file(name: &str, text: &str) -> PathBuf {
 }
 
 #[test]
-fn a_board_that_contradicts_its_chip_is_refused_by_the_key() {
+fn a_board_that_contradicts_its_chip_is_refused_with_its_key() {
     let text = fs::read_to_string(BUDDY).unwrap();
     let job = file("job.gcode", "M105\n");
     for (wrong, right, said) in [
@@ -50,7 +50,7 @@ fn a_board_that_contradicts_its_chip_is_refused_by_the_key() {
 }
 
 #[test]
-fn a_missing_or_invalid_image_is_refused_by_name() {
+fn a_missing_or_malformed_image_is_refused_by_name() {
     let job = file("image.gcode", "M105\n");
     let nothing = file("nothing.elf", "no image");
     let job = job.to_str().unwrap();
@@ -70,19 +70,20 @@ fn a_line_in_use_is_refused_by_name() {
     refused(&["serve", "--board", BUDDY], &["--pty"]);
 }
 
-/// A signal that asks the program to end takes its line away: a later terminal of that number would be taken for a printer.
+/// A signal that asks the program to end removes its link: the next terminal of that number would be taken for a
+/// printer.
 #[test]
-fn a_line_closes_with_its_machine() {
+fn a_signal_removes_the_line() {
     let link = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("printer");
     let Ok(images) = fs::canonicalize("../target/images/prusa-buddy/ferrostep.elf") else {
-        panic!("no image: cargo xtask firmware --board prusa-buddy builds it");
+        panic!("no image: build it with `cargo xtask firmware --board prusa-buddy`");
     };
     let mut serve = Command::new(env!("CARGO_BIN_EXE_ferrostep-mainboard"))
         .args(["serve", "--board", BUDDY, "--image", images.to_str().unwrap(), "--pty", link.to_str().unwrap()])
         .spawn()
         .unwrap();
     while !link.is_symlink() {
-        assert!(serve.try_wait().unwrap().is_none(), "it has ended before its line was there");
+        assert!(serve.try_wait().unwrap().is_none(), "the program ended before its line existed");
         std::thread::yield_now();
     }
     let ended = Command::new("kill").arg(serve.id().to_string()).status().unwrap();

@@ -1,22 +1,23 @@
-//! A sample of faults from outside: each fault in two states, held against what the documentation promises.
+//! A sample of faults from outside: each fault in two states, compared with the documentation's promises.
 //!
-//! Thousands of them: `cargo run --release --example faults -- --count 10000`.
+//! Thousands of them: `ferrostep-mainboard faults --count 10000`.
 #![allow(clippy::unwrap_used)]
 
 use std::path::Path;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use ferrostep_mainboard::faults::bench::Bench;
+use ferrostep_mainboard::faults::campaign::{Campaign, Wanted};
 use ferrostep_mainboard::faults::fault::{ALL, Block, Driver, Fault, Sensor};
 use ferrostep_mainboard::faults::matrix::{Matrix, reproduction};
 use ferrostep_mainboard::faults::state::State;
 use ferrostep_mainboard::faults::verdict::Outcome;
-use ferrostep_mainboard::faults::{Bench, Campaign, Wanted};
 use ferrostep_mainboard::parts::heat::HeaterFault;
 
 const BOARD: &str = "prusa-buddy";
 
-/// Two states for each fault: where it matters and, for what takes minutes to be noticed, where it does not.
+/// Two states for each fault: where it matters or, for faults that take minutes to be detected, where it does not.
 fn states(fault: Fault) -> [State; 2] {
     match fault {
         Fault::EndStop(_) | Fault::Probe(_) | Fault::InputStorm => [State::Homing, State::Printing],
@@ -35,7 +36,7 @@ fn states(fault: Fault) -> [State; 2] {
 fn campaign() -> Option<Campaign> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     if !root.join(format!("target/images/{BOARD}/ferrostep.elf")).exists() {
-        eprintln!("skipped: `cargo xtask image {BOARD}` makes the image");
+        eprintln!("skipped: build the image with `cargo xtask firmware --board {BOARD}`");
         return None;
     }
     Some(Campaign::new(Bench::new(&root, BOARD).unwrap()).unwrap())
@@ -43,7 +44,7 @@ fn campaign() -> Option<Campaign> {
 
 #[test]
 #[cfg_attr(debug_assertions, ignore = "takes minutes without optimization")]
-fn every_fault_in_two_states_ends_as_promised() {
+fn every_fault_keeps_its_promise_in_two_states() {
     let Some(campaign) = campaign() else { return };
     let wanted: Vec<Wanted> = ALL
         .iter()
@@ -68,7 +69,7 @@ fn every_fault_in_two_states_ends_as_promised() {
         .map(|outcome| format!("{}\n    {}", outcome.violations.join("; "), reproduction(BOARD, outcome)))
         .collect();
     assert!(violated.is_empty(), "{}", violated.join("\n"));
-    // What a fault does must be seen: a campaign that injects nothing finds nothing.
+    // The effects of faults must be visible: a campaign that injects nothing finds nothing.
     let found = |name: &str, state: State| {
         outcomes.iter().find(|outcome| outcome.fault == name && outcome.state == state).unwrap()
     };
@@ -82,11 +83,11 @@ fn every_fault_in_two_states_ends_as_promised() {
 
 #[test]
 #[cfg_attr(debug_assertions, ignore = "takes minutes without optimization")]
-fn a_run_depends_only_on_its_seed() {
+fn a_seed_alone_determines_a_run() {
     let Some(campaign) = campaign() else { return };
     let wanted = Wanted { only: Fault::named("ram-bit-flips"), state: Some(State::Printing) };
     let [one, same, other] = [5, 5, 6].map(|seed| campaign.run(seed, wanted));
-    let told = |outcome: &Outcome| serde_json::to_string(outcome).unwrap();
-    assert_eq!(told(&one), told(&same));
-    assert_ne!(told(&one), told(&other));
+    let text = |outcome: &Outcome| serde_json::to_string(outcome).unwrap();
+    assert_eq!(text(&one), text(&same));
+    assert_ne!(text(&one), text(&other));
 }

@@ -1,4 +1,4 @@
-//! A run that goes on from a snapshot is the run that never stopped.
+//! A run that continues from a snapshot repeats the original run.
 #![allow(clippy::unwrap_used)]
 
 use std::path::{Path, PathBuf};
@@ -15,7 +15,7 @@ const SECOND: u64 = 1_000_000_000;
 const TAKEN_AT_NS: u64 = 3 * SECOND;
 const END_NS: u64 = 5 * SECOND;
 
-/// Heats and homes; takes a snapshot in the midst of it.
+/// Heats and homes, and takes a snapshot meanwhile.
 #[derive(Clone)]
 struct Homing {
     stream: Stream,
@@ -32,7 +32,7 @@ impl Operator for Homing {
             line.into_iter().for_each(|byte| mailbox.send(now_ns, u16::from(byte)));
         }
         self.wants |= self.snapshot.is_none() && now_ns >= TAKEN_AT_NS;
-        if now_ns >= END_NS { Turn::Stop } else { Turn::GoOn }
+        if now_ns >= END_NS { Turn::Stop } else { Turn::Continue }
     }
 
     fn wants_snapshot(&mut self) -> bool {
@@ -44,7 +44,7 @@ impl Operator for Homing {
     }
 }
 
-/// All that the outside can see of how a run ended.
+/// The visible end of a run.
 fn seen(finished: &run::Finished<Homing>) -> (Vec<Heard>, String, String) {
     let (machine, report) = (finished.machine(), &finished.report);
     let state = format!("{:?} {:?}", machine.plant, machine.decoder);
@@ -53,12 +53,15 @@ fn seen(finished: &run::Finished<Homing>) -> (Vec<Heard>, String, String) {
 }
 
 #[test]
-fn a_run_from_a_snapshot_equals_an_uninterrupted_run() {
+fn a_run_from_a_snapshot_repeats_the_original() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let file = |path: &str| -> PathBuf { root.join(path) };
     let image_path = file("target/images/prusa-buddy/ferrostep.elf");
     if !image_path.exists() {
-        eprintln!("skipped: cargo xtask image makes {}", image_path.display());
+        eprintln!(
+            "skipped: {} is missing; build it with `cargo xtask firmware --board prusa-buddy`",
+            image_path.display()
+        );
         return;
     }
     let board = Board::read(&file("boards/prusa-buddy.toml")).unwrap();
@@ -83,5 +86,5 @@ fn a_run_from_a_snapshot_equals_an_uninterrupted_run() {
     assert!(whole.0.len() > 5, "{:?}", whole.0);
     assert_eq!(whole.0, resumed.0);
     assert_eq!(whole.2, resumed.2);
-    assert!(whole.1 == resumed.1, "the machine is another one");
+    assert!(whole.1 == resumed.1, "the machines differ");
 }

@@ -1,13 +1,13 @@
-//! What an interrupt costs before its first instruction, and the F446's clock registers that the F427 does not have.
+//! The delay of interrupt entry, and the clock registers of the F446 that the F427 lacks.
 //!
-//! The core enters a handler in 12 cycles (PM0214 rev 10, 2.3.7), more behind wait states or a floating-point frame. rigless's
-//! core enters in none. The interrupt for which that matters is the step timer's: it is the highest of all and nothing holds it
-//! back, so whenever it is asked for, [`Entry`] delays it, and the run holds the core for as long: it is stacking registers.
-//! A request that its peripheral takes back in that time does not arrive.
+//! The core enters a handler in 12 cycles (PM0214 rev 10, 2.3.7), more with wait states or a floating-point frame;
+//! rigless's core enters in 0. The delay matters for the step timer's interrupt only. That interrupt has the highest
+//! priority and is never masked, so [`Entry`] delays every request of it, and the run holds the core meanwhile: it is
+//! stacking registers. A request that its peripheral withdraws in that time does not arrive.
 //!
-//! **Left out:** the entries of all other interrupts, which cost the processor time and nothing else; tail-chaining (a handler that
-//! follows another pays the whole time again); and whatever else delays single instructions:
-//! [`crate::machine::INSTRUCTIONS_PER_SECOND`] is their mean.
+//! **Left out:** the entries of all other interrupts, which only cost processor time; tail-chaining (a handler that
+//! follows another pays the whole delay again); and all other delays of single instructions, whose mean is in
+//! [`crate::machine::INSTRUCTIONS_PER_SECOND`].
 
 use rigless::device::{Device, DeviceContext, InterruptChange, Level, RegisterFile};
 use rigless::emulator::InterruptLine;
@@ -32,7 +32,7 @@ const fn word(name: &'static str, offset: u32) -> RegisterSpec {
     }
 }
 
-/// The place of [`Entry`] on the bus: nothing is there on the chip, and no firmware reaches it.
+/// The address of [`Entry`] on the bus, which is empty on the chip and which no firmware accesses.
 pub const PERIPHERAL: Peripheral =
     Peripheral { name: "ENTRY", base: 0x400F_F000, size: 4, interrupts: &[], registers: &REGISTERS };
 static REGISTERS: [RegisterSpec; 1] = [word("NONE", 0)];
@@ -51,16 +51,16 @@ impl Layout for Nothing {
     }
 }
 
-/// The way from a peripheral's request to the handler's first instruction.
+/// The delay from a peripheral's request to the handler's first instruction.
 #[derive(Debug, serde::Serialize, serde::Deserialize)]
 pub struct Entry {
     delay_ns: u64,
-    /// Requests on their way: when they arrive, and their line.
+    /// Delayed requests: instant of arrival, and line.
     waiting: Vec<(VirtualNanos, u16)>,
 }
 
 impl Entry {
-    /// An entry that takes this long, ns.
+    /// A delay, ns.
     #[must_use]
     pub const fn new(delay_ns: u64) -> Self {
         Self { delay_ns, waiting: Vec::new() }
@@ -72,7 +72,7 @@ impl Entry {
         !self.waiting.is_empty()
     }
 
-    /// How long it takes, ns.
+    /// The delay, ns.
     #[must_use]
     pub const fn delay_ns(&self) -> u64 {
         self.delay_ns
@@ -111,11 +111,11 @@ impl Device for Entry {
     }
 }
 
-/// RCC_CKGATENR and RCC_DCKCFGR2 of the F446 (RM0390 6.3.27, 6.3.28), behind the registers that the F427 has too.
+/// RCC_CKGATENR and RCC_DCKCFGR2 of the F446 (RM0390 6.3.27, 6.3.28), after the registers that the F427 has too.
 pub const CLOCKS_F446: Peripheral =
     Peripheral { name: "RCC_F446", base: 0x4002_3890, size: 8, interrupts: &[], registers: &CLOCK_REGISTERS };
 static CLOCK_REGISTERS: [RegisterSpec; 2] = [word("CKGATENR", 0), word("DCKCFGR2", 4)];
-/// CK48MSEL: where the USB core's clock comes from; 0 is the main PLL's Q.
+/// CK48MSEL: the source of the USB core's clock; 0 is the main PLL's Q.
 const CK48MSEL: u64 = 1 << 27;
 
 /// The layout of [`CLOCKS_F446`].
@@ -137,7 +137,7 @@ impl Layout for ClockRegister {
     }
 }
 
-/// Stores both, and says so if USB's clock is to come from a source that is not modelled.
+/// Stores both registers, and reports a source of USB's clock that is not modelled.
 #[derive(Debug, Default, serde::Serialize, serde::Deserialize)]
 pub struct ClocksF446;
 

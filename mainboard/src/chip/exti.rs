@@ -1,11 +1,13 @@
-//! The external interrupt controller of RM0090 rev 22 chapter 12, and the system configuration controller of chapter 9, which
-//! chooses the port that each of its first 16 lines hears.
+//! The external interrupt controller of RM0090 rev 22 chapter 12, and the system configuration controller of chapter 9,
+//! which selects the port of each of its first 16 lines.
 //!
 //! | Section | Behaviour | Test |
 //! |---|---|---|
-//! | 9.2.3 to 9.2.6 | SYSCFG_EXTICR1 to 4: line n hears pin n of the port chosen | `a_line_hears_the_port_that_is_chosen` |
-//! | 12.2.5, 12.3.3, 12.3.4 | rising and falling edges, each with a bit of its own | `an_edge_sets_pending_by_its_direction` |
-//! | 12.3.1 | IMR lets a pending line through to the interrupt controller | `a_masked_line_is_pending_and_silent` |
+//! | 9.2.3 to 9.2.6 | SYSCFG_EXTICR1 to 4: line n follows pin n of the selected port |
+//! `a_line_follows_the_selected_port` |
+//! | 12.2.5, 12.3.3, 12.3.4 | rising and falling edges, each with its own bit | `an_edge_sets_pending_by_its_direction`
+//! |
+//! | 12.3.1 | IMR passes a pending line to the interrupt controller | `a_masked_line_is_pending_and_silent` |
 //! | 12.3.5 | SWIER makes a line pending; clearing it clears the bit | `software_makes_a_line_pending` |
 //! | 12.3.6 | PR is cleared by writing one | `a_written_one_clears_pending` |
 //! | table 62 | lines 0 to 4 have an interrupt each, 5 to 9 and 10 to 15 share one | `lines_share_interrupts` |
@@ -15,7 +17,7 @@
 //! | Section | What | Why |
 //! |---|---|---|
 //! | 12.2.3, 12.3.2 | events (EMR), which wake the core from WFE | stored; the firmware never waits for an event |
-//! | 12.2.5 | lines 16 to 22 (supply, RTC, USB, Ethernet) | nothing here drives them |
+//! | 12.2.5 | lines 16 to 22 (supply, RTC, USB, Ethernet) | no model drives them |
 //! | 9.2.1, 9.2.2, 9.2.7 | memory remap, Ethernet interface, compensation cell | stored; boards here boot from flash and have no Ethernet |
 
 use rigless::device::{Device, DeviceContext, Level, RegisterFile, RequestChange};
@@ -23,12 +25,13 @@ use rigless::soc::stm32f427::generated::exti::Register;
 use rigless::soc::stm32f427::generated::syscfg;
 use rigless::soc::stm32f427::peripherals::PORTS;
 
-/// The pins' lines.
+/// Number of lines from pins.
 const LINES: usize = 16;
 /// Position of each interrupt in the instance's table: one for each of lines 0 to 4, then 9 to 5 and 15 to 10.
 const INTERRUPTS: [u64; 7] = [1 << 0, 1 << 1, 1 << 2, 1 << 3, 1 << 4, 0x03E0, 0xFC00];
 
-/// The system configuration controller. It tells the EXTI its choice by requests: number 16 x line + port, high where chosen.
+/// The system configuration controller. It reports the selection to the EXTI by requests: number 16 x line + port, high
+/// for the selected port.
 #[derive(Debug, Default, serde::Serialize, serde::Deserialize)]
 pub struct Syscfg {
     chosen: [u8; LINES],
@@ -72,7 +75,7 @@ impl Device for Syscfg {
 pub struct Exti {
     /// Level of each pin of each port as it last announced it; a bit a pin.
     levels: [u16; PORTS.len()],
-    /// Pins that have announced a level. The first is no edge: the level of a floating pin before it is unknown.
+    /// Pins with a known level. The first announced level is not an edge: the level of a floating pin is unknown.
     known: [u16; PORTS.len()],
     chosen: [u8; LINES],
     driven: [Level; INTERRUPTS.len()],

@@ -1,45 +1,45 @@
-//! Clock enables that take effect late, as an option: an access too soon after an enable is lost.
+//! Clock enables that take effect late, as an option: an access to an instance too soon after its enable is lost.
 //!
-//! ES0206 rev 24 2.2.7 (and the same erratum of the F405 and F407 in ES0182): after the bit is set, an instance on an AHB
-//! answers two cycles later, one on an APB 1 + (AHB clock / APB clock) of its bus's cycles later. A read of the enable
-//! register in between waits for the store before it: that is one of the sheets' three ways around. A read from an
-//! instance that has no clock yet answers 0, a write to it does nothing; the run reports it as an access that a closed gate
-//! refused, by "LATE_CLOCKS".
+//! ES0206 rev 24 2.2.7 (and the same erratum of the F405 and F407 in ES0182): after the bit is set, an instance on an
+//! AHB answers two cycles later, one on an APB 1 + (AHB clock / APB clock) of its bus's cycles later. A read of the
+//! enable register in between waits for the store before it: one of the sheets' three workarounds. A read from an
+//! instance without a clock answers 0, a write has no effect; the run reports an access that a closed gate of
+//! "LATE_CLOCKS" refused.
 //!
-//! rigless opens an instance at the very write. With the option the bus asks a copy of the four enable registers instead, which
-//! follows the true ones with this delay. The run shows it each access ([`Stm32f4::reached`]).
+//! rigless opens an instance at the write itself. With the option the bus checks a copy of the four enable registers
+//! instead, which follows the true ones with this delay. The run reports each access ([`super::Stm32f4::reached`]).
 //!
 //! | Behaviour | Test |
 //! |---|---|
-//! | an access right after the enable is lost, on an AHB and on an APB; one after the delay is not | `an_access_right_after_the_enable_is_lost` |
+//! | an access right after the enable is lost, on an AHB and on an APB; one after the delay is answered |
+//! `an_access_right_after_the_enable_is_lost` |
 //! | a read-back of the enable ends the wait | `a_read_back_ends_the_wait` |
-//! | a cleared bit closes at once; without the option nothing is late | `without_the_option_nothing_is_late` |
+//! | a cleared bit closes at once; without the option enables have no delay |
+//! `without_the_option_enables_have_no_delay` |
 //!
 //! **Left out**
 //!
 //! | What | Why |
 //! |---|---|
-//! | the clock's own rate | the run's instructions come at one rate for any state of the clock tree, so cycles are those of 168 MHz |
-//! | a barrier (DSB) in place of the read-back | no model sees it: code that relies on it is reported although it is right |
+//! | the clock's own rate | the run has a constant rate of instructions whatever the clock tree, so cycles are those of
+//! 168 MHz |
+//! | a barrier (DSB) in place of the read-back | no model sees it: code that relies on it is reported although it is
+//! correct |
 //! | AHB3 | no instance on it is modelled |
 
-use rigless::device::{Device, DeviceContext, RegisterFile, ResetCause};
-use rigless::emulator::AccessKind;
-use rigless::mcu::Mcu;
+use rigless::device::{Device, DeviceContext, RegisterFile};
 use rigless::soc::stm32f427::generated::rcc;
 use rigless::soc::{Gate, Layout, Peripheral, RegisterSpec};
 use rigless::time::{EventId, VirtualNanos};
 
-use super::{Field, Stm32f4};
-
-/// Core cycles in a second, as in the run's rate of instructions.
+/// Core cycles per second, as in the run's rate of instructions.
 const CYCLES_HZ: u64 = 168_000_000;
 /// Cycles until an instance on an AHB answers.
 const AHB_CYCLES: u64 = 2;
-/// Where the enable registers stand, RM0090 7.3.
+/// Address of the enable registers' block, RM0090 7.3.
 const RCC: u64 = 0x4002_3800;
 
-/// The enable registers of which there are copies, and the true ones.
+/// The true enable registers of the copies.
 const ENABLES: [rcc::Register; 4] =
     [rcc::Register::Ahb1enr, rcc::Register::Ahb2enr, rcc::Register::Apb1enr, rcc::Register::Apb2enr];
 
@@ -50,11 +50,11 @@ static REGISTERS: [RegisterSpec; 4] = [
     rcc::REGISTERS[rcc::Register::Apb2enr as usize],
 ];
 
-/// The copies' place on the bus: nothing is there on the chip, and no firmware reaches it.
+/// The copies' address on the bus, which is empty on the chip and which no firmware accesses.
 pub const PERIPHERAL: Peripheral =
     Peripheral { name: "LATE_CLOCKS", base: 0x400F_F100, size: 0x80, interrupts: &[], registers: &REGISTERS };
 
-/// The same gate on the copy.
+/// The gate of the copy.
 pub fn late(gate: Gate) -> Gate {
     Gate { instance: PERIPHERAL.name, ..gate }
 }
@@ -73,28 +73,33 @@ impl Layout for Copy {
     }
 }
 
-/// Which enables are on their way.
+/// The enables that are still waiting.
 #[derive(Debug, Default, serde::Serialize, serde::Deserialize)]
 pub struct LateClocks {
-    /// Whether enables are late at all.
+    /// Whether the option is on.
     is_on: bool,
-    /// When which bits open.
+    /// The instant at which bits open.
     waiting: Vec<(VirtualNanos, Copy, u64)>,
 }
 
 impl LateClocks {
-    /// Whether enables are late at all.
+    /// Switches the option on.
+    pub(super) fn switch_on(&mut self) {
+        self.is_on = true;
+    }
+
+    /// Whether the option is on.
     pub(super) const fn is_on(&self) -> bool {
         self.is_on
     }
 
-    /// The same after a reset.
+    /// The state after a reset.
     pub(super) const fn fresh(&self) -> Self {
         Self { is_on: self.is_on, waiting: Vec::new() }
     }
 
-    /// The true register holds `enabled` now.
-    fn written(
+    /// Follows a write to the true register, which now holds `enabled`.
+    pub(super) fn written(
         &mut self,
         copy: Copy,
         enabled: u64,
@@ -118,7 +123,8 @@ impl LateClocks {
         }
     }
 
-    fn open(&mut self, registers: &mut RegisterFile, is_due: impl Fn(VirtualNanos, Copy) -> bool) {
+    /// Opens the bits of all waiting enables for which `is_due` holds.
+    pub(super) fn open(&mut self, registers: &mut RegisterFile, is_due: impl Fn(VirtualNanos, Copy) -> bool) {
         for (at, copy, bits) in &self.waiting {
             if is_due(*at, *copy) {
                 registers.set(*copy, registers.get(*copy) | bits);
@@ -141,46 +147,21 @@ impl Device for LateClocks {
     }
 }
 
-impl Stm32f4 {
-    /// From now on, which is a power-on, enables take effect late.
-    pub fn start_clocks_late(&mut self) {
-        self.late_clocks.is_on = true;
-        Mcu::reset(self, VirtualNanos(0), ResetCause::PowerOn);
-    }
-
-    /// Whether enables take effect late.
-    #[must_use]
-    pub const fn clocks_start_late(&self) -> bool {
-        self.late_clocks.is_on
-    }
-
-    /// The firmware has reached a register: whether that starts a clock, or waits for one.
-    pub fn reached(&mut self, at: VirtualNanos, kind: AccessKind, address: u64) {
-        if !self.late_clocks.is_on {
-            return;
-        }
-        let Some((index, register)) = ENABLES
-            .into_iter()
-            .enumerate()
-            .find(|(_, enable)| address & !3 == RCC + u64::from(Layout::spec(*enable).offset))
-        else {
-            return;
-        };
-        let tree = Self::registers(&self.bus, self.slot(Field::Rcc));
-        let enabled = tree.get(register);
-        let delay_ns = cycles(register, tree.get(rcc::Register::Cfgr)) * 1_000_000_000 / CYCLES_HZ;
-        let slot = self.slot(Field::LateClocks);
-        let (registers, mut context) = self.bus.drive(at, slot);
-        match kind {
-            AccessKind::Write => {
-                self.late_clocks.written(Copy(index), enabled, delay_ns, registers, &mut context);
-            }
-            AccessKind::Read => self.late_clocks.open(registers, |_, copy| copy == Copy(index)),
-        }
-    }
+/// The copy of the enable register at an address, and the true one.
+pub(super) fn enable_at(address: u64) -> Option<(Copy, rcc::Register)> {
+    ENABLES
+        .into_iter()
+        .enumerate()
+        .find(|(_, enable)| address & !3 == RCC + u64::from(Layout::spec(*enable).offset))
+        .map(|(index, enable)| (Copy(index), enable))
 }
 
-/// How long an enable takes, cycles of the AHB. PPRE1 and PPRE2: RM0090 7.3.3.
+/// The delay of an enable, ns; `cfgr` holds the prescalers.
+pub(super) fn delay_ns(enable: rcc::Register, cfgr: u64) -> u64 {
+    cycles(enable, cfgr) * 1_000_000_000 / CYCLES_HZ
+}
+
+/// The delay of an enable, cycles of the AHB. PPRE1 and PPRE2: RM0090 7.3.3.
 fn cycles(enable: rcc::Register, cfgr: u64) -> u64 {
     let prescaler = |code: u64| if code & 0b100 == 0 { 1 } else { 2 << (code & 0b11) };
     let bus_cycles = |prescaler: u64| prescaler * (1 + prescaler);
@@ -195,9 +176,11 @@ fn cycles(enable: rcc::Register, cfgr: u64) -> u64 {
 mod tests {
     #![allow(clippy::unwrap_used)]
 
+    use rigless::emulator::AccessKind;
     use rigless::mcu::Operate;
     use rigless::soc::Width;
 
+    use super::super::Stm32f4;
     use super::*;
     use crate::wiring::Chip as Model;
 
@@ -253,13 +236,13 @@ mod tests {
     fn a_read_back_ends_the_wait() {
         let mut bench = Bench::late();
         assert!(bench.write(1_000, AHB1ENR, 1) && bench.read(1_004, APB1ENR));
-        assert!(!bench.write(1_005, GPIOA_ODR, 1), "the read of another register says nothing");
+        assert!(!bench.write(1_005, GPIOA_ODR, 1), "reading another register does not help");
         assert!(bench.read(1_006, AHB1ENR) && bench.write(1_007, GPIOA_ODR, 1));
         assert!(bench.write(1_008, AHB1ENR, 0) && !bench.write(1_100, GPIOA_ODR, 1), "closed at once");
     }
 
     #[test]
-    fn without_the_option_nothing_is_late() {
+    fn without_the_option_enables_have_no_delay() {
         let mut bench = Bench(Stm32f4::new(Model::F407).unwrap());
         assert!(bench.write(1_000, AHB1ENR, 1) && bench.write(1_000, GPIOA_ODR, 1));
     }

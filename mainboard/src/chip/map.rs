@@ -1,20 +1,20 @@
-//! The memory map of the STM32F405, F407 and F446: rigless's tables of the STM32F427 (RM0090), less what these chips do not
-//! have, with the corrections that rigless's own part applies to them and the wires of the models that are ours.
+//! The memory map of the STM32F405, F407 and F446: rigless's tables of the STM32F427 (RM0090) without the instances
+//! that these chips lack, with the corrections that rigless applies to its own part, and with the own models.
 //!
-//! rigless keeps the description of its own part to itself, and a description cannot be changed once it is built; so the
-//! facts stand here once more, each with its section of RM0090 rev 22. Where a fact is rigless's (which output of the clock
-//! tree feeds an instance), it is asked.
+//! rigless does not export the description of its part, and a description cannot be changed once it is built. So this
+//! module repeats the facts, each with its section of RM0090 rev 22. It asks rigless where it can (which output of the
+//! clock tree feeds an instance).
 
 use rigless::cpu::armv7m;
 use rigless::soc::stm32f427::generated::{self, gpioa, tim2, tim3, tim10};
 use rigless::soc::stm32f427::peripherals::{ADC_COMMON, CONVERTERS, PORTS, SERIAL_PORTS, adc, flash, rcc};
 use rigless::soc::{Bus, Clock, Cpu, EraseBlocks, Error, Gate, Peripheral, Region, WriteModify};
 
-use super::{Stm32f4, entry, late_clocks, usb};
+use super::{entry, instances, late_clocks, usb};
 use crate::wiring::Chip as Model;
 
-/// The interrupt lines of the F405 and F407 are 0 to 81, of the F446 0 to 96 (RM0090 table 62, RM0390 table 38). The lines
-/// above 90 are instances that no board here uses.
+/// The interrupt lines are 0 to 81 on the F405 and F407, 0 to 96 on the F446 (RM0090 table 62, RM0390 table 38). Lines
+/// above 90 belong to instances that no board here uses.
 const CPU: Cpu = Cpu::new("CM4", true, 91, rigless::soc::Endian::Little);
 
 /// Sectors of one bank: four of 16 KiB, one of 64, seven of 128 (RM0090 table 5), or three of 128 (RM0390 table 4).
@@ -37,7 +37,7 @@ static MEMORY_F405: [Region; 5] = [
     Region::ram("backup_sram", 0x4002_4000, 4 << 10),
 ];
 
-/// The F446's memories: RM0390 section 2.2, table 1. It has no memory beside its core.
+/// The F446's memories: RM0390 section 2.2, table 1. It has no core coupled memory.
 static MEMORY_F446: [Region; 4] = [
     Region::flash("flash", 0x0800_0000, 512 << 10).erased_in(&SECTORS_512).erased_to(0xFF).programmed_by("FLASH"),
     Region::system("system", 0x1FFF_0000, 32 << 10),
@@ -45,8 +45,8 @@ static MEMORY_F446: [Region; 4] = [
     Region::ram("backup_sram", 0x4002_4000, 4 << 10),
 ];
 
-/// Instances of the STM32F427 that neither F405, F407 nor F446 has, or whose block is another there: whatever reaches one is
-/// reported as an address at which nothing answers.
+/// Instances of the STM32F427 that the F405, F407 and F446 lack, or that differ there. An access to one is reported as
+/// an address without a device.
 const ABSENT: [&str; 14] = [
     "UART7",
     "UART8",
@@ -64,8 +64,8 @@ const ABSENT: [&str; 14] = [
     "OTG_FS_PWRCLK",
 ];
 
-/// Interrupt lines that ST's file gives otherwise than RM0090 table 62. The EXTI's are in the order of its lines: 0 to 4, 9 to
-/// 5, 15 to 10, and the supply's.
+/// Interrupt lines on which ST's file contradicts RM0090 table 62. The EXTI's are in the order of its lines: 0 to 4, 9
+/// to 5, 15 to 10, and the supply's.
 const INTERRUPTS: [(&str, &[u16]); 9] = [
     ("ADC1", &[18]),
     ("ADC2", &[18]),
@@ -78,7 +78,7 @@ const INTERRUPTS: [(&str, &[u16]); 9] = [
     ("EXTI", &[6, 7, 8, 9, 10, 23, 40, 1]),
 ];
 
-/// Ports whose pins wake up as something else than floating inputs: MODER, OSPEEDR, PUPDR (RM0090 8.4.1, 8.4.3, 8.4.4).
+/// Ports whose pins are not floating inputs after a reset: MODER, OSPEEDR, PUPDR (RM0090 8.4.1, 8.4.3, 8.4.4).
 const DEBUG_PORTS: [(&str, [u64; 3]); 2] =
     [("GPIOA", [0xA800_0000, 0x0C00_0000, 0x6400_0000]), ("GPIOB", [0x0000_0280, 0x0000_00C0, 0x0000_0100])];
 
@@ -87,7 +87,7 @@ const TIMERS: [&str; 14] = [
 ];
 const WIDE_TIMERS: [&str; 2] = ["TIM2", "TIM5"];
 
-/// What each instance's clock enable and reset are called where it is not its name with EN and RST behind it (RM0090 6.3.5 to
+/// The names of clock enable and reset bits that differ from the instance's name plus EN and RST (RM0090 6.3.5 to
 /// 6.3.14, in ST's spelling).
 const SPELLED_OTHERWISE: [(&str, &str, &str); 6] = [
     ("ADC1", "ADC1EN", "ADCRST"),
@@ -98,11 +98,11 @@ const SPELLED_OTHERWISE: [(&str, &str, &str); 6] = [
     ("OTG_FS_GLOBAL", "OTGFSEN", "OTGFSRST"),
 ];
 
-/// Enable and reset registers of the same bus, which have their bits at the same places.
+/// Enable and reset registers of the same bus, with matching bit positions.
 const BUSES: [(&str, &str); 4] =
     [("AHB1ENR", "AHB1RSTR"), ("AHB2ENR", "AHB2RSTR"), ("APB1ENR", "APB1RSTR"), ("APB2ENR", "APB2RSTR")];
 
-/// The bus of a chip without its models. With `clocks_are_late` an instance answers as [`late_clocks`] says.
+/// The bus of a chip, without models. With `clocks_are_late` instances answer after a delay: see [`late_clocks`].
 pub fn bus(model: Model, clocks_are_late: bool) -> Result<Bus, Error> {
     let memory: &'static [Region] = match model {
         Model::F405 | Model::F407 => &MEMORY_F405,
@@ -152,9 +152,9 @@ pub fn bus(model: Model, clocks_are_late: bool) -> Result<Bus, Error> {
         &[],
         Gate::by("PWR", "CR", "DBP"),
     );
-    // Who listens to the wires between instances: the backup domain's reset, the clock controller (the watchdog's start), the
-    // converters' common block, the advanced timers' break, the DMA controllers (tables 42 and 43), each timer that can
-    // follow another (tables 93, 94, 101), and the EXTI (12.2.5).
+    // Instances with inputs from other instances: the backup domain's reset, the clock controller (the watchdog's
+    // start), the converters' common block, the advanced timers' break, the DMA controllers (tables 42 and 43), each
+    // timer that can follow another (tables 93, 94, 101), and the EXTI (12.2.5).
     for instance in ["RTC", "RCC", ADC_COMMON, CONVERTERS[0], "DMA1", "DMA2", "EXTI"] {
         builder = builder.reads_requests(instance);
     }
@@ -167,7 +167,7 @@ pub fn bus(model: Model, clocks_are_late: bool) -> Result<Bus, Error> {
         .build()
 }
 
-/// Every instance of the chip.
+/// All instances of the chip.
 fn instances(model: Model) -> impl Iterator<Item = Peripheral> {
     let clocks = (model == Model::F446).then_some(entry::CLOCKS_F446);
     generated::PERIPHERALS
@@ -180,12 +180,12 @@ fn instances(model: Model) -> impl Iterator<Item = Peripheral> {
                 .map_or(peripheral.interrupts, |(_, lines)| *lines);
             match peripheral.name {
                 "OTG_FS_GLOBAL" => usb::PERIPHERAL,
-                // The registers that all have end here.
+                // The registers that all chips have end here.
                 "RCC" => Peripheral { size: entry::CLOCKS_F446.base - peripheral.base, ..peripheral },
                 name if PORTS.contains(&name) => Peripheral { registers: &gpioa::REGISTERS, ..peripheral },
                 "TIM2" | "TIM5" => Peripheral { registers: &tim2::REGISTERS, ..peripheral },
                 "TIM3" | "TIM4" => Peripheral { registers: &tim3::REGISTERS, ..peripheral },
-                // TIM11 has an option register besides, for an input that nothing here captures.
+                // TIM11 also has an option register, for an input that no board here captures.
                 "TIM11" => Peripheral { interrupts, registers: &tim10::REGISTERS, ..peripheral },
                 _ => Peripheral { interrupts, ..peripheral },
             }
@@ -204,13 +204,13 @@ pub fn serial_ports() -> impl Iterator<Item = &'static str> {
     SERIAL_PORTS.iter().map(|port| port.instance).filter(|port| !ABSENT.contains(port))
 }
 
-/// Each modelled instance's clock enable and reset bit.
+/// The clock enable and reset bit of each modelled instance.
 fn gates() -> Result<Vec<(&'static str, Gate, Gate)>, Error> {
     let rcc = generated::rcc::REGISTERS;
     let mut gates = Vec::new();
-    for instance in Stm32f4::clocked_instances() {
+    for instance in instances::clocked() {
         let spelled = SPELLED_OTHERWISE.iter().find(|(name, ..)| *name == instance);
-        // The names live as long as the tables that they are looked up in.
+        // The names live as long as the static tables that contain them.
         let found = BUSES.iter().find_map(|(enables, resets)| {
             let enable = rcc.iter().find(|row| row.name == *enables)?.fields.iter().find(|field| match spelled {
                 Some((_, enable, _)) => field.name == *enable,
@@ -228,8 +228,8 @@ fn gates() -> Result<Vec<(&'static str, Gate, Gate)>, Error> {
     Ok(gates)
 }
 
-/// Which output of the clock tree each instance that keeps time runs on (RM0090 figure 16): rigless's own answer for the
-/// instances that it models, and for the timers of chapters 19 and 20 that of their bus.
+/// The output of the clock tree that clocks each instance (RM0090 figure 16): rigless's answer for the instances that
+/// it models, and the bus's timer clock for the timers of chapters 19 and 20.
 fn clocks(model: Model) -> Result<Vec<(&'static str, Clock)>, Error> {
     let theirs = rigless::soc::stm32f427::builder().build()?;
     let mut clocks: Vec<(&'static str, Clock)> = instances(model)

@@ -1,4 +1,4 @@
-//! The chip as rigless drives it: which model answers where, and what a reset leaves.
+//! The chip's interface to rigless: the model of each bus slot, and the effects of a reset.
 
 use rigless::device::{ErasedDevice, ResetCause};
 use rigless::mcu::Mcu;
@@ -6,8 +6,9 @@ use rigless::soc::stm32f427::generated;
 use rigless::soc::{Bus, Layout};
 use rigless::time::VirtualNanos;
 
+use super::Stm32f4;
 use super::entry::Entry;
-use super::{Field, Stm32f4};
+use super::instances::Instance;
 
 impl Mcu for Stm32f4 {
     fn bus(&self) -> &Bus {
@@ -18,10 +19,10 @@ impl Mcu for Stm32f4 {
         &mut self.bus
     }
 
-    /// A reset of the whole chip, RM0090 6.1.1: what hangs on its pins stays, and so do the backup domain and the debug
-    /// unit's registers, but at power-on (6.1.2, 6.1.3, 38.16.3).
+    /// A reset of the whole chip, RM0090 6.1.1. Levels on its pins stay, and so do the backup domain and the debug
+    /// unit's registers, except at power-on (6.1.2, 6.1.3, 38.16.3).
     fn reset(&mut self, _at: VirtualNanos, cause: ResetCause) {
-        // The description built once, so it builds again.
+        // The description was built before, so it builds again.
         let Ok(mut fresh) = Self::build(self.model, self.late_clocks.fresh()) else { return };
         let (hse_hz, lse_hz) = self.rcc.crystals();
         fresh.rcc.attach_crystals(hse_hz, lse_hz);
@@ -36,24 +37,24 @@ impl Mcu for Stm32f4 {
         }
         fresh.sdio.inherit(&mut self.sdio);
         let (optcr, optcr1) = self.flash.committed_options();
-        let flash = fresh.slot(Field::Flash);
+        let flash = fresh.slot(Instance::Flash);
         fresh.flash.keep_options(optcr, optcr1, fresh.bus.slot_mut(flash).registers_mut());
         if cause != ResetCause::PowerOn {
-            let rcc = self.slot(Field::Rcc);
+            let rcc = self.slot(Instance::Rcc);
             let flags = Self::registers(&self.bus, rcc).get(generated::rcc::Register::Csr);
             fresh.rcc.restarted(cause, flags, fresh.bus.slot_mut(rcc).registers_mut());
-            let pwr = self.slot(Field::Pwr);
+            let pwr = self.slot(Instance::Pwr);
             let regulator = Self::registers(&self.bus, pwr).get(generated::pwr::Register::Csr);
             fresh.pwr.keep_backup_regulator(regulator, fresh.bus.slot_mut(pwr).registers_mut());
             keep(&self.bus, &mut fresh.bus, rcc, [generated::rcc::Register::Bdcr]);
-            keep(&self.bus, &mut fresh.bus, self.slot(Field::Rtc), generated::rtc::Register::ALL);
+            keep(&self.bus, &mut fresh.bus, self.slot(Instance::Rtc), generated::rtc::Register::ALL);
             use generated::dbg::Register::{DbgmcuApb1Fz, DbgmcuApb2Fz, DbgmcuCr};
-            keep(&self.bus, &mut fresh.bus, self.slot(Field::Dbg), [DbgmcuCr, DbgmcuApb1Fz, DbgmcuApb2Fz]);
+            keep(&self.bus, &mut fresh.bus, self.slot(Instance::Dbg), [DbgmcuCr, DbgmcuApb1Fz, DbgmcuApb2Fz]);
         }
         if fresh.bus.keep_added(&self.bus).is_err() {
             return;
         }
-        // What the world drives on the pins stays: the ports' models keep it through a reset of their own.
+        // Levels driven from outside stay: the ports' models keep them through their own reset.
         std::mem::swap(&mut fresh.gpio, &mut self.gpio);
         for gpio in &mut fresh.gpio {
             rigless::device::Device::reset(gpio);
@@ -63,46 +64,46 @@ impl Mcu for Stm32f4 {
 
     fn poll(&mut self, now: VirtualNanos) {
         for slot in 0..self.wiring.len() {
-            let Field::Usart(nth) = self.wiring[slot] else { continue };
+            let Instance::Usart(nth) = self.wiring[slot] else { continue };
             let (registers, mut context) = self.bus.drive(now, slot);
             rigless::device::Device::poll(&mut self.usart[nth], registers, &mut context);
         }
     }
 
     fn split(&mut self, slot: usize) -> (&mut Bus, Option<&mut dyn ErasedDevice>) {
-        let field = self.wiring.get(slot).copied().unwrap_or(Field::None);
-        let model: Option<&mut dyn ErasedDevice> = match field {
-            Field::None => None,
-            Field::Rcc => Some(&mut self.rcc),
-            Field::Pwr => Some(&mut self.pwr),
-            Field::Flash => Some(&mut self.flash),
-            Field::Gpio(nth) => Some(&mut self.gpio[nth]),
-            Field::Usart(nth) => Some(&mut self.usart[nth]),
-            Field::Adc(nth) => Some(&mut self.adc[nth]),
-            Field::AdcCommon => Some(&mut self.adc_common),
-            Field::General(nth) => Some(&mut self.general[nth]),
-            Field::Advanced(nth) => Some(&mut self.advanced[nth]),
-            Field::Basic(nth) => Some(&mut self.basic[nth]),
-            Field::TwoChannels(nth) => Some(&mut self.two_channels[nth]),
-            Field::OneChannel(nth) => Some(&mut self.one_channel[nth]),
-            Field::Dma(nth) => Some(&mut self.dma[nth]),
-            Field::Exti => Some(&mut self.exti),
-            Field::Syscfg => Some(&mut self.syscfg),
-            Field::Otg => Some(&mut self.otg),
-            Field::Sdio => Some(&mut self.sdio),
-            Field::Rtc => Some(&mut self.rtc),
-            Field::Dbg => Some(&mut self.dbg),
-            Field::Iwdg => Some(&mut self.iwdg),
-            Field::Dwt => Some(&mut self.dwt),
-            Field::Entry => Some(&mut self.entry),
-            Field::ClocksF446 => Some(&mut self.clocks_f446),
-            Field::LateClocks => Some(&mut self.late_clocks),
+        let instance = self.wiring.get(slot).copied().unwrap_or(Instance::None);
+        let model: Option<&mut dyn ErasedDevice> = match instance {
+            Instance::None => None,
+            Instance::Rcc => Some(&mut self.rcc),
+            Instance::Pwr => Some(&mut self.pwr),
+            Instance::Flash => Some(&mut self.flash),
+            Instance::Gpio(nth) => Some(&mut self.gpio[nth]),
+            Instance::Usart(nth) => Some(&mut self.usart[nth]),
+            Instance::Adc(nth) => Some(&mut self.adc[nth]),
+            Instance::AdcCommon => Some(&mut self.adc_common),
+            Instance::General(nth) => Some(&mut self.general[nth]),
+            Instance::Advanced(nth) => Some(&mut self.advanced[nth]),
+            Instance::Basic(nth) => Some(&mut self.basic[nth]),
+            Instance::TwoChannels(nth) => Some(&mut self.two_channels[nth]),
+            Instance::OneChannel(nth) => Some(&mut self.one_channel[nth]),
+            Instance::Dma(nth) => Some(&mut self.dma[nth]),
+            Instance::Exti => Some(&mut self.exti),
+            Instance::Syscfg => Some(&mut self.syscfg),
+            Instance::Otg => Some(&mut self.otg),
+            Instance::Sdio => Some(&mut self.sdio),
+            Instance::Rtc => Some(&mut self.rtc),
+            Instance::Dbg => Some(&mut self.dbg),
+            Instance::Iwdg => Some(&mut self.iwdg),
+            Instance::Dwt => Some(&mut self.dwt),
+            Instance::Entry => Some(&mut self.entry),
+            Instance::ClocksF446 => Some(&mut self.clocks_f446),
+            Instance::LateClocks => Some(&mut self.late_clocks),
         };
         (&mut self.bus, model)
     }
 }
 
-/// Copies registers that a reset does not reach.
+/// Copies registers that a reset does not clear.
 fn keep<L: Layout>(from: &Bus, to: &mut Bus, slot: usize, registers: impl IntoIterator<Item = L>) {
     for register in registers {
         let value = Stm32f4::registers(from, slot).get(register);

@@ -1,4 +1,4 @@
-//! The chip's own models as the firmware's side sees them: by registers, written from the manual.
+//! Our models of the chip from the firmware's side: registers according to the manual.
 
 #![allow(clippy::unwrap_used)]
 
@@ -14,7 +14,7 @@ use super::Stm32f4;
 use crate::pins::Pin;
 use crate::wiring::Chip;
 
-/// No memory is reached here.
+/// A memory that these tests never access.
 struct NoMemory;
 
 impl Memory for NoMemory {
@@ -99,7 +99,7 @@ impl Bench {
         self.settle();
     }
 
-    /// As pins of a board are from the start on.
+    /// Drives pins low, like a board does from the start on.
     fn drive_low(&mut self, pins: &[&str]) {
         pins.iter().for_each(|pin| self.drive(pin, false));
     }
@@ -110,7 +110,7 @@ impl Bench {
 }
 
 #[test]
-fn a_line_hears_the_port_that_is_chosen() {
+fn a_line_follows_the_selected_port() {
     let mut bench = Bench::new(Chip::F407);
     bench.write(EXTI, 1 << 3); // IMR
     bench.write(EXTI + 0x08, 1 << 3); // RTSR
@@ -206,7 +206,7 @@ fn a_basic_timer_counts_and_interrupts() {
 }
 
 #[test]
-fn a_timer_of_two_channels_and_one_of_one_make_their_waves() {
+fn timers_with_one_and_two_channels_output_their_waves() {
     let mut bench = Bench::new(Chip::F407);
     for timer in [TIM9, TIM13] {
         bench.write(timer + ARR, 199);
@@ -221,7 +221,7 @@ fn a_timer_of_two_channels_and_one_of_one_make_their_waves() {
         bench.pass(62_500);
         assert_eq!(bench.read(timer + SR) & 1, 1, "and it has come round");
     }
-    // TIM9 has a second channel, TIM13 has none: its register is not there.
+    // TIM9 has a second channel; TIM13 lacks it and its register.
     bench.write(TIM9 + 0x38, 7);
     assert_eq!(bench.read(TIM9 + 0x38), 7);
     assert!(bench.chip.write(VirtualNanos(0), TIM13 + 0x38, Width::W32, 7).is_err());
@@ -247,14 +247,14 @@ fn tim9_counts_the_updates_of_tim2() {
 }
 
 #[test]
-fn a_timer_catches_up_after_a_rest() {
+fn a_rested_timer_has_the_count_of_a_running_one() {
     let mut bench = Bench::new(Chip::F407);
     step_timer(&mut bench, 1_000); // 62.5 us
     bench.pass(500_000);
     assert_eq!(bench.read(TIM9 + CNT), 8);
     bench.write(TIM2 + SR, 0);
     bench.pass(100_000_000);
-    // It has rested, and its next look at the clock is far away; then it stands where it would.
+    // It has rested and has no event for a long time; a read returns the count of a running timer.
     assert!(bench.chip.next_event().is_none_or(|next| next.0 > bench.now_ns + 62_500));
     let count = bench.read(TIM2 + CNT);
     let ticks = (bench.now_ns as u128 * 16 / 1_000 % 1_000) as u64;
@@ -281,7 +281,7 @@ fn a_reload_is_taken_at_the_next_update() {
 }
 
 #[test]
-fn the_core_enters_the_step_interrupt_late() {
+fn the_core_enters_the_step_interrupt_after_its_delay() {
     let mut bench = Bench::new(Chip::F407);
     bench.chip.set_interrupt_entry(71);
     step_timer(&mut bench, 160);
@@ -290,7 +290,7 @@ fn the_core_enters_the_step_interrupt_late() {
     assert!(!bench.line(28) && bench.chip.is_entering());
     bench.pass(71);
     assert!(bench.line(28) && !bench.chip.is_entering());
-    // One that its timer takes back in the meantime does not come.
+    // A request that its timer withdraws meanwhile does not arrive.
     bench.write(TIM2 + SR, 0);
     assert!(!bench.line(28));
     bench.pass(9_950);
@@ -309,7 +309,7 @@ fn chips_have_the_memories_and_registers_of_their_manuals() {
         let of = |name: &str| memory.iter().find(|region| region.name == name).map(|region| region.size >> 10);
         assert_eq!((of("flash"), of("ccm").is_some(), of("sram")), (Some(flash), has_ccm, Some(128)));
         assert_eq!(bench.read(0xE004_2000) & 0xFFF, id);
-        // UART7 is the F427's; DCKCFGR2 the F446's.
+        // Only the F427 has UART7; only the F446 has DCKCFGR2.
         assert!(bench.chip.read(VirtualNanos(0), 0x4000_7800, Width::W32).is_err());
         assert_eq!(bench.chip.read(VirtualNanos(0), RCC + 0x94, Width::W32).is_ok(), model == Chip::F446);
     }

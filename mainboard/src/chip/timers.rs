@@ -1,12 +1,13 @@
-//! The timers that rigless has no part of, and the wires from timer to timer.
+//! The timers that rigless's part lacks, and the connections between timers.
 //!
-//! rigless's model of a timer (`soc::st::tim`) serves the timers of two manuals; here it is given the layouts of TIM6, TIM7 and
-//! TIM9 to TIM14 too, of RM0090 rev 22 chapters 19 and 20.
+//! rigless's timer model (`soc::st::tim`) covers the timers of two manuals; this module gives it the layouts of TIM6,
+//! TIM7 and TIM9 to TIM14, from RM0090 rev 22 chapters 19 and 20.
 //!
 //! | Section | Behaviour | Test |
 //! |---|---|---|
 //! | 20.3.1, 20.3.2 | TIM6, TIM7: a 16-bit counter that counts up, with prescaler, preloaded reload, one pulse, update interrupt | `a_basic_timer_counts_and_interrupts` |
-//! | 19.3.2 | TIM9, TIM12: two channels, TIM10, 11, 13, 14: one; they count up | `a_timer_of_two_channels_and_one_of_one_make_their_waves` |
+//! | 19.3.2 | TIM9, TIM12: two channels, TIM10, 11, 13, 14: one; they count up |
+//! `timers_with_one_and_two_channels_output_their_waves` |
 //! | 19.3.4, 19.4.2, table 101 | TIM9, TIM12 clocked by another timer's trigger output: external clock mode 1 on ITR0 to ITR1 | `tim9_counts_the_updates_of_tim2` |
 //! | tables 93, 94 | trigger outputs between TIM1 to TIM5 and TIM8 | `tim9_counts_the_updates_of_tim2` |
 //!
@@ -14,11 +15,15 @@
 //!
 //! | Section | What | Why |
 //! |---|---|---|
-//! | table 101, ITR2 and ITR3 | OC outputs of TIM10, 11, 13, 14 as triggers | a wave, not an edge that the model reports; nothing here uses it |
-//! | 19.5.11 | TIM11's option register (HSE as an input) | no capture here |
-//! | 6.3.13, 6.3.14 | a cleared clock enable stops the counter | the registers are closed by it; the counter of these eight goes on. Nothing here switches one off |
-//! | 18.3.15 | a master that was not accessed for 1 ms and requests no interrupt does not report its updates to its slave | a million events a second without effect: [`Linked::rest`] |
-//! | table 62 | lines that a timer shares with another (24 to 26, 43 to 46) | each drives the line as if it were its own: at most one of a pair is in use on any board here |
+//! | table 101, ITR2 and ITR3 | OC outputs of TIM10, 11, 13, 14 as triggers | the model reports no edges of a wave; no
+//! board here uses it |
+//! | 19.5.11 | TIM11's option register (HSE as an input) | no board here captures it |
+//! | 6.3.13, 6.3.14 | a cleared clock enable stops the counter | it closes the registers; the counters of these eight
+//! continue. The firmware never switches one off |
+//! | 18.3.15 | a master that the firmware has not accessed for 1 ms, without interrupts, stops reporting updates to its
+//! slave | a million unused events a second: [`Linked::rest`] |
+//! | table 62 | lines that two timers share (24 to 26, 43 to 46) | each timer drives the line alone: every board here
+//! uses at most one of a pair |
 
 use rigless::device::{Device, DeviceContext, Level, RegisterFile, RequestChange};
 use rigless::soc::st::tim::{Counter, Family, Flags, Kind, Part, Tim, Wakeups};
@@ -27,10 +32,10 @@ use rigless::soc::stm32f427::peripherals::tim as stm32f427;
 use rigless::soc::{Layout, RegisterSpec};
 use rigless::time::{EventId, VirtualNanos};
 
-/// The request output on which a timer here reports its trigger output, behind those for DMA (0 to 6).
+/// The request output that reports a timer's trigger output, after those for DMA (0 to 6).
 pub const TRIGGER_OUTPUT: usize = 7;
 
-/// Whose trigger output each timer hears on ITR0 to ITR3: RM0090 tables 93, 94 and 101.
+/// The timers whose trigger outputs each timer receives on ITR0 to ITR3: RM0090 tables 93, 94 and 101.
 pub const MASTERS: [(&str, [&str; 4]); 8] = [
     ("TIM1", ["TIM5", "TIM2", "TIM3", "TIM4"]),
     ("TIM8", ["TIM1", "TIM2", "TIM4", "TIM5"]),
@@ -42,8 +47,8 @@ pub const MASTERS: [(&str, [&str; 4]); 8] = [
     ("TIM12", ["TIM4", "TIM5", "", ""]),
 ];
 
-/// What the manual and the errata sheet say of all timers. A timer wakes the run only while its events can have an effect,
-/// which changes nothing but the speed.
+/// Facts from the manual and the errata sheet that all timers share. A timer wakes the run only while its events have a
+/// receiver, which changes the speed only.
 static PART: Part = Part { wakeups: Wakeups::WhenSeen, ..stm32f427::PART };
 
 macro_rules! family {
@@ -106,7 +111,7 @@ family!(
     Kind::OneChannel
 );
 
-/// A timer whose trigger output others hear, and that hears theirs.
+/// A timer with its connections to the trigger outputs of other timers.
 #[derive(Debug, serde::Serialize, serde::Deserialize)]
 #[serde(bound(serialize = "", deserialize = "'de: 'static"))]
 pub struct Linked<F: Family> {
@@ -115,24 +120,24 @@ pub struct Linked<F: Family> {
     masters: [Option<&'static str>; 4],
     level: Level,
     pulses: u64,
-    /// When the firmware last reached a register.
+    /// The last access of the firmware.
     touched: VirtualNanos,
     clock_hz: u64,
     /// See [`Linked::rest`].
     resting: Option<Rest>,
 }
 
-/// Where a resting timer stood.
+/// The state of a timer when it began to rest.
 #[derive(Debug, Clone, Copy, serde::Serialize, serde::Deserialize)]
 struct Rest {
     since: VirtualNanos,
     count: u64,
-    /// Ticks from one update to the next: the reload is the register's, for this is right after an update.
+    /// Ticks from one update to the next. It is the reload register's value, as a rest begins right after an update.
     period: u64,
     cr1: u64,
 }
 
-/// Registers of a layout by what they do.
+/// Registers of a layout by their function.
 struct Rows<R> {
     cr1: R,
     cr2: R,
@@ -143,11 +148,11 @@ struct Rows<R> {
     arr: R,
 }
 
-/// A timer that was not accessed for this long, ns, and that requests no interrupt, may rest.
+/// Time without an access after which a timer without interrupts may rest, ns.
 const RESTS_AFTER_NS: u64 = 1_000_000;
 
 impl<F: Family<Instance = Counter>> Linked<F> {
-    /// The timer called `instance`, on a clock of `clock_hz` until the tree says otherwise.
+    /// The timer called `instance`, on a clock of `clock_hz` until the clock tree changes it.
     #[must_use]
     pub fn new(instance: &'static str, clock_hz: u64, counter: Counter) -> Self {
         Self::wrap(instance, clock_hz, Tim::with_clock(clock_hz, counter))
@@ -155,7 +160,7 @@ impl<F: Family<Instance = Counter>> Linked<F> {
 }
 
 impl<F: Family> Linked<F> {
-    /// The wires of the timer called `instance`, around its model.
+    /// Connects the timer called `instance`.
     #[must_use]
     pub fn wrap(instance: &'static str, clock_hz: u64, tim: Tim<F>) -> Self {
         let masters = MASTERS
@@ -170,10 +175,10 @@ impl<F: Family> Linked<F> {
         F::Register::from_index(row)
     }
 
-    /// A timer that reports its updates to a slave wakes the run at each of them, even where it asks for no interrupt and its
-    /// firmware looks neither at it nor at the slave: a million times a second for a step timer between two motions. So after
-    /// a millisecond without an access such a timer is stopped, and at the next access it is put where it would have counted
-    /// to, with its update flag. Only the slave misses what passed.
+    /// Stops a timer whose events have no receiver. A timer that reports updates to a slave wakes the run at each of
+    /// them, even without an interrupt and while the firmware accesses neither timer: a million times a second for a
+    /// step timer between two motions. So after a millisecond without an access such a timer stops, and the next access
+    /// sets the count that it would have reached, and its update flag. Only the slave misses the updates in between.
     fn rest(&mut self, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
         let Some(rows) = self.rows() else { return };
         let cr1 = registers.get(rows.cr1);
@@ -188,7 +193,7 @@ impl<F: Family> Linked<F> {
         }
     }
 
-    /// The firmware reaches the timer: it is where it would be.
+    /// Sets a resting timer to the count that it would have reached, before an access of the firmware.
     fn wake(&mut self, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
         self.touched = context.now();
         let (Some(rest), Some(rows)) = (self.resting.take(), self.rows()) else { return };
@@ -219,7 +224,7 @@ impl<F: Family> Linked<F> {
         })
     }
 
-    /// Reports what the trigger output did since the last time.
+    /// Reports the changes of the trigger output since the last call.
     fn relay(&mut self, context: &mut DeviceContext<'_>) {
         let (level, pulses) = self.tim.trigger_output();
         for _ in self.pulses..pulses {
@@ -291,7 +296,7 @@ impl<F: Family> Device for Linked<F> {
                 self.relay(context);
             }
         } else if request.instance == "RCC" {
-            // A failed clock is the only other wire that a timer hears.
+            // The only other input of a timer reports a failed clock.
             Device::on_request(&mut self.tim, request, registers, context);
             self.relay(context);
         }

@@ -1,11 +1,12 @@
-//! The USB OTG full-speed core as a device: RM0090 chapter 34 (F405, F407) and RM0390 chapter 31 (F446).
+//! The USB OTG full-speed core in device mode: RM0090 chapter 34 (F405, F407) and RM0390 chapter 31 (F446).
 //!
-//! The firmware sees registers and FIFOs; a host drives the other side between two accesses, through [`Port`].
+//! The firmware sees registers and FIFOs; a host drives the other side between two accesses, through
+//! [`bus_side::Port`].
 //!
-//! A chip puts [`PERIPHERAL`] on its bus in place of rigless's four instances, wires its clock to the tree's 48 MHz
-//! output (`clocked_by("OTG_FS_GLOBAL", Clock::output("RCC", rcc::PLL48))`), and lets EXTI read request [`WAKEUP`].
-//! A run drives the host with the registers and context that `Bus::drive` lends for the slot:
-//! `host.advance(now_ns, &mut otg.port(registers, &mut context))`.
+//! A chip puts [`PERIPHERAL`] on its bus in place of rigless's four instances, connects its clock to the tree's 48 MHz
+//! output (`clocked_by("OTG_FS_GLOBAL", Clock::output("RCC", rcc::PLL48))`), and lets EXTI read request [`WAKEUP`]. A
+//! run drives the host with the registers and context that `Bus::drive` lends for the slot: `host.advance(now_ns, &mut
+//! otg.port(registers, &mut context))`.
 //!
 //! | Register or section | Behaviour | Source | Test |
 //! |---|---|---|---|
@@ -19,40 +20,40 @@
 //! | `GINTSTS` `ESUSP`, `USBSUSP`, `WKUPINT`, `DSTS` `SUSPSTS` | Idle for 3 ms and resume; a resume pulses request [`WAKEUP`] too, for EXTI line 18 | 34.7.3, 34.16.2 | `suspend_and_resume_are_seen` |
 //! | `GINTSTS` `SOF`, `DSTS` `FNSOF` | At each start of frame | 34.16.4 | `a_start_of_frame_sets_the_frame_number` |
 //! | `GRXSTSR`, `GRXSTSP` | Peek and pop: SETUP 6, its end 4, OUT 2, its end 3, global OUT NAK 1; endpoint, bytes, DATA0/1, frame | 34.16.2 | `a_setup_comes_with_its_data_and_its_end`, `an_out_packet_is_read_and_ended` |
-//! | SETUP | Taken whatever `NAKSTS` and `EPENA` say; sets NAK on both sides, DATA1 next, clears STALL, counts `STUPCNT`; more than three set `B2BSTUP` | 34.17.6 | `a_setup_is_taken_in_spite_of_nak`, `too_many_setups_set_b2bstup` |
+//! | SETUP | Accepted whatever the values of `NAKSTS` and `EPENA`; sets NAK on both sides, DATA1 next, clears STALL, counts `STUPCNT`; more than three set `B2BSTUP` | 34.17.6 | `a_setup_is_accepted_despite_nak`, `too_many_setups_set_b2bstup` |
 //! | End of SETUP | Written at the next token of endpoint 0; popping it sets `STUP` and (F405) clears `EPENA` | 34.17.6 | `a_setup_comes_with_its_data_and_its_end` |
 //! | OUT | `PKTCNT` at reception, `XFRSIZ` at the pop; NAK set at the last or a short packet; popping the end sets `XFRC` and (F405) clears `EPENA` | 34.17.6 | `an_out_packet_is_read_and_ended`, `a_transfer_of_several_packets_ends_at_its_count`, `a_short_packet_ends_a_transfer` |
 //! | `EPENA` of the F446 | Cleared as the end is written, not as it is popped: drivers re-enable before they pop | `synopsys-usb-otg` 0.5 | `the_f446_may_be_enabled_before_the_end_is_popped` |
-//! | IN | Needs `EPENA`, no NAK, the packet in the FIFO; `PKTCNT` at the acknowledgement, `XFRSIZ` as the FIFO is filled; `XFRC` and `EPENA` cleared at the end; zero-length packets | 34.17.6 | `an_in_packet_goes_out_once`, `an_in_transfer_of_several_packets`, `a_packet_of_no_bytes` |
+//! | IN | Needs `EPENA`, no NAK, the packet in the FIFO; `PKTCNT` at the acknowledgement, `XFRSIZ` as the FIFO is filled; `XFRC` and `EPENA` cleared at the end; zero-length packets | 34.17.6 | `an_in_packet_is_sent_once`, `an_in_transfer_of_several_packets`, `a_packet_of_no_bytes` |
 //! | Data toggles | DATA0/1 in turn; a repeated OUT is acknowledged and dropped; an unacknowledged IN is sent again; `SD0PID`, `SD1PID`, `DPID` | USB 2.0 8.6 | `a_repeated_packet_is_acknowledged_and_dropped`, `an_unacknowledged_packet_is_sent_again`, `toggles_can_be_set` |
 //! | `SNAK`, `CNAK`, `NAKSTS`, `INEPNE` | NAK of one endpoint | 34.16.4 | `nak_of_an_endpoint` |
 //! | `STALL` | Before NAK; cleared by a SETUP on endpoint 0 and by the driver elsewhere | 34.16.4 | `a_stall_is_answered_before_nak`, `a_setup_clears_the_stall_of_endpoint_0` |
 //! | `EPDIS`, `EPDISD` | Ends an enabled endpoint | 34.16.4 | `an_endpoint_is_disabled` |
-//! | `TXFE`, `DIEPEMPMSK`, `TXFELVL`, `DTXFSTS` | Half or wholly empty, masked apart from the other flags | 34.16.4 | `an_empty_fifo_interrupts_through_its_own_mask` |
+//! | `TXFE`, `DIEPEMPMSK`, `TXFELVL`, `DTXFSTS` | Half or fully empty, with a mask of its own | 34.16.4 | `an_empty_fifo_interrupts_through_its_own_mask` |
 //! | `ITTXFE`, `OTEPDIS`, `TOC` | IN token with an empty FIFO, OUT token at a disabled endpoint 0, missing acknowledgement | 34.16.4 | `tokens_without_a_transfer_are_flagged`, `an_unacknowledged_packet_is_sent_again` |
-//! | `DAINT`, `DAINTMSK`, `DIEPMSK`, `DOEPMSK` | Which endpoint's flags count | 34.16.4 | `the_masks_of_the_endpoints` |
-//! | Global NAKs | `SGINAK`, `CGINAK` at once; `SGONAK` through the FIFO, in force for the bus at once | 34.17.6 | `the_global_naks` |
-//! | FIFO sizes | An OUT packet without room is NAKed, a SETUP without room unanswered, a word too many lost; each is reported to the run | 34.11, 34.17.6 | `a_receive_fifo_too_small_naks`, `a_transmit_fifo_too_small_loses`, `overlapping_fifos_are_reported` |
+//! | `DAINT`, `DAINTMSK`, `DIEPMSK`, `DOEPMSK` | The endpoints and flags that raise an interrupt | 34.16.4 | `the_masks_of_the_endpoints` |
+//! | Global NAKs | `SGINAK`, `CGINAK` at once; `SGONAK` through the FIFO, effective on the bus at once | 34.17.6 | `the_global_naks` |
+//! | FIFO sizes | An OUT packet without room is NAKed, a SETUP without room unanswered, an excess word lost; the run reports each | 34.11, 34.17.6 | `a_receive_fifo_too_small_naks`, `a_transmit_fifo_too_small_loses`, `overlapping_fifos_are_reported` |
 //! | FIFO windows | Every word of the 4 KiB windows reaches the FIFO | 34.16.1 | `any_word_of_a_window_reaches_the_fifo` |
 //! | Connection | Pull-up with `PWRDWN`, no `SDIS`, 48 MHz within 0.25 %, device mode, and a valid session | 34.17.3, 34.16.2, USB 2.0 7.1.11 | `the_pull_up_needs_every_condition` |
 //! | Session | F405: `NOVBUSSENS`, or `VBUSBSEN` with VBUS. F446: `VBDEN` with VBUS, or `BVALOEN` with `BVALOVAL`. `BSVLD`, `SRQINT`, `SEDET` | 34.16.2, RM0390 31.15.2 | `a_session_follows_the_cable`, `the_f446_detects_vbus_in_its_own_way` |
-//! | Address | `DAD`; a token elsewhere is not answered. Written during SET_ADDRESS, it counts from the end of the status stage on, at the old address: the manual has it written before | 34.16.4, 34.17.5, `synopsys-usb-otg` 0.5 | `a_token_to_another_address_is_not_answered`, `an_address_counts_after_its_status_stage` |
+//! | Address | `DAD`; a token to another address is not answered. An address written during SET_ADDRESS takes effect after the status stage, which uses the old one: the manual demands the write before it | 34.16.4, 34.17.5, `synopsys-usb-otg` 0.5 | `a_token_to_another_address_is_not_answered`, `an_address_takes_effect_after_its_status_stage` |
 //! | `PCGCCTL` | A stopped or gated clock answers nothing and keeps the pull-up | 34.16.5 | `a_gated_clock_answers_nothing` |
-//! | Four endpoints | The F405 answers zero where the F446 has endpoints 4 and 5, and tells the run | 34.2 | `the_f405_has_four_endpoints` |
+//! | Four endpoints | The F405 answers zero where the F446 has endpoints 4 and 5, and the run reports it | 34.2 | `the_f405_has_four_endpoints` |
 //!
 //! **What the model leaves out, and why.**
 //!
 //! | Behaviour | Source | Reason |
 //! |---|---|---|
 //! | Host mode, HNP, SRP | 34.16.3 | No board here is a host. The host registers are stored; writing one sets `MMIS` |
-//! | Isochronous endpoints, `EOPF`, `ISOODRP`, `IISOIXFR`, `IPXFR` | 34.17.6 | Serial ports have none |
+//! | Isochronous endpoints, `EOPF`, `ISOODRP`, `IISOIXFR`, `IPXFR` | 34.17.6 | Serial ports do not use them |
 //! | Remote wakeup (`RWUSIG`), test modes (`TCTL`), battery charging | 34.16.4 | Stored |
 //! | Low speed, and speeds other than `DSPD` 3 | 34.16.4 | The core's transceiver has full speed only; another value is reported |
-//! | Time that flushes, soft reset and the change of mode take | 34.16.2 | They happen at once; a driver that does not wait is not caught |
+//! | Duration of flushes, soft reset and the change of mode | 34.16.2 | They happen at once; the model does not detect a driver that does not wait |
 //! | Control endpoints other than 0 | 34.17.6 | SETUP to them is not answered |
 //! | Accesses narrower than a word to a FIFO, the window at 0x2_0000 into the packet memory | 34.16.1 | The manual forbids the first; the second is for debuggers |
-//! | What overlapping FIFOs do to the data | 34.11 | Told to the run, and each keeps its own data |
-//! | `PKTCNT` of 0 on an enabled OUT endpoint | 34.17.6 | The manual wants at least one; drivers rely on it, so that each packet is a transfer. Told once |
+//! | The effect of overlapping FIFOs on the data | 34.11 | Reported; each FIFO keeps its own data |
+//! | `PKTCNT` of 0 on an enabled OUT endpoint | 34.17.6 | The manual wants at least one; drivers rely on it, so that each packet is a transfer. Reported once |
 //! | CRC errors, bit errors | 34.16.4 | The host loses handshakes instead |
 
 use rigless::device::{Device, DeviceContext, RegisterFile};
@@ -68,7 +69,6 @@ pub mod fifo;
 mod levels;
 pub mod registers;
 
-pub use bus_side::Port;
 pub use registers::{ENDPOINTS, PERIPHERAL, REGISTERS, Register};
 
 use complaint::Complaint;
@@ -80,7 +80,7 @@ pub const OTG_FS: usize = 1;
 /// The request that a resume pulses: EXTI line 18, OTG_FS wakeup.
 pub const WAKEUP: usize = 0;
 
-/// Which chip's core it is.
+/// The core of a chip.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub enum Core {
     /// STM32F405 and F407: RM0090, four endpoints of each direction.
@@ -112,9 +112,9 @@ impl Core {
 struct In {
     /// The next packet is DATA1.
     toggle: bool,
-    /// Bytes of the transfer that the host has not acknowledged.
+    /// Bytes of the transfer that the host has not acknowledged yet.
     to_send: u32,
-    /// Bytes written to the FIFO of a packet that is not whole yet.
+    /// Bytes in the FIFO of a packet that is still incomplete.
     loaded: u32,
 }
 
@@ -123,7 +123,7 @@ struct In {
 struct Out {
     /// The next packet is DATA1.
     toggle: bool,
-    /// A SETUP stage has begun whose end is not written yet.
+    /// A SETUP stage whose end is not written yet.
     setup_open: bool,
 }
 
@@ -136,13 +136,13 @@ pub struct Otg {
     vbus: bool,
     /// The host drives the reset state.
     in_reset: bool,
-    /// A reset has ended and the speed is known: tokens are answered.
+    /// A reset has ended and the speed is known, so the core answers tokens.
     ready: bool,
-    /// The address that is answered: DAD once the control transfer that brought it is over.
+    /// The effective address: DAD after the control transfer that brought it.
     address: u8,
-    /// A control transfer has begun whose status stage is still to come.
+    /// A control transfer whose status stage is still to come.
     control_open: bool,
-    /// The session was valid when last looked at.
+    /// Whether the session was valid at the last check.
     session: bool,
     reset_seen: Option<EventId>,
     enumerated: Option<EventId>,
@@ -155,13 +155,13 @@ pub struct Otg {
     /// The global OUT NAK has been popped.
     global_out_nak_effective: bool,
     line: bool,
-    told: u32,
+    reported: u32,
 }
 
 rigless::store!(Otg);
 
 impl Otg {
-    /// The core of a chip, its cable out, and its 48 MHz clock stopped until the clock tree drives it.
+    /// The core of a chip without a cable; its 48 MHz clock is stopped until the clock tree drives it.
     #[must_use]
     pub fn new(core: Core) -> Self {
         Self {
@@ -184,23 +184,24 @@ impl Otg {
             global_out_nak: false,
             global_out_nak_effective: false,
             line: false,
-            told: 0,
+            reported: 0,
         }
     }
 
-    /// The core on a clock of its own, for a bus without a clock tree. `clock_hz` should be 48 MHz.
+    /// Gives the core a clock of its own, for a bus without a clock tree. `clock_hz` should be 48 MHz.
     #[must_use]
     pub fn with_clock(self, clock_hz: u64) -> Self {
         Self { clock_hz, built_clock_hz: clock_hz, ..self }
     }
 
-    /// The host's side of the core at this instant.
-    pub fn port<'a, 'b>(
-        &'a mut self,
-        registers: &'a mut RegisterFile,
-        context: &'a mut DeviceContext<'b>,
-    ) -> Port<'a, 'b> {
-        Port::new(self, registers, context)
+    /// Reports an error of the driver, once until a reset.
+    fn complain(&mut self, complaint: Complaint, context: &mut DeviceContext<'_>) {
+        let bit = 1 << complaint as u32;
+        if self.reported & bit == 0 {
+            self.reported |= bit;
+            let (register, reason) = complaint.text();
+            context.tell(register, reason);
+        }
     }
 
     /// Whether this register belongs to an endpoint that the core lacks.
@@ -248,7 +249,7 @@ impl Otg {
         registers.set(Register::Grstctl, value & kept);
     }
 
-    /// CSRST: everything but what 34.16.2 lists.
+    /// CSRST: resets everything except the registers that 34.16.2 lists.
     fn soft_reset(&mut self, registers: &mut RegisterFile) {
         let kept = [
             (Register::Pcgcctl, f::pcgcctl::STPPCLK.mask() | f::pcgcctl::GATEHCLK.mask()),
@@ -265,7 +266,7 @@ impl Otg {
         self.clear();
     }
 
-    /// Forgets what both resets clear: FIFOs, transfers, NAKs. The cable and the clock stay.
+    /// Clears what both resets clear: FIFOs, transfers, NAKs. The cable and the clock stay.
     fn clear(&mut self) {
         *self = Self {
             vbus: self.vbus,
@@ -410,13 +411,13 @@ impl Device for Otg {
     fn reset(&mut self) {
         self.clock_hz = self.built_clock_hz;
         self.clear();
-        // The registers are at their reset values, in which no session is valid and no interrupt is raised.
+        // After a reset no session is valid and no interrupt is raised.
         self.session = false;
         self.line = false;
     }
 
     fn reset_line(&mut self, _registers: &mut RegisterFile, _context: &mut DeviceContext<'_>) {
-        // The clock tree runs on and will not drive the clock again.
+        // The clock tree continues and will not drive the clock again.
         let clock_hz = self.clock_hz;
         self.reset();
         self.clock_hz = clock_hz;

@@ -1,9 +1,10 @@
-//! Runs a program that speaks to its debugger: benches and tests for a board, which print by semihosting (Arm's specification of
-//! that name) and end themselves.
+//! Runs a program that talks to its debugger: benchmarks and tests for a board, which print by semihosting (an Arm
+//! specification) and end themselves.
 //!
-//! With as many instructions a second as their timer has ticks they count instructions, exactly and the same everywhere.
+//! With as many instructions per second as their timer has ticks, they count instructions, exactly and the same on
+//! every computer.
 //!
-//! The console and the end are the emulator's own; files and the command line it leaves to a debugger, which [`debugger`] is.
+//! The emulator itself serves the console and the exit call; [`debugger`] serves files and the command line.
 
 mod debugger;
 
@@ -19,10 +20,10 @@ use rigless::time::VirtualNanos;
 use super::setup::Setup;
 use crate::machine::Machine;
 
-/// Nothing outside the chip takes part: it is looked after rarely, ns.
+/// Length of a slice, ns: long, as nothing outside the chip takes part.
 const SLICE_NS: u64 = 100_000_000;
 
-/// A program and what it may ask for.
+/// The program and its limits.
 #[derive(Debug, Args)]
 pub struct Count {
     #[command(flatten)]
@@ -30,27 +31,28 @@ pub struct Count {
     /// The program's command line.
     #[arg(long, default_value = "")]
     arguments: String,
-    /// The folder whose files it may read.
+    /// The folder with the files that the program may read.
     #[arg(long, value_name = "FOLDER", default_value = ".")]
     folder: PathBuf,
-    /// A program that runs longer than this, in seconds of its own time, is considered hung.
+    /// Stop a program that has not ended after this many seconds of virtual time.
     #[arg(long, default_value_t = 3600)]
     seconds: u64,
 }
 
 impl Count {
-    /// Runs it; what it prints goes to standard output. Whether it says of itself that it was successful.
+    /// Runs the program and passes its output to standard output. True if the program reports success.
     ///
     /// # Errors
-    /// Files that cannot be read, a program that does not end, or an emulator that cannot go on.
+    /// A file cannot be read, the program does not end, or the emulator failed.
     pub fn run(&self) -> Result<bool, String> {
         let bench = self.setup.bench()?;
         let mut machine = bench.machine;
-        // Its time is no instruction.
+        // The entry time would count as instructions.
         machine.chip.set_interrupt_entry(0);
-        let listener =
-            TcpListener::bind(("127.0.0.1", 0)).map_err(|error| format!("no port for a debugger: {error}"))?;
-        let address = listener.local_addr().map_err(|error| format!("no port for a debugger: {error}"))?;
+        let listener = TcpListener::bind(("127.0.0.1", 0))
+            .map_err(|error| format!("no local TCP port is free for the debugger: {error}"))?;
+        let address =
+            listener.local_addr().map_err(|error| format!("the debugger's TCP port has no address: {error}"))?;
         let calls = debugger::calls(bench.images.iter().flat_map(|image| image.segments()));
         let mut start = Start::new(&bench.images);
         start.boot = Some(0x0800_0000 + u64::from(bench.board.boot_offset));
@@ -69,18 +71,19 @@ impl Count {
             }
         })?;
         if let Some(error) = finished.driver.broken {
-            return Err(format!("what it prints cannot be written: {error}"));
+            return Err(format!("the program's output cannot be written to standard output: {error}"));
         }
         match finished.exit_status {
             Some(status) => Ok(status == 0),
-            None => {
-                Err(format!("the program has not ended within {} s of its time; --seconds allows more", self.seconds))
-            }
+            None => Err(format!(
+                "the program has not ended within {} s of virtual time; --seconds allows more",
+                self.seconds
+            )),
         }
     }
 }
 
-/// Passes on what the program prints, and waits for its end.
+/// Passes the program's output on and waits for its end.
 struct Console {
     until_ns: u64,
     broken: Option<std::io::Error>,

@@ -8,14 +8,14 @@ use rigless::emulator::Host;
 use rigless::soc::Width;
 use serde::Serialize;
 
-use super::setup::{Setup, Via, hear, say, unsaid};
+use super::setup::{Setup, Via, hear, say, unsent};
 use crate::decode::{Comparison, Rules, Trace, compare};
 use crate::host::usb::State;
 use crate::host::{self, Stream};
 use crate::machine::Machine;
 use crate::run::{Finished, Operator, Turn, run};
 
-/// Words of the command.
+/// Options of the command.
 #[derive(Debug, Args)]
 pub struct Print {
     #[command(flatten)]
@@ -25,16 +25,16 @@ pub struct Print {
     /// The line of the host.
     #[arg(long, value_enum, default_value_t = Via::Usb)]
     via: Via,
-    /// The desk's trace of the same file (`ferrostep print --trace`), to compare the pins with.
+    /// The desk's trace of the same file (`ferrostep print --trace`), to compare with the pins.
     #[arg(long, value_name = "TRACE")]
     desk_trace: Option<PathBuf>,
-    /// Has the firmware measure itself (M798): its step interrupt and its planning, in the cycles of its own counter.
+    /// Let the firmware measure its step interrupt and its planning in cycles of its own counter (M798).
     #[arg(long)]
     measure: bool,
-    /// Gives up after so much virtual time, s.
+    /// Stop the job after this much virtual time, s.
     #[arg(long, default_value_t = 36_000)]
     at_most_s: u64,
-    /// One object of JSON on standard output.
+    /// Print one JSON object on standard output.
     #[arg(long)]
     json: bool,
 }
@@ -51,10 +51,10 @@ struct Job {
     stack_bytes: Option<u64>,
 }
 
-/// Where RAM, and below all else the stack, begins (RM0090 2.3.1).
+/// The start of RAM, which the stack grows down to (RM0090 2.3.1).
 const RAM: u64 = 0x2000_0000;
 
-/// How deep the stack has been: RAM is zero before the start, and what was pushed stays.
+/// The deepest use of the stack: RAM is zero before the start, and pushed words stay.
 fn deepest_stack(host: &mut dyn Host, stack_top: u32) -> Option<u64> {
     let untouched = |word: &u64| host.read(*word, Width::W32).is_ok_and(|value| value == 0);
     let mut words = (RAM..u64::from(stack_top)).step_by(4).skip_while(untouched);
@@ -75,7 +75,7 @@ impl Operator for Job {
             self.stream.received(now_ns, &heard);
         }
         let open = self.via == Via::Uart || machine.usb_host.state() == State::Open;
-        while open && unsaid(machine, self.via) == 0 {
+        while open && unsent(machine, self.via) == 0 {
             let Some(bytes) = self.stream.to_send(now_ns) else { break };
             say(machine, self.via, now_ns, &bytes);
         }
@@ -87,81 +87,84 @@ impl Operator for Job {
             self.stack_bytes = deepest_stack(host, self.stack_top);
             return Turn::Stop;
         }
-        Turn::GoOn
+        Turn::Continue
     }
 }
 
-/// What a print came to.
+/// The result of a print.
 #[derive(Debug, Serialize)]
 pub struct Outcome {
     /// The board's name.
     pub board: String,
     /// SHA-256 of the image.
     pub image_sha256: String,
-    /// What stopped the job, if anything did.
+    /// The error or limit that stopped the job, if any.
     pub stopped: Option<String>,
-    /// Digest of the order of steps from the pins' edges: of those that the desk's trace has after its last homing, or of all
-    /// without a trace.
+    /// Digest of the order of steps from the pins' edges: of the steps after the last homing in the desk's trace, or of
+    /// all steps without a trace.
     pub pin_order_digest: String,
-    /// The same of the desk's trace.
+    /// The same digest of the desk's trace.
     pub desk_order_digest: Option<String>,
-    /// Whether every step of the desk was on the pins, in its order, and none later than the bound.
+    /// Whether every step of the desk appeared on the pins, in its order, and none later than the bound.
     pub agrees: Option<bool>,
     /// The first difference, or the latest step, in words.
     pub difference: Option<String>,
-    /// Steps compared.
+    /// Number of compared steps.
     pub events: usize,
-    /// Continuous runs of motion that were compared.
+    /// Number of compared continuous runs of motion.
     pub runs: usize,
     /// Shortest high or low time of a step signal, us.
     pub smallest_pulse_us: f64,
     /// Shortest time between two step events, us.
     pub smallest_gap_us: f64,
-    /// Shortest time from a direction's change to the step after it, us.
+    /// Shortest time from a direction change to the next step, us.
     pub smallest_direction_setup_us: f64,
-    /// How late a step left at most, us.
+    /// Largest delay of a step, us.
     pub largest_latency_us: Option<f64>,
-    /// Steps that the drivers saw below their data sheet's times.
+    /// Steps with times below the drivers' data sheet.
     pub driver_timing_violations: u64,
-    /// Motors' steps that moved nothing, and full steps that slipped.
+    /// Motors whose steps moved nothing, and their slipped full steps.
     pub lost_steps: Vec<String>,
-    /// How deep the nozzle went into the bed beyond what it gives way, mm.
+    /// How deep the nozzle went into the bed beyond the sheet's give, mm.
     pub crash_mm: Option<f64>,
-    /// How deep the stack has been, bytes.
+    /// The deepest use of the stack, bytes.
     pub stack_bytes: Option<u64>,
-    /// Registers reached without a model, and what else the emulator could not stand in for.
+    /// Registers without a model that the firmware accessed, and other gaps of the emulator.
     pub unmodelled: Vec<String>,
-    /// What models say of states that the manual forbids or leaves open.
+    /// Messages of models about states that the manual forbids or leaves open.
     pub told: Vec<String>,
-    /// Resets on the way.
+    /// Resets during the print.
     pub resets: Vec<(u64, String)>,
-    /// What the host read, without acknowledgements, temperatures and signs of life.
+    /// The lines that the host read, without acknowledgements, temperatures and signs of life.
     pub host_lines: Vec<String>,
     /// Virtual time, s.
     pub virtual_s: f64,
     /// Retired instructions.
     pub instructions: u64,
-    /// Virtual time for a second of this computer's.
+    /// Virtual time per second of real time.
     pub realtime_factor: f64,
 }
 
 impl Print {
-    /// Prints. True if all went well.
+    /// Prints the file. True if the print is as it should be.
     ///
     /// # Errors
-    /// What was named cannot be read or does not fit together, or the emulator could not go on.
+    /// A file cannot be read, the files contradict each other, or the emulator failed.
     pub fn run(&self) -> Result<bool, String> {
-        let gcode = std::fs::read_to_string(&self.file).map_err(|error| format!("{}: {error}", self.file.display()))?;
+        let gcode = std::fs::read_to_string(&self.file)
+            .map_err(|error| format!("{} cannot be read: {error}; name a G-code file in UTF-8", self.file.display()))?;
         let trace = match &self.desk_trace {
             Some(path) => {
-                let bytes = std::fs::read(path).map_err(|error| format!("{}: {error}", path.display()))?;
+                let bytes = std::fs::read(path).map_err(|error| {
+                    format!("{} cannot be read: {error}; `ferrostep print FILE --trace {0}` writes it", path.display())
+                })?;
                 Some(Trace::parse(&bytes).map_err(|error| format!("{}: {error}", path.display()))?)
             }
             None => None,
         };
         let mut bench = self.setup.bench()?;
         let (printer, image_sha256) = (bench.printer.clone(), bench.image_sha256.clone());
-        // The last line's acknowledgement comes when motion has ended.
+        // M400 is the last line: its acknowledgement comes when motion has ended.
         let before = self.measure.then_some("M798 S1");
         let after = self.measure.then_some("M798");
         let lines = before.into_iter().chain(gcode.lines()).chain(["M400"]).chain(after);
@@ -186,7 +189,8 @@ impl Print {
         } else {
             text(&outcome)
         };
-        writeln!(std::io::stdout(), "{result}").map_err(|error| format!("the result cannot be written: {error}"))?;
+        writeln!(std::io::stdout(), "{result}")
+            .map_err(|error| format!("the result cannot be written to standard output: {error}"))?;
         Ok(outcome.is_well())
     }
 }
@@ -207,9 +211,14 @@ fn outcome(finished: &Finished<Job>, trace: Option<&Trace>, board: &str, image_s
     let pins = events.get(compared_from..).unwrap_or_default();
     let us = |ns: u64| if ns == u64::MAX { f64::NAN } else { ns as f64 / 1000.0 };
     let stopped = if stream.was_reset() {
-        Some("the printer was reset".to_owned())
+        Some("the printer was reset in mid-print".to_owned())
     } else if !stream.finished() {
-        Some(format!("{} of {} lines were done when time was up", stream.acknowledged(), stream.lines()))
+        Some(format!(
+            "{} of {} lines done after {} s of virtual time; --at-most-s allows more",
+            stream.acknowledged(),
+            stream.lines(),
+            finished.operator.ends_ns / 1_000_000_000
+        ))
     } else {
         stream.errors().next().map(|error| error.text.clone())
     };
@@ -268,13 +277,13 @@ fn outcome(finished: &Finished<Job>, trace: Option<&Trace>, board: &str, image_s
 }
 
 impl Outcome {
-    /// Whether the print is as it should be.
+    /// Whether the job finished, agrees with the trace, and had no reset and no crash.
     fn is_well(&self) -> bool {
         self.stopped.is_none() && self.agrees != Some(false) && self.resets.is_empty() && self.crash_mm.is_none()
     }
 }
 
-/// The outcome in lines for a person.
+/// The result as lines for a person.
 fn text(outcome: &Outcome) -> String {
     let mut lines = vec![
         format!("board             {} (image {:.16})", outcome.board, outcome.image_sha256),

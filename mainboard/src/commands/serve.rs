@@ -1,4 +1,4 @@
-//! The machine on a line of this computer, for anybody's host.
+//! Serves the machine on a line of this computer, for any host program.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -15,45 +15,45 @@ use crate::host::Line;
 use crate::machine::Machine;
 use crate::run::{Operator, Turn, run};
 
-/// Words of the command.
+/// Options of the command.
 #[derive(Debug, Args)]
 pub struct Serve {
     #[command(flatten)]
     setup: Setup,
-    /// The line of the printer that is led out.
+    /// The printer's line to serve.
     #[arg(long, value_enum, default_value_t = Via::Usb)]
     via: Via,
-    /// A pseudo-terminal, under this name.
+    /// Create a pseudo-terminal under this name.
     #[arg(long, value_name = "PATH", required_unless_present = "tcp", conflicts_with = "tcp")]
     pty: Option<PathBuf>,
-    /// A port of this computer (0: any that is free).
+    /// Listen on this TCP port of this computer (0: any free port).
     #[arg(long, value_name = "PORT")]
     tcp: Option<u16>,
-    /// Virtual time for a second of this computer's; where the computer cannot keep up, the machine is late and stays so.
+    /// Virtual seconds per real second; a computer that is too slow for it delays the printer.
     #[arg(long, default_value_t = 1.0)]
     speed: f64,
 }
 
-/// Between the line of this computer and that of the machine.
-struct Door {
+/// Connects the line of this computer to the line of the machine.
+struct HostBridge {
     line: Line,
     via: Via,
     plugged: bool,
     speed: f64,
     began: Instant,
     failed: Option<String>,
-    /// Set by a signal that asks the program to end, so that the line is taken away.
+    /// Set by a signal that asks the program to end, so that the line is removed before it does.
     stops: Arc<AtomicBool>,
 }
 
-/// How often the clocks are compared: each this many ns of virtual time.
+/// Virtual time between two comparisons of the clocks, ns.
 const PACE_NS: u64 = 1_000_000;
 
-/// A machine that is later than this does not run after what it has lost: a printer that races is no printer.
+/// Maximum delay that the machine catches up. A larger one stays: a host would see a printer that races.
 const PATIENCE: Duration = Duration::from_millis(100);
 
-impl Door {
-    /// Waits until this computer's clock has come to where the machine's is.
+impl HostBridge {
+    /// Waits until this computer's clock reaches the machine's.
     fn keep_pace(&mut self, now_ns: u64) {
         let due = Duration::from_secs_f64(now_ns as f64 / 1e9 / self.speed);
         let passed = self.began.elapsed();
@@ -65,7 +65,7 @@ impl Door {
     }
 }
 
-impl Operator for Door {
+impl Operator for HostBridge {
     fn turn(&mut self, machine: &mut Machine, now_ns: u64, _: &mut dyn Host) -> Turn {
         if self.stops.load(Ordering::Relaxed) {
             return Turn::Stop;
@@ -89,20 +89,20 @@ impl Operator for Door {
                 return Turn::Stop;
             }
         }
-        Turn::GoOn
+        Turn::Continue
     }
 }
 
 impl Serve {
-    /// Serves until it is interrupted.
+    /// Serves until a signal interrupts it.
     ///
     /// # Errors
-    /// The line is in use, what was named cannot be read or does not fit together, or the line broke.
+    /// The line is in use, a file cannot be read, the files contradict each other, or the line broke.
     pub fn run(&self) -> Result<bool, String> {
         if !(self.speed > 0.0 && self.speed.is_finite()) {
-            return Err(format!("--speed {}: expected more than 0; 1 is real time", self.speed));
+            return Err(format!("--speed {}: write a number above 0; 1 is real time", self.speed));
         }
-        // Before the line is there, so that it never outlives the program.
+        // Registered before the line exists, so that the line never outlives the program.
         let stops = Arc::new(AtomicBool::new(false));
         for signal in [SIGINT, SIGTERM, SIGHUP] {
             flag::register(signal, Arc::clone(&stops)).map_err(|error| error.to_string())?;
@@ -110,16 +110,23 @@ impl Serve {
         let line = match (&self.pty, self.tcp) {
             (Some(path), _) => Line::pty(path)?,
             (None, Some(port)) => Line::tcp(port)?,
-            (None, None) => return Err("--pty PATH or --tcp PORT: one of them is needed".to_owned()),
+            (None, None) => return Err("no line to serve on: add --pty PATH or --tcp PORT".to_owned()),
         };
         let mut bench = self.setup.bench()?;
         eprintln!("{} on {}", bench.board.title, line.address());
         let spare = Machine::new(&bench.board, &bench.printer, 0)?;
         let mut machine = std::mem::replace(&mut bench.machine, spare);
-        machine.forget_steps();
-        let door =
-            Door { line, via: self.via, plugged: false, speed: self.speed, began: Instant::now(), failed: None, stops };
-        let finished = run(machine, &bench.images, &bench.options(), door).map_err(|error| error.to_string())?;
+        machine.stop_recording_steps();
+        let bridge = HostBridge {
+            line,
+            via: self.via,
+            plugged: false,
+            speed: self.speed,
+            began: Instant::now(),
+            failed: None,
+            stops,
+        };
+        let finished = run(machine, &bench.images, &bench.options(), bridge).map_err(|error| error.to_string())?;
         finished.operator.failed.map_or(Ok(true), Err)
     }
 }

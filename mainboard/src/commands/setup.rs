@@ -1,4 +1,4 @@
-//! Which board, which printer, which image: the same words for all commands.
+//! Options that all commands share: board, printer and image.
 
 use std::net::TcpListener;
 use std::num::NonZeroU64;
@@ -11,7 +11,7 @@ use crate::machine::{HOST_PORT, INSTRUCTIONS_PER_SECOND, Machine};
 use crate::run::Options;
 use crate::wiring::{Board, Printer, check_image};
 
-/// Which line the host is on.
+/// The line to the host.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Via {
     /// The USB plug.
@@ -23,33 +23,33 @@ pub enum Via {
 /// A board, its printer and its image.
 #[derive(Debug, Args)]
 pub struct Setup {
-    /// The board: its file.
+    /// The board's file.
     #[arg(long, value_name = "TOML")]
     board: PathBuf,
-    /// The printer: its profile; if left out, the board's own, in the folder `profiles` beside the board's.
+    /// The printer's profile [default: the board's own, in `profiles` beside the board's folder].
     #[arg(long, value_name = "TOML")]
     profile: Option<PathBuf>,
-    /// The image, as it would be flashed, with its addresses (ELF); if left out, where `cargo xtask firmware` has put it.
+    /// The image with its addresses (ELF) [default: where `cargo xtask firmware` puts it].
     #[arg(long, value_name = "ELF")]
     image: Option<PathBuf>,
-    /// Noise, bouncing and everything else that is random follow from it.
+    /// Seed of noise, bouncing and everything else that is random.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Instructions a second of virtual time: fewer is how wait states would feel.
+    /// Instructions per second of virtual time; fewer stand for wait states.
     #[arg(long, default_value_t = INSTRUCTIONS_PER_SECOND)]
     instructions_per_second: u64,
-    /// How long the core takes into the step interrupt, ns.
+    /// Time from the request of the step interrupt to its first instruction, ns.
     #[arg(long, default_value_t = crate::chip::entry::ENTRY_NS)]
     entry_ns: u64,
-    /// Serves GDB on this port of this computer.
+    /// Serve GDB on this port of this computer.
     #[arg(long, value_name = "PORT")]
     gdb: Option<u16>,
-    /// Waits for GDB before the first instruction.
+    /// Wait for GDB before the first instruction.
     #[arg(long, requires = "gdb")]
     wait_for_gdb: bool,
 }
 
-/// What [`Setup`] names, read and checked.
+/// The files of [`Setup`], read and checked.
 #[derive(Debug)]
 pub struct Bench {
     /// The board.
@@ -60,19 +60,20 @@ pub struct Bench {
     pub machine: Machine,
     /// The image.
     pub images: Vec<Image>,
-    /// Its SHA-256, in hexadecimal, as the file is.
+    /// SHA-256 of the image's file, in hexadecimal.
     pub image_sha256: String,
-    /// Where the image's stack begins; it grows down to the start of RAM.
+    /// The top of the image's stack, which grows down to the start of RAM.
     pub stack_top: u32,
     debugger: Option<TcpListener>,
     wait_for_debugger: bool,
 }
 
 impl Setup {
-    /// Reads the files and puts the machine together.
+    /// Reads the files and builds the machine.
     ///
     /// # Errors
-    /// A file that cannot be read, a board that contradicts its chip, an image for another board: each by name.
+    /// A file cannot be read, the board contradicts its chip, or the image is for another board; the text names the
+    /// file.
     pub fn bench(&self) -> Result<Bench, String> {
         let board = Board::read(&self.board).map_err(|error| error.to_string())?;
         let home = self.board.parent().unwrap_or(Path::new(".")).join("..");
@@ -82,19 +83,20 @@ impl Setup {
         let printer = Printer::read(&profile).map_err(|error| error.to_string())?;
         let name = image.display().to_string();
         let bytes = std::fs::read(&image)
-            .map_err(|error| format!("{name}: {error}; cargo xtask firmware --board {} builds it", board.name))?;
+            .map_err(|error| format!("{name}: {error}; build it with `cargo xtask firmware --board {}`", board.name))?;
         let stack_top = check_image(&board, &name, &bytes).map_err(|error| error.to_string())?.stack_pointer;
         let image_sha256 = sha256(&bytes);
         let image = Image::new(Path::new(&name), bytes, None).map_err(|error| error.to_string())?;
         let mut machine = Machine::new(&board, &printer, self.seed)?;
-        let rate = NonZeroU64::new(self.instructions_per_second)
-            .ok_or("--instructions-per-second 0: a core that stands still prints nothing; 120000000 is usual")?;
+        let rate = NonZeroU64::new(self.instructions_per_second).ok_or(
+            "--instructions-per-second 0: the core would never run; write a number above 0, such as 120000000",
+        )?;
         machine.set_instructions_per_second(rate);
         machine.chip.set_interrupt_entry(self.entry_ns);
         let debugger = match self.gdb {
             Some(port) => Some(
                 TcpListener::bind(("127.0.0.1", port))
-                    .map_err(|error| format!("--gdb {port}: {error}; another port, or 0 for any that is free"))?,
+                    .map_err(|error| format!("--gdb {port}: {error}; choose another port, or 0 for any free one"))?,
             ),
             None => None,
         };
@@ -115,7 +117,7 @@ impl Setup {
 }
 
 impl Bench {
-    /// How the run starts.
+    /// Options of the run.
     #[must_use]
     pub fn options(&self) -> Options<'_> {
         Options {
@@ -131,7 +133,7 @@ fn sha256(bytes: &[u8]) -> String {
     Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// What the printer has said since the last time.
+/// Takes the bytes that the printer has sent since the last call.
 pub fn hear(machine: &mut Machine, via: Via) -> Vec<u8> {
     match via {
         Via::Usb => machine.usb_host.read(),
@@ -142,7 +144,7 @@ pub fn hear(machine: &mut Machine, via: Via) -> Vec<u8> {
     }
 }
 
-/// Says something to the printer.
+/// Sends bytes to the printer.
 pub fn say(machine: &mut Machine, via: Via, now_ns: u64, bytes: &[u8]) {
     match via {
         Via::Usb => machine.usb_host.write(bytes),
@@ -154,8 +156,8 @@ pub fn say(machine: &mut Machine, via: Via, now_ns: u64, bytes: &[u8]) {
     }
 }
 
-/// How many bytes the printer has not taken yet.
-pub fn unsaid(machine: &mut Machine, via: Via) -> usize {
+/// The number of bytes that the printer has not taken yet.
+pub fn unsent(machine: &mut Machine, via: Via) -> usize {
     match via {
         Via::Usb => machine.usb_host.unsent(),
         Via::Uart => machine.mailbox(HOST_PORT).map_or(0, |mailbox| mailbox.waiting()),

@@ -1,31 +1,33 @@
-//! The pins' events against the desk's.
+//! Compares the pins' events with the desk's.
 //!
-//! The order is to be the same from the first event to the last. The times are compared run by run: while the queue holds
-//! moves, the chip makes events at the desk's intervals, and only a delay of its interrupts makes an event late. Where
-//! the queue came to rest, the next move begins when it arrives, which the desk cannot know: a new run. Within a run the
-//! punctual event is the one with the smallest (pin - desk); what another is later than that is its latency.
+//! The order must be the same from the first event to the last. Times are compared run by run: while the queue holds
+//! moves, the chip makes events at the desk's intervals, and only a delayed interrupt makes an event late. After the
+//! queue has run empty, the next move starts when it arrives, which the desk cannot know: a new run begins. Within a
+//! run the event with the smallest difference (pin - desk) is punctual; the latency of another event is its difference
+//! minus the smallest one.
 //!
-//! A latency has no sign: an event that is too early makes all others of its run late. What the whole run is late by cannot
-//! be seen.
+//! A latency has no sign: an event that is too early makes all others of its run late. A delay of the whole run is
+//! invisible.
 
 use serde::{Deserialize, Serialize};
 
 use super::pins::Event;
 use super::trace::TraceStep;
 
-/// Upper ends of the bins of [`Comparison::histogram`], ns; the last bin has all above.
+/// Upper ends of the bins of [`Comparison::histogram`], ns; the last bin has all larger latencies.
 pub const HISTOGRAM_NS: [u64; 13] =
     [100, 200, 500, 1_000, 2_000, 5_000, 10_000, 20_000, 50_000, 100_000, 200_000, 500_000, 1_000_000];
 
-/// Where a run of motion ends.
+/// The limits between runs of motion, and of latencies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Rules {
     /// A gap of the desk as long as this ends a run, ns.
     pub rest_ns: u64,
-    /// A gap of the desk as long as this ends a run if the pins' gap differs from it by more than `latency_bound_ns`, ns. A
-    /// delay longer than the bound is not seen in such a gap: choose it longer than any interval within a fast move.
+    /// A gap of the desk as long as this ends a run if the pins' gap differs from it by more than `latency_bound_ns`,
+    /// ns. A delay longer than the bound goes unnoticed in such a gap: choose it longer than any interval within a fast
+    /// move.
     pub pause_ns: u64,
-    /// Latencies above this are counted as too late, ns.
+    /// Latencies above this count as too late, ns.
     pub latency_bound_ns: u64,
 }
 
@@ -36,14 +38,14 @@ impl Default for Rules {
     }
 }
 
-/// The first event that differs.
+/// The first difference between pins and desk.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Difference {
-    /// Its index, from 0.
+    /// Index of the event, from 0.
     pub index: usize,
-    /// What the pins did; `None` where they had ended.
+    /// The pins' event; `None` after their last one.
     pub pins: Option<Event>,
-    /// What the desk had; `None` where it had ended.
+    /// The desk's step; `None` after its last one.
     pub desk: Option<TraceStep>,
 }
 
@@ -58,7 +60,7 @@ impl std::fmt::Display for Difference {
                 event.directions,
                 event.at_ns as f64 / 1e9
             )?,
-            None => write!(formatter, "have no more steps, ")?,
+            None => write!(formatter, "make no further step,  ")?,
         }
         match self.desk {
             Some(step) => write!(
@@ -66,51 +68,52 @@ impl std::fmt::Display for Difference {
                 "the desk steps {:04b} (backwards {:04b}) at tick {}, line {}",
                 step.axes, step.directions, step.tick, step.line
             ),
-            None => write!(formatter, "the desk has no more steps"),
+            None => write!(formatter, "the desk makes no further step"),
         }
     }
 }
 
-/// An event and how late it was.
+/// An event and its latency.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Late {
     /// Index of the event.
     pub index: usize,
-    /// When, on the pins, ns.
+    /// Its instant on the pins, ns.
     pub at_ns: u64,
     /// Source line of its move.
     pub line: u32,
-    /// How late, ns.
+    /// Its latency, ns.
     pub latency_ns: u64,
 }
 
-/// What a comparison found.
+/// The result of a comparison.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Comparison {
-    /// Events on the pins.
+    /// Number of events on the pins.
     pub pin_events: usize,
-    /// Events on the desk.
+    /// Number of steps of the desk.
     pub desk_events: usize,
-    /// The first difference in the order; the times are compared up to it.
+    /// The first difference in the order; times are compared up to it.
     pub difference: Option<Difference>,
-    /// Runs of continuous motion.
+    /// Number of runs of continuous motion.
     pub runs: usize,
     /// The latest event.
     pub latest: Option<Late>,
-    /// The first event later than the bound: where an edge was lost or doubled, it points at the place.
+    /// The first event later than the bound: after a lost or doubled edge it shows the place.
     pub first_too_late: Option<Late>,
-    /// Events later than the bound.
+    /// Number of events later than the bound.
     pub too_late: usize,
-    /// Events by latency: bin i counts those up to `HISTOGRAM_NS[i]` and above the one before; the last bin has the rest.
+    /// Number of events by latency: bin i counts those up to `HISTOGRAM_NS[i]` and above the bin before; the last bin
+    /// counts the rest.
     pub histogram: [u64; HISTOGRAM_NS.len() + 1],
     /// The largest difference between an interval on the pins and the desk's, within the runs, ns.
     pub largest_disagreement_ns: u64,
-    /// The same between the runs, ns: how long the desk did not know that the machine would wait.
+    /// The same difference between runs, ns: how long the machine waited without the desk knowing.
     pub largest_wait_ns: u64,
 }
 
 impl Comparison {
-    /// Whether the order is the same throughout, and no event later than the bound.
+    /// Whether the order is the same throughout, and no event is later than the bound.
     #[must_use]
     pub fn agrees(&self) -> bool {
         self.difference.is_none() && self.too_late == 0

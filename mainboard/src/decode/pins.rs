@@ -1,4 +1,4 @@
-//! Edges to step events.
+//! Decodes edges into step events.
 
 use serde::{Deserialize, Serialize};
 
@@ -9,44 +9,44 @@ use crate::wiring::{Board, Printer};
 /// The outputs of a motor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct MotorWires {
-    /// Step.
+    /// The step pin.
     pub step: Pin,
-    /// Direction: high is backwards.
+    /// The direction pin: high is backwards.
     pub direction: Pin,
-    /// Enable: low is on.
+    /// The enable pin: low is on.
     pub enable: Pin,
-    /// True if the motor runs the other way round: then low is backwards.
+    /// True for an inverted direction, where low is backwards.
     pub inverted: bool,
 }
 
 /// Steps that left together.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Event {
-    /// When the first of them left, ns.
+    /// The instant of the first of them, ns.
     pub at_ns: u64,
-    /// Which motors stepped: bit 0 = x, 1 = y, 2 = z, 3 = e.
+    /// The motors that stepped: bit 0 = x, 1 = y, 2 = z, 3 = e.
     pub axes: u8,
-    /// Which of those stepped backwards: the same bits.
+    /// Those of them that stepped backwards, in the same bits.
     pub directions: u8,
 }
 
-/// The shortest times that the drivers saw, ns; `u64::MAX` where there was none.
+/// The shortest times that the drivers saw, ns; `u64::MAX` before the first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Smallest {
     /// High time of a step signal.
     pub high_ns: u64,
     /// Low time of a step signal, between two high ones.
     pub low_ns: u64,
-    /// Between two events.
+    /// Time between two events.
     pub gap_ns: u64,
-    /// From a change of direction to the step after it.
+    /// From a change of direction to the next step.
     pub direction_setup_ns: u64,
-    /// From a step to the change of direction after it.
+    /// From a step to the next change of direction.
     pub direction_hold_ns: u64,
 }
 
 impl Smallest {
-    /// Nothing was seen yet.
+    /// Before the first edge.
     pub const NONE: Self = Self {
         high_ns: u64::MAX,
         low_ns: u64::MAX,
@@ -55,7 +55,7 @@ impl Smallest {
         direction_hold_ns: u64::MAX,
     };
 
-    /// The shorter one of high and low time, ns.
+    /// The shorter of high and low time, ns.
     #[must_use]
     pub fn pulse_ns(&self) -> u64 {
         self.high_ns.min(self.low_ns)
@@ -76,10 +76,10 @@ struct Motor {
     direction_edge_ns: Option<u64>,
 }
 
-/// Reads edges in the order of time and yields step events.
+/// Decodes edges in the order of time into step events.
 ///
-/// A pin's first edge tells what it was before. A motor is off until its enable pin goes low: drivers pull it high. Steps of
-/// a motor that is off are steps of the order, but move nothing: they are counted apart.
+/// A pin's first edge also shows its level before. A motor is off until its enable pin goes low, because drivers pull
+/// it high. Steps of a motor that is off belong to the order but move nothing; they are counted separately.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Decoder {
     wires: Vec<MotorWires>,
@@ -97,8 +97,8 @@ pub struct Decoder {
 }
 
 impl Decoder {
-    /// A decoder for a board's motors x, y, z and e with a printer's signals. Steps of different motors that leave at most
-    /// `event_window_ns` after the first of them are one event: one store for each port takes several instructions.
+    /// A decoder for a board's motors x, y, z and e with a printer's signals. Steps of different motors within
+    /// `event_window_ns` after the first are one event: the firmware stores to one port after the other.
     #[must_use]
     pub fn new(board: &Board, printer: &Printer, event_window_ns: u64) -> Self {
         let inverted = printer.signals.inverted;
@@ -131,7 +131,7 @@ impl Decoder {
         }
     }
 
-    /// Takes an edge: `pin` became `high`. Edges come in the order of time.
+    /// Processes an edge: `pin` became `high`. Edges come in the order of time.
     pub fn edge(&mut self, at_ns: u64, pin: Pin, high: bool) {
         if at_ns < self.last_edge_ns {
             self.out_of_order += 1;
@@ -159,7 +159,7 @@ impl Decoder {
     fn direction_edge(&mut self, index: usize, at_ns: u64, high: bool) {
         let motor = &mut self.motors[index];
         if motor.direction_high == high {
-            // The first edge may tell what the pin was all the time: only a change after a step is a change.
+            // The first edge may repeat a level that the pin always had: only edges after a step count.
             self.repeated_levels += u64::from(motor.last_step_ns.is_some());
             return;
         }
@@ -219,13 +219,13 @@ impl Decoder {
         self.events.push(event);
     }
 
-    /// The events so far, but for the last one, which another step may still join.
+    /// The events so far, except the last one, which another step may still join.
     #[must_use]
     pub fn events(&self) -> &[Event] {
         &self.events
     }
 
-    /// Ends the last event, and returns all of them.
+    /// Ends the last event and returns all events.
     pub fn finish(&mut self) -> &[Event] {
         self.close();
         &self.events
@@ -237,19 +237,19 @@ impl Decoder {
         order_digest(self.events.iter().map(|event| (event.axes, event.directions)))
     }
 
-    /// Where a motor is, steps from where it was at the start.
+    /// A motor's position, in steps from its start.
     #[must_use]
     pub fn position(&self, motor: usize) -> i64 {
         self.motors.get(motor).map_or(0, |motor| motor.position)
     }
 
-    /// How many steps a motor made, both ways.
+    /// The number of steps of a motor, in both directions.
     #[must_use]
     pub fn steps(&self, motor: usize) -> u64 {
         self.motors.get(motor).map_or(0, |motor| motor.steps)
     }
 
-    /// How many of them came while the driver was off.
+    /// The number of steps of a motor while its driver was off.
     #[must_use]
     pub fn steps_while_off(&self, motor: usize) -> u64 {
         self.motors.get(motor).map_or(0, |motor| motor.steps_while_off)
@@ -261,19 +261,20 @@ impl Decoder {
         self.smallest
     }
 
-    /// Edges to the level that the pin had: an edge between them is lost, or levels are reported as edges.
+    /// The number of edges to the level that the pin already had: an edge in between was lost, or the caller reports
+    /// levels.
     #[must_use]
     pub fn repeated_levels(&self) -> u64 {
         self.repeated_levels
     }
 
-    /// Edges of pins that are no motor's.
+    /// The number of edges of pins that belong to no motor.
     #[must_use]
     pub fn foreign_edges(&self) -> u64 {
         self.foreign_edges
     }
 
-    /// Edges that were earlier than the one before.
+    /// The number of edges earlier than their predecessor.
     #[must_use]
     pub fn out_of_order(&self) -> u64 {
         self.out_of_order

@@ -34,7 +34,7 @@ fn event(at_ns: u64, axes: u8, directions: u8) -> Event {
 }
 
 #[test]
-fn the_decoder_takes_its_pins_from_the_board_and_inversion_from_the_profile() {
+fn the_board_gives_the_pins_and_the_profile_their_inversion() {
     let board = Board::parse("board", BUDDY).unwrap();
     let printer = Printer::parse("profile", MINI).unwrap();
     let mut decoder = Decoder::new(&board, &printer, WINDOW_NS);
@@ -51,7 +51,7 @@ fn the_decoder_takes_its_pins_from_the_board_and_inversion_from_the_profile() {
 }
 
 #[test]
-fn with_one_edge_a_step_only_rising_ones_count_and_both_times_are_measured() {
+fn with_one_edge_per_step_rising_edges_count_and_both_times_are_measured() {
     let mut decoder = decoder(false);
     for (at, high) in [(1_000, true), (2_100, false), (5_000, true), (6_050, false), (7_060, true)] {
         decoder.edge(at, step(0), high);
@@ -73,7 +73,7 @@ fn set_up_and_hold_are_measured_at_the_motor_of_the_direction() {
     decoder.edge(1_250, direction, false);
     decoder.edge(1_500, step(1), false);
     decoder.edge(3_250, step(0), false);
-    // The set-up of a change that another one follows is not measured: no step saw it.
+    // The set-up of a change without a step before the next change is not measured.
     decoder.edge(9_000, step(0), true);
     let smallest = decoder.smallest();
     assert_eq!((smallest.direction_setup_ns, smallest.direction_hold_ns), (300, 450));
@@ -81,7 +81,7 @@ fn set_up_and_hold_are_measured_at_the_motor_of_the_direction() {
 }
 
 #[test]
-fn steps_are_one_event_within_the_window_and_not_of_one_motor() {
+fn steps_of_different_motors_within_the_window_are_one_event() {
     let mut decoder = decoder(true);
     decoder.edge(1_000, step(0), true);
     decoder.edge(1_400, step(1), true);
@@ -93,7 +93,7 @@ fn steps_are_one_event_within_the_window_and_not_of_one_motor() {
 }
 
 #[test]
-fn a_repeated_level_is_counted_and_not_a_step() {
+fn a_repeated_level_is_counted_and_makes_no_step() {
     let mut decoder = decoder(true);
     decoder.edge(1_000, step(0), true);
     decoder.edge(2_000, step(0), true);
@@ -146,7 +146,7 @@ fn a_trace_is_read_with_homing_and_source_lines() {
 }
 
 #[test]
-fn files_that_are_not_traces_are_refused() {
+fn malformed_traces_are_refused() {
     let good = String::from_utf8(trace(&[])).unwrap();
     for (from, to) in [
         ("\"version\":1", "\"version\":2"),
@@ -174,7 +174,7 @@ fn desk(intervals: &[u64], masks: &[(u8, u8)]) -> Vec<TraceStep> {
     steps.collect()
 }
 
-/// The pins' events, each later than the desk's by `delay_ns` and its own jitter.
+/// The pins' events: the desk's, each delayed by `delay_ns` and its own jitter.
 fn late_events(desk: &[TraceStep], delay_ns: u64, jitter: &[u64]) -> Vec<Event> {
     let event = |(step, jitter): (&TraceStep, &u64)| Event {
         at_ns: nanoseconds(step.tick) + delay_ns + jitter,
@@ -185,10 +185,10 @@ fn late_events(desk: &[TraceStep], delay_ns: u64, jitter: &[u64]) -> Vec<Event> 
 }
 
 #[test]
-fn a_rest_and_a_pause_end_a_run_and_a_punctual_gap_does_not() {
+fn only_a_rest_or_a_late_gap_ends_a_run() {
     let rules = Rules::default();
     let masks = [(1, 0); 7];
-    // 1 ms each, then 25 ms (a rest), then 2 ms, of which one waits 3 ms for its move.
+    // 1 ms each, then 25 ms (a rest), then 2 ms, one of which waits 3 ms for its move.
     let desk = desk(&[84_000, 84_000, 84_000, 2_100_000, 168_000, 168_000, 168_000], &masks);
     let mut pins = late_events(&desk, 1_000, &[0, 50, 0, 700, 0, 900, 0]);
     for event in &mut pins[5..] {
@@ -200,7 +200,7 @@ fn a_rest_and_a_pause_end_a_run_and_a_punctual_gap_does_not() {
     assert_eq!((found.largest_disagreement_ns, found.largest_wait_ns), (900, 3_000_900));
     assert_eq!(found.histogram[..4], [5, 0, 0, 2]);
     assert!(found.agrees());
-    // The same wait within a fast move is no pause, but makes what follows late.
+    // The same wait within a fast move is not a pause, but delays the events after it.
     let strict = Rules { pause_ns: 10_000_000, ..rules };
     let found = compare(&pins, &desk, TICK_HZ, &strict);
     assert_eq!((found.runs, found.too_late, found.first_too_late.unwrap().index), (2, 2, 5));
@@ -208,13 +208,13 @@ fn a_rest_and_a_pause_end_a_run_and_a_punctual_gap_does_not() {
 }
 
 #[test]
-fn an_empty_trace_agrees_only_with_an_empty_one() {
+fn an_empty_log_agrees_with_an_empty_trace_only() {
     let rules = Rules::default();
     assert!(compare(&[], &[], TICK_HZ, &rules).agrees());
     let found = compare(&[event(5, 1, 0)], &[], TICK_HZ, &rules);
     assert_eq!(
         found.difference.unwrap().to_string(),
-        "event 0: the pins step 0001 (backwards 0000) at 0.000000 s, the desk has no more steps"
+        "event 0: the pins step 0001 (backwards 0000) at 0.000000 s, the desk makes no further step"
     );
     assert!(!compare(&[], &desk(&[1], &[(1, 0)]), TICK_HZ, &rules).agrees());
 }
@@ -228,7 +228,7 @@ fn motion() -> impl Strategy<Value = (Vec<u64>, Vec<(u8, u8)>, Vec<u64>)> {
     })
 }
 
-/// The edges that make these events on the wires of [`decoder`], steps of one event 50 ns apart.
+/// The edges of these events on the wires of [`decoder`], steps of one event 50 ns apart.
 fn edges(events: &[Event]) -> Vec<(u64, Pin, bool)> {
     let mut edges = Vec::new();
     let (mut steps, mut directions) = ([false; 4], [false; 4]);
@@ -261,7 +261,7 @@ fn decoded(edges: &[(u64, Pin, bool)]) -> Decoder {
 
 proptest! {
     #[test]
-    fn what_was_made_from_events_is_decoded_to_them((intervals, masks, jitter) in motion()) {
+    fn edges_decode_to_the_events_that_made_them((intervals, masks, jitter) in motion()) {
         let desk = desk(&intervals, &masks);
         let pins = late_events(&desk, 1_000, &jitter);
         let decoder = decoded(&edges(&pins));
@@ -271,7 +271,7 @@ proptest! {
     }
 
     #[test]
-    fn a_jitter_is_found_as_the_latency_that_it_is((intervals, masks, jitter) in motion(), delay in 0_u64..1_000_000_000) {
+    fn jitter_is_measured_as_latency((intervals, masks, jitter) in motion(), delay in 0_u64..1_000_000_000) {
         let desk = desk(&intervals, &masks);
         let pins = late_events(&desk, delay, &jitter);
         let found = compare(&pins, &desk, TICK_HZ, &Rules::default());
@@ -287,7 +287,7 @@ proptest! {
     }
 
     #[test]
-    fn a_lost_doubled_or_swapped_edge_is_found((intervals, masks, jitter) in motion(), at in any::<prop::sample::Index>(), what in 0..3) {
+    fn a_lost_doubled_or_swapped_edge_is_detected((intervals, masks, jitter) in motion(), at in any::<prop::sample::Index>(), what in 0..3) {
         let desk = desk(&intervals, &masks);
         let mut edges = edges(&late_events(&desk, 1_000, &jitter));
         let steps: Vec<usize> = (0..edges.len()).filter(|edge| edges[*edge].1.number == 0).collect();
@@ -297,13 +297,13 @@ proptest! {
                 edges.remove(place);
             }
             1 => {
-                // A glitch: the pin goes back, and forth again 20 ns later.
+                // A glitch: the pin changes back, and again 20 ns later.
                 let (at_ns, pin, high) = edges[place];
                 edges.insert(place + 1, (at_ns + 10, pin, !high));
                 edges.insert(place + 2, (at_ns + 20, pin, high));
             }
             _ => {
-                // The edge changes places with the next one of another event, unless that is the same edge.
+                // The edge swaps with the next one of another event, unless both are equal.
                 let later = steps.iter().copied().find(|later| edges[*later].0 > edges[place].0 + 1_000);
                 let Some(later) = later.filter(|later| edges[*later].1 != edges[place].1) else { return Ok(()) };
                 let (first, second) = (edges[place], edges[later]);

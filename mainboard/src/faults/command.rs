@@ -5,72 +5,76 @@ use std::time::{Duration, Instant};
 
 use clap::Args;
 
+use super::bench::Bench;
+use super::campaign::{Campaign, Runs, Wanted};
 use super::fault::{self, Fault};
 use super::matrix::{Matrix, reproduction};
 use super::state::State;
 use super::verdict::Outcome;
-use super::{Bench, Campaign, Runs, Wanted};
 
-/// Lets parts fail at random instants and holds what comes of it against the documentation.
+/// Injects faults at random instants and compares the outcome with the documentation.
 #[derive(Debug, Args)]
 pub struct Faults {
-    /// The board: a name of boards/, with an image in target/images/.
+    /// The board: a name in boards/, with an image in target/images/.
     #[arg(long, default_value = "prusa-buddy")]
     pub board: String,
-    /// Runs.
+    /// Number of runs.
     #[arg(long, default_value_t = 200)]
     pub count: usize,
-    /// Draws the runs' own seeds.
+    /// Seed that draws the seeds of the runs.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
-    /// This fault alone.
+    /// Run this fault only.
     #[arg(long, value_parser = fault_named)]
     pub only: Option<Fault>,
-    /// This state alone.
+    /// Run this state only.
     #[arg(long, value_parser = state_named)]
     pub state: Option<State>,
-    /// One run, with the seed that a report names, and all that is known of it.
+    /// Repeat the run of this seed, as a report names it, and print its details.
     #[arg(long)]
     pub run: Option<u64>,
-    /// Threads.
+    /// Number of threads.
     #[arg(long, default_value_t = 2)]
     pub threads: usize,
-    /// Begins no run after this many minutes.
+    /// Start no run after this many minutes.
     #[arg(long)]
     pub minutes: Option<u64>,
     /// The repository's root.
     #[arg(long, default_value = "..")]
     pub root: PathBuf,
-    /// Prints JSON: the matrix and each violation.
+    /// Print JSON: the matrix and every violation.
     #[arg(long)]
     pub json: bool,
-    /// Writes the matrix here, as CSV.
+    /// Write the matrix to this CSV file.
     #[arg(long)]
     pub csv: Option<PathBuf>,
-    /// Writes each outcome here as it comes, a line of JSON each.
+    /// Write every outcome to this file as it occurs, one JSON object a line.
     #[arg(long)]
     pub outcomes: Option<PathBuf>,
 }
 
 fn fault_named(name: &str) -> Result<Fault, String> {
     let all = || fault::ALL.map(|(name, ..)| name).join(", ");
-    Fault::named(name).ok_or_else(|| format!("no such fault; expected one of {}", all()))
+    Fault::named(name).ok_or_else(|| format!("unknown fault; choose one of {}", all()))
 }
 
 fn state_named(name: &str) -> Result<State, String> {
     let all = || State::ALL.map(State::name).join(", ");
-    State::ALL.into_iter().find(|state| state.name() == name).ok_or_else(|| format!("expected one of {}", all()))
+    State::ALL
+        .into_iter()
+        .find(|state| state.name() == name)
+        .ok_or_else(|| format!("unknown state; choose one of {}", all()))
 }
 
 impl Faults {
-    /// Does the runs and prints their matrix; whether nothing was violated.
+    /// Executes the runs and prints their matrix. True if every promise held.
     ///
     /// # Errors
-    /// The board does not get through its states, or a file cannot be written.
+    /// The board does not reach all its states, or a file cannot be written.
     pub fn execute(&self) -> Result<bool, String> {
         let began = Instant::now();
         let campaign = Campaign::new(Bench::new(&self.root, &self.board)?)?;
-        eprintln!("{}: all states reached after {:.1} s", self.board, began.elapsed().as_secs_f64());
+        eprintln!("{}: reached all states after {:.1} s", self.board, began.elapsed().as_secs_f64());
         let wanted = Wanted { only: self.only, state: self.state };
         if let Some(seed) = self.run {
             let outcome = campaign.run(seed, wanted);
@@ -80,14 +84,14 @@ impl Faults {
         let file = self.outcomes.as_ref().map(|path| {
             std::fs::File::create(path)
                 .map(std::sync::Mutex::new)
-                .map_err(|error| format!("{} cannot be written: {error}", path.display()))
+                .map_err(|error| format!("{} cannot be written: {error}; check --outcomes", path.display()))
         });
         let file = file.transpose()?;
         let progress = |index: usize, outcome: &Outcome| {
             if let (Some(file), Ok(line)) = (&file, serde_json::to_string(outcome))
                 && let Ok(mut file) = file.lock()
             {
-                // What cannot be written is missing in the file alone.
+                // A failed write only loses its line of the file.
                 let _ = std::io::Write::write_all(&mut *file, format!("{line}\n").as_bytes());
             }
             if (index + 1).is_multiple_of(500) {
@@ -105,7 +109,7 @@ impl Faults {
         let violations: Vec<&Outcome> = outcomes.iter().filter(|outcome| !outcome.violations.is_empty()).collect();
         if let Some(path) = &self.csv {
             std::fs::write(path, matrix.csv())
-                .map_err(|error| format!("{} cannot be written: {error}", path.display()))?;
+                .map_err(|error| format!("{} cannot be written: {error}; check --csv", path.display()))?;
         }
         if self.json {
             let report = serde_json::json!({ "board": self.board, "matrix": matrix, "violations": violations });

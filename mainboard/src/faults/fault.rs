@@ -1,4 +1,4 @@
-//! What can go wrong, by name.
+//! The faults, by name.
 
 use serde::Serialize;
 
@@ -26,44 +26,44 @@ impl Block {
     }
 }
 
-/// What a supply does.
+/// The course of a supply's fault.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Supply {
-    /// It sinks, stays there for a while and comes back.
+    /// The voltage sinks, stays low for a while and returns.
     Sags,
-    /// It is away for milliseconds.
+    /// The supply fails for milliseconds.
     Dips,
-    /// It is cut for good.
+    /// The supply is cut for good.
     Cut,
-    /// It is cut, and comes back after a while.
+    /// The supply is cut and returns after a while.
     Returns,
 }
 
-/// What a thermistor does.
+/// The fault of a thermistor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Sensor {
-    /// Its wire is broken.
+    /// The wire is broken.
     Open,
-    /// Its wires touch.
+    /// The wires touch.
     Short,
-    /// It is out of its hole.
+    /// The thermistor is out of its hole.
     SlippedOut,
-    /// Its plug is loose.
+    /// The plug is loose.
     Loose,
-    /// It reads ever more beside the truth, by 10 kelvin a minute.
+    /// The reading's error grows by 10 kelvin a minute.
     Drifts,
 }
 
-/// What a motor's driver does.
+/// The fault of a motor's driver.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Driver {
-    /// Its own supply is away for some ms: its registers are lost.
+    /// Its own supply fails for some ms, so it loses its registers.
     Resets,
     /// Too hot: it switches its motor off.
     Hot,
     /// A motor's phase touches ground.
     Short,
-    /// It does not hear and says nothing.
+    /// It neither receives nor sends.
     Mute,
 }
 
@@ -81,29 +81,29 @@ pub enum Memory {
 /// A fault.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Fault {
-    /// Nothing: what must be said of every run must hold for a sound one.
+    /// No fault: a sound run must pass every check.
     Control,
-    /// The crystal stops swinging.
+    /// The crystal stops oscillating.
     CrystalStops,
-    /// The 24 V of motors and heaters; the chip lives on by USB.
+    /// The 24 V of motors and heaters; USB keeps supplying the chip.
     MotorSupply(Supply),
     /// The chip's 3.3 V.
     ChipSupply(Supply),
-    /// The host says nothing more.
+    /// The host falls silent for good.
     HostVanishes,
-    /// Some of the bits to the chip arrive wrong for a while.
+    /// Some bits to the chip arrive wrong for a while.
     HostLineGarbles,
     /// A thermistor.
     Thermistor(Block, Sensor),
     /// A heater or its transistor.
     Heater(Block, HeaterFault),
-    /// The converters' clock is off, and stays off.
+    /// The converters lose their clock for good.
     ConverterStands,
     /// The converters are switched off once.
     ConverterHiccup,
-    /// The stream that carries conversions to memory is off, and off again within 0.1 ms after anything switches it on.
+    /// The DMA stream from the converters is switched off, and again within 0.1 ms if the firmware switches it on.
     TransferStands,
-    /// The transfer of conversions ends once.
+    /// The DMA stream from the converters ends once.
     TransferHiccup,
     /// A motor's driver.
     Driver(Driver),
@@ -115,17 +115,18 @@ pub enum Fault {
     FanStuck,
     /// A random bit of memory flips.
     Flip(Memory),
-    /// The first instruction of an interrupt's handler becomes a branch to itself.
+    /// The first instruction of an interrupt handler becomes a branch to itself.
     TaskHangs,
     /// A debugger halts the core.
     CoreHalted,
-    /// An input changes its level every few microseconds for a while.
+    /// An input toggles every few microseconds for a while.
     InputStorm,
 }
 
-/// All faults: name, fault, and its share of a campaign's runs.
+/// All faults: name, fault, and share of a campaign's runs.
 ///
-/// The shares are by cost and interest: flips of single bits are many, and what takes minutes of the printer's time is rare.
+/// The shares follow cost and interest: bit flips are frequent, faults that take minutes of the printer's time are
+/// rare.
 pub const ALL: [(&str, Fault, u32); 45] = [
     ("control", Fault::Control, 10),
     ("crystal-stops", Fault::CrystalStops, 20),
@@ -194,7 +195,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_fault_has_a_name_of_its_own() {
+    fn every_fault_has_a_unique_name() {
         for (name, fault, share) in ALL.into_iter() {
             assert!(share > 0);
             assert_eq!(Fault::named(name).unwrap(), fault);

@@ -1,12 +1,11 @@
-//! The host of a run with a fault: sends a file, asks for temperatures when it has nothing else to send, and comes back after a
-//! reset.
+//! The host of a run with a fault: sends a file, polls temperatures while idle, and reconnects after a reset.
 
 use crate::host::{Answer, Heard, Options, Stream};
 use crate::machine::{HOST_PORT, Machine};
 
-/// How often it asks while it has nothing to print, ns.
+/// Interval of polls while the host is idle, ns.
 const POLL_NS: u64 = 500_000_000;
-/// How much of a line may wait for the chip's receiver.
+/// Maximum number of bytes that wait for the chip's receiver.
 const WAITING_BYTES: usize = 200;
 
 /// A host on the serial line.
@@ -14,13 +13,13 @@ const WAITING_BYTES: usize = 200;
 pub struct HostSide {
     stream: Stream,
     polled_ns: u64,
-    /// What streams before a reset heard.
+    /// Lines received by all streams, before and after resets.
     heard: Vec<Heard>,
     last_heard_ns: u64,
     last_sent_ns: u64,
     seen: usize,
     gone: bool,
-    /// The file's lines, as the stream counts them.
+    /// The file's lines, numbered as the stream counts them.
     lines: Vec<String>,
 }
 
@@ -29,7 +28,7 @@ fn options(wait_for_start: bool) -> Options {
 }
 
 impl HostSide {
-    /// A host with these lines to send, once the printer has said `start`.
+    /// A host that sends these lines after the printer's `start`.
     #[must_use]
     pub fn new<T: AsRef<str>>(lines: impl IntoIterator<Item = T>) -> Self {
         let lines: Vec<String> = lines.into_iter().map(|line| line.as_ref().to_owned()).collect();
@@ -46,13 +45,13 @@ impl HostSide {
         }
     }
 
-    /// The file's line that is on its way, if none before it is.
+    /// The first line of the file that is not acknowledged.
     #[must_use]
     pub fn line_on_its_way(&self) -> Option<&str> {
         self.lines.get(self.stream.acknowledged()).map(String::as_str)
     }
 
-    /// It says nothing more, and what it has sent and the chip has not received is lost.
+    /// Falls silent; bytes that the chip has not received yet are lost.
     pub fn vanish(&mut self, machine: &mut Machine) {
         self.gone = true;
         if let Some(mailbox) = machine.mailbox(HOST_PORT) {
@@ -60,18 +59,18 @@ impl HostSide {
         }
     }
 
-    /// Sends a line past all others.
+    /// Sends a line before all others.
     pub fn push_urgent(&mut self, line: &str) {
         self.stream.push_urgent(line);
     }
 
-    /// Adds a line at the end.
+    /// Appends a line.
     pub fn push(&mut self, line: &str) {
         self.stream.push(line);
         self.lines.push(line.to_owned());
     }
 
-    /// Reads and writes.
+    /// Receives and sends.
     pub fn turn(&mut self, machine: &mut Machine, now_ns: u64) {
         let Some(mailbox) = machine.mailbox(HOST_PORT) else { return };
         let bytes: Vec<u8> = mailbox.take().map(|(_, word)| word as u8).collect();
@@ -102,31 +101,31 @@ impl HostSide {
         }
     }
 
-    /// All lines that the printer sent, those before a reset too.
+    /// All lines from the printer, those before a reset included.
     #[must_use]
     pub fn heard(&self) -> &[Heard] {
         &self.heard
     }
 
-    /// Whether all is sent and acknowledged, but for what it asks while idle.
+    /// Whether all lines are sent and acknowledged, except polls.
     #[must_use]
     pub fn finished(&self) -> bool {
         self.stream.finished()
     }
 
-    /// For how long the printer has said nothing at all, ns.
+    /// The time since the printer's last byte, ns.
     #[must_use]
     pub fn silent_ns(&self, now_ns: u64) -> u64 {
         now_ns.saturating_sub(self.last_heard_ns)
     }
 
-    /// Whether the host is still there.
+    /// Whether the host still sends.
     #[must_use]
     pub fn is_there(&self) -> bool {
         !self.gone
     }
 
-    /// The newest temperatures that the printer reported after this instant.
+    /// The latest temperatures that the printer reported since this instant.
     #[must_use]
     pub fn temperatures(&self, since_ns: u64) -> Option<Temperatures> {
         self.heard
@@ -136,7 +135,7 @@ impl HostSide {
             .find_map(|heard| Temperatures::parse(&heard.text))
     }
 
-    /// Errors, and starts after a reset, since this instant.
+    /// Errors since this instant, and starts after a reset.
     pub fn alarms(&self, since_ns: u64) -> impl Iterator<Item = &Heard> {
         let from = self.heard.partition_point(|heard| heard.at_ns < since_ns);
         self.heard[from..].iter().filter(|heard| {
@@ -148,25 +147,25 @@ impl HostSide {
         })
     }
 
-    /// Whether it read, since this instant, that a command was not done as it was sent.
+    /// Whether the host has read since this instant that a command was not executed as sent.
     #[must_use]
-    pub fn was_told(&self, since_ns: u64) -> bool {
+    pub fn read_a_warning(&self, since_ns: u64) -> bool {
         let from = self.heard.partition_point(|heard| heard.at_ns < since_ns);
         self.heard[from..].iter().any(|heard| heard.text.starts_with("echo:line"))
     }
 
-    /// The first lines since this instant that are not temperatures and not an `ok`.
+    /// The first `max` lines since this instant, without temperatures and acknowledgements.
     #[must_use]
-    pub fn telling(&self, since_ns: u64, most: usize) -> Vec<String> {
+    pub fn notable_lines(&self, since_ns: u64, max: usize) -> Vec<String> {
         let from = self.heard.partition_point(|heard| heard.at_ns < since_ns);
-        let telling = self.heard[from..].iter().filter(|heard| {
+        let notable = self.heard[from..].iter().filter(|heard| {
             !matches!(heard.answer, Answer::Ok | Answer::Busy) && Temperatures::parse(&heard.text).is_none()
         });
-        telling.take(most).map(|heard| format!("{:.3} {}", heard.at_ns as f64 / 1e9, heard.text)).collect()
+        notable.take(max).map(|heard| format!("{:.3} {}", heard.at_ns as f64 / 1e9, heard.text)).collect()
     }
 }
 
-/// What a printer says of its heat: RepRap's answer to M105.
+/// The temperatures of a printer: RepRap's reply to M105.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Temperatures {
     /// Nozzle, target of the nozzle, bed, target of the bed, degrees Celsius.
@@ -174,7 +173,7 @@ pub struct Temperatures {
 }
 
 impl Temperatures {
-    /// From `T:22.17 /0.00 B:22.21 /0.00 @:0 B@:0`, with or without `ok` before it.
+    /// Parses `T:22.17 /0.00 B:22.21 /0.00 @:0 B@:0`, with or without a leading `ok`.
     #[must_use]
     pub fn parse(line: &str) -> Option<Self> {
         let mut numbers = [None; 4];
@@ -200,7 +199,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn reads_temperatures_as_marlin_writes_them() {
+    fn marlin_s_temperature_reports_are_parsed() {
         let line = "ok T:199.98 /200.00 B:40.05 /41.00 @:77 B@:12";
         assert_eq!(Temperatures::parse(line).unwrap().celsius, [199.98, 200.0, 40.05, 41.0]);
         assert_eq!(Temperatures::parse("ok"), None);

@@ -1,4 +1,5 @@
-//! Where an image's code, variables and handlers lie, from its ELF file (System V ABI, chapter 4; ARM's supplement).
+//! The addresses of an image's code, variables and handlers, from its ELF file (System V ABI, chapter 4; ARM's
+//! supplement).
 
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -8,9 +9,9 @@ use crate::wiring::Board;
 const SHT_SYMTAB: u32 = 2;
 const SHF_ALLOC: u32 = 1 << 1;
 const SYMBOL_BYTES: usize = 16;
-/// Below the static variables or at the end of the memory: the stack, as much of it as may be in use, bytes.
+/// The part of the stack that may be in use, bytes; it lies below the static variables or at the end of the memory.
 const STACK_BYTES: u64 = 4096;
-/// Exceptions 0 and 1 of the vector table are the stack and the start.
+/// The first handler in the vector table: entries 0 and 1 are the initial stack pointer and the reset.
 const FIRST_HANDLER: u64 = 2;
 
 /// A function or a variable.
@@ -21,16 +22,16 @@ struct Symbol {
     name: String,
 }
 
-/// What lies where.
+/// The memory layout of an image.
 #[derive(Debug, Clone, Default)]
 pub struct Layout {
     /// Static variables and the stack.
     pub ram: Vec<Range<u64>>,
-    /// The memory beside the core, all of it.
+    /// All of the core coupled memory.
     pub ccm: Vec<Range<u64>>,
-    /// What the image occupies of the flash.
+    /// The flash that the image occupies.
     pub flash: Vec<Range<u64>>,
-    /// Handlers that are not the default: exception number and address.
+    /// Handlers other than the default one: exception number and address.
     pub handlers: Vec<(u64, u32)>,
     symbols: Vec<Symbol>,
 }
@@ -53,12 +54,14 @@ fn text(bytes: &[u8]) -> String {
 }
 
 impl Layout {
-    /// From a 32-bit little-endian ELF file.
+    /// Reads a 32-bit little-endian ELF file.
     ///
     /// # Errors
-    /// It is no such file.
+    /// The file is truncated or not such a file.
     pub fn read(board: &Board, elf: &[u8]) -> Result<Self, String> {
-        let mut layout = Self::parse(board, elf).ok_or("the image is no complete ELF file: build it again")?;
+        let mut layout = Self::parse(board, elf).ok_or_else(|| {
+            format!("truncated or not an ELF file; build it with `cargo xtask firmware --board {}`", board.name)
+        })?;
         if board.ccm_bytes > 0 {
             layout.ccm.push(0x1000_0000..0x1000_0000 + u64::from(board.ccm_bytes));
         }
@@ -100,7 +103,7 @@ impl Layout {
         Some(layout)
     }
 
-    /// " in NAME" of what lies at an address, or nothing.
+    /// " in NAME" for the symbol at an address; empty without one.
     #[must_use]
     pub fn symbol(&self, address: u64) -> String {
         self.symbols
@@ -118,13 +121,13 @@ fn symbols(table: &[u8], names: &[u8]) -> Vec<Symbol> {
             continue;
         };
         let name = size(name).and_then(|at| names.get(at..)).map_or_else(String::new, text);
-        // A function's address has the Thumb bit.
+        // The lowest bit of a function's address is the Thumb bit.
         symbols.push(Symbol { address: u64::from(address & !1), size: u64::from(bytes), name });
     }
     symbols
 }
 
-/// Handlers of a vector table but for the one that most exceptions share.
+/// The handlers of a vector table, except the default one that most exceptions share.
 fn handlers(vectors: &[u8]) -> Vec<(u64, u32)> {
     let all: Vec<(u64, u32)> = (0..)
         .zip(vectors.as_chunks::<4>().0)
@@ -145,16 +148,16 @@ mod tests {
     use super::*;
 
     #[test]
-    fn takes_each_handler_once_and_leaves_the_default() {
+    fn each_handler_is_listed_once_without_the_default() {
         let words: [u32; 8] = [0x2000_1000, 0x101, 0x201, 0x301, 0x201, 0, 0x401, 0x301];
         let bytes: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
         let found = handlers(&bytes);
-        // 0x201 and 0x301 are met twice each: the last of them counts as the default.
+        // 0x201 and 0x301 appear twice each: the later one counts as the default.
         assert_eq!(found, [(2, 0x200), (6, 0x400)]);
     }
 
     #[test]
-    fn refuses_files_that_are_not_elf() {
+    fn truncated_tables_are_refused() {
         assert!(handlers(&[]).is_empty());
         assert_eq!(word(&[1, 2], 0), None);
     }

@@ -1,4 +1,4 @@
-//! Making a fault happen on a running machine.
+//! Makes a fault happen on a running machine.
 
 use std::collections::VecDeque;
 
@@ -11,7 +11,7 @@ use rigless::time::VirtualNanos;
 use super::fault::{Block, Driver, Fault, Memory, Sensor, Supply};
 use super::host_side::HostSide;
 use super::image::Layout;
-use crate::chip::halt::Halt;
+use crate::chip::Halt;
 use crate::machine::{HOST_PORT, Machine};
 use crate::parts::fan::FanFault;
 use crate::parts::heat::thermistor::SensorFault;
@@ -30,33 +30,33 @@ const ADCEN: u64 = 0b111 << 8;
 const ADC: u64 = 0x4001_2000;
 const ADC_CR2: u64 = 0x08;
 const ADC_DR: u64 = 0x4C;
-/// DMA2: of stream n CR is at 0x10 + 0x18 n with EN in bit 0, PAR at 0x18 + 0x18 n (RM0090 10.5).
+/// DMA2: CR of stream n is at 0x10 + 0x18 n with EN in bit 0, PAR at 0x18 + 0x18 n (RM0090 10.5).
 const DMA2: u64 = 0x4002_6400;
-/// A driver that is hotter than each of its limits.
+/// A driver's temperature above all its limits, degrees Celsius.
 const HOT_CELSIUS: f64 = 165.0;
 
-/// What is still to be done of a fault that lasts.
+/// A later step of a fault that lasts.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Later {
     MotorSupplyReturns,
     ChipSupplyReturns,
-    LineIsSoundAgain,
+    LineRecovers,
     DriverSupplied(usize),
     Toggle { pin: Pin, level: bool, until_ns: u64, step_ns: u64 },
 }
 
-/// A fault that comes at its instant.
+/// A fault that happens at its instant.
 #[derive(Debug)]
 pub struct Injection {
     /// The fault.
     pub fault: Fault,
-    /// When, ns of the run.
+    /// The instant, ns of the run.
     pub at_ns: u64,
     /// What exactly was done; empty before.
     pub detail: String,
-    /// The machine has no such part, so nothing was done.
+    /// The machine has no such part, so the fault did not happen.
     pub without: bool,
-    /// The motor that it concerns, if one.
+    /// The motor that the fault concerns, if it concerns one.
     pub motor: Option<usize>,
     random: Random,
     later: VecDeque<(u64, Later)>,
@@ -66,7 +66,7 @@ pub struct Injection {
 }
 
 impl Injection {
-    /// A fault to come.
+    /// A future fault.
     #[must_use]
     pub fn new(fault: Fault, at_ns: u64, random: Random) -> Self {
         Self {
@@ -82,13 +82,13 @@ impl Injection {
         }
     }
 
-    /// Whether it has come.
+    /// Whether the fault has happened.
     #[must_use]
     pub fn is_done(&self) -> bool {
         self.done
     }
 
-    /// When it wants a turn.
+    /// The next instant at which the fault acts, ns.
     #[must_use]
     pub fn next_ns(&self) -> Option<u64> {
         if self.done { self.later.front().map(|(at_ns, _)| *at_ns) } else { Some(self.at_ns) }
@@ -118,14 +118,14 @@ impl Injection {
             Some(detail) => self.detail = detail,
             None => self.without = true,
         }
-        machine.plant.look_again();
+        machine.plant.refresh_inputs();
     }
 
     fn go_on(&mut self, machine: &mut Machine, later: Later, now_ns: u64) {
         match later {
             Later::MotorSupplyReturns => machine.plant.motor_rail.restore(now_ns),
             Later::ChipSupplyReturns => machine.plant.chip_rail.restore(now_ns),
-            Later::LineIsSoundAgain => {
+            Later::LineRecovers => {
                 if let Some(line) = machine.chip.serial_port(HOST_PORT) {
                     *line.errors_mut() = Errors::default();
                 }
@@ -135,7 +135,7 @@ impl Injection {
             }
             Later::Toggle { pin, level, until_ns, step_ns } => {
                 if now_ns >= until_ns {
-                    machine.plant.look_again();
+                    machine.plant.refresh_inputs();
                     return;
                 }
                 machine.chip.drive_pin(VirtualNanos(now_ns), pin, Some(level));
@@ -145,7 +145,7 @@ impl Injection {
         }
     }
 
-    /// Makes it happen; what exactly it was, or `None` if the machine has no such part.
+    /// Makes the fault happen; returns its details, or `None` if the machine has no such part.
     fn strike(
         &mut self,
         machine: &mut Machine,
@@ -257,7 +257,7 @@ impl Injection {
     fn chip_supply(&mut self, machine: &mut Machine, supply: Supply, now_ns: u64) -> String {
         let (to_mv, for_ms) = match supply {
             Supply::Sags => (self.random.between(2_000, 2_600), Some(self.random.between(50, 500))),
-            // Long enough for the rail to fall below the brown-out level, by its own capacitors.
+            // Long enough for the rail, with its own capacitors, to fall below the brown-out level.
             Supply::Dips => (self.random.between(0, 2_000), Some(self.random.between(6, 20))),
             Supply::Cut => (0, None),
             Supply::Returns => (0, Some(self.random.between(100, 1_000))),
@@ -278,7 +278,7 @@ impl Injection {
         let noise = Rate { name: "line.noise_errors", per_million };
         let errors = machine.chip.serial_port(HOST_PORT)?.errors_mut();
         (errors.noise, errors.seed) = (noise, self.random.bits());
-        self.later(now_ns + for_ms * MILLISECOND, Later::LineIsSoundAgain);
+        self.later(now_ns + for_ms * MILLISECOND, Later::LineRecovers);
         Some(format!("{per_million} of a million bytes for {for_ms} ms"))
     }
 
@@ -288,7 +288,7 @@ impl Injection {
             Sensor::Short => (SensorFault::Short, String::new()),
             Sensor::SlippedOut => {
                 let seconds = self.random.between(2, 15);
-                // Out of its hole, not half out of it: the latter cannot be noticed, as the documentation says.
+                // Fully out of its hole: the firmware cannot detect one that is half out, as the documentation says.
                 let coupling = self.random.unit() * 0.05;
                 let fault =
                     SensorFault::SlippedOut { since_ns: now_ns, time_constant_ns: seconds * 1_000_000_000, coupling };
@@ -347,7 +347,7 @@ impl Injection {
         })?;
         let address = range.start + place;
         let bit = self.random.between(0, 7);
-        // The word's first byte is in the mask's top bits.
+        // The mask's top bits belong to the first byte of the word.
         let mask = 1_u64 << (8 * (7 - (address & 7)) + bit);
         flip_bytes(address, mask, host).ok()?;
         Some(format!("bit {bit} of the byte at {address:#010x}{}", layout.symbol(address)))
@@ -358,7 +358,7 @@ fn peek(machine: &mut Machine, now_ns: u64, address: u64) -> Option<u64> {
     machine.chip.peek(VirtualNanos(now_ns), address, Width::W32).ok()
 }
 
-/// Clears bits of a register as a stray write would, if one of them is set.
+/// Clears bits of a register like a stray write; `None` if they are clear already.
 fn clear(machine: &mut Machine, now_ns: u64, address: u64, bits: u64) -> Option<String> {
     let value = peek(machine, now_ns, address)?;
     if value & bits == 0 {

@@ -9,22 +9,22 @@ use super::fault;
 use super::state::State;
 use super::verdict::Outcome;
 
-/// What came of a fault in a state.
+/// The outcomes of a fault in a state.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct Cell {
     /// Runs.
     pub runs: usize,
-    /// Of these, runs whose machine has no such part.
+    /// The number of runs whose machine has no such part.
     pub without: usize,
-    /// The longest that heaters had power after it, ms, of the runs in which they went off.
+    /// The longest time that heaters had power after the fault, ms, among the runs in which they went off.
     pub worst_off_ms: f64,
-    /// Runs in which heaters that had power went off.
+    /// The number of runs in which heaters with power went off.
     pub off: usize,
-    /// Runs in which the chip was reset.
+    /// The number of runs with a reset.
     pub resets: usize,
-    /// Runs with a violation.
+    /// The number of runs with a violation.
     pub violations: usize,
-    /// What the host read first, with how often.
+    /// The first lines that hosts read, with their counts.
     pub host_read: BTreeMap<String, usize>,
 }
 
@@ -36,7 +36,7 @@ impl Cell {
     }
 }
 
-/// Fault and state, with what came of them.
+/// The outcomes by fault and state.
 #[derive(Debug, Default, Serialize)]
 pub struct Matrix {
     /// Rows in the order of [`fault::ALL`]: fault, state, cell.
@@ -44,7 +44,7 @@ pub struct Matrix {
 }
 
 impl Matrix {
-    /// From the outcomes of runs.
+    /// Collects the outcomes of runs.
     #[must_use]
     pub fn new(outcomes: &[Outcome]) -> Self {
         let mut cells: BTreeMap<(&'static str, State), Cell> = BTreeMap::new();
@@ -74,8 +74,8 @@ impl Matrix {
         Self { cells: rows }
     }
 
-    /// A table for people: in each cell the worst time until heaters were off, of how many runs they went off, resets, and
-    /// violations after an exclamation mark.
+    /// A table for people. Each cell has the longest time until heaters were off, the number of runs in which they went
+    /// off, resets after `R`, and violations after an exclamation mark.
     #[must_use]
     pub fn text(&self) -> String {
         let mut text = format!("{:<30}", "fault");
@@ -97,7 +97,7 @@ impl Matrix {
         text
     }
 
-    /// What hosts read most often, by cell.
+    /// The line that hosts read most often, by cell.
     #[must_use]
     pub fn lines(&self) -> String {
         let mut text = String::new();
@@ -107,7 +107,7 @@ impl Matrix {
         text
     }
 
-    /// For spreadsheets.
+    /// The matrix for spreadsheets.
     #[must_use]
     pub fn csv(&self) -> String {
         let mut text = "fault,state,runs,without,off,worst_off_ms,resets,violations,host_read\n".to_owned();
@@ -148,7 +148,7 @@ fn brief(cell: &Cell) -> String {
     text
 }
 
-/// How to do a run with a violation again.
+/// The command that repeats a run with a violation.
 #[must_use]
 pub fn reproduction(board: &str, outcome: &Outcome) -> String {
     format!(
@@ -183,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn cells_hold_the_worst_time_and_count() {
+    fn a_cell_has_the_longest_time_and_the_counts() {
         let matrix = Matrix::new(&[outcome(Some(5.0), &[]), outcome(Some(50.0), &["late"]), outcome(None, &[])]);
         assert!(matrix.text().contains("50ms 2/3 !1"), "{}", matrix.text());
         assert!(matrix.csv().contains("24v-cut,printing,3,0,2,50.0,0,1,\"Error:x\""), "{}", matrix.csv());

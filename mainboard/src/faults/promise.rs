@@ -1,7 +1,7 @@
-//! What the documentation (docs/src/safety.md, docs/src/drivers.md) promises for each fault, and within which time.
+//! The promises of the documentation (docs/src/safety.md, docs/src/drivers.md) for each fault, and their times.
 //!
-//! Where it names a number, that number and some tolerance stand here: a sample of the control is 10 ms, the median of five and
-//! the converter's round take some more, and what a driver suffers is looked at twice a second.
+//! Each time is the documented number plus a tolerance: the control samples every 10 ms, the median of five and the
+//! converter's cycle take some more, and the firmware polls drivers twice a second.
 
 use super::fault::{Block, Driver, Fault, Sensor, Supply};
 use super::state::{HEATER_TIMEOUT_S, State};
@@ -9,53 +9,59 @@ use crate::parts::heat::HeaterFault;
 
 const SECOND: u64 = 1_000;
 
-/// What a row of the table holds for.
+/// The condition of a promise.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum When {
     /// Always.
     Always,
     /// Heaters have targets.
     Hot,
-    /// The motor (or any, where the fault concerns all) has current.
+    /// The motor (or any motor, if the fault concerns all) has current.
     Powered,
-    /// The printer runs: it is neither starting nor halted.
+    /// The printer is neither starting nor halted.
     Running,
 }
 
-/// What is promised.
+/// The promised reaction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum What {
-    /// Heaters go off for good within the time, and the host reads why.
+    /// Heaters go off for good within the time, and the host reads the cause.
     Off,
-    /// The chip is reset within the time, which is heaters off.
+    /// The chip is reset within the time, which switches heaters off.
     Reset,
-    /// Nothing stops: after this long everything is as it would have been.
+    /// The printer continues as without the fault for this time.
     GoesOn,
-    /// Nothing in particular: watched for this long. The heat stays controlled, or the heaters are off.
+    /// No specific reaction within the watched time: the heat stays controlled, or the heaters are off.
     Controlled,
 }
 
 /// A row of the table.
 #[derive(Debug, Clone, Copy)]
 pub struct Promise {
-    /// What it holds for; of a fault's rows the first that fits counts.
+    /// The condition; the first row of a fault whose condition holds applies.
     pub when: When,
-    /// What is promised.
+    /// The promised reaction.
     pub what: What,
-    /// Within which time, ms; for what promises nothing, how long is watched.
+    /// The time limit, ms; the watched time for [`What::GoesOn`] and [`What::Controlled`].
     pub within_ms: u64,
-    /// What the host is to read some of, for [`What::Off`]; empty for any error.
-    pub says: &'static [&'static str],
-    /// Where it stands.
+    /// Texts of which the host must read at least one, for [`What::Off`]; empty for any error.
+    pub expected_texts: &'static [&'static str],
+    /// The documented sentence.
     pub source: &'static str,
 }
 
-const fn row(when: When, what: What, within_ms: u64, says: &'static [&'static str], source: &'static str) -> Promise {
-    Promise { when, what, within_ms, says, source }
+const fn row(
+    when: When,
+    what: What,
+    within_ms: u64,
+    expected_texts: &'static [&'static str],
+    source: &'static str,
+) -> Promise {
+    Promise { when, what, within_ms, expected_texts, source }
 }
 
-/// After the watchdog's longest time, with a planner that is silent for a second before.
-pub const DEAF_MS: u64 = 6_900 + 500;
+/// Maximum silence of a live printer, ms: the watchdog's longest time after a planner that is silent for a second.
+pub const MAX_SILENCE_MS: u64 = 6_900 + 500;
 
 const WATCHED: Promise = row(When::Always, What::Controlled, 2_000, &[], "nothing is promised");
 const GOES_ON: [Promise; 1] =
@@ -97,7 +103,7 @@ const FLIP: [Promise; 1] = [row(
     heaters off within the watchdog's time, or the heat stays controlled",
 )];
 
-/// The rows of a fault.
+/// The promises of a fault.
 #[must_use]
 pub fn rows(fault: Fault) -> &'static [Promise] {
     const SLIPPED: &str = "heating up: 2 in 20 s (bed 240 s on a MINI); runaway: 25 to 40 s; falls out: noticed after 25 s \
@@ -119,12 +125,12 @@ pub fn rows(fault: Fault) -> &'static [Promise] {
             )];
             &ROWS
         }
-        // Drivers live on above 4 V: whether a dip takes their registers is the capacitors' affair.
+        // The chip of a driver keeps running above 4 V: its capacitors decide whether a dip clears its registers.
         Fault::MotorSupply(Supply::Sags | Supply::Dips) => &SAGS,
         Fault::MotorSupply(_) => &DRIVER,
         Fault::ChipSupply(_) => &BROWN_OUT,
         Fault::HostVanishes => {
-            // The time begins at the end of the motion that is queued.
+            // The time begins at the end of queued motion.
             const ROWS: [Promise; 1] = [row(
                 When::Hot,
                 What::Off,
@@ -249,7 +255,7 @@ pub fn rows(fault: Fault) -> &'static [Promise] {
     }
 }
 
-/// What is promised for a fault that comes in this state.
+/// The promise for a fault in this state.
 #[must_use]
 pub fn promise(fault: Fault, state: State, powered: bool) -> Promise {
     let fits = |when: When| match when {
@@ -259,7 +265,7 @@ pub fn promise(fault: Fault, state: State, powered: bool) -> Promise {
         When::Running => state != State::Boot,
     };
     let found = rows(fault).iter().find(|row| fits(row.when)).copied().unwrap_or(WATCHED);
-    // Before the first start's end nothing is set up; once halted, the reason stays M112.
+    // During the start most checks are not set up yet, so that only later promises hold.
     let quiet = matches!(state, State::Boot) && found.what == What::Off && found.within_ms < 5 * SECOND;
     if quiet { Promise { what: What::Controlled, within_ms: found.within_ms + 1_500, ..found } } else { found }
 }

@@ -1,4 +1,4 @@
-//! The states of a printer that faults come upon, and a run that passes through all of them and takes a snapshot in each.
+//! The states of a printer in which faults occur, and a run through all of them that takes a snapshot in each.
 
 use std::io::Write as _;
 use std::path::Path;
@@ -7,28 +7,28 @@ use rigless::emulator::Host;
 use rigless::snapshot::{Snapshot, Taken};
 use serde::Serialize;
 
-use super::Bench;
+use super::bench::Bench;
 use super::host_side::HostSide;
 use crate::machine::Machine;
 use crate::run::{self, Operator, Options, Turn};
 
 const SECOND: u64 = 1_000_000_000;
-/// What the nozzle and the bed are set to, degrees Celsius.
+/// Targets of nozzle and bed, degrees Celsius.
 pub const TARGETS_CELSIUS: [f64; 2] = [200.0, 40.0];
-/// After this long without a host the heaters are to go off, s: M86, so that a run need not last for half an hour.
+/// Time without a host after which the heaters go off, s: set by M86, so that a run need not last half an hour.
 pub const HEATER_TIMEOUT_S: u64 = 90;
-/// The run through all states is given up after this.
+/// Virtual time limit of the run through all states, ns.
 const LIMIT_NS: u64 = 400 * SECOND;
-/// Moves of the job that are printed at most.
+/// Maximum number of the job's moves to print.
 const MAX_LINES: usize = 160;
 
-/// What the printer does when a fault comes.
+/// The state of the printer at the instant of a fault.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum State {
     /// From power-on until the drivers are confirmed.
     Boot,
-    /// Nothing: cold, motors without current.
+    /// Cold, motors without current.
     Idle,
     /// Heats nozzle and bed, waits for the nozzle (M109).
     Heating,
@@ -38,16 +38,16 @@ pub enum State {
     Waiting,
     /// The first layer of a cube, hot.
     Printing,
-    /// Halted by M112 in the midst of a print.
+    /// Halted by M112 during a print.
     Halted,
 }
 
 impl State {
-    /// All states, in the order in which a run passes through them.
+    /// All states, in the order of the run.
     pub const ALL: [Self; 7] =
         [Self::Boot, Self::Idle, Self::Heating, Self::Homing, Self::Waiting, Self::Printing, Self::Halted];
 
-    /// Its name.
+    /// The name.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -61,19 +61,19 @@ impl State {
         }
     }
 
-    /// Whether heaters have targets in it.
+    /// Whether heaters have targets in this state.
     #[must_use]
     pub const fn is_hot(self) -> bool {
         matches!(self, Self::Heating | Self::Homing | Self::Waiting | Self::Printing)
     }
 
-    /// Whether the printer knows where it stands.
+    /// Whether the printer knows its position.
     #[must_use]
     pub const fn is_homed(self) -> bool {
         matches!(self, Self::Waiting | Self::Printing)
     }
 
-    /// After a snapshot a fault may come within this, ns.
+    /// The time after a snapshot within which a fault may occur, ns.
     #[must_use]
     pub const fn window_ns(self) -> u64 {
         match self {
@@ -84,22 +84,23 @@ impl State {
     }
 }
 
-/// A place where runs begin.
+/// A point from which runs with faults start.
 #[derive(Debug)]
-pub struct Place {
-    /// The printer is in this state.
+pub struct StartingPoint {
+    /// The state of the printer.
     pub state: State,
-    /// When it was taken, ns of the run.
+    /// The instant of the snapshot, ns of the run.
     pub at_ns: u64,
-    /// Chip, parts and what is under way.
+    /// Chip and parts.
     pub snapshot: Snapshot,
-    /// The host as it was then.
+    /// The host's state at that instant.
     pub host: HostSide,
-    /// Where motors X, Y, Z stand less where the printer said they do when it stood still after homing, mm.
+    /// The motors' positions X, Y, Z minus the position that the printer reports, mm, when it stands still after
+    /// homing.
     pub offset_mm: [f64; 3],
 }
 
-/// Lines of a job's moves, without what heats and homes, with a question for the temperature now and then.
+/// The moves of a job without heating and homing, with a request for the temperature after every eighth.
 #[must_use]
 pub fn moves(job: &str) -> Vec<String> {
     let mut lines = Vec::new();
@@ -125,9 +126,9 @@ pub fn moves(job: &str) -> Vec<String> {
 enum Due {
     /// At this instant of the run.
     At(u64),
-    /// So many ns after the host has sent the line with this text on its way.
+    /// This many ns after the host has sent the line that begins with this text.
     After(&'static str, u64),
-    /// When the nozzle has this temperature in truth.
+    /// When the nozzle's true temperature reaches this, degrees Celsius.
     NozzleAt(f64),
 }
 
@@ -149,32 +150,32 @@ const PLAN: [(State, Due); 13] = [
 ];
 
 /// A snapshot as it was taken.
-struct Taking {
+struct TakenSnapshot {
     state: State,
     at_ns: u64,
     file: Vec<u8>,
     host: HostSide,
 }
 
-/// Who leads the printer through all states.
-struct Guide {
+/// The operator that leads the printer through all states.
+struct StateTour {
     host: HostSide,
-    /// What is sent after the idle state.
+    /// The lines to send after the idle state.
     rest: Vec<String>,
     next: usize,
     began_ns: [Option<u64>; 4],
     stopped: bool,
     wants: bool,
     offset_mm: [f64; 3],
-    taken: Vec<Taking>,
+    taken: Vec<TakenSnapshot>,
     now_ns: u64,
     refused: Option<String>,
 }
 
-/// Lines whose start times are reported: each follows the acknowledgement of the one before.
+/// Lines whose instant of sending is recorded. Each is sent after the line before it is acknowledged.
 const MARKS: [&str; 4] = ["G28", "G4", "G92", "M112"];
 
-impl Guide {
+impl StateTour {
     fn new(printing: Vec<String>) -> Self {
         let [nozzle, bed] = TARGETS_CELSIUS;
         let first = ["M155 S1".to_owned(), format!("M86 S{HEATER_TIMEOUT_S}"), "M115".to_owned()];
@@ -227,7 +228,7 @@ impl Guide {
     }
 }
 
-/// What the printer says of its place: `X:176.40 Y:24.10 Z:4.00 E:0.00 Count ...`.
+/// The position in a reply to M114: `X:176.40 Y:24.10 Z:4.00 E:0.00 Count ...`.
 #[must_use]
 pub fn position_mm(line: &str) -> Option<[f64; 3]> {
     let mut place = [None; 3];
@@ -242,7 +243,7 @@ pub fn position_mm(line: &str) -> Option<[f64; 3]> {
     Some([x, y, z])
 }
 
-impl Operator for Guide {
+impl Operator for StateTour {
     fn turn(&mut self, machine: &mut Machine, now_ns: u64, _: &mut dyn Host) -> Turn {
         self.now_ns = now_ns;
         let heard = self.host.heard().len();
@@ -253,7 +254,8 @@ impl Operator for Guide {
                 self.offset_mm = std::array::from_fn(|axis| machine.plant.motion.position_mm(axis) - said_mm[axis]);
             }
             if line.text.starts_with("Error") && !self.stopped {
-                self.refused = Some(format!("at {:.3} s the printer says \"{}\"", now_ns as f64 / 1e9, line.text));
+                self.refused =
+                    Some(format!("the printer reported an error at {:.3} s: \"{}\"", now_ns as f64 / 1e9, line.text));
             }
         }
         let Some(&(state, due)) = PLAN.get(self.next) else { return Turn::Stop };
@@ -269,9 +271,10 @@ impl Operator for Guide {
         }
         self.wants = self.due(machine, now_ns, due);
         if now_ns > LIMIT_NS {
-            self.refused = Some(format!("the printer does not come to {:?}", PLAN[self.next]));
+            self.refused =
+                Some(format!("the printer did not reach {:?} within {} s", PLAN[self.next], LIMIT_NS / SECOND));
         }
-        if self.refused.is_some() { Turn::Stop } else { Turn::GoOn }
+        if self.refused.is_some() { Turn::Stop } else { Turn::Continue }
     }
 
     fn wants_snapshot(&mut self) -> bool {
@@ -283,12 +286,12 @@ impl Operator for Guide {
             Ok(snapshot) => {
                 let state = PLAN[self.next].0;
                 let (at_ns, host) = (self.now_ns, self.host.clone());
-                self.taken.push(Taking { state, at_ns, file: snapshot.file, host });
+                self.taken.push(TakenSnapshot { state, at_ns, file: snapshot.file, host });
                 self.next += 1;
             }
-            // A reset is under way: at the next turn.
+            // A reset is in progress: the next turn tries again.
             Err(rigless::snapshot::Error::Resetting) => {}
-            Err(error) => self.refused = Some(format!("no snapshot: {error}")),
+            Err(error) => self.refused = Some(format!("the emulator took no snapshot: {error}")),
         }
     }
 }
@@ -296,10 +299,10 @@ impl Operator for Guide {
 /// Leads the printer through all states once.
 ///
 /// # Errors
-/// It does not get through, or a snapshot cannot be written to this folder, which it leaves as it was.
-pub fn places(bench: &Bench, folder: &Path) -> Result<Vec<Place>, String> {
+/// The printer does not reach all states, or a snapshot cannot be written to this folder, which is left unchanged.
+pub fn starting_points(bench: &Bench, folder: &Path) -> Result<Vec<StartingPoint>, String> {
     let options = Options { boot: bench.boot, ..Options::default() };
-    let guide = Guide::new(moves(&bench.job));
+    let guide = StateTour::new(moves(&bench.job));
     let finished =
         run::run(bench.machine()?, &bench.images, &options, guide).map_err(|error| error.to_string())?.operator;
     if let Some(refused) = finished.refused {
@@ -309,12 +312,17 @@ pub fn places(bench: &Bench, folder: &Path) -> Result<Vec<Place>, String> {
     finished
         .taken
         .into_iter()
-        .map(|Taking { state, at_ns, file, host }| {
-            let file_error = |error: std::io::Error| format!("{}: no snapshot: {error}", folder.display());
+        .map(|TakenSnapshot { state, at_ns, file, host }| {
+            let file_error = |error: std::io::Error| {
+                format!(
+                    "{}: the snapshot cannot be written: {error}; check the folder's space and rights",
+                    folder.display()
+                )
+            };
             let mut kept = tempfile::NamedTempFile::new_in(folder).map_err(file_error)?;
             kept.write_all(&file).map_err(file_error)?;
             let snapshot = Snapshot::read(kept.path()).map_err(|error| format!("{}: {error}", kept.path().display()));
-            Ok(Place { state, at_ns, snapshot: snapshot?, host, offset_mm })
+            Ok(StartingPoint { state, at_ns, snapshot: snapshot?, host, offset_mm })
         })
         .collect()
 }
@@ -324,14 +332,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn reads_the_place_that_m114_reports() {
+    fn the_position_of_m114_is_parsed() {
         let line = "X:176.40 Y:24.10 Z:4.00 E:0.00 Count X:17640 Y:2410 Z:1600";
         assert_eq!(position_mm(line), Some([176.4, 24.1, 4.0]));
         assert_eq!(position_mm("ok"), None);
     }
 
     #[test]
-    fn takes_a_job_without_its_heating() {
+    fn a_job_is_reduced_to_its_moves() {
         let job = "G21\nM104 S210\nG28\nM109 S210 ; wait\nG1 X1\n; text\nG1 X2 ; there\n";
         assert_eq!(moves(job), ["G1 X1", "G1 X2"]);
     }

@@ -1,64 +1,65 @@
-//! What became of a run with a fault, and whether it is what the documentation promises.
+//! The outcome of a run with a fault, and its comparison with the documentation's promise.
 
 use serde::Serialize;
 
+use super::bench::Limits;
 use super::fault::Fault;
 use super::host_side::HostSide;
-use super::promise::{DEAF_MS, Promise, What};
-use super::state::{Place, State, TARGETS_CELSIUS, position_mm};
+use super::promise::{MAX_SILENCE_MS, Promise, What};
+use super::state::{StartingPoint, State, TARGETS_CELSIUS, position_mm};
 use crate::host::Answer;
 use crate::machine::Machine;
 use crate::parts::heat::HeaterFault;
 use crate::parts::motion::sheet::ProbeFault;
 
 const MILLISECOND: u64 = 1_000_000;
-/// Heaters that are off for this long, with a reason given, are off for good: a slow pulse lasts a tenth of a second.
+/// Heaters off for this long after an alarm are off for good: a slow pulse lasts a tenth of a second.
 const OFF_FOR_NS: u64 = 1_200 * MILLISECOND;
-/// A printer that has said nothing for this long does not answer: it reports temperatures each second.
+/// A printer silent for this long does not answer: it reports temperatures each second.
 const SILENT_NS: u64 = 1_600 * MILLISECOND;
-/// A fault without a promised end is watched for this long if something was out of the ordinary.
+/// Watched time after a fault without a promised end, if something is out of the ordinary.
 const WATCHED_NS: u64 = 12_000 * MILLISECOND;
-/// A block may be hotter than its maximum by this: what is under way to its thermistor.
+/// A block may exceed its maximum by this, degrees Celsius: its thermistor lags.
 const MARGIN_CELSIUS: f64 = 15.0;
-/// A motor that is further from its place than this has lost it, in 1/256 of a full step: four full steps.
+/// A motor further than this from its position has lost steps, in 1/256 of a full step: four full steps.
 const LOST_256: i64 = 1023;
-/// The printer may say that an axis stands so far from where it does, mm.
+/// Maximum difference between an axis's reported and true position, mm.
 const MISPLACED_MM: f64 = 0.5;
 
-/// What became of a run.
+/// The outcome of a run.
 #[derive(Debug, Clone, Serialize)]
 pub struct Outcome {
     /// The fault.
     pub fault: &'static str,
-    /// The state upon which it came.
+    /// The state in which the fault occurred.
     pub state: State,
-    /// Draws everything of the run.
+    /// The seed that draws the whole run.
     pub seed: u64,
-    /// When it came, s of the run.
+    /// The instant of the fault, s of the run.
     pub at_s: f64,
-    /// What exactly it was.
+    /// The details of the fault.
     pub detail: String,
-    /// The machine has no such part: nothing was done.
+    /// The machine has no such part: the fault did not happen.
     pub without: bool,
-    /// From the fault until heaters had power for the last time, ms; none if they still had at the end.
+    /// Time from the fault until heaters had power for the last time, ms; `None` if they still have power at the end.
     pub heaters_off_ms: Option<f64>,
-    /// Whether they had power, or a target, when it came.
+    /// Whether heaters had power or a target at the fault.
     pub was_hot: bool,
-    /// What the host read of it first.
+    /// The first line that the host read about the fault.
     pub host_read: String,
-    /// Resets of the chip after it, with their causes, and after how many ms.
+    /// Resets of the chip after the fault: cause, and time after it in ms.
     pub resets: Vec<String>,
-    /// The hottest that nozzle and bed truly were, degrees Celsius.
+    /// The highest true temperatures of nozzle and bed, degrees Celsius.
     pub hottest_celsius: [f64; 2],
     /// How long the run was watched after the fault, s.
     pub watched_s: f64,
-    /// The first telling lines that the host read after it.
+    /// The first notable lines that the host read after the fault.
     pub heard: Vec<String>,
-    /// What is not as it is promised.
+    /// Broken promises.
     pub violations: Vec<String>,
 }
 
-/// Who watches a run from its fault on.
+/// The observer of a run from its fault on.
 #[derive(Debug)]
 pub struct Watch {
     promise: Promise,
@@ -66,7 +67,8 @@ pub struct Watch {
     fault: Fault,
     at_ns: u64,
     last_on_ns: Option<u64>,
-    /// Queued motion goes on after a host has gone, and counts as use: a promise's time begins at its end.
+    /// Last step, ns: queued motion continues after the host has gone and counts as use, so the time of a promise
+    /// begins at its end.
     moved_ns: u64,
     steps: u64,
     resets: usize,
@@ -79,16 +81,7 @@ pub struct Watch {
     powered: bool,
     unpowered_at_start: [u64; 3],
     heard: usize,
-    lied_mm: Option<(usize, f64)>,
-}
-
-/// What of a printer's profile a watch needs.
-#[derive(Debug, Clone, Copy)]
-pub struct Limits {
-    /// The largest temperatures of nozzle and bed, degrees Celsius.
-    pub max_celsius: [f64; 2],
-    /// What a step moves, in 1/256 of a full step.
-    pub per_step_256: [i64; 4],
+    misreported_mm: Option<(usize, f64)>,
 }
 
 fn alarm_of(side: &HostSide, since_ns: u64) -> Option<&str> {
@@ -96,9 +89,16 @@ fn alarm_of(side: &HostSide, since_ns: u64) -> Option<&str> {
 }
 
 impl Watch {
-    /// From now on.
+    /// Starts watching.
     #[must_use]
-    pub fn new(fault: Fault, promise: Promise, place: &Place, limits: &Limits, machine: &Machine, now_ns: u64) -> Self {
+    pub fn new(
+        fault: Fault,
+        promise: Promise,
+        place: &StartingPoint,
+        limits: &Limits,
+        machine: &Machine,
+        now_ns: u64,
+    ) -> Self {
         let motion = &machine.plant.motion;
         let motors = limits.per_step_256.len();
         let heating = machine.plant.heaters.iter().any(|heater| heater.power > 0.0);
@@ -120,17 +120,17 @@ impl Watch {
             powered: true,
             unpowered_at_start: std::array::from_fn(|motor| motion.record(motor).unpowered_steps),
             heard: 0,
-            lied_mm: None,
+            misreported_mm: None,
         }
     }
 
-    /// The same, with another promise.
+    /// The same observer with another promise.
     #[must_use]
     pub fn with(self, promise: Promise) -> Self {
         Self { promise, ..self }
     }
 
-    /// Whether the run's verdict is certain.
+    /// Follows the machine; true once the verdict is certain.
     pub fn turn(&mut self, machine: &Machine, side: &HostSide, now_ns: u64) -> bool {
         self.powered = machine.powered();
         if self.powered && machine.plant.any_heater_on() {
@@ -150,7 +150,7 @@ impl Watch {
                 for (axis, said_mm) in said_mm.into_iter().enumerate() {
                     let off_mm = machine.plant.motion.position_mm(axis) - self.offset_mm[axis] - said_mm;
                     if off_mm.abs() > MISPLACED_MM && self.state == State::Homing && self.reset_ns.is_none() {
-                        self.lied_mm.get_or_insert((axis, off_mm));
+                        self.misreported_mm.get_or_insert((axis, off_mm));
                     }
                 }
             }
@@ -175,7 +175,7 @@ impl Watch {
             What::GoesOn => passed_ns > within_ns,
             What::Controlled => {
                 let mends = matches!(self.fault, Fault::EndStop(_) | Fault::Probe(_)) && self.state == State::Homing;
-                let homed = mends && (side.finished() || self.lied_mm.is_some());
+                let homed = mends && (side.finished() || self.misreported_mm.is_some());
                 if passed_ns < within_ns && !homed {
                     return false;
                 }
@@ -187,13 +187,13 @@ impl Watch {
         }
     }
 
-    /// Whether the printer reported a target, of any heater, since it gave a reason to stop.
+    /// Whether the printer has reported a target of any heater since its alarm.
     fn has_targets(&self, side: &HostSide) -> bool {
         let since_ns = side.alarms(self.at_ns).next().map_or(self.at_ns, |alarm| alarm.at_ns);
         side.temperatures(since_ns).is_some_and(|said| said.celsius[1] > 0.0 || said.celsius[3] > 0.0)
     }
 
-    /// Whether something is out of the ordinary: silence, errors, other targets than the host has set.
+    /// Whether something is out of the ordinary: silence, alarms, or targets that the host did not set.
     fn is_odd(&self, side: &HostSide, now_ns: u64) -> bool {
         let silent = side.is_there() && side.silent_ns(now_ns) > SILENT_NS;
         let targets = match self.state {
@@ -201,12 +201,15 @@ impl Watch {
             State::Boot | State::Idle | State::Halted => [0.0; 2],
         };
         let other = side.temperatures(self.at_ns).is_some_and(|said| {
-            [said.celsius[1], said.celsius[3]].into_iter().zip(targets).any(|(said, set)| (said - set).abs() > 0.5)
+            [said.celsius[1], said.celsius[3]]
+                .into_iter()
+                .zip(targets)
+                .any(|(reported, set)| (reported - set).abs() > 0.5)
         });
         silent || other || alarm_of(side, self.at_ns).is_some() || self.reset_ns.is_some()
     }
 
-    /// The verdict; `resets` are the run's.
+    /// The verdict; `resets` are those of the run.
     #[must_use]
     pub fn outcome(
         &self,
@@ -217,7 +220,7 @@ impl Watch {
         resets: &[(u64, String)],
         now_ns: u64,
     ) -> Outcome {
-        // A nozzle above its target gets no power either: that alone is not off for good.
+        // A nozzle above its target gets no power either: without an alarm it is not off for good.
         let ended = alarm_of(side, self.at_ns).is_some()
             || self.reset_ns.is_some()
             || !self.powered
@@ -249,7 +252,7 @@ impl Watch {
                 .collect(),
             hottest_celsius: hottest.map(|celsius| (celsius * 10.0).round() / 10.0),
             watched_s: ms(now_ns - self.at_ns) / 1e3,
-            heard: side.telling(self.at_ns, 8),
+            heard: side.notable_lines(self.at_ns, 8),
             violations: Vec::new(),
         };
         outcome.violations = self.violations(machine, side, &outcome, now_ns);
@@ -285,16 +288,17 @@ impl Watch {
                     _ => {}
                 }
                 if was_on && alarm.is_some() && self.has_targets(side) {
-                    found.push("a heater still has a target after the reason to stop".to_owned());
+                    found.push("a heater still has a target after the alarm".to_owned());
                 }
-                let said = self.promise.says.is_empty() && alarm.is_some()
+                let texts = self.promise.expected_texts;
+                let said = texts.is_empty() && alarm.is_some()
                     || side
                         .heard()
                         .iter()
                         .filter(|heard| heard.at_ns >= self.at_ns)
-                        .any(|heard| self.promise.says.iter().any(|says| heard.text.contains(says)));
+                        .any(|heard| texts.iter().any(|text| heard.text.contains(text)));
                 if !said && self.state != State::Halted {
-                    found.push(format!("the host reads \"{}\", expected {:?}", outcome.host_read, self.promise.says));
+                    found.push(format!("the host read \"{}\", expected one of {texts:?}", outcome.host_read));
                 }
             }
             What::Reset => match self.reset_ns.map(|at_ns| ms(at_ns - self.at_ns)) {
@@ -313,10 +317,13 @@ impl Watch {
             What::GoesOn => {
                 let halted = side.alarms(self.at_ns).find(|heard| heard.answer == Answer::Error);
                 if let Some(halted) = halted.filter(|_| self.state != State::Halted) {
-                    found.push(format!("stops with \"{}\", and nothing has failed that it watches", halted.text));
+                    found.push(format!(
+                        "the printer stopped with \"{}\" although nothing that it monitors failed",
+                        halted.text
+                    ));
                 }
                 if self.reset_ns.is_some() {
-                    found.push(format!("is reset: {}", outcome.resets.join(", ")));
+                    found.push(format!("the printer was reset: {}", outcome.resets.join(", ")));
                 }
             }
             What::Controlled => {}
@@ -332,18 +339,18 @@ impl Watch {
             ["nozzle", "bed"].into_iter().zip(outcome.hottest_celsius.into_iter().zip(self.limits_celsius))
         {
             if celsius > limit + MARGIN_CELSIUS && !cannot {
-                found.push(format!("the {place} reaches {celsius} C, its maximum is {limit} C"));
+                found.push(format!("the {place} reached {celsius} C; its maximum is {limit} C"));
             }
         }
         let on = outcome.heaters_off_ms.is_none();
-        if on && self.powered && side.is_there() && side.silent_ns(now_ns) > DEAF_MS * MILLISECOND {
+        if on && self.powered && side.is_there() && side.silent_ns(now_ns) > MAX_SILENCE_MS * MILLISECOND {
             found.push(format!(
-                "heaters have power, and nothing was heard for {:.1} s",
+                "heaters have power, and the printer has been silent for {:.1} s",
                 ms(side.silent_ns(now_ns)) / 1e3
             ));
         }
         if self.state == State::Halted && self.last_on_ns.is_some_and(|on_ns| on_ns > self.at_ns) {
-            found.push("a heater has power again after M112".to_owned());
+            found.push("a heater got power again after M112".to_owned());
         }
     }
 
@@ -351,13 +358,16 @@ impl Watch {
         let motion = &machine.plant.motion;
         let unknown = matches!(self.fault, Fault::Probe(ProbeFault::Dead)) && !self.state.is_homed();
         if let Some(crash) = motion.sheet().crash().filter(|crash| crash.first_ns >= self.at_ns && !unknown) {
-            found.push(format!("the nozzle is pressed {:.2} mm into the bed", crash.deepest_mm));
+            found.push(format!("the nozzle went {:.2} mm into the bed", crash.deepest_mm));
         }
-        let told = alarm.is_some() || side.was_told(self.at_ns);
-        if let Some((axis, off_mm)) = self.lied_mm.filter(|_| !told) {
-            found.push(format!("{} is homed {off_mm:.2} mm from where it says", ["X", "Y", "Z"][axis]));
+        let reported = alarm.is_some() || side.read_a_warning(self.at_ns);
+        if let Some((axis, off_mm)) = self.misreported_mm.filter(|_| !reported) {
+            found.push(format!(
+                "after homing {} is {off_mm:.2} mm away from its reported position",
+                ["X", "Y", "Z"][axis]
+            ));
         }
-        if !self.state.is_homed() || told || self.reset_ns.is_some() {
+        if !self.state.is_homed() || reported || self.reset_ns.is_some() {
             return;
         }
         for motor in 0..3 {
@@ -367,7 +377,7 @@ impl Watch {
             if lost.abs() > LOST_256 {
                 let unpowered = motion.record(motor).unpowered_steps - self.unpowered_at_start[motor];
                 found.push(format!(
-                    "motor {} lost {} full steps ({unpowered} steps without current), unreported",
+                    "motor {} lost {} full steps ({unpowered} steps without current) and does not report it",
                     ["X", "Y", "Z"][motor],
                     lost / 256
                 ));
@@ -380,7 +390,7 @@ fn ms(ns: u64) -> f64 {
     ns as f64 / 1e6
 }
 
-/// A line of the printer with numbers and places left out, so that lines can be counted.
+/// A line of the printer without numbers and positions, so that equal lines can be counted.
 fn without_numbers(line: &str) -> String {
     let line = line.split(" (temp").next().unwrap_or_default();
     let mut text = String::new();
@@ -401,7 +411,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lines_that_differ_in_numbers_are_one() {
+    fn lines_that_differ_only_in_numbers_are_equal() {
         let one = without_numbers("Error:MINTEMP triggered, system stopped! Heater_ID: E0 (temp: -12.0)");
         assert_eq!(one, without_numbers("Error:MINTEMP triggered, system stopped! Heater_ID: E0 (temp: 3.5)"));
         assert_eq!(without_numbers("echo:line 12: 7"), "echo:line #: #");

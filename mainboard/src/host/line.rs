@@ -1,9 +1,9 @@
-//! A door of this computer to the board's line, for a person or a host such as OctoPrint.
+//! A pseudo-terminal or TCP port of this computer for a person or a host program such as OctoPrint.
 //!
-//! Nothing here waits: an emulated board asks between two slices of its time. What is said while no host listens is lost on
-//! TCP, as on a wire; a pseudo-terminal keeps what fits, so that a host that opens it soon still reads the `start`.
+//! No call blocks: the run reads and writes between two slices. TCP discards bytes while no host is connected, like a
+//! wire; a pseudo-terminal keeps what fits, so that a host that opens it soon after still reads the `start`.
 //!
-//! The bytes of a real host come at real times: a run with such a line cannot be repeated exactly.
+//! A real host sends at real times: a run with such a line cannot be repeated exactly.
 
 use std::collections::VecDeque;
 use std::fs::File;
@@ -16,51 +16,55 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
 
-/// What is kept for a host that reads slowly, bytes; the oldest is dropped then.
+/// Maximum bytes kept for a host that reads slowly; beyond it the oldest are dropped.
 const MAX_WAITING: usize = 64 * 1024;
-/// How much is read at once, bytes.
+/// Maximum bytes of one read.
 const MAX_READ: usize = 4096;
 
-/// A line that a host of this computer can open.
+/// A line that a host program on this computer can open.
 #[derive(Debug)]
 pub struct Line {
-    door: Door,
+    end: End,
     waiting: VecDeque<u8>,
     dropped_bytes: u64,
 }
 
 #[derive(Debug)]
-enum Door {
+enum End {
     Pty { board_end: File, link: PathBuf, name: PathBuf },
     Tcp { listener: TcpListener, client: Option<TcpStream>, address: SocketAddr },
 }
 
 impl Line {
-    /// A pseudo-terminal, and a symbolic link to it at `link`, which hosts open like a serial port. The link is removed when
-    /// the line is dropped; one whose terminal is gone is replaced.
+    /// Opens a pseudo-terminal with a symbolic link to it at `link`, which hosts open like a serial port. The link is
+    /// removed when the line is dropped; a link to a terminal that no longer exists is replaced.
     ///
     /// # Errors
-    /// Something is at `link` already, or this computer gives no pseudo-terminal.
+    /// Another file is at `link`, or the operating system refuses a pseudo-terminal.
     pub fn pty(link: &Path) -> Result<Self, String> {
         let shown = link.display();
         if std::fs::symlink_metadata(link).is_ok() {
             let stale = std::fs::symlink_metadata(link).is_ok_and(|it| it.is_symlink()) && !link.exists();
             if !stale {
-                return Err(format!("{shown} is in use: name another path, or end the program that has it"));
+                return Err(format!("{shown} is in use: choose another path, or end the program that uses it"));
             }
-            std::fs::remove_file(link).map_err(|error| format!("{shown}: an old link cannot be removed: {error}"))?;
+            std::fs::remove_file(link).map_err(|error| {
+                format!("the old link {shown} cannot be removed: {error}; remove it, or choose another path")
+            })?;
         }
-        let (board_end, name) =
-            open_terminal().map_err(|error| format!("{shown}: there is no pseudo-terminal: {error}"))?;
-        std::os::unix::fs::symlink(&name, link)
-            .map_err(|error| format!("{shown} cannot be made: {error}; name a path in a folder that you may write"))?;
-        Ok(Self::with(Door::Pty { board_end, link: link.to_owned(), name }))
+        let (board_end, name) = open_terminal().map_err(|error| {
+            format!("{shown}: the operating system refuses a pseudo-terminal: {error}; use --tcp PORT")
+        })?;
+        std::os::unix::fs::symlink(&name, link).map_err(|error| {
+            format!("{shown} cannot be created: {error}; choose a path in a folder with write permission")
+        })?;
+        Ok(Self::with(End::Pty { board_end, link: link.to_owned(), name }))
     }
 
-    /// A TCP port of this computer, not of the network (127.0.0.1). One host at a time; 0 takes any free port.
+    /// Listens on a TCP port of this computer only (127.0.0.1), for one host at a time; 0 takes any free port.
     ///
     /// # Errors
-    /// The port is in use, or not allowed.
+    /// The port is in use, or not permitted.
     pub fn tcp(port: u16) -> Result<Self, String> {
         let listen = || -> io::Result<(TcpListener, SocketAddr)> {
             let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port))?;
@@ -69,51 +73,51 @@ impl Line {
             Ok((listener, address))
         };
         match listen() {
-            Ok((listener, address)) => Ok(Self::with(Door::Tcp { listener, client: None, address })),
+            Ok((listener, address)) => Ok(Self::with(End::Tcp { listener, client: None, address })),
             Err(error) if error.kind() == ErrorKind::AddrInUse => {
-                Err(format!("port {port} is in use: name another one, or end the program that has it"))
+                Err(format!("port {port} is in use: choose another one, or end the program that uses it"))
             }
-            Err(error) => Err(format!("port {port} cannot be opened: {error}; name one above 1023")),
+            Err(error) => Err(format!("port {port} cannot be opened: {error}; choose one above 1023")),
         }
     }
 
-    fn with(door: Door) -> Self {
-        Self { door, waiting: VecDeque::new(), dropped_bytes: 0 }
+    fn with(end: End) -> Self {
+        Self { end, waiting: VecDeque::new(), dropped_bytes: 0 }
     }
 
-    /// What a host is to open: a path, or address and port.
+    /// The address for a host: a path, or address and port.
     #[must_use]
     pub fn address(&self) -> String {
-        match &self.door {
-            Door::Pty { link, .. } => link.display().to_string(),
-            Door::Tcp { address, .. } => address.to_string(),
+        match &self.end {
+            End::Pty { link, .. } => link.display().to_string(),
+            End::Tcp { address, .. } => address.to_string(),
         }
     }
 
-    /// Whether a host has the line open now.
+    /// Whether a host has the line open.
     pub fn connected(&mut self) -> bool {
-        match &mut self.door {
-            Door::Pty { board_end, .. } => !hung_up(board_end),
-            Door::Tcp { listener, client, .. } => {
+        match &mut self.end {
+            End::Pty { board_end, .. } => !hung_up(board_end),
+            End::Tcp { listener, client, .. } => {
                 accept(listener, client);
                 client.is_some()
             }
         }
     }
 
-    /// What the host sent since the last call; empty if nothing.
+    /// Reads the bytes that the host has sent since the last call.
     ///
     /// # Errors
-    /// The line is broken for good. A host that goes is no error.
+    /// The line is broken for good. A host that disconnects is not an error.
     pub fn read(&mut self) -> io::Result<Vec<u8>> {
         self.flush()?;
         let mut bytes = [0; MAX_READ];
-        let count = match &mut self.door {
-            Door::Pty { board_end, .. } => match board_end.read(&mut bytes) {
-                Err(error) if nobody(&error) => 0,
+        let count = match &mut self.end {
+            End::Pty { board_end, .. } => match board_end.read(&mut bytes) {
+                Err(error) if is_idle(&error) => 0,
                 other => other?,
             },
-            Door::Tcp { listener, client, .. } => {
+            End::Tcp { listener, client, .. } => {
                 accept(listener, client);
                 let Some(stream) = client else { return Ok(Vec::new()) };
                 match stream.read(&mut bytes) {
@@ -130,12 +134,13 @@ impl Line {
         Ok(bytes[..count].to_vec())
     }
 
-    /// Sends bytes to the host; what it does not take yet is kept and sent by later calls of this or of [`Line::read`].
+    /// Sends bytes to the host; bytes that it does not accept yet are kept for later calls of this or of
+    /// [`Line::read`].
     ///
     /// # Errors
     /// The line is broken for good.
     pub fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
-        if matches!(self.door, Door::Tcp { .. }) && !self.connected() {
+        if matches!(self.end, End::Tcp { .. }) && !self.connected() {
             self.dropped_bytes += bytes.len() as u64;
             return Ok(());
         }
@@ -147,7 +152,7 @@ impl Line {
         Ok(())
     }
 
-    /// Bytes that no host read.
+    /// Number of bytes that no host has read.
     #[must_use]
     pub fn dropped_bytes(&self) -> u64 {
         self.dropped_bytes
@@ -156,12 +161,12 @@ impl Line {
     fn flush(&mut self) -> io::Result<()> {
         while !self.waiting.is_empty() {
             let (bytes, _) = self.waiting.as_slices();
-            let written = match &mut self.door {
-                Door::Pty { board_end, .. } => match board_end.write(bytes) {
-                    Err(error) if nobody(&error) => return Ok(()),
+            let written = match &mut self.end {
+                End::Pty { board_end, .. } => match board_end.write(bytes) {
+                    Err(error) if is_idle(&error) => return Ok(()),
                     other => other?,
                 },
-                Door::Tcp { client, .. } => {
+                End::Tcp { client, .. } => {
                     let Some(stream) = client else { return Ok(()) };
                     match stream.write(bytes) {
                         Err(error) if error.kind() == ErrorKind::WouldBlock => return Ok(()),
@@ -185,23 +190,23 @@ impl Line {
 
 impl Drop for Line {
     fn drop(&mut self) {
-        if let Door::Pty { link, name, .. } = &self.door
+        if let End::Pty { link, name, .. } = &self.end
             && std::fs::read_link(link).is_ok_and(|target| target == *name)
         {
-            // Nothing can be done about a link that stays: the next line replaces it.
+            // A link that cannot be removed stays: the next line replaces it.
             let _ = std::fs::remove_file(link);
         }
     }
 }
 
-/// The board's end of a new terminal, raw and non-blocking, and the name of the host's end.
+/// Opens a terminal: its board's end, raw and non-blocking, and the name of the host's end.
 fn open_terminal() -> io::Result<(File, PathBuf)> {
     let board_end = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC)?;
     grantpt(&board_end)?;
     unlockpt(&board_end)?;
     let name = ptsname(&board_end, Vec::new())?;
     let name = PathBuf::from(std::ffi::OsStr::from_bytes(name.to_bytes()));
-    // Settings of this end are those of the terminal (tty_ioctl(4)); raw before anybody opens it, lest it echoes.
+    // Both ends share their settings (tty_ioctl(4)). Raw mode before a host opens the terminal prevents an echo.
     let mut settings = tcgetattr(&board_end)?;
     settings.make_raw();
     tcsetattr(&board_end, OptionalActions::Now, &settings)?;
@@ -209,25 +214,25 @@ fn open_terminal() -> io::Result<(File, PathBuf)> {
     Ok((File::from(board_end), name))
 }
 
-/// Whether an error only says that there is nothing to do, or that no host has the terminal open (EIO).
-fn nobody(error: &io::Error) -> bool {
+/// Whether an error only means that no byte is ready, or that no host has the terminal open (EIO).
+fn is_idle(error: &io::Error) -> bool {
     error.kind() == ErrorKind::WouldBlock || error.raw_os_error() == Some(rustix::io::Errno::IO.raw_os_error())
 }
 
-/// Whether the last host has closed the terminal. Until the first one opens it, it counts as open.
+/// Whether the last host has closed the terminal. It counts as open until the first host opens it.
 fn hung_up(board_end: &File) -> bool {
     let mut ends = [PollFd::new(board_end, PollFlags::empty())];
     let at_once = Timespec { tv_sec: 0, tv_nsec: 0 };
     poll(&mut ends, Some(&at_once)).is_ok() && ends[0].revents().contains(PollFlags::HUP)
 }
 
-/// Takes the next host if none is connected.
+/// Accepts the next host if none is connected.
 fn accept(listener: &TcpListener, client: &mut Option<TcpStream>) {
     if client.is_none()
         && let Ok((stream, _)) = listener.accept()
         && stream.set_nonblocking(true).is_ok()
     {
-        // A line of G-code is one small packet: it is to leave at once.
+        // A line of G-code is a small packet that should leave at once.
         let _ = stream.set_nodelay(true);
         *client = Some(stream);
     }

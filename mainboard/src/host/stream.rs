@@ -1,41 +1,40 @@
-//! A host that prints a file by the `ok` protocol, line by line.
+//! A host that prints a file line by line, by the `ok` protocol.
 //!
-//! What it follows is what hosts and printers agree on: RepRap's "G-code" page (replies, N and *), and the behaviour of
-//! OctoPrint and Pronterface towards Marlin.
+//! Sources: RepRap's "G-code" page (replies, N and *), and the behaviour of OctoPrint and Pronterface with Marlin.
 //!
 //! | Covered | |
 //! |---|---|
-//! | `ok`, also with more text after it | the oldest line on its way is acknowledged |
+//! | `ok`, alone or followed by text | acknowledges the oldest unacknowledged line |
 //! | line numbers, checksums | `N1 G28*18`; numbers begin with `N0 M110 N0` |
-//! | `Resend: N`, `rs N` | sending goes back to line N, once the `ok` after it has come (see [`Options::window`]) |
-//! | `busy:` | it is a sign of life ([`Stream::silent_ns`]) |
-//! | `wait` | while lines are on their way, one of them or its `ok` is lost: a problem |
-//! | `start` | after the first line was sent, the printer was reset: a problem, and sending ends |
-//! | `Error:`, `!!` | collected; a resend's own error as well |
+//! | `Resend: N`, `rs N` | sending continues from line N, after the `ok` that follows (see [`Options::window`]) |
+//! | `busy:` | a sign of life ([`Stream::silent_ns`]) |
+//! | `wait` | a problem while lines are unacknowledged: one of them or its `ok` was lost |
+//! | `start` | a problem after the first line was sent: the printer was reset, and sending ends |
+//! | `Error:`, `!!` | collected, including the error of a resend |
 //!
-//! Left out: sending on after a reset, resends of unnumbered lines, prompts (`//action:`), and more than one line from
+//! Left out: sending after a reset, resends of unnumbered lines, prompts (`//action:`), and more than one line from
 //! `ADVANCED_OK`'s counters.
 
 use std::collections::VecDeque;
 
 use serde::{Deserialize, Serialize};
 
-/// How to send.
+/// How the host sends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Options {
     /// Whether lines carry numbers and checksums.
     pub numbered: bool,
-    /// How many lines may be on their way at once; at least 1. With more than 1 a resend waits until the printer has said
-    /// nothing for `settle_ns`, for each line that was already on its way asks for the same resend.
+    /// Maximum number of unacknowledged lines; at least 1. With more than 1 a resend waits until the printer has been
+    /// silent for `settle_ns`, because every unacknowledged line asks for the same resend.
     pub window: usize,
-    /// Whether to send nothing before the printer has said `start`.
+    /// Whether to wait for the printer's `start` before the first line.
     pub wait_for_start: bool,
-    /// The silence that ends a resend, ns.
+    /// The silence after which a resend starts, ns.
     pub settle_ns: u64,
 }
 
 impl Default for Options {
-    /// Unnumbered, one line at a time, from the first moment on; 100 ms.
+    /// Unnumbered, one line at a time, without waiting for `start`; 100 ms.
     fn default() -> Self {
         Self { numbered: false, window: 1, wait_for_start: false, settle_ns: 100_000_000 }
     }
@@ -44,26 +43,26 @@ impl Default for Options {
 /// A line from the printer.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Heard {
-    /// When its last byte came, ns.
+    /// When its last byte arrived, ns.
     pub at_ns: u64,
-    /// Its text, without the line's end.
+    /// The text, without the line's end.
     pub text: String,
-    /// What it means to a host.
+    /// Its meaning to a host.
     pub answer: Answer,
 }
 
-/// What a line of the printer means to a host.
+/// The meaning of the printer's line to a host.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Answer {
-    /// A line is done.
+    /// A line is executed.
     Ok,
-    /// Send again from this number on.
+    /// Send again from this line number on.
     Resend(u64),
-    /// It is still at work.
+    /// The printer is still working.
     Busy,
-    /// It has nothing to do.
+    /// The printer is idle.
     Wait,
-    /// It has started.
+    /// The printer has started.
     Start,
     /// An error.
     Error,
@@ -71,30 +70,30 @@ pub enum Answer {
     Text,
 }
 
-/// What went wrong between host and printer.
+/// A violation of the protocol, or a lost line.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Problem {
     /// When, ns.
     pub at_ns: u64,
-    /// What.
+    /// A description.
     pub text: String,
 }
 
-/// A line on its way.
+/// An unacknowledged line.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 enum Sent {
-    /// One of the file, by its index.
+    /// A line of the file, by its index.
     Line(usize),
-    /// One that was sent out of turn.
+    /// A line that was sent out of turn.
     Urgent,
 }
 
-/// A resend that has not begun yet.
+/// A resend that has not started yet.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 struct Hold {
-    /// The printer last said something then, ns.
+    /// The printer's last sign of life, ns.
     heard_ns: u64,
-    /// Its `ok` has come.
+    /// Whether the `ok` after the resend request has arrived.
     acknowledged: bool,
 }
 
@@ -119,7 +118,7 @@ pub struct Stream {
 }
 
 impl Stream {
-    /// A host for these lines. Comments and what is then empty are not sent: a printer acknowledges no empty line. With
+    /// A host for these lines. Comments and empty lines are not sent: a printer acknowledges no empty line. With
     /// numbers, `M110 N0` goes first.
     #[must_use]
     pub fn new<T: AsRef<str>>(lines: impl IntoIterator<Item = T>, options: Options) -> Self {
@@ -149,20 +148,20 @@ impl Stream {
         stream
     }
 
-    /// Adds a line at the end. A comment is dropped, and so is an empty line.
+    /// Appends a line without its comment; ignores an empty one.
     pub fn push(&mut self, line: &str) {
         if let Some(line) = without_comment(line) {
             self.lines.push(line);
         }
     }
 
-    /// Sends a line next, without a number, whether or not others are on their way: M108, M112, M410. It is to be
-    /// acknowledged as any other.
+    /// Sends a line next, without a number, even if others are unacknowledged: M108, M112, M410. The printer
+    /// acknowledges it like any other.
     pub fn push_urgent(&mut self, line: &str) {
         self.urgent.extend(without_comment(line));
     }
 
-    /// Takes what the printer sent, in pieces of any size; `at_ns` is when it came.
+    /// Receives bytes from the printer, in pieces of any size; `at_ns` is their time of arrival.
     pub fn received(&mut self, at_ns: u64, bytes: &[u8]) {
         for byte in bytes {
             match byte {
@@ -193,13 +192,16 @@ impl Stream {
                     let lines = self.on_the_way.len();
                     self.problem(
                         at_ns,
-                        format!("the printer was reset: it said \"start\" with {lines} lines on their way"),
+                        format!("the printer was reset: it sent \"start\" with {lines} lines unacknowledged"),
                     );
                 }
             }
             Answer::Wait if !self.on_the_way.is_empty() && self.hold.is_none() => {
                 let lines = self.on_the_way.len();
-                self.problem(at_ns, format!("the printer waits, and {lines} lines are unacknowledged"));
+                self.problem(
+                    at_ns,
+                    format!("the printer is idle with {lines} lines unacknowledged: a line or its \"ok\" was lost"),
+                );
             }
             Answer::Wait | Answer::Busy | Answer::Error | Answer::Text => {}
         }
@@ -214,18 +216,21 @@ impl Stream {
         match self.on_the_way.pop_front() {
             Some(Sent::Line(index)) => self.acknowledged = index + 1,
             Some(Sent::Urgent) => {}
-            None => self.problem(at_ns, "the printer acknowledged a line that nobody sent".to_owned()),
+            None => self.problem(at_ns, "the printer sent an \"ok\" too many".to_owned()),
         }
     }
 
     fn resend(&mut self, at_ns: u64, number: u64) {
         self.resends += 1;
         if !self.options.numbered {
-            self.problem(at_ns, format!("the printer wants line {number} again, and lines have no numbers"));
+            self.problem(
+                at_ns,
+                format!("the printer asks for line {number} again, but lines are sent without numbers"),
+            );
             return;
         }
         match usize::try_from(number) {
-            // The line after the last one sent may be asked for: what arrived and was refused was a duplicate.
+            // The printer may ask for the line after the last one sent, if the line that it refused was a duplicate.
             Ok(index) if index <= self.next && index >= self.acknowledged => {
                 self.next = index;
                 self.acknowledged = index;
@@ -234,7 +239,7 @@ impl Stream {
             }
             _ => {
                 let (from, to) = (self.acknowledged, self.next);
-                self.problem(at_ns, format!("the printer wants line {number} again, expected one of {from} to {to}"));
+                self.problem(at_ns, format!("the printer asks for line {number} again, expected {from} to {to}"));
             }
         }
     }
@@ -243,7 +248,7 @@ impl Stream {
         self.problems.push(Problem { at_ns, text });
     }
 
-    /// The next line to send now, with its end, or `None` while there is nothing to send; call it until then.
+    /// The next line to send now, with its end; `None` while there is none. Call it until then.
     pub fn to_send(&mut self, now_ns: u64) -> Option<Vec<u8>> {
         if self.reset || (self.options.wait_for_start && !self.started) {
             return None;
@@ -271,7 +276,7 @@ impl Stream {
 
     fn sent(&mut self, now_ns: u64, mut line: String) -> Vec<u8> {
         if self.on_the_way.len() == 1 {
-            // Silence counts from when the printer has something to answer.
+            // Silence counts from the instant at which the printer owes an answer.
             self.last_sign_ns = self.last_sign_ns.max(now_ns);
         }
         self.begun = true;
@@ -288,25 +293,25 @@ impl Stream {
             && self.hold.is_none()
     }
 
-    /// For how long the printer has given no sign of life although lines are on their way, ns; 0 if none is.
+    /// Time since the printer's last sign of life while lines are unacknowledged, ns; otherwise 0.
     #[must_use]
     pub fn silent_ns(&self, now_ns: u64) -> u64 {
         if self.on_the_way.is_empty() { 0 } else { now_ns.saturating_sub(self.last_sign_ns) }
     }
 
-    /// Lines of the file that are acknowledged.
+    /// The number of acknowledged lines of the file.
     #[must_use]
     pub fn acknowledged(&self) -> usize {
         self.acknowledged
     }
 
-    /// Lines of the file, `M110` included.
+    /// The number of lines of the file, `M110` included.
     #[must_use]
     pub fn lines(&self) -> usize {
         self.lines.len()
     }
 
-    /// How often the printer asked for a line again.
+    /// The number of resends that the printer requested.
     #[must_use]
     pub fn resends(&self) -> u64 {
         self.resends
@@ -324,19 +329,19 @@ impl Stream {
         &self.heard
     }
 
-    /// The errors among them.
+    /// The errors among the printer's lines.
     pub fn errors(&self) -> impl Iterator<Item = &Heard> {
         self.heard.iter().filter(|heard| heard.answer == Answer::Error)
     }
 
-    /// What went wrong between host and printer.
+    /// The problems so far.
     #[must_use]
     pub fn problems(&self) -> &[Problem] {
         &self.problems
     }
 }
 
-/// A line without its comment and blanks; `None` if nothing is left.
+/// A line without its comment and blanks; `None` if it is empty then.
 fn without_comment(line: &str) -> Option<String> {
     let line = line.split(';').next().unwrap_or_default().trim();
     (!line.is_empty()).then(|| line.to_owned())

@@ -1,18 +1,19 @@
-//! A host at the other end of the USB cable: it enumerates a serial port and streams bytes, in virtual time.
+//! The host at the other end of the USB cable: enumerates a serial port and transfers bytes, in virtual time.
 //!
-//! The run asks [`UsbHost::next_event_ns`] when the host next wants the bus, goes there, and calls
-//! [`UsbHost::advance`]. One transaction, one start of frame or one change of the bus happens at a time, so the chip runs
+//! The run asks [`UsbHost::next_event_ns`] when the host next needs the bus, advances to that instant, and calls
+//! [`UsbHost::advance`]. One transaction, start of frame or change of the bus happens at a time, so the chip runs
 //! between them as it does on a desk.
 //!
 //! | Behaviour | Source | Test |
 //! |---|---|---|
 //! | Attach, 100 ms of debounce, suspend after 3 ms of idle bus | USB 2.0 7.1.7.3, 7.1.7.6 | `a_device_is_debounced_and_reset_first` |
 //! | Reset 50 ms (a root port's), recovery 10 ms | USB 2.0 7.1.7.5 | `a_device_is_debounced_and_reset_first` |
-//! | First eight bytes, second reset, address, descriptors short and whole, strings, configuration, CDC requests | USB 2.0 9.1.2, CDC PSTN 6.3 | `enumeration_asks_in_the_order_of_a_real_host` |
+//! | First eight bytes, second reset, address, short and whole descriptors, strings, configuration, CDC requests | USB
+//! 2.0 9.1.2, CDC PSTN 6.3 | `enumeration_follows_the_order_of_a_real_host` |
 //! | Frames of 1 ms; at most 19 packets of 64 bytes in each | USB 2.0 5.8.4, table 5-9 | `a_frame_holds_nineteen_packets` |
-//! | Data toggles, three attempts, stall and clear halt | USB 2.0 8.6, 8.7, 9.4.5 | `lost_handshakes_lose_and_repeat_nothing`, `a_halted_endpoint_is_cleared` |
-//! | Cable out, suspend, reset in mid-transfer | USB 2.0 7.1.7 | `the_cable_may_go_and_come`, `suspend_stops_the_frames`, `a_reset_enumerates_again` |
-//! | Four attempts at a device that fails, then its name and the reason | Linux `hub.c` | `a_device_that_fails_is_given_up`, `another_class_is_refused_by_name` |
+//! | Data toggles, three attempts, stall and clear halt | USB 2.0 8.6, 8.7, 9.4.5 | `lost_handshakes_neither_lose_nor_repeat_bytes`, `a_halted_endpoint_is_cleared` |
+//! | Cable out, suspend, reset in mid-transfer | USB 2.0 7.1.7 | `the_cable_may_be_unplugged_and_plugged_again`, `suspend_stops_the_frames`, `a_reset_enumerates_again` |
+//! | Four attempts at a device that fails, then its name and the reason | Linux `hub.c` | `a_device_that_keeps_failing_is_refused`, `another_class_is_refused_by_name` |
 //!
 //! Left out: hubs, other speeds, isochronous and bulk transfers of other classes, the meaning of CDC notifications (they
 //! are polled, counted and dropped), bandwidth of other devices, bit errors other than lost handshakes, remote wakeup.
@@ -23,35 +24,37 @@ pub mod bus;
 pub mod control;
 pub mod descriptors;
 mod enumeration;
+mod pipe;
+mod step;
 mod stream;
 
 use bus::Bus;
 use control::Control;
 use descriptors::{Device, Serial};
-use enumeration::Step;
-use stream::Pipe;
+use pipe::{Pipe, duration_ns};
+use step::Step;
 
 /// A frame, USB 2.0 section 5.3.
 pub const FRAME_NS: u64 = 1_000_000;
-/// What a start of frame takes of it.
+/// The part of a frame that its start takes.
 const START_OF_FRAME_NS: u64 = 3_000;
-/// Attempts at a device that fails while it is enumerated.
-const ENUMERATIONS: u8 = 4;
+/// Maximum attempts to enumerate a device.
+const MAX_ENUMERATIONS: u8 = 4;
 
-/// The times a host keeps, in nanoseconds.
+/// The host's times, in nanoseconds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Timing {
     /// From the pull-up to the first reset, at least 100 ms.
     pub debounce_ns: u64,
-    /// A reset, at least 10 ms; a root port gives 50 ms.
+    /// Duration of a reset, at least 10 ms; 50 ms at a root port.
     pub reset_ns: u64,
     /// From a reset or a resume to the first transaction, at least 10 ms.
     pub recovery_ns: u64,
     /// From SET_ADDRESS to the next request, 2 ms or more.
     pub address_ns: u64,
-    /// From a NAK to the next attempt. Real hosts ask more often; each attempt stops the run.
+    /// From a NAK to the next attempt. Real hosts poll more often, but each attempt interrupts the run.
     pub nak_retry_ns: u64,
-    /// How long a request may be NAKed.
+    /// Time limit of a request that the device NAKs.
     pub request_ns: u64,
 }
 
@@ -68,24 +71,24 @@ impl Default for Timing {
     }
 }
 
-/// Where the host stands.
+/// The host's state.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum State {
     /// The cable is out.
     Unplugged,
-    /// The cable is in and no pull-up is seen.
+    /// The cable is in, and no device has a pull-up.
     Waiting,
-    /// A device is being reset and asked for its descriptors.
+    /// The host resets a device and reads its descriptors.
     Enumerating,
     /// The serial port is open.
     Open,
-    /// The bus sleeps.
+    /// The bus is suspended.
     Suspended,
-    /// The device was given up, and why.
+    /// The host gave the device up; the text says why.
     Refused(String),
 }
 
-/// What went wrong, and how often.
+/// Counters of errors.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Errors {
     /// Transactions without an answer.
@@ -94,19 +97,19 @@ pub struct Errors {
     pub naks: u64,
     /// Requests and packets answered with STALL.
     pub stalls: u64,
-    /// Packets that came twice and were dropped.
+    /// Packets that arrived twice and were dropped.
     pub repeated_packets: u64,
-    /// Packets or answers against the rules.
+    /// Packets or answers that break the protocol.
     pub broken: u64,
     /// Requests that failed.
     pub failed_requests: u64,
-    /// Devices that left without the cable.
+    /// Devices that disconnected while the cable was in.
     pub disconnects: u64,
     /// Bytes from [`UsbHost::write`] that were lost with the connection.
     pub dropped_bytes: u64,
 }
 
-/// What someone does to the host or its cable.
+/// A request of the caller to the host or its cable.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 enum Command {
     Plug,
@@ -119,7 +122,7 @@ enum Command {
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 enum Phase {
     Unplugged,
-    /// Looks for a pull-up at the next poll.
+    /// Checks for a pull-up at the next poll.
     Waiting {
         poll_ns: u64,
     },
@@ -134,7 +137,7 @@ enum Phase {
     Recovering {
         until_ns: u64,
     },
-    /// A request, and when it is next tried.
+    /// A request, and the instant of its next attempt.
     Requesting {
         step: Step,
         control: Control,
@@ -155,9 +158,9 @@ enum Phase {
 /// The host.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct UsbHost {
-    /// The times it keeps.
+    /// The host's times.
     pub timing: Timing,
-    /// What went wrong so far.
+    /// Errors so far.
     pub errors: Errors,
     now_ns: u64,
     phase: Phase,
@@ -165,7 +168,7 @@ pub struct UsbHost {
     /// The next start of frame, while the bus is awake.
     frame_ns: Option<u64>,
     frame: u16,
-    /// The end of the transaction before.
+    /// The end of the previous transaction.
     free_ns: u64,
     address: u8,
     control_packet: u8,
@@ -177,7 +180,7 @@ pub struct UsbHost {
     language: u16,
     strings: [String; 3],
     outgoing: VecDeque<u8>,
-    /// The OUT packet under way, which must not change until it is acknowledged.
+    /// The current OUT packet, which must not change until it is acknowledged.
     packet: Option<Vec<u8>>,
     incoming: Vec<u8>,
     input: Pipe,
@@ -194,7 +197,7 @@ impl Default for UsbHost {
 }
 
 impl UsbHost {
-    /// A host with its cable out.
+    /// A host with its cable unplugged.
     #[must_use]
     pub fn new() -> Self {
         Self {
@@ -226,42 +229,42 @@ impl UsbHost {
         }
     }
 
-    /// Puts the cable in at the next [`UsbHost::advance`]. So do the other changes below.
+    /// Plugs the cable in at the next [`UsbHost::advance`], which also executes the other requests below.
     pub fn plug(&mut self) {
         self.commands.push_back(Command::Plug);
     }
 
-    /// Pulls the cable out.
+    /// Unplugs the cable.
     pub fn unplug(&mut self) {
         self.commands.push_back(Command::Unplug);
     }
 
-    /// Lets the bus sleep. Without effect unless the port is open.
+    /// Suspends the bus. No effect unless the port is open.
     pub fn suspend(&mut self) {
         self.commands.push_back(Command::Suspend);
     }
 
-    /// Wakes the bus. Without effect unless it sleeps.
+    /// Resumes the bus. No effect unless it is suspended.
     pub fn resume(&mut self) {
         self.commands.push_back(Command::Resume);
     }
 
-    /// Resets the device and enumerates it again at any time. Without effect while no device is attached.
+    /// Resets the device and enumerates it again, in any state. No effect without a device.
     pub fn reset_bus(&mut self) {
         self.commands.push_back(Command::Reset);
     }
 
-    /// Loses the handshakes of the next bulk transactions, this many, so that each packet is sent twice.
+    /// Loses the handshake of this many of the next bulk transactions, so that their packets are sent twice.
     pub fn lose_handshakes(&mut self, count: u32) {
         self.lose_handshakes += count;
     }
 
-    /// Bytes for the device. They wait until the port is open.
+    /// Queues bytes for the device until the port is open.
     pub fn write(&mut self, bytes: &[u8]) {
         self.outgoing.extend(bytes);
     }
 
-    /// Bytes that wait to be sent, the packet under way included.
+    /// The number of bytes waiting to be sent, the current packet included.
     #[must_use]
     pub fn unsent(&self) -> usize {
         self.outgoing.len() + self.packet.as_ref().map_or(0, Vec::len)
@@ -272,7 +275,7 @@ impl UsbHost {
         std::mem::take(&mut self.incoming)
     }
 
-    /// Where the host stands.
+    /// The host's state.
     #[must_use]
     pub fn state(&self) -> State {
         match &self.phase {
@@ -288,26 +291,26 @@ impl UsbHost {
         }
     }
 
-    /// The device descriptor, once it was read.
+    /// The device descriptor, after it was read.
     #[must_use]
     pub fn device(&self) -> Option<Device> {
         self.device
     }
 
-    /// The serial port that the descriptors name, once they were read.
+    /// The serial port of the descriptors, after they were read.
     #[must_use]
     pub fn serial(&self) -> Option<Serial> {
         self.serial
     }
 
-    /// The device's maker, product and serial number, empty where it has none.
+    /// The device's maker, product and serial number; empty if it has none.
     #[must_use]
     pub fn strings(&self) -> &[String; 3] {
         &self.strings
     }
 
-    /// The instant at which the host next does something: the run should call [`UsbHost::advance`] then.
-    /// Never before the last call of it; `u64::MAX` while the cable is out.
+    /// The next instant at which the run should call [`UsbHost::advance`], ns: never before the last call, and
+    /// `u64::MAX` while the cable is out.
     #[must_use]
     pub fn next_event_ns(&self) -> u64 {
         if !self.commands.is_empty() {
@@ -316,7 +319,7 @@ impl UsbHost {
         self.frame_ns.unwrap_or(u64::MAX).min(self.phase_ns()).max(self.now_ns)
     }
 
-    /// The instant at which the phase goes on.
+    /// The instant at which the phase continues.
     fn phase_ns(&self) -> u64 {
         match &self.phase {
             Phase::Unplugged | Phase::Refused(_) => u64::MAX,
@@ -329,17 +332,17 @@ impl UsbHost {
         }
     }
 
-    /// The first instant from `ready_ns` on at which a transaction of this many bytes fits into a frame.
+    /// The first instant from `ready_ns` on at which a transaction with this many bytes fits into a frame.
     fn slot_ns(&self, ready_ns: u64, bytes: u64) -> u64 {
         let start = ready_ns.max(self.free_ns);
         match self.frame_ns {
-            Some(frame_ns) if start + stream::duration_ns(bytes) > frame_ns => frame_ns + START_OF_FRAME_NS,
+            Some(frame_ns) if start + duration_ns(bytes) > frame_ns => frame_ns + START_OF_FRAME_NS,
             _ => start,
         }
     }
 
-    /// Does everything that is due by `now_ns`, in order. `bus` acts at the instant that the run has reached, so a run
-    /// that goes from one [`UsbHost::next_event_ns`] to the next keeps the times exact.
+    /// Does everything that is due by `now_ns`, in order. `bus` acts at the run's current instant, so a run that goes
+    /// from one [`UsbHost::next_event_ns`] to the next keeps exact times.
     pub fn advance(&mut self, now_ns: u64, bus: &mut impl Bus) {
         while let Some(command) = self.commands.pop_front() {
             self.now_ns = now_ns;
@@ -350,7 +353,7 @@ impl UsbHost {
             if self.frame_ns.is_some_and(|frame_ns| frame_ns <= self.now_ns) {
                 self.start_frame(bus);
             } else {
-                self.go_on(bus);
+                self.continue_phase(bus);
             }
         }
         self.now_ns = now_ns;
@@ -395,14 +398,14 @@ impl UsbHost {
         }
     }
 
-    /// The pull-up is gone.
+    /// Follows a device that has switched its pull-up off.
     fn lose_device(&mut self) {
         self.errors.disconnects += 1;
         self.forget_device();
         self.phase = Phase::Waiting { poll_ns: self.now_ns + FRAME_NS };
     }
 
-    /// Drops what belonged to the device, and what was to be sent to it.
+    /// Clears the state of the device, and the bytes to be sent to it.
     fn forget_device(&mut self) {
         self.errors.dropped_bytes += self.unsent() as u64;
         self.outgoing.clear();
@@ -422,12 +425,12 @@ impl UsbHost {
         self.phase = Phase::Resetting { until_ns: self.now_ns + self.timing.reset_ns };
     }
 
-    fn go_on(&mut self, bus: &mut impl Bus) {
+    fn continue_phase(&mut self, bus: &mut impl Bus) {
         let now_ns = self.now_ns;
         match &self.phase {
             Phase::Unplugged | Phase::Refused(_) => {}
             Phase::Waiting { .. } => {
-                // A level, not an event: a chip that was rebuilt by its reset must find it again.
+                // VBUS is a level, set at every poll: a chip that its reset has rebuilt must find it again.
                 bus.set_vbus(true);
                 self.phase = if bus.connected() {
                     let until_ns = now_ns + self.timing.debounce_ns;

@@ -1,4 +1,4 @@
-//! The far end of a serial line, as the run empties and fills it.
+//! The far end of a serial line: buffers that the run empties and fills.
 
 use std::collections::VecDeque;
 
@@ -7,15 +7,15 @@ use rigless::chip::uart::Peer;
 use rigless::store;
 use rigless::time::VirtualNanos;
 
-/// What the chip has sent, and what it is to hear and when.
+/// Words from the chip, and words for it with their times.
 #[derive(Debug, Default, serde::Serialize, serde::Deserialize)]
 pub struct Mailbox {
-    /// Each word that the chip has sent, with the instant at which its stop bit ended, ns.
+    /// Words from the chip, each with the end of its stop bit, ns.
     received: VecDeque<(u64, u16)>,
-    /// Words for the chip, with the instant from which on they may begin, ns.
+    /// Words for the chip, each with the earliest instant at which it may begin, ns.
     to_send: VecDeque<(u64, u16)>,
-    /// Whether transmitter and receiver share one wire: the chip hears itself (RM0090 30.3.10; rigless leaves half-duplex
-    /// out, so here the echo of a word begins when the word ends).
+    /// Whether transmitter and receiver share one wire, so that the chip receives its own words (RM0090 30.3.10).
+    /// rigless has no half-duplex mode: here the echo of a word begins when the word ends.
     one_wire: bool,
 }
 
@@ -28,23 +28,23 @@ impl Mailbox {
         Self { one_wire, ..Self::default() }
     }
 
-    /// Takes what the chip has sent: when each word ended, and the word.
+    /// Takes the words from the chip: end of each word, ns, and the word.
     pub fn take(&mut self) -> impl Iterator<Item = (u64, u16)> + '_ {
         self.received.drain(..)
     }
 
-    /// A word for the chip, not before this instant.
+    /// Queues a word for the chip, to begin at this instant at the earliest.
     pub fn send(&mut self, due_ns: u64, word: u16) {
         self.to_send.push_back((due_ns, word));
     }
 
-    /// How many words the chip has not heard yet.
+    /// The number of words that the chip has not received yet.
     #[must_use]
     pub fn waiting(&self) -> usize {
         self.to_send.len()
     }
 
-    /// Forgets what the chip has not heard yet: the line was cut.
+    /// Drops all words that the chip has not received yet, as when the line is cut.
     pub fn cut(&mut self) {
         self.to_send.clear();
     }
@@ -55,7 +55,7 @@ impl Peer for Mailbox {
         let now = context.now().0;
         self.received.push_back((now, word));
         if self.one_wire {
-            // Before any answer of a chip on the line.
+            // The echo precedes any answer of another device on the line.
             let place = self.to_send.iter().position(|(due, _)| *due > now).unwrap_or(self.to_send.len());
             self.to_send.insert(place, (now, word));
         }

@@ -1,4 +1,4 @@
-//! What the chip's pins drive, from the ports' registers.
+//! The levels that the chip drives at its pins, from the ports' registers.
 
 use rigless::device::RegisterFile;
 use rigless::soc::stm32f427::generated::gpioa::Register;
@@ -8,9 +8,9 @@ use crate::pins::Pin;
 use crate::plant::{Plant, Switched};
 use crate::wiring::Board;
 
-/// Ports A to I.
+/// Number of ports: A to I.
 pub const COUNT: usize = 9;
-/// Their registers: from here on, 1 KiB each (RM0090 2.3).
+/// First address of the ports' registers, 1 KiB each (RM0090 2.3).
 const BASE: u64 = 0x4002_0000;
 const SPACING: u64 = 0x400;
 
@@ -18,7 +18,7 @@ const SPACING: u64 = 0x400;
 const OUTPUT: u64 = 0b01;
 const ALTERNATE: u64 = 0b10;
 
-/// The pins that are watched, and what they last drove.
+/// The watched pins and their last driven levels.
 #[derive(Debug, Clone, serde::Serialize, serde::Deserialize)]
 pub struct Ports {
     watched: [u16; COUNT],
@@ -28,7 +28,7 @@ pub struct Ports {
 }
 
 impl Ports {
-    /// Watches what the plant listens to and the motors' signals.
+    /// Watches the pins of the plant and the motors' signals.
     pub fn new(board: &Board, plant: &Plant) -> Self {
         let mut ports = Self { watched: [0; COUNT], steps: [0; COUNT], driven: [0; COUNT], high: [0; COUNT] };
         for port in 0..COUNT {
@@ -52,14 +52,15 @@ impl Ports {
         self.steps[usize::from(pin.port)] & 1 << pin.number != 0
     }
 
-    /// The port that a register belongs to.
+    /// The port of a register.
     pub fn at(address: u64) -> Option<usize> {
         let port = usize::try_from(address.checked_sub(BASE)? / SPACING).ok()?;
         (port < COUNT).then_some(port)
     }
 
-    /// Watched pins of a port that drive something else than they did (none: nothing), and whether that is an edge: a pin that
-    /// is not driven is low by the driver's own resistor, so that one which becomes a low output makes none.
+    /// Watched pins of a port that changed: the pin, its level (`None` when the chip stops driving it), and whether the
+    /// change is an edge. The driver's own resistor holds a floating pin low, so a pin that becomes a low output makes
+    /// no edge.
     pub fn changes(&mut self, port: usize, registers: &RegisterFile) -> Vec<(Pin, Option<bool>, bool)> {
         let (modes, levels) = (registers.get(Register::Moder), registers.get(Register::Odr) as u16);
         let mut driven = 0u16;
@@ -80,7 +81,7 @@ impl Ports {
             .collect()
     }
 
-    /// The share of power that a timer gives through a pin, 0 to 1; none where no timer has the pin.
+    /// The share of power that a timer passes through a pin, 0 to 1; `None` if no timer drives the pin.
     pub fn timer_power(&self, chip: &Stm32f4, switched: Switched) -> Option<f64> {
         let timer = switched.timer?;
         let registers = chip.port_registers(usize::from(switched.pin.port))?;

@@ -1,19 +1,19 @@
-//! What the firmware stores to peripherals, in order.
+//! Recorded stores of the firmware to peripherals, in order.
 
 use serde::{Deserialize, Serialize};
 
-/// A store to a peripheral's register, and how often in a row it was repeated: a program that does nothing else than feed its
-/// watchdog does so millions of times a second.
+/// A store to a peripheral's register and its immediate repetitions: a program that only feeds its watchdog stores
+/// millions of times a second.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Store {
-    /// When, ns.
+    /// First store, ns.
     pub at_ns: u64,
-    /// When it was last repeated, ns.
+    /// Last repetition, ns.
     pub until_ns: u64,
-    /// How often, in a row.
+    /// Number of stores in a row.
     pub times: u32,
-    /// The register.
+    /// The register's address.
     pub address: u32,
-    /// What was stored, as wide as the store was.
+    /// The value, as wide as the store.
     pub value: u32,
 }

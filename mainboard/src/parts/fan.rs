@@ -1,40 +1,40 @@
-//! A fan with a tacho: a rotor with inertia, two pulses a turn.
+//! A fan with a tachometer: a rotor with inertia, two pulses a turn.
 //!
-//! Driven, its speed tends to full speed; left alone, to 0; each with its own time constant. The tacho is open
-//! collector with a pull-up: high and low for a quarter turn each, at any speed.
+//! A driven rotor approaches full speed, one without power stops, each with its own time constant. The tachometer is an
+//! open collector with a pull-up: high and low for a quarter turn each, at any speed.
 //!
 //! | what | test |
 //! |---|---|
-//! | spin-up, run-down, average under PWM | `spins_up_*`, `pwm_*` |
-//! | tacho edges at their exact instants | `the_tacho_*` |
-//! | stuck rotor, dead tacho | `a_stuck_*` |
+//! | spin-up, run-down, average under PWM | `the_rotor_*`, `pwm_*` |
+//! | edges of the tachometer at their exact instants | `the_tachometer_*` |
+//! | stuck rotor, dead tachometer | `a_stuck_*` |
 //!
-//! Left out: the tacho going dead between PWM pulses (a fan switched at its ground loses its tacho's supply), speed by
-//! voltage.
+//! Left out: a tachometer that stops between PWM pulses (a fan switched at its ground loses the tachometer's supply),
+//! speed by voltage.
 
-/// Tacho levels in a turn: two pulses, each a high and a low.
+/// Levels of the tachometer in a turn: two pulses, each a high and a low.
 const LEVELS_A_TURN: f64 = 4.0;
-/// Slower than this a fan stands, in turns a second: friction.
-const SLOWEST: f64 = 0.5;
+/// Speed below which friction stops a fan, turns per second.
+const MIN_TURNS_PER_S: f64 = 0.5;
 
-/// A fan.
+/// The properties of a fan.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Config {
-    /// Full speed in turns a minute.
+    /// Full speed, turns per minute.
     pub full_rpm: f64,
-    /// Time constant of spinning up, in ns.
+    /// Time constant of spinning up, ns.
     pub spin_up_ns: u64,
-    /// Time constant of running down, in ns.
+    /// Time constant of running down, ns.
     pub run_down_ns: u64,
 }
 
-/// What a fan can suffer.
+/// A fault of a fan.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub enum FanFault {
-    /// Something blocks the rotor: it stands at once.
+    /// The rotor is blocked and stops at once.
     Stuck,
-    /// It turns, but the tacho stays high.
-    TachoDead,
+    /// The rotor turns, but the tachometer stays high.
+    TachometerDead,
 }
 
 /// The fan.
@@ -43,7 +43,7 @@ pub struct Fan {
     config: Config,
     driven: bool,
     fault: Option<FanFault>,
-    /// Turns a second.
+    /// Speed, turns per second.
     speed: f64,
     /// Quarter turns since the start.
     quarters: f64,
@@ -51,18 +51,18 @@ pub struct Fan {
 }
 
 impl Fan {
-    /// A fan that stands.
+    /// A fan at rest.
     pub fn new(config: Config) -> Self {
         Self { config, driven: false, fault: None, speed: 0.0, quarters: 0.0, at_ns: 0 }
     }
 
-    /// Its pin drives it or does not; PWM calls this at each edge.
+    /// Follows the fan's output pin; PWM calls this at each edge.
     pub fn set_driven(&mut self, now_ns: u64, driven: bool) {
         self.advance(now_ns);
         self.driven = driven;
     }
 
-    /// Breaks or mends it.
+    /// Breaks or mends the fan.
     pub fn set_fault(&mut self, now_ns: u64, fault: Option<FanFault>) {
         self.advance(now_ns);
         self.fault = fault;
@@ -71,24 +71,24 @@ impl Fan {
         }
     }
 
-    /// Its speed in turns a minute.
+    /// The speed, turns per minute.
     pub fn rpm(&mut self, now_ns: u64) -> f64 {
         self.advance(now_ns);
         self.speed * 60.0
     }
 
-    /// How much it blows, 0 to 1: its speed as a part of full speed.
+    /// The airflow, 0 to 1: the speed relative to full speed.
     pub fn airflow(&mut self, now_ns: u64) -> f64 {
         let full_rpm = self.config.full_rpm.max(1e-9);
         (self.rpm(now_ns) / full_rpm).clamp(0.0, 1.0)
     }
 
-    /// The tacho's level at the time of the last call.
+    /// The tachometer's level at the time of the last call.
     pub fn tacho(&self) -> bool {
-        self.fault == Some(FanFault::TachoDead) || (self.quarters as u64).is_multiple_of(2)
+        self.fault == Some(FanFault::TachometerDead) || (self.quarters as u64).is_multiple_of(2)
     }
 
-    /// Turns up to now.
+    /// Advances the rotor to `now_ns`.
     pub fn advance(&mut self, now_ns: u64) {
         let passed_ns = now_ns.saturating_sub(self.at_ns);
         if passed_ns == 0 {
@@ -96,22 +96,22 @@ impl Fan {
         }
         (self.speed, self.quarters) = self.after(passed_ns);
         self.at_ns = now_ns;
-        if !self.driven && self.speed < SLOWEST {
+        if !self.driven && self.speed < MIN_TURNS_PER_S {
             self.speed = 0.0;
         }
     }
 
-    /// When the tacho changes next; none while it stands.
+    /// The next edge of the tachometer, ns; `None` while the rotor stands.
     pub fn next_event_ns(&self) -> Option<u64> {
-        if self.fault == Some(FanFault::TachoDead) {
+        if self.fault == Some(FanFault::TachometerDead) {
             return None;
         }
         let next = self.quarters.floor() + 1.0;
         let reaches = |passed_ns: u64| self.after(passed_ns).1 >= next;
-        // At most two seconds ahead; what is slower is looked at again then, if it turns at all.
+        // At most two seconds ahead; a slower rotor is examined again then.
         let mut high = 2_000_000_000;
         if !reaches(high) {
-            let turns = self.speed > SLOWEST || (self.driven && self.fault.is_none());
+            let turns = self.speed > MIN_TURNS_PER_S || (self.driven && self.fault.is_none());
             return turns.then_some(self.at_ns + high);
         }
         let mut low = 0;
@@ -122,7 +122,7 @@ impl Fan {
         Some(self.at_ns + high)
     }
 
-    /// Speed and quarter turns after this time: both in closed form.
+    /// Speed and quarter turns after this time, both in closed form.
     fn after(&self, passed_ns: u64) -> (f64, f64) {
         if self.fault == Some(FanFault::Stuck) {
             return (0.0, self.quarters);
@@ -134,7 +134,7 @@ impl Fan {
         };
         let constant_s = constant_ns.max(1) as f64 / 1e9;
         let passed_s = passed_ns as f64 / 1e9;
-        // 1 - exp(-x), also where x is tiny.
+        // 1 - exp(-x), accurate for tiny x too.
         let approach = -(-passed_s / constant_s).exp_m1();
         let turns = end * passed_s + (self.speed - end) * constant_s * approach;
         (self.speed + (end - self.speed) * approach, self.quarters + LEVELS_A_TURN * turns)
@@ -167,12 +167,12 @@ mod tests {
     }
 
     #[test]
-    fn spins_up_and_runs_down_with_its_inertia() {
+    fn the_rotor_spins_up_and_runs_down_with_its_inertia() {
         let mut fan = fan();
         fan.set_driven(0, true);
         assert!((fan.rpm(SECOND / 2) - 6_000.0 * 0.632_12).abs() < 1.0);
         assert!((fan.rpm(10 * SECOND) - 6_000.0).abs() < 0.01);
-        // 10 s at full speed but for one time constant.
+        // 10 s at full speed minus one time constant.
         assert!((fan.quarters - 4.0 * 950.0).abs() < 0.01, "{}", fan.quarters);
         fan.set_driven(10 * SECOND, false);
         assert!((fan.rpm(11 * SECOND) - 6_000.0 * 0.367_88).abs() < 1.0);
@@ -180,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn the_tacho_has_two_pulses_a_turn() {
+    fn the_tachometer_has_two_pulses_a_turn() {
         let mut fan = fan();
         fan.set_driven(0, true);
         let edges = edges(&mut fan, 20 * SECOND, 21 * SECOND);
@@ -190,7 +190,7 @@ mod tests {
     }
 
     #[test]
-    fn reading_the_tacho_does_not_change_it() {
+    fn the_tachometer_is_independent_of_the_calls() {
         let (mut seldom, mut often) = (fan(), fan());
         seldom.set_driven(0, true);
         often.set_driven(0, true);
@@ -200,24 +200,24 @@ mod tests {
     }
 
     #[test]
-    fn pwm_gives_speeds_between() {
+    fn pwm_gives_intermediate_speeds() {
         let mut fan = fan();
         for period in 0..1_000 {
             fan.set_driven(period * 10_000_000, true);
             fan.set_driven(period * 10_000_000 + 5_000_000, false);
         }
-        // Half on: pulled up twice as strongly as it slows.
+        // Half on: the drive accelerates twice as strongly as friction slows.
         let rpm = fan.rpm(10 * SECOND);
         assert!((rpm - 4_000.0).abs() < 60.0, "{rpm}");
     }
 
     #[test]
-    fn a_stuck_rotor_and_a_dead_tacho_make_no_edges() {
+    fn a_stuck_rotor_and_a_dead_tachometer_make_no_edges() {
         let mut fan = fan();
         fan.set_driven(0, true);
         fan.set_fault(5 * SECOND, Some(FanFault::Stuck));
         assert_eq!((fan.rpm(6 * SECOND), fan.next_event_ns(), fan.airflow(6 * SECOND)), (0.0, None, 0.0));
-        fan.set_fault(6 * SECOND, Some(FanFault::TachoDead));
+        fan.set_fault(6 * SECOND, Some(FanFault::TachometerDead));
         assert!(edges(&mut fan, 7 * SECOND, 8 * SECOND).is_empty() && fan.rpm(9 * SECOND) > 5_900.0);
         fan.set_fault(9 * SECOND, None);
         assert!(!edges(&mut fan, 9 * SECOND, 10 * SECOND).is_empty());

@@ -1,8 +1,8 @@
-//! Heaters and what they heat, and thermistors ([`thermistor`]).
+//! Heaters with their heated bodies, and thermistors ([`thermistor`]).
 //!
-//! A heated body is one mass that loses heat to the air; its sensor follows it with a lag of its own, so that the
-//! answer to power is of second order. A transport delay before that can be set. Between changes of power all is solved
-//! exactly:
+//! A heated body is one mass that loses heat to the air; its sensor follows it with a lag of its own, so the response
+//! to power is of second order. A transport delay before it can be set. Between changes of power both equations are
+//! solved exactly:
 //!
 //! ```text
 //! C dT/dt = P - G (T - ambient)        lag dS/dt = T - S
@@ -10,18 +10,18 @@
 //!
 //! | what | test |
 //! |---|---|
-//! | mass, loss, fan, sensor lag, each in closed form | `agrees_with_fine_steps`, `settles_*`, `equal_times_*` |
+//! | mass, loss, fan, sensor lag, each in closed form | `fine_steps_agree`, `the_body_settles_*`, `equal_times_*` |
 //! | transport delay | `a_dead_time_*` |
 //! | supply voltage, broken heater, switch shorted | `faults_*` |
 //!
-//! Left out: radiation (loss that grows faster than the difference), the heat that melting filament takes, heat from
-//! the bed to the nozzle. Set `loss_w_per_k` for the temperature of interest.
+//! Left out: radiation (loss that grows faster than the difference), the heat of melting filament, heat from the bed to
+//! the nozzle. Set `loss_w_per_k` for the temperature of interest.
 
 pub mod thermistor;
 
 use std::collections::VecDeque;
 
-/// A heater and the mass around it.
+/// The properties of a heater and its body.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Config {
     /// Power at nominal voltage, in watts.
@@ -30,22 +30,22 @@ pub struct Config {
     pub capacity_j_per_k: f64,
     /// Loss to still air, in watts per kelvin above ambient.
     pub loss_w_per_k: f64,
-    /// Further loss with the fan at full speed, in watts per kelvin.
+    /// Additional loss with the fan at full speed, in watts per kelvin.
     pub fan_loss_w_per_k: f64,
-    /// Time constant with which the sensor follows the mass, in seconds; 0 for none.
+    /// Time constant of the sensor's lag, in seconds; 0 for none.
     pub sensor_lag_s: f64,
-    /// Time before power begins to warm the mass, in ns.
+    /// Delay before power begins to warm the body, in ns.
     pub dead_time_ns: u64,
-    /// The air, and the mass at the start, in degrees Celsius.
+    /// Temperature of the air, and of the body at the start, in degrees Celsius.
     pub ambient_celsius: f64,
 }
 
-/// What a heater can suffer.
+/// A fault of a heater.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub enum HeaterFault {
-    /// Wire broken: it never heats.
+    /// The wire is broken: it never heats.
     Broken,
-    /// The transistor always conducts: it heats at any level of the pin.
+    /// The transistor always conducts: it heats whatever the level of the pin.
     StuckOn,
 }
 
@@ -58,7 +58,7 @@ pub struct Heater {
     fan: f64,
     fault: Option<HeaterFault>,
     ambient_celsius: f64,
-    /// Power as it will reach the mass.
+    /// Changes of power that have not reached the body yet.
     pending: VecDeque<(u64, f64)>,
     power_w: f64,
     body_celsius: f64,
@@ -74,16 +74,16 @@ impl Heater {
     /// A heater that is off and as warm as the air.
     ///
     /// # Errors
-    /// If capacity or loss is not above 0, or the lag is below 0.
+    /// Capacity or loss is not above 0, or the lag is below 0.
     pub fn new(config: Config) -> Result<Self, String> {
         for (name, value) in [("capacity_j_per_k", config.capacity_j_per_k), ("loss_w_per_k", config.loss_w_per_k)] {
             if !(value > 0.0 && value.is_finite()) {
-                return Err(format!("{name}: {value} is not above 0"));
+                return Err(format!("{name} is {value}, expected a number above 0"));
             }
         }
         for (name, value) in [("sensor_lag_s", config.sensor_lag_s), ("fan_loss_w_per_k", config.fan_loss_w_per_k)] {
             if !(value >= 0.0 && value.is_finite()) {
-                return Err(format!("{name}: {value} is below 0"));
+                return Err(format!("{name} is {value}, expected 0 or more"));
             }
         }
         let ambient_celsius = config.ambient_celsius;
@@ -106,72 +106,72 @@ impl Heater {
         })
     }
 
-    /// The pin switches it on or off.
+    /// Switches the heater on or off.
     pub fn set_on(&mut self, now_ns: u64, on: bool) {
         self.on = on;
         self.change_power(now_ns);
     }
 
-    /// Power that the supply allows, as a part of nominal: the square of its voltage over nominal.
+    /// Sets the supply's power relative to nominal: the square of voltage over nominal.
     pub fn set_power_scale(&mut self, now_ns: u64, scale: f64) {
         self.power_scale = scale.max(0.0);
         self.change_power(now_ns);
     }
 
-    /// Breaks or mends it.
+    /// Breaks or mends the heater.
     pub fn set_fault(&mut self, now_ns: u64, fault: Option<HeaterFault>) {
         self.fault = fault;
         self.change_power(now_ns);
     }
 
-    /// Whether its transistor conducts always.
+    /// Whether the transistor always conducts.
     pub fn is_stuck_on(&self) -> bool {
         self.fault == Some(HeaterFault::StuckOn)
     }
 
-    /// The fan that blows at it, 0 to 1.
+    /// Sets the airflow at the body, 0 to 1.
     pub fn set_fan(&mut self, now_ns: u64, fan: f64) {
         self.advance(now_ns);
         self.fan = fan.clamp(0.0, 1.0);
     }
 
-    /// The air's temperature in degrees Celsius.
+    /// Sets the air's temperature in degrees Celsius.
     pub fn set_ambient(&mut self, now_ns: u64, celsius: f64) {
         self.advance(now_ns);
         self.ambient_celsius = celsius;
     }
 
-    /// Puts the mass and its sensor to a temperature, to begin with a warm machine.
+    /// Sets body and sensor to a temperature, to start with a warm machine.
     pub fn set_temperature(&mut self, now_ns: u64, celsius: f64) {
         self.advance(now_ns);
         (self.body_celsius, self.sensor_celsius) = (celsius, celsius);
         self.hottest_celsius = self.hottest_celsius.max(celsius);
     }
 
-    /// The power it draws just now, in watts.
+    /// The electrical power now, in watts.
     pub fn drawn_w(&self) -> f64 {
         self.drawn_w
     }
 
-    /// The energy it has drawn so far, in joules.
+    /// The energy so far, in joules.
     pub fn energy_j(&self, now_ns: u64) -> f64 {
         self.energy_j + self.drawn_w * seconds(now_ns.saturating_sub(self.drawn_since_ns))
     }
 
-    /// The mass's temperature in degrees Celsius.
+    /// The body's temperature in degrees Celsius.
     pub fn body_celsius(&mut self, now_ns: u64) -> f64 {
         self.advance(now_ns);
         self.body_celsius
     }
 
-    /// The temperature at the sensor's place in degrees Celsius.
+    /// The sensor's temperature in degrees Celsius.
     pub fn sensor_celsius(&mut self, now_ns: u64) -> f64 {
         self.advance(now_ns);
         self.sensor_celsius
     }
 
-    /// The hottest that the mass was when power changed or someone looked, in degrees Celsius. The mass is hottest
-    /// where its power ends, so that nothing hotter lies between.
+    /// The highest temperature of the body, in degrees Celsius, sampled at changes of power and at reads. The body is
+    /// hottest when its power ends, so no maximum between the samples is missed.
     pub fn hottest_celsius(&self) -> f64 {
         self.hottest_celsius
     }
@@ -198,7 +198,7 @@ impl Heater {
         self.advance(now_ns);
     }
 
-    /// Lets heat flow up to now.
+    /// Lets heat flow up to `now_ns`.
     pub fn advance(&mut self, now_ns: u64) {
         while let Some((at_ns, power_w)) = self.pending.pop_front_if(|(at_ns, _)| *at_ns <= now_ns) {
             self.flow(at_ns);
@@ -207,7 +207,7 @@ impl Heater {
         self.flow(now_ns);
     }
 
-    /// Solves the two equations over a time of constant power.
+    /// Solves both equations over a time of constant power.
     fn flow(&mut self, until_ns: u64) {
         let passed_s = seconds(until_ns.saturating_sub(self.at_ns));
         if passed_s <= 0.0 {
@@ -262,7 +262,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn agrees_with_fine_steps(
+        fn fine_steps_agree(
             lag_s in 0.5_f64..150.0,
             pieces in proptest::collection::vec((any::<bool>(), 0.0_f64..1.0, 1_u64..20), 1..8),
         ) {
@@ -276,7 +276,7 @@ mod tests {
                     let loss = 0.12 + 0.04 * fan;
                     let power = if on { 40.0 } else { 0.0 };
                     let flow: f64 = power - loss * (body - 21.0);
-                    // Two stages a step (Heun), so that the check is finer than what it checks.
+                    // Two stages a step (Heun), so that the check is more accurate than the model.
                     let half = body + flow / 12.0 * 0.0005;
                     let sensor_half: f64 = sensor + (body - sensor) / lag_s * 0.0005;
                     body += (power - loss * (half - 21.0)) / 12.0 * 0.001;
@@ -290,7 +290,7 @@ mod tests {
     }
 
     #[test]
-    fn settles_where_loss_equals_power() {
+    fn the_body_settles_where_loss_equals_power() {
         let mut heater = Heater::new(hotend()).unwrap();
         heater.set_on(0, true);
         let end = 21.0 + 40.0 / 0.12;
@@ -305,7 +305,7 @@ mod tests {
     }
 
     #[test]
-    fn equal_time_constants_are_solved_exactly() {
+    fn equal_times_are_continuous() {
         let lag_s = 12.0 / 0.12;
         let at = |lag_s: f64| {
             let mut heater = Heater::new(Config { sensor_lag_s: lag_s, ..hotend() }).unwrap();

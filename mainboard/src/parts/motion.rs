@@ -1,4 +1,4 @@
-//! Motors, kinematics and axes: from steps to where the nozzle stands, and what that does to switches, probe and bed.
+//! Motors, kinematics and axes: from steps to the nozzle's position, and its effect on switches, probe and bed.
 //!
 //! Positions are exact: a motor's field is counted in 1/256 of a full step (`i64`), an axis in half of that, so that
 //! the mean of two CoreXY motors is exact as well.
@@ -6,17 +6,19 @@
 //! | what | test |
 //! |---|---|
 //! | Cartesian and CoreXY (A = X + Y, B = X - Y) | `cartesian_*`, `core_xy_*` |
-//! | hard ends: the carriage stays, the field runs ahead, the rotor slips by four full steps, the load is 1 | `a_motor_at_the_frame_*`, `core_xy_a_stall_*` |
-//! | outputs off: steps move nothing; outputs on again: the rotor snaps to the nearest place of the field | `without_current_*`, `the_rotor_snaps_*`, `a_rotor_rests_*` |
+//! | hard ends: the carriage stays, the field runs ahead, the rotor slips by four full steps, the load is 1 |
+//! `a_motor_at_the_frame_*`, `core_xy_a_stall_*` |
+//! | outputs off: steps move nothing; outputs on again: the rotor snaps to the nearest position of the field |
+//! `without_current_*`, `the_rotor_snaps_*`, `a_rotor_rests_*` |
 //! | end stops: hysteresis, bounce, stuck, polarity ([`end_stop`]) | `end_stop::tests` |
 //! | probe over the sheet only, hysteresis, noise, dead, always on; nozzle pressed into the sheet ([`sheet`]) | `sheet::tests`, `the_probe_*` |
 //!
 //! Left out, and why:
-//! - Mass, belts' stretch and torque: a motor follows its field wherever nothing blocks it, however fast. Steps lost by
-//!   speed are a question for a machine, not for its firmware's logic.
-//! - A carriage that is blocked lets its rotor swing between the frame and two full steps before it (slipping); it does
-//!   not bounce further. Pushing into the sheet does not stop Z: the depth is recorded instead.
-//! - A motor without current keeps its place: Z does not sink, and the carriage is not pushed.
+//! - Mass, belts' stretch and torque: a motor follows its field at any speed unless something blocks it. Steps lost by
+//!   speed depend on the machine, not on the firmware's logic.
+//! - A blocked rotor swings between the frame and two full steps before it (slipping); it does not bounce further.
+//!   Pushing into the sheet does not stop Z: the depth is recorded instead.
+//! - A motor without current keeps its position: Z does not sink, and no hand pushes the carriage.
 //! - Several motors on one axis: wire them to one driver.
 
 pub mod end_stop;
@@ -29,7 +31,7 @@ use sheet::{Probe, ProbeConfig, Sheet, SheetConfig};
 
 /// Microsteps of 1/256 in an electrical period: four full steps.
 const PERIOD: i64 = 1024;
-/// Half a period, in halves of 1/256: a field further ahead than that pulls the rotor the other way.
+/// Half a period, in halves of 1/256: a field further ahead pulls the rotor in the opposite direction.
 const SLIP_HALVES: i64 = PERIOD;
 /// Halves of 1/256 in a full step.
 const FULL_STEP_HALVES: i64 = 512;
@@ -43,10 +45,10 @@ pub enum Kinematics {
     CoreXy,
 }
 
-/// A motor and what it drives.
+/// A motor and its ratio to the axis.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct MotorConfig {
-    /// Full steps for a millimetre of its axis (or of filament).
+    /// Full steps per millimetre of its axis (or of filament).
     pub full_steps_per_mm: f64,
     /// Whether a field that counts up moves the axis down.
     pub inverted: bool,
@@ -59,15 +61,15 @@ pub struct AxisConfig {
     pub minimum_mm: f64,
     /// Upper end of its travel in mm.
     pub maximum_mm: f64,
-    /// How far beyond the lower end the frame stands, in mm.
+    /// Distance of the frame beyond the lower end, in mm.
     pub frame_below_mm: f64,
-    /// How far beyond the upper end the frame stands, in mm.
+    /// Distance of the frame beyond the upper end, in mm.
     pub frame_above_mm: f64,
-    /// Where it stands at first, in mm.
+    /// The position at the start, in mm.
     pub start_mm: f64,
 }
 
-/// All that moves. Motors from 3 on are extruders: they have no ends.
+/// Everything that moves. Motors from 3 on are extruders, without ends.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Config {
     /// How motors 0 and 1 move X and Y.
@@ -84,10 +86,10 @@ pub struct Config {
     pub probe: Option<ProbeConfig>,
 }
 
-/// What a call changed, so that the run looks only where it must.
+/// The changes of a call, which the run must pass on.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Effect {
-    /// Motors' loads: give them to their drivers.
+    /// Motors' loads, for their drivers.
     pub loads: bool,
     /// Levels of end stops or of the probe.
     pub lines: bool,
@@ -100,16 +102,17 @@ impl std::ops::BitOrAssign for Effect {
     }
 }
 
-/// What became of a motor's steps.
+/// The fate of a motor's steps.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct MotorRecord {
-    /// Steps that came while its driver gave no current.
+    /// Steps while its driver gave no current.
     pub unpowered_steps: u64,
-    /// Electrical periods (four full steps) that the rotor slipped, in either direction.
+    /// Electrical periods (four full steps) by which the rotor slipped, in either direction.
     pub slipped_periods: u64,
-    /// The slips' sum in 1/256 of a full step, positive where the field was ahead upwards: what the firmware is off by.
+    /// The sum of the slips in 1/256 of a full step, positive with the field ahead upwards: the error of the firmware's
+    /// position.
     pub lost_256: i64,
-    /// The sum of jumps when the current came back, in 1/256.
+    /// The sum of jumps when current returned, in 1/256.
     pub snapped_256: i64,
 }
 
@@ -117,7 +120,7 @@ pub struct MotorRecord {
 struct Motor {
     sign: i64,
     field_256: i64,
-    /// Field less the driver's microstep counter, modulo a period.
+    /// Field minus the driver's microstep counter, modulo a period.
     phase_256: i64,
     energized: bool,
     record: MotorRecord,
@@ -129,16 +132,16 @@ struct Axis {
     low_frame: i64,
     high_frame: i64,
     position: i64,
-    /// How far the field is ahead of the carriage.
+    /// Lead of the field over the carriage.
     lead: i64,
-    /// While it leans on the frame: 1 above, -1 below; 0 when free.
+    /// 1 while it pushes against the upper frame, -1 against the lower one, 0 when free.
     leaning: i64,
-    /// The furthest field towards the frame since then.
+    /// The furthest field towards the frame since it pushes.
     furthest: i64,
 }
 
 impl Axis {
-    /// Moves to the field's position as far as the frame allows; whether the leaning changed.
+    /// Moves to the field's position as far as the frame allows; true if the pushing changed.
     fn follow(&mut self, field: i64) -> bool {
         self.position = field.clamp(self.low_frame, self.high_frame);
         self.lead = field - self.position;
@@ -148,7 +151,7 @@ impl Axis {
             self.furthest =
                 if before == self.leaning { self.furthest.max(field * before) } else { field * self.leaning };
         } else if before != 0 {
-            // Free again a full step on the way back.
+            // Free again after a full step back.
             let outward = field * before;
             self.furthest = self.furthest.max(outward);
             if outward < self.furthest - FULL_STEP_HALVES {
@@ -159,7 +162,7 @@ impl Axis {
     }
 }
 
-/// Motors, axes and what they reach.
+/// Motors, axes, and the sensors along them.
 #[derive(Debug, Clone, serde::Serialize, serde::Deserialize)]
 pub struct Motion {
     kinematics: Kinematics,
@@ -175,27 +178,30 @@ impl Motion {
     /// The machine at its start, motors without current.
     ///
     /// # Errors
-    /// If X, Y or Z has no motor, steps per mm are not positive, an axis's ends are swapped or it starts beyond the
-    /// frame, or an end stop sits on an axis that is not there.
+    /// X, Y or Z has no motor, steps per mm are not positive, an axis's ends are swapped or its start is beyond the
+    /// frame, or an end stop belongs to an unknown axis.
     pub fn new(config: Config) -> Result<Self, String> {
         if config.motors.len() < 3 {
-            return Err(format!("motors: {} given, at least 3 expected: X or A, Y or B, Z", config.motors.len()));
+            return Err(format!("{} motors, expected at least 3: X or A, Y or B, Z", config.motors.len()));
         }
         for (index, motor) in config.motors.iter().enumerate() {
             if !(motor.full_steps_per_mm > 0.0 && motor.full_steps_per_mm.is_finite()) {
-                return Err(format!("motors[{index}].full_steps_per_mm: {} is not above 0", motor.full_steps_per_mm));
+                return Err(format!(
+                    "motors[{index}].full_steps_per_mm is {}, expected a number above 0",
+                    motor.full_steps_per_mm
+                ));
             }
         }
         for (index, axis) in config.axes.iter().enumerate() {
             let frame = axis.minimum_mm - axis.frame_below_mm..=axis.maximum_mm + axis.frame_above_mm;
             if !(axis.minimum_mm < axis.maximum_mm && frame.contains(&axis.start_mm)) {
                 return Err(format!(
-                    "axes[{index}]: its minimum must be below its maximum, its start within the frame"
+                    "axes[{index}]: the minimum must be below the maximum, and the start within the frame"
                 ));
             }
         }
         if let Some(index) = config.end_stops.iter().position(|stop| stop.axis > 2) {
-            return Err(format!("end_stops[{index}].axis: {} expected 0 to 2", config.end_stops[index].axis));
+            return Err(format!("end_stops[{index}].axis is {}, expected 0 to 2", config.end_stops[index].axis));
         }
         let per_mm = |axis: usize| match (config.kinematics, axis) {
             (Kinematics::CoreXy, 1) => config.motors[0].full_steps_per_mm,
@@ -208,7 +214,7 @@ impl Motion {
                 halves_per_mm,
                 low_frame: ((axis.minimum_mm - axis.frame_below_mm) * halves_per_mm).round() as i64,
                 high_frame: ((axis.maximum_mm + axis.frame_above_mm) * halves_per_mm).round() as i64,
-                // A whole number of 1/256 for each motor, also for the sum and difference of two.
+                // A whole number of 1/256 for each motor, also for sum and difference of two.
                 position: (axis.start_mm * halves_per_mm / 2.0).round() as i64 * 2,
                 lead: 0,
                 leaning: 0,
@@ -237,16 +243,16 @@ impl Motion {
             axes,
         };
         for axis in 0..3 {
-            motion.look(0, axis);
+            motion.update_sensors(0, axis);
         }
-        // At the start nothing bounces.
+        // No switch bounces at the start.
         for stop in &mut motion.end_stops {
             stop.come_to_rest();
         }
         Ok(motion)
     }
 
-    /// A step at a driver's outputs: `delta_256` as the driver counts it. A motor that is not there moves nothing.
+    /// Follows a step at a driver's outputs, `delta_256` by the driver's count. An unknown motor has no effect.
     pub fn step(&mut self, now_ns: u64, motor: usize, delta_256: i32) -> Effect {
         let Some(moved) = self.motors.get_mut(motor) else { return Effect::default() };
         if !moved.energized {
@@ -257,10 +263,9 @@ impl Motion {
         self.follow(now_ns, motor)
     }
 
-    /// The driver's outputs are on or off; `mscnt` is where its field stands. Repeated calls change nothing.
+    /// Follows a driver's outputs, on or off, at the field's position `mscnt`. Repeated calls have no effect.
     ///
-    /// Off, the rotor rests where it is. On, it snaps to the nearest place that the field allows: within two full
-    /// steps.
+    /// Off, the rotor stays where it is. On, it snaps to the nearest position of the field, within two full steps.
     pub fn set_energized(&mut self, now_ns: u64, motor: usize, on: bool, mscnt: u16) -> Effect {
         let lead_256 = self.lead_256(motor);
         let Some(changed) = self.motors.get_mut(motor) else { return Effect::default() };
@@ -281,7 +286,7 @@ impl Motion {
         self.follow(now_ns, motor)
     }
 
-    /// With both of CoreXY's motors off nothing pushes any more: what is left of their leads goes.
+    /// Clears the remaining leads when both motors of CoreXY are off and nothing pushes any more.
     fn rest(&mut self, now_ns: u64, motor: usize, mut effect: Effect) -> Effect {
         let both = self.kinematics == Kinematics::CoreXy && motor < 2;
         if both && !self.motors[0].energized && !self.motors[1].energized {
@@ -293,7 +298,7 @@ impl Motion {
         effect
     }
 
-    /// How far a motor's field is ahead of its rotor, in 1/256.
+    /// The lead of a motor's field over its rotor, in 1/256.
     fn lead_256(&self, motor: usize) -> i64 {
         let (x, y) = (self.axes[0].lead, self.axes[1].lead);
         match (self.kinematics, motor) {
@@ -313,7 +318,7 @@ impl Motion {
                 effect.loads |= self.axes[0].follow(a + b) | self.axes[1].follow(a - b);
                 let (x, y) = (self.axes[0].lead, self.axes[1].lead);
                 if x | y != 0 {
-                    // Both leads are judged before either slips: a push along X slips A and B together.
+                    // Both leads are compared before either slips: a push along X slips A and B together.
                     let slipped = [self.slip(0, x + y), self.slip(1, x - y)];
                     if slipped != [false; 2] {
                         let (a, b) = (self.motors[0].field_256, self.motors[1].field_256);
@@ -322,7 +327,7 @@ impl Motion {
                         effect.loads |= self.axes[0].follow(a + b) | self.axes[1].follow(a - b);
                     }
                 }
-                effect.lines = self.look(now_ns, 0) | self.look(now_ns, 1);
+                effect.lines = self.update_sensors(now_ns, 0) | self.update_sensors(now_ns, 1);
             }
             (_, 0..=2) => {
                 effect.loads = self.axes[motor].follow(2 * self.motors[motor].field_256);
@@ -331,14 +336,14 @@ impl Motion {
                     self.axes[motor].furthest = i64::MIN / 2;
                     effect.loads |= self.axes[motor].follow(2 * self.motors[motor].field_256);
                 }
-                effect.lines = self.look(now_ns, motor);
+                effect.lines = self.update_sensors(now_ns, motor);
             }
             _ => {}
         }
         effect
     }
 
-    /// Slips a rotor whose field is more than half a period ahead; whether it did.
+    /// Slips a rotor whose field is more than half a period ahead; true if it slipped.
     fn slip(&mut self, motor: usize, lead_halves: i64) -> bool {
         if lead_halves.abs() <= SLIP_HALVES {
             return false;
@@ -351,8 +356,8 @@ impl Motion {
         true
     }
 
-    /// Shows an axis's new position to what stands along it; whether a level changed.
-    fn look(&mut self, now_ns: u64, axis: usize) -> bool {
+    /// Reports an axis's new position to the sensors along it; true if a level changed.
+    fn update_sensors(&mut self, now_ns: u64, axis: usize) -> bool {
         let position = self.axes[axis].position;
         let mut changed = false;
         for stop in &mut self.end_stops {
@@ -371,32 +376,32 @@ impl Motion {
         changed
     }
 
-    /// Lets bouncing switches bounce up to now; whether a level changed.
+    /// Lets switches bounce up to `now_ns`; true if a level changed.
     pub fn advance(&mut self, now_ns: u64) -> bool {
         self.end_stops.iter_mut().fold(false, |changed, stop| stop.advance(now_ns) | changed)
     }
 
-    /// When a switch bounces next.
+    /// The next bounce of a switch, ns.
     pub fn next_event_ns(&self) -> Option<u64> {
         self.end_stops.iter().filter_map(EndStop::next_event_ns).min()
     }
 
-    /// Where an axis stands, in mm (0 for X, 1 for Y, 2 for Z).
+    /// The position of an axis, in mm (0 for X, 1 for Y, 2 for Z).
     pub fn position_mm(&self, axis: usize) -> f64 {
         self.axes.get(axis).map_or(0.0, |axis| axis.position as f64 / axis.halves_per_mm)
     }
 
-    /// Where a motor's field stands, in 1/256 of a full step: exact, with its sign as the axis counts.
+    /// The position of a motor's field, in 1/256 of a full step: exact, with the axis's sign.
     pub fn field_256(&self, motor: usize) -> i64 {
         self.motors.get(motor).map_or(0, |motor| motor.field_256)
     }
 
-    /// How much filament an extruder has fed, or where a motor's field stands, in mm.
+    /// The filament that an extruder has fed, or the position of a motor's field, in mm.
     pub fn motor_mm(&self, motor: usize) -> f64 {
         self.full_steps_per_mm.get(motor).map_or(0.0, |per_mm| self.field_256(motor) as f64 / (per_mm * 256.0))
     }
 
-    /// What became of a motor's steps.
+    /// The fate of a motor's steps.
     pub fn record(&self, motor: usize) -> MotorRecord {
         self.motors.get(motor).map_or_else(MotorRecord::default, |motor| motor.record)
     }
@@ -411,7 +416,7 @@ impl Motion {
         if leaning == 0 { 0.0 } else { 1.0 }
     }
 
-    /// An end stop, by its place in the configuration.
+    /// An end stop, by its index in the configuration.
     pub fn end_stop(&self, index: usize) -> Option<&EndStop> {
         self.end_stops.get(index)
     }
@@ -426,17 +431,18 @@ impl Motion {
         self.probe.as_ref()
     }
 
-    /// The probe, to break or mend it.
+    /// The probe, to break or mend.
     pub fn probe_mut(&mut self) -> Option<&mut Probe> {
         self.probe.as_mut()
     }
 
-    /// The sheet, which knows how deep the nozzle was pressed into it.
+    /// The sheet, which records how deep the nozzle was pressed into it.
     pub fn sheet(&self) -> &Sheet {
         &self.sheet
     }
 
-    /// Puts something in an axis's path: it now ends at these places in mm, or where it stands if that is beyond them.
+    /// Puts an obstacle into an axis's path: the axis now ends at these positions in mm, or at its own if that is
+    /// beyond them.
     pub fn set_frame(&mut self, axis: usize, low_mm: f64, high_mm: f64) {
         if let Some(axis) = self.axes.get_mut(axis) {
             axis.low_frame = ((low_mm * axis.halves_per_mm).round() as i64).min(axis.position);

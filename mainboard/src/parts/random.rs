@@ -1,15 +1,15 @@
-//! A small seeded generator: noise that is the same in each run.
+//! A small seeded generator, whose noise is the same in each run.
 //!
 //! The algorithm is SplitMix64 (Steele, Lea and Flood, "Fast splittable pseudorandom number generators", 2014).
 
-/// A generator; the seed decides all that comes out of it.
+/// A generator; the seed determines its whole sequence.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Random {
     state: u64,
 }
 
 impl Random {
-    /// A generator from a seed; any seed will do.
+    /// A generator from any seed.
     pub fn new(seed: u64) -> Self {
         Self { state: seed }
     }
@@ -23,7 +23,7 @@ impl Random {
         mixed ^ (mixed >> 31)
     }
 
-    /// A number from 0 up to but without 1.
+    /// A number from 0 up to, but excluding, 1.
     pub fn unit(&mut self) -> f64 {
         (self.bits() >> 11) as f64 / (1_u64 << 53) as f64
     }
@@ -33,13 +33,13 @@ impl Random {
         probability > 0.0 && self.unit() < probability
     }
 
-    /// A whole number from `low` to `high`, both included; `low` where they are swapped.
+    /// A whole number from `low` to `high`, both included; `low` if `high` is below it.
     pub fn between(&mut self, low: u64, high: u64) -> u64 {
         let count = high.saturating_sub(low).saturating_add(1);
         low + self.bits() % count
     }
 
-    /// A number with mean 0 and deviation 1, nearly normal, within -6 to 6: the sum of twelve even ones.
+    /// A number with mean 0 and deviation 1, nearly normal, within -6 to 6: the sum of twelve uniform ones.
     pub fn normal(&mut self) -> f64 {
         (0..12).map(|_| self.unit()).sum::<f64>() - 6.0
     }
@@ -50,7 +50,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn repeats_by_seed_and_has_the_promised_spread() {
+    fn sequences_repeat_by_seed_and_have_the_documented_spread() {
         let (mut one, mut same, mut other) = (Random::new(7), Random::new(7), Random::new(8));
         let drawn: Vec<u64> = (0..100).map(|_| one.bits()).collect();
         assert!(drawn.iter().all(|&bits| bits == same.bits()));

@@ -1,27 +1,28 @@
-//! Supply rails: what is left of them under load, when they are cut and when they return.
+//! Supply rails: their voltage under load, when they are cut, and when they return.
 //!
 //! | what | test |
 //! |---|---|
-//! | cut and return with time constants, instants of crossing a threshold | `falls_*`, `returns_*` |
-//! | sag by load through the supply's resistance | `sags_*` |
-//! | heaters' power by voltage, drivers' supply with hysteresis | `heaters_*`, `drivers_*` |
+//! | cut and return with time constants, instants of crossing a threshold | `a_cut_*`, `a_restored_*` |
+//! | sag by load through the supply's resistance | `load_*` |
+//! | heaters' power by voltage, drivers' supply with hysteresis | `load_*`, `a_sag_*` |
 //!
-//! Left out: ripple; a sag's own time (it is there at once); coupling of rails (cut both, with their own times).
+//! Left out: ripple; the duration of a sag's edge (it is immediate); coupling of rails (cut both, with their own
+//! times).
 
-/// A rail.
+/// The properties of a rail.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Config {
     /// Nominal voltage in millivolts.
     pub nominal_mv: f64,
-    /// Time constant with which it falls when cut, in ns: its capacitors over its load.
+    /// Time constant after a cut, in ns: capacitors over load.
     pub fall_ns: u64,
-    /// Time constant with which it returns, in ns.
+    /// Time constant of the return, in ns.
     pub rise_ns: u64,
     /// Resistance of supply and cables in milliohms.
     pub resistance_milliohm: f64,
-    /// Falling below this something on it goes off, in millivolts.
+    /// Falling voltage at which the supplied parts switch off, in millivolts.
     pub off_below_mv: f64,
-    /// Rising above this it comes back, in millivolts.
+    /// Rising voltage at which they switch on again, in millivolts.
     pub on_above_mv: f64,
 }
 
@@ -57,7 +58,7 @@ impl Config {
 #[derive(Debug, Clone, serde::Serialize, serde::Deserialize)]
 pub struct Rail {
     config: Config,
-    /// Where the source's voltage tends to.
+    /// The final voltage of the source.
     target_mv: f64,
     source_mv: f64,
     at_ns: u64,
@@ -72,46 +73,46 @@ impl Rail {
         Self { config, target_mv, source_mv, at_ns: 0, load_ma: 0.0, on: true }
     }
 
-    /// Cuts it: it falls to 0 with its time constant.
+    /// Cuts the rail: it falls to 0 with its time constant.
     pub fn cut(&mut self, now_ns: u64) {
         self.aim(now_ns, 0.0);
     }
 
-    /// Brings it back to nominal.
+    /// Restores the nominal voltage.
     pub fn restore(&mut self, now_ns: u64) {
         self.aim(now_ns, self.config.nominal_mv);
     }
 
-    /// Makes it tend to another voltage in millivolts: a brown-out, a weak source.
+    /// Sets another final voltage in millivolts: a brown-out, a weak source.
     pub fn aim(&mut self, now_ns: u64, target_mv: f64) {
         self.advance(now_ns);
         self.target_mv = target_mv.max(0.0);
     }
 
-    /// The current that is drawn from it, in milliamperes.
+    /// Sets the load current in milliamperes.
     pub fn set_load(&mut self, now_ns: u64, load_ma: f64) {
         self.advance(now_ns);
         self.load_ma = load_ma.max(0.0);
         self.switch();
     }
 
-    /// Its voltage in millivolts at this time.
+    /// The voltage at this time, in millivolts.
     pub fn millivolts(&self, now_ns: u64) -> f64 {
         let source_mv = self.source_at(now_ns.saturating_sub(self.at_ns));
         (source_mv - self.sag_mv()).max(0.0)
     }
 
-    /// Whether what hangs on it works: off below one threshold, on again above the other.
+    /// Whether the supplied parts work: off below one threshold, on again above the other.
     pub fn on(&self) -> bool {
         self.on
     }
 
-    /// A heater's power as a part of nominal: by the square of the voltage.
+    /// A heater's power relative to nominal: the square of the relative voltage.
     pub fn power_scale(&self, now_ns: u64) -> f64 {
         (self.millivolts(now_ns) / self.config.nominal_mv.max(1e-9)).powi(2)
     }
 
-    /// Moves on to now; whether [`Rail::on`] changed.
+    /// Advances to `now_ns`; true if [`Rail::on`] changed.
     pub fn advance(&mut self, now_ns: u64) -> bool {
         if now_ns > self.at_ns {
             self.source_mv = self.source_at(now_ns - self.at_ns);
@@ -120,7 +121,7 @@ impl Rail {
         self.switch()
     }
 
-    /// When [`Rail::on`] will change; none if it stays as it is.
+    /// The next change of [`Rail::on`], ns; `None` if there is none.
     pub fn next_event_ns(&self) -> Option<u64> {
         let threshold_mv = if self.on { self.config.off_below_mv } else { self.config.on_above_mv } + self.sag_mv();
         let crosses = if self.on { self.target_mv < threshold_mv } else { self.target_mv > threshold_mv };
@@ -130,7 +131,7 @@ impl Rail {
         // source = target + (now - target) exp(-t / constant), solved for t.
         let ratio = (self.source_mv - self.target_mv) / (threshold_mv - self.target_mv);
         let passed_ns = ratio.max(1.0).ln() * self.constant_ns();
-        // A nanosecond more, so that the voltage is surely beyond the threshold then.
+        // A nanosecond more, so that the voltage is certainly beyond the threshold.
         Some(self.at_ns + passed_ns.ceil() as u64 + 1)
     }
 
@@ -163,7 +164,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn falls_with_its_time_constant_and_goes_off_at_its_threshold() {
+    fn a_cut_rail_falls_with_its_time_constant_and_switches_off_at_its_threshold() {
         let mut rail = Rail::new(Config::motors_24_v());
         assert_eq!((rail.next_event_ns(), rail.millivolts(5)), (None, 24_000.0));
         rail.cut(1_000);
@@ -176,7 +177,7 @@ mod tests {
     }
 
     #[test]
-    fn returns_above_its_upper_threshold() {
+    fn a_restored_rail_switches_on_above_its_upper_threshold() {
         let mut rail = Rail::new(Config::motors_24_v());
         rail.cut(0);
         rail.advance(1_000_000_000);
@@ -188,7 +189,7 @@ mod tests {
     }
 
     #[test]
-    fn sags_under_load_and_heaters_lose_power_by_the_square() {
+    fn load_makes_a_rail_sag_and_heaters_lose_power_by_the_square() {
         let mut rail = Rail::new(Config::motors_24_v());
         rail.set_load(0, 24_000.0);
         assert!((rail.millivolts(0) - 22_800.0).abs() < 1e-9);
@@ -196,20 +197,20 @@ mod tests {
     }
 
     #[test]
-    fn drivers_go_off_by_sag_too() {
+    fn a_sag_switches_drivers_off() {
         let mut rail = Rail::new(Config::motors_24_v());
         rail.aim(0, 5_000.0);
         rail.advance(1_000_000_000);
         assert!(rail.on());
         rail.set_load(1_000_000_000, 21_000.0);
         assert!(!rail.on());
-        // 4.4 V is between the thresholds: it stays off.
+        // 4.4 V is between the thresholds: the rail stays off.
         rail.set_load(1_000_000_000, 12_000.0);
         assert!(!rail.on() && rail.next_event_ns().is_none());
     }
 
     #[test]
-    fn a_brown_out_of_the_chip_shows_in_millivolts() {
+    fn a_brown_out_of_the_chip_lowers_its_voltage() {
         let mut rail = Rail::new(Config::chip_3_3_v());
         rail.aim(0, 2_000.0);
         assert!((rail.millivolts(1_000_000_000) - 2_000.0).abs() < 1e-6);

@@ -1,4 +1,4 @@
-//! Parts wired together as the run does it.
+//! Parts connected as in the run.
 
 #![allow(clippy::unwrap_used)]
 
@@ -46,7 +46,7 @@ fn set(drivers: &mut [Tmc2209], bus: &mut Bus, now_ns: u64, register: u8, value:
     }
 }
 
-/// Steps at 80 us until DIAG rises; how many, and when the last came.
+/// Steps at 80 us until DIAG rises; returns the number of steps.
 fn step_until_diag(driver: &mut Tmc2209, motion: &mut Motion, from_ns: u64) -> Option<u32> {
     for step in 0..20_000 {
         let now_ns = from_ns + u64::from(step) * 80_000;
@@ -76,14 +76,14 @@ fn a_carriage_homes_against_the_frame() {
     let steps = step_until_diag(&mut drivers[0], &mut motion, 10_000_000).unwrap();
     assert!((881..=881 + 16).contains(&steps), "{steps}");
     assert!((motion.position_mm(0) + 2.0).abs() < 1e-9 && motion.record(0).slipped_periods == 0);
-    // With the threshold at its least, only a full stall shows; without TCOOLTHRS nothing does.
+    // With the minimum threshold only a full stall raises DIAG; without TCOOLTHRS no stall does.
     set(&mut drivers, &mut bus, 9_000_000_000, address::TCOOLTHRS, 0);
     assert_eq!(step_until_diag(&mut drivers[0], &mut motion, 10_000_000_000), None);
     assert!(motion.record(0).slipped_periods > 500);
 }
 
 #[test]
-fn a_state_survives_being_stored() {
+fn a_stored_state_is_restored() {
     let (mut motion, mut driver) = (machine(), Tmc2209::new(DriverConfig::default()));
     driver.set_supply(0, true);
     driver.set_enable_pin(0, false);

@@ -5,28 +5,29 @@
 //! | what | data sheet | test |
 //! |---|---|---|
 //! | datagrams, checksum, address, IFCNT, SENDDELAY, recovery after errors | 4.1 to 4.3 | `reads_and_writes`, `refuses_*`, `recovers_*`, `reply_waits_*` |
-//! | a node with SENDDELAY below 2 trips over its neighbours' replies | 4.1.2, 5.1 | `a_short_send_delay_*` |
+//! | a node with SENDDELAY below 2 misreads its neighbours' replies | 4.1.2, 5.1 | `a_short_send_delay_*` |
 //! | registers: access, values at reset, GSTAT write-1-to-clear, live IOIN | 5.1 to 5.5 | `registers_*`, `ioin_*` |
 //! | STEP, DIR, both edges, MRES, MS1 and MS2, GCONF.shaft, MSCNT, MSCURACT | 5.4, 13 | `steps_*`, `a_turn_*`, `microsteps_by_*` |
-//! | STEP and DIR: shortest times seen, against 13.1 | 13.1 | `records_the_shortest_*` |
+//! | STEP and DIR: shortest times, against 13.1 | 13.1 | `records_the_shortest_*` |
 //! | TSTEP, standstill, run and hold current, sense resistor, vsense, VREF | 5.2, 6, 8, 9 | `tstep_*`, `current_*` |
 //! | SG_RESULT and DIAG by SGTHRS, TCOOLTHRS, TPWMTHRS | 5.3, 11 | `a_stall_*` |
 //! | over-temperature, shorts, open load, charge pump, DIAG on error | 5.5.3, 15 | `a_short_*`, `heat_*` |
 //! | supply off: silent, outputs off, registers lost, GSTAT.reset after | 5.1, 20 | `without_supply_*` |
 //!
 //! Left out, and why:
-//! - VACTUAL and the INDEX pin: no board here turns a motor by them. VACTUAL is kept without effect.
-//! - GCONF: internal_Rsense, multistep_filt, test_mode and the bits of INDEX are kept without effect.
+//! - VACTUAL and the INDEX pin: no board here turns a motor by them. VACTUAL is stored without effect.
+//! - GCONF: internal_Rsense, multistep_filt, test_mode and the bits of INDEX are stored without effect.
 //! - MicroPlyer's interpolation (CHOPCONF.intpol): a step is a jump; the position at each step is the same.
-//! - stealthChop's tuning: PWM_SCALE and PWM_AUTO report what PWMCONF starts with. coolStep (COOLCONF) changes no
+//! - stealthChop's tuning: PWM_SCALE and PWM_AUTO report PWMCONF's initial values. coolStep (COOLCONF) changes no
 //!   current.
-//! - OTP_PROG: writes are counted and change nothing; the memory's contents come with [`Config`].
-//! - SG_RESULT is a straight line of load, of one full step; in the chip it also depends on speed, current and motor.
-//! - The input filter of STEP and DIR: pulses that are too short are counted as such, yet make their steps.
-//! - What SG_RESULT is between standstill and the first full step: the data sheet does not say. Here the old value
-//!   stays readable and raises no DIAG, as drivers in the field start from a stall without a false one.
+//! - OTP_PROG: writes are counted and have no effect; [`Config`] sets the memory's contents.
+//! - SG_RESULT depends linearly on the load of one full step; in the chip it also depends on speed, current and motor.
+//! - The input filter of STEP and DIR: pulses that are too short are counted, yet make their steps.
+//! - SG_RESULT between standstill and the first full step, which the data sheet leaves open: the old value stays
+//!   readable and raises no DIAG, because drivers in the field start from a stall without a false one.
 //! - TSTEP's hysteresis at thresholds. Clock drift: the chip's 12 MHz is exact.
-//! - Which level of DIR counts MSCNT up: the data sheet does not say; here low does. Wiring decides what moves where.
+//! - The level of DIR that counts MSCNT up, which the data sheet leaves open: here low does. The wiring decides the
+//!   direction of motion.
 //! - Loss of VCC_IO while the motor supply stays.
 
 mod current;
@@ -40,17 +41,17 @@ mod tests;
 use datagram::Receiver;
 use registers::{Registers, address, drv_status, gstat};
 
-/// TSTEP at standstill, and the clocks without a step that mean standstill less one (5.2).
+/// TSTEP at standstill, and the clocks without a step before standstill minus one (5.2).
 const TSTEP_MAX: u32 = 0xF_FFFF;
 /// Minimum high and low time of STEP in ns: the filter's 100 ns (13.1).
 pub const STEP_MINIMUM_NS: u64 = 100;
 /// Minimum set-up and hold time of DIR around a step in ns (13.1).
 pub const DIRECTION_MINIMUM_NS: u64 = 20;
 
-/// What is soldered around a driver.
+/// The parts around a driver.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Config {
-    /// Level at MS1: lowest bit of the address, and microsteps until a register chooses them.
+    /// Level at MS1: lowest bit of the address, and microsteps until a register selects them.
     pub ms1: bool,
     /// Level at MS2: second bit of the address.
     pub ms2: bool,
@@ -60,9 +61,9 @@ pub struct Config {
     pub sense_milliohm: u32,
     /// Voltage at VREF in millivolts; 2500 and above is full scale.
     pub vref_mv: u32,
-    /// The chip's clock in Hz: 12 000 000 inside.
+    /// The chip's clock in Hz: 12 000 000 internally.
     pub clock_hz: u32,
-    /// One-time memory, as OTP_READ shows it; 0 as delivered, but for the clock's trim in bits 0 to 4.
+    /// One-time memory, as OTP_READ shows it; 0 as delivered, except the clock's trim in bits 0 to 4.
     pub otp: u32,
     /// SG_RESULT of this motor when it turns freely, 0 to 510.
     pub sg_result_unloaded: u16,
@@ -83,7 +84,7 @@ impl Default for Config {
     }
 }
 
-/// What can be wrong with a driver or its motor; [`Tmc2209::set_fault`].
+/// A fault of a driver or its motor; [`Tmc2209::set_fault`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub enum Fault {
     /// Phase A shorted to ground (s2ga).
@@ -98,22 +99,22 @@ pub enum Fault {
     OpenLoadA,
     /// Phase B not connected (olb).
     OpenLoadB,
-    /// Charge pump below its voltage (uv_cp): outputs off while it lasts.
+    /// Charge pump below its voltage (uv_cp): outputs off meanwhile.
     ChargePump,
-    /// The serial line hears and says nothing.
+    /// The serial line neither receives nor sends.
     Mute,
 }
 
-/// The field's movement by one step, in 1/256 of a full step, positive where MSCNT counts up.
+/// The field's movement by one step, in 1/256 of a full step, positive when MSCNT counts up.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Microsteps {
-    /// By how much, -256 to 256.
+    /// The movement, -256 to 256.
     pub delta: i32,
     /// Whether the outputs are on, so that the motor follows.
     pub energized: bool,
 }
 
-/// Shortest times seen at STEP and DIR, in ns; `u64::MAX` before the first.
+/// Shortest times at STEP and DIR, in ns; `u64::MAX` before the first.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Timing {
     /// STEP high.
@@ -124,9 +125,9 @@ pub struct Timing {
     pub direction_setup_ns: u64,
     /// From a step to DIR's next edge.
     pub direction_hold_ns: u64,
-    /// Steps taken, also with the outputs off.
+    /// Number of steps, including those with the outputs off.
     pub steps: u64,
-    /// Times below the data sheet's minima (13.1).
+    /// Number of times below the data sheet's minima (13.1).
     pub violations: u64,
 }
 
@@ -136,7 +137,7 @@ pub struct Tmc2209 {
     config: Config,
     registers: Registers,
     receiver: Receiver,
-    /// When its newest reply ends: until then it hears nothing.
+    /// End of its latest reply, until which it does not receive.
     transmits_until_ns: u64,
     supplied: bool,
     mute: bool,
@@ -149,20 +150,20 @@ pub struct Tmc2209 {
     timing: Timing,
     /// Microstep counter, 0 to 1023.
     mscnt: u16,
-    /// When the last step came, or the supply.
+    /// The last step, or the arrival of the supply.
     last_step_ns: u64,
     stepped: bool,
     tstep: u32,
     load: f32,
     sg_result: u16,
-    /// Whether SG_RESULT was measured since the motor last stood still.
+    /// Whether SG_RESULT was measured since the last standstill.
     sg_measured: bool,
     celsius: f64,
     over_temperature: bool,
     faults_present: u32,
     charge_pump_low: bool,
     shorts_latched: u32,
-    // Worked out when an input changes, so that a step is cheap.
+    // Computed when an input changes, so that a step is cheap.
     delta: i32,
     energized: bool,
     diag: bool,
@@ -172,7 +173,7 @@ pub struct Tmc2209 {
 const SHORTS: u32 = drv_status::S2GA | drv_status::S2GB | drv_status::S2VSA | drv_status::S2VSB;
 
 impl Tmc2209 {
-    /// A driver before its supply comes: EN high, STEP and DIR low, at 25 degrees Celsius.
+    /// A driver without supply: EN high, STEP and DIR low, at 25 degrees Celsius.
     pub fn new(config: Config) -> Self {
         let standstill_after_ns = (1_u64 << 20) * 1_000_000_000 / u64::from(config.clock_hz.max(1));
         let registers = Registers::at_reset(config.otp);
@@ -216,12 +217,12 @@ impl Tmc2209 {
         }
     }
 
-    /// Its address on the line: 0 to 3, by MS1 and MS2.
+    /// The address on the line: 0 to 3, from MS1 and MS2.
     pub fn node(&self) -> u8 {
         u8::from(self.config.ms1) | u8::from(self.config.ms2) << 1
     }
 
-    /// The motor supply comes (true) or goes. Without it the chip has no clock: silent, outputs off, registers lost.
+    /// Switches the motor supply on or off. Without it the chip has no clock: silent, outputs off, registers lost.
     pub fn set_supply(&mut self, now_ns: u64, on: bool) {
         if on == self.supplied {
             return;
@@ -236,24 +237,24 @@ impl Tmc2209 {
         self.settle(now_ns);
     }
 
-    /// Whether the motor supply is there.
+    /// Whether it has its motor supply.
     pub fn supplied(&self) -> bool {
         self.supplied
     }
 
-    /// The level at EN (ENN in the data sheet: low switches the outputs on).
+    /// Sets the level at EN (ENN in the data sheet: low switches the outputs on).
     pub fn set_enable_pin(&mut self, now_ns: u64, level: bool) {
         self.enable_not = level;
         self.settle(now_ns);
     }
 
-    /// The level at PDN_UART as power-down input; matters while GCONF.pdn_disable is 0 only. High before the first
-    /// call.
+    /// Sets the level at PDN_UART as power-down input, which matters only while GCONF.pdn_disable is 0. High before the
+    /// first call.
     pub fn set_pdn_pin(&mut self, level: bool) {
         self.pdn_level = level;
     }
 
-    /// The level at DIR.
+    /// Sets the level at DIR.
     pub fn set_direction_pin(&mut self, now_ns: u64, level: bool) {
         if level == self.direction_level {
             return;
@@ -268,7 +269,7 @@ impl Tmc2209 {
         self.delta = self.microsteps();
     }
 
-    /// The level at STEP; what a step moves. Called at each edge.
+    /// Sets the level at STEP, at each edge; returns the movement of a step.
     pub fn set_step_pin(&mut self, now_ns: u64, level: bool) -> Option<Microsteps> {
         if level == self.step_level {
             return None;
@@ -323,18 +324,18 @@ impl Tmc2209 {
         (unloaded * (1.0 - self.load)) as u16 & 0x1FE
     }
 
-    /// How hard the motor is loaded, 0 for free to 1 for stalled. SG_RESULT follows at the next full step.
+    /// Sets the motor's load, 0 for free to 1 for stalled. SG_RESULT follows at the next full step.
     pub fn set_load(&mut self, load: f32) {
         self.load = load.clamp(0.0, 1.0);
     }
 
-    /// The chip's temperature in degrees Celsius.
+    /// Sets the chip's temperature in degrees Celsius.
     pub fn set_temperature(&mut self, now_ns: u64, celsius: f64) {
         self.celsius = celsius;
         self.settle(now_ns);
     }
 
-    /// Makes or mends a fault.
+    /// Causes or mends a fault.
     pub fn set_fault(&mut self, now_ns: u64, fault: Fault, present: bool) {
         let bit = match fault {
             Fault::ShortToGroundA => drv_status::S2GA,
@@ -361,7 +362,7 @@ impl Tmc2209 {
         self.energized
     }
 
-    /// The microstep counter, 0 to 1023: where the field stands.
+    /// The microstep counter, 0 to 1023: the field's position.
     pub fn mscnt(&self) -> u16 {
         self.mscnt
     }
@@ -371,7 +372,7 @@ impl Tmc2209 {
         self.supplied.then_some(self.diag)
     }
 
-    /// Shortest times seen so far.
+    /// The shortest times so far.
     pub fn timing(&self) -> &Timing {
         &self.timing
     }
@@ -381,17 +382,17 @@ impl Tmc2209 {
         &self.registers
     }
 
-    /// Bytes and datagrams that it refused.
+    /// The number of refused bytes and datagrams.
     pub fn line_errors(&self) -> u32 {
         self.receiver.errors()
     }
 
-    /// When DIAG next changes by time alone: a stall signal ends at standstill.
+    /// The next change of DIAG by time alone, ns: a stall signal ends at standstill.
     pub fn next_event_ns(&self) -> Option<u64> {
         (self.diag && !self.driver_error()).then_some(self.last_step_ns + self.standstill_after_ns)
     }
 
-    /// Lets what depends on time alone happen up to now.
+    /// Applies changes that depend on time alone, up to `now_ns`.
     pub fn advance(&mut self, now_ns: u64) {
         if self.sg_measured && self.stands_still(now_ns) {
             self.sg_measured = false;
@@ -399,7 +400,7 @@ impl Tmc2209 {
         }
     }
 
-    /// A register write that was accepted: as by the line.
+    /// Accepts a register write from the line.
     fn write(&mut self, now_ns: u64, register: u8, value: u32) {
         self.registers.ifcnt = self.registers.ifcnt.wrapping_add(1);
         let remains = self.over_temperature || self.shorts_latched != 0;
@@ -407,10 +408,10 @@ impl Tmc2209 {
         self.settle(now_ns);
     }
 
-    /// Works out afresh what steps and levels use, after an input changed.
+    /// Recomputes the values that steps and levels use, after an input changed.
     fn settle(&mut self, now_ns: u64) {
         let (warning, shutdown) = self.registers.over_temperature_celsius();
-        // Shutdown lasts until the warning is over, too (15.1).
+        // A shutdown lasts until the warning ends, too (15.1).
         let limit = if self.over_temperature { warning } else { shutdown };
         self.over_temperature = self.supplied && self.celsius >= limit;
         let asked = self.supplied && !self.enable_not && self.registers.toff() != 0;
@@ -424,7 +425,7 @@ impl Tmc2209 {
         self.diag = self.diag_at(now_ns);
     }
 
-    /// What a step moves, in 1/256, with its sign.
+    /// The movement of a step, in 1/256, with its sign.
     fn microsteps(&self) -> i32 {
         let size = if self.registers.mstep_reg_select() {
             1 << self.registers.mres()
@@ -443,13 +444,13 @@ impl Tmc2209 {
         if self.stands_still(now_ns) { TSTEP_MAX } else { self.tstep }
     }
 
-    /// stealthChop is chosen and TSTEP is not below TPWMTHRS (5.2).
+    /// Whether stealthChop is selected and TSTEP is not below TPWMTHRS (5.2).
     fn stealth_chop(&self, tstep: u32) -> bool {
         self.registers.spread_cycle() == self.config.spread && tstep >= self.registers.tpwmthrs
     }
 
-    /// What switches the outputs off and raises DIAG. GSTAT.drv_err stays until it is cleared, DIAG only while the
-    /// reason lasts: EN high ends that of a short (2.2, pin DIAG).
+    /// Whether an error switches the outputs off and raises DIAG. GSTAT.drv_err stays until it is cleared, DIAG only
+    /// while the reason lasts: EN high ends that of a short (2.2, pin DIAG).
     fn driver_error(&self) -> bool {
         self.over_temperature || self.shorts_latched != 0 || self.charge_pump_low
     }

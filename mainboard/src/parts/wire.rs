@@ -1,19 +1,19 @@
 //! The drivers' serial line: several drivers on one wire, by bytes or by a pin's edges.
 //!
-//! [`Bus`] takes whole bytes, as a USART of the chip sends them. [`Wire`] takes a pin's edges, finds the bytes in them
-//! and plays a reply back as edges at exact instants. Both share the drivers by address (data sheet of the TMC2209,
-//! 4.3).
+//! [`Bus`] takes whole bytes, as a USART of the chip sends them. [`Wire`] takes a pin's edges, decodes the bytes and
+//! plays a reply back as edges at exact instants. Both share the drivers by address (data sheet of the TMC2209, 4.3).
 //!
 //! | what | TMC2209, section | test |
 //! |---|---|---|
-//! | bit time from the sync nibble: four bits from the start bit to the third falling edge | 4.1.1 | `round_trip_*`, `a_given_*` |
+//! | bit time from the sync nibble: four bits from the start bit to the third falling edge | 4.1.1 | `round_trip_*`,
+//! `a_given_*` |
 //! | sampling in mid-bit, missing stop bit, pulses below 16 clocks | 4.1.1 | `a_missing_stop_bit_*`, `a_low_stop_bit_*`, `a_spike_*` |
 //! | reply as edges, driver released four bit times after it | 4.1.2 | `round_trip_*`, `releases_*` |
 //! | several drivers on one wire | 4.3 | `drivers_share_*`, `two_drivers_with_one_address_*` |
 //! | garbled bits, mute line | | `garbles_*`, `a_mute_*` |
 //!
-//! Left out: the slope of edges; a driver that answers while the master still drives low (such edges are counted only).
-//! The wire's time unit is a whole nanosecond for a bit: at 500 000 baud that is exact, at 115 200 0.006 % off.
+//! Left out: the slope of edges; a driver that answers while the master still drives low (such conflicts are only
+//! counted). The bit time is a whole number of nanoseconds: exact at 500 000 baud, 0.006 % off at 115 200.
 
 use super::random::Random;
 use super::tmc2209::Tmc2209;
@@ -23,23 +23,23 @@ use std::collections::VecDeque;
 #[cfg(test)]
 mod tests;
 
-/// Bit times after its last bit for which a driver still drives the line (4.1.2).
+/// Bit times after its last bit during which a driver still drives the line (4.1.2).
 const RELEASE_BITS: u64 = 4;
 /// The parts of a sync nibble may differ by one over this.
 const SYNC_TOLERANCE: u64 = 4;
-/// A low pulse on an idle line that is shorter is a glitch, in ns: 16 clocks of 12 MHz (4.1.1).
+/// Minimum low pulse on an idle line that is not a glitch, in ns: 16 clocks of 12 MHz (4.1.1).
 const GLITCH_NS: u64 = 1_333;
 
 /// Faults of a line.
 #[derive(Debug, Clone, Copy, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct LineFault {
-    /// Probability (0 to 1) that a bit arrives the wrong way round, in either direction.
+    /// Probability (0 to 1) that a bit is inverted, in either direction.
     pub garble: f64,
-    /// No driver hears or says anything: the wire is off.
+    /// The wire is disconnected: no driver receives or sends.
     pub mute: bool,
 }
 
-/// Drivers on one line, by bytes. The drivers themselves are the run's; the bus knows their places in the run's list.
+/// Drivers on one line, by bytes. The run owns the drivers; the bus knows their indices.
 #[derive(Debug, Clone, serde::Serialize, serde::Deserialize)]
 pub struct Bus {
     members: Vec<usize>,
@@ -48,7 +48,7 @@ pub struct Bus {
 }
 
 impl Bus {
-    /// A bus of these drivers; the seed is for garbled bits.
+    /// A bus of these drivers; the seed determines garbled bits.
     pub fn new(members: Vec<usize>, seed: u64) -> Self {
         Self { members, fault: LineFault::default(), random: Random::new(seed) }
     }
@@ -58,20 +58,22 @@ impl Bus {
         self.fault = fault;
     }
 
-    /// The drivers on it, by their places.
+    /// The indices of its drivers.
     pub fn members(&self) -> &[usize] {
         &self.members
     }
 
-    /// Whether the next byte would begin a datagram for the drivers; none where no driver hears anything.
+    /// Whether the next byte would begin a datagram for the drivers; `None` if no driver receives.
     fn expects_sync(&self, drivers: &[Tmc2209], start_ns: u64) -> Option<bool> {
-        let mut hearing = self.members.iter().filter_map(|&member| drivers.get(member)).filter(|driver| driver.hears());
-        hearing.next().map(|driver| driver.expects_sync(start_ns))
+        let mut receiving =
+            self.members.iter().filter_map(|&member| drivers.get(member)).filter(|driver| driver.receives());
+        receiving.next().map(|driver| driver.expects_sync(start_ns))
     }
 
-    /// A byte from the master whose start bit began at `start_ns`; the reply that follows it on the wire.
+    /// Passes a byte from the master, whose start bit began at `start_ns`, to the drivers; returns the reply on the
+    /// wire.
     ///
-    /// Two drivers that answer at once pull each other's high bits low: the reply is both, bit by bit.
+    /// Two drivers that answer at once pull each other's high bits low: the reply is the bitwise and of both.
     pub fn byte(&mut self, drivers: &mut [Tmc2209], start_ns: u64, bit_ns: u64, byte: u8) -> Option<Reply> {
         if self.fault.mute {
             return None;
@@ -114,7 +116,7 @@ impl Bus {
         answer
     }
 
-    /// Something that was no byte, until `end_ns`: a break, a glitch.
+    /// Reports activity that is not a byte, until `end_ns`: a break, a glitch.
     pub fn garbled(&mut self, drivers: &mut [Tmc2209], end_ns: u64) {
         if self.fault.mute {
             return;
@@ -126,7 +128,7 @@ impl Bus {
         }
     }
 
-    /// The byte as it arrives; none where its start or stop bit is lost.
+    /// The byte as it arrives; `None` if its start or stop bit is lost.
     fn garble(&mut self, byte: u8) -> Option<u8> {
         if self.fault.garble <= 0.0 {
             return Some(byte);
@@ -136,22 +138,22 @@ impl Bus {
     }
 }
 
-/// How a driver's end of the wire knows the length of a bit.
+/// How a driver's end of the wire determines the length of a bit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub enum BitTime {
-    /// From the sync nibble, as the chip does.
+    /// From the sync nibble, like the chip.
     Measured,
-    /// This many ns, always.
+    /// A constant number of ns.
     Given(u64),
 }
 
-/// A byte on its way.
+/// A byte in transfer.
 #[derive(Debug, Clone, serde::Serialize, serde::Deserialize)]
 struct Incoming {
     start_ns: u64,
-    /// 0 while it is measured.
+    /// 0 while it is being measured.
     bit_ns: u64,
-    /// Edges since the start bit's: when, and the level after.
+    /// Edges from the start bit on: instant, and the level after it.
     edges: Vec<(u64, bool)>,
 }
 
@@ -160,19 +162,19 @@ struct Incoming {
 pub struct Wire {
     bus: Bus,
     bit_time: BitTime,
-    /// What the master drives; none while its pin is an input.
+    /// The level that the master drives; `None` while its pin is an input.
     master: Option<bool>,
     incoming: Option<Incoming>,
-    /// Bit time of the newest datagram.
+    /// Bit time of the latest datagram.
     bit_ns: u64,
-    /// What drivers will drive, and when.
+    /// Future levels from the drivers: instant, and level.
     outgoing: VecDeque<(u64, Option<bool>)>,
     driven: Option<bool>,
     conflicts: u64,
 }
 
 impl Wire {
-    /// A wire at rest: it is not driven, and a resistor pulls it high.
+    /// An idle wire: no end drives it, a resistor pulls it high.
     pub fn new(bus: Bus, bit_time: BitTime) -> Self {
         Self {
             bus,
@@ -186,27 +188,27 @@ impl Wire {
         }
     }
 
-    /// The bus at its other end, to break or mend.
+    /// The bus of the wire, to break or mend.
     pub fn bus_mut(&mut self) -> &mut Bus {
         &mut self.bus
     }
 
-    /// What the drivers drive on the wire just now; none when all listen.
+    /// The level that the drivers drive now; `None` while all listen.
     pub fn driven(&self) -> Option<bool> {
         self.driven
     }
 
-    /// The level that the master's pin sees: a low from either end wins, left alone it is high.
+    /// The level at the master's pin: low if either end drives low, high if neither drives.
     pub fn level(&self) -> bool {
         self.master.unwrap_or(true) && self.driven.unwrap_or(true)
     }
 
-    /// How often master and driver drove against each other.
+    /// The number of times that master and driver drove different levels.
     pub fn conflicts(&self) -> u64 {
         self.conflicts
     }
 
-    /// The master's pin drives this (none: it is an input) from now on.
+    /// Sets the level that the master's pin drives from now on; `None` for an input.
     pub fn set_master(&mut self, drivers: &mut [Tmc2209], now_ns: u64, driven: Option<bool>) {
         self.advance(drivers, now_ns);
         let before = self.master.unwrap_or(true);
@@ -215,7 +217,7 @@ impl Wire {
         if let (Some(master), Some(driver)) = (driven, self.driven) {
             self.conflicts += u64::from(master != driver);
         }
-        // While a driver talks, none listens.
+        // No driver listens while one sends.
         if level != before && self.driven.is_none() {
             self.edge(drivers, now_ns, level);
         }
@@ -245,7 +247,7 @@ impl Wire {
             return;
         }
         // Falling edges of the start bit, of bit 1 and of bit 3: 0 then 1 0 1 0 (the sync nibble, lowest bit first). A
-        // nibble that does not fit was busy until its last rise, and another may begin here.
+        // nibble that does not fit kept the line busy until its last rise, and another may begin here.
         let count = incoming.edges.len();
         let at_ns = |index: usize| incoming.edges.get(index).map_or(now_ns, |edge| edge.0);
         let (low_ns, first_ns, second_ns) = (at_ns(1) - at_ns(0), at_ns(2) - at_ns(0), now_ns - at_ns(0));
@@ -264,7 +266,7 @@ impl Wire {
         self.bit_ns = incoming.bit_ns;
     }
 
-    /// Lets due bytes arrive and due levels appear, up to now; whether the driven level changed.
+    /// Delivers due bytes and levels up to `now_ns`; true if the driven level changed.
     pub fn advance(&mut self, drivers: &mut [Tmc2209], now_ns: u64) -> bool {
         if let Some(incoming) = self.incoming.take_if(|byte| byte.end_ns().is_some_and(|end_ns| end_ns <= now_ns)) {
             self.receive(drivers, &incoming);
@@ -279,7 +281,7 @@ impl Wire {
         self.driven != before
     }
 
-    /// When a byte is complete or the drivers' level changes next.
+    /// The end of the current byte or the next change of the drivers' level, ns.
     pub fn next_event_ns(&self) -> Option<u64> {
         let byte_ns = self.incoming.as_ref().and_then(Incoming::end_ns);
         let edge_ns = self.outgoing.front().map(|&(at_ns, _)| at_ns);
@@ -315,7 +317,7 @@ impl Wire {
 }
 
 impl Incoming {
-    /// When its stop bit is sampled; none before its bit time is known.
+    /// The instant at which the stop bit is sampled; `None` before the bit time is known.
     fn end_ns(&self) -> Option<u64> {
         (self.bit_ns != 0).then_some(self.start_ns + (2 * BYTE_BITS - 1) * self.bit_ns / 2)
     }
@@ -325,7 +327,7 @@ impl Incoming {
         self.edges.iter().rev().find(|(edge_ns, _)| *edge_ns <= at_ns).is_none_or(|&(_, level)| level)
     }
 
-    /// The byte; none without its start bit or stop bit.
+    /// The byte; `None` without its start bit or stop bit.
     fn byte(&self) -> Option<u8> {
         if self.sample(0) || !self.sample(9) {
             return None;

@@ -1,6 +1,6 @@
-//! From the wiring plan and the printer's profile to parts on pins.
+//! Builds the parts on their pins from the board's file and the printer's profile.
 
-use super::{FanPlace, HeaterPlace, Plant, Role, Source, Switched, ThermistorPlace};
+use super::{Plant, REFERENCE_MV, Role, Source, Switched, WiredFan, WiredHeater, WiredThermistor};
 use crate::parts::fan::{self, Fan};
 use crate::parts::heat::thermistor::{Curve, SensorFault, Thermistor, ThermistorConfig};
 use crate::parts::heat::{self, Heater};
@@ -12,24 +12,22 @@ use crate::parts::tmc2209::{self, Tmc2209};
 use crate::parts::wire::{BitTime, Bus, Wire};
 use crate::wiring::{self, Board, DriverLine, End, HomingSensor, NamedThermistor, Printer, ThermistorKind};
 
-/// The room, degrees Celsius.
+/// Temperature of the room, degrees Celsius.
 const AMBIENT_CELSIUS: f64 = 22.0;
-/// The chip's supply and its converters' reference, mV.
-pub const REFERENCE_MV: f64 = 3300.0;
-/// Sense resistors of the usual modules for sockets, milliohm.
+/// Sense resistors of common driver modules, milliohm.
 const MODULE_SENSE_MILLIOHM: u32 = 110;
-/// How far the frame is beyond an end without a sensor, and beyond a switch, mm.
+/// Distance of the frame beyond an end without a sensor, and beyond a switch, mm.
 const FRAME_MM: f64 = 3.0;
-/// Nozzle height over the sheet at which an inductive probe triggers on a well set-up machine, mm.
+/// Nozzle height above the sheet at which the inductive probe of a well adjusted machine triggers, mm.
 const PROBE_TRIGGER_MM: f64 = 1.0;
 /// How far the sheet gives way, mm.
 const ALLOWED_PRESS_MM: f64 = 0.5;
 
 impl Plant {
-    /// The printer of a board and a profile; all that is random in it follows from the seed.
+    /// Builds the printer of a board and a profile; the seed determines everything random.
     ///
     /// # Errors
-    /// What the two files say together makes no machine.
+    /// The two files contradict each other.
     pub fn new(board: &Board, printer: &Printer, seed: u64) -> Result<Self, String> {
         let mut plant = Self {
             roles: Default::default(),
@@ -114,7 +112,7 @@ impl Plant {
             self.inputs.push((input.pin, Source::Probe));
         }
         if let Some(input) = board.input("filament") {
-            // Filament is there: a switch that it holds closed to the supply.
+            // Filament is loaded: its switch connects the pin to the supply.
             self.inputs.push((input.pin, Source::Held(true)));
         }
     }
@@ -122,7 +120,7 @@ impl Plant {
     fn solder_heat(&mut self, board: &Board, printer: &Printer, seed: u64) -> Result<(), String> {
         for heater in &board.heaters {
             let settings = if heater.name == "bed" { printer.bed.as_ref() } else { Some(&printer.nozzle) };
-            // The profile's defaults for a heater without a model.
+            // Default values for a heater without a model in the profile.
             let (power_w, capacity_j_per_k, loss_w_per_k) =
                 if heater.name == "bed" { (250.0, 500.0, 2.0) } else { (40.0, 12.0, 0.074) };
             let mut config = heat::Config {
@@ -142,7 +140,7 @@ impl Plant {
                 config.dead_time_ns = (model.dead_time_s * 1e9) as u64;
             }
             self.roles.insert(heater.pin, Role::Heater(self.heaters.len()));
-            self.heaters.push(HeaterPlace {
+            self.heaters.push(WiredHeater {
                 name: heater.name.clone(),
                 switched: Switched { pin: heater.pin, timer: heater.timer },
                 heater: Heater::new(config).map_err(|error| format!("heater {}: {error}", heater.name))?,
@@ -155,7 +153,7 @@ impl Plant {
             if let Some(tacho) = fan.tacho {
                 self.inputs.push((tacho, Source::Tacho(self.fans.len())));
             }
-            self.fans.push(FanPlace {
+            self.fans.push(WiredFan {
                 name: fan.name.clone(),
                 switched: Switched { pin: fan.pin, timer: fan.timer },
                 fan: Fan::new(fan::Config { full_rpm: 6000.0, spin_up_ns: 500_000_000, run_down_ns: 1_000_000_000 }),
@@ -179,10 +177,10 @@ impl Plant {
                 seed: seed ^ (0x7E40 + index as u64),
             });
             if kind.is_none() {
-                // Nothing is plugged in.
+                // No thermistor is plugged in.
                 thermistor.set_fault(Some(SensorFault::Open));
             }
-            self.thermistors.push(ThermistorPlace { name: place.name.clone(), adc: place.adc, thermistor, heater });
+            self.thermistors.push(WiredThermistor { name: place.name.clone(), adc: place.adc, thermistor, heater });
         }
         Ok(())
     }
@@ -215,7 +213,7 @@ fn mechanics(board: &Board, printer: &Printer, seed: u64) -> Result<Motion, Stri
                 seed: seed ^ (0xE570 + axis as u64),
             });
         }
-        // If an axis homes by a stall, the frame is at its end; with another sensor it is beyond it.
+        // An axis that homes by a stall ends at the frame; with another sensor the frame is beyond it.
         let stalls = home.is_some_and(|home| home.sensor == HomingSensor::Stall);
         let beyond = |end: bool| if stalls && high == end { 0.0 } else { FRAME_MM };
         AxisConfig {
@@ -223,7 +221,7 @@ fn mechanics(board: &Board, printer: &Printer, seed: u64) -> Result<Motion, Stri
             maximum_mm,
             frame_below_mm: if axis == 2 { 2.0 * FRAME_MM } else { beyond(false) },
             frame_above_mm: beyond(true),
-            // Somewhere that the firmware cannot know.
+            // A start that the firmware cannot know.
             start_mm: minimum_mm + (maximum_mm - minimum_mm) * [0.41, 0.53, 0.08][axis],
         }
     });

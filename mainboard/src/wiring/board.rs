@@ -1,23 +1,18 @@
-//! A board's file.
-
-use std::collections::BTreeMap;
-use std::path::Path;
+//! A board: its chip, and what is connected to each pin.
 
 use serde::Deserialize;
 
-use super::check;
 use super::chip::Chip;
 use super::functions::{Adc, TimerChannel};
 use super::printer::ThermistorKind;
-use super::refusal::Refusal;
 use crate::pins::Pin;
 
-/// A board as its file wires it.
+/// A board as its file describes it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Board {
-    /// What commands call it.
+    /// The name in commands.
     pub name: String,
-    /// What a person calls it.
+    /// The name for people.
     pub title: String,
     /// The chip.
     pub chip: Chip,
@@ -29,17 +24,17 @@ pub struct Board {
     pub ram_bytes: u32,
     /// Core coupled memory from 0x1000_0000 on, bytes.
     pub ccm_bytes: u32,
-    /// Where the image begins, bytes from the start of flash.
+    /// Offset of the image from the start of flash, bytes.
     pub boot_offset: u32,
-    /// The file that the boot loader takes, if there is one.
+    /// The file name that the boot loader accepts; `None` without a boot loader that reads files.
     pub boot_file: Option<String>,
-    /// The profile that the board's image is built with.
+    /// The profile with which the board's image is built.
     pub profile: String,
-    /// True where nothing real hangs on the board.
+    /// True for a board without heaters, thermistors and inputs.
     pub virtual_sensors: bool,
-    /// The motors: x, y, z and e first, in this order; then those that nothing moves, by name.
+    /// The motors: x, y, z and e first, in this order; then sockets that the firmware does not use, by name.
     pub motors: Vec<Motor>,
-    /// The line that the drivers share, if they do.
+    /// The serial line shared by the drivers, if the board has one.
     pub driver_uart: Option<Pin>,
     /// Heaters by name.
     pub heaters: Vec<Heater>,
@@ -51,17 +46,17 @@ pub struct Board {
     pub inputs: Vec<Input>,
     /// The host's serial line.
     pub serial: Serial,
-    /// USB, where there is a plug.
+    /// USB, if the board has a plug.
     pub usb: Option<Usb>,
 }
 
-/// What drives a motor.
+/// The kind of motor driver.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Driver {
-    /// Nothing is there.
+    /// No driver.
     None,
-    /// A socket for any driver.
+    /// A socket for a driver module.
     Socket,
     /// Allegro A4988.
     A4988,
@@ -77,10 +72,10 @@ pub enum Driver {
     Tmc5160,
 }
 
-/// The line by which a driver is set.
+/// The serial line that configures a driver.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, Deserialize)]
 pub enum DriverLine {
-    /// It has none.
+    /// No line.
     None,
     /// A single wire of its own.
     Own(Pin),
@@ -91,7 +86,7 @@ pub enum DriverLine {
 /// A motor and its driver.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Motor {
-    /// "x", "y", "z", "e", or one that nothing moves, such as "e1".
+    /// "x", "y", "z", "e", or the name of a socket that the firmware does not use, such as "e1".
     pub name: String,
     /// Step output.
     pub step: Pin,
@@ -103,9 +98,9 @@ pub struct Motor {
     pub diag: Option<Pin>,
     /// The driver.
     pub driver: Driver,
-    /// How the driver is set.
+    /// The line that configures the driver.
     pub line: DriverLine,
-    /// What the driver measures the current at, ohm.
+    /// The resistor at which the driver measures the current, ohm.
     pub sense_resistor_ohm: Option<f64>,
 }
 
@@ -116,7 +111,7 @@ pub struct Heater {
     pub name: String,
     /// Its output.
     pub pin: Pin,
-    /// The timer channel that can switch it.
+    /// The timer channel that can drive the pin.
     pub timer: Option<TimerChannel>,
     /// The thermistor that watches it.
     pub sensor: String,
@@ -129,28 +124,28 @@ pub struct Fan {
     pub name: String,
     /// Its output.
     pub pin: Pin,
-    /// The timer channel that can switch it.
+    /// The timer channel that can drive the pin.
     pub timer: Option<TimerChannel>,
-    /// Input with two pulses a turn.
+    /// Tachometer input: two pulses a turn.
     pub tacho: Option<Pin>,
 }
 
 /// A thermistor to ground.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Thermistor {
-    /// As the heater that it watches, or "probe", "board".
+    /// The name of the heater whose temperature it measures, or "probe", "board".
     pub name: String,
     /// Its input.
     pub pin: Pin,
     /// Converter and channel.
     pub adc: Adc,
-    /// What hangs on it, where the board decides that.
+    /// The kind, if the board has a fixed one; otherwise the profile decides.
     pub kind: Option<ThermistorKind>,
-    /// Resistor to the converter's reference, ohm.
+    /// Pull-up resistor to the converter's reference, ohm.
     pub pull_up_ohm: f64,
 }
 
-/// An input.
+/// A digital input.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Input {
     /// "x", "y", "z", "probe", "filament".
@@ -162,9 +157,9 @@ pub struct Input {
 /// The host's serial line: USART1.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Serial {
-    /// The board sends here.
+    /// The pin at which the board sends.
     pub tx: Pin,
-    /// The board receives here.
+    /// The pin at which the board receives.
     pub rx: Pin,
 }
 
@@ -178,25 +173,6 @@ pub struct Usb {
 }
 
 impl Board {
-    /// Reads a board's file.
-    ///
-    /// # Errors
-    /// It cannot be read, or [`Board::parse`] refuses it.
-    pub fn read(path: &Path) -> Result<Self, Refusal> {
-        let file = path.display().to_string();
-        let text = std::fs::read_to_string(path).map_err(|error| Refusal::unreadable(&file, &error))?;
-        Self::parse(&file, &text)
-    }
-
-    /// Reads a board from its text; `file` is what errors call it.
-    ///
-    /// # Errors
-    /// A key is unknown, missing or malformed, or the chip cannot be wired so.
-    pub fn parse(file: &str, text: &str) -> Result<Self, Refusal> {
-        let raw: RawBoard = toml::from_str(text).map_err(|error| Refusal::toml(file, &error))?;
-        check::board(file, raw)
-    }
-
     /// The motor of this name.
     #[must_use]
     pub fn motor(&self, name: &str) -> Option<&Motor> {
@@ -214,94 +190,4 @@ impl Board {
     pub fn input(&self, name: &str) -> Option<&Input> {
         self.inputs.iter().find(|input| input.name == name)
     }
-}
-
-/// The file as it is written.
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct RawBoard {
-    pub name: String,
-    pub title: String,
-    pub chip: String,
-    pub package: String,
-    pub crystal_mhz: f64,
-    pub flash_kib: u32,
-    pub ram_kib: u32,
-    pub ccm_kib: u32,
-    pub boot_offset: u32,
-    pub boot_file: Option<String>,
-    pub profile: String,
-    #[serde(default)]
-    pub virtual_sensors: bool,
-    pub motors: BTreeMap<String, RawMotor>,
-    pub driver_uart: Option<RawPin>,
-    #[serde(default)]
-    pub heaters: BTreeMap<String, RawHeater>,
-    #[serde(default)]
-    pub fans: BTreeMap<String, RawFan>,
-    #[serde(default)]
-    pub thermistors: BTreeMap<String, RawThermistor>,
-    #[serde(default)]
-    pub inputs: BTreeMap<String, String>,
-    pub serial: RawSerial,
-    pub usb: Option<RawUsb>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct RawMotor {
-    pub step: String,
-    pub direction: String,
-    pub enable: String,
-    pub driver: Driver,
-    pub diag: Option<String>,
-    pub uart: Option<String>,
-    pub uart_address: Option<u8>,
-    pub sense_resistor_ohm: Option<f64>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct RawPin {
-    pub pin: String,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct RawHeater {
-    pub pin: String,
-    pub timer: Option<String>,
-    pub sensor: String,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct RawFan {
-    pub pin: String,
-    pub timer: Option<String>,
-    pub tacho: Option<String>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct RawThermistor {
-    pub pin: String,
-    pub adc: String,
-    pub kind: Option<ThermistorKind>,
-    pub pull_up_ohm: f64,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct RawSerial {
-    pub port: String,
-    pub tx: String,
-    pub rx: String,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct RawUsb {
-    pub dm: String,
-    pub dp: String,
 }

@@ -1,28 +1,51 @@
-//! What a board's file may say: the chip's data sheet decides.
+//! Reads a board's file and checks it against the chip's data sheet.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 
-use super::board::{Board, Driver, DriverLine, Fan, Heater, Input, Motor, RawBoard, RawMotor, Serial, Thermistor, Usb};
+use super::board::{Board, Driver, DriverLine, Fan, Heater, Input, Motor, Serial, Thermistor, Usb};
+use super::board_file::{RawBoard, RawMotor};
 use super::chip::Chip;
 use super::functions::{Adc, CRYSTAL, TimerChannel, USART1_RX, USART1_TX, USB};
+use super::printer::{THERMISTOR_CURE, thermistor_fault};
 use super::refusal::Refusal;
 use crate::pins::Pin;
 
 /// The motors that the firmware moves, in the order of a step event's bits.
 const AXES: [&str; 4] = ["x", "y", "z", "e"];
-/// The vector table begins on such a boundary, bytes (PM0214, 4.4.4, VTOR).
+/// Alignment of the vector table, bytes (PM0214, 4.4.4, VTOR).
 const VECTOR_ALIGNMENT: u32 = 0x200;
 
-/// Checks a whole file.
-pub(super) fn board(file: &str, raw: RawBoard) -> Result<Board, Refusal> {
+impl Board {
+    /// Reads a board's file.
+    ///
+    /// # Errors
+    /// The file cannot be read, or [`Board::parse`] refuses it.
+    pub fn read(path: &Path) -> Result<Self, Refusal> {
+        let file = path.display().to_string();
+        let text = std::fs::read_to_string(path).map_err(|error| Refusal::unreadable(&file, &error))?;
+        Self::parse(&file, &text)
+    }
+
+    /// Reads a board from its text; `file` is its name in errors.
+    ///
+    /// # Errors
+    /// A key is unknown, missing or malformed, or the chip's data sheet excludes the wiring.
+    pub fn parse(file: &str, text: &str) -> Result<Self, Refusal> {
+        let raw: RawBoard = toml::from_str(text).map_err(|error| Refusal::toml(file, &error))?;
+        board(file, raw)
+    }
+}
+
+fn board(file: &str, raw: RawBoard) -> Result<Board, Refusal> {
     let chip = chip(file, &raw)?;
     memories(file, &raw, chip)?;
     if !(4.0..=26.0).contains(&raw.crystal_mhz) {
         return Err(Refusal::new(
             file,
             "crystal_mhz",
-            format!("{} MHz is no crystal for this chip", raw.crystal_mhz),
-            "it takes 4 to 26 MHz: write what is printed on the crystal",
+            format!("{} MHz is outside the range of this chip", raw.crystal_mhz),
+            "write the frequency printed on the crystal, 4 to 26 MHz",
         ));
     }
     let mut pins = Pins { file, chip, taken: BTreeMap::new() };
@@ -54,8 +77,8 @@ pub(super) fn board(file: &str, raw: RawBoard) -> Result<Board, Refusal> {
         return Err(Refusal::new(
             file,
             "virtual_sensors",
-            "the board has heaters, thermistors or inputs, but the file says that it has none",
-            "set it to false, or remove those tables",
+            "is true, but the board has heaters, thermistors or inputs",
+            "set it to false, or remove [heaters], [thermistors] and [inputs]",
         ));
     }
     Ok(Board {
@@ -87,8 +110,8 @@ fn chip(file: &str, raw: &RawBoard) -> Result<Chip, Refusal> {
         return Err(Refusal::new(
             file,
             "chip",
-            format!("there is no model of an {}", raw.chip),
-            format!("write one of {known}"),
+            format!("unknown chip \"{}\"", raw.chip),
+            format!("write one of the modelled chips: {known}"),
         ));
     };
     if raw.package != chip.package() {
@@ -108,13 +131,13 @@ fn memories(file: &str, raw: &RawBoard, chip: Chip) -> Result<(), Refusal> {
         ("ram_kib", raw.ram_kib, chip.ram_kib()),
         ("ccm_kib", raw.ccm_kib, chip.ccm_kib()),
     ];
-    for (key, said, most) in sizes {
-        if said > most {
+    for (key, kib, max_kib) in sizes {
+        if kib > max_kib {
             return Err(Refusal::new(
                 file,
                 key,
-                format!("{said} KiB are more than the {} has", chip.name()),
-                format!("write {most} or less"),
+                format!("{kib} KiB is more than the {max_kib} KiB of the {}", chip.name()),
+                if max_kib == 0 { "write 0".to_owned() } else { format!("write {max_kib} or less") },
             ));
         }
     }
@@ -122,7 +145,7 @@ fn memories(file: &str, raw: &RawBoard, chip: Chip) -> Result<(), Refusal> {
         return Err(Refusal::new(
             file,
             "boot_offset",
-            format!("no image can begin {:#x} bytes from the start of flash", raw.boot_offset),
+            format!("an image cannot start {:#x} bytes after the start of flash", raw.boot_offset),
             format!("write a multiple of {VECTOR_ALIGNMENT:#x} below {:#x}", raw.flash_kib * 1024),
         ));
     }
@@ -137,7 +160,7 @@ fn motors(pins: &mut Pins<'_>, raw: &RawBoard) -> Result<Vec<Motor>, Refusal> {
                 pins.file,
                 format!("motors.{name}"),
                 "is missing",
-                "every board has x, y, z and e",
+                "add the table: every board has the motors x, y, z and e",
             ));
         };
         motors.push(read_motor(pins, name, motor)?);
@@ -150,16 +173,21 @@ fn motors(pins: &mut Pins<'_>, raw: &RawBoard) -> Result<Vec<Motor>, Refusal> {
         let DriverLine::Shared(address) = motor.line else { continue };
         let key = format!("motors.{}.uart_address", motor.name);
         if address > 3 {
-            let problem = format!("{address} is no address of a driver");
-            return Err(Refusal::new(pins.file, key, problem, "write 0 to 3, as the driver's pins MS1 and MS2 say"));
+            let problem = format!("{address} is not a driver address");
+            return Err(Refusal::new(pins.file, key, problem, "write 0 to 3, as set by the driver's pins MS1 and MS2"));
         }
         if raw.driver_uart.is_none() {
-            let mend = "add [driver_uart] with its pin, or give the motor a `uart` of its own";
-            return Err(Refusal::new(pins.file, key, "there is no line that the drivers share", mend));
+            let mend = "add [driver_uart] with its pin, or give the motor a `uart` pin of its own";
+            return Err(Refusal::new(pins.file, key, "the board has no line shared by its drivers", mend));
         }
         if let Some(other) = addresses.insert(address, &motor.name) {
-            let problem = format!("{address} is the address of motors.{other} too");
-            return Err(Refusal::new(pins.file, key, problem, "give each driver on the line its own, 0 to 3"));
+            let problem = format!("motors.{other} has the address {address} too");
+            return Err(Refusal::new(
+                pins.file,
+                key,
+                problem,
+                "give each driver on the shared line its own address, 0 to 3",
+            ));
         }
     }
     Ok(motors)
@@ -169,8 +197,8 @@ fn read_motor(pins: &mut Pins<'_>, name: &str, raw: &RawMotor) -> Result<Motor, 
     let key = |field: &str| format!("motors.{name}.{field}");
     let line = match (&raw.uart, raw.uart_address) {
         (Some(_), Some(_)) => {
-            let mend = "keep `uart` for a wire of its own or `uart_address` for the shared line";
-            return Err(Refusal::new(pins.file, key("uart"), "the driver has two lines", mend));
+            let mend = "keep `uart` for a wire of its own, or `uart_address` for the shared line";
+            return Err(Refusal::new(pins.file, key("uart"), "the driver has both `uart` and `uart_address`", mend));
         }
         (Some(pin), None) => DriverLine::Own(pins.take(&key("uart"), pin)?),
         (None, Some(address)) => DriverLine::Shared(address),
@@ -180,17 +208,16 @@ fn read_motor(pins: &mut Pins<'_>, name: &str, raw: &RawMotor) -> Result<Motor, 
         return Err(Refusal::new(
             pins.file,
             key("driver"),
-            "a line leads to no driver",
-            "name the driver, or remove the line",
+            "is \"none\", but the motor has a serial line",
+            "name the driver, or remove `uart` or `uart_address`",
         ));
     }
-    if raw.sense_resistor_ohm.is_some_and(|ohm| !(ohm > 0.0 && ohm < 10.0)) {
-        let mend = "write it in ohm, such as 0.11";
+    if let Some(ohm) = raw.sense_resistor_ohm.filter(|ohm| !(*ohm > 0.0 && *ohm < 10.0)) {
         return Err(Refusal::new(
             pins.file,
             key("sense_resistor_ohm"),
-            "is no resistor that a driver measures at",
-            mend,
+            format!("{ohm} ohm is outside the range of 0 to 10 ohm"),
+            "write the resistor in ohm, such as 0.11",
         ));
     }
     Ok(Motor {
@@ -211,20 +238,22 @@ fn thermistors(pins: &mut Pins<'_>, raw: &RawBoard) -> Result<Vec<Thermistor>, R
         let key = format!("thermistors.{name}");
         let pin = pins.take(&format!("{key}.pin"), &thermistor.pin)?;
         let Some(adc) = Adc::parse(&thermistor.adc).filter(|adc| adc.pin() == Some(pin)) else {
-            let there = listed(&Adc::all_at(pin));
-            return Err(Refusal::new(
-                pins.file,
-                format!("{key}.adc"),
-                format!("{} is not at {pin}", thermistor.adc),
-                format!("{pin} has {there}"),
-            ));
+            let channels = Adc::all_at(pin);
+            let mend = if channels.is_empty() {
+                format!("choose another pin: {pin} has no converter")
+            } else {
+                format!("write one of {}", listed(&channels))
+            };
+            let problem = format!("{} is not on {pin}", thermistor.adc);
+            return Err(Refusal::new(pins.file, format!("{key}.adc"), problem, mend));
         };
         if !(thermistor.pull_up_ohm > 0.0 && thermistor.pull_up_ohm < 1e7) {
-            let mend = "write it in ohm, such as 4700";
-            return Err(Refusal::new(pins.file, format!("{key}.pull_up_ohm"), "is no pull-up resistor", mend));
+            let problem = format!("{} ohm is outside the range of 0 to 10 megohm", thermistor.pull_up_ohm);
+            let mend = "write the pull-up resistor in ohm, such as 4700";
+            return Err(Refusal::new(pins.file, format!("{key}.pull_up_ohm"), problem, mend));
         }
-        if let Some(fault) = thermistor.kind.and_then(super::printer::thermistor_fault) {
-            return Err(Refusal::new(pins.file, format!("{key}.kind"), fault, "copy the data sheet's R25 and B"));
+        if let Some(problem) = thermistor.kind.and_then(thermistor_fault) {
+            return Err(Refusal::new(pins.file, format!("{key}.kind"), problem, THERMISTOR_CURE));
         }
         let (kind, pull_up_ohm) = (thermistor.kind, thermistor.pull_up_ohm);
         thermistors.push(Thermistor { name: name.clone(), pin, adc, kind, pull_up_ohm });
@@ -242,8 +271,8 @@ fn heaters(pins: &mut Pins<'_>, raw: &RawBoard) -> Result<Vec<Heater>, Refusal> 
             return Err(Refusal::new(
                 pins.file,
                 format!("{key}.sensor"),
-                format!("there is no thermistor \"{}\"", heater.sensor),
-                format!("name a table of [thermistors], or add [thermistors.{}]", heater.sensor),
+                format!("no thermistor is called \"{}\"", heater.sensor),
+                format!("name a thermistor of this board, or add [thermistors.{}]", heater.sensor),
             ));
         }
         heaters.push(Heater { name: name.clone(), pin, timer, sensor: heater.sensor.clone() });
@@ -253,28 +282,28 @@ fn heaters(pins: &mut Pins<'_>, raw: &RawBoard) -> Result<Vec<Heater>, Refusal> 
 
 fn serial(pins: &mut Pins<'_>, raw: &RawBoard) -> Result<Serial, Refusal> {
     if raw.serial.port != "USART1" {
-        let problem = format!("{} is not the host's line", raw.serial.port);
+        let problem = format!("{} is not supported: the host's line is USART1", raw.serial.port);
         return Err(Refusal::new(pins.file, "serial.port", problem, "write \"USART1\""));
     }
-    let tx = pins.take_of("serial.tx", &raw.serial.tx, &USART1_TX, "USART1 sends")?;
-    let rx = pins.take_of("serial.rx", &raw.serial.rx, &USART1_RX, "USART1 receives")?;
+    let tx = pins.take_of("serial.tx", &raw.serial.tx, &USART1_TX, "USART1's transmitter")?;
+    let rx = pins.take_of("serial.rx", &raw.serial.rx, &USART1_RX, "USART1's receiver")?;
     Ok(Serial { tx, rx })
 }
 
 fn usb(pins: &mut Pins<'_>, raw: &RawBoard) -> Result<Option<Usb>, Refusal> {
     let Some(usb) = &raw.usb else { return Ok(None) };
-    let dm = pins.take_of("usb.dm", &usb.dm, &USB[..1], "USB's D- is")?;
-    let dp = pins.take_of("usb.dp", &usb.dp, &USB[1..], "USB's D+ is")?;
+    let dm = pins.take_of("usb.dm", &usb.dm, &USB[..1], "USB's D-")?;
+    let dp = pins.take_of("usb.dp", &usb.dp, &USB[1..], "USB's D+")?;
     Ok(Some(Usb { dm, dp }))
 }
 
-/// What takes a pin.
+/// The key that uses a pin, and whether others may share it.
 struct Use {
     key: String,
     shared: bool,
 }
 
-/// The pins that are taken already.
+/// The pins in use.
 struct Pins<'a> {
     file: &'a str,
     chip: Chip,
@@ -299,8 +328,8 @@ impl Pins<'_> {
         if allowed.contains(&pin) {
             return Ok(pin);
         }
-        let list = listed(allowed);
-        Err(Refusal::new(self.file, key, format!("{what} at {list}, not at {pin}"), format!("write one of {list}")))
+        let problem = format!("{pin} is not a pin of {what}");
+        Err(Refusal::new(self.file, key, problem, format!("write one of {}", listed(allowed))))
     }
 
     fn claim(&mut self, key: &str, text: &str, shared: bool) -> Result<Pin, Refusal> {
@@ -312,7 +341,7 @@ impl Pins<'_> {
             return Err(Refusal::new(
                 self.file,
                 key,
-                format!("the {} in {} has no {pin}", self.chip.name(), self.chip.package()),
+                format!("{pin} does not exist on the {} in {}", self.chip.name(), self.chip.package()),
                 "look the pin up in the board's circuit diagram",
             ));
         }
@@ -320,8 +349,8 @@ impl Pins<'_> {
             Some(other) if !(shared && other.shared) => Err(Refusal::new(
                 self.file,
                 key,
-                format!("{pin} is taken by {}", other.key),
-                "give each its own pin; only enable pins may be shared among motors",
+                format!("{pin} is already used by {}", other.key),
+                "give each signal its own pin; only the enable pins of motors may share one",
             )),
             _ => {
                 self.taken.insert(pin, Use { key: key.to_owned(), shared });
@@ -335,17 +364,18 @@ impl Pins<'_> {
         match TimerChannel::parse(text).filter(|channel| channel.pins(self.chip).contains(&pin)) {
             Some(channel) => Ok(Some(channel)),
             None => {
-                let there = listed(&TimerChannel::all_at(self.chip, pin));
-                let mend = format!("{pin} has {there}; leave the key out to switch it without a timer");
-                Err(Refusal::new(self.file, key, format!("{text} is not at {pin}"), mend))
+                let channels = TimerChannel::all_at(self.chip, pin);
+                let mend = if channels.is_empty() {
+                    format!("remove the key: {pin} has no timer channel")
+                } else {
+                    format!("write one of {}, or remove the key to switch {pin} without a timer", listed(&channels))
+                };
+                Err(Refusal::new(self.file, key, format!("{text} is not on {pin}"), mend))
             }
         }
     }
 }
 
 fn listed<T: ToString>(items: &[T]) -> String {
-    if items.is_empty() {
-        return "none".to_owned();
-    }
     items.iter().map(T::to_string).collect::<Vec<_>>().join(", ")
 }

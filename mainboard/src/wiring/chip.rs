@@ -1,4 +1,4 @@
-//! The chips that there are models of, and their packages.
+//! The modelled chips and their packages.
 //!
 //! Sources: data sheets of the STM32F405xx/F407xx (DS8626, table 2 and the pin table 7) and of the STM32F446xC/E
 //! (DS10693, table 2 and the pin table 10).
@@ -17,10 +17,10 @@ pub enum Chip {
 }
 
 impl Chip {
-    /// All of them.
+    /// All modelled chips.
     pub const ALL: [Self; 3] = [Self::F405, Self::F407, Self::F446];
 
-    /// Its name in a board's file.
+    /// The name in a board's file.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -30,7 +30,7 @@ impl Chip {
         }
     }
 
-    /// Its package.
+    /// The package.
     #[must_use]
     pub fn package(self) -> &'static str {
         match self {
@@ -55,7 +55,7 @@ impl Chip {
         128
     }
 
-    /// Core coupled memory, from 0x1000_0000 on, KiB; the F446 has none.
+    /// Core coupled memory from 0x1000_0000 on, KiB; 0 on the F446.
     #[must_use]
     pub fn ccm_kib(self) -> u32 {
         match self {
@@ -64,7 +64,7 @@ impl Chip {
         }
     }
 
-    /// Whether the package leads this pin out. PH0 and PH1 are there in each, and carry the crystal.
+    /// Whether the package has this pin. Every package has PH0 and PH1, which carry the crystal.
     #[must_use]
     pub fn has_pin(self, pin: Pin) -> bool {
         match (char::from(b'A'.saturating_add(pin.port)), self) {

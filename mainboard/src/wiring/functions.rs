@@ -1,4 +1,4 @@
-//! What the chip's own blocks have at which pin.
+//! Which converter and timer channels each pin has.
 //!
 //! Sources: the pin tables and the tables of alternate functions of the data sheets DS8626 (F405, F407: tables 7 and 9) and
 //! DS10693 (F446: tables 10 and 11). Left out: complementary outputs (CHxN), and ports H and I, which no package here has.
@@ -25,7 +25,7 @@ impl Adc {
         (adc.to_string() == text).then_some(adc)
     }
 
-    /// The pin that it converts.
+    /// The pin of this channel; `None` if no pin has it.
     #[must_use]
     pub fn pin(self) -> Option<Pin> {
         let (port, number) = match (self.converter, self.channel) {
@@ -75,7 +75,7 @@ impl TimerChannel {
         (timer_channel.to_string() == text).then_some(timer_channel)
     }
 
-    /// The alternate function by which a pin belongs to this timer, 1 to 9; `None` for a timer without pins.
+    /// The alternate function that connects a pin to this timer, 1 to 9; `None` for a timer without pins.
     #[must_use]
     pub fn alternate_function(self) -> Option<u8> {
         match self.timer {
@@ -87,7 +87,7 @@ impl TimerChannel {
         }
     }
 
-    /// The pins at which the chip has it.
+    /// The pins of this channel that the chip's package has.
     #[must_use]
     pub fn pins(self, chip: Chip) -> Vec<Pin> {
         let of_all = CHANNELS.iter();
@@ -186,7 +186,7 @@ const CHANNELS: [(u8, u8, char, u8); 53] = [
     (14, 1, 'A', 7),
 ];
 
-/// What the F446 has besides: port F, which the other two packages lack, and three pins of TIM2.
+/// Channels that only the F446 has: port F, which the other two packages lack, and three pins of TIM2.
 const F446_CHANNELS: [(u8, u8, char, u8); 7] = [
     (2, 1, 'B', 8),
     (2, 2, 'B', 9),

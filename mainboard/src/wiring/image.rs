@@ -1,4 +1,4 @@
-//! Whether an image fits a board: where its bytes go, and what the chip reads first.
+//! Checks whether an image fits a board: its addresses, stack pointer and first instruction.
 //!
 //! Sources: the ELF format (Tool Interface Standard, version 1.2: ELF header, program header); the memory maps of RM0090
 //! (2.3) and RM0390 (2.2.2); the vector table of PM0214 (2.3.4).
@@ -17,12 +17,12 @@ const LOAD: u32 = 1;
 /// ELF's number for 32-bit ARM.
 const ARM: u16 = 40;
 
-/// What a board starts with this image.
+/// Addresses of an image that fits its board.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Image {
-    /// Its first byte in flash: the vector table.
+    /// The address of the vector table, the image's first byte in flash.
     pub start: u32,
-    /// The byte after its last one in flash.
+    /// The address after the image's last byte in flash.
     pub end: u32,
     /// The stack pointer at reset.
     pub stack_pointer: u32,
@@ -30,20 +30,20 @@ pub struct Image {
     pub entry: u32,
 }
 
-/// Checks that an image (ELF) can run on a board; `file` is what errors call it.
+/// Checks that an image (ELF) can run on a board; `file` is its name in errors.
 ///
 /// # Errors
-/// It is no ELF file of a 32-bit ARM chip, begins elsewhere than the board's boot loader jumps to, goes beyond the board's
-/// memories, or its stack pointer or first instruction is outside them.
+/// The file is not an ELF file for a 32-bit ARM chip, starts at another address than the board's boot loader jumps to,
+/// exceeds the board's memories, or its stack pointer or first instruction is outside them.
 pub fn check_image(board: &Board, file: &str, elf: &[u8]) -> Result<Image, Refusal> {
     let refuse = |key: &str, problem: String, mend: &str| Refusal::new(file, key, problem, mend);
     let short = || {
         let mend = "build the image again: `cargo xtask firmware --board NAME`";
-        refuse("", "ends in the middle of what it says it holds, or is no ELF file".to_owned(), mend)
+        refuse("", "is truncated: its headers point past its end".to_owned(), mend)
     };
     if elf.get(..6) != Some(b"\x7fELF\x01\x01".as_slice()) || half(elf, 18) != Some(ARM) {
-        let mend = "give the file that ends with .elf, not .bin or .bbf";
-        return Err(refuse("", "is no ELF file of a 32-bit ARM chip".to_owned(), mend));
+        let mend = "pass the .elf file, not the .bin or .bbf";
+        return Err(refuse("", "is not an ELF file for a 32-bit ARM chip".to_owned(), mend));
     }
     let segments = segments(elf).ok_or_else(short)?;
     let flash_end = FLASH + u64::from(board.flash_bytes);
@@ -52,15 +52,16 @@ pub fn check_image(board: &Board, file: &str, elf: &[u8]) -> Result<Image, Refus
 
     let stored = || segments.iter().filter(|segment| !segment.bytes.is_empty());
     let Some(first) = stored().min_by_key(|segment| segment.load_at) else {
-        return Err(refuse("", "holds nothing to load".to_owned(), &rebuild));
+        return Err(refuse("", "is empty: it has no segment to load into flash".to_owned(), &rebuild));
     };
     if first.load_at != start {
-        let problem = format!("begins at {:#x}, and {} starts images at {start:#x}", first.load_at, board.name);
+        let problem =
+            format!("starts at {:#x}, but the boot loader of {} jumps to {start:#x}", first.load_at, board.name);
         return Err(refuse("boot_offset", problem, &rebuild));
     }
     let end = stored().map(Segment::load_end).max().unwrap_or(start);
     if end > flash_end {
-        let problem = format!("goes up to {end:#x}, and the flash of {} ends at {flash_end:#x}", board.name);
+        let problem = format!("ends at {end:#x}, past the end of the flash of {} at {flash_end:#x}", board.name);
         return Err(refuse("flash_kib", problem, &rebuild));
     }
     let memories =
@@ -81,10 +82,10 @@ pub fn check_image(board: &Board, file: &str, elf: &[u8]) -> Result<Image, Refus
     }
     let entry = reset & !1;
     if reset & 1 == 0 || !(start..end).contains(&u64::from(entry)) {
-        let problem = format!("has its first instruction at {reset:#x}: no Thumb code of this image");
+        let problem = format!("has its first instruction at {reset:#x}, which is not Thumb code of this image");
         return Err(refuse("", problem, &rebuild));
     }
-    // Both are below the end of flash.
+    // `end` fits in 32 bits: it is at most the end of flash.
     Ok(Image { start: start as u32, end: end as u32, stack_pointer, entry })
 }
 
@@ -102,7 +103,7 @@ impl Segment<'_> {
     }
 }
 
-/// All segments to load; `None` where the file is too short for them.
+/// All segments to load; `None` if the file is too short for them.
 fn segments(elf: &[u8]) -> Option<Vec<Segment<'_>>> {
     let table = word(elf, 28)? as usize;
     let size = usize::from(half(elf, 42)?);

@@ -1,4 +1,4 @@
-//! A printer's profile, as far as the machine around the board is concerned. Its other keys are not read.
+//! The printer around a board, as the profile describes it. The profile's other keys are ignored.
 
 use std::path::Path;
 
@@ -6,7 +6,7 @@ use serde::Deserialize;
 
 use super::refusal::Refusal;
 
-/// The machine around a board. Arrays are in the order x, y, z, e.
+/// The printer around a board. Arrays are in the order x, y, z, e.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Printer {
     /// The profile's name.
@@ -17,17 +17,17 @@ pub struct Printer {
     pub size_mm: [f64; 3],
     /// Lower ends of the travel, mm: 0 or below.
     pub lower_end_mm: [f64; 3],
-    /// Motor steps a mm, micro-steps included; on CoreXY x and y are the motors A and B.
+    /// Motor steps per mm, microsteps included; on CoreXY x and y are the motors A and B.
     pub steps_per_mm: [f64; 4],
-    /// How it homes.
+    /// How the printer homes.
     pub homing: Homing,
     /// The hot end.
     pub nozzle: HeaterSettings,
-    /// The heated bed, if it has one.
+    /// The heated bed, if the printer has one.
     pub bed: Option<HeaterSettings>,
     /// Step and direction signals.
     pub signals: DriverSignals,
-    /// Drivers that are set over a line.
+    /// Settings of drivers with a serial line.
     pub drivers: [Option<DriverSettings>; 4],
 }
 
@@ -41,16 +41,16 @@ pub enum Kinematics {
     CoreXy,
 }
 
-/// How the machine homes.
+/// How the printer homes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Homing {
-    /// Where the nozzle stands while Z homes, x and y, mm.
+    /// Where the nozzle stands while Z homes: x and y, mm.
     pub home_at_mm: Option<[f64; 2]>,
-    /// From the nozzle's tip to where the probe triggers: x, y, z, mm.
+    /// The offset from the nozzle's tip to the point where the probe triggers: x, y, z, mm.
     pub probe_offset_mm: Option<[f64; 3]>,
-    /// Where the probe finds the bed: lower and upper end along x and along y, mm.
+    /// The area in which the probe finds the bed: lower and upper end along x and along y, mm.
     pub bed_mm: [[f64; 2]; 2],
-    /// Each axis: x, y, z.
+    /// The axes x, y, z; `None` for an axis without homing.
     pub axes: [Option<AxisHoming>; 3],
 }
 
@@ -64,7 +64,7 @@ pub enum End {
     Max,
 }
 
-/// What an axis meets at its end.
+/// The kind of sensor at an axis's end.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum HomingSensor {
@@ -79,16 +79,16 @@ pub enum HomingSensor {
 /// How an axis homes.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 pub struct AxisHoming {
-    /// Towards which end.
+    /// The end at which it homes.
     pub end: End,
-    /// What it meets there.
+    /// The sensor at that end.
     pub sensor: HomingSensor,
     /// Machine coordinate at which the sensor triggers, mm.
     pub position_mm: f64,
     /// True if the sensor's signal is low when it triggers.
     #[serde(default)]
     pub triggers_low: bool,
-    /// How much longer than the travel the frame may be, mm.
+    /// How far the frame may be beyond the travel, mm.
     #[serde(default = "five")]
     pub overrun_mm: f64,
 }
@@ -97,7 +97,7 @@ pub struct AxisHoming {
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum ThermistorKind {
-    /// One with a table in its data sheet.
+    /// A kind with a table in its data sheet.
     Named(NamedThermistor),
     /// Any other.
     Beta {
@@ -122,20 +122,20 @@ pub enum NamedThermistor {
 /// A heater and its thermistor.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 pub struct HeaterSettings {
-    /// Its thermistor.
+    /// The thermistor.
     pub sensor: ThermistorKind,
-    /// Resistor from the thermistor to the reference, ohm. Where a board states its own, that one is in the board.
+    /// Pull-up resistor from the thermistor to the reference, ohm. A board's own value takes precedence.
     #[serde(default = "pull_up")]
     pub pull_up_ohm: f64,
-    /// At or above this the heaters are to go off, degrees Celsius.
+    /// At or above this temperature the firmware must switch heaters off, degrees Celsius.
     pub max_celsius: f64,
-    /// Below this the heaters are to go off, degrees Celsius.
+    /// Below this temperature the firmware must switch heaters off, degrees Celsius.
     pub min_celsius: f64,
-    /// What it heats; the profile may leave that open.
+    /// The heated mass; optional in a profile.
     pub model: Option<HeaterModel>,
 }
 
-/// What a heater heats.
+/// The heated mass of a heater.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, Deserialize)]
 pub struct HeaterModel {
     /// Power, W.
@@ -144,10 +144,10 @@ pub struct HeaterModel {
     pub capacity_j_per_k: f64,
     /// Loss to the air, W/K.
     pub loss_w_per_k: f64,
-    /// More loss with the part fan at full power, W/K.
+    /// Additional loss with the part fan at full power, W/K.
     #[serde(default)]
     pub fan_loss_w_per_k: f64,
-    /// Time until the thermistor answers, s.
+    /// Delay until the thermistor responds, s.
     #[serde(default)]
     pub dead_time_s: f64,
 }
@@ -155,31 +155,31 @@ pub struct HeaterModel {
 /// Step and direction signals.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DriverSignals {
-    /// Shortest high time and shortest low time of a step pulse that the driver wants, us.
+    /// Minimum high time and minimum low time of a step pulse that the driver requires, us.
     pub pulse_width_us: f64,
-    /// Shortest time from a direction change to the step after it that the driver wants, us.
+    /// Minimum time from a direction change to the next step that the driver requires, us.
     pub direction_setup_us: f64,
     /// True if each edge of the step signal is a step.
     pub both_edges: bool,
-    /// Motors that run the other way round.
+    /// Motors with an inverted direction.
     pub inverted: [bool; 4],
 }
 
-/// What a driver is set to.
+/// The settings of a driver.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 pub struct DriverSettings {
     /// Effective current in motion, mA.
     pub current_ma: f64,
-    /// Current at standstill, percent of that.
+    /// Current at standstill, percent of the current in motion.
     pub hold_current_percent: f64,
-    /// Microsteps of a full step.
+    /// Microsteps per full step.
     pub microsteps: u16,
     /// Full steps in a turn of the motor.
     #[serde(default = "two_hundred")]
     pub full_steps_per_turn: u32,
-    /// True: the driver makes 256 microsteps of them.
+    /// True if the driver interpolates to 256 microsteps.
     pub interpolate: bool,
-    /// The load at which the stall signal comes, 0 to 255; 0 = never.
+    /// StallGuard threshold: the load at which the driver reports a stall, 0 to 255; 0 = never.
     pub stall_threshold: u8,
 }
 
@@ -199,17 +199,17 @@ impl Printer {
     /// Reads a profile.
     ///
     /// # Errors
-    /// It cannot be read, or [`Printer::parse`] refuses it.
+    /// The file cannot be read, or [`Printer::parse`] refuses it.
     pub fn read(path: &Path) -> Result<Self, Refusal> {
         let file = path.display().to_string();
         let text = std::fs::read_to_string(path).map_err(|error| Refusal::unreadable(&file, &error))?;
         Self::parse(&file, &text)
     }
 
-    /// Reads a profile from its text; `file` is what errors call it.
+    /// Reads a profile from its text; `file` is its name in errors.
     ///
     /// # Errors
-    /// A key that concerns the machine is missing or malformed, or no machine is like that.
+    /// A key of the printer is missing or malformed, or has a value that no machine has.
     pub fn parse(file: &str, text: &str) -> Result<Self, Refusal> {
         let raw: RawPrinter = toml::from_str(text).map_err(|error| Refusal::toml(file, &error))?;
         let lower_end_mm = raw.lower_end_mm.unwrap_or(Xyz { x: 0.0, y: 0.0, z: 0.0 }).array();
@@ -217,12 +217,12 @@ impl Printer {
         for (axis, name) in ["x", "y", "z"].iter().enumerate() {
             let (lower, upper) = (lower_end_mm[axis], size_mm[axis]);
             if !(lower.is_finite() && upper.is_finite() && lower <= 0.0 && upper > 0.0) {
-                let problem = format!("no travel goes from {lower} to {upper} mm");
+                let problem = format!("a travel from {lower} to {upper} mm is impossible");
                 return Err(Refusal::new(
                     file,
                     format!("size_mm.{name}"),
                     problem,
-                    "size_mm is above 0, lower_end_mm at most 0",
+                    "write size_mm above 0 and lower_end_mm at most 0",
                 ));
             }
         }
@@ -232,8 +232,8 @@ impl Printer {
             return Err(Refusal::new(
                 file,
                 "steps_per_mm",
-                "a motor has no steps",
-                "write a number above 0 for each motor",
+                "every motor needs a number above 0",
+                "write the steps per mm of x, y, z and e",
             ));
         }
         let driver = raw.driver;
@@ -243,8 +243,8 @@ impl Printer {
                 return Err(Refusal::new(
                     file,
                     format!("driver.{key}"),
-                    format!("{us} us is no time"),
-                    "write 0 or more",
+                    format!("{us} us is not a duration"),
+                    "write 0 or more microseconds",
                 ));
             }
         }
@@ -254,9 +254,10 @@ impl Printer {
         let travel = [[lower_end_mm[0], size_mm[0]], [lower_end_mm[1], size_mm[1]]];
         let drivers = [raw.drivers.x, raw.drivers.y, raw.drivers.z, raw.drivers.e];
         for (settings, name) in drivers.iter().zip(["x", "y", "z", "e"]) {
-            if settings.is_some_and(|it| !it.microsteps.is_power_of_two() || it.microsteps > 256) {
+            if let Some(settings) = settings.filter(|it| !it.microsteps.is_power_of_two() || it.microsteps > 256) {
+                let problem = format!("no driver makes {} microsteps", settings.microsteps);
                 let mend = "write 1, 2, 4, 8, 16, 32, 64, 128 or 256";
-                return Err(Refusal::new(file, format!("drivers.{name}.microsteps"), "no driver has that many", mend));
+                return Err(Refusal::new(file, format!("drivers.{name}.microsteps"), problem, mend));
             }
         }
         Ok(Self {
@@ -290,7 +291,7 @@ fn inverted(file: &str, names: &[String]) -> Result<[bool; 4], Refusal> {
         match ["x", "y", "z", "e"].iter().position(|axis| axis == name) {
             Some(motor) => inverted[motor] = true,
             None => {
-                let problem = format!("there is no motor \"{name}\"");
+                let problem = format!("unknown motor \"{name}\"");
                 return Err(Refusal::new(file, "driver.inverted", problem, "write \"x\", \"y\", \"z\" or \"e\""));
             }
         }
@@ -299,15 +300,15 @@ fn inverted(file: &str, names: &[String]) -> Result<[bool; 4], Refusal> {
 }
 
 fn heater(file: &str, key: &str, heater: HeaterSettings) -> Result<HeaterSettings, Refusal> {
-    if let Some(fault) = thermistor_fault(heater.sensor) {
-        return Err(Refusal::new(file, format!("{key}.sensor"), fault, "copy the data sheet's R25 and B"));
+    if let Some(problem) = thermistor_fault(heater.sensor) {
+        return Err(Refusal::new(file, format!("{key}.sensor"), problem, THERMISTOR_CURE));
     }
     if !(heater.pull_up_ohm.is_finite() && heater.pull_up_ohm > 0.0) {
         return Err(Refusal::new(
             file,
             format!("{key}.pull_up_ohm"),
-            "is no pull-up resistor",
-            "write it in ohm, such as 4700",
+            format!("{} ohm is not a pull-up resistor", heater.pull_up_ohm),
+            "write the resistor in ohm, such as 4700",
         ));
     }
     let fault = heater.model.is_some_and(|model| {
@@ -316,19 +317,23 @@ fn heater(file: &str, key: &str, heater: HeaterSettings) -> Result<HeaterSetting
         not_above_zero || below_zero.iter().any(|it| !(it.is_finite() && *it >= 0.0))
     });
     if fault {
-        let mend = "power and capacity are above 0, losses and dead time at least 0";
-        return Err(Refusal::new(file, format!("{key}.model"), "heats nothing that exists", mend));
+        let problem = "power and capacity must be above 0, losses and dead time at least 0";
+        let mend = "copy the values of a similar printer from profiles/";
+        return Err(Refusal::new(file, format!("{key}.model"), problem, mend));
     }
     Ok(heater)
 }
 
-/// Why a thermistor cannot be, if so.
+/// How to mend a thermistor that [`thermistor_fault`] rejects.
+pub(super) const THERMISTOR_CURE: &str = "copy R25 and B from its data sheet";
+
+/// The problem of a thermistor with impossible values, if any.
 pub(super) fn thermistor_fault(kind: ThermistorKind) -> Option<&'static str> {
     match kind {
         ThermistorKind::Beta { r25_ohm, beta_k }
             if !(r25_ohm.is_finite() && r25_ohm > 0.0 && beta_k.is_finite() && beta_k > 0.0) =>
         {
-            Some("is no thermistor: its resistance and B are above 0")
+            Some("r25_ohm and beta_k must be above 0")
         }
         _ => None,
     }

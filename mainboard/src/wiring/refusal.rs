@@ -1,13 +1,13 @@
-//! Why a file is refused.
+//! The error for a board file, profile or image that cannot be used.
 
 use std::fmt;
 
-/// A file that cannot be used: where, what is wrong, and how to mend it.
+/// A file that cannot be used: the place, the problem and the cure.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Refusal {
     /// The file, as the caller named it.
     pub file: String,
-    /// The key, such as "motors.x.step"; empty where the whole file is meant.
+    /// The key, such as "motors.x.step"; empty for a problem of the whole file.
     pub key: String,
     /// What is wrong.
     pub problem: String,
@@ -20,19 +20,19 @@ impl Refusal {
         Self { file: file.to_owned(), key: key.into(), problem: problem.into(), mend: mend.into() }
     }
 
-    /// A file that is no TOML, or lacks a key, or has one too many.
+    /// A file that is not TOML, or has a missing, malformed or unknown key.
     pub(super) fn toml(file: &str, error: &toml::de::Error) -> Self {
         Self::new(
             file,
             "",
             error.to_string().trim_end().to_owned(),
-            "boards/bench.toml and the profiles explain the keys",
+            "the comments in boards/bench.toml and in profiles/ explain every key",
         )
     }
 
-    /// A file that cannot be read at all.
+    /// A file that cannot be read.
     pub(super) fn unreadable(file: &str, error: &std::io::Error) -> Self {
-        Self::new(file, "", format!("cannot be read: {error}"), "name a file that exists and is UTF-8 text")
+        Self::new(file, "", format!("cannot be read: {error}"), "name an existing UTF-8 text file")
     }
 }
 

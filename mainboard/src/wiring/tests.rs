@@ -16,7 +16,7 @@ fn pin(name: &str) -> Pin {
     name.parse().unwrap()
 }
 
-/// The refusal of a board with one line of it replaced.
+/// The refusal of a board after one replacement in its file.
 fn refused(text: &str, from: &str, to: &str) -> Refusal {
     assert!(text.contains(from), "{from} is not in the file");
     Board::parse("board.toml", &text.replacen(from, to, 1)).expect_err(to)
@@ -28,7 +28,7 @@ fn refused_profile(from: &str, to: &str) -> Refusal {
 }
 
 #[test]
-fn the_buddy_board_is_wired_as_its_file_says() {
+fn the_buddy_is_wired_according_to_its_file() {
     let board = Board::parse("prusa-buddy.toml", BUDDY).unwrap();
     assert_eq!((board.chip, board.crystal_hz, board.boot_offset), (Chip::F407, 12_000_000, 0x20200));
     assert_eq!((board.flash_bytes, board.ram_bytes, board.ccm_bytes), (0x10_0000, 0x2_0000, 0x1_0000));
@@ -48,7 +48,7 @@ fn the_buddy_board_is_wired_as_its_file_says() {
 }
 
 #[test]
-fn the_other_boards_and_all_profiles_are_read() {
+fn the_other_boards_and_all_profiles_can_be_read() {
     let bench = Board::parse("bench.toml", BENCH).unwrap();
     assert!(bench.virtual_sensors && bench.heaters.is_empty());
     let octopus = Board::parse("octopus.toml", OCTOPUS).unwrap();
@@ -61,7 +61,7 @@ fn the_other_boards_and_all_profiles_are_read() {
 }
 
 #[test]
-fn a_profile_gets_its_defaults() {
+fn missing_profile_keys_get_their_defaults() {
     let mini = Printer::parse("mini.toml", MINI).unwrap();
     assert_eq!((mini.size_mm, mini.lower_end_mm), ([180.4, 180.0, 185.0], [-2.0, -3.0, 0.0]));
     assert_eq!(mini.homing.bed_mm, [[0.0, 180.0], [0.0, 180.0]]);
@@ -80,14 +80,14 @@ fn a_profile_gets_its_defaults() {
 }
 
 #[test]
-fn a_thermistor_may_be_given_by_two_numbers() {
+fn a_thermistor_may_be_given_by_r25_and_b() {
     let text = MINI.replacen("sensor = \"semitec-104gt-2\"", "sensor = { r25_ohm = 100000, beta_k = 3950 }", 1);
     let sensor = Printer::parse("mini.toml", &text).unwrap().nozzle.sensor;
     assert_eq!(sensor, ThermistorKind::Beta { r25_ohm: 100_000.0, beta_k: 3950.0 });
 }
 
 #[test]
-fn a_board_that_the_chip_does_not_allow_is_refused_by_key() {
+fn wiring_that_the_chip_excludes_is_refused_with_its_key() {
     let cases = [
         (BUDDY, "\"STM32F407VG\"\npackage", "\"STM32F103C8\"\npackage", "chip", "STM32F103C8"),
         (BUDDY, "package = \"LQFP100\"", "package = \"LQFP64\"", "package", "LQFP100"),
@@ -123,7 +123,7 @@ fn a_board_that_the_chip_does_not_allow_is_refused_by_key() {
         (BUDDY, "dm = \"PA11\"\ndp = \"PA12\"", "dm = \"PA12\"\ndp = \"PA11\"", "usb.dm", "PA11"),
         (BUDDY, "uart_address = 3", "uart_address = 4", "motors.y.uart_address", "0 to 3"),
         (BUDDY, "uart_address = 3", "uart_address = 1", "motors.y.uart_address", "motors.x"),
-        (BUDDY, "uart_address = 3", "uart_address = 3\nuart = \"PE15\"", "motors.y.uart", "two lines"),
+        (BUDDY, "uart_address = 3", "uart_address = 3\nuart = \"PE15\"", "motors.y.uart", "both"),
         (BUDDY, "[driver_uart]\npin = \"PD5\"", "", "motors.x.uart_address", "[driver_uart]"),
         (BUDDY, "[motors.e]", "[motors.f]", "motors.e", "missing"),
         (BUDDY, "pull_up_ohm = 4700", "pull_up_ohm = 0", "thermistors", "ohm"),
@@ -147,14 +147,14 @@ fn a_board_that_the_chip_does_not_allow_is_refused_by_key() {
 }
 
 #[test]
-fn motors_may_share_an_enable_pin_and_nothing_else() {
+fn motors_may_share_enable_pins_only() {
     assert!(Board::parse("bench.toml", BENCH).is_ok());
     let refusal = refused(BENCH, "step = \"PC1\"", "step = \"PC0\"");
     assert_eq!(refusal.key, "motors.y.step");
 }
 
 #[test]
-fn an_impossible_profile_is_refused_by_key() {
+fn impossible_profile_values_are_refused_with_their_key() {
     let cases = [
         ("x = -2, y = -3, z = 0 }\n\n# Motor", "x = 2, y = -3, z = 0 }\n\n# Motor", "size_mm.x"),
         ("e = 325", "e = 0", "steps_per_mm"),
@@ -180,7 +180,7 @@ fn a_missing_file_is_named() {
 }
 
 #[test]
-fn each_pin_has_the_channels_of_the_data_sheet() {
+fn every_pin_has_the_channels_of_the_data_sheet() {
     let names = |text: &str| Adc::all_at(pin(text)).iter().map(Adc::to_string).collect::<Vec<_>>();
     assert_eq!(names("PA3"), ["ADC1_IN3", "ADC2_IN3", "ADC3_IN3"]);
     assert_eq!(names("PB1"), ["ADC1_IN9", "ADC2_IN9"]);
@@ -217,12 +217,12 @@ fn elf(start: u32, stack: u32, reset: u32, flash: u32, ram: u32) -> Vec<u8> {
 }
 
 #[test]
-fn an_image_fits_its_board_and_no_other() {
+fn an_image_fits_its_own_board_only() {
     let buddy = Board::parse("prusa-buddy.toml", BUDDY).unwrap();
     let start = 0x0802_0200;
     let image = check_image(&buddy, "f.elf", &elf(start, 0x2000_6000, start + 9, 64, 0x2_0000)).unwrap();
     assert_eq!(image, Image { start, end: start + 64, stack_pointer: 0x2000_6000, entry: start + 8 });
-    // The whole flash, and a stack from the end of either memory.
+    // Flash filled to its end, and a stack at the end of either memory.
     let whole = 0x10_0000 - 0x2_0200;
     check_image(&buddy, "f.elf", &elf(start, 0x2002_0000, start + 9, whole, 0)).unwrap();
     check_image(&buddy, "f.elf", &elf(start, 0x1001_0000, start + 9, 64, 0)).unwrap();
@@ -236,8 +236,8 @@ fn an_image_fits_its_board_and_no_other() {
         (elf(start, 0x2000_6000, start + 9, 64, 0x2_0004), "ram_kib", "no memory"),
         (elf(start, 0x2000_6000, start + 8, 64, 0), "", "first instruction"),
         (elf(start, 0x2000_6000, start + 65, 64, 0), "", "first instruction"),
-        (elf(start, 0, 0, 4, 0), "", "middle"),
-        (b"#!/bin/sh".to_vec(), "", "no ELF"),
+        (elf(start, 0, 0, 4, 0), "", "truncated"),
+        (b"#!/bin/sh".to_vec(), "", "not an ELF"),
     ];
     for (file, key, says) in refusals {
         let refusal = check_image(&buddy, "f.elf", &file).unwrap_err();
@@ -249,7 +249,7 @@ fn an_image_fits_its_board_and_no_other() {
 }
 
 #[test]
-fn a_truncated_image_is_refused() {
+fn an_image_truncated_anywhere_is_refused() {
     let board = Board::parse("bench.toml", BENCH).unwrap();
     let file = elf(0x0800_0000, 0x2000_6000, 0x0800_0009, 64, 0);
     assert!(check_image(&board, "f.elf", &file).is_ok());

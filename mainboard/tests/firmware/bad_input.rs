@@ -1,4 +1,4 @@
-//! What no host should send, in the middle of a print: answered, and without effect on a single step.
+//! Input that no host should send, in the middle of a print: the image answers it, and not a single step changes.
 
 use crate::bench::{Bench, Line};
 use crate::host::Host;
@@ -8,13 +8,13 @@ use crate::same_steps::{LINES, assert_printed_as_rehearsed};
 /// Lines of the job after which the look-ahead ring is full and the motors run.
 const LINES_INTO_THE_PRINT: usize = 200;
 
-/// Where the job pauses, so that a silent host is nothing to the look-ahead.
+/// Line before which the job pauses, so that a silent host does not affect the look-ahead.
 const PAUSE: usize = 260;
 
-/// Lines in a burst: no more bytes than the image's receive buffer holds while a command waits for room.
+/// Lines in a burst: as many bytes as the image's receive buffer holds while a command waits for room.
 const BURST: usize = 240;
 
-/// Sends lines without numbers and waits until each has got its `ok`.
+/// Sends lines without numbers and waits for the `ok` of each.
 fn answered(host: &mut Host<Line>, bytes: &[u8], lines: usize) {
     host.send_raw(bytes).unwrap();
     for line in 0..lines {
@@ -22,15 +22,15 @@ fn answered(host: &mut Host<Line>, bytes: &[u8], lines: usize) {
     }
 }
 
-/// Sends bytes that look like a numbered line and waits until the line is asked for.
-fn asked_for_again(host: &mut Host<Line>, bytes: &[u8], number: usize) {
+/// Sends bytes that look like a numbered line and waits for its resend request.
+fn resend_requested(host: &mut Host<Line>, bytes: &[u8], number: usize) {
     host.send_raw(bytes).unwrap();
     let resend = format!("Resend: {number}");
     host.wait_for(&resend, |line| line == resend).unwrap();
     host.wait_for("ok", |line| line == "ok").unwrap();
 }
 
-/// Bytes that are no text at all, in lines.
+/// Lines of bytes that are not text.
 fn garbage(lines: usize) -> Vec<u8> {
     let mut bytes = Vec::new();
     for line in 0..lines {
@@ -49,13 +49,13 @@ fn nonsense_in_mid_print_is_answered_and_changes_no_step() {
     let mut bench = Bench::boot();
     for (index, line) in job.lines().enumerate() {
         let host = &mut bench.host;
-        // Lines are numbered from 1, so this is the number that comes next.
+        // Lines are numbered from 1, so this is the number of the next line.
         let number = index + 1;
         if index == LINES_INTO_THE_PRINT {
             answered(host, &garbage(20), 20);
             answered(host, &[&[b'x'; 1000], b"\n".as_slice()].concat(), 1);
-            asked_for_again(host, format!("N{number} {}\n", "G".repeat(1000)).as_bytes(), number);
-            // The motors go on meanwhile, for as long as the look-ahead ring lasts.
+            resend_requested(host, format!("N{number} {}\n", "G".repeat(1000)).as_bytes(), number);
+            // The motors keep moving for as long as the look-ahead ring lasts.
             answered(host, &b"M105\n".repeat(BURST), BURST);
             answered(host, &b"\n\r\n;\n".repeat(50), 0);
         }
@@ -66,7 +66,7 @@ fn nonsense_in_mid_print_is_answered_and_changes_no_step() {
             host.send_raw(format!("N{number} G1 X50").as_bytes()).unwrap();
             let heard = host.listen(500).unwrap();
             assert!(!heard.iter().any(|line| line.starts_with("ok")), "half a line was answered: {heard:?}");
-            asked_for_again(host, b"\n", number);
+            resend_requested(host, b"\n", number);
         }
         host.send(line).unwrap_or_else(|error| panic!("{}: {error}", job.source(number)));
     }

@@ -1,8 +1,8 @@
-//! A board on the test's bench: switched on, with a host at its line and a look at everything around its chip.
+//! A board on the test's bench: switched on, with a host at its line and access to everything around its chip.
 
 use std::path::Path;
 
-use ferrostep_mainboard::conversation::{Conversation, Puppet};
+use ferrostep_mainboard::conversation::{Conversation, ConversationOperator};
 use ferrostep_mainboard::machine::{Machine, Store};
 use ferrostep_mainboard::plant::Plant;
 use ferrostep_mainboard::run::Finished;
@@ -12,19 +12,19 @@ use rigless::image::Image;
 use rigless::soc::Width;
 
 use crate::boards::{BOARDS, BoardFacts};
-use crate::foreign_code::{Opened, PROGRAM, WAY_IN};
+use crate::foreign_code::{JUMP_TARGET, PROGRAM, PatchedImage};
 use crate::host::{Host, Port};
 use crate::images::{image_of, root};
 use crate::pins::PinLog;
 use crate::port_log::{PortState, PortWrite};
 
-/// A printer that is silent for this long is taken to have finished, virtual ns.
+/// Virtual time after which a silent printer counts as dead, ns.
 const LIMIT_NS: u64 = 40_000_000_000;
 
-/// Far more moments of 100 us than a processor is busy for.
-const MOST_MOMENTS: u32 = 10_000;
+/// Maximum polls, 100 us apart: far longer than a processor is busy.
+const MAX_POLLS: u32 = 10_000;
 
-/// What is random in a printer follows from this.
+/// Seed of everything random in the printer.
 const SEED: u64 = 1;
 
 /// The host's line.
@@ -58,36 +58,36 @@ impl Bench {
         Self::boot_board(&BOARDS[0])
     }
 
-    /// Boots a board, and lets a host set the line's number.
+    /// Boots a board and connects the host.
     pub fn boot_board(facts: &'static BoardFacts) -> Self {
         let mut bench = Self::switch_on(facts, |_| {});
         bench.host.connect().unwrap_or_else(|error| panic!("no connection to {}: {error}", facts.name));
         bench
     }
 
-    /// The same with a way for [`Self::execute`].
-    pub fn boot_opened(facts: &'static BoardFacts) -> Self {
-        let mut bench = Self::switch_on_opened(facts);
+    /// Boots a board with [`PatchedImage`], for [`Self::execute`].
+    pub fn boot_patched(facts: &'static BoardFacts) -> Self {
+        let mut bench = Self::switch_on_patched(facts);
         bench.host.connect().unwrap_or_else(|error| panic!("no connection to {}: {error}", facts.name));
         bench
     }
 
-    /// A running board that no host has talked to; `change` may break something before.
+    /// Switches a board on without a host; `change` may break something before.
     pub fn switch_on(facts: &'static BoardFacts, change: impl FnOnce(&mut Machine)) -> Self {
         let image = Image::read(&image_of(facts.name), None).unwrap();
         Self::switch_on_with(facts, vec![image], change)
     }
 
-    /// The same with these bytes where its boot loader jumps to.
+    /// Switches a board on with these bytes at the address that its boot loader jumps to.
     pub fn switch_on_from(facts: &'static BoardFacts, file: &Path) -> Self {
         let image = Image::read(file, Some(u64::from(facts.image_address))).unwrap();
         Self::switch_on_with(facts, vec![image], |_| {})
     }
 
-    /// The same with a way for [`Self::execute`].
-    pub fn switch_on_opened(facts: &'static BoardFacts) -> Self {
+    /// Switches a board on with [`PatchedImage`], for [`Self::execute`].
+    pub fn switch_on_patched(facts: &'static BoardFacts) -> Self {
         let path = image_of(facts.name);
-        let Opened { image, stub, stub_address } = Opened::of(&path, facts.flash_end);
+        let PatchedImage { image, stub, stub_address } = PatchedImage::of(&path, facts.flash_end);
         let image = Image::new(&path, image, None).unwrap();
         let stub = Image::new(Path::new("stub"), stub, Some(u64::from(stub_address))).unwrap();
         Self::switch_on_with(facts, vec![image, stub], |_| {})
@@ -104,7 +104,7 @@ impl Bench {
         Self { host: Host::new(Line(conversation), LIMIT_NS), facts }
     }
 
-    /// Looks at the machine, or changes it, while it stands still.
+    /// Inspects or changes the machine while it stands still.
     pub fn with<T: Send + 'static>(
         &mut self,
         action: impl FnOnce(&mut Machine, &mut dyn Core) -> T + Send + 'static,
@@ -112,12 +112,12 @@ impl Bench {
         self.host.port().0.with(action).unwrap()
     }
 
-    /// Changes what is around the chip; the chip sees it at once. The second number is the board's time, ns.
+    /// Changes the parts around the chip; the chip sees it at once. The second number is the board's time, ns.
     pub fn change(&mut self, action: impl FnOnce(&mut Plant, u64) + Send + 'static) {
         let now_ns = self.now_ns();
         self.with(move |machine, _| {
             action(&mut machine.plant, now_ns);
-            machine.plant.look_again();
+            machine.plant.refresh_inputs();
         });
     }
 
@@ -127,7 +127,7 @@ impl Bench {
         self.host.port().now_ns()
     }
 
-    /// Lets time pass, ms; what is said meanwhile is lost.
+    /// Lets time pass, ms; lines that arrive meanwhile are dropped.
     pub fn pass(&mut self, time_ms: u64) {
         self.host.listen(time_ms).unwrap();
     }
@@ -137,18 +137,18 @@ impl Bench {
         self.host.port().0.press_reset().unwrap();
     }
 
-    /// What the motors' pins have done so far.
+    /// The log of the motors' pins so far.
     pub fn pins(&mut self) -> PinLog {
         let facts = self.facts;
         self.with(move |machine, _| PinLog::of(machine, facts))
     }
 
-    /// All that was stored to peripherals so far.
+    /// All stores to peripherals so far.
     pub fn stores(&mut self) -> Vec<Store> {
         self.with(|machine, _| machine.stores().to_vec())
     }
 
-    /// How often this was stored to a register so far.
+    /// The number of stores of this value to a register so far.
     pub fn stored(&mut self, address: u32, value: u32) -> usize {
         self.with(move |machine, _| {
             let these = machine.stores().iter().filter(|store| (store.address, store.value) == (address, value));
@@ -156,7 +156,7 @@ impl Bench {
         })
     }
 
-    /// All that was stored to the ports so far.
+    /// All stores to the ports so far.
     pub fn port_writes(&mut self) -> Vec<PortWrite> {
         self.with(|machine, _| machine.stores().iter().filter_map(PortWrite::of).collect())
     }
@@ -168,7 +168,7 @@ impl Bench {
         state
     }
 
-    /// The share of full power that a heater gets, by its name.
+    /// The share of full power that a heater gets.
     pub fn heater_power(&mut self, name: &str) -> f64 {
         let name = name.to_owned();
         self.with(move |machine, _| {
@@ -196,39 +196,39 @@ impl Bench {
         self.with(move |_, core| core.read(u64::from(address), Width::W32).unwrap() as u32)
     }
 
-    /// Lets the processor execute these instructions instead of sleeping, from the end of its next sleep on. Only for a board
-    /// that was switched on opened.
+    /// Lets the processor execute these instructions instead of sleeping, from the end of its next sleep on. Only for a
+    /// board with [`PatchedImage`].
     pub fn execute(&mut self, code: &[u16]) {
         let code = code.to_vec();
         self.with(move |_, core| {
             for (place, half) in (u64::from(PROGRAM)..).step_by(2).zip(code) {
                 core.write(place, Width::W16, u64::from(half)).unwrap();
             }
-            core.write(u64::from(WAY_IN), Width::W32, u64::from(PROGRAM | 1)).unwrap();
+            core.write(u64::from(JUMP_TARGET), Width::W32, u64::from(PROGRAM | 1)).unwrap();
         });
-        for _ in 0..MOST_MOMENTS {
+        for _ in 0..MAX_POLLS {
             self.wait_us(100);
-            if self.word(WAY_IN) == 0 {
+            if self.word(JUMP_TARGET) == 0 {
                 return;
             }
         }
-        panic!("{}: the processor does not sleep", self.facts.name);
+        panic!("{}: the processor never sleeps", self.facts.name);
     }
 
-    /// Lets time pass, us; what is said meanwhile is heard later.
+    /// Lets time pass, us; lines that arrive meanwhile are kept.
     pub fn wait_us(&mut self, time_us: u64) {
         let until_ns = self.now_ns() + time_us * 1000;
         self.host.port().0.wait(until_ns).unwrap();
     }
 
-    /// Switches the machine off; what its motors' pins have done.
+    /// Switches the machine off; returns the log of its motors' pins.
     pub fn switch_off(self) -> PinLog {
         let facts = self.facts;
         PinLog::of(self.end().machine(), facts)
     }
 
-    /// Switches the machine off; what is left of it.
-    pub fn end(self) -> Finished<Puppet> {
+    /// Switches the machine off; returns its last state.
+    pub fn end(self) -> Finished<ConversationOperator> {
         self.host.into_port().0.end().unwrap()
     }
 }

@@ -1,5 +1,5 @@
-//! What each board's image does to heaters, fans and motors: nothing before it is asked to, the right pins when it is, and
-//! off with the heaters first when nothing can be relied on any more.
+//! The image's effect on heaters, fans and motors: none before the first command, the right pins on command, and off
+//! with the heaters first after a failure of the firmware.
 
 use ferrostep_image_code::code::Code;
 use ferrostep_mainboard::parts::wire::LineFault;
@@ -10,17 +10,17 @@ use crate::foreign_code::{STAND_STILL, load};
 use crate::images::image_of;
 use crate::port_log::{BSRR, MODER, PortState, PortWrite};
 
-/// Long enough for the image to have said its last word, ms.
+/// Long enough for the image's last message, ms.
 const A_WHILE_MS: u64 = 50;
 
-/// Where RAM, and the stack in it, begins.
+/// The start of RAM, which contains the stack.
 const RAM: u32 = 0x2000_0000;
 
 /// The USB controller's DCTL, and the soft disconnect in it (RM0090, 34.16.4).
 const USB_CONTROL: u32 = 0x5000_0804;
 const OFF_THE_BUS: u32 = 1 << 1;
 
-/// Nothing is here.
+/// An address without memory.
 const NOWHERE: u32 = 0x6000_0000;
 
 /// The state after some stores; panics if a heater is on at any time, or a motor is on before `may_move`.
@@ -41,7 +41,7 @@ fn state_after(board: &BoardFacts, writes: &[PortWrite], may_move: bool) -> Port
     state
 }
 
-/// Checks that all heaters and motors are driven, and off; a timer's pins are its own.
+/// Checks that all heaters and motors are driven, and off; a timer may drive its own pins.
 pub fn assert_all_off(board: &BoardFacts, state: &PortState) {
     for (index, heater) in board.heater_pins().into_iter().enumerate() {
         let is_timed = board.heaters_are_timed && index < 2 && state.is_alternate(heater);
@@ -53,7 +53,7 @@ pub fn assert_all_off(board: &BoardFacts, state: &PortState) {
     }
 }
 
-/// Checks that no heater gets power, from a timer neither.
+/// Checks that no heater gets power, from a timer or otherwise.
 pub fn assert_nothing_heats(board: &BoardFacts, bench: &mut Bench) {
     assert!(!bench.any_heater_on(), "{}: a heater is on", board.name);
 }
@@ -65,7 +65,7 @@ pub fn assert_heaters_are_taken_from_timers(board: &BoardFacts, state: &PortStat
     }
 }
 
-/// Checks that the first of some stores take all heaters' levels low, and those before any of another kind.
+/// Checks that the first stores take all heaters' levels low, before any other store.
 pub fn assert_heaters_come_first(board: &BoardFacts, writes: &[PortWrite]) {
     let mut waiting = board.heater_pins();
     for write in writes {
@@ -103,7 +103,7 @@ fn outputs_stay_off_from_reset_to_the_first_command() {
             let forwards = state.is_high(direction) == board.inverted[motor];
             assert!(state.is_output(direction) && forwards, "{}: direction of {motor}", board.name);
         }
-        // A pin is low, or off, before it is driven.
+        // A pin is low, or off, before it becomes an output.
         let first_output = writes.iter().position(|write| write.offset == MODER).unwrap();
         for heater in board.heater_pins() {
             let low = writes.iter().position(|write| write.level(heater) == Some(false)).unwrap();
@@ -127,10 +127,10 @@ fn outputs_commanded_off_stay_off() {
 }
 
 #[test]
-fn drivers_are_set_up_by_the_image_before_anything_moves() {
+fn the_image_configures_drivers_before_motion() {
     let board = BOARDS.iter().find(|board| board.name == "prusa-buddy").unwrap();
     let mut bench = Bench::boot_board(board);
-    // A move waits until the drivers have confirmed.
+    // A move waits until the drivers have confirmed their settings.
     for line in ["G91", "G1 X1 F1200", "M400"] {
         bench.host.send(line).unwrap();
     }
@@ -152,9 +152,9 @@ fn drivers_are_set_up_by_the_image_before_anything_moves() {
     assert!(line.starts_with("echo:driver X: 300 mA"), "{line}");
 }
 
-/// The frame has moved out of reach: no stall tells the driver of an end.
+/// The frame has moved out of reach: no stall reports an end.
 #[test]
-fn homing_without_an_end_stop_fails_after_the_travel() {
+fn homing_without_a_stall_fails_after_the_travel() {
     let board = BOARDS.iter().find(|board| board.name == "prusa-buddy").unwrap();
     let mut bench = Bench::boot_board(board);
     bench.change(|plant, _| plant.motion.set_frame(0, -1000.0, 1000.0));
@@ -167,12 +167,12 @@ fn homing_without_an_end_stop_fails_after_the_travel() {
         ),
         "{line}"
     );
-    // Up by 4 mm, back by 2.56, and then the travel from -2 to 180.4 mm and 10 mm.
+    // Up by 4 mm, back by 2.56, then the travel from -2 to 180.4 mm and 10 mm.
     assert_eq!(displacement(board, &bench.port_writes()), [-256 + 19_240, 0, 1_600, 0]);
 }
 
 #[test]
-fn a_silent_driver_is_named_and_the_rest_works() {
+fn a_silent_driver_is_named_and_other_commands_work() {
     let board = BOARDS.iter().find(|board| board.own_lines).unwrap();
     let mut bench = Bench::switch_on(board, |machine| {
         for line in machine.plant.own_lines() {
@@ -188,13 +188,13 @@ fn a_silent_driver_is_named_and_the_rest_works() {
     }
     let line = bench.host.ask("M122", "echo:driver X: ").unwrap();
     assert!(line.contains("failed"), "{line}");
-    // Nothing has moved, and what needs no driver works.
+    // No motor has moved, and commands without drivers work.
     assert_eq!(displacement(board, &bench.port_writes()), [0; 4]);
     let line = bench.host.ask("M115", "FIRMWARE_NAME").unwrap();
     assert!(line.contains("COREXY"), "{line}");
 }
 
-/// Where the motors have come to, in steps.
+/// The motors' positions, in steps.
 fn displacement(board: &BoardFacts, writes: &[PortWrite]) -> [i64; 4] {
     let signals = board.signals.map(|pins| pins.map(pin));
     let [steps, directions] = signals;
@@ -243,16 +243,16 @@ fn each_motor_steps_by_its_own_pins() {
 }
 
 #[test]
-fn resting_motors_go_off_and_lose_homing() {
+fn idle_motors_are_switched_off_and_lose_their_homing() {
     let board = &BOARDS[0];
     let mut bench = Bench::boot_board(board);
-    // Homed, Z is kept above 0.
+    // With homed axes Z is kept above 0.
     for line in ["M84 S2", "G28", "G1 X5 F6000", "G1 Z-3", "M400"] {
         bench.host.send(line).unwrap();
     }
     let z = |bench: &mut Bench| displacement(board, &bench.port_writes())[2];
     let homed_z = z(&mut bench);
-    // A dwell is no rest.
+    // A dwell is not idle time.
     bench.host.send("G4 S4").unwrap();
     assert!(!state_after(board, &bench.port_writes(), true).is_high(pin(board.enable[0])));
     let line = bench.host.wait_for("switched off", |line| line.contains("switched off")).unwrap();
@@ -261,17 +261,17 @@ fn resting_motors_go_off_and_lose_homing() {
     for line in ["M84 S0", "G1 Z-1", "M400"] {
         bench.host.send(line).unwrap();
     }
-    // No longer homed: nothing holds Z.
+    // After the loss of homing Z has no limit.
     assert_eq!(z(&mut bench) - homed_z, -board.steps_per_mm[2]);
-    // Never again.
+    // M84 S0 switches the idle time off.
     let heard = bench.host.listen(5000).unwrap();
     assert!(heard.is_empty(), "{heard:?}");
     assert!(!state_after(board, &bench.port_writes(), true).is_high(pin(board.enable[0])));
 }
 
-/// Lets the motors move and the heaters heat, then something go wrong, and checks what comes of it.
+/// Lets motors move and heaters heat, causes a failure, and checks its effects.
 fn assert_ends_safely(board: &'static BoardFacts, last_words: &str, go_wrong: impl Fn(&mut Bench)) {
-    let mut bench = Bench::boot_opened(board);
+    let mut bench = Bench::boot_patched(board);
     for line in ["M302 P1", "G91", "G1 X1 Y1 Z1 E1 F1200", "M400"] {
         bench.host.send(line).unwrap();
     }
@@ -294,13 +294,13 @@ fn assert_ends_safely(board: &'static BoardFacts, last_words: &str, go_wrong: im
     let line = bench.host.wait_for(last_words, |line| line.starts_with("Error:")).unwrap();
     assert!(line.contains(last_words) && line.ends_with("kill() called!"), "{}: {line}", board.name);
     bench.pass(A_WHILE_MS);
-    // A halted board does not listen any more.
+    // After its last message the image ignores all input.
     bench.host.send_raw(b"M999\nM105\n").unwrap();
     let heard = bench.host.listen(A_WHILE_MS).unwrap();
     assert!(heard.is_empty(), "{}: {heard:?}", board.name);
     let writes = bench.port_writes();
-    let after = first_switching_off(board, &writes[before..]);
-    assert!(!after.is_empty(), "{}: nothing was switched off", board.name);
+    let after = stores_from_switching_off(board, &writes[before..]);
+    assert!(!after.is_empty(), "{}: no output was switched off", board.name);
     assert_heaters_come_first(board, after);
     let mut state = PortState::new();
     writes[..before].iter().for_each(|&write| state.apply(write));
@@ -310,16 +310,16 @@ fn assert_ends_safely(board: &'static BoardFacts, last_words: &str, go_wrong: im
     assert_heaters_are_taken_from_timers(board, &state);
     assert_fans_blow(board, &state);
     assert_eq!(off_the_bus(&mut bench) - left_before, 1, "{}: the host at the USB port waits for ever", board.name);
-    // And so it is outside the chip.
+    // The parts outside the chip agree.
     assert_nothing_heats(board, &mut bench);
     bench.with(|machine, _| {
         assert!(!machine.plant.drivers.iter().any(|driver| driver.energized()), "a motor has current");
     });
 }
 
-/// The stores from the one on that switches the first heater off, or the motors where there are no heaters: until things go
-/// wrong the control switches heaters as it always does.
-fn first_switching_off<'a>(board: &BoardFacts, writes: &'a [PortWrite]) -> &'a [PortWrite] {
+/// The stores from the one on that switches the first heater off, or the motors on a board without heaters: before the
+/// failure the control switches heaters in normal operation.
+fn stores_from_switching_off<'a>(board: &BoardFacts, writes: &'a [PortWrite]) -> &'a [PortWrite] {
     let Some(motors_off) = writes.iter().position(|write| write.level(pin(board.enable[0])) == Some(true)) else {
         return &[];
     };
@@ -330,31 +330,30 @@ fn first_switching_off<'a>(board: &BoardFacts, writes: &'a [PortWrite]) -> &'a [
     &writes[last - before..]
 }
 
-/// Checks that the fans of part and hot end, the first two, are plain outputs and high, and no others.
+/// Checks that the fans of part and hot end, the first two, are plain outputs and high, and no other fan is.
 fn assert_fans_blow(board: &BoardFacts, state: &PortState) {
     for (index, fan) in board.fans.iter().map(|name| pin(name)).enumerate() {
         assert!(state.is_output(fan) && state.is_high(fan) == (index < 2), "{}: fan {fan:?}", board.name);
     }
 }
 
-/// `bx r2`: on to the address in it.
-const GO: u16 = 0x4710;
+/// `bx r2`: jumps to the address in it.
+const JUMP: u16 = 0x4710;
 
-/// Lets the image panic, with an overflow at an arbitrary place.
+/// Lets the image panic with an overflow at an invented source position.
 pub fn force_panic(board: &BoardFacts, bench: &mut Bench) {
     let code = Code::of(&image_of(board.name)).unwrap();
     let overflow = code.functions_named("panic_const_add_overflow");
     let &[overflow] = overflow.as_slice() else { panic!("{}: {overflow:x?}", board.name) };
-    // Where it says that it happened: a file's name, its length, line and column, in memory that the stack does not come
-    // down to.
+    // The source position: a file's name, its length, line and column, in memory that the stack does not reach.
     let name = ["nowh", "ere.", "rs\0\0"].map(|part| u32::from_le_bytes(part.as_bytes().try_into().unwrap()));
     bench.write_memory(RAM, &[&[RAM + 16, 10, 1, 1][..], &name].concat());
-    bench.execute(&[&load(0, RAM)[..], &load(2, overflow | 1), &[GO]].concat());
+    bench.execute(&[&load(0, RAM)[..], &load(2, overflow | 1), &[JUMP]].concat());
 }
 
-/// Lets the processor go where nothing is.
+/// Lets the processor jump to an address without memory.
 pub fn jump_nowhere(bench: &mut Bench) {
-    bench.execute(&[&load(2, NOWHERE | 1)[..], &[GO]].concat());
+    bench.execute(&[&load(2, NOWHERE | 1)[..], &[JUMP]].concat());
 }
 
 #[test]
@@ -371,7 +370,7 @@ fn a_stray_jump_switches_heaters_off_first() {
     }
 }
 
-/// Where NMIPENDSET is (PM0214, 4.4.3), and `str r0, [r1]`.
+/// The address of NMIPENDSET (PM0214, 4.4.3), and `str r0, [r1]`.
 const ICSR: u32 = 0xe000_ed04;
 const STORE: u16 = 0x6008;
 
@@ -380,26 +379,26 @@ fn pend_non_maskable(bench: &mut Bench) {
 }
 
 #[test]
-fn the_interrupt_that_cannot_be_masked_switches_heaters_off_first() {
+fn the_non_maskable_interrupt_switches_heaters_off_first() {
     for board in &BOARDS {
         assert_ends_safely(board, "unexpected interrupt -14", pend_non_maskable);
     }
 }
 
 #[test]
-fn a_crystal_that_stops_switches_heaters_off_first() {
+fn a_stopped_crystal_switches_heaters_off_first() {
     for board in &BOARDS {
         assert_ends_safely(board, "the crystal has stopped", |bench| {
             let now = rigless::time::VirtualNanos(bench.now_ns());
             bench.with(move |machine, _| machine.chip.stop_crystal(now));
-            // The chip's model has the flag, and no wire from it to the core (RM0090, 6.2.7).
+            // The chip's model has the flag, but no connection to the core (RM0090, 6.2.7).
             pend_non_maskable(bench);
         });
     }
 }
 
 #[test]
-fn a_stack_that_runs_over_switches_heaters_off_first() {
+fn a_stack_overflow_switches_heaters_off_first() {
     for board in &BOARDS {
         assert_ends_safely(board, "firmware fault, stack overflow", |bench| {
             // The next interrupt finds no room for eight words. `mov sp, r0`.
@@ -416,28 +415,28 @@ fn buddy_and_store(value: u32) -> (&'static BoardFacts, PortWrite) {
 
 #[test]
 #[should_panic = "heater ('B', 1) on"]
-fn an_unexpected_heater_is_found() {
+fn a_heater_switched_on_is_detected() {
     let (board, on) = buddy_and_store(1 << 1);
     state_after(board, &[on], true);
 }
 
 #[test]
 #[should_panic = "motor ('D', 14) on"]
-fn an_unexpected_motor_is_found() {
+fn a_motor_switched_on_is_detected() {
     let (board, off) = buddy_and_store(0b11 << 16);
     state_after(board, &[off, PortWrite { port: 'D', offset: MODER, value: 1 << 28 }], false);
 }
 
 #[test]
 #[should_panic = "comes before"]
-fn motors_off_before_heaters_is_found() {
+fn motors_before_heaters_are_detected() {
     let (board, off) = buddy_and_store(0b11 << 16);
     assert_heaters_come_first(board, &[PortWrite { port: 'D', ..off }, off]);
 }
 
 #[test]
 #[should_panic = "never switched off"]
-fn a_forgotten_heater_is_found() {
+fn a_forgotten_heater_is_detected() {
     let (board, one) = buddy_and_store(0b01 << 16);
     assert_heaters_come_first(board, &[one]);
 }

@@ -1,4 +1,4 @@
-//! Every way to interpolate with every way to accelerate: the image's steps are the desk's.
+//! Every interpolation with every acceleration: the image makes the desk's steps.
 
 use std::collections::BTreeSet;
 use std::num::NonZeroU64;
@@ -10,28 +10,28 @@ use ferrostep_planner::AccelerationProfile;
 
 use crate::bench::Bench;
 use crate::boards::BOARDS;
-use crate::job::{Job, WAYS};
+use crate::job::{Job, METHODS};
 use crate::rehearsal::Rehearsal;
 use crate::same_steps::{assert_printed_as_rehearsed, stream};
 
 /// Lines of the cube before its first layer: modes, homing, the line that primes the nozzle.
 const BEFORE: usize = 30;
 
-/// Moves of the first layer that every choice makes.
+/// Moves of the first layer that every method makes.
 const MOVES: usize = 14;
 
-/// Instructions a second of a processor that is in time with every move in every way: one that is not makes moves slower, at
-/// places that no desk knows (docs/src/overload.md).
+/// Instructions per second of a processor that is fast enough for every method: a slower one slows moves down, at
+/// places that the desk cannot know (docs/src/overload.md).
 const QUICK: NonZeroU64 = NonZeroU64::new(1_000_000_000).unwrap();
 
-/// Layers of the gyroid whose infill every choice makes: its curves turn from along Y to along X and back with height.
+/// Layers of the gyroid whose infill every method makes: its curves turn from along Y to along X and back with height.
 const GYROID_HEIGHTS_MM: [&str; 3] = ["5", "15.2", "25"];
 
-/// Printing moves of each, of 0.2 to 1 mm, besides what leads from a curve to the next.
+/// Printing moves of each method, of 0.2 to 1 mm, besides the moves between curves.
 const GYROID_MOVES: usize = 24;
 
 #[track_caller]
-fn assert_every_way_is_printed_as_rehearsed(job: &Job) {
+fn assert_every_method_is_printed_as_rehearsed(job: &Job) {
     let mut bench = Bench::switch_on(&BOARDS[0], |machine| machine.set_instructions_per_second(QUICK));
     bench.host.connect().unwrap();
     stream(&mut bench.host, job);
@@ -41,41 +41,41 @@ fn assert_every_way_is_printed_as_rehearsed(job: &Job) {
 }
 
 #[test]
-fn every_method_makes_the_steps_of_the_desk() {
-    assert_every_way_is_printed_as_rehearsed(&Job::cube_in_every_way(BEFORE, MOVES).without_heating());
+fn every_method_makes_the_rehearsed_steps() {
+    assert_every_method_is_printed_as_rehearsed(&Job::cube_with_every_method(BEFORE, MOVES).without_heating());
 }
 
-/// The gyroid's infill in these ways.
-fn gyroid(ways: &[&str]) -> Job {
-    Job::gyroid_in(ways, &GYROID_HEIGHTS_MM, GYROID_MOVES).without_heating()
+/// The gyroid's infill with these methods.
+fn gyroid(methods: &[&str]) -> Job {
+    Job::gyroid_with(methods, &GYROID_HEIGHTS_MM, GYROID_MOVES).without_heating()
 }
 
 #[test]
-fn every_method_makes_the_gyroids_steps_of_the_desk() {
-    assert_every_way_is_printed_as_rehearsed(&gyroid(&WAYS));
+fn every_method_makes_the_rehearsed_steps_of_the_gyroid() {
+    assert_every_method_is_printed_as_rehearsed(&gyroid(&METHODS));
 }
 
 #[test]
 fn every_method_makes_different_steps_of_the_gyroid() {
-    let different: BTreeSet<_> = WAYS.map(|way| Rehearsal::of(&gyroid(&[way])).figures.digests.step).into();
-    assert_eq!(different.len(), WAYS.len());
+    let different: BTreeSet<_> = METHODS.map(|method| Rehearsal::of(&gyroid(&[method])).figures.digests.step).into();
+    assert_eq!(different.len(), METHODS.len());
 }
 
-/// How long the gyroid's infill takes, s.
+/// The duration of the gyroid's infill, s.
 fn motion_time_s(acceleration: AccelerationProfile, block_by_block: bool) -> f64 {
     let mut profile = ferrostep_profiles::load("cartesian").unwrap();
     profile.motion.acceleration = acceleration;
     let session = Session::new(profile, Mode::Estimate, LOOK_AHEAD_BLOCKS, (), JobReplies::new(|_: &str| {}));
     assert!(!block_by_block || session.desk().borrow_mut().plan_block_by_block());
     let mut printer = session.printer();
-    // A report in the place of a choice.
+    // M796 without a choice only reports.
     let text = gyroid(&["M796"]).text();
     session.run(job::run(&mut text.as_bytes(), &mut printer, &mut JobProgress::default(), |_| {})).unwrap();
     session.desk().borrow().figures().motion_time_s
 }
 
 #[test]
-fn the_gyroids_s_curves_span_runs_of_moves() {
+fn s_curves_of_the_gyroid_span_several_moves() {
     let trapezoid = motion_time_s(AccelerationProfile::Trapezoid, false);
     let [runs, alone] = [false, true].map(|alone| motion_time_s(AccelerationProfile::SCurve, alone));
     eprintln!("trapezoid {trapezoid:.3} s, s-curve in runs {runs:.3} s, block by block {alone:.3} s");

@@ -1,11 +1,11 @@
-//! M112: motors still, heaters off, and the reply that hosts expect.
+//! M112: motors stop, heaters go off, and the host gets the reply that it expects.
 
 use crate::bench::Bench;
 use crate::job::Job;
 use crate::rehearsal::Rehearsal;
 use crate::same_steps::LINES;
 
-/// Marlin's words.
+/// Marlin's text.
 const KILLED: &str = "Error:Printer halted. kill() called!";
 
 /// Lines of the cube after which the look-ahead ring is full and the motors run.
@@ -14,7 +14,7 @@ const LINES_INTO_THE_PRINT: usize = 200;
 /// Long enough for thousands of steps, ms.
 const A_WHILE_MS: u64 = 500;
 
-/// Sends M112 out of turn and checks that all motion has ended when the reply comes.
+/// Sends M112 out of turn and checks that all motion has ended when the reply arrives.
 fn stop(bench: &mut Bench) {
     bench.host.send_raw(b"M112\n").unwrap();
     bench.host.wait_for(KILLED, |line| line == KILLED).unwrap();
@@ -26,14 +26,14 @@ fn stop(bench: &mut Bench) {
     assert!(!heard.iter().any(|line| line == KILLED), "killed twice: {heard:?}");
 }
 
-/// Checks that only M999 makes the machine listen again, and that its heaters are off.
+/// Checks that the machine accepts commands after M999 only, and that its heaters are off.
 fn assert_cold_after_restart(bench: &mut Bench) {
     bench.host.send_raw(b"M104 S200\n").unwrap();
     bench.host.wait_for("a refusal", |line| line.contains("M999")).unwrap();
     bench.host.wait_for("ok", |line| line == "ok").unwrap();
     bench.host.send_raw(b"M999\nM105\n").unwrap();
     let temperatures = bench.host.wait_for("temperatures", |line| line.starts_with("ok T:")).unwrap();
-    assert_eq!(temperatures.matches("/0.00").count(), 2, "a target is left: {temperatures}");
+    assert_eq!(temperatures.matches("/0.00").count(), 2, "a target remains: {temperatures}");
     assert!(temperatures.ends_with(" @:0 B@:0"), "a heater is on: {temperatures}");
 }
 
@@ -52,7 +52,7 @@ fn an_emergency_stop_ends_a_print_at_once() {
     rehearsal.assert_begins_with(&job, &pins);
     assert!(before > 0, "nothing had moved yet");
     let (seen, whole) = (pins.events().len(), rehearsal.event_count());
-    assert!(seen < whole, "the print was over already");
+    assert!(seen < whole, "the print had already ended");
 }
 
 #[test]

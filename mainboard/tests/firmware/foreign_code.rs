@@ -1,17 +1,17 @@
-//! Code that no image has, executed in the place of its sleep: what a stray jump or a broken memory would come to.
+//! Code that no image contains, executed in place of its sleep, to simulate a stray jump or damaged memory.
 
 use std::path::Path;
 
 use ferrostep_image_code::code::Code;
 use object::{Object, ObjectSection};
 
-/// Below all that the stack comes down to.
+/// Below the lowest address of the stack.
 pub const PROGRAM: u32 = 0x2000_0200;
 
-/// Once this word is not 0, the processor goes where it says.
-pub const WAY_IN: u32 = PROGRAM - 4;
+/// The processor jumps to the address in this word as soon as it is not 0.
+pub const JUMP_TARGET: u32 = PROGRAM - 4;
 
-/// Bytes at the end of flash, which no image fills.
+/// Bytes at the end of flash that no image uses.
 const STUB_BYTES: u32 = 64;
 
 /// `movw` and `movt` of a constant to a register.
@@ -27,25 +27,26 @@ pub fn load(register: u16, constant: u32) -> [u16; 4] {
 /// `b .`
 pub const STAND_STILL: u16 = 0xe7fe;
 
-/// What stands where the image slept: sleeps, looks at [`WAY_IN`], forgets it and goes there, or sleeps again.
+/// The code in place of the image's sleep: sleeps, reads [`JUMP_TARGET`], and either clears it and jumps there or
+/// sleeps again.
 fn stub() -> Vec<u16> {
-    // wfi; r3 = WAY_IN; ldr r2, [r3]; cmp r2, #0; beq to the wfi; movs r0, #0; str r0, [r3]; bx r2
-    [&[0xbf30][..], &load(3, WAY_IN), &[0x681a, 0x2a00, 0xd0f7, 0x2000, 0x6018, 0x4710]].concat()
+    // wfi; r3 = JUMP_TARGET; ldr r2, [r3]; cmp r2, #0; beq to the wfi; movs r0, #0; str r0, [r3]; bx r2
+    [&[0xbf30][..], &load(3, JUMP_TARGET), &[0x681a, 0x2a00, 0xd0f7, 0x2000, 0x6018, 0x4710]].concat()
 }
 
-/// An image with a way into it.
+/// An image whose sleep is replaced by a stub.
 #[derive(Clone, Debug)]
-pub struct Opened {
-    /// The image, unchanged but for the branch after its one `wfi` and the `wfi` itself, which lead to the stub.
+pub struct PatchedImage {
+    /// The image; its `wfi` and the branch after it lead to the stub.
     pub image: Vec<u8>,
-    /// What to put at the end of flash.
+    /// The stub, for the end of flash.
     pub stub: Vec<u8>,
-    /// Where that is.
+    /// The address of the stub.
     pub stub_address: u32,
 }
 
-impl Opened {
-    /// Opens an image for a chip whose flash ends there.
+impl PatchedImage {
+    /// Patches an image for a chip whose flash ends at this address.
     pub fn of(image: &Path, flash_end: u32) -> Self {
         let all = Code::of(image).unwrap().instructions().unwrap();
         let sleeps: Vec<_> = all.windows(2).filter(|pair| pair[0].name == "wfi").collect();
@@ -80,7 +81,7 @@ fn constants_are_encoded_as_the_architecture_s_manual_says() {
 
 #[test]
 fn branches_are_encoded_as_the_architecture_s_manual_says() {
-    // As an assembler has them: 4 ahead, 4 back, 1 MiB ahead.
+    // From an assembler: 4 ahead, 4 back, 1 MiB ahead.
     assert_eq!(branch(0x0800_0000, 0x0800_0008), [0xf000, 0xb802]);
     assert_eq!(branch(0x0800_0000, 0x0800_0000), [0xf7ff, 0xbffe]);
     assert_eq!(branch(0x0800_0000, 0x0810_0004), [0xf100, 0xb800]);

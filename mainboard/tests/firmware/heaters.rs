@@ -1,4 +1,4 @@
-//! Printer boards heat: by the right pins, watched by their thermistors, and off when those cannot be read.
+//! Printer boards heat with the right pins, monitor their thermistors, and switch off when these cannot be read.
 
 use ferrostep_mainboard::machine::Machine;
 use ferrostep_mainboard::parts::heat::thermistor::SensorFault;
@@ -10,13 +10,13 @@ use crate::boards::{BOARDS, BoardFacts};
 /// Some periods of the heaters' pulses, ms.
 const A_WHILE_MS: u64 = 1000;
 
-/// Between two looks at the heaters, ms.
+/// Interval of polls of the heaters, ms.
 const A_MOMENT_MS: u64 = 20;
 
-/// After this many looks nothing changes any more: 10 s.
-const MOST_MOMENTS: u32 = 500;
+/// Maximum polls before the powers must have settled: 10 s.
+const MAX_POLLS: u32 = 500;
 
-/// A fan that turns at least this fast is at full power, turns a minute.
+/// Minimum speed of a fan at full power, turns per minute.
 const FULL_RPM: f64 = 5900.0;
 
 fn printers() -> impl Iterator<Item = &'static BoardFacts> {
@@ -25,13 +25,13 @@ fn printers() -> impl Iterator<Item = &'static BoardFacts> {
 
 /// Waits until nozzle and bed have full power, or none.
 fn wait_for_powers(board: &BoardFacts, bench: &mut Bench, powers: [bool; 2]) {
-    for _ in 0..MOST_MOMENTS {
+    for _ in 0..MAX_POLLS {
         if at_full_power(bench) == powers {
             return;
         }
         bench.wait_us(A_MOMENT_MS * 1000);
     }
-    panic!("{}: the powers are not {powers:?}", board.name);
+    panic!("{}: the powers never become {powers:?}", board.name);
 }
 
 /// Whether nozzle and bed have full power.
@@ -39,7 +39,7 @@ fn at_full_power(bench: &mut Bench) -> [bool; 2] {
     ["nozzle", "bed"].map(|heater| bench.heater_power(heater) > 0.99)
 }
 
-/// Heats nozzle and bed one after the other, and checks that it is theirs that are on.
+/// Heats nozzle and bed one after the other, and checks their pins.
 fn heat(board: &BoardFacts, bench: &mut Bench) {
     for (command, powers) in [("M104 S150", [true, false]), ("M140 S60", [true, true])] {
         bench.host.send(command).unwrap();
@@ -59,7 +59,7 @@ fn assert_off(board: &BoardFacts, bench: &mut Bench) {
     assert_nothing_heats(board, bench);
 }
 
-/// Pulls the plug of a thermistor, or puts it back.
+/// Unplugs a thermistor, or plugs it in again.
 fn unplug(machine: &mut Machine, name: &str, out: bool) {
     let places = machine.plant.thermistors.iter_mut();
     let place = places.into_iter().find(|place| place.name == name).unwrap();
@@ -67,7 +67,7 @@ fn unplug(machine: &mut Machine, name: &str, out: bool) {
 }
 
 #[test]
-fn a_broken_thermistor_switches_heaters_off_and_is_reported() {
+fn a_broken_thermistor_switches_all_heaters_off_with_an_error() {
     for board in printers() {
         let mut bench = Bench::boot_board(board);
         bench.host.send_raw(b"M105\n").unwrap();
@@ -80,14 +80,14 @@ fn a_broken_thermistor_switches_heaters_off_and_is_reported() {
 
         bench.with(|machine, _| unplug(machine, "nozzle", true));
         let error = bench.host.wait_for("a thermal error", |line| line.starts_with("Error:")).unwrap();
-        // A reading in whose midst the plug came out tells a temperature, a whole one none.
+        // A sample during which the plug came out has a temperature, a later one has none.
         assert!(error.starts_with("Error:MINTEMP triggered, system stopped! Heater_ID: E0"), "{}: {error}", board.name);
         let next = bench.host.wait_for("the next line", |_| true).unwrap();
         assert_eq!(next, "Error:Printer halted. kill() called!");
         assert_off(board, &mut bench);
         assert_all_off(board, &bench.state());
 
-        // Nothing heats again before M999, and that is refused while it is broken.
+        // Heating requires M999, which is refused while the thermistor is broken.
         bench.host.send_raw(b"M104 S60\n").unwrap();
         bench.host.wait_for("a refusal", |line| line.contains("M999")).unwrap();
         bench.host.send_raw(b"M999\n").unwrap();
@@ -117,20 +117,20 @@ fn m112_switches_heaters_off_at_once() {
 #[test]
 fn a_fault_while_heating_takes_the_pins_from_the_timers_first() {
     for board in printers() {
-        let mut bench = Bench::boot_opened(board);
+        let mut bench = Bench::boot_patched(board);
         heat(board, &mut bench);
         jump_nowhere(&mut bench);
         bench.host.wait_for("a fault", |line| line.starts_with("Error:firmware fault")).unwrap();
         bench.pass(100);
         let state = bench.state();
         assert_all_off(board, &state);
-        // Whatever the timer goes on to do, it reaches no heater.
+        // The timer continues, but its output reaches no heater.
         assert_heaters_are_taken_from_timers(board, &state);
         assert_off(board, &mut bench);
     }
 }
 
-/// How fast a fan turns, by its name, turns a minute.
+/// The speed of a fan, turns per minute.
 fn rpm(bench: &mut Bench, name: &'static str) -> f64 {
     let now_ns = bench.now_ns();
     bench.with(move |machine, _| {
@@ -148,7 +148,7 @@ fn nozzle_celsius(bench: &mut Bench) -> f64 {
 }
 
 #[test]
-fn fans_follow_m106_and_the_hot_nozzle() {
+fn fans_turn_on_command_and_above_a_hot_nozzle() {
     for board in printers() {
         let mut bench = Bench::boot_board(board);
         bench.pass(2000);
@@ -158,7 +158,7 @@ fn fans_follow_m106_and_the_hot_nozzle() {
         }
         bench.pass(5000);
         assert!(rpm(&mut bench, "part") > FULL_RPM && rpm(&mut bench, "hotend") == 0.0, "{}", board.name);
-        // Hot, it is cooled until it is cold.
+        // A hot nozzle is cooled until it is cold.
         bench.host.send("M109 S60").unwrap();
         bench.pass(2000);
         assert!(rpm(&mut bench, "hotend") > FULL_RPM, "{}: no fan above a hot nozzle", board.name);
@@ -179,13 +179,13 @@ fn fans_follow_m106_and_the_hot_nozzle() {
 
 /// A board whose thermistors cannot be read from the start.
 #[test]
-fn missing_thermistors_are_reported_and_nothing_heats() {
+fn missing_thermistors_are_reported_and_prevent_heating() {
     for board in printers() {
         let mut bench = Bench::switch_on(board, |machine| {
             ["nozzle", "bed"].into_iter().for_each(|name| unplug(machine, name, true));
         });
         let error = bench.host.wait_for("a thermal error", |line| line.starts_with("Error:MINTEMP")).unwrap();
-        // A reading in whose midst the plug came out tells a temperature, a whole one none.
+        // A sample during which the plug came out has a temperature, a later one has none.
         assert!(error.starts_with("Error:MINTEMP triggered, system stopped! Heater_ID: E0"), "{}: {error}", board.name);
         let next = bench.host.wait_for("the next line", |_| true).unwrap();
         assert_eq!(next, "Error:Printer halted. kill() called!");
@@ -196,9 +196,9 @@ fn missing_thermistors_are_reported_and_nothing_heats() {
     }
 }
 
-/// A host that has gone: after M86's time no heater of a real board has power, and the machine is not halted.
+/// A host that has vanished: after M86's time no heater of a real board has power, and the machine is not halted.
 #[test]
-fn unused_heaters_go_off() {
+fn unused_heaters_are_switched_off() {
     for board in printers() {
         let mut bench = Bench::boot_board(board);
         bench.host.send("M86 S4").unwrap();
@@ -207,7 +207,7 @@ fn unused_heaters_go_off() {
         bench.host.wait_for("the end", |line| line.starts_with("echo:heaters switched off: 4 s ")).unwrap();
         wait_for_powers(board, &mut bench, [false; 2]);
         assert_off(board, &mut bench);
-        // In a dwell the same, and a line that waits its turn keeps them on.
+        // The same in a dwell; a waiting line keeps them on.
         heat(board, &mut bench);
         bench.host.send_raw(b"G4 S9\n").unwrap();
         bench.host.wait_for("the warning", |line| line.starts_with("echo:heaters go off in 2 s: ")).unwrap();

@@ -1,10 +1,10 @@
-//! A host on the serial line: numbers, checksums, one line at a time, sends again what is asked for.
+//! A host on the serial line: line numbers, checksums, one line at a time, resends on request.
 
 use std::fmt;
 
 use super::noise::Noise;
 
-/// What was heard last is kept for error messages.
+/// Number of received lines kept for error messages.
 const REMEMBERED_LINES: usize = 12;
 
 /// A serial line with a printer at its other end.
@@ -12,34 +12,35 @@ pub trait Port {
     /// Sends bytes.
     ///
     /// # Errors
-    /// The printer is gone.
+    /// The printer has ended.
     fn send(&mut self, bytes: &[u8]) -> Result<(), String>;
 
-    /// The next line from the printer, without its end; `None` when none has come at this instant of the printer's time, ns.
+    /// The next line from the printer, without its end; `None` if none has arrived at this instant of the printer's
+    /// time, ns.
     ///
     /// # Errors
-    /// The printer is gone.
+    /// The printer has ended.
     fn receive(&mut self, until_ns: u64) -> Result<Option<String>, String>;
 
     /// The printer's time, ns.
     fn now_ns(&self) -> u64;
 }
 
-/// Why the conversation ended.
+/// The reason why the conversation ended.
 #[derive(Debug)]
 pub enum HostError {
-    /// The printer is gone.
+    /// The printer has ended.
     Port(String),
-    /// Nothing of what was waited for came within the time limit.
+    /// The expected line did not arrive within the time limit.
     Silent {
-        /// What was waited for.
+        /// The expected line.
         awaited: String,
-        /// The last lines that came.
+        /// The last lines received.
         heard: Vec<String>,
     },
-    /// An `Error:` that is not about a garbled line.
+    /// An `Error:` other than for a garbled line.
     Fatal(String),
-    /// A line was asked for that was never sent.
+    /// A resend request for a line that was never sent.
     NeverSent(i64),
 }
 
@@ -48,7 +49,7 @@ impl fmt::Display for HostError {
         match self {
             Self::Port(error) => write!(out, "the serial line broke: {error}"),
             Self::Silent { awaited, heard } => {
-                write!(out, "waited in vain for {awaited}; the last lines were:")?;
+                write!(out, "no {awaited} within the time limit; the last lines were:")?;
                 heard.iter().try_for_each(|line| write!(out, "\n  {line}"))
             }
             Self::Fatal(line) => write!(out, "the printer says {line:?}"),
@@ -87,7 +88,7 @@ pub struct Host<P> {
 }
 
 impl<P: Port> Host<P> {
-    /// A host that gives up when nothing has come for `limit_ns`.
+    /// A host that fails after a silence of `limit_ns`.
     pub fn new(port: P, limit_ns: u64) -> Self {
         Self {
             port,
@@ -101,27 +102,27 @@ impl<P: Port> Host<P> {
         }
     }
 
-    /// From here on numbered lines pass through noise.
+    /// Adds noise to numbered lines from now on.
     pub fn set_noise(&mut self, noise: Noise) {
         self.noise = Some(noise);
     }
 
-    /// The noise, to ask what it did.
+    /// The noise, with its counters.
     pub fn noise(&self) -> Option<&Noise> {
         self.noise.as_ref()
     }
 
-    /// How often the printer asked for a line again.
+    /// The number of resends that the printer requested.
     pub fn resends(&self) -> u32 {
         self.resends
     }
 
-    /// How many `ok`s have come.
+    /// The number of `ok`s received.
     pub fn acknowledged(&self) -> u64 {
         self.acknowledged
     }
 
-    /// The serial line, the host being gone.
+    /// Returns the serial line and drops the host.
     pub fn into_port(self) -> P {
         self.port
     }
@@ -131,7 +132,7 @@ impl<P: Port> Host<P> {
         &mut self.port
     }
 
-    /// Waits for the printer's `start` and sets the line number, as hosts do.
+    /// Waits for the printer's `start` and sets the line number, like hosts do.
     ///
     /// # Errors
     /// The printer does not start, or does not answer.
@@ -141,7 +142,7 @@ impl<P: Port> Host<P> {
         self.wait_for_ok()
     }
 
-    /// Restarts the line count, after another host has used the line.
+    /// Restarts the line numbers, after other users of the line.
     ///
     /// # Errors
     /// The printer does not answer.
@@ -151,8 +152,7 @@ impl<P: Port> Host<P> {
         self.wait_for_ok()
     }
 
-    /// Sends a command as the next numbered line and waits until the printer has acknowledged it, sending again what
-    /// the printer asks for.
+    /// Sends a command as the next numbered line and waits for its acknowledgement, with resends on request.
     ///
     /// # Errors
     /// See [`HostError`].
@@ -168,7 +168,7 @@ impl<P: Port> Host<P> {
     pub fn ask(&mut self, command: &str, prefix: &str) -> Result<String, HostError> {
         self.history.push(command.to_owned());
         loop {
-            // The answer comes before the last `ok`; after a garbled line an `ok` too many may have come before.
+            // The answer precedes the last `ok`; after a garbled line an additional `ok` may precede it.
             let mut answer = None;
             while self.next < self.history.len() {
                 self.transmit()?;
@@ -192,18 +192,18 @@ impl<P: Port> Host<P> {
         }
     }
 
-    /// Sends bytes as they are: no number, no checksum, no waiting.
+    /// Sends bytes unchanged: no number, no checksum, no waiting.
     ///
     /// # Errors
-    /// The printer is gone.
+    /// The printer has ended.
     pub fn send_raw(&mut self, bytes: &[u8]) -> Result<(), HostError> {
         Ok(self.port.send(bytes)?)
     }
 
-    /// Waits for a line; all before it is only remembered.
+    /// Waits for a line; earlier lines are only remembered.
     ///
     /// # Errors
-    /// It does not come in time, or the printer is gone.
+    /// The line does not arrive in time, or the printer has ended.
     pub fn wait_for(&mut self, awaited: &str, is_it: impl Fn(&str) -> bool) -> Result<String, HostError> {
         loop {
             let line = self.hear(awaited)?;
@@ -216,10 +216,10 @@ impl<P: Port> Host<P> {
         }
     }
 
-    /// Lines that come within a time, ms.
+    /// The lines that arrive within a time, ms.
     ///
     /// # Errors
-    /// The printer is gone.
+    /// The printer has ended.
     pub fn listen(&mut self, time_ms: u64) -> Result<Vec<String>, HostError> {
         let until_ns = self.port.now_ns() + time_ms * 1_000_000;
         let mut lines = Vec::new();
@@ -257,7 +257,7 @@ impl<P: Port> Host<P> {
         }
     }
 
-    /// Acts on a line from the printer; `true` when it is an `ok`.
+    /// Processes a line from the printer; `true` for an `ok`.
     fn digest_line(&mut self, line: &str) -> Result<bool, HostError> {
         if line.starts_with("ok") {
             self.acknowledged += 1;
@@ -265,14 +265,14 @@ impl<P: Port> Host<P> {
         }
         if let Some(number) = line.strip_prefix("Resend:") {
             let number: i64 = number.trim().parse().map_err(|_| HostError::Fatal(line.to_owned()))?;
-            // Number 1 is index 0; the number after the last one means that nothing is missing.
+            // Number 1 is index 0; the number after the last one means that no line is missing.
             match usize::try_from(number - 1) {
                 Ok(index) if index <= self.history.len() => self.next = index,
                 _ => return Err(HostError::NeverSent(number)),
             }
             self.resends += 1;
         } else if let Some(reason) = line.strip_prefix("Error:") {
-            // The words by which hosts tell what can be sent again from what cannot.
+            // The words that hosts use to distinguish errors with a resend from others.
             let reason = reason.to_ascii_lowercase();
             if !reason.contains("line number") && !reason.contains("checksum") {
                 return Err(HostError::Fatal(line.to_owned()));
@@ -283,7 +283,7 @@ impl<P: Port> Host<P> {
         Ok(false)
     }
 
-    /// The next line.
+    /// The next line of any kind.
     fn hear(&mut self, awaited: &str) -> Result<String, HostError> {
         let until_ns = self.port.now_ns() + self.limit_ns;
         match self.port.receive(until_ns)? {
@@ -394,7 +394,7 @@ mod tests {
     }
 
     #[test]
-    fn lines_are_executed_in_their_order_and_answers_found() {
+    fn lines_are_executed_in_order_and_answers_found() {
         let mut host = host();
         host.send("G28").unwrap();
         assert_eq!(host.ask("M114", "X:").unwrap(), "X:1.00 Y:0.00");
@@ -404,7 +404,7 @@ mod tests {
     }
 
     #[test]
-    fn noise_never_drops_or_repeats_a_line() {
+    fn with_noise_every_line_is_executed_once() {
         let commands: Vec<String> = (0..300).map(|index| format!("G1 X{index}.5 E-0.25")).collect();
         let mut resends = 0;
         for seed in 0..50 {
@@ -428,11 +428,11 @@ mod tests {
         let mut host = host();
         host.port().mute = true;
         let error = host.send("G28").unwrap_err();
-        assert!(error.to_string().contains("waited in vain for ok"), "{error}");
+        assert!(error.to_string().contains("no ok within the time limit"), "{error}");
     }
 
     #[test]
-    fn unsent_lines_cannot_be_resent() {
+    fn a_resend_of_an_unsent_line_is_an_error() {
         for number in ["7", "0", "-1"] {
             let mut host = host();
             host.port().reply(&[&format!("Resend: {number}"), "ok"]);

@@ -5,13 +5,13 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::{Mutex, PoisonError};
 
-/// What a toolchain sets for the programs that it starts: the image wants the main workspace's own.
+/// Variables that a toolchain sets for its programs; the image needs the main workspace's own toolchain.
 const OF_THIS_TOOLCHAIN: [&str; 5] = ["CARGO", "RUSTC", "RUSTDOC", "RUSTUP_TOOLCHAIN", "RUSTFLAGS"];
 
-/// Path of a board's image, which is built if necessary. Its other files lie next to it.
+/// The path of a board's image, which is built if it is missing. Its other files are in the same folder.
 pub fn image_of(board: &str) -> PathBuf {
     static KNOWN: Mutex<BTreeMap<String, PathBuf>> = Mutex::new(BTreeMap::new());
-    // One test builds, the others wait for it.
+    // One test builds while the others wait.
     let mut known = KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
     known.entry(board.to_owned()).or_insert_with(|| found(board)).clone()
 }
@@ -23,7 +23,7 @@ fn found(board: &str) -> PathBuf {
     if !image.exists() {
         build(board, &root);
     }
-    assert!(image.exists(), "{}: `cargo xtask firmware --board {board}` builds it", image.display());
+    assert!(image.exists(), "{} is missing: build it with `cargo xtask firmware --board {board}`", image.display());
     image
 }
 

@@ -4,8 +4,8 @@ use ferrostep_oracle::gcode_text;
 
 use crate::images::root;
 
-/// The lines that make each of the choices that M796 has.
-pub const WAYS: [&str; 15] = [
+/// The lines that select each method of M796.
+pub const METHODS: [&str; 15] = [
     "M796 I0 A0",
     "M796 I1 A0",
     "M796 I2 A0",
@@ -29,7 +29,7 @@ fn example_text(file: &str) -> String {
     String::from_utf8(gcode_text(&std::fs::read(path).unwrap()).unwrap()).unwrap()
 }
 
-/// Whether a line lays filament on its way.
+/// Whether a line extrudes filament while it moves.
 fn is_print(line: &str) -> bool {
     line.starts_with("G1 X") && line.contains(" E") && !line.contains(" E-")
 }
@@ -37,13 +37,13 @@ fn is_print(line: &str) -> bool {
 /// Lines without comments, each with its number in the file.
 #[derive(Clone, Debug)]
 pub struct Job {
-    /// Where the lines are from, for a person.
+    /// The file's name in messages.
     file: &'static str,
     lines: Vec<(String, usize)>,
 }
 
 impl Job {
-    /// The first `count` lines of the cube that say something: heating, homing, skirt, first layer, retractions.
+    /// The first `count` non-empty lines of the cube: heating, homing, skirt, first layer, retractions.
     pub fn cube(count: usize) -> Self {
         let mut job = Self::example("cube.gcode");
         job.lines.retain(|(line, _)| !line.is_empty());
@@ -55,26 +55,26 @@ impl Job {
         job
     }
 
-    /// All lines of an example, empty ones too.
+    /// All lines of an example, including empty ones.
     fn example(file: &'static str) -> Self {
         let text = example_text(file);
         let content = |line: &str| line.split(';').next().unwrap_or_default().trim().to_owned();
         Self { file, lines: text.lines().map(content).zip(1..).collect() }
     }
 
-    /// The lines before the cube's first layer, then some moves of its infill again and again, each time with the next of
-    /// the choices that M796 has.
-    pub fn cube_in_every_way(before: usize, moves: usize) -> Self {
+    /// The lines before the cube's first layer, then some moves of its infill again and again, with each method of
+    /// M796.
+    pub fn cube_with_every_method(before: usize, moves: usize) -> Self {
         let cube = Self::cube(320);
         let (start, layer) = cube.lines.split_at(before);
         let printed: Vec<_> = layer.iter().filter(|(line, _)| is_print(line)).collect();
         // The skirt's first moves turn through a quarter of a circle, the last ones are infill.
         let (curve, infill) = (&printed[..moves / 2], &printed[printed.len() - (moves - moves / 2)..]);
         let mut lines = start.to_vec();
-        for way in WAYS {
-            lines.push((way.to_owned(), 0));
+        for method in METHODS {
+            lines.push((method.to_owned(), 0));
             for part in [curve, infill] {
-                // Where the part begins, and its filament from there.
+                // The start of the part, and its filament from there.
                 let first = &part[0].0;
                 let filament = first.split(" E").nth(1).unwrap_or_default();
                 lines.push((format!("G92 E{filament}"), 0));
@@ -85,9 +85,9 @@ impl Job {
         Self { lines, ..cube }
     }
 
-    /// The gyroid's modes and homing, then the first moves of the infill of some layers in each of these ways, which are
-    /// lines of M796.
-    pub fn gyroid_in(ways: &[&str], heights_mm: &[&str], moves: usize) -> Self {
+    /// The gyroid's modes and homing, then the first moves of the infill of some layers with each method, given as a
+    /// line of M796.
+    pub fn gyroid_with(methods: &[&str], heights_mm: &[&str], moves: usize) -> Self {
         let gyroid = Self::example("gyroid.gcode.gz");
         let first_move = gyroid.lines.iter().position(|(line, _)| line.starts_with("G1 ")).unwrap();
         let says_something = |(line, _): &&(String, usize)| !line.is_empty();
@@ -103,9 +103,9 @@ impl Job {
             let first = infill.iter().position(|(line, _)| is_print(line)).unwrap();
             let is_move = |(_, (line, _)): &(usize, &(String, usize))| is_print(line);
             let (last, _) = infill.iter().enumerate().filter(is_move).nth(moves).unwrap();
-            for way in ways {
-                lines.push(((*way).to_owned(), 0));
-                // Where the infill begins, then its speed, its moves, and what is between them to reach the next curve.
+            for method in methods {
+                lines.push(((*method).to_owned(), 0));
+                // The start of the infill, then its speed, its moves, and the moves to the next curve.
                 let (start, number) = &infill[first];
                 let start = start.split(" E").next().unwrap_or_default();
                 lines.push((format!("{start} Z{height_mm} F9000"), *number));
@@ -116,7 +116,7 @@ impl Job {
         Self { lines, ..gyroid }
     }
 
-    /// Prints cold instead of waiting for heat, to save time where heat does not matter.
+    /// Replaces heating by M302 P1, for tests without heat that should be fast.
     pub fn without_heating(mut self) -> Self {
         for (line, _) in &mut self.lines {
             if ["M104 ", "M109 ", "M140 ", "M190 "].iter().any(|code| line.starts_with(code)) {
@@ -126,7 +126,7 @@ impl Job {
         self
     }
 
-    /// Puts a line that is not in the file before line `index`.
+    /// Inserts a line that is not in the file before line `index`.
     pub fn insert(&mut self, index: usize, line: &str) {
         let number = self.lines[index].1;
         self.lines.insert(index, (line.to_owned(), number));

@@ -1,18 +1,18 @@
-//! What is said after a reset: its cause, and the last words of the program that ended before.
+//! The messages after a reset: its cause, and the last message of the program that ended before.
 
 use crate::bench::Bench;
 use crate::board_pins::{force_panic, jump_nowhere};
 use crate::boards::{BOARDS, BoardFacts};
 use crate::foreign_code::{STAND_STILL, load};
 
-/// AIRCR and what asks it for a reset by software (PM0214, 4.4.5).
+/// AIRCR and the value that requests a software reset (PM0214, 4.4.5).
 const AIRCR: u32 = 0xe000_ed0c;
 const RESET_KEY: u32 = 0x05fa_0004;
 
 /// `str r0, [r1]`.
 const STORE: u16 = 0x6008;
 
-/// What the image says at its start, up to its reset's cause and what follows.
+/// The image's messages at its start, with the cause of the reset and everything after it.
 fn greeting(bench: &mut Bench) -> Vec<String> {
     bench.host.wait_for("start", |line| line == "start").unwrap();
     bench.host.listen(300).unwrap()
@@ -27,7 +27,7 @@ fn assert_cause(board: &BoardFacts, greeting: &[String], cause: &str) {
 }
 
 fn boot(board: &'static BoardFacts) -> Bench {
-    let mut bench = Bench::switch_on_opened(board);
+    let mut bench = Bench::switch_on_patched(board);
     let heard = greeting(&mut bench);
     assert!(last_words(&heard).is_empty(), "{heard:?}");
     assert_cause(board, &heard, "power-on");
@@ -63,7 +63,7 @@ fn a_fault_is_reported_after_the_reset() {
 }
 
 #[test]
-fn a_software_reset_is_reported_as_such() {
+fn a_software_reset_is_reported() {
     for board in &BOARDS {
         let mut bench = boot(board);
         let program = [&load(0, RESET_KEY)[..], &load(1, AIRCR), &[STORE, STAND_STILL]].concat();

@@ -1,8 +1,8 @@
-//! The shipped images on the virtual mainboard do what the desk rehearsed and what their boards ask for.
+//! The shipped images on the virtual mainboard act as the desk rehearsed and as their boards demand.
 //!
-//! All of it in virtual time: a test on a busy computer takes longer, and finds the same. `cargo xtask test` builds the
-//! images first and names their folder in `FERROSTEP_IMAGES`; without it the tests take those of `target/images`, and build
-//! what is missing there.
+//! Everything runs in virtual time: on a busy computer a test takes longer, with the same result. `cargo xtask test`
+//! builds the images first and passes their folder in `FERROSTEP_IMAGES`; without it the tests use those of
+//! `target/images`, and build missing ones there.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 mod bad_input;

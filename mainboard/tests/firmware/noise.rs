@@ -1,4 +1,4 @@
-//! A serial line on which bits get lost, the same ones every time.
+//! A serial line that damages bits, the same ones in every run.
 
 /// Flips one bit in about one line of a hundred.
 #[derive(Clone, Debug)]
@@ -8,21 +8,21 @@ pub struct Noise {
 }
 
 impl Noise {
-    /// Lines a corrupted one is found among, on average.
+    /// Average number of lines per damaged one.
     const ONE_IN: u64 = 100;
 
-    /// Noise that depends on nothing but `seed`.
+    /// Noise that depends on `seed` only.
     pub fn new(seed: u64) -> Self {
         Self { state: seed, corrupted: 0 }
     }
 
-    /// How many lines were changed so far.
+    /// The number of damaged lines so far.
     pub fn corrupted(&self) -> u32 {
         self.corrupted
     }
 
-    /// Perhaps flips a bit of a line. Its last byte, the line end, is left alone: a printer that never sees it has
-    /// nothing to answer, and no protocol helps but the host's patience.
+    /// Flips a bit of some lines, never in the last byte, the line end: a printer that misses it has nothing to answer,
+    /// and only the host's patience helps.
     pub fn pass(&mut self, line: &mut [u8]) {
         let length = line.len().saturating_sub(1);
         if !self.next().is_multiple_of(Self::ONE_IN) {

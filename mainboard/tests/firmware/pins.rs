@@ -1,11 +1,11 @@
-//! What an image did to the pins of its motors.
+//! The log of the motors' pins.
 
 use ferrostep_mainboard::machine::Machine;
 
 use crate::boards::BoardFacts;
 use crate::port_log::{PortState, PortWrite};
 
-/// Motors that stepped at the same moment.
+/// Motors that step simultaneously.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PinEvent {
     /// Bit i = motor i steps.
@@ -22,9 +22,9 @@ pub struct PinLog {
 }
 
 impl PinLog {
-    /// What a machine's motors have been told, up to now.
+    /// The log of a machine's motors so far.
     pub fn of(machine: &Machine, board: &BoardFacts) -> Self {
-        // Its last event may still be open: of a copy it can be ended.
+        // The last event may still be open; ending it needs a copy.
         let mut decoder = machine.decoder.clone();
         let events = decoder.finish();
         let mut state = PortState::new();
@@ -36,7 +36,7 @@ impl PinLog {
         )
     }
 
-    /// These events.
+    /// A log of these events.
     pub fn new(events: Vec<PinEvent>, motors_disabled: bool) -> Self {
         Self { events, motors_disabled }
     }
@@ -67,7 +67,7 @@ impl PinLog {
         issued
     }
 
-    /// Where each motor has come to from where it stood at reset, in steps.
+    /// Each motor's position relative to its position at reset, in steps.
     pub fn displacement(&self) -> [i64; 4] {
         let mut displacement = [0; 4];
         for event in &self.events {

@@ -15,7 +15,7 @@ pub const ODR: u32 = 0x14;
 /// Offset of the register that sets pins by its lower and resets pins by its upper half.
 pub const BSRR: u32 = 0x18;
 
-/// Where the ports' registers begin.
+/// The address of the ports' registers.
 const PORTS: u32 = 0x4002_0000;
 
 /// A store to a port's register.

@@ -1,4 +1,4 @@
-//! Prepared jobs over the serial line: the same steps whatever is lost, and nothing that the machine may not do.
+//! Prepared jobs over the serial line: the same steps despite lost bytes, and no forbidden move.
 
 use std::io::{self, Cursor};
 use std::time::{Duration, Instant};
@@ -32,10 +32,10 @@ fn prepared(job: &Job) -> Vec<u8> {
     out.into_inner()
 }
 
-/// The board's line, on which one frame in a hundred has a bit changed, and one is lost.
+/// The board's line, on which one frame in a hundred has a damaged bit and one is lost.
 struct Line<'a> {
     host: &'a mut Host<bench::Line>,
-    /// The host's clock when the board was switched on.
+    /// This computer's clock when the board was switched on.
     start: Instant,
     dice: Option<u64>,
     frames: u32,
@@ -81,16 +81,16 @@ impl send::Port for Line<'_> {
         self.host.port().receive(until_ns).map_err(io::Error::other)
     }
 
-    /// The board's time: what this computer takes for it is nothing to the transfer.
+    /// The board's time: the speed of this computer does not affect the transfer.
     fn now(&mut self) -> Instant {
         self.start + Duration::from_nanos(self.host.port().now_ns())
     }
 }
 
-/// Sends a job to an image; the end, and what the board said beside its reports.
+/// Sends a job to an image; returns the final report and the board's other messages.
 fn send(line: &mut Line<'_>, job: Vec<u8>) -> (Report, Vec<String>) {
     let mut sender = Sender::new(job);
-    // Many frames, so that one in a hundred is some.
+    // Small frames, so that one in a hundred is several.
     sender.set_frame_bytes(16);
     let mut heard = Vec::new();
     let end = send::send(line, &mut sender, PATIENCE, |_| {}, |line| heard.push(line.to_owned())).unwrap();
@@ -98,7 +98,7 @@ fn send(line: &mut Line<'_>, job: Vec<u8>) -> (Report, Vec<String>) {
 }
 
 #[test]
-fn a_prepared_job_makes_the_steps_of_the_desk() {
+fn a_prepared_job_makes_the_rehearsed_steps() {
     let job = Job::cube(LINES);
     let bytes = prepared(&job);
     let mut bench = Bench::boot();
@@ -109,7 +109,7 @@ fn a_prepared_job_makes_the_steps_of_the_desk() {
 }
 
 #[test]
-fn frames_that_are_changed_and_lost_change_no_step() {
+fn damaged_and_lost_frames_change_no_step() {
     let job = Job::cube(LINES);
     let bytes = prepared(&job);
     let mut bench = Bench::boot();
@@ -124,14 +124,14 @@ fn frames_that_are_changed_and_lost_change_no_step() {
 }
 
 #[test]
-fn a_forbidden_move_stops_the_job_on_its_path() {
+fn forbidden_moves_stop_on_the_path() {
     let mut bench = Bench::boot();
     let hash = profile().plan_hash;
     let mut stops = |job: Vec<u8>, word: Word, frame: u32, expected: &str| {
         let (end, heard) = send(&mut Line::new(&mut bench.host, None), job);
         assert_eq!((end.word, end.numbers[1]), (word, frame), "{heard:?}");
         assert!(heard.iter().any(|line| line.contains(expected)), "{expected:?} is not in {heard:?}");
-        // The port speaks G-code again, and the machine knows where it stands.
+        // The port accepts G-code again, and the machine knows its position.
         bench.host.connect_again().unwrap();
         bench.host.ask("M114", "X:").unwrap()
     };
@@ -170,10 +170,10 @@ fn commands_between_frames_are_executed() {
     bench.host.send_raw(b"X12 G28\nG1 Y10 F3000\n").unwrap();
     let feed = bench.host.ask("M220", "FR:").unwrap();
     assert_eq!(feed, "FR:100%");
-    // A restarted host learns where it was.
+    // A restarted host is told the position.
     bench.host.send(&format!("M790 S{}", job.len())).unwrap();
     bench.host.wait_for("what has come", |line| line.starts_with("gpre:have 250 ")).unwrap();
-    // The emergency needs no number, and comes between any two frames.
+    // The emergency needs no number, and may come between any two frames.
     bench.host.send_raw(&to_wire(Kind::Data, 250, &job[250..400])).unwrap();
     bench.host.send_raw(b"M112\n").unwrap();
     bench.host.wait_for("the end", |line| line.starts_with("gpre:stopped ")).unwrap();
@@ -181,14 +181,14 @@ fn commands_between_frames_are_executed() {
 }
 
 #[test]
-fn a_silent_host_is_given_up_on() {
+fn a_silent_host_ends_the_job() {
     let mut bench = Bench::boot();
     let job = hand_made::job(profile().plan_hash, &[(40, Entry::Bound), (20, Entry::Bound)]);
     bench.host.send(&format!("M790 S{} T15", job.len())).unwrap();
     bench.host.send_raw(&to_wire(Kind::Data, 0, &job[..job.len() - 10])).unwrap();
     bench.host.wait_for("the end of patience", |line| line == "echo:gpre: nothing from the host for 15 s").unwrap();
     bench.host.wait_for("the end", |line| line.starts_with("gpre:stopped ")).unwrap();
-    // A host that has not heard it asks again.
+    // A host that missed the report asks again.
     bench.host.send_raw(&to_wire(Kind::Question, 0, &[])).unwrap();
     bench.host.wait_for("the end once more", |line| line.starts_with("gpre:stopped ")).unwrap();
     bench.host.connect_again().unwrap();
@@ -197,7 +197,7 @@ fn a_silent_host_is_given_up_on() {
 }
 
 #[test]
-fn a_stopped_job_does_not_resume() {
+fn a_job_does_not_continue_after_a_stop() {
     let mut bench = Bench::boot();
     let moves: Vec<_> = (0..10).map(|_| (15, Entry::Bound)).collect();
     let job = hand_made::job(profile().plan_hash, &moves);

@@ -1,4 +1,4 @@
-//! The same job on the desk, and the comparison.
+//! The same job on the desk, and its comparison with the pins.
 
 use ferrostep::desk::{Figures, LOOK_AHEAD_BLOCKS, Mode};
 use ferrostep::job::{self, JobProgress};
@@ -9,7 +9,7 @@ use ferrostep_hal_shim::virtual_board::StepObserver;
 use crate::job::Job;
 use crate::pins::{PinEvent, PinLog};
 
-/// What the desk did with a job.
+/// The desk's result of a job.
 pub struct Rehearsal {
     /// Counts and digests.
     pub figures: Figures,
@@ -24,7 +24,7 @@ impl Rehearsal {
         Self::with(job, LOOK_AHEAD_BLOCKS)
     }
 
-    /// Prints a job with all the look-ahead there is.
+    /// Prints a job with the largest look-ahead.
     pub fn far_ahead(job: &Job) -> Self {
         Self::with(job, 65_536)
     }
@@ -43,12 +43,12 @@ impl Rehearsal {
         Self { figures, events: watcher.events, lines: watcher.lines }
     }
 
-    /// How many step events there are.
+    /// The number of step events.
     pub fn event_count(&self) -> usize {
         self.events.len()
     }
 
-    /// Where each motor has come to, as [`PinLog::displacement`] counts.
+    /// Each motor's position, counted like [`PinLog::displacement`].
     pub fn displacement(&self) -> [i64; 4] {
         let mut displacement = [0; 4];
         for event in &self.events {
@@ -61,7 +61,7 @@ impl Rehearsal {
         displacement
     }
 
-    /// Fails with the first event that differs, unless the pins did all of the rehearsal and no more.
+    /// Fails at the first difference unless the pins made exactly the rehearsal's events.
     pub fn assert_same_events(&self, job: &Job, pins: &PinLog) {
         self.assert_begins_with(job, pins);
         let (rehearsed, seen) = (self.events.len(), pins.events().len());
@@ -74,19 +74,19 @@ impl Rehearsal {
         }
     }
 
-    /// Fails with the first event that differs, unless the rehearsal begins with what the pins did.
+    /// Fails at the first difference unless the rehearsal begins with the pins' events.
     pub fn assert_begins_with(&self, job: &Job, pins: &PinLog) {
         for (index, seen) in pins.events().iter().enumerate() {
             let Some(rehearsed) = self.events.get(index) else {
                 panic!("the image makes {} events more than the desk's {index}", pins.events().len() - index);
             };
             let source = || job.source(self.lines[index] as usize);
-            assert_eq!(seen, rehearsed, "step event {index} differs: left the image, right the desk; {}", source());
+            assert_eq!(seen, rehearsed, "step event {index} differs (left: the image, right: the desk); {}", source());
         }
     }
 }
 
-/// Notes all events with their source lines.
+/// Records all events with their source lines.
 #[derive(Default)]
 struct Watcher {
     events: Vec<PinEvent>,
@@ -101,7 +101,7 @@ impl StepObserver for Watcher {
 
 impl Observer for Watcher {
     fn redefined(&mut self, _tick: u64, _motor_steps: [i64; 4]) {
-        // The seek that led here was stopped by its end stop, so its end is not told.
+        // The end stop ended the seek, so its end is not reported.
         self.lines.resize(self.events.len(), 0);
     }
 
@@ -110,7 +110,7 @@ impl Observer for Watcher {
     }
 }
 
-/// What an image does that does what was rehearsed, but for what `change` does to its events.
+/// The log of an image that makes the rehearsal's events after `change`.
 fn log_of(rehearsal: &Rehearsal, change: impl FnOnce(&mut Vec<PinEvent>)) -> PinLog {
     let mut events = rehearsal.events.clone();
     change(&mut events);
@@ -126,7 +126,7 @@ fn short() -> (Job, Rehearsal, usize) {
 }
 
 #[test]
-fn identical_events_agree() {
+fn equal_events_agree() {
     let (job, rehearsal, _) = short();
     let log = log_of(&rehearsal, |_| {});
     rehearsal.assert_same_events(&job, &log);
@@ -136,21 +136,21 @@ fn identical_events_agree() {
 
 #[test]
 #[should_panic(expected = "of examples/cube.gcode: G1 X110 Y85.643 E1.48541")]
-fn another_direction_is_found_with_its_line() {
+fn a_wrong_direction_is_reported_with_its_line() {
     let (job, rehearsal, last) = short();
     rehearsal.assert_same_events(&job, &log_of(&rehearsal, |events| events[last].directions ^= events[last].axes));
 }
 
 #[test]
 #[should_panic(expected = "the image stopped after")]
-fn a_missing_step_is_found() {
+fn a_missing_step_is_reported() {
     let (job, rehearsal, last) = short();
     rehearsal.assert_same_events(&job, &log_of(&rehearsal, |events| events.truncate(last)));
 }
 
 #[test]
 #[should_panic(expected = "the image makes 1 events more")]
-fn a_step_too_many_is_found() {
+fn an_extra_step_is_reported() {
     let (job, rehearsal, last) = short();
     rehearsal.assert_same_events(&job, &log_of(&rehearsal, |events| events.push(events[last])));
 }

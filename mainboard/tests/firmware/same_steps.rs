@@ -10,7 +10,7 @@ use crate::rehearsal::Rehearsal;
 /// Lines of the cube: up to the infill of the first layer.
 pub const LINES: usize = 320;
 
-/// What M797 answers.
+/// The reply to M797.
 #[derive(Debug)]
 struct Motion {
     order_digest: u64,
@@ -42,13 +42,13 @@ impl Motion {
     }
 }
 
-/// Waits for the end of motion, switches the machine off, and holds what it says and what its pins did against the
-/// desk's print of the same job.
+/// Waits for the end of motion, switches the machine off, and compares its report and its pins with the desk's print of
+/// the same job.
 pub fn assert_printed_as_rehearsed(bench: Bench, job: &Job) {
     assert_printed_as(bench, job, Rehearsal::of);
 }
 
-/// The same where the desk looks as far ahead as it can.
+/// The same comparison with the desk's largest look-ahead.
 pub fn assert_printed_far_ahead(bench: Bench, job: &Job) {
     assert_printed_as(bench, job, Rehearsal::far_ahead);
 }
@@ -65,7 +65,7 @@ fn assert_printed_as(mut bench: Bench, job: &Job, rehearse: impl FnOnce(&Job) ->
     assert_eq!(early, 0, "the line was too slow: blocks left the look-ahead ring early: {reported:?}");
     assert_eq!(reported.planning_slowdowns, 0, "planning was too slow: {reported:?}");
     rehearsal.assert_same_events(job, &pins);
-    assert!(!pins.motors_disabled(), "the motors were stepped without current");
+    assert!(!pins.motors_disabled(), "the motors stepped without current");
     assert_same_figures(&reported, &pins, &rehearsal);
 }
 
@@ -75,7 +75,7 @@ fn assert_same_figures(reported: &Motion, pins: &PinLog, rehearsal: &Rehearsal) 
     assert_eq!(reported.order_digest, figures.digests.order);
     assert_eq!(
         reported.step_digest, figures.digests.step,
-        "the order of the steps is the desk's but their times are not ({} underruns)",
+        "the steps have the desk's order but other times ({} underruns)",
         reported.underruns
     );
     assert_eq!(pins.displacement(), rehearsal.displacement());
@@ -91,7 +91,7 @@ pub fn stream(host: &mut Host<Line>, job: &Job) {
 }
 
 #[test]
-fn the_image_makes_the_steps_of_the_desk() {
+fn the_image_makes_the_rehearsed_steps() {
     let job = Job::cube(LINES);
     let mut bench = Bench::boot();
     stream(&mut bench.host, &job);

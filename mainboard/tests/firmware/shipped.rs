@@ -1,21 +1,21 @@
-//! The files as boot loaders and programmers write them: the board starts from them, and they say what they are.
+//! The files for boot loaders and programmers: the board starts from them, and they contain their version.
 
 use crate::bench::Bench;
 use crate::boards::BOARDS;
 use crate::foreign_code::{PROGRAM, STAND_STILL, load};
 use crate::images::image_of;
 
-/// Where the core finds the address of its table of handlers (PM0214, 4.4.4).
+/// The register with the address of the vector table (PM0214, 4.4.4).
 const VTOR: u32 = 0xe000_ed08;
 
-/// A word of RAM that nothing else uses.
+/// An unused word of RAM.
 const FOUND: u32 = PROGRAM - 8;
 
 /// `ldr r0, [r1]; str r0, [r2]`.
 const COPY: [u16; 2] = [0x6808, 0x6010];
 
 #[test]
-fn the_plain_bytes_start_and_say_their_version() {
+fn the_plain_bytes_start_and_report_their_version() {
     for board in &BOARDS {
         let bytes = image_of(board.name).with_file_name(board.bytes_file);
         let content = std::fs::read(&bytes).unwrap();
@@ -33,11 +33,11 @@ fn the_plain_bytes_start_and_say_their_version() {
     }
 }
 
-/// The core uses this image's vector table, whatever table a boot loader used.
+/// The core uses this image's vector table, whatever the boot loader's was.
 #[test]
-fn the_core_uses_the_image_s_own_table_of_handlers() {
+fn the_core_uses_the_image_s_own_vector_table() {
     for board in &BOARDS {
-        let mut bench = Bench::boot_opened(board);
+        let mut bench = Bench::boot_patched(board);
         bench.execute(&[&load(1, VTOR)[..], &load(2, FOUND), &COPY, &[STAND_STILL]].concat());
         assert_eq!(bench.word(FOUND), board.image_address, "{}", board.name);
     }

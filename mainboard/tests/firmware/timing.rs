@@ -1,4 +1,4 @@
-//! M798: histograms of the step interrupt and of planning, switched on and off in a print that they do not change.
+//! M798: histograms of the step interrupt and of planning, switched on and off during a print that they do not change.
 
 use crate::bench::Bench;
 use crate::job::Job;
@@ -7,7 +7,7 @@ use crate::same_steps::assert_printed_as_rehearsed;
 /// Lines of the cube: skirt and perimeters.
 const LINES: usize = 120;
 
-/// Line of the job before which measuring is switched on, and off.
+/// Lines of the job before which measuring is switched on and off.
 const ON: usize = 60;
 const OFF: usize = 110;
 
@@ -22,7 +22,7 @@ struct Times {
     unit: String,
 }
 
-/// Asks for one histogram.
+/// Asks for a histogram.
 fn times(bench: &mut Bench, name: &str) -> Times {
     let line = bench.host.ask("M798", &format!("echo:timing {name} ")).unwrap();
     let word = |name: &str| {
@@ -40,30 +40,30 @@ fn times(bench: &mut Bench, name: &str) -> Times {
     }
 }
 
-/// All of them: latency and duration of the step interrupt, planning.
+/// All histograms: latency and duration of the step interrupt, planning.
 fn all(bench: &mut Bench) -> [Times; 3] {
     let all = ["step_latency", "step_duration", "planning"].map(|name| times(bench, name));
     eprintln!("{all:#?}");
     all
 }
 
-/// Whether a line of the job displaces something: a feed on its own does not.
+/// Whether a line of the job moves an axis: a feed alone does not.
 fn is_move(line: &str) -> bool {
     line.starts_with("G1 ") && line.contains(['X', 'Y', 'Z', 'E'])
 }
 
 #[test]
-fn measuring_times_changes_no_step() {
+fn times_are_measured_while_switched_on_and_no_step_changes() {
     let mut job = Job::cube(LINES).without_heating();
-    // The machine stands at each switch, so that all events between are seen.
+    // The machine stands at each switch, so that all events in between are measured.
     for (index, line) in [(OFF, "M798 S0"), (OFF, "M400"), (ON, "M798 S1"), (ON, "M400")] {
         job.insert(index, line);
     }
-    // Those before count as well.
+    // The inserted lines before count as well.
     let (on, off) = (ON + 2, OFF + 4);
     let mut bench = Bench::boot();
     let never = all(&mut bench);
-    assert!(never.iter().all(|times| times.count == 0 && times.max == 0), "measured unasked: {never:?}");
+    assert!(never.iter().all(|times| times.count == 0 && times.max == 0), "measured without M798: {never:?}");
 
     for line in job.lines().take(on) {
         bench.host.send(line).unwrap();
@@ -80,7 +80,7 @@ fn measuring_times_changes_no_step() {
         let Times { p50, p99, p99_9, max, .. } = times;
         assert!(0 < *p50 && p50 <= p99 && p99 <= p99_9 && p99_9 <= max, "{times:?}");
     }
-    // Between motions the step timer's interrupt comes as well, to look for one.
+    // The step timer's interrupt also occurs between motions, to check for the next one.
     assert!(latency.count >= events, "{latency:?} of {events} events");
     assert_eq!(latency.count, duration.count);
     assert_eq!(latency.unit, "ticks");

@@ -1,33 +1,33 @@
-//! The watchdog is fed while every task runs, and no longer when one does not: then it resets the chip.
+//! The watchdog is fed while every task runs; when one stops, the watchdog resets the chip.
 
 use crate::bench::Bench;
 use crate::board_pins::force_panic;
 use crate::boards::BOARDS;
 use crate::foreign_code::STAND_STILL;
 
-/// In the place of the idle task: what masks interrupts of RTIC's priority 4 and below, the planner and all under it, for
-/// ever. `movs r0, #0xc0; msr basepri, r0; b .`
+/// Replaces the idle task: masks interrupts of RTIC's priority 4 and below, the planner and all lower tasks, for ever.
+/// `movs r0, #0xc0; msr basepri, r0; b .`
 const NO_PLANNER: [u16; 4] = [0x20c0, 0xf380, 0x8811, STAND_STILL];
 
-/// What masks all interrupts: `cpsid i; b .`
-const NOTHING: [u16; 2] = [0xb672, STAND_STILL];
+/// Masks all interrupts: `cpsid i; b .`
+const NO_INTERRUPTS: [u16; 2] = [0xb672, STAND_STILL];
 
-/// The watchdog's key register (RM0090, 21.4.1), and what starts and feeds it.
+/// The watchdog's key register (RM0090, 21.4.1), and the values that start and feed it.
 const KEY: u32 = 0x4000_3000;
 const START: u32 = 0xcccc;
 const FEED: u32 = 0xaaaa;
 
-/// Its oscillator's 32 kHz, 500 times by 64, s.
+/// 32,000 cycles of its 32 kHz oscillator (500 times 64), s.
 const TIMEOUT_S: f64 = 1.0;
 
-/// How often the watchdog is fed while some time passes.
+/// The number of feedings while some time passes.
 fn feeds(bench: &mut Bench, time_ms: u64) -> usize {
     let before = bench.stored(KEY, FEED);
     bench.pass(time_ms);
     bench.stored(KEY, FEED) - before
 }
 
-/// Waits for the reset that a board without food comes to. How long after the last feeding it came, s.
+/// Waits for the watchdog's reset; returns the time from the last feeding to it, s.
 fn starved_s(bench: &mut Bench) -> f64 {
     bench.host.wait_for("start", |line| line == "start").unwrap();
     let heard = bench.host.listen(300).unwrap();
@@ -46,7 +46,7 @@ fn the_watchdog_is_fed_while_every_task_runs() {
         // A hundred times a second.
         let fed = feeds(&mut bench, 1000);
         assert!((98..=102).contains(&fed), "{}: fed {fed} times in a second", board.name);
-        // And so in motion.
+        // The same in motion.
         bench.host.send_raw(b"M302 P1\nG91\nG1 X20 Y20 F300\n").unwrap();
         let fed = feeds(&mut bench, 3000);
         assert!((290..=310).contains(&fed), "{}: fed {fed} times in 3 s", board.name);
@@ -55,14 +55,14 @@ fn the_watchdog_is_fed_while_every_task_runs() {
 }
 
 #[test]
-fn a_hanging_planner_starves_the_watchdog() {
+fn a_stuck_planner_starves_the_watchdog() {
     for board in &BOARDS {
-        let mut bench = Bench::boot_opened(board);
+        let mut bench = Bench::boot_patched(board);
         let before = bench.stored(KEY, FEED);
         bench.execute(&NO_PLANNER);
         let silent_s = starved_s(&mut bench);
         assert!((0.95..1.1).contains(&(silent_s / TIMEOUT_S)), "{}: {silent_s} s", board.name);
-        // It may be silent for a second, a hundred samples of the heaters' control, which goes on.
+        // The planner may be silent for a second, a hundred samples of the heaters' control, which continues.
         let stores = bench.stores();
         let restart = stores.iter().rposition(|store| (store.address, store.value) == (KEY, START)).unwrap();
         let feeds = stores[..restart].iter().filter(|store| (store.address, store.value) == (KEY, FEED));
@@ -73,27 +73,27 @@ fn a_hanging_planner_starves_the_watchdog() {
 }
 
 #[test]
-fn a_hanging_processor_starves_the_watchdog() {
-    let mut bench = Bench::boot_opened(&BOARDS[0]);
-    bench.execute(&NOTHING);
+fn a_stuck_processor_starves_the_watchdog() {
+    let mut bench = Bench::boot_patched(&BOARDS[0]);
+    bench.execute(&NO_INTERRUPTS);
     let silent_s = starved_s(&mut bench);
     assert!((0.95..1.1).contains(&(silent_s / TIMEOUT_S)), "{silent_s} s");
-    // It is a board as any other then.
+    // Afterwards the board works like any other.
     bench.host.connect_again().unwrap();
     let fed = feeds(&mut bench, 1000);
     assert!((98..=102).contains(&fed), "fed {fed} times in a second");
 }
 
-/// What is off shall stay off until someone comes.
+/// Outputs that a panic has switched off must stay off until a person resets the board.
 #[test]
-fn a_panicked_board_is_not_reset() {
+fn a_panic_keeps_the_watchdog_fed() {
     let board = &BOARDS[0];
-    let mut bench = Bench::boot_opened(board);
+    let mut bench = Bench::boot_patched(board);
     force_panic(board, &mut bench);
     bench.host.wait_for("the panic", |line| line.starts_with("Error:firmware panic")).unwrap();
     bench.pass(100);
     let fed = bench.stored(KEY, FEED);
-    // Far longer than it takes to starve.
+    // Far longer than the watchdog's time-out.
     let heard = bench.host.listen(1600).unwrap();
     assert!(bench.stored(KEY, FEED) > fed);
     assert!(heard.is_empty(), "{heard:?}");

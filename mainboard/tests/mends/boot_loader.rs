@@ -1,7 +1,6 @@
-//! 3.1 and 3.2: what a boot loader leaves, first accesses that are lost, and the voltage's scale.
+//! 3.1 and 3.2: leftovers of a boot loader, lost first accesses, and the voltage scale.
 //!
-//! The same few words with the printer after a start from reset and after one after a boot loader: it must say, move and heat
-//! the same.
+//! The same short job after a start from reset and after a boot loader: replies, steps and heat must be equal.
 
 use std::sync::OnceLock;
 
@@ -12,7 +11,7 @@ use rigless::soc::Width;
 use rigless::time::VirtualNanos;
 
 use super::leftovers;
-use super::scene::{MS, Play, Plot, S, Setting, Stage, play};
+use super::scene::{MS, S, Scenario, ScenarioRun, Setting, Stage, run_scenario};
 use super::stub::Stub;
 
 const PWR_CR: u64 = 0x4000_7000;
@@ -20,40 +19,40 @@ const PWR_CR: u64 = 0x4000_7000;
 const VOS: u64 = 1 << 14;
 const RCC_CFGR: u64 = 0x4002_3808;
 
-/// What a printer does.
+/// The observed behaviour of a printer.
 #[derive(Debug, Clone, PartialEq, Default)]
 struct Behaviour {
-    /// Whether it did all that it was asked to, in time.
+    /// Whether it executed all commands, in time.
     ended: bool,
-    /// What it said, without temperatures.
+    /// Its messages, without temperatures.
     lines: Vec<String>,
-    /// The nozzle's temperature is right.
+    /// Whether the nozzle's temperature is right.
     reads_temperatures: bool,
     /// Steps of each motor, and the time from the first to the last, us.
     steps: [usize; 4],
     motion_us: u64,
-    /// The nozzle got power when it was asked to.
+    /// Whether the nozzle got power on command.
     heats: bool,
-    /// Heaters that got power without being asked to.
+    /// Heaters that got power without a command.
     heats_unasked: Vec<&'static str>,
-    /// Motors had current only when they were to move.
+    /// Whether a motor had current without a move.
     holds_unasked: bool,
     usb_is_open: bool,
     resets: usize,
-    /// Voltage scale 1.
+    /// Whether the voltage scale is 1.
     scale_1: bool,
-    /// The core runs from the PLL.
+    /// Whether the core runs from the PLL.
     from_pll: bool,
 }
 
 #[derive(Default)]
-struct FewWords {
+struct ShortJob {
     begun: bool,
     asked_ns: Option<u64>,
     behaviour: Behaviour,
 }
 
-impl Plot for FewWords {
+impl Scenario for ShortJob {
     fn turn(&mut self, stage: &mut Stage<'_>) -> Turn {
         if !self.begun {
             self.begun = true;
@@ -62,9 +61,9 @@ impl Plot for FewWords {
                 stage.talk.say(line);
             }
         }
-        // Before that, the boot loader has the pins.
+        // Before that, the boot loader drives the pins.
         if stage.now_ns < MS {
-            return Turn::GoOn;
+            return Turn::Continue;
         }
         if !stage.talk.has_started(1) && stage.now_ns > S {
             return Turn::Stop;
@@ -80,10 +79,10 @@ impl Plot for FewWords {
         if stage.talk.is_quiet() && self.asked_ns.is_none() {
             self.asked_ns = Some(stage.now_ns);
         }
-        let Some(asked_ns) = self.asked_ns else { return Turn::GoOn };
+        let Some(asked_ns) = self.asked_ns else { return Turn::Continue };
         self.behaviour.heats |= stage.heater("nozzle") > 0.5;
         if stage.now_ns < asked_ns + 300 * MS {
-            return Turn::GoOn;
+            return Turn::Continue;
         }
         let at = VirtualNanos(stage.now_ns);
         let mut peek = |address| stage.machine.chip.peek(at, address, Width::W32).unwrap();
@@ -93,10 +92,10 @@ impl Plot for FewWords {
     }
 }
 
-fn behaviour(done: &Finished<Play<FewWords>>) -> Behaviour {
+fn behaviour(done: &Finished<ScenarioRun<ShortJob>>) -> Behaviour {
     let (machine, talk) = (done.machine(), &done.operator.talk);
     let mut decoder = machine.decoder.clone();
-    // What was before is the boot loader's.
+    // Earlier events belong to the boot loader.
     let events: Vec<_> = decoder.finish().iter().filter(|event| event.at_ns > MS).collect();
     let time_ns = events.last().map_or(0, |last| last.at_ns - events[0].at_ns);
     let celsius = talk.heard.iter().find_map(|(_, line)| {
@@ -104,20 +103,20 @@ fn behaviour(done: &Finished<Play<FewWords>>) -> Behaviour {
         rest.split_whitespace().next()?.parse::<f64>().ok()
     });
     Behaviour {
-        ended: done.operator.ended && done.operator.plot.asked_ns.is_some(),
+        ended: done.operator.ended && done.operator.scenario.asked_ns.is_some(),
         lines: talk.heard.iter().map(|(_, line)| line.clone()).filter(|line| !line.contains("T:")).collect(),
         reads_temperatures: celsius.is_some_and(|celsius| (celsius - machine.plant.ambient_celsius()).abs() < 2.0),
         steps: [1, 2, 4, 8].map(|motor| events.iter().filter(|event| event.axes & motor != 0).count()),
         motion_us: (time_ns + 500) / 1_000,
         usb_is_open: machine.usb_host.state() == State::Open,
         resets: done.report.resets.len(),
-        ..done.operator.plot.behaviour.clone()
+        ..done.operator.scenario.behaviour.clone()
     }
 }
 
 fn start(boot_loader: Option<Stub>, late_clocks: bool) -> (Behaviour, Vec<String>) {
     let setting = Setting { boot_loader, late_clocks, ..Setting::default() };
-    let done = play(&setting, 6 * S, FewWords::default());
+    let done = run_scenario(&setting, 6 * S, ShortJob::default());
     (behaviour(&done), done.report.unmodelled)
 }
 
@@ -126,7 +125,7 @@ fn from_reset() -> &'static Behaviour {
     FROM_RESET.get_or_init(|| start(None, false).0)
 }
 
-/// A start from reset does all that it is asked to: what the others are compared with.
+/// A start from reset executes everything; the other starts are compared with it.
 #[test]
 fn a_start_from_reset_prints_and_heats() {
     let found = from_reset();
@@ -136,7 +135,7 @@ fn a_start_from_reset_prints_and_heats() {
     assert_eq!(found.steps, [1000, 400, 0, 0]);
 }
 
-macro_rules! behind {
+macro_rules! after {
     ($($(#[$what:meta])* $name:ident: $left:ident,)*) => {
         $(
             $(#[$what])*
@@ -149,32 +148,32 @@ macro_rules! behind {
     };
 }
 
-behind! {
-    a_core_on_a_pll_starts_the_same: pll,
-    clocks_that_are_on_and_stop_in_sleep_start_the_same: clocks_of_parts,
-    external_interrupts_that_are_on_start_the_same: exti,
-    timers_that_run_start_the_same: timers,
-    a_stream_into_ram_starts_the_same: dma,
-    serial_ports_of_another_kind_start_the_same: serial_ports,
-    a_usb_core_at_work_starts_the_same: usb,
-    pins_that_heat_start_the_same: ports,
-    a_systick_that_runs_starts_the_same: systick,
-    masks_start_the_same: masks,
-    stacks_of_a_boot_loader_start_the_same: stacks,
-    guarded_memory_starts_the_same: mpu,
-    a_guarded_stack_starts_the_same: guarded_stack,
-    deep_sleep_starts_the_same: deep_sleep,
-    priorities_that_preempt_nothing_start_the_same: priorities,
-    a_trap_of_unaligned_words_starts_the_same: unaligned_trap,
-    handlers_of_faults_start_the_same: faults,
-    interrupts_that_are_asked_for_start_the_same: pended,
-    a_watchdog_that_runs_starts_the_same: watchdog,
-    a_voltage_too_low_for_168_mhz_starts_the_same: voltage,
+after! {
+    a_core_on_a_pll_does_not_change_the_start: pll,
+    clocks_that_stop_in_sleep_do_not_change_the_start: clocks_of_parts,
+    external_interrupts_do_not_change_the_start: exti,
+    running_timers_do_not_change_the_start: timers,
+    a_stream_into_ram_does_not_change_the_start: dma,
+    other_serial_formats_do_not_change_the_start: serial_ports,
+    an_active_usb_core_does_not_change_the_start: usb,
+    heating_pins_do_not_change_the_start: ports,
+    a_running_systick_does_not_change_the_start: systick,
+    masks_do_not_change_the_start: masks,
+    stacks_of_a_boot_loader_do_not_change_the_start: stacks,
+    guarded_memory_does_not_change_the_start: mpu,
+    a_guarded_stack_does_not_change_the_start: guarded_stack,
+    deep_sleep_does_not_change_the_start: deep_sleep,
+    missing_preemption_does_not_change_the_start: priorities,
+    a_trap_of_unaligned_words_does_not_change_the_start: unaligned_trap,
+    fault_handlers_do_not_change_the_start: faults,
+    pending_interrupts_do_not_change_the_start: pended,
+    a_running_watchdog_does_not_change_the_start: watchdog,
+    a_voltage_too_low_for_168_mhz_does_not_change_the_start: voltage,
 }
 
-/// All at once, but for what is open and for the stacks: the boot loader's own would lie in guarded memory.
+/// All leftovers at once, except open ones and the stacks, which would lie in guarded memory.
 #[test]
-fn everything_at_once_starts_the_same() {
+fn all_leftovers_at_once_do_not_change_the_start() {
     use leftovers::{
         deep_sleep, dma, exti, faults, masks, mpu, pended, pll, ports, priorities, serial_ports, systick, timers, usb,
         voltage, watchdog,
@@ -202,7 +201,7 @@ fn everything_at_once_starts_the_same() {
 }
 
 #[test]
-fn the_first_access_after_a_clock_enable_arrives() {
+fn no_access_after_a_clock_enable_is_lost() {
     let (found, unmodelled) = start(None, true);
     let lost: Vec<&String> = unmodelled.iter().filter(|what| what.contains("LATE_CLOCKS")).collect();
     println!("{lost:#?}");

@@ -1,4 +1,4 @@
-//! The leftovers of boot loaders, kind by kind. Addresses: RM0090 2.3 and the chapters of the parts; PM0214 4.
+//! Leftovers of boot loaders, one kind a function. Addresses: RM0090 2.3 and the chapters of the parts; PM0214 4.
 
 use super::stub::Stub;
 
@@ -9,7 +9,7 @@ const NVIC: u32 = 0xE000_E100;
 const SCB: u32 = 0xE000_ED00;
 const EXTI: u32 = 0x4001_3C00;
 
-/// PRIMASK, as a boot loader leaves it whose interrupts are still on.
+/// PRIMASK of a boot loader whose interrupts are still on.
 const MASKED: u32 = 1;
 
 fn stores(stores: &[(u32, u32)]) -> Stub {
@@ -20,7 +20,7 @@ fn stores(stores: &[(u32, u32)]) -> Stub {
     }
 }
 
-/// All instances clocked, none of them while the core sleeps.
+/// All instances with a clock, none while the core sleeps.
 pub fn clocks_of_parts() -> Stub {
     let on = [(0x30, 0x0074_11FF), (0x34, 0x80), (0x40, 0x36FE_C9FF), (0x44, 0x0007_5F33)];
     let asleep = [0x50, 0x54, 0x58, 0x60, 0x64].map(|offset| (RCC + offset, 0));
@@ -46,14 +46,14 @@ pub fn pll() -> Stub {
     Stub { statements, masks: MASKED, ..Stub::default() }
 }
 
-/// All external interrupts on, on both edges of port E's pins, and asked for.
+/// All external interrupts on and pending, on both edges of port E's pins.
 pub fn exti() -> Stub {
     let routes = [0x08, 0x0C, 0x10, 0x14].map(|offset| (0x4001_3800 + offset, 0x4444));
     let lines = [0x00, 0x08, 0x0C, 0x10].map(|offset| (EXTI + offset, 0x007F_FFFF));
     clocks_of_parts().and(&stores(&[routes, lines].concat())).and(&interrupts())
 }
 
-/// All timers run, at rates of their own, asking for interrupts and DMA; channels drive inverted signals.
+/// All timers run at different rates, with interrupts and DMA requests; channels drive inverted signals.
 pub fn timers() -> Stub {
     let mut words = Vec::new();
     for timer in [0x4000_0000, 0x4000_0400, 0x4000_0800, 0x4000_0C00, 0x4001_0000, 0x4001_0400] {
@@ -73,7 +73,7 @@ pub fn timers() -> Stub {
     clocks_of_parts().and(&stores(&words)).and(&interrupts())
 }
 
-/// A converter that runs on its own, and a DMA stream that carries what it says all over the image's RAM, for ever.
+/// A converter in continuous mode, and a DMA stream that writes its samples over the image's RAM for ever.
 pub fn dma() -> Stub {
     let stream = 0x4002_6410;
     let words = [
@@ -102,7 +102,7 @@ pub fn serial_ports() -> Stub {
     clocks_of_parts().and(&stores(&words)).and(&interrupts())
 }
 
-/// The USB core at work as another device: with an address, its interrupts on.
+/// The USB core in use as another device: with an address, its interrupts on.
 pub fn usb() -> Stub {
     let words = [(0x0C, 0x4000_1840), (0x38, 1 << 16 | 1 << 21), (0x08, 1), (0x18, 0xC03C_F8FF)]
         .map(|(at, word)| (0x5000_0000 + at, word));
@@ -114,7 +114,7 @@ pub fn usb() -> Stub {
 /// Heaters' pins high, motors on, everything open-drain with pulls and fast.
 pub fn ports() -> Stub {
     let mut words = Vec::new();
-    // B: heaters; D: motors; E: fans. Alternate functions are left too.
+    // B: heaters; D: motors; E: fans. Alternate functions stay selected too.
     for (port, levels, modes) in
         [(0x4002_0400, 0x0003, 0x0000_0285), (0x4002_0C00, 0xB3F4, 0x5555_5555), (0x4002_1000, 0, 0x5555_5555)]
     {
@@ -125,7 +125,7 @@ pub fn ports() -> Stub {
     clocks_of_parts().and(&stores(&words))
 }
 
-/// SysTick runs and asks, its vector is the boot loader's.
+/// SysTick runs with its interrupt on; the vector table is the boot loader's.
 pub fn systick() -> Stub {
     stores(&[(0xE000_E014, 1_000), (0xE000_E018, 0), (0xE000_E010, 7), (SCB + 8, super::stub::BASE)])
 }
@@ -140,17 +140,17 @@ pub fn stacks() -> Stub {
     Stub { control: 0b10, process_stack: 0x2000_0400, main_stack: 0x2000_4000, ..Stub::default() }
 }
 
-/// The upper half of RAM guarded against everybody, in a region that stays on.
+/// An MPU region that denies all access to the upper half of RAM and stays on.
 pub fn mpu() -> Stub {
     guarded(0x2001_0000, 15)
 }
 
-/// All of RAM guarded, the image's stack too.
+/// An MPU region that denies all access to RAM, including the image's stack.
 pub fn guarded_stack() -> Stub {
     guarded(0x2000_0000, 16)
 }
 
-/// 2 to the power of `log2` + 1 bytes without access, everything else as without regions.
+/// A region of 2 to the power of `log2` + 1 bytes without access; other addresses behave as without regions.
 fn guarded(base: u32, log2: u32) -> Stub {
     stores(&[(SCB + 0x98, 0), (SCB + 0x9C, base), (SCB + 0xA0, 1 << 28 | log2 << 1 | 1), (SCB + 0x94, 0b101)])
 }
@@ -165,7 +165,7 @@ pub fn priorities() -> Stub {
     stores(&[(SCB + 0x0C, 0x05FA_0700)]).and(&interrupts())
 }
 
-/// Words that are not aligned trap.
+/// Unaligned words trap.
 pub fn unaligned_trap() -> Stub {
     stores(&[(SCB + 0x14, 0x0208)])
 }
@@ -175,22 +175,22 @@ pub fn faults() -> Stub {
     stores(&[(SCB + 0x14, 0x0210), (SCB + 0x24, 0x0007_0000)])
 }
 
-/// The core's own interrupts and all of the chip's are asked for.
+/// The core's own interrupts and all of the chip's are pending.
 pub fn pended() -> Stub {
     stores(&[(SCB + 0x04, 1 << 28 | 1 << 26)]).and(&interrupts())
 }
 
-/// The voltage's scale that is enough for 144 MHz, and the supply's detector on.
+/// The voltage scale for 144 MHz, and the supply's detector on.
 pub fn voltage() -> Stub {
     stores(&[(RCC + 0x40, 1 << 28), (PWR_CR, 1 << 8 | 0b111 << 5 | 1 << 4)])
 }
 
-/// The watchdog, with half a second.
+/// The watchdog with a time-out of half a second.
 pub fn watchdog() -> Stub {
     stores(&[(0x4000_3000, 0xCCCC)])
 }
 
-/// All of the processor's interrupts on and asked for, with priorities that are all the lowest.
+/// All of the processor's interrupts on and pending, all at the lowest priority.
 fn interrupts() -> Stub {
     let mut words = Vec::new();
     for word in 0..3 {

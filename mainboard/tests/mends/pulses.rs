@@ -1,17 +1,17 @@
-//! 2.1: the interrupt that makes a step has to store the reload value for the gap after the next one before that one begins.
+//! 2.1: the step interrupt must store the reload value of a gap before the gap begins.
 
-use super::scene::{MS, S, Say, Setting, play};
+use super::scene::{MS, S, SendLines, Setting, run_scenario};
 
-/// Instructions a second and entry, ns: the mean of the cycle model; two cycles an instruction; that and wait states
-/// in the way, with an entry of 29 cycles.
+/// Instructions per second and entry, ns: the mean of the cycle model; two cycles an instruction; two cycles with wait
+/// states and an entry of 29 cycles.
 const PACES: [(u64, u64); 3] = [(120_000_000, 71), (84_000_000, 71), (60_000_000, 173)];
 /// 150 mm/s at 100 steps/mm.
 const CRUISE_NS: u64 = 66_667;
-/// As fast as a print's steps come.
-const LEAST_GAP_NS: u64 = 1_500;
-const LEAST_PULSE_NS: u64 = 950;
+/// Minimum gap of a print's steps.
+const MIN_GAP_NS: u64 = 1_500;
+const MIN_PULSE_NS: u64 = 950;
 
-/// A figure of the M797 report.
+/// A figure of the reply to M797.
 fn figure(text: &str, name: &str) -> Option<u64> {
     let (_, rest) = text.split_once(&format!("{name}:"))?;
     rest.split(|character: char| !character.is_ascii_digit()).next()?.parse().ok()
@@ -23,7 +23,7 @@ fn steps_keep_their_intervals_with_a_slow_interrupt() {
     for pace in PACES {
         let setting = Setting { pace: Some(pace), ..Setting::default() };
         let lines = ["M302 P1", "M83", "G91", "G1 X-30 F9000", "G4 P50", "G1 X30 Y29 E3 F9000", "M400", "M797"];
-        let done = play(&setting, 10 * S, Say::lines(&lines));
+        let done = run_scenario(&setting, 10 * S, SendLines::lines(&lines));
         assert!(done.operator.ended, "{pace:?}: {}", done.operator.talk.text());
         let text = done.operator.talk.text();
         let mut decoder = done.machine().decoder.clone();
@@ -40,7 +40,7 @@ fn steps_keep_their_intervals_with_a_slow_interrupt() {
         let moved = |axis: u8| together.iter().filter(|event| event.axes & axis != 0).count();
         let found = format!(
             "{pace:?}: {} steps alone, intervals of {} to {} ns (mean {mean:.0}); together {} events over {:.3} ms, \
-             least gap {} ns, least pulse {} ns, missed updates {missed:?}",
+             smallest gap {} ns, smallest pulse {} ns, missed updates {missed:?}",
             alone.len(),
             cruise.iter().min().unwrap(),
             cruise.iter().max().unwrap(),
@@ -52,8 +52,8 @@ fn steps_keep_their_intervals_with_a_slow_interrupt() {
         println!("{found}");
         let is_right = (alone.len(), moved(1), moved(2)) == (3000, 3000, 2900)
             && worst < 500
-            && smallest.gap_ns >= LEAST_GAP_NS
-            && smallest.pulse_ns() >= LEAST_PULSE_NS
+            && smallest.gap_ns >= MIN_GAP_NS
+            && smallest.pulse_ns() >= MIN_PULSE_NS
             && missed == Some(0);
         if !is_right {
             wrong.push(found);

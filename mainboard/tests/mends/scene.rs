@@ -17,29 +17,29 @@ use super::stub::{self, Stub};
 pub const MS: u64 = 1_000_000;
 pub const S: u64 = 1_000 * MS;
 
-/// How a machine is put together.
+/// The properties of a machine.
 #[derive(Debug, Clone, Default)]
 pub struct Setting {
-    /// Instructions a second and entry of the step interrupt, ns; none: the usual ones.
+    /// Instructions per second and entry of the step interrupt, ns; `None` for the defaults.
     pub pace: Option<(u64, u64)>,
-    /// Clock enables take effect late.
+    /// Whether clock enables take effect late.
     pub late_clocks: bool,
-    /// What runs before the image.
+    /// A boot loader that runs before the image.
     pub boot_loader: Option<Stub>,
 }
 
-/// The host: says one line after the other, each when the one before is acknowledged.
+/// The host: sends one line after the other, each after the acknowledgement of the one before.
 #[derive(Debug, Default)]
-pub struct Talk {
+pub struct HostTalk {
     begun: String,
-    /// What was heard, and when.
+    /// The received lines with their instants.
     pub heard: Vec<(u64, String)>,
     to_say: VecDeque<String>,
     waits: bool,
     starts: usize,
 }
 
-impl Talk {
+impl HostTalk {
     pub fn say(&mut self, line: &str) {
         self.to_say.push_back(line.to_owned());
     }
@@ -49,12 +49,12 @@ impl Talk {
         self.starts > 0 && self.to_say.is_empty() && !self.waits
     }
 
-    /// Lines that are not said yet.
+    /// The number of lines that are not sent yet.
     pub fn remaining(&self) -> usize {
         self.to_say.len()
     }
 
-    /// Whether the image has said hello so often.
+    /// Whether the image has started this many times.
     pub fn has_started(&self, times: usize) -> bool {
         self.starts >= times
     }
@@ -93,11 +93,11 @@ impl Talk {
     }
 }
 
-/// What a plot sees and does in a turn.
+/// The access of a scenario to the machine in a turn.
 pub struct Stage<'a> {
     pub machine: &'a mut Machine,
     pub now_ns: u64,
-    pub talk: &'a mut Talk,
+    pub talk: &'a mut HostTalk,
 }
 
 impl Stage<'_> {
@@ -110,25 +110,25 @@ impl Stage<'_> {
     }
 }
 
-/// What happens in a scene.
-pub trait Plot: Send + 'static {
+/// The events of a test.
+pub trait Scenario: Send + 'static {
     fn turn(&mut self, stage: &mut Stage<'_>) -> Turn;
 }
 
-/// A plot with its host.
-pub struct Play<P> {
-    pub plot: P,
-    pub talk: Talk,
+/// A scenario with its host.
+pub struct ScenarioRun<P> {
+    pub scenario: P,
+    pub talk: HostTalk,
     ends_ns: u64,
-    /// Whether it came to its end before time was up.
+    /// Whether the scenario ended before the time limit.
     pub ended: bool,
 }
 
-impl<P: Plot> Operator for Play<P> {
+impl<P: Scenario> Operator for ScenarioRun<P> {
     fn turn(&mut self, machine: &mut Machine, now_ns: u64, _: &mut dyn Host) -> Turn {
         self.talk.turn(machine, now_ns);
-        self.ended = self.plot.turn(&mut Stage { machine, now_ns, talk: &mut self.talk }) == Turn::Stop;
-        if self.ended || now_ns >= self.ends_ns { Turn::Stop } else { Turn::GoOn }
+        self.ended = self.scenario.turn(&mut Stage { machine, now_ns, talk: &mut self.talk }) == Turn::Stop;
+        if self.ended || now_ns >= self.ends_ns { Turn::Stop } else { Turn::Continue }
     }
 }
 
@@ -137,13 +137,13 @@ fn file(variable: &str, in_repository: &str) -> PathBuf {
         .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap().join(in_repository), PathBuf::from)
 }
 
-/// Plays a plot, for this long at most.
-pub fn play<P: Plot>(setting: &Setting, at_most_ns: u64, plot: P) -> Finished<Play<P>> {
+/// Runs a scenario up to a time limit.
+pub fn run_scenario<P: Scenario>(setting: &Setting, at_most_ns: u64, scenario: P) -> Finished<ScenarioRun<P>> {
     let board = Board::read(&file("FERROSTEP_BOARD", "boards/prusa-buddy.toml")).unwrap();
     let printer = Printer::read(&file("FERROSTEP_PROFILE", "profiles/prusa-mini.toml")).unwrap();
     let path = file("FERROSTEP_IMAGE", "target/images/prusa-buddy/ferrostep.elf");
     let bytes = std::fs::read(&path).unwrap_or_else(|error| {
-        panic!("{}: {error}; `cargo xtask firmware --board prusa-buddy` builds it", path.display())
+        panic!("{}: {error}; build it with `cargo xtask firmware --board prusa-buddy`", path.display())
     });
     let start = check_image(&board, &path.display().to_string(), &bytes).unwrap().start;
     let mut images = vec![Image::new(&path, bytes, None).unwrap()];
@@ -161,26 +161,26 @@ pub fn play<P: Plot>(setting: &Setting, at_most_ns: u64, plot: P) -> Finished<Pl
         machine.chip.set_interrupt_entry(entry_ns);
     }
     let options = Options { boot: Some(u64::from(boot)), ..Options::default() };
-    let play = Play { plot, talk: Talk::default(), ends_ns: at_most_ns, ended: false };
-    run(machine, &images, &options, play).unwrap()
+    let operator = ScenarioRun { scenario, talk: HostTalk::default(), ends_ns: at_most_ns, ended: false };
+    run(machine, &images, &options, operator).unwrap()
 }
 
-/// Says lines and ends when all are acknowledged.
-pub struct Say {
+/// Sends lines and ends when all are acknowledged.
+pub struct SendLines {
     lines: Vec<String>,
 }
 
-impl Say {
+impl SendLines {
     pub fn lines(lines: &[&str]) -> Self {
         Self { lines: lines.iter().map(ToString::to_string).collect() }
     }
 }
 
-impl Plot for Say {
+impl Scenario for SendLines {
     fn turn(&mut self, stage: &mut Stage<'_>) -> Turn {
         for line in self.lines.drain(..) {
             stage.talk.say(&line);
         }
-        if stage.talk.is_quiet() { Turn::Stop } else { Turn::GoOn }
+        if stage.talk.is_quiet() { Turn::Stop } else { Turn::Continue }
     }
 }

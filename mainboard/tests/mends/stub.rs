@@ -1,19 +1,20 @@
-//! A boot loader of one kind of statement: it stores words, waits for bits, and starts the image with its masks and stacks.
+//! A boot loader of one kind of statement: it stores words, waits for bits, and starts the image with its masks and
+//! stacks.
 
 use std::path::Path;
 
 use rigless::image::Image;
 
-/// Its address: after the largest image, on a boundary that suits a vector table.
+/// Its address: after the largest image, aligned for a vector table.
 pub const BASE: u32 = 0x080C_0000;
-/// Its vector table: the stack pointer, then addresses of instructions, for 82 interrupts.
+/// Entries of its vector table: the stack pointer, then addresses of instructions, for 82 interrupts.
 const VECTORS: u32 = 16 + 82;
-/// Its own stack; the image's own is elsewhere.
+/// Its own stack; the image's stack is elsewhere.
 const STACK: u32 = 0x2001_0000;
 
-/// For each record of the table after it (address, value, mask): a store where the mask is 0, or a wait until the masked
+/// For each record of the table after it (address, value, mask): a store if the mask is 0, else a wait until the masked
 /// word has the value. After a record of zeros: the image's vector table, CONTROL, BASEPRI, PRIMASK with FAULTMASK in bit 1, PSP,
-/// and MSP (0: the image's own, as decent boot loaders do).
+/// and MSP (0: the image's own, as correct boot loaders do).
 ///
 /// ```text
 ///         cpsid i                        done:  ldmia r7!, {r0-r5}
@@ -36,13 +37,13 @@ const CODE: [u16; 32] = [
     0x6805, 0x6846, 0xF385, 0x8808, 0xF384, 0x8809, 0xF382, 0x8811, 0xF383, 0x8810, 0x085B, 0xF383, 0x8813, 0xF381,
     0x8814, 0xF3BF, 0x8F6F, 0x4730,
 ];
-/// An interrupt that comes before the image has its own table is stuck here: `b .`
+/// The handler of an interrupt before the image has set its own vector table: `b .`
 const STUCK: u32 = 0xE7FE_E7FE;
 
-/// Its leftovers.
+/// The boot loader's statements and the state in which it starts the image.
 #[derive(Debug, Clone, Default)]
 pub struct Stub {
-    /// Address, value, and mask of what is waited for (0: a store).
+    /// Address, value, and mask of the bits to wait for (0: a store).
     pub statements: Vec<(u32, u32, u32)>,
     pub control: u32,
     pub basepri: u32,
@@ -52,7 +53,7 @@ pub struct Stub {
 }
 
 impl Stub {
-    /// Both one after the other; masks and stacks are the other's where it has some.
+    /// Appends another boot loader; its masks and stacks are added.
     pub fn and(mut self, other: &Self) -> Self {
         self.statements.extend(&other.statements);
         for (mine, theirs) in [
@@ -67,7 +68,7 @@ impl Stub {
         self
     }
 
-    /// It as an image that starts another at `next`.
+    /// An image of the boot loader that starts another image at `next`.
     pub fn image(&self, next: u32) -> Image {
         let stuck = BASE + 4 * VECTORS;
         let code = stuck + 4;

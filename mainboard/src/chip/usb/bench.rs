@@ -1,12 +1,13 @@
-//! One core on a bus of its own, for the tests.
+//! A core on a bus of its own, for the tests.
 
 use rigless::device::Level;
 use rigless::mcu::{Operate, Single};
 use rigless::soc::{Bus, Cpu, Endian, FieldSpec, Layout, Region, Width};
 use rigless::time::VirtualNanos;
 
+use super::bus_side::Port;
 use super::fields as f;
-use super::{Core, Otg, PERIPHERAL, Port, Register};
+use super::{Core, Otg, PERIPHERAL, Register};
 use crate::host::usb::bus::{Answer, Bus as _, Kind, Token};
 
 static MEMORY: [Region; 1] = [Region::ram("sram", 0x2000_0000, 0x1_0000)];
@@ -130,7 +131,7 @@ impl Bench {
         field.get(self.read(register))
     }
 
-    /// Changes one field, as a driver's read, modify and write.
+    /// Changes one field, like a driver's read, modify and write.
     pub fn set(&mut self, register: Register, field: FieldSpec, value: u64) {
         let old = self.read(register);
         self.write(register, field.set(old, value));

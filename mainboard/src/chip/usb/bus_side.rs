@@ -3,20 +3,21 @@
 use rigless::device::{DeviceContext, Level, RegisterFile};
 use rigless::time::VirtualNanos;
 
+use super::complaint::Complaint;
 use super::endpoints::disable;
 use super::fields as f;
 use super::fifo::Status;
-use super::{Complaint, Core, Otg, Register, WAKEUP, raise};
+use super::{Core, Otg, Register, WAKEUP, raise};
 use crate::host::usb::bus::{Answer, Bus, Kind, Token};
 
-/// A device takes SE0 for a reset after 2.5 us at the earliest, USB 2.0 section 7.1.7.5.
+/// Minimum duration of SE0 that a device accepts as a reset, USB 2.0 section 7.1.7.5.
 pub const RESET_SEEN_NS: u64 = 2_500;
-/// From the end of a reset to ENUMDNE. The manual gives no time; the core has one speed and nothing to find out.
+/// Time from the end of a reset to ENUMDNE. The manual gives none; the core has a single speed and nothing to detect.
 pub const ENUMERATION_NS: u64 = 10_000;
-/// The clock of a full-speed device, 48 MHz, may be off by 0.25 %, USB 2.0 section 7.1.11.
+/// The clock of a full-speed device: 48 MHz within 0.25 %, USB 2.0 section 7.1.11.
 const CLOCK_HZ: std::ops::RangeInclusive<u64> = 47_880_000..=48_120_000;
 
-/// The core with its registers and its clock at one instant: what a host drives.
+/// The core with its registers and its clock at one instant, as the host drives it.
 #[derive(Debug)]
 pub struct Port<'a, 'b> {
     otg: &'a mut Otg,
@@ -24,9 +25,14 @@ pub struct Port<'a, 'b> {
     context: &'a mut DeviceContext<'b>,
 }
 
-impl<'a, 'b> Port<'a, 'b> {
-    pub(super) fn new(otg: &'a mut Otg, registers: &'a mut RegisterFile, context: &'a mut DeviceContext<'b>) -> Self {
-        Self { otg, registers, context }
+impl Otg {
+    /// The host's side of the core at this instant.
+    pub fn port<'a, 'b>(
+        &'a mut self,
+        registers: &'a mut RegisterFile,
+        context: &'a mut DeviceContext<'b>,
+    ) -> Port<'a, 'b> {
+        Port { otg: self, registers, context }
     }
 }
 
@@ -101,7 +107,7 @@ impl Otg {
         match self.core {
             // Bit 21 is NOVBUSSENS.
             Core::F405 => f::gccfg::BIT21.is_set(config) || (f::gccfg::VBUSBSEN.is_set(config) && self.vbus),
-            // Bit 21 is VBDEN; software may say instead whether the session is valid.
+            // Bit 21 is VBDEN; the software may set the session's validity instead.
             Core::F446 => {
                 let control = registers.get(Register::Gotgctl);
                 if f::gotgctl::BVALOEN.is_set(control) {
@@ -122,13 +128,13 @@ impl Otg {
             && self.session_valid(registers)
     }
 
-    /// Whether the core hears what is on the bus.
+    /// Whether the core receives from the bus.
     fn listening(&self, registers: &RegisterFile) -> bool {
         let gates = f::pcgcctl::STPPCLK.mask() | f::pcgcctl::GATEHCLK.mask();
         self.ready && !self.in_reset && self.connected(registers) && registers.get(Register::Pcgcctl) & gates == 0
     }
 
-    /// USBRST, and what the core clears by itself.
+    /// Sets USBRST and resets what the core resets by itself.
     pub(super) fn see_reset(&mut self, registers: &mut RegisterFile) {
         if !self.connected(registers) {
             return;
@@ -145,7 +151,7 @@ impl Otg {
         self.control_open = false;
     }
 
-    /// A packet without data at endpoint 0 ends a control transfer; an address that came in it counts from now on.
+    /// A packet without data at endpoint 0 ends a control transfer; an address that came in it takes effect.
     fn end_control(&mut self, endpoint: u8, length: usize, registers: &RegisterFile) {
         if endpoint == 0 && length == 0 {
             self.control_open = false;
@@ -153,7 +159,7 @@ impl Otg {
         }
     }
 
-    /// ENUMDNE: full speed with a transceiver of 48 MHz, the only answer there is.
+    /// ENUMDNE: full speed with a transceiver of 48 MHz, the only possible answer.
     pub(super) fn see_speed(&mut self, registers: &mut RegisterFile) {
         if !self.connected(registers) {
             return;
@@ -179,7 +185,7 @@ impl Otg {
         }
     }
 
-    /// The first token after a SETUP stage writes its end.
+    /// Writes the end of the SETUP stage at the first token after it.
     fn end_setup(&mut self, registers: &RegisterFile) {
         if std::mem::take(&mut self.output[0].setup_open) {
             let end = self.entry(Status::SetupComplete, 0, false, Vec::new(), registers);
@@ -243,7 +249,7 @@ impl Otg {
             return Answer::Nak;
         }
         if toggle != self.output[usize::from(endpoint)].toggle {
-            // The host missed the acknowledgement: the packet is here already.
+            // The host missed the acknowledgement: the packet is a repetition.
             return Answer::Ack;
         }
         let active = |endpoint: &u8| f::epctl::USBAEP.is_set(registers.get(Register::Doepctl(*endpoint)));

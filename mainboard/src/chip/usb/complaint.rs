@@ -1,10 +1,6 @@
-//! What the core tells the run about its driver.
+//! Errors of the firmware's USB driver that the core reports.
 
-use rigless::device::DeviceContext;
-
-use super::Otg;
-
-/// What the core tells the run about its driver, each once until a reset.
+/// An error of the driver; the core reports each once until a reset.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Complaint {
     AbsentEndpoint,
@@ -25,7 +21,8 @@ pub(super) enum Complaint {
 }
 
 impl Complaint {
-    fn text(self) -> (&'static str, &'static str) {
+    /// The register, and the reason with its section of the manual.
+    pub(super) fn text(self) -> (&'static str, &'static str) {
         match self {
             Self::AbsentEndpoint => ("DIEPCTL", "this core has endpoints 0 to 3 only, RM0090 34.2"),
             Self::UnreadPacket => {
@@ -44,18 +41,6 @@ impl Complaint {
             Self::HostMode => ("GUSBCFG", "FHMOD forces host mode, which is not modelled, 34.16.2"),
             Self::Speed => ("DCFG", "DSPD is not 3, the one speed of this core, 34.16.4"),
             Self::FifoNumber => ("DIEPCTL", "TXFNUM names a FIFO that this core lacks, 34.16.4"),
-        }
-    }
-}
-
-impl Otg {
-    /// Tells the run, once until a reset.
-    pub(super) fn complain(&mut self, complaint: Complaint, context: &mut DeviceContext<'_>) {
-        let bit = 1 << complaint as u32;
-        if self.told & bit == 0 {
-            self.told |= bit;
-            let (register, reason) = complaint.text();
-            context.tell(register, reason);
         }
     }
 }

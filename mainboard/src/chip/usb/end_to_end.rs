@@ -1,7 +1,7 @@
-//! A driver against the model and the host: it enumerates as a serial port and echoes what it gets.
+//! A driver between the model and the host: it enumerates as a serial port and echoes its input.
 //!
-//! Two ways to drive the core: the manual's programming model (RM0090 34.17), by endpoint interrupts, and that of the
-//! public crate `synopsys-usb-otg`, which works from the receive FIFO's states.
+//! It has two styles: the manual's programming model (RM0090 34.17), with endpoint interrupts, and that of the public
+//! crate `synopsys-usb-otg`, which follows the receive FIFO's states.
 
 use std::collections::VecDeque;
 
@@ -29,9 +29,9 @@ struct Driver {
     style: Style,
     core: Core,
     setup: Option<[u8; 8]>,
-    /// What is left of a control read, in packets.
+    /// The remaining packets of a control read.
     reply: VecDeque<Vec<u8>>,
-    /// Bytes of a control write that are still to come.
+    /// The remaining bytes of a control write.
     expected: usize,
     line_coding: Vec<u8>,
     line_state: u8,
@@ -127,7 +127,7 @@ impl Driver {
         self.arm(2, bench);
     }
 
-    /// Takes one more OUT packet.
+    /// Enables an endpoint for one more OUT packet.
     fn arm(&self, endpoint: u8, bench: &mut Bench) {
         match self.style {
             Style::Manual => {
@@ -220,7 +220,7 @@ impl Driver {
         if !by_crate {
             return;
         }
-        // The F405 is enabled at the ends, the F446 as the data are read.
+        // The F405 is enabled again after the end of a transfer, the F446 as its data are read.
         let enable = if self.core == Core::F405 { [3, 4] } else { [2, 6] };
         if enable.contains(&status) {
             self.arm(endpoint, bench);
@@ -233,7 +233,7 @@ impl Driver {
         }
     }
 
-    /// An OUT transfer ended: the manual's way.
+    /// Follows the end of an OUT transfer in the manual's style.
     fn received(&mut self, endpoint: u8, bench: &mut Bench) {
         if endpoint == 2 {
             self.arm(2, bench);
@@ -268,7 +268,7 @@ impl Driver {
             (0x80, 6, 3) if setup[2] == 1 => Some(text("Maker")),
             (0x80, 6, 3) => Some(text("A port whose name needs more than one packet")),
             (0x00, 5, _) => {
-                // 34.17.5 has the address written before the status stage.
+                // 34.17.5 demands the address before the status stage.
                 bench.set(Register::Dcfg, f::dcfg::DAD, setup[2].into());
                 None
             }
@@ -309,7 +309,7 @@ impl Driver {
     }
 }
 
-/// A generator of its own: the tests must not change with a library.
+/// A generator of these tests, independent of changes to a library.
 struct Random(u64);
 
 impl Random {
@@ -326,7 +326,7 @@ struct Desk {
     host: UsbHost,
     driver: Driver,
     random: Random,
-    /// When the driver gets round to the interrupt.
+    /// The instant at which the driver handles the interrupt.
     service_ns: Option<u64>,
     latency_ns: u64,
 }
@@ -339,7 +339,7 @@ impl Desk {
         Self { bench, host: UsbHost::new(), driver, random: Random(seed | 1), service_ns: None, latency_ns }
     }
 
-    /// Runs until `done`, or for this long.
+    /// Runs until `done`, at most for this time.
     fn run(&mut self, for_ns: u64, mut done: impl FnMut(&mut Self) -> bool) -> bool {
         let end_ns = self.bench.now_ns + for_ns;
         while !done(self) {
@@ -400,7 +400,7 @@ fn a_driver_enumerates_and_echoes() {
 }
 
 #[test]
-fn random_streams_come_back_whole() {
+fn random_streams_are_echoed_completely() {
     for (seed, latency_ns) in [(0x5EED, 1_000), (0xBEEF, 30_000), (77, 400_000)] {
         for (core, style) in WAYS {
             let mut desk = Desk::new(core, style, seed, latency_ns);
@@ -432,7 +432,7 @@ fn the_same_seed_gives_the_same_run() {
 }
 
 #[test]
-fn the_cable_comes_and_goes_in_the_middle_of_a_stream() {
+fn the_cable_may_be_unplugged_in_mid_stream() {
     for (core, style) in WAYS {
         let mut desk = Desk::new(core, style, 3, 20_000);
         desk.open();
@@ -447,7 +447,7 @@ fn the_cable_comes_and_goes_in_the_middle_of_a_stream() {
             desk.echoes(b"again");
         }
         assert!(desk.host.errors.dropped_bytes > 0);
-        // A bus reset in mid-transfer, and sleep.
+        // A bus reset in mid-transfer, and a suspend.
         desk.host.write(&[2; 3000]);
         desk.run(700_000, |_| false);
         desk.host.reset_bus();
@@ -467,12 +467,12 @@ fn the_cable_comes_and_goes_in_the_middle_of_a_stream() {
 }
 
 #[test]
-fn a_reset_during_a_request_is_survived() {
+fn a_reset_in_the_middle_of_a_request_is_survived() {
     for (core, style) in WAYS {
         for wait_us in (0..3_000).step_by(37) {
             let mut desk = Desk::new(core, style, wait_us, 30_000);
             desk.host.plug();
-            // The first request begins 160 ms after the cable is in, the address 60 ms later.
+            // The first request begins 160 ms after plugging, SET_ADDRESS 60 ms later.
             let from_us = if wait_us % 2 == 0 { 160_000 } else { 220_000 };
             desk.run((from_us + wait_us) * 1_000, |_| false);
             desk.host.reset_bus();
@@ -485,7 +485,7 @@ fn a_reset_during_a_request_is_survived() {
 }
 
 #[test]
-fn a_missing_driver_is_noticed() {
+fn the_host_detects_a_missing_driver() {
     let mut desk = Desk::new(Core::F405, Style::Manual, 9, 5_000);
     desk.open();
     desk.bench.set(Register::Dctl, f::dctl::SDIS, 1);

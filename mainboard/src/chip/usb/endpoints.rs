@@ -1,13 +1,14 @@
-//! What the driver does to the endpoints: their control registers, their FIFOs, and popping what has come.
+//! The driver's side of the endpoints: control registers, FIFOs, and popping received entries.
 
 use rigless::device::{DeviceContext, RegisterFile};
 
+use super::complaint::Complaint;
 use super::fields as f;
 use super::fifo::{Entry, MEMORY_WORDS, Status};
-use super::{Complaint, Core, Otg, Register, raise};
+use super::{Core, Otg, Register, raise};
 
 impl Otg {
-    /// An entry of the receive FIFO, with the frame in which it comes.
+    /// An entry of the receive FIFO, with the current frame number.
     pub(super) fn entry(
         &self,
         status: Status,
@@ -82,7 +83,7 @@ impl Otg {
         }
     }
 
-    /// NAKSTS after SNAK or CNAK.
+    /// Applies SNAK and CNAK to NAKSTS.
     fn apply_nak(&mut self, value: u64, context: &mut DeviceContext<'_>) -> u64 {
         match (f::epctl::SNAK.is_set(value), f::epctl::CNAK.is_set(value)) {
             (true, clear) => {
@@ -96,7 +97,7 @@ impl Otg {
         }
     }
 
-    /// A transfer's size begins it anew.
+    /// Starts a transfer when its size is written.
     pub(super) fn write_in_size(&mut self, endpoint: u8, registers: &RegisterFile) {
         let size = f::eptsiz::XFRSIZ.get(registers.get(Register::Dieptsiz(endpoint))) as u32;
         let input = &mut self.input[usize::from(endpoint)];
@@ -104,7 +105,7 @@ impl Otg {
         input.loaded = 0;
     }
 
-    /// A word for an endpoint's FIFO. XFRSIZ counts down as each packet is whole, 34.16.4.
+    /// Writes a word to an endpoint's FIFO. XFRSIZ counts down with each complete packet, 34.16.4.
     pub(super) fn write_fifo(
         &mut self,
         endpoint: u8,
@@ -129,7 +130,7 @@ impl Otg {
         }
     }
 
-    /// GRXSTSP: takes the entry at the front, and does what its kind does when it is taken, 34.17.6.
+    /// GRXSTSP: removes the front entry and applies its effects, 34.17.6.
     pub(super) fn pop(&mut self, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
         let Some((entry, left_unread)) = self.receive.pop() else { return };
         if left_unread {
@@ -161,7 +162,7 @@ impl Otg {
         }
     }
 
-    /// Tells the run of FIFOs in use that share words or end beyond the memory, 34.11.
+    /// Reports FIFOs in use that share words or end beyond the memory, 34.11.
     fn check_fifos(&mut self, registers: &RegisterFile, context: &mut DeviceContext<'_>) {
         let receive = f::grxfsiz::RXFD.get(registers.get(Register::Grxfsiz)) as u32;
         let mut fifos: Vec<u8> = self
@@ -190,7 +191,7 @@ pub(super) fn disable(control: Register, registers: &mut RegisterFile) {
     registers.set(control, f::epctl::EPENA.set(registers.get(control), 0));
 }
 
-/// SD0PID and SD1PID, and DPID as it then reads.
+/// Applies SD0PID and SD1PID to the toggle and to DPID.
 fn apply_toggle(value: u64, toggle: &mut bool) -> u64 {
     if f::epctl::SD0PID.is_set(value) {
         *toggle = false;
@@ -201,7 +202,7 @@ fn apply_toggle(value: u64, toggle: &mut bool) -> u64 {
     f::epctl::DPID.set(value, (*toggle).into())
 }
 
-/// A control register without the bits that only act.
+/// A control register without its action bits.
 fn without_actions(value: u64) -> u64 {
     let actions = [f::epctl::CNAK, f::epctl::SNAK, f::epctl::SD0PID, f::epctl::SD1PID, f::epctl::EPDIS];
     actions.iter().fold(value, |value, field| field.set(value, 0))

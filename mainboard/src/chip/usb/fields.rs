@@ -126,11 +126,11 @@ fields! {
     doepmsk { XFRCM = rw(0, 1); EPDM = rw(1, 1); STUPM = rw(3, 1); OTEPDM = rw(4, 1); }
 }
 fields! {
-    /// Which endpoints have an interrupt, and which of them count, 34.16.4.
+    /// The endpoints with an interrupt, and their masks, 34.16.4.
     daint { IEP = rw(0, 16); OEP = rw(16, 16); }
 }
 fields! {
-    /// Which IN endpoints interrupt on an empty FIFO, 34.16.4.
+    /// The IN endpoints that interrupt on an empty FIFO, 34.16.4.
     diepempmsk { INEPTXFEM = rw(0, 16); }
 }
 fields! {

@@ -1,12 +1,12 @@
-//! The packet memory of the OTG_FS core, RM0090 section 34.11: one receive FIFO for all, one transmit FIFO each.
+//! The packet memory of the OTG_FS core, RM0090 section 34.11: one receive FIFO, and a transmit FIFO for each endpoint.
 
 use std::collections::VecDeque;
 
-/// Words of packet memory, of both cores: 1.25 Kbytes, RM0090 34.2 and RM0390 31.2.
+/// Words of packet memory in both cores: 1.25 Kbytes, RM0090 34.2 and RM0390 31.2.
 pub const MEMORY_WORDS: u32 = 320;
-/// Words of the receive FIFO that only SETUP packets use: four for each control endpoint and six, 34.11.1.
+/// Words of the receive FIFO reserved for SETUP packets: four for each control endpoint and six, 34.11.1.
 const SETUP_WORDS: u32 = 10;
-/// One word for the global OUT NAK, 34.11.1.
+/// Words reserved for the global OUT NAK, 34.11.1.
 const GLOBAL_NAK_WORDS: u32 = 1;
 
 /// GRXSTSR.PKTSTS of a device, 34.16.2.
@@ -25,7 +25,7 @@ pub enum Status {
 }
 
 impl Status {
-    /// Its code in GRXSTSR.
+    /// The code in GRXSTSR.
     #[must_use]
     pub fn code(self) -> u64 {
         match self {
@@ -41,15 +41,15 @@ impl Status {
 /// An entry of the receive FIFO: a status word and its data.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Entry {
-    /// What it is.
+    /// The kind.
     pub status: Status,
-    /// The endpoint it is for.
+    /// The endpoint.
     pub endpoint: u8,
     /// DATA1 rather than DATA0.
     pub toggle: bool,
-    /// Low bits of the frame number in which it came.
+    /// Low bits of the frame number at reception.
     pub frame: u16,
-    /// Its data, empty but for packets.
+    /// The data; empty except for packets.
     pub bytes: Vec<u8>,
 }
 
@@ -59,7 +59,7 @@ impl Entry {
     }
 }
 
-/// Words that this many bytes fill.
+/// Number of words that hold this many bytes.
 #[must_use]
 pub fn words_of(bytes: usize) -> u32 {
     u32::try_from(bytes.div_ceil(4)).unwrap_or(u32::MAX)
@@ -69,7 +69,7 @@ pub fn words_of(bytes: usize) -> u32 {
 #[derive(Debug, Clone, Default, serde::Serialize, serde::Deserialize)]
 pub struct Receive {
     entries: VecDeque<Entry>,
-    /// Words of the packet whose status was popped last.
+    /// Unread words of the packet whose status was popped last.
     open: VecDeque<u32>,
 }
 
@@ -80,8 +80,8 @@ impl Receive {
         self.entries.front()
     }
 
-    /// Takes the entry at the front; its data are read next. The second value says that words of the packet before
-    /// it were left unread, and are lost.
+    /// Removes the front entry; its data are read next. The second value is true if words of the packet before it were
+    /// left unread, which are lost.
     pub fn pop(&mut self) -> Option<(Entry, bool)> {
         let entry = self.entries.pop_front()?;
         let left_unread = !self.open.is_empty();
@@ -89,25 +89,25 @@ impl Receive {
         Some((entry, left_unread))
     }
 
-    /// The next word of the packet that was popped.
+    /// The next word of the popped packet.
     pub fn read(&mut self) -> Option<u32> {
         self.open.pop_front()
     }
 
-    /// The word that [`Receive::read`] would give.
+    /// The word that [`Receive::read`] would return.
     #[must_use]
     pub fn peek(&self) -> Option<u32> {
         self.open.front().copied()
     }
 
-    /// Adds an entry, for which there is room.
+    /// Adds an entry; the caller has checked that it fits.
     pub fn push(&mut self, entry: Entry) {
         self.entries.push_back(entry);
     }
 
-    /// Whether an OUT packet of this many bytes finds room in a FIFO of `depth` words: with its status and the entry
-    /// that ends its transfer, without what is kept for SETUP packets, the global NAK and the endings of `transfers`
-    /// other endpoints.
+    /// Whether an OUT packet of this many bytes fits in a FIFO of `depth` words: with its status and the entry that
+    /// ends its transfer, without the words reserved for SETUP packets, the global NAK and the end entries of
+    /// `transfers` other endpoints.
     #[must_use]
     pub fn takes_packet(&self, bytes: usize, depth: u32, transfers: u32) -> bool {
         let kept = SETUP_WORDS + GLOBAL_NAK_WORDS + transfers;
@@ -115,7 +115,7 @@ impl Receive {
         self.used() - setup + 1 + words_of(bytes) + 1 + kept <= depth
     }
 
-    /// Whether a SETUP packet finds room: three words, and one for its end.
+    /// Whether a SETUP packet fits: three words, and one for its end.
     #[must_use]
     pub fn takes_setup(&self, depth: u32) -> bool {
         self.used() + 4 <= depth
@@ -128,20 +128,20 @@ impl Receive {
         self.entries.iter().map(Entry::words).sum::<u32>() + open
     }
 
-    /// Empties it.
+    /// Empties the FIFO.
     pub fn flush(&mut self) {
         *self = Self::default();
     }
 }
 
-/// One transmit FIFO.
+/// A transmit FIFO.
 #[derive(Debug, Clone, Default, serde::Serialize, serde::Deserialize)]
 pub struct Transmit {
     words: VecDeque<u32>,
 }
 
 impl Transmit {
-    /// Adds a word to a FIFO of `depth` words; false says that it was full and the word is lost.
+    /// Adds a word to a FIFO of `depth` words; false if the FIFO was full and the word is lost.
     pub fn push(&mut self, value: u32, depth: u32) -> bool {
         let fits = self.used() < depth;
         if fits {
@@ -150,7 +150,7 @@ impl Transmit {
         fits
     }
 
-    /// The first bytes, without taking them, or `None` until all of them are there.
+    /// Copies the first bytes; `None` if fewer are in the FIFO.
     #[must_use]
     pub fn peek_packet(&self, bytes: usize) -> Option<Vec<u8>> {
         if words_of(bytes) > self.used() {
@@ -170,13 +170,13 @@ impl Transmit {
         u32::try_from(self.words.len()).unwrap_or(u32::MAX)
     }
 
-    /// Empties it.
+    /// Empties the FIFO.
     pub fn flush(&mut self) {
         self.words.clear();
     }
 }
 
-/// Up to four bytes as the word the FIFO hands over, the first byte lowest.
+/// Up to four bytes as a word of the FIFO, the first byte lowest.
 fn word(bytes: &[u8]) -> u32 {
     bytes.iter().rev().fold(0, |word, byte| word << 8 | u32::from(*byte))
 }
@@ -198,13 +198,13 @@ mod tests {
 
     #[test]
     fn a_packet_leaves_room_for_setup_and_endings() {
-        // 11 kept, 2 transfers, status, 16 words, its own ending.
+        // 11 reserved, 2 transfers, status, 16 words, its own end entry.
         let fifo = Receive::default();
         assert!(fifo.takes_packet(64, 31, 2));
         assert!(!fifo.takes_packet(64, 30, 2));
         let mut fifo = fifo;
         fifo.push(Entry { status: Status::Setup, ..packet(8) });
-        assert!(fifo.takes_packet(64, 31, 2), "a SETUP packet lies in the words kept for it");
+        assert!(fifo.takes_packet(64, 31, 2), "a SETUP packet uses the reserved words");
         fifo.push(packet(0));
         assert!(!fifo.takes_packet(64, 31, 2));
         assert!(fifo.takes_packet(64, 32, 2));
@@ -232,7 +232,7 @@ mod tests {
     }
 
     #[test]
-    fn a_transmit_fifo_refuses_what_it_cannot_hold() {
+    fn a_full_transmit_fifo_refuses_words() {
         let mut fifo = Transmit::default();
         assert!(fifo.push(0x0403_0201, 2) && fifo.push(0x0605, 2));
         assert!(!fifo.push(0, 2));

@@ -1,4 +1,4 @@
-//! What the registers show that is a level rather than a stored bit, and the interrupt line that follows from it.
+//! Register bits that are levels, and the interrupt line that follows from them.
 
 use rigless::device::{DeviceContext, Level, RegisterFile};
 
@@ -7,12 +7,12 @@ use super::fifo::MEMORY_WORDS;
 use super::{OTG_FS, Otg, Register, raise};
 
 impl Otg {
-    /// The numbers of the endpoints that the core has.
+    /// The numbers of the core's endpoints.
     pub(super) fn numbers(&self) -> impl Iterator<Item = u8> + use<> {
         0..self.core.endpoints() as u8
     }
 
-    /// Words that the receive FIFO holds.
+    /// The size of the receive FIFO, words.
     pub(super) fn receive_depth(registers: &RegisterFile) -> u32 {
         (f::grxfsiz::RXFD.get(registers.get(Register::Grxfsiz)) as u32).min(MEMORY_WORDS)
     }
@@ -23,7 +23,7 @@ impl Otg {
         if usize::from(number) < self.core.endpoints() { number } else { endpoint }
     }
 
-    /// Words that a transmit FIFO holds.
+    /// The size of a transmit FIFO, words.
     pub(super) fn transmit_depth(fifo: u8, registers: &RegisterFile) -> u32 {
         (f::dieptxf::FD.get(registers.get(Register::Dieptxf(fifo))) as u32).min(MEMORY_WORDS)
     }
@@ -43,7 +43,7 @@ impl Otg {
         }
     }
 
-    /// DIEPINT with the level of the FIFO.
+    /// DIEPINT including TXFE, the FIFO's level.
     pub(super) fn in_flags(&self, endpoint: u8, registers: &RegisterFile) -> u64 {
         let depth = Self::transmit_depth(self.fifo_of(endpoint, registers), registers);
         let free = self.free_words(endpoint, registers);
@@ -52,7 +52,7 @@ impl Otg {
         f::diepint::TXFE.set(registers.get(Register::Diepint(endpoint)), empty.into())
     }
 
-    /// DAINT: the endpoints with a flag that counts.
+    /// DAINT: the endpoints with an unmasked flag.
     pub(super) fn endpoints_flagged(&self, registers: &RegisterFile) -> u64 {
         let in_mask = registers.get(Register::Diepmsk);
         let out_mask = registers.get(Register::Doepmsk);
@@ -66,7 +66,7 @@ impl Otg {
         })
     }
 
-    /// GINTSTS with the flags that are levels.
+    /// GINTSTS including the flags that are levels.
     pub(super) fn flags(&self, registers: &RegisterFile) -> u64 {
         let counted = self.endpoints_flagged(registers) & registers.get(Register::Daintmsk);
         let host = f::gusbcfg::FHMOD.is_set(registers.get(Register::Gusbcfg));
@@ -82,7 +82,7 @@ impl Otg {
         levels.iter().fold(registers.get(Register::Gintsts), |flags, (field, on)| field.set(flags, (*on).into()))
     }
 
-    /// Follows the session and drives the interrupt line: the last step of everything that changes something.
+    /// Follows the session and drives the interrupt line: the last step of every change.
     pub(super) fn settle(&mut self, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
         let session = self.session_valid(registers);
         if session != self.session {
@@ -94,7 +94,7 @@ impl Otg {
             }
         }
         if !self.connected(registers) {
-            // The host sees a device leave; nothing answers until the next reset.
+            // For the host the device has left; the core answers after the next reset only.
             self.ready = false;
         }
         let enabled = f::gahbcfg::GINT.is_set(registers.get(Register::Gahbcfg));

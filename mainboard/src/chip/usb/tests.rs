@@ -1,4 +1,4 @@
-//! A test for each row of the model's table; those of transfers are in `transfers`.
+//! A test for each row of the model's table, except the rows of transfers: see `transfers`.
 
 use rigless::device::{Device, Level};
 use rigless::mcu::Operate;
@@ -17,7 +17,7 @@ fn data(toggle: bool, bytes: &[u8]) -> Answer {
     Answer::Data { toggle, bytes: bytes.to_vec() }
 }
 
-/// Pops GRXSTSP and answers its status, endpoint and bytes.
+/// Pops GRXSTSP; returns its status, endpoint and byte count.
 fn pop(bench: &mut Bench) -> (u64, u64, u64) {
     let word = bench.read(Register::Grxstsp);
     (f::grxsts::PKTSTS.get(word), f::grxsts::EPNUM.get(word), f::grxsts::BCNT.get(word))
@@ -338,7 +338,7 @@ fn a_token_to_another_address_is_not_answered() {
 }
 
 #[test]
-fn an_address_counts_after_its_status_stage() {
+fn an_address_takes_effect_after_its_status_stage() {
     let mut bench = Bench::ready(Core::F405);
     bench.setup([0, 5, 5, 0, 0, 0, 0, 0]);
     pop(&mut bench);
@@ -403,7 +403,7 @@ fn a_babbling_packet_is_not_answered() {
 }
 
 #[test]
-fn a_system_reset_forgets_all_but_the_cable() {
+fn a_system_reset_keeps_only_the_cable() {
     let mut bench = Bench::ready(Core::F405);
     bench.write(Register::Gahbcfg, 1);
     bench.setup(GET);

@@ -1,11 +1,11 @@
 //! The debugger of a program that asks for files and for its command line.
 //!
-//! GDB's remote protocol ("Debugging with GDB", appendix E), as much of it as that takes: packets `$TEXT#SUM`, each
-//! acknowledged by a `+`; the file calls `Fopen`, `Fread` and `Fclose` of its section on File-I/O; and breakpoints at the calls
-//! of semihosting, where SYS_GET_CMDLINE (0x15) is answered, which the emulator lets fail. Files are opened for reading, by
-//! name, in one folder.
+//! The covered part of GDB's remote protocol ("Debugging with GDB", appendix E): packets `$TEXT#SUM`, each acknowledged
+//! by a `+`; the file calls `Fopen`, `Fread` and `Fclose` of its section on File-I/O; and breakpoints at the
+//! semihosting calls, where SYS_GET_CMDLINE (0x15) is answered, which the emulator lets fail. Files are opened for
+//! reading, by name, in one folder.
 //!
-//! **Left out:** all other calls. They fail, as the protocol says they may.
+//! **Left out:** all other calls. They fail, as the protocol permits.
 
 use std::fs::File;
 use std::io::{self, BufReader, Read, Write};
@@ -20,17 +20,17 @@ const NEXT: usize = 15;
 /// Semihosting's call for the command line.
 const GET_COMMAND_LINE: u32 = 0x15;
 
-/// The protocol's numbers of errors: there is no such file, the call is not known.
+/// The protocol's errors: the file does not exist; the call is unknown.
 const NO_FILE: &str = "F-1,2";
 const UNKNOWN: &str = "F-1,270f";
 
-/// A packet holds no more bytes of memory than this.
-const MOST_BYTES: usize = 1024;
+/// Maximum bytes of memory in a packet.
+const MAX_BYTES: usize = 1024;
 
-/// The instruction that calls the host: `bkpt 0xab`.
+/// The instruction of a semihosting call: `bkpt 0xab`.
 const CALL: [u8; 2] = [0xab, 0xbe];
 
-/// Where a program may call its host: addresses of the instruction, or of data that looks the same.
+/// Addresses of possible semihosting calls: the instruction, or data that looks like it.
 pub fn calls<'a>(segments: impl Iterator<Item = (u64, &'a [u8])>) -> Vec<u64> {
     let calls = segments.flat_map(|(start, bytes)| {
         bytes
@@ -44,14 +44,14 @@ pub fn calls<'a>(segments: impl Iterator<Item = (u64, &'a [u8])>) -> Vec<u64> {
     calls.collect()
 }
 
-/// Serves a program from its first instruction to its end. A program without arguments need not be stopped at its
+/// Serves a program from its first instruction to its end. A program without arguments runs without breakpoints at its
 /// calls.
 ///
 /// # Errors
-/// The emulator is gone, or the program has stopped by itself.
+/// The emulator closed the connection, or the program stopped outside its calls.
 pub fn serve(emulator: SocketAddr, folder: &Path, arguments: &str, calls: &[u64]) -> Result<(), String> {
-    let mut server = Server::connect(emulator).map_err(|error| format!("the emulator's debugger: {error}"))?;
-    server.serve(folder, arguments, calls).map_err(|error| format!("the emulator's debugger: {error}"))
+    let mut server = Server::connect(emulator).map_err(|error| format!("the debugger lost the emulator: {error}"))?;
+    server.serve(folder, arguments, calls).map_err(|error| format!("the debugger lost the emulator: {error}"))
 }
 
 struct Server {
@@ -79,7 +79,7 @@ impl Server {
         loop {
             let said = self.receive()?;
             match said.as_bytes().first() {
-                // What it prints is the emulator's business.
+                // The emulator handles console output.
                 Some(b'O') => {}
                 Some(b'F') => {
                     let answer = self.file_call(&said[1..], folder)?;
@@ -110,7 +110,7 @@ impl Server {
                 else {
                     return Err(unexpected(request));
                 };
-                // Its last byte is the zero after the name.
+                // The last byte is the terminating zero.
                 let name = self.read_memory(address, length.saturating_sub(1))?;
                 let name = String::from_utf8_lossy(&name).into_owned();
                 let is_name = Path::new(&name).components().all(|part| matches!(part, Component::Normal(_)));
@@ -137,12 +137,14 @@ impl Server {
         })
     }
 
-    /// Answers the call at which the program has stopped if it is for the command line, for which it calls once.
+    /// Answers the call at which the program has stopped if it asks for the command line, which it does once.
     fn stopped(&mut self, arguments: &str, calls: &[u64]) -> io::Result<()> {
         let (operation, parameter) = (self.register(OPERATION)?, self.register(PARAMETER)? as usize);
         let place = self.register(NEXT)?;
         if !calls.contains(&u64::from(place)) {
-            return Err(io::Error::other(format!("the program has stopped at {place:#010x}")));
+            return Err(io::Error::other(format!(
+                "the program stopped at {place:#010x}, which is not a semihosting call"
+            )));
         }
         if operation != GET_COMMAND_LINE {
             return Ok(());
@@ -150,7 +152,8 @@ impl Server {
         for call in calls {
             self.command(&format!("z1,{call:x},2"))?;
         }
-        // A block of two words: where to put it, and how long it may be; then how long it is.
+        // The parameter block has two words: the buffer's address, and its size, which the answer replaces by the
+        // length.
         let block = self.read_memory(parameter, 8)?;
         let word =
             |at: usize| block.get(at..at + 4).and_then(|bytes| bytes.try_into().ok()).map_or(0, u32::from_le_bytes);
@@ -171,7 +174,7 @@ impl Server {
     }
 
     fn write_memory(&mut self, address: usize, bytes: &[u8]) -> io::Result<()> {
-        for (place, part) in (address..).step_by(MOST_BYTES).zip(bytes.chunks(MOST_BYTES)) {
+        for (place, part) in (address..).step_by(MAX_BYTES).zip(bytes.chunks(MAX_BYTES)) {
             let digits: String = part.iter().map(|byte| format!("{byte:02x}")).collect();
             self.command(&format!("M{place:x},{:x}:{digits}", part.len()))?;
         }
@@ -203,7 +206,7 @@ impl Server {
         self.out.write_all(packet(text).as_bytes())
     }
 
-    /// The next packet that comes.
+    /// Receives the next packet.
     fn receive(&mut self) -> io::Result<String> {
         while self.byte()? != b'$' {}
         let mut text = Vec::new();
@@ -213,7 +216,7 @@ impl Server {
                 byte => text.push(byte),
             }
         }
-        // The sum: the line is within this computer, and loses nothing.
+        // The checksum: a connection within this computer loses nothing.
         self.byte()?;
         self.byte()?;
         self.out.write_all(b"+")?;
@@ -227,17 +230,17 @@ impl Server {
     }
 }
 
-/// Those below are the console's.
+/// The first file handle; lower numbers belong to the console.
 const FIRST_HANDLE: usize = 3;
 
-/// A text as a packet.
+/// A text as a packet with its checksum.
 fn packet(text: &str) -> String {
     let sum = text.bytes().fold(0_u8, u8::wrapping_add);
     format!("${text}#{sum:02x}")
 }
 
 fn unexpected(answer: &str) -> io::Error {
-    io::Error::other(format!("{answer:?} was not expected"))
+    io::Error::other(format!("unexpected packet {answer:?}"))
 }
 
 #[cfg(test)]

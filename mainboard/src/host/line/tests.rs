@@ -9,7 +9,7 @@ fn path(name: &str) -> PathBuf {
     std::env::temp_dir().join(format!("ferrostep-mainboard-{name}-{}", std::process::id()))
 }
 
-/// Reads until there is as much, at most 5 s.
+/// Reads until this many bytes have arrived, at most 5 s.
 fn read_all(line: &mut Line, count: usize) -> Vec<u8> {
     let end = Instant::now() + Duration::from_secs(5);
     let mut bytes = Vec::new();
@@ -29,7 +29,7 @@ fn becomes(line: &mut Line, connected: bool) -> bool {
 }
 
 #[test]
-fn a_host_reads_and_writes_a_terminal_as_it_is() {
+fn a_terminal_passes_bytes_unchanged() {
     let link = path("raw");
     let mut line = Line::pty(&link).unwrap();
     assert_eq!(line.address(), link.display().to_string());
@@ -41,12 +41,12 @@ fn a_host_reads_and_writes_a_terminal_as_it_is() {
     let all: Vec<u8> = (0..=255).collect();
     host.write_all(&all).unwrap();
     assert_eq!(read_all(&mut line, 256), all);
-    assert!(line.read().unwrap().is_empty(), "nothing is echoed or pending");
+    assert!(line.read().unwrap().is_empty(), "the terminal echoes nothing and does not block");
     assert!(line.connected());
     drop(host);
     assert!(becomes(&mut line, false));
     assert!(line.read().unwrap().is_empty());
-    line.write(b"to nobody\n").unwrap();
+    line.write(b"unread\n").unwrap();
     let _host = OpenOptions::new().read(true).write(true).open(&link).unwrap();
     assert!(becomes(&mut line, true), "the next host finds it again");
     drop(line);
@@ -54,7 +54,7 @@ fn a_host_reads_and_writes_a_terminal_as_it_is() {
 }
 
 #[test]
-fn a_path_in_use_is_refused_by_name_and_a_stale_link_replaced() {
+fn a_path_in_use_is_refused_by_name_and_a_stale_link_is_replaced() {
     let link = path("used");
     let line = Line::pty(&link).unwrap();
     let refusal = Line::pty(&link).unwrap_err();
@@ -67,7 +67,7 @@ fn a_path_in_use_is_refused_by_name_and_a_stale_link_replaced() {
 }
 
 #[test]
-fn a_terminal_that_nobody_reads_keeps_the_newest() {
+fn an_unread_terminal_keeps_the_latest_bytes() {
     let link = path("full");
     let mut line = Line::pty(&link).unwrap();
     for _ in 0..64 {
@@ -77,7 +77,7 @@ fn a_terminal_that_nobody_reads_keeps_the_newest() {
 }
 
 #[test]
-fn one_host_at_a_time_comes_and_goes_by_tcp() {
+fn tcp_serves_one_host_at_a_time() {
     let mut line = Line::tcp(0).unwrap();
     line.write(b"lost").unwrap();
     assert_eq!(line.dropped_bytes(), 4);

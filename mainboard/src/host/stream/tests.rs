@@ -13,7 +13,7 @@ fn sent(stream: &mut Stream, now_ns: u64) -> Option<String> {
 }
 
 #[test]
-fn lines_go_one_by_one_without_comments() {
+fn lines_are_sent_one_by_one_without_comments() {
     let mut stream = Stream::new(["G28 ; home", "", "; nothing", "  G1 X1"], Options::default());
     assert_eq!(stream.lines(), 2);
     assert_eq!(sent(&mut stream, 0).unwrap(), "G28\n");
@@ -31,7 +31,7 @@ fn lines_go_one_by_one_without_comments() {
 }
 
 #[test]
-fn numbers_and_checksums_are_those_of_the_protocol() {
+fn lines_carry_the_numbers_and_checksums_of_the_protocol() {
     let mut stream = Stream::new(["T0", "x", "x", "G92 E0"], numbered_options(9));
     assert_eq!(sent(&mut stream, 0).unwrap(), "N0 M110 N0*125\n");
     sent(&mut stream, 0);
@@ -42,7 +42,7 @@ fn numbers_and_checksums_are_those_of_the_protocol() {
 }
 
 #[test]
-fn a_resend_goes_back_once_its_ok_has_come() {
+fn a_resend_starts_after_its_ok() {
     for text in ["Resend: 1", "Resend:1", "rs 1", "rs N1"] {
         let mut stream = Stream::new(["G28", "G1 X1"], numbered_options(1));
         stream.to_send(0);
@@ -79,7 +79,7 @@ fn an_impossible_resend_is_a_problem() {
     let mut stream = Stream::new(["G28"], Options::default());
     stream.to_send(0);
     stream.received(1, b"Resend: 1\n");
-    assert!(stream.problems()[0].text.contains("no numbers"));
+    assert!(stream.problems()[0].text.contains("without numbers"));
 }
 
 #[test]
@@ -92,22 +92,22 @@ fn a_reset_ends_sending_and_is_reported() {
     stream.received(6, b"start\nok\n");
     assert!(stream.was_reset() && sent(&mut stream, 6).is_none() && !stream.finished());
     assert_eq!(stream.problems()[0].at_ns, 6);
-    assert!(stream.problems()[0].text.contains("1 lines on their way"));
+    assert!(stream.problems()[0].text.contains("1 lines unacknowledged"));
 }
 
 #[test]
-fn a_waiting_printer_and_an_ok_too_many_are_problems() {
+fn an_idle_printer_and_an_extra_ok_are_problems() {
     let mut stream = Stream::new(["G28"], Options::default());
     stream.received(0, b"wait\n");
     stream.to_send(1);
     assert!(stream.problems().is_empty());
     stream.received(2, b"wait\nok\nok\n");
     assert_eq!(stream.problems().len(), 2);
-    assert!(stream.problems()[1].text.contains("nobody sent"));
+    assert!(stream.problems()[1].text.contains("too many"));
 }
 
 #[test]
-fn busy_messages_are_not_silence() {
+fn signs_of_life_end_silence() {
     let mut stream = Stream::new(["G28"], Options::default());
     stream.received(1, b"start\n");
     assert_eq!(stream.silent_ns(1_000), 0, "nothing is to be answered");
@@ -133,7 +133,7 @@ fn an_urgent_line_overtakes_and_is_acknowledged_in_turn() {
     assert_eq!(stream.errors().count(), 2);
 }
 
-/// A printer that checks numbers and checksums, and has a line's buffer that it empties on an error.
+/// A printer that checks numbers and checksums, and empties its line buffer on an error.
 struct Printer {
     last: i64,
     done: Vec<String>,
@@ -160,7 +160,7 @@ impl Printer {
 
 proptest! {
     #[test]
-    fn all_lines_arrive_once_and_in_order_whatever_is_garbled(
+    fn garbled_lines_arrive_once_and_in_order(
         window in 1_usize..6,
         count in 1_usize..40,
         garbled in prop::collection::vec(0_u8..4, 0..60),
@@ -177,7 +177,7 @@ proptest! {
                 }
                 printer.take(String::from_utf8(bytes).unwrap().trim_end());
             }
-            // Answers come one by one: a resend may be followed by others of the same line.
+            // Answers arrive one by one: several resends of the same line may follow each other.
             let length = printer.replies.iter().position(|byte| *byte == b'\n').map_or(0, |end| end + 1);
             let reply: Vec<u8> = printer.replies.drain(..length).collect();
             stream.received(now_ns, &reply);

@@ -1,4 +1,4 @@
-//! What a host and a device say to each other on a full-speed bus, one whole transaction at a time.
+//! The transactions between a host and a device on a full-speed bus.
 
 /// A transaction as the host starts it, USB 2.0 section 8.5.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -7,7 +7,7 @@ pub struct Token<'a> {
     pub address: u8,
     /// Number of the endpoint, without its direction.
     pub endpoint: u8,
-    /// What is asked.
+    /// The kind of transaction.
     pub kind: Kind<'a>,
 }
 
@@ -30,14 +30,14 @@ pub enum Kind<'a> {
     },
 }
 
-/// What the device answered.
+/// The answer of the device.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Answer {
-    /// The data were taken.
+    /// The data were accepted.
     Ack,
-    /// Not now.
+    /// Not ready.
     Nak,
-    /// The endpoint is halted, or the request is refused.
+    /// The endpoint is halted, or the device refuses the request.
     Stall,
     /// A packet to the host.
     Data {
@@ -46,11 +46,11 @@ pub enum Answer {
         /// Its bytes.
         bytes: Vec<u8>,
     },
-    /// Nothing: the host's turnaround timer runs out.
+    /// No answer: the host's turnaround timer runs out.
     Silence,
 }
 
-/// The bus seen from the host. Each call happens at the instant that the run has reached.
+/// The bus as the host drives it. Each call happens at the run's current instant.
 pub trait Bus {
     /// Whether a device's pull-up holds D+ high.
     fn connected(&mut self) -> bool;
@@ -58,7 +58,7 @@ pub trait Bus {
     fn set_vbus(&mut self, on: bool);
     /// Drives the reset state (SE0) from now on, or ends it.
     fn set_reset(&mut self, active: bool);
-    /// Tells that the bus has been idle for 3 ms, which is how a device learns of a suspend.
+    /// Signals that the bus has been idle for 3 ms, which suspends a device.
     fn suspend(&mut self);
     /// Drives the resume state.
     fn resume(&mut self);

@@ -1,20 +1,20 @@
-//! A control transfer as a host runs it, USB 2.0 section 8.5.3.
+//! A control transfer on the host's side, USB 2.0 section 8.5.3.
 
 use super::bus::{Answer, Kind};
 
-/// Attempts at one transaction that the device does not answer, USB 2.0 section 8.7.
+/// Maximum attempts at a transaction without an answer, USB 2.0 section 8.7.
 pub const ATTEMPTS: u8 = 3;
 
-/// How a control transfer ended.
+/// The end of a control transfer.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub enum Outcome {
-    /// With the bytes that the device sent, none for a request without.
+    /// Success, with the bytes from the device; empty for a request without.
     Done(Vec<u8>),
-    /// The device refused it.
+    /// The device refused the request.
     Stalled,
-    /// The device did not answer three times.
+    /// The device answered none of three attempts.
     Unanswered,
-    /// The device answered against the rules.
+    /// The device broke the protocol.
     Broken(String),
 }
 
@@ -25,24 +25,24 @@ enum Stage {
     Status,
 }
 
-/// A control transfer under way.
+/// A control transfer in progress.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Control {
     setup: [u8; 8],
-    /// Bytes to the device, or those that have come.
+    /// Bytes for the device, or those received so far.
     data: Vec<u8>,
-    /// Bytes of `data` that the device has taken.
+    /// Bytes of `data` that the device has accepted.
     sent: usize,
     stage: Stage,
     toggle: bool,
     attempts: u8,
     packet: usize,
-    /// A packet came twice.
+    /// Whether a packet arrived twice.
     pub repeated: bool,
 }
 
 impl Control {
-    /// A request with so large packets at endpoint 0; `data` goes to the device, empty for the other direction.
+    /// A request with packets of this size at endpoint 0; `data` goes to the device, empty for the other direction.
     #[must_use]
     pub fn new(setup: [u8; 8], data: Vec<u8>, packet: u8) -> Self {
         let packet = usize::from(packet);
@@ -69,7 +69,7 @@ impl Control {
         &self.data[self.sent..end]
     }
 
-    /// The transaction to run next. Without `acknowledged` the host's handshake to an IN packet is lost.
+    /// The next transaction. Without `acknowledged` the host's handshake to an IN packet is lost.
     #[must_use]
     pub fn next(&self, acknowledged: bool) -> Kind<'_> {
         match (self.stage, self.to_host()) {
@@ -80,7 +80,7 @@ impl Control {
         }
     }
 
-    /// Takes the answer to that transaction; `Some` ends the transfer.
+    /// Processes the answer to that transaction; `Some` ends the transfer.
     pub fn take(&mut self, answer: Answer) -> Option<Outcome> {
         match answer {
             Answer::Silence => {
@@ -126,7 +126,7 @@ impl Control {
         self.data.extend_from_slice(bytes);
         if bytes.len() > self.packet || self.data.len() > self.length() {
             return Some(Outcome::Broken(format!(
-                "{} bytes where {} were asked for, in packets of {}",
+                "{} bytes received, {} requested, in packets of {}",
                 self.data.len(),
                 self.length(),
                 self.packet
@@ -148,14 +148,14 @@ mod tests {
     }
 
     #[test]
-    fn a_read_takes_packets_until_a_short_one() {
+    fn a_read_ends_with_a_short_packet() {
         let mut control = Control::new([0x80, 6, 0, 1, 0, 0, 18, 0], Vec::new(), 8);
         assert_eq!(control.next(true), Kind::Setup([0x80, 6, 0, 1, 0, 0, 18, 0]));
         assert_eq!(control.take(Answer::Ack), None);
         assert_eq!(control.next(true), Kind::In { acknowledged: true });
         assert_eq!(control.take(Answer::Nak), None);
         assert_eq!(control.take(data(true, &[1; 8])), None);
-        assert_eq!(control.take(data(true, &[1; 8])), None, "the packet came twice");
+        assert_eq!(control.take(data(true, &[1; 8])), None, "the packet arrived twice");
         assert!(control.repeated);
         assert_eq!(control.take(data(false, &[2; 3])), None);
         assert_eq!(control.next(true), Kind::Out { toggle: true, data: &[] });
@@ -163,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn a_read_ends_with_what_was_asked_for() {
+    fn a_read_ends_with_the_requested_bytes() {
         let mut control = Control::new([0x80, 6, 0, 1, 0, 0, 16, 0], Vec::new(), 8);
         control.take(Answer::Ack);
         control.take(data(true, &[1; 8]));
@@ -185,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn failures_end_it() {
+    fn failures_end_a_transfer() {
         let request = || Control::new([0, 9, 1, 0, 0, 0, 0, 0], Vec::new(), 64);
         let mut control = request();
         assert_eq!((control.take(Answer::Silence), control.take(Answer::Silence)), (None, None));
@@ -200,6 +200,6 @@ mod tests {
         assert!(matches!(control.take(data(false, &[])), Some(Outcome::Broken(_))), "the status is DATA1");
         let mut control = Control::new([0x80, 6, 0, 1, 0, 0, 8, 0], Vec::new(), 64);
         control.take(Answer::Ack);
-        assert!(matches!(control.take(data(true, &[0; 9])), Some(Outcome::Broken(_))), "more than was asked for");
+        assert!(matches!(control.take(data(true, &[0; 9])), Some(Outcome::Broken(_))), "more than requested");
     }
 }

@@ -1,4 +1,4 @@
-//! What a device says of itself, USB 2.0 section 9.6 and the class definition of communication devices (CDC 1.2).
+//! The descriptors of a device, USB 2.0 section 9.6 and the class definition of communication devices (CDC 1.2).
 
 /// The largest full-speed bulk packet.
 const BULK_PACKET: u16 = 64;
@@ -7,7 +7,7 @@ const CONFIGURATION: u8 = 2;
 const INTERFACE: u8 = 4;
 const ENDPOINT: u8 = 5;
 
-/// The device descriptor, as far as a host uses it.
+/// The fields of the device descriptor that a host uses.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Device {
     /// Vendor identifier.
@@ -16,7 +16,7 @@ pub struct Device {
     pub product: u16,
     /// Class of the whole device.
     pub class: u8,
-    /// Largest packet of endpoint 0 in bytes.
+    /// Maximum packet size of endpoint 0, bytes.
     pub control_packet: u8,
     /// Numbers of the strings for maker, product and serial number; 0 for none.
     pub strings: [u8; 3],
@@ -27,7 +27,7 @@ impl Device {
     ///
     /// # Errors
     ///
-    /// Names what is wrong with it.
+    /// The descriptor is malformed; the text says how.
     pub fn parse(bytes: &[u8]) -> Result<Self, String> {
         if bytes.len() < 18 || bytes[0] != 18 || bytes[1] != 1 {
             return Err(format!("the device descriptor is {bytes:02x?}, expected 18 bytes of type 1"));
@@ -47,7 +47,7 @@ impl Device {
 ///
 /// # Errors
 ///
-/// Names a size that full speed does not have.
+/// The size is not one of full speed.
 pub fn control_packet(bytes: &[u8]) -> Result<u8, String> {
     match bytes.get(7) {
         Some(size @ (8 | 16 | 32 | 64)) => Ok(*size),
@@ -55,7 +55,7 @@ pub fn control_packet(bytes: &[u8]) -> Result<u8, String> {
     }
 }
 
-/// A CDC ACM function: where its requests and its data go.
+/// A CDC ACM function: its interface for requests and its endpoints for data.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Serial {
     /// bConfigurationValue.
@@ -75,7 +75,7 @@ impl Serial {
     ///
     /// # Errors
     ///
-    /// Names what the configuration lacks.
+    /// The configuration is malformed, or lacks a part of a serial port; the text says which.
     pub fn parse(bytes: &[u8]) -> Result<Self, String> {
         let configuration = match bytes {
             [9, CONFIGURATION, ..] if bytes.len() >= 9 => bytes[5],
@@ -88,7 +88,7 @@ impl Serial {
         while let [length, kind, ..] = *rest {
             let length = usize::from(length);
             if length < 2 || length > rest.len() {
-                return Err(format!("a descriptor of {length} bytes stands where {} are left", rest.len()));
+                return Err(format!("a descriptor has {length} bytes, expected 2 to {}", rest.len()));
             }
             let (one, after) = rest.split_at(length);
             rest = after;
@@ -107,7 +107,9 @@ impl Serial {
                         (0x02, 3, true) => notification = Some((number, u16::from(interval.max(1)))),
                         (0x0A, 2, to_host) => {
                             if size == 0 || size > BULK_PACKET {
-                                return Err(format!("bulk endpoint {address:#04x} has packets of {size}, at most 64"));
+                                return Err(format!(
+                                    "bulk endpoint {address:#04x} has packets of {size} bytes, expected 1 to 64"
+                                ));
                             }
                             *(if to_host { &mut input } else { &mut output }) = Some((number, size));
                         }
@@ -118,10 +120,10 @@ impl Serial {
             }
         }
         let Some(control_interface) = control_interface else {
-            return Err(format!("no CDC ACM interface among its classes {classes:02x?}"));
+            return Err(format!("the device has no CDC ACM interface, only the classes {classes:02x?}"));
         };
         let (Some(input), Some(output)) = (input, output) else {
-            return Err("its CDC data interface lacks a bulk endpoint in one direction".into());
+            return Err("the device's CDC data interface lacks a bulk endpoint in one direction".into());
         };
         Ok(Self { configuration, control_interface, notification, input, output })
     }
@@ -161,21 +163,21 @@ mod tests {
     }
 
     #[test]
-    fn another_device_is_named() {
+    fn another_class_is_reported() {
         let keyboard = [9, 2, 18, 0, 1, 1, 0, 0xC0, 50, 9, 4, 0, 0, 0, 3, 1, 1, 0];
-        assert_eq!(Serial::parse(&keyboard), Err("no CDC ACM interface among its classes [03]".into()));
+        assert_eq!(Serial::parse(&keyboard), Err("the device has no CDC ACM interface, only the classes [03]".into()));
         assert!(Serial::parse(&ACM[..53]).unwrap_err().contains("lacks a bulk endpoint"));
         assert!(Serial::parse(&ACM[..60]).is_err());
     }
 
     #[test]
-    fn damage_is_refused() {
+    fn damaged_descriptors_are_refused() {
         for length in 0..ACM.len() {
             let _ = Serial::parse(&ACM[..length]);
         }
         let mut damaged = ACM;
         damaged[9] = 0;
-        assert!(Serial::parse(&damaged).unwrap_err().contains("0 bytes"));
+        assert!(Serial::parse(&damaged).unwrap_err().contains("has 0 bytes"));
         assert!(Device::parse(&[18, 1]).is_err());
         assert!(control_packet(&[18, 1, 0, 2, 0, 0, 0, 7]).is_err());
     }

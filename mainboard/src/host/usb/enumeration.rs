@@ -1,38 +1,21 @@
-//! The requests between a reset and an open port, in the order in which a real host sends them.
+//! The requests between a reset and an open port, in the order of a real host.
 
 use super::bus::{Answer, Bus, Token};
 use super::control::{Control, Outcome};
 use super::descriptors::{self, Device, Serial};
-use super::stream::{Pipe, duration_ns};
-use super::{ENUMERATIONS, Phase, UsbHost};
+use super::pipe::{Pipe, duration_ns};
+use super::step::Step;
+use super::{MAX_ENUMERATIONS, Phase, UsbHost};
 
-/// The device's address once it has one.
+/// The address that the host assigns to the device.
 const ADDRESS: u8 = 5;
 /// 115200 baud, one stop bit, no parity, eight data bits: CDC PSTN 1.2, table 17.
 const LINE_CODING: [u8; 7] = [0x00, 0xC2, 0x01, 0x00, 0, 0, 8];
 /// Carrier and data terminal ready: CDC PSTN 1.2, table 18.
 const DTR_AND_RTS: u8 = 3;
 
-/// A request of the enumeration.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-pub(super) enum Step {
-    DescriptorHead,
-    SetAddress,
-    Device,
-    ConfigurationHead,
-    Configuration,
-    Languages,
-    /// One of the three strings.
-    Text(u8),
-    SetConfiguration,
-    LineCoding,
-    LineState,
-    /// Clears the halt of this endpoint address in an open port.
-    ClearHalt(u8),
-}
-
 impl UsbHost {
-    /// Begins a request.
+    /// Starts a request.
     pub(super) fn request(&mut self, step: Step) {
         let [length_low, length_high] = (self.configuration.len() as u16).to_le_bytes();
         let [language_low, language_high] = self.language.to_le_bytes();
@@ -89,17 +72,17 @@ impl UsbHost {
         match outcome {
             Some(Outcome::Done(bytes)) => self.requested(step, bytes, bus),
             Some(Outcome::Stalled) => self.refused(step, bus),
-            Some(Outcome::Unanswered) => self.fail(&format!("{step:?} was not answered three times"), bus),
+            Some(Outcome::Unanswered) => self.fail(&format!("no answer to three attempts of {step:?}"), bus),
             Some(Outcome::Broken(how)) => {
                 self.errors.broken += 1;
                 self.fail(&format!("{step:?}: {how}"), bus);
             }
-            None if gone => self.fail(&format!("{step:?} was NAKed until the host gave up"), bus),
+            None if gone => self.fail(&format!("{step:?} was NAKed until the host's time limit"), bus),
             None => {}
         }
     }
 
-    /// A request ended well.
+    /// Continues after a request that succeeded.
     fn requested(&mut self, step: Step, bytes: Vec<u8>, bus: &mut impl Bus) {
         match step {
             Step::DescriptorHead => match descriptors::control_packet(&bytes) {
@@ -150,18 +133,18 @@ impl UsbHost {
         }
     }
 
-    /// The device stalled a request: harmless for strings and the serial port's settings.
+    /// Continues after a stalled request, which is harmless for strings and the serial port's settings.
     fn refused(&mut self, step: Step, bus: &mut impl Bus) {
         match step {
             Step::Languages => self.next_text(3, bus),
             Step::Text(which) => self.next_text(which + 1, bus),
             Step::LineCoding => self.request(Step::LineState),
             Step::LineState => self.open(),
-            _ => self.fail(&format!("{step:?} was stalled"), bus),
+            _ => self.fail(&format!("the device stalled {step:?}"), bus),
         }
     }
 
-    /// The next string that the device has; after the last the configuration is chosen.
+    /// Requests the next string of the device; after the last selects the configuration.
     fn next_text(&mut self, from: u8, bus: &mut impl Bus) {
         let strings = self.device.map_or([0; 3], |device| device.strings);
         match (from..3).find(|which| strings[usize::from(*which)] != 0) {
@@ -173,7 +156,7 @@ impl UsbHost {
                 }
                 Err(why) => {
                     // Another attempt would read the same descriptors.
-                    self.attempts = ENUMERATIONS;
+                    self.attempts = MAX_ENUMERATIONS;
                     self.fail(&why, bus);
                 }
             },
@@ -192,7 +175,7 @@ impl UsbHost {
         self.phase = Phase::Open;
     }
 
-    /// The device failed: tries again from a reset, a few times, then gives it up by name.
+    /// Follows a failure of the device: starts again from a reset, or gives the device up after the last attempt.
     pub(super) fn fail(&mut self, why: &str, bus: &mut impl Bus) {
         self.errors.failed_requests += 1;
         if !bus.connected() {
@@ -200,7 +183,7 @@ impl UsbHost {
             return;
         }
         self.attempts += 1;
-        if self.attempts < ENUMERATIONS {
+        if self.attempts < MAX_ENUMERATIONS {
             self.begin_reset(Step::DescriptorHead, bus);
             return;
         }

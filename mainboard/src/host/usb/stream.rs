@@ -1,33 +1,13 @@
-//! The open port: bulk transactions in both directions, and the polled notifications.
+//! The open port: bulk transactions in both directions, and polls of notifications.
 
 use super::bus::{Answer, Bus, Kind, Token};
 use super::control::ATTEMPTS;
-use super::enumeration::Step;
+use super::pipe::{Pipe, duration_ns};
+use super::step::Step;
 use super::{FRAME_NS, UsbHost};
 
-/// Bytes that a bulk transaction needs besides its data, USB 2.0 table 5-9.
-const OVERHEAD_BYTES: u64 = 13;
-/// A NAK to an IN token: token, handshake and turnarounds.
+/// Bytes of a NAK to an IN token: token, handshake and turnarounds.
 const REFUSAL_BYTES: u64 = 7;
-
-/// How long a transaction with this many bytes of data occupies the bus: 12 Mbit/s, so 19 of 64 bytes fill a frame.
-pub(super) fn duration_ns(bytes: u64) -> u64 {
-    (OVERHEAD_BYTES + bytes) * 2_000 / 3
-}
-
-/// One endpoint of the port, seen from the host.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-pub(super) struct Pipe {
-    pub endpoint: u8,
-    pub size: u16,
-    /// The next packet is DATA1.
-    pub toggle: bool,
-    pub attempts: u8,
-    /// Not before this instant.
-    pub ready_ns: u64,
-    /// Frames between two polls, 0 for a bulk endpoint.
-    pub interval: u16,
-}
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Which {
@@ -37,12 +17,12 @@ enum Which {
 }
 
 impl UsbHost {
-    /// When each pipe with work may use the bus.
+    /// The instants at which pipes with work may use the bus.
     fn candidates(&self) -> impl Iterator<Item = (u64, Which)> + '_ {
         let output = (self.unsent() > 0).then_some((self.output, Which::Output));
         let notification = self.notification.map(|pipe| (pipe, Which::Notification));
         let input = Some((self.input, Which::Input));
-        // The pipe that had the bus last comes last among equals.
+        // At equal instants the pipe that used the bus last comes last.
         let pipes = if self.last_was_input { [notification, output, input] } else { [notification, input, output] };
         pipes.into_iter().flatten().map(|(pipe, which)| (self.slot_ns(pipe.ready_ns, pipe.size.into()), which))
     }
@@ -52,7 +32,7 @@ impl UsbHost {
         self.candidates().map(|(at_ns, _)| at_ns).min().unwrap_or(u64::MAX)
     }
 
-    /// Runs the transaction that is due.
+    /// Runs the due transaction.
     pub(super) fn try_stream(&mut self, bus: &mut impl Bus) {
         let Some((_, which)) = self.candidates().min_by_key(|(at_ns, _)| *at_ns) else { return };
         match which {
@@ -69,10 +49,10 @@ impl UsbHost {
 
     fn send(&mut self, bus: &mut impl Bus) {
         self.last_was_input = false;
-        let most = usize::from(self.output.size).min(self.outgoing.len());
+        let max = usize::from(self.output.size).min(self.outgoing.len());
         let data = match self.packet.take() {
             Some(packet) => packet,
-            None => self.outgoing.drain(..most).collect(),
+            None => self.outgoing.drain(..max).collect(),
         };
         let kind = Kind::Out { toggle: self.output.toggle, data: &data };
         let mut answer = bus.transact(&Token { address: self.address, endpoint: self.output.endpoint, kind });
@@ -87,7 +67,7 @@ impl UsbHost {
             return;
         }
         self.packet = Some(data);
-        self.not_taken(Which::Output, answer, bus);
+        self.retry(Which::Output, answer, bus);
     }
 
     fn poll(&mut self, which: Which, bus: &mut impl Bus) {
@@ -102,7 +82,7 @@ impl UsbHost {
         }
         let Answer::Data { toggle, bytes } = answer else {
             self.free_ns = self.now_ns + REFUSAL_BYTES * 2_000 / 3;
-            self.not_taken(which, answer, bus);
+            self.retry(which, answer, bus);
             return;
         };
         self.lose_handshakes -= u32::from(lose);
@@ -125,7 +105,7 @@ impl UsbHost {
         }
     }
 
-    /// The endpoint of this address begins again with DATA0.
+    /// Sets the endpoint of this address back to DATA0.
     pub(super) fn restart(&mut self, address: u8) {
         for which in [Which::Input, Which::Output, Which::Notification] {
             let direction = if which == Which::Output { 0 } else { 0x80 };
@@ -145,8 +125,8 @@ impl UsbHost {
         }
     }
 
-    /// A transaction brought nothing: it is tried again, or the endpoint or the device is.
-    fn not_taken(&mut self, which: Which, answer: Answer, bus: &mut impl Bus) {
+    /// Schedules another attempt after a transaction that failed, clears a halt, or gives the device up.
+    fn retry(&mut self, which: Which, answer: Answer, bus: &mut impl Bus) {
         let (now_ns, nak_retry_ns) = (self.now_ns, self.timing.nak_retry_ns);
         let Some(pipe) = self.pipe(which) else { return };
         pipe.ready_ns = now_ns + (u64::from(pipe.interval) * FRAME_NS).max(nak_retry_ns);
@@ -164,7 +144,7 @@ impl UsbHost {
             Answer::Ack | Answer::Data { .. } => self.errors.broken += 1,
         }
         if gone {
-            self.fail(&format!("endpoint {endpoint} did not answer three times"), bus);
+            self.fail(&format!("no answer to three attempts at endpoint {endpoint}"), bus);
         }
     }
 }

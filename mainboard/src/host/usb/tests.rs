@@ -1,4 +1,4 @@
-//! The host against a device of a few lines, which keeps no time of its own.
+//! The host with a minimal device that has no time of its own.
 
 use super::bus::{Answer, Bus, Kind, Token};
 use super::{Errors, FRAME_NS, State, UsbHost};
@@ -10,7 +10,7 @@ const CONFIGURATION: [u8; 67] = [
     0, 0,
 ];
 
-/// A device that answers at once.
+/// A device that answers immediately.
 #[derive(Default)]
 struct Fake {
     now_ns: u64,
@@ -21,10 +21,10 @@ struct Fake {
     reply: Vec<u8>,
     reply_toggle: bool,
     setups: Vec<[u8; 8]>,
-    /// What happened on the bus, and when.
+    /// The events on the bus, with their instants.
     events: Vec<(u64, &'static str)>,
     configuration: Vec<u8>,
-    /// Bytes that came, and the toggle that is expected next.
+    /// Received bytes, and the next expected toggle.
     got: Vec<u8>,
     out_toggle: bool,
     /// Packets to send.
@@ -135,7 +135,7 @@ impl Bus for Fake {
     }
 }
 
-/// Runs from event to event for this long.
+/// Runs from event to event for this time.
 fn run(host: &mut UsbHost, fake: &mut Fake, for_ns: u64) {
     let end_ns = fake.now_ns + for_ns;
     while host.next_event_ns() <= end_ns {
@@ -175,7 +175,7 @@ fn a_device_is_debounced_and_reset_first() {
 }
 
 #[test]
-fn enumeration_asks_in_the_order_of_a_real_host() {
+fn enumeration_follows_the_order_of_a_real_host() {
     let (host, fake) = open();
     let asked: Vec<_> = fake.setups.iter().map(|setup| (setup[1], setup[3], setup[6])).collect();
     assert_eq!(
@@ -233,7 +233,7 @@ fn both_directions_share_the_bus() {
 }
 
 #[test]
-fn lost_handshakes_lose_and_repeat_nothing() {
+fn lost_handshakes_neither_lose_nor_repeat_bytes() {
     let (mut host, mut fake) = open();
     fake.to_send = vec![vec![1; 3], vec![2; 3]];
     host.lose_handshakes(2);
@@ -278,7 +278,7 @@ fn bytes_written_late_do_not_go_back_in_time() {
 }
 
 #[test]
-fn the_cable_may_go_and_come() {
+fn the_cable_may_be_unplugged_and_plugged_again() {
     let (mut host, mut fake) = open();
     fake.nak = true;
     host.write(&[1; 100]);
@@ -324,12 +324,12 @@ fn a_reset_enumerates_again() {
 }
 
 #[test]
-fn a_device_that_fails_is_given_up() {
+fn a_device_that_keeps_failing_is_refused() {
     let (mut host, mut fake) = (UsbHost::new(), Fake::new());
     fake.silent = true;
     host.plug();
     run(&mut host, &mut fake, 1000 * MS);
-    let why = "unknown device: DescriptorHead was not answered three times";
+    let why = "unknown device: no answer to three attempts of DescriptorHead";
     assert_eq!(host.state(), State::Refused(why.into()));
     assert_eq!((host.errors.timeouts, host.errors.failed_requests), (12, 4));
     fake.silent = false;
@@ -344,7 +344,7 @@ fn another_class_is_refused_by_name() {
     fake.configuration = vec![9, 2, 18, 0, 1, 1, 0, 0xC0, 50, 9, 4, 0, 0, 0, 3, 1, 1, 0];
     host.plug();
     run(&mut host, &mut fake, 500 * MS);
-    let why = "1209:0001 \"ok\": no CDC ACM interface among its classes [03]";
+    let why = "1209:0001 \"ok\": the device has no CDC ACM interface, only the classes [03]";
     assert_eq!(host.state(), State::Refused(why.into()));
 }
 

@@ -1,10 +1,10 @@
-//! Thermistors: resistance by temperature, and the voltage that a converter sees below a pull-up.
+//! Thermistors: resistance by temperature, and the voltage at a converter below a pull-up.
 //!
 //! | what | source | test |
 //! |---|---|---|
-//! | beta equation | B25/85 as data sheets give it | `beta_*` |
+//! | beta equation | B25/85 from data sheets | `beta_*` |
 //! | Steinhart and Hart's equation, also through three points of a maker's table | | `three_points_*` |
-//! | a maker's table, between its points straight in ln R over 1/T | | `a_table_*` |
+//! | a maker's table, interpolated linearly in ln R over 1/T | | `a_table_*` |
 //! | Semitec 104GT-2, EPCOS B57560G104F | makers' data | `known_sensors_*` |
 //! | noise, open, short, slipped out, drift, loose contact | | `faults_*`, `noise_*` |
 //!
@@ -15,7 +15,7 @@ use crate::parts::random::Random;
 
 const ZERO_CELSIUS_K: f64 = 273.15;
 
-/// How resistance depends on temperature.
+/// The dependence of resistance on temperature.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 pub enum Curve {
     /// R = R25 exp(B (1/T - 1/298.15 K)).
@@ -34,12 +34,12 @@ pub enum Curve {
         /// c
         c: f64,
     },
-    /// A maker's table: degrees Celsius, rising, and ohms, falling. Beyond its ends its outermost pairs go on.
+    /// A maker's table: degrees Celsius, rising, and ohms, falling. Its outermost pairs extrapolate.
     Table(Vec<(f64, f64)>),
 }
 
 impl Curve {
-    /// Semitec 104GT-2 by its maker's constants: 100 kiloohm at 25 degrees Celsius, B25/85 4267 K. Near those
+    /// Semitec 104GT-2 by its maker's constants: 100 kiloohm at 25 degrees Celsius, B25/85 4267 K. Accurate near those
     /// temperatures; at 200 degrees and above use [`Curve::semitec_104gt_2_points`].
     pub fn semitec_104gt_2() -> Self {
         Self::Beta { r25_ohm: 100_000.0, beta_k: 4267.0 }
@@ -73,7 +73,7 @@ impl Curve {
         match self {
             Self::Beta { r25_ohm, beta_k } => r25_ohm * (beta_k * (1.0 / kelvin - 1.0 / 298.15)).exp(),
             Self::SteinhartHart { a, b, c } => {
-                // The one real root of c x^3 + b x + a - 1/T = 0 (Cardano), b and c above 0.
+                // The only real root of c x^3 + b x + a - 1/T = 0 (Cardano), b and c above 0.
                 if c.abs() < 1e-15 {
                     return ((1.0 / kelvin - a) / b).exp();
                 }
@@ -98,28 +98,28 @@ fn table_ohm(points: &[(f64, f64)], kelvin: f64) -> f64 {
     (low.1.ln() + part * (high.1 / low.1).ln()).exp()
 }
 
-/// What a sensor can suffer.
+/// A fault of a thermistor.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 pub enum SensorFault {
-    /// Wire broken: the pull-up alone, reference voltage.
+    /// The wire is broken: the pull-up pulls the converter to the reference.
     Open,
     /// Shorted to ground: 0 V.
     Short,
-    /// Slipped out of its block at `since_ns`: falls to the air's temperature with this time constant, but for a share
-    /// of what the block is above it.
+    /// Slipped out of its block at `since_ns`: falls to the air's temperature with this time constant, except for a
+    /// share of the block's temperature above it.
     SlippedOut {
-        /// When it slipped.
+        /// The instant of the slip.
         since_ns: u64,
         /// Time constant in ns, some 10 s.
         time_constant_ns: u64,
         /// Share of the block's heat that still reaches it, 0 to 1.
         coupling: f64,
     },
-    /// Reads ever more beside the truth since `since_ns`.
+    /// The reading's error grows from `since_ns` on.
     Drift {
-        /// When it began.
+        /// The start.
         since_ns: u64,
-        /// In kelvin for an hour; below 0 it reads too cold.
+        /// Kelvin per hour; below 0 it reads too cold.
         kelvin_per_hour: f64,
     },
     /// A loose contact: each reading is open with this probability (0 to 1).
@@ -129,18 +129,18 @@ pub enum SensorFault {
     },
 }
 
-/// A thermistor with its pull-up.
+/// The properties of a thermistor with its pull-up.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct ThermistorConfig {
-    /// Its curve.
+    /// The curve.
     pub curve: Curve,
-    /// Resistor to the reference, in ohms, typically 4700.
+    /// Pull-up resistor to the reference, in ohms, typically 4700.
     pub pull_up_ohm: f64,
     /// The converter's reference and the pull-up's other end, in millivolts.
     pub reference_mv: f64,
-    /// Deviation of a reading in millivolts; 0.8 is one step of 12 bits at 3.3 V.
+    /// Standard deviation of a reading in millivolts; 0.8 is one step of 12 bits at 3.3 V.
     pub noise_mv: f64,
-    /// For noise and loose contacts.
+    /// Seed of noise and loose contacts.
     pub seed: u64,
 }
 
@@ -153,22 +153,22 @@ pub struct Thermistor {
 }
 
 impl Thermistor {
-    /// A sound thermistor.
+    /// A thermistor without a fault.
     pub fn new(config: ThermistorConfig) -> Self {
         let random = Random::new(config.seed);
         Self { config, fault: None, random }
     }
 
-    /// Breaks or mends it.
+    /// Breaks or mends the thermistor.
     pub fn set_fault(&mut self, fault: Option<SensorFault>) {
         self.fault = fault;
     }
 
-    /// The voltage at the converter in millivolts, for one sample: with the sensor's place and the air this warm.
+    /// The voltage of one sample at the converter, in millivolts, at these temperatures of sensor and air.
     pub fn millivolts(&mut self, now_ns: u64, celsius: f64, ambient_celsius: f64) -> f64 {
         let reference_mv = self.config.reference_mv;
         let noise_mv = self.random.normal() * self.config.noise_mv;
-        let felt_celsius = match self.fault {
+        let sensed_celsius = match self.fault {
             None => celsius,
             Some(SensorFault::Open) => return reference_mv,
             Some(SensorFault::Short) => return 0.0,
@@ -187,7 +187,7 @@ impl Thermistor {
                 celsius + kelvin_per_hour * now_ns.saturating_sub(since_ns) as f64 / 3.6e12
             }
         };
-        let ohm = self.config.curve.ohm(felt_celsius);
+        let ohm = self.config.curve.ohm(sensed_celsius);
         (reference_mv * ohm / (ohm + self.config.pull_up_ohm) + noise_mv).clamp(0.0, reference_mv)
     }
 }
@@ -201,7 +201,7 @@ mod tests {
     }
 
     #[test]
-    fn beta_gives_its_own_two_points() {
+    fn beta_meets_its_own_two_points() {
         let curve = Curve::semitec_104gt_2();
         assert!(near(curve.ohm(25.0), 100_000.0, 1e-9));
         // B25/85 means: ln(R25/R85) is B (1/298.15 - 1/358.15).
@@ -217,7 +217,7 @@ mod tests {
     }
 
     #[test]
-    fn a_table_is_met_and_goes_on() {
+    fn a_table_is_met_and_extrapolates() {
         let beta = Curve::Beta { r25_ohm: 100_000.0, beta_k: 4000.0 };
         let table = Curve::Table([0.0, 50.0, 100.0, 200.0].map(|at| (at, beta.ohm(at))).to_vec());
         for celsius in [-30.0, 0.0, 20.0, 50.0, 75.0, 150.0, 200.0, 260.0] {
@@ -243,7 +243,7 @@ mod tests {
     }
 
     #[test]
-    fn faults_read_as_they_do_on_a_bench() {
+    fn faults_give_the_voltages_of_a_bench() {
         let mut sensor = thermistor(0.0);
         let sound = sensor.millivolts(0, 200.0, 20.0);
         assert!(near(sound, 3_300.0 * 554.0 / 5_254.0, 0.02), "{sound}");
@@ -265,7 +265,7 @@ mod tests {
     }
 
     #[test]
-    fn noise_has_its_size_and_repeats_by_seed() {
+    fn noise_has_its_deviation_and_repeats_by_seed() {
         let (mut one, mut same) = (thermistor(2.0), thermistor(2.0));
         let sound = thermistor(0.0).millivolts(0, 200.0, 20.0);
         let off: Vec<f64> = (0..2000).map(|_| one.millivolts(0, 200.0, 20.0) - sound).collect();

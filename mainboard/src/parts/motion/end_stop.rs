@@ -2,41 +2,41 @@
 
 use crate::parts::random::Random;
 
-/// How long a contact stays between two bounces, in ns: short against what software filters, long against an edge.
+/// Minimum and maximum time between two bounces, in ns: short for a software filter, long for an edge.
 const BOUNCE_NS: (u64, u64) = (20_000, 200_000);
 
-/// From which side the carriage comes.
+/// The end of the axis with the switch.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub enum Side {
-    /// Pressed at and below its place.
+    /// Pressed at and below its position.
     Low,
-    /// Pressed at and above its place.
+    /// Pressed at and above its position.
     High,
 }
 
-/// A switch and where it sits.
+/// A switch and its position.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct EndStopConfig {
     /// 0 for X, 1 for Y, 2 for Z.
     pub axis: usize,
-    /// Which end.
+    /// The end of the axis.
     pub side: Side,
-    /// Where it closes, in mm.
+    /// The position at which it closes, in mm.
     pub at_mm: f64,
-    /// How far back the carriage must go before it opens, in mm.
+    /// How far back the carriage must move before it opens, in mm.
     pub hysteresis_mm: f64,
-    /// How long it bounces after it closes, in ns; 0 for an optical switch.
+    /// Duration of the bouncing after it closes, in ns; 0 for an optical switch.
     pub bounce_ns: u64,
     /// The level when pressed.
     pub high_when_triggered: bool,
-    /// For its bounces.
+    /// Seed of its bounces.
     pub seed: u64,
 }
 
-/// What a switch can suffer.
+/// A fault of a switch.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub enum EndStopFault {
-    /// Never pressed: a broken lever, a wire off.
+    /// Never pressed: a broken lever, a disconnected wire.
     StuckOpen,
     /// Always pressed.
     StuckClosed,
@@ -54,7 +54,7 @@ pub struct EndStop {
     fault: Option<EndStopFault>,
     random: Random,
     pressed: bool,
-    /// What the contact does just now; differs from `pressed` while it bounces.
+    /// The contact's state now; differs from `pressed` while it bounces.
     contact: bool,
     bounce_until_ns: u64,
     next_bounce_ns: Option<u64>,
@@ -62,9 +62,9 @@ pub struct EndStop {
 }
 
 impl EndStop {
-    /// A switch; `units_per_mm` is how its axis counts.
+    /// A switch on an axis that counts `units_per_mm`.
     pub(super) fn new(config: &EndStopConfig, units_per_mm: f64) -> Self {
-        // Counted towards the switch: pressed from `close` on, open again below `open`.
+        // Positions count towards the switch: pressed from `close` on, open again below `open`.
         let sign = if config.side == Side::Low { -1 } else { 1 };
         let close = sign * (config.at_mm * units_per_mm).round() as i64;
         let open = close - (config.hysteresis_mm.max(0.0) * units_per_mm).round() as i64;
@@ -89,7 +89,7 @@ impl EndStop {
         self.axis
     }
 
-    /// The carriage stands here; whether the level changed.
+    /// Follows the carriage to this position; true if the level changed.
     pub(super) fn update(&mut self, now_ns: u64, position: i64) -> bool {
         let towards = self.sign * position;
         let pressed = towards >= self.close || (self.pressed && towards >= self.open);
@@ -121,7 +121,7 @@ impl EndStop {
         (self.contact, self.next_bounce_ns, self.closings) = (self.pressed, None, 0);
     }
 
-    /// Bounces up to now; whether the level changed.
+    /// Bounces up to `now_ns`; true if the level changed.
     pub(super) fn advance(&mut self, now_ns: u64) -> bool {
         let before = self.level();
         while let Some(at_ns) = self.next_bounce_ns.filter(|&at_ns| at_ns <= now_ns) {
@@ -131,7 +131,7 @@ impl EndStop {
         self.level() != before
     }
 
-    /// When it bounces next.
+    /// The next bounce, ns.
     pub fn next_event_ns(&self) -> Option<u64> {
         self.next_bounce_ns
     }
@@ -146,17 +146,17 @@ impl EndStop {
         closed == self.high_when_triggered
     }
 
-    /// Whether the carriage presses it, bounces and faults aside.
+    /// Whether the carriage presses it, without bounces and faults.
     pub fn pressed(&self) -> bool {
         self.pressed
     }
 
-    /// How often it was pressed since the start.
+    /// The number of times it was pressed since the start.
     pub fn closings(&self) -> u64 {
         self.closings
     }
 
-    /// Breaks or mends it. The level may change at once: read it again.
+    /// Breaks or mends the switch. The level may change at once: read it again.
     pub fn set_fault(&mut self, fault: Option<EndStopFault>) {
         self.fault = fault;
     }
@@ -173,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn closes_at_its_place_and_opens_after_its_hysteresis() {
+    fn a_switch_closes_at_its_position_and_opens_after_its_hysteresis() {
         let mut low = stop(Side::Low, 0, true);
         let levels: Vec<bool> = [600, 501, 500, 540, 550, 551, 500]
             .map(|position| {
@@ -190,7 +190,7 @@ mod tests {
     }
 
     #[test]
-    fn bounces_for_its_time_and_ends_closed() {
+    fn a_switch_bounces_for_its_time_and_ends_closed() {
         for seed in 0..50 {
             let mut stop = stop(Side::High, 3_000_000, true);
             stop.random = Random::new(seed);

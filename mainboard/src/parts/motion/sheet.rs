@@ -1,4 +1,4 @@
-//! The steel sheet on the bed, the inductive probe that sees it, and the nozzle that should not touch it hard.
+//! The steel sheet on the bed, the inductive probe that detects it, and the nozzle that should not press into it.
 
 use crate::parts::random::Random;
 
@@ -11,28 +11,28 @@ pub struct SheetConfig {
     pub y_mm: (f64, f64),
     /// Z of the nozzle when it touches the sheet's plane at X0 Y0.
     pub height_mm: f64,
-    /// How much higher the sheet is for each mm in X, and in Y.
+    /// Rise of the sheet per mm in X, and in Y.
     pub tilt: (f64, f64),
-    /// Depths up to this are no crash: a sheet gives way a little.
+    /// Depth up to which the sheet gives way, in mm; beyond it the nozzle crashes.
     pub allowed_press_mm: f64,
 }
 
-/// The nozzle was pressed into the sheet.
+/// A nozzle pressed into the sheet.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Crash {
-    /// When it first went deeper than is allowed.
+    /// The instant at which it first exceeded the allowed depth.
     pub first_ns: u64,
-    /// The deepest since then, in mm.
+    /// The deepest point since then, in mm.
     pub deepest_mm: f64,
-    /// Where that was, in mm.
+    /// X and Y of that point, in mm.
     pub deepest_at_mm: (f64, f64),
 }
 
-/// The sheet and what happened to it.
+/// The sheet and its crash.
 #[derive(Debug, Clone, serde::Serialize, serde::Deserialize)]
 pub struct Sheet {
     config: SheetConfig,
-    /// The highest and the lowest of its corners.
+    /// The height of its highest corner.
     highest_mm: f64,
     crash: Option<Crash>,
 }
@@ -51,19 +51,19 @@ impl Sheet {
         self.config.height_mm + self.config.tilt.0 * x_mm + self.config.tilt.1 * y_mm
     }
 
-    /// The sheet's height at a place; none beside it.
+    /// The sheet's height at a point; `None` beside the sheet.
     pub fn height_mm(&self, x_mm: f64, y_mm: f64) -> Option<f64> {
         let SheetConfig { x_mm: x_edges, y_mm: y_edges, .. } = &self.config;
         let over = x_mm >= x_edges.0 && x_mm <= x_edges.1 && y_mm >= y_edges.0 && y_mm <= y_edges.1;
         over.then(|| self.plane_mm(x_mm, y_mm))
     }
 
-    /// Whether a nozzle at this height could be in it somewhere.
+    /// Whether a nozzle at this height could crash anywhere.
     pub(super) fn may_touch(&self, z_mm: f64) -> bool {
         z_mm < self.highest_mm - self.config.allowed_press_mm
     }
 
-    /// The nozzle is here: records how deep it is in the sheet.
+    /// Records how deep a nozzle at this point is in the sheet.
     pub(super) fn press(&mut self, now_ns: u64, x_mm: f64, y_mm: f64, z_mm: f64) {
         let Some(height_mm) = self.height_mm(x_mm, y_mm) else { return };
         let depth_mm = height_mm - z_mm;
@@ -86,21 +86,21 @@ impl Sheet {
 /// An inductive probe beside the nozzle.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct ProbeConfig {
-    /// Where it stands from the nozzle in X and Y, in mm.
+    /// The probe's offset from the nozzle in X and Y, in mm.
     pub offset_mm: (f64, f64),
     /// The nozzle's height above the sheet when it triggers, in mm.
     pub trigger_mm: f64,
     /// How much higher it must be to release, in mm.
     pub hysteresis_mm: f64,
-    /// Deviation of the trigger height from one approach to the next, in mm (some 0.002).
+    /// Standard deviation of the trigger height from one approach to the next, in mm (some 0.002).
     pub noise_mm: f64,
-    /// The level when it sees the sheet.
+    /// The level when it detects the sheet.
     pub high_when_triggered: bool,
-    /// For its noise.
+    /// Seed of its noise.
     pub seed: u64,
 }
 
-/// What a probe can suffer.
+/// A fault of a probe.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub enum ProbeFault {
     /// Never triggers.
@@ -114,7 +114,7 @@ pub enum ProbeFault {
 pub struct Probe {
     config: ProbeConfig,
     random: Random,
-    /// This approach's share of the noise.
+    /// The noise of this approach.
     error_mm: f64,
     triggered: bool,
     fault: Option<ProbeFault>,
@@ -132,7 +132,7 @@ impl Probe {
         self.triggered || z_mm <= sheet.highest_mm + self.config.trigger_mm + self.error_mm
     }
 
-    /// The nozzle is here; whether the level changed.
+    /// Follows the nozzle to this point; true if the level changed.
     pub(super) fn update(&mut self, sheet: &Sheet, x_mm: f64, y_mm: f64, z_mm: f64) -> bool {
         let height_mm = sheet.height_mm(x_mm + self.config.offset_mm.0, y_mm + self.config.offset_mm.1);
         let back_mm = if self.triggered { self.config.hysteresis_mm } else { 0.0 };
@@ -159,7 +159,7 @@ impl Probe {
         on == self.config.high_when_triggered
     }
 
-    /// Breaks or mends it. The level may change at once: read it again.
+    /// Breaks or mends the probe. The level may change at once: read it again.
     pub fn set_fault(&mut self, fault: Option<ProbeFault>) {
         self.fault = fault;
     }
@@ -185,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn sees_steel_only() {
+    fn the_probe_detects_the_sheet_only() {
         let (sheet, mut probe) = (sheet((0.0, 0.0)), probe(0.0));
         assert!(!probe.update(&sheet, 90.0, -3.0, 0.0), "in front of the sheet");
         assert!(!probe.update(&sheet, 90.0, 90.0, 1.001));
@@ -206,7 +206,7 @@ mod tests {
     }
 
     #[test]
-    fn noise_differs_by_approach_within_its_size() {
+    fn noise_differs_by_approach_within_its_deviation() {
         let (sheet, mut probe) = (sheet((0.0, 0.0)), probe(0.002));
         let mut heights = Vec::new();
         for _ in 0..50 {
@@ -224,7 +224,7 @@ mod tests {
     }
 
     #[test]
-    fn a_tilted_sheet_is_pressed_where_it_is_high() {
+    fn a_tilted_sheet_is_pressed_at_its_high_side() {
         let mut sheet = sheet((0.001, 0.0));
         sheet.press(5, 10.0, 10.0, 0.0);
         assert_eq!(sheet.crash(), None);

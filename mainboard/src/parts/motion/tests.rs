@@ -89,11 +89,11 @@ fn a_motor_at_the_frame_slips_by_whole_periods() {
         furthest_mm = furthest_mm.max(motion.position_mm(0));
         assert_eq!(motion.load(0), 1.0);
     }
-    // Within two full steps of the frame; ten periods lost, none in part.
+    // Within two full steps of the frame; ten whole periods lost.
     assert!(furthest_mm <= -2.0 + 0.4, "{furthest_mm}");
     assert_eq!((motion.record(0).slipped_periods, motion.record(0).lost_256), (10, -10 * 1024));
     assert_eq!(motion.position_mm(0), -2.0);
-    // The way back begins at the field, not at the frame's count of steps.
+    // The return begins at the field's position, not at the frame's.
     assert_eq!((0..40).filter(|_| motion.step(0, 0, 16).loads).count(), 1);
     assert_eq!((motion.load(0), motion.position_mm(0)), (0.0, -1.5));
 }
@@ -130,7 +130,7 @@ fn core_xy_a_stall_along_y_slips_a_and_b_apart() {
 }
 
 #[test]
-fn a_rotor_stays_when_its_current_goes() {
+fn a_rotor_rests_where_it_is_when_the_current_ends() {
     for kinematics in [Kinematics::Cartesian, Kinematics::CoreXy] {
         let mut motion = powered(kinematics);
         // To the frame at 101 mm in Y and 10 steps into it, without a slip.
@@ -163,7 +163,7 @@ fn without_current_steps_move_nothing() {
 }
 
 #[test]
-fn the_rotor_snaps_to_the_nearest_place_of_the_field() {
+fn the_rotor_snaps_to_the_nearest_position_of_the_field() {
     let mut motion = powered(Kinematics::Cartesian);
     motion.set_energized(0, 0, false, 0);
     motion.set_energized(0, 0, true, 256);
@@ -200,12 +200,12 @@ fn the_probe_triggers_over_the_sheet_and_a_nozzle_crash_is_recorded() {
     steps(&mut motion, 99, 2, -16, 160);
     let crash = motion.sheet().crash().unwrap();
     assert!((crash.deepest_mm - 0.5).abs() < 1e-9 && crash.first_ns == 99, "{crash:?}");
-    // A jump up, as when the rotor snaps: the probe still notices.
+    // A jump up, as when the rotor snaps: the probe still releases.
     assert!((0..15).filter(|_| motion.step(99, 2, 256 * 5).lines).count() == 1 && motion.probe().unwrap().level());
 }
 
 #[test]
-fn something_in_the_path_stops_the_carriage() {
+fn an_obstacle_stops_the_carriage() {
     let mut motion = powered(Kinematics::Cartesian);
     motion.set_frame(0, 0.0, 55.0);
     steps(&mut motion, 0, 0, 16, 1000);
@@ -213,7 +213,7 @@ fn something_in_the_path_stops_the_carriage() {
 }
 
 #[test]
-fn errors_name_what_is_wrong() {
+fn errors_name_the_wrong_key() {
     let mut few = config(Kinematics::Cartesian);
     few.motors.truncate(2);
     assert!(Motion::new(few).unwrap_err().contains("motors"));
@@ -227,7 +227,7 @@ fn errors_name_what_is_wrong() {
 
 proptest! {
     #[test]
-    fn positions_are_exact_where_nothing_blocks(
+    fn unblocked_positions_are_exact(
         core in any::<bool>(),
         steps in proptest::collection::vec((0_usize..2, -256_i32..=256), 0..100),
     ) {

@@ -1,15 +1,15 @@
-//! The motor's current: run, hold, and what the sense resistors make of it (data sheet 8 and 9).
+//! The motor's current: run, hold, and the scale of the sense resistors (data sheet 8 and 9).
 
 use super::Tmc2209;
 
-/// TPOWERDOWN and IHOLDDELAY count in this many clocks (5.2).
+/// Unit of TPOWERDOWN and IHOLDDELAY, in clocks (5.2).
 const DELAY_CLOCKS: u64 = 1 << 18;
 /// Resistance of bond wires and traces in series with a sense resistor, in milliohms (8).
 const SERIES_MILLIOHM: u32 = 20;
 
 impl Tmc2209 {
-    /// CS_ACTUAL: the scale in force, 0 to 31. From standstill the run current stays for TPOWERDOWN and then falls to
-    /// IHOLD by one for each IHOLDDELAY. With GCONF.pdn_disable 0 that needs a low level at PDN_UART (9).
+    /// CS_ACTUAL: the effective scale, 0 to 31. After standstill the run current stays for TPOWERDOWN and then falls to
+    /// IHOLD by one for each IHOLDDELAY. With GCONF.pdn_disable 0 that requires a low level at PDN_UART (9).
     pub fn current_scale(&self, now_ns: u64) -> u32 {
         let (run, hold) = (self.registers.irun(), self.registers.ihold());
         if !self.stands_still(now_ns) || (!self.registers.pdn_disable() && self.pdn_level) {
@@ -25,7 +25,7 @@ impl Tmc2209 {
         if hold < run { run.saturating_sub(steps).max(hold) } else { (run + steps).min(hold) }
     }
 
-    /// The phase current in milliamperes RMS at full excitation (8): by scale, VREF and sense resistors. 0 with the
+    /// The phase current in milliamperes RMS at full excitation (8), from scale, VREF and sense resistors. 0 with the
     /// outputs off.
     pub fn current_ma(&self, now_ns: u64) -> u32 {
         if !self.energized {

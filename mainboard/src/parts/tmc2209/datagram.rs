@@ -1,11 +1,11 @@
 //! Datagrams on the driver's serial line (data sheet 4.1 to 4.3), byte by byte.
 
-/// What the first nibble of each datagram must be (4.1.1).
+/// The first nibble of each datagram (4.1.1).
 const SYNC_NIBBLE: u8 = 0x5;
 /// The address in each reply: the master's (4.1.2).
 const MASTER_ADDRESS: u8 = 0xFF;
-/// Bit times between two start bits after which a datagram is given up (4.1.1).
-const LONGEST_GAP_BITS: u64 = 63;
+/// Maximum bit times between two start bits of a datagram (4.1.1).
+const MAX_GAP_BITS: u64 = 63;
 /// Bit times of silence that a receiver needs after an error (4.1.1).
 const RECOVERY_BITS: u64 = 12;
 /// Bit times of one byte: start bit, eight data bits, stop bit.
@@ -28,19 +28,19 @@ pub fn checksum(bytes: &[u8]) -> u8 {
     crc
 }
 
-/// A datagram with a right checksum.
+/// A datagram with a correct checksum.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Datagram {
     /// A request to read a register.
     Read {
-        /// The address of the driver that is meant.
+        /// The address of the driver.
         node: u8,
         /// The register, 0 to 0x7F.
         register: u8,
     },
     /// A value for a register.
     Write {
-        /// The address of the driver that is meant.
+        /// The address of the driver.
         node: u8,
         /// The register, 0 to 0x7F.
         register: u8,
@@ -49,10 +49,10 @@ pub enum Datagram {
     },
 }
 
-/// A driver's answer to a read request.
+/// A driver's reply to a read request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Reply {
-    /// When its first start bit begins.
+    /// Start of its first start bit.
     pub start_ns: u64,
     /// The length of a bit: the requester's.
     pub bit_ns: u64,
@@ -69,24 +69,24 @@ impl Reply {
         Self { start_ns, bit_ns, bytes }
     }
 
-    /// When its last stop bit ends.
+    /// End of its last stop bit.
     pub fn end_ns(&self) -> u64 {
         self.start_ns + self.bytes.len() as u64 * BYTE_BITS * self.bit_ns
     }
 }
 
-/// Gathers bytes into datagrams and finds back after errors.
+/// Assembles bytes into datagrams and recovers after errors.
 #[derive(Debug, Clone, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Receiver {
     bytes: [u8; 8],
     count: u8,
-    /// Length of a bit as measured at the sync nibble.
+    /// Length of a bit, measured at the sync nibble.
     bit_ns: u64,
-    /// When the newest byte's start bit began.
+    /// Start of the latest byte's start bit.
     newest_start_ns: u64,
-    /// After an error: when the line was last busy.
+    /// After an error: the last instant at which the line was busy.
     busy_until_ns: Option<u64>,
-    /// Datagrams and bytes that were refused.
+    /// Number of refused datagrams and bytes.
     errors: u32,
 }
 
@@ -96,12 +96,12 @@ impl Receiver {
         self.count == 0 || self.gap_too_long(start_ns)
     }
 
-    /// How often something was refused: wrong sync nibble, wrong checksum, garbled byte.
+    /// The number of refusals: wrong sync nibble, wrong checksum, garbled byte.
     pub fn errors(&self) -> u32 {
         self.errors
     }
 
-    /// A byte whose start bit began at `start_ns`; the datagram that it completes, for whomever it is meant.
+    /// Receives a byte whose start bit began at `start_ns`; returns the datagram that it completes, for any address.
     pub fn byte(&mut self, start_ns: u64, bit_ns: u64, byte: u8) -> Option<Datagram> {
         let end_ns = start_ns + BYTE_BITS * bit_ns;
         if let Some(busy_until_ns) = self.busy_until_ns {
@@ -117,7 +117,7 @@ impl Receiver {
         if self.count == 0 {
             self.bit_ns = bit_ns;
         }
-        // Sampling in the middle of a bit lasts to the stop bit with a baud rate that is off by 5 % at most.
+        // Sampling in the middle of a bit reaches the stop bit at a baud rate within 5 %.
         let off = self.bit_ns.abs_diff(bit_ns);
         if off * 20 > self.bit_ns || (self.count == 0 && byte & 0x0F != SYNC_NIBBLE) {
             return self.fail(end_ns);
@@ -144,18 +144,19 @@ impl Receiver {
         })
     }
 
-    /// Something that was no byte: a stop bit missing, a bit time out of range. The line was busy until `end_ns`.
+    /// Reports activity that is not a byte: a missing stop bit, a bit time out of range. The line was busy until
+    /// `end_ns`.
     pub fn garbled(&mut self, end_ns: u64) {
         self.fail(end_ns);
     }
 
-    /// Forgets a datagram in part, as at power-up.
+    /// Discards an incomplete datagram, as at power-up.
     pub fn reset(&mut self) {
         (self.count, self.busy_until_ns) = (0, None);
     }
 
     fn gap_too_long(&self, start_ns: u64) -> bool {
-        start_ns.saturating_sub(self.newest_start_ns) > LONGEST_GAP_BITS * self.bit_ns
+        start_ns.saturating_sub(self.newest_start_ns) > MAX_GAP_BITS * self.bit_ns
     }
 
     fn fail(&mut self, end_ns: u64) -> Option<Datagram> {

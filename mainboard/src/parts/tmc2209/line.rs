@@ -1,4 +1,4 @@
-//! The driver's end of the serial line: what a byte makes it do.
+//! The driver's end of the serial line: its reactions to bytes.
 
 use super::Tmc2209;
 use super::datagram::{BYTE_BITS, Datagram, Reply};
@@ -9,7 +9,7 @@ impl Tmc2209 {
         self.receiver.expects_sync(start_ns)
     }
 
-    /// A byte on the line whose start bit began at `start_ns`, of bits this long; the reply that it calls for.
+    /// Receives a byte whose start bit began at `start_ns`, with bits of this length; returns the driver's reply.
     pub fn receive_byte(&mut self, start_ns: u64, bit_ns: u64, byte: u8) -> Option<Reply> {
         if !self.listens(start_ns) {
             return None;
@@ -34,31 +34,31 @@ impl Tmc2209 {
         }
     }
 
-    /// Something on the line that was no byte; the line was busy until `end_ns`.
+    /// Reports activity on the line that is not a byte; the line was busy until `end_ns`.
     pub fn receive_garbled(&mut self, end_ns: u64) {
         if self.listens(end_ns) {
             self.receiver.garbled(end_ns);
         }
     }
 
-    /// Hears another driver's reply. With SENDDELAY of 0 or 1 it takes it for a failed datagram (5.1, NODECONF: not
-    /// allowed with several nodes) and needs silence after it; otherwise it lets it pass.
+    /// Receives another driver's reply. With SENDDELAY of 0 or 1 the driver takes it for a failed datagram (5.1,
+    /// NODECONF: not allowed with several nodes) and needs silence after it; otherwise it ignores it.
     pub fn overhear(&mut self, reply: &Reply) {
         if self.listens(reply.start_ns) && self.registers.send_delay_bits() < 24 {
             self.receiver.garbled(reply.end_ns());
         }
     }
 
-    /// Whether it takes part in the line at all: supplied and not mute.
-    pub fn hears(&self) -> bool {
+    /// Whether the driver takes part in the line: supplied and not mute.
+    pub fn receives(&self) -> bool {
         self.supplied && !self.mute
     }
 
     fn listens(&self, at_ns: u64) -> bool {
-        self.hears() && at_ns >= self.transmits_until_ns
+        self.receives() && at_ns >= self.transmits_until_ns
     }
 
-    /// 16 clocks a bit at least; 2222 at most: 9000 baud with the fastest clock of 20 MHz (4.1.1).
+    /// Whether a bit has 16 to 2222 clocks: down to 9000 baud with the fastest clock of 20 MHz (4.1.1).
     fn bit_time_fits(&self, bit_ns: u64) -> bool {
         let clocks = bit_ns * u64::from(self.config.clock_hz) / 1_000_000_000;
         (16..=2222).contains(&clocks)

@@ -1,4 +1,4 @@
-//! Registers that show what the chip is doing just now.
+//! Registers that show the chip's present state.
 
 use super::Tmc2209;
 use super::registers::{VERSION, drv_status};

@@ -1,4 +1,4 @@
-//! The driver's registers: addresses, what may be read and written, values at reset (data sheet chapter 5).
+//! The driver's registers: addresses, access, values at reset (data sheet chapter 5).
 
 /// Addresses of registers (data sheet 5.1 to 5.5).
 #[allow(missing_docs)] // the data sheet's names
@@ -56,10 +56,10 @@ pub mod drv_status {
     pub const STST: u32 = 1 << 31;
 }
 
-/// What IOIN reports as the chip's version (5.1).
+/// The chip's version in IOIN (5.1).
 pub const VERSION: u32 = 0x21;
 
-/// The stored part of the registers. What is measured (TSTEP, SG_RESULT, MSCNT, ...) is asked of the driver itself.
+/// The stored registers. The driver itself computes measured ones (TSTEP, SG_RESULT, MSCNT, ...).
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Registers {
     /// GCONF, 10 bits.
@@ -80,11 +80,11 @@ pub struct Registers {
     pub tpwmthrs: u32,
     /// TCOOLTHRS, 20 bits.
     pub tcoolthrs: u32,
-    /// VACTUAL, 24 bits; kept, without effect.
+    /// VACTUAL, 24 bits; stored without effect.
     pub vactual: u32,
     /// SGTHRS, 8 bits.
     pub sgthrs: u32,
-    /// COOLCONF, 16 bits; kept, without effect.
+    /// COOLCONF, 16 bits; stored without effect.
     pub coolconf: u32,
     /// CHOPCONF.
     pub chopconf: u32,
@@ -94,7 +94,7 @@ pub struct Registers {
 
 impl Registers {
     /// The values after power-up. `otp` is the one-time memory (OTP_READ, 5.1.1); its power-up values for currents,
-    /// sense resistor, chopper mode and trims are followed, the rest has no effect.
+    /// sense resistor, chopper mode and trims are applied, the rest has no effect.
     pub fn at_reset(otp: u32) -> Self {
         let bit = |number: u32| otp >> number & 1;
         let ihold = [16, 2, 8, 24][(otp >> 21 & 3) as usize];
@@ -118,8 +118,8 @@ impl Registers {
         }
     }
 
-    /// Stores what a write changes; a write to a register that cannot be written, or to none, changes nothing.
-    /// `drv_err_remains` holds GSTAT.drv_err against clearing while its reason lasts.
+    /// Stores a write; a write to a read-only or unknown register has no effect. `drv_err_remains` keeps GSTAT.drv_err
+    /// from being cleared while its reason lasts.
     pub fn write(&mut self, register: u8, value: u32, drv_err_remains: bool) {
         match register {
             address::GCONF => self.gconf = value & 0x3FF,
@@ -142,7 +142,7 @@ impl Registers {
         }
     }
 
-    /// GCONF: scale the current by the voltage at VREF.
+    /// GCONF: the voltage at VREF scales the current.
     pub fn scales_by_vref(&self) -> bool {
         self.gconf & 1 != 0
     }
@@ -152,7 +152,7 @@ impl Registers {
         self.gconf & 1 << 2 != 0
     }
 
-    /// GCONF: turns the other way.
+    /// GCONF: the motor's direction is inverted.
     pub fn shaft(&self) -> bool {
         self.gconf & 1 << 3 != 0
     }
@@ -162,7 +162,7 @@ impl Registers {
         self.gconf & 1 << 6 != 0
     }
 
-    /// GCONF: microsteps by CHOPCONF.MRES rather than by MS1 and MS2.
+    /// GCONF: CHOPCONF.MRES selects the microsteps rather than MS1 and MS2.
     pub fn mstep_reg_select(&self) -> bool {
         self.gconf & 1 << 7 != 0
     }
@@ -182,7 +182,7 @@ impl Registers {
         self.chopconf & 1 << 29 != 0
     }
 
-    /// CHOPCONF: the step's binary size, 0 for 1/256 to 8 for a full step. 9 to 15 are reserved and taken as 8.
+    /// CHOPCONF: the step's binary size, 0 for 1/256 to 8 for a full step. 9 to 15 are reserved and read as 8.
     pub fn mres(&self) -> u32 {
         (self.chopconf >> 24 & 0xF).min(8)
     }
@@ -197,7 +197,7 @@ impl Registers {
         self.ihold_irun >> 8 & 0x1F
     }
 
-    /// IHOLD_IRUN: how slowly the current falls to IHOLD, in 2^18 clocks a step; 0 is at once.
+    /// IHOLD_IRUN: the decay time of the current to IHOLD, in 2^18 clocks a step; 0 is at once.
     pub fn ihold_delay(&self) -> u32 {
         self.ihold_irun >> 16 & 0xF
     }

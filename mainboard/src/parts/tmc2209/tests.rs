@@ -13,7 +13,7 @@ fn driver() -> Tmc2209 {
     driver
 }
 
-/// Sends bytes back to back; the reply to the last and when the last ended.
+/// Sends bytes back to back; returns the reply to the last one and the end of it.
 fn send(driver: &mut Tmc2209, start_ns: u64, bytes: &[u8]) -> (Option<Reply>, u64) {
     let mut reply = None;
     for (index, &byte) in bytes.iter().enumerate() {
@@ -36,13 +36,13 @@ fn write_request(node: u8, register: u8, value: u32) -> [u8; 8] {
 }
 
 fn write(driver: &mut Tmc2209, register: u8, value: u32) {
-    // Straight into the register: for tests that are not about the line.
+    // Directly into the register, for tests of other parts than the line.
     driver.write(0, register, value);
 }
 
 #[test]
 fn checksum_is_the_data_sheets() {
-    // A reading of IOIN as seen on a line between a computer and a TMC2209 (public wiki of TMC2209_Raspberry_Pi).
+    // A read of IOIN recorded between a computer and a TMC2209 (public wiki of TMC2209_Raspberry_Pi).
     assert_eq!(checksum(&[0x55, 0x00, 0x06]), 0xE8);
     assert_eq!(checksum(&[0x05, 0xFF, 0x06, 0x21, 0x00, 0x02, 0x41]), 0x9D);
 }
@@ -71,7 +71,7 @@ fn refuses_a_wrong_checksum_and_an_address_of_another() {
     let (_, end_ns) = send(&mut driver, later_ns, &write_request(1, address::SGTHRS, 9));
     let (reply, end_ns) = send(&mut driver, end_ns, &read_request(2, address::IOIN));
     assert_eq!((reply, driver.registers().ifcnt), (None, 0));
-    // Another's address is no error: no silence is needed.
+    // Another driver's address is not an error and needs no silence.
     send(&mut driver, end_ns, &write_request(0, address::SGTHRS, 9));
     assert_eq!((driver.registers().sgthrs, driver.registers().ifcnt), (9, 1));
 }
@@ -87,7 +87,7 @@ fn recovers_after_12_bit_times_of_silence_and_no_sooner() {
 }
 
 #[test]
-fn recovery_counts_silence_and_not_time() {
+fn recovery_counts_silence_only() {
     let mut driver = driver();
     let (_, end_ns) = send(&mut driver, 0, &[0x0A]);
     let (_, end_ns) = send(&mut driver, end_ns + 11 * BIT_NS, &[0xFF]);
@@ -120,7 +120,7 @@ fn a_load_shows_at_the_next_full_step() {
 }
 
 #[test]
-fn a_datagram_times_out_after_63_bit_times() {
+fn a_datagram_ends_after_63_bit_times_without_a_start_bit() {
     for (gap_bits, accepted) in [(63, 1), (64, 0)] {
         let mut driver = driver();
         let request = write_request(0, address::SGTHRS, 1);
@@ -141,7 +141,7 @@ fn reply_waits_for_its_send_delay() {
 }
 
 #[test]
-fn a_short_send_delay_trips_over_replies_of_neighbours() {
+fn a_short_send_delay_misreads_replies_of_neighbours() {
     for (setting, accepted) in [(0, 0), (2, 1)] {
         let mut one = driver();
         write(&mut one, address::NODECONF, setting << 8);
@@ -310,7 +310,7 @@ fn a_stall_raises_diag_between_the_thresholds_of_speed() {
     assert!(event_ns > last_ns + 87_000_000 && event_ns < last_ns + 88_000_000);
     driver.advance(event_ns);
     assert_eq!((driver.diag(), driver.next_event_ns()), (Some(false), None));
-    // Too slow, too fast, spreadCycle: nothing.
+    // Too slow, too fast, spreadCycle: no DIAG.
     for (register, value) in [(address::TCOOLTHRS, 59), (address::TPWMTHRS, 60), (address::GCONF, 1 << 2)] {
         let mut other = driver.clone();
         write(&mut other, register, value);
@@ -322,7 +322,7 @@ fn a_stall_raises_diag_between_the_thresholds_of_speed() {
 }
 
 #[test]
-fn an_old_stall_raises_no_diag_at_the_next_start() {
+fn a_stall_before_standstill_raises_no_diag_at_the_next_start() {
     let mut driver = driver();
     write(&mut driver, address::SGTHRS, 100);
     write(&mut driver, address::TCOOLTHRS, TSTEP_MAX);
@@ -341,7 +341,7 @@ fn an_old_stall_raises_no_diag_at_the_next_start() {
 }
 
 #[test]
-fn a_short_switches_off_until_enabled_afresh() {
+fn a_short_switches_off_until_enabled_again() {
     let mut driver = driver();
     driver.set_fault(0, Fault::ShortToGroundA, true);
     assert!(!driver.energized() && driver.diag() == Some(true));
@@ -373,7 +373,7 @@ fn heat_warns_and_then_switches_off_until_cool() {
 }
 
 #[test]
-fn a_low_charge_pump_and_open_loads_show() {
+fn a_low_charge_pump_and_open_loads_are_reported() {
     let mut driver = driver();
     driver.set_fault(0, Fault::ChargePump, true);
     assert_eq!(driver.read(0, address::GSTAT) & gstat::UV_CP, gstat::UV_CP);
@@ -385,7 +385,7 @@ fn a_low_charge_pump_and_open_loads_show() {
 }
 
 #[test]
-fn without_supply_it_is_silent_and_forgets() {
+fn without_supply_the_driver_is_silent_and_loses_its_registers() {
     let mut driver = driver();
     write(&mut driver, address::GSTAT, 1);
     write(&mut driver, address::SGTHRS, 5);

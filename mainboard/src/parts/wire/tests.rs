@@ -25,7 +25,7 @@ fn request(node: u8, register: u8, value: Option<u32>) -> Vec<u8> {
     bytes
 }
 
-/// A host that drives a pin: it knows nothing of the wire's insides.
+/// A host that drives a pin, without access to the wire's internals.
 struct Host {
     now_ns: f64,
     bit_ns: f64,
@@ -44,7 +44,7 @@ impl Host {
         wire.set_master(drivers, self.now_ns as u64, None);
     }
 
-    /// Samples the pin until a reply has come or none can any more.
+    /// Samples the pin until a reply has arrived or none can arrive.
     fn receive(&mut self, wire: &mut Wire, drivers: &mut [Tmc2209]) -> Vec<u8> {
         let mut bytes = Vec::new();
         let until_ns = self.now_ns + 400.0 * self.bit_ns;
@@ -89,7 +89,7 @@ proptest! {
     }
 
     #[test]
-    fn a_given_bit_time_bears_some_per_cent(off in -0.035_f64..0.035, value: u32) {
+    fn a_given_bit_time_tolerates_some_per_cent(off in -0.035_f64..0.035, value: u32) {
         let mut drivers = drivers(&[0]);
         let mut wire = Wire::new(Bus::new(vec![0], 1), BitTime::Given(10_000));
         let mut host = Host { now_ns: 1e6, bit_ns: 10_000.0 * (1.0 + off) };
@@ -100,7 +100,7 @@ proptest! {
 }
 
 #[test]
-fn a_fixed_bit_time_fails_at_8_percent() {
+fn a_given_bit_time_does_not_tolerate_8_per_cent() {
     let mut drivers = drivers(&[0]);
     let mut wire = Wire::new(Bus::new(vec![0], 1), BitTime::Given(10_000));
     let mut host = Host { now_ns: 1e6, bit_ns: 10_800.0 };
@@ -134,12 +134,12 @@ fn two_drivers_with_one_address_answer_together() {
     for (index, byte) in request(1, address::IOIN, None).into_iter().enumerate() {
         reply = bus.byte(&mut drivers, index as u64 * 100_000, 10_000, byte);
     }
-    // One says 0x44, the other 0xC5 (STEP, EN, MS1, PDN_UART): a low wins.
+    // One sends 0x44, the other 0xC5 (STEP, EN, MS1, PDN_UART): a low wins.
     assert_eq!(reply.unwrap().bytes[..7], [0x05, 0xFF, 0x06, 0x21, 0x00, 0x00, 0x44]);
 }
 
 #[test]
-fn a_neighbour_with_a_short_send_delay_misses_what_follows_a_reply() {
+fn a_neighbour_with_a_short_send_delay_misses_the_request_after_a_reply() {
     for (setting, accepted) in [(0, 1), (2, 2)] {
         let (mut drivers, mut bus) = (drivers(&[0, 1]), Bus::new(vec![0, 1], 1));
         let mut now_ns = 1_000_000;
@@ -230,7 +230,7 @@ fn a_spike_spoils_a_datagram_within_12_bit_times() {
 }
 
 #[test]
-fn a_mute_driver_does_not_deafen_the_others() {
+fn a_mute_driver_does_not_disturb_the_others() {
     let (mut drivers, mut wire) = (drivers(&[0, 1]), wire(2));
     drivers[0].set_fault(0, Fault::Mute, true);
     let mut host = Host { now_ns: 1e6, bit_ns: 10_000.0 };
@@ -239,7 +239,7 @@ fn a_mute_driver_does_not_deafen_the_others() {
 }
 
 #[test]
-fn datagrams_without_supply_are_forgotten() {
+fn bytes_sent_without_supply_are_lost() {
     let (mut drivers, mut wire) = (drivers(&[0]), wire(1));
     drivers[0].set_supply(0, false);
     let mut host = Host { now_ns: 1e6, bit_ns: 10_000.0 };

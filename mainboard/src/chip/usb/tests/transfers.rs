@@ -1,4 +1,4 @@
-//! SETUP, OUT and IN, and what an endpoint's control bits do to them.
+//! SETUP, OUT and IN, and the effects of an endpoint's control bits.
 
 use super::{GET, data, pop};
 use crate::chip::usb::bench::Bench;
@@ -29,7 +29,7 @@ fn a_setup_comes_with_its_data_and_its_end() {
 }
 
 #[test]
-fn a_setup_is_taken_in_spite_of_nak() {
+fn a_setup_is_accepted_despite_nak() {
     let mut bench = Bench::ready(Core::F405);
     bench.set(Register::Doepctl(0), f::epctl::SNAK, 1);
     assert_eq!(bench.setup(GET), Answer::Ack);
@@ -87,7 +87,7 @@ fn a_transfer_of_several_packets_ends_at_its_count() {
     assert_eq!(pop(&mut bench), (2, 1, 64));
     bench.drain(64);
     assert_eq!(pop(&mut bench), (3, 1, 0));
-    // No count: each packet is a transfer, and the run hears of it.
+    // Without a count each packet is a transfer, and the core reports it.
     bench.write(Register::Doeptsiz(1), 0);
     bench.set(Register::Doepctl(1), f::epctl::EPENA, 1);
     bench.set(Register::Doepctl(1), f::epctl::CNAK, 1);
@@ -130,7 +130,7 @@ fn the_f446_may_be_enabled_before_the_end_is_popped() {
 }
 
 #[test]
-fn an_in_packet_goes_out_once() {
+fn an_in_packet_is_sent_once() {
     let mut bench = Bench::ready(Core::F405);
     bench.open_bulk(1);
     bench.write(Register::Dieptsiz(1), 1 << 19 | 6);
@@ -149,7 +149,7 @@ fn an_in_packet_goes_out_once() {
     assert_eq!(bench.input(1), Answer::Nak);
     bench.arm_in(1, &[7]);
     assert_eq!(bench.input(1), data(true, &[7]));
-    // With nothing to count, nothing goes.
+    // With a count of 0 the endpoint sends no packet.
     bench.write(Register::Dieptsiz(1), 0);
     bench.set(Register::Diepctl(1), f::epctl::EPENA, 1);
     assert_eq!(bench.input(1), Answer::Nak);

@@ -2,7 +2,7 @@ use std::net::TcpListener;
 
 use super::*;
 
-/// An emulator that says and hears this: each line what the debugger is to send, and what comes then.
+/// An emulator with a script: each line is the expected packet of the debugger and the reply.
 fn conversation(lines: &'static [(&'static str, &'static str)], folder: &Path, arguments: &str) -> Result<(), String> {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap();
@@ -30,7 +30,7 @@ fn conversation(lines: &'static [(&'static str, &'static str)], folder: &Path, a
 const HELLO: (&str, &str) = ("qSupported:swbreak+;hwbreak+", "PacketSize=1000");
 
 #[test]
-fn a_packet_ends_with_the_sum_of_its_bytes() {
+fn a_packet_ends_with_its_checksum() {
     assert_eq!(packet(""), "$#00");
     assert_eq!(packet("OK"), "$OK#9a");
 }
@@ -50,25 +50,25 @@ fn a_file_is_opened_and_read() {
         ("F0", "Flseek,3,0,0"),
         ("F-1,270f", "O6f"),
     ];
-    // The last line is what ends it.
+    // The unexpected last reply ends the connection.
     let error = conversation(lines, folder.path(), "").unwrap_err();
     assert!(error.contains("debugger"), "{error}");
 }
 
 #[test]
-fn files_outside_the_folder_are_hidden() {
+fn files_outside_the_folder_cannot_be_opened() {
     let lines = &[HELLO, ("?", "S05"), ("c", "Fopen,20000000/4,0,1a4"), ("m20000000,3", "2e2e2f"), ("F-1,2", "W00")];
     assert_eq!(conversation(lines, Path::new("/tmp"), ""), Ok(()));
 }
 
 #[test]
-fn the_command_line_is_passed() {
+fn the_command_line_reaches_the_program() {
     let lines = &[
         HELLO,
         ("?", "S05"),
         ("Z1,8000010,2", "OK"),
         ("Z1,8000020,2", "OK"),
-        // Some other call, which is the emulator's.
+        // Another call, which the emulator handles.
         ("c", "T05hwbreak:;"),
         ("p0", "05000000"),
         ("p1", "00010020"),
@@ -90,14 +90,14 @@ fn the_command_line_is_passed() {
 }
 
 #[test]
-fn any_other_stop_is_an_error() {
+fn a_stop_outside_the_calls_is_an_error() {
     let lines = &[HELLO, ("?", "S05"), ("c", "S05"), ("p0", "07000000"), ("p1", "00000000"), ("pf", "40000008")];
     let error = conversation(lines, Path::new("."), "").unwrap_err();
     assert!(error.contains("0x08000040"), "{error}");
 }
 
 #[test]
-fn calls_are_found_at_whole_halfwords() {
+fn calls_are_found_at_aligned_halfwords_only() {
     let bytes: &[u8] = &[0xab, 0xbe, 0, 0xab, 0xbe, 0, 0xab, 0xbe, 0xab];
     assert_eq!(calls([(0x0800_0000, bytes)].into_iter()), [0x0800_0000, 0x0800_0006]);
 }
