@@ -17,7 +17,7 @@ const LEAVE: [u16; 2] = [0x4695, 0x4708];
 /// With masks in force the image could never receive from its host; with another stack it would overwrite the other's
 /// memory.
 #[test]
-fn an_image_starts_with_any_masks_and_stack_of_a_boot_loader() {
+fn an_image_starts_with_any_masks_and_stack() {
     for board in &BOARDS {
         let code = Code::of(&image_of(board.name)).unwrap();
         let is_reset = |start: &u32| code.names(*start).iter().any(|name| name == "Reset");

@@ -198,7 +198,7 @@ fn missing_thermistors_are_reported_and_prevent_heating() {
 
 /// A host that has vanished: after M86's time no heater of a real board has power, and the machine is not halted.
 #[test]
-fn unused_heaters_are_switched_off() {
+fn unused_heaters_go_off() {
     for board in printers() {
         let mut bench = Bench::boot_board(board);
         bench.host.send("M86 S4").unwrap();

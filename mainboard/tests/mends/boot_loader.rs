@@ -201,7 +201,7 @@ fn all_leftovers_at_once_do_not_change_the_start() {
 }
 
 #[test]
-fn no_access_after_a_clock_enable_is_lost() {
+fn the_first_access_after_a_clock_enable_arrives() {
     let (found, unmodelled) = start(None, true);
     let lost: Vec<&String> = unmodelled.iter().filter(|what| what.contains("LATE_CLOCKS")).collect();
     println!("{lost:#?}");

@@ -113,7 +113,7 @@ fn a_heater_fault_switches_both_fans_to_full() {
 }
 
 #[test]
-fn after_a_reset_in_mid_print_the_hot_end_fan_turns() {
+fn the_hot_end_fan_turns_after_a_reset_in_mid_print() {
     cools_within(Event::Reset, 200 * MS);
 }
 
