@@ -19,13 +19,13 @@ use crate::firmware::{self, Program, Target};
 use crate::mainboard;
 use crate::steps::{Failure, Run};
 
-/// What to do with the counts.
+/// Arguments of `bench`.
 #[derive(Clone, Copy, Debug, clap::Args)]
 pub struct Options {
     /// Prints one JSON object and nothing else on standard output
     #[arg(long)]
     json: bool,
-    /// Fails when a count of the target or the image's size is more than 3 % above the committed baseline
+    /// Fails if a count of the target or the image's size is more than 3 % above the committed baseline
     #[arg(long)]
     check: bool,
     /// Makes these counts the baseline and writes the book's page of benchmarks
@@ -33,7 +33,7 @@ pub struct Options {
     save_baseline: bool,
 }
 
-/// Builds both images, counts, and does what was asked for. The desk is measured for a reader only.
+/// Builds both images, counts, and prints, compares or saves the counts. The speed of the desk is for information only.
 pub fn run(run: &mut Run, options: Options) -> Result<(), Failure> {
     let mainboard = mainboard::build(run)?;
     let image = firmware::build(run, Program::Firmware, &Target::bench()?)?;
@@ -56,7 +56,7 @@ pub fn run(run: &mut Run, options: Options) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Counts and compares, the virtual mainboard's program and the firmware's image being there.
+/// Counts and compares, with the virtual mainboard's program and the firmware's image already built.
 pub fn check(run: &mut Run, mainboard: &Path, firmware: &Path) -> Result<(), Failure> {
     let figures = count(run, mainboard, firmware)?;
     compare(run, &figures)
@@ -66,7 +66,7 @@ fn compare(run: &mut Run, figures: &Value) -> Result<(), Failure> {
     run.step("counts against the baseline", || baseline::check(&baseline::read()?, figures))
 }
 
-/// What is the same on every run and every machine.
+/// The counts that are the same on every run and every machine.
 fn count(run: &mut Run, mainboard: &Path, firmware: &Path) -> Result<Value, Failure> {
     let board = Target::bench()?;
     let tally = firmware::build(run, Program::Tally, &board)?;
@@ -95,7 +95,7 @@ fn insert(figures: &mut Value, key: &str, value: Value) {
     }
 }
 
-/// Each figure, and what it was in the baseline where it is not that any more.
+/// Each figure, with its baseline if it differs.
 fn print_table(figures: &Value) {
     let baseline = baseline::read().unwrap_or_default();
     let changes = baseline::changes(&baseline, figures);

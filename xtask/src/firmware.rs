@@ -15,16 +15,16 @@ use crate::size::{Budget, Sizes, Table};
 use crate::steps::{Failure, Run};
 use crate::system::{self, cargo};
 
-/// What to build images for.
+/// The images to build.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub struct Options {
-    /// The board: its name or a TOML file; all that have names if left out
+    /// The board: bench, prusa-buddy, btt-octopus-1.1 or the path of a TOML file; all built-in boards by default
     #[arg(long)]
     board: Option<String>,
-    /// The machine: a profile's name or a TOML file; the board's own if left out
+    /// The machine: cartesian, corexy, prusa-mini or the path of a TOML file; the board's own by default
     #[arg(long)]
     profile: Option<String>,
-    /// Where the image begins, bytes from the start of flash; the board's own if left out. 0 is an image in the place of the
+    /// Where the image begins, bytes from the start of flash; the board's own by default. 0 puts the image in the place of the
     /// boot loader
     #[arg(long, value_name = "BYTES", value_parser = bytes, requires = "board")]
     boot_offset: Option<u32>,
@@ -42,7 +42,7 @@ pub fn bytes(text: &str) -> Result<u32, String> {
     number.map_err(|_| "expected a number of bytes, such as 0 or 0x20200".to_owned())
 }
 
-/// A board and the machine that it is the board of.
+/// A board and its machine.
 #[derive(Clone, Debug)]
 pub struct Target {
     board: Board,
@@ -115,7 +115,7 @@ fn absolute(name_or_path: &str, is_name: impl Fn(&str) -> bool) -> Result<String
     path.to_str().map(str::to_owned).ok_or_else(|| format!("{name_or_path}: the path is no text"))
 }
 
-/// Builds what the options name, prints a path and a size table for each board, and returns the paths, the bench's
+/// Builds the named images, prints a path and a size table for each board, and returns the paths, the bench's
 /// first where all are built.
 pub fn build_images(run: &mut Run, options: &Options) -> Result<Vec<PathBuf>, Failure> {
     let names: Vec<&str> = match &options.board {
@@ -151,16 +151,16 @@ pub fn build_image(run: &mut Run, target: &Target) -> Result<PathBuf, Failure> {
     })
 }
 
-/// The programs that the firmware's folder holds.
+/// The programs in the firmware's folder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Program {
-    /// What prints.
+    /// The firmware that prints.
     Firmware,
-    /// What counts the instructions of its parts.
+    /// The bench, which counts the instructions of its parts.
     Bench,
-    /// The same built to count the step events that those instructions make. It takes the place of the other's image.
+    /// The same, built to count step events instead. It replaces the other image.
     Tally,
-    /// What measures the board that it runs on.
+    /// The tests that measure the board they run on.
     OnTarget,
 }
 

@@ -71,13 +71,13 @@ enum Task {
     Bench(bench::Options),
     /// Build a board's firmware, write it over a debug probe, and start it
     Flash(on_target::FlashOptions),
-    /// Measure a board over a debug probe, and hold the times against their bounds; without a board, on the virtual mainboard
+    /// Measure a board over a debug probe and compare the times with their bounds; without a board, on the virtual mainboard
     OnTarget(on_target::TestOptions),
     /// Print a file on the virtual mainboard: the board's image, unmodified, on an emulated chip with a printer around it
     Mainboard(mainboard::Options),
     /// Write what a release consists of into a folder: images, the command, their checksums, parts lists and licences
     Release(release::Options),
-    /// Make small mistakes in the code, one at a time, and see which of them no test notices
+    /// Make small mistakes in the code, one at a time, and list those that no test notices
     Mutants(mutants::Options),
     /// Check that the firmware's crates build for thumbv7em-none-eabihf, without std
     NoStd,

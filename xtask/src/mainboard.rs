@@ -7,33 +7,33 @@ use crate::firmware::{self, Target};
 use crate::steps::{Failure, Run};
 use crate::system::{self, cargo};
 
-/// What to print on which machine.
+/// Arguments of `mainboard`.
 #[derive(Clone, Debug, clap::Args)]
 pub struct Options {
-    /// The board: its name or a TOML file
+    /// The board: bench, prusa-buddy, btt-octopus-1.1 or the path of a TOML file
     #[arg(long, default_value = "prusa-buddy")]
     board: String,
-    /// The machine: a profile's name or a TOML file; the board's own if left out
+    /// The machine: cartesian, corexy, prusa-mini or the path of a TOML file; the board's own by default
     #[arg(long)]
     profile: Option<String>,
-    /// The G-code to print; without one, image and program are built and nothing is printed
+    /// The G-code to print; without a file, image and program are built only
     file: Option<PathBuf>,
-    /// The line of the host: "usb" or "uart"
+    /// The port that the host uses: "usb" or "uart"
     #[arg(long, default_value = "usb")]
     via: String,
     /// Prints only this many layers, as the slicer's comments count them
     #[arg(long)]
     layers: Option<usize>,
-    /// One object of JSON on standard output
+    /// Prints one JSON object on standard output
     #[arg(long)]
     json: bool,
-    /// Leads the printer's line out as a pseudo-terminal of this name, for any host
+    /// Serves the printer's port on a pseudo-terminal with this path, for any host
     #[arg(long, value_name = "PATH", conflicts_with_all = ["file", "tcp"])]
     pty: Option<PathBuf>,
-    /// Leads the printer's line out at a port of this computer
+    /// Serves the printer's port on a TCP port of this computer
     #[arg(long, value_name = "PORT", conflicts_with = "file")]
     tcp: Option<u16>,
-    /// More words for the program, such as --gdb 3333 or --entry-ns 173
+    /// More arguments for the program, such as --gdb 3333 or --entry-ns 173
     #[arg(last = true)]
     more: Vec<String>,
 }

@@ -12,35 +12,35 @@ use crate::steps::{Failure, Run};
 use crate::system::{self, cargo};
 use page::PAGE;
 
-/// Parts of all mutants of which each run of `ci` tries one: an hour or so.
+/// Number of parts of all mutants; each run of `ci` tries one part, about an hour.
 const CI_SHARDS: u64 = 16;
 
 /// Where cargo-mutants builds, and where it reports. Not in the folder of other builds: its own is a copy of the sources
 /// with another path.
 const BUILD: &str = "mutants";
 
-/// Which mutants there are to try.
+/// The configuration that lists the mutants.
 const CONFIG: &str = ".cargo/mutants.toml";
 
-/// Which mutants are tried, and what for.
+/// Arguments of `mutants`.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub struct Options {
-    /// Files whose mutants are tried; without one, all that `.cargo/mutants.toml` names (half a day)
+    /// Files whose mutants are tried; by default all files of `.cargo/mutants.toml` (half a day)
     files: Vec<String>,
     /// Tries one part of them: 3/16 is the fourth of 16, numbered from 0
     #[arg(long, conflicts_with = "refresh")]
     shard: Option<String>,
-    /// Writes what survives to the book's page, for the files that are tried, instead of comparing it with the page
+    /// Writes the survivors in the tried files to the book's page, instead of comparing them with it
     #[arg(long)]
     refresh: bool,
 }
 
-/// What became of a file's mutants.
+/// The result of a file's mutants.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 struct Tried {
     /// Mutants that compile.
     mutants: usize,
-    /// What the survivors change, without its line, and how many change the like.
+    /// The survivors' changes without their lines, and how many make the same change.
     survivors: BTreeMap<String, usize>,
 }
 
@@ -105,7 +105,7 @@ fn config_without_files(folder: &Path) -> Result<PathBuf, Failure> {
     Ok(path)
 }
 
-/// Some survive, or let a test hang: that is for the report to say.
+/// Survivors and hanging tests are not errors here: the report lists them.
 fn run_mutants(command: &mut Command) -> Result<(), Failure> {
     const SURVIVORS: i32 = 2;
     const TIMEOUTS: i32 = 3;
@@ -115,7 +115,7 @@ fn run_mutants(command: &mut Command) -> Result<(), Failure> {
     }
 }
 
-/// What a report says of each file.
+/// The results for each file of a report.
 fn files(report: &Value) -> Result<Files, Failure> {
     let mut files = Files::new();
     let outcomes = report.get("outcomes").and_then(Value::as_array).ok_or("the report has no `outcomes`")?;

@@ -12,37 +12,37 @@ use crate::mainboard::{self, Counter};
 use crate::steps::{Failure, Run};
 use crate::system;
 
-/// The program that speaks to debug probes.
+/// The program that talks to debug probes.
 const PROBE_RS: &str = "probe-rs";
 
 /// Where the test harness keeps its tests: a symbol for each, whose name is JSON, and there three words of which the first
 /// is the address of what runs it.
 const SECTION: &str = ".embedded_test";
 
-/// What to flash.
+/// Arguments of `flash`.
 #[derive(Clone, Debug, clap::Args)]
 pub struct FlashOptions {
-    /// The board: its name or a TOML file
+    /// The board: bench, prusa-buddy, btt-octopus-1.1 or the path of a TOML file
     #[arg(long)]
     board: String,
-    /// The machine: a profile's name or a TOML file; the board's own if left out
+    /// The machine: cartesian, corexy, prusa-mini or the path of a TOML file; the board's own by default
     #[arg(long)]
     profile: Option<String>,
-    /// Where the image begins, bytes from the start of flash; the board's own if left out
+    /// Where the image begins, bytes from the start of flash; the board's own by default
     #[arg(long, value_name = "BYTES", value_parser = firmware::bytes)]
     boot_offset: Option<u32>,
 }
 
-/// What to test.
+/// Arguments of `on-target`.
 #[derive(Clone, Debug, clap::Args)]
 pub struct TestOptions {
-    /// The board at the probe: its name or a TOML file; the virtual mainboard if left out
+    /// The board at the probe, by name or the path of a TOML file; the virtual mainboard by default
     #[arg(long)]
     board: Option<String>,
-    /// The machine: a profile's name or a TOML file; the board's own if left out
+    /// The machine: cartesian, corexy, prusa-mini or the path of a TOML file; the board's own by default
     #[arg(long, requires = "board")]
     profile: Option<String>,
-    /// Where the image begins, bytes from the start of flash; the board's own if left out
+    /// Where the image begins, bytes from the start of flash; the board's own by default
     #[arg(long, value_name = "BYTES", value_parser = firmware::bytes, requires = "board")]
     boot_offset: Option<u32>,
 }
