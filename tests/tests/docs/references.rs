@@ -26,8 +26,11 @@ fn stale(pages: &[Page], tree: &Tree) -> Vec<Stale> {
         let mut report = |line: usize, name: &str, why: Option<&'static str>| {
             found.extend(why.map(|why| Stale { page: page.path.clone(), line, name: name.to_owned(), why }));
         };
-        for span in page.code_spans() {
-            report(span.line, span.text, wrong_with_name(span.text, tree));
+        let spans = page.code_spans();
+        for span in &spans {
+            let same_line = spans.iter().filter(|other| other.line == span.line).map(|other| other.text);
+            let wrong = wrong_with_name(span.text, tree).or_else(|| wrong_beside(span.text, same_line, tree));
+            report(span.line, span.text, wrong);
         }
         for word in page.block_words() {
             report(word.line, word.text, wrong_with_path(word.text, tree));
@@ -73,6 +76,17 @@ fn wrong_with_name(span: &str, tree: &Tree) -> Option<&'static str> {
     let is_snake = name.contains('_') && name.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_');
     let is_ours = (is_camel || is_snake) && !name.contains(['.', ':']) && !NOT_OURS.contains(&name);
     (is_ours && !tree.has_word(name)).then_some("no such name in the code")
+}
+
+/// A file named without its folder, after a whole path in the same line, lies beside it: "`planner/src/path.rs`, `pace.rs`".
+fn wrong_beside<'a>(name: &str, same_line: impl Iterator<Item = &'a str>, tree: &Tree) -> Option<&'static str> {
+    if name.contains(['/', ':']) || !name.ends_with(".rs") {
+        return None;
+    }
+    let mut folders = same_line.filter(|path| path.ends_with(".rs") && tree.is_in_root(path)).peekable();
+    folders.peek()?;
+    let lies_beside = folders.any(|path| tree.has_path(&beside(path, name)));
+    (!lies_beside).then_some("no such file beside those in the same line")
 }
 
 fn wrong_with_item_of_file(file: &str, item: &str, tree: &Tree) -> Option<&'static str> {
@@ -195,6 +209,7 @@ fn small_tree() -> Tree {
         tree.add(folder, "");
     }
     tree.add("docs/src/page.md", "");
+    tree.add("printer/src/other.rs", "");
     tree.add(
         "planner/src/ring.rs",
         "// ANCHOR: ring\n/// A ring.\npub struct Ring {\n    pub free_slots: u32,\n}\n// ANCHOR_END: ring\n\
@@ -225,6 +240,7 @@ fn each_stale_name_is_reported_with_its_line() {
         ("`planner/src/*.toml`", "planner/src/*.toml", "no such file or folder"),
         ("`gone.rs`", "gone.rs", "no such file"),
         ("`look/ring.rs`", "look/ring.rs", "no such file"),
+        ("`planner/src/ring.rs`, `other.rs`", "other.rs", "no such file beside those in the same line"),
         ("`planner/src/ring.rs::no_test`", "planner/src/ring.rs::no_test", "the file has no such function"),
         ("`planner/src/gone.rs::a_test`", "planner/src/gone.rs::a_test", "no such file"),
         ("`Queue::push`", "Queue::push", "no such type or module"),
