@@ -37,8 +37,8 @@ fn deny(checks: &[&str]) -> Result<(), Failure> {
     for workspace in WORKSPACES {
         let manifest = system::root().join(workspace).join("Cargo.toml");
         let mut deny = cargo();
-        deny.arg("deny").arg("--manifest-path").arg(manifest).args(["--all-features", "check", "--config"]);
-        system::run(deny.arg(&config).args(["--hide-inclusion-graph"]).args(checks))?;
+        deny.arg("deny").arg("--manifest-path").arg(manifest).arg("--config").arg(&config);
+        system::run(deny.args(["--all-features", "check", "--hide-inclusion-graph"]).args(checks))?;
     }
     Ok(())
 }
