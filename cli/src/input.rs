@@ -1,4 +1,4 @@
-//! The job's file: G-code or a prepared job, plain or gzip, read in portions. Its content says what it is, not its name.
+//! The job's file: G-code or a prepared job, plain or gzip, read in portions. The content decides which it is, not the name.
 
 use std::cell::Cell;
 use std::fmt;
@@ -10,7 +10,7 @@ use std::rc::Rc;
 use ferrostep_gpre::Header;
 use flate2::bufread::MultiGzDecoder;
 
-/// Bytes at a file's start that are looked at to tell text from anything else.
+/// Bytes at the start of a file that are examined to tell text from binary data.
 const LOOK_BYTES: usize = 64 * 1024;
 
 /// Why a job could not be started from a file.
@@ -18,11 +18,11 @@ const LOOK_BYTES: usize = 64 * 1024;
 pub enum InputError {
     /// It cannot be opened or read.
     Read(io::Error),
-    /// Nothing is in it.
+    /// The file is empty.
     Empty,
-    /// It holds bytes that no G-code has.
+    /// The file holds a byte that G-code cannot contain.
     NotText {
-        /// Where the first of them stands, from 0.
+        /// Offset of the first such byte, from 0.
         offset: usize,
         /// The byte.
         byte: u8,
@@ -33,7 +33,7 @@ impl fmt::Display for InputError {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Read(error) => write!(out, "cannot be read: {error}"),
-            Self::Empty => write!(out, "the file is empty, expected G-code"),
+            Self::Empty => write!(out, "the file is empty: expected G-code or a prepared job"),
             Self::NotText { offset, byte } => {
                 write!(
                     out,
@@ -69,7 +69,7 @@ pub struct Input {
 }
 
 impl Input {
-    /// Opens a file and looks at its beginning.
+    /// Opens a file and decides from its first bytes what it is.
     pub fn open(path: &Path) -> Result<Self, InputError> {
         let file = File::open(path).map_err(InputError::Read)?;
         let size = file.metadata().map_err(InputError::Read)?.len();
@@ -100,7 +100,7 @@ impl Input {
         Ok(Self { reader, is_prepared: false, read, size })
     }
 
-    /// Puts bytes that were read before those that are still to be read: what has looked at them was not the last.
+    /// Puts bytes back in front of those that remain, for the next reader.
     pub fn put_back(&mut self, bytes: Vec<u8>) {
         let rest = std::mem::replace(&mut self.reader, Box::new(io::empty()));
         self.reader = Box::new(Cursor::new(bytes).chain(rest));
@@ -111,12 +111,12 @@ impl Input {
         self.is_prepared
     }
 
-    /// Counts the bytes of the file that have been read, as they lie on the disk.
+    /// A counter of the bytes read from the disk so far (compressed bytes, for gzip).
     pub fn counter(&self) -> Rc<Cell<u64>> {
         Rc::clone(&self.read)
     }
 
-    /// Size of the file.
+    /// Size of the file on the disk, bytes.
     pub fn size_bytes(&self) -> u64 {
         self.size
     }

@@ -1,4 +1,4 @@
-//! A job: lines from a file, one after the other.
+//! Runs a G-code file: its lines, in order.
 
 use std::fmt;
 use std::io::{self, Read};
@@ -16,7 +16,7 @@ const PORTION_BYTES: usize = 64 * 1024;
 /// Why a job stopped before its end.
 #[derive(Debug)]
 pub enum JobError {
-    /// At this line.
+    /// A line could not be executed.
     Line {
         /// Its number in the file, from 1.
         line: u32,
@@ -25,14 +25,14 @@ pub enum JobError {
         /// What was wrong, and what was expected.
         message: String,
     },
-    /// The file could not be read on.
+    /// Reading the file failed.
     Read {
         /// The last line before.
         line: u32,
         /// Why.
         error: io::Error,
     },
-    /// At a frame of a prepared job.
+    /// A frame of a prepared job could not be executed.
     Prepared {
         /// Number of the frame, where there is one.
         frame: Option<u32>,
@@ -43,14 +43,14 @@ pub enum JobError {
         /// What was wrong, and what was expected.
         message: String,
     },
-    /// It cannot be entered at a frame.
+    /// The job cannot be entered at this frame.
     Entry {
         /// The frame.
         frame: u32,
         /// Why, and what was expected.
         message: String,
     },
-    /// All lines were taken, but the motion they asked for was stopped.
+    /// Every line was executed, but their motion was stopped before its end.
     Stopped(CommandError),
 }
 
@@ -88,13 +88,13 @@ pub struct JobProgress {
 
 /// Looks on while lines are executed.
 pub trait Onlooker<O: Observer, R: Replies> {
-    /// A line is about to be executed.
+    /// Called before a line is executed.
     fn begins(&mut self, printer: &DeskPrinter<'_, O, R>, line: u32, text: &str);
-    /// It has been.
+    /// Called after the line was executed without an error.
     fn ended(&mut self, printer: &DeskPrinter<'_, O, R>);
 }
 
-/// Nobody looks on.
+/// No observer.
 impl<O: Observer, R: Replies> Onlooker<O, R> for () {
     fn begins(&mut self, _: &DeskPrinter<'_, O, R>, _: u32, _: &str) {}
     fn ended(&mut self, _: &DeskPrinter<'_, O, R>) {}
@@ -102,7 +102,7 @@ impl<O: Observer, R: Replies> Onlooker<O, R> for () {
 
 /// Executes all lines of `input` and waits for the end of their motion.
 ///
-/// A line that cannot be executed ends the job: the moves before it are finished, nothing of it happens. `look` is
+/// A line that cannot be executed ends the job: the moves before it are finished, and the line itself has no effect. `look` is
 /// called after each portion of the file.
 pub async fn run<O: Observer, R: Replies>(
     input: &mut impl Read,
@@ -113,7 +113,7 @@ pub async fn run<O: Observer, R: Replies>(
     run_watched(input, printer, progress, &mut (), look).await
 }
 
-/// As [`run`], with somebody looking on.
+/// As [`run`], with an observer of each line.
 pub async fn run_watched<O: Observer, R: Replies>(
     input: &mut impl Read,
     printer: &mut DeskPrinter<'_, O, R>,
@@ -163,7 +163,7 @@ async fn lines<O: Observer, R: Replies>(
     Ok(())
 }
 
-/// Executes one line. Numbers of lines are of no use in a file, but a checksum that is there must hold.
+/// Executes one line. A file needs no line numbers, but a checksum, if present, must be right.
 async fn execute<O: Observer, R: Replies>(
     printer: &mut DeskPrinter<'_, O, R>,
     line: Result<Line<'_>, LineError>,
@@ -204,10 +204,10 @@ async fn execute<O: Observer, R: Replies>(
     }
 }
 
-/// Counts the comments with which slicers begin a layer, in portions of any size.
+/// Counts slicers' layer comments in a stream of portions of any size.
 #[derive(Default)]
 struct LayerComments {
-    /// How much of each mark the last bytes match.
+    /// How many bytes of each mark the end of the last portion matches.
     matched: [usize; 2],
 }
 
@@ -247,7 +247,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn layers_are_counted_whatever_the_portions() {
+    fn counts_layers_in_portions_of_any_size() {
         let text = b";x\n;LAYER_CHANGE\n;Z:0.2\n\n;LAYER:3\nG1 X1\n;LAYERS\n;LAYER_CHANGE\n";
         for size in 1..text.len() {
             let mut layers = LayerComments::default();

@@ -33,8 +33,8 @@ use indicatif::{ProgressBar, ProgressStyle};
 use arguments::{Arguments, Command, Format, JobArguments};
 use progress::Progress;
 
-/// Most notices of the machine that are shown; a broken file could ask for one a line.
-const MOST_NOTICES: u32 = 20;
+/// Maximum number of the machine's notices that are shown; a broken file could cause one a line.
+const MAX_NOTICES: u32 = 20;
 
 fn main() -> ExitCode {
     let outcome = match Arguments::parse().command {
@@ -58,7 +58,7 @@ fn main() -> ExitCode {
         Command::Papers { compare: Some(file), profile, json, .. } => compare(&file, &profile, json),
         Command::Papers { paper, json, svg, .. } => papers(paper.map(Paper::from), json, svg.as_deref()),
     };
-    // What could not start says why and exits like wrong arguments do.
+    // Exit status 2, as for wrong arguments: nothing was started.
     outcome.unwrap_or_else(|reason| {
         tell(format_args!("error: {reason}"));
         ExitCode::from(2)
@@ -93,7 +93,7 @@ fn compare(file: &Path, profile: &str, json: bool) -> Result<ExitCode, String> {
     Ok(result(json.then(|| serde_json::json!({ "choices": table })), || table.text()))
 }
 
-/// Writes the result, as JSON where it is there; success, or 1 where it cannot be written.
+/// Writes the result, as JSON if there is some. Exit status 1 if it cannot be written.
 fn result(json: Option<impl serde::Serialize>, text: impl FnOnce() -> String) -> ExitCode {
     let written = match json {
         Some(json) => terminal::write_json(&json),
@@ -102,7 +102,7 @@ fn result(json: Option<impl serde::Serialize>, text: impl FnOnce() -> String) ->
     exit_code(written)
 }
 
-/// Says what could not be written.
+/// Success, or exit status 1 with the error on standard error.
 fn exit_code(written: Result<(), impl std::fmt::Display>) -> ExitCode {
     match written {
         Ok(()) => ExitCode::SUCCESS,
@@ -113,14 +113,14 @@ fn exit_code(written: Result<(), impl std::fmt::Display>) -> ExitCode {
     }
 }
 
-/// The machine and the open file of a job.
+/// The profile and the open file of a job.
 fn open(job: &JobArguments) -> Result<(Profile, Input), String> {
     let profile = ferrostep_profiles::load(&job.profile).map_err(|error| error.to_string())?;
     let input = Input::open(&job.file).map_err(|error| format!("{}: {error}", terminal::name(&job.file)))?;
     Ok((profile, input))
 }
 
-/// What a job is read from.
+/// The files that a job is read from: no output may replace them.
 fn inputs(job: &JobArguments) -> Vec<Protected<'_>> {
     let profile = Path::new(&job.profile);
     let mut inputs = vec![Protected { path: &job.file, what: "the job to be read" }];
@@ -134,7 +134,7 @@ fn estimate(job: &JobArguments) -> Result<ExitCode, String> {
     let (profile, input) = open(job)?;
     if input.is_prepared() {
         return Err(format!(
-            "{}: it is a prepared job, expected G-code (inspect tells its time)",
+            "{}: this is a prepared job, and estimate takes G-code: `ferrostep inspect` shows a prepared job's time",
             terminal::name(&job.file)
         ));
     }
@@ -152,18 +152,18 @@ fn print(
     let named = job.file.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("gpre"));
     match (named, input.is_prepared()) {
         (true, false) => tell(format_args!(
-            "note: {}: named a prepared job, but it is G-code: printed as that",
+            "note: {}: the name says prepared job, the content is G-code: printing it as G-code",
             terminal::name(&job.file)
         )),
         (false, true) => tell(format_args!(
-            "note: {}: named G-code, but it is a prepared job: printed as that",
+            "note: {}: the content is a prepared job: printing it as that",
             terminal::name(&job.file)
         )),
         _ => {}
     }
     if from_frame.is_some() && !input.is_prepared() {
         return Err(format!(
-            "{}: it is G-code, expected a prepared job to enter at a frame",
+            "{}: this is G-code, and --from-frame needs a prepared job: `ferrostep preprocess` makes one",
             terminal::name(&job.file)
         ));
     }
@@ -175,7 +175,7 @@ fn print(
     }
     let mut recorder = Recorder::default();
     let mut protected = inputs(job);
-    // The one keeps its name for itself before the other is begun.
+    // The waveform must not replace the trace: the trace's name is protected before the waveform is opened.
     let trace = trace.map(|path| Output::create(path, Accepted::FileOrStream, &protected)).transpose();
     let trace = trace.map_err(|error| error.to_string())?;
     if let Some(trace) = &trace {
@@ -186,7 +186,7 @@ fn print(
     recorder.trace = trace.map(|out| TraceWriter::new(out, &profile)).transpose().map_err(|error| error.to_string())?;
     recorder.vcd = vcd.map(|out| VcdWriter::new(out, &profile)).transpose().map_err(|error| error.to_string())?;
     let (code, recorder) = run(job, input, profile, Mode::Print, (look_ahead, from), recorder)?;
-    // Where the job stopped, what the motors did up to there is the whole of it.
+    // A job that stopped leaves complete files of everything up to there.
     match recorder.finish() {
         Ok(()) => Ok(code),
         outcome => Ok(exit_code(outcome)),
@@ -197,13 +197,13 @@ fn preprocess(job: &JobArguments, out: &Path, format: Format) -> Result<ExitCode
     let (profile, mut input) = open(job)?;
     let name = terminal::name(&job.file);
     if input.is_prepared() {
-        return Err(format!("{name}: it is a prepared job already, expected G-code"));
+        return Err(format!("{name}: this is a prepared job already, and preprocess takes G-code"));
     }
     let encoding = match format {
         Format::Compact => Encoding::Compact,
         Format::Wide => Encoding::Wide,
     };
-    // Its header is written last, at its beginning: no pipe can take it.
+    // The header is written last, at the beginning of the file, which a pipe cannot do.
     let part = Output::create(out, Accepted::File, &inputs(job)).map_err(|error| error.to_string())?;
     let mut part = BufWriter::new(part);
     let progress = Progress::new(input.size_bytes());
@@ -236,7 +236,9 @@ fn inspect(file: &Path, shown: Shown) -> Result<ExitCode, String> {
     let name = terminal::name(file);
     let input = Input::open(file).map_err(|error| format!("{name}: {error}"))?;
     if !input.is_prepared() {
-        return Err(format!("{name}: it is G-code, expected a prepared job"));
+        return Err(format!(
+            "{name}: this is G-code, and inspect takes a prepared job: `ferrostep preprocess` makes one"
+        ));
     }
     let mut out = BufWriter::new(std::io::stdout().lock());
     let outcome = gpre::inspect(input, shown, &mut out);
@@ -251,22 +253,22 @@ fn inspect(file: &Path, shown: Shown) -> Result<ExitCode, String> {
     Ok(code)
 }
 
-/// What the machine says to a person, as far as a person wants to read it.
+/// Shows the machine's messages: errors always, notices up to a maximum.
 fn replies(progress: &Progress) -> JobReplies<impl Fn(&str)> {
     let shown = Cell::new(0);
     JobReplies::new(move |text: &str| {
         shown.set(shown.get() + 1);
         match shown.get() {
-            // Why a machine stands still must not drown.
+            // An error says why the machine stopped: it is shown however many notices came before.
             _ if text.starts_with("Error:") => progress.say(text),
-            ..=MOST_NOTICES => progress.say(text),
-            count if count == MOST_NOTICES + 1 => progress.say("(further messages of the machine are not shown)"),
+            ..=MAX_NOTICES => progress.say(text),
+            count if count == MAX_NOTICES + 1 => progress.say("(further notices of the machine are left out)"),
             _ => {}
         }
     })
 }
 
-/// Runs the job, a prepared one from a frame on, and prints its summary; the observer comes back to be finished.
+/// Runs the job, a prepared one from a frame on, and prints its summary. Returns the observer, for its caller to finish.
 fn run<O: Observer>(
     job: &JobArguments,
     mut input: Input,

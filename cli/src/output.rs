@@ -1,4 +1,4 @@
-//! Files that the command writes: each has its name only when it is whole.
+//! Output files: each is written under a temporary name and renamed when it is complete.
 
 mod unfinished;
 
@@ -9,21 +9,21 @@ use std::path::{Path, PathBuf};
 
 use tempfile::{Builder, NamedTempFile};
 
-/// What may be at an output's name.
+/// What an output's name may lead to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Accepted {
-    /// A file, or nothing yet.
+    /// A regular file, existing or new.
     File,
-    /// A pipe or a character device, too: the output is written in one go, from its beginning to its end.
+    /// Also a pipe or a character device: this output is written from beginning to end without seeking.
     FileOrStream,
 }
 
-/// A file that must not be written over.
+/// A file that the output must not replace.
 #[derive(Clone, Copy, Debug)]
 pub struct Protected<'a> {
-    /// Its name.
+    /// Its path.
     pub path: &'a Path,
-    /// What it is, for the message: "the profile".
+    /// What it is, for the error message: "the profile".
     pub what: &'static str,
 }
 
@@ -35,7 +35,7 @@ pub struct OutputError {
 }
 
 impl OutputError {
-    /// An output of this name, and why.
+    /// The error for the output at `path`.
     pub fn new(path: &Path, reason: impl fmt::Display) -> Self {
         Self { path: path.to_path_buf(), reason: reason.to_string() }
     }
@@ -52,39 +52,40 @@ impl std::error::Error for OutputError {}
 /// Where the bytes go.
 #[derive(Debug)]
 enum Sink {
-    /// A file beside the one that it will replace.
+    /// A temporary file in the folder of the final one.
     Part(NamedTempFile),
     /// A pipe or a device.
     Stream(File),
 }
 
-/// An output that is being written. Dropped before [`Self::keep`], or ended by a signal, it leaves nothing behind, and what
-/// had its name before stays.
+/// An output that is being written. If it is dropped before [`Self::keep`], or a signal ends the process, the temporary file is
+/// removed and an existing file of that name stays unchanged.
 #[derive(Debug)]
 pub struct Output {
     /// The name as given.
     path: PathBuf,
-    /// What the name leads to, links followed.
+    /// The path with links followed.
     target: PathBuf,
     sink: Option<Sink>,
 }
 
 impl Output {
-    /// Begins an output. A link is written through: what it leads to is replaced.
+    /// Opens an output. Through a link, the file that it leads to is replaced.
     ///
     /// # Errors
-    /// The name leads to what is not accepted or is protected, or nowhere, or its folder cannot be written.
+    /// The path leads to something that is not accepted, to a protected file, or through a broken link, or its folder is not
+    /// writable.
     pub fn create(path: &Path, accepted: Accepted, protected: &[Protected<'_>]) -> Result<Self, OutputError> {
         let refuse = |reason: String| OutputError::new(path, reason);
         let existing = fs::metadata(path).ok();
         if let Some(same) = protected.iter().find(|file| is_same(path, existing.as_ref(), file.path)) {
-            return Err(refuse(format!("it is {}, expected another name", same.what)));
+            return Err(refuse(format!("this is {}: choose another name for the output", same.what)));
         }
         let Some(existing) = existing else {
             if let Ok(target) = fs::read_link(path) {
                 let target = crate::terminal::name(&target);
                 return Err(refuse(format!(
-                    "it is a link to {target}, which does not exist: remove the link, or make its target"
+                    "this is a link to {target}, which does not exist: remove the link, or create its target"
                 )));
             }
             return Self::begin(path, path.to_path_buf(), None);
@@ -92,7 +93,7 @@ impl Output {
         let kind = existing.file_type();
         if kind.is_file() {
             if existing.permissions().readonly() {
-                return Err(refuse("it is read-only, expected another name, or leave to write to it".to_owned()));
+                return Err(refuse("the file is read-only: choose another name, or make it writable".to_owned()));
             }
             let target = path.canonicalize().map_err(|error| refuse(error.to_string()))?;
             return Self::begin(path, target, Some(existing));
@@ -101,16 +102,16 @@ impl Output {
             let stream = File::options().write(true).open(path).map_err(|error| refuse(error.to_string()))?;
             return Ok(Self { path: path.to_path_buf(), target: path.to_path_buf(), sink: Some(Sink::Stream(stream)) });
         }
-        Err(refuse(format!("it is {}, expected the name of a file", kind_name(kind))))
+        Err(refuse(format!("this is {}: give the name of a file", kind_name(kind))))
     }
 
-    /// Opens the part: a new file with a name that is free, in the same folder, so that it can be renamed.
+    /// Creates the temporary file, in the same folder so that it can be renamed.
     fn begin(path: &Path, target: PathBuf, replaced: Option<Metadata>) -> Result<Self, OutputError> {
         let refuse = |error: io::Error| OutputError::new(path, error);
-        let name = target.file_name().ok_or_else(|| OutputError::new(path, "it names no file"))?;
+        let name = target.file_name().ok_or_else(|| OutputError::new(path, "the path has no file name"))?;
         let folder = folder_of(&target);
         let mut prefix = std::ffi::OsString::from(".");
-        // Names may be as long as the file system has them: room for what makes this one its own.
+        // File systems limit the length of a name: leave room for the random part.
         prefix.push(name.to_string_lossy().chars().take(40).collect::<String>());
         prefix.push(".");
         let mut builder = Builder::new();
@@ -118,7 +119,7 @@ impl Output {
         #[cfg(unix)]
         {
             use std::os::unix::fs::PermissionsExt;
-            // Like any new file's, not private as a temporary one's; the process's mask applies.
+            // The permissions of any new file, minus the process's mask, and not the private ones of a temporary file.
             builder.permissions(fs::Permissions::from_mode(0o666));
         }
         let part = unfinished::begin(|| builder.tempfile_in(folder)).map_err(refuse)?;
@@ -129,20 +130,20 @@ impl Output {
         Ok(output)
     }
 
-    /// What the name leads to, links followed; to protect it from being written over.
+    /// The path with links followed, to protect it from other outputs.
     pub fn target(&self) -> &Path {
         &self.target
     }
 
-    /// An error while this output was written, with its name.
+    /// The error for this output, from an error while it was written.
     pub fn failed(&self, error: io::Error) -> OutputError {
         OutputError::new(&self.path, error)
     }
 
-    /// The output is whole: it gets its name, in place of what had it before.
+    /// Completes the output: renames it to its final name, replacing an existing file.
     ///
     /// # Errors
-    /// It cannot be renamed, or the stream takes no more; nothing is left behind then.
+    /// The rename or the last write fails; the temporary file is removed then.
     pub fn keep(mut self) -> Result<(), OutputError> {
         let outcome = match self.sink.take() {
             Some(Sink::Part(part)) => unfinished::keep(part, &self.target),
@@ -185,7 +186,7 @@ impl Seek for Output {
     }
 }
 
-/// The folder of a file; a bare name's is the present one.
+/// The folder of a file; for a bare name the working folder.
 fn folder_of(path: &Path) -> &Path {
     match path.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
@@ -193,14 +194,14 @@ fn folder_of(path: &Path) -> &Path {
     }
 }
 
-/// Whether an output's name leads to this file, which need not exist yet. Neither is opened: of a pipe that alone would take.
+/// Whether an output's name leads to this file, which need not exist yet. Opens neither: opening a pipe consumes from it.
 fn is_same(path: &Path, existing: Option<&Metadata>, other: &Path) -> bool {
     let resolved = |path: &Path| match (path.canonicalize(), folder_of(path).canonicalize(), path.file_name()) {
         (Ok(resolved), ..) => resolved,
         (_, Ok(folder), Some(name)) => folder.join(name),
         _ => path.to_path_buf(),
     };
-    // Devices may be read and written at once.
+    // A device may be input and output at once.
     let is_file = existing.is_none_or(Metadata::is_file);
     let same_file = match (existing, fs::metadata(other)) {
         (Some(existing), Ok(other)) => has_same_number(existing, &other),
@@ -209,14 +210,14 @@ fn is_same(path: &Path, existing: Option<&Metadata>, other: &Path) -> bool {
     is_file && (same_file || resolved(path) == resolved(other))
 }
 
-/// Whether both are one file under perhaps two names (hard links).
+/// Whether both are the same file, by device and inode (hard links too).
 #[cfg(unix)]
 fn has_same_number(one: &Metadata, other: &Metadata) -> bool {
     use std::os::unix::fs::MetadataExt;
     (one.dev(), one.ino()) == (other.dev(), other.ino())
 }
 
-/// Whether both are one file under perhaps two names: here only the names tell.
+/// Without inodes only the paths can be compared.
 #[cfg(not(unix))]
 fn has_same_number(_: &Metadata, _: &Metadata) -> bool {
     false
@@ -233,7 +234,7 @@ fn is_stream(_: FileType) -> bool {
     false
 }
 
-/// What is at a name where a file should be.
+/// The kind of a directory entry that is not a regular file, in words.
 fn kind_name(kind: FileType) -> &'static str {
     if kind.is_dir() {
         return "a folder";

@@ -1,4 +1,4 @@
-//! What a print leaves behind: a trace for programs, a waveform for people.
+//! Records of a print: a trace for programs, a waveform for people.
 
 mod trace;
 mod vcd;
@@ -12,10 +12,10 @@ use ferrostep_hal_shim::virtual_board::StepObserver;
 
 use crate::output::{Output, OutputError};
 
-/// Sees all that the motors do.
+/// Sees every step and every event of the motion.
 pub trait Observer: StepObserver {
-    /// A move is planned behind those before, with so much filament in units of 0.1 nm; whether the source line's move
-    /// ends with it, which [`Self::move_ended`] tells when it has.
+    /// A move was queued, with its filament in units of 0.1 nm. `ends_move`: the source line's move ends with it, and
+    /// [`Self::move_ended`] follows when it has been executed.
     fn planned(&mut self, _filament_100pm: i64, _ends_move: bool) {}
     /// The motors' positions are redefined (homing).
     fn redefined(&mut self, tick: u64, motor_steps: [i64; 4]);
@@ -28,7 +28,7 @@ impl Observer for () {
     fn move_ended(&mut self, _tick: u64, _line: u32) {}
 }
 
-/// Writes what is still held back to an output, which then is whole.
+/// Flushes and completes an output.
 fn keep(out: BufWriter<Output>) -> Result<(), OutputError> {
     match out.into_inner() {
         Ok(out) => out.keep(),
@@ -49,10 +49,10 @@ pub struct Recorder {
 }
 
 impl Recorder {
-    /// Writes what is still held back; what is whole gets its name.
+    /// Flushes and completes both outputs.
     ///
     /// # Errors
-    /// Something could not be written, and is not there.
+    /// One of them could not be written, and was removed.
     pub fn finish(self) -> Result<(), OutputError> {
         let trace = self.trace.map_or(Ok(()), TraceWriter::finish);
         let vcd = self.vcd.map_or(Ok(()), VcdWriter::finish);

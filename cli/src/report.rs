@@ -1,4 +1,4 @@
-//! What a print says about itself at its end.
+//! The summary of a print or an estimate, as text and JSON.
 
 use std::fmt;
 
@@ -33,7 +33,7 @@ pub struct Stop {
     /// The line's number, where there is one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub line: Option<u32>,
-    /// What was wrong and what was expected.
+    /// What was wrong, and how to mend it.
     pub message: String,
 }
 
@@ -48,7 +48,7 @@ impl From<&JobError> for Stop {
     }
 }
 
-/// The motors' part of a summary; absent from an estimate.
+/// The motors' part of a summary; an estimate has none.
 #[derive(Clone, Debug, Serialize)]
 pub struct Motors {
     /// Steps issued, both directions.
@@ -59,9 +59,9 @@ pub struct Motors {
     pub underruns: u64,
     /// How often a block left the look-ahead ring because steps ran out.
     pub starvation_flushes: u64,
-    /// Moves planned slower than asked for, because a board could not keep up with them.
+    /// Moves that were slowed because a board could not keep up with them.
     pub slowed_moves: u64,
-    /// Moves that became one block with the one before.
+    /// Moves merged into the block of the move before.
     pub merged_moves: u64,
     /// FNV-1a-64 over the order of the step events.
     pub order_digest: String,
@@ -78,7 +78,7 @@ pub struct Summary {
     pub profile: String,
     /// Lines of the file that were read.
     pub lines: u32,
-    /// G0 to G3 that displaced something.
+    /// G0 to G3 that displaced at least one axis.
     pub moves: u64,
     /// The different unknown commands.
     pub unknown_commands: Vec<String>,
@@ -95,13 +95,13 @@ pub struct Summary {
     /// Steps.
     #[serde(flatten)]
     pub motors: Option<Motors>,
-    /// Real time, s.
+    /// Real time that the command took, s.
     pub wall_s: f64,
     /// Motion time over real time.
     pub realtime_factor: f64,
     /// Layers, by the slicer's comments.
     pub layers: u32,
-    /// Why the job stopped before its end.
+    /// Where and why the job stopped early.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stopped: Option<Stop>,
 }

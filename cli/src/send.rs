@@ -1,4 +1,4 @@
-//! Sends a prepared job to a board.
+//! Sends a prepared job, or G-code, to a board.
 
 use std::collections::VecDeque;
 use std::fmt;
@@ -7,19 +7,20 @@ use std::time::{Duration, Instant};
 
 use ferrostep_gpre::transfer::{Report, Sender, Word};
 
-/// Lines from the board that an error tells.
+/// How many of the board's last lines an error repeats.
 const REMEMBERED_LINES: usize = 6;
 
-/// Commands with which a transfer begins, each answered by an `ok`.
+/// Commands that open a transfer, each answered by an `ok`.
 const BEGINNING_COMMANDS: u32 = 2;
 
-/// A board that answers the beginning so often, but with no report, takes no job; one answer may be that to a host before.
-const MOST_UNHEEDED: u32 = 2;
+/// Attempts to open a transfer that the board answers with `ok` but without a report. The first answer may belong to an
+/// earlier host; after this many the board does not know prepared jobs.
+const MAX_UNREPORTED: u32 = 2;
 
-/// What a board says to who begins a transfer in the middle of another.
+/// The board's answer to a transfer that begins during another one.
 const OTHER_JOB: &str = "echo:gpre: another job is being received";
 
-/// How the line begins that a halted board says.
+/// Start of a halted board's line.
 const HALTED: &str = "Error:Printer halted";
 
 /// A line with a board at its other end.
@@ -30,26 +31,26 @@ pub trait Port {
     /// The board is gone.
     fn send(&mut self, bytes: &[u8]) -> io::Result<()>;
 
-    /// The next line from the board, without its end; `None` when none has come in time.
+    /// The next line from the board, without its line end; `None` if none arrives in time.
     ///
     /// # Errors
     /// The board is gone.
     fn receive(&mut self, until: Instant) -> io::Result<Option<String>>;
 
-    /// The time, as patience counts it: the clock of this computer, but where the board's time is another.
+    /// The time that [`Patience`] is measured in: this computer's clock, except for a board in virtual time.
     fn now(&mut self) -> Instant {
         Instant::now()
     }
 }
 
-/// How long to wait for what.
+/// Time limits of a transfer.
 #[derive(Clone, Copy, Debug)]
 pub struct Patience {
-    /// The board says nothing though there is something to say: it is asked.
+    /// After this long without the expected answer the board is asked.
     pub ask: Duration,
-    /// It has said nothing at all for so long: it is gone.
+    /// After this long without any line the board counts as gone.
     pub give_up: Duration,
-    /// The board waits so long for this host, s.
+    /// How long the board waits for this host, s.
     pub board_s: u16,
 }
 
@@ -63,19 +64,19 @@ impl Patience {
 pub enum SendError {
     /// The board is gone.
     Port(io::Error),
-    /// The board says nothing; the last lines that it said.
+    /// The board does not answer; its last lines.
     Silent(Vec<String>),
-    /// It answers, but does not take the job: it knows of none, or is halted, or receives another one; the last lines that
-    /// it said.
+    /// The board answers but does not take the job: it does not know prepared jobs, is halted, or receives another one; its
+    /// last lines.
     NotTaken(Vec<String>),
-    /// It has halted while it was sent G-code; the line that says so.
+    /// The board halted while it received G-code; the line that says so.
     Halted(String),
 }
 
 impl fmt::Display for SendError {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Port(error) => write!(out, "the line to the board broke: {error}"),
+            Self::Port(error) => write!(out, "the connection to the board is lost: {error}"),
             Self::Silent(heard) => write_heard(out, "the board does not answer", heard),
             Self::NotTaken(heard) => write_heard(out, "the board does not take the job", heard),
             Self::Halted(line) => write!(out, "the board has halted: {line}"),
@@ -83,11 +84,11 @@ impl fmt::Display for SendError {
     }
 }
 
-/// What is wrong, and what the board has said.
+/// Writes what is wrong, and the board's last lines.
 fn write_heard(out: &mut fmt::Formatter<'_>, what: &str, heard: &[String]) -> fmt::Result {
     write!(out, "{what}")?;
     if !heard.is_empty() {
-        write!(out, "; the last it said:")?;
+        write!(out, "; its last lines:")?;
     }
     heard.iter().try_for_each(|line| write!(out, "\n  {line}"))
 }
@@ -107,12 +108,13 @@ fn numbered(number: u32, text: &str) -> String {
     format!("{line}*{sum}\n")
 }
 
-/// Sends a job and waits until the board has executed it, or stops. What the board says beside its reports goes to `hear`.
+/// Sends a job and waits until the board has executed it, or stops. Lines of the board that are not reports go to `hear`.
 ///
-/// A board that is in the middle of the same job, because its host was restarted, goes on with it.
+/// A board that is already in the middle of the same job, because its host was restarted, continues it.
 ///
 /// # Errors
-/// The board does not answer, or takes no job, or is gone. That it refuses the job, or stops, is a report.
+/// The board does not answer, does not take the job, or is gone. A refusal or a stop by the board is not an error but a
+/// [`Report`].
 pub fn send(
     port: &mut impl Port,
     sender: &mut Sender,
@@ -121,13 +123,13 @@ pub fn send(
     mut hear: impl FnMut(&str),
 ) -> Result<Report, SendError> {
     let mut heard = VecDeque::new();
-    // The line end is that of a frame which a host before this one has not sent to its end.
+    // The line end completes a frame that an earlier host left unfinished.
     let begin = format!("\n{}{}", numbered(0, "M110 N0"), numbered(1, &sender.command(patience.board_s)));
     port.send(begin.as_bytes())?;
     let mut asked = port.now();
     let mut last = asked;
-    // How often the board has accepted a command since the transfer was last begun, and how often all in vain.
-    let (mut accepted, mut unheeded) = (0, 0);
+    // Commands accepted since the transfer was last opened; openings that were accepted without a report.
+    let (mut accepted, mut unreported) = (0, 0);
     loop {
         while let Some(frame) = sender.next_frame() {
             port.send(&frame)?;
@@ -136,14 +138,14 @@ pub fn send(
         let wait = if sender.awaits_answer() { patience.ask } else { patience.ask * 8 };
         if let Some(line) = port.receive(asked + wait)? {
             last = port.now();
-            // What is reported before the board has accepted the beginning was for a host before this one.
+            // A report before the board has accepted both commands belongs to an earlier host.
             let reports = sender.has_begun() || accepted >= BEGINNING_COMMANDS;
             let is_report = if reports { sender.hear(&line) } else { Report::parse(&line).is_some() };
             if !is_report {
                 hear(&line);
                 accepted += u32::from(line.starts_with("ok"));
                 if line.starts_with("Resend:") {
-                    // Its `ok` says only that it waits for the line.
+                    // The `ok` after a resend request accepts nothing.
                     accepted = 0;
                 }
             }
@@ -167,8 +169,8 @@ pub fn send(
             if sender.has_begun() {
                 port.send(&sender.question())?;
             } else {
-                unheeded += u32::from(accepted >= BEGINNING_COMMANDS);
-                if unheeded == MOST_UNHEEDED {
+                unreported += u32::from(accepted >= BEGINNING_COMMANDS);
+                if unreported == MAX_UNREPORTED {
                     return Err(SendError::NotTaken(heard.into()));
                 }
                 accepted = 0;
@@ -179,23 +181,23 @@ pub fn send(
     }
 }
 
-/// What a report says to a person.
+/// A report in words.
 pub fn describe(report: &Report) -> String {
     let [place, frame] = report.numbers;
     match report.word {
         Word::Done => "printed".to_owned(),
         Word::Refused => "the board refuses the job".to_owned(),
         Word::Stopped => format!("the board stopped in frame {frame} at byte {place}"),
-        Word::None => "the board has forgotten the job: was it reset?".to_owned(),
+        Word::None => "the board no longer knows the job: was it reset?".to_owned(),
         Word::Have | Word::Again => format!("the board has {place} bytes"),
     }
 }
 
-/// Sends G-code line by line, numbered and with check sums, again where the board asks for it, and waits for the end of its
-/// motion. `next` is the next line of the file, its bytes. Returns how many lines were sent.
+/// Sends G-code line by line with numbers and checksums, repeats lines that the board asks for, and waits for the end of the
+/// motion. `next` returns the bytes of the file's next line. Returns the number of lines sent.
 ///
 /// # Errors
-/// The file cannot be read, the board does not answer, or has halted, or is gone.
+/// The file cannot be read; the board does not answer, has halted, or is gone.
 pub fn send_lines(
     port: &mut impl Port,
     mut next: impl FnMut() -> Option<io::Result<Vec<u8>>>,
@@ -214,7 +216,7 @@ pub fn send_lines(
                 return Err(SendError::Silent(vec![format!("(nothing after {:?})", line.trim_end())]));
             };
             hear(&said);
-            // One line is on its way at a time, so it is that one.
+            // Only one line is under way at a time, so the request is for that one.
             again |= said.starts_with("Resend:");
             if said.starts_with(HALTED) {
                 return Err(SendError::Halted(said));
@@ -234,7 +236,7 @@ pub fn send_lines(
                 None => break None,
                 Some(text) => {
                     let text = text?;
-                    // Comments may be in any code page; a command that is, is the board's to refuse.
+                    // Comments may be in any code page. A command with such bytes is sent, and the board refuses it.
                     let command = text.split(|&byte| byte == b';').next().unwrap_or_default();
                     let command = String::from_utf8_lossy(command).trim().to_owned();
                     if !command.is_empty() {

@@ -11,17 +11,17 @@ use ferrostep::terminal::{self, tell};
 use ferrostep_gpre::transfer::{Sender, Word, without_thumbnail};
 use indicatif::{ProgressBar, ProgressStyle};
 
-/// Sends a job; where the board refuses it, and there is one, the G-code instead.
+/// Sends a prepared job; if the board refuses it, the fallback G-code instead.
 pub fn run(file: &Path, port: &Path, baud: u32, fallback: Option<&Path>) -> Result<ExitCode, String> {
     let name = terminal::name(file);
     let mut input = Input::open(file).map_err(|error| format!("{name}: {error}"))?;
     if !input.is_prepared() {
-        return Err(format!("{name}: it is G-code, expected a prepared job (`ferrostep preprocess` makes one)"));
+        return Err(format!("{name}: this is G-code, and send takes a prepared job: `ferrostep preprocess` makes one"));
     }
     let mut job = Vec::new();
     input.read_to_end(&mut job).map_err(|error| format!("{name}: {error}"))?;
     let job = without_thumbnail(job).map_err(|error| format!("{name}: {error}"))?;
-    // Opened before anything is sent, so that a name that is wrong is not found out late.
+    // Opened before anything is sent: a wrong name must not turn up in mid-print.
     let fallback = match fallback {
         Some(path) => Some(open_gcode(path)?),
         None => None,
@@ -33,7 +33,7 @@ pub fn run(file: &Path, port: &Path, baud: u32, fallback: Option<&Path>) -> Resu
         bar.set_style(style.progress_chars("=> "));
     }
     let say = |text: &str| {
-        // An `ok` says nothing to a person.
+        // Acknowledgements would fill the screen.
         if text != "ok" && !text.is_empty() {
             bar.suspend(|| tell(text));
         }
@@ -41,7 +41,7 @@ pub fn run(file: &Path, port: &Path, baud: u32, fallback: Option<&Path>) -> Resu
     let show = |sender: &Sender| {
         bar.set_position(sender.arrived() as u64);
         if sender.repeats() > 0 {
-            bar.set_message(format!("{} times sent again", sender.repeats()));
+            bar.set_message(format!("{} resends", sender.repeats()));
         }
     };
     let end = send::send(&mut line, &mut sender, Patience::DEFAULT, show, say);
@@ -54,7 +54,7 @@ pub fn run(file: &Path, port: &Path, baud: u32, fallback: Option<&Path>) -> Resu
     if end.word == Word::Refused
         && let Some(gcode) = fallback
     {
-        tell("the G-code is sent instead");
+        tell("sending the G-code instead");
         let mut lines = BufReader::new(gcode).split(b'\n');
         return match send::send_lines(&mut line, || lines.next(), Patience::DEFAULT, say) {
             Ok(count) => {
@@ -72,12 +72,12 @@ fn open_gcode(path: &Path) -> Result<Input, String> {
     let name = terminal::name(path);
     let input = Input::open(path).map_err(|error| format!("{name}: {error}"))?;
     if input.is_prepared() {
-        return Err(format!("{name}: it is a prepared job, expected G-code"));
+        return Err(format!("{name}: this is a prepared job, and --fallback takes G-code"));
     }
     Ok(input)
 }
 
-/// Says why a job that had been begun was not sent to its end.
+/// Reports why a transfer ended early; exit status 1.
 fn failed(error: &SendError) -> ExitCode {
     tell(format_args!("error: {error}"));
     ExitCode::from(1)

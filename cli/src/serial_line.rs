@@ -1,4 +1,4 @@
-//! A serial port of this computer.
+//! A serial port of this computer, as a [`Port`].
 
 use std::fs::{File, OpenOptions};
 use std::io::{self, BufRead, BufReader, Write};
@@ -19,10 +19,10 @@ pub struct SerialLine {
 }
 
 impl SerialLine {
-    /// Opens a port at a speed in baud; a port over USB has none, and takes any.
+    /// Opens a port. `baud` has no effect on a USB port.
     ///
     /// # Errors
-    /// It does not exist, or must not be used, or does not know the speed.
+    /// The port does not exist, may not be opened by this user, or does not support the speed.
     pub fn open(path: &Path, baud: u32) -> io::Result<Self> {
         let port = OpenOptions::new().read(true).write(true).open(path)?;
         if isatty(&port) {

@@ -1,7 +1,6 @@
 //! A printer for hosts to connect to: a board's image, unmodified, on the virtual mainboard.
 //!
-//! The machine is a program of its own (`mainboard/`), for its emulator wants a newer Rust than this one; this finds it and
-//! hands over.
+//! The virtual mainboard is a program of its own (`mainboard/`), built only by those who use it; this module finds and starts it.
 
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
@@ -12,21 +11,23 @@ use crate::arguments::ServeArguments;
 /// The program, as `cargo xtask mainboard` builds it.
 const PROGRAM: &str = "mainboard/target/release/ferrostep-mainboard";
 
-/// Serves until it is interrupted.
+/// Serves until the process is interrupted.
 ///
 /// # Errors
-/// There is no such board, or the machine has not been built.
+/// No such board, or the virtual mainboard is not built yet.
 pub fn run(arguments: &ServeArguments) -> Result<ExitCode, String> {
-    let home = home().ok_or("no checkout of Ferrostep here: the virtual mainboard is built and run in one")?;
+    let home = home().ok_or(
+        "serve needs a checkout of Ferrostep: change into one, build the virtual mainboard there, and run it again",
+    )?;
     let named = home.join("boards").join(format!("{}.toml", arguments.board));
     let board = if named.is_file() { named } else { PathBuf::from(&arguments.board) };
     if !board.is_file() {
-        return Err(format!("{}: no such board; expected {} or a TOML file", arguments.board, names(&home)));
+        return Err(format!("{}: no such board: choose one of {}, or give a TOML file", arguments.board, names(&home)));
     }
     let program = home.join(PROGRAM);
     if !program.is_file() {
         return Err(format!(
-            "the virtual mainboard has not been built; this builds it and the image: cargo xtask mainboard --board {}",
+            "the virtual mainboard is not built yet; this builds it and the image: cargo xtask mainboard --board {}",
             arguments.board
         ));
     }
@@ -39,11 +40,11 @@ pub fn run(arguments: &ServeArguments) -> Result<ExitCode, String> {
     if let Some(port) = arguments.tcp {
         command.args(["--tcp", &port.to_string()]);
     }
-    // In this program's place, so that a signal to it reaches the machine. It comes back only if it could not begin.
+    // Replaces this process, so that signals reach the virtual mainboard. Returns only if it could not start.
     Err(format!("{}: {}", program.display(), command.exec()))
 }
 
-/// The boards that have names, in words.
+/// The names of the built-in boards, separated by commas.
 fn names(home: &Path) -> String {
     let files = std::fs::read_dir(home.join("boards")).into_iter().flatten().flatten().map(|entry| entry.path());
     let boards = files.filter(|path| path.extension().is_some_and(|extension| extension == "toml"));

@@ -1,21 +1,21 @@
-//! What a person sees: results on standard output, messages on standard error.
+//! Results on standard output, messages on standard error.
 //!
-//! Names of files and texts of G-code or of a board may hold control characters, with which a terminal can be told to do
-//! nearly anything. They are shown, never sent.
+//! File names, G-code and a board's replies may contain control characters, which can make a terminal do nearly anything. They
+//! are written as escape sequences.
 
 use std::borrow::Cow;
 use std::fmt::Display;
 use std::io::{self, Write};
 use std::path::Path;
 
-/// Replaces every control character for which `is_shown` holds by its escape sequence in Rust.
-fn replaced(text: &str, is_shown: impl Fn(char) -> bool) -> Cow<'_, str> {
-    if !text.contains(&is_shown) {
+/// Replaces every control character for which `is_replaced` holds by its escape sequence in Rust.
+fn replaced(text: &str, is_replaced: impl Fn(char) -> bool) -> Cow<'_, str> {
+    if !text.contains(&is_replaced) {
         return Cow::Borrowed(text);
     }
     let mut out = String::with_capacity(text.len() + 8);
     for c in text.chars() {
-        if is_shown(c) {
+        if is_replaced(c) {
             out.extend(c.escape_default());
         } else {
             out.push(c);
@@ -34,12 +34,12 @@ pub fn one_line(text: &str) -> Cow<'_, str> {
     replaced(text, char::is_control)
 }
 
-/// A file's name on one line, without control characters.
+/// A path on one line, without control characters.
 pub fn name(path: &Path) -> String {
     one_line(&path.to_string_lossy()).into_owned()
 }
 
-/// Writes a result to standard output. A reader that has gone (`| head`) has read enough.
+/// Writes a result to standard output. A closed pipe (`| head`) is not an error.
 ///
 /// # Errors
 /// It could not be written.
@@ -48,7 +48,7 @@ pub fn write_result(text: &str) -> Result<(), String> {
     result_written(out.write_all(escaped(text).as_bytes()).and_then(|()| out.flush()))
 }
 
-/// The same for a result in JSON, whose strings have escape sequences of their own.
+/// Writes a result in JSON to standard output.
 ///
 /// # Errors
 /// It could not be written, or not be put into JSON.
@@ -57,7 +57,7 @@ pub fn write_json(result: &impl serde::Serialize) -> Result<(), String> {
     write_result(&json_escaped(&text))
 }
 
-/// JSON escapes the control characters below U+0020 in its strings; these are the others.
+/// Escapes the control characters that serde_json leaves as they are, those from U+007F on.
 fn json_escaped(text: &str) -> String {
     let mut out = String::with_capacity(text.len() + 1);
     for c in text.chars() {
@@ -71,10 +71,10 @@ fn json_escaped(text: &str) -> String {
     out
 }
 
-/// What came of writing to standard output.
+/// The error of writing to standard output, in words; a closed pipe is none.
 ///
 /// # Errors
-/// It could not be written, for another reason than that its reader has gone.
+/// Writing failed for another reason than a closed pipe.
 pub fn result_written(outcome: io::Result<()>) -> Result<(), String> {
     match outcome {
         Err(error) if error.kind() != io::ErrorKind::BrokenPipe => {
@@ -84,7 +84,7 @@ pub fn result_written(outcome: io::Result<()>) -> Result<(), String> {
     }
 }
 
-/// Writes a line to standard error. Where that fails, nothing can report it.
+/// Writes a line to standard error; a failure there cannot be reported anywhere.
 pub fn tell(message: impl Display) {
     let _ = writeln!(io::stderr(), "{}", escaped(&message.to_string()));
 }
@@ -94,7 +94,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn control_characters_are_shown() {
+    fn control_characters_become_escape_sequences() {
         let text = "a\x1b[2J\r\u{7f}\u{9b}m\tb\nµ";
         assert_eq!(escaped(text), "a\\u{1b}[2J\\r\\u{7f}\\u{9b}m\tb\nµ");
         assert_eq!(one_line(text), "a\\u{1b}[2J\\r\\u{7f}\\u{9b}m\\tb\\nµ");
@@ -103,7 +103,7 @@ mod tests {
     }
 
     #[test]
-    fn json_stays_what_it_was() {
+    fn escaping_keeps_the_json_value() {
         let value = serde_json::json!({"file": "a\x1b\u{9b}\u{7f}\n"});
         let text = json_escaped(&value.to_string());
         assert_eq!(text, "{\"file\":\"a\\u001b\\u009b\\u007f\\n\"}\n");
@@ -111,7 +111,7 @@ mod tests {
     }
 
     #[test]
-    fn a_reader_that_has_gone_is_no_error() {
+    fn a_closed_pipe_is_not_an_error() {
         assert_eq!(result_written(Err(io::ErrorKind::BrokenPipe.into())), Ok(()));
         assert!(result_written(Err(io::ErrorKind::StorageFull.into())).is_err());
     }

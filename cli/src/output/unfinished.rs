@@ -1,4 +1,4 @@
-//! Parts of outputs on the disk, which a signal must not leave behind.
+//! Temporary files of outputs, which are removed when a signal ends the process.
 
 use std::fs;
 use std::io;
@@ -7,16 +7,16 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use tempfile::NamedTempFile;
 
-/// Every part that exists. Whoever makes, renames or removes one has the lock, and so has the process's end by a signal:
-/// none is forgotten between.
+/// All temporary files. The lock is held while one is made, renamed or removed, and while the signal thread removes them all, so
+/// that none is missed in between.
 static PARTS: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
 fn parts() -> MutexGuard<'static, Vec<PathBuf>> {
-    // A list of paths is whole after any panic.
+    // A panic cannot leave a list of paths inconsistent.
     PARTS.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Makes a part that goes away when a signal ends the process.
+/// Creates a temporary file that is removed if a signal ends the process.
 pub fn begin(make: impl FnOnce() -> io::Result<NamedTempFile>) -> io::Result<NamedTempFile> {
     #[cfg(unix)]
     signals::watch()?;
@@ -26,12 +26,12 @@ pub fn begin(make: impl FnOnce() -> io::Result<NamedTempFile>) -> io::Result<Nam
     Ok(part)
 }
 
-/// Gives a part its final name.
+/// Renames a temporary file to its final name.
 pub fn keep(part: NamedTempFile, target: &Path) -> io::Result<()> {
     end(part, |part| part.persist(target).map(drop).map_err(|error| error.error))
 }
 
-/// Removes a part.
+/// Removes a temporary file.
 pub fn discard(part: NamedTempFile) {
     // Another process may have removed it, or its folder.
     let _ = end(part, NamedTempFile::close);
@@ -56,8 +56,8 @@ mod signals {
 
     use super::{fs, io, parts};
 
-    /// Starts a thread, once, that removes all parts when a signal comes and then lets it end the process, so that a shell
-    /// sees a process ended by that signal.
+    /// Starts a thread, once, that removes all temporary files when a signal arrives and then lets the signal end the process, so
+    /// that a shell sees the process ended by that signal.
     pub fn watch() -> io::Result<()> {
         static STARTED: OnceLock<Result<(), io::ErrorKind>> = OnceLock::new();
         let outcome = STARTED.get_or_init(|| start().map_err(|error| error.kind()));
@@ -70,7 +70,7 @@ mod signals {
             Signals::new([SIGINT, SIGTERM, SIGHUP].into_iter().filter(|signal| !is_in(ignored, *signal)))?;
         std::thread::Builder::new().name("signals".to_owned()).spawn(move || {
             let Some(signal) = signals.forever().next() else { return };
-            // Kept to the end: from now on no part is begun and none renamed.
+            // Held until the process ends: no temporary file is made or renamed from here on.
             let parts = parts();
             for part in parts.iter() {
                 let _ = fs::remove_file(part);
@@ -81,8 +81,8 @@ mod signals {
         Ok(())
     }
 
-    /// The signals that this process was started to ignore (`nohup`, a shell's job in the background), a bit each, the
-    /// first for signal 1: a handler would end that. Without Linux's /proc none is known.
+    /// The signals that this process was started to ignore (`nohup`, a shell's background job), one bit each from signal 1: a
+    /// handler would stop ignoring them. Read from Linux's /proc; elsewhere empty.
     fn ignored() -> u64 {
         let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
         let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));

@@ -50,7 +50,7 @@ impl TraceWriter {
     }
 
     fn write(&mut self, bytes: &[u8]) {
-        // Steps cannot fail one by one: the first error is kept and all that follows is dropped.
+        // A step has no way to report an error: the first one is kept, and later records are dropped.
         if self.error.is_none() {
             self.error = self.out.write_all(bytes).err();
         }

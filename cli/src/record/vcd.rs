@@ -1,4 +1,4 @@
-//! Step and direction signals as a value change dump (IEEE 1364), for GTKWave and its like.
+//! Step and direction signals as a value change dump (IEEE 1364), for GTKWave and similar viewers.
 
 use std::io::{self, BufWriter, Write};
 
@@ -15,11 +15,11 @@ const DIRECTION_IDS: [char; 4] = ['%', '&', '\'', '('];
 pub struct VcdWriter {
     out: BufWriter<Output>,
     error: Option<io::Error>,
-    /// Length of a pulse; `None` where each edge steps.
+    /// Length of a pulse, ns; `None` if each edge steps.
     pulse_ns: Option<u64>,
     /// Levels of the step signals.
     levels: u8,
-    /// When the present pulses end, and which.
+    /// When the current pulses end, ns, and their axes.
     falling: Option<(u64, u8)>,
     directions: u8,
 }

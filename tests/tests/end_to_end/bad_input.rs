@@ -205,7 +205,10 @@ fn files_that_are_not_jobs_are_refused() {
     let directory = directory();
     refused(&print(&directory.path().join("missing.gcode")), &["missing.gcode", "cannot be read"]);
     refused(&print(directory.path()), &["cannot be read"]);
-    refused(&print(&file(&directory, "empty.gcode", "")), &["empty.gcode", "the file is empty, expected G-code"]);
+    refused(
+        &print(&file(&directory, "empty.gcode", "")),
+        &["empty.gcode", "the file is empty: expected G-code or a prepared job"],
+    );
     refused(&print(&file(&directory, "empty.gz", gzip(b""))), &["empty.gz", "the file is empty"]);
     let binary = b"\x7fELF\x02\x01\x01\0\0\0\0\0\0";
     refused(&print(&file(&directory, "binary.gcode", binary)), &["not a text file", "expected G-code"]);

@@ -250,7 +250,7 @@ fn impossible_entry_frames_are_refused() {
     let wide = file(&directory, "wide.gpre", prepared(&machine, SQUARE.as_bytes(), Encoding::Wide).unwrap());
     says(&print_from(&wide, "1", 1), "frame 1: packets cannot be entered, expected the compact encoding");
     let text = file(&directory, "square.gcode", SQUARE);
-    says(&print_from(&text, "1", 2), "it is G-code, expected a prepared job to enter at a frame");
+    says(&print_from(&text, "1", 2), "this is G-code, and --from-frame needs a prepared job");
     says(&print_from(&path, "first", 2), "invalid value 'first' for '--from-frame <N>'");
 }
 

@@ -154,7 +154,7 @@ fn an_output_that_is_not_a_file_is_refused() {
         refuses(&["print", text(&job), option, text(&folder)], "folder: cannot be written: it is a folder");
     }
     let prepare = |out: &Path, reason| refuses(&["preprocess", text(&job), "-o", text(out)], reason);
-    prepare(&socket, "socket: cannot be written: it is a socket, expected the name of a file");
+    prepare(&socket, "socket: cannot be written: this is a socket: give the name of a file");
     prepare(&folder, "folder: cannot be written: it is a folder");
     prepare(&pipe, "pipe: cannot be written: it is a pipe");
     prepare(&folder.join("missing/.."), "names no file");
@@ -191,19 +191,19 @@ fn an_output_equal_to_the_input_is_refused_under_any_name() {
     symlink("job.gcode", &soft_link).unwrap();
     for out in [&job, &hard_link, &soft_link] {
         for (command, option) in [("preprocess", "-o"), ("print", "--trace"), ("print", "--vcd")] {
-            refuses(&[command, text(&job), option, text(out)], "it is the job to be read, expected another name");
+            refuses(&[command, text(&job), option, text(out)], "this is the job to be read: choose another name");
         }
     }
     for (command, option) in [("preprocess", "-o"), ("print", "--trace")] {
         let out = text(&machine_path);
-        refuses(&[command, text(&job), "--profile", out, option, out], "it is the profile, expected another name");
+        refuses(&[command, text(&job), "--profile", out, option, out], "this is the profile: choose another name");
     }
     let out = directory.path().join("out");
     symlink("out", directory.path().join("link")).unwrap();
     let (out, link) = (text(&out), directory.path().join("link"));
-    refuses(&["print", text(&job), "--trace", out, "--vcd", out], "it is the trace, expected another name");
+    refuses(&["print", text(&job), "--trace", out, "--vcd", out], "this is the trace: choose another name");
     fs::write(out, "there").unwrap();
-    refuses(&["print", text(&job), "--trace", out, "--vcd", text(&link)], "it is the trace, expected another name");
+    refuses(&["print", text(&job), "--trace", out, "--vcd", text(&link)], "this is the trace: choose another name");
     assert_eq!((fs::read(&job).unwrap(), fs::read(machine_path).unwrap()), (SQUARE.into(), machine));
     assert_eq!(names(&directory), ["hard", "job.gcode", "link", "machine.toml", "out", "soft"]);
 }
@@ -224,7 +224,7 @@ fn a_link_is_written_through() {
 
     let nowhere = directory.path().join("nowhere.gpre");
     symlink("missing.gpre", &nowhere).unwrap();
-    refuses(&["preprocess", text(&job), "-o", text(&nowhere)], "it is a link to missing.gpre, which does not exist");
+    refuses(&["preprocess", text(&job), "-o", text(&nowhere)], "this is a link to missing.gpre, which does not exist");
     assert_eq!(names(&directory), ["card", "job.gcode", "link.gpre", "nowhere.gpre"]);
 }
 
@@ -241,7 +241,7 @@ fn an_output_gets_the_permissions_of_the_file_it_replaces() {
     assert_eq!(preprocess(&job, &out).status, Some(0));
     assert_eq!(mode(&out), 0o640);
     fs::set_permissions(&out, fs::Permissions::from_mode(0o400)).unwrap();
-    refuses(&["preprocess", text(&job), "-o", text(&out)], "it is read-only");
+    refuses(&["preprocess", text(&job), "-o", text(&out)], "the file is read-only");
 }
 
 /// Waits until the command has begun a file in this folder.

@@ -204,14 +204,14 @@ fn content_decides_what_a_file_is() {
     std::fs::copy(&path, &named_gcode).unwrap();
     let outcome = ferrostep(["print", named_gcode.to_str().unwrap()]);
     assert_eq!(outcome.status, Some(0), "{outcome:#?}");
-    says(&outcome.stderr, "named G-code, but it is a prepared job");
+    says(&outcome.stderr, "the content is a prepared job: printing it as that");
     let named_gpre = file(&directory, "text.gpre", SQUARE);
     let outcome = ferrostep(["print", named_gpre.to_str().unwrap()]);
     assert_eq!(outcome.status, Some(0), "{outcome:#?}");
-    says(&outcome.stderr, "named a prepared job, but it is G-code");
+    says(&outcome.stderr, "the name says prepared job, the content is G-code");
     for (command, file, expected) in [
-        ("estimate", &path, "it is a prepared job, expected G-code"),
-        ("inspect", &named_gpre, "it is G-code, expected a prepared job"),
+        ("estimate", &path, "this is a prepared job, and estimate takes G-code"),
+        ("inspect", &named_gpre, "this is G-code, and inspect takes a prepared job"),
     ] {
         let outcome = ferrostep([command, file.to_str().unwrap()]);
         assert_eq!(outcome.status, Some(2), "{outcome:#?}");
@@ -219,7 +219,7 @@ fn content_decides_what_a_file_is() {
     }
     let outcome = ferrostep(["preprocess", path.to_str().unwrap(), "-o", "/dev/null"]);
     assert_eq!(outcome.status, Some(2), "{outcome:#?}");
-    says(&outcome.stderr, "it is a prepared job already");
+    says(&outcome.stderr, "this is a prepared job already");
 }
 
 #[test]

@@ -111,7 +111,7 @@ fn the_fallback_is_printed_if_the_board_refuses_the_job() {
         let outcome = send(&job, board.port(), Some(gcode));
         assert_eq!(outcome.status, Some(0), "{outcome:#?}");
         says(&outcome.stderr, "the board refuses the job");
-        says(&outcome.stderr, "the G-code is sent instead");
+        says(&outcome.stderr, "sending the G-code instead");
         says(&outcome.stderr, "lines sent");
         assert_printed(&board.end(), &packed);
     }
@@ -147,7 +147,7 @@ fn a_bad_fallback_is_refused_before_sending() {
     let job = job(&directory, "square.gpre", "corexy", SQUARE);
     let board = PtyBoard::start(board());
     for (fallback, expected) in [
-        (&job, "it is a prepared job, expected G-code"),
+        (&job, "this is a prepared job, and --fallback takes G-code"),
         (&directory.path().join("none.gcode"), "none.gcode: cannot be read: No such file"),
     ] {
         let outcome = send(&job, board.port(), Some(fallback));
@@ -181,7 +181,7 @@ fn a_board_without_job_support_is_given_up() {
         let board = PtyBoard::start(settings);
         let outcome = send(&job, board.port(), Some(&gcode));
         assert_eq!(outcome.status, Some(1), "{outcome:#?}");
-        says(&outcome.stderr, "error: the board does not take the job; the last it said:");
+        says(&outcome.stderr, "error: the board does not take the job; its last lines:");
         says(&outcome.stderr, expected);
         assert_nothing_moved(&board.end());
     }
@@ -244,7 +244,7 @@ fn a_different_job_is_not_resumed() {
     board.release();
     let outcome = send(&other, board.port(), None);
     assert_eq!(outcome.status, Some(1), "{outcome:#?}");
-    says(&outcome.stderr, "error: the board does not take the job; the last it said:");
+    says(&outcome.stderr, "error: the board does not take the job; its last lines:");
     says(&outcome.stderr, "echo:gpre: another job is being received");
     let outcome = send(&first, board.port(), None);
     assert_eq!(outcome.status, Some(0), "{outcome:#?}");
