@@ -17,7 +17,7 @@ use crate::desk::{Desk, DeskDrivers, DeskHeating, DeskMotion, Mode};
 use crate::record::Observer;
 
 /// Different unknown commands that are remembered; a broken file could name any number.
-const MOST_UNKNOWN_COMMANDS: usize = 100;
+const MAX_UNKNOWN_COMMANDS: usize = 100;
 
 /// A printer whose commands act on a [`Desk`].
 pub type DeskPrinter<'a, O, R> = Printer<'a, DeskMotion<'a, O>, DeskHeating<'a, O>, VirtualDelay<'a>, R>;
@@ -188,7 +188,7 @@ impl<F: Fn(&str)> Replies for JobReplies<F> {
         match reply {
             Reply::UnknownCommand(text) => {
                 let mut unknown = self.unknown.borrow_mut();
-                if unknown.len() < MOST_UNKNOWN_COMMANDS && !unknown.contains(text) {
+                if unknown.len() < MAX_UNKNOWN_COMMANDS && !unknown.contains(text) {
                     unknown.insert(text.to_owned());
                     (self.notice)(&reply.to_string());
                 }

@@ -71,7 +71,7 @@ fn json_escaped(text: &str) -> String {
     out
 }
 
-/// The error of writing to standard output, in words; a closed pipe is none.
+/// The error of writing to standard output, in words; a closed pipe is not an error.
 ///
 /// # Errors
 /// Writing failed for another reason than a closed pipe.

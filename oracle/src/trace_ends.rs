@@ -1,22 +1,22 @@
 //! Where the motors stand at each move's end, counted step by step from a trace, against where the definitions put them.
 //!
-//! Knows the text, the profile and the trace, and neither a planner nor a time law: what is wrong here has lost steps.
+//! Uses the text, the profile and the trace, but no planner and no time law: a difference means lost steps.
 
 use crate::reference::{InterpretOptions, MotorScale, ReferenceProfile, interpret};
 use crate::trace::{Record, TraceReader};
 use crate::trace_check::TraceCheckError;
 use std::io::Read;
 
-/// A motor that stands elsewhere than it must.
+/// A motor that ends a move at the wrong step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct WrongEnd {
     /// The move's source line.
     pub line: u32,
     /// Index of the motor: x, y, z, e.
     pub motor: usize,
-    /// Where it stands, steps.
+    /// Its position, steps.
     pub position: i64,
-    /// Where it must stand.
+    /// The right position, steps.
     pub expected: i64,
 }
 
@@ -25,7 +25,7 @@ pub struct WrongEnd {
 pub struct Ends {
     /// Ends of moves.
     pub moves: u64,
-    /// Those at which a motor stands elsewhere, and those that are missing or of other lines.
+    /// Ends at which a motor is at the wrong step, and ends that are missing or have another line.
     pub wrong: u64,
     /// The first of them with a motor.
     pub first: Option<WrongEnd>,

@@ -98,7 +98,7 @@ impl Decimal {
 pub fn divide_rounded(numerator: i128, denominator: i128) -> i128 {
     let quotient = numerator / denominator;
     let remainder = numerator % denominator;
-    // Compare with what is left to the denominator and not with a doubled remainder, which might overflow.
+    // Doubling the remainder could overflow; the difference to the denominator cannot.
     if remainder.abs() >= denominator - remainder.abs() { quotient + numerator.signum() } else { quotient }
 }
 

@@ -1,7 +1,7 @@
 //! The minimal G-code interpreter: Marlin's meaning of the commands that move or that change how to move.
 //!
 //! Known: G0-G4, G10, G11, G20, G21, G28, G90-G92, M82, M83, M201, M203, M204, M205, M207, M208, M220, M221, and
-//! the commands that wait for motion to end. Everything else is passed over.
+//! the commands that wait for motion to end. All other commands are ignored.
 
 use super::arc::Arc;
 use super::decimal::{Decimal, OutOfRange, UNITS_PER_MM};
@@ -30,17 +30,17 @@ const AXES: [u8; 4] = *b"XYZE";
 /// How to read a job.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct InterpretOptions {
-    /// Pass over M201 to M205, so that the profile's limits hold throughout.
+    /// Ignore M201 to M205, so that the profile's limits hold throughout.
     pub without_limits: bool,
 }
 
 /// Interprets a whole job from its text.
 ///
 /// # Errors
-/// [`InterpretError`] for numbers no machine could mean. Malformed lines are no error: they are passed over.
+/// [`InterpretError`] for numbers no machine could mean. Malformed lines are ignored.
 pub fn interpret(gcode: &[u8], profile: &ReferenceProfile, options: InterpretOptions) -> Result<Job, InterpretError> {
     let mut state = State::new(profile, options);
-    // A line end at the end of the text ends the last line and begins none.
+    // A line end at the end of the text does not begin another line.
     let text = gcode.strip_suffix(b"\n").unwrap_or(gcode);
     if !gcode.is_empty() {
         for line in text.split(|&byte| byte == b'\n') {
@@ -84,7 +84,7 @@ struct State {
     flow_percent: i64,
     retraction: Retraction,
     lift_10nm: i64,
-    /// What G10 pulled back, while it is pulled back.
+    /// The filament that G10 has retracted, until G11.
     retracted_10nm: Option<i64>,
     stop_before: bool,
     homing_before: bool,
@@ -181,7 +181,7 @@ impl State {
         Ok(())
     }
 
-    /// Where the G-code believes to be: neither homing's offset nor a retraction's lift shows there.
+    /// The position as the G-code counts it, without homing's offset and a retraction's lift.
     fn logical_10nm(&self) -> [i64; 4] {
         let [x, y, z] = self.position_10nm;
         let [offset_x, offset_y, offset_z] = self.offset_10nm;
@@ -197,7 +197,7 @@ impl State {
         if self.inches { value.to_f64() * 25.4 } else { value.to_f64() }
     }
 
-    /// Takes F (a length a minute), if there is one and it is positive.
+    /// Applies F (length per minute) if it is present and positive.
     fn take_feed(&mut self, command: &Command<'_>) -> Result<(), OutOfRange> {
         if let Some(feed) = command.value(b'F')?.map(|value| self.length_mm(value) / 60.0).filter(|feed| *feed > 0.0) {
             self.feed_mm_per_s = feed;
@@ -225,7 +225,7 @@ impl State {
         Ok(Target { position_10nm: position, extruder_total: extruder_in_range(total)? })
     }
 
-    /// The position with every homed axis inside the machine.
+    /// The position with every homed axis clamped to the machine.
     fn clamped(&self, mut position_10nm: [i64; 3]) -> [i64; 3] {
         let travel = self.lower_end_10nm.into_iter().zip(self.size_10nm);
         for ((coordinate, (lower, upper)), homed) in position_10nm.iter_mut().zip(travel).zip(self.homed) {
@@ -295,7 +295,7 @@ impl State {
             && let Some(last) = self.job.moves.last_mut()
             && last.line == self.job.lines
         {
-            // Clamping took the last chord's length away: the one before it ends the arc.
+            // Clamping reduced the last chord to nothing: the chord before it ends the arc.
             last.kind = MoveKind::ArcChord { last: true };
         }
         Ok(())
@@ -339,7 +339,7 @@ impl State {
         Ok(())
     }
 
-    /// Appends the way to a target and stands there; `false` if nothing is displaced.
+    /// Appends the move to a target; `false` if it displaces nothing.
     fn push(&mut self, target: Target, kind: MoveKind, feed_mm_per_s: f64) -> bool {
         let lifted = |[x, y, z]: [i64; 3]| [x, y, z + self.lift_10nm];
         let (start_10nm, end_10nm) = (lifted(self.position_10nm), lifted(target.position_10nm));
@@ -425,7 +425,7 @@ impl State {
     }
 
     fn set_limits(&mut self, command: &Command<'_>) -> Result<(), OutOfRange> {
-        // A limit of nothing would mean a machine that never moves; only positive values are taken.
+        // A limit of 0 would stop the machine for good: only positive values are accepted.
         let value = |letter| -> Result<Option<f64>, OutOfRange> {
             Ok(command.value(letter)?.map(|value| self.length_mm(value)).filter(|value| *value > 0.0))
         };

@@ -1,7 +1,7 @@
 //! Speed and acceleration of axes over sliding windows.
 //!
 //! Positions are in half steps, in which CoreXY's axes are whole numbers too: x = A + B, y = A - B. Each may be off by
-//! one step of each motor, two half steps, so that a distance is known to four. What is held against a limit is the
+//! one step of each motor, two half steps, so that a distance is known to four. What is compared with a limit is the
 //! least value the window can stand for.
 
 use super::law::MotorEvent;

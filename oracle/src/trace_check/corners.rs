@@ -1,6 +1,6 @@
 //! By how much the speed of each axis jumps from one move to the next.
 //!
-//! Twice: by the reference plan, whose speeds the steps were held against, for the table of all corners; and by the steps
+//! Twice: by the reference plan, whose speeds the steps were compared with, for the table of all corners; and by the steps
 //! themselves, without any plan, as the least jump that they can stand for.
 
 use super::law::MotorEvent;
@@ -70,18 +70,18 @@ pub fn planned(job: &Job, plan: &Plan) -> [Jumps; 4] {
 struct Seen {
     /// Mean over the window, mm/s.
     mean: f64,
-    /// What the speed at the corner may differ from it.
+    /// How far the speed at the corner may differ from the mean.
     slack: f64,
 }
 
-/// A jump that is more than it may be.
+/// A jump beyond its limit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TooLarge {
     /// Index of the axis.
     pub axis: usize,
-    /// The least that the steps can stand for, mm/s.
+    /// The smallest jump that fits the steps, mm/s.
     pub least_mm_per_s: f64,
-    /// What is allowed, mm/s.
+    /// The limit, mm/s.
     pub limit_mm_per_s: f64,
 }
 
@@ -119,7 +119,7 @@ impl Corners {
         }
     }
 
-    /// What follows is no corner: something that is not looked at lies between.
+    /// The next move does not follow a corner: something unchecked lies between.
     pub fn forget(&mut self) {
         self.before = None;
     }

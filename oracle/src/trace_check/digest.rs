@@ -8,14 +8,14 @@ const PRIME: u64 = 0x0000_0100_0000_01b3;
 pub struct Fnv1a64(pub u64);
 
 impl Default for Fnv1a64 {
-    /// The digest of nothing.
+    /// The digest of no bytes.
     fn default() -> Self {
         Self(OFFSET_BASIS)
     }
 }
 
 impl Fnv1a64 {
-    /// Takes more bytes in.
+    /// Adds bytes.
     pub fn write(&mut self, bytes: &[u8]) {
         for &byte in bytes {
             self.0 = (self.0 ^ u64::from(byte)).wrapping_mul(PRIME);
