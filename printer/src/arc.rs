@@ -137,7 +137,7 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn directions_are_the_librarys() {
+    fn directions_equal_those_of_the_library() {
         for step in -10_000..=10_000 {
             let angle = f64::from(step) * 1e-4 * core::f64::consts::PI;
             let [cosine, sine] = direction_at(angle);
