@@ -17,7 +17,7 @@ use crate::run::{self, Finished, Operator, Options, Turn};
 
 /// A line from the board.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Line {
+pub struct BoardLine {
     /// When its last byte arrived, ns.
     pub at_ns: u64,
     /// The text, without the line's end.
@@ -36,7 +36,7 @@ enum Command {
 }
 
 enum Answer {
-    Heard(Line),
+    Heard(BoardLine),
     Silence { now_ns: u64 },
 }
 
@@ -45,7 +45,7 @@ pub struct ConversationOperator {
     commands: Receiver<Command>,
     answers: Sender<Answer>,
     partial: Vec<u8>,
-    lines: VecDeque<Line>,
+    lines: VecDeque<BoardLine>,
     listening_until_ns: Option<u64>,
     waiting_until_ns: Option<u64>,
 }
@@ -67,7 +67,7 @@ impl ConversationOperator {
                 b'\n' => {
                     let bytes = std::mem::take(&mut self.partial);
                     let text = String::from_utf8_lossy(&bytes).trim_end_matches('\r').to_owned();
-                    self.lines.push_back(Line { at_ns, text });
+                    self.lines.push_back(BoardLine { at_ns, text });
                 }
                 byte => self.partial.push(byte),
             }
@@ -192,7 +192,7 @@ impl Conversation {
     ///
     /// # Errors
     /// The run has ended; the text says why.
-    pub fn next_line(&mut self, until_ns: u64) -> Result<Option<Line>, String> {
+    pub fn next_line(&mut self, until_ns: u64) -> Result<Option<BoardLine>, String> {
         self.say(Command::Listen { until_ns })?;
         match self.answers.recv().map_err(|_| self.why_it_ended())? {
             Answer::Heard(line) => {

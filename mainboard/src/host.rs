@@ -9,4 +9,4 @@ mod stream;
 pub mod usb;
 
 pub use line::Line;
-pub use stream::{Answer, Heard, Options, Problem, Stream};
+pub use stream::{Heard, LineKind, Options, Problem, Stream};

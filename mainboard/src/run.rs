@@ -46,7 +46,7 @@ pub trait Operator: Send + 'static {
     }
 }
 
-/// How to start.
+/// Options of a run.
 #[derive(Debug, Default)]
 pub struct Options<'a> {
     /// The address of the vector table, for an image after a boot loader; `None` for the start of flash.
@@ -64,7 +64,7 @@ pub struct Finished<O> {
     session: Session<Machine>,
     /// The operator.
     pub operator: O,
-    /// How it went.
+    /// The report of the run.
     pub report: Report,
 }
 
@@ -76,7 +76,7 @@ impl<O> Finished<O> {
     }
 }
 
-/// How a run went.
+/// The report of a run.
 #[derive(Debug, Default, serde::Serialize)]
 pub struct Report {
     /// Virtual time, ns.

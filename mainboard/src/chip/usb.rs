@@ -53,7 +53,7 @@
 //! | Control endpoints other than 0 | 34.17.6 | SETUP to them is not answered |
 //! | Accesses narrower than a word to a FIFO, the window at 0x2_0000 into the packet memory | 34.16.1 | The manual forbids the first; the second is for debuggers |
 //! | The effect of overlapping FIFOs on the data | 34.11 | Reported; each FIFO keeps its own data |
-//! | `PKTCNT` of 0 on an enabled OUT endpoint | 34.17.6 | The manual wants at least one; drivers rely on it, so that each packet is a transfer. Reported once |
+//! | `PKTCNT` of 0 on an enabled OUT endpoint | 34.17.6 | The manual demands at least one; drivers rely on 0, so that each packet is a transfer. Reported once |
 //! | CRC errors, bit errors | 34.16.4 | The host loses handshakes instead |
 
 use rigless::device::{Device, DeviceContext, RegisterFile};

@@ -45,17 +45,17 @@ impl Count {
     /// # Errors
     /// A file cannot be read, the program does not end, or the emulator failed.
     pub fn run(&self) -> Result<bool, String> {
-        let bench = self.setup.bench()?;
-        let mut machine = bench.machine;
+        let loaded = self.setup.load()?;
+        let mut machine = loaded.machine;
         // The entry time would count as instructions.
         machine.chip.set_interrupt_entry(0);
         let listener = TcpListener::bind(("127.0.0.1", 0))
             .map_err(|error| format!("no local TCP port is free for the debugger: {error}"))?;
         let address =
             listener.local_addr().map_err(|error| format!("the debugger's TCP port has no address: {error}"))?;
-        let calls = debugger::calls(bench.images.iter().flat_map(|image| image.segments()));
-        let mut start = Start::new(&bench.images);
-        start.boot = Some(0x0800_0000 + u64::from(bench.board.boot_offset));
+        let calls = debugger::calls(loaded.images.iter().flat_map(|image| image.segments()));
+        let mut start = Start::new(&loaded.images);
+        start.boot = Some(0x0800_0000 + u64::from(loaded.board.boot_offset));
         start.semihosting = true;
         start.debugger = Some(&listener);
         start.wait_for_debugger = true;

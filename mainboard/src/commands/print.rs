@@ -162,8 +162,8 @@ impl Print {
             }
             None => None,
         };
-        let mut bench = self.setup.bench()?;
-        let (printer, image_sha256) = (bench.printer.clone(), bench.image_sha256.clone());
+        let mut loaded = self.setup.load()?;
+        let (printer, image_sha256) = (loaded.printer.clone(), loaded.image_sha256.clone());
         // M400 is the last line: its acknowledgement comes when motion has ended.
         let before = self.measure.then_some("M798 S1");
         let after = self.measure.then_some("M798");
@@ -176,14 +176,14 @@ impl Print {
             ends_ns: self.at_most_s.saturating_mul(1_000_000_000),
             quiet: self.json,
             next_progress_ns: PROGRESS_NS,
-            stack_top: bench.stack_top,
+            stack_top: loaded.stack_top,
             stack_bytes: None,
         };
         let began = std::time::Instant::now();
-        let machine = std::mem::replace(&mut bench.machine, Machine::new(&bench.board, &printer, 0)?);
-        let finished = run(machine, &bench.images, &bench.options(), job).map_err(|error| error.to_string())?;
+        let machine = std::mem::replace(&mut loaded.machine, Machine::new(&loaded.board, &printer, 0)?);
+        let finished = run(machine, &loaded.images, &loaded.options(), job).map_err(|error| error.to_string())?;
         let wall_s = began.elapsed().as_secs_f64();
-        let outcome = outcome(&finished, trace.as_ref(), &bench.board.name, image_sha256, wall_s);
+        let outcome = outcome(&finished, trace.as_ref(), &loaded.board.name, image_sha256, wall_s);
         let result = if self.json {
             serde_json::to_string_pretty(&outcome).map_err(|error| error.to_string())?
         } else {
@@ -225,7 +225,7 @@ fn outcome(finished: &Finished<Job>, trace: Option<&Trace>, board: &str, image_s
     let host_lines = stream
         .heard()
         .iter()
-        .filter(|heard| matches!(heard.answer, host::Answer::Text | host::Answer::Error | host::Answer::Start))
+        .filter(|heard| matches!(heard.kind, host::LineKind::Text | host::LineKind::Error | host::LineKind::Start))
         .filter(|heard| !heard.text.trim_start().starts_with("T:") && !heard.text.starts_with("ok"))
         .map(|heard| heard.text.clone())
         .collect();
@@ -249,11 +249,7 @@ fn outcome(finished: &Finished<Job>, trace: Option<&Trace>, board: &str, image_s
         desk_order_digest: desk_steps.map(|desk| digest(&mut desk.iter().map(|step| (step.axes, step.directions)))),
         agrees: compared.as_ref().map(Comparison::agrees),
         difference: compared.as_ref().and_then(|compared| {
-            let late = || {
-                compared
-                    .first_too_late
-                    .map(|late| format!("a step {:.1} us late: {late:?}", late.latency_ns as f64 / 1e3))
-            };
+            let late = || compared.first_too_late.map(|late| late.to_string());
             compared.difference.map(|difference| difference.to_string()).or_else(late)
         }),
         events: compared.as_ref().map_or(events.len(), |compared| compared.pin_events),
@@ -293,7 +289,7 @@ fn text(outcome: &Outcome) -> String {
         format!("direction set-up  {:.3} us", outcome.smallest_direction_setup_us),
     ];
     if let (Some(agrees), Some(latency_us)) = (outcome.agrees, outcome.largest_latency_us) {
-        let verdict = if agrees { "the desk's, step by step" } else { "NOT the desk's" };
+        let verdict = if agrees { "as on the desk" } else { "DIFFERENT from the desk" };
         lines.push(format!("steps             {} after homing, in {} runs: {verdict}", outcome.events, outcome.runs));
         lines.push(format!("latest step       {latency_us:.3} us"));
     }
@@ -304,7 +300,7 @@ fn text(outcome: &Outcome) -> String {
         ("host", &outcome.host_lines),
         ("lost", &outcome.lost_steps),
         ("unmodelled", &outcome.unmodelled),
-        ("told", &outcome.told),
+        ("warning", &outcome.told),
     ];
     for (what, said) in lists {
         lines.extend(said.iter().map(|line| format!("{what:<17} {line}")));

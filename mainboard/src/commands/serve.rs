@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use clap::Args;
+use clap::{ArgGroup, Args};
 use rigless::emulator::Host;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::flag;
@@ -17,6 +17,7 @@ use crate::run::{Operator, Turn, run};
 
 /// Options of the command.
 #[derive(Debug, Args)]
+#[command(group(ArgGroup::new("line").required(true).args(["pty", "tcp"])))]
 pub struct Serve {
     #[command(flatten)]
     setup: Setup,
@@ -24,7 +25,7 @@ pub struct Serve {
     #[arg(long, value_enum, default_value_t = Via::Usb)]
     via: Via,
     /// Create a pseudo-terminal under this name.
-    #[arg(long, value_name = "PATH", required_unless_present = "tcp", conflicts_with = "tcp")]
+    #[arg(long, value_name = "PATH")]
     pty: Option<PathBuf>,
     /// Listen on this TCP port of this computer (0: any free port).
     #[arg(long, value_name = "PORT")]
@@ -112,10 +113,10 @@ impl Serve {
             (None, Some(port)) => Line::tcp(port)?,
             (None, None) => return Err("no line to serve on: add --pty PATH or --tcp PORT".to_owned()),
         };
-        let mut bench = self.setup.bench()?;
-        eprintln!("{} on {}", bench.board.title, line.address());
-        let spare = Machine::new(&bench.board, &bench.printer, 0)?;
-        let mut machine = std::mem::replace(&mut bench.machine, spare);
+        let mut loaded = self.setup.load()?;
+        eprintln!("{} on {}", loaded.board.title, line.address());
+        let spare = Machine::new(&loaded.board, &loaded.printer, 0)?;
+        let mut machine = std::mem::replace(&mut loaded.machine, spare);
         machine.stop_recording_steps();
         let bridge = HostBridge {
             line,
@@ -126,7 +127,7 @@ impl Serve {
             failed: None,
             stops,
         };
-        let finished = run(machine, &bench.images, &bench.options(), bridge).map_err(|error| error.to_string())?;
+        let finished = run(machine, &loaded.images, &loaded.options(), bridge).map_err(|error| error.to_string())?;
         finished.operator.failed.map_or(Ok(true), Err)
     }
 }

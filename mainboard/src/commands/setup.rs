@@ -51,7 +51,7 @@ pub struct Setup {
 
 /// The files of [`Setup`], read and checked.
 #[derive(Debug)]
-pub struct Bench {
+pub struct LoadedSetup {
     /// The board.
     pub board: Board,
     /// The printer.
@@ -74,7 +74,7 @@ impl Setup {
     /// # Errors
     /// A file cannot be read, the board contradicts its chip, or the image is for another board; the text names the
     /// file.
-    pub fn bench(&self) -> Result<Bench, String> {
+    pub fn load(&self) -> Result<LoadedSetup, String> {
         let board = Board::read(&self.board).map_err(|error| error.to_string())?;
         let home = self.board.parent().unwrap_or(Path::new(".")).join("..");
         let profile = self.profile.clone().unwrap_or_else(|| home.join(format!("profiles/{}.toml", board.profile)));
@@ -103,7 +103,7 @@ impl Setup {
         if let Some(address) = debugger.as_ref().and_then(|listener| listener.local_addr().ok()) {
             eprintln!("GDB on {address}: gdb-multiarch -ex 'target remote {address}' {name}");
         }
-        Ok(Bench {
+        Ok(LoadedSetup {
             board,
             printer,
             machine,
@@ -116,7 +116,7 @@ impl Setup {
     }
 }
 
-impl Bench {
+impl LoadedSetup {
     /// Options of the run.
     #[must_use]
     pub fn options(&self) -> Options<'_> {

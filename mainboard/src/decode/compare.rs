@@ -86,6 +86,19 @@ pub struct Late {
     pub latency_ns: u64,
 }
 
+impl std::fmt::Display for Late {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(
+            formatter,
+            "event {} of line {} left {:.1} us late, at {:.6} s",
+            self.index,
+            self.line,
+            self.latency_ns as f64 / 1e3,
+            self.at_ns as f64 / 1e9
+        )
+    }
+}
+
 /// The result of a comparison.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Comparison {

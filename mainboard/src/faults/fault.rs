@@ -28,7 +28,7 @@ impl Block {
 
 /// The course of a supply's fault.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Supply {
+pub enum SupplyFault {
     /// The voltage sinks, stays low for a while and returns.
     Sags,
     /// The supply fails for milliseconds.
@@ -41,7 +41,7 @@ pub enum Supply {
 
 /// The fault of a thermistor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Sensor {
+pub enum ThermistorFault {
     /// The wire is broken.
     Open,
     /// The wires touch.
@@ -56,7 +56,7 @@ pub enum Sensor {
 
 /// The fault of a motor's driver.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Driver {
+pub enum DriverFault {
     /// Its own supply fails for some ms, so it loses its registers.
     Resets,
     /// Too hot: it switches its motor off.
@@ -72,7 +72,7 @@ pub enum Driver {
 pub enum Memory {
     /// Static variables and the stack.
     Ram,
-    /// The memory beside the core.
+    /// Core coupled memory.
     Ccm,
     /// The image in flash.
     Flash,
@@ -86,15 +86,15 @@ pub enum Fault {
     /// The crystal stops oscillating.
     CrystalStops,
     /// The 24 V of motors and heaters; USB keeps supplying the chip.
-    MotorSupply(Supply),
+    MotorSupply(SupplyFault),
     /// The chip's 3.3 V.
-    ChipSupply(Supply),
+    ChipSupply(SupplyFault),
     /// The host falls silent for good.
     HostVanishes,
     /// Some bits to the chip arrive wrong for a while.
     HostLineGarbles,
     /// A thermistor.
-    Thermistor(Block, Sensor),
+    Thermistor(Block, ThermistorFault),
     /// A heater or its transistor.
     Heater(Block, HeaterFault),
     /// The converters lose their clock for good.
@@ -106,7 +106,7 @@ pub enum Fault {
     /// The DMA stream from the converters ends once.
     TransferHiccup,
     /// A motor's driver.
-    Driver(Driver),
+    Driver(DriverFault),
     /// A switch at an axis's end.
     EndStop(EndStopFault),
     /// The probe at the nozzle.
@@ -130,26 +130,26 @@ pub enum Fault {
 pub const ALL: [(&str, Fault, u32); 45] = [
     ("control", Fault::Control, 10),
     ("crystal-stops", Fault::CrystalStops, 20),
-    ("24v-sags", Fault::MotorSupply(Supply::Sags), 10),
-    ("24v-dips", Fault::MotorSupply(Supply::Dips), 20),
-    ("24v-cut", Fault::MotorSupply(Supply::Cut), 15),
-    ("24v-returns", Fault::MotorSupply(Supply::Returns), 20),
-    ("3v3-sags", Fault::ChipSupply(Supply::Sags), 20),
-    ("3v3-dips", Fault::ChipSupply(Supply::Dips), 20),
-    ("3v3-cut", Fault::ChipSupply(Supply::Cut), 10),
-    ("3v3-returns", Fault::ChipSupply(Supply::Returns), 20),
+    ("24v-sags", Fault::MotorSupply(SupplyFault::Sags), 10),
+    ("24v-dips", Fault::MotorSupply(SupplyFault::Dips), 20),
+    ("24v-cut", Fault::MotorSupply(SupplyFault::Cut), 15),
+    ("24v-returns", Fault::MotorSupply(SupplyFault::Returns), 20),
+    ("3v3-sags", Fault::ChipSupply(SupplyFault::Sags), 20),
+    ("3v3-dips", Fault::ChipSupply(SupplyFault::Dips), 20),
+    ("3v3-cut", Fault::ChipSupply(SupplyFault::Cut), 10),
+    ("3v3-returns", Fault::ChipSupply(SupplyFault::Returns), 20),
     ("host-vanishes", Fault::HostVanishes, 4),
     ("host-line-garbles", Fault::HostLineGarbles, 20),
-    ("nozzle-thermistor-open", Fault::Thermistor(Block::Nozzle, Sensor::Open), 15),
-    ("nozzle-thermistor-short", Fault::Thermistor(Block::Nozzle, Sensor::Short), 15),
-    ("nozzle-thermistor-slipped-out", Fault::Thermistor(Block::Nozzle, Sensor::SlippedOut), 8),
-    ("nozzle-thermistor-loose", Fault::Thermistor(Block::Nozzle, Sensor::Loose), 10),
-    ("nozzle-thermistor-drifts", Fault::Thermistor(Block::Nozzle, Sensor::Drifts), 4),
-    ("bed-thermistor-open", Fault::Thermistor(Block::Bed, Sensor::Open), 15),
-    ("bed-thermistor-short", Fault::Thermistor(Block::Bed, Sensor::Short), 15),
-    ("bed-thermistor-slipped-out", Fault::Thermistor(Block::Bed, Sensor::SlippedOut), 3),
-    ("bed-thermistor-loose", Fault::Thermistor(Block::Bed, Sensor::Loose), 10),
-    ("bed-thermistor-drifts", Fault::Thermistor(Block::Bed, Sensor::Drifts), 4),
+    ("nozzle-thermistor-open", Fault::Thermistor(Block::Nozzle, ThermistorFault::Open), 15),
+    ("nozzle-thermistor-short", Fault::Thermistor(Block::Nozzle, ThermistorFault::Short), 15),
+    ("nozzle-thermistor-slipped-out", Fault::Thermistor(Block::Nozzle, ThermistorFault::SlippedOut), 8),
+    ("nozzle-thermistor-loose", Fault::Thermistor(Block::Nozzle, ThermistorFault::Loose), 10),
+    ("nozzle-thermistor-drifts", Fault::Thermistor(Block::Nozzle, ThermistorFault::Drifts), 4),
+    ("bed-thermistor-open", Fault::Thermistor(Block::Bed, ThermistorFault::Open), 15),
+    ("bed-thermistor-short", Fault::Thermistor(Block::Bed, ThermistorFault::Short), 15),
+    ("bed-thermistor-slipped-out", Fault::Thermistor(Block::Bed, ThermistorFault::SlippedOut), 3),
+    ("bed-thermistor-loose", Fault::Thermistor(Block::Bed, ThermistorFault::Loose), 10),
+    ("bed-thermistor-drifts", Fault::Thermistor(Block::Bed, ThermistorFault::Drifts), 4),
     ("nozzle-heater-broken", Fault::Heater(Block::Nozzle, HeaterFault::Broken), 6),
     ("nozzle-heater-stuck-on", Fault::Heater(Block::Nozzle, HeaterFault::StuckOn), 6),
     ("bed-heater-broken", Fault::Heater(Block::Bed, HeaterFault::Broken), 2),
@@ -158,10 +158,10 @@ pub const ALL: [(&str, Fault, u32); 45] = [
     ("converter-hiccup", Fault::ConverterHiccup, 20),
     ("transfer-stands", Fault::TransferStands, 20),
     ("transfer-hiccup", Fault::TransferHiccup, 20),
-    ("driver-resets", Fault::Driver(Driver::Resets), 30),
-    ("driver-hot", Fault::Driver(Driver::Hot), 15),
-    ("driver-short", Fault::Driver(Driver::Short), 15),
-    ("driver-mute", Fault::Driver(Driver::Mute), 15),
+    ("driver-resets", Fault::Driver(DriverFault::Resets), 30),
+    ("driver-hot", Fault::Driver(DriverFault::Hot), 15),
+    ("driver-short", Fault::Driver(DriverFault::Short), 15),
+    ("driver-mute", Fault::Driver(DriverFault::Mute), 15),
     ("end-stop-stuck-open", Fault::EndStop(EndStopFault::StuckOpen), 6),
     ("end-stop-stuck-closed", Fault::EndStop(EndStopFault::StuckClosed), 6),
     ("probe-dead", Fault::Probe(ProbeFault::Dead), 8),
@@ -176,7 +176,7 @@ pub const ALL: [(&str, Fault, u32); 45] = [
 ];
 
 impl Fault {
-    /// Its name.
+    /// The name.
     #[must_use]
     pub fn name(self) -> &'static str {
         ALL.into_iter().find(|(_, fault, _)| *fault == self).map_or("", |(name, ..)| name)

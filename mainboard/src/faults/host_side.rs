@@ -1,6 +1,6 @@
 //! The host of a run with a fault: sends a file, polls temperatures while idle, and reconnects after a reset.
 
-use crate::host::{Answer, Heard, Options, Stream};
+use crate::host::{Heard, LineKind, Options, Stream};
 use crate::machine::{HOST_PORT, Machine};
 
 /// Interval of polls while the host is idle, ns.
@@ -139,7 +139,7 @@ impl HostSide {
     pub fn alarms(&self, since_ns: u64) -> impl Iterator<Item = &Heard> {
         let from = self.heard.partition_point(|heard| heard.at_ns < since_ns);
         self.heard[from..].iter().filter(|heard| {
-            matches!(heard.answer, Answer::Error | Answer::Start)
+            matches!(heard.kind, LineKind::Error | LineKind::Start)
                 || heard.text.starts_with("echo:reset")
                 || heard.text.starts_with("echo:last ")
                 || heard.text.starts_with("echo:heaters switched off")
@@ -159,7 +159,7 @@ impl HostSide {
     pub fn notable_lines(&self, since_ns: u64, max: usize) -> Vec<String> {
         let from = self.heard.partition_point(|heard| heard.at_ns < since_ns);
         let notable = self.heard[from..].iter().filter(|heard| {
-            !matches!(heard.answer, Answer::Ok | Answer::Busy) && Temperatures::parse(&heard.text).is_none()
+            !matches!(heard.kind, LineKind::Ok | LineKind::Busy) && Temperatures::parse(&heard.text).is_none()
         });
         notable.take(max).map(|heard| format!("{:.3} {}", heard.at_ns as f64 / 1e9, heard.text)).collect()
     }

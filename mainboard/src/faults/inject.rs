@@ -8,7 +8,7 @@ use rigless::mcu::{Operate, flip_bytes};
 use rigless::soc::Width;
 use rigless::time::VirtualNanos;
 
-use super::fault::{Block, Driver, Fault, Memory, Sensor, Supply};
+use super::fault::{Block, DriverFault, Fault, Memory, SupplyFault, ThermistorFault};
 use super::host_side::HostSide;
 use super::image::Layout;
 use crate::chip::Halt;
@@ -243,24 +243,24 @@ impl Injection {
         self.later.push_back((at_ns, what));
     }
 
-    fn motor_supply(&mut self, machine: &mut Machine, supply: Supply, now_ns: u64) -> String {
+    fn motor_supply(&mut self, machine: &mut Machine, supply: SupplyFault, now_ns: u64) -> String {
         let (to_mv, for_ms) = match supply {
-            Supply::Sags => (self.random.between(6_000, 20_000), Some(self.random.between(100, 3_000))),
-            Supply::Dips => (0, Some(self.random.between(5, 60))),
-            Supply::Cut => (0, None),
-            Supply::Returns => (0, Some(self.random.between(200, 2_000))),
+            SupplyFault::Sags => (self.random.between(6_000, 20_000), Some(self.random.between(100, 3_000))),
+            SupplyFault::Dips => (0, Some(self.random.between(5, 60))),
+            SupplyFault::Cut => (0, None),
+            SupplyFault::Returns => (0, Some(self.random.between(200, 2_000))),
         };
         machine.plant.motor_rail.aim(now_ns, to_mv as f64);
         self.come_back(now_ns, to_mv, for_ms, Later::MotorSupplyReturns)
     }
 
-    fn chip_supply(&mut self, machine: &mut Machine, supply: Supply, now_ns: u64) -> String {
+    fn chip_supply(&mut self, machine: &mut Machine, supply: SupplyFault, now_ns: u64) -> String {
         let (to_mv, for_ms) = match supply {
-            Supply::Sags => (self.random.between(2_000, 2_600), Some(self.random.between(50, 500))),
+            SupplyFault::Sags => (self.random.between(2_000, 2_600), Some(self.random.between(50, 500))),
             // Long enough for the rail, with its own capacitors, to fall below the brown-out level.
-            Supply::Dips => (self.random.between(0, 2_000), Some(self.random.between(6, 20))),
-            Supply::Cut => (0, None),
-            Supply::Returns => (0, Some(self.random.between(100, 1_000))),
+            SupplyFault::Dips => (self.random.between(0, 2_000), Some(self.random.between(6, 20))),
+            SupplyFault::Cut => (0, None),
+            SupplyFault::Returns => (0, Some(self.random.between(100, 1_000))),
         };
         machine.plant.chip_rail.aim(now_ns, to_mv as f64);
         self.come_back(now_ns, to_mv, for_ms, Later::ChipSupplyReturns)
@@ -282,11 +282,17 @@ impl Injection {
         Some(format!("{per_million} of a million bytes for {for_ms} ms"))
     }
 
-    fn thermistor(&mut self, machine: &mut Machine, block: Block, sensor: Sensor, now_ns: u64) -> Option<String> {
+    fn thermistor(
+        &mut self,
+        machine: &mut Machine,
+        block: Block,
+        sensor: ThermistorFault,
+        now_ns: u64,
+    ) -> Option<String> {
         let (fault, detail) = match sensor {
-            Sensor::Open => (SensorFault::Open, String::new()),
-            Sensor::Short => (SensorFault::Short, String::new()),
-            Sensor::SlippedOut => {
+            ThermistorFault::Open => (SensorFault::Open, String::new()),
+            ThermistorFault::Short => (SensorFault::Short, String::new()),
+            ThermistorFault::SlippedOut => {
                 let seconds = self.random.between(2, 15);
                 // Fully out of its hole: the firmware cannot detect one that is half out, as the documentation says.
                 let coupling = self.random.unit() * 0.05;
@@ -294,13 +300,13 @@ impl Injection {
                     SensorFault::SlippedOut { since_ns: now_ns, time_constant_ns: seconds * 1_000_000_000, coupling };
                 (fault, format!("within {seconds} s, coupling {coupling:.2}"))
             }
-            Sensor::Loose => {
+            ThermistorFault::Loose => {
                 let probability = 0.01 + 0.5 * self.random.unit();
                 (SensorFault::Loose { probability }, format!("{probability:.2} of the samples are open"))
             }
-            Sensor::Drifts => {
+            ThermistorFault::Drifts => {
                 let kelvin_per_hour = if self.random.chance(0.5) { -600.0 } else { 600.0 };
-                (SensorFault::Drift { since_ns: now_ns, kelvin_per_hour }, format!("{kelvin_per_hour} K in an hour"))
+                (SensorFault::Drift { since_ns: now_ns, kelvin_per_hour }, format!("{kelvin_per_hour} K per hour"))
             }
         };
         let place = machine.plant.thermistors.iter_mut().find(|place| place.name == block.name())?;
@@ -308,23 +314,25 @@ impl Injection {
         Some(detail)
     }
 
-    fn driver(&mut self, machine: &mut Machine, trouble: Driver, now_ns: u64) -> Option<String> {
+    fn driver(&mut self, machine: &mut Machine, trouble: DriverFault, now_ns: u64) -> Option<String> {
         let motor = self.pick(machine.plant.drivers.len().min(MOTORS.len()))?;
         self.motor = Some(motor);
         let plant = &mut machine.plant;
         let mut detail = format!("driver {}", MOTORS[motor]);
         match trouble {
-            Driver::Resets => {
+            DriverFault::Resets => {
                 let for_us = self.random.between(100, 200_000);
                 plant.disturb_driver(now_ns, motor, |driver| driver.set_supply(now_ns, false));
                 self.later(now_ns + for_us * 1_000, Later::DriverSupplied(motor));
                 detail.push_str(&format!(", without supply for {for_us} us"));
             }
-            Driver::Hot => plant.disturb_driver(now_ns, motor, |driver| driver.set_temperature(now_ns, HOT_CELSIUS)),
-            Driver::Short => plant.disturb_driver(now_ns, motor, |driver| {
+            DriverFault::Hot => {
+                plant.disturb_driver(now_ns, motor, |driver| driver.set_temperature(now_ns, HOT_CELSIUS))
+            }
+            DriverFault::Short => plant.disturb_driver(now_ns, motor, |driver| {
                 driver.set_fault(now_ns, tmc2209::Fault::ShortToGroundA, true);
             }),
-            Driver::Mute => plant.disturb_driver(now_ns, motor, |driver| {
+            DriverFault::Mute => plant.disturb_driver(now_ns, motor, |driver| {
                 driver.set_fault(now_ns, tmc2209::Fault::Mute, true);
             }),
         }

@@ -3,7 +3,7 @@
 //! Each time is the documented number plus a tolerance: the control samples every 10 ms, the median of five and the
 //! converter's cycle take some more, and the firmware polls drivers twice a second.
 
-use super::fault::{Block, Driver, Fault, Sensor, Supply};
+use super::fault::{Block, DriverFault, Fault, SupplyFault, ThermistorFault};
 use super::state::{HEATER_TIMEOUT_S, State};
 use crate::parts::heat::HeaterFault;
 
@@ -126,7 +126,7 @@ pub fn rows(fault: Fault) -> &'static [Promise] {
             &ROWS
         }
         // The chip of a driver keeps running above 4 V: its capacitors decide whether a dip clears its registers.
-        Fault::MotorSupply(Supply::Sags | Supply::Dips) => &SAGS,
+        Fault::MotorSupply(SupplyFault::Sags | SupplyFault::Dips) => &SAGS,
         Fault::MotorSupply(_) => &DRIVER,
         Fault::ChipSupply(_) => &BROWN_OUT,
         Fault::HostVanishes => {
@@ -145,24 +145,24 @@ pub fn rows(fault: Fault) -> &'static [Promise] {
                 [row(When::Always, What::Controlled, 4_000, &[], "no input can make it panic; lines have checksums")];
             &ROWS
         }
-        Fault::Thermistor(_, Sensor::Open) => &OPEN,
-        Fault::Thermistor(_, Sensor::Short) => &SHORT,
-        Fault::Thermistor(Block::Nozzle, Sensor::SlippedOut) => {
+        Fault::Thermistor(_, ThermistorFault::Open) => &OPEN,
+        Fault::Thermistor(_, ThermistorFault::Short) => &SHORT,
+        Fault::Thermistor(Block::Nozzle, ThermistorFault::SlippedOut) => {
             const ROWS: [Promise; 1] =
                 [row(When::Hot, What::Off, 75 * SECOND, &["Thermal Runaway", "Heating failed", "MAXTEMP"], SLIPPED)];
             &ROWS
         }
-        Fault::Thermistor(Block::Bed, Sensor::SlippedOut) => {
+        Fault::Thermistor(Block::Bed, ThermistorFault::SlippedOut) => {
             const ROWS: [Promise; 1] =
                 [row(When::Hot, What::Off, 320 * SECOND, &["Thermal Runaway", "Heating failed", "MAXTEMP"], SLIPPED)];
             &ROWS
         }
-        Fault::Thermistor(_, Sensor::Loose) => {
+        Fault::Thermistor(_, ThermistorFault::Loose) => {
             const ROWS: [Promise; 1] =
                 [row(When::Always, What::Controlled, 3_000, &[], "two bad readings of five change nothing at all")];
             &ROWS
         }
-        Fault::Thermistor(_, Sensor::Drifts) => {
+        Fault::Thermistor(_, ThermistorFault::Drifts) => {
             const ROWS: [Promise; 1] = [row(
                 When::Always,
                 What::Controlled,
@@ -214,7 +214,7 @@ pub fn rows(fault: Fault) -> &'static [Promise] {
         }
         Fault::ConverterStands | Fault::TransferStands => &STANDS,
         Fault::ConverterHiccup | Fault::TransferHiccup => &GOES_ON,
-        Fault::Driver(Driver::Resets | Driver::Hot | Driver::Short | Driver::Mute) => &DRIVER,
+        Fault::Driver(DriverFault::Resets | DriverFault::Hot | DriverFault::Short | DriverFault::Mute) => &DRIVER,
         Fault::EndStop(_) | Fault::Probe(_) => {
             const ROWS: [Promise; 1] =
                 [row(When::Always, What::Controlled, 2_000, &[], "homing believes two approaches that agree")];

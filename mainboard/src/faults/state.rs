@@ -271,8 +271,11 @@ impl Operator for StateTour {
         }
         self.wants = self.due(machine, now_ns, due);
         if now_ns > LIMIT_NS {
-            self.refused =
-                Some(format!("the printer did not reach {:?} within {} s", PLAN[self.next], LIMIT_NS / SECOND));
+            self.refused = {
+                let (state, due) = PLAN[self.next];
+                let limit_s = LIMIT_NS / SECOND;
+                Some(format!("the printer did not reach the state {} ({due:?}) within {limit_s} s", state.name()))
+            };
         }
         if self.refused.is_some() { Turn::Stop } else { Turn::Continue }
     }

@@ -7,7 +7,7 @@ use super::fault::Fault;
 use super::host_side::HostSide;
 use super::promise::{MAX_SILENCE_MS, Promise, What};
 use super::state::{StartingPoint, State, TARGETS_CELSIUS, position_mm};
-use crate::host::Answer;
+use crate::host::LineKind;
 use crate::machine::Machine;
 use crate::parts::heat::HeaterFault;
 use crate::parts::motion::sheet::ProbeFault;
@@ -315,7 +315,7 @@ impl Watch {
                 Some(_) => {}
             },
             What::GoesOn => {
-                let halted = side.alarms(self.at_ns).find(|heard| heard.answer == Answer::Error);
+                let halted = side.alarms(self.at_ns).find(|heard| heard.kind == LineKind::Error);
                 if let Some(halted) = halted.filter(|_| self.state != State::Halted) {
                     found.push(format!(
                         "the printer stopped with \"{}\" although nothing that it monitors failed",

@@ -47,13 +47,13 @@ pub struct Heard {
     pub at_ns: u64,
     /// The text, without the line's end.
     pub text: String,
-    /// Its meaning to a host.
-    pub answer: Answer,
+    /// The kind of line.
+    pub kind: LineKind,
 }
 
-/// The meaning of the printer's line to a host.
+/// The kind of a printer's line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Answer {
+pub enum LineKind {
     /// A line is executed.
     Ok,
     /// Send again from this line number on.
@@ -177,15 +177,15 @@ impl Stream {
     }
 
     fn line(&mut self, at_ns: u64, text: String) {
-        let answer = understand(&text);
+        let kind = understand(&text);
         self.last_sign_ns = at_ns;
         if let Some(hold) = &mut self.hold {
             hold.heard_ns = at_ns;
         }
-        match answer {
-            Answer::Ok => self.ok(at_ns),
-            Answer::Resend(number) => self.resend(at_ns, number),
-            Answer::Start => {
+        match kind {
+            LineKind::Ok => self.ok(at_ns),
+            LineKind::Resend(number) => self.resend(at_ns, number),
+            LineKind::Start => {
                 self.started = true;
                 if self.begun {
                     self.reset = true;
@@ -196,16 +196,16 @@ impl Stream {
                     );
                 }
             }
-            Answer::Wait if !self.on_the_way.is_empty() && self.hold.is_none() => {
+            LineKind::Wait if !self.on_the_way.is_empty() && self.hold.is_none() => {
                 let lines = self.on_the_way.len();
                 self.problem(
                     at_ns,
                     format!("the printer is idle with {lines} lines unacknowledged: a line or its \"ok\" was lost"),
                 );
             }
-            Answer::Wait | Answer::Busy | Answer::Error | Answer::Text => {}
+            LineKind::Wait | LineKind::Busy | LineKind::Error | LineKind::Text => {}
         }
-        self.heard.push(Heard { at_ns, text, answer });
+        self.heard.push(Heard { at_ns, text, kind });
     }
 
     fn ok(&mut self, at_ns: u64) {
@@ -331,7 +331,7 @@ impl Stream {
 
     /// The errors among the printer's lines.
     pub fn errors(&self) -> impl Iterator<Item = &Heard> {
-        self.heard.iter().filter(|heard| heard.answer == Answer::Error)
+        self.heard.iter().filter(|heard| heard.kind == LineKind::Error)
     }
 
     /// The problems so far.
@@ -354,25 +354,25 @@ fn numbered(number: usize, text: &str) -> String {
     format!("{line}*{checksum}")
 }
 
-fn understand(text: &str) -> Answer {
+fn understand(text: &str) -> LineKind {
     let text = text.trim();
     let number = |rest: &str| rest.trim_start_matches([':', ' ', 'N']).split_whitespace().next()?.parse().ok();
     if text == "ok" || text.starts_with("ok ") {
-        return Answer::Ok;
+        return LineKind::Ok;
     }
     if let Some(rest) = text.strip_prefix("Resend").or_else(|| text.strip_prefix("rs "))
         && let Some(number) = number(rest)
     {
-        return Answer::Resend(number);
+        return LineKind::Resend(number);
     }
     if text.strip_prefix("echo:").unwrap_or(text).starts_with("busy:") {
-        return Answer::Busy;
+        return LineKind::Busy;
     }
     match text {
-        "wait" => Answer::Wait,
-        "start" => Answer::Start,
-        _ if text.starts_with("Error:") || text.starts_with("!!") => Answer::Error,
-        _ => Answer::Text,
+        "wait" => LineKind::Wait,
+        "start" => LineKind::Start,
+        _ if text.starts_with("Error:") || text.starts_with("!!") => LineKind::Error,
+        _ => LineKind::Text,
     }
 }
 

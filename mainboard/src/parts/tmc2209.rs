@@ -237,7 +237,7 @@ impl Tmc2209 {
         self.settle(now_ns);
     }
 
-    /// Whether it has its motor supply.
+    /// Whether the motor supply is on.
     pub fn supplied(&self) -> bool {
         self.supplied
     }

@@ -109,7 +109,7 @@ pub struct Motor {
 pub struct Heater {
     /// "nozzle", "bed", "nozzle1" to "nozzle3".
     pub name: String,
-    /// Its output.
+    /// The output pin.
     pub pin: Pin,
     /// The timer channel that can drive the pin.
     pub timer: Option<TimerChannel>,
@@ -122,7 +122,7 @@ pub struct Heater {
 pub struct Fan {
     /// "part", "hotend", "fan2" to "fan5".
     pub name: String,
-    /// Its output.
+    /// The output pin.
     pub pin: Pin,
     /// The timer channel that can drive the pin.
     pub timer: Option<TimerChannel>,
@@ -135,7 +135,7 @@ pub struct Fan {
 pub struct Thermistor {
     /// The name of the heater whose temperature it measures, or "probe", "board".
     pub name: String,
-    /// Its input.
+    /// The input pin.
     pub pin: Pin,
     /// Converter and channel.
     pub adc: Adc,
@@ -150,7 +150,7 @@ pub struct Thermistor {
 pub struct Input {
     /// "x", "y", "z", "probe", "filament".
     pub name: String,
-    /// Its pin.
+    /// The pin.
     pub pin: Pin,
 }
 

@@ -6,11 +6,11 @@
 use super::board::Board;
 use super::refusal::Refusal;
 
-/// Where flash begins.
+/// Start of flash.
 const FLASH: u64 = 0x0800_0000;
-/// Where SRAM begins.
+/// Start of SRAM.
 const RAM: u64 = 0x2000_0000;
-/// Where core coupled memory begins.
+/// Start of core coupled memory.
 const CCM: u64 = 0x1000_0000;
 /// A program header's kind for bytes to load.
 const LOAD: u32 = 1;

@@ -91,7 +91,7 @@ fn a_broken_thermistor_switches_all_heaters_off_with_an_error() {
         bench.host.send_raw(b"M104 S60\n").unwrap();
         bench.host.wait_for("a refusal", |line| line.contains("M999")).unwrap();
         bench.host.send_raw(b"M999\n").unwrap();
-        bench.host.wait_for("the same again", |line| line.starts_with("Error:MINTEMP triggered")).unwrap();
+        bench.host.wait_for("the repeated error", |line| line.starts_with("Error:MINTEMP triggered")).unwrap();
         bench.with(|machine, _| unplug(machine, "nozzle", false));
         bench.pass(A_WHILE_MS);
         assert_off(board, &mut bench);
@@ -190,7 +190,7 @@ fn missing_thermistors_are_reported_and_prevent_heating() {
         let next = bench.host.wait_for("the next line", |_| true).unwrap();
         assert_eq!(next, "Error:Printer halted. kill() called!");
         bench.host.send_raw(b"M104 S200\nM999\nM104 S200\n").unwrap();
-        bench.host.wait_for("the same again", |line| line.starts_with("Error:MINTEMP triggered")).unwrap();
+        bench.host.wait_for("the repeated error", |line| line.starts_with("Error:MINTEMP triggered")).unwrap();
         bench.pass(A_WHILE_MS);
         assert_off(board, &mut bench);
     }
@@ -212,7 +212,7 @@ fn unused_heaters_go_off() {
         bench.host.send_raw(b"G4 S9\n").unwrap();
         bench.host.wait_for("the warning", |line| line.starts_with("echo:heaters go off in 2 s: ")).unwrap();
         bench.host.send_raw(b"M105\n").unwrap();
-        bench.host.wait_for("the warning anew", |line| line.starts_with("echo:heaters go off in 2 s: ")).unwrap();
+        bench.host.wait_for("the repeated warning", |line| line.starts_with("echo:heaters go off in 2 s: ")).unwrap();
         assert_eq!(at_full_power(&mut bench), [true; 2], "{}", board.name);
         bench.host.wait_for("the end", |line| line.starts_with("echo:heaters switched off: 4 s ")).unwrap();
         wait_for_powers(board, &mut bench, [false; 2]);

@@ -49,7 +49,7 @@ impl fmt::Display for HostError {
         match self {
             Self::Port(error) => write!(out, "the serial line broke: {error}"),
             Self::Silent { awaited, heard } => {
-                write!(out, "no {awaited} within the time limit; the last lines were:")?;
+                write!(out, "timeout while waiting for {awaited}; the last lines were:")?;
                 heard.iter().try_for_each(|line| write!(out, "\n  {line}"))
             }
             Self::Fatal(line) => write!(out, "the printer says {line:?}"),
@@ -428,7 +428,7 @@ mod tests {
         let mut host = host();
         host.port().mute = true;
         let error = host.send("G28").unwrap_err();
-        assert!(error.to_string().contains("no ok within the time limit"), "{error}");
+        assert!(error.to_string().contains("waiting for ok"), "{error}");
     }
 
     #[test]

@@ -25,26 +25,26 @@ pub struct PortWrite {
     pub port: char,
     /// The register.
     pub offset: u32,
-    /// What was stored.
+    /// The stored value.
     pub value: u32,
 }
 
 impl PortWrite {
-    /// What was stored to a port, if it was to a port (RM0090, 2.3: 1 KiB each).
+    /// The store as one to a port; `None` for other addresses (RM0090, 2.3: 1 KiB a port).
     pub fn of(store: &Store) -> Option<Self> {
         let place = store.address.checked_sub(PORTS)?;
         let port = u8::try_from(place / 0x400).ok().filter(|port| *port < 9)?;
         Some(Self { port: char::from(b'A' + port), offset: place % 0x400, value: store.value })
     }
 
-    /// The level that this store gives a pin, if it is about its level.
+    /// The level to which this store sets a pin; `None` if it leaves the level unchanged.
     pub fn level(&self, (port, number): Pin) -> Option<bool> {
         if self.port != port {
             return None;
         }
         let bit = |place: u8| self.value >> place & 1 == 1;
         match self.offset {
-            // Setting wins where both are asked for.
+            // Setting wins over resetting.
             BSRR if bit(number) => Some(true),
             BSRR if bit(number + 16) => Some(false),
             ODR => Some(bit(number)),
@@ -52,13 +52,13 @@ impl PortWrite {
         }
     }
 
-    /// The mode that this store gives a pin, if it may be about that.
+    /// The mode to which this store sets a pin; `None` if it leaves the mode unchanged.
     fn mode(&self, (port, number): Pin) -> Option<u32> {
         (self.port == port && self.offset == MODER).then_some(self.value >> (2 * number) & 0b11)
     }
 }
 
-/// The pins as the stores leave them.
+/// The state of the pins after some stores.
 #[derive(Clone, Debug, Default)]
 pub struct PortState {
     levels: BTreeMap<char, u16>,
@@ -72,7 +72,7 @@ impl PortState {
         Self::default()
     }
 
-    /// Takes a store.
+    /// Applies a store.
     pub fn apply(&mut self, write: PortWrite) {
         let (level, output) = (self.levels.entry(write.port).or_default(), self.outputs.entry(write.port).or_default());
         let alternate = self.alternates.entry(write.port).or_default();
@@ -103,7 +103,7 @@ impl PortState {
         self.outputs.get(&port).is_some_and(|output| output >> number & 1 == 1)
     }
 
-    /// Whether a pin is a peripheral's.
+    /// Whether a peripheral drives the pin.
     pub fn is_alternate(&self, (port, number): Pin) -> bool {
         self.alternates.get(&port).is_some_and(|alternate| alternate >> number & 1 == 1)
     }

@@ -165,14 +165,14 @@ fn commands_between_frames_are_executed() {
     let job = hand_made::job(profile().plan_hash, &moves);
     bench.host.send(&format!("M790 S{} T3600", job.len())).unwrap();
     bench.host.send_raw(&to_wire(Kind::Data, 0, &job[..250])).unwrap();
-    bench.host.wait_for("what has come", |line| line.starts_with("gpre:have 250 ")).unwrap();
+    bench.host.wait_for("the received bytes", |line| line.starts_with("gpre:have 250 ")).unwrap();
     // A numbered line is executed; the rest of a frame is not.
     bench.host.send_raw(b"X12 G28\nG1 Y10 F3000\n").unwrap();
     let feed = bench.host.ask("M220", "FR:").unwrap();
     assert_eq!(feed, "FR:100%");
     // A restarted host is told the position.
     bench.host.send(&format!("M790 S{}", job.len())).unwrap();
-    bench.host.wait_for("what has come", |line| line.starts_with("gpre:have 250 ")).unwrap();
+    bench.host.wait_for("the received bytes", |line| line.starts_with("gpre:have 250 ")).unwrap();
     // The emergency needs no number, and may come between any two frames.
     bench.host.send_raw(&to_wire(Kind::Data, 250, &job[250..400])).unwrap();
     bench.host.send_raw(b"M112\n").unwrap();
@@ -186,11 +186,11 @@ fn a_silent_host_ends_the_job() {
     let job = hand_made::job(profile().plan_hash, &[(40, Entry::Bound), (20, Entry::Bound)]);
     bench.host.send(&format!("M790 S{} T15", job.len())).unwrap();
     bench.host.send_raw(&to_wire(Kind::Data, 0, &job[..job.len() - 10])).unwrap();
-    bench.host.wait_for("the end of patience", |line| line == "echo:gpre: nothing from the host for 15 s").unwrap();
+    bench.host.wait_for("the timeout", |line| line == "echo:gpre: nothing from the host for 15 s").unwrap();
     bench.host.wait_for("the end", |line| line.starts_with("gpre:stopped ")).unwrap();
     // A host that missed the report asks again.
     bench.host.send_raw(&to_wire(Kind::Question, 0, &[])).unwrap();
-    bench.host.wait_for("the end once more", |line| line.starts_with("gpre:stopped ")).unwrap();
+    bench.host.wait_for("the repeated end", |line| line.starts_with("gpre:stopped ")).unwrap();
     bench.host.connect_again().unwrap();
     let place = bench.host.ask("M114", "X:").unwrap();
     assert!(place.starts_with("X:40.00 Y:0.00"), "{place}");
@@ -207,7 +207,7 @@ fn a_job_does_not_continue_after_a_stop() {
         bench.host.send_raw(&to_wire(Kind::Data, index as u32 * 200, part)).unwrap();
     }
     let come = format!("gpre:have {} ", first.len());
-    bench.host.wait_for("what has come", |line| line.starts_with(&come)).unwrap();
+    bench.host.wait_for("the received bytes", |line| line.starts_with(&come)).unwrap();
     bench.host.send_raw(b"M410\n").unwrap();
     for (index, part) in rest.chunks(200).enumerate() {
         let place = first.len() + index * 200;

@@ -80,7 +80,7 @@ pub fn dma() -> Stub {
         (stream + 0x08, 0x4001_204C),
         (stream + 0x0C, 0x2000_0000),
         (stream + 0x04, 0x4000),
-        // Channel 0, 16 bits each, memory goes on, circular, interrupts, on.
+        // Channel 0, 16 bits each, the memory address advances, circular, interrupts, on.
         (stream, 1 << 13 | 1 << 11 | 1 << 10 | 1 << 8 | 0b1111 << 1 | 1),
         // Left-aligned, 6 bits, continuous, all its interrupts on.
         (0x4001_2004, 3 << 24 | 1 << 8 | 1 << 26 | 0xE0),

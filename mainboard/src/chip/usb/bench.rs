@@ -185,3 +185,15 @@ impl Bench {
         self.told.extend(self.soc.drain_told().iter().map(|told| told.reason));
     }
 }
+
+/// A generator of these tests, independent of changes to a library.
+pub struct Random(pub u64);
+
+impl Random {
+    pub fn next(&mut self, below: u64) -> u64 {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        self.0 % below
+    }
+}

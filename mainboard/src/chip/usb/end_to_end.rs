@@ -5,7 +5,7 @@
 
 use std::collections::VecDeque;
 
-use super::bench::Bench;
+use super::bench::{Bench, Random};
 use super::fields as f;
 use super::{Core, Register};
 use crate::host::usb::bus::Bus;
@@ -306,18 +306,6 @@ impl Driver {
         }
         let packet = self.reply.pop_front().unwrap_or_default();
         self.send(0, &packet, bench);
-    }
-}
-
-/// A generator of these tests, independent of changes to a library.
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self, below: u64) -> u64 {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        self.0 % below
     }
 }
 

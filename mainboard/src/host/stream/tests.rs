@@ -26,7 +26,7 @@ fn lines_are_sent_one_by_one_without_comments() {
     assert!(!stream.finished());
     stream.received(9, b"ok T:21.3 /0.0\n");
     assert!(stream.finished() && stream.problems().is_empty());
-    assert_eq!(stream.heard()[0], Heard { at_ns: 7, text: "echo:busy: processing".into(), answer: Answer::Busy });
+    assert_eq!(stream.heard()[0], Heard { at_ns: 7, text: "echo:busy: processing".into(), kind: LineKind::Busy });
     assert_eq!(stream.acknowledged(), 2);
 }
 

@@ -79,7 +79,10 @@ impl Serial {
     pub fn parse(bytes: &[u8]) -> Result<Self, String> {
         let configuration = match bytes {
             [9, CONFIGURATION, ..] if bytes.len() >= 9 => bytes[5],
-            _ => return Err(format!("the configuration descriptor begins with {:02x?}", &bytes[..bytes.len().min(9)])),
+            _ => {
+                let head = &bytes[..bytes.len().min(9)];
+                return Err(format!("the configuration descriptor begins with {head:02x?}, expected [09, 02]"));
+            }
         };
         let mut classes = Vec::new();
         let mut class = 0;

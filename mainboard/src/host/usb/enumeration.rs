@@ -109,7 +109,9 @@ impl UsbHost {
                     self.configuration = vec![0; u16::from_le_bytes([low, high]).into()];
                     self.request(Step::Configuration);
                 }
-                _ => self.fail(&format!("the configuration descriptor begins with {bytes:02x?}"), bus),
+                _ => {
+                    self.fail(&format!("the configuration descriptor begins with {bytes:02x?}, expected [09, 02]"), bus)
+                }
             },
             Step::Configuration => {
                 self.configuration = bytes;
