@@ -9,13 +9,13 @@ use core::mem::MaybeUninit;
 
 use ferrostep_gcode::{MotionFigures, Reply};
 use ferrostep_hal_shim::Heater;
-use ferrostep_hal_shim::stepping::StepPlayer;
 use ferrostep_planner::look_ahead::Slot;
 use ferrostep_printer::heat::HeatFault;
 use ferrostep_printer::machine::{Machine, SharedMachine};
 use ferrostep_printer::{HeaterRest, HeaterStatus, Heating, Replies, Signals};
-use ferrostep_stm32f4::board::{BoardPins, MOTOR_PORTS};
-use ferrostep_stm32f4::step_timer::{StepQueue, StepTimer};
+use ferrostep_step_player::StepPlayer;
+use ferrostep_stm32f4_board::board::{BoardPins, MOTOR_PORTS};
+use ferrostep_stm32f4_board::step_timer::{StepQueue, StepTimer};
 use rtic::Mutex;
 use rtic_monotonics::systick::prelude::*;
 use rtic_sync::signal::Signal;

@@ -10,9 +10,6 @@ pub use handles::{DeskHeating, DeskMotion};
 use std::collections::VecDeque;
 
 use ferrostep_gcode::MotionFigures;
-use ferrostep_hal_shim::virtual_board::{
-    EventRate, StallSignal, StepObserver, StepTimer, VirtualBoard, VirtualClock, VirtualHeaters,
-};
 use ferrostep_hal_shim::{EndStops, Heater, MotorEnable, ThermalBoard};
 use ferrostep_planner::extruder::rounded_steps;
 use ferrostep_planner::interpolator::MAX_ENTRIES;
@@ -23,6 +20,9 @@ use ferrostep_planner::{
 };
 use ferrostep_printer::heat::{HeatControl, HeatFault, SAMPLE_MS};
 use ferrostep_printer::{Miscount, MotionError, Profile, Seek};
+use ferrostep_virtual_board::{
+    EventRate, StallSignal, StepObserver, StepTimer, VirtualBoard, VirtualClock, VirtualHeaters,
+};
 
 use crate::gpre::Script;
 use crate::record::Observer;

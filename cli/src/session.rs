@@ -7,11 +7,11 @@ use std::pin::pin;
 use std::task::{Context, Poll, Waker};
 
 use ferrostep_gcode::Reply;
-use ferrostep_hal_shim::virtual_board::{VirtualClock, VirtualDelay};
 use ferrostep_hal_shim::{Clock, Heater};
 use ferrostep_printer::{
     Failure, HeaterRest, HeaterTimeout, Heating, Printer, Profile, Replies, Signals, tell_driver_event, temperatures,
 };
+use ferrostep_virtual_board::{VirtualClock, VirtualDelay};
 
 use crate::desk::{Desk, DeskDrivers, DeskHeating, DeskMotion, Mode};
 use crate::record::Observer;

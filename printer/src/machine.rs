@@ -9,7 +9,6 @@ mod timeline;
 mod workload;
 
 use ferrostep_gcode::MotionFigures;
-use ferrostep_hal_shim::virtual_board::VirtualMotors;
 use ferrostep_hal_shim::{EndStops, MotorEnable, StepOutput};
 use ferrostep_planner::interpolator::MAX_ENTRIES;
 use ferrostep_planner::look_ahead::{Slot, Violation};
@@ -17,6 +16,7 @@ use ferrostep_planner::{
     Limits, MotionChoice, Move, MoveError, Moved, Notice, Pace, Planner, PreparedBlock, PreparedMove, Progress,
     Retuned, StepDigests, StepEntry, StepSink, TICKS_PER_SECOND,
 };
+use ferrostep_virtual_board::VirtualMotors;
 
 use crate::ports::{Miscount, MotionError, MotionFault, Seek};
 use crate::profile::Profile;

@@ -1,8 +1,8 @@
 //! Range, control and checks of the heaters, and their models on the virtual board.
 
 use ferrostep_checked_toml::{Range, Section, range};
-use ferrostep_hal_shim::thermistor::{Thermistor, ThermistorType};
-use ferrostep_hal_shim::virtual_board::HeatedMass;
+use ferrostep_thermistor::{Thermistor, ThermistorType};
+use ferrostep_virtual_board::HeatedMass;
 use ferrostep_printer::{HeaterSettings, HeaterWatch};
 
 const HEATER_MIN: Range = range(-50.0, 50.0, "degrees Celsius");

@@ -17,10 +17,10 @@ use std::thread;
 use ferrostep::job::{self, JobProgress};
 use ferrostep::record::Observer;
 use ferrostep::session::{JobReplies, Session};
-use ferrostep_hal_shim::virtual_board::StepObserver;
 use ferrostep_oracle::reference::ReferenceProfile;
 use ferrostep_oracle::trace_ends::{Ends, count_ends};
 use ferrostep_tests::hostile::Hostile;
+use ferrostep_virtual_board::StepObserver;
 use indicatif::ProgressBar;
 
 /// The trace's records, in memory.

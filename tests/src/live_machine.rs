@@ -8,8 +8,8 @@ use std::fmt::Write;
 
 use arbitrary::Unstructured;
 use ferrostep_gcode::{Command, Emergency, EmergencyScanner, LineReader, parse};
-use ferrostep_hal_shim::stepping::{BothEdges, Pulses, Stepping};
 use ferrostep_printer::{Host, Profile};
+use ferrostep_step_player::{BothEdges, Pulses, Stepping};
 
 use crate::board_model::{Board, BoardPrinter, CYCLES_A_MS, Costs, Ended, with_board};
 

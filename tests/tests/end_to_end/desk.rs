@@ -8,9 +8,9 @@ use ferrostep::gpre;
 use ferrostep::job::{self, JobError, JobProgress};
 use ferrostep::record::Observer;
 use ferrostep::session::{JobReplies, Session};
-use ferrostep_hal_shim::virtual_board::StepObserver;
 use ferrostep_planner::{Kinematics, TICKS_PER_SECOND};
 use ferrostep_printer::{Profile, Tally};
+use ferrostep_virtual_board::StepObserver;
 
 /// One of the shipped machines.
 pub fn profile(name: &str) -> Profile {

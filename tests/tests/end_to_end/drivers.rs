@@ -6,9 +6,9 @@ use std::cell::RefCell;
 use ferrostep::desk::{LOOK_AHEAD_BLOCKS, Mode};
 use ferrostep::job::{self, JobProgress};
 use ferrostep::session::{JobReplies, Session};
-use ferrostep_hal_shim::tmc2209::{DriverState, DriverStatus, Register, RegisterImage};
-use ferrostep_hal_shim::virtual_board::{DriverChip, VIRTUAL_WIRING};
 use ferrostep_printer::{MotorDrivers, Profile};
+use ferrostep_tmc2209::{DriverState, DriverStatus, Register, RegisterImage};
+use ferrostep_virtual_board::{DriverChip, VIRTUAL_WIRING};
 
 use crate::desk::{profile, rehearse};
 use crate::refusals::Collector;

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use ferrostep_hal_shim::Heater;
-use ferrostep_hal_shim::virtual_board::HeaterFailure;
+use ferrostep_virtual_board::HeaterFailure;
 use serde_json::Value;
 
 use crate::command::{Outcome, directory, ferrostep, file, repository};
@@ -166,5 +166,5 @@ fn every_failure_in_mid_print_stops_motion_and_tells_the_host() {
 /// A tenth of a second without a command.
 async fn tick(machine: &Machine) {
     use embedded_hal_async::delay::DelayNs;
-    ferrostep_hal_shim::virtual_board::VirtualDelay(machine.clock()).delay_ms(100).await;
+    ferrostep_virtual_board::VirtualDelay(machine.clock()).delay_ms(100).await;
 }

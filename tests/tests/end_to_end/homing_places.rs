@@ -8,15 +8,15 @@ use std::pin::pin;
 use std::task::{Context, Poll, Waker};
 
 use ferrostep_gcode::{MotionFigures, Reply};
-use ferrostep_hal_shim::virtual_board::{
-    BOUNCE_10NM, Mechanics, STALL_LAG_10NM, SensorFault, SensorPlace, VirtualProbe, VirtualSensor,
-};
 use ferrostep_hal_shim::{Clock, Heater};
 use ferrostep_planner::{Limits, MotionChoice, Move, Moved, PreparedBlock, PreparedMove, Retuned};
 use ferrostep_printer::heat::HeatFault;
 use ferrostep_printer::{
     CommandError, Failure, HeaterStatus, Heating, HomeEnd, HomeSensor, Motion, MotionError, Printer, Profile, Replies,
     Seek, Signals,
+};
+use ferrostep_virtual_board::{
+    BOUNCE_10NM, Mechanics, STALL_LAG_10NM, SensorFault, SensorPlace, VirtualProbe, VirtualSensor,
 };
 
 use crate::desk::profile;

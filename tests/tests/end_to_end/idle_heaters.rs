@@ -4,8 +4,8 @@ use embedded_hal_async::delay::DelayNs;
 use ferrostep::desk::{LOOK_AHEAD_BLOCKS, Mode};
 use ferrostep::session::Session;
 use ferrostep_hal_shim::Heater;
-use ferrostep_hal_shim::virtual_board::VirtualDelay;
 use ferrostep_printer::Profile;
+use ferrostep_virtual_board::VirtualDelay;
 
 use crate::desk::profile;
 use crate::hosts::{Conversation, Machine, machine};

@@ -3,9 +3,9 @@
 
 use ferrostep::desk::{LOOK_AHEAD_BLOCKS, Mode};
 use ferrostep::session::{DeskPrinter, Session};
-use ferrostep_hal_shim::tmc2209::Register;
-use ferrostep_hal_shim::virtual_board::START_10NM;
 use ferrostep_printer::Profile;
+use ferrostep_tmc2209::Register;
+use ferrostep_virtual_board::START_10NM;
 
 use crate::desk::{profile, rehearse};
 use crate::refusals::Collector;

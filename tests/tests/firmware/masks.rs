@@ -12,7 +12,7 @@ use crate::image::image;
 const MAY_SET_PRIMASK: [(&str, &str); 4] = [
     ("main", "RTIC's start: from reset to the end of `init`, when no task runs yet"),
     ("__rustc::rust_begin_unwind", "the panic handler: heaters and motors off, for good"),
-    ("ferrostep_stm32f4::fault::handle", "the hard fault: the same"),
+    ("ferrostep_stm32f4_board::fault::handle", "the hard fault: the same"),
     ("DefaultHandler", "an unexpected interrupt: the same"),
 ];
 

@@ -11,8 +11,8 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use ferrostep_gcode::Emergency;
 use ferrostep_gpre::transfer::Word;
-use ferrostep_hal_shim::stepping::Pulses;
 use ferrostep_printer::{CommandError, Failure};
+use ferrostep_step_player::Pulses;
 use ferrostep_tests::board_model::{
     Board, BoardPrinter, CYCLES_A_MS, Costs, JOB_SILENCE_S, JobHost, LOOK_AHEAD_BLOCKS, with_board,
 };

@@ -7,8 +7,8 @@ use ferrostep::session::JobReplies;
 use ferrostep_gcode::MotionFigures;
 use ferrostep_gpre::Encoding;
 use ferrostep_gpre::transfer::{Report, Word};
-use ferrostep_hal_shim::stepping::Pulses;
 use ferrostep_printer::Profile;
+use ferrostep_step_player::Pulses;
 use ferrostep_tests::board_model::{
     Board, BoardPrinter, CYCLES_A_MS, CYCLES_PER_S, Costs, JobHost, LOOK_AHEAD_BLOCKS, StopReport, Watch, with_board,
 };
