@@ -2,10 +2,10 @@
 
 use std::fmt::Write;
 
-use ferrostep_stm32f4::{OutputPin, TimerChannel};
+use ferrostep_printer::Profile;
 use ferrostep_stm32f4::registers::Registers;
 use ferrostep_stm32f4::sensor_lines::{SensorLines, SensorPin};
-use ferrostep_printer::Profile;
+use ferrostep_stm32f4::{OutputPin, TimerChannel};
 
 use crate::board::{Board, CCM_ADDRESS, DriverUart, FLASH_ADDRESS, RAM_ADDRESS};
 use crate::clock::{Clock, INTERNAL_HZ};
