@@ -1,4 +1,4 @@
-//! Any bytes as a conversation with the board in virtual time: lines of a grammar of nasty ones, raw bytes, silences, and
+//! Any bytes as a conversation with the board in virtual time: nasty but grammatical lines, raw bytes, silences, and
 //! M108, M112 and M410 at any moment.
 //!
 //! Whatever is said, the printer must answer, nothing may panic, and the motors must stand where the machine and the G-code
@@ -99,7 +99,7 @@ const NUMBERS: [&str; 60] = [
     "9223372037",
 ];
 
-/// What a host does next.
+/// The next action of a host.
 enum Said {
     /// Bytes, which may be half a line.
     Bytes(Vec<u8>),

@@ -1,4 +1,4 @@
-//! Heaters that fail in the middle of a job: everything off, motion stopped, the host told, the position true.
+//! Heaters that fail during a job: everything off, motion stopped, the host informed, the position exact.
 
 use std::path::Path;
 
@@ -76,7 +76,7 @@ fn an_overheated_nozzle_stops_the_job() {
     assert_eq!(summary["motor_steps"]["x"], 0);
 }
 
-/// Lets a heater fail at a moment.
+/// Lets a heater fail at a given moment.
 fn failing(heater: Heater, failure: HeaterFailure, at_s: f64) -> impl FnMut(&Machine) {
     move |machine| {
         if machine.clock().now_ns() as f64 * 1e-9 >= at_s {

@@ -1,4 +1,4 @@
-//! A host that has gone: heaters that nothing uses go off, and it is said beforehand.
+//! A vanished host: unused heaters go off, after a warning.
 
 use embedded_hal_async::delay::DelayNs;
 use ferrostep::desk::{LOOK_AHEAD_BLOCKS, Mode};

@@ -1,5 +1,5 @@
-//! Axes that home by their driver's stall signal: the carriage meets the frame's end, its motor falls behind, and the
-//! chip says so.
+//! Axes that home by their driver's stall signal: the carriage meets the frame's end, its motor lags, and the
+//! chip reports it.
 
 use ferrostep::desk::{LOOK_AHEAD_BLOCKS, Mode};
 use ferrostep::session::{DeskPrinter, Session};
@@ -16,7 +16,7 @@ fn machine(profile: &Profile) -> Machine {
     Session::new(*profile, Mode::Print, LOOK_AHEAD_BLOCKS, (), Collector::default())
 }
 
-/// Executes lines; what was said, but for `ok` and `busy`.
+/// Executes lines. Returns the replies, except `ok` and `busy`.
 fn say(machine: &Machine, printer: &mut DeskPrinter<'_, (), Collector>, lines: &[&str]) -> Vec<String> {
     let mut replies = Vec::new();
     for (number, line) in (1..).zip(lines) {

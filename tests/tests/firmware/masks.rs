@@ -1,6 +1,6 @@
-//! Nothing in the image masks the step interrupt but its start and its end.
+//! Only the image's start and its crash handlers mask the step interrupt.
 //!
-//! BASEPRI cannot mask the step task's priority; PRIMASK and FAULTMASK can. Whoever sets one of these is in the list.
+//! BASEPRI cannot mask the step task's priority; PRIMASK and FAULTMASK can. Functions that set one of these are in the list.
 
 use std::collections::BTreeMap;
 
@@ -44,7 +44,7 @@ fn only_start_and_crash_handlers_mask_the_step_interrupt() {
     }
 }
 
-/// Lists where the image raises its priority, and to which of RTIC's: 15 in critical sections, which delay all but
+/// Lists where the image raises its priority, and to which of RTIC's priorities: 15 in critical sections, which delay all but
 /// steps, and in locks the ceiling of the resource.
 #[test]
 fn each_raised_priority_masks_something() {

@@ -1,4 +1,4 @@
-//! M112 and M410 at any moment: the machine knows where its motors stand, and goes on from there.
+//! M112 and M410 at any moment: the machine knows its motors' positions and continues from there.
 
 use ferrostep_gcode::Emergency;
 use ferrostep_printer::Profile;
