@@ -20,11 +20,6 @@ impl Budget {
         Self { event_ticks: geometry.event_cost_ticks as f32, move_ticks: geometry.move_cost_ticks as f32 }
     }
 
-    /// What an event and a move cost, ticks.
-    pub fn ticks(&self) -> (f32, f32) {
-        (self.event_ticks, self.move_ticks)
-    }
-
     /// What a block of `moves` moves and `events` step events costs.
     ///
     /// A step of the extruder is taken for an event of its own, though some join others.

@@ -71,31 +71,23 @@ impl Extruder {
         // What a move prints, mostly: up to some millimetres of filament, which the processor can divide.
         if let Ok(delta) = u32::try_from(delta_100pm)
             && self.steps_per_mm.of_filament().is_some()
-            && let Some((place, _)) = self.divided(delta)
+            && let Some(place) = self.divided(delta)
         {
             return place;
         }
         self.far_advanced(delta_100pm)
     }
 
-    /// The same for filament that is pushed where the extruder stands above zero, and how many 1/256 steps that is; `None`
-    /// where it is not for the processor to divide. For steps/mm that [are near](StepsPerMm::is_near).
+    /// Where the extruder will be after a delta, by the processor's division; `None` where the product leaves its 32 bits.
     #[inline(always)]
-    pub(crate) fn advanced_if_near(&self, delta_100pm: u32) -> Option<(Place, u32)> {
-        self.divided(delta_100pm).filter(|_| self.at.whole_256ths >= 0)
-    }
-
-    /// Where the extruder will be after a delta, and how many 1/256 steps that is, by the processor's division; `None` where
-    /// the product leaves its 32 bits.
-    #[inline(always)]
-    fn divided(&self, delta_100pm: u32) -> Option<(Place, u32)> {
+    fn divided(&self, delta_100pm: u32) -> Option<Place> {
         let Place { whole_256ths, remainder } = self.at;
         let Fraction { numerator, denominator } = self.steps_per_mm.of_filament();
         let parts = u64::from(delta_100pm) * u64::from(numerator) + u64::from(remainder);
         let parts = u32::try_from(parts).ok()?;
         let whole = parts / denominator;
         let remainder = parts.wrapping_sub(whole.wrapping_mul(denominator.get()));
-        Some((Place { whole_256ths: whole_256ths.wrapping_add(whole.into()), remainder }, whole))
+        Some(Place { whole_256ths: whole_256ths.wrapping_add(whole.into()), remainder })
     }
 
     #[inline(never)]
@@ -120,13 +112,6 @@ impl Extruder {
     #[inline(always)]
     pub(crate) fn set(&mut self, at: Place) {
         self.at = at;
-    }
-
-    /// The extruder is there, above zero; returns its position in 1/256 steps.
-    #[inline(always)]
-    pub(crate) fn set_above_zero(&mut self, at: Place) -> i64 {
-        self.at = at;
-        at.whole_256ths
     }
 
     /// Adds a whole number of 1/256 steps to the position.

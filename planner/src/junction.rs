@@ -20,17 +20,7 @@ pub fn radius_10nm(before: &Path, after: &Path, four_deviations_10nm: f32) -> f3
     if before.length <= 0.0 || after.length <= 0.0 {
         return 0.0;
     }
-    radius_of(Turn::between(before, after), before, after, four_deviations_10nm)
-}
-
-/// The same for two ways in the plane that have a length.
-#[inline(always)]
-pub fn radius_in_plane_10nm(before: &Path, after: &Path, four_deviations_10nm: f32) -> f32 {
-    radius_of(Turn::in_plane(before, after), before, after, four_deviations_10nm)
-}
-
-#[inline(always)]
-fn radius_of(turn: Turn, before: &Path, after: &Path, four_deviations_10nm: f32) -> f32 {
+    let turn = Turn::between(before, after);
     let cosine_squared = turn.half_cosine_squared();
     if cosine_squared <= 0.0 {
         return 0.0;

@@ -179,14 +179,9 @@ impl StepsPerMm {
         near.unwrap_or_else(|| self.steps_of_far(coordinate_10nm))
     }
 
-    /// Whether [`Self::steps_if_near`] and [`crate::extruder::Extruder::advanced_if_near`] may be asked.
-    pub(crate) fn is_near(&self) -> bool {
-        self.steps_per_10nm.is_some() && self.of_filament.is_some()
-    }
-
     /// The same where the processor can divide, as it can on any printer; `None` elsewhere.
     #[inline(always)]
-    pub(crate) fn steps_if_near(&self, coordinate_10nm: i32) -> Option<i32> {
+    fn steps_if_near(&self, coordinate_10nm: i32) -> Option<i32> {
         let magnitude = self.steps_per_10nm.rounded(coordinate_10nm.unsigned_abs())? as i32;
         Some(if coordinate_10nm < 0 { magnitude.wrapping_neg() } else { magnitude })
     }
@@ -292,14 +287,6 @@ impl Geometry {
         let z_steps = if z == other_z { other_z_steps } else { steps_z.steps_of_near(z) };
         let [first, second] = self.of_motors(x, y);
         [steps_x.steps_of_near(first), steps_y.steps_of_near(second), z_steps]
-    }
-
-    /// The same for X and Y alone; `None` where it is not for the processor to divide.
-    #[inline(always)]
-    pub(crate) fn plane_steps(&self, x_10nm: i32, y_10nm: i32) -> Option<[i32; 2]> {
-        let [steps_x, steps_y, ..] = &self.steps_per_mm;
-        let [first, second] = self.of_motors(x_10nm, y_10nm);
-        Some([steps_x.steps_if_near(first)?, steps_y.steps_if_near(second)?])
     }
 
     /// What the motors of X and Y make steps of: sums of two coordinates are below 2^30.

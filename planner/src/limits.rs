@@ -81,15 +81,6 @@ impl PathLimits {
         self.retract_acceleration_mm_per_s2
     }
 
-    /// What a feed and an acceleration leave to the filament of ways in the plane along which X and Y ask for nothing: the most
-    /// of it for a unit of path; `None` where X or Y may ask.
-    pub fn filament_in_plane(&self, feed_mm_per_s: f32, acceleration_mm_per_s2: f32) -> Option<f32> {
-        let [.., feed] = self.max_feed_mm_per_s;
-        let [.., acceleration] = self.max_acceleration_mm_per_s2;
-        (feed_mm_per_s <= self.plane_feed_mm_per_s && acceleration_mm_per_s2 <= self.plane_acceleration_mm_per_s2)
-            .then(|| smaller(feed / feed_mm_per_s, acceleration / acceleration_mm_per_s2))
-    }
-
     /// Largest feeds and accelerations of X, Y, Z and the filament.
     pub fn of_axes(&self) -> ([f32; AXES], [f32; AXES]) {
         (self.max_feed_mm_per_s, self.max_acceleration_mm_per_s2)

@@ -73,12 +73,6 @@ impl Open {
         self.events = planned.events;
         self.junction = planned.junction;
         self.moves = 1;
-        self.last_is_whole();
-    }
-
-    /// The block is one move.
-    #[inline(always)]
-    pub fn last_is_whole(&mut self) {
         self.last_steps = self.block.steps;
         self.last_extruder_256ths = self.block.extruder_256ths;
     }

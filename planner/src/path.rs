@@ -32,34 +32,6 @@ impl Path {
         Self { vector_10nm, vector, length: square_root_f32(dot(vector, vector)), filament: 0.0 }
     }
 
-    /// The way in the plane by so much, at most twice [`crate::kinematics::MAX_COORDINATE_10NM`].
-    #[inline(always)]
-    pub fn in_plane([x_10nm, y_10nm]: [i32; 2]) -> Self {
-        let [x, y] = [x_10nm as f32, y_10nm as f32];
-        Self {
-            vector_10nm: [x_10nm, y_10nm, 0],
-            vector: [x, y, 0.0],
-            length: square_root_f32(x * x + y * y),
-            filament: 0.0,
-        }
-    }
-
-    /// Whether it stays on its height.
-    #[inline(always)]
-    pub fn is_in_plane(&self) -> bool {
-        self.vector_10nm[2] == 0
-    }
-
-    /// Becomes another way in the plane, as it is one.
-    #[inline(always)]
-    pub fn turn_in_plane(&mut self, other: &Self) {
-        let ([x_10nm, y_10nm, _], [x, y, _]) = (other.vector_10nm, other.vector);
-        [self.vector_10nm[0], self.vector_10nm[1]] = [x_10nm, y_10nm];
-        [self.vector[0], self.vector[1]] = [x, y];
-        self.length = other.length;
-        self.filament = other.filament;
-    }
-
     /// By how much the speeds of X, Y, Z and the filament differ between two paths that have a length, for a unit of speed
     /// along them.
     #[inline(always)]
@@ -102,14 +74,6 @@ impl Turn {
         Self { cosine: dot(before.vector, after.vector) * inverse, sine }
     }
 
-    /// The same of two ways in the plane.
-    #[inline(always)]
-    pub fn in_plane(before: &Path, after: &Path) -> Self {
-        let ([ax, ay, _], [bx, by, _]) = (before.vector, after.vector);
-        let inverse = 1.0 / (before.length * after.length);
-        Self { cosine: (ax * bx + ay * by) * inverse, sine: ((ax * by - ay * bx) * inverse).abs() }
-    }
-
     /// Squared cosine of half the angle; precise for turns back, too.
     #[inline(always)]
     pub fn half_cosine_squared(self) -> f32 {
@@ -140,10 +104,6 @@ mod tests {
             let exact = from.iter().zip(to).map(|(from, to)| f64::from(to - from).powi(2)).sum::<f64>().sqrt();
             prop_assert!((f64::from(path.length) - exact).abs() <= 1.8e-7 * exact);
             prop_assert!((f64::from(path.length_10nm()) - exact).abs() <= 0.5 + 2.4e-7 * exact);
-            if from[2] == to[2] {
-                let plane = Path::in_plane([to[0] - from[0], to[1] - from[1]]);
-                prop_assert_eq!((plane.vector, plane.length.to_bits()), (path.vector, path.length.to_bits()));
-            }
         }
 
         #[test]
@@ -164,10 +124,6 @@ mod tests {
             prop_assume!(a != [0; 3] && b != [0; 3]);
             let (one, other) = (Path::between([0; 3], a), Path::between([0; 3], b));
             let found = Turn::between(&one, &other);
-            if flat {
-                let plane = Turn::in_plane(&one, &other);
-                prop_assert_eq!((plane.cosine.to_bits(), plane.sine.to_bits()), (found.cosine.to_bits(), found.sine.to_bits()));
-            }
             let (a, b) = (a.map(f64::from), b.map(f64::from));
             let length = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
             let cross = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];

@@ -1,6 +1,5 @@
 //! The stages connected: moves in, step entries out.
 
-mod in_plane;
 mod prepared;
 mod step_limits;
 
@@ -25,7 +24,6 @@ use crate::step_queue::{Notice, StepSink};
 use crate::time_law::TimeLaw;
 use crate::u64_to_f32;
 use crate::{TICKS_PER_SECOND, kinematics};
-use in_plane::Cruise;
 use prepared::OpenPrepared;
 pub use prepared::{PreparedBlock, PreparedMove, Recorded, Retuned};
 
@@ -149,8 +147,6 @@ pub struct Planner<S> {
     /// The nominal speed of the open block as its feed is now, where that is not the one its speeds were planned with, and
     /// its planned entry speed; where it was prepared.
     open_prepared: Option<OpenPrepared>,
-    /// What the prepared moves of late have in common.
-    cruise: Cruise,
     /// Moves of the other kind, prepared or not, wait until the ring is empty.
     draining: bool,
     /// What was wrong with a prepared job; nothing more of it is taken.
@@ -197,7 +193,6 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
             previous_steps: None,
             open: Open::NONE,
             open_prepared: None,
-            cruise: Cruise::NONE,
             draining: false,
             violation: None,
             is_violation_untold: false,
@@ -226,7 +221,6 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
     pub fn set_limits(&mut self, limits: Limits) {
         self.limits = limits;
         self.path_limits = PathLimits::new(&limits);
-        self.cruise = Cruise::NONE;
     }
 
     /// The methods that make the steps.
@@ -243,7 +237,6 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         let Some(law) = speed_law(choice) else { return false };
         self.choice = *choice;
         self.method = Method::new(choice, self.geometry.kinematics);
-        self.cruise = Cruise::NONE;
         self.interpolator.set_method(choice, self.geometry.kinematics);
         self.table = match law {
             SpeedLaw::Table(table) => Some(table),
@@ -671,7 +664,6 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
             previous_steps,
             open,
             open_prepared,
-            cruise: _,
             draining,
             violation,
             is_violation_untold,

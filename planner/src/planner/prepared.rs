@@ -92,8 +92,6 @@ pub(super) struct OpenPrepared {
     pub entry: Entry,
     /// Nominal speed at the feed of now.
     pub nominal: Speed,
-    /// Whether that is the planned one, and known to be within the budget.
-    pub is_within_budget: bool,
 }
 
 /// What steps tell of the corners before a block and inside it.
@@ -120,28 +118,6 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
     /// [`Self::stand_at`] says where the motors are.
     #[inline(never)]
     pub fn add_prepared(&mut self, prepared: &PreparedMove, now: Option<&Retuned>) -> Result<Moved, MoveError> {
-        if now.is_none()
-            && self.may_be_plain(prepared)
-            && !self.flushing
-            && let Some(before) = self.open_prepared
-        {
-            if !self.look_ahead.has_room() {
-                return Err(MoveError::NoRoom);
-            }
-            self.push_open(before);
-            if !self.flushing && self.begin_plain(prepared) {
-                return Ok(Moved::Queued);
-            }
-            self.open.clear();
-            self.open_prepared = None;
-            return self.add_otherwise(prepared, None);
-        }
-        self.add_otherwise(prepared, now)
-    }
-
-    /// Takes any move.
-    #[inline(never)]
-    fn add_otherwise(&mut self, prepared: &PreparedMove, now: Option<&Retuned>) -> Result<Moved, MoveError> {
         self.expect_prepared()?;
         if prepared.entry == Entry::Continues && self.open.is_some() && !self.flushing {
             return self.join_prepared(prepared, now);
@@ -157,7 +133,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         let planned = self.plan_apart(request, &next, prepared.filament_100pm);
         let nominal = self.nominal_now(prepared, now, planned.block.nominal);
         self.open.begin(&planned);
-        self.open_prepared = Some(OpenPrepared { entry: prepared.entry, nominal, is_within_budget: false });
+        self.open_prepared = Some(OpenPrepared { entry: prepared.entry, nominal });
         self.follow(&next, &planned);
         Ok(Moved::Queued)
     }
@@ -169,17 +145,12 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
         let Some(next) = self.next(request)? else { return Ok(Moved::Nothing) };
         let planned = self.plan_apart(request, &next, prepared.filament_100pm);
         let nominal = self.nominal_now(prepared, now, planned.block.nominal);
-        if self.open.moves == 1 {
-            self.open.last_is_whole();
-            self.open.events = self.events(self.open.block.steps, self.previous.path.filament);
-        }
         if !self.open.absorb_prepared(&planned) {
             return Err(self.violated(Violation::NotContinued));
         }
         self.merged_moves += 1;
         if let Some(open) = &mut self.open_prepared {
             open.nominal = open.nominal.min(nominal);
-            open.is_within_budget = false;
         }
         self.follow(&next, &planned);
         Ok(Moved::Queued)
@@ -285,8 +256,8 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
     /// in standstill.
     #[inline(always)]
     fn push_open(&mut self, prepared: OpenPrepared) {
-        let OpenPrepared { entry, nominal, is_within_budget } = prepared;
-        let nominal = if is_within_budget { nominal } else { self.hold_budget(nominal) };
+        let OpenPrepared { entry, nominal } = prepared;
+        let nominal = self.hold_budget(nominal);
         if let Err(violation) = self.look_ahead.push_prepared(&self.open.block, nominal, self.open.junction, entry) {
             self.violation = Some(violation);
             self.is_violation_untold = true;
