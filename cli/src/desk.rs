@@ -15,7 +15,7 @@ use ferrostep_planner::extruder::rounded_steps;
 use ferrostep_planner::interpolator::MAX_ENTRIES;
 use ferrostep_planner::look_ahead::Slot;
 use ferrostep_planner::{
-    Move, MoveError, Moved, Notice, PlannedBlock, Planner, Progress, Recorded, StepDigests, StepEntry, StepSink,
+    MoveError, Moved, Notice, PlannedBlock, Planner, Progress, Recorded, Request, StepDigests, StepEntry, StepSink,
     TICKS_PER_SECOND,
 };
 use ferrostep_printer::heat::{HeatControl, HeatFault, SAMPLE_MS};
@@ -403,13 +403,13 @@ impl<O: Observer> Desk<O> {
         }
     }
 
-    /// Gives the planner a move. What only plans makes room for it at once: waiting for it would plan the move again.
-    fn add(&mut self, request: &Move) -> Result<Moved, MoveError> {
+    /// Gives the planner motion. What only plans makes room for it at once: waiting for it would plan the move again.
+    fn add(&mut self, request: &impl Request) -> Result<Moved, MoveError> {
         if self.mode == Mode::Print {
             return self.planner.add(request);
         }
         if self.late_fault.is_some() {
-            // Whoever adds the move waits, and hears of it.
+            // The command that adds the motion waits, and hears of it.
             return Err(MoveError::NoRoom);
         }
         let before = self.planner.motion_ticks();
@@ -555,7 +555,7 @@ impl<O: Observer> Desk<O> {
         // A move ends half a step after its last event; standing there, the clock does not go back.
         self.board.motors.steps.pass_to(self.last_notice);
         let steps = &self.board.motors.steps;
-        self.planner.stand_at(steps.motor_steps(), steps.tick(), steps.directions())
+        self.planner.reset_to(steps.motor_steps(), steps.tick(), steps.directions())
     }
 
     /// Homing: the machine is at this position.
@@ -581,8 +581,7 @@ fn plan_only(
     let planned = match script {
         None => planner.next_planned(),
         Some(script) => {
-            let Some(recorded) = planner.next_recorded() else { return false };
-            script.left(&recorded);
+            let Some(recorded) = script.record_next(planner) else { return false };
             match recorded {
                 Recorded::Block { planned, .. } => Some(planned),
                 Recorded::FanPower { .. } => return true,

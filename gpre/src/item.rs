@@ -1,6 +1,6 @@
 //! What a job is made of, in either encoding.
 
-pub use ferrostep_planner::look_ahead::Entry;
+pub use ferrostep_planner::look_ahead::EntrySpeed;
 pub use ferrostep_planner::{Coordinate, PreparedMove, SquaredSpeed};
 
 /// A part of a job.

@@ -22,7 +22,7 @@ mod item;
 
 pub use error::{Fault, ReadError};
 pub use header::{Encoding, Header, Thumbnail, ThumbnailFormat};
-pub use item::{Coordinate, Entry, Item, LimitValues, ModalState, PreparedMove, SquaredSpeed};
+pub use item::{Coordinate, EntrySpeed, Item, LimitValues, ModalState, PreparedMove, SquaredSpeed};
 
 /// [`CRC`] of bytes that are all there: three instructions a byte, a word at a time, where the crate's loop has eight.
 pub(crate) fn checksum(bytes: &[u8]) -> u32 {

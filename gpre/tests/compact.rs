@@ -4,7 +4,7 @@
 mod framed;
 
 use ferrostep_gpre::compact::{Decoder, Frame, FrameWriter, HEAD_BYTES, MOST_FRAME_BYTES, frame_length};
-use ferrostep_gpre::{Coordinate, Entry, Fault, Item, ModalState, PreparedMove, SquaredSpeed};
+use ferrostep_gpre::{Coordinate, EntrySpeed, Fault, Item, ModalState, PreparedMove, SquaredSpeed};
 use framed::framed;
 use proptest::prelude::*;
 
@@ -78,12 +78,12 @@ fn written(items: &[Owned]) -> Vec<u8> {
     bytes
 }
 
-fn entry() -> impl Strategy<Value = Entry> {
+fn entry() -> impl Strategy<Value = EntrySpeed> {
     prop_oneof![
-        4 => Just(Entry::Bound),
-        2 => Just(Entry::Falling),
-        1 => Just(Entry::Continues),
-        1 => (0u64..1 << 62, 0u32..62).prop_map(|(squared, shift)| Entry::Given(SquaredSpeed::from_units(squared >> shift))),
+        4 => Just(EntrySpeed::Bound),
+        2 => Just(EntrySpeed::Falling),
+        1 => Just(EntrySpeed::Continues),
+        1 => (0u64..1 << 62, 0u32..62).prop_map(|(squared, shift)| EntrySpeed::Given(SquaredSpeed::from_units(squared >> shift))),
     ]
 }
 
@@ -164,7 +164,7 @@ proptest! {
             let place = before.clone().find_map(|item| if let Owned::Move(item) = item { Some(item.target_10nm()) } else { None });
             prop_assert_eq!(start.position_10nm, place.unwrap_or([0; 3]).map(i64::from));
             let first = read.iter().find_map(|item| if let Owned::Move(item) = item { Some(item.entry) } else { None });
-            if matches!(first, Some(Entry::Continues | Entry::Falling)) {
+            if matches!(first, Some(EntrySpeed::Continues | EntrySpeed::Falling)) {
                 prop_assert!(!start.can_be_entered);
             }
         }
@@ -237,7 +237,7 @@ fn small_move() -> PreparedMove {
         line: 1,
         ends_move: true,
         counts: true,
-        entry: Entry::Bound,
+        entry: EntrySpeed::Bound,
     }
 }
 

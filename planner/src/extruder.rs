@@ -19,18 +19,18 @@ const LARGEST_PRODUCT: u64 = 4_000_000_000_000_000_000;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Extruder {
     steps_per_mm: StepsPerMm,
-    at: Place,
+    at: ExtruderPosition,
 }
 
 /// Where the extruder is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Place {
+pub(crate) struct ExtruderPosition {
     whole_256ths: i64,
     /// In parts of 1/256 step, as many as [`StepsPerMm::of_filament`]'s denominator says; less than that, also below zero.
     remainder: u32,
 }
 
-impl Place {
+impl ExtruderPosition {
     /// Position in 1/256 steps, cut towards zero.
     #[inline(always)]
     pub fn position_256ths(self) -> i64 {
@@ -44,7 +44,7 @@ impl Place {
 impl Extruder {
     /// An extruder that stands at zero.
     pub const fn new(steps_per_mm: StepsPerMm) -> Self {
-        Self { steps_per_mm, at: Place { whole_256ths: 0, remainder: 0 } }
+        Self { steps_per_mm, at: ExtruderPosition { whole_256ths: 0, remainder: 0 } }
     }
 
     /// Whether the extruder can move by a delta, in units of 0.1 nm, at once: at most 1 m either way, and less above
@@ -67,7 +67,7 @@ impl Extruder {
     /// Where the extruder will be after a delta in units of 0.1 nm for which [`Self::can_push`] holds (one that is too long
     /// is left out).
     #[inline(always)]
-    pub(crate) fn advanced(&self, delta_100pm: i64) -> Place {
+    pub(crate) fn advanced(&self, delta_100pm: i64) -> ExtruderPosition {
         // What a move prints, mostly: up to some millimetres of filament, which the processor can divide.
         if let Ok(delta) = u32::try_from(delta_100pm)
             && self.steps_per_mm.of_filament().is_some()
@@ -80,27 +80,27 @@ impl Extruder {
 
     /// Where the extruder will be after a delta, by the processor's division; `None` where the product leaves its 32 bits.
     #[inline(always)]
-    fn divided(&self, delta_100pm: u32) -> Option<Place> {
-        let Place { whole_256ths, remainder } = self.at;
+    fn divided(&self, delta_100pm: u32) -> Option<ExtruderPosition> {
+        let ExtruderPosition { whole_256ths, remainder } = self.at;
         let Fraction { numerator, denominator } = self.steps_per_mm.of_filament();
         let parts = u64::from(delta_100pm) * u64::from(numerator) + u64::from(remainder);
         let parts = u32::try_from(parts).ok()?;
         let whole = parts / denominator;
         let remainder = parts.wrapping_sub(whole.wrapping_mul(denominator.get()));
-        Some(Place { whole_256ths: whole_256ths.wrapping_add(whole.into()), remainder })
+        Some(ExtruderPosition { whole_256ths: whole_256ths.wrapping_add(whole.into()), remainder })
     }
 
     #[inline(never)]
-    fn far_advanced(&self, delta_100pm: i64) -> Place {
+    fn far_advanced(&self, delta_100pm: i64) -> ExtruderPosition {
         const BY_UNITS: Divisor = Divisor::new(UNITS_PER_256TH);
-        let Place { whole_256ths, remainder } = self.at;
+        let ExtruderPosition { whole_256ths, remainder } = self.at;
         if !Self::can_push(self.steps_per_mm, delta_100pm) {
             return self.at;
         }
         let unit = self.remainder_unit();
         let product = delta_100pm * self.steps_per_mm.hundred_thousandths();
         let (whole, rest) = BY_UNITS.divide_floor(i64::from(remainder * unit) + product);
-        Place { whole_256ths: whole_256ths + whole, remainder: rest as u32 / unit }
+        ExtruderPosition { whole_256ths: whole_256ths + whole, remainder: rest as u32 / unit }
     }
 
     /// Units of filament times units of steps/mm in a unit of the remainder. Both are multiples of it.
@@ -110,13 +110,13 @@ impl Extruder {
 
     /// The extruder is there.
     #[inline(always)]
-    pub(crate) fn set(&mut self, at: Place) {
+    pub(crate) fn set(&mut self, at: ExtruderPosition) {
         self.at = at;
     }
 
     /// Adds a whole number of 1/256 steps to the position.
     pub fn advance_256ths(&mut self, delta_256ths: i32) {
-        self.at = Place { whole_256ths: self.position_256ths() + i64::from(delta_256ths), remainder: 0 };
+        self.at = ExtruderPosition { whole_256ths: self.position_256ths() + i64::from(delta_256ths), remainder: 0 };
     }
 
     /// Position in 1/256 steps, cut towards zero.
@@ -129,14 +129,14 @@ impl Extruder {
 
     /// The motor stands at this step after an abandoned move. Returns the filament between there and where it would have
     /// gone, units of 0.1 nm; nothing, fractions of a step included, where that is the same step.
-    pub fn stand_at(&mut self, steps: i64) -> i64 {
+    pub fn reset_to(&mut self, steps: i64) -> i64 {
         if rounded_steps(self.position_256ths()) == steps {
             return 0;
         }
         let whole = i128::from(self.at.whole_256ths) - 256 * i128::from(steps);
         let missing =
             whole * i128::from(UNITS_PER_256TH) + i128::from(self.at.remainder) * i128::from(self.remainder_unit());
-        self.at = Place { whole_256ths: 256 * steps, remainder: 0 };
+        self.at = ExtruderPosition { whole_256ths: 256 * steps, remainder: 0 };
         (missing / i128::from(self.steps_per_mm.hundred_thousandths())) as i64
     }
 }
@@ -183,12 +183,12 @@ mod tests {
     fn filament_that_was_not_pushed_is_told() {
         let mut extruder = Extruder::new(StepsPerMm::from_f64(100.0).unwrap());
         extruder.advance(3 * FILAMENT_UNITS_PER_MM + 12_345);
-        assert_eq!(extruder.stand_at(50), 25 * FILAMENT_UNITS_PER_MM / 10 + 12_345);
+        assert_eq!(extruder.reset_to(50), 25 * FILAMENT_UNITS_PER_MM / 10 + 12_345);
         assert_eq!(extruder.position_256ths(), 50 * 256);
-        assert_eq!(extruder.stand_at(60), -FILAMENT_UNITS_PER_MM / 10);
+        assert_eq!(extruder.reset_to(60), -FILAMENT_UNITS_PER_MM / 10);
         // Standing where it should keeps the fraction.
         extruder.advance(12_345);
-        assert_eq!(extruder.stand_at(60), 0);
+        assert_eq!(extruder.reset_to(60), 0);
         assert_eq!(extruder.position_256ths(), 60 * 256 + 31);
     }
 

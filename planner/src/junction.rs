@@ -47,15 +47,15 @@ pub fn speed_of_jumps(before: &Path, after: &Path, per_limit: [f32; 4]) -> Speed
     Speed((65_536.0 / strictest) as u32)
 }
 
-/// An acceleration in the units of a speed's square a unit of length.
+/// An acceleration on the arc of a corner: squared units of [`Speed`] a unit of 10 nm.
 #[derive(Clone, Copy, Debug)]
-pub struct Pull(f32);
+pub struct CornerAcceleration(f32);
 
-impl Pull {
-    /// None.
+impl CornerAcceleration {
+    /// No acceleration: a corner beside it is a stop.
     pub const ZERO: Self = Self(0.0);
 
-    /// Of an acceleration.
+    /// An acceleration, mm/s^2.
     #[inline(always)]
     pub fn of_mm_per_s2(acceleration: f32) -> Self {
         // 2^32 squared units of speed in a squared mm/s.
@@ -63,14 +63,14 @@ impl Pull {
         Self(acceleration * SCALE)
     }
 
-    /// Whether there is any.
+    /// Whether it is above zero.
     pub fn is_some(self) -> bool {
         self.0 > 0.0
     }
 
-    /// The weaker of two.
+    /// The smaller of two.
     #[inline(always)]
-    pub fn weaker(self, other: Self) -> Self {
+    pub fn min(self, other: Self) -> Self {
         Self(smaller(self.0, other.0))
     }
 
@@ -91,7 +91,7 @@ mod tests {
     fn corner(angle: f64, second_mm: f64) -> (Path, Path) {
         let units = second_mm * 1e5;
         let turned = [(angle.cos() * units).round() as i32, (angle.sin() * units).round() as i32, 0];
-        (Path::between([0; 3], [10_000_000, 0, 0]), Path::between([0; 3], turned))
+        (Path::along([10_000_000, 0, 0]), Path::along(turned))
     }
 
     fn radius_mm(angle: f64, second_mm: f64, deviation_mm: f64) -> f64 {
@@ -118,7 +118,7 @@ mod tests {
             let radius = radius_mm(angle, second, deviation);
             let (before, after) = corner(angle, second);
             // The angle that the rounded vectors have.
-            let [x, y, _] = after.vector_10nm.map(f64::from);
+            let [x, y, _] = after.vector.map(f64::from);
             let angle = y.atan2(x);
             let rounded = 1.0 + 1e-6 + 1e-6 / angle;
             prop_assert!(radius * (1.0 / (angle / 2.0).cos() - 1.0) <= deviation * rounded);
@@ -130,7 +130,7 @@ mod tests {
         fn one_of_both_bounds_is_met(angle in 0.001f64..3.1, deviation in 0.001f64..1.0) {
             let radius = radius_mm(angle, 20.0, deviation);
             let (_, after) = corner(angle, 20.0);
-            let [x, y, _] = after.vector_10nm.map(f64::from);
+            let [x, y, _] = after.vector.map(f64::from);
             let half = y.atan2(x) / 2.0;
             let expected = (deviation * half.cos() / (1.0 - half.cos())).min(10.0 / half.tan());
             prop_assert!((radius - expected).abs() <= (2e-6 + 1e-6 / half) * expected, "{} {}", radius, expected);

@@ -23,17 +23,19 @@ pub mod step_queue;
 pub mod time_law;
 
 mod block;
+mod block_queue;
 mod budget;
 mod division;
 mod event_buffer;
 mod extruder_gap;
 mod follower;
+mod given_speeds;
 mod junction;
 mod limits;
-mod merge;
 mod method;
 mod motion_choice;
 mod offered;
+mod open_block;
 mod pace;
 mod path;
 mod piece;
@@ -41,6 +43,7 @@ mod planner;
 #[cfg(test)]
 mod random;
 mod real;
+mod ring;
 mod spacing;
 mod square_root;
 mod step_times;
@@ -55,8 +58,8 @@ pub use limits::{AXES, Limits};
 pub use motion_choice::{AccelerationProfile, DualRatePeriods, Interpolation, MotionChoice, SCurveTableSettings};
 pub use pace::Pace;
 pub use planner::{
-    MIN_FEED_MM_PER_S, Move, MoveError, Moved, Planner, PreparedBlock, PreparedMove, Progress, Recorded, Retuned,
-    filament_100pm,
+    MIN_FEED_MM_PER_S, Move, MoveError, Moved, Planner, Prepared, PreparedBlock, PreparedMove, Progress, Recorded,
+    Recorder, Request, Retuned, filament_100pm,
 };
 pub use step_queue::{Notice, StepEntry, StepKind, StepSink};
 

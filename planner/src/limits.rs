@@ -170,8 +170,8 @@ mod tests {
                 junction_deviation_mm: 0.05,
                 instantaneous_corner_velocity_mm_per_s: [f64::INFINITY; 4],
             });
-            let path = Path::between([0; 3], [x, y, z]);
-            let [x, y, z] = path.vector_10nm.map(|component| component.unsigned_abs() as f32);
+            let path = Path::along([x, y, z]);
+            let [x, y, z] = path.vector.map(f32::abs);
             let travels = [x, y, z, filament as f32];
             let acceleration =
                 if prints { limits.print_acceleration_mm_per_s2 } else { limits.travel_acceleration_mm_per_s2 };

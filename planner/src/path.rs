@@ -8,10 +8,8 @@ use crate::square_root::square_root_f32;
 /// The way of X, Y and Z from one machine position to another, units of 10 nm.
 #[derive(Clone, Copy, Debug)]
 pub struct Path {
-    /// The components, at most twice [`crate::kinematics::MAX_COORDINATE_10NM`] either way.
-    pub vector_10nm: [i32; 3],
-    /// The same, to single precision.
-    vector: [f32; 3],
+    /// The components, to single precision.
+    pub vector: [f32; 3],
     /// The length.
     pub length: f32,
     /// Filament that is pushed along it, below zero where it is drawn back, units of 10 nm.
@@ -20,16 +18,13 @@ pub struct Path {
 
 impl Path {
     /// No path.
-    pub const NONE: Self = Self { vector_10nm: [0; 3], vector: [0.0; 3], length: 0.0, filament: 0.0 };
+    pub const NONE: Self = Self { vector: [0.0; 3], length: 0.0, filament: 0.0 };
 
-    /// The way between two positions within [`crate::kinematics::MAX_COORDINATE_10NM`].
+    /// The path along a vector whose components are at most twice [`crate::kinematics::MAX_COORDINATE_10NM`] either way.
     #[inline(always)]
-    pub fn between(from_10nm: [i32; 3], to_10nm: [i32; 3]) -> Self {
-        let ([from_x, from_y, from_z], [to_x, to_y, to_z]) = (from_10nm, to_10nm);
-        // Differences of 31 bits.
-        let vector_10nm = [to_x.wrapping_sub(from_x), to_y.wrapping_sub(from_y), to_z.wrapping_sub(from_z)];
+    pub fn along(vector_10nm: [i32; 3]) -> Self {
         let vector = vector_10nm.map(|component| component as f32);
-        Self { vector_10nm, vector, length: square_root_f32(dot(vector, vector)), filament: 0.0 }
+        Self { vector, length: square_root_f32(dot(vector, vector)), filament: 0.0 }
     }
 
     /// By how much the speeds of X, Y, Z and the filament differ between two paths that have a length, for a unit of speed
@@ -100,7 +95,7 @@ mod tests {
         fn lengths_have_single_precision(
             from in proptest::array::uniform3(coordinate()), to in proptest::array::uniform3(coordinate()),
         ) {
-            let path = Path::between(from, to);
+            let path = Path::along([to[0] - from[0], to[1] - from[1], to[2] - from[2]]);
             let exact = from.iter().zip(to).map(|(from, to)| f64::from(to - from).powi(2)).sum::<f64>().sqrt();
             prop_assert!((f64::from(path.length) - exact).abs() <= 1.8e-7 * exact);
             prop_assert!((f64::from(path.length_10nm()) - exact).abs() <= 0.5 + 2.4e-7 * exact);
@@ -122,7 +117,7 @@ mod tests {
                 (a[2], b[2]) = (0, 0);
             }
             prop_assume!(a != [0; 3] && b != [0; 3]);
-            let (one, other) = (Path::between([0; 3], a), Path::between([0; 3], b));
+            let (one, other) = (Path::along(a), Path::along(b));
             let found = Turn::between(&one, &other);
             let (a, b) = (a.map(f64::from), b.map(f64::from));
             let length = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();

@@ -2,7 +2,7 @@
 //! seen of in whole prints.
 #![allow(clippy::unwrap_used)]
 
-use ferrostep_planner::look_ahead::{Left, LookAhead, Marker, Slot, SpeedLaw};
+use ferrostep_planner::look_ahead::{BlockQueue, BlockStart, Marker, Released, Slot};
 use ferrostep_planner::time_law::TimeLaw;
 use ferrostep_planner::{Acceleration, Block, Pace, PlannedBlock, Speed};
 
@@ -20,22 +20,21 @@ fn block(length_10nm: u32, nominal: f64) -> Block {
     }
 }
 
-fn ring() -> LookAhead<[Slot; 8]> {
-    let mut ring = LookAhead::new([Slot::EMPTY; 8]);
-    ring.set_law(&SpeedLaw::Trapezoid);
-    ring
+fn ring() -> BlockQueue<[Slot; 8]> {
+    BlockQueue::new([Slot::EMPTY; 8])
 }
 
 /// Blocks of 10 mm at 100 mm/s that continue each other.
-fn push(ring: &mut LookAhead<[Slot; 8]>, count: usize) {
+fn push(ring: &mut BlockQueue<[Slot; 8]>, count: usize) {
     for _ in 0..count {
-        assert!(ring.push(&block(1_000_000, 100.0), Speed::from_mm_per_s(100.0)));
+        let block = block(1_000_000, 100.0);
+        assert!(ring.push(&block, &BlockStart::after_corner(Speed::from_mm_per_s(100.0), &block)));
     }
 }
 
-fn pop(ring: &mut LookAhead<[Slot; 8]>) -> PlannedBlock {
+fn pop(ring: &mut BlockQueue<[Slot; 8]>) -> PlannedBlock {
     match ring.pop(Pace::FULL) {
-        Some(Left::Block(planned)) => planned,
+        Some(Released::Block(planned)) => planned,
         other => panic!("{other:?}"),
     }
 }

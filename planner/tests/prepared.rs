@@ -1,10 +1,10 @@
 //! Moves that bring their speeds: followed exactly where nothing has changed, and within all limits whatever has.
 #![allow(clippy::unwrap_used)]
 
-use ferrostep_planner::look_ahead::{Entry, Slot, Violation};
+use ferrostep_planner::look_ahead::{EntrySpeed, PlanFault, Slot};
 use ferrostep_planner::{
-    Coordinate, Geometry, Kinematics, Limits, Move, MoveError, Moved, PlannedBlock, Planner, PreparedMove, Recorded,
-    Retuned, SquaredSpeed, StepsPerMm,
+    Coordinate, Geometry, Kinematics, Limits, Move, MoveError, Moved, PlannedBlock, Planner, Prepared, PreparedMove,
+    Recorded, Recorder, Retuned, SquaredSpeed, StepsPerMm,
 };
 use proptest::prelude::*;
 
@@ -52,7 +52,7 @@ fn path() -> impl Strategy<Value = Vec<Move>> {
 }
 
 /// A move as it is prepared.
-fn prepared_move(request: &Move, entry: Entry) -> PreparedMove {
+fn prepared_move(request: &Move, entry: EntrySpeed) -> PreparedMove {
     let Move { target_10nm, filament_100pm, feed_mm_per_s, line, ends_move } = *request;
     let target = target_10nm.map(|units| Coordinate::new(units.try_into().unwrap()).unwrap());
     PreparedMove { target, filament_100pm, feed_mm_per_s, line, ends_move, counts: true, entry }
@@ -66,15 +66,15 @@ fn plan(path: &[Move]) -> (Vec<(PreparedMove, Option<Retuned>)>, Vec<PlannedBloc
     for request in path {
         let merged = planner.merged_moves();
         if planner.add(request) == Ok(Moved::Queued) {
-            let entry = if planner.merged_moves() == merged { Entry::Bound } else { Entry::Continues };
+            let entry = if planner.merged_moves() == merged { EntrySpeed::Bound } else { EntrySpeed::Continues };
             prepared.push((prepared_move(request, entry), None));
         }
     }
     planner.flush();
-    let mut firsts = prepared.iter_mut().map(|(next, _)| next).filter(|next| next.entry != Entry::Continues);
-    let mut blocks = Vec::new();
-    while let Some(Recorded::Block { planned, entry, .. }) = planner.next_recorded() {
-        firsts.next().unwrap().entry = Entry::Given(entry);
+    let mut firsts = prepared.iter_mut().map(|(next, _)| next).filter(|next| next.entry != EntrySpeed::Continues);
+    let (mut blocks, mut recorder) = (Vec::new(), Recorder::default());
+    while let Some(Recorded::Block { planned, entry, .. }) = recorder.next(&mut planner) {
+        firsts.next().unwrap().entry = EntrySpeed::Given(entry);
         blocks.push(planned);
     }
     assert!(firsts.next().is_none());
@@ -88,7 +88,7 @@ fn execute(prepared: &[(PreparedMove, Option<Retuned>)], ring: usize) -> (Vec<Pl
     let (mut blocks, mut refused) = (Vec::new(), None);
     'moves: for (next, now) in prepared {
         loop {
-            match planner.add_prepared(next, now.as_ref()) {
+            match planner.add(&Prepared { planned: next, now: now.as_ref() }) {
                 Ok(_) => break,
                 Err(MoveError::NoRoom) => blocks.extend(planner.next_planned()),
                 Err(error) => {
@@ -165,8 +165,8 @@ proptest! {
     fn a_hostile_plan_breaks_no_limit(
         path in path(), entries in proptest::collection::vec(
             prop_oneof![
-                4 => Just(None), 2 => Just(Some(Entry::Bound)), 1 => Just(Some(Entry::Continues)), 1 => Just(Some(Entry::Falling)),
-                1 => (0u64..1 << 40).prop_map(|units| Some(Entry::Given(SquaredSpeed::from_units(units)))),
+                4 => Just(None), 2 => Just(Some(EntrySpeed::Bound)), 1 => Just(Some(EntrySpeed::Continues)), 1 => Just(Some(EntrySpeed::Falling)),
+                1 => (0u64..1 << 40).prop_map(|units| Some(EntrySpeed::Given(SquaredSpeed::from_units(units)))),
             ], 1..120),
         ring in 2usize..40,
     ) {
@@ -176,7 +176,7 @@ proptest! {
         }
         let (executed, refused) = execute(&prepared, ring);
         if let Some(refused) = refused {
-            prop_assert!(matches!(refused, MoveError::Violation(_)), "{:?}", refused);
+            prop_assert!(matches!(refused, MoveError::Plan(_)), "{:?}", refused);
         }
         keeps_limits(&executed)?;
     }
@@ -189,16 +189,18 @@ fn after_a_violation_nothing_is_taken_until_the_place_is_known() {
         let target_10nm = [x, 0, 0];
         prepared_move(&Move { target_10nm, filament_100pm: 0, feed_mm_per_s: 50.0, line: 1, ends_move: true }, entry)
     };
-    planner.add_prepared(&at(1_000_000, Entry::Bound), None).unwrap();
-    planner.add_prepared(&at(2_000_000, Entry::Given(SquaredSpeed::from_units(u64::MAX))), None).unwrap();
-    let refused = planner.add_prepared(&at(3_000_000, Entry::Bound), None);
-    assert_eq!(refused, Err(MoveError::Violation(Violation::TooFast)));
-    assert_eq!(planner.add_prepared(&at(3_000_000, Entry::Bound), None), refused);
+    planner.add(&Prepared { planned: &at(1_000_000, EntrySpeed::Bound), now: None }).unwrap();
+    planner
+        .add(&Prepared { planned: &at(2_000_000, EntrySpeed::Given(SquaredSpeed::from_units(u64::MAX))), now: None })
+        .unwrap();
+    let refused = planner.add(&Prepared { planned: &at(3_000_000, EntrySpeed::Bound), now: None });
+    assert!(matches!(refused, Err(MoveError::Plan(PlanFault::TooFast { .. }))), "{refused:?}");
+    assert_eq!(planner.add(&Prepared { planned: &at(3_000_000, EntrySpeed::Bound), now: None }), refused);
     let mut blocks = 0;
     while planner.next_planned().is_some() {
         blocks += 1;
     }
     assert_eq!(blocks, 1);
-    planner.stand_at([800, 0, 0, 0], 1_000, 0);
-    assert_eq!(planner.add_prepared(&at(2_000_000, Entry::Bound), None), Ok(Moved::Queued));
+    planner.reset_to([800, 0, 0, 0], 1_000, 0);
+    assert_eq!(planner.add(&Prepared { planned: &at(2_000_000, EntrySpeed::Bound), now: None }), Ok(Moved::Queued));
 }

@@ -7,7 +7,7 @@
 
 use ferrostep_planner::inner_ends::InnerEnds;
 use ferrostep_planner::interpolator::Interpolator;
-use ferrostep_planner::look_ahead::{Left, LookAhead, Marker, Part, Slot, SpeedLaw};
+use ferrostep_planner::look_ahead::{BlockQueue, BlockStart, Marker, Part, Released, Slot, SpeedLaw};
 use ferrostep_planner::s_curve::{FrequencyTable, Jerk, Ramp, Run};
 use ferrostep_planner::time_law::TimeLaw;
 use ferrostep_planner::{
@@ -168,8 +168,8 @@ struct Checker {
 }
 
 impl Checker {
-    fn take(&mut self, left: Left) {
-        let Left::Part(part) = left else { return };
+    fn take(&mut self, left: Released) {
+        let Released::Part(part) = left else { return };
         let (block, corner) = self.waiting.pop_front().unwrap();
         assert_eq!(part.block, block);
         self.blocks += 1;
@@ -280,8 +280,8 @@ fn speed_at([up, down]: &[Ramp; 2], run: &Run, at: u32) -> f64 {
 fn check_a_job(random: &mut Random, blocks: u64, sum: &mut Sum) {
     let jerk = random.magnitude(10.0, 5e6).floor();
     let capacity = if random.next().is_multiple_of(3) { 128 } else { 2 + random.next() as usize % 40 };
-    let mut ring = LookAhead::new(vec![Slot::EMPTY; capacity]);
-    ring.set_law(&SpeedLaw::SCurve(Jerk::from_mm_per_s3(jerk).unwrap()));
+    let mut ring = BlockQueue::new(vec![Slot::EMPTY; capacity]);
+    ring.look_ahead(&SpeedLaw::SCurve(Jerk::from_mm_per_s3(jerk).unwrap()));
     let mut kind = Blocks::new(random);
     let mut pace = Pace::FULL;
     let starves = random.next().is_multiple_of(4);
@@ -309,7 +309,7 @@ fn check_a_job(random: &mut Random, blocks: u64, sum: &mut Sum) {
         let (block, corner) = kind.next(random);
         // Where the ring had nothing more to go on with, motion has stopped.
         let corner = corner.min(block.nominal).min(nominal_before);
-        assert!(ring.push(&block, corner));
+        assert!(ring.push(&block, &BlockStart::after_corner(corner, &block)));
         checker.waiting.push_back((block, if stopped { Speed::ZERO } else { corner }));
         nominal_before = block.nominal;
         stopped = false;
@@ -392,16 +392,16 @@ fn a_short_block_gets_the_fastest_speed_from_which_it_can_stop() {
         let long = Ramp::new(0.0, 300.0, jerk, acceleration).unwrap().length() * 2.0 + 1.0;
         let short = (long / 2.0 * 0.9).min(5.0);
         let blocks = [block(long.min(10_000.0)), block(short)];
-        let mut ring = LookAhead::new(vec![Slot::EMPTY; 8]);
+        let mut ring = BlockQueue::new(vec![Slot::EMPTY; 8]);
         // A stop of acceleration at the corner, so that its speed is the law's own.
-        ring.set_law(&SpeedLaw::SCurveBlockByBlock(Jerk::from_mm_per_s3(jerk).unwrap()));
+        ring.look_ahead(&SpeedLaw::SCurveBlockByBlock(Jerk::from_mm_per_s3(jerk).unwrap()));
         for block in &blocks {
-            assert!(ring.push(block, Speed(u32::MAX)));
+            assert!(ring.push(block, &BlockStart::after_corner(Speed(u32::MAX), block)));
         }
         ring.flush();
         let runs: Vec<_> = std::iter::from_fn(|| ring.pop(Pace::FULL))
             .map(|left| match left {
-                Left::Part(part) => part.run,
+                Released::Part(part) => part.run,
                 other => panic!("{other:?}"),
             })
             .collect();
@@ -426,12 +426,12 @@ fn blocks_under_a_table_never_jump() {
         let start_hz = random.magnitude(100.0, 3_000.0);
         let top_hz = start_hz * random.magnitude(1.5, 40.0);
         let table = FrequencyTable::new(start_hz, top_hz, random.magnitude(2e4, 5e7)).unwrap();
-        let mut ring = LookAhead::new(vec![Slot::EMPTY; 2 + random.next() as usize % 40]);
-        ring.set_law(&SpeedLaw::Table(table));
+        let mut ring = BlockQueue::new(vec![Slot::EMPTY; 2 + random.next() as usize % 40]);
+        ring.look_ahead(&SpeedLaw::Table(table));
         let mut kind = Blocks::new(&mut random);
         let mut speed = Speed::ZERO;
-        let mut check = |left: Left| {
-            let Left::Block(planned) = left else { panic!("{left:?}") };
+        let mut check = |left: Released| {
+            let Released::Block(planned) = left else { panic!("{left:?}") };
             assert_eq!(planned.entry, speed);
             speed = planned.exit;
             let block = &planned.block;
@@ -450,7 +450,7 @@ fn blocks_under_a_table_never_jump() {
                 check(ring.pop(Pace::FULL).unwrap());
             }
             let (block, corner) = kind.next(&mut random);
-            assert!(ring.push(&block, corner.min(block.nominal)));
+            assert!(ring.push(&block, &BlockStart::after_corner(corner.min(block.nominal), &block)));
         }
         ring.flush();
         while let Some(left) = ring.pop(Pace::FULL) {

@@ -55,7 +55,6 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
             return Err(CommandError::Outside { axis: 2 });
         }
         self.motion.finish().await?;
-        self.see_moves();
         let [x, y, _] = self.motion.position_10nm();
         self.motion.set_position([x, y, z_10nm]);
         (self.modal.machine_10nm, self.modal.lift_10nm) = ([x, y, z_10nm], 0);
@@ -77,9 +76,9 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
             return Err(CommandError::TooFar);
         }
         self.motion.finish().await?;
-        self.see_moves();
-        if self.motion.position_10nm() != state.position_10nm {
-            return Err(CommandError::OtherPlace);
+        let stands_10nm = self.motion.position_10nm();
+        if stands_10nm != state.position_10nm {
+            return Err(CommandError::other_place(state.position_10nm, stands_10nm));
         }
         self.motion.set_limits(modal.limits.map_or(self.profile.limits, limits));
         self.motion.set_fan_power(state.fan_power).await?;

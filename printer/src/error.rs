@@ -3,8 +3,8 @@
 use core::fmt;
 
 use ferrostep_gcode::{ParseError, Real};
-use ferrostep_planner::look_ahead::Violation;
-use ferrostep_planner::{MIN_FEED_MM_PER_S, MoveError};
+use ferrostep_planner::look_ahead::PlanFault;
+use ferrostep_planner::{MIN_FEED_MM_PER_S, MoveError, Speed};
 use ferrostep_tmc2209::{DriverEvent, DriverEventKind, Failure as DriverFailure, SettingsError};
 
 use crate::AXIS_NAMES;
@@ -13,7 +13,7 @@ use crate::ports::{Miscount, MotionError, MotionFault};
 
 /// Why a command was not executed. Nothing of it has happened then; a command that was stopped on its way
 /// ([`CommandError::Stopped`]) leaves the machine where it says it stands.
-// A word, for a result that is told by a byte is copied by bytes.
+// `repr(u32)`: with a one-byte tag the compiler copies the `Result` byte by byte.
 #[repr(u32)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum CommandError {
@@ -140,19 +140,31 @@ pub enum CommandError {
     Stopped,
     /// The firmware has found its own motion wrong and stopped it.
     MotionFault(MotionFault),
-    /// A prepared job says the machine is where its motors do not stand.
-    OtherPlace,
+    /// A prepared job goes on where the motors do not stand.
+    OtherPlace {
+        /// Where the job goes on, units of 10 nm.
+        job_10nm: [i32; 3],
+        /// Where the machine stands, units of 10 nm.
+        machine_10nm: [i32; 3],
+    },
     /// A prepared move goes beyond the machine's travel.
     Outside {
         /// Index of the axis.
         axis: usize,
     },
-    /// A prepared move's planned speed is not possible.
-    Plan(Violation),
-    /// A prepared job's speeds are trapezoids, and the machine is set to something else.
-    OtherLaw,
+    /// The plan of a prepared job cannot be followed.
+    Plan(PlanFault),
     /// There is no line from which a job could be received.
     NoJobs,
+}
+
+impl CommandError {
+    /// A prepared job goes on at one position, the machine stands at another; units of 10 nm.
+    pub(crate) fn other_place(job_10nm: [i64; 3], machine_10nm: [i64; 3]) -> Self {
+        // What a hostile job says may be beyond any range.
+        let shown = |length_10nm: i64| length_10nm.clamp(i32::MIN.into(), i32::MAX.into()) as i32;
+        Self::OtherPlace { job_10nm: job_10nm.map(shown), machine_10nm: machine_10nm.map(shown) }
+    }
 }
 
 impl From<MotionError> for CommandError {
@@ -162,8 +174,7 @@ impl From<MotionError> for CommandError {
             MotionError::Fault(fault) => Self::MotionFault(fault),
             MotionError::Move(MoveError::TooFar) => Self::TooFar,
             MotionError::Move(MoveError::TooMuchFilament) => Self::TooMuchFilament,
-            MotionError::Move(MoveError::Violation(violation)) => Self::Plan(violation),
-            MotionError::Move(MoveError::OtherLaw) => Self::OtherLaw,
+            MotionError::Move(MoveError::Plan(fault)) => Self::Plan(fault),
             MotionError::Move(MoveError::Feed) => Self::FeedTooSlow { feed_mm_per_s: 0.0 },
         }
     }
@@ -307,28 +318,62 @@ impl fmt::Display for CommandError {
                      again",
                 )
             }
-            Self::OtherPlace => write!(out, "the machine is said to be elsewhere, expected where its motors stand"),
+            Self::OtherPlace { job_10nm, machine_10nm } => write!(
+                out,
+                "the job goes on at {}, the machine stands at {}: home it (G28), then start the job again",
+                Place(*job_10nm),
+                Place(*machine_10nm)
+            ),
             Self::Outside { axis } => {
                 let name = AXIS_NAMES.get(*axis).copied().unwrap_or('?');
                 write!(out, "{name}: outside the soft limits, expected a target within the travel")
             }
-            Self::Plan(Violation::TooFast) => {
-                write!(out, "the planned speed is too high, expected no more than the corner and both feeds allow")
-            }
-            Self::Plan(Violation::TooSlow) => {
-                write!(out, "the planned speed is too low, expected one to which the move before can slow down")
-            }
-            Self::Plan(Violation::BeyondLimits) => {
-                write!(out, "speed or acceleration is beyond the limits of an axis, expected a block within them")
-            }
-            Self::Plan(Violation::NotContinued) => {
-                write!(out, "the move does not continue the one before, expected the same direction and speed")
-            }
-            Self::OtherLaw => {
-                write!(out, "a prepared job's speeds are trapezoids, expected that acceleration profile (M796 A0)")
-            }
-            Self::NoJobs => write!(out, "jobs are received by a board, expected a line from its host"),
+            Self::Plan(fault) => write_plan_fault(out, fault),
+            Self::NoJobs => write!(out, "M790 works on a board's serial or USB port only"),
         }
+    }
+}
+
+/// What is wrong with a plan, with its figures, and how to mend it.
+fn write_plan_fault(out: &mut fmt::Formatter<'_>, fault: &PlanFault) -> fmt::Result {
+    let mm_per_s = |speed: Speed| Real::fixed(speed.mm_per_s(), 1);
+    match *fault {
+        PlanFault::TooFast { planned, maximum } => write!(
+            out,
+            "the planned speed is too high: {} mm/s, where corner and feeds allow {} mm/s; prepare the job again for this machine",
+            mm_per_s(planned),
+            mm_per_s(maximum)
+        ),
+        PlanFault::TooSlow { planned, minimum } => write!(
+            out,
+            "the planned speed is too low: {} mm/s, where the move before slows down to {} mm/s at best; prepare the job again \
+             for this machine",
+            mm_per_s(planned),
+            mm_per_s(minimum)
+        ),
+        PlanFault::BeyondLimits => out.write_str(
+            "the job asks for more speed or acceleration than an axis of this machine allows: prepare it again with this \
+             machine's profile",
+        ),
+        PlanFault::NotContinued => out.write_str(
+            "the job takes this move and the one before for one, but direction, speed or acceleration change between them: \
+             prepare the job again for this machine",
+        ),
+        PlanFault::NotTrapezoid(acceleration) => write!(
+            out,
+            "prepared jobs accelerate by trapezoids, the machine is set to {}: send M796 A0, then start the job again",
+            acceleration.name()
+        ),
+    }
+}
+
+/// A machine position as messages show it, mm; in units of 10 nm.
+struct Place([i32; 3]);
+
+impl fmt::Display for Place {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [x, y, z] = self.0.map(|length_10nm| mm(length_10nm.into(), 3));
+        write!(out, "X{x} Y{y} Z{z}")
     }
 }
 

@@ -11,10 +11,10 @@ mod workload;
 use ferrostep_gcode::MotionFigures;
 use ferrostep_hal_shim::{EndStops, MotorEnable, StepOutput};
 use ferrostep_planner::interpolator::MAX_ENTRIES;
-use ferrostep_planner::look_ahead::{Slot, Violation};
+use ferrostep_planner::look_ahead::{PlanFault, Slot};
 use ferrostep_planner::{
-    Limits, MotionChoice, Move, MoveError, Moved, Notice, Pace, Planner, PreparedBlock, PreparedMove, Progress,
-    Retuned, StepDigests, StepEntry, StepSink, TICKS_PER_SECOND,
+    Limits, MotionChoice, MoveError, Moved, Notice, Pace, Planner, Progress, Request, StepDigests, StepEntry, StepSink,
+    TICKS_PER_SECOND,
 };
 use ferrostep_virtual_board::VirtualMotors;
 
@@ -248,11 +248,11 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
         }
     }
 
-    /// Takes a move.
+    /// Takes motion.
     ///
     /// # Errors
     /// As [`Planner::add`]; [`MoveError::NoRoom`] passes.
-    pub fn add(&mut self, request: &Move) -> Result<Moved, MoveError> {
+    pub fn add(&mut self, request: &impl Request) -> Result<Moved, MoveError> {
         if self.queue.link().is_stopping() {
             return Err(MoveError::NoRoom);
         }
@@ -262,36 +262,6 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
             self.set_motors_enabled(ALL, true);
         }
         Ok(moved)
-    }
-
-    /// Takes a move of a prepared job, with what of it is another now.
-    ///
-    /// # Errors
-    /// As [`Planner::add_prepared`]; [`MoveError::NoRoom`] passes.
-    pub fn add_prepared(&mut self, prepared: &PreparedMove, now: Option<&Retuned>) -> Result<Moved, MoveError> {
-        if self.queue.link().is_stopping() {
-            return Err(MoveError::NoRoom);
-        }
-        let moved = self.planner.add_prepared(prepared, now)?;
-        if moved == Moved::Queued {
-            self.flushed = false;
-            self.set_motors_enabled(ALL, true);
-        }
-        Ok(moved)
-    }
-
-    /// Takes a block of a prepared job.
-    ///
-    /// # Errors
-    /// As [`Planner::add_prepared_block`]; [`MoveError::NoRoom`] passes.
-    pub fn add_prepared_block(&mut self, prepared: &PreparedBlock) -> Result<(), MoveError> {
-        if self.queue.link().is_stopping() {
-            return Err(MoveError::NoRoom);
-        }
-        self.planner.add_prepared_block(prepared)?;
-        self.flushed = false;
-        self.set_motors_enabled(ALL, true);
-        Ok(())
     }
 
     /// See [`Planner::refine_position`].
@@ -320,9 +290,9 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
         self.flushed = true;
     }
 
-    /// See [`Planner::take_violation`].
-    pub fn take_violation(&mut self) -> Option<Violation> {
-        self.planner.take_violation()
+    /// See [`Planner::take_plan_fault`].
+    pub fn take_plan_fault(&mut self) -> Option<PlanFault> {
+        self.planner.take_plan_fault()
     }
 
     /// Whether all that was taken has been executed, to the last step.
@@ -372,7 +342,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
         let steps = &mut self.motors.steps;
         // A move ends half a step after its last event; standing there, the clock does not go back.
         steps.pass_to(self.last_move_end);
-        self.dropped_100pm += self.planner.stand_at(steps.motor_steps(), steps.tick(), steps.directions());
+        self.dropped_100pm += self.planner.reset_to(steps.motor_steps(), steps.tick(), steps.directions());
         self.in_motion = false;
         self.timeline.clear(self.motors.steps.tick());
         self.planner.set_pace(Pace::FULL);

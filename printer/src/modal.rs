@@ -111,12 +111,17 @@ impl Modal {
         motors_10nm.wrapping_sub(self.lift_10nm).wrapping_sub(self.z.shift_10nm)
     }
 
-    /// Moves of a prepared job have pushed so much; an arc's share of a whole number need not be whole.
+    /// A move of a prepared job has pushed this filament; an arc's share of a whole number need not be whole.
     pub fn push_prepared(&mut self, filament_100pm: i64) {
         let pushed_100pm = self.extruder_rest_100pm.wrapping_add(filament_100pm);
-        let flow = i64::from(self.flow_percent.max(1));
-        self.extruder_10nm = self.extruder_10nm.wrapping_add(pushed_100pm / flow);
-        self.extruder_rest_100pm = pushed_100pm % flow;
+        let flow = self.flow_percent.max(1);
+        // Up to 21 cm the processor divides.
+        let (whole, rest) = match i32::try_from(pushed_100pm) {
+            Ok(pushed) => (i64::from(pushed / i32::from(flow)), i64::from(pushed % i32::from(flow))),
+            Err(_) => (pushed_100pm / i64::from(flow), pushed_100pm % i64::from(flow)),
+        };
+        self.extruder_10nm = self.extruder_10nm.wrapping_add(whole);
+        self.extruder_rest_100pm = rest;
     }
 
     /// The unit of lengths as written, mm.

@@ -51,6 +51,8 @@ pub struct PacketReader {
     /// The text has been told and may be forgotten.
     text_is_old: bool,
     place: Vec<u16, PLACE_PARTS>,
+    /// The last stretch of the block before.
+    before: Option<Block>,
 }
 
 impl PacketReader {
@@ -134,7 +136,9 @@ impl PacketReader {
                     inner_ends,
                 };
                 let (entry, max_entry) = (Speed(trajectory.entry_speed), Speed(trajectory.max_entry_speed));
-                return Ok(Some(Asked::Block(PreparedBlock { block, entry, max_entry }, moves)));
+                let prepared = PreparedBlock { block, entry, max_entry, before: self.before };
+                self.before = prepared.last_stretch();
+                return Ok(Some(Asked::Block(prepared, moves)));
             }
         }
         Ok(None)

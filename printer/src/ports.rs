@@ -5,7 +5,7 @@ use core::sync::atomic::{AtomicBool, AtomicU8, AtomicU16, AtomicU32, Ordering};
 
 use ferrostep_gcode::{MotionFigures, Reply, TimingFigures};
 use ferrostep_hal_shim::Heater;
-use ferrostep_planner::{Limits, MotionChoice, Move, MoveError, Moved, PreparedBlock, PreparedMove, Retuned};
+use ferrostep_planner::{Limits, MotionChoice, Move, MoveError, Moved, Request};
 use ferrostep_tmc2209::{DriverReport, DriverSettings, DriverState, SettingsError};
 
 use crate::error::Failure;
@@ -74,25 +74,12 @@ pub trait Motion {
     fn stops(&self) -> u32 {
         0
     }
-    /// Queues a move; waits for room.
-    fn add(&mut self, request: Move) -> impl Future<Output = Result<Moved, MotionError>>;
-    /// Queues a move of a prepared job, with the feed and flow of now (M220, M221), if that needs no waiting; `None` where it
-    /// does, or might.
-    fn try_add_prepared(
-        &mut self,
-        _prepared: &PreparedMove,
-        _now: Option<&Retuned>,
-    ) -> Option<Result<Moved, MotionError>> {
+    /// Queues motion; waits for room.
+    fn add(&mut self, request: impl Request) -> impl Future<Output = Result<Moved, MotionError>>;
+    /// Queues motion if that needs no waiting; `None` where it does, or might.
+    fn try_add(&mut self, _request: &impl Request) -> Option<Result<Moved, MotionError>> {
         None
     }
-    /// Queues a move of a prepared job; waits for room.
-    fn add_prepared(
-        &mut self,
-        prepared: PreparedMove,
-        now: Option<Retuned>,
-    ) -> impl Future<Output = Result<Moved, MotionError>>;
-    /// Queues a block of a prepared job; waits for room.
-    fn add_prepared_block(&mut self, prepared: PreparedBlock) -> impl Future<Output = Result<(), MotionError>>;
     /// Says where the machine is to less than a step; whether the motors stand there.
     fn refine_position(&mut self, position_10nm: [i64; 3]) -> bool;
     /// Changes the fan with the motion queued so far; waits for room.

@@ -5,36 +5,12 @@ use ferrostep_gcode::parse;
 use ferrostep_gpre::{LimitValues, ModalState};
 use ferrostep_hal_shim::{Clock, Heater};
 use ferrostep_planner::extruder::FILAMENT_UNITS_PER_MM;
-use ferrostep_planner::{Limits, Moved, PreparedBlock, PreparedMove, Retuned};
+use ferrostep_planner::{Limits, Moved, Prepared, PreparedBlock, PreparedMove, Retuned};
 
 use crate::error::{CommandError, Failure};
-use crate::modal::{Modal, Tally};
 use crate::moves::MAX_EXTRUDER_10NM;
 use crate::ports::{Heating, Motion, MotionError, Replies};
 use crate::printer::Printer;
-
-/// What moves of a prepared job have done since the G-code looked at it last: between them nothing asks where it sees the
-/// machine.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Unseen {
-    any: bool,
-    moves: u32,
-    filament_100pm: i64,
-}
-
-impl Unseen {
-    /// Shows it; the moves have ended here.
-    pub fn show(&mut self, position_10nm: [i64; 3], modal: &mut Modal, tally: &mut Tally) {
-        let Self { any, moves, filament_100pm } = core::mem::take(self);
-        if any {
-            let [x, y, z] = position_10nm;
-            modal.machine_10nm = [x, y, modal.machine_z_10nm(z)];
-            modal.push_prepared(filament_100pm);
-            tally.moves = tally.moves.wrapping_add(moves.into());
-            tally.filament_100pm = tally.filament_100pm.wrapping_add(filament_100pm);
-        }
-    }
-}
 
 /// E of the G-code as the blocks of a prepared job push it. The packets say it as well, from time to time; where they
 /// are refused it is the motors that count.
@@ -69,7 +45,7 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
     pub fn prepared_state(&self) -> ModalState {
         let celsius = |heater| self.heating.status(heater).target_celsius as u16;
         let limits = self.motion.limits();
-        let (modal, _) = self.seen();
+        let modal = &self.modal;
         ModalState {
             nozzle_celsius: celsius(Heater::Nozzle),
             bed_celsius: celsius(Heater::Bed),
@@ -97,8 +73,8 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
             return result;
         }
         let now = self.retuned(item, planned_with);
-        let moved = self.motion.add_prepared(*item, now).await;
-        self.taken(item, now.as_ref(), moved)
+        let moved = self.motion.add(Prepared { planned: item, now: now.as_ref() }).await;
+        self.note_prepared(item, now.as_ref(), moved)
     }
 
     /// As [`Self::prepared_move`], if it needs no waiting; `None`, and nothing has changed, where it does.
@@ -112,27 +88,42 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         if let Err(error) = self.allow(item) {
             return Some(Err(error));
         }
-        if !item.counts {
-            self.see_moves();
-        }
         let now = if self.has_percents_of(planned_with) { None } else { self.retuned(item, planned_with) };
-        let moved = self.motion.try_add_prepared(item, now.as_ref())?;
-        Some(self.taken(item, now.as_ref(), moved))
+        let moved = self.motion.try_add(&Prepared { planned: item, now: now.as_ref() })?;
+        Some(self.note_prepared(item, now.as_ref(), moved))
     }
 
+    /// What became of a prepared move: state and tallies follow one that was taken.
     #[inline(always)]
-    fn taken(
+    fn note_prepared(
         &mut self,
         item: &PreparedMove,
         now: Option<&Retuned>,
         moved: Result<Moved, MotionError>,
     ) -> Result<(), CommandError> {
-        match moved {
-            Ok(_) => {
-                self.pass(item, now.map_or(item.filament_100pm, |now| now.filament_100pm));
-                Ok(())
-            }
-            Err(error) => Err(self.refused(error.into())),
+        if let Err(error) = moved {
+            return Err(self.refused(error.into()));
+        }
+        let filament_100pm = now.map_or(item.filament_100pm, |now| now.filament_100pm);
+        let [x, y, z] = item.target_10nm().map(i64::from);
+        if item.counts {
+            self.modal.machine_10nm = [x, y, self.modal.machine_z_10nm(z)];
+            self.modal.push_prepared(filament_100pm);
+        } else {
+            self.note_retraction(z, filament_100pm);
+        }
+        self.tally.moves = self.tally.moves.wrapping_add(u64::from(item.ends_move));
+        self.tally.filament_100pm = self.tally.filament_100pm.wrapping_add(filament_100pm);
+        Ok(())
+    }
+
+    /// A move of a firmware retraction was taken: the G-code's Z does not see its lift, nor E its filament.
+    #[inline(never)]
+    fn note_retraction(&mut self, z_10nm: i64, filament_100pm: i64) {
+        let [.., z_before_10nm] = self.modal.machine_10nm;
+        self.modal.lift_10nm = z_10nm.wrapping_sub(z_before_10nm);
+        if filament_100pm != 0 {
+            self.modal.retracted = filament_100pm < 0;
         }
     }
 
@@ -193,53 +184,12 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         error
     }
 
-    /// A move was taken, with so much filament.
-    #[inline(always)]
-    fn pass(&mut self, item: &PreparedMove, filament_100pm: i64) {
-        if !item.counts {
-            return self.pass_retraction(item);
-        }
-        self.unseen.any = true;
-        self.unseen.moves = self.unseen.moves.wrapping_add(u32::from(item.ends_move));
-        // Sums of filament are within 63 bits.
-        self.unseen.filament_100pm = self.unseen.filament_100pm.wrapping_add(filament_100pm);
-    }
-
-    /// A firmware retraction's move was taken: where Z is lifted to is no place of the G-code's, and its filament none of E.
-    #[inline(never)]
-    fn pass_retraction(&mut self, item: &PreparedMove) {
-        let [.., z] = item.target_10nm().map(i64::from);
-        let [.., z_before] = self.modal.machine_10nm;
-        self.modal.lift_10nm = z.wrapping_sub(z_before);
-        if item.filament_100pm != 0 {
-            self.modal.retracted = item.filament_100pm < 0;
-        }
-        self.tally.moves = self.tally.moves.wrapping_add(u64::from(item.ends_move));
-        self.tally.filament_100pm = self.tally.filament_100pm.wrapping_add(item.filament_100pm);
-    }
-
-    /// State and numbers with what moves of a prepared job have done.
-    pub(crate) fn seen(&self) -> (Modal, Tally) {
-        let (mut unseen, mut modal, mut tally) = (self.unseen, self.modal, self.tally);
-        unseen.show(self.motion.position_10nm(), &mut modal, &mut tally);
-        (modal, tally)
-    }
-
-    /// The G-code looks at what moves of a prepared job have done.
-    pub(crate) fn see_moves(&mut self) {
-        if self.unseen.any {
-            let position_10nm = self.motion.position_10nm();
-            self.unseen.show(position_10nm, &mut self.modal, &mut self.tally);
-        }
-    }
-
     /// Executes a block of a prepared job that has no moves; `moves` end in it.
     ///
     /// # Errors
     /// As for a move of G-code.
     pub async fn prepared_block(&mut self, block: &PreparedBlock, moves: u32) -> Result<(), CommandError> {
         self.line = block.block.line;
-        self.see_moves();
         if self.signals.is_halted() {
             return Err(CommandError::Halted);
         }
@@ -285,7 +235,8 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
                 return Err(CommandError::Outside { axis });
             }
         }
-        Ok(self.motion.add_prepared_block(*block).await?)
+        self.motion.add(*block).await?;
+        Ok(())
     }
 
     /// Takes over where the machine is after the blocks so far, to less than a step, how much of that is a firmware
@@ -299,12 +250,11 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         lift_10nm: i64,
         extruder_10nm: i64,
     ) -> Result<(), CommandError> {
-        self.see_moves();
         if extruder_10nm.unsigned_abs() > MAX_EXTRUDER_10NM as u64 {
             return Err(CommandError::TooMuchFilament);
         }
         if !self.motion.refine_position(position_10nm) {
-            return Err(CommandError::OtherPlace);
+            return Err(CommandError::other_place(position_10nm, self.motion.position_10nm()));
         }
         let [x, y, z] = position_10nm;
         self.modal.machine_10nm = [x, y, z - lift_10nm];

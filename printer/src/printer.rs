@@ -14,7 +14,7 @@ use crate::error::{CommandError, Failure};
 use crate::modal::{Modal, Tally};
 use crate::moves::NewestRetraction;
 use crate::ports::{Equipment, Heating, Motion, MotorDrivers, Replies, Signals, Timing};
-use crate::prepared::{BlockExtruder, Unseen};
+use crate::prepared::BlockExtruder;
 use crate::profile::{HomeEnd, HomeSensor, Profile};
 use crate::transfer::JobRequest;
 use crate::waits::temperatures;
@@ -56,7 +56,6 @@ pub struct Printer<'a, M, H, T, R> {
     pub(crate) signals: &'a Signals,
     pub(crate) modal: Modal,
     pub(crate) tally: Tally,
-    pub(crate) unseen: Unseen,
     /// Since the first block of a prepared job, or since G92.
     pub(crate) block_extruder: Option<BlockExtruder>,
     /// Number of the line being executed.
@@ -87,7 +86,6 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
             signals,
             modal: Modal::new(profile),
             tally: Tally::default(),
-            unseen: Unseen::default(),
             block_extruder: None,
             line: 0,
             last_line: 0,
@@ -130,12 +128,12 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
 
     /// What has been done so far.
     pub fn tally(&self) -> Tally {
-        self.seen().1
+        self.tally
     }
 
     /// X, Y, Z and E as the G-code sees them, units of 10 nm.
     pub fn logical_10nm(&self) -> [i64; 4] {
-        self.seen().0.logical_10nm()
+        self.modal.logical_10nm()
     }
 
     pub(crate) fn replies(&self) -> &'a R {
@@ -231,7 +229,6 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
     /// Executes a command.
     async fn command(&mut self, command: &Command<'_>) -> Result<Answer, CommandError> {
         let was_stopped = self.motion.begin_command();
-        self.see_moves();
         if was_stopped {
             // M410 has acted as its bytes arrived; its line may never come to be executed.
             let dropped_100pm = self.motion.take_dropped_100pm();
@@ -267,7 +264,6 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
     /// After a stop the G-code's position is where the motors stand. A halt also takes their current away, and with it
     /// what homing knew.
     pub(crate) fn follow_the_motors(&mut self) {
-        self.see_moves();
         if self.signals.is_halted() {
             self.motion.set_motors_enabled(ALL_MOTORS, false);
             self.modal.forget_home(ALL_MOTORS);
@@ -279,7 +275,6 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
 
     /// Motion stops at once; position, extruder and filament are what has really happened.
     pub(crate) fn stop_motion(&mut self) {
-        self.see_moves();
         let dropped_100pm = self.motion.stop();
         self.reckon_stop(dropped_100pm);
     }

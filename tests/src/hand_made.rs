@@ -1,11 +1,11 @@
 //! Hand-made prepared jobs that `preprocess` would never write.
 
 use ferrostep_gpre::compact::FrameWriter;
-use ferrostep_gpre::{Coordinate, Encoding, Entry, Header, Item, ModalState, PreparedMove, SquaredSpeed};
+use ferrostep_gpre::{Coordinate, Encoding, EntrySpeed, Header, Item, ModalState, PreparedMove, SquaredSpeed};
 use ferrostep_planner::PLANNER_VERSION;
 
 /// A job of moves along X, with these lengths in mm and planned speeds, on a machine that is homed first. Each is a frame.
-pub fn job(profile_hash: u64, moves: &[(i64, Entry)]) -> Vec<u8> {
+pub fn job(profile_hash: u64, moves: &[(i64, EntrySpeed)]) -> Vec<u8> {
     let mut frames = Vec::new();
     let mut writer = FrameWriter::new([0; 3], ModalState::START);
     writer.add(&Item::Command { line: 1, text: "G28" }, &mut frames);
@@ -34,6 +34,6 @@ pub fn job(profile_hash: u64, moves: &[(i64, Entry)]) -> Vec<u8> {
 }
 
 /// A speed in mm/s as a file has it.
-pub fn given(mm_per_s: f64) -> Entry {
-    Entry::Given(SquaredSpeed::from_units((mm_per_s * mm_per_s * 12_800_000.0) as u64))
+pub fn given(mm_per_s: f64) -> EntrySpeed {
+    EntrySpeed::Given(SquaredSpeed::from_units((mm_per_s * mm_per_s * 12_800_000.0) as u64))
 }

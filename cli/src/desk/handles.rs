@@ -6,7 +6,7 @@ use std::task::Poll;
 
 use ferrostep_gcode::MotionFigures;
 use ferrostep_hal_shim::{EndStops, Heater, MotorEnable};
-use ferrostep_planner::{Limits, MotionChoice, Move, MoveError, Moved, PreparedBlock, PreparedMove, Retuned};
+use ferrostep_planner::{Limits, MotionChoice, Move, MoveError, Moved, Request};
 use ferrostep_printer::heat::HeatFault;
 use ferrostep_printer::{HeaterStatus, Heating, Motion, MotionError, MotionFault, Seek, Signals};
 
@@ -56,35 +56,21 @@ impl<O: Observer> DeskMotion<'_, O> {
 }
 
 impl<O: Observer> Motion for DeskMotion<'_, O> {
-    async fn add(&mut self, request: Move) -> Result<Moved, MotionError> {
+    async fn add(&mut self, request: impl Request) -> Result<Moved, MotionError> {
         self.wait(|desk| {
             let merged = desk.planner.merged_moves();
             let outcome = desk.add(&request);
-            if outcome == Ok(Moved::Queued) {
+            if outcome == Ok(Moved::Queued)
+                && let Some(request) = request.as_move()
+            {
                 desk.observer.observer.planned(request.filament_100pm, request.ends_move);
                 if let Some(script) = &mut desk.script {
-                    script.moved(&request, desk.planner.merged_moves() > merged);
+                    script.moved(request, desk.planner.merged_moves() > merged);
                 }
             }
             desk.taken(outcome)
         })
         .await?
-    }
-
-    async fn add_prepared(&mut self, prepared: PreparedMove, now: Option<Retuned>) -> Result<Moved, MotionError> {
-        self.wait(|desk| {
-            let outcome = desk.planner.add_prepared(&prepared, now.as_ref());
-            desk.taken(outcome)
-        })
-        .await?
-    }
-
-    async fn add_prepared_block(&mut self, prepared: PreparedBlock) -> Result<(), MotionError> {
-        let taken = self.wait(|desk| {
-            let outcome = desk.planner.add_prepared_block(&prepared);
-            desk.taken(outcome.map(|()| Moved::Queued))
-        });
-        taken.await?.map(|_| ())
     }
 
     fn refine_position(&mut self, position_10nm: [i64; 3]) -> bool {
@@ -107,8 +93,8 @@ impl<O: Observer> Motion for DeskMotion<'_, O> {
     async fn finish(&mut self) -> Result<(), MotionError> {
         self.desk.borrow_mut().planner.flush();
         self.wait_until_idle().await?;
-        let violation = self.desk.borrow_mut().planner.take_violation();
-        violation.map_or(Ok(()), |violation| Err(MotionError::Move(MoveError::Violation(violation))))
+        let fault = self.desk.borrow_mut().planner.take_plan_fault();
+        fault.map_or(Ok(()), |fault| Err(MotionError::Move(MoveError::Plan(fault))))
     }
 
     fn begin_homing(&mut self) {

@@ -1,4 +1,4 @@
-//! A prepared job entered at one of its frames: what was set before it, and the way there.
+//! A prepared job entered at one of its frames: the settings made before it, and the travel there.
 
 use std::io::Read;
 
@@ -12,23 +12,23 @@ use crate::job::JobError;
 use crate::record::Observer;
 use crate::session::DeskPrinter;
 
-/// How far the nozzle is raised above the print while X and Y are homed and on its way, units of 10 nm: 5 mm.
+/// How far the nozzle is raised above the print while X and Y are homed and while it travels, units of 10 nm: 5 mm.
 const CLEARANCE_10NM: i64 = 500_000;
 
-/// Feed of the way to the frame's start, mm/min.
+/// Feed of the travel to the frame's start, mm/min.
 const TRAVEL_MM_PER_MIN: u32 = 3_000;
 
-/// Commands of the frames that are passed which last, and which no frame tells.
+/// Settings of the frames before the entry that stay in force, and that no frame says.
 #[derive(Debug, Default)]
 pub struct Passed {
-    /// Of the motors' drivers: before anything moves.
+    /// Of the motors' drivers: sent before anything moves.
     drivers: Vec<(u32, String)>,
-    /// The others: behind the way to the frame.
+    /// The others: sent when the machine has reached the frame's start.
     others: Vec<(u32, String)>,
 }
 
 impl Passed {
-    /// Passes a frame.
+    /// Passes over a frame.
     pub fn pass(&mut self, items: &mut Decoder<'_>) -> Result<(), Fault> {
         while let Some(item) = items.next_item()? {
             let Item::Command { line, text } = item else { continue };
@@ -53,25 +53,75 @@ impl Passed {
                     | Command::IdleTimeout { .. }
                     | Command::HeaterTimeout(Some(_)),
                 ) => self.others.push((line, text.to_owned())),
-                _ => {}
+                // The frame itself says what these have set.
+                Ok(
+                    Command::SetPosition(_)
+                    | Command::SetNozzle(_)
+                    | Command::WaitNozzle(_)
+                    | Command::SetBed(_)
+                    | Command::WaitBed(_)
+                    | Command::Fan { .. }
+                    | Command::MaxAcceleration(_)
+                    | Command::MaxFeed(_)
+                    | Command::Acceleration { .. }
+                    | Command::Junction { .. }
+                    | Command::FeedPercent(_)
+                    | Command::FlowPercent(_),
+                ) => {}
+                // These are over: motion, waits, reports, queries. M851 matters where Z is homed, which it is not here.
+                Ok(
+                    Command::Linear { .. }
+                    | Command::Arc { .. }
+                    | Command::Dwell { .. }
+                    | Command::Retract
+                    | Command::Recover
+                    | Command::Home(_)
+                    | Command::ProbeOffset(_)
+                    | Command::ShiftZ { .. }
+                    | Command::EnableMotors(_)
+                    | Command::DisableMotors(_)
+                    | Command::Finish
+                    | Command::QuickStop
+                    | Command::EmergencyStop
+                    | Command::Restart
+                    | Command::EndWait
+                    | Command::SelectTool(_)
+                    | Command::SetLineNumber(_)
+                    | Command::ReceiveJob { .. }
+                    | Command::Timing { .. }
+                    | Command::Display(_)
+                    | Command::Echo { .. }
+                    | Command::KeepAlive(None)
+                    | Command::HeaterTimeout(None)
+                    | Command::ReportTemperatures
+                    | Command::ReportDrivers
+                    | Command::ReportPosition
+                    | Command::ReportFirmware
+                    | Command::ReportEndStops
+                    | Command::ReportMotion
+                    | Command::Accepted
+                    | Command::Unknown(_),
+                )
+                | Err(_) => {}
             }
         }
         Ok(())
     }
 }
 
-/// Why a frame of this number is none to enter at, for a job of so many.
+/// Error for a frame number outside the job.
 pub fn no_such_frame(number: u32, frames: u32) -> JobError {
     let last = frames.saturating_sub(1);
     JobError::Entry { frame: number, message: format!("there is no such frame, expected one from 0 to {last}") }
 }
 
-/// Why a job in packets cannot be entered.
+/// Error for a job in packets, which has no frames to enter at.
 pub fn no_frames(number: u32) -> JobError {
-    JobError::Entry { frame: number, message: "packets cannot be entered, expected the compact encoding".to_owned() }
+    let message = "packets cannot be entered: prepare the job with --format compact".to_owned();
+    JobError::Entry { frame: number, message }
 }
 
-/// Why a frame cannot be entered, with the next one that can; the reader stands behind it.
+/// Error for a frame that cannot be entered, with the next one that can; the reader has just read the frame.
 pub fn not_here<R: Read>(number: u32, reader: &mut PartReader<R>, frames: u32) -> JobError {
     let next = loop {
         match reader.frame(frames) {
@@ -85,13 +135,13 @@ pub fn not_here<R: Read>(number: u32, reader: &mut PartReader<R>, frames: u32) -
     };
     let next = match next {
         Some(next) => format!("expected another: the next one that can be entered is {next}"),
-        None => "none behind it can".to_owned(),
+        None => "no later one can".to_owned(),
     };
     let message = format!("a job cannot be entered here, for its first move goes on from the one before; {next}");
     JobError::Entry { frame: number, message }
 }
 
-/// Brings the machine to where a frame begins, and takes over what lasts there.
+/// Brings the machine to where a frame begins, and takes over the settings in force there.
 ///
 /// The nozzle is taken to stand at the frame's height: after a power cut it stands in or on the print, and Z cannot be homed.
 /// Bed and nozzle are heated before anything moves, so that nothing is torn off; then it is raised, X and Y are homed, and it goes
@@ -126,7 +176,7 @@ pub async fn approach<O: Observer, R: Replies>(
             length_10nm.abs() % 100_000
         )
     };
-    let way = [
+    let travel = [
         format!("G1 Z{} F{z_feed}", mm(raised)),
         "G28 X Y".to_owned(),
         format!("G1 X{} Y{} F{TRAVEL_MM_PER_MIN}", mm(x), mm(y)),
@@ -136,7 +186,7 @@ pub async fn approach<O: Observer, R: Replies>(
     run(passed.drivers.iter().map(|(line, text)| (*line, text.as_str())), number, printer).await?;
     run(heat.iter().map(|text| (state.line, text.as_str())), number, printer).await?;
     printer.take_height(z).await.map_err(failed)?;
-    run(way.iter().map(|text| (state.line, text.as_str())), number, printer).await?;
+    run(travel.iter().map(|text| (state.line, text.as_str())), number, printer).await?;
     run(passed.others.iter().map(|(line, text)| (*line, text.as_str())), number, printer).await?;
     printer.enter_prepared(state).await.map_err(failed)
 }

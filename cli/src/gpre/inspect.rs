@@ -3,7 +3,7 @@
 use std::io::{self, Read, Write};
 
 use ferrostep_gpre::compact::FrameState;
-use ferrostep_gpre::{Encoding, Entry, Header, Item};
+use ferrostep_gpre::{Encoding, EntrySpeed, Header, Item};
 
 use super::play::PartReader;
 use crate::job::JobError;
@@ -79,10 +79,10 @@ fn say_item(item: &Item<'_>, out: &mut impl Write) -> io::Result<()> {
             let (line, feed) = (next.line, next.feed_mm_per_s);
             write!(out, "  {line:>7}  X{x:.5} Y{y:.5} Z{z:.5} E{filament:+.5} F{feed} mm/s, ")?;
             match next.entry {
-                Entry::Continues => writeln!(out, "continues"),
-                Entry::Bound => writeln!(out, "entry by corner and feed"),
-                Entry::Falling => writeln!(out, "entry by braking"),
-                Entry::Given(squared) => {
+                EntrySpeed::Continues => writeln!(out, "continues"),
+                EntrySpeed::Bound => writeln!(out, "entry by corner and feed"),
+                EntrySpeed::Falling => writeln!(out, "entry by braking"),
+                EntrySpeed::Given(squared) => {
                     writeln!(out, "entry {:.4} mm/s", (squared.units() as f64 / 12_800_000.0).sqrt())
                 }
             }

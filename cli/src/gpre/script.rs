@@ -4,9 +4,9 @@
 use std::collections::VecDeque;
 
 use ferrostep_gcode::{Command, parse};
-use ferrostep_gpre::{Coordinate, Entry, Item, ModalState, PreparedMove};
-use ferrostep_planner::look_ahead::Pass;
-use ferrostep_planner::{Move, PlannedBlock, Recorded, SquaredSpeed};
+use ferrostep_gpre::{Coordinate, EntrySpeed, Item, ModalState, PreparedMove};
+use ferrostep_planner::look_ahead::{ForwardPass, RingMemory};
+use ferrostep_planner::{Move, PlannedBlock, Planner, Recorded, Recorder, SquaredSpeed};
 
 /// What the command being executed is in the file.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -102,7 +102,8 @@ pub struct Script {
     left: u64,
     /// Which blocks' first moves, counted from the job's start, have no speeds yet.
     unplanned: VecDeque<u64>,
-    pass: Pass,
+    recorder: Recorder,
+    pass: ForwardPass,
     /// What the block before can reach at its end.
     reachable: SquaredSpeed,
 }
@@ -142,7 +143,7 @@ impl Script {
                 line: request.line,
                 ends_move: request.ends_move,
                 counts,
-                entry: Entry::Continues,
+                entry: EntrySpeed::Continues,
             }),
             _ => None,
         };
@@ -156,13 +157,16 @@ impl Script {
         }
     }
 
-    /// A block has left look-ahead.
-    pub fn left(&mut self, recorded: &Recorded) {
-        let Recorded::Block { planned, entry, bound } = *recorded else { return };
-        let Some(index) = self.unplanned.pop_front() else { return };
-        if let Some(Waiting::First { speeds, .. }) = self.waiting.get_mut((index - self.left) as usize) {
+    /// Takes what leaves look-ahead next, without making its steps, and notes its speeds.
+    pub fn record_next<S: RingMemory>(&mut self, planner: &mut Planner<S>) -> Option<Recorded> {
+        let recorded = self.recorder.next(planner)?;
+        if let Recorded::Block { planned, entry, bound } = recorded
+            && let Some(index) = self.unplanned.pop_front()
+            && let Some(Waiting::First { speeds, .. }) = self.waiting.get_mut((index - self.left) as usize)
+        {
             *speeds = Some(Speeds { planned, entry, bound });
         }
+        Some(recorded)
     }
 
     /// All moves that have no speeds have been made otherwise: up to an end stop.
@@ -184,7 +188,7 @@ impl Script {
             self.left += 1;
             return Some(match self.waiting.pop_front()? {
                 Waiting::Anew | Waiting::First { item: None, .. } => {
-                    self.pass = Pass::default();
+                    self.pass = ForwardPass::default();
                     self.reachable = SquaredSpeed::ZERO;
                     continue;
                 }
@@ -201,9 +205,9 @@ impl Script {
     }
 
     /// The shortest way to say the planned speed, from which the reader's forward pass makes the same.
-    fn entry(&mut self, speeds: &Speeds) -> Entry {
+    fn entry(&mut self, speeds: &Speeds) -> EntrySpeed {
         let Speeds { planned, entry, bound } = speeds;
-        let said = |said: Entry| {
+        let said = |said: EntrySpeed| {
             let mut pass = self.pass;
             let most = pass.fastest();
             let wanted = pass.next(&planned.block, *bound, false, said).ok()?;
@@ -211,15 +215,15 @@ impl Script {
             let holds = wanted.min(self.reachable).root() == planned.entry && wanted.min(most) <= *entry;
             holds.then_some(pass)
         };
-        let (speed, pass) = if let Some(pass) = said(Entry::Bound) {
-            (Entry::Bound, pass)
-        } else if let Some(pass) = said(Entry::Falling) {
-            (Entry::Falling, pass)
+        let (speed, pass) = if let Some(pass) = said(EntrySpeed::Bound) {
+            (EntrySpeed::Bound, pass)
+        } else if let Some(pass) = said(EntrySpeed::Falling) {
+            (EntrySpeed::Falling, pass)
         } else {
             let mut pass = self.pass;
             // It is within its bounds, for it is the reverse pass's.
-            let _ = pass.next(&planned.block, *bound, false, Entry::Given(*entry));
-            (Entry::Given(*entry), pass)
+            let _ = pass.next(&planned.block, *bound, false, EntrySpeed::Given(*entry));
+            (EntrySpeed::Given(*entry), pass)
         };
         self.pass = pass;
         self.reachable = SquaredSpeed::from(planned.entry).changed_over(&planned.block);

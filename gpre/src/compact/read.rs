@@ -5,7 +5,9 @@ use super::{
 };
 use crate::bits::{BitReader, Order, Window};
 use crate::error::Fault;
-use crate::item::{Coordinate, Entry, FIRST_CORNER_VALUE, Item, LimitValues, ModalState, PreparedMove, SquaredSpeed};
+use crate::item::{
+    Coordinate, EntrySpeed, FIRST_CORNER_VALUE, Item, LimitValues, ModalState, PreparedMove, SquaredSpeed,
+};
 
 /// Largest unit.
 const MOST_UNIT: u32 = 1000;
@@ -22,7 +24,7 @@ fn after(coordinate: Coordinate, steps: i32, unit_10nm: i32) -> Option<Coordinat
 enum Uncommon {
     /// Something that lasts.
     Told,
-    Move(Entry),
+    Move(EntrySpeed),
     Fan(u8),
     Command,
 }
@@ -160,7 +162,7 @@ impl<'a> Decoder<'a> {
                 line,
                 ends_move: Shape::FIRST.ends_move(),
                 counts: Shape::FIRST.counts(),
-                entry: Entry::Bound,
+                entry: EntrySpeed::Bound,
             },
             lambda: 0.0,
             shape: Shape::FIRST,
@@ -195,9 +197,9 @@ impl<'a> Decoder<'a> {
             self.left -= 1;
             let window = self.bits.window();
             let (length, entry) = match window.first(4) {
-                0b0000..=0b0011 => (2, Entry::Bound),
-                0b0100 | 0b0101 => (3, Entry::Falling),
-                0b0110 => (4, Entry::Continues),
+                0b0000..=0b0011 => (2, EntrySpeed::Bound),
+                0b0100 | 0b0101 => (3, EntrySpeed::Falling),
+                0b0110 => (4, EntrySpeed::Continues),
                 first => match self.uncommon(first)? {
                     Uncommon::Told => continue,
                     Uncommon::Move(entry) => {
@@ -345,18 +347,18 @@ impl<'a> Decoder<'a> {
         Ok(())
     }
 
-    fn entry(&mut self) -> Result<Entry, Fault> {
+    fn entry(&mut self) -> Result<EntrySpeed, Fault> {
         if !self.bits.bit()? {
-            return Ok(Entry::Bound);
+            return Ok(EntrySpeed::Bound);
         }
         if !self.bits.bit()? {
-            return Ok(Entry::Falling);
+            return Ok(EntrySpeed::Falling);
         }
         if !self.bits.bit()? {
-            return Ok(Entry::Continues);
+            return Ok(EntrySpeed::Continues);
         }
         let width = self.bits.few(6)?;
-        Ok(Entry::Given(SquaredSpeed::from_units((1u64 << width | self.bits.many(width)?) - 1)))
+        Ok(EntrySpeed::Given(SquaredSpeed::from_units((1u64 << width | self.bits.many(width)?) - 1)))
     }
 
     fn command(&mut self) -> Result<Item<'_>, Fault> {

@@ -16,7 +16,7 @@ use lambdas::lambdas;
 
 use crate::CRC;
 use crate::bits::{BitWriter, golomb_bits, zigzag};
-use crate::item::{Entry, Item, ModalState, PreparedMove};
+use crate::item::{EntrySpeed, Item, ModalState, PreparedMove};
 
 /// A frame is closed when it is about so long; no shorter, for every frame begins with some 40 bytes of its own.
 const LONG_ENOUGH_BITS: usize = 8 * 1600;
@@ -120,12 +120,15 @@ impl FrameWriter {
 
     /// Takes an item; appends to `frames` what is complete.
     pub fn add(&mut self, item: &Item<'_>, frames: &mut Vec<u8>) {
-        let follows = matches!(item, Item::Move(PreparedMove { entry: Entry::Continues | Entry::Falling, .. }));
+        let follows =
+            matches!(item, Item::Move(PreparedMove { entry: EntrySpeed::Continues | EntrySpeed::Falling, .. }));
         if self.bits >= LONG_ENOUGH_BITS + if follows { LONGER_BITS } else { 0 } {
             self.close(frames);
         }
         let (bits, waiting) = match *item {
-            Item::Move(next) => (if matches!(next.entry, Entry::Given(_)) { 90 } else { 42 }, Waiting::Move(*next)),
+            Item::Move(next) => {
+                (if matches!(next.entry, EntrySpeed::Given(_)) { 90 } else { 42 }, Waiting::Move(*next))
+            }
             Item::Fan { line, power } => (20, Waiting::Fan { line, power }),
             Item::Command { line, text } => {
                 let end = text.floor_char_boundary(MOST_TEXT_BYTES);
@@ -180,11 +183,11 @@ impl FrameWriter {
 /// What a bound is that follows from the corner before the first move nobody knows who has not read what is before it.
 fn can_be_entered(items: &[Waiting]) -> bool {
     let speeds = items.iter().filter_map(|item| if let Waiting::Move(next) = item { Some(next.entry) } else { None });
-    let mut blocks = speeds.enumerate().filter(|(index, speed)| *index == 0 || *speed != Entry::Continues);
+    let mut blocks = speeds.enumerate().filter(|(index, speed)| *index == 0 || *speed != EntrySpeed::Continues);
     match blocks.next() {
-        Some((_, Entry::Continues | Entry::Falling)) => false,
-        Some((_, Entry::Bound)) => !matches!(blocks.next(), Some((_, Entry::Falling))),
-        Some((_, Entry::Given(_))) | None => true,
+        Some((_, EntrySpeed::Continues | EntrySpeed::Falling)) => false,
+        Some((_, EntrySpeed::Bound)) => !matches!(blocks.next(), Some((_, EntrySpeed::Falling))),
+        Some((_, EntrySpeed::Given(_))) | None => true,
     }
 }
 

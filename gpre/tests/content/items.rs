@@ -1,6 +1,6 @@
 //! What stands in the items of a frame.
 
-use ferrostep_gpre::{Entry, Fault, PreparedMove, SquaredSpeed};
+use ferrostep_gpre::{EntrySpeed, Fault, PreparedMove, SquaredSpeed};
 
 use super::bits::Bits;
 use super::framed::framed;
@@ -73,8 +73,15 @@ fn moves_of_all_shapes_are_read() {
         ([1_400, -2_200, -970], 0, 12, false, false),
     ];
     assert_eq!(read.iter().map(told).collect::<Vec<_>>(), expected);
-    let given = |units| Entry::Given(SquaredSpeed::from_units(units));
-    let entries = [Entry::Bound, Entry::Bound, Entry::Falling, Entry::Continues, given(0b10_0001), given(u64::MAX - 1)];
+    let given = |units| EntrySpeed::Given(SquaredSpeed::from_units(units));
+    let entries = [
+        EntrySpeed::Bound,
+        EntrySpeed::Bound,
+        EntrySpeed::Falling,
+        EntrySpeed::Continues,
+        given(0b10_0001),
+        given(u64::MAX - 1),
+    ];
     assert_eq!(read.iter().map(|item| item.entry).collect::<Vec<_>>(), entries);
     assert!(read.iter().all(|item| item.feed_mm_per_s == 40.0));
 }

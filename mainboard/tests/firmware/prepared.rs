@@ -7,7 +7,7 @@ use ferrostep::gpre::{self, Target};
 use ferrostep::send::{self, Patience};
 use ferrostep::session::JobReplies;
 use ferrostep_gpre::transfer::{Kind, Report, Sender, Word, to_wire};
-use ferrostep_gpre::{Encoding, Entry};
+use ferrostep_gpre::{Encoding, EntrySpeed};
 use ferrostep_printer::Profile;
 use ferrostep_tests::hand_made::{self, given};
 
@@ -136,12 +136,12 @@ fn forbidden_moves_stop_on_the_path() {
         bench.host.ask("M114", "X:").unwrap()
     };
     // From 100 mm/s within 1 mm to 1 mm/s: the fourth frame.
-    let moves = [(40, Entry::Bound), (1, Entry::Bound), (40, given(1.0)), (20, Entry::Bound)];
+    let moves = [(40, EntrySpeed::Bound), (1, EntrySpeed::Bound), (40, given(1.0)), (20, EntrySpeed::Bound)];
     let place = stops(hand_made::job(hash, &moves), Word::Stopped, 4, "line 5: the planned speed is too low");
     assert!(place.starts_with("X:41.00 Y:0.00"), "{place}");
-    let moves = [(40, Entry::Bound), (40, given(100.1)), (20, Entry::Bound)];
+    let moves = [(40, EntrySpeed::Bound), (40, given(100.1)), (20, EntrySpeed::Bound)];
     stops(hand_made::job(hash, &moves), Word::Stopped, 3, "the planned speed is too high");
-    let moves = [(40, Entry::Bound), (400, Entry::Bound)];
+    let moves = [(40, EntrySpeed::Bound), (400, EntrySpeed::Bound)];
     let place = stops(hand_made::job(hash, &moves), Word::Stopped, 2, "frame 2 at byte ");
     assert!(place.starts_with("X:40.00 Y:0.00"), "{place}");
     stops(hand_made::job(hash ^ 1, &moves), Word::Refused, 0, "at byte 16: prepared for another machine");
@@ -161,7 +161,7 @@ fn forbidden_moves_stop_on_the_path() {
 #[test]
 fn commands_between_frames_are_executed() {
     let mut bench = Bench::boot();
-    let moves: Vec<_> = (0..40).map(|_| (4, Entry::Bound)).collect();
+    let moves: Vec<_> = (0..40).map(|_| (4, EntrySpeed::Bound)).collect();
     let job = hand_made::job(profile().plan_hash, &moves);
     bench.host.send(&format!("M790 S{} T3600", job.len())).unwrap();
     bench.host.send_raw(&to_wire(Kind::Data, 0, &job[..250])).unwrap();
@@ -183,7 +183,7 @@ fn commands_between_frames_are_executed() {
 #[test]
 fn a_silent_host_ends_the_job() {
     let mut bench = Bench::boot();
-    let job = hand_made::job(profile().plan_hash, &[(40, Entry::Bound), (20, Entry::Bound)]);
+    let job = hand_made::job(profile().plan_hash, &[(40, EntrySpeed::Bound), (20, EntrySpeed::Bound)]);
     bench.host.send(&format!("M790 S{} T15", job.len())).unwrap();
     bench.host.send_raw(&to_wire(Kind::Data, 0, &job[..job.len() - 10])).unwrap();
     bench.host.wait_for("the timeout", |line| line == "echo:gpre: nothing from the host for 15 s").unwrap();
@@ -199,7 +199,7 @@ fn a_silent_host_ends_the_job() {
 #[test]
 fn a_job_does_not_continue_after_a_stop() {
     let mut bench = Bench::boot();
-    let moves: Vec<_> = (0..10).map(|_| (15, Entry::Bound)).collect();
+    let moves: Vec<_> = (0..10).map(|_| (15, EntrySpeed::Bound)).collect();
     let job = hand_made::job(profile().plan_hash, &moves);
     let (first, rest) = job.split_at(job.len() / 2);
     bench.host.send(&format!("M790 S{} T3600", job.len())).unwrap();

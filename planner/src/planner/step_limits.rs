@@ -3,11 +3,10 @@
 //! A motor stands within half a step of where it should, so a block's travel along an axis is known to a step (on CoreXY,
 //! where an axis is half of two motors, too). By that much the checks give way, and by rounding in single precision.
 
-use super::{Planner, TICKS_PER_10NM_AT_1_MM_PER_S};
+use super::block_rules::{BlockRules, TICKS_PER_10NM_AT_1_MM_PER_S};
 use crate::block::{Block, Speed};
-use crate::kinematics::{Geometry, Kinematics, UNITS_PER_MM};
+use crate::kinematics::{Kinematics, UNITS_PER_MM};
 use crate::limits::{larger, smaller};
-use crate::look_ahead::Slot;
 use crate::square_root::square_root_f32;
 
 /// What rounding may be off, of a whole.
@@ -19,12 +18,7 @@ struct Travels {
     step_mm: [f32; 4],
 }
 
-/// Lengths of a step, mm. A division in double precision each, which no block has to make.
-pub(super) fn step_mm(geometry: &Geometry) -> [f32; 4] {
-    geometry.steps_per_mm.map(|steps| 1.0 / steps.to_f64() as f32)
-}
-
-impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
+impl BlockRules {
     fn travels(&self, block: &Block) -> Travels {
         let step_mm = self.step_mm;
         let [first, second, z] = block.steps.map(|steps| steps as f32);

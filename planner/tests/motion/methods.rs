@@ -207,7 +207,7 @@ proptest! {
             advance(&mut planner, &mut player);
         }
         let motors = Player::motors_after(&player.events);
-        planner.stand_at(motors, player.tick, player.directions);
+        planner.reset_to(motors, player.tick, player.directions);
         prop_assert!(planner.is_idle());
         planner.add(&Move { target_10nm: [0; 3], filament_100pm: 1_000_000, feed_mm_per_s: 100.0, line: 99, ends_move: true }).unwrap();
         planner.flush();

@@ -23,7 +23,7 @@ fn goes_on_after_a_stop(law: AccelerationProfile) {
         advance(&mut planner, &mut player);
     }
     let motors = Player::motors_after(&player.events);
-    planner.stand_at(motors, player.tick, player.directions);
+    planner.reset_to(motors, player.tick, player.directions);
     assert!(planner.is_idle());
     let here = planner.position_10nm();
     assert_eq!(machine.motor_steps(here).map(i64::from), [motors[0], motors[1], motors[2]]);

@@ -5,7 +5,7 @@ use core::future::Future;
 use ferrostep_gcode::MotionFigures;
 use ferrostep_hal_shim::StepOutput;
 use ferrostep_planner::look_ahead::Slot;
-use ferrostep_planner::{Limits, MotionChoice, Move, MoveError, Moved, PreparedBlock, PreparedMove, Retuned};
+use ferrostep_planner::{Limits, MotionChoice, Move, MoveError, Moved, Request};
 
 use super::{Machine, Silence};
 use crate::ports::{Motion, MotionError, MotionFault, Seek};
@@ -99,32 +99,20 @@ impl<S: SharedMachine> Motion for SharedMotion<S> {
         self.machine.with(|machine| machine.stops())
     }
 
-    async fn add(&mut self, request: Move) -> Result<Moved, MotionError> {
+    async fn add(&mut self, request: impl Request) -> Result<Moved, MotionError> {
         self.wait(|machine| unless_full(machine.add(&request))).await?
     }
 
-    fn try_add_prepared(
-        &mut self,
-        prepared: &PreparedMove,
-        now: Option<&Retuned>,
-    ) -> Option<Result<Moved, MotionError>> {
+    fn try_add(&mut self, request: &impl Request) -> Option<Result<Moved, MotionError>> {
         let moved = self.machine.with(|machine| {
-            // A halt before this look is seen by it; one that comes now waits for the machine, and then forgets the move.
+            // M112 before this check is handled here; after it, `request_stop` drops the motion.
             if self.machine.is_halted() {
                 return Some(Err(MotionError::Stopped));
             }
-            unless_full(machine.add_prepared(prepared, now))
+            unless_full(machine.add(request))
         })?;
         self.machine.wake_planner();
         Some(moved)
-    }
-
-    async fn add_prepared(&mut self, prepared: PreparedMove, now: Option<Retuned>) -> Result<Moved, MotionError> {
-        self.wait(|machine| unless_full(machine.add_prepared(&prepared, now.as_ref()))).await?
-    }
-
-    async fn add_prepared_block(&mut self, prepared: PreparedBlock) -> Result<(), MotionError> {
-        self.wait(|machine| unless_full(machine.add_prepared_block(&prepared))).await?
     }
 
     fn refine_position(&mut self, position_10nm: [i64; 3]) -> bool {
@@ -138,8 +126,8 @@ impl<S: SharedMachine> Motion for SharedMotion<S> {
     async fn finish(&mut self) -> Result<(), MotionError> {
         self.machine.with(|machine| machine.flush());
         self.machine.wake_planner();
-        let violation = self.wait(|machine| machine.is_idle().then(|| machine.take_violation())).await?;
-        violation.map_or(Ok(()), |violation| Err(MotionError::Move(MoveError::Violation(violation))))
+        let fault = self.wait(|machine| machine.is_idle().then(|| machine.take_plan_fault())).await?;
+        fault.map_or(Ok(()), |fault| Err(MotionError::Move(MoveError::Plan(fault))))
     }
 
     async fn seek(&mut self, request: Move, axis: usize) -> Result<Seek, MotionError> {

@@ -6,7 +6,7 @@ use super::*;
 use crate::profile::{
     AxisHoming, DriverTiming, ExtrusionSettings, FirmwareRetraction, HeaterSettings, HeaterWatch, HomeEnd, HomeSensor,
 };
-use ferrostep_planner::{Kinematics, MotionChoice, StepsPerMm};
+use ferrostep_planner::{Kinematics, MotionChoice, Move, StepsPerMm};
 use ferrostep_step_player::{
     DroppedSteps, FeedError, NextWords, OutputPorts, Pulses, Signals, StepFeeder, StepLink, StepPlayer, UpdateTimer,
 };

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use ferrostep_gpre::compact::{Frame, FrameState, HEAD_BYTES, frame_length};
-use ferrostep_gpre::{Encoding, Entry, Header};
+use ferrostep_gpre::{Encoding, EntrySpeed, Header};
 use ferrostep_oracle::trace::{Record, TraceReader};
 use ferrostep_printer::Profile;
 use ferrostep_tests::hand_made;
@@ -235,8 +235,13 @@ fn impossible_entry_frames_are_refused() {
     let directory = directory();
     let machine = profile("cartesian");
     // One frame a move, after the frame that homes.
-    let moves =
-        [(40, Entry::Bound), (20, Entry::Falling), (10, Entry::Falling), (10, Entry::Bound), (5, Entry::Falling)];
+    let moves = [
+        (40, EntrySpeed::Bound),
+        (20, EntrySpeed::Falling),
+        (10, EntrySpeed::Falling),
+        (10, EntrySpeed::Bound),
+        (5, EntrySpeed::Falling),
+    ];
     let path = file(&directory, "moves.gpre", hand_made::job(machine.plan_hash, &moves));
     says(&print_from(&path, "6", 1), "frame 6: there is no such frame, expected one from 0 to 5");
     let goes_on = "a job cannot be entered here, for its first move goes on from the one before";
@@ -244,11 +249,11 @@ fn impossible_entry_frames_are_refused() {
         &print_from(&path, "2", 1),
         &format!("frame 2: {goes_on}; expected another: the next one that can be entered is 4"),
     );
-    says(&print_from(&path, "5", 1), &format!("frame 5: {goes_on}; none behind it can"));
+    says(&print_from(&path, "5", 1), &format!("frame 5: {goes_on}; no later one can"));
     says(&print_from(&path, "4", 0), "");
 
     let wide = file(&directory, "wide.gpre", prepared(&machine, SQUARE.as_bytes(), Encoding::Wide).unwrap());
-    says(&print_from(&wide, "1", 1), "frame 1: packets cannot be entered, expected the compact encoding");
+    says(&print_from(&wide, "1", 1), "frame 1: packets cannot be entered: prepare the job with --format compact");
     let text = file(&directory, "square.gcode", SQUARE);
     says(&print_from(&text, "1", 2), "this is G-code, and --from-frame needs a prepared job");
     says(&print_from(&path, "first", 2), "invalid value 'first' for '--from-frame <N>'");

@@ -9,7 +9,7 @@ use std::task::{Context, Poll, Waker};
 
 use ferrostep_gcode::{MotionFigures, Reply};
 use ferrostep_hal_shim::{Clock, Heater};
-use ferrostep_planner::{Limits, MotionChoice, Move, Moved, PreparedBlock, PreparedMove, Retuned};
+use ferrostep_planner::{Limits, MotionChoice, Move, Moved, Request};
 use ferrostep_printer::heat::HeatFault;
 use ferrostep_printer::{
     CommandError, Failure, HeaterStatus, Heating, HomeEnd, HomeSensor, Motion, MotionError, Printer, Profile, Replies,
@@ -132,7 +132,8 @@ fn execute(printer: &mut PlacesPrinter<'_>, line: &str) -> Result<(), CommandErr
 struct PlacesMotion<'a>(&'a Places);
 
 impl Motion for PlacesMotion<'_> {
-    async fn add(&mut self, request: Move) -> Result<Moved, MotionError> {
+    async fn add(&mut self, request: impl Request) -> Result<Moved, MotionError> {
+        let Some(request) = request.as_move() else { unreachable!("no prepared jobs here") };
         let way = self.0.way_to(request.target_10nm);
         self.0.mechanics.borrow_mut().go(way);
         self.0.believed_10nm.set(request.target_10nm);
@@ -146,14 +147,6 @@ impl Motion for PlacesMotion<'_> {
         believed[axis] += moved;
         self.0.believed_10nm.set(believed);
         Ok(if triggered { Seek::Triggered } else { Seek::Missed })
-    }
-
-    async fn add_prepared(&mut self, _: PreparedMove, _: Option<Retuned>) -> Result<Moved, MotionError> {
-        unreachable!("no prepared jobs here")
-    }
-
-    async fn add_prepared_block(&mut self, _: PreparedBlock) -> Result<(), MotionError> {
-        unreachable!("no prepared jobs here")
     }
 
     fn refine_position(&mut self, _: [i64; 3]) -> bool {

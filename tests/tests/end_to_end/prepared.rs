@@ -7,7 +7,7 @@ use ferrostep::gpre::{self, Target};
 use ferrostep::session::JobReplies;
 use ferrostep_gpre::compact::{HEAD_BYTES, frame_length};
 use ferrostep_gpre::wide::{Packet, Status};
-use ferrostep_gpre::{Encoding, Entry, Header};
+use ferrostep_gpre::{Encoding, EntrySpeed, Header};
 use ferrostep_printer::Profile;
 use ferrostep_tests::hand_made::{self, given};
 use proptest::prelude::*;
@@ -189,7 +189,7 @@ fn each_broken_file_is_refused_with_its_message() {
     says(&refusal(&bit, 1, &[]), "at byte 0: bits have changed");
     let longer = changed(&|job| job.push(0));
     says(&refusal(&longer, 1, &[]), &format!("at byte {}: more bytes after the last frame", job.len()));
-    let mut swapped = by_hand(&[(40, Entry::Bound), (40, Entry::Bound)]);
+    let mut swapped = by_hand(&[(40, EntrySpeed::Bound), (40, EntrySpeed::Bound)]);
     let head = swapped[header..].first_chunk::<HEAD_BYTES>().unwrap();
     let length = frame_length(head).unwrap();
     swapped[header..].rotate_left(length);
@@ -267,35 +267,38 @@ fn inspect_lists_every_move() {
 }
 
 /// A job made by hand for this machine.
-fn by_hand(moves: &[(i64, Entry)]) -> Vec<u8> {
+fn by_hand(moves: &[(i64, EntrySpeed)]) -> Vec<u8> {
     hand_made::job(profile("cartesian").plan_hash, moves)
 }
 
 #[test]
 fn impossible_plans_stop_where_they_begin() {
     let machine = profile("cartesian");
-    let ended = |moves: &[(i64, Entry)]| rehearse_far(&machine, &mut &by_hand(moves)[..], true);
-    let message = |moves: &[(i64, Entry)]| ended(moves).outcome.unwrap_err().to_string();
+    let ended = |moves: &[(i64, EntrySpeed)]| rehearse_far(&machine, &mut &by_hand(moves)[..], true);
+    let message = |moves: &[(i64, EntrySpeed)]| ended(moves).outcome.unwrap_err().to_string();
 
-    let sound = ended(&[(40, Entry::Bound), (40, given(50.0)), (1, Entry::Falling), (20, Entry::Bound)]);
+    let sound = ended(&[(40, EntrySpeed::Bound), (40, given(50.0)), (1, EntrySpeed::Falling), (20, EntrySpeed::Bound)]);
     assert!(sound.outcome.is_ok(), "{:?}", sound.outcome);
 
     // Faster than the feed; there is no corner, because the path continues straight.
-    let moves = [(40, Entry::Bound), (40, given(100.1)), (20, Entry::Bound)];
+    let moves = [(40, EntrySpeed::Bound), (40, given(100.1)), (20, EntrySpeed::Bound)];
     assert!(message(&moves).starts_with("frame 3"), "{}", message(&moves));
-    assert!(message(&moves).contains("the planned speed is too high"), "{}", message(&moves));
+    says(
+        &message(&moves),
+        "line 4: the planned speed is too high: 100.1 mm/s, where corner and feeds allow 100.0 mm/s; prepare the job again",
+    );
     // From 100 mm/s within 1 mm to 1 mm/s.
-    let moves = [(40, Entry::Bound), (1, Entry::Bound), (40, given(1.0)), (20, Entry::Bound)];
-    assert!(message(&moves).contains("the planned speed is too low"), "{}", message(&moves));
+    let moves = [(40, EntrySpeed::Bound), (1, EntrySpeed::Bound), (40, given(1.0)), (20, EntrySpeed::Bound)];
+    says(&message(&moves), "line 5: the planned speed is too low: 1.0 mm/s, where the move before slows down to ");
     // 40 mm are no part of anything.
-    let moves = [(40, Entry::Bound), (40, Entry::Continues)];
-    assert!(message(&moves).contains("does not continue"), "{}", message(&moves));
+    let moves = [(40, EntrySpeed::Bound), (40, EntrySpeed::Continues)];
+    assert!(message(&moves).contains("takes this move and the one before for one"), "{}", message(&moves));
     // Beyond the end of the axis.
-    let moves = [(40, Entry::Bound), (400, Entry::Bound)];
+    let moves = [(40, EntrySpeed::Bound), (400, EntrySpeed::Bound)];
     assert!(message(&moves).contains("X: outside the soft limits"), "{}", message(&moves));
 
     // What was sound is executed, the machine stands on the path, and knows where.
-    let stopped = ended(&[(40, Entry::Bound), (1, Entry::Bound), (40, given(1.0)), (20, Entry::Bound)]);
+    let stopped = ended(&[(40, EntrySpeed::Bound), (1, EntrySpeed::Bound), (40, given(1.0)), (20, EntrySpeed::Bound)]);
     assert_eq!(stopped.logical_10nm[0], 4_100_000);
     assert_eq!(stopped.figures.underruns, 0);
 }

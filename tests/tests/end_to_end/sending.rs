@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use ferrostep_gpre::{Encoding, Entry};
+use ferrostep_gpre::{Encoding, EntrySpeed};
 use ferrostep_tests::hand_made;
 use serde_json::Value;
 use tempfile::TempDir;
@@ -129,7 +129,7 @@ fn the_fallback_is_not_sent_after_a_job_has_begun() {
     assert_printed(&sound.end(), &square);
 
     // Beyond the end of the axis, when half of it is done.
-    let moves = [(40, Entry::Bound), (400, Entry::Bound)];
+    let moves = [(40, EntrySpeed::Bound), (400, EntrySpeed::Bound)];
     let stops = file(&directory, "stops.gpre", hand_made::job(profile("cartesian").plan_hash, &moves));
     let stopped = PtyBoard::start(board());
     let outcome = send(&stops, stopped.port(), Some(&gcode));
@@ -177,7 +177,9 @@ fn a_board_without_job_support_is_given_up() {
     let gcode = file(&directory, "square.gcode", SQUARE);
     let no_jobs = Settings { takes_jobs: false, ..board() };
     let halted = Settings { before: &["M112"], ..board() };
-    for (settings, expected) in [(no_jobs, "jobs are received by a board"), (halted, "expected M999 to restart")] {
+    for (settings, expected) in
+        [(no_jobs, "M790 works on a board's serial or USB port only"), (halted, "expected M999 to restart")]
+    {
         let board = PtyBoard::start(settings);
         let outcome = send(&job, board.port(), Some(&gcode));
         assert_eq!(outcome.status, Some(1), "{outcome:#?}");

@@ -10,7 +10,7 @@ use embedded_hal_async::delay::DelayNs;
 use ferrostep_gcode::{MotionFigures, Reply};
 use ferrostep_hal_shim::{Clock, Heater};
 use ferrostep_planner::look_ahead::Slot;
-use ferrostep_planner::{Limits, MotionChoice, Move, Moved, Planner, PreparedBlock, PreparedMove, Retuned};
+use ferrostep_planner::{Limits, MotionChoice, Move, Moved, Planner, Request};
 use ferrostep_printer::heat::HeatFault;
 use ferrostep_printer::{HeaterStatus, Heating, Motion, MotionError, Printer, Replies, Seek};
 
@@ -28,24 +28,12 @@ pub struct Machine<'a, 's> {
 }
 
 impl Motion for Machine<'_, '_> {
-    async fn add(&mut self, request: Move) -> Result<Moved, MotionError> {
+    async fn add(&mut self, request: impl Request) -> Result<Moved, MotionError> {
         self.planner.borrow_mut().add(&request).map_err(MotionError::Move)
     }
 
-    fn try_add_prepared(
-        &mut self,
-        prepared: &PreparedMove,
-        now: Option<&Retuned>,
-    ) -> Option<Result<Moved, MotionError>> {
-        Some(self.planner.borrow_mut().add_prepared(prepared, now).map_err(MotionError::Move))
-    }
-
-    async fn add_prepared(&mut self, prepared: PreparedMove, now: Option<Retuned>) -> Result<Moved, MotionError> {
-        self.planner.borrow_mut().add_prepared(&prepared, now.as_ref()).map_err(MotionError::Move)
-    }
-
-    async fn add_prepared_block(&mut self, prepared: PreparedBlock) -> Result<(), MotionError> {
-        self.planner.borrow_mut().add_prepared_block(&prepared).map_err(MotionError::Move)
+    fn try_add(&mut self, request: &impl Request) -> Option<Result<Moved, MotionError>> {
+        Some(self.planner.borrow_mut().add(request).map_err(MotionError::Move))
     }
 
     fn refine_position(&mut self, position_10nm: [i64; 3]) -> bool {

@@ -7,7 +7,7 @@ use std::vec::Vec;
 use super::{Content, Place, Steps};
 use crate::bits::BitWriter;
 use crate::compact::{FILAMENT_ALL, FILAMENT_PREDICTED, PLACES, Shape, WAY_XY, WAY_XYZ, WAY_Z};
-use crate::item::{Entry, PreparedMove};
+use crate::item::{EntrySpeed, PreparedMove};
 
 /// Items as the reader understands them, with what it knows after them.
 pub struct ItemWriter {
@@ -102,10 +102,10 @@ impl ItemWriter {
             self.shape = shape;
         }
         match next.entry {
-            Entry::Bound => self.bits.bits(0, 1),
-            Entry::Falling => self.bits.bits(0b10, 2),
-            Entry::Continues => self.bits.bits(0b110, 3),
-            Entry::Given(squared) => {
+            EntrySpeed::Bound => self.bits.bits(0, 1),
+            EntrySpeed::Falling => self.bits.bits(0b10, 2),
+            EntrySpeed::Continues => self.bits.bits(0b110, 3),
+            EntrySpeed::Given(squared) => {
                 let squared = squared.units().saturating_add(1);
                 let width = 63 - squared.leading_zeros();
                 self.bits.bits(0b111, 3);

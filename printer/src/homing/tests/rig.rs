@@ -6,7 +6,7 @@ use core::task::{Context, Poll, Waker};
 
 use ferrostep_gcode::{MotionFigures, Reply};
 use ferrostep_hal_shim::{Clock, Heater};
-use ferrostep_planner::{Limits, MotionChoice, Move, Moved, PreparedBlock, PreparedMove, Retuned};
+use ferrostep_planner::{Limits, MotionChoice, Move, Moved, Request};
 use ferrostep_tmc2209::{DriverReport, DriverSettings, DriverState, DriverStatus, SettingsError};
 
 use crate::heat::HeatFault;
@@ -162,19 +162,12 @@ pub fn execute(printer: &mut RigPrinter<'_>, text: &str) -> Result<(), crate::er
 pub struct RigMotion<'a>(&'a Rig);
 
 impl Motion for RigMotion<'_> {
-    async fn add(&mut self, request: Move) -> Result<Moved, MotionError> {
+    async fn add(&mut self, request: impl Request) -> Result<Moved, MotionError> {
+        let Some(request) = request.as_move() else { unreachable!("no prepared jobs here") };
         let way = self.0.way_to(request.target_10nm);
         self.0.events.borrow_mut().push(Event::Moved(mm(way), request.feed_mm_per_s));
         self.0.go(way);
         Ok(Moved::Queued)
-    }
-
-    async fn add_prepared(&mut self, _: PreparedMove, _: Option<Retuned>) -> Result<Moved, MotionError> {
-        unreachable!("no prepared jobs here")
-    }
-
-    async fn add_prepared_block(&mut self, _: PreparedBlock) -> Result<(), MotionError> {
-        unreachable!("no prepared jobs here")
     }
 
     fn refine_position(&mut self, _: [i64; 3]) -> bool {

@@ -21,9 +21,10 @@
 //! fall when the anchor's rises. It is kept then, with its anchor: what was possible before remains possible, at the
 //! anchor perhaps with less than its speed.
 
-use super::{Content, Left, LookAhead, Slot, Waiting};
-use crate::block::{Acceleration, Block, Speed, SquaredSpeed};
+use crate::block::{Acceleration, Block, Speed};
+use crate::block_queue::Released;
 use crate::pace::Pace;
+use crate::ring::{Content, Ring, RingMemory, Waiting};
 use crate::s_curve::law::Curve;
 use crate::s_curve::run::Planning;
 use crate::s_curve::{Jerk, Run};
@@ -62,16 +63,6 @@ pub(super) struct Runs {
     /// Whether blocks share laws at all.
     joins: bool,
     leaving: Option<Leaving>,
-}
-
-impl Runs {
-    pub(super) fn new(jerk: Jerk, joins: bool) -> Self {
-        Self { jerk, joins, leaving: None }
-    }
-
-    pub(super) fn clear(&mut self) {
-        self.leaving = None;
-    }
 }
 
 /// A corner as the end of a run that begins at the oldest block.
@@ -129,7 +120,7 @@ struct Anchor {
 
 impl Anchor {
     /// With one more block before it.
-    fn behind(&self, block: &Block) -> Self {
+    fn with_block_before(&self, block: &Block) -> Self {
         Self {
             length_10nm: self.length_10nm.saturating_add(block.length_10nm),
             acceleration: self.acceleration.min(block.acceleration),
@@ -150,24 +141,24 @@ impl Anchor {
 /// Steps in which a run is made slower.
 const SLOWER_STEPS: u32 = 8;
 
-impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
-    /// Adds a block, for which there is room.
-    pub(super) fn push_to_runs(&mut self, runs: &Runs, block: &Block, bound: Speed) {
-        let place = self.length;
-        self.place_block(Waiting {
-            block: *block,
-            entry_bound: bound.into(),
-            entry: SquaredSpeed::ZERO,
-            settled: false,
-            run_bound: bound,
-            run_entry: Speed::ZERO,
-            anchor: 1,
-        });
-        self.reverse_pass_over_corners(runs, place);
+impl Runs {
+    pub(super) fn new(jerk: Jerk, joins: bool) -> Self {
+        Self { jerk, joins, leaving: None }
+    }
+
+    pub(super) fn clear(&mut self) {
+        self.leaving = None;
+    }
+
+    /// Adds a block to a ring that has room.
+    pub(super) fn push<S: RingMemory>(&self, ring: &mut Ring<S>, block: &Block, bound: Speed) {
+        let newest = ring.len();
+        ring.push(Waiting { block: *block, entry_bound: bound.into(), bound_speed: bound, anchor: 1, ..Waiting::NONE });
+        self.reverse_pass_over_corners(ring, newest);
     }
 
     /// From the newest corner backwards, to one that is as fast as it may be already.
-    fn reverse_pass_over_corners(&mut self, runs: &Runs, newest: usize) {
+    fn reverse_pass_over_corners<S: RingMemory>(&self, ring: &mut Ring<S>, newest: usize) {
         let end = Anchor {
             place: newest + 1,
             speed: Speed::ZERO,
@@ -176,259 +167,89 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
             slowest: Speed(u32::MAX),
         };
         let mut anchor = end;
-        // The corner behind the present block.
+        // The corner after the present block.
         let mut next = end;
         for place in (0..=newest).rev() {
-            let Content::Block(waiting) = self.at(place) else { continue };
+            let Some(Content::Block(waiting)) = ring.at(place) else { continue };
             if waiting.settled {
                 return;
             }
-            anchor = anchor.behind(&waiting.block);
-            next = next.behind(&waiting.block);
-            let mut reach = anchor.reach(runs.jerk);
+            anchor = anchor.with_block_before(&waiting.block);
+            next = next.with_block_before(&waiting.block);
+            let mut reach = anchor.reach(self.jerk);
             if anchor.place != next.place {
-                let beside = next.reach(runs.jerk);
-                if beside > reach || !runs.joins || anchor.place - place > usize::from(u8::MAX) {
+                let beside = next.reach(self.jerk);
+                if beside > reach || !self.joins || anchor.place - place > usize::from(u8::MAX) {
                     anchor = next;
                     reach = beside;
                 }
             }
-            let entry = reach.min(waiting.run_bound);
-            let before = waiting.run_entry;
+            let entry = reach.min(waiting.bound_speed);
+            let before = waiting.entry_speed;
             if entry > before {
-                waiting.run_entry = entry;
+                waiting.entry_speed = entry;
                 // Only markers can put the next corner further away.
                 waiting.anchor = u8::try_from(anchor.place - place).unwrap_or(u8::MAX);
-            } else if before == waiting.run_bound && place != newest {
+            } else if before == waiting.bound_speed && place != newest {
                 return;
             }
-            anchor.slowest = anchor.slowest.min(waiting.run_bound);
-            next = Anchor { place, speed: waiting.run_entry, ..end };
+            anchor.slowest = anchor.slowest.min(waiting.bound_speed);
+            next = Anchor { place, speed: waiting.entry_speed, ..end };
         }
     }
 
     /// Takes the oldest block or marker, which may leave.
-    pub(super) fn pop_from_runs(&mut self, runs: &mut Runs, pace: Pace) -> Option<Left> {
-        if let Content::Block(waiting) = *self.at(0)
-            && runs.leaving.is_none()
-        {
-            runs.leaving = Some(self.settle(runs, &waiting, pace));
-        }
-        let waiting = match self.take_first()? {
-            Content::Empty => return None,
-            Content::Marker(marker) => return Some(Left::Marker(marker)),
-            Content::Block(waiting) => waiting,
+    pub(super) fn pop<S: RingMemory>(&mut self, ring: &mut Ring<S>, pace: Pace) -> Option<Released> {
+        let Some(Content::Block(waiting)) = ring.first().copied() else {
+            return ring.pop_marker().map(Released::Marker);
         };
-        self.blocks -= 1;
-        self.left_nominal = waiting.block.nominal;
-        let leaving = runs.leaving.as_mut()?;
+        let mut leaving = match self.leaving {
+            Some(leaving) => leaving,
+            None => self.settle(ring, &waiting, pace),
+        };
+        ring.pass_block();
+        ring.last_nominal = waiting.block.nominal;
         let part = Part { block: waiting.block, run: leaving.run, offset_10nm: leaving.passed_10nm };
         leaving.passed_10nm = leaving.passed_10nm.saturating_add(waiting.block.length_10nm);
         leaving.blocks = leaving.blocks.saturating_sub(1);
-        if leaving.blocks == 0 {
-            runs.leaving = None;
-        }
-        Some(Left::Part(part))
+        self.leaving = (leaving.blocks > 0).then_some(leaving);
+        Some(Released::Part(part))
     }
 
     /// Settles the law of the blocks that leave next.
-    fn settle(&mut self, runs: &Runs, first: &Waiting, pace: Pace) -> Leaving {
-        let entry = first.run_entry;
-        let settling = Settling { jerk: runs.jerk, entry, pace };
-        let mut end = self.first_limit(runs, &settling);
+    fn settle<S: RingMemory>(&self, ring: &mut Ring<S>, first: &Waiting, pace: Pace) -> Leaving {
+        let entry = first.entry_speed;
+        let settling = Settling { jerk: self.jerk, joins: self.joins, entry, pace };
+        let mut end = settling.first_limit(ring);
         let mut law = None;
         while law.is_none() {
-            match self.law_to(&settling, &end) {
+            match settling.law_to(ring, &end) {
                 Ok(speeds) => law = Some((end, speeds)),
                 Err(Some(nearer)) => end = nearer,
                 Err(None) => break,
             }
         }
-        let (mut end, mut speeds) = law.unwrap_or_else(|| self.granted(&settling, first));
-        let may_grow = end.is_last && !self.stopped;
-        if let Some(cut) = self.cut_in_cruise(&settling, &end, &speeds) {
+        let (mut end, mut speeds) = law.unwrap_or_else(|| settling.granted(ring, first));
+        let may_grow = end.is_last && !ring.stopped;
+        if let Some(cut) = settling.cut_in_cruise(ring, &end, &speeds) {
             // What was asked of the law holds for the same law only.
             end = End { acceleration: end.acceleration, ..cut };
             speeds.exit = speeds.peak;
-        } else if may_grow && let Some((cut, slower)) = self.cut_in_middle(&settling, &end) {
+        } else if may_grow && let Some((cut, slower)) = settling.cut_in_middle(ring, &end) {
             (end, speeds) = (cut, slower);
         }
-        match self.content(end.place) {
-            Some(Content::Block(waiting)) => {
-                waiting.run_entry = speeds.exit;
+        let is_in_ring = end.place < ring.len();
+        match ring.at(end.place) {
+            Some(Content::Block(waiting)) if is_in_ring => {
+                waiting.entry_speed = speeds.exit;
                 waiting.settled = true;
             }
-            _ => self.stopped = true,
+            _ => ring.stopped = true,
         }
         let Speeds { peak, exit } = speeds;
         let End { length_10nm, acceleration, blocks, .. } = end;
-        let run = Run { length_10nm, entry, peak, exit, acceleration, jerk: runs.jerk };
+        let run = Run { length_10nm, entry, peak, exit, acceleration, jerk: self.jerk };
         Leaving { run, passed_10nm: 0, blocks }
-    }
-
-    /// A place in the ring that is in use.
-    fn content(&mut self, place: usize) -> Option<&mut Content> {
-        (place < self.length).then(|| self.at(place))
-    }
-
-    /// Looks at the corners from the oldest on, the ring's end included, until something is found.
-    fn find_end<T>(&mut self, mut look: impl FnMut(&End) -> Option<T>) -> Option<T> {
-        let mut end = End::NONE;
-        for place in 0..self.length {
-            let Content::Block(waiting) = *self.at(place) else { continue };
-            let block = &waiting.block;
-            if end.blocks > 0 {
-                end = End { place, bound: waiting.run_bound, speed: waiting.run_entry, ..end };
-                if let Some(found) = look(&end) {
-                    return Some(found);
-                }
-            }
-            end.blocks += 1;
-            // A run is no longer than 42 m; where it would be, what is found there has to do.
-            end.length_10nm = end.length_10nm.checked_add(block.length_10nm)?;
-            end.acceleration = end.acceleration.min(block.acceleration);
-            end.fastest = end.fastest.max(block.nominal);
-            end.nominal = block.nominal;
-        }
-        end = End { place: self.length, bound: Speed::ZERO, speed: Speed::ZERO, is_last: true, ..end };
-        look(&end)
-    }
-
-    /// The first corner that limits and can be reached with its speed, or the last of all.
-    fn first_limit(&mut self, runs: &Runs, settling: &Settling) -> End {
-        let mut last = None;
-        let found = self.find_end(|end| {
-            last = Some(*end);
-            let limits =
-                end.speed == end.bound && settling.planning(end).reach(settling.entry, end.length_10nm) >= end.speed;
-            (end.is_last || limits || !runs.joins).then_some(*end)
-        });
-        found.or(last).unwrap_or(End::NONE)
-    }
-
-    /// The speeds of one run to an end; or a nearer end that is better, or none if it cannot be reached.
-    fn law_to(&mut self, settling: &Settling, end: &End) -> Result<Speeds, Option<End>> {
-        let Some((exit, most)) = settling.exit(end) else { return Err(None) };
-        let planning = settling.planning(end);
-        let (entry, length) = (settling.entry, end.length_10nm);
-        let peak = planning.peak(entry, exit, most, length);
-        let Some(passed) = self.too_fast(settling, end, &Speeds { peak, exit }) else {
-            return Ok(Speeds { peak, exit });
-        };
-        let least = entry.max(exit);
-        if self.too_fast(settling, end, &Speeds { peak: least, exit }).is_some() {
-            return Err(Some(passed));
-        }
-        let (mut low, mut high) = (least, peak);
-        for _ in 0..SLOWER_STEPS {
-            let middle = Speed(low.0.midpoint(high.0));
-            match self.too_fast(settling, end, &Speeds { peak: middle, exit }) {
-                None => low = middle,
-                Some(_) => high = middle,
-            }
-        }
-        let slower = planning.duration(entry, exit, low, length);
-        let parts = settling.exit(&passed).map(|(corner, most_before)| {
-            let (before, rest) = (passed.length_10nm, length - passed.length_10nm);
-            planning.duration(entry, corner, most_before, before)
-                + planning.duration(corner, planning.exit_within(corner, exit, rest), most, rest)
-        });
-        match parts {
-            Some(parts) if parts < slower => Err(Some(passed)),
-            _ => Ok(Speeds { peak: low, exit }),
-        }
-    }
-
-    /// The first corner or block of a run that it would pass too fast, as an end.
-    fn too_fast(&mut self, settling: &Settling, end: &End, speeds: &Speeds) -> Option<End> {
-        let hump = settling.planning(end).hump(settling.entry, speeds.peak, speeds.exit, end.length_10nm);
-        let cruise = hump.cruise_10nm();
-        let mut before: Option<End> = None;
-        self.find_end(|corner| {
-            let start = before.map_or(0, |end| end.length_10nm);
-            let cruises = start < cruise[1] && corner.length_10nm > cruise[0];
-            if speeds.peak > corner.nominal && cruises {
-                return Some(before.or((corner.place < end.place).then_some(*corner)));
-            }
-            if corner.place >= end.place {
-                return Some(None);
-            }
-            before = Some(*corner);
-            // Most corners do not limit at all.
-            let is_too_fast = speeds.peak > corner.bound && hump.is_faster_at(corner.length_10nm, corner.bound);
-            is_too_fast.then_some(Some(*corner))
-        })
-        .flatten()
-    }
-
-    /// The run that the reverse pass has granted: one ramp to the anchor, or to what of its speed is possible.
-    fn granted(&mut self, settling: &Settling, first: &Waiting) -> (End, Speeds) {
-        let place = usize::from(first.anchor);
-        let mut last = None;
-        let found = self.find_end(|end| {
-            last = Some(*end);
-            (end.is_last || end.place >= place).then_some(*end)
-        });
-        let end = found.or(last).unwrap_or(End::NONE);
-        let entry = settling.entry;
-        // The anchor may have become faster since then; the blocks and corners before it have not.
-        let wanted = end.speed.min(entry);
-        let exit = settling.planning(&end).exit_within(entry, wanted, end.length_10nm).min(wanted);
-        (end, Speeds { peak: entry, exit })
-    }
-
-    /// The last corner that a run passes while it cruises, before it slows down, with a speed that was granted there.
-    fn cut_in_cruise(&mut self, settling: &Settling, end: &End, speeds: &Speeds) -> Option<End> {
-        if speeds.exit >= speeds.peak {
-            return None;
-        }
-        let hump = settling.planning(end).hump(settling.entry, speeds.peak, speeds.exit, end.length_10nm);
-        let [from, to] = hump.cruise_10nm();
-        let mut found = None;
-        self.find_end(|corner| {
-            if corner.place >= end.place {
-                return Some(());
-            }
-            let length = corner.length_10nm;
-            if length >= from && length <= to && speeds.peak <= corner.speed {
-                found = Some(*corner);
-            }
-            None
-        });
-        found
-    }
-
-    /// The corner nearest to the middle of a run at which it can end, or of the others the one with the fastest end.
-    fn cut_in_middle(&mut self, settling: &Settling, end: &End) -> Option<(End, Speeds)> {
-        let mut middle: Option<End> = None;
-        self.find_end(|corner| {
-            let distance = |corner: &End| corner.length_10nm.abs_diff(end.length_10nm / 2);
-            if corner.place >= end.place {
-                return Some(());
-            }
-            if middle.is_none_or(|one| distance(corner) < distance(&one)) {
-                middle = Some(*corner);
-            }
-            None
-        });
-        let middle = middle?;
-        if let Ok(speeds) = self.law_to(settling, &middle) {
-            return Some((middle, speeds));
-        }
-        let mut best: Option<(End, Speed)> = None;
-        self.find_end(|corner| {
-            if corner.place >= end.place {
-                return Some(());
-            }
-            if let Some((exit, _)) = settling.exit(corner)
-                && best.is_none_or(|(_, one)| exit > one)
-            {
-                best = Some((*corner, exit));
-            }
-            None
-        });
-        let (best, _) = best?;
-        self.law_to(settling, &best).ok().map(|speeds| (best, speeds))
     }
 }
 
@@ -436,6 +257,8 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> LookAhead<S> {
 #[derive(Clone, Copy, Debug)]
 struct Settling {
     jerk: Jerk,
+    /// Whether blocks share laws at all.
+    joins: bool,
     entry: Speed,
     pace: Pace,
 }
@@ -456,5 +279,164 @@ impl Settling {
             exit = planning.exit_within(self.entry, end.speed, length);
         }
         (exit <= end.speed && planning.fits(self.entry, exit, length)).then_some((exit, held.max(self.entry)))
+    }
+
+    /// Looks at the corners from the oldest on, the ring's end included, until something is found.
+    fn find_end<S: RingMemory, T>(ring: &Ring<S>, mut look: impl FnMut(&End) -> Option<T>) -> Option<T> {
+        let mut end = End::NONE;
+        for place in 0..ring.len() {
+            let Some(Content::Block(waiting)) = ring.get(place) else { continue };
+            let block = &waiting.block;
+            if end.blocks > 0 {
+                end = End { place, bound: waiting.bound_speed, speed: waiting.entry_speed, ..end };
+                if let Some(found) = look(&end) {
+                    return Some(found);
+                }
+            }
+            end.blocks += 1;
+            // A run is no longer than 42 m; where it would be, what is found there has to do.
+            end.length_10nm = end.length_10nm.checked_add(block.length_10nm)?;
+            end.acceleration = end.acceleration.min(block.acceleration);
+            end.fastest = end.fastest.max(block.nominal);
+            end.nominal = block.nominal;
+        }
+        end = End { place: ring.len(), bound: Speed::ZERO, speed: Speed::ZERO, is_last: true, ..end };
+        look(&end)
+    }
+
+    /// The first corner that limits and can be reached with its speed, or the last of all.
+    fn first_limit<S: RingMemory>(&self, ring: &Ring<S>) -> End {
+        let mut last = None;
+        let found = Self::find_end(ring, |end| {
+            last = Some(*end);
+            let limits = end.speed == end.bound && self.planning(end).reach(self.entry, end.length_10nm) >= end.speed;
+            (end.is_last || limits || !self.joins).then_some(*end)
+        });
+        found.or(last).unwrap_or(End::NONE)
+    }
+
+    /// The speeds of one run to an end; or a nearer end that is better, or none if it cannot be reached.
+    fn law_to<S: RingMemory>(&self, ring: &Ring<S>, end: &End) -> Result<Speeds, Option<End>> {
+        let Some((exit, most)) = self.exit(end) else { return Err(None) };
+        let planning = self.planning(end);
+        let (entry, length) = (self.entry, end.length_10nm);
+        let peak = planning.peak(entry, exit, most, length);
+        let Some(passed) = self.too_fast(ring, end, &Speeds { peak, exit }) else {
+            return Ok(Speeds { peak, exit });
+        };
+        let least = entry.max(exit);
+        if self.too_fast(ring, end, &Speeds { peak: least, exit }).is_some() {
+            return Err(Some(passed));
+        }
+        let (mut low, mut high) = (least, peak);
+        for _ in 0..SLOWER_STEPS {
+            let middle = Speed(low.0.midpoint(high.0));
+            match self.too_fast(ring, end, &Speeds { peak: middle, exit }) {
+                None => low = middle,
+                Some(_) => high = middle,
+            }
+        }
+        let slower = planning.duration(entry, exit, low, length);
+        let parts = self.exit(&passed).map(|(corner, most_before)| {
+            let (before, rest) = (passed.length_10nm, length - passed.length_10nm);
+            planning.duration(entry, corner, most_before, before)
+                + planning.duration(corner, planning.exit_within(corner, exit, rest), most, rest)
+        });
+        match parts {
+            Some(parts) if parts < slower => Err(Some(passed)),
+            _ => Ok(Speeds { peak: low, exit }),
+        }
+    }
+
+    /// The first corner or block of a run that it would pass too fast, as an end.
+    fn too_fast<S: RingMemory>(&self, ring: &Ring<S>, end: &End, speeds: &Speeds) -> Option<End> {
+        let hump = self.planning(end).hump(self.entry, speeds.peak, speeds.exit, end.length_10nm);
+        let cruise = hump.cruise_10nm();
+        let mut before: Option<End> = None;
+        Self::find_end(ring, |corner| {
+            let start = before.map_or(0, |end| end.length_10nm);
+            let cruises = start < cruise[1] && corner.length_10nm > cruise[0];
+            if speeds.peak > corner.nominal && cruises {
+                return Some(before.or((corner.place < end.place).then_some(*corner)));
+            }
+            if corner.place >= end.place {
+                return Some(None);
+            }
+            before = Some(*corner);
+            // Most corners do not limit at all.
+            let is_too_fast = speeds.peak > corner.bound && hump.is_faster_at(corner.length_10nm, corner.bound);
+            is_too_fast.then_some(Some(*corner))
+        })
+        .flatten()
+    }
+
+    /// The run that the reverse pass has granted: one ramp to the anchor, or to what of its speed is possible.
+    fn granted<S: RingMemory>(&self, ring: &Ring<S>, first: &Waiting) -> (End, Speeds) {
+        let place = usize::from(first.anchor);
+        let mut last = None;
+        let found = Self::find_end(ring, |end| {
+            last = Some(*end);
+            (end.is_last || end.place >= place).then_some(*end)
+        });
+        let end = found.or(last).unwrap_or(End::NONE);
+        let entry = self.entry;
+        // The anchor may have become faster since then; the blocks and corners before it have not.
+        let wanted = end.speed.min(entry);
+        let exit = self.planning(&end).exit_within(entry, wanted, end.length_10nm).min(wanted);
+        (end, Speeds { peak: entry, exit })
+    }
+
+    /// The last corner that a run passes while it cruises, before it slows down, with a speed that was granted there.
+    fn cut_in_cruise<S: RingMemory>(&self, ring: &Ring<S>, end: &End, speeds: &Speeds) -> Option<End> {
+        if speeds.exit >= speeds.peak {
+            return None;
+        }
+        let hump = self.planning(end).hump(self.entry, speeds.peak, speeds.exit, end.length_10nm);
+        let [from, to] = hump.cruise_10nm();
+        let mut found = None;
+        Self::find_end(ring, |corner| {
+            if corner.place >= end.place {
+                return Some(());
+            }
+            let length = corner.length_10nm;
+            if length >= from && length <= to && speeds.peak <= corner.speed {
+                found = Some(*corner);
+            }
+            None
+        });
+        found
+    }
+
+    /// The corner nearest to the middle of a run at which it can end, or of the others the one with the fastest end.
+    fn cut_in_middle<S: RingMemory>(&self, ring: &Ring<S>, end: &End) -> Option<(End, Speeds)> {
+        let mut middle: Option<End> = None;
+        Self::find_end(ring, |corner| {
+            let distance = |corner: &End| corner.length_10nm.abs_diff(end.length_10nm / 2);
+            if corner.place >= end.place {
+                return Some(());
+            }
+            if middle.is_none_or(|one| distance(corner) < distance(&one)) {
+                middle = Some(*corner);
+            }
+            None
+        });
+        let middle = middle?;
+        if let Ok(speeds) = self.law_to(ring, &middle) {
+            return Some((middle, speeds));
+        }
+        let mut best: Option<(End, Speed)> = None;
+        Self::find_end(ring, |corner| {
+            if corner.place >= end.place {
+                return Some(());
+            }
+            if let Some((exit, _)) = self.exit(corner)
+                && best.is_none_or(|(_, one)| exit > one)
+            {
+                best = Some((*corner, exit));
+            }
+            None
+        });
+        let (best, _) = best?;
+        self.law_to(ring, &best).ok().map(|speeds| (best, speeds))
     }
 }

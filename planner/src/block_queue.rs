@@ -1,0 +1,209 @@
+//! Blocks on their way from planning to interpolation: they wait in a ring until their speeds are settled.
+
+use crate::block::{Block, PlannedBlock, Speed, SquaredSpeed};
+use crate::given_speeds::{EntrySpeed, GivenSpeeds, PlanFault};
+use crate::look_ahead::{LookAhead, Part, SpeedLaw};
+use crate::pace::Pace;
+use crate::ring::{Content, Marker, Ring, RingMemory};
+
+/// How a block begins.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BlockStart {
+    /// Bound of the speed by the corner before it.
+    pub corner: Speed,
+    /// Where its entry speed comes from; look-ahead finds it by itself.
+    pub entry: EntrySpeed,
+    /// The nominal speed that it was planned with. The block's own differs where the feed was changed since.
+    pub nominal: Speed,
+}
+
+impl BlockStart {
+    /// The start of a block that is planned here, after a corner with this bound.
+    pub fn after_corner(corner: Speed, block: &Block) -> Self {
+        Self { corner, entry: EntrySpeed::Bound, nominal: block.nominal }
+    }
+}
+
+/// What leaves the ring.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Released {
+    /// A block with settled speeds.
+    Block(PlannedBlock),
+    /// A block of a run, under an S-curve.
+    Part(Part),
+    /// A marker.
+    Marker(Marker),
+}
+
+/// Gives the blocks in a ring their speeds: [`LookAhead`] plans them, [`GivenSpeeds`] takes those of a prepared job.
+pub trait SpeedPlan {
+    /// Adds a block to a ring that has room.
+    ///
+    /// # Errors
+    /// The block's given speed cannot be followed. Nothing has changed then.
+    fn push<S: RingMemory>(&mut self, ring: &mut Ring<S>, block: &Block, start: &BlockStart) -> Result<(), PlanFault>;
+
+    /// Takes the oldest block or marker, which may leave. A block is held to the pace, as far as it can slow down to it on
+    /// its own length.
+    fn pop<S: RingMemory>(&mut self, ring: &mut Ring<S>, pace: Pace) -> Option<Released>;
+
+    /// The ring was emptied: the next block starts from standstill.
+    fn clear(&mut self);
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Speeds {
+    LookAhead(LookAhead),
+    Given(GivenSpeeds),
+}
+
+/// The first fault of a prepared job. Until the motors' place is known again, no more of the job is taken.
+#[derive(Clone, Copy, Debug)]
+struct JobFault {
+    fault: PlanFault,
+    is_reported: bool,
+}
+
+/// The look-ahead ring, with what gives its blocks their speeds.
+///
+/// The plan depends on the order of the blocks only, not on when they come.
+#[derive(Debug)]
+pub struct BlockQueue<S> {
+    ring: Ring<S>,
+    speeds: Speeds,
+    fault: Option<JobFault>,
+    /// Blocks that get their speeds the other way wait until the ring is empty.
+    pub(crate) is_switching: bool,
+}
+
+impl<S: RingMemory> BlockQueue<S> {
+    /// A queue with look-ahead under trapezoids in the given memory; it needs at least two places to be of use.
+    pub fn new(slots: S) -> Self {
+        let speeds = Speeds::LookAhead(LookAhead::new(&SpeedLaw::Trapezoid));
+        Self { ring: Ring::new(slots), speeds, fault: None, is_switching: false }
+    }
+
+    /// Look-ahead plans the speeds of the blocks to come, under this law; for a ring that is empty.
+    pub fn look_ahead(&mut self, law: &SpeedLaw) {
+        self.speeds = Speeds::LookAhead(LookAhead::new(law));
+        self.ring.clear();
+    }
+
+    /// The blocks to come bring their speeds; for a ring that is empty.
+    pub fn take_given_speeds(&mut self) {
+        self.speeds = Speeds::Given(GivenSpeeds::default());
+    }
+
+    /// Whether blocks bring their speeds.
+    pub fn has_given_speeds(&self) -> bool {
+        matches!(self.speeds, Speeds::Given(_))
+    }
+
+    /// Whether another block or marker fits.
+    pub fn has_room(&self) -> bool {
+        self.ring.has_room()
+    }
+
+    /// Whether the ring is empty.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Number of blocks and markers in the ring.
+    pub fn len(&self) -> usize {
+        self.ring.len()
+    }
+
+    /// Nominal speed of the block that left last, before the pace was taken off.
+    pub fn last_nominal(&self) -> Speed {
+        self.ring.last_nominal
+    }
+
+    /// Whether the oldest block or marker may leave.
+    pub fn can_leave(&self) -> bool {
+        self.ring.can_leave()
+    }
+
+    /// Adds a block; `false` without room. A block whose given speed cannot be followed is dropped, the blocks before it end
+    /// in standstill, and [`Self::report_fault`] says why.
+    #[inline(always)]
+    pub fn push(&mut self, block: &Block, start: &BlockStart) -> bool {
+        if !self.has_room() {
+            return false;
+        }
+        let pushed = match &mut self.speeds {
+            Speeds::LookAhead(plan) => plan.push(&mut self.ring, block, start),
+            Speeds::Given(plan) => plan.push(&mut self.ring, block, start),
+        };
+        if let Err(fault) = pushed {
+            self.fault = Some(JobFault { fault, is_reported: false });
+            self.flush();
+        }
+        true
+    }
+
+    /// Adds a marker; `false` without room.
+    pub fn push_marker(&mut self, marker: Marker) -> bool {
+        self.ring.push_marker(marker)
+    }
+
+    /// Takes the oldest block or marker if it may leave.
+    #[inline]
+    pub fn pop(&mut self, pace: Pace) -> Option<Released> {
+        if !self.can_leave() {
+            return None;
+        }
+        match &mut self.speeds {
+            Speeds::LookAhead(plan) => plan.pop(&mut self.ring, pace),
+            Speeds::Given(plan) => plan.pop(&mut self.ring, pace),
+        }
+    }
+
+    /// Motion stops after the newest block; all blocks and markers may leave.
+    pub fn flush(&mut self) {
+        self.ring.flush();
+    }
+
+    /// Lets one more leave although the ring is not full, because steps run out.
+    pub fn release(&mut self) {
+        self.ring.release();
+    }
+
+    /// Forgets all that waits, and a job's fault; the next block starts from standstill.
+    pub fn clear(&mut self) {
+        let Self { ring, speeds, fault, is_switching } = self;
+        ring.clear();
+        match speeds {
+            Speeds::LookAhead(plan) => plan.clear(),
+            Speeds::Given(plan) => plan.clear(),
+        }
+        *fault = None;
+        *is_switching = false;
+    }
+
+    /// Notes a fault of a prepared job that is reported at once. The caller flushes: a block may still have to enter the ring.
+    pub fn note_reported_fault(&mut self, fault: PlanFault) {
+        self.fault = Some(JobFault { fault, is_reported: true });
+    }
+
+    /// The fault of the prepared job, which counts as reported from now on.
+    #[inline(always)]
+    pub fn report_fault(&mut self) -> Option<PlanFault> {
+        let JobFault { fault, is_reported } = self.fault.as_mut()?;
+        *is_reported = true;
+        Some(*fault)
+    }
+
+    /// The same, if it has not been reported.
+    pub fn take_unreported_fault(&mut self) -> Option<PlanFault> {
+        if self.fault?.is_reported { None } else { self.report_fault() }
+    }
+
+    /// For a recorder: if a block is the oldest, its bound and the planned entry of the next one, zero if there is none,
+    /// all as squared speeds.
+    pub(crate) fn oldest_bound_and_next_entry(&self) -> Option<(SquaredSpeed, SquaredSpeed)> {
+        let Some(Content::Block(oldest)) = self.ring.first() else { return None };
+        let next = self.ring.second_block().map_or(SquaredSpeed::ZERO, |next| next.entry);
+        Some((oldest.entry_bound, next))
+    }
+}

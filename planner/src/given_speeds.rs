@@ -1,0 +1,227 @@
+//! Entry speeds that were planned elsewhere, with all the look-ahead there is (Yu 2019: plan on the computer, execute on the
+//! board).
+//!
+//! Given speeds are upper bounds. The forward pass is made here as for any block, so a machine that was slowed down, or that
+//! begins in the middle, follows the plan from below and meets it where acceleration lets it. One sum takes the place of
+//! the reverse pass: a block leaves with no more speed than all blocks after it in the ring can take away, so the
+//! machine can stop on the path whatever comes next, or does not come.
+
+use crate::block::{Block, PlannedBlock, Speed, SquaredSpeed};
+use crate::block_queue::{BlockStart, Released, SpeedPlan};
+use crate::motion_choice::AccelerationProfile;
+use crate::pace::Pace;
+use crate::ring::{Content, Ring, RingMemory, Waiting};
+
+/// Where a move's planned entry speed comes from.
+// `repr(u32)`: with a one-byte tag the compiler copies the value byte by byte.
+#[repr(u32)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum EntrySpeed {
+    /// The move continues the block before it: the corner between them limits nothing, and both share one block.
+    Continues,
+    /// The most that the corner before it and both nominal speeds allow.
+    Bound,
+    /// What is left of the entry speed of the block before, slowed down over its whole length.
+    Falling,
+    /// This squared speed.
+    Given(SquaredSpeed),
+}
+
+/// Why the plan of a prepared job cannot be followed.
+// `repr(u32)`: with a one-byte tag the compiler copies the value byte by byte.
+#[repr(u32)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PlanFault {
+    /// The entry speed is above what the corner and the nominal speeds allow.
+    TooFast {
+        /// Planned entry speed.
+        planned: Speed,
+        /// The most that is allowed.
+        maximum: Speed,
+    },
+    /// The block before cannot slow down to the entry speed.
+    TooSlow {
+        /// Planned entry speed.
+        planned: Speed,
+        /// The least to which the block before can slow down.
+        minimum: Speed,
+    },
+    /// A block is faster than the machine's limits along its axes, or accelerates faster.
+    BeyondLimits,
+    /// A move that should continue the block before it turns, or has another speed or acceleration.
+    NotContinued,
+    /// The machine's acceleration profile is not the trapezoid of prepared jobs.
+    NotTrapezoid(AccelerationProfile),
+}
+
+/// The forward pass over planned speeds, before blocks enter the ring; the writer of a job makes the same.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ForwardPass {
+    /// Planned entry of the newest block.
+    planned: SquaredSpeed,
+    /// What acceleration leaves of it.
+    settled: SquaredSpeed,
+    /// 2 a S of the block.
+    reach: u64,
+}
+
+impl ForwardPass {
+    /// Takes the next block; returns its planned entry. At a standstill any plan will do, for the block starts with zero.
+    ///
+    /// # Errors
+    /// The plan breaks the bound, or the block before would have to brake harder than it may. Nothing has changed then.
+    pub fn next(
+        &mut self,
+        block: &Block,
+        bound: SquaredSpeed,
+        stopped: bool,
+        entry: EntrySpeed,
+    ) -> Result<SquaredSpeed, PlanFault> {
+        self.next_over(block.reach(), bound, stopped, entry)
+    }
+
+    #[inline(always)]
+    fn next_over(
+        &mut self,
+        reach: u64,
+        bound: SquaredSpeed,
+        stopped: bool,
+        entry: EntrySpeed,
+    ) -> Result<SquaredSpeed, PlanFault> {
+        let planned = match entry {
+            EntrySpeed::Bound => bound,
+            // Where the machine was stopped inside a block, the rest of it is a block that falls on.
+            EntrySpeed::Falling | EntrySpeed::Continues => self.planned.slowed_by(self.reach),
+            EntrySpeed::Given(planned) => planned,
+        };
+        if stopped {
+            *self = Self { planned, settled: SquaredSpeed::ZERO, reach };
+            return Ok(SquaredSpeed::ZERO);
+        }
+        if planned > bound {
+            return Err(PlanFault::TooFast { planned: planned.root(), maximum: bound.root() });
+        }
+        self.enter(reach, planned)
+    }
+
+    /// Takes a block that begins with this speed, which is no more than its bound.
+    #[inline(always)]
+    fn enter(&mut self, reach: u64, planned: SquaredSpeed) -> Result<SquaredSpeed, PlanFault> {
+        // All are below 2^63.
+        let gain = planned.units().wrapping_sub(self.settled.units()).cast_signed();
+        let most = self.reach.cast_signed();
+        let mut settled = planned;
+        if gain > most {
+            settled = self.fastest();
+        } else if gain.wrapping_add(most) < 0 {
+            self.check_braking(planned)?;
+        }
+        *self = Self { planned, settled, reach };
+        Ok(planned)
+    }
+
+    /// A speed that was rounded to its unit may be less than braking allows by that.
+    #[cold]
+    #[inline(never)]
+    fn check_braking(&self, planned: SquaredSpeed) -> Result<(), PlanFault> {
+        let (planned, minimum) = (planned.root(), self.settled.slowed_by(self.reach).root());
+        if planned < minimum { Err(PlanFault::TooSlow { planned, minimum }) } else { Ok(()) }
+    }
+
+    /// Largest squared speed at the end of the newest block.
+    #[inline]
+    pub fn fastest(&self) -> SquaredSpeed {
+        self.settled.changed_by(self.reach)
+    }
+}
+
+/// Follows the speeds that blocks bring.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct GivenSpeeds {
+    pass: ForwardPass,
+    /// Sum of 2 a S over all blocks in the ring: the largest squared speed from which they can bring the machine to rest.
+    reach: u64,
+    /// Speed with which the last block left, and its square.
+    last_exit: Speed,
+    last_squared_exit: SquaredSpeed,
+}
+
+impl GivenSpeeds {
+    /// The oldest block leaves, and `next` after it.
+    #[inline(always)]
+    fn settle(&mut self, reach: u64, nominal: Speed, next: &Waiting) {
+        self.reach = self.reach.saturating_sub(reach);
+        let (planned, root) = (next.entry, next.entry_speed);
+        // Nearly always it is as planned. All are below 2^63.
+        let gain = planned.units().wrapping_sub(self.last_squared_exit.units()).cast_signed();
+        let is_reached = gain <= reach.cast_signed();
+        if is_reached && planned.units() <= self.reach && root > Speed::ZERO && root <= nominal {
+            (self.last_exit, self.last_squared_exit) = (root, planned);
+        } else {
+            self.last_exit = self.slower_exit(reach, nominal, planned);
+            self.last_squared_exit = self.last_exit.into();
+        }
+    }
+
+    #[inline(never)]
+    fn slower_exit(&self, reach: u64, nominal: Speed, planned: SquaredSpeed) -> Speed {
+        let entry = self.last_squared_exit;
+        // A nominal speed that was lowered is met as fast as the block can slow down to it.
+        let held = SquaredSpeed::from(nominal).max(entry.slowed_by(reach));
+        let most = planned.min(held).min(SquaredSpeed::from_units(self.reach));
+        most.min(entry.changed_by(reach)).root()
+    }
+}
+
+impl SpeedPlan for GivenSpeeds {
+    #[inline(always)]
+    fn push<S: RingMemory>(&mut self, ring: &mut Ring<S>, block: &Block, start: &BlockStart) -> Result<(), PlanFault> {
+        let reach = block.reach();
+        let bound = start.corner.min(start.nominal).min(ring.newest_nominal);
+        let squared = SquaredSpeed::from(bound);
+        let (entry, entry_speed) = if start.entry == EntrySpeed::Bound && !ring.stopped {
+            (self.pass.enter(reach, squared)?, bound)
+        } else {
+            (self.pass.next_over(reach, squared, ring.stopped, start.entry)?, Speed::ZERO)
+        };
+        self.reach = self.reach.saturating_add(reach);
+        ring.stopped = false;
+        ring.newest_nominal = start.nominal;
+        ring.push_with(|content| {
+            // Nearly always a block was here before. Its fields that a prepared one does not use may stay.
+            if !matches!(content, Content::Block(_)) {
+                *content = Content::Block(Waiting::NONE);
+            }
+            if let Content::Block(waiting) = content {
+                waiting.block.become_block(block);
+                (waiting.entry, waiting.entry_speed) = (entry, entry_speed);
+            }
+        });
+        Ok(())
+    }
+
+    /// What is after the block must be able to stop the machine.
+    #[inline(never)]
+    fn pop<S: RingMemory>(&mut self, ring: &mut Ring<S>, pace: Pace) -> Option<Released> {
+        let Some(Content::Block(waiting)) = ring.first() else { return ring.pop_marker().map(Released::Marker) };
+        let nominal = waiting.block.nominal;
+        let capped = if pace == Pace::FULL { nominal } else { pace.of(nominal) };
+        let entry = self.last_exit;
+        let next = ring.second_block();
+        match next {
+            Some(next) => self.settle(waiting.block.reach(), capped, next),
+            None => (self.reach, self.last_exit, self.last_squared_exit) = (0, Speed::ZERO, SquaredSpeed::ZERO),
+        }
+        let (is_last, exit) = (next.is_none(), self.last_exit);
+        let mut planned = PlannedBlock { block: waiting.block, entry, exit };
+        planned.block.nominal = capped.max(entry).max(exit);
+        ring.pass_block();
+        ring.stopped |= is_last;
+        ring.last_nominal = nominal;
+        Some(Released::Block(planned))
+    }
+
+    fn clear(&mut self) {
+        *self = Self::default();
+    }
+}

@@ -1,0 +1,162 @@
+//! Moves that continue each other share one block.
+//!
+//! Slicers cut curves, and at times straight lines, into moves of a few hundredths of a mm. Were each to take a place of
+//! the look-ahead ring, the ring would see only millimetres ahead, and the machine could only be as fast as it can stop
+//! within those. So the newest block stays open, outside the ring, until the next move is there, and takes it in if the
+//! corner between them limits nothing and both want the same speed and acceleration. Look-ahead and time law then see one
+//! path; the steps are made move by move ([`crate::inner_ends`]), so every motor ends every move exactly where it ends
+//! without the sharing.
+
+use crate::block::{Block, Speed};
+use crate::budget::Budget;
+use crate::inner_ends::InnerEnd;
+use crate::look_ahead::{BlockStart, EntrySpeed};
+use crate::planner::Planned;
+
+/// Longest block of several moves, units of 10 nm: what an inner end's place can tell.
+const MAX_LENGTH_10NM: u32 = u16::MAX as u32;
+
+/// Most filament that a move pushes in a block that it shares, 1/256 steps: an eighth of what an inner end can hold, so
+/// that a job that was prepared can be printed with eight times its flow (M221).
+const MAX_EXTRUDER_256THS: u32 = i16::MAX as u32 / 8;
+
+/// A block that enters the ring.
+pub(crate) struct Closing<'a> {
+    pub block: &'a Block,
+    pub start: BlockStart,
+    /// How many moves the budget has made slower than planned.
+    pub slowed_moves: u32,
+}
+
+/// The newest block, which may still grow.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct OpenBlock {
+    /// The moves so far as one block.
+    block: Block,
+    /// Most step events that it has, the extruder's among them.
+    events: f32,
+    /// Bound of the speed at its start.
+    corner: Speed,
+    /// Where its entry speed comes from.
+    entry: EntrySpeed,
+    /// Its nominal speed at the present feed, which may differ from the feed of a prepared job's plan.
+    nominal_now: Speed,
+    /// Number of moves in it; 0 where no block is open.
+    moves: u32,
+    /// What the last of its moves adds to the block.
+    last_steps: [i32; 3],
+    last_extruder_256ths: i32,
+}
+
+impl OpenBlock {
+    /// No block.
+    pub const NONE: Self = Self {
+        block: Block::NONE,
+        events: 0.0,
+        corner: Speed::ZERO,
+        entry: EntrySpeed::Bound,
+        nominal_now: Speed::ZERO,
+        moves: 0,
+        last_steps: [0; 3],
+        last_extruder_256ths: 0,
+    };
+
+    /// Whether there is a block.
+    pub fn is_some(&self) -> bool {
+        self.moves > 0
+    }
+
+    /// Becomes a block of one move; `nominal_now` is its nominal speed at the present feed.
+    #[inline(always)]
+    pub fn begin(&mut self, planned: &Planned, entry: EntrySpeed, nominal_now: Speed) {
+        let Planned { steps, extruder_256ths, length_10nm, nominal, acceleration, line, ends_move, .. } = *planned;
+        let block = &mut self.block;
+        (block.steps, block.extruder_256ths) = (steps, extruder_256ths);
+        (block.length_10nm, block.nominal, block.acceleration) = (length_10nm, nominal, acceleration);
+        (block.line, block.ends_move) = (line, ends_move);
+        block.inner_ends.clear();
+        self.events = planned.events;
+        self.corner = planned.corner;
+        self.entry = entry;
+        self.nominal_now = nominal_now;
+        self.moves = 1;
+        self.last_steps = steps;
+        self.last_extruder_256ths = extruder_256ths;
+    }
+
+    /// Holds the block to what the processor can keep up with.
+    #[inline(always)]
+    pub fn hold_to(&mut self, budget: &Budget) -> Closing<'_> {
+        let Self { block, events, corner, entry, nominal_now, moves, .. } = self;
+        let cost = budget.cost(block, *events, *moves);
+        let (mut nominal, mut slowed_moves) = (block.nominal, 0);
+        let is_as_planned = *nominal_now == nominal;
+        if let Some(slower) = cost.slower_nominal(nominal) {
+            (nominal, slowed_moves) = (slower, *moves);
+        }
+        block.nominal = if is_as_planned { nominal } else { cost.slower_nominal(*nominal_now).unwrap_or(*nominal_now) };
+        Closing { block, start: BlockStart { corner: *corner, entry: *entry, nominal }, slowed_moves }
+    }
+
+    /// Forgets the block.
+    pub fn clear(&mut self) {
+        self.moves = 0;
+    }
+
+    /// Takes the next move in, where that changes neither speeds nor steps: same nominal speed and acceleration, and a
+    /// corner that limits neither. Moves of the filament alone have a stop beside them.
+    pub fn absorb(&mut self, next: &Planned) -> bool {
+        let nominal_now = next.nominal;
+        let most = self.last_extruder_256ths.unsigned_abs().max(next.extruder_256ths.unsigned_abs());
+        self.continues(next) && most <= MAX_EXTRUDER_256THS && self.join(next, nominal_now)
+    }
+
+    /// The same for a move whose plan says that it continues the block. How much filament goes with it may have changed since.
+    pub fn absorb_prepared(&mut self, next: &Planned, nominal_now: Speed) -> bool {
+        self.continues(next) && self.join(next, nominal_now)
+    }
+
+    #[inline]
+    fn continues(&self, next: &Planned) -> bool {
+        // The commonest reasons against it come first.
+        self.block.length_10nm.saturating_add(next.length_10nm) <= MAX_LENGTH_10NM
+            && self.is_some()
+            && next.nominal == self.block.nominal
+            && next.acceleration == self.block.acceleration
+            && next.corner >= self.block.nominal
+    }
+
+    /// Makes the next move a part of the block; `false`, and nothing has changed, if it does not fit.
+    fn join(&mut self, next: &Planned, nominal_now: Speed) -> bool {
+        let block = &mut self.block;
+        let end = InnerEnd {
+            length_10nm: block.length_10nm,
+            steps: self.last_steps,
+            extruder_256ths: self.last_extruder_256ths,
+            line: block.line,
+            ends_move: block.ends_move,
+        };
+        let Some(inner_ends) = block.inner_ends.with(end, next.line) else { return false };
+        let Some(steps) = sums(block.steps, next.steps) else { return false };
+        let Some(extruder_256ths) = block.extruder_256ths.checked_add(next.extruder_256ths) else { return false };
+        block.steps = steps;
+        block.extruder_256ths = extruder_256ths;
+        // At most 0.65 mm.
+        block.length_10nm = block.length_10nm.saturating_add(next.length_10nm);
+        block.line = next.line;
+        block.ends_move = next.ends_move;
+        block.inner_ends = inner_ends;
+        self.last_steps = next.steps;
+        self.last_extruder_256ths = next.extruder_256ths;
+        self.nominal_now = self.nominal_now.min(nominal_now);
+        self.events += next.events;
+        self.moves += 1;
+        true
+    }
+}
+
+/// Sums of the components, where they are in range.
+fn sums(one: [i32; 3], other: [i32; 3]) -> Option<[i32; 3]> {
+    let ([x, y, z], [dx, dy, dz]) = (one, other);
+    Some([x.checked_add(dx)?, y.checked_add(dy)?, z.checked_add(dz)?])
+}

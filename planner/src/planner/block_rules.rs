@@ -1,0 +1,233 @@
+//! A move becomes a block of its own: its steps, its length, and the speeds that machine and limits allow.
+
+use super::MoveError;
+use super::position::{Position, Target};
+use crate::TICKS_PER_SECOND;
+use crate::block::{Acceleration, Speed};
+use crate::bresenham::MAX_STEPS;
+use crate::budget::Budget;
+use crate::extruder::{Extruder, FILAMENT_UNITS_PER_MM};
+use crate::junction::{CornerAcceleration, radius_10nm, speed_of_jumps};
+use crate::kinematics::{Geometry, UNITS_PER_MM};
+use crate::limits::{Limits, PathLimits, larger};
+use crate::method::Method;
+use crate::motion_choice::MotionChoice;
+use crate::path::Path;
+use crate::u64_to_f32;
+
+/// Slowest feed that is planned, mm/s; slower ones are raised to it. The longest block then ends within 20 days, which the
+/// time base holds.
+pub const MIN_FEED_MM_PER_S: f64 = 0.01;
+
+/// A move with more filament than this for its path, 1000 to 1, is planned as an extruder-only move: the extruder's speed
+/// cannot follow from a speed along a path so short.
+const MAX_FILAMENT_PER_PATH: i64 = 1000;
+
+/// Units of filament in a unit of length.
+const FILAMENT_UNITS_PER_10NM: i64 = FILAMENT_UNITS_PER_MM / UNITS_PER_MM;
+
+/// Ticks for 10 nm at 1 mm/s.
+pub(super) const TICKS_PER_10NM_AT_1_MM_PER_S: f32 = (TICKS_PER_SECOND as i64 / UNITS_PER_MM) as f32;
+
+/// The move before, as its successor's corner sees it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Previous {
+    pub path: Path,
+    /// Zero if there is no move before, or it has no path.
+    pub acceleration: CornerAcceleration,
+    /// The line of which more moves come: those of an arc.
+    pub unended_line: Option<u32>,
+}
+
+impl Previous {
+    /// No move before.
+    pub const NONE: Self = Self { path: Path::NONE, acceleration: CornerAcceleration::ZERO, unended_line: None };
+}
+
+/// A straight move, its target within reach.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Travel {
+    pub target_10nm: [i32; 3],
+    /// Filament, units of 0.1 nm.
+    pub filament_100pm: i64,
+    /// The same as its corners see it: as it was prepared.
+    pub corner_filament_100pm: i64,
+    pub feed_mm_per_s: f32,
+    pub line: u32,
+    pub ends_move: bool,
+}
+
+/// A move planned by itself: all of its block but the ends of moves inside, of which it has none.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Planned {
+    pub steps: [i32; 3],
+    pub extruder_256ths: i32,
+    pub length_10nm: u32,
+    pub nominal: Speed,
+    pub acceleration: Acceleration,
+    pub line: u32,
+    pub ends_move: bool,
+    /// Most step events that it has, the extruder's among them.
+    pub events: f32,
+    /// Bound of the speed at its start, by the corner there.
+    pub corner: Speed,
+    /// Its path.
+    pub path: Path,
+    /// Its acceleration, as its corners see it; zero where the filament moves alone.
+    pub corner_acceleration: CornerAcceleration,
+}
+
+/// What every block of a machine keeps to.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct BlockRules {
+    pub geometry: Geometry,
+    pub limits: Limits,
+    pub path_limits: PathLimits,
+    /// Lengths of a step of each motor, mm: a division in double precision each, which no block has to make.
+    pub step_mm: [f32; 4],
+    pub method: Method,
+    pub budget: Budget,
+}
+
+impl BlockRules {
+    pub fn new(geometry: Geometry, limits: Limits, choice: &MotionChoice) -> Self {
+        Self {
+            geometry,
+            limits,
+            path_limits: PathLimits::new(&limits),
+            step_mm: geometry.steps_per_mm.map(|steps| 1.0 / steps.to_f64() as f32),
+            method: Method::new(choice, geometry.kinematics),
+            budget: Budget::new(&geometry),
+        }
+    }
+
+    pub fn set_limits(&mut self, limits: Limits) {
+        self.limits = limits;
+        self.path_limits = PathLimits::new(&limits);
+    }
+
+    /// Where a move takes the machine; `None` if it displaces nothing.
+    #[inline(always)]
+    pub fn target(&self, travel: &Travel, from: &Position) -> Result<Option<Target>, MoveError> {
+        // NaN is in no range. `is_finite` takes the number's bits apart.
+        if !(travel.feed_mm_per_s > 0.0 && travel.feed_mm_per_s <= f32::MAX) {
+            return Err(MoveError::Feed);
+        }
+        let coordinates_10nm = travel.target_10nm;
+        if !Extruder::can_push(self.geometry.steps_per_mm[3], travel.filament_100pm) {
+            return Err(MoveError::TooMuchFilament);
+        }
+        if travel.filament_100pm == 0 && coordinates_10nm == from.coordinates_10nm {
+            return Ok(None);
+        }
+        let motor_steps = self.geometry.motor_steps_from(coordinates_10nm, from.coordinates_10nm, from.motor_steps);
+        let steps = differences(motor_steps, from.motor_steps);
+        if steps.iter().any(|steps| steps.unsigned_abs() > MAX_STEPS) {
+            return Err(MoveError::TooFar);
+        }
+        let extruder = from.extruder.advanced(travel.filament_100pm);
+        let travel_256ths = extruder.position_256ths().wrapping_sub(from.extruder.position_256ths());
+        let Ok(extruder_256ths) = i32::try_from(travel_256ths) else { return Err(MoveError::TooMuchFilament) };
+        let vector_10nm = differences(coordinates_10nm, from.coordinates_10nm);
+        Ok(Some(Target { coordinates_10nm, motor_steps, extruder, vector_10nm, steps, extruder_256ths }))
+    }
+
+    /// A move as a block of its own, its speed not yet within the budget.
+    #[inline(never)]
+    pub fn plan(&self, travel: &Travel, target: &Target, before: &Previous) -> Planned {
+        let Target { steps, extruder_256ths, .. } = *target;
+        let Travel { line, ends_move, .. } = *travel;
+        let least = MIN_FEED_MM_PER_S as f32;
+        let feed = if travel.feed_mm_per_s < least { least } else { travel.feed_mm_per_s };
+        let filament_100pm = travel.filament_100pm.wrapping_abs();
+        let filament = filament_10nm(filament_100pm);
+        let mut path = Path::along(target.vector_10nm);
+        path.filament = if travel.corner_filament_100pm == travel.filament_100pm {
+            if filament_100pm == travel.filament_100pm { filament } else { -filament }
+        } else {
+            filament_10nm(travel.corner_filament_100pm)
+        };
+        let path_10nm = path.length_10nm();
+
+        let moves_filament_alone =
+            i64::from(path_10nm) * (MAX_FILAMENT_PER_PATH * FILAMENT_UNITS_PER_10NM) <= filament_100pm;
+        let (length, length_10nm, (mut feed, acceleration)) = if moves_filament_alone {
+            let rounded = (filament_100pm + FILAMENT_UNITS_PER_10NM / 2) / FILAMENT_UNITS_PER_10NM;
+            (filament, (rounded as u32).max(1), self.path_limits.of_filament(feed))
+        } else {
+            let [x, y, z] = path.vector.map(f32::abs);
+            let prints = filament_100pm != 0;
+            (path.length, path_10nm, self.path_limits.along(feed, path.length, [x, y, z, filament], prints))
+        };
+        // No motor steps faster than events may follow each other: v / S * steps <= 1 / interval.
+        let (densest, least_ticks) = self.method.densest_and_least_ticks(steps);
+        let most = larger(densest as f32, extruder_256ths.unsigned_abs() as f32 / 256.0);
+        let shortest_ticks = most * self.geometry.minimum_event_interval_ticks as f32;
+        let shortest_ticks = larger(shortest_ticks, least_ticks);
+        if feed * shortest_ticks > length * TICKS_PER_10NM_AT_1_MM_PER_S {
+            feed = length * TICKS_PER_10NM_AT_1_MM_PER_S / shortest_ticks;
+        }
+        let corner_acceleration = if moves_filament_alone {
+            CornerAcceleration::ZERO
+        } else {
+            CornerAcceleration::of_mm_per_s2(acceleration)
+        };
+        let has_corner = corner_acceleration.is_some() && before.acceleration.is_some();
+        let corner = if has_corner { self.corner(before, &path, corner_acceleration, line) } else { Speed::ZERO };
+        Planned {
+            steps,
+            extruder_256ths,
+            length_10nm,
+            nominal: Speed::from_mm_per_s_f32(feed).max(Speed(1)),
+            acceleration: Acceleration::from_mm_per_s2_f32(acceleration),
+            line,
+            ends_move,
+            events: self.events(steps, path.filament),
+            corner,
+            path,
+            corner_acceleration,
+        }
+    }
+
+    /// Most step events of a move: of X, Y and Z's motors, and of the extruder with this filament, units of 10 nm. How its
+    /// steps fall depends on what was pushed before; a plan must not, and so counts one more than it has filament for.
+    #[inline(always)]
+    fn events(&self, steps: [i32; 3], filament_10nm: f32) -> f32 {
+        let motors = self.method.events(steps) as f32;
+        if filament_10nm == 0.0 {
+            return motors;
+        }
+        let [.., step_mm] = self.step_mm;
+        motors + 1.0 + filament_10nm.abs() / (step_mm * UNITS_PER_MM as f32)
+    }
+
+    /// Bound of the speed in the corner before a path. The axes' instantaneous corner velocities limit no corner between the
+    /// chords of an arc: what was commanded has none there.
+    #[inline(never)]
+    fn corner(&self, before: &Previous, path: &Path, acceleration: CornerAcceleration, line: u32) -> Speed {
+        let radius = radius_10nm(&before.path, path, self.path_limits.four_deviations_10nm);
+        let speed = acceleration.min(before.acceleration).speed_along(radius);
+        if before.unended_line == Some(line) {
+            return speed;
+        }
+        speed.min(speed_of_jumps(&before.path, path, self.path_limits.per_corner_velocity))
+    }
+}
+
+/// Differences of the components, each below 2^31: positions are within 10^8 steps and 5 m.
+#[inline(always)]
+fn differences(to: [i32; 3], from: [i32; 3]) -> [i32; 3] {
+    let ([to_x, to_y, to_z], [x, y, z]) = (to, from);
+    [to_x.wrapping_sub(x), to_y.wrapping_sub(y), to_z.wrapping_sub(z)]
+}
+
+/// Filament of units of 0.1 nm in units of 10 nm.
+#[inline(always)]
+fn filament_10nm(filament_100pm: i64) -> f32 {
+    // Of up to 43 cm the processor makes a float.
+    let filament = match u32::try_from(filament_100pm) {
+        Ok(filament) => filament as f32,
+        Err(_) => u64_to_f32::of_i64(filament_100pm),
+    };
+    filament / FILAMENT_UNITS_PER_10NM as f32
+}

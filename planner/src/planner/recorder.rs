@@ -1,0 +1,50 @@
+//! For those who prepare a job: what leaves look-ahead, with the speeds that were planned for it.
+
+use super::Planner;
+use crate::block::{PlannedBlock, SquaredSpeed};
+use crate::look_ahead::Released;
+use crate::ring::{Marker, RingMemory};
+
+/// What leaves look-ahead, as a prepared job needs it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Recorded {
+    /// A block.
+    Block {
+        /// The block and its speeds.
+        planned: PlannedBlock,
+        /// Squared entry speed from the reverse pass.
+        entry: SquaredSpeed,
+        /// What the corner and both nominal speeds allow.
+        bound: SquaredSpeed,
+    },
+    /// The fan changes.
+    FanPower {
+        /// Power, 0 to 255.
+        power: u8,
+    },
+}
+
+/// Takes what leaves look-ahead and notes the entry speeds that the reverse pass has found, before acceleration lowers them.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Recorder {
+    /// Of the next block.
+    entry: SquaredSpeed,
+}
+
+impl Recorder {
+    /// Takes what may leave look-ahead next, without making its steps.
+    pub fn next<S: RingMemory>(&mut self, planner: &mut Planner<S>) -> Option<Recorded> {
+        let notes = planner.queue.oldest_bound_and_next_entry();
+        Some(match planner.release_next()? {
+            Released::Marker(Marker::FanPower { power }) => Recorded::FanPower { power },
+            released => {
+                let planned = planner.pass_over(&released)?;
+                let (entry, bound) = match (released, notes) {
+                    (Released::Block(_), Some((bound, next))) => (core::mem::replace(&mut self.entry, next), bound),
+                    _ => (planned.entry.into(), planned.entry.into()),
+                };
+                Recorded::Block { planned, entry, bound }
+            }
+        })
+    }
+}

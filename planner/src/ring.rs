@@ -1,0 +1,245 @@
+//! The ring in which blocks wait for their speeds.
+
+use crate::block::{Block, Speed, SquaredSpeed};
+
+/// A block in the ring with what its [`crate::block_queue::SpeedPlan`] keeps of it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Waiting {
+    pub block: Block,
+    /// Bound of the squared entry speed, by the corner and both nominal speeds.
+    pub entry_bound: SquaredSpeed,
+    /// Squared entry speed: planned so far, or settled.
+    pub entry: SquaredSpeed,
+    /// The block before it has left with this speed.
+    pub settled: bool,
+    /// Under an S-curve, which knows no squares: the bound of the entry speed. Of very slow speeds several have one square.
+    pub bound_speed: Speed,
+    /// Under an S-curve: the entry speed. With given speeds: the root of `entry`, or zero where it has not been worked out.
+    pub entry_speed: Speed,
+    /// Under an S-curve: how many places ahead the corner is to which one ramp leads from here.
+    pub anchor: u8,
+}
+
+impl Waiting {
+    /// What an unused place holds.
+    pub const NONE: Self = Self {
+        block: Block::NONE,
+        entry_bound: SquaredSpeed::ZERO,
+        entry: SquaredSpeed::ZERO,
+        settled: false,
+        bound_speed: Speed::ZERO,
+        entry_speed: Speed::ZERO,
+        anchor: 0,
+    };
+}
+
+/// Something that keeps its place among the blocks and takes no time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Marker {
+    /// The fan changes here.
+    FanPower {
+        /// Power, 0 to 255.
+        power: u8,
+    },
+}
+
+/// A place in the ring. Callers only provide the memory.
+#[derive(Clone, Copy, Debug)]
+pub struct Slot(pub(crate) Content);
+
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Content {
+    Empty,
+    Block(Waiting),
+    Marker(Marker),
+}
+
+impl Slot {
+    /// An empty place.
+    pub const EMPTY: Self = Self(Content::Empty);
+}
+
+/// Memory of a ring: an array, a slice or a `Vec` of [`Slot`]s.
+pub trait RingMemory: AsRef<[Slot]> + AsMut<[Slot]> {}
+
+impl<S: AsRef<[Slot]> + AsMut<[Slot]>> RingMemory for S {}
+
+/// Blocks and markers in their order. A block leaves when the ring is full, on a flush, or when [`Self::release`] lets it.
+#[derive(Debug)]
+pub struct Ring<S> {
+    slots: S,
+    first: usize,
+    length: usize,
+    /// Blocks in the ring, markers not counted.
+    blocks: usize,
+    /// How many of the oldest places may leave although the ring is not full.
+    released: usize,
+    /// The next block starts from standstill.
+    pub(crate) stopped: bool,
+    /// Nominal speed of the newest block, as it was planned.
+    pub(crate) newest_nominal: Speed,
+    /// Nominal speed of the block that left last, before the pace was taken off.
+    pub(crate) last_nominal: Speed,
+}
+
+impl<S: RingMemory> Ring<S> {
+    /// An empty ring in the given memory; it needs at least two places to be of use.
+    pub(crate) fn new(slots: S) -> Self {
+        Self {
+            slots,
+            first: 0,
+            length: 0,
+            blocks: 0,
+            released: 0,
+            stopped: true,
+            newest_nominal: Speed::ZERO,
+            last_nominal: Speed::ZERO,
+        }
+    }
+
+    /// Whether another block or marker fits.
+    pub(crate) fn has_room(&self) -> bool {
+        self.length < self.slots.as_ref().len()
+    }
+
+    /// Number of blocks and markers in the ring.
+    pub(crate) fn len(&self) -> usize {
+        self.length
+    }
+
+    /// Whether a block is in the ring.
+    pub(crate) fn has_blocks(&self) -> bool {
+        self.blocks > 0
+    }
+
+    /// Whether the oldest block or marker may leave.
+    pub(crate) fn can_leave(&self) -> bool {
+        self.length > 0 && (self.released > 0 || !self.has_room())
+    }
+
+    /// Adds a block to a ring that has room.
+    #[inline(always)]
+    pub(crate) fn push(&mut self, waiting: Waiting) {
+        self.push_with(|content| *content = Content::Block(waiting));
+    }
+
+    /// Adds a block to a ring that has room; `fill` writes it into its place, which still holds what was there before.
+    #[inline(always)]
+    pub(crate) fn push_with(&mut self, fill: impl FnOnce(&mut Content)) {
+        if let Some(content) = self.at(self.length) {
+            fill(content);
+            self.length = self.length.wrapping_add(1);
+            self.blocks = self.blocks.wrapping_add(1);
+        }
+    }
+
+    /// Adds a marker; `false` without room.
+    pub(crate) fn push_marker(&mut self, marker: Marker) -> bool {
+        let has_room = self.has_room();
+        if has_room && let Some(content) = self.at(self.length) {
+            *content = Content::Marker(marker);
+            self.length = self.length.wrapping_add(1);
+        }
+        has_room
+    }
+
+    /// What is in a place, counted from the oldest; for the place after the newest in a ring that has room, what was
+    /// there before.
+    #[inline(always)]
+    pub(crate) fn at(&mut self, place: usize) -> Option<&mut Content> {
+        let slots = self.slots.as_mut();
+        // Neither is more than the number of places.
+        let (index, capacity) = (self.first.wrapping_add(place), slots.len());
+        slots.get_mut(if index >= capacity { index.wrapping_sub(capacity) } else { index }).map(|slot| &mut slot.0)
+    }
+
+    /// What is in a place, counted from the oldest; `None` after the newest.
+    pub(crate) fn get(&self, place: usize) -> Option<&Content> {
+        let slots = self.slots.as_ref();
+        let (index, capacity) = (self.first.wrapping_add(place), slots.len());
+        let index = if index >= capacity { index.wrapping_sub(capacity) } else { index };
+        slots.get(index).filter(|_| place < self.length).map(|slot| &slot.0)
+    }
+
+    /// What is in the oldest place.
+    #[inline(always)]
+    pub(crate) fn first(&self) -> Option<&Content> {
+        self.slots.as_ref().get(self.first).map(|slot| &slot.0)
+    }
+
+    /// The blocks, from the oldest on.
+    pub(crate) fn iter_blocks(&self) -> impl Iterator<Item = &Waiting> {
+        let (before, from_first) = self.slots.as_ref().split_at_checked(self.first).unwrap_or_default();
+        from_first.iter().chain(before).take(self.length).filter_map(|slot| match &slot.0 {
+            Content::Block(waiting) => Some(waiting),
+            Content::Empty | Content::Marker(_) => None,
+        })
+    }
+
+    /// The block that waits after the oldest place.
+    #[inline(always)]
+    pub(crate) fn second_block(&self) -> Option<&Waiting> {
+        let slots = self.slots.as_ref();
+        let next = self.first.wrapping_add(1);
+        match slots.get(if next == slots.len() { 0 } else { next }) {
+            Some(Slot(Content::Block(waiting))) if self.length > 1 => Some(waiting),
+            _ => self.block_after_markers(),
+        }
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn block_after_markers(&self) -> Option<&Waiting> {
+        let oldest = usize::from(matches!(self.first(), Some(Content::Block(_))));
+        self.iter_blocks().nth(oldest)
+    }
+
+    /// Frees the oldest place, which holds a block.
+    #[inline(always)]
+    pub(crate) fn pass_block(&mut self) {
+        self.blocks = self.blocks.wrapping_sub(1);
+        self.pass_first();
+    }
+
+    /// Takes the marker in the oldest place, which is freed.
+    #[inline(never)]
+    pub(crate) fn pop_marker(&mut self) -> Option<Marker> {
+        let marker = match self.first() {
+            Some(Content::Marker(marker)) => Some(*marker),
+            _ => None,
+        };
+        self.pass_first();
+        marker
+    }
+
+    #[inline(always)]
+    fn pass_first(&mut self) {
+        let next = self.first.wrapping_add(1);
+        self.first = if next == self.slots.as_ref().len() { 0 } else { next };
+        self.length = self.length.saturating_sub(1);
+        self.released = self.released.saturating_sub(1);
+    }
+
+    /// Motion stops after the newest block; all blocks and markers may leave.
+    pub(crate) fn flush(&mut self) {
+        self.stopped = true;
+        self.released = self.length;
+    }
+
+    /// Lets one more leave although the ring is not full, because steps run out.
+    pub(crate) fn release(&mut self) {
+        self.released = (self.released + 1).min(self.length);
+    }
+
+    /// Forgets all that waits; the next block starts from standstill.
+    pub(crate) fn clear(&mut self) {
+        // Every field is named: a new one has to say here what remains of it after a stop.
+        let Self { slots: _, first: _, length, blocks, released, stopped, newest_nominal, last_nominal } = self;
+        *length = 0;
+        *blocks = 0;
+        *released = 0;
+        *stopped = true;
+        *newest_nominal = Speed::ZERO;
+        *last_nominal = Speed::ZERO;
+    }
+}
