@@ -10,7 +10,7 @@ use crate::host_line::{Port, Reader, Writers};
 use crate::ports::BoardReplies;
 
 /// Room for a job's bytes: the longest frame, and as much as a host may send meanwhile.
-pub const JOB_BYTES: usize = ferrostep_gpre::compact::MOST_FRAME_BYTES + 1024;
+pub const JOB_BYTES: usize = ferrostep_gpre::compact::MAX_FRAME_BYTES + 1024;
 
 /// A line, or why it cannot be read, and who has sent it.
 type Said<'a> = Option<(&'a mut Host, Result<Line<'a>, LineError>)>;

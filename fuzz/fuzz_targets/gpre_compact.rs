@@ -1,7 +1,7 @@
 //! Frames of bits: with any content, items come to an end and their values are in range.
 #![no_main]
 
-use ferrostep_gpre::compact::{Frame, HEAD_BYTES, MOST_FRAME_BYTES, frame_length};
+use ferrostep_gpre::compact::{Frame, HEAD_BYTES, MAX_FRAME_BYTES, frame_length};
 use ferrostep_gpre::{Header, Item};
 use libfuzzer_sys::fuzz_target;
 
@@ -29,7 +29,7 @@ fuzz_target!(|bytes: &[u8]| {
     if let Some(head) = bytes.first_chunk::<HEAD_BYTES>()
         && let Ok(length) = frame_length(head)
     {
-        assert!(length <= MOST_FRAME_BYTES);
+        assert!(length <= MAX_FRAME_BYTES);
         read(bytes.get(..length).unwrap_or(bytes));
     }
     let payload = &bytes[..bytes.len().min(600)];

@@ -1,6 +1,6 @@
 //! The compact encoding: frames of bits.
 //!
-//! A frame stands for itself: where the machine is at its start and what lasts from move to move are in it, so a job can
+//! A frame stands for itself: where the machine is at its start and the settings in force are in it, so a job can
 //! be entered at any frame that says so.
 //!
 //! | byte | type | meaning |
@@ -33,20 +33,20 @@
 //! An item is `0` and a move of the same shape as the move before, `10` and a move with its shape before it, or `11` and one
 //! of eight others in three bits.
 //!
-//! *Shape*, 7 bits: what is told of the way (2: X and Y, X Y and Z, Z, nothing), of the filament (2: nothing, its difference
+//! *Shape*, 7 bits: what is encoded of the path (2: X and Y, X Y and Z, Z, nothing), of the filament (2: nothing, its difference
 //! from the prediction, all of it), whether the source line is the same as before (1) instead of the next, whether the
 //! line's move ends (1), whether the filament counts in E (1). The shape before the first is `Shape::FIRST`.
 //!
 //! *Move*: its planned speed: `0` = what corner and feeds allow, `10` = what is left of the speed before, `110` = it continues
 //! the block, `111` = 6 bits n and the squared speed plus one in n + 1 bits, of which the first, a one, is left out. Then
-//! what the shape tells: steps of X, Y, Z in their unit, s(k) each. Then the filament in its unit: the difference from
-//! lambda times the length of the way, s(k), or all of it, s(12). The prediction is worked out in f32:
+//! what the shape says: steps of X, Y, Z in their unit, s(k) each. Then the filament in its unit: the difference from
+//! lambda times the length of the path, s(k), or all of it, s(12). The prediction is worked out in f32:
 //! the root of x x + y y + z z, in steps, times lambda, cut to a whole number.
 //!
-//! *Others*: 0 = the feed at a place (3 bits) of the eight that were told last, 1 = a feed (f32), 2 = the lambda at a
+//! *Others*: 0 = the feed at a place (3 bits) of the eight encoded last, 1 = a feed (f32), 2 = the lambda at a
 //! place (3), 3 = a lambda (the upper 24 bits of an f32), 4 = source lines are left out (g(2), and one), 5 = the fan (8),
 //! after the lines left out, g(1); 6 = a command after the lines left out, g(1): 2 bits and 0 = a text (its length, 8, and its bytes),
-//! 1 = the command at a place (3) of the eight that were told last, 2 = a command of letters and whole numbers: which of G, M and T (2),
+//! 1 = the command at a place (3) of the eight encoded last, 2 = a command of letters and whole numbers: which of G, M and T (2),
 //! its number g(6), number of words (3), and of each word its letter (5), whether it has a number (1), the number s(5).
 //! New feeds, lambdas and commands take the places in turn.
 
@@ -67,33 +67,33 @@ pub const MARK: [u8; 2] = [0xa7, 0x5d];
 /// Bytes before the payload.
 pub const HEAD_BYTES: usize = 8;
 
-/// Bytes of the check sum behind it.
+/// Bytes of the checksum after it.
 pub const CRC_BYTES: usize = 4;
 
 /// The longest payload.
-pub const MOST_PAYLOAD_BYTES: usize = 2048 - HEAD_BYTES - CRC_BYTES;
+pub const MAX_PAYLOAD_BYTES: usize = 2048 - HEAD_BYTES - CRC_BYTES;
 
 /// The longest frame: what a reader must have room for.
-pub const MOST_FRAME_BYTES: usize = HEAD_BYTES + MOST_PAYLOAD_BYTES + CRC_BYTES;
+pub const MAX_FRAME_BYTES: usize = HEAD_BYTES + MAX_PAYLOAD_BYTES + CRC_BYTES;
 
 /// Places for feeds, lambdas and commands.
 const PLACES: usize = 8;
 
 /// Longest text of a command.
-pub const MOST_TEXT_BYTES: usize = 255;
+pub const MAX_TEXT_BYTES: usize = 255;
 
-/// What of a move is told.
+/// What is encoded of a move.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Shape(u8);
 
-/// What is told of the way.
+/// What is encoded of the path.
 const WAY_XY: u8 = 0;
 const WAY_XYZ: u8 = 1;
 const WAY_Z: u8 = 2;
 #[cfg(feature = "write")]
 const WAY_NONE: u8 = 3;
 
-/// What is told of the filament.
+/// What is encoded of the filament.
 const FILAMENT_NONE: u8 = 0;
 const FILAMENT_PREDICTED: u8 = 1;
 const FILAMENT_ALL: u8 = 2;
@@ -103,7 +103,7 @@ impl Shape {
     const FIRST: Self = Self(WAY_XY << 5 | FILAMENT_PREDICTED << 3 | 0b011);
     const BITS: u32 = 7;
 
-    /// Whether a move is told by X, Y and what its filament differs from the prediction.
+    /// Whether a move is encoded by X, Y and the difference of its filament from the prediction.
     #[inline]
     fn is_plain(self) -> bool {
         self.0 >> 3 == WAY_XY << 2 | FILAMENT_PREDICTED
@@ -135,10 +135,10 @@ impl Shape {
     }
 }
 
-/// Filament that lambda predicts for a way, all in steps of their units.
+/// Filament that lambda predicts for a path, all in steps of their units.
 #[inline(always)]
-fn prediction(way: [i32; 3], lambda: f32) -> i32 {
-    let [x, y, z] = way.map(|steps| steps as f32);
+fn prediction(path: [i32; 3], lambda: f32) -> i32 {
+    let [x, y, z] = path.map(|steps| steps as f32);
     (ferrostep_square_root::square_root(x * x + y * y + z * z) * lambda) as i32
 }
 
@@ -152,13 +152,13 @@ pub fn frame_length(head: &[u8; HEAD_BYTES]) -> Result<usize, Fault> {
         return Err(Fault::NoFrame);
     }
     let length = usize::from(u16::from_le_bytes([low, high]));
-    if length > MOST_PAYLOAD_BYTES {
+    if length > MAX_PAYLOAD_BYTES {
         return Err(Fault::Length { length: length as u32 });
     }
     Ok(HEAD_BYTES + length + CRC_BYTES)
 }
 
-/// A whole frame whose check sum is right.
+/// A whole frame whose checksum is right.
 #[derive(Clone, Copy, Debug)]
 pub struct Frame<'a> {
     /// Its number.

@@ -3,7 +3,7 @@
 use core::fmt;
 
 /// What is wrong.
-// A word, for a result that is told by a byte is copied by bytes.
+// `repr(u32)`: with a one-byte tag the compiler copies the `Result` byte by byte.
 #[repr(u32)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fault {
@@ -44,7 +44,7 @@ pub enum Fault {
         /// The length it says, bytes.
         length: u32,
     },
-    /// The check sum is wrong: bits have changed.
+    /// The checksum is wrong: bits have changed.
     Checksum {
         /// As the file has it.
         file: u32,
@@ -65,7 +65,7 @@ pub enum Fault {
 impl fmt::Display for Fault {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Magic => write!(out, "not a GPRE file, expected the mark with which one begins"),
+            Self::Magic => write!(out, "not a GPRE file (wrong magic number)"),
             Self::NewerVersion { version } => {
                 let newest = crate::header::VERSION;
                 write!(out, "written in version {version} of the format, expected at most {newest}")
@@ -82,10 +82,14 @@ impl fmt::Display for Fault {
             ),
             Self::Truncated => write!(out, "the file ends too early, expected more bytes"),
             Self::Trailing => write!(out, "more bytes after the last frame, expected the end of the file"),
-            Self::NoFrame => write!(out, "expected the mark with which a frame begins"),
-            Self::Length { length } => write!(out, "a length of {length} bytes, which nothing has"),
+            Self::NoFrame => {
+                write!(out, "no frame begins here (wrong mark): the file is damaged, prepare or copy it again")
+            }
+            Self::Length { length } => {
+                write!(out, "a length of {length} bytes is impossible: the file is damaged, prepare or copy it again")
+            }
             Self::Checksum { file, computed } => {
-                write!(out, "bits have changed: the check sum is {file:08x}, expected {computed:08x}")
+                write!(out, "bits have changed: the checksum is {file:08x}, expected {computed:08x}")
             }
             Self::Sequence { number, expected } => {
                 write!(out, "frames out of order: this is number {number}, expected number {expected}")

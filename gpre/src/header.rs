@@ -37,7 +37,7 @@ pub const VERSION: u16 = 1;
 pub const FIXED_BYTES: usize = 68;
 
 /// Most bytes of a thumbnail.
-pub const MOST_THUMBNAIL_BYTES: u32 = 1 << 20;
+pub const MAX_THUMBNAIL_BYTES: u32 = 1 << 20;
 
 /// Bytes of the check sum.
 const CRC_BYTES: usize = 4;
@@ -116,7 +116,7 @@ impl Header {
         bytes.starts_with(&MAGIC)
     }
 
-    /// Reads the first [`FIXED_BYTES`] of a file. The check sum is behind the thumbnail; see [`HeaderCheck`].
+    /// Reads the first [`FIXED_BYTES`] of a file. The checksum follows the thumbnail; see [`HeaderCheck`].
     ///
     /// # Errors
     /// Another kind of file, a newer version, an unknown encoding, lengths that cannot be.
@@ -148,7 +148,7 @@ impl Header {
         u16_at(bytes, 66)?;
         let Some(thumbnail_length) = length
             .checked_sub((FIXED_BYTES + CRC_BYTES) as u32)
-            .filter(|length| *length <= MOST_THUMBNAIL_BYTES && (kind != 0 || *length == 0))
+            .filter(|length| *length <= MAX_THUMBNAIL_BYTES && (kind != 0 || *length == 0))
         else {
             return Some(Err((Fault::Length { length }, 12)));
         };

@@ -32,7 +32,7 @@ pub type LimitValues = [f32; 16];
 /// Where in [`LimitValues`] the instantaneous corner velocities begin, which may be infinite.
 pub(crate) const FIRST_CORNER_VALUE: usize = 12;
 
-/// What lasts from move to move: with it a job can be entered at a frame.
+/// The settings in force from move to move: with them a job can be entered at a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ModalState {
     /// Target of the nozzle, degrees Celsius; 0 = off.

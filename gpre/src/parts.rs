@@ -7,11 +7,11 @@ use crate::header::{FIXED_BYTES, Header, HeaderCheck};
 /// What stands at the start of the bytes that are there.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Part {
-    /// Too little to tell.
+    /// Too few bytes to read anything.
     More,
-    /// So many bytes of the header's, of which nothing more is wanted.
+    /// This many bytes of the header, which are not needed any more.
     Passed(usize),
-    /// The header's last bytes, so many, and what it says. Its check sum is right.
+    /// The last bytes of the header, this many, and what it says. Its checksum is right.
     Header(usize, Header),
     /// A whole frame, to be read by [`crate::compact::Frame::read`].
     Frame {
@@ -93,7 +93,7 @@ impl Parts {
         Ok(Part::Frame { length, number: self.next, offset: self.offset })
     }
 
-    /// The thumbnail and the check sum behind it.
+    /// The thumbnail and the checksum after it.
     fn rest_of(&mut self, header: Header, bytes: &[u8], left: u64, complete: bool) -> Result<Part, ReadError> {
         if let Some(sum) = bytes.first_chunk::<4>().filter(|_| left == 4) {
             core::mem::take(&mut self.check).end(*sum)?;

@@ -43,7 +43,7 @@ pub const FLAG: u8 = 0x7e;
 pub const ESCAPE: u8 = 0x7d;
 
 /// Most bytes of data in a frame.
-pub const MOST_DATA_BYTES: usize = 255;
+pub const MAX_DATA_BYTES: usize = 255;
 
 /// Bytes before the data.
 const HEAD_BYTES: usize = 6;

@@ -3,7 +3,7 @@
 
 mod framed;
 
-use ferrostep_gpre::compact::{Decoder, Frame, FrameWriter, HEAD_BYTES, MOST_FRAME_BYTES, frame_length};
+use ferrostep_gpre::compact::{Decoder, Frame, FrameWriter, HEAD_BYTES, MAX_FRAME_BYTES, frame_length};
 use ferrostep_gpre::{Coordinate, EntrySpeed, Fault, Item, ModalState, PreparedMove, SquaredSpeed};
 use framed::framed;
 use proptest::prelude::*;
@@ -60,7 +60,7 @@ fn items(decoder: &mut Decoder<'_>) -> Vec<Owned> {
 fn decoded(bytes: &[u8]) -> Vec<Owned> {
     let mut all = Vec::new();
     for (number, frame) in frames(bytes).into_iter().enumerate() {
-        assert!(frame.len() <= MOST_FRAME_BYTES);
+        assert!(frame.len() <= MAX_FRAME_BYTES);
         let frame = Frame::read(frame, 0, Some(number as u32)).unwrap();
         all.extend(items(&mut frame.items().unwrap()));
     }

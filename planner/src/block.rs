@@ -27,7 +27,7 @@ impl Speed {
 
     /// Ticks for a length in units of 10 nm at this speed, to single precision; as many as fit for standstill.
     pub fn ticks_for(self, length_10nm: u32) -> u64 {
-        // A tick at one unit of speed is so many units of 10 nm.
+        // Units of 10 nm in a tick at one unit of speed.
         const PER_10NM: f32 = (65_536 * (TICKS_PER_SECOND as i64 / UNITS_PER_MM)) as f32;
         (length_10nm as f32 * PER_10NM / self.0 as f32) as u64
     }
@@ -60,7 +60,7 @@ impl SquaredSpeed {
     /// Standstill.
     pub const ZERO: Self = Self(0);
 
-    /// So many units.
+    /// This many units.
     pub const fn from_units(units: u64) -> Self {
         Self(units)
     }
@@ -143,7 +143,7 @@ impl Acceleration {
         Self::from_quantised((mm_per_s2 * 256.0) as u32)
     }
 
-    /// So many units of 2^-8 mm/s^2; one where it is none, the largest there is where it is more.
+    /// This many units of 2^-8 mm/s^2, held to the range from one unit to the largest.
     pub fn from_quantised(units: u32) -> Self {
         Self(units.clamp(1, Self::MAX.0))
     }
@@ -192,7 +192,7 @@ pub struct Block {
 }
 
 impl Block {
-    /// What stands where there is no block.
+    /// What an unused place holds.
     pub(crate) const NONE: Self = Self {
         steps: [0; 3],
         extruder_256ths: 0,

@@ -6,8 +6,8 @@ use crate::kinematics::{Geometry, UNITS_PER_MM};
 
 /// What moves and step events cost, in ticks of the time that motion is granted.
 ///
-/// Every move has its cost, also where several became one block: a line is read and planned before anybody knows that
-/// it continues the one before.
+/// Every move has its cost, also where several became one block: a line is read and planned before it is known to
+/// continue the one before.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Budget {
     event_ticks: f32,
@@ -25,7 +25,7 @@ impl Budget {
     /// A step of the extruder is taken for an event of its own, though some join others.
     #[inline(always)]
     pub fn cost(&self, block: &Block, events: f32, moves: u32) -> Cost {
-        // A tick at one unit of speed is so many units of 10 nm.
+        // Units of 10 nm in a tick at one unit of speed.
         const PER_10NM: f32 = (65_536 * (TICKS_PER_SECOND as i64 / UNITS_PER_MM)) as f32;
         let ticks = events * self.event_ticks + moves as f32 * self.move_ticks;
         Cost { ticks, distance: block.length_10nm as f32 * PER_10NM }

@@ -2,7 +2,7 @@
 
 use crate::block::Block;
 
-/// Most moves that end inside one block, the last of the block not counted.
+/// The most moves that end inside one block, the last of the block not counted.
 pub const MAX_INNER_ENDS: usize = 7;
 
 /// The end of a move inside a block.
@@ -95,13 +95,13 @@ impl InnerEnds {
         })
     }
 
-    /// Forgets all.
+    /// Forgets all ends.
     #[inline(always)]
     pub fn clear(&mut self) {
         self.count = 0;
     }
 
-    /// Whether there is none.
+    /// Whether no move ends inside.
     pub fn is_empty(&self) -> bool {
         self.count == 0
     }

@@ -87,7 +87,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// A corner of so many radians between two moves, the first of 100 mm.
+    /// A corner of this many radians between two moves, the first of 100 mm.
     fn corner(angle: f64, second_mm: f64) -> (Path, Path) {
         let units = second_mm * 1e5;
         let turned = [(angle.cos() * units).round() as i32, (angle.sin() * units).round() as i32, 0];

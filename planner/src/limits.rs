@@ -43,6 +43,7 @@ pub(crate) struct PathLimits {
     pub four_deviations_10nm: f32,
     /// The reciprocals of the instantaneous corner velocities, s/mm; 0 for none.
     pub per_corner_velocity: [f32; AXES],
+    has_corner_velocities: bool,
 }
 
 /// Feed, mm/s, and acceleration, mm/s^2, along a path.
@@ -53,6 +54,7 @@ impl PathLimits {
     pub fn new(limits: &Limits) -> Self {
         let [feed_x, feed_y, ..] = limits.max_feed_mm_per_s;
         let [acceleration_x, acceleration_y, ..] = limits.max_acceleration_mm_per_s2;
+        let per_corner_velocity = limits.instantaneous_corner_velocity_mm_per_s.map(|limit| 1.0 / limit as f32);
         Self {
             plane_feed_mm_per_s: smaller(feed_x as f32, feed_y as f32),
             plane_acceleration_mm_per_s2: smaller(acceleration_x as f32, acceleration_y as f32),
@@ -62,8 +64,15 @@ impl PathLimits {
             travel_acceleration_mm_per_s2: limits.travel_acceleration_mm_per_s2 as f32,
             retract_acceleration_mm_per_s2: limits.retract_acceleration_mm_per_s2 as f32,
             four_deviations_10nm: 4.0 * (limits.junction_deviation_mm * UNITS_PER_MM as f64) as f32,
-            per_corner_velocity: limits.instantaneous_corner_velocity_mm_per_s.map(|limit| 1.0 / limit as f32),
+            per_corner_velocity,
+            has_corner_velocities: per_corner_velocity.iter().any(|reciprocal| *reciprocal > 0.0),
         }
+    }
+
+    /// Whether any axis limits corners by its instantaneous corner velocity.
+    #[inline(always)]
+    pub fn has_corner_velocities(&self) -> bool {
+        self.has_corner_velocities
     }
 
     /// Largest acceleration of moves with extrusion.

@@ -13,7 +13,7 @@ use crate::inner_ends::InnerEnd;
 use crate::look_ahead::{BlockStart, EntrySpeed};
 use crate::planner::Planned;
 
-/// Longest block of several moves, units of 10 nm: what an inner end's place can tell.
+/// Longest block of several moves, units of 10 nm: what an inner end's place can hold.
 const MAX_LENGTH_10NM: u32 = u16::MAX as u32;
 
 /// Most filament that a move pushes in a block that it shares, 1/256 steps: an eighth of what an inner end can hold, so

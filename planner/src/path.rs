@@ -1,11 +1,11 @@
-//! The straight way of a move: a vector of integers, and its length.
+//! The straight path of a move, and its length.
 //!
 //! Lengths and angles are in single precision: of 84 mm 10 nm are known then, and of an angle 0.3 microradians, at which a
 //! corner allows more than any feed.
 
 use crate::square_root::square_root_f32;
 
-/// The way of X, Y and Z from one machine position to another, units of 10 nm.
+/// The path of X, Y and Z from one machine position to another, units of 10 nm.
 #[derive(Clone, Copy, Debug)]
 pub struct Path {
     /// The components, to single precision.
@@ -44,13 +44,13 @@ impl Path {
     }
 }
 
-/// The scalar product. What is zero changes no bit of it.
+/// The scalar product. Components of zero change no bit of it.
 #[inline(always)]
 fn dot([ax, ay, az]: [f32; 3], [bx, by, bz]: [f32; 3]) -> f32 {
     ax * bx + ay * by + az * bz
 }
 
-/// By how much a way turns from one to the next.
+/// By how much a path turns to the next.
 #[derive(Clone, Copy, Debug)]
 pub struct Turn {
     /// Cosine of the angle.
@@ -60,7 +60,7 @@ pub struct Turn {
 }
 
 impl Turn {
-    /// cos = a b / |a||b| and sin = |a x b| / |a||b|, of two ways that have a length.
+    /// cos = a b / |a||b| and sin = |a x b| / |a||b|, of two paths that have a length.
     pub fn between(before: &Path, after: &Path) -> Self {
         let ([ax, ay, az], [bx, by, bz]) = (before.vector, after.vector);
         let inverse = 1.0 / (before.length * after.length);

@@ -1,5 +1,5 @@
-//! A prepared job that is entered in its middle: a machine that was brought to where one of its frames begins takes over what
-//! lasts there.
+//! A prepared job that is entered in its middle: a machine that was brought to where one of its frames begins takes over the
+//! settings in force there.
 
 use core::fmt::Write;
 
@@ -15,8 +15,8 @@ use crate::ports::{Heating, Motion, Replies};
 use crate::printer::Printer;
 use crate::settings::{LARGEST_LIMIT, PERCENTS, SMALLEST_LIMIT};
 
-/// Largest E, offset and lift that a frame may tell, either sign, units of 10 nm: 10 km.
-const MOST_10NM: u64 = 1_000_000_000_000;
+/// Largest E, offset and lift of a frame, either sign, units of 10 nm: 10 km.
+const MAX_10NM: u64 = 1_000_000_000_000;
 
 /// The limit that a person has written, of which the frame has what single precision keeps: the shortest number that rounds to
 /// it. So a plan is followed with the very limits it was made with.
@@ -26,7 +26,7 @@ fn as_written(value: f32) -> f64 {
     written.unwrap_or(f64::from(value)).clamp(SMALLEST_LIMIT, LARGEST_LIMIT)
 }
 
-/// Limits as a frame tells them.
+/// The limits of a frame.
 fn limits(values: LimitValues) -> Limits {
     let [vx, vy, vz, ve, ax, ay, az, ae, print, travel, retract, deviation, corners @ ..] = values;
     let [vx, vy, vz, ve] = [vx, vy, vz, ve].map(as_written);
@@ -64,15 +64,15 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         Ok(())
     }
 
-    /// Takes over what lasts where a frame begins: limits, percentages, the fan, E, G92, the lift of a retraction and the feed.
-    /// The machine must stand there. Heaters are left to who brings it there.
+    /// Takes over the settings in force where a frame begins: limits, percentages, the fan, E, G92, the lift of a retraction and the feed.
+    /// The machine must stand there. Heaters are left to the caller.
     ///
     /// # Errors
-    /// It stands elsewhere, or the frame tells what no job has; motion was stopped.
+    /// It stands elsewhere, the frame's values are out of range, or motion was stopped.
     pub async fn enter_prepared(&mut self, state: &FrameState) -> Result<(), CommandError> {
         let modal = &state.modal;
         let [x, y, z] = modal.offset_10nm;
-        if [x, y, z, modal.lift_10nm, modal.extruder_10nm].iter().any(|length| length.unsigned_abs() > MOST_10NM) {
+        if [x, y, z, modal.lift_10nm, modal.extruder_10nm].iter().any(|length| length.unsigned_abs() > MAX_10NM) {
             return Err(CommandError::TooFar);
         }
         self.motion.finish().await?;

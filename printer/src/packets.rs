@@ -1,6 +1,6 @@
 //! The paper's packets of a job (the wide encoding), put together again.
 
-use ferrostep_gpre::compact::MOST_TEXT_BYTES;
+use ferrostep_gpre::compact::MAX_TEXT_BYTES;
 use ferrostep_gpre::wide::{PLACE_PARTS, Packet, Status};
 use ferrostep_planner::inner_ends::{InnerEnd, InnerEnds, MAX_INNER_ENDS};
 use ferrostep_planner::{Acceleration, Block, PreparedBlock, Speed};
@@ -20,7 +20,7 @@ pub struct Place {
 /// What packets ask for.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Asked<'a> {
-    /// A block in which so many moves end.
+    /// A block in which this many moves end.
     Block(PreparedBlock, u32),
     /// The fan.
     Fan {
@@ -47,8 +47,8 @@ pub struct PacketReader {
     next_line: Option<u32>,
     /// Of these, the line is encoded as its distance before the block's.
     inner: Vec<InnerEnd, MAX_INNER_ENDS>,
-    text: Vec<u8, MOST_TEXT_BYTES>,
-    /// The text has been told and may be forgotten.
+    text: Vec<u8, MAX_TEXT_BYTES>,
+    /// The text has been handed out and may be forgotten.
     text_is_old: bool,
     place: Vec<u16, PLACE_PARTS>,
     /// The last stretch of the block before.
@@ -120,8 +120,8 @@ impl PacketReader {
             Packet::Trajectory(trajectory) => {
                 let line = self.begin_line();
                 let inner = core::mem::take(&mut self.inner);
-                let told = inner.iter().filter(|end| end.ends_move).count() as u32;
-                let moves = told + (trajectory.nominal_length_flag >> 1);
+                let ended = inner.iter().filter(|end| end.ends_move).count() as u32;
+                let moves = ended + (trajectory.nominal_length_flag >> 1);
                 let inner_ends = inner_ends(&inner, line, trajectory.millimeters)
                     .ok_or("ends of moves inside a trajectory in their order")?;
                 let [x, y, z, extruder_256ths] = trajectory.signed_steps();
@@ -144,7 +144,7 @@ impl PacketReader {
         Ok(None)
     }
 
-    /// The end that was told last.
+    /// The inner end read last.
     fn last_inner(&mut self) -> Result<&mut InnerEnd, &'static str> {
         self.inner.last_mut().ok_or("the end of a move inside a trajectory before its steps and filament")
     }
@@ -159,9 +159,9 @@ impl PacketReader {
 fn inner_ends(inner: &[InnerEnd], line: u32, length_10nm: u32) -> Option<InnerEnds> {
     let mut ends = InnerEnds::NONE;
     let mut before = 0;
-    for (index, told) in inner.iter().enumerate() {
-        // Each is told by the line of the one after it.
-        let end = InnerEnd { line: line.checked_sub(told.line)?, ..*told };
+    for (index, read) in inner.iter().enumerate() {
+        // Each is encoded by the line of the one after it.
+        let end = InnerEnd { line: line.checked_sub(read.line)?, ..*read };
         let next = match inner.get(index + 1) {
             Some(next) => line.checked_sub(next.line)?,
             None => line,

@@ -1,4 +1,4 @@
-//! Jobs that were planned elsewhere (GPRE): their moves are executed without look-ahead, everything else as ever.
+//! Jobs that were planned elsewhere (GPRE): their moves bring their speeds; commands are executed as from G-code.
 
 use embedded_hal_async::delay::DelayNs;
 use ferrostep_gcode::parse;
@@ -41,7 +41,7 @@ fn limit_values(limits: &Limits) -> LimitValues {
 }
 
 impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, M, H, T, R> {
-    /// What lasts from move to move, for somebody who prepares a job.
+    /// The settings in force from move to move, for the writer of a prepared job.
     pub fn prepared_state(&self) -> ModalState {
         let celsius = |heater| self.heating.status(heater).target_celsius as u16;
         let limits = self.motion.limits();
@@ -67,7 +67,7 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
     /// changed since.
     ///
     /// # Errors
-    /// As for a move of G-code; a target beyond the soft limits is none that a prepared job has.
+    /// As for a move of G-code; a target beyond the soft limits is refused, not clamped.
     pub async fn prepared_move(&mut self, item: &PreparedMove, planned_with: &ModalState) -> Result<(), CommandError> {
         if let Some(result) = self.try_prepared_move(item, planned_with) {
             return result;
@@ -272,7 +272,7 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         Ok(self.motion.set_fan_power(power).await?)
     }
 
-    /// Executes a command of a prepared job as a line is executed, without its `ok`: nobody has sent a line.
+    /// Executes a command of a prepared job as a line is executed, without its `ok`: no host has sent it.
     ///
     /// # Errors
     /// It cannot be read, or not be done.
@@ -284,7 +284,7 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
     }
 
     /// Ends a prepared job of which nothing more can be trusted: what was taken of it is executed, to a standstill on the
-    /// path; the G-code's position is then where the motors stand. Heaters are left to whoever watches over them.
+    /// path; the G-code's position is then where the motors stand. Heaters stay as they are.
     ///
     /// # Errors
     /// Motion was stopped.

@@ -261,7 +261,7 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
     }
 
     /// Receives a prepared job and executes it as it comes. `buffer` must have room for the longest frame
-    /// ([`ferrostep_gpre::compact::MOST_FRAME_BYTES`]); what is more is room for what comes meanwhile. Returns how it
+    /// ([`ferrostep_gpre::compact::MAX_FRAME_BYTES`]); what is more is room for what comes meanwhile. Returns how it
     /// ended, and whether a frame has begun on the line and not ended; the host has been told.
     pub async fn receive_job(
         &mut self,

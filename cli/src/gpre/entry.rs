@@ -191,14 +191,14 @@ pub async fn approach<O: Observer, R: Replies>(
     printer.enter_prepared(state).await.map_err(failed)
 }
 
-/// Executes commands on the way to a frame.
+/// Executes commands before a frame is entered.
 async fn run<'a, O: Observer, R: Replies>(
     commands: impl Iterator<Item = (u32, &'a str)>,
     frame: u32,
     printer: &mut DeskPrinter<'_, O, R>,
 ) -> Result<(), JobError> {
     for (line, text) in commands {
-        let failed = |failure| JobError::Entry { frame, message: format!("on the way to it: {text:?}: {failure}") };
+        let failed = |failure| JobError::Entry { frame, message: format!("before it is entered: {text:?}: {failure}") };
         printer.execute(line, text).await.map_err(failed)?;
     }
     Ok(())

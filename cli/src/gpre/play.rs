@@ -63,7 +63,7 @@ impl<R: Read> PartReader<R> {
         Ok(header)
     }
 
-    /// The next frame and where it begins; `None` behind the last of `frames`.
+    /// The next frame and where it begins; `None` after the last of `frames`.
     pub fn frame(&mut self, frames: u32) -> Result<Option<(Frame<'_>, u64)>, JobError> {
         let offset = self.offset;
         let fault = |fault, offset, frame| refused(ReadError { fault, offset, frame: Some(frame) });
@@ -92,7 +92,7 @@ impl<R: Read> PartReader<R> {
 }
 
 impl<R: Read> PartReader<R> {
-    /// The next packet of the wide encoding, its number and where it begins; `None` behind the last of `packets`.
+    /// The next packet of the wide encoding, its number and where it begins; `None` after the last of `packets`.
     pub fn packet(&mut self, packets: u32) -> Result<Option<(Packet, u32, u64)>, JobError> {
         let (offset, number) = (self.offset, self.next);
         let fault = |fault| refused(ReadError { fault, offset, frame: Some(number) });

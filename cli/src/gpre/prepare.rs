@@ -48,7 +48,7 @@ pub struct Prepared {
 /// Why nothing, or not all, was prepared.
 #[derive(Debug)]
 pub enum PrepareError {
-    /// The machine's acceleration is none that is planned ahead of time.
+    /// The machine's acceleration profile cannot be prepared.
     Acceleration(AccelerationProfile),
     /// The G-code is not one that can be executed.
     Job(JobError),
@@ -108,7 +108,7 @@ struct Writer<'a, W> {
 impl<W: Write> Writer<'_, W> {
     fn take(&mut self, ready: &Ready) {
         if let Ready::Command { line, text } = ready
-            && text.len() > ferrostep_gpre::compact::MOST_TEXT_BYTES
+            && text.len() > ferrostep_gpre::compact::MAX_TEXT_BYTES
         {
             let why = "a command too long for a prepared job, expected at most 255 bytes";
             self.failed.get_or_insert(PrepareError::Command(*line, why));

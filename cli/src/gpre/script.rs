@@ -1,4 +1,4 @@
-//! What a job is made of, in its order, on its way from the G-code to the file: moves wait here until look-ahead has
+//! What a job is made of, in its order, from the G-code to the file: moves wait here until look-ahead has
 //! settled their speeds.
 
 use std::collections::VecDeque;
@@ -72,7 +72,7 @@ pub enum Ready {
         /// Its text.
         text: String,
     },
-    /// What lasts has changed.
+    /// The settings in force have changed.
     State {
         /// It.
         modal: ModalState,
@@ -93,7 +93,7 @@ impl Ready {
     }
 }
 
-/// The job on its way.
+/// The job between G-code and file.
 #[derive(Debug, Default)]
 pub struct Script {
     now: Now,
@@ -124,7 +124,7 @@ impl Script {
         }
     }
 
-    /// It has been executed; this lasts.
+    /// The line has been executed; these settings are in force.
     pub fn ended(&mut self, modal: ModalState, position_10nm: [i64; 3]) {
         if self.now == Now::Text {
             self.waiting.push_back(Waiting::Ready(Ready::State { modal, position_10nm }));
@@ -204,7 +204,7 @@ impl Script {
         }
     }
 
-    /// The shortest way to say the planned speed, from which the reader's forward pass makes the same.
+    /// The shortest encoding of the planned speed, from which the reader's forward pass makes the same.
     fn entry(&mut self, speeds: &Speeds) -> EntrySpeed {
         let Speeds { planned, entry, bound } = speeds;
         let said = |said: EntrySpeed| {

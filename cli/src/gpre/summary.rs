@@ -44,7 +44,7 @@ pub struct PreparedSummary {
 }
 
 impl PreparedSummary {
-    /// Of a job that was prepared in so many seconds.
+    /// Of a job that was prepared in this many seconds.
     pub fn new(file: &Path, out: &Path, profile: &str, prepared: &Prepared, wall_s: f64) -> Self {
         let header = &prepared.header;
         let picture = header.thumbnail.map_or(0, |picture| u64::from(picture.length));

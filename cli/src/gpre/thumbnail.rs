@@ -7,7 +7,7 @@ use ferrostep_gpre::{Thumbnail, ThumbnailFormat};
 use crate::input::Input;
 
 /// No more of a file is looked at.
-const MOST_BYTES: u64 = 2 << 20;
+const MAX_BYTES: u64 = 2 << 20;
 
 /// What is known of a picture, and its bytes.
 type Picture = (Thumbnail, Vec<u8>);
@@ -27,7 +27,7 @@ pub fn take(input: &mut Input) -> io::Result<Option<Picture>> {
 fn find(input: impl BufRead) -> io::Result<(Option<Picture>, Vec<u8>)> {
     let mut found: Option<Picture> = None;
     let mut open: Option<(ThumbnailFormat, u16, u16, String)> = None;
-    let mut input = input.take(MOST_BYTES);
+    let mut input = input.take(MAX_BYTES);
     let mut read = Vec::new();
     loop {
         let start = read.len();
@@ -51,7 +51,7 @@ fn find(input: impl BufRead) -> io::Result<(Option<Picture>, Vec<u8>)> {
             let (format, width, height) = (*format, *width, *height);
             open = None;
             let larger = |bytes: &Vec<u8>| found.as_ref().is_none_or(|(_, before)| bytes.len() > before.len());
-            let fits = |bytes: &Vec<u8>| bytes.len() < ferrostep_gpre::header::MOST_THUMBNAIL_BYTES as usize;
+            let fits = |bytes: &Vec<u8>| bytes.len() < ferrostep_gpre::header::MAX_THUMBNAIL_BYTES as usize;
             if let Some(bytes) = bytes.filter(|bytes| !bytes.is_empty() && larger(bytes) && fits(bytes)) {
                 found = Some((Thumbnail { format, width, height, length: bytes.len() as u32 }, bytes));
             }
@@ -77,7 +77,7 @@ fn begins(comment: &str) -> Option<(ThumbnailFormat, u16, u16)> {
     Some((format, width.parse().ok()?, height.parse().ok()?))
 }
 
-/// Bytes of a text in base 64; `None` where it is none.
+/// Bytes of a text in base 64; `None` if it is malformed.
 fn from_base_64(text: &str) -> Option<Vec<u8>> {
     let mut bytes = Vec::with_capacity(text.len() * 3 / 4);
     let (mut bits, mut count) = (0u32, 0);
@@ -124,6 +124,6 @@ mod tests {
     fn no_more_is_read_than_pictures_take() {
         let endless = io::BufReader::new(io::repeat(b';'));
         let (picture, read) = find(endless).unwrap();
-        assert_eq!((picture, read.len() as u64), (None, MOST_BYTES));
+        assert_eq!((picture, read.len() as u64), (None, MAX_BYTES));
     }
 }

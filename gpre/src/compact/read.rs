@@ -1,7 +1,7 @@
 //! What is in a frame.
 
 use super::{
-    FILAMENT_ALL, FILAMENT_NONE, FILAMENT_PREDICTED, MOST_TEXT_BYTES, PLACES, Shape, WAY_XY, WAY_XYZ, WAY_Z, prediction,
+    FILAMENT_ALL, FILAMENT_NONE, FILAMENT_PREDICTED, MAX_TEXT_BYTES, PLACES, Shape, WAY_XY, WAY_XYZ, WAY_Z, prediction,
 };
 use crate::bits::{BitReader, Order, Window};
 use crate::error::Fault;
@@ -10,11 +10,11 @@ use crate::item::{
 };
 
 /// Largest unit.
-const MOST_UNIT: u32 = 1000;
+const MAX_UNIT: u32 = 1000;
 
 const TOO_FAR: Fault = Fault::Content("coordinates within 5 m");
 
-/// The coordinate so many units further; `None` if it is too large.
+/// The coordinate this many units further; `None` if it is too large.
 #[inline(always)]
 fn after(coordinate: Coordinate, steps: i32, unit_10nm: i32) -> Option<Coordinate> {
     coordinate.advanced(steps.checked_mul(unit_10nm)?)
@@ -22,8 +22,8 @@ fn after(coordinate: Coordinate, steps: i32, unit_10nm: i32) -> Option<Coordinat
 
 /// What is not a move of the same shape whose speed needs no number.
 enum Uncommon {
-    /// Something that lasts.
-    Told,
+    /// A setting that stays in force.
+    StateChange,
     Move(EntrySpeed),
     Fan(u8),
     Command,
@@ -42,11 +42,11 @@ pub struct FrameState {
     pub feed_mm_per_s: f32,
     /// Fan, 0 to 255.
     pub fan_power: u8,
-    /// What lasts.
+    /// The settings in force.
     pub modal: ModalState,
 }
 
-/// What was told last, in places that are taken in turn.
+/// The values encoded last, in places that are taken in turn.
 #[derive(Clone, Copy, Debug)]
 struct Places<T> {
     places: [T; PLACES],
@@ -87,7 +87,7 @@ pub struct Decoder<'a> {
     lambdas: Places<f32>,
     /// Where the bits of each command begin.
     commands: Places<usize>,
-    text: [u8; MOST_TEXT_BYTES],
+    text: [u8; MAX_TEXT_BYTES],
 }
 
 impl<'a> Decoder<'a> {
@@ -125,7 +125,7 @@ impl<'a> Decoder<'a> {
             limits = Some(values);
         }
         let (unit_10nm, filament_unit_100pm) = (bits.golomb(7)?, bits.golomb(7)?);
-        if !(1..=MOST_UNIT).contains(&unit_10nm) || !(1..=MOST_UNIT).contains(&filament_unit_100pm) {
+        if !(1..=MAX_UNIT).contains(&unit_10nm) || !(1..=MAX_UNIT).contains(&filament_unit_100pm) {
             return Err(Fault::Content("units from 1 to 1000"));
         }
         let mut orders = [Order::new(0); 4];
@@ -172,7 +172,7 @@ impl<'a> Decoder<'a> {
             feeds: Places::new(feed_mm_per_s),
             lambdas: Places::new(0.0),
             commands: Places::new(usize::MAX),
-            text: [0; MOST_TEXT_BYTES],
+            text: [0; MAX_TEXT_BYTES],
         })
     }
 
@@ -181,12 +181,12 @@ impl<'a> Decoder<'a> {
         &self.start
     }
 
-    /// The next item; `None` behind the last.
+    /// The next item; `None` after the last.
     ///
     /// # Errors
     /// Content that has no meaning. The decoder is of no use after it.
     pub fn next_item(&mut self) -> Result<Option<Item<'_>>, Fault> {
-        // The commonest items are told by their first four bits: a move of the same shape, and where its speed comes from.
+        // The commonest items are recognised by their first four bits: a move of the same shape, and where its speed comes from.
         let (window, length) = loop {
             if self.left == 0 {
                 if self.bits.left() >= 8 {
@@ -201,7 +201,7 @@ impl<'a> Decoder<'a> {
                 0b0100 | 0b0101 => (3, EntrySpeed::Falling),
                 0b0110 => (4, EntrySpeed::Continues),
                 first => match self.uncommon(first)? {
-                    Uncommon::Told => continue,
+                    Uncommon::StateChange => continue,
                     Uncommon::Move(entry) => {
                         self.last.entry = entry;
                         break (self.bits.window(), 0);
@@ -239,7 +239,7 @@ impl<'a> Decoder<'a> {
         self.other()
     }
 
-    /// What is no move: what is told once, or an item.
+    /// All but moves: settings, and other items.
     fn other(&mut self) -> Result<Uncommon, Fault> {
         match self.bits.few(3)? {
             0 => {
@@ -275,7 +275,7 @@ impl<'a> Decoder<'a> {
             }
             _ => return Err(Fault::Content("an item of a kind from 0 to 6")),
         }
-        Ok(Uncommon::Told)
+        Ok(Uncommon::StateChange)
     }
 
     fn pass_lines(&mut self, lines: u32) -> Result<(), Fault> {
@@ -311,17 +311,17 @@ impl<'a> Decoder<'a> {
     fn any_move(&mut self) -> Result<(), Fault> {
         let shape = self.shape;
         let [order_x, order_y, order_z, order_filament] = self.orders;
-        let mut way = [0; 3];
-        let told = shape.way();
-        if told == WAY_XY || told == WAY_XYZ {
-            way[0] = self.bits.signed(order_x)?;
-            way[1] = self.bits.signed(order_y)?;
+        let mut path = [0; 3];
+        let axes = shape.way();
+        if axes == WAY_XY || axes == WAY_XYZ {
+            path[0] = self.bits.signed(order_x)?;
+            path[1] = self.bits.signed(order_y)?;
         }
-        if told == WAY_XYZ || told == WAY_Z {
-            way[2] = self.bits.signed(order_z)?;
+        if axes == WAY_XYZ || axes == WAY_Z {
+            path[2] = self.bits.signed(order_z)?;
         }
         let mut target = self.last.target;
-        for (coordinate, steps) in target.iter_mut().zip(way) {
+        for (coordinate, steps) in target.iter_mut().zip(path) {
             *coordinate = after(*coordinate, steps, self.unit_10nm).ok_or(TOO_FAR)?;
         }
         let unit = i64::from(self.filament_unit_100pm);
@@ -330,7 +330,7 @@ impl<'a> Decoder<'a> {
             FILAMENT_PREDICTED => {
                 let difference = self.bits.signed(order_filament)?;
                 // 33 bits times 10.
-                (i64::from(prediction(way, self.lambda)) + i64::from(difference)) * unit
+                (i64::from(prediction(path, self.lambda)) + i64::from(difference)) * unit
             }
             FILAMENT_ALL => {
                 let filament = self.bits.signed_long(12)?;
@@ -338,7 +338,7 @@ impl<'a> Decoder<'a> {
             }
             _ => return Err(Fault::Content("a filament of a kind from 0 to 2")),
         };
-        // A move that is nothing has passed no bits but those that said so.
+        // A move without path and filament has passed only the bits of its shape.
         self.bits.checked()?;
         if !shape.same_line() {
             self.pass_lines(1)?;
@@ -375,7 +375,7 @@ impl<'a> Decoder<'a> {
             1 => {
                 let index = self.bits.few(3)?;
                 let place = self.commands.get(index).filter(|place| *place < self.bits.position());
-                let mut bits = self.bits.at(place.ok_or(Fault::Content("a command that was told before"))?);
+                let mut bits = self.bits.at(place.ok_or(Fault::Content("a command that was encoded before"))?);
                 let kind = bits.few(2)?;
                 spell(&mut bits, kind, &mut self.text)?
             }
@@ -392,7 +392,7 @@ fn feed(bits: &mut BitReader<'_>) -> Result<f32, Fault> {
 }
 
 /// Puts a command's text together; returns its length.
-fn spell(bits: &mut BitReader<'_>, kind: u32, text: &mut [u8; MOST_TEXT_BYTES]) -> Result<usize, Fault> {
+fn spell(bits: &mut BitReader<'_>, kind: u32, text: &mut [u8; MAX_TEXT_BYTES]) -> Result<usize, Fault> {
     if kind == 0 {
         let length = bits.few(8)? as usize;
         for byte in text.iter_mut().take(length) {
@@ -401,7 +401,7 @@ fn spell(bits: &mut BitReader<'_>, kind: u32, text: &mut [u8; MOST_TEXT_BYTES]) 
         return Ok(length);
     }
     if kind != 2 {
-        return Err(Fault::Content("a command that was told before"));
+        return Err(Fault::Content("a command that was encoded before"));
     }
     let mut text = Spelling { text, length: 0 };
     let letter = match bits.few(2)? {
@@ -433,7 +433,7 @@ fn spell(bits: &mut BitReader<'_>, kind: u32, text: &mut [u8; MOST_TEXT_BYTES]) 
 /// A text that is being put together. The longest, of a letter and a number and seven words of ten digits with a sign, has
 /// 107 bytes.
 struct Spelling<'a> {
-    text: &'a mut [u8; MOST_TEXT_BYTES],
+    text: &'a mut [u8; MAX_TEXT_BYTES],
     length: usize,
 }
 

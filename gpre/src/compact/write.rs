@@ -8,7 +8,7 @@ use std::string::String;
 use std::vec::Vec;
 
 use super::{
-    CRC_BYTES, FILAMENT_ALL, FILAMENT_NONE, FILAMENT_PREDICTED, HEAD_BYTES, MARK, MOST_PAYLOAD_BYTES, MOST_TEXT_BYTES,
+    CRC_BYTES, FILAMENT_ALL, FILAMENT_NONE, FILAMENT_PREDICTED, HEAD_BYTES, MARK, MAX_PAYLOAD_BYTES, MAX_TEXT_BYTES,
     WAY_NONE, WAY_XY, WAY_XYZ, WAY_Z, prediction,
 };
 use items::ItemWriter;
@@ -21,7 +21,7 @@ use crate::item::{EntrySpeed, Item, ModalState, PreparedMove};
 /// A frame is closed when it is about so long; no shorter, for every frame begins with some 40 bytes of its own.
 const LONG_ENOUGH_BITS: usize = 8 * 1600;
 
-/// So many more are taken if the next move is one before which a job cannot be entered.
+/// This many more are taken if the job cannot be entered before the next move.
 const LONGER_BITS: usize = 8 * 200;
 
 /// Units that X, Y and Z are tried in, of 10 nm, and the filament, of 0.1 nm; or else the largest that divides all.
@@ -39,7 +39,7 @@ enum Waiting {
         line: u32,
         text: String,
     },
-    /// What lasts has changed.
+    /// Settings in force have changed.
     Modal(ModalState),
 }
 
@@ -103,7 +103,7 @@ impl FrameWriter {
         self.number
     }
 
-    /// What lasts has changed; the position may have, too (homing).
+    /// Settings in force have changed; the position may have, too (homing).
     pub fn set_modal(&mut self, modal: ModalState, position_10nm: [i64; 3], frames: &mut Vec<u8>) {
         let before = self.end.modal;
         if self.end.position_10nm != position_10nm
@@ -131,7 +131,7 @@ impl FrameWriter {
             }
             Item::Fan { line, power } => (20, Waiting::Fan { line, power }),
             Item::Command { line, text } => {
-                let end = text.floor_char_boundary(MOST_TEXT_BYTES);
+                let end = text.floor_char_boundary(MAX_TEXT_BYTES);
                 (24 + 8 * end, Waiting::Command { line, text: text[..end].to_owned() })
             }
         };
@@ -160,7 +160,7 @@ impl FrameWriter {
             return;
         }
         let payload = Content::new(&self.start, items).payload(can_be_entered(items));
-        if payload.len() > MOST_PAYLOAD_BYTES {
+        if payload.len() > MAX_PAYLOAD_BYTES {
             let (first, second) = items.split_at(items.len() / 2);
             self.write(first, frames);
             self.write(second, frames);
@@ -180,7 +180,7 @@ impl FrameWriter {
 }
 
 /// Whether a job can be entered before these items: the first move begins a block, and no speed follows from one before.
-/// What a bound is that follows from the corner before the first move nobody knows who has not read what is before it.
+/// A bound that follows from the corner before the first move is unknown to a reader that has not read the frame before.
 fn can_be_entered(items: &[Waiting]) -> bool {
     let speeds = items.iter().filter_map(|item| if let Waiting::Move(next) = item { Some(next.entry) } else { None });
     let mut blocks = speeds.enumerate().filter(|(index, speed)| *index == 0 || *speed != EntrySpeed::Continues);
@@ -262,13 +262,13 @@ impl<'a> Content<'a> {
         content
     }
 
-    /// The filament as a move tells it: what kind, and the number.
+    /// The filament as a move encodes it: its kind, and the number.
     fn filament(steps: &Steps, lambda: f32) -> (u8, i64) {
         if steps.filament == 0 {
             return (FILAMENT_NONE, 0);
         }
         let difference = steps.filament - i64::from(prediction(steps.way, lambda));
-        // What is all told has s(12); the difference must be in range of the reader's 32 bits.
+        // Filament that is encoded whole has s(12); the difference must be in range of the reader's 32 bits.
         if steps.kind == WAY_NONE || lambda == 0.0 || difference.abs() > 1 << 16 {
             return (FILAMENT_ALL, steps.filament);
         }

@@ -2,7 +2,7 @@
 
 use super::report::{Report, Word};
 use super::wire::{Taken, Unwrap};
-use super::{Kind, MOST_DATA_BYTES};
+use super::{Kind, MAX_DATA_BYTES};
 
 /// The host may be this far ahead of what it knows to have arrived, bytes. As frames they fit into the ring between a
 /// port's interrupt and its reader, so that a reader that is late loses nothing.
@@ -15,7 +15,7 @@ pub enum Event {
     Other,
     /// Nothing yet.
     Nothing,
-    /// So many bytes are new at the start of the room.
+    /// This many bytes are new at the start of the room.
     Bytes(usize),
     /// The host should hear what there is; nothing is new.
     Answer,
@@ -39,12 +39,12 @@ pub struct Receiver {
     size: u32,
     /// The first byte that has not come.
     next: u32,
-    /// The host has been told that a byte is missing, and not sent it since.
+    /// A missing byte was reported to the host, which has not sent it since.
     asked: bool,
 }
 
 impl Receiver {
-    /// Nothing has come of a file of so many bytes.
+    /// A receiver of a file of this length, of which nothing has come.
     pub fn new(size: u32) -> Self {
         Self { unwrap: Unwrap::new(), size, next: 0, asked: false }
     }
@@ -81,7 +81,7 @@ impl Receiver {
         match arrived.kind {
             Kind::Abort => Event::Aborted,
             Kind::Question => {
-                // Whoever asks shall be answered, and be told to begin anew if it believes to be farther.
+                // Every question is answered; the answer makes a host begin again that believes to be farther.
                 self.asked = arrived.place > self.next;
                 Event::Answer
             }
@@ -100,7 +100,7 @@ impl Receiver {
         }
     }
 
-    /// Something is missing. The host is told once: what it has sent meanwhile must not make it begin anew again and again.
+    /// Something is missing. This is reported once: what the host has sent meanwhile must not make it begin again and again.
     fn ask(&mut self) -> Event {
         if core::mem::replace(&mut self.asked, true) { Event::Nothing } else { Event::Answer }
     }
@@ -112,9 +112,9 @@ impl Receiver {
         Report { word: if self.asked { Word::Again } else { Word::Have }, numbers: [self.next, limit] }
     }
 
-    /// Whether a host that was told `limit` should hear that there is more room by now.
+    /// Whether a host that knows `limit` should hear that there is more room by now.
     pub fn has_opened(&self, limit: u32, room: usize) -> bool {
         let now = self.report(room).numbers[1];
-        limit < self.size && now > limit && (now == self.size || now - limit >= MOST_DATA_BYTES as u32)
+        limit < self.size && now > limit && (now == self.size || now - limit >= MAX_DATA_BYTES as u32)
     }
 }

@@ -56,7 +56,7 @@ impl Report {
     /// What is said where no job has been received.
     pub const NONE: Self = Self { word: Word::None, numbers: [0; 2] };
 
-    /// Reads a line; `None` where it is another, or has been changed on its way.
+    /// Reads a line; `None` if it is no report, or was changed in transit.
     pub fn parse(line: &str) -> Option<Self> {
         let (text, sum) = line.trim_end().rsplit_once(" *")?;
         if sum.len() != 8 || u32::from_str_radix(sum, 16).ok()? != CRC.checksum(text.as_bytes()) {

@@ -4,16 +4,16 @@ use std::vec::Vec;
 
 use super::report::{Report, Word};
 use super::wire::to_wire;
-use super::{Kind, MOST_DATA_BYTES};
+use super::{Kind, MAX_DATA_BYTES};
 use crate::error::ReadError;
 use crate::header::Header;
 
 /// Bytes of data in a frame. Long enough that a frame costs a tenth at most, short enough that one lost is not many.
 pub const DATA_BYTES: usize = 128;
 
-const _: () = assert!(DATA_BYTES <= MOST_DATA_BYTES);
+const _: () = assert!(DATA_BYTES <= MAX_DATA_BYTES);
 
-/// Sends a job. It says what to send and hears what the board answers; bytes and time are somebody else's.
+/// Sends a job. It says what to send and hears what the board answers; the caller moves the bytes and keeps the time.
 ///
 /// Whoever has sent all that it says, and hears nothing for a while, sends [`Sender::question`].
 #[derive(Clone, Debug)]
@@ -39,9 +39,9 @@ impl Sender {
         Self { job, arrived: 0, next: 0, limit: 0, repeats: 0, begun: false, end: None, frame_bytes: DATA_BYTES }
     }
 
-    /// Puts so many bytes into a frame, from 1 to [`MOST_DATA_BYTES`]: fewer where many frames are lost.
+    /// Puts this many bytes into a frame, from 1 to [`MAX_DATA_BYTES`]: fewer where many frames are lost.
     pub fn set_frame_bytes(&mut self, bytes: usize) {
-        self.frame_bytes = bytes.clamp(1, MOST_DATA_BYTES);
+        self.frame_bytes = bytes.clamp(1, MAX_DATA_BYTES);
     }
 
     /// The command that begins the transfer. `silence_s` is how long the board waits for a frame before it gives up, s.

@@ -19,7 +19,7 @@ pub(super) enum Taken {
     Frame,
     /// The end of a whole one.
     Whole(Arrived),
-    /// The end of one that is none, or has changed on its way.
+    /// The end of a frame that is malformed, or was changed in transit.
     Broken,
     /// Not of a frame.
     Other,
@@ -111,10 +111,10 @@ impl Unwrap {
     }
 }
 
-/// A frame as it is sent. Of data, at most [`super::MOST_DATA_BYTES`] are taken.
+/// A frame as it is sent. Of data, at most [`super::MAX_DATA_BYTES`] are taken.
 #[cfg(feature = "write")]
 pub fn to_wire(kind: Kind, place: u32, data: &[u8]) -> std::vec::Vec<u8> {
-    let data = data.get(..super::MOST_DATA_BYTES).unwrap_or(data);
+    let data = data.get(..super::MAX_DATA_BYTES).unwrap_or(data);
     let mut content = std::vec::Vec::with_capacity(HEAD_BYTES + data.len() + CRC_BYTES);
     content.push(kind.number());
     content.extend_from_slice(&place.to_le_bytes());

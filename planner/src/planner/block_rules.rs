@@ -201,13 +201,13 @@ impl BlockRules {
         motors + 1.0 + filament_10nm.abs() / (step_mm * UNITS_PER_MM as f32)
     }
 
-    /// Bound of the speed in the corner before a path. The axes' instantaneous corner velocities limit no corner between the
-    /// chords of an arc: what was commanded has none there.
+    /// Bound of the speed in the corner before a path. The axes' instantaneous corner velocities, if any is set, limit no
+    /// corner between the chords of an arc: what was commanded has none there.
     #[inline(never)]
     fn corner(&self, before: &Previous, path: &Path, acceleration: CornerAcceleration, line: u32) -> Speed {
         let radius = radius_10nm(&before.path, path, self.path_limits.four_deviations_10nm);
         let speed = acceleration.min(before.acceleration).speed_along(radius);
-        if before.unended_line == Some(line) {
+        if !self.path_limits.has_corner_velocities() || before.unended_line == Some(line) {
             return speed;
         }
         speed.min(speed_of_jumps(&before.path, path, self.path_limits.per_corner_velocity))

@@ -85,7 +85,7 @@ impl Request for Prepared<'_> {
             planner.check_plan()?;
         }
         let planned = planner.rules.plan(&travel, &target, &planner.previous);
-        let nominal = self.nominal_now(planner, planned.nominal);
+        let nominal = self.now.map_or(planned.nominal, |now| self.nominal_at(now, planner, planned.nominal));
         if !continues {
             planner.open.begin(&planned, prepared.entry, nominal);
         } else if planner.open.absorb_prepared(&planned, nominal) {
@@ -99,9 +99,11 @@ impl Request for Prepared<'_> {
 }
 
 impl Prepared<'_> {
-    /// Nominal speed at the present feed; an invalid feed keeps the planned speed.
-    fn nominal_now<S: RingMemory>(&self, planner: &Planner<S>, planned: Speed) -> Speed {
-        let Some(&Retuned { filament_100pm, feed_mm_per_s: Some(feed_mm_per_s) }) = self.now else { return planned };
+    /// Nominal speed at another feed; an invalid feed keeps the planned speed.
+    #[cold]
+    #[inline(never)]
+    fn nominal_at<S: RingMemory>(&self, now: &Retuned, planner: &Planner<S>, planned: Speed) -> Speed {
+        let Retuned { filament_100pm, feed_mm_per_s: Some(feed_mm_per_s) } = *now else { return planned };
         let travel = self.planned.with(filament_100pm, feed_mm_per_s);
         let Ok(Some(target)) = planner.rules.target(&travel, &planner.position) else { return planned };
         planner.rules.plan(&travel, &target, &planner.previous).nominal

@@ -7,7 +7,7 @@ use std::task::Poll;
 
 use embedded_hal_async::delay::DelayNs;
 use ferrostep_gcode::{EmergencyScanner, Line, LineError, LineReader};
-use ferrostep_gpre::compact::MOST_FRAME_BYTES;
+use ferrostep_gpre::compact::MAX_FRAME_BYTES;
 use ferrostep_gpre::transfer::{Report, Sender};
 use ferrostep_printer::{Host, JobLine, JobRequest};
 use ferrostep_step_player::Stepping;
@@ -30,7 +30,7 @@ const WAIT_MS: u32 = 150;
 const LOOK_MS: u32 = 1;
 
 /// Room for a job's bytes, as in the firmware.
-const JOB_BYTES: usize = MOST_FRAME_BYTES + 1024;
+const JOB_BYTES: usize = MAX_FRAME_BYTES + 1024;
 
 /// A host at a serial line.
 pub struct JobHost {

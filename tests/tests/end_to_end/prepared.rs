@@ -184,7 +184,7 @@ fn each_broken_file_is_refused_with_its_message() {
     says(&refusal(&newer, 1, &[]), "at byte 8: written in version 2 of the format, expected at most 1");
     says(&refusal(&path, 1, &["--profile", "corexy"]), "at byte 16: prepared for another machine");
     let bit = changed(&|job| job[header + 20] ^= 1);
-    says(&refusal(&bit, 1, &[]), &format!("frame 0 at byte {header}: bits have changed: the check sum is "));
+    says(&refusal(&bit, 1, &[]), &format!("frame 0 at byte {header}: bits have changed: the checksum is "));
     let bit = changed(&|job| job[20] ^= 1);
     says(&refusal(&bit, 1, &[]), "at byte 0: bits have changed");
     let longer = changed(&|job| job.push(0));

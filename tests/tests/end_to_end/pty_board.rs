@@ -14,7 +14,7 @@ use embedded_hal_async::delay::DelayNs;
 use ferrostep::desk::{Figures, LOOK_AHEAD_BLOCKS, Mode};
 use ferrostep::session::Session;
 use ferrostep_gcode::{Line, LineError, LineReader, Reply};
-use ferrostep_gpre::compact::MOST_FRAME_BYTES;
+use ferrostep_gpre::compact::MAX_FRAME_BYTES;
 use ferrostep_gpre::transfer::{FLAG, Report};
 use ferrostep_printer::{Host, JobLine, Profile, Replies};
 use ferrostep_virtual_board::{VirtualClock, VirtualDelay};
@@ -26,7 +26,7 @@ use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
 const LOOK_MS: u32 = 150;
 
 /// Room for a job's bytes, as in the firmware.
-const JOB_BYTES: usize = MOST_FRAME_BYTES + 1024;
+const JOB_BYTES: usize = MAX_FRAME_BYTES + 1024;
 
 /// A pseudo-terminal: one end is a port that a program opens by its path, the other is held here.
 pub struct Pty {

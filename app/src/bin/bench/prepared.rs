@@ -171,7 +171,7 @@ pub fn measure(
         Ok::<_, &'static str>((header, job.get(header.length() as usize..).ok_or("a job is its header")?))
     };
     let ((header, compact), (_, wide)) = (without_header(COMPACT)?, without_header(WIDE)?);
-    // The job is one frame, whose check sum is for all of its moves.
+    // The job is one frame, whose checksum is for all of its moves.
     let (opening, opened) = counter.count(|| Frame::read(black_box(compact), 0, None).is_ok());
     if !opened {
         return Err("a job of several frames");

@@ -54,7 +54,7 @@ impl ItemWriter {
         self.bits.bits(kind, 3);
     }
 
-    /// A move, after all that must be told before it.
+    /// A move, after the settings that it needs.
     pub fn add_move(&mut self, next: &PreparedMove, steps: &Steps, lambda: f32, orders: [u32; 4]) {
         let lines = next.line.saturating_sub(self.line);
         let same_line = lines == 0;
