@@ -356,7 +356,7 @@ fn a_command_without_a_meaning_is_refused() {
 
 #[test]
 fn a_command_is_repeated_by_its_place() {
-    const BEFORE: Fault = Fault::Content("a command that was told before");
+    const BEFORE: Fault = Fault::Content("a command that was encoded before");
     let again = |bits: &mut Bits, place: u64| {
         other(bits, 6);
         bits.golomb(1, 1);
