@@ -10,19 +10,17 @@ pub use handles::{DeskHeating, DeskMotion};
 use std::collections::VecDeque;
 
 use ferrostep_gcode::MotionFigures;
-use ferrostep_hal_shim::virtual_board::{
-    EventRate, StallSignal, StepObserver, StepTimer, VirtualBoard, VirtualClock, VirtualHeaters,
-};
-use ferrostep_hal_shim::{EndStops, Heater, MotorEnable, ThermalBoard};
+use ferrostep_hal_shim::virtual_board::{EventRate, StallSignal, VirtualBoard, VirtualClock, VirtualHeaters};
+use ferrostep_hal_shim::{Heater, ThermalBoard};
 use ferrostep_planner::extruder::rounded_steps;
 use ferrostep_planner::interpolator::MAX_ENTRIES;
 use ferrostep_planner::look_ahead::Slot;
 use ferrostep_planner::{
-    Move, MoveError, Moved, Notice, PlannedBlock, Planner, Progress, Recorded, StepDigests, StepEntry, StepSink,
-    TICKS_PER_SECOND,
+    Move, MoveError, Moved, Notice, PlannedBlock, Planner, Progress, Recorded, StepDigests, StepEntry, StepLedger,
+    StepObserver, StepSink, TICKS_PER_SECOND,
 };
 use ferrostep_printer::heat::{HeatControl, HeatFault, SAMPLE_MS};
-use ferrostep_printer::{Miscount, MotionError, Profile, Seek};
+use ferrostep_printer::{HomingOutcome, Miscount, MotionError, Profile};
 
 use crate::gpre::Script;
 use crate::record::Observer;
@@ -139,8 +137,10 @@ pub struct Desk<O> {
     /// A fault found while a move was added; the next wait reports it.
     late_fault: Option<HeatFault>,
     observer: Watch<O>,
+    /// Motors that have current.
+    pub enabled_motors: u8,
     awaited: Awaited,
-    sought: Option<Seek>,
+    sought: Option<HomingOutcome>,
     /// When the driver of the axis that seeks says that its motor stalls.
     stall_signal: Option<StallSignal>,
     /// Tick of the last move's end.
@@ -187,6 +187,7 @@ impl<O: Observer> Desk<O> {
             heat_samples: 0,
             late_fault: None,
             observer: Watch { rate: EventRate::default(), observer },
+            enabled_motors: 0,
             awaited: Awaited::Nothing,
             sought: None,
             stall_signal: None,
@@ -213,13 +214,13 @@ impl<O: Observer> Desk<O> {
         Figures {
             print_time_s: self.last_step_ns as f64 * 1e-9,
             motion_time_s: seconds(self.planner.motion_ticks() - self.homing_ticks),
-            motor_steps: self.board.motors.steps.issued(),
+            motor_steps: self.board.motors.ledger.issued(),
             max_event_rate_hz: self.observer.rate.most_hz(),
             underruns: self.underruns,
             starvation_flushes: self.planner.starvation_flushes(),
             slowed_moves: self.planner.slowed_moves(),
             merged_moves: self.planner.merged_moves(),
-            digests: self.board.motors.steps.digests(),
+            digests: self.board.motors.ledger.digests(),
         }
     }
 
@@ -230,7 +231,7 @@ impl<O: Observer> Desk<O> {
 
     /// What M797 reports.
     fn motion_figures(&self) -> MotionFigures {
-        let StepDigests { order, step } = self.board.motors.steps.digests();
+        let StepDigests { order, step } = self.board.motors.ledger.digests();
         MotionFigures {
             order_digest: order,
             step_digest: step,
@@ -238,7 +239,7 @@ impl<O: Observer> Desk<O> {
             starvation_flushes: self.planner.starvation_flushes(),
             // Here lines are always at hand.
             idle_flushes: 0,
-            issued_steps: self.board.motors.steps.issued(),
+            issued_steps: self.board.motors.ledger.issued(),
             slowed_moves: self.planner.slowed_moves(),
             merged_moves: self.planner.merged_moves(),
             // Here planning takes no time, and the motors play whatever they are given.
@@ -336,7 +337,7 @@ impl<O: Observer> Desk<O> {
     }
 
     fn motion_tick(&self) -> u64 {
-        self.board.motors.steps.tick() + self.estimated_ticks
+        self.board.motors.ledger.tick() + self.estimated_ticks
     }
 
     fn now_ns(&self) -> u64 {
@@ -378,7 +379,7 @@ impl<O: Observer> Desk<O> {
         if self.mode != Mode::Print {
             let before = self.planner.motion_ticks();
             while !done(self) {
-                let steps = &mut self.board.motors.steps;
+                let steps = &mut self.board.motors.ledger;
                 if !plan_only(&mut self.planner, self.script.as_mut(), &mut self.planned_256ths, steps) {
                     break;
                 }
@@ -386,14 +387,14 @@ impl<O: Observer> Desk<O> {
             self.pass_planned(before);
             return;
         }
-        let latest = self.board.motors.steps.tick() + LONGEST_LEAP_TICKS;
+        let latest = self.board.motors.ledger.tick() + LONGEST_LEAP_TICKS;
         while !done(self) {
             if self.queues.has_room() && self.planner.advance(&mut self.queues) == Progress::Worked {
                 continue;
             }
             // Half the queue at a time is kinder to the caches than one entry.
             let keep = if self.queues.has_room() { 0 } else { STEP_QUEUE_ENTRIES / 2 };
-            if !self.play_down_to(keep, latest) || self.board.motors.steps.tick() > latest {
+            if !self.play_down_to(keep, latest) || self.board.motors.ledger.tick() > latest {
                 // Whoever waits looks again, and waits again if it must.
                 break;
             }
@@ -414,7 +415,7 @@ impl<O: Observer> Desk<O> {
         }
         let before = self.planner.motion_ticks();
         let Self { planner, script, board, planned_256ths, .. } = self;
-        let steps = &mut board.motors.steps;
+        let steps = &mut board.motors.ledger;
         let make_room = |planner: &mut _| plan_only(planner, script.as_mut(), planned_256ths, steps);
         let outcome = planner.add_making_room(request, make_room);
         self.pass_planned(before);
@@ -440,7 +441,7 @@ impl<O: Observer> Desk<O> {
             }
             Err(error) => Some(Err(MotionError::Move(error))),
             Ok(moved) => {
-                self.board.motors.set_motors_enabled(ALL, true);
+                self.enabled_motors = ALL;
                 Some(Ok(moved))
             }
         }
@@ -454,14 +455,14 @@ impl<O: Observer> Desk<O> {
     /// Plays entries until `keep` are left or `latest` has passed; whether any was there.
     fn play_down_to(&mut self, keep: usize, latest: u64) -> bool {
         let mut played = false;
-        while self.queues.entries.len() > keep && self.board.motors.steps.tick() <= latest {
+        while self.queues.entries.len() > keep && self.board.motors.ledger.tick() <= latest {
             let Some(entry) = self.queues.entries.pop_front() else { break };
             played = true;
-            let before = self.board.motors.steps.first_tick(entry).saturating_sub(1);
+            let before = self.board.motors.ledger.first_tick(entry).saturating_sub(1);
             if self.queues.notices.front().is_some_and(|notice| notice.tick() <= before) {
                 self.deliver_notices(before);
             }
-            self.board.motors.steps.play(entry, &mut self.observer);
+            self.board.motors.ledger.play(entry, &mut self.observer);
         }
         if played {
             self.last_step_ns = self.now_ns();
@@ -478,7 +479,7 @@ impl<O: Observer> Desk<O> {
             match notice {
                 Notice::BlockEnded { tick, motor_steps } => {
                     self.last_block_end = tick;
-                    let miscount = Miscount::between(self.board.motors.steps.motor_steps(), motor_steps);
+                    let miscount = Miscount::between(self.board.motors.ledger.motor_steps(), motor_steps);
                     self.miscount = self.miscount.or(miscount);
                     self.miscounts += u64::from(miscount.is_some());
                 }
@@ -509,10 +510,10 @@ impl<O: Observer> Desk<O> {
     /// where the end stop is.
     fn run_to_end_stop(&mut self, axis: usize) {
         self.begin_homing();
-        let latest = self.board.motors.steps.tick() + LONGEST_LEAP_TICKS;
+        let latest = self.board.motors.ledger.tick() + LONGEST_LEAP_TICKS;
         let mut triggered = self.board.motors.is_triggered(axis);
         while !triggered && !self.is_idle() {
-            if self.board.motors.steps.tick() > latest {
+            if self.board.motors.ledger.tick() > latest {
                 // Not there yet: the command waits on.
                 return;
             }
@@ -521,11 +522,8 @@ impl<O: Observer> Desk<O> {
             }
             let Some(entry) = self.queues.entries.pop_front() else { break };
             let motors = &mut self.board.motors;
-            (_, triggered) = if motors.is_framed(axis) {
-                motors.play_until_stalled(entry, axis, self.stall_signal, &mut self.observer)
-            } else {
-                motors.play_until_triggered(entry, axis, &mut self.observer)
-            };
+            motors.set_stall_signal(self.stall_signal);
+            triggered = motors.play_until_triggered(entry, axis, &mut self.observer).triggered;
         }
         if triggered {
             self.stand();
@@ -534,7 +532,7 @@ impl<O: Observer> Desk<O> {
             script.sought();
         }
         self.last_step_ns = self.now_ns();
-        self.sought = Some(if triggered { Seek::Triggered } else { Seek::Missed });
+        self.sought = Some(if triggered { HomingOutcome::Triggered } else { HomingOutcome::Missed });
     }
 
     /// The motors stand where they are; all that was planned is forgotten. Returns the filament that was not pushed,
@@ -550,11 +548,11 @@ impl<O: Observer> Desk<O> {
     }
 
     fn stand(&mut self) -> i64 {
-        self.deliver_notices(self.board.motors.steps.tick());
+        self.deliver_notices(self.board.motors.ledger.tick());
         self.queues = Queues::default();
         // A move ends half a step after its last event; standing there, the clock does not go back.
-        self.board.motors.steps.pass_to(self.last_notice);
-        let steps = &self.board.motors.steps;
+        self.board.motors.ledger.advance_to(self.last_notice);
+        let steps = &self.board.motors.ledger;
         self.planner.stand_at(steps.motor_steps(), steps.tick(), steps.directions())
     }
 
@@ -563,8 +561,8 @@ impl<O: Observer> Desk<O> {
         let motors = self.planner.set_position(position_10nm);
         self.board.motors.redefine_motor_steps(motors.map(i64::from));
         // A move ends half a step after its last event.
-        let tick = self.board.motors.steps.tick().max(self.last_block_end);
-        self.observer.observer.redefined(tick, self.board.motors.steps.motor_steps());
+        let tick = self.board.motors.ledger.tick().max(self.last_block_end);
+        self.observer.observer.redefined(tick, self.board.motors.ledger.motor_steps());
         if let Some(since) = self.homing_since.take() {
             self.homing_ticks += self.planner.motion_ticks() - since;
         }
@@ -576,7 +574,7 @@ fn plan_only(
     planner: &mut Planner<Vec<Slot>>,
     script: Option<&mut Script>,
     planned_256ths: &mut i64,
-    motors: &mut StepTimer,
+    motors: &mut StepLedger,
 ) -> bool {
     let planned = match script {
         None => planner.next_planned(),

@@ -126,7 +126,7 @@ impl<O: Observer, R: Replies> Session<O, R> {
     /// What has happened to the motors' drivers; one that leaves a motor alone in motion halts the machine.
     fn tell_driver_events(&self) {
         while let Some(event) = self.drivers.take_event() {
-            let motors_on = self.desk.borrow().board().motors.enabled_motors();
+            let motors_on = self.desk.borrow().enabled_motors;
             if tell_driver_event(&event, motors_on, &self.replies) && !self.signals.is_halted() {
                 self.desk.borrow_mut().halt();
                 self.replies.send(Reply::Killed);

@@ -43,6 +43,7 @@ mod random;
 mod real;
 mod spacing;
 mod square_root;
+mod step_ledger;
 mod step_times;
 mod time_units;
 mod trapezoid;
@@ -58,6 +59,7 @@ pub use planner::{
     MIN_FEED_MM_PER_S, Move, MoveError, Moved, Planner, PreparedBlock, PreparedMove, Progress, Recorded, Retuned,
     filament_100pm,
 };
+pub use step_ledger::{StepLedger, StepObserver};
 pub use step_queue::{Notice, StepEntry, StepKind, StepSink};
 
 /// Frequency of the nominal time base, in ticks a second.

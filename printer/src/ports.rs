@@ -54,10 +54,10 @@ impl Miscount {
     }
 }
 
-/// How a move towards an end stop ended.
+/// How a move towards a sensor ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Seek {
-    /// The end stop triggered; the motors stand there.
+pub enum HomingOutcome {
+    /// The sensor triggered; the motors stand there.
     Triggered,
     /// The move ended without it.
     Missed,
@@ -103,7 +103,7 @@ pub trait Motion {
     /// The moves to come, until the position is set, are part of homing: whoever adds up a print's time leaves them out.
     fn begin_homing(&mut self) {}
     /// Runs a move at standstill until the end stop of `axis` triggers or the move ends.
-    fn seek(&mut self, request: Move, axis: usize) -> impl Future<Output = Result<Seek, MotionError>>;
+    fn seek(&mut self, request: Move, axis: usize) -> impl Future<Output = Result<HomingOutcome, MotionError>>;
     /// Machine position at the end of all queued motion, units of 10 nm.
     fn position_10nm(&self) -> [i64; 3];
     /// Says where the machine is, at standstill.

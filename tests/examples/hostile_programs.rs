@@ -17,9 +17,9 @@ use std::thread;
 use ferrostep::job::{self, JobProgress};
 use ferrostep::record::Observer;
 use ferrostep::session::{JobReplies, Session};
-use ferrostep_hal_shim::virtual_board::StepObserver;
 use ferrostep_oracle::reference::ReferenceProfile;
 use ferrostep_oracle::trace_ends::{Ends, count_ends};
+use ferrostep_planner::StepObserver;
 use ferrostep_tests::hostile::Hostile;
 use indicatif::ProgressBar;
 

@@ -20,7 +20,7 @@ use std::task::{Context, Poll, Waker};
 
 use ferrostep_gcode::{Emergency, MotionFigures};
 use ferrostep_hal_shim::stepping::{Signals as StepSignals, StepFeeder, Stepping};
-use ferrostep_hal_shim::virtual_board::{VirtualClock, VirtualDelay, VirtualPort, VirtualUpdateTimer};
+use ferrostep_hal_shim::virtual_board::{ModelledSensors, VirtualClock, VirtualDelay, VirtualPort, VirtualUpdateTimer};
 use ferrostep_planner::TICKS_PER_SECOND;
 use ferrostep_planner::look_ahead::Slot;
 use ferrostep_printer::machine::{Machine, SharedMotion, Silence};
@@ -54,7 +54,7 @@ const FLUSH_AFTER: u64 = 100 * CYCLES_A_MS;
 const LONGEST_COMMAND: u64 = 3_600 * CYCLES_PER_S;
 
 /// Planner, motors and step queue of the board.
-pub type BoardMachine<'a, M> = Machine<Vec<Slot>, Queue<'a, M>>;
+pub type BoardMachine<'a, M> = Machine<Vec<Slot>, ModelledSensors<Queue<'a, M>>>;
 
 /// The printer on the board.
 pub type BoardPrinter<'b, 'a, M> =
@@ -104,7 +104,7 @@ pub fn with_board<M: Stepping, T>(
         direction_setup_ticks: ticks(profile.driver.direction_setup_ns),
     };
     let feeder = StepFeeder::new(&player, VirtualPort::pins(), signals);
-    let queue = Queue::new(feeder, &interrupts, costs);
+    let queue = ModelledSensors::new(Queue::new(feeder, &interrupts, costs), profile.virtual_motors());
     job(&Board {
         profile,
         interrupts: &interrupts,

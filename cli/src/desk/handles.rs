@@ -5,10 +5,10 @@ use std::future::poll_fn;
 use std::task::Poll;
 
 use ferrostep_gcode::MotionFigures;
-use ferrostep_hal_shim::{EndStops, Heater, MotorEnable};
+use ferrostep_hal_shim::Heater;
 use ferrostep_planner::{Limits, MotionChoice, Move, MoveError, Moved, PreparedBlock, PreparedMove, Retuned};
 use ferrostep_printer::heat::HeatFault;
-use ferrostep_printer::{HeaterStatus, Heating, Motion, MotionError, MotionFault, Seek, Signals};
+use ferrostep_printer::{HeaterStatus, Heating, HomingOutcome, Motion, MotionError, MotionFault, Signals};
 
 use super::{Awaited, Desk, DeskDrivers};
 use crate::record::Observer;
@@ -115,10 +115,10 @@ impl<O: Observer> Motion for DeskMotion<'_, O> {
         self.desk.borrow_mut().begin_homing();
     }
 
-    async fn seek(&mut self, request: Move, axis: usize) -> Result<Seek, MotionError> {
+    async fn seek(&mut self, request: Move, axis: usize) -> Result<HomingOutcome, MotionError> {
         self.finish().await?;
         if self.add(request).await? == Moved::Nothing {
-            return Ok(Seek::Missed);
+            return Ok(HomingOutcome::Missed);
         }
         {
             let mut desk = self.desk.borrow_mut();
@@ -145,7 +145,7 @@ impl<O: Observer> Motion for DeskMotion<'_, O> {
     }
 
     fn motor_steps(&self) -> [i64; 4] {
-        self.desk.borrow().board.motors.steps.motor_steps()
+        self.desk.borrow().board.motors.ledger.motor_steps()
     }
 
     fn figures(&self) -> MotionFigures {
@@ -169,7 +169,8 @@ impl<O: Observer> Motion for DeskMotion<'_, O> {
     }
 
     fn set_motors_enabled(&mut self, axes: u8, enabled: bool) {
-        self.desk.borrow_mut().board.motors.set_motors_enabled(axes, enabled);
+        let motors = &mut self.desk.borrow_mut().enabled_motors;
+        *motors = if enabled { *motors | axes } else { *motors & !axes };
     }
 
     fn take_fault(&mut self) -> Option<MotionFault> {

@@ -5,7 +5,7 @@ mod extruder;
 use std::fmt;
 use std::path::Path;
 
-use ferrostep_hal_shim::virtual_board::StepObserver;
+use ferrostep_planner::StepObserver;
 use ferrostep_planner::kinematics::Kinematics;
 use ferrostep_planner::{AccelerationProfile, EXTRUDER, Interpolation, TICKS_PER_SECOND};
 use ferrostep_printer::Profile;

@@ -10,11 +10,11 @@ mod event_rate;
 mod heater_failure;
 mod heaters;
 mod mechanics;
+mod modelled_sensors;
 mod motors;
 mod port;
 mod probe;
 mod stall;
-mod step_timer;
 mod thermal_model;
 mod update_timer;
 
@@ -25,11 +25,11 @@ pub use event_rate::EventRate;
 pub use heater_failure::HeaterFailure;
 pub use heaters::VirtualHeaters;
 pub use mechanics::{BOUNCE_10NM, Mechanics, STALL_LAG_10NM, SensorFault, SensorPlace, VirtualSensor};
+pub use modelled_sensors::ModelledSensors;
 pub use motors::{START_10NM, VirtualEndStop, VirtualMotors};
 pub use port::VirtualPort;
 pub use probe::VirtualProbe;
 pub use stall::StallSignal;
-pub use step_timer::{StepObserver, StepTimer};
 pub use thermal_model::{HeatedMass, ThermalModel};
 pub use update_timer::{CYCLES_A_TICK, VirtualUpdateTimer};
 

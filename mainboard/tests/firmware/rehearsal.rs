@@ -4,7 +4,7 @@ use ferrostep::desk::{Figures, LOOK_AHEAD_BLOCKS, Mode};
 use ferrostep::job::{self, JobProgress};
 use ferrostep::record::Observer;
 use ferrostep::session::{JobReplies, Session};
-use ferrostep_hal_shim::virtual_board::StepObserver;
+use ferrostep_planner::StepObserver;
 
 use crate::job::Job;
 use crate::pins::{PinEvent, PinLog};

@@ -8,7 +8,7 @@ use ferrostep_planner::look_ahead::Slot;
 use ferrostep_planner::{Limits, MotionChoice, Move, MoveError, Moved, PreparedBlock, PreparedMove, Retuned};
 
 use super::{Machine, Silence};
-use crate::ports::{Motion, MotionError, MotionFault, Seek};
+use crate::ports::{HomingOutcome, Motion, MotionError, MotionFault};
 
 /// How a board shares its machine between the task that executes commands and the planner task.
 pub trait SharedMachine {
@@ -142,10 +142,10 @@ impl<S: SharedMachine> Motion for SharedMotion<S> {
         violation.map_or(Ok(()), |violation| Err(MotionError::Move(MoveError::Violation(violation))))
     }
 
-    async fn seek(&mut self, request: Move, axis: usize) -> Result<Seek, MotionError> {
+    async fn seek(&mut self, request: Move, axis: usize) -> Result<HomingOutcome, MotionError> {
         self.finish().await?;
         if self.add(request).await? == Moved::Nothing {
-            return Ok(Seek::Missed);
+            return Ok(HomingOutcome::Missed);
         }
         self.machine.with(|machine| machine.begin_seek(axis));
         self.machine.wake_planner();

@@ -19,7 +19,7 @@ impl Timeline {
     /// `queued` slots have been filled so far, modulo 2^32, and end at `tick`.
     pub fn mark(&mut self, queued: u32, tick: u64) {
         // The more is queued the coarser, so that there are always marks enough.
-        let spacing = SPACING_TICKS.max(self.left_ticks(tick) / (MARKS as u64 / 2));
+        let spacing = SPACING_TICKS.max(self.remaining_ticks(tick) / (MARKS as u64 / 2));
         if tick.saturating_sub(self.last_tick) < spacing {
             return;
         }
@@ -52,7 +52,7 @@ impl Timeline {
 
     /// How much is left at least, if the queue ends at `end_tick`: what lies behind the first mark that has not been
     /// passed.
-    pub fn left_ticks(&self, end_tick: u64) -> u64 {
+    pub fn remaining_ticks(&self, end_tick: u64) -> u64 {
         self.marks.front().map_or(0, |&(_, tick)| end_tick.saturating_sub(tick))
     }
 
@@ -82,7 +82,7 @@ mod tests {
                     played_end = ends[played];
                     timeline.pass(played as u32 + 1);
                 }
-                let (left, truly) = (timeline.left_ticks(end), end - played_end);
+                let (left, truly) = (timeline.remaining_ticks(end), end - played_end);
                 prop_assert!(left <= truly);
                 // The slot in play may be any part of what is missing, and so may a gap between marks.
                 let longest = slots[index.saturating_sub(ahead)..=index].iter().max().copied().unwrap_or(0);

@@ -6,7 +6,7 @@ use embedded_hal_async::delay::DelayNs;
 use ferrostep_gcode::Reply;
 use ferrostep_hal_shim::Heater;
 use ferrostep_hal_shim::stepping::Stepping;
-use ferrostep_hal_shim::virtual_board::VirtualDelay;
+use ferrostep_hal_shim::virtual_board::{ModelledSensors, VirtualDelay};
 use ferrostep_planner::look_ahead::Slot;
 use ferrostep_printer::heat::HeatFault;
 use ferrostep_printer::machine::{SharedMachine, Silence};
@@ -19,7 +19,7 @@ const LOOK_MS: u32 = 1;
 
 impl<'a, M: Stepping> SharedMachine for &Board<'a, M> {
     type Ring = Vec<Slot>;
-    type Queue = Queue<'a, M>;
+    type Queue = ModelledSensors<Queue<'a, M>>;
 
     fn with<T>(&self, act: impl FnOnce(&mut BoardMachine<'a, M>) -> T) -> T {
         act(&mut self.machine.borrow_mut())

@@ -2,7 +2,7 @@
 
 use ferrostep_hal_shim::stepping::{DroppedSteps, FeedError, StepFeeder, StepLink, Stepping};
 use ferrostep_hal_shim::virtual_board::CYCLES_A_TICK;
-use ferrostep_hal_shim::{MotorEnable, StepOutput};
+use ferrostep_hal_shim::{MotorEnable, PlanningClock, StepQueue};
 use ferrostep_planner::StepEntry;
 
 use super::STEP_QUEUE_SLOTS;
@@ -34,7 +34,7 @@ impl<'a, M: Stepping> Queue<'a, M> {
     }
 }
 
-impl<M: Stepping> StepOutput for Queue<'_, M> {
+impl<M: Stepping> StepQueue for Queue<'_, M> {
     fn queued(&self) -> u32 {
         self.feeder.queued()
     }
@@ -91,12 +91,14 @@ impl<M: Stepping> StepOutput for Queue<'_, M> {
         0
     }
 
+    fn move_ended(&mut self, _tick: u64, _line: u32) {
+        self.plan_for(self.costs.planned_move);
+    }
+}
+
+impl<M: Stepping> PlanningClock for Queue<'_, M> {
     fn now_ticks(&self) -> Option<u32> {
         Some((self.interrupts.now() / CYCLES_A_TICK) as u32)
-    }
-
-    fn move_planned(&mut self) {
-        self.plan_for(self.costs.planned_move);
     }
 }
 

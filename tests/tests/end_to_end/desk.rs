@@ -8,7 +8,7 @@ use ferrostep::gpre;
 use ferrostep::job::{self, JobError, JobProgress};
 use ferrostep::record::Observer;
 use ferrostep::session::{JobReplies, Session};
-use ferrostep_hal_shim::virtual_board::StepObserver;
+use ferrostep_planner::StepObserver;
 use ferrostep_planner::{Kinematics, TICKS_PER_SECOND};
 use ferrostep_printer::{Profile, Tally};
 

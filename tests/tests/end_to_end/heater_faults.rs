@@ -120,7 +120,7 @@ fn every_failure_in_mid_print_stops_motion_and_tells_the_host() {
             let steps = machine.desk().borrow().figures().motor_steps;
             let refused = conversation.say("G1 X5 F3000");
             assert!(refused[0].contains("M999") && refused[1] == "ok", "{refused:?}");
-            let stands_mm = machine.desk().borrow().board().motors.steps.motor_steps()[0] as f64 / 80.0;
+            let stands_mm = machine.desk().borrow().board().motors.ledger.motor_steps()[0] as f64 / 80.0;
             assert!((conversation.position_mm()[0] - stands_mm).abs() < 0.0126);
             assert_eq!(machine.desk().borrow().figures().motor_steps, steps);
             for heater in Heater::ALL {

@@ -15,8 +15,8 @@ use ferrostep_hal_shim::{Clock, Heater};
 use ferrostep_planner::{Limits, MotionChoice, Move, Moved, PreparedBlock, PreparedMove, Retuned};
 use ferrostep_printer::heat::HeatFault;
 use ferrostep_printer::{
-    CommandError, Failure, HeaterStatus, Heating, HomeEnd, HomeSensor, Motion, MotionError, Printer, Profile, Replies,
-    Seek, Signals,
+    CommandError, Failure, HeaterStatus, Heating, HomeEnd, HomeSensor, HomingOutcome, Motion, MotionError, Printer,
+    Profile, Replies, Signals,
 };
 
 use crate::desk::profile;
@@ -139,13 +139,13 @@ impl Motion for PlacesMotion<'_> {
         Ok(Moved::Queued)
     }
 
-    async fn seek(&mut self, request: Move, axis: usize) -> Result<Seek, MotionError> {
+    async fn seek(&mut self, request: Move, axis: usize) -> Result<HomingOutcome, MotionError> {
         let way = self.0.way_to(request.target_10nm)[axis];
         let (moved, triggered) = self.0.mechanics.borrow_mut().seek(axis, way);
         let mut believed = self.0.believed_10nm.get();
         believed[axis] += moved;
         self.0.believed_10nm.set(believed);
-        Ok(if triggered { Seek::Triggered } else { Seek::Missed })
+        Ok(if triggered { HomingOutcome::Triggered } else { HomingOutcome::Missed })
     }
 
     async fn add_prepared(&mut self, _: PreparedMove, _: Option<Retuned>) -> Result<Moved, MotionError> {

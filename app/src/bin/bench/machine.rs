@@ -12,7 +12,7 @@ use ferrostep_hal_shim::{Clock, Heater};
 use ferrostep_planner::look_ahead::Slot;
 use ferrostep_planner::{Limits, MotionChoice, Move, Moved, Planner, PreparedBlock, PreparedMove, Retuned};
 use ferrostep_printer::heat::HeatFault;
-use ferrostep_printer::{HeaterStatus, Heating, Motion, MotionError, Printer, Replies, Seek};
+use ferrostep_printer::{HeaterStatus, Heating, HomingOutcome, Motion, MotionError, Printer, Replies};
 
 /// The planner with its look-ahead ring in memory of somebody else's.
 pub type BenchPlanner<'a> = Planner<&'a mut [Slot]>;
@@ -62,13 +62,13 @@ impl Motion for Machine<'_, '_> {
     }
 
     /// Every sensor triggers at 0, and the way there takes no steps.
-    async fn seek(&mut self, _request: Move, axis: usize) -> Result<Seek, MotionError> {
+    async fn seek(&mut self, _request: Move, axis: usize) -> Result<HomingOutcome, MotionError> {
         let mut position_10nm = self.position_10nm();
         if let Some(coordinate_10nm) = position_10nm.get_mut(axis) {
             *coordinate_10nm = 0;
         }
         self.set_position(position_10nm);
-        Ok(Seek::Triggered)
+        Ok(HomingOutcome::Triggered)
     }
 
     fn position_10nm(&self) -> [i64; 3] {

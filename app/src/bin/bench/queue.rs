@@ -3,7 +3,7 @@
 use core::sync::atomic::{AtomicU16, Ordering};
 
 use cortex_m::peripheral::NVIC;
-use ferrostep_hal_shim::StepOutput;
+use ferrostep_hal_shim::StepQueue;
 use ferrostep_hal_shim::stepping::{
     BothEdges, MotorPins, Pin, PinMap, Pulses, Signals, StepFeeder, StepPlayer, Stepping,
 };
@@ -11,7 +11,7 @@ use ferrostep_planner::interpolator::MAX_ENTRIES;
 use ferrostep_planner::{Notice, StepEntry, StepKind, StepSink};
 use ferrostep_stm32f4::board::BoardPins;
 use ferrostep_stm32f4::pac::{Interrupt, Peripherals, RCC};
-use ferrostep_stm32f4::step_timer::{MotorPort, MotorPorts, Motors, StepQueue, StepTimer};
+use ferrostep_stm32f4::step_timer::{MotorPort, MotorPorts, MotorQueue, Motors, StepTimer};
 
 use crate::counter::Counter;
 use crate::profile::StepSignals;
@@ -62,7 +62,7 @@ fn pin_map<const PORTS: usize>() -> Option<PinMap<PORTS>> {
 /// planner. So there are two builds of this program. With the feature `tally` entries are counted instead of queued,
 /// so that counting has no part in what queuing costs.
 pub struct BenchQueue<M: 'static, const PORTS: usize, const N: usize> {
-    queue: StepQueue<Ports, M, PORTS, N>,
+    queue: MotorQueue<Ports, M, PORTS, N>,
     interrupt: Interrupt,
     tally: Tally,
 }
@@ -101,7 +101,7 @@ pub fn start<M: Stepping, const PORTS: usize, const N: usize>(
     // SAFETY: only one of the interrupts runs at a time, and all of them use the timer alike.
     let Peripherals { TIM2: timer, TIM9: counter, .. } = unsafe { Peripherals::steal() };
     let timer = StepTimer::start(timer, counter, rcc, &ports, player);
-    let queue = StepQueue::new(ports, StepFeeder::new(player, pin_map()?, SIGNALS), None);
+    let queue = MotorQueue::new(ports, StepFeeder::new(player, pin_map()?, SIGNALS), None);
     Some((timer, BenchQueue { queue, interrupt, tally: Tally::default() }))
 }
 
