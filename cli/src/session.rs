@@ -20,7 +20,7 @@ use crate::record::Observer;
 const MAX_UNKNOWN_COMMANDS: usize = 100;
 
 /// A printer whose commands act on a [`Desk`].
-pub type DeskPrinter<'a, O, R> = Printer<'a, DeskMotion<'a, O>, DeskHeating<'a, O>, VirtualDelay<'a>, R>;
+pub type DeskPrinter<'a, O, R> = Printer<'a, (DeskMotion<'a, O>, DeskHeating<'a, O>, VirtualDelay<'a>, R)>;
 
 /// The machine and all that is shared between its parts.
 pub struct Session<O, R> {

@@ -1,12 +1,10 @@
 //! G28.
 
-use embedded_hal_async::delay::DelayNs;
 use ferrostep_gcode::{AxisFlags, Reply};
-use ferrostep_hal_shim::Clock;
 use ferrostep_planner::{Kinematics, Move};
 
 use crate::error::CommandError;
-use crate::ports::{Heating, HomingOutcome, Motion, Replies};
+use crate::ports::{HomingOutcome, Motion, Ports, Replies};
 use crate::printer::Printer;
 use crate::profile::{AxisHoming, HomeEnd, HomeSensor};
 
@@ -16,7 +14,7 @@ const Z: usize = 2;
 /// How often an axis is approached as a whole before two approaches that do not agree are an error.
 const ATTEMPTS: u32 = 2;
 
-impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, M, H, T, R> {
+impl<P: Ports> Printer<'_, P> {
     /// Homes X, then Y, then Z, those that are named or all.
     ///
     /// Before X and Y move, and before Z homes elsewhere than where the nozzle stands, Z is raised.

@@ -1,8 +1,7 @@
 //! G0 to G4, G10, G11 and G92.
 
-use embedded_hal_async::delay::DelayNs;
 use ferrostep_gcode::{ArcForm, AxisWords, Decimal, Real, Reply};
-use ferrostep_hal_shim::{Clock, Heater};
+use ferrostep_hal_shim::Heater;
 use ferrostep_planner::extruder::Extruder;
 use ferrostep_planner::kinematics::MAX_COORDINATE_10NM;
 use ferrostep_planner::{Move, Moved, filament_100pm};
@@ -11,7 +10,7 @@ use crate::AXIS_NAMES;
 use crate::arc::Arc;
 use crate::error::CommandError;
 use crate::extrusion::AdaptiveExtrusion;
-use crate::ports::{Heating, Motion, Replies};
+use crate::ports::{Heating, Motion, Ports, Replies};
 use crate::printer::Printer;
 
 /// Logical extruder positions stay within 10,000 km.
@@ -40,7 +39,7 @@ pub(crate) struct NewestRetraction {
     filament_100pm: i64,
 }
 
-impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, M, H, T, R> {
+impl<P: Ports> Printer<'_, P> {
     /// G0, G1.
     pub(crate) async fn linear(
         &mut self,

@@ -3,9 +3,10 @@
 use core::future::Future;
 use core::sync::atomic::{AtomicBool, AtomicU8, AtomicU16, AtomicU32, Ordering};
 
+use embedded_hal_async::delay::DelayNs;
 use ferrostep_gcode::{MotionFigures, Reply, TimingFigures};
-use ferrostep_hal_shim::Heater;
 use ferrostep_hal_shim::tmc2209::{DriverReport, DriverSettings, DriverState, SettingsError};
+use ferrostep_hal_shim::{Clock, Heater};
 use ferrostep_planner::{Limits, MotionChoice, Move, MoveError, Moved, PreparedBlock, PreparedMove, Retuned};
 
 use crate::error::Failure;
@@ -140,6 +141,25 @@ pub trait Motion {
     fn take_dropped_100pm(&mut self) -> i64 {
         0
     }
+}
+
+/// What a printer's commands act on.
+pub trait Ports {
+    /// The planner and the motors.
+    type Motion: Motion;
+    /// The heaters.
+    type Heating: Heating;
+    /// The time, and waits for it.
+    type Clock: Clock + DelayNs + Clone;
+    /// Where replies go.
+    type Replies: Replies;
+}
+
+impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Ports for (M, H, T, R) {
+    type Motion = M;
+    type Heating = H;
+    type Clock = T;
+    type Replies = R;
 }
 
 /// What of a board can be used. What cannot is refused by name: nobody shall think that something is hot, or homed, that

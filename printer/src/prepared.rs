@@ -1,16 +1,15 @@
 //! Jobs that were planned elsewhere (GPRE): their moves are executed without look-ahead, everything else as ever.
 
-use embedded_hal_async::delay::DelayNs;
 use ferrostep_gcode::parse;
 use ferrostep_gpre::{LimitValues, ModalState};
-use ferrostep_hal_shim::{Clock, Heater};
+use ferrostep_hal_shim::Heater;
 use ferrostep_planner::extruder::FILAMENT_UNITS_PER_MM;
 use ferrostep_planner::{Limits, Moved, PreparedBlock, PreparedMove, Retuned};
 
 use crate::error::{CommandError, Failure};
 use crate::modal::{Modal, Tally};
 use crate::moves::MAX_EXTRUDER_10NM;
-use crate::ports::{Heating, Motion, MotionError, Replies};
+use crate::ports::{Heating, Motion, MotionError, Ports};
 use crate::printer::Printer;
 
 /// What moves of a prepared job have done since the G-code looked at it last: between them nothing asks where it sees the
@@ -64,7 +63,7 @@ fn limit_values(limits: &Limits) -> LimitValues {
     [vx, vy, vz, ve, ax, ay, az, ae, print, travel, retract, deviation, jx, jy, jz, je].map(|value| value as f32)
 }
 
-impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, M, H, T, R> {
+impl<P: Ports> Printer<'_, P> {
     /// What lasts from move to move, for somebody who prepares a job.
     pub fn prepared_state(&self) -> ModalState {
         let celsius = |heater| self.heating.status(heater).target_celsius as u16;

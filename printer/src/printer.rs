@@ -13,7 +13,7 @@ use ferrostep_planner::{AccelerationProfile, Interpolation, Kinematics};
 use crate::error::{CommandError, Failure};
 use crate::modal::{Modal, Tally};
 use crate::moves::NewestRetraction;
-use crate::ports::{Equipment, Heating, Motion, MotorDrivers, Replies, Signals, Timing};
+use crate::ports::{Equipment, Heating, Motion, MotorDrivers, Ports, Replies, Signals, Timing};
 use crate::prepared::{BlockExtruder, Unseen};
 use crate::profile::{HomeEnd, HomeSensor, Profile};
 use crate::transfer::JobRequest;
@@ -43,16 +43,13 @@ fn mask(axes: AxisFlags) -> u8 {
     u8::from(axes.x) | u8::from(axes.y) << 1 | u8::from(axes.z) << 2 | u8::from(axes.e) << 3
 }
 
-/// The machine that executes commands.
-///
-/// `M` moves, `H` heats, `T` tells and waits for the time, `R` takes the replies.
-#[derive(Debug)]
-pub struct Printer<'a, M, H, T, R> {
+/// Executes commands.
+pub struct Printer<'a, P: Ports> {
     pub(crate) profile: &'a Profile,
-    pub(crate) motion: M,
-    pub(crate) heating: H,
-    pub(crate) clock: T,
-    pub(crate) replies: &'a R,
+    pub(crate) motion: P::Motion,
+    pub(crate) heating: P::Heating,
+    pub(crate) clock: P::Clock,
+    pub(crate) replies: &'a P::Replies,
     pub(crate) signals: &'a Signals,
     pub(crate) modal: Modal,
     pub(crate) tally: Tally,
@@ -74,7 +71,7 @@ pub struct Printer<'a, M, H, T, R> {
     pub(crate) job_request: Option<JobRequest>,
 }
 
-impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'a, M, H, T, R> {
+impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'a, (M, H, T, R)> {
     /// A printer that has just been switched on: nothing homed, everything cold.
     pub fn new(profile: &'a Profile, motion: M, heating: H, clock: T, replies: &'a R, signals: &'a Signals) -> Self {
         signals.set_heater_timeout_s(profile.heater_timeout_s);
@@ -102,7 +99,9 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
             job_request: None,
         }
     }
+}
 
+impl<'a, P: Ports> Printer<'a, P> {
     /// Version of the firmware as M115 reports it, `0.1.0 (commit abcdef0)`; without this it has no commit.
     pub fn set_version(&mut self, version: &'a str) {
         self.version = version;
@@ -138,7 +137,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
         self.seen().0.logical_10nm()
     }
 
-    pub(crate) fn replies(&self) -> &'a R {
+    pub(crate) fn replies(&self) -> &'a P::Replies {
         self.replies
     }
 

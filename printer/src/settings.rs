@@ -1,12 +1,10 @@
 //! M201 to M221: what a job may change about the machine.
 
-use embedded_hal_async::delay::DelayNs;
 use ferrostep_gcode::{AxisWords, Decimal, Reply, RetractionWords};
-use ferrostep_hal_shim::Clock;
 
 use crate::error::CommandError;
 use crate::extrusion::AdaptiveExtrusion;
-use crate::ports::{Heating, Motion, Replies};
+use crate::ports::{Motion, Ports, Replies};
 use crate::printer::Printer;
 use crate::profile::ExtrusionSettings;
 
@@ -48,7 +46,7 @@ fn set_axes(limits: &mut [f64; 4], words: &AxisWords, unit_mm: f64) -> Result<()
     Ok(())
 }
 
-impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, M, H, T, R> {
+impl<P: Ports> Printer<'_, P> {
     /// M201.
     pub(crate) fn set_max_acceleration(&mut self, words: &AxisWords) -> Result<(), CommandError> {
         let mut limits = self.motion.limits();

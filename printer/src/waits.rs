@@ -5,7 +5,7 @@ use ferrostep_gcode::{Real, Reply, Temperatures, WaitTarget};
 use ferrostep_hal_shim::{Clock, Heater};
 
 use crate::error::CommandError;
-use crate::ports::{HeaterStatus, Heating, Motion, Replies};
+use crate::ports::{HeaterStatus, Heating, Motion, Ports, Replies};
 use crate::printer::{Printer, Text};
 
 /// How often a wait looks around. A cancelled wait ends within this time.
@@ -40,7 +40,7 @@ impl Cooling {
     }
 }
 
-impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, M, H, T, R> {
+impl<P: Ports> Printer<'_, P> {
     /// Waits for a while; ends early when the machine is halted.
     pub(crate) async fn wait_ms(&mut self, milliseconds: u64) -> Result<(), CommandError> {
         let end = self.clock.now_ms().saturating_add(milliseconds);

@@ -58,7 +58,7 @@ pub type BoardMachine<'a, M> = Machine<Vec<Slot>, ModelledSensors<Queue<'a, M>>>
 
 /// The printer on the board.
 pub type BoardPrinter<'b, 'a, M> =
-    Printer<'b, SharedMotion<&'b Board<'a, M>>, ColdHeaters, VirtualDelay<'b>, Transcript>;
+    Printer<'b, (SharedMotion<&'b Board<'a, M>>, ColdHeaters, VirtualDelay<'b>, Transcript)>;
 
 /// The board.
 pub struct Board<'a, M> {

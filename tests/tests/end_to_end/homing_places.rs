@@ -113,7 +113,7 @@ impl Places {
     }
 }
 
-type PlacesPrinter<'a> = Printer<'a, PlacesMotion<'a>, Cold, NoTime, Places>;
+type PlacesPrinter<'a> = Printer<'a, (PlacesMotion<'a>, Cold, NoTime, Places)>;
 
 fn printer<'a>(profile: &'a Profile, places: &'a Places) -> PlacesPrinter<'a> {
     Printer::new(profile, PlacesMotion(places), Cold, NoTime, places, &places.signals)

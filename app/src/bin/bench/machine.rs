@@ -153,7 +153,7 @@ impl Replies for NoReplies {
 }
 
 /// A printer on such a machine.
-pub type BenchPrinter<'a, 's> = Printer<'a, Machine<'a, 's>, Machine<'a, 's>, QuickTime, NoReplies>;
+pub type BenchPrinter<'a, 's> = Printer<'a, (Machine<'a, 's>, Machine<'a, 's>, QuickTime, NoReplies)>;
 
 /// Executes a line that has nothing to wait for.
 ///

@@ -147,7 +147,7 @@ impl Rig {
     }
 }
 
-pub type RigPrinter<'a> = Printer<'a, RigMotion<'a>, Cold, NoTime, Rig>;
+pub type RigPrinter<'a> = Printer<'a, (RigMotion<'a>, Cold, NoTime, Rig)>;
 
 /// Runs a command to its end: nothing on this machine takes time.
 pub fn execute(printer: &mut RigPrinter<'_>, text: &str) -> Result<(), crate::error::Failure> {
