@@ -110,8 +110,6 @@ pub trait StepQueue {
     fn push_all(&mut self, entries: &[StepEntry]) -> Result<(), FeedError> {
         entries.iter().try_for_each(|entry| self.push(*entry))
     }
-    /// A move ends after the entries added so far: at this tick of the motion clock, with this source line.
-    fn move_ended(&mut self, _tick: u64, _line: u32) {}
     /// The motion ends with the newest entry.
     fn seal(&mut self);
     /// Lets the interrupt play the queue, unless it does already.
@@ -167,6 +165,18 @@ pub trait PlanningClock {
     fn planning_ends(&mut self) {}
 }
 
+/// Told of the motion beside its steps, by ticks of the motion clock. A queue to real motors need not care.
+pub trait MotionWatch {
+    /// A move was taken, with this much filament in units of 0.1 nm; whether its source line's move ends with it.
+    fn move_taken(&mut self, _filament_100pm: i64, _ends_move: bool) {}
+    /// After the entries added so far, a move of this source line ends at this tick.
+    fn move_ended(&mut self, _tick: u64, _line: u32) {}
+    /// Motion stands still, all of it has been played or dropped, and the motion clock goes on from this tick.
+    fn stands_at(&mut self, _tick: u64) {}
+    /// At standstill: homing says where the motors stand, as of this tick.
+    fn redefined(&mut self, _tick: u64, _motor_steps: [i64; 4]) {}
+}
+
 /// The motors' enable signals.
 pub trait MotorEnable {
     /// Switches the motors in the mask on or off.
@@ -174,6 +184,6 @@ pub trait MotorEnable {
 }
 
 /// All parts of a board that make motion.
-pub trait StepOutput: HomingSensors + PlanningClock + MotorEnable {}
+pub trait StepOutput: HomingSensors + PlanningClock + MotorEnable + MotionWatch {}
 
-impl<Q: HomingSensors + PlanningClock + MotorEnable> StepOutput for Q {}
+impl<Q: HomingSensors + PlanningClock + MotorEnable + MotionWatch> StepOutput for Q {}

@@ -117,6 +117,18 @@ impl StepLedger {
         }
     }
 
+    /// Turns the motion clock back, by steps that were taken back.
+    pub fn turn_back(&mut self, ticks: u64) {
+        self.tick = self.tick.saturating_sub(ticks);
+    }
+
+    /// Moves the motors without steps: not issued, in no time, in no digest.
+    pub fn displace(&mut self, steps: [i64; 4]) {
+        for (motor, steps) in self.motor_steps.iter_mut().zip(steps) {
+            *motor = motor.wrapping_add(steps);
+        }
+    }
+
     /// Sets the position counters of X, Y and Z (A, B, Z).
     pub fn redefine_motor_steps(&mut self, motor_steps: [i64; 3]) {
         self.motor_steps[..3].copy_from_slice(&motor_steps);

@@ -2,6 +2,7 @@
 //! full.
 
 mod feeder;
+mod homing_time;
 mod idle_timeout;
 mod shared;
 mod timeline;
@@ -19,6 +20,7 @@ use ferrostep_planner::{
 use crate::ports::{HomingOutcome, MotionError, MotionFault};
 use crate::profile::Profile;
 use feeder::{Feeder, Seeking};
+pub use homing_time::HomingTime;
 use idle_timeout::IdleTimeout;
 pub use shared::{SharedMachine, SharedMotion};
 use workload::Workload;
@@ -83,6 +85,7 @@ pub struct Machine<R, Q> {
     workload: Workload,
     counts: Counts,
     idle_timeout: IdleTimeout,
+    homing_time: HomingTime,
     /// Motors that have current.
     enabled_motors: u8,
     /// Filament that stops have left unpushed since [`Self::take_dropped_100pm`], units of 0.1 nm.
@@ -108,6 +111,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
             workload: Workload::default(),
             counts: Counts::default(),
             idle_timeout: IdleTimeout::default(),
+            homing_time: HomingTime::default(),
             enabled_motors: 0,
             dropped_100pm: 0,
             flushed: false,
@@ -127,6 +131,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
         }
         let moved = self.planner.add(request)?;
         if moved == Moved::Queued {
+            self.feeder.queue.move_taken(request.filament_100pm, request.ends_move);
             self.flushed = false;
             self.set_motors_enabled(ALL_MOTORS, true);
         }
@@ -193,14 +198,30 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
         self.planner.take_violation()
     }
 
+    /// Whether a move would be taken now; some are even if this says no.
+    pub fn has_room(&self) -> bool {
+        self.planner.has_room() && !self.feeder.queue.link().is_stopping()
+    }
+
     /// Whether all moves taken have been executed, to the last step.
     pub fn is_idle(&self) -> bool {
         self.planner.is_idle() && self.feeder.queue.waiting() == 0 && !self.feeder.queue.link().is_stopping()
     }
 
+    /// The moves to come, until the position is set, are part of homing: [`Self::motion_ticks`] leaves them out.
+    pub fn begin_homing(&mut self) {
+        self.homing_time.begin(self.planner.motion_ticks());
+    }
+
+    /// Sum of the durations of all blocks so far, ticks; homing that has ended is left out.
+    pub fn motion_ticks(&self) -> u64 {
+        self.planner.motion_ticks() - self.homing_time.ticks()
+    }
+
     /// Lets the move just taken end where the sensor of `axis` triggers. The machine must have stood still before that
     /// move.
     pub fn begin_seek(&mut self, axis: usize) {
+        self.begin_homing();
         self.flush();
         self.feeder.seeking = Seeking::Approaching;
         // First the edge, then the level: a sensor that triggers in between is seen by one of them.
@@ -238,12 +259,10 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
 
     /// The planner forgets the motion that has not been queued: the motors will stand where the queue ends.
     fn forget_plan(&mut self) {
-        let Feeder { ledger, timeline, last_move_end, .. } = &mut self.feeder;
-        // A move ends half a step after its last event; the clock does not go back behind that.
-        ledger.advance_to(*last_move_end);
+        self.feeder.stand();
+        let ledger = &self.feeder.ledger;
         self.dropped_100pm += self.planner.stand_at(ledger.motor_steps(), ledger.tick(), ledger.directions());
         self.in_motion = false;
-        timeline.clear(ledger.tick());
         self.planner.set_pace(Pace::FULL);
     }
 
@@ -255,7 +274,8 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
     /// Sets where the machine is, at standstill.
     pub fn set_position(&mut self, position_10nm: [i64; 3]) {
         let motors = self.planner.set_position(position_10nm);
-        self.feeder.ledger.redefine_motor_steps(motors.map(i64::from));
+        self.feeder.redefine_motor_steps(motors.map(i64::from));
+        self.homing_time.end(self.planner.motion_ticks());
     }
 
     /// Step counters of all motors at the end of the queue.
@@ -369,12 +389,10 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
 
     /// After a stop: plan and ledger follow the motors.
     fn follow_stop(&mut self) {
-        let dropped = self.feeder.queue.drop_all();
-        self.feeder.ledger.take_back(dropped.signed, dropped.issued);
+        let is_requested = self.feeder.drop_all();
         self.forget_plan();
-        self.feeder.fan.forget();
         let seeks = self.feeder.seeking == Seeking::Approaching;
-        if !dropped.requested {
+        if !is_requested {
             // The sensor. Its edge may come twice: before its level is read, or right after the move's end.
             if seeks {
                 self.end_seek(HomingOutcome::Triggered);
@@ -387,6 +405,26 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
         self.feeder.seeking = Seeking::No;
         self.flushed = false;
         self.stops = self.stops.wrapping_add(1);
+    }
+
+    /// For comparison: see [`Planner::plan_block_by_block`].
+    pub fn plan_block_by_block(&mut self) -> bool {
+        self.planner.plan_block_by_block()
+    }
+
+    /// The step queue and the parts around it.
+    pub fn queue(&self) -> &Q {
+        &self.feeder.queue
+    }
+
+    /// The step queue, for a board that plays it in virtual time.
+    pub fn queue_mut(&mut self) -> &mut Q {
+        &mut self.feeder.queue
+    }
+
+    /// The step queue, when the machine is no longer needed.
+    pub fn into_queue(self) -> Q {
+        self.feeder.queue
     }
 
     /// Keeps the step queue full; to be called when something was added, and at a steady pace. Returns whether there is

@@ -65,7 +65,7 @@ fn print(program: &Hostile) -> Result<Ends, String> {
     });
     let records = Records(format!("{header}\n").into_bytes());
     let replies = JobReplies::new(|_: &str| {});
-    let session = Session::new(profile, ferrostep::desk::Mode::Print, program.look_ahead, records, replies);
+    let session = Session::print(profile, program.look_ahead, records, replies);
     let outcome = {
         let mut printer = session.printer();
         session.run(job::run(&mut program.text.as_bytes(), &mut printer, &mut JobProgress::default(), |_| {}))

@@ -5,7 +5,7 @@ use ferrostep_hal_shim::stepping::{
     DroppedSteps, FeedError, IDLE_TICKS, MAX_EVENTS, NextWords, OutputPorts, StepFeeder, StepLink, StepPlayer,
     Stepping, UpdateTimer,
 };
-use ferrostep_hal_shim::{HomingSensors, MotorEnable, PlanningClock, StepQueue};
+use ferrostep_hal_shim::{HomingSensors, MotionWatch, MotorEnable, PlanningClock, StepQueue};
 use ferrostep_planner::StepEntry;
 
 use crate::measured::PlanningMeter;
@@ -343,10 +343,6 @@ impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> StepQueu
         dropped
     }
 
-    fn move_ended(&mut self, _tick: u64, _line: u32) {
-        self.meter.move_planned();
-    }
-
     fn take_missed_updates(&mut self) -> u32 {
         let Some(missed) = self.missed() else { return 0 };
         // Fewer than before: another motion.
@@ -363,6 +359,12 @@ impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> HomingSe
 
     fn watch_sensor(&mut self, axis: Option<usize>) {
         self.motors.watch_sensor(axis);
+    }
+}
+
+impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> MotionWatch for MotorQueue<B, M, PORTS, N> {
+    fn move_ended(&mut self, _tick: u64, _line: u32) {
+        self.meter.move_planned();
     }
 }
 

@@ -32,12 +32,3 @@ pub use probe::VirtualProbe;
 pub use stall::StallSignal;
 pub use thermal_model::{HeatedMass, ThermalModel};
 pub use update_timer::{CYCLES_A_TICK, VirtualUpdateTimer};
-
-/// The board.
-#[derive(Debug)]
-pub struct VirtualBoard {
-    /// Motors and end stops.
-    pub motors: VirtualMotors,
-    /// Heaters, thermometers and fan.
-    pub heaters: VirtualHeaters,
-}

@@ -4,7 +4,7 @@ use ferrostep_planner::StepEntry;
 
 use super::VirtualMotors;
 use crate::stepping::{DroppedSteps, FeedError, StepLink};
-use crate::{Approach, HomingSensors, MotorEnable, PlanningClock, StepQueue};
+use crate::{Approach, HomingSensors, MotionWatch, MotorEnable, PlanningClock, StepQueue};
 
 /// A step queue with modelled sensors. Virtual motors make all steps of the queue as they are added, and tell where a
 /// sensor triggers.
@@ -43,10 +43,6 @@ impl<Q: StepQueue> StepQueue for ModelledSensors<Q> {
         self.queue.push(entry)?;
         self.motors.ledger.play(entry, &mut ());
         Ok(())
-    }
-
-    fn move_ended(&mut self, tick: u64, line: u32) {
-        self.queue.move_ended(tick, line);
     }
 
     fn seal(&mut self) {
@@ -95,6 +91,24 @@ impl<Q: StepQueue> HomingSensors for ModelledSensors<Q> {
             self.queue.push(added)?;
         }
         Ok(approach)
+    }
+}
+
+impl<Q: MotionWatch> MotionWatch for ModelledSensors<Q> {
+    fn move_taken(&mut self, filament_100pm: i64, ends_move: bool) {
+        self.queue.move_taken(filament_100pm, ends_move);
+    }
+
+    fn move_ended(&mut self, tick: u64, line: u32) {
+        self.queue.move_ended(tick, line);
+    }
+
+    fn stands_at(&mut self, tick: u64) {
+        self.queue.stands_at(tick);
+    }
+
+    fn redefined(&mut self, tick: u64, motor_steps: [i64; 4]) {
+        self.queue.redefined(tick, motor_steps);
     }
 }
 

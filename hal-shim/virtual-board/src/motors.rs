@@ -72,15 +72,6 @@ impl VirtualMotors {
         self.framed >> axis & 1 == 1
     }
 
-    /// Says that the motors stand at these positions (homing); where they truly stand does not change.
-    pub fn redefine_motor_steps(&mut self, motor_steps: [i64; 3]) {
-        let [x, y, z, _] = self.ledger.motor_steps();
-        for (start, (was, is)) in self.start_steps.iter_mut().zip([x, y, z].into_iter().zip(motor_steps)) {
-            *start += was - is;
-        }
-        self.ledger.redefine_motor_steps(motor_steps);
-    }
-
     /// Where the tool head truly is, units of 10 nm.
     pub fn true_position_10nm(&self) -> [i64; 3] {
         let mut position = self.driven_to_10nm();

@@ -1,5 +1,6 @@
 //! From the planner's entries to the step queue, with the ledger of what was queued.
 
+use ferrostep_hal_shim::stepping::DroppedSteps;
 use ferrostep_hal_shim::{Approach, StepOutput};
 use ferrostep_planner::{Notice, StepEntry, StepLedger, StepSink};
 
@@ -77,6 +78,8 @@ pub struct Feeder<Q> {
     pub fan: FanChanges,
     /// Tick at which the last move ends.
     pub last_move_end: u64,
+    /// Tick at which the last block ends.
+    last_block_end: u64,
     /// The move towards a sensor.
     pub seeking: Seeking,
     /// What was found wrong with the planned steps since [`Self::take_fault`].
@@ -92,6 +95,7 @@ impl<Q: StepOutput> Feeder<Q> {
             timeline: Timeline::default(),
             fan: FanChanges::default(),
             last_move_end: 0,
+            last_block_end: 0,
             seeking: Seeking::No,
             fault: None,
         }
@@ -111,6 +115,34 @@ impl<Q: StepOutput> Feeder<Q> {
     pub fn update_timeline(&mut self) {
         self.timeline.mark(self.queue.queued(), self.ledger.tick());
         self.timeline.pass(self.queue.played());
+    }
+
+    /// After a stop: the queue forgets the entries that were not played, and the ledger takes their steps back. Returns
+    /// whether more than a sensor has asked for the stop.
+    pub fn drop_all(&mut self) -> bool {
+        let DroppedSteps { signed, issued, ticks, requested } = self.queue.drop_all();
+        self.ledger.take_back(signed, issued);
+        if ticks > 0 {
+            self.ledger.turn_back(ticks);
+            self.last_move_end = self.last_move_end.min(self.ledger.tick());
+        }
+        self.fan.forget();
+        requested
+    }
+
+    /// The motors stand where the ledger ends.
+    pub fn stand(&mut self) {
+        // A move ends half a step after its last event; the clock does not go back behind that.
+        self.ledger.advance_to(self.last_move_end);
+        self.timeline.clear(self.ledger.tick());
+        self.queue.stands_at(self.ledger.tick());
+    }
+
+    /// Sets where X, Y and Z stand (A, B, Z), at standstill.
+    pub fn redefine_motor_steps(&mut self, motor_steps: [i64; 3]) {
+        self.ledger.redefine_motor_steps(motor_steps);
+        let tick = self.ledger.tick().max(self.last_block_end);
+        self.queue.redefined(tick, self.ledger.motor_steps());
     }
 
     /// The queue has refused an entry. The planner asks for room and keeps the intervals that the profile's checks ask
@@ -173,7 +205,8 @@ impl<Q: StepOutput> StepSink for Feeder<Q> {
                 self.queue.move_ended(tick, line);
             }
             // A block that a sensor has ended early stands elsewhere.
-            Notice::BlockEnded { motor_steps, .. } if !matches!(self.seeking, Seeking::Ended(_)) => {
+            Notice::BlockEnded { tick, motor_steps } if !matches!(self.seeking, Seeking::Ended(_)) => {
+                self.last_block_end = tick;
                 if let Some(miscount) = Miscount::between(self.ledger.motor_steps(), motor_steps) {
                     self.fault.get_or_insert(MotionFault::Miscount(miscount));
                 }

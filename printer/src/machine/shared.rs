@@ -142,6 +142,10 @@ impl<S: SharedMachine> Motion for SharedMotion<S> {
         violation.map_or(Ok(()), |violation| Err(MotionError::Move(MoveError::Violation(violation))))
     }
 
+    fn begin_homing(&mut self) {
+        self.machine.with(|machine| machine.begin_homing());
+    }
+
     async fn seek(&mut self, request: Move, axis: usize) -> Result<HomingOutcome, MotionError> {
         self.finish().await?;
         if self.add(request).await? == Moved::Nothing {

@@ -11,7 +11,7 @@ use ferrostep_hal_shim::stepping::{
 };
 use ferrostep_hal_shim::thermistor::{Thermistor, ThermistorType};
 use ferrostep_hal_shim::virtual_board::{HeatedMass, ModelledSensors, VirtualPort, VirtualUpdateTimer};
-use ferrostep_hal_shim::{HomingSensors, MotorEnable, PlanningClock, StepQueue};
+use ferrostep_hal_shim::{HomingSensors, MotionWatch, MotorEnable, PlanningClock, StepQueue};
 use ferrostep_planner::{Kinematics, MotionChoice, Notice, StepEntry, StepLedger, StepSink, StepsPerMm};
 use proptest::prelude::*;
 
@@ -115,6 +115,8 @@ impl HomingSensors for Queue<'_> {
 }
 
 impl PlanningClock for Queue<'_> {}
+
+impl MotionWatch for Queue<'_> {}
 
 impl StepQueue for Queue<'_> {
     fn queued(&self) -> u32 {

@@ -2,7 +2,7 @@
 
 use ferrostep_hal_shim::stepping::{DroppedSteps, FeedError, StepFeeder, StepLink, Stepping};
 use ferrostep_hal_shim::virtual_board::CYCLES_A_TICK;
-use ferrostep_hal_shim::{MotorEnable, PlanningClock, StepQueue};
+use ferrostep_hal_shim::{MotionWatch, MotorEnable, PlanningClock, StepQueue};
 use ferrostep_planner::StepEntry;
 
 use super::STEP_QUEUE_SLOTS;
@@ -90,7 +90,9 @@ impl<M: Stepping> StepQueue for Queue<'_, M> {
         self.interrupts.pass(CALL);
         0
     }
+}
 
+impl<M: Stepping> MotionWatch for Queue<'_, M> {
     fn move_ended(&mut self, _tick: u64, _line: u32) {
         self.plan_for(self.costs.planned_move);
     }
