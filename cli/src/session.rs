@@ -303,7 +303,7 @@ impl<F: Fn(&str)> Replies for JobReplies<F> {
             }
             Reply::Text(text) => (self.notice)(text),
             Reply::Killed => (self.notice)(&reply.to_string()),
-            // Nobody has asked over a serial line.
+            // Replies to a host's questions; a file asks none.
             _ => {}
         }
     }

@@ -18,7 +18,7 @@ const LOOK_MS: u32 = 10;
 /// steps say, so that who calls must halt the machine as M112 does; the host has been told, but for
 /// [`Reply::Killed`].
 ///
-/// Without current nothing is lost but the axis' home, and printers are often without motor supply: then it is only a
+/// Without current only the axis' home is lost, and printers are often without motor supply: then it is only a
 /// notice, for hosts end a print at each `Error:`.
 pub fn tell_driver_event(event: &DriverEvent, motors_on: u8, replies: &impl Replies) -> bool {
     let halts = event.stops_motion() && motors_on >> event.motor & 1 == 1;

@@ -13,7 +13,7 @@ use crate::ports::{Miscount, MotionError, MotionFault};
 
 /// Why a command was not executed. Nothing of it has happened then; a command that was stopped on its way
 /// ([`CommandError::Stopped`]) leaves the machine where it says it stands.
-// A word, for a result that is told by a byte is copied by bytes.
+// `repr(u32)`: with a one-byte tag the compiler copies the `Result` byte by byte.
 #[repr(u32)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum CommandError {

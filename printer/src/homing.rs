@@ -103,7 +103,7 @@ impl<P: Ports> Printer<'_, P> {
         // Even after a failure the G-code's position is where the motors stand.
         let found_10nm = self.motion.position_10nm()[axis];
         if axis == Z {
-            // Z is where its sensor says; nothing is left to lower or to shift.
+            // Z is where its sensor says: the lift and the shift have gone into that.
             self.modal.lift_10nm = 0;
             self.modal.z.shift_10nm = 0;
             self.modal.z.raised_to_10nm = None;
@@ -237,7 +237,7 @@ impl<P: Ports> Printer<'_, P> {
 
     async fn seek(&mut self, axis: usize, to_10nm: i64, feed_mm_per_s: f64) -> Result<HomingOutcome, CommandError> {
         let mut target_10nm = self.motion.position_10nm();
-        // Never away from the sensor: one that has to be behind is missed.
+        // Never away from the sensor: a sensor that must lie behind the axis is missed.
         if way_10nm(&self.profile.homing[axis], target_10nm[axis], to_10nm) <= 0 {
             return Ok(HomingOutcome::Missed);
         }

@@ -25,7 +25,7 @@ impl Host {
             Ok(line) => match self.numbers.check(&line) {
                 Verdict::Execute => {
                     printer.set_last_line(self.numbers.last());
-                    // The printer has told the host; there is nobody else to tell.
+                    // The printer has already told the host.
                     let _ = printer.execute(line.line_number, line.text).await;
                 }
                 Verdict::Repeat => replies.send(Reply::Ok),

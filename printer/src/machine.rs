@@ -298,7 +298,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
         *self.planner.motion_choice()
     }
 
-    /// Sets the methods that make the steps, at standstill; in motion nothing changes.
+    /// Sets the methods that make the steps, at standstill; no effect in motion.
     pub fn set_motion_choice(&mut self, choice: &MotionChoice) {
         self.planner.set_motion_choice(choice);
     }
@@ -361,7 +361,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
         }
     }
 
-    /// How often motion was stopped so far; whoever waits for motion compares.
+    /// How often motion was stopped so far; a command that waits for motion compares.
     pub fn stops(&self) -> u32 {
         self.stops
     }

@@ -77,7 +77,7 @@ impl<P: Ports> Printer<'_, P> {
         self.modal.extrusion.settings().adaptive && axes.e.is_none() && from == to && !self.modal.retracted
     }
 
-    /// Filament along a way in the plane, and what is owed behind it.
+    /// Filament along a path in the plane, and the rest that is owed after it.
     fn along(&self, extrusion: AdaptiveExtrusion, from: [i64; 3], to: [i64; 3]) -> (i64, AdaptiveExtrusion) {
         let [from, to] = [from, to].map(|[x, y, _]| [x, y]);
         extrusion.along(from, to, self.modal.flow_percent)
@@ -157,7 +157,7 @@ impl<P: Ports> Printer<'_, P> {
             };
             pushed += push;
             self.motion.add(chord).await?;
-            // Taken: a stop on the way takes back what is left of it, here as in the planner.
+            // The planner has taken it: a stop takes back the part that was not made, here as there.
             self.modal.machine_10nm = point;
             self.modal.extruder_10nm = extruder_before + share(extrusion_10nm, index);
             self.tally.filament_100pm += push;
@@ -182,7 +182,7 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// Where a move goes, or why it does not; changes nothing.
+    /// Where a move goes, or why it is refused.
     fn target(&self, axes: &AxisWords, feed: Option<Decimal>) -> Result<Target, CommandError> {
         let (machine_10nm, extruder_10nm) = self.modal.target(axes).ok_or(CommandError::TooFar)?;
         if machine_10nm.iter().any(|coordinate| coordinate.unsigned_abs() > MAX_COORDINATE_10NM as u64) {
@@ -284,7 +284,7 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// G10, G11 with the settings of M207 and M208; a second one in a row does nothing, as in Marlin.
+    /// G10, G11 with the settings of M207 and M208; a second one in a row has no effect, as in Marlin.
     pub(crate) async fn firmware_retract(&mut self, retract: bool) -> Result<(), CommandError> {
         if retract == self.modal.retracted {
             return Ok(());
@@ -332,7 +332,7 @@ impl<P: Ports> Printer<'_, P> {
         let Some(NewestRetraction { motor_steps, filament_100pm }) = self.newest_retraction else { return 0 };
         let [x, y, z, _] = self.motion.motor_steps();
         if [x, y, z] == motor_steps.map(i64::from) {
-            // Under way, over, or about to begin: nothing else of the filament was to come.
+            // It is being made, has ended or is about to begin: all filament still to come was its own.
             dropped_100pm.clamp(filament_100pm.min(0), filament_100pm.max(0))
         } else if dropped_100pm == 0 {
             // Over.

@@ -101,7 +101,7 @@ pub trait Motion {
     /// Waits until all queued motion has ended. An error, too, where the plan of a prepared job's last block could not be
     /// followed.
     fn finish(&mut self) -> impl Future<Output = Result<(), MotionError>>;
-    /// The moves to come, until the position is set, are part of homing: whoever adds up a print's time leaves them out.
+    /// The moves to come, until the position is set, are part of homing: a print's motion time leaves them out.
     fn begin_homing(&mut self) {}
     /// Runs a move at standstill until the end stop of `axis` triggers or the move ends.
     fn seek(&mut self, request: Move, axis: usize) -> impl Future<Output = Result<HomingOutcome, MotionError>>;
@@ -162,8 +162,8 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Ports for (M
     type Replies = R;
 }
 
-/// What of a board can be used. What cannot is refused by name: nobody shall think that something is hot, or homed, that
-/// is not.
+/// The parts of a board that can be used. Commands for the others are refused by name, so that nobody takes for hot or
+/// homed what is not.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Equipment {
     /// Heaters with their thermometers.
@@ -175,7 +175,7 @@ pub struct Equipment {
 }
 
 impl Equipment {
-    /// All there is.
+    /// All parts.
     pub const ALL: Self = Self { heaters: true, end_stops: true, fan: true };
     /// Motors alone.
     pub const NONE: Self = Self { heaters: false, end_stops: false, fan: false };

@@ -26,7 +26,7 @@ pub(crate) type Text = heapless::String<384>;
 const ALL_MOTORS: u8 = 0b1111;
 
 /// How a command that has been executed is answered.
-// A word, for a result that is told by a byte is copied by bytes.
+// `repr(u32)`: with a one-byte tag the compiler copies the `Result` byte by byte.
 #[repr(u32)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Answer {
@@ -122,7 +122,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         self.drivers = Some(drivers);
     }
 
-    /// What of the board can be used; all if nobody says otherwise.
+    /// The parts of the board that can be used; all without this.
     pub fn set_equipment(&mut self, equipment: Equipment) {
         self.equipment = equipment;
     }
@@ -156,7 +156,7 @@ impl<'a, P: Ports> Printer<'a, P> {
     pub async fn execute(&mut self, line: u32, text: &str) -> Result<(), Failure> {
         self.line = line;
         self.signals.note_host();
-        // From here on nobody switches the motors off; if somebody has, it is noticed now.
+        // A command at work keeps the motors on. If the idle timeout switched them off before, it is noticed now.
         self.signals.set_at_work(true);
         if self.motion.take_switched_off() {
             self.modal.forget_home(ALL_MOTORS);
@@ -295,8 +295,8 @@ impl<'a, P: Ports> Printer<'a, P> {
         self.follow_the_motors();
     }
 
-    /// M999. Whoever halted the machine has stopped the motors, but what they left undone of the filament has not been
-    /// reckoned. A heater fault that is still there halts the machine again at once.
+    /// M999. The halt has stopped the motors, but the filament that they left unpushed has not been
+    /// subtracted. A heater fault that is still there halts the machine again at once.
     fn restart(&mut self) -> Result<(), CommandError> {
         if !self.signals.is_halted() {
             return Ok(());

@@ -24,7 +24,7 @@ fn in_range(word: char, value: f64, minimum: f64, maximum: f64) -> Result<f64, C
     }
 }
 
-/// A speed or acceleration in mm, as written in a unit of so many mm.
+/// A speed or acceleration in mm, as written in a unit of `unit_mm`.
 fn limit(word: char, value: Decimal, unit_mm: f64) -> Result<f64, CommandError> {
     in_range(word, value.to_f64() * unit_mm, SMALLEST_LIMIT, LARGEST_LIMIT)
 }
@@ -164,7 +164,7 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// M795: holds for the moves behind it.
+    /// M795: holds for the moves after it.
     pub(crate) fn adaptive_extrusion(
         &mut self,
         on: Option<bool>,

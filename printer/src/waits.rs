@@ -115,7 +115,7 @@ impl<P: Ports> Printer<'_, P> {
             let status = self.heating.status(heater);
             let above = status.celsius - status.target_celsius;
             if had_target && status.target_celsius <= 0.0 {
-                // Nothing else takes a target away during a wait.
+                // During a wait only a fault or a timeout takes a target away.
                 return Err(CommandError::HeatersTimedOut);
             }
             if status.target_celsius <= 0.0 || !cooling_counts && above > settings.residency_window_celsius {

@@ -37,26 +37,26 @@ impl Timeline {
             if let Some(mark) = self.marks.pop_front()
                 && index % 2 == 1
             {
-                // There is room: it was taken out just now.
+                // There is room: one mark was taken out just now.
                 let _ = self.marks.push_back(mark);
             }
         }
     }
 
-    /// So many slots have been played, modulo 2^32.
+    /// Drops the marks of the slots that have been played: `played` of them, modulo 2^32.
     pub fn pass(&mut self, played: u32) {
         while self.marks.front().is_some_and(|&(slot, _)| played.wrapping_sub(slot) as i32 >= 0) {
             self.marks.pop_front();
         }
     }
 
-    /// How much is left at least, if the queue ends at `end_tick`: what lies behind the first mark that has not been
-    /// passed.
+    /// How much motion remains at least, if the queue ends at `end_tick`: from the first mark that has not been played
+    /// to there.
     pub fn remaining_ticks(&self, end_tick: u64) -> u64 {
         self.marks.front().map_or(0, |&(_, tick)| end_tick.saturating_sub(tick))
     }
 
-    /// The queue is empty.
+    /// Drops all marks: the queue is empty, and goes on at `tick`.
     pub fn clear(&mut self, tick: u64) {
         self.marks.clear();
         self.last_tick = tick;
