@@ -90,5 +90,5 @@ fn identity(root: &Path, board: &str, profile: &str) -> String {
 /// How the step interrupt makes a step, as a type: it is compiled for that one kind.
 fn step_signals(driver: &DriverTiming) -> String {
     let name = if driver.both_edges { "BothEdges" } else { "Pulses" };
-    format!("/// What the drivers take for a step.\npub type StepSignals = ferrostep_hal_shim::stepping::{name};\n")
+    format!("/// What the drivers take for a step.\npub type StepSignals = ferrostep_step_player::{name};\n")
 }

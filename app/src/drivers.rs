@@ -4,12 +4,12 @@ use core::cell::RefCell;
 use core::fmt;
 use core::sync::atomic::Ordering;
 
-use ferrostep_hal_shim::clock_tree::{Clock, ClockSource};
-use ferrostep_hal_shim::tmc2209::{DriverBank, DriverReport, DriverSettings, DriverState, LineTiming, SettingsError};
-#[cfg(drivers)]
-use ferrostep_hal_shim::tmc2209::{LineBusy, SingleWireUart};
 use ferrostep_printer::MotorDrivers;
-use ferrostep_stm32f4::driver_line::{DriverLine, FERROSTEP_DRIVERS};
+use ferrostep_stm32f4::clock_tree::{Clock, ClockSource};
+use ferrostep_stm32f4_board::driver_line::{DriverLine, FERROSTEP_DRIVERS};
+use ferrostep_tmc2209::{DriverBank, DriverReport, DriverSettings, DriverState, LineTiming, SettingsError};
+#[cfg(drivers)]
+use ferrostep_tmc2209::{LineBusy, SingleWireUart};
 use rtic::Mutex;
 
 use crate::profile::PROFILE;

@@ -1,12 +1,12 @@
 //! The end: heaters off, motors off, fans full, then a word about why. Faults of the core end the same way in
-//! [`ferrostep_stm32f4::fault`].
+//! [`ferrostep_stm32f4_board::fault`].
 
 use core::fmt::Write;
 use core::panic::PanicInfo;
 use core::sync::atomic::{AtomicBool, Ordering};
 
 use cortex_m_rt::exception;
-use ferrostep_stm32f4::safe_state::{self, LastWords};
+use ferrostep_stm32f4_board::safe_state::{self, LastWords};
 
 /// The log has been told, or was about to be.
 static IS_LOGGED: AtomicBool = AtomicBool::new(false);

@@ -1,12 +1,12 @@
 //! The heaters: their control, and what stands behind it: the board's own, or on the bench their models.
 
-use ferrostep_hal_shim::clock_tree::Clock;
-use ferrostep_hal_shim::virtual_board::VirtualHeaters;
 use ferrostep_hal_shim::{Fans, Heater, ThermalBoard};
 use ferrostep_printer::heat::{HeatControl, HeatFault, SAMPLE_MS};
 use ferrostep_printer::{Equipment, HeaterStatus, Profile};
-use ferrostep_stm32f4::board::{THERMAL, VIRTUAL_SENSORS};
-use ferrostep_stm32f4::thermal::{self, Converters, Heaters};
+use ferrostep_stm32f4::clock_tree::Clock;
+use ferrostep_stm32f4_board::board::{THERMAL, VIRTUAL_SENSORS};
+use ferrostep_stm32f4_board::thermal::{self, Converters, Heaters};
+use ferrostep_virtual_board::VirtualHeaters;
 
 /// What of the board the firmware can use.
 pub const EQUIPMENT: Equipment = Equipment {

@@ -4,11 +4,11 @@ use core::fmt::{self, Write};
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 use ferrostep_gcode::Emergency;
-use ferrostep_hal_shim::clock_tree::ClockSource;
 use ferrostep_planner::TICKS_PER_SECOND;
 use ferrostep_printer::machine::Silence;
-use ferrostep_stm32f4::motion_clock::MotionClock;
-use ferrostep_stm32f4::pac::Interrupt;
+use ferrostep_stm32f4::clock_tree::ClockSource;
+use ferrostep_stm32f4_board::motion_clock::MotionClock;
+use ferrostep_stm32f4_board::pac::Interrupt;
 use ferrostep_stm32f4_usb::Served;
 use ferrostep_usb::{Buffers, Incoming, LineWriter};
 use heapless::spsc::{Consumer, Producer};

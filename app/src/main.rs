@@ -17,7 +17,7 @@
 //! | 1 | `reports` | a halt, or 100 ms | `machine`, `heat`, `writers` | M155's line |
 //!
 //! 16 is above what BASEPRI can mask, and critical sections mask no more than that
-//! (`hal-shim/stm32f4/src/critical_section.rs`): nothing delays a step. So the two step tasks must never share
+//! (`hal-shim/stm32f4-board/src/critical_section.rs`): nothing delays a step. So the two step tasks must never share
 //! anything with a task below, nor use a signal or the log.
 //! `machine` has ceiling 4, `heat` 8, `writers` 2, so that heating is safe whatever the planner does, and bytes are
 //! received whatever anyone does.
@@ -39,7 +39,7 @@ mod wiring;
 
 use defmt_rtt as _;
 
-#[rtic::app(device = ferrostep_stm32f4::pac, peripherals = true, dispatchers = [SPI1, SPI2, SPI3, I2C1_EV])]
+#[rtic::app(device = ferrostep_stm32f4_board::pac, peripherals = true, dispatchers = [SPI1, SPI2, SPI3, I2C1_EV])]
 mod app {
     use core::cell::RefCell;
     use core::mem::MaybeUninit;
@@ -47,25 +47,25 @@ mod app {
 
     use ferrostep_gcode::{Emergency, Reply};
     use ferrostep_hal_shim::Heater;
-    use ferrostep_hal_shim::chip::BrownOut;
-    use ferrostep_hal_shim::clock_tree::ClockSource;
-    use ferrostep_hal_shim::life_signs::{LifeSigns, Task, Vigil};
-    use ferrostep_hal_shim::stepping::StepFeeder;
-    use ferrostep_hal_shim::tmc2209::DriverBank;
     use ferrostep_planner::look_ahead::Slot;
     use ferrostep_printer::heat::SAMPLE_MS;
     use ferrostep_printer::machine::SharedMotion;
     use ferrostep_printer::{HeaterTimeout, Heating, Printer, Replies, Signals, temperatures};
-    use ferrostep_stm32f4::board::{self, BoardPins};
-    use ferrostep_stm32f4::clock;
-    use ferrostep_stm32f4::driver_line::DriverLine;
-    use ferrostep_stm32f4::measured::Switch;
-    use ferrostep_stm32f4::motion_clock::MotionClock;
-    use ferrostep_stm32f4::serial::{Serial, Transmit};
-    use ferrostep_stm32f4::step_timer::{self, MotorQueue, StepTimer};
-    use ferrostep_stm32f4::supervision::{self, Watchdog};
-    use ferrostep_stm32f4::vector_table::VectorTable;
+    use ferrostep_step_player::StepFeeder;
+    use ferrostep_stm32f4::BrownOut;
+    use ferrostep_stm32f4::clock_tree::ClockSource;
+    use ferrostep_stm32f4::life_signs::{LifeSigns, Task, Vigil};
+    use ferrostep_stm32f4_board::board::{self, BoardPins};
+    use ferrostep_stm32f4_board::clock;
+    use ferrostep_stm32f4_board::driver_line::DriverLine;
+    use ferrostep_stm32f4_board::measured::Switch;
+    use ferrostep_stm32f4_board::motion_clock::MotionClock;
+    use ferrostep_stm32f4_board::serial::{Serial, Transmit};
+    use ferrostep_stm32f4_board::step_timer::{self, MotorQueue, StepTimer};
+    use ferrostep_stm32f4_board::supervision::{self, Watchdog};
+    use ferrostep_stm32f4_board::vector_table::VectorTable;
     use ferrostep_stm32f4_usb::{Memory, Rings, Usb};
+    use ferrostep_tmc2209::DriverBank;
     use ferrostep_usb::LineWriter;
     use heapless::spsc::{Consumer, Queue};
     use rtic_monotonics::systick::prelude::*;
@@ -165,7 +165,7 @@ mod app {
         let pins = BoardPins::new(ports, SENSORS, &SENSOR_STORES);
 
         let pin_map = board::PIN_MAP.with_inverted(PROFILE.driver.inverted);
-        let feeder = StepFeeder::new(&STEPS, pin_map, PROFILE.driver.signals(&clock));
+        let feeder = StepFeeder::new(&STEPS, pin_map, PROFILE.driver.signals(clock.timer_hz));
         let step_timer = StepTimer::start(device.TIM2, device.TIM9, &device.RCC, &pins, &STEPS);
         // On the bare internal oscillator the plan shall not depend on time, as for the host's line.
         let planning_clock = (clock.source != ClockSource::Internal).then_some(motion_clock);
@@ -299,7 +299,7 @@ mod app {
             cx.local.input.receive(byte);
         }
         if cx.local.port.transmit(|| cx.local.to_send.dequeue()) == Transmit::Again {
-            rtic::pend(ferrostep_stm32f4::pac::Interrupt::USART1);
+            rtic::pend(ferrostep_stm32f4_board::pac::Interrupt::USART1);
         }
     }
 

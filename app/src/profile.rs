@@ -17,9 +17,6 @@ include!(concat!(env!("OUT_DIR"), "/step_signals.rs"));
 mod names {
     pub const inf: f64 = f64::INFINITY;
 
-    pub use ferrostep_hal_shim::thermistor::{Thermistor, ThermistorType::*};
-    pub use ferrostep_hal_shim::tmc2209::DriverSettings;
-    pub use ferrostep_hal_shim::virtual_board::HeatedMass;
     pub use ferrostep_planner::{
         AccelerationProfile::*, DualRatePeriods, Interpolation::*, Kinematics::*, Limits, MotionChoice,
         SCurveTableSettings, StepsPerMm,
@@ -28,4 +25,7 @@ mod names {
         AxisHoming, DriverTiming, ExtrusionSettings, FirmwareRetraction, HeaterSettings, HeaterWatch, HomeEnd::*,
         HomeSensor::*, Profile, SafeHoming,
     };
+    pub use ferrostep_thermistor::{Thermistor, ThermistorType::*};
+    pub use ferrostep_tmc2209::DriverSettings;
+    pub use ferrostep_virtual_board::HeatedMass;
 }

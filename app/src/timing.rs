@@ -4,9 +4,9 @@ use core::cell::RefCell;
 use core::fmt;
 
 use ferrostep_gcode::TimingFigures;
-use ferrostep_hal_shim::histogram::Summary;
 use ferrostep_printer::Timing;
-use ferrostep_stm32f4::measured::{self, Measured, Switch};
+use ferrostep_stm32f4::histogram::Summary;
+use ferrostep_stm32f4_board::measured::{self, Measured, Switch};
 
 /// How often the log tells the times while they are measured, ms.
 pub const LOG_INTERVAL_MS: u32 = 1000;

@@ -1,7 +1,7 @@
 //! How the board connects what the profile asks for: sensors, and drivers that can be set.
 
-use ferrostep_hal_shim::sensor_lines::SensorPin;
-use ferrostep_stm32f4::board::Store;
+use ferrostep_stm32f4::sensor_lines::SensorPin;
+use ferrostep_stm32f4_board::board::Store;
 
 include!(concat!(env!("OUT_DIR"), "/sensors.rs"));
 include!(concat!(env!("OUT_DIR"), "/drivers.rs"));

@@ -1,6 +1,6 @@
 //! The chips: memories, pins, limits of their clocks.
 
-use ferrostep_hal_shim::chip::ChipFamily;
+use ferrostep_stm32f4::ChipFamily;
 
 use crate::pin::Pin;
 use crate::start::Buses;

@@ -2,10 +2,10 @@
 
 use std::fmt::Write;
 
-use ferrostep_hal_shim::chip::{OutputPin, TimerChannel};
-use ferrostep_hal_shim::registers::Registers;
-use ferrostep_hal_shim::sensor_lines::{SensorLines, SensorPin};
 use ferrostep_printer::Profile;
+use ferrostep_stm32f4::registers::Registers;
+use ferrostep_stm32f4::sensor_lines::{SensorLines, SensorPin};
+use ferrostep_stm32f4::{OutputPin, TimerChannel};
 
 use crate::board::{Board, CCM_ADDRESS, DriverUart, FLASH_ADDRESS, RAM_ADDRESS};
 use crate::clock::{Clock, INTERNAL_HZ};
@@ -98,7 +98,7 @@ fn thermal(board: &Board) -> String {
                 _ => "One",
             };
             format!(
-                "{{ use ferrostep_hal_shim::chip::{{ConverterNumber, OutputPin, TimerChannel}}; \
+                "{{ use ferrostep_stm32f4::{{ConverterNumber, OutputPin, TimerChannel}}; \
                  Some(ThermalPins {{ converter: ConverterNumber::{number}, channels: &{channels:?}, \
                  sensors: [{nozzle_sensor}, {bed_sensor}], heaters: [{nozzle}, {bed}], part_fan: {}, \
                  hotend_fan: {} }}) }}",
@@ -173,8 +173,8 @@ pub fn drivers(board: &Board, profile: &Profile) -> String {
         "/// What the drivers are told over.\npub type BoardDriverLine = ferrostep_stm32f4::driver_line::{line};\n\
          /// Port and number of the lines' pins.\npub const DRIVER_PINS: [(u8, u8); 4] = {pins:?};\n\
          /// How the drivers that are set are connected.\n\
-         pub const DRIVER_WIRING: [Option<ferrostep_hal_shim::tmc2209::DriverWiring>; 4] = {{\n    \
-         #[allow(unused_imports)]\n    use ferrostep_hal_shim::tmc2209::DriverWiring;\n    {wiring:?}\n}};\n"
+         pub const DRIVER_WIRING: [Option<ferrostep_tmc2209::DriverWiring>; 4] = {{\n    \
+         #[allow(unused_imports)]\n    use ferrostep_tmc2209::DriverWiring;\n    {wiring:?}\n}};\n"
     )
 }
 

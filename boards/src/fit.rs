@@ -1,10 +1,10 @@
 //! Whether a board can be the machine that a profile describes.
 
 use ferrostep_checked_toml::FileError;
-use ferrostep_hal_shim::thermistor::ThermistorType;
-use ferrostep_hal_shim::tmc2209::{CurrentScale, DriverWiring};
 use ferrostep_printer::{HeaterSettings, HomeSensor, Profile};
 use ferrostep_profiles::refuse;
+use ferrostep_thermistor::ThermistorType;
+use ferrostep_tmc2209::{CurrentScale, DriverWiring};
 
 use crate::board::{Board, Driver, DriverUart, Motor};
 use crate::pin::Pin;

@@ -1,8 +1,8 @@
 //! A board's pins as stores to registers: what the firmware writes, in this order, without knowing a pin.
 
-use ferrostep_hal_shim::gpio::{self, AFRL, ALTERNATE, ANALOGUE, BSRR, MODER, OSPEEDR, OTYPER, OUTPUT, PULL_UP, PUPDR};
-use ferrostep_hal_shim::rcc::{RCC_AHB1ENR, RCC_AHB2ENR};
-use ferrostep_hal_shim::usb_controller;
+use ferrostep_stm32f4::gpio::{self, AFRL, ALTERNATE, ANALOGUE, BSRR, MODER, OSPEEDR, OTYPER, OUTPUT, PULL_UP, PUPDR};
+use ferrostep_stm32f4::rcc::{RCC_AHB1ENR, RCC_AHB2ENR};
+use ferrostep_stm32f4::usb_controller;
 
 use crate::board::Board;
 use crate::pin::Pin;

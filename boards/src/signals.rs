@@ -125,7 +125,7 @@ mod tests {
     #[test]
     fn every_timer_channel_can_be_set_up() {
         for (name, _) in TIMER_CHANNELS {
-            assert!(ferrostep_hal_shim::chip::TimerChannel::named(name).is_some(), "{name}");
+            assert!(ferrostep_stm32f4::TimerChannel::named(name).is_some(), "{name}");
         }
     }
 

@@ -1,10 +1,10 @@
 //! The first stores of an image that make the chip as reset leaves it, whatever a boot loader has done with it.
 //!
 //! Addresses: RM0090 7.3 (RCC), 12.3 (EXTI), 2.3; RM0390 6.3, 10.3, 2.2. The clock's own registers follow in `init`
-//! (`hal-shim/src/chip/clock_setup.rs`), for they are waited for; so does the power control, which must not be reset while a
+//! (`hal-shim/stm32f4/src/clock_setup.rs`), for they are waited for; so does the power control, which must not be reset while a
 //! loader's PLL runs. The backup domain and the flags that say why the chip was reset are left alone.
 
-use ferrostep_hal_shim::rcc::RCC;
+use ferrostep_stm32f4::rcc::RCC;
 
 use crate::chip::Chip;
 use crate::registers::Store;

@@ -8,7 +8,6 @@ use std::rc::Rc;
 use std::task::{Context, Poll, Waker};
 
 use ferrostep_gcode::Reply;
-use ferrostep_hal_shim::virtual_board::{HeaterFailure, VirtualClock, VirtualDelay, VirtualHeaters};
 use ferrostep_hal_shim::{Clock, Heater};
 use ferrostep_planner::TICKS_PER_SECOND;
 use ferrostep_printer::heat::HeatFault;
@@ -16,6 +15,7 @@ use ferrostep_printer::machine::SharedMotion;
 use ferrostep_printer::{
     Failure, HeaterRest, HeaterTimeout, Heating, Printer, Profile, Replies, Signals, tell_driver_event, temperatures,
 };
+use ferrostep_virtual_board::{HeaterFailure, VirtualClock, VirtualDelay, VirtualHeaters};
 
 use crate::desk::{Desk, DeskDrivers, DeskHeat, DeskHeating, DeskMachine, Figures, PlanReader, Rehearsal};
 use crate::record::Observer;

@@ -2,11 +2,11 @@
 //! in drivers that are confirmed or have failed, the chips of those that are confirmed hold what was to be written.
 #![no_main]
 
-use ferrostep_hal_shim::tmc2209::{
+use ferrostep_tmc2209::{
     DriverBank, DriverSettings, DriverState, LineBusy, LineTiming, Register, RegisterImage, SingleWireUart, crc8,
     parse_reply,
 };
-use ferrostep_hal_shim::virtual_board::{VIRTUAL_WIRING, VirtualDriverLines};
+use ferrostep_virtual_board::{VIRTUAL_WIRING, VirtualDriverLines};
 use libfuzzer_sys::fuzz_target;
 
 const TIMING: LineTiming = LineTiming::new(1_000_000, 115_200);

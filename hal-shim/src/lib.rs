@@ -1,29 +1,10 @@
-//! What the printer needs of a board, as a few traits, and a board that exists in memory only.
+//! The traits that the printer needs of a board.
 //!
-//! embedded-hal's traits stand where they exist: waits are [`embedded_hal_async::delay::DelayNs`].
+//! embedded-hal's traits are used where they exist: waits are `embedded_hal_async::delay::DelayNs`.
 #![cfg_attr(not(test), no_std)]
 
-pub mod chip;
-pub mod clock_tree;
-pub mod gpio;
-pub mod histogram;
-pub mod kept_text;
-pub mod life_signs;
-pub mod rcc;
-pub mod registers;
-pub mod sensor_lines;
-pub mod software_serial;
-pub mod stepping;
-pub mod thermistor;
-pub mod tmc2209;
-pub mod usb_controller;
-// Becomes a crate of its own as soon as what it models has.
-#[path = "../virtual-board/src/lib.rs"]
-pub mod virtual_board;
-
 use ferrostep_planner::StepEntry;
-
-use stepping::{DroppedSteps, FeedError, StepLink};
+pub use ferrostep_step_player::{DroppedSteps, FeedError, StepLink};
 
 /// A heater with its thermometer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -73,7 +54,7 @@ pub trait Clock {
 /// Thermometers and heaters.
 pub trait ThermalBoard {
     /// What the converter reads at a heater's thermistor: the sum of 16 conversions of 12 bits, taken now or since the
-    /// reading before ([`thermistor`] makes a temperature of it).
+    /// reading before (`ferrostep-thermistor` makes a temperature of it).
     fn reading(&mut self, heater: Heater) -> u16;
     /// Heater power from 0 to 1; anything else is cut to that.
     fn set_power(&mut self, heater: Heater, power: f32);

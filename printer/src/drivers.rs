@@ -4,7 +4,7 @@ use core::fmt::{Arguments, write};
 
 use embedded_hal_async::delay::DelayNs;
 use ferrostep_gcode::{Command, DriverWords, Reply};
-use ferrostep_hal_shim::tmc2209::{DriverEvent, DriverReport, DriverSettings, DriverState};
+use ferrostep_tmc2209::{DriverEvent, DriverReport, DriverSettings, DriverState};
 
 use crate::AXIS_NAMES;
 use crate::error::CommandError;

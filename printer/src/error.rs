@@ -3,9 +3,9 @@
 use core::fmt;
 
 use ferrostep_gcode::{ParseError, Real};
-use ferrostep_hal_shim::tmc2209::{DriverEvent, DriverEventKind, Failure as DriverFailure, SettingsError};
 use ferrostep_planner::look_ahead::Violation;
 use ferrostep_planner::{MIN_FEED_MM_PER_S, MoveError};
+use ferrostep_tmc2209::{DriverEvent, DriverEventKind, Failure as DriverFailure, SettingsError};
 
 use crate::AXIS_NAMES;
 use crate::heat::HeatFault;

@@ -5,9 +5,9 @@ use core::sync::atomic::{AtomicBool, AtomicU8, AtomicU16, AtomicU32, Ordering};
 
 use embedded_hal_async::delay::DelayNs;
 use ferrostep_gcode::{MotionFigures, Reply, TimingFigures};
-use ferrostep_hal_shim::tmc2209::{DriverReport, DriverSettings, DriverState, SettingsError};
 use ferrostep_hal_shim::{Clock, Heater};
 use ferrostep_planner::{Limits, MotionChoice, Move, MoveError, Moved, PreparedBlock, PreparedMove, Retuned};
+use ferrostep_tmc2209::{DriverReport, DriverSettings, DriverState, SettingsError};
 
 use crate::error::Failure;
 use crate::heat::HeatFault;

@@ -1,13 +1,10 @@
 //! The machine as numbers: what a profile file or a board's constants say.
 
-use ferrostep_hal_shim::clock_tree::Clock;
-use ferrostep_hal_shim::stepping::Signals;
-use ferrostep_hal_shim::thermistor::Thermistor;
-use ferrostep_hal_shim::tmc2209::DriverSettings;
-use ferrostep_hal_shim::virtual_board::{
-    HeatedMass, START_10NM, VirtualEndStop, VirtualHeaters, VirtualMotors, VirtualProbe,
-};
 use ferrostep_planner::{Geometry, Kinematics, Limits, MotionChoice, StepsPerMm};
+use ferrostep_step_player::Signals;
+use ferrostep_thermistor::Thermistor;
+use ferrostep_tmc2209::DriverSettings;
+use ferrostep_virtual_board::{HeatedMass, START_10NM, VirtualEndStop, VirtualHeaters, VirtualMotors, VirtualProbe};
 
 /// Step events a second that the processor can make if it has nothing else to do for motion, where a profile does not
 /// say: an STM32F407 at 168 MHz.
@@ -177,13 +174,18 @@ pub struct DriverTiming {
 }
 
 impl DriverTiming {
-    /// The same in ticks of a board's step timer, rounded up.
-    pub const fn signals(&self, clock: &Clock) -> Signals {
+    /// The same in ticks of a step timer that counts at `timer_hz`, rounded up.
+    pub const fn signals(&self, timer_hz: u32) -> Signals {
         Signals {
-            pulse_ticks: clock.timer_ticks(self.pulse_width_ns),
-            direction_setup_ticks: clock.timer_ticks(self.direction_setup_ns),
+            pulse_ticks: ticks(self.pulse_width_ns, timer_hz),
+            direction_setup_ticks: ticks(self.direction_setup_ns, timer_hz),
         }
     }
+}
+
+/// Ticks at `timer_hz` in `ns`, rounded up.
+const fn ticks(ns: u32, timer_hz: u32) -> u32 {
+    (ns as u64 * timer_hz as u64).div_ceil(1_000_000_000) as u32
 }
 
 /// Filament for moves that tell none (Wu 2024, eqs. 10 and 11).
@@ -306,5 +308,17 @@ impl Profile {
             motors.set_probe(VirtualProbe { offset_10nm: [offset_x, offset_y], sheet_10nm });
         }
         motors
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn signals_are_rounded_up_to_whole_ticks() {
+        let timing = DriverTiming { pulse_width_ns: 1000, direction_setup_ns: 1001, both_edges: false, inverted: 0 };
+        assert_eq!(timing.signals(84_000_000), Signals { pulse_ticks: 84, direction_setup_ticks: 85 });
+        assert_eq!(timing.signals(16_000_000), Signals { pulse_ticks: 16, direction_setup_ticks: 17 });
     }
 }

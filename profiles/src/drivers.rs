@@ -1,10 +1,10 @@
 //! Motor drivers: their signals, and the settings of those that a serial line reaches.
 
 use ferrostep_checked_toml::{Range, Section, range};
-use ferrostep_hal_shim::stepping::MIN_GAP_TICKS;
-use ferrostep_hal_shim::tmc2209::{DriverSettings, chopper_threshold};
 use ferrostep_planner::TICKS_PER_SECOND;
 use ferrostep_printer::DriverTiming;
+use ferrostep_step_player::MIN_GAP_TICKS;
+use ferrostep_tmc2209::{DriverSettings, chopper_threshold};
 
 use crate::machine::MOTORS;
 

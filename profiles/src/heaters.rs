@@ -1,9 +1,9 @@
 //! Range, control and checks of the heaters, and their models on the virtual board.
 
 use ferrostep_checked_toml::{Range, Section, range};
-use ferrostep_hal_shim::thermistor::{Thermistor, ThermistorType};
-use ferrostep_hal_shim::virtual_board::HeatedMass;
 use ferrostep_printer::{HeaterSettings, HeaterWatch};
+use ferrostep_thermistor::{Thermistor, ThermistorType};
+use ferrostep_virtual_board::HeatedMass;
 
 const HEATER_MIN: Range = range(-50.0, 50.0, "degrees Celsius");
 const NOZZLE_MAX: Range = range(60.0, 500.0, "degrees Celsius");

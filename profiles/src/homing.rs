@@ -1,9 +1,9 @@
 //! Where the axes home, how, and what keeps the nozzle off the bed meanwhile.
 
 use ferrostep_checked_toml::{Range, Section, range};
-use ferrostep_hal_shim::tmc2209::STALL_FULL_STEPS_PER_S;
 use ferrostep_planner::Limits;
 use ferrostep_printer::{AxisHoming, HomeEnd, HomeSensor, SafeHoming};
+use ferrostep_tmc2209::STALL_FULL_STEPS_PER_S;
 
 use crate::drivers::Driver;
 use crate::machine::{AXES, FEED, Travel, units_10nm};

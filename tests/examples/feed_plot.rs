@@ -10,8 +10,8 @@ use std::error::Error;
 use std::fs;
 use std::path::Path;
 
-use ferrostep_hal_shim::stepping::Pulses;
 use ferrostep_printer::Profile;
+use ferrostep_step_player::Pulses;
 use ferrostep_tests::board_model::{Costs, HostLine, LOOK_AHEAD_BLOCKS, with_board};
 use ferrostep_tests::feed_chart::{Axes, Panel, svg};
 use ferrostep_tests::stress_file::stress_file;

@@ -1,5 +1,5 @@
-//! How near the edges of a trace's steps come to each other on a board, with the step interrupt as late as its image lets it
-//! be.
+//! How close the edges of a trace's steps come to each other on a board, with the step interrupt as late as its image allows
+//! it.
 //!
 //! `step_edges TRACE PROFILE IMAGE.elf`: a trace of `ferrostep print --trace`, the profile that it was made with, and the
 //! image of `cargo xtask firmware`.
@@ -8,13 +8,13 @@
 use std::path::Path;
 use std::{env, fs};
 
-use ferrostep_hal_shim::stepping::{BothEdges, MIN_GAP_TICKS, Pulses};
-use ferrostep_hal_shim::virtual_board::CYCLES_A_TICK;
 use ferrostep_image_code::code::Code;
 use ferrostep_image_code::interrupt_time;
 use ferrostep_oracle::trace::{Record, TraceReader};
 use ferrostep_planner::TICKS_PER_SECOND;
+use ferrostep_step_player::{BothEdges, MIN_GAP_TICKS, Pulses};
 use ferrostep_tests::step_edges::{FIRST_ENTRY_CYCLES, Lateness, play};
+use ferrostep_virtual_board::CYCLES_A_TICK;
 
 fn main() {
     let arguments: Vec<String> = env::args().skip(1).collect();

@@ -19,12 +19,12 @@ use std::pin::pin;
 use std::task::{Context, Poll, Waker};
 
 use ferrostep_gcode::{Emergency, MotionFigures};
-use ferrostep_hal_shim::stepping::{Signals as StepSignals, StepFeeder, Stepping};
-use ferrostep_hal_shim::virtual_board::{ModelledSensors, VirtualClock, VirtualDelay, VirtualPort, VirtualUpdateTimer};
 use ferrostep_planner::TICKS_PER_SECOND;
 use ferrostep_planner::look_ahead::Slot;
 use ferrostep_printer::machine::{Machine, SharedMotion, Silence};
 use ferrostep_printer::{Failure, Printer, Profile};
+use ferrostep_step_player::{Signals as StepSignals, StepFeeder, Stepping};
+use ferrostep_virtual_board::{ModelledSensors, VirtualClock, VirtualDelay, VirtualPort, VirtualUpdateTimer};
 
 use interrupts::{Interrupts, Player};
 use recording::WatchedPort;

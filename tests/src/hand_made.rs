@@ -1,4 +1,4 @@
-//! Prepared jobs made by hand: what `preprocess` would never write.
+//! Hand-made prepared jobs that `preprocess` would never write.
 
 use ferrostep_gpre::compact::FrameWriter;
 use ferrostep_gpre::{Coordinate, Encoding, Entry, Header, Item, ModalState, PreparedMove, SquaredSpeed};

@@ -1,4 +1,4 @@
-//! Programs that no slicer writes: paths in pieces of half a micrometre to a third of a millimetre, in line and in curves, at
+//! Programs that no slicer writes: moves of half a micrometre to a third of a millimetre, in lines and curves, at
 //! all speeds, on machines of any resolution.
 //!
 //! Made from a number, so that a program that once failed can be made again. Nothing here knows the planner.

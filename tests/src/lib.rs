@@ -1,4 +1,4 @@
-//! What the end-to-end tests are made with: a board in virtual time, hostile input, step edges at their latest.
+//! Parts of the end-to-end tests: a board in virtual time, hostile input, step edges at their latest.
 //!
 //! [`board_model`] runs the crates under test as the firmware does, at any speed of host and processor. [`live_machine`] makes
 //! hostile conversations with it of any bytes. [`stress_file`] writes a print that asks much of both, [`feed_chart`] draws the

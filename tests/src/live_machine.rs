@@ -1,4 +1,4 @@
-//! Any bytes as a conversation with the board in virtual time: lines of a grammar of nasty ones, raw bytes, silences, and
+//! Any bytes as a conversation with the board in virtual time: nasty but grammatical lines, raw bytes, silences, and
 //! M108, M112 and M410 at any moment.
 //!
 //! Whatever is said, the printer must answer, nothing may panic, and the motors must stand where the machine and the G-code
@@ -8,8 +8,8 @@ use std::fmt::Write;
 
 use arbitrary::Unstructured;
 use ferrostep_gcode::{Command, Emergency, EmergencyScanner, LineReader, parse};
-use ferrostep_hal_shim::stepping::{BothEdges, Pulses, Stepping};
 use ferrostep_printer::{Host, Profile};
+use ferrostep_step_player::{BothEdges, Pulses, Stepping};
 
 use crate::board_model::{Board, BoardPrinter, CYCLES_A_MS, Costs, Ended, with_board};
 
@@ -99,7 +99,7 @@ const NUMBERS: [&str; 60] = [
     "9223372037",
 ];
 
-/// What a host does next.
+/// The next action of a host.
 enum Said {
     /// Bytes, which may be half a line.
     Bytes(Vec<u8>),

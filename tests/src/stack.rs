@@ -1,4 +1,4 @@
-//! The most that an image can have on its stack, from its instructions.
+//! The maximum stack of an image, from its instructions.
 //!
 //! A function's frame is the sum of all that its instructions take, as if every one of them were executed: never too
 //! little. Calls are followed wherever they can lead. Where a call leads through a pointer cannot be read there, so it

@@ -6,11 +6,11 @@
 
 use std::cell::Cell;
 
-use ferrostep_hal_shim::stepping::{
+use ferrostep_planner::StepEntry;
+use ferrostep_step_player::{
     FeedError, MIN_GAP_TICKS, NextWords, OutputPorts, PinMap, Signals, StepFeeder, StepPlayer, Stepping,
 };
-use ferrostep_hal_shim::virtual_board::{CYCLES_A_TICK, VirtualPort, VirtualUpdateTimer};
-use ferrostep_planner::StepEntry;
+use ferrostep_virtual_board::{CYCLES_A_TICK, VirtualPort, VirtualUpdateTimer};
 
 use ferrostep_oracle::trace::StepEvent;
 
@@ -201,7 +201,7 @@ pub fn play<M: Stepping>(
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use ferrostep_hal_shim::stepping::{BothEdges, Pulses};
+    use ferrostep_step_player::{BothEdges, Pulses};
 
     const LATENESS: Lateness = Lateness { reload_cycles: 128, handler_cycles: 56 };
 

@@ -1,4 +1,4 @@
-//! A print that asks for more lines a second than any other: pieces of 0.05 mm at 300 mm/s.
+//! A print that needs more lines a second than any other: moves of 0.05 mm at 300 mm/s.
 //!
 //! Rounds of a spiral, whose curvature changes slowly, and straight runs between them, all with extrusion. The file is
 //! long, and made again whenever it is wanted.

@@ -4,10 +4,10 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use ferrostep_boards::Board;
-use ferrostep_hal_shim::stepping::MIN_GAP_TICKS;
 use ferrostep_image_code::code::Code;
 use ferrostep_image_code::interrupt_time;
 use ferrostep_planner::{AccelerationProfile, Interpolation, MotionChoice};
+use ferrostep_step_player::MIN_GAP_TICKS;
 
 use crate::core_library::{self, CoreLibrary};
 use crate::image;
@@ -199,7 +199,7 @@ pub fn check(run: &mut Run) -> Result<(), Failure> {
             let target = Target::new(name, None)?;
             let chip = ["--no-default-features", "--features", target.board.chip.feature];
             for package in [
-                ["--package", "ferrostep-stm32f4", "--lib"],
+                ["--package", "ferrostep-stm32f4-board", "--lib"],
                 ["--package", "ferrostep-stm32f4-usb", "--lib"],
                 ["--package", "ferrostep-firmware", "--bins"],
             ] {

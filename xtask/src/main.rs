@@ -43,7 +43,7 @@ const DESK: [&str; 7] = [
     "--exclude",
     "ferrostep-firmware",
     "--exclude",
-    "ferrostep-stm32f4",
+    "ferrostep-stm32f4-board",
     "--exclude",
     "ferrostep-stm32f4-usb",
 ];

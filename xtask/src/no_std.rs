@@ -7,8 +7,18 @@ use crate::steps::{Failure, Run};
 use crate::system::{self, cargo};
 
 /// The crates that the firmware is made of.
-const PACKAGES: [&str; 5] =
-    ["ferrostep-gcode", "ferrostep-planner", "ferrostep-hal-shim", "ferrostep-printer", "ferrostep-usb"];
+const PACKAGES: [&str; 10] = [
+    "ferrostep-gcode",
+    "ferrostep-hal-shim",
+    "ferrostep-planner",
+    "ferrostep-printer",
+    "ferrostep-step-player",
+    "ferrostep-stm32f4",
+    "ferrostep-thermistor",
+    "ferrostep-tmc2209",
+    "ferrostep-usb",
+    "ferrostep-virtual-board",
+];
 
 /// Checks [`PACKAGES`] for the target, after installing what is needed.
 pub fn check(run: &mut Run) -> Result<(), Failure> {

@@ -5,9 +5,9 @@ use std::collections::BTreeMap;
 
 use ferrostep_boards::registers::{Store, first, pins};
 use ferrostep_boards::{Board, builtin_names, load};
-use ferrostep_hal_shim::chip::{ChipFamily, ClockRegisters, ClockSettings};
-use ferrostep_hal_shim::clock_tree::{ClockSource, start_best};
-use ferrostep_hal_shim::registers::Registers;
+use ferrostep_stm32f4::clock_tree::{ClockSource, start_best};
+use ferrostep_stm32f4::registers::Registers;
+use ferrostep_stm32f4::{ChipFamily, ClockRegisters, ClockSettings};
 
 const RCC: u32 = 0x4002_3800;
 const PWR_CR: u32 = 0x4000_7000;

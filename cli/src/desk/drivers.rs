@@ -3,11 +3,11 @@
 use std::cell::RefCell;
 use std::collections::VecDeque;
 
-use ferrostep_hal_shim::tmc2209::{
+use ferrostep_printer::MotorDrivers;
+use ferrostep_tmc2209::{
     DriverBank, DriverEvent, DriverReport, DriverSettings, DriverState, LineTiming, MOTORS, SettingsError,
 };
-use ferrostep_hal_shim::virtual_board::{StallSignal, VIRTUAL_WIRING, VirtualDriverLines};
-use ferrostep_printer::MotorDrivers;
+use ferrostep_virtual_board::{StallSignal, VIRTUAL_WIRING, VirtualDriverLines};
 
 /// Ticks of the drivers' clock, and the speed of their line: a hardware one, as on the Prusa MINI's board.
 const TICKS_PER_SECOND: u32 = 1_000_000;

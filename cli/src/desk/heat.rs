@@ -2,10 +2,10 @@
 
 use std::cell::RefCell;
 
-use ferrostep_hal_shim::virtual_board::{HeaterFailure, VirtualHeaters};
 use ferrostep_hal_shim::{Heater, ThermalBoard};
 use ferrostep_printer::heat::{HeatControl, HeatFault, SAMPLE_MS};
 use ferrostep_printer::{HeaterStatus, Heating, Profile};
+use ferrostep_virtual_board::{HeaterFailure, VirtualHeaters};
 
 use super::heat_at_rest::{HeatAtRest, HeaterSample};
 

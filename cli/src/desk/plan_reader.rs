@@ -7,7 +7,6 @@ use std::task::Poll;
 
 use ferrostep_gcode::MotionFigures;
 use ferrostep_hal_shim::Approach;
-use ferrostep_hal_shim::virtual_board::VirtualMotors;
 use ferrostep_planner::extruder::rounded_steps;
 use ferrostep_planner::look_ahead::Slot;
 use ferrostep_planner::{
@@ -16,6 +15,7 @@ use ferrostep_planner::{
 };
 use ferrostep_printer::machine::HomingTime;
 use ferrostep_printer::{HomingOutcome, Motion, MotionError, Profile, Signals};
+use ferrostep_virtual_board::VirtualMotors;
 
 use super::{ALL_MOTORS, Desk, DeskDrivers, Figures, seconds};
 use crate::gpre::Script;

@@ -3,10 +3,11 @@
 use std::collections::VecDeque;
 use std::rc::Rc;
 
-use ferrostep_hal_shim::stepping::{DroppedSteps, FeedError, StepLink};
-use ferrostep_hal_shim::virtual_board::{EventRate, VirtualMotors};
-use ferrostep_hal_shim::{Approach, HomingSensors, MotionWatch, MotorEnable, PlanningClock, StepQueue};
+use ferrostep_hal_shim::{
+    Approach, DroppedSteps, FeedError, HomingSensors, MotionWatch, MotorEnable, PlanningClock, StepLink, StepQueue,
+};
 use ferrostep_planner::{StepEntry, StepLedger, StepObserver};
+use ferrostep_virtual_board::{EventRate, VirtualMotors};
 
 use super::DeskDrivers;
 use crate::record::Observer;

@@ -6,14 +6,14 @@
 
 use core::fmt;
 
-use ferrostep_hal_shim::clock_tree::{Clock, ClockSource};
+use ferrostep_stm32f4::clock_tree::{Clock, ClockSource};
 use synopsys_usb_otg::UsbPeripheral;
 use usb_device::bus::UsbBusAllocator;
 
-use ferrostep_stm32f4::board;
-use ferrostep_stm32f4::clock::comes_true;
-use ferrostep_stm32f4::pac::{GPIOA, OTG_FS_DEVICE, OTG_FS_GLOBAL, OTG_FS_PWRCLK, RCC};
-use ferrostep_stm32f4::usb_guard::UsbGuard;
+use ferrostep_stm32f4_board::board;
+use ferrostep_stm32f4_board::clock::comes_true;
+use ferrostep_stm32f4_board::pac::{GPIOA, OTG_FS_DEVICE, OTG_FS_GLOBAL, OTG_FS_PWRCLK, RCC};
+use ferrostep_stm32f4_board::usb_guard::UsbGuard;
 
 /// Words that the packets of OUT endpoints are copied to: 64 bytes each of the control and the bulk endpoint.
 pub const PACKET_WORDS: usize = 32;

@@ -10,10 +10,10 @@ mod controller;
 use core::mem::MaybeUninit;
 
 use ferrostep_gcode::Emergency;
-use ferrostep_hal_shim::clock_tree::Clock;
-use ferrostep_stm32f4::board;
-use ferrostep_stm32f4::pac::RCC;
-use ferrostep_stm32f4::usb_guard::UsbGuard;
+use ferrostep_stm32f4::clock_tree::Clock;
+use ferrostep_stm32f4_board::board;
+use ferrostep_stm32f4_board::pac::RCC;
+use ferrostep_stm32f4_board::usb_guard::UsbGuard;
 use ferrostep_usb::{Buffers, SerialNumber, UsbSerial};
 use heapless::spsc::{Consumer, Producer};
 use usb_device::bus::UsbBusAllocator;

@@ -1,34 +1,44 @@
-//! Registers of the STM32F4 behind hal-shim's traits: clock, step timer, serial line, safe state, and the board that
-//! it is built for.
+//! Peripherals of the STM32F4 that are sequences of loads and stores, and what the firmware keeps beside them.
 //!
-//! The only crate of the firmware with unsafe code of its own. What it is for: register fields that the register
-//! description leaves unchecked ("any value may be written here"), a counter that many read, the panic and fault
-//! handlers, which must reach a port whoever owns it, critical sections, the table of interrupt handlers, and registers
-//! that hal-shim's adapters know by address. Each use says which.
-#![no_std]
-#![deny(clippy::undocumented_unsafe_blocks)]
+//! The code knows registers by address (RM0090, RM0390: the same in everything that is used here) and reaches them through
+//! [`Registers`](registers::Registers). Tests on the desk read what it stores; on the board the stores are volatile ones
+//! (`hal-shim/stm32f4-board/src/volatile.rs`), so that this crate needs no unsafe code.
+#![cfg_attr(not(test), no_std)]
 
-pub mod board;
-pub mod clock;
-mod critical_section;
-pub mod driver_line;
-pub mod fault;
-mod handlers;
-pub mod measured;
-pub mod motion_clock;
-pub mod safe_state;
-pub mod serial;
-pub mod step_timer;
-mod stores;
-pub mod supervision;
-pub mod thermal;
-pub mod usb_guard;
-pub mod vector_table;
-mod volatile;
+pub mod brown_out;
+pub mod clock_setup;
+pub mod clock_tree;
+mod converter;
+pub mod crash_message;
+mod family;
+pub mod gpio;
+mod half_duplex;
+mod heaters;
+pub mod histogram;
+#[cfg(test)]
+mod late_clocks;
+pub mod life_signs;
+#[cfg(test)]
+mod mini_drivers;
+mod pin_lines;
+mod pwm;
+pub mod rcc;
+pub mod registers;
+mod reset_cause;
+pub mod sensor_lines;
+mod software_pwm;
+pub mod software_serial;
+pub mod usb_controller;
+pub mod watchdog;
 
-#[cfg(feature = "stm32f405")]
-pub use stm32f4::stm32f405 as pac;
-#[cfg(feature = "stm32f407")]
-pub use stm32f4::stm32f407 as pac;
-#[cfg(feature = "stm32f446")]
-pub use stm32f4::stm32f446 as pac;
+pub use brown_out::{BrownOut, set_brown_out_level};
+pub use clock_setup::{ClockRegisters, ClockSettings};
+pub use converter::{CONVERSIONS, Converter, ConverterNumber};
+pub use family::ChipFamily;
+pub use half_duplex::HalfDuplexLine;
+pub use heaters::{BoardHeaters, ThermalPins};
+pub use pin_lines::PinLines;
+pub use pwm::{FAN_HZ, HEATER_HZ, OutputPin, PwmClocks, PwmOutput, TimerChannel};
+pub use reset_cause::ResetCause;
+pub use software_pwm::{SOFTWARE_PERIOD_TICKS, SoftwarePwm};
+pub use watchdog::{FASTEST_TIMEOUT_MS, SLOWEST_TIMEOUT_MS, UnderDebugger, Watchdog};

@@ -6,7 +6,7 @@ use core::task::Poll;
 
 use embedded_hal_async::delay::DelayNs;
 
-use crate::Clock;
+use ferrostep_hal_shim::Clock;
 
 /// Virtual time in nanoseconds, and the moment at which the last polled wait ends.
 #[derive(Debug, Default)]

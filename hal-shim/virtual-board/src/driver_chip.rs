@@ -1,7 +1,7 @@
 //! A TMC2209 as its serial line shows it: it answers datagrams like the chip, and can be made to fail.
 
 use super::StallSignal;
-use crate::tmc2209::{DriverStatus, GlobalStatus, Register, VERSION, crc8};
+use ferrostep_tmc2209::{DriverStatus, GlobalStatus, Register, VERSION, crc8};
 
 /// Registers that the model keeps: all addresses of seven bits.
 const ADDRESSES: usize = 128;

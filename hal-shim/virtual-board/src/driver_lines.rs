@@ -1,6 +1,6 @@
 //! The serial lines of the virtual board's drivers, in virtual time.
 
-use crate::tmc2209::{DriverWiring, LineBusy, MOTORS, SingleWireUart};
+use ferrostep_tmc2209::{DriverWiring, LineBusy, MOTORS, SingleWireUart};
 
 use super::DriverChip;
 

@@ -3,8 +3,8 @@
 use super::heater_failure::HeaterFailure;
 use super::thermal_model::AMBIENT_CELSIUS;
 use super::{HeatedMass, ThermalModel};
-use crate::thermistor::Thermistor;
-use crate::{Fans, Heater, ThermalBoard};
+use ferrostep_hal_shim::{Fans, Heater, ThermalBoard};
+use ferrostep_thermistor::Thermistor;
 
 /// A thermistor that has fallen out takes the air's temperature with this time constant, s.
 const FALLEN_OUT_S: f32 = 3.0;
@@ -124,7 +124,7 @@ impl Fans for VirtualHeaters {
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use crate::thermistor::ThermistorType;
+    use ferrostep_thermistor::ThermistorType;
 
     const THERMISTOR: Thermistor = Thermistor { kind: ThermistorType::Semitec104Gt2, pull_up_ohm: 4700.0 };
 

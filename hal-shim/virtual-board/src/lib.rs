@@ -2,6 +2,7 @@
 //!
 //! Time passes only when someone lets it pass: by playing step entries, or by waiting. A board without sensors of its
 //! own (the bench) compiles the motors and the heaters in, and lets a task each look after them.
+#![cfg_attr(not(test), no_std)]
 
 mod clock;
 mod driver_chip;
@@ -16,12 +17,12 @@ mod port;
 mod probe;
 mod stall;
 mod thermal_model;
-mod update_timer;
 
 pub use clock::{VirtualClock, VirtualDelay};
 pub use driver_chip::DriverChip;
 pub use driver_lines::{VIRTUAL_WIRING, VirtualDriverLines};
 pub use event_rate::EventRate;
+pub use ferrostep_step_player::{CYCLES_A_TICK, VirtualUpdateTimer};
 pub use heater_failure::HeaterFailure;
 pub use heaters::VirtualHeaters;
 pub use mechanics::{BOUNCE_10NM, Mechanics, STALL_LAG_10NM, SensorFault, SensorPlace, VirtualSensor};
@@ -31,4 +32,3 @@ pub use port::VirtualPort;
 pub use probe::VirtualProbe;
 pub use stall::StallSignal;
 pub use thermal_model::{HeatedMass, ThermalModel};
-pub use update_timer::{CYCLES_A_TICK, VirtualUpdateTimer};

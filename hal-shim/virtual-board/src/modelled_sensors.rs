@@ -3,8 +3,8 @@
 use ferrostep_planner::StepEntry;
 
 use super::VirtualMotors;
-use crate::stepping::{DroppedSteps, FeedError, StepLink};
-use crate::{Approach, HomingSensors, MotionWatch, MotorEnable, PlanningClock, StepQueue};
+use ferrostep_hal_shim::{Approach, HomingSensors, MotionWatch, MotorEnable, PlanningClock, StepQueue};
+use ferrostep_step_player::{DroppedSteps, FeedError, StepLink};
 
 /// A step queue with modelled sensors. Virtual motors make all steps of the queue as they are added, and tell where a
 /// sensor triggers.

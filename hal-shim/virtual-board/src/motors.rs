@@ -4,7 +4,7 @@ use ferrostep_planner::kinematics::UNITS_PER_MM;
 use ferrostep_planner::{Geometry, StepEntry, StepLedger, StepObserver};
 
 use super::{StallSignal, VirtualProbe};
-use crate::Approach;
+use ferrostep_hal_shim::Approach;
 
 /// Where the tool head truly stands when a virtual machine is switched on, units of 10 nm from its origin.
 pub const START_10NM: [i64; 3] = [6_000_000, 5_000_000, 1_200_000];

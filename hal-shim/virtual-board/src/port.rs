@@ -2,8 +2,8 @@
 
 use core::cell::Cell;
 
-use super::VirtualUpdateTimer;
-use crate::stepping::{MotorPins, OutputPorts, Pin, PinMap};
+use ferrostep_step_player::VirtualUpdateTimer;
+use ferrostep_step_player::{MotorPins, OutputPorts, Pin, PinMap};
 
 /// Motors on one port: step signals on pins 0 to 3, directions on 4 to 7.
 #[derive(Debug)]

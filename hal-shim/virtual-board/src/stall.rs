@@ -6,7 +6,7 @@
 
 use ferrostep_planner::TICKS_PER_SECOND;
 
-use crate::tmc2209::{CLOCK_HZ, GlobalConf, Register, TSTEP_MICROSTEPS};
+use ferrostep_tmc2209::{CLOCK_HZ, GlobalConf, Register, TSTEP_MICROSTEPS};
 
 /// SG_RESULT of free motion: of the motors and speeds that it is used for some hundred of 510.
 const FREE_LOAD: i64 = 400;

@@ -4,8 +4,8 @@ mod checks;
 mod failures;
 mod properties;
 
-use ferrostep_hal_shim::thermistor::{Thermistor, ThermistorType};
-use ferrostep_hal_shim::virtual_board::{HeatedMass, HeaterFailure, VirtualHeaters};
+use ferrostep_thermistor::{Thermistor, ThermistorType};
+use ferrostep_virtual_board::{HeatedMass, HeaterFailure, VirtualHeaters};
 
 use super::*;
 use crate::profile::HeaterWatch;

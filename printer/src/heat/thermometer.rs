@@ -1,7 +1,7 @@
 //! A thermistor's readings, freed of single bad ones.
 
 use ferrostep_hal_shim::SensorError;
-use ferrostep_hal_shim::thermistor::Thermistor;
+use ferrostep_thermistor::Thermistor;
 
 /// Readings that the median is taken of: two bad ones among them change nothing, the third is believed.
 pub const MEDIAN_OF: usize = 5;
@@ -46,7 +46,7 @@ impl Thermometer {
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use ferrostep_hal_shim::thermistor::ThermistorType;
+    use ferrostep_thermistor::ThermistorType;
     use proptest::prelude::*;
 
     const THERMISTOR: Thermistor = Thermistor { kind: ThermistorType::Semitec104Gt2, pull_up_ohm: 4700.0 };

@@ -6,7 +6,7 @@ mod safety;
 use super::*;
 use crate::error::Failure;
 use crate::ports::Equipment;
-use ferrostep_hal_shim::tmc2209::DriverSettings;
+use ferrostep_tmc2209::DriverSettings;
 use rig::{Drivers, Event, MM, Rig, RigPrinter, Sensor, execute};
 
 /// The profile's homing: mm and mm/s.

@@ -1,8 +1,8 @@
 //! From the planner's entries to the step queue, with the ledger of what was queued.
 
-use ferrostep_hal_shim::stepping::DroppedSteps;
 use ferrostep_hal_shim::{Approach, StepOutput};
 use ferrostep_planner::{Notice, StepEntry, StepLedger, StepSink};
+use ferrostep_step_player::DroppedSteps;
 
 use super::timeline::Timeline;
 use crate::ports::{HomingOutcome, Miscount, MotionFault};

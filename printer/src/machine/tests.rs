@@ -6,13 +6,13 @@ use super::*;
 use crate::profile::{
     AxisHoming, DriverTiming, ExtrusionSettings, FirmwareRetraction, HeaterSettings, HeaterWatch, HomeEnd, HomeSensor,
 };
-use ferrostep_hal_shim::stepping::{
-    DroppedSteps, FeedError, NextWords, OutputPorts, Pulses, Signals, StepFeeder, StepLink, StepPlayer, UpdateTimer,
-};
-use ferrostep_hal_shim::thermistor::{Thermistor, ThermistorType};
-use ferrostep_hal_shim::virtual_board::{HeatedMass, ModelledSensors, VirtualPort, VirtualUpdateTimer};
 use ferrostep_hal_shim::{HomingSensors, MotionWatch, MotorEnable, PlanningClock, StepQueue};
 use ferrostep_planner::{Kinematics, MotionChoice, Notice, StepEntry, StepLedger, StepSink, StepsPerMm};
+use ferrostep_step_player::{
+    DroppedSteps, FeedError, NextWords, OutputPorts, Pulses, Signals, StepFeeder, StepLink, StepPlayer, UpdateTimer,
+};
+use ferrostep_thermistor::{Thermistor, ThermistorType};
+use ferrostep_virtual_board::{HeatedMass, ModelledSensors, VirtualPort, VirtualUpdateTimer};
 use proptest::prelude::*;
 
 const NO_SILENCE: Silence = Silence { may_release: false, may_flush: false };

@@ -1,13 +1,13 @@
 //! The three built-in profiles hold the values that the design document shares with outside checks.
 
-use ferrostep_hal_shim::thermistor::{Thermistor, ThermistorType};
-use ferrostep_hal_shim::tmc2209::DriverSettings;
-use ferrostep_hal_shim::virtual_board::HeatedMass;
 use ferrostep_planner::{Kinematics, Limits, StepsPerMm};
 use ferrostep_printer::{
     AxisHoming, DriverTiming, FirmwareRetraction, HeaterSettings, HeaterWatch, HomeEnd, HomeSensor, Profile, SafeHoming,
 };
 use ferrostep_profiles::{Problem, builtin_names, builtin_text, load};
+use ferrostep_thermistor::{Thermistor, ThermistorType};
+use ferrostep_tmc2209::DriverSettings;
+use ferrostep_virtual_board::HeatedMass;
 
 const MM: i64 = 100_000;
 

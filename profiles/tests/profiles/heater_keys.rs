@@ -1,7 +1,7 @@
 //! The optional keys of the heaters, and of their time without use.
 
-use ferrostep_hal_shim::virtual_board::HeatedMass;
 use ferrostep_profiles::{Problem, builtin_text, load, parse};
+use ferrostep_virtual_board::HeatedMass;
 
 /// The cartesian profile with more lines at the start of `[bed]`, and at its start.
 fn with(start: &str, bed: &str) -> String {

@@ -1,10 +1,10 @@
 //! Every key missing, misspelt, mistyped or out of range is refused with its name, value and line.
 
 use ferrostep_checked_toml::keys::{holder, paths};
-use ferrostep_hal_shim::thermistor::ThermistorType;
 use ferrostep_planner::{AccelerationProfile, Interpolation, MotionChoice};
 use ferrostep_printer::{ExtrusionSettings, HeaterWatch, Profile};
 use ferrostep_profiles::{Problem, ProfileError, builtin_names, builtin_text, parse};
+use ferrostep_thermistor::ThermistorType;
 use toml::{Table, Value};
 
 fn text() -> &'static str {

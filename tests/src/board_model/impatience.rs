@@ -4,8 +4,8 @@ use std::pin::pin;
 use std::task::{Context, Poll, Waker};
 
 use ferrostep_gcode::{Emergency, Line, LineError};
-use ferrostep_hal_shim::stepping::Stepping;
 use ferrostep_printer::Host;
+use ferrostep_step_player::Stepping;
 
 use super::time::{CYCLES_A_MS, from_ns};
 use super::{Board, BoardPrinter};

@@ -4,9 +4,9 @@ use std::cell::{Cell, RefCell};
 use std::collections::VecDeque;
 
 use ferrostep_gcode::Emergency;
-use ferrostep_hal_shim::stepping::{NextWords, OutputPorts, StepPlayer, Stepping, UpdateTimer};
-use ferrostep_hal_shim::virtual_board::VirtualUpdateTimer;
 use ferrostep_printer::Signals;
+use ferrostep_step_player::{NextWords, OutputPorts, StepPlayer, Stepping, UpdateTimer};
+use ferrostep_virtual_board::VirtualUpdateTimer;
 
 use super::STEP_QUEUE_SLOTS;
 use super::recording::WatchedPort;

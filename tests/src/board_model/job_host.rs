@@ -9,9 +9,9 @@ use embedded_hal_async::delay::DelayNs;
 use ferrostep_gcode::{EmergencyScanner, Line, LineError, LineReader};
 use ferrostep_gpre::compact::MOST_FRAME_BYTES;
 use ferrostep_gpre::transfer::{Report, Sender};
-use ferrostep_hal_shim::stepping::Stepping;
-use ferrostep_hal_shim::virtual_board::VirtualDelay;
 use ferrostep_printer::{Host, JobLine, JobRequest};
+use ferrostep_step_player::Stepping;
+use ferrostep_virtual_board::VirtualDelay;
 
 use super::time::{CYCLES_A_MS, CYCLES_PER_S};
 use super::{Board, BoardPrinter, LONGEST_COMMAND};

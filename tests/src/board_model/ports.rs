@@ -5,12 +5,12 @@ use std::cell::{Cell, RefCell};
 use embedded_hal_async::delay::DelayNs;
 use ferrostep_gcode::Reply;
 use ferrostep_hal_shim::Heater;
-use ferrostep_hal_shim::stepping::Stepping;
-use ferrostep_hal_shim::virtual_board::{ModelledSensors, VirtualDelay};
 use ferrostep_planner::look_ahead::Slot;
 use ferrostep_printer::heat::HeatFault;
 use ferrostep_printer::machine::{SharedMachine, Silence};
 use ferrostep_printer::{Failure, HeaterStatus, Heating, Replies};
+use ferrostep_step_player::Stepping;
+use ferrostep_virtual_board::{ModelledSensors, VirtualDelay};
 
 use super::{Board, BoardMachine, Queue};
 

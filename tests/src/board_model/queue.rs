@@ -1,9 +1,9 @@
 //! The step queue's near end, whose every call takes time.
 
-use ferrostep_hal_shim::stepping::{DroppedSteps, FeedError, StepFeeder, StepLink, Stepping};
-use ferrostep_hal_shim::virtual_board::CYCLES_A_TICK;
 use ferrostep_hal_shim::{MotionWatch, MotorEnable, PlanningClock, StepQueue};
 use ferrostep_planner::StepEntry;
+use ferrostep_step_player::{DroppedSteps, FeedError, StepFeeder, StepLink, Stepping};
+use ferrostep_virtual_board::CYCLES_A_TICK;
 
 use super::STEP_QUEUE_SLOTS;
 use super::interrupts::Interrupts;

@@ -2,8 +2,8 @@
 
 use std::cell::{Cell, RefCell};
 
-use ferrostep_hal_shim::stepping::OutputPorts;
-use ferrostep_hal_shim::virtual_board::{VirtualPort, VirtualUpdateTimer};
+use ferrostep_step_player::OutputPorts;
+use ferrostep_virtual_board::{VirtualPort, VirtualUpdateTimer};
 
 use ferrostep_planner::Geometry;
 use ferrostep_planner::kinematics::UNITS_PER_MM;

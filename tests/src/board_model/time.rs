@@ -1,7 +1,7 @@
 //! Virtual time in cycles of the core, and what work costs of it.
 
-use ferrostep_hal_shim::virtual_board::CYCLES_A_TICK;
 use ferrostep_planner::TICKS_PER_SECOND;
+use ferrostep_virtual_board::CYCLES_A_TICK;
 
 /// Cycles of the core in a second.
 pub const CYCLES_PER_S: u64 = TICKS_PER_SECOND as u64 * CYCLES_A_TICK;

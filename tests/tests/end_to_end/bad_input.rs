@@ -1,4 +1,4 @@
-//! Files, options and profiles that are wrong: the command says what, where and what it expected.
+//! Wrong files, options and profiles: the command names the mistake, its place and what would be right.
 
 use std::fs;
 use std::path::Path;
@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 
 use crate::command::{Outcome, directory, example, ferrostep, file, gzip, repository};
 
-/// Homes and goes somewhere, so that what a bad line changed would show.
+/// Homes and moves, so that a change by a bad line would show.
 const PROLOGUE: &str = "G28\nG1 X10 Y20 Z3 F3000\n";
 
 #[track_caller]

@@ -51,7 +51,7 @@ pub fn rehearse_at(profile: &Profile, look_ahead: usize, input: &mut impl Read) 
     run(profile, look_ahead, input, Trace::new(profile))
 }
 
-/// Runs a job with all look-ahead there is and keeps its trace; a prepared one as it is, or else G-code.
+/// Runs a job with unlimited look-ahead and keeps its trace; takes a prepared job or G-code.
 pub fn rehearse_far(profile: &Profile, input: &mut impl Read, prepared: bool) -> Ended {
     let job = if prepared { Job::Prepared { from: 0, behind: &[] } } else { Job::Text };
     run_either(profile, gpre::LOOK_AHEAD_BLOCKS, input, Trace::new(profile), job)
@@ -71,7 +71,7 @@ fn run(profile: &Profile, look_ahead: usize, input: &mut impl Read, trace: Trace
     run_either(profile, look_ahead, input, trace, Job::Text)
 }
 
-/// What is printed.
+/// The printed job.
 enum Job<'a> {
     /// G-code.
     Text,

@@ -1,14 +1,14 @@
-//! Motor drivers that are set over a serial line: nothing moves before they have confirmed it, and one that fails in the
-//! midst of a print stops it.
+//! Motor drivers with a serial line: nothing moves before they have confirmed their settings, and one that fails in
+//! mid-print stops the print.
 
 use std::cell::RefCell;
 
 use ferrostep::desk::{Desk, LOOK_AHEAD_BLOCKS};
 use ferrostep::job::{self, JobProgress};
 use ferrostep::session::{JobReplies, PrintSession, Session};
-use ferrostep_hal_shim::tmc2209::{DriverState, DriverStatus, Register, RegisterImage};
-use ferrostep_hal_shim::virtual_board::{DriverChip, VIRTUAL_WIRING};
 use ferrostep_printer::{MotorDrivers, Profile};
+use ferrostep_tmc2209::{DriverState, DriverStatus, Register, RegisterImage};
+use ferrostep_virtual_board::{DriverChip, VIRTUAL_WIRING};
 
 use crate::desk::{profile, rehearse};
 use crate::refusals::Collector;
@@ -19,7 +19,7 @@ fn machine(profile: &Profile) -> Machine {
     Session::print(*profile, LOOK_AHEAD_BLOCKS, (), Collector::default())
 }
 
-/// Executes lines; what was said, but for `ok` and `busy`.
+/// Executes lines. Returns the replies, except `ok` and `busy`.
 fn say(
     machine: &Machine,
     printer: &mut ferrostep::session::DeskPrinter<'_, (), Collector>,
@@ -36,7 +36,7 @@ fn say(
     replies
 }
 
-/// Does something to a motor's chip.
+/// Accesses a motor's chip.
 fn with_chip<T>(machine: &Machine, motor: usize, act: impl FnOnce(&mut DriverChip) -> T) -> T {
     machine.drivers().with_lines(|lines| act(lines.chip(motor).unwrap())).unwrap()
 }

@@ -1,4 +1,4 @@
-//! Prepared jobs entered at a frame: from there on the steps of the whole job, and nothing touched on the way.
+//! Prepared jobs entered at a frame: from there on they make the steps of the whole job, and the nozzle touches nothing before.
 
 use std::path::Path;
 
@@ -159,7 +159,7 @@ fn a_corexy_job_resumes_at_any_frame() {
 proptest! {
     #![proptest_config(ferrostep_random_cases::cases(150))]
 
-    /// Whatever was set before, in a machine that was homed.
+    /// With any settings before, in a homed machine.
     #[test]
     fn any_program_resumes_at_any_frame(program in homed_program()) {
         let machine = profile(program.machine);

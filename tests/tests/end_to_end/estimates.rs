@@ -1,4 +1,4 @@
-//! What an estimate costs, and how near it is.
+//! The cost of an estimate, and its accuracy.
 
 use ferrostep::desk::{Desk, LOOK_AHEAD_BLOCKS};
 use ferrostep::job::{self, JobProgress};
@@ -12,7 +12,7 @@ use crate::desk::profile;
 struct Ended {
     print_time_s: f64,
     motion_time_s: f64,
-    /// How often the heaters' model and the drivers' code have run: all of the cost that could follow the print's time.
+    /// How often the heaters' model and the drivers' code ran: the only costs that could grow with the print time.
     heat_samples: u64,
     driver_polls: u64,
 }
@@ -88,7 +88,7 @@ fn an_estimate_waits_as_long_as_a_print() {
     }
 }
 
-/// Too weak for its target is not at rest, however steady: it fails as in a print.
+/// A heater too weak for its target is never at rest, however steady: it fails as in a print.
 #[test]
 fn an_estimate_notices_a_failed_heater() {
     let directory = crate::command::directory();

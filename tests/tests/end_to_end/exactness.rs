@@ -20,7 +20,7 @@ fn stands(machine_name: &str, lines: &str) -> ([i64; 4], [f64; 4]) {
     (motor_steps, conversation.position_mm())
 }
 
-/// Homing stops the machine, and what was not yet a whole step of filament must not get lost with it.
+/// Homing stops the machine and must not lose a fraction of an extruder step.
 #[test]
 fn homing_keeps_the_fraction_of_the_extruder() {
     // 0.9723 mm at 400 steps/mm are 388.92 steps, whatever happened in between.
@@ -34,7 +34,7 @@ fn homing_keeps_the_fraction_of_the_extruder() {
     assert_eq!(stands("cartesian", &lines).0[3], 48);
 }
 
-/// What G10 lifts G11 lowers, so that Z is again where it says.
+/// G11 lowers what G10 lifted, so that Z is where it was.
 #[test]
 fn a_lift_is_undone_exactly() {
     let mut wrong = Vec::new();
@@ -76,7 +76,7 @@ fn retractions_cancel_out() {
     }
 }
 
-/// In inches the limits are inches too, as lengths of any other command.
+/// In inches, limits are inches too, like the lengths of any other command.
 #[test]
 fn limits_use_the_current_unit() {
     let (machine, reference) = (profile("cartesian"), ReferenceProfile::cartesian());

@@ -1,5 +1,5 @@
 //! The extruder against the nozzle, step by step through whole prints (Wu 2024, eqs. 10 and 11): it is never more than a
-//! step away from lambda times the nozzle's way, in ramps and at corners too, whether lambda is the G-code's or the
+//! step away from lambda times the nozzle's path, also in ramps and at corners, whether lambda is the G-code's or the
 //! machine's.
 //!
 //! The nozzle's way is taken from the X and Y motors' own steps in the trace, so that no time law is needed to judge.
@@ -193,7 +193,7 @@ fn check(name: &str, job: &str, moves: &[Straight]) -> Deviations {
     found
 }
 
-/// Up to where the profile's limits change the job is a job as any other.
+/// Up to the change of the profile's limits this is an ordinary job.
 fn cube() -> String {
     String::from_utf8(example("cube.gcode")).unwrap()
 }

@@ -1,9 +1,9 @@
-//! Heaters that fail in the middle of a job: everything off, motion stopped, the host told, the position true.
+//! Heaters that fail during a job: everything off, motion stopped, the host informed, the position exact.
 
 use std::path::Path;
 
 use ferrostep_hal_shim::Heater;
-use ferrostep_hal_shim::virtual_board::HeaterFailure;
+use ferrostep_virtual_board::HeaterFailure;
 use serde_json::Value;
 
 use crate::command::{Outcome, directory, ferrostep, file, repository};
@@ -76,7 +76,7 @@ fn an_overheated_nozzle_stops_the_job() {
     assert_eq!(summary["motor_steps"]["x"], 0);
 }
 
-/// Lets a heater fail at a moment.
+/// Lets a heater fail at a given moment.
 fn failing(heater: Heater, failure: HeaterFailure, at_s: f64) -> impl FnMut(&Machine) {
     move |machine| {
         if machine.clock().now_ns() as f64 * 1e-9 >= at_s {
@@ -166,5 +166,5 @@ fn every_failure_in_mid_print_stops_motion_and_tells_the_host() {
 /// A tenth of a second without a command.
 async fn tick(machine: &Machine) {
     use embedded_hal_async::delay::DelayNs;
-    ferrostep_hal_shim::virtual_board::VirtualDelay(machine.clock()).delay_ms(100).await;
+    ferrostep_virtual_board::VirtualDelay(machine.clock()).delay_ms(100).await;
 }

@@ -1,4 +1,4 @@
-//! G28 from very many places, with sound sensors and broken ones: what the motors push against, and what is said.
+//! G28 from many places, with working and broken sensors: what the motors push against, and what the host reads.
 //!
 //! The machine is a frame, a sheet and sensors without steps (`Mechanics`), so that a homing takes microseconds. Some of the
 //! same on the desk, with every step, is at the end.
@@ -8,15 +8,15 @@ use std::pin::pin;
 use std::task::{Context, Poll, Waker};
 
 use ferrostep_gcode::{MotionFigures, Reply};
-use ferrostep_hal_shim::virtual_board::{
-    BOUNCE_10NM, Mechanics, STALL_LAG_10NM, SensorFault, SensorPlace, VirtualProbe, VirtualSensor,
-};
 use ferrostep_hal_shim::{Clock, Heater};
 use ferrostep_planner::{Limits, MotionChoice, Move, Moved, PreparedBlock, PreparedMove, Retuned};
 use ferrostep_printer::heat::HeatFault;
 use ferrostep_printer::{
     CommandError, Failure, HeaterStatus, Heating, HomeEnd, HomeSensor, HomingOutcome, Motion, MotionError, Printer,
     Profile, Replies, Signals,
+};
+use ferrostep_virtual_board::{
+    BOUNCE_10NM, Mechanics, STALL_LAG_10NM, SensorFault, SensorPlace, VirtualProbe, VirtualSensor,
 };
 
 use crate::desk::profile;
@@ -26,7 +26,7 @@ const MM: i64 = 100_000;
 /// Places a scenario and machine.
 const PLACES: u64 = 10_000;
 
-/// Nothing presses the nozzle further into the bed, mm: the promise.
+/// The promise: how far the nozzle presses into the bed at most, mm.
 const MAX_PRESS_10NM: i64 = MM / 2;
 
 /// Pseudo-random numbers (SplitMix64, Steele 2014).
@@ -84,7 +84,7 @@ fn start(profile: &Profile, faults: [SensorFault; 3], seed: u64) -> Start {
     Start { mechanics: Mechanics::new(frame_10nm, sensors, probe, true_10nm, cases.next()), true_10nm }
 }
 
-/// Motors without steps, on such a machine.
+/// Motors without steps, on this machine.
 struct Places {
     mechanics: RefCell<Mechanics>,
     believed_10nm: Cell<[i64; 3]>,
@@ -102,7 +102,7 @@ impl Places {
         }
     }
 
-    /// How far the motors have pushed against the lower and upper end of each axis.
+    /// How far the motors pushed against the lower and upper end of each axis.
     fn pushed_10nm(&self) -> [[i64; 2]; 3] {
         self.mechanics.borrow().pushed_10nm()
     }
@@ -259,7 +259,7 @@ fn with_fault(axis: usize, fault: SensorFault) -> [SensorFault; 3] {
     faults
 }
 
-/// Homes once from each of the places on each machine, and hands over what has become of it.
+/// Homes once from each of the places on each machine, and passes the result on.
 fn from_everywhere(
     faults: [SensorFault; 3],
     judge: impl Fn(&Profile, &Places, [i64; 3], Result<(), CommandError>) + Sync,

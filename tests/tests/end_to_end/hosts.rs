@@ -27,17 +27,17 @@ pub struct Conversation<'a> {
 }
 
 impl<'a> Conversation<'a> {
-    /// Nothing has been said.
+    /// No line has been sent.
     pub fn new(machine: &'a Machine) -> Self {
         Self { machine, printer: machine.printer(), host: Host::new(), reader: LineReader::new() }
     }
 
-    /// Says a line and waits until it is answered.
+    /// Sends a line and waits until it is answered.
     pub fn say(&mut self, line: &str) -> Vec<String> {
         self.say_bytes(format!("{line}\n").as_bytes())
     }
 
-    /// Says some bytes and waits until all lines that end in them are answered.
+    /// Sends some bytes and waits until all lines that end in them are answered.
     pub fn say_bytes(&mut self, bytes: &[u8]) -> Vec<String> {
         self.say_while(bytes, |_| {})
     }
@@ -118,7 +118,7 @@ fn lines_to_send() -> Vec<String> {
     commands.filter(|command| !command.is_empty()).take(3000).collect()
 }
 
-/// A line with something wrong in it: another byte, or one less.
+/// A damaged line: a changed byte, or a missing one.
 fn garbled(line: &str, random: &mut Seeded) -> Vec<u8> {
     let mut bytes = line.as_bytes().to_vec();
     let at = random.below(bytes.len());

@@ -1,11 +1,11 @@
-//! A host that has gone: heaters that nothing uses go off, and it is said beforehand.
+//! A vanished host: unused heaters go off, after a warning.
 
 use embedded_hal_async::delay::DelayNs;
 use ferrostep::desk::LOOK_AHEAD_BLOCKS;
 use ferrostep::session::Session;
 use ferrostep_hal_shim::Heater;
-use ferrostep_hal_shim::virtual_board::VirtualDelay;
 use ferrostep_printer::Profile;
+use ferrostep_virtual_board::VirtualDelay;
 
 use crate::desk::profile;
 use crate::hosts::{Conversation, Machine, machine};

@@ -1,5 +1,5 @@
-//! Lines that slicers and other machines' programs have, and that are not quite right: the print goes on as on Marlin, and
-//! one echo says what was ignored.
+//! Odd lines of slicers and of programs for other machines: the print continues as on Marlin, and
+//! one echo reports what was ignored.
 
 use serde_json::Value;
 

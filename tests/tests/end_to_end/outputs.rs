@@ -1,4 +1,4 @@
-//! Files that the command writes, and where it reads from: pipes, links, devices, full disks, Ctrl-C.
+//! The command's inputs and outputs: pipes, links, devices, full disks, Ctrl-C.
 
 use std::fs;
 use std::io::Write;

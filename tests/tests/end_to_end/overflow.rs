@@ -1,4 +1,4 @@
-//! A serial line that brings more than is read in time: whole lines are executed or none, never two halves as one.
+//! A serial line that is faster than its reader: whole lines are executed or dropped, never two halves joined.
 
 use std::cell::RefCell;
 use std::collections::VecDeque;

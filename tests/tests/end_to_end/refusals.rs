@@ -1,4 +1,4 @@
-//! A refused line changes nothing: what follows it is done as if it had not been there.
+//! A refused line changes nothing: the lines after it are executed as if it were absent.
 
 use std::cell::RefCell;
 

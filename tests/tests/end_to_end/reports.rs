@@ -1,4 +1,4 @@
-//! What the printer reports, read with the expressions that hosts read it with.
+//! The printer's reports, read with the regular expressions of hosts.
 
 use std::cell::RefCell;
 

@@ -13,7 +13,7 @@ use crate::papers::REFRESH_VARIABLE;
 const BEGIN: &str = "<!-- both extruders over whole prints -->\n";
 const END: &str = "<!-- end -->\n";
 
-/// Prints an example and holds its extruder, and one that is slaved, against the law.
+/// Prints an example and compares its extruder, and a slaved one, with the law.
 #[track_caller]
 fn print(name: &str) -> Extrusion {
     let directory = directory();

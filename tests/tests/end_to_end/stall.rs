@@ -1,11 +1,11 @@
-//! Axes that home by their driver's stall signal: the carriage meets the frame's end, its motor falls behind, and the
-//! chip says so.
+//! Axes that home by their driver's stall signal: the carriage meets the frame's end, its motor lags, and the
+//! chip reports it.
 
 use ferrostep::desk::LOOK_AHEAD_BLOCKS;
 use ferrostep::session::{DeskPrinter, PrintSession, Session};
-use ferrostep_hal_shim::tmc2209::Register;
-use ferrostep_hal_shim::virtual_board::START_10NM;
 use ferrostep_printer::Profile;
+use ferrostep_tmc2209::Register;
+use ferrostep_virtual_board::START_10NM;
 
 use crate::desk::{profile, rehearse};
 use crate::refusals::Collector;
@@ -16,7 +16,7 @@ fn machine(profile: &Profile) -> Machine {
     Session::print(*profile, LOOK_AHEAD_BLOCKS, (), Collector::default())
 }
 
-/// Executes lines; what was said, but for `ok` and `busy`.
+/// Executes lines. Returns the replies, except `ok` and `busy`.
 fn say(machine: &Machine, printer: &mut DeskPrinter<'_, (), Collector>, lines: &[&str]) -> Vec<String> {
     let mut replies = Vec::new();
     for (number, line) in (1..).zip(lines) {

@@ -21,7 +21,7 @@ fn at(when_s: f64, mut act: impl FnMut(&Machine)) -> impl FnMut(&Machine) {
     }
 }
 
-/// Says a line and returns what came back and how long that took.
+/// Sends a line and returns the replies and the time until the last.
 fn timed(conversation: &mut Conversation<'_>, machine: &Machine, line: &str) -> (Vec<String>, f64) {
     let since_s = now_s(machine);
     let replies = conversation.say(line);
@@ -199,7 +199,7 @@ fn motion_sends_busy_messages() {
     }
 }
 
-/// Colder than the room nothing gets: such a wait ends by itself, and says so.
+/// A target below room temperature is never reached: such a wait ends by itself, with a message.
 #[test]
 fn a_wait_for_less_than_room_temperature_ends() {
     for (line, name) in [("M190 R20", "bed"), ("M109 R5", "nozzle"), ("M190 R21.5", "")] {

@@ -1,4 +1,4 @@
-//! Each board's files: what its boot loader or a programmer will take, and find in them.
+//! Each board's files: their form and content, as its boot loader or a programmer expects them.
 
 use std::path::Path;
 

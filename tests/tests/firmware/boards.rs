@@ -1,4 +1,4 @@
-//! The boards as their makers describe them: written down here a second time, for what the images do to be held against.
+//! The boards as their makers describe them, written down a second time, to be compared with the images.
 
 /// A pin: its port's letter and its number.
 pub type Pin = (char, u8);

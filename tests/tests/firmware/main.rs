@@ -1,4 +1,4 @@
-//! What is in the firmware's images: layout, code and files. How they behave is tested on the virtual mainboard, in
+//! The content of the firmware's images: layout, code and files. Their behaviour is tested on the virtual mainboard, in
 //! `mainboard/tests`.
 //!
 //! `cargo xtask test` builds the images first and names them in `FERROSTEP_FIRMWARE`; without it the tests build them.

@@ -1,6 +1,6 @@
-//! Nothing in the image masks the step interrupt but its start and its end.
+//! Only the image's start and its crash handlers mask the step interrupt.
 //!
-//! BASEPRI cannot mask the step task's priority; PRIMASK and FAULTMASK can. Whoever sets one of these is in the list.
+//! BASEPRI cannot mask the step task's priority; PRIMASK and FAULTMASK can. Functions that set one of these are in the list.
 
 use std::collections::BTreeMap;
 
@@ -12,7 +12,7 @@ use crate::image::image;
 const MAY_SET_PRIMASK: [(&str, &str); 4] = [
     ("main", "RTIC's start: from reset to the end of `init`, when no task runs yet"),
     ("__rustc::rust_begin_unwind", "the panic handler: heaters and motors off, for good"),
-    ("ferrostep_stm32f4::fault::handle", "the hard fault: the same"),
+    ("ferrostep_stm32f4_board::fault::handle", "the hard fault: the same"),
     ("DefaultHandler", "an unexpected interrupt: the same"),
 ];
 
@@ -44,7 +44,7 @@ fn only_start_and_crash_handlers_mask_the_step_interrupt() {
     }
 }
 
-/// Lists where the image raises its priority, and to which of RTIC's: 15 in critical sections, which delay all but
+/// Lists where the image raises its priority, and to which of RTIC's priorities: 15 in critical sections, which delay all but
 /// steps, and in locks the ceiling of the resource.
 #[test]
 fn each_raised_priority_masks_something() {

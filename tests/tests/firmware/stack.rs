@@ -16,7 +16,7 @@ const OF_ONE_PRIORITY: [&[&str]; 2] = [
     &["HardFault", "HardFaultTrampoline", "DefaultHandler", "DefaultHandler_", "__rustc::rust_begin_unwind"],
 ];
 
-/// Where the image is when its tasks begin to interrupt it: at the end of RTIC's start, or asleep.
+/// Places where tasks can begin to interrupt the image: at the end of RTIC's start, or asleep.
 const BEFORE_TASKS: [&str; 3] = ["Reset", "main", "__rtic_init_resources"];
 
 #[test]

@@ -6,9 +6,9 @@ use std::path::Path;
 use ferrostep_image_code::code::{Code, Instruction};
 use ferrostep_image_code::flow::{Flow, flow};
 
-use ferrostep_hal_shim::stepping::MIN_GAP_TICKS;
-use ferrostep_hal_shim::virtual_board::CYCLES_A_TICK;
 use ferrostep_image_code::interrupt_time::{self, MEASURED, STEP_TIMER};
+use ferrostep_step_player::MIN_GAP_TICKS;
+use ferrostep_virtual_board::CYCLES_A_TICK;
 
 use crate::boards::BOARDS;
 use crate::image::{image, image_of};

@@ -1,5 +1,5 @@
 //! M410, M112, M108 and a vanishing host, at any instant of anything the board does: it answers within the times that the
-//! book tells (Overload), no motor steps after a stop, and the machine goes on from where its motors stand.
+//! book promises (Overload), no motor steps after a stop, and the machine continues from the motors' positions.
 //!
 //! Everything follows from a seed, which a failure names. `FERROSTEP_INSTANTS` says how many instants of each kind are
 //! tried, in all states together.
@@ -11,8 +11,8 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use ferrostep_gcode::Emergency;
 use ferrostep_gpre::transfer::Word;
-use ferrostep_hal_shim::stepping::Pulses;
 use ferrostep_printer::{CommandError, Failure};
+use ferrostep_step_player::Pulses;
 use ferrostep_tests::board_model::{
     Board, BoardPrinter, CYCLES_A_MS, Costs, JOB_SILENCE_S, JobHost, LOOK_AHEAD_BLOCKS, with_board,
 };
@@ -53,7 +53,7 @@ impl Kind {
     }
 }
 
-/// How a state goes where nothing happens; cycles since its beginning.
+/// The undisturbed course of a state; cycles since its beginning.
 struct Undisturbed {
     /// When each line is answered; for a wait for heat, when its motion has ended.
     answers: Vec<u64>,
@@ -153,7 +153,7 @@ impl<'b, 'a> Talk<'b, 'a> {
         answers
     }
 
-    /// By when a line is answered that goes on at the instant `at`, and whether that is exact: where nothing happens to it, it
+    /// When a line in execution at the instant `at` is answered, and whether that is exact: undisturbed, it
     /// ends as ever. M108 comes at `end_wait_at`.
     fn deadline(&self, kind: Kind, line: &str, own_end: u64, at: u64, end_wait_at: u64) -> (u64, bool) {
         let after = |cycle: u64, ms: u64| cycle + ms * CYCLES_A_MS;

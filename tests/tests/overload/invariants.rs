@@ -1,12 +1,12 @@
-//! What must hold of every print, however slow anything was.
+//! Properties of every print, with any part slow.
 
 use ferrostep_gcode::MotionFigures;
-use ferrostep_hal_shim::stepping::{BothEdges, Pulses, Stepping};
-use ferrostep_hal_shim::virtual_board::CYCLES_A_TICK;
 use ferrostep_printer::Profile;
+use ferrostep_step_player::{BothEdges, Pulses, Stepping};
 use ferrostep_tests::board_model::{Board, Costs, HostLine, LOOK_AHEAD_BLOCKS, Watch, with_board};
+use ferrostep_virtual_board::CYCLES_A_TICK;
 
-/// What came of a print.
+/// The result of a print.
 pub struct Print {
     pub figures: MotionFigures,
     pub counted_steps: [i64; 4],

@@ -1,4 +1,4 @@
-//! A prepared job on the board, and what its host says in the middle of it.
+//! A prepared job on the board, and its host's commands during the job.
 
 use std::io::Cursor;
 
@@ -7,8 +7,8 @@ use ferrostep::session::JobReplies;
 use ferrostep_gcode::MotionFigures;
 use ferrostep_gpre::Encoding;
 use ferrostep_gpre::transfer::{Report, Word};
-use ferrostep_hal_shim::stepping::Pulses;
 use ferrostep_printer::Profile;
+use ferrostep_step_player::Pulses;
 use ferrostep_tests::board_model::{
     Board, BoardPrinter, CYCLES_A_MS, CYCLES_PER_S, Costs, JobHost, LOOK_AHEAD_BLOCKS, StopReport, Watch, with_board,
 };
@@ -90,7 +90,7 @@ fn print(host: impl FnOnce(JobHost) -> JobHost, after: &[&str]) -> Print {
     })
 }
 
-/// The machine stands still, and where it believes to be.
+/// The machine stands still at the position that it reports.
 #[track_caller]
 fn keeps_its_place(board: &Board<'_, Pulses>, printer: &BoardPrinter<'_, '_, Pulses>) {
     let profile = profile();
@@ -104,7 +104,7 @@ fn keeps_its_place(board: &Board<'_, Pulses>, printer: &BoardPrinter<'_, '_, Pul
     assert_eq!(board.figures().underruns, 0);
 }
 
-/// Nothing is said in the middle.
+/// The host sends no command during the job.
 fn undisturbed() -> Print {
     let print = print(|host| host, &[]);
     is_whole(&print);

@@ -1,7 +1,7 @@
 //! Conversations of the fuzz target `machine`, with bytes that a seed makes.
 
 use ferrostep_gcode::Emergency;
-use ferrostep_hal_shim::stepping::Pulses;
+use ferrostep_step_player::Pulses;
 use ferrostep_tests::board_model::{CYCLES_A_MS, Costs, with_board};
 use ferrostep_tests::live_machine::live_machine;
 

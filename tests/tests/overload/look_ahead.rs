@@ -1,4 +1,4 @@
-//! Pieces of 0.05 mm at 300 mm/s: the ring sees far enough.
+//! Moves of 0.05 mm at 300 mm/s: the ring sees far enough.
 
 use ferrostep_tests::stress_file::{FEED_MM_PER_S, PIECE_MM, stress_file};
 

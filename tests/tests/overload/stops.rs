@@ -1,8 +1,8 @@
-//! M112 and M410 at any moment: the machine knows where its motors stand, and goes on from there.
+//! M112 and M410 at any moment: the machine knows its motors' positions and continues from there.
 
 use ferrostep_gcode::Emergency;
-use ferrostep_hal_shim::stepping::{BothEdges, Pulses, Stepping};
 use ferrostep_printer::Profile;
+use ferrostep_step_player::{BothEdges, Pulses, Stepping};
 use ferrostep_tests::board_model::{Board, BoardPrinter, CYCLES_A_MS, Costs, HostLine, LOOK_AHEAD_BLOCKS, with_board};
 
 /// SplitMix64 (Steele, Lea, Flood 2014): a seed gives the same instants everywhere.

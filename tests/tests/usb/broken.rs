@@ -6,7 +6,7 @@ use ferrostep_usb::{BREAK, Heard, Lines};
 use crate::device::Device;
 use crate::host::PACKET_BYTES;
 
-/// What a reader makes of bytes of the ring: lines, and `None` for half of one.
+/// The lines that a reader finds in the ring; `None` for half a line.
 pub fn heard(bytes: &[u8]) -> Vec<Option<String>> {
     let (mut lines, mut rest, mut heard) = (Lines::new(), bytes, Vec::new());
     while !rest.is_empty() {

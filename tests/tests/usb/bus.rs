@@ -1,4 +1,4 @@
-//! A device controller without wires: what a host's transactions find, and what the driver sees of them.
+//! A device controller in memory: what a host's transactions find, and what the driver sees of them.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard};
@@ -34,7 +34,7 @@ struct Controller {
     signal: Option<Signal>,
     /// How often the driver has looked at it.
     polls: usize,
-    /// It shows what the driver panics at.
+    /// Makes the driver panic where it would.
     is_broken: bool,
     ins: BTreeMap<usize, In>,
     outs: BTreeMap<usize, Out>,
@@ -69,7 +69,7 @@ impl Bus {
         self.0.lock().unwrap()
     }
 
-    /// The host resets the bus: the device has no address any more, and what was under way is lost.
+    /// The host resets the bus: the device loses its address, and pending transfers are lost.
     pub fn signal_reset(&self) {
         let mut controller = self.lock();
         controller.signal = Some(Signal::Reset);

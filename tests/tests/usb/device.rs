@@ -51,7 +51,7 @@ impl Buffers for Interrupt {
     }
 }
 
-/// What a test makes lives as long as the test program: a device has no end.
+/// Leaks what a test makes, because a device lives for ever.
 fn forever<T>(value: T) -> &'static mut T {
     Box::leak(Box::new(value))
 }
@@ -85,7 +85,7 @@ impl Device {
         &self.bus
     }
 
-    /// The interrupt, as often as there is something for it.
+    /// The interrupt, as often as it has work.
     pub fn interrupt(&self) {
         for _ in 0..4 {
             let dropped = self.port.borrow_mut().serve(&mut *self.interrupt.borrow_mut(), || self.bus.is_sound());

@@ -1,4 +1,4 @@
-//! What the device says it is, byte by byte.
+//! The device's descriptors, byte by byte.
 
 use crate::device::{Device, PRODUCT};
 use crate::host::{BULK_IN, BULK_OUT, Host, PACKET_BYTES, Stalled};

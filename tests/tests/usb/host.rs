@@ -28,7 +28,7 @@ pub struct Host<'a> {
     address: u8,
     /// Of a transfer that has not ended.
     partial: Vec<u8>,
-    /// What has come of a line.
+    /// The received part of a line.
     line: String,
 }
 
@@ -175,7 +175,7 @@ impl<'a> Host<'a> {
         self.tell(0x21, 0x22, if is_open { 0b11 } else { 0 }, 0, &[]).unwrap();
     }
 
-    /// Sends bytes in one packet; whether the device has taken it.
+    /// Sends bytes in one packet. Returns whether the device took it.
     pub fn send_packet(&self, packet: &[u8]) -> bool {
         let answer = self.bus.write(self.address, BULK_OUT, packet);
         match answer {

@@ -1,4 +1,4 @@
-//! The USB port against a bus that exists in memory: a host that enumerates it, prints through it, and misbehaves.
+//! The USB port on a bus in memory: a host enumerates it, prints through it, and misbehaves.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 mod broken;

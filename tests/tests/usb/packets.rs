@@ -1,4 +1,4 @@
-//! Any way to cut a conversation into packets.
+//! Conversations cut into packets at random.
 
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -7,7 +7,7 @@ use crate::broken::heard;
 use crate::device::Device;
 use crate::host::PACKET_BYTES;
 
-/// What a host does next.
+/// The next action of a host.
 #[derive(Clone, Debug)]
 enum Step {
     /// Sends this many of the remaining bytes in one packet; a packet may be empty.
@@ -128,7 +128,7 @@ proptest! {
         prop_assert!(full.iter().all(|&packet| packet == PACKET_BYTES), "{packets:?}");
     }
 
-    /// No request, however senseless, and no byte leads to a panic or to silence.
+    /// No request, however nonsensical, and no byte causes a panic or silence.
     #[test]
     fn a_senseless_host_does_no_harm(
         requests in vec((any::<[u8; 4]>(), any::<u16>(), 0..300usize), 0..30),

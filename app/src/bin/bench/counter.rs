@@ -1,7 +1,7 @@
 //! The clock that counts instructions.
 
 use cortex_m::peripheral::NVIC;
-use ferrostep_stm32f4::motion_clock::MotionClock;
+use ferrostep_stm32f4_board::motion_clock::MotionClock;
 
 use crate::span::{Count, Spans, UNANSWERED};
 

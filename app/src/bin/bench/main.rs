@@ -25,9 +25,9 @@ mod wu_lines;
 use core::panic::PanicInfo;
 
 use cortex_m_semihosting::{debug, hprintln};
-use ferrostep_hal_shim::stepping::BothEdges;
 use ferrostep_planner::look_ahead::Slot;
-use ferrostep_stm32f4::motion_clock::MotionClock;
+use ferrostep_step_player::BothEdges;
+use ferrostep_stm32f4_board::motion_clock::MotionClock;
 
 use counter::Counter;
 use figures::StepEvents;
@@ -45,14 +45,14 @@ const TWO_AXES_MM: [i64; 2] = [24, 18];
 /// The same along X.
 const ONE_AXIS_MM: [i64; 2] = [30, 0];
 
-#[rtic::app(device = ferrostep_stm32f4::pac, peripherals = true)]
+#[rtic::app(device = ferrostep_stm32f4_board::pac, peripherals = true)]
 mod app {
-    use ferrostep_hal_shim::stepping::{BothEdges, Pulses, StepPlayer};
     use ferrostep_planner::look_ahead::Slot;
-    use ferrostep_stm32f4::board::BoardPins;
-    use ferrostep_stm32f4::motion_clock::MotionClock;
-    use ferrostep_stm32f4::pac::Interrupt;
-    use ferrostep_stm32f4::step_timer::StepTimer;
+    use ferrostep_step_player::{BothEdges, Pulses, StepPlayer};
+    use ferrostep_stm32f4_board::board::BoardPins;
+    use ferrostep_stm32f4_board::motion_clock::MotionClock;
+    use ferrostep_stm32f4_board::pac::Interrupt;
+    use ferrostep_stm32f4_board::step_timer::StepTimer;
 
     use crate::profile::StepSignals;
     use crate::queue::{self, LINE_QUEUE_SLOTS, LineQueues, Ports, SHORT_QUEUE_SLOTS, STEP_QUEUE_SLOTS};

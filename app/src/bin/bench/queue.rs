@@ -4,14 +4,12 @@ use core::sync::atomic::{AtomicU16, Ordering};
 
 use cortex_m::peripheral::NVIC;
 use ferrostep_hal_shim::StepQueue;
-use ferrostep_hal_shim::stepping::{
-    BothEdges, MotorPins, Pin, PinMap, Pulses, Signals, StepFeeder, StepPlayer, Stepping,
-};
 use ferrostep_planner::interpolator::MAX_ENTRIES;
 use ferrostep_planner::{Notice, StepEntry, StepKind, StepSink};
-use ferrostep_stm32f4::board::BoardPins;
-use ferrostep_stm32f4::pac::{Interrupt, Peripherals, RCC};
-use ferrostep_stm32f4::step_timer::{MotorPort, MotorPorts, MotorQueue, Motors, StepTimer};
+use ferrostep_step_player::{BothEdges, MotorPins, Pin, PinMap, Pulses, Signals, StepFeeder, StepPlayer, Stepping};
+use ferrostep_stm32f4_board::board::BoardPins;
+use ferrostep_stm32f4_board::pac::{Interrupt, Peripherals, RCC};
+use ferrostep_stm32f4_board::step_timer::{MotorPort, MotorPorts, MotorQueue, Motors, StepTimer};
 
 use crate::counter::Counter;
 use crate::profile::StepSignals;

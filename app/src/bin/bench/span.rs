@@ -4,7 +4,7 @@ use core::hint::black_box;
 use core::sync::atomic::{Ordering, compiler_fence};
 
 use cortex_m::peripheral::NVIC;
-use ferrostep_stm32f4::pac::Interrupt;
+use ferrostep_stm32f4_board::pac::Interrupt;
 
 /// An interrupt that stays masked.
 pub const UNANSWERED: Interrupt = Interrupt::TIM4;

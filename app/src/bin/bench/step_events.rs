@@ -1,7 +1,7 @@
 //! The step interrupt, event by event.
 
-use ferrostep_hal_shim::stepping::Stepping;
 use ferrostep_planner::{StepEntry, StepSink};
+use ferrostep_step_player::Stepping;
 
 use crate::counter::Counter;
 use crate::figures::{Events, StepEvents};

@@ -3,13 +3,13 @@
 
 use core::hint::black_box;
 
-use ferrostep_hal_shim::stepping::Stepping;
 use ferrostep_planner::StepEntry;
 #[cfg(feature = "tally")]
 use ferrostep_planner::bresenham::Counted;
 #[cfg(not(feature = "tally"))]
 use ferrostep_planner::bresenham::Uncounted;
 use ferrostep_planner::bresenham::{Classic, FromFirstStair, FromQuotient, Slope, Stairs, StepBresenham, Widths};
+use ferrostep_step_player::Stepping;
 
 use crate::counter::Counter;
 use crate::queue::{LineQueue, LineQueues};

@@ -1,7 +1,7 @@
 //! Cycles of the core, by its own counter (DWT CYCCNT).
 
 use cortex_m::peripheral::{DCB, DWT};
-use ferrostep_stm32f4::motion_clock::MotionClock;
+use ferrostep_stm32f4_board::motion_clock::MotionClock;
 
 use crate::span::{Count, Spans};
 

@@ -3,10 +3,10 @@
 use core::cell::UnsafeCell;
 
 use cortex_m::peripheral::NVIC;
-use ferrostep_hal_shim::stepping::{BothEdges, Pulses};
-use ferrostep_stm32f4::board::MOTOR_PORTS;
-use ferrostep_stm32f4::pac::Interrupt;
-use ferrostep_stm32f4::step_timer::StepTimer;
+use ferrostep_step_player::{BothEdges, Pulses};
+use ferrostep_stm32f4_board::board::MOTOR_PORTS;
+use ferrostep_stm32f4_board::pac::Interrupt;
+use ferrostep_stm32f4_board::step_timer::StepTimer;
 use ferrostep_stm32f4_usb::Usb;
 
 use crate::TIMED_QUEUE_SLOTS;

@@ -37,17 +37,17 @@ use cortex_m_semihosting::hprintln;
 use defmt_rtt as _;
 use ferrostep_gcode::Emergency;
 use ferrostep_hal_shim::StepQueue;
-use ferrostep_hal_shim::clock_tree::Clock;
-use ferrostep_hal_shim::stepping::{BothEdges, MIN_GAP_TICKS, Pulses, StepFeeder, StepPlayer, Stepping};
 use ferrostep_planner::look_ahead::Slot;
 use ferrostep_planner::{StepEntry, TICKS_PER_SECOND};
-use ferrostep_stm32f4::board::{BoardPins, MOTOR_PORTS, PIN_MAP};
-use ferrostep_stm32f4::clock;
-use ferrostep_stm32f4::measured::{self, Measured, Switch};
-use ferrostep_stm32f4::motion_clock::MotionClock;
-use ferrostep_stm32f4::pac::{Interrupt, Peripherals};
-use ferrostep_stm32f4::step_timer::{MotorQueue, StepTimer};
-use ferrostep_stm32f4::vector_table::VectorTable;
+use ferrostep_step_player::{BothEdges, MIN_GAP_TICKS, Pulses, StepFeeder, StepPlayer, Stepping};
+use ferrostep_stm32f4::clock_tree::Clock;
+use ferrostep_stm32f4_board::board::{BoardPins, MOTOR_PORTS, PIN_MAP};
+use ferrostep_stm32f4_board::clock;
+use ferrostep_stm32f4_board::measured::{self, Measured, Switch};
+use ferrostep_stm32f4_board::motion_clock::MotionClock;
+use ferrostep_stm32f4_board::pac::{Interrupt, Peripherals};
+use ferrostep_stm32f4_board::step_timer::{MotorQueue, StepTimer};
+use ferrostep_stm32f4_board::vector_table::VectorTable;
 use ferrostep_stm32f4_usb::{Memory, Rings, Usb};
 use heapless::spsc::Queue;
 
@@ -207,7 +207,8 @@ fn steps_take_the_time_that_they_say<M: Stepping>(
     let mut controller = core.NVIC;
     let on_silicon = Cycles::start(core.DCB, core.DWT, motion_clock).are_of_core();
     let timer = StepTimer::start(device.TIM2, device.TIM9, &device.RCC, &pins(), player);
-    let mut queue = MotorQueue::new(pins(), StepFeeder::new(player, PIN_MAP, PROFILE.driver.signals(&clock)), None);
+    let mut queue =
+        MotorQueue::new(pins(), StepFeeder::new(player, PIN_MAP, PROFILE.driver.signals(clock.timer_hz)), None);
     play(timer, &mut controller);
     let mut queued = 0usize;
     let (mut began, mut missed) = (None, 0);
@@ -271,7 +272,8 @@ fn a_step_is_on_time_under_usb_load(board: Board) -> Result<(), Failure> {
     let Board { device, core, clock, motion_clock } = board;
     let mut controller = core.NVIC;
     let timer = StepTimer::start(device.TIM2, device.TIM9, &device.RCC, &pins(), &STEPS);
-    let mut queue = MotorQueue::new(pins(), StepFeeder::new(&STEPS, PIN_MAP, PROFILE.driver.signals(&clock)), None);
+    let mut queue =
+        MotorQueue::new(pins(), StepFeeder::new(&STEPS, PIN_MAP, PROFILE.driver.signals(clock.timer_hz)), None);
     handlers::play(timer, &mut controller);
 
     let memory = cortex_m::singleton!(: Memory = Memory::new()).ok_or("started twice")?;

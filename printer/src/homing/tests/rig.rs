@@ -5,9 +5,9 @@ use core::pin::pin;
 use core::task::{Context, Poll, Waker};
 
 use ferrostep_gcode::{MotionFigures, Reply};
-use ferrostep_hal_shim::tmc2209::{DriverReport, DriverSettings, DriverState, DriverStatus, SettingsError};
 use ferrostep_hal_shim::{Clock, Heater};
 use ferrostep_planner::{Limits, MotionChoice, Move, Moved, PreparedBlock, PreparedMove, Retuned};
+use ferrostep_tmc2209::{DriverReport, DriverSettings, DriverState, DriverStatus, SettingsError};
 
 use crate::heat::HeatFault;
 use crate::machine::tests::profile;

@@ -1,10 +1,10 @@
 //! Each failure of the MINI's heaters, in each state, and when it is noticed: on the virtual board's model of it.
 
 use ferrostep_hal_shim::Heater;
-use ferrostep_hal_shim::virtual_board::{HeaterFailure, VirtualHeaters};
 use ferrostep_printer::heat::safety::Trip;
 use ferrostep_printer::heat::{HeatControl, HeatFault, SAMPLE_MS};
 use ferrostep_profiles::load;
+use ferrostep_virtual_board::{HeaterFailure, VirtualHeaters};
 
 const SAMPLES_A_S: f32 = 1000.0 / SAMPLE_MS as f32;
 

@@ -6,8 +6,8 @@
 //! to hold a temperature, of 255: (0.422 d + 0.00027 d^2 (1 - fan)) sqrt(1 + 4 fan), at d degrees above the room. Of the bed
 //! nothing is published: 80 W, and 350 J/K; at full power it does not quite reach 110 C.
 
-use ferrostep_hal_shim::thermistor::Thermistor;
 use ferrostep_hal_shim::{Fans, Heater, ThermalBoard};
+use ferrostep_thermistor::Thermistor;
 
 /// Parts of the dead time; a sample is a part.
 const MAX_DEAD_SAMPLES: usize = 1000;

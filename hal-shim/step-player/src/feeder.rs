@@ -1,0 +1,454 @@
+//! Entries to slots: the producer's side of the queue.
+
+use core::marker::PhantomData;
+
+use ferrostep_planner::{StepEntry, StepKind};
+
+use super::dropped::DroppedSteps;
+use super::held_event::{Following, Newest, StepWords, Usual};
+use super::pins::PinMap;
+use super::player::{MIN_GAP_TICKS, StepPlayer, Stepping};
+use super::slot::{Head, MAX_EVENTS, Numbering};
+use super::{IDLE_TICKS, StepLink};
+
+/// Most slots that one entry takes, unless it has more events than a slot: a direction change, the first step after it,
+/// the others.
+pub const MOST_SLOTS_AN_ENTRY: usize = 3;
+
+/// Slots of the ring that no entry takes: one for [`StepFeeder::seal`], and those of the slot in play and the one before,
+/// which tell after a stop what has not been played.
+const SPARE_SLOTS: usize = 3;
+
+/// What the drivers ask of the signals, in ticks of the timer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Signals {
+    /// Shortest time that a step signal stays at a level.
+    pub pulse_ticks: u32,
+    /// Shortest time from a direction change to a step.
+    pub direction_setup_ticks: u32,
+}
+
+impl Signals {
+    /// The same, no shorter than the step interrupt can keep ([`MIN_GAP_TICKS`]): a longer pulse harms no driver.
+    const fn kept(self) -> Self {
+        const fn at_least(ticks: u32) -> u32 {
+            if ticks < MIN_GAP_TICKS { MIN_GAP_TICKS } else { ticks }
+        }
+        Self { pulse_ticks: at_least(self.pulse_ticks), direction_setup_ticks: at_least(self.direction_setup_ticks) }
+    }
+}
+
+/// Why an entry was not taken. Nothing has changed then.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FeedError {
+    /// The ring is full.
+    Full,
+    /// Its interval is shorter than pulses, direction set-up and the interrupt allow.
+    TooNear,
+}
+
+/// Turns step entries into slots of a [`StepPlayer`].
+///
+/// The newest event is held back until the next entry tells the interval behind it. [`Self::seal`] lets it go at the end
+/// of a motion.
+#[derive(Debug)]
+pub struct StepFeeder<'a, M, const PORTS: usize, const N: usize> {
+    player: &'a StepPlayer<M, PORTS, N>,
+    pins: PinMap<PORTS>,
+    signals: Signals,
+    words: StepWords<PORTS>,
+    /// Stairs with intervals above this, and no others, are usual: [`Usual`].
+    usual_above_ticks: u32,
+    /// Slots filled so far, modulo 2^32; the place of the next is its remainder by the size of the ring.
+    filled: u32,
+    newest: Newest<PORTS>,
+    /// Direction signals at the newest event.
+    directions: u8,
+    /// Direction signals from the next step on.
+    turning: Option<u8>,
+}
+
+impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORTS, N> {
+    /// The feeder of a player that has not run yet; there must be no other. All step signals are low,
+    /// direction signals as [`Self::direction_words`].
+    pub fn new(player: &'a StepPlayer<M, PORTS, N>, pins: PinMap<PORTS>, signals: Signals) -> Self {
+        let signals = signals.kept();
+        player.set_pulse_reload(signals.pulse_ticks - 1);
+        let words = core::array::from_fn(|axes| {
+            let raised = pins.raised(axes as u8);
+            if M::EVENTS_A_STEP == 2 { raised } else { raised.map(|word| word | PinMap::<PORTS>::turned(word)) }
+        });
+        let mut feeder = Self {
+            player,
+            pins,
+            signals,
+            words,
+            usual_above_ticks: 0,
+            filled: player.next_number(),
+            newest: Newest {
+                numbering: Numbering::new(M::EVENTS_A_STEP),
+                // What is low is to be set.
+                turning: [0xffff; PORTS],
+                held: [0; PORTS],
+            },
+            directions: 0,
+            turning: None,
+        };
+        feeder.turn(None);
+        feeder
+    }
+
+    /// The flags shared with the interrupt.
+    pub fn link(&self) -> &StepLink {
+        self.player.link()
+    }
+
+    /// Slots filled so far, modulo 2^32.
+    pub fn queued(&self) -> u32 {
+        self.filled
+    }
+
+    /// Slots played so far to their last event, modulo 2^32.
+    pub fn played(&self) -> u32 {
+        // Read in this order, a slot that ends in between is counted once too often, never once too few.
+        let in_play = u32::from(self.player.left() != Head::EMPTY);
+        self.filled.wrapping_sub(self.unplayed()).wrapping_sub(in_play)
+    }
+
+    /// Slots that have not been played, the one in play and the event held back included.
+    pub fn waiting(&self) -> usize {
+        self.filled.wrapping_sub(self.played()) as usize + usize::from(self.is_held())
+    }
+
+    /// Slots that the interrupt has not begun.
+    fn unplayed(&self) -> u32 {
+        self.filled.wrapping_sub(self.player.next_number())
+    }
+
+    /// Whether there is anything to be seen of the newest event.
+    fn is_held(&self) -> bool {
+        self.newest.held != [0; PORTS]
+    }
+
+    /// Slots that entries may take.
+    #[inline]
+    fn free(&self) -> usize {
+        (N - SPARE_SLOTS).saturating_sub(self.unplayed() as usize)
+    }
+
+    /// How many entries fit at least.
+    pub fn room(&self) -> usize {
+        self.free() / MOST_SLOTS_AN_ENTRY
+    }
+
+    /// Adds an entry.
+    ///
+    /// # Errors
+    /// The ring is full, or the entry is nearer to the one before than the drivers allow; nothing was added.
+    #[inline]
+    pub fn push(&mut self, entry: StepEntry) -> Result<(), FeedError> {
+        self.push_all(&[entry])
+    }
+
+    /// Adds entries, at less than half the cost that they have one by one.
+    ///
+    /// # Errors
+    /// As [`Self::push`]; the entries before the one that is meant were added.
+    pub fn push_all(&mut self, entries: &[StepEntry]) -> Result<(), FeedError> {
+        self.extend(entries.iter().copied())
+    }
+
+    /// Adds entries as they are made: no memory for them, and what is alike of all of them is looked up once.
+    ///
+    /// # Errors
+    /// As [`Self::push`]; the entries before the one that is meant were added, and none behind it is asked for.
+    #[inline(always)]
+    pub fn extend(&mut self, mut entries: impl Iterator<Item = StepEntry>) -> Result<(), FeedError> {
+        // An entry that meets the ring's end is not usual either.
+        while let Some(entry) = self.push_usual(&mut entries) {
+            self.push_unusual(entry)?;
+        }
+        Ok(())
+    }
+
+    /// Adds entries as long as they are usual, there is room for them, and the ring goes on in a row.
+    /// The first that was not added.
+    #[inline(always)]
+    fn push_usual(&mut self, entries: &mut impl Iterator<Item = StepEntry>) -> Option<StepEntry> {
+        let lead_ticks = self.lead_ticks().wrapping_add(1);
+        let slots = self.player.slots_from(self.filled);
+        // There is not less room meanwhile.
+        let slots = slots.get(..self.free()).unwrap_or(slots);
+        let usual = Usual::<M, PORTS> {
+            words: &self.words,
+            above_ticks: self.usual_above_ticks,
+            lead_ticks,
+            stepping: PhantomData,
+        };
+        let mut newest = self.newest;
+        let mut left = slots.iter();
+        let unusual = usual.push(&mut newest, &mut left, entries);
+        self.newest = newest;
+        self.filled = self.filled.wrapping_add(slots.len().wrapping_sub(left.len()) as u32);
+        unusual
+    }
+
+    /// By how much an interval is longer than the gap behind an event.
+    #[inline(always)]
+    fn lead_ticks(&self) -> u32 {
+        if M::EVENTS_A_STEP == 2 { self.signals.pulse_ticks } else { 0 }
+    }
+
+    /// Adds any entry.
+    #[cold]
+    #[inline(never)]
+    fn push_unusual(&mut self, entry: StepEntry) -> Result<(), FeedError> {
+        if self.free() < MOST_SLOTS_AN_ENTRY {
+            return Err(FeedError::Full);
+        }
+        match entry.kind() {
+            StepKind::Directions { directions } => self.turn((directions != self.directions).then_some(directions)),
+            StepKind::Wait { interval_ticks } => {
+                if interval_ticks < self.shortest_interval() {
+                    return Err(FeedError::TooNear);
+                }
+                // In pulses an event without steps begins and ends nothing.
+                self.fill(interval_ticks, [0; PORTS], 1, [0; PORTS]);
+            }
+            StepKind::Stair { interval_ticks, count, axes, added } => {
+                if interval_ticks < self.shortest_interval() {
+                    return Err(FeedError::TooNear);
+                }
+                // No stair of the planner's is so long that this is more.
+                let slots =
+                    usize::from(count) / (MAX_EVENTS as usize / M::EVENTS_A_STEP as usize) + MOST_SLOTS_AN_ENTRY;
+                if self.free() < slots {
+                    return Err(FeedError::Full);
+                }
+                match self.turning {
+                    None => self.stair(interval_ticks, count, axes, added),
+                    Some(directions) => {
+                        self.turn(None);
+                        self.turn_and_stair(directions, interval_ticks, count, axes, added);
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The words for the direction signals as they stand, or are to stand before the first motion.
+    pub fn direction_words(&self) -> [u32; PORTS] {
+        self.pins.directions(self.directions)
+    }
+
+    /// From the next step on the direction signals are these; `None`: as they are now.
+    fn turn(&mut self, directions: Option<u8>) {
+        self.turning = directions;
+        self.usual_above_ticks = match directions {
+            Some(_) => u32::MAX,
+            None => self.shortest_interval() - 1,
+        };
+    }
+
+    /// The motion ends with the newest entry: what was held back may be played.
+    pub fn seal(&mut self) {
+        if self.is_held() {
+            self.fill(IDLE_TICKS, [0; PORTS], 1, [0; PORTS]);
+        }
+    }
+
+    /// Whether there is something to play and nothing is being played: then [`StepPlayer::start_or_end`] is to be called.
+    pub fn start(&mut self) -> bool {
+        let idle = self.player.left() == Head::EMPTY && self.unplayed() > 0;
+        if idle {
+            self.player.link().start();
+        }
+        idle
+    }
+
+    /// How many updates of the timer the interrupt has missed, because it was held up for longer than an interval: by
+    /// how much the hardware's count of updates, modulo 2^15, is ahead of the events played. Those events are owed.
+    pub fn missed_updates(&self, update_count: u16) -> u16 {
+        // One word, so that both are of the same moment.
+        let left = self.player.left();
+        if left == Head::EMPTY {
+            return 0;
+        }
+        let ahead = update_count.wrapping_sub(left.number().wrapping_sub(left.events() as u16)) & MAX_EVENTS;
+        // Behind, that is: there is no such count, or the interrupt came between the looks.
+        if ahead > MAX_EVENTS / 2 { 0 } else { ahead }
+    }
+
+    /// While the interrupt is masked, because somebody has stopped motion: forgets what has not been played.
+    ///
+    /// Afterwards [`Self::rest_words`] belong on the ports, and the interrupt may run again.
+    pub fn drop_all(&mut self) -> DroppedSteps {
+        let mut dropped = DroppedSteps::default();
+        // From the end, for the directions are known there.
+        let mut directions = self.directions;
+        if M::EVENTS_A_STEP == 1 {
+            self.drop_edges(self.newest.held, directions, 1, &mut dropped);
+        }
+        let unplayed = self.unplayed();
+        for number in 1..=unplayed {
+            let number = self.filled.wrapping_sub(number);
+            let events = self.player.slot_of(number).head().events();
+            self.drop_events(number, events, true, &mut directions, &mut dropped);
+        }
+        let in_play = self.player.left().events();
+        if in_play > 0 {
+            let number = self.filled.wrapping_sub(unplayed).wrapping_sub(1);
+            let before = self.player.slot_of(number.wrapping_sub(1)).head().number();
+            let all = self.player.left().number().wrapping_sub(before) & MAX_EVENTS;
+            self.drop_events(number, in_play, in_play == all.into(), &mut directions, &mut dropped);
+        }
+        dropped.requested = self.player.forget(self.filled);
+        self.directions = self.turning.unwrap_or(self.directions);
+        self.turn(None);
+        self.newest.held = [0; PORTS];
+        dropped
+    }
+
+    /// The words that put the signals where this side believes them to be after [`Self::drop_all`].
+    pub fn rest_words(&self) -> [u32; PORTS] {
+        let low = if M::EVENTS_A_STEP == 2 { 0b1111 } else { 0 };
+        let mut words = self.pins.raised(low).map(PinMap::<PORTS>::turned);
+        for (word, direction) in words.iter_mut().zip(self.pins.directions(self.directions)) {
+            *word |= direction;
+        }
+        words
+    }
+
+    /// The last `events` of a slot, behind which the motors have these directions, are not played: whether the first one
+    /// is among them.
+    fn drop_events(
+        &mut self,
+        number: u32,
+        events: u32,
+        first_too: bool,
+        directions: &mut u8,
+        dropped: &mut DroppedSteps,
+    ) {
+        let slot = self.player.slot_of(number);
+        let first: [u32; PORTS] = core::array::from_fn(|port| slot.first(port));
+        let then = core::array::from_fn(|port| slot.then(port));
+        if M::EVENTS_A_STEP == 2 {
+            // Every second event, the last one included, is the start of a pulse; the first ends one that has stepped.
+            dropped.add(self.pins.stepping(then), *directions, events.div_ceil(2));
+        } else {
+            self.drop_edges(then, *directions, events.saturating_sub(first_too.into()), dropped);
+            self.drop_edges(first, *directions, first_too.into(), dropped);
+        }
+        if first_too {
+            *directions ^= self.pins.turning(first);
+        }
+    }
+
+    /// Both edges: so many events with these words are not played.
+    fn drop_edges(&mut self, words: [u32; PORTS], directions: u8, count: u32, dropped: &mut DroppedSteps) {
+        let axes = self.pins.stepping(words);
+        dropped.add(axes, directions, count);
+        if count & 1 == 1 {
+            self.newest.turn(self.words_of(axes));
+        }
+    }
+
+    /// The words that step motors.
+    fn words_of(&self, axes: u8) -> [u32; PORTS] {
+        self.words[usize::from(axes & 15)]
+    }
+
+    fn shortest_interval(&self) -> u32 {
+        let Signals { pulse_ticks, direction_setup_ticks } = self.signals;
+        let levels = pulse_ticks.saturating_mul(M::EVENTS_A_STEP);
+        if self.turning.is_none() {
+            return levels;
+        }
+        // With pulses the direction changes at the end of the pulse before; else in an event of its own.
+        let before = if M::EVENTS_A_STEP == 2 { pulse_ticks } else { MIN_GAP_TICKS };
+        levels.max(before.saturating_add(direction_setup_ticks))
+    }
+
+    /// A stair of any kind in the present directions.
+    fn stair(&mut self, interval_ticks: u32, count: u16, axes: u8, added: u8) {
+        if M::EVENTS_A_STEP == 1 {
+            self.edges(interval_ticks, count, axes, added);
+            return;
+        }
+        if added == 0 {
+            self.pulses(interval_ticks, count, axes);
+            return;
+        }
+        // The last pulse is another one.
+        if count > 1 {
+            self.pulses(interval_ticks, count - 1, axes);
+        }
+        self.pulses(interval_ticks, 1, axes ^ added);
+    }
+
+    /// Both edges: `count` events, of which the last is held back.
+    fn edges(&mut self, interval_ticks: u32, mut count: u16, axes: u8, added: u8) {
+        while count > MAX_EVENTS {
+            self.edges_in_a_slot(interval_ticks, MAX_EVENTS, axes, 0);
+            count -= MAX_EVENTS;
+        }
+        self.edges_in_a_slot(interval_ticks, count, axes, added);
+    }
+
+    fn edges_in_a_slot(&mut self, interval_ticks: u32, count: u16, axes: u8, added: u8) {
+        let (words, last) = (self.words_of(axes), self.words_of(axes ^ added));
+        let (then, held) = self.newest.edges(count.into(), words, last);
+        self.fill(interval_ticks, then, count, held);
+    }
+
+    /// `count` pulses, of which the last one's end is held back.
+    fn pulses(&mut self, interval_ticks: u32, mut count: u16, axes: u8) {
+        let rise = self.words_of(axes);
+        let held = rise.map(PinMap::<PORTS>::turned);
+        while count > MAX_EVENTS / 2 {
+            self.fill(interval_ticks, rise, MAX_EVENTS / 2, held);
+            count -= MAX_EVENTS / 2;
+        }
+        self.fill(interval_ticks, rise, count, held);
+    }
+
+    /// The first stair in a new direction.
+    fn turn_and_stair(&mut self, directions: u8, interval_ticks: u32, count: u16, axes: u8, added: u8) {
+        // Those that stay are left out, so that a stop can tell from the words which were others before.
+        let changed = self.pins.direction_pins(self.directions ^ directions);
+        let mut words = self.pins.directions(directions);
+        for (word, changed) in words.iter_mut().zip(changed) {
+            *word &= changed | PinMap::<PORTS>::turned(changed);
+        }
+        self.directions = directions;
+        if M::EVENTS_A_STEP == 2 {
+            // The signals change with the end of the pulse before.
+            for (word, direction) in self.newest.held.iter_mut().zip(words) {
+                *word |= direction;
+            }
+            self.stair(interval_ticks, count, axes, added);
+            return;
+        }
+        // Half way, or as late as the set-up time allows: an event of its own.
+        let before = (interval_ticks / 2).min(interval_ticks - self.signals.direction_setup_ticks);
+        self.fill(before, [0; PORTS], 1, words);
+        let rest = interval_ticks - before;
+        if count == 1 {
+            self.edges(rest, 1, axes, added);
+        } else {
+            self.edges(rest, 1, axes, 0);
+            self.edges(interval_ticks, count - 1, axes, added);
+        }
+    }
+
+    /// Fills a slot: the event that was held back, and `steps_in_it` steps, the last of them (or the end of its pulse)
+    /// left for `held`.
+    fn fill(&mut self, interval_ticks: u32, then: [u32; PORTS], steps_in_it: u16, held: [u32; PORTS]) {
+        let gap_ticks = interval_ticks - self.lead_ticks();
+        let events = u32::from(steps_in_it) * M::EVENTS_A_STEP;
+        let slot = self.player.slot_of(self.filled);
+        self.newest.fill(slot, Following { reload: gap_ticks - 1, then, events, held });
+        self.filled = self.filled.wrapping_add(1);
+    }
+}

@@ -1,0 +1,36 @@
+//! From step entries to edges: the queue between planner and step interrupt, and the interrupt itself, without registers.
+//!
+//! A board has two halves of it. The [`StepFeeder`] belongs to the planner task: it turns entries into *slots* that hold
+//! the very words to store to the ports. The [`StepPlayer`] belongs to the step interrupt: at each update of its timer
+//! it stores a word a port and, where a stair ends, takes the next slot. All work that can be done before is done
+//! before, so that an event costs the interrupt the same with one motor or with four.
+//!
+//! The timer runs all the time and reloads from a preloaded register: what is written at one update rules the gap
+//! *after the next one*. A slot therefore tells the reload value of the slot behind it, and it is written one event
+//! early: an interrupt that comes late delays an edge, and all later ones are on time again.
+#![cfg_attr(not(test), no_std)]
+
+mod dropped;
+mod feeder;
+mod held_event;
+mod link;
+mod pins;
+mod player;
+mod shared_word;
+mod slot;
+mod virtual_timer;
+
+pub use dropped::DroppedSteps;
+pub use feeder::{FeedError, MOST_SLOTS_AN_ENTRY, Signals, StepFeeder};
+pub use link::StepLink;
+pub use pins::{MotorPins, Pin, PinMap};
+pub use player::{BothEdges, MIN_GAP_TICKS, NextWords, OutputPorts, Pulses, StepPlayer, Stepping, UpdateTimer};
+pub use slot::MAX_EVENTS;
+pub use virtual_timer::{CYCLES_A_TICK, VirtualUpdateTimer};
+
+/// How often the player looks for the first entry of a motion, ticks: a motion starts at most twice this late.
+pub const IDLE_TICKS: u32 = 21_000;
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests;

@@ -1,0 +1,87 @@
+//! What else the planner task and the step interrupt tell each other.
+
+use super::shared_word::WordU8;
+
+/// Flags between those who make step entries, those who stop motion, and the interrupt that plays them.
+#[derive(Debug)]
+pub struct StepLink {
+    run: WordU8,
+    ran_dry: WordU8,
+    /// Motion is to stop: what the interrupt looks at.
+    stop: WordU8,
+    /// A command or a fault wants that, not only the sensor that an axis seeks.
+    requested: WordU8,
+}
+
+impl Default for StepLink {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl StepLink {
+    /// Nothing runs.
+    pub const fn new() -> Self {
+        Self { run: WordU8::new(0), ran_dry: WordU8::new(0), stop: WordU8::new(0), requested: WordU8::new(0) }
+    }
+
+    /// The player takes slots, until it finds none.
+    pub fn start(&self) {
+        self.run.store(1);
+    }
+
+    /// Whether the player takes slots.
+    #[inline(always)]
+    pub fn is_running(&self) -> bool {
+        self.run.load() != 0
+    }
+
+    /// The player has found no slot; it waits for [`Self::start`].
+    #[inline(always)]
+    pub fn run_dry(&self) {
+        self.run.store(0);
+        self.ran_dry.store(1);
+    }
+
+    /// Whether the player has found no slot since the last call.
+    pub fn take_ran_dry(&self) -> bool {
+        Self::take(&self.ran_dry)
+    }
+
+    /// A command or a fault wants motion to stop, and has masked the step interrupt before this call. The planner task sees to
+    /// the rest. From any priority below the interrupt's.
+    pub fn request_stop(&self) {
+        self.requested.store(1);
+        self.stop.store(1);
+    }
+
+    /// As [`Self::request_stop`], for the sensor that an axis seeks.
+    pub fn request_sensor_stop(&self) {
+        self.stop.store(1);
+    }
+
+    /// Whether a stop has been asked for and not been taken note of.
+    pub fn is_stopping(&self) -> bool {
+        self.stop.load() != 0
+    }
+
+    /// The stop has been taken note of; nothing runs. Whether more than a sensor has asked for it.
+    ///
+    /// The reason is taken after the flag is cleared: a request that comes in between sets it again, and is followed once
+    /// more, then as if a sensor had asked.
+    pub fn stopped(&self) -> bool {
+        self.run.store(0);
+        self.ran_dry.store(0);
+        self.stop.store(0);
+        Self::take(&self.requested)
+    }
+
+    #[inline(always)]
+    fn take(flag: &WordU8) -> bool {
+        let is_set = flag.load() != 0;
+        if is_set {
+            flag.store(0);
+        }
+        is_set
+    }
+}

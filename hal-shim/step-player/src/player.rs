@@ -1,0 +1,288 @@
+//! What the step interrupt does.
+
+use core::marker::PhantomData;
+
+use super::StepLink;
+use super::shared_word::{WordI32, WordU32};
+use super::slot::{Head, MAX_EVENTS, Slot};
+
+/// Ticks between two updates of the timer, at the least: 1 us at 84 MHz, 168 cycles of the core.
+///
+/// The reload value that an event's interrupt stores rules the gap after the next update, so the store must arrive before
+/// that update; a late one repeats the old gap. Building an image derives from its instructions how long that takes at
+/// worst, and fails where it is longer than this. [`super::StepFeeder`] refuses entries with a shorter gap, and makes
+/// pulses at least as long.
+pub const MIN_GAP_TICKS: u32 = 84;
+
+/// Attempts to set the hardware's count of updates at the start of a motion. A second one is needed only if an update falls
+/// between two stores.
+const COUNT_ATTEMPTS: u32 = 4;
+
+/// The step timer, seen from the step interrupt. No method may wait.
+pub trait UpdateTimer {
+    /// Takes note of the update.
+    fn clear_update(&self);
+    /// Whether there was an update since.
+    fn is_update_due(&self) -> bool;
+    /// From the update after the next one on, an update every `reload` + 1 ticks.
+    fn set_reload(&self, reload: u32);
+    /// Sets the hardware's count of updates, modulo 2^15.
+    fn set_update_count(&self, count: u16);
+    /// Calls [`StepPlayer::start_or_end`] as soon as [`StepPlayer::update`] has returned.
+    fn call_start_or_end(&self);
+    /// Clears the pending interrupt of an update that was cleared without being played.
+    fn forget_served(&self);
+    /// No more calls: there is nothing to play.
+    fn mask(&self);
+    /// Updates call again.
+    fn unmask(&self);
+}
+
+/// The ports that carry a board's step and direction signals.
+pub trait OutputPorts<const PORTS: usize> {
+    /// The word's lower half's ones set pins of a port, 0 to `PORTS` - 1, the upper half's reset them, at once; zeros do
+    /// nothing.
+    fn write(&self, port: usize, word: u32);
+}
+
+/// How step signals step.
+pub trait Stepping {
+    /// Events that a step takes: one, or one for each edge of its pulse.
+    const EVENTS_A_STEP: u32;
+}
+
+/// Each edge of the signal is a step (TMC drivers, `dedge`).
+#[derive(Clone, Copy, Debug)]
+pub struct BothEdges;
+/// The rising edge is a step; the pulse ends in an event of its own, so that nobody waits for it.
+#[derive(Clone, Copy, Debug)]
+pub struct Pulses;
+
+impl Stepping for BothEdges {
+    const EVENTS_A_STEP: u32 = 1;
+}
+
+impl Stepping for Pulses {
+    const EVENTS_A_STEP: u32 = 2;
+}
+
+/// What the step interrupt alone knows.
+#[derive(Clone, Copy, Debug)]
+pub struct NextWords<const PORTS: usize> {
+    /// The words of the next event, and of the event after it if that is of the same slot.
+    words: [[u32; 2]; PORTS],
+}
+
+impl<const PORTS: usize> NextWords<PORTS> {
+    /// Nothing to put out.
+    pub const NONE: Self = Self { words: [[0; 2]; PORTS] };
+}
+
+/// The ring of `N` slots, `N` a power of two, and how far they have been played.
+///
+/// There is one producer, [`super::StepFeeder`], and one interrupt that calls [`Self::update`]; [`Self::start_or_end`] belongs to
+/// it and never runs at the same time. Everything is a word that either side may load and store whole, so that no access
+/// is unsafe.
+#[derive(Debug)]
+// In this order, so that what the interrupt uses is near the start.
+#[repr(C)]
+pub struct StepPlayer<M, const PORTS: usize, const N: usize> {
+    /// The head of the present slot with the events that are still to come; [`Head::EMPTY`] when there is none. Counted
+    /// upwards, for the sign tells what is usual in one instruction.
+    left: WordI32,
+    /// Number of the next slot, modulo 2^32; its place is the remainder by `N`.
+    next: WordU32,
+    /// For pulses: the reload values of the gap behind a pulse, and of the pulse.
+    reloads: [WordU32; 2],
+    link: StepLink,
+    slots: [Slot<PORTS>; N],
+    stepping: PhantomData<M>,
+}
+
+impl<M: Stepping, const PORTS: usize, const N: usize> Default for StepPlayer<M, PORTS, N> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl<M: Stepping, const PORTS: usize, const N: usize> StepPlayer<M, PORTS, N> {
+    /// A player with an empty ring.
+    pub const fn new() -> Self {
+        const { assert!(N.is_power_of_two() && N >= 8 && N <= 1 << 15) };
+        Self {
+            left: WordI32::new(Head::EMPTY.0),
+            next: WordU32::new(0),
+            reloads: [const { WordU32::new(0) }; 2],
+            link: StepLink::new(),
+            slots: [const { Slot::empty() }; N],
+            stepping: PhantomData,
+        }
+    }
+
+    /// The flags.
+    pub const fn link(&self) -> &StepLink {
+        &self.link
+    }
+
+    /// The interrupt: puts out the event that is due and prepares the next. No lock, no float, no division, no panic, no
+    /// call.
+    ///
+    /// The edges come first, at the same distance from the interrupt's entry whatever follows; the reload value comes next,
+    /// because it must arrive before the next update ([`MIN_GAP_TICKS`]).
+    #[inline(always)]
+    pub fn update<T: UpdateTimer, P: OutputPorts<PORTS>>(&self, next: &mut NextWords<PORTS>, timer: &T, ports: &P) {
+        timer.clear_update();
+        let left = self.put_out(next, ports);
+        if left < 0 {
+            self.go_on(left, next, timer);
+            return;
+        }
+        let slot = self.next_slot();
+        let head = slot.head();
+        if head.is_filled() {
+            self.begin(slot, head, next, timer);
+        } else {
+            timer.call_start_or_end();
+        }
+    }
+
+    /// The start of a motion, and its end when the last event is out and the ring is empty.
+    ///
+    /// An interrupt of its own, so that the usual one needs no more registers than it has for free; it comes right after
+    /// that one, before the next update is served.
+    #[inline(always)]
+    pub fn start_or_end<T: UpdateTimer>(&self, next: &mut NextWords<PORTS>, timer: &T) {
+        if self.left() != Head::EMPTY {
+            timer.mask();
+            // An update that came before the mask belongs to no motion.
+            timer.forget_served();
+            // A slot that was filled in the meantime waits for the next start: its reload value would be late.
+            self.left.store(Head::EMPTY.0);
+            self.link.run_dry();
+        } else if self.link.is_running() && !self.link.is_stopping() {
+            // Not if a stop has come since the start was requested: the start would undo its mask.
+            self.start(next, timer);
+        }
+    }
+
+    /// Begins the first slot of a motion: from here on the updates count, and call.
+    ///
+    /// The gap in progress is that of the last slot, or the idle one. So the event that was held back until its follower
+    /// came is as far from the one before it as it should be, and the gap after it is its slot's.
+    #[inline(always)]
+    fn start<T: UpdateTimer>(&self, next: &mut NextWords<PORTS>, timer: &T) {
+        let slot = self.next_slot();
+        let head = slot.head();
+        if !head.is_filled() {
+            self.link.run_dry();
+            return;
+        }
+        let reload = slot.reload();
+        self.begin(slot, head, next, timer);
+        let count = head.number().wrapping_sub(head.events() as u16) & MAX_EVENTS;
+        for _ in 0..COUNT_ATTEMPTS {
+            timer.clear_update();
+            timer.set_update_count(count);
+            if !timer.is_update_due() {
+                break;
+            }
+        }
+        // An update from before belongs to no motion.
+        timer.forget_served();
+        // Last, because whatever follows delays the first event.
+        timer.unmask();
+        // Once more: QEMU's timer stands still after an update while it is masked, until it gets an interval.
+        timer.set_reload(reload);
+    }
+
+    /// Stores the event's words. Returns the head of its slot without it, not below 0 after the last.
+    #[inline(always)]
+    fn put_out<P: OutputPorts<PORTS>>(&self, next: &NextWords<PORTS>, ports: &P) -> i32 {
+        for (port, [word, _]) in next.words.iter().enumerate() {
+            ports.write(port, *word);
+        }
+        self.left.load().wrapping_add(Head::EVENT)
+    }
+
+    /// The slot's next event, and for pulses the gap after it.
+    #[inline(always)]
+    fn go_on<T: UpdateTimer>(&self, left: i32, next: &mut NextWords<PORTS>, timer: &T) {
+        if M::EVENTS_A_STEP == 2 {
+            // A slot begins with the end of a pulse and ends with the start of one.
+            timer.set_reload(self.reloads[(left >> 16 & 1) as usize].load());
+        }
+        self.left.store(left);
+        for words in &mut next.words {
+            let [_, then] = *words;
+            *words = [then, then.rotate_right(16)];
+        }
+    }
+
+    /// The first event of a slot is prepared.
+    #[inline(always)]
+    fn begin<T: UpdateTimer>(&self, slot: &Slot<PORTS>, head: Head, next: &mut NextWords<PORTS>, timer: &T) {
+        let reload = slot.reload();
+        timer.set_reload(reload);
+        // In this order, so that few registers are in use at a time. The producer looks at `next`, which comes last.
+        self.left.store(head.0);
+        slot.clear(head);
+        if M::EVENTS_A_STEP == 2 {
+            self.reloads[0].store(reload);
+        }
+        for (port, words) in next.words.iter_mut().enumerate() {
+            *words = [slot.first(port), slot.then(port)];
+        }
+        // Loaded once more: a register less to keep.
+        self.next.store(self.next.load().wrapping_add(1));
+    }
+
+    #[inline(always)]
+    fn next_slot(&self) -> &Slot<PORTS> {
+        self.slot(self.next.load())
+    }
+
+    #[inline(always)]
+    fn slot(&self, number: u32) -> &Slot<PORTS> {
+        &self.slots[number as usize & (N - 1)]
+    }
+
+    /// For the producer: a slot by its number.
+    pub(super) fn slot_of(&self, number: u32) -> &Slot<PORTS> {
+        self.slot(number)
+    }
+
+    /// For the producer: the slots from this number on to the end of the ring.
+    #[inline(always)]
+    pub(super) fn slots_from(&self, number: u32) -> &[Slot<PORTS>] {
+        self.slots.get(number as usize & (N - 1)..).unwrap_or_default()
+    }
+
+    /// For the producer: the number of the next slot to be begun, modulo 2^32.
+    pub(super) fn next_number(&self) -> u32 {
+        self.next.load()
+    }
+
+    /// For the producer: what is left of the slot in play.
+    pub(super) fn left(&self) -> Head {
+        Head(self.left.load())
+    }
+
+    /// For the producer, before the interrupt runs: how long a pulse is.
+    pub(super) fn set_pulse_reload(&self, reload: u32) {
+        self.reloads[1].store(reload);
+    }
+
+    /// For the producer, while the interrupt is masked: forgets all slots up to the one that it fills next. Whether more
+    /// than a sensor has asked for that.
+    pub(super) fn forget(&self, filled: u32) -> bool {
+        let mut number = self.next.load();
+        while number != filled {
+            let slot = self.slot(number);
+            slot.clear(slot.head());
+            number = number.wrapping_add(1);
+        }
+        self.next.store(filled);
+        self.left.store(Head::EMPTY.0);
+        self.link.stopped()
+    }
+}

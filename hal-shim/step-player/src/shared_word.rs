@@ -1,0 +1,57 @@
+//! Memory shared by the planner task and the step interrupt.
+//!
+//! Both run on one core and the interrupt is never interrupted by the task, so that plain loads and stores of whole
+//! words, which is what relaxed atomics are on a Cortex-M, and an order that the compiler keeps are enough: no barrier
+//! instruction. On a host, where tests run the two sides in threads, the order is the processor's too.
+
+use core::sync::atomic::{AtomicI32, AtomicU8, AtomicU32, Ordering};
+
+/// Before publishing: what was stored before is seen by whoever sees what is stored after.
+#[inline(always)]
+pub fn publish() {
+    #[cfg(target_os = "none")]
+    core::sync::atomic::compiler_fence(Ordering::Release);
+    #[cfg(not(target_os = "none"))]
+    core::sync::atomic::fence(Ordering::Release);
+}
+
+/// After reading a published value: what belongs to it is read after it.
+#[inline(always)]
+pub fn acquire() {
+    #[cfg(target_os = "none")]
+    core::sync::atomic::compiler_fence(Ordering::Acquire);
+    #[cfg(not(target_os = "none"))]
+    core::sync::atomic::fence(Ordering::Acquire);
+}
+
+macro_rules! word {
+    ($name:ident, $atomic:ty, $value:ty) => {
+        /// A value that either side may load and store whole.
+        #[derive(Debug)]
+        pub struct $name($atomic);
+
+        impl $name {
+            pub const fn new(value: $value) -> Self {
+                Self(<$atomic>::new(value))
+            }
+
+            #[inline(always)]
+            pub fn load(&self) -> $value {
+                #[cfg(test)]
+                crate::tests::interleave::point();
+                self.0.load(Ordering::Relaxed)
+            }
+
+            #[inline(always)]
+            pub fn store(&self, value: $value) {
+                #[cfg(test)]
+                crate::tests::interleave::point();
+                self.0.store(value, Ordering::Relaxed);
+            }
+        }
+    };
+}
+
+word!(WordI32, AtomicI32, i32);
+word!(WordU8, AtomicU8, u8);
+word!(WordU32, AtomicU32, u32);

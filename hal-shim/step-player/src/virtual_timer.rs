@@ -1,0 +1,162 @@
+//! A timer with a preloaded reload register, as the step interrupt's player sees it, in cycles of the core.
+
+use core::cell::Cell;
+
+use crate::{IDLE_TICKS, MAX_EVENTS, NextWords, OutputPorts, StepPlayer, Stepping, UpdateTimer};
+
+/// Cycles of the core in a tick of the timer.
+pub const CYCLES_A_TICK: u64 = 2;
+
+/// Time in cycles of the core; what the interrupt does takes time.
+#[derive(Debug)]
+pub struct VirtualUpdateTimer {
+    now: Cell<u64>,
+    period_start: Cell<u64>,
+    /// Reload value that is in force, and the preloaded one.
+    active: Cell<u32>,
+    preloaded: Cell<u32>,
+    due: Cell<bool>,
+    updates: Cell<u16>,
+    latched: Cell<bool>,
+    count_is_wired: Cell<bool>,
+    /// What an access costs, cycles.
+    access_cycles: Cell<u64>,
+    turning: Cell<bool>,
+    masked: Cell<bool>,
+}
+
+impl Default for VirtualUpdateTimer {
+    /// A timer that has just been started.
+    fn default() -> Self {
+        Self {
+            now: Cell::new(0),
+            period_start: Cell::new(0),
+            active: Cell::new(IDLE_TICKS - 1),
+            preloaded: Cell::new(IDLE_TICKS - 1),
+            due: Cell::new(false),
+            updates: Cell::new(0),
+            latched: Cell::new(false),
+            count_is_wired: Cell::new(false),
+            access_cycles: Cell::new(0),
+            turning: Cell::new(false),
+            masked: Cell::new(true),
+        }
+    }
+}
+
+impl VirtualUpdateTimer {
+    /// Now, in cycles of the core.
+    pub fn now_cycles(&self) -> u64 {
+        self.now.get()
+    }
+
+    /// What every access of the interrupt to the timer costs, cycles: stands for the instructions around it.
+    pub fn set_access_cycles(&self, cycles: u64) {
+        self.access_cycles.set(cycles);
+    }
+
+    /// Whether a second timer counts the updates.
+    pub fn wire_update_count(&self, wired: bool) {
+        self.count_is_wired.set(wired);
+    }
+
+    /// The second timer's count of updates, modulo 2^15; 0 without one.
+    pub fn update_count(&self) -> u16 {
+        if self.count_is_wired.get() { self.updates.get() } else { 0 }
+    }
+
+    /// When the next update comes, cycles.
+    pub fn next_at(&self) -> u64 {
+        self.period_start.get() + (u64::from(self.active.get()) + 1) * CYCLES_A_TICK
+    }
+
+    /// Lets time pass, with the updates that fall into it.
+    pub fn pass_to(&self, cycle: u64) {
+        while self.next_at() <= cycle {
+            self.period_start.set(self.next_at());
+            self.active.set(self.preloaded.get());
+            // The interrupt's line rises once; it is the flag.
+            let was_due = self.due.replace(true);
+            self.latched.set(self.latched.get() || !was_due);
+            self.updates.set((self.updates.get() + 1) & MAX_EVENTS);
+        }
+        self.now.set(self.now.get().max(cycle));
+    }
+
+    /// Lets some cycles pass.
+    pub fn pass(&self, cycles: u64) {
+        self.pass_to(self.now.get() + cycles);
+    }
+
+    /// Lets time pass to the next update, unless one waits to be served.
+    pub fn next_update(&self) {
+        if !self.latched.get() {
+            self.pass_to(self.next_at());
+        }
+    }
+
+    /// Whether the interrupt is called.
+    pub fn is_called(&self) -> bool {
+        self.latched.get() && !self.masked.get()
+    }
+
+    /// Whether the interrupt is masked.
+    pub fn is_masked(&self) -> bool {
+        self.masked.get()
+    }
+
+    /// Calls the player as the processor does: the step interrupt, and then the other one if it was asked for.
+    pub fn interrupt<M: Stepping, const PORTS: usize, const N: usize>(
+        &self,
+        player: &StepPlayer<M, PORTS, N>,
+        next: &mut NextWords<PORTS>,
+        ports: &impl OutputPorts<PORTS>,
+    ) {
+        self.latched.set(false);
+        player.update(next, self, ports);
+        if self.turning.take() {
+            player.start_or_end(next, self);
+        }
+        // The line is the flag's level.
+        self.latched.set(self.latched.get() || self.due.get());
+    }
+}
+
+impl UpdateTimer for VirtualUpdateTimer {
+    fn clear_update(&self) {
+        self.pass(self.access_cycles.get());
+        self.due.set(false);
+    }
+
+    fn is_update_due(&self) -> bool {
+        self.pass(self.access_cycles.get());
+        self.due.get()
+    }
+
+    fn set_reload(&self, reload: u32) {
+        debug_assert!(reload >= 1);
+        self.pass(self.access_cycles.get());
+        self.preloaded.set(reload);
+    }
+
+    fn set_update_count(&self, count: u16) {
+        self.updates.set(count);
+    }
+
+    fn call_start_or_end(&self) {
+        self.turning.set(true);
+    }
+
+    fn mask(&self) {
+        self.masked.set(true);
+    }
+
+    fn unmask(&self) {
+        self.masked.set(false);
+    }
+
+    fn forget_served(&self) {
+        // The line is the flag's level: an update that has not been served stays.
+        self.latched.set(self.due.get());
+    }
+}

@@ -1,0 +1,100 @@
+//! The board that this is built for: what its file says (`boards/`), as constants and as stores to registers.
+
+use ferrostep_step_player::{MotorPins, Pin, PinMap, StepLink};
+use ferrostep_stm32f4::sensor_lines::{SensorLines, SensorPin};
+use ferrostep_stm32f4::{ChipFamily, ThermalPins};
+
+use crate::handlers::complete_stores;
+use crate::pac::{GPIOA, GPIOB, GPIOC, GPIOD, GPIOE, GPIOF, GPIOG};
+use crate::step_timer::{self, MotorPort, MotorPorts, Motors};
+use crate::stores;
+pub use crate::stores::Store;
+use crate::volatile::Volatile;
+
+include!(concat!(env!("OUT_DIR"), "/board.rs"));
+
+/// The motors' step and direction pins. A port's index is its place in [`MOTOR_PORT_INDICES`].
+pub const PIN_MAP: PinMap<MOTOR_PORTS> = match PinMap::new(MOTORS) {
+    Some(map) => map,
+    None => panic!("a port has 16 pins"),
+};
+
+/// In BSRR the upper half resets what the lower half sets.
+const RESET_SHIFT: u32 = 16;
+
+/// All ports that a board may have pins on.
+pub type Ports = (GPIOA, GPIOB, GPIOC, GPIOD, GPIOE, GPIOF, GPIOG);
+
+/// The board's signals. A copy is the same pins.
+#[derive(Clone, Copy)]
+pub struct BoardPins {
+    sensors: SensorLines,
+}
+
+impl BoardPins {
+    /// Makes the pins what they are to be: heaters and fans off, drivers off, thermistors and the serial line connected, the
+    /// sensors that axes home with inputs (by the stores of [`SensorLines::start`]).
+    pub fn new(_ports: Ports, sensors: [Option<SensorPin>; 3], set_up: &[Store]) -> Self {
+        // SAFETY: stores to ports that are this module's from now on, and of pins that the board's file gives to
+        // motors, fans, thermistors and the serial line; `boards/src/registers.rs` makes and tests them.
+        unsafe { stores::apply(&PINS) };
+        // SAFETY: pins that the board's file gives to sensors, and the EXTI, which nobody else has;
+        // `hal-shim/stm32f4/src/sensor_lines.rs` makes the stores and tests them.
+        unsafe { stores::apply(set_up) };
+        Self { sensors: SensorLines::started(sensors) }
+    }
+
+    /// The interrupt of a sensor's line: motion stops if the sensor that an axis seeks has triggered.
+    // Seven interrupts call it.
+    #[inline(never)]
+    pub fn sensed(&self, link: &StepLink) {
+        // SAFETY: what opens and closes lines stores whole registers.
+        let mut registers = unsafe { Volatile::new() };
+        if self.sensors.interrupt(&mut registers) {
+            step_timer::stop_at_sensor(link);
+        }
+        complete_stores();
+    }
+}
+
+impl Motors<MOTOR_PORTS> for BoardPins {
+    fn is_sensor_triggered(&self, axis: usize) -> bool {
+        // SAFETY: a port is only read.
+        self.sensors.is_triggered(axis, &mut unsafe { Volatile::new() })
+    }
+
+    fn watch_sensor(&self, axis: Option<usize>) {
+        // SAFETY: whole registers of the EXTI, which only the lines' interrupt writes besides.
+        let mut registers = unsafe { Volatile::new() };
+        match axis {
+            Some(axis) => self.sensors.open(axis, &mut registers),
+            None => self.sensors.close(&mut registers),
+        }
+    }
+
+    fn ports(&self) -> MotorPorts<MOTOR_PORTS> {
+        // SAFETY: the ports that the motors are on, which nobody else has.
+        MotorPorts(MOTOR_PORT_INDICES.map(|port| unsafe { MotorPort::of(port) }))
+    }
+
+    fn enable(&self, on: u8) {
+        for (motor, &pin) in ENABLE.iter().enumerate() {
+            let shares = |other: &usize| ENABLE.get(*other) == Some(&pin);
+            // Those that share a pin are seen to with the first of them.
+            if (0..motor).any(|other| shares(&other)) {
+                continue;
+            }
+            let is_on = (motor..ENABLE.len()).filter(shares).any(|other| on >> other & 1 == 1);
+            let (port, number) = pin;
+            let bit = 1 << number;
+            // SAFETY: an enable pin's port.
+            unsafe { MotorPort::of(port) }.write(if is_on { bit << RESET_SHIFT } else { bit });
+        }
+    }
+}
+
+/// For the panic and fault handlers: heaters off, then motors off, then the fans full and off the USB bus.
+pub(crate) fn all_off() {
+    // SAFETY: pins of heaters, motors and fans, and the USB controller, become what they may be at any time; nothing else runs any more.
+    unsafe { stores::apply(&ALL_OFF) };
+}

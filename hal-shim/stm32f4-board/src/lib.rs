@@ -1,0 +1,34 @@
+//! Registers of the STM32F4 behind hal-shim's traits: clock, step timer, serial line, safe state, and the board that
+//! it is built for.
+//!
+//! The only crate of the firmware with unsafe code of its own. What it is for: register fields that the register
+//! description leaves unchecked ("any value may be written here"), a counter that many read, the panic and fault
+//! handlers, which must reach a port whoever owns it, critical sections, the table of interrupt handlers, and registers
+//! that hal-shim's adapters know by address. Each use says which.
+#![no_std]
+#![deny(clippy::undocumented_unsafe_blocks)]
+
+pub mod board;
+pub mod clock;
+mod critical_section;
+pub mod driver_line;
+pub mod fault;
+mod handlers;
+pub mod measured;
+pub mod motion_clock;
+pub mod safe_state;
+pub mod serial;
+pub mod step_timer;
+mod stores;
+pub mod supervision;
+pub mod thermal;
+pub mod usb_guard;
+pub mod vector_table;
+mod volatile;
+
+#[cfg(feature = "stm32f405")]
+pub use stm32f4::stm32f405 as pac;
+#[cfg(feature = "stm32f407")]
+pub use stm32f4::stm32f407 as pac;
+#[cfg(feature = "stm32f446")]
+pub use stm32f4::stm32f446 as pac;

@@ -1,0 +1,67 @@
+//! What must happen when nothing can be relied on any more.
+
+use core::fmt;
+
+use ferrostep_stm32f4::clock_setup;
+
+use crate::board::{CORE_HZ, INTERNAL_HZ};
+use crate::pac::USART1;
+use crate::volatile::Volatile;
+use crate::{board, supervision};
+
+/// Most looks at the transmitter for one byte: more than a byte takes at 9600 baud and 168 MHz.
+const MOST_LOOKS: u32 = 200_000;
+
+/// Stops all interrupts and switches heaters, then motors off, by their registers; then the fans full on, and the USB port off
+/// the bus, so that its host ends too.
+pub fn enter() {
+    cortex_m::interrupt::disable();
+    board::all_off();
+}
+
+/// Whether the crystal has stopped, for which the core calls the interrupt that cannot be masked. The chip has gone over to its
+/// internal oscillator by itself, buses divided as before; then the host's line gets its speed back. After [`enter`] only.
+pub fn crystal_has_stopped() -> bool {
+    // SAFETY: a register is only read.
+    let has_stopped = clock_setup::crystal_has_stopped(&mut unsafe { Volatile::new() });
+    if has_stopped {
+        // SAFETY: interrupts are off for good, so that no other code writes to the port.
+        let usart = unsafe { &*USART1::ptr() };
+        let divider = clock_setup::divider_without_crystal(usart.brr().read().bits(), CORE_HZ, INTERNAL_HZ);
+        // SAFETY: any value is a divider.
+        usart.brr().write(|w| unsafe { w.bits(divider) });
+    }
+    has_stopped
+}
+
+/// Keeps a text over the reset, and then tells the host of the end, which takes a thousand times as long. After [`enter`]
+/// only.
+#[inline(never)]
+pub fn tell(end: fmt::Arguments<'_>, kept: fmt::Arguments<'_>) {
+    supervision::keep_last_words(kept);
+    // The line cannot fail, and nobody is left to tell.
+    let _ = fmt::write(&mut LastWords, format_args!("\nError:{end}, printer halted. kill() called!\n"));
+}
+
+/// Until someone resets the board: a machine that starts again on its own might start heating, or go on with a print from
+/// where it does not stand. The watchdog, which would reset it, is fed.
+pub fn rest() -> ! {
+    loop {
+        supervision::feed_at_the_end();
+    }
+}
+
+/// A last line to the host, past all queues. After [`enter`] only.
+pub struct LastWords;
+
+impl fmt::Write for LastWords {
+    fn write_str(&mut self, text: &str) -> fmt::Result {
+        // SAFETY: interrupts are off for good, so that no other code writes to the port.
+        let usart = unsafe { &*USART1::ptr() };
+        for byte in text.bytes() {
+            let _ready = (0..MOST_LOOKS).any(|_| usart.sr().read().txe().bit_is_set());
+            usart.dr().write(|w| w.dr().set(u16::from(byte)));
+        }
+        Ok(())
+    }
+}

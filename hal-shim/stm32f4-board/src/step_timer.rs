@@ -1,0 +1,396 @@
+//! TIM2, the timer that makes the steps, and TIM9, which counts its updates.
+
+use cortex_m::peripheral::NVIC;
+use ferrostep_hal_shim::{HomingSensors, MotionWatch, MotorEnable, PlanningClock, StepQueue};
+use ferrostep_planner::StepEntry;
+use ferrostep_step_player::{
+    DroppedSteps, FeedError, IDLE_TICKS, MAX_EVENTS, NextWords, OutputPorts, StepFeeder, StepLink, StepPlayer,
+    Stepping, UpdateTimer,
+};
+
+use crate::measured::PlanningMeter;
+use crate::motion_clock::MotionClock;
+use crate::pac::{Interrupt, RCC, TIM2, TIM9, tim2};
+
+/// A board's motors.
+pub trait Motors<const PORTS: usize> {
+    /// The ports that carry their step and direction signals.
+    fn ports(&self) -> MotorPorts<PORTS>;
+    /// Switches on the drivers in the mask, and off the others. Those that share a signal are on while one of them is.
+    fn enable(&self, on: u8);
+
+    /// As [`HomingSensors::is_sensor_triggered`].
+    fn is_sensor_triggered(&self, _axis: usize) -> bool {
+        false
+    }
+    /// As [`HomingSensors::watch_sensor`].
+    fn watch_sensor(&self, _axis: Option<usize>) {}
+}
+
+/// A port that carries step and direction signals.
+#[derive(Clone, Copy, Debug)]
+pub struct MotorPort {
+    /// Where its BSRR is: one store sets and resets pins, and nobody has to read.
+    bsrr: *mut u32,
+}
+
+// SAFETY: a store to BSRR is atomic, and what it does is told by the word alone.
+unsafe impl Send for MotorPort {}
+// SAFETY: the same.
+unsafe impl Sync for MotorPort {}
+
+impl MotorPort {
+    /// The port of an index: 0 is A (RM0090 2.3 and 8.4.7: all ports are alike).
+    ///
+    /// # Safety
+    /// Who calls it may write to the pins that it will write to.
+    pub(crate) const unsafe fn of(index: u8) -> Self {
+        const BSRR: u32 = 0x4002_0018;
+        Self { bsrr: (BSRR + 0x400 * index as u32) as *mut u32 }
+    }
+
+    /// A store to BSRR sets and resets pins at once; nobody has to read.
+    #[inline(always)]
+    pub(crate) fn write(self, word: u32) {
+        // SAFETY: the address is a port's BSRR, always writable; zeros do nothing, and ones name pins that are the
+        // caller's by the contract of `of`.
+        unsafe { self.bsrr.write_volatile(word) }
+    }
+}
+
+/// The ports of a board.
+#[derive(Clone, Copy, Debug)]
+pub struct MotorPorts<const PORTS: usize>(pub [MotorPort; PORTS]);
+
+impl<const PORTS: usize> OutputPorts<PORTS> for MotorPorts<PORTS> {
+    #[inline(always)]
+    fn write(&self, port: usize, word: u32) {
+        if let Some(port) = self.0.get(port) {
+            port.write(word);
+        }
+    }
+}
+
+/// The step interrupt: the addresses that it needs and its state, side by side.
+pub struct StepTimer<M: 'static, const PORTS: usize, const N: usize> {
+    ports: MotorPorts<PORTS>,
+    player: &'static StepPlayer<M, PORTS, N>,
+    timer: Timer,
+    next: NextWords<PORTS>,
+}
+
+/// TIM2's registers.
+#[derive(Clone, Copy)]
+struct Timer(&'static tim2::RegisterBlock);
+
+// SAFETY: the interrupt is the only one to have it, and its stores are of whole registers.
+unsafe impl Send for Timer {}
+
+impl<M: Stepping, const PORTS: usize, const N: usize> StepTimer<M, PORTS, N> {
+    /// Starts the timer, which never stops. Its interrupt is masked until a motion starts.
+    ///
+    /// The counter is used as reset has left it. QEMU adds the time of the last write to the counter to every
+    /// interval, so it is never written.
+    pub fn start(
+        timer: TIM2,
+        counter: TIM9,
+        rcc: &RCC,
+        motors: &impl Motors<PORTS>,
+        player: &'static StepPlayer<M, PORTS, N>,
+    ) -> Self {
+        rcc.apb1enr().modify(|_, w| w.tim2en().set_bit());
+        // Read back: `Registers::switch_clocks_on` says why.
+        let _switched_on = rcc.apb1enr().read();
+        start_count(counter, rcc);
+        // TRGO = update (RM0090 18.4.2, MMS 010): what TIM9 counts.
+        // SAFETY: a value that the field has.
+        timer.cr2().write(|w| unsafe { w.bits(0b010 << 4) });
+        // SAFETY: any reload value is valid. Without preload this takes effect at once; the interrupt writes all others
+        // with preload.
+        timer.arr().write(|w| unsafe { w.bits(IDLE_TICKS - 1) });
+        timer.cr1().write(|w| w.arpe().set_bit().cen().set_bit());
+        Self { timer: Timer::new(), player, ports: motors.ports(), next: NextWords::NONE }
+    }
+
+    /// The interrupt, for TIM2.
+    #[inline(always)]
+    pub fn update(&mut self) {
+        // Copied, so that nobody thinks it might change in between.
+        let timer = self.timer;
+        self.player.update(&mut self.next, &timer, &self.ports);
+    }
+
+    /// The interrupt that the first calls, for TIM9: of the same priority, and in the table before TIM2, so that it comes
+    /// first where both wait. TIM9 itself never asks for it.
+    #[inline(always)]
+    pub fn start_or_end(&mut self) {
+        let timer = self.timer;
+        self.player.start_or_end(&mut self.next, &timer);
+    }
+}
+
+impl Timer {
+    /// TIM2 was given up to [`StepTimer::start`]; but for the planner task, which does so only while the interrupt is
+    /// masked, nobody else writes to it.
+    fn new() -> Self {
+        // SAFETY: as said above.
+        Self(unsafe { &*TIM2::ptr() })
+    }
+}
+
+/// Lets TIM9 count the updates of TIM2, modulo 2^15. Without a TIM9 (in an emulator) nothing counts.
+///
+/// Slave of TIM2: external clock mode 1 on ITR0 (RM0090 19.4.3, SMS 111, TS 000; table 99: TIM9's ITR0 is TIM2).
+fn start_count(counter: TIM9, rcc: &RCC) {
+    rcc.apb2enr().modify(|_, w| w.tim9en().set_bit());
+    let _switched_on = rcc.apb2enr().read();
+    // SAFETY: any reload value is valid.
+    counter.arr().write(|w| unsafe { w.bits(u32::from(MAX_EVENTS)) });
+    // SAFETY: values that the fields have.
+    counter.smcr().write(|w| unsafe { w.bits(0b111) });
+    counter.cr1().write(|w| w.cen().set_bit());
+}
+
+impl UpdateTimer for Timer {
+    #[inline(always)]
+    fn clear_update(&self) {
+        // Zeros clear flags, ones do nothing, and all flags but the update's, bit 0, are unused. So any word with that
+        // bit clear will do: an address that is in a register anyway saves an instruction.
+        let word = core::ptr::from_ref(self.0) as u32;
+        // SAFETY: as said.
+        self.0.sr().write(|w| unsafe { w.bits(word) });
+    }
+
+    #[inline(always)]
+    fn is_update_due(&self) -> bool {
+        self.0.sr().read().bits() & 1 != 0
+    }
+
+    #[inline(always)]
+    fn set_reload(&self, reload: u32) {
+        // SAFETY: any reload value is valid.
+        self.0.arr().write(|w| unsafe { w.bits(reload) });
+    }
+
+    #[inline(always)]
+    fn set_update_count(&self, count: u16) {
+        // SAFETY: the interrupt is the only one to write TIM9's counter; any value is valid.
+        unsafe { &*TIM9::ptr() }.cnt().write(|w| unsafe { w.bits(u32::from(count)) });
+    }
+
+    #[inline(always)]
+    fn call_start_or_end(&self) {
+        NVIC::pend(Interrupt::TIM1_BRK_TIM9);
+    }
+
+    #[inline(always)]
+    fn forget_served(&self) {
+        // The line is the flag's level: an update that has not been served calls again.
+        NVIC::unpend(Interrupt::TIM2);
+    }
+
+    #[inline(always)]
+    fn mask(&self) {
+        // SAFETY: zeros enable nothing.
+        self.0.dier().write(|w| unsafe { w.bits(0) });
+    }
+
+    #[inline(always)]
+    fn unmask(&self) {
+        self.0.dier().write(|w| w.uie().set_bit());
+    }
+}
+
+/// Calls [`StepTimer::start_or_end`]; it has returned when this returns.
+fn call_start_or_end() {
+    NVIC::pend(Interrupt::TIM1_BRK_TIM9);
+    cortex_m::asm::dsb();
+    cortex_m::asm::isb();
+}
+
+/// From the next instruction on no motor steps; the planner task sees to the rest. From any task but the step interrupt.
+pub fn stop(link: &StepLink) {
+    halt();
+    link.request_stop();
+}
+
+/// As [`stop`], for the sensor that an axis seeks.
+pub(crate) fn stop_at_sensor(link: &StepLink) {
+    halt();
+    link.request_sensor_stop();
+}
+
+fn halt() {
+    // SAFETY: a store to a register that only the step interrupt writes besides.
+    unsafe { &*TIM2::ptr() }.dier().write(|w| w.uie().clear_bit());
+    // An update that came before the store is played before the next instruction.
+    cortex_m::asm::dsb();
+    cortex_m::asm::isb();
+}
+
+/// The queue's near end, for the planner task.
+pub struct MotorQueue<B, M: 'static, const PORTS: usize, const N: usize> {
+    motors: B,
+    feeder: StepFeeder<'static, M, PORTS, N>,
+    meter: PlanningMeter,
+    clock: Option<MotionClock>,
+    enabled: u8,
+    /// Missed updates of this motion that have been reported.
+    counted_missed: u16,
+}
+
+impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> MotorQueue<B, M, PORTS, N> {
+    /// The producer's side. The clock tells how long planning takes; without one it is taken to keep up. Puts the direction
+    /// signals where the feeder takes them to be.
+    pub fn new(motors: B, feeder: StepFeeder<'static, M, PORTS, N>, clock: Option<MotionClock>) -> Self {
+        let ports = motors.ports();
+        for (port, word) in feeder.direction_words().into_iter().enumerate() {
+            ports.write(port, word);
+        }
+        Self { motors, feeder, meter: PlanningMeter::default(), clock, enabled: 0, counted_missed: 0 }
+    }
+}
+
+impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> MotorQueue<B, M, PORTS, N> {
+    /// Whether TIM9 is there, which counts the updates: an emulator has none.
+    pub fn has_update_count(&self) -> bool {
+        has_count()
+    }
+
+    /// How many updates the interrupt has missed in this motion; `None` where updates come faster than both sides are read.
+    fn missed(&self) -> Option<u16> {
+        if !has_count() {
+            return Some(0);
+        }
+        // SAFETY: TIM9's counter is only read.
+        let count = || unsafe { &*TIM9::ptr() }.cnt().read().bits() as u16;
+        (0..4).find_map(|_| {
+            let before = count();
+            let missed = self.feeder.missed_updates(before);
+            // Without an update in between both sides were read at the same moment.
+            (count() == before).then_some(missed)
+        })
+    }
+}
+
+impl<B, M: Stepping, const PORTS: usize, const N: usize> MotorQueue<B, M, PORTS, N> {
+    /// Adds entries as they are made.
+    ///
+    /// # Errors
+    /// As [`StepFeeder::extend`].
+    #[inline(always)]
+    pub fn extend(&mut self, entries: impl Iterator<Item = StepEntry>) -> Result<(), FeedError> {
+        self.feeder.extend(entries)
+    }
+}
+
+/// Whether there is a TIM9.
+fn has_count() -> bool {
+    // SAFETY: a register is read that nobody writes after the start.
+    unsafe { &*TIM9::ptr() }.arr().read().bits() == u32::from(MAX_EVENTS)
+}
+
+impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> StepQueue for MotorQueue<B, M, PORTS, N> {
+    fn queued(&self) -> u32 {
+        self.feeder.queued()
+    }
+
+    fn played(&self) -> u32 {
+        self.feeder.played()
+    }
+
+    fn waiting(&self) -> usize {
+        self.feeder.waiting()
+    }
+
+    fn room(&self) -> usize {
+        self.feeder.room()
+    }
+
+    #[inline]
+    fn push(&mut self, entry: StepEntry) -> Result<(), FeedError> {
+        self.feeder.push(entry)
+    }
+
+    #[inline]
+    fn push_all(&mut self, entries: &[StepEntry]) -> Result<(), FeedError> {
+        self.feeder.push_all(entries)
+    }
+
+    fn seal(&mut self) {
+        self.feeder.seal();
+    }
+
+    fn start(&mut self) {
+        if self.feeder.start() {
+            call_start_or_end();
+        }
+    }
+
+    fn link(&self) -> &StepLink {
+        self.feeder.link()
+    }
+
+    fn request_stop(&mut self) {
+        stop(self.feeder.link());
+    }
+
+    fn drop_all(&mut self) -> DroppedSteps {
+        let dropped = self.feeder.drop_all();
+        for (port, word) in self.feeder.rest_words().into_iter().enumerate() {
+            self.motors.ports().write(port, word);
+        }
+        dropped
+    }
+
+    fn take_missed_updates(&mut self) -> u32 {
+        let Some(missed) = self.missed() else { return 0 };
+        // Fewer than before: another motion.
+        let new = missed.saturating_sub(self.counted_missed);
+        self.counted_missed = missed;
+        new.into()
+    }
+}
+
+impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> HomingSensors for MotorQueue<B, M, PORTS, N> {
+    fn is_sensor_triggered(&self, axis: usize) -> bool {
+        self.motors.is_sensor_triggered(axis)
+    }
+
+    fn watch_sensor(&mut self, axis: Option<usize>) {
+        self.motors.watch_sensor(axis);
+    }
+}
+
+impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> MotionWatch for MotorQueue<B, M, PORTS, N> {
+    fn move_ended(&mut self, _tick: u64, _line: u32) {
+        self.meter.move_planned();
+    }
+}
+
+impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> PlanningClock for MotorQueue<B, M, PORTS, N> {
+    #[inline]
+    fn now_ticks(&self) -> Option<u32> {
+        self.clock.map(MotionClock::now_ticks)
+    }
+
+    #[inline]
+    fn planning_begins(&mut self) {
+        self.meter.begin();
+    }
+
+    #[inline]
+    fn planning_ends(&mut self) {
+        self.meter.end();
+    }
+}
+
+impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> MotorEnable for MotorQueue<B, M, PORTS, N> {
+    fn set_motors_enabled(&mut self, axes: u8, enabled: bool) {
+        let before = self.enabled;
+        self.enabled = if enabled { before | axes } else { before & !axes };
+        if self.enabled != before {
+            self.motors.enable(self.enabled);
+        }
+    }
+}

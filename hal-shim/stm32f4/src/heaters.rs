@@ -1,0 +1,156 @@
+//! A printer board's heaters, thermistors and fans.
+
+use core::sync::atomic::AtomicU16;
+
+use super::converter::{Converter, ConverterNumber};
+use super::pwm::{FAN_HZ, HEATER_HZ, OutputPin, PwmClocks, PwmOutput};
+use crate::registers::Registers;
+use ferrostep_hal_shim::{Fans, Heater, ThermalBoard};
+
+/// What of a board heats, cools and measures.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ThermalPins {
+    /// The converter of all thermistors.
+    pub converter: ConverterNumber,
+    /// Its channels in their turn.
+    pub channels: &'static [u8],
+    /// Which of them, by its place, watches the nozzle, and which the bed.
+    pub sensors: [u8; 2],
+    /// Heaters of nozzle and bed.
+    pub heaters: [OutputPin; 2],
+    /// The part-cooling fan.
+    pub part_fan: Option<OutputPin>,
+    /// The hot end's own fan.
+    pub hotend_fan: Option<OutputPin>,
+}
+
+/// The board's heaters, thermistors and fans, at work.
+#[derive(Debug)]
+pub struct BoardHeaters<R> {
+    registers: R,
+    converter: Converter,
+    sensors: [u8; 2],
+    heaters: [PwmOutput; 2],
+    part_fan: Option<PwmOutput>,
+    hotend_fan: Option<PwmOutput>,
+    /// What the fans were last told; heaters are told again in each sample.
+    part_power: u8,
+    hotend_is_on: bool,
+}
+
+impl<R: Registers> BoardHeaters<R> {
+    /// All off. The pins are low outputs and analogue inputs already; `memory`, of which the address is `memory_address`,
+    /// is as [`Converter::start`] wants it.
+    pub fn start(
+        pins: &ThermalPins,
+        memory: &'static [AtomicU16],
+        memory_address: u32,
+        clocks: PwmClocks,
+        mut registers: R,
+    ) -> Self {
+        let mut output = |pin, hz| PwmOutput::start(pin, hz, clocks, &mut registers);
+        let heaters = pins.heaters.map(|pin| output(pin, HEATER_HZ));
+        let [part_fan, hotend_fan] = [pins.part_fan, pins.hotend_fan].map(|pin| pin.map(|pin| output(pin, FAN_HZ)));
+        let converter = Converter::start(pins.converter, pins.channels, memory, memory_address, &mut registers);
+        let sensors = pins.sensors;
+        Self { registers, converter, sensors, heaters, part_fan, hotend_fan, part_power: 0, hotend_is_on: false }
+    }
+
+    /// To be called every 10 ms: for what no timer switches.
+    pub fn tick(&mut self) {
+        let fans = self.part_fan.iter_mut().chain(&mut self.hotend_fan);
+        self.heaters.iter_mut().chain(fans).for_each(|output| output.tick(&mut self.registers));
+    }
+}
+
+impl<R: Registers> ThermalBoard for BoardHeaters<R> {
+    fn reading(&mut self, heater: Heater) -> u16 {
+        let place = heater.index();
+        self.converter.reading_of_sensor(place, self.sensors[place], &mut self.registers)
+    }
+
+    fn set_power(&mut self, heater: Heater, power: f32) {
+        self.heaters[heater.index()].set(power, &mut self.registers);
+    }
+}
+
+impl<R: Registers> Fans for BoardHeaters<R> {
+    fn set_fan_power(&mut self, power: u8) {
+        if let Some(fan) = &mut self.part_fan
+            && core::mem::replace(&mut self.part_power, power) != power
+        {
+            fan.set(f32::from(power) / 255.0, &mut self.registers);
+        }
+    }
+
+    fn set_hotend_fan(&mut self, on: bool) {
+        if let Some(fan) = &mut self.hotend_fan
+            && core::mem::replace(&mut self.hotend_is_on, on) != on
+        {
+            fan.set(if on { 1.0 } else { 0.0 }, &mut self.registers);
+        }
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use core::sync::atomic::Ordering;
+
+    use super::*;
+    use crate::registers::recorder::Recorder;
+    use crate::{CONVERSIONS, TimerChannel};
+
+    const CLOCKS: PwmClocks = PwmClocks { slow_hz: 84_000_000, fast_hz: 168_000_000 };
+
+    /// The Octopus: heaters PA2 and PA1, fans PA8 (TIM1, channel 1) and PE5.
+    fn octopus() -> (BoardHeaters<Recorder>, &'static [AtomicU16]) {
+        let pin = |port, number| OutputPin { port, number, channel: None };
+        let pins = ThermalPins {
+            converter: ConverterNumber::Three,
+            channels: &[14, 9],
+            sensors: [0, 1],
+            heaters: [pin(0, 2), pin(0, 1)],
+            part_fan: Some(OutputPin { channel: TimerChannel::named("TIM1_CH1"), ..pin(0, 8) }),
+            hotend_fan: Some(pin(4, 5)),
+        };
+        let memory: &'static [AtomicU16] = (0..2 * CONVERSIONS).map(|_| AtomicU16::new(0)).collect::<Vec<_>>().leak();
+        (BoardHeaters::start(&pins, memory, 0x2000_8000, CLOCKS, Recorder::default()), memory)
+    }
+
+    fn levels(board: &BoardHeaters<Recorder>, bsrr: u32) -> Vec<u32> {
+        board.registers.stored(bsrr)
+    }
+
+    #[test]
+    fn each_heater_has_its_own_sensor_and_pin() {
+        let (mut board, memory) = octopus();
+        for (place, conversion) in memory.iter().enumerate() {
+            conversion.store(if place % 2 == 0 { 100 } else { 200 }, Ordering::Relaxed);
+        }
+        assert_eq!(Heater::ALL.map(|heater| board.reading(heater)), [1600, 3200]);
+        board.set_power(Heater::Bed, 1.0);
+        board.set_power(Heater::Nozzle, 0.0);
+        board.registers.stores.clear();
+        board.tick();
+        let gpioa = 0x4002_0018;
+        assert_eq!(levels(&board, gpioa), [1 << 1]);
+        board.set_power(Heater::Bed, 0.0);
+        assert_eq!(levels(&board, gpioa).last(), Some(&(1 << 17)));
+    }
+
+    #[test]
+    fn fans_are_their_own() {
+        let (mut board, _) = octopus();
+        board.registers.stores.clear();
+        board.set_fan_power(255);
+        assert_eq!(board.registers.stores, [(0x4001_0034, 1000)]);
+        board.set_fan_power(51);
+        assert_eq!(board.registers.value(0x4001_0034), 200);
+        board.set_hotend_fan(true);
+        (0..20).for_each(|_| board.tick());
+        assert_eq!(levels(&board, 0x4002_1018), [1 << 5]);
+        board.set_hotend_fan(false);
+        assert_eq!(levels(&board, 0x4002_1018).last(), Some(&(1 << 21)));
+    }
+}

@@ -1,0 +1,23 @@
+//! The Prusa MINI's motor drivers, for the tests of the lines to them.
+
+use ferrostep_tmc2209::{DriverSettings, DriverWiring, MOTORS};
+
+/// The Prusa MINI's X.
+pub const MINI: DriverSettings = DriverSettings {
+    current_ma: 350,
+    hold_percent: 100,
+    microsteps: 16,
+    interpolate: true,
+    stealth_chop: true,
+    stealth_until: 0,
+    stall_threshold: 130,
+    both_edges: false,
+};
+
+/// Its drivers' addresses on their line.
+pub const MINI_WIRING: [DriverWiring; MOTORS] = [
+    DriverWiring { line: 0, address: 1, sense_milliohm: 220 },
+    DriverWiring { line: 0, address: 3, sense_milliohm: 220 },
+    DriverWiring { line: 0, address: 0, sense_milliohm: 220 },
+    DriverWiring { line: 0, address: 2, sense_milliohm: 220 },
+];

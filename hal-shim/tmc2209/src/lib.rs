@@ -1,0 +1,36 @@
+//! TMC2209 motor drivers over their single-wire serial line.
+//!
+//! What is here has neither registers of a microcontroller nor waits in it: the line is behind [`SingleWireUart`], time
+//! comes in as ticks, and [`DriverBank::poll`] does what is due. All numbers are those of the TMC2209 data sheet, revision
+//! 1.09, of which the comments name sections and tables.
+//!
+//! A driver is [confirmed](DriverState::Confirmed) when each register that was written has been counted by the chip
+//! (IFCNT) and those that can be read have been read back. Until all are, motion is not allowed.
+#![cfg_attr(not(test), no_std)]
+
+mod bank;
+mod current;
+mod datagram;
+mod driver;
+mod event;
+mod exchange;
+mod registers;
+mod settings;
+mod uart;
+
+pub use bank::{DriverBank, LineTiming, MOTORS};
+pub use current::{CurrentError, CurrentScale};
+pub use datagram::{
+    READ_REQUEST_BYTES, REPLY_BYTES, ReplyError, WRITE_BYTES, crc8, parse_reply, read_request, write_request,
+};
+pub use driver::{DriverReport, DriverState};
+pub use event::{DriverEvent, DriverEventKind, Failure};
+pub use exchange::ExchangeError;
+pub use registers::{
+    ChopConf, DriverStatus, GlobalConf, GlobalStatus, HoldRun, MicrostepResolution, Register, VERSION,
+};
+pub use settings::{
+    CLOCK_HZ, DriverSettings, DriverWiring, RegisterImage, STALL_FULL_STEPS_PER_S, SettingsError, THRESHOLD_LARGEST,
+    TSTEP_MICROSTEPS, chopper_threshold,
+};
+pub use uart::{LineBusy, LineBytes, SingleWireUart};
