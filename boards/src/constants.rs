@@ -170,7 +170,7 @@ pub fn drivers(board: &Board, profile: &Profile) -> String {
         (true, None) => "OwnLines",
     };
     format!(
-        "/// What the drivers are told over.\npub type BoardDriverLine = ferrostep_stm32f4::driver_line::{line};\n\
+        "/// What the drivers are told over.\npub type BoardDriverLine = ferrostep_stm32f4_board::driver_line::{line};\n\
          /// Port and number of the lines' pins.\npub const DRIVER_PINS: [(u8, u8); 4] = {pins:?};\n\
          /// How the drivers that are set are connected.\n\
          pub const DRIVER_WIRING: [Option<ferrostep_tmc2209::DriverWiring>; 4] = {{\n    \
