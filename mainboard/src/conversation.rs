@@ -60,7 +60,7 @@ impl fmt::Debug for ConversationOperator {
 }
 
 impl ConversationOperator {
-    fn hear(&mut self, machine: &mut Machine) {
+    fn collect_lines(&mut self, machine: &mut Machine) {
         let Some(mailbox) = machine.mailbox(HOST_PORT) else { return };
         for (at_ns, word) in mailbox.take() {
             match word as u8 {
@@ -77,7 +77,7 @@ impl ConversationOperator {
 
 impl Operator for ConversationOperator {
     fn turn(&mut self, machine: &mut Machine, now_ns: u64, host: &mut dyn Host) -> Turn {
-        self.hear(machine);
+        self.collect_lines(machine);
         loop {
             if let Some(until_ns) = self.waiting_until_ns {
                 if now_ns < until_ns {
@@ -169,7 +169,7 @@ impl Conversation {
             // The caller waits below, so the channel is open.
             let _ = give.send((now_ns, action(machine, host)));
         });
-        self.say(Command::Do(action))?;
+        self.command(Command::Do(action))?;
         let (now_ns, result) = take.recv().map_err(|_| self.why_it_ended())?;
         self.now_ns = now_ns;
         Ok(result)
@@ -193,7 +193,7 @@ impl Conversation {
     /// # Errors
     /// The run has ended; the text says why.
     pub fn next_line(&mut self, until_ns: u64) -> Result<Option<BoardLine>, String> {
-        self.say(Command::Listen { until_ns })?;
+        self.command(Command::Listen { until_ns })?;
         match self.answers.recv().map_err(|_| self.why_it_ended())? {
             Answer::Heard(line) => {
                 self.now_ns = self.now_ns.max(line.at_ns);
@@ -211,7 +211,7 @@ impl Conversation {
     /// # Errors
     /// The run has ended; the text says why.
     pub fn wait(&mut self, until_ns: u64) -> Result<(), String> {
-        self.say(Command::Wait { until_ns })?;
+        self.command(Command::Wait { until_ns })?;
         match self.answers.recv().map_err(|_| self.why_it_ended())? {
             Answer::Silence { now_ns } => self.now_ns = now_ns,
             // Unreachable while no listen command is open.
@@ -225,7 +225,7 @@ impl Conversation {
     /// # Errors
     /// The run has ended; the text says why.
     pub fn press_reset(&mut self) -> Result<(), String> {
-        self.say(Command::Reset)
+        self.command(Command::Reset)
     }
 
     /// Ends the run.
@@ -243,7 +243,7 @@ impl Conversation {
         }
     }
 
-    fn say(&mut self, command: Command) -> Result<(), String> {
+    fn command(&mut self, command: Command) -> Result<(), String> {
         self.commands.send(command).map_err(|_| self.why_it_ended())
     }
 

@@ -148,11 +148,11 @@ impl Machine {
 
     fn port_reached(&mut self, now_ns: u64, address: u64) {
         if let Some(port) = Ports::at(address) {
-            self.look_at_port(now_ns, port);
+            self.update_port(now_ns, port);
         }
     }
 
-    fn look_at_port(&mut self, now_ns: u64, port: usize) {
+    fn update_port(&mut self, now_ns: u64, port: usize) {
         let Some(registers) = self.chip.port_registers(port) else { return };
         for (pin, level, is_edge) in self.ports.changes(port, registers) {
             if let Some(high) = level
@@ -170,7 +170,7 @@ impl Machine {
         if self.resets_seen != resets {
             self.resets_seen = resets;
             for port in 0..ports::COUNT {
-                self.look_at_port(now_ns, port);
+                self.update_port(now_ns, port);
             }
             self.follow_timers(now_ns);
         }

@@ -152,7 +152,7 @@ impl Plant {
                 let Some(moved) = driver.set_step_pin(now_ns, level.unwrap_or(false)) else { return };
                 self.lines_changed |= driver.diag() != stalled;
                 let effect = self.motion.step(now_ns, motor, moved.delta);
-                self.follow(now_ns, motor, effect);
+                self.pass_on(effect);
             }
             Role::Direction(motor) => {
                 if let Some(driver) = self.drivers.get_mut(motor) {
@@ -185,11 +185,11 @@ impl Plant {
         if let Some(driver) = self.drivers.get(motor) {
             let (on, mscnt) = (driver.energized(), driver.mscnt());
             let effect = self.motion.set_energized(now_ns, motor, on, mscnt);
-            self.follow(now_ns, motor, effect);
+            self.pass_on(effect);
         }
     }
 
-    fn follow(&mut self, _now_ns: u64, _motor: usize, effect: Effect) {
+    fn pass_on(&mut self, effect: Effect) {
         if effect.loads {
             for (motor, driver) in self.drivers.iter_mut().enumerate() {
                 driver.set_load(self.motion.load(motor));

@@ -394,11 +394,11 @@ impl Device for Otg {
     fn on_event(&mut self, event: EventId, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
         if Some(event) == self.reset_seen {
             self.reset_seen = None;
-            self.see_reset(registers);
+            self.on_bus_reset(registers);
         }
         if Some(event) == self.enumerated {
             self.enumerated = None;
-            self.see_speed(registers);
+            self.on_enumerated(registers);
         }
         self.settle(registers, context);
     }

@@ -8,7 +8,7 @@ use rigless::emulator::Host;
 use rigless::soc::Width;
 use serde::Serialize;
 
-use super::setup::{Setup, Via, hear, say, unsent};
+use super::setup::{Setup, Via, receive, send, unsent};
 use crate::decode::{Comparison, Rules, Trace, compare};
 use crate::host::usb::State;
 use crate::host::{self, Stream};
@@ -70,14 +70,14 @@ impl Operator for Job {
             self.plugged = true;
             machine.usb_host.plug();
         }
-        let heard = hear(machine, self.via);
+        let heard = receive(machine, self.via);
         if !heard.is_empty() {
             self.stream.received(now_ns, &heard);
         }
         let open = self.via == Via::Uart || machine.usb_host.state() == State::Open;
         while open && unsent(machine, self.via) == 0 {
             let Some(bytes) = self.stream.to_send(now_ns) else { break };
-            say(machine, self.via, now_ns, &bytes);
+            send(machine, self.via, now_ns, &bytes);
         }
         if !self.quiet && now_ns >= self.next_progress_ns {
             self.next_progress_ns = now_ns + PROGRESS_NS;

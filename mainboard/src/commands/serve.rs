@@ -10,7 +10,7 @@ use rigless::emulator::Host;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::flag;
 
-use super::setup::{Setup, Via, hear, say};
+use super::setup::{Setup, Via, receive, send};
 use crate::host::Line;
 use crate::machine::Machine;
 use crate::run::{Operator, Turn, run};
@@ -80,8 +80,8 @@ impl Operator for HostBridge {
             let read = self.line.read().map_err(|error| error.to_string());
             let written = match read {
                 Ok(bytes) => {
-                    say(machine, self.via, now_ns, &bytes);
-                    self.line.write(&hear(machine, self.via)).map_err(|error| error.to_string())
+                    send(machine, self.via, now_ns, &bytes);
+                    self.line.write(&receive(machine, self.via)).map_err(|error| error.to_string())
                 }
                 Err(error) => Err(error),
             };

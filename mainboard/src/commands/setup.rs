@@ -134,7 +134,7 @@ fn sha256(bytes: &[u8]) -> String {
 }
 
 /// Takes the bytes that the printer has sent since the last call.
-pub fn hear(machine: &mut Machine, via: Via) -> Vec<u8> {
+pub fn receive(machine: &mut Machine, via: Via) -> Vec<u8> {
     match via {
         Via::Usb => machine.usb_host.read(),
         Via::Uart => machine
@@ -145,7 +145,7 @@ pub fn hear(machine: &mut Machine, via: Via) -> Vec<u8> {
 }
 
 /// Sends bytes to the printer.
-pub fn say(machine: &mut Machine, via: Via, now_ns: u64, bytes: &[u8]) {
+pub fn send(machine: &mut Machine, via: Via, now_ns: u64, bytes: &[u8]) {
     match via {
         Via::Usb => machine.usb_host.write(bytes),
         Via::Uart => {

@@ -104,7 +104,7 @@ impl Injection {
         host: &mut dyn Host,
     ) {
         while let Some((_, later)) = self.later.pop_front_if(|(at_ns, _)| *at_ns <= now_ns) {
-            self.go_on(machine, later, now_ns);
+            self.apply_later(machine, later, now_ns);
         }
         for (address, bits) in &self.held {
             clear(machine, now_ns, *address, *bits);
@@ -114,14 +114,14 @@ impl Injection {
         }
         self.done = true;
         self.at_ns = now_ns;
-        match self.strike(machine, side, layout, now_ns, host) {
+        match self.apply(machine, side, layout, now_ns, host) {
             Some(detail) => self.detail = detail,
             None => self.without = true,
         }
         machine.plant.refresh_inputs();
     }
 
-    fn go_on(&mut self, machine: &mut Machine, later: Later, now_ns: u64) {
+    fn apply_later(&mut self, machine: &mut Machine, later: Later, now_ns: u64) {
         match later {
             Later::MotorSupplyReturns => machine.plant.motor_rail.restore(now_ns),
             Later::ChipSupplyReturns => machine.plant.chip_rail.restore(now_ns),
@@ -146,7 +146,7 @@ impl Injection {
     }
 
     /// Makes the fault happen; returns its details, or `None` if the machine has no such part.
-    fn strike(
+    fn apply(
         &mut self,
         machine: &mut Machine,
         side: &mut HostSide,
@@ -251,7 +251,7 @@ impl Injection {
             SupplyFault::Returns => (0, Some(self.random.between(200, 2_000))),
         };
         machine.plant.motor_rail.aim(now_ns, to_mv as f64);
-        self.come_back(now_ns, to_mv, for_ms, Later::MotorSupplyReturns)
+        self.schedule_return(now_ns, to_mv, for_ms, Later::MotorSupplyReturns)
     }
 
     fn chip_supply(&mut self, machine: &mut Machine, supply: SupplyFault, now_ns: u64) -> String {
@@ -263,10 +263,10 @@ impl Injection {
             SupplyFault::Returns => (0, Some(self.random.between(100, 1_000))),
         };
         machine.plant.chip_rail.aim(now_ns, to_mv as f64);
-        self.come_back(now_ns, to_mv, for_ms, Later::ChipSupplyReturns)
+        self.schedule_return(now_ns, to_mv, for_ms, Later::ChipSupplyReturns)
     }
 
-    fn come_back(&mut self, now_ns: u64, to_mv: u64, for_ms: Option<u64>, what: Later) -> String {
+    fn schedule_return(&mut self, now_ns: u64, to_mv: u64, for_ms: Option<u64>, what: Later) -> String {
         let Some(for_ms) = for_ms else { return format!("to {to_mv} mV for good") };
         self.later(now_ns + for_ms * MILLISECOND, what);
         format!("to {to_mv} mV for {for_ms} ms")

@@ -177,7 +177,7 @@ impl Stream {
     }
 
     fn line(&mut self, at_ns: u64, text: String) {
-        let kind = understand(&text);
+        let kind = classify(&text);
         self.last_sign_ns = at_ns;
         if let Some(hold) = &mut self.hold {
             hold.heard_ns = at_ns;
@@ -354,7 +354,7 @@ fn numbered(number: usize, text: &str) -> String {
     format!("{line}*{checksum}")
 }
 
-fn understand(text: &str) -> LineKind {
+fn classify(text: &str) -> LineKind {
     let text = text.trim();
     let number = |rest: &str| rest.trim_start_matches([':', ' ', 'N']).split_whitespace().next()?.parse().ok();
     if text == "ok" || text.starts_with("ok ") {

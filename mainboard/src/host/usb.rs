@@ -346,7 +346,7 @@ impl UsbHost {
     pub fn advance(&mut self, now_ns: u64, bus: &mut impl Bus) {
         while let Some(command) = self.commands.pop_front() {
             self.now_ns = now_ns;
-            self.obey(command, bus);
+            self.execute(command, bus);
         }
         while self.next_event_ns() <= now_ns {
             self.now_ns = self.next_event_ns();
@@ -359,14 +359,14 @@ impl UsbHost {
         self.now_ns = now_ns;
     }
 
-    fn obey(&mut self, command: Command, bus: &mut impl Bus) {
+    fn execute(&mut self, command: Command, bus: &mut impl Bus) {
         match command {
             Command::Plug if self.phase == Phase::Unplugged => {
                 self.phase = Phase::Waiting { poll_ns: self.now_ns };
             }
             Command::Unplug => {
                 bus.set_vbus(false);
-                self.forget_device();
+                self.clear_device();
                 self.phase = Phase::Unplugged;
             }
             Command::Suspend if self.phase == Phase::Open => {
@@ -401,12 +401,12 @@ impl UsbHost {
     /// Follows a device that has switched its pull-up off.
     fn lose_device(&mut self) {
         self.errors.disconnects += 1;
-        self.forget_device();
+        self.clear_device();
         self.phase = Phase::Waiting { poll_ns: self.now_ns + FRAME_NS };
     }
 
     /// Clears the state of the device, and the bytes to be sent to it.
-    fn forget_device(&mut self) {
+    fn clear_device(&mut self) {
         self.errors.dropped_bytes += self.unsent() as u64;
         self.outgoing.clear();
         self.packet = None;

@@ -47,9 +47,9 @@ impl Plant {
             slow_ns: 0,
             lines_changed: true,
         };
-        plant.solder_drivers(board, seed);
-        plant.solder_switches(board, printer);
-        plant.solder_heat(board, printer, seed)?;
+        plant.connect_drivers(board, seed);
+        plant.connect_switches(board, printer);
+        plant.connect_heat(board, printer, seed)?;
         for driver in &mut plant.drivers {
             driver.set_supply(0, true);
         }
@@ -57,7 +57,7 @@ impl Plant {
         Ok(plant)
     }
 
-    fn solder_drivers(&mut self, board: &Board, seed: u64) {
+    fn connect_drivers(&mut self, board: &Board, seed: u64) {
         let mut sharing = Vec::new();
         for (index, motor) in board.motors.iter().enumerate() {
             if motor.driver == wiring::Driver::None {
@@ -98,7 +98,7 @@ impl Plant {
         }
     }
 
-    fn solder_switches(&mut self, board: &Board, printer: &Printer) {
+    fn connect_switches(&mut self, board: &Board, printer: &Printer) {
         let mut stop = 0;
         for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
             if printer.homing.axes[axis].is_some_and(|home| home.sensor == HomingSensor::EndStop) {
@@ -117,7 +117,7 @@ impl Plant {
         }
     }
 
-    fn solder_heat(&mut self, board: &Board, printer: &Printer, seed: u64) -> Result<(), String> {
+    fn connect_heat(&mut self, board: &Board, printer: &Printer, seed: u64) -> Result<(), String> {
         for heater in &board.heaters {
             let settings = if heater.name == "bed" { printer.bed.as_ref() } else { Some(&printer.nozzle) };
             // Default values for a heater without a model in the profile.

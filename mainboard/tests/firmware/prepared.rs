@@ -170,7 +170,7 @@ fn commands_between_frames_are_executed() {
     bench.host.send_raw(b"X12 G28\nG1 Y10 F3000\n").unwrap();
     let feed = bench.host.ask("M220", "FR:").unwrap();
     assert_eq!(feed, "FR:100%");
-    // A restarted host is told the position.
+    // A restarted host learns its position in the job.
     bench.host.send(&format!("M790 S{}", job.len())).unwrap();
     bench.host.wait_for("the received bytes", |line| line.starts_with("gpre:have 250 ")).unwrap();
     // The emergency needs no number, and may come between any two frames.

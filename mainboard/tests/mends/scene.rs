@@ -5,7 +5,7 @@ use std::env;
 use std::num::NonZeroU64;
 use std::path::{Path, PathBuf};
 
-use ferrostep_mainboard::commands::setup::{Via, hear, say};
+use ferrostep_mainboard::commands::setup::{Via, receive, send};
 use ferrostep_mainboard::machine::Machine;
 use ferrostep_mainboard::run::{Finished, Operator, Options, Turn, run};
 use ferrostep_mainboard::wiring::{Board, Printer, check_image};
@@ -69,7 +69,7 @@ impl HostTalk {
     }
 
     fn turn(&mut self, machine: &mut Machine, now_ns: u64) {
-        for byte in hear(machine, Via::Uart) {
+        for byte in receive(machine, Via::Uart) {
             if byte != b'\n' {
                 self.begun.push(char::from(byte));
                 continue;
@@ -88,7 +88,7 @@ impl HostTalk {
             && let Some(line) = self.to_say.pop_front()
         {
             self.waits = true;
-            say(machine, Via::Uart, now_ns, format!("{line}\n").as_bytes());
+            send(machine, Via::Uart, now_ns, format!("{line}\n").as_bytes());
         }
     }
 }

@@ -135,7 +135,7 @@ impl Otg {
     }
 
     /// Sets USBRST and resets what the core resets by itself.
-    pub(super) fn see_reset(&mut self, registers: &mut RegisterFile) {
+    pub(super) fn on_bus_reset(&mut self, registers: &mut RegisterFile) {
         if !self.connected(registers) {
             return;
         }
@@ -160,7 +160,7 @@ impl Otg {
     }
 
     /// ENUMDNE: full speed with a transceiver of 48 MHz, the only possible answer.
-    pub(super) fn see_speed(&mut self, registers: &mut RegisterFile) {
+    pub(super) fn on_enumerated(&mut self, registers: &mut RegisterFile) {
         if !self.connected(registers) {
             return;
         }

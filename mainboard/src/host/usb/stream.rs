@@ -41,7 +41,7 @@ impl UsbHost {
         }
     }
 
-    fn lose_one(&mut self) -> bool {
+    fn take_handshake_loss(&mut self) -> bool {
         let lose = self.lose_handshakes > 0;
         self.lose_handshakes -= u32::from(lose);
         lose
@@ -58,7 +58,7 @@ impl UsbHost {
         let mut answer = bus.transact(&Token { address: self.address, endpoint: self.output.endpoint, kind });
         self.free_ns = self.now_ns + duration_ns(data.len() as u64);
         self.output.ready_ns = self.free_ns;
-        if answer == Answer::Ack && self.lose_one() {
+        if answer == Answer::Ack && self.take_handshake_loss() {
             answer = Answer::Silence;
         }
         if answer == Answer::Ack {
