@@ -61,7 +61,7 @@ mod app {
     use ferrostep_stm32f4_board::measured::Switch;
     use ferrostep_stm32f4_board::motion_clock::MotionClock;
     use ferrostep_stm32f4_board::serial::{Serial, Transmit};
-    use ferrostep_stm32f4_board::step_timer::{self, StepQueue, StepTimer};
+    use ferrostep_stm32f4_board::step_timer::{self, MotorQueue, StepTimer};
     use ferrostep_stm32f4_board::supervision::{self, Watchdog};
     use ferrostep_stm32f4_board::vector_table::VectorTable;
     use ferrostep_stm32f4_usb::{Memory, Rings, Usb};
@@ -169,7 +169,7 @@ mod app {
         let step_timer = StepTimer::start(device.TIM2, device.TIM9, &device.RCC, &pins, &STEPS);
         // On the bare internal oscillator the plan shall not depend on time, as for the host's line.
         let planning_clock = (clock.source != ClockSource::Internal).then_some(motion_clock);
-        let queue = StepQueue::new(pins, feeder, planning_clock);
+        let queue = MotorQueue::new(pins, feeder, planning_clock);
         let machine = ports::build_machine(cx.local.machine, cx.local.slots, queue);
 
         let port = Serial::start(device.USART1, &device.RCC, clock.serial_hz, BAUD);

@@ -8,14 +8,15 @@ use core::fmt;
 use core::mem::MaybeUninit;
 
 use ferrostep_gcode::{MotionFigures, Reply};
-use ferrostep_hal_shim::Heater;
+use ferrostep_hal_shim::{Heater, StepOutput};
 use ferrostep_planner::look_ahead::Slot;
 use ferrostep_printer::heat::HeatFault;
 use ferrostep_printer::machine::{Machine, SharedMachine};
 use ferrostep_printer::{HeaterRest, HeaterStatus, Heating, Replies, Signals};
 use ferrostep_step_player::StepPlayer;
-use ferrostep_stm32f4_board::board::{BoardPins, MOTOR_PORTS};
-use ferrostep_stm32f4_board::step_timer::{StepQueue, StepTimer};
+use ferrostep_stm32f4_board::board::{BoardPins, MOTOR_PORTS, VIRTUAL_SENSORS};
+use ferrostep_stm32f4_board::step_timer::{MotorQueue, StepTimer};
+use ferrostep_virtual_board::ModelledSensors;
 use rtic::Mutex;
 use rtic_monotonics::systick::prelude::*;
 use rtic_sync::signal::Signal;
@@ -38,8 +39,39 @@ pub static STEPS: StepPlayer<StepSignals, MOTOR_PORTS, STEP_QUEUE_SLOTS> = StepP
 /// The step interrupt of this board.
 pub type BoardStepTimer = StepTimer<StepSignals, MOTOR_PORTS, STEP_QUEUE_SLOTS>;
 
-/// The step queue of this board.
-pub type BoardStepQueue = StepQueue<BoardPins, StepSignals, MOTOR_PORTS, STEP_QUEUE_SLOTS>;
+/// The step queue to this board's motors.
+pub type BoardMotorQueue = MotorQueue<BoardPins, StepSignals, MOTOR_PORTS, STEP_QUEUE_SLOTS>;
+
+/// Whether homing looks for models of the sensors (the bench), or for the board's own.
+pub struct Sensors<const VIRTUAL: bool>;
+
+/// See [`Sensors`].
+pub trait Sensing {
+    /// The step queue with the sensors.
+    type Queue: StepOutput;
+    /// Puts the sensors beside the queue.
+    fn beside(queue: BoardMotorQueue) -> Self::Queue;
+}
+
+impl Sensing for Sensors<true> {
+    type Queue = ModelledSensors<BoardMotorQueue>;
+    fn beside(queue: BoardMotorQueue) -> Self::Queue {
+        ModelledSensors::new(queue, PROFILE.virtual_motors())
+    }
+}
+
+impl Sensing for Sensors<false> {
+    type Queue = BoardMotorQueue;
+    fn beside(queue: BoardMotorQueue) -> Self::Queue {
+        queue
+    }
+}
+
+/// The sensors of this board.
+type BoardSensors = Sensors<VIRTUAL_SENSORS>;
+
+/// The step queue of this board, with the sensors that stop it.
+pub type BoardStepQueue = <BoardSensors as Sensing>::Queue;
 
 /// The machine of this board.
 pub type BoardMachine = Machine<&'static mut [Slot], BoardStepQueue>;
@@ -50,10 +82,10 @@ pub type BoardMachine = Machine<&'static mut [Slot], BoardStepQueue>;
 pub fn build_machine(
     place: &'static mut MaybeUninit<BoardMachine>,
     slots: &'static mut heapless::Vec<Slot, LOOK_AHEAD_BLOCKS>,
-    queue: BoardStepQueue,
+    queue: BoardMotorQueue,
 ) -> &'static mut BoardMachine {
     while slots.push(Slot::EMPTY).is_ok() {}
-    place.write(BoardMachine::new(&PROFILE, slots.as_mut_slice(), queue))
+    place.write(BoardMachine::new(&PROFILE, slots.as_mut_slice(), BoardSensors::beside(queue)))
 }
 
 /// There is something for the planner task to do.

@@ -4,11 +4,8 @@ use std::fmt;
 use std::io::{self, Read};
 
 use ferrostep_gcode::{Checksum, Line, LineError, LineReader};
-use ferrostep_printer::{CommandError, Replies};
+use ferrostep_printer::{CommandError, Ports, Printer};
 use memchr::memchr;
-
-use crate::record::Observer;
-use crate::session::DeskPrinter;
 
 /// Bytes read at once.
 const PORTION_BYTES: usize = 64 * 1024;
@@ -87,26 +84,26 @@ pub struct JobProgress {
 }
 
 /// Looks on while lines are executed.
-pub trait Onlooker<O: Observer, R: Replies> {
+pub trait Onlooker<P: Ports> {
     /// Called before a line is executed.
-    fn begins(&mut self, printer: &DeskPrinter<'_, O, R>, line: u32, text: &str);
+    fn begins(&mut self, printer: &Printer<'_, P>, line: u32, text: &str);
     /// Called after the line was executed without an error.
-    fn ended(&mut self, printer: &DeskPrinter<'_, O, R>);
+    fn ended(&mut self, printer: &Printer<'_, P>);
 }
 
 /// No observer.
-impl<O: Observer, R: Replies> Onlooker<O, R> for () {
-    fn begins(&mut self, _: &DeskPrinter<'_, O, R>, _: u32, _: &str) {}
-    fn ended(&mut self, _: &DeskPrinter<'_, O, R>) {}
+impl<P: Ports> Onlooker<P> for () {
+    fn begins(&mut self, _: &Printer<'_, P>, _: u32, _: &str) {}
+    fn ended(&mut self, _: &Printer<'_, P>) {}
 }
 
 /// Executes all lines of `input` and waits for the end of their motion.
 ///
 /// A line that cannot be executed ends the job: the moves before it are finished, and the line itself has no effect. `look` is
 /// called after each portion of the file.
-pub async fn run<O: Observer, R: Replies>(
+pub async fn run<P: Ports>(
     input: &mut impl Read,
-    printer: &mut DeskPrinter<'_, O, R>,
+    printer: &mut Printer<'_, P>,
     progress: &mut JobProgress,
     look: impl FnMut(&JobProgress),
 ) -> Result<(), JobError> {
@@ -114,11 +111,11 @@ pub async fn run<O: Observer, R: Replies>(
 }
 
 /// As [`run`], with an observer of each line.
-pub async fn run_watched<O: Observer, R: Replies>(
+pub async fn run_watched<P: Ports>(
     input: &mut impl Read,
-    printer: &mut DeskPrinter<'_, O, R>,
+    printer: &mut Printer<'_, P>,
     progress: &mut JobProgress,
-    onlooker: &mut impl Onlooker<O, R>,
+    onlooker: &mut impl Onlooker<P>,
     mut look: impl FnMut(&JobProgress),
 ) -> Result<(), JobError> {
     let outcome = lines(input, printer, progress, onlooker, &mut look).await;
@@ -127,11 +124,11 @@ pub async fn run_watched<O: Observer, R: Replies>(
     finished.map_err(JobError::Stopped)
 }
 
-async fn lines<O: Observer, R: Replies>(
+async fn lines<P: Ports>(
     input: &mut impl Read,
-    printer: &mut DeskPrinter<'_, O, R>,
+    printer: &mut Printer<'_, P>,
     progress: &mut JobProgress,
-    onlooker: &mut impl Onlooker<O, R>,
+    onlooker: &mut impl Onlooker<P>,
     look: &mut impl FnMut(&JobProgress),
 ) -> Result<(), JobError> {
     let mut reader = LineReader::new();
@@ -164,11 +161,11 @@ async fn lines<O: Observer, R: Replies>(
 }
 
 /// Executes one line. A file needs no line numbers, but a checksum, if present, must be right.
-async fn execute<O: Observer, R: Replies>(
-    printer: &mut DeskPrinter<'_, O, R>,
+async fn execute<P: Ports>(
+    printer: &mut Printer<'_, P>,
     line: Result<Line<'_>, LineError>,
     progress: &mut JobProgress,
-    onlooker: &mut impl Onlooker<O, R>,
+    onlooker: &mut impl Onlooker<P>,
 ) -> Result<(), JobError> {
     let stop = |line, text: &str, message| Err(JobError::Line { line, text: text.to_owned(), message });
     let line = match line {

@@ -14,13 +14,13 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use clap::Parser;
-use ferrostep::desk::{LOOK_AHEAD_BLOCKS, Mode};
+use ferrostep::desk::{Desk, LOOK_AHEAD_BLOCKS};
 use ferrostep::gpre::{self, InspectError, PrepareError, PreparedSummary, Shown};
 use ferrostep::input::Input;
 use ferrostep::job::{self, JobProgress};
 use ferrostep::output::{Accepted, Output, OutputError, Protected};
 use ferrostep::papers::{Chapter, Paper, choices};
-use ferrostep::record::{Observer, Recorder, TraceWriter, VcdWriter};
+use ferrostep::record::{Recorder, TraceWriter, VcdWriter};
 use ferrostep::report::{Motors, Stop, Summary};
 use ferrostep::session::{JobReplies, Session};
 use ferrostep::terminal::{self, tell};
@@ -138,7 +138,9 @@ fn estimate(job: &JobArguments) -> Result<ExitCode, String> {
             terminal::name(&job.file)
         ));
     }
-    run(job, input, profile, Mode::Estimate, (LOOK_AHEAD_BLOCKS, 0), ()).map(|(code, ())| code)
+    let progress = Progress::new(input.size_bytes());
+    let session = Session::estimate(profile, LOOK_AHEAD_BLOCKS, replies(&progress));
+    Ok(run(job, input, &session, &progress, 0))
 }
 
 fn print(
@@ -170,8 +172,10 @@ fn print(
     let from = from_frame.unwrap_or(0);
     let usual = if input.is_prepared() { gpre::LOOK_AHEAD_BLOCKS } else { LOOK_AHEAD_BLOCKS };
     let look_ahead = look_ahead.unwrap_or(usual);
+    let progress = Progress::new(input.size_bytes());
     if trace.is_none() && vcd.is_none() {
-        return run(job, input, profile, Mode::Print, (look_ahead, from), ()).map(|(code, ())| code);
+        let session = Session::print(profile, look_ahead, (), replies(&progress));
+        return Ok(run(job, input, &session, &progress, from));
     }
     let mut recorder = Recorder::default();
     let mut protected = inputs(job);
@@ -185,9 +189,10 @@ fn print(
     let vcd = vcd.map_err(|error| error.to_string())?;
     recorder.trace = trace.map(|out| TraceWriter::new(out, &profile)).transpose().map_err(|error| error.to_string())?;
     recorder.vcd = vcd.map(|out| VcdWriter::new(out, &profile)).transpose().map_err(|error| error.to_string())?;
-    let (code, recorder) = run(job, input, profile, Mode::Print, (look_ahead, from), recorder)?;
+    let session = Session::print(profile, look_ahead, recorder, replies(&progress));
+    let code = run(job, input, &session, &progress, from);
     // A job that stopped leaves complete files of everything up to there.
-    match recorder.finish() {
+    match session.into_observer().finish() {
         Ok(()) => Ok(code),
         outcome => Ok(exit_code(outcome)),
     }
@@ -268,34 +273,31 @@ fn replies(progress: &Progress) -> JobReplies<impl Fn(&str)> {
     })
 }
 
-/// Runs the job, a prepared one from a frame on, and prints its summary. Returns the observer, for its caller to finish.
-fn run<O: Observer>(
+/// Runs the job, a prepared one from a frame on, and prints its summary.
+fn run<D: Desk, F: Fn(&str)>(
     job: &JobArguments,
     mut input: Input,
-    profile: Profile,
-    mode: Mode,
-    (look_ahead, from): (usize, u32),
-    observer: O,
-) -> Result<(ExitCode, O), String> {
-    let progress = Progress::new(input.size_bytes());
-    let replies = replies(&progress);
+    session: &Session<D, JobReplies<F>>,
+    progress: &Progress,
+    from: u32,
+) -> ExitCode {
     let started = Instant::now();
-    let session = Session::new(profile, mode, look_ahead, observer, replies);
+    let profile = session.profile();
     let mut printer = session.printer();
     let mut done = JobProgress::default();
     let counter = input.counter();
     let look = |job: &JobProgress| {
-        progress.show(counter.get(), job, &session.desk().borrow().figures(), started.elapsed());
+        progress.show(counter.get(), job, &session.figures(), started.elapsed());
     };
     let outcome = if input.is_prepared() {
-        session.run(gpre::play_from(from, &mut input, &profile, &mut printer, &mut done, look))
+        session.run(gpre::play_from(from, &mut input, profile, &mut printer, &mut done, look))
     } else {
         session.run(job::run(&mut input, &mut printer, &mut done, look))
     };
     let wall_s = started.elapsed().as_secs_f64();
     progress.end();
 
-    let figures = session.desk().borrow().figures();
+    let figures = session.figures();
     let tally = printer.tally();
     let summary = Summary {
         file: job.file.to_string_lossy().into_owned(),
@@ -308,16 +310,15 @@ fn run<O: Observer>(
         motion_time_s: figures.motion_time_s,
         filament_mm: tally.filament_100pm as f64 / FILAMENT_UNITS_PER_MM as f64,
         position_mm: printer.logical_10nm().map(|length| length as f64 / UNITS_PER_MM as f64).into(),
-        motors: (mode == Mode::Print).then(|| Motors::from(&figures)),
+        motors: D::MAKES_STEPS.then(|| Motors::from(&figures)),
         wall_s,
         realtime_factor: figures.motion_time_s / wall_s.max(1e-9),
         layers: done.layers,
         stopped: outcome.as_ref().err().map(Stop::from),
     };
     let code = result(job.json.then_some(&summary), || format!("{summary}\n"));
-    let code = match outcome {
+    match outcome {
         Ok(()) => code,
         Err(error) => exit_code(Err(format!("{}: {error}", terminal::name(&job.file)))),
-    };
-    Ok((code, session.into_observer()))
+    }
 }

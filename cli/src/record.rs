@@ -8,7 +8,7 @@ pub use vcd::VcdWriter;
 
 use std::io::BufWriter;
 
-use ferrostep_virtual_board::StepObserver;
+use ferrostep_planner::StepObserver;
 
 use crate::output::{Output, OutputError};
 

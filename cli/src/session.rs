@@ -1,67 +1,122 @@
 //! A printer on the desk, and the loop that polls it and lets time pass.
 
-use std::cell::{Cell, RefCell};
+use std::cell::{Cell, Ref, RefCell};
 use std::collections::BTreeSet;
 use std::future::Future;
 use std::pin::pin;
+use std::rc::Rc;
 use std::task::{Context, Poll, Waker};
 
 use ferrostep_gcode::Reply;
 use ferrostep_hal_shim::{Clock, Heater};
+use ferrostep_planner::TICKS_PER_SECOND;
+use ferrostep_printer::heat::HeatFault;
+use ferrostep_printer::machine::SharedMotion;
 use ferrostep_printer::{
     Failure, HeaterRest, HeaterTimeout, Heating, Printer, Profile, Replies, Signals, tell_driver_event, temperatures,
 };
-use ferrostep_virtual_board::{VirtualClock, VirtualDelay};
+use ferrostep_virtual_board::{HeaterFailure, VirtualClock, VirtualDelay, VirtualHeaters};
 
-use crate::desk::{Desk, DeskDrivers, DeskHeating, DeskMotion, Mode};
+use crate::desk::{Desk, DeskDrivers, DeskHeat, DeskHeating, DeskMachine, Figures, PlanReader, Rehearsal};
 use crate::record::Observer;
 
 /// Different unknown commands that are remembered; a broken file could name any number.
 const MAX_UNKNOWN_COMMANDS: usize = 100;
 
-/// A printer whose commands act on a [`Desk`].
-pub type DeskPrinter<'a, O, R> = Printer<'a, DeskMotion<'a, O>, DeskHeating<'a, O>, VirtualDelay<'a>, R>;
+/// A printer whose commands move `M`.
+type PrinterOf<'a, M, R> = Printer<'a, (M, DeskHeating<'a>, VirtualDelay<'a>, R)>;
+
+/// A printer that makes every step, seen by `O`.
+pub type DeskPrinter<'a, O, R> = PrinterOf<'a, SharedMotion<DeskMachine<'a, O>>, R>;
+
+/// A session that makes every step, seen by `O`.
+pub type PrintSession<O, R> = Session<Rehearsal<O>, R>;
+
+/// A session that only plans.
+pub type PlanSession<R> = Session<PlanReader, R>;
 
 /// The machine and all that is shared between its parts.
-pub struct Session<O, R> {
+pub struct Session<D, R> {
     profile: Profile,
     clock: VirtualClock,
-    desk: RefCell<Desk<O>>,
-    drivers: DeskDrivers,
+    desk: D,
+    heat: RefCell<DeskHeat>,
+    drivers: Rc<DeskDrivers>,
     signals: Signals,
     heater_timeout: Cell<HeaterTimeout>,
     replies: R,
+    /// Time during which the motion clock stood still.
+    idle_ns: Cell<u64>,
+    last_step_ns: Cell<u64>,
+    /// The motion clock when time passed last.
+    last_tick: Cell<u64>,
+    /// Motors have moved since the heaters' timeout was last looked at.
+    has_moved: Cell<bool>,
 }
 
-impl<O: Observer, R: Replies> Session<O, R> {
-    /// A machine that has just been switched on, its replies going to `replies`.
-    pub fn new(profile: Profile, mode: Mode, look_ahead: usize, observer: O, replies: R) -> Self {
+impl<O: Observer, R: Replies> PrintSession<O, R> {
+    /// A machine that has just been switched on and makes every step, its replies going to `replies`.
+    pub fn print(profile: Profile, look_ahead: usize, observer: O, replies: R) -> Self {
+        Self::new(profile, replies, |drivers| Rehearsal::new(&profile, look_ahead, drivers, observer))
+    }
+
+    /// What watched the motors.
+    pub fn into_observer(self) -> O {
+        self.desk.into_observer()
+    }
+}
+
+impl<R: Replies> PlanSession<R> {
+    /// A machine that only plans.
+    pub fn estimate(profile: Profile, look_ahead: usize, replies: R) -> Self {
+        Self::new(profile, replies, |drivers| PlanReader::new(&profile, look_ahead, drivers, false))
+    }
+
+    /// A machine that only plans, and whose plan is written down.
+    pub fn prepare(profile: Profile, look_ahead: usize, replies: R) -> Self {
+        Self::new(profile, replies, |drivers| PlanReader::new(&profile, look_ahead, drivers, true))
+    }
+}
+
+impl<D: Desk, R: Replies> Session<D, R> {
+    fn new(profile: Profile, replies: R, desk: impl FnOnce(Rc<DeskDrivers>) -> D) -> Self {
+        let drivers = Rc::new(DeskDrivers::new(&profile.drivers, D::MAKES_STEPS));
         Self {
             clock: VirtualClock::default(),
-            desk: RefCell::new(Desk::new(&profile, mode, look_ahead, observer)),
-            drivers: DeskDrivers::new(&profile.drivers, mode),
+            desk: desk(Rc::clone(&drivers)),
+            heat: RefCell::new(DeskHeat::new(&profile, D::MAKES_STEPS)),
+            drivers,
             signals: Signals::new(),
             heater_timeout: Cell::default(),
             replies,
             profile,
+            idle_ns: Cell::new(0),
+            last_step_ns: Cell::new(0),
+            last_tick: Cell::new(0),
+            has_moved: Cell::new(false),
         }
     }
 
     /// The printer; one at a time makes sense.
-    pub fn printer(&self) -> DeskPrinter<'_, O, R> {
+    pub fn printer(&self) -> PrinterOf<'_, D::Motion<'_>, R> {
         let mut printer = Printer::new(
             &self.profile,
-            DeskMotion { desk: &self.desk, drivers: &self.drivers, signals: &self.signals },
-            DeskHeating { desk: &self.desk },
+            self.desk.motion(&self.signals),
+            self.heating(),
             VirtualDelay(&self.clock),
             &self.replies,
             &self.signals,
         );
         printer.set_version(crate::VERSION);
         if self.drivers.exist() {
-            printer.set_drivers(&self.drivers);
+            printer.set_drivers(&*self.drivers);
         }
         printer
+    }
+
+    /// The machine.
+    pub fn profile(&self) -> &Profile {
+        &self.profile
     }
 
     /// The motors' drivers.
@@ -69,14 +124,34 @@ impl<O: Observer, R: Replies> Session<O, R> {
         &self.drivers
     }
 
-    /// The machine.
-    pub fn desk(&self) -> &RefCell<Desk<O>> {
+    /// The motion.
+    pub fn desk(&self) -> &D {
         &self.desk
     }
 
-    /// What watched the motors.
-    pub fn into_observer(self) -> O {
-        self.desk.into_inner().into_observer()
+    /// The heaters, as commands see them.
+    pub fn heating(&self) -> DeskHeating<'_> {
+        DeskHeating(&self.heat)
+    }
+
+    /// The heaters' models.
+    pub fn heaters(&self) -> Ref<'_, VirtualHeaters> {
+        Ref::map(self.heat.borrow(), DeskHeat::heaters)
+    }
+
+    /// Lets a heater fail, or mends it.
+    pub fn set_heater_failure(&self, heater: Heater, failure: Option<HeaterFailure>) {
+        self.heat.borrow_mut().set_failure(heater, failure);
+    }
+
+    /// Samples of the heaters' models so far.
+    pub fn heat_samples(&self) -> u64 {
+        self.heat.borrow().samples()
+    }
+
+    /// What was done so far.
+    pub fn figures(&self) -> Figures {
+        Figures { print_time_s: self.last_step_ns.get() as f64 * 1e-9, ..self.desk.figures() }
     }
 
     /// Flags for those who act on bytes as they arrive.
@@ -94,6 +169,13 @@ impl<O: Observer, R: Replies> Session<O, R> {
         &self.clock
     }
 
+    /// Everything off, as M112 does when its bytes arrive.
+    pub fn halt(&self) {
+        self.heat.borrow_mut().all_off();
+        self.desk.stop();
+        self.signals.halt();
+    }
+
     /// Polls a future to its end; whenever it waits, virtual time passes. `between` is called after each time.
     pub fn run_with<F: Future>(&self, future: F, mut between: impl FnMut(&Self)) -> F::Output {
         let mut future = pin!(future);
@@ -103,8 +185,8 @@ impl<O: Observer, R: Replies> Session<O, R> {
             if let Poll::Ready(output) = future.as_mut().poll(&mut context) {
                 return output;
             }
-            let outcome = self.desk.borrow_mut().pass_time(&self.clock);
-            if let Err(fault) = outcome {
+            if let Err(fault) = self.pass_time() {
+                self.desk.stop();
                 // Two adjacent lines, as hosts expect of a thermal error.
                 self.replies.send(Reply::Text(&fault.to_string()));
                 self.replies.send(Reply::Killed);
@@ -123,14 +205,40 @@ impl<O: Observer, R: Replies> Session<O, R> {
         self.run_with(future, |_| {})
     }
 
+    /// Now, by the motion clock and the time during which it stood still.
+    fn now_ns(&self) -> u64 {
+        // Whole seconds apart, so that no product leaves 64 bits.
+        let (tick, a_second) = (self.desk.tick(), u64::from(TICKS_PER_SECOND));
+        self.idle_ns.get() + tick / a_second * 1_000_000_000 + tick % a_second * 1_000_000_000 / a_second
+    }
+
+    /// Lets time pass until what the last command waits for is there: its motion, or its moment. Motion does not go on
+    /// while a command waits for a moment, so that the plan does not depend on such waits.
+    ///
+    /// # Errors
+    /// A heater or thermometer has failed; heaters are off.
+    fn pass_time(&self) -> Result<(), HeatFault> {
+        self.desk.pass_motion();
+        let tick = self.desk.tick();
+        if self.last_tick.replace(tick) != tick {
+            self.last_step_ns.set(self.now_ns());
+            self.has_moved.set(true);
+        }
+        if let Some(wake_ns) = self.clock.take_wake_ns() {
+            self.idle_ns.set(self.idle_ns.get() + wake_ns.saturating_sub(self.now_ns()));
+        }
+        let now_ns = self.now_ns();
+        self.clock.advance_to(now_ns);
+        self.heat.borrow_mut().pass_to(now_ns, self.desk.fan_power())
+    }
+
     /// What has happened to the motors' drivers; one that leaves a motor alone in motion halts the machine.
     fn tell_driver_events(&self) {
         while let Some(event) = self.drivers.take_event() {
-            let motors_on = self.desk.borrow().board().motors.enabled_motors();
-            if tell_driver_event(&event, motors_on, &self.replies) && !self.signals.is_halted() {
-                self.desk.borrow_mut().halt();
+            let halts = tell_driver_event(&event, self.desk.enabled_motors(), &self.replies);
+            if halts && !self.signals.is_halted() {
+                self.halt();
                 self.replies.send(Reply::Killed);
-                self.signals.halt();
             }
         }
     }
@@ -139,8 +247,8 @@ impl<O: Observer, R: Replies> Session<O, R> {
     fn rest_heaters(&self) {
         // A clock of milliseconds that wraps.
         let now_ms = (&self.clock).now_ms() as u32;
-        let is_used = self.signals.take_host_spoken() | self.desk.borrow_mut().take_moved();
-        let mut heating = DeskHeating { desk: &self.desk };
+        let is_used = self.signals.take_host_spoken() | self.has_moved.take();
+        let mut heating = self.heating();
         let has_target = Heater::ALL.into_iter().any(|heater| heating.status(heater).target_celsius > 0.0);
         let mut timeout = self.heater_timeout.get();
         let rest = timeout.look(now_ms, is_used, has_target, self.signals.heater_timeout_s());
@@ -160,7 +268,7 @@ impl<O: Observer, R: Replies> Session<O, R> {
             *next_report_ms = 0;
         } else if now_ms >= *next_report_ms {
             *next_report_ms = now_ms + interval_ms;
-            self.replies.send(Reply::Temperatures(temperatures(&DeskHeating { desk: &self.desk })));
+            self.replies.send(Reply::Temperatures(temperatures(&self.heating())));
         }
     }
 }
@@ -195,7 +303,7 @@ impl<F: Fn(&str)> Replies for JobReplies<F> {
             }
             Reply::Text(text) => (self.notice)(text),
             Reply::Killed => (self.notice)(&reply.to_string()),
-            // Nobody has asked over a serial line.
+            // Replies to a host's questions; a file asks none.
             _ => {}
         }
     }

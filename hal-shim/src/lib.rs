@@ -4,7 +4,7 @@
 #![cfg_attr(not(test), no_std)]
 
 use ferrostep_planner::StepEntry;
-use ferrostep_step_player::{DroppedSteps, FeedError, StepLink};
+pub use ferrostep_step_player::{DroppedSteps, FeedError, StepLink};
 
 /// A heater with its thermometer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -68,15 +68,15 @@ pub trait Fans {
     fn set_hotend_fan(&mut self, on: bool);
 }
 
-/// The queue of step entries, seen from the side that fills it, and the interrupt that empties it.
-pub trait StepOutput: MotorEnable {
+/// The queue of step entries, seen from the planner, which fills it; the step interrupt empties it.
+pub trait StepQueue {
     /// Number of slots that entries have filled so far, modulo 2^32. The newest event is not in one yet.
     fn queued(&self) -> u32;
-    /// How many of them have been played, modulo 2^32.
+    /// Number of slots that have been played so far, modulo 2^32.
     fn played(&self) -> u32;
     /// Slots that wait to be played, or are being played, the newest event included.
     fn waiting(&self) -> usize;
-    /// How many more fit at least.
+    /// How many more entries fit at least.
     fn room(&self) -> usize;
     /// Adds an entry.
     ///
@@ -86,59 +86,85 @@ pub trait StepOutput: MotorEnable {
     /// Adds entries. A queue may do so at a lower cost than one by one.
     ///
     /// # Errors
-    /// As [`Self::push`]; the entries before the one that is meant were added.
+    /// As [`Self::push`]; the entries before the refused one were added.
     #[inline]
     fn push_all(&mut self, entries: &[StepEntry]) -> Result<(), FeedError> {
         entries.iter().try_for_each(|entry| self.push(*entry))
     }
     /// The motion ends with the newest entry.
     fn seal(&mut self);
-    /// Lets the interrupt play what is queued, unless it does.
+    /// Lets the interrupt play the queue, unless it does already.
     fn start(&mut self);
     /// The flags shared with the interrupt.
     fn link(&self) -> &StepLink;
-    /// From now on no motor steps; [`Self::drop_all`] must follow.
+    /// Stops all motors before their next step; [`Self::drop_all`] must follow.
     fn request_stop(&mut self);
-    /// After a stop: forgets what has not been played, and says what it was. Motion may start again.
+    /// After a stop: forgets the entries that have not been played, and returns their steps. Motion may start again.
     fn drop_all(&mut self) -> DroppedSteps;
     /// Updates of its timer that the interrupt has missed since the last call, because it was held up for longer than an
     /// interval. No step is lost with them: all later ones come that much later.
     fn take_missed_updates(&mut self) -> u32;
+}
 
-    /// Whether the board has sensors that axes home with. Without, the machine's counting motors tell where they would be.
-    const HAS_SENSORS: bool = false;
-
-    /// Whether the sensor of an axis is triggered.
-    fn is_sensor_triggered(&self, _axis: usize) -> bool {
-        false
+/// The sensors that axes home with: end stops, a probe, the drivers' stall signals.
+pub trait HomingSensors: StepQueue {
+    /// Whether the sensor of X (0), Y (1) or Z (2) is triggered.
+    fn is_sensor_triggered(&self, axis: usize) -> bool;
+    /// From now on motion stops when the sensor of this axis triggers ([`StepLink::request_sensor_stop`]); `None`: at no
+    /// sensor.
+    fn watch_sensor(&mut self, axis: Option<usize>);
+    /// Adds an entry of a move towards the watched sensor. A real sensor stops the motors when it triggers, so the whole
+    /// entry is added. A model knows beforehand at which event it triggers, and adds the events up to that one.
+    ///
+    /// # Errors
+    /// As [`StepQueue::push`].
+    fn push_towards_sensor(&mut self, entry: StepEntry) -> Result<Approach, FeedError> {
+        self.push(entry)?;
+        Ok(Approach { added: Some(entry), triggered: false })
     }
-    /// From now on motion stops when the sensor of this axis triggers ([`StepLink::request_sensor_stop`]); `None`: at
-    /// no sensor any more.
-    fn watch_sensor(&mut self, _axis: Option<usize>) {}
+}
 
-    /// A clock that runs all the time, ticks of the nominal time base modulo 2^32: with it the machine knows how long
-    /// planning takes. `None` where there is none, and then planning is taken to keep up.
+/// What became of an entry of a move towards a sensor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Approach {
+    /// The part of it that was added.
+    pub added: Option<StepEntry>,
+    /// The sensor triggers at its end: the move ends there.
+    pub triggered: bool,
+}
+
+/// A clock that tells how long planning takes.
+pub trait PlanningClock {
+    /// The present time, ticks of the nominal time base modulo 2^32. `None` without a clock: then planning is taken to
+    /// keep up.
     fn now_ticks(&self) -> Option<u32> {
         None
     }
-
-    /// A portion of planning begins. A queue that measures how long planning takes notes the time; others need not
-    /// care.
+    /// A portion of planning begins.
     fn planning_begins(&mut self) {}
-    /// The last entry of a move has been planned, within the present portion.
-    fn move_planned(&mut self) {}
     /// The portion has ended.
     fn planning_ends(&mut self) {}
+}
+
+/// Told of the motion beside its steps, by ticks of the motion clock. A queue to real motors need not care.
+pub trait MotionWatch {
+    /// A move was taken, with this much filament in units of 0.1 nm; whether its source line's move ends with it.
+    fn move_taken(&mut self, _filament_100pm: i64, _ends_move: bool) {}
+    /// After the entries added so far, a move of this source line ends at this tick.
+    fn move_ended(&mut self, _tick: u64, _line: u32) {}
+    /// Motion stands still, all of it has been played or dropped, and the motion clock goes on from this tick.
+    fn stands_at(&mut self, _tick: u64) {}
+    /// At standstill: homing says where the motors stand, as of this tick.
+    fn redefined(&mut self, _tick: u64, _motor_steps: [i64; 4]) {}
 }
 
 /// The motors' enable signals.
 pub trait MotorEnable {
     /// Switches the motors in the mask on or off.
-    fn set_motors_enabled(&mut self, axes: u8, enabled: bool);
+    fn set_motors_enabled(&mut self, motors: u8, enabled: bool);
 }
 
-/// End stops and probe.
-pub trait EndStops {
-    /// Whether the sensor that homes X (0), Y (1) or Z (2) is triggered.
-    fn is_triggered(&self, axis: usize) -> bool;
-}
+/// All parts of a board that make motion.
+pub trait StepOutput: HomingSensors + PlanningClock + MotorEnable + MotionWatch {}
+
+impl<Q: HomingSensors + PlanningClock + MotorEnable + MotionWatch> StepOutput for Q {}

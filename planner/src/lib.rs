@@ -46,6 +46,7 @@ mod real;
 mod ring;
 mod spacing;
 mod square_root;
+mod step_ledger;
 mod step_times;
 mod time_units;
 mod trapezoid;
@@ -61,6 +62,7 @@ pub use planner::{
     MIN_FEED_MM_PER_S, Move, MoveError, Moved, Planner, Prepared, PreparedBlock, PreparedMove, Progress, Recorded,
     Recorder, Request, Retuned, filament_100pm,
 };
+pub use step_ledger::{StepLedger, StepObserver};
 pub use step_queue::{Notice, StepEntry, StepKind, StepSink};
 
 /// Frequency of the nominal time base, in ticks a second.

@@ -4,12 +4,11 @@ use core::fmt::{Arguments, write};
 
 use embedded_hal_async::delay::DelayNs;
 use ferrostep_gcode::{Command, DriverWords, Reply};
-use ferrostep_hal_shim::Clock;
 use ferrostep_tmc2209::{DriverEvent, DriverReport, DriverSettings, DriverState};
 
 use crate::AXIS_NAMES;
 use crate::error::CommandError;
-use crate::ports::{Heating, Motion, MotorDrivers, Replies};
+use crate::ports::{MotorDrivers, Ports, Replies};
 use crate::printer::{Printer, Text};
 
 /// How often a wait for a driver looks. A set-up takes tenths of a second, and always ends.
@@ -19,7 +18,7 @@ const LOOK_MS: u32 = 10;
 /// steps say, so that who calls must halt the machine as M112 does; the host has been told, but for
 /// [`Reply::Killed`].
 ///
-/// Without current nothing is lost but the axis' home, and printers are often without motor supply: then it is only a
+/// Without current only the axis' home is lost, and printers are often without motor supply: then it is only a
 /// notice, for hosts end a print at each `Error:`.
 pub fn tell_driver_event(event: &DriverEvent, motors_on: u8, replies: &impl Replies) -> bool {
     let halts = event.stops_motion() && motors_on >> event.motor & 1 == 1;
@@ -41,7 +40,7 @@ fn name(motor: usize) -> char {
     AXIS_NAMES.get(motor).copied().unwrap_or('?')
 }
 
-impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, M, H, T, R> {
+impl<P: Ports> Printer<'_, P> {
     /// Waits until all drivers have confirmed their settings. An axis whose driver was reset is no longer homed.
     pub(crate) async fn drivers_confirmed(&mut self, drivers: &dyn MotorDrivers) -> Result<(), CommandError> {
         let mut waits = true;

@@ -3,15 +3,13 @@
 
 use core::fmt::Write;
 
-use embedded_hal_async::delay::DelayNs;
 use ferrostep_gpre::LimitValues;
 use ferrostep_gpre::compact::FrameState;
-use ferrostep_hal_shim::Clock;
 use ferrostep_planner::Limits;
 
 use crate::error::CommandError;
 use crate::modal::KnownZ;
-use crate::ports::{Heating, Motion, Replies};
+use crate::ports::{Motion, Ports};
 use crate::printer::Printer;
 use crate::settings::{LARGEST_LIMIT, PERCENTS, SMALLEST_LIMIT};
 
@@ -44,7 +42,7 @@ fn limits(values: LimitValues) -> Limits {
     }
 }
 
-impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, M, H, T, R> {
+impl<P: Ports> Printer<'_, P> {
     /// Says at which height the nozzle stands, machine coordinate in units of 10 nm: for a machine that must not home Z, because a
     /// print is in the way. Z then counts as homed.
     ///

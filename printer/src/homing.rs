@@ -1,12 +1,10 @@
 //! G28.
 
-use embedded_hal_async::delay::DelayNs;
 use ferrostep_gcode::{AxisFlags, Reply};
-use ferrostep_hal_shim::Clock;
 use ferrostep_planner::{Kinematics, Move};
 
 use crate::error::CommandError;
-use crate::ports::{Heating, Motion, Replies, Seek};
+use crate::ports::{HomingOutcome, Motion, Ports, Replies};
 use crate::printer::Printer;
 use crate::profile::{AxisHoming, HomeEnd, HomeSensor};
 
@@ -16,7 +14,7 @@ const Z: usize = 2;
 /// How often an axis is approached as a whole before two approaches that do not agree are an error.
 const ATTEMPTS: u32 = 2;
 
-impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, M, H, T, R> {
+impl<P: Ports> Printer<'_, P> {
     /// Homes X, then Y, then Z, those that are named or all.
     ///
     /// Before X and Y move, and before Z homes elsewhere than where the nozzle stands, Z is raised.
@@ -105,7 +103,7 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         // Even after a failure the G-code's position is where the motors stand.
         let found_10nm = self.motion.position_10nm()[axis];
         if axis == Z {
-            // Z is where its sensor says; nothing is left to lower or to shift.
+            // Z is where its sensor says: the lift and the shift have gone into that.
             self.modal.lift_10nm = 0;
             self.modal.z.shift_10nm = 0;
             self.modal.z.raised_to_10nm = None;
@@ -160,7 +158,7 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
             let others = self.other_sensors(axis);
             let target_10nm = self.end_of_search_10nm(axis, homing);
             let from_10nm = self.motion.position_10nm()[axis];
-            if self.seek(axis, target_10nm, homing.fast_mm_per_s).await? == Seek::Missed {
+            if self.seek(axis, target_10nm, homing.fast_mm_per_s).await? == HomingOutcome::Missed {
                 let searched_10nm = way_10nm(homing, from_10nm, target_10nm).max(0);
                 // A sensor of another axis that triggers here is this one's.
                 let swapped = others.into_iter().flatten().find(|&other| self.motion.is_end_stop_triggered(other));
@@ -176,8 +174,8 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
             };
             let target_10nm = first_10nm + towards(homing) * beyond_10nm;
             apart_10nm = match self.seek(axis, target_10nm, homing.slow_mm_per_s).await? {
-                Seek::Triggered => Some(self.motion.position_10nm()[axis] - first_10nm),
-                Seek::Missed => None,
+                HomingOutcome::Triggered => Some(self.motion.position_10nm()[axis] - first_10nm),
+                HomingOutcome::Missed => None,
             };
             if apart_10nm.is_some_and(|apart_10nm| apart_10nm.abs() <= homing.agree_10nm) {
                 return Ok(());
@@ -237,11 +235,11 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         }
     }
 
-    async fn seek(&mut self, axis: usize, to_10nm: i64, feed_mm_per_s: f64) -> Result<Seek, CommandError> {
+    async fn seek(&mut self, axis: usize, to_10nm: i64, feed_mm_per_s: f64) -> Result<HomingOutcome, CommandError> {
         let mut target_10nm = self.motion.position_10nm();
-        // Never away from the sensor: one that has to be behind is missed.
+        // Never away from the sensor: a sensor that must lie behind the axis is missed.
         if way_10nm(&self.profile.homing[axis], target_10nm[axis], to_10nm) <= 0 {
-            return Ok(Seek::Missed);
+            return Ok(HomingOutcome::Missed);
         }
         target_10nm[axis] = to_10nm;
         let feed_mm_per_s = feed_mm_per_s as f32;

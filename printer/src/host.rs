@@ -1,10 +1,8 @@
 //! One serial line's side of the conversation: line numbers, checksums, one `ok` a line.
 
-use embedded_hal_async::delay::DelayNs;
 use ferrostep_gcode::{Line, LineError, LineNumbers, Reply, ResendReason, Verdict};
-use ferrostep_hal_shim::Clock;
 
-use crate::ports::{Heating, Motion, Replies};
+use crate::ports::{Ports, Replies};
 use crate::printer::{Printer, Text};
 
 /// A host on a serial line. Each line has its own numbers.
@@ -21,17 +19,13 @@ impl Host {
 
     /// Answers what the line reader made of some bytes: executes a good line, `ok`s a repeated one, asks for a
     /// garbled one again.
-    pub async fn answer<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies>(
-        &mut self,
-        printer: &mut Printer<'_, M, H, T, R>,
-        line: Result<Line<'_>, LineError>,
-    ) {
+    pub async fn answer<P: Ports>(&mut self, printer: &mut Printer<'_, P>, line: Result<Line<'_>, LineError>) {
         let replies = printer.replies();
         match line {
             Ok(line) => match self.numbers.check(&line) {
                 Verdict::Execute => {
                     printer.set_last_line(self.numbers.last());
-                    // The printer has told the host; there is nobody else to tell.
+                    // The printer has already told the host.
                     let _ = printer.execute(line.line_number, line.text).await;
                 }
                 Verdict::Repeat => replies.send(Reply::Ok),

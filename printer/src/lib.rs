@@ -33,8 +33,8 @@ pub use heater_timeout::{HeaterRest, HeaterTimeout};
 pub use host::Host;
 pub use modal::Tally;
 pub use ports::{
-    Equipment, HeaterStatus, Heating, Miscount, Motion, MotionError, MotionFault, MotorDrivers, Replies, Seek, Signals,
-    Timing,
+    Equipment, HeaterStatus, Heating, HomingOutcome, Miscount, Motion, MotionError, MotionFault, MotorDrivers, Ports,
+    Replies, Signals, Timing,
 };
 pub use printer::Printer;
 pub use profile::{

@@ -1,8 +1,7 @@
 //! G0 to G4, G10, G11 and G92.
 
-use embedded_hal_async::delay::DelayNs;
 use ferrostep_gcode::{ArcForm, AxisWords, Decimal, Real, Reply};
-use ferrostep_hal_shim::{Clock, Heater};
+use ferrostep_hal_shim::Heater;
 use ferrostep_planner::extruder::Extruder;
 use ferrostep_planner::kinematics::MAX_COORDINATE_10NM;
 use ferrostep_planner::{Move, Moved, filament_100pm};
@@ -11,7 +10,7 @@ use crate::AXIS_NAMES;
 use crate::arc::Arc;
 use crate::error::CommandError;
 use crate::extrusion::AdaptiveExtrusion;
-use crate::ports::{Heating, Motion, Replies};
+use crate::ports::{Heating, Motion, Ports, Replies};
 use crate::printer::Printer;
 
 /// Logical extruder positions stay within 10,000 km.
@@ -40,7 +39,7 @@ pub(crate) struct NewestRetraction {
     filament_100pm: i64,
 }
 
-impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, M, H, T, R> {
+impl<P: Ports> Printer<'_, P> {
     /// G0, G1.
     pub(crate) async fn linear(
         &mut self,
@@ -78,7 +77,7 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         self.modal.extrusion.settings().adaptive && axes.e.is_none() && from == to && !self.modal.retracted
     }
 
-    /// Filament along a way in the plane, and what is owed behind it.
+    /// Filament along a path in the plane, and the rest that is owed after it.
     fn along(&self, extrusion: AdaptiveExtrusion, from: [i64; 3], to: [i64; 3]) -> (i64, AdaptiveExtrusion) {
         let [from, to] = [from, to].map(|[x, y, _]| [x, y]);
         extrusion.along(from, to, self.modal.flow_percent)
@@ -158,7 +157,7 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
             };
             pushed += push;
             self.motion.add(chord).await?;
-            // Taken: a stop on the way takes back what is left of it, here as in the planner.
+            // The planner has taken it: a stop takes back the part that was not made, here as there.
             self.modal.machine_10nm = point;
             self.modal.extruder_10nm = extruder_before + share(extrusion_10nm, index);
             self.tally.filament_100pm += push;
@@ -183,7 +182,7 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         Ok(())
     }
 
-    /// Where a move goes, or why it does not; changes nothing.
+    /// Where a move goes, or why it is refused.
     fn target(&self, axes: &AxisWords, feed: Option<Decimal>) -> Result<Target, CommandError> {
         let (machine_10nm, extruder_10nm) = self.modal.target(axes).ok_or(CommandError::TooFar)?;
         if machine_10nm.iter().any(|coordinate| coordinate.unsigned_abs() > MAX_COORDINATE_10NM as u64) {
@@ -285,7 +284,7 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         }
     }
 
-    /// G10, G11 with the settings of M207 and M208; a second one in a row does nothing, as in Marlin.
+    /// G10, G11 with the settings of M207 and M208; a second one in a row has no effect, as in Marlin.
     pub(crate) async fn firmware_retract(&mut self, retract: bool) -> Result<(), CommandError> {
         if retract == self.modal.retracted {
             return Ok(());
@@ -333,7 +332,7 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         let Some(NewestRetraction { motor_steps, filament_100pm }) = self.newest_retraction else { return 0 };
         let [x, y, z, _] = self.motion.motor_steps();
         if [x, y, z] == motor_steps.map(i64::from) {
-            // Under way, over, or about to begin: nothing else of the filament was to come.
+            // It is being made, has ended or is about to begin: all filament still to come was its own.
             dropped_100pm.clamp(filament_100pm.min(0), filament_100pm.max(0))
         } else if dropped_100pm == 0 {
             // Over.

@@ -3,8 +3,9 @@
 use core::future::Future;
 use core::sync::atomic::{AtomicBool, AtomicU8, AtomicU16, AtomicU32, Ordering};
 
+use embedded_hal_async::delay::DelayNs;
 use ferrostep_gcode::{MotionFigures, Reply, TimingFigures};
-use ferrostep_hal_shim::Heater;
+use ferrostep_hal_shim::{Clock, Heater};
 use ferrostep_planner::{Limits, MotionChoice, Move, MoveError, Moved, Request};
 use ferrostep_tmc2209::{DriverReport, DriverSettings, DriverState, SettingsError};
 
@@ -54,10 +55,10 @@ impl Miscount {
     }
 }
 
-/// How a move towards an end stop ended.
+/// How a move towards a sensor ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Seek {
-    /// The end stop triggered; the motors stand there.
+pub enum HomingOutcome {
+    /// The sensor triggered; the motors stand there.
     Triggered,
     /// The move ended without it.
     Missed,
@@ -87,10 +88,10 @@ pub trait Motion {
     /// Waits until all queued motion has ended. An error, too, where the plan of a prepared job's last block could not be
     /// followed.
     fn finish(&mut self) -> impl Future<Output = Result<(), MotionError>>;
-    /// The moves to come, until the position is set, are part of homing: whoever adds up a print's time leaves them out.
+    /// The moves to come, until the position is set, are part of homing: a print's motion time leaves them out.
     fn begin_homing(&mut self) {}
     /// Runs a move at standstill until the end stop of `axis` triggers or the move ends.
-    fn seek(&mut self, request: Move, axis: usize) -> impl Future<Output = Result<Seek, MotionError>>;
+    fn seek(&mut self, request: Move, axis: usize) -> impl Future<Output = Result<HomingOutcome, MotionError>>;
     /// Machine position at the end of all queued motion, units of 10 nm.
     fn position_10nm(&self) -> [i64; 3];
     /// Says where the machine is, at standstill.
@@ -129,8 +130,27 @@ pub trait Motion {
     }
 }
 
-/// What of a board can be used. What cannot is refused by name: nobody shall think that something is hot, or homed, that
-/// is not.
+/// What a printer's commands act on.
+pub trait Ports {
+    /// The planner and the motors.
+    type Motion: Motion;
+    /// The heaters.
+    type Heating: Heating;
+    /// The time, and waits for it.
+    type Clock: Clock + DelayNs + Clone;
+    /// Where replies go.
+    type Replies: Replies;
+}
+
+impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Ports for (M, H, T, R) {
+    type Motion = M;
+    type Heating = H;
+    type Clock = T;
+    type Replies = R;
+}
+
+/// The parts of a board that can be used. Commands for the others are refused by name, so that nobody takes for hot or
+/// homed what is not.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Equipment {
     /// Heaters with their thermometers.
@@ -142,7 +162,7 @@ pub struct Equipment {
 }
 
 impl Equipment {
-    /// All there is.
+    /// All parts.
     pub const ALL: Self = Self { heaters: true, end_stops: true, fan: true };
     /// Motors alone.
     pub const NONE: Self = Self { heaters: false, end_stops: false, fan: false };

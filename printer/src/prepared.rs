@@ -1,15 +1,14 @@
 //! Jobs that were planned elsewhere (GPRE): their moves bring their speeds; commands are executed as from G-code.
 
-use embedded_hal_async::delay::DelayNs;
 use ferrostep_gcode::parse;
 use ferrostep_gpre::{LimitValues, ModalState};
-use ferrostep_hal_shim::{Clock, Heater};
+use ferrostep_hal_shim::Heater;
 use ferrostep_planner::extruder::FILAMENT_UNITS_PER_MM;
 use ferrostep_planner::{Limits, Moved, Prepared, PreparedBlock, PreparedMove, Retuned};
 
 use crate::error::{CommandError, Failure};
 use crate::moves::MAX_EXTRUDER_10NM;
-use crate::ports::{Heating, Motion, MotionError, Replies};
+use crate::ports::{Heating, Motion, MotionError, Ports};
 use crate::printer::Printer;
 
 /// E of the G-code as the blocks of a prepared job push it. The packets say it as well, from time to time; where they
@@ -40,7 +39,7 @@ fn limit_values(limits: &Limits) -> LimitValues {
     [vx, vy, vz, ve, ax, ay, az, ae, print, travel, retract, deviation, jx, jy, jz, je].map(|value| value as f32)
 }
 
-impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, M, H, T, R> {
+impl<P: Ports> Printer<'_, P> {
     /// The settings in force from move to move, for the writer of a prepared job.
     pub fn prepared_state(&self) -> ModalState {
         let celsius = |heater| self.heating.status(heater).target_celsius as u16;

@@ -13,7 +13,7 @@ use ferrostep_planner::{AccelerationProfile, Interpolation, Kinematics};
 use crate::error::{CommandError, Failure};
 use crate::modal::{Modal, Tally};
 use crate::moves::NewestRetraction;
-use crate::ports::{Equipment, Heating, Motion, MotorDrivers, Replies, Signals, Timing};
+use crate::ports::{Equipment, Heating, Motion, MotorDrivers, Ports, Replies, Signals, Timing};
 use crate::prepared::BlockExtruder;
 use crate::profile::{HomeEnd, HomeSensor, Profile};
 use crate::transfer::JobRequest;
@@ -26,7 +26,7 @@ pub(crate) type Text = heapless::String<384>;
 const ALL_MOTORS: u8 = 0b1111;
 
 /// How a command that has been executed is answered.
-// A word, for a result that is told by a byte is copied by bytes.
+// `repr(u32)`: with a one-byte tag the compiler copies the `Result` byte by byte.
 #[repr(u32)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Answer {
@@ -43,16 +43,13 @@ fn mask(axes: AxisFlags) -> u8 {
     u8::from(axes.x) | u8::from(axes.y) << 1 | u8::from(axes.z) << 2 | u8::from(axes.e) << 3
 }
 
-/// The machine that executes commands.
-///
-/// `M` moves, `H` heats, `T` tells and waits for the time, `R` takes the replies.
-#[derive(Debug)]
-pub struct Printer<'a, M, H, T, R> {
+/// Executes commands.
+pub struct Printer<'a, P: Ports> {
     pub(crate) profile: &'a Profile,
-    pub(crate) motion: M,
-    pub(crate) heating: H,
-    pub(crate) clock: T,
-    pub(crate) replies: &'a R,
+    pub(crate) motion: P::Motion,
+    pub(crate) heating: P::Heating,
+    pub(crate) clock: P::Clock,
+    pub(crate) replies: &'a P::Replies,
     pub(crate) signals: &'a Signals,
     pub(crate) modal: Modal,
     pub(crate) tally: Tally,
@@ -73,7 +70,7 @@ pub struct Printer<'a, M, H, T, R> {
     pub(crate) job_request: Option<JobRequest>,
 }
 
-impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'a, M, H, T, R> {
+impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'a, (M, H, T, R)> {
     /// A printer that has just been switched on: nothing homed, everything cold.
     pub fn new(profile: &'a Profile, motion: M, heating: H, clock: T, replies: &'a R, signals: &'a Signals) -> Self {
         signals.set_heater_timeout_s(profile.heater_timeout_s);
@@ -100,7 +97,9 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
             job_request: None,
         }
     }
+}
 
+impl<'a, P: Ports> Printer<'a, P> {
     /// Version of the firmware as M115 reports it, `0.1.0 (commit abcdef0)`; without this it has no commit.
     pub fn set_version(&mut self, version: &'a str) {
         self.version = version;
@@ -121,7 +120,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
         self.drivers = Some(drivers);
     }
 
-    /// What of the board can be used; all if nobody says otherwise.
+    /// The parts of the board that can be used; all without this.
     pub fn set_equipment(&mut self, equipment: Equipment) {
         self.equipment = equipment;
     }
@@ -136,7 +135,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
         self.modal.logical_10nm()
     }
 
-    pub(crate) fn replies(&self) -> &'a R {
+    pub(crate) fn replies(&self) -> &'a P::Replies {
         self.replies
     }
 
@@ -155,7 +154,7 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
     pub async fn execute(&mut self, line: u32, text: &str) -> Result<(), Failure> {
         self.line = line;
         self.signals.note_host();
-        // From here on nobody switches the motors off; if somebody has, it is noticed now.
+        // A command at work keeps the motors on. If the idle timeout switched them off before, it is noticed now.
         self.signals.set_at_work(true);
         if self.motion.take_switched_off() {
             self.modal.forget_home(ALL_MOTORS);
@@ -291,8 +290,8 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
         self.follow_the_motors();
     }
 
-    /// M999. Whoever halted the machine has stopped the motors, but what they left undone of the filament has not been
-    /// reckoned. A heater fault that is still there halts the machine again at once.
+    /// M999. The halt has stopped the motors, but the filament that they left unpushed has not been
+    /// subtracted. A heater fault that is still there halts the machine again at once.
     fn restart(&mut self) -> Result<(), CommandError> {
         if !self.signals.is_halted() {
             return Ok(());

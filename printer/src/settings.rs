@@ -1,12 +1,10 @@
 //! M201 to M221: what a job may change about the machine.
 
-use embedded_hal_async::delay::DelayNs;
 use ferrostep_gcode::{AxisWords, Decimal, Reply, RetractionWords};
-use ferrostep_hal_shim::Clock;
 
 use crate::error::CommandError;
 use crate::extrusion::AdaptiveExtrusion;
-use crate::ports::{Heating, Motion, Replies};
+use crate::ports::{Motion, Ports, Replies};
 use crate::printer::Printer;
 use crate::profile::ExtrusionSettings;
 
@@ -26,7 +24,7 @@ fn in_range(word: char, value: f64, minimum: f64, maximum: f64) -> Result<f64, C
     }
 }
 
-/// A speed or acceleration in mm, as written in a unit of so many mm.
+/// A speed or acceleration in mm, as written in a unit of `unit_mm`.
 fn limit(word: char, value: Decimal, unit_mm: f64) -> Result<f64, CommandError> {
     in_range(word, value.to_f64() * unit_mm, SMALLEST_LIMIT, LARGEST_LIMIT)
 }
@@ -48,7 +46,7 @@ fn set_axes(limits: &mut [f64; 4], words: &AxisWords, unit_mm: f64) -> Result<()
     Ok(())
 }
 
-impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, M, H, T, R> {
+impl<P: Ports> Printer<'_, P> {
     /// M201.
     pub(crate) fn set_max_acceleration(&mut self, words: &AxisWords) -> Result<(), CommandError> {
         let mut limits = self.motion.limits();
@@ -166,7 +164,7 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
         Ok(())
     }
 
-    /// M795: holds for the moves behind it.
+    /// M795: holds for the moves after it.
     pub(crate) fn adaptive_extrusion(
         &mut self,
         on: Option<bool>,

@@ -8,7 +8,6 @@ use core::future::{Future, poll_fn};
 use core::pin::pin;
 use core::task::Poll;
 
-use embedded_hal_async::delay::DelayNs;
 use ferrostep_gcode::{Line, LineError, Reply};
 use ferrostep_gpre::compact::{Decoder, Frame, FrameState};
 use ferrostep_gpre::parts::{Part, Parts};
@@ -19,7 +18,7 @@ use ferrostep_planner::PLANNER_VERSION;
 
 use crate::error::{CommandError, Failure};
 use crate::host::Host;
-use crate::ports::{Heating, Motion, Replies, Signals};
+use crate::ports::{Motion, Ports, Replies, Signals};
 use crate::printer::{Printer, Text};
 
 /// Longest silence before the first frame, s: a host that asks for a transfer has a job at hand.
@@ -240,7 +239,7 @@ fn say(replies: &impl Replies, text: fmt::Arguments<'_>) {
     replies.send(Reply::Text(&line));
 }
 
-impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, M, H, T, R> {
+impl<P: Ports> Printer<'_, P> {
     /// Says that [`Self::receive_job`] is called where M790 asks for it.
     pub fn set_receives_jobs(&mut self) {
         self.receives_jobs = true;

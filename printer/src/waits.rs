@@ -5,7 +5,7 @@ use ferrostep_gcode::{Real, Reply, Temperatures, WaitTarget};
 use ferrostep_hal_shim::{Clock, Heater};
 
 use crate::error::CommandError;
-use crate::ports::{HeaterStatus, Heating, Motion, Replies};
+use crate::ports::{HeaterStatus, Heating, Motion, Ports, Replies};
 use crate::printer::{Printer, Text};
 
 /// How often a wait looks around. A cancelled wait ends within this time.
@@ -40,7 +40,7 @@ impl Cooling {
     }
 }
 
-impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, M, H, T, R> {
+impl<P: Ports> Printer<'_, P> {
     /// Waits for a while; ends early when the machine is halted.
     pub(crate) async fn wait_ms(&mut self, milliseconds: u64) -> Result<(), CommandError> {
         let end = self.clock.now_ms().saturating_add(milliseconds);
@@ -115,7 +115,7 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, 
             let status = self.heating.status(heater);
             let above = status.celsius - status.target_celsius;
             if had_target && status.target_celsius <= 0.0 {
-                // Nothing else takes a target away during a wait.
+                // During a wait only a fault or a timeout takes a target away.
                 return Err(CommandError::HeatersTimedOut);
             }
             if status.target_celsius <= 0.0 || !cooling_counts && above > settings.residency_window_celsius {

@@ -1,13 +1,11 @@
 //! M851 and M290: where the probe is, and how high the nozzle prints.
 
-use embedded_hal_async::delay::DelayNs;
 use ferrostep_gcode::{AxisWords, Real};
-use ferrostep_hal_shim::Clock;
 use ferrostep_planner::Move;
 
 use crate::AXIS_NAMES;
 use crate::error::CommandError;
-use crate::ports::{Heating, Motion, Replies};
+use crate::ports::{Motion, Ports, Replies};
 use crate::printer::{Printer, Text};
 use crate::profile::{HomeSensor, SafeHoming};
 
@@ -32,7 +30,7 @@ fn mm(length_10nm: i64) -> Real {
     Real::fixed(length_10nm as f64 / MM as f64, 2)
 }
 
-impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'_, M, H, T, R> {
+impl<P: Ports> Printer<'_, P> {
     /// Whether M290 has shifted Z, which the heights of a prepared job do not expect.
     pub fn is_shifted(&self) -> bool {
         self.modal.z.shift_10nm != 0

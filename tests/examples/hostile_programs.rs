@@ -19,8 +19,8 @@ use ferrostep::record::Observer;
 use ferrostep::session::{JobReplies, Session};
 use ferrostep_oracle::reference::ReferenceProfile;
 use ferrostep_oracle::trace_ends::{Ends, count_ends};
+use ferrostep_planner::StepObserver;
 use ferrostep_tests::hostile::Hostile;
-use ferrostep_virtual_board::StepObserver;
 use indicatif::ProgressBar;
 
 /// The trace's records, in memory.
@@ -65,7 +65,7 @@ fn print(program: &Hostile) -> Result<Ends, String> {
     });
     let records = Records(format!("{header}\n").into_bytes());
     let replies = JobReplies::new(|_: &str| {});
-    let session = Session::new(profile, ferrostep::desk::Mode::Print, program.look_ahead, records, replies);
+    let session = Session::print(profile, program.look_ahead, records, replies);
     let outcome = {
         let mut printer = session.printer();
         session.run(job::run(&mut program.text.as_bytes(), &mut printer, &mut JobProgress::default(), |_| {}))

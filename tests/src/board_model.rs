@@ -24,7 +24,7 @@ use ferrostep_planner::look_ahead::Slot;
 use ferrostep_printer::machine::{Machine, SharedMotion, Silence};
 use ferrostep_printer::{Failure, Printer, Profile};
 use ferrostep_step_player::{Signals as StepSignals, StepFeeder, Stepping};
-use ferrostep_virtual_board::{VirtualClock, VirtualDelay, VirtualPort, VirtualUpdateTimer};
+use ferrostep_virtual_board::{ModelledSensors, VirtualClock, VirtualDelay, VirtualPort, VirtualUpdateTimer};
 
 use interrupts::{Interrupts, Player};
 use recording::WatchedPort;
@@ -54,11 +54,11 @@ const FLUSH_AFTER: u64 = 100 * CYCLES_A_MS;
 const LONGEST_COMMAND: u64 = 3_600 * CYCLES_PER_S;
 
 /// Planner, motors and step queue of the board.
-pub type BoardMachine<'a, M> = Machine<Vec<Slot>, Queue<'a, M>>;
+pub type BoardMachine<'a, M> = Machine<Vec<Slot>, ModelledSensors<Queue<'a, M>>>;
 
 /// The printer on the board.
 pub type BoardPrinter<'b, 'a, M> =
-    Printer<'b, SharedMotion<&'b Board<'a, M>>, ColdHeaters, VirtualDelay<'b>, Transcript>;
+    Printer<'b, (SharedMotion<&'b Board<'a, M>>, ColdHeaters, VirtualDelay<'b>, Transcript)>;
 
 /// The board.
 pub struct Board<'a, M> {
@@ -104,7 +104,7 @@ pub fn with_board<M: Stepping, T>(
         direction_setup_ticks: ticks(profile.driver.direction_setup_ns),
     };
     let feeder = StepFeeder::new(&player, VirtualPort::pins(), signals);
-    let queue = Queue::new(feeder, &interrupts, costs);
+    let queue = ModelledSensors::new(Queue::new(feeder, &interrupts, costs), profile.virtual_motors());
     job(&Board {
         profile,
         interrupts: &interrupts,

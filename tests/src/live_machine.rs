@@ -183,7 +183,7 @@ fn said(bytes: &mut Unstructured<'_>, number: &mut i64) -> arbitrary::Result<Sai
 }
 
 /// The board, and what belongs to its host.
-struct Talk<'b, 'a, M> {
+struct Talk<'b, 'a, M: Stepping> {
     board: &'b Board<'a, M>,
     profile: &'b Profile,
     printer: BoardPrinter<'b, 'a, M>,

@@ -9,8 +9,6 @@ use ferrostep_tmc2209::{
 };
 use ferrostep_virtual_board::{StallSignal, VIRTUAL_WIRING, VirtualDriverLines};
 
-use super::Mode;
-
 /// Ticks of the drivers' clock, and the speed of their line: a hardware one, as on the Prusa MINI's board.
 const TICKS_PER_SECOND: u32 = 1_000_000;
 const BAUD: u32 = 115_200;
@@ -42,10 +40,11 @@ impl Drivers {
 pub struct DeskDrivers(Option<RefCell<Drivers>>);
 
 impl DeskDrivers {
-    /// Drivers with these settings on the virtual board, just switched on. Only a print watches them while they are in
-    /// service: the model chips of an estimate have nothing to tell, and its cost must not follow the print's time.
+    /// Drivers with these settings on the virtual board, just switched on; `watched`: they are looked at while they are in
+    /// service, too. An estimate does not watch them: its model chips have nothing to tell, and its cost must not follow
+    /// the print's time.
     #[must_use]
-    pub fn new(settings: &[Option<DriverSettings>; MOTORS], mode: Mode) -> Self {
+    pub fn new(settings: &[Option<DriverSettings>; MOTORS], watched: bool) -> Self {
         if settings.iter().all(Option::is_none) {
             return Self(None);
         }
@@ -61,7 +60,7 @@ impl DeskDrivers {
             events: VecDeque::new(),
             now_tick: 0,
             next_tick: 0,
-            watched: mode == Mode::Print,
+            watched,
             polls: 0,
         })))
     }

@@ -24,8 +24,8 @@ pub struct HeaterSample {
 
 /// Watches the heaters until all are at rest: off and as cold as they get, or held at their targets, for [`REST_SAMPLES`].
 ///
-/// From there the model would only do the same again: no check can trip, no wait can end, and no temperature is elsewhere
-/// than within [`HELD_CELSIUS`] of where it is, until a target is changed.
+/// From there on the model would only repeat itself: until a target is changed no check can trip, no wait can end, and all
+/// temperatures stay within [`HELD_CELSIUS`].
 #[derive(Clone, Copy, Debug, Default)]
 pub struct HeatAtRest {
     samples: u32,
@@ -54,7 +54,7 @@ impl HeatAtRest {
         }
     }
 
-    /// Something is another than before: a target, a failure.
+    /// A target or a failure has changed.
     pub fn disturb(&mut self) {
         *self = Self::default();
     }

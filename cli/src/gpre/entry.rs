@@ -5,12 +5,10 @@ use std::io::Read;
 use ferrostep_gcode::{Command, parse};
 use ferrostep_gpre::compact::{Decoder, FrameState};
 use ferrostep_gpre::{Fault, Item};
-use ferrostep_printer::{CommandError, Profile, Replies};
+use ferrostep_printer::{CommandError, Ports, Printer, Profile};
 
 use super::play::PartReader;
 use crate::job::JobError;
-use crate::record::Observer;
-use crate::session::DeskPrinter;
 
 /// How far the nozzle is raised above the print while X and Y are homed and while it travels, units of 10 nm: 5 mm.
 const CLEARANCE_10NM: i64 = 500_000;
@@ -149,12 +147,12 @@ pub fn not_here<R: Read>(number: u32, reader: &mut PartReader<R>, frames: u32) -
 ///
 /// # Errors
 /// The command that could not be executed, as for a line of G-code.
-pub async fn approach<O: Observer, R: Replies>(
+pub async fn approach<P: Ports>(
     state: &FrameState,
     number: u32,
     passed: &Passed,
     profile: &Profile,
-    printer: &mut DeskPrinter<'_, O, R>,
+    printer: &mut Printer<'_, P>,
 ) -> Result<(), JobError> {
     let failed = |error: CommandError| JobError::Entry { frame: number, message: error.to_string() };
     let [x, y, z] = state.position_10nm;
@@ -192,10 +190,10 @@ pub async fn approach<O: Observer, R: Replies>(
 }
 
 /// Executes commands before a frame is entered.
-async fn run<'a, O: Observer, R: Replies>(
+async fn run<'a, P: Ports>(
     commands: impl Iterator<Item = (u32, &'a str)>,
     frame: u32,
-    printer: &mut DeskPrinter<'_, O, R>,
+    printer: &mut Printer<'_, P>,
 ) -> Result<(), JobError> {
     for (line, text) in commands {
         let failed = |failure| JobError::Entry { frame, message: format!("before it is entered: {text:?}: {failure}") };

@@ -8,12 +8,10 @@ use ferrostep_gpre::wide::Packet;
 use ferrostep_gpre::{Encoding, Fault, Header, Item, ReadError};
 use ferrostep_planner::PLANNER_VERSION;
 use ferrostep_printer::packets::{Asked, PacketReader, Place};
-use ferrostep_printer::{CommandError, Failure, Profile, Replies};
+use ferrostep_printer::{CommandError, Failure, Ports, Printer, Profile};
 
 use super::entry::{self, Passed};
 use crate::job::{JobError, JobProgress};
-use crate::record::Observer;
-use crate::session::DeskPrinter;
 
 /// Reads a prepared job's parts one after the other and knows where it is.
 pub struct PartReader<R> {
@@ -127,10 +125,10 @@ pub fn refused(error: ReadError) -> JobError {
 ///
 /// # Errors
 /// As a [`ReadError`] or a [`CommandError`] has it, with the frame and its place.
-pub async fn play<O: Observer, R: Replies>(
+pub async fn play<P: Ports>(
     input: &mut impl Read,
     profile: &Profile,
-    printer: &mut DeskPrinter<'_, O, R>,
+    printer: &mut Printer<'_, P>,
     progress: &mut JobProgress,
     look: impl FnMut(&JobProgress),
 ) -> Result<(), JobError> {
@@ -142,11 +140,11 @@ pub async fn play<O: Observer, R: Replies>(
 /// # Errors
 /// As [`play`], and [`JobError::Entry`] where there is no such frame, the job cannot be entered there, or the machine not be brought
 /// there.
-pub async fn play_from<O: Observer, R: Replies>(
+pub async fn play_from<P: Ports>(
     from: u32,
     input: &mut impl Read,
     profile: &Profile,
-    printer: &mut DeskPrinter<'_, O, R>,
+    printer: &mut Printer<'_, P>,
     progress: &mut JobProgress,
     mut look: impl FnMut(&JobProgress),
 ) -> Result<(), JobError> {
@@ -191,10 +189,10 @@ struct Frames<'a> {
 }
 
 /// Executes all frames.
-async fn frames<O: Observer, R: Replies>(
+async fn frames<P: Ports>(
     reader: &mut PartReader<&mut impl Read>,
     job: &Frames<'_>,
-    printer: &mut DeskPrinter<'_, O, R>,
+    printer: &mut Printer<'_, P>,
     progress: &mut JobProgress,
     look: &mut impl FnMut(&JobProgress),
 ) -> Result<(), JobError> {
@@ -222,10 +220,10 @@ async fn frames<O: Observer, R: Replies>(
 }
 
 /// Executes all packets.
-async fn packets<O: Observer, R: Replies>(
+async fn packets<P: Ports>(
     reader: &mut PartReader<&mut impl Read>,
     count: u32,
-    printer: &mut DeskPrinter<'_, O, R>,
+    printer: &mut Printer<'_, P>,
     progress: &mut JobProgress,
     look: &mut impl FnMut(&JobProgress),
 ) -> Result<(), JobError> {
@@ -248,9 +246,9 @@ async fn packets<O: Observer, R: Replies>(
 }
 
 /// Executes what packets ask for.
-async fn execute_asked<O: Observer, R: Replies>(
+async fn execute_asked<P: Ports>(
     asked: Asked<'_>,
-    printer: &mut DeskPrinter<'_, O, R>,
+    printer: &mut Printer<'_, P>,
     progress: &mut JobProgress,
 ) -> Result<(), Stopped> {
     let at = |line: u32| move |error: CommandError| Stopped { line: Some(line), message: error.to_string() };
@@ -294,9 +292,9 @@ impl From<Fault> for Stopped {
 }
 
 /// Executes the items of a frame.
-async fn execute<O: Observer, R: Replies>(
+async fn execute<P: Ports>(
     items: &mut Decoder<'_>,
-    printer: &mut DeskPrinter<'_, O, R>,
+    printer: &mut Printer<'_, P>,
     progress: &mut JobProgress,
 ) -> Result<(), Stopped> {
     let start = *items.start();

@@ -1,20 +1,19 @@
 //! From G-code to GPRE, in one pass and in constant memory.
 
-use std::cell::RefCell;
 use std::io::{self, Read, Seek, SeekFrom, Write};
 
 use ferrostep_gcode::{Command, parse};
 use ferrostep_gpre::compact::FrameWriter;
 use ferrostep_gpre::{Encoding, Header, ModalState, Thumbnail};
 use ferrostep_planner::{AccelerationProfile, PLANNER_VERSION};
-use ferrostep_printer::{Profile, Replies, Tally};
+use ferrostep_printer::{Ports, Printer, Profile, Replies, Tally};
 
 use super::LOOK_AHEAD_BLOCKS;
 use super::packets::PacketWriter;
-use super::script::Ready;
-use crate::desk::{Desk, Figures, Mode};
+use super::script::{Ready, Script};
+use crate::desk::{Figures, PlanReader};
 use crate::job::{self, JobError, JobProgress, Onlooker};
-use crate::session::{DeskPrinter, Session};
+use crate::session::Session;
 
 /// Bytes that are kept before they are written.
 const PORTION_BYTES: usize = 64 * 1024;
@@ -97,7 +96,7 @@ enum Parts {
 
 /// The file being written.
 struct Writer<'a, W> {
-    desk: &'a RefCell<Desk<()>>,
+    reader: &'a PlanReader,
     out: W,
     parts: Parts,
     waiting: Vec<u8>,
@@ -129,11 +128,8 @@ impl<W: Write> Writer<'_, W> {
     }
 
     fn take_ready(&mut self) {
-        let desk = self.desk;
-        if let Some(script) = desk.borrow_mut().script() {
-            while let Some(ready) = script.pop() {
-                self.take(&ready);
-            }
+        while let Some(ready) = self.reader.with_script(Script::pop).flatten() {
+            self.take(&ready);
         }
     }
 
@@ -146,24 +142,20 @@ impl<W: Write> Writer<'_, W> {
     }
 }
 
-impl<W: Write, R: Replies> Onlooker<(), R> for Writer<'_, W> {
-    fn begins(&mut self, _: &DeskPrinter<'_, (), R>, line: u32, text: &str) {
+impl<W: Write, P: Ports> Onlooker<P> for Writer<'_, W> {
+    fn begins(&mut self, _: &Printer<'_, P>, line: u32, text: &str) {
         if let Ok(Command::ShiftZ { words, .. }) = parse(text)
             && words.z.is_some()
         {
             let why = "M290 shifts a print by hand and cannot be prepared, expected the height in the job (M851, or its G-code)";
             self.failed.get_or_insert(PrepareError::Command(line, why));
         }
-        if let Some(script) = self.desk.borrow_mut().script() {
-            script.begins(line, text);
-        }
+        self.reader.with_script(|script| script.begins(line, text));
     }
 
-    fn ended(&mut self, printer: &DeskPrinter<'_, (), R>) {
+    fn ended(&mut self, printer: &Printer<'_, P>) {
         let (modal, position) = (printer.prepared_state(), printer.machine_10nm());
-        if let Some(script) = self.desk.borrow_mut().script() {
-            script.ended(modal, position);
-        }
+        self.reader.with_script(|script| script.ended(modal, position));
         self.take_ready();
     }
 }
@@ -200,7 +192,7 @@ pub fn prepare<R: Replies>(
     let picture = picture.map_or_else(Vec::new, |(_, bytes)| bytes);
     out.write_all(&header.to_bytes(&picture)).map_err(PrepareError::Write)?;
 
-    let session = Session::new(profile, Mode::Prepare, LOOK_AHEAD_BLOCKS, (), replies);
+    let session = Session::prepare(profile, LOOK_AHEAD_BLOCKS, replies);
     let mut printer = session.printer();
     let mut progress = JobProgress::default();
     let mut input = Counted { input, bytes: 0 };
@@ -208,9 +200,9 @@ pub fn prepare<R: Replies>(
         Encoding::Compact => Parts::Compact(Box::new(FrameWriter::new(printer.machine_10nm(), ModalState::START))),
         Encoding::Wide => Parts::Wide(PacketWriter::new(printer.machine_10nm())),
     };
-    let mut writer = Writer { desk: session.desk(), out, parts, waiting: Vec::new(), content_bytes: 0, failed: None };
+    let mut writer = Writer { reader: session.desk(), out, parts, waiting: Vec::new(), content_bytes: 0, failed: None };
     let outcome = session.run(job::run_watched(&mut input, &mut printer, &mut progress, &mut writer, |progress| {
-        look(progress, &session.desk().borrow().figures());
+        look(progress, &session.figures());
     }));
     outcome.map_err(PrepareError::Job)?;
     writer.take_ready();
@@ -229,7 +221,7 @@ pub fn prepare<R: Replies>(
     let tally = printer.tally();
     header.frames = frames;
     header.moves = tally.moves;
-    header.motion_ms = (session.desk().borrow().figures().motion_time_s * 1000.0).round() as u64;
+    header.motion_ms = (session.figures().motion_time_s * 1000.0).round() as u64;
     header.filament_100pm = tally.filament_100pm;
     header.layers = progress.layers;
     let mut out = writer.out;

@@ -5,13 +5,13 @@ mod extruder;
 use std::fmt;
 use std::path::Path;
 
+use ferrostep_planner::StepObserver;
 use ferrostep_planner::kinematics::Kinematics;
 use ferrostep_planner::{AccelerationProfile, EXTRUDER, Interpolation, TICKS_PER_SECOND};
 use ferrostep_printer::Profile;
-use ferrostep_virtual_board::StepObserver;
 
 use super::{Cell, Table};
-use crate::desk::{LOOK_AHEAD_BLOCKS, Mode};
+use crate::desk::LOOK_AHEAD_BLOCKS;
 use crate::input::{Input, InputError};
 use crate::job::{self, JobProgress};
 use crate::record::Observer;
@@ -113,12 +113,11 @@ fn note(profile: &Profile) -> String {
 
 fn print(path: &Path, profile: &Profile) -> Result<Vec<Cell>, CompareError> {
     let mut input = Input::open(path).map_err(CompareError::Open)?;
-    let session =
-        Session::new(*profile, Mode::Print, LOOK_AHEAD_BLOCKS, Watch::new(profile), JobReplies::new(|_: &str| {}));
+    let session = Session::print(*profile, LOOK_AHEAD_BLOCKS, Watch::new(profile), JobReplies::new(|_: &str| {}));
     let mut printer = session.printer();
     let outcome = session.run(job::run(&mut input, &mut printer, &mut JobProgress::default(), |_| {}));
     outcome.map_err(|error| CompareError::Stopped(error.to_string()))?;
-    let figures = session.desk().borrow().figures();
+    let figures = session.figures();
     let watch = session.into_observer();
     let digest = |digest: u64| Cell::Text(format!("{digest:016x}"));
     Ok(vec![

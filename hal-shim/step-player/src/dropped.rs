@@ -7,6 +7,8 @@ pub struct DroppedSteps {
     pub signed: [i32; 4],
     /// All, a motor each.
     pub issued: [u32; 4],
+    /// Ticks of the motion clock that they would have taken, where the queue keeps that clock; else 0.
+    pub ticks: u64,
     /// A command or a fault has stopped motion, not only the sensor that an axis seeks.
     pub requested: bool,
 }

@@ -26,7 +26,7 @@ impl StepLink {
     }
 
     /// The player takes slots, until it finds none.
-    pub(super) fn start(&self) {
+    pub fn start(&self) {
         self.run.store(1);
     }
 
@@ -38,7 +38,7 @@ impl StepLink {
 
     /// The player has found no slot; it waits for [`Self::start`].
     #[inline(always)]
-    pub(super) fn run_dry(&self) {
+    pub fn run_dry(&self) {
         self.run.store(0);
         self.ran_dry.store(1);
     }
@@ -69,7 +69,7 @@ impl StepLink {
     ///
     /// The reason is taken after the flag is cleared: a request that comes in between sets it again, and is followed once
     /// more, then as if a sensor had asked.
-    pub(super) fn stopped(&self) -> bool {
+    pub fn stopped(&self) -> bool {
         self.run.store(0);
         self.ran_dry.store(0);
         self.stop.store(0);

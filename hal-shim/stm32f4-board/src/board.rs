@@ -58,8 +58,6 @@ impl BoardPins {
 }
 
 impl Motors<MOTOR_PORTS> for BoardPins {
-    const HAS_SENSORS: bool = !VIRTUAL_SENSORS;
-
     fn is_sensor_triggered(&self, axis: usize) -> bool {
         // SAFETY: a port is only read.
         self.sensors.is_triggered(axis, &mut unsafe { Volatile::new() })

@@ -1,7 +1,7 @@
 //! TIM2, the timer that makes the steps, and TIM9, which counts its updates.
 
 use cortex_m::peripheral::NVIC;
-use ferrostep_hal_shim::{MotorEnable, StepOutput};
+use ferrostep_hal_shim::{HomingSensors, MotionWatch, MotorEnable, PlanningClock, StepQueue};
 use ferrostep_planner::StepEntry;
 use ferrostep_step_player::{
     DroppedSteps, FeedError, IDLE_TICKS, MAX_EVENTS, NextWords, OutputPorts, StepFeeder, StepLink, StepPlayer,
@@ -19,14 +19,11 @@ pub trait Motors<const PORTS: usize> {
     /// Switches on the drivers in the mask, and off the others. Those that share a signal are on while one of them is.
     fn enable(&self, on: u8);
 
-    /// As [`StepOutput::HAS_SENSORS`].
-    const HAS_SENSORS: bool = false;
-
-    /// As [`StepOutput::is_sensor_triggered`].
+    /// As [`HomingSensors::is_sensor_triggered`].
     fn is_sensor_triggered(&self, _axis: usize) -> bool {
         false
     }
-    /// As [`StepOutput::watch_sensor`].
+    /// As [`HomingSensors::watch_sensor`].
     fn watch_sensor(&self, _axis: Option<usize>) {}
 }
 
@@ -232,7 +229,7 @@ fn halt() {
 }
 
 /// The queue's near end, for the planner task.
-pub struct StepQueue<B, M: 'static, const PORTS: usize, const N: usize> {
+pub struct MotorQueue<B, M: 'static, const PORTS: usize, const N: usize> {
     motors: B,
     feeder: StepFeeder<'static, M, PORTS, N>,
     meter: PlanningMeter,
@@ -242,7 +239,7 @@ pub struct StepQueue<B, M: 'static, const PORTS: usize, const N: usize> {
     counted_missed: u16,
 }
 
-impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> StepQueue<B, M, PORTS, N> {
+impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> MotorQueue<B, M, PORTS, N> {
     /// The producer's side. The clock tells how long planning takes; without one it is taken to keep up. Puts the direction
     /// signals where the feeder takes them to be.
     pub fn new(motors: B, feeder: StepFeeder<'static, M, PORTS, N>, clock: Option<MotionClock>) -> Self {
@@ -254,7 +251,7 @@ impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> StepQueu
     }
 }
 
-impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> StepQueue<B, M, PORTS, N> {
+impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> MotorQueue<B, M, PORTS, N> {
     /// Whether TIM9 is there, which counts the updates: an emulator has none.
     pub fn has_update_count(&self) -> bool {
         has_count()
@@ -276,7 +273,7 @@ impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> StepQueu
     }
 }
 
-impl<B, M: Stepping, const PORTS: usize, const N: usize> StepQueue<B, M, PORTS, N> {
+impl<B, M: Stepping, const PORTS: usize, const N: usize> MotorQueue<B, M, PORTS, N> {
     /// Adds entries as they are made.
     ///
     /// # Errors
@@ -293,7 +290,7 @@ fn has_count() -> bool {
     unsafe { &*TIM9::ptr() }.arr().read().bits() == u32::from(MAX_EVENTS)
 }
 
-impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> StepOutput for StepQueue<B, M, PORTS, N> {
+impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> StepQueue for MotorQueue<B, M, PORTS, N> {
     fn queued(&self) -> u32 {
         self.feeder.queued()
     }
@@ -346,6 +343,32 @@ impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> StepOutp
         dropped
     }
 
+    fn take_missed_updates(&mut self) -> u32 {
+        let Some(missed) = self.missed() else { return 0 };
+        // Fewer than before: another motion.
+        let new = missed.saturating_sub(self.counted_missed);
+        self.counted_missed = missed;
+        new.into()
+    }
+}
+
+impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> HomingSensors for MotorQueue<B, M, PORTS, N> {
+    fn is_sensor_triggered(&self, axis: usize) -> bool {
+        self.motors.is_sensor_triggered(axis)
+    }
+
+    fn watch_sensor(&mut self, axis: Option<usize>) {
+        self.motors.watch_sensor(axis);
+    }
+}
+
+impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> MotionWatch for MotorQueue<B, M, PORTS, N> {
+    fn move_ended(&mut self, _tick: u64, _line: u32) {
+        self.meter.move_planned();
+    }
+}
+
+impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> PlanningClock for MotorQueue<B, M, PORTS, N> {
     #[inline]
     fn now_ticks(&self) -> Option<u32> {
         self.clock.map(MotionClock::now_ticks)
@@ -356,35 +379,13 @@ impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> StepOutp
         self.meter.begin();
     }
 
-    fn move_planned(&mut self) {
-        self.meter.move_planned();
-    }
-
     #[inline]
     fn planning_ends(&mut self) {
         self.meter.end();
     }
-
-    const HAS_SENSORS: bool = B::HAS_SENSORS;
-
-    fn is_sensor_triggered(&self, axis: usize) -> bool {
-        self.motors.is_sensor_triggered(axis)
-    }
-
-    fn watch_sensor(&mut self, axis: Option<usize>) {
-        self.motors.watch_sensor(axis);
-    }
-
-    fn take_missed_updates(&mut self) -> u32 {
-        let Some(missed) = self.missed() else { return 0 };
-        // Fewer than before: another motion.
-        let new = missed.saturating_sub(self.counted_missed);
-        self.counted_missed = missed;
-        new.into()
-    }
 }
 
-impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> MotorEnable for StepQueue<B, M, PORTS, N> {
+impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> MotorEnable for MotorQueue<B, M, PORTS, N> {
     fn set_motors_enabled(&mut self, axes: u8, enabled: bool) {
         let before = self.enabled;
         self.enabled = if enabled { before | axes } else { before & !axes };

@@ -8,7 +8,7 @@ use embedded_hal_async::delay::DelayNs;
 
 use ferrostep_hal_shim::Clock;
 
-/// Virtual time in nanoseconds, and the earliest moment someone waits for.
+/// Virtual time in nanoseconds, and the moment at which the last polled wait ends.
 #[derive(Debug, Default)]
 pub struct VirtualClock {
     now_ns: Cell<u64>,
@@ -38,7 +38,7 @@ impl Clock for &VirtualClock {
     }
 }
 
-/// A wait in virtual time: whoever polls it lets the time pass.
+/// A wait in virtual time: its poller lets the time pass.
 #[derive(Clone, Copy, Debug)]
 pub struct VirtualDelay<'a>(pub &'a VirtualClock);
 

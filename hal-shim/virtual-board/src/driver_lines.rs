@@ -13,7 +13,7 @@ pub const VIRTUAL_WIRING: [DriverWiring; MOTORS] = [
     DriverWiring { line: 0, address: 2, sense_milliohm: 110 },
 ];
 
-/// Bytes that may be under way: a request's echo and a reply.
+/// Bytes that may be on the line: a request's echo and a reply.
 const UNDER_WAY: usize = 16;
 
 /// Bits of a byte on the line.
@@ -43,7 +43,7 @@ pub struct VirtualDriverLines {
 }
 
 impl VirtualDriverLines {
-    /// Chips that have just got their supply. A bit takes so many ticks of the caller's clock.
+    /// Chips that have just got their supply. A bit takes `bit_ticks` of the caller's clock.
     #[must_use]
     pub fn new(wiring: [Option<DriverWiring>; MOTORS], bit_ticks: u32) -> Self {
         Self {
@@ -79,7 +79,7 @@ impl VirtualDriverLines {
         self.most_garbled = bytes;
     }
 
-    /// Something holds the lines low: nothing is heard, not even an echo.
+    /// The lines are held low: no byte arrives, not even an echo.
     pub fn set_held(&mut self, is_held: bool) {
         self.is_held = is_held;
     }

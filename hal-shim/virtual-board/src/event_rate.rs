@@ -2,7 +2,7 @@
 
 use ferrostep_planner::TICKS_PER_SECOND;
 
-/// Events that fit into the window; more are not told apart.
+/// Events that fit into the window; the rate of more is given as of this many.
 const CAPACITY: usize = 4096;
 const WINDOW_TICKS: u64 = TICKS_PER_SECOND as u64 / 1000;
 

@@ -11,11 +11,11 @@ mod event_rate;
 mod heater_failure;
 mod heaters;
 mod mechanics;
+mod modelled_sensors;
 mod motors;
 mod port;
 mod probe;
 mod stall;
-mod step_timer;
 mod thermal_model;
 
 pub use clock::{VirtualClock, VirtualDelay};
@@ -26,18 +26,9 @@ pub use ferrostep_step_player::{CYCLES_A_TICK, VirtualUpdateTimer};
 pub use heater_failure::HeaterFailure;
 pub use heaters::VirtualHeaters;
 pub use mechanics::{BOUNCE_10NM, Mechanics, STALL_LAG_10NM, SensorFault, SensorPlace, VirtualSensor};
+pub use modelled_sensors::ModelledSensors;
 pub use motors::{START_10NM, VirtualEndStop, VirtualMotors};
 pub use port::VirtualPort;
 pub use probe::VirtualProbe;
 pub use stall::StallSignal;
-pub use step_timer::{StepObserver, StepTimer};
 pub use thermal_model::{HeatedMass, ThermalModel};
-
-/// The board.
-#[derive(Debug)]
-pub struct VirtualBoard {
-    /// Motors and end stops.
-    pub motors: VirtualMotors,
-    /// Heaters, thermometers and fan.
-    pub heaters: VirtualHeaters,
-}

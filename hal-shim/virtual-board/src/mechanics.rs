@@ -22,10 +22,10 @@ pub enum SensorPlace {
     Frame,
 }
 
-/// How a sensor fails.
+/// How a sensor may fail.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SensorFault {
-    /// It does not.
+    /// It works.
     Healthy,
     /// Always triggered: a broken wire of a switch that opens, an input without a sensor and with a pull-up.
     AlwaysOn,
@@ -35,7 +35,7 @@ pub enum SensorFault {
     WiredTo(usize),
     /// It comes and goes within 0.1 mm before its place.
     Bouncing,
-    /// Every other approach ends at a spike anywhere on its way.
+    /// Every other approach ends at a spike anywhere before its end.
     Spiking,
 }
 

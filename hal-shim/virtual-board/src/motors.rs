@@ -1,10 +1,10 @@
 //! The motors of the virtual board and the end stops they drive into.
 
 use ferrostep_planner::kinematics::UNITS_PER_MM;
-use ferrostep_planner::{Geometry, StepEntry};
+use ferrostep_planner::{Geometry, StepEntry, StepLedger, StepObserver};
 
-use super::{StallSignal, StepObserver, StepTimer, VirtualProbe};
-use ferrostep_hal_shim::{EndStops, MotorEnable};
+use super::{StallSignal, VirtualProbe};
+use ferrostep_hal_shim::Approach;
 
 /// Where the tool head truly stands when a virtual machine is switched on, units of 10 nm from its origin.
 pub const START_10NM: [i64; 3] = [6_000_000, 5_000_000, 1_200_000];
@@ -18,35 +18,36 @@ pub struct VirtualEndStop {
     pub at_max: bool,
 }
 
-/// Motors that count, and end stops that know where the tool head truly is.
+/// Motors that count their steps since they were switched on, and the sensors that the tool head meets.
 #[derive(Debug)]
 pub struct VirtualMotors {
-    /// Plays step entries and counts.
-    pub steps: StepTimer,
+    /// The steps that the motors have made.
+    pub ledger: StepLedger,
     geometry: Geometry,
     end_stops: [VirtualEndStop; 3],
-    /// Motor positions, in steps from the machine's true origin, when all counters were zero.
-    true_offset: [i64; 3],
-    enabled: u8,
+    /// Motor positions, in steps from the machine's true origin, when the ledger's were zero.
+    start_steps: [i64; 3],
     /// Axes without a switch: the frame ends where it would be.
     framed: u8,
     /// Z's end stop is this probe, which triggers at its coordinate where it is above the sheet.
     probe: Option<VirtualProbe>,
-    /// When the motor that homes by its stall signal has stepped last.
+    /// When the driver of the axis that homes by a stall says that its motor stalls; `None`: never.
+    stall_signal: Option<StallSignal>,
+    /// When that motor made its last step.
     last_step_tick: u64,
 }
 
 impl VirtualMotors {
-    /// Motors without current; the tool head truly stands at `true_position_10nm`, which the printer doesn't know.
+    /// Motors whose tool head truly stands at `true_position_10nm`, which the printer does not know.
     pub fn new(geometry: Geometry, end_stops: [VirtualEndStop; 3], true_position_10nm: [i64; 3]) -> Self {
         Self {
-            steps: StepTimer::default(),
+            ledger: StepLedger::default(),
             geometry,
             end_stops,
-            true_offset: geometry.motor_steps(true_position_10nm).map(i64::from),
-            enabled: 0,
+            start_steps: geometry.motor_steps(true_position_10nm).map(i64::from),
             framed: 0,
             probe: None,
+            stall_signal: None,
             last_step_tick: 0,
         }
     }
@@ -61,23 +62,14 @@ impl VirtualMotors {
         self.probe = Some(probe);
     }
 
+    /// The stall signal of the axis that homes next, if it is framed.
+    pub fn set_stall_signal(&mut self, signal: Option<StallSignal>) {
+        self.stall_signal = signal;
+    }
+
     /// Whether an axis has no switch.
     pub fn is_framed(&self, axis: usize) -> bool {
         self.framed >> axis & 1 == 1
-    }
-
-    /// Mask of the motors that are switched on.
-    pub fn enabled_motors(&self) -> u8 {
-        self.enabled
-    }
-
-    /// Says that the motors stand at these positions (homing); where they truly stand does not change.
-    pub fn redefine_motor_steps(&mut self, motor_steps: [i64; 3]) {
-        let [x, y, z, _] = self.steps.motor_steps();
-        for (offset, (was, is)) in self.true_offset.iter_mut().zip([x, y, z].into_iter().zip(motor_steps)) {
-            *offset += was - is;
-        }
-        self.steps.redefine_motor_steps(motor_steps);
     }
 
     /// Where the tool head truly is, units of 10 nm.
@@ -94,25 +86,25 @@ impl VirtualMotors {
 
     /// Where the motors would have it, units of 10 nm.
     fn driven_to_10nm(&self) -> [i64; 3] {
-        let mut motors = self.true_offset;
-        for (motor, steps) in motors.iter_mut().zip(self.steps.motor_steps()) {
+        let mut motors = self.start_steps;
+        for (motor, steps) in motors.iter_mut().zip(self.ledger.motor_steps()) {
             *motor += steps;
         }
         self.geometry.position_10nm(motors)
     }
 
-    /// An event has been played towards the frame's end: whether the motor's driver says that it stalls. One that is held
-    /// back for too long falls back.
-    fn stalls(&mut self, axis: usize, signal: Option<StallSignal>, steps_before: [i64; 4]) -> bool {
-        let (Some(before), Some(now)) = (steps_before.get(axis), self.steps.motor_steps().get(axis).copied()) else {
+    /// Whether the driver of a framed axis says that its motor stalls, after an event. A motor that lags too far behind
+    /// falls back.
+    fn stalls(&mut self, axis: usize, steps_before: [i64; 4]) -> bool {
+        let (Some(before), Some(now)) = (steps_before.get(axis), self.ledger.motor_steps().get(axis).copied()) else {
             return false;
         };
         if *before == now {
             return false;
         }
-        let interval_ticks = self.steps.tick() - self.last_step_tick;
-        self.last_step_tick = self.steps.tick();
-        let Some(signal) = signal else { return false };
+        let interval_ticks = self.ledger.tick() - self.last_step_tick;
+        self.last_step_tick = self.ledger.tick();
+        let Some(signal) = self.stall_signal else { return false };
         let driven = self.geometry.motor_steps(self.driven_to_10nm());
         let held = self.geometry.motor_steps(self.true_position_10nm());
         // Both motors of a CoreXY machine are held back; the axis's own tells.
@@ -121,38 +113,39 @@ impl VirtualMotors {
         let is_there = signal.is_there(lag_steps, interval_ticks);
         let falls_back = signal.falls_back(lag_steps);
         if !is_there && falls_back > 0 {
-            for (motor, offset) in self.true_offset.iter_mut().enumerate() {
+            for (motor, offset) in self.start_steps.iter_mut().enumerate() {
                 *offset -= lag(motor).signum() * falls_back;
             }
         }
         is_there
     }
 
-    /// Plays an entry event by event up to the one that triggers the end stop of `axis` (homing).
-    ///
-    /// Returns what of the entry was played, as an entry, and whether the end stop triggered.
+    /// Plays an entry, event by event, up to the one that triggers the sensor of `axis` (homing).
     pub fn play_until_triggered(
         &mut self,
         entry: StepEntry,
         axis: usize,
         observer: &mut impl StepObserver,
-    ) -> (Option<StepEntry>, bool) {
-        // Where the head is costs more than an event: it is looked at where the end stop can be.
+    ) -> Approach {
+        if self.is_framed(axis) {
+            return self.play_until_stalled(entry, axis, observer);
+        }
+        // Where the head is costs more than an event: it is computed only where the end stop can be.
         let mut apart = self.events_apart(axis);
         for (index, event) in (1..).zip(entry.events()) {
-            self.steps.play(event, observer);
+            self.ledger.play(event, observer);
             if apart > 0 {
                 apart -= 1;
             } else if self.is_triggered(axis) {
-                return (entry.first_events(index), true);
+                return Approach { added: entry.first_events(index), triggered: true };
             } else {
                 apart = self.events_apart(axis);
             }
         }
-        (Some(entry), false)
+        Approach { added: Some(entry), triggered: false }
     }
 
-    /// So many events cannot reach the end stop of an axis: none takes the head further than a step of one motor.
+    /// Events that cannot reach the end stop of an axis: none takes the head further than a step of one motor.
     fn events_apart(&self, axis: usize) -> u64 {
         if self.is_triggered(axis) {
             return 0;
@@ -161,31 +154,24 @@ impl VirtualMotors {
         let apart_10nm = |(stop, position): (&VirtualEndStop, i64)| (stop.position_10nm - position).unsigned_abs();
         let position = self.true_position_10nm().get(axis).copied();
         let apart_10nm = self.end_stops.get(axis).zip(position).map_or(0, apart_10nm);
-        // A step less for the rounding of both, and one for the event that would be there.
+        // Less a step for the rounding of both, and one for the event that would be there.
         ((apart_10nm as f64 / UNITS_PER_MM as f64 * steps_per_mm) as u64).saturating_sub(2)
     }
 
-    /// The same up to the event at which the driver of an axis says that its motor stalls; `None`: it never does.
-    pub fn play_until_stalled(
-        &mut self,
-        entry: StepEntry,
-        axis: usize,
-        signal: Option<StallSignal>,
-        observer: &mut impl StepObserver,
-    ) -> (Option<StepEntry>, bool) {
+    /// Plays an entry, event by event, up to the one at which the driver of `axis` says that its motor stalls.
+    fn play_until_stalled(&mut self, entry: StepEntry, axis: usize, observer: &mut impl StepObserver) -> Approach {
         for (index, event) in (1..).zip(entry.events()) {
-            let before = self.steps.motor_steps();
-            self.steps.play(event, observer);
-            if self.stalls(axis, signal, before) {
-                return (entry.first_events(index), true);
+            let before = self.ledger.motor_steps();
+            self.ledger.play(event, observer);
+            if self.stalls(axis, before) {
+                return Approach { added: entry.first_events(index), triggered: true };
             }
         }
-        (Some(entry), false)
+        Approach { added: Some(entry), triggered: false }
     }
-}
 
-impl EndStops for VirtualMotors {
-    fn is_triggered(&self, axis: usize) -> bool {
+    /// Whether the sensor that homes X (0), Y (1) or Z (2) is triggered.
+    pub fn is_triggered(&self, axis: usize) -> bool {
         let (Some(stop), Some(position)) = (self.end_stops.get(axis), self.true_position_10nm().get(axis).copied())
         else {
             return false;
@@ -198,12 +184,6 @@ impl EndStops for VirtualMotors {
             return false;
         }
         if stop.at_max { position >= stop.position_10nm } else { position <= stop.position_10nm }
-    }
-}
-
-impl MotorEnable for VirtualMotors {
-    fn set_motors_enabled(&mut self, axes: u8, enabled: bool) {
-        self.enabled = if enabled { self.enabled | axes } else { self.enabled & !axes };
     }
 }
 
@@ -226,15 +206,19 @@ mod tests {
         VirtualMotors::new(geometry, [stop; 3], [100_000, 200_000, 300_000])
     }
 
+    fn whole(entry: StepEntry) -> Approach {
+        Approach { added: Some(entry), triggered: false }
+    }
+
     #[test]
     fn an_end_stop_triggers_where_the_head_truly_is() {
         let mut motors = motors(Kinematics::CoreXy);
         assert!(!motors.is_triggered(0));
         // 1 mm towards -X is 80 steps back of both motors.
-        motors.steps.play(StepEntry::directions(0b11), &mut ());
-        motors.steps.play(StepEntry::stair(1_000, 79, 0b11, 0).unwrap(), &mut ());
+        motors.ledger.play(StepEntry::directions(0b11), &mut ());
+        motors.ledger.play(StepEntry::stair(1_000, 79, 0b11, 0).unwrap(), &mut ());
         assert!(!motors.is_triggered(0));
-        motors.steps.play(StepEntry::stair(1_000, 1, 0b11, 0).unwrap(), &mut ());
+        motors.ledger.play(StepEntry::stair(1_000, 1, 0b11, 0).unwrap(), &mut ());
         assert!(motors.is_triggered(0) && !motors.is_triggered(1));
         assert_eq!(motors.true_position_10nm(), [0, 200_000, 300_000]);
     }
@@ -243,15 +227,15 @@ mod tests {
     fn an_entry_is_played_up_to_the_event_that_triggers() {
         let mut motors = motors(Kinematics::Cartesian);
         let directions = StepEntry::directions(0b1);
-        assert_eq!(motors.play_until_triggered(directions, 0, &mut ()), (Some(directions), false));
+        assert_eq!(motors.play_until_triggered(directions, 0, &mut ()), whole(directions));
         let short = StepEntry::stair(1_000, 20, 0b1, 0b1000).unwrap();
-        assert_eq!(motors.play_until_triggered(short, 0, &mut ()), (Some(short), false));
+        assert_eq!(motors.play_until_triggered(short, 0, &mut ()), whole(short));
         let long = StepEntry::stair(1_000, 100, 0b1, 0b1000).unwrap();
-        let (played, triggered) = motors.play_until_triggered(long, 0, &mut ());
+        let approach = motors.play_until_triggered(long, 0, &mut ());
         // The event that triggers is not the entry's last: what is added to that one has not stepped.
-        assert_eq!((played, triggered), (StepEntry::stair(1_000, 60, 0b1, 0), true));
-        assert_eq!(motors.steps.motor_steps(), [-80, 0, 0, 1]);
-        assert_eq!(motors.steps.tick(), 80_000);
+        assert_eq!(approach, Approach { added: StepEntry::stair(1_000, 60, 0b1, 0), triggered: true });
+        assert_eq!(motors.ledger.motor_steps(), [-80, 0, 0, 1]);
+        assert_eq!(motors.ledger.tick(), 80_000);
     }
 
     /// Nearer or further, on either machine, within an entry or at its end.
@@ -261,13 +245,13 @@ mod tests {
             for steps in [1, 2, 3, 79, 80] {
                 for entry_steps in [1, 7, 60] {
                     let mut motors = motors(kinematics);
-                    motors.true_offset[0] -= i64::from(80 - steps);
-                    motors.true_offset[1] -= if axes == 0b11 { i64::from(80 - steps) } else { 0 };
+                    motors.start_steps[0] -= i64::from(80 - steps);
+                    motors.start_steps[1] -= if axes == 0b11 { i64::from(80 - steps) } else { 0 };
                     motors.play_until_triggered(StepEntry::directions(axes), 0, &mut ());
                     let entry = StepEntry::stair(1_000, entry_steps, axes, 0).unwrap();
-                    while !motors.play_until_triggered(entry, 0, &mut ()).1 {}
+                    while !motors.play_until_triggered(entry, 0, &mut ()).triggered {}
                     assert_eq!(
-                        motors.steps.motor_steps()[0],
+                        motors.ledger.motor_steps()[0],
                         -i64::from(steps),
                         "{kinematics:?} {steps} {entry_steps}"
                     );
@@ -284,19 +268,8 @@ mod tests {
             motors.set_probe(VirtualProbe { offset_10nm: [0, 0], sheet_10nm });
             let down = StepEntry::stair(1_000, 2_000, 0b100, 0).unwrap();
             motors.play_until_triggered(StepEntry::directions(0b100), 2, &mut ());
-            assert_eq!(motors.play_until_triggered(down, 2, &mut ()).1, sees);
-            assert_eq!(motors.steps.motor_steps()[2], if sees { -1_200 } else { -2_000 });
+            assert_eq!(motors.play_until_triggered(down, 2, &mut ()).triggered, sees);
+            assert_eq!(motors.ledger.motor_steps()[2], if sees { -1_200 } else { -2_000 });
         }
-    }
-
-    #[test]
-    fn redefining_positions_moves_nothing() {
-        let mut motors = motors(Kinematics::Cartesian);
-        motors.steps.play(StepEntry::stair(1_000, 10, 0b1, 0).unwrap(), &mut ());
-        let before = motors.true_position_10nm();
-        motors.redefine_motor_steps([5, 6, 7]);
-        assert_eq!(motors.true_position_10nm(), before);
-        assert_eq!(motors.steps.motor_steps(), [5, 6, 7, 0]);
-        assert_eq!(motors.steps.issued(), [10, 0, 0, 0]);
     }
 }

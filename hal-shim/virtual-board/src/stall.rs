@@ -2,7 +2,7 @@
 //!
 //! A motor that is held back lags behind its steps, and what the chip measures of the load, SG_RESULT, falls from that of
 //! free motion to 0 at a full step. The signal comes when it is down to twice SGTHRS, in stealthChop, and only where the
-//! chip counts a time between microsteps from TPWMTHRS to TCOOLTHRS: a slow motor tells nothing of its load.
+//! chip counts a time between microsteps from TPWMTHRS to TCOOLTHRS: a slow motor does not show its load.
 
 use ferrostep_planner::TICKS_PER_SECOND;
 
@@ -13,7 +13,7 @@ const FREE_LOAD: i64 = 400;
 
 /// A rotor that lags by more full steps than these falls back by a period of its windings ...
 const HOLDING_STEPS: i64 = 2;
-/// ... which is so many full steps.
+/// ... which is this many full steps.
 const PERIOD_STEPS: i64 = 4;
 
 /// A chip's settings, as far as its stall signal depends on them.
@@ -45,7 +45,7 @@ impl StallSignal {
         })
     }
 
-    /// Whether it is there: the motor lags behind by so many of its steps, and has taken so long for the last one.
+    /// Whether it is there when the motor lags by `lag_steps` and its last step has taken `interval_ticks`.
     pub fn is_there(&self, lag_steps: i64, interval_ticks: u64) -> bool {
         let microsteps = self.microsteps.cast_unsigned();
         let clocks = interval_ticks.saturating_mul(u64::from(CLOCK_HZ) * microsteps)
@@ -57,7 +57,7 @@ impl StallSignal {
         FREE_LOAD - FREE_LOAD * held / self.microsteps <= self.load
     }
 
-    /// By how many steps a rotor falls back that lags by so many.
+    /// By how many steps a rotor falls back that lags by `lag_steps`.
     pub fn falls_back(&self, lag_steps: i64) -> i64 {
         if lag_steps < self.microsteps * HOLDING_STEPS { 0 } else { self.microsteps * PERIOD_STEPS }
     }

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::num::NonZeroU64;
 
-use ferrostep::desk::{LOOK_AHEAD_BLOCKS, Mode};
+use ferrostep::desk::{Desk, LOOK_AHEAD_BLOCKS};
 use ferrostep::job::{self, JobProgress};
 use ferrostep::session::{JobReplies, Session};
 use ferrostep_planner::AccelerationProfile;
@@ -65,13 +65,13 @@ fn every_method_makes_different_steps_of_the_gyroid() {
 fn motion_time_s(acceleration: AccelerationProfile, block_by_block: bool) -> f64 {
     let mut profile = ferrostep_profiles::load("cartesian").unwrap();
     profile.motion.acceleration = acceleration;
-    let session = Session::new(profile, Mode::Estimate, LOOK_AHEAD_BLOCKS, (), JobReplies::new(|_: &str| {}));
-    assert!(!block_by_block || session.desk().borrow_mut().plan_block_by_block());
+    let session = Session::estimate(profile, LOOK_AHEAD_BLOCKS, JobReplies::new(|_: &str| {}));
+    assert!(!block_by_block || session.desk().plan_block_by_block());
     let mut printer = session.printer();
     // M796 without a choice only reports.
     let text = gyroid(&["M796"]).text();
     session.run(job::run(&mut text.as_bytes(), &mut printer, &mut JobProgress::default(), |_| {})).unwrap();
-    session.desk().borrow().figures().motion_time_s
+    session.figures().motion_time_s
 }
 
 #[test]

@@ -1,10 +1,10 @@
 //! The same job on the desk, and its comparison with the pins.
 
-use ferrostep::desk::{Figures, LOOK_AHEAD_BLOCKS, Mode};
+use ferrostep::desk::{Figures, LOOK_AHEAD_BLOCKS};
 use ferrostep::job::{self, JobProgress};
 use ferrostep::record::Observer;
 use ferrostep::session::{JobReplies, Session};
-use ferrostep_virtual_board::StepObserver;
+use ferrostep_planner::StepObserver;
 
 use crate::job::Job;
 use crate::pins::{PinEvent, PinLog};
@@ -32,12 +32,12 @@ impl Rehearsal {
     fn with(job: &Job, look_ahead: usize) -> Self {
         let profile = ferrostep_profiles::load("cartesian").unwrap();
         let replies = JobReplies::new(|_: &str| {});
-        let session = Session::new(profile, Mode::Print, look_ahead, Watcher::default(), replies);
+        let session = Session::print(profile, look_ahead, Watcher::default(), replies);
         let mut printer = session.printer();
         let text = job.text();
         let mut progress = JobProgress::default();
         session.run(job::run(&mut text.as_bytes(), &mut printer, &mut progress, |_| {})).unwrap();
-        let figures = session.desk().borrow().figures();
+        let figures = session.figures();
         let mut watcher = session.into_observer();
         watcher.lines.resize(watcher.events.len(), 0);
         Self { figures, events: watcher.events, lines: watcher.lines }

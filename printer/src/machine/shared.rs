@@ -8,7 +8,7 @@ use ferrostep_planner::look_ahead::Slot;
 use ferrostep_planner::{Limits, MotionChoice, Move, MoveError, Moved, Request};
 
 use super::{Machine, Silence};
-use crate::ports::{Motion, MotionError, MotionFault, Seek};
+use crate::ports::{HomingOutcome, Motion, MotionError, MotionFault};
 
 /// How a board shares its machine between the task that executes commands and the planner task.
 pub trait SharedMachine {
@@ -17,13 +17,13 @@ pub trait SharedMachine {
     /// The step queue.
     type Queue: StepOutput;
 
-    /// Has the machine to itself for one call into it.
+    /// Calls `act` with the machine locked.
     fn with<T>(&self, act: impl FnOnce(&mut Machine<Self::Ring, Self::Queue>) -> T) -> T;
 
-    /// Wakes the planner task, which comes before the commands' task goes on: what it makes of a change is there then.
+    /// Wakes the planner task. It runs before the commands' task goes on, so its effects are there then.
     fn wake_planner(&self);
 
-    /// What the planner task does, at once.
+    /// Does the planner task's work at once.
     fn work(&self) {
         self.with(|machine| machine.work(Silence::default()));
     }
@@ -50,8 +50,8 @@ impl<S: SharedMachine> SharedMotion<S> {
         Self { machine, stops }
     }
 
-    /// Tries until it succeeds, then wakes the planner task. Any stop since the command's beginning ends the wait: a stop
-    /// that came before this wait, between two of the command's steps, is one too.
+    /// Tries until it succeeds, then wakes the planner task. Any stop since the command's beginning ends the wait, be it
+    /// before the wait, between two of the command's steps.
     async fn wait<T>(
         &self,
         mut attempt: impl FnMut(&mut Machine<S::Ring, S::Queue>) -> Option<T>,
@@ -61,7 +61,7 @@ impl<S: SharedMachine> SharedMotion<S> {
             if self.machine.is_halted() {
                 return Err(MotionError::Stopped);
             }
-            // In one look: a stop between the two would be over, and what is added now would move a halted machine.
+            // Both under one lock: a stop between them would already be over, and the move would run on a halted machine.
             let outcome = self.machine.with(|machine| {
                 if machine.stops() == stops {
                     return attempt(machine).map(Ok);
@@ -81,7 +81,7 @@ impl<S: SharedMachine> SharedMotion<S> {
     }
 }
 
-/// What became of a move; `None` where it is to wait for room.
+/// The outcome for a move; `None` if it has to wait for room.
 fn unless_full<T>(outcome: Result<T, MoveError>) -> Option<Result<T, MotionError>> {
     match outcome {
         Err(MoveError::NoRoom) => None,
@@ -105,7 +105,7 @@ impl<S: SharedMachine> Motion for SharedMotion<S> {
 
     fn try_add(&mut self, request: &impl Request) -> Option<Result<Moved, MotionError>> {
         let moved = self.machine.with(|machine| {
-            // M112 before this check is handled here; after it, `request_stop` drops the motion.
+            // M112 before this check is handled here; after it, the stop waits for the machine and drops the motion.
             if self.machine.is_halted() {
                 return Some(Err(MotionError::Stopped));
             }
@@ -130,10 +130,14 @@ impl<S: SharedMachine> Motion for SharedMotion<S> {
         fault.map_or(Ok(()), |fault| Err(MotionError::Move(MoveError::Plan(fault))))
     }
 
-    async fn seek(&mut self, request: Move, axis: usize) -> Result<Seek, MotionError> {
+    fn begin_homing(&mut self) {
+        self.machine.with(|machine| machine.begin_homing());
+    }
+
+    async fn seek(&mut self, request: Move, axis: usize) -> Result<HomingOutcome, MotionError> {
         self.finish().await?;
         if self.add(request).await? == Moved::Nothing {
-            return Ok(Seek::Missed);
+            return Ok(HomingOutcome::Missed);
         }
         self.machine.with(|machine| machine.begin_seek(axis));
         self.machine.wake_planner();
@@ -191,7 +195,7 @@ impl<S: SharedMachine> Motion for SharedMotion<S> {
     fn stop(&mut self) -> i64 {
         self.machine.with(|machine| machine.request_stop());
         self.machine.work();
-        // The command's own stop does not end what it waits for after it.
+        // The command's own stop does not end its later waits.
         self.begin_command();
         self.take_dropped_100pm()
     }

@@ -6,12 +6,13 @@ use super::*;
 use crate::profile::{
     AxisHoming, DriverTiming, ExtrusionSettings, FirmwareRetraction, HeaterSettings, HeaterWatch, HomeEnd, HomeSensor,
 };
-use ferrostep_planner::{Kinematics, MotionChoice, Move, StepsPerMm};
+use ferrostep_hal_shim::{HomingSensors, MotionWatch, MotorEnable, PlanningClock, StepQueue};
+use ferrostep_planner::{Kinematics, MotionChoice, Move, Notice, StepEntry, StepLedger, StepSink, StepsPerMm};
 use ferrostep_step_player::{
     DroppedSteps, FeedError, NextWords, OutputPorts, Pulses, Signals, StepFeeder, StepLink, StepPlayer, UpdateTimer,
 };
 use ferrostep_thermistor::{Thermistor, ThermistorType};
-use ferrostep_virtual_board::{HeatedMass, StepTimer, VirtualPort, VirtualUpdateTimer};
+use ferrostep_virtual_board::{HeatedMass, ModelledSensors, VirtualPort, VirtualUpdateTimer};
 use proptest::prelude::*;
 
 const NO_SILENCE: Silence = Silence { may_release: false, may_flush: false };
@@ -91,8 +92,8 @@ struct Sensors {
     watched: Cell<Option<usize>>,
 }
 
-/// With or without sensors of its own.
-struct Queue<'a, const SENSORS: bool = false> {
+/// A queue with sensors.
+struct Queue<'a> {
     sensors: &'a Sensors,
     feeder: StepFeeder<'a, Pulses, 1, 2048>,
     player: &'a Player,
@@ -104,15 +105,20 @@ struct Queue<'a, const SENSORS: bool = false> {
     missed: u32,
 }
 
-impl<const SENSORS: bool> StepOutput for Queue<'_, SENSORS> {
-    const HAS_SENSORS: bool = SENSORS;
+impl HomingSensors for Queue<'_> {
     fn is_sensor_triggered(&self, axis: usize) -> bool {
         self.port.motor_steps()[axis] <= self.sensors.trigger_at.get()
     }
     fn watch_sensor(&mut self, axis: Option<usize>) {
-        self.sensors.watched.set(axis.filter(|_| SENSORS));
+        self.sensors.watched.set(axis);
     }
+}
 
+impl PlanningClock for Queue<'_> {}
+
+impl MotionWatch for Queue<'_> {}
+
+impl StepQueue for Queue<'_> {
     fn queued(&self) -> u32 {
         self.feeder.queued()
     }
@@ -156,7 +162,7 @@ impl<const SENSORS: bool> StepOutput for Queue<'_, SENSORS> {
     }
 }
 
-impl<const SENSORS: bool> MotorEnable for Queue<'_, SENSORS> {
+impl MotorEnable for Queue<'_> {
     fn set_motors_enabled(&mut self, axes: u8, enabled: bool) {
         self.enabled = if enabled { self.enabled | axes } else { self.enabled & !axes };
     }
@@ -197,13 +203,15 @@ impl Interrupt<'_> {
     }
 }
 
-type TestMachine<'a, const SENSORS: bool = false> = Machine<Vec<Slot>, Queue<'a, SENSORS>>;
+type TestMachine<'a> = Machine<Vec<Slot>, Queue<'a>>;
 
 /// Runs `test` with a machine and the interrupt that plays its steps.
-fn with_machine<T, const SENSORS: bool>(
-    look_ahead: usize,
-    test: impl FnOnce(TestMachine<'_, SENSORS>, Interrupt<'_>) -> T,
-) -> T {
+fn with_machine<T>(look_ahead: usize, test: impl FnOnce(TestMachine<'_>, Interrupt<'_>) -> T) -> T {
+    with_queue(|queue, interrupt| test(Machine::new(&profile(), vec![Slot::EMPTY; look_ahead], queue), interrupt))
+}
+
+/// Runs `test` with a step queue and the interrupt that plays it.
+fn with_queue<T>(test: impl FnOnce(Queue<'_>, Interrupt<'_>) -> T) -> T {
     let sensors = Sensors::default();
     let (player, timer) = (Box::new(Player::new()), VirtualUpdateTimer::default());
     let port = VirtualPort::new(&timer, false);
@@ -220,8 +228,7 @@ fn with_machine<T, const SENSORS: bool>(
         enabled: 0,
         missed: 0,
     };
-    let machine = Machine::new(&profile(), vec![Slot::EMPTY; look_ahead], queue);
-    test(machine, Interrupt { sensors: &sensors, player: &player, timer: &timer, port: &port, next: &next })
+    test(queue, Interrupt { sensors: &sensors, player: &player, timer: &timer, port: &port, next: &next })
 }
 
 fn travel(x_mm: i64, y_mm: i64) -> Move {
@@ -234,7 +241,7 @@ fn travel(x_mm: i64, y_mm: i64) -> Move {
     }
 }
 
-fn run_until_idle<const SENSORS: bool>(machine: &mut TestMachine<'_, SENSORS>, interrupt: &mut Interrupt<'_>) {
+fn run_until_idle(machine: &mut Machine<Vec<Slot>, impl StepOutput>, interrupt: &mut Interrupt<'_>) {
     for _ in 0..1_000_000 {
         if machine.is_idle() {
             return;
@@ -255,7 +262,7 @@ proptest! {
     ) {
         let mut planner = Planner::new(profile().geometry(), profile().limits, vec![Slot::EMPTY; look_ahead]);
         #[derive(Default)]
-        struct Plain(StepTimer);
+        struct Plain(StepLedger);
         impl StepSink for Plain {
             fn entry(&mut self, entry: StepEntry) {
                 self.0.play(entry, &mut ());
@@ -271,7 +278,7 @@ proptest! {
         planner.flush();
         while planner.advance(&mut plain) == Progress::Worked {}
 
-        with_machine(look_ahead, |mut machine: TestMachine<'_>, mut interrupt| {
+        with_machine(look_ahead, |mut machine, mut interrupt| {
             for (index, &(x, y)) in corners.iter().enumerate() {
                 for _ in 0..updates[index % updates.len()] {
                     interrupt.update();
@@ -296,7 +303,7 @@ proptest! {
     fn after_a_stop_the_position_is_where_the_motors_stand(
         corners in proptest::collection::vec((0i64..30, 0i64..30), 1..20), updates in 0usize..6000,
     ) {
-        with_machine(32, |mut machine: TestMachine<'_>, mut interrupt| {
+        with_machine(32, |mut machine, mut interrupt| {
             for &(x, y) in &corners {
                 let _ = machine.add(&travel(x, y)).unwrap();
             }
@@ -332,7 +339,7 @@ proptest! {
 #[test]
 fn missed_updates_beyond_the_bound_stop_motion_and_move_no_motor() {
     for (missed, stops) in [(MAX_MISSED_UPDATES, false), (MAX_MISSED_UPDATES + 1, true), (16_383, true)] {
-        with_machine(8, |mut machine: TestMachine<'_>, mut interrupt| {
+        with_machine(8, |mut machine, mut interrupt| {
             let _ = machine.add(&travel(10, 5)).unwrap();
             machine.flush();
             for _ in 0..500 {
@@ -341,7 +348,7 @@ fn missed_updates_beyond_the_bound_stop_motion_and_move_no_motor() {
             }
             let events = interrupt.events();
             assert!(events > 100 && !machine.is_idle());
-            machine.queue.missed = missed;
+            machine.feeder.queue.missed = missed;
             machine.work(NO_SILENCE);
             assert_eq!(interrupt.events(), events, "a motor moved");
             assert_eq!(machine.figures().missed_updates, u64::from(missed));
@@ -356,9 +363,9 @@ fn missed_updates_beyond_the_bound_stop_motion_and_move_no_motor() {
 
 #[test]
 fn a_lone_move_waits_for_more_until_the_host_has_been_silent() {
-    with_machine(8, |mut machine: TestMachine<'_>, mut interrupt| {
+    with_machine(8, |mut machine, mut interrupt| {
         assert_eq!(machine.add(&travel(1, 0)), Ok(Moved::Queued));
-        assert_eq!(machine.queue.enabled, ALL);
+        assert_eq!(machine.feeder.queue.enabled, ALL_MOTORS);
         for _ in 0..100 {
             machine.work(Silence { may_release: true, may_flush: false });
             interrupt.update();
@@ -374,7 +381,7 @@ fn a_lone_move_waits_for_more_until_the_host_has_been_silent() {
 
 #[test]
 fn blocks_leave_early_only_when_steps_run_out_in_motion() {
-    with_machine(8, |mut machine: TestMachine<'_>, mut interrupt| {
+    with_machine(8, |mut machine, mut interrupt| {
         // Straight on, so that no block ends at standstill.
         // One more than the ring holds: the newest may still grow, and stays outside.
         for x in 1..=9 {
@@ -382,7 +389,7 @@ fn blocks_leave_early_only_when_steps_run_out_in_motion() {
         }
         machine.work(Silence { may_release: true, may_flush: false });
         assert!(machine.figures().starvation_flushes == 0 && !interrupt.player.link().is_running());
-        machine.queue.start();
+        machine.feeder.queue.start();
         // The first of them takes 45 ms, and most of it is left.
         for _ in 0..40 {
             interrupt.update();
@@ -407,12 +414,14 @@ fn blocks_leave_early_only_when_steps_run_out_in_motion() {
 
 #[test]
 fn a_seek_ends_at_the_event_that_triggers() {
-    with_machine(8, |mut machine: TestMachine<'_>, mut interrupt| {
+    with_queue(|queue, mut interrupt| {
+        let queue = ModelledSensors::new(queue, profile().virtual_motors());
+        let mut machine = Machine::new(&profile(), vec![Slot::EMPTY; 8], queue);
         // The head truly stands at 60 mm, where the machine believes 0.
         let _ = machine.add(&travel(-100, 0)).unwrap();
         machine.begin_seek(0);
         run_until_idle(&mut machine, &mut interrupt);
-        assert_eq!(machine.take_homing_result(), Some(Ok(Seek::Triggered)));
+        assert_eq!(machine.take_homing_result(), Some(Ok(HomingOutcome::Triggered)));
         assert_eq!(interrupt.motor_steps(), [-4800, 0, 0, 0]);
         assert_eq!(machine.position_10nm(), [-6_000_000, 0, 0]);
         machine.set_position([0; 3]);
@@ -423,7 +432,7 @@ fn a_seek_ends_at_the_event_that_triggers() {
         run_until_idle(&mut machine, &mut interrupt);
         assert_eq!(
             (machine.take_homing_result(), interrupt.motor_steps()),
-            (Some(Ok(Seek::Triggered)), [-4800, 0, 0, 0])
+            (Some(Ok(HomingOutcome::Triggered)), [-4800, 0, 0, 0])
         );
         // Y stands at 50 mm and goes 10 mm only.
         let _ = machine.add(&travel(0, -10)).unwrap();
@@ -432,14 +441,14 @@ fn a_seek_ends_at_the_event_that_triggers() {
         run_until_idle(&mut machine, &mut interrupt);
         assert_eq!(
             (machine.take_homing_result(), interrupt.motor_steps()),
-            (Some(Ok(Seek::Missed)), [-4800, -800, 0, 0])
+            (Some(Ok(HomingOutcome::Missed)), [-4800, -800, 0, 0])
         );
     });
 }
 
 #[test]
 fn the_fan_changes_between_the_moves_around_it() {
-    with_machine(8, |mut machine: TestMachine<'_>, mut interrupt| {
+    with_machine(8, |mut machine, mut interrupt| {
         assert!(machine.add_fan_power(10));
         assert_eq!(machine.fan_power(), 10);
         let _ = machine.add(&travel(1, 0)).unwrap();
@@ -462,7 +471,7 @@ fn the_fan_changes_between_the_moves_around_it() {
 
 #[test]
 fn a_sensor_of_the_board_stops_the_motors_where_they_stand() {
-    with_machine(32, |mut machine: TestMachine<'_, true>, mut interrupt| {
+    with_machine(32, |mut machine, mut interrupt| {
         // Fast, on steps that are queued far ahead: it triggers 1.5 mm on its way.
         interrupt.sensors.trigger_at.set(-120);
         machine.add(&travel(-30, 0)).unwrap();
@@ -470,7 +479,7 @@ fn a_sensor_of_the_board_stops_the_motors_where_they_stand() {
         assert_eq!(interrupt.sensors.watched.get(), Some(0));
         let mut planned = 0;
         while machine.take_homing_result().is_none_or(|result| {
-            assert_eq!(result, Ok(Seek::Triggered));
+            assert_eq!(result, Ok(HomingOutcome::Triggered));
             false
         }) {
             machine.work(NO_SILENCE);
@@ -491,7 +500,7 @@ fn a_sensor_of_the_board_stops_the_motors_where_they_stand() {
         interrupt.sensors.trigger_at.set(1000);
         machine.add(&travel(-30, 0)).unwrap();
         machine.begin_seek(0);
-        assert_eq!(machine.take_homing_result(), Some(Ok(Seek::Triggered)));
+        assert_eq!(machine.take_homing_result(), Some(Ok(HomingOutcome::Triggered)));
         run_until_idle(&mut machine, &mut interrupt);
         assert_eq!((interrupt.motor_steps()[0], interrupt.sensors.watched.get()), (240, None));
         // It never triggers.
@@ -499,14 +508,14 @@ fn a_sensor_of_the_board_stops_the_motors_where_they_stand() {
         machine.add(&travel(0, 0)).unwrap();
         machine.begin_seek(0);
         run_until_idle(&mut machine, &mut interrupt);
-        assert_eq!(machine.take_homing_result(), Some(Ok(Seek::Missed)));
+        assert_eq!(machine.take_homing_result(), Some(Ok(HomingOutcome::Missed)));
         assert_eq!((interrupt.motor_steps()[0], interrupt.sensors.watched.get()), (0, None));
     });
 }
 
 #[test]
-fn somebody_s_stop_during_a_seek_is_not_the_sensor_s() {
-    with_machine(32, |mut machine: TestMachine<'_, true>, mut interrupt| {
+fn a_requested_stop_during_a_seek_is_not_the_sensor_s() {
+    with_machine(32, |mut machine, mut interrupt| {
         interrupt.sensors.trigger_at.set(-10_000);
         machine.add(&travel(-30, 0)).unwrap();
         machine.begin_seek(0);
@@ -531,7 +540,7 @@ fn somebody_s_stop_during_a_seek_is_not_the_sensor_s() {
 
 #[test]
 fn a_sensor_s_edge_before_its_level_is_looked_at_ends_the_seek_once() {
-    with_machine(32, |mut machine: TestMachine<'_, true>, mut interrupt| {
+    with_machine(32, |mut machine, mut interrupt| {
         // It triggers where the motor stands already: level and edge tell the same.
         interrupt.sensors.trigger_at.set(1000);
         machine.add(&travel(-30, 0)).unwrap();
@@ -539,7 +548,7 @@ fn a_sensor_s_edge_before_its_level_is_looked_at_ends_the_seek_once() {
         interrupt.player.link().request_sensor_stop();
         assert_eq!(machine.take_homing_result(), None);
         machine.work(NO_SILENCE);
-        assert_eq!((machine.take_homing_result(), machine.stops()), (Some(Ok(Seek::Triggered)), 0));
+        assert_eq!((machine.take_homing_result(), machine.stops()), (Some(Ok(HomingOutcome::Triggered)), 0));
         run_until_idle(&mut machine, &mut interrupt);
         assert_eq!(interrupt.motor_steps(), [0; 4]);
     });
@@ -547,7 +556,7 @@ fn a_sensor_s_edge_before_its_level_is_looked_at_ends_the_seek_once() {
 
 #[test]
 fn a_stop_before_a_seek_is_planned_ends_it() {
-    with_machine(32, |mut machine: TestMachine<'_, true>, _| {
+    with_machine(32, |mut machine, _| {
         machine.add(&travel(-30, 0)).unwrap();
         machine.request_stop();
         machine.begin_seek(0);
@@ -561,7 +570,7 @@ fn a_stop_before_a_seek_is_planned_ends_it() {
 
 #[test]
 fn a_stop_that_comes_while_another_is_followed_is_not_lost() {
-    with_machine(32, |mut machine: TestMachine<'_, true>, interrupt| {
+    with_machine(32, |mut machine, interrupt| {
         machine.add(&travel(-30, 0)).unwrap();
         machine.begin_seek(0);
         machine.work(NO_SILENCE);
@@ -574,7 +583,7 @@ fn a_stop_that_comes_while_another_is_followed_is_not_lost() {
 
 #[test]
 fn motors_that_rest_are_switched_off() {
-    with_machine(8, |mut machine: TestMachine<'_>, mut interrupt| {
+    with_machine(8, |mut machine, mut interrupt| {
         let timeout = Some(1000);
         // Nothing is on.
         assert!(!machine.rest(0, timeout) && !machine.rest(5000, timeout));
@@ -589,12 +598,15 @@ fn motors_that_rest_are_switched_off() {
         assert!(!machine.rest(start, timeout) && !machine.rest(start.wrapping_add(999), timeout));
         assert!(!machine.rest(start.wrapping_add(1500), None) && !machine.rest(2000, timeout));
         assert!(!machine.rest(2999, timeout));
-        assert_eq!((machine.queue.enabled, machine.take_switched_off()), (ALL, false));
+        assert_eq!((machine.feeder.queue.enabled, machine.take_switched_off()), (ALL_MOTORS, false));
         assert!(machine.rest(3000, timeout));
-        assert_eq!((machine.queue.enabled, machine.take_switched_off(), machine.take_switched_off()), (0, true, false));
+        assert_eq!(
+            (machine.feeder.queue.enabled, machine.take_switched_off(), machine.take_switched_off()),
+            (0, true, false)
+        );
         assert!(!machine.rest(9000, timeout));
         // The next move switches them on again.
         let _ = machine.add(&travel(2, 0)).unwrap();
-        assert_eq!(machine.queue.enabled, ALL);
+        assert_eq!(machine.feeder.queue.enabled, ALL_MOTORS);
     });
 }

@@ -19,7 +19,7 @@ impl Timeline {
     /// `queued` slots have been filled so far, modulo 2^32, and end at `tick`.
     pub fn mark(&mut self, queued: u32, tick: u64) {
         // The more is queued the coarser, so that there are always marks enough.
-        let spacing = SPACING_TICKS.max(self.left_ticks(tick) / (MARKS as u64 / 2));
+        let spacing = SPACING_TICKS.max(self.remaining_ticks(tick) / (MARKS as u64 / 2));
         if tick.saturating_sub(self.last_tick) < spacing {
             return;
         }
@@ -37,26 +37,26 @@ impl Timeline {
             if let Some(mark) = self.marks.pop_front()
                 && index % 2 == 1
             {
-                // There is room: it was taken out just now.
+                // There is room: one mark was taken out just now.
                 let _ = self.marks.push_back(mark);
             }
         }
     }
 
-    /// So many slots have been played, modulo 2^32.
+    /// Drops the marks of the slots that have been played: `played` of them, modulo 2^32.
     pub fn pass(&mut self, played: u32) {
         while self.marks.front().is_some_and(|&(slot, _)| played.wrapping_sub(slot) as i32 >= 0) {
             self.marks.pop_front();
         }
     }
 
-    /// How much is left at least, if the queue ends at `end_tick`: what lies behind the first mark that has not been
-    /// passed.
-    pub fn left_ticks(&self, end_tick: u64) -> u64 {
+    /// How much motion remains at least, if the queue ends at `end_tick`: from the first mark that has not been played
+    /// to there.
+    pub fn remaining_ticks(&self, end_tick: u64) -> u64 {
         self.marks.front().map_or(0, |&(_, tick)| end_tick.saturating_sub(tick))
     }
 
-    /// The queue is empty.
+    /// Drops all marks: the queue is empty, and goes on at `tick`.
     pub fn clear(&mut self, tick: u64) {
         self.marks.clear();
         self.last_tick = tick;
@@ -82,7 +82,7 @@ mod tests {
                     played_end = ends[played];
                     timeline.pass(played as u32 + 1);
                 }
-                let (left, truly) = (timeline.left_ticks(end), end - played_end);
+                let (left, truly) = (timeline.remaining_ticks(end), end - played_end);
                 prop_assert!(left <= truly);
                 // The slot in play may be any part of what is missing, and so may a gap between marks.
                 let longest = slots[index.saturating_sub(ahead)..=index].iter().max().copied().unwrap_or(0);

@@ -2,7 +2,7 @@
 
 use ferrostep_planner::{Pace, TICKS_PER_SECOND};
 
-/// Planning is judged after so much of it, ticks: 2 ms.
+/// Planning is judged each time it has taken this long, ticks: 2 ms.
 const JUDGED_AFTER_TICKS: u64 = TICKS_PER_SECOND as u64 / 500;
 
 /// Planning may take four fifths of the time that motion takes; the rest is for reading lines, and for what varies.
@@ -23,8 +23,8 @@ pub struct Workload {
 }
 
 impl Workload {
-    /// Planning has gone on for so many ticks, and `nominal_ticks` are those of all blocks begun so far. Returns a pace
-    /// that planning can keep, now and then.
+    /// Adds `ticks` of planning; `nominal_ticks` are those of all blocks begun so far. Returns, every now and then, a pace
+    /// that planning can keep.
     pub fn add(&mut self, ticks: u32, nominal_ticks: u64) -> Option<Pace> {
         self.taken = self.taken.saturating_add(u64::from(ticks));
         if nominal_ticks == self.begun {

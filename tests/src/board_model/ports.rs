@@ -10,7 +10,7 @@ use ferrostep_printer::heat::HeatFault;
 use ferrostep_printer::machine::{SharedMachine, Silence};
 use ferrostep_printer::{Failure, HeaterStatus, Heating, Replies};
 use ferrostep_step_player::Stepping;
-use ferrostep_virtual_board::VirtualDelay;
+use ferrostep_virtual_board::{ModelledSensors, VirtualDelay};
 
 use super::{Board, BoardMachine, Queue};
 
@@ -19,7 +19,7 @@ const LOOK_MS: u32 = 1;
 
 impl<'a, M: Stepping> SharedMachine for &Board<'a, M> {
     type Ring = Vec<Slot>;
-    type Queue = Queue<'a, M>;
+    type Queue = ModelledSensors<Queue<'a, M>>;
 
     fn with<T>(&self, act: impl FnOnce(&mut BoardMachine<'a, M>) -> T) -> T {
         act(&mut self.machine.borrow_mut())

@@ -1,6 +1,6 @@
 //! The step queue's near end, whose every call takes time.
 
-use ferrostep_hal_shim::{MotorEnable, StepOutput};
+use ferrostep_hal_shim::{MotionWatch, MotorEnable, PlanningClock, StepQueue};
 use ferrostep_planner::StepEntry;
 use ferrostep_step_player::{DroppedSteps, FeedError, StepFeeder, StepLink, Stepping};
 use ferrostep_virtual_board::CYCLES_A_TICK;
@@ -34,7 +34,7 @@ impl<'a, M: Stepping> Queue<'a, M> {
     }
 }
 
-impl<M: Stepping> StepOutput for Queue<'_, M> {
+impl<M: Stepping> StepQueue for Queue<'_, M> {
     fn queued(&self) -> u32 {
         self.feeder.queued()
     }
@@ -90,13 +90,17 @@ impl<M: Stepping> StepOutput for Queue<'_, M> {
         self.interrupts.pass(CALL);
         0
     }
+}
 
+impl<M: Stepping> MotionWatch for Queue<'_, M> {
+    fn move_ended(&mut self, _tick: u64, _line: u32) {
+        self.plan_for(self.costs.planned_move);
+    }
+}
+
+impl<M: Stepping> PlanningClock for Queue<'_, M> {
     fn now_ticks(&self) -> Option<u32> {
         Some((self.interrupts.now() / CYCLES_A_TICK) as u32)
-    }
-
-    fn move_planned(&mut self) {
-        self.plan_for(self.costs.planned_move);
     }
 }
 

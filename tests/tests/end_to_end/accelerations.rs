@@ -2,7 +2,7 @@
 
 use std::fs::File;
 
-use ferrostep::desk::{LOOK_AHEAD_BLOCKS, Mode};
+use ferrostep::desk::{Desk, LOOK_AHEAD_BLOCKS};
 use ferrostep::job::{self, JobProgress};
 use ferrostep::session::{JobReplies, Session};
 use ferrostep_oracle::reference::{InterpretOptions, ReferenceProfile, interpret};
@@ -88,12 +88,12 @@ fn motion_s(machine: &str, name: &str, law: AccelerationProfile, block_by_block:
     let mut machine = profile(machine);
     machine.motion.acceleration = law;
     let replies = JobReplies::new(|text: &str| panic!("{text}"));
-    let session = Session::new(machine, Mode::Estimate, LOOK_AHEAD_BLOCKS, (), replies);
-    assert!(!block_by_block || session.desk().borrow_mut().plan_block_by_block());
+    let session = Session::estimate(machine, LOOK_AHEAD_BLOCKS, replies);
+    assert!(!block_by_block || session.desk().plan_block_by_block());
     let mut progress = JobProgress::default();
     let mut printer = session.printer();
     session.run(job::run(&mut example(name).as_slice(), &mut printer, &mut progress, |_| {})).unwrap();
-    session.desk().borrow().figures().motion_time_s
+    session.figures().motion_time_s
 }
 
 /// What neighbours under one law gain over a stop of acceleration at the end of every block.

@@ -3,14 +3,14 @@
 use std::cell::RefCell;
 use std::io::Read;
 
-use ferrostep::desk::{Figures, LOOK_AHEAD_BLOCKS, Mode};
+use ferrostep::desk::{Figures, LOOK_AHEAD_BLOCKS};
 use ferrostep::gpre;
 use ferrostep::job::{self, JobError, JobProgress};
 use ferrostep::record::Observer;
 use ferrostep::session::{JobReplies, Session};
+use ferrostep_planner::StepObserver;
 use ferrostep_planner::{Kinematics, TICKS_PER_SECOND};
 use ferrostep_printer::{Profile, Tally};
-use ferrostep_virtual_board::StepObserver;
 
 /// One of the shipped machines.
 pub fn profile(name: &str) -> Profile {
@@ -82,7 +82,7 @@ enum Job<'a> {
 fn run_either(profile: &Profile, look_ahead: usize, input: &mut impl Read, trace: Trace, job: Job<'_>) -> Ended {
     let notices = RefCell::new(Vec::new());
     let replies = JobReplies::new(|text: &str| notices.borrow_mut().push(text.to_owned()));
-    let session = Session::new(*profile, Mode::Print, look_ahead, trace, replies);
+    let session = Session::print(*profile, look_ahead, trace, replies);
     let mut progress = JobProgress::default();
     let (outcome, tally, logical_10nm) = {
         let mut printer = session.printer();
@@ -96,7 +96,7 @@ fn run_either(profile: &Profile, look_ahead: usize, input: &mut impl Read, trace
         };
         (outcome, printer.tally(), printer.logical_10nm())
     };
-    let figures = session.desk().borrow().figures();
+    let figures = session.figures();
     let trace = session.into_observer().bytes;
     let notices = notices.take();
     Ended { outcome, lines: progress.lines, figures, logical_10nm, tally, notices, trace }

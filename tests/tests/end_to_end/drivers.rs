@@ -3,9 +3,9 @@
 
 use std::cell::RefCell;
 
-use ferrostep::desk::{LOOK_AHEAD_BLOCKS, Mode};
+use ferrostep::desk::{Desk, LOOK_AHEAD_BLOCKS};
 use ferrostep::job::{self, JobProgress};
-use ferrostep::session::{JobReplies, Session};
+use ferrostep::session::{JobReplies, PrintSession, Session};
 use ferrostep_printer::{MotorDrivers, Profile};
 use ferrostep_tmc2209::{DriverState, DriverStatus, Register, RegisterImage};
 use ferrostep_virtual_board::{DriverChip, VIRTUAL_WIRING};
@@ -13,10 +13,10 @@ use ferrostep_virtual_board::{DriverChip, VIRTUAL_WIRING};
 use crate::desk::{profile, rehearse};
 use crate::refusals::Collector;
 
-type Machine = Session<(), Collector>;
+type Machine = PrintSession<(), Collector>;
 
 fn machine(profile: &Profile) -> Machine {
-    Session::new(*profile, Mode::Print, LOOK_AHEAD_BLOCKS, (), Collector::default())
+    Session::print(*profile, LOOK_AHEAD_BLOCKS, (), Collector::default())
 }
 
 /// Executes lines. Returns the replies, except `ok` and `busy`.
@@ -88,7 +88,7 @@ fn a_silent_driver_blocks_motion_only() {
     assert_eq!(replies[0], format!("echo:{reason}"));
     assert_eq!(replies[1..3], [format!("Error:{reason}"), format!("echo:line 2: {reason}")]);
     assert_eq!(replies[3..5], [format!("Error:{reason}"), format!("echo:line 3: {reason}")]);
-    assert_eq!(machine.desk().borrow().figures().motor_steps, [0; 4]);
+    assert_eq!(machine.figures().motor_steps, [0; 4]);
     assert!(
         replies.iter().any(|reply| reply.starts_with("echo:driver X: confirmed, 337 mA, 337 mA at rest")),
         "{replies:#?}"
@@ -110,7 +110,7 @@ fn m17_waits_for_the_drivers() {
     let profile = profile("prusa-mini");
     let machine = machine(&profile);
     let mut printer = machine.printer();
-    let motors_on = || machine.desk().borrow().board().motors.enabled_motors();
+    let motors_on = || machine.desk().enabled_motors();
     (0..4).for_each(|motor| with_chip(&machine, motor, |chip| chip.set_silent(true)));
     let reason = "driver X does not answer: no reply on its serial line; is the motor supply on?";
     let replies = say(&machine, &mut printer, &["M17", "M17 E"]);
@@ -169,12 +169,12 @@ fn a_driver_reset_halts_the_print_and_is_set_up_again() {
     assert_eq!(replies[0], "Error:driver X has been reset, its motor may have moved");
     assert_eq!(replies[1], "Error:Printer halted. kill() called!");
     assert!(replies[2..].iter().all(|reply| reply.contains("halted") || reply.contains("stopped")), "{replies:#?}");
-    let steps = machine.desk().borrow().figures().motor_steps;
+    let steps = machine.figures().motor_steps;
     let mut printer = machine.printer();
     // The machine stays halted whatever the driver reports.
     let refused = say(&machine, &mut printer, &["G1 X100", "G28"]);
     assert!(refused.iter().all(|reply| reply.contains("halted")), "{refused:?}");
-    assert_eq!(machine.desk().borrow().figures().motor_steps, steps);
+    assert_eq!(machine.figures().motor_steps, steps);
     let replies = say(&machine, &mut printer, &["M999", "G4 S1", "G28", "G1 X10 F6000", "M400"]);
     assert_eq!(replies.len(), 1, "{replies:?}");
     assert_eq!(machine.drivers().state(0), Some(DriverState::Confirmed));
@@ -195,7 +195,7 @@ fn driver_over_temperature_halts_its_warning_does_not() {
 fn a_driver_fault_stops_a_job_with_its_message() {
     let notices = RefCell::new(Vec::new());
     let replies = JobReplies::new(|text: &str| notices.borrow_mut().push(text.to_owned()));
-    let session = Session::new(profile("prusa-mini"), Mode::Print, LOOK_AHEAD_BLOCKS, (), replies);
+    let session = Session::print(profile("prusa-mini"), LOOK_AHEAD_BLOCKS, (), replies);
     session.drivers().with_lines(|lines| lines.chip(3).unwrap().set_silent(true)).unwrap();
     let mut progress = JobProgress::default();
     let mut printer = session.printer();

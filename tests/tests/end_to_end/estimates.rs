@@ -1,8 +1,9 @@
 //! The cost of an estimate, and its accuracy.
 
-use ferrostep::desk::{LOOK_AHEAD_BLOCKS, Mode};
+use ferrostep::desk::{Desk, LOOK_AHEAD_BLOCKS};
 use ferrostep::job::{self, JobProgress};
 use ferrostep::session::{JobReplies, Session};
+use ferrostep_printer::Replies;
 
 use crate::command::{example, ferrostep};
 use crate::desk::profile;
@@ -16,18 +17,22 @@ struct Ended {
     driver_polls: u64,
 }
 
-#[track_caller]
-fn run(machine: &str, mode: Mode, text: &[u8]) -> Ended {
-    let replies = JobReplies::new(|_: &str| {});
-    let session = Session::new(profile(machine), mode, LOOK_AHEAD_BLOCKS, (), replies);
+fn estimate(machine: &str, text: &[u8]) -> Ended {
+    run(&Session::estimate(profile(machine), LOOK_AHEAD_BLOCKS, JobReplies::new(|_: &str| {})), text)
+}
+
+fn print(machine: &str, text: &[u8]) -> Ended {
+    run(&Session::print(profile(machine), LOOK_AHEAD_BLOCKS, (), JobReplies::new(|_: &str| {})), text)
+}
+
+fn run<D: Desk>(session: &Session<D, impl Replies>, text: &[u8]) -> Ended {
     let mut progress = JobProgress::default();
     session.run(job::run(&mut &text[..], &mut session.printer(), &mut progress, |_| {})).unwrap();
-    let desk = session.desk().borrow();
-    let figures = desk.figures();
+    let figures = session.figures();
     Ended {
         print_time_s: figures.print_time_s,
         motion_time_s: figures.motion_time_s,
-        heat_samples: desk.heat_samples(),
+        heat_samples: session.heat_samples(),
         driver_polls: session.drivers().polls(),
     }
 }
@@ -45,12 +50,12 @@ fn after_hours(seconds: u32) -> String {
 #[test]
 fn the_cost_of_an_estimate_is_independent_of_the_print_time() {
     for machine in ["cartesian", "corexy", "prusa-mini"] {
-        let [short, long] = [1, 2000].map(|seconds| run(machine, Mode::Estimate, after_hours(seconds).as_bytes()));
+        let [short, long] = [1, 2000].map(|seconds| estimate(machine, after_hours(seconds).as_bytes()));
         assert!(long.print_time_s > short.print_time_s + 3900.0, "{machine}: {} s", long.print_time_s);
         assert_eq!(long.heat_samples, short.heat_samples, "{machine}");
         assert_eq!(long.driver_polls, short.driver_polls, "{machine}");
         // A print does look.
-        let print = run(machine, Mode::Print, after_hours(1).as_bytes());
+        let print = print(machine, after_hours(1).as_bytes());
         assert!(print.heat_samples > short.heat_samples + 10_000, "{machine}: {}", print.heat_samples);
         let watches = print.driver_polls > 2 * short.driver_polls;
         assert_eq!(watches, machine != "cartesian", "{machine}: {} {}", print.driver_polls, short.driver_polls);
@@ -61,7 +66,7 @@ fn the_cost_of_an_estimate_is_independent_of_the_print_time() {
 #[test]
 fn an_estimate_steps_heaters_only_until_they_settle() {
     for machine in ["cartesian", "corexy", "prusa-mini"] {
-        let ended = run(machine, Mode::Estimate, &example("cube.gcode"));
+        let ended = estimate(machine, &example("cube.gcode"));
         assert!(ended.print_time_s > 1300.0);
         // The MINI's bed takes four minutes for its 60 C.
         let most = if machine == "prusa-mini" { 40_000 } else { 20_000 };
@@ -75,7 +80,7 @@ fn an_estimate_waits_as_long_as_a_print() {
     let text = "M86 S0\nG28\nM190 S60\nM109 S210\nG4 S900\nM109 S230\nG4 S600\nM109 R190\nG4 S600\nM190 S80\nM140 S0\nG4 S100\n\
                 M190 S70\nG4 S400\nM104 S0\nG4 S2000\nM109 S200\nG1 X20 F3000\nG1 X30 E1\n";
     for machine in ["cartesian", "corexy", "prusa-mini"] {
-        let [estimate, print] = [Mode::Estimate, Mode::Print].map(|mode| run(machine, mode, text.as_bytes()));
+        let (estimate, print) = (estimate(machine, text.as_bytes()), print(machine, text.as_bytes()));
         assert_eq!(estimate.motion_time_s, print.motion_time_s);
         let apart_s = (estimate.print_time_s - print.print_time_s).abs();
         assert!(apart_s < 2.0, "{machine}: {} s, {} s", estimate.print_time_s, print.print_time_s);

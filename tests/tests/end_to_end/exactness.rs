@@ -16,7 +16,7 @@ fn stands(machine_name: &str, lines: &str) -> ([i64; 4], [f64; 4]) {
         assert!(!refused, "{line}: {replies:?}");
     }
     conversation.finish();
-    let motor_steps = machine.desk().borrow().board().motors.steps.motor_steps();
+    let motor_steps = machine.desk().motor_steps();
     (motor_steps, conversation.position_mm())
 }
 

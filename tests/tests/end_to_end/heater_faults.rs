@@ -80,7 +80,7 @@ fn an_overheated_nozzle_stops_the_job() {
 fn failing(heater: Heater, failure: HeaterFailure, at_s: f64) -> impl FnMut(&Machine) {
     move |machine| {
         if machine.clock().now_ns() as f64 * 1e-9 >= at_s {
-            machine.desk().borrow_mut().heaters_mut().set_failure(heater, Some(failure));
+            machine.set_heater_failure(heater, Some(failure));
         }
     }
 }
@@ -117,16 +117,16 @@ fn every_failure_in_mid_print_stops_motion_and_tells_the_host() {
             assert_eq!(replies.iter().filter(|reply| reply.starts_with("Error:")).count(), 2, "{replies:?}");
 
             // Nothing moves, nothing heats, and the position is where the motors stand.
-            let steps = machine.desk().borrow().figures().motor_steps;
+            let steps = machine.figures().motor_steps;
             let refused = conversation.say("G1 X5 F3000");
             assert!(refused[0].contains("M999") && refused[1] == "ok", "{refused:?}");
-            let stands_mm = machine.desk().borrow().board().motors.steps.motor_steps()[0] as f64 / 80.0;
+            let stands_mm = machine.desk().motor_steps()[0] as f64 / 80.0;
             assert!((conversation.position_mm()[0] - stands_mm).abs() < 0.0126);
-            assert_eq!(machine.desk().borrow().figures().motor_steps, steps);
+            assert_eq!(machine.figures().motor_steps, steps);
             for heater in Heater::ALL {
-                assert_eq!(machine.desk().borrow().board().heaters.power(heater), 0.0);
+                assert_eq!(machine.heaters().power(heater), 0.0);
             }
-            assert_eq!(machine.desk().borrow().board().heaters.fan_power(), 255);
+            assert_eq!(machine.heaters().fan_power(), 255);
 
             // M999 where the thermistor is still broken changes nothing; where it is mended, the machine goes on, cold.
             let broken = matches!(failure, HeaterFailure::ThermistorOpen | HeaterFailure::ThermistorShorted);
@@ -136,7 +136,7 @@ fn every_failure_in_mid_print_stops_motion_and_tells_the_host() {
                 assert!(again[2].contains("M999") && again[3] == "ok", "{again:?}");
                 assert!(conversation.say("G1 X5")[0].contains("M999"));
             }
-            machine.desk().borrow_mut().heaters_mut().set_failure(heater, None);
+            machine.set_heater_failure(heater, None);
             // Dwells are refused too; it takes a moment to read the thermistor again.
             machine.run(tick(&machine));
             if !broken {
@@ -147,7 +147,7 @@ fn every_failure_in_mid_print_stops_motion_and_tells_the_host() {
                 assert!(words.iter().all(|word| refused[2].contains(word)) && refused[3] == "ok", "{refused:?}");
                 assert!(conversation.say("M104 S200")[0].contains("halted"));
                 for heater in Heater::ALL {
-                    assert_eq!(machine.desk().borrow().board().heaters.power(heater), 0.0);
+                    assert_eq!(machine.heaters().power(heater), 0.0);
                 }
                 continue;
             }

@@ -12,8 +12,8 @@ use ferrostep_hal_shim::{Clock, Heater};
 use ferrostep_planner::{Limits, MotionChoice, Move, Moved, Request};
 use ferrostep_printer::heat::HeatFault;
 use ferrostep_printer::{
-    CommandError, Failure, HeaterStatus, Heating, HomeEnd, HomeSensor, Motion, MotionError, Printer, Profile, Replies,
-    Seek, Signals,
+    CommandError, Failure, HeaterStatus, Heating, HomeEnd, HomeSensor, HomingOutcome, Motion, MotionError, Printer,
+    Profile, Replies, Signals,
 };
 use ferrostep_virtual_board::{
     BOUNCE_10NM, Mechanics, STALL_LAG_10NM, SensorFault, SensorPlace, VirtualProbe, VirtualSensor,
@@ -113,7 +113,7 @@ impl Places {
     }
 }
 
-type PlacesPrinter<'a> = Printer<'a, PlacesMotion<'a>, Cold, NoTime, Places>;
+type PlacesPrinter<'a> = Printer<'a, (PlacesMotion<'a>, Cold, NoTime, Places)>;
 
 fn printer<'a>(profile: &'a Profile, places: &'a Places) -> PlacesPrinter<'a> {
     Printer::new(profile, PlacesMotion(places), Cold, NoTime, places, &places.signals)
@@ -140,13 +140,13 @@ impl Motion for PlacesMotion<'_> {
         Ok(Moved::Queued)
     }
 
-    async fn seek(&mut self, request: Move, axis: usize) -> Result<Seek, MotionError> {
+    async fn seek(&mut self, request: Move, axis: usize) -> Result<HomingOutcome, MotionError> {
         let way = self.0.way_to(request.target_10nm)[axis];
         let (moved, triggered) = self.0.mechanics.borrow_mut().seek(axis, way);
         let mut believed = self.0.believed_10nm.get();
         believed[axis] += moved;
         self.0.believed_10nm.set(believed);
-        Ok(if triggered { Seek::Triggered } else { Seek::Missed })
+        Ok(if triggered { HomingOutcome::Triggered } else { HomingOutcome::Missed })
     }
 
     fn refine_position(&mut self, _: [i64; 3]) -> bool {

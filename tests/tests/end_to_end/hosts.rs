@@ -1,7 +1,7 @@
 //! The conversation with a host over a serial line.
 
-use ferrostep::desk::{LOOK_AHEAD_BLOCKS, Mode};
-use ferrostep::session::{DeskPrinter, Session};
+use ferrostep::desk::LOOK_AHEAD_BLOCKS;
+use ferrostep::session::{DeskPrinter, PrintSession, Session};
 use ferrostep_gcode::LineReader;
 use ferrostep_printer::{Host, Profile};
 
@@ -11,11 +11,11 @@ use crate::refusals::Collector;
 use crate::repeats::Seeded;
 
 /// A machine with a serial line.
-pub type Machine = Session<(), Collector>;
+pub type Machine = PrintSession<(), Collector>;
 
 /// A machine that has just been switched on.
 pub fn machine(profile: &Profile) -> Machine {
-    Session::new(*profile, Mode::Print, LOOK_AHEAD_BLOCKS, (), Collector::default())
+    Session::print(*profile, LOOK_AHEAD_BLOCKS, (), Collector::default())
 }
 
 /// The host's end of the line, and the printer at the other end.
@@ -174,7 +174,7 @@ fn a_bad_line_changes_only_the_time() {
         conversation.finish();
         assert_eq!(spoilt > 0, one_in < usize::MAX);
         assert_eq!(spoilt, resent, "each bad line is asked for once");
-        let figures = machine.desk().borrow().figures();
+        let figures = machine.figures();
         assert_eq!(figures.digests, clean.figures.digests, "one in {one_in}");
         assert_eq!(conversation.position_mm(), clean.logical_10nm.map(|units| units as f64 / 100_000.0));
     }

@@ -1,7 +1,7 @@
 //! A vanished host: unused heaters go off, after a warning.
 
 use embedded_hal_async::delay::DelayNs;
-use ferrostep::desk::{LOOK_AHEAD_BLOCKS, Mode};
+use ferrostep::desk::LOOK_AHEAD_BLOCKS;
 use ferrostep::session::Session;
 use ferrostep_hal_shim::Heater;
 use ferrostep_printer::Profile;
@@ -35,7 +35,7 @@ fn silence(machine: &Machine, seconds: u32) -> Vec<(f64, String)> {
 }
 
 fn powers(machine: &Machine) -> [f32; 2] {
-    Heater::ALL.map(|heater| machine.desk().borrow().board().heaters.power(heater))
+    Heater::ALL.map(|heater| machine.heaters().power(heater))
 }
 
 /// What a reply says of heaters that rest.
@@ -107,7 +107,7 @@ fn heaters_stay_on_while_the_printer_is_used() {
 #[test]
 fn heaters_stay_on_in_an_estimated_long_move() {
     let profile = profile("cartesian");
-    let session = Session::new(profile, Mode::Estimate, LOOK_AHEAD_BLOCKS, (), Collector::default());
+    let session = Session::estimate(profile, LOOK_AHEAD_BLOCKS, Collector::default());
     let mut printer = session.printer();
     for line in ["M104 S210", "M109 S210", "G1 X180 F4", "G1 X20 F4", "M400"] {
         session.run(printer.execute(1, line)).unwrap();

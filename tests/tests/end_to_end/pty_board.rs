@@ -11,7 +11,7 @@ use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
 use embedded_hal_async::delay::DelayNs;
-use ferrostep::desk::{Figures, LOOK_AHEAD_BLOCKS, Mode};
+use ferrostep::desk::{Figures, LOOK_AHEAD_BLOCKS};
 use ferrostep::session::Session;
 use ferrostep_gcode::{Line, LineError, LineReader, Reply};
 use ferrostep_gpre::compact::MAX_FRAME_BYTES;
@@ -260,7 +260,7 @@ impl JobLine for JobPort<'_> {
 /// The board's main loop.
 fn serve(pty: &Pty, settings: &Settings, shared: &Shared) -> Served {
     let port = Port { pty, shared };
-    let session = Session::new(settings.profile, Mode::Print, LOOK_AHEAD_BLOCKS, (), Silent(RefCell::new(None)));
+    let session = Session::print(settings.profile, LOOK_AHEAD_BLOCKS, (), Silent(RefCell::new(None)));
     // The replies to earlier lines are not read.
     let mut printer = session.printer();
     for line in settings.before {
@@ -304,7 +304,7 @@ fn serve(pty: &Pty, settings: &Settings, shared: &Shared) -> Served {
             }
         }
     }
-    let figures = session.desk().borrow().figures();
+    let figures = session.figures();
     let state = shared.state.lock().unwrap();
     Served { figures, taken: state.taken, jobs, said: state.said.clone() }
 }

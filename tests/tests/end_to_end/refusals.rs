@@ -2,7 +2,7 @@
 
 use std::cell::RefCell;
 
-use ferrostep::desk::{LOOK_AHEAD_BLOCKS, Mode};
+use ferrostep::desk::LOOK_AHEAD_BLOCKS;
 use ferrostep::session::Session;
 use ferrostep_gcode::Reply;
 use ferrostep_planner::StepDigests;
@@ -41,7 +41,7 @@ struct Done {
 /// Executes lines as a host sends them: a refused one is followed by the next. Returns what was done, and for each
 /// line whether it was refused.
 fn execute<'a>(profile: &Profile, lines: impl IntoIterator<Item = &'a str>) -> (Done, Vec<bool>) {
-    let session = Session::new(*profile, Mode::Print, LOOK_AHEAD_BLOCKS, (), Collector::default());
+    let session = Session::print(*profile, LOOK_AHEAD_BLOCKS, (), Collector::default());
     let mut printer = session.printer();
     let mut refused = Vec::new();
     let mut reports = Vec::new();
@@ -53,7 +53,7 @@ fn execute<'a>(profile: &Profile, lines: impl IntoIterator<Item = &'a str>) -> (
     }
     session.run(printer.finish()).unwrap();
     let logical_10nm = printer.logical_10nm();
-    let figures = session.desk().borrow().figures();
+    let figures = session.figures();
     let done = Done {
         digests: figures.digests,
         motor_steps: figures.motor_steps,

@@ -1,8 +1,8 @@
 //! Axes that home by their driver's stall signal: the carriage meets the frame's end, its motor lags, and the
 //! chip reports it.
 
-use ferrostep::desk::{LOOK_AHEAD_BLOCKS, Mode};
-use ferrostep::session::{DeskPrinter, Session};
+use ferrostep::desk::LOOK_AHEAD_BLOCKS;
+use ferrostep::session::{DeskPrinter, PrintSession, Session};
 use ferrostep_printer::Profile;
 use ferrostep_tmc2209::Register;
 use ferrostep_virtual_board::START_10NM;
@@ -10,10 +10,10 @@ use ferrostep_virtual_board::START_10NM;
 use crate::desk::{profile, rehearse};
 use crate::refusals::Collector;
 
-type Machine = Session<(), Collector>;
+type Machine = PrintSession<(), Collector>;
 
 fn machine(profile: &Profile) -> Machine {
-    Session::new(*profile, Mode::Print, LOOK_AHEAD_BLOCKS, (), Collector::default())
+    Session::print(*profile, LOOK_AHEAD_BLOCKS, (), Collector::default())
 }
 
 /// Executes lines. Returns the replies, except `ok` and `busy`.
@@ -31,7 +31,7 @@ fn say(machine: &Machine, printer: &mut DeskPrinter<'_, (), Collector>, lines: &
 
 /// Where the tool head truly is, mm.
 fn true_mm(machine: &Machine) -> [f64; 3] {
-    machine.desk().borrow().board().motors.true_position_10nm().map(|units| units as f64 / 1e5)
+    machine.desk().true_position_10nm().map(|units| units as f64 / 1e5)
 }
 
 /// Threshold 130 means a load of 260, which the model's motor reaches when it lags 0.35 full steps: 6 of its 16 microsteps.
@@ -66,10 +66,10 @@ fn an_axis_at_its_end_homes() {
         assert_eq!(true_mm(&machine)[0], 180.4);
     }
     // Back 2.56 mm, on to the frame, back again, and the second approach.
-    let steps = machine.desk().borrow().figures().motor_steps[0];
+    let steps = machine.figures().motor_steps[0];
     assert_eq!(steps, (256 + 12_302 + 256 + 256) + 2 * 4 * 256);
     // Z has been raised by 4 mm, once.
-    assert_eq!(machine.desk().borrow().figures().motor_steps[2], 1_600);
+    assert_eq!(machine.figures().motor_steps[2], 1_600);
 }
 
 #[test]
@@ -101,7 +101,7 @@ fn homing_without_a_stall_signal_is_refused() {
         let replies = say(&machine, &mut machine.printer(), &[off, "G28 X"]);
         let expected = "echo:line 2: X homes by its driver's stall signal, expected it on: M914 X1 to 255, M569 S1 X";
         assert_eq!(replies, [expected]);
-        assert_eq!(machine.desk().borrow().figures().motor_steps, [0; 4]);
+        assert_eq!(machine.figures().motor_steps, [0; 4]);
     }
 }
 

@@ -1,7 +1,6 @@
 //! Waits, and how they end before their time.
 
-use ferrostep::desk::{DeskHeating, DeskMotion};
-use ferrostep_printer::{Heating, Motion};
+use ferrostep_printer::Heating;
 
 use crate::desk::profile;
 use crate::hosts::{Conversation, Machine, machine};
@@ -22,13 +21,6 @@ fn at(when_s: f64, mut act: impl FnMut(&Machine)) -> impl FnMut(&Machine) {
     }
 }
 
-/// M112 as it is acted on when its bytes arrive: heat, motion, then the flag.
-fn emergency_stop(machine: &Machine) {
-    DeskHeating { desk: machine.desk() }.all_off();
-    DeskMotion { desk: machine.desk(), drivers: machine.drivers(), signals: machine.signals() }.stop();
-    machine.signals().halt();
-}
-
 /// Sends a line and returns the replies and the time until the last.
 fn timed(conversation: &mut Conversation<'_>, machine: &Machine, line: &str) -> (Vec<String>, f64) {
     let since_s = now_s(machine);
@@ -41,14 +33,14 @@ fn an_emergency_stop_ends_a_wait_for_heat() {
     let machine = machine(&profile("cartesian"));
     let mut conversation = Conversation::new(&machine);
     conversation.say("M140 S60");
-    let replies = conversation.say_while(b"M109 S200\n", at(5.0, emergency_stop));
+    let replies = conversation.say_while(b"M109 S200\n", at(5.0, Machine::halt));
     let ended_s = now_s(&machine);
     assert!((5.0..5.3).contains(&ended_s), "{ended_s} s");
     assert_eq!(replies.iter().filter(|reply| reply.starts_with("ok")).count(), 1, "{replies:?}");
 
     // Everything is off, and stays so.
     let report = conversation.say("M105").concat();
-    let status = DeskHeating { desk: machine.desk() };
+    let status = machine.heating();
     for heater in ferrostep_hal_shim::Heater::ALL {
         assert_eq!((status.status(heater).target_celsius, status.status(heater).power), (0.0, 0.0), "{report}");
     }
@@ -58,12 +50,12 @@ fn an_emergency_stop_ends_a_wait_for_heat() {
         assert!(replies[0].starts_with("echo:") && replies[0].contains("M999"), "{line}: {replies:?}");
         assert_eq!((replies[1].as_str(), took_s), ("ok", 0.0), "{line}");
     }
-    assert_eq!(machine.desk().borrow().figures().motor_steps, [0; 4]);
+    assert_eq!(machine.figures().motor_steps, [0; 4]);
 
     assert_eq!(conversation.say("M999"), ["ok"]);
     assert_eq!(conversation.say("G1 X5 F3000"), ["ok"]);
     conversation.finish();
-    assert_eq!(machine.desk().borrow().figures().motor_steps, [400, 0, 0, 0]);
+    assert_eq!(machine.figures().motor_steps, [400, 0, 0, 0]);
     let [nozzle, bed] = temperatures(&conversation.say("M105")[0]).try_into().unwrap();
     assert_eq!((nozzle.2, bed.2), (0.0, 0.0), "M999 switches nothing on");
 }
@@ -78,7 +70,7 @@ fn an_emergency_stop_ends_a_dwell_and_motion() {
         let halted = std::cell::Cell::new(false);
         // The desk lets a whole move pass at a time, so this comes at the first look after its time.
         let stop = at(3.0, |machine: &Machine| {
-            emergency_stop(machine);
+            machine.halt();
             halted.set(true);
         });
         let replies = conversation.say_while(format!("{line}\n").as_bytes(), stop);
@@ -97,7 +89,7 @@ fn m112_in_its_turn_halts() {
     conversation.say("G1 X100 F600");
     let replies = conversation.say("M112");
     assert!(replies.contains(&"Error:Printer halted. kill() called!".to_owned()), "{replies:?}");
-    let steps = machine.desk().borrow().figures().motor_steps[0];
+    let steps = machine.figures().motor_steps[0];
     assert!(steps < 8000, "the move was cut short");
     assert_eq!(conversation.say("M999"), ["ok"]);
     let [x, ..] = conversation.position_mm();

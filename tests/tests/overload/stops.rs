@@ -32,7 +32,7 @@ fn cube() -> Vec<String> {
 }
 
 /// A print that is stopped again and again.
-struct StoppedPrint<'b, 'a, M> {
+struct StoppedPrint<'b, 'a, M: Stepping> {
     board: &'b Board<'a, M>,
     profile: &'b Profile,
     printer: BoardPrinter<'b, 'a, M>,

@@ -2,8 +2,8 @@
 
 use std::cell::RefCell;
 
-use ferrostep::desk::{LOOK_AHEAD_BLOCKS, Mode};
-use ferrostep::session::{DeskPrinter, Session};
+use ferrostep::desk::LOOK_AHEAD_BLOCKS;
+use ferrostep::session::{DeskPrinter, PrintSession, Session};
 use ferrostep_gcode::{Emergency, LineReader, Reply};
 use ferrostep_planner::StepDigests;
 use ferrostep_printer::{Host as HostLine, Replies};
@@ -35,13 +35,13 @@ impl Replies for Port<'_> {
 }
 
 /// A machine that has just been switched on.
-pub fn machine<R: Replies>(replies: R) -> Session<(), R> {
-    Session::new(ferrostep_profiles::load("cartesian").unwrap(), Mode::Print, LOOK_AHEAD_BLOCKS, (), replies)
+pub fn machine<R: Replies>(replies: R) -> PrintSession<(), R> {
+    Session::print(ferrostep_profiles::load("cartesian").unwrap(), LOOK_AHEAD_BLOCKS, (), replies)
 }
 
 /// A printer at the port, and a host that prints through it.
 pub struct Conversation<'a> {
-    machine: &'a Session<(), Port<'a>>,
+    machine: &'a PrintSession<(), Port<'a>>,
     printer: DeskPrinter<'a, (), Port<'a>>,
     device: &'a Device,
     /// The host.
@@ -54,7 +54,7 @@ pub struct Conversation<'a> {
 
 impl<'a> Conversation<'a> {
     /// The device has been plugged in.
-    pub fn new(machine: &'a Session<(), Port<'a>>) -> Self {
+    pub fn new(machine: &'a PrintSession<(), Port<'a>>) -> Self {
         let device = machine.replies().0;
         let mut host = device.host();
         host.plug_in();
@@ -91,7 +91,7 @@ impl<'a> Conversation<'a> {
 
     fn finish(&mut self) -> StepDigests {
         self.machine.run(self.printer.finish()).unwrap();
-        self.machine.desk().borrow().figures().digests
+        self.machine.figures().digests
     }
 }
 
@@ -127,7 +127,7 @@ fn over_serial(job: &[String]) -> (Vec<Vec<String>>, StepDigests) {
         replies.push(machine.replies().0.take());
     }
     machine.run(printer.finish()).unwrap();
-    let digests = machine.desk().borrow().figures().digests;
+    let digests = machine.figures().digests;
     (replies, digests)
 }
 

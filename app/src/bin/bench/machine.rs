@@ -1,4 +1,4 @@
-//! The least of a machine: it takes moves and is warm; nothing waits, nothing is said.
+//! The smallest machine that takes moves: it is always warm, never waits and never replies.
 
 use core::cell::RefCell;
 use core::future::Future;
@@ -12,9 +12,9 @@ use ferrostep_hal_shim::{Clock, Heater};
 use ferrostep_planner::look_ahead::Slot;
 use ferrostep_planner::{Limits, MotionChoice, Move, Moved, Planner, Request};
 use ferrostep_printer::heat::HeatFault;
-use ferrostep_printer::{HeaterStatus, Heating, Motion, MotionError, Printer, Replies, Seek};
+use ferrostep_printer::{HeaterStatus, Heating, HomingOutcome, Motion, MotionError, Printer, Replies};
 
-/// The planner with its look-ahead ring in memory of somebody else's.
+/// The planner, its look-ahead ring in borrowed memory.
 pub type BenchPlanner<'a> = Planner<&'a mut [Slot]>;
 
 /// Warm enough to extrude.
@@ -49,14 +49,14 @@ impl Motion for Machine<'_, '_> {
         Ok(())
     }
 
-    /// Every sensor triggers at 0, and the way there takes no steps.
-    async fn seek(&mut self, _request: Move, axis: usize) -> Result<Seek, MotionError> {
+    /// Every sensor triggers at 0, and the machine is there without a step.
+    async fn seek(&mut self, _request: Move, axis: usize) -> Result<HomingOutcome, MotionError> {
         let mut position_10nm = self.position_10nm();
         if let Some(coordinate_10nm) = position_10nm.get_mut(axis) {
             *coordinate_10nm = 0;
         }
         self.set_position(position_10nm);
-        Ok(Seek::Triggered)
+        Ok(HomingOutcome::Triggered)
     }
 
     fn position_10nm(&self) -> [i64; 3] {
@@ -133,7 +133,7 @@ impl DelayNs for QuickTime {
     async fn delay_ns(&mut self, _ns: u32) {}
 }
 
-/// Nobody listens.
+/// Drops all replies.
 pub struct NoReplies;
 
 impl Replies for NoReplies {
@@ -141,9 +141,9 @@ impl Replies for NoReplies {
 }
 
 /// A printer on such a machine.
-pub type BenchPrinter<'a, 's> = Printer<'a, Machine<'a, 's>, Machine<'a, 's>, QuickTime, NoReplies>;
+pub type BenchPrinter<'a, 's> = Printer<'a, (Machine<'a, 's>, Machine<'a, 's>, QuickTime, NoReplies)>;
 
-/// Executes a line that has nothing to wait for.
+/// Executes a line that needs no waiting.
 ///
 /// # Errors
 /// The line was refused, or waits.

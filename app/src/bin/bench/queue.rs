@@ -3,13 +3,13 @@
 use core::sync::atomic::{AtomicU16, Ordering};
 
 use cortex_m::peripheral::NVIC;
-use ferrostep_hal_shim::StepOutput;
+use ferrostep_hal_shim::StepQueue;
 use ferrostep_planner::interpolator::MAX_ENTRIES;
 use ferrostep_planner::{Notice, StepEntry, StepKind, StepSink};
 use ferrostep_step_player::{BothEdges, MotorPins, Pin, PinMap, Pulses, Signals, StepFeeder, StepPlayer, Stepping};
 use ferrostep_stm32f4_board::board::BoardPins;
 use ferrostep_stm32f4_board::pac::{Interrupt, Peripherals, RCC};
-use ferrostep_stm32f4_board::step_timer::{MotorPort, MotorPorts, Motors, StepQueue, StepTimer};
+use ferrostep_stm32f4_board::step_timer::{MotorPort, MotorPorts, MotorQueue, Motors, StepTimer};
 
 use crate::counter::Counter;
 use crate::profile::StepSignals;
@@ -60,7 +60,7 @@ fn pin_map<const PORTS: usize>() -> Option<PinMap<PORTS>> {
 /// planner. So there are two builds of this program. With the feature `tally` entries are counted instead of queued,
 /// so that counting has no part in what queuing costs.
 pub struct BenchQueue<M: 'static, const PORTS: usize, const N: usize> {
-    queue: StepQueue<Ports, M, PORTS, N>,
+    queue: MotorQueue<Ports, M, PORTS, N>,
     interrupt: Interrupt,
     tally: Tally,
 }
@@ -99,7 +99,7 @@ pub fn start<M: Stepping, const PORTS: usize, const N: usize>(
     // SAFETY: only one of the interrupts runs at a time, and all of them use the timer alike.
     let Peripherals { TIM2: timer, TIM9: counter, .. } = unsafe { Peripherals::steal() };
     let timer = StepTimer::start(timer, counter, rcc, &ports, player);
-    let queue = StepQueue::new(ports, StepFeeder::new(player, pin_map()?, SIGNALS), None);
+    let queue = MotorQueue::new(ports, StepFeeder::new(player, pin_map()?, SIGNALS), None);
     Some((timer, BenchQueue { queue, interrupt, tally: Tally::default() }))
 }
 

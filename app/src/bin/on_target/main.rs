@@ -36,7 +36,7 @@ use cortex_m::peripheral::NVIC;
 use cortex_m_semihosting::hprintln;
 use defmt_rtt as _;
 use ferrostep_gcode::Emergency;
-use ferrostep_hal_shim::StepOutput;
+use ferrostep_hal_shim::StepQueue;
 use ferrostep_planner::look_ahead::Slot;
 use ferrostep_planner::{StepEntry, TICKS_PER_SECOND};
 use ferrostep_step_player::{BothEdges, MIN_GAP_TICKS, Pulses, StepFeeder, StepPlayer, Stepping};
@@ -46,7 +46,7 @@ use ferrostep_stm32f4_board::clock;
 use ferrostep_stm32f4_board::measured::{self, Measured, Switch};
 use ferrostep_stm32f4_board::motion_clock::MotionClock;
 use ferrostep_stm32f4_board::pac::{Interrupt, Peripherals};
-use ferrostep_stm32f4_board::step_timer::{StepQueue, StepTimer};
+use ferrostep_stm32f4_board::step_timer::{MotorQueue, StepTimer};
 use ferrostep_stm32f4_board::vector_table::VectorTable;
 use ferrostep_stm32f4_usb::{Memory, Rings, Usb};
 use heapless::spsc::Queue;
@@ -208,7 +208,7 @@ fn steps_take_the_time_that_they_say<M: Stepping>(
     let on_silicon = Cycles::start(core.DCB, core.DWT, motion_clock).are_of_core();
     let timer = StepTimer::start(device.TIM2, device.TIM9, &device.RCC, &pins(), player);
     let mut queue =
-        StepQueue::new(pins(), StepFeeder::new(player, PIN_MAP, PROFILE.driver.signals(clock.timer_hz)), None);
+        MotorQueue::new(pins(), StepFeeder::new(player, PIN_MAP, PROFILE.driver.signals(clock.timer_hz)), None);
     play(timer, &mut controller);
     let mut queued = 0usize;
     let (mut began, mut missed) = (None, 0);
@@ -253,7 +253,7 @@ fn steps_take_the_time_that_they_say<M: Stepping>(
 }
 
 /// Keeps the queue full of single steps of all motors.
-fn steps(queue: &mut impl StepOutput) -> Result<(), Failure> {
+fn steps(queue: &mut impl StepQueue) -> Result<(), Failure> {
     while queue.room() > LEFT_SLOTS {
         let entry = StepEntry::stair(INTERVAL_TICKS, step_events::STAIR_EVENTS, step_events::FOUR_AXES, 0);
         queue.push(entry.ok_or("a stair without events")?).map_err(|_| "an entry was refused")?;
@@ -273,7 +273,7 @@ fn a_step_is_on_time_under_usb_load(board: Board) -> Result<(), Failure> {
     let mut controller = core.NVIC;
     let timer = StepTimer::start(device.TIM2, device.TIM9, &device.RCC, &pins(), &STEPS);
     let mut queue =
-        StepQueue::new(pins(), StepFeeder::new(&STEPS, PIN_MAP, PROFILE.driver.signals(clock.timer_hz)), None);
+        MotorQueue::new(pins(), StepFeeder::new(&STEPS, PIN_MAP, PROFILE.driver.signals(clock.timer_hz)), None);
     handlers::play(timer, &mut controller);
 
     let memory = cortex_m::singleton!(: Memory = Memory::new()).ok_or("started twice")?;

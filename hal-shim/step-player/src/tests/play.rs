@@ -3,7 +3,7 @@
 use super::model::{CYCLES_A_TICK, Edges, Interrupt, SIGNALS, any_stair};
 use crate::*;
 use ferrostep_planner::StepEntry;
-use ferrostep_virtual_board::{StepObserver, StepTimer};
+use ferrostep_planner::{StepLedger, StepObserver};
 use proptest::prelude::*;
 
 #[derive(Default)]
@@ -15,8 +15,8 @@ impl StepObserver for Events {
     }
 }
 
-fn plain(entries: &[StepEntry]) -> (StepTimer, Vec<(u64, u8, u8)>) {
-    let (mut plain, mut expected) = (StepTimer::default(), Events::default());
+fn plain(entries: &[StepEntry]) -> (StepLedger, Vec<(u64, u8, u8)>) {
+    let (mut plain, mut expected) = (StepLedger::default(), Events::default());
     for entry in entries {
         plain.play(*entry, &mut expected);
     }

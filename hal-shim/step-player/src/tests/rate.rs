@@ -5,7 +5,7 @@
 use super::model::{CYCLES_A_TICK, Interrupt, SIGNALS};
 use crate::*;
 use ferrostep_planner::StepEntry;
-use ferrostep_virtual_board::{StepObserver, StepTimer};
+use ferrostep_planner::{StepLedger, StepObserver};
 
 /// Cycles that may pass between an update and the end of its interrupt.
 const MAX_CYCLES: u64 = MIN_GAP_TICKS as u64 * CYCLES_A_TICK;
@@ -74,7 +74,7 @@ fn run<M: Stepping + 'static>(entries: &[StepEntry], signals: Signals, delays: D
     timer.wire_update_count(true);
     timer.set_access_cycles(delays.access);
     let mut feeder = board.feeder(signals);
-    let (mut plain, mut due) = (StepTimer::default(), Due::default());
+    let (mut plain, mut due) = (StepLedger::default(), Due::default());
     entries.iter().for_each(|entry| plain.play(*entry, &mut due));
     let mut random = Random(7);
     let mut left = entries.iter();

@@ -3,7 +3,7 @@
 use super::model::{Edges, Interrupt, SIGNALS, any_stair};
 use crate::*;
 use ferrostep_planner::StepEntry;
-use ferrostep_virtual_board::StepTimer;
+use ferrostep_planner::StepLedger;
 use proptest::prelude::*;
 
 fn any_entry() -> impl Strategy<Value = StepEntry> {
@@ -17,7 +17,7 @@ fn any_entry() -> impl Strategy<Value = StepEntry> {
 fn assert_stopped<M: Stepping + 'static>(entries: &[StepEntry], updates: usize) {
     let board = Interrupt::<M, 1, 512>::leaked();
     let mut feeder = board.feeder(SIGNALS);
-    let mut all = StepTimer::default();
+    let mut all = StepLedger::default();
     for entry in entries {
         feeder.push(*entry).unwrap();
         all.play(*entry, &mut ());

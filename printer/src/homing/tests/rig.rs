@@ -11,7 +11,7 @@ use ferrostep_tmc2209::{DriverReport, DriverSettings, DriverState, DriverStatus,
 
 use crate::heat::HeatFault;
 use crate::machine::tests::profile;
-use crate::ports::{HeaterStatus, Heating, Motion, MotionError, MotorDrivers, Replies, Seek, Signals};
+use crate::ports::{HeaterStatus, Heating, HomingOutcome, Motion, MotionError, MotorDrivers, Replies, Signals};
 use crate::printer::Printer;
 use crate::profile::{HomeEnd, Profile};
 
@@ -147,7 +147,7 @@ impl Rig {
     }
 }
 
-pub type RigPrinter<'a> = Printer<'a, RigMotion<'a>, Cold, NoTime, Rig>;
+pub type RigPrinter<'a> = Printer<'a, (RigMotion<'a>, Cold, NoTime, Rig)>;
 
 /// Runs a command to its end: nothing on this machine takes time.
 pub fn execute(printer: &mut RigPrinter<'_>, text: &str) -> Result<(), crate::error::Failure> {
@@ -186,7 +186,7 @@ impl Motion for RigMotion<'_> {
         self.0.events.borrow_mut().push(Event::Homing);
     }
 
-    async fn seek(&mut self, request: Move, axis: usize) -> Result<Seek, MotionError> {
+    async fn seek(&mut self, request: Move, axis: usize) -> Result<HomingOutcome, MotionError> {
         let way = self.0.way_to(request.target_10nm);
         let others = (0..3).filter(|other| *other != axis);
         assert!(others.map(|other| way[other]).all(|way| way == 0), "a seek of axis {axis} goes {way:?}");
@@ -203,11 +203,11 @@ impl Motion for RigMotion<'_> {
         match self.0.way_to_sensor(axis, way.signum()).map(|left| (left - early).max(0)) {
             Some(left) if left <= way.abs() => {
                 self.0.go(along(left));
-                Ok(Seek::Triggered)
+                Ok(HomingOutcome::Triggered)
             }
             _ => {
                 self.0.go(along(way.abs()));
-                Ok(Seek::Missed)
+                Ok(HomingOutcome::Missed)
             }
         }
     }

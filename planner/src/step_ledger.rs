@@ -1,6 +1,6 @@
-//! The step interrupt of the virtual board: plays entries, counts motors.
+//! Where step entries take the motors, and when.
 
-use ferrostep_planner::{StepDigests, StepEntry, StepKind};
+use crate::{StepDigests, StepEntry, StepKind};
 
 /// Sees every step event as it happens.
 pub trait StepObserver {
@@ -13,9 +13,9 @@ impl StepObserver for () {
     fn stepped(&mut self, _tick: u64, _axes: u8, _directions: u8) {}
 }
 
-/// Plays step entries on counting motors.
+/// Counts what step entries do: positions, steps issued, the motion clock, and the digests of all events.
 #[derive(Clone, Debug, Default)]
-pub struct StepTimer {
+pub struct StepLedger {
     tick: u64,
     directions: u8,
     motor_steps: [i64; 4],
@@ -23,14 +23,14 @@ pub struct StepTimer {
     digests: StepDigests,
 }
 
-impl StepTimer {
+impl StepLedger {
     /// Motion clock at the last event.
     pub fn tick(&self) -> u64 {
         self.tick
     }
 
-    /// Lets the motion clock run on to a tick without an event, to the end of a move; it never goes back.
-    pub fn pass_to(&mut self, tick: u64) {
+    /// Advances the motion clock to a tick without an event, the end of a move. An earlier tick changes nothing.
+    pub fn advance_to(&mut self, tick: u64) {
         self.tick = self.tick.max(tick);
     }
 
@@ -54,7 +54,7 @@ impl StepTimer {
         self.digests
     }
 
-    /// Tick of the entry's first event, or of its end where it has none.
+    /// Tick of the first event of an entry added now, or of its end where it has none.
     #[inline]
     pub fn first_tick(&self, entry: StepEntry) -> u64 {
         self.tick
@@ -64,7 +64,7 @@ impl StepTimer {
             }
     }
 
-    /// Plays an entry.
+    /// Adds an entry; `observer` sees each of its events.
     #[inline]
     pub fn play(&mut self, entry: StepEntry, observer: &mut impl StepObserver) {
         match entry.kind() {
@@ -84,7 +84,7 @@ impl StepTimer {
         }
     }
 
-    /// The motors' steps of so many events.
+    /// Adds a step of each motor in `axes` for each event.
     #[inline]
     fn count(&mut self, axes: u8, events: u16) {
         let mut motors = axes & 15;
@@ -106,8 +106,8 @@ impl StepTimer {
         observer.stepped(self.tick, axes, backwards);
     }
 
-    /// Takes back steps that were played but never reached the motors, because motion was stopped before them. The
-    /// digests keep them: they are of all that was handed out.
+    /// Takes back steps that never reached the motors, because motion was stopped before them. The digests keep them: they
+    /// cover all steps handed out.
     ///
     /// `steps` are signed by direction, `issued` counts both directions.
     pub fn take_back(&mut self, steps: [i32; 4], issued: [u32; 4]) {
@@ -117,7 +117,19 @@ impl StepTimer {
         }
     }
 
-    /// Sets the counters of X, Y and Z (A, B, Z).
+    /// Turns the motion clock back, by steps that were taken back.
+    pub fn turn_back(&mut self, ticks: u64) {
+        self.tick = self.tick.saturating_sub(ticks);
+    }
+
+    /// Moves the motors without steps: not issued, in no time, in no digest.
+    pub fn displace(&mut self, steps: [i64; 4]) {
+        for (motor, steps) in self.motor_steps.iter_mut().zip(steps) {
+            *motor = motor.wrapping_add(steps);
+        }
+    }
+
+    /// Sets the position counters of X, Y and Z (A, B, Z).
     pub fn redefine_motor_steps(&mut self, motor_steps: [i64; 3]) {
         self.motor_steps[..3].copy_from_slice(&motor_steps);
     }

@@ -1,0 +1,117 @@
+//! The desk's heaters: their models, and the control that runs on every board.
+
+use std::cell::RefCell;
+
+use ferrostep_hal_shim::{Heater, ThermalBoard};
+use ferrostep_printer::heat::{HeatControl, HeatFault, SAMPLE_MS};
+use ferrostep_printer::{HeaterStatus, Heating, Profile};
+use ferrostep_virtual_board::{HeaterFailure, VirtualHeaters};
+
+use super::heat_at_rest::{HeatAtRest, HeaterSample};
+
+/// Interval of heater control.
+const SAMPLE_NS: u64 = SAMPLE_MS as u64 * 1_000_000;
+
+/// Heaters, thermometers, fans, and their control.
+pub struct DeskHeat {
+    control: HeatControl,
+    heaters: VirtualHeaters,
+    at_rest: HeatAtRest,
+    /// Whether heaters at rest are stepped, too: the time that an estimate takes must not follow the print's.
+    steps_at_rest: bool,
+    samples: u64,
+    next_ns: u64,
+}
+
+impl DeskHeat {
+    /// Cold heaters.
+    pub fn new(profile: &Profile, steps_at_rest: bool) -> Self {
+        let mut heaters = profile.virtual_heaters();
+        // The first temperatures are there before the first command.
+        let control = HeatControl::new(profile.nozzle, profile.bed, &mut heaters);
+        Self { control, heaters, at_rest: HeatAtRest::default(), steps_at_rest, samples: 0, next_ns: SAMPLE_NS }
+    }
+
+    /// The models.
+    pub fn heaters(&self) -> &VirtualHeaters {
+        &self.heaters
+    }
+
+    /// Samples of the models so far. Only they can make an estimate's cost follow the print's time.
+    pub fn samples(&self) -> u64 {
+        self.samples
+    }
+
+    /// Lets a heater fail, or mends it.
+    pub fn set_failure(&mut self, heater: Heater, failure: Option<HeaterFailure>) {
+        self.at_rest.disturb();
+        self.heaters.set_failure(heater, failure);
+    }
+
+    /// Lets the heaters' time pass, with the part-cooling fan at this power, 0 to 255. Failed ones go on cooling.
+    ///
+    /// # Errors
+    /// A heater or thermometer has failed; all heaters are off.
+    pub fn pass_to(&mut self, now_ns: u64, fan_power: u8) -> Result<(), HeatFault> {
+        self.control.set_part_fan_power(fan_power);
+        let mut outcome = Ok(());
+        while self.next_ns <= now_ns {
+            if !self.steps_at_rest {
+                if self.at_rest.is_at_rest() {
+                    self.next_ns += (now_ns - self.next_ns) / SAMPLE_NS * SAMPLE_NS + SAMPLE_NS;
+                    break;
+                }
+                let sample = |heater| HeaterSample {
+                    celsius: self.heaters.true_celsius(heater),
+                    target_celsius: self.control.status(heater).target_celsius,
+                };
+                self.at_rest.note(Heater::ALL.map(sample));
+            }
+            self.next_ns += SAMPLE_NS;
+            self.samples += 1;
+            self.heaters.advance(SAMPLE_MS as f32 * 1e-3);
+            if let Err(fault) = self.control.update(&mut self.heaters) {
+                outcome = Err(fault);
+            }
+        }
+        outcome
+    }
+
+    /// Switches all heaters off.
+    pub fn all_off(&mut self) {
+        self.at_rest.disturb();
+        self.control.all_off();
+        for heater in Heater::ALL {
+            self.heaters.set_power(heater, 0.0);
+        }
+    }
+}
+
+/// The desk's heaters, seen from the command side.
+#[derive(Clone, Copy)]
+pub struct DeskHeating<'a>(pub &'a RefCell<DeskHeat>);
+
+impl Heating for DeskHeating<'_> {
+    fn set_target(&mut self, heater: Heater, celsius: f32) {
+        let heat = &mut *self.0.borrow_mut();
+        let before = heat.control.status(heater).target_celsius;
+        heat.control.set_target(heater, celsius);
+        if heat.control.status(heater).target_celsius != before {
+            heat.at_rest.disturb();
+        }
+    }
+
+    fn status(&self, heater: Heater) -> HeaterStatus {
+        self.0.borrow().control.status(heater)
+    }
+
+    fn all_off(&mut self) {
+        self.0.borrow_mut().all_off();
+    }
+
+    fn restart(&mut self) -> Result<(), HeatFault> {
+        let heat = &mut *self.0.borrow_mut();
+        heat.at_rest.disturb();
+        heat.control.restart()
+    }
+}

@@ -1,0 +1,372 @@
+//! Plans that are read and not executed: what a job takes (`estimate`), and what `preprocess` writes down.
+
+use std::cell::{Cell, RefCell};
+use std::future::poll_fn;
+use std::rc::Rc;
+use std::task::Poll;
+
+use ferrostep_gcode::MotionFigures;
+use ferrostep_hal_shim::Approach;
+use ferrostep_planner::extruder::rounded_steps;
+use ferrostep_planner::look_ahead::Slot;
+use ferrostep_planner::{
+    Limits, MotionChoice, Move, MoveError, Moved, Notice, PlannedBlock, Planner, Progress, Recorded, Request,
+    StepDigests, StepEntry, StepLedger, StepSink, TICKS_PER_SECOND,
+};
+use ferrostep_printer::machine::HomingTime;
+use ferrostep_printer::{HomingOutcome, Motion, MotionError, Profile, Signals};
+use ferrostep_virtual_board::VirtualMotors;
+
+use super::{ALL_MOTORS, Desk, DeskDrivers, Figures, seconds};
+use crate::gpre::Script;
+
+/// Motion that is planned before the desk lets time pass.
+const LEAP_TICKS: u64 = TICKS_PER_SECOND as u64 / 10;
+
+/// The reader's motors, which jump from block to block. Only homing makes steps, for how long it takes depends on where the
+/// sensors are.
+struct Reading {
+    motors: VirtualMotors,
+    /// The motors' positions as the machine counts them.
+    ledger: StepLedger,
+    /// Durations of the blocks that were read, ticks.
+    read_ticks: u64,
+    /// Where the extruder is after these blocks, 1/256 steps.
+    extruder_256ths: i64,
+    /// What is written down, if anything is.
+    script: Option<Script>,
+}
+
+impl Reading {
+    /// Reads the next block that may leave look-ahead, and moves the motors to its end; `false` without one.
+    fn read(&mut self, planner: &mut Planner<Vec<Slot>>) -> bool {
+        let before = planner.motion_ticks();
+        let planned = match &mut self.script {
+            None => planner.next_planned(),
+            Some(script) => {
+                let Some(recorded) = script.record_next(planner) else { return false };
+                match recorded {
+                    Recorded::Block { planned, .. } => Some(planned),
+                    Recorded::FanPower { .. } => return true,
+                }
+            }
+        };
+        let Some(PlannedBlock { block, .. }) = planned else { return false };
+        self.read_ticks += planner.motion_ticks() - before;
+        let extruder_before = rounded_steps(self.extruder_256ths);
+        self.extruder_256ths += i64::from(block.extruder_256ths);
+        let [x, y, z] = block.steps.map(i64::from);
+        let steps = [x, y, z, rounded_steps(self.extruder_256ths) - extruder_before];
+        self.motors.ledger.displace(steps);
+        self.ledger.displace(steps);
+        true
+    }
+}
+
+/// Planner and reader.
+struct Plan {
+    planner: Planner<Vec<Slot>>,
+    reading: Reading,
+    homing_time: HomingTime,
+    enabled_motors: u8,
+    fan_power: u8,
+}
+
+impl Plan {
+    /// Adds motion, which is planned once: room for it is made by reading blocks.
+    fn add(&mut self, request: &impl Request) -> Result<Moved, MotionError> {
+        let merged = self.planner.merged_moves();
+        let moved = loop {
+            let reading = &mut self.reading;
+            match self.planner.add_making_room(request, |planner| reading.read(planner)) {
+                Err(MoveError::NoRoom) if self.makes_room() => {}
+                outcome => break outcome.map_err(MotionError::Move)?,
+            }
+        };
+        if moved == Moved::Queued {
+            self.enabled_motors = ALL_MOTORS;
+            if let (Some(script), Some(request)) = (&mut self.reading.script, request.as_move()) {
+                script.moved(request, self.planner.merged_moves() > merged);
+            }
+        }
+        Ok(moved)
+    }
+
+    /// Reads a block; whether there is more room than before. A fan change that leaves look-ahead makes room without a
+    /// block.
+    fn makes_room(&mut self) -> bool {
+        self.reading.read(&mut self.planner) || self.planner.has_room()
+    }
+
+    /// Reads all blocks.
+    fn read_all(&mut self) {
+        self.planner.flush();
+        while self.reading.read(&mut self.planner) {}
+    }
+
+    /// Makes the steps of a move at standstill, up to the sensor of an axis.
+    fn seek(&mut self, request: &Move, axis: usize) -> Result<HomingOutcome, MotionError> {
+        self.homing_time.begin(self.planner.motion_ticks());
+        if self.add(request)? == Moved::Nothing {
+            return Ok(HomingOutcome::Missed);
+        }
+        self.planner.flush();
+        let Reading { motors, ledger, .. } = &mut self.reading;
+        let mut steps = Seek { motors, ledger, axis, triggered: false };
+        steps.triggered = steps.motors.is_triggered(axis);
+        while !steps.triggered && self.planner.advance(&mut steps) == Progress::Worked {}
+        let triggered = steps.triggered;
+        if triggered {
+            let ledger = &self.reading.ledger;
+            self.planner.reset_to(ledger.motor_steps(), ledger.tick(), ledger.directions());
+        }
+        if let Some(script) = &mut self.reading.script {
+            script.sought();
+        }
+        Ok(if triggered { HomingOutcome::Triggered } else { HomingOutcome::Missed })
+    }
+
+    /// Ticks of all motion so far.
+    fn tick(&self) -> u64 {
+        self.reading.ledger.tick() + self.reading.read_ticks
+    }
+}
+
+/// The steps of a move towards a sensor.
+struct Seek<'a> {
+    motors: &'a mut VirtualMotors,
+    ledger: &'a mut StepLedger,
+    axis: usize,
+    triggered: bool,
+}
+
+impl StepSink for Seek<'_> {
+    fn entry(&mut self, entry: StepEntry) {
+        if self.triggered {
+            return;
+        }
+        let Approach { added, triggered } = self.motors.play_until_triggered(entry, self.axis, &mut ());
+        if let Some(added) = added {
+            self.ledger.play(added, &mut ());
+        }
+        self.triggered = triggered;
+    }
+
+    fn notice(&mut self, _notice: Notice) {}
+}
+
+/// A planner whose blocks are read.
+pub struct PlanReader {
+    plan: RefCell<Plan>,
+    drivers: Rc<DeskDrivers>,
+    /// Tick up to which the desk has let time pass.
+    passed_tick: Cell<u64>,
+}
+
+impl PlanReader {
+    /// A machine that has just been switched on, with this many blocks in its look-ahead ring; whether the plan is
+    /// written down.
+    pub fn new(profile: &Profile, look_ahead: usize, drivers: Rc<DeskDrivers>, is_written: bool) -> Self {
+        let mut planner = Planner::new(profile.geometry(), profile.limits, vec![Slot::EMPTY; look_ahead]);
+        planner.set_motion_choice(&profile.motion);
+        let mut motors = profile.virtual_motors();
+        motors.set_framed(profile.framed_axes());
+        let reading = Reading {
+            motors,
+            ledger: StepLedger::default(),
+            read_ticks: 0,
+            extruder_256ths: 0,
+            script: is_written.then(Script::default),
+        };
+        let plan = Plan { planner, reading, homing_time: HomingTime::default(), enabled_motors: 0, fan_power: 0 };
+        Self { plan: RefCell::new(plan), drivers, passed_tick: Cell::new(0) }
+    }
+
+    /// Looks at what is written down.
+    pub fn with_script<T>(&self, act: impl FnOnce(&mut Script) -> T) -> Option<T> {
+        self.plan.borrow_mut().reading.script.as_mut().map(act)
+    }
+}
+
+impl Desk for PlanReader {
+    type Motion<'a> = PlannedMotion<'a>;
+
+    const MAKES_STEPS: bool = false;
+
+    fn motion<'a>(&'a self, signals: &'a Signals) -> PlannedMotion<'a> {
+        PlannedMotion { reader: self, signals }
+    }
+
+    fn pass_motion(&self) {
+        self.passed_tick.set(self.tick());
+    }
+
+    fn tick(&self) -> u64 {
+        self.plan.borrow().tick()
+    }
+
+    /// Without steps the machine stops at the end of its moves.
+    fn stop(&self) {
+        self.plan.borrow_mut().read_all();
+    }
+
+    fn fan_power(&self) -> u8 {
+        self.plan.borrow().fan_power
+    }
+
+    fn enabled_motors(&self) -> u8 {
+        self.plan.borrow().enabled_motors
+    }
+
+    fn plan_block_by_block(&self) -> bool {
+        self.plan.borrow_mut().planner.plan_block_by_block()
+    }
+
+    fn figures(&self) -> Figures {
+        let plan = self.plan.borrow();
+        Figures {
+            print_time_s: 0.0,
+            motion_time_s: seconds(plan.planner.motion_ticks() - plan.homing_time.ticks()),
+            motor_steps: plan.reading.ledger.issued(),
+            max_event_rate_hz: 0,
+            underruns: 0,
+            starvation_flushes: plan.planner.starvation_flushes(),
+            slowed_moves: plan.planner.slowed_moves(),
+            merged_moves: plan.planner.merged_moves(),
+            digests: plan.reading.ledger.digests(),
+        }
+    }
+}
+
+/// The motion of a plan, as the printer's commands see it.
+pub struct PlannedMotion<'a> {
+    reader: &'a PlanReader,
+    signals: &'a Signals,
+}
+
+impl PlannedMotion<'_> {
+    /// Acts on the plan. Afterwards, if `leap_ticks` of motion have been planned since the last time, the desk lets time
+    /// pass.
+    async fn act<T>(
+        &self,
+        leap_ticks: u64,
+        act: impl FnOnce(&mut Plan) -> Result<T, MotionError>,
+    ) -> Result<T, MotionError> {
+        if self.signals.is_halted() {
+            return Err(MotionError::Stopped);
+        }
+        let outcome = act(&mut self.reader.plan.borrow_mut());
+        if self.reader.tick() - self.reader.passed_tick.get() < leap_ticks {
+            return outcome;
+        }
+        let mut is_first = true;
+        poll_fn(|_| if std::mem::take(&mut is_first) { Poll::Pending } else { Poll::Ready(()) }).await;
+        if self.signals.is_halted() { Err(MotionError::Stopped) } else { outcome }
+    }
+}
+
+impl Motion for PlannedMotion<'_> {
+    async fn add(&mut self, request: impl Request) -> Result<Moved, MotionError> {
+        self.act(LEAP_TICKS, |plan| plan.add(&request)).await
+    }
+
+    fn refine_position(&mut self, position_10nm: [i64; 3]) -> bool {
+        self.reader.plan.borrow_mut().planner.refine_position(position_10nm)
+    }
+
+    async fn set_fan_power(&mut self, power: u8) -> Result<(), MotionError> {
+        self.act(LEAP_TICKS, |plan| {
+            if plan.planner.is_look_ahead_empty() {
+                plan.fan_power = power;
+            } else {
+                while !plan.planner.add_fan_power(power) && plan.makes_room() {}
+            }
+            Ok(())
+        })
+        .await
+    }
+
+    async fn finish(&mut self) -> Result<(), MotionError> {
+        self.act(1, |plan| {
+            plan.read_all();
+            let fault = plan.planner.take_plan_fault();
+            fault.map_or(Ok(()), |fault| Err(MotionError::Move(MoveError::Plan(fault))))
+        })
+        .await
+    }
+
+    fn begin_homing(&mut self) {
+        let plan = &mut *self.reader.plan.borrow_mut();
+        plan.homing_time.begin(plan.planner.motion_ticks());
+    }
+
+    async fn seek(&mut self, request: Move, axis: usize) -> Result<HomingOutcome, MotionError> {
+        self.finish().await?;
+        let signal = self.reader.drivers.stall_signal(axis);
+        self.act(1, |plan| {
+            plan.reading.motors.set_stall_signal(signal);
+            plan.seek(&request, axis)
+        })
+        .await
+    }
+
+    fn position_10nm(&self) -> [i64; 3] {
+        self.reader.plan.borrow().planner.position_10nm()
+    }
+
+    fn set_position(&mut self, position_10nm: [i64; 3]) {
+        let plan = &mut *self.reader.plan.borrow_mut();
+        let motors = plan.planner.set_position(position_10nm);
+        plan.reading.ledger.redefine_motor_steps(motors.map(i64::from));
+        plan.homing_time.end(plan.planner.motion_ticks());
+    }
+
+    fn motor_steps(&self) -> [i64; 4] {
+        self.reader.plan.borrow().reading.ledger.motor_steps()
+    }
+
+    fn figures(&self) -> MotionFigures {
+        let Figures { motor_steps, starvation_flushes, slowed_moves, merged_moves, digests, .. } =
+            self.reader.figures();
+        let StepDigests { order, step } = digests;
+        MotionFigures {
+            order_digest: order,
+            step_digest: step,
+            issued_steps: motor_steps,
+            starvation_flushes,
+            slowed_moves,
+            merged_moves,
+            ..MotionFigures::default()
+        }
+    }
+
+    fn limits(&self) -> Limits {
+        *self.reader.plan.borrow().planner.limits()
+    }
+
+    fn set_limits(&mut self, limits: Limits) {
+        self.reader.plan.borrow_mut().planner.set_limits(limits);
+    }
+
+    fn motion_choice(&self) -> MotionChoice {
+        *self.reader.plan.borrow().planner.motion_choice()
+    }
+
+    fn set_motion_choice(&mut self, choice: &MotionChoice) {
+        self.reader.plan.borrow_mut().planner.set_motion_choice(choice);
+    }
+
+    fn set_motors_enabled(&mut self, motors: u8, enabled: bool) {
+        let mask = &mut self.reader.plan.borrow_mut().enabled_motors;
+        *mask = if enabled { *mask | motors } else { *mask & !motors };
+    }
+
+    fn is_end_stop_triggered(&self, axis: usize) -> bool {
+        self.reader.plan.borrow().reading.motors.is_triggered(axis)
+    }
+
+    fn stop(&mut self) -> i64 {
+        self.reader.stop();
+        0
+    }
+}

@@ -1,0 +1,167 @@
+//! A print on the desk: the machine of a board, with a step queue in virtual time.
+
+use std::cell::{Cell, RefCell};
+use std::future::poll_fn;
+use std::rc::Rc;
+use std::task::Poll;
+
+use ferrostep_planner::TICKS_PER_SECOND;
+use ferrostep_planner::look_ahead::Slot;
+use ferrostep_printer::machine::{Machine, SharedMachine, SharedMotion, Silence};
+use ferrostep_printer::{Profile, Signals};
+
+use super::step_queue::VirtualStepQueue;
+use super::{Desk, DeskDrivers, Figures, seconds};
+use crate::record::Observer;
+
+/// Longest motion at once while a command waits for it, so that temperatures and the host are looked after.
+const LONGEST_LEAP_TICKS: u64 = TICKS_PER_SECOND as u64 / 2;
+
+/// The machine with the desk's step queue.
+type RehearsedMachine<O> = Machine<Vec<Slot>, VirtualStepQueue<O>>;
+
+/// A machine that makes every step, seen by `O`.
+pub struct Rehearsal<O> {
+    machine: RefCell<RehearsedMachine<O>>,
+    /// A command waits for motion.
+    awaits_motion: Cell<bool>,
+}
+
+impl<O: Observer> Rehearsal<O> {
+    /// A machine that has just been switched on, with this many blocks in its look-ahead ring.
+    pub fn new(profile: &Profile, look_ahead: usize, drivers: Rc<DeskDrivers>, observer: O) -> Self {
+        let mut motors = profile.virtual_motors();
+        motors.set_framed(profile.framed_axes());
+        let queue = VirtualStepQueue::new(motors, drivers, observer);
+        Self {
+            machine: RefCell::new(Machine::new(profile, vec![Slot::EMPTY; look_ahead], queue)),
+            awaits_motion: Cell::new(false),
+        }
+    }
+
+    /// Where the tool head truly is, units of 10 nm.
+    pub fn true_position_10nm(&self) -> [i64; 3] {
+        self.machine.borrow().queue().motors().true_position_10nm()
+    }
+
+    /// Step counters of all motors.
+    pub fn motor_steps(&self) -> [i64; 4] {
+        self.machine.borrow().motor_steps()
+    }
+
+    /// What watched the motors.
+    pub fn into_observer(self) -> O {
+        self.machine.into_inner().into_queue().into_observer()
+    }
+}
+
+impl<O: Observer> Desk for Rehearsal<O> {
+    type Motion<'a>
+        = SharedMotion<DeskMachine<'a, O>>
+    where
+        O: 'a;
+
+    const MAKES_STEPS: bool = true;
+
+    fn motion<'a>(&'a self, signals: &'a Signals) -> SharedMotion<DeskMachine<'a, O>> {
+        SharedMotion::new(DeskMachine { desk: self, signals })
+    }
+
+    /// Plans and plays until a move fits that did not before, all motion has ended, or the longest leap is over. The
+    /// command that waits looks then, and waits again if it must.
+    fn pass_motion(&self) {
+        if !self.awaits_motion.take() {
+            return;
+        }
+        let mut machine = self.machine.borrow_mut();
+        let had_room = machine.has_room();
+        let tick = machine.queue().motors().ledger.tick();
+        machine.queue_mut().set_pause_tick(tick + LONGEST_LEAP_TICKS);
+        loop {
+            while machine.work(Silence::default()) {}
+            if machine.is_idle() || !had_room && machine.has_room() {
+                break;
+            }
+            let queue = machine.queue_mut();
+            if !queue.play() || queue.is_paused() {
+                break;
+            }
+        }
+        if machine.is_idle() {
+            machine.queue_mut().tell_move_ends(u64::MAX);
+        }
+    }
+
+    fn tick(&self) -> u64 {
+        self.machine.borrow().queue().motors().ledger.tick()
+    }
+
+    fn stop(&self) {
+        let mut machine = self.machine.borrow_mut();
+        machine.request_stop();
+        machine.work(Silence::default());
+    }
+
+    fn fan_power(&self) -> u8 {
+        self.machine.borrow().fan_power()
+    }
+
+    fn enabled_motors(&self) -> u8 {
+        self.machine.borrow().enabled_motors()
+    }
+
+    fn plan_block_by_block(&self) -> bool {
+        self.machine.borrow_mut().plan_block_by_block()
+    }
+
+    fn figures(&self) -> Figures {
+        let machine = self.machine.borrow();
+        let (figures, queue) = (machine.figures(), machine.queue());
+        Figures {
+            print_time_s: 0.0,
+            motion_time_s: seconds(machine.motion_ticks()),
+            motor_steps: figures.issued_steps,
+            max_event_rate_hz: queue.max_event_rate_hz(),
+            underruns: figures.underruns,
+            starvation_flushes: figures.starvation_flushes,
+            slowed_moves: figures.slowed_moves,
+            merged_moves: figures.merged_moves,
+            // Of the steps that were played: after a stop, those that were left are not among them.
+            digests: queue.motors().ledger.digests(),
+        }
+    }
+}
+
+/// The machine, as commands share it with the desk.
+pub struct DeskMachine<'a, O> {
+    desk: &'a Rehearsal<O>,
+    signals: &'a Signals,
+}
+
+impl<O: Observer> SharedMachine for DeskMachine<'_, O> {
+    type Ring = Vec<Slot>;
+    type Queue = VirtualStepQueue<O>;
+
+    fn with<T>(&self, act: impl FnOnce(&mut RehearsedMachine<O>) -> T) -> T {
+        act(&mut self.desk.machine.borrow_mut())
+    }
+
+    /// The desk plans when a command waits: only then does time pass.
+    fn wake_planner(&self) {}
+
+    fn is_halted(&self) -> bool {
+        self.signals.is_halted()
+    }
+
+    async fn pause(&self) {
+        let mut is_first = true;
+        poll_fn(|_| {
+            if !std::mem::take(&mut is_first) {
+                return Poll::Ready(());
+            }
+            self.desk.awaits_motion.set(true);
+            Poll::Pending
+        })
+        .await;
+    }
+}

@@ -1,0 +1,233 @@
+//! The desk's step queue: its interrupt is the desk, which plays it on virtual motors as virtual time passes.
+
+use std::collections::VecDeque;
+use std::rc::Rc;
+
+use ferrostep_hal_shim::{
+    Approach, DroppedSteps, FeedError, HomingSensors, MotionWatch, MotorEnable, PlanningClock, StepLink, StepQueue,
+};
+use ferrostep_planner::{StepEntry, StepLedger, StepObserver};
+use ferrostep_virtual_board::{EventRate, VirtualMotors};
+
+use super::DeskDrivers;
+use crate::record::Observer;
+
+/// Entries that the queue holds, as many as a board's has slots.
+const CAPACITY: usize = 2048;
+
+/// Entries that stay when the queue has been full: half of it at a time is kinder to the caches than one entry.
+const KEPT_OF_A_FULL_QUEUE: usize = CAPACITY / 2;
+
+/// What watches the motors: the event rate for the report, and the session's observer.
+struct Watch<O> {
+    rate: EventRate,
+    observer: O,
+}
+
+impl<O: StepObserver> StepObserver for Watch<O> {
+    #[inline]
+    fn stepped(&mut self, tick: u64, axes: u8, directions: u8) {
+        self.rate.add(tick);
+        self.observer.stepped(tick, axes, directions);
+    }
+}
+
+/// The queue, and the motors behind it.
+pub struct VirtualStepQueue<O> {
+    entries: VecDeque<StepEntry>,
+    /// Ends of moves that have not been reached: tick and source line.
+    move_ends: VecDeque<(u64, u32)>,
+    /// Entries added so far, modulo 2^32.
+    queued: u32,
+    link: StepLink,
+    motors: VirtualMotors,
+    drivers: Rc<DeskDrivers>,
+    /// The axis whose sensor ends the present move.
+    watched_axis: Option<usize>,
+    /// Tick up to which motion goes before the command side looks again.
+    pause_tick: u64,
+    watch: Watch<O>,
+}
+
+impl<O: Observer> VirtualStepQueue<O> {
+    /// An empty queue.
+    pub fn new(motors: VirtualMotors, drivers: Rc<DeskDrivers>, observer: O) -> Self {
+        Self {
+            entries: VecDeque::with_capacity(CAPACITY),
+            move_ends: VecDeque::new(),
+            queued: 0,
+            link: StepLink::new(),
+            motors,
+            drivers,
+            watched_axis: None,
+            pause_tick: 0,
+            watch: Watch { rate: EventRate::default(), observer },
+        }
+    }
+
+    /// The motors, as far as the queue has been played.
+    pub fn motors(&self) -> &VirtualMotors {
+        &self.motors
+    }
+
+    /// Most events in any millisecond, times 1000.
+    pub fn max_event_rate_hz(&self) -> u64 {
+        self.watch.rate.most_hz()
+    }
+
+    /// The session's observer.
+    pub fn into_observer(self) -> O {
+        self.watch.observer
+    }
+
+    /// Lets motion go on up to a tick.
+    pub fn set_pause_tick(&mut self, tick: u64) {
+        self.pause_tick = tick;
+    }
+
+    /// Whether motion has come to its pause.
+    pub fn is_paused(&self) -> bool {
+        self.motors.ledger.tick() > self.pause_tick
+    }
+
+    /// Plays entries up to the pause: half of a full queue, all of any other. Returns whether there was one to play.
+    pub fn play(&mut self) -> bool {
+        if !self.link.is_running() {
+            return false;
+        }
+        let kept = if self.room() < ferrostep_planner::interpolator::MAX_ENTRIES { KEPT_OF_A_FULL_QUEUE } else { 0 };
+        let mut has_played = false;
+        while self.entries.len() > kept && !self.is_paused() {
+            let Some(entry) = self.entries.pop_front() else { break };
+            has_played = true;
+            let before = self.motors.ledger.first_tick(entry).saturating_sub(1);
+            self.tell_move_ends(before);
+            self.motors.ledger.play(entry, &mut self.watch);
+        }
+        if self.entries.is_empty() {
+            self.link.run_dry();
+        }
+        has_played
+    }
+
+    /// Tells the observer of the moves that have ended up to a tick.
+    pub fn tell_move_ends(&mut self, upto: u64) {
+        while let Some((tick, line)) = self.move_ends.pop_front_if(|(tick, _)| *tick <= upto) {
+            self.watch.observer.move_ended(tick, line);
+        }
+    }
+}
+
+impl<O: Observer> StepQueue for VirtualStepQueue<O> {
+    fn queued(&self) -> u32 {
+        self.queued
+    }
+
+    fn played(&self) -> u32 {
+        self.queued.wrapping_sub(self.entries.len() as u32)
+    }
+
+    fn waiting(&self) -> usize {
+        self.entries.len()
+    }
+
+    fn room(&self) -> usize {
+        // A move towards a sensor is played as it is planned.
+        if self.watched_axis.is_some() && self.is_paused() { 0 } else { CAPACITY - self.entries.len() }
+    }
+
+    #[inline]
+    fn push(&mut self, entry: StepEntry) -> Result<(), FeedError> {
+        self.push_all(&[entry])
+    }
+
+    #[inline]
+    fn push_all(&mut self, entries: &[StepEntry]) -> Result<(), FeedError> {
+        if self.entries.len() + entries.len() > CAPACITY {
+            return Err(FeedError::Full);
+        }
+        self.entries.extend(entries);
+        self.queued = self.queued.wrapping_add(entries.len() as u32);
+        Ok(())
+    }
+
+    fn seal(&mut self) {}
+
+    fn start(&mut self) {
+        self.link.start();
+    }
+
+    fn link(&self) -> &StepLink {
+        &self.link
+    }
+
+    fn request_stop(&mut self) {
+        self.link.request_stop();
+    }
+
+    fn drop_all(&mut self) -> DroppedSteps {
+        let mut left = StepLedger::default();
+        left.play(StepEntry::directions(self.motors.ledger.directions()), &mut ());
+        self.entries.drain(..).for_each(|entry| left.play(entry, &mut ()));
+        // As on a board, the direction signals change at once.
+        self.motors.ledger.play(StepEntry::directions(left.directions()), &mut ());
+        DroppedSteps {
+            signed: left.motor_steps().map(|steps| steps as i32),
+            issued: left.issued().map(|steps| steps as u32),
+            ticks: left.tick(),
+            requested: self.link.stopped(),
+        }
+    }
+
+    fn take_missed_updates(&mut self) -> u32 {
+        0
+    }
+}
+
+impl<O: Observer> HomingSensors for VirtualStepQueue<O> {
+    fn is_sensor_triggered(&self, axis: usize) -> bool {
+        self.motors.is_triggered(axis)
+    }
+
+    fn watch_sensor(&mut self, axis: Option<usize>) {
+        self.watched_axis = axis;
+        self.motors.set_stall_signal(axis.and_then(|axis| self.drivers.stall_signal(axis)));
+    }
+
+    /// The queue is empty, for the machine has stood still: the entry is played at once.
+    fn push_towards_sensor(&mut self, entry: StepEntry) -> Result<Approach, FeedError> {
+        let Some(axis) = self.watched_axis else {
+            self.push(entry)?;
+            return Ok(Approach { added: Some(entry), triggered: false });
+        };
+        Ok(self.motors.play_until_triggered(entry, axis, &mut self.watch))
+    }
+}
+
+/// Planning takes no virtual time.
+impl<O> PlanningClock for VirtualStepQueue<O> {}
+
+/// Virtual motors hold without current.
+impl<O> MotorEnable for VirtualStepQueue<O> {
+    fn set_motors_enabled(&mut self, _motors: u8, _enabled: bool) {}
+}
+
+impl<O: Observer> MotionWatch for VirtualStepQueue<O> {
+    fn move_taken(&mut self, filament_100pm: i64, ends_move: bool) {
+        self.watch.observer.planned(filament_100pm, ends_move);
+    }
+
+    fn move_ended(&mut self, tick: u64, line: u32) {
+        self.move_ends.push_back((tick, line));
+    }
+
+    fn stands_at(&mut self, tick: u64) {
+        self.tell_move_ends(self.motors.ledger.tick());
+        self.move_ends.clear();
+        self.motors.ledger.advance_to(tick);
+    }
+
+    fn redefined(&mut self, tick: u64, motor_steps: [i64; 4]) {
+        self.watch.observer.redefined(tick, motor_steps);
+    }
+}

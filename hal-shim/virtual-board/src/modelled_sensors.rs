@@ -1,0 +1,133 @@
+//! A board whose motors are real, or virtual, and whose sensors are models.
+
+use ferrostep_planner::StepEntry;
+
+use super::VirtualMotors;
+use ferrostep_hal_shim::{Approach, HomingSensors, MotionWatch, MotorEnable, PlanningClock, StepQueue};
+use ferrostep_step_player::{DroppedSteps, FeedError, StepLink};
+
+/// A step queue with modelled sensors. Virtual motors make all steps of the queue as they are added, and tell where a
+/// sensor triggers.
+#[derive(Debug)]
+pub struct ModelledSensors<Q> {
+    queue: Q,
+    motors: VirtualMotors,
+    watched: Option<usize>,
+}
+
+impl<Q> ModelledSensors<Q> {
+    /// Sensors of `motors` beside a queue that nothing was added to.
+    pub fn new(queue: Q, motors: VirtualMotors) -> Self {
+        Self { queue, motors, watched: None }
+    }
+}
+
+impl<Q: StepQueue> StepQueue for ModelledSensors<Q> {
+    fn queued(&self) -> u32 {
+        self.queue.queued()
+    }
+
+    fn played(&self) -> u32 {
+        self.queue.played()
+    }
+
+    fn waiting(&self) -> usize {
+        self.queue.waiting()
+    }
+
+    fn room(&self) -> usize {
+        self.queue.room()
+    }
+
+    fn push(&mut self, entry: StepEntry) -> Result<(), FeedError> {
+        self.queue.push(entry)?;
+        self.motors.ledger.play(entry, &mut ());
+        Ok(())
+    }
+
+    fn seal(&mut self) {
+        self.queue.seal();
+    }
+
+    fn start(&mut self) {
+        self.queue.start();
+    }
+
+    fn link(&self) -> &StepLink {
+        self.queue.link()
+    }
+
+    fn request_stop(&mut self) {
+        self.queue.request_stop();
+    }
+
+    fn drop_all(&mut self) -> DroppedSteps {
+        let dropped = self.queue.drop_all();
+        self.motors.ledger.take_back(dropped.signed, dropped.issued);
+        dropped
+    }
+
+    fn take_missed_updates(&mut self) -> u32 {
+        self.queue.take_missed_updates()
+    }
+}
+
+impl<Q: StepQueue> HomingSensors for ModelledSensors<Q> {
+    fn is_sensor_triggered(&self, axis: usize) -> bool {
+        self.motors.is_triggered(axis)
+    }
+
+    fn watch_sensor(&mut self, axis: Option<usize>) {
+        self.watched = axis;
+    }
+
+    fn push_towards_sensor(&mut self, entry: StepEntry) -> Result<Approach, FeedError> {
+        let Some(axis) = self.watched else {
+            self.push(entry)?;
+            return Ok(Approach { added: Some(entry), triggered: false });
+        };
+        let approach = self.motors.play_until_triggered(entry, axis, &mut ());
+        if let Some(added) = approach.added {
+            self.queue.push(added)?;
+        }
+        Ok(approach)
+    }
+}
+
+impl<Q: MotionWatch> MotionWatch for ModelledSensors<Q> {
+    fn move_taken(&mut self, filament_100pm: i64, ends_move: bool) {
+        self.queue.move_taken(filament_100pm, ends_move);
+    }
+
+    fn move_ended(&mut self, tick: u64, line: u32) {
+        self.queue.move_ended(tick, line);
+    }
+
+    fn stands_at(&mut self, tick: u64) {
+        self.queue.stands_at(tick);
+    }
+
+    fn redefined(&mut self, tick: u64, motor_steps: [i64; 4]) {
+        self.queue.redefined(tick, motor_steps);
+    }
+}
+
+impl<Q: PlanningClock> PlanningClock for ModelledSensors<Q> {
+    fn now_ticks(&self) -> Option<u32> {
+        self.queue.now_ticks()
+    }
+
+    fn planning_begins(&mut self) {
+        self.queue.planning_begins();
+    }
+
+    fn planning_ends(&mut self) {
+        self.queue.planning_ends();
+    }
+}
+
+impl<Q: MotorEnable> MotorEnable for ModelledSensors<Q> {
+    fn set_motors_enabled(&mut self, motors: u8, enabled: bool) {
+        self.queue.set_motors_enabled(motors, enabled);
+    }
+}

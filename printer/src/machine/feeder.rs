@@ -1,0 +1,223 @@
+//! From the planner's entries to the step queue, with the ledger of what was queued.
+
+use ferrostep_hal_shim::{Approach, StepOutput};
+use ferrostep_planner::{Notice, StepEntry, StepLedger, StepSink};
+use ferrostep_step_player::DroppedSteps;
+
+use super::timeline::Timeline;
+use crate::ports::{HomingOutcome, Miscount, MotionFault};
+
+/// Entries between two marks of the timeline, at least.
+const ENTRIES_BETWEEN_MARKS: usize = 8;
+
+/// Fan changes on their way through the step queue.
+const FAN_CHANGES: usize = 32;
+
+/// A move towards a sensor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Seeking {
+    /// There is none, or it was stopped.
+    No,
+    /// The watched sensor ends the present move.
+    Approaching,
+    /// It has ended.
+    Ended(HomingOutcome),
+}
+
+/// Fan changes that take effect when the entries before them have been played.
+#[derive(Debug, Default)]
+pub struct FanChanges {
+    /// Slots that must have been played, modulo 2^32, and the power from then on.
+    waiting: heapless::Deque<(u32, u8), FAN_CHANGES>,
+    power: u8,
+}
+
+impl FanChanges {
+    /// Applies the changes that are due when this many slots have been played, modulo 2^32.
+    pub fn advance(&mut self, played: u32) {
+        while let Some(&(due, power)) = self.waiting.front()
+            && played.wrapping_sub(due) as i32 >= 0
+        {
+            self.power = power;
+            self.waiting.pop_front();
+        }
+    }
+
+    /// Sets the power now, in place of all changes that wait.
+    pub fn set_now(&mut self, power: u8) {
+        self.forget();
+        self.power = power;
+    }
+
+    /// Forgets the changes that wait.
+    pub fn forget(&mut self) {
+        self.waiting.clear();
+    }
+
+    /// Whether no further change fits.
+    pub fn is_full(&self) -> bool {
+        self.waiting.is_full()
+    }
+
+    /// The power now, 0 to 255.
+    pub fn power(&self) -> u8 {
+        self.power
+    }
+}
+
+/// Feeds the step queue and keeps the ledger of what it was given.
+#[derive(Debug)]
+pub struct Feeder<Q> {
+    /// The queue, and the board around it.
+    pub queue: Q,
+    /// Where the motors are at the end of the queue.
+    pub ledger: StepLedger,
+    /// How much motion is in the queue.
+    pub timeline: Timeline,
+    /// The fan, which changes with the motion.
+    pub fan: FanChanges,
+    /// Tick at which the last move ends.
+    pub last_move_end: u64,
+    /// Tick at which the last block ends.
+    last_block_end: u64,
+    /// The move towards a sensor.
+    pub seeking: Seeking,
+    /// What was found wrong with the planned steps since [`Self::take_fault`].
+    fault: Option<MotionFault>,
+}
+
+impl<Q: StepOutput> Feeder<Q> {
+    /// Nothing queued; motors at 0.
+    pub fn new(queue: Q) -> Self {
+        Self {
+            queue,
+            ledger: StepLedger::default(),
+            timeline: Timeline::default(),
+            fan: FanChanges::default(),
+            last_move_end: 0,
+            last_block_end: 0,
+            seeking: Seeking::No,
+            fault: None,
+        }
+    }
+
+    /// Takes what was found wrong with the planned steps.
+    pub fn take_fault(&mut self) -> Option<MotionFault> {
+        self.fault.take()
+    }
+
+    /// How much motion is in the step queue, at least, ticks.
+    pub fn remaining_ticks(&self) -> u64 {
+        self.timeline.remaining_ticks(self.ledger.tick())
+    }
+
+    /// Marks the queue's end in the timeline, and drops the marks that have been played.
+    pub fn update_timeline(&mut self) {
+        self.timeline.mark(self.queue.queued(), self.ledger.tick());
+        self.timeline.pass(self.queue.played());
+    }
+
+    /// After a stop: the queue forgets the entries that were not played, and the ledger takes their steps back. Returns
+    /// whether more than a sensor has asked for the stop.
+    pub fn drop_all(&mut self) -> bool {
+        let DroppedSteps { signed, issued, ticks, requested } = self.queue.drop_all();
+        self.ledger.take_back(signed, issued);
+        if ticks > 0 {
+            self.ledger.turn_back(ticks);
+            self.last_move_end = self.last_move_end.min(self.ledger.tick());
+        }
+        self.fan.forget();
+        requested
+    }
+
+    /// The motors stand where the ledger ends.
+    pub fn stand(&mut self) {
+        // A move ends half a step after its last event; the clock does not go back behind that.
+        self.ledger.advance_to(self.last_move_end);
+        self.timeline.clear(self.ledger.tick());
+        self.queue.stands_at(self.ledger.tick());
+    }
+
+    /// Sets where X, Y and Z stand (A, B, Z), at standstill.
+    pub fn redefine_motor_steps(&mut self, motor_steps: [i64; 3]) {
+        self.ledger.redefine_motor_steps(motor_steps);
+        let tick = self.ledger.tick().max(self.last_block_end);
+        self.queue.redefined(tick, self.ledger.motor_steps());
+    }
+
+    /// The queue has refused an entry. The planner asks for room and keeps the intervals that the profile's checks ask
+    /// for, so the plan is wrong, and all motion stops before the motors are out of step.
+    #[cold]
+    fn refuse(&mut self) {
+        self.fault.get_or_insert(MotionFault::StepsTooNear);
+    }
+
+    /// Queues an entry of a move towards the watched sensor.
+    #[inline(never)]
+    fn approach(&mut self, entry: StepEntry) {
+        match self.queue.push_towards_sensor(entry) {
+            Ok(Approach { added, triggered }) => {
+                if let Some(added) = added {
+                    self.ledger.play(added, &mut ());
+                }
+                if triggered {
+                    self.seeking = Seeking::Ended(HomingOutcome::Triggered);
+                }
+            }
+            Err(_) => self.refuse(),
+        }
+    }
+}
+
+impl<Q: StepOutput> StepSink for Feeder<Q> {
+    fn entries(&mut self, entries: &[StepEntry]) {
+        if self.seeking != Seeking::No {
+            entries.iter().for_each(|&entry| self.entry(entry));
+            return;
+        }
+        for some in entries.chunks(ENTRIES_BETWEEN_MARKS) {
+            if self.queue.push_all(some).is_err() {
+                self.refuse();
+            }
+            some.iter().for_each(|&entry| self.ledger.play(entry, &mut ()));
+            self.timeline.mark(self.queue.queued(), self.ledger.tick());
+        }
+    }
+
+    fn entry(&mut self, entry: StepEntry) {
+        match self.seeking {
+            Seeking::No => {
+                if self.queue.push(entry).is_err() {
+                    self.refuse();
+                }
+                self.ledger.play(entry, &mut ());
+            }
+            Seeking::Approaching => self.approach(entry),
+            // The sensor has ended the move: the motors do not go on.
+            Seeking::Ended(_) => {}
+        }
+    }
+
+    fn notice(&mut self, notice: Notice) {
+        match notice {
+            Notice::MoveEnded { tick, line } => {
+                self.last_move_end = tick;
+                self.queue.move_ended(tick, line);
+            }
+            // A block that a sensor has ended early stands elsewhere.
+            Notice::BlockEnded { tick, motor_steps } if !matches!(self.seeking, Seeking::Ended(_)) => {
+                self.last_block_end = tick;
+                if let Some(miscount) = Miscount::between(self.ledger.motor_steps(), motor_steps) {
+                    self.fault.get_or_insert(MotionFault::Miscount(miscount));
+                }
+            }
+            Notice::BlockEnded { .. } => {}
+            Notice::FanPower { power, .. } => {
+                if self.fan.waiting.push_back((self.queue.queued(), power)).is_err() {
+                    // There is room whenever the planner advances; if not, early is better than never.
+                    self.fan.power = power;
+                }
+            }
+        }
+    }
+}
