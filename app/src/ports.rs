@@ -73,8 +73,15 @@ type BoardSensors = Sensors<VIRTUAL_SENSORS>;
 /// The step queue of this board, with the sensors that stop it.
 pub type BoardStepQueue = <BoardSensors as Sensing>::Queue;
 
+/// The methods of motion that this image contains.
+#[cfg(not(feature = "papers"))]
+pub type Methods = ferrostep_planner::Standard;
+/// The methods of motion that this image contains.
+#[cfg(feature = "papers")]
+pub type Methods = ferrostep_papers::Papers;
+
 /// The machine of this board.
-pub type BoardMachine = Machine<&'static mut [Slot], BoardStepQueue>;
+pub type BoardMachine = Machine<&'static mut [Slot], BoardStepQueue, Methods>;
 
 /// Makes the machine in its place.
 // By itself: what is on the stack for that is gone before a task begins, and what `init` has there is not.
@@ -110,6 +117,7 @@ impl<'a, M: Mutex<T = &'static mut BoardMachine>> BoardMachineLock<'a, M> {
 impl<M: Mutex<T = &'static mut BoardMachine>> SharedMachine for BoardMachineLock<'_, M> {
     type Ring = &'static mut [Slot];
     type Queue = BoardStepQueue;
+    type Methods = Methods;
 
     fn with<T>(&self, act: impl FnOnce(&mut BoardMachine) -> T) -> T {
         self.machine.borrow_mut().lock(|machine| act(machine))

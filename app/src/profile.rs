@@ -8,7 +8,11 @@ pub static PROFILE: Profile = {
     include!(concat!(env!("OUT_DIR"), "/profile.rs"))
 };
 
-const _: () = assert!(PROFILE.motion.is_offered(), "a method of the profile is not among the features");
+const _: () = assert!(
+    cfg!(feature = "papers") || PROFILE.motion.is_standard(),
+    "the profile asks for a method of motion that only the desk and the bench contain: a printer's image has \
+     interpolation = \"step-bresenham\" with acceleration = \"trapezoid\" or \"s-curve\""
+);
 
 include!(concat!(env!("OUT_DIR"), "/step_signals.rs"));
 

@@ -18,13 +18,14 @@ use ferrostep::desk::{Desk, LOOK_AHEAD_BLOCKS};
 use ferrostep::gpre::{self, InspectError, PrepareError, PreparedSummary, Shown};
 use ferrostep::input::Input;
 use ferrostep::job::{self, JobProgress};
+use ferrostep::method_comparison;
 use ferrostep::output::{Accepted, Output, OutputError, Protected};
-use ferrostep::papers::{Chapter, Paper, choices};
 use ferrostep::record::{Recorder, TraceWriter, VcdWriter};
 use ferrostep::report::{Motors, Stop, Summary};
 use ferrostep::session::{JobReplies, Session};
 use ferrostep::terminal::{self, tell};
 use ferrostep_gpre::Encoding;
+use ferrostep_papers::tables::{Chapter, Paper};
 use ferrostep_planner::extruder::FILAMENT_UNITS_PER_MM;
 use ferrostep_planner::kinematics::UNITS_PER_MM;
 use ferrostep_printer::Profile;
@@ -82,9 +83,9 @@ fn papers(paper: Option<Paper>, json: bool, folder: Option<&Path>) -> Result<Exi
 
 fn compare(file: &Path, profile: &str, json: bool) -> Result<ExitCode, String> {
     let profile = ferrostep_profiles::load(profile).map_err(|error| error.to_string())?;
-    let bar = ProgressBar::new(choices::ways().count() as u64)
+    let bar = ProgressBar::new(method_comparison::ways().count() as u64)
         .with_style(ProgressStyle::with_template("{bar:40} {pos}/{len} {msg}").map_err(|error| error.to_string())?);
-    let table = choices::compare(file, &profile, |interpolation, acceleration| {
+    let table = method_comparison::compare(file, &profile, |interpolation, acceleration| {
         bar.set_message(format!("{}, {}", interpolation.name(), acceleration.name()));
         bar.inc(1);
     });

@@ -3,6 +3,7 @@
 use crate::block::{Block, PlannedBlock, Speed, SquaredSpeed};
 use crate::given_speeds::{EntrySpeed, GivenSpeeds, PlanFault};
 use crate::look_ahead::{LookAhead, Part, SpeedLaw};
+use crate::methods::{Never, SpeedRule};
 use crate::pace::Pace;
 use crate::ring::{Content, Marker, Ring, RingMemory};
 
@@ -52,8 +53,8 @@ pub trait SpeedPlan {
 }
 
 #[derive(Clone, Copy, Debug)]
-enum Speeds {
-    LookAhead(LookAhead),
+enum Speeds<R> {
+    LookAhead(LookAhead<R>),
     Given(GivenSpeeds),
 }
 
@@ -68,15 +69,15 @@ struct JobFault {
 ///
 /// The plan depends on the order of the blocks only, not on when they come.
 #[derive(Debug)]
-pub struct BlockQueue<S> {
+pub struct BlockQueue<S, R = Never> {
     ring: Ring<S>,
-    speeds: Speeds,
+    speeds: Speeds<R>,
     fault: Option<JobFault>,
     /// Blocks that get their speeds the other way wait until the ring is empty.
     pub(crate) is_switching: bool,
 }
 
-impl<S: RingMemory> BlockQueue<S> {
+impl<S: RingMemory, R: SpeedRule> BlockQueue<S, R> {
     /// A queue with look-ahead under trapezoids in the given memory; it needs at least two places to be of use.
     pub fn new(slots: S) -> Self {
         let speeds = Speeds::LookAhead(LookAhead::new(&SpeedLaw::Trapezoid));
@@ -84,7 +85,7 @@ impl<S: RingMemory> BlockQueue<S> {
     }
 
     /// Look-ahead plans the speeds of the blocks to come, under this law; for a ring that is empty.
-    pub fn look_ahead(&mut self, law: &SpeedLaw) {
+    pub fn look_ahead(&mut self, law: &SpeedLaw<R>) {
         self.speeds = Speeds::LookAhead(LookAhead::new(law));
         self.ring.clear();
     }

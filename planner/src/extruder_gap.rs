@@ -1,5 +1,6 @@
 //! The extruder's steps between the master's.
 
+use crate::methods::Pieces;
 use crate::step_times::StepTimes;
 use crate::time_units::{FRACTION_BITS, HALF_TICK};
 
@@ -36,7 +37,7 @@ pub(crate) struct ExtruderGap {
 impl ExtruderGap {
     /// The last event is at `last`; perhaps a step waits for the next one.
     #[inline(always)]
-    pub(crate) fn new(extruder: &StepTimes, last: u64, waits: bool, near: u64, least: u32) -> Self {
+    pub(crate) fn new<P: Pieces>(extruder: &StepTimes<P>, last: u64, waits: bool, near: u64, least: u32) -> Self {
         let joint = if waits { 0 } else { usize::MAX };
         Self { start: last, free: extruder.ticks_from(last), near, least, joint, has_joined: false, steps: 0 }
     }
@@ -56,7 +57,7 @@ impl ExtruderGap {
 
     /// How far after the last event the extruder's next step is, in time units, half a tick included; `None` where it
     /// makes no more. Wraps where it should have come before that event.
-    fn distance(&self, extruder: &StepTimes) -> Option<u64> {
+    fn distance<P: Pieces>(&self, extruder: &StepTimes<P>) -> Option<u64> {
         extruder.next().map(|due| due.wrapping_add(HALF_TICK).wrapping_sub(self.start))
     }
 
@@ -65,7 +66,13 @@ impl ExtruderGap {
     /// one; none too many, and one too few very rarely.
     #[cold]
     #[inline(never)]
-    pub(crate) fn fitting(&mut self, extruder: &StepTimes, free: u32, [gap, interval]: [u64; 2], count: u32) -> u32 {
+    pub(crate) fn fitting<P: Pieces>(
+        &mut self,
+        extruder: &StepTimes<P>,
+        free: u32,
+        [gap, interval]: [u64; 2],
+        count: u32,
+    ) -> u32 {
         self.settle(free);
         let last = gap.wrapping_add(interval.wrapping_mul(u64::from(count.wrapping_sub(1))));
         if last >> FRACTION_BITS < u64::from(free) {
@@ -91,7 +98,7 @@ impl ExtruderGap {
     // Most steps have none of the extruder's before them.
     #[cold]
     #[inline(never)]
-    pub(crate) fn look(&mut self, extruder: &mut StepTimes, free: u32, gap: u64, number: usize) -> Look {
+    pub(crate) fn look<P: Pieces>(&mut self, extruder: &mut StepTimes<P>, free: u32, gap: u64, number: usize) -> Look {
         self.settle(free);
         let Some(behind) = self.distance(extruder) else {
             self.free = u32::MAX;

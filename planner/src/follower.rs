@@ -4,45 +4,45 @@ use crate::bresenham::StepBresenham;
 
 /// A motor that follows the master by step Bresenham.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Follower {
+pub struct Follower {
     bit: u8,
     line: StepBresenham,
 }
 
 impl Follower {
     /// A motor that never steps.
-    pub(crate) const NONE: Self = Self { bit: 0, line: StepBresenham::level() };
+    pub const NONE: Self = Self { bit: 0, line: StepBresenham::level() };
 
     /// The motor of this bit, which makes `steps` along with `master_steps` of the master.
     #[inline]
-    pub(crate) fn new(bit: u8, master_steps: u32, steps: u32) -> Self {
+    pub fn new(bit: u8, master_steps: u32, steps: u32) -> Self {
         Self { bit, line: StepBresenham::new(master_steps, steps).unwrap_or(StepBresenham::level()) }
     }
 
     /// The motor's bit.
-    pub(crate) fn bit(&self) -> u8 {
+    pub fn bit(&self) -> u8 {
         self.bit
     }
 
     /// Where it is on its line.
-    pub(crate) fn line(&self) -> StepBresenham {
+    pub fn line(&self) -> StepBresenham {
         self.line
     }
 
     /// Takes over how far it was passed.
-    pub(crate) fn set_line(&mut self, line: StepBresenham) {
+    pub fn set_line(&mut self, line: StepBresenham) {
         self.line = line;
     }
 
     /// Master steps up to and including the next common one; out of reach where there is none.
     #[inline]
-    pub(crate) fn until(&self) -> u32 {
+    pub fn until(&self) -> u32 {
         self.line.width()
     }
 
     /// Passes `count` master steps, at most [`Self::until`]; the motor's bit if it steps with the last of them.
     #[inline(always)]
-    pub(crate) fn pass(&mut self, count: u32) -> u8 {
+    pub fn pass(&mut self, count: u32) -> u8 {
         if self.line.pass(count) { self.bit } else { 0 }
     }
 }

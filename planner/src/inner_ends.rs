@@ -129,7 +129,7 @@ pub struct Stretch {
 impl Stretch {
     /// All of a block in which no move ends before the last.
     #[inline]
-    pub(crate) fn whole(block: &Block) -> Self {
+    pub fn whole(block: &Block) -> Self {
         Self {
             before_10nm: 0,
             length_10nm: block.length_10nm.max(1),

@@ -6,8 +6,7 @@
 //! half step, lambda = dE/S (Wu 2024, eqs. 10 and 11).
 
 mod hot_loop;
-mod pulses;
-mod streams;
+mod pattern_merge;
 
 use crate::EXTRUDER;
 use crate::block::{Block, PlannedBlock};
@@ -16,16 +15,12 @@ use crate::event_buffer::EventBuffer;
 use crate::extruder::rounded_steps;
 use crate::follower::Follower;
 use crate::inner_ends::{Stretch, Stretches};
-use crate::kinematics::Kinematics;
-use crate::method::Method;
-use crate::motion_choice::MotionChoice;
-use crate::offered::INTERPOLATIONS;
+use crate::methods::{MotionMethods, Standard};
 use crate::spacing::MotorSteps;
 use crate::step_queue::{Notice, StepEntry, StepSink};
 use crate::step_times::StepTimes;
 use crate::time_law::TimeLaw;
 use crate::time_units::{FRACTION_BITS, HALF_TICK};
-use streams::Streams;
 
 /// Most entries a single [`Interpolator::advance`] or [`Interpolator::begin`] hands to its sink.
 pub const MAX_ENTRIES: usize = EVENTS_AT_ONCE + 1;
@@ -47,8 +42,8 @@ const FAR: u64 = 1 << (32 + FRACTION_BITS);
 
 /// What is left of a block in which several moves end.
 #[derive(Clone, Copy, Debug)]
-struct Rest {
-    law: TimeLaw,
+struct Rest<P> {
+    law: TimeLaw<P>,
     stretches: Stretches,
     /// Path position at which the present stretch ends, units of 10 nm.
     end_10nm: u32,
@@ -59,7 +54,7 @@ struct Rest {
 ///
 /// Within a block, times are in units of 2^-16 tick from its start. They wrap: what is before it is just below 2^64.
 #[derive(Clone, Copy, Debug)]
-pub struct Interpolator {
+pub struct Interpolator<M: MotionMethods = Standard> {
     /// Least ticks between events.
     minimum_interval: u32,
     /// An extruder step nearer than this to the master's next one waits for it.
@@ -82,21 +77,23 @@ pub struct Interpolator {
     /// Line of the move that ends with the present stretch.
     line: Option<u32>,
     /// The stretches to come.
-    rest: Option<Rest>,
-    master: StepTimes,
+    rest: Option<Rest<M::Pieces>>,
+    master: StepTimes<M::Pieces>,
     master_bit: u8,
     followers: [Follower; 2],
     /// An event of the master without the followers, and of master and first follower.
     masters_events: [StepEntry; 2],
-    extruder: StepTimes,
+    extruder: StepTimes<M::Pieces>,
     /// What the master's next event has to mind: [`EXTRUDER`] when its step waits for it, being near, and
     /// [`MOVE_BEGINS`].
     joining: u8,
-    method: Method,
-    streams: Streams,
+    /// Another step pattern than step Bresenham.
+    pattern: Option<M::Pattern>,
+    /// The present block is made by it.
+    follows_pattern: bool,
 }
 
-impl Interpolator {
+impl<M: MotionMethods> Interpolator<M> {
     /// An interpolator at tick 0 of the motion clock, all motors forwards. Events are at least `minimum_event_interval_ticks`
     /// apart, and at least a tick.
     pub fn new(minimum_event_interval_ticks: u32) -> Self {
@@ -121,15 +118,15 @@ impl Interpolator {
             masters_events: [StepEntry::wait(0); 2],
             extruder: StepTimes::NONE,
             joining: 0,
-            method: Method::new(&MotionChoice::DEFAULT, Kinematics::Cartesian),
-            streams: Streams::NONE,
+            pattern: None,
+            follows_pattern: false,
         }
     }
 
-    /// The method of interpolation for the blocks to come, and what it drives; step Bresenham at first, the same on
-    /// any machine. The block in execution goes on as it began.
-    pub fn set_method(&mut self, choice: &MotionChoice, kinematics: Kinematics) {
-        self.method = Method::new(choice, kinematics);
+    /// The step pattern for the blocks to come; `None` for step Bresenham, with which the interpolator begins. The block
+    /// in execution goes on as it began.
+    pub fn set_pattern(&mut self, pattern: Option<M::Pattern>) {
+        self.pattern = pattern;
     }
 
     /// Whether a block is being executed.
@@ -146,13 +143,13 @@ impl Interpolator {
     /// Forgets the present block: a new interpolator, with the motors at rest at this tick of the motion clock, the
     /// extruder here and the direction signals so.
     pub fn stand_at(&mut self, clock: u64, extruder_256ths: i64, directions: u8) {
-        let Self { minimum_interval, method, .. } = *self;
-        *self = Self { method, clock, extruder_256ths, directions, ..Self::new(minimum_interval) };
+        let Self { minimum_interval, pattern, .. } = *self;
+        *self = Self { pattern, clock, extruder_256ths, directions, ..Self::new(minimum_interval) };
     }
 
     /// Starts a block; the one before must be finished. Returns the block's duration in ticks.
     #[inline]
-    pub fn begin(&mut self, planned: &PlannedBlock, law: &TimeLaw, sink: &mut impl StepSink) -> u64 {
+    pub fn begin(&mut self, planned: &PlannedBlock, law: &TimeLaw<M::Pieces>, sink: &mut impl StepSink) -> u64 {
         let before = self.directions;
         self.begin_block(&planned.block, law);
         if self.directions != before {
@@ -163,7 +160,7 @@ impl Interpolator {
 
     /// What needs no sink, and is there once.
     #[inline(never)]
-    fn begin_block(&mut self, block: &Block, law: &TimeLaw) {
+    fn begin_block(&mut self, block: &Block, law: &TimeLaw<M::Pieces>) {
         self.is_busy = true;
         self.duration_ticks = law.duration_ticks();
         self.move_start = if (self.last as i64) > 0 { self.last } else { 0 };
@@ -175,7 +172,7 @@ impl Interpolator {
     /// A block in which several moves end; returns its first stretch.
     #[cold]
     #[inline(never)]
-    fn divide(&mut self, block: &Block, law: &TimeLaw) -> Stretch {
+    fn divide(&mut self, block: &Block, law: &TimeLaw<M::Pieces>) -> Stretch {
         let mut stretches = Stretches::of(block);
         let first = stretches.next().unwrap_or(Stretch::whole(block));
         let end_10nm = first.before_10nm.saturating_add(first.length_10nm);
@@ -185,7 +182,7 @@ impl Interpolator {
 
     /// The motors' steps along a stretch, none of them due before `earliest`.
     #[inline]
-    fn begin_stretch(&mut self, stretch: &Stretch, law: &TimeLaw, earliest: u64) {
+    fn begin_stretch(&mut self, stretch: &Stretch, law: &TimeLaw<M::Pieces>, earliest: u64) {
         let start_256ths = self.extruder_256ths;
         let end_256ths = start_256ths + i64::from(stretch.extruder_256ths);
         let (start_steps, end_steps) = (rounded_steps(start_256ths), rounded_steps(end_256ths));
@@ -201,10 +198,7 @@ impl Interpolator {
         self.extruder_256ths = end_256ths;
         self.line = stretch.ends_move.then_some(stretch.line);
         self.joining = MOVE_BEGINS;
-        // Moves share a block under the default only.
-        self.streams.are_on = !self.method.is_default() && self.rest.is_none();
-        if self.streams.are_on {
-            self.start_streams(stretch, law, &extruder);
+        if self.start_pattern(stretch, law, &extruder) {
             return;
         }
         let count = self.start_motors(stretch);
@@ -252,7 +246,7 @@ impl Interpolator {
         if !self.is_busy {
             return;
         }
-        let work = if INTERPOLATIONS && self.streams.are_on { self.work_streams() } else { self.work() };
+        let work = if self.pattern.is_some() && self.follows_pattern { self.work_pattern() } else { self.work() };
         match work {
             Work::Events => {
                 sink.entries(self.entries.all_but_last());

@@ -17,14 +17,19 @@ pub mod inner_ends;
 pub mod interpolator;
 pub mod kinematics;
 pub mod look_ahead;
-pub mod plane;
+pub mod methods;
+pub mod piece;
+pub mod real;
 pub mod s_curve;
+pub mod square_root;
 pub mod step_queue;
 pub mod time_law;
+pub mod time_units;
 
 mod block;
 mod block_queue;
 mod budget;
+mod cubic;
 mod division;
 mod event_buffer;
 mod extruder_gap;
@@ -32,38 +37,37 @@ mod follower;
 mod given_speeds;
 mod junction;
 mod limits;
-mod method;
 mod motion_choice;
-mod offered;
 mod open_block;
 mod pace;
 mod path;
-mod piece;
 mod planner;
 #[cfg(test)]
 mod random;
-mod real;
 mod ring;
 mod spacing;
-mod square_root;
 mod step_ledger;
 mod step_times;
-mod time_units;
 mod trapezoid;
 mod u64_to_f32;
 
 pub use block::{Acceleration, Block, PlannedBlock, Speed, SquaredSpeed};
+pub use cubic::Cubic;
 pub use digest::StepDigests;
+pub use follower::Follower;
 pub use kinematics::{Coordinate, Geometry, Kinematics, StepsPerMm};
 pub use limits::{AXES, Limits};
+pub use methods::{ChoiceError, MotionMethods, Standard};
 pub use motion_choice::{AccelerationProfile, DualRatePeriods, Interpolation, MotionChoice, SCurveTableSettings};
 pub use pace::Pace;
 pub use planner::{
     MIN_FEED_MM_PER_S, Move, MoveError, Moved, Planner, Prepared, PreparedBlock, PreparedMove, Progress, Recorded,
     Recorder, Request, Retuned, filament_100pm,
 };
+pub use spacing::MotorSteps;
 pub use step_ledger::{StepLedger, StepObserver};
 pub use step_queue::{Notice, StepEntry, StepKind, StepSink};
+pub use step_times::StepTimes;
 
 /// Frequency of the nominal time base, in ticks a second.
 ///

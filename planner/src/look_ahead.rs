@@ -6,10 +6,10 @@ mod tests;
 
 use crate::block::{Block, PlannedBlock, Speed, SquaredSpeed};
 use crate::block_queue::SpeedPlan;
+use crate::methods::{Never, SpeedRule};
 use crate::pace::Pace;
 use crate::ring::{Content, Ring, Waiting};
-use crate::s_curve::staircase::Pulses;
-use crate::s_curve::{FrequencyTable, Jerk};
+use crate::s_curve::Jerk;
 use jerk_spans::Runs;
 
 pub use crate::block_queue::{BlockQueue, BlockStart, Released};
@@ -19,61 +19,59 @@ pub use jerk_spans::Part;
 
 /// How speeds change along the blocks.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum SpeedLaw {
+pub enum SpeedLaw<R = Never> {
     /// At a constant acceleration.
     Trapezoid,
     /// At a constant jerk, under which neighbouring blocks share one law where that is faster.
     SCurve(Jerk),
     /// At a constant jerk, with zero acceleration at the ends of every block: what shared laws gain shows against this.
     SCurveBlockByBlock(Jerk),
-    /// Along a table of frequencies.
-    Table(FrequencyTable),
+    /// By another rule.
+    Other(R),
 }
 
 /// The law, with what only look-ahead needs of it.
 #[derive(Clone, Copy, Debug)]
-enum Law {
+enum Law<R> {
     Trapezoid,
     Runs(Runs),
-    Table(FrequencyTable),
+    Other(R),
 }
 
 /// Plans the speeds of blocks: a reverse pass when a block comes, the forward pass as each leaves.
 #[derive(Clone, Copy, Debug)]
-pub struct LookAhead {
-    law: Law,
+pub struct LookAhead<R> {
+    law: Law<R>,
     /// Squared speed with which the last block left, for the next to start with.
     last_exit: SquaredSpeed,
 }
 
-impl LookAhead {
+impl<R: SpeedRule> LookAhead<R> {
     /// Look-ahead under this law.
-    pub fn new(law: &SpeedLaw) -> Self {
+    pub fn new(law: &SpeedLaw<R>) -> Self {
         let law = match law {
             SpeedLaw::Trapezoid => Law::Trapezoid,
             SpeedLaw::SCurve(jerk) => Law::Runs(Runs::new(*jerk, true)),
             SpeedLaw::SCurveBlockByBlock(jerk) => Law::Runs(Runs::new(*jerk, false)),
-            SpeedLaw::Table(table) => Law::Table(*table),
+            SpeedLaw::Other(rule) => Law::Other(*rule),
         };
         Self { law, last_exit: SquaredSpeed::ZERO }
     }
 
-    fn table(&self) -> Option<&FrequencyTable> {
+    fn rule(&self) -> Option<&R> {
         match &self.law {
-            Law::Table(table) => Some(table),
+            Law::Other(rule) => Some(rule),
             Law::Trapezoid | Law::Runs(_) => None,
         }
     }
 }
 
-impl SpeedPlan for LookAhead {
+impl<R: SpeedRule> SpeedPlan for LookAhead<R> {
     /// Lets the block's stopping distance raise the speeds before it.
     fn push<S: RingMemory>(&mut self, ring: &mut Ring<S>, block: &Block, start: &BlockStart) -> Result<(), PlanFault> {
         let held;
-        let block = if let Some(table) = self.table() {
-            // No faster than the table goes.
-            let nominal = block.nominal.min(Pulses::of(block).speed(table.top_hz()));
-            held = Block { nominal, ..*block };
+        let block = if let Some(rule) = self.rule() {
+            held = Block { nominal: rule.nominal(block), ..*block };
             &held
         } else {
             block
@@ -89,11 +87,11 @@ impl SpeedPlan for LookAhead {
         // Where the block before has left already, it left with a speed that this one starts with.
         let settled = !ring.has_blocks();
         let place = ring.len();
-        let reachable = reach(self.table(), SquaredSpeed::ZERO, block);
+        let reachable = reach(self.rule(), SquaredSpeed::ZERO, block);
         let entry = if settled { self.last_exit } else { entry_bound.min(reachable) };
         ring.push(Waiting { block: *block, entry_bound, entry, settled, ..Waiting::NONE });
         if !settled {
-            reverse_pass(ring, self.table(), place, entry);
+            reverse_pass(ring, self.rule(), place, entry);
         }
         Ok(())
     }
@@ -116,12 +114,12 @@ impl SpeedPlan for LookAhead {
         ring.pass_block();
         let PlannedBlock { block, entry, exit } = &mut planned;
         ring.last_nominal = block.nominal;
-        let mut reachable = reach(self.table(), squared_entry, block);
+        let mut reachable = reach(self.rule(), squared_entry, block);
         if pace != Pace::FULL {
             let capped = pace.of(block.nominal);
-            let slowed = match self.table() {
+            let slowed = match self.rule() {
                 None => squared_entry.slowed_over(block),
-                Some(table) => Pulses::of(block).slowest(table, *entry, capped).into(),
+                Some(rule) => rule.slowest(block, *entry, capped).into(),
             };
             reachable = reachable.min(SquaredSpeed::from(capped).max(slowed));
             block.nominal = capped;
@@ -142,9 +140,9 @@ impl SpeedPlan for LookAhead {
 
 /// Yu 2019: v_s = sqrt(v_e^2 + 2 a s), from the newest block backwards until nothing changes any more: speeds only rise
 /// when a block is added, and a block that keeps its speed keeps all before it.
-fn reverse_pass<S: RingMemory>(
+fn reverse_pass<S: RingMemory, R: SpeedRule>(
     ring: &mut Ring<S>,
-    table: Option<&FrequencyTable>,
+    rule: Option<&R>,
     newest: usize,
     newest_entry: SquaredSpeed,
 ) {
@@ -154,7 +152,7 @@ fn reverse_pass<S: RingMemory>(
         if waiting.settled {
             return;
         }
-        let entry = waiting.entry_bound.min(reach(table, exit, &waiting.block));
+        let entry = waiting.entry_bound.min(reach(rule, exit, &waiting.block));
         if entry == waiting.entry {
             return;
         }
@@ -180,9 +178,9 @@ fn settle_next<S: RingMemory>(ring: &mut Ring<S>, reachable: SquaredSpeed) -> Sp
 
 /// The largest squared speed that can be reached from this one over a block.
 #[inline]
-fn reach(table: Option<&FrequencyTable>, from: SquaredSpeed, block: &Block) -> SquaredSpeed {
-    match table {
+fn reach<R: SpeedRule>(rule: Option<&R>, from: SquaredSpeed, block: &Block) -> SquaredSpeed {
+    match rule {
         None => from.changed_over(block),
-        Some(table) => Pulses::of(block).reach(table, from.root()).into(),
+        Some(rule) => rule.reach(block, from.root()).into(),
     }
 }

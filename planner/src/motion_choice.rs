@@ -1,6 +1,5 @@
-//! Which of the papers' methods drive the motors.
-
-use crate::offered::{INTERPOLATIONS, SCurves};
+//! The names of the methods that a profile or M796 chooses, and their parameters: data, on which nothing branches but the
+//! methods themselves ([`crate::methods`]).
 
 /// How the motors' steps follow a straight line.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -99,10 +98,10 @@ pub struct MotionChoice {
 }
 
 impl MotionChoice {
-    /// Whether this build has the methods that are chosen. Step Bresenham and trapezoids are always there.
-    pub const fn is_offered(&self) -> bool {
-        (INTERPOLATIONS || matches!(self.interpolation, Interpolation::StepBresenham))
-            && (SCurves::OFFERED.is_some() || matches!(self.acceleration, AccelerationProfile::Trapezoid))
+    /// Whether every image contains these methods.
+    pub const fn is_standard(&self) -> bool {
+        matches!(self.interpolation, Interpolation::StepBresenham)
+            && !matches!(self.acceleration, AccelerationProfile::SCurveTable)
     }
 
     /// Step Bresenham and trapezoids; the other parameters as profiles have them that do not say otherwise.

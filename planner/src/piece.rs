@@ -3,8 +3,8 @@
 //! A piece is the value at the seam between a time law, which yields pieces in their order, and a stepper, which solves
 //! them for the times of one motor's steps. A filter takes pieces and yields pieces.
 
+use crate::cubic::Cubic;
 use crate::real::Real;
-use crate::s_curve::cubic::Cubic;
 use crate::time_units::ramp_time;
 
 /// The end of a piece that its figures belong to: the one where rounding would hurt most, which is the slow one of a

@@ -16,13 +16,13 @@ use crate::kinematics;
 use crate::kinematics::Geometry;
 use crate::limits::Limits;
 use crate::look_ahead::{BlockQueue, Part, Released, SpeedLaw};
-use crate::method::Method;
+use crate::methods::{ChoiceError, MotionMethods, SpeedRule, Standard};
 use crate::motion_choice::{AccelerationProfile, MotionChoice};
 use crate::open_block::OpenBlock;
 use crate::pace::Pace;
 use crate::ring::{Marker, RingMemory};
+use crate::s_curve::Jerk;
 use crate::s_curve::law::Curve;
-use crate::s_curve::{FrequencyTable, Jerk};
 use crate::step_queue::{Notice, StepSink};
 use crate::time_law::TimeLaw;
 
@@ -57,8 +57,8 @@ struct Tallies {
 
 /// Turns [requests](Request) for motion into step entries.
 #[derive(Debug)]
-pub struct Planner<S> {
-    rules: BlockRules,
+pub struct Planner<S, M: MotionMethods = Standard> {
+    rules: BlockRules<M>,
     choice: MotionChoice,
     pace: Pace,
     /// At the end of the last move taken.
@@ -69,23 +69,23 @@ pub struct Planner<S> {
     open: OpenBlock,
     /// A flush waits until the open block has entered the ring.
     flushing: bool,
-    queue: BlockQueue<S>,
+    queue: BlockQueue<S, M::Rule>,
     /// The law of the run whose blocks are leaving; under an S-curve only.
     curve: Curve,
-    /// The frequencies, under a table only.
-    table: Option<FrequencyTable>,
-    interpolator: Interpolator,
+    /// Another time law than trapezoid and S-curve.
+    rule: Option<M::Rule>,
+    interpolator: Interpolator<M>,
     /// Speed at the end of the last block that left look-ahead, and where the motors are there.
     exit: Speed,
     released: MotorPosition,
     tallies: Tallies,
 }
 
-impl<S: RingMemory> Planner<S> {
+impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
     /// A planner at machine position 0 with its look-ahead ring in the given memory.
     pub fn new(geometry: Geometry, limits: Limits, ring: S) -> Self {
         let choice = MotionChoice::DEFAULT;
-        let rules = BlockRules::new(geometry, limits, &choice);
+        let rules = BlockRules::new(geometry, limits);
         let position = Position::new(&geometry);
         Self {
             rules,
@@ -97,7 +97,7 @@ impl<S: RingMemory> Planner<S> {
             flushing: false,
             queue: BlockQueue::new(ring),
             curve: Curve::NONE,
-            table: None,
+            rule: None,
             interpolator: Interpolator::new(geometry.minimum_event_interval_ticks),
             exit: Speed::ZERO,
             released: position.motors(),
@@ -120,30 +120,32 @@ impl<S: RingMemory> Planner<S> {
         &self.choice
     }
 
-    /// Sets the methods that make the steps. Returns `false` and changes nothing if moves are queued, a method is not compiled
-    /// in, or its parameters are out of range (a profile's file has been checked for that).
-    pub fn set_motion_choice(&mut self, choice: &MotionChoice) -> bool {
-        if !(self.is_idle() && choice.is_offered()) {
-            return false;
+    /// Sets the methods that make the steps.
+    ///
+    /// # Errors
+    /// [`ChoiceError`]; nothing has changed then.
+    pub fn set_motion_choice(&mut self, choice: &MotionChoice) -> Result<(), ChoiceError> {
+        let law = speed_law::<M>(choice)?;
+        let pattern = M::pattern(choice, self.rules.geometry.kinematics)?;
+        if !self.is_idle() {
+            return Err(ChoiceError::InMotion);
         }
-        let Some(law) = speed_law(choice) else { return false };
         self.choice = *choice;
-        let kinematics = self.rules.geometry.kinematics;
-        self.rules.method = Method::new(choice, kinematics);
-        self.interpolator.set_method(choice, kinematics);
-        self.table = match law {
-            SpeedLaw::Table(table) => Some(table),
+        self.rules.pattern = pattern;
+        self.interpolator.set_pattern(pattern);
+        self.rule = match law {
+            SpeedLaw::Other(rule) => Some(rule),
             SpeedLaw::Trapezoid | SpeedLaw::SCurve(_) | SpeedLaw::SCurveBlockByBlock(_) => None,
         };
         self.queue.look_ahead(&law);
-        true
+        Ok(())
     }
 
     /// For comparison: under an S-curve, lets every block begin and end without acceleration instead of giving neighbours
     /// one law. Returns `false` and changes nothing if moves are queued or the profile is another.
     pub fn plan_block_by_block(&mut self) -> bool {
-        match speed_law(&self.choice) {
-            Some(SpeedLaw::SCurve(jerk)) if self.is_idle() => {
+        match speed_law::<M>(&self.choice) {
+            Ok(SpeedLaw::SCurve(jerk)) if self.is_idle() => {
                 self.queue.look_ahead(&SpeedLaw::SCurveBlockByBlock(jerk));
                 true
             }
@@ -239,11 +241,11 @@ impl<S: RingMemory> Planner<S> {
         request.add_to(self, make_room)
     }
 
-    /// Whether moves may share a block. The papers' other methods decide from the start of a block, and the table of
-    /// frequencies counts the steps of a whole block.
+    /// Whether moves may share a block. Another pattern may decide from the start of a block, and another law count the
+    /// steps of a whole one.
     #[inline]
     fn shares_blocks(&self) -> bool {
-        self.rules.method.is_default() && self.table.is_none()
+        self.rules.pattern.is_none() && self.rule.is_none()
     }
 
     /// A move has been taken.
@@ -319,10 +321,7 @@ impl<S: RingMemory> Planner<S> {
         }
         match self.release_next() {
             Some(Released::Block(planned)) => {
-                let law = match &self.table {
-                    None => TimeLaw::trapezoid(&planned),
-                    Some(table) => TimeLaw::staircase(&planned, table),
-                };
+                let law = self.law(&planned);
                 self.begin(&planned, &law, sink);
             }
             Some(Released::Part(part)) => {
@@ -339,8 +338,17 @@ impl<S: RingMemory> Planner<S> {
         Progress::Worked
     }
 
+    /// The law of a block that has one by itself.
     #[inline]
-    fn begin(&mut self, planned: &PlannedBlock, law: &TimeLaw, sink: &mut impl StepSink) {
+    fn law(&self, planned: &PlannedBlock) -> TimeLaw<M::Pieces> {
+        match &self.rule {
+            None => TimeLaw::trapezoid(planned),
+            Some(rule) => TimeLaw::Other(rule.law(planned)),
+        }
+    }
+
+    #[inline]
+    fn begin(&mut self, planned: &PlannedBlock, law: &TimeLaw<M::Pieces>, sink: &mut impl StepSink) {
         self.exit = planned.exit;
         let nominal_ticks = self.queue.last_nominal().ticks_for(planned.block.length_10nm);
         self.tallies.nominal_ticks = self.tallies.nominal_ticks.saturating_add(nominal_ticks);
@@ -349,7 +357,7 @@ impl<S: RingMemory> Planner<S> {
 
     /// The speeds and the law of a block of a run.
     #[inline(never)]
-    fn along(&mut self, part: &Part) -> (PlannedBlock, TimeLaw) {
+    fn along(&mut self, part: &Part) -> (PlannedBlock, TimeLaw<M::Pieces>) {
         let entry = if part.offset_10nm == 0 {
             self.curve = Curve::new(&part.run);
             part.run.entry
@@ -389,13 +397,7 @@ impl<S: RingMemory> Planner<S> {
     /// Counts the time of a block that is not executed; `None` for a marker.
     fn pass_over(&mut self, released: &Released) -> Option<PlannedBlock> {
         let (planned, ticks) = match released {
-            Released::Block(planned) => {
-                let law = match &self.table {
-                    None => TimeLaw::trapezoid(planned),
-                    Some(table) => TimeLaw::staircase(planned, table),
-                };
-                (*planned, law.duration_ticks())
-            }
+            Released::Block(planned) => (*planned, self.law(planned).duration_ticks()),
             Released::Part(part) => {
                 let (planned, law) = self.along(part);
                 (planned, law.duration_ticks())
@@ -435,7 +437,7 @@ impl<S: RingMemory> Planner<S> {
             flushing,
             queue,
             curve,
-            table: _,
+            rule: _,
             interpolator,
             exit,
             released,
@@ -462,18 +464,16 @@ impl<S: RingMemory> Planner<S> {
     }
 }
 
-/// How speeds change under a choice; `None` where its parameters are out of range.
-fn speed_law(choice: &MotionChoice) -> Option<SpeedLaw> {
-    Some(match choice.acceleration {
-        AccelerationProfile::Trapezoid => SpeedLaw::Trapezoid,
-        AccelerationProfile::SCurve => SpeedLaw::SCurve(Jerk::from_mm_per_s3(choice.jerk_mm_per_s3).ok()?),
-        AccelerationProfile::SCurveTable => {
-            let [start_hz, top_hz, jerk_hz_per_s2] = {
-                let table = &choice.s_curve_table;
-                [table.start_hz, table.top_hz, table.jerk_hz_per_s2].map(f64::from)
-            };
-            SpeedLaw::Table(FrequencyTable::new(start_hz, top_hz, jerk_hz_per_s2).ok()?)
+/// How speeds change under a choice.
+fn speed_law<M: MotionMethods>(choice: &MotionChoice) -> Result<SpeedLaw<M::Rule>, ChoiceError> {
+    if let Some(rule) = M::rule(choice)? {
+        return Ok(SpeedLaw::Other(rule));
+    }
+    Ok(match choice.acceleration {
+        AccelerationProfile::SCurve => {
+            SpeedLaw::SCurve(Jerk::from_mm_per_s3(choice.jerk_mm_per_s3).ok_or(ChoiceError::Parameter)?)
         }
+        AccelerationProfile::Trapezoid | AccelerationProfile::SCurveTable => SpeedLaw::Trapezoid,
     })
 }
 

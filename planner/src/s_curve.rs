@@ -1,83 +1,10 @@
 //! Speed that changes at a constant jerk (Li 2017): an acceleration that rises from zero and falls back to it.
 //!
-//! Li's five segments are a ramp up, a cruise and a ramp down, each ramp two halves of the jerks +j and -j. [`Ramp`] is
-//! one of them in closed form, [`Profile`] the whole, [`FrequencyTable`] Li's table of the same curve, [`Plan`] his
-//! cases (a) to (d) of a segment between others, [`Segments`] his ring of them. The machine runs on the first two under
-//! `acceleration = "s-curve"` and on the next two under `"s-curve-table"`.
-//!
-//! Any unit of length may stand for the path's: millimetres, or steps for the paper's frequencies.
+//! Li's five segments are a ramp up, a cruise and a ramp down, each ramp two halves of the jerks +j and -j.
 
-pub(crate) mod bounds;
-pub(crate) mod cubic;
 pub(crate) mod law;
 pub(crate) mod run;
-pub(crate) mod staircase;
 
-mod closed_form;
-mod plan;
-mod segments;
-mod table;
+pub mod bounds;
 
-pub use closed_form::{Profile, Ramp, State};
-pub use plan::{Plan, PlanCase};
 pub use run::{Jerk, Run};
-pub use segments::{Line, Segment, Segments};
-pub use table::{FrequencyTable, Slice};
-
-use core::fmt;
-
-/// Least and greatest of the numbers, zero aside, that curves are made of: beyond, squares and quotients of them would
-/// overflow.
-const LEAST: f64 = 1e-12;
-const MOST: f64 = 1e12;
-
-/// Whether a number, which must not be zero, is within these.
-fn is_in_range(x: f64) -> bool {
-    (LEAST..=MOST).contains(&x)
-}
-
-/// Whether a number, which may be zero, is.
-fn is_zero_or_in_range(x: f64) -> bool {
-    x == 0.0 || is_in_range(x)
-}
-
-/// Why there is no S-curve of what was asked for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum CurveError {
-    /// The jerk is not a number from 1e-12 to 1e12.
-    Jerk,
-    /// The acceleration is not a number from 1e-12 on.
-    Acceleration,
-    /// A speed is not zero or a number from 1e-12 to 1e12, or all are zero over a length.
-    Speed,
-    /// The length is not zero or a number from 1e-12 to 1e12.
-    Length,
-    /// The speeds at the ends are further apart than the length allows.
-    TooShort,
-    /// The start frequency is not a number from 1e-12 to 1e12.
-    StartFrequency,
-    /// The highest frequency is not above the start frequency, or above 1e12.
-    TopFrequency,
-    /// The table would have more slices than it may.
-    TooManySlices,
-    /// This build has no S-curve.
-    NotOffered,
-}
-
-impl fmt::Display for CurveError {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        formatter.write_str(match self {
-            Self::Jerk => "the jerk must be a number from 1e-12 to 1e12",
-            Self::Acceleration => "the acceleration must be a number from 1e-12 on",
-            Self::Speed => "a speed must be zero or a number from 1e-12 to 1e12, and not all of them zero",
-            Self::Length => "the length must be zero or a number from 1e-12 to 1e12",
-            Self::TooShort => "the length is too short for the speeds at its ends",
-            Self::StartFrequency => "the start frequency must be a number from 1e-12 to 1e12",
-            Self::TopFrequency => "the highest frequency must be above the start frequency, and at most 1e12",
-            Self::TooManySlices => "the table would have more than 65536 slices",
-            Self::NotOffered => "S-curves are left out of this build",
-        })
-    }
-}
-
-impl core::error::Error for CurveError {}

@@ -10,8 +10,8 @@ mod s_curve_tests;
 mod trapezoid_tests;
 
 use crate::inner_ends::Stretch;
+use crate::methods::{Never, Pieces};
 use crate::s_curve::law::CurvePieces;
-use crate::s_curve::staircase::StaircasePieces;
 use crate::spacing::{MotorSteps, Spacing, Span};
 use crate::time_law::TimeLaw;
 use crate::time_units::{FRACTION_BITS, HALF_TICK};
@@ -23,7 +23,7 @@ pub(crate) use even::EvenSteps;
 
 /// The pieces to come and a motor's steps along them, by what yields the pieces.
 #[derive(Clone, Copy, Debug)]
-enum Source {
+enum Source<P> {
     /// No steps.
     None,
     /// Along a trapezoid of a quarter of a second at most.
@@ -32,11 +32,11 @@ enum Source {
     Long(Unsolved<f64, TrapezoidPieces<f64>>),
     /// Along a block of a run, and the block's start, in time units from the run's, from which the pieces count.
     Run(Unsolved<f64, CurvePieces>, u64),
-    /// Along a staircase.
-    Staircase(Unsolved<f64, StaircasePieces>),
+    /// Along a law of another kind.
+    Other(Unsolved<f64, P>),
 }
 
-impl Source {
+impl<P: Pieces> Source<P> {
     /// The steps of the next piece that has any.
     #[inline]
     fn next_phase(&mut self) -> Option<Phase> {
@@ -57,7 +57,7 @@ impl Source {
                 let phase = unsolved.next_phase()?;
                 Some(Phase { first: phase.first.saturating_sub(*start), ..phase })
             }
-            Self::Staircase(unsolved) => unsolved.next_phase(),
+            Self::Other(unsolved) => unsolved.next_phase(),
         }
     }
 }
@@ -69,7 +69,7 @@ impl Source {
 /// acceleration the interval is 2h/(v_k + v_k+1) with v_k = sqrt(v_0^2 + 2 a h k), in f32; at a constant speed it is
 /// constant.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct StepTimes {
+pub struct StepTimes<P = Never> {
     /// When the next step is due, of those `left`. Without any it has no meaning: [`Self::next`] is the only way to it.
     due: u64,
     /// Steps left in the phase; without any, no step is due any more.
@@ -77,18 +77,18 @@ pub(crate) struct StepTimes {
     motion: PhaseMotion,
     /// 2^-16 time units that `due` lacks.
     beyond: u32,
-    source: Source,
+    source: Source<P>,
 }
 
-impl StepTimes {
+impl<P: Pieces> StepTimes<P> {
     /// No steps.
-    pub(crate) const NONE: Self =
+    pub const NONE: Self =
         Self { due: 0, left: 0, motion: PhaseMotion::Even(EvenSteps::EMPTY), beyond: 0, source: Source::None };
 
     /// Starts with the steps of a motor in a stretch of a block, none of them due before `earliest`. Every field is set here
     /// or by [`Self::enter_phase`]: nothing of a block that was abandoned half-way remains.
     #[inline]
-    pub(crate) fn start(&mut self, law: &TimeLaw, stretch: &Stretch, steps: &MotorSteps, earliest: u64) {
+    pub fn start(&mut self, law: &TimeLaw<P>, stretch: &Stretch, steps: &MotorSteps, earliest: u64) {
         match law {
             TimeLaw::Short(law) => {
                 let span = Span::of(stretch, law.length, law.per_length);
@@ -104,7 +104,7 @@ impl StepTimes {
 
     #[cold]
     #[inline(never)]
-    fn set_source_in_f64(&mut self, law: &TimeLaw, stretch: &Stretch, steps: &MotorSteps) {
+    fn set_source_in_f64(&mut self, law: &TimeLaw<P>, stretch: &Stretch, steps: &MotorSteps) {
         let spacing = |length: f64, per_length: f64| Spacing::new(&Span::of(stretch, length, per_length), steps);
         self.source = match law {
             TimeLaw::Short(_) => Source::None,
@@ -113,15 +113,13 @@ impl StepTimes {
                 let steps = spacing(law.length, 1.0 / law.length);
                 Source::Run(Unsolved::new(law.pieces(), steps), law.start)
             }
-            TimeLaw::Staircase(law) => {
-                Source::Staircase(Unsolved::new(law.pieces(), spacing(law.length, 1.0 / law.length)))
-            }
+            TimeLaw::Other(law) => Source::Other(Unsolved::new(law.pieces, spacing(law.length, 1.0 / law.length))),
         };
     }
 
     /// When the next step is due; `None` after the last.
     #[inline]
-    pub(crate) fn next(&self) -> Option<u64> {
+    pub fn next(&self) -> Option<u64> {
         if self.left > 0 { Some(self.due) } else { None }
     }
 
@@ -196,7 +194,7 @@ impl StepTimes {
 
     /// Takes `count` steps; more than one only where [`Self::cruise`] has as many.
     #[inline]
-    pub(crate) fn take(&mut self, count: u32) {
+    pub fn take(&mut self, count: u32) {
         self.left = self.left.wrapping_sub(count);
         if self.left == 0 {
             self.enter_phase();

@@ -1,9 +1,10 @@
 //! s(t) of a block, whatever its law: a value that yields the pieces.
 
 use crate::block::{PlannedBlock, Speed};
-use crate::s_curve::FrequencyTable;
+use crate::methods::{Never, OtherLaw, Pieces};
+use crate::piece::{Place, time_at};
+use crate::real::Real;
 use crate::s_curve::law::{Along, Curve};
-use crate::s_curve::staircase::Staircase;
 use crate::time_units::UNITS_PER_SECOND;
 use crate::trapezoid::Trapezoid;
 
@@ -13,18 +14,18 @@ const LONGEST_IN_F32: f32 = 0.25 * UNITS_PER_SECOND as f32;
 
 /// The time law of a block: a trapezoid, in the precision that its duration asks for, or another.
 #[derive(Clone, Copy, Debug)]
-pub enum TimeLaw {
+pub enum TimeLaw<P = Never> {
     /// A trapezoid of at most a quarter of a second.
     Short(Trapezoid<f32>),
     /// A longer one.
     Long(Trapezoid<f64>),
     /// A block of a run under an S-curve.
     Run(Along),
-    /// A table of frequencies.
-    Staircase(Staircase),
+    /// A law of another kind.
+    Other(OtherLaw<P>),
 }
 
-impl TimeLaw {
+impl<P: Pieces> TimeLaw<P> {
     /// The trapezoid of a planned block, Wu 2024.
     #[inline]
     pub fn trapezoid(planned: &PlannedBlock) -> Self {
@@ -45,18 +46,16 @@ impl TimeLaw {
         (Self::Run(law), law.exit())
     }
 
-    /// A planned block at the frequencies of a table, Li 2017.
-    pub(crate) fn staircase(planned: &PlannedBlock, table: &FrequencyTable) -> Self {
-        Self::Staircase(Staircase::new(planned, table))
-    }
-
     /// When a path position is reached, time units from the block's start; positions outside become the nearer end.
     pub(crate) fn time_at(&self, length_10nm: u32) -> u64 {
         match self {
             Self::Short(law) => law.time_at(length_10nm),
             Self::Long(law) => law.time_at(length_10nm),
             Self::Run(law) => law.time_at(length_10nm),
-            Self::Staircase(law) => law.time_at(length_10nm),
+            Self::Other(law) => {
+                let from_start = f64::from(length_10nm);
+                Real::to_u64(time_at(law.pieces, &Place { from_start, to_end: law.length - from_start }))
+            }
         }
     }
 
@@ -66,7 +65,7 @@ impl TimeLaw {
             Self::Short(law) => law.duration_ticks(),
             Self::Long(law) => law.duration_ticks(),
             Self::Run(law) => law.duration_ticks(),
-            Self::Staircase(law) => law.duration_ticks(),
+            Self::Other(law) => law.duration_ticks,
         }
     }
 }

@@ -10,7 +10,7 @@ use crate::real::Real;
 pub const FRACTION_BITS: u32 = 16;
 
 /// Half a tick, in time units: added before the fraction is cut, it rounds.
-pub(crate) const HALF_TICK: u64 = 1 << (FRACTION_BITS - 1);
+pub const HALF_TICK: u64 = 1 << (FRACTION_BITS - 1);
 
 /// Time units in a second.
 pub const UNITS_PER_SECOND: f64 = TICKS_PER_SECOND as f64 * (1u64 << FRACTION_BITS) as f64;

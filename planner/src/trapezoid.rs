@@ -201,6 +201,7 @@ mod tests {
     use crate::TICKS_PER_SECOND;
     use crate::block::{Acceleration, Block, Speed};
     use crate::inner_ends::InnerEnds;
+    use crate::methods::Never;
     use crate::time_law::TimeLaw;
     use proptest::prelude::*;
 
@@ -243,7 +244,7 @@ mod tests {
     #[test]
     fn long_blocks_are_worked_out_in_f64() {
         let is_long = |length_mm: f64| {
-            matches!(TimeLaw::trapezoid(&planned(length_mm, 10.0, 10.0, 10.0, 1000.0)), TimeLaw::Long(_))
+            matches!(TimeLaw::<Never>::trapezoid(&planned(length_mm, 10.0, 10.0, 10.0, 1000.0)), TimeLaw::Long(_))
         };
         assert!(!is_long(2.4) && is_long(2.6));
     }

@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used)]
 
 use ferrostep_planner::look_ahead::{BlockQueue, BlockStart, Marker, Released, Slot};
+use ferrostep_planner::methods::Never;
 use ferrostep_planner::time_law::TimeLaw;
 use ferrostep_planner::{Acceleration, Block, Pace, PlannedBlock, Speed};
 
@@ -102,7 +103,7 @@ fn durations_are_rounded_to_the_nearest_tick() {
         let nearest = (tenths + 5) / 10;
         rounded_up += u32::from(nearest > tenths / 10);
         // No length lies half-way: 84 is even, and a half would be 5 tenths.
-        assert_eq!(TimeLaw::trapezoid(&planned).duration_ticks(), nearest, "{length}");
+        assert_eq!(TimeLaw::<Never>::trapezoid(&planned).duration_ticks(), nearest, "{length}");
     }
     assert!(rounded_up > 20, "{rounded_up}");
 }

@@ -6,7 +6,7 @@ use ferrostep_planner::inner_ends::{InnerEnd, InnerEnds};
 use ferrostep_planner::interpolator::Interpolator;
 use ferrostep_planner::time_law::TimeLaw;
 use ferrostep_planner::{
-    Acceleration, Block, Notice, PlannedBlock, Speed, StepEntry, StepKind, StepSink, TICKS_PER_SECOND,
+    Acceleration, Block, Notice, PlannedBlock, Speed, Standard, StepEntry, StepKind, StepSink, TICKS_PER_SECOND,
 };
 use proptest::prelude::*;
 
@@ -58,7 +58,7 @@ impl StepSink for Record {
 
 /// Everything that two blocks one after the other become.
 fn play(blocks: &[PlannedBlock]) -> Vec<Happened> {
-    let mut interpolator = Interpolator::new(MINIMUM_INTERVAL);
+    let mut interpolator = Interpolator::<Standard>::new(MINIMUM_INTERVAL);
     let mut record = Record::default();
     for planned in blocks {
         interpolator.begin(planned, &TimeLaw::trapezoid(planned), &mut record);

@@ -1,6 +1,7 @@
 //! Why a command was refused.
 
 use core::fmt;
+use ferrostep_planner::ChoiceError;
 
 use ferrostep_gcode::{ParseError, Real};
 use ferrostep_planner::look_ahead::PlanFault;
@@ -128,6 +129,8 @@ pub enum CommandError {
     },
     /// What the command needs cannot be used on this board: `heaters`, `thermometers`, `end stops`, `fan`.
     NotEquipped(&'static str),
+    /// M796 chose methods that cannot be used.
+    MotionChoice(ChoiceError),
     /// A tool that does not exist.
     InvalidTool(u32),
     /// The machine was stopped by M112 or a heater fault, here or before, and waits for M999.
@@ -287,6 +290,13 @@ impl fmt::Display for CommandError {
                 write!(out, "{name}: {error}")
             }
             Self::NotEquipped(what) => write!(out, "this board has no {what}"),
+            Self::MotionChoice(ChoiceError::NotContained) => {
+                write!(out, "M796: this image contains only step-bresenham (I0) with trapezoid (A0) or s-curve (A1)")
+            }
+            Self::MotionChoice(ChoiceError::Parameter) => {
+                write!(out, "M796: a parameter of the method is out of range, see the machine's profile")
+            }
+            Self::MotionChoice(ChoiceError::InMotion) => write!(out, "M796: methods change at standstill only"),
             Self::InvalidTool(tool) => write!(out, "T{tool} - Invalid extruder number !, expected T0"),
             Self::Halted => write!(out, "the printer is halted (M112 or a heater fault), expected M999 to restart"),
             Self::NeedsReset(HeatFault { heater, trip }) => write!(

@@ -13,7 +13,8 @@ use ferrostep_hal_shim::StepOutput;
 use ferrostep_planner::interpolator::MAX_ENTRIES;
 use ferrostep_planner::look_ahead::{PlanFault, Slot};
 use ferrostep_planner::{
-    Limits, MotionChoice, MoveError, Moved, Pace, Planner, Progress, Request, StepDigests, TICKS_PER_SECOND,
+    ChoiceError, Limits, MotionChoice, MotionMethods, MoveError, Moved, Pace, Planner, Progress, Request, Standard,
+    StepDigests, TICKS_PER_SECOND,
 };
 
 use crate::ports::{HomingOutcome, MotionError, MotionFault};
@@ -76,10 +77,11 @@ struct Counts {
     miscounts: u64,
 }
 
-/// The machine; `R` is the memory of the look-ahead ring, `Q` the board's step queue and the parts around it.
+/// The machine; `R` is the memory of the look-ahead ring, `Q` the board's step queue and the parts around it, `M`
+/// the methods of motion that the image contains.
 #[derive(Debug)]
-pub struct Machine<R, Q> {
-    planner: Planner<R>,
+pub struct Machine<R, Q, M: MotionMethods = Standard> {
+    planner: Planner<R, M>,
     feeder: Feeder<Q>,
     workload: Workload,
     counts: Counts,
@@ -99,11 +101,12 @@ pub struct Machine<R, Q> {
     fault: Option<MotionFault>,
 }
 
-impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
+impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<R, Q, M> {
     /// A machine that has just been switched on.
     pub fn new(profile: &Profile, ring: R, queue: Q) -> Self {
         let mut planner = Planner::new(profile.geometry(), profile.limits, ring);
-        planner.set_motion_choice(&profile.motion);
+        // The image's build refuses a profile with methods that the image does not contain.
+        planner.set_motion_choice(&profile.motion).ok();
         Self {
             planner,
             feeder: Feeder::new(queue),
@@ -269,9 +272,12 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput> Machine<R, Q> {
         *self.planner.motion_choice()
     }
 
-    /// Sets the methods that make the steps, at standstill; no effect in motion.
-    pub fn set_motion_choice(&mut self, choice: &MotionChoice) {
-        self.planner.set_motion_choice(choice);
+    /// Sets the methods that make the steps.
+    ///
+    /// # Errors
+    /// [`ChoiceError`]; nothing has changed then.
+    pub fn set_motion_choice(&mut self, choice: &MotionChoice) -> Result<(), ChoiceError> {
+        self.planner.set_motion_choice(choice)
     }
 
     /// Switches the motors in the mask on or off.

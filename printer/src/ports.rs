@@ -6,7 +6,7 @@ use core::sync::atomic::{AtomicBool, AtomicU8, AtomicU16, AtomicU32, Ordering};
 use embedded_hal_async::delay::DelayNs;
 use ferrostep_gcode::{MotionFigures, Reply, TimingFigures};
 use ferrostep_hal_shim::{Clock, Heater};
-use ferrostep_planner::{Limits, MotionChoice, Move, MoveError, Moved, Request};
+use ferrostep_planner::{ChoiceError, Limits, MotionChoice, Move, MoveError, Moved, Request};
 use ferrostep_tmc2209::{DriverReport, DriverSettings, DriverState, SettingsError};
 
 use crate::error::Failure;
@@ -106,8 +106,11 @@ pub trait Motion {
     fn set_limits(&mut self, limits: Limits);
     /// The methods that make the steps.
     fn motion_choice(&self) -> MotionChoice;
-    /// Sets the methods that make the steps, at standstill.
-    fn set_motion_choice(&mut self, choice: &MotionChoice);
+    /// Sets the methods that make the steps.
+    ///
+    /// # Errors
+    /// [`ChoiceError`]; nothing has changed then.
+    fn set_motion_choice(&mut self, choice: &MotionChoice) -> Result<(), ChoiceError>;
     /// Switches the motors of the axes in the mask on or off.
     fn set_motors_enabled(&mut self, axes: u8, enabled: bool);
     /// Whether motors were switched off by [`crate::machine::Machine::rest`] since this was last asked: none is where its

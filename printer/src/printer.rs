@@ -8,7 +8,7 @@ use ferrostep_gcode::{
     AxisFlags, Command, EndStopState, FirmwareInfo, Position, Remarks, Reply, ShortText, parse_with_remarks,
 };
 use ferrostep_hal_shim::{Clock, Heater};
-use ferrostep_planner::{AccelerationProfile, Interpolation, Kinematics};
+use ferrostep_planner::{AccelerationProfile, ChoiceError, Interpolation, Kinematics};
 
 use crate::error::{CommandError, Failure};
 use crate::modal::{Modal, Tally};
@@ -478,9 +478,12 @@ impl<'a, P: Ports> Printer<'a, P> {
             choice.acceleration = *chosen;
         }
         if interpolation.is_some() || acceleration.is_some() {
-            self.needs(choice.is_offered(), "code for this method, but for its profile's (M796)")?;
-            self.motion.finish().await?;
-            self.motion.set_motion_choice(&choice);
+            let mut chosen = self.motion.set_motion_choice(&choice);
+            if chosen == Err(ChoiceError::InMotion) {
+                self.motion.finish().await?;
+                chosen = self.motion.set_motion_choice(&choice);
+            }
+            chosen.map_err(CommandError::MotionChoice)?;
         } else {
             self.replies.send(Reply::MotionChoice {
                 interpolation: choice.interpolation.name(),

@@ -1,7 +1,7 @@
 //! The methods that make the steps.
 
 use ferrostep_checked_toml::{Range, Section, range};
-use ferrostep_planner::s_curve::FrequencyTable;
+use ferrostep_papers::table::FrequencyTable;
 use ferrostep_planner::{AccelerationProfile, DualRatePeriods, Interpolation, MotionChoice, SCurveTableSettings};
 
 const JERK: Range = range(1.0, 10_000_000.0, "mm/s^3");

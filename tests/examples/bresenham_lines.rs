@@ -4,8 +4,8 @@
 //! spread evenly over the powers of two up to 2^24 steps.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-use ferrostep_planner::bresenham::{
-    Classic, FromFirstStair, FromQuotient, Line, LineStair, Slope, Stairs, StepBresenham, Uncounted, Widths,
+use ferrostep_papers::bresenham::{
+    Classic, FromDivision, FromFirstStair, FromQuotient, Line, LineStair, Slope, Stairs, Uncounted, Widths,
 };
 use indicatif::{ProgressBar, ProgressStyle};
 
@@ -66,7 +66,7 @@ fn check_slope(slope: Slope) {
     }
     check::<FromFirstStair>(slope);
     check::<FromQuotient>(slope);
-    check::<StepBresenham>(slope);
+    check::<FromDivision>(slope);
 }
 
 /// Three axes: stairs against points.
@@ -81,7 +81,7 @@ fn check_line(displacement: [i64; 3]) {
     }
     assert_eq!(points.next_axes(), None, "{displacement:?}");
     assert!(line.stairs::<FromFirstStair>().eq(line.stairs::<FromQuotient>()), "{displacement:?}");
-    assert!(line.stairs::<StepBresenham>().eq(line.stairs::<FromQuotient>()), "{displacement:?}");
+    assert!(line.stairs::<FromDivision>().eq(line.stairs::<FromQuotient>()), "{displacement:?}");
 }
 
 /// Random numbers (SplitMix64), the same for a seed everywhere.

@@ -19,6 +19,7 @@ use std::pin::pin;
 use std::task::{Context, Poll, Waker};
 
 use ferrostep_gcode::{Emergency, MotionFigures};
+use ferrostep_papers::Papers;
 use ferrostep_planner::TICKS_PER_SECOND;
 use ferrostep_planner::look_ahead::Slot;
 use ferrostep_printer::machine::{Machine, SharedMotion, Silence};
@@ -54,7 +55,7 @@ const FLUSH_AFTER: u64 = 100 * CYCLES_A_MS;
 const LONGEST_COMMAND: u64 = 3_600 * CYCLES_PER_S;
 
 /// Planner, motors and step queue of the board.
-pub type BoardMachine<'a, M> = Machine<Vec<Slot>, ModelledSensors<Queue<'a, M>>>;
+pub type BoardMachine<'a, M> = Machine<Vec<Slot>, ModelledSensors<Queue<'a, M>>, Papers>;
 
 /// The printer on the board.
 pub type BoardPrinter<'b, 'a, M> =

@@ -6,7 +6,7 @@ use std::process::Command;
 use ferrostep_boards::Board;
 use ferrostep_image_code::code::Code;
 use ferrostep_image_code::interrupt_time;
-use ferrostep_planner::{AccelerationProfile, Interpolation, MotionChoice};
+use ferrostep_planner::MotionChoice;
 use ferrostep_step_player::MIN_GAP_TICKS;
 
 use crate::core_library::{self, CoreLibrary};
@@ -70,7 +70,7 @@ impl Target {
         Ok(Self {
             board_variable: absolute(board, is_board)?,
             profile_variable: profile.map(|name| absolute(name, is_profile)).transpose()?,
-            methods: methods(&loaded, &machine.motion),
+            methods: methods(&loaded, profile_name, &machine.motion)?,
             board: loaded,
             boot_offset: None,
         })
@@ -96,14 +96,22 @@ impl Target {
     }
 }
 
-fn methods(board: &Board, motion: &MotionChoice) -> Vec<&'static str> {
-    let interpolations = board.virtual_sensors || motion.interpolation != Interpolation::default();
-    let s_curves = board.virtual_sensors || motion.acceleration != AccelerationProfile::default();
-    [(interpolations, "interpolations"), (s_curves, "s-curves")]
-        .into_iter()
-        .filter(|(has, _)| *has)
-        .map(|(_, name)| name)
-        .collect()
+/// Features for the methods of motion: a printer's image contains the standard ones only, the bench's all.
+///
+/// # Errors
+/// The profile of a printer asks for another.
+fn methods(board: &Board, profile: &str, motion: &MotionChoice) -> Result<Vec<&'static str>, Failure> {
+    if board.virtual_sensors {
+        return Ok(vec!["papers"]);
+    }
+    if motion.is_standard() {
+        return Ok(Vec::new());
+    }
+    let (interpolation, acceleration) = (motion.interpolation.name(), motion.acceleration.name());
+    Err(format!(
+        "{profile}: interpolation = \"{interpolation}\", acceleration = \"{acceleration}\": a printer's image contains only \
+         \"step-bresenham\" with \"trapezoid\" or \"s-curve\"; the papers' other methods run on the desk and on the bench board"
+    ))
 }
 
 /// A name as it is, or a path from the root of the file system.

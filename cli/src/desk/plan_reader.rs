@@ -7,11 +7,12 @@ use std::task::Poll;
 
 use ferrostep_gcode::MotionFigures;
 use ferrostep_hal_shim::Approach;
+use ferrostep_papers::Papers;
 use ferrostep_planner::extruder::rounded_steps;
 use ferrostep_planner::look_ahead::Slot;
 use ferrostep_planner::{
-    Limits, MotionChoice, Move, MoveError, Moved, Notice, PlannedBlock, Planner, Progress, Recorded, Request,
-    StepDigests, StepEntry, StepLedger, StepSink, TICKS_PER_SECOND,
+    ChoiceError, Limits, MotionChoice, Move, MoveError, Moved, Notice, PlannedBlock, Planner, Progress, Recorded,
+    Request, StepDigests, StepEntry, StepLedger, StepSink, TICKS_PER_SECOND,
 };
 use ferrostep_printer::machine::HomingTime;
 use ferrostep_printer::{HomingOutcome, Motion, MotionError, Profile, Signals};
@@ -39,7 +40,7 @@ struct Reading {
 
 impl Reading {
     /// Reads the next block that may leave look-ahead, and moves the motors to its end; `false` without one.
-    fn read(&mut self, planner: &mut Planner<Vec<Slot>>) -> bool {
+    fn read(&mut self, planner: &mut Planner<Vec<Slot>, Papers>) -> bool {
         let before = planner.motion_ticks();
         let planned = match &mut self.script {
             None => planner.next_planned(),
@@ -65,7 +66,7 @@ impl Reading {
 
 /// Planner and reader.
 struct Plan {
-    planner: Planner<Vec<Slot>>,
+    planner: Planner<Vec<Slot>, Papers>,
     reading: Reading,
     homing_time: HomingTime,
     enabled_motors: u8,
@@ -168,7 +169,8 @@ impl PlanReader {
     /// written down.
     pub fn new(profile: &Profile, look_ahead: usize, drivers: Rc<DeskDrivers>, is_written: bool) -> Self {
         let mut planner = Planner::new(profile.geometry(), profile.limits, vec![Slot::EMPTY; look_ahead]);
-        planner.set_motion_choice(&profile.motion);
+        // The profile's file has been checked for all of them.
+        planner.set_motion_choice(&profile.motion).ok();
         let mut motors = profile.virtual_motors();
         motors.set_framed(profile.framed_axes());
         let reading = Reading {
@@ -352,8 +354,8 @@ impl Motion for PlannedMotion<'_> {
         *self.reader.plan.borrow().planner.motion_choice()
     }
 
-    fn set_motion_choice(&mut self, choice: &MotionChoice) {
-        self.reader.plan.borrow_mut().planner.set_motion_choice(choice);
+    fn set_motion_choice(&mut self, choice: &MotionChoice) -> Result<(), ChoiceError> {
+        self.reader.plan.borrow_mut().planner.set_motion_choice(choice)
     }
 
     fn set_motors_enabled(&mut self, motors: u8, enabled: bool) {

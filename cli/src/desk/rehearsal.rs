@@ -5,6 +5,7 @@ use std::future::poll_fn;
 use std::rc::Rc;
 use std::task::Poll;
 
+use ferrostep_papers::Papers;
 use ferrostep_planner::TICKS_PER_SECOND;
 use ferrostep_planner::look_ahead::Slot;
 use ferrostep_printer::machine::{Machine, SharedMachine, SharedMotion, Silence};
@@ -18,7 +19,7 @@ use crate::record::Observer;
 const LONGEST_LEAP_TICKS: u64 = TICKS_PER_SECOND as u64 / 2;
 
 /// The machine with the desk's step queue.
-type RehearsedMachine<O> = Machine<Vec<Slot>, VirtualStepQueue<O>>;
+type RehearsedMachine<O> = Machine<Vec<Slot>, VirtualStepQueue<O>, Papers>;
 
 /// A machine that makes every step, seen by `O`.
 pub struct Rehearsal<O> {
@@ -141,6 +142,7 @@ pub struct DeskMachine<'a, O> {
 impl<O: Observer> SharedMachine for DeskMachine<'_, O> {
     type Ring = Vec<Slot>;
     type Queue = VirtualStepQueue<O>;
+    type Methods = Papers;
 
     fn with<T>(&self, act: impl FnOnce(&mut RehearsedMachine<O>) -> T) -> T {
         act(&mut self.desk.machine.borrow_mut())

@@ -5,6 +5,7 @@ use std::collections::VecDeque;
 
 use ferrostep_gcode::{Command, parse};
 use ferrostep_gpre::{Coordinate, EntrySpeed, Item, ModalState, PreparedMove};
+use ferrostep_papers::Papers;
 use ferrostep_planner::look_ahead::{ForwardPass, RingMemory};
 use ferrostep_planner::{Move, PlannedBlock, Planner, Recorded, Recorder, SquaredSpeed};
 
@@ -158,7 +159,7 @@ impl Script {
     }
 
     /// Takes what leaves look-ahead next, without making its steps, and notes its speeds.
-    pub fn record_next<S: RingMemory>(&mut self, planner: &mut Planner<S>) -> Option<Recorded> {
+    pub fn record_next<S: RingMemory>(&mut self, planner: &mut Planner<S, Papers>) -> Option<Recorded> {
         let recorded = self.recorder.next(planner)?;
         if let Recorded::Block { planned, entry, bound } = recorded
             && let Some(index) = self.unplanned.pop_front()

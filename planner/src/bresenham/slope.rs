@@ -62,13 +62,13 @@ impl Slope {
 
     /// dx.
     #[inline(always)]
-    pub(super) const fn dx(self) -> i32 {
+    pub const fn dx(self) -> i32 {
         self.major
     }
 
     /// dy.
     #[inline(always)]
-    pub(super) const fn dy(self) -> i32 {
+    pub const fn dy(self) -> i32 {
         self.minor
     }
 
@@ -81,7 +81,7 @@ impl Slope {
 
     /// The line's stairs as those of a slope of at most 1/2: how often the rarer kind of step comes.
     #[inline(always)]
-    pub(super) const fn rarer(self) -> i32 {
+    pub const fn rarer(self) -> i32 {
         if self.is_steep() { self.major.wrapping_sub(self.minor) } else { self.minor }
     }
 
@@ -92,7 +92,7 @@ impl Slope {
     /// d'_1 = 2 dy' - dx = -(2 dy - dx) = -d_1, and both sums change by opposite amounts. It steps where d <= 0, which is
     /// d' >= 0, in integers d' + 1 > 0: the complement's decision values are 1 more.
     #[inline(always)]
-    pub(super) const fn start(self) -> i32 {
+    pub const fn start(self) -> i32 {
         if self.is_steep() { 1i32.wrapping_sub(self.major) } else { self.major.wrapping_neg() }
     }
 }

@@ -1,7 +1,6 @@
 //! Step ("staircase") Bresenham as the interpolator uses it: a division when a width is asked for.
 
 use super::slope::Slope;
-use super::widths::Widths;
 
 /// A line, walked by stairs: runs of major-axis steps, the last of each with a minor-axis step.
 ///
@@ -73,26 +72,5 @@ impl StepBresenham {
     #[inline(always)]
     pub const fn pass_diagonal(&mut self, count: u32) {
         self.decision = self.decision.wrapping_add(self.rise.wrapping_sub(self.fall).wrapping_mul(count as i32));
-    }
-}
-
-/// Of a steep line the stairs are the complement's, as with the other rules.
-impl Widths for StepBresenham {
-    #[inline(always)]
-    fn new(slope: Slope) -> Self {
-        Self { rise: 2 * slope.rarer(), fall: 2 * slope.dx(), decision: slope.start() }
-    }
-
-    #[inline(always)]
-    fn width(&mut self) -> u32 {
-        let width = Self::width(self);
-        let end = self.decision.wrapping_add(self.rise.wrapping_mul(width as i32));
-        self.decision = end.wrapping_sub(self.fall);
-        width
-    }
-
-    /// None: it divides.
-    fn decisions(&self) -> u64 {
-        0
     }
 }

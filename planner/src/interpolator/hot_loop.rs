@@ -3,6 +3,7 @@
 use super::{FAR, Interpolator, MOVE_BEGINS, ONE_TICK};
 use crate::EXTRUDER;
 use crate::extruder_gap::{ExtruderGap, Look};
+use crate::methods::MotionMethods;
 use crate::step_queue::StepEntry;
 use crate::step_times::{EvenSteps, HotRamp};
 use crate::time_units::{FRACTION_BITS, HALF_TICK};
@@ -99,7 +100,7 @@ impl Gap for u64 {
     }
 }
 
-impl Interpolator {
+impl<M: MotionMethods> Interpolator<M> {
     /// The master's steps in a ramp, and the extruder's between them, as long as none is too near to another: at most
     /// `most` events, the master's first step `gap` time units behind the last event, half a tick included. How many
     /// events there are, and whether anything has happened.

@@ -23,6 +23,7 @@
 
 use crate::block::{Acceleration, Block, Speed};
 use crate::block_queue::Released;
+use crate::methods::Pieces;
 use crate::pace::Pace;
 use crate::ring::{Content, Ring, RingMemory, Waiting};
 use crate::s_curve::law::Curve;
@@ -43,7 +44,7 @@ pub struct Part {
 
 impl Part {
     /// The law of the run along the block, and the speed at the block's end (Li 2017).
-    pub fn law(&self) -> (TimeLaw, Speed) {
+    pub fn law<P: Pieces>(&self) -> (TimeLaw<P>, Speed) {
         TimeLaw::along(&Curve::new(&self.run), self.offset_10nm, self.block.length_10nm)
     }
 }

@@ -39,7 +39,7 @@ proptest! {
     ) {
         // Whole units of 10 nm, as in a block.
         let moves: Vec<_> = moves.into_iter().map(|(v, a, length, j)| (v, a, f64::floor(length * 1e5) / 1e5, j)).collect();
-        let mut ring = BlockQueue::new(vec![Slot::EMPTY; 128]);
+        let mut ring = BlockQueue::<_>::new(vec![Slot::EMPTY; 128]);
         for (i, &(nominal, acceleration, length, junction)) in moves.iter().enumerate() {
             let block = block(nominal, acceleration, length);
             let corner = Speed::from_mm_per_s(junction.sqrt());
@@ -67,7 +67,7 @@ proptest! {
         moves in proptest::collection::vec((1.0f64..300.0, 100.0f64..10_000.0, 0.01f64..20.0, 0.0f64..40_000.0), 1..200),
         capacity in 2usize..16, flushes in any::<u128>(),
     ) {
-        let mut ring = BlockQueue::new(vec![Slot::EMPTY; capacity]);
+        let mut ring = BlockQueue::<_>::new(vec![Slot::EMPTY; capacity]);
         let mut left = Vec::new();
         for (i, &(nominal, acceleration, length, junction)) in moves.iter().enumerate() {
             while !ring.has_room() {

@@ -10,8 +10,7 @@ use crate::extruder::{Extruder, FILAMENT_UNITS_PER_MM};
 use crate::junction::{CornerAcceleration, radius_10nm, speed_of_jumps};
 use crate::kinematics::{Geometry, UNITS_PER_MM};
 use crate::limits::{Limits, PathLimits, larger};
-use crate::method::Method;
-use crate::motion_choice::MotionChoice;
+use crate::methods::{MotionMethods, StepPattern};
 use crate::path::Path;
 use crate::u64_to_f32;
 
@@ -79,24 +78,25 @@ pub(crate) struct Planned {
 
 /// What every block of a machine keeps to.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct BlockRules {
+pub(crate) struct BlockRules<M: MotionMethods> {
     pub geometry: Geometry,
     pub limits: Limits,
     pub path_limits: PathLimits,
     /// Lengths of a step of each motor, mm: a division in double precision each, which no block has to make.
     pub step_mm: [f32; 4],
-    pub method: Method,
+    /// Another step pattern than step Bresenham.
+    pub pattern: Option<M::Pattern>,
     pub budget: Budget,
 }
 
-impl BlockRules {
-    pub fn new(geometry: Geometry, limits: Limits, choice: &MotionChoice) -> Self {
+impl<M: MotionMethods> BlockRules<M> {
+    pub fn new(geometry: Geometry, limits: Limits) -> Self {
         Self {
             geometry,
             limits,
             path_limits: PathLimits::new(&limits),
             step_mm: geometry.steps_per_mm.map(|steps| 1.0 / steps.to_f64() as f32),
-            method: Method::new(choice, geometry.kinematics),
+            pattern: None,
             budget: Budget::new(&geometry),
         }
     }
@@ -160,7 +160,10 @@ impl BlockRules {
             (path.length, path_10nm, self.path_limits.along(feed, path.length, [x, y, z, filament], prints))
         };
         // No motor steps faster than events may follow each other: v / S * steps <= 1 / interval.
-        let (densest, least_ticks) = self.method.densest_and_least_ticks(steps);
+        let (densest, least_ticks) = match &self.pattern {
+            None => (steps_of_master(steps), 0.0),
+            Some(pattern) => (pattern.densest(steps), pattern.least_ticks(steps)),
+        };
         let most = larger(densest as f32, extruder_256ths.unsigned_abs() as f32 / 256.0);
         let shortest_ticks = most * self.geometry.minimum_event_interval_ticks as f32;
         let shortest_ticks = larger(shortest_ticks, least_ticks);
@@ -193,7 +196,10 @@ impl BlockRules {
     /// steps fall depends on what was pushed before; a plan must not, and so counts one more than it has filament for.
     #[inline(always)]
     fn events(&self, steps: [i32; 3], filament_10nm: f32) -> f32 {
-        let motors = self.method.events(steps) as f32;
+        let motors = match &self.pattern {
+            None => steps_of_master(steps),
+            Some(pattern) => pattern.events(steps),
+        } as f32;
         if filament_10nm == 0.0 {
             return motors;
         }
@@ -230,4 +236,10 @@ fn filament_10nm(filament_100pm: i64) -> f32 {
         Err(_) => u64_to_f32::of_i64(filament_100pm),
     };
     filament / FILAMENT_UNITS_PER_10NM as f32
+}
+
+/// Steps of the motor that has most: each of them is an event under step Bresenham.
+#[inline(always)]
+pub(super) fn steps_of_master([x, y, z]: [i32; 3]) -> u32 {
+    x.unsigned_abs().max(y.unsigned_abs()).max(z.unsigned_abs())
 }

@@ -9,6 +9,7 @@ use super::{MoveError, Moved, Planner, Request};
 use crate::block::Speed;
 use crate::given_speeds::{EntrySpeed, PlanFault};
 use crate::kinematics::Coordinate;
+use crate::methods::MotionMethods;
 use crate::motion_choice::AccelerationProfile;
 use crate::ring::RingMemory;
 
@@ -69,10 +70,10 @@ pub struct Prepared<'a> {
 
 impl Request for Prepared<'_> {
     #[inline(never)]
-    fn add_to<S: RingMemory>(
+    fn add_to<S: RingMemory, M: MotionMethods>(
         &self,
-        planner: &mut Planner<S>,
-        make_room: impl FnMut(&mut Planner<S>) -> bool,
+        planner: &mut Planner<S, M>,
+        make_room: impl FnMut(&mut Planner<S, M>) -> bool,
     ) -> Result<Moved, MoveError> {
         planner.use_given_speeds()?;
         let prepared = self.planned;
@@ -102,7 +103,12 @@ impl Prepared<'_> {
     /// Nominal speed at another feed; an invalid feed keeps the planned speed.
     #[cold]
     #[inline(never)]
-    fn nominal_at<S: RingMemory>(&self, now: &Retuned, planner: &Planner<S>, planned: Speed) -> Speed {
+    fn nominal_at<S: RingMemory, M: MotionMethods>(
+        &self,
+        now: &Retuned,
+        planner: &Planner<S, M>,
+        planned: Speed,
+    ) -> Speed {
         let Retuned { filament_100pm, feed_mm_per_s: Some(feed_mm_per_s) } = *now else { return planned };
         let travel = self.planned.with(filament_100pm, feed_mm_per_s);
         let Ok(Some(target)) = planner.rules.target(&travel, &planner.position) else { return planned };
@@ -110,7 +116,7 @@ impl Prepared<'_> {
     }
 }
 
-impl<S: RingMemory> Planner<S> {
+impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
     /// The next motion brings its speeds.
     ///
     /// # Errors
@@ -140,7 +146,7 @@ impl<S: RingMemory> Planner<S> {
             if !self.drain() {
                 return false;
             }
-            if let Some(law) = super::speed_law(&self.choice) {
+            if let Ok(law) = super::speed_law::<M>(&self.choice) {
                 self.queue.look_ahead(&law);
             }
         }

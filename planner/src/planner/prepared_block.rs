@@ -9,6 +9,7 @@ use crate::inner_ends::Stretches;
 use crate::junction::CornerAcceleration;
 use crate::kinematics::narrow;
 use crate::look_ahead::BlockStart;
+use crate::methods::MotionMethods;
 use crate::ring::RingMemory;
 
 /// A block of a prepared job.
@@ -40,10 +41,10 @@ struct Corners {
 }
 
 impl Request for PreparedBlock {
-    fn add_to<S: RingMemory>(
+    fn add_to<S: RingMemory, M: MotionMethods>(
         &self,
-        planner: &mut Planner<S>,
-        make_room: impl FnMut(&mut Planner<S>) -> bool,
+        planner: &mut Planner<S, M>,
+        make_room: impl FnMut(&mut Planner<S, M>) -> bool,
     ) -> Result<Moved, MoveError> {
         planner.use_given_speeds()?;
         planner.close_making_room(make_room)?;
@@ -75,7 +76,7 @@ impl Request for PreparedBlock {
 
 impl PreparedBlock {
     /// The bounds of the corners before the block and inside it; `None` if the block is beyond the limits of an axis.
-    fn corners<S: RingMemory>(&self, planner: &Planner<S>) -> Option<Corners> {
+    fn corners<S: RingMemory, M: MotionMethods>(&self, planner: &Planner<S, M>) -> Option<Corners> {
         let mut corners = Corners { first: Speed(u32::MAX), inner: Speed(u32::MAX) };
         let mut before = self.before;
         for stretch in Stretches::of(&self.block) {

@@ -3,6 +3,7 @@
 use super::Planner;
 use crate::block::{PlannedBlock, SquaredSpeed};
 use crate::look_ahead::Released;
+use crate::methods::MotionMethods;
 use crate::ring::{Marker, RingMemory};
 
 /// What leaves look-ahead, as a prepared job needs it.
@@ -33,7 +34,7 @@ pub struct Recorder {
 
 impl Recorder {
     /// Takes what may leave look-ahead next, without making its steps.
-    pub fn next<S: RingMemory>(&mut self, planner: &mut Planner<S>) -> Option<Recorded> {
+    pub fn next<S: RingMemory, M: MotionMethods>(&mut self, planner: &mut Planner<S, M>) -> Option<Recorded> {
         let notes = planner.queue.oldest_bound_and_next_entry();
         Some(match planner.release_next()? {
             Released::Marker(Marker::FanPower { power }) => Recorded::FanPower { power },

@@ -4,6 +4,7 @@ use super::Planner;
 use super::block_rules::Travel;
 use crate::given_speeds::{EntrySpeed, PlanFault};
 use crate::kinematics::narrow;
+use crate::methods::MotionMethods;
 use crate::ring::RingMemory;
 
 /// Motion that a [`Planner`] can be asked for: a [`Move`], a [`super::Prepared`] move or a [`super::PreparedBlock`].
@@ -13,10 +14,10 @@ pub trait Request {
     ///
     /// # Errors
     /// See [`MoveError`]; nothing has changed then, but for a plan's fault, see [`MoveError::Plan`].
-    fn add_to<S: RingMemory>(
+    fn add_to<S: RingMemory, M: MotionMethods>(
         &self,
-        planner: &mut Planner<S>,
-        make_room: impl FnMut(&mut Planner<S>) -> bool,
+        planner: &mut Planner<S, M>,
+        make_room: impl FnMut(&mut Planner<S, M>) -> bool,
     ) -> Result<Moved, MoveError>;
 
     /// The move, if its speeds are planned here: what a recorder writes down.
@@ -69,10 +70,10 @@ pub enum Moved {
 }
 
 impl Request for Move {
-    fn add_to<S: RingMemory>(
+    fn add_to<S: RingMemory, M: MotionMethods>(
         &self,
-        planner: &mut Planner<S>,
-        make_room: impl FnMut(&mut Planner<S>) -> bool,
+        planner: &mut Planner<S, M>,
+        make_room: impl FnMut(&mut Planner<S, M>) -> bool,
     ) -> Result<Moved, MoveError> {
         if !planner.use_look_ahead() {
             return Err(MoveError::NoRoom);

@@ -3,10 +3,11 @@
 //! A motor stands within half a step of where it should, so a block's travel along an axis is known to a step (on CoreXY,
 //! where an axis is half of two motors, too). By that much the checks give way, and by rounding in single precision.
 
-use super::block_rules::{BlockRules, TICKS_PER_10NM_AT_1_MM_PER_S};
+use super::block_rules::{BlockRules, TICKS_PER_10NM_AT_1_MM_PER_S, steps_of_master};
 use crate::block::{Block, Speed};
 use crate::kinematics::{Kinematics, UNITS_PER_MM};
 use crate::limits::{larger, smaller};
+use crate::methods::{MotionMethods, StepPattern};
 use crate::square_root::square_root_f32;
 
 /// What rounding may be off, of a whole.
@@ -18,7 +19,7 @@ struct Travels {
     step_mm: [f32; 4],
 }
 
-impl BlockRules {
+impl<M: MotionMethods> BlockRules<M> {
     fn travels(&self, block: &Block) -> Travels {
         let step_mm = self.step_mm;
         let [first, second, z] = block.steps.map(|steps| steps as f32);
@@ -55,8 +56,11 @@ impl BlockRules {
                 return false;
             }
         }
-        let densest =
-            larger(self.method.densest(block.steps) as f32, block.extruder_256ths.unsigned_abs() as f32 / 256.0);
+        let densest = match &self.pattern {
+            None => steps_of_master(block.steps),
+            Some(pattern) => pattern.densest(block.steps),
+        };
+        let densest = larger(densest as f32, block.extruder_256ths.unsigned_abs() as f32 / 256.0);
         let shortest_ticks = densest * self.geometry.minimum_event_interval_ticks as f32;
         feed * shortest_ticks <= block.length_10nm as f32 * TICKS_PER_10NM_AT_1_MM_PER_S * LENIENCE
     }

@@ -9,9 +9,11 @@ use crate::real::Real;
 
 /// Largest jerk and acceleration along the path. Any unit of length; seconds.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Bounds<F> {
-    pub(crate) jerk: F,
-    pub(crate) acceleration: F,
+pub struct Bounds<F> {
+    /// The jerk.
+    pub jerk: F,
+    /// The acceleration.
+    pub acceleration: F,
 }
 
 /// Bisections of an interval of speeds: it is then 2^-24 of what it was, all that f32 tells.
@@ -33,17 +35,17 @@ fn smaller<F: Real>(one: F, other: F) -> F {
 
 impl<F: Real> Bounds<F> {
     /// How long half of a ramp between two speeds takes.
-    pub(crate) fn half_time(&self, one: F, other: F) -> F {
+    pub fn half_time(&self, one: F, other: F) -> F {
         self.half_time_of(if one > other { one - other } else { other - one })
     }
 
     /// How long half of a ramp that changes the speed by so much takes.
-    pub(crate) fn half_time_of(&self, change: F) -> F {
+    pub fn half_time_of(&self, change: F) -> F {
         larger((change / self.jerk).square_root(), change / self.acceleration)
     }
 
     /// How long a ramp between two speeds is.
-    pub(crate) fn length(&self, one: F, other: F) -> F {
+    pub fn length(&self, one: F, other: F) -> F {
         (one + other) * self.half_time(one, other)
     }
 
@@ -52,14 +54,14 @@ impl<F: Real> Bounds<F> {
     /// With y what is gained, (2v + y) sqrt(y/j) = L; with z = sqrt(y), z^3 + 2vz - L sqrt(j) = 0, convex where z > 0 and
     /// with one root there. Newton's steps from above it go down to it, a fixed number of them. Both sqrt and the limit of
     /// acceleration, v^2 + aL = v'^2, hold; the smaller is taken.
-    pub(crate) fn reach(&self, speed: F, length: F) -> F {
+    pub fn reach(&self, speed: F, length: F) -> F {
         if length <= F::ZERO {
             return speed;
         }
         let length = length * F::constant(1.0 - KEPT_BACK);
         let whole = length * self.jerk.square_root();
         let twice = speed + speed;
-        let curve = super::cubic::Cubic { linear: twice, cubic: F::constant(1.0) };
+        let curve = crate::cubic::Cubic { linear: twice, cubic: F::constant(1.0) };
         let mut z = F::from_f32(curve_guess(twice.to_f32(), whole.to_f32()));
         for _ in 0..REACH_STEPS {
             z = z - (curve.at(z) - whole) / curve.slope(z);
@@ -74,7 +76,7 @@ impl<F: Real> Bounds<F> {
     ///
     /// Not every slower speed is nearer than a still slower one: (u + x) sqrt((u - x)/j) grows with x up to u/3, where it
     /// is 9 % more than to a stop, because the acceleration has to be gone at both ends of a ramp.
-    pub(crate) fn exit_within(&self, entry: F, wanted: F, length: F) -> F {
+    pub fn exit_within(&self, entry: F, wanted: F, length: F) -> F {
         if wanted >= entry {
             return smaller(wanted, self.reach(entry, length));
         }
@@ -94,7 +96,7 @@ impl<F: Real> Bounds<F> {
 
     /// The smallest speed at least `wanted`, which is below `entry`, such that it and all between can be reached over a
     /// length.
-    pub(crate) fn slowest_near(&self, entry: F, wanted: F, length: F) -> F {
+    pub fn slowest_near(&self, entry: F, wanted: F, length: F) -> F {
         let third = entry * F::constant(1.0 / 3.0);
         let low = larger(wanted, third);
         if self.length(entry, low) <= length {
@@ -106,7 +108,7 @@ impl<F: Real> Bounds<F> {
     }
 
     /// The greatest speed at most `most`, and not below the ends', to which one can go and come back over a length.
-    pub(crate) fn peak(&self, entry: F, exit: F, most: F, length: F) -> F {
+    pub fn peak(&self, entry: F, exit: F, most: F, length: F) -> F {
         let fits = |peak: F| self.length(entry, peak) + self.length(peak, exit) <= length;
         let least = larger(entry, exit);
         if most <= least {
@@ -120,7 +122,7 @@ impl<F: Real> Bounds<F> {
     }
 
     /// How long a length takes at these speeds; `peak` must fit.
-    pub(crate) fn duration(&self, entry: F, peak: F, exit: F, length: F) -> F {
+    pub fn duration(&self, entry: F, peak: F, exit: F, length: F) -> F {
         let (up, down) = (self.half_time(entry, peak), self.half_time(peak, exit));
         let cruise = length - (entry + peak) * up - (peak + exit) * down;
         let ramps = up + up + down + down;
@@ -147,7 +149,7 @@ impl<F: Real> Bounds<F> {
 
 /// Not below the root of z^3 + bz = c, and less than a third above it: the smaller of the roots of both parts alone.
 fn curve_guess(b: f32, c: f32) -> f32 {
-    let by_cube = super::cubic::cube_root_above(c);
+    let by_cube = crate::cubic::cube_root_above(c);
     let by_line = c / b;
     if by_line < by_cube { by_line } else { by_cube }
 }

@@ -1,9 +1,9 @@
 //! s(t) of a run, and of each of its blocks.
 
 use super::bounds::Bounds;
-use super::cubic::Cubic;
 use super::run::Run;
 use crate::block::Speed;
+use crate::cubic::Cubic;
 use crate::kinematics::UNITS_PER_MM;
 use crate::piece::{Anchor, Motion, Piece, PieceEnd, Place, piece_at, time_at};
 use crate::real::Real;

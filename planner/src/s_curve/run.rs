@@ -1,28 +1,19 @@
 //! Neighbouring blocks under one S-curve.
 
-use super::CurveError;
 use super::bounds::Bounds;
-use super::cubic::Cubic;
 use crate::block::{Acceleration, Speed};
+use crate::cubic::Cubic;
 use crate::kinematics::UNITS_PER_MM;
-use crate::offered::SCurves;
 
 /// A jerk along the path, mm/s^3, never zero.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Jerk(u32, SCurves);
+pub struct Jerk(u32);
 
 impl Jerk {
-    /// The largest whole number of mm/s^3 not above this, but at least 1.
-    ///
-    /// # Errors
-    /// [`CurveError::Jerk`] where it is not a finite number above zero; [`CurveError::NotOffered`] in a build without.
-    pub fn from_mm_per_s3(mm_per_s3: f64) -> Result<Self, CurveError> {
-        let offered = SCurves::OFFERED.ok_or(CurveError::NotOffered)?;
-        if mm_per_s3 > 0.0 && mm_per_s3.is_finite() {
-            Ok(Self((mm_per_s3 as u32).max(1), offered))
-        } else {
-            Err(CurveError::Jerk)
-        }
+    /// The largest whole number of mm/s^3 not above this, but at least 1; `None` where it is not a finite number above
+    /// zero.
+    pub fn from_mm_per_s3(mm_per_s3: f64) -> Option<Self> {
+        (mm_per_s3 > 0.0 && mm_per_s3.is_finite()).then(|| Self((mm_per_s3 as u32).max(1)))
     }
 
     /// The jerk, mm/s^3.

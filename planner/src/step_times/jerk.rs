@@ -1,7 +1,7 @@
 //! Steps at a constant jerk.
 
+use crate::cubic::Cubic;
 use crate::real::Real;
-use crate::s_curve::cubic::Cubic;
 
 /// Steps from where the acceleration is zero, nearer than which each step's time is worked out from there.
 const NEAR: f32 = 8.0;

@@ -1,15 +1,14 @@
-//! Step times of S-curves and staircases against f64.
+//! Step times of S-curves against f64.
 #![allow(clippy::unwrap_used)]
 
 use super::StepTimes;
 use crate::TICKS_PER_SECOND;
-use crate::block::{Acceleration, Block, PlannedBlock, Speed};
-use crate::inner_ends::{InnerEnds, Stretch};
+use crate::block::{Acceleration, Speed};
+use crate::inner_ends::Stretch;
 use crate::random::Random;
 use crate::s_curve::law::{Along, Curve};
 use crate::s_curve::run::Planning;
-use crate::s_curve::staircase::{Pulses, Staircase};
-use crate::s_curve::{FrequencyTable, Jerk, Ramp, Run};
+use crate::s_curve::{Jerk, Run};
 use crate::spacing::{MotorSteps, Spacing, Span};
 use crate::time_law::TimeLaw;
 use crate::time_units::FRACTION_BITS;
@@ -47,6 +46,34 @@ fn random_run(random: &mut Random) -> Run {
     }
 }
 
+/// A ramp by the textbook: two halves of opposite jerks.
+struct Ramp {
+    from: f64,
+    to: f64,
+    half_time_s: f64,
+}
+
+impl Ramp {
+    fn new(from: f64, to: f64, jerk: f64, acceleration: f64) -> Self {
+        let change = (to - from).abs();
+        Self { from, to, half_time_s: (change / jerk).sqrt().max(change / acceleration) }
+    }
+
+    fn length(&self) -> f64 {
+        (self.from + self.to) * self.half_time_s
+    }
+
+    fn length_at(&self, time_s: f64) -> f64 {
+        let jerk = (self.to - self.from) / (self.half_time_s * self.half_time_s);
+        let rest_s = 2.0 * self.half_time_s - time_s;
+        if time_s <= self.half_time_s {
+            time_s * (self.from + jerk * time_s * time_s / 6.0)
+        } else {
+            self.length() - rest_s * (self.to - jerk * rest_s * rest_s / 6.0)
+        }
+    }
+}
+
 /// t(s) of a run, by bisection of s(t): from its start in the first half of the whole, from its end in the second.
 struct Exact {
     up: Ramp,
@@ -58,7 +85,7 @@ struct Exact {
 impl Exact {
     fn new(run: &Run) -> Self {
         let ramp = |from: Speed, to: Speed| {
-            Ramp::new(from.mm_per_s(), to.mm_per_s(), run.jerk.mm_per_s3(), run.acceleration.mm_per_s2()).unwrap()
+            Ramp::new(from.mm_per_s(), to.mm_per_s(), run.jerk.mm_per_s3(), run.acceleration.mm_per_s2())
         };
         let peak = run.peak.max(Speed(1));
         let (up, down) = (ramp(run.entry, peak), ramp(run.exit, peak));
@@ -67,16 +94,16 @@ impl Exact {
     }
 
     fn duration_s(&self) -> f64 {
-        2.0 * (self.up.half_time_s() + self.down.half_time_s()) + self.cruise_s
+        2.0 * (self.up.half_time_s + self.down.half_time_s) + self.cruise_s
     }
 
     /// When a place is passed, s.
     fn seconds(&self, from_start: f64, to_end: f64) -> f64 {
         let solve = |ramp: &Ramp, length: f64| {
-            let (mut low, mut high) = (0.0, 2.0 * ramp.half_time_s());
+            let (mut low, mut high) = (0.0, 2.0 * ramp.half_time_s);
             for _ in 0..80 {
                 let middle = (low + high) / 2.0;
-                if ramp.at(middle).length < length { low = middle } else { high = middle }
+                if ramp.length_at(middle) < length { low = middle } else { high = middle }
             }
             low
         };
@@ -86,7 +113,7 @@ impl Exact {
             // A deceleration is the acceleration backwards.
             self.duration_s() - solve(&self.down, to_end)
         } else {
-            2.0 * self.up.half_time_s() + (from_start - self.up.length()) / self.cruise_mm.max(1e-30) * self.cruise_s
+            2.0 * self.up.half_time_s + (from_start - self.up.length()) / self.cruise_mm.max(1e-30) * self.cruise_s
         }
     }
 }
@@ -215,39 +242,4 @@ fn durations_of_a_run_s_blocks_add_up_to_its_own() {
         assert_eq!(sum, whole);
         assert!(speed.0.abs_diff(run.exit.0) <= 1 + (run.exit.0 >> 20), "{speed:?} {run:?}");
     }
-}
-
-#[test]
-fn steps_of_random_staircases_are_within_a_microsecond() {
-    let mut random = Random(1_000);
-    let mut worst = 0.0f64;
-    for _ in 0..20_000 {
-        let start_hz = random.magnitude(100.0, 3_000.0);
-        let top_hz = start_hz * random.magnitude(1.01, 80.0);
-        let table = FrequencyTable::new(start_hz, top_hz, random.magnitude(2e4, 5e7)).unwrap();
-        let steps = random.magnitude(1.0, 30_000.0) as i32;
-        let block = Block {
-            steps: [steps, 0, 0],
-            extruder_256ths: 0,
-            length_10nm: (f64::from(steps) * random.magnitude(100.0, 2_000.0)) as u32,
-            nominal: Speed::from_mm_per_s(random.magnitude(0.5, 400.0)),
-            acceleration: Acceleration::from_mm_per_s2(1.0),
-            line: 1,
-            ends_move: true,
-            inner_ends: InnerEnds::NONE,
-        };
-        let pulses = Pulses::of(&block);
-        let nominal = block.nominal.min(pulses.speed(top_hz)).max(Speed(1));
-        let entry = Speed((f64::from(nominal.0) * random.share()) as u32);
-        let exit = pulses.reach(&table, entry).min(Speed((f64::from(nominal.0) * random.share()) as u32));
-        let exit = exit.max(pulses.slowest(&table, entry, Speed::ZERO));
-        let planned = PlannedBlock { block, entry, exit };
-        let law = Staircase::new(&planned, &table);
-        let Some(steps) = random_steps(&mut random, law.length, nominal.mm_per_s()) else { continue };
-        let [off, _] =
-            deviations(&TimeLaw::Staircase(law), law.length, steps, &mut random, |place, _| law.time(place) * UNIT);
-        assert!(off <= MOST_TICKS_OFF, "{off} ticks off: {planned:?} {table:?}");
-        worst = worst.max(off);
-    }
-    println!("{worst:.2} ticks off at most");
 }

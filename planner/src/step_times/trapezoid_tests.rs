@@ -6,6 +6,7 @@ use crate::block::{Acceleration, Block, PlannedBlock, Speed};
 use crate::inner_ends::InnerEnds;
 use crate::inner_ends::Stretch;
 use crate::interpolator::{Interpolator, MAX_ENTRIES};
+use crate::methods::{Never, Standard};
 use crate::random::Random;
 use crate::spacing::MotorSteps;
 use crate::time_law::TimeLaw;
@@ -148,7 +149,7 @@ fn random_steps(random: &mut Random, planned: &PlannedBlock) -> Steps {
 /// shrank in a deceleration.
 fn check(planned: &PlannedBlock, steps: &Steps, random: &mut Random) -> [f64; 2] {
     let exact = Exact::new(planned);
-    let law = TimeLaw::trapezoid(planned);
+    let law = TimeLaw::<Never>::trapezoid(planned);
     let mut times = StepTimes::NONE;
     times.start(&law, &Stretch::whole(&planned.block), &steps.motor, 0);
     let every = random.next().is_multiple_of(16);
@@ -281,7 +282,7 @@ const MINIMUM_INTERVAL: u32 = 168;
 fn events_of_random_blocks_are_within_a_microsecond() {
     let mut random = Random(12_345);
     let mut worst = [0.0f64; 2];
-    let mut interpolator = Interpolator::new(MINIMUM_INTERVAL);
+    let mut interpolator = Interpolator::<Standard>::new(MINIMUM_INTERVAL);
     for _ in 0..60_000 {
         let mut planned = random_block(&mut random);
         // Half an interval, after which the first step is due, is then no less than the minimum.

@@ -5,7 +5,7 @@ use core::future::Future;
 use ferrostep_gcode::MotionFigures;
 use ferrostep_hal_shim::StepOutput;
 use ferrostep_planner::look_ahead::Slot;
-use ferrostep_planner::{Limits, MotionChoice, Move, MoveError, Moved, Request};
+use ferrostep_planner::{ChoiceError, Limits, MotionChoice, MotionMethods, Move, MoveError, Moved, Request};
 
 use super::{Machine, Silence};
 use crate::ports::{HomingOutcome, Motion, MotionError, MotionFault};
@@ -16,9 +16,11 @@ pub trait SharedMachine {
     type Ring: AsRef<[Slot]> + AsMut<[Slot]>;
     /// The step queue.
     type Queue: StepOutput;
+    /// The methods of motion that the board's image contains.
+    type Methods: MotionMethods;
 
     /// Calls `act` with the machine locked.
-    fn with<T>(&self, act: impl FnOnce(&mut Machine<Self::Ring, Self::Queue>) -> T) -> T;
+    fn with<T>(&self, act: impl FnOnce(&mut Machine<Self::Ring, Self::Queue, Self::Methods>) -> T) -> T;
 
     /// Wakes the planner task. It runs before the commands' task goes on, so its effects are there then.
     fn wake_planner(&self);
@@ -54,7 +56,7 @@ impl<S: SharedMachine> SharedMotion<S> {
     /// before the wait, between two of the command's steps.
     async fn wait<T>(
         &self,
-        mut attempt: impl FnMut(&mut Machine<S::Ring, S::Queue>) -> Option<T>,
+        mut attempt: impl FnMut(&mut Machine<S::Ring, S::Queue, S::Methods>) -> Option<T>,
     ) -> Result<T, MotionError> {
         let stops = self.stops;
         loop {
@@ -172,8 +174,8 @@ impl<S: SharedMachine> Motion for SharedMotion<S> {
         self.machine.with(|machine| machine.motion_choice())
     }
 
-    fn set_motion_choice(&mut self, choice: &MotionChoice) {
-        self.machine.with(|machine| machine.set_motion_choice(choice));
+    fn set_motion_choice(&mut self, choice: &MotionChoice) -> Result<(), ChoiceError> {
+        self.machine.with(|machine| machine.set_motion_choice(choice))
     }
 
     fn set_motors_enabled(&mut self, axes: u8, enabled: bool) {

@@ -260,7 +260,7 @@ proptest! {
         updates in proptest::collection::vec(0usize..200, 8),
         look_ahead in 2usize..20,
     ) {
-        let mut planner = Planner::new(profile().geometry(), profile().limits, vec![Slot::EMPTY; look_ahead]);
+        let mut planner = Planner::<_>::new(profile().geometry(), profile().limits, vec![Slot::EMPTY; look_ahead]);
         #[derive(Default)]
         struct Plain(StepLedger);
         impl StepSink for Plain {

@@ -5,6 +5,7 @@ use std::cell::{Cell, RefCell};
 use embedded_hal_async::delay::DelayNs;
 use ferrostep_gcode::Reply;
 use ferrostep_hal_shim::Heater;
+use ferrostep_papers::Papers;
 use ferrostep_planner::look_ahead::Slot;
 use ferrostep_printer::heat::HeatFault;
 use ferrostep_printer::machine::{SharedMachine, Silence};
@@ -20,6 +21,7 @@ const LOOK_MS: u32 = 1;
 impl<'a, M: Stepping> SharedMachine for &Board<'a, M> {
     type Ring = Vec<Slot>;
     type Queue = ModelledSensors<Queue<'a, M>>;
+    type Methods = Papers;
 
     fn with<T>(&self, act: impl FnOnce(&mut BoardMachine<'a, M>) -> T) -> T {
         act(&mut self.machine.borrow_mut())

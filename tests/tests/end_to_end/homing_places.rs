@@ -9,7 +9,7 @@ use std::task::{Context, Poll, Waker};
 
 use ferrostep_gcode::{MotionFigures, Reply};
 use ferrostep_hal_shim::{Clock, Heater};
-use ferrostep_planner::{Limits, MotionChoice, Move, Moved, Request};
+use ferrostep_planner::{ChoiceError, Limits, MotionChoice, Move, Moved, Request};
 use ferrostep_printer::heat::HeatFault;
 use ferrostep_printer::{
     CommandError, Failure, HeaterStatus, Heating, HomeEnd, HomeSensor, HomingOutcome, Motion, MotionError, Printer,
@@ -195,7 +195,9 @@ impl Motion for PlacesMotion<'_> {
         MotionChoice::DEFAULT
     }
 
-    fn set_motion_choice(&mut self, _: &MotionChoice) {}
+    fn set_motion_choice(&mut self, _: &MotionChoice) -> Result<(), ChoiceError> {
+        Ok(())
+    }
 
     fn set_motors_enabled(&mut self, _: u8, _: bool) {}
 

@@ -9,13 +9,14 @@ use core::task::{Context, Poll, Waker};
 use embedded_hal_async::delay::DelayNs;
 use ferrostep_gcode::{MotionFigures, Reply};
 use ferrostep_hal_shim::{Clock, Heater};
+use ferrostep_papers::Papers;
 use ferrostep_planner::look_ahead::Slot;
-use ferrostep_planner::{Limits, MotionChoice, Move, Moved, Planner, Request};
+use ferrostep_planner::{ChoiceError, Limits, MotionChoice, Move, Moved, Planner, Request};
 use ferrostep_printer::heat::HeatFault;
 use ferrostep_printer::{HeaterStatus, Heating, HomingOutcome, Motion, MotionError, Printer, Replies};
 
 /// The planner, its look-ahead ring in borrowed memory.
-pub type BenchPlanner<'a> = Planner<&'a mut [Slot]>;
+pub type BenchPlanner<'a> = Planner<&'a mut [Slot], Papers>;
 
 /// Warm enough to extrude.
 const CELSIUS: f32 = 210.0;
@@ -87,8 +88,8 @@ impl Motion for Machine<'_, '_> {
         *self.planner.borrow().motion_choice()
     }
 
-    fn set_motion_choice(&mut self, choice: &MotionChoice) {
-        self.planner.borrow_mut().set_motion_choice(choice);
+    fn set_motion_choice(&mut self, choice: &MotionChoice) -> Result<(), ChoiceError> {
+        self.planner.borrow_mut().set_motion_choice(choice)
     }
 
     fn set_motors_enabled(&mut self, _axes: u8, _enabled: bool) {}

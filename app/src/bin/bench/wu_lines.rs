@@ -3,12 +3,12 @@
 
 use core::hint::black_box;
 
-use ferrostep_planner::StepEntry;
 #[cfg(feature = "tally")]
-use ferrostep_planner::bresenham::Counted;
+use ferrostep_papers::bresenham::Counted;
 #[cfg(not(feature = "tally"))]
-use ferrostep_planner::bresenham::Uncounted;
-use ferrostep_planner::bresenham::{Classic, FromFirstStair, FromQuotient, Slope, Stairs, StepBresenham, Widths};
+use ferrostep_papers::bresenham::Uncounted;
+use ferrostep_papers::bresenham::{Classic, FromDivision, FromFirstStair, FromQuotient, Slope, Stairs, Widths};
+use ferrostep_planner::StepEntry;
 use ferrostep_step_player::Stepping;
 
 use crate::counter::Counter;
@@ -72,7 +72,7 @@ fn wu_lines<M: Stepping>(
             classic_coalesced: cost(classic_coalesced)?,
             step: cost(step::<_, FromQuotient<Told>>)?,
             step_first_stair: cost(step::<_, FromFirstStair<Told>>)?,
-            step_division: cost(step::<_, StepBresenham>)?,
+            step_division: cost(step::<_, FromDivision>)?,
         };
         lines.push(line).map_err(|_| "too many lines")?;
     }

@@ -6,7 +6,7 @@ use core::task::{Context, Poll, Waker};
 
 use ferrostep_gcode::{MotionFigures, Reply};
 use ferrostep_hal_shim::{Clock, Heater};
-use ferrostep_planner::{Limits, MotionChoice, Move, Moved, Request};
+use ferrostep_planner::{ChoiceError, Limits, MotionChoice, Move, Moved, Request};
 use ferrostep_tmc2209::{DriverReport, DriverSettings, DriverState, DriverStatus, SettingsError};
 
 use crate::heat::HeatFault;
@@ -239,7 +239,9 @@ impl Motion for RigMotion<'_> {
         self.0.profile.motion
     }
 
-    fn set_motion_choice(&mut self, _: &MotionChoice) {}
+    fn set_motion_choice(&mut self, _: &MotionChoice) -> Result<(), ChoiceError> {
+        Ok(())
+    }
 
     fn set_motors_enabled(&mut self, axes: u8, enabled: bool) {
         let before = self.0.enabled.get();

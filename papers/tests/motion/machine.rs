@@ -1,0 +1,123 @@
+//! Machines, and what they make of moves.
+
+use ferrostep_papers::Papers;
+use ferrostep_planner::look_ahead::Slot;
+use ferrostep_planner::{
+    AccelerationProfile, Geometry, Kinematics, Limits, MotionChoice, Move, MoveError, PlannedBlock, Planner, Progress,
+    StepsPerMm,
+};
+use proptest::prelude::*;
+
+use crate::player::Player;
+
+pub const MINIMUM_INTERVAL: u32 = 168;
+
+/// The default under another law of acceleration.
+pub fn under(acceleration: AccelerationProfile) -> MotionChoice {
+    MotionChoice { acceleration, ..MotionChoice::DEFAULT }
+}
+
+/// The default under any law of acceleration.
+pub fn accelerations() -> impl Strategy<Value = MotionChoice> {
+    proptest::sample::select(&AccelerationProfile::ALL[..]).prop_map(under)
+}
+
+pub fn geometry(kinematics: Kinematics, steps_per_mm: [f64; 4]) -> Geometry {
+    Geometry {
+        kinematics,
+        steps_per_mm: steps_per_mm.map(|steps| StepsPerMm::from_f64(steps).unwrap()),
+        minimum_event_interval_ticks: MINIMUM_INTERVAL,
+        event_cost_ticks: 0,
+        move_cost_ticks: 0,
+    }
+}
+
+pub fn limits() -> Limits {
+    Limits {
+        max_feed_mm_per_s: [300.0, 250.0, 15.0, 60.0],
+        max_acceleration_mm_per_s2: [5000.0, 4000.0, 300.0, 5000.0],
+        print_acceleration_mm_per_s2: 2000.0,
+        travel_acceleration_mm_per_s2: 3000.0,
+        retract_acceleration_mm_per_s2: 1500.0,
+        junction_deviation_mm: 0.05,
+        instantaneous_corner_velocity_mm_per_s: [f64::INFINITY; 4],
+    }
+}
+
+/// The machine of most examples.
+pub fn cartesian() -> Geometry {
+    geometry(Kinematics::Cartesian, [80.0, 80.0, 400.0, 95.0])
+}
+
+/// Steps a millimetre of machines as there are.
+pub fn usual_steps() -> impl Strategy<Value = [f64; 4]> {
+    prop_oneof![
+        Just([80.0, 80.0, 400.0, 95.0]),
+        Just([160.0, 160.0, 800.0, 400.0]),
+        Just([100.33, 99.87, 401.5, 415.3])
+    ]
+}
+
+/// Machines of both kinds with so many steps a millimetre.
+pub fn machines_with(steps: impl Strategy<Value = [f64; 4]>) -> impl Strategy<Value = Geometry> {
+    (any::<bool>(), steps)
+        .prop_map(|(core, steps)| geometry(if core { Kinematics::CoreXy } else { Kinematics::Cartesian }, steps))
+}
+
+pub fn machines() -> impl Strategy<Value = Geometry> {
+    machines_with(usual_steps())
+}
+
+pub fn planner(geometry: Geometry, choice: &MotionChoice, ring: usize) -> Planner<Vec<Slot>, Papers> {
+    let mut planner = Planner::new(geometry, limits(), vec![Slot::EMPTY; ring]);
+    planner.set_motion_choice(choice).unwrap();
+    planner
+}
+
+/// Advances, and holds the planner to what a queue must have room for.
+pub fn advance(planner: &mut Planner<Vec<Slot>, Papers>, player: &mut Player) -> Progress {
+    let before = player.entries;
+    let progress = planner.advance(player);
+    assert!(player.entries - before <= ferrostep_planner::interpolator::MAX_ENTRIES);
+    progress
+}
+
+/// Everything a job of moves becomes.
+pub fn play(
+    geometry: Geometry,
+    choice: &MotionChoice,
+    ring: usize,
+    moves: &[Move],
+    mut pause: impl FnMut() -> usize,
+) -> Player {
+    let mut planner = planner(geometry, choice, ring);
+    let mut player = Player::default();
+    for each in moves {
+        for _ in 0..pause() {
+            advance(&mut planner, &mut player);
+        }
+        while let Err(MoveError::NoRoom) = planner.add(each) {
+            assert_eq!(advance(&mut planner, &mut player), Progress::Worked);
+        }
+    }
+    planner.flush();
+    while advance(&mut planner, &mut player) == Progress::Worked {}
+    assert!(planner.is_idle());
+    player
+}
+
+/// The same plan as blocks.
+pub fn blocks(geometry: Geometry, choice: &MotionChoice, ring: usize, moves: &[Move]) -> Vec<PlannedBlock> {
+    let mut planner = planner(geometry, choice, ring);
+    let mut blocks = Vec::new();
+    for each in moves {
+        while let Err(MoveError::NoRoom) = planner.add(each) {
+            blocks.extend(planner.next_planned());
+        }
+    }
+    planner.flush();
+    while let Some(block) = planner.next_planned() {
+        blocks.push(block);
+    }
+    blocks
+}

@@ -1,0 +1,119 @@
+//! Blocks made by another step pattern: its events, Z's and the extruder's steps, merged.
+//!
+//! All of them follow the block's time law. The pattern's events are on time: an extruder or Z step that would come less
+//! than the minimum event interval before one of them waits for it, one that would come that near after the last event
+//! joins it. Two of the pattern's own join where they are as near, the later stepping early. Nothing joins across a change
+//! of direction, so a motor that turns round does it no sooner than the interval after the event before, and the signals
+//! change right after that: the profile's check ensures that pulse and set-up time fit into the interval.
+//!
+//! At a block's end all motors stand at its end, as each has made all its steps. Moves do not share blocks under another
+//! pattern, so that is every move's end too; a block that has several is made by step Bresenham.
+
+use super::{FAR, Interpolator, MAX_ENTRIES, WHOLE_TICKS, Work};
+use crate::EXTRUDER;
+use crate::inner_ends::Stretch;
+use crate::methods::{DueEvent, MotionMethods, StepPattern};
+use crate::spacing::MotorSteps;
+use crate::step_queue::StepEntry;
+use crate::time_law::TimeLaw;
+use crate::time_units::{FRACTION_BITS, HALF_TICK};
+
+/// Most entries that an event takes: the directions, and itself.
+const MAX_ENTRIES_AN_EVENT: usize = 2;
+
+/// Z's bit.
+const Z: u8 = 1 << 2;
+
+impl<M: MotionMethods> Interpolator<M> {
+    /// Begins a block that is made by the other pattern; `false` without one, or where several moves end in the block.
+    #[inline]
+    pub(super) fn start_pattern(&mut self, stretch: &Stretch, law: &TimeLaw<M::Pieces>, extruder: &MotorSteps) -> bool {
+        self.follows_pattern = false;
+        let Some(pattern) = &mut self.pattern else { return false };
+        if self.rest.is_some() {
+            return false;
+        }
+        self.follows_pattern = true;
+        self.joining = 0;
+        pattern.start(stretch, law);
+        self.extruder.start(law, stretch, extruder, HALF_TICK);
+        true
+    }
+
+    /// When Z and the extruder step next, whichever is first, and which it is.
+    #[inline]
+    fn next_beside(&self, z: Option<u64>) -> Option<(u64, u8)> {
+        match (z, self.extruder.next()) {
+            (Some(z), Some(extruder)) if extruder < z => Some((extruder, EXTRUDER)),
+            (Some(z), _) => Some((z, Z)),
+            (None, extruder) => extruder.map(|due| (due, EXTRUDER)),
+        }
+    }
+
+    /// As [`Interpolator::work`], by the other pattern.
+    #[inline(never)]
+    pub(super) fn work_pattern(&mut self) -> Work {
+        while self.entries.all().len() + MAX_ENTRIES_AN_EVENT <= MAX_ENTRIES {
+            let Some(pattern) = &self.pattern else { return self.end_stretch() };
+            let (ordered, z) = (pattern.next(), pattern.z().next());
+            let beside = self.next_beside(z);
+            let due = match (ordered, beside) {
+                (None, None) => return self.end_stretch(),
+                (Some(ordered), Some((beside, _))) => ordered.time.min(beside),
+                (Some(ordered), None) => ordered.time,
+                (None, Some((beside, _))) => beside,
+            };
+            // From the last event to the nearest tick; wraps where that should have come before it.
+            let gap = due.wrapping_add(HALF_TICK).wrapping_sub(self.last);
+            if gap >= FAR && self.has_waited(gap) {
+                return Work::Waited;
+            }
+            match (ordered, beside) {
+                (Some(event), beside) if beside.is_none_or(|(time, _)| time >= event.time) => {
+                    self.place_ordered(&event, gap);
+                }
+                (ordered, Some((_, bit))) => {
+                    if bit == EXTRUDER {
+                        self.extruder.take(1);
+                    } else if let Some(pattern) = &mut self.pattern {
+                        pattern.z_mut().take(1);
+                    }
+                    let is_near = ordered.is_some_and(|event| event.time - due < self.near);
+                    if is_near && self.joining & bit == 0 {
+                        self.joining |= bit;
+                    } else {
+                        self.place(due, gap, bit);
+                    }
+                }
+                (_, None) => return self.end_stretch(),
+            }
+        }
+        Work::Events
+    }
+
+    /// Adds the pattern's next event, with the steps that wait for it.
+    fn place_ordered(&mut self, event: &DueEvent, gap: u64) {
+        if let Some(pattern) = &mut self.pattern {
+            pattern.advance();
+        }
+        let axes = event.axes | core::mem::take(&mut self.joining);
+        let directions = self.directions & !event.axes | event.backwards;
+        if directions != self.directions {
+            self.directions = directions;
+            self.entries.push(StepEntry::directions(directions));
+        }
+        self.place(event.time, gap, axes);
+    }
+
+    /// Adds an event, at its time or as near as another allows.
+    #[inline]
+    fn place(&mut self, due: u64, gap: u64, axes: u8) {
+        let interval = (gap >> FRACTION_BITS) as u32;
+        if gap >= FAR || interval < self.minimum_interval {
+            self.place_near(axes);
+            return;
+        }
+        self.entries.push(StepEntry::event(interval, axes));
+        self.last = due.wrapping_add(HALF_TICK) & WHOLE_TICKS;
+    }
+}

@@ -1,0 +1,208 @@
+//! The two seams for other methods of motion: a *step pattern* says which motors step in which order along a block, a
+//! *time law* how the speed changes along it.
+//!
+//! The planner itself knows one pattern, step Bresenham, and two laws, the trapezoid and the S-curve; this is all that a
+//! printer's image contains ([`Standard`]). The papers' other methods implement these traits in a crate of their own and
+//! reach the planner as its type parameter.
+
+use core::fmt::Debug;
+
+use crate::block::{Block, PlannedBlock, Speed};
+use crate::inner_ends::Stretch;
+use crate::kinematics::Kinematics;
+use crate::motion_choice::{AccelerationProfile, Interpolation, MotionChoice};
+use crate::piece::Piece;
+use crate::step_times::StepTimes;
+use crate::time_law::TimeLaw;
+
+/// Why a choice of methods was refused. The planner goes on with the methods that it had.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ChoiceError {
+    /// Moves wait or are being executed.
+    InMotion,
+    /// This build does not contain the method.
+    NotContained,
+    /// A parameter of the method is out of range.
+    Parameter,
+}
+
+/// A step event of X, Y and Z's motors, and when it is due.
+#[derive(Clone, Copy, Debug)]
+pub struct DueEvent {
+    /// Time units from the block's start.
+    pub time: u64,
+    /// The motors that step: bits 0 to 2 are X (A), Y (B) and Z.
+    pub axes: u8,
+    /// Those of them that run backwards.
+    pub backwards: u8,
+}
+
+/// Another order of the motors' steps than step Bresenham's.
+///
+/// A pattern yields the events of the motors that it orders, in order of time. The planner merges them with the
+/// extruder's steps, and with Z's where the pattern leaves Z out: those follow the path evenly.
+pub trait StepPattern<P>: Copy + Debug {
+    /// Equal parts of a block's path of which each has at most one event of the motors.
+    fn densest(&self, steps: [i32; 3]) -> u32;
+
+    /// Step events of the motors in a block, those that join others counted too.
+    fn events(&self, steps: [i32; 3]) -> u32;
+
+    /// Shortest time in which a block may be made, ticks.
+    fn least_ticks(&self, steps: [i32; 3]) -> f32;
+
+    /// Z's steps where the pattern's events leave Z out; else [`StepTimes::NONE`].
+    fn z(&self) -> &StepTimes<P>;
+
+    /// The same, to take them.
+    fn z_mut(&mut self) -> &mut StepTimes<P>;
+
+    /// Starts with a block, of which the stretch is all.
+    fn start(&mut self, stretch: &Stretch, law: &TimeLaw<P>);
+
+    /// The next event; `None` after the block's last.
+    fn next(&self) -> Option<DueEvent>;
+
+    /// Goes on to the event after it.
+    fn advance(&mut self);
+}
+
+/// s(t) of a block under another law.
+#[derive(Clone, Copy, Debug)]
+pub struct OtherLaw<P> {
+    /// The pieces, from the first.
+    pub pieces: P,
+    /// The block's length, 10 nm.
+    pub length: f64,
+    /// The block's duration in whole ticks, the nearest.
+    pub duration_ticks: u64,
+}
+
+/// Another rule for the change of speed than a constant acceleration or jerk.
+pub trait SpeedRule: Copy + Debug + PartialEq {
+    /// The pieces of a block's law.
+    type Pieces: Pieces;
+
+    /// A block's nominal speed, held to what the rule can do.
+    fn nominal(&self, block: &Block) -> Speed;
+
+    /// The fastest speed that a block can be left with when it is entered at `speed`, or entered with to be left at it.
+    fn reach(&self, block: &Block, speed: Speed) -> Speed;
+
+    /// The slowest speed, at least `wanted`, that a block can be left with when it is entered at `speed`.
+    fn slowest(&self, block: &Block, speed: Speed, wanted: Speed) -> Speed;
+
+    /// The law of a planned block.
+    fn law(&self, planned: &PlannedBlock) -> OtherLaw<Self::Pieces>;
+}
+
+/// What yields the pieces of a block's time law in their order.
+pub trait Pieces: Iterator<Item = Piece<f64>> + Copy + Debug {}
+
+impl<T: Iterator<Item = Piece<f64>> + Copy + Debug> Pieces for T {}
+
+/// The methods that a build contains besides the standard ones.
+pub trait MotionMethods: Copy + Debug {
+    /// The pieces of the other law.
+    type Pieces: Pieces;
+    /// The other law.
+    type Rule: SpeedRule<Pieces = Self::Pieces>;
+    /// The other pattern.
+    type Pattern: StepPattern<Self::Pieces>;
+
+    /// The pattern that was chosen; `None` for step Bresenham.
+    ///
+    /// # Errors
+    /// [`ChoiceError::NotContained`].
+    fn pattern(choice: &MotionChoice, kinematics: Kinematics) -> Result<Option<Self::Pattern>, ChoiceError>;
+
+    /// The law that was chosen; `None` for the trapezoid and the S-curve.
+    ///
+    /// # Errors
+    /// [`ChoiceError::NotContained`], [`ChoiceError::Parameter`].
+    fn rule(choice: &MotionChoice) -> Result<Option<Self::Rule>, ChoiceError>;
+}
+
+/// No other methods: step Bresenham under trapezoids and S-curves.
+#[derive(Clone, Copy, Debug)]
+pub enum Standard {}
+
+impl MotionMethods for Standard {
+    type Pieces = Never;
+    type Rule = Never;
+    type Pattern = Never;
+
+    fn pattern(choice: &MotionChoice, _: Kinematics) -> Result<Option<Never>, ChoiceError> {
+        if choice.interpolation == Interpolation::StepBresenham { Ok(None) } else { Err(ChoiceError::NotContained) }
+    }
+
+    fn rule(choice: &MotionChoice) -> Result<Option<Never>, ChoiceError> {
+        if choice.acceleration == AccelerationProfile::SCurveTable { Err(ChoiceError::NotContained) } else { Ok(None) }
+    }
+}
+
+/// A method that does not exist. It has no value, so the compiler leaves out all that would act on one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Never {}
+
+impl Iterator for Never {
+    type Item = Piece<f64>;
+
+    fn next(&mut self) -> Option<Piece<f64>> {
+        match *self {}
+    }
+}
+
+impl SpeedRule for Never {
+    type Pieces = Self;
+
+    fn nominal(&self, _: &Block) -> Speed {
+        match *self {}
+    }
+
+    fn reach(&self, _: &Block, _: Speed) -> Speed {
+        match *self {}
+    }
+
+    fn slowest(&self, _: &Block, _: Speed, _: Speed) -> Speed {
+        match *self {}
+    }
+
+    fn law(&self, _: &PlannedBlock) -> OtherLaw<Self> {
+        match *self {}
+    }
+}
+
+impl StepPattern<Self> for Never {
+    fn densest(&self, _: [i32; 3]) -> u32 {
+        match *self {}
+    }
+
+    fn events(&self, _: [i32; 3]) -> u32 {
+        match *self {}
+    }
+
+    fn least_ticks(&self, _: [i32; 3]) -> f32 {
+        match *self {}
+    }
+
+    fn z(&self) -> &StepTimes<Self> {
+        match *self {}
+    }
+
+    fn z_mut(&mut self) -> &mut StepTimes<Self> {
+        match *self {}
+    }
+
+    fn start(&mut self, _: &Stretch, _: &TimeLaw<Self>) {
+        match *self {}
+    }
+
+    fn next(&self) -> Option<DueEvent> {
+        match *self {}
+    }
+
+    fn advance(&mut self) {
+        match *self {}
+    }
+}
