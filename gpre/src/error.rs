@@ -3,7 +3,7 @@
 use core::fmt;
 
 /// What is wrong.
-// `repr(u32)`: with a one-byte tag the compiler copies the `Result` byte by byte.
+// R4.
 #[repr(u32)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fault {

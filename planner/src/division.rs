@@ -1,4 +1,4 @@
-//! Division of 64-bit numbers by a constant, without the processor's help.
+//! Division of 64-bit numbers by a constant, without the processor's help (R7).
 //!
 //! A Cortex-M4 divides 32 bits in hardware and 64 bits in some 250 instructions of software. A reciprocal that is
 //! known beforehand makes it four multiplications.

@@ -3,7 +3,7 @@
 use crate::interpolator::MAX_ENTRIES;
 use crate::step_queue::StepEntry;
 
-/// Entries in their order. Handed out together, they cost whoever takes them less.
+/// Entries in their order, handed out together (R9).
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct EventBuffer {
     entries: [StepEntry; MAX_ENTRIES],

@@ -1,4 +1,4 @@
-//! The extruder's steps between the master's.
+//! The extruder's steps between the master's. The hot loop looks here for each step (R1); an extruder's step is rare (R3).
 
 use crate::methods::Pieces;
 use crate::step_times::StepTimes;

@@ -41,6 +41,7 @@ impl Follower {
     }
 
     /// Passes `count` master steps, at most [`Self::until`]; the motor's bit if it steps with the last of them.
+    // R1.
     #[inline(always)]
     pub fn pass(&mut self, count: u32) -> u8 {
         if self.line.pass(count) { self.bit } else { 0 }

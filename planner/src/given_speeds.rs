@@ -13,7 +13,7 @@ use crate::pace::Pace;
 use crate::ring::{Content, Ring, RingMemory, Waiting};
 
 /// Where a move's planned entry speed comes from.
-// `repr(u32)`: with a one-byte tag the compiler copies the value byte by byte.
+// R4.
 #[repr(u32)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EntrySpeed {
@@ -28,7 +28,7 @@ pub enum EntrySpeed {
 }
 
 /// Why the plan of a prepared job cannot be followed.
-// `repr(u32)`: with a one-byte tag the compiler copies the value byte by byte.
+// R4.
 #[repr(u32)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PlanFault {

@@ -1,4 +1,4 @@
-//! The arithmetic of a block in either precision.
+//! The arithmetic of a block in either precision (R5).
 //!
 //! The board's processor has f32 in hardware (an instruction each) and f64 in software (60 to 600 instructions each).
 //! What is computed once a block is therefore written once, for both: f32 where the block is short enough for it to be

@@ -47,6 +47,7 @@ impl<P: Pieces> Source<P> {
         }
     }
 
+    // R3.
     #[cold]
     #[inline(never)]
     fn next_phase_in_f64(&mut self) -> Option<Phase> {
@@ -102,6 +103,7 @@ impl<P: Pieces> StepTimes<P> {
         self.enter_phase();
     }
 
+    // R3, R8.
     #[cold]
     #[inline(never)]
     fn set_source_in_f64(&mut self, law: &TimeLaw<P>, stretch: &Stretch, steps: &MotorSteps) {

@@ -33,6 +33,7 @@ impl<P: Pieces> TimeLaw<P> {
         if short.duration <= LONGEST_IN_F32 { Self::Short(short) } else { Self::long(planned) }
     }
 
+    // R3.
     #[cold]
     #[inline(never)]
     fn long(planned: &PlannedBlock) -> Self {

@@ -1,4 +1,4 @@
-//! 64-bit integers to single precision: the bits of `as f32`, for which the target has no instruction.
+//! 64-bit integers to single precision: the bits of `as f32`, for which the target has no instruction (R7).
 
 /// The nearest single-precision number, the even one of two.
 #[inline]

@@ -14,7 +14,7 @@ use crate::ports::{Miscount, MotionError, MotionFault};
 
 /// Why a command was not executed. Nothing of it has happened then; a command that was stopped on its way
 /// ([`CommandError::Stopped`]) leaves the machine where it says it stands.
-// `repr(u32)`: with a one-byte tag the compiler copies the `Result` byte by byte.
+// R4.
 #[repr(u32)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum CommandError {

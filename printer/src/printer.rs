@@ -26,7 +26,7 @@ pub(crate) type Text = heapless::String<384>;
 const ALL_MOTORS: u8 = 0b1111;
 
 /// How a command that has been executed is answered.
-// `repr(u32)`: with a one-byte tag the compiler copies the `Result` byte by byte.
+// R4.
 #[repr(u32)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Answer {

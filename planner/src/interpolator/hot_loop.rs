@@ -1,4 +1,5 @@
-//! Steps one after the other, with what changes kept in registers: what most instructions of a print are spent on.
+//! Steps one after the other, with what changes kept in registers: what most instructions of a print are spent on. All of
+//! this file follows R1, R2 and R6 of the performance rules (docs/src/performance.md).
 
 use super::{FAR, Interpolator, MOVE_BEGINS, ONE_TICK};
 use crate::EXTRUDER;

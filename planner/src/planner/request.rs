@@ -42,7 +42,7 @@ pub struct Move {
 }
 
 /// Why motion was not taken. Nothing has changed then, but for [`Self::Plan`].
-// `repr(u32)`: with a one-byte tag the compiler copies the `Result` byte by byte.
+// R4.
 #[repr(u32)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MoveError {

@@ -1,4 +1,4 @@
-//! Steps at a constant acceleration.
+//! Steps at a constant acceleration: the inside of the hot loop (R1, R6).
 
 use crate::real::Real;
 use crate::square_root::square_root_f32;
