@@ -218,7 +218,7 @@ pub struct Profile {
     /// Which machine a job is prepared for: a hash of the profile's keys that a plan depends on, or must not exceed. Two
     /// machines with the same hash may execute each other's prepared jobs.
     pub plan_hash: u64,
-    /// How X and Y are driven.
+    /// How the motors drive the axes.
     pub kinematics: Kinematics,
     /// Upper end of X, Y and Z in machine coordinates, units of 10 nm.
     pub size_10nm: [i64; 3],
@@ -269,15 +269,6 @@ impl Profile {
             minimum_event_interval_ticks: self.minimum_event_interval_ticks,
             event_cost_ticks: self.event_cost_ticks,
             move_cost_ticks: self.move_cost_ticks,
-        }
-    }
-
-    /// Mask of the axes that the motors in the mask move: on CoreXY each of A and B moves X and Y.
-    pub const fn axes_of_motors(&self, motors: u8) -> u8 {
-        const PLANE: u8 = 0b11;
-        match self.kinematics {
-            Kinematics::CoreXy if motors & PLANE != 0 => motors | PLANE,
-            Kinematics::CoreXy | Kinematics::Cartesian => motors,
         }
     }
 

@@ -128,6 +128,7 @@ impl<S: AsRef<[Slot]> + AsMut<[Slot]>> Planner<S> {
             .filament_in_plane(feed_mm_per_s, acceleration)
             .filter(|_| self.method.is_default() && feeds.contains(&feed_mm_per_s))
             .filter(|_| self.geometry.steps_per_mm.iter().all(StepsPerMm::is_near))
+            .filter(|_| !self.geometry.kinematics.shares_motors(2))
         else {
             return none;
         };

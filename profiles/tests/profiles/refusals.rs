@@ -158,7 +158,10 @@ fn errors_read_as_they_should() {
     );
     assert_eq!(
         error_after("kinematics = \"cartesian\"", "kinematics = \"delta\""),
-        format!("test.toml:{}: kinematics = \"delta\": expected \"cartesian\" or \"corexy\"", line("kinematics ="))
+        format!(
+            "test.toml:{}: kinematics = \"delta\": expected \"cartesian\", \"corexy\" or \"corexz\"",
+            line("kinematics =")
+        )
     );
     assert_eq!(
         error_after("both_edges = false", "both_edges = 0"),
