@@ -66,7 +66,7 @@ impl<'r, T: Clone + fmt::Debug> Field<'r, T> {
         value
     }
 
-    /// The value; `None` if the key is left out, and `absent` tells the book what holds then.
+    /// The value; `None` if the key is left out, and `absent` is what the book says then.
     pub fn optional(self, absent: &'static str, about: &'static str) -> Option<T> {
         let key = Key { about, absent: absent.to_owned(), ..self.key };
         self.section.note(self.row, key, &self.value);

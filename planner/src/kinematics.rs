@@ -35,12 +35,12 @@ pub(crate) fn narrow(position_10nm: [i64; 3]) -> Option<[i32; 3]> {
     (within(wide_x, x) && within(wide_y, y) && within(wide_z, z)).then_some(near)
 }
 
-/// A machine coordinate of at most [`MAX_COORDINATE_10NM`] either way, units of 10 nm: whoever has one need not look again.
+/// A machine coordinate of at most [`MAX_COORDINATE_10NM`] either way, units of 10 nm: a value of this type needs no second check.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Coordinate(i32);
 
 impl Coordinate {
-    /// The coordinate; `None` where it is too large.
+    /// The coordinate; `None` if it is too large.
     #[inline(always)]
     pub const fn new(coordinate_10nm: i32) -> Option<Self> {
         // From -most to most, moved to begin at zero.
@@ -49,7 +49,7 @@ impl Coordinate {
         if is_near { Some(Self(coordinate_10nm)) } else { None }
     }
 
-    /// The coordinate so much further; `None` where it is too large.
+    /// The coordinate `by_10nm` further; `None` if it is too large.
     #[inline(always)]
     pub const fn advanced(self, by_10nm: i32) -> Option<Self> {
         // A sum that wraps is too large, too: it is more than 2^31 - 5 * 10^8 either way.

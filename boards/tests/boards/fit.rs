@@ -130,7 +130,7 @@ fn an_axis_homes_by_what_the_board_has() {
     let profile = ferrostep_profiles::load("prusa-mini").unwrap();
     let error = fit::check(&board, &profile, "prusa-mini").unwrap_err().to_string();
     assert!(error.contains(": homing.z.sensor = \"probe\": expected what the board"), "{error}");
-    assert!(error.ends_with("its inputs are filament"), "{error}");
+    assert!(error.ends_with("whose inputs are filament"), "{error}");
 }
 
 #[test]
@@ -141,7 +141,7 @@ fn a_heaters_thermistor_is_the_boards() {
     assert_eq!(
         error("prusa-buddy", from, to).unwrap(),
         format!(
-            "test.toml:{line}: bed.sensor = \"semitec-104gt-2\": expected \"epcos-100k\", what hangs on the thermistor \
+            "test.toml:{line}: bed.sensor = \"semitec-104gt-2\": expected \"epcos-100k\", the thermistor at the input \
              bed of the board prusa-buddy"
         )
     );
