@@ -2,8 +2,8 @@
 
 use std::fmt;
 
-use crate::reader::Section;
 use crate::schema::Key;
+use crate::section::Section;
 
 /// A key of a [`Section`], read as far as the text goes. One of [`required`](Self::required), [`or`](Self::or) and
 /// [`optional`](Self::optional) says what holds if the text leaves it out, and what the key means, in the book's words.
