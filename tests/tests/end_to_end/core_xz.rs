@@ -63,15 +63,19 @@ fn the_cube_is_printed_estimated_and_prepared() {
     }
 }
 
+/// What the motors X and Z hold, they hold together: without either neither axis has a home, and soft limits do not apply.
 #[test]
-fn motors_have_their_letters_and_both_lose_their_axes() {
+fn a_motor_without_current_takes_the_home_of_both_its_axes() {
     let directory = directory();
     let profile = file(&directory, "profile.toml", machine());
-    let job = file(&directory, "job.gcode", "G28\nG1 X10 Y7 Z2 F3000\nM114\nM115\nM84 X\nM114\nG28 X Z\nG1 X5 F3000\n");
-    let outcome =
-        ferrostep(["print".as_ref(), job.as_os_str(), "--profile".as_ref(), profile.as_os_str(), "--json".as_ref()]);
-    assert_eq!(outcome.status, Some(0), "{outcome:#?}");
-    assert!(outcome.stderr.contains("Count A:960 Y:560 C:640"), "{outcome:#?}");
-    assert!(outcome.stderr.contains("COREXZ"), "{outcome:#?}");
-    assert_eq!(outcome.json()["position_mm"]["x"], 5.0);
+    let clamped = |name: &str, axis_off: &str| {
+        let job = file(&directory, name, format!("G28\nM84 {axis_off}\nG1 Z250 F6000\nG1 Y250\n"));
+        let summary = summary(&["print", job.to_str().unwrap(), "--profile", profile.to_str().unwrap()]);
+        (summary["clamped_moves"].as_u64().unwrap(), summary["position_mm"]["z"].as_f64().unwrap())
+    };
+    assert_eq!(clamped("all-on.gcode", "E"), (2, 200.0));
+    assert_eq!(clamped("y-off.gcode", "Y"), (1, 200.0));
+    for axis in ["X", "Z"] {
+        assert_eq!(clamped("off.gcode", axis), (1, 250.0), "{axis}");
+    }
 }
