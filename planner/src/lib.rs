@@ -55,7 +55,7 @@ pub use block::{Acceleration, Block, PlannedBlock, Speed, SquaredSpeed};
 pub use cubic::Cubic;
 pub use digest::StepDigests;
 pub use follower::Follower;
-pub use kinematics::{Coordinate, Geometry, Kinematics, StepsPerMm};
+pub use kinematics::{Coordinate, Geometry, Kinematics, LinearKinematics, StepsPerMm};
 pub use limits::{AXES, Limits};
 pub use methods::{ChoiceError, MotionMethods, Standard};
 pub use motion_choice::{AccelerationProfile, DualRatePeriods, Interpolation, MotionChoice, SCurveTableSettings};
