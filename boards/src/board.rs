@@ -65,7 +65,7 @@ pub struct Board {
     pub boot_offset: u32,
     /// What the boot loader wants the image to be called: plain bytes (`.bin`), or Prusa's container (`.bbf`).
     pub boot_file: Option<String>,
-    /// The profile it is built with when nobody names another.
+    /// The profile of an image that is built without another.
     pub profile: String,
     /// Nothing real hangs on it: temperatures and end stops are models.
     pub virtual_sensors: bool,

@@ -102,7 +102,7 @@ impl Chip {
         self.ports.get(usize::from(pin.port)).is_some_and(|pins| pins >> pin.number & 1 == 1)
     }
 
-    /// Whether a flash sector begins so many bytes from the start: four of 16 KiB, one of 64 KiB, the rest of 128 KiB
+    /// Whether a flash sector begins at `offset`, bytes from the start: four of 16 KiB, one of 64 KiB, the rest of 128 KiB
     /// (RM0090 table 5, RM0390 table 4).
     pub fn is_sector_boundary(self, offset: u32) -> bool {
         const KIB: u32 = 1024;

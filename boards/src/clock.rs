@@ -65,7 +65,7 @@ pub struct Clock {
 }
 
 impl Clock {
-    /// The best clock of a chip with an oscillator of so many Hz; `None` if USB and ticks cannot both be exact.
+    /// The best clock of a chip with an oscillator of `oscillator_hz`; `None` if USB and ticks cannot both be exact.
     pub fn of(oscillator_hz: u32, chip: Chip) -> Option<Self> {
         let mut best: Option<(u32, u32, Self)> = None;
         for m in 2..=63 {
@@ -83,7 +83,7 @@ impl Clock {
                 let Some(q) = (2..=15).find(|q| pll_hz == USB_HZ * q) else { continue };
                 for p in [2, 4, 6, 8] {
                     let Some(clock) = Self::with(Pll { m, n: n as u32, p, q }, pll_hz, chip) else { continue };
-                    // The input is told by M: the smaller, the higher it is.
+                    // M divides the input: the smaller M, the higher the input.
                     let rank = (clock.core_hz, 64 - m, clock);
                     if best.is_none_or(|(core_hz, input, _)| (core_hz, input) < (rank.0, rank.1)) {
                         best = Some(rank);
@@ -113,7 +113,7 @@ impl Clock {
 
     /// How RCC_CFGR codes a bus's divider.
     pub const fn divider_code(divider: u32) -> u32 {
-        // 0xx is none, 100 is 2, 101 is 4 ...
+        // 0xx: not divided; 100: by 2; 101: by 4 ...
         match divider {
             1 => 0,
             _ => 0b011 + divider.ilog2(),

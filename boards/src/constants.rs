@@ -213,7 +213,7 @@ pub enum Memory {
 }
 
 impl Memory {
-    /// The memory of a board that holds so many bytes from an address on; `None` if none holds all of them.
+    /// The memory of a board that holds all `bytes` from an address on; `None` if no memory does.
     pub fn of(board: &Board, address: u64, bytes: u64) -> Option<Self> {
         let within = |start: u32, kib: u32| {
             let start = u64::from(start);

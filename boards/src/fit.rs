@@ -70,7 +70,7 @@ pub fn wiring(board: &Board, profile: &Profile) -> [Option<DriverWiring>; 4] {
 /// Holds a profile against the board.
 ///
 /// # Errors
-/// It asks for what the board has not; the error names the profile's key and line.
+/// The board lacks something that the profile needs; the error names the profile's key and line.
 pub fn check(board: &Board, profile: &Profile, profile_name: &str) -> Result<(), FileError> {
     for (motor, settings) in board.motors.iter().zip(&profile.drivers) {
         let driver = format!("{:?}", motor.driver).to_lowercase();
@@ -119,14 +119,14 @@ pub fn check(board: &Board, profile: &Profile, profile_name: &str) -> Result<(),
                 HomeSensor::Stall => "\"stall\"",
             };
             let inputs: Vec<&str> = board.inputs.iter().map(|(input, _)| *input).collect();
-            let expected = format!("what the board {} has: its inputs are {}", board.name, inputs.join(", "));
+            let expected = format!("a sensor of the board {}, whose inputs are {}", board.name, inputs.join(", "));
             return Err(refuse(profile_name, &format!("homing.{axis}.sensor"), word, &expected));
         }
     }
     Ok(())
 }
 
-/// The name that boards and profiles have for a type.
+/// The word of boards and profiles for a type.
 const fn type_name(kind: &ThermistorType) -> &'static str {
     match kind {
         ThermistorType::Semitec104Gt2 => "semitec-104gt-2",
@@ -151,7 +151,7 @@ fn check_heater(board: &Board, name: &str, settings: &HeaterSettings, profile_na
     if let Some(of_board) = &thermistor.kind
         && *of_board != type_name(&settings.thermistor.kind)
     {
-        return refuse("sensor", &kind, format!("\"{of_board}\", what hangs on the thermistor {}", thermistor.name));
+        return refuse("sensor", &kind, format!("\"{of_board}\", the thermistor at the input {}", thermistor.name));
     }
     // The circuit is the board's, whatever a profile for many boards takes for granted.
     if f64::from(settings.thermistor.pull_up_ohm) != thermistor.pull_up_ohm {

@@ -45,7 +45,7 @@ pub(crate) fn board(keys: &Section<'_>) -> Board {
     }
     let boot_file = boot_file(keys);
     let boot_offset = boot_offset(keys, boot_file.as_deref(), chip, flash_kib);
-    let profile = name(keys, "profile").required("the profile that the image is built with if nobody names another");
+    let profile = name(keys, "profile").required("profile of an image that is built without `--profile`");
     let virtual_sensors = keys.flag("virtual_sensors").or(
         false,
         "nothing real hangs on the board: temperatures and end stops are the [virtual board's](virtual-board.md) models, and \

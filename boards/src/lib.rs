@@ -36,7 +36,7 @@ const BUILTIN: [(&str, &str); 3] = [
 ];
 // ANCHOR_END: builtin
 
-/// The board that the firmware is built for when nobody names one.
+/// The board that the firmware is built for without `--board`.
 pub const DEFAULT: &str = BUILTIN[0].0;
 
 /// Names that [`load`] knows without a file, in alphabetical order.
@@ -44,7 +44,7 @@ pub fn builtin_names() -> impl Iterator<Item = &'static str> {
     BUILTIN.iter().map(|(name, _)| *name)
 }
 
-/// Text of a built-in board, `None` if there is none of this name.
+/// Text of the built-in board of this name.
 pub fn builtin_text(name: &str) -> Option<&'static str> {
     BUILTIN.iter().find(|(builtin, _)| *builtin == name).map(|(_, text)| *text)
 }

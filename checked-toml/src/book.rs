@@ -1,9 +1,13 @@
 //! Parts of the book that are made from code: between two marks, compared by a test and written by it on request.
 
 use std::path::Path;
+use std::sync::Mutex;
 
 /// With this variable set, [`keep`] writes instead of comparing.
 pub const REFRESH_VARIABLE: &str = "FERROSTEP_REFRESH";
+
+/// Tests run at once, and some keep parts of the same page.
+static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
 
 /// Compares the part of a page between `<!-- NAME begin` and `<!-- NAME end -->` with `text`, or writes it if
 /// [`REFRESH_VARIABLE`] is set. The rest of the line with the first mark is a comment.
@@ -15,6 +19,7 @@ pub fn keep(page: &Path, name: &str, text: &str) -> Result<(), String> {
 }
 
 fn keep_or_write(page: &Path, name: &str, text: &str, is_written: bool) -> Result<(), String> {
+    let _guard = ONE_AT_A_TIME.lock();
     let failed = |error: std::io::Error| format!("{}: {error}", page.display());
     let whole = std::fs::read_to_string(page).map_err(failed)?;
     let (first, last) = (format!("<!-- {name} begin"), format!("<!-- {name} end -->"));

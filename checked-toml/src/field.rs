@@ -2,8 +2,8 @@
 
 use std::fmt;
 
-use crate::reader::Section;
 use crate::schema::Key;
+use crate::section::Section;
 
 /// A key of a [`Section`], read as far as the text goes. One of [`required`](Self::required), [`or`](Self::or) and
 /// [`optional`](Self::optional) says what holds if the text leaves it out, and what the key means, in the book's words.
@@ -66,7 +66,7 @@ impl<'r, T: Clone + fmt::Debug> Field<'r, T> {
         value
     }
 
-    /// The value; `None` if the key is left out, and `absent` tells the book what holds then.
+    /// The value; `None` if the key is left out, and `absent` is what the book says then.
     pub fn optional(self, absent: &'static str, about: &'static str) -> Option<T> {
         let key = Key { about, absent: absent.to_owned(), ..self.key };
         self.section.note(self.row, key, &self.value);

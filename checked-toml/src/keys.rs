@@ -14,7 +14,7 @@ pub fn paths(table: &Table) -> Vec<String> {
     paths
 }
 
-/// The table that holds a key, and the last part of the key's path; `None` where the way there is not through tables.
+/// The table that holds a key, and the last part of the key's path; `None` if the path does not lead through tables.
 pub fn holder<'a, 'b>(root: &'a mut Table, path: &'b str) -> Option<(&'a mut Table, &'b str)> {
     match path.split_once('.') {
         None => Some((root, path)),

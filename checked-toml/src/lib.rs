@@ -12,6 +12,7 @@ mod locate;
 mod range;
 mod reader;
 mod schema;
+mod section;
 
 use std::io::Read;
 
@@ -19,8 +20,9 @@ pub use error::{FileError, Problem};
 pub use field::Field;
 pub use locate::{line_of, line_of_key};
 pub use range::{Range, range};
-pub use reader::{Checked, Choice, Reader, Section};
+pub use reader::{Checked, Reader};
 pub use schema::{Key, Schema};
+pub use section::{Choice, Section};
 
 /// Longest file that is read, bytes. A path given by mistake may name a print of many megabytes, or an endless device.
 const MAX_BYTES: u64 = 1 << 20;

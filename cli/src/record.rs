@@ -9,8 +9,15 @@ pub use vcd::VcdWriter;
 use std::io::BufWriter;
 
 use ferrostep_planner::StepObserver;
+use ferrostep_printer::Profile;
 
 use crate::output::{Output, OutputError};
+
+/// Letters of a machine's motors, as traces and waveforms have them.
+fn motor_names(profile: &Profile) -> [char; 4] {
+    let [first, second, third] = profile.kinematics.motor_names().map(|name| name.to_ascii_lowercase());
+    [first, second, third, 'e']
+}
 
 /// Sees every step and every event of the motion.
 pub trait Observer: StepObserver {

@@ -24,10 +24,10 @@ pub struct Temperatures {
 pub struct Position {
     /// X, Y, Z and E as the G-code sees them.
     pub logical_10nm: [i64; 4],
-    /// Live step counters of the X, Y and Z motors (CoreXY: A, B, Z).
+    /// Live step counters of the motors that the board names X, Y and Z.
     pub motor_steps: [i64; 3],
-    /// Whether the first two counters are called A and B.
-    pub core_xy: bool,
+    /// Letters of these motors, by the kinematics: X, Y, Z; A, B, Z.
+    pub motor_names: [char; 3],
 }
 
 /// Everything that the motors were commanded since the start (M797).

@@ -162,9 +162,9 @@ fn write_temperatures(formatter: &mut Formatter<'_>, temperatures: &Temperatures
 
 fn write_position(formatter: &mut Formatter<'_>, position: &Position) -> fmt::Result {
     let [x, y, z, e] = position.logical_10nm.map(Millimetres);
-    let [first, second, third] = position.motor_steps;
-    let (first_name, second_name) = if position.core_xy { ('A', 'B') } else { ('X', 'Y') };
-    write!(formatter, "X:{x} Y:{y} Z:{z} E:{e} Count {first_name}:{first} {second_name}:{second} Z:{third}")
+    write!(formatter, "X:{x} Y:{y} Z:{z} E:{e} Count")?;
+    let mut motors = position.motor_names.into_iter().zip(position.motor_steps);
+    motors.try_for_each(|(name, steps)| write!(formatter, " {name}:{steps}"))
 }
 
 fn write_motion(formatter: &mut Formatter<'_>, figures: &MotionFigures) -> fmt::Result {
@@ -261,11 +261,14 @@ mod tests {
 
     #[test]
     fn positions() {
-        let position =
-            Position { logical_10nm: [8_715_300, -499, -500, i64::MIN], motor_steps: [6972, -40, 0], core_xy: false };
+        let position = Position {
+            logical_10nm: [8_715_300, -499, -500, i64::MIN],
+            motor_steps: [6972, -40, 0],
+            motor_names: ['X', 'Y', 'Z'],
+        };
         says(Reply::Position(position), "X:87.15 Y:0.00 Z:-0.01 E:-92233720368547.76 Count X:6972 Y:-40 Z:0");
         says(
-            Reply::Position(Position { core_xy: true, ..Position::default() }),
+            Reply::Position(Position { motor_names: ['A', 'B', 'Z'], ..Position::default() }),
             "X:0.00 Y:0.00 Z:0.00 E:0.00 Count A:0 B:0 Z:0",
         );
         says(

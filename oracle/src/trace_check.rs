@@ -91,7 +91,10 @@ impl fmt::Display for TraceCheckError {
         match self {
             Self::Trace(error) => error.fmt(formatter),
             Self::Interpret(error) => error.fmt(formatter),
-            Self::Axes => write!(formatter, "trace header: axes must be x, y, z, e or a, b, z, e"),
+            Self::Axes => write!(
+                formatter,
+                "trace header: axes must be the machine's motors: x, y, z, e; CoreXY: a, b, z, e; CoreXZ: a, y, c, e"
+            ),
             Self::NotThisProfile(key) => write!(formatter, "trace header: {key} is not the profile's"),
         }
     }
@@ -154,21 +157,14 @@ fn motors(header: &TraceHeader, profile: &ReferenceProfile) -> Result<[usize; 4]
     if header.kinematics != profile.kinematics {
         return Err(TraceCheckError::NotThisProfile("kinematics"));
     }
+    let (_, names) = profile.kinematics.names();
     let mut motor_of_bit = [usize::MAX; 4];
     if header.axes.len() != motor_of_bit.len() {
         return Err(TraceCheckError::Axes);
     }
     for (bit, (name, steps_per_mm)) in header.axes.iter().zip(&header.steps_per_mm).enumerate() {
-        let motor = match name.to_ascii_lowercase().as_str() {
-            "x" | "a" => 0,
-            "y" | "b" => 1,
-            "z" => 2,
-            "e" => 3,
-            _ => return Err(TraceCheckError::Axes),
-        };
-        if motor_of_bit.contains(&motor) {
-            return Err(TraceCheckError::Axes);
-        }
+        let motor = names.iter().position(|motor| name.eq_ignore_ascii_case(motor));
+        let motor = motor.filter(|motor| !motor_of_bit.contains(motor)).ok_or(TraceCheckError::Axes)?;
         motor_of_bit[bit] = motor;
         let expected = profile.steps_per_mm[motor].to_f64();
         if (steps_per_mm - expected).abs() > 1e-9 * expected {

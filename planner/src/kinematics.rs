@@ -1,9 +1,19 @@
-//! From machine coordinates to motor steps.
+//! From machine coordinates to motor steps: [how the motors drive the axes](LinearKinematics), and how far a step goes.
+
+mod cartesian;
+mod core_xy;
+mod core_xz;
+mod linear;
 
 use core::fmt;
-use core::num::NonZeroU32;
+use core::num::{NonZeroU32, Wrapping};
 
 use crate::division::Divisor;
+
+pub use cartesian::Cartesian;
+pub use core_xy::CoreXy;
+pub use core_xz::CoreXz;
+pub use linear::{Kinematics, Length, LinearKinematics};
 
 /// Units of 10 nm in a millimetre.
 pub const UNITS_PER_MM: i64 = 100_000;
@@ -25,12 +35,12 @@ pub(crate) fn narrow(position_10nm: [i64; 3]) -> Option<[i32; 3]> {
     (within(wide_x, x) && within(wide_y, y) && within(wide_z, z)).then_some(near)
 }
 
-/// A machine coordinate of at most [`MAX_COORDINATE_10NM`] either way, units of 10 nm: whoever has one need not look again.
+/// A machine coordinate of at most [`MAX_COORDINATE_10NM`] either way, units of 10 nm: a value of this type needs no second check.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Coordinate(i32);
 
 impl Coordinate {
-    /// The coordinate; `None` where it is too large.
+    /// The coordinate; `None` if it is too large.
     #[inline(always)]
     pub const fn new(coordinate_10nm: i32) -> Option<Self> {
         // From -most to most, moved to begin at zero.
@@ -39,7 +49,7 @@ impl Coordinate {
         if is_near { Some(Self(coordinate_10nm)) } else { None }
     }
 
-    /// The coordinate so much further; `None` where it is too large.
+    /// The coordinate `by_10nm` further; `None` if it is too large.
     #[inline(always)]
     pub const fn advanced(self, by_10nm: i32) -> Option<Self> {
         // A sum that wraps is too large, too: it is more than 2^31 - 5 * 10^8 either way.
@@ -51,15 +61,6 @@ impl Coordinate {
     pub const fn units(self) -> i32 {
         self.0
     }
-}
-
-/// How X and Y are driven.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kinematics {
-    /// One motor an axis.
-    Cartesian,
-    /// Two fixed motors, both driving both axes: A = X + Y, B = X - Y.
-    CoreXy,
 }
 
 /// Steps a millimetre, exact to five decimals, above 0 and at most 10,000.
@@ -245,9 +246,9 @@ pub fn round_half_away(x: f64) -> i64 {
 /// Which motors a machine has and how far a step goes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Geometry {
-    /// How X and Y are driven.
+    /// How the motors drive the axes.
     pub kinematics: Kinematics,
-    /// Steps/mm of X, Y, Z and the extruder (CoreXY: of the motors A and B for X and Y).
+    /// Steps/mm of the motors that the board names X, Y and Z, and of the extruder.
     pub steps_per_mm: [StepsPerMm; 4],
     /// Step events nearer than this join, in ticks; also the shortest interval of any motor.
     pub minimum_event_interval_ticks: u32,
@@ -259,20 +260,16 @@ pub struct Geometry {
 }
 
 impl Geometry {
-    /// Where the X, Y and Z motors stand for a machine position in units of 10 nm.
-    ///
-    /// CoreXY: A = round((x + y) s), B = round((x - y) s).
+    /// Where the X, Y and Z motors stand for a machine position in units of 10 nm: each at the exact product of its
+    /// coordinate with its steps/mm, rounded half away from zero.
     pub fn motor_steps(&self, position_10nm: [i64; 3]) -> [i32; 3] {
-        let [x, y, z] = position_10nm;
+        let [first, second, third] = self.kinematics.motors(position_10nm);
         let [steps_x, steps_y, steps_z, _] = self.steps_per_mm;
-        match self.kinematics {
-            Kinematics::Cartesian => [steps_x.steps(x), steps_y.steps(y), steps_z.steps(z)],
-            Kinematics::CoreXy => [steps_x.steps(x + y), steps_y.steps(x - y), steps_z.steps(z)],
-        }
+        [steps_x.steps(first), steps_y.steps(second), steps_z.steps(third)]
     }
 
-    /// The same, where another position and its motors are known: what is the same there is not worked out again.
-    /// Both are within [`MAX_COORDINATE_10NM`].
+    /// The same, if another position and its motors are known: a third motor that stays is not computed again. Both positions
+    /// are within [`MAX_COORDINATE_10NM`].
     #[inline(always)]
     pub(crate) fn motor_steps_from(
         &self,
@@ -280,125 +277,25 @@ impl Geometry {
         other_10nm: [i32; 3],
         other_steps: [i32; 3],
     ) -> [i32; 3] {
-        let [x, y, z] = position_10nm;
-        let [.., other_z] = other_10nm;
-        let [.., other_z_steps] = other_steps;
+        let [first, second, third] = self.kinematics.motors(position_10nm.map(Wrapping));
+        let [.., other_third] = self.kinematics.motors(other_10nm.map(Wrapping));
+        let [.., other_third_steps] = other_steps;
         let [steps_x, steps_y, steps_z, _] = &self.steps_per_mm;
-        let z_steps = if z == other_z { other_z_steps } else { steps_z.steps_of_near(z) };
-        let [first, second] = self.of_motors(x, y);
-        [steps_x.steps_of_near(first), steps_y.steps_of_near(second), z_steps]
-    }
-
-    /// What the motors of X and Y make steps of: sums of two coordinates are below 2^30.
-    #[inline(always)]
-    fn of_motors(&self, x_10nm: i32, y_10nm: i32) -> [i32; 2] {
-        match self.kinematics {
-            Kinematics::Cartesian => [x_10nm, y_10nm],
-            Kinematics::CoreXy => [x_10nm.wrapping_add(y_10nm), x_10nm.wrapping_sub(y_10nm)],
-        }
+        let third_steps = if third == other_third { other_third_steps } else { steps_z.steps_of_near(third.0) };
+        [steps_x.steps_of_near(first.0), steps_y.steps_of_near(second.0), third_steps]
     }
 
     /// The machine position, in units of 10 nm, nearest to where the motors stand.
     pub fn position_10nm(&self, motor_steps: [i64; 3]) -> [i64; 3] {
+        let [first, second, third] = motor_steps;
         let [steps_x, steps_y, steps_z, _] = self.steps_per_mm;
-        let first = steps_x.coordinate_10nm(motor_steps[0]);
-        let second = steps_y.coordinate_10nm(motor_steps[1]);
-        let z = steps_z.coordinate_10nm(motor_steps[2]);
-        match self.kinematics {
-            Kinematics::Cartesian => [first, second, z],
-            Kinematics::CoreXy => [(first + second) / 2, (first - second) / 2, z],
-        }
+        self.kinematics.position([
+            steps_x.coordinate_10nm(first),
+            steps_y.coordinate_10nm(second),
+            steps_z.coordinate_10nm(third),
+        ])
     }
 }
 
 #[cfg(test)]
-mod tests {
-    #![allow(clippy::unwrap_used)]
-    use super::*;
-    use proptest::prelude::*;
-
-    fn steps(value: f64) -> StepsPerMm {
-        StepsPerMm::from_f64(value).unwrap()
-    }
-
-    fn geometry(kinematics: Kinematics) -> Geometry {
-        Geometry {
-            kinematics,
-            steps_per_mm: [steps(80.0), steps(80.0), steps(400.0), steps(95.0)],
-            minimum_event_interval_ticks: 168,
-            event_cost_ticks: 0,
-            move_cost_ticks: 0,
-        }
-    }
-
-    #[test]
-    fn halves_round_away_from_zero() {
-        // 0.00625 mm is half a step at 80 steps/mm.
-        assert_eq!(steps(80.0).steps(625), 1);
-        assert_eq!(steps(80.0).steps(-625), -1);
-        assert_eq!(steps(80.0).steps(624), 0);
-        assert_eq!(steps(80.0).steps(-624), 0);
-    }
-
-    #[test]
-    fn steps_per_mm_outside_their_range_are_refused() {
-        for bad in [0.0, -1.0, 0.000_001, 10_001.0, f64::NAN, f64::INFINITY] {
-            assert_eq!(StepsPerMm::from_f64(bad), None, "{bad}");
-        }
-        assert_eq!(steps(415.305).hundred_thousandths(), 41_530_500);
-        assert_eq!(StepsPerMm::clamped(41_530_500), steps(415.305));
-        for (outside, end) in
-            [(0, 1), (-1, 1), (i64::MIN, 1), (1_000_000_001, 1_000_000_000), (i64::MAX, 1_000_000_000)]
-        {
-            assert_eq!(StepsPerMm::clamped(outside).hundred_thousandths(), end);
-        }
-        assert_eq!(StepsPerMm::nearest(f64::NAN).hundred_thousandths(), 1);
-    }
-
-    #[test]
-    fn core_xy_turns_both_motors_for_either_axis() {
-        let machine = geometry(Kinematics::CoreXy);
-        assert_eq!(machine.motor_steps([1_000_000, 0, 0]), [800, 800, 0]);
-        assert_eq!(machine.motor_steps([0, 1_000_000, 0]), [800, -800, 0]);
-        // CoreXY paper: X = 120, Y = -30 pulses of 0.01 mm make A = 90, B = 150.
-        let paper = Geometry { steps_per_mm: [steps(100.0), steps(100.0), steps(400.0), steps(95.0)], ..machine };
-        assert_eq!(paper.motor_steps([120_000, -30_000, 0]), [90, 150, 0]);
-    }
-
-    proptest! {
-        #[test]
-        fn the_product_is_exact(
-            coordinate in prop_oneof![-MAX_COORDINATE_10NM..=MAX_COORDINATE_10NM, (-800_000i64..800_000).prop_map(|steps| steps * 625)],
-            scaled in prop_oneof![1i64..=1_000_000_000, (1i64..=10_000).prop_map(|steps| steps * 100_000), Just(8_000_000), Just(41_530_500)],
-        ) {
-            let value = StepsPerMm::of(scaled);
-            let product = i128::from(coordinate) * i128::from(scaled);
-            let half = 5_000_000_000i128;
-            let expected = if product < 0 { -((-product + half) / (2 * half)) } else { (product + half) / (2 * half) };
-            prop_assert_eq!(i128::from(value.steps(coordinate)), expected);
-        }
-
-        #[test]
-        fn coordinates_are_those_of_double_precision(
-            steps in prop_oneof![-50_000_000i64..50_000_000, -200_000i64..200_000, any::<i32>().prop_map(i64::from)],
-            scaled in prop_oneof![
-                1i64..=1_000_000_000,
-                (1i64..=10_000).prop_map(|steps| steps * 100_000),
-                (1i64..=10_000).prop_map(|steps| steps * 3_125),
-                Just(8_000_000), Just(9_500_000), Just(41_530_500), Just(800_000_000),
-            ],
-        ) {
-            let value = StepsPerMm::of(scaled);
-            prop_assert_eq!(value.coordinate_10nm(steps), value.far_coordinate_10nm(steps));
-            prop_assert_eq!(value.step_10nm(), 10_000_000_000 / scaled);
-        }
-
-        #[test]
-        fn positions_come_back_within_half_a_step(x in -30_000_000i64..30_000_000, y in -30_000_000i64..30_000_000, core in any::<bool>()) {
-            let machine = geometry(if core { Kinematics::CoreXy } else { Kinematics::Cartesian });
-            let motors = machine.motor_steps([x, y, 0]);
-            let back = machine.position_10nm(motors.map(i64::from));
-            prop_assert!((back[0] - x).abs() <= 626 && (back[1] - y).abs() <= 626);
-        }
-    }
-}
+mod tests;

@@ -54,7 +54,7 @@ mod u64_to_f32;
 
 pub use block::{Acceleration, Block, PlannedBlock, Speed, SquaredSpeed};
 pub use digest::StepDigests;
-pub use kinematics::{Coordinate, Geometry, Kinematics, StepsPerMm};
+pub use kinematics::{Coordinate, Geometry, Kinematics, LinearKinematics, StepsPerMm};
 pub use limits::{AXES, Limits};
 pub use motion_choice::{AccelerationProfile, DualRatePeriods, Interpolation, MotionChoice, SCurveTableSettings};
 pub use pace::Pace;

@@ -16,6 +16,8 @@ pub(crate) struct Method {
 impl Method {
     /// The method that was chosen.
     pub fn new(choice: &MotionChoice, kinematics: Kinematics) -> Self {
+        // For the papers' methods in the plane of X and Y: CoreXY's motors, or one for each.
+        let kinematics = if kinematics == Kinematics::CoreXy { kinematics } else { Kinematics::Cartesian };
         Self { interpolation: choice.interpolation, kinematics, periods: choice.dual_rate }
     }
 

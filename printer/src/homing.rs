@@ -1,7 +1,7 @@
 //! G28.
 
 use ferrostep_gcode::{AxisFlags, Reply};
-use ferrostep_planner::{Kinematics, Move};
+use ferrostep_planner::Move;
 
 use crate::error::CommandError;
 use crate::ports::{HomingOutcome, Motion, Ports, Replies};
@@ -121,8 +121,8 @@ impl<P: Ports> Printer<'_, P> {
         outcome?;
         self.modal.offset_10nm[axis] = 0;
         self.modal.homed[axis] = true;
-        if homing.sensor == HomeSensor::Stall && self.profile.kinematics == Kinematics::CoreXy {
-            // Motors that still push against the frame would seem to stall as soon as they move the other axis.
+        if homing.sensor == HomeSensor::Stall && self.profile.kinematics.shares_motors(axis) {
+            // Motors that still push against the frame would seem to stall as soon as they move another axis.
             self.motion.begin_homing();
             self.move_back(axis, &homing).await?;
             position[axis] -= towards * homing.back_off_10nm;

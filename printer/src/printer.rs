@@ -8,7 +8,7 @@ use ferrostep_gcode::{
     AxisFlags, Command, EndStopState, FirmwareInfo, Position, Remarks, Reply, ShortText, parse_with_remarks,
 };
 use ferrostep_hal_shim::{Clock, Heater};
-use ferrostep_planner::{AccelerationProfile, Interpolation, Kinematics};
+use ferrostep_planner::{AccelerationProfile, Interpolation};
 
 use crate::error::{CommandError, Failure};
 use crate::modal::{Modal, Tally};
@@ -431,7 +431,7 @@ impl<'a, P: Ports> Printer<'a, P> {
 
     /// The motors in the mask may not be where their steps say: no axis that they move is homed any more.
     pub(crate) fn forget_home(&mut self, motors: u8) {
-        self.modal.forget_home(self.profile.axes_of_motors(motors));
+        self.modal.forget_home(self.profile.kinematics.axes_of_motors(motors));
     }
 
     /// M112: heat first, then motion.
@@ -448,7 +448,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         Position {
             logical_10nm: self.modal.logical_10nm(),
             motor_steps: [x, y, z],
-            core_xy: self.profile.kinematics == Kinematics::CoreXy,
+            motor_names: self.profile.kinematics.motor_names(),
         }
     }
 
@@ -456,10 +456,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         self.replies.send(Reply::Firmware(FirmwareInfo {
             version: self.version,
             machine: self.profile.name,
-            kinematics: match self.profile.kinematics {
-                Kinematics::Cartesian => "Cartesian",
-                Kinematics::CoreXy => "COREXY",
-            },
+            kinematics: self.profile.kinematics.reported_name(),
             lower_end_10nm: self.profile.lower_end_10nm,
             size_10nm: self.profile.size_10nm,
             emergency_parser: self.emergency_parser,

@@ -24,7 +24,7 @@ pub const DEFAULT_MOVES_PER_S: u32 = 8_000;
 /// Seconds without use after which heaters go off, where a profile does not say: Prusa's (`SafetyTimer`, 30 minutes).
 pub const DEFAULT_HEATER_TIMEOUT_S: u16 = 1800;
 
-/// Which end of its travel an axis homes to.
+/// The end of its travel to which an axis homes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum HomeEnd {
     /// Towards smaller coordinates.
@@ -33,14 +33,14 @@ pub enum HomeEnd {
     Max,
 }
 
-/// What an axis meets at its home.
+/// The sensor with which an axis finds its home.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum HomeSensor {
     /// A switch.
     EndStop,
     /// A probe that finds the bed (only Z).
     Probe,
-    /// The frame: the motor's driver says that it stalls (only X and Y).
+    /// The frame: the motor's driver signals that it stalls (only X and Y).
     Stall,
 }
 
@@ -51,7 +51,7 @@ pub struct AxisHoming {
     pub end: HomeEnd,
     /// What is there.
     pub sensor: HomeSensor,
-    /// Whether the sensor's signal is low when it triggers. A driver's stall signal never is.
+    /// Whether the sensor's signal is low when it triggers; a driver's stall signal is always high.
     pub triggers_low: bool,
     /// Machine coordinate at which the sensor triggers, in units of 10 nm; with a probe that of the bed, so that it triggers
     /// at this less the Z of [`SafeHoming::probe_offset_10nm`].
@@ -60,7 +60,7 @@ pub struct AxisHoming {
     pub fast_mm_per_s: f64,
     /// Speed of the second approach, mm/s.
     pub slow_mm_per_s: f64,
-    /// Way back between the two, in units of 10 nm.
+    /// Path back between the two, in units of 10 nm.
     pub back_off_10nm: i64,
     /// How much longer than the travel the frame may be: an approach from an unknown place goes no farther than the travel
     /// and this, in units of 10 nm.
@@ -102,7 +102,7 @@ impl AxisHoming {
 pub struct HeaterWatch {
     /// While it heats up, the temperature must rise within this time, milliseconds ...
     pub watch_ms: u32,
-    /// ... by so much, degrees.
+    /// ... by this much, degrees.
     pub watch_celsius: f32,
     /// Once it has reached its target, for no longer than this, milliseconds ...
     pub runaway_ms: u32,
@@ -112,9 +112,9 @@ pub struct HeaterWatch {
 }
 
 impl HeaterWatch {
-    /// Where a profile says nothing of the nozzle.
+    /// The nozzle's, if a profile does not say.
     pub const NOZZLE: Self = Self { watch_ms: 20_000, watch_celsius: 2.0, runaway_ms: 40_000, runaway_celsius: 4.0 };
-    /// Where a profile says nothing of the bed.
+    /// The bed's, if a profile does not say.
     pub const BED: Self = Self { watch_ms: 60_000, watch_celsius: 2.0, runaway_ms: 20_000, runaway_celsius: 2.0 };
 }
 
@@ -141,7 +141,7 @@ pub struct HeaterSettings {
     pub residency_window_celsius: f32,
     /// ... for this long, milliseconds.
     pub residency_ms: u32,
-    /// What it heats on the virtual board. Control and checks know nothing of it.
+    /// What it heats on the virtual board; control and checks do not use it.
     pub mass: HeatedMass,
 }
 
@@ -160,7 +160,7 @@ pub struct FirmwareRetraction {
     pub lift_10nm: i64,
 }
 
-/// What the motor drivers ask of a pulse, in nanoseconds.
+/// Step and direction signals that the motor drivers need, in nanoseconds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DriverTiming {
     /// Shortest high and shortest low time of a step pulse.
@@ -169,7 +169,7 @@ pub struct DriverTiming {
     pub direction_setup_ns: u32,
     /// Whether both edges of the step signal step.
     pub both_edges: bool,
-    /// Motors that run the other way round: bit i is motor i.
+    /// Motors that turn in the opposite direction: bit i is motor i.
     pub inverted: u8,
 }
 
@@ -188,7 +188,7 @@ const fn ticks(ns: u32, timer_hz: u32) -> u32 {
     (ns as u64 * timer_hz as u64).div_ceil(1_000_000_000) as u32
 }
 
-/// Filament for moves that tell none (Wu 2024, eqs. 10 and 11).
+/// Filament for moves whose lines name none (Wu 2024, eqs. 10 and 11).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ExtrusionSettings {
     /// Whether G1 to G3 in the plane without E extrude by their length.
@@ -205,7 +205,7 @@ impl ExtrusionSettings {
     /// Smallest and largest layer height, line width and filament diameter, units of 10 nm.
     pub const RANGES_10NM: [(i64, i64); 3] = [(1_000, 500_000), (5_000, 2_000_000), (50_000, 10_000_000)];
 
-    /// Filament as the G-code tells; 0.2 mm by 0.45 mm of 1.75 mm filament otherwise.
+    /// Filament as E words say; 0.2 mm by 0.45 mm of 1.75 mm filament if `adaptive` is switched on.
     pub const DEFAULT: Self =
         Self { adaptive: false, layer_height_10nm: 20_000, line_width_10nm: 45_000, filament_diameter_10nm: 175_000 };
 }
@@ -218,7 +218,7 @@ pub struct Profile {
     /// Which machine a job is prepared for: a hash of the profile's keys that a plan depends on, or must not exceed. Two
     /// machines with the same hash may execute each other's prepared jobs.
     pub plan_hash: u64,
-    /// How X and Y are driven.
+    /// How the motors drive the axes.
     pub kinematics: Kinematics,
     /// Upper end of X, Y and Z in machine coordinates, units of 10 nm.
     pub size_10nm: [i64; 3],
@@ -254,9 +254,9 @@ pub struct Profile {
     pub retraction: FirmwareRetraction,
     /// Step and direction signals.
     pub driver: DriverTiming,
-    /// Filament for moves that tell none, at start-up.
+    /// Filament for moves whose lines name none, at start-up.
     pub extrusion: ExtrusionSettings,
-    /// What the drivers of the X (A), Y (B), Z and extruder motors are set to; `None` for one that cannot be set.
+    /// Settings of the drivers of the X, Y, Z and extruder motors; `None` for a driver that cannot be set.
     pub drivers: [Option<DriverSettings>; 4],
 }
 
@@ -269,15 +269,6 @@ impl Profile {
             minimum_event_interval_ticks: self.minimum_event_interval_ticks,
             event_cost_ticks: self.event_cost_ticks,
             move_cost_ticks: self.move_cost_ticks,
-        }
-    }
-
-    /// Mask of the axes that the motors in the mask move: on CoreXY each of A and B moves X and Y.
-    pub const fn axes_of_motors(&self, motors: u8) -> u8 {
-        const PLANE: u8 = 0b11;
-        match self.kinematics {
-            Kinematics::CoreXy if motors & PLANE != 0 => motors | PLANE,
-            Kinematics::CoreXy | Kinematics::Cartesian => motors,
         }
     }
 
@@ -294,7 +285,7 @@ impl Profile {
     }
 
     /// Counting motors with this machine's end stops, as they stand when it is switched on. Where an axis homes by a stall,
-    /// there is an end stop, too: who has a model of the drivers says that there is none ([`Self::framed_axes`]).
+    /// there is an end stop, too; a model of the drivers takes it away ([`Self::framed_axes`]).
     pub fn virtual_motors(&self) -> VirtualMotors {
         let [offset_x, offset_y, offset_z] = self.safe_homing.probe_offset_10nm;
         let end_stops = self.homing.map(|homing| {

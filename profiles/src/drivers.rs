@@ -84,7 +84,7 @@ pub(crate) struct Driver {
 pub(crate) fn drivers(keys: &Section<'_>, steps_per_mm: [f64; 4], both_edges: bool) -> [Option<Driver>; 4] {
     let tables = keys.section_of_defaults(
         "drivers",
-        "[motor drivers](drivers.md) that can be set over a serial line (TMC2209); on CoreXY x and y are the motors A and B",
+        "[motor drivers](drivers.md) that can be set over a serial line (TMC2209); on CoreXY x and y are the motors A and B, on CoreXZ x and z the motors A and C",
     );
     let mut steps = steps_per_mm.into_iter();
     MOTORS.map(|motor| {

@@ -29,7 +29,7 @@ pub fn builtin_names() -> impl Iterator<Item = &'static str> {
     BUILTIN.iter().map(|(name, _)| *name)
 }
 
-/// Text of a built-in profile, `None` if there is none of this name.
+/// Text of the built-in profile of this name.
 pub fn builtin_text(name: &str) -> Option<&'static str> {
     BUILTIN.iter().find(|(builtin, _)| *builtin == name).map(|(_, text)| *text)
 }
@@ -43,8 +43,8 @@ pub fn load(name_or_path: &str) -> Result<Profile, ProfileError> {
     parse(&text_of(name_or_path)?, name_or_path)
 }
 
-/// The error for a value of a profile that is right as such, but that the machine it is built for cannot serve: `key` is
-/// the full path, `expected` says in words what would do.
+/// The error for a value that the profile may have but its board cannot serve: `key` is the full path, `expected` names the
+/// values that the board can.
 pub fn refuse(name_or_path: &str, key: &str, value: &str, expected: &str) -> ProfileError {
     let line = text_of(name_or_path).ok().and_then(|text| line_of_key(&text, key));
     let problem = Problem::OutOfRange { key: key.to_owned(), value: value.to_owned(), expected: expected.to_owned() };

@@ -48,15 +48,15 @@ pub(crate) fn profile(keys: &Section<'_>) -> (Profile, String) {
     let apart = keys.apart();
     let name = name(&apart);
     let kinematics = keys
-        .word("kinematics", [("cartesian", Kinematics::Cartesian), ("corexy", Kinematics::CoreXy)])
-        .required("one motor an axis, or the two motors A = X + Y and B = X − Y");
+        .word("kinematics", Kinematics::ALL.map(|kinematics| (kinematics.name(), kinematics)))
+        .required("one motor an axis; or motors A = X + Y, B = X − Y; or motors A = X + Z, C = X − Z");
     let travel = Travel {
         upper_mm: keys.numbers("size_mm", AXES, [SIZE; 3]).required("upper end of the travel in machine coordinates"),
         lower_mm: keys.numbers("lower_end_mm", AXES, [LOWER_END; 3]).or([0.0; 3], "lower end of the travel"),
     };
     let steps_per_mm = keys
         .numbers("steps_per_mm", MOTORS, [STEPS_PER_MM; 4])
-        .required("motor steps, microsteps included; five decimals are kept; CoreXY: of motors A and B under x and y");
+        .required("motor steps, microsteps included; five decimals are kept; CoreXY: of motors A and B under x and y, CoreXZ: of A and C under x and z");
     let limits = limits(keys);
     let motion = motion::motion(keys);
     let interval_us = keys
@@ -168,10 +168,8 @@ fn limits(keys: &Section<'_>) -> Limits {
 fn motor_rates(keys: &Section<'_>, kinematics: Kinematics, steps_per_mm: [f64; 4], limits: &Limits, interval_us: f64) {
     let [x, y, z, e] = limits.max_feed_mm_per_s;
     // Both motors of a CoreXY machine turn fastest on a diagonal, by the sum of the speeds.
-    let motor_feeds_mm_per_s = match kinematics {
-        Kinematics::Cartesian => [x, y, z, e],
-        Kinematics::CoreXy => [x + y, x + y, z, e],
-    };
+    let [first, second, third] = kinematics.largest_motor_feeds([x, y, z]);
+    let motor_feeds_mm_per_s = [first, second, third, e];
     let highest_per_s = 1e6 / interval_us;
     for ((axis, feed), steps_per_mm) in MOTORS.into_iter().zip(motor_feeds_mm_per_s).zip(steps_per_mm) {
         let steps_per_s = feed * steps_per_mm;

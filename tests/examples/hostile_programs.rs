@@ -57,10 +57,10 @@ impl Observer for Records {
 fn print(program: &Hostile) -> Result<Ends, String> {
     let profile = ferrostep_profiles::parse(&program.profile, "hostile").map_err(|error| error.to_string())?;
     let reference = ReferenceProfile::from_toml(&program.profile).map_err(|error| error.to_string())?;
-    let kinematics = if program.profile.contains("corexy") { ("corexy", "abze") } else { ("cartesian", "xyze") };
+    let kinematics = reference.kinematics.names();
     let header = serde_json::json!({
         "format": "ferrostep-trace", "version": 1, "tick_hz": ferrostep_planner::TICKS_PER_SECOND,
-        "axes": kinematics.1.chars().collect::<Vec<_>>(), "kinematics": kinematics.0,
+        "axes": kinematics.1, "kinematics": kinematics.0,
         "steps_per_mm": profile.steps_per_mm.map(|steps| steps.to_f64()),
     });
     let records = Records(format!("{header}\n").into_bytes());

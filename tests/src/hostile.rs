@@ -72,7 +72,7 @@ impl Hostile {
 
 /// A machine of any resolution, 200 mm wide.
 fn machine(random: &mut Random, acceleration: &str) -> String {
-    let kinematics = random.one_of(&["cartesian", "corexy"]);
+    let kinematics = random.one_of(&["cartesian", "corexy", "corexz"]);
     let mut steps = [(); 4].map(|()| random.magnitude(20.0, 1_600.0));
     if random.below(2) == 0 {
         steps = [80.0, 80.0, 400.0, 95.0];

@@ -158,7 +158,7 @@ fn relied_on(family: ChipFamily) -> Vec<u32> {
 }
 
 #[test]
-fn a_start_behind_a_boot_loader_ends_as_one_from_reset() {
+fn a_start_after_a_boot_loader_ends_as_one_from_reset() {
     for board in builtin_names().map(|name| load(name).unwrap()) {
         let [mut clean, mut used] = [None, Some(u32::MAX)].map(|fill| started(&board, fill));
         for register in relied_on(board.chip.family) {

@@ -63,7 +63,7 @@ fn the_buddy_steps_with_one_store_and_speaks_to_its_drivers_by_address() {
 /// Prusa's boot loader has the first 128 KiB; its container's header the next 512 bytes (Klipper's Kconfig, "128KiB + 512
 /// byte offset"). VTOR wants 512.
 #[test]
-fn the_buddys_image_lies_behind_its_boot_loader_or_in_its_place() {
+fn the_buddys_image_lies_after_its_boot_loader_or_in_its_place() {
     let buddy = board("prusa-buddy");
     assert_eq!((buddy.image_address(), buddy.boot_file.as_deref()), (0x0802_0200, Some("ferrostep.bbf")));
     assert!(buddy.image_address().is_multiple_of(512) && buddy.takes_bbf());
@@ -79,7 +79,7 @@ fn the_buddys_image_lies_behind_its_boot_loader_or_in_its_place() {
 }
 
 #[test]
-fn the_octopus_steps_with_two_stores_behind_its_boot_loader() {
+fn the_octopus_steps_with_two_stores_after_its_boot_loader() {
     let octopus = board("btt-octopus-1.1");
     assert_eq!(octopus.motor_ports(), [5, 6]);
     assert_eq!((octopus.image_address(), octopus.boot_file.as_deref()), (0x0800_8000, Some("firmware.bin")));

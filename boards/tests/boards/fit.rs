@@ -129,8 +129,8 @@ fn an_axis_homes_by_what_the_board_has() {
     let board = ferrostep_boards::parse(&without_probe, "test.toml").unwrap();
     let profile = ferrostep_profiles::load("prusa-mini").unwrap();
     let error = fit::check(&board, &profile, "prusa-mini").unwrap_err().to_string();
-    assert!(error.contains(": homing.z.sensor = \"probe\": expected what the board"), "{error}");
-    assert!(error.ends_with("its inputs are filament"), "{error}");
+    assert!(error.contains(": homing.z.sensor = \"probe\": expected a sensor of the board"), "{error}");
+    assert!(error.ends_with("whose inputs are filament"), "{error}");
 }
 
 #[test]
@@ -141,11 +141,11 @@ fn a_heaters_thermistor_is_the_boards() {
     assert_eq!(
         error("prusa-buddy", from, to).unwrap(),
         format!(
-            "test.toml:{line}: bed.sensor = \"semitec-104gt-2\": expected \"epcos-100k\", what hangs on the thermistor \
+            "test.toml:{line}: bed.sensor = \"semitec-104gt-2\": expected \"epcos-100k\", the thermistor at the input \
              bed of the board prusa-buddy"
         )
     );
-    // What hangs on the others the board does not know.
+    // The Octopus leaves its thermistors to the profile.
     assert_eq!(error("btt-octopus-1.1", from, to), None);
     let to = "sensor = \"epcos-100k\"\npull_up_ohm = 2200";
     for board in ["prusa-buddy", "btt-octopus-1.1"] {

@@ -180,11 +180,7 @@ impl Watch {
         for (place, (motor, steps_per_mm)) in place.iter_mut().zip(motors.iter().zip(self.steps_per_mm)) {
             *place = *motor as f64 / steps_per_mm;
         }
-        let [a, b, z] = place;
-        match self.kinematics {
-            Kinematics::Cartesian => [a, b, z],
-            Kinematics::CoreXy => [(a + b) / 2.0, (a - b) / 2.0, z],
-        }
+        self.kinematics.position(place)
     }
 
     /// A move along a straight line has ended.

@@ -2,7 +2,7 @@
 
 use std::io::{self, BufWriter, Write};
 
-use ferrostep_planner::{Kinematics, TICKS_PER_SECOND};
+use ferrostep_planner::TICKS_PER_SECOND;
 use ferrostep_printer::Profile;
 use serde::Serialize;
 
@@ -17,7 +17,7 @@ struct Header {
     format: &'static str,
     version: u32,
     tick_hz: u32,
-    axes: [&'static str; 4],
+    axes: [char; 4],
     steps_per_mm: [f64; 4],
     kinematics: &'static str,
 }
@@ -35,14 +35,13 @@ impl TraceWriter {
     /// The output cannot be written.
     pub fn new(out: Output, profile: &Profile) -> io::Result<Self> {
         let mut out = BufWriter::with_capacity(1 << 20, out);
-        let core_xy = profile.kinematics == Kinematics::CoreXy;
         let header = Header {
             format: "ferrostep-trace",
             version: 1,
             tick_hz: TICKS_PER_SECOND,
-            axes: if core_xy { ["a", "b", "z", "e"] } else { ["x", "y", "z", "e"] },
+            axes: super::motor_names(profile),
             steps_per_mm: profile.steps_per_mm.map(|steps| steps.to_f64()),
-            kinematics: if core_xy { "corexy" } else { "cartesian" },
+            kinematics: profile.kinematics.name(),
         };
         serde_json::to_writer(&mut out, &header)?;
         out.write_all(b"\n")?;

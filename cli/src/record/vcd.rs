@@ -2,7 +2,7 @@
 
 use std::io::{self, BufWriter, Write};
 
-use ferrostep_planner::{Kinematics, TICKS_PER_SECOND};
+use ferrostep_planner::TICKS_PER_SECOND;
 use ferrostep_printer::Profile;
 
 use crate::output::{Output, OutputError};
@@ -31,10 +31,7 @@ impl VcdWriter {
     /// The output cannot be written.
     pub fn new(out: Output, profile: &Profile) -> io::Result<Self> {
         let mut out = BufWriter::with_capacity(1 << 20, out);
-        let names = match profile.kinematics {
-            Kinematics::Cartesian => ["x", "y", "z", "e"],
-            Kinematics::CoreXy => ["a", "b", "z", "e"],
-        };
+        let names = super::motor_names(profile);
         writeln!(out, "$comment motion clock, idle time left out $end\n$timescale 1 ns $end")?;
         writeln!(out, "$scope module {} $end", profile.name)?;
         for (signal, ids) in [("step", STEP_IDS), ("direction", DIRECTION_IDS)] {

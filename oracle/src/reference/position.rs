@@ -26,14 +26,10 @@ impl MotorScale {
         Self { kinematics: profile.kinematics, steps_per_mm: profile.steps_per_mm }
     }
 
-    /// Steps of the X, Y, Z (or A, B, Z) motors at a position: the exact product with steps/mm, rounded half away
-    /// from zero; on CoreXY A = round((x+y)*s) and B = round((x-y)*s), each with its own motor's s.
+    /// Steps of the three motors at a position: the exact product of each one's coordinate with its own steps/mm, rounded half
+    /// away from zero; on CoreXY A = round((x+y)*s) and B = round((x-y)*s).
     pub fn motors(&self, position_10nm: [i64; 3]) -> [i64; 3] {
-        let [x, y, z] = position_10nm.map(i128::from);
-        let coordinates = match self.kinematics {
-            Kinematics::Cartesian => [x, y, z],
-            Kinematics::CoreXy => [x + y, x - y, z],
-        };
+        let coordinates = self.kinematics.motors(position_10nm.map(i128::from));
         let mut steps = [0; 3];
         for ((steps, coordinate), scale) in steps.iter_mut().zip(coordinates).zip(self.steps_per_mm) {
             let (numerator, denominator) = scale.ratio();

@@ -3,6 +3,7 @@
 use super::decimal::Decimal;
 use serde::Deserialize;
 use std::fmt;
+use std::ops::{Add, Sub};
 
 /// Where a profile says nothing else, us.
 const DEFAULT_EVENT_INTERVAL_US: f64 = 2.0;
@@ -14,6 +15,8 @@ pub enum Kinematics {
     Cartesian,
     /// A = x + y, B = x - y.
     CoreXy,
+    /// A = x + z, C = x - z.
+    CoreXz,
 }
 
 impl Kinematics {
@@ -23,7 +26,35 @@ impl Kinematics {
         match plain.to_ascii_lowercase().as_str() {
             "cartesian" => Some(Self::Cartesian),
             "corexy" => Some(Self::CoreXy),
+            "corexz" => Some(Self::CoreXz),
             _ => None,
+        }
+    }
+
+    /// The name, and the motors' names, as traces write them.
+    pub fn names(self) -> (&'static str, [&'static str; 4]) {
+        match self {
+            Self::Cartesian => ("cartesian", ["x", "y", "z", "e"]),
+            Self::CoreXy => ("corexy", ["a", "b", "z", "e"]),
+            Self::CoreXz => ("corexz", ["a", "y", "c", "e"]),
+        }
+    }
+
+    /// Where the three motors stand for a position of the tool.
+    pub fn motors<T: Copy + Add<Output = T> + Sub<Output = T>>(self, [x, y, z]: [T; 3]) -> [T; 3] {
+        match self {
+            Self::Cartesian => [x, y, z],
+            Self::CoreXy => [x + y, x - y, z],
+            Self::CoreXz => [x + z, y, x - z],
+        }
+    }
+
+    /// Twice the position of the tool at which three motors stand.
+    pub fn twice_the_tool<T: Copy + Add<Output = T> + Sub<Output = T>>(self, [a, b, c]: [T; 3]) -> [T; 3] {
+        match self {
+            Self::Cartesian => [a + a, b + b, c + c],
+            Self::CoreXy => [a + b, a - b, c + c],
+            Self::CoreXz => [a + c, b + b, a - c],
         }
     }
 }

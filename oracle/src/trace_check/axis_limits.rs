@@ -66,11 +66,9 @@ impl AxisLimits {
         }
     }
 
-    fn axes(&self, [a, b, z, e]: [i64; 4]) -> [i64; 4] {
-        match self.kinematics {
-            Kinematics::Cartesian => [2 * a, 2 * b, 2 * z, 2 * e],
-            Kinematics::CoreXy => [a + b, a - b, 2 * z, 2 * e],
-        }
+    fn axes(&self, [a, b, c, e]: [i64; 4]) -> [i64; 4] {
+        let [x, y, z] = self.kinematics.twice_the_tool([a, b, c]);
+        [x, y, z, 2 * e]
     }
 
     /// Takes the motors' places after an event. Updates the largest ratios and returns the worst axis beyond its speed.

@@ -147,11 +147,9 @@ impl Corners {
                 *sum += i64::from(step);
             }
         }
-        let [a, b, z, e] = steps.map(|steps| steps as f64);
-        let steps = match self.kinematics {
-            Kinematics::Cartesian => [a, b, z, e],
-            Kinematics::CoreXy => [(a + b) / 2.0, (a - b) / 2.0, z, e],
-        };
+        let [a, b, c, e] = steps.map(|steps| steps as f64);
+        let [x, y, z] = self.kinematics.twice_the_tool([a, b, c]);
+        let steps = [x / 2.0, y / 2.0, z / 2.0, e];
         let seconds = (to - from) as f64 / self.tick_hz;
         let (shares, _) = shares(traced.one);
         std::array::from_fn(|axis| {

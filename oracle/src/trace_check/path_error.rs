@@ -3,27 +3,26 @@
 use super::law::MotorEvent;
 use crate::reference::{Kinematics, ReferenceProfile};
 
-/// Where the tool is while the motors of X and Y stand at whole steps.
+/// Where the tool is in the plane while the motors stand at whole steps.
 #[derive(Clone, Copy, Debug)]
 pub struct PlaneScale {
     kinematics: Kinematics,
-    mm_per_step: [f64; 2],
+    mm_per_step: [f64; 3],
 }
 
 impl PlaneScale {
     /// The scale of a profile.
     pub fn new(profile: &ReferenceProfile) -> Self {
-        let [x, y, ..] = profile.steps_per_mm.map(|steps| 1.0 / steps.to_f64());
-        Self { kinematics: profile.kinematics, mm_per_step: [x, y] }
+        let [first, second, third, _] = profile.steps_per_mm.map(|steps| 1.0 / steps.to_f64());
+        Self { kinematics: profile.kinematics, mm_per_step: [first, second, third] }
     }
 
     /// X and Y, mm.
-    fn position_mm(&self, [first, second, ..]: [i64; 4]) -> [f64; 2] {
-        let (first, second) = (first as f64 * self.mm_per_step[0], second as f64 * self.mm_per_step[1]);
-        match self.kinematics {
-            Kinematics::Cartesian => [first, second],
-            Kinematics::CoreXy => [(first + second) / 2.0, (first - second) / 2.0],
-        }
+    fn position_mm(&self, [first, second, third, _]: [i64; 4]) -> [f64; 2] {
+        let steps = [first, second, third];
+        let motors = std::array::from_fn(|motor| steps[motor] as f64 * self.mm_per_step[motor]);
+        let [x, y, _] = self.kinematics.twice_the_tool(motors);
+        [x / 2.0, y / 2.0]
     }
 
     /// Largest distance from the straight line between the motors' places at both ends, mm; none without a way in the
@@ -55,11 +54,11 @@ mod tests {
     #[test]
     fn a_corner_beside_the_line_is_seen() {
         let events: Vec<_> = [[1, 1, 0, 0], [1, -1, 0, 0]].map(|steps| MotorEvent { tick: 0, steps }).to_vec();
-        let cartesian = PlaneScale { kinematics: Kinematics::Cartesian, mm_per_step: [0.1; 2] };
+        let cartesian = PlaneScale { kinematics: Kinematics::Cartesian, mm_per_step: [0.1; 3] };
         let error = cartesian.largest_error_mm([5, 7, 0, 0], [7, 7, 0, 0], &events).unwrap();
         assert!((error - 0.1).abs() < 1e-12);
         // Along x by one pulse, then along y: (1, 0) is beside the line to (1, 1).
-        let core = PlaneScale { kinematics: Kinematics::CoreXy, mm_per_step: [0.1; 2] };
+        let core = PlaneScale { kinematics: Kinematics::CoreXy, mm_per_step: [0.1; 3] };
         let error = core.largest_error_mm([0; 4], [2, 0, 0, 0], &events).unwrap();
         assert!((error - 0.1 * 0.5f64.sqrt()).abs() < 1e-12);
         assert_eq!(core.largest_error_mm([1; 4], [1; 4], &events), None);

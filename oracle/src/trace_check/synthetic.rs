@@ -2,7 +2,7 @@
 //! between two steps.
 #![allow(clippy::expect_used)]
 
-use crate::reference::{InterpretOptions, Kinematics, MotorScale, Move, ReferenceProfile, Trapezoid, interpret, plan};
+use crate::reference::{InterpretOptions, MotorScale, Move, ReferenceProfile, Trapezoid, interpret, plan};
 use crate::trace::{Record, StepEvent};
 
 /// Ticks a second of the traces made here.
@@ -13,13 +13,10 @@ pub const EVENT_INTERVAL_TICKS: u64 = 168;
 
 /// The header line a profile's trace has.
 pub fn header(profile: &ReferenceProfile) -> String {
-    let (axes, kinematics) = match profile.kinematics {
-        Kinematics::Cartesian => (r#"["x","y","z","e"]"#, "cartesian"),
-        Kinematics::CoreXy => (r#"["a","b","z","e"]"#, "corexy"),
-    };
+    let (kinematics, axes) = profile.kinematics.names();
     let steps = profile.steps_per_mm.map(|steps| steps.to_f64());
     format!(
-        r#"{{"format":"ferrostep-trace","version":1,"tick_hz":{TICK_HZ},"axes":{axes},"steps_per_mm":{steps:?},"kinematics":"{kinematics}"}}"#
+        r#"{{"format":"ferrostep-trace","version":1,"tick_hz":{TICK_HZ},"axes":{axes:?},"steps_per_mm":{steps:?},"kinematics":"{kinematics}"}}"#
     ) + "\n"
 }
 

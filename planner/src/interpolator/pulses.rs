@@ -99,8 +99,8 @@ impl Pulses {
         let [first, second, _] = stretch.steps;
         let motors = [first, second].map(i64::from);
         let CoreXyTarget { pulses: [x, y], rest } = match method.kinematics {
-            Kinematics::Cartesian => CoreXyTarget { pulses: motors, rest: None },
             Kinematics::CoreXy => CoreXyTarget::new(motors[0], motors[1]),
+            Kinematics::Cartesian | Kinematics::CoreXz => CoreXyTarget { pulses: motors, rest: None },
         };
         self.feeds = FeedSteps::new(method.kinematics, x, y);
         let mut has_halves = false;

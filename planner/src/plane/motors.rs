@@ -57,7 +57,7 @@ impl FeedSteps {
             MotorPulse { axes: FIRST | SECOND, backwards: first.backwards | second.backwards, twice: false }
         };
         match kinematics {
-            Kinematics::Cartesian => Self {
+            Kinematics::Cartesian | Kinematics::CoreXz => Self {
                 along_x: MotorPulse::of(FIRST, x_sign),
                 along_y: MotorPulse::of(SECOND, y_sign),
                 diagonally: both(x_sign, y_sign),

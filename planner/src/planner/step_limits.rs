@@ -1,11 +1,11 @@
 //! What the steps of a block tell of its speeds: the limits of blocks that come without the positions they were made from.
 //!
-//! A motor stands within half a step of where it should, so a block's travel along an axis is known to a step (on CoreXY,
-//! where an axis is half of two motors, too). By that much the checks give way, and by rounding in single precision.
+//! A motor stands within half a step of where it should, so a block's travel along an axis is known to a step (also where an
+//! axis is half of two motors, as on CoreXY). By that much the checks give way, and by rounding in single precision.
 
 use super::block_rules::{BlockRules, TICKS_PER_10NM_AT_1_MM_PER_S};
 use crate::block::{Block, Speed};
-use crate::kinematics::{Kinematics, UNITS_PER_MM};
+use crate::kinematics::UNITS_PER_MM;
 use crate::limits::{larger, smaller};
 use crate::square_root::square_root_f32;
 
@@ -21,16 +21,11 @@ struct Travels {
 impl BlockRules {
     fn travels(&self, block: &Block) -> Travels {
         let step_mm = self.step_mm;
-        let [first, second, z] = block.steps.map(|steps| steps as f32);
-        let [x, y] = match self.geometry.kinematics {
-            Kinematics::Cartesian => [first * step_mm[0], second * step_mm[1]],
-            Kinematics::CoreXy => {
-                let (a, b) = (first * step_mm[0], second * step_mm[1]);
-                [(a + b) * 0.5, (a - b) * 0.5]
-            }
-        };
+        let [first, second, third] = block.steps.map(|steps| steps as f32);
+        let motors_mm = [first * step_mm[0], second * step_mm[1], third * step_mm[2]];
+        let [x, y, z] = self.geometry.kinematics.position(motors_mm);
         let filament = block.extruder_256ths as f32 * (step_mm[3] / 256.0);
-        Travels { mm: [x, y, z * step_mm[2], filament], step_mm }
+        Travels { mm: [x, y, z, filament], step_mm }
     }
 
     /// Whether a block's nominal speed and acceleration keep the limits of all axes, and its events their distance.

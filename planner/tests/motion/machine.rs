@@ -57,10 +57,9 @@ pub fn usual_steps() -> impl Strategy<Value = [f64; 4]> {
     ]
 }
 
-/// Machines of both kinds with so many steps a millimetre.
+/// Machines of all kinematics with these steps a millimetre.
 pub fn machines_with(steps: impl Strategy<Value = [f64; 4]>) -> impl Strategy<Value = Geometry> {
-    (any::<bool>(), steps)
-        .prop_map(|(core, steps)| geometry(if core { Kinematics::CoreXy } else { Kinematics::Cartesian }, steps))
+    (proptest::sample::select(&Kinematics::ALL[..]), steps).prop_map(|(kinematics, steps)| geometry(kinematics, steps))
 }
 
 pub fn machines() -> impl Strategy<Value = Geometry> {

@@ -53,7 +53,7 @@ fn ended(moves: impl Strategy<Value = Vec<Move>>) -> impl Strategy<Value = Vec<M
 /// Pulses along X and Y, in halves, of motor steps.
 fn half_pulses(kinematics: Kinematics, [first, second]: [f64; 2]) -> [f64; 2] {
     match kinematics {
-        Kinematics::Cartesian => [2.0 * first, 2.0 * second],
+        Kinematics::Cartesian | Kinematics::CoreXz => [2.0 * first, 2.0 * second],
         Kinematics::CoreXy => [first + second, first - second],
     }
 }

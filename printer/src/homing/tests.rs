@@ -6,6 +6,7 @@ mod safety;
 use super::*;
 use crate::error::Failure;
 use crate::ports::Equipment;
+use ferrostep_planner::Kinematics;
 use ferrostep_tmc2209::DriverSettings;
 use rig::{Drivers, Event, MM, Rig, RigPrinter, Sensor, execute};
 

@@ -158,7 +158,10 @@ fn errors_read_as_they_should() {
     );
     assert_eq!(
         error_after("kinematics = \"cartesian\"", "kinematics = \"delta\""),
-        format!("test.toml:{}: kinematics = \"delta\": expected \"cartesian\" or \"corexy\"", line("kinematics ="))
+        format!(
+            "test.toml:{}: kinematics = \"delta\": expected \"cartesian\", \"corexy\" or \"corexz\"",
+            line("kinematics =")
+        )
     );
     assert_eq!(
         error_after("both_edges = false", "both_edges = 0"),
@@ -210,7 +213,7 @@ fn homing_keeps_to_the_axis_and_its_speed() {
 }
 
 #[test]
-fn homing_by_stall_has_a_driver_that_tells_and_a_motor_that_is_fast_enough() {
+fn homing_by_stall_needs_a_driver_with_a_signal_and_a_fast_motor() {
     // Z is no matter of force, and a machine without such drivers has no signal.
     assert_conflict("prusa-mini", "\"probe\"\n", "\"stall\"\n", "homing.z.sensor");
     assert_conflict("cartesian", "\"end-stop\"\n", "\"stall\"\n", "homing.x.sensor");
@@ -221,7 +224,7 @@ fn homing_by_stall_has_a_driver_that_tells_and_a_motor_that_is_fast_enough() {
     assert_conflict("prusa-mini", "slow_mm_per_s = 50", "slow_mm_per_s = 31.9", "homing.x.slow_mm_per_s");
     let (from, to) = ("spread_cycle_above_mm_per_s = 0\n", "spread_cycle_above_mm_per_s = 50\n");
     assert_conflict("prusa-mini", from, to, "drivers.x.spread_cycle_above_mm_per_s");
-    // 50 mm/s at 1250 mm/s^2 take 1 mm, which is to be half of the way.
+    // 50 mm/s at 1250 mm/s^2 take 1 mm, which is to be half of the path back.
     assert_conflict("prusa-mini", "back_off_mm = 2.56", "back_off_mm = 1.99", "homing.x.back_off_mm");
     let text = builtin_text("prusa-mini").unwrap();
     for (from, to) in [

@@ -113,6 +113,7 @@ impl Trace {
         let (kinematics, axes) = match profile.kinematics {
             Kinematics::Cartesian => ("cartesian", "xyze"),
             Kinematics::CoreXy => ("corexy", "abze"),
+            Kinematics::CoreXz => ("corexz", "ayce"),
         };
         let header = serde_json::json!({
             "format": "ferrostep-trace",

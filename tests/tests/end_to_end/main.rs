@@ -5,6 +5,7 @@
 mod accelerations;
 mod bad_input;
 mod command;
+mod core_xz;
 mod desk;
 mod drivers;
 mod entries;
