@@ -28,7 +28,7 @@ pub fn bank(clock: &Clock, now_ticks: u32) -> DriverBank {
         *driver = settings.zip(DRIVER_WIRING.get(motor).copied().flatten());
     }
     let baud = if clock.source == ClockSource::Internal { PATIENT_BAUD } else { BoardDriverLine::BAUD };
-    DriverBank::new(drivers, LineTiming::new(clock.timer_hz, baud), now_ticks)
+    DriverBank::new(drivers, LineTiming::new(clock.slow_timers.raw(), baud), now_ticks)
 }
 
 #[cfg(drivers)]

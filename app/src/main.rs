@@ -17,7 +17,7 @@
 //! | 1 | `reports` | a halt, or 100 ms | `machine`, `heat`, `writers` | M155's line |
 //!
 //! 16 is above what BASEPRI can mask, and critical sections mask no more than that
-//! (`hal-shim/stm32f4-board/src/critical_section.rs`): nothing delays a step. So the two step tasks must never share
+//! (`hal-shim/critical-section/`): nothing delays a step. So the two step tasks must never share
 //! anything with a task below, nor use a signal or the log.
 //! `machine` has ceiling 4, `heat` 8, `writers` 2, so that heating is safe whatever the planner does, and bytes are
 //! received whatever anyone does.
@@ -156,30 +156,30 @@ mod app {
         let mut core = cx.core;
         let reset_cause = supervision::reset_cause(&device.RCC);
         let brown_out = supervision::set_brown_out_level(&device.RCC, &device.FLASH);
-        let clock = clock::start(&device.RCC, &device.FLASH);
+        let (clock, rcc) = clock::start(device.RCC, &device.FLASH);
         clock::set_systick_priority(&mut core.SCB, WAITS_PRIORITY);
-        Mono::start(core.SYST, clock.core_hz);
-        let motion_clock = MotionClock::start(device.TIM5, &device.RCC);
+        Mono::start(core.SYST, clock.core.raw());
+        let motion_clock = MotionClock::start(device.TIM5, &rcc);
         let measured = Switch::new(VectorTable::new(core.SCB), core.DCB, core.DWT, motion_clock);
         let ports = (device.GPIOA, device.GPIOB, device.GPIOC, device.GPIOD, device.GPIOE, device.GPIOF, device.GPIOG);
         let pins = BoardPins::new(ports, SENSORS, &SENSOR_STORES);
 
         let pin_map = board::PIN_MAP.with_inverted(PROFILE.driver.inverted);
-        let feeder = StepFeeder::new(&STEPS, pin_map, PROFILE.driver.signals(clock.timer_hz));
-        let step_timer = StepTimer::start(device.TIM2, device.TIM9, &device.RCC, &pins, &STEPS);
+        let feeder = StepFeeder::new(&STEPS, pin_map, PROFILE.driver.signals(clock.slow_timers.raw()));
+        let step_timer = StepTimer::start(device.TIM2, device.TIM9, &rcc, &pins, &STEPS);
         // On the bare internal oscillator the plan shall not depend on time, as for the host's line.
         let planning_clock = (clock.source != ClockSource::Internal).then_some(motion_clock);
         let queue = MotorQueue::new(pins, feeder, planning_clock);
         let machine = ports::build_machine(cx.local.machine, cx.local.slots, queue);
 
-        let port = Serial::start(device.USART1, &device.RCC, clock.serial_hz, BAUD);
+        let port = Serial::start(device.USART1, &rcc, clock.fast_bus, BAUD);
         let (received, to_read) = cx.local.receive.split();
         let (to_write, to_send) = cx.local.send.split();
         let (usb_received, usb_to_read) = cx.local.usb_receive.split();
         let (usb_to_write, usb_to_send) = cx.local.usb_send.split();
         let registers = (device.OTG_FS_GLOBAL, device.OTG_FS_DEVICE, device.OTG_FS_PWRCLK);
         let rings = Rings { received: usb_received, to_send: usb_to_send, act, note_line: || SIGNALS.note_host() };
-        let usb = Usb::start(cx.local.usb_memory, registers, &device.RCC, &clock, rings);
+        let usb = Usb::start(cx.local.usb_memory, registers, &rcc, &clock, rings);
         let usb_writer = usb.is_ok().then(|| LineWriter::new(usb_to_write));
         let mut writers = Writers { serial: Writer(to_write), usb: usb_writer };
         writers.line(To::All, Reply::Start);

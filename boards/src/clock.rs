@@ -106,6 +106,11 @@ impl Clock {
         fits.then_some(Self { pll, core_hz, apb1_divider, apb2_divider, timer_hz, flash_wait_states })
     }
 
+    /// Frequency of the slow bus, Hz.
+    pub const fn apb1_hz(&self) -> u32 {
+        self.core_hz / self.apb1_divider
+    }
+
     /// Frequency of the fast bus, which the host's line counts, Hz.
     pub const fn apb2_hz(&self) -> u32 {
         self.core_hz / self.apb2_divider
@@ -132,6 +137,41 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+
+    /// The search of stm32f4xx-hal 0.23 (`rcc/f4/pll.rs`, `fast_setup`) for a core of `core_hz` and USB.
+    fn found_by_the_hal(oscillator_hz: u32, core_hz: u32) -> Pll {
+        let p = 8.min((432_000_000 / core_hz) & !1);
+        let m = (oscillator_hz.div_ceil(2_000_000)..=oscillator_hz / 1_000_000)
+            .min_by_key(|m| USB_HZ - oscillator_hz / m * (USB_HZ / (oscillator_hz / m)))
+            .unwrap();
+        let input_hz = oscillator_hz / m;
+        let q = (4..=9)
+            .min_by_key(|q| {
+                let n = USB_HZ * q / input_hz;
+                (USB_HZ - input_hz * n / q, core_hz.abs_diff(input_hz * n / p))
+            })
+            .unwrap();
+        let n = USB_HZ * q / input_hz;
+        Pll { m, n, p, q: (input_hz * n).div_ceil(USB_HZ) }
+    }
+
+    /// The HAL is told of the clock when it runs, and stores its PLL's numbers once more. With the crystals that boards have they are
+    /// the same; with any other it names the same frequencies, and the PLL, which runs, ignores the store (RM0090 7.3.2).
+    #[test]
+    fn the_hal_finds_the_same_pll() {
+        for chip in chips() {
+            for oscillator_mhz in 4..=26 {
+                let oscillator_hz = oscillator_mhz * 1_000_000;
+                let Some(clock) = Clock::of(oscillator_hz, chip) else { continue };
+                let found = found_by_the_hal(oscillator_hz, clock.core_hz);
+                if [8, 12, 16, 25].contains(&oscillator_mhz) {
+                    assert_eq!(found, clock.pll, "{oscillator_mhz} MHz");
+                }
+                let pll_hz = oscillator_hz / found.m * found.n;
+                assert_eq!((pll_hz / found.p, pll_hz / found.q), (clock.core_hz, USB_HZ), "{oscillator_mhz} MHz");
+            }
+        }
+    }
 
     fn chips() -> impl Iterator<Item = Chip> {
         Chip::ALL.into_iter()

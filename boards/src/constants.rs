@@ -18,12 +18,12 @@ const STACK_KIB: u32 = 24;
 
 /// The constants that `ferrostep-stm32f4` includes as its module `board`.
 pub fn rust(board: &Board) -> String {
-    let Board { name, title, clock, internal_clock, virtual_sensors, .. } = board;
+    let Board { name, title, crystal_hz, clock, internal_clock, virtual_sensors, .. } = board;
     let ports = board.motor_ports();
     let has_usb = board.usb.is_some();
     let family = board.chip.family;
     // The core is as fast with either oscillator; what stands once below holds for both.
-    let Clock { core_hz, apb1_divider, apb2_divider, timer_hz, flash_wait_states, .. } = *clock;
+    let Clock { core_hz, apb1_divider, apb2_divider, flash_wait_states, .. } = *clock;
     let [apb1_code, apb2_code] = [apb1_divider, apb2_divider].map(Clock::divider_code);
     let plls = [clock.pll.register(true), internal_clock.pll.register(false)];
     let motor_pin = |pin: Pin| {
@@ -50,8 +50,9 @@ pub fn rust(board: &Board) -> String {
          /// PA11 and PA12 lead to a USB plug.\npub const USB: bool = {has_usb};\n\
          /// Its chip's registers.\npub const FAMILY: ChipFamily = ChipFamily::{family:?};\n\
          /// Frequency of the core with the PLL, Hz.\npub const CORE_HZ: u32 = {core_hz};\n\
+         /// Frequency of the crystal, Hz.\npub const CRYSTAL_HZ: u32 = {crystal_hz};\n\
          /// Frequency of the internal oscillator, Hz.\npub const INTERNAL_HZ: u32 = {INTERNAL_HZ};\n\
-         /// Frequency of the timers that count ticks, Hz.\npub const TIMER_HZ: u32 = {timer_hz};\n\
+         /// Frequency of the slow bus, Hz.\npub const APB1_HZ: u32 = {};\n\
          /// Frequency of the fast bus, Hz.\npub const APB2_HZ: u32 = {};\n\
          /// RCC_PLLCFGR with the crystal, and with the internal oscillator.\n\
          #[used]\n#[unsafe(no_mangle)]\npub static FERROSTEP_PLL: [u32; 2] = {plls:#x?};\n\
@@ -66,6 +67,7 @@ pub fn rust(board: &Board) -> String {
          /// What the image writes before anything else.\n{}\
          /// Heaters off, motors off, fans full, off the USB bus.\n{}\
          /// Motors and serial line ready, fans off.\n{}",
+        clock.apb1_hz(),
         clock.apb2_hz(),
         ports.len(),
         thermal(board),

@@ -97,7 +97,7 @@ fn the_constants_name_every_motor_and_register() {
         "pub const NAME: &str = \"prusa-buddy\";",
         "pub const VIRTUAL_SENSORS: bool = false;",
         "pub const CORE_HZ: u32 = 168000000;",
-        "pub const TIMER_HZ: u32 = 84000000;",
+        "pub const APB1_HZ: u32 = 42000000;",
         "pub const MOTOR_PORTS: usize = 1;",
         "pub const MOTOR_PORT_INDICES: [u8; MOTOR_PORTS] = [3];",
         "MotorPins { step: Pin { port: 0, number: 13 }, direction: Pin { port: 0, number: 12 } }",

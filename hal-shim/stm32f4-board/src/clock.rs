@@ -6,16 +6,23 @@ use ferrostep_stm32f4::clock_tree::{self, Clock, ClockSource};
 use ferrostep_stm32f4::{ClockRegisters, ClockSettings};
 
 use crate::board::{
-    APB1_CODE, APB2_CODE, APB2_HZ, CORE_HZ, FAMILY, FERROSTEP_PLL, FLASH_WAIT_STATES, INTERNAL_HZ, TIMER_HZ,
+    APB1_CODE, APB1_HZ, APB2_CODE, APB2_HZ, CORE_HZ, CRYSTAL_HZ, FAMILY, FERROSTEP_PLL, FLASH_WAIT_STATES,
 };
 use crate::pac::{FLASH, RCC};
 use crate::volatile::Volatile;
+use stm32f4xx_hal::prelude::*;
+use stm32f4xx_hal::rcc::{Config, Rcc};
 
 /// Most looks at a flag. A look takes at least four cycles, so this waits for 1 ms or longer.
 const MOST_LOOKS: u32 = 50_000;
 
 /// Starts the best clock there is, whatever a boot loader has left.
-pub fn start(_rcc: &RCC, _flash: &FLASH) -> Clock {
+///
+/// The HAL's own start waits for crystal and PLL without a bound, leaves the voltage scale, the second PLLs and the buses' resets
+/// to whoever was there before, and does not turn clock security on (hazards 1.6, 3.1 and 3.2 in `docs/src/hazards.md`). So the clock runs
+/// before the HAL is told of it: its `freeze` then finds every flag set and stores what the registers hold already
+/// (`boards/src/clock.rs` tests that its search finds the same PLL). What it returns is what its drivers ask for.
+pub fn start(rcc: RCC, _flash: &FLASH) -> (Clock, Rcc) {
     let settings = ClockSettings {
         family: FAMILY,
         pll: FERROSTEP_PLL,
@@ -27,12 +34,22 @@ pub fn start(_rcc: &RCC, _flash: &FLASH) -> Clock {
     // The numbers are within the limits of the manual (`boards/src/clock.rs` makes and tests them).
     let registers = unsafe { Volatile::new() };
     let source = clock_tree::start_best(&mut ClockRegisters::start_internal(registers, settings));
-    match source {
-        ClockSource::Crystal | ClockSource::InternalWithPll => {
-            Clock { source, core_hz: CORE_HZ, timer_hz: TIMER_HZ, serial_hz: APB2_HZ }
-        }
-        ClockSource::Internal => Clock { source, core_hz: INTERNAL_HZ, timer_hz: INTERNAL_HZ, serial_hz: INTERNAL_HZ },
-    }
+    let with_pll =
+        |config: Config| config.sysclk(CORE_HZ.Hz()).pclk1(APB1_HZ.Hz()).pclk2(APB2_HZ.Hz()).require_pll48clk();
+    let rcc = rcc.freeze(match source {
+        ClockSource::Crystal => with_pll(Config::hse(CRYSTAL_HZ.Hz())),
+        ClockSource::InternalWithPll => with_pll(Config::hsi()),
+        ClockSource::Internal => Config::hsi(),
+    });
+    let clock = Clock {
+        source,
+        core: rcc.clocks.hclk(),
+        slow_bus: rcc.clocks.pclk1(),
+        slow_timers: rcc.clocks.timclk1(),
+        fast_bus: rcc.clocks.pclk2(),
+        fast_timers: rcc.clocks.timclk2(),
+    };
+    (clock, rcc)
 }
 
 /// Gives SysTick, the timer of the waits, a priority from 1 to 16 in RTIC's sense. After reset it has the highest, and

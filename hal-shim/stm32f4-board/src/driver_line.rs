@@ -40,7 +40,7 @@ impl DriverLine for SharedLine {
         let [pin, ..] = pins;
         // SAFETY: USART2 was given up to this; the pin is the line's by the board's file.
         let registers = unsafe { Volatile::new() };
-        Self::start(registers, pin, clock.slow_bus_hz(), Self::BAUD)
+        Self::start(registers, pin, clock.slow_bus.raw(), Self::BAUD)
     }
 
     #[inline]
@@ -62,7 +62,7 @@ impl DriverLine for OwnLines {
         // SAFETY: TIM7 was given up to this; the pins are the lines' by the board's file. Their ports' modes are changed by
         // nobody else after the start, or by who cannot be interrupted by this.
         let registers = unsafe { Volatile::new() };
-        Self::start(registers, pins, clock.timer_hz, Self::BAUD)
+        Self::start(registers, pins, clock.slow_timers.raw(), Self::BAUD)
     }
 
     #[inline]

@@ -10,7 +10,6 @@
 
 pub mod board;
 pub mod clock;
-mod critical_section;
 pub mod driver_line;
 pub mod fault;
 mod handlers;
@@ -26,9 +25,5 @@ pub mod usb_guard;
 pub mod vector_table;
 mod volatile;
 
-#[cfg(feature = "stm32f405")]
-pub use stm32f4::stm32f405 as pac;
-#[cfg(feature = "stm32f407")]
-pub use stm32f4::stm32f407 as pac;
-#[cfg(feature = "stm32f446")]
-pub use stm32f4::stm32f446 as pac;
+pub use stm32f4xx_hal::pac;
+pub use stm32f4xx_hal::rcc::Rcc;

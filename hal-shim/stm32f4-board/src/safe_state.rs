@@ -14,6 +14,8 @@ const MOST_LOOKS: u32 = 200_000;
 
 /// Stops all interrupts and switches heaters, then motors off, by their registers; then the fans full on, and the USB port off
 /// the bus, so that its host ends too.
+// Inlined, so that the test of what masks interrupts sees each caller.
+#[inline(always)]
 pub fn enter() {
     cortex_m::interrupt::disable();
     board::all_off();

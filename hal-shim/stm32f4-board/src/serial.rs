@@ -2,6 +2,7 @@
 
 use crate::handlers::complete_stores;
 use crate::pac::{RCC, USART1};
+use fugit::HertzU32 as Hertz;
 
 /// Most bytes handed to the transmitter in one interrupt. A real one takes two; QEMU's would take all there are.
 const BYTES_AT_ONCE: usize = 16;
@@ -23,13 +24,13 @@ pub struct Serial {
 }
 
 impl Serial {
-    /// Starts the port: 8 bits, no parity, 1 stop bit; the receive interrupt is on. `bus_hz` is the port's clock.
-    pub fn start(usart: USART1, rcc: &RCC, bus_hz: u32, baud: u32) -> Self {
+    /// Starts the port: 8 bits, no parity, 1 stop bit; the receive interrupt is on. `bus` is the port's clock.
+    pub fn start(usart: USART1, rcc: &RCC, bus: Hertz, baud: u32) -> Self {
         rcc.apb2enr().modify(|_, w| w.usart1en().set_bit());
         // Read back: `Registers::switch_clocks_on` says why.
         let _switched_on = rcc.apb2enr().read();
         // Sixteenths of the divider, rounded, are what BRR holds; 84 MHz / 9600 baud fit its 16 bits.
-        let divider = (bus_hz + baud / 2) / baud.max(1);
+        let divider = (bus.raw() + baud / 2) / baud.max(1);
         // SAFETY: any value is a divider.
         usart.brr().write(|w| unsafe { w.bits(divider as u16) });
         usart.cr1().write(|w| w.ue().set_bit().te().set_bit().re().set_bit().rxneie().set_bit());

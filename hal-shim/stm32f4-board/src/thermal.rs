@@ -2,10 +2,10 @@
 
 use core::sync::atomic::AtomicU16;
 
-use ferrostep_stm32f4::clock_tree::{Clock, ClockSource};
+use ferrostep_stm32f4::clock_tree::Clock;
 use ferrostep_stm32f4::{BoardHeaters, CONVERSIONS, PwmClocks};
 
-use crate::board::{APB2_CODE, THERMAL, THERMISTORS};
+use crate::board::{THERMAL, THERMISTORS};
 use crate::pac::{ADC_COMMON, ADC1, ADC3, DMA2};
 use crate::volatile::Volatile;
 
@@ -15,9 +15,6 @@ pub type Heaters = BoardHeaters<Volatile>;
 /// Where DMA lays conversions: in RAM that it reaches.
 static MEMORY: [AtomicU16; THERMISTORS * CONVERSIONS] = [const { AtomicU16::new(0) }; THERMISTORS * CONVERSIONS];
 
-/// From this code on the fast bus is slower than the core, and its timers are twice as fast as it (RM0090, 7.2).
-const DIVIDED: u8 = 0b100;
-
 /// What measures.
 pub type Converters = (ADC1, ADC3, ADC_COMMON, DMA2);
 
@@ -25,9 +22,7 @@ pub type Converters = (ADC1, ADC3, ADC_COMMON, DMA2);
 /// [`BoardPins::new`](crate::board::BoardPins::new).
 pub fn start(_converters: Converters, clock: &Clock) -> Option<Heaters> {
     let pins = THERMAL?;
-    let is_divided = clock.source != ClockSource::Internal && APB2_CODE >= DIVIDED;
-    let fast_hz = if is_divided { clock.serial_hz * 2 } else { clock.serial_hz };
-    let clocks = PwmClocks { slow_hz: clock.timer_hz, fast_hz };
+    let clocks = PwmClocks { slow_hz: clock.slow_timers.raw(), fast_hz: clock.fast_timers.raw() };
     // SAFETY: the converters and the stream were given up to this. The timers are those that the board's file gives to
     // heaters and fans, which are none that the firmware uses otherwise (`boards/src/signals.rs`); their pins are
     // theirs alone. Clocks are switched on before any task runs. The panic and fault handlers take the pins away when

@@ -102,7 +102,7 @@ pub fn start(
         return Err(NoUsb::NoAnswer);
     }
     connect_pins();
-    Ok((Bus::new(Controller { core_hz: clock.core_hz }, packets), UsbGuard::new(&global, &device)))
+    Ok((Bus::new(Controller { core_hz: clock.core.raw() }, packets), UsbGuard::new(&global, &device)))
 }
 
 /// PA11 and PA12 become the controller's.

@@ -3,6 +3,7 @@
 use core::fmt;
 
 use ferrostep_planner::TICKS_PER_SECOND;
+use fugit::HertzU32 as Hertz;
 
 /// Where the clock comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -53,27 +54,23 @@ pub fn start_best(tree: &mut impl ClockTree) -> ClockSource {
 pub struct Clock {
     /// Where it comes from.
     pub source: ClockSource,
-    /// Frequency of the core and of its SysTick, Hz.
-    pub core_hz: u32,
-    /// Frequency of the timers that count the ticks of the motion clock, Hz.
-    pub timer_hz: u32,
-    /// Frequency of the serial port's bus, Hz.
-    pub serial_hz: u32,
+    /// Of the core and of its SysTick.
+    pub core: Hertz,
+    /// Of the slow bus, APB1.
+    pub slow_bus: Hertz,
+    /// Of the timers on the slow bus, which count the ticks of the motion clock.
+    pub slow_timers: Hertz,
+    /// Of the fast bus, APB2, which the host's line hangs on.
+    pub fast_bus: Hertz,
+    /// Of the timers on the fast bus.
+    pub fast_timers: Hertz,
 }
 
 impl Clock {
-    /// Frequency of the slow bus, APB1, Hz: half that of its timers where it is divided (RM0090 7.2).
-    pub const fn slow_bus_hz(&self) -> u32 {
-        match self.source {
-            ClockSource::Internal => self.timer_hz,
-            ClockSource::Crystal | ClockSource::InternalWithPll => self.timer_hz / 2,
-        }
-    }
-
     /// By how much time is stretched against the nominal time base, in hundredths: 100 is not at all.
     pub const fn stretch_percent(&self) -> u32 {
-        let timer_hz = if self.timer_hz == 0 { 1 } else { self.timer_hz };
-        (TICKS_PER_SECOND as u64 * 100 / timer_hz as u64) as u32
+        let timers_hz = if self.slow_timers.raw() == 0 { 1 } else { self.slow_timers.raw() };
+        (TICKS_PER_SECOND as u64 * 100 / timers_hz as u64) as u32
     }
 }
 
@@ -84,7 +81,7 @@ impl fmt::Display for Clock {
             ClockSource::InternalWithPll => "the crystal did not start, HSI with PLL",
             ClockSource::Internal => "HSI",
         };
-        write!(out, "{source} {} MHz", self.core_hz / 1_000_000)?;
+        write!(out, "{source} {} MHz", self.core.to_MHz())?;
         match self.stretch_percent() {
             100 => Ok(()),
             percent => write!(out, ", time stretched {}.{:02} times", percent / 100, percent % 100),
@@ -144,11 +141,16 @@ mod tests {
 
     #[test]
     fn the_host_is_told_what_time_is_worth() {
-        let full =
-            Clock { source: ClockSource::Crystal, core_hz: 168_000_000, timer_hz: 84_000_000, serial_hz: 84_000_000 };
-        assert_eq!(full.to_string(), "crystal with PLL 168 MHz");
-        let slow =
-            Clock { source: ClockSource::Internal, core_hz: 16_000_000, timer_hz: 16_000_000, serial_hz: 16_000_000 };
+        let clock = |source, core_mhz, slow_timers_mhz| Clock {
+            source,
+            core: Hertz::MHz(core_mhz),
+            slow_bus: Hertz::MHz(slow_timers_mhz / 2),
+            slow_timers: Hertz::MHz(slow_timers_mhz),
+            fast_bus: Hertz::MHz(84),
+            fast_timers: Hertz::MHz(168),
+        };
+        assert_eq!(clock(ClockSource::Crystal, 168, 84).to_string(), "crystal with PLL 168 MHz");
+        let slow = clock(ClockSource::Internal, 16, 16);
         assert_eq!(slow.to_string(), "HSI 16 MHz, time stretched 5.25 times");
     }
 }

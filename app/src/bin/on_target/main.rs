@@ -114,10 +114,10 @@ impl Board {
         // SAFETY: once a reset, before anything else has them.
         let device = unsafe { Peripherals::steal() };
         let core = cortex_m::Peripherals::take().ok_or("started twice")?;
-        let clock = clock::start(&device.RCC, &device.FLASH);
-        // SAFETY: TIM5 has no other owner; the rest of what was stolen is handed out once.
-        let Peripherals { TIM5: timer, .. } = unsafe { Peripherals::steal() };
-        let motion_clock = MotionClock::start(timer, &device.RCC);
+        // SAFETY: TIM5 has no other owner, and the clock is started before the rest of what was stolen is used.
+        let Peripherals { TIM5: timer, RCC: rcc, .. } = unsafe { Peripherals::steal() };
+        let (clock, rcc) = clock::start(rcc, &device.FLASH);
+        let motion_clock = MotionClock::start(timer, &rcc);
         Ok(Self { device, core, clock, motion_clock })
     }
 }
@@ -144,8 +144,8 @@ fn the_core_runs_at_its_clock(board: Board) -> Result<(), Failure> {
     let before = motion_clock.now_ticks();
     let (cycles, ()) = counter.count(|| cortex_m::asm::delay(1_000_000));
     let ticks = motion_clock.now_ticks().wrapping_sub(before);
-    let expected = if core_cycles.are_of_core() { clock.core_hz / clock.timer_hz } else { 1 };
-    hprintln!("{} Hz by its clock tree; {} cycles in {} ticks", clock.core_hz, cycles, ticks);
+    let expected = if core_cycles.are_of_core() { clock.core.raw() / clock.slow_timers.raw() } else { 1 };
+    hprintln!("{} Hz by its clock tree; {} cycles in {} ticks", clock.core.raw(), cycles, ticks);
     // A reading of the two counters apart.
     let off = (ticks * expected).abs_diff(cycles);
     hold("cycles that the timer does not see", off, "cycles", 200)
@@ -207,8 +207,11 @@ fn steps_take_the_time_that_they_say<M: Stepping>(
     let mut controller = core.NVIC;
     let on_silicon = Cycles::start(core.DCB, core.DWT, motion_clock).are_of_core();
     let timer = StepTimer::start(device.TIM2, device.TIM9, &device.RCC, &pins(), player);
-    let mut queue =
-        MotorQueue::new(pins(), StepFeeder::new(player, PIN_MAP, PROFILE.driver.signals(clock.timer_hz)), None);
+    let mut queue = MotorQueue::new(
+        pins(),
+        StepFeeder::new(player, PIN_MAP, PROFILE.driver.signals(clock.slow_timers.raw())),
+        None,
+    );
     play(timer, &mut controller);
     let mut queued = 0usize;
     let (mut began, mut missed) = (None, 0);
@@ -231,13 +234,13 @@ fn steps_take_the_time_that_they_say<M: Stepping>(
         }
         let (first, from) = *began.get_or_insert((played, now));
         let elapsed = now.wrapping_sub(from);
-        if elapsed < PLAYED_S * clock.timer_hz {
+        if elapsed < PLAYED_S * clock.slow_timers.raw() {
             continue;
         }
         let planned = ticks_of(played).wrapping_sub(ticks_of(first));
         let steps = played.wrapping_sub(first);
         hprintln!("{} steps: {} ticks planned, {} measured, {} updates missed", steps, planned, elapsed, missed);
-        if steps < PLAYED_S * clock.timer_hz / 4_200 {
+        if steps < PLAYED_S * clock.slow_timers.raw() / 4_200 {
             return Err("the steps did not come");
         }
         if !on_silicon {
@@ -272,8 +275,11 @@ fn a_step_is_on_time_under_usb_load(board: Board) -> Result<(), Failure> {
     let Board { device, core, clock, motion_clock } = board;
     let mut controller = core.NVIC;
     let timer = StepTimer::start(device.TIM2, device.TIM9, &device.RCC, &pins(), &STEPS);
-    let mut queue =
-        MotorQueue::new(pins(), StepFeeder::new(&STEPS, PIN_MAP, PROFILE.driver.signals(clock.timer_hz)), None);
+    let mut queue = MotorQueue::new(
+        pins(),
+        StepFeeder::new(&STEPS, PIN_MAP, PROFILE.driver.signals(clock.slow_timers.raw())),
+        None,
+    );
     handlers::play(timer, &mut controller);
 
     let memory = cortex_m::singleton!(: Memory = Memory::new()).ok_or("started twice")?;
@@ -292,7 +298,7 @@ fn a_step_is_on_time_under_usb_load(board: Board) -> Result<(), Failure> {
     switch.set(true);
     let began = motion_clock.now_ticks();
     let mut bytes = 0u32;
-    while motion_clock.now_ticks().wrapping_sub(began) < TIMED_S * clock.timer_hz {
+    while motion_clock.now_ticks().wrapping_sub(began) < TIMED_S * clock.slow_timers.raw() {
         steps(&mut queue)?;
         cortex_m::peripheral::NVIC::pend(Interrupt::OTG_FS);
         // What comes goes back: packets both ways, as many as the computer sends.
@@ -318,7 +324,7 @@ fn a_step_is_on_time_under_usb_load(board: Board) -> Result<(), Failure> {
     }
     hprintln!("{} bytes by USB", bytes);
     // Half of what was asked for at the least: that it was under way at all.
-    if latency.summary.count < TIMED_S * clock.timer_hz / INTERVAL_TICKS / 2 {
+    if latency.summary.count < TIMED_S * clock.slow_timers.raw() / INTERVAL_TICKS / 2 {
         return Err("the steps did not come");
     }
     hold("a step, with what measuring it takes", duration.summary.max, duration.unit, MOST_CYCLES_MEASURED)?;
