@@ -13,7 +13,7 @@ use super::{IDLE_TICKS, StepLink};
 
 /// Most slots that one entry takes, unless it has more events than a slot: a direction change, the first step after it,
 /// the others.
-pub const MOST_SLOTS_AN_ENTRY: usize = 3;
+pub const MAX_SLOTS_AN_ENTRY: usize = 3;
 
 /// Slots of the ring that no entry takes: one for [`StepFeeder::seal`], and those of the slot in play and the one before,
 /// which tell after a stop what has not been played.
@@ -138,7 +138,7 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
 
     /// How many entries fit at least.
     pub fn room(&self) -> usize {
-        self.free() / MOST_SLOTS_AN_ENTRY
+        self.free() / MAX_SLOTS_AN_ENTRY
     }
 
     /// Adds an entry.
@@ -203,7 +203,7 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
     #[cold]
     #[inline(never)]
     fn push_unusual(&mut self, entry: StepEntry) -> Result<(), FeedError> {
-        if self.free() < MOST_SLOTS_AN_ENTRY {
+        if self.free() < MAX_SLOTS_AN_ENTRY {
             return Err(FeedError::Full);
         }
         match entry.kind() {
@@ -220,8 +220,7 @@ impl<'a, M: Stepping, const PORTS: usize, const N: usize> StepFeeder<'a, M, PORT
                     return Err(FeedError::TooNear);
                 }
                 // No stair of the planner's is so long that this is more.
-                let slots =
-                    usize::from(count) / (MAX_EVENTS as usize / M::EVENTS_A_STEP as usize) + MOST_SLOTS_AN_ENTRY;
+                let slots = usize::from(count) / (MAX_EVENTS as usize / M::EVENTS_A_STEP as usize) + MAX_SLOTS_AN_ENTRY;
                 if self.free() < slots {
                     return Err(FeedError::Full);
                 }

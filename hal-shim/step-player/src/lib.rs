@@ -21,7 +21,7 @@ mod slot;
 mod virtual_timer;
 
 pub use dropped::DroppedSteps;
-pub use feeder::{FeedError, MOST_SLOTS_AN_ENTRY, Signals, StepFeeder};
+pub use feeder::{FeedError, MAX_SLOTS_AN_ENTRY, Signals, StepFeeder};
 pub use link::StepLink;
 pub use pins::{MotorPins, Pin, PinMap};
 pub use player::{BothEdges, MIN_GAP_TICKS, NextWords, OutputPorts, Pulses, StepPlayer, Stepping, UpdateTimer};

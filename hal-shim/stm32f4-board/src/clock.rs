@@ -14,7 +14,7 @@ use stm32f4xx_hal::prelude::*;
 use stm32f4xx_hal::rcc::{Config, Rcc};
 
 /// Most looks at a flag. A look takes at least four cycles, so this waits for 1 ms or longer.
-const MOST_LOOKS: u32 = 50_000;
+const MAX_LOOKS: u32 = 50_000;
 
 /// Starts the best clock there is, whatever a boot loader has left.
 ///
@@ -61,7 +61,7 @@ pub fn set_systick_priority(scb: &mut SCB, priority: u8) {
     unsafe { scb.set_priority(SystemHandler::SysTick, hardware) };
 }
 
-/// Whether a flag comes up within [`MOST_LOOKS`].
+/// Whether a flag comes up within [`MAX_LOOKS`].
 pub fn comes_true(mut flag: impl FnMut() -> bool) -> bool {
-    (0..MOST_LOOKS).any(|_| flag())
+    (0..MAX_LOOKS).any(|_| flag())
 }

@@ -10,7 +10,7 @@ use crate::volatile::Volatile;
 use crate::{board, supervision};
 
 /// Most looks at the transmitter for one byte: more than a byte takes at 9600 baud and 168 MHz.
-const MOST_LOOKS: u32 = 200_000;
+const MAX_LOOKS: u32 = 200_000;
 
 /// Stops all interrupts and switches heaters, then motors off, by their registers; then the fans full on, and the USB port off
 /// the bus, so that its host ends too.
@@ -61,7 +61,7 @@ impl fmt::Write for LastWords {
         // SAFETY: interrupts are off for good, so that no other code writes to the port.
         let usart = unsafe { &*USART1::ptr() };
         for byte in text.bytes() {
-            let _ready = (0..MOST_LOOKS).any(|_| usart.sr().read().txe().bit_is_set());
+            let _ready = (0..MAX_LOOKS).any(|_| usart.sr().read().txe().bit_is_set());
             usart.dr().write(|w| w.dr().set(u16::from(byte)));
         }
         Ok(())

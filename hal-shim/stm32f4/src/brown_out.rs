@@ -29,7 +29,7 @@ const PVDO: u32 = 1 << 2;
 const COMPARATOR_LOOKS: u32 = 10_000;
 
 /// Looks at the flash's flag: some seconds. Erasing and writing the options takes up to 2 s (DS8626, flash memory).
-const MOST_LOOKS: u32 = 50_000_000;
+const MAX_LOOKS: u32 = 50_000_000;
 
 /// How it stands with the level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -59,7 +59,7 @@ impl fmt::Display for BrownOut {
 /// heats. The other options, among them the one that locks the chip, are written as they are. To be called before anything
 /// else runs: while the flash is busy, nothing does.
 pub fn set_brown_out_level(registers: &mut impl Registers) -> BrownOut {
-    set_within(MOST_LOOKS, registers)
+    set_within(MAX_LOOKS, registers)
 }
 
 fn set_within(most_looks: u32, registers: &mut impl Registers) -> BrownOut {

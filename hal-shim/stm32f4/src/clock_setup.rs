@@ -57,7 +57,7 @@ const CACHES_EMPTY: u32 = 1 << 11 | 1 << 12;
 
 /// Most looks at a ready flag. A crystal takes 2 ms, a PLL 0.2 ms; a look takes at least four cycles of 16 MHz, so this
 /// waits for 12 ms or longer.
-const MOST_LOOKS: u32 = 50_000;
+const MAX_LOOKS: u32 = 50_000;
 
 /// A divider takes effect within 16 cycles of the AHB (RM0090 7.3.3); a look takes one at least.
 const DIVIDER_LOOKS: u32 = 16;
@@ -109,7 +109,7 @@ impl<R: Registers> ClockRegisters<R> {
         clock.use_internal();
         let registers = &mut clock.registers;
         registers.modify(CR, HSEON | CSSON | PLLON | OTHERS_ON, 0);
-        let _off = registers.comes_to(CR, HSERDY | PLLRDY | OTHERS_READY, false, MOST_LOOKS);
+        let _off = registers.comes_to(CR, HSERDY | PLLRDY | OTHERS_READY, false, MAX_LOOKS);
         // The crystal's bypass can be changed while the crystal is off.
         registers.write(CR, HSION | HSITRIM);
         registers.write(CIR, CLEAR_FLAGS);
@@ -133,9 +133,9 @@ impl<R: Registers> ClockRegisters<R> {
     fn use_internal(&mut self) {
         let registers = &mut self.registers;
         registers.modify(CR, 0, HSION);
-        let _ready = registers.comes_to(CR, HSIRDY, true, MOST_LOOKS);
+        let _ready = registers.comes_to(CR, HSIRDY, true, MAX_LOOKS);
         registers.modify(CFGR, SW, 0);
-        let _switched = registers.comes_to(CFGR, SWS, false, MOST_LOOKS);
+        let _switched = registers.comes_to(CFGR, SWS, false, MAX_LOOKS);
         registers.write(CFGR, 0);
     }
 
@@ -143,10 +143,10 @@ impl<R: Registers> ClockRegisters<R> {
     fn lock_pll(&mut self, factors: u32) -> bool {
         let registers = &mut self.registers;
         registers.modify(CR, PLLON, 0);
-        let _off = registers.comes_to(CR, PLLRDY, false, MOST_LOOKS);
+        let _off = registers.comes_to(CR, PLLRDY, false, MAX_LOOKS);
         registers.write(PLLCFGR, factors);
         registers.modify(CR, 0, PLLON);
-        registers.comes_to(CR, PLLRDY, true, MOST_LOOKS) && registers.comes_to(PWR_CSR, VOSRDY, true, MOST_LOOKS)
+        registers.comes_to(CR, PLLRDY, true, MAX_LOOKS) && registers.comes_to(PWR_CSR, VOSRDY, true, MAX_LOOKS)
     }
 
     /// Whether flash waits as long as it must, before the core speeds up (RM0090 3.5.1, RM0390 3.4.1: to be read back);
@@ -154,7 +154,7 @@ impl<R: Registers> ClockRegisters<R> {
     fn slow_flash_down(&mut self) -> bool {
         let wait_states = u32::from(self.settings.flash_wait_states);
         self.registers.write(FLASH_ACR, wait_states | PRFTEN | CACHES_ON);
-        (0..MOST_LOOKS).any(|_| self.registers.read(FLASH_ACR) & LATENCY == wait_states)
+        (0..MAX_LOOKS).any(|_| self.registers.read(FLASH_ACR) & LATENCY == wait_states)
     }
 
     /// Whether the PLL has become the core's clock. The dividers come first and by a store of their own: they take effect up
@@ -167,14 +167,14 @@ impl<R: Registers> ClockRegisters<R> {
             let _look = registers.read(CFGR);
         });
         registers.modify(CFGR, SW, SW_PLL);
-        (0..MOST_LOOKS).any(|_| registers.read(CFGR) & SWS == SWS_PLL)
+        (0..MAX_LOOKS).any(|_| registers.read(CFGR) & SWS == SWS_PLL)
     }
 }
 
 impl<R: Registers> ClockTree for ClockRegisters<R> {
     fn start_crystal(&mut self) -> bool {
         self.registers.modify(CR, 0, HSEON);
-        self.registers.comes_to(CR, HSERDY, true, MOST_LOOKS)
+        self.registers.comes_to(CR, HSERDY, true, MAX_LOOKS)
     }
 
     fn stop_crystal(&mut self) {

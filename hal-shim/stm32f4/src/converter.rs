@@ -14,7 +14,7 @@ const TAKEN: u16 = u16::MAX;
 
 /// So many readings in a row that are not wholly new, and the converter counts as stopped: 80 ms at the control's pace.
 /// One that works makes a reading in 2 ms ([`Converter`]); some in a row may be asked for at once at the start.
-const MOST_OLD: u8 = 8;
+const MAX_OLD: u8 = 8;
 
 /// A pair of looks at a register takes two cycles of the fast bus or more, so this is 3 us or longer up to 84 MHz: what
 /// the converter takes to wake up (DS8626, ADC characteristics, tSTAB).
@@ -54,9 +54,9 @@ const ADCPRE: u32 = 0b11 << 16;
 const QUARTER: u32 = 0b01 << 16;
 /// 480 cycles of sampling for every channel, 23 us: a thermistor is a source of up to 4.7 kilohms. The conversion takes
 /// 12 more.
-const LONGEST_SAMPLING: u32 = 0x3fff_ffff;
+const MAX_SAMPLING: u32 = 0x3fff_ffff;
 /// Sampling times of channels 10 to 18.
-const LONGEST_SAMPLING_HIGH: u32 = 0x07ff_ffff;
+const MAX_SAMPLING_HIGH: u32 = 0x07ff_ffff;
 
 // RM0090, 10.5: DMA2, stream 0, which serves ADC1 (channel 0) and ADC3 (channel 2): table 43.
 const LISR: u32 = 0x4002_6400;
@@ -142,7 +142,7 @@ impl Converter {
     ) -> Self {
         registers.switch_clocks_on(RCC_AHB1ENR, 1 << 22);
         registers.switch_clocks_on(RCC_APB2ENR, number.clock());
-        let converter = Self { number, channels, memory, memory_address, last: [u16::MAX; 2], old: [MOST_OLD; 2] };
+        let converter = Self { number, channels, memory, memory_address, last: [u16::MAX; 2], old: [MAX_OLD; 2] };
         converter.begin(registers);
         let is_new = |conversion: &AtomicU16| conversion.load(Ordering::Relaxed) != TAKEN;
         let _comes = (0..FIRST_READING_LOOKS).any(|_| converter.memory.last().is_some_and(is_new));
@@ -173,8 +173,8 @@ impl Converter {
 
         registers.modify(ADC_CCR, ADCPRE, QUARTER);
         registers.write(base + CR1, SCAN);
-        registers.write(base + SMPR1, LONGEST_SAMPLING_HIGH);
-        registers.write(base + SMPR2, LONGEST_SAMPLING);
+        registers.write(base + SMPR1, MAX_SAMPLING_HIGH);
+        registers.write(base + SMPR2, MAX_SAMPLING);
         // Six channels of five bits a register, the first lowest; their number less one above the last.
         let number = (self.channels.len() as u32).saturating_sub(1) << 20;
         for (turn, register) in [SQR3, SQR2, SQR1].into_iter().enumerate() {
@@ -216,15 +216,15 @@ impl Converter {
             return sum;
         }
         *old += 1;
-        let stopped = *old >= MOST_OLD;
+        let stopped = *old >= MAX_OLD;
         if stopped {
             *last = u16::MAX;
         }
         let reading = *last;
         // Not again before the new start has had its time.
-        let is_due = *old == MOST_OLD || *old >= 2 * MOST_OLD;
-        if *old >= 2 * MOST_OLD {
-            *old = MOST_OLD;
+        let is_due = *old == MAX_OLD || *old >= 2 * MAX_OLD;
+        if *old >= 2 * MAX_OLD {
+            *old = MAX_OLD;
         }
         if failed || is_due {
             self.begin(registers);

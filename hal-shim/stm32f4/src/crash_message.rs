@@ -4,7 +4,7 @@ use core::fmt;
 use core::sync::atomic::{AtomicU8, AtomicU32, Ordering};
 
 /// Longest text, bytes; what is longer is cut.
-pub const MOST_BYTES: usize = 160;
+pub const MAX_BYTES: usize = 160;
 
 /// FNV-1a's first value and factor.
 const BASIS: u32 = 0x811c_9dc5;
@@ -15,13 +15,13 @@ const FACTOR: u32 = 0x0100_0193;
 pub struct CrashMessage {
     check: AtomicU32,
     length: AtomicU32,
-    bytes: [AtomicU8; MOST_BYTES],
+    bytes: [AtomicU8; MAX_BYTES],
 }
 
 impl CrashMessage {
     /// No text.
     pub const fn new() -> Self {
-        Self { check: AtomicU32::new(0), length: AtomicU32::new(0), bytes: [const { AtomicU8::new(0) }; MOST_BYTES] }
+        Self { check: AtomicU32::new(0), length: AtomicU32::new(0), bytes: [const { AtomicU8::new(0) }; MAX_BYTES] }
     }
 
     /// Keeps a text in the place of the one before. Line ends become spaces, as does what is not ASCII.

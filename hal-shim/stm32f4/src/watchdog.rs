@@ -33,7 +33,7 @@ pub const FASTEST_TIMEOUT_MS: u32 = COUNT * DIVIDER * 1000 / FASTEST_HZ;
 pub const SLOWEST_TIMEOUT_MS: u32 = (COUNT * DIVIDER * 1000).div_ceil(SLOWEST_HZ);
 
 /// Looks at a flag, more than five periods of the slowest oscillator divided by 256 at 168 MHz.
-const MOST_LOOKS: u32 = 1_000_000;
+const MAX_LOOKS: u32 = 1_000_000;
 
 /// What the watchdog does while a debugger has halted the core.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -62,7 +62,7 @@ impl Watchdog {
         registers.write(PR, DIVIDER_CODE);
         registers.write(RLR, COUNT - 1);
         // Where it has no such flag, or never clears it, the longer time-out after reset may be in force.
-        let _updated = registers.comes_to(SR, UPDATING, false, MOST_LOOKS);
+        let _updated = registers.comes_to(SR, UPDATING, false, MAX_LOOKS);
         let watchdog = Self(());
         watchdog.feed(registers);
         watchdog

@@ -30,7 +30,7 @@ pub use registers::{
     ChopConf, DriverStatus, GlobalConf, GlobalStatus, HoldRun, MicrostepResolution, Register, VERSION,
 };
 pub use settings::{
-    CLOCK_HZ, DriverSettings, DriverWiring, RegisterImage, STALL_FULL_STEPS_PER_S, SettingsError, THRESHOLD_LARGEST,
+    CLOCK_HZ, DriverSettings, DriverWiring, MAX_THRESHOLD, RegisterImage, STALL_FULL_STEPS_PER_S, SettingsError,
     TSTEP_MICROSTEPS, chopper_threshold,
 };
 pub use uart::{LineBusy, LineBytes, SingleWireUart};

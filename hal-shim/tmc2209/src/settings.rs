@@ -6,7 +6,7 @@ use super::current::{CurrentError, CurrentScale};
 use super::registers::{ChopConf, GlobalConf, HoldRun, MicrostepResolution, Register};
 
 /// The largest value of TSTEP and its thresholds, 20 bits (section 5.2).
-pub const THRESHOLD_LARGEST: u32 = 0xf_ffff;
+pub const MAX_THRESHOLD: u32 = 0xf_ffff;
 
 /// The chip's internal clock, Hz (section 14: 12 MHz).
 pub const CLOCK_HZ: u32 = 12_000_000;
@@ -77,7 +77,7 @@ pub fn chopper_threshold(mm_per_s: f64, steps_per_mm: f64, microsteps: u16) -> u
     }
     let full_steps_per_s = mm_per_s * steps_per_mm / f64::from(microsteps);
     let clocks = f64::from(CLOCK_HZ) / (full_steps_per_s * f64::from(TSTEP_MICROSTEPS)) + 0.5;
-    (clocks.min(f64::from(THRESHOLD_LARGEST)) as u32).max(1)
+    (clocks.min(f64::from(MAX_THRESHOLD)) as u32).max(1)
 }
 
 /// Settings that the chip cannot take.
@@ -150,7 +150,7 @@ impl RegisterImage {
                 (Register::Gconf, global.bits()),
                 (Register::IholdIrun, currents.bits()),
                 (Register::Tpowerdown, POWER_DOWN),
-                (Register::Tpwmthrs, settings.stealth_until & THRESHOLD_LARGEST),
+                (Register::Tpwmthrs, settings.stealth_until & MAX_THRESHOLD),
                 (Register::Tcoolthrs, stall_until),
                 (Register::Sgthrs, u32::from(settings.stall_threshold)),
                 // No current by load: it is for machines that run on batteries.
@@ -229,7 +229,7 @@ mod tests {
         assert_eq!(chopper_threshold(100.0, 100.0, 16), 75);
         assert_eq!(chopper_threshold(0.0, 100.0, 16), 0);
         assert_eq!(chopper_threshold(f64::NAN, 100.0, 16), 0);
-        assert_eq!(chopper_threshold(1e-9, 100.0, 16), THRESHOLD_LARGEST);
+        assert_eq!(chopper_threshold(1e-9, 100.0, 16), MAX_THRESHOLD);
         assert_eq!(chopper_threshold(1e12, 100.0, 16), 1);
     }
 }

@@ -23,7 +23,7 @@ const TIMING: LineTiming = LineTiming::new(1_000_000, 19_200);
 
 /// Longest set-up of four drivers: three attempts of 16 steps, each of at most 8 writes and 8 reads of 300 bit times with
 /// their rests.
-const LONGEST_SET_UP_US: u32 = 4 * 3 * 16 * 16 * 300 * 53;
+const MAX_SET_UP_US: u32 = 4 * 3 * 16 * 16 * 300 * 53;
 
 struct Bench {
     bank: DriverBank,
@@ -154,7 +154,7 @@ fn a_held_line_another_chip_and_impossible_settings_are_told_apart() {
     let mut bench = Bench::new(0);
     bench.lines.set_held(true);
     let failure = Failure::Line(ExchangeError::NoEcho);
-    let events = bench.pass(LONGEST_SET_UP_US);
+    let events = bench.pass(MAX_SET_UP_US);
     assert_eq!(kinds(&events), [DriverEventKind::Failed(failure); 4]);
 
     let mut bench = Bench::new(0);
@@ -239,7 +239,7 @@ fn other_settings_are_written_and_confirmed() {
 /// each one that is confirmed.
 fn settle(bench: &mut Bench, mut confirmed: impl FnMut(&mut Bench, usize)) -> [bool; MOTORS] {
     let mut settled = [false; MOTORS];
-    while bench.now < LONGEST_SET_UP_US && settled != [true; MOTORS] {
+    while bench.now < MAX_SET_UP_US && settled != [true; MOTORS] {
         for event in bench.pass(1000) {
             match event.kind {
                 DriverEventKind::Confirmed => {
@@ -267,7 +267,7 @@ fn a_noisy_line_is_good_enough() {
         disturbed += u32::from(kinds(&events) != [DriverEventKind::Confirmed; 4]);
         assert!((0..MOTORS).any(|motor| bench.bank.report(motor).unwrap().repeated > 0), "seed {seed}");
         bench.lines.set_noise(0, 1);
-        bench.pass(2 * LONGEST_SET_UP_US);
+        bench.pass(2 * MAX_SET_UP_US);
         assert!(bench.all_confirmed(), "seed {seed}");
     }
     assert!(disturbed <= 4, "{disturbed} minutes of 200");
@@ -314,7 +314,7 @@ proptest! {
         for motor in 0..MOTORS {
             bench.lines.chip(motor).unwrap().set_silent(false);
         }
-        bench.pass(2 * LONGEST_SET_UP_US);
+        bench.pass(2 * MAX_SET_UP_US);
         prop_assert!(bench.all_confirmed());
         prop_assert!((0..MOTORS).all(|motor| bench.holds(motor)));
     }

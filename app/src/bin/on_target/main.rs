@@ -57,22 +57,22 @@ use queue::{BenchQueue, Ports, SHORT_QUEUE_SLOTS, STEP_QUEUE_SLOTS};
 
 /// Cycles of a step event inside a stair, the way into the interrupt and back included. 19 instructions are 49 cycles by the
 /// model of `cargo xtask bench`; a look into flash past its cache adds up to 7.
-const MOST_CYCLES_WITHIN: u32 = 80;
+const MAX_CYCLES_WITHIN: u32 = 80;
 
 /// The same of an event that ends a stair, 33 instructions.
-const MOST_CYCLES_NEW: u32 = 120;
+const MAX_CYCLES_NEW: u32 = 120;
 
 /// Cycles of a step event as M798 measures it: with one look at the time after it, and a call.
-const MOST_CYCLES_MEASURED: u32 = MOST_CYCLES_NEW + 30;
+const MAX_CYCLES_MEASURED: u32 = MAX_CYCLES_NEW + 30;
 
 /// Ticks of the step timer, two cycles each, from the moment at which a step is due to the first look at the time in its
 /// interrupt: 12 cycles to enter it, up to 17 more with the state of the floating-point unit, the way to the look, and what
 /// flash adds.
-const MOST_TICKS_LATE: u32 = 40;
+const MAX_TICKS_LATE: u32 = 40;
 
 /// Cycles from a move to its block in the full look-ahead ring. 1500 instructions, 2100 cycles by that model, of the 21,000
 /// that a move has at 8000 moves a second.
-const MOST_CYCLES_BLOCK: u32 = 4_000;
+const MAX_CYCLES_BLOCK: u32 = 4_000;
 
 /// Ticks between step events while the USB port is served: 100,000 a second, which is what the firmware is specified for. On
 /// a slower clock they are as many cycles apart.
@@ -162,8 +162,8 @@ fn a_step_event_takes_its_cycles(board: Board) -> Result<(), Failure> {
     let events = step_events::stairs(&counter, &mut queue, step_events::FOUR_AXES, step_events::STAIR_EVENTS)?;
     let within = events.most_within.ok_or("no event was counted")?;
     let new = events.new.ok_or("no stair was counted")?;
-    hold("an event inside a stair", within, "cycles", MOST_CYCLES_WITHIN)?;
-    hold("an event that ends a stair", new, "cycles", MOST_CYCLES_NEW)
+    hold("an event inside a stair", within, "cycles", MAX_CYCLES_WITHIN)?;
+    hold("an event that ends a stair", new, "cycles", MAX_CYCLES_NEW)
 }
 
 /// Moves to blocks in the full look-ahead ring.
@@ -177,7 +177,7 @@ fn a_block_is_planned_in_its_time(board: Board) -> Result<(), Failure> {
         queue::start(&device.RCC, Ports::new(&pins()), &PRINT, Interrupt::SPI3).ok_or("a port has 16 pins")?;
     let blocks = pieces::moves_to_blocks(&counter, &PROFILE, ring, &mut queue)?;
     let each = (blocks.total() / cube_lines::LINES.len() as u64) as u32;
-    hold("a block into the full ring", each, "cycles", MOST_CYCLES_BLOCK)
+    hold("a block into the full ring", each, "cycles", MAX_CYCLES_BLOCK)
 }
 
 /// Intervals of the steps whose time is taken, ticks: the shortest there is among longer ones, so that a reload value that
@@ -188,7 +188,7 @@ const CHANGING_TICKS: [u32; 3] = [2 * MIN_GAP_TICKS, 1_680, 4_200];
 const PLAYED_S: u32 = 10;
 
 /// By how much their time may be off: a look at either end falls somewhere into a step, and one interrupt may be late.
-const MOST_TICKS_OFF: u32 = 2 * 4_200 + MOST_TICKS_LATE;
+const MAX_TICKS_OFF: u32 = 2 * 4_200 + MAX_TICKS_LATE;
 
 /// Duration of this many steps at those intervals, ticks modulo 2^32.
 fn ticks_of(steps: u32) -> u32 {
@@ -251,7 +251,7 @@ fn steps_take_the_time_that_they_say<M: Stepping>(
             return Err("TIM9 does not answer");
         }
         hold("updates missed", missed, "updates", 0)?;
-        return hold("the steps' time off their plan", elapsed.abs_diff(planned), "ticks", MOST_TICKS_OFF);
+        return hold("the steps' time off their plan", elapsed.abs_diff(planned), "ticks", MAX_TICKS_OFF);
     }
 }
 
@@ -327,12 +327,12 @@ fn a_step_is_on_time_under_usb_load(board: Board) -> Result<(), Failure> {
     if latency.summary.count < TIMED_S * clock.slow_timers.raw() / INTERVAL_TICKS / 2 {
         return Err("the steps did not come");
     }
-    hold("a step, with what measuring it takes", duration.summary.max, duration.unit, MOST_CYCLES_MEASURED)?;
+    hold("a step, with what measuring it takes", duration.summary.max, duration.unit, MAX_CYCLES_MEASURED)?;
     if duration.unit != "cycles" {
         hprintln!("how late steps are is not told: an emulator's step timer counts on from update to update");
         return Ok(());
     }
-    hold("a step later than due", latency.summary.max, latency.unit, MOST_TICKS_LATE)
+    hold("a step later than due", latency.summary.max, latency.unit, MAX_TICKS_LATE)
 }
 
 #[embedded_test::tests]
