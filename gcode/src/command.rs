@@ -299,7 +299,7 @@ pub enum Command<'a> {
         /// D: the filament's diameter.
         filament_diameter: Option<Decimal>,
     },
-    /// M797: digests of all steps issued so far, and motion counters.
+    /// M797: digests of all steps queued so far (on the desk: made so far), and motion counters.
     ReportMotion,
     /// M798: S switches the measuring of times on (and begins anew) or off, R begins anew; neither: a query.
     Timing {

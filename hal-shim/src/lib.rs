@@ -3,7 +3,7 @@
 //! embedded-hal's traits are used where they exist: waits are `embedded_hal_async::delay::DelayNs`.
 #![cfg_attr(not(test), no_std)]
 
-use ferrostep_planner::StepEntry;
+use ferrostep_planner::{StepDigests, StepEntry, StepObserver};
 pub use ferrostep_step_player::{DroppedSteps, FeedError, StepLink};
 
 /// A heater with its thermometer.
@@ -146,8 +146,11 @@ pub trait PlanningClock {
     fn planning_ends(&mut self) {}
 }
 
-/// Told of the motion beside its steps, by ticks of the motion clock. A queue to real motors need not care.
-pub trait MotionWatch {
+/// Told of the motion by ticks of the motion clock. As [`StepObserver`] it sees every step as it is queued. A queue to real
+/// motors need not care for more than the digests.
+pub trait MotionWatch: StepObserver {
+    /// Digests of the steps so far. A board digests them as they are queued; virtual motors as they make them.
+    fn digests(&self) -> StepDigests;
     /// A move was taken, with this much filament in units of 0.1 nm; whether its source line's move ends with it.
     fn move_taken(&mut self, _filament_100pm: i64, _ends_move: bool) {}
     /// After the entries added so far, a move of this source line ends at this tick.

@@ -1,5 +1,7 @@
 //! Two numbers that tell whether two prints made the same steps.
 
+use crate::StepObserver;
+
 const OFFSET: u64 = 0xcbf2_9ce4_8422_2325;
 const PRIME: u64 = 0x0000_0100_0000_01b3;
 /// A zero byte only multiplies, so a run of them is one multiplication by a power.
@@ -24,10 +26,9 @@ impl Default for StepDigests {
     }
 }
 
-impl StepDigests {
-    /// Adds an event.
+impl StepObserver for StepDigests {
     #[inline]
-    pub fn add(&mut self, tick: u64, axes: u8, directions: u8) {
+    fn stepped(&mut self, tick: u64, axes: u8, directions: u8) {
         let byte = |hash: u64, byte: u8| (hash ^ u64::from(byte)).wrapping_mul(PRIME);
         self.order = byte(byte(self.order, axes), directions);
 
@@ -71,7 +72,7 @@ mod tests {
             let (mut order, mut step) = (Vec::new(), Vec::new());
             for (tick, shift, axes, directions) in events {
                 let tick = tick >> shift;
-                digests.add(tick, axes, directions);
+                digests.stepped(tick, axes, directions);
                 order.extend([axes, directions]);
                 step.extend(tick.to_le_bytes());
                 step.extend([0, axes, directions, 0]);

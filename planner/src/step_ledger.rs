@@ -1,6 +1,6 @@
 //! Where step entries take the motors, and when.
 
-use crate::{StepDigests, StepEntry, StepKind};
+use crate::{StepEntry, StepKind};
 
 /// Sees every step event as it happens.
 pub trait StepObserver {
@@ -13,14 +13,13 @@ impl StepObserver for () {
     fn stepped(&mut self, _tick: u64, _axes: u8, _directions: u8) {}
 }
 
-/// Counts what step entries do: positions, steps issued, the motion clock, and the digests of all events.
+/// Counts what step entries do: positions, steps issued, and the motion clock.
 #[derive(Clone, Debug, Default)]
 pub struct StepLedger {
     tick: u64,
     directions: u8,
     motor_steps: [i64; 4],
     issued: [u64; 4],
-    digests: StepDigests,
 }
 
 impl StepLedger {
@@ -47,11 +46,6 @@ impl StepLedger {
     /// Steps issued so far, both directions added.
     pub fn issued(&self) -> [u64; 4] {
         self.issued
-    }
-
-    /// Digests of all events so far.
-    pub fn digests(&self) -> StepDigests {
-        self.digests
     }
 
     /// Tick of the first event of an entry added now, or of its end where it has none.
@@ -101,13 +95,10 @@ impl StepLedger {
     #[inline]
     fn event(&mut self, interval_ticks: u32, axes: u8, observer: &mut impl StepObserver) {
         self.tick = self.tick.wrapping_add(u64::from(interval_ticks));
-        let backwards = self.directions & axes;
-        self.digests.add(self.tick, axes, backwards);
-        observer.stepped(self.tick, axes, backwards);
+        observer.stepped(self.tick, axes, self.directions & axes);
     }
 
-    /// Takes back steps that never reached the motors, because motion was stopped before them. The digests keep them: they
-    /// cover all steps handed out.
+    /// Takes back steps that never reached the motors, because motion was stopped before them.
     ///
     /// `steps` are signed by direction, `issued` counts both directions.
     pub fn take_back(&mut self, steps: [i32; 4], issued: [u32; 4]) {
@@ -122,7 +113,7 @@ impl StepLedger {
         self.tick = self.tick.saturating_sub(ticks);
     }
 
-    /// Moves the motors without steps: not issued, in no time, in no digest.
+    /// Moves the motors without steps: not issued, in no time, seen by no observer.
     pub fn displace(&mut self, steps: [i64; 4]) {
         for (motor, steps) in self.motor_steps.iter_mut().zip(steps) {
             *motor = motor.wrapping_add(steps);

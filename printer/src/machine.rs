@@ -319,7 +319,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
 
     /// Digests and counters.
     pub fn figures(&self) -> MotionFigures {
-        let StepDigests { order, step } = self.feeder.ledger.digests();
+        let StepDigests { order, step } = self.feeder.queue.digests();
         let Counts { refused_entries, missed_updates, planning_slowdowns, underruns, idle_flushes, miscounts } =
             self.counts;
         MotionFigures {

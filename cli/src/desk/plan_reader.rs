@@ -30,6 +30,8 @@ struct Reading {
     motors: VirtualMotors,
     /// The motors' positions as the machine counts them.
     ledger: StepLedger,
+    /// Of the steps that were made.
+    digests: StepDigests,
     /// Durations of the blocks that were read, ticks.
     read_ticks: u64,
     /// Where the extruder is after these blocks, 1/256 steps.
@@ -112,8 +114,8 @@ impl Plan {
             return Ok(HomingOutcome::Missed);
         }
         self.planner.flush();
-        let Reading { motors, ledger, .. } = &mut self.reading;
-        let mut steps = Seek { motors, ledger, axis, triggered: false };
+        let Reading { motors, ledger, digests, .. } = &mut self.reading;
+        let mut steps = Seek { motors, ledger, digests, axis, triggered: false };
         steps.triggered = steps.motors.is_triggered(axis);
         while !steps.triggered && self.planner.advance(&mut steps) == Progress::Worked {}
         let triggered = steps.triggered;
@@ -137,6 +139,7 @@ impl Plan {
 struct Seek<'a> {
     motors: &'a mut VirtualMotors,
     ledger: &'a mut StepLedger,
+    digests: &'a mut StepDigests,
     axis: usize,
     triggered: bool,
 }
@@ -148,7 +151,7 @@ impl StepSink for Seek<'_> {
         }
         let Approach { added, triggered } = self.motors.play_until_triggered(entry, self.axis, &mut ());
         if let Some(added) = added {
-            self.ledger.play(added, &mut ());
+            self.ledger.play(added, self.digests);
         }
         self.triggered = triggered;
     }
@@ -176,6 +179,7 @@ impl PlanReader {
         let reading = Reading {
             motors,
             ledger: StepLedger::default(),
+            digests: StepDigests::default(),
             read_ticks: 0,
             extruder_256ths: 0,
             script: is_written.then(Script::default),
@@ -235,7 +239,7 @@ impl Desk for PlanReader {
             starvation_flushes: plan.planner.starvation_flushes(),
             slowed_moves: plan.planner.slowed_moves(),
             merged_moves: plan.planner.merged_moves(),
-            digests: plan.reading.ledger.digests(),
+            digests: plan.reading.digests,
         }
     }
 }

@@ -6,8 +6,8 @@ use std::rc::Rc;
 use std::task::Poll;
 
 use ferrostep_papers::Papers;
-use ferrostep_planner::TICKS_PER_SECOND;
 use ferrostep_planner::look_ahead::Slot;
+use ferrostep_planner::{StepDigests, TICKS_PER_SECOND};
 use ferrostep_printer::machine::{Machine, SharedMachine, SharedMotion, Silence};
 use ferrostep_printer::{Profile, Signals};
 
@@ -127,8 +127,7 @@ impl<O: Observer> Desk for Rehearsal<O> {
             starvation_flushes: figures.starvation_flushes,
             slowed_moves: figures.slowed_moves,
             merged_moves: figures.merged_moves,
-            // Of the steps that were played: after a stop, those that were left are not among them.
-            digests: queue.motors().ledger.digests(),
+            digests: StepDigests { order: figures.order_digest, step: figures.step_digest },
         }
     }
 }

@@ -6,7 +6,7 @@ use std::rc::Rc;
 use ferrostep_hal_shim::{
     Approach, DroppedSteps, FeedError, HomingSensors, MotionWatch, MotorEnable, PlanningClock, StepLink, StepQueue,
 };
-use ferrostep_planner::{StepEntry, StepLedger, StepObserver};
+use ferrostep_planner::{StepDigests, StepEntry, StepLedger, StepObserver};
 use ferrostep_virtual_board::{EventRate, VirtualMotors};
 
 use super::DeskDrivers;
@@ -18,8 +18,9 @@ const CAPACITY: usize = 2048;
 /// Entries that stay when the queue has been full: half of it at a time is kinder to the caches than one entry.
 const KEPT_OF_A_FULL_QUEUE: usize = CAPACITY / 2;
 
-/// What watches the motors: the event rate for the report, and the session's observer.
+/// What watches the motors: the digests and the event rate for the report, and the session's observer.
 struct Watch<O> {
+    digests: StepDigests,
     rate: EventRate,
     observer: O,
 }
@@ -27,6 +28,7 @@ struct Watch<O> {
 impl<O: StepObserver> StepObserver for Watch<O> {
     #[inline]
     fn stepped(&mut self, tick: u64, axes: u8, directions: u8) {
+        self.digests.stepped(tick, axes, directions);
         self.rate.add(tick);
         self.observer.stepped(tick, axes, directions);
     }
@@ -61,7 +63,7 @@ impl<O: Observer> VirtualStepQueue<O> {
             drivers,
             watched_axis: None,
             pause_tick: 0,
-            watch: Watch { rate: EventRate::default(), observer },
+            watch: Watch { digests: StepDigests::default(), rate: EventRate::default(), observer },
         }
     }
 
@@ -212,7 +214,17 @@ impl<O> MotorEnable for VirtualStepQueue<O> {
     fn set_motors_enabled(&mut self, _motors: u8, _enabled: bool) {}
 }
 
+/// The motors are watched as they step: after a stop, the steps that were left are in no digest, as in no trace.
+impl<O> StepObserver for VirtualStepQueue<O> {
+    #[inline]
+    fn stepped(&mut self, _tick: u64, _axes: u8, _directions: u8) {}
+}
+
 impl<O: Observer> MotionWatch for VirtualStepQueue<O> {
+    fn digests(&self) -> StepDigests {
+        self.watch.digests
+    }
+
     fn move_taken(&mut self, filament_100pm: i64, ends_move: bool) {
         self.watch.observer.planned(filament_100pm, ends_move);
     }

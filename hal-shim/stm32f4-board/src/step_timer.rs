@@ -2,7 +2,7 @@
 
 use cortex_m::peripheral::NVIC;
 use ferrostep_hal_shim::{HomingSensors, MotionWatch, MotorEnable, PlanningClock, StepQueue};
-use ferrostep_planner::StepEntry;
+use ferrostep_planner::{StepDigests, StepEntry, StepObserver};
 use ferrostep_step_player::{
     DroppedSteps, FeedError, IDLE_TICKS, MAX_EVENTS, NextWords, OutputPorts, StepFeeder, StepLink, StepPlayer,
     Stepping, UpdateTimer,
@@ -237,6 +237,7 @@ pub struct MotorQueue<B, M: 'static, const PORTS: usize, const N: usize> {
     enabled: u8,
     /// Missed updates of this motion that have been reported.
     counted_missed: u16,
+    digests: StepDigests,
 }
 
 impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> MotorQueue<B, M, PORTS, N> {
@@ -247,7 +248,15 @@ impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> MotorQue
         for (port, word) in feeder.direction_words().into_iter().enumerate() {
             ports.write(port, word);
         }
-        Self { motors, feeder, meter: PlanningMeter::default(), clock, enabled: 0, counted_missed: 0 }
+        Self {
+            motors,
+            feeder,
+            meter: PlanningMeter::default(),
+            clock,
+            enabled: 0,
+            counted_missed: 0,
+            digests: StepDigests::default(),
+        }
     }
 }
 
@@ -362,7 +371,18 @@ impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> HomingSe
     }
 }
 
+impl<B, M, const PORTS: usize, const N: usize> StepObserver for MotorQueue<B, M, PORTS, N> {
+    #[inline]
+    fn stepped(&mut self, tick: u64, axes: u8, directions: u8) {
+        self.digests.stepped(tick, axes, directions);
+    }
+}
+
 impl<B: Motors<PORTS>, M: Stepping, const PORTS: usize, const N: usize> MotionWatch for MotorQueue<B, M, PORTS, N> {
+    fn digests(&self) -> StepDigests {
+        self.digests
+    }
+
     fn move_ended(&mut self, _tick: u64, _line: u32) {
         self.meter.move_planned();
     }

@@ -1,6 +1,6 @@
 //! A board whose motors are real, or virtual, and whose sensors are models.
 
-use ferrostep_planner::StepEntry;
+use ferrostep_planner::{StepDigests, StepEntry, StepObserver};
 
 use super::VirtualMotors;
 use ferrostep_hal_shim::{Approach, HomingSensors, MotionWatch, MotorEnable, PlanningClock, StepQueue};
@@ -94,7 +94,18 @@ impl<Q: StepQueue> HomingSensors for ModelledSensors<Q> {
     }
 }
 
+impl<Q: StepObserver> StepObserver for ModelledSensors<Q> {
+    #[inline]
+    fn stepped(&mut self, tick: u64, axes: u8, directions: u8) {
+        self.queue.stepped(tick, axes, directions);
+    }
+}
+
 impl<Q: MotionWatch> MotionWatch for ModelledSensors<Q> {
+    fn digests(&self) -> StepDigests {
+        self.queue.digests()
+    }
+
     fn move_taken(&mut self, filament_100pm: i64, ends_move: bool) {
         self.queue.move_taken(filament_100pm, ends_move);
     }

@@ -1,6 +1,6 @@
 //! What the step interrupt would make of entries.
 
-use ferrostep_planner::{Notice, StepDigests, StepEntry, StepKind, StepSink};
+use ferrostep_planner::{Notice, StepDigests, StepEntry, StepKind, StepObserver, StepSink};
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Event {
@@ -60,7 +60,7 @@ impl Player {
     pub fn digest(&self) -> StepDigests {
         let mut digests = StepDigests::default();
         for event in &self.events {
-            digests.add(event.tick, event.axes, event.directions);
+            digests.stepped(event.tick, event.axes, event.directions);
         }
         digests
     }

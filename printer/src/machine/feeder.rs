@@ -158,7 +158,7 @@ impl<Q: StepOutput> Feeder<Q> {
         match self.queue.push_towards_sensor(entry) {
             Ok(Approach { added, triggered }) => {
                 if let Some(added) = added {
-                    self.ledger.play(added, &mut ());
+                    self.ledger.play(added, &mut self.queue);
                 }
                 if triggered {
                     self.seeking = Seeking::Ended(HomingOutcome::Triggered);
@@ -179,7 +179,7 @@ impl<Q: StepOutput> StepSink for Feeder<Q> {
             if self.queue.push_all(some).is_err() {
                 self.refuse();
             }
-            some.iter().for_each(|&entry| self.ledger.play(entry, &mut ()));
+            some.iter().for_each(|&entry| self.ledger.play(entry, &mut self.queue));
             self.timeline.mark(self.queue.queued(), self.ledger.tick());
         }
     }
@@ -190,7 +190,7 @@ impl<Q: StepOutput> StepSink for Feeder<Q> {
                 if self.queue.push(entry).is_err() {
                     self.refuse();
                 }
-                self.ledger.play(entry, &mut ());
+                self.ledger.play(entry, &mut self.queue);
             }
             Seeking::Approaching => self.approach(entry),
             // The sensor has ended the move: the motors do not go on.

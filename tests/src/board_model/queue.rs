@@ -1,7 +1,7 @@
 //! The step queue's near end, whose every call takes time.
 
 use ferrostep_hal_shim::{MotionWatch, MotorEnable, PlanningClock, StepQueue};
-use ferrostep_planner::StepEntry;
+use ferrostep_planner::{StepDigests, StepEntry, StepObserver};
 use ferrostep_step_player::{DroppedSteps, FeedError, StepFeeder, StepLink, Stepping};
 use ferrostep_virtual_board::CYCLES_A_TICK;
 
@@ -17,6 +17,7 @@ pub struct Queue<'a, M> {
     feeder: StepFeeder<'a, M, 1, STEP_QUEUE_SLOTS>,
     interrupts: &'a Interrupts<'a, M>,
     costs: Costs,
+    digests: StepDigests,
 }
 
 impl<'a, M: Stepping> Queue<'a, M> {
@@ -25,7 +26,7 @@ impl<'a, M: Stepping> Queue<'a, M> {
         interrupts: &'a Interrupts<'a, M>,
         costs: Costs,
     ) -> Self {
-        Self { feeder, interrupts, costs }
+        Self { feeder, interrupts, costs, digests: StepDigests::default() }
     }
 
     /// The planner task works for this many cycles, multiplied by its present slowness.
@@ -92,7 +93,17 @@ impl<M: Stepping> StepQueue for Queue<'_, M> {
     }
 }
 
+impl<M> StepObserver for Queue<'_, M> {
+    fn stepped(&mut self, tick: u64, axes: u8, directions: u8) {
+        self.digests.stepped(tick, axes, directions);
+    }
+}
+
 impl<M: Stepping> MotionWatch for Queue<'_, M> {
+    fn digests(&self) -> StepDigests {
+        self.digests
+    }
+
     fn move_ended(&mut self, _tick: u64, _line: u32) {
         self.plan_for(self.costs.planned_move);
     }
