@@ -9,12 +9,15 @@ use crate::span::{Count, Spans, UNANSWERED};
 pub type Counter = Spans<MotionClock>;
 
 impl Count for MotionClock {
+    /// The virtual mainboard executes an instruction in two ticks here (`xtask/src/mainboard.rs`).
+    const STEP: u32 = 2;
+
     fn now(&self) -> u32 {
         self.now_ticks()
     }
 }
 
-/// A counter on a clock that advances once an instruction.
+/// A counter on a clock that advances by [`Count::STEP`] an instruction.
 ///
 /// # Errors
 /// It counts something else than the length of a handler that is known.

@@ -11,6 +11,8 @@ pub const UNANSWERED: Interrupt = Interrupt::TIM4;
 
 /// A count that goes on and on, modulo 2^32.
 pub trait Count {
+    /// How far it advances with each thing that it counts.
+    const STEP: u32;
     /// It now.
     fn now(&self) -> u32;
 }
@@ -50,7 +52,7 @@ impl<C: Count> Spans<C> {
         let start = self.now();
         let result = black_box(piece());
         let end = self.now();
-        (end.wrapping_sub(start).saturating_sub(self.overhead), result)
+        (Self::between(start, end).saturating_sub(self.overhead), result)
     }
 
     /// Pends an interrupt that is enabled and more urgent than the caller: from the first instruction of the vectored
@@ -68,6 +70,11 @@ impl<C: Count> Spans<C> {
         cortex_m::asm::dsb();
         cortex_m::asm::isb();
         let end = self.now();
-        end.wrapping_sub(start)
+        Self::between(start, end)
+    }
+
+    /// What two readings count.
+    fn between(start: u32, end: u32) -> u32 {
+        end.wrapping_sub(start) / C::STEP
     }
 }

@@ -31,6 +31,8 @@ impl Cycles {
 }
 
 impl Count for Cycles {
+    const STEP: u32 = 1;
+
     fn now(&self) -> u32 {
         match self.stand_in {
             None => DWT::cycle_count(),
