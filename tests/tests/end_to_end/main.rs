@@ -30,6 +30,7 @@ mod programs;
 #[cfg(unix)]
 mod pty_board;
 mod refusals;
+mod refusals_page;
 mod repeats;
 mod reports;
 #[cfg(unix)]

@@ -1,0 +1,254 @@
+//! The page of refusals in the book: what the command answers to each kind of bad input, word for word.
+//!
+//! The page is compared with what the command says now. `FERROSTEP_REFRESH=1` writes it anew; the difference then shows whether a
+//! refusal lost its place, its figures or its cure.
+
+use std::fmt::Write as _;
+use std::fs;
+
+use crate::command::{directory, ferrostep, file, repository};
+use crate::papers::REFRESH_VARIABLE;
+
+const PAGE: &str = "docs/src/refusals.md";
+
+const HEAD: &str = "# Refusals
+
+What `ferrostep print` answers to bad input; a board sends the same words over its line. A refused line has no effect: the moves
+before it are finished, and the job ends there. A test compares this page with the command, word for word.
+";
+
+/// Lines of G-code that are refused after `G28`, a line of the page each; `\\n` separates lines of which the last is refused.
+const LINES: &[&str] = &[
+    // Cannot be read.
+    "G1 X20 Y1.2.3",
+    "G1 X20 Y--4",
+    "G1 Xnan Y20",
+    "G1 X20 #4",
+    "G1 X99999999999",
+    "100",
+    "N3 G1 X20*5",
+    "N3 G1 X20*x",
+    "G",
+    "G1.5 X1",
+    // Cannot be executed as it stands.
+    "G2 X20 Y20",
+    "G2 X20 Y20 I1 J0",
+    "G2 X20 Y20 R1",
+    "G2 X10 Y20 R0",
+    "G2 X10 Y20 I5 P2",
+    "G18",
+    "G5 X20 Y20 I1 J1 P1 Q1",
+    "G5.1 X20 Y20 I1 J1",
+    "G6 X1",
+    "G10 L2 P1 X5",
+    "G38.2 Z1",
+    "G52 X5",
+    "G53 G1 X5",
+    "G55",
+    "G68 R45",
+    "G92.1",
+    "M149 F",
+    "M200 D1.75",
+    "M200 S1",
+    "T1",
+    // Values out of their ranges.
+    "G1 X20 F0.001",
+    "G1 X20 Y5000.001",
+    "G4 P-1",
+    "M84 S-1",
+    "M86 S-1",
+    "M106 S-1",
+    "M104 S-5",
+    "M104 S500",
+    "M109 S400",
+    "M140 S200",
+    "M190 R126",
+    "M155 S-1",
+    "M205 J50",
+    "M207 S-1",
+    "M221 S0",
+    "M569 S7 X",
+    "M795 H0",
+    "M796 I9",
+    "M796 A9",
+    "M851 Z100",
+    "M906 X5000",
+    "M914 X999",
+    // The machine is not ready for it.
+    "G1 X20 E5",
+    "G1 E-1",
+    "G10",
+    "M112\\nG1 X5",
+    "M790 S10",
+    "M84 Z\\nM290 Z0.1",
+    "M290 X1",
+];
+
+/// Profile and lines that are refused there.
+const ON_PROFILES: &[(&str, &str)] = &[
+    ("prusa-mini", "M84 X\\nG28 Z"),
+    ("prusa-mini", "M914 X0\\nG28 X"),
+    ("prusa-mini", "M906 X5000"),
+    ("prusa-mini", "M569 S0 X\\nG28 X"),
+];
+
+/// Profile, its text, what takes that text's place.
+const PROFILES: &[(&str, &str, &str)] = &[
+    ("cartesian", "kinematics = \"cartesian\"", "kinematics = \"scara\""),
+    ("cartesian", "junction_deviation_mm = 0.1\n", ""),
+    ("cartesian", "junction_deviation_mm = 0.1", "junction_deviation_mm = \"wide\""),
+    ("cartesian", "jerk_mm_per_s3 = 10000", "jerk_mm_per_s3 = 10000\nwarp_factor = 9"),
+    ("cartesian", "steps_per_mm = { x = 80", "steps_per_mm = { x = -80"),
+    ("cartesian", "y = 80, z = 400", "z = 400"),
+    ("cartesian", "max_celsius = 275", "max_celsius = 1e9"),
+    ("cartesian", "end = \"min\"", "end = \"max\""),
+    ("cartesian", "end = \"min\"", "end = \"middle\""),
+    ("cartesian", "both_edges = false", "both_edges = 0"),
+    ("cartesian", "us = 1.0", "us = 1.001"),
+    ("cartesian", "name = \"cartesian\"", "name = \"two\\nlines\""),
+    ("cartesian", "min_extrusion_celsius = 170", "min_extrusion_celsius = 275"),
+    ("cartesian", "fast_mm_per_s = 4", "fast_mm_per_s = 10.5"),
+    ("cartesian", "\"end-stop\"\n", "\"stall\"\n"),
+    ("cartesian", "[driver]", "[driver"),
+    ("corexy", "position_mm = 300", "position_mm = 149"),
+    ("corexy", "minimum_event_interval_us = 2.0", "minimum_event_interval_us = 6.26"),
+    ("prusa-mini", "stall_threshold = 130", "stall_threshold = 0"),
+    ("prusa-mini", "slow_mm_per_s = 50", "slow_mm_per_s = 31.9"),
+    ("prusa-mini", "back_off_mm = 2.56", "back_off_mm = 1.99"),
+];
+
+/// Arguments after `ferrostep`.
+const ARGUMENTS: &[&str] = &[
+    "print examples/missing.gcode",
+    "print examples",
+    "print examples/cube.gcode --profile delta",
+    "print examples/cube.gcode --look-ahead 1",
+    "print examples/cube.gcode --look-ahead many",
+    "print examples/cube.gcode --from-frame 3",
+    "print examples/cube.gcode --trace examples",
+    "preprocess examples/cube.gcode -o examples/cube.gcode",
+    "inspect examples/cube.gcode",
+    "send examples/cube.gcode",
+];
+
+/// What the first error line says, without the name of a temporary folder.
+fn answer(arguments: &[&str], folder: &str) -> String {
+    let outcome = ferrostep(arguments);
+    assert_ne!(outcome.status, Some(0), "{arguments:?} was accepted: {outcome:#?}");
+    let text = outcome.stderr.replace(&format!("{folder}/"), "");
+    // A summary of what was done comes before; of several lines the last says why.
+    let error =
+        text.lines().rev().find_map(|line| line.strip_prefix("error: ")).unwrap_or_else(|| panic!("{outcome:#?}"));
+    error.replace('|', "\\|")
+}
+
+fn row(page: &mut String, input: &str, says: &str) {
+    writeln!(page, "| `{}` | {says} |", input.replace('|', "\\|").trim_end()).unwrap();
+}
+
+fn table(page: &mut String, title: &str, first: &str) {
+    writeln!(page, "\n## {title}\n\n| {first} | answer |\n|---|---|").unwrap();
+}
+
+fn lines(page: &mut String) {
+    let temporary = directory();
+    let folder = temporary.path().to_str().unwrap();
+    let refused = |profile: &str, line: &str| {
+        let job = file(&temporary, "job.gcode", format!("G28\n{}\n", line.replace("\\n", "\n")));
+        answer(&["print", job.to_str().unwrap(), "--profile", profile], folder)
+    };
+    table(page, "Lines of G-code", "after `G28`, on `cartesian`");
+    for line in LINES {
+        row(page, &line.replace("\\n", "`, `"), &refused("cartesian", line));
+    }
+    table(page, "Lines on other machines", "after `G28`");
+    for (profile, line) in ON_PROFILES {
+        row(page, &format!("{}` on `{profile}", line.replace("\\n", "`, `")), &refused(profile, line));
+    }
+}
+
+fn profiles(page: &mut String) {
+    let temporary = directory();
+    let folder = temporary.path().to_str().unwrap();
+    table(page, "Profiles", "change of a built-in profile");
+    for (profile, from, to) in PROFILES {
+        let text = fs::read_to_string(repository().join("profiles").join(format!("{profile}.toml"))).unwrap();
+        assert!(text.contains(from), "{profile} has no {from:?}");
+        let changed = file(&temporary, "own.toml", text.replacen(from, to, 1));
+        let says = answer(&["print", "examples/cube.gcode", "--profile", changed.to_str().unwrap()], folder);
+        let [from, to] = [from, to].map(|text| text.trim_end().replace('\n', "`, `"));
+        let input =
+            if to.is_empty() { format!("{from}` left out of `{profile}") } else { format!("{from}` becomes `{to}") };
+        row(page, &input, &says);
+    }
+}
+
+fn prepared(page: &mut String) {
+    let temporary = directory();
+    let folder = temporary.path().to_str().unwrap();
+    let gcode = file(&temporary, "job.gcode", "G28\nG1 X50 Y50 F6000\nG1 X60 Y60\nG1 X70 Y50\nM104 S0\nG1 X20\n");
+    let path = temporary.path().join("job.gpre");
+    let prepared = ferrostep(["preprocess", gcode.to_str().unwrap(), "-o", path.to_str().unwrap()]);
+    assert_eq!(prepared.status, Some(0), "{prepared:#?}");
+    let job = fs::read(&path).unwrap();
+    let changed = |place: usize, bits: u8| {
+        let mut changed = job.clone();
+        changed[place] ^= bits;
+        changed
+    };
+    table(page, "Prepared jobs", "change of a prepared job");
+    let cases: [(&str, Vec<u8>); 7] = [
+        ("the first byte", changed(0, 1)),
+        ("the version in the header", changed(4, 0x40)),
+        ("a byte of the header", changed(20, 1)),
+        ("a byte of the last frame", changed(job.len() - 6, 1)),
+        ("the last byte missing", job[..job.len() - 1].to_vec()),
+        ("the second half missing", job[..job.len() / 2].to_vec()),
+        ("a byte after the end", [job.as_slice(), b"x"].concat()),
+    ];
+    for (what, bytes) in cases {
+        let broken = file(&temporary, "broken.gpre", bytes);
+        let says = answer(&["print", broken.to_str().unwrap()], folder);
+        writeln!(page, "| {what} | {says} |").unwrap();
+    }
+    let job = path.to_str().unwrap();
+    for arguments in [
+        &["print", job, "--profile", "corexy"][..],
+        &["print", job, "--from-frame", "99"],
+        &["estimate", job],
+        &["preprocess", job, "-o", "other.gpre"],
+        &["send", job, "--port", "no/such/port"],
+    ] {
+        let says = answer(arguments, folder);
+        row(page, &arguments.join(" ").replace(&format!("{folder}/"), ""), &says);
+    }
+}
+
+fn arguments(page: &mut String) {
+    table(page, "Arguments", "`ferrostep` with");
+    for arguments in ARGUMENTS {
+        row(page, arguments, &answer(&arguments.split(' ').collect::<Vec<_>>(), "-"));
+    }
+}
+
+#[test]
+fn the_page_of_refusals_is_current() {
+    let mut page = HEAD.to_owned();
+    lines(&mut page);
+    profiles(&mut page);
+    prepared(&mut page);
+    arguments(&mut page);
+    let path = repository().join(PAGE);
+    if std::env::var_os(REFRESH_VARIABLE).is_some() {
+        fs::write(&path, &page).unwrap();
+    }
+    let kept = fs::read_to_string(&path).unwrap_or_default();
+    for (kept, now) in kept.lines().zip(page.lines()) {
+        assert_eq!(kept, now, "{PAGE} is not current: {REFRESH_VARIABLE}=1 writes it anew");
+    }
+    assert_eq!(
+        kept.lines().count(),
+        page.lines().count(),
+        "{PAGE} is not current: {REFRESH_VARIABLE}=1 writes it anew"
+    );
+}
