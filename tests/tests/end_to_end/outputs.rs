@@ -150,13 +150,13 @@ fn an_output_that_is_not_a_file_is_refused() {
     fs::create_dir(&folder).unwrap();
     let before = names(&directory);
     for option in ["--trace", "--vcd"] {
-        refuses(&["print", text(&job), option, text(&socket)], "socket: cannot be written: it is a socket");
-        refuses(&["print", text(&job), option, text(&folder)], "folder: cannot be written: it is a folder");
+        refuses(&["print", text(&job), option, text(&socket)], "socket: cannot be written: this is a socket");
+        refuses(&["print", text(&job), option, text(&folder)], "folder: cannot be written: this is a folder");
     }
     let prepare = |out: &Path, reason| refuses(&["preprocess", text(&job), "-o", text(out)], reason);
     prepare(&socket, "socket: cannot be written: this is a socket: give the name of a file");
-    prepare(&folder, "folder: cannot be written: it is a folder");
-    prepare(&pipe, "pipe: cannot be written: it is a pipe");
+    prepare(&folder, "folder: cannot be written: this is a folder");
+    prepare(&pipe, "pipe: cannot be written: this is a pipe");
     prepare(&folder.join("missing/.."), "names no file");
     prepare(&directory.path().join("missing/out.gpre"), "missing");
     assert!(fs::metadata(&socket).unwrap().file_type().is_socket());

@@ -119,7 +119,7 @@ const PROFILES: &[(&str, &str, &str)] = &[
 
 /// Arguments after `ferrostep`.
 const ARGUMENTS: &[&str] = &[
-    "print examples/missing.gcode",
+    "print missing.gcode",
     "print examples",
     "print examples/cube.gcode --profile delta",
     "print examples/cube.gcode --look-ahead 1",
