@@ -157,7 +157,7 @@ fn an_output_that_is_not_a_file_is_refused() {
     prepare(&socket, "socket: cannot be written: this is a socket: give the name of a file");
     prepare(&folder, "folder: cannot be written: this is a folder");
     prepare(&pipe, "pipe: cannot be written: this is a pipe");
-    prepare(&folder.join("missing/.."), "names no file");
+    prepare(&folder.join("missing/.."), "the path has no file name");
     prepare(&directory.path().join("missing/out.gpre"), "missing");
     assert!(fs::metadata(&socket).unwrap().file_type().is_socket());
     assert!(fs::metadata(&pipe).unwrap().file_type().is_fifo());
