@@ -87,7 +87,7 @@ impl<P: Pieces> StepTimes<P> {
         Self { due: 0, left: 0, motion: PhaseMotion::Even(EvenSteps::EMPTY), beyond: 0, source: Source::None };
 
     /// Starts with the steps of a motor in a stretch of a block, none of them due before `earliest`. Every field is set here
-    /// or by [`Self::enter_phase`]: nothing of a block that was abandoned half-way remains.
+    /// or by `enter_phase`: nothing of a block that was abandoned half-way remains.
     #[inline]
     pub fn start(&mut self, law: &TimeLaw<P>, stretch: &Stretch, steps: &MotorSteps, earliest: u64) {
         match law {
@@ -194,7 +194,7 @@ impl<P: Pieces> StepTimes<P> {
         }
     }
 
-    /// Takes `count` steps; more than one only where [`Self::cruise`] has as many.
+    /// Takes `count` steps; more than one only where `cruise` has as many.
     #[inline]
     pub fn take(&mut self, count: u32) {
         self.left = self.left.wrapping_sub(count);

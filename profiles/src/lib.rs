@@ -1,6 +1,6 @@
 //! Machines as TOML: the built-in profiles, profiles from files, and the checks both pass.
 //!
-//! A key is one line of code that reads it, with its range, its default and its meaning ([`machine`](mod@machine) and its
+//! A key is one line of code that reads it, with its range, its default and its meaning (`src/machine.rs` and its
 //! neighbours); the book's table of keys is made from the same lines ([`schema`]). Unknown keys are refused, so that a misspelt
 //! one cannot quietly leave a value at a default.
 #![forbid(unsafe_code)]
