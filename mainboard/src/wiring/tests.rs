@@ -156,7 +156,7 @@ fn motors_may_share_enable_pins_only() {
 #[test]
 fn impossible_profile_values_are_refused_with_their_key() {
     let cases = [
-        ("x = -2, y = -3, z = 0 }\n\n# Motor", "x = 2, y = -3, z = 0 }\n\n# Motor", "size_mm.x"),
+        ("lower_end_mm = { x = -2", "lower_end_mm = { x = 2", "size_mm.x"),
         ("e = 325", "e = 0", "steps_per_mm"),
         ("pulse_width_us = 0.2", "pulse_width_us = -1", "driver.pulse_width_us"),
         ("inverted = [\"x\", \"y\"]", "inverted = [\"a\"]", "driver.inverted"),
