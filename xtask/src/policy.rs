@@ -4,7 +4,7 @@ use crate::steps::{Failure, Run};
 use crate::system::{self, cargo};
 
 /// The workspaces, by their folders from the root.
-pub const WORKSPACES: [&str; 3] = [".", "mainboard", "fuzz"];
+const WORKSPACES: [&str; 3] = [".", "mainboard", "fuzz"];
 
 /// Checks spelling by `typos.toml`, and all dependencies by `deny.toml`. Known vulnerabilities are not among it: their list is
 /// on the network and changes without us; [`advisories`] reads it for a release.

@@ -75,6 +75,18 @@ macro_rules! kinematics {
         }
 
         impl Kinematics {
+    /// How far the position along each axis can be off where each motor can be off by this much.
+    pub fn slack(self, motors: [f32; 3]) -> [f32; 3] {
+        let [first, second, third] = motors;
+        let mut slack = [0.0; 3];
+        for alone in [[first, 0.0, 0.0], [0.0, second, 0.0], [0.0, 0.0, third]] {
+            for (axis, off) in slack.iter_mut().zip(self.position(alone)) {
+                *axis += off.abs();
+            }
+        }
+        slack
+    }
+
             /// All kinematics.
             pub const ALL: [Self; [$($name::NAME),+].len()] = [$(Self::$name),+];
 

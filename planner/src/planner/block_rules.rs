@@ -84,6 +84,8 @@ pub(crate) struct BlockRules<M: MotionMethods> {
     pub path_limits: PathLimits,
     /// Lengths of a step of each motor, mm: a division in double precision each, which no block has to make.
     pub step_mm: [f32; 4],
+    /// How far a block's travel along X, Y and Z can be from what its steps say, mm.
+    pub slack_mm: [f32; 3],
     /// Another step pattern than step Bresenham.
     pub pattern: Option<M::Pattern>,
     pub budget: Budget,
@@ -91,11 +93,14 @@ pub(crate) struct BlockRules<M: MotionMethods> {
 
 impl<M: MotionMethods> BlockRules<M> {
     pub fn new(geometry: Geometry, limits: Limits) -> Self {
+        let step_mm = geometry.steps_per_mm.map(|steps| 1.0 / steps.to_f64() as f32);
+        let [first, second, third, _] = step_mm;
         Self {
             geometry,
             limits,
             path_limits: PathLimits::new(&limits),
-            step_mm: geometry.steps_per_mm.map(|steps| 1.0 / steps.to_f64() as f32),
+            slack_mm: geometry.kinematics.slack([first, second, third]),
+            step_mm,
             pattern: None,
             budget: Budget::new(&geometry),
         }

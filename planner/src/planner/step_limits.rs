@@ -1,7 +1,8 @@
 //! What the steps of a block tell of its speeds: the limits of blocks that come without the positions they were made from.
 //!
-//! A motor stands within half a step of where it should, so a block's travel along an axis is known to the steps of the motors that move
-//! it (half a step of each of two on CoreXY and CoreXZ, whose motors may have steps of different lengths). By that much the checks give way, and by rounding in single precision.
+//! A motor stands within half a step of where it should, so a block's travel along an axis is known to the steps of the motors
+//! that move it (half a step of each of two on CoreXY and CoreXZ, whose motors may have steps of different lengths). By that
+//! much the checks give way, and by rounding in single precision.
 
 use super::block_rules::{BlockRules, TICKS_PER_10NM_AT_1_MM_PER_S, steps_of_master};
 use crate::block::{Block, Speed};
@@ -13,42 +14,20 @@ use crate::square_root::square_root_f32;
 /// What rounding may be off, of a whole.
 const LENIENCE: f32 = 1.001;
 
-/// A block's travels, mm.
-struct Travels {
-    /// Along X, Y, Z and the filament.
-    mm: [f32; 4],
-    /// How far those along X, Y and Z can be off.
-    slack_mm: [f32; 3],
-    /// A step of each motor.
-    step_mm: [f32; 4],
-}
-
 impl<M: MotionMethods> BlockRules<M> {
-    fn travels(&self, block: &Block) -> Travels {
+    /// How far a block goes along X, Y, Z and the filament, mm.
+    fn travels_mm(&self, block: &Block) -> [f32; 4] {
         let step_mm = self.step_mm;
         let [first, second, third] = block.steps.map(|steps| steps as f32);
         let motors_mm = [first * step_mm[0], second * step_mm[1], third * step_mm[2]];
         let [x, y, z] = self.geometry.kinematics.position(motors_mm);
         let filament = block.extruder_256ths as f32 * (step_mm[3] / 256.0);
-        Travels { mm: [x, y, z, filament], slack_mm: self.slack_mm(), step_mm }
-    }
-
-    /// How far a block's travel along each axis can be from what its steps say, mm: a step of each motor that moves the axis, as far
-    /// as it moves it.
-    fn slack_mm(&self) -> [f32; 3] {
-        let [x, y, z, _] = self.step_mm;
-        let mut slack_mm = [0.0; 3];
-        for motor_mm in [[x, 0.0, 0.0], [0.0, y, 0.0], [0.0, 0.0, z]] {
-            for (slack, mm) in slack_mm.iter_mut().zip(self.geometry.kinematics.position(motor_mm)) {
-                *slack += mm.abs();
-            }
-        }
-        slack_mm
+        [x, y, z, filament]
     }
 
     /// Whether a block's nominal speed and acceleration keep the limits of all axes, and its events their distance.
     pub(super) fn keeps_limits(&self, block: &Block) -> bool {
-        let Travels { mm, slack_mm: [x, y, z], step_mm } = self.travels(block);
+        let mm = self.travels_mm(block);
         let length = block.length_10nm as f32 / UNITS_PER_MM as f32;
         let (feed, acceleration) = (block.nominal.mm_per_s_f32(), block.acceleration.mm_per_s2_f32());
         let limits = &self.path_limits;
@@ -59,7 +38,8 @@ impl<M: MotionMethods> BlockRules<M> {
         }
         let (max_feed, max_acceleration) = limits.of_axes();
         // The filament has its fractions of steps.
-        let slack_mm = [x, y, z, step_mm[3] / 128.0];
+        let [x, y, z] = self.slack_mm;
+        let slack_mm = [x, y, z, self.step_mm[3] / 128.0];
         for axis in 0..4 {
             let slack = slack_mm[axis];
             let travel = larger(mm[axis].abs() - slack, 0.0);
@@ -84,12 +64,12 @@ impl<M: MotionMethods> BlockRules<M> {
     pub(super) fn corner_of_steps(&self, before: Option<&Block>, block: &Block) -> Speed {
         let Some(before) = before else { return Speed(u32::MAX) };
         let lengths = [before, block].map(|block| block.length_10nm as f32 / UNITS_PER_MM as f32);
-        let [one, other] = [before, block].map(|block| self.travels(block));
+        let [one, other] = [before, block].map(|block| self.travels_mm(block));
         let stands = [before, block].map(|block| block.steps == [0; 3]);
-        for ((travels, length), stands) in [&one, &other].into_iter().zip(lengths).zip(stands) {
+        let [x, y, z, _] = self.step_mm;
+        for (length, stands) in lengths.into_iter().zip(stands) {
             // A path without a step is shorter than a step of each of its motors: what is longer is filament alone. What is
             // not may be either.
-            let [x, y, z, _] = travels.step_mm;
             if stands && length > (x + y + z) * LENIENCE {
                 return Speed::ZERO;
             }
@@ -97,8 +77,8 @@ impl<M: MotionMethods> BlockRules<M> {
         let mut apart = 0.0;
         for axis in 0..3 {
             // Of unit vectors; each component is off by its slack at most.
-            let slack = one.slack_mm[axis] / lengths[0] + one.slack_mm[axis] / lengths[1];
-            let difference = (one.mm[axis] / lengths[0] - other.mm[axis] / lengths[1]).abs();
+            let slack = self.slack_mm[axis] / lengths[0] + self.slack_mm[axis] / lengths[1];
+            let difference = (one[axis] / lengths[0] - other[axis] / lengths[1]).abs();
             let least = larger(difference - slack, 0.0);
             apart += least * least;
         }
