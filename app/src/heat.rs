@@ -1,4 +1,4 @@
-//! The heaters: their control, and what stands behind it: the board's own, or on the bench their models.
+//! The heaters: their control, and what it controls: the board's own, or on the bench their models.
 
 use ferrostep_hal_shim::{Fans, Heater, ThermalBoard};
 use ferrostep_printer::heat::{HeatControl, HeatFault, SAMPLE_MS};

@@ -1,9 +1,10 @@
 //! Both directions of the hosts' lines, serial and USB, between their interrupts and the tasks.
 
 use core::fmt::{self, Write};
-use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use core::sync::atomic::{AtomicBool, AtomicU8, AtomicU32, Ordering};
 
 use ferrostep_gcode::Emergency;
+use ferrostep_gcode::meatpack;
 use ferrostep_planner::TICKS_PER_SECOND;
 use ferrostep_printer::machine::Silence;
 use ferrostep_stm32f4::clock_tree::ClockSource;
@@ -27,16 +28,30 @@ pub const SEND_BYTES: usize = 2048;
 /// executed, or it would be executed only where the planner task looks at the right moment.
 const WAIT_MS: u32 = 150;
 
+/// How long [`Reader::wait`] waits.
+const CARD_WAIT_MS: u32 = 20;
+
 /// The USB port has left the bus for good.
 static USB_HAS_FAILED: AtomicBool = AtomicBool::new(false);
-/// Bytes that were lost because nobody read them in time.
+/// Bytes that were lost because they were not read in time.
 static LOST_BYTES: AtomicU32 = AtomicU32::new(0);
+/// What the hosts at the serial line and at USB wait to hear of their packing: 0 for nothing, or one of [`PACKING_REPORTS`]
+/// counted from 1.
+static PACKING: [AtomicU8; 2] = [AtomicU8::new(0), AtomicU8::new(0)];
 /// Whether the printer task waits for bytes.
 static IS_AWAITED: AtomicBool = AtomicBool::new(false);
 /// Since when, or the last byte since then; ticks of the motion clock.
 static QUIET_SINCE: AtomicU32 = AtomicU32::new(0);
 /// Bytes have come.
 static RECEIVED: Signal<()> = Signal::new();
+
+/// All reports on packing.
+const PACKING_REPORTS: [meatpack::Settings; 4] = [
+    meatpack::Settings { packing: false, no_spaces: false },
+    meatpack::Settings { packing: false, no_spaces: true },
+    meatpack::Settings { packing: true, no_spaces: false },
+    meatpack::Settings { packing: true, no_spaces: true },
+];
 
 /// A host's line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -76,6 +91,10 @@ impl Buffers for SerialRing {
     fn note_line(&mut self) {
         (self.note_line)();
     }
+
+    fn report_packing(&mut self, settings: meatpack::Settings) {
+        note_packing(Port::Serial, settings);
+    }
 }
 
 impl SerialInput {
@@ -90,7 +109,7 @@ impl SerialInput {
     }
 }
 
-/// Bytes are there to be read, and so many more were lost.
+/// Bytes wait to be read, and this number of others were lost.
 pub fn arrived(lost: u32) {
     LOST_BYTES.fetch_add(lost, Ordering::Relaxed);
     RECEIVED.writer().write(());
@@ -100,6 +119,26 @@ pub fn arrived(lost: u32) {
 pub fn usb_served(served: Served) {
     USB_HAS_FAILED.fetch_or(served.has_failed, Ordering::Relaxed);
     arrived(served.dropped);
+}
+
+/// A port's host waits to hear how it packs its bytes. Of several reports it hears the last.
+pub fn note_packing(port: Port, settings: meatpack::Settings) {
+    let number = (1..).zip(PACKING_REPORTS).find(|(_, report)| *report == settings).map_or(0, |(number, _)| number);
+    place_of(port).store(number, Ordering::Relaxed);
+}
+
+/// Takes what a port's host waits to hear of its packing.
+pub fn take_packing(port: Port) -> Option<meatpack::Settings> {
+    let number = place_of(port).swap(0, Ordering::Relaxed);
+    PACKING_REPORTS.get(usize::from(number).checked_sub(1)?).copied()
+}
+
+fn place_of(port: Port) -> &'static AtomicU8 {
+    let [serial, usb] = &PACKING;
+    match port {
+        Port::Serial => serial,
+        Port::Usb => usb,
+    }
 }
 
 /// What hosts should hear about their lines.
@@ -203,8 +242,20 @@ impl Reader {
         self.take(buffer)
     }
 
+    /// Waits for bytes of a host, or for the card's task, 20 ms at most.
+    pub async fn wait(&mut self, idle: bool) {
+        if self.is_ready() {
+            return;
+        }
+        if idle && !IS_AWAITED.load(Ordering::Acquire) {
+            QUIET_SINCE.store(self.clock.now_ticks(), Ordering::Release);
+            IS_AWAITED.store(true, Ordering::Release);
+        }
+        let _ = Mono::timeout_after(CARD_WAIT_MS.millis(), self.signal.wait()).await;
+    }
+
     /// Takes as many bytes of one port as are there and fit.
-    fn take<'a>(&mut self, buffer: &'a mut [u8]) -> (Port, &'a [u8]) {
+    pub fn take<'a>(&mut self, buffer: &'a mut [u8]) -> (Port, &'a [u8]) {
         self.last = match self.last {
             Port::Usb if self.serial.ready() => Port::Serial,
             Port::Serial if !self.usb.ready() => Port::Serial,
@@ -229,7 +280,7 @@ impl Reader {
 pub enum To {
     /// The host whose command it answers.
     Host(Port),
-    /// Everyone: nobody has asked for it.
+    /// Every host: none has asked for it.
     All,
 }
 

@@ -1,7 +1,7 @@
 //! The hosts, each at its port, and the port at which a prepared job comes.
 
 use ferrostep_gcode::{Line, LineError, Reply};
-use ferrostep_gpre::transfer::{FLAG, Report};
+use ferrostep_gpre::transfer::{Report, StrayFrames, Stretch};
 use ferrostep_printer::{Host, JobLine, Replies};
 use ferrostep_usb::{Heard, Lines};
 use rtic::Mutex;
@@ -15,24 +15,12 @@ pub const JOB_BYTES: usize = ferrostep_gpre::compact::MAX_FRAME_BYTES + 1024;
 /// A line, or why it cannot be read, and who has sent it.
 type Said<'a> = Option<(&'a mut Host, Result<Line<'a>, LineError>)>;
 
-/// What a port's next byte belongs to.
-#[derive(Clone, Copy)]
-struct Place {
-    mid_line: bool,
-    /// A job's frame that nobody waits for.
-    in_frame: bool,
-}
-
-impl Place {
-    const LINE_START: Self = Self { mid_line: false, in_frame: false };
-}
-
 /// Who talks to the board.
 pub struct Hosts {
     serial: (Host, Lines),
     usb: (Host, Lines),
-    serial_place: Place,
-    usb_place: Place,
+    serial_frames: StrayFrames,
+    usb_frames: StrayFrames,
     /// How the last job ended.
     last_job: Report,
 }
@@ -43,8 +31,8 @@ impl Hosts {
         Self {
             serial: (Host::new(), Lines::new()),
             usb: (Host::new(), Lines::new()),
-            serial_place: Place::LINE_START,
-            usb_place: Place::LINE_START,
+            serial_frames: StrayFrames::new(),
+            usb_frames: StrayFrames::new(),
             last_job: Report::NONE,
         }
     }
@@ -56,20 +44,15 @@ impl Hosts {
         bytes: &'a [u8],
         replies: &BoardReplies<W>,
     ) -> (usize, Said<'a>) {
-        let line_end = bytes.iter().position(|byte| matches!(byte, b'\n' | b'\r'));
-        let length = line_end.map_or(bytes.len(), |end| end + 1);
-        let line = bytes.get(..length).unwrap_or_default();
-        let place = self.place(port);
-        let frame = place.in_frame || !place.mid_line && line.first() == Some(&FLAG);
-        *place = Place { mid_line: line_end.is_none(), in_frame: frame && line_end.is_none() };
-        if frame {
+        let (length, stretch) = self.frames(port).next(bytes);
+        if let Stretch::Frame { ends } = stretch {
             // A host that has not heard how its job ended.
-            if line_end.is_some() {
+            if ends {
                 replies.report(&self.last_job);
             }
             return (length, None);
         }
-        self.text(port, line, replies)
+        self.text(port, bytes.get(..length).unwrap_or_default(), replies)
     }
 
     /// A port's text, that is no frame's.
@@ -101,13 +84,13 @@ impl Hosts {
     /// A job has ended that came at a port, perhaps in the middle of a frame.
     pub fn job_ended(&mut self, port: Port, (report, in_frame): (Report, bool)) {
         self.last_job = report;
-        *self.place(port) = Place { mid_line: in_frame, in_frame };
+        self.frames(port).job_ended(in_frame);
     }
 
-    fn place(&mut self, port: Port) -> &mut Place {
+    fn frames(&mut self, port: Port) -> &mut StrayFrames {
         match port {
-            Port::Serial => &mut self.serial_place,
-            Port::Usb => &mut self.usb_place,
+            Port::Serial => &mut self.serial_frames,
+            Port::Usb => &mut self.usb_frames,
         }
     }
 }

@@ -12,9 +12,10 @@
 //! | 8 | `temperature` | every 10 ms | `heat`, watchdog | 160 conversions, two medians, two PID loops and their checks |
 //! | 8 | `emergency` | M112 | `heat` | heaters off |
 //! | 4 | `planner` | a move, or 2 ms | `machine` | fills the step queue: 256 portions a lock |
-//! | 2 | `printer` | received bytes | `machine`, `heat`, `writers`, `drivers` | one line, one item of a job; a wait is an await |
+//! | 2 | `printer` | received bytes | `machine`, `heat`, `writers`, `drivers`, `mailbox` | one line, one item of a job; a wait is an await |
 //! | 1 | `drivers` | every ms while a datagram is under way | `drivers`, `driver_line`, `machine`, `writers` | a datagram's end, and the next |
 //! | 1 | `reports` | a halt, or 100 ms | `machine`, `heat`, `writers` | M155's line |
+//! | 0 | `idle` | whenever nothing else runs | `mailbox` | a block of the memory card, up to 1.1 s; everyone may interrupt it |
 //!
 //! 16 is above what BASEPRI can mask, and critical sections mask no more than that
 //! (`hal-shim/critical-section/`): nothing delays a step. So the two step tasks must never share
@@ -25,6 +26,7 @@
 #![no_main]
 #![deny(unsafe_code)]
 
+mod card;
 mod clock;
 mod drivers;
 mod fault;
@@ -34,23 +36,28 @@ mod identity;
 mod job_line;
 mod ports;
 mod profile;
+mod reports;
 mod timing;
 mod wiring;
 
 use defmt_rtt as _;
 
+/// Sleeps until an interrupt. A function of its own in every image: where it is, tests put code that no image contains.
+#[inline(never)]
+fn sleep() {
+    cortex_m::asm::wfi();
+}
+
 #[rtic::app(device = ferrostep_stm32f4_board::pac, peripherals = true, dispatchers = [SPI1, SPI2, SPI3, I2C1_EV])]
 mod app {
     use core::cell::RefCell;
     use core::mem::MaybeUninit;
-    use core::sync::atomic::{AtomicU8, Ordering};
+    use core::sync::atomic::{AtomicBool, AtomicU8, Ordering};
 
     use ferrostep_gcode::{Emergency, Reply};
-    use ferrostep_hal_shim::Heater;
     use ferrostep_planner::look_ahead::Slot;
     use ferrostep_printer::heat::SAMPLE_MS;
-    use ferrostep_printer::machine::SharedMotion;
-    use ferrostep_printer::{HeaterTimeout, Heating, Printer, Replies, Signals, temperatures};
+    use ferrostep_printer::{Printer, SharedMotion, Signals};
     use ferrostep_step_player::StepFeeder;
     use ferrostep_stm32f4::BrownOut;
     use ferrostep_stm32f4::clock_tree::ClockSource;
@@ -58,6 +65,7 @@ mod app {
     use ferrostep_stm32f4_board::board::{self, BoardPins};
     use ferrostep_stm32f4_board::clock;
     use ferrostep_stm32f4_board::driver_line::DriverLine;
+    use ferrostep_stm32f4_board::identifier::identifier;
     use ferrostep_stm32f4_board::measured::Switch;
     use ferrostep_stm32f4_board::motion_clock::MotionClock;
     use ferrostep_stm32f4_board::serial::{Serial, Transmit};
@@ -71,17 +79,19 @@ mod app {
     use rtic_monotonics::systick::prelude::*;
     use rtic_sync::signal::{Signal, SignalReader};
 
+    use crate::card::{self, BoardCard, BoardMailbox};
     use crate::clock::{Mono, SystemClock};
     use crate::drivers::{self as board_drivers, BoardDrivers};
     use crate::heat::{self, Heat};
-    use crate::host_line::{self, Patience, Reader, SerialInput, To, Writer, Writers};
+    use crate::host_line::{self, Patience, Port, Reader, SerialInput, To, Writer, Writers};
     use crate::job_line::{Hosts, JOB_BYTES, JobPort};
     use crate::ports::{
-        self, BoardHeating, BoardMachine, BoardMachineLock, BoardReplies, BoardStepTimer, LOOK_AHEAD_BLOCKS, Overload,
+        self, BoardHeating, BoardMachine, BoardMachineLock, BoardReplies, BoardStepTimer, LOOK_AHEAD_BLOCKS,
         PLANNER_WORK, STEPS,
     };
     use crate::profile::PROFILE;
-    use crate::timing::{self, BoardTiming};
+    use crate::reports::Reports;
+    use crate::timing::BoardTiming;
     use crate::wiring::{BoardDriverLine, DRIVER_PINS, SENSOR_STORES, SENSORS};
 
     /// Speed of the host's line.
@@ -90,7 +100,7 @@ mod app {
     /// SysTick, which ends the waits of the tasks: above all that wait, below the host's line.
     const WAITS_PRIORITY: u8 = 9;
 
-    /// The planner looks at the step queue this often, ms: at 100,000 events a second a tenth of the queue.
+    /// The planner looks at the step queue this often, ms: at 100,000 events a second a fifth of the queue.
     const PLANNER_INTERVAL_MS: u32 = 2;
 
     #[cfg(drivers)]
@@ -105,6 +115,8 @@ mod app {
     static FAN_POWER: AtomicU8 = AtomicU8::new(0);
     /// Which tasks have run of late.
     static LIFE: LifeSigns = LifeSigns::new();
+    /// There is a slot for a memory card, and a clock for it.
+    static HAS_CARD: AtomicBool = AtomicBool::new(false);
     /// The machine has been halted, and the host should know.
     static HALTED: Signal<()> = Signal::new();
 
@@ -122,6 +134,7 @@ mod app {
         machine: &'static mut BoardMachine,
         heat: Heat,
         writers: Writers,
+        mailbox: BoardMailbox,
     }
 
     #[local]
@@ -139,6 +152,7 @@ mod app {
         measured: Switch,
         watchdog: Watchdog,
         vigil: Vigil,
+        card: Option<BoardCard>,
     }
 
     #[init(local = [
@@ -178,7 +192,13 @@ mod app {
         let (usb_received, usb_to_read) = cx.local.usb_receive.split();
         let (usb_to_write, usb_to_send) = cx.local.usb_send.split();
         let registers = (device.OTG_FS_GLOBAL, device.OTG_FS_DEVICE, device.OTG_FS_PWRCLK);
-        let rings = Rings { received: usb_received, to_send: usb_to_send, act, note_line: || SIGNALS.note_host() };
+        let rings = Rings {
+            received: usb_received,
+            to_send: usb_to_send,
+            act,
+            note_line: || SIGNALS.note_host(),
+            report_packing: |settings| host_line::note_packing(Port::Usb, settings),
+        };
         let usb = Usb::start(cx.local.usb_memory, registers, &rcc, &clock, rings);
         let usb_writer = usb.is_ok().then(|| LineWriter::new(usb_to_write));
         let mut writers = Writers { serial: Writer(to_write), usb: usb_writer };
@@ -198,6 +218,8 @@ mod app {
         let heat = Heat::new(&PROFILE, converters, &clock);
         let driver_line = <BoardDriverLine as DriverLine>::start((device.USART2, device.TIM7), &clock, DRIVER_PINS);
         let drivers = board_drivers::bank(&clock, motion_clock.now_ticks());
+        let card = card::start(device.SDIO, &clock, motion_clock);
+        HAS_CARD.store(card.is_some(), Ordering::Relaxed);
 
         // Each of them is taken here and nowhere else.
         let (Some(reader), Some(planner_work), Some(halted)) =
@@ -212,7 +234,16 @@ mod app {
             unreachable!("init runs once")
         }
         (
-            Shared { step_timer, sensors: pins, driver_line, drivers, machine, heat, writers },
+            Shared {
+                step_timer,
+                sensors: pins,
+                driver_line,
+                drivers,
+                machine,
+                heat,
+                writers,
+                mailbox: BoardMailbox::new(),
+            },
             Local {
                 port,
                 input: SerialInput::new(received, act, || SIGNALS.note_host()),
@@ -227,6 +258,7 @@ mod app {
                 measured,
                 watchdog: Watchdog::start(device.IWDG),
                 vigil: Vigil::default(),
+                card,
             },
         )
     }
@@ -320,9 +352,11 @@ mod app {
                 // Already on its way is as good.
                 let _ = emergency::spawn();
             }
+            // The line is a file's.
+            Emergency::QuickStop | Emergency::EndWait if SIGNALS.is_writing() => {}
             Emergency::QuickStop => step_timer::stop(STEPS.link()),
             Emergency::EndWait => SIGNALS.end_wait(),
-            Emergency::PromptAnswer(_) => {}
+            Emergency::PromptAnswer(button) => SIGNALS.answer_prompt(button),
         }
     }
 
@@ -370,7 +404,7 @@ mod app {
     }
 
     /// Lines to commands, commands to moves and replies.
-    #[task(priority = 2, shared = [machine, heat, writers, drivers], local = [
+    #[task(priority = 2, shared = [machine, heat, writers, drivers, mailbox], local = [
         reader, measured, job: [u8; JOB_BYTES] = [0; JOB_BYTES],
     ])]
     async fn printer(cx: printer::Context) {
@@ -379,7 +413,9 @@ mod app {
         let replies = BoardReplies::new(cx.shared.writers);
         let mut printer = Printer::new(&PROFILE, motion, heating, SystemClock::default(), &replies, &SIGNALS);
         printer.set_version(crate::identity::IDENTITY.version());
+        printer.set_identifier(identifier());
         printer.set_emergency_parser(true);
+        printer.set_meatpack(true);
         printer.set_equipment(heat::EQUIPMENT);
         let drivers = BoardDrivers(RefCell::new(cx.shared.drivers));
         if cfg!(drivers) {
@@ -388,6 +424,13 @@ mod app {
         let timing = BoardTiming::new(cx.local.measured);
         printer.set_timing(&timing);
         printer.set_receives_jobs();
+        #[cfg(card)]
+        let mailbox = card::BoardMailboxLock(RefCell::new(cx.shared.mailbox));
+        #[cfg(card)]
+        if HAS_CARD.load(Ordering::Relaxed) {
+            printer.set_card(&mailbox);
+            printer.mount_card().await;
+        }
         let mut hosts = Hosts::new();
         let mut buffer = [0; 64];
         loop {
@@ -399,13 +442,18 @@ mod app {
                 let Some((host, line)) = heard else { continue };
                 host.answer(&mut printer, line).await;
                 if let Some(request) = printer.take_job_request() {
-                    // Who asks waits for the answer; what has been sent behind it is sent again.
+                    // Who asks waits for the answer; what was sent after the question is sent again.
                     let mut line = JobPort::new(cx.local.reader, port, &mut hosts, &replies);
                     let ended = printer.receive_job(request, &mut line, cx.local.job).await;
                     hosts.job_ended(port, ended);
                     replies.answer(port);
                     break;
                 }
+            }
+            #[cfg(card)]
+            if printer.prints_from_card() {
+                let mut lines = card::CardHosts::new(cx.local.reader, &mut hosts, &replies);
+                printer.print_from_card(&mut lines, cx.local.job).await;
             }
         }
     }
@@ -430,67 +478,29 @@ mod app {
         }
     }
 
-    /// What is said without being asked: temperatures (M155), a halt, lost bytes, overload, rest; to the log, times (M798).
+    /// What is said without being asked: temperatures (M155), a halt, lost bytes, overload, rest; how hosts pack their bytes
+    /// (MeatPack); to the log, times (M798).
     #[task(priority = 1, shared = [machine, heat, writers], local = [halted])]
     async fn reports(cx: reports::Context) {
-        let heating = BoardHeating(RefCell::new(cx.shared.heat));
-        let replies = BoardReplies::new(cx.shared.writers);
-        let mut machine = cx.shared.machine;
-        let mut heater_timeout = HeaterTimeout::new();
-        let mut reported = Overload::default();
-        let (mut reported_ms, mut logged_ms) = (0, 0);
+        let reports::SharedResources { machine, heat, writers, .. } = cx.shared;
+        let mut reports = Reports::new(machine, BoardHeating(RefCell::new(heat)), BoardReplies::new(writers), &SIGNALS);
         loop {
             LIFE.show(Task::Reports);
-            let interval = REPORTS_INTERVAL_MS.millis();
-            if let Ok(()) = Mono::timeout_after(interval, cx.local.halted.wait()).await {
-                // A command at work has done it already; without one it is done here. Whether the machine is still halted
-                // must not change in between: after M999 the motors are needed.
-                machine.lock(|machine| {
-                    if SIGNALS.is_halted() {
-                        machine.switch_motors_off();
-                    }
-                });
-                replies.halted(heating.fault());
+            if let Ok(()) = Mono::timeout_after(REPORTS_INTERVAL_MS.millis(), cx.local.halted.wait()).await {
+                reports.halted();
             }
-            replies.line_troubles(host_line::take_troubles());
-            let keeps_heat = Heater::ALL.into_iter().any(|heater| heating.status(heater).target_celsius > 0.0);
-            let rested_ms = Mono::now().ticks();
-            let (is_off, is_idle) = machine.lock(|machine| {
-                // Within the lock: the command side cannot begin in between.
-                let timeout_s =
-                    Some(SIGNALS.idle_timeout_s()).filter(|s| *s > 0 && !keeps_heat && !SIGNALS.is_at_work());
-                let is_off = machine.rest(rested_ms, timeout_s.map(|seconds| seconds.saturating_mul(1000)));
-                (is_off, machine.is_idle())
-            });
-            let is_used = SIGNALS.take_host_spoken() || !is_idle;
-            let rest = heater_timeout.look(rested_ms, is_used, keeps_heat, SIGNALS.heater_timeout_s());
-            rest.inspect(|rest| heating.follow(rest, &SIGNALS, &replies));
-            if is_off {
-                replies.send(Reply::Text("echo:motors switched off after a rest (M84 S), home before the next move"));
-            }
-            let interval_ms = u32::from(SIGNALS.report_interval_s()) * 1000;
-            let now_ms = Mono::now().ticks();
-            let is_due = interval_ms > 0 && now_ms.wrapping_sub(reported_ms) >= interval_ms;
-            if is_due && heat::EQUIPMENT.heaters {
-                reported_ms = now_ms;
-                replies.send(Reply::Temperatures(temperatures(&heating)));
-            }
-            if now_ms.wrapping_sub(logged_ms) >= timing::LOG_INTERVAL_MS {
-                logged_ms = now_ms;
-                timing::log();
-                let overload = machine.lock(|machine| Overload::of(&machine.figures()));
-                if overload != core::mem::replace(&mut reported, overload) {
-                    replies.overload(overload);
-                }
-            }
+            reports.look(Mono::now().ticks());
         }
     }
 
-    /// Sleeps until an interrupt.
-    #[idle]
-    fn idle(_: idle::Context) -> ! {
+    /// The card's task: it waits for the card, so that it is below all others. Otherwise sleeps until an interrupt; SysTick comes
+    /// every millisecond.
+    #[idle(shared = [mailbox], local = [card])]
+    fn idle(mut cx: idle::Context) -> ! {
         loop {
-            cortex_m::asm::wfi();
+            if !card::serve(cx.local.card, &mut cx.shared.mailbox) {
+                crate::sleep();
+            }
         }
     }
 }

@@ -11,8 +11,8 @@ use ferrostep_gcode::{MotionFigures, Reply};
 use ferrostep_hal_shim::{Heater, StepOutput};
 use ferrostep_planner::look_ahead::Slot;
 use ferrostep_printer::heat::HeatFault;
-use ferrostep_printer::machine::{Machine, SharedMachine};
-use ferrostep_printer::{HeaterRest, HeaterStatus, Heating, Replies, Signals};
+use ferrostep_printer::machine::Machine;
+use ferrostep_printer::{HeaterRest, HeaterStatus, Heating, Replies, SharedMachine, Signals};
 use ferrostep_step_player::StepPlayer;
 use ferrostep_stm32f4_board::board::{BoardPins, MOTOR_PORTS, VIRTUAL_SENSORS};
 use ferrostep_stm32f4_board::step_timer::{MotorQueue, StepTimer};
@@ -23,7 +23,7 @@ use rtic_sync::signal::Signal;
 
 use crate::clock::Mono;
 use crate::heat::Heat;
-use crate::host_line::{LineTroubles, Port, To, Writers};
+use crate::host_line::{LineTroubles, Port, To, Writers, take_packing};
 use crate::profile::{PROFILE, StepSignals};
 
 /// Blocks in the look-ahead ring, as on the desk.
@@ -197,6 +197,12 @@ impl<W: Mutex<T = Writers>> BoardReplies<W> {
         self.to.set(To::Host(port));
     }
 
+    /// From now on everyone is told.
+    #[cfg(card)]
+    pub fn answer_all(&self) {
+        self.to.set(To::All);
+    }
+
     /// Says that the machine is halted, and the heater fault that did it: adjacent lines, as hosts expect.
     pub fn halted(&self, fault: Option<HeatFault>) {
         self.writers.borrow_mut().lock(|writers| {
@@ -208,6 +214,15 @@ impl<W: Mutex<T = Writers>> BoardReplies<W> {
                 writers.line(to, Reply::Killed);
             }
         });
+    }
+
+    /// Tells each host how it packs its bytes, if it waits for that.
+    pub fn packing(&self) {
+        for port in [Port::Serial, Port::Usb] {
+            if let Some(settings) = take_packing(port) {
+                self.writers.borrow_mut().lock(|writers| writers.line(To::Host(port), settings));
+            }
+        }
     }
 
     /// Says how many bytes came too fast, and that the USB port is gone, if so.

@@ -87,8 +87,19 @@ pub struct Board {
     pub serial: [Pin; 2],
     /// USB, minus and plus.
     pub usb: Option<[Pin; 2]>,
+    /// The slot for a memory card.
+    pub card: Option<CardSlot>,
     /// What a user of the board should know: one sentence each.
     pub notes: Vec<String>,
+}
+
+/// The slot for a memory card, at the SDIO.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct CardSlot {
+    /// Clock, command, four data lines.
+    pub lines: [Pin; 6],
+    /// Low while a card is in it.
+    pub detect: Option<Pin>,
 }
 
 /// A motor's pins.

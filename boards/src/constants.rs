@@ -11,16 +11,19 @@ use crate::board::{Board, CCM_ADDRESS, DriverUart, FLASH_ADDRESS, RAM_ADDRESS};
 use crate::clock::{Clock, INTERNAL_HZ};
 use crate::fit;
 use crate::pin::Pin;
-use crate::registers::{self, Store};
+use crate::registers;
+use crate::store::Store;
 
-/// Bytes at the start of RAM that are the stack's.
-const STACK_KIB: u32 = 24;
+/// KiB at the start of RAM that are the stack's. The deepest path through each image is computed and held to it.
+pub const STACK_KIB: u32 = 20;
 
 /// The constants that `ferrostep-stm32f4` includes as its module `board`.
 pub fn rust(board: &Board) -> String {
     let Board { name, title, crystal_hz, clock, internal_clock, virtual_sensors, .. } = board;
     let ports = board.motor_ports();
     let has_usb = board.usb.is_some();
+    let has_card = board.card.is_some();
+    let card_detect = board.card.and_then(|card| card.detect).map(|pin| (pin.port, pin.number));
     let family = board.chip.family;
     // The core is as fast with either oscillator; what stands once below holds for both.
     let Clock { core_hz, apb1_divider, apb2_divider, flash_wait_states, .. } = *clock;
@@ -47,6 +50,9 @@ pub fn rust(board: &Board) -> String {
          /// What a person calls it.\npub const TITLE: &str = {title:?};\n\
          /// Nothing real hangs on it: temperatures and end stops are models.\n\
          pub const VIRTUAL_SENSORS: bool = {virtual_sensors};\n\
+         /// There is a slot for a memory card.\npub const CARD: bool = {has_card};\n\
+         /// Port and number of the pin that is low while a card is in it.\n\
+         pub const CARD_DETECT: Option<(u8, u8)> = {card_detect:?};\n\
          /// PA11 and PA12 lead to a USB plug.\npub const USB: bool = {has_usb};\n\
          /// Its chip's registers.\npub const FAMILY: ChipFamily = ChipFamily::{family:?};\n\
          /// Frequency of the core with the PLL, Hz.\npub const CORE_HZ: u32 = {core_hz};\n\
@@ -243,8 +249,8 @@ mod tests {
         let octopus = crate::load("btt-octopus-1.1").unwrap();
         let text = memories(&octopus);
         assert!(text.contains("FLASH (rx)  : ORIGIN = 0x8008000, LENGTH = 0x78000"), "{text}");
-        assert!(text.contains("STACK (rw)  : ORIGIN = 0x20000000, LENGTH = 0x6000"), "{text}");
-        assert!(text.contains("RAM   (rwx) : ORIGIN = 0x20006000, LENGTH = 0x1a000"), "{text}");
+        assert!(text.contains("STACK (rw)  : ORIGIN = 0x20000000, LENGTH = 0x5000"), "{text}");
+        assert!(text.contains("RAM   (rwx) : ORIGIN = 0x20005000, LENGTH = 0x1b000"), "{text}");
         let of = |address, bytes| Memory::of(&octopus, address, bytes);
         assert_eq!(of(0x0800_8000, 0x78000), Some(Memory::Flash));
         // The boot loader's part, beyond the end, and across a border.

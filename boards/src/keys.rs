@@ -2,12 +2,16 @@
 
 use ferrostep_checked_toml::{Range, Section, range};
 
-use crate::board::{BBF_HEADER_BYTES, BBF_SUFFIX, Board, Driver, DriverUart, Fan, Heater, Motor, SECTORS, Thermistor};
+use crate::board::{
+    BBF_HEADER_BYTES, BBF_SUFFIX, Board, CardSlot, Driver, DriverUart, Fan, Heater, Motor, SECTORS, Thermistor,
+};
 use crate::chip::Chip;
-use crate::clock::{CRYSTAL_HZ, Clock, INTERNAL_HZ};
+use crate::clock::{CRYSTALS_MHZ, Clock, INTERNAL_HZ};
 use crate::pin::Pin;
 use crate::pins::{Pins, Use};
-use crate::signals::{TIMERS_IN_USE, USART1_RX, USART1_TX, USART2_TX, USB_PINS, analogue_channels, timer_channels};
+use crate::signals::{
+    SDIO_PINS, TIMERS_IN_USE, USART1_RX, USART1_TX, USART2_TX, USB_PINS, analogue_channels, timer_channels,
+};
 
 const CRYSTAL: Range = range(4.0, 26.0, "MHz");
 // Smallest memories that the firmware can be linked for, and the largest of a chip.
@@ -81,6 +85,9 @@ pub(crate) fn board(keys: &Section<'_>) -> Board {
         let [minus, plus] = USB_PINS;
         [one_of(&table, "dm", [minus], &mut pins), one_of(&table, "dp", [plus], &mut pins)]
     });
+    let card = keys
+        .optional_section("card", "no slot", "a slot for a memory card, at the SDIO")
+        .map(|table| card(&table, &mut pins));
     let board = Board {
         name: board_name,
         title,
@@ -104,10 +111,27 @@ pub(crate) fn board(keys: &Section<'_>) -> Board {
         inputs,
         serial,
         usb,
+        card,
         notes: pins.into_notes(),
     };
     as_a_whole(&board, keys);
     board
+}
+
+/// The slot for a memory card.
+fn card(table: &Section<'_>, pins: &mut Pins<'_>) -> CardSlot {
+    let [clock, command, d0, d1, d2, d3] = SDIO_PINS;
+    let lines = [
+        one_of(table, "clock", [clock], pins),
+        one_of(table, "command", [command], pins),
+        one_of(table, "d0", [d0], pins),
+        one_of(table, "d1", [d1], pins),
+        one_of(table, "d2", [d2], pins),
+        one_of(table, "d3", [d3], pins),
+    ];
+    let about = "low while a card is in the slot";
+    let detect = pins.take_some(table, "detect", Use::Any, "a card is looked for by asking it", about);
+    CardSlot { lines, detect }
 }
 
 /// What concerns more than one part of the board.
@@ -198,12 +222,14 @@ fn chip(keys: &Section<'_>) -> Chip {
 
 /// The crystal's frequency, Hz, and the clock from it.
 fn clock(keys: &Section<'_>, chip: Chip) -> (u32, Option<Clock>) {
-    let about = "such that the motion clock has exactly 84 MHz and USB 48 MHz";
+    let about = "8, 12, 16 or 25: from these the PLL makes exactly 84 MHz for the motion clock and 48 MHz for USB, with the same \
+                 numbers in the firmware and in its library";
     let crystal_hz = (keys.number("crystal_mhz", CRYSTAL).required(about) * 1e6).round() as u32;
-    let clock = CRYSTAL_HZ.contains(&crystal_hz).then(|| Clock::of(crystal_hz, chip)).flatten();
+    let may_be_used = CRYSTALS_MHZ.map(|mhz| mhz * 1_000_000).contains(&crystal_hz);
+    let clock = may_be_used.then(|| Clock::of(crystal_hz, chip)).flatten();
     if clock.is_none() {
-        let expected = "a crystal from which a PLL makes exactly 48 MHz for USB and 84 MHz for the motion clock, such as \
-                        8, 12, 16 or 25 MHz";
+        let expected = "8, 12, 16 or 25 MHz, for which the firmware's clock and stm32f4xx-hal agree; to use another crystal, \
+                        add its frequency to CRYSTALS_MHZ in boards/src/clock.rs and run `cargo test -p ferrostep-boards`";
         keys.refuse("crystal_mhz", expected);
     }
     (crystal_hz, clock)

@@ -7,6 +7,7 @@
 
 mod board;
 mod chip;
+pub mod chosen;
 pub mod clock;
 pub mod constants;
 pub mod fit;
@@ -16,6 +17,7 @@ mod pins;
 pub mod registers;
 mod signals;
 mod start;
+mod store;
 
 pub use board::{
     BBF_HEADER_BYTES, BBF_SUFFIX, Board, CCM_ADDRESS, Driver, DriverUart, FLASH_ADDRESS, Fan, Heater, Motor,
@@ -26,6 +28,7 @@ pub use ferrostep_checked_toml::{FileError as BoardError, Problem};
 use ferrostep_checked_toml::{Reader, Schema};
 pub use pin::Pin;
 pub use signals::AnalogueChannel;
+pub use store::Store;
 
 // ANCHOR: builtin
 /// Names and texts of the boards that need no file. The first is the default.

@@ -7,6 +7,7 @@ use ferrostep_stm32f4::usb_controller;
 use crate::board::Board;
 use crate::pin::Pin;
 use crate::start::as_after_reset;
+use crate::store::Store;
 
 /// Addresses: PM0214 4.2, 4.3.3, 4.4, 4.5 (the core's own).
 const SYST_CSR: u32 = 0xe000_e010;
@@ -23,26 +24,12 @@ const MPU_CTRL: u32 = 0xe000_ed94;
 /// the pulses that drivers want, and faster edges ring on the long traces to them; Prusa's own firmware chooses it for these
 /// pins too.
 const LOW_SPEED: u32 = 0b00;
+/// In OSPEEDR: edges of up to 10 ns at 30 pF, for 12 MHz.
+const HIGH_SPEED: u32 = 0b10;
+/// The SDIO on all its pins.
+const CARD_FUNCTION: u32 = 12;
 /// USART1 on all its pins.
 const SERIAL_FUNCTION: u32 = 7;
-
-/// A register becomes `old & !clear | set`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Store {
-    /// The register.
-    pub address: u32,
-    /// Bits that become 0, unless they are set.
-    pub clear: u32,
-    /// Bits that become 1.
-    pub set: u32,
-}
-
-impl Store {
-    /// A register that is only written to.
-    pub(crate) fn word(address: u32, word: u32) -> Self {
-        Self { address, clear: u32::MAX, set: word }
-    }
-}
 
 /// A register of a port.
 fn of_port(port: u8, offset: u32) -> u32 {
@@ -105,6 +92,28 @@ fn step_pins(board: &Board) -> Vec<Pin> {
     board.motors.iter().map(|motor| motor.step).collect()
 }
 
+/// The lines to a memory card, and the pin that says that it is there.
+fn card_pins(board: &Board) -> Vec<Pin> {
+    board.card.iter().flat_map(|card| card.lines.into_iter().chain(card.detect)).collect()
+}
+
+/// The SDIO's pins, with the pull-ups that a card's lines need (SD specification, 6.6); its clock has none.
+fn card(board: &Board) -> Vec<Store> {
+    let Some(card) = board.card else { return Vec::new() };
+    let [_, pulled @ ..] = card.lines;
+    let detect: Vec<Pin> = card.detect.into_iter().collect();
+    [
+        fields(&card.lines, OTYPER, 1, 0),
+        fields(&card.lines, PUPDR, 2, 0),
+        fields(&[&pulled[..], &detect].concat(), PUPDR, 2, PULL_UP),
+        fields(&card.lines, OSPEEDR, 2, HIGH_SPEED),
+        fields(&card.lines, AFRL, 4, CARD_FUNCTION),
+        fields(&card.lines, MODER, 2, ALTERNATE),
+        fields(&detect, MODER, 2, 0),
+    ]
+    .concat()
+}
+
 /// Outputs that drive both levels, without pulls: a boot loader may have had them otherwise.
 fn push_pull(pins: &[Pin]) -> Vec<Store> {
     [fields(pins, OTYPER, 1, 0), fields(pins, PUPDR, 2, 0)].concat()
@@ -119,7 +128,7 @@ fn heaters_off(board: &Board) -> Vec<Store> {
 /// The image's first instructions: heaters off, motors off, and nothing left of what a boot loader may have started.
 pub fn first(board: &Board) -> Vec<Store> {
     let outputs = [heater_pins(board), enable_pins(board), signal_pins(board), board.serial.to_vec()].concat();
-    let others = board.fans.iter().map(|fan| fan.pin).chain(thermistor_pins(board));
+    let others = board.fans.iter().map(|fan| fan.pin).chain(thermistor_pins(board)).chain(card_pins(board));
     let ports = outputs.into_iter().chain(others).fold(0, |ports, pin| ports | 1 << pin.port);
     // Twice: the second time reads the first back (`Registers::switch_clocks_on` says why).
     let mut stores = vec![Store { address: RCC_AHB1ENR, clear: 0, set: ports }; 2];
@@ -181,6 +190,7 @@ pub fn pins(board: &Board) -> Vec<Store> {
         // An open line is silent.
         fields(&[receiver], PUPDR, 2, PULL_UP),
         fields(&board.serial, MODER, 2, ALTERNATE),
+        card(board),
     ]
     .concat()
 }
@@ -314,6 +324,7 @@ mod tests {
                     .into_iter()
                     .chain(fans)
                     .chain(thermistor_pins(&board))
+                    .chain(card_pins(&board))
                     .collect();
             for Store { address, clear, .. } in [first(&board), pins(&board), all_off(&board)].concat() {
                 let Some(offset) = address.checked_sub(gpio::GPIO).filter(|offset| *offset < 7 * gpio::GPIO_STRIDE)

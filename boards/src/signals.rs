@@ -67,6 +67,8 @@ pub const USART1_RX: [&str; 2] = ["PA10", "PB7"];
 pub const USART2_TX: [&str; 2] = ["PA2", "PD5"];
 /// The full-speed USB's pins, minus and plus.
 pub const USB_PINS: [&str; 2] = ["PA11", "PA12"];
+/// The SDIO's pins, alternate function 12: clock, command, four data lines.
+pub const SDIO_PINS: [&str; 6] = ["PC12", "PD2", "PC8", "PC9", "PC10", "PC11"];
 /// Pins of the debug probe, and their names there.
 pub const DEBUG_PINS: [(&str, &str); 2] = [("PA13", "SWDIO"), ("PA14", "SWCLK")];
 
@@ -133,7 +135,12 @@ mod tests {
     fn every_pin_in_the_tables_is_one() {
         let timers = TIMER_CHANNELS.iter().flat_map(|(_, pins)| pins.iter().copied());
         let analogue = SHARED_CHANNELS.iter().map(|(pin, ..)| *pin).chain(CHANNELS_OF_3.iter().map(|(pin, _)| *pin));
-        let others = USART1_TX.into_iter().chain(USART1_RX).chain(USB_PINS).chain(DEBUG_PINS.map(|(pin, _)| pin));
+        let others = USART1_TX
+            .into_iter()
+            .chain(USART1_RX)
+            .chain(USB_PINS)
+            .chain(SDIO_PINS)
+            .chain(DEBUG_PINS.map(|(pin, _)| pin));
         for name in timers.chain(analogue).chain(others) {
             assert!(Pin::named(name).is_some(), "{name}");
         }

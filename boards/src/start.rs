@@ -7,7 +7,7 @@
 use ferrostep_stm32f4::rcc::RCC;
 
 use crate::chip::Chip;
-use crate::registers::Store;
+use crate::store::Store;
 
 /// AHB1, AHB2, AHB3, APB1, APB2: each register of a kind has one for each of them.
 const BUS_OFFSETS: [u32; 5] = [0x00, 0x04, 0x08, 0x10, 0x14];
@@ -26,32 +26,6 @@ const EXTI_SETTINGS: [u32; 4] = [0x00, 0x04, 0x08, 0x0c];
 const EXTI_PR: u32 = EXTI + 0x14;
 /// Lines 0 to 22.
 const EXTI_LINES: u32 = 0x007f_ffff;
-
-/// What a chip's buses carry, as masks of [`BUS_OFFSETS`]' registers.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Buses {
-    /// Parts that are reset: all but the ports, whose pins hold heaters and motors off, and the power control (bit 28 of
-    /// RCC_APB1RSTR).
-    pub parts: [u32; 5],
-    /// Clocks that go on while the core sleeps, as after reset. Without that of a timer the steps would end with the first
-    /// `wfi`.
-    pub in_sleep: [u32; 5],
-}
-
-impl Buses {
-    /// STM32F405 and STM32F407 (RM0090 7.3.5 to 7.3.9 and 7.3.15 to 7.3.19). What an STM32F405 lacks (Ethernet, camera) is
-    /// reserved there and takes no notice.
-    pub const F405: Self = Self {
-        parts: [0x2260_1000, 0x0000_00f1, 0x1, 0x26fe_c9ff, 0x0007_5933],
-        in_sleep: [0x7e67_91ff, 0x0000_00f1, 0x1, 0x36fe_c9ff, 0x0007_5f33],
-    };
-
-    /// STM32F446 (RM0390 6.3.5 to 6.3.9 and 6.3.15 to 6.3.19).
-    pub const F446: Self = Self {
-        parts: [0x2060_1000, 0x0000_0081, 0x3, 0x2fff_c9ff, 0x00c7_7933],
-        in_sleep: [0x6067_90ff, 0x0000_0081, 0x3, 0x3fff_c9ff, 0x00c7_7f33],
-    };
-}
 
 /// All parts but the ports and the power control as after reset, and the ports' clocks on (`ports`, a mask).
 pub fn as_after_reset(chip: Chip, ports: u32) -> Vec<Store> {

@@ -13,6 +13,8 @@ mod range;
 mod reader;
 mod schema;
 mod section;
+mod values;
+mod words;
 
 use std::io::Read;
 
@@ -22,7 +24,8 @@ pub use locate::{line_of, line_of_key};
 pub use range::{Range, range};
 pub use reader::{Checked, Reader};
 pub use schema::{Key, Schema};
-pub use section::{Choice, Section};
+pub use section::Section;
+pub use values::Choice;
 
 /// Longest file that is read, bytes. A path given by mistake may name a print of many megabytes, or an endless device.
 const MAX_BYTES: u64 = 1 << 20;

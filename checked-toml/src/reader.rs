@@ -13,8 +13,8 @@ use toml::de::{DeTable, DeValue};
 
 use crate::error::{FileError, Problem};
 use crate::locate::{line_of, one_line};
-use crate::schema::{Key, Schema};
-use crate::section::{Section, join, one_of};
+use crate::schema::Key;
+use crate::words::{join, one_of};
 
 /// A text, its keys as far as they are read, and its faults.
 pub struct Reader<'a> {
@@ -48,7 +48,7 @@ pub(crate) enum Rank {
     Contradiction,
 }
 
-/// A value that was read well, and a number that stands for all its [bound](Section::apart) keys and their values.
+/// A value that was read well, and a number that stands for all its [bound](crate::Section::apart) keys and their values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Checked<T> {
     /// The value.
@@ -70,18 +70,9 @@ impl<'a> Reader<'a> {
         Ok(Self { origin, text, root: Some(root), state: RefCell::default() })
     }
 
-    /// The keys that `read` asks for.
-    pub fn describe<T>(read: impl FnOnce(&Section<'_>) -> T) -> Schema {
-        let reader = Reader { origin: "", text: "", root: None, state: RefCell::default() };
-        read(&reader.root());
-        Schema::new(reader.state.into_inner().keys)
-    }
-
-    /// The table of the keys that stand in no table.
-    pub fn root(&self) -> Section<'_> {
-        self.state.borrow_mut().names.entry(String::new()).or_default();
-        let table = self.root.as_ref().map(Spanned::get_ref);
-        Section::root(self, table)
+    /// A reader without a text, to which keys are declared.
+    pub(crate) fn without_text() -> Self {
+        Self { origin: "", text: "", root: None, state: RefCell::default() }
     }
 
     /// The value that was read, if nothing is wrong with the text.

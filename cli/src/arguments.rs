@@ -3,7 +3,11 @@
 use std::path::PathBuf;
 
 use clap::{Parser, Subcommand};
+use ferrostep::printer_line::Address;
+#[cfg(unix)]
+use ferrostep::serve::{Fault, Speed};
 use ferrostep_papers::tables::Paper;
+use ferrostep_simulator::shapers::ShaperKind;
 
 /// Rehearses 3D prints on the desk, with the motion code that runs on the board.
 #[derive(Parser)]
@@ -58,23 +62,12 @@ pub enum Command {
         #[arg(long, conflicts_with = "items")]
         entries: bool,
     },
-    /// Sends a prepared job to a board, which executes it while it arrives.
-    #[cfg(unix)]
-    Send {
-        /// A prepared job, in the compact encoding.
-        file: PathBuf,
-        /// The serial port of the board.
-        #[arg(long, value_name = "PATH", default_value = "/dev/ttyACM0")]
-        port: PathBuf,
-        /// Speed of the port; without meaning over USB.
-        #[arg(long, value_name = "BAUD", default_value_t = 115_200)]
-        baud: u32,
-        /// G-code to send line by line instead if the board refuses the prepared job.
-        #[arg(long, value_name = "FILE")]
-        fallback: Option<PathBuf>,
-    },
-    /// Serves a virtual printer that hosts such as OctoPrint connect to: the image of a board, as it would be flashed, on an
-    /// emulated chip with drivers, heaters and mechanics around it. `cargo xtask mainboard` builds it.
+    /// Sends a file to a printer: G-code line by line, a prepared job as it is, which the board executes while it arrives.
+    Send(SendArguments),
+    /// Lists the serial ports of this computer, with the numbers and names of what is on USB.
+    Ports,
+    /// Serves a virtual printer that hosts such as OctoPrint connect to. With --board it is the image of a board, as it would be
+    /// flashed, on an emulated chip (`cargo xtask mainboard` builds it); otherwise the board's parts in this program.
     #[cfg(unix)]
     Serve(ServeArguments),
     /// Tells the time and the material that a file takes, without making its steps.
@@ -82,6 +75,9 @@ pub enum Command {
         #[command(flatten)]
         job: JobArguments,
     },
+    /// Measures what the steps of a file, or of a trace, do to a frame that rings and to a nozzle under pressure: contour error,
+    /// ringing, misplaced material, true acceleration.
+    Simulate(SimulateArguments),
     /// Computes the tables and figures of the papers behind the motion code again, beside ours; of all papers if none is named.
     Papers {
         /// The paper.
@@ -102,15 +98,40 @@ pub enum Command {
     },
 }
 
+/// Arguments of `send`.
+#[derive(clap::Args)]
+pub struct SendArguments {
+    /// G-code, as text or binary (.bgcode), plain or gzip, or a prepared job in the compact encoding; - is standard input.
+    pub file: PathBuf,
+    /// The printer's serial port, or tcp:HOST:PORT [default: the only one on USB].
+    #[arg(long, value_name = "PATH|tcp:HOST:PORT")]
+    pub port: Option<Address>,
+    /// Speed of the port; without meaning over USB.
+    #[arg(long, value_name = "BAUD", default_value_t = 115_200)]
+    pub baud: u32,
+    /// G-code to send line by line instead if the board refuses the prepared job.
+    #[arg(long, value_name = "FILE")]
+    pub fallback: Option<PathBuf>,
+    /// Writes G-code to the printer's memory card under this name, 8 characters and 3 after the dot, instead of printing it.
+    #[arg(long, value_name = "NAME", conflicts_with = "fallback")]
+    pub to_card: Option<String>,
+    /// Packs the lines of G-code into two thirds of their bytes, if the printer says that it knows MeatPack.
+    #[arg(long)]
+    pub meatpack: bool,
+}
+
 /// Arguments of `serve`.
 #[cfg(unix)]
 #[derive(clap::Args)]
 pub struct ServeArguments {
-    /// The board: bench, prusa-buddy, btt-octopus-1.1, or the path of a TOML file.
+    /// The machine: cartesian, corexy, prusa-mini, or the path of a TOML file.
+    #[arg(long, value_name = "NAME|PATH", default_value = "cartesian", conflicts_with = "board")]
+    pub profile: String,
+    /// A board whose image is to run on an emulated chip: bench, prusa-buddy, btt-octopus-1.1, or the path of a TOML file.
     #[arg(long, value_name = "NAME|PATH")]
-    pub board: String,
-    /// Which port of the printer the host connects to.
-    #[arg(long, value_enum, default_value_t = Via::Usb)]
+    pub board: Option<String>,
+    /// Which port of the board the host connects to.
+    #[arg(long, value_enum, default_value_t = Via::Usb, requires = "board")]
     pub via: Via,
     /// Serves on a pseudo-terminal with this path, which the host opens as its serial port.
     #[arg(long, value_name = "PATH", required_unless_present = "tcp", conflicts_with = "tcp")]
@@ -118,9 +139,101 @@ pub struct ServeArguments {
     /// Serves on a TCP port of this computer; 0 takes a free one.
     #[arg(long, value_name = "PORT")]
     pub tcp: Option<u16>,
-    /// How many seconds of the printer pass in one second; a slow computer falls behind and does not catch up.
-    #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
-    pub speed: f64,
+    /// How many seconds of the printer pass in one second, or max; a slow computer falls behind and does not catch up.
+    #[arg(long, value_name = "FACTOR|max", default_value = "1")]
+    pub speed: Speed,
+    /// Lets something go wrong, at once or after so many seconds of the printer: nozzle-HOW or bed-HOW with HOW open, shorted,
+    /// fell-out, frozen, dead or stuck-on; drop:RATE, flip:RATE (of the bytes), drop-line:RATE or flip-line:RATE (of the lines)
+    /// with RATE such as 1%; card-pull, card-back. Can be repeated.
+    #[arg(long, value_name = "KIND[@SECONDS]", conflicts_with = "board")]
+    pub fault: Vec<Fault>,
+    /// The memory card in the printer's slot: an image (FAT16 or FAT32), which has the files that a host writes at the end, or a
+    /// folder, whose files are put on a card and which stays as it is.
+    #[arg(long, value_name = "IMAGE|FOLDER", conflicts_with = "board")]
+    pub card: Option<PathBuf>,
+    /// Prints what the printer has done as one JSON object, as `print` does, when it is switched off with Ctrl-C.
+    #[arg(long, conflicts_with = "board")]
+    pub json: bool,
+}
+
+/// Arguments of `simulate`.
+#[derive(clap::Args)]
+pub struct SimulateArguments {
+    /// A job, which is printed on the virtual board first (G-code, as text or binary, plain or gzip, or a prepared job), or a trace
+    /// as `print --trace` writes it, of any firmware; - is standard input.
+    pub file: PathBuf,
+    /// The machine of the job: cartesian, corexy, prusa-mini, or the path of a TOML file.
+    #[arg(long, value_name = "NAME|PATH", default_value = "cartesian")]
+    pub profile: String,
+    /// The G-code that a trace or a prepared job was made from: the path to measure against [default: of G-code its own, of a trace
+    /// or a prepared job the path that the steps draw].
+    #[arg(long, value_name = "FILE", conflicts_with = "path_of_steps")]
+    pub path: Option<PathBuf>,
+    /// Measures against the path that the steps draw, also for G-code.
+    #[arg(long)]
+    pub path_of_steps: bool,
+    /// Frequency of the frame in X, 1 to 1000 Hz.
+    #[arg(long, value_name = "HZ", default_value_t = 50.0)]
+    pub frequency_x: f64,
+    /// Frequency of the frame in Y, 1 to 1000 Hz.
+    #[arg(long, value_name = "HZ", default_value_t = 40.0)]
+    pub frequency_y: f64,
+    /// Damping ratio of the frame, 0 to 0.95.
+    #[arg(long, value_name = "RATIO", default_value_t = 0.06)]
+    pub damping: f64,
+    /// Gives the frame a second mode at 1.7 times its frequencies, -12 dB.
+    #[arg(long)]
+    pub second_mode: bool,
+    /// Time constant of the pressure in the nozzle, s: the pressure advance that would undo it.
+    #[arg(long, value_name = "SECONDS", default_value_t = 0.04)]
+    pub nozzle_time_constant: f64,
+    /// Another time constant, s, above a flow, mm^3/s: a nozzle with two slopes.
+    #[arg(long, value_name = "SECONDS@FLOW")]
+    pub nozzle_second_slope: Option<String>,
+    /// Plans the same job by another firmware's rules too, and measures that plan on the same frame and nozzle.
+    #[arg(long, value_name = "RULES", value_enum)]
+    pub compare: Option<Rules>,
+    /// The compared plan's input shaper: none, zv, mzv, mzv(IMPULSES,PERIODS), zvd, zvdd, ei, 2hump_ei, 3hump_ei, or one of the last
+    /// three with _old.
+    #[arg(long, value_name = "NAME", default_value = "mzv", requires = "compare")]
+    pub shaper: ShaperKind,
+    /// The frequencies that the compared plan's shapers are made for, Hz [default: those of the frame].
+    #[arg(long, value_name = "X,Y", value_parser = two_numbers, requires = "compare")]
+    pub shaper_frequency: Option<[f64; 2]>,
+    /// The damping ratio that the compared plan's shapers are made for.
+    #[arg(long, value_name = "RATIO", default_value_t = 0.1, requires = "compare")]
+    pub shaper_damping: f64,
+    /// The compared plan's pressure advance, s [default: the nozzle's time constant].
+    #[arg(long, value_name = "SECONDS", requires = "compare")]
+    pub pressure_advance: Option<f64>,
+    /// Time over which the compared plan smooths its pressure advance, s.
+    #[arg(long, value_name = "SECONDS", default_value_t = 0.04, requires = "compare")]
+    pub smooth_time: f64,
+    /// The compared plan's square corner velocity, mm/s.
+    #[arg(long, value_name = "MM_PER_S", default_value_t = 5.0, requires = "compare")]
+    pub square_corner_velocity: f64,
+    /// The compared plan's minimum cruise ratio, 0 to less than 1.
+    #[arg(long, value_name = "RATIO", default_value_t = 0.5, requires = "compare")]
+    pub minimum_cruise_ratio: f64,
+    /// Prints the result as one JSON object.
+    #[arg(long)]
+    pub json: bool,
+    /// Draws the path around the largest contour error, the error against time, and the ringing after the strongest stop.
+    #[arg(long, value_name = "OUT.svg")]
+    pub plot: Option<PathBuf>,
+}
+
+/// Two numbers with a comma between them.
+fn two_numbers(text: &str) -> Result<[f64; 2], String> {
+    let numbers = text.split_once(',').and_then(|(x, y)| Some([x.trim().parse().ok()?, y.trim().parse().ok()?]));
+    numbers.ok_or_else(|| "expected two numbers with a comma between them, as 50,40".to_owned())
+}
+
+/// Rules of other firmware to compare with.
+#[derive(Clone, Copy, clap::ValueEnum)]
+pub enum Rules {
+    /// Klipper's, as its documents have them.
+    Klipper,
 }
 
 /// The ports of a printer.
@@ -180,7 +293,7 @@ impl From<PaperName> for Paper {
 /// Arguments that `print`, `preprocess` and `estimate` share.
 #[derive(clap::Args)]
 pub struct JobArguments {
-    /// The job: G-code, plain or gzip; `print` also takes a prepared job.
+    /// The job: G-code, as text or binary (.bgcode), plain or gzip; `print` also takes a prepared job; - is standard input.
     pub file: PathBuf,
     /// The machine: cartesian, corexy, prusa-mini, or the path of a TOML file.
     #[arg(long, value_name = "NAME|PATH", default_value = "cartesian")]
@@ -188,4 +301,8 @@ pub struct JobArguments {
     /// Prints the result as one JSON object.
     #[arg(long)]
     pub json: bool,
+    /// Ends with exit status 1 if there are remarks: lines without effect or read otherwise than they stand, moves before homing or
+    /// outside the travel, pauses, too much flow, heaters left on.
+    #[arg(long)]
+    pub strict: bool,
 }

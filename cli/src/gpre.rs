@@ -2,19 +2,18 @@
 
 mod entry;
 mod inspect;
-mod packets;
+mod part_reader;
 mod play;
+mod play_wide;
 mod prepare;
 mod script;
+mod stopped;
 mod summary;
 mod thumbnail;
 
 pub use inspect::{InspectError, Shown, inspect};
 pub use play::{play, play_from};
-pub use prepare::{PrepareError, Prepared, Target, prepare};
+pub use prepare::{LOOK_AHEAD_BLOCKS, PrepareError, Prepared, Target, prepare};
 pub use script::Script;
 pub use summary::PreparedSummary;
 pub use thumbnail::take as take_thumbnail;
-
-/// Blocks in the look-ahead ring while a job is prepared: more than any stopping distance has.
-pub const LOOK_AHEAD_BLOCKS: usize = 65_536;

@@ -5,7 +5,8 @@ use std::io::{self, Read};
 
 use ferrostep_gcode::{Checksum, Line, LineError, LineReader};
 use ferrostep_printer::{CommandError, Ports, Printer};
-use memchr::memchr;
+
+use crate::comments::Comments;
 
 /// Bytes read at once.
 const PORTION_BYTES: usize = 64 * 1024;
@@ -81,6 +82,8 @@ pub struct JobProgress {
     pub lines: u32,
     /// Layers begun, by the slicer's comments.
     pub layers: u32,
+    /// How long the print takes by the slicer's comment, s.
+    pub slicer_time_s: Option<f64>,
 }
 
 /// Looks on while lines are executed.
@@ -95,6 +98,19 @@ pub trait Onlooker<P: Ports> {
 impl<P: Ports> Onlooker<P> for () {
     fn begins(&mut self, _: &Printer<'_, P>, _: u32, _: &str) {}
     fn ended(&mut self, _: &Printer<'_, P>) {}
+}
+
+/// Two observers, one after the other.
+impl<P: Ports, A: Onlooker<P>, B: Onlooker<P>> Onlooker<P> for (&mut A, &mut B) {
+    fn begins(&mut self, printer: &Printer<'_, P>, line: u32, text: &str) {
+        self.0.begins(printer, line, text);
+        self.1.begins(printer, line, text);
+    }
+
+    fn ended(&mut self, printer: &Printer<'_, P>) {
+        self.0.ended(printer);
+        self.1.ended(printer);
+    }
 }
 
 /// Executes all lines of `input` and waits for the end of their motion.
@@ -132,7 +148,7 @@ async fn lines<P: Ports>(
     look: &mut impl FnMut(&JobProgress),
 ) -> Result<(), JobError> {
     let mut reader = LineReader::new();
-    let mut layers = LayerComments::default();
+    let mut comments = Comments::default();
     let mut buffer = vec![0; PORTION_BYTES];
     loop {
         let length = match input.read(&mut buffer) {
@@ -142,7 +158,8 @@ async fn lines<P: Ports>(
             Err(error) => return Err(JobError::Read { line: progress.lines, error }),
         };
         let mut portion = &buffer[..length];
-        progress.layers += layers.count(portion);
+        comments.read(portion);
+        (progress.layers, progress.slicer_time_s) = (comments.layers, comments.slicer_time_s);
         while !portion.is_empty() {
             let (used, line) = reader.feed(portion);
             portion = &portion[used..];
@@ -153,6 +170,8 @@ async fn lines<P: Ports>(
         progress.lines = reader.lines_ended();
         look(progress);
     }
+    comments.end();
+    (progress.layers, progress.slicer_time_s) = (comments.layers, comments.slicer_time_s);
     if let Some(line) = reader.finish() {
         execute(printer, line, progress, onlooker).await?;
     }
@@ -197,59 +216,6 @@ async fn execute<P: Ports>(
         Err(failure) => {
             progress.lines = line.line_number;
             stop(line.line_number, line.text, failure.to_string())
-        }
-    }
-}
-
-/// Counts slicers' layer comments in a stream of portions of any size.
-#[derive(Default)]
-struct LayerComments {
-    /// How many bytes of each mark the end of the last portion matches.
-    matched: [usize; 2],
-}
-
-impl LayerComments {
-    /// PrusaSlicer and its family; Cura.
-    const MARKS: [&'static [u8]; 2] = [b"\n;LAYER_CHANGE", b"\n;LAYER:"];
-
-    fn count(&mut self, portion: &[u8]) -> u32 {
-        let mut layers = 0;
-        for (mark, matched) in Self::MARKS.iter().zip(&mut self.matched) {
-            let mut rest = portion;
-            while !rest.is_empty() {
-                if *matched == 0 {
-                    // Both marks begin with a newline and have no other.
-                    let Some(at) = memchr(b'\n', rest) else { break };
-                    rest = &rest[at + 1..];
-                    *matched = 1;
-                    continue;
-                }
-                let same = mark[*matched..].iter().zip(rest).take_while(|(a, b)| a == b).count();
-                *matched += same;
-                rest = &rest[same..];
-                if *matched == mark.len() {
-                    layers += 1;
-                    *matched = 0;
-                } else if !rest.is_empty() {
-                    *matched = 0;
-                }
-            }
-        }
-        layers
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn counts_layers_in_portions_of_any_size() {
-        let text = b";x\n;LAYER_CHANGE\n;Z:0.2\n\n;LAYER:3\nG1 X1\n;LAYERS\n;LAYER_CHANGE\n";
-        for size in 1..text.len() {
-            let mut layers = LayerComments::default();
-            let total: u32 = text.chunks(size).map(|portion| layers.count(portion)).sum();
-            assert_eq!(total, 3, "{size}");
         }
     }
 }

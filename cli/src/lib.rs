@@ -1,18 +1,26 @@
 //! The desk: the whole machine in virtual time, and what the `ferrostep` command is made of.
 
+#[cfg(unix)]
+pub mod card_image;
+mod comments;
 pub mod desk;
+pub mod duration;
 pub mod gpre;
 pub mod input;
 pub mod job;
 pub mod method_comparison;
 pub mod output;
+pub mod printer_line;
 pub mod record;
+pub mod remarks;
 pub mod report;
 pub mod send;
 #[cfg(unix)]
-pub mod serial_line;
+pub mod serve;
 pub mod session;
+pub mod simulation;
 pub mod terminal;
+mod version;
+pub mod watch;
 
-/// Version and commit, `0.1.0 (commit abcdef0)`: what `--version` and M115 say, as a board does.
-pub const VERSION: &str = env!("FERROSTEP_VERSION");
+pub use version::VERSION;

@@ -1,11 +1,14 @@
 //! The `ferrostep` command.
 
 mod arguments;
+mod outcome;
 mod progress;
-#[cfg(unix)]
 mod sending;
 #[cfg(unix)]
 mod serving;
+#[cfg(unix)]
+mod serving_image;
+mod simulating;
 
 use std::cell::Cell;
 use std::io::{BufWriter, Write};
@@ -16,14 +19,16 @@ use std::time::Instant;
 use clap::Parser;
 use ferrostep::desk::{Desk, LOOK_AHEAD_BLOCKS};
 use ferrostep::gpre::{self, InspectError, PrepareError, PreparedSummary, Shown};
-use ferrostep::input::Input;
+use ferrostep::input::{self, Input};
 use ferrostep::job::{self, JobProgress};
 use ferrostep::method_comparison;
 use ferrostep::output::{Accepted, Output, OutputError, Protected};
 use ferrostep::record::{Recorder, TraceWriter, VcdWriter};
+use ferrostep::remarks::{Remark, RemarkKind};
 use ferrostep::report::{Motors, Stop, Summary};
 use ferrostep::session::{JobReplies, Session};
 use ferrostep::terminal::{self, tell};
+use ferrostep::watch::Watch;
 use ferrostep_gpre::Encoding;
 use ferrostep_papers::tables::{Chapter, Paper};
 use ferrostep_planner::extruder::FILAMENT_UNITS_PER_MM;
@@ -32,6 +37,7 @@ use ferrostep_printer::Profile;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use arguments::{Arguments, Command, Format, JobArguments};
+use outcome::{exit_code, result};
 use progress::Progress;
 
 /// Maximum number of the machine's notices that are shown; a broken file could cause one a line.
@@ -51,11 +57,15 @@ fn main() -> ExitCode {
             };
             inspect(&file, shown)
         }
+        Command::Send(arguments) => sending::run(&arguments),
+        Command::Ports => sending::list(),
         #[cfg(unix)]
-        Command::Send { file, port, baud, fallback } => sending::run(&file, &port, baud, fallback.as_deref()),
-        #[cfg(unix)]
-        Command::Serve(arguments) => serving::run(&arguments),
+        Command::Serve(arguments) => match &arguments.board {
+            Some(board) => serving_image::run(board, &arguments),
+            None => serving::run(&arguments),
+        },
         Command::Estimate { job } => estimate(&job),
+        Command::Simulate(arguments) => simulating::run(&arguments),
         Command::Papers { compare: Some(file), profile, json, .. } => compare(&file, &profile, json),
         Command::Papers { paper, json, svg, .. } => papers(paper.map(Paper::from), json, svg.as_deref()),
     };
@@ -90,34 +100,14 @@ fn compare(file: &Path, profile: &str, json: bool) -> Result<ExitCode, String> {
         bar.inc(1);
     });
     bar.finish_and_clear();
-    let table = table.map_err(|error| format!("{}: {error}", terminal::name(file)))?;
+    let table = table.map_err(|error| format!("{}: {error}", input::name(file)))?;
     Ok(result(json.then(|| serde_json::json!({ "choices": table })), || table.text()))
-}
-
-/// Writes the result, as JSON if there is some. Exit status 1 if it cannot be written.
-fn result(json: Option<impl serde::Serialize>, text: impl FnOnce() -> String) -> ExitCode {
-    let written = match json {
-        Some(json) => terminal::write_json(&json),
-        None => terminal::write_result(&text()),
-    };
-    exit_code(written)
-}
-
-/// Success, or exit status 1 with the error on standard error.
-fn exit_code(written: Result<(), impl std::fmt::Display>) -> ExitCode {
-    match written {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            tell(format_args!("error: {error}"));
-            ExitCode::from(1)
-        }
-    }
 }
 
 /// The profile and the open file of a job.
 fn open(job: &JobArguments) -> Result<(Profile, Input), String> {
     let profile = ferrostep_profiles::load(&job.profile).map_err(|error| error.to_string())?;
-    let input = Input::open(&job.file).map_err(|error| format!("{}: {error}", terminal::name(&job.file)))?;
+    let input = Input::open(&job.file).map_err(|error| format!("{}: {error}", input::name(&job.file)))?;
     Ok((profile, input))
 }
 
@@ -136,7 +126,7 @@ fn estimate(job: &JobArguments) -> Result<ExitCode, String> {
     if input.is_prepared() {
         return Err(format!(
             "{}: this is a prepared job, and estimate takes G-code: `ferrostep inspect` shows a prepared job's time",
-            terminal::name(&job.file)
+            input::name(&job.file)
         ));
     }
     let progress = Progress::new(input.size_bytes());
@@ -156,18 +146,17 @@ fn print(
     match (named, input.is_prepared()) {
         (true, false) => tell(format_args!(
             "note: {}: the name says prepared job, the content is G-code: printing it as G-code",
-            terminal::name(&job.file)
+            input::name(&job.file)
         )),
-        (false, true) => tell(format_args!(
-            "note: {}: the content is a prepared job: printing it as that",
-            terminal::name(&job.file)
-        )),
+        (false, true) => {
+            tell(format_args!("note: {}: the content is a prepared job: printing it as that", input::name(&job.file)))
+        }
         _ => {}
     }
     if from_frame.is_some() && !input.is_prepared() {
         return Err(format!(
             "{}: this is G-code, and --from-frame needs a prepared job: `ferrostep preprocess` makes one",
-            terminal::name(&job.file)
+            input::name(&job.file)
         ));
     }
     let from = from_frame.unwrap_or(0);
@@ -201,7 +190,7 @@ fn print(
 
 fn preprocess(job: &JobArguments, out: &Path, format: Format) -> Result<ExitCode, String> {
     let (profile, mut input) = open(job)?;
-    let name = terminal::name(&job.file);
+    let name = input::name(&job.file);
     if input.is_prepared() {
         return Err(format!("{name}: this is a prepared job already, and preprocess takes G-code"));
     }
@@ -235,15 +224,20 @@ fn preprocess(job: &JobArguments, out: &Path, format: Format) -> Result<ExitCode
     part.keep().map_err(|error| error.to_string())?;
     let wall_s = started.elapsed().as_secs_f64();
     let summary = PreparedSummary::new(&job.file, out, profile.name, &prepared, wall_s);
-    Ok(result(job.json.then_some(&summary), || format!("{summary}\n")))
+    let code = result(job.json.then_some(&summary), || format!("{summary}\n"));
+    Ok(if job.strict && code == ExitCode::SUCCESS { strict(job, &summary.remarks) } else { code })
 }
 
 fn inspect(file: &Path, shown: Shown) -> Result<ExitCode, String> {
-    let name = terminal::name(file);
+    let name = input::name(file);
     let input = Input::open(file).map_err(|error| format!("{name}: {error}"))?;
+    if let (Some(description), Shown::Frames) = (input.description(), shown) {
+        return Ok(exit_code(terminal::write_result(&description.to_string())));
+    }
     if !input.is_prepared() {
         return Err(format!(
-            "{name}: this is G-code, and inspect takes a prepared job: `ferrostep preprocess` makes one"
+            "{name}: this is G-code; inspect takes a prepared job, which `ferrostep preprocess` makes, and of binary G-code \
+             shows what its slicer says"
         ));
     }
     let mut out = BufWriter::new(std::io::stdout().lock());
@@ -274,6 +268,18 @@ fn replies(progress: &Progress) -> JobReplies<impl Fn(&str)> {
     })
 }
 
+/// With `--strict`: exit status 1 if there are remarks that say more than that corners follow the profile.
+fn strict(job: &JobArguments, remarks: &[Remark]) -> ExitCode {
+    let remarks: Vec<&Remark> = remarks.iter().filter(|remark| remark.kind != RemarkKind::Corner).collect();
+    match remarks[..] {
+        [] => ExitCode::SUCCESS,
+        [first, ..] => {
+            let (name, count) = (terminal::name(&job.file), remarks.len());
+            exit_code(Err(format!("{name}: {count} remarks, and none expected (--strict): {first}")))
+        }
+    }
+}
+
 /// Runs the job, a prepared one from a frame on, and prints its summary.
 fn run<D: Desk, F: Fn(&str)>(
     job: &JobArguments,
@@ -290,11 +296,13 @@ fn run<D: Desk, F: Fn(&str)>(
     let look = |job: &JobProgress| {
         progress.show(counter.get(), job, &session.figures(), started.elapsed());
     };
+    let mut watch = Watch::new(profile, session.replies().remarks());
     let outcome = if input.is_prepared() {
         session.run(gpre::play_from(from, &mut input, profile, &mut printer, &mut done, look))
     } else {
-        session.run(job::run(&mut input, &mut printer, &mut done, look))
+        session.run(job::run_watched(&mut input, &mut printer, &mut done, &mut watch, look))
     };
+    watch.end(&session.heating());
     let wall_s = started.elapsed().as_secs_f64();
     progress.end();
 
@@ -315,11 +323,17 @@ fn run<D: Desk, F: Fn(&str)>(
         wall_s,
         realtime_factor: figures.motion_time_s / wall_s.max(1e-9),
         layers: done.layers,
+        slicer: input.description().map(|description| description.figures.clone()),
+        slicer_time_s: done.slicer_time_s.or(input.description().and_then(|said| Some(said.figures.time_s?.into()))),
+        remarks: Some(session.replies().remarks().to_vec()),
         stopped: outcome.as_ref().err().map(Stop::from),
     };
     let code = result(job.json.then_some(&summary), || format!("{summary}\n"));
     match outcome {
+        Ok(()) if job.strict && code == ExitCode::SUCCESS => {
+            strict(job, summary.remarks.as_deref().unwrap_or_default())
+        }
         Ok(()) => code,
-        Err(error) => exit_code(Err(format!("{}: {error}", terminal::name(&job.file)))),
+        Err(error) => exit_code(Err(format!("{}: {error}", input::name(&job.file)))),
     }
 }

@@ -4,6 +4,7 @@ mod extruder;
 
 use std::fmt;
 use std::path::Path;
+use std::sync::Arc;
 
 use ferrostep_planner::StepObserver;
 use ferrostep_planner::kinematics::Kinematics;
@@ -11,7 +12,7 @@ use ferrostep_planner::{AccelerationProfile, EXTRUDER, Interpolation, TICKS_PER_
 use ferrostep_printer::Profile;
 
 use crate::desk::LOOK_AHEAD_BLOCKS;
-use crate::input::{Input, InputError};
+use crate::input::{self, Input, InputError};
 use crate::job::{self, JobProgress};
 use crate::record::Observer;
 use crate::session::{JobReplies, Session};
@@ -35,6 +36,8 @@ const MOTORS: u8 = 0b111;
 pub enum CompareError {
     /// The file cannot be opened.
     Open(InputError),
+    /// The file is a prepared job, which says itself how it is interpolated.
+    Prepared,
     /// The job stopped.
     Stopped(String),
 }
@@ -43,6 +46,9 @@ impl fmt::Display for CompareError {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Open(error) => error.fmt(formatter),
+            Self::Prepared => formatter.write_str(
+                "this is a prepared job, and --compare takes G-code: what was chosen cannot be chosen again",
+            ),
             Self::Stopped(message) => formatter.write_str(message),
         }
     }
@@ -60,23 +66,25 @@ pub fn ways() -> impl Iterator<Item = (Interpolation, AccelerationProfile)> {
 /// Prints a file in every way; `tell` is called before each.
 ///
 /// # Errors
-/// The file cannot be opened, or a print stopped.
+/// The file cannot be opened, is a prepared job, or a print stopped.
 pub fn compare(
     path: &Path,
     profile: &Profile,
     mut tell: impl FnMut(Interpolation, AccelerationProfile),
 ) -> Result<Table, CompareError> {
+    // Read once: a pipe has its bytes only once.
+    let job = input::bytes(path).map_err(CompareError::Open)?;
     let mut rows = Vec::new();
     for (interpolation, acceleration) in ways() {
         tell(interpolation, acceleration);
         let mut profile = *profile;
         profile.motion.interpolation = interpolation;
         profile.motion.acceleration = acceleration;
-        rows.push(print(path, &profile)?);
+        rows.push(print(&job, &profile)?);
     }
     Ok(Table {
         key: "choices",
-        title: format!("{}, profile {}: all choices", path.display(), profile.name),
+        title: format!("{}, profile {}: all choices", input::name(path), profile.name),
         columns: vec![
             "interpolation",
             "acceleration",
@@ -111,8 +119,11 @@ fn note(profile: &Profile) -> String {
     )
 }
 
-fn print(path: &Path, profile: &Profile) -> Result<Vec<Cell>, CompareError> {
-    let mut input = Input::open(path).map_err(CompareError::Open)?;
+fn print(job: &Arc<[u8]>, profile: &Profile) -> Result<Vec<Cell>, CompareError> {
+    let mut input = Input::of_bytes(Arc::clone(job)).map_err(CompareError::Open)?;
+    if input.is_prepared() {
+        return Err(CompareError::Prepared);
+    }
     let session = Session::print(*profile, LOOK_AHEAD_BLOCKS, Watch::new(profile), JobReplies::new(|_: &str| {}));
     let mut printer = session.printer();
     let outcome = session.run(job::run(&mut input, &mut printer, &mut JobProgress::default(), |_| {}));
@@ -352,7 +363,7 @@ mod tests {
     }
 
     #[test]
-    fn there_are_fifteen_ways() {
-        assert_eq!(ways().count(), 15);
+    fn there_are_twenty_ways() {
+        assert_eq!(ways().count(), 20);
     }
 }

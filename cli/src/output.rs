@@ -1,10 +1,13 @@
 //! Output files: each is written under a temporary name and renamed when it is complete.
 
+mod parts;
+#[cfg(unix)]
+mod signals;
 mod unfinished;
 
 use std::fmt;
 use std::fs::{self, File, FileType, Metadata};
-use std::io::{self, Seek, SeekFrom, Write};
+use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use tempfile::{Builder, NamedTempFile};
@@ -151,6 +154,20 @@ impl Output {
             None => Ok(()),
         };
         outcome.map_err(|error| OutputError::new(&self.path, error))
+    }
+
+    /// Flushes a buffered output and completes it.
+    ///
+    /// # Errors
+    /// As [`Self::keep`].
+    pub fn keep_buffered(out: BufWriter<Self>) -> Result<(), OutputError> {
+        match out.into_inner() {
+            Ok(out) => out.keep(),
+            Err(error) => {
+                let (error, out) = error.into_parts();
+                Err(out.get_ref().failed(error))
+            }
+        }
     }
 
     fn file(&mut self) -> io::Result<&mut File> {

@@ -3,8 +3,8 @@
 use std::time::Duration;
 
 use ferrostep::desk::Figures;
+use ferrostep::duration::hms;
 use ferrostep::job::JobProgress;
-use ferrostep::report::hms;
 use ferrostep::terminal::tell;
 use indicatif::{ProgressBar, ProgressStyle};
 

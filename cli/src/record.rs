@@ -1,23 +1,15 @@
 //! Records of a print: a trace for programs, a waveform for people.
 
+mod motor_names;
 mod trace;
 mod vcd;
 
 pub use trace::TraceWriter;
 pub use vcd::VcdWriter;
 
-use std::io::BufWriter;
-
 use ferrostep_planner::StepObserver;
-use ferrostep_printer::Profile;
 
-use crate::output::{Output, OutputError};
-
-/// Letters of a machine's motors, as traces and waveforms have them.
-fn motor_names(profile: &Profile) -> [char; 4] {
-    let [first, second, third] = profile.kinematics.motor_names().map(|name| name.to_ascii_lowercase());
-    [first, second, third, 'e']
-}
+use crate::output::OutputError;
 
 /// Sees every step and every event of the motion.
 pub trait Observer: StepObserver {
@@ -33,17 +25,6 @@ pub trait Observer: StepObserver {
 impl Observer for () {
     fn redefined(&mut self, _tick: u64, _motor_steps: [i64; 4]) {}
     fn move_ended(&mut self, _tick: u64, _line: u32) {}
-}
-
-/// Flushes and completes an output.
-fn keep(out: BufWriter<Output>) -> Result<(), OutputError> {
-    match out.into_inner() {
-        Ok(out) => out.keep(),
-        Err(error) => {
-            let (error, out) = error.into_parts();
-            Err(out.get_ref().failed(error))
-        }
-    }
 }
 
 /// A trace, a waveform, or both.

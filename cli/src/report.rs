@@ -5,7 +5,10 @@ use std::fmt;
 use serde::Serialize;
 
 use crate::desk::Figures;
+use crate::duration::hms;
+use crate::input::SlicerFigures;
 use crate::job::JobError;
+use crate::remarks::{self, Remark};
 use crate::terminal::one_line;
 
 /// A value for each motor, or each coordinate.
@@ -88,6 +91,9 @@ pub struct Summary {
     pub print_time_s: f64,
     /// Sum of the blocks' durations, homing left out.
     pub motion_time_s: f64,
+    /// What the slicer wrote into a comment.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub slicer_time_s: Option<f64>,
     /// Net filament.
     pub filament_mm: f64,
     /// Position as M114 reports it.
@@ -101,6 +107,12 @@ pub struct Summary {
     pub realtime_factor: f64,
     /// Layers, by the slicer's comments.
     pub layers: u32,
+    /// What the slicer says, where the file tells it: binary G-code.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub slicer: Option<SlicerFigures>,
+    /// What a person should know of the job; a host was told while it sent the lines.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub remarks: Option<Vec<Remark>>,
     /// Where and why the job stopped early.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stopped: Option<Stop>,
@@ -121,22 +133,13 @@ impl From<&Figures> for Motors {
     }
 }
 
-/// Hours, minutes and seconds.
-pub fn hms(seconds: f64) -> String {
-    let whole = seconds.round() as u64;
-    let (hours, minutes, seconds) = (whole / 3600, whole / 60 % 60, whole % 60);
-    if hours > 0 {
-        format!("{hours} h {minutes:02} min {seconds:02} s")
-    } else {
-        format!("{minutes} min {seconds:02} s")
-    }
-}
-
 impl fmt::Display for Summary {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         let ended = if self.stopped.is_some() { "stopped" } else { "done" };
         writeln!(out, "{} on {}: {ended}", one_line(&self.file), self.profile)?;
-        writeln!(out, "  print time   {} ({} of it in motion)", hms(self.print_time_s), hms(self.motion_time_s))?;
+        let slicer = self.slicer_time_s.map_or_else(String::new, |time_s| format!("; the slicer says {}", hms(time_s)));
+        let (print, motion) = (hms(self.print_time_s), hms(self.motion_time_s));
+        writeln!(out, "  print time   {print} ({motion} of it in motion{slicer})")?;
         writeln!(out, "  filament     {:.3} m", self.filament_mm / 1000.0)?;
         let layers = if self.layers > 0 { format!(", {} layers", self.layers) } else { String::new() };
         writeln!(out, "  moves        {} in {} lines{layers}", self.moves, self.lines)?;
@@ -152,12 +155,21 @@ impl fmt::Display for Summary {
             )?;
             writeln!(out, "  digests      order {} step {}", motors.order_digest, motors.step_digest)?;
         }
+        if let Some(slicer) = &self.slicer {
+            let time = slicer.time_s.map(|seconds| hms(seconds.into()));
+            let filament = slicer.filament_mm.map(|mm| format!("{:.3} m", mm / 1000.0));
+            let printer = slicer.printer_model.as_ref().map(|model| format!("for {model}"));
+            let said = [time, filament, printer, slicer.producer.clone()];
+            let said: Vec<String> = said.into_iter().flatten().collect();
+            writeln!(out, "  slicer says  {}", one_line(&said.join(", ")))?;
+        }
         if self.clamped_moves > 0 {
             writeln!(out, "  soft limits  changed {} moves", self.clamped_moves)?;
         }
         if !self.unknown_commands.is_empty() {
             writeln!(out, "  unknown      {}", one_line(&self.unknown_commands.join(", ")))?;
         }
+        remarks::write_all(out, self.remarks.as_deref().unwrap_or_default())?;
         write!(out, "  real time    {:.2} s, {:.0} times faster than the printer", self.wall_s, self.realtime_factor)
     }
 }

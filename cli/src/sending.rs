@@ -1,32 +1,114 @@
-//! `ferrostep send`.
+//! `ferrostep send` and `ferrostep ports`.
+
+mod person;
 
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 use std::process::ExitCode;
 
-use ferrostep::input::Input;
-use ferrostep::send::{self, Patience, SendError};
-use ferrostep::serial_line::SerialLine;
+use ferrostep::input::{self, Input};
+use ferrostep::printer_line::{self, Address, FoundPort, PrinterLine};
+use ferrostep::send::{self, Frame, Packing, Patience, SendError, Stop, Watch};
 use ferrostep::terminal::{self, tell};
 use ferrostep_gpre::transfer::{Sender, Word, without_thumbnail};
 use indicatif::{ProgressBar, ProgressStyle};
 
-/// Sends a prepared job; if the board refuses it, the fallback G-code instead.
-pub fn run(file: &Path, port: &Path, baud: u32, fallback: Option<&Path>) -> Result<ExitCode, String> {
-    let name = terminal::name(file);
-    let mut input = Input::open(file).map_err(|error| format!("{name}: {error}"))?;
-    if !input.is_prepared() {
-        return Err(format!("{name}: this is G-code, and send takes a prepared job: `ferrostep preprocess` makes one"));
+use crate::arguments::SendArguments;
+use crate::outcome::exit_code;
+use person::Person;
+
+/// Lists the serial ports of this computer.
+///
+/// # Errors
+/// The operating system does not tell.
+pub fn list() -> Result<ExitCode, String> {
+    let ports = printer_line::ports()?;
+    if ports.is_empty() {
+        tell("no serial port: is the printer connected and switched on?");
     }
-    let mut job = Vec::new();
-    input.read_to_end(&mut job).map_err(|error| format!("{name}: {error}"))?;
-    let job = without_thumbnail(job).map_err(|error| format!("{name}: {error}"))?;
+    let text: String = ports.iter().map(|port| describe(port) + "\n").collect();
+    Ok(exit_code(terminal::write_result(&text)))
+}
+
+fn describe(port: &FoundPort) -> String {
+    let usb = port.usb.map_or("         ".to_owned(), |(vendor, product)| format!("{vendor:04x}:{product:04x}"));
+    let ours = if port.is_ours() { "  (Ferrostep)" } else { "" };
+    format!("{}  {usb}  {}{ours}", terminal::one_line(&port.name), terminal::one_line(&port.product))
+        .trim_end()
+        .to_owned()
+}
+
+/// The port to use where none is named: the one with this firmware, or the only one on USB.
+fn choose() -> Result<Address, String> {
+    let ports = printer_line::ports()?;
+    let only = |candidates: Vec<&FoundPort>| match candidates.as_slice() {
+        [port] => Some(Address::Serial(port.name.clone())),
+        _ => None,
+    };
+    let ours = only(ports.iter().filter(|port| port.is_ours()).collect());
+    ours.or_else(|| only(ports.iter().filter(|port| port.usb.is_some()).collect())).ok_or_else(|| {
+        "which port? Name it by --port PATH or --port tcp:HOST:PORT; `ferrostep ports` lists those of this computer"
+            .to_owned()
+    })
+}
+
+/// Sends a file: a prepared job as one (if the board refuses it, the fallback G-code instead), G-code line by line.
+///
+/// # Errors
+/// A file cannot be read, or the port not be opened.
+pub fn run(arguments: &SendArguments) -> Result<ExitCode, String> {
+    let name = input::name(&arguments.file);
+    let mut input = Input::open(&arguments.file).map_err(|error| format!("{name}: {error}"))?;
     // Opened before anything is sent: a wrong name must not turn up in mid-print.
-    let fallback = match fallback {
+    let fallback = match &arguments.fallback {
+        Some(_) if !input.is_prepared() => {
+            return Err(format!("{name}: this is G-code, and --fallback is for a prepared job: leave it out"));
+        }
         Some(path) => Some(open_gcode(path)?),
         None => None,
     };
-    let mut line = SerialLine::open(port, baud).map_err(|error| format!("{}: {error}", terminal::name(port)))?;
+    if arguments.meatpack && input.is_prepared() && fallback.is_none() {
+        return Err(format!("{name}: this is a prepared job, and --meatpack packs G-code: leave it out"));
+    }
+    if let Some(card_name) = &arguments.to_card {
+        if input.is_prepared() {
+            return Err(format!(
+                "{name}: this is a prepared job, which lines cannot carry: copy it to the card in a reader"
+            ));
+        }
+        if card_name.is_empty() || card_name.contains(|char: char| char.is_control() || char.is_whitespace()) {
+            return Err("--to-card: write a name of 8 characters and 3 after the dot, such as PART.GCO".to_owned());
+        }
+    }
+    let job = match input.is_prepared() {
+        true => {
+            let mut job = Vec::new();
+            input.read_to_end(&mut job).map_err(|error| format!("{name}: {error}"))?;
+            Some(without_thumbnail(job).map_err(|error| format!("{name}: {error}"))?)
+        }
+        false => None,
+    };
+    let person = Person::new()?;
+    let address = arguments.port.clone().map_or_else(choose, Ok)?;
+    let mut line = PrinterLine::open(&address, arguments.baud).map_err(|error| format!("{address}: {error}"))?;
+    let Some(job) = job else {
+        return Ok(send_gcode(&mut line, input, person, arguments.meatpack, arguments.to_card.as_deref()));
+    };
+    let end = match send_prepared(&mut line, job) {
+        Ok(end) => end,
+        Err(error) => return Ok(failed(&error)),
+    };
+    tell(send::describe(&end));
+    if end.word == Word::Refused
+        && let Some(gcode) = fallback
+    {
+        tell("sending the G-code instead");
+        return Ok(send_gcode(&mut line, gcode, person, arguments.meatpack, None));
+    }
+    Ok(if end.word == Word::Done { ExitCode::SUCCESS } else { ExitCode::from(1) })
+}
+
+fn send_prepared(line: &mut PrinterLine, job: Vec<u8>) -> Result<ferrostep_gpre::transfer::Report, SendError> {
     let mut sender = Sender::new(job);
     let bar = ProgressBar::new(sender.size() as u64);
     if let Ok(style) = ProgressStyle::with_template("{bar:30} {percent:>3} %  {bytes} of {total_bytes}  {msg}") {
@@ -44,32 +126,146 @@ pub fn run(file: &Path, port: &Path, baud: u32, fallback: Option<&Path>) -> Resu
             bar.set_message(format!("{} resends", sender.repeats()));
         }
     };
-    let end = send::send(&mut line, &mut sender, Patience::DEFAULT, show, say);
+    let end = send::send(line, &mut sender, Patience::DEFAULT, show, say);
     bar.finish_and_clear();
-    let end = match end {
-        Ok(end) => end,
-        Err(error) => return Ok(failed(&error)),
+    end
+}
+
+/// Sends G-code to be printed, or to be written to the card under a name; packed if that is wanted and the printer knows it. Says how
+/// it ended.
+fn send_gcode(line: &mut PrinterLine, input: Input, person: Person, meatpack: bool, to_card: Option<&str>) -> ExitCode {
+    let packing = match choose_packing(line, meatpack) {
+        Ok(packing) => packing,
+        Err(error) => return failed(&error),
     };
-    tell(send::describe(&end));
-    if end.word == Word::Refused
-        && let Some(gcode) = fallback
-    {
-        tell("sending the G-code instead");
-        let mut lines = BufReader::new(gcode).split(b'\n');
-        return match send::send_lines(&mut line, || lines.next(), Patience::DEFAULT, say) {
-            Ok(count) => {
-                tell(format_args!("{count} lines sent"));
-                Ok(ExitCode::SUCCESS)
-            }
-            Err(error) => Ok(failed(&error)),
-        };
+    let (size, read) = (input.size_bytes(), input.counter());
+    let mut lines = BufReader::new(input).split(b'\n');
+    let bar = ProgressBar::new(size);
+    if let Ok(style) = ProgressStyle::with_template("{bar:30} {percent:>3} %  {msg}") {
+        bar.set_style(style.progress_chars("=> "));
     }
-    Ok(if end.word == Word::Done { ExitCode::SUCCESS } else { ExitCode::from(1) })
+    let mut show =
+        Show { bar, person, read: move || read.get(), line: 0, refused: 0, temperatures: String::new(), left: None };
+    let begin = to_card.map(|name| format!("M28 {name}"));
+    let opening = begin.as_deref().map(|begin| [begin]);
+    let frame = match &opening {
+        Some(opening) => Frame { opening, closing: &["M29"], is_upload: true },
+        None if show.bar.is_hidden() => Frame::PLAIN,
+        None => Frame::WITH_TEMPERATURES,
+    };
+    let outcome = send::send_lines(line, packing, || lines.next(), frame, Patience::DEFAULT, &mut show);
+    show.bar.finish_and_clear();
+    if show.refused > 0 {
+        tell(format_args!("the printer refused {} lines", show.refused));
+    }
+    let outcome = match outcome {
+        Ok(outcome) => outcome,
+        Err(error @ SendError::LongOver(_)) => {
+            end_early(line, to_card);
+            return failed(&error);
+        }
+        // There is nobody to tell, or the printer has done it already.
+        Err(error) => return failed(&error),
+    };
+    if let Some(stop @ Stop::NotWriting(..)) = &outcome.stop {
+        tell(format_args!("error: {stop}"));
+        person::end_upload(line);
+        return ExitCode::from(1);
+    }
+    let Some(stop) = outcome.stop else {
+        let packed = if packing == Packing::MeatPack { ", packed" } else { "" };
+        let done = to_card.map_or("printed".to_owned(), |name| format!("written to the card as {name}"));
+        tell(format_args!("{done}: {} lines sent{packed}, {} of them again", outcome.sent, outcome.resends));
+        return ExitCode::SUCCESS;
+    };
+    tell(format_args!("error: after line {} of the file: {stop}", outcome.file_line));
+    end_early(line, to_card);
+    ExitCode::from(1)
+}
+
+/// Ends what the printer was doing: its print, or the file that is not complete.
+fn end_early(line: &mut PrinterLine, to_card: Option<&str>) {
+    match to_card {
+        Some(name) => person::delete_upload(line, name),
+        None => person::cool_down(line),
+    }
+}
+
+fn choose_packing(line: &mut PrinterLine, meatpack: bool) -> Result<Packing, SendError> {
+    if !meatpack {
+        return Ok(Packing::Plain);
+    }
+    // What M115 says would fill the screen.
+    let packing = send::begin_packing(line, Patience::DEFAULT, |_| {})?;
+    if packing == Packing::Plain {
+        tell("note: the printer does not know MeatPack (M115 does not say Cap:MEATPACK:1): sending plain text");
+    }
+    Ok(packing)
+}
+
+/// What a person sees while G-code is sent.
+struct Show<R> {
+    bar: ProgressBar,
+    person: Person,
+    read: R,
+    line: u32,
+    refused: u32,
+    temperatures: String,
+    /// Minutes left, by the slicer.
+    left: Option<String>,
+}
+
+impl<R: Fn() -> u64> Show<R> {
+    fn show(&self) {
+        self.bar.set_position((self.read)());
+        let left = self.left.as_ref().map_or(String::new(), |minutes| format!("  {minutes} min left (slicer)"));
+        self.bar.set_message(format!("line {}{left}  {}", self.line, self.temperatures));
+    }
+}
+
+impl<R: Fn() -> u64> Watch for Show<R> {
+    fn hear(&mut self, line: &str) {
+        let line = line.trim();
+        let temperatures = line.strip_prefix("ok ").unwrap_or(line);
+        if temperatures.starts_with("T:") {
+            let shown = temperatures.split(" @:").next().unwrap_or(temperatures);
+            self.temperatures = terminal::one_line(shown).into_owned();
+            self.show();
+            return;
+        }
+        // Acknowledgements, signs of life and what is sent again would fill the screen.
+        let is_routine = line == "ok" || line.starts_with("echo:busy:") || line.starts_with("Resend:");
+        if line.is_empty() || is_routine || send::is_transfer_error(line) {
+            return;
+        }
+        // What of a line has no effect is no refusal.
+        self.refused += u32::from(line.starts_with("echo:line ") && !line.ends_with("(said once a job)"));
+        self.bar.suspend(|| tell(terminal::one_line(line)));
+    }
+
+    fn sent(&mut self, line: u32, command: &str) {
+        self.line = line;
+        let mut words = command.split_ascii_whitespace();
+        if words.next() == Some("M73") {
+            self.left = words.find_map(|word| word.strip_prefix('R').map(str::to_owned)).or_else(|| self.left.take());
+        }
+        self.show();
+    }
+
+    fn held(&mut self, is_held: bool) {
+        let what = if is_held { "the printer pauses the job" } else { "the job goes on" };
+        self.bar.suspend(|| tell(what));
+    }
+
+    fn wants_end(&mut self) -> bool {
+        let bar = &self.bar;
+        self.person.wants_end(|question| bar.suspend(|| tell(question)))
+    }
 }
 
 /// Opens G-code, plain or packed.
 fn open_gcode(path: &Path) -> Result<Input, String> {
-    let name = terminal::name(path);
+    let name = input::name(path);
     let input = Input::open(path).map_err(|error| format!("{name}: {error}"))?;
     if input.is_prepared() {
         return Err(format!("{name}: this is a prepared job, and --fallback takes G-code"));

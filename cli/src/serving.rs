@@ -1,62 +1,137 @@
-//! A printer for hosts to connect to: a board's image, unmodified, on the virtual mainboard.
-//!
-//! The virtual mainboard is a program of its own (`mainboard/`), built only by those who use it; this module finds and starts it.
+//! `ferrostep serve`.
 
-use std::os::unix::process::CommandExt;
-use std::path::{Path, PathBuf};
-use std::process::{Command, ExitCode};
+use std::io::IsTerminal;
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use ferrostep::card_image::CardImage;
+use ferrostep::duration::hms;
+use ferrostep::report::{Motors, Stop, Summary};
+use ferrostep::serve::{self, Served, Settings, Status};
+use ferrostep::terminal::{self, tell};
+use ferrostep_host_line::Line;
+use ferrostep_planner::extruder::FILAMENT_UNITS_PER_MM;
+use ferrostep_planner::kinematics::UNITS_PER_MM;
+use indicatif::{ProgressBar, ProgressStyle};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use signal_hook::flag;
 
 use crate::arguments::ServeArguments;
+use crate::outcome::{exit_code, result};
 
-/// The program, as `cargo xtask mainboard` builds it.
-const PROGRAM: &str = "mainboard/target/release/ferrostep-mainboard";
-
-/// Serves until the process is interrupted.
+/// Serves until the process is interrupted, and says what was done.
 ///
 /// # Errors
-/// No such board, or the virtual mainboard is not built yet.
+/// The profile has an error, or the line cannot be had.
 pub fn run(arguments: &ServeArguments) -> Result<ExitCode, String> {
-    let home = home().ok_or(
-        "serve needs a checkout of Ferrostep: change into one, build the virtual mainboard there, and run it again",
-    )?;
-    let named = home.join("boards").join(format!("{}.toml", arguments.board));
-    let board = if named.is_file() { named } else { PathBuf::from(&arguments.board) };
-    if !board.is_file() {
-        return Err(format!("{}: no such board: choose one of {}, or give a TOML file", arguments.board, names(&home)));
+    let profile = ferrostep_profiles::load(&arguments.profile).map_err(|error| error.to_string())?;
+    let card = arguments.card.as_ref().map(|path| CardImage::open(path)).transpose()?;
+    // Registered before the line exists, so that the line never outlives the program.
+    let ends = Arc::new(AtomicBool::new(false));
+    for signal in [SIGINT, SIGTERM, SIGHUP] {
+        // A second one ends the program at once.
+        flag::register_conditional_shutdown(signal, 1, Arc::clone(&ends)).map_err(|error| error.to_string())?;
+        flag::register(signal, Arc::clone(&ends)).map_err(|error| error.to_string())?;
     }
-    let program = home.join(PROGRAM);
-    if !program.is_file() {
-        return Err(format!(
-            "the virtual mainboard is not built yet; this builds it and the image: cargo xtask mainboard --board {}",
-            arguments.board
-        ));
+    if card.is_none() && arguments.fault.iter().any(|fault| fault.kind.is_of_card()) {
+        return Err("--fault card-pull and card-back need a card: add --card IMAGE|FOLDER".to_owned());
     }
-    let mut command = Command::new(&program);
-    command.arg("serve").arg("--board").arg(&board).args(["--via", arguments.via.name()]);
-    command.args(["--speed", &arguments.speed.to_string()]);
-    if let Some(path) = &arguments.pty {
-        command.arg("--pty").arg(path);
+    let line = match (&arguments.pty, arguments.tcp) {
+        (Some(path), _) => Line::pty(path)?,
+        (None, Some(port)) => Line::tcp(port)?,
+        (None, None) => return Err("no line to serve on: add --pty PATH or --tcp PORT".to_owned()),
+    };
+    let address = line.address();
+    tell(format_args!(
+        "{} on {}, speed {}; Ctrl-C ends it",
+        profile.name,
+        terminal::one_line(&address),
+        arguments.speed
+    ));
+    let settings = Settings {
+        profile,
+        speed: arguments.speed,
+        faults: arguments.fault.clone(),
+        card: card.as_ref().map(|card| card.bytes.clone()),
+    };
+    let bar = std::io::stderr().is_terminal().then(status_line);
+    let started = Instant::now();
+    let served = serve::serve(
+        line,
+        &settings,
+        || ends.load(Ordering::Relaxed),
+        |status| {
+            if let Some(bar) = &bar {
+                bar.set_message(describe(status));
+            }
+        },
+    );
+    if let Some(bar) = bar {
+        bar.finish_and_clear();
     }
-    if let Some(port) = arguments.tcp {
-        command.args(["--tcp", &port.to_string()]);
+    if let (Some(card), Some(image)) = (&card, &served.card)
+        && card.bytes != *image
+    {
+        match &card.written_to {
+            Some(path) => std::fs::write(path, image).map_err(|error| format!("{}: {error}", path.display()))?,
+            None => tell("note: what was written to the card is gone: a folder given as --card is only read"),
+        }
     }
-    // Replaces this process, so that signals reach the virtual mainboard. Returns only if it could not start.
-    Err(format!("{}: {}", program.display(), command.exec()))
+    let failed = served.failed.clone();
+    let summary = summary(served, address, profile.name, started.elapsed());
+    let code = result(arguments.json.then_some(&summary), || format!("{summary}\n"));
+    Ok(failed.map_or(code, |error| exit_code(Err(format!("the line to the host is broken: {error}")))))
 }
 
-/// The names of the built-in boards, separated by commas.
-fn names(home: &Path) -> String {
-    let files = std::fs::read_dir(home.join("boards")).into_iter().flatten().flatten().map(|entry| entry.path());
-    let boards = files.filter(|path| path.extension().is_some_and(|extension| extension == "toml"));
-    let mut names: Vec<String> = boards.filter_map(|path| Some(path.file_stem()?.to_str()?.to_owned())).collect();
-    names.retain(|name| name != "Cargo");
-    names.sort();
-    names.join(", ")
+/// A line at the terminal's bottom.
+fn status_line() -> ProgressBar {
+    let bar = ProgressBar::new_spinner();
+    if let Ok(style) = ProgressStyle::with_template("{wide_msg}") {
+        bar.set_style(style);
+    }
+    bar
 }
 
-/// The checkout around the working folder, or around this program.
-fn home() -> Option<PathBuf> {
-    let starts = [std::env::current_dir().ok(), std::env::current_exe().ok()];
-    let is_home = |folder: &&Path| folder.join("mainboard/Cargo.toml").is_file() && folder.join("boards").is_dir();
-    starts.into_iter().flatten().find_map(|start| start.ancestors().find(is_home).map(Path::to_owned))
+fn describe(status: &Status) -> String {
+    let [x, y, z] = status.position_mm;
+    let heat = &status.temperatures;
+    format!(
+        "{}{}  X{x:.1} Y{y:.1} Z{z:.2}  nozzle {:.0}/{:.0} bed {:.0}/{:.0}  {} lines  queue {}  {}",
+        status.state.name(),
+        if status.is_connected { "" } else { ", no host" },
+        heat.nozzle,
+        heat.nozzle_target,
+        heat.bed,
+        heat.bed_target,
+        status.lines,
+        status.queued_entries,
+        hms(status.time_s)
+    )
+}
+
+fn summary(served: Served, address: String, profile: &str, wall: Duration) -> Summary {
+    let wall_s = wall.as_secs_f64();
+    let figures = &served.figures;
+    Summary {
+        file: address,
+        profile: profile.to_owned(),
+        lines: served.lines,
+        moves: served.tally.moves,
+        unknown_commands: served.unknown_commands,
+        clamped_moves: served.tally.clamped_moves,
+        print_time_s: figures.print_time_s,
+        motion_time_s: figures.motion_time_s,
+        filament_mm: served.tally.filament_100pm as f64 / FILAMENT_UNITS_PER_MM as f64,
+        position_mm: served.logical_10nm.map(|length| length as f64 / UNITS_PER_MM as f64).into(),
+        motors: Some(Motors::from(figures)),
+        wall_s,
+        realtime_factor: figures.motion_time_s / wall_s.max(1e-9),
+        slicer: None,
+        layers: 0,
+        slicer_time_s: None,
+        remarks: None,
+        stopped: served.failed.map(|message| Stop { line: None, message }),
+    }
 }

@@ -7,18 +7,20 @@ use std::pin::pin;
 use std::rc::Rc;
 use std::task::{Context, Poll, Waker};
 
-use ferrostep_gcode::Reply;
+use ferrostep_gcode::{Remarks, Reply};
 use ferrostep_hal_shim::{Clock, Heater};
-use ferrostep_planner::TICKS_PER_SECOND;
+use ferrostep_printer::SharedMotion;
 use ferrostep_printer::heat::HeatFault;
-use ferrostep_printer::machine::SharedMotion;
 use ferrostep_printer::{
     Failure, HeaterRest, HeaterTimeout, Heating, Printer, Profile, Replies, Signals, tell_driver_event, temperatures,
 };
-use ferrostep_virtual_board::{HeaterFailure, VirtualClock, VirtualDelay, VirtualHeaters};
+use ferrostep_virtual_board::{HeaterFailure, IDENTIFIER, VirtualClock, VirtualDelay, VirtualHeaters};
 
-use crate::desk::{Desk, DeskDrivers, DeskHeat, DeskHeating, DeskMachine, Figures, PlanReader, Rehearsal};
+use crate::desk::{Desk, DeskDrivers, DeskHeat, DeskHeating, DeskMachine, Figures, LiveDesk, PlanReader, Rehearsal};
 use crate::record::Observer;
+use crate::remarks::{RemarkKind, RemarkList};
+use crate::terminal::code;
+use crate::version::VERSION;
 
 /// Different unknown commands that are remembered; a broken file could name any number.
 const MAX_UNKNOWN_COMMANDS: usize = 100;
@@ -31,6 +33,9 @@ pub type DeskPrinter<'a, O, R> = PrinterOf<'a, SharedMotion<DeskMachine<'a, O>>,
 
 /// A session that makes every step, seen by `O`.
 pub type PrintSession<O, R> = Session<Rehearsal<O>, R>;
+
+/// A session whose time passes as it is allowed to, for hosts.
+pub type LiveSession<R> = Session<LiveDesk, R>;
 
 /// A session that only plans.
 pub type PlanSession<R> = Session<PlanReader, R>;
@@ -45,8 +50,6 @@ pub struct Session<D, R> {
     signals: Signals,
     heater_timeout: Cell<HeaterTimeout>,
     replies: R,
-    /// Time during which the motion clock stood still.
-    idle_ns: Cell<u64>,
     last_step_ns: Cell<u64>,
     /// The motion clock when time passed last.
     last_tick: Cell<u64>,
@@ -63,6 +66,13 @@ impl<O: Observer, R: Replies> PrintSession<O, R> {
     /// What watched the motors.
     pub fn into_observer(self) -> O {
         self.desk.into_observer()
+    }
+}
+
+impl<R: Replies> LiveSession<R> {
+    /// A machine that has just been switched on.
+    pub fn live(profile: Profile, look_ahead: usize, replies: R) -> Self {
+        Self::new(profile, replies, |drivers| LiveDesk::new(&profile, look_ahead, drivers))
     }
 }
 
@@ -90,7 +100,6 @@ impl<D: Desk, R: Replies> Session<D, R> {
             heater_timeout: Cell::default(),
             replies,
             profile,
-            idle_ns: Cell::new(0),
             last_step_ns: Cell::new(0),
             last_tick: Cell::new(0),
             has_moved: Cell::new(false),
@@ -107,7 +116,8 @@ impl<D: Desk, R: Replies> Session<D, R> {
             &self.replies,
             &self.signals,
         );
-        printer.set_version(crate::VERSION);
+        printer.set_version(VERSION);
+        printer.set_identifier(IDENTIFIER);
         if self.drivers.exist() {
             printer.set_drivers(&*self.drivers);
         }
@@ -180,7 +190,7 @@ impl<D: Desk, R: Replies> Session<D, R> {
     pub fn run_with<F: Future>(&self, future: F, mut between: impl FnMut(&Self)) -> F::Output {
         let mut future = pin!(future);
         let mut context = Context::from_waker(Waker::noop());
-        let mut next_report_ms = 0;
+        let (mut next_report_ms, mut next_card_report_ms) = (0, 0);
         loop {
             if let Poll::Ready(output) = future.as_mut().poll(&mut context) {
                 return output;
@@ -196,6 +206,7 @@ impl<D: Desk, R: Replies> Session<D, R> {
             self.tell_driver_events();
             self.rest_heaters();
             self.report_temperatures(&mut next_report_ms);
+            self.report_card(&mut next_card_report_ms);
             between(self);
         }
     }
@@ -203,13 +214,6 @@ impl<D: Desk, R: Replies> Session<D, R> {
     /// Polls a future to its end; whenever it waits, virtual time passes.
     pub fn run<F: Future>(&self, future: F) -> F::Output {
         self.run_with(future, |_| {})
-    }
-
-    /// Now, by the motion clock and the time during which it stood still.
-    fn now_ns(&self) -> u64 {
-        // Whole seconds apart, so that no product leaves 64 bits.
-        let (tick, a_second) = (self.desk.tick(), u64::from(TICKS_PER_SECOND));
-        self.idle_ns.get() + tick / a_second * 1_000_000_000 + tick % a_second * 1_000_000_000 / a_second
     }
 
     /// Lets time pass until what the last command waits for is there: its motion, or its moment. Motion does not go on
@@ -221,13 +225,13 @@ impl<D: Desk, R: Replies> Session<D, R> {
         self.desk.pass_motion();
         let tick = self.desk.tick();
         if self.last_tick.replace(tick) != tick {
-            self.last_step_ns.set(self.now_ns());
+            self.last_step_ns.set(self.desk.now_ns());
             self.has_moved.set(true);
         }
         if let Some(wake_ns) = self.clock.take_wake_ns() {
-            self.idle_ns.set(self.idle_ns.get() + wake_ns.saturating_sub(self.now_ns()));
+            self.desk.wait_until(wake_ns);
         }
-        let now_ns = self.now_ns();
+        let now_ns = self.desk.now_ns();
         self.clock.advance_to(now_ns);
         self.heat.borrow_mut().pass_to(now_ns, self.desk.fan_power())
     }
@@ -260,6 +264,18 @@ impl<D: Desk, R: Replies> Session<D, R> {
         self.replies.send(Reply::Text(&rest.to_string()));
     }
 
+    /// M27 S.
+    fn report_card(&self, next_report_ms: &mut u64) {
+        let interval_ms = u64::from(self.signals.card_report_interval_s()) * 1000;
+        let now_ms = (&self.clock).now_ms();
+        if let Some((position, size)) =
+            self.signals.card_progress().filter(|_| interval_ms > 0 && now_ms >= *next_report_ms)
+        {
+            *next_report_ms = now_ms + interval_ms;
+            self.replies.say(format_args!("SD printing byte {position}/{size}"));
+        }
+    }
+
     /// M155.
     fn report_temperatures(&self, next_report_ms: &mut u64) {
         let interval_ms = u64::from(self.signals.report_interval_s()) * 1000;
@@ -276,31 +292,30 @@ impl<D: Desk, R: Replies> Session<D, R> {
 /// Replies of a job from a file: what a person should read, and what the summary lists.
 pub struct JobReplies<F> {
     unknown: RefCell<BTreeSet<String>>,
+    remarks: RemarkList,
     notice: F,
 }
 
 impl<F: Fn(&str)> JobReplies<F> {
     /// Sends each line that a person should read to `notice`.
     pub fn new(notice: F) -> Self {
-        Self { unknown: RefCell::new(BTreeSet::new()), notice }
+        Self { unknown: RefCell::default(), remarks: RemarkList::default(), notice }
     }
 
     /// The different unknown commands so far, in alphabetical order.
     pub fn unknown_commands(&self) -> Vec<String> {
         self.unknown.borrow().iter().cloned().collect()
     }
+
+    /// What is known about the job's lines so far.
+    pub fn remarks(&self) -> &RemarkList {
+        &self.remarks
+    }
 }
 
 impl<F: Fn(&str)> Replies for JobReplies<F> {
     fn send(&self, reply: Reply<'_>) {
         match reply {
-            Reply::UnknownCommand(text) => {
-                let mut unknown = self.unknown.borrow_mut();
-                if unknown.len() < MAX_UNKNOWN_COMMANDS && !unknown.contains(text) {
-                    unknown.insert(text.to_owned());
-                    (self.notice)(&reply.to_string());
-                }
-            }
             Reply::Text(text) => (self.notice)(text),
             Reply::Killed => (self.notice)(&reply.to_string()),
             // Replies to a host's questions; a file asks none.
@@ -308,6 +323,33 @@ impl<F: Fn(&str)> Replies for JobReplies<F> {
         }
     }
 
+    /// The summary lists it.
+    fn remark(&self, line: u32, text: &str, remarks: &Remarks, _: &Remarks) {
+        let kind = match (remarks.is_unknown(), remarks.is_not_executed()) {
+            (true, _) => RemarkKind::Unknown,
+            (false, true) => RemarkKind::NoEffect,
+            (false, false) if remarks.is_no_effect_alone() && is_corner_limit(text) => RemarkKind::Corner,
+            (false, false) => RemarkKind::Ignored,
+        };
+        self.remarks.note(kind, Some(line), format_args!("{}: {remarks}", code(text)));
+    }
+
+    fn unknown(&self, line: u32, text: &str) {
+        if ferrostep_gcode::NotExecuted::of(text).is_none() {
+            self.remarks.note(RemarkKind::Unknown, Some(line), format_args!("{}: unknown command", code(text)));
+        }
+        let mut unknown = self.unknown.borrow_mut();
+        if unknown.len() < MAX_UNKNOWN_COMMANDS && !unknown.contains(text) {
+            unknown.insert(text.to_owned());
+            (self.notice)(&Reply::UnknownCommand(text).to_string());
+        }
+    }
+
     /// The job stops there, and says so itself.
     fn refuse(&self, _line: u32, _failure: &Failure) {}
+}
+
+/// Whether a line is M205.
+fn is_corner_limit(text: &str) -> bool {
+    matches!(ferrostep_gcode::parse(text), Ok(ferrostep_gcode::Command::Junction { .. }))
 }

@@ -6,18 +6,18 @@ use ferrostep_gpre::{Header, Item};
 use libfuzzer_sys::fuzz_target;
 
 /// 5 m, units of 10 nm.
-const MOST_10NM: u64 = 500_000_000;
+const MAX_10NM: u64 = 500_000_000;
 
 fn read(bytes: &[u8]) {
     let Ok(frame) = Frame::read(bytes, 0, None) else { return };
     let Ok(mut items) = frame.items() else { return };
-    assert!(items.start().position_10nm.iter().all(|coordinate| coordinate.unsigned_abs() <= MOST_10NM));
+    assert!(items.start().position_10nm.iter().all(|coordinate| coordinate.unsigned_abs() <= MAX_10NM));
     let mut count = 0;
     while let Ok(Some(item)) = items.next_item() {
         count += 1;
         assert!(count <= 8 * bytes.len());
         if let Item::Move(next) = item {
-            assert!(next.target_10nm().iter().all(|coordinate| u64::from(coordinate.unsigned_abs()) <= MOST_10NM));
+            assert!(next.target_10nm().iter().all(|coordinate| u64::from(coordinate.unsigned_abs()) <= MAX_10NM));
             assert!(next.feed_mm_per_s > 0.0 && next.feed_mm_per_s.is_finite());
         }
     }

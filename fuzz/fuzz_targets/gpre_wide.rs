@@ -1,7 +1,7 @@
 //! The paper's packets: for any bytes, what is read is in range and is written back unchanged.
 #![no_main]
 
-use ferrostep_gpre::wide::Packet;
+use ferrostep_papers::wide::Packet;
 use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|bytes: &[u8]| {

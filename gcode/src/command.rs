@@ -1,6 +1,6 @@
 //! What a line asks for, as an enum.
 
-use crate::Decimal;
+use crate::{CardCommand, Decimal};
 
 /// The X, Y, Z and E words of a line; `None` where the word is absent.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -146,6 +146,8 @@ pub enum Command<'a> {
     SetPosition(AxisWords),
     /// M17.
     EnableMotors(AxisFlags),
+    /// M20 to M34, M524, M928: the memory card.
+    Card(CardCommand<'a>),
     /// M18, M84 without S; no axis means all.
     DisableMotors(AxisFlags),
     /// M18 S, M84 S: idle seconds after which motors are switched off; 0 = never.
@@ -153,7 +155,7 @@ pub enum Command<'a> {
         /// Seconds.
         seconds: u64,
     },
-    /// M86 S: seconds without a line and without motion after which heaters go off, 0 = never; without S a query.
+    /// M85 S, M86 S: seconds without a line and without motion after which heaters go off, 0 = never; without S a query.
     HeaterTimeout(Option<u16>),
     /// M82.
     AbsoluteExtrusion,
@@ -185,6 +187,26 @@ pub enum Command<'a> {
     },
     /// M108: end a wait.
     EndWait,
+    /// M73: how far the print is; without words a query.
+    Progress {
+        /// P, percent.
+        percent: Option<u8>,
+        /// R.
+        minutes_left: Option<u16>,
+    },
+    /// M0, M1: waits for a person; P milliseconds or S seconds (S wins) at the longest.
+    Stop {
+        /// The longest wait, ms.
+        longest_ms: Option<u64>,
+    },
+    /// M125, M226, M601: pauses and waits for a person. X and Y are where the nozzle waits, Z is by how much it rises.
+    Pause(AxisWords),
+    /// M600: the same, to change the filament.
+    ChangeFilament(AxisWords),
+    /// M602: a paused print goes on.
+    ResumePrint,
+    /// M876 S: the number of the button that was pressed on a prompt.
+    PromptAnswer(u8),
     /// M110 N: the last line number.
     SetLineNumber(Option<i64>),
     /// M112.
@@ -222,6 +244,22 @@ pub enum Command<'a> {
         travel: Option<Decimal>,
         /// S: print and travel together (older slicers).
         both: Option<Decimal>,
+    },
+    /// SET_VELOCITY_LIMIT: limits of the moves to come, mm/s and mm/s^2 in any unit of the G-code.
+    VelocityLimit {
+        /// VELOCITY: of X and of Y.
+        velocity: Option<Decimal>,
+        /// ACCEL: of moves that print and of those that travel.
+        acceleration: Option<Decimal>,
+    },
+    /// TURN_OFF_HEATERS: targets of 0.
+    HeatersOff,
+    /// SET_PRINT_STATS_INFO: which layer comes.
+    Layer {
+        /// CURRENT_LAYER.
+        current: Option<u32>,
+        /// TOTAL_LAYER.
+        total: Option<u32>,
     },
     /// M205; S T B are accepted without effect.
     Junction {
@@ -308,6 +346,10 @@ pub enum Command<'a> {
         /// R.
         clear: bool,
     },
+    /// M862.1: the diameter of the nozzle that the job is for, mm; without P a query.
+    CheckNozzle(Option<Decimal>),
+    /// M862.3: the model of the printer that the job is for; empty where it is a query.
+    CheckModel(&'a str),
     /// M999.
     Restart,
     /// T: the tool.

@@ -4,14 +4,17 @@
 //!
 //! [`LineReader`] cuts bytes into [`Line`]s, [`LineNumbers`] says which of them a host must send again, [`parse`]
 //! makes a [`Command`] of a line's text, and a [`Reply`] prints what goes back. [`EmergencyScanner`] watches the raw
-//! bytes for the few commands that must not wait their turn.
+//! bytes for the few commands that must not wait their turn. [`meatpack`] unpacks bytes that a host has packed.
 #![cfg_attr(not(test), no_std)]
 
+mod card_command;
 mod command;
 mod decimal;
 mod emergency;
 mod line;
 mod line_reader;
+pub mod meatpack;
+mod not_executed;
 mod parse_error;
 mod parser;
 mod protocol;
@@ -20,11 +23,13 @@ mod remarks;
 mod reply;
 mod reply_text;
 
+pub use card_command::CardCommand;
 pub use command::{ArcForm, AxisFlags, AxisWords, Command, DriverWords, RetractionWords, Units, WaitTarget};
 pub use decimal::{Decimal, NumberError};
 pub use emergency::{Emergency, EmergencyScanner};
-pub use line::{Checksum, Line, LineError};
-pub use line_reader::{LINE_CAPACITY, LineReader};
+pub use line::{Checksum, LINE_CAPACITY, Line, LineError};
+pub use line_reader::LineReader;
+pub use not_executed::{NAMED, NOT_EXECUTED, NotExecuted, Outcome};
 pub use parse_error::{ParseError, ShortText};
 pub use parser::{parse, parse_with_remarks};
 pub use protocol::{LineNumbers, Verdict};

@@ -2,6 +2,10 @@
 
 use core::fmt;
 
+/// Maximum length of a line in bytes, from its start to its comment or its end. Longer lines are refused, but for those whose
+/// text is for people (M117, M118), of which the rest is dropped.
+pub const LINE_CAPACITY: usize = 256;
+
 /// One line, taken apart but not yet read as a command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Line<'a> {
@@ -38,12 +42,14 @@ pub enum Checksum {
 /// Why a line cannot be used. It is reported once, at the line's end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LineError {
-    /// More characters before the comment than [`LINE_CAPACITY`](crate::LINE_CAPACITY).
+    /// More characters before the comment than [`LINE_CAPACITY`].
     TooLong {
         /// Number of the physical line, from 1.
         line_number: u32,
-        /// Whether the line begins with an `N` word, so that a host can be asked for it again.
-        numbered: bool,
+        /// The `N` word at the start.
+        number: Option<i64>,
+        /// What the checksum of the whole line says.
+        checksum: Checksum,
     },
     /// A control character other than a tab, or bytes that are not UTF-8, before the comment.
     NotText {
@@ -51,8 +57,10 @@ pub enum LineError {
         line_number: u32,
         /// The first such byte.
         byte: u8,
-        /// Whether the line begins with an `N` word, so that a host can be asked for it again.
-        numbered: bool,
+        /// The `N` word at the start.
+        number: Option<i64>,
+        /// What the checksum says.
+        checksum: Checksum,
     },
     /// Part of the line was lost on its way.
     Incomplete {
@@ -73,12 +81,20 @@ impl LineError {
         }
     }
 
+    /// The number of a line that has come whole, as its checksum shows: it would be the same if the host sent it again.
+    pub(crate) const fn number_of_whole_line(&self) -> Option<i64> {
+        match *self {
+            LineError::TooLong { number, checksum: Checksum::Right, .. }
+            | LineError::NotText { number, checksum: Checksum::Right, .. } => number,
+            _ => None,
+        }
+    }
+
     /// Whether the line begins with an `N` word, so that a host can be asked for it again.
     pub const fn is_numbered(&self) -> bool {
         match *self {
-            LineError::TooLong { numbered, .. }
-            | LineError::NotText { numbered, .. }
-            | LineError::Incomplete { numbered, .. } => numbered,
+            LineError::TooLong { number, .. } | LineError::NotText { number, .. } => number.is_some(),
+            LineError::Incomplete { numbered, .. } => numbered,
         }
     }
 }
@@ -88,7 +104,7 @@ impl fmt::Display for LineError {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             LineError::TooLong { .. } => {
-                write!(formatter, "the line is too long, expected at most {} characters", crate::LINE_CAPACITY)
+                write!(formatter, "the line is too long, expected at most {} characters", LINE_CAPACITY)
             }
             LineError::NotText { byte, .. } => {
                 write!(formatter, "not text: byte 0x{byte:02x}, expected UTF-8 without control characters")
@@ -192,14 +208,27 @@ fn skip_blanks(text: &[u8], mut at: usize) -> usize {
     at
 }
 
-/// The first byte that is not text, if any.
-fn first_byte_not_text(bytes: &[u8]) -> Option<u8> {
+/// The text before the first byte that is none, and that byte, if any.
+fn text_before(bytes: &[u8]) -> (&str, Option<u8>) {
     let valid = match core::str::from_utf8(bytes) {
         Ok(_) => bytes.len(),
         Err(error) => error.valid_up_to(),
     };
     let is_control = |&byte: &u8| byte.is_ascii_control() && byte != b'\t';
-    bytes.iter().take(valid).copied().find(|byte| is_control(byte)).or_else(|| bytes.get(valid).copied())
+    let end = bytes.iter().take(valid).position(is_control).unwrap_or(valid);
+    let text = bytes.get(..end).and_then(|text| core::str::from_utf8(text).ok()).unwrap_or_default();
+    (text, bytes.get(end).copied())
+}
+
+/// Whether a command is M117 or M118, whose text is for people: a part of it is better than none.
+fn is_message(command: &[u8]) -> bool {
+    let Some((b'M' | b'm', rest)) = command.split_first() else { return false };
+    let digits = rest.get(skip_blanks(rest, 0)..).unwrap_or_default();
+    let zeros = digits.iter().take_while(|&&byte| byte == b'0').count();
+    match digits.get(zeros..) {
+        Some([b'1', b'1', b'7' | b'8', after @ ..]) => !matches!(after.first(), Some(b'0'..=b'9' | b'.')),
+        _ => false,
+    }
 }
 
 /// Splits a line into number, text and checksum. `bytes` is everything before the comment, `plain` promises that it is
@@ -210,12 +239,7 @@ pub(crate) fn take_apart<'a>(
     line_number: u32,
     in_comment: Checksum,
 ) -> Result<Line<'a>, LineError> {
-    let numbered = number_word(bytes);
-    let not_text = |byte: u8| LineError::NotText { line_number, byte, numbered: numbered.is_some() };
-    if !plain && let Some(byte) = first_byte_not_text(bytes) {
-        return Err(not_text(byte));
-    }
-    let (number, command, checksum) = match numbered {
+    let (number, command, checksum) = match number_word(bytes) {
         None => (None, bytes, Checksum::Absent),
         Some((number, start)) => {
             let mut scan = ChecksumScan::new();
@@ -225,9 +249,32 @@ pub(crate) fn take_apart<'a>(
             (Some(number), command, if scan.has_star() { scan.verdict() } else { in_comment })
         }
     };
-    // Cut at ASCII bytes, text stays text.
-    let text = core::str::from_utf8(trim(command)).map_err(|_| not_text(0xff))?;
+    let not_text = |byte: u8| LineError::NotText { line_number, byte, number, checksum };
+    let command = trim(command);
+    if !plain
+        && let (_, Some(byte)) = text_before(bytes)
+        && !is_message(command)
+    {
+        return Err(not_text(byte));
+    }
+    let text = if plain {
+        // Cut at ASCII bytes, text stays text.
+        core::str::from_utf8(command).map_err(|_| not_text(0xff))?
+    } else {
+        text_before(command).0.trim_end_matches([' ', '\t'])
+    };
     Ok(Line { line_number, text, number, checksum })
+}
+
+/// The same for a line that is too long, of which `kept` is the beginning.
+pub(crate) fn take_apart_cut(kept: &[u8], line_number: u32, checksum: Checksum) -> Result<Line<'_>, LineError> {
+    let (number, start) = number_word(kept).map_or((None, 0), |(number, start)| (Some(number), start));
+    let command = trim(kept.get(start..).unwrap_or_default());
+    let checksum = if number.is_some() { checksum } else { Checksum::Absent };
+    if is_message(command) {
+        return Ok(Line { line_number, text: text_before(command).0.trim_end_matches([' ', '\t']), number, checksum });
+    }
+    Err(LineError::TooLong { line_number, number, checksum })
 }
 
 /// `bytes` without the spaces and tabs around them.
@@ -301,16 +348,30 @@ mod tests {
     #[test]
     fn bytes_that_are_not_text() {
         let refused = |bytes: &[u8]| take_apart(bytes, false, 7, Checksum::Absent).unwrap_err();
-        assert_eq!(refused(b"G1\0"), LineError::NotText { line_number: 7, byte: 0, numbered: false });
-        assert_eq!(refused(b"N5 \x7f"), LineError::NotText { line_number: 7, byte: 0x7f, numbered: true });
+        let not_text = |byte, number| LineError::NotText { line_number: 7, byte, number, checksum: Checksum::Absent };
+        assert_eq!(refused(b"G1\0"), not_text(0, None));
+        assert_eq!(refused(b"N5 \x7f"), not_text(0x7f, Some(5)));
         assert_eq!(
-            refused(b"M117 \xff\x01").to_string(),
+            refused(b"M119 \xff\x01").to_string(),
             "not text: byte 0xff, expected UTF-8 without control characters"
         );
         assert_eq!(
-            refused(b"M117 \x01\xff").to_string(),
+            refused(b"M1170 \x01\xff").to_string(),
             "not text: byte 0x01, expected UTF-8 without control characters"
         );
         assert_eq!(line("M117\tGr\u{fc}\u{df}e").text, "M117\tGr\u{fc}\u{df}e");
+        // A message loses what is no text: nobody is asked for it again, and no job stops.
+        let message = |bytes: &'static [u8]| take_apart(bytes, false, 7, Checksum::Absent).unwrap();
+        assert_eq!(message(b"M117 Gr\xfc\xdfe").text, "M117 Gr");
+        assert_eq!(message(b"m 0118 Gr\x01e").text, "m 0118 Gr");
+        assert_eq!(
+            message(b"N5 M117 \xe4*3"),
+            Line {
+                line_number: 7,
+                text: "M117",
+                number: Some(5),
+                checksum: Checksum::Wrong { expected: 3, computed: 229 }
+            }
+        );
     }
 }

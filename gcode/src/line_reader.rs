@@ -1,10 +1,7 @@
 //! Bytes to lines, in portions of any size.
 
-use crate::line::{ChecksumScan, number_word, take_apart};
+use crate::line::{ChecksumScan, LINE_CAPACITY, number_word, take_apart, take_apart_cut};
 use crate::{Checksum, Line, LineError};
-
-/// Maximum length of a line in bytes, from its start to its comment or its end; longer lines are refused.
-pub const LINE_CAPACITY: usize = 256;
 
 /// Mark that some editors write at the start of a UTF-8 file.
 const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
@@ -37,7 +34,8 @@ pub struct LineReader {
     /// The received part of an unfinished line.
     buffer: [u8; LINE_CAPACITY],
     length: usize,
-    too_long: bool,
+    /// The whole of a line that is too long for the buffer.
+    too_long: Option<ChecksumScan>,
     comment: Comment,
     /// The last byte was a `\r` that ended a line: a following `\n` belongs to it.
     after_carriage_return: bool,
@@ -56,13 +54,12 @@ enum Comment {
 }
 
 impl Comment {
-    /// The state just after the `;` that follows `text`.
-    fn begin(text: &[u8]) -> Self {
+    /// The state just after the `;` that follows `text`, of which `scan` has seen more if it is not all.
+    fn begin(text: &[u8], scan: Option<ChecksumScan>) -> Self {
         if number_word(text).is_none() {
             return Comment::Skipped;
         }
-        let mut scan = ChecksumScan::new();
-        scan.extend(text);
+        let mut scan = scan.unwrap_or_else(|| scanned(text));
         if scan.has_star() {
             return Comment::Skipped;
         }
@@ -95,7 +92,8 @@ struct Ended {
     length: usize,
     in_buffer: bool,
     plain: bool,
-    too_long: bool,
+    /// The whole of a line that is too long.
+    too_long: Option<ChecksumScan>,
     in_comment: Checksum,
 }
 
@@ -111,7 +109,7 @@ impl LineReader {
         LineReader {
             buffer: [0; LINE_CAPACITY],
             length: 0,
-            too_long: false,
+            too_long: None,
             comment: Comment::NotYet,
             after_carriage_return: false,
             lines_ended: 0,
@@ -144,7 +142,7 @@ impl LineReader {
                 let text = if ended.in_buffer { &self.buffer[..] } else { rest };
                 is_blank(text.get(..ended.length).unwrap_or_default(), self.lines_ended)
             };
-            if text_is_blank && !ended.too_long {
+            if text_is_blank && ended.too_long.is_none() {
                 continue;
             }
             let text = if ended.in_buffer {
@@ -164,12 +162,12 @@ impl LineReader {
     /// As [`LineReader::feed`].
     pub fn finish(&mut self) -> Option<Result<Line<'_>, LineError>> {
         self.after_carriage_return = false;
-        if self.length == 0 && !self.too_long && matches!(self.comment, Comment::NotYet) {
+        if self.length == 0 && self.too_long.is_none() && matches!(self.comment, Comment::NotYet) {
             return None;
         }
         let ended = self.end_buffered();
         let text = self.buffer.get(..ended.length).unwrap_or_default();
-        if is_blank(text, self.lines_ended) && !ended.too_long {
+        if is_blank(text, self.lines_ended) && ended.too_long.is_none() {
             return None;
         }
         Some(hand_out(text, ended, self.lines_ended))
@@ -196,7 +194,7 @@ impl LineReader {
         }
         let (length, plain) = scan_text(bytes);
         let text = bytes.get(..length).unwrap_or_default();
-        let whole_line_so_far = self.length == 0 && !self.too_long;
+        let whole_line_so_far = self.length == 0 && self.too_long.is_none();
         match bytes.get(length) {
             None => {
                 self.push(text);
@@ -205,20 +203,20 @@ impl LineReader {
             Some(b';') => {
                 let after = bytes.get(length + 1..).unwrap_or_default();
                 if whole_line_so_far && let Some(comment_length) = find_line_end(after) {
-                    let mut comment = Comment::begin(text);
+                    let mut comment = Comment::begin(text, None);
                     comment.extend(after.get(..comment_length).unwrap_or_default());
                     let end = length + 1 + comment_length;
                     self.count_line(bytes.get(end));
-                    return (end + 1, Some(Ended::in_slice(length, plain, comment.checksum())));
+                    return (end + 1, Some(Ended::in_slice(text, plain, comment.checksum())));
                 }
                 self.push(text);
-                self.comment = Comment::begin(self.buffer.get(..self.length).unwrap_or_default());
+                self.comment = Comment::begin(self.buffer.get(..self.length).unwrap_or_default(), self.too_long);
                 (length + 1, None)
             }
             Some(line_end) => {
                 if whole_line_so_far {
                     self.count_line(Some(line_end));
-                    return (length + 1, Some(Ended::in_slice(length, plain, Checksum::Absent)));
+                    return (length + 1, Some(Ended::in_slice(text, plain, Checksum::Absent)));
                 }
                 self.push(text);
                 let ended = self.end_buffered();
@@ -242,12 +240,14 @@ impl LineReader {
     fn push(&mut self, text: &[u8]) {
         let room = LINE_CAPACITY - self.length;
         let (kept, dropped) = text.split_at(text.len().min(room));
-        self.too_long |= !dropped.is_empty();
         let end = self.length + kept.len();
         if let Some(place) = self.buffer.get_mut(self.length..end) {
             place.copy_from_slice(kept);
         }
         self.length = end;
+        if !dropped.is_empty() {
+            self.too_long.get_or_insert_with(|| scanned(&self.buffer)).extend(dropped);
+        }
     }
 
     /// Ends the line in the buffer, which keeps its bytes until something is pushed.
@@ -260,7 +260,7 @@ impl LineReader {
             in_comment: self.comment.checksum(),
         };
         self.length = 0;
-        self.too_long = false;
+        self.too_long = None;
         self.comment = Comment::NotYet;
         self.count_line(None);
         ended
@@ -273,16 +273,24 @@ impl LineReader {
 }
 
 impl Ended {
-    fn in_slice(length: usize, plain: bool, in_comment: Checksum) -> Self {
-        Ended { length, in_buffer: false, plain, too_long: length > LINE_CAPACITY, in_comment }
+    fn in_slice(text: &[u8], plain: bool, in_comment: Checksum) -> Self {
+        let too_long = (text.len() > LINE_CAPACITY).then(|| scanned(text));
+        Ended { length: text.len(), in_buffer: false, plain, too_long, in_comment }
     }
 }
 
+fn scanned(text: &[u8]) -> ChecksumScan {
+    let mut scan = ChecksumScan::new();
+    scan.extend(text);
+    scan
+}
+
 fn hand_out(text: &[u8], ended: Ended, line_number: u32) -> Result<Line<'_>, LineError> {
-    if ended.too_long {
+    if let Some(scan) = ended.too_long {
         // The same bytes whether the line came whole or in portions.
         let kept = text.get(..LINE_CAPACITY).unwrap_or(text);
-        return Err(LineError::TooLong { line_number, numbered: number_word(kept).is_some() });
+        let checksum = if scan.has_star() { scan.verdict() } else { ended.in_comment };
+        return take_apart_cut(kept, line_number, checksum);
     }
     let text = if line_number == 1 { without_byte_order_mark(text) } else { text };
     take_apart(text, ended.plain, line_number, ended.in_comment)

@@ -55,11 +55,6 @@ impl fmt::Debug for ShortText {
 /// Why a line cannot be read as a command. `Display` names the word and what was expected there.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ParseError {
-    /// The line does not begin with a letter.
-    CommandLetterExpected {
-        /// What it begins with.
-        found: char,
-    },
     /// A character with which no word can begin.
     UnexpectedCharacter(char),
     /// G or M without its number.
@@ -120,16 +115,11 @@ pub enum ParseError {
         /// What would happen if it were skipped, and what to write instead.
         why: &'static str,
     },
-    /// G18 or G19; arcs are supported in the XY plane only.
-    PlaneNotSupported,
 }
 
 impl fmt::Display for ParseError {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            ParseError::CommandLetterExpected { found } => {
-                write!(formatter, "expected a command such as G1 or M104, found '{found}'")
-            }
             ParseError::UnexpectedCharacter(character) => {
                 write!(formatter, "unexpected character '{character}', expected a letter and its number")
             }
@@ -155,9 +145,6 @@ impl fmt::Display for ParseError {
                 write!(formatter, "{command}: expected {words}")
             }
             ParseError::NotSupported { command, why } => write!(formatter, "{command}: not supported, {why}"),
-            ParseError::PlaneNotSupported => {
-                formatter.write_str("arcs in other planes are not supported; use G17 (XY)")
-            }
         }
     }
 }

@@ -1,23 +1,15 @@
 //! From the text of a line to a [`Command`].
 
+mod card_codes;
+mod code;
 mod g_codes;
 mod m_codes;
+mod named;
 mod words;
 
-use crate::{Command, ParseError, Remarks};
-
-/// What stands at the start of a line: `G29.1`, `M204`, `T0`.
-#[derive(Clone, Copy)]
-struct Code<'a> {
-    /// The number after the letter, `u32::MAX` if it is larger still.
-    number: u32,
-    /// Whether `.` and a subcode follow.
-    has_subcode: bool,
-    /// The whole line, trimmed.
-    text: &'a str,
-    /// What follows the code.
-    rest: &'a str,
-}
+use crate::remarks::{Remark, Remarks};
+use crate::{Command, NotExecuted, ParseError};
+use code::Code;
 
 /// Reads one line, without its number, checksum and `;` comment, as [`Line::text`](crate::Line::text) has it.
 ///
@@ -34,7 +26,7 @@ pub fn parse(text: &str) -> Result<Command<'_>, ParseError> {
     parse_with_remarks(text, &mut Remarks::default())
 }
 
-/// As [`parse`]; adds to `remarks` which parts of the line are ignored or changed, for the host.
+/// As [`parse`]; adds to `remarks` which parts of the line are ignored or changed and what has no effect, for the host.
 ///
 /// # Errors
 ///
@@ -45,13 +37,9 @@ pub fn parse_with_remarks<'a>(text: &'a str, remarks: &mut Remarks) -> Result<Co
     let letter = match bytes.get(at) {
         None | Some(b'*' | b';') => return Ok(Command::Accepted),
         Some(byte) if byte.is_ascii_alphabetic() => byte.to_ascii_uppercase(),
-        // Programs for other machines begin and end with it.
-        Some(b'%') => return Ok(Command::Unknown(text.trim_matches([' ', '\t']))),
-        Some(_) => {
-            let found = char_at(text, at);
-            return Err(ParseError::CommandLetterExpected { found });
-        }
+        _ => return Ok(no_command(text, at, remarks)),
     };
+    let word = at;
     at = words::skip_blanks(bytes, at + 1);
     let digits_start = at;
     let mut number: u32 = 0;
@@ -60,15 +48,18 @@ pub fn parse_with_remarks<'a>(text: &'a str, remarks: &mut Remarks) -> Result<Co
         at += 1;
     }
     let has_number = at > digits_start;
+    let mut subcode: u32 = 0;
     let has_subcode = has_number && bytes.get(at) == Some(&b'.');
     if has_subcode {
         at += 1;
-        while matches!(bytes.get(at), Some(b'0'..=b'9')) {
+        while let Some(&byte @ b'0'..=b'9') = bytes.get(at) {
+            subcode = subcode.saturating_mul(10).saturating_add(u32::from(byte - b'0'));
             at += 1;
         }
     }
-    let code = Code { number, has_subcode, text, rest: text.get(at..).unwrap_or_default() };
+    let code = Code { number, has_subcode, subcode, text, rest: text.get(at..).unwrap_or_default(), letter };
     match letter {
+        b'G' | b'M' if !has_number && is_name(bytes.get(word..).unwrap_or_default()) => named::parse(&code, remarks),
         b'G' | b'M' if !has_number => Err(ParseError::NumberExpected { letter: char::from(letter) }),
         b'G' => g_codes::parse(code, remarks),
         b'M' => m_codes::parse(code, remarks),
@@ -80,35 +71,55 @@ pub fn parse_with_remarks<'a>(text: &'a str, remarks: &mut Remarks) -> Result<Co
             }
             Ok(Command::SelectTool(number))
         }
-        _ => Ok(code.unknown()),
+        b'X' | b'Y' | b'Z' | b'E' if has_number || matches!(bytes.get(at), Some(b'-' | b'+' | b'.')) => {
+            Err(ParseError::NotSupported {
+                command: BARE_COORDINATE,
+                why: "the move would be missing; write G1 before it",
+            })
+        }
+        _ => named::parse(&code, remarks),
     }
 }
 
-impl<'a> Code<'a> {
-    fn unknown(&self) -> Command<'a> {
-        Command::Unknown(self.text.trim_matches([' ', '\t']))
-    }
+/// How an error calls a line of coordinates alone, with which other machines repeat the last G0 to G3.
+const BARE_COORDINATE: &str = "a coordinate without a command";
 
-    /// The rest of the line as text.
-    fn free_text(&self) -> &'a str {
-        self.rest.trim_matches([' ', '\t'])
+/// A line that begins with something other than a letter.
+#[cold]
+fn no_command<'a>(text: &'a str, at: usize, remarks: &mut Remarks) -> Command<'a> {
+    let rest = text.get(at..).unwrap_or_default();
+    if rest.starts_with('@') {
+        remarks.add(Remark::HostCommand);
+        return Command::Accepted;
     }
-
-    fn words<'r>(&self, remarks: &'r mut Remarks) -> Result<words::Words<'r>, ParseError> {
-        words::Words::parse(self.rest, remarks)
+    if rest.starts_with("//") {
+        remarks.add(Remark::SlashComment);
+        return Command::Accepted;
     }
+    Command::Unknown(text.trim_matches([' ', '\t']))
+}
 
-    /// Checks that what follows is well formed, for a command that has no words.
-    fn without_words(&self, command: Command<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
-        self.words(remarks).map(|_| command)
+/// Whether a word is a name, as macros of other firmware have, and not a command that lost its number: two letters follow each
+/// other after the first, as in `MESH_ON`, but not in `GX5Y5`.
+fn is_name(word: &[u8]) -> bool {
+    let is_letter = |byte: &u8| byte.is_ascii_alphabetic() || *byte == b'_';
+    let word = word.split(|byte| matches!(byte, b' ' | b'\t')).next().unwrap_or_default();
+    word.get(1..).unwrap_or_default().windows(2).any(|pair| pair.iter().all(is_letter))
+}
+
+impl NotExecuted {
+    /// The entry of the command at the start of a line, such as `M92 E420`.
+    pub fn of(text: &str) -> Option<&'static Self> {
+        let mut remarks = Remarks::default();
+        parse_with_remarks(text, &mut remarks).ok()?;
+        remarks.entries().next()
     }
 }
 
-/// The character that begins at `at`.
-fn char_at(text: &str, at: usize) -> char {
-    text.get(at..).and_then(|rest| rest.chars().next()).unwrap_or(char::REPLACEMENT_CHARACTER)
-}
-
+#[cfg(test)]
+mod named_tests;
+#[cfg(test)]
+mod odd_line_tests;
 #[cfg(test)]
 mod round_trip;
 #[cfg(test)]

@@ -39,8 +39,11 @@ impl LineNumbers {
     /// The number is checked before the checksum, as hosts expect from the error that they read. A line counts as
     /// repeated only if its checksum is right too: a garbled number must not make a new line pass for an old one.
     pub fn check(&mut self, line: &Line<'_>) -> Verdict {
-        let line_number_command = line_number_command(line.text);
-        let Some(number) = line.number else {
+        self.judge(line.number, line.checksum, line_number_command(line.text))
+    }
+
+    fn judge(&mut self, number: Option<i64>, checksum: Checksum, line_number_command: Option<Option<i64>>) -> Verdict {
+        let Some(number) = number else {
             if let Some(Some(new)) = line_number_command {
                 self.last = new;
             }
@@ -51,7 +54,7 @@ impl LineNumbers {
         if line_number_command.is_none() && !in_sequence && !repeated {
             return Verdict::Resend(ResendReason::WrongNumber, self.last);
         }
-        match line.checksum {
+        match checksum {
             Checksum::Right => {}
             Checksum::Absent => return Verdict::Resend(ResendReason::NoChecksum, self.last),
             Checksum::Wrong { .. } | Checksum::Malformed => {
@@ -66,10 +69,16 @@ impl LineNumbers {
         Verdict::Execute
     }
 
-    /// Decides about a line that could not be read: one that began with a number is requested again as if its checksum had
-    /// failed. `None` means that it cannot be requested; it is answered by a notice and `ok`.
-    pub const fn check_unreadable(&self, error: &LineError) -> Option<Verdict> {
-        if error.is_numbered() { Some(Verdict::Resend(ResendReason::WrongChecksum, self.last)) } else { None }
+    /// Decides about a line that could not be read. `None`: it is answered by a notice and `ok`.
+    ///
+    /// One that began with a number is requested again as if its checksum had failed, unless its checksum says that it came as the
+    /// host sent it: it would come the same again, for ever. Its number counts then as that of a good line.
+    pub fn check_unreadable(&mut self, error: &LineError) -> Option<Verdict> {
+        if let Some(number) = error.number_of_whole_line() {
+            let verdict = self.judge(Some(number), Checksum::Right, None);
+            return (verdict != Verdict::Execute).then_some(verdict);
+        }
+        error.is_numbered().then_some(Verdict::Resend(ResendReason::WrongChecksum, self.last))
     }
 }
 
@@ -145,6 +154,8 @@ mod tests {
             ("N3 M110 N3\n".into(), NoChecksum),
             ("N3 M110 N3*1\n".into(), WrongChecksum),
             (format!("N11 {}\n", "x".repeat(300)), WrongChecksum),
+            (format!("N11 {}*1\n", "x".repeat(300)), WrongChecksum),
+            (with_checksum(&format!("N12 {}", "x".repeat(300))), WrongNumber),
             ("N11 G28\u{1}*1\n".into(), WrongChecksum),
         ] {
             assert_eq!(judge(&mut numbers, &text), [Verdict::Resend(reason, 10)], "{text:?}");
@@ -154,6 +165,19 @@ mod tests {
         assert_eq!(judge(&mut numbers, &with_checksum("N11 G28")), [Verdict::Repeat]);
         assert_eq!(judge(&mut numbers, &with_checksum("N10 G28")), [Verdict::Repeat]);
         assert_eq!(numbers.last(), 11);
+    }
+
+    /// Lines that can never be read, though they come as they were sent: a host that is asked for them again gives up.
+    #[test]
+    fn a_whole_line_that_cannot_be_read_is_not_requested_again() {
+        let mut numbers = LineNumbers { last: 10 };
+        let long = with_checksum(&format!("N11 G1 {}", "x".repeat(300)));
+        assert_eq!(judge(&mut numbers, &long), []);
+        assert_eq!(judge(&mut numbers, &long), [Verdict::Repeat]);
+        assert_eq!(judge(&mut numbers, &with_checksum("N12 G28\u{1}")), []);
+        assert_eq!(judge(&mut numbers, &with_checksum(&format!("N13 M117 {}", "x".repeat(300)))), [Verdict::Execute]);
+        assert_eq!(judge(&mut numbers, &with_checksum("N14 M118 \u{7f}")), [Verdict::Execute]);
+        assert_eq!(numbers.last(), 14);
     }
 
     #[test]

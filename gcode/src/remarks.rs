@@ -1,6 +1,8 @@
-//! Remarks about odd lines, which are executed all the same.
+//! Remarks about odd lines, which are executed all the same, and about lines and words without effect.
 
 use core::fmt;
+
+use crate::not_executed::NOT_EXECUTED;
 
 /// One remark. Letters are upper case.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -13,12 +15,42 @@ pub enum Remark {
     Fraction(u8),
     /// A number above its range became the maximum.
     TooLarge(u8),
+    /// A word that means nothing to this command, or to this machine.
+    NoEffect(u8),
+    /// A word without a number counts as zero (G92).
+    Zero(u8),
+    /// A command that this firmware does not execute: its index in [`NOT_EXECUTED`].
+    NotExecuted(u8),
     /// A second command in the line, and everything after it, was ignored.
     SecondCommand,
     /// G4 without P and S.
     BareDwell,
     /// M106 with P and without S; other firmware takes P for the power.
     FanPower,
+    /// M106 or M107 of a fan that the machine does not have.
+    OtherFan,
+    /// A number without its letter was ignored.
+    NoLetter,
+    /// A temperature or flow of a second extruder.
+    OtherTool,
+    /// A line for the host (`@pause`).
+    HostCommand,
+    /// A line that begins with `//`.
+    SlashComment,
+    /// A command that does nothing without its S.
+    WithoutS,
+    /// M115 U: a check of the firmware's version.
+    FirmwareVersion,
+    /// M569 with P, which is another firmware's.
+    DriverByNumber,
+    /// A nozzle or model for which the job is (M862.1, M862.3), where the profile does not say what the machine has.
+    MachineUnknown,
+    /// Words of SET_VELOCITY_LIMIT about corners and short moves.
+    CornerLimits,
+    /// A heater or thermometer that the machine does not have.
+    OtherHeater,
+    /// TEMPERATURE_WAIT with MAXIMUM.
+    WaitsForHeatOnly,
 }
 
 /// What of a line was ignored or changed, so that the host learns how the line was read.
@@ -31,20 +63,45 @@ pub struct Remarks {
     not_above_zero: u32,
     fraction: u32,
     too_large: u32,
+    no_effect: u32,
+    zero: u32,
     /// A bit for each remark about the line as a whole.
     about_line: u32,
+    /// A bit for each entry of [`NOT_EXECUTED`].
+    not_executed: u128,
 }
 
 /// Texts of the bits of `about_line`.
-const ABOUT_LINE: [&str; 3] = [
+const ABOUT_LINE: [&str; 15] = [
     "one command a line: the second and everything after it is ignored",
     "without P or S: waits until all motion has ended",
     "P is the number of a fan, and this machine has no such fan; give the power with S",
+    "P: this machine has one fan, 0; no effect",
+    "a number without its letter is ignored",
+    "T: this machine has one extruder, 0; no effect",
+    "a line with @ is for the host; no effect",
+    "not a comment, which begins with ;, and not a command; no effect",
+    "without S: no effect",
+    "U: the firmware's version is not checked",
+    "P: drivers are named by X, Y, Z and E here; no effect",
+    "not checked: the profile does not say (nozzle_diameter_mm, model_names)",
+    "of the limits VELOCITY and ACCEL have an effect; corners follow M205 J",
+    "this machine has the heaters extruder and heater_bed; no effect",
+    "MAXIMUM: cooling is not waited for; no effect",
 ];
 
 impl Remarks {
     /// No remarks.
-    pub const NONE: Self = Remarks { no_number: 0, not_above_zero: 0, fraction: 0, too_large: 0, about_line: 0 };
+    pub const NONE: Self = Remarks {
+        no_number: 0,
+        not_above_zero: 0,
+        fraction: 0,
+        too_large: 0,
+        no_effect: 0,
+        zero: 0,
+        about_line: 0,
+        not_executed: 0,
+    };
 
     /// Whether there are no remarks.
     pub fn is_empty(&self) -> bool {
@@ -59,10 +116,51 @@ impl Remarks {
             Remark::NotAboveZero(word) => self.not_above_zero |= letter(word),
             Remark::Fraction(word) => self.fraction |= letter(word),
             Remark::TooLarge(word) => self.too_large |= letter(word),
+            Remark::NoEffect(word) => self.no_effect |= letter(word),
+            Remark::Zero(word) => self.zero |= letter(word),
+            Remark::NotExecuted(index) => self.not_executed |= 1 << (index & 127),
             Remark::SecondCommand => self.about_line |= 1,
-            Remark::BareDwell => self.about_line |= 2,
-            Remark::FanPower => self.about_line |= 4,
+            Remark::BareDwell => self.about_line |= 1 << 1,
+            Remark::FanPower => self.about_line |= 1 << 2,
+            Remark::OtherFan => self.about_line |= 1 << 3,
+            Remark::NoLetter => self.about_line |= 1 << 4,
+            Remark::OtherTool => self.about_line |= 1 << 5,
+            Remark::HostCommand => self.about_line |= 1 << 6,
+            Remark::SlashComment => self.about_line |= 1 << 7,
+            Remark::WithoutS => self.about_line |= 1 << 8,
+            Remark::FirmwareVersion => self.about_line |= 1 << 9,
+            Remark::DriverByNumber => self.about_line |= 1 << 10,
+            Remark::MachineUnknown => self.about_line |= 1 << 11,
+            Remark::CornerLimits => self.about_line |= 1 << 12,
+            Remark::OtherHeater => self.about_line |= 1 << 13,
+            Remark::WaitsForHeatOnly => self.about_line |= 1 << 14,
         }
+    }
+
+    /// Adds [`Remark::NoEffect`] for each letter in a mask, bit 0 = A.
+    pub(crate) fn add_no_effect(&mut self, letters: u32) {
+        self.no_effect |= letters;
+    }
+
+    /// Whether words without effect are all that is to be said of the line.
+    pub fn is_no_effect_alone(&self) -> bool {
+        *self == Self { no_effect: self.no_effect, ..Self::NONE }
+    }
+
+    /// Whether the line is a command that this firmware does not execute, known or not.
+    pub fn is_not_executed(&self) -> bool {
+        self.not_executed != 0
+    }
+
+    /// Whether the line is a command that this firmware does not know.
+    pub fn is_unknown(&self) -> bool {
+        self.entries().any(|entry| entry.outcome == crate::Outcome::Unknown)
+    }
+
+    /// The entries of [`NOT_EXECUTED`] among the remarks.
+    pub(crate) fn entries(&self) -> impl Iterator<Item = &'static crate::NotExecuted> {
+        let bits = self.not_executed;
+        NOT_EXECUTED.iter().zip(0..).filter(move |(_, bit)| bits >> bit & 1 == 1).map(|(entry, _)| entry)
     }
 
     /// Adds all of `other`; returns the remarks that are new.
@@ -72,12 +170,17 @@ impl Remarks {
             *all |= more;
             new
         };
+        let not_executed = other.not_executed & !self.not_executed;
+        self.not_executed |= other.not_executed;
         Self {
             no_number: merge(&mut self.no_number, other.no_number),
             not_above_zero: merge(&mut self.not_above_zero, other.not_above_zero),
             fraction: merge(&mut self.fraction, other.fraction),
             too_large: merge(&mut self.too_large, other.too_large),
+            no_effect: merge(&mut self.no_effect, other.no_effect),
+            zero: merge(&mut self.zero, other.zero),
             about_line: merge(&mut self.about_line, other.about_line),
+            not_executed,
         }
     }
 }
@@ -90,6 +193,8 @@ impl fmt::Display for Remarks {
             (self.not_above_zero, "is not above 0 and is ignored"),
             (self.fraction, "must be whole, the fraction is dropped"),
             (self.too_large, "is too large and becomes the largest value"),
+            (self.zero, "without a number is read as 0"),
+            (self.no_effect, "has no effect"),
         ];
         for (letters, says) in words {
             for letter in (b'A'..=b'Z').filter(|letter| letters >> (letter - b'A') & 1 == 1) {
@@ -100,6 +205,10 @@ impl fmt::Display for Remarks {
         for says in ABOUT_LINE.iter().zip(0..).filter(|(_, bit)| self.about_line >> bit & 1 == 1).map(|(says, _)| says)
         {
             write!(out, "{separator}{says}")?;
+            separator = "; ";
+        }
+        for entry in self.entries() {
+            write!(out, "{separator}{entry}")?;
             separator = "; ";
         }
         Ok(())
@@ -134,6 +243,20 @@ mod tests {
             (Remark::SecondCommand, "one command a line: the second and everything after it is ignored"),
             (Remark::BareDwell, "without P or S: waits until all motion has ended"),
             (Remark::FanPower, "P is the number of a fan, and this machine has no such fan; give the power with S"),
+            (Remark::OtherFan, "P: this machine has one fan, 0; no effect"),
+            (Remark::NoLetter, "a number without its letter is ignored"),
+            (Remark::OtherTool, "T: this machine has one extruder, 0; no effect"),
+            (Remark::HostCommand, "a line with @ is for the host; no effect"),
+            (Remark::SlashComment, "not a comment, which begins with ;, and not a command; no effect"),
+            (Remark::WithoutS, "without S: no effect"),
+            (Remark::FirmwareVersion, "U: the firmware's version is not checked"),
+            (Remark::DriverByNumber, "P: drivers are named by X, Y, Z and E here; no effect"),
+            (Remark::MachineUnknown, "not checked: the profile does not say (nozzle_diameter_mm, model_names)"),
+            (Remark::CornerLimits, "of the limits VELOCITY and ACCEL have an effect; corners follow M205 J"),
+            (Remark::OtherHeater, "this machine has the heaters extruder and heater_bed; no effect"),
+            (Remark::WaitsForHeatOnly, "MAXIMUM: cooling is not waited for; no effect"),
+            (Remark::NoEffect(b'W'), "W has no effect"),
+            (Remark::Zero(b'E'), "E without a number is read as 0"),
         ] {
             let mut remarks = Remarks::default();
             remarks.add(remark);

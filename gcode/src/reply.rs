@@ -95,6 +95,10 @@ pub struct EndStopState {
 pub struct FirmwareInfo<'a> {
     /// Version of the firmware, `0.1.0 (commit abcdef0)`. Hosts look for keys in capitals before a colon, of which it has none.
     pub version: &'a str,
+    /// Where its sources are; empty where nobody has said it.
+    pub source_code_url: &'a str,
+    /// The board's own number, by which a host tells two printers apart; `None` where it has none.
+    pub identifier: Option<[u32; 3]>,
     /// Name of the machine.
     pub machine: &'a str,
     /// `Cartesian` or `COREXY`.
@@ -105,8 +109,14 @@ pub struct FirmwareInfo<'a> {
     pub size_10nm: [i64; 3],
     /// Whether M112, M108 and M410 act as their bytes arrive.
     pub emergency_parser: bool,
+    /// A host may pack its bytes ([`crate::meatpack`]).
+    pub meatpack: bool,
     /// Whether there are heaters, which are watched then.
     pub thermal_protection: bool,
+    /// Whether Z homes with a probe.
+    pub z_probe: bool,
+    /// Whether there is a slot for a memory card.
+    pub card: bool,
 }
 
 /// One answer.
@@ -153,6 +163,15 @@ pub enum Reply<'a> {
     UnknownCommand(&'a str),
     /// `echo:busy: processing`
     Busy,
+    /// `echo:M73 Progress: 12%; Time left: 34m`, of which a half may be unknown.
+    Progress {
+        /// Percent.
+        percent: Option<u8>,
+        /// Minutes.
+        minutes_left: Option<u16>,
+    },
+    /// `echo:busy: paused for user`
+    PausedForUser,
     /// `echo:M113 S<n>`
     KeepAlive(u8),
     /// Answer to M86 without S: seconds until unused heaters go off, 0 = never.

@@ -19,7 +19,7 @@ const CAPABILITIES_BEFORE: [(&str, bool); 17] = [
     ("PRINT_JOB", false),
     ("AUTOLEVEL", false),
     ("RUNOUT", false),
-    ("Z_PROBE", false),
+    (Z_PROBE, false),
     ("LEVELING_DATA", false),
     ("BUILD_PERCENT", false),
     ("SOFTWARE_POWER", false),
@@ -27,13 +27,22 @@ const CAPABILITIES_BEFORE: [(&str, bool); 17] = [
     ("CASE_LIGHT_BRIGHTNESS", false),
 ];
 
+/// The capability of a machine whose Z homes with a probe.
+const Z_PROBE: &str = "Z_PROBE";
+
 /// The capability of a machine that watches its heaters.
 const THERMAL_PROTECTION: &str = "THERMAL_PROTECTION";
 
-/// The capabilities after EMERGENCY_PARSER.
+/// The capability of a port whose bytes may be packed.
+const MEATPACK: &str = "MEATPACK";
+
+/// The capabilities of a machine with a slot for a memory card.
+const CARD: [&str; 5] = ["SDCARD", "SD_WRITE", "AUTOREPORT_SD_STATUS", "LONG_FILENAME", "EXTENDED_M20"];
+
+/// The capabilities after EMERGENCY_PARSER; some of them depend on the machine and the port.
 const CAPABILITIES_AFTER: [(&str, bool); 19] = [
-    ("HOST_ACTION_COMMANDS", false),
-    ("PROMPT_SUPPORT", false),
+    ("HOST_ACTION_COMMANDS", true),
+    ("PROMPT_SUPPORT", true),
     ("SDCARD", false),
     ("REPEAT", false),
     ("SD_WRITE", false),
@@ -42,14 +51,14 @@ const CAPABILITIES_AFTER: [(&str, bool); 19] = [
     ("LFN_WRITE", false),
     ("CUSTOM_FIRMWARE_UPLOAD", false),
     ("EXTENDED_M20", false),
-    (THERMAL_PROTECTION, true),
+    (THERMAL_PROTECTION, false),
     ("MOTION_MODES", false),
     ("ARCS", true),
     ("BABYSTEPPING", true),
     ("EP_BABYSTEP", false),
     ("CHAMBER_TEMPERATURE", false),
     ("COOLER_TEMPERATURE", false),
-    ("MEATPACK", false),
+    (MEATPACK, false),
     ("CONFIG_EXPORT", false),
 ];
 
@@ -92,6 +101,15 @@ impl Display for Reply<'_> {
             Reply::Firmware(info) => write_firmware(formatter, info),
             Reply::UnknownCommand(text) => write!(formatter, "echo:Unknown command: \"{text}\""),
             Reply::Busy => formatter.write_str("echo:busy: processing"),
+            Reply::Progress { percent, minutes_left } => {
+                formatter.write_str("echo:M73 Progress: ")?;
+                match percent {
+                    Some(percent) => write!(formatter, "{percent}%")?,
+                    None => formatter.write_str("?")?,
+                }
+                minutes_left.map_or(Ok(()), |minutes| write!(formatter, "; Time left: {minutes}m"))
+            }
+            Reply::PausedForUser => formatter.write_str("echo:busy: paused for user"),
             Reply::KeepAlive(seconds) => write!(formatter, "echo:M113 S{seconds}"),
             Reply::HeaterTimeout(seconds) => write!(formatter, "echo:M86 S{seconds}"),
             Reply::LastLine(number) => write!(formatter, "Line: {number}"),
@@ -198,16 +216,38 @@ fn write_timing(formatter: &mut Formatter<'_>, figures: &TimingFigures) -> fmt::
 }
 
 fn write_firmware(formatter: &mut Formatter<'_>, info: &FirmwareInfo<'_>) -> fmt::Result {
-    let FirmwareInfo { version, machine, kinematics, lower_end_10nm, size_10nm, emergency_parser, thermal_protection } =
-        info;
-    write!(
-        formatter,
-        "FIRMWARE_NAME:Ferrostep {version} PROTOCOL_VERSION:1.0 MACHINE_TYPE:{machine} \
-         KINEMATICS:{kinematics} EXTRUDER_COUNT:1"
-    )?;
+    let FirmwareInfo {
+        version,
+        source_code_url,
+        identifier,
+        machine,
+        kinematics,
+        lower_end_10nm,
+        size_10nm,
+        emergency_parser,
+        meatpack,
+        thermal_protection,
+        z_probe,
+        card,
+    } = info;
+    write!(formatter, "FIRMWARE_NAME:Ferrostep {version}")?;
+    if !source_code_url.is_empty() {
+        write!(formatter, " SOURCE_CODE_URL:{source_code_url}")?;
+    }
+    write!(formatter, " PROTOCOL_VERSION:1.0 MACHINE_TYPE:{machine} KINEMATICS:{kinematics} EXTRUDER_COUNT:1")?;
+    if let Some([first, second, third]) = identifier {
+        // A UUID's form, as hosts expect it: "Fsp" and a version of this form, then the 96 bits of the board.
+        let (high, low) = (second >> 16, second & 0xffff);
+        write!(formatter, " UUID:46737001-{:04x}-{:04x}-{high:04x}-{low:04x}{third:08x}", first >> 16, first & 0xffff)?;
+    }
     let emergency = [("EMERGENCY_PARSER", *emergency_parser)];
     for (name, has) in CAPABILITIES_BEFORE.iter().chain(&emergency).chain(&CAPABILITIES_AFTER) {
-        let has = *has && (*thermal_protection || *name != THERMAL_PROTECTION);
+        let has = match *name {
+            THERMAL_PROTECTION => *thermal_protection,
+            MEATPACK => *meatpack,
+            Z_PROBE => *z_probe,
+            name => *has || *card && CARD.contains(&name),
+        };
         write!(formatter, "\nCap:{name}:{}", u8::from(has))?;
     }
     formatter.write_str("\narea:{")?;
@@ -343,6 +383,9 @@ mod tests {
         says(Reply::Ok, "ok");
         says(Reply::UnknownCommand("M862 P"), "echo:Unknown command: \"M862 P\"");
         says(Reply::Busy, "echo:busy: processing");
+        says(Reply::Progress { percent: Some(12), minutes_left: Some(34) }, "echo:M73 Progress: 12%; Time left: 34m");
+        says(Reply::Progress { percent: None, minutes_left: None }, "echo:M73 Progress: ?");
+        says(Reply::PausedForUser, "echo:busy: paused for user");
         says(Reply::KeepAlive(2), "echo:M113 S2");
         says(Reply::HeaterTimeout(1800), "echo:M86 S1800");
         says(Reply::LastLine(-1), "Line: -1");
@@ -360,15 +403,40 @@ mod tests {
     fn firmware() {
         let info = FirmwareInfo {
             version: "0.1.0 (commit abcdef0)",
+            source_code_url: "",
+            identifier: None,
             machine: "corexy",
             kinematics: "COREXY",
             lower_end_10nm: [0, -300_000, 0],
             size_10nm: [30_000_000, 30_000_000, 29_999_900],
             emergency_parser: true,
+            meatpack: false,
             thermal_protection: true,
+            z_probe: false,
+            card: false,
         };
+        let probed = Reply::Firmware(FirmwareInfo { z_probe: true, ..info }).to_string();
+        assert_eq!(probed, Reply::Firmware(info).to_string().replace("Z_PROBE:0", "Z_PROBE:1"));
+        let identifier = Some([0x0123_4567, 0x89ab_cdef, 0xfedc_ba98]);
+        let source_code_url = "https://example.org/sources";
+        let named = Reply::Firmware(FirmwareInfo { source_code_url, identifier, ..info }).to_string();
+        assert_eq!(
+            named.lines().next(),
+            Some(
+                "FIRMWARE_NAME:Ferrostep 0.1.0 (commit abcdef0) SOURCE_CODE_URL:https://example.org/sources \
+                 PROTOCOL_VERSION:1.0 MACHINE_TYPE:corexy KINEMATICS:COREXY EXTRUDER_COUNT:1 \
+                 UUID:46737001-0123-4567-89ab-cdeffedcba98"
+            )
+        );
+        let with_card = Reply::Firmware(FirmwareInfo { card: true, ..info }).to_string();
+        for name in ["SDCARD", "SD_WRITE", "AUTOREPORT_SD_STATUS", "LONG_FILENAME", "EXTENDED_M20"] {
+            assert!(with_card.contains(&format!("\nCap:{name}:1\n")), "{with_card}");
+        }
+        assert!(with_card.contains("\nCap:LFN_WRITE:0\n"));
         let cold = Reply::Firmware(FirmwareInfo { thermal_protection: false, ..info }).to_string();
         assert_eq!(cold, Reply::Firmware(info).to_string().replace("THERMAL_PROTECTION:1", "THERMAL_PROTECTION:0"));
+        let packed = Reply::Firmware(FirmwareInfo { meatpack: true, ..info }).to_string();
+        assert_eq!(packed, Reply::Firmware(info).to_string().replace("MEATPACK:0", "MEATPACK:1"));
         let text = Reply::Firmware(info).to_string();
         let lines: Vec<&str> = text.lines().collect();
         assert_eq!(
@@ -380,8 +448,16 @@ mod tests {
         let capabilities = &lines[1..38];
         assert!(capabilities.iter().all(|line| line.starts_with("Cap:")));
         let on: Vec<_> = capabilities.iter().filter(|line| line.ends_with(":1")).copied().collect();
-        let expected =
-            ["PAREN_COMMENTS", "AUTOREPORT_TEMP", "EMERGENCY_PARSER", "THERMAL_PROTECTION", "ARCS", "BABYSTEPPING"];
+        let expected = [
+            "PAREN_COMMENTS",
+            "AUTOREPORT_TEMP",
+            "EMERGENCY_PARSER",
+            "HOST_ACTION_COMMANDS",
+            "PROMPT_SUPPORT",
+            "THERMAL_PROTECTION",
+            "ARCS",
+            "BABYSTEPPING",
+        ];
         assert_eq!(on, expected.map(|name| format!("Cap:{name}:1")));
         assert_eq!(
             lines[38],

@@ -2,7 +2,7 @@
 
 use crate::error::Fault;
 
-/// Reads bits. What a move is made of is inlined, what is rare is not: flash is short.
+/// Reads bits. The codes of moves are inlined, rare ones are not: flash is short.
 #[derive(Clone, Copy, Debug)]
 pub struct BitReader<'a> {
     bytes: &'a [u8],
@@ -10,10 +10,10 @@ pub struct BitReader<'a> {
     position: usize,
 }
 
-/// What stands where bits are missing.
+/// The value of missing bits.
 const OVER: Fault = Fault::Content("the end of the frame after its last item");
 
-/// Most bits that [`BitReader::window`] shows for certain.
+/// The number of bits that [`BitReader::window`] always shows.
 const WINDOW_BITS: u32 = 25;
 
 /// The order of an exponential Golomb code, as reading wants it.
@@ -21,7 +21,7 @@ const WINDOW_BITS: u32 = 25;
 pub struct Order {
     /// The order and one: length of the shortest code.
     shortest: u32,
-    /// What the code's bits are more than the number.
+    /// The difference between the code's bits and the number.
     base: u32,
 }
 
@@ -51,7 +51,7 @@ impl Window {
         self.bits >> (32_u32.wrapping_sub(count) & 31)
     }
 
-    /// What is behind the first of its bits, fewer than 25 of them.
+    /// The window after its first bits, fewer than 25.
     #[inline(always)]
     pub fn behind(self, count: u32) -> Self {
         Self { bits: self.bits.wrapping_shl(count), valid: self.valid.wrapping_sub(count) }
@@ -80,12 +80,12 @@ impl<'a> BitReader<'a> {
         self.position = other.position;
     }
 
-    /// Bits that are left.
+    /// The number of remaining bits.
     pub fn left(&self) -> usize {
         (8 * self.bytes.len()).saturating_sub(self.position)
     }
 
-    /// The next bits, at least 25 of them; zeros behind the end.
+    /// The next bits, at least 25 of them; zeros after the end.
     #[inline(always)]
     pub fn window(&self) -> Window {
         let first = self.position / 8;
@@ -96,14 +96,14 @@ impl<'a> BitReader<'a> {
         Window { bits: word << (self.position % 8), valid: WINDOW_BITS }
     }
 
-    /// Passes some bits, at most 64, that may not be there: [`Self::checked`] tells.
+    /// Passes some bits, at most 64, which may be missing: [`Self::checked`] reports it.
     #[inline(always)]
     pub fn pass_unchecked(&mut self, count: u32) {
         // A frame has 2048 bytes at most, and slices are far from 2^29.
         self.position = self.position.wrapping_add(count as usize);
     }
 
-    /// An error where bits were passed that are not there.
+    /// An error if bits were passed that are missing.
     #[inline(always)]
     pub fn checked(&self) -> Result<(), Fault> {
         if self.position > self.bytes.len().wrapping_mul(8) { Err(OVER) } else { Ok(()) }
@@ -127,7 +127,7 @@ impl<'a> BitReader<'a> {
     #[inline(never)]
     pub fn few(&mut self, count: u32) -> Result<u32, Fault> {
         let count = count.min(WINDOW_BITS);
-        // In two shifts: by 32 there is none.
+        // In two shifts: a shift by 32 overflows.
         let value = self.window().bits >> 1 >> (31 - count);
         self.pass(count)?;
         Ok(value)
@@ -173,7 +173,7 @@ impl<'a> BitReader<'a> {
     }
 
     /// As [`Self::golomb`], of up to 64 bits.
-    pub fn golomb_long(&mut self, k: u32) -> Result<u64, Fault> {
+    fn golomb_long(&mut self, k: u32) -> Result<u64, Fault> {
         const TOO_LONG: Fault = Fault::Content("a number of at most 63 bits");
         let k = k.min(32);
         let mut zeros = 0;

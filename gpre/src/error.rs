@@ -1,8 +1,8 @@
-//! What can be wrong with a file, and where.
+//! The faults of a file, and where they are.
 
 use core::fmt;
 
-/// What is wrong.
+/// A fault of a file.
 // R4.
 #[repr(u32)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -13,12 +13,16 @@ pub enum Fault {
     NewerVersion {
         /// The file's version.
         version: u16,
+        /// The newest that is read here.
+        newest: u16,
     },
     /// It is in an encoding that does not exist.
     Encoding {
         /// Its number.
         number: u8,
     },
+    /// It is in the wide encoding, which only the desktop tool and the bench image read.
+    Wide,
     /// It was prepared for another machine, or for other settings of this one.
     OtherProfile {
         /// Hash in the file.
@@ -35,11 +39,11 @@ pub enum Fault {
     },
     /// The file ends here, in the middle of something.
     Truncated,
-    /// There is more after the last frame.
+    /// Bytes follow the last frame.
     Trailing,
     /// A frame does not begin with its mark.
     NoFrame,
-    /// A frame or header says it is longer or shorter than any is.
+    /// A frame or header has an impossible length.
     Length {
         /// The length it says, bytes.
         length: u32,
@@ -58,7 +62,7 @@ pub enum Fault {
         /// The number expected.
         expected: u32,
     },
-    /// What a frame holds has no meaning; the name of what was expected.
+    /// The content of a frame has no meaning; the text says what was expected.
     Content(&'static str),
 }
 
@@ -66,11 +70,15 @@ impl fmt::Display for Fault {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Magic => write!(out, "not a GPRE file (wrong magic number)"),
-            Self::NewerVersion { version } => {
-                let newest = crate::header::VERSION;
+            Self::NewerVersion { version, newest } => {
                 write!(out, "written in version {version} of the format, expected at most {newest}")
             }
             Self::Encoding { number } => write!(out, "encoding {number} is unknown, expected 1 (compact) or 2 (wide)"),
+            Self::Wide => write!(
+                out,
+                "in the wide encoding (the packets of Yu 2019), which a printer does not execute: prepare the job with \
+                 `ferrostep preprocess --format compact`"
+            ),
             Self::OtherProfile { file, machine } => write!(
                 out,
                 "prepared for another machine (profile {file:016x}), expected this one's profile {machine:016x}: \

@@ -6,7 +6,7 @@
 //! | 8 | u16 | version of the format |
 //! | 10 | u8 | encoding: 1 = compact, 2 = wide |
 //! | 11 | u8 | 0 |
-//! | 12 | u32 | length of the header, thumbnail and check sum included |
+//! | 12 | u32 | length of the header, thumbnail and checksum included |
 //! | 16 | u64 | hash of the profile |
 //! | 24 | u32 | version of the planner |
 //! | 28 | u32 | number of frames (compact) or packets (wide) |
@@ -24,7 +24,7 @@
 //!
 //! Little-endian throughout.
 
-use crate::CRC;
+use crate::checksum::CRC;
 use crate::error::{Fault, ReadError};
 
 /// The mark.
@@ -36,10 +36,10 @@ pub const VERSION: u16 = 1;
 /// Bytes before the thumbnail.
 pub const FIXED_BYTES: usize = 68;
 
-/// Most bytes of a thumbnail.
+/// The maximum length of a thumbnail, bytes.
 pub const MAX_THUMBNAIL_BYTES: u32 = 1 << 20;
 
-/// Bytes of the check sum.
+/// Bytes of the checksum.
 const CRC_BYTES: usize = 4;
 
 /// Which of the two encodings.
@@ -111,7 +111,7 @@ fn u64_at(bytes: &[u8], at: usize) -> Option<u64> {
 }
 
 impl Header {
-    /// Whether a file that begins so claims to be GPRE.
+    /// Whether a file that begins with these bytes claims to be GPRE.
     pub fn is_gpre(bytes: &[u8]) -> bool {
         bytes.starts_with(&MAGIC)
     }
@@ -119,7 +119,7 @@ impl Header {
     /// Reads the first [`FIXED_BYTES`] of a file. The checksum follows the thumbnail; see [`HeaderCheck`].
     ///
     /// # Errors
-    /// Another kind of file, a newer version, an unknown encoding, lengths that cannot be.
+    /// Another kind of file, a newer version, an unknown encoding, impossible lengths.
     pub fn read(bytes: &[u8]) -> Result<Self, ReadError> {
         let error = |fault, offset| Err(ReadError { fault, offset, frame: None });
         if !Self::is_gpre(bytes) {
@@ -135,7 +135,7 @@ impl Header {
     fn fields(bytes: &[u8]) -> Option<Result<Self, (Fault, u64)>> {
         let version = u16_at(bytes, 8)?;
         if version > VERSION {
-            return Some(Err((Fault::NewerVersion { version }, 8)));
+            return Some(Err((Fault::NewerVersion { version, newest: VERSION }, 8)));
         }
         let encoding = match *bytes.get(10)? {
             1 => Encoding::Compact,
@@ -181,7 +181,7 @@ impl Header {
     /// Whether the job was prepared for this machine by this planner.
     ///
     /// # Errors
-    /// Which of both it was not.
+    /// It was prepared for another machine, or by another version of the planner.
     pub fn matches(&self, profile_hash: u64, planner_version: u32) -> Result<(), ReadError> {
         let error = |fault, offset| Err(ReadError { fault, offset, frame: None });
         if self.profile_hash != profile_hash {
@@ -233,7 +233,7 @@ pub struct HeaderCheck {
 }
 
 impl HeaderCheck {
-    /// Nothing has passed yet.
+    /// A check before the header's first byte.
     pub fn new() -> Self {
         Self { digest: CRC.digest() }
     }
@@ -243,7 +243,7 @@ impl HeaderCheck {
         self.digest.update(bytes);
     }
 
-    /// Compares the check sum with the header's last four bytes.
+    /// Compares the checksum with the header's last four bytes.
     ///
     /// # Errors
     /// Bits have changed.

@@ -1,4 +1,4 @@
-//! What a job is made of, in either encoding.
+//! The items of a job.
 
 pub use ferrostep_planner::look_ahead::EntrySpeed;
 pub use ferrostep_planner::{Coordinate, PreparedMove, SquaredSpeed};
@@ -41,15 +41,15 @@ pub struct ModalState {
     pub bed_celsius: u16,
     /// Feed in percent (M220) that the moves were planned with.
     pub feed_percent: u16,
-    /// Flow in percent (M221) that is in their filament.
+    /// Flow in percent (M221) that their filament includes.
     pub flow_percent: u16,
     /// E as the G-code sees it, units of 10 nm.
     pub extruder_10nm: i64,
-    /// What the G-code's coordinates of X, Y and Z are more than the machine's (G92), units of 10 nm.
+    /// The G-code's coordinates of X, Y and Z minus the machine's (G92), units of 10 nm.
     pub offset_10nm: [i64; 3],
-    /// How far Z is lifted by a firmware retraction, units of 10 nm: the moves' Z has it, the G-code's has not.
+    /// How far Z is lifted by a firmware retraction, units of 10 nm: the moves' Z includes it, the G-code's does not.
     pub lift_10nm: i64,
-    /// The limits, where they are not the profile's.
+    /// The limits, if they differ from the profile's.
     pub limits: Option<LimitValues>,
 }
 

@@ -1,15 +1,15 @@
-//! A file that comes bit by bit: its header, then frame after frame.
+//! A file that arrives in pieces: its header, then frame after frame.
 
 use crate::compact::{HEAD_BYTES, frame_length};
 use crate::error::{Fault, ReadError};
 use crate::header::{FIXED_BYTES, Header, HeaderCheck};
 
-/// What stands at the start of the bytes that are there.
+/// The part of the file at the start of the received bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Part {
     /// Too few bytes to read anything.
     More,
-    /// This many bytes of the header, which are not needed any more.
+    /// This many bytes of the header, which the caller may drop.
     Passed(usize),
     /// The last bytes of the header, this many, and what it says. Its checksum is right.
     Header(usize, Header),
@@ -17,7 +17,7 @@ pub enum Part {
     Frame {
         /// Its length, bytes.
         length: usize,
-        /// Its number, if it is the right one.
+        /// Its expected number.
         number: u32,
         /// Where it begins in the file.
         offset: u64,
@@ -40,11 +40,11 @@ impl Parts {
         Self { offset: 0, header: None, check: HeaderCheck::new(), next: 0 }
     }
 
-    /// What stands at the start of `bytes`, which begin where the part before ended; `complete` where no others will come.
+    /// The part at the start of `bytes`, which begin where the part before ended. `complete`: no more bytes follow.
     /// A part that is returned is passed.
     ///
     /// # Errors
-    /// What cannot be, and the file's end where it should not be.
+    /// A malformed part, or a file that ends too early.
     pub fn next(&mut self, bytes: &[u8], complete: bool) -> Result<Part, ReadError> {
         let part = self.look(bytes, complete)?;
         match part {

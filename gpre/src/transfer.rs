@@ -23,50 +23,19 @@
 //! The board's lines are [`Report`]s: `gpre:`, a word, two numbers, a star and the CRC-32 of what is before the star's
 //! blank, in eight hexadecimal digits. Other lines from it are what they always are.
 
+mod frame;
 mod receive;
 mod report;
 #[cfg(feature = "write")]
 mod send;
+mod stray;
 mod wire;
 
+pub use frame::{ESCAPE, FLAG, Kind, MAX_DATA_BYTES};
 pub use receive::{Event, Receiver};
 pub use report::{Report, Word};
 #[cfg(feature = "write")]
 pub use send::{Sender, without_thumbnail};
+pub use stray::{StrayFrames, Stretch};
 #[cfg(feature = "write")]
 pub use wire::to_wire;
-
-/// The byte with which a frame begins.
-pub const FLAG: u8 = 0x7e;
-
-/// The byte that says that the next one's highest bit is turned over.
-pub const ESCAPE: u8 = 0x7d;
-
-/// Most bytes of data in a frame.
-pub const MAX_DATA_BYTES: usize = 255;
-
-/// Bytes before the data.
-const HEAD_BYTES: usize = 6;
-
-/// Bytes of the check sum.
-const CRC_BYTES: usize = 4;
-
-/// What a frame is for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
-    /// Bytes of the file.
-    Data,
-    /// The host wants to know what the board has.
-    Question,
-    /// The host gives up.
-    Abort,
-}
-
-impl Kind {
-    const ALL: [Self; 3] = [Self::Data, Self::Question, Self::Abort];
-
-    /// Its number in a frame.
-    const fn number(self) -> u8 {
-        self as u8 + 1
-    }
-}

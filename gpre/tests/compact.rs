@@ -192,7 +192,7 @@ proptest! {
         }
     }
 
-    /// Content with a right check sum that nobody wrote ends, in an item or an error, within its bits.
+    /// Random content with a right checksum ends, in an item or an error, within its bits.
     #[test]
     fn any_content_ends(payload in proptest::collection::vec(any::<u8>(), 0..600)) {
         let bytes = framed(&payload);

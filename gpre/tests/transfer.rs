@@ -22,7 +22,7 @@ impl Dice {
     }
 }
 
-/// How a line treats what passes: one in so many is changed in a bit, and one is lost.
+/// How a line treats what passes: one in this many is changed in a bit, and one is lost.
 #[derive(Clone, Copy, Debug)]
 struct Treatment {
     changes: u64,
@@ -77,7 +77,7 @@ fn transfer(job: &[u8], room: usize, treatment: Treatment, seed: u64) -> (Vec<u8
                     }
                     Event::Answer => lines.push(receiver.report(room - filled).to_string()),
                     Event::Nothing | Event::Other => {}
-                    Event::Aborted => panic!("nobody has given up"),
+                    Event::Aborted => panic!("the host has not given up"),
                 }
             }
         }

@@ -3,6 +3,8 @@
 //! embedded-hal's traits are used where they exist: waits are `embedded_hal_async::delay::DelayNs`.
 #![cfg_attr(not(test), no_std)]
 
+pub mod card;
+
 use ferrostep_planner::{StepDigests, StepEntry, StepObserver};
 pub use ferrostep_step_player::{DroppedSteps, FeedError, StepLink};
 

@@ -130,7 +130,7 @@ impl Code {
         self.functions.range(..=address).next_back().map(|(&start, _)| start)
     }
 
-    /// Whether an address is behind the end of the function that begins before it. One without a length, which is not
+    /// Whether an address lies after the end of the function that begins before it. One without a length, which is not
     /// the compiler's, has no end.
     pub fn is_between_functions(&self, address: u32) -> bool {
         let before = self.ends.range(..=address).next_back();
@@ -206,6 +206,28 @@ impl Code {
         })
     }
 
+    /// Where a branch through a table of offsets (`tbb`, `tbh`) may lead; nothing for any other instruction.
+    pub fn table_targets(&self, instruction: &Instruction) -> BTreeSet<u32> {
+        let bytes_each = match (instruction.name.as_str(), instruction.operands.starts_with("[pc")) {
+            ("tbb", true) => 1,
+            ("tbh", true) => 2,
+            _ => return BTreeSet::new(),
+        };
+        let table = instruction.next();
+        // The table is the data up to the next instruction.
+        let end = self.kinds.range(table + 1..).find(|(_, is_code)| **is_code).map_or(table, |(&end, _)| end);
+        let bytes = self.sections.iter().find_map(|(start, bytes)| {
+            bytes.get(table.checked_sub(*start)? as usize..end.checked_sub(*start)? as usize)
+        });
+        let offsets = bytes.unwrap_or_default().chunks_exact(bytes_each).map(|offset| match *offset {
+            [low, high] => u32::from(u16::from_le_bytes([low, high])),
+            [low] => u32::from(low),
+            _ => 0,
+        });
+        // What fills the last word is an offset into the table.
+        offsets.map(|offset| table + 2 * offset).filter(|target| self.instruction(*target).is_ok()).collect()
+    }
+
     /// Every instruction of the image, in order.
     ///
     /// # Errors
@@ -236,11 +258,15 @@ fn words(bytes: &[u8]) -> impl Iterator<Item = u32> + use<'_> {
 
 /// The constant that a register was last set to, by the instructions of a function as they stand one after the other.
 pub fn constant(function: &[Instruction], register: &str) -> Option<u32> {
+    let only_reads = |name: &str| {
+        matches!(name, "bx" | "blx" | "cbz" | "cbnz" | "cmp" | "cmn" | "tst" | "teq") || name.starts_with("str")
+    };
     let is_set = |instruction: &Instruction| {
-        instruction.name.starts_with("mov") && instruction.operands.split(',').next() == Some(register)
+        instruction.operands.split(',').next() == Some(register) && !only_reads(&instruction.name)
     };
     let place = function.iter().rposition(is_set)?;
-    let setting = function.get(place)?;
+    // What is loaded or computed is no constant, whatever the register held before.
+    let setting = function.get(place).filter(|setting| setting.name.starts_with("mov"))?;
     setting.target().or_else(|| constant(function.get(..place)?, setting.operands.rsplit(' ').next()?))
 }
 
@@ -250,6 +276,16 @@ mod tests {
 
     fn instruction(name: &str, operands: &str) -> Instruction {
         Instruction { address: 0, length: 2, name: name.to_owned(), operands: operands.to_owned() }
+    }
+
+    #[test]
+    fn a_constant_is_what_a_register_was_set_to_last() {
+        let code = [("movs", "r0, #224"), ("mov", "r11, r0"), ("str", "r11, [sp, #4]"), ("cmp", "r11, #0")];
+        let mut function: Vec<Instruction> = code.iter().map(|(name, operands)| instruction(name, operands)).collect();
+        assert_eq!(constant(&function, "r11"), Some(224));
+        function.push(instruction("ldr", "r11, [sp, #8]"));
+        assert_eq!(constant(&function, "r11"), None);
+        assert_eq!(constant(&function, "r0"), Some(224));
     }
 
     #[test]

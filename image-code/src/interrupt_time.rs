@@ -8,7 +8,7 @@
 //! - once flash is in the cache, the whole interrupt fits into one gap, so that lateness dies out;
 //! - an interrupt with an empty cache and the next one's store together fit into two gaps.
 //!
-//! The costs are the Cortex-M4's (technical reference manual r0p1, table 3-1) with every choice taken at its dearest.
+//! The costs are the Cortex-M4's (`cycles`).
 //! Sections that other code of the same or a higher priority could put in front are not in them: the firmware has none
 //! while steps are played, which the tests `masks` and `step_interrupt` hold it to.
 
@@ -16,6 +16,7 @@ use std::collections::BTreeSet;
 use std::fmt;
 
 use crate::code::{Code, Instruction};
+use crate::cycles::cycles;
 use crate::flow::{Flow, flow};
 
 /// From the update to the handler's first instruction, without wait states (technical reference manual, 3.9.1).
@@ -229,26 +230,6 @@ fn stored_to(instruction: &Instruction) -> Option<(&str, &str)> {
     Some(place.split_once(", ").unwrap_or((place, "#0")))
 }
 
-/// What an instruction takes at the most, without waiting for flash or a peripheral.
-fn cycles(instruction: &Instruction, branches: bool) -> u32 {
-    let name = instruction.name.as_str();
-    let registers = || instruction.operands.split_once('{').map_or(1, |(_, list)| list.split(',').count() as u32);
-    // The pipeline takes up to three cycles to fill.
-    let refill = if branches { 3 } else { 0 };
-    let own = if ["push", "pop", "ldm", "stm"].iter().any(|start| name.starts_with(start)) {
-        1 + registers()
-    } else if name.starts_with("ldrd") || name.starts_with("strd") {
-        3
-    } else if name.starts_with("ldr") || name.starts_with("str") || name == "mrs" || name == "msr" {
-        2
-    } else if name == "isb" || name == "dsb" || name == "dmb" {
-        4
-    } else {
-        1
-    };
-    own + refill
-}
-
 /// Follows a path to its ends.
 fn follow(code: &Code, mut path: Path, time: &mut InterruptTime) -> Result<(), String> {
     loop {
@@ -302,21 +283,6 @@ mod tests {
 
     fn instruction(name: &str, operands: &str) -> Instruction {
         Instruction { address: 0x100, length: 2, name: name.to_owned(), operands: operands.to_owned() }
-    }
-
-    #[test]
-    fn instructions_take_the_cycles_of_the_manual() {
-        for (name, operands, branches, expected) in [
-            ("movw", "r0, #1", false, 1),
-            ("ldr", "r0, [r1]", false, 2),
-            ("ldrd", "r0, r1, [r2]", false, 3),
-            ("push", "{r4, r6, r7, lr}", false, 5),
-            ("pop", "{r4, r6, r7, pc}", true, 8),
-            ("bmi", "#0x108", true, 4),
-            ("bmi", "#0x108", false, 1),
-        ] {
-            assert_eq!(cycles(&instruction(name, operands), branches), expected, "{name} {operands}");
-        }
     }
 
     #[test]

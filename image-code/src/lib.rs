@@ -1,7 +1,11 @@
-//! The instructions of a firmware image: where they lead, and how long the step interrupt takes by them.
+//! The instructions of a firmware image: where they lead, how long the step interrupt takes by them, and how long interrupts
+//! are masked.
 #![deny(missing_docs)]
 #![forbid(unsafe_code)]
 
 pub mod code;
+mod cycles;
 pub mod flow;
+mod graph;
 pub mod interrupt_time;
+pub mod masked;

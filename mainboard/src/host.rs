@@ -4,9 +4,8 @@
 //! opens a pseudo-terminal or TCP port for an external host program, such as OctoPrint. [`usb`] is the computer's end
 //! of a USB cable.
 
-mod line;
 mod stream;
 pub mod usb;
 
-pub use line::Line;
+pub use ferrostep_host_line::Line;
 pub use stream::{Heard, LineKind, Options, Problem, Stream};

@@ -133,7 +133,7 @@ impl TraceHeader {
     ///
     /// # Errors
     /// [`TraceError::HeaderJson`] or [`TraceError::Header`].
-    pub fn from_json(line: &[u8]) -> Result<Self, TraceError> {
+    fn from_json(line: &[u8]) -> Result<Self, TraceError> {
         let text: HeaderText = serde_json::from_slice(line).map_err(TraceError::HeaderJson)?;
         if text.format != "ferrostep-trace" {
             return Err(TraceError::Header("format"));

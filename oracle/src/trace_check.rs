@@ -9,6 +9,7 @@
 
 mod axis_limits;
 mod corners;
+mod deviation;
 mod digest;
 mod extrusion;
 mod law;
@@ -20,9 +21,10 @@ mod synthetic;
 mod tests;
 
 pub use corners::Jumps;
+pub use deviation::Deviation;
 pub use digest::Fnv1a64;
 pub use extrusion::{Distances, Extrusion, Slave};
-pub use report::{Deviation, DurationDifference, Finding, MOTOR_NAMES, TraceReport};
+pub use report::{DurationDifference, Finding, MOTOR_NAMES, TraceReport};
 
 use crate::reference::{
     InterpretError, InterpretOptions, Job, Limits, MotorScale, Move, MoveKind, Plan, ReferenceProfile, interpret, plan,

@@ -1,7 +1,7 @@
 //! The S-curve in closed form, for figures, tests and comparisons.
 
 use crate::curve_error::{CurveError, MOST, is_in_range, is_zero_or_in_range};
-use ferrostep_planner::s_curve::bounds::Bounds;
+use crate::five_segments::bounds::RampBounds;
 
 /// A ramp between two speeds in two halves of opposite jerks (Li 2017, eqs. 1 to 4). Any unit of length; seconds.
 ///
@@ -24,7 +24,7 @@ pub struct State {
     pub acceleration: f64,
 }
 
-fn bounds(jerk: f64, acceleration: f64) -> Result<Bounds<f64>, CurveError> {
+fn bounds(jerk: f64, acceleration: f64) -> Result<RampBounds, CurveError> {
     if !is_in_range(jerk) {
         return Err(CurveError::Jerk);
     }
@@ -32,7 +32,7 @@ fn bounds(jerk: f64, acceleration: f64) -> Result<Bounds<f64>, CurveError> {
     if !(is_in_range(acceleration) || acceleration > MOST) {
         return Err(CurveError::Acceleration);
     }
-    Ok(Bounds { jerk, acceleration })
+    Ok(RampBounds { jerk, acceleration })
 }
 
 fn speeds(speeds: &[f64]) -> Result<(), CurveError> {
@@ -194,7 +194,7 @@ mod tests {
         assert_eq!(Profile::new([0.0, 1.0, 0.0], 0.0, 1.0, 1.0).unwrap().duration_s(), 0.0);
     }
 
-    /// Any float, and those that are none.
+    /// Any float, NaN and infinities included.
     fn any_number() -> impl Strategy<Value = f64> {
         prop_oneof![
             proptest::num::f64::ANY,

@@ -1,4 +1,4 @@
-//! What a method of interpolation asks of planning: how many events a block has, and how near they come.
+//! The demands of a method of interpolation on planning: how many events a block has, and how near they come.
 
 use ferrostep_planner::{DualRatePeriods, Interpolation, Kinematics, MotionChoice, TICKS_PER_SECOND};
 

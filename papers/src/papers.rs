@@ -1,9 +1,10 @@
-//! What the planner asks for.
+//! The papers' methods as the planner's type parameter.
 
 use ferrostep_planner::{AccelerationProfile, ChoiceError, Interpolation, Kinematics, MotionChoice, MotionMethods};
 
+use crate::five_segments::FiveSegments;
+use crate::laws::{PaperPieces, PaperRule};
 use crate::pattern::PaperPattern;
-use crate::staircase::StaircasePieces;
 use crate::table::FrequencyTable;
 
 /// All methods: the standard ones and the papers'.
@@ -11,8 +12,8 @@ use crate::table::FrequencyTable;
 pub enum Papers {}
 
 impl MotionMethods for Papers {
-    type Pieces = StaircasePieces;
-    type Rule = FrequencyTable;
+    type Pieces = PaperPieces;
+    type Rule = PaperRule;
     type Pattern = PaperPattern;
 
     fn pattern(choice: &MotionChoice, kinematics: Kinematics) -> Result<Option<PaperPattern>, ChoiceError> {
@@ -20,12 +21,18 @@ impl MotionMethods for Papers {
         Ok((!is_standard).then(|| PaperPattern::new(choice, kinematics)))
     }
 
-    fn rule(choice: &MotionChoice) -> Result<Option<FrequencyTable>, ChoiceError> {
-        if choice.acceleration != AccelerationProfile::SCurveTable {
-            return Ok(None);
-        }
-        let table = &choice.s_curve_table;
-        let [start_hz, top_hz, jerk_hz_per_s2] = [table.start_hz, table.top_hz, table.jerk_hz_per_s2].map(f64::from);
-        FrequencyTable::new(start_hz, top_hz, jerk_hz_per_s2).map(Some).map_err(|_| ChoiceError::Parameter)
+    fn rule(choice: &MotionChoice) -> Result<Option<PaperRule>, ChoiceError> {
+        let rule = match choice.acceleration {
+            AccelerationProfile::Trapezoid | AccelerationProfile::SCurve => return Ok(None),
+            AccelerationProfile::SCurveTable => {
+                let table = &choice.s_curve_table;
+                let [start, top, jerk] = [table.start_hz, table.top_hz, table.jerk_hz_per_s2].map(f64::from);
+                FrequencyTable::new(start, top, jerk).ok().map(PaperRule::Table)
+            }
+            AccelerationProfile::SCurveFiveSegments => {
+                FiveSegments::new(choice.jerk_mm_per_s3).map(PaperRule::FiveSegments)
+            }
+        };
+        rule.map(Some).ok_or(ChoiceError::Parameter)
     }
 }

@@ -1,13 +1,13 @@
 //! The papers' patterns at the planner's seam.
 
-use ferrostep_planner::inner_ends::Stretch;
 use ferrostep_planner::methods::{DueEvent, StepPattern};
+use ferrostep_planner::stretches::Stretch;
 use ferrostep_planner::time_units::HALF_TICK;
 use ferrostep_planner::{Interpolation, Kinematics, MotionChoice, MotorSteps};
 
+use crate::laws::PaperPieces;
 use crate::method::Method;
 use crate::pulses::{Law, Pulses, Times};
-use crate::staircase::StaircasePieces;
 
 /// Classic Bresenham, point-by-point comparison, minimum deviation or dual-rate.
 ///
@@ -36,7 +36,7 @@ impl PaperPattern {
     }
 }
 
-impl StepPattern<StaircasePieces> for PaperPattern {
+impl StepPattern<PaperPieces> for PaperPattern {
     fn densest(&self, steps: [i32; 3]) -> u32 {
         self.method.densest(steps)
     }

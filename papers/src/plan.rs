@@ -34,12 +34,12 @@ pub struct Plan {
     pub start: f64,
     /// F where it stops.
     pub stop: f64,
-    /// Frequency of the cruise, Hz; where there is none, of the fastest place.
+    /// Frequency of the cruise, Hz; without a cruise, the highest frequency.
     pub run_hz: f64,
 }
 
 impl Plan {
-    /// The plan of a segment of so many pulses between a start and a stop frequency, at most at the run frequency, all in
+    /// The plan of a segment of this many pulses between a start and a stop frequency, at most at the run frequency, all in
     /// Hz. A run above the table's highest frequency is held to it. Start and stop below f0 are f0, from which a motor
     /// starts without a ramp; a run that is itself not above f0 has no ramp at all.
     pub fn new(table: &FrequencyTable, pulses: f64, start_hz: f64, stop_hz: f64, run_hz: f64) -> Self {

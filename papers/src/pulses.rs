@@ -1,21 +1,21 @@
 //! The motors' steps in the plane, one event after the other, by any of the methods.
 
 use ferrostep_planner::bresenham::MAX_STEPS;
-use ferrostep_planner::inner_ends::Stretch;
 use ferrostep_planner::methods::DueEvent;
+use ferrostep_planner::stretches::Stretch;
 use ferrostep_planner::time_law::TimeLaw;
 use ferrostep_planner::time_units::HALF_TICK;
 use ferrostep_planner::{Follower, Interpolation, Kinematics, MotorSteps, StepTimes};
 
+use crate::laws::PaperPieces;
 use crate::method::Method;
 use crate::plane::{CoreXyTarget, FeedSteps, MinimumDeviation, MotorPulse, PointByPoint};
-use crate::staircase::StaircasePieces;
 
 /// Step times under any law that this crate has.
-pub(crate) type Times = StepTimes<StaircasePieces>;
+pub(crate) type Times = StepTimes<PaperPieces>;
 
 /// Any of these laws along a block.
-pub(crate) type Law = TimeLaw<StaircasePieces>;
+pub(crate) type Law = TimeLaw<PaperPieces>;
 
 /// Which motors step in an event.
 #[derive(Clone, Copy, Debug)]
@@ -51,7 +51,7 @@ pub(crate) struct Pulses {
     has_halves: bool,
     /// The second half of a diagonal.
     second: Option<MotorPulse>,
-    /// A step behind the last pulse.
+    /// A step after the last pulse.
     rest: Option<MotorPulse>,
     /// The next event; `None` after the last.
     next: Option<DueEvent>,
@@ -150,7 +150,7 @@ impl Pulses {
                 if steps.twice {
                     self.second = Some(steps);
                 } else if let Some(half) = times.next().filter(|_| self.has_halves) {
-                    // The middle of both halves. Only what is behind the last pulse has but one.
+                    // The middle of both halves. Only what is after the last pulse has but one.
                     time += (half - time) / 2;
                     times.take(1);
                 }

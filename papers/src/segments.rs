@@ -29,9 +29,9 @@ pub struct Segment {
 const LINES: usize = 4;
 
 /// The paper's look-ahead (Li 2017, sect. 2 and fig. 4): four lines are read ahead, which make three segments, since a
-/// segment ends at the frequency of the line behind it; they wait in a circular queue.
+/// segment ends at the frequency of the line after it; they wait in a circular queue.
 ///
-/// The frequency between two lines is the slower of both, or what the pulses of the slower one's neighbour allow: behind
+/// The frequency between two lines is the slower of both, or what the pulses of the slower one's neighbour allow: after
 /// the last line that is known motion ends at f0, and no segment is planned that it could not be reached from. This is
 /// the paper's own look-ahead, complete and by itself; the machine's has 128 blocks and corners
 /// ([`ferrostep_planner::look_ahead`]).
@@ -90,7 +90,7 @@ impl Segments {
         }
         let line = self.line(0)?;
         let run = |line: &Line| if line.run_hz < self.table.top_hz() { line.run_hz } else { self.table.top_hz() };
-        // Backwards from f0 behind the last line: F^-1(F(v) + P), as for acceleration.
+        // Backwards from f0 after the last line: F^-1(F(v) + P), as for acceleration.
         let mut stop_hz = self.table.start_hz();
         for index in (1..self.count).rev() {
             let (Some(here), Some(before)) = (self.line(index), self.line(index - 1)) else { break };

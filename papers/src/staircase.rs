@@ -12,8 +12,8 @@ use crate::table::FrequencyTable;
 
 /// A block's motion in steps of the motor with most of them.
 ///
-/// The path of a block is so many pulses long, whole or not: a block without a step has none, is slower than any start
-/// frequency, and is run at a constant speed. What has less than a pulse says nothing of the frequencies behind it, so it
+/// The length of a block's path in pulses, whole or not: a block without a step has none, is slower than any start
+/// frequency, and is run at a constant speed. What has less than a pulse says nothing of the frequencies after it, so it
 /// changes no speed: beside it every speed would be below f0, and the next block begin with any.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct BlockPulses {

@@ -1,11 +1,13 @@
 //! Step times of staircases against f64.
 #![allow(clippy::unwrap_used)]
 
-use ferrostep_planner::inner_ends::{InnerEnds, Stretch};
+use ferrostep_planner::inner_ends::InnerEnds;
 use ferrostep_planner::methods::SpeedRule;
+use ferrostep_planner::stretches::Stretch;
 use ferrostep_planner::time_units::FRACTION_BITS;
 use ferrostep_planner::{Acceleration, Block, MotorSteps, PlannedBlock, Speed};
 
+use crate::laws::PaperRule;
 use crate::pulses::{Law, Times};
 use crate::random::Random;
 use crate::staircase::{BlockPulses, Staircase};
@@ -66,7 +68,7 @@ fn steps_of_random_staircases_are_within_a_microsecond() {
             continue;
         };
         let mut times = Times::NONE;
-        times.start(&Law::Other(table.law(&planned)), &Stretch::whole(&block), &motor, 0);
+        times.start(&Law::Other(PaperRule::Table(table).law(&planned)), &Stretch::whole(&block), &motor, 0);
         let mut last = 0;
         for index in 0..count {
             let time = times.next().unwrap();

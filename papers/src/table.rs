@@ -27,7 +27,7 @@ pub struct FrequencyTable {
     /// t1, where the acceleration is greatest, s.
     half_time_s: f64,
     slices: u32,
-    /// Slices whose middle is not behind t1.
+    /// Slices whose middle is not after t1.
     early: u32,
 }
 
@@ -103,7 +103,7 @@ impl FrequencyTable {
         self.slices == 0
     }
 
-    /// A slice, from 0; `None` behind the last.
+    /// A slice, from 0; `None` after the last.
     pub fn slice(&self, index: u32) -> Option<Slice> {
         (index < self.slices).then(|| self.at(index))
     }
@@ -156,12 +156,12 @@ impl FrequencyTable {
         slice.pulses_before + slice.frequency_hz * (time_s - slice.start_s)
     }
 
-    /// The inverse of F: the frequency that the S-curve has after so many pulses.
+    /// The inverse of F: the frequency that the S-curve has after this many pulses.
     pub fn frequency_after(&self, pulses: f64) -> f64 {
         self.frequency_at(self.time_after(pulses))
     }
 
-    /// When so many pulses are made.
+    /// When this many pulses are made.
     pub fn time_after(&self, pulses: f64) -> f64 {
         if pulses <= 0.0 {
             return 0.0;
@@ -194,7 +194,7 @@ impl FrequencyTable {
         }
     }
 
-    /// F at the start of a slice; behind the last, of the whole ramp.
+    /// F at the start of a slice; after the last, of the whole ramp.
     ///
     /// Sums of squares: sum over k < n of (k + 1/2)^2 = n^3/3 - n/12, and with H(x) = x^3/3 + x^2/2 + x/6, for which H(x)
     /// - H(x - 1) = x^2, sum over m <= k < n of (c - k)^2 = H(c - m) - H(c - n).

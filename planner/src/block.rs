@@ -1,9 +1,9 @@
 //! What look-ahead hands to interpolation: a move made of integers.
 
-use crate::TICKS_PER_SECOND;
-use crate::inner_ends::{InnerEnds, Stretch};
+use crate::inner_ends::InnerEnds;
 use crate::kinematics::UNITS_PER_MM;
 use crate::square_root::square_root_f32;
+use crate::time_units::TICKS_PER_SECOND;
 
 /// A speed along the path in units of 2^-16 mm/s.
 ///
@@ -33,7 +33,7 @@ impl Speed {
     }
 
     /// The nearest single-precision number of mm/s: the unit is a power of two.
-    pub(crate) fn mm_per_s_f32(self) -> f32 {
+    pub fn mm_per_s_f32(self) -> f32 {
         self.0 as f32 / 65_536.0
     }
 
@@ -121,7 +121,7 @@ impl SquaredSpeed {
 }
 
 impl From<Speed> for SquaredSpeed {
-    /// The square, the next whole number of units not below it, so that only standstill has none.
+    /// The square, the next whole number of units not below it, so that only standstill becomes zero.
     fn from(speed: Speed) -> Self {
         // 12,800,000 / 2^32 = 3,125 / 2^20, in two parts so that 64 bits are enough.
         let square = u64::from(speed.0) * u64::from(speed.0);
@@ -159,7 +159,7 @@ impl Acceleration {
     }
 
     /// The nearest single-precision number of mm/s^2: the unit is a power of two.
-    pub(crate) fn mm_per_s2_f32(self) -> f32 {
+    pub fn mm_per_s2_f32(self) -> f32 {
         self.0 as f32 / 256.0
     }
 
@@ -231,19 +231,6 @@ impl Block {
     /// 2 a S in units of [`SquaredSpeed`], below 2^63.
     pub(crate) fn reach(&self) -> u64 {
         u64::from(self.acceleration.0) * u64::from(self.length_10nm)
-    }
-
-    /// A stretch of the block as a block of its own.
-    pub(crate) fn part(&self, stretch: &Stretch) -> Self {
-        Self {
-            steps: stretch.steps,
-            extruder_256ths: stretch.extruder_256ths,
-            length_10nm: stretch.length_10nm,
-            line: stretch.line,
-            ends_move: stretch.ends_move,
-            inner_ends: InnerEnds::NONE,
-            ..*self
-        }
     }
 
     /// Step events: those of the motor with most steps; the others step with it.

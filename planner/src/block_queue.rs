@@ -1,56 +1,13 @@
 //! Blocks on their way from planning to interpolation: they wait in a ring until their speeds are settled.
 
 use crate::block::{Block, PlannedBlock, Speed, SquaredSpeed};
-use crate::given_speeds::{EntrySpeed, GivenSpeeds, PlanFault};
-use crate::look_ahead::{LookAhead, Part, SpeedLaw};
+use crate::given_speeds::GivenSpeeds;
+use crate::look_ahead::{LookAhead, SpeedLaw};
 use crate::methods::{Never, SpeedRule};
 use crate::pace::Pace;
 use crate::ring::{Content, Marker, Ring, RingMemory};
-
-/// How a block begins.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct BlockStart {
-    /// Bound of the speed by the corner before it.
-    pub corner: Speed,
-    /// Where its entry speed comes from; look-ahead finds it by itself.
-    pub entry: EntrySpeed,
-    /// The nominal speed that it was planned with. The block's own differs where the feed was changed since.
-    pub nominal: Speed,
-}
-
-impl BlockStart {
-    /// The start of a block that is planned here, after a corner with this bound.
-    pub fn after_corner(corner: Speed, block: &Block) -> Self {
-        Self { corner, entry: EntrySpeed::Bound, nominal: block.nominal }
-    }
-}
-
-/// What leaves the ring.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Released {
-    /// A block with settled speeds.
-    Block(PlannedBlock),
-    /// A block of a run, under an S-curve.
-    Part(Part),
-    /// A marker.
-    Marker(Marker),
-}
-
-/// Gives the blocks in a ring their speeds: [`LookAhead`] plans them, [`GivenSpeeds`] takes those of a prepared job.
-pub trait SpeedPlan {
-    /// Adds a block to a ring that has room.
-    ///
-    /// # Errors
-    /// The block's given speed cannot be followed. Nothing has changed then.
-    fn push<S: RingMemory>(&mut self, ring: &mut Ring<S>, block: &Block, start: &BlockStart) -> Result<(), PlanFault>;
-
-    /// Takes the oldest block or marker, which may leave. A block is held to the pace, as far as it can slow down to it on
-    /// its own length.
-    fn pop<S: RingMemory>(&mut self, ring: &mut Ring<S>, pace: Pace) -> Option<Released>;
-
-    /// The ring was emptied: the next block starts from standstill.
-    fn clear(&mut self);
-}
+use crate::speed_plan::{BlockStart, PlanFault, Released, SpeedPlan};
+use crate::time_law::TimeLaw;
 
 #[derive(Clone, Copy, Debug)]
 enum Speeds<R> {
@@ -123,6 +80,26 @@ impl<S: RingMemory, R: SpeedRule> BlockQueue<S, R> {
     /// Whether the oldest block or marker may leave.
     pub fn can_leave(&self) -> bool {
         self.ring.can_leave()
+    }
+
+    /// Whether the oldest place is final: no block that is still to come can change its speeds. Look-ahead by blocks alone
+    /// knows that; under an S-curve, and with given speeds, none is.
+    pub fn is_first_final(&self) -> bool {
+        self.ring.is_first_final()
+    }
+
+    /// How long the blocks in the final places last, ticks.
+    pub fn final_ticks(&mut self) -> u64 {
+        self.ring.final_ticks(|waiting, exit| {
+            let (entry, exit) = (waiting.entry.root(), exit.root());
+            let planned = PlannedBlock { block: waiting.block, entry, exit };
+            TimeLaw::<Never>::trapezoid(&planned).duration_ticks()
+        })
+    }
+
+    /// Lets the final places leave although the ring is not full. That changes no speed, whenever it is done.
+    pub fn release_final(&mut self) {
+        self.ring.release_final();
     }
 
     /// Adds a block; `false` without room. A block whose given speed cannot be followed is dropped, the blocks before it end
@@ -200,7 +177,7 @@ impl<S: RingMemory, R: SpeedRule> BlockQueue<S, R> {
         if self.fault?.is_reported { None } else { self.report_fault() }
     }
 
-    /// For a recorder: if a block is the oldest, its bound and the planned entry of the next one, zero if there is none,
+    /// For a recorder: if a block is the oldest, its bound and the planned entry of the next one, zero if it is missing,
     /// all as squared speeds.
     pub(crate) fn oldest_bound_and_next_entry(&self) -> Option<(SquaredSpeed, SquaredSpeed)> {
         let Some(Content::Block(oldest)) = self.ring.first() else { return None };

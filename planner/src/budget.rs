@@ -1,8 +1,8 @@
 //! Speeds that the processor can keep up with.
 
-use crate::TICKS_PER_SECOND;
 use crate::block::{Block, Speed};
 use crate::kinematics::{Geometry, UNITS_PER_MM};
+use crate::time_units::TICKS_PER_SECOND;
 
 /// What moves and step events cost, in ticks of the time that motion is granted.
 ///

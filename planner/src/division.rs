@@ -13,7 +13,7 @@ pub struct Divisor {
     short: u32,
 }
 
-/// Numbers of so many bits, which is what most are, are divided by two multiplications instead of six.
+/// Numbers of this many bits (most are) are divided by two multiplications instead of six.
 const SHORT_BITS: u32 = 54;
 
 impl Divisor {

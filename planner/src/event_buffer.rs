@@ -1,7 +1,12 @@
 //! What the interpolator has made and not handed out yet.
 
-use crate::interpolator::MAX_ENTRIES;
 use crate::step_queue::StepEntry;
+
+/// Events or stairs worked out in one call of [`crate::interpolator::Interpolator::advance`].
+pub(crate) const EVENTS_AT_ONCE: usize = 64;
+
+/// The most entries that a single call of the interpolator hands to its sink.
+pub const MAX_ENTRIES: usize = EVENTS_AT_ONCE + 1;
 
 /// Entries in their order, handed out together (R9).
 #[derive(Clone, Copy, Debug)]
@@ -11,7 +16,7 @@ pub(crate) struct EventBuffer {
 }
 
 impl EventBuffer {
-    /// None.
+    /// Empty.
     pub(crate) const NONE: Self = Self { entries: [StepEntry::wait(0); MAX_ENTRIES], count: 0 };
 
     /// Adds an entry; there is room.
@@ -23,7 +28,7 @@ impl EventBuffer {
         }
     }
 
-    /// Room for more entries, at most so many; how many were put there, [`Self::filled`] is to be told.
+    /// Room for up to `most` more entries; [`Self::filled`] takes the number that was put there.
     #[inline(always)]
     pub(crate) fn room(&mut self, most: usize) -> &mut [StepEntry] {
         let free = self.entries.get_mut(self.count..).unwrap_or_default();

@@ -2,15 +2,12 @@
 
 use crate::division::Divisor;
 use crate::kinematics::{Fraction, StepsPerMm};
+use crate::units::UNITS_PER_256TH;
 
-/// Units of filament in a millimetre: 0.1 nm, so that a length of 10 nm times a flow in percent is exact.
-pub const FILAMENT_UNITS_PER_MM: i64 = 10_000_000;
-
-/// A unit of filament times a unit of [`StepsPerMm`], a 256th of a step's worth of them.
-pub(crate) const UNITS_PER_256TH: u64 = FILAMENT_UNITS_PER_MM as u64 * 100_000 / 256;
+pub use crate::units::FILAMENT_UNITS_PER_MM;
 
 /// The longest delta, 1 m.
-const LONGEST_MOVE_100PM: i64 = 1_000 * FILAMENT_UNITS_PER_MM;
+const MAX_MOVE_100PM: i64 = 1_000 * FILAMENT_UNITS_PER_MM;
 
 /// The largest product of a delta and the steps/mm that fits in an i64 beside a remainder.
 const LARGEST_PRODUCT: u64 = 4_000_000_000_000_000_000;
@@ -55,7 +52,7 @@ impl Extruder {
         let magnitude = delta_100pm.unsigned_abs();
         // As much as 21 cm can be pushed by any machine: 2^31 * 10^9.
         magnitude >> 31 == 0
-            || magnitude <= LONGEST_MOVE_100PM as u64
+            || magnitude <= MAX_MOVE_100PM as u64
                 && magnitude * steps_per_mm.hundred_thousandths().unsigned_abs() <= LARGEST_PRODUCT
     }
 

@@ -6,11 +6,11 @@ use crate::time_units::{FRACTION_BITS, HALF_TICK};
 
 /// What comes before the master's next step.
 pub(crate) enum Look {
-    /// Nothing.
+    /// No extruder step.
     Free,
     /// A step of the extruder, so little before it that it waits for it.
     Again,
-    /// A step of the extruder, so many ticks behind the last event.
+    /// A step of the extruder, this many ticks after the last event.
     Step(u32),
     /// A step of the extruder, too near to the last event; it has not been taken.
     TooNear,
@@ -20,13 +20,13 @@ pub(crate) enum Look {
 pub(crate) struct ExtruderGap {
     /// The last event, a whole tick, when the extruder was looked at.
     start: u64,
-    /// No step of the extruder was due for so many ticks from then on.
+    /// No step of the extruder was due for this many ticks from then on.
     pub(crate) free: u32,
     /// An extruder step nearer than this to the master's next one waits for it.
     near: u64,
     /// Least ticks between events.
     pub(crate) least: u32,
-    /// Number of the event that an extruder step waits for; out of reach where none does.
+    /// Number of the event that an extruder step waits for; out of reach if no step waits.
     pub(crate) joint: usize,
     /// Whether one has begun to wait.
     pub(crate) has_joined: bool,
@@ -62,7 +62,7 @@ impl ExtruderGap {
     }
 
     /// How many of `count` steps of the master come before the extruder's next step, of which none is due for `free`
-    /// ticks: the first step is `gap` time units behind the last event and the others follow at this interval. At least
+    /// ticks: the first step is `gap` time units after the last event and the others follow at this interval. At least
     /// one; none too many, and one too few very rarely.
     #[cold]
     #[inline(never)]
@@ -86,14 +86,14 @@ impl ExtruderGap {
         fitting.saturating_add(1).min(count)
     }
 
-    /// A stair ends so many ticks behind the last event, perhaps a little later than the extruder's next step, which then
-    /// is asked for behind it. For how many ticks none is asked for.
+    /// A stair ends this many ticks after the last event, perhaps a little later than the extruder's next step, which then
+    /// is asked for after it. For how many ticks none is asked for.
     pub(crate) fn free_for(&mut self, ticks: u32) -> u32 {
         self.free = self.free.max(ticks);
         self.free
     }
 
-    /// Takes the extruder's next step, if it comes before the master's, which is `gap` behind the last event and will be
+    /// Takes the extruder's next step, if it comes before the master's, which is `gap` after the last event and will be
     /// the event of this number; none is due for `free` ticks.
     // Most steps have none of the extruder's before them.
     #[cold]

@@ -34,7 +34,7 @@ impl Follower {
         self.line = line;
     }
 
-    /// Master steps up to and including the next common one; out of reach where there is none.
+    /// Master steps up to and including the next common one; out of reach after the last.
     #[inline]
     pub fn until(&self) -> u32 {
         self.line.width()

@@ -7,52 +7,9 @@
 //! machine can stop on the path whatever comes next, or does not come.
 
 use crate::block::{Block, PlannedBlock, Speed, SquaredSpeed};
-use crate::block_queue::{BlockStart, Released, SpeedPlan};
-use crate::motion_choice::AccelerationProfile;
 use crate::pace::Pace;
 use crate::ring::{Content, Ring, RingMemory, Waiting};
-
-/// Where a move's planned entry speed comes from.
-// R4.
-#[repr(u32)]
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum EntrySpeed {
-    /// The move continues the block before it: the corner between them limits nothing, and both share one block.
-    Continues,
-    /// The most that the corner before it and both nominal speeds allow.
-    Bound,
-    /// What is left of the entry speed of the block before, slowed down over its whole length.
-    Falling,
-    /// This squared speed.
-    Given(SquaredSpeed),
-}
-
-/// Why the plan of a prepared job cannot be followed.
-// R4.
-#[repr(u32)]
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum PlanFault {
-    /// The entry speed is above what the corner and the nominal speeds allow.
-    TooFast {
-        /// Planned entry speed.
-        planned: Speed,
-        /// The most that is allowed.
-        maximum: Speed,
-    },
-    /// The block before cannot slow down to the entry speed.
-    TooSlow {
-        /// Planned entry speed.
-        planned: Speed,
-        /// The least to which the block before can slow down.
-        minimum: Speed,
-    },
-    /// A block is faster than the machine's limits along its axes, or accelerates faster.
-    BeyondLimits,
-    /// A move that should continue the block before it turns, or has another speed or acceleration.
-    NotContinued,
-    /// The machine's acceleration profile is not the trapezoid of prepared jobs.
-    NotTrapezoid(AccelerationProfile),
-}
+use crate::speed_plan::{BlockStart, EntrySpeed, PlanFault, Released, SpeedPlan};
 
 /// The forward pass over planned speeds, before blocks enter the ring; the writer of a job makes the same.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -8,25 +8,20 @@
 mod hot_loop;
 mod pattern_merge;
 
-use crate::EXTRUDER;
 use crate::block::{Block, PlannedBlock};
 use crate::bresenham::MAX_STEPS;
-use crate::event_buffer::EventBuffer;
+use crate::event_buffer::{EVENTS_AT_ONCE, EventBuffer};
 use crate::extruder::rounded_steps;
 use crate::follower::Follower;
-use crate::inner_ends::{Stretch, Stretches};
 use crate::methods::{MotionMethods, Standard};
 use crate::spacing::MotorSteps;
-use crate::step_queue::{Notice, StepEntry, StepSink};
+use crate::step_queue::{EXTRUDER, Notice, StepEntry, StepSink};
 use crate::step_times::StepTimes;
+use crate::stretches::{Stretch, Stretches};
 use crate::time_law::TimeLaw;
 use crate::time_units::{FRACTION_BITS, HALF_TICK};
 
-/// Most entries a single [`Interpolator::advance`] or [`Interpolator::begin`] hands to its sink.
-pub const MAX_ENTRIES: usize = EVENTS_AT_ONCE + 1;
-
-/// Events or stairs worked out in one call of [`Interpolator::advance`].
-const EVENTS_AT_ONCE: usize = 64;
+pub use crate::event_buffer::MAX_ENTRIES;
 
 /// The bits of a time without its fraction of a tick.
 const WHOLE_TICKS: u64 = !(ONE_TICK as u64 - 1);
@@ -37,10 +32,10 @@ const ONE_TICK: u32 = 1 << FRACTION_BITS;
 /// In [`Interpolator::joining`]: no event of the master since the move began.
 const MOVE_BEGINS: u8 = 1 << 7;
 
-/// A gap of so many time units or more is no 32-bit number of ticks.
+/// A gap of this many time units or more exceeds a 32-bit number of ticks.
 const FAR: u64 = 1 << (32 + FRACTION_BITS);
 
-/// What is left of a block in which several moves end.
+/// The remaining stretches of a block in which several moves end.
 #[derive(Clone, Copy, Debug)]
 struct Rest<P> {
     law: TimeLaw<P>,
@@ -63,7 +58,7 @@ pub struct Interpolator<M: MotionMethods = Standard> {
     clock: u64,
     /// Time of the last event handed out or held, a whole tick.
     last: u64,
-    /// When the move before ended, a whole tick: an extruder step due at the very start of a move stays behind.
+    /// When the move before ended, a whole tick: an extruder step due at the very start of a move stays after it.
     move_start: u64,
     /// Entries on their way out. The last of them is held back while a later event may still join it.
     entries: EventBuffer,
@@ -135,6 +130,11 @@ impl<M: MotionMethods> Interpolator<M> {
         self.is_busy
     }
 
+    /// Motion clock at the end of the present block.
+    pub fn end_tick(&self) -> u64 {
+        self.clock + self.duration_ticks
+    }
+
     /// Motion clock at the end of the last finished block.
     pub fn clock(&self) -> u64 {
         self.clock
@@ -142,7 +142,7 @@ impl<M: MotionMethods> Interpolator<M> {
 
     /// Forgets the present block: a new interpolator, with the motors at rest at this tick of the motion clock, the
     /// extruder here and the direction signals so.
-    pub fn stand_at(&mut self, clock: u64, extruder_256ths: i64, directions: u8) {
+    pub fn reset_to(&mut self, clock: u64, extruder_256ths: i64, directions: u8) {
         let Self { minimum_interval, pattern, .. } = *self;
         *self = Self { pattern, clock, extruder_256ths, directions, ..Self::new(minimum_interval) };
     }
@@ -158,7 +158,7 @@ impl<M: MotionMethods> Interpolator<M> {
         self.duration_ticks
     }
 
-    /// What needs no sink, and is there once.
+    /// The part without a sink: compiled once, whatever the sink.
     #[inline(never)]
     fn begin_block(&mut self, block: &Block, law: &TimeLaw<M::Pieces>) {
         self.is_busy = true;
@@ -291,7 +291,7 @@ impl<M: MotionMethods> Interpolator<M> {
         }
     }
 
-    /// What needs no sink, and is there once: the next events, in [`Self::entries`].
+    /// The part without a sink, compiled once: makes the next events, into [`Self::entries`].
     #[inline(never)]
     fn work(&mut self) -> Work {
         let mut room = EVENTS_AT_ONCE;
@@ -318,7 +318,7 @@ impl<M: MotionMethods> Interpolator<M> {
                 (Some(master), _) => (master, None),
                 (None, Some(extruder)) => (extruder, Some(u64::MAX)),
             };
-            // From the last event to the nearest tick; wraps where that is behind.
+            // From the last event to the nearest tick; wraps where that is earlier.
             let gap = due.wrapping_add(HALF_TICK).wrapping_sub(self.last);
             if gap >= FAR && self.has_waited(gap) {
                 return Work::Waited;
@@ -350,7 +350,7 @@ impl<M: MotionMethods> Interpolator<M> {
         Work::Events
     }
 
-    /// What to do with a gap that is no 32-bit number of ticks: lets time pass, or nothing where it wrapped.
+    /// Handles a gap that exceeds a 32-bit number of ticks: lets time pass, unless the gap wrapped.
     #[cold]
     #[inline(never)]
     fn has_waited(&mut self, gap: u64) -> bool {
@@ -363,7 +363,7 @@ impl<M: MotionMethods> Interpolator<M> {
         true
     }
 
-    /// Adds an event that is too near to the one before, or behind it: it joins that, or waits until it is far enough.
+    /// Adds an event that is too near to the one before, or earlier than it: it joins that, or waits until it is far enough.
     #[cold]
     #[inline(never)]
     fn place_near(&mut self, axes: u8) {
@@ -426,7 +426,7 @@ enum Work {
     Events,
     /// Time passes; nothing joins the event before.
     Waited,
-    /// All steps of a stretch are there, and nothing joins the last of them. The move that ends with it.
+    /// Ends a stretch, whose steps are all made: no later event joins the last. Returns the move that ends with it.
     StretchEnded(Option<Notice>),
 }
 

@@ -3,20 +3,22 @@
 mod cartesian;
 mod core_xy;
 mod core_xz;
+mod kinds;
 mod linear;
 
 use core::fmt;
 use core::num::{NonZeroU32, Wrapping};
 
 use crate::division::Divisor;
+use crate::units::UNITS_PER_256TH;
 
 pub use cartesian::Cartesian;
 pub use core_xy::CoreXy;
 pub use core_xz::CoreXz;
-pub use linear::{Kinematics, Length, LinearKinematics};
+pub use kinds::Kinematics;
+pub use linear::{Length, LinearKinematics};
 
-/// Units of 10 nm in a millimetre.
-pub const UNITS_PER_MM: i64 = 100_000;
+pub use crate::units::UNITS_PER_MM;
 
 /// Largest coordinate, either sign, in units of 10 nm: 5 m. Keeps every product below, and the time of a slow
 /// move, in 64 bits.
@@ -146,7 +148,7 @@ impl StepsPerMm {
         Self {
             hundred_thousandths,
             steps_per_10nm: Fraction::new(numerator, UNIT),
-            of_filament: Fraction::new(numerator, crate::extruder::UNITS_PER_256TH),
+            of_filament: Fraction::new(numerator, UNITS_PER_256TH),
         }
     }
 

@@ -10,6 +10,7 @@
 //! with + - * / and square root alone.
 #![cfg_attr(not(test), no_std)]
 
+pub mod block_queue;
 pub mod bresenham;
 pub mod digest;
 pub mod extruder;
@@ -23,11 +24,11 @@ pub mod real;
 pub mod s_curve;
 pub mod square_root;
 pub mod step_queue;
+pub mod stretches;
 pub mod time_law;
 pub mod time_units;
 
 mod block;
-mod block_queue;
 mod budget;
 mod cubic;
 mod division;
@@ -41,15 +42,18 @@ mod motion_choice;
 mod open_block;
 mod pace;
 mod path;
+mod pieces;
 mod planner;
 #[cfg(test)]
 mod random;
 mod ring;
 mod spacing;
+mod speed_plan;
 mod step_ledger;
 mod step_times;
 mod trapezoid;
 mod u64_to_f32;
+mod units;
 
 pub use block::{Acceleration, Block, PlannedBlock, Speed, SquaredSpeed};
 pub use cubic::Cubic;
@@ -60,24 +64,18 @@ pub use limits::{AXES, Limits};
 pub use methods::{ChoiceError, MotionMethods, Standard};
 pub use motion_choice::{AccelerationProfile, DualRatePeriods, Interpolation, MotionChoice, SCurveTableSettings};
 pub use pace::Pace;
-pub use planner::{
-    MIN_FEED_MM_PER_S, Move, MoveError, Moved, Planner, Prepared, PreparedBlock, PreparedMove, Progress, Recorded,
-    Recorder, Request, Retuned, filament_100pm,
-};
+pub use planner::block_rules::MIN_FEED_MM_PER_S;
+pub use planner::move_error::{MoveError, Moved};
+pub use planner::prepared::{Prepared, PreparedMove, Retuned};
+pub use planner::recorder::{Recorded, Recorder};
+pub use planner::request::{Move, Request};
+pub use planner::{Planner, Progress, filament_100pm};
 pub use spacing::MotorSteps;
 pub use step_ledger::{StepLedger, StepObserver};
-pub use step_queue::{Notice, StepEntry, StepKind, StepSink};
+pub use step_queue::{EXTRUDER, Notice, StepEntry, StepKind, StepSink};
 pub use step_times::StepTimes;
-
-/// Frequency of the nominal time base, in ticks a second.
-///
-/// Every planned time is a number of these ticks. A board whose timer runs at another frequency stretches time; it
-/// never plans other ticks.
-pub const TICKS_PER_SECOND: u32 = 84_000_000;
+pub use time_units::TICKS_PER_SECOND;
 
 /// Version of the rules by which moves become blocks and blocks get their speeds. To be raised with any change that gives
 /// a job other steps: jobs that were prepared by the rules of another version are not executed.
 pub const PLANNER_VERSION: u32 = 3;
-
-/// Bit of the extruder in an axis mask; X (A), Y (B) and Z are bits 0 to 2.
-pub const EXTRUDER: u8 = 1 << 3;

@@ -36,7 +36,7 @@ pub(crate) struct PathLimits {
     print_acceleration_mm_per_s2: f32,
     travel_acceleration_mm_per_s2: f32,
     retract_acceleration_mm_per_s2: f32,
-    /// What X and Y both have.
+    /// The smaller of X's and Y's.
     plane_feed_mm_per_s: f32,
     plane_acceleration_mm_per_s2: f32,
     /// Four times the junction deviation, units of 10 nm.
@@ -75,34 +75,14 @@ impl PathLimits {
         self.has_corner_velocities
     }
 
-    /// Largest acceleration of moves with extrusion.
-    pub fn print_acceleration(&self) -> f32 {
-        self.print_acceleration_mm_per_s2
-    }
-
-    /// Largest acceleration of moves without.
-    pub fn travel_acceleration(&self) -> f32 {
-        self.travel_acceleration_mm_per_s2
-    }
-
-    /// Largest acceleration of the filament alone.
-    pub fn retract_acceleration(&self) -> f32 {
-        self.retract_acceleration_mm_per_s2
-    }
-
-    /// Largest feeds and accelerations of X, Y, Z and the filament.
-    pub fn of_axes(&self) -> ([f32; AXES], [f32; AXES]) {
-        (self.max_feed_mm_per_s, self.max_acceleration_mm_per_s2)
-    }
-
-    /// What is left of a feed where only the filament moves.
+    /// Limits a feed where only the filament moves.
     pub fn of_filament(&self, feed_mm_per_s: f32) -> FeedAndAcceleration {
         let [.., max_feed] = self.max_feed_mm_per_s;
         let [.., max_acceleration] = self.max_acceleration_mm_per_s2;
         (smaller(feed_mm_per_s, max_feed), smaller(self.retract_acceleration_mm_per_s2, max_acceleration))
     }
 
-    /// What is left of a feed along a path of this length and these travels of X, Y, Z and the filament, all in units of
+    /// Limits a feed along a path of this length and these travels of X, Y, Z and the filament, all in units of
     /// 10 nm, with or without extrusion.
     ///
     /// An axis whose travel has the share u of the path allows v / |u| and a / |u|. Whether it limits at all is asked by

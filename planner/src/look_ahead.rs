@@ -5,17 +5,16 @@ mod jerk_spans;
 mod tests;
 
 use crate::block::{Block, PlannedBlock, Speed, SquaredSpeed};
-use crate::block_queue::SpeedPlan;
 use crate::methods::{Never, SpeedRule};
 use crate::pace::Pace;
 use crate::ring::{Content, Ring, Waiting};
-use crate::s_curve::Jerk;
+use crate::s_curve::Jerks;
+use crate::speed_plan::SpeedPlan;
 use jerk_spans::Runs;
 
-pub use crate::block_queue::{BlockQueue, BlockStart, Released};
-pub use crate::given_speeds::{EntrySpeed, ForwardPass, PlanFault};
+pub use crate::given_speeds::ForwardPass;
 pub use crate::ring::{Marker, RingMemory, Slot};
-pub use jerk_spans::Part;
+pub use crate::speed_plan::{BlockStart, EntrySpeed, Part, PlanFault, Released};
 
 /// How speeds change along the blocks.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -23,9 +22,9 @@ pub enum SpeedLaw<R = Never> {
     /// At a constant acceleration.
     Trapezoid,
     /// At a constant jerk, under which neighbouring blocks share one law where that is faster.
-    SCurve(Jerk),
+    SCurve(Jerks),
     /// At a constant jerk, with zero acceleration at the ends of every block: what shared laws gain shows against this.
-    SCurveBlockByBlock(Jerk),
+    SCurveBlockByBlock(Jerks),
     /// By another rule.
     Other(R),
 }
@@ -51,8 +50,8 @@ impl<R: SpeedRule> LookAhead<R> {
     pub fn new(law: &SpeedLaw<R>) -> Self {
         let law = match law {
             SpeedLaw::Trapezoid => Law::Trapezoid,
-            SpeedLaw::SCurve(jerk) => Law::Runs(Runs::new(*jerk, true)),
-            SpeedLaw::SCurveBlockByBlock(jerk) => Law::Runs(Runs::new(*jerk, false)),
+            SpeedLaw::SCurve(jerks) => Law::Runs(Runs::new(*jerks, true)),
+            SpeedLaw::SCurveBlockByBlock(jerks) => Law::Runs(Runs::new(*jerks, false)),
             SpeedLaw::Other(rule) => Law::Other(*rule),
         };
         Self { law, last_exit: SquaredSpeed::ZERO }
@@ -90,6 +89,9 @@ impl<R: SpeedRule> SpeedPlan for LookAhead<R> {
         let reachable = reach(self.rule(), SquaredSpeed::ZERO, block);
         let entry = if settled { self.last_exit } else { entry_bound.min(reachable) };
         ring.push(Waiting { block: *block, entry_bound, entry, settled, ..Waiting::NONE });
+        if entry == entry_bound {
+            ring.set_final_before(place);
+        }
         if !settled {
             reverse_pass(ring, self.rule(), place, entry);
         }
@@ -158,11 +160,14 @@ fn reverse_pass<S: RingMemory, R: SpeedRule>(
         }
         waiting.entry = entry;
         exit = entry;
+        if entry == waiting.entry_bound {
+            ring.set_final_before(place);
+        }
     }
 }
 
-/// Settles the entry speed of the oldest block in the ring; zero if there is none, and then the next block that comes
-/// starts from standstill.
+/// Settles the entry speed of the oldest block in the ring. Zero if the ring has no block: the next one then starts from
+/// standstill.
 fn settle_next<S: RingMemory>(ring: &mut Ring<S>, reachable: SquaredSpeed) -> Speed {
     for place in 0..ring.len() {
         if let Some(Content::Block(next)) = ring.at(place) {

@@ -8,12 +8,13 @@
 use core::fmt::Debug;
 
 use crate::block::{Block, PlannedBlock, Speed};
-use crate::inner_ends::Stretch;
 use crate::kinematics::Kinematics;
 use crate::motion_choice::{AccelerationProfile, Interpolation, MotionChoice};
-use crate::piece::Piece;
 use crate::step_times::StepTimes;
+use crate::stretches::Stretch;
 use crate::time_law::TimeLaw;
+
+pub use crate::pieces::{Never, OtherLaw, Pieces};
 
 /// Why a choice of methods was refused. The planner goes on with the methods that it had.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -67,17 +68,6 @@ pub trait StepPattern<P>: Copy + Debug {
     fn advance(&mut self);
 }
 
-/// s(t) of a block under another law.
-#[derive(Clone, Copy, Debug)]
-pub struct OtherLaw<P> {
-    /// The pieces, from the first.
-    pub pieces: P,
-    /// The block's length, 10 nm.
-    pub length: f64,
-    /// The block's duration in whole ticks, the nearest.
-    pub duration_ticks: u64,
-}
-
 /// Another rule for the change of speed than a constant acceleration or jerk.
 pub trait SpeedRule: Copy + Debug + PartialEq {
     /// The pieces of a block's law.
@@ -95,11 +85,6 @@ pub trait SpeedRule: Copy + Debug + PartialEq {
     /// The law of a planned block.
     fn law(&self, planned: &PlannedBlock) -> OtherLaw<Self::Pieces>;
 }
-
-/// What yields the pieces of a block's time law in their order.
-pub trait Pieces: Iterator<Item = Piece<f64>> + Copy + Debug {}
-
-impl<T: Iterator<Item = Piece<f64>> + Copy + Debug> Pieces for T {}
 
 /// The methods that a build contains besides the standard ones.
 pub trait MotionMethods: Copy + Debug {
@@ -137,19 +122,12 @@ impl MotionMethods for Standard {
     }
 
     fn rule(choice: &MotionChoice) -> Result<Option<Never>, ChoiceError> {
-        if choice.acceleration == AccelerationProfile::SCurveTable { Err(ChoiceError::NotContained) } else { Ok(None) }
-    }
-}
-
-/// A method that does not exist. It has no value, so the compiler leaves out all that would act on one.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Never {}
-
-impl Iterator for Never {
-    type Item = Piece<f64>;
-
-    fn next(&mut self) -> Option<Piece<f64>> {
-        match *self {}
+        match choice.acceleration {
+            AccelerationProfile::Trapezoid | AccelerationProfile::SCurve => Ok(None),
+            AccelerationProfile::SCurveTable | AccelerationProfile::SCurveFiveSegments => {
+                Err(ChoiceError::NotContained)
+            }
+        }
     }
 }
 

@@ -40,15 +40,17 @@ pub enum AccelerationProfile {
     /// At a constant acceleration (Wu 2024, eqs. 8 to 12).
     #[default]
     Trapezoid,
-    /// At an acceleration that rises and falls at a constant jerk, in closed form (Li 2017).
+    /// At an acceleration that rises and falls at a constant jerk, and is held where it reaches its limit (after Li 2017).
     SCurve,
-    /// The same from Li's table of frequencies.
+    /// The same, never held, from Li's table of frequencies.
     SCurveTable,
+    /// The same in closed form, segment by segment: Li's five parts of constant jerk.
+    SCurveFiveSegments,
 }
 
 impl AccelerationProfile {
     /// All of them, in the order in which M796 numbers them.
-    pub const ALL: [Self; 3] = [Self::Trapezoid, Self::SCurve, Self::SCurveTable];
+    pub const ALL: [Self; 4] = [Self::Trapezoid, Self::SCurve, Self::SCurveTable, Self::SCurveFiveSegments];
 
     /// The name that profiles use.
     pub const fn name(self) -> &'static str {
@@ -56,6 +58,7 @@ impl AccelerationProfile {
             Self::Trapezoid => "trapezoid",
             Self::SCurve => "s-curve",
             Self::SCurveTable => "s-curve-table",
+            Self::SCurveFiveSegments => "s-curve-five-segments",
         }
     }
 }
@@ -91,6 +94,8 @@ pub struct MotionChoice {
     pub acceleration: AccelerationProfile,
     /// Largest jerk along the path under [`AccelerationProfile::SCurve`], mm/s^3, above zero.
     pub jerk_mm_per_s3: f64,
+    /// The same for moves of the filament alone.
+    pub filament_jerk_mm_per_s3: f64,
     /// Periods of [`Interpolation::DualRate`].
     pub dual_rate: DualRatePeriods,
     /// The table of [`AccelerationProfile::SCurveTable`].
@@ -101,7 +106,7 @@ impl MotionChoice {
     /// Whether every image contains these methods.
     pub const fn is_standard(&self) -> bool {
         matches!(self.interpolation, Interpolation::StepBresenham)
-            && !matches!(self.acceleration, AccelerationProfile::SCurveTable)
+            && matches!(self.acceleration, AccelerationProfile::Trapezoid | AccelerationProfile::SCurve)
     }
 
     /// Step Bresenham and trapezoids; the other parameters as profiles have them that do not say otherwise.
@@ -109,6 +114,7 @@ impl MotionChoice {
         interpolation: Interpolation::StepBresenham,
         acceleration: AccelerationProfile::Trapezoid,
         jerk_mm_per_s3: 10_000.0,
+        filament_jerk_mm_per_s3: 1_000_000.0,
         // CoreXY paper: what drivers can do.
         dual_rate: DualRatePeriods { shortest_ns: 10_000, longest_ns: 3_000_000 },
         // Li 2017, experiment.

@@ -10,8 +10,8 @@
 use crate::block::{Block, Speed};
 use crate::budget::Budget;
 use crate::inner_ends::InnerEnd;
-use crate::look_ahead::{BlockStart, EntrySpeed};
-use crate::planner::Planned;
+use crate::planner::block_rules::Planned;
+use crate::speed_plan::{BlockStart, EntrySpeed};
 
 /// Longest block of several moves, units of 10 nm: what an inner end's place can hold.
 const MAX_LENGTH_10NM: u32 = u16::MAX as u32;

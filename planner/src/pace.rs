@@ -29,7 +29,7 @@ impl Pace {
         self.0
     }
 
-    /// What is left of a nominal speed; not below 0.01 mm/s, unless the speed itself is.
+    /// The nominal speed at this pace; not below 0.01 mm/s, unless the speed itself is.
     pub fn of(self, nominal: Speed) -> Speed {
         let share = (u64::from(nominal.0) * u64::from(self.0)) >> 8;
         Speed(share as u32).max(SLOWEST.min(nominal))

@@ -1,39 +1,34 @@
 //! The stages connected: moves in, step entries out.
 
-mod block_rules;
+pub(crate) mod block_rules;
+mod given_block;
+pub(crate) mod move_error;
 mod position;
-mod prepared;
-mod prepared_block;
-mod recorder;
-mod request;
-mod step_limits;
+pub(crate) mod prepared;
+pub(crate) mod recorder;
+pub(crate) mod request;
 
 use crate::block::{PlannedBlock, Speed};
+use crate::block_queue::BlockQueue;
 use crate::extruder::FILAMENT_UNITS_PER_MM;
 use crate::interpolator::Interpolator;
 use crate::junction::CornerAcceleration;
-use crate::kinematics;
-use crate::kinematics::Geometry;
+use crate::kinematics::{Geometry, UNITS_PER_MM};
 use crate::limits::Limits;
-use crate::look_ahead::{BlockQueue, Part, Released, SpeedLaw};
+use crate::look_ahead::SpeedLaw;
 use crate::methods::{ChoiceError, MotionMethods, SpeedRule, Standard};
 use crate::motion_choice::{AccelerationProfile, MotionChoice};
 use crate::open_block::OpenBlock;
 use crate::pace::Pace;
 use crate::ring::{Marker, RingMemory};
-use crate::s_curve::Jerk;
 use crate::s_curve::law::Curve;
+use crate::s_curve::{Jerk, Jerks};
+use crate::speed_plan::{Part, Released};
 use crate::step_queue::{Notice, StepSink};
 use crate::time_law::TimeLaw;
 
-pub use block_rules::MIN_FEED_MM_PER_S;
-pub(crate) use block_rules::Planned;
-pub use prepared::{Prepared, PreparedMove, Retuned};
-pub use prepared_block::PreparedBlock;
-pub use recorder::{Recorded, Recorder};
-pub use request::{Move, MoveError, Moved, Request};
-
-use block_rules::{BlockRules, Previous};
+use block_rules::{BlockRules, Planned, Previous};
+use move_error::MoveError;
 use position::{MotorPosition, Position, Target};
 
 /// What [`Planner::advance`] did.
@@ -55,7 +50,7 @@ struct Tallies {
     slowed_moves: u64,
 }
 
-/// Turns [requests](Request) for motion into step entries.
+/// Turns [requests](crate::Request) for motion into step entries.
 #[derive(Debug)]
 pub struct Planner<S, M: MotionMethods = Standard> {
     rules: BlockRules<M>,
@@ -145,8 +140,8 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
     /// one law. Returns `false` and changes nothing if moves are queued or the profile is another.
     pub fn plan_block_by_block(&mut self) -> bool {
         match speed_law::<M>(&self.choice) {
-            Ok(SpeedLaw::SCurve(jerk)) if self.is_idle() => {
-                self.queue.look_ahead(&SpeedLaw::SCurveBlockByBlock(jerk));
+            Ok(SpeedLaw::SCurve(jerks)) if self.is_idle() => {
+                self.queue.look_ahead(&SpeedLaw::SCurveBlockByBlock(jerks));
                 true
             }
             _ => false,
@@ -210,7 +205,7 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         self.is_look_ahead_empty() && !self.interpolator.is_busy()
     }
 
-    /// Whether no move waits for its speeds.
+    /// Whether all moves have their speeds.
     pub fn is_look_ahead_empty(&self) -> bool {
         !self.open.is_some() && self.queue.is_empty()
     }
@@ -218,27 +213,6 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
     /// Whether the last entry handed out leaves the motors running.
     pub fn is_in_motion(&self) -> bool {
         self.interpolator.is_busy() || self.exit > Speed::ZERO
-    }
-
-    /// Takes motion.
-    ///
-    /// # Errors
-    /// See [`MoveError`].
-    pub fn add(&mut self, request: &impl Request) -> Result<Moved, MoveError> {
-        request.add_to(self, |_| false)
-    }
-
-    /// As [`Self::add`], but where the motion needs room it is made: `make_room` takes a block with [`Self::next_planned`] or a
-    /// [`Recorder`], and returns whether there was one. So a move is planned once, not again after it was refused.
-    ///
-    /// # Errors
-    /// See [`MoveError`].
-    pub fn add_making_room(
-        &mut self,
-        request: &impl Request,
-        make_room: impl FnMut(&mut Self) -> bool,
-    ) -> Result<Moved, MoveError> {
-        request.add_to(self, make_room)
     }
 
     /// Whether moves may share a block. Another pattern may decide from the start of a block, and another law count the
@@ -276,7 +250,7 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         true
     }
 
-    /// The same; `make_room` is asked for room where it is missing.
+    /// As [`Self::close_open_block`]; calls `make_room` where the ring is full.
     #[inline(always)]
     fn close_making_room(&mut self, mut make_room: impl FnMut(&mut Self) -> bool) -> Result<(), MoveError> {
         while !self.close_open_block() {
@@ -306,6 +280,24 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
             self.queue.release();
             self.tallies.starvation_flushes += 1;
         }
+    }
+
+    /// How long the machine can go on at full speed whatever comes next, or does not come: the blocks in the ring whose speeds
+    /// are final, and the rest of the one that is being interpolated. In ticks after `tick`, at which the entries handed out
+    /// so far end.
+    pub fn certain_ticks(&mut self, tick: u64) -> u64 {
+        let rest = if self.interpolator.is_busy() { self.interpolator.end_tick().saturating_sub(tick) } else { 0 };
+        self.queue.final_ticks().saturating_add(rest)
+    }
+
+    /// Lets the blocks leave look-ahead whose speeds no later block can change; returns whether there are any. The plan does
+    /// not depend on whether, and when, that is done.
+    pub fn release_final(&mut self) -> bool {
+        let is_final = self.queue.is_first_final();
+        if is_final {
+            self.queue.release_final();
+        }
+        is_final
     }
 
     /// Does a little work; hands at most [`crate::interpolator::MAX_ENTRIES`] entries and two notices to `sink`.
@@ -450,12 +442,12 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         queue.clear();
         *curve = Curve::NONE;
         *released = position.motors();
-        interpolator.stand_at(tick, released.extruder_256ths, directions);
+        interpolator.reset_to(tick, released.extruder_256ths, directions);
         *exit = Speed::ZERO;
         dropped_100pm
     }
 
-    /// Says where the machine is, at standstill (homing). Returns where its motors therefore stand.
+    /// Sets the machine's position, at standstill (homing). Returns where its motors therefore stand.
     pub fn set_position(&mut self, position_10nm: [i64; 3]) -> [i32; 3] {
         self.position.set(position_10nm, &self.rules.geometry);
         self.released.steps = self.position.motor_steps;
@@ -471,15 +463,20 @@ fn speed_law<M: MotionMethods>(choice: &MotionChoice) -> Result<SpeedLaw<M::Rule
     }
     Ok(match choice.acceleration {
         AccelerationProfile::SCurve => {
-            SpeedLaw::SCurve(Jerk::from_mm_per_s3(choice.jerk_mm_per_s3).ok_or(ChoiceError::Parameter)?)
+            let jerk = |mm_per_s3| Jerk::from_mm_per_s3(mm_per_s3).ok_or(ChoiceError::Parameter);
+            let (path, filament) = (jerk(choice.jerk_mm_per_s3)?, jerk(choice.filament_jerk_mm_per_s3)?);
+            SpeedLaw::SCurve(Jerks { path, filament })
         }
-        AccelerationProfile::Trapezoid | AccelerationProfile::SCurveTable => SpeedLaw::Trapezoid,
+        // The papers' laws have come as a rule.
+        AccelerationProfile::Trapezoid | AccelerationProfile::SCurveTable | AccelerationProfile::SCurveFiveSegments => {
+            SpeedLaw::Trapezoid
+        }
     })
 }
 
 /// Filament in units of 0.1 nm for a length in units of 10 nm at a flow in percent: the exact product.
 pub const fn filament_100pm(length_10nm: i64, flow_percent: i64) -> i64 {
     // 10 nm are 100 units, a percent is a hundredth.
-    const _: () = assert!(FILAMENT_UNITS_PER_MM == 100 * kinematics::UNITS_PER_MM);
+    const _: () = assert!(FILAMENT_UNITS_PER_MM == 100 * UNITS_PER_MM);
     length_10nm.saturating_mul(flow_percent)
 }

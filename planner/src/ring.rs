@@ -2,7 +2,7 @@
 
 use crate::block::{Block, Speed, SquaredSpeed};
 
-/// A block in the ring with what its [`crate::block_queue::SpeedPlan`] keeps of it.
+/// A block in the ring with what its [`crate::speed_plan::SpeedPlan`] keeps of it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Waiting {
     pub block: Block,
@@ -18,6 +18,8 @@ pub(crate) struct Waiting {
     pub entry_speed: Speed,
     /// Under an S-curve: how many places ahead the corner is to which one ramp leads from here.
     pub anchor: u8,
+    /// How long it lasts, ticks, where [`Ring::final_ticks`] has counted it.
+    pub ticks: u32,
 }
 
 impl Waiting {
@@ -30,6 +32,7 @@ impl Waiting {
         bound_speed: Speed::ZERO,
         entry_speed: Speed::ZERO,
         anchor: 0,
+        ticks: 0,
     };
 }
 
@@ -64,7 +67,8 @@ pub trait RingMemory: AsRef<[Slot]> + AsMut<[Slot]> {}
 
 impl<S: AsRef<[Slot]> + AsMut<[Slot]>> RingMemory for S {}
 
-/// Blocks and markers in their order. A block leaves when the ring is full, on a flush, or when [`Self::release`] lets it.
+/// Blocks and markers in their order. A block leaves when the ring is full, on a flush, or when [`Self::release`] or
+/// [`Self::release_final`] lets it.
 #[derive(Debug)]
 pub struct Ring<S> {
     slots: S,
@@ -74,6 +78,11 @@ pub struct Ring<S> {
     blocks: usize,
     /// How many of the oldest places may leave although the ring is not full.
     released: usize,
+    /// How many of the oldest places are final: no block that is still to come can change their speeds.
+    final_places: usize,
+    /// Of these, the places whose time is in `timed_ticks`.
+    timed_places: usize,
+    timed_ticks: u64,
     /// The next block starts from standstill.
     pub(crate) stopped: bool,
     /// Nominal speed of the newest block, as it was planned.
@@ -91,6 +100,9 @@ impl<S: RingMemory> Ring<S> {
             length: 0,
             blocks: 0,
             released: 0,
+            final_places: 0,
+            timed_places: 0,
+            timed_ticks: 0,
             stopped: true,
             newest_nominal: Speed::ZERO,
             last_nominal: Speed::ZERO,
@@ -198,6 +210,11 @@ impl<S: RingMemory> Ring<S> {
     #[inline(always)]
     pub(crate) fn pass_block(&mut self) {
         self.blocks = self.blocks.wrapping_sub(1);
+        if self.timed_places > 0
+            && let Some(Content::Block(waiting)) = self.first()
+        {
+            self.timed_ticks = self.timed_ticks.saturating_sub(u64::from(waiting.ticks));
+        }
         self.pass_first();
     }
 
@@ -218,6 +235,42 @@ impl<S: RingMemory> Ring<S> {
         self.first = if next == self.slots.as_ref().len() { 0 } else { next };
         self.length = self.length.saturating_sub(1);
         self.released = self.released.saturating_sub(1);
+        self.final_places = self.final_places.saturating_sub(1);
+        self.timed_places = self.timed_places.saturating_sub(1);
+    }
+
+    /// The block in this place begins as fast as it ever may: the speeds of all before it are final.
+    #[inline(always)]
+    pub(crate) fn set_final_before(&mut self, place: usize) {
+        self.final_places = self.final_places.max(place);
+    }
+
+    /// Whether the oldest place is final.
+    pub(crate) fn is_first_final(&self) -> bool {
+        self.final_places > 0
+    }
+
+    /// How long the blocks in the final places last, ticks. Each block is asked for its time once.
+    pub(crate) fn final_ticks(&mut self, ticks_of: impl Fn(&Waiting, SquaredSpeed) -> u64) -> u64 {
+        while self.timed_places < self.final_places {
+            let place = self.timed_places;
+            let exit = (place + 1..self.length).find_map(|next| match self.get(next) {
+                Some(Content::Block(next)) => Some(next.entry),
+                _ => None,
+            });
+            if let Some(Content::Block(waiting)) = self.at(place) {
+                waiting.ticks = u32::try_from(ticks_of(waiting, exit.unwrap_or_default())).unwrap_or(u32::MAX);
+                let ticks = u64::from(waiting.ticks);
+                self.timed_ticks = self.timed_ticks.saturating_add(ticks);
+            }
+            self.timed_places += 1;
+        }
+        self.timed_ticks
+    }
+
+    /// Lets the final places leave although the ring is not full.
+    pub(crate) fn release_final(&mut self) {
+        self.released = self.released.max(self.final_places);
     }
 
     /// Motion stops after the newest block; all blocks and markers may leave.
@@ -234,10 +287,25 @@ impl<S: RingMemory> Ring<S> {
     /// Forgets all that waits; the next block starts from standstill.
     pub(crate) fn clear(&mut self) {
         // Every field is named: a new one has to say here what remains of it after a stop.
-        let Self { slots: _, first: _, length, blocks, released, stopped, newest_nominal, last_nominal } = self;
+        let Self {
+            slots: _,
+            first: _,
+            length,
+            blocks,
+            released,
+            final_places,
+            timed_places,
+            timed_ticks,
+            stopped,
+            newest_nominal,
+            last_nominal,
+        } = self;
         *length = 0;
         *blocks = 0;
         *released = 0;
+        *final_places = 0;
+        *timed_places = 0;
+        *timed_ticks = 0;
         *stopped = true;
         *newest_nominal = Speed::ZERO;
         *last_nominal = Speed::ZERO;

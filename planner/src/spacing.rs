@@ -1,8 +1,8 @@
 //! Where on a block's path the steps of a motor are.
 
-use crate::inner_ends::Stretch;
 use crate::piece::PieceEnd;
 use crate::real::Real;
+use crate::stretches::Stretch;
 
 /// The steps of a motor in a stretch of a block.
 #[derive(Clone, Copy, Debug)]

@@ -1,4 +1,7 @@
-//! What stands in the queue between planner and step timer.
+//! The entries of the queue between planner and step timer.
+
+/// Bit of the extruder in an axis mask; X (A), Y (B) and Z are bits 0 to 2.
+pub const EXTRUDER: u8 = 1 << 3;
 
 /// One entry of the step queue, 8 bytes.
 ///
@@ -77,7 +80,7 @@ impl StepEntry {
         self.interval_ticks
     }
 
-    /// Number of events, 0 for what is not a stair.
+    /// Number of events; 0 for entries other than stairs.
     #[inline(always)]
     pub const fn count(self) -> u16 {
         self.rest as u16
@@ -159,7 +162,7 @@ impl StepEntry {
         Self { rest: self.rest | (axes as u32) << 16, ..self }
     }
 
-    /// A single event so many times, 1 to 2^16 - 1.
+    /// A single event, repeated `count` times, 1 to 2^16 - 1.
     #[inline(always)]
     pub const fn times(self, count: u32) -> Self {
         Self { rest: self.rest.wrapping_add(count).wrapping_sub(1), ..self }

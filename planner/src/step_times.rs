@@ -9,10 +9,10 @@ mod s_curve_tests;
 #[cfg(test)]
 mod trapezoid_tests;
 
-use crate::inner_ends::Stretch;
-use crate::methods::{Never, Pieces};
+use crate::pieces::{Never, Pieces};
 use crate::s_curve::law::CurvePieces;
 use crate::spacing::{MotorSteps, Spacing, Span};
+use crate::stretches::Stretch;
 use crate::time_law::TimeLaw;
 use crate::time_units::{FRACTION_BITS, HALF_TICK};
 use crate::trapezoid::TrapezoidPieces;

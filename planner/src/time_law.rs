@@ -1,16 +1,16 @@
 //! s(t) of a block, whatever its law: a value that yields the pieces.
 
 use crate::block::{PlannedBlock, Speed};
-use crate::methods::{Never, OtherLaw, Pieces};
 use crate::piece::{Place, time_at};
+use crate::pieces::{Never, OtherLaw, Pieces};
 use crate::real::Real;
 use crate::s_curve::law::{Along, Curve};
 use crate::time_units::UNITS_PER_SECOND;
 use crate::trapezoid::Trapezoid;
 
-/// Longest block whose law is worked out in f32, in time units: a quarter of a second. Its steps are then within a few
+/// The longest duration of a block whose law is worked out in f32, in time units: a quarter of a second. Its steps are then within a few
 /// ticks of f64's, a small part of the microsecond (84 ticks) that is allowed.
-const LONGEST_IN_F32: f32 = 0.25 * UNITS_PER_SECOND as f32;
+const MAX_IN_F32: f32 = 0.25 * UNITS_PER_SECOND as f32;
 
 /// The time law of a block: a trapezoid, in the precision that its duration asks for, or another.
 #[derive(Clone, Copy, Debug)]
@@ -30,7 +30,7 @@ impl<P: Pieces> TimeLaw<P> {
     #[inline]
     pub fn trapezoid(planned: &PlannedBlock) -> Self {
         let short = Trapezoid::<f32>::new(planned);
-        if short.duration <= LONGEST_IN_F32 { Self::Short(short) } else { Self::long(planned) }
+        if short.duration <= MAX_IN_F32 { Self::Short(short) } else { Self::long(planned) }
     }
 
     // R3.

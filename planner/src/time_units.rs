@@ -2,9 +2,14 @@
 //!
 //! Path is in units of 10 nm, speed in units of 2^-16 mm/s.
 
-use crate::TICKS_PER_SECOND;
 use crate::kinematics::UNITS_PER_MM;
 use crate::real::Real;
+
+/// Frequency of the nominal time base, in ticks a second.
+///
+/// Every planned time is a number of these ticks. A board whose timer runs at another frequency stretches time; it
+/// never plans other ticks.
+pub const TICKS_PER_SECOND: u32 = 84_000_000;
 
 /// Bits of fraction in a time unit: it is 2^-16 tick.
 pub const FRACTION_BITS: u32 = 16;

@@ -2,7 +2,8 @@
 //! seen of in whole prints.
 #![allow(clippy::unwrap_used)]
 
-use ferrostep_planner::look_ahead::{BlockQueue, BlockStart, Marker, Released, Slot};
+use ferrostep_planner::block_queue::BlockQueue;
+use ferrostep_planner::look_ahead::{BlockStart, Marker, Released, Slot};
 use ferrostep_planner::methods::Never;
 use ferrostep_planner::time_law::TimeLaw;
 use ferrostep_planner::{Acceleration, Block, Pace, PlannedBlock, Speed};

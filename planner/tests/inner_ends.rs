@@ -1,4 +1,4 @@
-//! Moves that end inside a block: when they are told, and where the motors stand then.
+//! Moves that end inside a block: when they are reported, and where the motors stand then.
 
 #![allow(clippy::unwrap_used, missing_docs)]
 

@@ -116,17 +116,41 @@ impl Arc {
     }
 
     /// The ends of all chords but the last, whose end is the arc's own.
-    pub fn inner_points(&self) -> impl Iterator<Item = [i64; 2]> + use<> {
-        let arc = *self;
-        let step = arc.angle / f64::from(arc.chords);
-        let [cosine, sine] = direction_at(step);
-        let mut direction = arc.start;
-        (1..arc.chords).map(move |index| {
-            direction = [direction[0] * cosine - direction[1] * sine, direction[0] * sine + direction[1] * cosine];
-            let share = f64::from(index) / f64::from(arc.chords);
-            let radius = arc.start_radius + (arc.end_radius - arc.start_radius) * share;
-            [0, 1].map(|axis| round_half_away(arc.centre[axis] + direction[axis] * radius))
-        })
+    pub fn inner_points(&self) -> InnerPoints {
+        InnerPoints {
+            arc: *self,
+            step: direction_at(self.angle / f64::from(self.chords)),
+            direction: self.start,
+            index: 0,
+        }
+    }
+}
+
+/// The ends of an arc's chords but the last.
+#[derive(Clone, Debug)]
+pub struct InnerPoints {
+    arc: Arc,
+    /// Cosine and sine of a chord's angle.
+    step: [f64; 2],
+    /// The last point seen from the centre, as a unit vector.
+    direction: [f64; 2],
+    index: u32,
+}
+
+impl Iterator for InnerPoints {
+    type Item = [i64; 2];
+
+    fn next(&mut self) -> Option<[i64; 2]> {
+        let arc = &self.arc;
+        if self.index + 1 >= arc.chords {
+            return None;
+        }
+        self.index += 1;
+        let ([cosine, sine], [x, y]) = (self.step, self.direction);
+        self.direction = [x * cosine - y * sine, x * sine + y * cosine];
+        let share = f64::from(self.index) / f64::from(arc.chords);
+        let radius = arc.start_radius + (arc.end_radius - arc.start_radius) * share;
+        Some([0, 1].map(|axis| round_half_away(arc.centre[axis] + self.direction[axis] * radius)))
     }
 }
 

@@ -1,38 +1,29 @@
 //! M122, M569, M906 and M914. Before the drivers are set up nothing moves, and no motor gets current.
 
-use core::fmt::{Arguments, write};
-
 use embedded_hal_async::delay::DelayNs;
-use ferrostep_gcode::{Command, DriverWords, Reply};
+use ferrostep_gcode::{Command, DriverWords};
 use ferrostep_tmc2209::{DriverEvent, DriverReport, DriverSettings, DriverState};
 
-use crate::AXIS_NAMES;
+use crate::axis_names::AXIS_NAMES;
 use crate::error::CommandError;
 use crate::ports::{MotorDrivers, Ports, Replies};
-use crate::printer::{Printer, Text};
+use crate::printer::Printer;
 
 /// How often a wait for a driver looks. A set-up takes tenths of a second, and always ends.
 const LOOK_MS: u32 = 10;
 
 /// Tells what has happened to a driver. `true`: a motor with current (`motors_on` is their mask) may not be where its
 /// steps say, so that who calls must halt the machine as M112 does; the host has been told, but for
-/// [`Reply::Killed`].
+/// `Reply::Killed`.
 ///
 /// Without current only the axis' home is lost, and printers are often without motor supply: then it is only a
 /// notice, for hosts end a print at each `Error:`.
 pub fn tell_driver_event(event: &DriverEvent, motors_on: u8, replies: &impl Replies) -> bool {
     let halts = event.stops_motion() && motors_on >> event.motor & 1 == 1;
     if event.is_notable() {
-        say(replies, format_args!("{}{event}", if halts { "Error:" } else { "echo:" }));
+        replies.say(format_args!("{}{event}", if halts { "Error:" } else { "echo:" }));
     }
     halts
-}
-
-/// A line of text; one that is too long is cut.
-fn say(replies: &impl Replies, line: Arguments<'_>) {
-    let mut text = Text::new();
-    let _ = write(&mut text, line);
-    replies.send(Reply::Text(&text));
 }
 
 /// What a motor's driver is called in a line.
@@ -51,7 +42,7 @@ impl<P: Ports> Printer<'_, P> {
                     Some(DriverState::Failed(failure)) => {
                         let error = CommandError::Driver { motor, failure };
                         // A print that cannot move shall not go on with its heat: hosts end it at this word.
-                        say(self.replies, format_args!("Error:{error}"));
+                        self.replies.say(format_args!("Error:{error}"));
                         return Err(error);
                     }
                     Some(DriverState::Unconfirmed) => waits = true,
@@ -65,7 +56,7 @@ impl<P: Ports> Printer<'_, P> {
                 }
             }
         }
-        self.forget_home(drivers.take_moved());
+        self.interpreter.forget_home(drivers.take_moved());
         Ok(())
     }
 
@@ -93,7 +84,7 @@ impl<P: Ports> Printer<'_, P> {
             _ => return Ok(false),
         };
         let Some(drivers) = self.drivers else {
-            say(self.replies, format_args!("echo:{code}: not available, this machine's drivers cannot be set"));
+            self.replies.say(format_args!("echo:{code}: not available, this machine's drivers cannot be set"));
             return Ok(false);
         };
         let changes = values.iter().flatten().any(Option::is_some);
@@ -161,24 +152,22 @@ impl Setting {
                     DriverState::Confirmed => "confirmed",
                     DriverState::Failed(_) => "failed",
                 };
-                say(
-                    replies,
-                    format_args!(
+                replies.say(format_args!(
                         "echo:driver {name}: {state}, {run_ma} mA, {hold_ma} mA at rest, {microsteps} microsteps, \
                          {chopper}, stall threshold {stall_threshold}, load {load}, {repeated} datagrams repeated, {status}"
                     ),
                 );
             }
-            Self::Chopper => say(replies, format_args!("echo:driver {name}: {chopper}")),
+            Self::Chopper => replies.say(format_args!("echo:driver {name}: {chopper}")),
             Self::Current => {
-                say(replies, format_args!("echo:driver {name}: {current_ma} mA ({run_ma} mA, {hold_ma} mA at rest)"));
+                replies.say(format_args!("echo:driver {name}: {current_ma} mA ({run_ma} mA, {hold_ma} mA at rest)"));
             }
             Self::StallThreshold => {
-                say(replies, format_args!("echo:driver {name}: stall threshold {stall_threshold}, load {load}"));
+                replies.say(format_args!("echo:driver {name}: stall threshold {stall_threshold}, load {load}"));
             }
         }
         if let (Self::All, DriverState::Failed(failure)) = (self, state) {
-            say(replies, format_args!("echo:driver {name} {failure}"));
+            replies.say(format_args!("echo:driver {name} {failure}"));
         }
     }
 }

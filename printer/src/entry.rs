@@ -55,10 +55,10 @@ impl<P: Ports> Printer<'_, P> {
         self.motion.finish().await?;
         let [x, y, _] = self.motion.position_10nm();
         self.motion.set_position([x, y, z_10nm]);
-        (self.modal.machine_10nm, self.modal.lift_10nm) = ([x, y, z_10nm], 0);
-        self.modal.homed[2] = true;
+        (self.interpreter.modal.machine_10nm, self.interpreter.modal.lift_10nm) = ([x, y, z_10nm], 0);
+        self.interpreter.modal.homed[2] = true;
         // A probe triggers where its offset says; without a probe, where the profile does.
-        self.modal.z = KnownZ { trigger_10nm: Some(self.trigger_10nm(2)), ..KnownZ::default() };
+        self.interpreter.modal.z = KnownZ { trigger_10nm: Some(self.interpreter.trigger_10nm(2)), ..KnownZ::default() };
         Ok(())
     }
 
@@ -81,16 +81,17 @@ impl<P: Ports> Printer<'_, P> {
         self.motion.set_limits(modal.limits.map_or(self.profile.limits, limits));
         self.motion.set_fan_power(state.fan_power).await?;
         let [x, y, z] = state.position_10nm;
-        self.modal.machine_10nm = [x, y, z - modal.lift_10nm];
-        self.modal.lift_10nm = modal.lift_10nm;
-        self.modal.offset_10nm = modal.offset_10nm;
-        (self.modal.extruder_10nm, self.modal.extruder_rest_100pm) = (modal.extruder_10nm, 0);
+        self.interpreter.modal.machine_10nm = [x, y, z - modal.lift_10nm];
+        self.interpreter.modal.lift_10nm = modal.lift_10nm;
+        self.interpreter.modal.offset_10nm = modal.offset_10nm;
+        (self.interpreter.modal.extruder_10nm, self.interpreter.modal.extruder_rest_100pm) = (modal.extruder_10nm, 0);
         let [least, most] = PERCENTS.map(|percent| percent as u16);
-        self.modal.feed_percent = modal.feed_percent.clamp(least, most);
-        self.modal.flow_percent = modal.flow_percent.clamp(least, most);
+        self.interpreter.modal.feed_percent = modal.feed_percent.clamp(least, most);
+        self.interpreter.modal.flow_percent = modal.flow_percent.clamp(least, most);
         // The frame's feed has the percentage in it.
         let feed_10nm_per_min = f64::from(state.feed_mm_per_s) * 6_000_000.0;
-        self.modal.feed_10nm_per_min = (feed_10nm_per_min * 100.0 / f64::from(self.modal.feed_percent)) as i64;
+        self.interpreter.modal.feed_10nm_per_min =
+            (feed_10nm_per_min * 100.0 / f64::from(self.interpreter.modal.feed_percent)) as i64;
         Ok(())
     }
 }

@@ -8,9 +8,9 @@ use ferrostep_planner::look_ahead::PlanFault;
 use ferrostep_planner::{MIN_FEED_MM_PER_S, MoveError, Speed};
 use ferrostep_tmc2209::{DriverEvent, DriverEventKind, Failure as DriverFailure, SettingsError};
 
-use crate::AXIS_NAMES;
+use crate::axis_names::AXIS_NAMES;
 use crate::heat::HeatFault;
-use crate::ports::{Miscount, MotionError, MotionFault};
+use crate::motion_fault::{Miscount, MotionError, MotionFault};
 
 /// Why a command was not executed. Nothing of it has happened then; a command that was stopped on its way
 /// ([`CommandError::Stopped`]) leaves the machine where it says it stands.
@@ -89,6 +89,13 @@ pub enum CommandError {
         /// Index of the axis that is not homed.
         axis: usize,
     },
+    /// A paused print cannot go on: an axis has lost its home meanwhile.
+    PausedUnhomed {
+        /// Index of the axis.
+        axis: usize,
+    },
+    /// M24 or M602 without a print that is paused.
+    NotPaused,
     /// A prepared job has heights of its own, and M290 has shifted Z.
     Shifted {
         /// By how much, units of 10 nm.
@@ -129,8 +136,21 @@ pub enum CommandError {
     },
     /// What the command needs cannot be used on this board: `heaters`, `thermometers`, `end stops`, `fan`.
     NotEquipped(&'static str),
+    /// The memory card prints, or a file is written to it, so that it is not free for this.
+    CardInUse,
+    /// A host's line would move the head of a print from the card.
+    CardPrints,
     /// M796 chose methods that cannot be used.
     MotionChoice(ChoiceError),
+    /// The job is for another nozzle (M862.1).
+    OtherNozzle {
+        /// The job's diameter, mm.
+        job_mm: f64,
+        /// The machine's, mm.
+        machine_mm: f64,
+    },
+    /// The job is for another printer (M862.3); the names of this one, separated by commas.
+    OtherModel(&'static str),
     /// A tool that does not exist.
     InvalidTool(u32),
     /// The machine was stopped by M112 or a heater fault, here or before, and waits for M999.
@@ -259,6 +279,15 @@ impl fmt::Display for CommandError {
                      homed before: G28"
                 )
             }
+            Self::PausedUnhomed { axis } => {
+                let name = AXIS_NAMES.get(*axis).copied().unwrap_or('?');
+                write!(
+                    out,
+                    "the print stays paused: {name} was homed when it paused and is not now, expected G28 {name} before it goes on \
+                     (M602)"
+                )
+            }
+            Self::NotPaused => write!(out, "no print is paused, expected M601, M600 or M25 before"),
             Self::Shifted { shift_10nm } => write!(
                 out,
                 "M290 has shifted Z by {} mm, and a prepared job has heights of its own, expected no shift: G28 Z ends it, \
@@ -289,6 +318,11 @@ impl fmt::Display for CommandError {
                 let name = AXIS_NAMES.get(*motor).copied().unwrap_or('?');
                 write!(out, "{name}: {error}")
             }
+            Self::CardInUse => {
+                out.write_str("the memory card is in use: M524 ends a print from it, M29 ends what is written to it")
+            }
+            Self::CardPrints => out
+                .write_str("the memory card is printing, and this line would move its print: pause it first with M25"),
             Self::NotEquipped(what) => write!(out, "this board has no {what}"),
             Self::MotionChoice(ChoiceError::NotContained) => {
                 write!(out, "M796: this image contains only step-bresenham (I0) with trapezoid (A0) or s-curve (A1)")
@@ -297,7 +331,23 @@ impl fmt::Display for CommandError {
                 write!(out, "M796: a parameter of the method is out of range, see the machine's profile")
             }
             Self::MotionChoice(ChoiceError::InMotion) => write!(out, "M796: methods change at standstill only"),
-            Self::InvalidTool(tool) => write!(out, "T{tool} - Invalid extruder number !, expected T0"),
+            Self::OtherNozzle { job_mm, machine_mm } => {
+                let [job, machine] = [job_mm, machine_mm].map(|diameter_mm| Real::short(*diameter_mm, 2));
+                write!(
+                    out,
+                    "P: the job is for a nozzle of {job} mm, this machine has one of {machine} mm: slice the job for it, or \
+                     change nozzle_diameter_mm of the profile"
+                )
+            }
+            Self::OtherModel(names) => write!(
+                out,
+                "P: the job is for another printer, this machine is {names}: slice the job for it, or change model_names of \
+                 the profile"
+            ),
+            Self::InvalidTool(tool) => write!(
+                out,
+                "T{tool} - Invalid extruder number !, this machine has one extruder, T0: slice the job for one"
+            ),
             Self::Halted => write!(out, "the printer is halted (M112 or a heater fault), expected M999 to restart"),
             Self::NeedsReset(HeatFault { heater, trip }) => write!(
                 out,

@@ -6,6 +6,7 @@
 mod hotend_fan;
 mod pid;
 pub mod safety;
+mod sample_time;
 mod thermometer;
 
 use core::fmt;
@@ -13,18 +14,23 @@ use core::fmt;
 use ferrostep_gcode::Real;
 use ferrostep_hal_shim::{Fans, Heater, ThermalBoard};
 
-use crate::ports::HeaterStatus;
 use crate::profile::HeaterSettings;
 use hotend_fan::HotEndFan;
 use pid::Pid;
 use safety::{Safety, Trip};
+pub use sample_time::SAMPLE_MS;
 use thermometer::{MEDIAN_OF, Thermometer};
 
-/// From one sample to the next, ms.
-pub const SAMPLE_MS: u32 = 10;
-
-/// The same in seconds.
-const SAMPLE_S: f32 = SAMPLE_MS as f32 * 1e-3;
+/// A heater as a report shows it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct HeaterStatus {
+    /// Temperature, degrees Celsius.
+    pub celsius: f32,
+    /// Target, degrees Celsius; 0 = off.
+    pub target_celsius: f32,
+    /// Power, 0 to 1.
+    pub power: f32,
+}
 
 /// Why all heaters are off: until M999, or until a reset ([`Trip::needs_reset`]).
 #[derive(Clone, Copy, Debug, PartialEq)]

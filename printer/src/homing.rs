@@ -1,11 +1,12 @@
 //! G28.
 
-use ferrostep_gcode::{AxisFlags, Reply};
+use ferrostep_gcode::AxisFlags;
 use ferrostep_planner::Move;
 
 use crate::error::CommandError;
-use crate::ports::{HomingOutcome, Motion, Ports, Replies};
-use crate::printer::Printer;
+use crate::interpreter::MoveInterpreter;
+use crate::motion_fault::HomingOutcome;
+use crate::ports::{Motion, MotorDrivers};
 use crate::profile::{AxisHoming, HomeEnd, HomeSensor};
 
 /// The axis that may drive the nozzle into the bed.
@@ -14,17 +15,26 @@ const Z: usize = 2;
 /// How often an axis is approached as a whole before two approaches that do not agree are an error.
 const ATTEMPTS: u32 = 2;
 
-impl<P: Ports> Printer<'_, P> {
+/// One G28: seeks the sensors of the axes, and says to motors and interpreter where they are then.
+#[derive(Debug)]
+pub(crate) struct Homing<'h, 'a, M> {
+    pub motion: &'h mut M,
+    pub interpreter: &'h mut MoveInterpreter<'a>,
+    pub drivers: Option<&'a dyn MotorDrivers>,
+    /// The line of the command.
+    pub line: u32,
+}
+
+impl<M: Motion> Homing<'_, '_, M> {
     /// Homes X, then Y, then Z, those that are named or all.
     ///
     /// Before X and Y move, and before Z homes elsewhere than where the nozzle stands, Z is raised.
-    pub(crate) async fn home(&mut self, axes: AxisFlags) -> Result<(), CommandError> {
-        self.needs(self.equipment.end_stops, "end stops")?;
+    pub async fn home(&mut self, axes: AxisFlags) -> Result<(), CommandError> {
         let all = !(axes.x || axes.y || axes.z);
         let named = [axes.x, axes.y, axes.z].map(|named| named || all);
-        let home_at_10nm = self.profile.safe_homing.home_at_10nm.filter(|_| named[Z]);
+        let home_at_10nm = self.interpreter.profile.safe_homing.home_at_10nm.filter(|_| named[Z]);
         if home_at_10nm.is_some() {
-            let unknown = (0..Z).find(|&axis| !named[axis] && !self.modal.homed[axis]);
+            let unknown = (0..Z).find(|&axis| !named[axis] && !self.interpreter.modal.homed[axis]);
             unknown.map_or(Ok(()), |axis| Err(CommandError::HomeFirst { axis }))?;
         }
         for axis in (0..Z).filter(|&axis| named[axis]) {
@@ -50,38 +60,37 @@ impl<P: Ports> Printer<'_, P> {
                 self.motion.set_position(position_10nm);
             }
         }
-        self.replies.send(Reply::Position(self.position()));
         Ok(())
     }
 
     /// Raises Z to the profile's height, or by it where Z is unknown and has not been raised since. Never lowers it.
     async fn raise(&mut self) -> Result<(), CommandError> {
-        let raise_10nm = self.profile.safe_homing.raise_10nm;
+        let raise_10nm = self.interpreter.profile.safe_homing.raise_10nm;
         let mut target_10nm = self.motion.position_10nm();
         let z_10nm = target_10nm[Z];
-        target_10nm[Z] = if self.modal.homed[Z] {
-            raise_10nm.min(self.profile.size_10nm[Z])
+        target_10nm[Z] = if self.interpreter.modal.homed[Z] {
+            raise_10nm.min(self.interpreter.profile.size_10nm[Z])
         } else {
-            self.modal.z.raised_to_10nm.unwrap_or(z_10nm.saturating_add(raise_10nm))
+            self.interpreter.modal.z.raised_to_10nm.unwrap_or(z_10nm.saturating_add(raise_10nm))
         };
         if raise_10nm == 0 || target_10nm[Z] <= z_10nm {
             return Ok(());
         }
-        let outcome = self.go(target_10nm, self.profile.homing[Z].fast_mm_per_s).await;
-        self.modal.machine_10nm[Z] += self.motion.position_10nm()[Z] - z_10nm;
-        if !self.modal.homed[Z] {
-            self.modal.z.raised_to_10nm = Some(target_10nm[Z]);
+        let outcome = self.go(target_10nm, self.interpreter.profile.homing[Z].fast_mm_per_s).await;
+        self.interpreter.modal.machine_10nm[Z] += self.motion.position_10nm()[Z] - z_10nm;
+        if !self.interpreter.modal.homed[Z] {
+            self.interpreter.modal.z.raised_to_10nm = Some(target_10nm[Z]);
         }
         outcome
     }
 
     /// Goes to a place in the plane at the height where the nozzle is.
     async fn travel(&mut self, [x_10nm, y_10nm]: [i64; 2]) -> Result<(), CommandError> {
-        let [x, y, _] = &self.profile.homing;
+        let [x, y, _] = &self.interpreter.profile.homing;
         let feed_mm_per_s = x.fast_mm_per_s.min(y.fast_mm_per_s);
         let [.., z_10nm] = self.motion.position_10nm();
         self.go([x_10nm, y_10nm, z_10nm], feed_mm_per_s).await?;
-        (self.modal.machine_10nm[0], self.modal.machine_10nm[1]) = (x_10nm, y_10nm);
+        (self.interpreter.modal.machine_10nm[0], self.interpreter.modal.machine_10nm[1]) = (x_10nm, y_10nm);
         Ok(())
     }
 
@@ -94,9 +103,9 @@ impl<P: Ports> Printer<'_, P> {
 
     /// Homes an axis, and says where it is.
     async fn home_axis(&mut self, axis: usize) -> Result<(), CommandError> {
-        let homing = self.profile.homing[axis];
+        let homing = self.interpreter.profile.homing[axis];
         let towards = towards(&homing);
-        self.modal.homed[axis] = false;
+        self.interpreter.modal.homed[axis] = false;
         self.motion.set_motors_enabled(1 << axis, true);
 
         let outcome = self.find_home(axis, &homing).await;
@@ -104,39 +113,32 @@ impl<P: Ports> Printer<'_, P> {
         let found_10nm = self.motion.position_10nm()[axis];
         if axis == Z {
             // Z is where its sensor says: the lift and the shift have gone into that.
-            self.modal.lift_10nm = 0;
-            self.modal.z.shift_10nm = 0;
-            self.modal.z.raised_to_10nm = None;
+            self.interpreter.modal.lift_10nm = 0;
+            self.interpreter.modal.z.shift_10nm = 0;
+            self.interpreter.modal.z.raised_to_10nm = None;
         }
-        let mut position = self.raised(self.modal.machine_10nm);
+        let mut position = self.interpreter.raised(self.interpreter.modal.machine_10nm);
         position[axis] = match outcome {
-            Ok(()) => self.trigger_10nm(axis),
+            Ok(()) => self.interpreter.trigger_10nm(axis),
             Err(_) => found_10nm,
         };
         if axis == Z && outcome.is_ok() && homing.end == HomeEnd::Min {
-            self.modal.z.trigger_10nm = Some(position[Z]);
+            self.interpreter.modal.z.trigger_10nm = Some(position[Z]);
         }
         self.motion.set_position(position);
-        self.modal.machine_10nm[axis] = position[axis];
+        self.interpreter.modal.machine_10nm[axis] = position[axis];
         outcome?;
-        self.modal.offset_10nm[axis] = 0;
-        self.modal.homed[axis] = true;
-        if homing.sensor == HomeSensor::Stall && self.profile.kinematics.shares_motors(axis) {
+        self.interpreter.modal.offset_10nm[axis] = 0;
+        self.interpreter.modal.homed[axis] = true;
+        if homing.sensor == HomeSensor::Stall && self.interpreter.profile.kinematics.shares_motors(axis) {
             // Motors that still push against the frame would seem to stall as soon as they move another axis.
             self.motion.begin_homing();
             self.move_back(axis, &homing).await?;
             position[axis] -= towards * homing.back_off_10nm;
             self.motion.set_position(position);
-            self.modal.machine_10nm[axis] = position[axis];
+            self.interpreter.modal.machine_10nm[axis] = position[axis];
         }
         Ok(())
-    }
-
-    /// Machine coordinate at which the sensor of an axis triggers. M851 moves a probe's.
-    pub(crate) fn trigger_10nm(&self, axis: usize) -> i64 {
-        let homing = &self.profile.homing[axis];
-        let offset_10nm = if homing.sensor == HomeSensor::Probe { self.modal.probe_offset_10nm[Z] } else { 0 };
-        homing.position_10nm - offset_10nm
     }
 
     /// A fast approach until the sensor triggers, a way back, and a second approach, which counts if it agrees with the
@@ -190,20 +192,20 @@ impl<P: Ports> Printer<'_, P> {
     /// unknown height has gone down all the way.
     fn end_of_search_10nm(&mut self, axis: usize, homing: &AxisHoming) -> i64 {
         let position_10nm = self.motion.position_10nm()[axis];
-        let length_10nm = self.profile.size_10nm[axis] - self.profile.lower_end_10nm[axis];
+        let length_10nm = self.interpreter.profile.size_10nm[axis] - self.interpreter.profile.lower_end_10nm[axis];
         if !is_bed(axis, homing) {
             return position_10nm + towards(homing) * (length_10nm + homing.overrun_10nm);
         }
-        let highest_10nm = self.profile.size_10nm[Z] + homing.overrun_10nm;
-        let below_10nm = highest_10nm - self.trigger_10nm(Z);
-        let trigger_10nm = *self.modal.z.trigger_10nm.get_or_insert(position_10nm - below_10nm);
+        let highest_10nm = self.interpreter.profile.size_10nm[Z] + homing.overrun_10nm;
+        let below_10nm = highest_10nm - self.interpreter.trigger_10nm(Z);
+        let trigger_10nm = *self.interpreter.modal.z.trigger_10nm.get_or_insert(position_10nm - below_10nm);
         trigger_10nm - AxisHoming::MAX_PRESS_10NM
     }
 
     /// The other axes whose sensors are released.
     fn other_sensors(&self, axis: usize) -> [Option<usize>; 3] {
         let released = |other: usize| {
-            let by_stall = self.profile.homing[other].sensor == HomeSensor::Stall;
+            let by_stall = self.interpreter.profile.homing[other].sensor == HomeSensor::Stall;
             other != axis && !by_stall && !self.motion.is_end_stop_triggered(other)
         };
         [0, 1, 2].map(|other| released(other).then_some(other))
@@ -223,7 +225,7 @@ impl<P: Ports> Printer<'_, P> {
 
     /// Refuses an axis whose driver would let the motor push on for ever.
     fn needs_stall_signal(&self, axis: usize) -> Result<(), CommandError> {
-        if self.profile.homing[axis].sensor != HomeSensor::Stall {
+        if self.interpreter.profile.homing[axis].sensor != HomeSensor::Stall {
             return Ok(());
         }
         let settings = self.drivers.and_then(|drivers| drivers.report(axis)).map(|report| report.settings);
@@ -235,16 +237,25 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
+    /// Adds a move that is no part of the G-code.
+    async fn move_to(&mut self, target_10nm: [i64; 3], feed_mm_per_s: f64) -> Result<(), CommandError> {
+        self.motion.add(self.request(target_10nm, feed_mm_per_s)).await?;
+        Ok(())
+    }
+
+    fn request(&self, target_10nm: [i64; 3], feed_mm_per_s: f64) -> Move {
+        let feed_mm_per_s = feed_mm_per_s as f32;
+        Move { target_10nm, filament_100pm: 0, feed_mm_per_s, line: self.line, ends_move: false }
+    }
+
     async fn seek(&mut self, axis: usize, to_10nm: i64, feed_mm_per_s: f64) -> Result<HomingOutcome, CommandError> {
         let mut target_10nm = self.motion.position_10nm();
         // Never away from the sensor: a sensor that must lie behind the axis is missed.
-        if way_10nm(&self.profile.homing[axis], target_10nm[axis], to_10nm) <= 0 {
+        if way_10nm(&self.interpreter.profile.homing[axis], target_10nm[axis], to_10nm) <= 0 {
             return Ok(HomingOutcome::Missed);
         }
         target_10nm[axis] = to_10nm;
-        let feed_mm_per_s = feed_mm_per_s as f32;
-        let request = Move { target_10nm, filament_100pm: 0, feed_mm_per_s, line: self.line, ends_move: false };
-        Ok(self.motion.seek(request, axis).await?)
+        Ok(self.motion.seek(self.request(target_10nm, feed_mm_per_s), axis).await?)
     }
 }
 

@@ -1,20 +1,24 @@
 //! One serial line's side of the conversation: line numbers, checksums, one `ok` a line.
 
-use ferrostep_gcode::{Line, LineError, LineNumbers, Reply, ResendReason, Verdict};
+use ferrostep_gcode::{CardCommand, Command, Line, LineError, LineNumbers, Reply, ResendReason, Verdict, parse};
 
 use crate::ports::{Ports, Replies};
-use crate::printer::{Printer, Text};
+use crate::printer::Printer;
 
 /// A host on a serial line. Each line has its own numbers.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Host {
     numbers: LineNumbers,
+    /// Its lines go into a file (M28).
+    writes: bool,
+    /// And they have numbers: one without has lost it on the way.
+    writes_numbered: bool,
 }
 
 impl Host {
     /// A host that has said nothing yet.
     pub const fn new() -> Self {
-        Self { numbers: LineNumbers::new() }
+        Self { numbers: LineNumbers::new(), writes: false, writes_numbered: false }
     }
 
     /// Answers what the line reader made of some bytes: executes a good line, `ok`s a repeated one, asks for a
@@ -25,25 +29,36 @@ impl Host {
             Ok(line) => match self.numbers.check(&line) {
                 Verdict::Execute => {
                     printer.set_last_line(self.numbers.last());
+                    if self.writes {
+                        let is_garbled = self.writes_numbered && line.number.is_none() && !is_end_of_file(line.text);
+                        if is_garbled {
+                            let (reason, last) = (ResendReason::WrongChecksum, self.numbers.last());
+                            return replies.send(Reply::Resend { reason, last });
+                        }
+                        self.writes = printer.write_line(line.text).await;
+                        return;
+                    }
                     // The printer has already told the host.
-                    let _ = printer.execute(line.line_number, line.text).await;
+                    let _ = printer.execute_for_host(line.line_number, line.text, line.number.is_some()).await;
+                    self.writes = printer.take_begun_writing();
+                    self.writes_numbered = line.number.is_some();
                 }
                 Verdict::Repeat => replies.send(Reply::Ok),
                 Verdict::Resend(reason, last) => replies.send(Reply::Resend { reason, last }),
             },
             Err(error) => match self.numbers.check_unreadable(&error) {
                 Some(Verdict::Resend(reason, last)) => replies.send(Reply::Resend { reason, last }),
-                Some(_) => {
-                    replies.send(Reply::Resend { reason: ResendReason::WrongChecksum, last: self.numbers.last() })
-                }
-                None => {
-                    let mut text = Text::new();
-                    if core::fmt::write(&mut text, format_args!("echo:line {}: {error}", error.line_number())).is_ok() {
-                        replies.send(Reply::Text(&text));
-                    }
+                Some(Verdict::Repeat) => replies.send(Reply::Ok),
+                Some(Verdict::Execute) | None => {
+                    replies.say(format_args!("echo:line {}: {error}", error.line_number()));
                     replies.send(Reply::Ok);
                 }
             },
         }
     }
+}
+
+/// Whether a line is M29, which a person may write without a number.
+pub(crate) fn is_end_of_file(text: &str) -> bool {
+    parse(text) == Ok(Command::Card(CardCommand::EndWrite))
 }

@@ -6,10 +6,13 @@
 
 pub mod heat;
 pub mod machine;
-pub mod packets;
 pub mod ports;
 
 mod arc;
+mod axis_names;
+mod card;
+mod command_kind;
+mod dispatch;
 mod drivers;
 mod entry;
 mod error;
@@ -17,32 +20,43 @@ mod extrusion;
 mod heater_timeout;
 mod homing;
 mod host;
+mod intended;
+mod interpreter;
 mod modal;
+mod motion_fault;
+mod motors;
 mod moves;
+mod pause;
+mod paused;
 mod prepared;
 mod printer;
 mod profile;
+mod reports;
 mod settings;
+mod shared_machine;
+mod signals;
+mod temperatures;
 mod transfer;
 mod waits;
 mod z_offset;
 
+pub use axis_names::AXIS_NAMES;
+pub use card::{HostLines, HostText};
 pub use drivers::tell_driver_event;
 pub use error::{CommandError, Failure};
+pub use heat::HeaterStatus;
 pub use heater_timeout::{HeaterRest, HeaterTimeout};
 pub use host::Host;
 pub use modal::Tally;
-pub use ports::{
-    Equipment, HeaterStatus, Heating, HomingOutcome, Miscount, Motion, MotionError, MotionFault, MotorDrivers, Ports,
-    Replies, Signals, Timing,
-};
-pub use printer::Printer;
+pub use motion_fault::{HomingOutcome, Miscount, MotionError, MotionFault};
+pub use paused::PauseReason;
+pub use ports::{Equipment, Heating, Motion, MotorDrivers, Ports, Replies, Timing, temperatures};
+pub use prepared::{OtherMotion, PreparedPlace};
+pub use printer::{JobRequest, Printer, Source};
 pub use profile::{
     AxisHoming, DEFAULT_EVENTS_PER_S, DEFAULT_HEATER_TIMEOUT_S, DEFAULT_MOVES_PER_S, DriverTiming, ExtrusionSettings,
     FirmwareRetraction, HeaterSettings, HeaterWatch, HomeEnd, HomeSensor, Profile, SafeHoming,
 };
-pub use transfer::{JobLine, JobRequest};
-pub use waits::temperatures;
-
-/// Names of the axes, in the order of their index.
-pub const AXIS_NAMES: [char; 4] = ['X', 'Y', 'Z', 'E'];
+pub use shared_machine::{SharedMachine, SharedMotion};
+pub use signals::{IDLE_TIMEOUT_S, Signals};
+pub use transfer::JobLine;

@@ -4,49 +4,28 @@
 mod feeder;
 mod homing_time;
 mod idle_timeout;
-mod shared;
 mod timeline;
+mod work;
 mod workload;
 
 use ferrostep_gcode::MotionFigures;
 use ferrostep_hal_shim::StepOutput;
-use ferrostep_planner::interpolator::MAX_ENTRIES;
 use ferrostep_planner::look_ahead::{PlanFault, Slot};
 use ferrostep_planner::{
-    ChoiceError, Limits, MotionChoice, MotionMethods, MoveError, Moved, Pace, Planner, Progress, Request, Standard,
-    StepDigests, TICKS_PER_SECOND,
+    ChoiceError, Limits, MotionChoice, MotionMethods, MoveError, Moved, Pace, Planner, Request, Standard, StepDigests,
+    TICKS_PER_SECOND,
 };
 
-use crate::ports::{HomingOutcome, MotionError, MotionFault};
+use crate::motion_fault::{HomingOutcome, MotionError, MotionFault};
 use crate::profile::Profile;
 use feeder::{Feeder, Seeking};
 pub use homing_time::HomingTime;
 use idle_timeout::IdleTimeout;
-pub use shared::{SharedMachine, SharedMotion};
 use workload::Workload;
 
-/// Ticks in a millisecond.
-const MS: u64 = TICKS_PER_SECOND as u64 / 1000;
-
-/// The motors start from standstill when this much motion is queued, or [`START_ENTRIES`].
-const START_TICKS: u64 = 100 * MS;
-
-/// The motors start from standstill when this many entries are queued, or [`START_TICKS`]. Each block that enters the
-/// look-ahead ring lets one leave: without this head start a few short blocks would end before the host has sent the next
-/// line.
-const START_ENTRIES: usize = 512;
-
-/// With less motion than this in the step queue, blocks leave the look-ahead ring before it is full: several visits of the
-/// planner task, and the time in which it makes a block's steps.
-const LOW_TICKS: u64 = 8 * MS;
-
-/// Updates of the step timer that may be missed between two visits of the planner task, 2 ms apart. Nothing in the
-/// firmware delays the step interrupt by that much, and each miss only repeats an interval. With more of them motion
-/// stops, or the hardware counts wrong.
-const MAX_MISSED_UPDATES: u32 = 8;
-
-/// Portions of planning in one call of [`Machine::work`], so that other users of the machine get their turn.
-const PORTIONS_AT_ONCE: usize = 256;
+/// Motion at hand from which on the moves of a host wait: 2 s. A person takes that for an answer at once, and a host that must
+/// first wake up, or send a line again, takes less.
+const BOUND_TICKS: u64 = 2 * TICKS_PER_SECOND as u64;
 
 /// Mask of all motors.
 const ALL_MOTORS: u8 = 0b1111;
@@ -95,6 +74,8 @@ pub struct Machine<R, Q, M: MotionMethods = Standard> {
     flushed: bool,
     /// The entries queued so far leave the motors running.
     in_motion: bool,
+    /// Moves wait for room in time, too ([`Self::set_bounded_in_time`]).
+    is_bounded: bool,
     /// How often motion was stopped.
     stops: u32,
     /// Why motion was stopped, if it was found wrong, until the printer task has read it.
@@ -118,6 +99,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
             dropped_100pm: 0,
             flushed: false,
             in_motion: false,
+            is_bounded: false,
             stops: 0,
             fault: None,
         }
@@ -140,11 +122,6 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
             self.set_motors_enabled(ALL_MOTORS, true);
         }
         Ok(moved)
-    }
-
-    /// See [`Planner::refine_position`].
-    pub fn refine_position(&mut self, position_10nm: [i64; 3]) -> bool {
-        self.planner.refine_position(position_10nm)
     }
 
     /// Changes the fan after the motion taken so far; `false` without room.
@@ -173,8 +150,24 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
     }
 
     /// Whether a move would be taken now; some are even if this says no.
-    pub fn has_room(&self) -> bool {
-        self.planner.has_room() && !self.feeder.queue.link().is_stopping()
+    pub fn has_room(&mut self) -> bool {
+        self.planner.has_room() && !self.feeder.queue.link().is_stopping() && !self.holds_enough()
+    }
+
+    /// Whether the moves to come wait when 2 s (`BOUND_TICKS`) of motion are at hand, though the look-ahead ring has room: those of a
+    /// host, which is to see soon that it pauses, cancels or changes the feed.
+    pub fn set_bounded_in_time(&mut self, is_bounded: bool) {
+        self.is_bounded = is_bounded;
+    }
+
+    /// Bounded in time: whether the motion at hand goes on for long enough, whatever comes next. What later blocks may still
+    /// make faster is not counted, so there is always enough beyond it to brake from any speed.
+    pub fn holds_enough(&mut self) -> bool {
+        if !self.is_bounded {
+            return false;
+        }
+        let queued = self.feeder.remaining_ticks();
+        queued >= BOUND_TICKS || queued + self.planner.certain_ticks(self.feeder.ledger.tick()) >= BOUND_TICKS
     }
 
     /// Whether all moves taken have been executed, to the last step.
@@ -402,119 +395,6 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
     /// The step queue, when the machine is no longer needed.
     pub fn into_queue(self) -> Q {
         self.feeder.queue
-    }
-
-    /// Keeps the step queue full; to be called when something was added, and at a steady pace. Returns whether there is
-    /// more to do at once.
-    pub fn work(&mut self, silence: Silence) -> bool {
-        let queue = &mut self.feeder.queue;
-        if queue.link().is_stopping() {
-            self.follow_stop();
-            return false;
-        }
-        let missed_updates = queue.take_missed_updates();
-        self.counts.missed_updates += u64::from(missed_updates);
-        if missed_updates > MAX_MISSED_UPDATES {
-            self.stop_for(MotionFault::MissedUpdates(missed_updates));
-            return true;
-        }
-        if queue.link().take_ran_dry() && self.in_motion {
-            self.counts.underruns += 1;
-        }
-        let played = queue.played();
-        self.feeder.fan.advance(played);
-        self.feeder.timeline.pass(played);
-        if silence.may_flush {
-            self.flush_at_standstill();
-        }
-        let more = self.plan(silence.may_release);
-        if self.planner.is_idle() {
-            self.feeder.queue.seal();
-            self.planner.set_pace(Pace::FULL);
-        }
-        self.in_motion = self.planner.is_in_motion();
-        self.start_when_ready();
-        more
-    }
-
-    /// Starts the motors from standstill when the head start is there, or no more is to come.
-    fn start_when_ready(&mut self) {
-        let queue = &self.feeder.queue;
-        let waiting = queue.waiting();
-        let is_full = queue.room() < MAX_ENTRIES;
-        let is_enough = waiting >= START_ENTRIES || self.feeder.remaining_ticks() >= START_TICKS;
-        if waiting > 0 && !queue.link().is_running() && (self.flushed || is_full || is_enough) {
-            self.feeder.queue.start();
-        }
-    }
-
-    /// At standstill: executes the moves that wait, as the host seems to have no more.
-    fn flush_at_standstill(&mut self) {
-        let queue = &self.feeder.queue;
-        let something_waits = !self.planner.is_look_ahead_empty() || queue.waiting() > 0;
-        if something_waits && !self.flushed && !queue.link().is_running() {
-            self.counts.idle_flushes += 1;
-            self.flush();
-        }
-    }
-
-    /// In motion: lets a block leave a look-ahead ring that is not full, if steps run out. Returns whether it did.
-    fn release(&mut self) -> bool {
-        let runs_out = self.planner.is_in_motion() && self.feeder.remaining_ticks() < LOW_TICKS;
-        let releases = runs_out && self.feeder.queue.link().is_running() && !self.planner.is_look_ahead_empty();
-        if releases {
-            self.planner.release();
-        }
-        releases
-    }
-
-    /// After planning that began at tick `began`: sets the pace that planning can keep for the blocks to come.
-    fn adjust_pace(&mut self, began: Option<u32>) {
-        self.feeder.update_timeline();
-        let (Some(began), Some(now)) = (began, self.feeder.queue.now_ticks()) else { return };
-        if let Some(pace) = self.workload.add(now.wrapping_sub(began), self.planner.nominal_ticks()) {
-            self.counts.planning_slowdowns += u64::from(pace < self.planner.pace());
-            self.planner.set_pace(pace);
-        }
-    }
-
-    /// Plans while there is room; whether there is more to do at once.
-    fn plan(&mut self, may_release: bool) -> bool {
-        for _ in 0..PORTIONS_AT_ONCE {
-            if self.feeder.queue.room() < MAX_ENTRIES || self.feeder.fan.is_full() {
-                return false;
-            }
-            self.feeder.queue.planning_begins();
-            let began = self.feeder.queue.now_ticks();
-            let seeking = self.feeder.seeking;
-            let progress = self.planner.advance(&mut self.feeder);
-            if self.feeder.seeking != seeking {
-                self.end_seek(HomingOutcome::Triggered);
-            }
-            if let Some(fault) = self.feeder.take_fault() {
-                self.count(fault);
-                self.stop_for(fault);
-                return true;
-            }
-            if progress == Progress::Waiting {
-                if may_release && self.release() {
-                    continue;
-                }
-                return false;
-            }
-            self.feeder.queue.planning_ends();
-            self.adjust_pace(began);
-        }
-        true
-    }
-
-    /// Counts a fault of the planned steps.
-    fn count(&mut self, fault: MotionFault) {
-        match fault {
-            MotionFault::Miscount(_) => self.counts.miscounts += 1,
-            MotionFault::StepsTooNear => self.counts.refused_entries += 1,
-            MotionFault::MissedUpdates(_) => {}
-        }
     }
 }
 

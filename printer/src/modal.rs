@@ -13,6 +13,8 @@ pub struct Tally {
     pub moves: u64,
     /// Moves whose target a soft limit changed.
     pub clamped_moves: u64,
+    /// Moves of an axis that was not homed.
+    pub unhomed_moves: u64,
     /// Net filament of all moves and retractions, units of 0.1 nm, flow included.
     pub filament_100pm: i64,
 }
@@ -27,6 +29,32 @@ pub(crate) struct KnownZ {
     pub raised_to_10nm: Option<i64>,
     /// How far the motors stand above what the G-code sees (M290).
     pub shift_10nm: i64,
+}
+
+/// A firmware retraction or recovery after which no move with filament was taken. The machine stands meanwhile, which tells
+/// after a stop how far it was.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct NewestRetraction {
+    /// Where the motors of X, Y and Z stand.
+    pub motor_steps: [i32; 3],
+    /// Its filament, units of 0.1 nm.
+    pub filament_100pm: i64,
+}
+
+impl NewestRetraction {
+    /// How much of the filament that a stop has left unpushed belongs to it, units of 0.1 nm; the motors stand at these steps.
+    pub fn dropped(&self, dropped_100pm: i64, motor_steps: [i64; 3]) -> i64 {
+        if motor_steps == self.motor_steps.map(i64::from) {
+            // It is being made, has ended or is about to begin: all filament still to come was its own.
+            dropped_100pm.clamp(self.filament_100pm.min(0), self.filament_100pm.max(0))
+        } else if dropped_100pm == 0 {
+            // Over.
+            0
+        } else {
+            // Not begun.
+            self.filament_100pm
+        }
+    }
 }
 
 /// Modal state.
@@ -48,6 +76,8 @@ pub(crate) struct Modal {
     /// What moves of a prepared job have pushed that is not in it yet, units of 0.1 nm times percent.
     pub extruder_rest_100pm: i64,
     pub homed: [bool; 3],
+    /// Axes that were homed and no longer are, of which nobody has been told.
+    pub lost: [bool; 3],
     pub z: KnownZ,
     /// A prepared job comes over the line, beside which the host's lines are executed.
     pub in_prepared_job: bool,
@@ -80,6 +110,7 @@ impl Modal {
             extruder_10nm: 0,
             extruder_rest_100pm: 0,
             homed: [false; 3],
+            lost: [false; 3],
             z: KnownZ::default(),
             in_prepared_job: false,
             probe_offset_10nm: profile.safe_homing.probe_offset_10nm,
@@ -93,11 +124,33 @@ impl Modal {
         }
     }
 
+    /// G90, G91: as in Marlin they rule the extruder too, until M82 or M83 says otherwise.
+    pub fn set_relative(&mut self, relative: bool) {
+        self.relative = relative;
+        self.relative_extruder = relative;
+    }
+
+    /// A paused print goes on: where it was and how it reads words; what was changed meanwhile about the machine stays.
+    pub fn go_on_as(&mut self, print: &Self) {
+        self.units = print.units;
+        self.relative = print.relative;
+        self.relative_extruder = print.relative_extruder;
+        self.feed_10nm_per_min = print.feed_10nm_per_min;
+        self.machine_10nm = print.machine_10nm;
+        self.offset_10nm = print.offset_10nm;
+        self.extruder_10nm = print.extruder_10nm;
+        self.extruder_rest_100pm = print.extruder_rest_100pm;
+        self.retracted = print.retracted;
+        self.lift_10nm = print.lift_10nm;
+    }
+
     /// The motors of these axes may have been turned since they stood where their steps say: nothing is known of the axes in the
     /// mask.
     pub fn forget_home(&mut self, axes: u8) {
-        for (axis, homed) in self.homed.iter_mut().enumerate() {
-            *homed &= axes >> axis & 1 == 0;
+        for (axis, (homed, lost)) in self.homed.iter_mut().zip(&mut self.lost).enumerate() {
+            let is_lost = *homed && axes >> axis & 1 == 1;
+            *homed &= !is_lost;
+            *lost |= is_lost;
         }
         if axes >> 2 & 1 == 1 {
             // The shift is one of coordinates and stays.

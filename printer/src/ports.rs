@@ -1,68 +1,20 @@
 //! What the printer needs of its surroundings.
 
+use core::fmt;
 use core::future::Future;
-use core::sync::atomic::{AtomicBool, AtomicU8, AtomicU16, AtomicU32, Ordering};
 
 use embedded_hal_async::delay::DelayNs;
-use ferrostep_gcode::{MotionFigures, Reply, TimingFigures};
+use ferrostep_gcode::{MotionFigures, Remarks, Reply, ShortText, Temperatures, TimingFigures};
 use ferrostep_hal_shim::{Clock, Heater};
-use ferrostep_planner::{ChoiceError, Limits, MotionChoice, Move, MoveError, Moved, Request};
+use ferrostep_planner::{ChoiceError, Limits, MotionChoice, Move, Moved, Request};
 use ferrostep_tmc2209::{DriverReport, DriverSettings, DriverState, SettingsError};
 
 use crate::error::Failure;
-use crate::heat::HeatFault;
-use crate::profile::DEFAULT_HEATER_TIMEOUT_S;
+use crate::heat::{HeatFault, HeaterStatus};
+use crate::motion_fault::{HomingOutcome, MotionError, MotionFault};
 
-/// Why motion was not possible.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum MotionError {
-    /// The planner refused the move.
-    Move(MoveError),
-    /// Motion was stopped (M112, M410) before it ended.
-    Stopped,
-    /// The firmware has found its own motion wrong and stopped it.
-    Fault(MotionFault),
-}
-
-/// Motion that is not as planned: an error of the firmware or of the chip. Motion has stopped.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum MotionFault {
-    /// A motor does not stand where its block ends.
-    Miscount(Miscount),
-    /// A step was planned nearer to the one before than the drivers or the step interrupt allow.
-    StepsTooNear,
-    /// The step interrupt has missed this many updates of its timer within a few milliseconds.
-    MissedUpdates(u32),
-}
-
-/// A motor that does not stand where its block ends.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Miscount {
-    /// The motor: X, Y, Z (CoreXY: A, B, Z), extruder.
-    pub motor: usize,
-    /// Where it stands, steps.
-    pub counted: i64,
-    /// Where the block ends, steps.
-    pub expected: i64,
-}
-
-impl Miscount {
-    /// The first motor that does not stand where it must; `None` if all do.
-    pub fn between(counted: [i64; 4], expected: [i64; 4]) -> Option<Self> {
-        let motors = counted.into_iter().zip(expected).enumerate();
-        let mut wrong = motors.filter(|(_, (counted, expected))| counted != expected);
-        wrong.next().map(|(motor, (counted, expected))| Self { motor, counted, expected })
-    }
-}
-
-/// How a move towards a sensor ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum HomingOutcome {
-    /// The sensor triggered; the motors stand there.
-    Triggered,
-    /// The move ended without it.
-    Missed,
-}
+/// A line of text that is put together here.
+pub(crate) type Text = heapless::String<384>;
 
 /// The planner and the motors, seen from the command side.
 pub trait Motion {
@@ -75,14 +27,14 @@ pub trait Motion {
     fn stops(&self) -> u32 {
         0
     }
+    /// Whether the moves to come wait for room in time, too ([`crate::machine::Machine::set_bounded_in_time`]).
+    fn set_bounded_in_time(&mut self, _is_bounded: bool) {}
     /// Queues motion; waits for room.
     fn add(&mut self, request: impl Request) -> impl Future<Output = Result<Moved, MotionError>>;
     /// Queues motion if that needs no waiting; `None` where it does, or might.
     fn try_add(&mut self, _request: &impl Request) -> Option<Result<Moved, MotionError>> {
         None
     }
-    /// Says where the machine is to less than a step; whether the motors stand there.
-    fn refine_position(&mut self, position_10nm: [i64; 3]) -> bool;
     /// Changes the fan with the motion queued so far; waits for room.
     fn set_fan_power(&mut self, power: u8) -> impl Future<Output = Result<(), MotionError>>;
     /// Waits until all queued motion has ended. An error, too, where the plan of a prepared job's last block could not be
@@ -171,17 +123,6 @@ impl Equipment {
     pub const NONE: Self = Self { heaters: false, end_stops: false, fan: false };
 }
 
-/// A heater as a report shows it.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct HeaterStatus {
-    /// Temperature, degrees Celsius.
-    pub celsius: f32,
-    /// Target, degrees Celsius; 0 = off.
-    pub target_celsius: f32,
-    /// Power, 0 to 1.
-    pub power: f32,
-}
-
 /// Heater control, seen from the command side.
 pub trait Heating {
     /// Sets a target, degrees Celsius; 0 switches the heater off.
@@ -232,140 +173,43 @@ pub trait Replies {
     /// Sends a reply, line by line.
     fn send(&self, reply: Reply<'_>);
 
-    /// Explains why a line was refused.
-    fn refuse(&self, line: u32, failure: &Failure) {
-        let mut text = heapless::String::<384>::new();
-        // A text that does not fit is cut; the failure itself is whole.
-        let _ = core::fmt::write(&mut text, format_args!("echo:line {line}: {failure}"));
+    /// Sends a line that is put together here; one that is too long is cut.
+    fn say(&self, line: fmt::Arguments<'_>) {
+        let mut text = Text::new();
+        let _ = fmt::write(&mut text, line);
         self.send(Reply::Text(&text));
     }
-}
 
-/// Flags between the command side and those who act on bytes as they arrive, or on time.
-#[derive(Debug, Default)]
-pub struct Signals {
-    end_wait: AtomicBool,
-    halted: AtomicBool,
-    waiting_for_heat: AtomicBool,
-    report_interval_s: AtomicU8,
-    keep_alive_s: AtomicU8,
-    is_at_work: AtomicBool,
-    idle_timeout_s: AtomicU32,
-    heater_timeout_s: AtomicU16,
-    host_spoke: AtomicBool,
-}
-
-/// Seconds at rest after which motors are switched off, unless M84 S says otherwise: Marlin's.
-pub const IDLE_TIMEOUT_S: u32 = 120;
-
-impl Signals {
-    /// Nothing signalled; `busy` messages every two seconds.
-    pub const fn new() -> Self {
-        Self {
-            end_wait: AtomicBool::new(false),
-            halted: AtomicBool::new(false),
-            waiting_for_heat: AtomicBool::new(false),
-            report_interval_s: AtomicU8::new(0),
-            keep_alive_s: AtomicU8::new(2),
-            is_at_work: AtomicBool::new(false),
-            idle_timeout_s: AtomicU32::new(IDLE_TIMEOUT_S),
-            heater_timeout_s: AtomicU16::new(DEFAULT_HEATER_TIMEOUT_S),
-            host_spoke: AtomicBool::new(false),
+    /// Takes what of a line is ignored, changed or without effect; `new` is what has not been said in this job yet.
+    fn remark(&self, line: u32, text: &str, _remarks: &Remarks, new: &Remarks) {
+        if !new.is_empty() {
+            let text = ShortText::new(text);
+            self.say(format_args!("echo:line {line}: \"{text}\": {new} (said once a job)"));
         }
     }
 
-    /// M108: the present wait ends.
-    pub fn end_wait(&self) {
-        self.end_wait.store(true, Ordering::Release);
+    /// Takes a command that is unknown.
+    fn unknown(&self, _line: u32, text: &str) {
+        self.send(Reply::UnknownCommand(text));
     }
 
-    /// Takes the request to end a wait.
-    pub(crate) fn take_end_wait(&self) -> bool {
-        self.end_wait.swap(false, Ordering::AcqRel)
+    /// Explains why a line was refused.
+    fn refuse(&self, line: u32, failure: &Failure) {
+        self.say(format_args!("echo:line {line}: {failure}"));
     }
+}
 
-    /// Whether a command is being executed: a wait, too, is work.
-    pub fn is_at_work(&self) -> bool {
-        self.is_at_work.load(Ordering::Acquire)
-    }
-
-    pub(crate) fn set_at_work(&self, is_at_work: bool) {
-        self.is_at_work.store(is_at_work, Ordering::Release);
-    }
-
-    /// Seconds at rest after which motors are switched off (M84 S); 0 = never.
-    pub fn idle_timeout_s(&self) -> u32 {
-        self.idle_timeout_s.load(Ordering::Relaxed)
-    }
-
-    pub(crate) fn set_idle_timeout_s(&self, seconds: u64) {
-        self.idle_timeout_s.store(u32::try_from(seconds).unwrap_or(u32::MAX), Ordering::Relaxed);
-    }
-
-    /// Seconds without use after which heaters go off (M86); 0 = never.
-    pub fn heater_timeout_s(&self) -> u16 {
-        self.heater_timeout_s.load(Ordering::Relaxed)
-    }
-
-    pub(crate) fn set_heater_timeout_s(&self, seconds: u16) {
-        self.heater_timeout_s.store(seconds, Ordering::Relaxed);
-    }
-
-    /// A host has sent a line, or a frame of a prepared job. From any priority: the receiving interrupt calls it, for a line may
-    /// have to wait its turn.
-    pub fn note_host(&self) {
-        self.host_spoke.store(true, Ordering::Release);
-    }
-
-    /// Whether a host has sent anything since this was last taken.
-    pub fn has_host_spoken(&self) -> bool {
-        self.host_spoke.load(Ordering::Acquire)
-    }
-
-    /// Takes that.
-    pub fn take_host_spoken(&self) -> bool {
-        self.host_spoke.swap(false, Ordering::AcqRel)
-    }
-
-    /// M112, or a heater fault: every wait ends and every command is refused until M999. Who sets it has switched
-    /// heaters off and stopped the motors.
-    pub fn halt(&self) {
-        self.halted.store(true, Ordering::Release);
-    }
-
-    /// Whether the machine is halted.
-    pub fn is_halted(&self) -> bool {
-        self.halted.load(Ordering::Acquire)
-    }
-
-    /// M999.
-    pub(crate) fn restart(&self) {
-        self.halted.store(false, Ordering::Release);
-    }
-
-    /// Seconds between temperature reports (M155); 0 = off, and while a wait for heat prints its own.
-    pub fn report_interval_s(&self) -> u8 {
-        if self.is_waiting_for_heat() { 0 } else { self.report_interval_s.load(Ordering::Relaxed) }
-    }
-
-    pub(crate) fn is_waiting_for_heat(&self) -> bool {
-        self.waiting_for_heat.load(Ordering::Relaxed)
-    }
-
-    pub(crate) fn set_waiting_for_heat(&self, waiting: bool) {
-        self.waiting_for_heat.store(waiting, Ordering::Relaxed);
-    }
-
-    pub(crate) fn set_report_interval_s(&self, seconds: u8) {
-        self.report_interval_s.store(seconds, Ordering::Relaxed);
-    }
-
-    /// Seconds between `busy` messages (M113); 0 = off.
-    pub fn keep_alive_s(&self) -> u8 {
-        self.keep_alive_s.load(Ordering::Relaxed)
-    }
-
-    pub(crate) fn set_keep_alive_s(&self, seconds: u8) {
-        self.keep_alive_s.store(seconds, Ordering::Relaxed);
+/// All temperatures as reports show them.
+pub fn temperatures(heating: &impl Heating) -> Temperatures {
+    let nozzle = heating.status(Heater::Nozzle);
+    let bed = heating.status(Heater::Bed);
+    let power = |share: f32| (share * 127.0) as u8;
+    Temperatures {
+        nozzle: nozzle.celsius,
+        nozzle_target: nozzle.target_celsius,
+        bed: bed.celsius,
+        bed_target: bed.target_celsius,
+        nozzle_power: power(nozzle.power),
+        bed_power: power(bed.power),
     }
 }

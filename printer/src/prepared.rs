@@ -3,30 +3,41 @@
 use ferrostep_gcode::parse;
 use ferrostep_gpre::{LimitValues, ModalState};
 use ferrostep_hal_shim::Heater;
-use ferrostep_planner::extruder::FILAMENT_UNITS_PER_MM;
-use ferrostep_planner::{Limits, Moved, Prepared, PreparedBlock, PreparedMove, Retuned};
+use ferrostep_planner::{Limits, Moved, Prepared, PreparedMove, Request, Retuned};
 
 use crate::error::{CommandError, Failure};
-use crate::moves::MAX_EXTRUDER_10NM;
-use crate::ports::{Heating, Motion, MotionError, Ports};
-use crate::printer::Printer;
+use crate::interpreter::MAX_EXTRUDER_10NM;
+use crate::motion_fault::MotionError;
+use crate::ports::{Heating, Motion, Ports};
+use crate::printer::{Printer, Source};
 
-/// E of the G-code as the blocks of a prepared job push it. The packets say it as well, from time to time; where they
-/// are refused it is the motors that count.
+/// Motion of a prepared job in another encoding than the compact one: the request that its reader makes of it, and what
+/// the printer checks and counts.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct BlockExtruder {
-    pub extruder_10nm: i64,
-    /// What is not in it yet, units of 0.1 nm times percent.
-    rest_100pm: i64,
+pub struct OtherMotion<R> {
+    /// What the planner is asked for.
+    pub request: R,
+    /// Source line.
+    pub line: u32,
+    /// Where X, Y and Z end, machine coordinates in units of 10 nm.
+    pub end_10nm: [i64; 3],
+    /// How far they may end from there, units of 10 nm: a format of motor steps tells positions no finer.
+    pub tolerance_10nm: [i64; 3],
+    /// Filament, units of 0.1 nm.
+    pub filament_100pm: i64,
+    /// How many moves of the G-code end in it.
+    pub moves: u32,
 }
 
-impl BlockExtruder {
-    fn push(&mut self, filament_100pm: i64, flow_percent: u16) {
-        let pushed_100pm = self.rest_100pm.saturating_add(filament_100pm);
-        let flow = i64::from(flow_percent.max(1));
-        self.extruder_10nm = self.extruder_10nm.saturating_add(pushed_100pm / flow);
-        self.rest_100pm = pushed_100pm % flow;
-    }
+/// Where the machine is, units of 10 nm.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct PreparedPlace {
+    /// Machine position.
+    pub position_10nm: [i64; 3],
+    /// What of Z is the lift of a firmware retraction.
+    pub lift_10nm: i64,
+    /// E of the G-code.
+    pub extruder_10nm: i64,
 }
 
 /// Limits in the order and precision in which a job has them.
@@ -44,7 +55,7 @@ impl<P: Ports> Printer<'_, P> {
     pub fn prepared_state(&self) -> ModalState {
         let celsius = |heater| self.heating.status(heater).target_celsius as u16;
         let limits = self.motion.limits();
-        let modal = &self.modal;
+        let modal = &self.interpreter.modal;
         ModalState {
             nozzle_celsius: celsius(Heater::Nozzle),
             bed_celsius: celsius(Heater::Bed),
@@ -92,7 +103,7 @@ impl<P: Ports> Printer<'_, P> {
         Some(self.note_prepared(item, now.as_ref(), moved))
     }
 
-    /// What became of a prepared move: state and tallies follow one that was taken.
+    /// Updates state and tallies after a prepared move was taken.
     #[inline(always)]
     fn note_prepared(
         &mut self,
@@ -106,23 +117,23 @@ impl<P: Ports> Printer<'_, P> {
         let filament_100pm = now.map_or(item.filament_100pm, |now| now.filament_100pm);
         let [x, y, z] = item.target_10nm().map(i64::from);
         if item.counts {
-            self.modal.machine_10nm = [x, y, self.modal.machine_z_10nm(z)];
-            self.modal.push_prepared(filament_100pm);
+            self.interpreter.modal.machine_10nm = [x, y, self.interpreter.modal.machine_z_10nm(z)];
+            self.interpreter.modal.push_prepared(filament_100pm);
         } else {
             self.note_retraction(z, filament_100pm);
         }
-        self.tally.moves = self.tally.moves.wrapping_add(u64::from(item.ends_move));
-        self.tally.filament_100pm = self.tally.filament_100pm.wrapping_add(filament_100pm);
+        self.interpreter.tally.moves = self.interpreter.tally.moves.wrapping_add(u64::from(item.ends_move));
+        self.interpreter.tally.filament_100pm = self.interpreter.tally.filament_100pm.wrapping_add(filament_100pm);
         Ok(())
     }
 
     /// A move of a firmware retraction was taken: the G-code's Z does not see its lift, nor E its filament.
     #[inline(never)]
     fn note_retraction(&mut self, z_10nm: i64, filament_100pm: i64) {
-        let [.., z_before_10nm] = self.modal.machine_10nm;
-        self.modal.lift_10nm = z_10nm.wrapping_sub(z_before_10nm);
+        let [.., z_before_10nm] = self.interpreter.modal.machine_10nm;
+        self.interpreter.modal.lift_10nm = z_10nm.wrapping_sub(z_before_10nm);
         if filament_100pm != 0 {
-            self.modal.retracted = filament_100pm < 0;
+            self.interpreter.modal.retracted = filament_100pm < 0;
         }
     }
 
@@ -132,16 +143,16 @@ impl<P: Ports> Printer<'_, P> {
         if self.signals.is_halted() {
             return Err(self.refused(CommandError::Halted));
         }
-        if self.modal.z.shift_10nm != 0 {
-            return Err(CommandError::Shifted { shift_10nm: self.modal.z.shift_10nm });
+        if self.interpreter.modal.z.shift_10nm != 0 {
+            return Err(CommandError::Shifted { shift_10nm: self.interpreter.modal.z.shift_10nm });
         }
-        if self.modal.soft_limits {
+        if self.interpreter.modal.soft_limits {
             for axis in 0..3 {
                 // Below the lower end it is more than any length: all are at most 5 m.
                 let (lower, upper) = (self.profile.lower_end_10nm[axis] as i32, self.profile.size_10nm[axis] as i32);
                 let above_lower = item.target[axis].units().wrapping_sub(lower).cast_unsigned();
                 let is_outside = above_lower > upper.wrapping_sub(lower).cast_unsigned();
-                if is_outside && self.modal.homed[axis] {
+                if is_outside && self.interpreter.modal.homed[axis] {
                     return Err(CommandError::Outside { axis });
                 }
             }
@@ -155,17 +166,18 @@ impl<P: Ports> Printer<'_, P> {
     /// Whether feed and flow have the percentages that moves were planned with.
     #[inline(always)]
     fn has_percents_of(&self, planned_with: &ModalState) -> bool {
-        self.modal.feed_percent == planned_with.feed_percent && self.modal.flow_percent == planned_with.flow_percent
+        self.interpreter.modal.feed_percent == planned_with.feed_percent
+            && self.interpreter.modal.flow_percent == planned_with.flow_percent
     }
 
-    /// What feed and flow of now make of a move; `None` where they are those of its plan.
+    /// The move at the present feed and flow; `None` if they are those of its plan.
     #[cold]
     #[inline(never)]
     fn retuned(&self, item: &PreparedMove, planned_with: &ModalState) -> Option<Retuned> {
         if self.has_percents_of(planned_with) {
             return None;
         }
-        let (feed, flow) = (self.modal.feed_percent, self.modal.flow_percent);
+        let (feed, flow) = (self.interpreter.modal.feed_percent, self.interpreter.modal.flow_percent);
         let mut filament_100pm = item.filament_100pm;
         if flow != planned_with.flow_percent && item.counts {
             let (now, then) = (i64::from(flow), i64::from(planned_with.flow_percent.max(1)));
@@ -183,83 +195,73 @@ impl<P: Ports> Printer<'_, P> {
         error
     }
 
-    /// Executes a block of a prepared job that has no moves; `moves` end in it.
+    /// Executes motion of a prepared job in another encoding than the compact one. E stays as it is, see
+    /// [`Self::prepared_place`].
     ///
     /// # Errors
-    /// As for a move of G-code.
-    pub async fn prepared_block(&mut self, block: &PreparedBlock, moves: u32) -> Result<(), CommandError> {
-        self.line = block.block.line;
+    /// As for [`Self::prepared_move`].
+    pub async fn prepared_motion(&mut self, motion: OtherMotion<impl Request>) -> Result<(), CommandError> {
+        self.line = motion.line;
         if self.signals.is_halted() {
-            return Err(CommandError::Halted);
+            return Err(self.refused(CommandError::Halted));
         }
-        if self.modal.z.shift_10nm != 0 {
-            return Err(CommandError::Shifted { shift_10nm: self.modal.z.shift_10nm });
+        if self.interpreter.modal.z.shift_10nm != 0 {
+            return Err(CommandError::Shifted { shift_10nm: self.interpreter.modal.z.shift_10nm });
         }
-        if block.block.extruder_256ths != 0 {
+        if motion.filament_100pm != 0 {
             self.check_extrusion_temperature()?;
         }
-        let result = self.take_block(block).await;
-        if let Err(error) = result {
-            self.follow_after(error);
-        }
-        result?;
-        let [x, y, z] = self.motion.position_10nm();
-        self.modal.machine_10nm = [x, y, z - self.modal.lift_10nm];
-        self.tally.moves += u64::from(moves);
-        // 1/256 steps at 1e-5 steps/mm: 3,906,250,000, times 2^31 less than 2^63 by a tenth of it.
-        const PER_256TH: i64 = FILAMENT_UNITS_PER_MM * 100_000 / 256;
-        let steps_per_mm = self.profile.steps_per_mm[3].hundred_thousandths().max(1);
-        let filament = i64::from(block.block.extruder_256ths) * PER_256TH;
-        let half = if filament < 0 { -steps_per_mm / 2 } else { steps_per_mm / 2 };
-        let filament_100pm = (filament + half) / steps_per_mm;
-        self.tally.filament_100pm += filament_100pm;
-        let (extruder_10nm, flow_percent) = (self.modal.extruder_10nm, self.modal.flow_percent);
-        let extruder = self.block_extruder.get_or_insert(BlockExtruder { extruder_10nm, rest_100pm: 0 });
-        extruder.push(filament_100pm, flow_percent);
-        Ok(())
-    }
-
-    async fn take_block(&mut self, block: &PreparedBlock) -> Result<(), CommandError> {
-        let end = {
-            let geometry = self.profile.geometry();
-            let mut steps = geometry.motor_steps(self.motion.position_10nm()).map(i64::from);
-            steps.iter_mut().zip(block.block.steps).for_each(|(position, steps)| *position += i64::from(steps));
-            geometry.position_10nm(steps)
-        };
-        // Where the motors stand is up to a step beside where they should.
-        for (axis, end) in end.into_iter().enumerate() {
-            let step = self.profile.steps_per_mm[axis].step_10nm();
-            let inside = self.profile.lower_end_10nm[axis] - step..=self.profile.size_10nm[axis] + step;
-            if self.modal.soft_limits && self.modal.homed[axis] && !inside.contains(&end) {
+        for (axis, end) in motion.end_10nm.into_iter().enumerate() {
+            let (lower, upper) = (self.profile.lower_end_10nm[axis], self.profile.size_10nm[axis]);
+            let outside_10nm = (lower - end).max(end - upper);
+            if self.interpreter.modal.soft_limits
+                && self.interpreter.modal.homed[axis]
+                && outside_10nm > motion.tolerance_10nm[axis]
+            {
                 return Err(CommandError::Outside { axis });
             }
         }
-        self.motion.add(*block).await?;
+        if let Err(error) = self.motion.add(motion.request).await {
+            return Err(self.refused(error.into()));
+        }
+        let [x, y, z] = self.motion.position_10nm();
+        self.interpreter.modal.machine_10nm = [x, y, z - self.interpreter.modal.lift_10nm];
+        self.interpreter.tally.moves += u64::from(motion.moves);
+        self.interpreter.tally.filament_100pm += motion.filament_100pm;
         Ok(())
     }
 
-    /// Takes over where the machine is after the blocks so far, to less than a step, how much of that is a firmware
-    /// retraction's lift, and E as the G-code sees it.
+    /// Takes over where the machine is after the motion so far; `request` makes the planner's position exact, which is known
+    /// to less than a motor step.
     ///
     /// # Errors
-    /// The motors do not stand there, or E is beyond any that the G-code can have; nothing has changed.
-    pub fn prepared_place(
-        &mut self,
-        position_10nm: [i64; 3],
-        lift_10nm: i64,
-        extruder_10nm: i64,
-    ) -> Result<(), CommandError> {
+    /// The motors do not stand there, E is out of range (units of 10 nm, as for G92), or motion was stopped; the G-code's
+    /// position has not changed.
+    pub async fn prepared_place(&mut self, place: &PreparedPlace, request: impl Request) -> Result<(), CommandError> {
+        let PreparedPlace { position_10nm, lift_10nm, extruder_10nm } = *place;
         if extruder_10nm.unsigned_abs() > MAX_EXTRUDER_10NM as u64 {
             return Err(CommandError::TooMuchFilament);
         }
-        if !self.motion.refine_position(position_10nm) {
-            return Err(CommandError::other_place(position_10nm, self.motion.position_10nm()));
+        self.motion.add(request).await?;
+        let stands_10nm = self.motion.position_10nm();
+        if stands_10nm != position_10nm {
+            return Err(CommandError::other_place(position_10nm, stands_10nm));
         }
         let [x, y, z] = position_10nm;
-        self.modal.machine_10nm = [x, y, z - lift_10nm];
-        self.modal.lift_10nm = lift_10nm;
-        self.modal.extruder_10nm = extruder_10nm;
+        self.interpreter.modal.machine_10nm = [x, y, z - lift_10nm];
+        self.interpreter.modal.lift_10nm = lift_10nm;
+        self.interpreter.modal.extruder_10nm = extruder_10nm;
         Ok(())
+    }
+
+    /// Sets E as the G-code sees it, units of 10 nm: a job that was refused has said another than its motion has pushed.
+    pub fn set_prepared_extruder(&mut self, extruder_10nm: i64) {
+        self.interpreter.modal.extruder_10nm = extruder_10nm;
+    }
+
+    /// The flow in force (M221), percent.
+    pub fn current_flow_percent(&self) -> u16 {
+        self.interpreter.modal.flow_percent
     }
 
     /// Changes the fan as a prepared job has it.
@@ -278,6 +280,9 @@ impl<P: Ports> Printer<'_, P> {
     pub async fn prepared_command(&mut self, line: u32, text: &str) -> Result<(), Failure> {
         self.line = line;
         self.signals.note_host();
+        if self.prints_from_card() {
+            self.source = Source::Card;
+        }
         let command = parse(text).map_err(Failure::Parse)?;
         self.command_with_signs_of_life(&command).await.map(|_| ()).map_err(Failure::Command)
     }
@@ -289,9 +294,6 @@ impl<P: Ports> Printer<'_, P> {
     /// Motion was stopped.
     pub async fn abandon_prepared(&mut self) -> Result<(), CommandError> {
         let finished = self.motion.finish().await;
-        if let Some(by_motors) = self.block_extruder.take() {
-            self.modal.extruder_10nm = by_motors.extruder_10nm;
-        }
         self.stop_motion();
         Ok(finished?)
     }

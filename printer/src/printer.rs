@@ -4,26 +4,26 @@ use core::future::{Future, poll_fn};
 use core::pin::pin;
 
 use embedded_hal_async::delay::DelayNs;
-use ferrostep_gcode::{
-    AxisFlags, Command, EndStopState, FirmwareInfo, Position, Remarks, Reply, ShortText, parse_with_remarks,
-};
-use ferrostep_hal_shim::{Clock, Heater};
-use ferrostep_planner::{AccelerationProfile, ChoiceError, Interpolation};
+use ferrostep_gcode::{Command, Remarks, Reply, parse_with_remarks};
+use ferrostep_hal_shim::Clock;
 
+use crate::axis_names::AXIS_NAMES;
+use crate::card::Card;
+use crate::command_kind::{WhileHalted, moves, while_halted};
 use crate::error::{CommandError, Failure};
+use crate::interpreter::MoveInterpreter;
 use crate::modal::{Modal, Tally};
-use crate::moves::NewestRetraction;
-use crate::ports::{Equipment, Heating, Motion, MotorDrivers, Ports, Replies, Signals, Timing};
-use crate::prepared::BlockExtruder;
-use crate::profile::{HomeEnd, HomeSensor, Profile};
-use crate::transfer::JobRequest;
-use crate::waits::temperatures;
+use crate::paused::Paused;
+use crate::ports::{Equipment, Heating, Motion, MotorDrivers, Ports, Replies, Timing};
+use crate::profile::Profile;
+use crate::signals::Signals;
+use crate::waits::Waits;
 
-/// A line of text that is put together here.
-pub(crate) type Text = heapless::String<384>;
-
-/// Masks of all motors, and of those that a command names.
+/// Masks of all motors.
 const ALL_MOTORS: u8 = 0b1111;
+
+/// How long the first line that a halt refuses waits, so that the halt is told before.
+const TELL_HALT_MS: u32 = 2;
 
 /// How a command that has been executed is answered.
 // R4.
@@ -36,14 +36,42 @@ pub(crate) enum Answer {
     Given,
 }
 
-fn mask(axes: AxisFlags) -> u8 {
-    if axes.is_empty() {
-        return ALL_MOTORS;
-    }
-    u8::from(axes.x) | u8::from(axes.y) << 1 | u8::from(axes.z) << 2 | u8::from(axes.e) << 3
+/// A host that wants to send a prepared job (M790).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct JobRequest {
+    /// Length of the job, bytes.
+    pub size: u32,
+    /// How long the host may be silent, s.
+    pub silence_s: u16,
 }
 
-/// Executes commands.
+/// Where a line comes from, which says who can be asked and who waits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Source {
+    /// A host, which waits for the answer. The lines of a print have numbers, what a person types has none.
+    Host {
+        /// The line has a number.
+        is_numbered: bool,
+    },
+    /// A file that is read to its end: nobody is asked.
+    File,
+    /// A card beside which hosts are heard: its reader waits while [`Printer::is_paused`].
+    Card,
+}
+
+/// An axis' name, where it has one.
+struct Letter(Option<char>);
+
+impl core::fmt::Display for Letter {
+    fn fmt(&self, out: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        self.0.map_or(Ok(()), |letter| core::fmt::Write::write_char(out, letter))
+    }
+}
+
+/// Executes commands: keeps the machine's parts together, and says of each line how it ended.
+///
+/// What a command does stands beside its theme (`moves`, `temperatures`, `settings`, ...); which command goes where is
+/// written once, in `dispatch`.
 pub struct Printer<'a, P: Ports> {
     pub(crate) profile: &'a Profile,
     pub(crate) motion: P::Motion,
@@ -51,23 +79,31 @@ pub struct Printer<'a, P: Ports> {
     pub(crate) clock: P::Clock,
     pub(crate) replies: &'a P::Replies,
     pub(crate) signals: &'a Signals,
-    pub(crate) modal: Modal,
-    pub(crate) tally: Tally,
-    /// Since the first block of a prepared job, or since G92.
-    pub(crate) block_extruder: Option<BlockExtruder>,
+    pub(crate) interpreter: MoveInterpreter<'a>,
     /// Number of the line being executed.
     pub(crate) line: u32,
-    last_line: i64,
+    pub(crate) last_line: i64,
     /// What has been said of this job's lines.
-    said: Remarks,
-    pub(crate) newest_retraction: Option<NewestRetraction>,
-    version: &'a str,
-    emergency_parser: bool,
-    timing: Option<&'a dyn Timing>,
+    pub(crate) said: Remarks,
+    pub(crate) version: &'a str,
+    pub(crate) identifier: Option<[u32; 3]>,
+    pub(crate) emergency_parser: bool,
+    pub(crate) meatpack: bool,
+    pub(crate) timing: Option<&'a dyn Timing>,
     pub(crate) drivers: Option<&'a dyn MotorDrivers>,
     pub(crate) equipment: Equipment,
     pub(crate) receives_jobs: bool,
     pub(crate) job_request: Option<JobRequest>,
+    pub(crate) card: Card<'a>,
+    /// Of the present line.
+    pub(crate) source: Source,
+    pub(crate) paused: Option<Paused>,
+    /// What M73 has said: percent, and minutes left.
+    pub(crate) progress: (Option<u8>, Option<u16>),
+    /// What commands have set, degrees Celsius: what was switched off otherwise may be off by its timeout.
+    pub(crate) targets_celsius: [f32; 2],
+    /// The hosts have been told that their prints end, since the machine is halted.
+    told_halted: bool,
 }
 
 impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<'a, (M, H, T, R)> {
@@ -81,20 +117,25 @@ impl<'a, M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Printer<
             clock,
             replies,
             signals,
-            modal: Modal::new(profile),
-            tally: Tally::default(),
-            block_extruder: None,
+            interpreter: MoveInterpreter::new(profile),
             line: 0,
             last_line: 0,
             said: Remarks::NONE,
-            newest_retraction: None,
             version: env!("CARGO_PKG_VERSION"),
+            identifier: None,
             emergency_parser: false,
+            meatpack: false,
             timing: None,
             drivers: None,
             equipment: Equipment::ALL,
             receives_jobs: false,
             job_request: None,
+            card: Card::none(),
+            source: Source::File,
+            paused: None,
+            progress: (None, None),
+            targets_celsius: [0.0; 2],
+            told_halted: false,
         }
     }
 }
@@ -105,9 +146,19 @@ impl<'a, P: Ports> Printer<'a, P> {
         self.version = version;
     }
 
+    /// The board's own number, such as its chip's unique identifier: M115 reports it as a UUID.
+    pub fn set_identifier(&mut self, identifier: [u32; 3]) {
+        self.identifier = Some(identifier);
+    }
+
     /// Says that M112, M108 and M410 are acted on as their bytes arrive (M115 reports it).
     pub fn set_emergency_parser(&mut self, present: bool) {
         self.emergency_parser = present;
+    }
+
+    /// Says that the ports' bytes may be packed (M115 reports it).
+    pub fn set_meatpack(&mut self, present: bool) {
+        self.meatpack = present;
     }
 
     /// The board measures times of itself (M798).
@@ -127,12 +178,18 @@ impl<'a, P: Ports> Printer<'a, P> {
 
     /// What has been done so far.
     pub fn tally(&self) -> Tally {
-        self.tally
+        self.interpreter.tally
     }
 
     /// X, Y, Z and E as the G-code sees them, units of 10 nm.
     pub fn logical_10nm(&self) -> [i64; 4] {
-        self.modal.logical_10nm()
+        self.interpreter.modal.logical_10nm()
+    }
+
+    /// The feed of the moves to come, at the present percentage, mm/s.
+    pub fn feed_mm_per_s(&self) -> f64 {
+        let modal = &self.interpreter.modal;
+        modal.feed_mm_per_s(modal.feed_10nm_per_min).into()
     }
 
     pub(crate) fn replies(&self) -> &'a P::Replies {
@@ -145,32 +202,50 @@ impl<'a, P: Ports> Printer<'a, P> {
 
     /// Waits until all motion has ended, as at the end of a job.
     pub async fn finish(&mut self) -> Result<(), CommandError> {
-        self.block_extruder = None;
         Ok(self.motion.finish().await?)
     }
 
+    /// Executes a line of a host, which waits for each answer: as [`Self::execute`], but with about 2 s of motion at hand a move
+    /// is answered when there is less.
+    pub async fn execute_for_host(&mut self, line: u32, text: &str, is_numbered: bool) -> Result<(), Failure> {
+        // The moves of a prepared job, between which a host is answered, fill the ring.
+        self.motion.set_bounded_in_time(!self.interpreter.modal.in_prepared_job);
+        self.execute_from(Source::Host { is_numbered }, line, text).await
+    }
+
     /// Executes the text of a line and answers it with exactly one `ok`; a refused one is explained by an `echo:`
-    /// before it.
+    /// before it. Moves fill the whole look-ahead ring.
     pub async fn execute(&mut self, line: u32, text: &str) -> Result<(), Failure> {
-        self.line = line;
+        self.motion.set_bounded_in_time(false);
+        self.execute_from(Source::File, line, text).await
+    }
+
+    async fn execute_from(&mut self, source: Source, line: u32, text: &str) -> Result<(), Failure> {
+        (self.source, self.line) = (source, line);
         self.signals.note_host();
         // A command at work keeps the motors on. If the idle timeout switched them off before, it is noticed now.
         self.signals.set_at_work(true);
         if self.motion.take_switched_off() {
-            self.modal.forget_home(ALL_MOTORS);
+            self.interpreter.modal.forget_home(ALL_MOTORS);
         }
+        self.log_line(text).await;
         let outcome = self.answer(line, text).await;
-        self.signals.set_at_work(false);
+        // So does a paused print, which must know where it is.
+        self.signals.set_at_work(self.is_paused());
         outcome
     }
 
     async fn answer(&mut self, line: u32, text: &str) -> Result<(), Failure> {
         let mut remarks = Remarks::NONE;
         let parsed = parse_with_remarks(text, &mut remarks);
-        if !remarks.is_empty() && parsed.is_ok() {
-            self.remark(line, text, &remarks);
+        if let Ok(command) = &parsed {
+            self.add_remarks(command, &mut remarks);
+            if !remarks.is_empty() {
+                self.remark(line, text, &remarks);
+            }
         }
         let failure = match &parsed {
+            Ok(command) if self.disturbs_print(command) => Failure::Command(CommandError::CardPrints),
             Ok(command) => match self.command_with_signs_of_life(command).await {
                 Ok(answer) => {
                     if answer == Answer::Ok {
@@ -182,23 +257,50 @@ impl<'a, P: Ports> Printer<'a, P> {
             },
             Err(error) => Failure::Parse(*error),
         };
+        let is_halted = matches!(failure, Failure::Command(CommandError::Halted | CommandError::NeedsReset(_)));
+        if is_halted && !self.told_halted {
+            // The halt itself and the heater's fault are told by a task below this one: they come first.
+            self.clock.delay_ms(TELL_HALT_MS).await;
+        }
         self.replies.refuse(line, &failure);
+        if let (Failure::Command(error), Source::Host { is_numbered }) = (&failure, self.source) {
+            self.end_print_of_host(error, matches!(parsed, Ok(Command::EmergencyStop | Command::Restart)), is_numbered);
+        }
         self.replies.send(Reply::Ok);
         Err(failure)
     }
 
+    /// Ends or pauses the print of a host whose line was refused, in the words that hosts know: they would stream the rest of it into
+    /// a machine that does nothing.
+    #[cold]
+    fn end_print_of_host(&mut self, error: &CommandError, is_stop: bool, is_numbered: bool) {
+        match error {
+            CommandError::Halted | CommandError::NeedsReset(_) => {
+                // M112 has said it, and M999 is no line of a print.
+                if !is_stop {
+                    self.replies.send(Reply::Killed);
+                    // Printrun's word.
+                    self.replies.send(Reply::Text("!! the printer is halted, M999 restarts it"));
+                }
+                if !core::mem::replace(&mut self.told_halted, true) {
+                    self.replies.send(Reply::Text("//action:cancel"));
+                }
+            }
+            CommandError::ColdExtrusion { .. } if is_numbered => {
+                self.replies
+                    .send(Reply::Text("//action:notification Too cold to extrude: heat the nozzle, then resume"));
+                // Printrun reads the second form only.
+                self.replies.send(Reply::Text("//action:pause\n// action:pause"));
+            }
+            _ => {}
+        }
+    }
+
     /// Says what of a line is ignored or changed, each thing once a job.
     #[cold]
-    fn remark(&mut self, line: u32, text: &str, remarks: &Remarks) {
+    pub(crate) fn remark(&mut self, line: u32, text: &str, remarks: &Remarks) {
         let new = self.said.merge(remarks);
-        if new.is_empty() {
-            return;
-        }
-        let mut reply = Text::new();
-        let text = ShortText::new(text);
-        // What does not fit is cut.
-        let _ = core::fmt::write(&mut reply, format_args!("echo:line {line}: \"{text}\": {new} (said once a job)"));
-        self.replies.send(Reply::Text(&reply));
+        self.replies.remark(line, text, remarks, &new);
     }
 
     /// Executes a command and, while it takes long, says `busy` as often as M113 asks: hosts take a printer that is
@@ -217,7 +319,7 @@ impl<'a, P: Ports> Printer<'a, P> {
                     last_sign_ms = Some(now_ms);
                 } else if interval_ms > 0 && since_ms >= interval_ms {
                     last_sign_ms = Some(now_ms);
-                    replies.send(Reply::Busy);
+                    replies.send(if signals.is_paused_for_user() { Reply::PausedForUser } else { Reply::Busy });
                 }
             }
             progress
@@ -234,12 +336,18 @@ impl<'a, P: Ports> Printer<'a, P> {
             self.reckon_stop(dropped_100pm);
         }
         if self.signals.is_halted() && *command != Command::Restart {
-            self.follow_the_motors();
-            return Err(CommandError::Halted);
+            self.cancel();
+            // What is asked now is what has happened, though the planner task may not have followed the stop yet.
+            self.stop_motion();
+            match while_halted(command) {
+                WhileHalted::Works => {}
+                WhileHalted::IsOff => return Ok(Answer::Ok),
+                WhileHalted::Refused => return Err(CommandError::Halted),
+            }
         }
         let result = match self.motion.take_fault() {
             Some(fault) => Err(CommandError::MotionFault(fault)),
-            None => self.dispatch(command).await,
+            None => self.go_on_and_dispatch(command).await,
         };
         if let Err(error) = result {
             self.follow_after(error);
@@ -247,12 +355,50 @@ impl<'a, P: Ports> Printer<'a, P> {
         result
     }
 
+    /// The next move of a print goes on with it, where its reader did not wait.
+    async fn go_on_and_dispatch(&mut self, command: &Command<'_>) -> Result<Answer, CommandError> {
+        let is_of_print = match self.source {
+            Source::Host { is_numbered } => is_numbered && !self.prints_from_card(),
+            Source::File | Source::Card => true,
+        };
+        if moves(command) {
+            self.tell_lost_home();
+        }
+        if is_of_print && moves(command) {
+            if self.is_paused() {
+                self.resume().await?;
+            }
+            if self.have_heaters_rested() {
+                self.replies
+                    .send(Reply::Text("echo:heaters were switched off (M86), they heat up again for this print"));
+                self.heat_again(self.targets_celsius).await?;
+            }
+        }
+        self.dispatch(command).await
+    }
+
+    /// Says once that a move goes where nobody knows: motors that had no current may have been turned.
+    fn tell_lost_home(&mut self) {
+        let Modal { homed, lost, .. } = &mut self.interpreter.modal;
+        let untold = [0, 1, 2].map(|axis| core::mem::take(&mut lost[axis]) && !homed[axis]);
+        if untold == [false; 3] {
+            return;
+        }
+        let name = |axis: usize| if untold[axis] { AXIS_NAMES.get(axis).copied() } else { None };
+        let [x, y, z] = [0, 1, 2].map(|axis| Letter(name(axis)));
+        let line = self.line;
+        self.replies.say(format_args!(
+            "echo:line {line}: {x}{y}{z} lost its home when the motors were off: its position is not certain and has no soft \
+             limits, home it (G28)"
+        ));
+    }
+
     /// After a command that failed: where motion was stopped, the G-code's position is where the motors stand. A motor that
     /// stands elsewhere than its block ends makes no position certain.
     pub(crate) fn follow_after(&mut self, error: CommandError) {
         match error {
             CommandError::MotionFault(_) => {
-                self.forget_home(ALL_MOTORS);
+                self.interpreter.forget_home(ALL_MOTORS);
                 self.follow_the_motors();
             }
             CommandError::Stopped | CommandError::Halted | CommandError::NeedsReset(_) => self.follow_the_motors(),
@@ -265,11 +411,11 @@ impl<'a, P: Ports> Printer<'a, P> {
     pub(crate) fn follow_the_motors(&mut self) {
         if self.signals.is_halted() {
             self.motion.set_motors_enabled(ALL_MOTORS, false);
-            self.modal.forget_home(ALL_MOTORS);
+            self.interpreter.modal.forget_home(ALL_MOTORS);
         }
-        self.modal.lift_10nm = 0;
+        self.interpreter.modal.lift_10nm = 0;
         let [x, y, z] = self.motion.position_10nm();
-        self.modal.machine_10nm = [x, y, self.modal.machine_z_10nm(z)];
+        self.interpreter.modal.machine_10nm = [x, y, self.interpreter.modal.machine_z_10nm(z)];
     }
 
     /// Motion stops at once; position, extruder and filament are what has really happened.
@@ -280,133 +426,39 @@ impl<'a, P: Ports> Printer<'a, P> {
 
     /// Motion was stopped, with so much filament unpushed.
     fn reckon_stop(&mut self, dropped_100pm: i64) {
-        self.tally.filament_100pm -= dropped_100pm;
-        // What moves extrude by their length is no part of the G-code's position, nor is a firmware retraction.
-        if !self.modal.extrusion.settings().adaptive {
-            let counted_100pm = dropped_100pm - self.retraction_dropped_100pm(dropped_100pm);
-            self.modal.extruder_10nm -= counted_100pm / i64::from(self.modal.flow_percent.max(1));
-        }
-        self.newest_retraction = None;
+        let [x, y, z, _] = self.motion.motor_steps();
+        self.interpreter.take_back(dropped_100pm, [x, y, z]);
         self.follow_the_motors();
     }
 
     /// M999. The halt has stopped the motors, but the filament that they left unpushed has not been
     /// subtracted. A heater fault that is still there halts the machine again at once.
-    fn restart(&mut self) -> Result<(), CommandError> {
+    pub(crate) fn restart(&mut self) -> Result<(), CommandError> {
         if !self.signals.is_halted() {
             return Ok(());
         }
+        self.targets_celsius = [0.0; 2];
         self.stop_motion();
         // First the flag, then the heaters: a fault in between would be told by the heaters themselves.
         self.signals.restart();
         if let Err(fault) = self.heating.restart() {
             self.signals.halt();
-            let mut line = Text::new();
-            // Shorter than the longest line.
-            let _ = core::fmt::write(&mut line, format_args!("{fault}"));
-            self.replies.send(Reply::Text(&line));
+            self.replies.say(format_args!("{fault}"));
             self.replies.send(Reply::Killed);
             return Err(if fault.trip.needs_reset() { CommandError::NeedsReset(fault) } else { CommandError::Halted });
         }
+        self.told_halted = false;
         Ok(())
     }
 
-    async fn dispatch(&mut self, command: &Command<'_>) -> Result<Answer, CommandError> {
-        if self.drivers_part(command)?
-            && let Some(drivers) = self.drivers
-        {
-            self.drivers_confirmed(drivers).await?;
-        }
-        match *command {
-            Command::Linear { rapid, ref axes, feed } => self.linear(rapid, axes, feed).await?,
-            Command::Arc { clockwise, ref axes, form, feed } => self.arc(clockwise, axes, form, feed).await?,
-            Command::Dwell { milliseconds } => self.dwell(milliseconds).await?,
-            Command::Retract => self.firmware_retract(true).await?,
-            Command::Recover => self.firmware_retract(false).await?,
-            Command::SetUnits(units) => self.modal.units = units,
-            Command::Home(axes) => self.home(axes).await?,
-            Command::AbsolutePositioning => self.set_relative(false),
-            Command::RelativePositioning => self.set_relative(true),
-            Command::SetPosition(ref words) => self.set_position(words)?,
-            Command::EnableMotors(axes) => self.motion.set_motors_enabled(mask(axes), true),
-            Command::DisableMotors(axes) => self.disable_motors(axes).await?,
-            Command::IdleTimeout { seconds } => self.signals.set_idle_timeout_s(seconds),
-            Command::HeaterTimeout(Some(seconds)) => self.signals.set_heater_timeout_s(seconds),
-            Command::HeaterTimeout(None) => self.replies.send(Reply::HeaterTimeout(self.signals.heater_timeout_s())),
-            Command::AbsoluteExtrusion => self.modal.relative_extruder = false,
-            Command::RelativeExtrusion => self.modal.relative_extruder = true,
-            Command::SetNozzle(Some(celsius)) => self.set_temperature(Heater::Nozzle, celsius.to_f64())?,
-            Command::SetBed(Some(celsius)) => self.set_temperature(Heater::Bed, celsius.to_f64())?,
-            Command::WaitNozzle(target) => self.wait_for_heat(Heater::Nozzle, target).await?,
-            Command::WaitBed(target) => self.wait_for_heat(Heater::Bed, target).await?,
-            Command::ReportTemperatures => {
-                self.needs(self.equipment.heaters, "thermometers")?;
-                self.replies.send(Reply::OkTemperatures(temperatures(&self.heating)));
-                return Ok(Answer::Given);
-            }
-            Command::AutoReportTemperatures { seconds } => self.signals.set_report_interval_s(seconds),
-            Command::Fan { index: 0, power } => {
-                self.needs(self.equipment.fan || power == 0, "fan")?;
-                self.motion.set_fan_power(power).await?;
-            }
-            Command::EndWait => self.signals.end_wait(),
-            // A host begins a job with it.
-            Command::SetLineNumber(Some(_)) => self.said = Remarks::NONE,
-            Command::SetLineNumber(None) => self.replies.send(Reply::LastLine(self.last_line)),
-            Command::EmergencyStop => return self.emergency_stop(),
-            Command::KeepAlive(Some(seconds)) => self.signals.set_keep_alive_s(seconds),
-            Command::KeepAlive(None) => self.replies.send(Reply::KeepAlive(self.signals.keep_alive_s())),
-            Command::ReportPosition => self.replies.send(Reply::Position(self.position())),
-            Command::ReportFirmware => self.report_firmware(),
-            Command::ReportEndStops => {
-                self.needs(self.equipment.end_stops, "end stops")?;
-                self.report_end_stops();
-            }
-            Command::ReportMotion => self.replies.send(Reply::Motion(self.motion.figures())),
-            Command::MotionChoice { interpolation, acceleration } => {
-                self.choose_motion(interpolation, acceleration).await?;
-            }
-            Command::AdaptiveExtrusion { on, layer_height, line_width, filament_diameter } => {
-                self.adaptive_extrusion(on, [layer_height, line_width, filament_diameter])?;
-            }
-            Command::Timing { on, clear } => self.timing(on, clear),
-            Command::ReceiveJob { size, silence_s } => self.request_job(size, silence_s)?,
-            Command::Echo { echo_prefix, action_prefix, text } => self.echo(echo_prefix, action_prefix, text),
-            Command::MaxAcceleration(ref words) => self.set_max_acceleration(words)?,
-            Command::MaxFeed(ref words) => self.set_max_feed(words)?,
-            Command::Acceleration { print, retract, travel, both } => {
-                self.set_acceleration(print, retract, travel, both)?;
-            }
-            Command::Junction { deviation, corner_velocity } => self.set_corners(deviation, &corner_velocity)?,
-            Command::RetractSettings(ref words) => self.set_retraction(words, false)?,
-            Command::RecoverSettings(ref words) => self.set_retraction(words, true)?,
-            Command::ProbeOffset(ref words) => self.probe_offset(words)?,
-            Command::ShiftZ { ref words, keeps_offset } => self.shift_z(words, keeps_offset).await?,
-            Command::SoftLimits(enabled) => self.soft_limits(enabled),
-            Command::FeedPercent(value) => self.feed_percent(value)?,
-            Command::FlowPercent(value) => self.flow_percent(value)?,
-            // ANCHOR: m302
-            Command::ColdExtrusion { minimum, allow } => self.cold_extrusion(minimum, allow)?,
-            // ANCHOR_END: m302
-            Command::Finish => self.motion.finish().await?,
-            Command::QuickStop => self.stop_motion(),
-            Command::Restart => self.restart()?,
-            Command::SelectTool(0) => {}
-            Command::SelectTool(tool) => return Err(CommandError::InvalidTool(tool)),
-            Command::Unknown(text) => self.replies.send(Reply::UnknownCommand(text)),
-            // The drivers' part is all that there is to the first four. Without a display or a second fan the others
-            // change nothing here.
-            Command::ReportDrivers
-            | Command::StealthChop { .. }
-            | Command::DriverCurrent(_)
-            | Command::StallThreshold(_)
-            | Command::Display(_)
-            | Command::Fan { .. }
-            | Command::SetNozzle(None)
-            | Command::SetBed(None)
-            | Command::Accepted => {}
-        }
-        Ok(Answer::Ok)
+    /// Waits of the command at hand.
+    pub(crate) fn waits(&self) -> Waits<'a, P::Clock> {
+        Waits { clock: self.clock.clone(), signals: self.signals }
+    }
+
+    /// Whether there is a host to be told.
+    pub(crate) fn has_host(&self) -> bool {
+        self.source != Source::File
     }
 
     /// Refuses what the board has not.
@@ -414,124 +466,12 @@ impl<'a, P: Ports> Printer<'a, P> {
         if is_there { Ok(()) } else { Err(CommandError::NotEquipped(what)) }
     }
 
-    /// G90, G91: as in Marlin they rule the extruder too, until M82 or M83 says otherwise.
-    fn set_relative(&mut self, relative: bool) {
-        self.modal.relative = relative;
-        self.modal.relative_extruder = relative;
-    }
-
-    /// M18, M84: a motor without current may be turned by hand, so its axis is no longer homed.
-    async fn disable_motors(&mut self, axes: AxisFlags) -> Result<(), CommandError> {
-        self.motion.finish().await?;
-        let motors = mask(axes);
-        self.motion.set_motors_enabled(motors, false);
-        self.forget_home(motors);
-        Ok(())
-    }
-
-    /// The motors in the mask may not be where their steps say: no axis that they move is homed any more.
-    pub(crate) fn forget_home(&mut self, motors: u8) {
-        self.modal.forget_home(self.profile.kinematics.axes_of_motors(motors));
-    }
-
     /// M112: heat first, then motion.
-    fn emergency_stop(&mut self) -> Result<Answer, CommandError> {
+    pub(crate) fn emergency_stop(&mut self) -> Result<Answer, CommandError> {
         self.heating.all_off();
         self.stop_motion();
         self.signals.halt();
         self.replies.send(Reply::Killed);
         Err(CommandError::Halted)
-    }
-
-    pub(crate) fn position(&self) -> Position {
-        let [x, y, z, _] = self.motion.motor_steps();
-        Position {
-            logical_10nm: self.modal.logical_10nm(),
-            motor_steps: [x, y, z],
-            motor_names: self.profile.kinematics.motor_names(),
-        }
-    }
-
-    fn report_firmware(&self) {
-        self.replies.send(Reply::Firmware(FirmwareInfo {
-            version: self.version,
-            machine: self.profile.name,
-            kinematics: self.profile.kinematics.reported_name(),
-            lower_end_10nm: self.profile.lower_end_10nm,
-            size_10nm: self.profile.size_10nm,
-            emergency_parser: self.emergency_parser,
-            thermal_protection: self.equipment.heaters,
-        }));
-    }
-
-    /// M796. The machine stands still before its motion changes.
-    async fn choose_motion(&mut self, interpolation: Option<u8>, acceleration: Option<u8>) -> Result<(), CommandError> {
-        let mut choice = self.motion.motion_choice();
-        let number = |number: Option<u8>| number.map(usize::from);
-        if let Some(chosen) = number(interpolation).and_then(|number| Interpolation::ALL.get(number)) {
-            choice.interpolation = *chosen;
-        }
-        if let Some(chosen) = number(acceleration).and_then(|number| AccelerationProfile::ALL.get(number)) {
-            choice.acceleration = *chosen;
-        }
-        if interpolation.is_some() || acceleration.is_some() {
-            let mut chosen = self.motion.set_motion_choice(&choice);
-            if chosen == Err(ChoiceError::InMotion) {
-                self.motion.finish().await?;
-                chosen = self.motion.set_motion_choice(&choice);
-            }
-            chosen.map_err(CommandError::MotionChoice)?;
-        } else {
-            self.replies.send(Reply::MotionChoice {
-                interpolation: choice.interpolation.name(),
-                acceleration: choice.acceleration.name(),
-            });
-        }
-        Ok(())
-    }
-
-    /// M798. Measuring begins anew when it is switched on, so that what is reported has all been measured alike.
-    fn timing(&self, on: Option<bool>, clear: bool) {
-        let Some(timing) = self.timing else {
-            return self.replies.send(Reply::Text("echo:timing: this machine measures none"));
-        };
-        if on == Some(false) {
-            timing.switch(false);
-        }
-        if clear || on == Some(true) {
-            timing.clear();
-        }
-        if on == Some(true) {
-            timing.switch(true);
-        }
-        if on.is_none() && !clear {
-            timing.figures().into_iter().for_each(|figures| self.replies.send(Reply::Timing(figures)));
-        }
-    }
-
-    fn report_end_stops(&self) {
-        const NAMES: [[&str; 2]; 3] = [["x_min", "x_max"], ["y_min", "y_max"], ["z_min", "z_max"]];
-        let mut states = [EndStopState { name: "", triggered: false }; 3];
-        for (axis, state) in states.iter_mut().enumerate() {
-            let homing = &self.profile.homing[axis];
-            let name = match homing.sensor {
-                HomeSensor::Probe => "z_probe",
-                HomeSensor::EndStop | HomeSensor::Stall => NAMES[axis][usize::from(homing.end == HomeEnd::Max)],
-            };
-            *state = EndStopState { name, triggered: self.motion.is_end_stop_triggered(axis) };
-        }
-        self.replies.send(Reply::EndStops(&states));
-    }
-
-    fn echo(&self, echo_prefix: bool, action_prefix: bool, text: &str) {
-        let mut reply = Text::new();
-        let prefix = match (echo_prefix, action_prefix) {
-            (true, _) => "echo:",
-            (false, true) => "//",
-            (false, false) => "",
-        };
-        if core::fmt::write(&mut reply, format_args!("{prefix}{text}")).is_ok() {
-            self.replies.send(Reply::Text(&reply));
-        }
     }
 }

@@ -215,6 +215,12 @@ impl ExtrusionSettings {
 pub struct Profile {
     /// Name, for M115 and reports.
     pub name: &'static str,
+    /// What M862.3 may name, separated by commas; empty: it is not checked.
+    pub model_names: &'static str,
+    /// What M862.1 may name, mm; `None`: it is not checked.
+    pub nozzle_diameter_mm: Option<f32>,
+    /// Filament that the nozzle melts, mm^3/s: a rehearsal reports moves that ask for more.
+    pub max_volumetric_flow_mm3_per_s: Option<f32>,
     /// Which machine a job is prepared for: a hash of the profile's keys that a plan depends on, or must not exceed. Two
     /// machines with the same hash may execute each other's prepared jobs.
     pub plan_hash: u64,

@@ -50,7 +50,7 @@ impl<P: Ports> Printer<'_, P> {
     /// M201.
     pub(crate) fn set_max_acceleration(&mut self, words: &AxisWords) -> Result<(), CommandError> {
         let mut limits = self.motion.limits();
-        set_axes(&mut limits.max_acceleration_mm_per_s2, words, self.modal.unit_mm())?;
+        set_axes(&mut limits.max_acceleration_mm_per_s2, words, self.interpreter.modal.unit_mm())?;
         self.motion.set_limits(limits);
         Ok(())
     }
@@ -58,7 +58,7 @@ impl<P: Ports> Printer<'_, P> {
     /// M203.
     pub(crate) fn set_max_feed(&mut self, words: &AxisWords) -> Result<(), CommandError> {
         let mut limits = self.motion.limits();
-        set_axes(&mut limits.max_feed_mm_per_s, words, self.modal.unit_mm())?;
+        set_axes(&mut limits.max_feed_mm_per_s, words, self.interpreter.modal.unit_mm())?;
         self.motion.set_limits(limits);
         Ok(())
     }
@@ -71,7 +71,7 @@ impl<P: Ports> Printer<'_, P> {
         travel: Option<Decimal>,
         both: Option<Decimal>,
     ) -> Result<(), CommandError> {
-        let unit_mm = self.modal.unit_mm();
+        let unit_mm = self.interpreter.modal.unit_mm();
         let mut limits = self.motion.limits();
         if let Some(value) = both {
             limits.print_acceleration_mm_per_s2 = limit('S', value, unit_mm)?;
@@ -90,13 +90,30 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
+    /// SET_VELOCITY_LIMIT.
+    pub(crate) fn set_velocity_limit(
+        &mut self,
+        velocity: Option<Decimal>,
+        acceleration: Option<Decimal>,
+    ) -> Result<(), CommandError> {
+        let mut limits = self.motion.limits();
+        let feeds = AxisWords { x: velocity, y: velocity, ..AxisWords::default() };
+        set_axes(&mut limits.max_feed_mm_per_s, &feeds, 1.0)?;
+        if let Some(value) = acceleration {
+            limits.print_acceleration_mm_per_s2 = limit('A', value, 1.0)?;
+            limits.travel_acceleration_mm_per_s2 = limits.print_acceleration_mm_per_s2;
+        }
+        self.motion.set_limits(limits);
+        Ok(())
+    }
+
     /// M205 J, and X Y Z E.
     pub(crate) fn set_corners(
         &mut self,
         deviation: Option<Decimal>,
         corner_velocity: &AxisWords,
     ) -> Result<(), CommandError> {
-        let unit_mm = self.modal.unit_mm();
+        let unit_mm = self.interpreter.modal.unit_mm();
         let mut limits = self.motion.limits();
         if let Some(value) = deviation {
             limits.junction_deviation_mm = in_range('J', value.to_f64() * unit_mm, 0.000_01, 10.0)?;
@@ -115,9 +132,9 @@ impl<P: Ports> Printer<'_, P> {
 
     /// M207 and M208.
     pub(crate) fn set_retraction(&mut self, words: &RetractionWords, recover: bool) -> Result<(), CommandError> {
-        let mut settings = self.modal.retraction;
+        let mut settings = self.interpreter.modal.retraction;
         let length = |word: char, value: Decimal, largest_mm: f64| -> Result<i64, CommandError> {
-            let length_10nm = self.modal.length_10nm(value).ok_or(CommandError::TooFar)?;
+            let length_10nm = self.interpreter.modal.length_10nm(value).ok_or(CommandError::TooFar)?;
             let smallest_mm = if word == 'S' && recover { -largest_mm } else { 0.0 };
             in_range(word, length_10nm as f64 / 100_000.0, smallest_mm, largest_mm)?;
             Ok(length_10nm)
@@ -142,15 +159,15 @@ impl<P: Ports> Printer<'_, P> {
         if let Some(value) = words.lift {
             settings.lift_10nm = length('Z', value, 100.0)?;
         }
-        self.modal.retraction = settings;
+        self.interpreter.modal.retraction = settings;
         Ok(())
     }
 
     /// M220.
     pub(crate) fn feed_percent(&mut self, value: Option<Decimal>) -> Result<(), CommandError> {
         match value {
-            Some(value) => self.modal.feed_percent = percent(value)?,
-            None => self.replies.send(Reply::FeedPercent(self.modal.feed_percent)),
+            Some(value) => self.interpreter.modal.feed_percent = percent(value)?,
+            None => self.replies.send(Reply::FeedPercent(self.interpreter.modal.feed_percent)),
         }
         Ok(())
     }
@@ -158,8 +175,8 @@ impl<P: Ports> Printer<'_, P> {
     /// M221.
     pub(crate) fn flow_percent(&mut self, value: Option<Decimal>) -> Result<(), CommandError> {
         match value {
-            Some(value) => self.modal.flow_percent = percent(value)?,
-            None => self.replies.send(Reply::FlowPercent(self.modal.flow_percent)),
+            Some(value) => self.interpreter.modal.flow_percent = percent(value)?,
+            None => self.replies.send(Reply::FlowPercent(self.interpreter.modal.flow_percent)),
         }
         Ok(())
     }
@@ -170,22 +187,22 @@ impl<P: Ports> Printer<'_, P> {
         on: Option<bool>,
         sizes: [Option<Decimal>; 3],
     ) -> Result<(), CommandError> {
-        let mut settings = self.modal.extrusion.settings();
+        let mut settings = self.interpreter.modal.extrusion.settings();
         let mut sizes_10nm = [settings.layer_height_10nm, settings.line_width_10nm, settings.filament_diameter_10nm];
         let words = ['H', 'W', 'D'].into_iter().zip(ExtrusionSettings::RANGES_10NM);
         for ((size_10nm, written), (word, (least, most))) in sizes_10nm.iter_mut().zip(sizes).zip(words) {
             if let Some(value) = written {
                 let [least_mm, most_mm] = [least, most].map(|limit| limit as f64 / 100_000.0);
-                in_range(word, value.to_f64() * self.modal.unit_mm(), least_mm, most_mm)?;
-                *size_10nm = self.modal.length_10nm(value).ok_or(CommandError::TooFar)?;
+                in_range(word, value.to_f64() * self.interpreter.modal.unit_mm(), least_mm, most_mm)?;
+                *size_10nm = self.interpreter.modal.length_10nm(value).ok_or(CommandError::TooFar)?;
             }
         }
         [settings.layer_height_10nm, settings.line_width_10nm, settings.filament_diameter_10nm] = sizes_10nm;
         settings.adaptive = on.unwrap_or(settings.adaptive);
         if on.is_some() || sizes != [None; 3] {
-            self.modal.extrusion = AdaptiveExtrusion::new(settings);
+            self.interpreter.modal.extrusion = AdaptiveExtrusion::new(settings);
         } else {
-            let (adaptive, lambda) = (settings.adaptive, self.modal.extrusion.lambda());
+            let (adaptive, lambda) = (settings.adaptive, self.interpreter.modal.extrusion.lambda());
             self.replies.send(Reply::Extrusion { adaptive, sizes_10nm, lambda });
         }
         Ok(())
@@ -194,9 +211,9 @@ impl<P: Ports> Printer<'_, P> {
     /// M211.
     pub(crate) fn soft_limits(&mut self, enabled: Option<bool>) {
         match enabled {
-            Some(enabled) => self.modal.soft_limits = enabled,
+            Some(enabled) => self.interpreter.modal.soft_limits = enabled,
             None => self.replies.send(Reply::SoftLimits {
-                enabled: self.modal.soft_limits,
+                enabled: self.interpreter.modal.soft_limits,
                 min_10nm: self.profile.lower_end_10nm,
                 max_10nm: self.profile.size_10nm,
             }),
@@ -207,17 +224,17 @@ impl<P: Ports> Printer<'_, P> {
     /// M302.
     pub(crate) fn cold_extrusion(&mut self, minimum: Option<Decimal>, allow: Option<bool>) -> Result<(), CommandError> {
         if let Some(value) = minimum {
-            self.modal.min_extrusion_celsius = in_range('S', value.to_f64(), 0.0, 500.0)? as f32;
+            self.interpreter.modal.min_extrusion_celsius = in_range('S', value.to_f64(), 0.0, 500.0)? as f32;
             // Marlin: S0 allows cold extrusion, any other S forbids it again.
-            self.modal.cold_extrusion_allowed = value.nanos() == 0;
+            self.interpreter.modal.cold_extrusion_allowed = value.nanos() == 0;
         }
         if let Some(allow) = allow {
-            self.modal.cold_extrusion_allowed = allow;
+            self.interpreter.modal.cold_extrusion_allowed = allow;
         }
         if minimum.is_none() && allow.is_none() {
             self.replies.send(Reply::ColdExtrusion {
-                allowed: self.modal.cold_extrusion_allowed,
-                minimum: self.modal.min_extrusion_celsius,
+                allowed: self.interpreter.modal.cold_extrusion_allowed,
+                minimum: self.interpreter.modal.min_extrusion_celsius,
             });
         }
         Ok(())

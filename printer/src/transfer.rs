@@ -18,8 +18,9 @@ use ferrostep_planner::PLANNER_VERSION;
 
 use crate::error::{CommandError, Failure};
 use crate::host::Host;
-use crate::ports::{Motion, Ports, Replies, Signals};
-use crate::printer::{Printer, Text};
+use crate::ports::{Motion, Ports, Replies};
+use crate::printer::{JobRequest, Printer};
+use crate::signals::Signals;
 
 /// Longest silence before the first frame, s: a host that asks for a transfer has a job at hand.
 const MAX_SILENCE_BEFORE_JOB_S: u16 = 30;
@@ -30,15 +31,6 @@ const PLAIN_LINE: &str = "echo:gpre: a prepared job is being received (M790), li
 
 /// Bytes that are taken from the line at once.
 const CHUNK_BYTES: usize = 64;
-
-/// A host that wants to send a job.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct JobRequest {
-    /// Length of the job, bytes.
-    pub size: u32,
-    /// How long the host may be silent, s.
-    pub silence_s: u16,
-}
 
 /// The line on which a job comes, and what else is read with it.
 pub trait JobLine {
@@ -56,7 +48,7 @@ pub trait JobLine {
 
 /// Why a job ended early.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Stop {
+pub(crate) enum Stop {
     /// It cannot be read.
     Read(ReadError),
     /// It cannot be done.
@@ -145,7 +137,7 @@ impl Incoming {
             let report = self.receiver.report(room);
             let [_, limit] = report.numbers;
             self.limit = limit;
-            say(replies, format_args!("{report}"));
+            replies.say(format_args!("{report}"));
         }
     }
 
@@ -193,7 +185,7 @@ impl Incoming {
     fn asked_again(&mut self, request: Option<JobRequest>, replies: &impl Replies) {
         match request {
             Some(request) if request.size == self.receiver.size() => self.answer = true,
-            Some(_) => say(replies, format_args!("echo:gpre: another job is being received")),
+            Some(_) => replies.say(format_args!("echo:gpre: another job is being received")),
             None => {}
         }
     }
@@ -231,14 +223,6 @@ async fn beside<T>(main: impl Future<Output = T>, other: impl Future<Output = ()
     .await
 }
 
-/// Says a line.
-fn say(replies: &impl Replies, text: fmt::Arguments<'_>) {
-    let mut line = Text::new();
-    // What does not fit is cut.
-    let _ = fmt::write(&mut line, text);
-    replies.send(Reply::Text(&line));
-}
-
 impl<P: Ports> Printer<'_, P> {
     /// Says that [`Self::receive_job`] is called where M790 asks for it.
     pub fn set_receives_jobs(&mut self) {
@@ -270,9 +254,10 @@ impl<P: Ports> Printer<'_, P> {
     ) -> (Report, bool) {
         let mut incoming = Incoming::new(request.size, self.clock.now_ms(), self.motion.stops());
         let mut progress = Progress { begun: false, frame: 0, offset: 0 };
-        self.modal.in_prepared_job = true;
+        self.interpreter.modal.in_prepared_job = true;
+        self.motion.set_bounded_in_time(false);
         let outcome = self.play(request, line, buffer, &mut incoming, &mut progress).await;
-        self.modal.in_prepared_job = false;
+        self.interpreter.modal.in_prepared_job = false;
         let (replies, clock, signals) = (self.replies(), self.clock.clone(), self.signals);
         incoming.text = false;
         incoming.aborted = false;
@@ -317,11 +302,11 @@ impl<P: Ports> Printer<'_, P> {
         };
         line.answer_job();
         if let Err(stop) = ended {
-            say(replies, format_args!("echo:gpre: {stop}"));
+            replies.say(format_args!("echo:gpre: {stop}"));
         }
         let place = if word == Word::Done { request.size } else { u32::try_from(offset).unwrap_or(u32::MAX) };
         let report = Report { word, numbers: [place, frame] };
-        say(replies, format_args!("{report}"));
+        replies.say(format_args!("{report}"));
         (report, in_frame)
     }
 
@@ -356,8 +341,7 @@ impl<P: Ports> Printer<'_, P> {
                 Part::Header(length, header) => {
                     header.matches(self.profile.plan_hash, PLANNER_VERSION)?;
                     if header.encoding != Encoding::Compact {
-                        let fault = Fault::Content("the compact encoding, which alone is sent to a board");
-                        return Err(Stop::Read(ReadError { fault, offset: 10, frame: None }));
+                        return Err(Stop::Read(ReadError { fault: Fault::Wide, offset: 10, frame: None }));
                     }
                     length
                 }
@@ -368,7 +352,7 @@ impl<P: Ports> Printer<'_, P> {
                     let fault = |fault| Stop::Read(ReadError { fault, offset, frame: Some(number) });
                     let mut items = Frame::read(frame, offset, Some(number))?.items().map_err(fault)?;
                     progress.begun = true;
-                    let mut place = Place { start: *items.start(), begun: false, end_10nm: None, number, offset };
+                    let mut place = Place::new(*items.start(), number, offset);
                     loop {
                         let taken_in = incoming.take_in(line, room, &mut ahead, (replies, &clock, signals), false);
                         if !beside(self.item(&mut items, &mut place), taken_in).await? {
@@ -392,7 +376,7 @@ impl<P: Ports> Printer<'_, P> {
     }
 
     /// Executes the next item; `false` where there is none.
-    async fn item(&mut self, items: &mut Decoder<'_>, place: &mut Place) -> Result<bool, Stop> {
+    pub(crate) async fn item(&mut self, items: &mut Decoder<'_>, place: &mut Place) -> Result<bool, Stop> {
         let (frame, offset) = (place.number, place.offset);
         let fault = |fault| Stop::Read(ReadError { fault, offset, frame: Some(frame) });
         let Some(item) = items.next_item().map_err(fault)? else { return Ok(false) };
@@ -469,7 +453,7 @@ struct Progress {
 }
 
 /// Where in the job an item is.
-struct Place {
+pub(crate) struct Place {
     start: FrameState,
     /// A move of the frame was executed.
     begun: bool,
@@ -477,4 +461,11 @@ struct Place {
     end_10nm: Option<[i64; 3]>,
     number: u32,
     offset: u64,
+}
+
+impl Place {
+    /// At the start of a frame.
+    pub(crate) fn new(start: FrameState, number: u32, offset: u64) -> Self {
+        Self { start, begun: false, end_10nm: None, number, offset }
+    }
 }

@@ -1,12 +1,13 @@
 //! Waits: for time, for heat.
 
 use embedded_hal_async::delay::DelayNs;
-use ferrostep_gcode::{Real, Reply, Temperatures, WaitTarget};
 use ferrostep_hal_shim::{Clock, Heater};
 
 use crate::error::CommandError;
-use crate::ports::{HeaterStatus, Heating, Motion, Ports, Replies};
-use crate::printer::{Printer, Text};
+use crate::heat::HeaterStatus;
+use crate::ports::Heating;
+use crate::profile::HeaterSettings;
+use crate::signals::Signals;
 
 /// How often a wait looks around. A cancelled wait ends within this time.
 const LOOK_MS: u64 = 100;
@@ -40,9 +41,16 @@ impl Cooling {
     }
 }
 
-impl<P: Ports> Printer<'_, P> {
-    /// Waits for a while; ends early when the machine is halted.
-    pub(crate) async fn wait_ms(&mut self, milliseconds: u64) -> Result<(), CommandError> {
+/// Waits for time and for heat: a halt ends all of them, M108 those for heat.
+#[derive(Debug)]
+pub(crate) struct Waits<'a, C> {
+    pub clock: C,
+    pub signals: &'a Signals,
+}
+
+impl<C: Clock + DelayNs> Waits<'_, C> {
+    /// Waits for a while.
+    pub async fn for_ms(&mut self, milliseconds: u64) -> Result<(), CommandError> {
         let end = self.clock.now_ms().saturating_add(milliseconds);
         loop {
             if self.signals.is_halted() {
@@ -56,52 +64,35 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// M104, M140.
-    pub(crate) fn set_temperature(&mut self, heater: Heater, celsius: f64) -> Result<(), CommandError> {
-        let settings = match heater {
-            Heater::Nozzle => &self.profile.nozzle,
-            Heater::Bed => &self.profile.bed,
-        };
-        // As the control will have it: rounding may not take it to the maximum.
-        let target = celsius as f32;
-        if target >= settings.max_celsius || target > settings.max_target_celsius {
-            return Err(CommandError::TooHot { celsius, maximum_celsius: settings.max_target_celsius });
-        }
-        self.needs(self.equipment.heaters || celsius <= 0.0, "heaters")?;
-        self.heating.set_target(heater, celsius as f32);
-        Ok(())
-    }
-
-    /// M109, M190: until the temperature has stayed near its target for the profile's residency time. S waits only
-    /// if it has to heat. M108 ends the wait, not the heating.
-    pub(crate) async fn wait_for_heat(&mut self, heater: Heater, target: WaitTarget) -> Result<(), CommandError> {
-        let cooling_counts = match target {
-            WaitTarget::Heating(value) => {
-                self.set_temperature(heater, value.to_f64())?;
-                false
-            }
-            WaitTarget::HeatingOrCooling(value) => {
-                self.set_temperature(heater, value.to_f64())?;
-                true
-            }
-            WaitTarget::Current => false,
-        };
-        // An M108 from before this command is not meant for it; one that comes while the motion before it ends is.
+    /// Waits for a person: M108 or the answer to a prompt (M876 S0), or until this time is over.
+    pub async fn for_person(&mut self, longest_ms: Option<u64>) -> Result<(), CommandError> {
+        let end = longest_ms.map(|longest| self.clock.now_ms().saturating_add(longest));
+        // What came before is not meant for this wait.
         self.signals.take_end_wait();
-        self.motion.finish().await?;
-        self.signals.set_waiting_for_heat(true);
-        let outcome = self.stay_near_target(heater, cooling_counts).await;
-        self.signals.set_waiting_for_heat(false);
-        outcome
+        self.signals.take_prompt_answer();
+        loop {
+            if self.signals.is_halted() {
+                return Err(CommandError::Halted);
+            }
+            let is_over = end.is_some_and(|end| self.clock.now_ms() >= end);
+            if self.signals.take_end_wait() || self.signals.take_prompt_answer() || is_over {
+                return Ok(());
+            }
+            self.clock.delay_ms(LOOK_MS as u32).await;
+        }
     }
 
-    /// Waits until the temperature has stayed near its target for long enough.
-    async fn stay_near_target(&mut self, heater: Heater, cooling_counts: bool) -> Result<(), CommandError> {
-        let settings = match heater {
-            Heater::Nozzle => self.profile.nozzle,
-            Heater::Bed => self.profile.bed,
-        };
-        let had_target = self.heating.status(heater).target_celsius > 0.0;
+    /// Waits until the temperature of a heater has stayed near its target for the profile's residency time; for one that is too
+    /// hot only if `cooling_counts`.
+    pub async fn for_heat(
+        &mut self,
+        heater: Heater,
+        settings: &HeaterSettings,
+        cooling_counts: bool,
+        heating: &impl Heating,
+        tell: impl Fn(WaitReport<'_>),
+    ) -> Result<(), CommandError> {
+        let had_target = heating.status(heater).target_celsius > 0.0;
         let mut near_since: Option<u64> = None;
         let mut cooling = Cooling::default();
         let mut next_report = self.clock.now_ms() + REPORT_MS;
@@ -112,7 +103,7 @@ impl<P: Ports> Printer<'_, P> {
             if self.signals.take_end_wait() {
                 return Ok(());
             }
-            let status = self.heating.status(heater);
+            let status = heating.status(heater);
             let above = status.celsius - status.target_celsius;
             if had_target && status.target_celsius <= 0.0 {
                 // During a wait only a fault or a timeout takes a target away.
@@ -127,7 +118,7 @@ impl<P: Ports> Printer<'_, P> {
             }
             let near = above.abs() <= settings.residency_window_celsius;
             if above > settings.residency_window_celsius && cooling.is_over(now, status.celsius) {
-                self.say_not_cooling(heater, &status);
+                tell(WaitReport::CoolsNoFurther(&status));
                 return Ok(());
             }
             let left_ms = near.then(|| {
@@ -139,42 +130,18 @@ impl<P: Ports> Printer<'_, P> {
             }
             if now >= next_report {
                 next_report = now + REPORT_MS;
-                let left_s = left_ms.map(|left| left.div_ceil(1000) as u32);
-                self.replies.send(Reply::Waiting(temperatures(&self.heating), left_s));
+                tell(WaitReport::Remaining(left_ms.map(|left| left.div_ceil(1000) as u32)));
             }
             self.clock.delay_ms(LOOK_MS as u32).await;
         }
     }
-
-    fn say_not_cooling(&self, heater: Heater, status: &HeaterStatus) {
-        let name = heater.name();
-        let (celsius, target) = (Real::fixed(status.celsius, 1), Real::short(status.target_celsius, 2));
-        let mut text = Text::new();
-        let line = self.line;
-        let written = core::fmt::write(
-            &mut text,
-            format_args!(
-                "echo:line {line}: the {name} cools no further than {celsius} C, the wait for {target} C ends \
-                 (expected a target above the room's temperature)"
-            ),
-        );
-        if written.is_ok() {
-            self.replies.send(Reply::Text(&text));
-        }
-    }
 }
 
-/// All temperatures as reports show them.
-pub fn temperatures(heating: &impl Heating) -> Temperatures {
-    let nozzle = heating.status(Heater::Nozzle);
-    let bed = heating.status(Heater::Bed);
-    let power = |share: f32| (share * 127.0) as u8;
-    Temperatures {
-        nozzle: nozzle.celsius,
-        nozzle_target: nozzle.target_celsius,
-        bed: bed.celsius,
-        bed_target: bed.target_celsius,
-        nozzle_power: power(nozzle.power),
-        bed_power: power(bed.power),
-    }
+/// What a wait for heat has to tell.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum WaitReport<'a> {
+    /// Once a second: so many seconds are left, if the temperature stays where it is now.
+    Remaining(Option<u32>),
+    /// The heater does not get colder than this: the wait has ended.
+    CoolsNoFurther(&'a HeaterStatus),
 }

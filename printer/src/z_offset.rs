@@ -3,10 +3,10 @@
 use ferrostep_gcode::{AxisWords, Real};
 use ferrostep_planner::Move;
 
-use crate::AXIS_NAMES;
+use crate::axis_names::AXIS_NAMES;
 use crate::error::CommandError;
 use crate::ports::{Motion, Ports, Replies};
-use crate::printer::{Printer, Text};
+use crate::printer::Printer;
 use crate::profile::{HomeSensor, SafeHoming};
 
 /// Units of 10 nm in a millimetre.
@@ -33,7 +33,7 @@ fn mm(length_10nm: i64) -> Real {
 impl<P: Ports> Printer<'_, P> {
     /// Whether M290 has shifted Z, which the heights of a prepared job do not expect.
     pub fn is_shifted(&self) -> bool {
-        self.modal.z.shift_10nm != 0
+        self.interpreter.modal.z.shift_10nm != 0
     }
 
     fn has_probe(&self) -> bool {
@@ -45,16 +45,16 @@ impl<P: Ports> Printer<'_, P> {
         self.needs(self.has_probe(), "probe (homing.z.sensor of its profile)")?;
         let words = [words.x, words.y, words.z];
         if words == [None; 3] {
-            let [x, y, z] = self.modal.probe_offset_10nm.map(mm);
-            self.tell(format_args!("echo:; Z-Probe Offset:\necho:  M851 X{x} Y{y} Z{z} ; (mm)"));
+            let [x, y, z] = self.interpreter.modal.probe_offset_10nm.map(mm);
+            self.replies.say(format_args!("echo:; Z-Probe Offset:\necho:  M851 X{x} Y{y} Z{z} ; (mm)"));
             return Ok(());
         }
         let SafeHoming { home_at_10nm, bed_10nm, .. } = self.profile.safe_homing;
         let place_10nm = home_at_10nm.unwrap_or_default();
-        let mut offset_10nm = self.modal.probe_offset_10nm;
+        let mut offset_10nm = self.interpreter.modal.probe_offset_10nm;
         for (axis, word) in words.into_iter().enumerate() {
             let Some(value) = word else { continue };
-            let length_10nm = self.modal.length_10nm(value).ok_or(CommandError::TooFar)?;
+            let length_10nm = self.interpreter.modal.length_10nm(value).ok_or(CommandError::TooFar)?;
             // Where Z homes the probe must be above the bed.
             let [minimum, maximum] = match (bed_10nm.get(axis), place_10nm.get(axis)) {
                 (Some([from, to]), Some(place)) => [from - place, to - place],
@@ -62,7 +62,7 @@ impl<P: Ports> Printer<'_, P> {
             };
             offset_10nm[axis] = within(AXIS_NAMES[axis], length_10nm, minimum, maximum)?;
         }
-        self.modal.probe_offset_10nm = offset_10nm;
+        self.interpreter.modal.probe_offset_10nm = offset_10nm;
         Ok(())
     }
 
@@ -74,56 +74,48 @@ impl<P: Ports> Printer<'_, P> {
             return Err(CommandError::ShiftsZOnly { word });
         }
         if let Some(value) = words.z {
-            let by_10nm = self.modal.length_10nm(value).ok_or(CommandError::TooFar)?;
+            let by_10nm = self.interpreter.modal.length_10nm(value).ok_or(CommandError::TooFar)?;
             self.shift_z_by(by_10nm, keeps_offset).await?;
         }
         if self.has_probe() {
-            let [.., z] = self.modal.probe_offset_10nm.map(mm);
-            self.tell(format_args!("echo:Probe Offset Z{z}"));
+            let [.., z] = self.interpreter.modal.probe_offset_10nm.map(mm);
+            self.replies.say(format_args!("echo:Probe Offset Z{z}"));
         }
         if words.z.is_none() {
-            let z = mm(self.modal.z.shift_10nm);
-            self.tell(format_args!("echo:Babystep Z{z}"));
+            let z = mm(self.interpreter.modal.z.shift_10nm);
+            self.replies.say(format_args!("echo:Babystep Z{z}"));
         }
         Ok(())
     }
 
     async fn shift_z_by(&mut self, by_10nm: i64, keeps_offset: bool) -> Result<(), CommandError> {
-        if self.modal.in_prepared_job {
+        if self.interpreter.modal.in_prepared_job {
             return Err(CommandError::ShiftsNoJob);
         }
-        if !self.modal.homed[2] {
+        if !self.interpreter.modal.homed[2] {
             return Err(CommandError::ShiftsHomedZ);
         }
         within('Z', by_10nm, -MAX_SHIFT_AT_ONCE_10NM, MAX_SHIFT_AT_ONCE_10NM)?;
         // What is left of the whole shift, so that the message says what would do.
-        let before_10nm = self.modal.z.shift_10nm;
+        let before_10nm = self.interpreter.modal.z.shift_10nm;
         within('Z', by_10nm, -MAX_SHIFT_10NM - before_10nm, MAX_SHIFT_10NM - before_10nm)?;
-        let offset_10nm = self.modal.probe_offset_10nm[2];
+        let offset_10nm = self.interpreter.modal.probe_offset_10nm[2];
         if self.has_probe() && !keeps_offset {
             let [minimum, maximum] = SafeHoming::PROBE_Z_10NM;
             within('Z', by_10nm, minimum - offset_10nm, maximum - offset_10nm)?;
         }
-        self.modal.z.shift_10nm = before_10nm + by_10nm;
-        let target_10nm = self.raised(self.modal.machine_10nm);
+        self.interpreter.modal.z.shift_10nm = before_10nm + by_10nm;
+        let target_10nm = self.interpreter.raised(self.interpreter.modal.machine_10nm);
         let feed_mm_per_s = self.motion.limits().max_feed_mm_per_s[2] as f32;
         let request = Move { target_10nm, filament_100pm: 0, feed_mm_per_s, line: self.line, ends_move: false };
         if let Err(error) = self.motion.add(request).await {
-            self.modal.z.shift_10nm = before_10nm;
+            self.interpreter.modal.z.shift_10nm = before_10nm;
             return Err(error.into());
         }
         if self.has_probe() && !keeps_offset {
-            self.modal.probe_offset_10nm[2] = offset_10nm + by_10nm;
+            self.interpreter.modal.probe_offset_10nm[2] = offset_10nm + by_10nm;
         }
         Ok(())
-    }
-
-    /// Sends a text that is put together here.
-    fn tell(&self, text: core::fmt::Arguments<'_>) {
-        let mut line = Text::new();
-        if core::fmt::write(&mut line, text).is_ok() {
-            self.replies.send(ferrostep_gcode::Reply::Text(&line));
-        }
     }
 }
 

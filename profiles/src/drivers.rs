@@ -6,7 +6,7 @@ use ferrostep_printer::DriverTiming;
 use ferrostep_step_player::MIN_GAP_TICKS;
 use ferrostep_tmc2209::{DriverSettings, chopper_threshold};
 
-use crate::machine::MOTORS;
+use crate::axes::MOTORS;
 
 /// The shortest time between two events that the step interrupt keeps, us.
 pub(crate) const MIN_GAP_US: f64 = MIN_GAP_TICKS as f64 * 1e6 / TICKS_PER_SECOND as f64;

@@ -3,7 +3,7 @@
 use ferrostep_checked_toml::{Range, Section, range};
 use ferrostep_printer::{ExtrusionSettings, FirmwareRetraction};
 
-use crate::machine::{FEED, units_10nm};
+use crate::axes::{FEED, units_10nm};
 
 const RETRACTION: Range = range(0.0, 100.0, "mm");
 const EXTRA_RECOVER: Range = range(-100.0, 100.0, "mm");

@@ -5,8 +5,8 @@ use ferrostep_planner::Limits;
 use ferrostep_printer::{AxisHoming, HomeEnd, HomeSensor, SafeHoming};
 use ferrostep_tmc2209::STALL_FULL_STEPS_PER_S;
 
+use crate::axes::{AXES, FEED, Travel, units_10nm};
 use crate::drivers::Driver;
-use crate::machine::{AXES, FEED, Travel, units_10nm};
 
 const PLACE: Range = range(-1_000.0, 2_000.0, "mm");
 const BACK_OFF: Range = range(0.1, 50.0, "mm");

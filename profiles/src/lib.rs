@@ -5,6 +5,7 @@
 //! one cannot quietly leave a value at a default.
 #![forbid(unsafe_code)]
 
+mod axes;
 mod drivers;
 mod extrusion;
 mod heaters;
@@ -61,7 +62,7 @@ fn text_of(name_or_path: &str) -> Result<String, ProfileError> {
 
 /// Parses and checks a profile; `origin` (a path or a name) stands in front of the line number in errors.
 ///
-/// The name in a [`Profile`] is `'static`, so each successful call leaks it (at most 32 bytes): a program reads the
+/// The name in a [`Profile`] is `'static`, so each successful call leaks it (at most 100 bytes): a program reads the
 /// profile of its machine once.
 ///
 /// # Errors
@@ -71,8 +72,9 @@ fn text_of(name_or_path: &str) -> Result<String, ProfileError> {
 pub fn parse(text: &str, origin: &str) -> Result<Profile, ProfileError> {
     let reader = Reader::new(text, origin)?;
     let machine = machine::profile(&reader.root());
-    let Checked { value: (profile, name), hash } = reader.finish(machine)?;
-    Ok(Profile { name: Box::leak(name.into_boxed_str()), plan_hash: hash, ..profile })
+    let Checked { value: (profile, texts), hash } = reader.finish(machine)?;
+    let [name, model_names] = texts.map(|text| &*Box::leak(text.into_boxed_str()));
+    Ok(Profile { name, model_names, plan_hash: hash, ..profile })
 }
 
 /// The keys of a profile.

@@ -4,21 +4,16 @@ use ferrostep_checked_toml::{Range, Section, range};
 use ferrostep_planner::{Kinematics, Limits, StepsPerMm, TICKS_PER_SECOND};
 use ferrostep_printer::{DEFAULT_EVENTS_PER_S, DEFAULT_HEATER_TIMEOUT_S, DEFAULT_MOVES_PER_S, Profile};
 
+use crate::axes::{AXES, FEED, MOTORS, Travel, units_10nm};
 use crate::drivers::{self, MIN_GAP_US};
 use crate::{extrusion, heaters, homing, motion};
 
-/// Units of 10 nm in a mm.
-const UNITS_PER_MM: f64 = 100_000.0;
 /// Ticks of the nominal time base in a microsecond.
 const TICKS_PER_US: f64 = TICKS_PER_SECOND as f64 / 1e6;
-
-pub(crate) const AXES: [&str; 3] = ["x", "y", "z"];
-pub(crate) const MOTORS: [&str; 4] = ["x", "y", "z", "e"];
 
 const SIZE: Range = range(10.0, 2_000.0, "mm");
 const LOWER_END: Range = range(-1_000.0, 0.0, "mm");
 const STEPS_PER_MM: Range = range(1.0, 10_000.0, "steps/mm");
-pub(crate) const FEED: Range = range(0.01, 2_000.0, "mm/s");
 const ACCELERATION: Range = range(0.1, 100_000.0, "mm/s^2");
 const JUNCTION_DEVIATION: Range = range(0.000_1, 1.0, "mm");
 const CORNER_VELOCITY: Range = range(0.001, 1_000.0, "mm/s");
@@ -29,24 +24,25 @@ const HEATER_TIMEOUT: Range = range(0.0, 65_535.0, "s");
 const EVENTS_PER_S: Range = range(1_000.0, 10_000_000.0, "events/s");
 const MOVES_PER_S: Range = range(10.0, 1_000_000.0, "moves/s");
 
+const NOZZLE_DIAMETER: Range = range(0.05, 5.0, "mm");
+const VOLUMETRIC_FLOW: Range = range(0.1, 1_000.0, "mm^3/s");
+
 /// Longest name, bytes.
 const MAX_NAME: usize = 32;
+/// Longest list of names, bytes.
+const MAX_MODEL_NAMES: usize = 64;
 
-/// Ends of the travel of X, Y and Z, mm.
-pub(crate) struct Travel {
-    /// Lower ends, at most 0.
-    pub lower_mm: [f64; 3],
-    /// Upper ends.
-    pub upper_mm: [f64; 3],
-}
-
-/// The machine; its name is apart, for a [`Profile`] has it for ever.
+/// The machine; its name and its models' are apart, for a [`Profile`] has them for ever.
 ///
 /// A prepared job is bound to every key but those that are read `apart`: what changes neither the plan nor what it may ask of
 /// the machine.
-pub(crate) fn profile(keys: &Section<'_>) -> (Profile, String) {
+pub(crate) fn profile(keys: &Section<'_>) -> (Profile, [String; 2]) {
     let apart = keys.apart();
     let name = name(&apart);
+    let model_names = model_names(&apart);
+    let nozzle_diameter_mm = apart
+        .number("nozzle_diameter_mm", NOZZLE_DIAMETER)
+        .optional("not checked", "a job for another nozzle is refused (M862.1)");
     let kinematics = keys
         .word("kinematics", Kinematics::ALL.map(|kinematics| (kinematics.name(), kinematics)))
         .required("one motor an axis; or motors A = X + Y, B = X − Y; or motors A = X + Z, C = X − Z");
@@ -68,6 +64,9 @@ pub(crate) fn profile(keys: &Section<'_>) -> (Profile, String) {
         .number("min_extrusion_celsius", MIN_EXTRUSION)
         .required("below `nozzle.max_celsius`; extrusion is refused while the nozzle is colder (M302)");
     // ANCHOR_END: min_extrusion
+    let max_flow = apart
+        .number("max_volumetric_flow_mm3_per_s", VOLUMETRIC_FLOW)
+        .optional("not checked", "what the nozzle melts: `print` and `estimate` report moves that ask for more");
     let heater_timeout_s = apart.number("heater_timeout_s", HEATER_TIMEOUT).or(
         DEFAULT_HEATER_TIMEOUT_S.into(),
         "heaters go off after this long [without a line from a host and without motion](safety.md#a-host-that-has-gone); \
@@ -93,6 +92,9 @@ pub(crate) fn profile(keys: &Section<'_>) -> (Profile, String) {
         .or(DEFAULT_MOVES_PER_S.into(), "moves, if the processor has nothing else to do for motion");
     let profile = Profile {
         name: "",
+        model_names: "",
+        nozzle_diameter_mm: nozzle_diameter_mm.map(|diameter_mm| diameter_mm as f32),
+        max_volumetric_flow_mm3_per_s: max_flow.map(|flow| flow as f32),
         plan_hash: 0,
         kinematics,
         size_10nm: travel.upper_mm.map(units_10nm),
@@ -114,7 +116,19 @@ pub(crate) fn profile(keys: &Section<'_>) -> (Profile, String) {
         extrusion: extrusion::extrusion(&apart),
         drivers: drivers.map(|driver| driver.map(|driver| driver.settings)),
     };
-    (profile, name)
+    (profile, [name, model_names])
+}
+
+/// What slicers call the machine.
+fn model_names(keys: &Section<'_>) -> String {
+    let expected =
+        format!("1 to {MAX_MODEL_NAMES} printable ASCII characters, names separated by commas, none of them blank");
+    let is_right = |names: &str| {
+        let is_printable = names.bytes().all(|byte| byte == b' ' || byte.is_ascii_graphic());
+        is_printable && names.len() <= MAX_MODEL_NAMES && names.split(',').all(|name| !name.trim().is_empty())
+    };
+    let names = keys.text("model_names", &expected, is_right);
+    names.optional("not checked", "a job for another printer is refused (M862.3)").unwrap_or_default()
 }
 
 /// A name that M115 can put into its line.
@@ -188,9 +202,4 @@ fn motor_rates(keys: &Section<'_>, kinematics: Kinematics, steps_per_mm: [f64; 4
 /// Ticks that each of this many things a second costs, rounded up.
 fn cost_ticks(per_s: f64) -> u32 {
     (f64::from(TICKS_PER_SECOND) / per_s).ceil() as u32
-}
-
-/// Millimetres to units of 10 nm. The keys' ranges keep the product far within both types.
-pub(crate) fn units_10nm(length_mm: f64) -> i64 {
-    (length_mm * UNITS_PER_MM).round() as i64
 }

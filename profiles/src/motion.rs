@@ -24,6 +24,10 @@ pub(crate) fn motion(keys: &Section<'_>) -> MotionChoice {
             .apart()
             .number("jerk_mm_per_s3", JERK)
             .required("largest jerk along the path, under `acceleration = \"s-curve\"`"),
+        filament_jerk_mm_per_s3: keys
+            .apart()
+            .number("filament_jerk_mm_per_s3", JERK)
+            .or(default.filament_jerk_mm_per_s3, "the same for moves of the filament alone, which shake no frame"),
         s_curve_table: s_curve_table(&keys.apart()),
     }
 }

@@ -71,7 +71,7 @@ impl Ramp {
     #[inline(always)]
     pub fn advance(&mut self) -> u32 {
         self.index += self.direction;
-        let speed = crate::square_root(self.slow + self.index * self.gain);
+        let speed = crate::root::square_root(self.slow + self.index * self.gain);
         self.interval_and_half = self.dividend / (self.speed + speed) + self.half;
         self.speed = speed;
         self.interval_and_half as u32

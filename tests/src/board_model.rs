@@ -22,7 +22,8 @@ use ferrostep_gcode::{Emergency, MotionFigures};
 use ferrostep_papers::Papers;
 use ferrostep_planner::TICKS_PER_SECOND;
 use ferrostep_planner::look_ahead::Slot;
-use ferrostep_printer::machine::{Machine, SharedMotion, Silence};
+use ferrostep_printer::SharedMotion;
+use ferrostep_printer::machine::{Machine, Silence};
 use ferrostep_printer::{Failure, Printer, Profile};
 use ferrostep_step_player::{Signals as StepSignals, StepFeeder, Stepping};
 use ferrostep_virtual_board::{ModelledSensors, VirtualClock, VirtualDelay, VirtualPort, VirtualUpdateTimer};
@@ -206,7 +207,7 @@ impl<'a, M: Stepping> Board<'a, M> {
     /// As the printer refuses it.
     pub fn execute(&self, printer: &mut BoardPrinter<'_, 'a, M>, number: u32, text: &str) -> Result<(), Failure> {
         self.work_for(self.costs.line);
-        self.poll(printer.execute(number, text))
+        self.poll(printer.execute_for_host(number, text, true))
     }
 
     /// Executes a line; `None` if it has no answer by a cycle.
@@ -218,7 +219,7 @@ impl<'a, M: Stepping> Board<'a, M> {
         cycle: u64,
     ) -> Option<Result<(), Failure>> {
         self.work_for(self.costs.line);
-        self.poll_by(printer.execute(number, text), cycle)
+        self.poll_by(printer.execute_for_host(number, text, true), cycle)
     }
 
     /// Polls to the end; time passes in between.

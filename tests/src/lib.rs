@@ -2,7 +2,7 @@
 //!
 //! [`board_model`] runs the crates under test as the firmware does, at any speed of host and processor. [`live_machine`] makes
 //! hostile conversations with it of any bytes. [`stress_file`] writes a print that asks much of both, [`feed_chart`] draws the
-//! result. [`step_edges`] plays a trace on the step interrupt's model at its latest. What judges the results is the crate
+//! result. [`program`] is the `ferrostep` command. [`step_edges`] plays a trace on the step interrupt's model at its latest. What judges the results is the crate
 //! `ferrostep-oracle`.
 #![deny(missing_docs)]
 #![forbid(unsafe_code)]
@@ -12,6 +12,7 @@ pub mod feed_chart;
 pub mod hand_made;
 pub mod hostile;
 pub mod live_machine;
+pub mod program;
 pub mod stack;
 pub mod step_edges;
 pub mod stress_file;

@@ -118,6 +118,11 @@ impl<'a> StackUse<'a> {
         self.functions.get(&start).map_or(0, |function| function.frame)
     }
 
+    /// Whether a function makes the text of a reply to a host.
+    fn is_text_of_reply(&self, start: u32) -> bool {
+        self.code.names(start).iter().any(|name| name.contains("ferrostep_gcode::reply::Reply as core::fmt::Display"))
+    }
+
     /// The functions that a pointer leads to from a function, and whether that begins a text within a text.
     fn through_pointers(&self, start: u32) -> Vec<(u32, bool)> {
         let names = self.code.names(start);
@@ -163,6 +168,10 @@ impl Search<'_, '_> {
         let mut below = Deepest::default();
         let is_followed = |callee: u32| Some(callee) != self.stack_use.panic_handler;
         for (callee, begins_text) in direct.chain(through).filter(|(callee, _)| is_followed(*callee)) {
+            // A reply is a text by itself, never in another.
+            if begins_text && texts < NESTED_TEXTS && self.stack_use.is_text_of_reply(callee) {
+                continue;
+            }
             let Some(texts) = texts.checked_sub(u32::from(begins_text)) else { continue };
             let deepest = self.deepest(callee, texts)?;
             if deepest.bytes > below.bytes {

@@ -1,8 +1,9 @@
 //! From packets to lines.
 
-use ferrostep_gcode::{EmergencyScanner, Line, LineError, LineReader};
+use ferrostep_gcode::meatpack::Unpacker;
+use ferrostep_gcode::{Emergency, EmergencyScanner, Line, LineError, LineReader};
 
-use crate::Buffers;
+use crate::buffers::Buffers;
 
 /// Stands in the ring of received bytes where a line was broken off. No byte of UTF-8 has this value.
 pub const BREAK: u8 = 0xff;
@@ -10,9 +11,16 @@ pub const BREAK: u8 = 0xff;
 /// What a host's own 0xff becomes: no byte of UTF-8 either, so that its line is refused all the same.
 const NOT_A_BREAK: u8 = 0xfe;
 
-/// The end that receives: bytes to the ring, whole lines or none, and the commands that do not wait their turn.
+/// The end that receives: bytes to the ring, unpacked if the host packs them (MeatPack), whole lines or none, and the commands
+/// that do not wait their turn.
+///
+/// While packing is on, M112 in plain text stops the printer as well: a person may type it, or another host, who does not know
+/// of the packing. Packed, those bytes are a second G in the middle of a line's numbers, which no command has.
 #[derive(Clone, Debug, Default)]
 pub struct Incoming {
+    unpacker: Unpacker,
+    /// Looks at packed bytes as if they were plain.
+    plain_scanner: EmergencyScanner,
     scanner: EmergencyScanner,
     /// The ring ends with an unfinished line.
     mid_line: bool,
@@ -39,6 +47,8 @@ impl Incoming {
     /// At the start of a line.
     pub const fn new() -> Self {
         Self {
+            unpacker: Unpacker::new(),
+            plain_scanner: EmergencyScanner::new(),
             scanner: EmergencyScanner::new(),
             mid_line: false,
             broken: false,
@@ -51,40 +61,58 @@ impl Incoming {
     /// ring already is broken off as well.
     pub fn take_in(&mut self, packet: &[u8], buffers: &mut impl Buffers) -> u32 {
         let mut dropped = 0;
-        for &byte in packet {
-            if let Some(emergency) = self.scanner.feed(byte) {
-                buffers.emergency(emergency);
+        for &received in packet {
+            if self.unpacker.settings().packing {
+                let emergency = self.plain_scanner.feed(received);
+                emergency.filter(|emergency| *emergency == Emergency::Stop).inspect(|stop| buffers.emergency(*stop));
             }
-            let ends_line = matches!(byte, b'\n' | b'\r');
-            match byte {
-                _ if ends_line => {
-                    if core::mem::take(&mut self.line) == LineKind::Text {
-                        buffers.note_line();
-                    }
-                }
-                b' '..=b'~' | b'\t' if self.line != LineKind::Other => self.line = LineKind::Text,
-                _ => self.line = LineKind::Other,
+            let unpacked = self.unpacker.feed(received);
+            if let Some(settings) = unpacked.report {
+                self.plain_scanner = EmergencyScanner::new();
+                buffers.report_packing(settings);
             }
-            if !self.dropping {
-                if self.broken {
-                    self.broken = !buffers.put(BREAK);
-                }
-                if !self.broken && buffers.put(if byte == BREAK { NOT_A_BREAK } else { byte }) {
-                    self.mid_line = !ends_line;
-                    continue;
-                }
-                self.broken |= self.mid_line;
-                self.mid_line = false;
+            for &byte in unpacked.bytes() {
+                // No more than there are bytes in a packet, and packed in them.
+                dropped = u32::wrapping_add(dropped, self.take_in_byte(byte, buffers).into());
             }
-            self.dropping = !ends_line;
-            // No more than there are bytes in a packet.
-            dropped = u32::wrapping_add(dropped, 1);
         }
         dropped
     }
 
-    /// The connection has ended: what comes next belongs to another line.
+    /// Takes in a byte of text; whether it was dropped.
+    fn take_in_byte(&mut self, byte: u8, buffers: &mut impl Buffers) -> bool {
+        if let Some(emergency) = self.scanner.feed(byte) {
+            buffers.emergency(emergency);
+        }
+        let ends_line = matches!(byte, b'\n' | b'\r');
+        match byte {
+            _ if ends_line => {
+                if core::mem::take(&mut self.line) == LineKind::Text {
+                    buffers.note_line();
+                }
+            }
+            b' '..=b'~' | b'\t' if self.line != LineKind::Other => self.line = LineKind::Text,
+            _ => self.line = LineKind::Other,
+        }
+        if !self.dropping {
+            if self.broken {
+                self.broken = !buffers.put(BREAK);
+            }
+            if !self.broken && buffers.put(if byte == BREAK { NOT_A_BREAK } else { byte }) {
+                self.mid_line = !ends_line;
+                return false;
+            }
+            self.broken |= self.mid_line;
+            self.mid_line = false;
+        }
+        self.dropping = !ends_line;
+        true
+    }
+
+    /// The connection has ended: what comes next belongs to another line, and is not packed until its host says so.
     pub fn break_off(&mut self) {
+        self.unpacker = Unpacker::new();
+        self.plain_scanner = EmergencyScanner::new();
         self.scanner = EmergencyScanner::new();
         self.broken |= self.mid_line;
         self.mid_line = false;
@@ -159,6 +187,9 @@ mod tests {
             (b"\x7e\x00abc\n", 0),
             (b"\xffM105\n\x00\n", 0),
             (b"\xff\nM105\n", 1),
+            // Packed, after a command that is no part of a line.
+            (b"\xff\xff\xfbM105\n", 0),
+            (b"M1\xff\xff\xf905\n\xff\xff\xfb\x1f\x4d\x50\xcc", 2),
         ] {
             let (mut incoming, mut counter) = (Incoming::new(), Counter(0));
             for &byte in bytes {

@@ -12,13 +12,16 @@
 //! - Where a connection ends within a line, that line is dropped and the next one begins afresh ([`BREAK`], [`Lines`]).
 #![cfg_attr(not(test), no_std)]
 
+mod buffers;
 mod identity;
 mod incoming;
 mod line_writer;
 mod outgoing;
 mod port;
 
+pub use buffers::Buffers;
 pub use identity::{MANUFACTURER, PRODUCT_ID, SerialNumber, VENDOR_ID};
 pub use incoming::{BREAK, Heard, Incoming, Lines};
 pub use line_writer::LineWriter;
-pub use port::{Buffers, PACKET_BYTES, UsbSerial};
+pub use outgoing::PACKET_BYTES;
+pub use port::UsbSerial;

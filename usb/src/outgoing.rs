@@ -2,7 +2,8 @@
 
 use usb_device::Result;
 
-use crate::PACKET_BYTES;
+/// Bytes in a packet: the most that a bulk endpoint has at full speed (USB 2.0, 5.8.3).
+pub const PACKET_BYTES: usize = 64;
 
 /// The end that sends.
 #[derive(Clone, Debug)]

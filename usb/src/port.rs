@@ -1,16 +1,13 @@
 //! The device and its port.
 
-use ferrostep_gcode::Emergency;
 use usb_device::bus::{UsbBus, UsbBusAllocator};
 use usb_device::device::{StringDescriptors, UsbDevice, UsbDeviceBuilder, UsbDeviceState, UsbRev, UsbVidPid};
 use usbd_serial::{CdcAcmClass, USB_CLASS_CDC};
 
+use crate::buffers::Buffers;
 use crate::identity::{MANUFACTURER, PRODUCT_ID, SerialNumber, VENDOR_ID};
 use crate::incoming::Incoming;
-use crate::outgoing::Outgoing;
-
-/// Bytes in a packet: the most that a bulk endpoint has at full speed (USB 2.0, 5.8.3).
-pub const PACKET_BYTES: usize = 64;
+use crate::outgoing::{Outgoing, PACKET_BYTES};
 
 /// The same, as the controller wants to know it.
 const PACKET_SIZE: u16 = PACKET_BYTES as u16;
@@ -20,18 +17,6 @@ const CONTROL_PACKET_BYTES: u8 = 64;
 
 /// Maximum number of packets taken at a time. A host sends 19 in a millisecond at most (USB 2.0, table 5-9).
 const PACKETS_AT_ONCE: u32 = 4;
-
-/// The firmware's side of the port.
-pub trait Buffers {
-    /// A received byte, or a [`BREAK`](crate::BREAK); whether there was room for it.
-    fn put(&mut self, byte: u8) -> bool;
-    /// The next byte to send.
-    fn take(&mut self) -> Option<u8>;
-    /// A command that does not wait its turn; its bytes were, or will be, [`Self::put`] as well.
-    fn emergency(&mut self, emergency: Emergency);
-    /// A line of text has ended, so its host is present. The line may have to wait its turn.
-    fn note_line(&mut self) {}
-}
 
 /// A USB device with one serial port.
 ///

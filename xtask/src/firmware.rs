@@ -159,7 +159,7 @@ pub fn build_image(run: &mut Run, target: &Target) -> Result<PathBuf, Failure> {
     })
 }
 
-/// The programs in the firmware's folder.
+/// The programs for boards.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Program {
     /// The firmware that prints.
@@ -173,12 +173,17 @@ pub enum Program {
 }
 
 impl Program {
+    /// The folder of its package, from the root of the workspace.
+    fn folder(self) -> &'static str {
+        if self == Self::Firmware { "app" } else { "bench" }
+    }
+
     /// Its main source file, from the root of the workspace.
     fn source(self) -> &'static str {
         match self {
             Self::Firmware => "app/src/main.rs",
-            Self::Bench | Self::Tally => "app/src/bin/bench/main.rs",
-            Self::OnTarget => "app/src/bin/on_target/main.rs",
+            Self::Bench | Self::Tally => "bench/src/bin/bench/main.rs",
+            Self::OnTarget => "bench/src/bin/on_target/main.rs",
         }
     }
 }
@@ -216,9 +221,14 @@ pub fn check(run: &mut Run) -> Result<(), Failure> {
         }
         // The tally is the bench's source over again, so that only that is looked at twice.
         let bench = Target::bench()?;
-        system::run(&mut lint_command(&core_library, &bench, &["--bins", "--features", "bench"]))?;
-        system::run(&mut lint_command(&core_library, &bench, &["--bin", "bench", "--features", "tally"]))?;
-        system::run(&mut lint_command(&core_library, &bench, &["--bin", "on-target", "--features", "on-target"]))
+        for targets in [
+            ["--package", "ferrostep-bench", "--lib", "--bin=bench"].as_slice(),
+            &["--package", "ferrostep-bench", "--bin=bench", "--features", "tally"],
+            &["--package", "ferrostep-bench", "--bin=on-target", "--features", "on-target"],
+        ] {
+            system::run(&mut lint_command(&core_library, &bench, targets))?;
+        }
+        Ok(())
     })
 }
 
@@ -228,10 +238,20 @@ pub fn sizes(image: &Path) -> Result<Sizes, Failure> {
     Sizes::of_elf(&bytes).map_err(|error| format!("{}: {error}", image.display()))
 }
 
-/// Cargo in the firmware's folder, which has settings of its own for the linker, for a board.
-fn app_cargo(target: &Target) -> Command {
+/// Whether a variable changes how cargo builds: it must not, so that every shell builds the same image.
+fn changes_profile(variable: &str) -> bool {
+    variable == "CARGO_INCREMENTAL" || variable.starts_with("CARGO_PROFILE_")
+}
+
+/// Cargo in a folder of the workspace, for a board.
+fn cargo_in(folder: &str, target: &Target) -> Command {
     let mut command = cargo();
-    command.current_dir(system::root().join("app"));
+    for (variable, _) in std::env::vars_os() {
+        if variable.to_str().is_some_and(changes_profile) {
+            command.env_remove(variable);
+        }
+    }
+    command.current_dir(system::root().join(folder));
     command.env("FERROSTEP_BOARD", &target.board_variable);
     match &target.profile_variable {
         Some(profile) => command.env("FERROSTEP_PROFILE", profile),
@@ -246,7 +266,7 @@ fn app_cargo(target: &Target) -> Command {
 
 /// Lints of the targets that cargo's arguments name.
 fn lint_command(core_library: &CoreLibrary, target: &Target, targets: &[&str]) -> Command {
-    let mut command = app_cargo(target);
+    let mut command = cargo_in("app", target);
     command.args(["clippy", "--release", "--locked"]).args(targets);
     command.arg("--target-dir").arg(system::target_directory().join("firmware"));
     core_library.apply(&mut command);
@@ -255,18 +275,20 @@ fn lint_command(core_library: &CoreLibrary, target: &Target, targets: &[&str]) -
 }
 
 fn build_command(core_library: &CoreLibrary, program: Program, target: &Target) -> Result<Command, Failure> {
-    let mut command = app_cargo(target);
+    let mut command = cargo_in(program.folder(), target);
     command.args(["build", "--release", "--locked", "--message-format", "json-render-diagnostics"]);
     // The chip of the board in the place of the default's.
     command.args(["--no-default-features", "--features", target.board.chip.feature]);
-    for method in &target.methods {
-        command.args(["--features", method]);
-    }
     command.arg("--target-dir").arg(system::target_directory().join("firmware"));
     match program {
-        // By its package's name, which the package alone decides.
-        Program::Firmware => command.args(["--bin", &package_name()?]),
-        Program::Bench => command.args(["--bin", "bench", "--features", "bench"]),
+        // By its package's name, which the package alone decides. The other programs have all methods.
+        Program::Firmware => {
+            for method in &target.methods {
+                command.args(["--features", method]);
+            }
+            command.args(["--bin", &package_name()?])
+        }
+        Program::Bench => command.args(["--bin", "bench"]),
         Program::Tally => command.args(["--bin", "bench", "--features", "tally"]),
         Program::OnTarget => command.args(["--bin", "on-target", "--features", "on-target"]),
     };
@@ -300,6 +322,13 @@ mod tests {
 
     fn variable<'a>(command: &'a Command, name: &str) -> Option<&'a str> {
         command.get_envs().find(|(key, _)| *key == name)?.1?.to_str()
+    }
+
+    #[test]
+    fn a_shell_does_not_change_an_image() {
+        let changing = ["CARGO_INCREMENTAL", "CARGO_PROFILE_RELEASE_LTO", "CARGO_PROFILE_RELEASE_CODEGEN_UNITS"];
+        assert!(changing.into_iter().all(changes_profile));
+        assert!(!["CARGO_HOME", "CARGO_TARGET_DIR", "CARGO"].into_iter().any(changes_profile));
     }
 
     #[test]

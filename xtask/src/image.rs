@@ -13,6 +13,9 @@ use crate::bbf;
 use crate::steps::Failure;
 use crate::system;
 
+/// Environment variable that tells the tests where all boards' images are.
+pub const IMAGES_VARIABLE: &str = "FERROSTEP_IMAGES";
+
 /// Bytes a line of Intel HEX, as programmers write it.
 const HEX_BYTES: usize = 16;
 

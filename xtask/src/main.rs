@@ -8,6 +8,7 @@ mod bench;
 mod core_library;
 mod firmware;
 mod generated;
+mod hosts;
 mod image;
 mod mainboard;
 mod mutants;
@@ -17,6 +18,7 @@ mod policy;
 mod release;
 mod seed;
 mod size;
+mod slicers;
 mod steps;
 mod system;
 
@@ -34,14 +36,16 @@ const CI_PROPTEST_CASES: &str = "4096";
 /// Environment variable that tells the tests where the firmware image is.
 const FIRMWARE_VARIABLE: &str = "FERROSTEP_FIRMWARE";
 
-/// Environment variable that tells the tests where all boards' images are.
-const IMAGES_VARIABLE: &str = "FERROSTEP_IMAGES";
+/// Environment variable that tells the tests where the hosts are.
+const HOSTS_VARIABLE: &str = "FERROSTEP_HOSTS";
 
 /// All packages but those that only the board's processor can build.
-const DESK: [&str; 7] = [
+const DESK: [&str; 9] = [
     "--workspace",
     "--exclude",
     "ferrostep-firmware",
+    "--exclude",
+    "ferrostep-bench",
     "--exclude",
     "ferrostep-stm32f4-board",
     "--exclude",
@@ -75,6 +79,9 @@ enum Task {
     OnTarget(on_target::TestOptions),
     /// Print a file on the virtual mainboard: the board's image, unmodified, on an emulated chip with a printer around it
     Mainboard(mainboard::Options),
+    /// Install the hosts that tests print with (OctoPrint, printcore) into a Python environment; its folder is the first line of
+    /// the output
+    Hosts,
     /// Write what a release consists of into a folder: images, the command, their checksums, parts lists and licences
     Release(release::Options),
     /// Make small mistakes in the code, one at a time, and list those that no test notices
@@ -93,6 +100,7 @@ fn main() -> ExitCode {
         Task::Flash(_) => "flash",
         Task::OnTarget(_) => "on-target",
         Task::Mainboard(_) => "mainboard",
+        Task::Hosts => "hosts",
         Task::Release(_) => "release",
         Task::Mutants(_) => "mutants",
         Task::NoStd => "no-std",
@@ -106,6 +114,7 @@ fn main() -> ExitCode {
         Task::Flash(options) => on_target::flash(&mut run, &options),
         Task::OnTarget(options) => on_target::test(&mut run, &options),
         Task::Mainboard(options) => mainboard::run(&mut run, &options),
+        Task::Hosts => hosts::install(&mut run).map(|folder| println!("{}", folder.display())),
         Task::Release(options) => release::write(&mut run, &options),
         Task::Mutants(options) => mutants::run(&mut run, &options),
         Task::NoStd => no_std::check(&mut run),
@@ -121,7 +130,9 @@ fn test(run: &mut Run) -> Result<PathBuf, Failure> {
     })?;
     run.step("format", || system::run(cargo().args(["fmt", "--all", "--check"])))?;
     run.step("lints", || {
-        system::run(cargo().arg("clippy").args(DESK).args(["--all-targets", "--", "-D", "warnings"]))
+        let mut clippy = cargo();
+        clippy.arg("clippy").args(DESK).args(["--all-targets", "--features", slicers::FEATURE]);
+        system::run(clippy.args(["--", "-D", "warnings"]))
     })?;
     firmware::check(run)?;
     let mainboard = mainboard::build(run)?;
@@ -132,10 +143,16 @@ fn test(run: &mut Run) -> Result<PathBuf, Failure> {
     on_target::rehearse(run, &mainboard)?;
     // The test profile and not release: it is optimised but checks overflows and debug assertions, and does not spend
     // minutes on link-time optimisation of every test program.
+    let hosts = hosts::install(run)?;
+    let cura = run.step("slicers to test with", slicers::find)?;
     run.step("tests", || {
         let mut tests = cargo();
         tests.args(["test", "--no-fail-fast"]).args(DESK);
-        system::run_tests(tests.env(FIRMWARE_VARIABLE, &image).env(IMAGES_VARIABLE, image::images()))
+        if let Some(cura) = cura {
+            tests.args(["--features", slicers::FEATURE]).env(slicers::CURA_VARIABLE, cura);
+        }
+        tests.env(HOSTS_VARIABLE, &hosts);
+        system::run_tests(tests.env(FIRMWARE_VARIABLE, &image).env(image::IMAGES_VARIABLE, image::images()))
     })?;
     run.step("documentation", || {
         system::run(
@@ -166,7 +183,7 @@ fn slow_tests(run: &mut Run, image: &Path) -> Result<(), Failure> {
                 .env("PROPTEST_CASES", CI_PROPTEST_CASES)
                 .env(seed::VARIABLE, seed.to_string())
                 .env(FIRMWARE_VARIABLE, image)
-                .env(IMAGES_VARIABLE, image::images()),
+                .env(image::IMAGES_VARIABLE, image::images()),
         )
     })?;
     mutants::check_a_part(run, seed)

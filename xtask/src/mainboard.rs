@@ -113,7 +113,7 @@ pub fn output_of(command: &mut Command) -> Result<String, Failure> {
         return Ok(said);
     }
     let why = String::from_utf8_lossy(&output.stderr);
-    Err(format!("the image failed: {}; its output was: {said}{why}", output.status))
+    Err(format!("the image failed: {}; its output was:\n{said}{why}", output.status))
 }
 
 /// `cargo xtask mainboard`.
@@ -155,7 +155,7 @@ pub fn check(run: &mut Run) -> Result<(), Failure> {
     })?;
     run.step("virtual mainboard: tests", || {
         let mut tests = cargo_there();
-        tests.args(["test", "--release", "--no-fail-fast"]).env(crate::IMAGES_VARIABLE, crate::image::images());
+        tests.args(["test", "--release", "--no-fail-fast"]).env(crate::image::IMAGES_VARIABLE, crate::image::images());
         system::run_tests(&mut tests)
     })?;
     run.step("virtual mainboard: the images print", || {

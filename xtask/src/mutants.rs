@@ -1,8 +1,8 @@
 //! Mutants: the code with one small mistake each. One that no test notices survives, and is on the book's page.
 
 mod page;
+mod tried;
 
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -11,6 +11,7 @@ use serde_json::Value;
 use crate::steps::{Failure, Run};
 use crate::system::{self, cargo};
 use page::PAGE;
+use tried::Files;
 
 /// Number of parts of all mutants; each run of `ci` tries one part, about an hour.
 const CI_SHARDS: u64 = 16;
@@ -34,24 +35,6 @@ pub struct Options {
     #[arg(long)]
     refresh: bool,
 }
-
-/// The result of a file's mutants.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-struct Tried {
-    /// Mutants that compile.
-    mutants: usize,
-    /// The survivors' changes without their lines, and how many make the same change.
-    survivors: BTreeMap<String, usize>,
-}
-
-impl Tried {
-    fn survivors(&self) -> usize {
-        self.survivors.values().sum()
-    }
-}
-
-/// By file, from the root.
-type Files = BTreeMap<String, Tried>;
 
 /// Tries mutants, and compares or writes the page.
 pub fn run(run: &mut Run, options: &Options) -> Result<(), Failure> {
@@ -182,6 +165,7 @@ fn compare(page: &Files, tried: &Files, is_whole: bool) -> Result<(), Failure> {
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod tests {
+    use super::tried::Tried;
     use super::*;
     use serde_json::json;
 

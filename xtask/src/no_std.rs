@@ -7,7 +7,9 @@ use crate::steps::{Failure, Run};
 use crate::system::{self, cargo};
 
 /// The crates that the firmware is made of.
-const PACKAGES: [&str; 10] = [
+const PACKAGES: [&str; 12] = [
+    "ferrostep-binary-gcode",
+    "ferrostep-card",
     "ferrostep-gcode",
     "ferrostep-hal-shim",
     "ferrostep-planner",

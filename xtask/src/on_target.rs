@@ -19,6 +19,9 @@ const PROBE_RS: &str = "probe-rs";
 /// is the address of what runs it.
 const SECTION: &str = ".embedded_test";
 
+/// The tests' source as a panic's place names it.
+const ON_TARGET_SOURCE: &str = "on_target/main.rs:";
+
 /// Arguments of `flash`.
 #[derive(Clone, Debug, clap::Args)]
 pub struct FlashOptions {
@@ -78,18 +81,29 @@ pub fn rehearse(run: &mut Run, mainboard: &Path) -> Result<(), Failure> {
     let image = firmware::build(run, Program::OnTarget, &Target::bench()?)?;
     run.step("on-target tests on the virtual mainboard", || {
         let bytes = std::fs::read(&image).map_err(|error| format!("{}: {error}", image.display()))?;
-        for OnTargetTest { name, address } in tests(&bytes).map_err(|error| format!("{}: {error}", image.display()))? {
+        for OnTargetTest { name, address, should_panic } in
+            tests(&bytes).map_err(|error| format!("{}: {error}", image.display()))?
+        {
             // The harness's runner names the test in the program's arguments.
             let arguments = format!("run_addr {address}");
             let folder = system::target_directory();
-            let said = mainboard::counting(mainboard, &image, Counter::Core, &folder, &arguments)
-                .and_then(|mut command| mainboard::output_of(&mut command))
-                .map_err(|reason| format!("{name}: {reason}"))?;
+            let outcome = mainboard::counting(mainboard, &image, Counter::Core, &folder, &arguments)
+                .and_then(|mut command| mainboard::output_of(&mut command));
+            let said = if should_panic { panicked(outcome) } else { outcome };
+            let said = said.map_err(|reason| format!("{name}: {reason}"))?;
             eprintln!("    {name}");
             said.lines().for_each(|line| eprintln!("        {line}"));
         }
         Ok(())
     })
+}
+
+/// What the log says of a panic, with its place in the source, for a test that has to end in one.
+fn panicked(outcome: Result<String, Failure>) -> Result<String, Failure> {
+    let Err(reason) = outcome else { return Err("it has not panicked".to_owned()) };
+    let log: Vec<&str> = reason.lines().filter(|line| line.starts_with("log: error panicked at ")).collect();
+    let is_noticed = reason.contains("the program panicked or faulted");
+    if is_noticed && log.iter().any(|line| line.contains(ON_TARGET_SOURCE)) { Ok(log.join("\n")) } else { Err(reason) }
 }
 
 fn probe_rs() -> Result<(), Failure> {
@@ -109,6 +123,8 @@ fn probe_rs() -> Result<(), Failure> {
 struct OnTargetTest {
     name: String,
     address: u32,
+    /// It passes by a panic.
+    should_panic: bool,
 }
 
 /// All of them.
@@ -124,7 +140,8 @@ fn tests(image: &[u8]) -> Result<Vec<OnTargetTest>, Failure> {
         let place = usize::try_from(symbol.address().saturating_sub(section.address())).unwrap_or(usize::MAX);
         let word =
             data.get(place..).and_then(|rest| rest.first_chunk()).ok_or_else(|| format!("{name}: no address"))?;
-        tests.push(OnTargetTest { name: name.to_owned(), address: u32::from_le_bytes(*word) });
+        let should_panic = entry.get("should_panic").and_then(serde_json::Value::as_bool).unwrap_or(false);
+        tests.push(OnTargetTest { name: name.to_owned(), address: u32::from_le_bytes(*word), should_panic });
     }
     if tests.is_empty() { Err("there are no tests in it".to_owned()) } else { Ok(tests) }
 }
@@ -139,5 +156,15 @@ mod tests {
         let this = std::fs::read(std::env::current_exe().unwrap()).unwrap();
         assert_eq!(tests(&this).unwrap_err(), "there are no tests in it");
         assert!(tests(b"no image").is_err());
+    }
+
+    #[test]
+    fn a_panic_counts_only_with_its_place_in_the_log() {
+        let ended = "the program panicked or faulted: a hard fault at 0x08001234";
+        let logged = "log: error panicked at bench/src/bin/on_target/main.rs:5:9:";
+        assert_eq!(panicked(Err(format!("{logged}\n{ended}"))).unwrap(), logged);
+        assert!(panicked(Err(ended.to_owned())).is_err());
+        assert!(panicked(Err(logged.to_owned())).is_err());
+        assert!(panicked(Ok(String::new())).is_err());
     }
 }

@@ -3,7 +3,8 @@
 
 use std::collections::BTreeMap;
 
-use ferrostep_boards::registers::{Store, first, pins};
+use ferrostep_boards::Store;
+use ferrostep_boards::registers::{first, pins};
 use ferrostep_boards::{Board, builtin_names, load};
 use ferrostep_stm32f4::clock_tree::{ClockSource, start_best};
 use ferrostep_stm32f4::registers::Registers;

@@ -15,7 +15,7 @@ const BUDDY: &str = "prusa-buddy";
 const OCTOPUS: &str = "btt-octopus-1.1";
 
 /// (board, text, its replacement, key and value to blame, what was expected; `{TEXT}`: the line of a text)
-const REFUSALS: [(&str, &str, &str, &str, &str); 51] = [
+const REFUSALS: [(&str, &str, &str, &str, &str); 52] = [
     ("bench", "name = \"bench\"", "name = \"Bench\"", "name = \"Bench\"", "lower-case letters"),
     ("bench", "name = \"bench\"", "name = \"../bench\"", "name = \"../bench\"", "lower-case letters"),
     ("bench", "title = \"Olimex STM32-H405, bare\"", "title = \"\"", "title = \"\"", "printable ASCII"),
@@ -34,7 +34,9 @@ const REFUSALS: [(&str, &str, &str, &str, &str); 51] = [
         "\"LQFP64\", the package of the STM32F405RG",
     ),
     ("bench", "crystal_mhz = 8", "crystal_mhz = 3.9", "crystal_mhz = 3.9", "4 to 26 MHz"),
-    ("bench", "crystal_mhz = 8", "crystal_mhz = 24.576", "crystal_mhz = 24.576", "48 MHz for USB and 84 MHz"),
+    ("bench", "crystal_mhz = 8", "crystal_mhz = 24.576", "crystal_mhz = 24.576", "8, 12, 16 or 25 MHz"),
+    // Its PLL would do, but the HAL sets it with other numbers.
+    ("bench", "crystal_mhz = 8", "crystal_mhz = 24", "crystal_mhz = 24", "add its frequency to CRYSTALS_MHZ"),
     ("bench", "flash_kib = 1024", "flash_kib = 2048", "flash_kib = 2048", "256 to 1024 KiB"),
     ("bench", "ram_kib = 128", "ram_kib = 192", "ram_kib = 192", "96 to 128 KiB"),
     ("bench", "ram_kib = 128", "ram_kib = 100.5", "ram_kib = 100.5", "a whole number from 96 to 128 KiB"),

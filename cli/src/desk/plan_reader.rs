@@ -18,8 +18,14 @@ use ferrostep_printer::machine::HomingTime;
 use ferrostep_printer::{HomingOutcome, Motion, MotionError, Profile, Signals};
 use ferrostep_virtual_board::VirtualMotors;
 
-use super::{ALL_MOTORS, Desk, DeskDrivers, Figures, seconds};
+use super::desk_time::DeskTime;
+use super::drivers::DeskDrivers;
+use super::figures::{Figures, seconds};
+use super::session_motion::Desk;
 use crate::gpre::Script;
+
+/// Mask of all motors.
+const ALL_MOTORS: u8 = 0b1111;
 
 /// Motion that is planned before the desk lets time pass.
 const LEAP_TICKS: u64 = TICKS_PER_SECOND as u64 / 10;
@@ -162,6 +168,7 @@ impl StepSink for Seek<'_> {
 /// A planner whose blocks are read.
 pub struct PlanReader {
     plan: RefCell<Plan>,
+    time: DeskTime,
     drivers: Rc<DeskDrivers>,
     /// Tick up to which the desk has let time pass.
     passed_tick: Cell<u64>,
@@ -185,7 +192,7 @@ impl PlanReader {
             script: is_written.then(Script::default),
         };
         let plan = Plan { planner, reading, homing_time: HomingTime::default(), enabled_motors: 0, fan_power: 0 };
-        Self { plan: RefCell::new(plan), drivers, passed_tick: Cell::new(0) }
+        Self { plan: RefCell::new(plan), time: DeskTime::default(), drivers, passed_tick: Cell::new(0) }
     }
 
     /// Looks at what is written down.
@@ -205,6 +212,14 @@ impl Desk for PlanReader {
 
     fn pass_motion(&self) {
         self.passed_tick.set(self.tick());
+    }
+
+    fn wait_until(&self, wake_ns: u64) {
+        self.time.wait_until(self.tick(), wake_ns);
+    }
+
+    fn now_ns(&self) -> u64 {
+        self.time.now_ns(self.tick())
     }
 
     fn tick(&self) -> u64 {
@@ -274,10 +289,6 @@ impl PlannedMotion<'_> {
 impl Motion for PlannedMotion<'_> {
     async fn add(&mut self, request: impl Request) -> Result<Moved, MotionError> {
         self.act(LEAP_TICKS, |plan| plan.add(&request)).await
-    }
-
-    fn refine_position(&mut self, position_10nm: [i64; 3]) -> bool {
-        self.reader.plan.borrow_mut().planner.refine_position(position_10nm)
     }
 
     async fn set_fan_power(&mut self, power: u8) -> Result<(), MotionError> {

@@ -6,13 +6,16 @@ use std::rc::Rc;
 use std::task::Poll;
 
 use ferrostep_papers::Papers;
+use ferrostep_planner::TICKS_PER_SECOND;
 use ferrostep_planner::look_ahead::Slot;
-use ferrostep_planner::{StepDigests, TICKS_PER_SECOND};
-use ferrostep_printer::machine::{Machine, SharedMachine, SharedMotion, Silence};
-use ferrostep_printer::{Profile, Signals};
+use ferrostep_printer::machine::{Machine, Silence};
+use ferrostep_printer::{Profile, SharedMachine, SharedMotion, Signals};
 
-use super::step_queue::VirtualStepQueue;
-use super::{Desk, DeskDrivers, Figures, seconds};
+use super::desk_time::DeskTime;
+use super::drivers::DeskDrivers;
+use super::figures::Figures;
+use super::session_motion::Desk;
+use super::step_queue::{self, VirtualStepQueue};
 use crate::record::Observer;
 
 /// Longest motion at once while a command waits for it, so that temperatures and the host are looked after.
@@ -24,6 +27,7 @@ type RehearsedMachine<O> = Machine<Vec<Slot>, VirtualStepQueue<O>, Papers>;
 /// A machine that makes every step, seen by `O`.
 pub struct Rehearsal<O> {
     machine: RefCell<RehearsedMachine<O>>,
+    time: DeskTime,
     /// A command waits for motion.
     awaits_motion: Cell<bool>,
 }
@@ -36,6 +40,7 @@ impl<O: Observer> Rehearsal<O> {
         let queue = VirtualStepQueue::new(motors, drivers, observer);
         Self {
             machine: RefCell::new(Machine::new(profile, vec![Slot::EMPTY; look_ahead], queue)),
+            time: DeskTime::default(),
             awaits_motion: Cell::new(false),
         }
     }
@@ -93,6 +98,14 @@ impl<O: Observer> Desk for Rehearsal<O> {
         }
     }
 
+    fn wait_until(&self, wake_ns: u64) {
+        self.time.wait_until(self.tick(), wake_ns);
+    }
+
+    fn now_ns(&self) -> u64 {
+        self.time.now_ns(self.tick())
+    }
+
     fn tick(&self) -> u64 {
         self.machine.borrow().queue().motors().ledger.tick()
     }
@@ -116,19 +129,7 @@ impl<O: Observer> Desk for Rehearsal<O> {
     }
 
     fn figures(&self) -> Figures {
-        let machine = self.machine.borrow();
-        let (figures, queue) = (machine.figures(), machine.queue());
-        Figures {
-            print_time_s: 0.0,
-            motion_time_s: seconds(machine.motion_ticks()),
-            motor_steps: figures.issued_steps,
-            max_event_rate_hz: queue.max_event_rate_hz(),
-            underruns: figures.underruns,
-            starvation_flushes: figures.starvation_flushes,
-            slowed_moves: figures.slowed_moves,
-            merged_moves: figures.merged_moves,
-            digests: StepDigests { order: figures.order_digest, step: figures.step_digest },
-        }
+        step_queue::figures(&self.machine.borrow())
     }
 }
 

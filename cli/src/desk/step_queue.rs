@@ -6,10 +6,14 @@ use std::rc::Rc;
 use ferrostep_hal_shim::{
     Approach, DroppedSteps, FeedError, HomingSensors, MotionWatch, MotorEnable, PlanningClock, StepLink, StepQueue,
 };
+use ferrostep_papers::Papers;
+use ferrostep_planner::look_ahead::Slot;
 use ferrostep_planner::{StepDigests, StepEntry, StepLedger, StepObserver};
+use ferrostep_printer::machine::Machine;
 use ferrostep_virtual_board::{EventRate, VirtualMotors};
 
-use super::DeskDrivers;
+use super::drivers::DeskDrivers;
+use super::figures::{Figures, seconds};
 use crate::record::Observer;
 
 /// Entries that the queue holds, as many as a board's has slots.
@@ -48,7 +52,25 @@ pub struct VirtualStepQueue<O> {
     watched_axis: Option<usize>,
     /// Tick up to which motion goes before the command side looks again.
     pause_tick: u64,
+    /// Where time passes by itself: the motion clock now, at or after the last event; what is earlier stands for that event.
+    now_tick: u64,
     watch: Watch<O>,
+}
+
+/// What a machine with this queue has done.
+pub(super) fn figures<O: Observer>(machine: &Machine<Vec<Slot>, VirtualStepQueue<O>, Papers>) -> Figures {
+    let (figures, queue) = (machine.figures(), machine.queue());
+    Figures {
+        print_time_s: 0.0,
+        motion_time_s: seconds(machine.motion_ticks()),
+        motor_steps: figures.issued_steps,
+        max_event_rate_hz: queue.max_event_rate_hz(),
+        underruns: figures.underruns,
+        starvation_flushes: figures.starvation_flushes,
+        slowed_moves: figures.slowed_moves,
+        merged_moves: figures.merged_moves,
+        digests: StepDigests { order: figures.order_digest, step: figures.step_digest },
+    }
 }
 
 impl<O: Observer> VirtualStepQueue<O> {
@@ -63,6 +85,7 @@ impl<O: Observer> VirtualStepQueue<O> {
             drivers,
             watched_axis: None,
             pause_tick: 0,
+            now_tick: 0,
             watch: Watch { digests: StepDigests::default(), rate: EventRate::default(), observer },
         }
     }
@@ -102,14 +125,60 @@ impl<O: Observer> VirtualStepQueue<O> {
         while self.entries.len() > kept && !self.is_paused() {
             let Some(entry) = self.entries.pop_front() else { break };
             has_played = true;
-            let before = self.motors.ledger.first_tick(entry).saturating_sub(1);
-            self.tell_move_ends(before);
-            self.motors.ledger.play(entry, &mut self.watch);
+            self.play_entry(entry);
         }
         if self.entries.is_empty() {
             self.link.run_dry();
         }
         has_played
+    }
+
+    /// Lets this many ticks pass: plays the events that they contain, and no other.
+    pub fn pass(&mut self, ticks: u64) {
+        self.now_tick = self.now_tick.max(self.motors.ledger.tick()) + ticks;
+        if self.watched_axis.is_some() {
+            // A move towards a sensor is played as it is planned, which is up to here.
+            self.pause_tick = self.now_tick;
+            return;
+        }
+        if !self.link.is_running() || self.link.is_stopping() {
+            self.now_tick = 0;
+            return;
+        }
+        while let Some(entry) = self.entries.pop_front() {
+            let Some((now, later)) = self.split(entry) else {
+                self.entries.push_front(entry);
+                return;
+            };
+            self.play_entry(now);
+            if let Some(later) = later {
+                self.entries.push_front(later);
+                return;
+            }
+        }
+        self.link.run_dry();
+        self.now_tick = 0;
+        self.tell_move_ends(u64::MAX);
+    }
+
+    /// The part of an entry that is due, and the rest; `None` if none of it is due.
+    fn split(&self, entry: StepEntry) -> Option<(StepEntry, Option<StepEntry>)> {
+        let due_ticks = self.now_tick - self.motors.ledger.tick();
+        let interval_ticks = u64::from(entry.interval_ticks());
+        if interval_ticks > due_ticks {
+            return None;
+        }
+        let due = due_ticks.checked_div(interval_ticks).and_then(|due| u16::try_from(due).ok());
+        let Some(due) = due.filter(|due| *due < entry.count()) else { return Some((entry, None)) };
+        let now = entry.first_events(due)?;
+        let later = StepEntry::stair(entry.interval_ticks(), entry.count() - due, entry.axes(), entry.added());
+        Some((now, later))
+    }
+
+    fn play_entry(&mut self, entry: StepEntry) {
+        let before = self.motors.ledger.first_tick(entry).saturating_sub(1);
+        self.tell_move_ends(before);
+        self.motors.ledger.play(entry, &mut self.watch);
     }
 
     /// Tells the observer of the moves that have ended up to a tick.
@@ -193,6 +262,7 @@ impl<O: Observer> HomingSensors for VirtualStepQueue<O> {
 
     fn watch_sensor(&mut self, axis: Option<usize>) {
         self.watched_axis = axis;
+        self.now_tick = 0;
         self.motors.set_stall_signal(axis.and_then(|axis| self.drivers.stall_signal(axis)));
     }
 

@@ -7,7 +7,7 @@ use ferrostep_gpre::compact::{Decoder, FrameState};
 use ferrostep_gpre::{Fault, Item};
 use ferrostep_printer::{CommandError, Ports, Printer, Profile};
 
-use super::play::PartReader;
+use super::part_reader::PartReader;
 use crate::job::JobError;
 
 /// How far the nozzle is raised above the print while X and Y are homed and while it travels, units of 10 nm: 5 mm.
@@ -62,6 +62,8 @@ impl Passed {
                     | Command::MaxAcceleration(_)
                     | Command::MaxFeed(_)
                     | Command::Acceleration { .. }
+                    | Command::VelocityLimit { .. }
+                    | Command::HeatersOff
                     | Command::Junction { .. }
                     | Command::FeedPercent(_)
                     | Command::FlowPercent(_),
@@ -79,15 +81,23 @@ impl Passed {
                     | Command::EnableMotors(_)
                     | Command::DisableMotors(_)
                     | Command::Finish
+                    | Command::Stop { .. }
+                    | Command::Pause(_)
+                    | Command::ChangeFilament(_)
+                    | Command::ResumePrint
+                    | Command::PromptAnswer(_)
                     | Command::QuickStop
                     | Command::EmergencyStop
                     | Command::Restart
                     | Command::EndWait
                     | Command::SelectTool(_)
                     | Command::SetLineNumber(_)
+                    | Command::Card(_)
                     | Command::ReceiveJob { .. }
                     | Command::Timing { .. }
                     | Command::Display(_)
+                    | Command::Progress { .. }
+                    | Command::Layer { .. }
                     | Command::Echo { .. }
                     | Command::KeepAlive(None)
                     | Command::HeaterTimeout(None)
@@ -97,6 +107,8 @@ impl Passed {
                     | Command::ReportFirmware
                     | Command::ReportEndStops
                     | Command::ReportMotion
+                    | Command::CheckNozzle(_)
+                    | Command::CheckModel(_)
                     | Command::Accepted
                     | Command::Unknown(_),
                 )

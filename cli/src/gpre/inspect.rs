@@ -5,12 +5,12 @@ use std::io::{self, Read, Write};
 use ferrostep_gpre::compact::FrameState;
 use ferrostep_gpre::{Encoding, EntrySpeed, Header, Item};
 
-use super::play::PartReader;
+use super::part_reader::PartReader;
+use crate::duration::hms;
 use crate::job::JobError;
-use crate::report::hms;
 use crate::terminal::one_line;
 
-/// Why looking into a file ended.
+/// Why the inspection of a file ended early.
 pub enum InspectError {
     /// It cannot be read.
     Job(JobError),
@@ -92,7 +92,7 @@ fn say_item(item: &Item<'_>, out: &mut impl Write) -> io::Result<()> {
     }
 }
 
-/// What is to be shown of a prepared job, besides its header.
+/// Which parts of a prepared job to show after its header.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shown {
     /// Where the frames begin.
@@ -154,10 +154,10 @@ impl Entries {
     }
 }
 
-/// Writes what is in a prepared job: the header, and what else is to be shown.
+/// Writes the header of a prepared job and the parts that `shown` names.
 ///
 /// # Errors
-/// What is wrong with the file, behind what could be read of it; `out` cannot be written.
+/// The file's fault, after the part that could be read; or `out` cannot be written.
 pub fn inspect(input: impl Read, shown: Shown, out: &mut impl Write) -> Result<(), InspectError> {
     let all = shown == Shown::Items;
     let mut entries = Entries::default();

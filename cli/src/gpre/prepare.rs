@@ -5,15 +5,19 @@ use std::io::{self, Read, Seek, SeekFrom, Write};
 use ferrostep_gcode::{Command, parse};
 use ferrostep_gpre::compact::FrameWriter;
 use ferrostep_gpre::{Encoding, Header, ModalState, Thumbnail};
+use ferrostep_papers::wide::PacketWriter;
 use ferrostep_planner::{AccelerationProfile, PLANNER_VERSION};
-use ferrostep_printer::{Ports, Printer, Profile, Replies, Tally};
+use ferrostep_printer::{Ports, Printer, Profile, Tally};
 
-use super::LOOK_AHEAD_BLOCKS;
-use super::packets::PacketWriter;
 use super::script::{Ready, Script};
 use crate::desk::{Figures, PlanReader};
 use crate::job::{self, JobError, JobProgress, Onlooker};
-use crate::session::Session;
+use crate::remarks::Remark;
+use crate::session::{JobReplies, Session};
+use crate::watch::Watch;
+
+/// Blocks in the look-ahead ring while a job is prepared: more than any stopping distance has.
+pub const LOOK_AHEAD_BLOCKS: usize = 65_536;
 
 /// Bytes that are kept before they are written.
 const PORTION_BYTES: usize = 64 * 1024;
@@ -28,7 +32,7 @@ pub struct Target<W> {
 }
 
 /// What was prepared.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Prepared {
     /// The header of the file.
     pub header: Header,
@@ -42,6 +46,8 @@ pub struct Prepared {
     pub progress: JobProgress,
     /// What it does.
     pub tally: Tally,
+    /// What a person should know of it.
+    pub remarks: Vec<Remark>,
 }
 
 /// Why nothing, or not all, was prepared.
@@ -88,7 +94,7 @@ impl<I: Read> Read for Counted<'_, I> {
     }
 }
 
-/// What the parts of a job become.
+/// The writer of the chosen encoding.
 enum Parts {
     Compact(Box<FrameWriter>),
     Wide(PacketWriter),
@@ -113,7 +119,6 @@ impl<W: Write> Writer<'_, W> {
             self.failed.get_or_insert(PrepareError::Command(*line, why));
         }
         match &mut self.parts {
-            Parts::Wide(packets) => packets.take(ready, &mut self.waiting),
             Parts::Compact(frames) => match (ready, ready.item()) {
                 (Ready::State { modal, position_10nm }, _) => {
                     frames.set_modal(*modal, *position_10nm, &mut self.waiting);
@@ -121,6 +126,18 @@ impl<W: Write> Writer<'_, W> {
                 (_, Some(item)) => frames.add(&item, &mut self.waiting),
                 _ => {}
             },
+            Parts::Wide(packets) => {
+                if let Some(item) = ready.item() {
+                    packets.take_item(&item, &mut self.waiting);
+                }
+                match ready {
+                    Ready::First { planned, bound, joined, .. } => {
+                        packets.take_block(planned, *bound, *joined, &mut self.waiting);
+                    }
+                    Ready::State { modal, position_10nm } => packets.set_modal(modal, *position_10nm),
+                    _ => {}
+                }
+            }
         }
         if self.waiting.len() >= PORTION_BYTES {
             self.write();
@@ -165,12 +182,12 @@ impl<W: Write, P: Ports> Onlooker<P> for Writer<'_, W> {
 /// `picture` is the slicer's, see [`super::take_thumbnail`]. The header goes to the file's start again at the end, when its numbers are known.
 ///
 /// # Errors
-/// As [`PrepareError`] has them; what is in `out` then is of no use.
-pub fn prepare<R: Replies>(
+/// See [`PrepareError`]; the content of `out` is then useless.
+pub fn prepare<F: Fn(&str)>(
     input: &mut impl Read,
     picture: Option<(Thumbnail, Vec<u8>)>,
     profile: Profile,
-    replies: R,
+    replies: JobReplies<F>,
     target: Target<impl Write + Seek>,
     mut look: impl FnMut(&JobProgress, &Figures),
 ) -> Result<Prepared, PrepareError> {
@@ -201,9 +218,12 @@ pub fn prepare<R: Replies>(
         Encoding::Wide => Parts::Wide(PacketWriter::new(printer.machine_10nm())),
     };
     let mut writer = Writer { reader: session.desk(), out, parts, waiting: Vec::new(), content_bytes: 0, failed: None };
-    let outcome = session.run(job::run_watched(&mut input, &mut printer, &mut progress, &mut writer, |progress| {
+    let mut watch = Watch::new(&profile, session.replies().remarks());
+    let mut watching = (&mut writer, &mut watch);
+    let outcome = session.run(job::run_watched(&mut input, &mut printer, &mut progress, &mut watching, |progress| {
         look(progress, &session.figures());
     }));
+    watch.end(&session.heating());
     outcome.map_err(PrepareError::Job)?;
     writer.take_ready();
     let frames = match &mut writer.parts {
@@ -235,5 +255,6 @@ pub fn prepare<R: Replies>(
         source_bytes: input.bytes,
         progress,
         tally,
+        remarks: session.replies().remarks().to_vec(),
     })
 }

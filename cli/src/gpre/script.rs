@@ -1,5 +1,5 @@
-//! What a job is made of, in its order, from the G-code to the file: moves wait here until look-ahead has
-//! settled their speeds.
+//! The parts of a job in their order, from the G-code to the file: moves wait here until look-ahead has settled their
+//! speeds.
 
 use std::collections::VecDeque;
 
@@ -9,7 +9,7 @@ use ferrostep_papers::Papers;
 use ferrostep_planner::look_ahead::{ForwardPass, RingMemory};
 use ferrostep_planner::{Move, PlannedBlock, Planner, Recorded, Recorder, SquaredSpeed};
 
-/// What the command being executed is in the file.
+/// How the command in execution is written to the file.
 #[derive(Clone, Debug, Default, PartialEq)]
 enum Now {
     /// Its moves.

@@ -7,7 +7,8 @@ use ferrostep_planner::extruder::FILAMENT_UNITS_PER_MM;
 use serde::Serialize;
 
 use super::Prepared;
-use crate::report::hms;
+use crate::duration::hms;
+use crate::remarks::{self, Remark};
 use crate::terminal::one_line;
 
 /// The summary of `preprocess`, and its `--json`.
@@ -41,6 +42,8 @@ pub struct PreparedSummary {
     pub filament_mm: f64,
     /// Real time, s.
     pub wall_s: f64,
+    /// What a person should know of the job.
+    pub remarks: Vec<Remark>,
 }
 
 impl PreparedSummary {
@@ -63,6 +66,7 @@ impl PreparedSummary {
             motion_time_s: header.motion_ms as f64 / 1000.0,
             filament_mm: header.filament_100pm as f64 / FILAMENT_UNITS_PER_MM as f64,
             wall_s,
+            remarks: prepared.remarks.clone(),
         }
     }
 }
@@ -82,6 +86,7 @@ impl fmt::Display for PreparedSummary {
             self.bytes_per_move,
             1.0 / self.ratio.max(1e-9)
         )?;
+        remarks::write_all(out, &self.remarks)?;
         write!(
             out,
             "  real time    {:.2} s, {:.0} lines/s, {:.1} MB/s",

@@ -1,4 +1,4 @@
-//! The picture that slicers write into the comments at a file's start.
+//! The picture that slicers write: into the comments at a file's start, into a block of binary G-code.
 
 use std::io::{self, BufRead};
 
@@ -17,9 +17,18 @@ type Picture = (Thumbnail, Vec<u8>);
 /// # Errors
 /// The job cannot be read.
 pub fn take(input: &mut Input) -> io::Result<Option<Picture>> {
+    if let Some(description) = input.description() {
+        let pictures = description.thumbnails.iter().filter(|(_, bytes)| fits(bytes));
+        return Ok(pictures.max_by_key(|(_, bytes)| bytes.len()).cloned());
+    }
     let (picture, read) = find(&mut *input)?;
     input.put_back(read);
     Ok(picture)
+}
+
+/// Whether a prepared job has room for a picture.
+fn fits(bytes: &[u8]) -> bool {
+    !bytes.is_empty() && bytes.len() < ferrostep_gpre::header::MAX_THUMBNAIL_BYTES as usize
 }
 
 /// The largest thumbnail before the first command, and all that was read: lines between `; thumbnail begin 220x124 1234`
@@ -51,8 +60,7 @@ fn find(input: impl BufRead) -> io::Result<(Option<Picture>, Vec<u8>)> {
             let (format, width, height) = (*format, *width, *height);
             open = None;
             let larger = |bytes: &Vec<u8>| found.as_ref().is_none_or(|(_, before)| bytes.len() > before.len());
-            let fits = |bytes: &Vec<u8>| bytes.len() < ferrostep_gpre::header::MAX_THUMBNAIL_BYTES as usize;
-            if let Some(bytes) = bytes.filter(|bytes| !bytes.is_empty() && larger(bytes) && fits(bytes)) {
+            if let Some(bytes) = bytes.filter(|bytes| larger(bytes) && fits(bytes)) {
                 found = Some((Thumbnail { format, width, height, length: bytes.len() as u32 }, bytes));
             }
         } else {

@@ -6,6 +6,7 @@ use ferrostep_planner::TICKS_PER_SECOND;
 use ferrostep_printer::Profile;
 use serde::Serialize;
 
+use super::motor_names::motor_names;
 use crate::output::{Output, OutputError};
 
 const STEP: u8 = 0;
@@ -39,7 +40,7 @@ impl TraceWriter {
             format: "ferrostep-trace",
             version: 1,
             tick_hz: TICKS_PER_SECOND,
-            axes: super::motor_names(profile),
+            axes: motor_names(profile),
             steps_per_mm: profile.steps_per_mm.map(|steps| steps.to_f64()),
             kinematics: profile.kinematics.name(),
         };
@@ -81,7 +82,7 @@ impl TraceWriter {
     pub(super) fn finish(self) -> Result<(), OutputError> {
         match self.error {
             Some(error) => Err(self.out.get_ref().failed(error)),
-            None => super::keep(self.out),
+            None => Output::keep_buffered(self.out),
         }
     }
 }

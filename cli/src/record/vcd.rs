@@ -5,6 +5,7 @@ use std::io::{self, BufWriter, Write};
 use ferrostep_planner::TICKS_PER_SECOND;
 use ferrostep_printer::Profile;
 
+use super::motor_names::motor_names;
 use crate::output::{Output, OutputError};
 
 /// Identifiers of the step signals; the direction signals are the next four.
@@ -31,7 +32,7 @@ impl VcdWriter {
     /// The output cannot be written.
     pub fn new(out: Output, profile: &Profile) -> io::Result<Self> {
         let mut out = BufWriter::with_capacity(1 << 20, out);
-        let names = super::motor_names(profile);
+        let names = motor_names(profile);
         writeln!(out, "$comment motion clock, idle time left out $end\n$timescale 1 ns $end")?;
         writeln!(out, "$scope module {} $end", profile.name)?;
         for (signal, ids) in [("step", STEP_IDS), ("direction", DIRECTION_IDS)] {
@@ -87,7 +88,7 @@ impl VcdWriter {
 
     pub(super) fn finish(mut self) -> Result<(), OutputError> {
         match self.error.take().map_or_else(|| self.fall(), Err) {
-            Ok(()) => super::keep(self.out),
+            Ok(()) => Output::keep_buffered(self.out),
             Err(error) => Err(self.out.get_ref().failed(error)),
         }
     }

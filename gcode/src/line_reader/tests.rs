@@ -76,21 +76,42 @@ fn comments_do_not_count_against_the_length() {
     assert_eq!(read(b"G28 ; \xff\x00\nG90"), [plain(1, "G28"), plain(2, "G90")]);
 }
 
+fn too_long(line_number: u32, number: Option<i64>, checksum: Checksum) -> Read {
+    Read::Refused(LineError::TooLong { line_number, number, checksum })
+}
+
+/// Its checksum is that of the whole, so that a host is not asked for ever for a line that has come as it sent it.
+#[test]
+fn a_long_line_has_its_checksum() {
+    let long = "x".repeat(1000);
+    let with_checksum = |text: &str| format!("{text}*{}", text.bytes().fold(0, |sum, byte| sum ^ byte));
+    for text in [format!("N5 G1 {long}"), format!("N5 G1 {long} ; comment")] {
+        assert_eq!(read(with_checksum(&text).as_bytes()), [too_long(1, Some(5), Checksum::Right)], "{text}");
+        let wrong = Checksum::Wrong { expected: 1, computed: text.bytes().fold(0, |sum, byte| sum ^ byte) };
+        assert_eq!(read(format!("{text}*1").as_bytes()), [too_long(1, Some(5), wrong)], "{text}");
+    }
+    // A text for people loses its end.
+    let kept = |number: &str| format!("M117 {}", &long[..LINE_CAPACITY - number.len() - 5]);
+    for checksum in ["", " ; comment"] {
+        let text = with_checksum(&format!("N5 M117 {long}{checksum}"));
+        assert_eq!(read(text.as_bytes()), [Read::Line(1, kept("N5 "), Some(5), Checksum::Right)]);
+    }
+    assert_eq!(read(format!("M117 {long}").as_bytes()), [plain(1, &kept(""))]);
+    let umlauts = format!("M118 {}", "\u{fc}".repeat(200));
+    assert_eq!(read(umlauts.as_bytes()), [plain(1, &format!("M118 {}", "\u{fc}".repeat(125)))]);
+}
+
 #[test]
 fn long_lines_are_refused_once() {
     let limit = "x".repeat(LINE_CAPACITY);
     for end in ["", "y", "y ; c", &"y".repeat(1000)] {
         let text = format!("{limit}{end}\nG28\nN5 {limit}\n");
-        let first = if end.is_empty() {
-            plain(1, &limit)
-        } else {
-            Read::Refused(LineError::TooLong { line_number: 1, numbered: false })
-        };
-        let third = Read::Refused(LineError::TooLong { line_number: 3, numbered: true });
+        let first = if end.is_empty() { plain(1, &limit) } else { too_long(1, None, Checksum::Absent) };
+        let third = too_long(3, Some(5), Checksum::Absent);
         assert_eq!(read(text.as_bytes()), [first, plain(2, "G28"), third]);
     }
     let blanks = " ".repeat(LINE_CAPACITY + 1);
-    let refused = Read::Refused(LineError::TooLong { line_number: 1, numbered: false });
+    let refused = too_long(1, None, Checksum::Absent);
     assert_eq!(read(blanks.as_bytes()), std::slice::from_ref(&refused));
     assert_eq!(read(format!("{blanks}\nG28").as_bytes()), [refused, plain(2, "G28")]);
 }
@@ -98,10 +119,9 @@ fn long_lines_are_refused_once() {
 /// A number beyond the kept part of a line is not seen, in portions of any size.
 #[test]
 fn a_line_number_beyond_the_capacity_is_not_seen() {
-    for (blanks, numbered) in [(LINE_CAPACITY - 3, true), (LINE_CAPACITY, false), (LINE_CAPACITY + 40, false)] {
+    for (blanks, number) in [(LINE_CAPACITY - 3, Some(5)), (LINE_CAPACITY, None), (LINE_CAPACITY + 40, None)] {
         let text = format!("{}N5 G1 X1\n", " ".repeat(blanks));
-        let refused = Read::Refused(LineError::TooLong { line_number: 1, numbered });
-        assert_eq!(read(text.as_bytes()), [refused], "{blanks} blanks");
+        assert_eq!(read(text.as_bytes()), [too_long(1, number, Checksum::Absent)], "{blanks} blanks");
     }
 }
 
@@ -126,14 +146,18 @@ fn the_last_line_number_survives() {
 
 #[test]
 fn bytes_that_are_not_text_are_refused() {
+    let not_text = |line_number, byte, number| {
+        Read::Refused(LineError::NotText { line_number, byte, number, checksum: Checksum::Absent })
+    };
     assert_eq!(
-        read(b"G28\nG1\0X5\nM117 \xc3\xa9\nM117 \xc3\nN7 \x1b"),
+        read(b"G28\nG1\0X5\nM117 \xc3\xa9\nG28 \xc3\nN7 \x1b\nM117 hot\xc3\xa9\xc3\xff"),
         [
             plain(1, "G28"),
-            Read::Refused(LineError::NotText { line_number: 2, byte: 0, numbered: false }),
+            not_text(2, 0, None),
             plain(3, "M117 \u{e9}"),
-            Read::Refused(LineError::NotText { line_number: 4, byte: 0xc3, numbered: false }),
-            Read::Refused(LineError::NotText { line_number: 5, byte: 0x1b, numbered: true }),
+            not_text(4, 0xc3, None),
+            not_text(5, 0x1b, Some(7)),
+            plain(6, "M117 hot\u{e9}"),
         ]
     );
 }
@@ -186,6 +210,7 @@ fn bytes_like_g_code() -> impl Strategy<Value = Vec<u8>> {
         1 => Just(b"\xef\xbb\xbf".to_vec()),
         1 => Just("\u{fc}".as_bytes().to_vec()),
         1 => (200usize..300).prop_map(|length| vec![b'x'; length]),
+        1 => Just(b"M117 ".to_vec()),
         4 => "[GMXN 0-9.-]{0,12}".prop_map(String::into_bytes),
         2 => proptest::collection::vec(any::<u8>(), 0..6),
     ];
@@ -210,19 +235,20 @@ fn reference(bytes: &[u8]) -> Vec<Read> {
         let unmarked = before.strip_prefix(b"\xef\xbb\xbf").filter(|_| index == 0).unwrap_or(before);
         let blank = unmarked.iter().all(|byte| b" \t".contains(byte));
         let kept = &before[..before.len().min(LINE_CAPACITY)];
-        if before.len() > LINE_CAPACITY {
-            let numbered = number_word(kept).is_some();
-            lines.push(Read::Refused(LineError::TooLong { line_number, numbered }));
-        } else if !blank {
-            let mut in_comment = Checksum::Absent;
-            if number_word(before).is_some() && !before.contains(&b'*') {
-                let mut scan = ChecksumScan::new();
-                scan.extend(line);
-                in_comment = scan.verdict();
-                if in_comment == Checksum::Malformed {
-                    in_comment = Checksum::Absent;
-                }
+        let mut in_comment = Checksum::Absent;
+        if number_word(kept).is_some() && !before.contains(&b'*') {
+            let mut scan = ChecksumScan::new();
+            scan.extend(line);
+            in_comment = scan.verdict();
+            if in_comment == Checksum::Malformed {
+                in_comment = Checksum::Absent;
             }
+        }
+        if before.len() > LINE_CAPACITY {
+            let scan = scanned(before);
+            let checksum = if before.contains(&b'*') { scan.verdict() } else { in_comment };
+            lines.push(take_apart_cut(kept, line_number, checksum).into());
+        } else if !blank {
             lines.push(take_apart(unmarked, false, line_number, in_comment).into());
         }
     }

@@ -1,6 +1,6 @@
 //! Heaters, fans, limits, reports and the rest of the machine.
 
-use super::Code;
+use super::code::Code;
 use crate::remarks::{Remark, Remarks};
 use crate::{AxisWords, Command, Decimal, DriverWords, ParseError, RetractionWords, WaitTarget};
 
@@ -20,9 +20,38 @@ const DEFAULT_SILENCE_S: u16 = 30;
 pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
     if code.has_subcode {
         // M862.1 to M862.6: checks of the printer's model and nozzle.
-        return Ok(if code.number == 862 { Command::Accepted } else { code.unknown() });
+        return match (code.number, code.subcode) {
+            (862, 1) => {
+                let mut words = code.words(remarks)?;
+                // A and F say what the filament asks of the nozzle, T which tool is meant.
+                b"AFT".iter().for_each(|&letter| words.needless_zero(letter));
+                Ok(Command::CheckNozzle(words.value(b'P')))
+            }
+            (862, 3) => Ok(Command::CheckModel(model(code.free_text()))),
+            (862, _) => code.not_executed(remarks),
+            _ => Ok(code.unknown()),
+        };
+    }
+    if let Some(command) = super::card_codes::parse(&code, remarks) {
+        return command.map(Command::Card);
     }
     match code.number {
+        0 | 1 => stop(code, remarks),
+        602 => code.without_words(Command::ResumePrint, remarks),
+        125 | 600 | 601 => pause(code, remarks),
+        // With P it waits for a pin, of which this machine has none to name.
+        226 if code.words(&mut Remarks::default())?.has(b'P') => Ok(code.unknown()),
+        226 => pause(code, remarks),
+        876 => {
+            let mut words = code.words(remarks)?;
+            // P: a host says, as OctoPrint does when it connects, whether it shows prompts. Those that do not are told as well.
+            let shows_prompts = words.whole_to(b'P', 1)?;
+            match words.whole_to(b'S', u8::MAX)? {
+                Some(button) => Ok(Command::PromptAnswer(button)),
+                None if shows_prompts.is_some() => Ok(Command::Accepted),
+                None => Err(ParseError::WordsExpected { command: "M876", words: "S" }),
+            }
+        }
         17 => Ok(Command::EnableMotors(code.words(remarks)?.axis_flags())),
         18 | 84 => {
             let mut words = code.words(remarks)?;
@@ -33,6 +62,11 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
         }
         82 => code.without_words(Command::AbsoluteExtrusion, remarks),
         83 => code.without_words(Command::RelativeExtrusion, remarks),
+        // Where Marlin kills an idle machine, heaters go off here. S0, which slicers write to be left alone, leaves them watched.
+        85 => match code.words(remarks)?.whole_up_to(b'S', u16::MAX)? {
+            Some(0) => Ok(Command::HeaterTimeout(None)),
+            seconds => Ok(Command::HeaterTimeout(seconds)),
+        },
         86 => Ok(Command::HeaterTimeout(code.words(remarks)?.whole_up_to(b'S', u16::MAX)?)),
         104 | 109 | 140 | 190 => temperature(code, remarks),
         106 | 107 => fan(code, remarks),
@@ -42,15 +76,26 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
         112 => Ok(Command::EmergencyStop),
         113 => Ok(Command::KeepAlive(code.words(remarks)?.whole_to(b'S', MAX_INTERVAL_S)?)),
         114 => Ok(Command::ReportPosition),
-        115 => Ok(Command::ReportFirmware),
+        115 => {
+            if code.free_text().starts_with(['U', 'u']) {
+                remarks.add(Remark::FirmwareVersion);
+            }
+            Ok(Command::ReportFirmware)
+        }
         117 => Ok(Command::Display(code.free_text())),
         118 => Ok(echo(code.free_text())),
         119 => Ok(Command::ReportEndStops),
         122 => code.without_words(Command::ReportDrivers, remarks),
-        155 => match code.words(remarks)?.whole_to(b'S', MAX_INTERVAL_S)? {
-            Some(seconds) => Ok(Command::AutoReportTemperatures { seconds }),
-            None => Ok(Command::Accepted),
-        },
+        155 => {
+            let mut words = code.words(remarks)?;
+            Ok(match words.whole_to(b'S', MAX_INTERVAL_S)? {
+                Some(seconds) => Command::AutoReportTemperatures { seconds },
+                None => {
+                    words.remark(Remark::WithoutS);
+                    Command::Accepted
+                }
+            })
+        }
         201 => Ok(Command::MaxAcceleration(code.words(remarks)?.axis_limits())),
         203 => Ok(Command::MaxFeed(code.words(remarks)?.axis_limits())),
         204 => {
@@ -64,6 +109,8 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
         }
         205 => {
             let mut words = code.words(remarks)?;
+            // Smallest feeds and the time of the shortest move; 0: none.
+            b"STB".iter().for_each(|&letter| words.needless_zero(letter));
             Ok(Command::Junction { deviation: words.above_zero(b'J'), corner_velocity: words.axis_limits() })
         }
         207 => {
@@ -91,7 +138,7 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
         221 => {
             let mut words = code.words(remarks)?;
             if words.names_other_tool() {
-                return Ok(code.unknown());
+                return Ok(Command::Accepted);
             }
             // An error, unlike a feed of 0: without filament nothing would be printed.
             let percent = words.required_above_zero(b'S')?;
@@ -104,7 +151,7 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
         }
         // ANCHOR_END: m302
         290 => {
-            let mut words = code.words(remarks)?;
+            let mut words = code.places(remarks)?;
             let (mut axes, by) = (words.axes(), words.value(b'S'));
             axes.z = axes.z.or(by);
             Ok(Command::ShiftZ { words: axes, keeps_offset: words.switch(b'P')? == Some(false) })
@@ -113,7 +160,8 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
         410 => Ok(Command::QuickStop),
         569 => stealth_chop(code, remarks),
         851 => {
-            let AxisWords { x, y, z, .. } = code.words(remarks)?.axes();
+            let mut words = code.places(remarks)?;
+            let [x, y, z] = b"XYZ".map(|axis| words.value(axis));
             Ok(Command::ProbeOffset(AxisWords { x, y, z, e: None }))
         }
         906 => Ok(Command::DriverCurrent(driver_words(code, remarks, MAX_CURRENT_MA)?)),
@@ -139,7 +187,7 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
             let mut words = code.words(remarks)?;
             Ok(Command::MotionChoice {
                 interpolation: words.whole_to(b'I', 4)?,
-                acceleration: words.whole_to(b'A', 2)?,
+                acceleration: words.whole_to(b'A', 3)?,
             })
         }
         797 => Ok(Command::ReportMotion),
@@ -148,36 +196,36 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
             Ok(Command::Timing { on: words.switch(b'S')?, clear: words.has(b'R') })
         }
         999 => Ok(Command::Restart),
-        // Progress and timers of a display, sounds, object labels; parts and corrections that this machine does not have.
-        73..=77
-        | 141
-        | 142
-        | 300
-        | 412
-        | 413
-        | 420
-        | 425
-        | 486
-        | 530
-        | 532
-        | 555
-        | 572
-        | 573
-        | 593
-        | 862
-        | 900
-        | 907 => Ok(Command::Accepted),
-        _ => Ok(code.unknown()),
+        73 => progress(code, remarks),
+        _ if switches_off(code) => Ok(Command::Accepted),
+        _ => code.not_executed(remarks),
     }
+}
+
+/// Whether a command that is not executed asks for just that: it switches off what is not there.
+fn switches_off(code: Code<'_>) -> bool {
+    let letter = match code.number {
+        141 | 412 | 413 | 420 | 572 => b'S',
+        593 => b'F',
+        900 => b'K',
+        _ => return false,
+    };
+    let mut remarks = Remarks::default();
+    code.words(&mut remarks).is_ok_and(|mut words| words.value(letter) == Some(Decimal::ZERO))
 }
 
 fn temperature<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
     let mut words = code.words(remarks)?;
     let is_nozzle = matches!(code.number, 104 | 109);
-    if is_nozzle && words.names_other_tool() {
-        return Ok(code.unknown());
+    if !is_nozzle {
+        words.needless(b'T');
+    } else if words.names_other_tool() {
+        return Ok(Command::Accepted);
     }
     let target = words.not_negative(b'S')?;
+    if target.is_none() && matches!(code.number, 104 | 140) {
+        words.remark(Remark::WithoutS);
+    }
     Ok(match code.number {
         104 => Command::SetNozzle(target),
         140 => Command::SetBed(target),
@@ -192,10 +240,50 @@ fn temperature<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>,
     })
 }
 
+/// M73: numbers that are too large become the largest, for no print is worse for that.
+fn progress<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
+    let mut words = code.words(remarks)?;
+    // The same of a quieter mode (Prusa), which this machine does not have.
+    let _ = (words.value(b'Q'), words.value(b'S'));
+    let mut up_to = |letter: u8, most: u16| -> Result<Option<u16>, ParseError> {
+        let Some(value) = words.nearest(letter, 1)? else { return Ok(None) };
+        if value > u64::from(most) {
+            words.remark(Remark::TooLarge(letter));
+        }
+        Ok(Some(u16::try_from(value).unwrap_or(most).min(most)))
+    };
+    let (percent, minutes_left) = (up_to(b'P', 100)?, up_to(b'R', u16::MAX)?);
+    Ok(Command::Progress { percent: percent.map(|percent| percent as u8), minutes_left })
+}
+
+/// M0, M1: a time, or a text for a display.
+fn stop<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
+    let text = code.free_text().as_bytes();
+    let is_time = matches!(text, [b'P' | b'p' | b'S' | b's', b'0'..=b'9' | b'.' | b'+' | b'-' | b' ', ..]);
+    if !is_time {
+        return Ok(Command::Stop { longest_ms: None });
+    }
+    let mut words = code.words(remarks)?;
+    let milliseconds = match words.nearest(b'S', 1000)? {
+        Some(milliseconds) => Some(milliseconds),
+        None => words.nearest(b'P', 1)?,
+    };
+    Ok(Command::Stop { longest_ms: milliseconds })
+}
+
+/// M125, M226, M600 and M601.
+fn pause<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
+    let mut words = code.words(remarks)?;
+    let park = AxisWords { x: words.value(b'X'), y: words.value(b'Y'), z: words.not_negative(b'Z')?, e: None };
+    Ok(if code.number == 600 { Command::ChangeFilament(park) } else { Command::Pause(park) })
+}
+
 /// M569. With P it is the M569 of another firmware, which sets a driver's direction by its number.
 fn stealth_chop<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
     let mut words = code.words(remarks)?;
     if words.has(b'P') {
+        words.forgive();
+        words.remark(Remark::DriverByNumber);
         return Ok(Command::Accepted);
     }
     let (motors, on) = (words.axis_flags(), words.switch(b'S')?);
@@ -217,11 +305,14 @@ fn fan<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseEr
     let mut words = code.words(remarks)?;
     let index = words.whole_to(b'P', u8::MAX)?.unwrap_or(0);
     if code.number != 106 {
+        if index > 0 {
+            words.remark(Remark::OtherFan);
+        }
         return Ok(Command::Fan { index, power: 0 });
     }
     let power = words.nearest_byte(b'S')?;
-    if index > 0 && power.is_none() {
-        words.remark(Remark::FanPower);
+    if index > 0 {
+        words.remark(if power.is_none() { Remark::FanPower } else { Remark::OtherFan });
     }
     Ok(Command::Fan { index, power: power.unwrap_or(u8::MAX) })
 }
@@ -244,12 +335,18 @@ fn volumetric<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, 
 fn temperature_units(code: Code<'_>) -> Result<Command<'_>, ParseError> {
     // Its words are letters without numbers.
     let mut remarks = Remarks::default();
-    let words = code.words(&mut remarks)?;
+    let mut words = code.words(&mut remarks)?;
     if words.has(b'F') || words.has(b'K') {
         let why = "temperatures would be read as degrees Celsius; use M149 C";
         return Err(ParseError::NotSupported { command: "M149 F and K", why });
     }
     Ok(Command::Accepted)
+}
+
+/// M862.3: what P says, with or without quotes; nothing where it is a query.
+fn model(text: &str) -> &str {
+    let named = text.strip_prefix(['P', 'p']).unwrap_or_default();
+    named.trim_matches([' ', '\t']).trim_matches('"')
 }
 
 /// M118: the flags E1, A1 and P (port), upper case, each followed by a blank, then the text.

@@ -132,12 +132,26 @@ fn take_apart_m(command: Command<'_>) -> (u32, Words) {
         Command::Junction { deviation, corner_velocity } => {
             (205, [given([('J', deviation)]), axes(corner_velocity)].concat())
         }
+        // Their commands have names: `named_tests.rs` reads them.
+        Command::VelocityLimit { .. } | Command::HeatersOff | Command::Layer { .. } => unreachable!("{command:?}"),
         Command::RetractSettings(words) => (207, retraction(words)),
         Command::RecoverSettings(words) => (208, retraction(words)),
         Command::ShiftZ { words, keeps_offset } => {
             (290, [axes(words), given([('P', keeps_offset.then_some(Decimal::ZERO))])].concat())
         }
         Command::ProbeOffset(words) => (851, axes(words)),
+        Command::Progress { percent, minutes_left } => (
+            73,
+            given([
+                ('P', percent.map(|percent| whole(percent.into()))),
+                ('R', minutes_left.map(|minutes| whole(minutes.into()))),
+            ]),
+        ),
+        Command::Stop { longest_ms } => (0, given([('P', longest_ms.map(|milliseconds| whole(milliseconds as i64)))])),
+        Command::Pause(park) => (601, axes(park)),
+        Command::ChangeFilament(park) => (600, axes(park)),
+        Command::ResumePrint => (602, vec![]),
+        Command::PromptAnswer(button) => (876, vec![('S', Some(whole(button.into())))]),
         Command::SoftLimits(on) => (211, given([('S', switch(on))])),
         Command::FeedPercent(percent) => (220, given([('S', percent)])),
         Command::FlowPercent(percent) => (221, given([('S', percent)])),
@@ -316,6 +330,10 @@ fn settings() -> impl Strategy<Value = Command<'static>> {
     ]
 }
 
+fn any_park() -> impl Strategy<Value = AxisWords> {
+    (of(not_negative()), of(not_negative()), of(not_negative())).prop_map(|(x, y, z)| AxisWords { x, y, z, e: None })
+}
+
 fn machine() -> impl Strategy<Value = Command<'static>> {
     prop_oneof![
         any_flags().prop_map(Command::EnableMotors),
@@ -337,10 +355,17 @@ fn machine() -> impl Strategy<Value = Command<'static>> {
                 filament_diameter,
             }
         ),
+        (of(0u8..=100), of(any::<u16>()))
+            .prop_map(|(percent, minutes_left)| Command::Progress { percent, minutes_left }),
+        of(0u64..1_000_000_000).prop_map(|longest_ms| Command::Stop { longest_ms }),
+        any_park().prop_map(Command::Pause),
+        any_park().prop_map(Command::ChangeFilament),
+        Just(Command::ResumePrint),
+        any::<u8>().prop_map(Command::PromptAnswer),
         any_stealth_chop(),
         any_drivers(3000).prop_map(Command::DriverCurrent),
         any_drivers(255).prop_map(Command::StallThreshold),
-        (of(0u8..=4), of(0u8..=2))
+        (of(0u8..=4), of(0u8..=3))
             .prop_map(|(interpolation, acceleration)| Command::MotionChoice { interpolation, acceleration }),
         (of(any::<bool>()), any::<bool>()).prop_map(|(on, clear)| Command::Timing { on, clear }),
         any::<(u8, u8)>().prop_map(|(index, power)| Command::Fan { index, power }),

@@ -1,14 +1,25 @@
 //! The words after a command: `X87.153 Y86.702 E.03647`.
 
-use super::char_at;
 use crate::remarks::{Remark, Remarks};
 use crate::{AxisFlags, AxisWords, Decimal, NumberError, ParseError, ShortText};
 
-/// The words of a line, by letter. Oddities of the words that are asked for go to `remarks`.
+/// What becomes of a number without its letter.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Strays {
+    /// It is ignored, with a remark.
+    Remarked,
+    /// It is an error: it could have been a coordinate.
+    Refused,
+}
+
+/// The words of a line, by letter. Oddities of the words that are asked for go to `remarks`; so do, in the end, the words that
+/// nobody asked for.
 pub(super) struct Words<'a> {
     remarks: &'a mut Remarks,
     /// Bit 0 = A: the letter is there.
     present: u32,
+    /// The letter was asked for.
+    asked: u32,
     /// The letter has a number.
     valued: u32,
     values: [Decimal; 26],
@@ -22,19 +33,19 @@ const fn bit(letter: u8) -> u32 {
 impl<'a> Words<'a> {
     /// No words.
     pub(super) fn new(remarks: &'a mut Remarks) -> Self {
-        Words { remarks, present: 0, valued: 0, values: [Decimal::ZERO; 26] }
+        Words { remarks, present: 0, asked: 0, valued: 0, values: [Decimal::ZERO; 26] }
     }
 
-    pub(super) fn parse(text: &str, remarks: &'a mut Remarks) -> Result<Self, ParseError> {
+    pub(super) fn parse(text: &str, remarks: &'a mut Remarks, strays: Strays) -> Result<Self, ParseError> {
         let mut words = Words::new(remarks);
-        words.read(text)?;
+        words.read(text, strays)?;
         Ok(words)
     }
 
     /// Reads the words of a line into an empty list, without copying it, for the most common commands. A second
     /// command ends them, because its words would count as the first one's. A letter without a number does not remove the
     /// number of the same letter before it.
-    pub(super) fn read(&mut self, text: &str) -> Result<(), ParseError> {
+    pub(super) fn read(&mut self, text: &str, strays: Strays) -> Result<(), ParseError> {
         let words = self;
         let bytes = text.as_bytes();
         let mut at = 0;
@@ -45,7 +56,14 @@ impl<'a> Words<'a> {
                 Some(byte) => byte.to_ascii_uppercase(),
             };
             if !upper.is_ascii_uppercase() {
-                return Err(ParseError::UnexpectedCharacter(char_at(text, at)));
+                let stray = matches!(upper, b'0'..=b'9' | b'.' | b'-' | b'+') && strays == Strays::Remarked;
+                let (length, number) = Decimal::parse_prefix(bytes.get(at..).unwrap_or_default());
+                if !stray || number.is_err() {
+                    return Err(ParseError::UnexpectedCharacter(char_at(text, at)));
+                }
+                words.remarks.add(Remark::NoLetter);
+                at += length;
+                continue;
             }
             if matches!(upper, b'G' | b'M') {
                 words.remarks.add(Remark::SecondCommand);
@@ -78,17 +96,54 @@ impl<'a> Words<'a> {
         Ok(())
     }
 
+    /// Whether there is no word.
+    pub(super) fn is_empty(&self) -> bool {
+        self.present == 0
+    }
+
     /// Whether the letter is there, with or without a number.
-    pub(super) const fn has(&self, letter: u8) -> bool {
+    pub(super) const fn has(&mut self, letter: u8) -> bool {
+        self.asked |= bit(letter);
         self.present & bit(letter) != 0
+    }
+
+    /// A word that asks for what is so, and needs no remark.
+    pub(super) const fn needless(&mut self, letter: u8) {
+        self.asked |= bit(letter);
+    }
+
+    /// A word that asks for what is so if its number is zero.
+    pub(super) fn needless_zero(&mut self, letter: u8) {
+        let bit = bit(letter);
+        if self.valued & bit != 0 && self.values[usize::from(letter - b'A')] == Decimal::ZERO {
+            self.asked |= bit;
+        }
+    }
+
+    /// No remark about words that nobody asks for.
+    pub(super) const fn forgive(&mut self) {
+        self.asked = u32::MAX;
+    }
+
+    /// The number of a word, 0 where it has none.
+    pub(super) fn value_or_zero(&mut self, letter: u8) -> Option<Decimal> {
+        if !self.has(letter) {
+            return None;
+        }
+        let index = usize::from(letter - b'A');
+        if self.valued & bit(letter) == 0 {
+            self.remarks.add(Remark::Zero(letter));
+        }
+        Some(self.values[index])
     }
 
     /// The number of a word. A letter without one is ignored, as in Marlin.
     pub(super) fn value(&mut self, letter: u8) -> Option<Decimal> {
+        self.asked |= bit(letter);
         if self.valued & bit(letter) != 0 {
             return Some(self.values[usize::from(letter - b'A')]);
         }
-        if self.has(letter) {
+        if self.present & bit(letter) != 0 {
             self.remarks.add(Remark::NoNumber(letter));
         }
         None
@@ -198,13 +253,18 @@ impl<'a> Words<'a> {
     }
 
     /// Which of X, Y, Z and E are named.
-    pub(super) const fn axis_flags(&self) -> AxisFlags {
+    pub(super) const fn axis_flags(&mut self) -> AxisFlags {
         AxisFlags { x: self.has(b'X'), y: self.has(b'Y'), z: self.has(b'Z'), e: self.has(b'E') }
     }
 
-    /// Whether a word names a second tool, which this machine does not have.
+    /// Whether a word names a second tool, which this machine does not have: the line has no effect then.
     pub(super) fn names_other_tool(&mut self) -> bool {
-        self.is_not_zero(b'T')
+        let other = self.is_not_zero(b'T');
+        if other {
+            self.forgive();
+            self.remark(Remark::OtherTool);
+        }
+        other
     }
 
     /// Whether a letter has a number other than zero.
@@ -220,6 +280,13 @@ impl<'a> Words<'a> {
     fn out_of_range(&self, letter: u8, low: u16, high: u16) -> ParseError {
         let value = self.values[usize::from(letter - b'A')];
         ParseError::OutOfRange { letter: char::from(letter), value, low, high }
+    }
+}
+
+impl Drop for Words<'_> {
+    /// What nobody has asked for has no effect.
+    fn drop(&mut self) {
+        self.remarks.add_no_effect(self.present & !self.asked);
     }
 }
 
@@ -249,4 +316,9 @@ pub(super) fn skip_blanks(bytes: &[u8], mut at: usize) -> usize {
         }
     }
     at
+}
+
+/// The character that begins at `at`.
+fn char_at(text: &str, at: usize) -> char {
+    text.get(at..).and_then(|rest| rest.chars().next()).unwrap_or(char::REPLACEMENT_CHARACTER)
 }

@@ -1,7 +1,8 @@
-//! What is in a frame.
+//! Reads the items of a frame.
 
-use super::{
-    FILAMENT_ALL, FILAMENT_NONE, FILAMENT_PREDICTED, MAX_TEXT_BYTES, PLACES, Shape, WAY_XY, WAY_XYZ, WAY_Z, prediction,
+use super::shape::{
+    FILAMENT_ALL, FILAMENT_NONE, FILAMENT_PREDICTED, MAX_TEXT_BYTES, PATH_XY, PATH_XYZ, PATH_Z, PLACES, Shape,
+    prediction,
 };
 use crate::bits::{BitReader, Order, Window};
 use crate::error::Fault;
@@ -20,7 +21,7 @@ fn after(coordinate: Coordinate, steps: i32, unit_10nm: i32) -> Option<Coordinat
     coordinate.advanced(steps.checked_mul(unit_10nm)?)
 }
 
-/// What is not a move of the same shape whose speed needs no number.
+/// An item other than a move of the same shape whose speed needs no number.
 enum Uncommon {
     /// A setting that stays in force.
     StateChange,
@@ -184,7 +185,7 @@ impl<'a> Decoder<'a> {
     /// The next item; `None` after the last.
     ///
     /// # Errors
-    /// Content that has no meaning. The decoder is of no use after it.
+    /// Content that has no meaning. Drop the decoder after an error.
     pub fn next_item(&mut self) -> Result<Option<Item<'_>>, Fault> {
         // The commonest items are recognised by their first four bits: a move of the same shape, and where its speed comes from.
         let (window, length) = loop {
@@ -312,12 +313,12 @@ impl<'a> Decoder<'a> {
         let shape = self.shape;
         let [order_x, order_y, order_z, order_filament] = self.orders;
         let mut path = [0; 3];
-        let axes = shape.way();
-        if axes == WAY_XY || axes == WAY_XYZ {
+        let axes = shape.path();
+        if axes == PATH_XY || axes == PATH_XYZ {
             path[0] = self.bits.signed(order_x)?;
             path[1] = self.bits.signed(order_y)?;
         }
-        if axes == WAY_XYZ || axes == WAY_Z {
+        if axes == PATH_XYZ || axes == PATH_Z {
             path[2] = self.bits.signed(order_z)?;
         }
         let mut target = self.last.target;
@@ -430,7 +431,7 @@ fn spell(bits: &mut BitReader<'_>, kind: u32, text: &mut [u8; MAX_TEXT_BYTES]) -
     Ok(text.length)
 }
 
-/// A text that is being put together. The longest, of a letter and a number and seven words of ten digits with a sign, has
+/// A text in the making. The longest, of a letter and a number and seven words of ten digits with a sign, has
 /// 107 bytes.
 struct Spelling<'a> {
     text: &'a mut [u8; MAX_TEXT_BYTES],

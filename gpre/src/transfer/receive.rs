@@ -1,23 +1,23 @@
 //! The board's end: frames to bytes of the file, in their order.
 
+use super::frame::{Kind, MAX_DATA_BYTES};
 use super::report::{Report, Word};
 use super::wire::{Taken, Unwrap};
-use super::{Kind, MAX_DATA_BYTES};
 
 /// The host may be this far ahead of what it knows to have arrived, bytes. As frames they fit into the ring between a
 /// port's interrupt and its reader, so that a reader that is late loses nothing.
 const WINDOW_BYTES: u32 = 1024;
 
-/// What a byte has done.
+/// The effect of a byte.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Event {
     /// It is not part of a frame.
     Other,
-    /// Nothing yet.
+    /// It belongs to a frame that is not complete yet.
     Nothing,
     /// This many bytes are new at the start of the room.
     Bytes(usize),
-    /// The host should hear what there is; nothing is new.
+    /// The host should be answered; nothing is new.
     Answer,
     /// The host gives up.
     Aborted,
@@ -37,14 +37,14 @@ pub enum Event {
 pub struct Receiver {
     unwrap: Unwrap,
     size: u32,
-    /// The first byte that has not come.
+    /// The first missing byte.
     next: u32,
     /// A missing byte was reported to the host, which has not sent it since.
     asked: bool,
 }
 
 impl Receiver {
-    /// A receiver of a file of this length, of which nothing has come.
+    /// A receiver of a file of this length, before its first byte.
     pub fn new(size: u32) -> Self {
         Self { unwrap: Unwrap::new(), size, next: 0, asked: false }
     }
@@ -54,7 +54,7 @@ impl Receiver {
         self.size
     }
 
-    /// Whether all have.
+    /// Whether all bytes have arrived.
     pub fn is_complete(&self) -> bool {
         self.next == self.size
     }
@@ -105,7 +105,7 @@ impl Receiver {
         if core::mem::replace(&mut self.asked, true) { Event::Nothing } else { Event::Answer }
     }
 
-    /// What the host should know, where so much room is left for bytes to come.
+    /// The report for the host, with this much room left for bytes to come.
     pub fn report(&self, room: usize) -> Report {
         let room = u32::try_from(room).unwrap_or(u32::MAX).min(WINDOW_BYTES);
         let limit = self.next.saturating_add(room).min(self.size);

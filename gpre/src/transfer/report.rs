@@ -3,7 +3,7 @@
 use core::fmt;
 use core::fmt::Write;
 
-use crate::CRC;
+use crate::checksum::CRC;
 
 /// What a report is about.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -2,14 +2,14 @@
 
 use std::vec::Vec;
 
+use super::frame::{Kind, MAX_DATA_BYTES};
 use super::report::{Report, Word};
 use super::wire::to_wire;
-use super::{Kind, MAX_DATA_BYTES};
 use crate::error::ReadError;
 use crate::header::Header;
 
 /// Bytes of data in a frame. Long enough that a frame costs a tenth at most, short enough that one lost is not many.
-pub const DATA_BYTES: usize = 128;
+const DATA_BYTES: usize = 128;
 
 const _: () = assert!(DATA_BYTES <= MAX_DATA_BYTES);
 

@@ -1,7 +1,7 @@
 //! Frames on the wire.
 
-use super::{CRC_BYTES, ESCAPE, FLAG, HEAD_BYTES, Kind};
-use crate::CRC;
+use super::frame::{CRC_BYTES, ESCAPE, FLAG, HEAD_BYTES, Kind};
+use crate::checksum::CRC;
 
 /// A frame that has come whole.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -12,7 +12,7 @@ pub(super) struct Arrived {
     pub(super) length: usize,
 }
 
-/// What a byte has been.
+/// The meaning of a byte.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Taken {
     /// Part of a frame.
@@ -21,7 +21,7 @@ pub(super) enum Taken {
     Whole(Arrived),
     /// The end of a frame that is malformed, or was changed in transit.
     Broken,
-    /// Not of a frame.
+    /// It is not part of a frame.
     Other,
 }
 
@@ -114,7 +114,7 @@ impl Unwrap {
 /// A frame as it is sent. Of data, at most [`super::MAX_DATA_BYTES`] are taken.
 #[cfg(feature = "write")]
 pub fn to_wire(kind: Kind, place: u32, data: &[u8]) -> std::vec::Vec<u8> {
-    let data = data.get(..super::MAX_DATA_BYTES).unwrap_or(data);
+    let data = data.get(..super::frame::MAX_DATA_BYTES).unwrap_or(data);
     let mut content = std::vec::Vec::with_capacity(HEAD_BYTES + data.len() + CRC_BYTES);
     content.push(kind.number());
     content.extend_from_slice(&place.to_le_bytes());

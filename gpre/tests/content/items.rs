@@ -381,7 +381,7 @@ fn a_command_is_repeated_by_its_place() {
     let last: Vec<_> =
         [(8, "G9"), (9, "G2"), (10, "G8")].map(|(line, text)| Read::Command(line, text.to_owned())).into();
     assert_eq!(items[9..], last);
-    // Nothing told yet, and nothing at that place.
+    // No value yet, and none at that place.
     assert_eq!(refused(&Start::default().with(1, |bits| again(bits, 0))), (0, BEFORE));
     let frame = Start::default().with(2, |bits| {
         told(bits, 1);

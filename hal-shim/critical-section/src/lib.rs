@@ -16,26 +16,11 @@
 #![deny(clippy::undocumented_unsafe_blocks)]
 
 mod mutex;
+mod proof;
 mod sections;
 
-use core::marker::PhantomData;
-
 pub use mutex::Mutex;
-
-/// Proof that a critical section is active.
-#[derive(Clone, Copy, Debug)]
-pub struct CriticalSection<'cs>(PhantomData<&'cs ()>);
-
-impl<'cs> CriticalSection<'cs> {
-    /// Claims that a critical section is active.
-    ///
-    /// # Safety
-    /// One is, for all of `'cs`.
-    #[inline(always)]
-    pub const unsafe fn new() -> Self {
-        Self(PhantomData)
-    }
-}
+pub use proof::CriticalSection;
 
 /// What a provider restores at the end of a section.
 pub type RawRestoreState = u32;

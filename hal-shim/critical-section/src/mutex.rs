@@ -2,7 +2,7 @@
 
 use core::cell::{Ref, RefCell, RefMut, UnsafeCell};
 
-use crate::CriticalSection;
+use crate::proof::CriticalSection;
 
 /// Data that is reached in critical sections only.
 #[derive(Debug)]
@@ -18,7 +18,7 @@ impl<T> Mutex<T> {
         Self(UnsafeCell::new(value))
     }
 
-    /// The value, whose mutex nobody else has.
+    /// The value; the mutex is borrowed here alone.
     pub fn get_mut(&mut self) -> &mut T {
         self.0.get_mut()
     }

@@ -7,7 +7,7 @@
 //!   can only raise the priority: within an RTIC lock or another critical section the stricter of both rules, and
 //!   [`restore`] puts back what was there before, never less. PRIMASK is left alone, so that sections within `init`
 //!   and after `safe_state::enter`, where it is set, do not clear it.
-//! - Hardware priority 0 is the step task's, which does neither. Interrupts that nobody uses have it after reset as well, but
+//! - Hardware priority 0 is the step task's, which does neither. Unused interrupts have it after reset as well, but
 //!   are not enabled; should one come nevertheless, it ends in a handler that never returns.
 //! - Non-maskable interrupt and faults end in handlers that never return.
 

@@ -13,6 +13,8 @@
 mod dropped;
 mod feeder;
 mod held_event;
+#[cfg(test)]
+mod interrupted_access;
 mod link;
 mod pins;
 mod player;
@@ -24,12 +26,11 @@ pub use dropped::DroppedSteps;
 pub use feeder::{FeedError, MAX_SLOTS_AN_ENTRY, Signals, StepFeeder};
 pub use link::StepLink;
 pub use pins::{MotorPins, Pin, PinMap};
-pub use player::{BothEdges, MIN_GAP_TICKS, NextWords, OutputPorts, Pulses, StepPlayer, Stepping, UpdateTimer};
+pub use player::{
+    BothEdges, IDLE_TICKS, MIN_GAP_TICKS, NextWords, OutputPorts, Pulses, StepPlayer, Stepping, UpdateTimer,
+};
 pub use slot::MAX_EVENTS;
 pub use virtual_timer::{CYCLES_A_TICK, VirtualUpdateTimer};
-
-/// How often the player looks for the first entry of a motion, ticks: a motion starts at most twice this late.
-pub const IDLE_TICKS: u32 = 21_000;
 
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]

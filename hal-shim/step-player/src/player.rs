@@ -14,6 +14,9 @@ use super::slot::{Head, MAX_EVENTS, Slot};
 /// pulses at least as long.
 pub const MIN_GAP_TICKS: u32 = 84;
 
+/// How often the player looks for the first entry of a motion, ticks: a motion starts at most twice this late.
+pub const IDLE_TICKS: u32 = 21_000;
+
 /// Attempts to set the hardware's count of updates at the start of a motion. A second one is needed only if an update falls
 /// between two stores.
 const COUNT_ATTEMPTS: u32 = 4;

@@ -38,14 +38,14 @@ macro_rules! word {
             #[inline(always)]
             pub fn load(&self) -> $value {
                 #[cfg(test)]
-                crate::tests::interleave::point();
+                crate::interrupted_access::point();
                 self.0.load(Ordering::Relaxed)
             }
 
             #[inline(always)]
             pub fn store(&self, value: $value) {
                 #[cfg(test)]
-                crate::tests::interleave::point();
+                crate::interrupted_access::point();
                 self.0.store(value, Ordering::Relaxed);
             }
         }

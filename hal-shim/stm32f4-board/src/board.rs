@@ -38,7 +38,7 @@ impl BoardPins {
         // SAFETY: stores to ports that are this module's from now on, and of pins that the board's file gives to
         // motors, fans, thermistors and the serial line; `boards/src/registers.rs` makes and tests them.
         unsafe { stores::apply(&PINS) };
-        // SAFETY: pins that the board's file gives to sensors, and the EXTI, which nobody else has;
+        // SAFETY: pins that the board's file gives to sensors, and the EXTI, which no other code has;
         // `hal-shim/stm32f4/src/sensor_lines.rs` makes the stores and tests them.
         unsafe { stores::apply(set_up) };
         Self { sensors: SensorLines::started(sensors) }
@@ -73,7 +73,7 @@ impl Motors<MOTOR_PORTS> for BoardPins {
     }
 
     fn ports(&self) -> MotorPorts<MOTOR_PORTS> {
-        // SAFETY: the ports that the motors are on, which nobody else has.
+        // SAFETY: the ports that the motors are on, which no other code has.
         MotorPorts(MOTOR_PORT_INDICES.map(|port| unsafe { MotorPort::of(port) }))
     }
 

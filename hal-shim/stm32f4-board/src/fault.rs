@@ -26,7 +26,7 @@ extern "C" fn handle(frame: u32) -> ! {
     let at = frame.wrapping_add(PROGRAM_COUNTER);
     // In RAM, that is: elsewhere there is no frame.
     if frame.is_multiple_of(4) && RAM.contains(&frame) && RAM.contains(&(at + 3)) {
-        // SAFETY: an aligned word of RAM that nobody writes any more.
+        // SAFETY: an aligned word of RAM that is not written any more.
         let address = unsafe { core::ptr::read_volatile(at as *const u32) };
         tell(format_args!("fault at {address:#010x}"));
     } else {

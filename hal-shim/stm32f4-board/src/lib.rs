@@ -1,4 +1,4 @@
-//! Registers of the STM32F4 behind hal-shim's traits: clock, step timer, serial line, safe state, and the board that
+//! Registers of the STM32F4 for hal-shim's traits: clock, step timer, serial line, safe state, and the board that
 //! it is built for.
 //!
 //! The only crate of the firmware with unsafe code of its own. What it is for: register fields that the register
@@ -9,10 +9,13 @@
 #![deny(clippy::undocumented_unsafe_blocks)]
 
 pub mod board;
+pub mod card;
 pub mod clock;
 pub mod driver_line;
 pub mod fault;
+mod first_stores;
 mod handlers;
+pub mod identifier;
 pub mod measured;
 pub mod motion_clock;
 pub mod safe_state;

@@ -41,7 +41,7 @@ pub fn crystal_has_stopped() -> bool {
 #[inline(never)]
 pub fn tell(end: fmt::Arguments<'_>, kept: fmt::Arguments<'_>) {
     supervision::keep_last_words(kept);
-    // The line cannot fail, and nobody is left to tell.
+    // The line cannot fail, and no task is left to report to.
     let _ = fmt::write(&mut LastWords, format_args!("\nError:{end}, printer halted. kill() called!\n"));
 }
 

@@ -30,7 +30,7 @@ pub trait Motors<const PORTS: usize> {
 /// A port that carries step and direction signals.
 #[derive(Clone, Copy, Debug)]
 pub struct MotorPort {
-    /// Where its BSRR is: one store sets and resets pins, and nobody has to read.
+    /// Where its BSRR is: one store sets and resets pins, without a read.
     bsrr: *mut u32,
 }
 
@@ -49,7 +49,7 @@ impl MotorPort {
         Self { bsrr: (BSRR + 0x400 * index as u32) as *mut u32 }
     }
 
-    /// A store to BSRR sets and resets pins at once; nobody has to read.
+    /// A store to BSRR sets and resets pins at once, without a read.
     #[inline(always)]
     pub(crate) fn write(self, word: u32) {
         // SAFETY: the address is a port's BSRR, always writable; zeros do nothing, and ones name pins that are the
@@ -115,7 +115,7 @@ impl<M: Stepping, const PORTS: usize, const N: usize> StepTimer<M, PORTS, N> {
     /// The interrupt, for TIM2.
     #[inline(always)]
     pub fn update(&mut self) {
-        // Copied, so that nobody thinks it might change in between.
+        // Copied, so that the compiler need not load it again.
         let timer = self.timer;
         self.player.update(&mut self.next, &timer, &self.ports);
     }
@@ -295,7 +295,7 @@ impl<B, M: Stepping, const PORTS: usize, const N: usize> MotorQueue<B, M, PORTS,
 
 /// Whether there is a TIM9.
 fn has_count() -> bool {
-    // SAFETY: a register is read that nobody writes after the start.
+    // SAFETY: a register is read that is written at the start only.
     unsafe { &*TIM9::ptr() }.arr().read().bits() == u32::from(MAX_EVENTS)
 }
 

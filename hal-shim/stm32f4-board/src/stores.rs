@@ -1,9 +1,5 @@
 //! Stores to registers that a table names: how the board's file becomes pins.
 
-use core::arch::naked_asm;
-
-use crate::board::FIRST;
-
 /// A register becomes `old & !clear | set`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -19,7 +15,7 @@ pub struct Store {
 /// Makes the stores, in order.
 ///
 /// # Safety
-/// Each address is a register of 32 bits that may be read and may have this value at this time, and nobody else changes
+/// Each address is a register of 32 bits that may be read and may have this value at this time, and no other code changes
 /// it meanwhile.
 pub(crate) unsafe fn apply(stores: &[Store]) {
     for &Store { address, clear, set } in stores {
@@ -27,38 +23,4 @@ pub(crate) unsafe fn apply(stores: &[Store]) {
         // SAFETY: as promised.
         unsafe { register.write_volatile(register.read_volatile() & !clear | set) };
     }
-}
-
-/// Makes [`FIRST`], before anything else: a heater that a boot loader has left floating, or on, is off some
-/// microseconds after it has jumped here. In assembly, for the memory that Rust takes for granted is not there yet.
-///
-/// # Safety
-/// For cortex-m-rt, which calls it before it fills RAM.
-#[unsafe(naked)]
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn __pre_init() {
-    naked_asm!(
-        // A boot loader that ran as a task leaves another stack, and one with masks would leave this deaf. The stack of
-        // before is not touched yet: cortex-m-rt has set the main one.
-        "movs r0, #0",
-        "msr BASEPRI, r0",
-        "msr CONTROL, r0",
-        "isb",
-        "ldr r0, ={first}",
-        "ldr r1, ={bytes}",
-        "add r1, r1, r0",
-        "1:",
-        "ldr r2, [r0], #4",
-        "ldr r12, [r2]",
-        "ldr r3, [r0], #4",
-        "bic r12, r12, r3",
-        "ldr r3, [r0], #4",
-        "orr r12, r12, r3",
-        "str r12, [r2]",
-        "cmp r0, r1",
-        "bne 1b",
-        "bx lr",
-        first = sym FIRST,
-        bytes = const size_of_val(&FIRST),
-    )
 }

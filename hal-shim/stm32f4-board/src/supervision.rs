@@ -21,7 +21,7 @@ pub fn reset_cause(_rcc: &RCC) -> ResetCause {
 
 /// Sees to it that the chip is in reset while its supply is too low. Writes to flash if it was never done.
 pub fn set_brown_out_level(_rcc: &RCC, _flash: &FLASH) -> BrownOut {
-    // SAFETY: registers of RCC and flash, which are the caller's, and of the power control, which nobody else uses.
+    // SAFETY: registers of RCC and flash, which are the caller's, and of the power control, which is used here alone.
     chip::set_brown_out_level(&mut unsafe { Volatile::new() })
 }
 
@@ -34,7 +34,7 @@ pub struct Watchdog {
 impl Watchdog {
     /// Starts it. On a board with heaters it also runs while a debugger has halted the core.
     pub fn start(_watchdog: IWDG) -> Self {
-        // SAFETY: its registers were given up to this; besides, a bit of the debugger's settings that nobody else writes.
+        // SAFETY: its registers were given up to this; besides, a bit of the debugger's settings that is written here alone.
         let mut registers = unsafe { Volatile::new() };
         let under_debugger = if THERMAL.is_some() { UnderDebugger::Runs } else { UnderDebugger::StandsStill };
         Self { watchdog: chip::Watchdog::start(under_debugger, &mut registers), registers }

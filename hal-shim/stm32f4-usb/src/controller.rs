@@ -18,9 +18,6 @@ use ferrostep_stm32f4_board::usb_guard::UsbGuard;
 /// Words that the packets of OUT endpoints are copied to: 64 bytes each of the control and the bulk endpoint.
 pub const PACKET_WORDS: usize = 32;
 
-/// Where the chip's unique identifier is, three words (RM0090 39.1, RM0390 34.1).
-const IDENTIFIER: *const [u32; 3] = 0x1fff_7a10 as *const [u32; 3];
-
 /// The controller, as its driver wants to know it.
 pub struct Controller {
     core_hz: u32,
@@ -92,7 +89,7 @@ pub fn start(
     let _switched_on = (rcc.ahb1enr().read(), rcc.ahb2enr().read());
     let (global, device, _) = registers;
     let reset = global.grstctl();
-    // An identification of zero is nobody's.
+    // No chip has an identification of zero.
     if global.cid().read().bits() == 0 || !comes_true(|| reset.read().ahbidl().bit_is_set()) {
         return Err(NoUsb::NoAnswer);
     }
@@ -107,7 +104,7 @@ pub fn start(
 
 /// PA11 and PA12 become the controller's.
 fn connect_pins() {
-    // SAFETY: called in `init`, where nobody else runs, and it changes nothing but the two pins.
+    // SAFETY: called in `init`, where nothing else runs, and it changes nothing but the two pins.
     let port = unsafe { &*GPIOA::PTR };
     // SAFETY: one bit a pin, 0 = push-pull; whatever a boot loader has left.
     port.otyper().modify(|r, w| unsafe { w.bits(r.bits() & !(0b11 << 11)) });
@@ -119,10 +116,4 @@ fn connect_pins() {
     port.ospeedr().modify(|r, w| unsafe { w.bits(r.bits() | 0b1111 << 22) });
     // SAFETY: two bits a pin, 10 = alternate function.
     port.moder().modify(|r, w| unsafe { w.bits(r.bits() & !(0b1111 << 22) | 0b1010 << 22) });
-}
-
-/// The chip's unique identifier, 96 bits.
-pub fn identifier() -> [u32; 3] {
-    // SAFETY: three aligned words of the chip's system memory, which nobody can write.
-    unsafe { core::ptr::read_volatile(IDENTIFIER) }
 }

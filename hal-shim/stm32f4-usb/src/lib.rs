@@ -9,9 +9,10 @@ mod controller;
 
 use core::mem::MaybeUninit;
 
-use ferrostep_gcode::Emergency;
+use ferrostep_gcode::{Emergency, meatpack};
 use ferrostep_stm32f4::clock_tree::Clock;
 use ferrostep_stm32f4_board::board;
+use ferrostep_stm32f4_board::identifier::identifier;
 use ferrostep_stm32f4_board::pac::RCC;
 use ferrostep_stm32f4_board::usb_guard::UsbGuard;
 use ferrostep_usb::{Buffers, SerialNumber, UsbSerial};
@@ -59,6 +60,8 @@ pub struct Rings {
     pub act: fn(Emergency),
     /// A host has sent a line, which may have to wait its turn.
     pub note_line: fn(),
+    /// The host has said how it packs its bytes, and waits for this report.
+    pub report_packing: fn(meatpack::Settings),
 }
 
 impl Buffers for Rings {
@@ -76,6 +79,10 @@ impl Buffers for Rings {
 
     fn note_line(&mut self) {
         (self.note_line)();
+    }
+
+    fn report_packing(&mut self, settings: meatpack::Settings) {
+        (self.report_packing)(settings);
     }
 }
 
@@ -111,7 +118,7 @@ impl Usb {
         let Memory { packets, bus, serial_number, usb } = memory;
         let (allocator, guard) = controller::start(registers, rcc, clock, packets)?;
         let bus = bus.write(allocator);
-        let serial_number = serial_number.write(SerialNumber::of(controller::identifier()));
+        let serial_number = serial_number.write(SerialNumber::of(identifier()));
         Ok(usb.write(Self { port: UsbSerial::new(bus, board::TITLE, serial_number), rings, guard }))
     }
 

@@ -62,7 +62,7 @@ pub fn set_brown_out_level(registers: &mut impl Registers) -> BrownOut {
     set_within(MAX_LOOKS, registers)
 }
 
-fn set_within(most_looks: u32, registers: &mut impl Registers) -> BrownOut {
+fn set_within(max_looks: u32, registers: &mut impl Registers) -> BrownOut {
     if registers.read(FLASH_OPTCR) & LEVEL == 0 {
         return BrownOut::WasSet;
     }
@@ -84,7 +84,7 @@ fn set_within(most_looks: u32, registers: &mut impl Registers) -> BrownOut {
     }
     registers.modify(FLASH_OPTCR, LEVEL | STRT, 0);
     registers.modify(FLASH_OPTCR, 0, STRT);
-    let done = registers.comes_to(FLASH_SR, BUSY, false, most_looks);
+    let done = registers.comes_to(FLASH_SR, BUSY, false, max_looks);
     registers.modify(FLASH_OPTCR, STRT, LOCK);
     let is_set = registers.read(FLASH_OPTCR) & LEVEL == 0;
     if done && is_set { BrownOut::Written } else { BrownOut::Refused }

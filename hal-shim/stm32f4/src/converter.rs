@@ -12,7 +12,7 @@ pub const CONVERSIONS: usize = CONVERSIONS_A_READING as usize;
 /// In the place of a conversion that has been taken: the converter has 12 bits.
 const TAKEN: u16 = u16::MAX;
 
-/// So many readings in a row that are not wholly new, and the converter counts as stopped: 80 ms at the control's pace.
+/// Readings in a row that are not wholly new, after which the converter counts as stopped: 80 ms at the control's pace.
 /// One that works makes a reading in 2 ms ([`Converter`]); some in a row may be asked for at once at the start.
 const MAX_OLD: u8 = 8;
 

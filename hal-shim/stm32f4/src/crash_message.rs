@@ -1,4 +1,4 @@
-//! A text that outlives a reset: the last words of a panic or a fault, in RAM that nobody fills at the start.
+//! A text that outlives a reset: the last words of a panic or a fault, in RAM that the start leaves alone.
 
 use core::fmt;
 use core::sync::atomic::{AtomicU8, AtomicU32, Ordering};

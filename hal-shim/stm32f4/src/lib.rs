@@ -25,6 +25,7 @@ mod pwm;
 pub mod rcc;
 pub mod registers;
 mod reset_cause;
+pub mod sdio;
 pub mod sensor_lines;
 mod software_pwm;
 pub mod software_serial;

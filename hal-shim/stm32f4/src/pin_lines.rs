@@ -15,7 +15,7 @@ const TIM7_SR: u32 = 0x4000_1410;
 const TIM7_CNT: u32 = 0x4000_1424;
 const TIM7_ARR: u32 = 0x4000_142c;
 
-/// Bits that the line is listened to behind what was sent: the longest delay of a reply, eight bytes, and some.
+/// Bits that the line is listened to after what was sent: the longest delay of a reply, eight bytes, and some.
 const LISTENED_BITS: u16 = 200;
 
 /// The lines; TIM7's interrupt calls [`Self::interrupt`].

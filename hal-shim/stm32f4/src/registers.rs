@@ -1,4 +1,4 @@
-//! Registers of a chip behind a trait, so that what a peripheral's set-up writes can be recorded and read in a test.
+//! A trait for a chip's registers, so that what a peripheral's set-up writes can be recorded and read in a test.
 
 /// A chip's registers of 32 bits, by address.
 pub trait Registers {
@@ -22,11 +22,11 @@ pub trait Registers {
         let _switched_on = self.read(address);
     }
 
-    /// Whether some bits of a register all become `level` within so many looks.
+    /// Whether some bits of a register all become `level` within `max_looks` looks.
     #[inline(never)]
-    fn comes_to(&mut self, address: u32, bits: u32, level: bool, most_looks: u32) -> bool {
+    fn comes_to(&mut self, address: u32, bits: u32, level: bool, max_looks: u32) -> bool {
         let wanted = if level { bits } else { 0 };
-        (0..most_looks).any(|_| self.read(address) & bits == wanted)
+        (0..max_looks).any(|_| self.read(address) & bits == wanted)
     }
 }
 
@@ -49,101 +49,4 @@ impl<R: Registers> Registers for &mut R {
 }
 
 #[cfg(test)]
-pub mod recorder {
-    //! Registers that exist in memory only and remember every store.
-
-    use std::collections::BTreeMap;
-
-    use super::Registers;
-    use crate::rcc::{RCC_AHB1ENR, RCC_APB2ENR};
-
-    /// Memory in the place of a chip: what was stored is read back, unless a value was fixed.
-    #[derive(Clone, Debug, Default)]
-    pub struct Recorder {
-        values: BTreeMap<u32, u32>,
-        fixed: BTreeMap<u32, u32>,
-        /// Every store, in order: address and value.
-        pub stores: Vec<(u32, u32)>,
-    }
-
-    impl Recorder {
-        /// A register's value after reset, if it is not 0.
-        pub fn with(mut self, address: u32, value: u32) -> Self {
-            self.values.insert(address, value);
-            self
-        }
-
-        /// A register that reads this whatever is stored to it: the hardware's own.
-        pub fn fix(&mut self, address: u32, value: u32) {
-            self.fixed.insert(address, value);
-        }
-
-        /// The last value of a register.
-        pub fn value(&self, address: u32) -> u32 {
-            self.values.get(&address).copied().unwrap_or_default()
-        }
-
-        /// Values stored to a register, in order.
-        pub fn stored(&self, address: u32) -> Vec<u32> {
-            self.stores.iter().filter(|(to, _)| *to == address).map(|(_, value)| *value).collect()
-        }
-
-        /// Where the first store to a register stands that has these bits.
-        pub fn position(&self, address: u32, bits: u32) -> Option<usize> {
-            self.stores.iter().position(|(to, value)| *to == address && value & bits == bits)
-        }
-    }
-
-    impl Registers for Recorder {
-        fn read(&mut self, address: u32) -> u32 {
-            self.fixed.get(&address).copied().unwrap_or_else(|| self.value(address))
-        }
-
-        fn write(&mut self, address: u32, value: u32) {
-            self.values.insert(address, value);
-            self.stores.push((address, value));
-        }
-    }
-    /// Registers of which the first one that is reached after a clock was switched on is not there yet, unless the switch was
-    /// read back.
-    #[derive(Clone, Debug)]
-    pub struct Sluggish<R> {
-        /// The registers.
-        pub registers: R,
-        /// The switch that was stored to last.
-        switched: Option<u32>,
-        /// How many loads and stores were lost.
-        pub lost: u32,
-    }
-
-    impl<R: Registers> Sluggish<R> {
-        /// With these registers.
-        pub fn new(registers: R) -> Self {
-            Self { registers, switched: None, lost: 0 }
-        }
-
-        /// Whether this load or store is lost.
-        fn loses(&mut self, address: u32) -> bool {
-            let is_lost = self.switched.take().is_some_and(|switch| switch != address);
-            self.lost += u32::from(is_lost);
-            is_lost
-        }
-    }
-
-    impl<R: Registers> Registers for Sluggish<R> {
-        fn read(&mut self, address: u32) -> u32 {
-            if self.loses(address) { 0 } else { self.registers.read(address) }
-        }
-
-        fn write(&mut self, address: u32, value: u32) {
-            if self.loses(address) {
-                return;
-            }
-            let before = self.registers.read(address);
-            if (RCC_AHB1ENR..=RCC_APB2ENR).contains(&address) && value & !before != 0 {
-                self.switched = Some(address);
-            }
-            self.registers.write(address, value);
-        }
-    }
-}
+pub mod recorder;

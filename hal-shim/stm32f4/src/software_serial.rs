@@ -127,7 +127,7 @@ impl SoftwareSerial {
             self.sent_ticks = 0;
             self.bytes.has_sent();
         }
-        // Behind the start bit, 0, come the byte's and the stop bit, 1.
+        // After the start bit, 0, come the byte's and the stop bit, 1.
         let level = (u16::from(byte) | 0x100) << 1;
         if level >> bit & 1 == 1 { PinAction::High } else { PinAction::Low }
     }

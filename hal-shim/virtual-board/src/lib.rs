@@ -4,12 +4,14 @@
 //! own (the bench) compiles the motors and the heaters in, and lets a task each look after them.
 #![cfg_attr(not(test), no_std)]
 
+mod card;
 mod clock;
 mod driver_chip;
 mod driver_lines;
 mod event_rate;
 mod heater_failure;
 mod heaters;
+mod identifier;
 mod mechanics;
 mod modelled_sensors;
 mod motors;
@@ -18,6 +20,7 @@ mod probe;
 mod stall;
 mod thermal_model;
 
+pub use card::{CardFault, VirtualCard};
 pub use clock::{VirtualClock, VirtualDelay};
 pub use driver_chip::DriverChip;
 pub use driver_lines::{VIRTUAL_WIRING, VirtualDriverLines};
@@ -25,6 +28,7 @@ pub use event_rate::EventRate;
 pub use ferrostep_step_player::{CYCLES_A_TICK, VirtualUpdateTimer};
 pub use heater_failure::HeaterFailure;
 pub use heaters::VirtualHeaters;
+pub use identifier::IDENTIFIER;
 pub use mechanics::{BOUNCE_10NM, Mechanics, STALL_LAG_10NM, SensorFault, SensorPlace, VirtualSensor};
 pub use modelled_sensors::ModelledSensors;
 pub use motors::{START_10NM, VirtualEndStop, VirtualMotors};

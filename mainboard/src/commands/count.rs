@@ -4,13 +4,16 @@
 //! With as many instructions per second as their timer has ticks, they count instructions, exactly and the same on
 //! every computer.
 //!
-//! The emulator itself serves the console and the exit call; [`debugger`] serves files and the command line.
+//! The emulator itself serves the console and the exit call; [`debugger`] serves files and the command line and stops at a
+//! hard fault; [`log`] shows the program's log.
 
 mod debugger;
+mod log;
 
 use std::io::Write;
-use std::net::TcpListener;
+use std::net::{SocketAddr, TcpListener};
 use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::Args;
 use rigless::emulator::{self, Driver, Host, Start, Stop};
@@ -49,26 +52,34 @@ impl Count {
         let mut machine = loaded.machine;
         // The entry time would count as instructions.
         machine.chip.set_interrupt_entry(0);
-        let listener = TcpListener::bind(("127.0.0.1", 0))
-            .map_err(|error| format!("no local TCP port is free for the debugger: {error}"))?;
-        let address =
-            listener.local_addr().map_err(|error| format!("the debugger's TCP port has no address: {error}"))?;
-        let calls = debugger::calls(loaded.images.iter().flat_map(|image| image.segments()));
+        let (debugger, debugger_address) = listener("debugger")?;
+        let (rtt, rtt_address) = listener("log")?;
+        let boot = 0x0800_0000 + u64::from(loaded.board.boot_offset);
+        let segments = || loaded.images.iter().flat_map(|image| image.segments());
+        let calls = debugger::calls(segments());
+        let hard_fault = debugger::hard_fault(boot, segments()).ok_or("the image has no vector table")?;
+        let has_failed = AtomicBool::new(false);
         let mut start = Start::new(&loaded.images);
-        start.boot = Some(0x0800_0000 + u64::from(loaded.board.boot_offset));
+        start.boot = Some(boot);
         start.semihosting = true;
-        start.debugger = Some(&listener);
+        start.debugger = Some(&debugger);
         start.wait_for_debugger = true;
+        start.rtt = Some(&rtt);
+        start.interrupt = Some(&has_failed);
         let session = Session::new(Box::new(machine), 0, VirtualNanos(SLICE_NS)).map_err(|error| error.to_string())?;
         let console = Console { until_ns: self.seconds.saturating_mul(1_000_000_000), broken: None };
         let finished = std::thread::scope(|scope| {
-            let server = scope.spawn(|| debugger::serve(address, &self.folder, &self.arguments, &calls));
+            let log = scope.spawn(|| log::show(rtt_address, &loaded.image_bytes, &mut std::io::stderr()));
+            let server = scope.spawn(|| {
+                let served = debugger::serve(debugger_address, &self.folder, &self.arguments, &calls, hard_fault);
+                has_failed.store(served.is_err(), Ordering::Relaxed);
+                served
+            });
             let finished = emulator::run(session, &start, console).map_err(|error| error.to_string());
             let served = server.join().map_err(|_| "the debugger's side panicked".to_owned())?;
-            match finished {
-                Ok(finished) => served.map(|()| finished),
-                Err(error) => Err(error),
-            }
+            let logged = log.join().map_err(|_| "the log's side panicked".to_owned())?;
+            let finished = finished?;
+            served.and(logged).map(|()| finished)
         })?;
         if let Some(error) = finished.driver.broken {
             return Err(format!("the program's output cannot be written to standard output: {error}"));
@@ -81,6 +92,19 @@ impl Count {
             )),
         }
     }
+}
+
+/// A listener on a free TCP port of this computer, and its address.
+///
+/// # Errors
+/// No port is free; the text names what it is for.
+fn listener(purpose: &str) -> Result<(TcpListener, SocketAddr), String> {
+    let listen = || -> std::io::Result<_> {
+        let listener = TcpListener::bind(("127.0.0.1", 0))?;
+        let address = listener.local_addr()?;
+        Ok((listener, address))
+    };
+    listen().map_err(|error| format!("no local TCP port is free for the {purpose}: {error}"))
 }
 
 /// Passes the program's output on and waits for its end.

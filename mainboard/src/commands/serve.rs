@@ -50,6 +50,9 @@ struct HostBridge {
 /// Virtual time between two comparisons of the clocks, ns.
 const PACE_NS: u64 = 1_000_000;
 
+/// Maximum bytes that are taken from the host at once.
+const MAX_READ: usize = 4096;
+
 /// Maximum delay that the machine catches up. A larger one stays: a host would see a printer that races.
 const PATIENCE: Duration = Duration::from_millis(100);
 
@@ -77,7 +80,7 @@ impl Operator for HostBridge {
         }
         if now_ns % PACE_NS < crate::run::SLICE_NS {
             self.keep_pace(now_ns);
-            let read = self.line.read().map_err(|error| error.to_string());
+            let read = self.line.read(MAX_READ).map_err(|error| error.to_string());
             let written = match read {
                 Ok(bytes) => {
                     send(machine, self.via, now_ns, &bytes);

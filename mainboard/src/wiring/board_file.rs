@@ -36,6 +36,9 @@ pub(super) struct RawBoard {
     pub inputs: BTreeMap<String, String>,
     pub serial: RawSerial,
     pub usb: Option<RawUsb>,
+    /// The card's slot, which is not wired here: the chip's model has no SDIO, and its pins float, so that no card is seen.
+    #[serde(default, rename = "card")]
+    pub _card: Option<toml::Value>,
 }
 
 #[derive(Deserialize)]

@@ -36,7 +36,7 @@ fn assert_every_method_is_printed_as_rehearsed(job: &Job) {
     bench.host.connect().unwrap();
     stream(&mut bench.host, job);
     let choice = bench.host.ask("M796", "echo:motion ").unwrap();
-    assert_eq!(choice, "echo:motion interpolation:dual-rate acceleration:s-curve-table");
+    assert_eq!(choice, "echo:motion interpolation:dual-rate acceleration:s-curve-five-segments");
     assert_printed_as_rehearsed(bench, job);
 }
 

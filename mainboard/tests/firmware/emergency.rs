@@ -1,6 +1,7 @@
 //! M112: motors stop, heaters go off, and the host gets the reply that it expects.
 
 use crate::bench::Bench;
+use crate::halted::errors_by_themselves;
 use crate::job::Job;
 use crate::rehearsal::Rehearsal;
 use crate::same_steps::LINES;
@@ -23,7 +24,7 @@ fn stop(bench: &mut Bench) {
     let pins = bench.pins();
     assert_eq!(pins.events().len(), at_once, "the motors went on");
     assert!(pins.motors_disabled(), "the motors are still switched on");
-    assert!(!heard.iter().any(|line| line == KILLED), "killed twice: {heard:?}");
+    assert!(errors_by_themselves(&heard).is_empty(), "killed twice: {heard:?}");
 }
 
 /// Checks that the machine accepts commands after M999 only, and that its heaters are off.

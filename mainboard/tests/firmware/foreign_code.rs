@@ -27,17 +27,20 @@ pub fn load(register: u16, constant: u32) -> [u16; 4] {
 /// `b .`
 pub const STAND_STILL: u16 = 0xe7fe;
 
-/// The code in place of the image's sleep: sleeps, reads [`JUMP_TARGET`], and either clears it and jumps there or
-/// sleeps again.
+/// The code in place of the image's function that sleeps: sleeps, reads [`JUMP_TARGET`], and either clears it and jumps
+/// there or returns.
 fn stub() -> Vec<u16> {
-    // wfi; r3 = JUMP_TARGET; ldr r2, [r3]; cmp r2, #0; beq to the wfi; movs r0, #0; str r0, [r3]; bx r2
-    [&[0xbf30][..], &load(3, JUMP_TARGET), &[0x681a, 0x2a00, 0xd0f7, 0x2000, 0x6018, 0x4710]].concat()
+    // wfi; r3 = JUMP_TARGET; ldr r2, [r3]; cmp r2, #0; beq to the return; movs r0, #0; str r0, [r3]; bx r2; pop {r7, pc}
+    [&[0xbf30][..], &load(3, JUMP_TARGET), &[0x681a, 0x2a00, 0xd002, 0x2000, 0x6018, 0x4710, RETURN]].concat()
 }
+
+/// `pop {r7, pc}`: the function has a frame of its own.
+const RETURN: u16 = 0xbd80;
 
 /// An image whose sleep is replaced by a stub.
 #[derive(Clone, Debug)]
 pub struct PatchedImage {
-    /// The image; its `wfi` and the branch after it lead to the stub.
+    /// The image; the function that sleeps leads to the stub.
     pub image: Vec<u8>,
     /// The stub, for the end of flash.
     pub stub: Vec<u8>,
@@ -50,8 +53,8 @@ impl PatchedImage {
     pub fn of(image: &Path, flash_end: u32) -> Self {
         let all = Code::of(image).unwrap().instructions().unwrap();
         let sleeps: Vec<_> = all.windows(2).filter(|pair| pair[0].name == "wfi").collect();
-        let &[[sleep, back]] = sleeps.as_slice() else { panic!("one place to sleep") };
-        assert_eq!((back.length, back.target()), (2, Some(sleep.address)), "{back}");
+        let &[[sleep, back]] = sleeps.as_slice() else { panic!("{} places to sleep", sleeps.len()) };
+        assert_eq!((back.length, back.name.as_str()), (2, "pop"), "{back}");
         let mut bytes = std::fs::read(image).unwrap();
         let place = {
             let file = object::File::parse(&*bytes).unwrap();

@@ -1,6 +1,7 @@
 //! An overheated heater: everything off, and the error that hosts expect, from the image itself.
 
 use crate::bench::Bench;
+use crate::halted::errors_by_themselves;
 
 /// A target just below the nozzle's maximum of 275 degrees, which holds only without disturbances.
 const WAIT_FOR_NOZZLE: &str = "M109 S274.5";
@@ -20,7 +21,7 @@ fn assert_reported_once(bench: &mut Bench) {
     let at_once = bench.pins();
     assert!(at_once.motors_disabled(), "the motors are still switched on");
     let heard = bench.host.listen(A_WHILE_MS).unwrap();
-    assert!(!heard.iter().any(|line| line.starts_with("Error:")), "reported twice: {heard:?}");
+    assert!(errors_by_themselves(&heard).is_empty(), "reported twice: {heard:?}");
     let later = bench.pins();
     assert_eq!(later.events().len(), at_once.events().len(), "the motors went on");
     assert!(later.motors_disabled(), "the motors are switched on again");

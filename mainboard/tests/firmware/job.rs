@@ -5,7 +5,7 @@ use ferrostep_oracle::gcode_text;
 use crate::images::root;
 
 /// The lines that select each method of M796.
-pub const METHODS: [&str; 15] = [
+pub const METHODS: [&str; 20] = [
     "M796 I0 A0",
     "M796 I1 A0",
     "M796 I2 A0",
@@ -21,6 +21,11 @@ pub const METHODS: [&str; 15] = [
     "M796 I2 A2",
     "M796 I3 A2",
     "M796 I4 A2",
+    "M796 I0 A3",
+    "M796 I1 A3",
+    "M796 I2 A3",
+    "M796 I3 A3",
+    "M796 I4 A3",
 ];
 
 /// The text of an example, unpacked.

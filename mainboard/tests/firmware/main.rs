@@ -14,6 +14,7 @@ mod boot_loader;
 mod choices;
 mod emergency;
 mod foreign_code;
+mod halted;
 mod heater_fault;
 mod heaters;
 mod host;

@@ -16,8 +16,7 @@ use crate::host::{Host, Port};
 use crate::job::Job;
 use crate::same_steps::{LINES, assert_printed_far_ahead};
 
-const PATIENCE: Patience =
-    Patience { ask: Duration::from_millis(250), give_up: Duration::from_secs(60), board_s: 3600 };
+const PATIENCE: Patience = Patience { give_up: Duration::from_secs(60), board_s: 3600, ..Patience::DEFAULT };
 
 fn profile() -> Profile {
     ferrostep_profiles::load("cartesian").unwrap()

@@ -3,6 +3,8 @@
 //! Known: G0-G4, G10, G11, G20, G21, G28, G90-G92, M82, M83, M201, M203, M204, M205, M207, M208, M220, M221, and
 //! the commands that wait for motion to end. All other commands are ignored.
 
+mod settings;
+
 use super::arc::Arc;
 use super::decimal::{Decimal, OutOfRange, UNITS_PER_MM};
 use super::interpret_error::InterpretError;
@@ -21,9 +23,6 @@ const EXTRUDER_MAX: i128 = EXTRUDER_FRACTIONS_PER_UNIT * 1_000_000_000_000_000;
 
 /// Marlin's feed until the first F, mm/s.
 const INITIAL_FEED_MM_PER_S: f64 = 25.0;
-
-/// Marlin refuses junction deviations outside of these, mm.
-const JUNCTION_DEVIATION_MM: std::ops::RangeInclusive<f64> = 0.01..=0.3;
 
 const AXES: [u8; 4] = *b"XYZE";
 
@@ -420,86 +419,6 @@ impl State {
         }
         if let Some(value) = command.value(b'E')? {
             self.extruder_10nm = self.length_10nm(value)?;
-        }
-        Ok(())
-    }
-
-    fn set_limits(&mut self, command: &Command<'_>) -> Result<(), OutOfRange> {
-        // A limit of 0 would stop the machine for good: only positive values are accepted.
-        let value = |letter| -> Result<Option<f64>, OutOfRange> {
-            Ok(command.value(letter)?.map(|value| self.length_mm(value)).filter(|value| *value > 0.0))
-        };
-        let mut limits = self.limits;
-        match command.number {
-            201 | 203 => {
-                let values = if command.number == 201 {
-                    &mut limits.max_acceleration_mm_per_s2
-                } else {
-                    &mut limits.max_feed_mm_per_s
-                };
-                for (limit, letter) in values.iter_mut().zip(AXES) {
-                    *limit = value(letter)?.unwrap_or(*limit);
-                }
-            }
-            204 => {
-                let accelerations = &mut limits.acceleration_mm_per_s2;
-                if let Some(both) = value(b'S')? {
-                    (accelerations.print, accelerations.travel) = (both, both);
-                }
-                accelerations.print = value(b'P')?.unwrap_or(accelerations.print);
-                accelerations.retract = value(b'R')?.unwrap_or(accelerations.retract);
-                accelerations.travel = value(b'T')?.unwrap_or(accelerations.travel);
-            }
-            _ => {
-                let deviation = value(b'J')?.filter(|value| JUNCTION_DEVIATION_MM.contains(value));
-                limits.junction_deviation_mm = deviation.unwrap_or(limits.junction_deviation_mm);
-                // An axis without such a limit keeps to the junction deviation alone.
-                let limited =
-                    limits.corner_velocity_mm_per_s.iter_mut().zip(AXES).filter(|(limit, _)| limit.is_finite());
-                for (limit, letter) in limited {
-                    *limit = value(letter)?.unwrap_or(*limit);
-                }
-            }
-        }
-        if limits != self.limits {
-            self.limits = limits;
-            self.job.limits.push(limits);
-        }
-        Ok(())
-    }
-
-    fn set_retraction(&mut self, command: &Command<'_>) -> Result<(), OutOfRange> {
-        if let Some(value) = command.value(b'S')? {
-            self.retraction.length_10nm = self.length_10nm(value)?;
-        }
-        if let Some(feed) = command.value(b'F')?.map(|value| self.length_mm(value) / 60.0).filter(|feed| *feed > 0.0) {
-            self.retraction.feed_mm_per_s = feed;
-        }
-        if let Some(value) = command.value(b'Z')? {
-            self.retraction.lift_10nm = self.length_10nm(value)?;
-        }
-        Ok(())
-    }
-
-    fn set_recovery(&mut self, command: &Command<'_>) -> Result<(), OutOfRange> {
-        if let Some(value) = command.value(b'S')? {
-            self.retraction.recover_extra_10nm = self.length_10nm(value)?;
-        }
-        if let Some(feed) = command.value(b'F')?.map(|value| self.length_mm(value) / 60.0).filter(|feed| *feed > 0.0) {
-            self.retraction.recover_feed_mm_per_s = feed;
-        }
-        Ok(())
-    }
-
-    fn set_feed_factor(&mut self, command: &Command<'_>) -> Result<(), OutOfRange> {
-        if command.has(b'B') {
-            self.feed_percent_saved = self.feed_percent;
-        }
-        if command.has(b'R') {
-            self.feed_percent = self.feed_percent_saved;
-        }
-        if let Some(percent) = command.value(b'S')?.map(Decimal::truncated).filter(|percent| *percent > 0) {
-            self.feed_percent = percent;
         }
         Ok(())
     }

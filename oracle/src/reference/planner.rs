@@ -40,7 +40,7 @@ struct Segment {
 }
 
 /// Plans a job. Without `look_ahead` every junction is known to every move; with it, a move's speeds are settled
-/// when that many moves, itself included, are known, the last of them taken to end at a stop.
+/// when this number of moves, itself included, is known, the last of them taken to end at a stop.
 pub fn plan(job: &Job, look_ahead: Option<NonZeroUsize>) -> Plan {
     let mut segments: Vec<Segment> = Vec::with_capacity(job.moves.len());
     for one in &job.moves {

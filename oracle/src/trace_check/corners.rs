@@ -38,7 +38,7 @@ pub fn shares(one: &Move) -> ([f64; 4], f64) {
 }
 
 /// Whether two moves in a row are chords of one arc.
-pub fn is_inside_arc(before: &Move, after: &Move) -> bool {
+fn is_inside_arc(before: &Move, after: &Move) -> bool {
     before.line == after.line && before.kind == MoveKind::ArcChord { last: false }
 }
 

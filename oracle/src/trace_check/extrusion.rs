@@ -46,7 +46,7 @@ impl Distances {
 pub struct Extrusion {
     /// Blocks that were looked at.
     pub blocks: u64,
-    /// Blocks whose leading motor is the extruder itself, which are left out: there is nothing that it could wait for.
+    /// Blocks whose leading motor is the extruder itself, which are left out: it waits for no other motor.
     pub led_by_the_extruder: u64,
     /// Steps of the extruder in the blocks that were looked at, as the trace has it, both directions.
     pub own_steps: u64,
@@ -68,7 +68,7 @@ pub struct Slave {
 }
 
 impl Slave {
-    /// A follower that makes so many steps, none below zero and no more than the leading motor's, while that makes its own.
+    /// A follower that makes this many steps, not below zero and no more than the leading motor's, while that makes its own.
     pub fn new(leader_steps: i64, follower_steps: i64) -> Self {
         Self { leader_steps, follower_steps, error: -leader_steps }
     }

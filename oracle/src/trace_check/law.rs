@@ -1,6 +1,6 @@
 //! One block's steps against its time law.
 
-use super::report::Deviation;
+use super::deviation::Deviation;
 use crate::reference::Trapezoid;
 
 /// A step event by motor: -1, 0 or 1 for each.

@@ -1,31 +1,12 @@
-//! What a check found.
+//! The report of a check.
 
 use super::corners::{Jumps, TooLarge};
+use super::deviation::Deviation;
 use super::extrusion::Extrusion;
 use std::fmt;
 
 /// Names of the motors in reports; A and B of CoreXY stand under x and y.
 pub const MOTOR_NAMES: [&str; 4] = ["x", "y", "z", "e"];
-
-/// A motor away from where the time law puts it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Deviation {
-    /// How far, in steps.
-    pub steps: f64,
-    /// How far it may be there, in steps.
-    pub allowed_steps: f64,
-    /// The move's source line.
-    pub line: u32,
-    /// The step event's tick.
-    pub tick: u64,
-}
-
-impl Deviation {
-    /// How far beyond what is allowed; negative inside.
-    pub fn excess_steps(&self) -> f64 {
-        self.steps - self.allowed_steps
-    }
-}
 
 /// A move that takes another time than planned.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -40,7 +21,7 @@ pub struct DurationDifference {
     pub line: u32,
 }
 
-/// Something that must not be.
+/// A violation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Finding {
     /// A record is earlier than the one before.
@@ -196,13 +177,6 @@ impl TraceReport {
 
 fn name(index: usize) -> &'static str {
     MOTOR_NAMES.get(index).copied().unwrap_or("?")
-}
-
-impl fmt::Display for Deviation {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { steps, allowed_steps, line, tick } = self;
-        write!(formatter, "{steps:.3} steps off (allowed {allowed_steps:.3}) at tick {tick} of line {line}")
-    }
 }
 
 impl fmt::Display for DurationDifference {

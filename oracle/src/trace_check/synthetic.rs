@@ -9,7 +9,7 @@ use crate::trace::{Record, StepEvent};
 pub const TICK_HZ: u64 = 84_000_000;
 
 /// Two microseconds.
-pub const EVENT_INTERVAL_TICKS: u64 = 168;
+const EVENT_INTERVAL_TICKS: u64 = 168;
 
 /// The header line a profile's trace has.
 pub fn header(profile: &ReferenceProfile) -> String {

@@ -20,7 +20,7 @@ pub struct Line<const AXES: usize> {
 }
 
 impl<const AXES: usize> Line<AXES> {
-    /// The line that leads so many steps away, which may be 0 on some axes or on all.
+    /// The line that leads this many steps away, which may be 0 on some axes or on all.
     ///
     /// # Errors
     /// An axis would make more than [`MAX_STEPS`] steps.
@@ -105,7 +105,7 @@ struct Follower<W> {
     widths: W,
     /// Whole stairs to come, the present one included.
     whole: u32,
-    /// Events up to the end of the present one; out of reach behind the last.
+    /// Events up to the end of the present one; out of reach after the last.
     left: u32,
 }
 

@@ -9,11 +9,11 @@ pub struct Stair {
     /// Steps of the major axis, at least 1.
     pub width: u32,
     /// Whether its last step is of the rarer kind: with the minor axis, or without it on a steep line
-    /// ([`Slope::is_steep`]). Not so in what is left behind the last stair.
+    /// ([`Slope::is_steep`]). Not so in what is left after the last stair.
     pub is_whole: bool,
 }
 
-/// A line's stairs, and what is left behind the last: at most min(dy, dx - dy) + 1.
+/// A line's stairs, and what is left after the last: at most min(dy, dx - dy) + 1.
 #[derive(Clone, Copy, Debug)]
 pub struct Stairs<W = FromQuotient> {
     widths: W,
@@ -45,7 +45,7 @@ impl<W: Widths> Stairs<W> {
         width
     }
 
-    /// Steps behind the last whole stair, once all of these were told.
+    /// Steps after the last whole stair, once all of these were handed out.
     #[inline(always)]
     pub fn rest(&self) -> u32 {
         self.steps

@@ -1,8 +1,8 @@
 //! How wide the next stair is: Wu 2024's two corollaries.
 //!
-//! Below, e is the decision value behind a stair's last step, dx the steps of the major axis and dy those of the rarer
+//! Below, e is the decision value after a stair's last step, dx the steps of the major axis and dy those of the rarer
 //! kind (of the minor axis, or on a steep line of the major axis alone). Each step adds 2 dy, and the first that brings
-//! the value above zero ends the stair and takes off 2 dx. So -2 dx < e <= 2 dy - 2 dx behind every stair, and a stair of
+//! the value above zero ends the stair and takes off 2 dx. So -2 dx < e <= 2 dy - 2 dx after every stair, and a stair of
 //! width w ends with e + 2 w dy, in (0, 2 dy].
 
 use super::decisions::{Decisions, Uncounted};
@@ -24,7 +24,7 @@ pub trait Widths: Copy {
 /// Without a division: from the width n of the first stair, found by counting (Wu 2024, corollary 2).
 ///
 /// The first stair starts at e = -dx, or 1 - dx on a steep line. Its width is the n with
-/// 2 (n - 1) dy <= dx < 2 n dy, or 2 (n - 1) dy < dx <= 2 n dy. A stair behind it of width w ends in (0, 2 dy], so
+/// 2 (n - 1) dy <= dx < 2 n dy, or 2 (n - 1) dy < dx <= 2 n dy. A stair after it of width w ends in (0, 2 dy], so
 /// (w - 1) dy < dx and w dy > dx - dy (from the bounds of e): with the former, w - 1 < 2 n and w > 2 n - 3.
 /// The paper's d1, the value at width 2n-2, is e + 2 (2 n - 2) dy; it prints d0 + 2 (dy - dx) + 2 (2 n - 3) dy, the same
 /// with e = d0 - 2 dx. Which of the widths it is, one comparison tells or two.
@@ -32,7 +32,7 @@ pub trait Widths: Copy {
 pub struct FromFirstStair<D = Uncounted> {
     rise: i32,
     fall: i32,
-    /// e, behind the last stair told.
+    /// e, after the last stair handed out.
     decision: i32,
     /// 2n-2, and by how much a stair of that width changes the decision value; none before the first stair.
     least: Option<(u32, i32)>,
@@ -91,7 +91,7 @@ impl<D: Decisions> Widths for FromFirstStair<D> {
 /// With one division a line: F = floor(dx/dy) (Wu 2024, corollary 1), which an optimised Cortex-M4 makes in 2 to 12
 /// cycles.
 ///
-/// A stair of width w behind the first: from e > -2 dx and the end at most 2 dy, w dy < dx + dy, so w <= F + 1; from
+/// A stair of width w after the first: from e > -2 dx and the end at most 2 dy, w dy < dx + dy, so w <= F + 1; from
 /// e <= 2 dy - 2 dx and the end above zero, w dy > dx - dy, so w >= F. At width F the value is e + 2 F dy; the paper's
 /// d0 + 2 (dy - dx) + 2 (F + 1) dy would be at width F + 2 and is a misprint of 2 (F - 1) dy.
 ///

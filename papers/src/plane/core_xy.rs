@@ -1,6 +1,10 @@
 //! A straight line as the steps of a CoreXY machine's motors.
 
-use super::{CoreXyTarget, DualRate, FeedSteps, MinimumDeviation, MotorPulse, PlaneError, PointByPoint, TwoRates};
+use super::dual_rate::{DualRate, TwoRates};
+use super::minimum_deviation::MinimumDeviation;
+use super::motors::{CoreXyTarget, FeedSteps, MotorPulse};
+use super::point_by_point::PointByPoint;
+use super::target::{PlaneError, Target};
 use ferrostep_planner::DualRatePeriods;
 use ferrostep_planner::Kinematics;
 
@@ -56,13 +60,13 @@ pub struct CoreXyLine {
 }
 
 impl CoreXyLine {
-    /// The line on which the motors make so many steps, either way.
+    /// The line on which the motors make these numbers of steps, either way.
     ///
     /// # Errors
     /// [`PlaneError`]; of the periods under [`PlaneMethod::DualRate`] only.
     pub fn new(method: PlaneMethod, first: i64, second: i64, periods: &DualRatePeriods) -> Result<Self, PlaneError> {
         // The motors' steps are in range even where the pulses, half as many, would be.
-        super::Target::new(first, second)?;
+        Target::new(first, second)?;
         let feeds = |[x, y]: [i64; 2]| FeedSteps::new(Kinematics::CoreXy, x, y);
         if method == PlaneMethod::DualRate
             && let DualRate::TwoRates(line) = DualRate::new(first, second, periods)?

@@ -1,6 +1,6 @@
 //! Dual-rate interpolation (CoreXY paper, the improved method of section 2.3).
 
-use super::{PlaneError, Target};
+use super::target::{PlaneError, Target};
 use ferrostep_planner::DualRatePeriods;
 
 /// Periods in microseconds, to the nearest nanosecond: T_min and T_max.
@@ -44,7 +44,7 @@ pub enum DualRate {
 }
 
 impl DualRate {
-    /// The line on which the motors make so many pulses, either way.
+    /// The line on which the motors make these numbers of pulses, either way.
     ///
     /// # Errors
     /// [`PlaneError`]; of the periods before those of the line.

@@ -1,6 +1,7 @@
 //! How good a method's line is.
 
-use super::{CoreXyLine, LineEvent, PlaneError, PlaneMethod, Target};
+use super::core_xy::{CoreXyLine, LineEvent, PlaneMethod};
+use super::target::{PlaneError, Target};
 use ferrostep_planner::DualRatePeriods;
 use ferrostep_planner::square_root::square_root;
 
@@ -20,7 +21,7 @@ pub struct LineFigures {
     pub busiest_motor_steps: u64,
     /// How often a motor turns round.
     pub reversals: u64,
-    /// Largest distance from the ideal line behind an event, in pulses along X or Y.
+    /// Largest distance from the ideal line after an event, in pulses along X or Y.
     pub largest_distance: f64,
     /// Mean distance from the ideal line over the line's time, the motors standing still between their steps, in pulses.
     pub mean_distance: f64,
@@ -108,7 +109,7 @@ mod tests {
 
     #[test]
     fn a_line_of_few_pulses_by_hand() {
-        // (2, 1) by x y x: F is -1, 1, 0 behind the pulses, a third of the time each, and the distances |F| / sqrt(5).
+        // (2, 1) by x y x: F is -1, 1, 0 after the pulses, a third of the time each, and the distances |F| / sqrt(5).
         let line = figures(PlaneMethod::PointByPoint, 2, 1);
         assert_eq!((line.feeds, line.events, line.motor_steps, line.busiest_motor_steps), (3, 3, 6, 3));
         // B goes forwards, backwards, forwards.
@@ -144,7 +145,7 @@ mod tests {
             let (longer, shorter) = (x.abs().max(y.abs()) as f64, x.abs().min(y.abs()) as f64);
             let point = figures(PlaneMethod::PointByPoint, x, y);
             prop_assert!(point.largest_distance <= longer / length + 1e-9);
-            // Half a pulse across the longer axis, and behind half a diagonal half of what that leads away.
+            // Half a pulse across the longer axis, and after half a diagonal half of what that leads away.
             let minimum = figures(PlaneMethod::MinimumDeviation, x, y);
             prop_assert!(minimum.largest_distance <= 0.5 * longer / length + 1e-9);
             // Half a step of either motor, which is half a pulse along both axes: (|A| + |B|) / 4 over the length.

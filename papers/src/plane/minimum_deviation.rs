@@ -1,6 +1,6 @@
 //! Minimum deviation (CoreXY paper, method 2 and table 2).
 
-use super::{PlaneError, Pulse, Target};
+use super::target::{PlaneError, Pulse, Target};
 
 /// A line by pulses along its longer axis or diagonally.
 ///
@@ -66,7 +66,7 @@ mod tests {
     use ferrostep_planner::bresenham::{MAX_STEPS, StepBresenham};
     use proptest::prelude::*;
 
-    /// The points behind each pulse.
+    /// The points after each pulse.
     fn points(x: i64, y: i64) -> Vec<(i64, i64)> {
         let mut here = (0, 0);
         let step = |pulse: Pulse| {

@@ -1,6 +1,6 @@
 //! What the motors of a plane do for a pulse.
 
-use super::Pulse;
+use super::target::Pulse;
 use ferrostep_planner::Kinematics;
 
 /// Bits of the two motors: X and Y, or A and B.
@@ -95,7 +95,7 @@ pub(crate) struct CoreXyTarget {
 }
 
 impl CoreXyTarget {
-    /// The pulses for so many motor steps.
+    /// The pulses for this many motor steps.
     pub fn new(first: i64, second: i64) -> Self {
         let (mut a, mut b) = (first, second);
         let mut rest = None;

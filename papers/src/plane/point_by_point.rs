@@ -1,6 +1,6 @@
 //! Point-by-point comparison (CoreXY paper, method 1 and table 1).
 
-use super::{PlaneError, Pulse, Target};
+use super::target::{PlaneError, Pulse, Target};
 
 /// A line by pulses along X or along Y.
 ///
@@ -66,7 +66,7 @@ mod tests {
     use ferrostep_planner::bresenham::MAX_STEPS;
     use proptest::prelude::*;
 
-    /// The points behind each pulse.
+    /// The points after each pulse.
     fn points(x: i64, y: i64) -> Vec<(i64, i64)> {
         let mut here = (0, 0);
         let step = |pulse: Pulse| {

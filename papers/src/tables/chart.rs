@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use plotters::prelude::*;
 
-use super::{Curve, Figure, Style};
+use super::chapter::{Curve, Figure, Style};
 
 /// Width of a picture, pixels. The library draws at whole pixels: fewer would show.
 const WIDTH: u32 = 1920;

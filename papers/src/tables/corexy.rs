@@ -8,7 +8,7 @@ use ferrostep_planner::DualRatePeriods;
 
 use evenly::Distance;
 
-use super::{Cell, Chapter, Curve, Figure, Style, Table};
+use super::chapter::{Cell, Chapter, Curve, Figure, Style, Table};
 
 /// The paper's methods and what they are called here.
 const METHODS: [(PlaneMethod, &str); 3] = [

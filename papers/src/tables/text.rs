@@ -3,7 +3,7 @@
 use comfy_table::presets::ASCII_MARKDOWN;
 use comfy_table::{CellAlignment, ContentArrangement};
 
-use super::{Cell, Chapter, Table};
+use super::chapter::{Cell, Chapter, Table};
 
 /// All tables of a chapter.
 pub(super) fn of(chapter: &Chapter) -> String {

@@ -7,7 +7,7 @@ use crate::bresenham::{
 };
 use serde_json::Value;
 
-use super::{Cell, Chapter, Curve, Figure, Style, Table};
+use super::chapter::{Cell, Chapter, Curve, Figure, Style, Table};
 
 /// The committed counts of instructions on the Cortex-M4, which `cargo xtask bench --save-baseline` makes.
 const BASELINE: &str = include_str!("../../../xtask/bench-baseline.json");

@@ -5,7 +5,7 @@ use ferrostep_planner::kinematics::UNITS_PER_MM;
 use ferrostep_planner::look_ahead::Slot;
 use ferrostep_planner::{Geometry, Kinematics, Limits, Move, PlannedBlock, Planner, StepsPerMm};
 
-use super::{Cell, Chapter, Curve, Figure, Style, Table};
+use super::chapter::{Cell, Chapter, Curve, Figure, Style, Table};
 
 /// Yu's delta, mm.
 const DEVIATION_MM: f64 = 0.1;
@@ -72,7 +72,7 @@ fn planned(places_mm: &[(f64, f64)], filament_mm: f64) -> Vec<PlannedBlock> {
 fn corner_speed_mm_per_s(angle: f64, length_mm: f64) -> f64 {
     let corner = (length_mm, 0.0);
     let end = (length_mm * (1.0 + angle.cos()), length_mm * angle.sin());
-    // A long way before and behind, in line with the moves, so that nothing but the corner limits it.
+    // A long way before and after, in line with the moves, so that nothing but the corner limits it.
     let turned = (end.0 + 100.0 * angle.cos(), end.1 + 100.0 * angle.sin());
     let blocks = planned(&[(-100.0, 0.0), (0.0, 0.0), corner, end, turned], 0.0);
     // In line, moves become one block: the corner is where the direction changes.

@@ -1,7 +1,7 @@
 //! Blocks: their speeds, their law, their limits, and the events that they become.
 
 use ferrostep_planner::extruder::rounded_steps;
-use ferrostep_planner::inner_ends::Stretches;
+use ferrostep_planner::stretches::Stretches;
 use ferrostep_planner::{Geometry, MotionChoice, MoveError, PlannedBlock, Progress, Speed, TICKS_PER_SECOND};
 use proptest::prelude::*;
 

@@ -30,7 +30,7 @@ impl StepBresenham {
     }
 
     /// What is left of the present stair: major-axis steps up to and including the next one with a minor-axis step, out
-    /// of reach where there is none.
+    /// of reach after the last.
     #[inline]
     pub const fn width(&self) -> u32 {
         if self.rise == 0 {

@@ -2,17 +2,16 @@
 //! this file follows R1, R2 and R6 of the performance rules (docs/src/performance.md).
 
 use super::{FAR, Interpolator, MOVE_BEGINS, ONE_TICK};
-use crate::EXTRUDER;
 use crate::extruder_gap::{ExtruderGap, Look};
 use crate::methods::MotionMethods;
-use crate::step_queue::StepEntry;
+use crate::step_queue::{EXTRUDER, StepEntry};
 use crate::step_times::{EvenSteps, HotRamp};
 use crate::time_units::{FRACTION_BITS, HALF_TICK};
 
 /// Most ticks that the first and the last step of a stair may be off: 0.4 us.
 const STAIR_TOLERANCE: u32 = 32;
 
-/// A stair's last step may be due so many ticks, and no more, behind where it is.
+/// A stair's last step may be due up to this many ticks after where it is.
 const FARTHEST: u32 = STAIR_TOLERANCE + 1;
 
 /// Bits of a cruise's interval beyond its time units.
@@ -21,10 +20,11 @@ const BITS_BEYOND: u32 = 16;
 /// Time units from an event, a whole tick, to when the next one is due, half a tick included: in 32 bits, for all but slow
 /// steps, or as many as it takes.
 pub(super) trait Gap: Copy {
-    /// Whether a step behind so many time units can be told by it, added to less than a tick.
+    /// Whether it holds a step after this many time units, added to less than a tick.
     fn holds(units: u64) -> bool;
 
-    /// Takes a step, so far behind the last event: how far the next one is behind it, and whether that is told.
+    /// Takes a step this far after the last event. Returns how far the next one is after it, and whether
+    /// the interval holds that.
     fn behind(self, run: &mut HotRamp) -> (Self, bool);
 
     /// What the step taken last leaves over its tick; this is what [`Self::behind`] has given.
@@ -103,7 +103,7 @@ impl Gap for u64 {
 
 impl<M: MotionMethods> Interpolator<M> {
     /// The master's steps in a ramp, and the extruder's between them, as long as none is too near to another: at most
-    /// `most` events, the master's first step `gap` time units behind the last event, half a tick included. How many
+    /// `most` events, the master's first step `gap` time units after the last event, half a tick included. How many
     /// events there are, and whether anything has happened.
     #[inline(never)]
     pub(super) fn make_ramp<G: Gap>(&mut self, mut gap: G, most: usize) -> (usize, bool) {
@@ -156,7 +156,7 @@ impl<M: MotionMethods> Interpolator<M> {
             }
         }
         let steps = (events - between.steps) as u32;
-        // No event has come behind a step whose successor is too far.
+        // No event has come after a step whose successor is too far.
         let is_held = steps == 0 || G::holds(run.units());
         let behind = if is_held { gap.units() } else { gap.left_over(&run) };
         let due = between.last(free).wrapping_add(behind).wrapping_sub(HALF_TICK);
@@ -321,13 +321,13 @@ fn gap_ticks(gap: u64) -> u32 {
     (gap >> 32) as u32
 }
 
-/// Whether a step of a stair may be so many ticks off, wrapping where it is too early.
+/// Whether a step of a stair may be this many ticks off, wrapping where it is too early.
 #[inline(always)]
 fn is_tolerable(ticks: u32) -> bool {
     ticks.wrapping_add(STAIR_TOLERANCE) <= 2 * STAIR_TOLERANCE
 }
 
-/// Whether an event so many ticks behind `last` is later than another time; any of them may be before the block's start.
+/// Whether an event this many ticks after `last` is later than another time; any of them may be before the block's start.
 fn is_after(last: u64, ticks: u32, other: u64) -> bool {
     last.wrapping_add(u64::from(ticks) << FRACTION_BITS).wrapping_sub(other) as i64 > 0
 }

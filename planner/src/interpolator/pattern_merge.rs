@@ -10,11 +10,10 @@
 //! pattern, so that is every move's end too; a block that has several is made by step Bresenham.
 
 use super::{FAR, Interpolator, MAX_ENTRIES, WHOLE_TICKS, Work};
-use crate::EXTRUDER;
-use crate::inner_ends::Stretch;
 use crate::methods::{DueEvent, MotionMethods, StepPattern};
 use crate::spacing::MotorSteps;
-use crate::step_queue::StepEntry;
+use crate::step_queue::{EXTRUDER, StepEntry};
+use crate::stretches::Stretch;
 use crate::time_law::TimeLaw;
 use crate::time_units::{FRACTION_BITS, HALF_TICK};
 

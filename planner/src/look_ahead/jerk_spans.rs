@@ -5,15 +5,15 @@
 //! and does not know this. The best places for an end are those where the speed is lowest, and there the acceleration is
 //! zero anyway.
 //!
-//! - *Reverse pass.* For each corner the speed from which, without acceleration there, everything behind it can be done:
-//!   by one ramp to an *anchor*, a corner behind it whose speed is known already, over all blocks between and no faster
+//! - *Reverse pass.* For each corner the speed from which, without acceleration there, everything after it can be done:
+//!   by one ramp to an *anchor*, a corner after it whose speed is known already, over all blocks between and no faster
 //!   than any of them or of the corners between. The anchor is kept as long as that gives more than a ramp to the next
 //!   corner, which becomes the anchor otherwise.
 //! - *A run is settled when its first block leaves.* It ends at the first corner that limits, that is where the corner
 //!   itself bounds the speed, and that can be reached with that speed; the corners between have to be passed no faster
 //!   than they may, which the law is asked. Where they would, the run is made slower, or ends there, whichever takes less
 //!   time.
-//! - What leaves is cut off where the run cruises, if that is at the end of a block: it costs nothing, and what is behind
+//! - What leaves is cut off where the run cruises, if that is at the end of a block: it costs nothing, and what is after
 //!   may still become faster. A run that ends where no more blocks are known and has no such place is cut in its middle.
 //!
 //! One thing is not as under a constant acceleration: to slow down to x takes longer than to slow down to a standstill
@@ -22,32 +22,11 @@
 //! anchor perhaps with less than its speed.
 
 use crate::block::{Acceleration, Block, Speed};
-use crate::block_queue::Released;
-use crate::methods::Pieces;
 use crate::pace::Pace;
 use crate::ring::{Content, Ring, RingMemory, Waiting};
-use crate::s_curve::law::Curve;
 use crate::s_curve::run::Planning;
-use crate::s_curve::{Jerk, Run};
-use crate::time_law::TimeLaw;
-
-/// A block of a run.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Part {
-    /// The block.
-    pub block: Block,
-    /// The run that it is part of.
-    pub run: Run,
-    /// Where in the run it begins, units of 10 nm.
-    pub offset_10nm: u32,
-}
-
-impl Part {
-    /// The law of the run along the block, and the speed at the block's end (Li 2017).
-    pub fn law<P: Pieces>(&self) -> (TimeLaw<P>, Speed) {
-        TimeLaw::along(&Curve::new(&self.run), self.offset_10nm, self.block.length_10nm)
-    }
-}
+use crate::s_curve::{Jerk, Jerks, Run};
+use crate::speed_plan::{Part, Released};
 
 /// The run whose blocks are leaving.
 #[derive(Clone, Copy, Debug)]
@@ -60,7 +39,7 @@ struct Leaving {
 /// What look-ahead under an S-curve knows besides the ring.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Runs {
-    jerk: Jerk,
+    jerks: Jerks,
     /// Whether blocks share laws at all.
     joins: bool,
     leaving: Option<Leaving>,
@@ -69,20 +48,21 @@ pub(super) struct Runs {
 /// A corner as the end of a run that begins at the oldest block.
 #[derive(Clone, Copy, Debug)]
 struct End {
-    /// Place of the block behind it; the ring's length where there is none.
+    /// Place of the block after it; the ring's length where there is none.
     place: usize,
-    /// Blocks before it, their length, and the smallest of their accelerations.
+    /// Blocks before it, their length, and the smallest of their accelerations and of their jerks.
     blocks: usize,
     length_10nm: u32,
     acceleration: Acceleration,
+    jerk: Jerk,
     /// Largest of their nominal speeds.
     fastest: Speed,
-    /// Bound of the speed there, and the speed from which everything behind can be done.
+    /// Bound of the speed there, and the speed from which everything after can be done.
     bound: Speed,
     speed: Speed,
     /// Nominal speed of the last of them.
     nominal: Speed,
-    /// No block is known behind it.
+    /// No block is known after it.
     is_last: bool,
 }
 
@@ -93,6 +73,7 @@ impl End {
         blocks: 0,
         length_10nm: 0,
         acceleration: Acceleration::MAX,
+        jerk: Jerk::MAX,
         fastest: Speed::ZERO,
         bound: Speed::ZERO,
         speed: Speed::ZERO,
@@ -113,29 +94,31 @@ struct Speeds {
 struct Anchor {
     place: usize,
     speed: Speed,
-    /// Path to it, and the smallest acceleration and the slowest nominal speed or corner on it.
+    /// Path to it, and the smallest acceleration and jerk and the slowest nominal speed or corner on it.
     length_10nm: u32,
     acceleration: Acceleration,
+    jerk: Jerk,
     slowest: Speed,
 }
 
 impl Anchor {
     /// With one more block before it.
-    fn with_block_before(&self, block: &Block) -> Self {
+    fn with_block_before(&self, block: &Block, jerk: Jerk) -> Self {
         Self {
             length_10nm: self.length_10nm.saturating_add(block.length_10nm),
             acceleration: self.acceleration.min(block.acceleration),
+            jerk: self.jerk.min(jerk),
             slowest: self.slowest.min(block.nominal),
             ..*self
         }
     }
 
     /// The fastest that one ramp to it may begin with.
-    fn reach(&self, jerk: Jerk) -> Speed {
+    fn reach(&self) -> Speed {
         if self.slowest <= self.speed {
             return self.slowest;
         }
-        Planning::new(jerk, self.acceleration).reach(self.speed, self.length_10nm).min(self.slowest)
+        Planning::new(self.jerk, self.acceleration).reach(self.speed, self.length_10nm).min(self.slowest)
     }
 }
 
@@ -143,8 +126,8 @@ impl Anchor {
 const SLOWER_STEPS: u32 = 8;
 
 impl Runs {
-    pub(super) fn new(jerk: Jerk, joins: bool) -> Self {
-        Self { jerk, joins, leaving: None }
+    pub(super) fn new(jerks: Jerks, joins: bool) -> Self {
+        Self { jerks, joins, leaving: None }
     }
 
     pub(super) fn clear(&mut self) {
@@ -165,6 +148,7 @@ impl Runs {
             speed: Speed::ZERO,
             length_10nm: 0,
             acceleration: Acceleration::MAX,
+            jerk: Jerk::MAX,
             slowest: Speed(u32::MAX),
         };
         let mut anchor = end;
@@ -175,11 +159,12 @@ impl Runs {
             if waiting.settled {
                 return;
             }
-            anchor = anchor.with_block_before(&waiting.block);
-            next = next.with_block_before(&waiting.block);
-            let mut reach = anchor.reach(self.jerk);
+            let jerk = self.jerks.of(&waiting.block);
+            anchor = anchor.with_block_before(&waiting.block, jerk);
+            next = next.with_block_before(&waiting.block, jerk);
+            let mut reach = anchor.reach();
             if anchor.place != next.place {
-                let beside = next.reach(self.jerk);
+                let beside = next.reach();
                 if beside > reach || !self.joins || anchor.place - place > usize::from(u8::MAX) {
                     anchor = next;
                     reach = beside;
@@ -220,7 +205,7 @@ impl Runs {
     /// Settles the law of the blocks that leave next.
     fn settle<S: RingMemory>(&self, ring: &mut Ring<S>, first: &Waiting, pace: Pace) -> Leaving {
         let entry = first.entry_speed;
-        let settling = Settling { jerk: self.jerk, joins: self.joins, entry, pace };
+        let settling = Settling { jerks: self.jerks, joins: self.joins, entry, pace };
         let mut end = settling.first_limit(ring);
         let mut law = None;
         while law.is_none() {
@@ -234,7 +219,7 @@ impl Runs {
         let may_grow = end.is_last && !ring.stopped;
         if let Some(cut) = settling.cut_in_cruise(ring, &end, &speeds) {
             // What was asked of the law holds for the same law only.
-            end = End { acceleration: end.acceleration, ..cut };
+            end = End { acceleration: end.acceleration, jerk: end.jerk, ..cut };
             speeds.exit = speeds.peak;
         } else if may_grow && let Some((cut, slower)) = settling.cut_in_middle(ring, &end) {
             (end, speeds) = (cut, slower);
@@ -248,8 +233,8 @@ impl Runs {
             _ => ring.stopped = true,
         }
         let Speeds { peak, exit } = speeds;
-        let End { length_10nm, acceleration, blocks, .. } = end;
-        let run = Run { length_10nm, entry, peak, exit, acceleration, jerk: self.jerk };
+        let End { length_10nm, acceleration, jerk, blocks, .. } = end;
+        let run = Run { length_10nm, entry, peak, exit, acceleration, jerk };
         Leaving { run, passed_10nm: 0, blocks }
     }
 }
@@ -257,7 +242,7 @@ impl Runs {
 /// What a run begins with.
 #[derive(Clone, Copy, Debug)]
 struct Settling {
-    jerk: Jerk,
+    jerks: Jerks,
     /// Whether blocks share laws at all.
     joins: bool,
     entry: Speed,
@@ -266,11 +251,11 @@ struct Settling {
 
 impl Settling {
     fn planning(&self, end: &End) -> Planning {
-        Planning::new(self.jerk, end.acceleration)
+        Planning::new(end.jerk, end.acceleration)
     }
 
-    /// The speed with which an end can be reached that everything behind it can be done from, and the greatest on the way;
-    /// `None` where there is no such speed.
+    /// The speed with which an end can be reached that everything after it can be done from, and the greatest on the way;
+    /// `None` if no speed does.
     fn exit(&self, end: &End) -> Option<(Speed, Speed)> {
         let planning = self.planning(end);
         let held = if self.pace == Pace::FULL { end.fastest } else { self.pace.of(end.fastest) };
@@ -283,7 +268,7 @@ impl Settling {
     }
 
     /// Looks at the corners from the oldest on, the ring's end included, until something is found.
-    fn find_end<S: RingMemory, T>(ring: &Ring<S>, mut look: impl FnMut(&End) -> Option<T>) -> Option<T> {
+    fn find_end<S: RingMemory, T>(&self, ring: &Ring<S>, mut look: impl FnMut(&End) -> Option<T>) -> Option<T> {
         let mut end = End::NONE;
         for place in 0..ring.len() {
             let Some(Content::Block(waiting)) = ring.get(place) else { continue };
@@ -298,6 +283,7 @@ impl Settling {
             // A run is no longer than 42 m; where it would be, what is found there has to do.
             end.length_10nm = end.length_10nm.checked_add(block.length_10nm)?;
             end.acceleration = end.acceleration.min(block.acceleration);
+            end.jerk = end.jerk.min(self.jerks.of(block));
             end.fastest = end.fastest.max(block.nominal);
             end.nominal = block.nominal;
         }
@@ -308,7 +294,7 @@ impl Settling {
     /// The first corner that limits and can be reached with its speed, or the last of all.
     fn first_limit<S: RingMemory>(&self, ring: &Ring<S>) -> End {
         let mut last = None;
-        let found = Self::find_end(ring, |end| {
+        let found = self.find_end(ring, |end| {
             last = Some(*end);
             let limits = end.speed == end.bound && self.planning(end).reach(self.entry, end.length_10nm) >= end.speed;
             (end.is_last || limits || !self.joins).then_some(*end)
@@ -354,7 +340,7 @@ impl Settling {
         let hump = self.planning(end).hump(self.entry, speeds.peak, speeds.exit, end.length_10nm);
         let cruise = hump.cruise_10nm();
         let mut before: Option<End> = None;
-        Self::find_end(ring, |corner| {
+        self.find_end(ring, |corner| {
             let start = before.map_or(0, |end| end.length_10nm);
             let cruises = start < cruise[1] && corner.length_10nm > cruise[0];
             if speeds.peak > corner.nominal && cruises {
@@ -375,7 +361,7 @@ impl Settling {
     fn granted<S: RingMemory>(&self, ring: &Ring<S>, first: &Waiting) -> (End, Speeds) {
         let place = usize::from(first.anchor);
         let mut last = None;
-        let found = Self::find_end(ring, |end| {
+        let found = self.find_end(ring, |end| {
             last = Some(*end);
             (end.is_last || end.place >= place).then_some(*end)
         });
@@ -395,7 +381,7 @@ impl Settling {
         let hump = self.planning(end).hump(self.entry, speeds.peak, speeds.exit, end.length_10nm);
         let [from, to] = hump.cruise_10nm();
         let mut found = None;
-        Self::find_end(ring, |corner| {
+        self.find_end(ring, |corner| {
             if corner.place >= end.place {
                 return Some(());
             }
@@ -411,7 +397,7 @@ impl Settling {
     /// The corner nearest to the middle of a run at which it can end, or of the others the one with the fastest end.
     fn cut_in_middle<S: RingMemory>(&self, ring: &Ring<S>, end: &End) -> Option<(End, Speeds)> {
         let mut middle: Option<End> = None;
-        Self::find_end(ring, |corner| {
+        self.find_end(ring, |corner| {
             let distance = |corner: &End| corner.length_10nm.abs_diff(end.length_10nm / 2);
             if corner.place >= end.place {
                 return Some(());
@@ -426,7 +412,7 @@ impl Settling {
             return Some((middle, speeds));
         }
         let mut best: Option<(End, Speed)> = None;
-        Self::find_end(ring, |corner| {
+        self.find_end(ring, |corner| {
             if corner.place >= end.place {
                 return Some(());
             }

@@ -1,5 +1,6 @@
 use super::*;
 use crate::block::Acceleration;
+use crate::block_queue::BlockQueue;
 use proptest::prelude::*;
 
 fn block(nominal: f64, acceleration: f64, length_mm: f64) -> Block {
@@ -96,4 +97,70 @@ proptest! {
         }
         prop_assert_eq!(speed, Speed::ZERO);
     }
+}
+
+/// The blocks of some moves as they leave a ring of this many places. After each that comes, final ones may leave if `early`
+/// says so.
+fn as_they_leave(
+    moves: &[(f64, f64, f64, f64)],
+    places: usize,
+    mut early: impl FnMut(&mut BlockQueue<Vec<Slot>>) -> bool,
+) -> Vec<PlannedBlock> {
+    let mut ring = BlockQueue::<_>::new(vec![Slot::EMPTY; places]);
+    let mut left = Vec::new();
+    let mut take = |ring: &mut BlockQueue<_>| {
+        while let Some(Released::Block(planned)) = ring.pop(Pace::FULL) {
+            left.push(planned);
+        }
+    };
+    for &(nominal, acceleration, length, junction) in moves {
+        let block = block(nominal, acceleration, length);
+        assert!(ring.push(&block, &BlockStart::after_corner(Speed::from_mm_per_s(junction.sqrt()), &block)));
+        if early(&mut ring) {
+            ring.release_final();
+        }
+        take(&mut ring);
+    }
+    ring.flush();
+    take(&mut ring);
+    left
+}
+
+proptest! {
+    /// What makes the plan of a host's moves that of a file's, though the ring is seldom full.
+    #[test]
+    fn final_blocks_leave_with_the_same_speeds_at_any_time(
+        moves in proptest::collection::vec((1.0f64..300.0, 100.0f64..10_000.0, 0.01f64..20.0, 0.0f64..40_000.0), 1..120),
+        places in 2usize..40,
+        whenever in any::<u128>(),
+    ) {
+        let patient = as_they_leave(&moves, places, |_| false);
+        let mut turn = 0;
+        let eager = as_they_leave(&moves, places, |ring| {
+            turn += 1;
+            let released = ring.is_first_final() && whenever >> (turn % 128) & 1 == 1;
+            // The time of what may leave is that of its blocks.
+            assert_eq!(ring.final_ticks() > 0, ring.is_first_final());
+            released
+        });
+        prop_assert_eq!(eager, patient);
+    }
+}
+
+#[test]
+fn a_block_before_a_slow_corner_is_final_and_the_last_never() {
+    let mut left = 0;
+    let corners = [(100.0, 1000.0, 20.0, 0.0); 5];
+    as_they_leave(&corners, 128, |ring| {
+        left += usize::from(ring.is_first_final());
+        true
+    });
+    assert_eq!(left, 4, "each but the first move ends the doubt about the one before");
+    // A straight line at a speed that 20 blocks of a millimetre cannot brake from: nothing is final.
+    let mut finals = 0;
+    as_they_leave(&[(300.0, 1000.0, 1.0, 1e9); 20], 128, |ring| {
+        finals += usize::from(ring.is_first_final());
+        true
+    });
+    assert_eq!(finals, 0);
 }

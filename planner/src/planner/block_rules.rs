@@ -1,8 +1,7 @@
 //! A move becomes a block of its own: its steps, its length, and the speeds that machine and limits allow.
 
-use super::MoveError;
+use super::move_error::MoveError;
 use super::position::{Position, Target};
-use crate::TICKS_PER_SECOND;
 use crate::block::{Acceleration, Speed};
 use crate::bresenham::MAX_STEPS;
 use crate::budget::Budget;
@@ -12,6 +11,7 @@ use crate::kinematics::{Geometry, UNITS_PER_MM};
 use crate::limits::{Limits, PathLimits, larger};
 use crate::methods::{MotionMethods, StepPattern};
 use crate::path::Path;
+use crate::time_units::TICKS_PER_SECOND;
 use crate::u64_to_f32;
 
 /// Slowest feed that is planned, mm/s; slower ones are raised to it. The longest block then ends within 20 days, which the
@@ -26,7 +26,7 @@ const MAX_FILAMENT_PER_PATH: i64 = 1000;
 const FILAMENT_UNITS_PER_10NM: i64 = FILAMENT_UNITS_PER_MM / UNITS_PER_MM;
 
 /// Ticks for 10 nm at 1 mm/s.
-pub(super) const TICKS_PER_10NM_AT_1_MM_PER_S: f32 = (TICKS_PER_SECOND as i64 / UNITS_PER_MM) as f32;
+const TICKS_PER_10NM_AT_1_MM_PER_S: f32 = (TICKS_PER_SECOND as i64 / UNITS_PER_MM) as f32;
 
 /// The move before, as its successor's corner sees it.
 #[derive(Clone, Copy, Debug)]
@@ -56,7 +56,7 @@ pub(crate) struct Travel {
     pub ends_move: bool,
 }
 
-/// A move planned by itself: all of its block but the ends of moves inside, of which it has none.
+/// A move planned by itself: its block, without ends of moves inside.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Planned {
     pub steps: [i32; 3],
@@ -82,10 +82,8 @@ pub(crate) struct BlockRules<M: MotionMethods> {
     pub geometry: Geometry,
     pub limits: Limits,
     pub path_limits: PathLimits,
-    /// Lengths of a step of each motor, mm: a division in double precision each, which no block has to make.
-    pub step_mm: [f32; 4],
-    /// How far a block's travel along X, Y and Z can be from what its steps say, mm.
-    pub slack_mm: [f32; 3],
+    /// Length of a step of the extruder, mm: a division in double precision, which no block has to make.
+    extruder_step_mm: f32,
     /// Another step pattern than step Bresenham.
     pub pattern: Option<M::Pattern>,
     pub budget: Budget,
@@ -93,14 +91,12 @@ pub(crate) struct BlockRules<M: MotionMethods> {
 
 impl<M: MotionMethods> BlockRules<M> {
     pub fn new(geometry: Geometry, limits: Limits) -> Self {
-        let step_mm = geometry.steps_per_mm.map(|steps| 1.0 / steps.to_f64() as f32);
-        let [first, second, third, _] = step_mm;
+        let [.., extruder] = geometry.steps_per_mm;
         Self {
             geometry,
             limits,
             path_limits: PathLimits::new(&limits),
-            slack_mm: geometry.kinematics.slack([first, second, third]),
-            step_mm,
+            extruder_step_mm: 1.0 / extruder.to_f64() as f32,
             pattern: None,
             budget: Budget::new(&geometry),
         }
@@ -208,12 +204,11 @@ impl<M: MotionMethods> BlockRules<M> {
         if filament_10nm == 0.0 {
             return motors;
         }
-        let [.., step_mm] = self.step_mm;
-        motors + 1.0 + filament_10nm.abs() / (step_mm * UNITS_PER_MM as f32)
+        motors + 1.0 + filament_10nm.abs() / (self.extruder_step_mm * UNITS_PER_MM as f32)
     }
 
     /// Bound of the speed in the corner before a path. The axes' instantaneous corner velocities, if any is set, limit no
-    /// corner between the chords of an arc: what was commanded has none there.
+    /// corner between the chords of an arc: the commanded path has no corner there.
     #[inline(never)]
     fn corner(&self, before: &Previous, path: &Path, acceleration: CornerAcceleration, line: u32) -> Speed {
         let radius = radius_10nm(&before.path, path, self.path_limits.four_deviations_10nm);

@@ -4,14 +4,16 @@
 //! brings its entry speed, so there is no reverse pass. Limits, corners and the processor's budget are worked out anew from
 //! where it goes: a plan can only ask for less than they allow, and one that asks for more is refused.
 
+use super::Planner;
 use super::block_rules::Travel;
-use super::{MoveError, Moved, Planner, Request};
+use super::move_error::{MoveError, Moved};
+use super::request::Request;
 use crate::block::Speed;
-use crate::given_speeds::{EntrySpeed, PlanFault};
 use crate::kinematics::Coordinate;
 use crate::methods::MotionMethods;
 use crate::motion_choice::AccelerationProfile;
 use crate::ring::RingMemory;
+use crate::speed_plan::{EntrySpeed, PlanFault};
 
 /// A move of a prepared job.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -181,15 +183,5 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
     /// [`Self::reset_to`] is to say where.
     pub fn take_plan_fault(&mut self) -> Option<PlanFault> {
         self.queue.take_unreported_fault()
-    }
-
-    /// Whether the motors stand at this position, units of 10 nm; then it is the position from now on.
-    pub fn refine_position(&mut self, position_10nm: [i64; 3]) -> bool {
-        let Some([x, y, z]) = crate::kinematics::narrow(position_10nm) else { return false };
-        let stands = self.rules.geometry.motor_steps(position_10nm) == self.position.motor_steps;
-        if stands {
-            self.position.coordinates_10nm = [x, y, z];
-        }
-        stands
     }
 }

@@ -1,12 +1,12 @@
-//! For those who prepare a job: what leaves look-ahead, with the speeds that were planned for it.
+//! For preparing a job: the blocks that leave look-ahead, with their planned speeds.
 
 use super::Planner;
 use crate::block::{PlannedBlock, SquaredSpeed};
-use crate::look_ahead::Released;
 use crate::methods::MotionMethods;
 use crate::ring::{Marker, RingMemory};
+use crate::speed_plan::Released;
 
-/// What leaves look-ahead, as a prepared job needs it.
+/// A block or marker that left look-ahead, as a prepared job needs it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Recorded {
     /// A block.

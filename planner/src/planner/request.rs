@@ -1,13 +1,15 @@
-//! What the planner can be asked for.
+//! Requests for motion.
 
 use super::Planner;
 use super::block_rules::Travel;
-use crate::given_speeds::{EntrySpeed, PlanFault};
+use super::move_error::{MoveError, Moved};
 use crate::kinematics::narrow;
 use crate::methods::MotionMethods;
 use crate::ring::RingMemory;
+use crate::speed_plan::EntrySpeed;
 
-/// Motion that a [`Planner`] can be asked for: a [`Move`], a [`super::Prepared`] move or a [`super::PreparedBlock`].
+/// Motion that a [`Planner`] can be asked for: a [`Move`], a [`crate::Prepared`] move, or what another crate
+/// makes of [`Planner::add_given_block`].
 pub trait Request {
     /// Adds it to the motion that a planner has taken. Where it needs room, `make_room` is asked for it, and says whether it
     /// made any.
@@ -41,34 +43,6 @@ pub struct Move {
     pub ends_move: bool,
 }
 
-/// Why motion was not taken. Nothing has changed then, but for [`Self::Plan`].
-// R4.
-#[repr(u32)]
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum MoveError {
-    /// The look-ahead ring is full; try again when it is not.
-    NoRoom,
-    /// A coordinate is beyond 5 m, or a motor would run more than 2^28 steps.
-    TooFar,
-    /// More filament than one move may push.
-    TooMuchFilament,
-    /// The feed is not a number above zero.
-    Feed,
-    /// The motion was prepared, and its plan cannot be followed. What was taken before is executed as far as it can be
-    /// trusted, to a standstill on the path, and no more of the job is taken until [`Planner::reset_to`] says where the
-    /// motors are.
-    Plan(PlanFault),
-}
-
-/// What became of motion that was taken.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Moved {
-    /// It displaces nothing and was dropped.
-    Nothing,
-    /// It will be executed.
-    Queued,
-}
-
 impl Request for Move {
     fn add_to<S: RingMemory, M: MotionMethods>(
         &self,
@@ -96,5 +70,28 @@ impl Request for Move {
 
     fn as_move(&self) -> Option<&Move> {
         Some(self)
+    }
+}
+
+impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
+    /// Takes motion.
+    ///
+    /// # Errors
+    /// See [`MoveError`].
+    pub fn add(&mut self, request: &impl Request) -> Result<Moved, MoveError> {
+        request.add_to(self, |_| false)
+    }
+
+    /// As [`Self::add`], but where the motion needs room it is made: `make_room` takes a block with [`Self::next_planned`] or a
+    /// [`crate::Recorder`], and returns whether there was one. So a move is planned once, not again after it was refused.
+    ///
+    /// # Errors
+    /// See [`MoveError`].
+    pub fn add_making_room(
+        &mut self,
+        request: &impl Request,
+        make_room: impl FnMut(&mut Self) -> bool,
+    ) -> Result<Moved, MoveError> {
+        request.add_to(self, make_room)
     }
 }

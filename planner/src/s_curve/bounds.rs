@@ -1,9 +1,9 @@
 //! What a jerk and an acceleration allow.
 //!
-//! Li 2017, eqs. 1 to 4, changes the speed by dv in 2 t1, t1 = sqrt(dv/j), with a greatest acceleration of j t1. The
-//! machine has a limit a of that, too, which Li does not know: where j t1 would pass it, t1 = dv/a, and the jerk is the
-//! smaller dv/t1^2 = a^2/dv. A ramp is +j and then -j in either case, and half of it the mean of both speeds, so that
-//! its length is (v0 + v1) t1, t1 = max(sqrt(dv/j), dv/a).
+//! A ramp changes the speed by dv: the acceleration rises at the jerk j, is held at the machine's limit a where it gets
+//! there, and falls at the same jerk. Without the part in the middle that is the ramp of Li 2017, eqs. 1 to 4, which takes
+//! 2 sqrt(dv/j). It reaches a where dv = a^2/j; beyond, it takes dv/a + a/j. Either way it is point-symmetric, so that its
+//! mean speed is the mean of both ends': its length is (v0 + v1)/2 of its duration.
 
 use crate::real::Real;
 
@@ -41,7 +41,26 @@ impl<F: Real> Bounds<F> {
 
     /// How long half of a ramp that changes the speed by so much takes.
     pub fn half_time_of(&self, change: F) -> F {
-        larger((change / self.jerk).square_root(), change / self.acceleration)
+        if change > self.change_by_jerk() {
+            F::constant(0.5) * (change / self.acceleration + self.acceleration / self.jerk)
+        } else {
+            (change / self.jerk).square_root()
+        }
+    }
+
+    /// The greatest change of speed that a ramp makes without holding its acceleration.
+    fn change_by_jerk(&self) -> F {
+        self.acceleration * self.acceleration / self.jerk
+    }
+
+    /// Duration of the first and of the last part of a ramp, in which the jerk acts, and the change of speed in each.
+    pub(crate) fn jerk_part(&self, change: F) -> (F, F) {
+        let by_jerk = self.change_by_jerk();
+        if change > by_jerk {
+            (self.acceleration / self.jerk, F::constant(0.5) * by_jerk)
+        } else {
+            ((change / self.jerk).square_root(), F::constant(0.5) * change)
+        }
     }
 
     /// How long a ramp between two speeds is.
@@ -50,15 +69,23 @@ impl<F: Real> Bounds<F> {
     }
 
     /// The fastest speed that can be reached from `speed` over a length, or from which that speed can be reached.
-    ///
-    /// With y what is gained, (2v + y) sqrt(y/j) = L; with z = sqrt(y), z^3 + 2vz - L sqrt(j) = 0, convex where z > 0 and
-    /// with one root there. Newton's steps from above it go down to it, a fixed number of them. Both sqrt and the limit of
-    /// acceleration, v^2 + aL = v'^2, hold; the smaller is taken.
     pub fn reach(&self, speed: F, length: F) -> F {
         if length <= F::ZERO {
             return speed;
         }
         let length = length * F::constant(1.0 - KEPT_BACK);
+        let by_jerk = self.change_by_jerk();
+        let gain = if (speed + speed + by_jerk) * self.acceleration < length * self.jerk {
+            self.gain_at_acceleration(speed, length)
+        } else {
+            self.gain_at_jerk(speed, length)
+        };
+        if gain > F::ZERO { speed + gain } else { speed }
+    }
+
+    /// With y what is gained, (2v + y) sqrt(y/j) = L; with z = sqrt(y), z^3 + 2vz - L sqrt(j) = 0, convex where z > 0 and
+    /// with one root there. Newton's steps from above it go down to it, a fixed number of them.
+    fn gain_at_jerk(&self, speed: F, length: F) -> F {
         let whole = length * self.jerk.square_root();
         let twice = speed + speed;
         let curve = crate::cubic::Cubic { linear: twice, cubic: F::constant(1.0) };
@@ -66,45 +93,48 @@ impl<F: Real> Bounds<F> {
         for _ in 0..REACH_STEPS {
             z = z - (curve.at(z) - whole) / curve.slope(z);
         }
-        let by_jerk = speed + z * z;
-        let by_acceleration = (speed * speed + self.acceleration * length).square_root();
-        larger(smaller(by_jerk, by_acceleration), speed)
+        z * z
+    }
+
+    /// (2v + y) (y/a + a/j) = 2L is y^2 + 2by = c with b = v + a^2/2j and c = 2 (La - v a^2/j): y = c/(b + sqrt(b^2 + c)).
+    fn gain_at_acceleration(&self, speed: F, length: F) -> F {
+        let by_jerk = self.change_by_jerk();
+        let b = speed + F::constant(0.5) * by_jerk;
+        let half = length * self.acceleration - speed * by_jerk;
+        let c = half + half;
+        c / (b + (b * b + c).square_root())
     }
 
     /// The largest speed at most `wanted` to which one can go from `entry` over a length; `entry` itself where none of
     /// what is slower is near enough.
     ///
-    /// Not every slower speed is nearer than a still slower one: (u + x) sqrt((u - x)/j) grows with x up to u/3, where it
-    /// is 9 % more than to a stop, because the acceleration has to be gone at both ends of a ramp.
+    /// Not every slower speed is nearer than a still slower one: the way down to x grows with x up to a crest, because the
+    /// acceleration has to be gone at both ends of a ramp. Beyond the crest it falls again.
     pub fn exit_within(&self, entry: F, wanted: F, length: F) -> F {
         if wanted >= entry {
             return smaller(wanted, self.reach(entry, length));
         }
-        if self.length(entry, wanted) <= length {
+        let fits = |exit: F| self.length(entry, exit) <= length;
+        if fits(wanted) {
             return wanted;
         }
-        // What follows from v^2 = u^2 - aL; beside it, the jerk's part, which grows with the speed up to u/3.
-        let squared = entry * entry - self.acceleration * length * F::constant(1.0 - KEPT_BACK);
-        let slowest = if squared > F::ZERO { squared.square_root() } else { F::ZERO };
-        let third = entry * F::constant(1.0 / 3.0);
-        if slowest <= smaller(wanted, third) && self.length(entry, slowest) <= length {
-            return self.last_that(slowest, smaller(wanted, third), |exit| self.length(entry, exit) <= length);
+        let crest = self.crest(entry);
+        if fits(F::ZERO) {
+            return self.last_that(F::ZERO, smaller(wanted, crest), fits);
         }
-        // Nothing below: the slowest of those that are only a little slower.
-        self.slowest_near(entry, wanted, length)
-    }
-
-    /// The smallest speed at least `wanted`, which is below `entry`, such that it and all between can be reached over a
-    /// length.
-    pub fn slowest_near(&self, entry: F, wanted: F, length: F) -> F {
-        let third = entry * F::constant(1.0 / 3.0);
-        let low = larger(wanted, third);
-        if self.length(entry, low) <= length {
+        // Nothing below: the slowest of those that are only a little slower, from the fast end downwards.
+        let low = larger(wanted, crest);
+        if fits(low) {
             return low;
         }
-        // From the fast end downwards: the lengths grow.
-        let gap = self.last_that(F::ZERO, entry - low, |drop| self.length(entry, entry - drop) <= length);
-        entry - gap
+        entry - self.last_that(F::ZERO, entry - low, |drop| fits(entry - drop))
+    }
+
+    /// The speed that is farthest from `entry` of those below it: with y = `entry` - x, the length (2x + y) sqrt(y/j) has its
+    /// greatest value at x = y/2, a third of `entry`, where it is 9 % more than to a stop; where the acceleration is held,
+    /// (2x + y) (y/a + a/j)/2 has it at x = a^2/2j.
+    fn crest(&self, entry: F) -> F {
+        smaller(entry * F::constant(1.0 / 3.0), F::constant(0.5) * self.change_by_jerk())
     }
 
     /// The greatest speed at most `most`, and not below the ends', to which one can go and come back over a length.

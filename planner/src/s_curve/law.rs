@@ -5,61 +5,76 @@ use super::run::Run;
 use crate::block::Speed;
 use crate::cubic::Cubic;
 use crate::kinematics::UNITS_PER_MM;
-use crate::piece::{Anchor, Motion, Piece, PieceEnd, Place, piece_at, time_at};
+use crate::piece::{Anchor, Motion, Piece, PieceEnd, Place, above_zero, piece_at, time_at};
 use crate::real::Real;
 use crate::time_units::{FRACTION_BITS, HALF_TICK, UNITS, UNITS_PER_SECOND, cruise_time};
 
-/// A ramp: two halves of opposite jerks, each told from the end where the acceleration is zero. There its times are exact
-/// however slow it is.
+/// Units of [`Speed`] in 1 mm/s.
+const SPEED_UNITS: f64 = 65_536.0;
+
+/// A ramp: the jerk's parts at both ends, each described from the end where the acceleration is zero, and between them a
+/// part at the greatest acceleration, described from its slow end. There their times are exact however slow they are.
 #[derive(Clone, Copy, Debug)]
 struct Ramp {
-    /// Duration of a half, time units.
-    half_time: f64,
-    /// Speed at the slow end times that, units of 10 nm.
-    slow: f64,
-    /// Speed at the fast end times that, units of 10 nm.
-    fast: f64,
-    /// Part of the path that the jerk makes, j t1^3 / 6 = (fast - slow) / 6.
-    cubic: f64,
+    /// Length of the path, units of 10 nm, and duration, time units.
+    length: f64,
+    duration: f64,
+    /// Path of the jerk's parts at a share of their duration, and that, time units.
+    slow_part: Cubic<f64>,
+    fast_part: Cubic<f64>,
+    jerk_time: f64,
+    /// Speed at which the part between begins, units of [`Speed`]; twice its acceleration; and its length.
+    held_speed: f64,
+    gain: f64,
+    held: f64,
 }
 
 impl Ramp {
-    fn new(bounds: &Bounds<f64>, one: Speed, other: Speed) -> Self {
-        let (slow, fast) = (one.min(other).mm_per_s(), one.max(other).mm_per_s());
-        let seconds = bounds.half_time(slow, fast);
-        let per_speed = seconds * UNITS_PER_MM as f64;
-        Self {
-            half_time: seconds * UNITS_PER_SECOND,
-            slow: slow * per_speed,
-            fast: fast * per_speed,
-            cubic: (fast - slow) * per_speed * (1.0 / 6.0),
-        }
-    }
+    const NONE: Self = {
+        let part = Cubic { linear: 0.0, cubic: 0.0 };
+        let (slow_part, fast_part) = (part, part);
+        Self { length: 0.0, duration: 0.0, slow_part, fast_part, jerk_time: 0.0, held_speed: 0.0, gain: 0.0, held: 0.0 }
+    };
 
-    fn length(&self) -> f64 {
-        self.slow + self.fast
+    fn new(bounds: &Bounds<f64>, one: Speed, other: Speed) -> Self {
+        const UNIT: f64 = UNITS_PER_MM as f64;
+        let (slow, fast) = (one.min(other).mm_per_s(), one.max(other).mm_per_s());
+        let half_s = bounds.half_time(slow, fast);
+        let (jerk_s, jerk_change) = bounds.jerk_part(fast - slow);
+        let bend = jerk_change * jerk_s * (UNIT / 3.0);
+        let slow_part = Cubic { linear: slow * jerk_s * UNIT, cubic: bend };
+        let fast_part = Cubic { linear: fast * jerk_s * UNIT, cubic: -bend };
+        let length = (slow + fast) * half_s * UNIT;
+        let is_held = half_s > jerk_s;
+        let held = if is_held { above_zero(length - slow_part.at(1.0) - fast_part.at(1.0)) } else { 0.0 };
+        Self {
+            length,
+            duration: 2.0 * half_s * UNITS_PER_SECOND,
+            slow_part,
+            fast_part,
+            jerk_time: jerk_s * UNITS_PER_SECOND,
+            held_speed: (slow + jerk_change) * SPEED_UNITS,
+            gain: bounds.acceleration * (2.0 * SPEED_UNITS * SPEED_UNITS / UNIT),
+            held,
+        }
     }
 
     /// In a shorter time, over as much shorter a path.
     fn scaled(&self, scale: f64) -> Self {
         Self {
-            half_time: self.half_time * scale,
-            slow: self.slow * scale,
-            fast: self.fast * scale,
-            cubic: self.cubic * scale,
+            length: self.length * scale,
+            duration: self.duration * scale,
+            slow_part: self.slow_part.scaled(scale),
+            fast_part: self.fast_part.scaled(scale),
+            jerk_time: self.jerk_time * scale,
+            held_speed: self.held_speed,
+            gain: self.gain / scale,
+            held: self.held * scale,
         }
-    }
-
-    fn slow_half(&self) -> Cubic<f64> {
-        Cubic { linear: self.slow, cubic: self.cubic }
-    }
-
-    fn fast_half(&self) -> Cubic<f64> {
-        Cubic { linear: self.fast, cubic: -self.cubic }
     }
 }
 
-/// The time law of a run (Li 2017, eqs. 1 to 4, and the limit of acceleration).
+/// The time law of a run (Li 2017, eqs. 1 to 4, and the acceleration held where it reaches its limit): seven pieces.
 #[derive(Clone, Copy, Debug)]
 pub struct Curve {
     length: f64,
@@ -74,10 +89,8 @@ pub struct Curve {
 
 impl Curve {
     /// No run.
-    pub(crate) const NONE: Self = {
-        let none = Ramp { half_time: 0.0, slow: 0.0, fast: 0.0, cubic: 0.0 };
-        Self { length: 0.0, peak: 1.0, up: none, down: none, down_start: 0.0, duration: 0.0 }
-    };
+    pub(crate) const NONE: Self =
+        Self { length: 0.0, peak: 1.0, up: Ramp::NONE, down: Ramp::NONE, down_start: 0.0, duration: 0.0 };
 
     /// The law of a run. Where its speeds want a hair more path than it has, both ramps are as much shorter.
     pub(crate) fn new(run: &Run) -> Self {
@@ -86,16 +99,16 @@ impl Curve {
         let length = f64::from(run.length_10nm.max(1));
         let mut up = Ramp::new(&bounds, run.entry, peak);
         let mut down = Ramp::new(&bounds, run.exit, peak);
-        let ramps = up.length() + down.length();
+        let ramps = up.length + down.length;
         if ramps > length {
             let scale = length / ramps;
             (up, down) = (up.scaled(scale), down.scaled(scale));
         }
         let peak = f64::from(peak.0);
-        let cruise = length - up.length() - down.length();
+        let cruise = length - up.length - down.length;
         let cruise_time = if cruise > 0.0 { cruise_time(cruise, peak) } else { 0.0 };
-        let down_start = up.half_time + up.half_time + cruise_time;
-        let duration = down_start + down.half_time + down.half_time;
+        let down_start = up.duration + cruise_time;
+        let duration = down_start + down.duration;
         Self { length, peak, up, down, down_start, duration }
     }
 
@@ -117,7 +130,8 @@ impl Curve {
                 Motion::Jerk { curve, duration } if duration > 0.0 => {
                     curve.slope(curve.solve(piece.distance(place))) / duration * cruise_time(1.0, 1.0)
                 }
-                _ => self.peak,
+                Motion::Accelerated { speed, gain } => (speed * speed + gain * piece.distance(place)).square_root(),
+                Motion::Jerk { .. } | Motion::Constant { .. } => self.peak,
             },
             None => self.peak,
         };
@@ -141,40 +155,46 @@ impl Iterator for CurvePieces {
 
     fn next(&mut self) -> Option<Piece<f64>> {
         let Self { curve: Curve { length, peak, up, down, down_start, duration }, offset, rest, next } = *self;
-        let [up_time, down_time] = [up, down].map(|ramp| ramp.half_time);
-        let leaving = |position: f64, time: f64, curve, duration, end: f64| Piece {
+        let leaving = |position: f64, time: f64, motion, end| Piece {
             anchor: Anchor::Start,
             time,
             position: position - offset,
-            motion: Motion::Jerk { curve, duration },
-            end: PieceEnd::FromStart(end - offset),
+            motion,
+            end,
         };
-        let arriving = |to_end: f64, time: f64, curve, duration, end| Piece {
+        let arriving = |to_end: f64, time: f64, motion, end| Piece {
             anchor: Anchor::End,
             time,
             position: to_end - rest,
-            motion: Motion::Jerk { curve, duration },
+            motion,
             end,
         };
+        let from_start = |place: f64| PieceEnd::FromStart(place - offset);
+        let to_end = |place: f64| PieceEnd::ToEnd(place - rest);
+        let slow_part = |ramp: &Ramp| Motion::Jerk { curve: ramp.slow_part, duration: ramp.jerk_time };
+        let fast_part = |ramp: &Ramp| Motion::Jerk { curve: ramp.fast_part, duration: ramp.jerk_time };
+        let held_part = |ramp: &Ramp| Motion::Accelerated { speed: ramp.held_speed, gain: ramp.gain };
         self.next = next + 1;
         Some(match next {
-            0 => leaving(0.0, 0.0, up.slow_half(), up_time, up.slow + up.cubic),
+            0 => leaving(0.0, 0.0, slow_part(&up), from_start(up.slow_part.at(1.0))),
             1 => {
-                let end = PieceEnd::FromStart(up.length() - offset);
-                arriving(length - up.length(), up_time + up_time, up.fast_half(), up_time, end)
+                let start = up.slow_part.at(1.0);
+                leaving(start, up.jerk_time, held_part(&up), from_start(start + up.held))
             }
-            2 => Piece {
-                anchor: Anchor::Start,
-                time: up_time + up_time,
-                position: up.length() - offset,
-                motion: Motion::Constant { path: peak, time: UNITS },
-                end: PieceEnd::FromStart(length - down.length() - offset),
-            },
+            2 => arriving(length - up.length, up.duration, fast_part(&up), from_start(up.length)),
             3 => {
-                let start = length - down.length();
-                leaving(start, down_start, down.fast_half(), down_time, length - down.slow - down.cubic)
+                let cruise = Motion::Constant { path: peak, time: UNITS };
+                leaving(up.length, up.duration, cruise, from_start(length - down.length))
             }
-            4 => arriving(0.0, duration, down.slow_half(), down_time, PieceEnd::Last),
+            4 => {
+                let end = down.slow_part.at(1.0) + down.held;
+                leaving(length - down.length, down_start, fast_part(&down), to_end(end))
+            }
+            5 => {
+                let end = down.slow_part.at(1.0);
+                arriving(end, duration - down.jerk_time, held_part(&down), to_end(end))
+            }
+            6 => arriving(0.0, duration, slow_part(&down), PieceEnd::Last),
             _ => {
                 self.next = next;
                 return None;

@@ -1,15 +1,19 @@
 //! Neighbouring blocks under one S-curve.
 
 use super::bounds::Bounds;
-use crate::block::{Acceleration, Speed};
+use crate::block::{Acceleration, Block, Speed};
 use crate::cubic::Cubic;
 use crate::kinematics::UNITS_PER_MM;
+use crate::real::Real;
 
 /// A jerk along the path, mm/s^3, never zero.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Jerk(u32);
 
 impl Jerk {
+    /// No limit.
+    pub(crate) const MAX: Self = Self(u32::MAX);
+
     /// The largest whole number of mm/s^3 not above this, but at least 1; `None` where it is not a finite number above
     /// zero.
     pub fn from_mm_per_s3(mm_per_s3: f64) -> Option<Self> {
@@ -19,6 +23,22 @@ impl Jerk {
     /// The jerk, mm/s^3.
     pub fn mm_per_s3(self) -> f64 {
         f64::from(self.0)
+    }
+}
+
+/// The largest jerks of a machine.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Jerks {
+    /// Along the path.
+    pub path: Jerk,
+    /// Of moves that only push or pull filament: what they shake is no frame.
+    pub filament: Jerk,
+}
+
+impl Jerks {
+    /// That of a block.
+    pub(crate) fn of(&self, block: &Block) -> Jerk {
+        if block.master_steps() == 0 && block.extruder_256ths != 0 { self.filament } else { self.path }
     }
 }
 
@@ -134,18 +154,22 @@ impl Planning {
     }
 }
 
-/// A ramp as look-ahead sees it, in mm and mm/s.
+/// A ramp as look-ahead sees it, in mm and mm/s: the jerk's parts at both ends, and between them the acceleration is held.
 #[derive(Clone, Copy, Debug)]
 struct HumpRamp {
     slow: f32,
     change: f32,
     half_time: f32,
+    /// Duration of a part in which the jerk acts, and the change of speed in it.
+    jerk_time: f32,
+    jerk_change: f32,
 }
 
 impl HumpRamp {
     fn new(bounds: &Bounds<f32>, slow: Speed, fast: Speed) -> Self {
         let change = fast.0.abs_diff(slow.0) as f32 * (1.0 / 65_536.0);
-        Self { slow: speed(slow), change, half_time: bounds.half_time_of(change) }
+        let (jerk_time, jerk_change) = bounds.jerk_part(change);
+        Self { slow: speed(slow), change, half_time: bounds.half_time_of(change), jerk_time, jerk_change }
     }
 
     fn length(&self) -> f32 {
@@ -154,17 +178,24 @@ impl HumpRamp {
 
     /// Speed so far from its slow end; `inside` it.
     fn speed_at(&self, inside: f32) -> f32 {
-        let Self { slow, change, half_time } = *self;
-        let bend = change * half_time * (1.0 / 6.0);
-        let half = slow * half_time + bend;
-        if inside < half {
-            let x = Cubic { linear: slow * half_time, cubic: bend }.solve_f32(inside);
-            slow + 0.5 * change * x * x
-        } else {
-            let fast = slow + change;
-            let x = Cubic { linear: fast * half_time, cubic: -bend }.solve_f32(self.length() - inside);
-            fast - 0.5 * change * x * x
+        let Self { slow, change, jerk_time, jerk_change, .. } = *self;
+        let bend = jerk_change * jerk_time * (1.0 / 3.0);
+        let early = slow * jerk_time + bend;
+        if inside < early {
+            let x = Cubic { linear: slow * jerk_time, cubic: bend }.solve_f32(inside);
+            return slow + jerk_change * x * x;
         }
+        let fast = slow + change;
+        let late = fast * jerk_time - bend;
+        let rest = self.length() - inside;
+        if rest < late {
+            let x = Cubic { linear: fast * jerk_time, cubic: -bend }.solve_f32(rest);
+            return fast - jerk_change * x * x;
+        }
+        // Twice the acceleration: the jerk's part ends with it and has half of it as its mean.
+        let gain = 4.0 * jerk_change / jerk_time;
+        let held = slow + jerk_change;
+        (held * held + gain * (inside - early)).square_root()
     }
 }
 

@@ -14,7 +14,7 @@ pub(crate) struct EvenSteps {
     pub(crate) ticks: u32,
     /// By how much those are longer than it, in time units.
     pub(crate) drift: i32,
-    /// How many steps at whole ticks add up to [`STAIR_DRIFT`] and [`LONGEST_STAIR_TICKS`] at most; at least 1.
+    /// How many steps at whole ticks add up to [`STAIR_DRIFT`] and [`MAX_STAIR_TICKS`] at most; at least 1.
     pub(crate) longest_stair: u32,
 }
 
@@ -22,10 +22,10 @@ pub(crate) struct EvenSteps {
 const STAIR_DRIFT: u32 = 31 << FRACTION_BITS;
 
 /// Most steps of a stair: the players' slots hold as many.
-const LONGEST_STAIR: u32 = 1 << 13;
+const MAX_STAIR_STEPS: u32 = 1 << 13;
 
 /// Most ticks from a stair's first step to its last, some 25 s: with an interval more, they are still a 32-bit number.
-const LONGEST_STAIR_TICKS: u32 = 1 << 31;
+const MAX_STAIR_TICKS: u32 = 1 << 31;
 
 impl EvenSteps {
     /// No steps.
@@ -43,8 +43,8 @@ impl EvenSteps {
         let longest = if rounded > u64::from(u32::MAX) {
             1
         } else {
-            (STAIR_DRIFT / drift.unsigned_abs().max(1)).min(LONGEST_STAIR_TICKS / ticks.max(1)).max(1)
+            (STAIR_DRIFT / drift.unsigned_abs().max(1)).min(MAX_STAIR_TICKS / ticks.max(1)).max(1)
         };
-        Self { interval, beyond, ticks, drift, longest_stair: longest.min(LONGEST_STAIR) }
+        Self { interval, beyond, ticks, drift, longest_stair: longest.min(MAX_STAIR_STEPS) }
     }
 }

@@ -28,7 +28,7 @@ pub(super) struct JerkSteps {
 }
 
 impl JerkSteps {
-    /// Steps on a curve told in steps: the next one, of this number, is `time` units from where the acceleration is zero,
+    /// Steps on a curve in units of steps: the next one, of this number, is `time` units from where the acceleration is zero,
     /// and the step of number 0 is `base` steps from there.
     pub(super) fn new<F: Real>(curve: &Cubic<F>, half_time: F, time: F, base: F, index: u32, direction: u32) -> Self {
         Self {

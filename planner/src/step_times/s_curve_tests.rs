@@ -4,19 +4,20 @@
 use super::StepTimes;
 use crate::TICKS_PER_SECOND;
 use crate::block::{Acceleration, Speed};
-use crate::inner_ends::Stretch;
 use crate::random::Random;
 use crate::s_curve::law::{Along, Curve};
 use crate::s_curve::run::Planning;
+use crate::s_curve::textbook::Ramp;
 use crate::s_curve::{Jerk, Run};
 use crate::spacing::{MotorSteps, Spacing, Span};
+use crate::stretches::Stretch;
 use crate::time_law::TimeLaw;
 use crate::time_units::FRACTION_BITS;
 
 /// A microsecond.
-const MOST_TICKS_OFF: f64 = 84.0;
+const MAX_TICKS_OFF: f64 = 84.0;
 
-const MOST_STEPS_PER_S: f64 = 500_000.0;
+const MAX_STEPS_PER_S: f64 = 500_000.0;
 
 const UNIT: f64 = 1.0 / (1u64 << FRACTION_BITS) as f64;
 
@@ -42,34 +43,6 @@ fn random_run(random: &mut Random) -> Run {
         let law = Along::new(&Curve::new(&run), 0, length_10nm);
         if law.duration_ticks() < 20 * u64::from(TICKS_PER_SECOND) {
             return run;
-        }
-    }
-}
-
-/// A ramp by the textbook: two halves of opposite jerks.
-struct Ramp {
-    from: f64,
-    to: f64,
-    half_time_s: f64,
-}
-
-impl Ramp {
-    fn new(from: f64, to: f64, jerk: f64, acceleration: f64) -> Self {
-        let change = (to - from).abs();
-        Self { from, to, half_time_s: (change / jerk).sqrt().max(change / acceleration) }
-    }
-
-    fn length(&self) -> f64 {
-        (self.from + self.to) * self.half_time_s
-    }
-
-    fn length_at(&self, time_s: f64) -> f64 {
-        let jerk = (self.to - self.from) / (self.half_time_s * self.half_time_s);
-        let rest_s = 2.0 * self.half_time_s - time_s;
-        if time_s <= self.half_time_s {
-            time_s * (self.from + jerk * time_s * time_s / 6.0)
-        } else {
-            self.length() - rest_s * (self.to - jerk * rest_s * rest_s / 6.0)
         }
     }
 }
@@ -121,7 +94,7 @@ impl Exact {
 /// Where steps are in a block: shares of its length.
 fn random_steps(random: &mut Random, length: f64, fastest: f64) -> Option<MotorSteps> {
     let length_mm = length / 1e5;
-    let most = (MOST_STEPS_PER_S / fastest * length_mm).min(200_000.0);
+    let most = (MAX_STEPS_PER_S / fastest * length_mm).min(200_000.0);
     if most < 1.0 {
         return None;
     }
@@ -208,7 +181,7 @@ fn steps_of_random_runs_are_within_a_microsecond() {
             let (from_start, to_end) = (f64::from(offset) + place, f64::from(rest) + behind);
             exact.seconds(from_start / 1e5, to_end / 1e5) * f64::from(TICKS_PER_SECOND) - start_tick
         });
-        assert!(off <= MOST_TICKS_OFF, "{off} ticks off: {run:?} {offset} {length} {steps:?}");
+        assert!(off <= MAX_TICKS_OFF, "{off} ticks off: {run:?} {offset} {length} {steps:?}");
         worst = worst.max(off);
         worst_interval = worst_interval.max(interval);
     }

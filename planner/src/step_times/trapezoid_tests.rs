@@ -4,22 +4,22 @@
 use super::StepTimes;
 use crate::block::{Acceleration, Block, PlannedBlock, Speed};
 use crate::inner_ends::InnerEnds;
-use crate::inner_ends::Stretch;
 use crate::interpolator::{Interpolator, MAX_ENTRIES};
 use crate::methods::{Never, Standard};
 use crate::random::Random;
 use crate::spacing::MotorSteps;
+use crate::stretches::Stretch;
 use crate::time_law::TimeLaw;
 use crate::time_units::FRACTION_BITS;
 use crate::{EXTRUDER, Notice, StepEntry, StepKind, StepSink, TICKS_PER_SECOND};
 
 /// A microsecond.
-const MOST_TICKS_OFF: f64 = 84.0;
+const MAX_TICKS_OFF: f64 = 84.0;
 
 /// Events a second, at most.
-const MOST_STEPS_PER_S: f64 = 500_000.0;
+const MAX_STEPS_PER_S: f64 = 500_000.0;
 
-const LONGEST_S: f64 = 20.0;
+const MAX_DURATION_S: f64 = 20.0;
 
 /// t(s) of a block, by the textbook.
 struct Exact {
@@ -114,7 +114,7 @@ fn random_block(random: &mut Random) -> PlannedBlock {
             inner_ends: InnerEnds::NONE,
         };
         let planned = PlannedBlock { block, entry: Speed::from_mm_per_s(entry), exit: Speed::from_mm_per_s(exit) };
-        if Exact::new(&planned).duration_s() <= LONGEST_S {
+        if Exact::new(&planned).duration_s() <= MAX_DURATION_S {
             return planned;
         }
     }
@@ -123,7 +123,7 @@ fn random_block(random: &mut Random) -> PlannedBlock {
 /// Where the steps are, in 1/256 of the extruder's step or halves of the master's.
 struct Steps {
     count: u32,
-    /// Path position of the first, and what is behind the last, and from one to the next, as shares of `whole`.
+    /// Path position of the first, and what is after the last, and from one to the next, as shares of `whole`.
     first: u64,
     spacing: u64,
     whole: u64,
@@ -133,7 +133,7 @@ struct Steps {
 fn random_steps(random: &mut Random, planned: &PlannedBlock) -> Steps {
     let length = planned.block.length_mm();
     let fastest = planned.block.nominal.mm_per_s().max(0.001);
-    let most = (MOST_STEPS_PER_S / fastest * length).clamp(1.0, 3_000_000.0);
+    let most = (MAX_STEPS_PER_S / fastest * length).clamp(1.0, 3_000_000.0);
     let count = random.magnitude(1.0, (length * 1_600.0).clamp(1.0, most)) as u32;
     if !random.next().is_multiple_of(4) {
         return Steps { count, first: 1, spacing: 2, whole: 2 * u64::from(count), motor: MotorSteps::Even { count } };
@@ -204,7 +204,7 @@ fn a_million_random_blocks_are_within_a_microsecond() {
         let planned = random_block(&mut random);
         let steps = random_steps(&mut random, &planned);
         let [off, grown] = check(&planned, &steps, &mut random);
-        assert!(off <= MOST_TICKS_OFF, "{off} ticks off: {planned:?}, {} steps", steps.count);
+        assert!(off <= MAX_TICKS_OFF, "{off} ticks off: {planned:?}, {} steps", steps.count);
         assert!(grown <= 1.0, "an interval is {grown} ticks off its ramp: {planned:?}, {} steps", steps.count);
         worst = worst.max(off);
         bump = bump.max(grown);
@@ -286,7 +286,7 @@ fn events_of_random_blocks_are_within_a_microsecond() {
     for _ in 0..60_000 {
         let mut planned = random_block(&mut random);
         // Half an interval, after which the first step is due, is then no less than the minimum.
-        let most = (MOST_STEPS_PER_S / planned.block.nominal.mm_per_s() * planned.block.length_mm() * 0.45) as u32;
+        let most = (MAX_STEPS_PER_S / planned.block.nominal.mm_per_s() * planned.block.length_mm() * 0.45) as u32;
         let count = random_steps(&mut random, &planned).count.min(most);
         if count == 0 {
             continue;
@@ -296,7 +296,7 @@ fn events_of_random_blocks_are_within_a_microsecond() {
         planned.block.steps = [count as i32, (f64::from(count) * random.share() * 0.99) as i32, 0];
         planned.block.extruder_256ths = extruder;
         let clock = interpolator.clock();
-        interpolator.stand_at(clock, 0, interpolator.directions());
+        interpolator.reset_to(clock, 0, interpolator.directions());
         let exact = Exact::new(&planned);
         let mut events = Events {
             planned: &planned,
@@ -320,7 +320,7 @@ fn events_of_random_blocks_are_within_a_microsecond() {
         let [off, grown] = events.worst;
         // An extruder step that found no room in time can hold up the next one of the master.
         let held_up = if extruder > 0 { f64::from(MINIMUM_INTERVAL) } else { 0.0 };
-        assert!(off <= MOST_TICKS_OFF + held_up, "{off} ticks off: {planned:?}");
+        assert!(off <= MAX_TICKS_OFF + held_up, "{off} ticks off: {planned:?}");
         worst[0] = worst[0].max(off - held_up);
         if extruder == 0 {
             assert!(grown <= 1.0, "an interval is {grown} ticks off its ramp: {planned:?}");

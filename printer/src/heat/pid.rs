@@ -2,7 +2,7 @@
 
 use crate::profile::HeaterSettings;
 
-use super::SAMPLE_S;
+use super::sample_time::SAMPLE_S;
 
 /// Share of the newest slope that the filtered one takes over, a sample: a time constant of half a second.
 const SLOPE_SHARE: f32 = 2.0 * SAMPLE_S;

@@ -21,7 +21,7 @@ use ferrostep_hal_shim::SensorError;
 
 use crate::profile::HeaterSettings;
 
-use super::SAMPLE_MS;
+use super::sample_time::SAMPLE_MS;
 
 /// A heater without power that becomes this much hotter within its watch period is heated all the same, degrees. A
 /// nozzle over a hot bed, or a bed under a hot nozzle, takes minutes for that.

@@ -63,8 +63,8 @@ fn a_fast_approach_a_way_back_and_a_slow_approach() {
     }
     assert_eq!(rig.take_events(), expected);
     assert_eq!(rig.true_mm(), [200.0, 0.0, 0.0]);
-    assert_eq!(printer.modal.machine_10nm, [200 * MM, -3 * MM, 0]);
-    assert_eq!(printer.modal.homed, [true; 3]);
+    assert_eq!(printer.interpreter.modal.machine_10nm, [200 * MM, -3 * MM, 0]);
+    assert_eq!(printer.interpreter.modal.homed, [true; 3]);
     assert_eq!(rig.enabled(), 0b111);
 }
 
@@ -74,14 +74,14 @@ fn only_what_is_named_is_homed() {
     let mut printer = rig.printer();
     execute(&mut printer, "G92 X7 Y8 Z9").unwrap();
     execute(&mut printer, "G28 Y").unwrap();
-    assert_eq!(printer.modal.homed, [false, true, false]);
+    assert_eq!(printer.interpreter.modal.homed, [false, true, false]);
     assert_eq!(rig.true_mm(), [60.0, 0.0, 40.0]);
     assert_eq!(rig.enabled(), 0b010);
     // What G92 has said of it is over, and of no other.
     assert_eq!(printer.logical_10nm(), [7 * MM, 0, 9 * MM, 0]);
     rig.take_events();
     execute(&mut printer, "G28 X Z").unwrap();
-    assert_eq!(printer.modal.homed, [true; 3]);
+    assert_eq!(printer.interpreter.modal.homed, [true; 3]);
     let sought = rig.take_events().into_iter().filter_map(|event| match event {
         Event::Sought(axis, ..) => Some(axis),
         _ => None,
@@ -107,11 +107,11 @@ fn an_axis_that_does_not_find_its_end_is_not_homed() {
         let end = -2.0 - searched;
         // No second approach.
         assert_eq!(rig.take_events(), [Event::Sought(axis, -searched, FAST), Event::Placed(along(axis, end))]);
-        assert_eq!(printer.modal.homed, core::array::from_fn(|one| one != axis));
+        assert_eq!(printer.interpreter.modal.homed, core::array::from_fn(|one| one != axis));
         assert_eq!(rig.believed_mm(), along(axis, end));
-        assert_eq!(printer.modal.machine_10nm[axis], (end * MM as f64) as i64);
+        assert_eq!(printer.interpreter.modal.machine_10nm[axis], (end * MM as f64) as i64);
         // The coordinates are those of before: what G92 said is still there.
-        assert_eq!(printer.modal.offset_10nm[axis], 32 * MM);
+        assert_eq!(printer.interpreter.modal.offset_10nm[axis], 32 * MM);
         execute(&mut printer, &format!("G28 {name}")).unwrap_err();
         assert_eq!(rig.believed_mm()[axis], if axis == 2 { end } else { end - REACH });
     }
@@ -149,7 +149,7 @@ fn a_sensor_that_is_triggered_away_from_the_end_is_told() {
         let rig = Rig::new(|_| ());
         rig.sensors[axis].set(Sensor::Stuck);
         let mut printer = rig.printer();
-        printer.modal.homed = [true; 3];
+        printer.interpreter.modal.homed = [true; 3];
         let outcome = execute(&mut printer, &format!("G28 {name}"));
         assert_eq!(outcome, refused(CommandError::SensorStuck { axis }));
         // The fast approach ends at once, the way back does not release it, and there is no slow one.
@@ -161,8 +161,8 @@ fn a_sensor_that_is_triggered_away_from_the_end_is_told() {
                 Event::Placed(along(axis, BACK_OFF))
             ]
         );
-        assert_eq!(printer.modal.homed, core::array::from_fn(|one| one != axis));
-        assert_eq!(printer.modal.machine_10nm[axis], 5 * MM);
+        assert_eq!(printer.interpreter.modal.homed, core::array::from_fn(|one| one != axis));
+        assert_eq!(printer.interpreter.modal.machine_10nm[axis], 5 * MM);
         assert!(rig.last_texts().iter().any(|text| text.contains(name) && text.starts_with("echo:line 1: ")));
     }
 }
@@ -188,7 +188,7 @@ fn an_axis_that_homes_by_a_stall_goes_back_first() {
     rig.sensors[1].set(Sensor::Stuck);
     assert_eq!(execute(&mut printer, "G28 Y"), refused(CommandError::SensorStuck { axis: 1 }));
     assert_eq!(rig.take_events(), [Event::Homing, back, Event::Placed(along(1, BACK_OFF))]);
-    assert_eq!(printer.modal.homed, [false; 3]);
+    assert_eq!(printer.interpreter.modal.homed, [false; 3]);
 }
 
 /// Motors that push against the frame would seem to stall when they move the other axis.
@@ -210,7 +210,7 @@ fn a_corexy_that_homes_by_a_stall_leaves_the_frame() {
     let back = Event::Moved(along(0, -BACK_OFF), FAST);
     assert_eq!(events[events.len() - 4..], [placed(200.0), Event::Homing, back, placed(195.0)]);
     assert_eq!(rig.true_mm()[0], 195.0);
-    assert_eq!((printer.modal.machine_10nm[0], printer.modal.homed[0]), (195 * MM, true));
+    assert_eq!((printer.interpreter.modal.machine_10nm[0], printer.interpreter.modal.homed[0]), (195 * MM, true));
     // With a switch at its end it stays there.
     let rig = Rig::new(|profile| profile.kinematics = Kinematics::CoreXy);
     execute(&mut rig.printer(), "G28 X").unwrap();
@@ -238,12 +238,12 @@ fn a_driver_that_tells_no_stall_homes_no_axis() {
         let rig = Rig::new(|profile| profile.homing[0].sensor = HomeSensor::Stall);
         let mut printer = rig.printer();
         printer.set_drivers(&drivers);
-        printer.modal.homed = [true; 3];
+        printer.interpreter.modal.homed = [true; 3];
         let outcome = execute(&mut printer, "G28 X");
         if is_refused {
             assert_eq!(outcome, refused(CommandError::NoStallSignal { axis: 0 }));
             // Nothing has happened: it is where it was.
-            assert_eq!((rig.take_events(), printer.modal.homed, rig.enabled()), (vec![], [true; 3], 0));
+            assert_eq!((rig.take_events(), printer.interpreter.modal.homed, rig.enabled()), (vec![], [true; 3], 0));
         } else {
             assert_eq!(outcome, Ok(()));
         }
@@ -274,12 +274,15 @@ fn lifted(rig: &Rig) -> RigPrinter<'_> {
 fn a_lift_ends_where_z_homes() {
     let rig = rig_that_lifts();
     let mut printer = lifted(&rig);
-    assert_eq!((rig.true_mm()[2], printer.modal.machine_10nm[2]), (12.0, 10 * MM));
+    assert_eq!((rig.true_mm()[2], printer.interpreter.modal.machine_10nm[2]), (12.0, 10 * MM));
     execute(&mut printer, "G28 X").unwrap();
     // The motors are said to be where they stand, lifted; the G-code does not see it.
-    assert_eq!((rig.true_mm()[2], rig.believed_mm()[2], printer.modal.machine_10nm[2]), (12.0, 12.0, 10 * MM));
+    assert_eq!(
+        (rig.true_mm()[2], rig.believed_mm()[2], printer.interpreter.modal.machine_10nm[2]),
+        (12.0, 12.0, 10 * MM)
+    );
     execute(&mut printer, "G28 Z").unwrap();
-    assert_eq!((rig.true_mm()[2], rig.believed_mm()[2], printer.modal.machine_10nm[2]), (0.0, 0.0, 0));
+    assert_eq!((rig.true_mm()[2], rig.believed_mm()[2], printer.interpreter.modal.machine_10nm[2]), (0.0, 0.0, 0));
     execute(&mut printer, "G1 Z5").unwrap();
     assert_eq!(rig.true_mm()[2], 5.0);
     // Nothing is left to lower.
@@ -296,8 +299,8 @@ fn a_lift_ends_where_homing_z_fails_too() {
     let failed = CommandError::HomingFailed { axis: 2, searched_10nm, swapped: None };
     assert_eq!(execute(&mut printer, "G28 Z"), refused(failed));
     let z_mm = -PRESS;
-    assert_eq!((rig.believed_mm()[2], printer.modal.machine_10nm[2]), (z_mm, (z_mm * MM as f64) as i64));
-    assert_eq!(printer.modal.lift_10nm, 0);
+    assert_eq!((rig.believed_mm()[2], printer.interpreter.modal.machine_10nm[2]), (z_mm, (z_mm * MM as f64) as i64));
+    assert_eq!(printer.interpreter.modal.lift_10nm, 0);
 }
 
 #[test]
@@ -307,7 +310,7 @@ fn without_end_stops_nothing_homes() {
     printer.set_equipment(Equipment { end_stops: false, ..Equipment::ALL });
     for line in ["G28", "G28 X", "G28 Z"] {
         assert_eq!(execute(&mut printer, line), refused(CommandError::NotEquipped("end stops")));
-        assert_eq!((rig.take_events(), printer.modal.homed, rig.enabled()), (vec![], [false; 3], 0));
+        assert_eq!((rig.take_events(), printer.interpreter.modal.homed, rig.enabled()), (vec![], [false; 3], 0));
     }
 }
 
@@ -318,11 +321,11 @@ fn a_stop_on_the_way_leaves_the_axis_where_it_is() {
         let rig = Rig::new(|_| ());
         rig.stopped_seek.set(Some(seek));
         let mut printer = rig.printer();
-        printer.modal.homed = [true; 3];
+        printer.interpreter.modal.homed = [true; 3];
         assert_eq!(execute(&mut printer, "G28"), refused(CommandError::Stopped), "seek {seek}");
-        assert_eq!(printer.modal.homed, core::array::from_fn(|one| one != axis), "seek {seek}");
+        assert_eq!(printer.interpreter.modal.homed, core::array::from_fn(|one| one != axis), "seek {seek}");
         assert_eq!(rig.believed_mm()[axis], expected_mm, "seek {seek}");
-        assert_eq!(printer.modal.machine_10nm[axis], (expected_mm * MM as f64) as i64);
+        assert_eq!(printer.interpreter.modal.machine_10nm[axis], (expected_mm * MM as f64) as i64);
         let sought = rig.take_events().into_iter().filter(|event| matches!(event, Event::Sought(..))).count();
         assert_eq!(sought, seek + 1);
     }

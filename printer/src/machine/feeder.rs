@@ -5,7 +5,7 @@ use ferrostep_planner::{Notice, StepEntry, StepLedger, StepSink};
 use ferrostep_step_player::DroppedSteps;
 
 use super::timeline::Timeline;
-use crate::ports::{HomingOutcome, Miscount, MotionFault};
+use crate::motion_fault::{HomingOutcome, Miscount, MotionFault};
 
 /// Entries between two marks of the timeline, at least.
 const ENTRIES_BETWEEN_MARKS: usize = 8;

@@ -48,7 +48,7 @@ fn an_offset_is_told_and_set() {
     // Where Z homes, at X150 and Y30, the probe has to stay above the bed of 200 mm.
     assert_eq!(out_of_range(execute(&mut printer, "M851 X51")), [-150.0, 50.0]);
     assert_eq!(out_of_range(execute(&mut printer, "M851 Y-31")), [-30.0, 170.0]);
-    assert_eq!(printer.modal.probe_offset_10nm, [-29 * MM, 5 * MM, -125_000]);
+    assert_eq!(printer.interpreter.modal.probe_offset_10nm, [-29 * MM, 5 * MM, -125_000]);
     let rig = Rig::new(|_| ());
     assert!(matches!(execute(&mut rig.printer(), "M851"), Err(Failure::Command(CommandError::NotEquipped(_)))));
 }
@@ -63,7 +63,7 @@ fn a_shift_moves_the_nozzle_under_the_g_code_and_is_kept() {
     let down = |mm: f64| Event::Moved([0.0, 0.0, mm], 10.0);
     assert_eq!(rig.take_events(), [down(-0.1)]);
     execute(&mut printer, "M290 S-0.1").unwrap();
-    assert_eq!((printer.modal.machine_10nm[2], printer.logical_10nm()[2]), (0, 0));
+    assert_eq!((printer.interpreter.modal.machine_10nm[2], printer.logical_10nm()[2]), (0, 0));
     execute(&mut printer, "G1 X100 Z0.2").unwrap();
     assert_eq!((rig.true_mm()[2], printer.logical_10nm()[2]), (0.0, 20_000));
     rig.last_texts();
@@ -73,10 +73,10 @@ fn a_shift_moves_the_nozzle_under_the_g_code_and_is_kept() {
     for line in ["G28 Z", "G1 Z0.2"] {
         execute(&mut printer, line).unwrap();
     }
-    assert_eq!((rig.true_mm()[2], printer.modal.z.shift_10nm), (0.0, 0));
+    assert_eq!((rig.true_mm()[2], printer.interpreter.modal.z.shift_10nm), (0.0, 0));
     // With P0 the offset stays, and homing ends the shift.
     execute(&mut printer, "M290 P0 Z0.5").unwrap();
-    assert_eq!((rig.true_mm()[2], printer.modal.probe_offset_10nm[2]), (0.5, -20_000));
+    assert_eq!((rig.true_mm()[2], printer.interpreter.modal.probe_offset_10nm[2]), (0.5, -20_000));
     execute(&mut printer, "G28 Z").unwrap();
     assert_eq!(rig.true_mm()[2], 4.0 - 0.2);
 }
@@ -93,13 +93,13 @@ fn a_shift_has_limits() {
     }
     assert_eq!(out_of_range(execute(&mut printer, "M290 Z-0.5")), [-0.4, 3.6]);
     // Beside a prepared job it is refused, and the job goes on.
-    printer.modal.in_prepared_job = true;
+    printer.interpreter.modal.in_prepared_job = true;
     assert_eq!(execute(&mut printer, "M290 Z0.1"), Err(Failure::Command(CommandError::ShiftsNoJob)));
-    printer.modal.in_prepared_job = false;
+    printer.interpreter.modal.in_prepared_job = false;
     for (line, word) in [("M290 X1", 'X'), ("M290 Z1 Y1", 'Y'), ("M290 E1", 'E')] {
         assert_eq!(execute(&mut printer, line), Err(Failure::Command(CommandError::ShiftsZOnly { word })), "{line}");
     }
-    assert_eq!((rig.true_mm()[2], printer.modal.z.shift_10nm), (-0.5 - 1.6, -160_000));
+    assert_eq!((rig.true_mm()[2], printer.interpreter.modal.z.shift_10nm), (-0.5 - 1.6, -160_000));
     // Nor may the offset leave its range with it.
     execute(&mut printer, "M851 Z-9.9").unwrap();
     execute(&mut printer, "G28 Z").unwrap();
@@ -122,12 +122,12 @@ fn a_shift_lasts_through_lifts_and_stays_below_the_top() {
     execute(&mut printer, "G11").unwrap();
     assert_eq!(rig.true_mm()[2], 10.5);
     execute(&mut printer, "M410").unwrap();
-    assert_eq!((printer.modal.machine_10nm[2], printer.modal.z.shift_10nm), (10 * MM, MM / 2));
+    assert_eq!((printer.interpreter.modal.machine_10nm[2], printer.interpreter.modal.z.shift_10nm), (10 * MM, MM / 2));
     execute(&mut printer, "G1 Z200").unwrap();
     assert_eq!(rig.true_mm()[2], 200.0);
     execute(&mut printer, "G1 Z100").unwrap();
     assert_eq!(rig.true_mm()[2], 100.5);
     // Homing another axis keeps it, too.
     execute(&mut printer, "G28 X").unwrap();
-    assert_eq!((rig.believed_mm()[2], printer.modal.machine_10nm[2]), (100.5, 100 * MM));
+    assert_eq!((rig.believed_mm()[2], printer.interpreter.modal.machine_10nm[2]), (100.5, 100 * MM));
 }

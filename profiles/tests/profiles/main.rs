@@ -7,6 +7,7 @@ mod heater_keys;
 mod heaters;
 mod mini_heat;
 mod motor_drivers;
+mod nozzle_refusals;
 mod refusals;
 mod robustness;
 mod safe_homing;

@@ -2,12 +2,11 @@
 
 use ferrostep_checked_toml::keys::{holder, paths};
 use ferrostep_planner::{AccelerationProfile, Interpolation, MotionChoice};
-use ferrostep_printer::{ExtrusionSettings, HeaterWatch, Profile};
+use ferrostep_printer::ExtrusionSettings;
 use ferrostep_profiles::{Problem, ProfileError, builtin_names, builtin_text, parse};
-use ferrostep_thermistor::ThermistorType;
 use toml::{Table, Value};
 
-fn text() -> &'static str {
+pub(crate) fn text() -> &'static str {
     builtin_text("cartesian").unwrap()
 }
 
@@ -27,7 +26,7 @@ fn error_after(from: &str, to: &str) -> String {
 }
 
 /// Line of the cartesian profile, counted from 1, on which a text stands.
-fn line(wanted: &str) -> usize {
+pub(crate) fn line(wanted: &str) -> usize {
     1 + text().lines().position(|line| line.contains(wanted)).unwrap()
 }
 
@@ -419,96 +418,4 @@ fn settings_of_drivers_are_checked() {
     assert_eq!(without, [None; 4]);
     let edges = text.replace("both_edges = false", "both_edges = true");
     assert!(parse(&edges, "test.toml").unwrap().drivers[3].unwrap().both_edges);
-}
-
-/// The cartesian profile with lines added to its nozzle.
-fn with_nozzle(lines: &str) -> Result<Profile, ProfileError> {
-    parse(&text().replace("[nozzle]\n", &format!("[nozzle]\n{lines}\n")), "test.toml")
-}
-
-/// The cartesian profile with this in place of its nozzle's thermistor.
-fn with_sensor(lines: &str) -> Result<Profile, ProfileError> {
-    parse(&text().replace("sensor = \"semitec-104gt-2\"", lines), "test.toml")
-}
-
-#[test]
-fn a_thermistor_is_a_name_or_two_numbers() {
-    let kind = |lines| with_sensor(lines).unwrap().nozzle.thermistor.kind;
-    assert_eq!(kind("sensor = \"semitec-104gt-2\""), ThermistorType::Semitec104Gt2);
-    assert_eq!(kind("sensor = \"epcos-100k\""), ThermistorType::Epcos100k);
-    let beta = ThermistorType::Beta { r25_ohm: 100_000.0, beta_k: 3950.0 };
-    assert_eq!(kind("sensor = { r25_ohm = 100000, beta_k = 3950 }"), beta);
-    assert_eq!(kind("sensor.r25_ohm = 1e5\nsensor.beta_k = 3950.0"), beta);
-
-    let nozzle = line("[nozzle]") + 1;
-    for (lines, message) in [
-        (
-            "sensor = \"semitec\"",
-            "nozzle.sensor = \"semitec\": expected \"semitec-104gt-2\" or \"epcos-100k\" or a table such as \
-             { r25_ohm = 100000, beta_k = 3950 }",
-        ),
-        (
-            "sensor = 5",
-            "nozzle.sensor = 5: expected \"semitec-104gt-2\" or \"epcos-100k\" or a table such as \
-             { r25_ohm = 100000, beta_k = 3950 }",
-        ),
-        ("sensor = { r25_ohm = 100000 }", "missing key \"nozzle.sensor.beta_k\", expected 2000 to 6000 K"),
-        (
-            "sensor = { beta = 3950, r25_ohm = 100000 }",
-            "unknown key \"nozzle.sensor.beta\", expected \"r25_ohm\" or \"beta_k\"",
-        ),
-        ("sensor = { beta_k = 395, r25_ohm = 100000 }", "nozzle.sensor.beta_k = 395: expected 2000 to 6000 K"),
-        ("sensor = { beta_k = 3950, r25_ohm = nan }", "nozzle.sensor.r25_ohm = nan: expected 1000 to 1000000 ohms"),
-        (
-            "sensor = { beta_k = \"x\", r25_ohm = 1000 }",
-            "nozzle.sensor.beta_k = \"x\": expected a number from 2000 to 6000 K",
-        ),
-    ] {
-        assert_eq!(with_sensor(lines).unwrap_err().to_string(), format!("test.toml:{nozzle}: {message}"));
-    }
-}
-
-#[test]
-fn limits_are_what_the_thermistor_can_read() {
-    assert_eq!(with_nozzle("pull_up_ohm = 1000").unwrap().nozzle.thermistor.pull_up_ohm, 1000.0);
-    let hot = text().replace("max_celsius = 275", "max_celsius = 301");
-    assert_eq!(
-        parse(&hot, "test.toml").unwrap_err().to_string(),
-        format!(
-            "test.toml:{}: nozzle.max_celsius = 301: expected -25 to 300 degrees Celsius, what nozzle.sensor can read \
-             with pull_up_ohm = 4700",
-            line("max_celsius = 275")
-        )
-    );
-    // 130 ohms at 275 degrees are nothing beside 100 kilohms, and 275 kilohms at 5 degrees endless beside 100 ohms.
-    assert_eq!(with_nozzle("pull_up_ohm = 100000").unwrap_err().key(), Some("nozzle.max_celsius"));
-    assert_eq!(with_nozzle("pull_up_ohm = 100").unwrap_err().key(), Some("nozzle.min_celsius"));
-    assert_eq!(with_nozzle("pull_up_ohm = 99").unwrap_err().key(), Some("nozzle.pull_up_ohm"));
-    let cold = text().replacen("min_celsius = 5", "min_celsius = -50", 1);
-    assert_eq!(parse(&cold, "test.toml").unwrap_err().key(), Some("nozzle.min_celsius"));
-}
-
-#[test]
-fn the_watch_may_be_changed_but_not_away() {
-    let watch =
-        with_nozzle("watch_s = 30\nwatch_celsius = 3\nrunaway_s = 25.5\nrunaway_celsius = 2.3").unwrap().nozzle.watch;
-    let expected = HeaterWatch { watch_ms: 30_000, watch_celsius: 3.0, runaway_ms: 25_500, runaway_celsius: 2.3 };
-    assert_eq!(watch, expected);
-    for key in ["watch_s", "watch_celsius", "runaway_s", "runaway_celsius"] {
-        for bad in ["0", "-1", "0.9", "121", "1e9", "nan", "inf"] {
-            let error = with_nozzle(&format!("{key} = {bad}")).unwrap_err();
-            let blamed = format!("nozzle.{key}");
-            assert!(matches!(error.problem(), Problem::OutOfRange { key, .. } if *key == blamed), "{error}");
-            assert_eq!(error.line(), Some(line("[nozzle]") + 1), "{error}");
-        }
-    }
-    // A window of 1 degree around the target would reach beyond what the runaway check allows.
-    let wide = text().replacen("residency_window_celsius = 1", "residency_window_celsius = 5", 1);
-    assert_eq!(
-        parse(&wide, "test.toml").unwrap_err().to_string(),
-        format!(
-            "test.toml:{}: nozzle.residency_window_celsius = 5: expected at most nozzle.runaway_celsius = 4",
-            line("residency_window_celsius = 1")
-        )
-    );
 }

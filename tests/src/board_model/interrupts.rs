@@ -100,7 +100,7 @@ impl<'a, M: Stepping> Interrupts<'a, M> {
                 self.signals.halt();
                 self.stop();
             }
-            Emergency::PromptAnswer(_) => {}
+            Emergency::PromptAnswer(button) => self.signals.answer_prompt(button),
         }
     }
 

@@ -8,6 +8,7 @@ use ferrostep::session::{JobReplies, Session};
 use ferrostep_oracle::reference::{InterpretOptions, ReferenceProfile, interpret};
 use ferrostep_oracle::trace_check::{Finding, TraceCheckOptions, check_trace};
 use ferrostep_planner::AccelerationProfile;
+use ferrostep_printer::Profile;
 
 use crate::command::{directory, example, ferrostep, file};
 use crate::desk::profile;
@@ -83,10 +84,19 @@ fn a_gyroid_with_a_frequency_table_passes_the_trace_check() {
     check("gyroid.gcode.gz", AccelerationProfile::SCurveTable);
 }
 
+#[test]
+fn a_cube_with_five_segments_passes_the_trace_check() {
+    check("cube.gcode", AccelerationProfile::SCurveFiveSegments);
+}
+
 /// How long a file's motion takes, s.
 fn motion_s(machine: &str, name: &str, law: AccelerationProfile, block_by_block: bool) -> f64 {
     let mut machine = profile(machine);
     machine.motion.acceleration = law;
+    seconds_of_motion(machine, name, block_by_block)
+}
+
+fn seconds_of_motion(machine: Profile, name: &str, block_by_block: bool) -> f64 {
     let replies = JobReplies::new(|text: &str| panic!("{text}"));
     let session = Session::estimate(machine, LOOK_AHEAD_BLOCKS, replies);
     assert!(!block_by_block || session.desk().plan_block_by_block());
@@ -108,9 +118,33 @@ fn s_curves_over_several_blocks_gain_most_in_curves() {
         let alone = motion_s(machine, name, AccelerationProfile::SCurve, true);
         let shared = motion_s(machine, name, AccelerationProfile::SCurve, false);
         let table = motion_s(machine, name, AccelerationProfile::SCurveTable, false);
+        let five = motion_s(machine, name, AccelerationProfile::SCurveFiveSegments, false);
         println!(
-            "{name}: trapezoid {trapezoid:.1} s, block by block {alone:.1} s, shared {shared:.1} s, table {table:.1} s"
+            "{name}: trapezoid {trapezoid:.1} s, five segments {five:.1} s, block by block {alone:.1} s, \
+             shared {shared:.1} s, table {table:.1} s"
         );
+        // At 300 000 mm/s^3 moves of a millimetre hardly get to hold their acceleration.
+        assert!(alone < five * 1.001, "{name}: {alone} {five}");
         assert!(trapezoid < shared && shared <= alone * (1.0 - least), "{name}: {trapezoid} {shared} {alone}");
+    }
+}
+
+/// At a jerk that takes 8 ms to the greatest acceleration, an S-curve costs little over the trapezoid. What it costs are the
+/// corners that limit: at each the acceleration has to be zero, which a trapezoid's is not. The arcs have one each
+/// millimetre.
+#[test]
+fn s_curves_of_8_ms_cost_what_their_corners_do() {
+    for (machine, name, acceleration, most) in [
+        ("cartesian", "cube.gcode", 1_000.0, 0.02),
+        ("cartesian", "gyroid.gcode.gz", 1_000.0, 0.05),
+        ("corexy", "arcs-corexy.gcode.gz", 10_000.0, 0.16),
+    ] {
+        let trapezoid = motion_s(machine, name, AccelerationProfile::Trapezoid, false);
+        let mut machine = profile(machine);
+        machine.motion.acceleration = AccelerationProfile::SCurve;
+        machine.motion.jerk_mm_per_s3 = acceleration / 0.008;
+        let s_curve = seconds_of_motion(machine, name, false);
+        println!("{name}: trapezoid {trapezoid:.1} s, S-curve {s_curve:.1} s");
+        assert!(trapezoid < s_curve && s_curve <= trapezoid * (1.0 + most), "{name}: {trapezoid} {s_curve}");
     }
 }

@@ -1,10 +1,10 @@
 //! Runs the `ferrostep` command as a person would.
 
 use std::ffi::OsStr;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::{Child, Command, Output, Stdio};
-use std::sync::OnceLock;
 
+pub use ferrostep_tests::program::{program, repository};
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -25,24 +25,6 @@ impl Outcome {
     pub fn json(&self) -> Value {
         serde_json::from_str(&self.stdout).unwrap_or_else(|error| panic!("{error} in {self:#?}"))
     }
-}
-
-/// The command, built with the profile and into the directory of this test. Cargo finds out whether it is stale.
-pub fn program() -> &'static Path {
-    static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
-    PROGRAM.get_or_init(|| {
-        let this = std::env::current_exe().unwrap();
-        let profile_directory = this.parent().and_then(Path::parent).unwrap();
-        let profile = if profile_directory.ends_with("release") { "release" } else { "test" };
-        let built = Command::new(env!("CARGO"))
-            .current_dir(env!("CARGO_MANIFEST_DIR"))
-            .args(["build", "--quiet", "--package", "ferrostep", "--profile", profile, "--target-dir"])
-            .arg(profile_directory.parent().unwrap())
-            .output()
-            .unwrap();
-        assert!(built.status.success(), "{}", String::from_utf8_lossy(&built.stderr));
-        profile_directory.join(format!("ferrostep{}", std::env::consts::EXE_SUFFIX))
-    })
 }
 
 /// Runs the command from the repository's root.
@@ -73,11 +55,6 @@ impl From<Output> for Outcome {
             stderr: String::from_utf8(output.stderr).unwrap(),
         }
     }
-}
-
-/// The repository's root.
-pub fn repository() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap().to_path_buf()
 }
 
 /// An empty directory that goes away with the test.

@@ -119,7 +119,8 @@ fn every_failure_in_mid_print_stops_motion_and_tells_the_host() {
             // Nothing moves, nothing heats, and the position is where the motors stand.
             let steps = machine.figures().motor_steps;
             let refused = conversation.say("G1 X5 F3000");
-            assert!(refused[0].contains("M999") && refused[1] == "ok", "{refused:?}");
+            assert!(refused[0].contains("M999") && refused[1] == KILLED, "{refused:?}");
+            assert!(refused.contains(&"//action:cancel".to_owned()) && refused.last().unwrap() == "ok", "{refused:?}");
             let stands_mm = machine.desk().motor_steps()[0] as f64 / 80.0;
             assert!((conversation.position_mm()[0] - stands_mm).abs() < 0.0126);
             assert_eq!(machine.figures().motor_steps, steps);

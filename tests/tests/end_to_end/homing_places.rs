@@ -149,10 +149,6 @@ impl Motion for PlacesMotion<'_> {
         Ok(if triggered { HomingOutcome::Triggered } else { HomingOutcome::Missed })
     }
 
-    fn refine_position(&mut self, _: [i64; 3]) -> bool {
-        unreachable!("no prepared jobs here")
-    }
-
     async fn set_fan_power(&mut self, _: u8) -> Result<(), MotionError> {
         Ok(())
     }

@@ -4,6 +4,7 @@
 
 mod accelerations;
 mod bad_input;
+mod bad_words;
 mod command;
 mod core_xz;
 mod desk;
@@ -18,12 +19,17 @@ mod homing_places;
 mod hostile;
 mod hosts;
 mod idle_heaters;
+mod inputs;
+mod job_remarks;
 mod methods;
 mod odd_lines;
 #[cfg(unix)]
 mod outputs;
 mod overflow;
+mod packed;
 mod papers;
+mod pause_times;
+mod pauses;
 mod prepared;
 mod prints;
 mod programs;
@@ -35,7 +41,10 @@ mod repeats;
 mod reports;
 #[cfg(unix)]
 mod sending;
+mod simulations;
 mod slaved_extruder;
+mod slicer_printers;
+mod slicer_profiles;
 mod stall;
 mod waits;
 mod waveform;

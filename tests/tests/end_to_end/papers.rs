@@ -102,7 +102,7 @@ fn compare_prints_a_file_in_every_way() {
         assert_eq!(compared.status, Some(0), "{compared:?}");
         let table = &compared.json()["choices"];
         let rows = table["rows"].as_array().unwrap();
-        assert_eq!(rows.len(), 15);
+        assert_eq!(rows.len(), 20);
         let column = |name: &str| {
             let columns = table["columns"].as_array().unwrap();
             columns.iter().position(|column| column.as_str().unwrap().starts_with(name)).unwrap()

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use ferrostep::gpre::{self, Target};
 use ferrostep::session::JobReplies;
 use ferrostep_gpre::compact::{HEAD_BYTES, frame_length};
-use ferrostep_gpre::wide::{Packet, Status};
 use ferrostep_gpre::{Encoding, EntrySpeed, Header};
+use ferrostep_papers::wide::{Packet, Status};
 use ferrostep_printer::Profile;
 use ferrostep_tests::hand_made::{self, given};
 use proptest::prelude::*;
@@ -211,7 +211,7 @@ fn content_decides_what_a_file_is() {
     says(&outcome.stderr, "the name says prepared job, the content is G-code");
     for (command, file, expected) in [
         ("estimate", &path, "this is a prepared job, and estimate takes G-code"),
-        ("inspect", &named_gpre, "this is G-code, and inspect takes a prepared job"),
+        ("inspect", &named_gpre, "this is G-code; inspect takes a prepared job"),
     ] {
         let outcome = ferrostep([command, file.to_str().unwrap()]);
         assert_eq!(outcome.status, Some(2), "{outcome:#?}");
@@ -381,7 +381,7 @@ fn too_much_flow_ends_the_job_at_rest() {
 
 #[test]
 fn the_benchmarked_jobs_are_of_the_current_planner() {
-    let folder = repository().join("app/src/bin/bench/gyroid");
+    let folder = repository().join("bench/src/gyroid");
     let gcode = std::fs::read(folder.join("job.gcode")).unwrap();
     for (name, encoding) in [("compact.gpre", Encoding::Compact), ("wide.gpre", Encoding::Wide)] {
         let job = prepared(&profile("cartesian"), &gcode, encoding).unwrap();

@@ -13,6 +13,7 @@ use std::time::Duration;
 use embedded_hal_async::delay::DelayNs;
 use ferrostep::desk::{Figures, LOOK_AHEAD_BLOCKS};
 use ferrostep::session::Session;
+use ferrostep_gcode::meatpack::Unpacker;
 use ferrostep_gcode::{Line, LineError, LineReader, Reply};
 use ferrostep_gpre::compact::MAX_FRAME_BYTES;
 use ferrostep_gpre::transfer::{FLAG, Report};
@@ -60,6 +61,8 @@ impl Pty {
 pub struct Settings {
     /// The machine.
     pub profile: Profile,
+    /// Whether it unpacks what its host packs.
+    pub unpacks: bool,
     /// Whether it takes prepared jobs.
     pub takes_jobs: bool,
     /// What it has executed before a host comes.
@@ -69,7 +72,7 @@ pub struct Settings {
 impl Settings {
     /// A board that has just been switched on and waits as long as a real one.
     pub fn new(profile: Profile) -> Self {
-        Self { profile, takes_jobs: true, before: &[] }
+        Self { profile, unpacks: true, takes_jobs: true, before: &[] }
     }
 }
 
@@ -175,6 +178,7 @@ impl PtyBoard {
 struct Port<'a> {
     pty: &'a Pty,
     shared: &'a Shared,
+    unpacker: Option<RefCell<Unpacker>>,
 }
 
 impl Port<'_> {
@@ -202,10 +206,29 @@ impl Port<'_> {
         if poll(&mut ends, Some(&Timespec::try_from(within).unwrap())).unwrap() == 0 {
             return 0;
         }
-        let most = bytes.len().min(left);
-        let length = rustix::io::read(&self.pty.master, &mut bytes[..most]).unwrap();
+        // Packed bytes are twice as many characters.
+        let mut received = vec![0; (bytes.len() / 2).min(left)];
+        let length = rustix::io::read(&self.pty.master, &mut received).unwrap();
         self.shared.state.lock().unwrap().taken += length as u64;
         self.shared.changed.notify_all();
+        self.unpacked(&received[..length], bytes)
+    }
+
+    /// What the host has packed, as text.
+    fn unpacked(&self, received: &[u8], text: &mut [u8]) -> usize {
+        let Some(unpacker) = &self.unpacker else {
+            text[..received.len()].copy_from_slice(received);
+            return received.len();
+        };
+        let mut length = 0;
+        for &byte in received {
+            let unpacked = unpacker.borrow_mut().feed(byte);
+            text[length..length + unpacked.bytes().len()].copy_from_slice(unpacked.bytes());
+            length += unpacked.bytes().len();
+            if let Some(report) = unpacked.report {
+                self.send(Reply::Text(&report.to_string()));
+            }
+        }
         length
     }
 }
@@ -259,7 +282,8 @@ impl JobLine for JobPort<'_> {
 
 /// The board's main loop.
 fn serve(pty: &Pty, settings: &Settings, shared: &Shared) -> Served {
-    let port = Port { pty, shared };
+    let unpacker = settings.unpacks.then(RefCell::default);
+    let port = Port { pty, shared, unpacker };
     let session = Session::print(settings.profile, LOOK_AHEAD_BLOCKS, (), Silent(RefCell::new(None)));
     // The replies to earlier lines are not read.
     let mut printer = session.printer();
@@ -267,6 +291,7 @@ fn serve(pty: &Pty, settings: &Settings, shared: &Shared) -> Served {
         let _ = session.run(printer.execute(0, line));
     }
     session.replies().0.replace(Some(&port));
+    printer.set_meatpack(settings.unpacks);
     if settings.takes_jobs {
         printer.set_receives_jobs();
     }

@@ -25,7 +25,8 @@ const LINES: &[&str] = &[
     "G1 Xnan Y20",
     "G1 X20 #4",
     "G1 X99999999999",
-    "100",
+    "X20 Y5",
+    "G1 20 Y5",
     "N3 G1 X20*5",
     "N3 G1 X20*x",
     "G",
@@ -117,6 +118,21 @@ const PROFILES: &[(&str, &str, &str)] = &[
     ("prusa-mini", "back_off_mm = 2.56", "back_off_mm = 1.99"),
 ];
 
+/// Files that are no jobs: what each is, its name, its first bytes.
+const FILES: &[(&str, &str, &[u8])] = &[
+    ("an empty file", "job.gcode", b""),
+    ("a 3MF project", "cube.3mf", b"PK\x03\x04\x14\0\0\0\x08\0[Content_Types].xml"),
+    ("another zip archive", "cube.zip", b"PK\x03\x04\x14\0\0\0\x08\0cube.gcode"),
+    ("a model", "cube.stl", b"solid cube\n  facet normal 0 0 1\n"),
+    ("text in UTF-16", "cube.gcode", b"\xff\xfeG\x002\x008\0\n\0"),
+    ("a file packed by zstd", "cube.gcode.zst", b"\x28\xb5\x2f\xfd\x04\0"),
+    ("a picture", "cube.png", b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR"),
+];
+
+/// What is changed in binary G-code: what it is, the place from the end, the bits. The last of these cuts it off there.
+const BINARY: &[(&str, usize, u8)] =
+    &[("a byte of its last block", 9, 1), ("its version", usize::MAX, 2), ("the rest missing", 50, 0)];
+
 /// Arguments after `ferrostep`.
 const ARGUMENTS: &[&str] = &[
     "print missing.gcode",
@@ -128,7 +144,8 @@ const ARGUMENTS: &[&str] = &[
     "print examples/cube.gcode --trace examples",
     "preprocess examples/cube.gcode -o examples/cube.gcode",
     "inspect examples/cube.gcode",
-    "send examples/cube.gcode",
+    "send examples/cube.gcode --port no/such/port",
+    "send examples/cube.gcode --fallback examples/cube.gcode",
 ];
 
 /// What the first error line says, without the name of a temporary folder.
@@ -218,9 +235,34 @@ fn prepared(page: &mut String) {
         &["estimate", job],
         &["preprocess", job, "-o", "other.gpre"],
         &["send", job, "--port", "no/such/port"],
+        &["send", job, "--meatpack"],
+        &["papers", "--compare", job],
     ] {
         let says = answer(arguments, folder);
         row(page, &arguments.join(" ").replace(&format!("{folder}/"), ""), &says);
+    }
+}
+
+fn files(page: &mut String) {
+    let temporary = directory();
+    let folder = temporary.path().to_str().unwrap();
+    table(page, "Files that are no jobs", "`print` of");
+    for (what, name, bytes) in FILES {
+        let says = answer(&["print", file(&temporary, name, bytes).to_str().unwrap()], folder);
+        writeln!(page, "| {what} | {says} |").unwrap();
+    }
+    table(page, "Binary G-code", "change of `examples/cube.bgcode`");
+    let job = fs::read(repository().join("examples/cube.bgcode")).unwrap();
+    for (what, from_end, bits) in BINARY {
+        let mut changed = job.clone();
+        // The version stands after the four letters.
+        let place = changed.len().checked_sub(*from_end).unwrap_or(4);
+        changed[place] ^= bits;
+        if *bits == 0 {
+            changed.truncate(place);
+        }
+        let says = answer(&["print", file(&temporary, "broken.bgcode", changed).to_str().unwrap()], folder);
+        writeln!(page, "| {what} | {says} |").unwrap();
     }
 }
 
@@ -237,6 +279,7 @@ fn the_page_of_refusals_is_current() {
     lines(&mut page);
     profiles(&mut page);
     prepared(&mut page);
+    files(&mut page);
     arguments(&mut page);
     let path = repository().join(PAGE);
     if std::env::var_os(REFRESH_VARIABLE).is_some() {

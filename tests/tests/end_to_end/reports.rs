@@ -85,7 +85,7 @@ fn firmware_report_and_capabilities() {
     // OctoPrint: a key in capitals after a blank, its value up to the next key.
     let keys = regex(r"(?:^|\s)([A-Z][A-Z0-9_]*):");
     let keys: Vec<String> = keys.captures_iter(&replies[0]).map(|found| found[1].to_owned()).collect();
-    for key in ["FIRMWARE_NAME", "PROTOCOL_VERSION", "MACHINE_TYPE", "KINEMATICS", "EXTRUDER_COUNT"] {
+    for key in ["FIRMWARE_NAME", "PROTOCOL_VERSION", "MACHINE_TYPE", "KINEMATICS", "EXTRUDER_COUNT", "UUID"] {
         assert!(keys.iter().any(|found| found == key), "{key} in {replies:?}");
     }
     assert!(replies[0].contains("MACHINE_TYPE:prusa-mini ") && replies[0].contains("EXTRUDER_COUNT:1"), "{replies:?}");
@@ -102,6 +102,8 @@ fn firmware_report_and_capabilities() {
     let has = |name: &str| capabilities.iter().find(|(found, _)| found == name).map(|(_, has)| *has);
     assert_eq!(has("AUTOREPORT_TEMP"), Some(true));
     assert_eq!(has("ARCS"), Some(true));
+    assert_eq!(has("Z_PROBE"), Some(true));
+    assert!(replies[0].ends_with(" UUID:46737001-5649-5254-5541-4c424f415244"), "{replies:?}");
     // Nobody reads the bytes ahead here, and the answer is honest about it.
     assert_eq!(has("EMERGENCY_PARSER"), Some(false));
     let area = "area:{full:{min:{x:-2.00,y:-3.00,z:0.00},max:{x:180.40,y:180.00,z:185.00}}";
@@ -160,7 +162,7 @@ fn settings() {
     assert_eq!(conversation.say("M118 E1 hello"), ["echo:hello", "ok"]);
     assert_eq!(conversation.say("M118 A1 action:pause"), ["//action:pause", "ok"]);
     assert_eq!(conversation.say("M118 hello"), ["hello", "ok"]);
-    assert_eq!(conversation.say("M117 printing"), ["ok"]);
+    assert_eq!(conversation.say("M117 printing"), ["//action:notification printing", "ok"]);
 }
 
 /// Of the lines that begin with `Error:` hosts forgive only those about line numbers and checksums.

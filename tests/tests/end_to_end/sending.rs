@@ -93,7 +93,7 @@ fn packets_are_refused() {
     let board = PtyBoard::start(board());
     let outcome = send(&job, board.port(), None);
     assert_eq!(outcome.status, Some(1), "{outcome:#?}");
-    says(&outcome.stderr, "expected the compact encoding, which alone is sent to a board");
+    says(&outcome.stderr, "prepare the job with `ferrostep preprocess --format compact`");
     says(&outcome.stderr, "the board refuses the job");
     assert_nothing_moved(&board.end());
 }
@@ -115,6 +115,71 @@ fn the_fallback_is_printed_if_the_board_refuses_the_job() {
         says(&outcome.stderr, "lines sent");
         assert_printed(&board.end(), &packed);
     }
+}
+
+#[test]
+fn gcode_is_sent_line_by_line() {
+    let directory = directory();
+    let text = file(&directory, "part.gcode", part());
+    for job in [&text, &file(&directory, "part.gcode.gz", gzip(part().as_bytes()))] {
+        let board = PtyBoard::start(board());
+        let outcome = send(job, board.port(), None);
+        assert_eq!(outcome.status, Some(0), "{outcome:#?}");
+        says(&outcome.stderr, "lines sent");
+        assert_printed(&board.end(), &text);
+    }
+}
+
+/// Sends G-code with `--meatpack`.
+fn send_packed(gcode: &Path, port: &str) -> Outcome {
+    ferrostep(["send", gcode.to_str().unwrap(), "--port", port, "--meatpack"])
+}
+
+#[test]
+fn packed_gcode_prints_the_same_in_fewer_bytes() {
+    let directory = directory();
+    let text = file(&directory, "part.gcode", part());
+    let plain = {
+        let board = PtyBoard::start(board());
+        assert_eq!(send(&text, board.port(), None).status, Some(0));
+        board.end()
+    };
+    let board = PtyBoard::start(board());
+    // The next host finds the line as it was before the last one.
+    for _ in 0..2 {
+        let outcome = send_packed(&text, board.port());
+        assert_eq!(outcome.status, Some(0), "{outcome:#?}");
+        says(&outcome.stderr, "lines sent, packed");
+    }
+    let served = board.end();
+    assert_eq!(served.said.iter().filter(|line| line.as_str() == "[MP] PV01 ON ESP").count(), 2);
+    assert_eq!(served.said.last().unwrap(), "[MP] PV01 OFF ESP");
+    assert!(!served.said.iter().any(|line| line.starts_with("Resend:")), "{:#?}", served.said);
+    let share = served.taken as f64 / 2.0 / plain.taken as f64;
+    assert!(share < 0.75, "{share}");
+}
+
+#[test]
+fn packed_gcode_makes_the_steps_of_print() {
+    let directory = directory();
+    let text = file(&directory, "part.gcode", part());
+    let board = PtyBoard::start(board());
+    assert_eq!(send_packed(&text, board.port()).status, Some(0));
+    assert_printed(&board.end(), &text);
+}
+
+#[test]
+fn a_printer_that_does_not_unpack_gets_text() {
+    let directory = directory();
+    let text = file(&directory, "square.gcode", SQUARE);
+    let board = PtyBoard::start(Settings { unpacks: false, ..board() });
+    let outcome = send_packed(&text, board.port());
+    assert_eq!(outcome.status, Some(0), "{outcome:#?}");
+    says(
+        &outcome.stderr,
+        "note: the printer does not know MeatPack (M115 does not say Cap:MEATPACK:1): sending plain text",
+    );
+    assert_printed(&board.end(), &text);
 }
 
 #[test]

@@ -8,6 +8,7 @@ mod board_files;
 mod boards;
 mod handlers;
 mod image;
+mod masked_sections;
 mod masks;
 mod stack;
 mod step_interrupt;

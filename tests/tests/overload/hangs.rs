@@ -265,7 +265,10 @@ impl<'b, 'a> Talk<'b, 'a> {
             }
             Kind::Stop => {
                 assert!(self.board.is_halted());
-                for line in ["M105", "M112", "G1 X5"] {
+                for line in ["M105", "M115", "M114", "M84"] {
+                    assert_eq!(self.at_once(line), Ok(()), "{line}");
+                }
+                for line in ["M112", "G1 X5"] {
                     assert_eq!(self.at_once(line), Err(Failure::Command(CommandError::Halted)), "{line}");
                 }
                 self.at_once("M999").unwrap();

@@ -38,7 +38,7 @@ fn examples() -> Result<Vec<PathBuf>, Failure> {
     let entries = std::fs::read_dir(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
     let is_print = |path: &PathBuf| {
         let name = path.to_string_lossy();
-        name.ends_with(".gcode") || name.ends_with(".gcode.gz")
+        [".gcode", ".gcode.gz", ".bgcode"].iter().any(|ending| name.ends_with(ending))
     };
     let mut files: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).filter(is_print).collect();
     files.sort();

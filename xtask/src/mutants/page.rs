@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
-use super::{Files, Tried};
+use super::tried::{Files, Tried};
 use crate::generated::Page;
 use crate::steps::Failure;
 use crate::system;

@@ -4,9 +4,10 @@ use std::borrow::ToOwned;
 use std::string::String;
 use std::vec::Vec;
 
-use super::{Content, Place, Steps};
+use super::steps::Steps;
+use super::waiting::Place;
 use crate::bits::BitWriter;
-use crate::compact::{FILAMENT_ALL, FILAMENT_PREDICTED, PLACES, Shape, WAY_XY, WAY_XYZ, WAY_Z};
+use crate::compact::shape::{FILAMENT_ALL, FILAMENT_PREDICTED, PATH_XY, PATH_XYZ, PATH_Z, PLACES, Shape};
 use crate::item::{EntrySpeed, PreparedMove};
 
 /// Items as the reader understands them, with what it knows after them.
@@ -29,7 +30,7 @@ pub struct ItemWriter {
 }
 
 impl ItemWriter {
-    /// Nothing yet, of a frame that begins here.
+    /// An empty writer of a frame that begins here.
     pub fn new(start: &Place) -> Self {
         Self {
             bits: BitWriter::default(),
@@ -75,7 +76,7 @@ impl ItemWriter {
                 self.next_feed = (self.next_feed + 1) % PLACES;
             }
         }
-        let (kind, filament) = Content::filament(steps, lambda);
+        let (kind, filament) = steps.encoded_filament(lambda);
         if kind == FILAMENT_PREDICTED && lambda != self.lambda {
             self.lambda = lambda;
             if let Some(place) = self.lambdas.iter().position(|known| *known == lambda) {
@@ -113,12 +114,12 @@ impl ItemWriter {
                 self.bits.bits(squared, width);
             }
         }
-        let [x, y, z] = steps.way;
-        if steps.kind == WAY_XY || steps.kind == WAY_XYZ {
+        let [x, y, z] = steps.path;
+        if steps.kind == PATH_XY || steps.kind == PATH_XYZ {
             self.bits.signed(x.into(), orders[0]);
             self.bits.signed(y.into(), orders[1]);
         }
-        if steps.kind == WAY_Z || steps.kind == WAY_XYZ {
+        if steps.kind == PATH_Z || steps.kind == PATH_XYZ {
             self.bits.signed(z.into(), orders[2]);
         }
         match kind {
@@ -165,7 +166,7 @@ impl ItemWriter {
 /// A word of a command: its letter and its number.
 type Word = (u8, Option<i32>);
 
-/// A command as letters and whole numbers, where it is nothing else.
+/// A command as letters and whole numbers; `None` if it contains anything else.
 fn as_words(text: &str) -> Option<(u64, u32, Vec<Word>)> {
     let mut parts = text.split(' ');
     let first = parts.next()?;

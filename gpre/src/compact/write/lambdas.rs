@@ -2,9 +2,9 @@
 
 use std::vec::Vec;
 
-use super::Steps;
+use super::steps::Steps;
 use crate::bits::{golomb_bits, zigzag};
-use crate::compact::{PLACES, WAY_NONE, prediction};
+use crate::compact::shape::{PATH_NONE, PLACES, prediction};
 
 /// A prediction this far off, in the filament's unit, is a good one.
 const GOOD: i64 = 3;
@@ -14,8 +14,8 @@ pub fn lambdas(steps: &[Steps]) -> Vec<f32> {
     let mut chosen = Vec::with_capacity(steps.len());
     let mut known: Vec<f32> = Vec::new();
     let mut lambda = 0.0f32;
-    let off = |steps: &Steps, lambda: f32| (steps.filament - i64::from(prediction(steps.way, lambda))).abs();
-    let is_predicted = |steps: &Steps| steps.kind != WAY_NONE && steps.filament != 0;
+    let off = |steps: &Steps, lambda: f32| (steps.filament - i64::from(prediction(steps.path, lambda))).abs();
+    let is_predicted = |steps: &Steps| steps.kind != PATH_NONE && steps.filament != 0;
     for (index, next) in steps.iter().enumerate() {
         if !is_predicted(next) {
             chosen.push(lambda);
@@ -56,7 +56,7 @@ fn longest_run(steps: &[Steps], is_predicted: impl Fn(&Steps) -> bool) -> (usize
     let mut run = 0;
     let (mut low, mut high) = (f64::NEG_INFINITY, f64::INFINITY);
     for steps in steps.iter().filter(|steps| is_predicted(steps)).take(ENOUGH) {
-        let length = steps.way.iter().map(|&component| f64::from(component).powi(2)).sum::<f64>().sqrt();
+        let length = steps.path.iter().map(|&component| f64::from(component).powi(2)).sum::<f64>().sqrt();
         let (least, most) = ((steps.filament as f64 - 1.5) / length, (steps.filament as f64 + 1.5) / length);
         if least > high || most < low {
             break;

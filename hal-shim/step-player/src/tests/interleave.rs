@@ -6,28 +6,7 @@
 use std::cell::RefCell;
 use std::collections::VecDeque;
 
-thread_local! {
-    /// What happens at each access of the task to shared memory; taken out while it runs, for the interrupt's own
-    /// accesses are not interrupted.
-    static INTERRUPT: RefCell<Option<Box<dyn FnMut()>>> = const { RefCell::new(None) };
-}
-
-/// An access to shared memory.
-pub fn point() {
-    let interrupt = INTERRUPT.with(|interrupt| interrupt.borrow_mut().take());
-    if let Some(mut interrupt) = interrupt {
-        interrupt();
-        INTERRUPT.with(|place| *place.borrow_mut() = Some(interrupt));
-    }
-}
-
-/// Runs `task` with `interrupt` called at each of its accesses.
-fn interrupted<T>(interrupt: impl FnMut() + 'static, task: impl FnOnce() -> T) -> T {
-    INTERRUPT.with(|place| *place.borrow_mut() = Some(Box::new(interrupt)));
-    let result = task();
-    INTERRUPT.with(|place| *place.borrow_mut() = None);
-    result
-}
+use crate::interrupted_access::interrupted;
 
 /// All choices of how often the interrupt comes at each access, up to a number of interrupts in all: a depth-first walk
 /// over the tree of choices.

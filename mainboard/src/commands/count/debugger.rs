@@ -3,7 +3,7 @@
 //! The covered part of GDB's remote protocol ("Debugging with GDB", appendix E): packets `$TEXT#SUM`, each acknowledged
 //! by a `+`; the file calls `Fopen`, `Fread` and `Fclose` of its section on File-I/O; and breakpoints at the
 //! semihosting calls, where SYS_GET_CMDLINE (0x15) is answered, which the emulator lets fail. Files are opened for
-//! reading, by name, in one folder.
+//! reading, by name, in one folder. A further breakpoint, at the hard fault handler, ends a program that panicked or faulted.
 //!
 //! **Left out:** all other calls. They fail, as the protocol permits.
 
@@ -12,9 +12,10 @@ use std::io::{self, BufReader, Read, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::path::{Component, Path};
 
-/// Registers by their numbers in the protocol: operation and answer, parameter, next instruction.
+/// Registers by their numbers in the protocol: operation and answer, parameter, stack pointer, next instruction.
 const OPERATION: usize = 0;
 const PARAMETER: usize = 1;
+const STACK: usize = 13;
 const NEXT: usize = 15;
 
 /// Semihosting's call for the command line.
@@ -44,14 +45,36 @@ pub fn calls<'a>(segments: impl Iterator<Item = (u64, &'a [u8])>) -> Vec<u64> {
     calls.collect()
 }
 
+/// The place of the hard fault's vector in the vector table, and of the faulting instruction in the words that the core pushes
+/// (PM0214, 2.3.4 and 2.3.7).
+const HARD_FAULT_VECTOR: u64 = 3 * 4;
+const FAULTING_INSTRUCTION: usize = 6 * 4;
+
+/// The address of the hard fault handler of an image whose vector table is at `vectors`, if the image has one.
+pub fn hard_fault<'a>(vectors: u64, mut segments: impl Iterator<Item = (u64, &'a [u8])>) -> Option<u64> {
+    let vector = vectors + HARD_FAULT_VECTOR;
+    segments.find_map(|(start, bytes)| {
+        let place = usize::try_from(vector.checked_sub(start)?).ok()?;
+        let word = bytes.get(place..)?.first_chunk()?;
+        // Bit 0 says that it is Thumb code.
+        Some(u64::from(u32::from_le_bytes(*word) & !1))
+    })
+}
+
 /// Serves a program from its first instruction to its end. A program without arguments runs without breakpoints at its
 /// calls.
 ///
 /// # Errors
-/// The emulator closed the connection, or the program stopped outside its calls.
-pub fn serve(emulator: SocketAddr, folder: &Path, arguments: &str, calls: &[u64]) -> Result<(), String> {
+/// The emulator closed the connection, or the program reached its hard fault handler or stopped outside its calls.
+pub fn serve(
+    emulator: SocketAddr,
+    folder: &Path,
+    arguments: &str,
+    calls: &[u64],
+    hard_fault: u64,
+) -> Result<(), String> {
     let mut server = Server::connect(emulator).map_err(|error| format!("the debugger lost the emulator: {error}"))?;
-    server.serve(folder, arguments, calls).map_err(|error| format!("the debugger lost the emulator: {error}"))
+    server.serve(folder, arguments, calls, hard_fault).map_err(|error| format!("the debugger's side: {error}"))
 }
 
 struct Server {
@@ -68,9 +91,10 @@ impl Server {
         Ok(Self { out, incoming, files: Vec::new() })
     }
 
-    fn serve(&mut self, folder: &Path, arguments: &str, calls: &[u64]) -> io::Result<()> {
+    fn serve(&mut self, folder: &Path, arguments: &str, calls: &[u64], hard_fault: u64) -> io::Result<()> {
         self.ask("qSupported:swbreak+;hwbreak+")?;
         self.ask("?")?;
+        self.command(&format!("Z1,{hard_fault:x},2"))?;
         let calls = if arguments.is_empty() { &[] } else { calls };
         for call in calls {
             self.command(&format!("Z1,{call:x},2"))?;
@@ -86,7 +110,7 @@ impl Server {
                     self.send(&answer)?;
                 }
                 Some(b'S' | b'T') => {
-                    self.stopped(arguments, calls)?;
+                    self.stopped(arguments, calls, hard_fault)?;
                     self.send("c")?;
                 }
                 Some(b'W' | b'X') => return Ok(()),
@@ -138,9 +162,16 @@ impl Server {
     }
 
     /// Answers the call at which the program has stopped if it asks for the command line, which it does once.
-    fn stopped(&mut self, arguments: &str, calls: &[u64]) -> io::Result<()> {
-        let (operation, parameter) = (self.register(OPERATION)?, self.register(PARAMETER)? as usize);
+    fn stopped(&mut self, arguments: &str, calls: &[u64], hard_fault: u64) -> io::Result<()> {
         let place = self.register(NEXT)?;
+        if u64::from(place) == hard_fault {
+            let frame = self.register(STACK)? as usize;
+            let faulting = word(&self.read_memory(frame + FAULTING_INSTRUCTION, 4)?, 0);
+            return Err(io::Error::other(format!(
+                "the program panicked or faulted: a hard fault at {faulting:#010x}; its log says why if it panicked"
+            )));
+        }
+        let (operation, parameter) = (self.register(OPERATION)?, self.register(PARAMETER)? as usize);
         if !calls.contains(&u64::from(place)) {
             return Err(io::Error::other(format!(
                 "the program stopped at {place:#010x}, which is not a semihosting call"
@@ -155,11 +186,9 @@ impl Server {
         // The parameter block has two words: the buffer's address, and its size, which the answer replaces by the
         // length.
         let block = self.read_memory(parameter, 8)?;
-        let word =
-            |at: usize| block.get(at..at + 4).and_then(|bytes| bytes.try_into().ok()).map_or(0, u32::from_le_bytes);
-        let fits = arguments.len() < word(4) as usize;
+        let fits = arguments.len() < word(&block, 4) as usize;
         if fits {
-            self.write_memory(word(0) as usize, format!("{arguments}\0").as_bytes())?;
+            self.write_memory(word(&block, 0) as usize, format!("{arguments}\0").as_bytes())?;
             self.write_memory(parameter + 4, &(arguments.len() as u32).to_le_bytes())?;
         }
         self.set_register(OPERATION, if fits { 0 } else { u32::MAX })?;
@@ -232,6 +261,11 @@ impl Server {
 
 /// The first file handle; lower numbers belong to the console.
 const FIRST_HANDLE: usize = 3;
+
+/// The little-endian word at a place in memory that was read; 0 if it lies outside.
+fn word(memory: &[u8], at: usize) -> u32 {
+    memory.get(at..).and_then(<[u8]>::first_chunk).map_or(0, |bytes| u32::from_le_bytes(*bytes))
+}
 
 /// A text as a packet with its checksum.
 fn packet(text: &str) -> String {

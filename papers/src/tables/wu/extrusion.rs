@@ -5,7 +5,7 @@
 
 use crate::bresenham::{Classic, Slope, Uncounted};
 
-use super::super::{Cell, Curve, Figure, Style, Table};
+use crate::tables::chapter::{Cell, Curve, Figure, Style, Table};
 
 /// lambda of layers of 0.2 mm, lines of 0.45 mm, filament of 1.75 mm: 4 h b / (pi D^2).
 const LAMBDA: f64 = 4.0 * 0.2 * 0.45 / (std::f64::consts::PI * 1.75 * 1.75);
@@ -45,7 +45,7 @@ fn by_the_master(move_mm: f64) -> Steps {
     steps
 }
 
-/// How far from lambda s just before and just behind each step, in steps.
+/// How far from lambda s just before and just after each step, in steps.
 fn deviations(steps: &[f64]) -> impl Iterator<Item = (f64, f64)> {
     steps.iter().zip(0u32..).flat_map(|(&at_mm, made)| {
         let ideal = at_mm * STEPS_PER_PATH_MM;

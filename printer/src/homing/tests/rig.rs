@@ -10,10 +10,13 @@ use ferrostep_planner::{ChoiceError, Limits, MotionChoice, Move, Moved, Request}
 use ferrostep_tmc2209::{DriverReport, DriverSettings, DriverState, DriverStatus, SettingsError};
 
 use crate::heat::HeatFault;
+use crate::heat::HeaterStatus;
 use crate::machine::tests::profile;
-use crate::ports::{HeaterStatus, Heating, HomingOutcome, Motion, MotionError, MotorDrivers, Replies, Signals};
+use crate::motion_fault::{HomingOutcome, MotionError};
+use crate::ports::{Heating, Motion, MotorDrivers, Replies};
 use crate::printer::Printer;
 use crate::profile::{HomeEnd, Profile};
+use crate::signals::Signals;
 
 /// The size of each axis, mm.
 pub const SIZE_MM: i64 = 200;
@@ -168,10 +171,6 @@ impl Motion for RigMotion<'_> {
         self.0.events.borrow_mut().push(Event::Moved(mm(way), request.feed_mm_per_s));
         self.0.go(way);
         Ok(Moved::Queued)
-    }
-
-    fn refine_position(&mut self, _: [i64; 3]) -> bool {
-        unreachable!("no prepared jobs here")
     }
 
     async fn set_fan_power(&mut self, _: u8) -> Result<(), MotionError> {

@@ -54,7 +54,7 @@ fn the_order_of_a_machine_with_a_probe() {
         Event::Placed([HOME_AT[0], HOME_AT[1], RAISE]),
     ];
     assert_eq!(events[n - 4..], expected);
-    assert_eq!(printer.modal.machine_10nm, [units(HOME_AT[0]), units(HOME_AT[1]), units(RAISE)]);
+    assert_eq!(printer.interpreter.modal.machine_10nm, [units(HOME_AT[0]), units(HOME_AT[1]), units(RAISE)]);
     // Of a Z of which nothing is known: from the highest frame to half a millimetre below the trigger at 1 mm.
     assert_eq!(ways(&events, 2)[0], -REACH + 1.0 - PRESS);
     // From a height that is known nothing is raised, and Z alone homes there too.
@@ -96,7 +96,7 @@ fn z_is_raised_before_x_and_y() {
     };
     assert_eq!(raised(&mut printer, "G28 X"), RAISE);
     assert_eq!(raised(&mut printer, "G28 Y"), 0.0);
-    assert_eq!(printer.modal.machine_10nm[2], units(RAISE));
+    assert_eq!(printer.interpreter.modal.machine_10nm[2], units(RAISE));
     execute(&mut printer, "M84").unwrap();
     assert_eq!(raised(&mut printer, "G28 X"), RAISE);
     execute(&mut printer, "G28").unwrap();
@@ -178,7 +178,7 @@ fn approaches_that_disagree_twice_fail_with_the_numbers() {
     let outcome = execute(&mut printer, "G28 X");
     let failed = CommandError::HomingDisagrees { axis: 0, apart_10nm: Some(3 * MM), agree_10nm: MM / 2 };
     assert_eq!(outcome, refused(failed));
-    assert_eq!((printer.modal.homed[0], ways(&rig.take_events(), 0).len()), (false, 4));
+    assert_eq!((printer.interpreter.modal.homed[0], ways(&rig.take_events(), 0).len()), (false, 4));
     let texts = rig.last_texts();
     assert!(texts.iter().any(|text| text.contains("3.00 mm") && text.contains("at most 0.50 mm")), "{texts:?}");
 }
@@ -212,10 +212,10 @@ fn motors_without_current_may_have_been_turned() {
         let rig = Rig::new(|profile| profile.kinematics = kinematics);
         let mut printer = rig.printer();
         execute(&mut printer, "G28").unwrap();
-        assert_eq!(printer.modal.z.trigger_10nm, Some(0));
+        assert_eq!(printer.interpreter.modal.z.trigger_10nm, Some(0));
         execute(&mut printer, off).unwrap();
-        assert_eq!(printer.modal.homed, homed, "{off}");
-        assert_eq!(printer.modal.z.trigger_10nm.is_some(), homed[2], "{off}");
+        assert_eq!(printer.interpreter.modal.homed, homed, "{off}");
+        assert_eq!(printer.interpreter.modal.z.trigger_10nm.is_some(), homed[2], "{off}");
     }
 }
 

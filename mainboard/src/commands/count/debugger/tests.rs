@@ -21,13 +21,17 @@ fn conversation(lines: &'static [(&'static str, &'static str)], folder: &Path, a
                 stream.write_all(format!("+{}", packet(answer)).as_bytes()).unwrap();
             }
         });
-        let served = serve(address, folder, arguments, &[0x0800_0010, 0x0800_0020]);
+        let served = serve(address, folder, arguments, &[0x0800_0010, 0x0800_0020], HARD_FAULT);
         emulator.join().unwrap();
         served
     })
 }
 
 const HELLO: (&str, &str) = ("qSupported:swbreak+;hwbreak+", "PacketSize=1000");
+
+/// The address of the hard fault handler, and the breakpoint there.
+const HARD_FAULT: u64 = 0x0800_0100;
+const AT_HARD_FAULT: (&str, &str) = ("Z1,8000100,2", "OK");
 
 #[test]
 fn a_packet_ends_with_its_checksum() {
@@ -42,6 +46,7 @@ fn a_file_is_opened_and_read() {
     let lines = &[
         HELLO,
         ("?", "S05"),
+        AT_HARD_FAULT,
         ("c", "Fopen,20000000/2,0,1a4"),
         ("m20000000,1", "61"),
         ("F3", "Fread,3,20000100,10"),
@@ -57,7 +62,14 @@ fn a_file_is_opened_and_read() {
 
 #[test]
 fn files_outside_the_folder_cannot_be_opened() {
-    let lines = &[HELLO, ("?", "S05"), ("c", "Fopen,20000000/4,0,1a4"), ("m20000000,3", "2e2e2f"), ("F-1,2", "W00")];
+    let lines = &[
+        HELLO,
+        ("?", "S05"),
+        AT_HARD_FAULT,
+        ("c", "Fopen,20000000/4,0,1a4"),
+        ("m20000000,3", "2e2e2f"),
+        ("F-1,2", "W00"),
+    ];
     assert_eq!(conversation(lines, Path::new("/tmp"), ""), Ok(()));
 }
 
@@ -66,17 +78,18 @@ fn the_command_line_reaches_the_program() {
     let lines = &[
         HELLO,
         ("?", "S05"),
+        AT_HARD_FAULT,
         ("Z1,8000010,2", "OK"),
         ("Z1,8000020,2", "OK"),
         // Another call, which the emulator handles.
         ("c", "T05hwbreak:;"),
+        ("pf", "20000008"),
         ("p0", "05000000"),
         ("p1", "00010020"),
-        ("pf", "20000008"),
         ("c", "T05hwbreak:;"),
+        ("pf", "10000008"),
         ("p0", "15000000"),
         ("p1", "00010020"),
-        ("pf", "10000008"),
         ("z1,8000010,2", "OK"),
         ("z1,8000020,2", "OK"),
         ("m20000100,8", "0002002050000000"),
@@ -91,9 +104,32 @@ fn the_command_line_reaches_the_program() {
 
 #[test]
 fn a_stop_outside_the_calls_is_an_error() {
-    let lines = &[HELLO, ("?", "S05"), ("c", "S05"), ("p0", "07000000"), ("p1", "00000000"), ("pf", "40000008")];
+    let lines =
+        &[HELLO, ("?", "S05"), AT_HARD_FAULT, ("c", "S05"), ("pf", "40000008"), ("p0", "07000000"), ("p1", "00000000")];
     let error = conversation(lines, Path::new("."), "").unwrap_err();
     assert!(error.contains("0x08000040"), "{error}");
+}
+
+#[test]
+fn a_hard_fault_is_an_error_with_its_place() {
+    let lines = &[
+        HELLO,
+        ("?", "S05"),
+        AT_HARD_FAULT,
+        ("c", "T05hwbreak:;"),
+        ("pf", "00010008"),
+        ("pd", "00100020"),
+        ("m20001018,4", "34120008"),
+    ];
+    let error = conversation(lines, Path::new("."), "").unwrap_err();
+    assert!(error.contains("a hard fault at 0x08001234"), "{error}");
+}
+
+#[test]
+fn the_hard_fault_handler_is_the_fourth_vector() {
+    let table: &[u8] = &[0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 0x35, 0x12, 0, 8];
+    assert_eq!(hard_fault(0x0800_8000, [(0x0800_8000, table)].into_iter()), Some(0x0800_1234));
+    assert_eq!(hard_fault(0x0800_8000, [(0x0800_7ffc, table), (0x0800_8000, &table[..15])].into_iter()), None);
 }
 
 #[test]

@@ -1,0 +1,114 @@
+//! What the firmware says without being asked.
+
+use ferrostep_gcode::Reply;
+use ferrostep_hal_shim::Heater;
+use ferrostep_printer::{HeaterTimeout, Heating, Replies, Signals, temperatures};
+use rtic::Mutex;
+
+use crate::heat::{self, Heat};
+use crate::host_line::{self, Writers};
+use crate::ports::{BoardHeating, BoardMachine, BoardReplies, Overload};
+use crate::timing;
+
+/// Looks at the machine now and then, and reports to all hosts.
+pub struct Reports<'a, M, H, W> {
+    machine: M,
+    heating: BoardHeating<H>,
+    replies: BoardReplies<W>,
+    signals: &'a Signals,
+    heater_timeout: HeaterTimeout,
+    /// As it was last reported.
+    overload: Overload,
+    /// When temperatures, the card's progress and times were last reported, ms.
+    temperatures_ms: u32,
+    card_ms: u32,
+    log_ms: u32,
+}
+
+impl<'a, M, H, W> Reports<'a, M, H, W>
+where
+    M: Mutex<T = &'static mut BoardMachine>,
+    H: Mutex<T = Heat>,
+    W: Mutex<T = Writers>,
+{
+    /// Nothing has been reported yet.
+    pub fn new(machine: M, heating: BoardHeating<H>, replies: BoardReplies<W>, signals: &'a Signals) -> Self {
+        Self {
+            machine,
+            heating,
+            replies,
+            signals,
+            heater_timeout: HeaterTimeout::new(),
+            overload: Overload::default(),
+            temperatures_ms: 0,
+            card_ms: 0,
+            log_ms: 0,
+        }
+    }
+
+    /// The machine has been halted: switches the motors off and tells the hosts.
+    pub fn halted(&mut self) {
+        // A command at work has switched them off already; without one it is done here. Whether the machine is still halted
+        // must not change in between: after M999 the motors are needed.
+        self.machine.lock(|machine| {
+            if self.signals.is_halted() {
+                machine.switch_motors_off();
+            }
+        });
+        self.replies.halted(self.heating.fault());
+    }
+
+    /// Reports what is due at this time: lost bytes, how hosts pack their bytes (MeatPack), rest, the card's progress (M27 S),
+    /// temperatures (M155), overload; to the log, times (M798).
+    pub fn look(&mut self, now_ms: u32) {
+        self.replies.line_troubles(host_line::take_troubles());
+        self.replies.packing();
+        self.rest(now_ms);
+        if is_due(&mut self.card_ms, self.signals.card_report_interval_s(), now_ms)
+            && let Some((position, size)) = self.signals.card_progress()
+        {
+            self.replies.say(format_args!("SD printing byte {position}/{size}"));
+        }
+        if heat::EQUIPMENT.heaters && is_due(&mut self.temperatures_ms, self.signals.report_interval_s(), now_ms) {
+            self.replies.send(Reply::Temperatures(temperatures(&self.heating)));
+        }
+        if now_ms.wrapping_sub(self.log_ms) >= timing::LOG_INTERVAL_MS {
+            self.log_ms = now_ms;
+            timing::log();
+            let overload = self.machine.lock(|machine| Overload::of(&machine.figures()));
+            if overload != core::mem::replace(&mut self.overload, overload) {
+                self.replies.overload(overload);
+            }
+        }
+    }
+
+    /// Switches off what has not been used for long: motors (M84 S), heaters (M86).
+    fn rest(&mut self, now_ms: u32) {
+        let keeps_heat = Heater::ALL.into_iter().any(|heater| self.heating.status(heater).target_celsius > 0.0);
+        let signals = self.signals;
+        let (is_off, is_idle) = self.machine.lock(|machine| {
+            // Within the lock: the command side cannot begin in between.
+            let timeout_s = Some(signals.idle_timeout_s()).filter(|s| *s > 0 && !keeps_heat && !signals.is_at_work());
+            let is_off = machine.rest(now_ms, timeout_s.map(|seconds| seconds.saturating_mul(1000)));
+            (is_off, machine.is_idle())
+        });
+        let is_used = signals.take_host_spoken() || !is_idle;
+        let rest = self.heater_timeout.look(now_ms, is_used, keeps_heat, signals.heater_timeout_s());
+        if let Some(rest) = &rest {
+            self.heating.follow(rest, signals, &self.replies);
+        }
+        if is_off {
+            self.replies.send(Reply::Text("echo:motors switched off after a rest (M84 S), home before the next move"));
+        }
+    }
+}
+
+/// Whether a report is due that is repeated every `interval_s`; never if that is 0. Notes when.
+fn is_due(last_ms: &mut u32, interval_s: impl Into<u32>, now_ms: u32) -> bool {
+    let interval_ms = interval_s.into() * 1000;
+    let is_due = interval_ms > 0 && now_ms.wrapping_sub(*last_ms) >= interval_ms;
+    if is_due {
+        *last_ms = now_ms;
+    }
+    is_due
+}

@@ -1,0 +1,317 @@
+//! What the printer and the card's task exchange: requests and answers, blocks that are read ahead or wait to be written.
+//!
+//! The printer never waits for the card within a call: it asks, and looks later.
+
+use ferrostep_hal_shim::card::Block;
+
+use crate::failure::CardFailure;
+use crate::listing::{ListOptions, LongPath, Page, ShortPath};
+
+/// What the printer wants of the card's task.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Request {
+    /// Start the card and look for its volume.
+    Mount,
+    /// Forget the volume, so that the card can be pulled out.
+    Release,
+    /// The first page of the list of files, and those that follow.
+    List(ListOptions, ListFrom),
+    /// Open a file to be printed; whatever was open is closed.
+    Open(LongPath),
+    /// Go on with the file that could not be read any more.
+    Reopen,
+    /// Read on from this byte.
+    Seek(u32),
+    /// Close the file.
+    Close,
+    /// Create a file to be written, in place of one that has its name.
+    Create(LongPath),
+    /// Write what waits and close the file.
+    Finish,
+    /// Delete a file.
+    Delete(LongPath),
+    /// The path's long names.
+    LongPath(LongPath),
+}
+
+/// Which page of a list.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ListFrom {
+    /// The first.
+    Start,
+    /// The one after the last that was asked for.
+    Next,
+}
+
+/// The file that was opened last to be printed.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct OpenedFile {
+    /// Path of short names, with a slash before each.
+    pub short: ShortPath,
+    /// Path of long names.
+    pub long: LongPath,
+    /// Length, bytes.
+    pub size: u32,
+}
+
+/// What the card's task has done.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Answer {
+    /// It is done.
+    Done,
+    /// The mailbox has a page of the list, or the path of long names; whether more pages follow.
+    Page {
+        /// There are more.
+        more: bool,
+    },
+}
+
+/// What the printer gets of the file that is read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Taken {
+    /// So many bytes.
+    Bytes(usize),
+    /// The card's task is at work.
+    Wait,
+    /// The file has ended.
+    End,
+    /// It could not be read on. What was read before has been taken.
+    Failed(CardFailure),
+}
+
+/// What became of bytes to be written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Put {
+    /// So many were taken.
+    Bytes(usize),
+    /// The card's task is at work.
+    Wait,
+    /// An earlier one could not be written.
+    Failed(CardFailure),
+}
+
+/// The file that is open, as far as the mailbox knows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Stream {
+    /// None.
+    Closed,
+    /// Blocks are read ahead.
+    Reading,
+    /// All was read.
+    Ended,
+    /// Blocks that are full are written.
+    Writing,
+    /// The card has failed.
+    Failed(CardFailure),
+}
+
+/// A block and how much of it is in use.
+#[derive(Clone, Debug)]
+struct Buffer {
+    bytes: [u8; Block::LEN],
+    filled: usize,
+    taken: usize,
+}
+
+impl Buffer {
+    const EMPTY: Self = Self { bytes: [0; Block::LEN], filled: 0, taken: 0 };
+
+    fn clear(&mut self) {
+        (self.filled, self.taken) = (0, 0);
+    }
+}
+
+/// The mailbox.
+#[derive(Debug)]
+pub struct Mailbox {
+    request: Option<Request>,
+    answer: Option<Result<Answer, CardFailure>>,
+    page: Page,
+    opened: Option<OpenedFile>,
+    stream: Stream,
+    /// The one that is used now, then the other.
+    buffers: [Buffer; 2],
+    /// Place in the file of the next byte to be taken or put.
+    position: u32,
+}
+
+impl Default for Mailbox {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Mailbox {
+    /// An empty mailbox.
+    pub const fn new() -> Self {
+        Self {
+            request: None,
+            answer: None,
+            page: Page::new(),
+            opened: None,
+            stream: Stream::Closed,
+            buffers: [Buffer::EMPTY; 2],
+            position: 0,
+        }
+    }
+
+    /// Asks the card's task, which has answered everything before.
+    pub fn ask(&mut self, request: Request) {
+        (self.request, self.answer) = (Some(request), None);
+    }
+
+    /// The answer, once it is there.
+    pub fn take_answer(&mut self) -> Option<Result<Answer, CardFailure>> {
+        self.answer.take()
+    }
+
+    /// The file that was opened last to be printed, until another one is or it is closed.
+    pub fn opened(&self) -> Option<&OpenedFile> {
+        self.opened.as_ref()
+    }
+
+    pub(crate) fn set_opened(&mut self, opened: Option<OpenedFile>) {
+        self.opened = opened;
+    }
+
+    /// The page of the list that was asked for last, or the path of long names.
+    pub fn page(&self) -> &str {
+        &self.page
+    }
+
+    /// Place in the file of the next byte that [`Self::take`] gives.
+    pub fn position(&self) -> u32 {
+        self.position
+    }
+
+    /// Takes bytes of the file that is read, in order.
+    pub fn take(&mut self, out: &mut [u8]) -> Taken {
+        let [first, second] = &mut self.buffers;
+        let rest = first.bytes.get(first.taken..first.filled).unwrap_or_default();
+        if rest.is_empty() {
+            return match self.stream {
+                Stream::Reading => Taken::Wait,
+                Stream::Ended => Taken::End,
+                Stream::Failed(failure) => Taken::Failed(failure),
+                Stream::Closed | Stream::Writing => Taken::Failed(CardFailure::NoFile),
+            };
+        }
+        let length = rest.len().min(out.len());
+        out.iter_mut().zip(rest).for_each(|(out, byte)| *out = *byte);
+        first.taken += length;
+        self.position = self.position.saturating_add(length as u32);
+        if first.taken == first.filled {
+            first.clear();
+            core::mem::swap(first, second);
+        }
+        Taken::Bytes(length)
+    }
+
+    /// Hands over bytes of the file that is written.
+    pub fn put(&mut self, bytes: &[u8]) -> Put {
+        match self.stream {
+            Stream::Writing => {}
+            Stream::Failed(failure) => return Put::Failed(failure),
+            Stream::Closed | Stream::Reading | Stream::Ended => return Put::Failed(CardFailure::NoFile),
+        }
+        let [first, second] = &mut self.buffers;
+        let buffer = if first.filled < Block::LEN { first } else { second };
+        let room = buffer.bytes.get_mut(buffer.filled..).unwrap_or_default();
+        let length = room.len().min(bytes.len());
+        if length == 0 && !bytes.is_empty() {
+            return Put::Wait;
+        }
+        room.iter_mut().zip(bytes).for_each(|(place, byte)| *place = *byte);
+        buffer.filled += length;
+        self.position = self.position.saturating_add(length as u32);
+        Put::Bytes(length)
+    }
+
+    /// Whether the card's task has something to do.
+    pub fn has_work(&self) -> bool {
+        self.request.is_some() || self.wants_block() || self.is_block_full()
+    }
+
+    pub(crate) fn take_request(&mut self) -> Option<Request> {
+        self.request.take()
+    }
+
+    pub(crate) fn answer(&mut self, answer: Result<Answer, CardFailure>) {
+        self.answer = Some(answer);
+    }
+
+    pub(crate) fn page_mut(&mut self) -> &mut Page {
+        &mut self.page
+    }
+
+    /// Begins with a file from a place on, with nothing read or written.
+    pub(crate) fn begin(&mut self, stream: Stream, position: u32) {
+        self.buffers.iter_mut().for_each(Buffer::clear);
+        (self.stream, self.position) = (stream, position);
+    }
+
+    /// Goes on with the file after what was read.
+    pub(crate) fn go_on(&mut self) {
+        self.stream = Stream::Reading;
+    }
+
+    /// Whether there is room for a block that is read.
+    pub(crate) fn wants_block(&self) -> bool {
+        self.stream == Stream::Reading && self.buffers.iter().any(|buffer| buffer.filled == 0)
+    }
+
+    /// Takes over what was read; an empty block is the end.
+    pub(crate) fn fill(&mut self, block: &[u8]) {
+        if self.stream != Stream::Reading {
+            return;
+        }
+        if block.is_empty() {
+            self.stream = Stream::Ended;
+        }
+        if let Some(buffer) = self.buffers.iter_mut().find(|buffer| buffer.filled == 0) {
+            buffer.bytes.iter_mut().zip(block).for_each(|(place, byte)| *place = *byte);
+            (buffer.filled, buffer.taken) = (block.len().min(Block::LEN), 0);
+        }
+    }
+
+    /// The card has failed; what was read stays.
+    pub(crate) fn fail(&mut self, failure: CardFailure) {
+        self.stream = Stream::Failed(failure);
+    }
+
+    fn is_block_full(&self) -> bool {
+        let [first, _] = &self.buffers;
+        self.stream == Stream::Writing && first.filled == Block::LEN
+    }
+
+    /// Copies the block that is to be written next; how much of it there is. `all`: also one that is not full.
+    pub(crate) fn take_block(&mut self, out: &mut [u8; Block::LEN], all: bool) -> usize {
+        let [first, second] = &mut self.buffers;
+        if self.stream != Stream::Writing || first.filled < if all { 1 } else { Block::LEN } {
+            return 0;
+        }
+        *out = first.bytes;
+        let length = first.filled;
+        first.clear();
+        core::mem::swap(first, second);
+        length
+    }
+}
+
+/// How the printer comes to the mailbox.
+pub trait CardPort {
+    /// Calls `act` with the mailbox. The card's task goes on in between.
+    fn with(&self, act: &mut dyn FnMut(&mut Mailbox));
+}
+
+/// How the card's task comes to the mailbox.
+pub trait SharedMailbox {
+    /// Calls `act` with the mailbox.
+    fn with<T>(&mut self, act: impl FnOnce(&mut Mailbox) -> T) -> T;
+}
+
+impl SharedMailbox for Mailbox {
+    fn with<T>(&mut self, act: impl FnOnce(&mut Mailbox) -> T) -> T {
+        act(self)
+    }
+}

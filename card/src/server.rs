@@ -1,0 +1,324 @@
+//! The card's task: does what the mailbox asks, reads ahead, writes what waits.
+
+use embedded_sdmmc::{Mode, RawFile};
+use ferrostep_hal_shim::card::{Block, CardSlot};
+
+use crate::failure::CardFailure;
+use crate::guard::{Guard, Purpose};
+use crate::listing::{Cursor, LongPath, Page, fill_page, resolve};
+use crate::mailbox::{Answer, ListFrom, Mailbox, OpenedFile, Request, SharedMailbox, Stream};
+use crate::source::{Source, open};
+use crate::tables::{first_cluster, free_chain};
+use crate::volume::{Manager, Mounted, NoClock, close, find, mount, open_folder, split_file};
+
+/// embedded-sdmmc counts its handles from here.
+const FIRST_HANDLE: u32 = 1;
+/// A block that cannot be read is tried again so often, with the card started anew.
+const RETRIES: u32 = 2;
+
+/// What is open.
+#[derive(Debug)]
+enum Open {
+    Nothing,
+    Reading(RawFile, Source),
+    /// The card has failed while this was read.
+    Lost(Source),
+    Writing(RawFile),
+}
+
+/// Serves a slot.
+pub struct CardServer<S: CardSlot> {
+    manager: Manager<S>,
+    mounted: Option<Mounted>,
+    open: Open,
+    /// Where the list goes on.
+    cursor: Cursor,
+}
+
+impl<S: CardSlot> CardServer<S> {
+    /// Of a slot with whatever is in it, not mounted yet.
+    pub fn new(slot: S) -> Self {
+        let manager = Manager::new_with_limits(Guard::new(slot), NoClock, FIRST_HANDLE);
+        Self { manager, mounted: None, open: Open::Nothing, cursor: Cursor::new() }
+    }
+
+    /// Calls `act` with the slot.
+    pub fn with_slot<T>(&self, act: impl FnOnce(&S) -> T) -> T {
+        self.manager.device(|guard| act(guard.slot()))
+    }
+
+    /// Does one thing that the mailbox waits for; `false` where there is nothing to do.
+    pub fn serve(&mut self, mailbox: &mut impl SharedMailbox) -> bool {
+        if let Some(request) = mailbox.with(Mailbox::take_request) {
+            let answer = self.fulfil(request, mailbox);
+            mailbox.with(|mailbox| mailbox.answer(answer));
+            return true;
+        }
+        self.read_ahead(mailbox) || self.write_behind(mailbox, false).unwrap_or(true)
+    }
+
+    /// The volume, and a budget for a task with it.
+    fn mounted(&mut self) -> Result<Mounted, CardFailure> {
+        let mounted = self.mounted.ok_or(CardFailure::NotMounted)?;
+        self.manager.device(|guard| guard.begin(Purpose::Folders, mounted.budget()));
+        Ok(mounted)
+    }
+
+    fn fulfil(&mut self, request: Request, mailbox: &mut impl SharedMailbox) -> Result<Answer, CardFailure> {
+        match request {
+            Request::Mount => {
+                self.forget();
+                self.mounted = Some(mount(&self.manager)?);
+                Ok(Answer::Done)
+            }
+            Request::Release => {
+                let finished = self.finish(mailbox);
+                self.forget();
+                self.open = Open::Nothing;
+                mailbox.with(|mailbox| mailbox.begin(Stream::Closed, 0));
+                finished
+            }
+            Request::List(options, from) => {
+                if from == ListFrom::Start {
+                    self.cursor = Cursor::new();
+                }
+                let mounted = self.mounted()?;
+                let mut page = Page::new();
+                let more = fill_page(&self.manager, &mounted, &mut self.cursor, options, &mut page)?;
+                mailbox.with(|mailbox| mailbox.page_mut().clone_from(&page));
+                Ok(Answer::Page { more })
+            }
+            Request::Open(path) => {
+                self.close(mailbox);
+                let mounted = self.mounted()?;
+                let (short, long) = resolve(&self.manager, &mounted, &path)?;
+                let (file, size) = open(&self.manager, &mounted, &short)?;
+                self.open = Open::Reading(file, Source::new(short.clone(), size));
+                mailbox.with(|mailbox| {
+                    mailbox.begin(Stream::Reading, 0);
+                    mailbox.set_opened(Some(OpenedFile { short, long, size }));
+                });
+                Ok(Answer::Done)
+            }
+            Request::Reopen => self.reopen(mailbox),
+            Request::Seek(offset) => {
+                let (Open::Reading(_, source) | Open::Lost(source)) = &mut self.open else {
+                    return Err(CardFailure::NoFile);
+                };
+                source.seek(offset)?;
+                let is_lost = matches!(self.open, Open::Lost(_));
+                mailbox.with(|mailbox| {
+                    mailbox.begin(Stream::Reading, offset);
+                    if is_lost {
+                        mailbox.fail(CardFailure::NotMounted);
+                    }
+                });
+                Ok(Answer::Done)
+            }
+            Request::Close => {
+                self.close(mailbox);
+                Ok(Answer::Done)
+            }
+            Request::Create(path) => {
+                self.close(mailbox);
+                let file = self.create(&path)?;
+                self.open = Open::Writing(file);
+                mailbox.with(|mailbox| mailbox.begin(Stream::Writing, 0));
+                Ok(Answer::Done)
+            }
+            Request::Finish => self.finish(mailbox),
+            Request::Delete(path) => {
+                self.delete(&path)?;
+                Ok(Answer::Done)
+            }
+            Request::LongPath(path) => {
+                let mounted = self.mounted()?;
+                let (_, long) = resolve(&self.manager, &mounted, &path)?;
+                mailbox.with(|mailbox| {
+                    let page = mailbox.page_mut();
+                    page.clear();
+                    // A page is longer than any path.
+                    let _ = page.push_str(&long);
+                });
+                Ok(Answer::Page { more: false })
+            }
+        }
+    }
+
+    /// Reads a block of the open file, if there is room for one.
+    fn read_ahead(&mut self, mailbox: &mut impl SharedMailbox) -> bool {
+        let Open::Reading(file, source) = &mut self.open else { return false };
+        if !mailbox.with(|mailbox| mailbox.wants_block()) {
+            return false;
+        }
+        let Some(mounted) = self.mounted else { return false };
+        let mut block = [0; Block::LEN];
+        self.manager.device(|guard| guard.begin(Purpose::Data, mounted.budget()));
+        let mut outcome = source.read(&self.manager, *file, &mut block);
+        for _ in 0..RETRIES {
+            // The same card, put in again, would have to be looked at first: it may hold another file.
+            let may_retry = outcome.is_err() && self.manager.device(|guard| guard.slot().is_still_started());
+            if may_retry {
+                self.manager.device(|guard| guard.begin(Purpose::Data, mounted.budget()));
+                outcome = source.read(&self.manager, *file, &mut block);
+            }
+        }
+        match outcome {
+            Ok(length) => {
+                let bytes = block.get(..length).unwrap_or_default();
+                mailbox.with(|mailbox| mailbox.fill(bytes));
+            }
+            Err(failure) => {
+                self.forget();
+                mailbox.with(|mailbox| mailbox.fail(failure));
+            }
+        }
+        true
+    }
+
+    /// Writes a block; with `all` also one that is not full. Whether there was one.
+    fn write_behind(&mut self, mailbox: &mut impl SharedMailbox, all: bool) -> Result<bool, CardFailure> {
+        let Open::Writing(file) = self.open else { return Ok(false) };
+        let mut block = [0; Block::LEN];
+        let length = mailbox.with(|mailbox| mailbox.take_block(&mut block, all));
+        if length == 0 {
+            return Ok(false);
+        }
+        let mounted = self.mounted()?;
+        self.manager.device(|guard| guard.begin(Purpose::Data, mounted.budget()));
+        let written = self.manager.write(file, block.get(..length).unwrap_or_default());
+        let Err(error) = written else { return Ok(true) };
+        let is_full = self.manager.device(|guard| guard.take_passed_end())
+            || CardFailure::from(error.clone()) == CardFailure::Full;
+        let failure = if is_full { CardFailure::Full } else { error.into() };
+        if is_full {
+            // What was written keeps its clusters, until the file is deleted.
+            let _ = self.close_written();
+        } else {
+            self.give_up();
+        }
+        mailbox.with(|mailbox| mailbox.fail(failure));
+        Err(failure)
+    }
+
+    /// Writes what waits and closes the file.
+    fn finish(&mut self, mailbox: &mut impl SharedMailbox) -> Result<Answer, CardFailure> {
+        while self.write_behind(mailbox, true)? {}
+        if matches!(self.open, Open::Writing(_)) {
+            mailbox.with(|mailbox| mailbox.begin(Stream::Closed, 0));
+        }
+        self.close_written()?;
+        Ok(Answer::Done)
+    }
+
+    /// Closes the file that is written.
+    fn close_written(&mut self) -> Result<(), CardFailure> {
+        let Open::Writing(file) = self.open else { return Ok(()) };
+        self.open = Open::Nothing;
+        let mounted = self.mounted()?;
+        self.manager.device(|guard| guard.begin(Purpose::Folders, mounted.budget()));
+        Ok(self.manager.close_file(file)?)
+    }
+
+    /// Closes whatever is open.
+    fn close(&mut self, mailbox: &mut impl SharedMailbox) {
+        // Of a file that is given up nothing more is said.
+        let _ = self.finish(mailbox);
+        if let Open::Reading(file, _) = core::mem::replace(&mut self.open, Open::Nothing) {
+            let _ = self.manager.close_file(file);
+        }
+        mailbox.with(|mailbox| {
+            mailbox.begin(Stream::Closed, 0);
+            mailbox.set_opened(None);
+        });
+    }
+
+    /// A file that could not be written is left as it is.
+    fn give_up(&mut self) {
+        if let Open::Writing(file) = self.open {
+            self.open = Open::Nothing;
+            // Without a budget nothing is written, least of all to another card.
+            self.manager.device(|guard| guard.begin(Purpose::Data, 0));
+            let _ = self.manager.close_file(file);
+        }
+    }
+
+    /// Forgets the volume without writing to it; a file that was read can be opened again.
+    fn forget(&mut self) {
+        self.give_up();
+        self.manager.device(|guard| guard.begin(Purpose::Data, 0));
+        self.open = match core::mem::replace(&mut self.open, Open::Nothing) {
+            Open::Reading(file, source) => {
+                let _ = self.manager.close_file(file);
+                Open::Lost(source)
+            }
+            other => other,
+        };
+        if let Some(mounted) = self.mounted.take() {
+            let _ = self.manager.close_volume(mounted.volume);
+        }
+    }
+
+    fn reopen(&mut self, mailbox: &mut impl SharedMailbox) -> Result<Answer, CardFailure> {
+        let Open::Lost(source) = &self.open else {
+            // It was never lost.
+            return if matches!(self.open, Open::Reading(..)) { Ok(Answer::Done) } else { Err(CardFailure::NoFile) };
+        };
+        let source = source.clone();
+        if self.mounted.is_none() {
+            self.mounted = Some(mount(&self.manager)?);
+        }
+        let mounted = self.mounted()?;
+        let file = source.reopen(&self.manager, &mounted)?;
+        self.open = Open::Reading(file, source);
+        mailbox.with(Mailbox::go_on);
+        Ok(Answer::Done)
+    }
+
+    fn create(&mut self, path: &LongPath) -> Result<RawFile, CardFailure> {
+        match self.delete(path) {
+            Ok(()) | Err(CardFailure::NotFound) => {}
+            Err(failure) => return Err(failure),
+        }
+        let mounted = self.mounted()?;
+        let (parent, name) = split_file(path);
+        let folder = open_folder(&self.manager, &mounted, parent)?;
+        self.manager.device(|guard| guard.set_purpose(Purpose::Folders));
+        let created = if is_short_name(name) {
+            self.manager.open_file_in_dir(folder, name, Mode::ReadWriteCreate).map_err(CardFailure::from)
+        } else {
+            Err(CardFailure::BadName)
+        };
+        close(&self.manager, folder);
+        created
+    }
+
+    fn delete(&mut self, path: &LongPath) -> Result<(), CardFailure> {
+        let mounted = self.mounted()?;
+        let (parent, name) = split_file(path);
+        let folder = open_folder(&self.manager, &mounted, parent)?;
+        let deleted = find(&self.manager, folder, name).and_then(|entry| {
+            if entry.attributes.is_directory() {
+                return Err(CardFailure::IsFolder);
+            }
+            if entry.attributes.is_read_only() {
+                return Err(CardFailure::ReadOnly);
+            }
+            let manager = &self.manager;
+            let first =
+                manager.device(|guard| first_cluster(guard, &mounted, entry.entry_block, entry.entry_offset))?;
+            manager.delete_entry_in_dir(folder, entry.name)?;
+            manager.device(|guard| {
+                guard.set_purpose(Purpose::Data);
+                free_chain(guard, &mounted, first)
+            })
+        });
+        close(&self.manager, folder);
+        deleted
+    }
+}
+
+/// Whether a file can be created under this name: embedded-sdmmc writes no long ones.
+fn is_short_name(name: &str) -> bool {
+    !name.starts_with('.') && !name.ends_with('.') && name.is_ascii()
+}

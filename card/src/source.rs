@@ -1,0 +1,131 @@
+//! The file that is printed: read block by block, and found again after its card was pulled out.
+
+use crc::{CRC_32_ISO_HDLC, Crc};
+use embedded_sdmmc::{Mode, RawFile};
+use ferrostep_hal_shim::card::{Block, CardError, CardSlot};
+
+use crate::failure::CardFailure;
+use crate::guard::Purpose;
+use crate::listing::ShortPath;
+use crate::volume::{Manager, Mounted, close, find, open_folder, split_file};
+
+/// As in gzip.
+const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
+const BLOCK_BYTES: u32 = Block::LEN_U32;
+
+/// By what a file is known again: its path, its length, what was read of it first and last.
+#[derive(Clone, Debug)]
+pub struct Source {
+    path: ShortPath,
+    size: u32,
+    /// Where the next block is read.
+    offset: u32,
+    first_crc: Option<u32>,
+    /// The block before `offset`, and its CRC.
+    last: Option<(u32, u32)>,
+}
+
+impl Source {
+    /// A file at its beginning.
+    pub fn new(path: ShortPath, size: u32) -> Self {
+        Self { path, size, offset: 0, first_crc: None, last: None }
+    }
+
+    /// Reads the next block, up to the next whole one; how much that was, 0 at the end.
+    ///
+    /// # Errors
+    /// The card cannot be read; nothing has changed.
+    pub fn read<S: CardSlot>(
+        &mut self,
+        manager: &Manager<S>,
+        file: RawFile,
+        out: &mut [u8; Block::LEN],
+    ) -> Result<usize, CardFailure> {
+        let start = self.offset - self.offset % BLOCK_BYTES;
+        let whole = read_block(manager, file, start, out)?;
+        let crc = CRC.checksum(out.get(..whole).unwrap_or_default());
+        if start == 0 {
+            self.first_crc = Some(crc);
+        }
+        if whole > 0 {
+            self.last = Some((start, crc));
+        }
+        // From the middle of a block on, after M26.
+        let skipped = (self.offset - start) as usize;
+        out.copy_within(skipped.min(whole)..whole, 0);
+        let length = whole.saturating_sub(skipped);
+        self.offset = self.offset.saturating_add(length as u32);
+        Ok(length)
+    }
+
+    /// Reads on from here.
+    ///
+    /// # Errors
+    /// It is beyond the end.
+    pub fn seek(&mut self, offset: u32) -> Result<(), CardFailure> {
+        if offset > self.size {
+            return Err(CardFailure::NotFound);
+        }
+        self.offset = offset;
+        Ok(())
+    }
+
+    /// Opens the file again, on what may be another card.
+    ///
+    /// # Errors
+    /// It is missing or another one, or the card cannot be read.
+    pub fn reopen<S: CardSlot>(&self, manager: &Manager<S>, mounted: &Mounted) -> Result<RawFile, CardFailure> {
+        let (file, size) = open(manager, mounted, &self.path)?;
+        let checked = if size == self.size { self.check(manager, file) } else { Err(CardFailure::OtherFile) };
+        if checked.is_err() {
+            let _ = manager.close_file(file);
+        }
+        checked.map(|()| file)
+    }
+
+    fn check<S: CardSlot>(&self, manager: &Manager<S>, file: RawFile) -> Result<(), CardFailure> {
+        let mut block = [0; Block::LEN];
+        for (start, crc) in self.first_crc.map(|crc| (0, crc)).into_iter().chain(self.last) {
+            let length = read_block(manager, file, start, &mut block)?;
+            if CRC.checksum(block.get(..length).unwrap_or_default()) != crc {
+                return Err(CardFailure::OtherFile);
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Reads a file's block; how much of it there is.
+fn read_block<S: CardSlot>(
+    manager: &Manager<S>,
+    file: RawFile,
+    start: u32,
+    out: &mut [u8; Block::LEN],
+) -> Result<usize, CardFailure> {
+    manager.device(|guard| guard.set_purpose(Purpose::Data));
+    if start > manager.file_length(file)? {
+        return Err(CardFailure::OtherFile);
+    }
+    manager.file_seek_from_start(file, start)?;
+    Ok(manager.read(file, out)?)
+}
+
+/// Opens a file to be read: the file and its length.
+///
+/// # Errors
+/// There is none, or it is longer than the card.
+pub fn open<S: CardSlot>(manager: &Manager<S>, mounted: &Mounted, path: &str) -> Result<(RawFile, u32), CardFailure> {
+    let (parent, name) = split_file(path);
+    let folder = open_folder(manager, mounted, parent)?;
+    let opened = find(manager, folder, name).and_then(|entry| {
+        if entry.attributes.is_directory() {
+            return Err(CardFailure::IsFolder);
+        }
+        if u64::from(entry.size) > mounted.layout.data_bytes() {
+            return Err(CardFailure::Slot(CardError::Damaged));
+        }
+        Ok((manager.open_file_in_dir(folder, entry.name, Mode::ReadOnly)?, entry.size))
+    });
+    close(manager, folder);
+    opened
+}

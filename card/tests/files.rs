@@ -1,0 +1,196 @@
+//! Cards that mkfs.fat and mtools have written are read as mtools reads them, and the other way round.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+mod common;
+
+use std::path::Path;
+use std::process::Command;
+
+use common::{Card, IMAGES, ask, image, lines_file, list, mounted, path, read, write};
+use ferrostep_card::{Answer, CardFailure, ListOptions, Request};
+use ferrostep_hal_shim::card::CardError;
+use ferrostep_virtual_board::VirtualCard;
+
+/// Lines of M20 L T, made of mtools' list.
+fn expected(name: &str) -> Vec<String> {
+    let list = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("tests/images/{name}.mdir")));
+    let list = list.unwrap();
+    let mut short_of = std::collections::HashMap::from([(String::new(), String::new())]);
+    let mut folder = String::new();
+    let mut lines = Vec::new();
+    for line in list.lines() {
+        if let Some(path) = line.strip_prefix("Directory for ::/") {
+            folder = if path.is_empty() { String::new() } else { format!("{path}/") };
+            continue;
+        }
+        let chars: Vec<char> = line.chars().collect();
+        if chars.len() < 40 || chars[8] != ' ' || line.starts_with(' ') || line.starts_with('.') {
+            continue;
+        }
+        let text = |range: std::ops::Range<usize>| chars.iter().skip(range.start).take(range.len()).collect::<String>();
+        let (base, extension) = (text(0..8).trim().to_string(), text(9..12).trim().to_string());
+        let short = if extension.is_empty() { base } else { format!("{base}.{extension}") };
+        let short: String = short.chars().map(|char| if char.is_ascii() { char } else { '_' }).collect();
+        let long = text(42..400).trim().to_string();
+        let long = if long.is_empty() { short.clone() } else { long };
+        let path = format!("{}{short}", short_of[&folder]);
+        if text(12..26).contains("<DIR>") {
+            short_of.insert(format!("{folder}{long}/"), format!("{path}/"));
+            continue;
+        }
+        let is_listed = short.ends_with(".GCO") || short.ends_with(".G");
+        // `make.sh` has hidden one file; another is what macOS leaves beside each.
+        if !is_listed || short == "HIDDEN.GCO" || long.starts_with('.') {
+            continue;
+        }
+        let size: String = text(12..22).chars().filter(char::is_ascii_digit).collect();
+        let number = |range: std::ops::Range<usize>| text(range).trim().parse::<u16>().unwrap();
+        let date = (number(23..27) - 1980) << 9 | number(28..30) << 5 | number(31..33);
+        // mdir shows no seconds; `make.sh` has set 56.
+        let time = number(35..37) << 11 | number(38..40) << 5 | (56 / 2);
+        lines.push(format!("{path} {size} 0x{date:04X}{time:04X} {folder}{long}"));
+    }
+    lines.sort();
+    lines
+}
+
+#[test]
+fn a_list_is_that_of_mtools() {
+    for name in IMAGES {
+        let mut lines = list(&mounted(name), ListOptions { long: true, time: true }).unwrap();
+        lines.sort();
+        let expected = expected(name);
+        assert!(expected.len() > 45, "{name}: {}", expected.len());
+        assert_eq!(lines, expected, "{name}");
+    }
+}
+
+#[test]
+fn files_are_found_by_short_and_long_names_in_any_case() {
+    for name in IMAGES {
+        let card = mounted(name);
+        for file in [
+            "ACUBEW~1.GCO",
+            "/acubew~1.gco",
+            "A cube with a long name.gcode",
+            "/a CUBE with a long name.GCODE",
+            "PARTS/ONE.GCO",
+            "/Parts of the machine/left side/Bracket, thick.gcode",
+            "PARTSO~1/LEFTSI~1/BRACKE~1.GCO",
+            "MANY/GAPS.GCO",
+        ] {
+            assert_eq!(read(&card, file).unwrap(), lines_file(), "{name}: {file}");
+        }
+        assert_eq!(read(&card, "Würfel größer 中文 und noch mehr Text.gcode").unwrap(), lines_file()[..1000]);
+        assert_eq!(read(&card, "empty.g").unwrap(), b"");
+        ask(&card, Request::Open(path("partso~1/leftsi~1/bracke~1.gco"))).unwrap();
+        let ferrostep_card::OpenedFile { short, long, size } = common::opened(&card);
+        assert_eq!((short.as_str(), size), ("/PARTSO~1/LEFTSI~1/BRACKE~1.GCO", 7092));
+        assert_eq!(long, "/Parts of the machine/Left side/Bracket, thick.gcode");
+    }
+}
+
+#[test]
+fn what_is_no_file_is_refused() {
+    let card = mounted("fat16");
+    let opened = |file: &str| ask(&card, Request::Open(path(file)));
+    assert_eq!(opened("NONE.GCO"), Err(CardFailure::NotFound));
+    assert_eq!(opened("NONE/A.GCO"), Err(CardFailure::NotFound));
+    assert_eq!(opened("A.GCO/A.GCO"), Err(CardFailure::NotFound));
+    assert_eq!(opened("PARTS"), Err(CardFailure::IsFolder));
+    assert_eq!(opened(&"PARTS/DEEP/../".repeat(6)), Err(CardFailure::NotFound));
+    assert_eq!(ask(&card, Request::Seek(1)), Err(CardFailure::NoFile));
+    let blank = Card::new(VirtualCard::new(vec![0; 1 << 20]));
+    assert_eq!(ask(&blank, Request::Mount), Err(CardFailure::NoVolume));
+    assert_eq!(ask(&blank, Request::Open(path("A.GCO"))), Err(CardFailure::NotMounted));
+    blank.with_slot(VirtualCard::pull);
+    assert_eq!(ask(&blank, Request::Mount), Err(CardFailure::Slot(CardError::Missing)));
+    let mut exfat = image("fat16");
+    exfat[3..11].copy_from_slice(b"EXFAT   ");
+    assert_eq!(ask(&Card::new(VirtualCard::new(exfat)), Request::Mount), Err(CardFailure::ExFat));
+}
+
+#[test]
+fn reading_begins_where_it_is_told_to() {
+    let whole = lines_file();
+    let card = mounted("fat32");
+    for at in [0, 1, 511, 512, 513, 5000, 7091, 7092] {
+        ask(&card, Request::Open(path("MANY/GAPS.GCO"))).unwrap();
+        ask(&card, Request::Seek(at)).unwrap();
+        assert_eq!(common::take_all(&card).unwrap(), whole[at as usize..], "{at}");
+    }
+    assert_eq!(ask(&card, Request::Seek(7093)), Err(CardFailure::NotFound));
+}
+
+/// Runs one of mtools' programs on an image.
+fn mtools(program: &str, arguments: &[&str]) -> Option<Vec<u8>> {
+    let run = Command::new(program).args(arguments).env("MTOOLS_SKIP_CHECK", "1").output().ok()?;
+    assert!(run.status.success(), "{program} {arguments:?}: {}", String::from_utf8_lossy(&run.stderr));
+    Some(run.stdout)
+}
+
+#[test]
+fn what_is_written_is_read_again_and_leaves_a_sound_volume() {
+    for name in IMAGES {
+        let card = mounted(name);
+        let long: Vec<u8> = (0..40_000_u32).map(|at| ((at * at) >> 8) as u8).collect();
+        write(&card, "NEW.GCO", &long).unwrap();
+        write(&card, "/PARTS/new2.g", b"G28\n").unwrap();
+        write(&card, "MANY/EMPTY.GCO", b"").unwrap();
+        assert_eq!(read(&card, "new.gco").unwrap(), long);
+        // In place of the one before, then again.
+        write(&card, "NEW.GCO", &long[..700]).unwrap();
+        assert_eq!(read(&card, "NEW.GCO").unwrap(), long[..700]);
+        assert_eq!(ask(&card, Request::Delete(path("MANY/GAPS.GCO"))), Ok(Answer::Done));
+        assert_eq!(ask(&card, Request::Delete(path("LOCKED.GCO"))), Err(CardFailure::ReadOnly));
+        assert_eq!(ask(&card, Request::Delete(path("PARTS"))), Err(CardFailure::IsFolder));
+        assert_eq!(ask(&card, Request::Create(path("LOCKED.GCO"))), Err(CardFailure::ReadOnly));
+        assert_eq!(ask(&card, Request::Create(path("a long name.gcode"))), Err(CardFailure::BadName));
+        assert_eq!(ask(&card, Request::Create(path("NONE/A.GCO"))), Err(CardFailure::NotFound));
+        assert_eq!(read(&card, "PARTS/NEW2.G").unwrap(), b"G28\n");
+        assert_eq!(ask(&card, Request::Release), Ok(Answer::Done));
+
+        let written = card.with_slot(|slot| slot.with_image(|image| image.clone()));
+        let file = tempfile(name, &written);
+        let (at, offset) = if name == "fat32" { ("@@1M", 1 << 20) } else { ("", 0) };
+        let device = format!("{}{at}", file.display());
+        let Some(read_by_mtools) = mtools("mtype", &["-i", &device, "::/NEW.GCO"]) else {
+            eprintln!("mtools is not installed: only Ferrostep has read what it wrote");
+            continue;
+        };
+        assert_eq!(read_by_mtools, long[..700]);
+        // Without repairing anything, fsck.fat finds nothing lost and nothing shared; only the names of deleted files.
+        let volume = tempfile(&format!("{name}-volume"), &written[offset..]);
+        if let Ok(check) = Command::new("/usr/sbin/fsck.fat").arg("-n").arg(&volume).output() {
+            let text = String::from_utf8_lossy(&check.stdout);
+            for bad in ["Reclaim", "share clusters", "bad cluster", "differ", "Cluster chain", "File size is"] {
+                assert!(!text.contains(bad), "{name}: {text}");
+            }
+        }
+    }
+}
+
+fn tempfile(name: &str, bytes: &[u8]) -> std::path::PathBuf {
+    let path = std::env::temp_dir().join(format!("ferrostep-card-{}-{name}.img", std::process::id()));
+    std::fs::write(&path, bytes).unwrap();
+    path
+}
+
+#[test]
+fn a_full_card_says_so() {
+    let card = mounted("fat16");
+    let written = write(&card, "HUGE.GCO", &vec![b'x'; 5 << 20]);
+    assert_eq!(written, Err(CardFailure::Full));
+    // What was there is still there.
+    assert_eq!(read(&card, "MANY/GAPS.GCO").unwrap(), lines_file());
+}
+
+#[test]
+fn a_card_that_cannot_be_written_says_so() {
+    let card = mounted("fat16");
+    card.with_slot(|slot| slot.set_fault(Some(ferrostep_virtual_board::CardFault::Unwritable)));
+    assert_eq!(write(&card, "A.GCO", b"G28\n"), Err(CardFailure::Slot(CardError::Silent)));
+    card.with_slot(|slot| slot.set_fault(None));
+    ask(&card, Request::Mount).unwrap();
+    assert_eq!(read(&card, "A.GCO").unwrap(), b"G28\nM105\n");
+}

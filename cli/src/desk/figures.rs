@@ -1,0 +1,31 @@
+//! What a print did, in numbers.
+
+use ferrostep_planner::{StepDigests, TICKS_PER_SECOND};
+
+/// What a print did, in numbers.
+#[derive(Clone, Copy, Debug)]
+pub struct Figures {
+    /// Virtual time from the start to the last step, s.
+    pub print_time_s: f64,
+    /// Sum of the durations of all blocks, homing left out, s.
+    pub motion_time_s: f64,
+    /// Steps issued, both directions.
+    pub motor_steps: [u64; 4],
+    /// Most events in any millisecond, times 1000.
+    pub max_event_rate_hz: u64,
+    /// How often the step queue was empty at non-zero speed.
+    pub underruns: u64,
+    /// How often a block left the look-ahead ring because steps ran out.
+    pub starvation_flushes: u64,
+    /// Moves planned slower than asked for, because a board could not keep up with them.
+    pub slowed_moves: u64,
+    /// Moves that became one block with the one before.
+    pub merged_moves: u64,
+    /// Digests of all step events.
+    pub digests: StepDigests,
+}
+
+/// Ticks in seconds.
+pub(super) fn seconds(ticks: u64) -> f64 {
+    ticks as f64 / f64::from(TICKS_PER_SECOND)
+}

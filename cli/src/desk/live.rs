@@ -1,0 +1,183 @@
+//! A machine on the desk whose time passes by itself, as far as it is allowed to: for hosts, who come and go when they like.
+
+use std::cell::{Cell, RefCell};
+use std::future::poll_fn;
+use std::rc::Rc;
+use std::task::Poll;
+
+use ferrostep_papers::Papers;
+use ferrostep_planner::look_ahead::Slot;
+use ferrostep_printer::machine::{Machine, Silence};
+use ferrostep_printer::{Profile, SharedMachine, SharedMotion, Signals};
+
+use super::desk_time::motion_ticks;
+use super::drivers::DeskDrivers;
+use super::figures::Figures;
+use super::session_motion::Desk;
+use super::step_queue::{self, VirtualStepQueue};
+
+/// The planner task looks at the step queue this often, as on a board.
+const PLANNER_INTERVAL_NS: u64 = 2_000_000;
+
+/// At standstill, what waits in the ring is executed after this much silence of the host, as on a board.
+const FLUSH_AFTER_NS: u64 = 100_000_000;
+
+/// Planner, motors and step queue.
+type QueueMachine = Machine<Vec<Slot>, VirtualStepQueue<()>, Papers>;
+
+/// A machine that makes every step at its time.
+pub struct LiveDesk {
+    machine: RefCell<QueueMachine>,
+    now_ns: Cell<u64>,
+    granted_ns: Cell<u64>,
+    /// Since when the commands' side has waited for the host.
+    host_awaited_since_ns: Cell<Option<u64>>,
+}
+
+impl LiveDesk {
+    /// A machine that has just been switched on, with this many blocks in its look-ahead ring.
+    pub fn new(profile: &Profile, look_ahead: usize, drivers: Rc<DeskDrivers>) -> Self {
+        let mut motors = profile.virtual_motors();
+        motors.set_framed(profile.framed_axes());
+        let queue = VirtualStepQueue::new(motors, drivers, ());
+        Self {
+            machine: RefCell::new(Machine::new(profile, vec![Slot::EMPTY; look_ahead], queue)),
+            now_ns: Cell::new(0),
+            granted_ns: Cell::new(0),
+            host_awaited_since_ns: Cell::new(None),
+        }
+    }
+
+    /// Allows time to pass for this much more from now on, in place of what was allowed before.
+    pub fn grant(&self, ns: u64) {
+        self.granted_ns.set(self.now_ns.get().saturating_add(ns));
+    }
+
+    /// Whether time has passed as far as it may.
+    pub fn is_held(&self) -> bool {
+        self.now_ns.get() >= self.granted_ns.get()
+    }
+
+    /// Says whether there is nothing to do before the host sends something.
+    pub fn set_host_awaited(&self, is_awaited: bool) {
+        let since_ns = self.host_awaited_since_ns.get().unwrap_or(self.now_ns.get());
+        self.host_awaited_since_ns.set(is_awaited.then_some(since_ns));
+    }
+
+    /// Whether all moves taken have been executed.
+    pub fn is_idle(&self) -> bool {
+        self.machine.borrow().is_idle()
+    }
+
+    /// Motion in the step queue, in steps of the queue.
+    pub fn queued_entries(&self) -> usize {
+        use ferrostep_hal_shim::StepQueue;
+        self.machine.borrow().queue().waiting()
+    }
+
+    /// Switches all motors off, as a halt does.
+    pub fn switch_motors_off(&self) {
+        self.machine.borrow_mut().switch_motors_off();
+    }
+
+    /// As [`Machine::rest`].
+    pub fn rest(&self, now_ms: u32, timeout_ms: Option<u32>) -> bool {
+        self.machine.borrow_mut().rest(now_ms, timeout_ms)
+    }
+
+    /// Where X, Y and Z will stand at the end of all moves taken, units of 10 nm.
+    pub fn position_10nm(&self) -> [i64; 3] {
+        self.machine.borrow().position_10nm()
+    }
+
+    /// The planner task, until it has nothing more to do.
+    fn plan(&self, machine: &mut QueueMachine) {
+        let now_ns = self.now_ns.get();
+        let is_silent = |since_ns| now_ns - since_ns >= FLUSH_AFTER_NS;
+        let may_flush = self.host_awaited_since_ns.get().is_some_and(is_silent);
+        while machine.work(Silence { may_release: true, may_flush }) {}
+    }
+}
+
+impl Desk for LiveDesk {
+    type Motion<'a> = SharedMotion<LiveMachine<'a>>;
+
+    const MAKES_STEPS: bool = true;
+
+    fn motion<'a>(&'a self, signals: &'a Signals) -> SharedMotion<LiveMachine<'a>> {
+        SharedMotion::new(LiveMachine { desk: self, signals })
+    }
+
+    /// Plays what time allows, up to where the planner task looks again.
+    fn pass_motion(&self) {
+        let now_ns = self.now_ns.get();
+        let until_ns = self.granted_ns.get().clamp(now_ns, now_ns + PLANNER_INTERVAL_NS);
+        let mut machine = self.machine.borrow_mut();
+        machine.queue_mut().pass(motion_ticks(until_ns) - motion_ticks(now_ns));
+        self.now_ns.set(until_ns);
+        self.plan(&mut machine);
+    }
+
+    /// Time passes by itself.
+    fn wait_until(&self, _wake_ns: u64) {}
+
+    fn now_ns(&self) -> u64 {
+        self.now_ns.get()
+    }
+
+    fn tick(&self) -> u64 {
+        self.machine.borrow().queue().motors().ledger.tick()
+    }
+
+    fn stop(&self) {
+        let mut machine = self.machine.borrow_mut();
+        machine.request_stop();
+        machine.work(Silence::default());
+    }
+
+    fn fan_power(&self) -> u8 {
+        self.machine.borrow().fan_power()
+    }
+
+    fn enabled_motors(&self) -> u8 {
+        self.machine.borrow().enabled_motors()
+    }
+
+    fn plan_block_by_block(&self) -> bool {
+        self.machine.borrow_mut().plan_block_by_block()
+    }
+
+    fn figures(&self) -> Figures {
+        step_queue::figures(&self.machine.borrow())
+    }
+}
+
+/// The machine, as commands share it with the planner task.
+pub struct LiveMachine<'a> {
+    desk: &'a LiveDesk,
+    signals: &'a Signals,
+}
+
+impl SharedMachine for LiveMachine<'_> {
+    type Ring = Vec<Slot>;
+    type Queue = VirtualStepQueue<()>;
+    type Methods = Papers;
+
+    fn with<T>(&self, act: impl FnOnce(&mut QueueMachine) -> T) -> T {
+        act(&mut self.desk.machine.borrow_mut())
+    }
+
+    /// Planning takes no virtual time.
+    fn wake_planner(&self) {
+        self.desk.plan(&mut self.desk.machine.borrow_mut());
+    }
+
+    fn is_halted(&self) -> bool {
+        self.signals.is_halted()
+    }
+
+    async fn pause(&self) {
+        let mut is_first = true;
+        poll_fn(|_| if std::mem::take(&mut is_first) { Poll::Pending } else { Poll::Ready(()) }).await;
+    }
+}

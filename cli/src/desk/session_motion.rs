@@ -1,0 +1,37 @@
+//! What a session asks of its motion.
+
+use ferrostep_printer::{Motion, Signals};
+
+use super::figures::Figures;
+
+/// Motion of a session, in virtual time.
+pub trait Desk {
+    /// What commands move.
+    type Motion<'a>: Motion
+    where
+        Self: 'a;
+
+    /// Whether it makes every step. If not, it is an estimate, whose cost must not follow the print's time.
+    const MAKES_STEPS: bool;
+
+    /// The motion, as commands see it; a halt ends their waits.
+    fn motion<'a>(&'a self, signals: &'a Signals) -> Self::Motion<'a>;
+    /// If a command waits for motion: lets time pass until there is something new, or for a while.
+    fn pass_motion(&self);
+    /// A command waits for a moment: lets time pass up to it.
+    fn wait_until(&self, wake_ns: u64);
+    /// Virtual time since the machine was switched on.
+    fn now_ns(&self) -> u64;
+    /// The motion clock: ticks of all motion so far. It stands still between motions.
+    fn tick(&self) -> u64;
+    /// Stops motion at once.
+    fn stop(&self);
+    /// Power of the part-cooling fan at the present point of the motion, 0 to 255.
+    fn fan_power(&self) -> u8;
+    /// Mask of the motors that have current.
+    fn enabled_motors(&self) -> u8;
+    /// For comparison: see [`ferrostep_planner::Planner::plan_block_by_block`].
+    fn plan_block_by_block(&self) -> bool;
+    /// What was done so far, without the print's time.
+    fn figures(&self) -> Figures;
+}

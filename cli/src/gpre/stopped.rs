@@ -1,0 +1,41 @@
+//! Why a part of a prepared job was not executed to its end.
+
+use ferrostep_gpre::Fault;
+use ferrostep_printer::{CommandError, Failure};
+
+use crate::job::JobError;
+
+/// Why a frame or a packet was not executed to its end.
+pub struct Stopped {
+    /// Source line.
+    line: Option<u32>,
+    message: String,
+}
+
+impl Stopped {
+    /// At a line, for this reason.
+    pub fn new(line: u32, message: String) -> Self {
+        Self { line: Some(line), message }
+    }
+
+    /// At a line.
+    pub fn at_line(line: u32, error: &CommandError) -> Self {
+        Self::new(line, error.to_string())
+    }
+
+    /// The error of a frame or packet of this number, which begins at this byte.
+    pub fn at(self, frame: u32, offset: u64) -> JobError {
+        JobError::Prepared { frame: Some(frame), line: self.line, offset, message: self.message }
+    }
+
+    /// At a command.
+    pub fn at_command(line: u32, text: &str, failure: &Failure) -> Self {
+        Self::new(line, format!("{text:?}: {failure}"))
+    }
+}
+
+impl From<Fault> for Stopped {
+    fn from(fault: Fault) -> Self {
+        Self { line: None, message: fault.to_string() }
+    }
+}

@@ -1,0 +1,198 @@
+//! Binary G-code: what its blocks say, and its G-code as text.
+
+use std::cell::Cell;
+use std::fmt;
+use std::io::{self, Read};
+use std::rc::Rc;
+
+use ferrostep_binary_gcode::{BlockKind, Decoder, Error, Progress, Selection, ThumbnailFormat, entries, seconds};
+use ferrostep_gpre::Thumbnail;
+use serde::Serialize;
+
+use crate::duration::hms;
+use crate::terminal::one_line;
+
+/// Bytes decoded at once.
+const PORTION_BYTES: usize = 64 * 1024;
+
+/// What a slicer says of its job.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct SlicerFigures {
+    /// The slicer and its version.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub producer: Option<String>,
+    /// The printer that it sliced for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub printer_model: Option<String>,
+    /// Its estimate of the printing time, s.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub time_s: Option<u32>,
+    /// Filament, of all extruders together, mm.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub filament_mm: Option<f64>,
+}
+
+impl SlicerFigures {
+    /// Takes in a block of metadata. What is written twice, the first block says.
+    fn read(&mut self, text: &str) {
+        for (key, value) in entries(text) {
+            let value = value.trim();
+            match key.trim() {
+                "Producer" => keep(&mut self.producer, || Some(value.to_owned())),
+                "printer_model" => keep(&mut self.printer_model, || Some(value.to_owned())),
+                "estimated printing time (normal mode)" => keep(&mut self.time_s, || seconds(value)),
+                "filament used [mm]" => keep(&mut self.filament_mm, || sum(value)),
+                _ => {}
+            }
+        }
+        let is_said = |text: &String| !text.is_empty();
+        self.producer = self.producer.take().filter(is_said);
+        self.printer_model = self.printer_model.take().filter(is_said);
+    }
+}
+
+fn keep<T>(place: &mut Option<T>, value: impl FnOnce() -> Option<T>) {
+    if place.is_none() {
+        *place = value();
+    }
+}
+
+/// The sum of numbers with commas in between, one for each extruder.
+fn sum(numbers: &str) -> Option<f64> {
+    numbers.split(',').map(|number| number.trim().parse::<f64>().ok().filter(|number| number.is_finite())).sum()
+}
+
+/// What a file says besides its G-code.
+#[derive(Debug, Default)]
+pub struct Description {
+    /// The slicer's figures.
+    pub figures: SlicerFigures,
+    /// The pictures.
+    pub thumbnails: Vec<(Thumbnail, Vec<u8>)>,
+}
+
+impl Description {
+    /// Reads a whole file and compares the checksums of all its blocks.
+    pub fn of(file: &[u8]) -> Result<Self, Error> {
+        let mut description = Self::default();
+        let mut decoder = Decoder::new(Selection::DESCRIPTION);
+        let mut portion = vec![0; PORTION_BYTES];
+        let mut open: Option<(BlockKind, u64, Vec<u8>)> = None;
+        loop {
+            match decoder.advance(rest(file, &decoder), &mut portion)? {
+                Progress::More => {}
+                Progress::Contents(kind, length) => {
+                    let contents = portion.get(..length).unwrap_or_default();
+                    match &mut open {
+                        Some((last, block, bytes)) if (*last, *block) == (kind, decoder.block_offset()) => {
+                            bytes.extend_from_slice(contents);
+                        }
+                        _ => {
+                            description.keep(open.replace((kind, decoder.block_offset(), contents.to_vec())));
+                        }
+                    }
+                }
+                Progress::End => {
+                    description.keep(open);
+                    return Ok(description);
+                }
+            }
+        }
+    }
+
+    fn keep(&mut self, block: Option<(BlockKind, u64, Vec<u8>)>) {
+        match block {
+            Some((BlockKind::Thumbnail { format, width, height }, _, bytes)) => {
+                let format = match format {
+                    ThumbnailFormat::Png => ferrostep_gpre::ThumbnailFormat::Png,
+                    ThumbnailFormat::Jpeg => ferrostep_gpre::ThumbnailFormat::Jpeg,
+                    ThumbnailFormat::Qoi => ferrostep_gpre::ThumbnailFormat::Qoi,
+                };
+                let length = u32::try_from(bytes.len()).unwrap_or(u32::MAX);
+                self.thumbnails.push((Thumbnail { format, width, height, length }, bytes));
+            }
+            Some((_, _, text)) => self.figures.read(&String::from_utf8_lossy(&text)),
+            None => {}
+        }
+    }
+}
+
+impl fmt::Display for Description {
+    /// A line for each thing that the file says.
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let SlicerFigures { producer, printer_model, time_s, filament_mm } = &self.figures;
+        let text = |text: &Option<String>| text.as_deref().map_or("not said".to_owned(), |text| one_line(text).into());
+        let time = time_s.map_or("not said".to_owned(), |seconds| format!("{}, by the slicer", hms(seconds.into())));
+        let filament = filament_mm.map_or("not said".to_owned(), |mm| format!("{:.3} m, by the slicer", mm / 1000.0));
+        writeln!(out, "encoding     binary G-code, all checksums right")?;
+        writeln!(out, "slicer       {}", text(producer))?;
+        writeln!(out, "printer      {}", text(printer_model))?;
+        writeln!(out, "time         {time}")?;
+        writeln!(out, "filament     {filament}")?;
+        for (picture, _) in &self.thumbnails {
+            let Thumbnail { format, width, height, length } = picture;
+            writeln!(out, "thumbnail    {format:?}, {width} x {height}, {length} bytes")?;
+        }
+        if self.thumbnails.is_empty() { writeln!(out, "thumbnail    none") } else { Ok(()) }
+    }
+}
+
+/// Bytes from where the decoder stands.
+fn rest<'a>(file: &'a [u8], decoder: &Decoder) -> &'a [u8] {
+    usize::try_from(decoder.position()).ok().and_then(|position| file.get(position..)).unwrap_or_default()
+}
+
+/// The G-code of a file, as text.
+pub struct GcodeText {
+    file: Vec<u8>,
+    decoder: Decoder,
+    /// How far the file has been read, bytes.
+    read: Rc<Cell<u64>>,
+}
+
+impl GcodeText {
+    /// Of a whole file.
+    pub fn new(file: Vec<u8>, read: Rc<Cell<u64>>) -> Self {
+        read.set(0);
+        Self { file, decoder: Decoder::new(Selection::GCODE), read }
+    }
+}
+
+impl Read for GcodeText {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        if buffer.is_empty() {
+            return Ok(0);
+        }
+        loop {
+            let progress = self.decoder.advance(rest(&self.file, &self.decoder), buffer);
+            self.read.set(self.decoder.position());
+            match progress.map_err(|error| io::Error::new(io::ErrorKind::InvalidData, error))? {
+                Progress::More => {}
+                Progress::Contents(_, length) => return Ok(length),
+                Progress::End => return Ok(0),
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn figures() {
+        let mut figures = SlicerFigures::default();
+        figures.read("Producer=PrusaSlicer 2.9.2\nfilament used [mm]=1.5, 2.25\nprinter_model=\n");
+        figures.read("printer_model=MINI\nfilament used [mm]=9\nestimated printing time (normal mode)=1h 1s\nfoo\n");
+        let expected = SlicerFigures {
+            producer: Some("PrusaSlicer 2.9.2".to_owned()),
+            printer_model: Some("MINI".to_owned()),
+            time_s: Some(3601),
+            filament_mm: Some(3.75),
+        };
+        assert_eq!(figures, expected);
+        figures = SlicerFigures::default();
+        figures.read("filament used [mm]=much\nestimated printing time (normal mode)=soon\n");
+        assert_eq!(figures, SlicerFigures::default());
+    }
+}

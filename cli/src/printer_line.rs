@@ -1,0 +1,228 @@
+//! The line to a printer: a serial port of this computer, or a TCP connection, as a [`Port`].
+
+use std::fmt;
+use std::io::{self, BufRead, BufReader, Read, Write};
+use std::net::TcpStream;
+use std::path::Path;
+use std::str::FromStr;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use serialport::{SerialPortInfo, SerialPortType};
+
+use crate::send::Port;
+use crate::terminal;
+
+/// A read that takes longer than this is begun again.
+const READ: Duration = Duration::from_millis(100);
+
+/// How long a connection may take.
+const CONNECT: Duration = Duration::from_secs(10);
+
+/// Where a printer is.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Address {
+    /// A serial port by its name: `/dev/ttyACM0`, `COM3`.
+    Serial(String),
+    /// Host and port, `tcp:octopi.local:5000`.
+    Tcp(String),
+}
+
+impl FromStr for Address {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text.strip_prefix("tcp:") {
+            None if text.is_empty() => Err("write the name of a serial port, or tcp:HOST:PORT".to_owned()),
+            None => Ok(Self::Serial(text.to_owned())),
+            Some(host) => match host.rsplit_once(':') {
+                Some((name, port)) if !name.is_empty() && port.parse::<u16>().is_ok() => Ok(Self::Tcp(host.to_owned())),
+                _ => Err("expected tcp:HOST:PORT, for example tcp:localhost:5000".to_owned()),
+            },
+        }
+    }
+}
+
+impl fmt::Display for Address {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Serial(name) => out.write_str(&terminal::one_line(name)),
+            Self::Tcp(host) => write!(out, "tcp:{}", terminal::one_line(host)),
+        }
+    }
+}
+
+/// A serial port of this computer.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FoundPort {
+    /// Its name, as [`Address::Serial`] takes it.
+    pub name: String,
+    /// Vendor and product number, where it is on USB.
+    pub usb: Option<(u16, u16)>,
+    /// What the device calls itself: maker, product, serial number.
+    pub product: String,
+}
+
+impl FoundPort {
+    /// Whether its USB numbers are those of this firmware.
+    #[must_use]
+    pub fn is_ours(&self) -> bool {
+        self.usb == Some((ferrostep_usb::VENDOR_ID, ferrostep_usb::PRODUCT_ID))
+    }
+}
+
+impl From<SerialPortInfo> for FoundPort {
+    fn from(port: SerialPortInfo) -> Self {
+        let (usb, product) = match port.port_type {
+            SerialPortType::UsbPort(usb) => {
+                let names = [usb.manufacturer, usb.product, usb.serial_number];
+                (Some((usb.vid, usb.pid)), names.into_iter().flatten().collect::<Vec<_>>().join(", "))
+            }
+            SerialPortType::PciPort => (None, "built in".to_owned()),
+            SerialPortType::BluetoothPort => (None, "Bluetooth".to_owned()),
+            SerialPortType::Unknown => (None, String::new()),
+        };
+        Self { name: port.port_name, usb, product }
+    }
+}
+
+/// The serial ports of this computer, those on USB first.
+///
+/// # Errors
+/// The operating system does not tell.
+pub fn ports() -> Result<Vec<FoundPort>, String> {
+    let found = serialport::available_ports().map_err(|error| format!("the serial ports cannot be listed: {error}"))?;
+    let mut ports: Vec<FoundPort> = found.into_iter().map(FoundPort::from).collect();
+    ports.sort_by(|a, b| a.usb.is_none().cmp(&b.usb.is_none()).then_with(|| a.name.cmp(&b.name)));
+    Ok(ports)
+}
+
+/// An open line.
+pub struct PrinterLine {
+    output: Box<dyn Write>,
+    lines: Receiver<String>,
+}
+
+impl fmt::Debug for PrinterLine {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        out.debug_struct("PrinterLine").finish_non_exhaustive()
+    }
+}
+
+impl PrinterLine {
+    /// Opens the line to a printer. `baud` has no effect on a USB port.
+    ///
+    /// # Errors
+    /// There is no such port, it is something else, this user may not open it, or it does not support the speed; nobody answers at
+    /// the address.
+    pub fn open(address: &Address, baud: u32) -> Result<Self, String> {
+        match address {
+            Address::Serial(name) => {
+                refuse_what_is_no_port(name)?;
+                let port =
+                    serialport::new(name.as_str(), baud).timeout(READ).open().map_err(|error| error.to_string())?;
+                let input = port.try_clone().map_err(|error| error.to_string())?;
+                Ok(Self::over(input, port))
+            }
+            Address::Tcp(host) => {
+                let stream = connect(host).map_err(|error| format!("no connection: {error}"))?;
+                // A line of G-code is a small packet that should leave at once.
+                let _ = stream.set_nodelay(true);
+                let input = stream.try_clone().map_err(|error| error.to_string())?;
+                Ok(Self::over(input, stream))
+            }
+        }
+    }
+
+    /// A line whose ends are these.
+    fn over(input: impl Read + Send + 'static, output: impl Write + 'static) -> Self {
+        let (heard, lines) = channel();
+        thread::spawn(move || {
+            let mut input = BufReader::new(input);
+            let mut line = Vec::new();
+            loop {
+                // What came of a line before the time was over stays in it.
+                match input.read_until(b'\n', &mut line) {
+                    Ok(0) => break,
+                    Ok(_) => {
+                        let text = String::from_utf8_lossy(&line).trim_end_matches(['\r', '\n']).to_owned();
+                        line.clear();
+                        if heard.send(text).is_err() {
+                            break;
+                        }
+                    }
+                    Err(error) if matches!(error.kind(), io::ErrorKind::TimedOut | io::ErrorKind::WouldBlock) => {}
+                    Err(_) => break,
+                }
+            }
+        });
+        Self { output: Box::new(output), lines }
+    }
+}
+
+/// Tries all addresses of a host.
+fn connect(host: &str) -> io::Result<TcpStream> {
+    use std::net::ToSocketAddrs;
+    let mut failed = io::Error::from(io::ErrorKind::AddrNotAvailable);
+    for address in host.to_socket_addrs()? {
+        match TcpStream::connect_timeout(&address, CONNECT) {
+            Ok(stream) => return Ok(stream),
+            Err(error) => failed = error,
+        }
+    }
+    Err(failed)
+}
+
+/// Looks at what has this name before it is opened for writing.
+#[cfg(unix)]
+fn refuse_what_is_no_port(name: &str) -> Result<(), String> {
+    use std::os::unix::fs::FileTypeExt;
+    let kind = Path::new(name).metadata().map_err(|error| error.to_string())?.file_type();
+    if kind.is_char_device() {
+        return Ok(());
+    }
+    let what = match () {
+        () if kind.is_dir() => "a folder",
+        () if kind.is_file() => "an ordinary file",
+        () => "no terminal",
+    };
+    Err(format!("this is {what}, expected a serial port: `ferrostep ports` lists them; or tcp:HOST:PORT"))
+}
+
+#[cfg(not(unix))]
+fn refuse_what_is_no_port(name: &str) -> Result<(), String> {
+    if Path::new(name).is_file() {
+        return Err("this is an ordinary file, expected a serial port: `ferrostep ports` lists them".to_owned());
+    }
+    Ok(())
+}
+
+impl Port for PrinterLine {
+    fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
+        self.output.write_all(bytes)
+    }
+
+    fn receive(&mut self, until: Instant) -> io::Result<Option<String>> {
+        match self.lines.recv_timeout(until.saturating_duration_since(Instant::now())) {
+            Ok(line) => Ok(Some(line)),
+            Err(RecvTimeoutError::Timeout) => Ok(None),
+            Err(RecvTimeoutError::Disconnected) => Err(io::Error::from(io::ErrorKind::BrokenPipe)),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn addresses_are_read() {
+        assert_eq!("/dev/ttyACM0".parse(), Ok(Address::Serial("/dev/ttyACM0".to_owned())));
+        assert_eq!("COM3".parse(), Ok(Address::Serial("COM3".to_owned())));
+        assert_eq!("tcp:[::1]:5000".parse(), Ok(Address::Tcp("[::1]:5000".to_owned())));
+        for text in ["", "tcp:", "tcp:5000", "tcp::5000", "tcp:host:port", "tcp:host:70000"] {
+            assert!(text.parse::<Address>().is_err(), "{text}");
+        }
+    }
+}

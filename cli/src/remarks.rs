@@ -1,0 +1,114 @@
+//! What a person should know of a job before it is printed: lines that do nothing here or are read otherwise than they stand, and
+//! what a rehearsal sees (moves before homing, heaters left on ...).
+
+use std::cell::RefCell;
+use std::fmt;
+
+use serde::Serialize;
+
+use crate::terminal::one_line;
+
+/// Different remarks that are kept; a broken file could cause any number.
+const MAX_REMARKS: usize = 100;
+/// Lines that a remark names.
+const MAX_LINES: usize = 5;
+
+/// What a remark is about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum RemarkKind {
+    /// Limits at corners (M205) that this machine takes from its profile: the part is the same, and `--strict` lets it pass.
+    Corner,
+    /// A command or word that does nothing on this machine.
+    NoEffect,
+    /// A word that is ignored or changed.
+    Ignored,
+    /// A command that is unknown.
+    Unknown,
+    /// A target outside the travel.
+    SoftLimit,
+    /// A move of an axis that is not homed.
+    NotHomed,
+    /// A line for which the printer waits for a person, or is asked to.
+    Pause,
+    /// More filament in a time than the nozzle melts.
+    Flow,
+    /// A heater that is still on at the end.
+    HeaterOn,
+}
+
+/// A remark.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Remark {
+    /// What it is about.
+    pub kind: RemarkKind,
+    /// What is so, and of which command.
+    pub message: String,
+    /// How many lines it is about.
+    pub count: u64,
+    /// The first of them.
+    pub lines: Vec<u32>,
+}
+
+/// The remarks about a job, in the order of their first lines.
+#[derive(Debug, Default)]
+pub struct RemarkList(RefCell<Vec<Remark>>);
+
+impl RemarkList {
+    /// Notes a remark; the same about another line counts.
+    pub fn note(&self, kind: RemarkKind, line: Option<u32>, message: impl fmt::Display) {
+        let message = message.to_string();
+        let mut list = self.0.borrow_mut();
+        if let Some(same) = list.iter_mut().find(|remark| remark.kind == kind && remark.message == message) {
+            same.count += 1;
+            if same.lines.len() < MAX_LINES {
+                same.lines.extend(line);
+            }
+        } else if list.len() < MAX_REMARKS {
+            list.push(Remark { kind, message, count: 1, lines: line.into_iter().collect() });
+        }
+    }
+
+    /// All of them.
+    pub fn to_vec(&self) -> Vec<Remark> {
+        self.0.borrow().clone()
+    }
+}
+
+impl fmt::Display for Remark {
+    /// Lines, then what is so.
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.lines[..] {
+            [] => {}
+            [only] if self.count == 1 => write!(out, "line {only}: ")?,
+            [first, ..] => write!(out, "{} lines from {first} on: ", self.count)?,
+        }
+        out.write_str(&one_line(&self.message))
+    }
+}
+
+/// Writes the remarks below a summary, a line each.
+pub(crate) fn write_all(out: &mut fmt::Formatter<'_>, remarks: &[Remark]) -> fmt::Result {
+    remarks.iter().try_for_each(|remark| writeln!(out, "  remark       {remark}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_same_remark_counts() {
+        let list = RemarkList::default();
+        for line in 3..20 {
+            list.note(RemarkKind::Ignored, Some(line), "G1: F is not above 0 and is ignored");
+        }
+        list.note(RemarkKind::HeaterOn, None, "the bed is on");
+        let list = list.to_vec();
+        assert_eq!((list[0].count, &list[0].lines[..]), (17, &[3, 4, 5, 6, 7][..]));
+        assert_eq!(list[0].to_string(), "17 lines from 3 on: G1: F is not above 0 and is ignored");
+        assert_eq!(list[1].to_string(), "the bed is on");
+        let many = RemarkList::default();
+        (0..200).for_each(|line| many.note(RemarkKind::Unknown, Some(line), line));
+        assert_eq!(many.to_vec().len(), MAX_REMARKS);
+    }
+}

@@ -1,0 +1,400 @@
+//! Sends G-code line by line: numbers, checksums, one `ok` a line.
+
+use std::collections::VecDeque;
+use std::fmt;
+use std::io;
+use std::time::Instant;
+
+use ferrostep_gcode::meatpack;
+
+use super::error::SendError;
+use super::packing::Packing;
+use super::port::{HALTED, Patience, Port};
+
+/// Lines that are kept because the printer may ask for them again. One is under way at a time; a printer that was asked twice may
+/// be one behind.
+const KEPT_LINES: usize = 16;
+
+/// Lines that are kept of what a printer says about one of ours.
+const MAX_SAID: usize = 20;
+
+/// Texts of errors that a request to send again follows.
+const TRANSFER_ERRORS: [&str; 2] = ["checksum", "line number"];
+
+/// A numbered line with its checksum.
+pub(super) fn numbered(number: u32, text: &str) -> String {
+    let line = format!("N{number} {text}");
+    let sum = line.bytes().fold(0, |sum, byte| sum ^ byte);
+    format!("{line}*{sum}\n")
+}
+
+/// Why a printer, or a person, has ended a job before its end.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Stop {
+    /// The printer reports an error; its line.
+    Error(String),
+    /// The printer asks its host to cancel the job.
+    Cancelled,
+    /// The printer was reset: it says `start`.
+    Reset,
+    /// [`Watch::wants_end`] has said so.
+    Asked,
+    /// The printer does not write the file; the command, and what it has said.
+    NotWriting(String, Vec<String>),
+    /// It has not written all of the file.
+    NotWritten(Vec<String>),
+    /// A line of the file that would end its own upload, or stop the printer.
+    NotForCard(String),
+}
+
+impl fmt::Display for Stop {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Error(line) => write!(out, "the printer reports: {line}"),
+            Self::Cancelled => out.write_str("the printer has cancelled the job (//action:cancel)"),
+            Self::Reset => out.write_str("the printer was reset in the middle of the job: start it again"),
+            Self::Asked => out.write_str("stopped by Ctrl-C"),
+            Self::NotWriting(command, said) => write!(out, "the printer refuses {command}: {}", said.join("; ")),
+            Self::NotWritten(said) => write!(out, "the printer has not written the file: {}", said.join("; ")),
+            Self::NotForCard(command) => {
+                write!(
+                    out,
+                    "the next command is {command}, which would act now and not be written: remove it from the file"
+                )
+            }
+        }
+    }
+}
+
+/// Looks on while lines are sent.
+pub trait Watch {
+    /// The printer has said something.
+    fn hear(&mut self, line: &str);
+    /// A line of the file, with its command, has been answered.
+    fn sent(&mut self, _line: u32, _command: &str) {}
+    /// The printer wants its host to hold the job, or to go on.
+    fn held(&mut self, _is_held: bool) {}
+    /// Whether a person wants the job to end.
+    fn wants_end(&mut self) -> bool {
+        false
+    }
+}
+
+impl<F: FnMut(&str)> Watch for F {
+    fn hear(&mut self, line: &str) {
+        self(line);
+    }
+}
+
+/// What became of a job.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Outcome {
+    /// Lines of the file up to which commands were answered.
+    pub file_line: u32,
+    /// Commands sent, each counted once.
+    pub sent: u32,
+    /// Lines that were sent again.
+    pub resends: u32,
+    /// Why it ended early, if it did.
+    pub stop: Option<Stop>,
+}
+
+/// A file's next line: its bytes.
+type NextLine<'a> = &'a mut dyn FnMut() -> Option<io::Result<Vec<u8>>>;
+
+/// Commands around those of the file.
+#[derive(Clone, Copy, Debug)]
+pub struct Frame<'a> {
+    /// Before its first line.
+    pub opening: &'a [&'a str],
+    /// After its last.
+    pub closing: &'a [&'a str],
+    /// The lines are not executed but written to a file.
+    pub is_upload: bool,
+}
+
+/// What a printer says that begins to write a file, and that has written it.
+const WRITING: &str = "Writing to file";
+const WRITTEN: &str = "Done saving file";
+
+impl Frame<'_> {
+    /// Waits for the end of the motion.
+    pub const PLAIN: Self = Self { opening: &[], closing: &["M400"], is_upload: false };
+    /// Asks for temperatures every two seconds meanwhile.
+    pub const WITH_TEMPERATURES: Self = Self { opening: &["M155 S2"], closing: &["M400", "M155 S0"], is_upload: false };
+}
+
+/// The file's side: lines become numbered commands.
+struct Source<'a> {
+    next: NextLine<'a>,
+    opening: std::slice::Iter<'a, &'a str>,
+    closing: std::slice::Iter<'a, &'a str>,
+    file_line: u32,
+    number: u32,
+    /// Commands of the file.
+    sent: u32,
+    is_upload: bool,
+}
+
+impl Source<'_> {
+    /// The next command; `None` after the last.
+    fn take(&mut self) -> io::Result<Option<Command>> {
+        let (text, expects) = match self.opening.next() {
+            Some(text) => (Some((*text).to_owned()), self.is_upload.then_some(WRITING)),
+            None => match self.take_of_file()? {
+                Some(text) => (Some(text), None),
+                None => (self.closing.next().map(|text| (*text).to_owned()), self.is_upload.then_some(WRITTEN)),
+            },
+        };
+        Ok(text.map(|text| {
+            self.number += 1;
+            Command { number: self.number, file_line: self.file_line, text, expects }
+        }))
+    }
+
+    /// The file's next command.
+    fn take_of_file(&mut self) -> io::Result<Option<String>> {
+        while let Some(line) = (self.next)() {
+            self.file_line += 1;
+            // Comments may be in any code page. A command with such bytes is sent, and the printer refuses it.
+            let line = line?;
+            let command = line.split(|&byte| byte == b';').next().unwrap_or_default();
+            let command = String::from_utf8_lossy(command).trim().to_owned();
+            if !command.is_empty() {
+                self.sent += 1;
+                return Ok(Some(command));
+            }
+        }
+        Ok(None)
+    }
+}
+
+/// A command under way.
+struct Command {
+    number: u32,
+    file_line: u32,
+    text: String,
+    /// How a line begins that must be said before its `ok`.
+    expects: Option<&'static str>,
+}
+
+impl Command {
+    /// Whether a file with it cannot be uploaded: it acts as its bytes arrive, or ends the upload.
+    fn acts_in_upload(&self) -> bool {
+        use ferrostep_gcode::{CardCommand, Command as Parsed, parse};
+        self.expects.is_none()
+            && matches!(parse(&self.text), Ok(Parsed::EmergencyStop | Parsed::Card(CardCommand::EndWrite)))
+    }
+}
+
+/// What came of waiting for the answer to a line.
+enum Answer {
+    Ok,
+    Again(u32),
+    Stop(Stop),
+}
+
+/// The conversation.
+struct Sending<'a, P, W> {
+    port: &'a mut P,
+    packing: Packing,
+    patience: Patience,
+    watch: &'a mut W,
+    /// Whether the printer has answered anything: before, a `start` is no reset.
+    is_known: bool,
+    is_held: bool,
+    /// What was said about the line at hand.
+    said: Vec<String>,
+}
+
+impl<P: Port, W: Watch> Sending<'_, P, W> {
+    /// Sends a line and waits for what the printer makes of it.
+    fn ask(&mut self, line: &str) -> Result<Answer, SendError> {
+        self.port.send(&self.packing.bytes(line))?;
+        let (mut heard_at, mut asked_at) = (self.port.now(), self.port.now());
+        let mut again = None;
+        loop {
+            if self.watch.wants_end() {
+                return Ok(Answer::Stop(Stop::Asked));
+            }
+            let now = self.port.now();
+            let Some(said) = self.port.receive(now + self.patience.look)? else {
+                if now.duration_since(heard_at) > self.patience.give_up && !self.is_held {
+                    return Err(SendError::Silent(vec![format!("(nothing after {:?})", line.trim_end())]));
+                }
+                if now.duration_since(asked_at.max(heard_at)) >= self.patience.repeat && !self.is_held {
+                    // The line, or its answer, was lost. A printer that has executed it only answers.
+                    asked_at = now;
+                    self.port.send(&self.packing.bytes(line))?;
+                }
+                continue;
+            };
+            heard_at = self.port.now();
+            self.watch.hear(&said);
+            if self.said.len() < MAX_SAID {
+                self.said.push(said.clone());
+            }
+            if let Some(stop) = self.stop_of(&said)? {
+                return Ok(Answer::Stop(stop));
+            }
+            if let Some(number) = resend(&said) {
+                again = Some(number);
+            }
+            if said.starts_with("ok") {
+                self.is_known = true;
+                return Ok(again.map_or(Answer::Ok, Answer::Again));
+            }
+        }
+    }
+
+    /// Whether what the printer says ends the job. Notes whether the job is to be held.
+    fn stop_of(&mut self, said: &str) -> Result<Option<Stop>, SendError> {
+        if said.starts_with(HALTED) {
+            return Err(SendError::Halted(said.to_owned()));
+        }
+        if let Some(action) = said.strip_prefix("//action:") {
+            match action.split(' ').next().unwrap_or_default() {
+                "cancel" => return Ok(Some(Stop::Cancelled)),
+                "pause" | "paused" => self.hold(true),
+                "resume" | "resumed" => self.hold(false),
+                _ => {}
+            }
+        }
+        if said == "start" && self.is_known {
+            return Ok(Some(Stop::Reset));
+        }
+        let is_error = said.starts_with("Error:") || said.starts_with("!!");
+        Ok((is_error && !is_transfer_error(said)).then(|| Stop::Error(said.to_owned())))
+    }
+
+    fn hold(&mut self, is_held: bool) {
+        if std::mem::replace(&mut self.is_held, is_held) != is_held {
+            self.watch.held(is_held);
+        }
+    }
+
+    /// While the job is held: listens until it goes on.
+    fn wait_while_held(&mut self) -> Result<Option<Stop>, SendError> {
+        while self.is_held {
+            if self.watch.wants_end() {
+                return Ok(Some(Stop::Asked));
+            }
+            let until: Instant = self.port.now() + self.patience.look;
+            if let Some(said) = self.port.receive(until)? {
+                self.watch.hear(&said);
+                if let Some(stop) = self.stop_of(&said)? {
+                    return Ok(Some(stop));
+                }
+            }
+        }
+        Ok(None)
+    }
+}
+
+/// Whether a line reports an error on the way, after which the printer asks for the line again.
+#[must_use]
+pub fn is_transfer_error(said: &str) -> bool {
+    let lower = said.to_ascii_lowercase();
+    lower.starts_with("error:") && TRANSFER_ERRORS.iter().any(|text| lower.contains(text))
+}
+
+/// The line that a printer asks for.
+fn resend(said: &str) -> Option<u32> {
+    let rest = said.strip_prefix("Resend:").or_else(|| said.strip_prefix("rs "))?;
+    rest.trim().trim_start_matches(['N', ':', ' ']).parse().ok()
+}
+
+/// Sends G-code with numbers and checksums, with a frame around it, and repeats lines that the printer asks for. `next` returns
+/// the bytes of the file's next line. What was packed is plain again at the end, however it ends.
+///
+/// # Errors
+/// The file cannot be read; the printer does not answer, has halted, asks for a line that is long over, or is gone.
+pub fn send_lines(
+    port: &mut impl Port,
+    packing: Packing,
+    next: impl FnMut() -> Option<io::Result<Vec<u8>>>,
+    frame: Frame<'_>,
+    patience: Patience,
+    watch: &mut impl Watch,
+) -> Result<Outcome, SendError> {
+    let outcome = send_each(port, packing, next, frame, patience, watch);
+    if packing == Packing::MeatPack {
+        let ended = port.send(&meatpack::END);
+        let outcome = outcome?;
+        ended?;
+        return Ok(outcome);
+    }
+    outcome
+}
+
+fn send_each(
+    port: &mut impl Port,
+    packing: Packing,
+    mut next: impl FnMut() -> Option<io::Result<Vec<u8>>>,
+    frame: Frame<'_>,
+    patience: Patience,
+    watch: &mut impl Watch,
+) -> Result<Outcome, SendError> {
+    let (opening, closing) = (frame.opening.iter(), frame.closing.iter());
+    let mut source =
+        Source { next: &mut next, opening, closing, file_line: 0, number: 0, sent: 0, is_upload: frame.is_upload };
+    let mut sending = Sending { port, packing, patience, watch, is_known: false, is_held: false, said: Vec::new() };
+    let mut outcome = Outcome { file_line: 0, sent: 0, resends: 0, stop: None };
+    // Ends what an earlier host has left of a line.
+    sending.port.send(&packing.bytes("\n"))?;
+    loop {
+        match sending.ask(&numbered(0, "M110 N0"))? {
+            Answer::Ok => break,
+            Answer::Again(_) => outcome.resends += 1,
+            Answer::Stop(stop) => return Ok(Outcome { stop: Some(stop), ..outcome }),
+        }
+    }
+    sending.said.clear();
+    let mut kept: VecDeque<Command> = VecDeque::with_capacity(KEPT_LINES);
+    // The line to send next: one of those kept, or a new one.
+    let mut number = 1;
+    loop {
+        if let Some(stop) = sending.wait_while_held()? {
+            return Ok(Outcome { stop: Some(stop), ..outcome });
+        }
+        if kept.back().is_none_or(|last| last.number < number) {
+            let Some(command) = source.take()? else { return Ok(outcome) };
+            outcome.sent = source.sent;
+            if kept.len() == KEPT_LINES {
+                kept.pop_front();
+            }
+            kept.push_back(command);
+        }
+        let Some(command) = kept.iter().find(|command| command.number == number) else {
+            return Err(SendError::LongOver(number));
+        };
+        if frame.is_upload && command.acts_in_upload() {
+            return Ok(Outcome { stop: Some(Stop::NotForCard(command.text.clone())), ..outcome });
+        }
+        match sending.ask(&numbered(number, &command.text))? {
+            Answer::Ok => {
+                let said = std::mem::take(&mut sending.said);
+                if command.expects.is_some_and(|expects| !said.iter().any(|said| said.starts_with(expects))) {
+                    let said = said.into_iter().filter(|said| said != "ok").collect();
+                    let stop = match command.expects {
+                        Some(WRITING) => Stop::NotWriting(command.text.clone(), said),
+                        _ => Stop::NotWritten(said),
+                    };
+                    return Ok(Outcome { stop: Some(stop), ..outcome });
+                }
+                outcome.file_line = outcome.file_line.max(command.file_line);
+                sending.watch.sent(command.file_line, &command.text);
+                number += 1;
+            }
+            Answer::Again(wanted) => {
+                outcome.resends += 1;
+                // One that is not sent yet is the next, whatever the printer makes of its number.
+                number = wanted.min(source.number + 1);
+            }
+            Answer::Stop(stop) => return Ok(Outcome { stop: Some(stop), ..outcome }),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

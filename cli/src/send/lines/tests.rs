@@ -1,0 +1,202 @@
+#![allow(clippy::unwrap_used)]
+
+use std::time::Duration;
+
+use super::*;
+
+/// A printer that answers by a function of the line; its clock goes on while its host waits.
+struct Scripted<F> {
+    answer: F,
+    said: VecDeque<String>,
+    heard: Vec<String>,
+    now: Instant,
+}
+
+impl<F: FnMut(&str, usize) -> Vec<&'static str>> Port for Scripted<F> {
+    fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
+        let text = String::from_utf8(bytes.to_vec()).unwrap();
+        for line in text.lines().filter(|line| !line.is_empty()) {
+            let times = self.heard.iter().filter(|heard| *heard == line).count();
+            self.heard.push(line.to_owned());
+            self.said.extend((self.answer)(line, times).into_iter().map(str::to_owned));
+        }
+        Ok(())
+    }
+
+    fn receive(&mut self, until: Instant) -> io::Result<Option<String>> {
+        let said = self.said.pop_front();
+        if said.is_none() {
+            self.now = until;
+        }
+        Ok(said)
+    }
+
+    fn now(&mut self) -> Instant {
+        self.now
+    }
+}
+
+/// Sends two commands and a comment; the outcome, and what was sent after the first line.
+fn send(answer: impl FnMut(&str, usize) -> Vec<&'static str>) -> (Result<Outcome, SendError>, Vec<String>) {
+    let mut port = Scripted { answer, said: VecDeque::new(), heard: Vec::new(), now: Instant::now() };
+    let mut lines = ["G28 ; home", "", "; hop", "  G1 X5"].into_iter().map(|line| Ok(line.as_bytes().to_vec()));
+    let outcome =
+        send_lines(&mut port, Packing::Plain, || lines.next(), Frame::PLAIN, Patience::DEFAULT, &mut |_: &str| {});
+    let sent = port.heard.into_iter().skip(1).map(|line| line.split('*').next().unwrap().to_owned()).collect();
+    (outcome, sent)
+}
+
+const WHOLE: [&str; 3] = ["N1 G28", "N2 G1 X5", "N3 M400"];
+
+fn done(resends: u32) -> Outcome {
+    Outcome { file_line: 4, sent: 2, resends, stop: None }
+}
+
+#[test]
+fn commands_are_sent_one_by_one_with_number_and_checksum() {
+    let (outcome, sent) = send(|line, _| {
+        let (text, sum) = line.rsplit_once('*').unwrap();
+        assert_eq!(text.bytes().fold(0, |sum, byte| sum ^ byte).to_string(), sum);
+        vec!["echo:busy: processing", " T:20.0 /0.0", "ok"]
+    });
+    assert_eq!(outcome.unwrap(), done(0));
+    assert_eq!(sent, WHOLE);
+}
+
+#[test]
+fn a_line_is_sent_again_where_the_printer_asks() {
+    let wrong = ["Error:checksum mismatch, Last Line: 1", "Resend: 2", "ok"];
+    let (outcome, sent) =
+        send(|line, times| if line.starts_with("N2") && times == 0 { wrong.to_vec() } else { vec!["ok"] });
+    assert_eq!(outcome.unwrap(), done(1));
+    assert_eq!(sent, ["N1 G28", "N2 G1 X5", "N2 G1 X5", "N3 M400"]);
+    // The printer has missed the line before, too.
+    let gap = ["Error:Line Number is not Last Line Number+1, Last Line: 0", "Resend: N1", "ok"];
+    let (outcome, sent) =
+        send(|line, times| if line.starts_with("N2") && times == 0 { gap.to_vec() } else { vec!["ok"] });
+    assert_eq!(outcome.unwrap(), done(1));
+    assert_eq!(sent, ["N1 G28", "N2 G1 X5", "N1 G28", "N2 G1 X5", "N3 M400"]);
+    // Or it has executed the line, and its answer was damaged.
+    let had = ["Error:Line Number is not Last Line Number+1, Last Line: 2", "Resend: 3", "ok"];
+    let (outcome, sent) = send(|line, _| if line.starts_with("N2") { had.to_vec() } else { vec!["ok"] });
+    assert_eq!(outcome.unwrap().resends, 1);
+    assert_eq!(sent, WHOLE);
+}
+
+#[test]
+fn a_line_that_gets_lost_is_sent_again_after_a_while() {
+    let (outcome, sent) = send(|line, times| if line.starts_with("N2") && times == 0 { vec![] } else { vec!["ok"] });
+    assert_eq!(outcome.unwrap(), done(0));
+    assert_eq!(sent, ["N1 G28", "N2 G1 X5", "N2 G1 X5", "N3 M400"]);
+    let (outcome, _) = send(|line, _| if line.starts_with("N2") { vec![] } else { vec!["ok"] });
+    assert!(matches!(outcome, Err(SendError::Silent(_))));
+}
+
+#[test]
+fn a_printer_that_is_busy_is_not_asked_again() {
+    let minutes = vec!["echo:busy: processing"; 100];
+    let (outcome, sent) =
+        send(|line, _| if line.starts_with("N1 ") { [&minutes[..], &["ok"]].concat() } else { vec!["ok"] });
+    assert_eq!(outcome.unwrap(), done(0));
+    assert_eq!(sent, WHOLE);
+}
+
+/// A file is written between M28 and M29, and only where the printer says that it writes: what it does not write it would execute.
+#[test]
+fn an_upload_sends_nothing_that_would_be_executed() {
+    const UPLOAD: Frame<'static> = Frame { opening: &["M28 A.GCO"], closing: &["M29"], is_upload: true };
+    let upload = |lines: &[&str], begin: Vec<&'static str>, end: Vec<&'static str>| {
+        let answer = |line: &str, times: usize| match line.split([' ', '*']).nth(1) {
+            Some("M28") => begin.clone(),
+            // The first answer is lost.
+            Some("M29") if times == 0 => vec![],
+            Some("M29") => end.clone(),
+            _ => vec!["ok"],
+        };
+        let mut port = Scripted { answer, said: VecDeque::new(), heard: Vec::new(), now: Instant::now() };
+        let mut lines = lines.iter().map(|line| Ok(line.as_bytes().to_vec()));
+        let mut watch = |_: &str| {};
+        let outcome =
+            send_lines(&mut port, Packing::Plain, || lines.next(), UPLOAD, Patience::DEFAULT, &mut watch).unwrap();
+        let sent = port.heard.into_iter().skip(1).map(|line| line.split('*').next().unwrap().to_owned());
+        (outcome.stop, sent.collect::<Vec<_>>())
+    };
+    let writes = vec!["echo:Now fresh file: A.GCO", "Writing to file: A.GCO", "ok"];
+    let written = vec!["Done saving file.", "ok"];
+    let (stop, sent) = upload(&["G28", "G1 X5 ; there"], writes.clone(), written.clone());
+    assert_eq!(
+        (stop, sent),
+        (None, ["N1 M28 A.GCO", "N2 G28", "N3 G1 X5", "N4 M29", "N4 M29"].map(str::to_owned).into())
+    );
+    let (stop, sent) = upload(&["G28"], vec!["open failed, File: A.GCO.", "ok"], written.clone());
+    let expected = "the printer refuses M28 A.GCO: open failed, File: A.GCO.";
+    assert_eq!((stop.unwrap().to_string().as_str(), sent.len()), (expected, 1));
+    for command in ["M29", "m112 now", "M112"] {
+        let (stop, sent) = upload(&["G28", command, "G1 X5"], writes.clone(), written.clone());
+        assert_eq!((stop, sent.len()), (Some(Stop::NotForCard(command.to_owned())), 2), "{command}");
+    }
+    let lost = vec!["echo:card: the file is incomplete, delete it with M30", "ok"];
+    let (stop, _) = upload(&["G28"], writes, lost.clone());
+    assert_eq!(stop, Some(Stop::NotWritten(vec![lost[0].to_owned()])));
+}
+
+#[test]
+fn what_ends_a_job_ends_it() {
+    for (said, stop) in [
+        ("Error:Heating failed, system stopped! Heater_ID: E0", None),
+        ("!! STOP called because of unhomed error - restart with M999", None),
+        ("//action:cancel", Some(Stop::Cancelled)),
+        ("start", Some(Stop::Reset)),
+    ] {
+        let (outcome, sent) = send(|line, _| if line.starts_with("N2") { vec![said] } else { vec!["ok"] });
+        let outcome = outcome.unwrap();
+        assert_eq!(outcome.stop, Some(stop.unwrap_or_else(|| Stop::Error(said.to_owned()))));
+        assert_eq!((outcome.file_line, sent.len()), (1, 2), "{said}");
+    }
+    let (outcome, _) =
+        send(|line, _| if line.starts_with("N2") { vec!["Error:Printer halted. kill() called!"] } else { vec!["ok"] });
+    assert!(matches!(outcome, Err(SendError::Halted(_))));
+    let (outcome, _) = send(|line, _| if line.starts_with("N2") { vec!["Resend: 0", "ok"] } else { vec!["ok"] });
+    assert!(matches!(outcome, Err(SendError::LongOver(0))));
+}
+
+#[test]
+fn a_start_before_the_first_answer_is_no_reset() {
+    let (outcome, _) =
+        send(|line, _| if line.contains("M110") { vec!["start", "echo:board: x", "ok"] } else { vec!["ok"] });
+    assert_eq!(outcome.unwrap(), done(0));
+}
+
+/// Holds a job for some looks of its host.
+struct Holding(Vec<bool>, u32);
+
+impl Watch for Holding {
+    fn hear(&mut self, _: &str) {}
+
+    fn held(&mut self, is_held: bool) {
+        self.0.push(is_held);
+    }
+
+    fn wants_end(&mut self) -> bool {
+        self.1 -= 1;
+        self.1 == 0
+    }
+}
+
+#[test]
+fn a_held_job_waits_as_long_as_it_takes_and_can_be_ended() {
+    let answer = |line: &str, _: usize| match line.split(' ').next() {
+        Some("N1") => vec!["//action:paused", "ok"],
+        _ => vec!["ok"],
+    };
+    let mut port = Scripted { answer, said: VecDeque::new(), heard: Vec::new(), now: Instant::now() };
+    let begun = port.now;
+    let mut lines = ["G28", "G1 X5"].into_iter().map(|line| Ok(line.as_bytes().to_vec()));
+    let mut watch = Holding(Vec::new(), 1000);
+    let outcome =
+        send_lines(&mut port, Packing::Plain, || lines.next(), Frame::PLAIN, Patience::DEFAULT, &mut watch).unwrap();
+    assert_eq!(outcome.stop, Some(Stop::Asked));
+    assert_eq!(watch.0, [true]);
+    assert_eq!(port.heard.len(), 2, "{:?}", port.heard);
+    assert!(port.now - begun > Duration::from_secs(60));
+}

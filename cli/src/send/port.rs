@@ -1,0 +1,53 @@
+//! A board at the other end of a line, and how long a host waits for it.
+
+use std::io;
+use std::time::{Duration, Instant};
+
+/// Start of a halted board's line. It has switched motors and heaters off.
+pub const HALTED: &str = "Error:Printer halted";
+
+/// A line with a board at its other end.
+pub trait Port {
+    /// Sends bytes.
+    ///
+    /// # Errors
+    /// The board is gone.
+    fn send(&mut self, bytes: &[u8]) -> io::Result<()>;
+
+    /// The next line from the board, without its line end; `None` if none arrives in time.
+    ///
+    /// # Errors
+    /// The board is gone.
+    fn receive(&mut self, until: Instant) -> io::Result<Option<String>>;
+
+    /// The time that [`Patience`] is measured in: this computer's clock, except for a board in virtual time.
+    fn now(&mut self) -> Instant {
+        Instant::now()
+    }
+}
+
+/// Time limits of a transfer.
+#[derive(Clone, Copy, Debug)]
+pub struct Patience {
+    /// After this long without the expected answer the board is asked.
+    pub ask: Duration,
+    /// After this long without any line the board counts as gone.
+    pub give_up: Duration,
+    /// How long the board waits for this host, s.
+    pub board_s: u16,
+    /// Of G-code: after this long without any line the line under way is sent again.
+    pub repeat: Duration,
+    /// How often it is looked whether a person wants the end.
+    pub look: Duration,
+}
+
+impl Patience {
+    /// For a board at a line.
+    pub const DEFAULT: Self = Self {
+        ask: Duration::from_millis(250),
+        give_up: Duration::from_secs(20),
+        board_s: 30,
+        repeat: Duration::from_secs(5),
+        look: Duration::from_millis(100),
+    };
+}

@@ -1,0 +1,125 @@
+//! The person at the keyboard: Ctrl-C, and what the printer is told then.
+
+use std::io::{BufRead, IsTerminal};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use ferrostep::printer_line::PrinterLine;
+use ferrostep::send::{self, Port};
+use ferrostep::terminal::tell;
+use signal_hook::consts::{SIGINT, SIGTERM};
+
+/// How long the printer may take for the answers to what ends a job.
+const ANSWERS: Duration = Duration::from_secs(5);
+
+/// What ends a job: waits, motion, heat. The first two act at once where the printer reads ahead of its queue.
+const END: [(&str, &str); 4] =
+    [("M108", "waits"), ("M410", "motion"), ("M104 S0", "the nozzle's heater"), ("M140 S0", "the bed's heater")];
+
+/// The answer to the question whether the print is to end.
+const UNDECIDED: u8 = 0;
+const YES: u8 = 1;
+const NO: u8 = 2;
+
+/// Watches for Ctrl-C.
+pub struct Person {
+    /// It was pressed since the last look.
+    pressed: Arc<AtomicBool>,
+    answer: Arc<AtomicU8>,
+    is_asked: bool,
+}
+
+impl Person {
+    /// From now on Ctrl-C no longer ends the program.
+    ///
+    /// # Errors
+    /// The operating system refuses.
+    pub fn new() -> Result<Self, String> {
+        let pressed = Arc::new(AtomicBool::new(false));
+        for signal in [SIGINT, SIGTERM] {
+            signal_hook::flag::register(signal, Arc::clone(&pressed)).map_err(|error| error.to_string())?;
+        }
+        Ok(Self { pressed, answer: Arc::new(AtomicU8::new(UNDECIDED)), is_asked: false })
+    }
+
+    /// Whether the job is to end. The first Ctrl-C asks where there is a terminal, and the print goes on meanwhile.
+    pub fn wants_end(&mut self, ask: impl FnOnce(&str)) -> bool {
+        if !self.pressed.swap(false, Ordering::Relaxed) {
+            match self.answer.load(Ordering::Relaxed) {
+                YES => return true,
+                NO => {
+                    self.is_asked = false;
+                    self.answer.store(UNDECIDED, Ordering::Relaxed);
+                }
+                _ => {}
+            }
+            return false;
+        }
+        let has_terminal = std::io::stdin().is_terminal() && std::io::stderr().is_terminal();
+        if self.is_asked || !has_terminal {
+            return true;
+        }
+        self.is_asked = true;
+        ask("end the print? y and Enter ends it, Enter goes on, Ctrl-C ends it at once");
+        let answer = Arc::clone(&self.answer);
+        thread::spawn(move || {
+            let mut line = String::new();
+            let is_yes = std::io::stdin().lock().read_line(&mut line).is_ok() && line.trim().eq_ignore_ascii_case("y");
+            answer.store(if is_yes { YES } else { NO }, Ordering::Relaxed);
+        });
+        false
+    }
+}
+
+/// Ends an upload that has not begun as it should; hears all answers, which the next host must not.
+pub fn end_upload(line: &mut PrinterLine) {
+    // Where the printer was not writing, M29 does nothing.
+    hear_to_the_end(line, "M29\n");
+}
+
+/// Ends an upload and removes what has come of the file; says whether the printer has confirmed it.
+pub fn delete_upload(line: &mut PrinterLine, name: &str) {
+    if hear_to_the_end(line, &format!("M29\nM30 {name}\n")).iter().any(|said| said.starts_with("File deleted")) {
+        tell(format_args!("{name} was not complete and has been deleted from the card"));
+    } else {
+        tell(format_args!(
+            "the printer has not confirmed that {name} is deleted: if it is on the card it is not complete"
+        ));
+    }
+}
+
+/// Sends commands and M105, and hears up to its answer: what was said.
+fn hear_to_the_end(line: &mut PrinterLine, commands: &str) -> Vec<String> {
+    let end = Instant::now() + ANSWERS;
+    let mut said = Vec::new();
+    let mut is_over = line.send(format!("{commands}M105\n").as_bytes()).is_err();
+    while let (false, Ok(Some(answer))) = (is_over, line.receive(end)) {
+        is_over = answer.starts_with("ok T:");
+        said.push(answer);
+    }
+    said
+}
+
+/// Ends waits, motion and heat, and says what the printer has confirmed.
+pub fn cool_down(line: &mut PrinterLine) {
+    let end = Instant::now() + ANSWERS;
+    // The printer may still owe the answer to the line that was under way: M105's has a temperature, and is the last.
+    let commands: String = END.iter().map(|(command, _)| format!("{command}\n")).collect();
+    let sent = line.send(format!("{commands}M105\n").as_bytes());
+    let mut is_confirmed = false;
+    while let (true, false, Ok(Some(said))) = (sent.is_ok(), is_confirmed, line.receive(end)) {
+        if said.starts_with(send::HALTED) {
+            tell("the printer has halted, which switches motors and heaters off");
+            return;
+        }
+        is_confirmed = said.starts_with("ok T:");
+    }
+    if !is_confirmed {
+        tell("the printer has NOT confirmed that motion and heaters are off: look at it, and switch it off if need be");
+        return;
+    }
+    let commands: Vec<String> = END.iter().map(|(command, what)| format!("{what} ({command})")).collect();
+    tell(format_args!("the printer has ended: {}", commands.join(", ")));
+}

@@ -1,0 +1,233 @@
+//! The printer's port: bytes from the host by way of the firmware's own rings, and whole lines back.
+
+use std::cell::{Cell, RefCell};
+use std::collections::{BTreeSet, VecDeque};
+use std::fmt::Write;
+use std::future::poll_fn;
+use std::io;
+use std::task::Poll;
+use std::time::{Duration, Instant};
+
+use ferrostep_gcode::{Emergency, Reply, meatpack};
+use ferrostep_host_line::Line;
+use ferrostep_printer::Replies;
+use ferrostep_usb::{Buffers, Incoming};
+
+use super::faults::{DamagedLine, LineFault};
+
+/// Bytes that wait to be read, as on a board: a host that does not wait for each `ok` may keep this much in flight.
+const RECEIVE_BYTES: usize = 2048;
+
+/// Maximum bytes that are received at once, so that the printer reads them before the next ones come.
+const RECEIVED_AT_ONCE: usize = 1024;
+
+/// It is looked this often whether a host is there.
+const LOOK_INTERVAL: Duration = Duration::from_millis(20);
+
+/// Different unknown commands that are remembered; a host could send any number.
+const MAX_UNKNOWN_COMMANDS: usize = 100;
+
+/// Bytes to a host that does not read them, above which nothing is reported that nobody asked for.
+const MAX_UNREAD_BYTES: usize = 4096;
+
+/// Received bytes, and what acts before it is read.
+#[derive(Default)]
+struct Ring {
+    bytes: VecDeque<u8>,
+    emergencies: Vec<Emergency>,
+    has_line: bool,
+    packing_reports: Vec<meatpack::Settings>,
+}
+
+impl Buffers for Ring {
+    fn put(&mut self, byte: u8) -> bool {
+        let has_room = self.bytes.len() < RECEIVE_BYTES;
+        if has_room {
+            self.bytes.push_back(byte);
+        }
+        has_room
+    }
+
+    fn take(&mut self) -> Option<u8> {
+        None
+    }
+
+    fn emergency(&mut self, emergency: Emergency) {
+        self.emergencies.push(emergency);
+    }
+
+    fn note_line(&mut self) {
+        self.has_line = true;
+    }
+
+    fn report_packing(&mut self, settings: meatpack::Settings) {
+        self.packing_reports.push(settings);
+    }
+}
+
+/// What has come from the host.
+#[derive(Default)]
+pub struct Received {
+    /// Whether anything has.
+    pub anything: bool,
+    /// Whether a line has ended.
+    pub line: bool,
+    /// What acts at once.
+    pub emergencies: Vec<Emergency>,
+}
+
+/// The port.
+pub struct HostPort {
+    line: RefCell<Line>,
+    damage: RefCell<DamagedLine>,
+    incoming: RefCell<Incoming>,
+    ring: RefCell<Ring>,
+    out: RefCell<String>,
+    is_connected: Cell<bool>,
+    /// When it was last looked whether a host is there.
+    looked: Cell<Instant>,
+    /// The printer waits for bytes.
+    is_awaited: Cell<bool>,
+    unknown: RefCell<BTreeSet<String>>,
+    lines: Cell<u32>,
+}
+
+impl HostPort {
+    /// A port whose host opens this line.
+    pub fn new(mut line: Line) -> Self {
+        Self {
+            is_connected: Cell::new(line.connected()),
+            looked: Cell::new(Instant::now()),
+            line: RefCell::new(line),
+            damage: RefCell::default(),
+            incoming: RefCell::new(Incoming::new()),
+            ring: RefCell::default(),
+            out: RefCell::default(),
+            is_awaited: Cell::new(false),
+            unknown: RefCell::default(),
+            lines: Cell::new(0),
+        }
+    }
+
+    /// Damages a share of the bytes, or lines, that the host sends.
+    pub fn damage(&self, fault: LineFault, share: f64) {
+        self.damage.borrow_mut().add(fault, share);
+    }
+
+    /// Sends what there is to say, and receives what the host has sent.
+    ///
+    /// # Errors
+    /// The line is broken for good.
+    pub fn exchange(&self) -> io::Result<Received> {
+        let mut line = self.line.borrow_mut();
+        let mut out = self.out.borrow_mut();
+        let mut bytes = line.read(RECEIVED_AT_ONCE)?;
+        if !bytes.is_empty() {
+            self.is_connected.set(true);
+        } else if self.looked.get().elapsed() >= LOOK_INTERVAL {
+            self.looked.set(Instant::now());
+            let is_connected = line.connected();
+            if self.is_connected.replace(is_connected) && !is_connected {
+                self.incoming.borrow_mut().break_off();
+            }
+        }
+        if self.is_connected.get() && !out.is_empty() {
+            line.write(out.as_bytes())?;
+        }
+        // As on a wire, what nobody listens to is lost.
+        out.clear();
+        let anything = !bytes.is_empty();
+        self.damage.borrow_mut().carry(&mut bytes);
+        let ring = &mut *self.ring.borrow_mut();
+        let lost = self.incoming.borrow_mut().take_in(&bytes, ring);
+        if lost > 0 {
+            // Writing to a string cannot fail.
+            let _ = writeln!(out, "echo:serial: {lost} bytes lost");
+        }
+        for report in ring.packing_reports.drain(..) {
+            let _ = writeln!(out, "{report}");
+        }
+        let emergencies = std::mem::take(&mut ring.emergencies);
+        Ok(Received { anything, line: std::mem::take(&mut ring.has_line), emergencies })
+    }
+
+    /// Waits for the host, at most this long.
+    pub fn wait(&self, timeout: Duration) {
+        self.line.borrow().wait(timeout);
+    }
+
+    /// Waits for bytes, and takes as many as are there and fit.
+    pub async fn read<'a>(&self, buffer: &'a mut [u8]) -> &'a [u8] {
+        poll_fn(|_| {
+            let is_empty = self.ring.borrow().bytes.is_empty();
+            self.is_awaited.set(is_empty);
+            if is_empty { Poll::Pending } else { Poll::Ready(()) }
+        })
+        .await;
+        let length = self.take(buffer);
+        &buffer[..length]
+    }
+
+    /// Takes as many bytes as are there and fit, without waiting.
+    pub fn take(&self, buffer: &mut [u8]) -> usize {
+        let bytes = &mut self.ring.borrow_mut().bytes;
+        let length = bytes.len().min(buffer.len());
+        for (place, byte) in buffer.iter_mut().zip(bytes.drain(..length)) {
+            *place = byte;
+        }
+        length
+    }
+
+    /// Says that the printer has nothing to do than to wait for bytes, or no more.
+    pub fn set_awaited(&self, is_awaited: bool) {
+        self.is_awaited.set(is_awaited);
+    }
+
+    /// Whether the printer waits for bytes, and there are none.
+    pub fn is_awaited(&self) -> bool {
+        self.is_awaited.get() && self.ring.borrow().bytes.is_empty()
+    }
+
+    /// Whether a host has the line open.
+    pub fn is_connected(&self) -> bool {
+        self.is_connected.get()
+    }
+
+    /// Another line is executed.
+    pub fn count_line(&self) {
+        self.lines.set(self.lines.get().saturating_add(1));
+    }
+
+    /// Lines executed so far.
+    pub fn lines(&self) -> u32 {
+        self.lines.get()
+    }
+
+    /// The different unknown commands so far, in alphabetical order.
+    pub fn unknown_commands(&self) -> Vec<String> {
+        self.unknown.borrow().iter().cloned().collect()
+    }
+
+    /// Sends a line of text.
+    pub fn say(&self, text: &str) {
+        // Writing to a string cannot fail.
+        let _ = writeln!(self.out.borrow_mut(), "{text}");
+    }
+}
+
+impl Replies for HostPort {
+    fn send(&self, reply: Reply<'_>) {
+        if let Reply::UnknownCommand(text) = reply {
+            let mut unknown = self.unknown.borrow_mut();
+            if unknown.len() < MAX_UNKNOWN_COMMANDS && !unknown.contains(text) {
+                unknown.insert(text.to_owned());
+            }
+        }
+        let is_report = matches!(reply, Reply::Temperatures(_) | Reply::Waiting(..) | Reply::Busy);
+        if is_report && self.out.borrow().len() + self.line.borrow().waiting() > MAX_UNREAD_BYTES {
+            return;
+        }
+        // A reply of several lines and its line end are one write.
+        let _ = writeln!(self.out.borrow_mut(), "{reply}");
+    }
+}

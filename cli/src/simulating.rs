@@ -1,0 +1,132 @@
+//! `ferrostep simulate`.
+
+use std::io::Write;
+use std::path::Path;
+use std::process::ExitCode;
+
+use ferrostep::input;
+use ferrostep::job::JobProgress;
+use ferrostep::output::{Accepted, Output, Protected};
+use ferrostep::report::Stop;
+use ferrostep::simulation::{Compared, Measured, Simulated, SimulatedMachine, Simulation, Source};
+use ferrostep_simulator::frame::{FrameSettings, SecondMode};
+use ferrostep_simulator::klipper::KlipperSettings;
+use ferrostep_simulator::nozzle::{NozzleSettings, SecondSlope};
+use ferrostep_simulator::plan::Machine;
+use ferrostep_simulator::plot::draw;
+use ferrostep_simulator::shapers::Shaper;
+use indicatif::{ProgressBar, ProgressStyle};
+
+use crate::arguments::{Rules, SimulateArguments};
+use crate::outcome::{exit_code, result};
+
+/// Simulates, and prints the measures.
+pub fn run(arguments: &SimulateArguments) -> Result<ExitCode, String> {
+    let profile = ferrostep_profiles::load(&arguments.profile).map_err(|error| error.to_string())?;
+    let name = input::name(&arguments.file);
+    let machine = machine(arguments)?;
+    let plot = arguments.plot.as_deref().map(|plot| plot_output(plot, arguments)).transpose()?;
+    let path = arguments.path.as_deref();
+    let simulation = Simulation::open(&arguments.file, profile, machine, path, arguments.path_of_steps)
+        .map_err(|error| format!("{name}: {error}"))?;
+    let (source, has_path) = (simulation.source(), simulation.has_path());
+    let compared = match arguments.compare {
+        None => None,
+        Some(Rules::Klipper) => {
+            Some(klipper(arguments, &machine, &simulation).map_err(|error| format!("{name}: {error}"))?)
+        }
+    };
+    let bar = ProgressBar::new_spinner();
+    if let Ok(style) = ProgressStyle::with_template("{spinner} {msg}") {
+        bar.set_style(style);
+    }
+    let outcome =
+        simulation.run(|done: &JobProgress| bar.set_message(format!("line {}, layer {}", done.lines, done.layers)));
+    bar.finish_and_clear();
+    let (measured, stopped) = outcome.map_err(|error| format!("{name}: {error}"))?;
+    if let Some(mut plot) = plot {
+        let others = compared.iter().map(|(compared, measured)| (compared.rules, measured));
+        let columns = std::iter::once(("steps", &measured)).chain(others);
+        let columns: Vec<_> = columns.filter_map(|(name, (_, snapshots))| Some((name, snapshots.as_ref()?))).collect();
+        plot.write_all(draw(&name, &columns).as_bytes()).map_err(|error| plot.failed(error).to_string())?;
+        plot.keep().map_err(|error| error.to_string())?;
+    }
+    let simulated = Simulated {
+        file: arguments.file.to_string_lossy().into_owned(),
+        profile: (source != Source::Trace).then(|| profile.name.to_owned()),
+        source: match source {
+            Source::GCode => "gcode",
+            Source::Prepared => "prepared",
+            Source::Trace => "trace",
+        },
+        path: if has_path { "gcode" } else { "steps" },
+        machine: SimulatedMachine::from(&machine),
+        report: measured.0,
+        compared: compared.map(|(compared, _)| compared),
+        stopped: stopped.as_ref().map(Stop::from),
+    };
+    let code = result(arguments.json.then_some(&simulated), || simulated.to_string());
+    Ok(match stopped {
+        Some(error) => exit_code(Err(format!("{name}: {error}"))),
+        None => code,
+    })
+}
+
+/// The picture, which must not replace what is read.
+fn plot_output(plot: &Path, arguments: &SimulateArguments) -> Result<Output, String> {
+    let mut protected = vec![Protected { path: &arguments.file, what: "the file to be read" }];
+    protected.extend(arguments.path.as_deref().map(|path| Protected { path, what: "the G-code of the path" }));
+    if ferrostep_profiles::builtin_text(&arguments.profile).is_none() {
+        protected.push(Protected { path: Path::new(&arguments.profile), what: "the profile" });
+    }
+    Output::create(plot, Accepted::FileOrStream, &protected).map_err(|error| error.to_string())
+}
+
+fn machine(arguments: &SimulateArguments) -> Result<Machine, String> {
+    let second = match &arguments.nozzle_second_slope {
+        None => None,
+        Some(text) => {
+            let numbers = text.split_once('@').and_then(|(time, flow)| Some((time.parse().ok()?, flow.parse().ok()?)));
+            let (time_constant_s, above_mm3_per_s) =
+                numbers.ok_or_else(|| format!("--nozzle-second-slope {text}: expected SECONDS@FLOW, as 0.02@8"))?;
+            Some(SecondSlope { above_mm3_per_s, time_constant_s })
+        }
+    };
+    let machine = Machine {
+        frame: FrameSettings {
+            frequency_hz: [arguments.frequency_x, arguments.frequency_y],
+            damping: arguments.damping,
+            second: arguments.second_mode.then(SecondMode::default),
+        },
+        nozzle: NozzleSettings { time_constant_s: arguments.nozzle_time_constant, second },
+    };
+    machine.at_rest().map_err(|error| error.to_string())?;
+    Ok(machine)
+}
+
+fn klipper(
+    arguments: &SimulateArguments,
+    machine: &Machine,
+    simulation: &Simulation,
+) -> Result<(Compared, Measured), String> {
+    let settings = KlipperSettings {
+        square_corner_velocity_mm_per_s: arguments.square_corner_velocity,
+        minimum_cruise_ratio: arguments.minimum_cruise_ratio,
+        pressure_advance_s: arguments.pressure_advance.unwrap_or(arguments.nozzle_time_constant),
+        smooth_time_s: arguments.smooth_time,
+        ..KlipperSettings::default()
+    };
+    settings.check().map_err(|error| error.to_string())?;
+    let frequency_hz = arguments.shaper_frequency.unwrap_or(machine.frame.frequency_hz);
+    let [x_hz, y_hz] = frequency_hz;
+    let shaper = |hz| Shaper::new(arguments.shaper, hz, arguments.shaper_damping).map_err(|error| error.to_string());
+    let measured = simulation.klipper(&settings, [shaper(x_hz)?, shaper(y_hz)?]).map_err(|error| error.to_string())?;
+    let compared = Compared {
+        rules: "klipper",
+        shaper: arguments.shaper.to_string(),
+        shaper_frequency_hz: frequency_hz,
+        pressure_advance_s: settings.pressure_advance_s,
+        report: measured.0.clone(),
+    };
+    Ok((compared, measured))
+}

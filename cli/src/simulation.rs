@@ -1,0 +1,299 @@
+//! A job or a trace on a simulated frame and nozzle: what `ferrostep simulate` measures.
+
+mod machine;
+mod observer;
+mod table;
+
+pub use machine::reference_profile;
+pub use table::{Compared, Simulated, SimulatedMachine};
+
+use std::fmt;
+use std::fs::File;
+use std::io::{BufReader, Cursor, Read};
+use std::path::Path;
+use std::sync::Arc;
+
+use ferrostep_oracle::reference::{InterpretError, InterpretOptions, Job, interpret, plan};
+use ferrostep_oracle::trace::{TraceError, TraceReader};
+use ferrostep_printer::Profile;
+use ferrostep_simulator::klipper::{self, KlipperSettings};
+use ferrostep_simulator::measures::{Measures, Report, Snapshots};
+use ferrostep_simulator::plan::{Filters, Machine, MachineError, MoveSpeeds, Plan, simulate};
+use ferrostep_simulator::shapers::Shaper;
+use ferrostep_simulator::steps::{PathSource, StepSimulation, StepsError};
+
+use crate::desk::LOOK_AHEAD_BLOCKS;
+use crate::gpre;
+use crate::input::{self, Input, InputError};
+use crate::job::{self, JobError, JobProgress};
+use crate::session::{JobReplies, Session};
+use observer::StepsObserver;
+
+/// First byte of a trace; no job begins with it.
+const TRACE_START: u8 = b'{';
+
+/// A simulation could not be made.
+#[derive(Debug)]
+pub enum SimulationError {
+    /// A file cannot be read, or is no job.
+    Input(InputError),
+    /// The job stopped.
+    Job(JobError),
+    /// The path cannot be read from the G-code.
+    Interpret(InterpretError),
+    /// The G-code that should give the path is a prepared job or a trace.
+    PathIsNoText,
+    /// The steps cannot be simulated.
+    Steps(StepsError),
+    /// The frame's or the nozzle's numbers are out of range.
+    Machine(MachineError),
+    /// There is no G-code to plan by other rules.
+    NothingToCompare,
+}
+
+impl fmt::Display for SimulationError {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Input(error) => error.fmt(out),
+            Self::Job(error) => error.fmt(out),
+            Self::Interpret(error) => write!(out, "the path cannot be read: {error}"),
+            Self::PathIsNoText => {
+                write!(out, "--path takes G-code: the file that the trace or the prepared job was made from")
+            }
+            Self::Steps(error @ StepsError::Path(_)) => {
+                write!(out, "{error} (--path-of-steps measures against the path that the steps draw)")
+            }
+            Self::Steps(error) => error.fmt(out),
+            Self::Machine(error) => error.fmt(out),
+            Self::NothingToCompare => {
+                write!(
+                    out,
+                    "--compare plans G-code: give it with --path FILE, since a trace or a prepared job has none"
+                )
+            }
+        }
+    }
+}
+
+impl std::error::Error for SimulationError {}
+
+impl From<InputError> for SimulationError {
+    fn from(error: InputError) -> Self {
+        Self::Input(error)
+    }
+}
+
+impl From<StepsError> for SimulationError {
+    fn from(error: StepsError) -> Self {
+        Self::Steps(error)
+    }
+}
+
+impl From<MachineError> for SimulationError {
+    fn from(error: MachineError) -> Self {
+        Self::Machine(error)
+    }
+}
+
+/// What was simulated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Source {
+    /// G-code, printed on the virtual board.
+    GCode,
+    /// A prepared job, printed on the virtual board.
+    Prepared,
+    /// A trace.
+    Trace,
+}
+
+/// Where the steps come from.
+enum Steps {
+    Job(Arc<[u8]>),
+    Trace(Box<dyn Read>),
+}
+
+/// A job or a trace, and a machine to play it on.
+pub struct Simulation {
+    steps: Steps,
+    source: Source,
+    profile: Profile,
+    machine: Machine,
+    /// The moves of the G-code, and how the reference plans them.
+    path: Option<(Job, Vec<MoveSpeeds>)>,
+    filament_mm2: f64,
+}
+
+/// Measures of a simulation, with what was kept for pictures.
+pub type Measured = (Report, Option<Snapshots>);
+
+impl Simulation {
+    /// Reads a job or the beginning of a trace.
+    ///
+    /// # Errors
+    /// It cannot be read or is neither, or the path is not of it.
+    pub fn open(
+        file: &Path,
+        profile: Profile,
+        machine: Machine,
+        path: Option<&Path>,
+        path_of_steps: bool,
+    ) -> Result<Self, SimulationError> {
+        machine.at_rest()?;
+        let steps = steps_of(file)?;
+        let mut text = None;
+        let source = match &steps {
+            Steps::Trace(_) => Source::Trace,
+            Steps::Job(bytes) => {
+                let mut input = Input::of_bytes(Arc::clone(bytes))?;
+                if input.is_prepared() {
+                    Source::Prepared
+                } else {
+                    if !path_of_steps {
+                        text = Some(all_of(&mut input)?);
+                    }
+                    Source::GCode
+                }
+            }
+        };
+        if let Some(path) = path {
+            let mut input = match steps_of(path)? {
+                Steps::Trace(_) => return Err(SimulationError::PathIsNoText),
+                Steps::Job(bytes) => Input::of_bytes(bytes)?,
+            };
+            if input.is_prepared() {
+                return Err(SimulationError::PathIsNoText);
+            }
+            text = Some(all_of(&mut input)?);
+        }
+        let path = text.map(|text| planned(&text, &profile)).transpose().map_err(SimulationError::Interpret)?;
+        let diameter_mm = profile.extrusion.filament_diameter_10nm as f64 * 1e-5;
+        let filament_mm2 = diameter_mm * diameter_mm * std::f64::consts::FRAC_PI_4;
+        Ok(Self { steps, source, profile, machine, path, filament_mm2 })
+    }
+
+    /// What is simulated.
+    pub const fn source(&self) -> Source {
+        self.source
+    }
+
+    /// Whether the path is that of G-code, and not that which the steps draw.
+    pub const fn has_path(&self) -> bool {
+        self.path.is_some()
+    }
+
+    /// Plays the plan by Klipper's rules, with its filters, and measures it.
+    ///
+    /// # Errors
+    /// There is no G-code to plan.
+    pub fn klipper(&self, settings: &KlipperSettings, shapers: [Shaper; 2]) -> Result<Measured, SimulationError> {
+        let Some((job, _)) = &self.path else { return Err(SimulationError::NothingToCompare) };
+        let speeds = klipper::plan(job, settings);
+        let (mut report, snapshots) =
+            self.planned(job, &speeds, &settings.filters(shapers), Measures::with_snapshots())?;
+        let (unshaped, _) = self.planned(job, &speeds, &Filters::default(), Measures::default())?;
+        report.ringing = report.ringing.relative_to(&unshaped.ringing);
+        Ok((report, snapshots))
+    }
+
+    fn planned(
+        &self,
+        job: &Job,
+        speeds: &[MoveSpeeds],
+        filters: &Filters,
+        mut measures: Measures,
+    ) -> Result<Measured, SimulationError> {
+        let plans = Plan::of_job(job, speeds, self.filament_mm2);
+        let time_s = simulate(&plans, filters, &self.machine, self.filament_mm2, &mut measures)?;
+        Ok(measures.finish(time_s))
+    }
+
+    /// Plays the steps and measures them. A job that stops at a line is measured up to there, and the reason returned beside.
+    ///
+    /// # Errors
+    /// The trace is damaged, or the path is not of it.
+    pub fn run(self, mut look: impl FnMut(&JobProgress)) -> Result<(Measured, Option<JobError>), SimulationError> {
+        let unshaped = match &self.path {
+            None => None,
+            Some((job, speeds)) => Some(self.planned(job, speeds, &Filters::default(), Measures::default())?.0),
+        };
+        let path = match &self.path {
+            None => PathSource::of_steps(self.filament_mm2),
+            Some((job, speeds)) => PathSource::of_job(job, speeds, self.filament_mm2),
+        };
+        let measures = Measures::with_snapshots();
+        let (steps, stopped) = match self.steps {
+            Steps::Trace(trace) => {
+                let reader = TraceReader::new(trace).map_err(trace_error)?;
+                let header = reader.header().clone();
+                let mut steps = StepSimulation::new(header, &self.machine, self.filament_mm2, path, measures)?;
+                for record in reader {
+                    steps.play(&record.map_err(trace_error)?)?;
+                }
+                (steps, None)
+            }
+            Steps::Job(bytes) => {
+                let mut input = Input::of_bytes(bytes)?;
+                let header = machine::trace_header(&self.profile);
+                let steps =
+                    StepSimulation::new(header, &self.machine, self.filament_mm2, path.may_end_early(), measures)?;
+                let session = Session::print(
+                    self.profile,
+                    LOOK_AHEAD_BLOCKS,
+                    StepsObserver::new(steps),
+                    JobReplies::new(|_: &str| {}),
+                );
+                let mut printer = session.printer();
+                let mut done = JobProgress::default();
+                let outcome = if input.is_prepared() {
+                    session.run(gpre::play(&mut input, &self.profile, &mut printer, &mut done, |done| look(done)))
+                } else {
+                    session.run(job::run(&mut input, &mut printer, &mut done, |done| look(done)))
+                };
+                (session.into_observer().finish()?, outcome.err())
+            }
+        };
+        let (measures, time_s) = steps.finish()?;
+        let (mut report, snapshots) = measures.finish(time_s);
+        if let Some(unshaped) = unshaped {
+            report.ringing = report.ringing.relative_to(&unshaped.ringing);
+        }
+        Ok(((report, snapshots), stopped))
+    }
+}
+
+fn trace_error(error: TraceError) -> SimulationError {
+    SimulationError::Steps(StepsError::Trace(error))
+}
+
+/// A file by its first byte: a trace is streamed, a job is read whole.
+fn steps_of(file: &Path) -> Result<Steps, SimulationError> {
+    if input::is_standard_input(file) {
+        let bytes = input::bytes(file)?;
+        return Ok(match bytes.first() {
+            Some(&TRACE_START) => Steps::Trace(Box::new(Cursor::new(bytes))),
+            _ => Steps::Job(bytes),
+        });
+    }
+    let mut opened = BufReader::new(File::open(file).map_err(InputError::Read)?);
+    let mut start = [0];
+    let length = opened.read(&mut start).map_err(InputError::Read)?;
+    let mut bytes = start[..length].to_vec();
+    if bytes == [TRACE_START] {
+        return Ok(Steps::Trace(Box::new(Cursor::new(bytes).chain(opened))));
+    }
+    opened.read_to_end(&mut bytes).map_err(InputError::Read)?;
+    Ok(Steps::Job(bytes.into()))
+}
+
+fn all_of(input: &mut Input) -> Result<Vec<u8>, SimulationError> {
+    let mut text = Vec::new();
+    input.read_to_end(&mut text).map_err(InputError::Read)?;
+    Ok(text)
+}
+
+/// The moves of a text, and the reference's plan of them.
+fn planned(text: &[u8], profile: &Profile) -> Result<(Job, Vec<MoveSpeeds>), InterpretError> {
+    let job = interpret(text, &reference_profile(profile), InterpretOptions::default())?;
+    let speeds = plan(&job, None).moves.iter().map(|one| MoveSpeeds::from(one.law)).collect();
+    Ok((job, speeds))
+}

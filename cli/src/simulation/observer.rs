@@ -1,0 +1,48 @@
+//! Hands the steps of a print to the simulation as they are made.
+
+use ferrostep_oracle::trace::{Record, StepEvent};
+use ferrostep_planner::StepObserver;
+use ferrostep_simulator::steps::{StepSimulation, StepsError};
+
+use crate::record::Observer;
+
+/// A step has no way to report an error: the first one is kept, and later events are dropped.
+pub(super) struct StepsObserver {
+    steps: StepSimulation,
+    error: Option<StepsError>,
+}
+
+impl StepsObserver {
+    pub(super) const fn new(steps: StepSimulation) -> Self {
+        Self { steps, error: None }
+    }
+
+    fn play(&mut self, record: &Record) {
+        if self.error.is_none() {
+            self.error = self.steps.play(record).err();
+        }
+    }
+
+    pub(super) fn finish(self) -> Result<StepSimulation, StepsError> {
+        match self.error {
+            Some(error) => Err(error),
+            None => Ok(self.steps),
+        }
+    }
+}
+
+impl StepObserver for StepsObserver {
+    fn stepped(&mut self, tick: u64, axes: u8, directions: u8) {
+        self.play(&Record::Step(StepEvent { tick, axes, directions }));
+    }
+}
+
+impl Observer for StepsObserver {
+    fn redefined(&mut self, tick: u64, motor_steps: [i64; 4]) {
+        self.play(&Record::PositionsRedefined { tick, positions: motor_steps.map(|steps| steps as i32).to_vec() });
+    }
+
+    fn move_ended(&mut self, tick: u64, line: u32) {
+        self.play(&Record::MoveEnd { tick, line });
+    }
+}

@@ -1,0 +1,135 @@
+//! The result as JSON and as text.
+
+use std::fmt;
+
+use ferrostep_simulator::measures::Report;
+use ferrostep_simulator::plan::Machine;
+use serde::Serialize;
+
+use crate::report::Stop;
+use crate::terminal::one_line;
+
+/// The frame and the nozzle, for the reader of the result.
+#[derive(Clone, Debug, Serialize)]
+pub struct SimulatedMachine {
+    /// Frequencies of X and Y, Hz.
+    pub frequency_hz: [f64; 2],
+    /// Damping ratio.
+    pub damping: f64,
+    /// Whether there is a second mode.
+    pub second_mode: bool,
+    /// The nozzle's time constant, s.
+    pub nozzle_time_constant_s: f64,
+    /// The nozzle's second slope: flow, mm^3/s, and time constant, s.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub nozzle_second_slope: Option<[f64; 2]>,
+}
+
+impl From<&Machine> for SimulatedMachine {
+    fn from(machine: &Machine) -> Self {
+        Self {
+            frequency_hz: machine.frame.frequency_hz,
+            damping: machine.frame.damping,
+            second_mode: machine.frame.second.is_some(),
+            nozzle_time_constant_s: machine.nozzle.time_constant_s,
+            nozzle_second_slope: machine.nozzle.second.map(|second| [second.above_mm3_per_s, second.time_constant_s]),
+        }
+    }
+}
+
+/// The plan by other rules.
+#[derive(Clone, Debug, Serialize)]
+pub struct Compared {
+    /// Whose rules.
+    pub rules: &'static str,
+    /// Its shaper.
+    pub shaper: String,
+    /// The frequencies its shapers are made for, Hz.
+    pub shaper_frequency_hz: [f64; 2],
+    /// Its pressure advance, s.
+    pub pressure_advance_s: f64,
+    /// Its measures.
+    #[serde(flatten)]
+    pub report: Report,
+}
+
+/// The result of a simulation.
+#[derive(Clone, Debug, Serialize)]
+pub struct Simulated {
+    /// The file.
+    pub file: String,
+    /// The machine's name; of a trace none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub profile: Option<String>,
+    /// `gcode`, `prepared` or `trace`.
+    pub source: &'static str,
+    /// What is measured against: `gcode` or `steps`.
+    pub path: &'static str,
+    /// Frame and nozzle.
+    pub machine: SimulatedMachine,
+    /// The measures.
+    #[serde(flatten)]
+    pub report: Report,
+    /// The same job by other rules.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub compared: Option<Compared>,
+    /// Where and why the job stopped.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stopped: Option<Stop>,
+}
+
+/// A line of the text: what it is, its unit, its value.
+type Row = (&'static str, &'static str, fn(&Report) -> String);
+
+const ROWS: [Row; 19] = [
+    ("time", "s", |report| format!("{:.2}", report.time_s)),
+    ("printing", "s", |report| format!("{:.2}", report.printing_time_s)),
+    ("contour error, rms", "um", |report| format!("{:.1}", report.contour_error_um.rms)),
+    ("contour error, 99 %", "um", |report| format!("{:.1}", report.contour_error_um.p99)),
+    ("contour error, max", "um", |report| format!("{:.1}", report.contour_error_um.max)),
+    ("ringing at stops, rms", "um", |report| format!("{:.1}", report.ringing.rms_um)),
+    ("ringing at stops, max", "um", |report| format!("{:.1}", report.ringing.max_um)),
+    ("ringing, of the unfiltered plan's", "%", |report| {
+        report.ringing.relative.map_or_else(|| "-".to_owned(), |relative| format!("{:.1}", 100.0 * relative))
+    }),
+    ("stops", "", |report| report.ringing.stops.to_string()),
+    ("misplaced at a corner", "mm^3", |report| format!("{:.4}", report.bead.corner_volume_mm3)),
+    ("corners", "", |report| report.bead.corners.to_string()),
+    ("misplaced at an end", "mm^3", |report| format!("{:.4}", report.bead.end_volume_mm3)),
+    ("ends", "", |report| report.bead.ends.to_string()),
+    ("misplaced elsewhere, in all", "mm^3", |report| format!("{:.2}", report.bead.elsewhere_volume_mm3)),
+    ("true acceleration, 99 %", "mm/s^2", |report| format!("{:.0}", report.true_acceleration_mm_per_s2.p99)),
+    ("true acceleration, max", "mm/s^2", |report| format!("{:.0}", report.true_acceleration_mm_per_s2.max)),
+    ("extruder, max speed", "mm/s", |report| format!("{:.1}", report.extruder.max_speed_mm_per_s)),
+    ("extruder printing, max speed", "mm/s", |report| format!("{:.1}", report.extruder.max_printing_speed_mm_per_s)),
+    ("extruder printing, max accel.", "mm/s^2", |report| {
+        format!("{:.0}", report.extruder.max_printing_acceleration_mm_per_s2)
+    }),
+];
+
+impl fmt::Display for Simulated {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let machine = &self.machine;
+        let [x_hz, y_hz] = machine.frequency_hz;
+        writeln!(
+            out,
+            "{}: frame {x_hz} and {y_hz} Hz, damping {}{}; nozzle {} s; path of the {}",
+            one_line(&self.file),
+            machine.damping,
+            if machine.second_mode { ", second mode" } else { "" },
+            machine.nozzle_time_constant_s,
+            if self.path == "gcode" { "G-code" } else { "steps themselves" },
+        )?;
+        if let Some(compared) = &self.compared {
+            writeln!(out, "  {:34} {:>12} {:>12}  {}", "", "steps", compared.rules, compared.shaper)?;
+        }
+        for (name, unit, value) in ROWS {
+            write!(out, "  {name:34} {:>12}", value(&self.report))?;
+            if let Some(compared) = &self.compared {
+                write!(out, " {:>12}", value(&compared.report))?;
+            }
+            writeln!(out, "  {unit}")?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,110 @@
+//! Looks on while a job is rehearsed, for what no single line shows.
+
+use ferrostep_hal_shim::Heater;
+use ferrostep_planner::extruder::FILAMENT_UNITS_PER_MM;
+use ferrostep_printer::{Heating, Ports, Printer, Profile, Tally};
+
+use crate::job::Onlooker;
+use crate::remarks::{RemarkKind, RemarkList};
+use crate::terminal::code;
+
+/// Commands that wait for a person where they are executed: pauses, and filament changes.
+const PAUSES: [&str; 7] = ["M0", "M1", "M25", "M125", "M226", "M600", "M601"];
+
+/// Units of 10 nm in a mm.
+const UNITS_PER_MM: f64 = 100_000.0;
+
+/// Notes remarks about the lines of a job.
+#[derive(Debug)]
+pub struct Watch<'a> {
+    remarks: &'a RemarkList,
+    max_flow_mm3_per_s: Option<f64>,
+    /// Cross-section of the filament.
+    filament_mm2: f64,
+    line: u32,
+    tally: Tally,
+    position_10nm: [i64; 4],
+    /// The line that asks for most filament in a time, and how much, mm^3/s.
+    most: Option<(u32, f64)>,
+}
+
+impl<'a> Watch<'a> {
+    /// Of a job on this machine.
+    pub fn new(profile: &Profile, remarks: &'a RemarkList) -> Self {
+        let diameter_mm = profile.extrusion.filament_diameter_10nm as f64 / UNITS_PER_MM;
+        Self {
+            remarks,
+            max_flow_mm3_per_s: profile.max_volumetric_flow_mm3_per_s.map(f64::from),
+            filament_mm2: std::f64::consts::PI / 4.0 * diameter_mm * diameter_mm,
+            line: 0,
+            tally: Tally::default(),
+            position_10nm: [0; 4],
+            most: None,
+        }
+    }
+
+    /// What is so at the end.
+    pub fn end(&self, heating: &impl Heating) {
+        for heater in Heater::ALL {
+            let celsius = heating.status(heater).target_celsius;
+            if celsius > 0.0 {
+                let (name, code) = match heater {
+                    Heater::Nozzle => ("nozzle", "M104"),
+                    Heater::Bed => ("bed", "M140"),
+                };
+                let message = format!("the {name} is still on at the end, at {celsius} C: end the job with {code} S0");
+                self.remarks.note(RemarkKind::HeaterOn, None, message);
+            }
+        }
+        if let (Some(limit), Some((line, flow))) = (self.max_flow_mm3_per_s, self.most) {
+            let message = format!(
+                "moves ask for more filament than the nozzle melts ({limit} mm^3/s, max_volumetric_flow_mm3_per_s): at most \
+                 {flow:.1} mm^3/s, in line {line}"
+            );
+            self.remarks.note(RemarkKind::Flow, Some(line), message);
+        }
+    }
+
+    /// Filament that a move asks for in a time, by its feed, mm^3/s.
+    fn flow<P: Ports>(&self, printer: &Printer<'_, P>, tally: &Tally, position_10nm: &[i64; 4]) -> Option<f64> {
+        let filament_mm = (tally.filament_100pm - self.tally.filament_100pm) as f64 / FILAMENT_UNITS_PER_MM as f64;
+        let squares = (0..3).map(|axis| (position_10nm[axis] - self.position_10nm[axis]) as f64 / UNITS_PER_MM);
+        let path_mm = squares.map(|side_mm| side_mm * side_mm).sum::<f64>().sqrt();
+        let is_drawing = filament_mm > 0.0 && path_mm > 0.0;
+        is_drawing.then(|| filament_mm * self.filament_mm2 * printer.feed_mm_per_s() / path_mm)
+    }
+}
+
+impl<P: Ports> Onlooker<P> for Watch<'_> {
+    fn begins(&mut self, _: &Printer<'_, P>, line: u32, text: &str) {
+        self.line = line;
+        if text.starts_with(['M', 'm']) {
+            let code = code(text);
+            if PAUSES.iter().any(|pause| pause.eq_ignore_ascii_case(code)) {
+                let message = format!("{code} asks the printer to wait for a person");
+                self.remarks.note(RemarkKind::Pause, Some(line), message);
+            }
+        }
+    }
+
+    fn ended(&mut self, printer: &Printer<'_, P>) {
+        let tally = printer.tally();
+        let position_10nm = printer.logical_10nm();
+        if tally.clamped_moves != self.tally.clamped_moves {
+            let message = "the target lies outside the travel and is drawn in to its edge";
+            self.remarks.note(RemarkKind::SoftLimit, Some(self.line), message);
+        }
+        if tally.unhomed_moves != self.tally.unhomed_moves {
+            let message = "an axis moves that is not homed: where it is is not known, and no limit stops it";
+            self.remarks.note(RemarkKind::NotHomed, Some(self.line), message);
+        }
+        if let Some(limit) = self.max_flow_mm3_per_s
+            && let Some(flow) = self.flow(printer, &tally, &position_10nm)
+            && flow > limit.max(self.most.map_or(0.0, |(_, most)| most))
+        {
+            self.most = Some((self.line, flow));
+        }
+        self.tally = tally;
+        self.position_10nm = position_10nm;
+    }
+}

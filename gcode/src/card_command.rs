@@ -1,0 +1,60 @@
+//! Commands for the files on a memory card.
+
+/// M20 to M34, M524, M928.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CardCommand<'a> {
+    /// M20: the list of files.
+    List {
+        /// L: with long names.
+        long: bool,
+        /// T: with the time of writing.
+        time: bool,
+    },
+    /// M21: look for the card.
+    Mount,
+    /// M22: forget it, so that it can be pulled out.
+    Release,
+    /// M23: the file to be printed.
+    Select(&'a str),
+    /// M24: print, or go on; S begins at this byte.
+    Start {
+        /// S.
+        position: Option<u32>,
+    },
+    /// M25: pause.
+    Pause,
+    /// M26 S: go on at this byte.
+    SetPosition(u32),
+    /// M27: how far the print is.
+    ReportProgress,
+    /// M27 C: the file's name.
+    ReportFile,
+    /// M27 S: seconds between reports of how far it is, 0 = off.
+    AutoReport {
+        /// S.
+        seconds: u8,
+    },
+    /// M28: write the lines that follow into this file.
+    Write(&'a str),
+    /// M29: the file is complete.
+    EndWrite,
+    /// M30: delete a file.
+    Delete(&'a str),
+    /// M31: the time of this print so far.
+    ReportTime,
+    /// M32: select and print.
+    SelectAndStart {
+        /// Between `!` and `#`.
+        path: &'a str,
+        /// S.
+        position: Option<u32>,
+    },
+    /// M33: a path's long names.
+    ReportLongPath(&'a str),
+    /// M34: sorting, which changes nothing: files are listed as they lie in their folders.
+    Sort,
+    /// M524: end the print.
+    Abort,
+    /// M928: write the lines that follow into this file, and execute them.
+    Log(&'a str),
+}

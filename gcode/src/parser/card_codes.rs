@@ -1,0 +1,79 @@
+//! Commands for the files on a memory card.
+
+use super::code::Code;
+use crate::remarks::Remarks;
+use crate::{CardCommand, ParseError};
+
+/// Maximum interval of M27, seconds.
+const MAX_INTERVAL_S: u8 = 60;
+
+/// M20 to M34, M524, M928; `None` for any other.
+pub(super) fn parse<'a>(code: &Code<'a>, remarks: &mut Remarks) -> Option<Result<CardCommand<'a>, ParseError>> {
+    Some(match code.number {
+        20 => flags(code),
+        21 => Ok(CardCommand::Mount),
+        22 => Ok(CardCommand::Release),
+        23 => path(code, "M23").map(CardCommand::Select),
+        24 => position(code, remarks).map(|position| CardCommand::Start { position }),
+        25 => Ok(CardCommand::Pause),
+        26 => position(code, remarks).and_then(|position| {
+            let missing = ParseError::WordsExpected { command: "M26", words: "S" };
+            position.map(CardCommand::SetPosition).ok_or(missing)
+        }),
+        27 => progress(code, remarks),
+        28 => path(code, "M28").map(CardCommand::Write),
+        29 => Ok(CardCommand::EndWrite),
+        30 => path(code, "M30").map(CardCommand::Delete),
+        31 => Ok(CardCommand::ReportTime),
+        32 => select_and_start(code, remarks),
+        33 => path(code, "M33").map(CardCommand::ReportLongPath),
+        34 => Ok(CardCommand::Sort),
+        524 => Ok(CardCommand::Abort),
+        928 => path(code, "M928").map(CardCommand::Log),
+        _ => return None,
+    })
+}
+
+/// M20: letters without numbers.
+fn flags<'a>(code: &Code<'a>) -> Result<CardCommand<'a>, ParseError> {
+    let has = |letter: char| code.free_text().chars().any(|char| char.eq_ignore_ascii_case(&letter));
+    Ok(CardCommand::List { long: has('L'), time: has('T') })
+}
+
+/// A path, which is the rest of the line.
+fn path<'a>(code: &Code<'a>, command: &'static str) -> Result<&'a str, ParseError> {
+    let text = code.free_text();
+    if text.is_empty() { Err(ParseError::WordsExpected { command, words: "a file's name" }) } else { Ok(text) }
+}
+
+fn position(code: &Code<'_>, remarks: &mut Remarks) -> Result<Option<u32>, ParseError> {
+    let mut words = code.words(remarks)?;
+    // A length beyond any file's: no file has such a place.
+    Ok(words.nearest(b'S', 1)?.map(|position| u32::try_from(position).unwrap_or(u32::MAX)))
+}
+
+/// M27: C asks for the name, S sets the interval.
+fn progress<'a>(code: &Code<'a>, remarks: &mut Remarks) -> Result<CardCommand<'a>, ParseError> {
+    if code.free_text().starts_with(['C', 'c']) {
+        return Ok(CardCommand::ReportFile);
+    }
+    let interval = code.words(remarks)?.whole_to(b'S', MAX_INTERVAL_S)?;
+    Ok(interval.map_or(CardCommand::ReportProgress, |seconds| CardCommand::AutoReport { seconds }))
+}
+
+/// M32: the path stands between `!` and `#`, or after the words to the end of the line.
+fn select_and_start<'a>(code: &Code<'a>, remarks: &mut Remarks) -> Result<CardCommand<'a>, ParseError> {
+    let text = code.free_text();
+    let (words, path) = text.split_once('!').unwrap_or(("", text));
+    let path = path.split_once('#').map_or(path, |(path, _)| path).trim_matches([' ', '\t']);
+    if path.is_empty() {
+        return Err(ParseError::WordsExpected { command: "M32", words: "a file's name after !" });
+    }
+    let mut words = super::words::Words::parse(words, remarks, super::words::Strays::Remarked)?;
+    if words.has(b'P') {
+        let why = "a file that is printed from within another would leave its place; print one after the other";
+        return Err(ParseError::NotSupported { command: "M32 P", why });
+    }
+    let position = words.nearest(b'S', 1)?.map(|position| u32::try_from(position).unwrap_or(u32::MAX));
+    Ok(CardCommand::SelectAndStart { path, position })
+}

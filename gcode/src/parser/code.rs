@@ -1,0 +1,67 @@
+//! The code that a line begins with, and what every code may do with the rest of its line.
+
+use super::words::{Strays, Words};
+use crate::remarks::{Remark, Remarks};
+use crate::{Command, NotExecuted, Outcome, ParseError};
+
+/// What stands at the start of a line: `G29.1`, `M204`, `T0`.
+#[derive(Clone, Copy)]
+pub(super) struct Code<'a> {
+    /// The number after the letter, `u32::MAX` if it is larger still.
+    pub(super) number: u32,
+    /// Whether `.` and a subcode follow.
+    pub(super) has_subcode: bool,
+    /// The subcode, 0 if there is none.
+    pub(super) subcode: u32,
+    /// The whole line, trimmed.
+    pub(super) text: &'a str,
+    /// What follows the code.
+    pub(super) rest: &'a str,
+    /// `G` or `M`.
+    pub(super) letter: u8,
+}
+
+impl<'a> Code<'a> {
+    pub(super) fn unknown(&self) -> Command<'a> {
+        Command::Unknown(self.text.trim_matches([' ', '\t']))
+    }
+
+    /// The rest of the line as text.
+    pub(super) fn free_text(&self) -> &'a str {
+        self.rest.trim_matches([' ', '\t'])
+    }
+
+    pub(super) fn words<'r>(&self, remarks: &'r mut Remarks) -> Result<Words<'r>, ParseError> {
+        Words::parse(self.rest, remarks, Strays::Remarked)
+    }
+
+    /// The words of a command that moves something, or says where something is: a number without its letter is an error.
+    pub(super) fn places<'r>(&self, remarks: &'r mut Remarks) -> Result<Words<'r>, ParseError> {
+        Words::parse(self.rest, remarks, Strays::Refused)
+    }
+
+    /// What becomes of a command that the parser has no code for.
+    pub(super) fn not_executed(&self, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
+        self.outcome(NotExecuted::find(self.letter, self.number), remarks)
+    }
+
+    /// What becomes of a command by its entry; without one it is unknown.
+    pub(super) fn outcome(
+        &self,
+        entry: Option<(u8, &'static NotExecuted)>,
+        remarks: &mut Remarks,
+    ) -> Result<Command<'a>, ParseError> {
+        let Some((index, entry)) = entry else { return Ok(self.unknown()) };
+        remarks.add(Remark::NotExecuted(index));
+        match entry.outcome {
+            Outcome::Accepted => Ok(Command::Accepted),
+            Outcome::Unknown => Ok(self.unknown()),
+            Outcome::Refused => Err(ParseError::NotSupported { command: entry.name, why: entry.why }),
+        }
+    }
+
+    /// Checks that what follows is well formed, for a command that has no words.
+    pub(super) fn without_words(&self, command: Command<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
+        self.words(remarks).map(|_| command)
+    }
+}

@@ -1,0 +1,150 @@
+//! Commands with names, `SET_VELOCITY_LIMIT ACCEL=3000`, which slicers write for Klipper: those that mean something here.
+//!
+//! Names and words count in upper and lower case. What has no effect here stands in [`crate::NOT_EXECUTED`].
+
+use super::code::Code;
+use crate::not_executed::is_one_of;
+use crate::remarks::{Remark, Remarks};
+use crate::{AxisWords, Command, Decimal, NotExecuted, ParseError, WaitTarget};
+
+/// A heater or thermometer by Klipper's name.
+enum Heater {
+    Nozzle,
+    Bed,
+}
+
+/// The words after a name: `KEY=VALUE`.
+struct NamedWords<'a> {
+    /// The command, and how its words are written, for errors.
+    command: &'static str,
+    form: &'static str,
+    text: &'a [u8],
+}
+
+impl<'a> NamedWords<'a> {
+    /// The value of a word; of several the last counts.
+    #[inline(never)]
+    fn value(&self, key: &str) -> Option<&'a [u8]> {
+        let mut value = None;
+        for word in self.text.split(|byte| matches!(byte, b' ' | b'\t')) {
+            if let Some((found, [b'=', rest @ ..])) = word.split_at_checked(key.len())
+                && is_one_of(key.as_bytes(), found)
+            {
+                value = Some(rest);
+            }
+        }
+        value
+    }
+
+    /// The number of a word.
+    #[inline(never)]
+    fn number(&self, key: &str) -> Result<Option<Decimal>, ParseError> {
+        match self.value(key).map(Decimal::parse) {
+            None => Ok(None),
+            Some(Ok(number)) => Ok(Some(number)),
+            Some(Err(_)) => Err(self.expected()),
+        }
+    }
+
+    /// A number above zero.
+    fn above_zero(&self, key: &str) -> Result<Option<Decimal>, ParseError> {
+        match self.number(key)? {
+            Some(number) if number <= Decimal::ZERO => Err(self.expected()),
+            number => Ok(number),
+        }
+    }
+
+    /// A number that is not negative, without its fraction.
+    fn count(&self, key: &str) -> Result<Option<u32>, ParseError> {
+        let number = self.number(key)?.map(|number| u32::try_from(number.to_i64_towards_zero()));
+        number.transpose().map_err(|_| self.expected())
+    }
+
+    /// The heater that a word names; `None`: the machine has no such one, which is remarked.
+    #[inline(never)]
+    fn heater(&self, key: &str, remarks: &mut Remarks) -> Result<Option<Heater>, ParseError> {
+        let name = self.value(key).ok_or(self.expected())?;
+        for (known, heater) in [("extruder", Heater::Nozzle), ("heater_bed", Heater::Bed)] {
+            if is_one_of(known.as_bytes(), name) {
+                return Ok(Some(heater));
+            }
+        }
+        remarks.add(Remark::OtherHeater);
+        Ok(None)
+    }
+
+    const fn expected(&self) -> ParseError {
+        ParseError::WordsExpected { command: self.command, words: self.form }
+    }
+}
+
+/// The names that are executed, each with how its words are written.
+const EXECUTED: [(&str, &str); 7] = [
+    ("SET_VELOCITY_LIMIT", "VELOCITY or ACCEL with a number above 0"),
+    ("SET_HEATER_TEMPERATURE", "HEATER=extruder or heater_bed, and TARGET with a number"),
+    ("TEMPERATURE_WAIT", "SENSOR=extruder or heater_bed, and MINIMUM or MAXIMUM with a number"),
+    ("SET_PRINT_STATS_INFO", "TOTAL_LAYER or CURRENT_LAYER with a number"),
+    ("TURN_OFF_HEATERS", ""),
+    ("PAUSE", ""),
+    ("RESUME", ""),
+];
+
+/// Reads a line that begins with a name, or with nothing known.
+#[cold]
+pub(super) fn parse<'a>(code: &Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
+    let line = code.text.trim_matches([' ', '\t']).as_bytes();
+    let length = line.iter().position(|byte| matches!(byte, b' ' | b'\t')).unwrap_or(line.len());
+    let (name, text) = line.split_at_checked(length).unwrap_or((line, &[]));
+    let executed = EXECUTED.iter().position(|(known, _)| is_one_of(known.as_bytes(), name));
+    let Some((index, (command, form))) = executed.and_then(|index| Some((index, *EXECUTED.get(index)?))) else {
+        return code.outcome(NotExecuted::find_named(name), remarks);
+    };
+    let words = NamedWords { command, form, text };
+    Ok(match index {
+        0 => velocity_limit(&words, remarks)?,
+        1 => {
+            // Without a target it is off, as in Klipper.
+            let target = Some(words.number("TARGET")?.unwrap_or(Decimal::ZERO).max(Decimal::ZERO));
+            match words.heater("HEATER", remarks)? {
+                Some(Heater::Nozzle) => Command::SetNozzle(target),
+                Some(Heater::Bed) => Command::SetBed(target),
+                None => Command::Accepted,
+            }
+        }
+        2 => temperature_wait(&words, remarks)?,
+        3 => Command::Layer { current: words.count("CURRENT_LAYER")?, total: words.count("TOTAL_LAYER")? },
+        4 => Command::HeatersOff,
+        5 => Command::Pause(AxisWords::default()),
+        _ => Command::ResumePrint,
+    })
+}
+
+/// TEMPERATURE_WAIT.
+#[inline(never)]
+fn temperature_wait(words: &NamedWords<'_>, remarks: &mut Remarks) -> Result<Command<'static>, ParseError> {
+    let (minimum, maximum) = (words.number("MINIMUM")?, words.number("MAXIMUM")?);
+    let heater = words.heater("SENSOR", remarks)?;
+    if maximum.is_some() {
+        remarks.add(Remark::WaitsForHeatOnly);
+    } else if minimum.is_none() {
+        return Err(words.expected());
+    }
+    Ok(match heater.filter(|_| minimum.is_some()) {
+        Some(Heater::Nozzle) => Command::WaitNozzle(WaitTarget::Current),
+        Some(Heater::Bed) => Command::WaitBed(WaitTarget::Current),
+        None => Command::Accepted,
+    })
+}
+
+/// SET_VELOCITY_LIMIT.
+#[inline(never)]
+fn velocity_limit(words: &NamedWords<'_>, remarks: &mut Remarks) -> Result<Command<'static>, ParseError> {
+    let (velocity, acceleration) = (words.above_zero("VELOCITY")?, words.above_zero("ACCEL")?);
+    let corners = ["SQUARE_CORNER_VELOCITY", "ACCEL_TO_DECEL", "MINIMUM_CRUISE_RATIO"];
+    if corners.iter().any(|key| words.value(key).is_some()) {
+        remarks.add(Remark::CornerLimits);
+    } else if velocity.is_none() && acceleration.is_none() {
+        return Err(words.expected());
+    }
+    Ok(Command::VelocityLimit { velocity, acceleration })
+}

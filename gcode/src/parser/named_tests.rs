@@ -1,0 +1,84 @@
+//! Commands with names.
+#![allow(clippy::unwrap_used)]
+
+use super::tests::{number, reads, reads_with, refused, some};
+use crate::{AxisWords, Command, NOT_EXECUTED, NotExecuted, WaitTarget, parse};
+
+#[test]
+fn limits_heat_layers_and_pauses_are_executed() {
+    let limit = |velocity: &str, acceleration: &str| Command::VelocityLimit {
+        velocity: (!velocity.is_empty()).then(|| number(velocity)),
+        acceleration: (!acceleration.is_empty()).then(|| number(acceleration)),
+    };
+    let corners = "of the limits VELOCITY and ACCEL have an effect; corners follow M205 J";
+    reads("SET_VELOCITY_LIMIT ACCEL=3000", limit("", "3000"));
+    reads("set_velocity_limit velocity=150.5  Accel=3000 ACCEL=2000", limit("150.5", "2000"));
+    reads_with("SET_VELOCITY_LIMIT ACCEL=3000 ACCEL_TO_DECEL=1500", limit("", "3000"), corners);
+    reads_with("SET_VELOCITY_LIMIT SQUARE_CORNER_VELOCITY=5", limit("", ""), corners);
+    reads("SET_HEATER_TEMPERATURE HEATER=extruder TARGET=210", Command::SetNozzle(some("210")));
+    reads("SET_HEATER_TEMPERATURE HEATER=heater_bed TARGET=60.5", Command::SetBed(some("60.5")));
+    reads("SET_HEATER_TEMPERATURE HEATER=EXTRUDER", Command::SetNozzle(some("0")));
+    let other = "this machine has the heaters extruder and heater_bed; no effect";
+    reads_with("SET_HEATER_TEMPERATURE HEATER=chamber TARGET=40", Command::Accepted, other);
+    reads_with("TEMPERATURE_WAIT SENSOR=chamber MINIMUM=40", Command::Accepted, other);
+    reads("TEMPERATURE_WAIT SENSOR=extruder MINIMUM=200", Command::WaitNozzle(WaitTarget::Current));
+    let cooling = "MAXIMUM: cooling is not waited for; no effect";
+    let wait = Command::WaitBed(WaitTarget::Current);
+    reads_with("TEMPERATURE_WAIT SENSOR=heater_bed MINIMUM=50 MAXIMUM=70", wait, cooling);
+    reads_with("TEMPERATURE_WAIT SENSOR=heater_bed MAXIMUM=40", Command::Accepted, cooling);
+    reads("TURN_OFF_HEATERS", Command::HeatersOff);
+    reads("SET_PRINT_STATS_INFO TOTAL_LAYER=50", Command::Layer { current: None, total: Some(50) });
+    reads("SET_PRINT_STATS_INFO CURRENT_LAYER=3", Command::Layer { current: Some(3), total: None });
+    reads("PAUSE", Command::Pause(AxisWords::default()));
+    reads("Resume", Command::ResumePrint);
+}
+
+#[test]
+fn what_is_missing_or_malformed_is_refused() {
+    for (text, expected) in [
+        ("SET_VELOCITY_LIMIT", "VELOCITY or ACCEL with a number above 0"),
+        ("SET_VELOCITY_LIMIT ACCEL=0", "VELOCITY or ACCEL with a number above 0"),
+        ("SET_VELOCITY_LIMIT ACCEL=fast VELOCITY=10", "VELOCITY or ACCEL with a number above 0"),
+        ("SET_VELOCITY_LIMIT ACCEL=1e4", "VELOCITY or ACCEL with a number above 0"),
+        ("SET_HEATER_TEMPERATURE TARGET=200", "HEATER=extruder or heater_bed, and TARGET with a number"),
+        (
+            "SET_HEATER_TEMPERATURE HEATER=extruder TARGET={t}",
+            "HEATER=extruder or heater_bed, and TARGET with a number",
+        ),
+        ("TEMPERATURE_WAIT SENSOR=extruder", "SENSOR=extruder or heater_bed, and MINIMUM or MAXIMUM with a number"),
+        ("SET_PRINT_STATS_INFO CURRENT_LAYER=-1", "TOTAL_LAYER or CURRENT_LAYER with a number"),
+    ] {
+        let command = text.split(' ').next().unwrap();
+        assert_eq!(refused(text), format!("{command}: expected {expected}"), "{text}");
+    }
+}
+
+/// What files for Klipper begin, go on and end with is known, and says why it does nothing.
+#[test]
+fn what_means_nothing_here_says_so() {
+    for (text, says) in [
+        ("BED_MESH_CALIBRATE ADAPTIVE=1", "there is no mesh of the bed"),
+        ("bed_mesh_profile LOAD=default", "there is no mesh of the bed"),
+        ("EXCLUDE_OBJECT_DEFINE NAME=cube CENTER=100,100", "all are printed"),
+        ("EXCLUDE_OBJECT_START NAME=cube", "all are printed"),
+        ("START_PRINT EXTRUDER_TEMP=210 BED_TEMP=60", "write G28, M190 and M109"),
+        ("PRINT_START", "nothing is homed"),
+        ("END_PRINT", "heaters, fan and motors stay on"),
+        ("PRINT_END", "heaters, fan and motors stay on"),
+        ("SET_PRESSURE_ADVANCE ADVANCE=0.05", "pressure advance is not made"),
+        ("TIMELAPSE_TAKE_FRAME", "there is no such output"),
+    ] {
+        assert_eq!(parse(text), Ok(Command::Accepted), "{text}");
+        let entry = NotExecuted::of(text).unwrap_or_else(|| panic!("{text}"));
+        assert!(entry.to_string().contains(says), "{text}: {entry}");
+    }
+    assert!(refused("SET_GCODE_OFFSET Z=0.1 MOVE=1").contains("the part would lie elsewhere"));
+    // No name hides another, and none is executed as well.
+    for entry in NOT_EXECUTED.iter().filter(|entry| entry.letter == crate::NAMED) {
+        for name in entry.name.split(", ") {
+            let name = name.replace('*', "_X");
+            assert_eq!(NotExecuted::find_named(name.as_bytes()).unwrap().1.name, entry.name, "{name}");
+        }
+    }
+    assert_eq!(parse("BED_MESHES"), Ok(Command::Unknown("BED_MESHES")));
+}

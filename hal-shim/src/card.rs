@@ -1,0 +1,54 @@
+//! The slot of a memory card.
+
+use core::fmt;
+
+pub use embedded_sdmmc_types::{Block, BlockCount, BlockDevice, BlockIdx};
+
+/// Why a card could not be read or written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CardError {
+    /// No card is in the slot.
+    Missing,
+    /// The card has not answered in time.
+    Silent,
+    /// What came over the line was changed on its way: a checksum is wrong, or bytes were lost.
+    Garbled,
+    /// The slot cannot use this card.
+    Unsupported,
+    /// The card has no such block, or more blocks were asked for than files and folders can need: its folders or its
+    /// table of clusters are damaged.
+    Damaged,
+}
+
+impl fmt::Display for CardError {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        out.write_str(match self {
+            Self::Missing => "no card is in the slot",
+            Self::Silent => "the card does not answer",
+            Self::Garbled => "the card's data arrive changed",
+            Self::Unsupported => "this kind of card is not supported",
+            Self::Damaged => "the card's folders are damaged",
+        })
+    }
+}
+
+impl core::error::Error for CardError {}
+
+/// A slot: blocks of 512 bytes, once the card in it has been started.
+///
+/// Calls return within [`MAX_BLOCK_MS`]. They may wait, so that they belong into the task of the lowest priority.
+pub trait CardSlot: BlockDevice<Error = CardError> {
+    /// Whether a card is in the slot. `true` where a board cannot tell.
+    fn is_inserted(&self) -> bool;
+    /// Starts the card that is in the slot, as after it was put in. A card that was pulled out must be started again.
+    ///
+    /// # Errors
+    /// There is none, or it cannot be used.
+    fn start(&self) -> Result<(), CardError>;
+    /// Whether the card that was started last is still there: after it was pulled out it is not, even if it was put in again.
+    fn is_still_started(&self) -> bool;
+}
+
+/// Longest time that a slot takes for a block or for the start of a card, ms. Cards may take 250 ms to write a block and 1 s to
+/// start (SD Physical Layer Specification 4.6.2 and 4.2.3).
+pub const MAX_BLOCK_MS: u32 = 1100;

@@ -1,0 +1,284 @@
+//! A pseudo-terminal or TCP port of this computer for a person or a host program such as OctoPrint.
+//!
+//! No call but [`Line::wait`] blocks: a virtual printer reads and writes between two slices of its time. TCP discards bytes
+//! while no host is connected, like a wire; a pseudo-terminal keeps what fits, so that a host that opens it soon after still
+//! reads the `start`.
+//!
+//! A real host sends at real times: a run with such a line cannot be repeated exactly.
+#![cfg(unix)]
+
+use std::collections::VecDeque;
+use std::fs::File;
+use std::io::{self, ErrorKind, Read, Write};
+use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
+use std::os::unix::ffi::OsStrExt;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
+
+/// Maximum bytes kept for a host that reads slowly; beyond it the oldest lines are dropped.
+const MAX_WAITING: usize = 64 * 1024;
+/// Maximum bytes of one read.
+const MAX_READ: usize = 4096;
+/// How long [`Line::wait`] sleeps at most while no host has the terminal open, which cannot be waited for.
+const LOOK: Duration = Duration::from_millis(5);
+
+/// A line that a host program on this computer can open.
+#[derive(Debug)]
+pub struct Line {
+    end: End,
+    waiting: VecDeque<u8>,
+    dropped_bytes: u64,
+}
+
+#[derive(Debug)]
+enum End {
+    Pty { board_end: File, link: PathBuf, name: PathBuf },
+    Tcp { listener: TcpListener, client: Option<TcpStream>, address: SocketAddr },
+}
+
+impl Line {
+    /// Opens a pseudo-terminal with a symbolic link to it at `link`, which hosts open like a serial port. The link is
+    /// removed when the line is dropped; a link to a terminal that no longer exists is replaced.
+    ///
+    /// # Errors
+    /// Another file is at `link`, or the operating system refuses a pseudo-terminal.
+    pub fn pty(link: &Path) -> Result<Self, String> {
+        let shown = link.display();
+        if std::fs::symlink_metadata(link).is_ok() {
+            let stale = std::fs::symlink_metadata(link).is_ok_and(|it| it.is_symlink()) && !link.exists();
+            if !stale {
+                return Err(format!("{shown} is in use: choose another path, or end the program that uses it"));
+            }
+            std::fs::remove_file(link).map_err(|error| {
+                format!("the old link {shown} cannot be removed: {error}; remove it, or choose another path")
+            })?;
+        }
+        let (board_end, name) = open_terminal().map_err(|error| {
+            format!("{shown}: the operating system refuses a pseudo-terminal: {error}; use --tcp PORT")
+        })?;
+        std::os::unix::fs::symlink(&name, link).map_err(|error| {
+            format!("{shown} cannot be created: {error}; choose a path in a folder with write permission")
+        })?;
+        Ok(Self::with(End::Pty { board_end, link: link.to_owned(), name }))
+    }
+
+    /// Listens on a TCP port of this computer only (127.0.0.1), for one host at a time; 0 takes any free port.
+    ///
+    /// # Errors
+    /// The port is in use, or not permitted.
+    pub fn tcp(port: u16) -> Result<Self, String> {
+        let listen = || -> io::Result<(TcpListener, SocketAddr)> {
+            let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port))?;
+            listener.set_nonblocking(true)?;
+            let address = listener.local_addr()?;
+            Ok((listener, address))
+        };
+        match listen() {
+            Ok((listener, address)) => Ok(Self::with(End::Tcp { listener, client: None, address })),
+            Err(error) if error.kind() == ErrorKind::AddrInUse => {
+                Err(format!("port {port} is in use: choose another one, or end the program that uses it"))
+            }
+            Err(error) => Err(format!("port {port} cannot be opened: {error}; choose one above 1023")),
+        }
+    }
+
+    fn with(end: End) -> Self {
+        Self { end, waiting: VecDeque::new(), dropped_bytes: 0 }
+    }
+
+    /// The address for a host: a path, or address and port.
+    #[must_use]
+    pub fn address(&self) -> String {
+        match &self.end {
+            End::Pty { link, .. } => link.display().to_string(),
+            End::Tcp { address, .. } => address.to_string(),
+        }
+    }
+
+    /// Whether a host has the line open.
+    pub fn connected(&mut self) -> bool {
+        match &mut self.end {
+            End::Pty { board_end, .. } => !hung_up(board_end),
+            End::Tcp { listener, client, .. } => {
+                accept(listener, client);
+                client.is_some()
+            }
+        }
+    }
+
+    /// Reads the bytes that the host has sent since the last call, at most this many (and never more than 4096).
+    ///
+    /// # Errors
+    /// The line is broken for good. A host that disconnects is not an error.
+    pub fn read(&mut self, max_bytes: usize) -> io::Result<Vec<u8>> {
+        self.flush()?;
+        let mut bytes = [0; MAX_READ];
+        let bytes = &mut bytes[..max_bytes.min(MAX_READ)];
+        let count = match &mut self.end {
+            End::Pty { board_end, .. } => match board_end.read(bytes) {
+                Err(error) if is_idle(&error) => {
+                    if error.kind() != ErrorKind::WouldBlock {
+                        // No host has it open any more: what it has not read is not the next one's.
+                        self.waiting.clear();
+                    }
+                    0
+                }
+                other => other?,
+            },
+            End::Tcp { listener, client, .. } => {
+                accept(listener, client);
+                let Some(stream) = client else { return Ok(Vec::new()) };
+                match stream.read(bytes) {
+                    Err(error) if error.kind() == ErrorKind::WouldBlock => 0,
+                    Ok(count) if count > 0 => count,
+                    _gone => {
+                        *client = None;
+                        self.waiting.clear();
+                        0
+                    }
+                }
+            }
+        };
+        Ok(bytes[..count].to_vec())
+    }
+
+    /// Sends bytes to the host; bytes that it does not accept yet are kept for later calls of this or of
+    /// [`Line::read`].
+    ///
+    /// # Errors
+    /// The line is broken for good.
+    pub fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
+        if matches!(self.end, End::Tcp { .. }) && !self.connected() {
+            self.dropped_bytes += bytes.len() as u64;
+            return Ok(());
+        }
+        self.waiting.extend(bytes);
+        self.flush()?;
+        let surplus = self.waiting.len().saturating_sub(MAX_WAITING);
+        // The rest of a line goes with its beginning, so that the next byte begins a line.
+        let surplus = match self.waiting.iter().skip(surplus).position(|byte| *byte == b'\n') {
+            Some(rest) if surplus > 0 => surplus + rest + 1,
+            _ => surplus,
+        };
+        self.waiting.drain(..surplus);
+        self.dropped_bytes += surplus as u64;
+        Ok(())
+    }
+
+    /// Number of bytes that the host has not taken yet.
+    #[must_use]
+    pub fn waiting(&self) -> usize {
+        self.waiting.len()
+    }
+
+    /// Waits until the host has sent something, at most this long; a new host, too, ends the wait.
+    pub fn wait(&self, timeout: Duration) {
+        let source = match &self.end {
+            End::Pty { board_end, .. } => PollFd::new(board_end, PollFlags::IN),
+            End::Tcp { client: Some(stream), .. } => PollFd::new(stream, PollFlags::IN),
+            End::Tcp { listener, .. } => PollFd::new(listener, PollFlags::IN),
+        };
+        let mut sources = [source];
+        let wait = Timespec::try_from(timeout).ok();
+        // An interrupted wait is over, too.
+        let has_ended = poll(&mut sources, wait.as_ref()).is_ok();
+        let [source] = sources;
+        if has_ended && source.revents().contains(PollFlags::HUP) && !source.revents().contains(PollFlags::IN) {
+            std::thread::sleep(timeout.min(LOOK));
+        }
+    }
+
+    /// Number of bytes that no host has read.
+    #[must_use]
+    pub fn dropped_bytes(&self) -> u64 {
+        self.dropped_bytes
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        while !self.waiting.is_empty() {
+            let (bytes, _) = self.waiting.as_slices();
+            let written = match &mut self.end {
+                End::Pty { board_end, .. } => match board_end.write(bytes) {
+                    Err(error) if is_idle(&error) => return Ok(()),
+                    other => other?,
+                },
+                End::Tcp { client, .. } => {
+                    let Some(stream) = client else { return Ok(()) };
+                    match stream.write(bytes) {
+                        Err(error) if error.kind() == ErrorKind::WouldBlock => return Ok(()),
+                        Ok(written) => written,
+                        Err(_gone) => {
+                            *client = None;
+                            self.waiting.clear();
+                            return Ok(());
+                        }
+                    }
+                }
+            };
+            if written == 0 {
+                return Ok(());
+            }
+            self.waiting.drain(..written);
+        }
+        Ok(())
+    }
+}
+
+impl Drop for Line {
+    fn drop(&mut self) {
+        if let End::Pty { link, name, .. } = &self.end
+            && std::fs::read_link(link).is_ok_and(|target| target == *name)
+        {
+            // A link that cannot be removed stays: the next line replaces it.
+            let _ = std::fs::remove_file(link);
+        }
+    }
+}
+
+/// Opens a terminal: its board's end, raw and non-blocking, and the name of the host's end.
+fn open_terminal() -> io::Result<(File, PathBuf)> {
+    let board_end = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY)?;
+    // Not every system takes this as a flag of the call above.
+    rustix::io::fcntl_setfd(&board_end, rustix::io::FdFlags::CLOEXEC)?;
+    grantpt(&board_end)?;
+    unlockpt(&board_end)?;
+    let name = ptsname(&board_end, Vec::new())?;
+    let name = PathBuf::from(std::ffi::OsStr::from_bytes(name.to_bytes()));
+    // Both ends share their settings (tty_ioctl(4)). Raw mode before a host opens the terminal prevents an echo.
+    let mut settings = tcgetattr(&board_end)?;
+    settings.make_raw();
+    tcsetattr(&board_end, OptionalActions::Now, &settings)?;
+    rustix::io::ioctl_fionbio(&board_end, true)?;
+    Ok((File::from(board_end), name))
+}
+
+/// Whether an error only means that no byte is ready, or that no host has the terminal open (EIO).
+fn is_idle(error: &io::Error) -> bool {
+    error.kind() == ErrorKind::WouldBlock || error.raw_os_error() == Some(rustix::io::Errno::IO.raw_os_error())
+}
+
+/// Whether the last host has closed the terminal. It counts as open until the first host opens it.
+fn hung_up(board_end: &File) -> bool {
+    let mut ends = [PollFd::new(board_end, PollFlags::empty())];
+    let at_once = Timespec { tv_sec: 0, tv_nsec: 0 };
+    poll(&mut ends, Some(&at_once)).is_ok() && ends[0].revents().contains(PollFlags::HUP)
+}
+
+/// Accepts the next host if none is connected.
+fn accept(listener: &TcpListener, client: &mut Option<TcpStream>) {
+    if client.is_none()
+        && let Ok((stream, _)) = listener.accept()
+        && stream.set_nonblocking(true).is_ok()
+    {
+        // A line of G-code is a small packet that should leave at once.
+        let _ = stream.set_nodelay(true);
+        *client = Some(stream);
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,30 @@
+//! How far a motor is from its time law.
+
+use std::fmt;
+
+/// A motor away from where the time law puts it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Deviation {
+    /// How far, in steps.
+    pub steps: f64,
+    /// How far it may be there, in steps.
+    pub allowed_steps: f64,
+    /// The move's source line.
+    pub line: u32,
+    /// The step event's tick.
+    pub tick: u64,
+}
+
+impl Deviation {
+    /// How far beyond what is allowed; negative inside.
+    pub fn excess_steps(&self) -> f64 {
+        self.steps - self.allowed_steps
+    }
+}
+
+impl fmt::Display for Deviation {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { steps, allowed_steps, line, tick } = self;
+        write!(formatter, "{steps:.3} steps off (allowed {allowed_steps:.3}) at tick {tick} of line {line}")
+    }
+}

@@ -1,0 +1,106 @@
+//! A chapter: tables and figures as data.
+
+use serde::{Serialize, Serializer};
+
+/// A paper's tables and figures, made anew.
+#[derive(Clone, Debug, Serialize)]
+pub struct Chapter {
+    /// Short name: `wu` ...
+    pub name: &'static str,
+    /// The paper's title and place.
+    pub source: &'static str,
+    /// Its tables.
+    pub tables: Vec<Table>,
+    /// Its figures.
+    pub figures: Vec<Figure>,
+}
+
+/// A table.
+#[derive(Clone, Debug, Serialize)]
+pub struct Table {
+    /// Key in JSON, `lower_case`.
+    pub key: &'static str,
+    /// What it shows, and which table of the paper it stands beside.
+    pub title: String,
+    /// Heads of its columns, units included.
+    pub columns: Vec<&'static str>,
+    /// Its rows, each as long as the head.
+    pub rows: Vec<Vec<Cell>>,
+    /// What to know when reading it; perhaps nothing.
+    pub note: String,
+}
+
+/// A place in a table.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum Cell {
+    /// Words.
+    Text(String),
+    /// A whole number.
+    Count(i64),
+    /// A number, and how many of its decimals are shown.
+    #[serde(serialize_with = "bare_number")]
+    Number(f64, usize),
+    /// An empty cell.
+    Empty,
+}
+
+/// A number without its decimals: readers of JSON round for themselves.
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "as the caller has it")]
+fn bare_number<S: Serializer>(number: &f64, _decimals: &usize, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_f64(*number)
+}
+
+impl From<&str> for Cell {
+    fn from(text: &str) -> Self {
+        Self::Text(text.to_owned())
+    }
+}
+
+impl From<String> for Cell {
+    fn from(text: String) -> Self {
+        Self::Text(text)
+    }
+}
+
+/// A figure.
+#[derive(Clone, Debug, Serialize)]
+pub struct Figure {
+    /// Name of its file, without the ending.
+    pub name: &'static str,
+    /// What it shows, and which figure of the paper it stands beside.
+    pub title: String,
+    /// What is to the right, with its unit.
+    pub x_label: &'static str,
+    /// What is upwards, with its unit.
+    pub y_label: &'static str,
+    /// Whether a unit is as long in both directions.
+    pub equal_scales: bool,
+    /// What is drawn.
+    pub curves: Vec<Curve>,
+}
+
+/// Points that belong together.
+#[derive(Clone, Debug, Serialize)]
+pub struct Curve {
+    /// Its name in the legend.
+    pub name: String,
+    /// How it is drawn.
+    pub style: Style,
+    /// In their order.
+    pub points: Vec<(f64, f64)>,
+}
+
+/// How points are drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Style {
+    /// Joined.
+    Line,
+    /// Joined by dashes.
+    Dashed,
+    /// Each alone.
+    Points,
+    /// Each, and joined.
+    LineAndPoints,
+}

@@ -1,0 +1,92 @@
+//! A trajectory as a request to the planner.
+
+use ferrostep_planner::look_ahead::{PlanFault, RingMemory};
+use ferrostep_planner::stretches::Stretches;
+use ferrostep_planner::{Block, MotionMethods, MoveError, Moved, Planner, Request, Speed};
+
+use super::step_limits::{StepLimits, StepSizes, part};
+
+/// A trajectory as a block, and what its check needs.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PreparedBlock {
+    /// The block.
+    pub block: Block,
+    /// Planned speed at its start.
+    pub entry: Speed,
+    /// The most that the corner before it allows.
+    pub max_entry: Speed,
+    /// The last stretch of the block before, for the corner between them; `None` at the start of a job.
+    pub before: Option<Block>,
+}
+
+impl PreparedBlock {
+    /// The last stretch of this block, as the next one's `before`.
+    pub(super) fn last_stretch(&self) -> Option<Block> {
+        Stretches::of(&self.block).last().map(|stretch| part(&self.block, &stretch))
+    }
+
+    /// The largest speed that the corner before the block allows.
+    fn check(&self, limits: &StepLimits<'_>) -> Result<Speed, PlanFault> {
+        let (mut first, mut inner) = (Speed(u32::MAX), Speed(u32::MAX));
+        let mut before = self.before;
+        for stretch in Stretches::of(&self.block) {
+            let part = part(&self.block, &stretch);
+            if !limits.are_kept(&part) {
+                return Err(PlanFault::BeyondLimits);
+            }
+            let corner = limits.corner(before.as_ref(), &part);
+            if stretch.before_10nm == 0 {
+                first = corner;
+            } else {
+                inner = inner.min(corner);
+            }
+            before = Some(part);
+        }
+        let planned = self.block.nominal;
+        if inner < planned {
+            return Err(PlanFault::TooFast { planned, maximum: inner });
+        }
+        Ok(first.min(self.max_entry))
+    }
+}
+
+/// The request for a block.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct BlockRequest<'a> {
+    pub prepared: &'a PreparedBlock,
+    pub sizes: &'a StepSizes,
+}
+
+impl Request for BlockRequest<'_> {
+    fn add_to<S: RingMemory, M: MotionMethods>(
+        &self,
+        planner: &mut Planner<S, M>,
+        make_room: impl FnMut(&mut Planner<S, M>) -> bool,
+    ) -> Result<Moved, MoveError> {
+        let PreparedBlock { block, entry, .. } = self.prepared;
+        planner.add_given_block(block, *entry, make_room, |planner| {
+            self.prepared.check(&StepLimits::new(
+                self.sizes,
+                planner.limits(),
+                planner.geometry(),
+                planner.motion_choice(),
+            ))
+        })
+    }
+}
+
+/// The request to make a position exact that blocks tell to a motor step only, units of 10 nm. The planner's position
+/// stays where the motors stand elsewhere.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct ExactPosition(pub [i64; 3]);
+
+impl Request for ExactPosition {
+    fn add_to<S: RingMemory, M: MotionMethods>(
+        &self,
+        planner: &mut Planner<S, M>,
+        _: impl FnMut(&mut Planner<S, M>) -> bool,
+    ) -> Result<Moved, MoveError> {
+        planner.refine_position(self.0);
+        Ok(Moved::Nothing)
+    }
+}

@@ -1,0 +1,31 @@
+//! The outcome of a request for motion.
+
+use crate::speed_plan::PlanFault;
+
+/// Why motion was not taken. Nothing has changed then, but for [`Self::Plan`].
+// R4.
+#[repr(u32)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MoveError {
+    /// The look-ahead ring is full; try again when it is not.
+    NoRoom,
+    /// A coordinate is beyond 5 m, or a motor would run more than 2^28 steps.
+    TooFar,
+    /// More filament than one move may push.
+    TooMuchFilament,
+    /// The feed is not a number above zero.
+    Feed,
+    /// The motion was prepared, and its plan cannot be followed. What was taken before is executed as far as it can be
+    /// trusted, to a standstill on the path, and no more of the job is taken until [`crate::Planner::reset_to`] says where the
+    /// motors are.
+    Plan(PlanFault),
+}
+
+/// The outcome of a request that was taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Moved {
+    /// It displaces nothing and was dropped.
+    Nothing,
+    /// It will be executed.
+    Queued,
+}

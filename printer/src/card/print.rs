@@ -1,0 +1,212 @@
+//! A print from the card: what its two kinds of files have in common.
+
+use core::future::Future;
+
+use ferrostep_card::{CardFailure, Request, Taken};
+use ferrostep_gcode::{Command, Line, LineError, Reply};
+
+use super::Job;
+use crate::error::{CommandError, Failure};
+use crate::host::Host;
+use crate::ports::{Motion, Ports, Replies};
+use crate::printer::Printer;
+
+/// What hosts have sent while the card prints.
+pub enum HostText<'a> {
+    /// A line, or why it cannot be read, and its host, which is answered from now on.
+    Line(&'a mut Host, Result<Line<'a>, LineError>),
+    /// A part of one; there may be more.
+    Part,
+    /// Nothing more.
+    Nothing,
+}
+
+/// The hosts' lines, beside a print from the card.
+pub trait HostLines {
+    /// Takes what has come, without waiting.
+    fn next(&mut self) -> HostText<'_>;
+    /// From now on everyone is told: nobody has asked for it.
+    fn tell_all(&mut self);
+    /// Waits a little, for bytes of a host or of the card. `idle`: the machine has nothing else to do.
+    fn wait(&mut self, idle: bool) -> impl Future<Output = ()>;
+}
+
+/// Why a part of a print has ended.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum End {
+    /// The file has ended.
+    Complete,
+    /// It goes on elsewhere in the file.
+    Elsewhere,
+    /// M524.
+    Aborted,
+    /// Motion was stopped.
+    Stopped,
+}
+
+/// What the file's next bytes are.
+pub(super) enum Bytes {
+    /// So many.
+    Some(usize),
+    /// There are no more.
+    End,
+}
+
+impl<P: Ports> Printer<'_, P> {
+    /// Whether [`Self::print_from_card`] is to be called.
+    pub fn prints_from_card(&self) -> bool {
+        self.card.job != Job::None
+    }
+
+    /// Prints the selected file until it has ended, hosts are answered meanwhile. `room` is where a prepared job's frames are
+    /// put together, as for [`Self::receive_job`].
+    pub async fn print_from_card(&mut self, hosts: &mut impl HostLines, room: &mut [u8]) {
+        let stops = self.motion.stops();
+        let end = loop {
+            if let Some((position, _)) = self.card.seek {
+                if let Err(failure) = self.ask_card(Request::Seek(position)).await {
+                    self.replies.say(format_args!("echo:card: byte {position} is not in the file: {failure}"));
+                    break End::Stopped;
+                }
+                self.card.position = position;
+            }
+            let lines_before = self.card.seek.take().map_or(0, |(_, lines)| lines);
+            let is_prepared = self.card.selected.is_some_and(|selected| selected.is_prepared);
+            let end = if is_prepared {
+                self.print_job(hosts, room, stops).await
+            } else {
+                self.print_text(hosts, lines_before, stops).await
+            };
+            if end != End::Elsewhere {
+                break end;
+            }
+        };
+        hosts.tell_all();
+        let rested = self.command_with_signs_of_life(&Command::Finish).await;
+        match end {
+            End::Complete if rested.is_ok() => self.replies.send(Reply::Text("Done printing file")),
+            End::Aborted => self.end_aborted_print().await,
+            End::Complete | End::Stopped | End::Elsewhere => {
+                self.replies.say(format_args!("echo:card: the print has ended at byte {}", self.card.position));
+                self.replies.send(Reply::Text("//action:cancel"));
+            }
+        }
+        self.cancel();
+        let _ = self.ask_card(Request::Close).await;
+        self.set_card_job(Job::None);
+        self.card.selected = None;
+        self.note_card_progress();
+    }
+
+    /// Answers hosts, and waits while the print is paused. The next thing may be done then, unless the print ends.
+    ///
+    /// # Errors
+    /// The print does not go on here.
+    pub(super) async fn answer_hosts(&mut self, hosts: &mut impl HostLines, stops: u32) -> Result<(), End> {
+        let mut has_rested = false;
+        self.note_paused();
+        loop {
+            loop {
+                match hosts.next() {
+                    HostText::Line(host, line) => host.answer(self, line).await,
+                    HostText::Part => {}
+                    HostText::Nothing => break,
+                }
+            }
+            hosts.tell_all();
+            self.go_on_if_answered().await;
+            if self.card.aborted {
+                return Err(End::Aborted);
+            }
+            if self.signals.is_halted() || self.motion.stops() != stops {
+                return Err(End::Stopped);
+            }
+            if self.card.job == Job::Printing {
+                return if self.card.seek.is_some() { Err(End::Elsewhere) } else { Ok(()) };
+            }
+            if !has_rested {
+                // To a standstill, so that a host may move the head.
+                has_rested = true;
+                let _ = self.command_with_signs_of_life(&Command::Finish).await;
+                continue;
+            }
+            hosts.wait(true).await;
+        }
+    }
+
+    /// A paused print goes on where a person says so.
+    async fn go_on_if_answered(&mut self) {
+        if self.is_answered()
+            && let Err(error) = self.start_print(None).await
+        {
+            self.replies.refuse(self.line, &Failure::Command(error));
+        }
+    }
+
+    /// The file's next bytes. Where the card has failed the print is paused until it goes on.
+    ///
+    /// # Errors
+    /// The print does not go on here.
+    pub(super) async fn take_bytes(
+        &mut self,
+        hosts: &mut impl HostLines,
+        out: &mut [u8],
+        stops: u32,
+    ) -> Result<Bytes, End> {
+        loop {
+            let mut taken = Taken::Failed(CardFailure::NotMounted);
+            if let Some(port) = self.card.port {
+                port.with(&mut |mailbox| taken = mailbox.take(out));
+            }
+            match taken {
+                Taken::Bytes(length) => return Ok(Bytes::Some(length)),
+                Taken::End => return Ok(Bytes::End),
+                Taken::Wait => hosts.wait(true).await,
+                Taken::Failed(failure) => {
+                    hosts.tell_all();
+                    self.replies
+                        .say(format_args!("echo:card: {failure}; the print is paused, put the card back and send M24"));
+                    self.pause_print().await;
+                }
+            }
+            self.answer_hosts(hosts, stops).await?;
+        }
+    }
+
+    /// Whether a host's command would move the head or change how the lines of the file are read, while the card prints.
+    pub(crate) fn disturbs_print(&self, command: &Command<'_>) -> bool {
+        self.card.job == Job::Printing
+            && matches!(
+                command,
+                Command::Linear { .. }
+                    | Command::Arc { .. }
+                    | Command::Retract
+                    | Command::Recover
+                    | Command::SetUnits(_)
+                    | Command::Home(_)
+                    | Command::AbsolutePositioning
+                    | Command::RelativePositioning
+                    | Command::SetPosition(_)
+                    | Command::DisableMotors(_)
+                    | Command::AbsoluteExtrusion
+                    | Command::RelativeExtrusion
+                    | Command::AdaptiveExtrusion { .. }
+                    | Command::ReceiveJob { .. }
+            )
+    }
+
+    /// Whether a failure has stopped the machine, not only the line.
+    pub(super) fn has_stopped(failure: &Failure) -> bool {
+        let Failure::Command(error) = failure else { return false };
+        let stops = |error: &CommandError| {
+            matches!(
+                error,
+                CommandError::Stopped
+                    | CommandError::Halted
+                    | CommandError::NeedsReset(_)
+                    | CommandError::MotionFault(_)
+            )
+        };
+        stops(error)
+    }
+}

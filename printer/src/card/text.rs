@@ -1,0 +1,135 @@
+//! A print of G-code from the card.
+
+use ferrostep_gcode::{
+    CardCommand, Checksum, Command, Line, LineError, LineReader, Remarks, Reply, parse_with_remarks,
+};
+
+use super::print::{Bytes, End, HostLines};
+use crate::error::{CommandError, Failure};
+use crate::ports::{Motion, Ports, Replies, temperatures};
+use crate::printer::{Printer, Source};
+
+/// Bytes that are taken from the card's task at once.
+const CHUNK_BYTES: usize = 64;
+
+impl<P: Ports> Printer<'_, P> {
+    /// Prints from the present place on, which is after so many lines.
+    pub(super) async fn print_text(&mut self, hosts: &mut impl HostLines, lines_before: u32, stops: u32) -> End {
+        let mut reader = LineReader::new();
+        let mut chunk = [0; CHUNK_BYTES];
+        let (mut at, mut end) = (0, 0);
+        // Where the chunk begins in the file.
+        let mut chunk_start = self.card.position;
+        loop {
+            if let Err(end) = self.answer_hosts(hosts, stops).await {
+                return end;
+            }
+            let mut has_ended = false;
+            if at == end {
+                chunk_start = chunk_start.saturating_add(end as u32);
+                (at, end) = match self.take_bytes(hosts, &mut chunk, stops).await {
+                    Ok(Bytes::Some(length)) => (0, length),
+                    Ok(Bytes::End) => {
+                        has_ended = true;
+                        (0, 0)
+                    }
+                    Err(end) => return end,
+                };
+            }
+            let line_start = self.card.position;
+            let (used, line) =
+                if has_ended { (0, reader.finish()) } else { reader.feed(chunk.get(at..end).unwrap_or_default()) };
+            at += used;
+            if let Some(line) = line {
+                self.card.position = chunk_start.saturating_add(at as u32);
+                self.note_card_progress();
+                if let Some(end) = self.card_line(line, lines_before, line_start).await {
+                    return end;
+                }
+            }
+            if has_ended {
+                return End::Complete;
+            }
+        }
+    }
+
+    /// Executes a line. One that is refused pauses the print: it is tried again when the print goes on.
+    async fn card_line(
+        &mut self,
+        line: Result<Line<'_>, LineError>,
+        lines_before: u32,
+        line_start: u32,
+    ) -> Option<End> {
+        self.signals.note_host();
+        let number = match &line {
+            Ok(line) => line.line_number,
+            Err(error) => error.line_number(),
+        };
+        let number = number.saturating_add(lines_before);
+        self.line = number;
+        let refused = match line {
+            Ok(line) if matches!(line.checksum, Checksum::Wrong { .. } | Checksum::Malformed) => {
+                self.replies
+                    .say(format_args!("echo:line {number}: the checksum is wrong: copy the file to the card again"));
+                true
+            }
+            Ok(line) => match self.execute_from_card(number, line.text).await {
+                Ok(()) => false,
+                Err(failure) if Self::has_stopped(&failure) => return Some(End::Stopped),
+                Err(failure) => {
+                    self.replies.refuse(number, &failure);
+                    true
+                }
+            },
+            Err(error) => {
+                self.replies.say(format_args!("echo:line {number}: {error}"));
+                true
+            }
+        };
+        if refused {
+            self.replies.say(format_args!(
+                "echo:card: the print is paused at line {number}; M24 tries the line again, M524 ends the print"
+            ));
+            self.card.seek = Some((line_start, number.saturating_sub(1)));
+            self.card.position = line_start;
+            self.pause_print().await;
+        }
+        None
+    }
+
+    /// Executes a line's text without its `ok`: no host has sent it.
+    async fn execute_from_card(&mut self, number: u32, text: &str) -> Result<(), Failure> {
+        let mut remarks = Remarks::NONE;
+        let command = parse_with_remarks(text, &mut remarks).map_err(Failure::Parse)?;
+        if !remarks.is_empty() {
+            self.remark(number, text, &remarks);
+        }
+        match command {
+            // With the `ok` of M105 hosts would lose count.
+            Command::ReportTemperatures => {
+                self.replies.send(Reply::Temperatures(temperatures(&self.heating)));
+                return Ok(());
+            }
+            Command::Card(
+                CardCommand::Pause
+                | CardCommand::ReportProgress
+                | CardCommand::ReportFile
+                | CardCommand::ReportTime
+                | CardCommand::Abort,
+            ) => {}
+            Command::Card(_) | Command::ReceiveJob { .. } => return Err(Failure::Command(CommandError::CardInUse)),
+            _ => {}
+        }
+        self.source = Source::Card;
+        // So that a pause acts within seconds.
+        self.motion.set_bounded_in_time(true);
+        self.signals.set_at_work(true);
+        if self.motion.take_switched_off() {
+            self.interpreter.modal.forget_home(0b1111);
+        }
+        let outcome = self.command_with_signs_of_life(&command).await;
+        self.signals.set_at_work(self.is_paused());
+        self.note_paused();
+        outcome.map(|_| ()).map_err(Failure::Command)
+    }
+}

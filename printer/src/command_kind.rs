@@ -1,0 +1,62 @@
+//! Kinds of commands, before they are executed.
+
+use ferrostep_gcode::{CardCommand, Command};
+
+/// What becomes of a command while the machine is halted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum WhileHalted {
+    /// It only asks or tells, and does so.
+    Works,
+    /// It switches off what is off already.
+    IsOff,
+    /// It is refused until M999.
+    Refused,
+}
+
+/// What becomes of a command while the machine is halted: a host that connects learns what it needs to say so.
+pub(crate) fn while_halted(command: &Command<'_>) -> WhileHalted {
+    match command {
+        Command::ReportTemperatures
+        | Command::AutoReportTemperatures { .. }
+        | Command::SetLineNumber(_)
+        | Command::KeepAlive(_)
+        | Command::HeaterTimeout(_)
+        | Command::ReportPosition
+        | Command::ReportFirmware
+        | Command::ReportEndStops
+        | Command::ReportMotion
+        | Command::Timing { .. }
+        | Command::Display(_)
+        | Command::Progress { .. }
+        | Command::Layer { .. }
+        | Command::Echo { .. }
+        | Command::EndWait
+        | Command::PromptAnswer(_)
+        | Command::SoftLimits(None)
+        | Command::FeedPercent(None)
+        | Command::FlowPercent(None)
+        | Command::MotionChoice { interpolation: None, acceleration: None }
+        | Command::Card(
+            CardCommand::List { .. }
+            | CardCommand::Mount
+            | CardCommand::ReportProgress
+            | CardCommand::ReportFile
+            | CardCommand::AutoReport { .. }
+            | CardCommand::ReportTime
+            | CardCommand::ReportLongPath(_),
+        )
+        | Command::Accepted
+        | Command::Unknown(_)
+        | Command::Restart => WhileHalted::Works,
+        Command::DisableMotors(_) | Command::HeatersOff => WhileHalted::IsOff,
+        Command::SetNozzle(Some(celsius)) | Command::SetBed(Some(celsius)) if celsius.nanos() <= 0 => {
+            WhileHalted::IsOff
+        }
+        _ => WhileHalted::Refused,
+    }
+}
+
+/// Whether a command moves the nozzle or the filament as a print does.
+pub(crate) fn moves(command: &Command<'_>) -> bool {
+    matches!(command, Command::Linear { .. } | Command::Arc { .. } | Command::Retract | Command::Recover)
+}

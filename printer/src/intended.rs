@@ -1,0 +1,54 @@
+//! Whether a line is meant for this machine (M862.1, M862.3), and what of it has no effect here though other machines have it.
+
+use ferrostep_gcode::{AxisWords, Command, Decimal, Remark, Remarks};
+
+use crate::error::CommandError;
+use crate::ports::{Motion, Ports};
+use crate::printer::Printer;
+
+/// Nozzles are drilled in steps of 0.05 mm; slicers write two decimals.
+const SAME_NOZZLE_MM: f64 = 0.01;
+
+impl<P: Ports> Printer<'_, P> {
+    /// Adds to the parser's remarks what depends on the machine.
+    pub(crate) fn add_remarks(&self, command: &Command<'_>, remarks: &mut Remarks) {
+        match command {
+            Command::Junction { corner_velocity, .. } => self.add_unlimited_axes(corner_velocity, remarks),
+            Command::CheckNozzle(_) if self.profile.nozzle_diameter_mm.is_none() => remarks.add(Remark::MachineUnknown),
+            Command::CheckModel(_) if self.profile.model_names.is_empty() => remarks.add(Remark::MachineUnknown),
+            _ => {}
+        }
+    }
+
+    /// An axis that the profile does not limit at corners keeps to the junction deviation alone, whatever M205 says.
+    fn add_unlimited_axes(&self, corner_velocity: &AxisWords, remarks: &mut Remarks) {
+        let AxisWords { x, y, z, e } = *corner_velocity;
+        let limits = self.motion.limits().instantaneous_corner_velocity_mm_per_s;
+        for ((letter, word), limit) in [(b'X', x), (b'Y', y), (b'Z', z), (b'E', e)].into_iter().zip(limits) {
+            if word.is_some() && !limit.is_finite() {
+                remarks.add(Remark::NoEffect(letter));
+            }
+        }
+    }
+
+    /// M862.1.
+    pub(crate) fn check_nozzle(&self, diameter: Option<Decimal>) -> Result<(), CommandError> {
+        let (Some(job), Some(machine_mm)) = (diameter, self.profile.nozzle_diameter_mm) else { return Ok(()) };
+        let (job_mm, machine_mm) = (job.to_f64(), f64::from(machine_mm));
+        if (job_mm - machine_mm).abs() <= SAME_NOZZLE_MM {
+            Ok(())
+        } else {
+            Err(CommandError::OtherNozzle { job_mm, machine_mm })
+        }
+    }
+
+    /// M862.3.
+    pub(crate) fn check_model(&self, model: &str) -> Result<(), CommandError> {
+        let names = self.profile.model_names;
+        let is_one = |name: &str| name.trim_matches(' ').eq_ignore_ascii_case(model);
+        if model.is_empty() || names.is_empty() || names.split(',').any(is_one) {
+            return Ok(());
+        }
+        Err(CommandError::OtherModel(names))
+    }
+}

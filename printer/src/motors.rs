@@ -1,0 +1,58 @@
+//! G28, M18, M84 and M796: the motors as such.
+
+use ferrostep_gcode::{AxisFlags, Reply};
+use ferrostep_planner::{AccelerationProfile, ChoiceError, Interpolation};
+
+use crate::error::CommandError;
+use crate::homing::Homing;
+use crate::ports::{Motion, Ports, Replies};
+use crate::printer::Printer;
+
+impl<P: Ports> Printer<'_, P> {
+    /// G28.
+    pub(crate) async fn home(&mut self, axes: AxisFlags) -> Result<(), CommandError> {
+        self.needs(self.equipment.end_stops, "end stops")?;
+        let (motion, interpreter) = (&mut self.motion, &mut self.interpreter);
+        Homing { motion, interpreter, drivers: self.drivers, line: self.line }.home(axes).await?;
+        self.replies.send(Reply::Position(self.position()));
+        Ok(())
+    }
+
+    /// M18, M84: a motor without current may be turned by hand, so its axis is no longer homed.
+    pub(crate) async fn disable_motors(&mut self, motors: u8) -> Result<(), CommandError> {
+        self.motion.finish().await?;
+        self.motion.set_motors_enabled(motors, false);
+        self.interpreter.forget_home(motors);
+        Ok(())
+    }
+
+    /// M796. The machine stands still before its motion changes.
+    pub(crate) async fn choose_motion(
+        &mut self,
+        interpolation: Option<u8>,
+        acceleration: Option<u8>,
+    ) -> Result<(), CommandError> {
+        let mut choice = self.motion.motion_choice();
+        let number = |number: Option<u8>| number.map(usize::from);
+        if let Some(chosen) = number(interpolation).and_then(|number| Interpolation::ALL.get(number)) {
+            choice.interpolation = *chosen;
+        }
+        if let Some(chosen) = number(acceleration).and_then(|number| AccelerationProfile::ALL.get(number)) {
+            choice.acceleration = *chosen;
+        }
+        if interpolation.is_some() || acceleration.is_some() {
+            let mut chosen = self.motion.set_motion_choice(&choice);
+            if chosen == Err(ChoiceError::InMotion) {
+                self.motion.finish().await?;
+                chosen = self.motion.set_motion_choice(&choice);
+            }
+            chosen.map_err(CommandError::MotionChoice)?;
+        } else {
+            self.replies.send(Reply::MotionChoice {
+                interpolation: choice.interpolation.name(),
+                acceleration: choice.acceleration.name(),
+            });
+        }
+        Ok(())
+    }
+}

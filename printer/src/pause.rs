@@ -1,0 +1,244 @@
+//! A print that pauses: the nozzle goes aside, waits for a person, and goes back to where it was.
+//!
+//! Whoever reads a job asks for three things only: [`Printer::pause`], [`Printer::resume`] and [`Printer::cancel`]. Commands that
+//! pause a host's print (M0, M600, ...) do all of it before their `ok`, for a host sends no more of its print until then; a
+//! reader that can wait by itself looks at [`Printer::is_paused`].
+
+use ferrostep_gcode::{AxisWords, Reply};
+use ferrostep_hal_shim::{Clock, Heater};
+use ferrostep_planner::{Move, filament_100pm};
+
+use crate::axis_names::AXIS_NAMES;
+use crate::error::CommandError;
+use crate::paused::{PauseReason, Paused};
+use crate::ports::{Heating, Motion, Ports, Replies};
+use crate::printer::{Printer, Source};
+
+/// Units of 10 nm in a millimetre.
+const MM: i64 = 100_000;
+
+/// Where the nozzle waits if the line does not say: this far from the left and the back end of the travel (Marlin's
+/// `NOZZLE_PARK_POINT`), and this much higher, units of 10 nm.
+const PARK_FROM_END_10NM: i64 = 10 * MM;
+const PARK_LIFT_10NM: i64 = 20 * MM;
+
+/// How far the nozzle may be asked to rise.
+const MAX_LIFT_MM: f64 = 1_000.0;
+
+/// How fast it goes there and back, mm/s; the axes' own limits hold too.
+const PARK_FEED_MM_PER_S: f32 = 100.0;
+
+impl<P: Ports> Printer<'_, P> {
+    /// Whether a print is paused.
+    pub fn is_paused(&self) -> bool {
+        self.paused.is_some()
+    }
+
+    /// Whether a paused print is to go on: by M108, by the answer to its prompt, or because its time is over.
+    pub(crate) fn is_answered(&self) -> bool {
+        let is_over = |paused: &Paused| paused.until_ms.is_some_and(|until_ms| self.clock.now_ms() >= until_ms);
+        self.paused
+            .as_ref()
+            .is_some_and(|paused| is_over(paused) || self.signals.take_end_wait() || self.signals.take_prompt_answer())
+    }
+
+    /// Pauses after the moves taken so far: draws the filament back, goes aside as far as the axes are homed, and tells the host.
+    /// Heaters keep their targets, as long as the [heater timeout](crate::HeaterTimeout) lets them. A print that is paused
+    /// stays so.
+    ///
+    /// # Errors
+    /// Motion was stopped; the print is not paused then.
+    pub async fn pause(&mut self, reason: PauseReason) -> Result<(), CommandError> {
+        self.pause_at(reason, &AxisWords::default(), None).await
+    }
+
+    async fn pause_at(
+        &mut self,
+        reason: PauseReason,
+        park: &AxisWords,
+        longest_ms: Option<u64>,
+    ) -> Result<(), CommandError> {
+        if self.is_paused() {
+            return Ok(());
+        }
+        let park_10nm = self.park_place_10nm(park)?;
+        self.motion.finish().await?;
+        let mut paused = Paused {
+            modal: self.interpreter.modal,
+            place_10nm: self.motion.position_10nm(),
+            targets_celsius: Heater::ALL.map(|heater| self.heating.status(heater).target_celsius),
+            drawn_100pm: 0,
+            parked: false,
+            until_ms: longest_ms.map(|longest| self.clock.now_ms().saturating_add(longest)),
+        };
+        if reason != PauseReason::Stop {
+            self.draw_back(&mut paused).await?;
+            self.park(park_10nm).await?;
+            paused.parked = true;
+        }
+        if reason == PauseReason::FilamentChange {
+            self.motion.set_motors_enabled(1 << 3, false);
+        }
+        self.paused = Some(paused);
+        // What came before is no answer.
+        self.signals.take_end_wait();
+        self.signals.take_prompt_answer();
+        self.tell_paused(reason);
+        Ok(())
+    }
+
+    /// Goes on with a paused print: heaters that are off get their targets back, and after they have been reached the nozzle goes back
+    /// and pushes the filament to where it was. Without a paused print there is nothing to do.
+    ///
+    /// # Errors
+    /// Motion was stopped, an axis is no longer homed, or the nozzle is too cold, since M108 has ended the wait for it. The print
+    /// is still paused then, but for a halt.
+    pub async fn resume(&mut self) -> Result<(), CommandError> {
+        let Some(paused) = self.paused else { return Ok(()) };
+        self.tell_host("//action:prompt_end");
+        self.heat_again(paused.targets_celsius).await?;
+        self.motion.finish().await?;
+        let is_lost = |axis: &usize| paused.modal.homed[*axis] && !self.interpreter.modal.homed[*axis];
+        if let Some(axis) = (0..3).find(is_lost) {
+            return Err(CommandError::PausedUnhomed { axis });
+        }
+        if paused.drawn_100pm != 0 {
+            self.check_extrusion_temperature()?;
+        }
+        if paused.parked {
+            let [x, y, z] = paused.place_10nm;
+            let [.., from_z] = self.motion.position_10nm();
+            // Above the print first, then down.
+            self.go([x, y, from_z.max(z)]).await?;
+            self.go([x, y, z]).await?;
+            self.push_back(&paused).await?;
+        }
+        self.interpreter.modal.go_on_as(&paused.modal);
+        self.paused = None;
+        self.tell_host("//action:resumed");
+        Ok(())
+    }
+
+    /// Forgets a paused print: the nozzle stays where it is, and the filament drawn back.
+    pub fn cancel(&mut self) {
+        if self.paused.take().is_some() {
+            self.tell_host("//action:prompt_end");
+        }
+    }
+
+    /// M0, M1, M125, M226, M600, M601: a host waits for the `ok` until a person goes on. Who reads a file has nobody to ask, and goes on
+    /// at once; a card is read on when [`Self::is_paused`] says no more.
+    pub(crate) async fn pause_command(
+        &mut self,
+        reason: PauseReason,
+        park: &AxisWords,
+        longest_ms: Option<u64>,
+    ) -> Result<(), CommandError> {
+        self.pause_at(reason, park, longest_ms).await?;
+        match self.source {
+            Source::Card => return Ok(()),
+            Source::File => {}
+            Source::Host { .. } => {
+                self.signals.set_paused_for_user(true);
+                let waited = self.waits().for_person(longest_ms).await;
+                self.signals.set_paused_for_user(false);
+                if let Err(error) = waited {
+                    self.cancel();
+                    return Err(error);
+                }
+            }
+        }
+        self.resume().await
+    }
+
+    fn tell_host(&self, text: &str) {
+        if self.has_host() {
+            self.replies.send(Reply::Text(text));
+        }
+    }
+
+    fn tell_paused(&self, reason: PauseReason) {
+        let (line, text) = (self.line, reason.text());
+        if !self.has_host() {
+            return self.replies.say(format_args!("echo:line {line}: {text} (not here, where nobody is asked)"));
+        }
+        self.tell_host("//action:paused");
+        self.replies.say(format_args!(
+            "//action:prompt_end\n//action:prompt_begin {text}\n//action:prompt_button Continue\n//action:prompt_show"
+        ));
+        self.replies.say(format_args!("echo:{text}. M108 goes on"));
+    }
+
+    /// Where the nozzle goes: X, Y as the line says, and by how much it rises (Z).
+    fn park_place_10nm(&self, park: &AxisWords) -> Result<[i64; 3], CommandError> {
+        let left = self.interpreter.travel_10nm(0);
+        let back = self.interpreter.travel_10nm(1);
+        let mut place_10nm = [left[0] + PARK_FROM_END_10NM, back[1] - PARK_FROM_END_10NM, PARK_LIFT_10NM];
+        for (axis, word) in [park.x, park.y, park.z].into_iter().enumerate() {
+            let Some(value) = word else { continue };
+            let length_10nm = self.interpreter.modal.length_10nm(value).ok_or(CommandError::TooFar)?;
+            let travel = self.interpreter.travel_10nm(axis).map(|end| end as f64 / MM as f64);
+            let [minimum, maximum] = if axis == 2 { [0.0, MAX_LIFT_MM] } else { travel };
+            let value = length_10nm as f64 / MM as f64;
+            if !(minimum..=maximum).contains(&value) {
+                return Err(CommandError::OutOfRange { word: AXIS_NAMES[axis], value, minimum, maximum });
+            }
+            place_10nm[axis] = length_10nm;
+        }
+        Ok(place_10nm)
+    }
+
+    /// Draws the filament back as G10 does, where it is hot and not drawn back yet.
+    async fn draw_back(&mut self, paused: &mut Paused) -> Result<(), CommandError> {
+        let modal = &self.interpreter.modal;
+        if modal.retracted || self.check_extrusion_temperature().is_err() {
+            return Ok(());
+        }
+        let settings = modal.retraction;
+        let filament_100pm = filament_100pm(-settings.length_10nm, 100);
+        self.move_filament(filament_100pm, settings.retract_10nm_per_s).await?;
+        paused.drawn_100pm = -filament_100pm;
+        Ok(())
+    }
+
+    async fn push_back(&mut self, paused: &Paused) -> Result<(), CommandError> {
+        let rate = self.interpreter.modal.retraction.recover_10nm_per_s;
+        self.move_filament(paused.drawn_100pm, rate).await
+    }
+
+    /// Moves filament that E does not see.
+    async fn move_filament(&mut self, filament_100pm: i64, rate_10nm_per_s: i64) -> Result<(), CommandError> {
+        if filament_100pm == 0 {
+            return Ok(());
+        }
+        let target_10nm = self.motion.position_10nm();
+        let feed_mm_per_s = rate_10nm_per_s as f32 / MM as f32;
+        let request = Move { target_10nm, filament_100pm, feed_mm_per_s, line: self.line, ends_move: false };
+        self.motion.add(request).await?;
+        self.interpreter.take_retraction(filament_100pm, target_10nm);
+        Ok(self.motion.finish().await?)
+    }
+
+    /// Up, then aside, as far as the axes are homed.
+    async fn park(&mut self, [park_x, park_y, lift]: [i64; 3]) -> Result<(), CommandError> {
+        let homed = self.interpreter.modal.homed;
+        let [x, y, z] = self.motion.position_10nm();
+        let raised = if homed[2] { (z + lift).min(self.profile.size_10nm[2]).max(z) } else { z };
+        self.go([x, y, raised]).await?;
+        if homed[0] && homed[1] {
+            self.go([park_x, park_y, raised]).await?;
+        }
+        Ok(())
+    }
+
+    /// A move that the print does not see, to its end. What a person sends then goes on from there.
+    async fn go(&mut self, target_10nm: [i64; 3]) -> Result<(), CommandError> {
+        let feed_mm_per_s = PARK_FEED_MM_PER_S;
+        let request = Move { target_10nm, filament_100pm: 0, feed_mm_per_s, line: self.line, ends_move: false };
+        self.motion.add(request).await?;
+        self.motion.finish().await?;
+        let modal = &mut self.interpreter.modal;
+        modal.machine_10nm = [target_10nm[0], target_10nm[1], modal.machine_z_10nm(target_10nm[2])];
+        Ok(())
+    }
+}

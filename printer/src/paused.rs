@@ -1,0 +1,45 @@
+//! A print that is paused, and why.
+
+use crate::modal::Modal;
+
+/// Why a print pauses.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PauseReason {
+    /// M0, M1: the print waits where it is.
+    Stop,
+    /// M25, M125, M226, M601: the nozzle goes aside.
+    Pause,
+    /// M600: the nozzle goes aside, and the extruder's motor lets the filament go.
+    FilamentChange,
+}
+
+impl PauseReason {
+    /// What a person reads.
+    pub(crate) fn text(self) -> &'static str {
+        match self {
+            Self::Stop => "The print waits for you",
+            Self::Pause => "The print is paused",
+            Self::FilamentChange => {
+                "Change the filament: its motor is off, pull the old one out and push the new one in"
+            }
+        }
+    }
+}
+
+/// A print that is paused: where and with what it goes on.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Paused {
+    /// The G-code's state. What a person sets meanwhile by hand (feed, limits) stays; where it goes on, and how words are read,
+    /// is the print's.
+    pub(crate) modal: Modal,
+    /// Where the motors stood, units of 10 nm.
+    pub(crate) place_10nm: [i64; 3],
+    /// The heaters' targets, degrees Celsius.
+    pub(crate) targets_celsius: [f32; 2],
+    /// Filament drawn back, units of 0.1 nm.
+    pub(crate) drawn_100pm: i64,
+    /// The nozzle has gone aside.
+    pub(crate) parked: bool,
+    /// When it goes on by itself, ms.
+    pub(crate) until_ms: Option<u64>,
+}

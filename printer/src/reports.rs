@@ -1,0 +1,112 @@
+//! What a host is told that asks: M114, M115, M118, M119 and M798.
+
+use ferrostep_gcode::{EndStopState, FirmwareInfo, Position, Reply};
+
+use crate::ports::{Motion, Ports, Replies};
+use crate::printer::Printer;
+use crate::profile::{HomeEnd, HomeSensor};
+
+impl<P: Ports> Printer<'_, P> {
+    pub(crate) fn position(&self) -> Position {
+        let [x, y, z, _] = self.motion.motor_steps();
+        Position {
+            logical_10nm: self.interpreter.modal.logical_10nm(),
+            motor_steps: [x, y, z],
+            motor_names: self.profile.kinematics.motor_names(),
+        }
+    }
+
+    /// M115.
+    pub(crate) fn report_firmware(&self) {
+        self.replies.send(Reply::Firmware(FirmwareInfo {
+            version: self.version,
+            source_code_url: env!("CARGO_PKG_REPOSITORY"),
+            identifier: self.identifier,
+            machine: self.profile.name,
+            kinematics: self.profile.kinematics.reported_name(),
+            lower_end_10nm: self.profile.lower_end_10nm,
+            size_10nm: self.profile.size_10nm,
+            emergency_parser: self.emergency_parser,
+            meatpack: self.meatpack,
+            thermal_protection: self.equipment.heaters,
+            z_probe: self.profile.homing[2].sensor == HomeSensor::Probe,
+            card: self.card.is_there(),
+        }));
+    }
+
+    /// M798. Measuring begins anew when it is switched on, so that what is reported has all been measured alike.
+    pub(crate) fn timing(&self, on: Option<bool>, clear: bool) {
+        let Some(timing) = self.timing else {
+            return self.replies.send(Reply::Text("echo:timing: this machine measures none"));
+        };
+        if on == Some(false) {
+            timing.switch(false);
+        }
+        if clear || on == Some(true) {
+            timing.clear();
+        }
+        if on == Some(true) {
+            timing.switch(true);
+        }
+        if on.is_none() && !clear {
+            timing.figures().into_iter().for_each(|figures| self.replies.send(Reply::Timing(figures)));
+        }
+    }
+
+    /// M119.
+    pub(crate) fn report_end_stops(&self) {
+        const NAMES: [[&str; 2]; 3] = [["x_min", "x_max"], ["y_min", "y_max"], ["z_min", "z_max"]];
+        let mut states = [EndStopState { name: "", triggered: false }; 3];
+        for (axis, state) in states.iter_mut().enumerate() {
+            let homing = &self.profile.homing[axis];
+            let name = match homing.sensor {
+                HomeSensor::Probe => "z_probe",
+                HomeSensor::EndStop | HomeSensor::Stall => NAMES[axis][usize::from(homing.end == HomeEnd::Max)],
+            };
+            *state = EndStopState { name, triggered: self.motion.is_end_stop_triggered(axis) };
+        }
+        self.replies.send(Reply::EndStops(&states));
+    }
+
+    /// M117: without a display the host shows it. A file is printed where its lines are read anyway.
+    pub(crate) fn display(&self, text: &str) {
+        if self.has_host() && !text.is_empty() {
+            self.replies.say(format_args!("//action:notification {text}"));
+        }
+    }
+
+    /// M73: without words a query.
+    pub(crate) fn progress(&mut self, percent: Option<u8>, minutes_left: Option<u16>) {
+        let (percent_before, minutes_before) = self.progress;
+        self.progress = (percent.or(percent_before), minutes_left.or(minutes_before));
+        let (percent, minutes_left) = self.progress;
+        if self.has_host() {
+            self.replies.send(Reply::Progress { percent, minutes_left });
+        }
+    }
+
+    /// SET_PRINT_STATS_INFO: as [`Self::display`].
+    pub(crate) fn layer(&self, current: Option<u32>, total: Option<u32>) {
+        if !self.has_host() {
+            return;
+        }
+        match (current, total) {
+            (Some(current), Some(total)) => {
+                self.replies.say(format_args!("//action:notification Layer {current}/{total}"))
+            }
+            (Some(current), None) => self.replies.say(format_args!("//action:notification Layer {current}")),
+            (None, Some(total)) => self.replies.say(format_args!("//action:notification {total} layers")),
+            (None, None) => {}
+        }
+    }
+
+    /// M118.
+    pub(crate) fn echo(&self, echo_prefix: bool, action_prefix: bool, text: &str) {
+        let prefix = match (echo_prefix, action_prefix) {
+            (true, _) => "echo:",
+            (false, true) => "//",
+            (false, false) => "",
+        };
+        self.replies.say(format_args!("{prefix}{text}"));
+    }
+}

@@ -1,0 +1,197 @@
+//! Flags between the command side and those who act on bytes as they arrive.
+
+use core::sync::atomic::{AtomicBool, AtomicU8, AtomicU16, AtomicU32, Ordering};
+
+use crate::profile::DEFAULT_HEATER_TIMEOUT_S;
+
+/// Flags between the command side and those who act on bytes as they arrive, or on time.
+#[derive(Debug, Default)]
+pub struct Signals {
+    end_wait: AtomicBool,
+    halted: AtomicBool,
+    waiting_for_heat: AtomicBool,
+    paused_for_user: AtomicBool,
+    prompt_answered: AtomicBool,
+    report_interval_s: AtomicU8,
+    keep_alive_s: AtomicU8,
+    is_at_work: AtomicBool,
+    idle_timeout_s: AtomicU32,
+    heater_timeout_s: AtomicU16,
+    host_spoke: AtomicBool,
+    is_writing: AtomicBool,
+    card_report_interval_s: AtomicU8,
+    /// How far the print from the card is, and the file's length; 0 where there is none.
+    card_position: AtomicU32,
+    card_size: AtomicU32,
+}
+
+/// Seconds at rest after which motors are switched off, unless M84 S says otherwise: Marlin's.
+pub const IDLE_TIMEOUT_S: u32 = 120;
+
+impl Signals {
+    /// Nothing signalled; `busy` messages every two seconds.
+    pub const fn new() -> Self {
+        Self {
+            end_wait: AtomicBool::new(false),
+            halted: AtomicBool::new(false),
+            waiting_for_heat: AtomicBool::new(false),
+            paused_for_user: AtomicBool::new(false),
+            prompt_answered: AtomicBool::new(false),
+            report_interval_s: AtomicU8::new(0),
+            keep_alive_s: AtomicU8::new(2),
+            is_at_work: AtomicBool::new(false),
+            idle_timeout_s: AtomicU32::new(IDLE_TIMEOUT_S),
+            heater_timeout_s: AtomicU16::new(DEFAULT_HEATER_TIMEOUT_S),
+            host_spoke: AtomicBool::new(false),
+            is_writing: AtomicBool::new(false),
+            card_report_interval_s: AtomicU8::new(0),
+            card_position: AtomicU32::new(0),
+            card_size: AtomicU32::new(0),
+        }
+    }
+
+    /// M108: the present wait ends.
+    pub fn end_wait(&self) {
+        self.end_wait.store(true, Ordering::Release);
+    }
+
+    /// Takes the request to end a wait.
+    pub(crate) fn take_end_wait(&self) -> bool {
+        self.end_wait.swap(false, Ordering::AcqRel)
+    }
+
+    /// M876 S: the number of the button that was pressed; prompts have one, *Continue*.
+    pub fn answer_prompt(&self, button: u8) {
+        if button == 0 {
+            self.prompt_answered.store(true, Ordering::Release);
+        }
+    }
+
+    pub(crate) fn take_prompt_answer(&self) -> bool {
+        self.prompt_answered.swap(false, Ordering::AcqRel)
+    }
+
+    /// Whether the command at hand waits for a person (M0, M600 and the like).
+    pub fn is_paused_for_user(&self) -> bool {
+        self.paused_for_user.load(Ordering::Relaxed)
+    }
+
+    pub(crate) fn set_paused_for_user(&self, paused: bool) {
+        self.paused_for_user.store(paused, Ordering::Relaxed);
+    }
+
+    /// Whether a command is being executed: a wait, too, is work.
+    pub fn is_at_work(&self) -> bool {
+        self.is_at_work.load(Ordering::Acquire)
+    }
+
+    pub(crate) fn set_at_work(&self, is_at_work: bool) {
+        self.is_at_work.store(is_at_work, Ordering::Release);
+    }
+
+    /// Seconds at rest after which motors are switched off (M84 S); 0 = never.
+    pub fn idle_timeout_s(&self) -> u32 {
+        self.idle_timeout_s.load(Ordering::Relaxed)
+    }
+
+    pub(crate) fn set_idle_timeout_s(&self, seconds: u64) {
+        self.idle_timeout_s.store(u32::try_from(seconds).unwrap_or(u32::MAX), Ordering::Relaxed);
+    }
+
+    /// Seconds without use after which heaters go off (M86); 0 = never.
+    pub fn heater_timeout_s(&self) -> u16 {
+        self.heater_timeout_s.load(Ordering::Relaxed)
+    }
+
+    pub(crate) fn set_heater_timeout_s(&self, seconds: u16) {
+        self.heater_timeout_s.store(seconds, Ordering::Relaxed);
+    }
+
+    /// A host has sent a line, or a frame of a prepared job. From any priority: the receiving interrupt calls it, for a line may
+    /// have to wait its turn.
+    pub fn note_host(&self) {
+        self.host_spoke.store(true, Ordering::Release);
+    }
+
+    /// Whether a host has sent anything since this was last taken.
+    pub fn has_host_spoken(&self) -> bool {
+        self.host_spoke.load(Ordering::Acquire)
+    }
+
+    /// Takes that.
+    pub fn take_host_spoken(&self) -> bool {
+        self.host_spoke.swap(false, Ordering::AcqRel)
+    }
+
+    /// Whether lines of a host go into a file (M28): of what does not wait its turn only M112 counts then.
+    pub fn is_writing(&self) -> bool {
+        self.is_writing.load(Ordering::Acquire)
+    }
+
+    pub(crate) fn set_writing(&self, is_writing: bool) {
+        self.is_writing.store(is_writing, Ordering::Release);
+    }
+
+    /// Seconds between reports of a print from the card (M27 S); 0 = off.
+    pub fn card_report_interval_s(&self) -> u8 {
+        self.card_report_interval_s.load(Ordering::Relaxed)
+    }
+
+    pub(crate) fn set_card_report_interval_s(&self, seconds: u8) {
+        self.card_report_interval_s.store(seconds, Ordering::Relaxed);
+    }
+
+    /// The next byte of the file that is printed from the card, and how many it has.
+    pub fn card_progress(&self) -> Option<(u32, u32)> {
+        let size = self.card_size.load(Ordering::Relaxed);
+        (size > 0).then(|| (self.card_position.load(Ordering::Relaxed), size))
+    }
+
+    pub(crate) fn set_card_progress(&self, progress: Option<(u32, u32)>) {
+        let (position, size) = progress.unwrap_or_default();
+        self.card_position.store(position, Ordering::Relaxed);
+        self.card_size.store(size, Ordering::Relaxed);
+    }
+
+    /// M112, or a heater fault: every wait ends and every command is refused until M999. Who sets it has switched
+    /// heaters off and stopped the motors.
+    pub fn halt(&self) {
+        self.halted.store(true, Ordering::Release);
+    }
+
+    /// Whether the machine is halted.
+    pub fn is_halted(&self) -> bool {
+        self.halted.load(Ordering::Acquire)
+    }
+
+    /// M999.
+    pub(crate) fn restart(&self) {
+        self.halted.store(false, Ordering::Release);
+    }
+
+    /// Seconds between temperature reports (M155); 0 = off, and while a wait for heat prints its own.
+    pub fn report_interval_s(&self) -> u8 {
+        if self.is_waiting_for_heat() { 0 } else { self.report_interval_s.load(Ordering::Relaxed) }
+    }
+
+    pub(crate) fn is_waiting_for_heat(&self) -> bool {
+        self.waiting_for_heat.load(Ordering::Relaxed)
+    }
+
+    pub(crate) fn set_waiting_for_heat(&self, waiting: bool) {
+        self.waiting_for_heat.store(waiting, Ordering::Relaxed);
+    }
+
+    pub(crate) fn set_report_interval_s(&self, seconds: u8) {
+        self.report_interval_s.store(seconds, Ordering::Relaxed);
+    }
+
+    /// Seconds between `busy` messages (M113); 0 = off.
+    pub fn keep_alive_s(&self) -> u8 {
+        self.keep_alive_s.load(Ordering::Relaxed)
+    }
+
+    pub(crate) fn set_keep_alive_s(&self, seconds: u8) {
+        self.keep_alive_s.store(seconds, Ordering::Relaxed);
+    }
+}

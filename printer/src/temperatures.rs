@@ -1,0 +1,111 @@
+//! M104, M109, M140 and M190.
+
+use ferrostep_gcode::{Real, Reply, WaitTarget};
+use ferrostep_hal_shim::Heater;
+
+use crate::error::CommandError;
+use crate::ports::{Heating, Motion, Ports, Replies, temperatures};
+use crate::printer::Printer;
+use crate::profile::HeaterSettings;
+use crate::waits::WaitReport;
+
+impl<P: Ports> Printer<'_, P> {
+    fn heater_settings(&self, heater: Heater) -> &HeaterSettings {
+        match heater {
+            Heater::Nozzle => &self.profile.nozzle,
+            Heater::Bed => &self.profile.bed,
+        }
+    }
+
+    /// M104, M140.
+    pub(crate) fn set_temperature(&mut self, heater: Heater, celsius: f64) -> Result<(), CommandError> {
+        let settings = self.heater_settings(heater);
+        // As the control will have it: rounding may not take it to the maximum.
+        let target = celsius as f32;
+        if target >= settings.max_celsius || target > settings.max_target_celsius {
+            return Err(CommandError::TooHot { celsius, maximum_celsius: settings.max_target_celsius });
+        }
+        self.needs(self.equipment.heaters || celsius <= 0.0, "heaters")?;
+        self.heating.set_target(heater, target);
+        self.targets_celsius[heater.index()] = target;
+        Ok(())
+    }
+
+    /// Whether the nozzle of a host's print was switched off because nobody used it: commands have set a target, and it is gone.
+    pub(crate) fn have_heaters_rested(&self) -> bool {
+        let [nozzle_celsius, _] = self.targets_celsius;
+        self.has_host() && nozzle_celsius > 0.0 && self.heating.status(Heater::Nozzle).target_celsius <= 0.0
+    }
+
+    /// A new print begins: it sets its own temperatures.
+    pub(crate) fn forget_rested_heaters(&mut self) {
+        if self.have_heaters_rested() {
+            self.targets_celsius = [0.0; 2];
+        }
+    }
+
+    /// Waits for heaters to be as hot as a print left them; those that were switched off meanwhile (M86) heat up again.
+    pub(crate) async fn heat_again(&mut self, targets_celsius: [f32; 2]) -> Result<(), CommandError> {
+        for (heater, celsius) in Heater::ALL.into_iter().zip(targets_celsius) {
+            if celsius > 0.0 && self.heating.status(heater).target_celsius <= 0.0 {
+                self.set_temperature(heater, f64::from(celsius))?;
+            }
+        }
+        for (heater, celsius) in Heater::ALL.into_iter().zip(targets_celsius) {
+            let status = self.heating.status(heater);
+            let is_cold =
+                status.celsius < status.target_celsius - self.heater_settings(heater).residency_window_celsius;
+            if celsius > 0.0 && is_cold {
+                self.wait_until_hot(heater).await?;
+            }
+        }
+        Ok(())
+    }
+
+    /// M109, M190: until the temperature has stayed near its target for the profile's residency time. S waits only
+    /// if it has to heat. M108 ends the wait, not the heating.
+    pub(crate) async fn wait_for_heat(&mut self, heater: Heater, target: WaitTarget) -> Result<(), CommandError> {
+        let cooling_counts = match target {
+            WaitTarget::Heating(value) => {
+                self.set_temperature(heater, value.to_f64())?;
+                false
+            }
+            WaitTarget::HeatingOrCooling(value) => {
+                self.set_temperature(heater, value.to_f64())?;
+                true
+            }
+            WaitTarget::Current => false,
+        };
+        // An M108 from before this command is not meant for it; one that comes while the motion before it ends is.
+        self.signals.take_end_wait();
+        self.motion.finish().await?;
+        self.stay_until_near(heater, cooling_counts).await
+    }
+
+    /// Waits until a heater with a target has reached it from below. M108 ends the wait.
+    pub(crate) async fn wait_until_hot(&mut self, heater: Heater) -> Result<(), CommandError> {
+        self.signals.take_end_wait();
+        self.stay_until_near(heater, false).await
+    }
+
+    async fn stay_until_near(&mut self, heater: Heater, cooling_counts: bool) -> Result<(), CommandError> {
+        self.signals.set_waiting_for_heat(true);
+        let (mut waits, settings) = (self.waits(), *self.heater_settings(heater));
+        let (heating, replies, line) = (&self.heating, self.replies, self.line);
+        let outcome = waits
+            .for_heat(heater, &settings, cooling_counts, heating, |report| match report {
+                WaitReport::Remaining(left_s) => replies.send(Reply::Waiting(temperatures(heating), left_s)),
+                WaitReport::CoolsNoFurther(status) => {
+                    let name = heater.name();
+                    let (celsius, target) = (Real::fixed(status.celsius, 1), Real::short(status.target_celsius, 2));
+                    replies.say(format_args!(
+                        "echo:line {line}: the {name} cools no further than {celsius} C, the wait for {target} C ends \
+                         (expected a target above the room's temperature)"
+                    ));
+                }
+            })
+            .await;
+        self.signals.set_waiting_for_heat(false);
+        outcome
+    }
+}

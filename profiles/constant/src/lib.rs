@@ -1,0 +1,32 @@
+//! The machine that an image is built for.
+#![no_std]
+#![forbid(unsafe_code)]
+
+use ferrostep_printer::Profile;
+
+/// The profile, as the build script read it from its TOML file. An image makes a static of its own of it, so that the compiler
+/// sees the values where they are used.
+pub const PROFILE: Profile = {
+    use names::*;
+    include!(concat!(env!("OUT_DIR"), "/profile.rs"))
+};
+
+include!(concat!(env!("OUT_DIR"), "/step_signals.rs"));
+
+/// What `Debug` names in a profile. Not every machine has drivers, and one machine has one variant of each type.
+#[allow(unused_imports, non_upper_case_globals)]
+mod names {
+    pub const inf: f64 = f64::INFINITY;
+
+    pub use ferrostep_planner::{
+        AccelerationProfile::*, DualRatePeriods, Interpolation::*, Kinematics::*, Limits, MotionChoice,
+        SCurveTableSettings, StepsPerMm,
+    };
+    pub use ferrostep_printer::{
+        AxisHoming, DriverTiming, ExtrusionSettings, FirmwareRetraction, HeaterSettings, HeaterWatch, HomeEnd::*,
+        HomeSensor::*, Profile, SafeHoming,
+    };
+    pub use ferrostep_thermistor::{Thermistor, ThermistorType::*};
+    pub use ferrostep_tmc2209::DriverSettings;
+    pub use ferrostep_virtual_board::HeatedMass;
+}

@@ -1,0 +1,14 @@
+//! Laws of motion in pieces, and what a filter makes of them: the reference for shaped motion, in f64.
+
+mod cursor;
+mod pieces;
+mod shaped;
+mod solver;
+
+pub use cursor::ShapedCursor;
+pub use pieces::{Law, LawError, Piece};
+pub use shaped::ShapedLaw;
+pub use solver::{StepTime, step_times};
+
+#[cfg(test)]
+mod tests;

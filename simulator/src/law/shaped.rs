@@ -1,0 +1,32 @@
+//! A law after a shaper.
+
+use crate::law::pieces::Law;
+use crate::motion::Motion;
+use crate::shapers::Impulse;
+
+/// A law after a shaper: the weighted sum of the law at several delays.
+#[derive(Clone, Copy, Debug)]
+pub struct ShapedLaw<'a> {
+    /// The law before.
+    pub law: &'a Law,
+    /// Weights and delays.
+    pub impulses: &'a [Impulse],
+}
+
+impl ShapedLaw<'_> {
+    /// The motion at a time, s.
+    pub fn at(&self, time_s: f64) -> Motion {
+        self.impulses.iter().fold(Motion::default(), |sum, one| sum.plus(one.weight, self.law.at(time_s - one.delay_s)))
+    }
+
+    /// Every time at which the acceleration may change, s, in order.
+    pub fn breakpoints_s(&self) -> Vec<f64> {
+        let mut times: Vec<f64> = Vec::with_capacity((self.law.pieces().len() + 1) * self.impulses.len());
+        for one in self.impulses {
+            times.extend(self.law.pieces().iter().map(|piece| piece.start_s + one.delay_s));
+            times.extend(self.law.pieces().last().map(|piece| piece.end_s() + one.delay_s));
+        }
+        times.sort_by(f64::total_cmp);
+        times
+    }
+}

@@ -1,0 +1,72 @@
+//! When a motor steps: by bisection, so that nothing but the law itself decides.
+
+use crate::law::shaped::ShapedLaw;
+use crate::motion::Motion;
+
+/// Halvings of an interval; more than the digits of an f64.
+const HALVINGS: usize = 64;
+
+/// A step of a motor.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StepTime {
+    /// When, s.
+    pub time_s: f64,
+    /// Towards smaller positions.
+    pub negative: bool,
+}
+
+/// The steps of a motor with this scale that follows a shaped law from where the law begins: it stands at the position rounded
+/// half away from zero, and steps where the position passes the middle between two steps. Times are in order.
+pub fn step_times(shaped: &ShapedLaw<'_>, steps_per_mm: f64) -> Vec<StepTime> {
+    let breakpoints = shaped.breakpoints_s();
+    let mut steps = Vec::new();
+    let Some(first_s) = breakpoints.first() else { return steps };
+    let mut place = (shaped.at(first_s - 1.0).position_mm * steps_per_mm).round();
+    for pair in breakpoints.windows(2) {
+        let &[start_s, end_s] = pair else { continue };
+        let duration_s = end_s - start_s;
+        if duration_s <= 0.0 {
+            continue;
+        }
+        // The middle is inside one piece of every impulse, which the ends, by rounding, may not be.
+        let start = shaped.at(start_s + 0.5 * duration_s).after(-0.5 * duration_s);
+        let mut parts = [0.0, duration_s, duration_s];
+        let turn_s = -start.speed_mm_per_s / start.acceleration_mm_per_s2;
+        if turn_s > 0.0 && turn_s < duration_s {
+            parts[1] = turn_s;
+        }
+        let [from_s, turn_s, to_s] = parts;
+        // What a jump of the position passes is due at once.
+        due(&mut steps, &mut place, start, [0.0, 0.0], start_s, steps_per_mm);
+        due(&mut steps, &mut place, start, [from_s, turn_s], start_s, steps_per_mm);
+        due(&mut steps, &mut place, start, [turn_s, to_s], start_s, steps_per_mm);
+    }
+    steps
+}
+
+/// Steps between two times after `start`, between which the motion has one direction.
+fn due(
+    steps: &mut Vec<StepTime>,
+    place: &mut f64,
+    start: Motion,
+    [from_s, to_s]: [f64; 2],
+    start_s: f64,
+    steps_per_mm: f64,
+) {
+    let at = |time_s: f64| start.after(time_s).position_mm * steps_per_mm;
+    let target = at(to_s).round();
+    let negative = target < *place;
+    let sign = if negative { -1.0 } else { 1.0 };
+    let mut after_s = from_s;
+    while *place != target {
+        let middle = *place + 0.5 * sign;
+        let (mut early_s, mut late_s) = (after_s, to_s);
+        for _ in 0..HALVINGS {
+            let half_s = 0.5 * (early_s + late_s);
+            if (at(half_s) - middle) * sign < 0.0 { early_s = half_s } else { late_s = half_s }
+        }
+        after_s = late_s;
+        steps.push(StepTime { time_s: start_s + late_s, negative });
+        *place += sign;
+    }
+}

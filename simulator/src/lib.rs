@@ -1,0 +1,22 @@
+//! A train of steps, or a plan, through a frame that rings and a nozzle under pressure.
+//!
+//! [`steps`] plays step events as a trace has them, [`plan`] plays laws of motion without steps, as [`klipper`]'s rules or the
+//! oracle's planner give them; both feed the same [`frame`] and [`nozzle`], and [`measures`] tells how far the nozzle is from
+//! the programmed path and how much material is not where it should be. [`shapers`] and [`law`] are the f64 definitions of
+//! shaped motion that the firmware's is held against.
+//!
+//! This crate depends on no code of the firmware.
+#![deny(missing_docs)]
+#![forbid(unsafe_code)]
+
+pub mod frame;
+pub mod klipper;
+pub mod law;
+pub mod measures;
+pub mod motion;
+pub mod nozzle;
+pub mod path;
+pub mod plan;
+pub mod plot;
+pub mod shapers;
+pub mod steps;

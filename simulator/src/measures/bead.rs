@@ -1,0 +1,134 @@
+//! Material that is not where it should be, at corners and at the ends of lines.
+//!
+//! At each instant the nozzle should let out its speed times the bead's cross-section. The difference belongs to the place
+//! on the path where the nozzle is, and with it to the nearest corner or end, if that is near enough.
+
+use crate::path::PathSegment;
+use serde::Serialize;
+use std::collections::VecDeque;
+
+/// Farther away from a corner or an end, mm, a difference belongs to none.
+const REACH_MM: f64 = 5.0;
+
+/// Differences are summed over so much of the path, mm.
+const BIN_MM: f64 = 0.1;
+
+/// The nozzle does not come back so far, mm.
+const PASSED_MM: f64 = 2.0 * REACH_MM;
+
+/// A turn by more than this is a corner: the cosine of 30 degrees.
+const CORNER_COSINE: f64 = 0.866_025_403_784_438_6;
+
+/// Pauses longer than this, s, end a line.
+const PAUSE_S: f64 = 1e-6;
+
+/// Misplaced material; each difference counts, whether it is too much or too little.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct BeadReport {
+    /// At a corner within 5 mm of path, mean of all corners, mm^3.
+    pub corner_volume_mm3: f64,
+    /// Corners: turns by more than 30 degrees between two printed moves without a stop.
+    pub corners: u64,
+    /// At a beginning or an end of a line within 5 mm of path, mean of all, mm^3; what comes out on travels belongs to it.
+    pub end_volume_mm3: f64,
+    /// Beginnings and ends of lines, and stops in them.
+    pub ends: u64,
+    /// In between, in all, mm^3.
+    pub elsewhere_volume_mm3: f64,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Feature {
+    Corner,
+    End,
+}
+
+#[derive(Debug, Default)]
+pub(super) struct Bead {
+    features: VecDeque<(f64, Feature)>,
+    before: Option<PathSegment>,
+    /// Sums of absolute differences, from bin number `first_bin` on.
+    bins: VecDeque<f64>,
+    first_bin: usize,
+    place_mm: f64,
+    report: BeadReport,
+    corner_mm3: f64,
+    end_mm3: f64,
+}
+
+impl Bead {
+    /// The path goes on after this length.
+    pub(super) fn push_segment(&mut self, segment: &PathSegment, place_mm: f64) {
+        let before = self.before.replace(*segment);
+        let printed = before.filter(PathSegment::is_printing);
+        let feature = match (printed, segment.is_printing()) {
+            (None, false) => return,
+            (None, true) | (Some(_), false) => Feature::End,
+            (Some(before), true) => {
+                let ([x0, y0], [x1, y1]) = (before.direction(), segment.direction());
+                if segment.start_s - before.end_s > PAUSE_S {
+                    Feature::End
+                } else if x0 * x1 + y0 * y1 < CORNER_COSINE {
+                    Feature::Corner
+                } else {
+                    return;
+                }
+            }
+        };
+        match feature {
+            Feature::Corner => self.report.corners += 1,
+            Feature::End => self.report.ends += 1,
+        }
+        self.features.push_back((place_mm, feature));
+    }
+
+    /// A difference at a place of the path; without one, where the nozzle was last. The path is known so far.
+    pub(super) fn add(&mut self, place_mm: Option<f64>, difference_mm3: f64, known_mm: f64) {
+        self.place_mm = place_mm.unwrap_or(self.place_mm);
+        let bin = (self.place_mm / BIN_MM) as usize;
+        // A place that was passed long ago: its bin is settled, and the first that is not takes the difference.
+        let index = bin.saturating_sub(self.first_bin);
+        while self.bins.len() <= index {
+            self.bins.push_back(0.0);
+        }
+        self.bins[index] += difference_mm3.abs();
+        let settled_mm = (self.place_mm - PASSED_MM).min(known_mm - REACH_MM);
+        self.settle(settled_mm);
+    }
+
+    fn settle(&mut self, until_mm: f64) {
+        while !self.bins.is_empty() && (self.first_bin + 1) as f64 * BIN_MM < until_mm {
+            let Some(sum_mm3) = self.bins.pop_front() else { return };
+            let middle_mm = (self.first_bin as f64 + 0.5) * BIN_MM;
+            self.first_bin += 1;
+            while self.features.front().is_some_and(|(place_mm, _)| *place_mm < middle_mm - REACH_MM) {
+                self.features.pop_front();
+            }
+            let nearest = self
+                .features
+                .iter()
+                .take_while(|(place_mm, _)| *place_mm <= middle_mm + REACH_MM)
+                .min_by(|one, other| (one.0 - middle_mm).abs().total_cmp(&(other.0 - middle_mm).abs()));
+            match nearest {
+                Some((_, Feature::Corner)) => self.corner_mm3 += sum_mm3,
+                Some((_, Feature::End)) => self.end_mm3 += sum_mm3,
+                None => self.report.elsewhere_volume_mm3 += sum_mm3,
+            }
+        }
+    }
+
+    pub(super) fn finish(mut self) -> BeadReport {
+        if let Some(true) = self.before.map(|before| before.is_printing()) {
+            // The path ends with a line.
+            self.report.ends += 1;
+            self.features.push_back((self.place_mm, Feature::End));
+        }
+        self.settle(f64::INFINITY);
+        let mean = |sum: f64, count: u64| if count == 0 { 0.0 } else { sum / count as f64 };
+        BeadReport {
+            corner_volume_mm3: mean(self.corner_mm3, self.report.corners),
+            end_volume_mm3: mean(self.end_mm3, self.report.ends),
+            ..self.report
+        }
+    }
+}

@@ -1,0 +1,384 @@
+//! A plan as laws of X, Y and the filament, and its simulation: position as a function of time, without steps.
+
+mod extruder;
+
+pub use extruder::ExtruderFilter;
+
+use crate::frame::{Frame, FrameError, FrameSettings};
+use crate::law::{Law, Piece, ShapedCursor, ShapedLaw};
+use crate::measures::{Measures, SAMPLE_S, STOP_S, Sample};
+use crate::motion::Motion;
+use crate::nozzle::{Nozzle, NozzleError, NozzleSettings};
+use crate::path::PathSegment;
+use crate::shapers::Shaper;
+use extruder::ExtruderSamples;
+use ferrostep_oracle::reference::{EXTRUDER_FRACTIONS_PER_UNIT, Job, Move, Trapezoid, UNITS_PER_MM};
+use std::fmt;
+
+/// Simulated before a plan's beginning and after its end, s: shapers look ahead, and what rings must be seen.
+const MARGIN_S: f64 = 0.3;
+
+/// Speeds of a move along its path (along the filament, if only that moves).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MoveSpeeds {
+    /// At its start, mm/s.
+    pub entry_mm_per_s: f64,
+    /// In its middle, mm/s.
+    pub cruise_mm_per_s: f64,
+    /// At its end, mm/s.
+    pub exit_mm_per_s: f64,
+    /// Of both ramps, mm/s^2.
+    pub acceleration_mm_per_s2: f64,
+}
+
+impl From<Trapezoid> for MoveSpeeds {
+    fn from(law: Trapezoid) -> Self {
+        Self {
+            entry_mm_per_s: law.entry_mm_per_s,
+            cruise_mm_per_s: law.peak_mm_per_s,
+            exit_mm_per_s: law.exit_mm_per_s,
+            acceleration_mm_per_s2: law.acceleration_mm_per_s2,
+        }
+    }
+}
+
+/// A move's geometry.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MoveShape {
+    /// Travel of X, Y, Z, mm.
+    pub axes_mm: [f64; 3],
+    /// Filament, mm.
+    pub filament_mm: f64,
+    /// Length along which the speeds count, mm.
+    pub length_mm: f64,
+    /// Whether only the filament moves.
+    pub is_filament_only: bool,
+}
+
+impl MoveShape {
+    /// The shape of a move.
+    pub fn of(one: &Move) -> Self {
+        let mm = |units: i64| units as f64 / UNITS_PER_MM as f64;
+        let axes_mm = [0, 1, 2].map(|axis: usize| mm(one.end_10nm[axis] - one.start_10nm[axis]));
+        let unit = EXTRUDER_FRACTIONS_PER_UNIT as f64 * UNITS_PER_MM as f64;
+        let filament_mm = (one.extruder_end - one.extruder_start) as f64 / unit;
+        let path_mm = axes_mm.iter().map(|travel| travel * travel).sum::<f64>().sqrt();
+        let is_filament_only = path_mm == 0.0;
+        let length_mm = if is_filament_only { filament_mm.abs() } else { path_mm };
+        Self { axes_mm, filament_mm, length_mm, is_filament_only }
+    }
+
+    /// Cross-section of what it lays, mm^2; 0 on a travel.
+    pub fn bead_mm2(&self, filament_mm2: f64) -> f64 {
+        let [x, y, _] = self.axes_mm;
+        let plane_mm = x.hypot(y);
+        if self.filament_mm > 0.0 && plane_mm > 0.0 { self.filament_mm / plane_mm * filament_mm2 } else { 0.0 }
+    }
+}
+
+/// A job, or the part of it between two homings, as laws of motion.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    x: Law,
+    y: Law,
+    filament: Law,
+    /// Of each piece, whether pressure advance applies.
+    advances: Vec<bool>,
+    path: Vec<PathSegment>,
+}
+
+impl Plan {
+    /// The plans of a job whose moves have these speeds: one, and another after each homing on the way.
+    pub fn of_job(job: &Job, speeds: &[MoveSpeeds], filament_mm2: f64) -> Vec<Self> {
+        let mut plans = Vec::new();
+        let mut builder = Builder::new(filament_mm2);
+        for (one, speeds) in job.moves.iter().zip(speeds) {
+            if one.homing_before {
+                plans.extend(std::mem::replace(&mut builder, Builder::new(filament_mm2)).build());
+            }
+            builder.push(one, speeds);
+        }
+        plans.extend(builder.build());
+        plans
+    }
+
+    /// How long it takes, s.
+    pub fn duration_s(&self) -> f64 {
+        let [start_s, end_s] = self.x.ends_s();
+        end_s - start_s
+    }
+
+    /// The laws of X and Y.
+    pub const fn laws(&self) -> [&Law; 2] {
+        [&self.x, &self.y]
+    }
+
+    /// The law of the filament.
+    pub const fn filament(&self) -> &Law {
+        &self.filament
+    }
+
+    /// The path in X and Y.
+    pub fn path(&self) -> &[PathSegment] {
+        &self.path
+    }
+}
+
+/// Appends move after move.
+struct Builder {
+    filament_mm2: f64,
+    time_s: f64,
+    pieces: [Vec<Piece>; 3],
+    advances: Vec<bool>,
+    path: Vec<PathSegment>,
+}
+
+impl Builder {
+    fn new(filament_mm2: f64) -> Self {
+        Self {
+            filament_mm2,
+            time_s: 0.0,
+            pieces: [Vec::new(), Vec::new(), Vec::new()],
+            advances: Vec::new(),
+            path: Vec::new(),
+        }
+    }
+
+    fn push(&mut self, one: &Move, speeds: &MoveSpeeds) {
+        let shape = MoveShape::of(one);
+        let unit = EXTRUDER_FRACTIONS_PER_UNIT as f64 * UNITS_PER_MM as f64;
+        let start_mm = [
+            one.start_10nm[0] as f64 / UNITS_PER_MM as f64,
+            one.start_10nm[1] as f64 / UNITS_PER_MM as f64,
+            one.extruder_start as f64 / unit,
+        ];
+        let [x, y, _] = shape.axes_mm;
+        let shares = [x, y, shape.filament_mm].map(|travel| travel / shape.length_mm);
+        let bead_mm2 = shape.bead_mm2(self.filament_mm2);
+        let start_s = self.time_s;
+        let mut along = Motion { position_mm: 0.0, speed_mm_per_s: speeds.entry_mm_per_s, acceleration_mm_per_s2: 0.0 };
+        for (duration_s, acceleration_mm_per_s2) in phases(speeds, shape.length_mm) {
+            along.acceleration_mm_per_s2 = acceleration_mm_per_s2;
+            for ((pieces, share), start_mm) in self.pieces.iter_mut().zip(shares).zip(start_mm) {
+                let motion = Motion {
+                    position_mm: start_mm + share * along.position_mm,
+                    speed_mm_per_s: share * along.speed_mm_per_s,
+                    acceleration_mm_per_s2: share * acceleration_mm_per_s2,
+                };
+                pieces.push(Piece { start_s: self.time_s, duration_s, motion });
+            }
+            self.advances.push(bead_mm2 > 0.0);
+            along = along.after(duration_s);
+            self.time_s += duration_s;
+        }
+        if x != 0.0 || y != 0.0 {
+            let from_mm = [start_mm[0], start_mm[1]];
+            let to_mm = [start_mm[0] + x, start_mm[1] + y];
+            self.path.push(PathSegment { start_s, end_s: self.time_s, from_mm, to_mm, bead_mm2 });
+        }
+    }
+
+    /// Nothing, if nothing moves.
+    fn build(self) -> Option<Plan> {
+        let [x, y, filament] = self.pieces.map(|pieces| Law::new(pieces).ok());
+        Some(Plan { x: x?, y: y?, filament: filament?, advances: self.advances, path: self.path })
+    }
+}
+
+/// Durations and accelerations of a trapezoid, without those that rounding left empty.
+pub fn phases(speeds: &MoveSpeeds, length_mm: f64) -> impl Iterator<Item = (f64, f64)> {
+    let MoveSpeeds { entry_mm_per_s: entry, cruise_mm_per_s: cruise, exit_mm_per_s: exit, acceleration_mm_per_s2: a } =
+        *speeds;
+    let ramps_mm = (2.0 * cruise * cruise - entry * entry - exit * exit) / (2.0 * a);
+    let cruise_s = if cruise > 0.0 { (length_mm - ramps_mm).max(0.0) / cruise } else { 0.0 };
+    [((cruise - entry) / a, a), (cruise_s, 0.0), ((cruise - exit) / a, -a)]
+        .into_iter()
+        .filter(|(duration_s, _)| *duration_s > 1e-12)
+}
+
+/// How a plan is filtered on its way to the motors.
+#[derive(Clone, Debug)]
+pub struct Filters {
+    /// Shapers of X and Y.
+    pub shapers: [Shaper; 2],
+    /// What happens to the filament.
+    pub extruder: ExtruderFilter,
+}
+
+impl Default for Filters {
+    /// None at all.
+    fn default() -> Self {
+        Self { shapers: [Shaper::identity(), Shaper::identity()], extruder: ExtruderFilter::default() }
+    }
+}
+
+/// Frame and nozzle that a plan or a trace is played on.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Machine {
+    /// The frame.
+    pub frame: FrameSettings,
+    /// The nozzle.
+    pub nozzle: NozzleSettings,
+}
+
+/// A machine is not described by its numbers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum MachineError {
+    /// The frame's.
+    Frame(FrameError),
+    /// The nozzle's.
+    Nozzle(NozzleError),
+}
+
+impl fmt::Display for MachineError {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Frame(error) => error.fmt(out),
+            Self::Nozzle(error) => error.fmt(out),
+        }
+    }
+}
+
+impl std::error::Error for MachineError {}
+
+impl Machine {
+    /// Frame and nozzle at rest.
+    ///
+    /// # Errors
+    /// A number is out of range.
+    pub fn at_rest(&self) -> Result<(Frame, Nozzle), MachineError> {
+        let frame = Frame::new(&self.frame).map_err(MachineError::Frame)?;
+        Ok((frame, Nozzle::new(self.nozzle).map_err(MachineError::Nozzle)?))
+    }
+}
+
+/// Plays plans one after the other on a machine and measures.
+///
+/// # Errors
+/// The machine's numbers are out of range.
+pub fn simulate(
+    plans: &[Plan],
+    filters: &Filters,
+    machine: &Machine,
+    filament_mm2: f64,
+    measures: &mut Measures,
+) -> Result<f64, MachineError> {
+    let (frame, nozzle) = machine.at_rest()?;
+    let shapers = filters.shapers.clone().map(Shaper::centred);
+    // Plans are played with their margins between them, so that none sees the other's ringing.
+    let (mut base_s, mut time_s) = (0.0, 0.0);
+    for plan in plans {
+        let player = Player { plan, shapers: &shapers, filters, filament_mm2, base_s };
+        player.play(frame, nozzle, measures);
+        base_s += plan.duration_s() + 2.0 * MARGIN_S;
+        time_s += plan.duration_s();
+    }
+    Ok(time_s)
+}
+
+struct Player<'a> {
+    plan: &'a Plan,
+    shapers: &'a [Shaper; 2],
+    filters: &'a Filters,
+    filament_mm2: f64,
+    /// What the plan's time 0 is called.
+    base_s: f64,
+}
+
+impl Player<'_> {
+    fn play(&self, mut frame: Frame, mut nozzle: Nozzle, measures: &mut Measures) {
+        let plan = self.plan;
+        let mut path = plan.path.iter().peekable();
+        let [mut x, mut y] = [(&plan.x, &self.shapers[0]), (&plan.y, &self.shapers[1])]
+            .map(|(law, shaper)| ShapedCursor::new(ShapedLaw { law, impulses: shaper.impulses() }));
+        let mut time_s = -MARGIN_S;
+        let end_s = plan.duration_s() + MARGIN_S;
+        let advanced = plan.filament.advanced(self.filters.extruder.advance_s, |index| plan.advances[index]);
+        let extruder_shaper = self.filters.extruder.shaper.clone().centred();
+        let shaped = ShapedLaw { law: &advanced, impulses: extruder_shaper.impulses() };
+        let mut filament = ExtruderSamples::new(shaped, &self.filters.extruder.boxes_s, time_s);
+        let mut filament_mm = filament.next_mm();
+        let mut command = [x.at(time_s), y.at(time_s)];
+        frame.shift(command.map(|one| one.position_mm));
+        let mut rest = Rest::default();
+        let mut index = 0u64;
+        let mut restart = true;
+        while time_s < end_s {
+            index += 1;
+            let sample_s = -MARGIN_S + index as f64 * SAMPLE_S;
+            while time_s < sample_s {
+                let until_s = x.next_breakpoint_s(time_s).min(y.next_breakpoint_s(time_s)).min(sample_s);
+                // The middle is inside one piece of every impulse, which the ends, by rounding, may not be.
+                let half_s = 0.5 * (until_s - time_s);
+                command = [x.at(time_s + half_s), y.at(time_s + half_s)].map(|one| one.after(-half_s));
+                if let Some(amplitude_mm) = rest.look(time_s, command, &frame) {
+                    measures.stopped(self.base_s + rest.since_s, amplitude_mm);
+                }
+                frame.advance(until_s - time_s, command);
+                command = command.map(|one| one.after(until_s - time_s));
+                time_s = until_s;
+            }
+            let before_mm = std::mem::replace(&mut filament_mm, filament.next_mm());
+            let feed_mm3_per_s = (filament_mm - before_mm) / SAMPLE_S * self.filament_mm2;
+            let out_mm3 = nozzle.advance(SAMPLE_S, feed_mm3_per_s);
+            while let Some(segment) = path.next_if(|segment| segment.start_s <= time_s + 1.0) {
+                measures.push_segment(PathSegment {
+                    start_s: segment.start_s + self.base_s,
+                    end_s: segment.end_s + self.base_s,
+                    ..*segment
+                });
+            }
+            if path.peek().is_none() {
+                measures.nothing_until(self.base_s + time_s + 1.0);
+            }
+            measures.push_sample(Sample {
+                time_s: self.base_s + time_s,
+                command_mm: command.map(|one| one.position_mm),
+                nozzle_mm: frame.position_mm(),
+                nozzle_mm_per_s: frame.speed_mm_per_s(),
+                filament_mm,
+                out_mm3,
+                restart: std::mem::take(&mut restart),
+            });
+        }
+        if let Some(amplitude_mm) =
+            rest.look(end_s + STOP_S, command.map(|one| Motion::standing(one.position_mm)), &frame)
+        {
+            measures.stopped(self.base_s + rest.since_s, amplitude_mm);
+        }
+    }
+}
+
+/// Finds out when X and Y have stopped.
+#[derive(Debug, Default)]
+struct Rest {
+    since_s: f64,
+    amplitude_mm: Option<f64>,
+    has_moved: bool,
+}
+
+impl Rest {
+    /// Called where the motion may change; returns the amplitude at the stop's beginning once it has lasted long enough.
+    fn look(&mut self, time_s: f64, command: [Motion; 2], frame: &Frame) -> Option<f64> {
+        if !command.iter().all(|one| one.is_standing()) {
+            self.has_moved = true;
+            self.amplitude_mm = None;
+            return None;
+        }
+        if !self.has_moved {
+            return None;
+        }
+        let amplitude_mm = *self.amplitude_mm.get_or_insert_with(|| {
+            self.since_s = time_s;
+            frame.ringing_mm(command)
+        });
+        (time_s >= self.since_s + STOP_S).then(|| {
+            self.has_moved = false;
+            self.amplitude_mm = None;
+            amplitude_mm
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests;

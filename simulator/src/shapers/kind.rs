@@ -1,0 +1,59 @@
+//! Which shapers there are.
+
+use crate::shapers::even_spacing::EvenSpacing;
+
+/// The kinds of shaper.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum ShaperKind {
+    /// No shaper: one impulse without a delay.
+    None,
+    /// Zero vibration: two impulses.
+    Zv,
+    /// Klipper's modified zero vibration: three impulses over three quarters of a period.
+    Mzv,
+    /// The general form of MZV: impulses at equal distances, with their zeros placed around the frequency.
+    EvenMzv(EvenSpacing),
+    /// Zero vibration and derivative: three impulses.
+    Zvd,
+    /// Zero vibration and two derivatives: four impulses.
+    Zvdd,
+    /// Extra-insensitive in the form without fitted damping (Marlin, Prusa, Kalico, Klipper until 2025).
+    EiOld,
+    /// Extra-insensitive with fitted damping (Klipper since 2025).
+    Ei,
+    /// Two humps, in the form without fitted damping.
+    TwoHumpEiOld,
+    /// Two humps with fitted damping.
+    TwoHumpEi,
+    /// Three humps, in the form without fitted damping.
+    ThreeHumpEiOld,
+    /// Three humps with fitted damping.
+    ThreeHumpEi,
+}
+
+impl ShaperKind {
+    /// All kinds without numbers of their own.
+    pub const ALL: [Self; 11] = [
+        Self::None,
+        Self::Zv,
+        Self::Mzv,
+        Self::Zvd,
+        Self::Zvdd,
+        Self::EiOld,
+        Self::Ei,
+        Self::TwoHumpEiOld,
+        Self::TwoHumpEi,
+        Self::ThreeHumpEiOld,
+        Self::ThreeHumpEi,
+    ];
+
+    /// Largest damping ratio that the shaper is defined for; the fitted ones hold no farther than they were fitted.
+    pub const fn max_damping(self) -> f64 {
+        match self {
+            Self::Ei => 0.4,
+            Self::TwoHumpEi => 0.3,
+            Self::ThreeHumpEi => 0.2,
+            _ => 0.99,
+        }
+    }
+}

@@ -1,0 +1,231 @@
+//! Where the programmed path comes from: the G-code, or the steps themselves.
+
+use crate::measures::Measures;
+use crate::path::PathSegment;
+use crate::plan::{MoveShape, MoveSpeeds, phases};
+use ferrostep_oracle::reference::{Job, Move, UNITS_PER_MM};
+use std::fmt;
+
+/// Steps that are kept at most until a part of the path is drawn from them.
+const MAX_POINTS: usize = 100_000;
+
+/// The path that the steps draw is given up to this far, mm: two steps of a coarse motor.
+const STEPS_TOLERANCE_MM: f64 = 0.02;
+
+/// A pause of this length ends a part of the path that the steps draw, s.
+const PAUSE_S: f64 = 0.1;
+
+/// The path does not fit the trace.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PathError {
+    /// In the trace a move of one line ends where the G-code has one of another.
+    Line {
+        /// The line of the trace.
+        traced: u32,
+        /// The line of the G-code; none if it has no further move.
+        expected: Option<u32>,
+    },
+    /// The G-code has further moves.
+    Unfinished {
+        /// The line of the first.
+        line: u32,
+    },
+}
+
+impl fmt::Display for PathError {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Line { traced, expected: Some(expected) } => write!(
+                out,
+                "the trace has a move of line {traced} where the G-code has one of line {expected}: is the trace of this file?"
+            ),
+            Self::Line { traced, expected: None } => {
+                write!(
+                    out,
+                    "the trace has a move of line {traced} after the G-code's last one: is the trace of this file?"
+                )
+            }
+            Self::Unfinished { line } => {
+                write!(
+                    out,
+                    "the trace ends before the G-code's move of line {line}: is the trace of this file, and complete?"
+                )
+            }
+        }
+    }
+}
+
+impl std::error::Error for PathError {}
+
+/// Tells the measures the path as time passes.
+#[derive(Debug)]
+pub struct PathSource {
+    from: From,
+    filament_mm2: f64,
+    /// When the last known part of the path ended, s.
+    end_s: f64,
+}
+
+#[derive(Debug)]
+enum From {
+    Job { moves: std::vec::IntoIter<(Move, f64)>, may_end_early: bool },
+    Steps { points: Vec<Point> },
+}
+
+/// Where the motors stood after a step.
+#[derive(Clone, Copy, Debug)]
+struct Point {
+    time_s: f64,
+    place_mm: [f64; 2],
+    filament_mm: f64,
+}
+
+impl PathSource {
+    /// The moves of a G-code file, with the speeds of a plan, by which the time of several moves of one line is shared out.
+    pub fn of_job(job: &Job, speeds: &[MoveSpeeds], filament_mm2: f64) -> Self {
+        let duration_s = |one: &Move, speeds: &MoveSpeeds| {
+            phases(speeds, MoveShape::of(one).length_mm).map(|(duration_s, _)| duration_s).sum::<f64>()
+        };
+        let moves: Vec<(Move, f64)> =
+            job.moves.iter().zip(speeds).map(|(one, speeds)| (*one, duration_s(one, speeds))).collect();
+        Self { from: From::Job { moves: moves.into_iter(), may_end_early: false }, filament_mm2, end_s: 0.0 }
+    }
+
+    /// The path that the motors themselves draw: a trace without its G-code is measured against that.
+    pub const fn of_steps(filament_mm2: f64) -> Self {
+        Self { from: From::Steps { points: Vec::new() }, filament_mm2, end_s: 0.0 }
+    }
+
+    /// The job may stop before its end.
+    pub fn may_end_early(mut self) -> Self {
+        if let From::Job { may_end_early, .. } = &mut self.from {
+            *may_end_early = true;
+        }
+        self
+    }
+
+    pub(super) fn stepped(&mut self, time_s: f64, place_mm: [f64; 2], filament_mm: f64, measures: &mut Measures) {
+        let From::Steps { points } = &mut self.from else { return };
+        let paused = points.last().is_some_and(|last| time_s - last.time_s > PAUSE_S);
+        if paused || points.len() >= MAX_POINTS {
+            self.draw(measures);
+        }
+        if let From::Steps { points } = &mut self.from {
+            points.push(Point { time_s, place_mm, filament_mm });
+        }
+    }
+
+    pub(super) fn move_ended(
+        &mut self,
+        time_s: f64,
+        line: u32,
+        place_mm: [f64; 2],
+        filament_mm: f64,
+        measures: &mut Measures,
+    ) -> Result<(), PathError> {
+        let From::Job { moves, .. } = &mut self.from else {
+            self.draw(measures);
+            self.restart_points(time_s, place_mm, filament_mm);
+            return Ok(());
+        };
+        // Moves of this line, and those before it that leave no record.
+        let mut part = Vec::new();
+        loop {
+            let (one, duration_s) = moves.next().ok_or(PathError::Line { traced: line, expected: None })?;
+            part.push((one, duration_s));
+            if one.kind.ends_with_a_record() {
+                if one.line != line {
+                    return Err(PathError::Line { traced: line, expected: Some(one.line) });
+                }
+                break;
+            }
+        }
+        let planned_s: f64 = part.iter().map(|(_, duration_s)| duration_s).sum();
+        let scale = if planned_s > 0.0 { (time_s - self.end_s).max(0.0) / planned_s } else { 0.0 };
+        let mut start_s = self.end_s;
+        for (one, duration_s) in part {
+            let end_s = start_s + duration_s * scale;
+            let bead_mm2 = MoveShape::of(&one).bead_mm2(self.filament_mm2);
+            let [from_mm, to_mm] =
+                [one.start_10nm, one.end_10nm].map(|[x, y, _]| [x, y].map(|units| units as f64 / UNITS_PER_MM as f64));
+            if from_mm != to_mm {
+                measures.push_segment(PathSegment { start_s, end_s, from_mm, to_mm, bead_mm2 });
+            }
+            start_s = end_s;
+        }
+        self.end_s = time_s;
+        measures.nothing_until(time_s);
+        Ok(())
+    }
+
+    /// The motors' positions were redefined.
+    pub(super) fn restart(&mut self, time_s: f64, place_mm: [f64; 2], filament_mm: f64, measures: &mut Measures) {
+        self.draw(measures);
+        self.restart_points(time_s, place_mm, filament_mm);
+        self.end_s = time_s;
+        measures.nothing_until(time_s);
+    }
+
+    pub(super) fn finish(&mut self, end_s: f64, measures: &mut Measures) -> Result<(), PathError> {
+        self.draw(measures);
+        measures.nothing_until(end_s);
+        match &mut self.from {
+            From::Job { moves, may_end_early: false } => match moves.find(|(one, _)| one.kind.ends_with_a_record()) {
+                Some((one, _)) => Err(PathError::Unfinished { line: one.line }),
+                None => Ok(()),
+            },
+            _ => Ok(()),
+        }
+    }
+
+    fn restart_points(&mut self, time_s: f64, place_mm: [f64; 2], filament_mm: f64) {
+        if let From::Steps { points } = &mut self.from {
+            points.push(Point { time_s, place_mm, filament_mm });
+        }
+    }
+
+    /// Makes segments of the points: as few as stay within the tolerance.
+    fn draw(&mut self, measures: &mut Measures) {
+        let From::Steps { points } = &mut self.from else { return };
+        let points = std::mem::take(points);
+        let Some(last) = points.last() else { return };
+        let mut kept = vec![0];
+        let mut open = vec![(0, points.len() - 1)];
+        while let Some((from, to)) = open.pop() {
+            match farthest(&points[from..=to]) {
+                Some(middle) => open.extend([(from + middle, to), (from, from + middle)]),
+                None => kept.push(to),
+            }
+        }
+        for pair in kept.windows(2) {
+            let &[from, to] = pair else { continue };
+            let (from, to) = (points[from], points[to]);
+            let (dx, dy) = (to.place_mm[0] - from.place_mm[0], to.place_mm[1] - from.place_mm[1]);
+            let (length_mm, filament_mm) = (dx.hypot(dy), to.filament_mm - from.filament_mm);
+            if length_mm > 0.0 {
+                measures.push_segment(PathSegment {
+                    start_s: from.time_s,
+                    end_s: to.time_s,
+                    from_mm: from.place_mm,
+                    to_mm: to.place_mm,
+                    bead_mm2: (filament_mm / length_mm).max(0.0) * self.filament_mm2,
+                });
+            }
+        }
+        self.end_s = last.time_s;
+        measures.nothing_until(last.time_s);
+        // The next part begins where this one ended.
+        self.restart_points(last.time_s, last.place_mm, last.filament_mm);
+    }
+}
+
+/// The point farthest from the line between the first and the last, if that is farther than the tolerance.
+fn farthest(points: &[Point]) -> Option<usize> {
+    let [first, .., last] = points else { return None };
+    let chord = PathSegment { start_s: 0.0, end_s: 0.0, from_mm: first.place_mm, to_mm: last.place_mm, bead_mm2: 0.0 };
+    let distances = points.iter().enumerate().map(|(index, point)| (index, chord.nearest(point.place_mm).0));
+    distances
+        .max_by(|one, other| one.1.total_cmp(&other.1))
+        .filter(|(index, distance_mm)| *distance_mm > STEPS_TOLERANCE_MM && *index > 0 && *index + 1 < points.len())
+        .map(|(index, _)| index)
+}

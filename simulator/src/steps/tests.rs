@@ -1,0 +1,231 @@
+#![allow(clippy::unwrap_used)]
+
+use super::*;
+use crate::frame::FrameSettings;
+use crate::law::{Law, Piece, ShapedLaw, step_times};
+use crate::measures::Report;
+use crate::nozzle::NozzleSettings;
+use crate::plan::{Filters, MoveSpeeds, Plan, simulate};
+use crate::shapers::Shaper;
+use ferrostep_oracle::reference::{InterpretOptions, Job, Kinematics, ReferenceProfile, interpret, plan};
+use ferrostep_oracle::trace::{StepEvent, TraceReader};
+use ferrostep_random_cases::cases;
+use proptest::prelude::*;
+
+const FILAMENT_MM2: f64 = 1.75 * 1.75 * std::f64::consts::FRAC_PI_4;
+
+const TICK_HZ: u64 = 84_000_000;
+
+fn header(kinematics: Kinematics, steps_per_mm: f64) -> TraceHeader {
+    let (_, names) = kinematics.names();
+    TraceHeader {
+        tick_hz: TICK_HZ,
+        axes: names.map(String::from).to_vec(),
+        steps_per_mm: vec![steps_per_mm; 4],
+        kinematics,
+    }
+}
+
+/// A square with a travel, a retraction and a slope, without homing records.
+fn job() -> (Job, Vec<MoveSpeeds>) {
+    let gcode = b"G28\nM83\nG1 X20 F6000\nG1 X40 E.75 F4800\nG1 Y20 E.75\nG1 X20 E.75\nG1 E-1 F2100\nG1 X10 Y10 F9000\nG1 E1 F2100\nG1 X35 Y0 E1 F3000\n";
+    let job = interpret(gcode, &ReferenceProfile::cartesian(), InterpretOptions::default()).unwrap();
+    let speeds = plan(&job, None).moves.iter().map(|one| MoveSpeeds::from(one.law)).collect();
+    (job, speeds)
+}
+
+/// The records of a job whose motors step where the plan passes the middle between two steps.
+fn records(job: &Job, speeds: &[MoveSpeeds], kinematics: Kinematics, steps_per_mm: f64) -> Vec<Record> {
+    let plans = Plan::of_job(job, speeds, FILAMENT_MM2);
+    let plan = &plans[0];
+    let [x, y] = plan.laws();
+    let motors = match kinematics {
+        Kinematics::CoreXy => [sum(x, y, 1.0), sum(x, y, -1.0)],
+        _ => [x.clone(), y.clone()],
+    };
+    let identity = Shaper::identity();
+    let mut events = Vec::new();
+    for (motor, law) in motors.iter().chain([plan.filament()]).enumerate() {
+        let motor = if motor == 2 { 3 } else { motor };
+        for step in step_times(&ShapedLaw { law, impulses: identity.impulses() }, steps_per_mm) {
+            let tick = (step.time_s * TICK_HZ as f64).round() as u64;
+            let event = StepEvent { tick, axes: 1 << motor, directions: u8::from(step.negative) << motor };
+            events.push((tick, 0, Record::Step(event)));
+        }
+    }
+    let mut end_s = 0.0;
+    for (one, speeds) in job.moves.iter().zip(speeds) {
+        let length_mm = crate::plan::MoveShape::of(one).length_mm;
+        end_s += crate::plan::phases(speeds, length_mm).map(|(duration_s, _)| duration_s).sum::<f64>();
+        let tick = (end_s * TICK_HZ as f64).round() as u64;
+        events.push((tick, 1, Record::MoveEnd { tick, line: one.line }));
+    }
+    events.sort_by_key(|(tick, order, _)| (*tick, *order));
+    events.into_iter().map(|(_, _, record)| record).collect()
+}
+
+fn sum(x: &Law, y: &Law, factor: f64) -> Law {
+    let pieces = x.pieces().iter().zip(y.pieces());
+    Law::new(pieces.map(|(x, y)| Piece { motion: x.motion.plus(factor, y.motion), ..*x }).collect()).unwrap()
+}
+
+fn play(header: TraceHeader, machine: &Machine, path: PathSource, records: &[Record]) -> Result<Report, StepsError> {
+    let mut steps = StepSimulation::new(header, machine, FILAMENT_MM2, path, Measures::default())?;
+    for record in records {
+        steps.play(record)?;
+    }
+    let (measures, time_s) = steps.finish()?;
+    Ok(measures.finish(time_s).0)
+}
+
+fn planned(job: &Job, speeds: &[MoveSpeeds], machine: &Machine) -> Report {
+    let mut measures = Measures::default();
+    let plans = Plan::of_job(job, speeds, FILAMENT_MM2);
+    let time_s = simulate(&plans, &Filters::default(), machine, FILAMENT_MM2, &mut measures).unwrap();
+    measures.finish(time_s).0
+}
+
+/// Fine steps measure as the plan without steps does, on both kinematics, by the G-code's path and by the steps' own.
+#[test]
+fn steps_measure_as_their_plan_does() {
+    let (job, speeds) = job();
+    let machine =
+        Machine { frame: FrameSettings::default(), nozzle: NozzleSettings { time_constant_s: 0.06, second: None } };
+    let expected = planned(&job, &speeds, &machine);
+    for kinematics in [Kinematics::Cartesian, Kinematics::CoreXy] {
+        let records = records(&job, &speeds, kinematics, 400.0);
+        for path in [PathSource::of_job(&job, &speeds, FILAMENT_MM2), PathSource::of_steps(FILAMENT_MM2)] {
+            let report = play(header(kinematics, 400.0), &machine, path, &records).unwrap();
+            let near = |value: f64, expected: f64, slack: f64| {
+                assert!(
+                    (value - expected).abs() < slack + 0.05 * expected,
+                    "{value}: {report:?} instead of {expected:?}"
+                );
+            };
+            near(report.time_s, expected.time_s, 0.0);
+            near(report.contour_error_um.rms, expected.contour_error_um.rms, 1.5);
+            near(report.contour_error_um.p99, expected.contour_error_um.p99, 4.0);
+            near(report.contour_error_um.max, expected.contour_error_um.max, 4.0);
+            near(report.bead.corner_volume_mm3, expected.bead.corner_volume_mm3, 0.004);
+            near(report.bead.end_volume_mm3, expected.bead.end_volume_mm3, 0.03);
+            near(report.ringing.max_um, expected.ringing.max_um, 3.0);
+            near(report.true_acceleration_mm_per_s2.max, expected.true_acceleration_mm_per_s2.max, 1500.0);
+            near(report.extruder.max_speed_mm_per_s, expected.extruder.max_speed_mm_per_s, 1.0);
+            assert_eq!((report.bead.corners, report.ringing.stops), (expected.bead.corners, expected.ringing.stops));
+        }
+    }
+}
+
+/// Neither its stops nor its time count, and new numbers for a place are no motion.
+#[test]
+fn homing_is_no_part_of_the_job() {
+    let machine = Machine::default();
+    let step = |tick, axes| Record::Step(StepEvent { tick, axes, directions: 0 });
+    let mut records: Vec<_> = (0..800).map(|index| step(index * 100_000, 1)).collect();
+    records.push(Record::PositionsRedefined { tick: 2 * TICK_HZ, positions: vec![-40_000, 12_000, 0, 0] });
+    // 10 mm at 10.5 mm/s.
+    records.extend((0..800).map(|index| step(2 * TICK_HZ + index * 100_000, 2)));
+    records.push(Record::MoveEnd { tick: 2 * TICK_HZ + 80_000_000, line: 9 });
+    let of_steps = || PathSource::of_steps(FILAMENT_MM2);
+    let report = play(header(Kinematics::Cartesian, 80.0), &machine, of_steps(), &records).unwrap();
+    assert_eq!(report.ringing.stops, 1);
+    // An abrupt stop: speed over omega.
+    let expected_um = 10.5 / (std::f64::consts::TAU * 40.0) * 1000.0;
+    assert!((report.ringing.max_um - expected_um).abs() < 0.15 * expected_um, "{report:?}");
+    assert!((report.time_s - 80.0 / 84.0).abs() < 1e-9, "{report:?}");
+    // With filament it is a job whose coordinates are called by other numbers on the way.
+    records.insert(5, step(450_000, 8));
+    let report = play(header(Kinematics::Cartesian, 80.0), &machine, of_steps(), &records).unwrap();
+    assert_eq!(report.ringing.stops, 2);
+    assert!(report.time_s > 2.9);
+}
+
+#[test]
+fn what_cannot_be_simulated_is_named() {
+    let machine = Machine::default();
+    let steps = || PathSource::of_steps(FILAMENT_MM2);
+    let step = |tick| Record::Step(StepEvent { tick, axes: 1, directions: 0 });
+    let error = play(header(Kinematics::Cartesian, 80.0), &machine, steps(), &[step(500), step(499)]).unwrap_err();
+    assert_eq!(
+        error.to_string(),
+        "trace: a record at tick 499 comes after one at tick 500, expected ticks that never go back"
+    );
+    let mut three = header(Kinematics::Cartesian, 80.0);
+    three.axes.pop();
+    three.steps_per_mm.pop();
+    assert!(matches!(play(three, &machine, steps(), &[]), Err(StepsError::Motors(_))));
+    assert!(matches!(play(header(Kinematics::Cartesian, 0.0), &machine, steps(), &[]), Err(StepsError::Scale(_))));
+    let (job, speeds) = job();
+    let of_job = || PathSource::of_job(&job, &speeds, FILAMENT_MM2);
+    let end = |line| Record::MoveEnd { tick: 5, line };
+    let error = play(header(Kinematics::Cartesian, 80.0), &machine, of_job(), &[end(9)]).unwrap_err();
+    assert_eq!(
+        error.to_string(),
+        "the trace has a move of line 9 where the G-code has one of line 3: is the trace of this file?"
+    );
+    let error = play(header(Kinematics::Cartesian, 80.0), &machine, of_job(), &[end(3)]).unwrap_err();
+    assert_eq!(
+        error.to_string(),
+        "the trace ends before the G-code's move of line 4: is the trace of this file, and complete?"
+    );
+    assert!(play(header(Kinematics::Cartesian, 80.0), &machine, of_job().may_end_early(), &[end(3)]).is_ok());
+}
+
+#[test]
+fn a_long_pause_costs_neither_time_nor_memory() {
+    let step = |tick| Record::Step(StepEvent { tick, axes: 1, directions: 0 });
+    let records = [step(0), step(u64::MAX / 2), step(u64::MAX / 2 + 10)];
+    let path = PathSource::of_steps(FILAMENT_MM2);
+    let report = play(header(Kinematics::Cartesian, 80.0), &Machine::default(), path, &records).unwrap();
+    assert!((report.time_s / (u64::MAX as f64 / 2.0 / TICK_HZ as f64) - 1.0).abs() < 1e-9);
+}
+
+const TEXT: &str = concat!(
+    r#"{"format":"ferrostep-trace","version":1,"tick_hz":84000000,"axes":["x","y","z","e"],"#,
+    r#""steps_per_mm":[80,80,400,95],"kinematics":"cartesian"}"#,
+    "\n"
+);
+
+/// Plays a trace's bytes, whatever they are.
+fn play_bytes(bytes: &[u8]) -> Result<Report, StepsError> {
+    let reader = TraceReader::new(bytes).map_err(StepsError::Trace)?;
+    let path = PathSource::of_steps(FILAMENT_MM2);
+    let mut steps =
+        StepSimulation::new(reader.header().clone(), &Machine::default(), FILAMENT_MM2, path, Measures::default())?;
+    for record in reader {
+        steps.play(&record.map_err(StepsError::Trace)?)?;
+    }
+    let (measures, time_s) = steps.finish()?;
+    Ok(measures.finish(time_s).0)
+}
+
+proptest! {
+    #![proptest_config(cases(64))]
+
+    /// Any records, and any cut of them: measures or an error by name, finite numbers, and no panic.
+    #[test]
+    fn any_trace_is_measured_or_refused(
+        records in prop::collection::vec((0u64..30_000_000, 0u8..4, any::<u8>(), any::<u8>(), any::<i32>()), 0..60),
+        cut in 0.0f64..1.0,
+    ) {
+        let (mut bytes, mut tick) = (TEXT.as_bytes().to_vec(), 0u64);
+        for (pause, kind, axes, directions, number) in records {
+            tick += pause;
+            bytes.extend(tick.to_le_bytes());
+            bytes.extend([kind % 3, if kind == 0 { axes & 0b1111 } else { 0 }, directions, 0]);
+            match kind % 3 {
+                0 => {}
+                1 => (0..4).for_each(|_| bytes.extend(number.to_le_bytes())),
+                _ => bytes.extend(number.to_le_bytes()),
+            }
+        }
+        let whole = bytes.len();
+        bytes.truncate((cut * whole as f64) as usize);
+        for bytes in [&bytes[..], &bytes[..bytes.len() / 2]] {
+            if let Ok(report) = play_bytes(bytes) {
+                let error = report.contour_error_um;
+                prop_assert!([error.rms, error.p99, error.max, report.bead.end_volume_mm3, report.time_s].iter().all(|one| one.is_finite()));
+            }
+        }
+    }
+}

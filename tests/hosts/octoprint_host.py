@@ -1,0 +1,196 @@
+"""Runs OctoPrint without a window, and does to its prints what a person does by its buttons (its REST interface).
+
+    octoprint_host.py PORT FILE BAD_PORT PART FOLDER
+
+FOLDER holds its settings and its log. PART is printed at BAD_PORT, whose line is damaged. What was seen is printed as one JSON object.
+"""
+
+import json
+import pathlib
+import socket
+import subprocess
+import sys
+import time
+
+import requests
+import yaml
+
+PATIENCE_S = 240
+KEY = "0123456789ABCDEF0123456789ABCDEF"
+
+
+def free_port():
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+# A line, or its answer, that was lost is asked for a second after this, s. OctoPrint's own 30 s would be half an hour for the lost lines
+# of a print; and after a second the served printer's time goes on, for which it has 2 s of motion at hand.
+REPORTS_EVERY_S = 1
+
+
+def settings(ports):
+    return {
+        "accessControl": {"salt": "salt"},
+        "api": {"key": KEY, "allowCrossOrigin": False},
+        "plugins": {"_disabled": ["tracking", "announcements", "pluginmanager", "softwareupdate", "pi_support", "discovery", "backup"]},
+        "serial": {
+            "additionalPorts": ports,
+            "log": True,
+            "timeout": {"communication": REPORTS_EVERY_S, "communicationBusy": REPORTS_EVERY_S, "temperatureAutoreport": REPORTS_EVERY_S},
+        },
+        "server": {
+            "firstRun": False,
+            "onlineCheck": {"enabled": False},
+            "pluginBlacklist": {"enabled": False},
+            "seenWizards": {"backup": None, "corewizard": 4, "tracking": None},
+        },
+    }
+
+
+class OctoPrint:
+    """A running OctoPrint."""
+
+    def __init__(self, ports, folder):
+        self.folder = pathlib.Path(folder)
+        self.folder.mkdir(parents=True, exist_ok=True)
+        (self.folder / "config.yaml").write_text(yaml.safe_dump(settings(ports)), encoding="utf-8")
+        self.http = free_port()
+        program = pathlib.Path(sys.executable).parent / "octoprint"
+        command = [program, "serve", "--iknowwhatimdoing", "--basedir", folder, "--host", "127.0.0.1", "--port", str(self.http)]
+        self.output = open(self.folder / "output.txt", "wb")
+        self.process = subprocess.Popen(command, stdout=self.output, stderr=subprocess.STDOUT)
+        self.wait(self.is_up, "OctoPrint does not start")
+
+    def end(self):
+        self.process.terminate()
+        try:
+            self.process.wait(20)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
+
+    def is_up(self):
+        try:
+            return self.call("get", "version") is not None
+        except requests.ConnectionError:
+            return False
+
+    def call(self, method, path, **arguments):
+        url = f"http://127.0.0.1:{self.http}/api/{path}"
+        reply = getattr(requests, method)(url, headers={"X-Api-Key": KEY}, timeout=60, **arguments)
+        if reply.status_code == 503:
+            return None
+        if not reply.ok:
+            raise SystemExit(f"{method} {path}: {reply.status_code} {reply.text}")
+        return reply.json() if reply.content else {}
+
+    def wait(self, is_there, otherwise):
+        end = time.monotonic() + PATIENCE_S
+        while not is_there():
+            if time.monotonic() > end or self.process.poll() is not None:
+                raise SystemExit(f"{otherwise}; its state: {self.state()}; the end of its log: {self.log()[-40:]}")
+            time.sleep(0.02)
+
+    def state(self):
+        try:
+            return (self.call("get", "connection") or {}).get("current", {}).get("state", "")
+        except requests.ConnectionError:
+            return ""
+
+    def until(self, *states):
+        self.wait(lambda: self.state() in states, f"it does not become {states}")
+
+    def log(self):
+        path = self.folder / "logs" / "serial.log"
+        return path.read_text(encoding="utf-8", errors="replace").splitlines() if path.exists() else []
+
+    def heard(self, text):
+        return [line for line in self.log() if "Recv: " in line and text in line]
+
+    def connect(self, port):
+        self.call("post", "connection", json={"command": "connect", "port": port, "baudrate": 115200})
+        self.until("Operational")
+
+    def print(self, file):
+        with open(file, "rb") as gcode:
+            self.call("post", "files/local", files={"file": gcode}, data={"select": "true", "print": "true"})
+
+    def job(self, **command):
+        self.call("post", "job", json=command)
+
+    def completion(self):
+        return ((self.call("get", "job") or {}).get("progress") or {}).get("completion") or 0
+
+    def say(self, *commands, answer):
+        before = len(self.heard(answer))
+        self.call("post", "printer/command", json={"commands": list(commands)})
+        self.wait(lambda: len(self.heard(answer)) > before, f"no answer to {commands}")
+        return self.heard(answer)[-1].split("Recv: ", 1)[1]
+
+    def refusals(self):
+        """Refused lines: without those of a halted printer, and without remarks."""
+        lines = self.heard("echo:line ")
+        return [line for line in lines if "is halted" not in line and "(said once a job)" not in line]
+
+    def figures(self):
+        return self.say("M400", "M797", answer="order_digest")
+
+    def until_printed(self):
+        self.wait(lambda: self.state() == "Operational" and self.completion() >= 100, "the print does not end")
+
+
+def main():
+    port, file, bad_port, part, folder = sys.argv[1:6]
+    octoprint = OctoPrint([port, bad_port], folder)
+    seen = {}
+    try:
+        octoprint.connect(port)
+        began = time.monotonic()
+        octoprint.print(file)
+        octoprint.until_printed()
+        seen["print_s"] = time.monotonic() - began
+        seen["printed"] = octoprint.figures()
+
+        # A pause in the middle, and on.
+        octoprint.print(file)
+        octoprint.wait(lambda: octoprint.completion() > 30, "the print does not go on")
+        octoprint.job(command="pause", action="pause")
+        octoprint.until("Paused")
+        octoprint.job(command="pause", action="resume")
+        octoprint.until_printed()
+        seen["paused"] = octoprint.figures()
+
+        octoprint.print(file)
+        octoprint.wait(lambda: octoprint.completion() > 30, "the print does not go on")
+        octoprint.job(command="cancel")
+        octoprint.until("Operational")
+        seen["cancelled"] = octoprint.say("M105", answer="ok T:")
+
+        octoprint.print(file)
+        octoprint.wait(lambda: octoprint.completion() > 30, "the print does not go on")
+        octoprint.call("post", "printer/command", json={"command": "M112"})
+        octoprint.wait(lambda: octoprint.state().startswith(("Offline", "Error", "Closed")), "it does not notice the halt")
+        seen["stopped"] = octoprint.state()
+        octoprint.connect(port)
+        seen["restarted"] = octoprint.say("M999", "M105", answer="ok T:")
+        seen["resends"] = len(octoprint.heard("Resend:"))
+        seen["errors"] = [line for line in octoprint.heard("Error:") if "halted" not in line]
+        seen["refusals"] = octoprint.refusals()[:5]
+
+        # Another printer, on a bad line.
+        octoprint.call("post", "connection", json={"command": "disconnect"})
+        octoprint.until("Closed", "Offline")
+        octoprint.connect(bad_port)
+        began = time.monotonic()
+        octoprint.print(part)
+        octoprint.until_printed()
+        seen["bad_line_s"] = time.monotonic() - began
+        seen["bad_line_resends"] = len(octoprint.heard("Resend:")) - seen["resends"]
+    finally:
+        octoprint.end()
+    print(json.dumps(seen))
+
+
+main()

@@ -1,0 +1,203 @@
+"""Prints a file with printcore, the host behind Pronterface, and does to the print what a person does.
+
+    printcore_host.py PORT FILE ACTION
+
+What was seen is printed as one JSON object.
+"""
+
+import json
+import os
+import sys
+import threading
+import time
+
+from printrun import gcoder
+from printrun.printcore import printcore
+
+PATIENCE_S = 120
+# What of a line has no effect; the line is no refusal.
+REMARK = "(said once a job)"
+# Lines of the file after which the person acts: homed, hot, in the first layers.
+ACTS_AT = 1500
+# So long without a word from the printer while an answer is due, and the host asks. printcore itself waits for ever; Pronterface,
+# which polls temperatures, goes on after its own while. A host that asks too soon gets one answer too many, and from then on has a
+# line more under way, which printcore's way of sending again does not bear.
+ASKS_AFTER_S = 0.5
+
+
+class Host:
+    """printcore, and what it has heard."""
+
+    def __init__(self, port):
+        self.core = printcore()
+        self.heard = []
+        self.errors = []
+        self.last = time.monotonic()
+        self.core.recvcb = self.hear
+        self.core.errorcb = self.errors.append
+        self.port = port
+        self.asked = 0
+        self.watching = False
+
+    def hear(self, line):
+        self.last = time.monotonic()
+        self.heard.append(line.strip())
+
+    def connect(self):
+        self.core.connect(self.port, 115200)
+        wait(lambda: self.core.online, "the printer does not answer")
+
+    def ask_when_lost(self):
+        """Asks for temperatures whenever an answer does not come."""
+        self.watching = True
+
+        def watch():
+            while self.watching:
+                time.sleep(0.02)
+                if self.core.printing and not self.core.clear and time.monotonic() - self.last > ASKS_AFTER_S:
+                    self.last = time.monotonic()
+                    self.asked += 1
+                    self.core.printer.write(b"M105\n")
+
+        threading.Thread(target=watch, daemon=True).start()
+
+    def start(self, file):
+        with open(file, encoding="utf-8") as text:
+            gcode = gcoder.LightGCode([line.strip() for line in text])
+        self.core.startprint(gcode)
+
+    def until_line(self, number):
+        wait(lambda: self.core.queueindex >= number, "the print does not go on")
+
+    def until_printed(self):
+        wait(lambda: not self.core.printing, "the print does not end")
+
+    def say(self, command):
+        """Sends a command outside a print; what is heard up to its answer."""
+        before = len(self.heard)
+        self.core.send_now(command)
+
+        def answered():
+            return any(line.startswith("ok") for line in self.heard[before:])
+
+        wait(answered, f"no answer to {command}")
+        return self.heard[before:]
+
+    def figures(self):
+        """What M797 says: digests and counters."""
+        before = len(self.heard)
+        self.core.send_now("M797")
+
+        def said():
+            return [line for line in self.heard[before:] if line.startswith("echo:motion ")]
+
+        wait(said, "no answer to M797")
+        return said()[0]
+
+    def count(self, start):
+        return sum(line.startswith(start) for line in self.heard)
+
+
+def give_up(why):
+    """Ends at once: printcore's threads would go on."""
+    print(why, file=sys.stderr, flush=True)
+    os._exit(1)
+
+
+def wait(is_there, otherwise):
+    end = time.monotonic() + PATIENCE_S
+    while not is_there():
+        if time.monotonic() > end:
+            give_up(otherwise)
+        time.sleep(0.005)
+
+
+def prints(host, file):
+    host.start(file)
+    host.until_printed()
+
+
+def prints_over_a_bad_line(host, file):
+    host.ask_when_lost()
+    prints(host, file)
+    host.watching = False
+
+
+def pauses_and_resumes(host, file):
+    host.start(file)
+    host.until_line(ACTS_AT)
+    host.core.pause()
+    host.say("M400")
+    time.sleep(1)
+    host.core.resume()
+    host.until_printed()
+
+
+def cancels(host, file):
+    host.start(file)
+    host.until_line(ACTS_AT)
+    host.core.cancelprint()
+    host.say("M104 S0")
+    host.say("M140 S0")
+    host.say("M84")
+
+
+def stops(host, file):
+    """The emergency stop of Pronterface, a new connection, and a restart."""
+    host.start(file)
+    host.until_line(ACTS_AT)
+    host.core.pause()
+    host.core.send_now("M112")
+    wait(lambda: host.count("Error:Printer halted"), "no word of the halt")
+    host.core.disconnect()
+    host.connect()
+    host.say("M999")
+
+
+def reconnects(host, file):
+    """The cable is pulled in mid-print; the printer is found again, and prints the file from its start."""
+    host.start(file)
+    host.until_line(ACTS_AT)
+    host.core.disconnect()
+    time.sleep(0.5)
+    host.connect()
+    host.say("G92 E0")
+    prints(host, file)
+
+
+ACTIONS = {
+    "prints": prints,
+    "prints-over-a-bad-line": prints_over_a_bad_line,
+    "pauses-and-resumes": pauses_and_resumes,
+    "cancels": cancels,
+    "stops": stops,
+    "reconnects": reconnects,
+}
+
+
+def main():
+    port, file, action = sys.argv[1:4]
+    host = Host(port)
+    host.connect()
+    began = time.monotonic()
+    ACTIONS[action](host, file)
+    took_s = time.monotonic() - began
+    end = host.say("M400") + host.say("M114") + host.say("M105")
+    figures = host.figures()
+    host.core.disconnect()
+    print(
+        json.dumps(
+            {
+                "took_s": took_s,
+                "errors": host.errors,
+                "resends": host.count("Resend:"),
+                "refusals": [line for line in host.heard if line.startswith("echo:line ") and REMARK not in line][:5],
+                "asked": host.asked,
+                "figures": figures,
+                "end": [line for line in end if line.startswith(("X:", "ok T:"))],
+            }
+        )
+    )
+
+
+main()

@@ -1,0 +1,206 @@
+//! A printer on the desk with a card, and a host that says its lines at given places of a print.
+
+use std::cell::{Cell, RefCell};
+use std::future::poll_fn;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::pin::pin;
+use std::task::Poll;
+
+use ferrostep::desk::{DeskHeating, DeskMachine};
+use ferrostep::session::{PrintSession, Session};
+use ferrostep_card::LocalCard;
+use ferrostep_gcode::{LineReader, Reply};
+use ferrostep_planner::StepDigests;
+use ferrostep_printer::SharedMotion;
+use ferrostep_printer::{Host, HostLines, HostText, Printer, Profile, Replies};
+use ferrostep_virtual_board::{VirtualCard, VirtualDelay};
+
+pub type Slot = VirtualCard<Vec<u8>>;
+pub type Card = LocalCard<Slot>;
+type Desk = PrintSession<(), Said>;
+type DeskPrinter<'a> = Printer<'a, (SharedMotion<DeskMachine<'a, ()>>, DeskHeating<'a>, VirtualDelay<'a>, Said)>;
+
+/// What the printer has said.
+#[derive(Default)]
+pub struct Said(pub RefCell<Vec<String>>);
+
+impl Replies for Said {
+    fn send(&self, reply: Reply<'_>) {
+        self.0.borrow_mut().extend(reply.to_string().lines().map(str::to_owned));
+    }
+}
+
+pub fn repository() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+}
+
+pub fn profile(name: &str) -> Profile {
+    ferrostep_profiles::load(name).unwrap()
+}
+
+pub fn gunzip(path: &str) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    flate2::read::GzDecoder::new(std::fs::File::open(repository().join(path)).unwrap())
+        .read_to_end(&mut bytes)
+        .unwrap();
+    bytes
+}
+
+/// The card that mkfs.fat and mtools have made.
+pub fn image() -> Vec<u8> {
+    gunzip("card/tests/images/fat16.img.gz")
+}
+
+/// A printer with a card, and what it has said.
+pub struct Setup {
+    session: Desk,
+    pub card: Card,
+    host: RefCell<Host>,
+}
+
+/// What happens beside a print: called every time that the hosts are asked for lines, with the place of the print.
+pub type Beside<'b> = dyn FnMut(&Card, Option<(u32, u32)>) -> Vec<String> + 'b;
+
+impl Setup {
+    pub fn new(profile: Profile, image: Vec<u8>) -> Self {
+        let session = Session::print(profile, 128, (), Said::default());
+        Self { session, card: Card::new(VirtualCard::new(image)), host: RefCell::new(Host::new()) }
+    }
+
+    /// Puts a file on the card, as a host does.
+    pub fn put(&self, name: &str, bytes: &[u8]) {
+        use ferrostep_card::{CardPort, Put, Request};
+        let ask = |request: Request| {
+            self.card.with(&mut |mailbox| mailbox.ask(request.clone()));
+            self.card.with(&mut |mailbox| {
+                mailbox.take_answer().unwrap().unwrap();
+            });
+        };
+        ask(Request::Mount);
+        ask(Request::Create(name.try_into().unwrap()));
+        let mut rest = bytes;
+        while !rest.is_empty() {
+            self.card.with(&mut |mailbox| match mailbox.put(rest) {
+                Put::Bytes(length) => rest = &rest[length..],
+                Put::Wait => {}
+                Put::Failed(failure) => panic!("{failure}"),
+            });
+        }
+        ask(Request::Finish);
+        ask(Request::Release);
+    }
+
+    /// Says lines to the printer and lets it print whatever they start. Each element of `lines` is a host's line.
+    pub fn say(&self, lines: &[&str], beside: &mut Beside<'_>) -> Vec<String> {
+        let mut printer = self.printer();
+        self.converse(&mut printer, lines, beside)
+    }
+
+    /// Where the motors stand, by their steps.
+    pub fn motor_steps(&self) -> [i64; 4] {
+        self.session.desk().motor_steps()
+    }
+
+    /// Whether this line has been said in the present conversation.
+    pub fn has_said(&self, text: &str) -> bool {
+        self.session.replies().0.borrow().iter().any(|line| line == text)
+    }
+
+    pub fn printer(&self) -> DeskPrinter<'_> {
+        let mut printer = self.session.printer();
+        printer.set_card(&self.card);
+        printer.set_receives_jobs();
+        printer
+    }
+
+    pub fn converse(&self, printer: &mut DeskPrinter<'_>, lines: &[&str], beside: &mut Beside<'_>) -> Vec<String> {
+        let mut hosts = Hosts {
+            setup: self,
+            host: *self.host.borrow(),
+            reader: LineReader::new(),
+            bytes: Vec::new(),
+            at: 0,
+            beside,
+            polls: 0,
+        };
+        let mut room = vec![0; ferrostep_gpre::compact::MAX_FRAME_BYTES + 1024];
+        let said = self.session.replies();
+        said.0.borrow_mut().clear();
+        self.session.run(async {
+            for line in lines {
+                hosts.bytes = format!("{line}\n").into_bytes();
+                hosts.at = 0;
+                loop {
+                    match hosts.next_line() {
+                        HostText::Line(host, line) => host.answer(printer, line).await,
+                        HostText::Part => {}
+                        HostText::Nothing => break,
+                    }
+                }
+                if printer.prints_from_card() {
+                    printer.print_from_card(&mut hosts, &mut room).await;
+                }
+            }
+        });
+        *self.host.borrow_mut() = hosts.host;
+        said.0.take()
+    }
+
+    pub fn digests(&self) -> StepDigests {
+        self.session.figures().digests
+    }
+}
+
+struct Hosts<'a, 'b> {
+    setup: &'a Setup,
+    host: Host,
+    reader: LineReader,
+    bytes: Vec<u8>,
+    at: usize,
+    beside: &'a mut Beside<'b>,
+    polls: u32,
+}
+
+impl Hosts<'_, '_> {
+    fn next_line(&mut self) -> HostText<'_> {
+        let rest = &self.bytes[self.at..];
+        if rest.is_empty() {
+            return HostText::Nothing;
+        }
+        let (used, line) = self.reader.feed(rest);
+        self.at += used;
+        match line {
+            Some(line) => HostText::Line(&mut self.host, line),
+            None => HostText::Part,
+        }
+    }
+}
+
+impl HostLines for Hosts<'_, '_> {
+    fn next(&mut self) -> HostText<'_> {
+        if self.at == self.bytes.len() {
+            self.polls += 1;
+            assert!(self.polls < 10_000_000, "the print does not end");
+            let progress = self.setup.session.signals().card_progress();
+            let lines = (self.beside)(&self.setup.card, progress);
+            self.at = 0;
+            self.bytes = lines.iter().flat_map(|line| format!("{line}\n").into_bytes()).collect();
+        }
+        self.next_line()
+    }
+
+    fn tell_all(&mut self) {}
+
+    async fn wait(&mut self, _idle: bool) {
+        // Once, so that virtual time may pass.
+        let waited = Cell::new(false);
+        let mut once = pin!(poll_fn(|_| if waited.replace(true) { Poll::Ready(()) } else { Poll::Pending }));
+        once.as_mut().await;
+    }
+}
+
+/// Nothing happens beside.
+pub fn nothing(_: &Card, _: Option<(u32, u32)>) -> Vec<String> {
+    Vec::new()
+}

@@ -1,0 +1,187 @@
+//! How soon a host's pause and cancel act: the time from a click to standstill and to heaters that are off, by virtual time alone.
+//!
+//! A host streams a file and clicks at the worst moment, just when it has sent a line: that line is answered when there is room for
+//! it, and then the host sends no more. The same instants with Marlin's queue are computed: it ends the move under way and 15 more.
+
+use std::cell::RefCell;
+use std::fmt::Write;
+
+use ferrostep::desk::{Desk, LOOK_AHEAD_BLOCKS};
+use ferrostep::record::Observer;
+use ferrostep::session::Session;
+use ferrostep_checked_toml::book;
+use ferrostep_gcode::Reply;
+use ferrostep_hal_shim::Heater;
+use ferrostep_planner::{StepObserver, TICKS_PER_SECOND};
+use ferrostep_printer::{Heating, Profile, Replies};
+use ferrostep_tests::program::repository;
+
+use crate::command::example;
+use crate::desk::profile;
+
+/// Blocks of Marlin's queue.
+const MARLIN_BLOCKS: usize = 16;
+
+/// Lines of a file that are printed: the first layers.
+const LINES: usize = 6_000;
+
+/// A click every so many lines.
+const CLICK_EVERY: usize = 211;
+
+/// The nozzle's temperature in these prints, degrees Celsius: set again after each cancel.
+const NOZZLE_CELSIUS: f32 = 205.0;
+
+struct Silent;
+
+impl Replies for Silent {
+    fn send(&self, _: Reply<'_>) {}
+}
+
+/// When each move of a file ends, ticks, where nobody clicks.
+#[derive(Default)]
+struct MoveEnds(Vec<(u32, u64)>);
+
+impl StepObserver for MoveEnds {
+    fn stepped(&mut self, _: u64, _: u8, _: u8) {}
+}
+
+impl Observer for MoveEnds {
+    fn redefined(&mut self, _: u64, _: [i64; 4]) {}
+
+    fn move_ended(&mut self, tick: u64, line: u32) {
+        self.0.push((line, tick));
+    }
+}
+
+/// The commands of a file's first lines.
+fn commands(text: &[u8]) -> Vec<String> {
+    let text = std::str::from_utf8(text).unwrap();
+    let commands = text.lines().filter_map(|line| line.split(';').next()).map(str::trim);
+    commands.filter(|command| !command.is_empty()).take(LINES).map(str::to_owned).collect()
+}
+
+fn move_ends(profile: &Profile, commands: &[String]) -> Vec<(u32, u64)> {
+    let session = Session::print(*profile, LOOK_AHEAD_BLOCKS, MoveEnds::default(), Silent);
+    let mut printer = session.printer();
+    session.run(async {
+        for (line, command) in (1..).zip(commands) {
+            printer.execute(line, command).await.unwrap();
+        }
+        printer.finish().await.unwrap();
+    });
+
+    session.into_observer().0
+}
+
+/// What a click brings, s.
+#[derive(Clone, Copy, Debug, Default)]
+struct Click {
+    /// From a pause or cancel to standstill.
+    standstill: f64,
+    /// From a cancel that switches the heaters off first to targets of 0.
+    heaters_first: f64,
+    /// The same where M84 comes first, which waits for the motion.
+    motors_first: f64,
+    /// Marlin's standstill.
+    marlin: f64,
+}
+
+/// Prints a file as a host does and clicks now and then.
+fn clicks(profile: &Profile, commands: &[String]) -> Vec<Click> {
+    let ends = move_ends(profile, commands);
+    let session = Session::live(*profile, LOOK_AHEAD_BLOCKS, Silent);
+    session.desk().grant(u64::MAX / 2);
+    let mut printer = session.printer();
+    let printer = RefCell::new(&mut printer);
+    let say = |line: usize, command: &str, is_numbered: bool| {
+        session.desk().set_host_awaited(false);
+        let mut printer = printer.borrow_mut();
+        session.run(printer.execute_for_host(line as u32, command, is_numbered)).unwrap();
+    };
+    let now_s = || session.desk().now_ns() as f64 / 1e9;
+    let target = || session.heating().status(Heater::Nozzle).target_celsius;
+    let mut clicks = Vec::new();
+    for (line, command) in (1..).zip(commands) {
+        let is_click = line % CLICK_EVERY == 0 && target() > 0.0 && !session.desk().is_idle();
+        let clicked_s = now_s();
+        say(line, command, true);
+        if !is_click {
+            continue;
+        }
+        for off in ["M104 S0", "M140 S0", "M107"] {
+            say(line, off, false);
+        }
+        assert_eq!(target(), 0.0);
+        let heaters_first = now_s() - clicked_s;
+        let moves_left = ends.partition_point(|(of, _)| *of <= line as u32);
+        // The host is silent now.
+        session.desk().set_host_awaited(true);
+        let is_idle = std::future::poll_fn(|_| match session.desk().is_idle() {
+            true => std::task::Poll::Ready(()),
+            false => std::task::Poll::Pending,
+        });
+        session.run(is_idle);
+        let standstill = now_s() - clicked_s;
+        say(line, "M84 E", false);
+        let motors_first = now_s() - clicked_s;
+        say(line, &format!("M104 S{NOZZLE_CELSIUS}"), false);
+        let Some((_, last)) = moves_left.checked_sub(1).and_then(|index| ends.get(index)) else { continue };
+        let at = last.saturating_sub((standstill * f64::from(TICKS_PER_SECOND)) as u64);
+        let under_way = ends.partition_point(|(_, end)| *end <= at);
+        let Some((_, end)) = ends.get(under_way + MARLIN_BLOCKS - 1) else { continue };
+        let marlin = (end - at) as f64 / f64::from(TICKS_PER_SECOND);
+        clicks.push(Click { standstill, heaters_first, motors_first, marlin });
+    }
+    clicks
+}
+
+/// Median and maximum.
+fn spread(clicks: &[Click], of: impl Fn(&Click) -> f64) -> (f64, f64) {
+    let mut values: Vec<f64> = clicks.iter().map(of).collect();
+    values.sort_by(f64::total_cmp);
+    (values[values.len() / 2], values[values.len() - 1])
+}
+
+/// Squares of long moves, 180 mm at 50 mm/s.
+fn long_moves() -> Vec<u8> {
+    let mut text = String::from("G28\nG90\nM83\nM109 S205\nG1 Z0.2 F3000\n");
+    for _ in 0..500 {
+        for place in ["X10 Y10", "X190 Y10", "X190 Y190", "X10 Y190"] {
+            writeln!(text, "G1 {place} E6 F3000").unwrap();
+        }
+    }
+    text.into_bytes()
+}
+
+#[test]
+fn pause_and_cancel_act_within_seconds() {
+    let profile = profile("cartesian");
+    let mut table =
+        "| file | clicks | pause or cancel: standstill | cancel, heaters first: off | cancel, M84 first: off | \
+                     Marlin's 16 blocks: standstill |\n|---|---|---|---|---|---|\n"
+            .to_owned();
+    for (name, text, limit_s, heaters_limit_s) in [
+        ("`examples/cube.gcode`", example("cube.gcode"), 5.0, 1.0),
+        ("`examples/supports.gcode.gz`", example("supports.gcode.gz"), 7.0, 2.0),
+        ("`examples/vase.gcode.gz`", example("vase.gcode.gz"), 5.0, 1.0),
+        // 2 s, and the moves that cross that mark: the one that begins before it, two whose speeds are not final, and the one that
+        // the host has just sent.
+        ("moves of 180 mm at 50 mm/s", long_moves(), 2.0 + 4.0 * 3.7, 2.0 * 3.7),
+    ] {
+        let clicks = clicks(&profile, &commands(&text));
+        assert!(clicks.len() >= 8, "{name}: {clicks:?}");
+        let [standstill, heaters, motors, marlin]: [fn(&Click) -> f64; 4] =
+            [|click| click.standstill, |click| click.heaters_first, |click| click.motors_first, |click| click.marlin];
+        let show = |of: fn(&Click) -> f64| {
+            let (median, longest) = spread(&clicks, of);
+            format!("{median:.1} s, at most {longest:.1} s")
+        };
+        let (_, longest) = spread(&clicks, motors);
+        assert!(longest < limit_s, "{name}: {longest} s");
+        let (_, longest) = spread(&clicks, heaters);
+        assert!(longest < heaters_limit_s, "{name}: heaters {longest} s");
+        let cells = [show(standstill), show(heaters), show(motors), show(marlin)];
+        writeln!(table, "| {name} | {} | {} |", clicks.len(), cells.join(" | ")).unwrap();
+    }
+    book::keep(&repository().join("docs/src/hosts.md"), "pause times", &table).unwrap();
+}

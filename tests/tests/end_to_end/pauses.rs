@@ -1,0 +1,321 @@
+//! Pauses, and what a halted printer says.
+
+use ferrostep_hal_shim::Heater;
+use ferrostep_printer::Heating;
+
+use crate::desk::{profile, rehearse};
+use crate::hosts::{Conversation, Machine, machine, numbered};
+
+const KILLED: &str = "Error:Printer halted. kill() called!";
+
+fn now_s(machine: &Machine) -> f64 {
+    machine.clock().now_ns() as f64 * 1e-9
+}
+
+/// A host that sends a print, with its line numbers.
+struct Print<'a> {
+    machine: &'a Machine,
+    conversation: Conversation<'a>,
+    number: i64,
+}
+
+impl<'a> Print<'a> {
+    fn new(machine: &'a Machine) -> Self {
+        Self { machine, conversation: Conversation::new(machine), number: 0 }
+    }
+
+    /// Hot, homed, at X20 Y30 Z5, E3.
+    fn begun(machine: &'a Machine) -> Self {
+        let mut print = Self::new(machine);
+        for line in ["M140 S60", "M109 S200", "G28", "M83", "G1 X20 Y30 Z5 F3000", "G1 E3 F300", "G1 F1200"] {
+            print.say(line);
+        }
+        print.conversation.finish();
+        print
+    }
+
+    fn say(&mut self, line: &str) -> Vec<String> {
+        self.number += 1;
+        self.conversation.say(&numbered(self.number, line))
+    }
+
+    /// Sends a line; a person presses a button so many seconds later.
+    fn say_and_press(&mut self, line: &str, after_s: f64, press: impl Fn(&Machine)) -> Vec<String> {
+        self.number += 1;
+        let from_s = now_s(self.machine);
+        let mut line = numbered(self.number, line);
+        line.push('\n');
+        let mut pressed = false;
+        self.conversation.say_while(line.as_bytes(), |machine| {
+            if !pressed && now_s(machine) >= from_s + after_s {
+                pressed = true;
+                press(machine);
+            }
+        })
+    }
+
+    /// Where the motors of X, Y and Z stand, mm.
+    fn stands_mm(&self) -> [f64; 3] {
+        let [x, y, z, _] = self.machine.desk().motor_steps();
+        [x as f64 / 80.0, y as f64 / 80.0, z as f64 / 400.0]
+    }
+
+    fn target(&self, heater: Heater) -> f32 {
+        self.machine.heating().status(heater).target_celsius
+    }
+}
+
+fn count(replies: &[String], text: &str) -> usize {
+    replies.iter().flat_map(|reply| reply.lines()).filter(|line| *line == text).count()
+}
+
+#[test]
+fn a_filament_change_goes_aside_waits_and_goes_back() {
+    for line in ["M600", "M601", "M125", "M226"] {
+        let machine = machine(&profile("cartesian"));
+        let mut print = Print::begun(&machine);
+        let before = (print.conversation.position_mm(), machine.desk().motor_steps());
+        let from_s = now_s(&machine);
+        let mut parked = [0.0; 3];
+        let parked_at = std::cell::Cell::new(None);
+        let replies = print.say_and_press(line, 60.0, |machine| {
+            parked_at.set(Some(machine.desk().motor_steps()));
+            machine.signals().end_wait();
+        });
+        if let Some([x, y, z, e]) = parked_at.get() {
+            parked = [x as f64 / 80.0, y as f64 / 80.0, z as f64 / 400.0];
+            assert!(e < before.1[3], "{line}: the filament is drawn back");
+        }
+        assert_eq!(parked, [10.0, 190.0, 25.0], "{line}");
+        assert!((60.0..75.0).contains(&(now_s(&machine) - from_s)), "{line}: {}", now_s(&machine) - from_s);
+        // What a host understands, once each, and its sign of life meanwhile.
+        for text in ["//action:paused", "//action:prompt_button Continue", "//action:prompt_show", "//action:resumed"] {
+            assert_eq!(count(&replies, text), 1, "{line}: {text}: {replies:?}");
+        }
+        assert!((20..=32).contains(&count(&replies, "echo:busy: paused for user")), "{line}: {replies:?}");
+        assert_eq!(replies.last().map(String::as_str), Some("ok"));
+        // All as before, to the step.
+        assert_eq!((print.conversation.position_mm(), machine.desk().motor_steps()), before, "{line}");
+        assert_eq!(print.say("G1 X21"), ["ok"]);
+        print.conversation.finish();
+        assert_eq!(print.stands_mm(), [21.0, 30.0, 5.0]);
+        assert_eq!((print.target(Heater::Nozzle), print.target(Heater::Bed)), (200.0, 60.0));
+    }
+}
+
+#[test]
+fn m0_waits_where_it_is_until_it_is_answered_or_its_time_is_over() {
+    let machine = machine(&profile("cartesian"));
+    let mut print = Print::begun(&machine);
+    let before = machine.desk().motor_steps();
+    let from_s = now_s(&machine);
+    print.say_and_press("M0 Look at it", 30.0, |machine| machine.signals().answer_prompt(0));
+    assert!((30.0..30.3).contains(&(now_s(&machine) - from_s)));
+    let from_s = now_s(&machine);
+    // Another button than the prompt has is none.
+    print.say_and_press("M1 S7", 2.0, |machine| machine.signals().answer_prompt(1));
+    assert!((7.0..7.3).contains(&(now_s(&machine) - from_s)));
+    assert_eq!(machine.desk().motor_steps(), before);
+    // An answer from before is not meant for the next question.
+    machine.signals().answer_prompt(0);
+    machine.signals().end_wait();
+    let from_s = now_s(&machine);
+    print.say("M0 P1500");
+    assert!((1.5..1.8).contains(&(now_s(&machine) - from_s)));
+}
+
+#[test]
+fn the_place_to_wait_is_in_the_line_and_bad_words_change_nothing() {
+    let machine = machine(&profile("cartesian"));
+    let mut print = Print::begun(&machine);
+    let before = machine.desk().motor_steps();
+    for (line, error) in [
+        ("M600 X900", "X: 900 is out of range, expected 0 to 200"),
+        ("M601 Y-1", "Y: -1 is out of range, expected 0 to 200"),
+        ("M125 Z-2", "Z: -2 is out of range, expected 0 or more"),
+        ("M602", "no print is paused, expected M601, M600 or M25 before"),
+        ("M876", "M876: expected S"),
+    ] {
+        let replies = print.say(line);
+        assert_eq!(replies.len(), 2, "{line}: {replies:?}");
+        assert!(replies[0].ends_with(error), "{line}: {replies:?}");
+        assert_eq!(machine.desk().motor_steps(), before, "{line}");
+    }
+    let parked = std::cell::Cell::new([0; 4]);
+    print.say_and_press("M601 X150 Y20 Z40", 20.0, |machine| {
+        parked.set(machine.desk().motor_steps());
+        machine.signals().end_wait();
+    });
+    let [x, y, z, _] = parked.get();
+    assert_eq!([x, y, z], [150 * 80, 20 * 80, 45 * 400]);
+}
+
+/// M25 is a host's own pause: it waits itself, and its next move goes back first. Meanwhile a person moves the machine by hand.
+#[test]
+fn a_host_that_pauses_by_itself_finds_the_print_where_it_was() {
+    let machine = machine(&profile("cartesian"));
+    let mut print = Print::begun(&machine);
+    let before = (print.conversation.position_mm(), machine.desk().motor_steps());
+    assert_eq!(count(&print.say("M25"), "//action:paused"), 1);
+    assert_eq!(print.stands_mm(), [10.0, 190.0, 25.0]);
+    for line in ["G91", "G1 X5 F600", "G1 E2", "G90"] {
+        assert_eq!(print.conversation.say(line), ["ok"], "{line}");
+    }
+    print.conversation.finish();
+    assert_eq!(print.stands_mm(), [15.0, 190.0, 25.0]);
+    let replies = print.say("G1 X20 Y30");
+    assert_eq!(count(&replies, "//action:resumed"), 1, "{replies:?}");
+    assert_eq!(print.conversation.position_mm(), before.0);
+    let [x, y, z, e] = machine.desk().motor_steps();
+    assert_eq!(([x, y, z], e), ([before.1[0], before.1[1], before.1[2]], before.1[3] + 2 * 95));
+
+    // M24 does so, too; without a home that is known nothing goes back.
+    print.say("M25");
+    assert_eq!(count(&print.conversation.say("M24"), "//action:resumed"), 1);
+    assert_eq!(machine.desk().motor_steps(), [x, y, z, e]);
+    print.say("M25");
+    print.conversation.say("M84 X");
+    let replies = print.conversation.say("M602");
+    assert!(replies.concat().contains("X was homed when it paused and is not now, expected G28 X"), "{replies:?}");
+    print.conversation.say("G28 X");
+    assert_eq!(count(&print.conversation.say("M602"), "//action:resumed"), 1);
+    assert_eq!(print.stands_mm(), [20.0, 30.0, 5.0]);
+}
+
+#[test]
+fn heaters_that_went_off_in_a_pause_are_hot_again_before_anything_moves() {
+    let machine = machine(&profile("cartesian"));
+    let mut print = Print::begun(&machine);
+    // The printer waits for longer than the heaters stay on.
+    let off = std::cell::Cell::new(false);
+    print.say_and_press("M600", 4000.0, |machine| {
+        off.set(machine.heating().status(Heater::Nozzle).target_celsius == 0.0);
+        machine.signals().end_wait();
+    });
+    assert!(off.get(), "the heaters go off in half an hour");
+    assert_eq!((print.target(Heater::Nozzle), print.target(Heater::Bed)), (200.0, 60.0));
+    assert!(machine.heating().status(Heater::Nozzle).celsius > 195.0);
+
+    // The host waits.
+    machine.run(async {
+        embedded_hal_async::delay::DelayNs::delay_ms(
+            &mut ferrostep_virtual_board::VirtualDelay(machine.clock()),
+            4_000_000,
+        )
+        .await
+    });
+    assert_eq!(print.target(Heater::Nozzle), 0.0);
+    let replies = print.say("G1 X25 E0.5");
+    assert!(replies.concat().contains("they heat up again"), "{replies:?}");
+    assert!(replies.iter().any(|reply| reply.contains(" W:")), "{replies:?}");
+    assert_eq!(replies.last().map(String::as_str), Some("ok"));
+    assert!(machine.heating().status(Heater::Nozzle).celsius > 195.0);
+    assert_eq!((print.target(Heater::Nozzle), print.target(Heater::Bed)), (200.0, 60.0));
+}
+
+#[test]
+fn a_print_that_is_too_cold_pauses_its_host() {
+    let machine = machine(&profile("cartesian"));
+    let mut print = Print::new(&machine);
+    print.say("M83");
+    let replies = print.say("G1 X5 E1 F600");
+    assert!(replies[0].contains("cold extrusion prevented"), "{replies:?}");
+    assert_eq!((count(&replies, "//action:pause"), count(&replies, "// action:pause")), (1, 1), "{replies:?}");
+    // What a person types is refused and no more.
+    let replies = print.conversation.say("G1 X5 E1 F600");
+    assert_eq!(replies.len(), 2, "{replies:?}");
+}
+
+#[test]
+fn a_halted_printer_answers_questions_and_ends_prints() {
+    let machine = machine(&profile("cartesian"));
+    let mut print = Print::begun(&machine);
+    let replies = print.conversation.say("M112");
+    assert_eq!((count(&replies, KILLED), count(&replies, "//action:cancel")), (1, 1), "{replies:?}");
+    // A host that connects.
+    for line in
+        ["N0 M110 N0*125", "M115", "M21", "M155 S2", "M105", "M114", "M119", "M84", "M104 S0", "M140 S0", "M220"]
+    {
+        let replies = print.conversation.say(line);
+        assert_eq!(count(&replies, KILLED), 0, "{line}: {replies:?}");
+        assert!(replies.last().unwrap().starts_with("ok"), "{line}: {replies:?}");
+        assert!(!replies.concat().contains("halted"), "{line}: {replies:?}");
+    }
+    print.number = 0;
+    for line in ["G28", "G1 X5", "M104 S200", "M106", "M109 S200", "M600"] {
+        let replies = print.say(line);
+        assert_eq!((count(&replies, KILLED), count(&replies, "//action:cancel")), (1, 0), "{line}: {replies:?}");
+        assert!(replies.iter().any(|reply| reply.starts_with("!!")), "{line}: {replies:?}");
+        assert_eq!(replies.last().map(String::as_str), Some("ok"));
+    }
+    assert_eq!(print.conversation.say("M999"), ["ok"]);
+    assert_eq!(count(&print.conversation.say("M112"), "//action:cancel"), 1, "each halt ends the prints once");
+}
+
+/// The G-code's E is what the motor has pushed, when the printer is asked in the halt and after it.
+#[test]
+fn e_is_what_was_pushed_in_a_halt_and_after_it() {
+    let machine = machine(&profile("cartesian"));
+    let mut print = Print::begun(&machine);
+    print.say("M82");
+    print.say("G92 E0");
+    let from = machine.desk().motor_steps()[3];
+    let from_s = now_s(&machine);
+    for (x, e) in [(60, 2), (20, 4), (60, 6)] {
+        print.say(&format!("G1 X{x} E{e} F1200"));
+    }
+    // In the middle of a move.
+    let to_s = from_s + 3.0;
+    let mut halted = false;
+    print.conversation.say_while(b"M400\n", |machine| {
+        if !halted && now_s(machine) >= to_s {
+            halted = true;
+            machine.halt();
+        }
+    });
+    let e = |replies: &[String]| {
+        let line = replies.iter().find(|reply| reply.starts_with("X:")).unwrap();
+        line.split(' ').find_map(|word| word.strip_prefix("E:")).unwrap().parse::<f64>().unwrap()
+    };
+    let pushed = (machine.desk().motor_steps()[3] - from) as f64 / 95.0;
+    let in_halt = e(&print.conversation.say("M114"));
+    assert!((in_halt - pushed).abs() < 0.02 && pushed > 0.5, "{in_halt}, pushed {pushed}");
+    print.conversation.say("M999");
+    let after = e(&print.conversation.say("M114"));
+    assert!((after - pushed).abs() < 0.02, "{after}, pushed {pushed}");
+}
+
+#[test]
+fn a_file_that_pauses_goes_on_by_itself() {
+    let text = "M302 P1\nG28\nM83\nG1 X50 Y50 Z2 F3000\nG1 E1 F300\nM600\nM0\nM25\nG1 X60 E1\nM24\n";
+    let print = rehearse(&profile("cartesian"), 128, &mut text.as_bytes());
+    // M24 finds nothing paused: the move before has gone on.
+    assert!(print.outcome.is_ok(), "{:?}", print.outcome);
+    assert_eq!(print.logical_10nm, [6_000_000, 5_000_000, 200_000, 200_000]);
+}
+
+#[test]
+fn texts_and_progress_go_to_the_host() {
+    let machine = machine(&profile("cartesian"));
+    let mut print = Print::new(&machine);
+    assert_eq!(print.say("M117 Layer 3"), ["//action:notification Layer 3", "ok"]);
+    assert_eq!(print.say("M73 P12 R34"), ["echo:M73 Progress: 12%; Time left: 34m", "ok"]);
+    assert_eq!(print.say("M73 P13"), ["echo:M73 Progress: 13%; Time left: 34m", "ok"]);
+    assert_eq!(print.say("M85 S600"), ["ok"]);
+    assert_eq!(print.say("M86"), ["echo:M86 S600", "ok"]);
+    assert_eq!(print.say("M85 S0"), ["echo:M86 S600", "ok"]);
+}
+
+#[test]
+fn a_move_after_the_motors_were_off_says_so_once() {
+    let machine = machine(&profile("cartesian"));
+    let mut print = Print::begun(&machine);
+    print.conversation.say("M84");
+    let replies = print.say("G1 X21");
+    assert!(replies[0].contains("XYZ lost its home when the motors were off"), "{replies:?}");
+    assert_eq!(print.say("G1 X22"), ["ok"]);
+    print.conversation.say("G28");
+    print.conversation.say("M84 Y");
+    print.conversation.say("G28 Y");
+    assert_eq!(print.say("G1 Y20"), ["ok"], "homed again, there is nothing to say");
+}

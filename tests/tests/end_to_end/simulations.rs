@@ -1,0 +1,141 @@
+//! `ferrostep simulate`: a job, its trace and its prepared form on a frame that rings, beside Klipper's rules.
+
+use serde_json::Value;
+
+use crate::command::{directory, ferrostep, file};
+
+/// A square with corners, a travel and retractions.
+const JOB: &str = "G28\nM104 S210\nM109 S210\nG90\nM83\nG1 Z.2 F600\nG1 X20 Y20 F6000\nG1 X60 E1.5 F3600\nG1 Y60 E1.5\nG1 X20 E1.5\n\
+                   G1 Y20 E1.5\nG1 E-1 F2100\nG1 X30 Y30 F9000\nG1 E1 F2100\nG3 X50 Y50 I10 J10 E1 F3000\nG1 E-1 F2100\nM104 S0\n";
+
+fn number(value: &Value, path: &[&str]) -> f64 {
+    let found = path.iter().fold(value, |value, key| &value[key]);
+    found.as_f64().unwrap_or_else(|| panic!("{path:?} is {found}, expected a number in {value}"))
+}
+
+/// Keys that outside tools rely on.
+fn check_keys(result: &Value) {
+    for path in [
+        &["time_s"][..],
+        &["contour_error_um", "rms"],
+        &["contour_error_um", "p99"],
+        &["contour_error_um", "max"],
+        &["corner_volume_mm3"],
+        &["end_volume_mm3"],
+        &["ringing", "rms_um"],
+        &["true_acceleration_mm_per_s2", "p99"],
+        &["true_acceleration_mm_per_s2", "max"],
+        &["extruder", "max_speed_mm_per_s"],
+        &["extruder", "max_acceleration_mm_per_s2"],
+    ] {
+        assert!(number(result, path) > 0.0, "{path:?}");
+    }
+}
+
+#[test]
+fn a_job_its_trace_and_its_prepared_form_measure_alike() {
+    let folder = directory();
+    let job = file(&folder, "square.gcode", JOB);
+    let [trace, prepared] = ["square.trace", "square.gpre"].map(|name| folder.path().join(name));
+    let path = |path: &std::path::Path| path.to_str().unwrap().to_owned();
+    let (job, trace, prepared) = (path(&job), path(&trace), path(&prepared));
+    let printed = ferrostep(["print", &job, "--trace", &trace, "--json"]).json();
+    assert_eq!(ferrostep(["preprocess", &job, "-o", &prepared]).status, Some(0));
+
+    let of_job = ferrostep(["simulate", &job, "--json"]);
+    assert_eq!((of_job.status, of_job.stderr.as_str()), (Some(0), ""));
+    let of_job = of_job.json();
+    check_keys(&of_job);
+    assert_eq!((of_job["source"].as_str(), of_job["path"].as_str()), (Some("gcode"), Some("gcode")));
+    assert_eq!((number(&of_job, &["corners"]), number(&of_job, &["ends"])), (3.0, 4.0));
+    // A sum of blocks beside a time from the first record to the last: they differ by the homing's last wait.
+    let (simulated_s, printed_s) = (number(&of_job, &["time_s"]), number(&printed, &["motion_time_s"]));
+    assert!((simulated_s - printed_s).abs() < 0.05, "{simulated_s} and {printed_s}");
+    // No shaper, and no other plan: as much as the plan without filters, but for whole steps of 12.5 um beside 20 um of ringing.
+    assert!((number(&of_job, &["ringing", "relative"]) - 1.0).abs() < 0.35, "{of_job}");
+
+    let of_trace = ferrostep(["simulate", &trace, "--path", &job, "--json"]).json();
+    for key in ["time_s", "contour_error_um", "corner_volume_mm3", "ringing", "true_acceleration_mm_per_s2", "extruder"]
+    {
+        assert_eq!(of_trace[key], of_job[key], "{key}");
+    }
+    let alone = ferrostep(["simulate", &trace, "--json"]).json();
+    assert_eq!((alone["source"].as_str(), alone["path"].as_str()), (Some("trace"), Some("steps")));
+    let (of_steps, of_path) =
+        (number(&alone, &["contour_error_um", "rms"]), number(&of_job, &["contour_error_um", "rms"]));
+    assert!((of_steps - of_path).abs() < 6.0, "{of_steps} and {of_path}");
+    assert_eq!(alone["ringing"]["relative"], Value::Null);
+    let of_prepared = ferrostep(["simulate", &prepared, "--json"]).json();
+    assert_eq!(of_prepared["source"], "prepared");
+    let (one, other) = (number(&of_prepared, &["ringing", "max_um"]), number(&of_job, &["ringing", "max_um"]));
+    assert!((one - other).abs() < 0.05 * other, "{one} and {other}");
+}
+
+#[test]
+fn klippers_rules_stand_beside_and_a_shaper_lessens_ringing() {
+    let folder = directory();
+    let job = file(&folder, "square.gcode", JOB);
+    let plot = folder.path().join("square.svg");
+    let (job, plot) = (job.to_str().unwrap(), plot.to_str().unwrap());
+    let run = |more: &[&str]| {
+        let all = [&["simulate", job, "--json", "--compare", "klipper"], more].concat();
+        let outcome = ferrostep(&all);
+        assert_eq!((outcome.status, outcome.stderr.as_str()), (Some(0), ""), "{all:?}");
+        outcome.json()["compared"].clone()
+    };
+    let shaped = run(&["--plot", plot]);
+    check_keys(&shaped);
+    assert_eq!((shaped["rules"].as_str(), shaped["shaper"].as_str()), (Some("klipper"), Some("mzv")));
+    assert!(number(&shaped, &["ringing", "relative"]) < 0.15, "{shaped}");
+    let plain = run(&["--shaper", "none", "--pressure-advance", "0"]);
+    assert!(number(&plain, &["contour_error_um", "p99"]) > 2.0 * number(&shaped, &["contour_error_um", "p99"]));
+    assert!(number(&plain, &["corner_volume_mm3"]) > 2.0 * number(&shaped, &["corner_volume_mm3"]));
+    let detuned = run(&["--shaper", "zv", "--shaper-frequency", "60,48"]);
+    let exact = run(&["--shaper", "zv"]);
+    assert!(number(&detuned, &["ringing", "rms_um"]) > 2.0 * number(&exact, &["ringing", "rms_um"]));
+    let svg = std::fs::read_to_string(plot).unwrap();
+    assert!(svg.starts_with("<svg") && svg.matches("<rect").count() == 7 && !svg.contains("NaN"), "{svg}");
+    let text = ferrostep(["simulate", job, "--compare", "klipper"]);
+    assert!(text.stdout.contains("klipper  mzv") && text.stdout.contains("contour error, 99 %"), "{}", text.stdout);
+}
+
+#[test]
+fn what_cannot_be_simulated_says_what_would_be_right() {
+    let folder = directory();
+    let job = file(&folder, "square.gcode", JOB);
+    let other = file(&folder, "other.gcode", JOB.replace("G28\n", "G28\n\n"));
+    let trace = folder.path().join("square.trace");
+    let [job, other, trace] = [&job, &other, &trace].map(|path| path.to_str().unwrap());
+    ferrostep(["print", job, "--trace", trace]);
+    let bytes = std::fs::read(trace).unwrap();
+    let named = |name: &str, bytes: &[u8]| file(&folder, name, bytes).to_str().unwrap().to_owned();
+    let header = bytes.iter().position(|byte| *byte == b'\n').unwrap() + 1;
+    let cut = named("cut.trace", &bytes[..header + 12 * 100 + 5]);
+    let text = String::from_utf8(bytes[..header].to_vec()).unwrap();
+    let delta = named("delta.trace", text.replace("cartesian", "delta").as_bytes());
+    let rows: [(&[&str], &str); 11] = [
+        (&[&cut], "trace ends inside the record at byte"),
+        (&[&delta], "trace header: kinematics is missing or not supported"),
+        (&[trace, "--path", other], "is the trace of this file?"),
+        (&[trace, "--path", trace], "--path takes G-code"),
+        (&[trace, "--compare", "klipper"], "give it with --path FILE"),
+        (&[job, "--frequency-x", "0"], "a mode of the frame is at 0 Hz, expected 1 to 1000 Hz"),
+        (&[job, "--damping", "1"], "the frame's damping ratio is 1, expected 0 to 0.95"),
+        (&[job, "--nozzle-time-constant", "5"], "the nozzle's time constant is 5 s, expected 0.001 to 2 s"),
+        (&[job, "--nozzle-second-slope", "0.02"], "expected SECONDS@FLOW"),
+        (
+            &[job, "--compare", "klipper", "--shaper", "ei", "--shaper-damping", "0.5"],
+            "the shaper's damping ratio is 0.5, expected 0 to 0.4 for this shaper",
+        ),
+        (
+            &[job, "--compare", "klipper", "--minimum-cruise-ratio", "1"],
+            "the compared plan's minimum cruise ratio is 1, expected 0 to less than 1",
+        ),
+    ];
+    for (arguments, expected) in rows {
+        let outcome = ferrostep(["simulate"].iter().chain(arguments));
+        assert_eq!((outcome.status, outcome.stdout.as_str()), (Some(2), ""), "{arguments:?}");
+        assert!(outcome.stderr.contains(expected), "{arguments:?}: {}", outcome.stderr);
+    }
+    assert_eq!(ferrostep(["simulate", job, "--shaper", "zv"]).status, Some(2));
+}

@@ -1,0 +1,228 @@
+//! What a host hears, and what acts before its turn.
+
+use std::process::Command;
+use std::time::{Duration, Instant};
+
+use ferrostep_tests::program::{program, repository};
+use serde_json::Value;
+
+use crate::printer::{Host, Printer};
+
+/// The first lines of a print, which home, heat and print the first layers.
+pub fn part() -> Vec<String> {
+    let text = std::fs::read_to_string(repository().join("examples/cube.gcode")).unwrap();
+    let commands = text.lines().filter_map(|line| line.split(';').next()).map(str::trim);
+    commands.filter(|command| !command.is_empty()).take(1_500).map(str::to_owned).collect()
+}
+
+/// What `print` says of these lines.
+pub fn printed(lines: &[String]) -> Value {
+    let folder = tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR")).unwrap();
+    let file = folder.path().join("part.gcode");
+    std::fs::write(&file, lines.join("\n")).unwrap();
+    let output = Command::new(program()).args(["print", "--json"]).arg(&file).output().unwrap();
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+fn print(host: &mut Host, lines: &[String]) {
+    host.say_numbered("M110 N0");
+    for line in lines {
+        let said = host.say_numbered(line);
+        assert!(!said.iter().any(|said| said.starts_with("Resend") || said.starts_with("Error")), "{line}: {said:?}");
+    }
+    host.say_numbered("M400");
+}
+
+#[test]
+fn a_print_makes_the_steps_of_print_each_at_its_time() {
+    let lines = part();
+    let expected = printed(&lines);
+    for speed in ["max", "1000"] {
+        let printer = Printer::at_pty(&["--speed", speed]);
+        let mut host = printer.connect();
+        print(&mut host, &lines);
+        assert_eq!(host.figure("step_digest"), expected["step_digest"], "{speed}");
+        let done = printer.end();
+        for key in [
+            "step_digest",
+            "order_digest",
+            "motor_steps",
+            "moves",
+            "filament_mm",
+            "position_mm",
+            "merged_moves",
+            "motion_time_s",
+            "underruns",
+            "starvation_flushes",
+            "clamped_moves",
+            "unknown_commands",
+        ] {
+            assert_eq!(done[key], expected[key], "{key} at speed {speed}");
+        }
+        // The first line sets the number; two more follow the print.
+        assert_eq!(done["lines"], lines.len() + 3);
+    }
+}
+
+#[test]
+fn the_next_host_finds_the_printer_as_it_was_left() {
+    for (printer, hears_the_start) in
+        [(Printer::at_tcp(&["--speed", "max"]), false), (Printer::at_pty(&["--speed", "max"]), true)]
+    {
+        let mut first = printer.connect();
+        // A terminal keeps what was said before somebody opens it.
+        assert_eq!(first.say("G28").contains(&"start".to_owned()), hears_the_start);
+        first.say("M140 S60");
+        first.say("G1 X55 F6000");
+        // Half a line is not the beginning of the next host's.
+        first.send("G1 X12");
+        std::thread::sleep(Duration::from_millis(100));
+        drop(first);
+        std::thread::sleep(Duration::from_millis(200));
+        let mut next = printer.connect();
+        let said = next.say("M114");
+        assert!(said.iter().any(|line| line.starts_with("X:55.00 ")), "{said:?}");
+        assert!(!said.iter().any(|line| line == "start"), "a printer that keeps its power does not start again");
+        assert!(next.say("M105")[0].contains("/60.00"));
+        drop(next);
+        assert_eq!(printer.end()["position_mm"]["x"], 55.0);
+    }
+}
+
+/// In real time: an emergency stop ends a wait for heat that takes minutes, and the heaters are off.
+#[test]
+fn commands_that_do_not_wait_their_turn_act_at_once() {
+    let printer = Printer::at_pty(&[]);
+    let mut host = printer.connect();
+    host.say("M302 P1");
+    let begun = Instant::now();
+    host.send("M109 S200\n");
+    // It waits now.
+    host.hear_until(|line| line.starts_with(" T:"));
+    host.send("M108\n");
+    host.hear_until(|line| line == "ok");
+    host.hear_until(|line| line == "ok");
+    host.send("M109 S200\n");
+    host.hear_until(|line| line.starts_with(" T:"));
+    host.send("M112\n");
+    host.hear_until(|line| line == "Error:Printer halted. kill() called!");
+    assert!(begun.elapsed() < Duration::from_secs(20));
+    host.hear_until(|line| line == "ok");
+    host.hear_until(|line| line == "ok");
+    host.say("M999");
+    assert!(host.say("M105")[0].contains("/0.00 B"));
+    // A minute and a half of motion.
+    host.send("G1 E900 F600\nG1 X1\nM400\n");
+    host.hear_until(|line| line == "ok");
+    host.hear_until(|line| line == "ok");
+    std::thread::sleep(Duration::from_millis(500));
+    host.send("M410\n");
+    host.hear_until(|line| line == "ok");
+    host.hear_until(|line| line == "ok");
+    let pushed: f64 = printer.end()["position_mm"]["e"].as_f64().unwrap();
+    assert!(pushed > 0.5 && pushed < 800.0, "{pushed} mm");
+    assert!(begun.elapsed() < Duration::from_secs(60));
+}
+
+#[test]
+fn a_thermistor_that_breaks_halts_the_printer() {
+    let printer = Printer::at_pty(&["--speed", "max", "--fault", "nozzle-open@30"]);
+    let mut host = printer.connect();
+    host.send("M104 S200\nG4 S20\n");
+    host.hear_until(|line| line == "ok");
+    host.hear_until(|line| line == "ok");
+    host.send("G4 S3600\n");
+    let said = host.hear_until(|line| line == "Error:Printer halted. kill() called!");
+    assert!(said.iter().any(|line| line.starts_with("Error:") && line.contains("Heater_ID: E0")), "{said:#?}");
+    host.hear_until(|line| line == "ok");
+    assert_eq!(printer.end()["lines"], 3);
+}
+
+/// At `--speed max` time leaps where a print has something to do, but not over a person who is asked to do it: heaters that rest
+/// after a minute stay on for two seconds.
+#[test]
+fn time_does_not_leap_while_a_person_is_waited_for() {
+    let printer = Printer::at_pty(&["--speed", "max"]);
+    let mut host = printer.connect();
+    host.say("G28");
+    host.say("M190 S50");
+    host.say("M86 S60");
+    for pause in ["M0", "M600"] {
+        host.send(&format!("{pause}\n"));
+        host.hear_until(|line| line == "//action:prompt_show");
+        std::thread::sleep(Duration::from_secs(3));
+        host.send("M108\n");
+        let mut said = host.hear_until(|line| line == "ok");
+        said.extend(host.hear_until(|line| line == "ok"));
+        assert!(said.iter().any(|line| line == "//action:resumed"), "{pause}: {said:?}");
+        let signs = said.iter().filter(|line| *line == "echo:busy: paused for user").count();
+        assert!((1..=2).contains(&signs), "{pause}: {said:?}");
+        assert!(!said.iter().any(|line| line.contains("(M86)")), "{pause}: {said:?}");
+        assert!(host.say("M105")[0].contains("/50.00 @"), "{pause}");
+    }
+    printer.end();
+}
+
+/// The virtual time that passed is the wall clock's times the factor.
+#[test]
+fn time_passes_at_its_speed() {
+    let printer = Printer::at_pty(&["--speed", "50"]);
+    let mut host = printer.connect();
+    let begun = Instant::now();
+    host.say("G4 S100");
+    let took_s = begun.elapsed().as_secs_f64();
+    // Never faster; a busy computer may be slower.
+    assert!((1.9..20.0).contains(&took_s), "{took_s}");
+}
+
+#[test]
+fn damaged_lines_are_asked_for_again() {
+    let lines = part();
+    let printer = Printer::at_pty(&["--speed", "max", "--fault", "flip-line:10%@1"]);
+    let mut host = printer.connect();
+    host.say("G4 S2");
+    let numbered: Vec<String> = std::iter::once(&"M110 N0".to_owned())
+        .chain(&lines)
+        .chain([&"M400".to_owned()])
+        .enumerate()
+        .map(|(number, text)| {
+            let line = format!("N{number} {text}");
+            let sum = line.bytes().fold(0, |sum, byte| sum ^ byte);
+            format!("{line}*{sum}")
+        })
+        .collect();
+    let (mut next, mut resends) = (0, 0);
+    while next < numbered.len() {
+        let said = host.say(&numbered[next]);
+        let resend = said.iter().find_map(|line| line.strip_prefix("Resend: ")?.parse::<usize>().ok());
+        resends += usize::from(resend.is_some());
+        next = resend.unwrap_or(next + 1);
+    }
+    assert!(resends > lines.len() / 20, "{resends}");
+    let done = printer.end();
+    let expected = printed(&lines);
+    assert_eq!(done["step_digest"], expected["step_digest"]);
+    assert_eq!(done["motor_steps"], expected["motor_steps"]);
+}
+
+#[test]
+fn what_cannot_be_served_is_refused() {
+    let printer = Printer::at_pty(&[]);
+    let taken = printer.port().to_str().unwrap();
+    for (arguments, expected) in [
+        (vec!["--pty", taken], "is in use"),
+        (vec!["--pty", "/no/such/folder/port"], "/no/such/folder/port cannot be created"),
+        (vec![], "--pty"),
+        (vec!["--tcp", "0", "--profile", "none"], "none"),
+        (vec!["--tcp", "0", "--speed", "0"], "write a number above 0, or max"),
+        (vec!["--tcp", "0", "--fault", "nozzle-gone"], "unknown fault, expected nozzle-HOW"),
+        (vec!["--tcp", "0", "--fault", "flip:2"], "write a rate from 0% to 100%"),
+        (vec!["--tcp", "0", "--board", "bench", "--profile", "corexy"], "cannot be used with"),
+    ] {
+        let output = Command::new(program()).current_dir(repository()).arg("serve").args(&arguments).output().unwrap();
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {said}");
+        assert!(said.contains(expected), "{arguments:?}: {said}");
+        assert!(output.stdout.is_empty());
+    }
+}

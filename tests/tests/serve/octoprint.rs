@@ -1,0 +1,52 @@
+//! OctoPrint, without its window, at the served printer.
+
+use crate::conversation::part as part_of_the_cube;
+use crate::printcore::printed;
+use crate::printer::Printer;
+use crate::python;
+
+/// A value of M797's line.
+fn figure<'a>(line: &'a str, name: &str) -> &'a str {
+    let value = line.split_once(&format!("{name}:")).unwrap_or_else(|| panic!("no {name} in {line}")).1;
+    value.split(' ').next().unwrap()
+}
+
+/// Print, pause and resume, cancel, emergency stop, new connection: by its buttons. And a print over a line on which one line in a
+/// hundred is lost and another has a wrong bit.
+#[test]
+fn octoprint_prints_pauses_cancels_and_stops() {
+    let printer = Printer::at_pty(&["--speed", "max"]);
+    // One start of OctoPrint for both: it takes half a minute. The damage begins in the print; of its first line, M110, OctoPrint
+    // knows no number to send again.
+    let bad_line = Printer::at_pty(&["--speed", "max", "--fault", "flip-line:1%@100", "--fault", "drop-line:1%@100"]);
+    let folder = tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR")).unwrap();
+    let part = folder.path().join("part.gcode");
+    let mut lines = part_of_the_cube();
+    lines.push("M400".to_owned());
+    std::fs::write(&part, lines.join("\n")).unwrap();
+    let [port, bad_port] = [&printer, &bad_line].map(|printer| printer.port().to_str().unwrap());
+    let [part, settings] = [part.as_path(), folder.path()].map(|path| path.to_str().unwrap());
+    let seen = python::run("octoprint_host.py", &[port, "examples/cube.gcode", bad_port, part, settings]);
+    let text = |key: &str| seen[key].as_str().unwrap_or_else(|| panic!("no {key} in {seen}"));
+
+    let first = text("printed");
+    assert_eq!(figure(first, "step_digest"), printed()["step_digest"], "{seen}");
+    assert_eq!(figure(first, "order_digest"), printed()["order_digest"]);
+    assert_eq!(figure(first, "idle_flushes"), "0");
+    assert_eq!((seen["resends"].as_u64(), seen["errors"].as_array().map(Vec::len)), (Some(0), Some(0)), "{seen}");
+    assert_eq!(seen["refusals"].as_array().map(Vec::len), Some(0), "{seen}");
+
+    // The filament of a print with a pause in it is that of one without. (The way to the end stops is another one.)
+    let filament = |line: &str| figure(line, "E").parse::<i64>().unwrap();
+    assert!((filament(text("paused")) - 2 * filament(first)).abs() <= 1, "{seen}");
+
+    let is_cold = |line: &str| line.contains("/0.00 B:") && line.contains("/0.00 @");
+    assert!(is_cold(text("cancelled")) && is_cold(text("restarted")), "{seen}");
+    assert!(seen["bad_line_resends"].as_u64() > Some(10), "{seen}");
+    let (printed_part, end) = (crate::conversation::printed(&lines), bad_line.end());
+    // OctoPrint asks for a lost line after 2 s at the soonest, by when the printer has braked: its steps are the same, not their times.
+    for key in ["order_digest", "motor_steps", "position_mm", "filament_mm", "merged_moves", "underruns"] {
+        assert_eq!(end[key], printed_part[key], "{key}: {seen}");
+    }
+    assert!(printer.end()["moves"].as_u64() > printed()["moves"].as_u64().map(|moves| 2 * moves));
+}

@@ -1,0 +1,176 @@
+//! A served printer, and a host at its port.
+
+use std::fs::File;
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::TcpStream;
+use std::os::fd::OwnedFd;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use ferrostep_tests::program::{program, repository};
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use serde_json::Value;
+use tempfile::TempDir;
+
+/// Longest wait for anything.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// `ferrostep serve`.
+pub struct Printer {
+    process: Child,
+    /// Standard error, its first line read.
+    messages: BufReader<std::process::ChildStderr>,
+    _folder: TempDir,
+    port: PathBuf,
+    first_line: String,
+}
+
+impl Printer {
+    /// Switches a printer on at a pseudo-terminal.
+    pub fn at_pty(arguments: &[&str]) -> Self {
+        let folder = tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR")).unwrap();
+        let port = folder.path().join("port");
+        let line = ["--pty", port.to_str().unwrap()].map(str::to_owned);
+        Self::start(folder, port, &line, arguments)
+    }
+
+    /// Switches a printer on at a free TCP port.
+    pub fn at_tcp(arguments: &[&str]) -> Self {
+        let folder = tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR")).unwrap();
+        Self::start(folder, PathBuf::new(), &["--tcp", "0"].map(str::to_owned), arguments)
+    }
+
+    fn start(folder: TempDir, port: PathBuf, line: &[String], arguments: &[&str]) -> Self {
+        let mut process = Command::new(program())
+            .current_dir(repository())
+            .arg("serve")
+            .args(line)
+            .arg("--json")
+            .args(arguments)
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut messages = BufReader::new(process.stderr.take().unwrap());
+        // The line is there before this is said.
+        let mut first_line = String::new();
+        messages.read_line(&mut first_line).unwrap();
+        Self { process, messages, _folder: folder, port, first_line }
+    }
+
+    /// The path of its pseudo-terminal.
+    pub fn port(&self) -> &Path {
+        &self.port
+    }
+
+    /// Its TCP address.
+    pub fn address(&self) -> &str {
+        self.first_line.split(" on ").nth(1).unwrap().split(',').next().unwrap()
+    }
+
+    /// A host opens its port.
+    pub fn connect(&self) -> Host {
+        if !self.port.as_os_str().is_empty() {
+            return Host::new(std::fs::OpenOptions::new().read(true).write(true).open(&self.port).unwrap());
+        }
+        Host::new(File::from(OwnedFd::from(TcpStream::connect(self.address()).unwrap())))
+    }
+
+    /// Ctrl-C; what it prints then.
+    pub fn end(mut self) -> Value {
+        let id = self.process.id().to_string();
+        assert!(Command::new("kill").args(["-INT", &id]).status().unwrap().success());
+        let mut out = String::new();
+        self.process.stdout.take().unwrap().read_to_string(&mut out).unwrap();
+        let mut messages = String::new();
+        self.messages.read_to_string(&mut messages).unwrap();
+        assert_eq!(self.process.wait().unwrap().code(), Some(0), "{messages}");
+        assert!(!self.port.exists(), "the port is removed");
+        serde_json::from_str(&out).unwrap()
+    }
+}
+
+impl Drop for Printer {
+    /// A test that failed leaves no printer behind.
+    fn drop(&mut self) {
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+    }
+}
+
+/// A host that waits for each `ok`.
+pub struct Host {
+    port: File,
+    /// Bytes after the last whole line.
+    heard: Vec<u8>,
+    number: u32,
+}
+
+impl Host {
+    fn new(port: File) -> Self {
+        Self { port, heard: Vec::new(), number: 0 }
+    }
+
+    /// Sends bytes.
+    pub fn send(&mut self, text: &str) {
+        self.port.write_all(text.as_bytes()).unwrap();
+    }
+
+    /// The next line; `None` if none comes in time.
+    fn next_line(&mut self, end: Instant) -> Option<String> {
+        loop {
+            if let Some(length) = self.heard.iter().position(|byte| *byte == b'\n') {
+                let line = self.heard.drain(..=length).take(length).collect();
+                return Some(String::from_utf8(line).unwrap());
+            }
+            let left = Timespec::try_from(end.saturating_duration_since(Instant::now())).unwrap();
+            if poll(&mut [PollFd::new(&self.port, PollFlags::IN)], Some(&left)).unwrap() == 0 {
+                return None;
+            }
+            let mut bytes = [0; 4096];
+            let length = self.port.read(&mut bytes).unwrap();
+            assert!(length > 0, "the printer is gone");
+            self.heard.extend_from_slice(&bytes[..length]);
+        }
+    }
+
+    /// Hears lines up to one that is `expected`; all of them.
+    #[track_caller]
+    pub fn hear_until(&mut self, expected: impl Fn(&str) -> bool) -> Vec<String> {
+        let end = Instant::now() + PATIENCE;
+        let mut heard = Vec::new();
+        loop {
+            let Some(line) = self.next_line(end) else { panic!("silence after {heard:#?}") };
+            let is_last = expected(&line);
+            heard.push(line);
+            if is_last {
+                return heard;
+            }
+        }
+    }
+
+    /// Sends a line and hears its answer, up to `ok`.
+    #[track_caller]
+    pub fn say(&mut self, line: &str) -> Vec<String> {
+        self.send(&format!("{line}\n"));
+        self.hear_until(|line| line.starts_with("ok"))
+    }
+
+    /// Sends a line with number and checksum, and hears its answer.
+    #[track_caller]
+    pub fn say_numbered(&mut self, text: &str) -> Vec<String> {
+        let line = format!("N{} {text}", self.number);
+        self.number += 1;
+        let sum = line.bytes().fold(0, |sum, byte| sum ^ byte);
+        self.say(&format!("{line}*{sum}"))
+    }
+
+    /// What M797 says of a name.
+    #[track_caller]
+    pub fn figure(&mut self, name: &str) -> String {
+        let said = self.say("M797").join(" ");
+        let value = said.split_once(&format!("{name}:")).unwrap_or_else(|| panic!("no {name} in {said}")).1;
+        value.split(' ').next().unwrap().to_owned()
+    }
+}

@@ -1,0 +1,33 @@
+//! Hosts written in Python.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::OnceLock;
+
+use ferrostep_tests::program::repository;
+use serde_json::Value;
+
+/// The hosts' Python.
+fn python() -> &'static Path {
+    static PYTHON: OnceLock<PathBuf> = OnceLock::new();
+    PYTHON.get_or_init(|| {
+        let folder = std::env::var("FERROSTEP_HOSTS").unwrap_or_else(|_| {
+            let output =
+                Command::new(env!("CARGO")).args(["xtask", "hosts"]).current_dir(repository()).output().unwrap();
+            assert!(output.status.success(), "cargo xtask hosts: {}", String::from_utf8_lossy(&output.stderr));
+            String::from_utf8(output.stdout).unwrap().lines().next().unwrap().to_owned()
+        });
+        Path::new(&folder).join("bin/python")
+    })
+}
+
+/// Runs a host of `tests/hosts/`; what it has seen.
+#[track_caller]
+pub fn run(script: &str, arguments: &[&str]) -> Value {
+    let script = repository().join("tests/hosts").join(script);
+    let output = Command::new(python()).arg(script).args(arguments).current_dir(repository()).output().unwrap();
+    let (said, errors) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    assert!(output.status.success(), "{arguments:?}: {said}{errors}");
+    let last = said.lines().next_back().unwrap_or_default();
+    serde_json::from_str(last).unwrap_or_else(|error| panic!("{error} in {said}{errors}"))
+}

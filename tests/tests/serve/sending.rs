@@ -1,0 +1,202 @@
+//! `ferrostep send` at the served printer.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+use std::time::Duration;
+
+use ferrostep_tests::program::{program, repository};
+use tempfile::TempDir;
+
+use crate::conversation::part;
+use crate::printcore::printed;
+use crate::printer::Printer;
+
+const CUBE: &str = "examples/cube.gcode";
+
+fn folder() -> TempDir {
+    tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR")).unwrap()
+}
+
+fn file(folder: &TempDir, text: &str) -> PathBuf {
+    let path = folder.path().join("job.gcode");
+    std::fs::write(&path, text).unwrap();
+    path
+}
+
+fn send(file: &Path, port: &str) -> Output {
+    let mut command = Command::new(program());
+    command
+        .current_dir(repository())
+        .arg("send")
+        .arg(file)
+        .args(["--port", port])
+        .stdin(Stdio::null())
+        .output()
+        .unwrap()
+}
+
+#[track_caller]
+fn says(output: &Output, status: i32, expected: &str) {
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(status), "{said}");
+    assert!(said.contains(expected), "{said}");
+    assert!(output.stdout.is_empty());
+}
+
+#[test]
+fn gcode_is_sent_and_printed_over_a_bad_line() {
+    let printer = Printer::at_pty(&["--speed", "max", "--fault", "flip-line:5%@1"]);
+    let output = send(Path::new(CUBE), printer.port().to_str().unwrap());
+    says(&output, 0, "printed: 6683 lines sent, ");
+    assert!(!String::from_utf8_lossy(&output.stderr).contains(" 0 of them again"));
+    let done = printer.end();
+    for key in ["step_digest", "order_digest", "motor_steps", "position_mm", "underruns"] {
+        assert_eq!(done[key], printed()[key], "{key}");
+    }
+}
+
+/// A prepared job comes in frames (M790), over a good line and over a bad one.
+#[test]
+fn a_prepared_job_is_sent_and_makes_the_steps_of_print() {
+    let folder = folder();
+    let lines = part();
+    let expected = crate::conversation::printed(&lines);
+    let (gcode, job) = (file(&folder, &lines.join("\n")), folder.path().join("job.gpre"));
+    let prepared = Command::new(program()).arg("preprocess").arg(gcode).arg("-o").arg(&job).output().unwrap();
+    assert!(prepared.status.success(), "{prepared:?}");
+    for faults in [&[][..], &["--fault", "flip:0.2%@1", "--fault", "drop:0.1%@1"]] {
+        let printer = Printer::at_pty(&[&["--speed", "max"], faults].concat());
+        let mut host = printer.connect();
+        host.say("G4 S2");
+        says(&send(&job, printer.port().to_str().unwrap()), 0, "printed");
+        // A frame that no job waits for is answered by how the last one ended, and its text is no line.
+        host.send("~M112\n");
+        let said = host.hear_until(|line| line.starts_with("gpre:done "));
+        assert!(!said.iter().any(|line| line.contains("halted")), "{said:?}");
+        let done = printer.end();
+        for key in ["order_digest", "motor_steps", "position_mm", "filament_mm", "underruns"] {
+            assert_eq!(done[key], expected[key], "{key} with {faults:?}");
+        }
+    }
+}
+
+/// Over a bad line, with every line's checksum: what is on the card then prints as the file does.
+#[test]
+fn gcode_is_written_to_the_card() {
+    let folder = folder();
+    let lines = part();
+    let expected = crate::conversation::printed(&lines);
+    let gcode = file(&folder, &lines.join("\n"));
+    let image = crate::card::image(&folder);
+    let card = image.to_str().unwrap();
+    let to_card = |printer: &Printer, file: &Path, name: &str| {
+        let mut send = Command::new(program());
+        send.arg("send").arg(file).args(["--to-card", name, "--port"]).arg(printer.port());
+        send.stdin(Stdio::null()).output().unwrap()
+    };
+    let printer = Printer::at_pty(&["--speed", "max", "--card", card, "--fault", "flip-line:3%"]);
+    let output = to_card(&printer, &gcode, "PART.GCO");
+    says(&output, 0, &format!("written to the card as PART.GCO: {} lines sent, ", lines.len()));
+    assert!(!String::from_utf8_lossy(&output.stderr).contains(" 0 of them again"));
+    assert_eq!(printer.end()["moves"], 0);
+
+    let printer = Printer::at_pty(&["--speed", "max", "--card", card]);
+    says(&to_card(&printer, &gcode, "a name that is long.gcode"), 2, "--to-card: write a name of 8 characters");
+    says(&to_card(&printer, &gcode, "longername.gcode"), 1, "the printer refuses M28 longername.gcode: open failed");
+    let bad = file(&folder, "G28\nM112\nG1 X5\n");
+    let output = to_card(&printer, &bad, "BAD.GCO");
+    says(&output, 1, "after line 1 of the file: the next command is M112");
+    says(&output, 1, "BAD.GCO was not complete and has been deleted from the card");
+    let mut host = printer.connect();
+    let listed = host.say("M20");
+    assert!(!listed.iter().any(|line| line.starts_with("BAD.GCO")), "{listed:?}");
+    host.say("M32 !PART.GCO#");
+    host.hear_until(|line| line == "Done printing file");
+    assert_eq!(host.figure("step_digest"), expected["step_digest"]);
+    printer.end();
+}
+
+#[test]
+fn gcode_is_sent_over_tcp() {
+    let folder = folder();
+    let printer = Printer::at_tcp(&["--speed", "max"]);
+    let output =
+        send(&file(&folder, "G28\nG1 X50 F6000 ; there\nM9999\nG1 X\n"), &format!("tcp:{}", printer.address()));
+    says(&output, 0, "echo:Unknown command: \"M9999\"");
+    assert_eq!(printer.end()["position_mm"]["x"], 50.0);
+}
+
+/// A thermistor breaks, or the file itself stops everything: the rest of the file is not sent.
+#[test]
+fn a_printer_that_halts_ends_the_job() {
+    let folder = folder();
+    let halted = "error: the board has halted: Error:Printer halted. kill() called!";
+    let reported = "error: after line 1 of the file: the printer reports: Error:";
+    for (text, fault, expected, then) in [
+        ("G28\nM112\nG1 X50 F6000\n", "bed-open@9999", halted, ""),
+        (
+            "M104 S200\nG4 S60\nG1 X50 F6000\n",
+            "nozzle-open@20",
+            reported,
+            "the printer has halted, which switches motors and heaters off",
+        ),
+    ] {
+        let printer = Printer::at_pty(&["--speed", "max", "--fault", fault]);
+        let output = send(&file(&folder, text), printer.port().to_str().unwrap());
+        says(&output, 1, expected);
+        says(&output, 1, then);
+        assert_eq!(printer.end()["position_mm"]["x"], 0.0);
+    }
+}
+
+/// Without a terminal there is nobody to ask.
+#[test]
+fn ctrl_c_ends_waits_motion_and_heat() {
+    let folder = folder();
+    let printer = Printer::at_pty(&[]);
+    let job = file(&folder, "M302 P1\nM140 S60\nG1 E900 F300\nM109 S200\nG1 X1 F600\n");
+    let mut command = Command::new(program());
+    command.arg("send").arg(job).args(["--port", printer.port().to_str().unwrap()]);
+    let sender = command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    std::thread::sleep(Duration::from_secs(2));
+    assert!(Command::new("kill").args(["-INT", &sender.id().to_string()]).status().unwrap().success());
+    let output = sender.wait_with_output().unwrap();
+    says(&output, 1, "error: after line 3 of the file: stopped by Ctrl-C");
+    says(
+        &output,
+        1,
+        "the printer has ended: waits (M108), motion (M410), the nozzle's heater (M104 S0), the bed's heater (M140 S0)",
+    );
+    let mut host = printer.connect();
+    let heat = host.say("M105").join(" ");
+    assert!(heat.contains("/0.00 B:") && heat.contains("/0.00 @"), "{heat}");
+    let pushed = printer.end()["position_mm"]["e"].as_f64().unwrap();
+    assert!((0.1..100.0).contains(&pushed), "{pushed}");
+}
+
+#[test]
+fn what_is_no_printer_is_refused_and_left_as_it_is() {
+    let folder = folder();
+    let job = file(&folder, "G28\n");
+    let letter = folder.path().join("letter.txt");
+    std::fs::write(&letter, "Dear printer").unwrap();
+    for (port, expected) in [
+        (letter.to_str().unwrap(), "this is an ordinary file, expected a serial port: `ferrostep ports` lists them"),
+        (folder.path().to_str().unwrap(), "this is a folder"),
+        ("/dev/no-such-port", "/dev/no-such-port: No such file"),
+        ("tcp:localhost", "expected tcp:HOST:PORT"),
+        ("tcp:127.0.0.1:1", "no connection: "),
+    ] {
+        says(&send(&job, port), 2, expected);
+    }
+    assert_eq!(std::fs::read_to_string(letter).unwrap(), "Dear printer");
+}
+
+#[test]
+fn ports_are_listed() {
+    let output = Command::new(program()).arg("ports").output().unwrap();
+    assert_eq!(output.status.code(), Some(0), "{output:?}");
+    let listed = String::from_utf8(output.stdout).unwrap();
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(listed.is_empty(), said.contains("no serial port"), "{listed}{said}");
+}

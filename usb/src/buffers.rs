@@ -1,0 +1,18 @@
+//! The firmware's side of the port.
+
+use ferrostep_gcode::Emergency;
+use ferrostep_gcode::meatpack;
+
+/// The firmware's side of the port.
+pub trait Buffers {
+    /// A received byte, or a [`BREAK`](crate::BREAK); whether there was room for it.
+    fn put(&mut self, byte: u8) -> bool;
+    /// The next byte to send.
+    fn take(&mut self) -> Option<u8>;
+    /// A command that does not wait its turn; its bytes were, or will be, [`Self::put`] as well.
+    fn emergency(&mut self, emergency: Emergency);
+    /// A line of text has ended, so its host is present. The line may have to wait its turn.
+    fn note_line(&mut self) {}
+    /// The host has switched MeatPack on or off, or asks how it stands, and waits for this report.
+    fn report_packing(&mut self, _: meatpack::Settings) {}
+}
