@@ -5,7 +5,7 @@ use ferrostep_gcode::{CardCommand, Command, Reply};
 use ferrostep_hal_shim::Clock;
 use ferrostep_hal_shim::card::CardError;
 
-use super::{Job, Selected, Writing, is_a};
+use super::state::{Job, Selected, Writing, is_a};
 use crate::error::CommandError;
 use crate::paused::PauseReason;
 use crate::ports::{Heating, Motion, Ports, Replies};

@@ -5,7 +5,7 @@ use core::future::Future;
 use ferrostep_card::{CardFailure, Request, Taken};
 use ferrostep_gcode::{Command, Line, LineError, Reply};
 
-use super::Job;
+use super::state::Job;
 use crate::error::{CommandError, Failure};
 use crate::host::Host;
 use crate::ports::{Motion, Ports, Replies};

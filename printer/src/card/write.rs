@@ -4,7 +4,8 @@ use embedded_hal_async::delay::DelayNs;
 use ferrostep_card::{CardFailure, LongPath, Put, Request};
 use ferrostep_gcode::Reply;
 
-use super::{Job, LOOK_MS, Writing};
+use super::state::{Job, Writing};
+use super::task::LOOK_MS;
 use crate::error::CommandError;
 use crate::host::is_end_of_file;
 use crate::ports::{Ports, Replies};

@@ -1,0 +1,49 @@
+//! Questions to the card's task, and what the rest of the printer learns of the answers.
+
+use core::future::Future;
+
+use embedded_hal_async::delay::DelayNs;
+use ferrostep_card::{Answer, CardFailure, CardPort, Request};
+use ferrostep_hal_shim::Clock;
+use ferrostep_hal_shim::card::CardError;
+
+use super::state::Job;
+use crate::ports::Ports;
+use crate::printer::Printer;
+
+/// How often the printer looks whether the card's task has answered.
+pub(super) const LOOK_MS: u32 = 1;
+
+impl<'a, P: Ports> Printer<'a, P> {
+    /// The board has a slot for a memory card, served by this task.
+    pub fn set_card(&mut self, port: &'a dyn CardPort) {
+        self.card.port = Some(port);
+    }
+
+    /// Asks the card's task at once; what is returned waits for the answer, without the request.
+    pub(super) fn ask_card(&mut self, request: Request) -> impl Future<Output = Result<Answer, CardFailure>> {
+        let port = self.card.post(request);
+        async move {
+            let Some(port) = port else { return Err(CardFailure::Slot(CardError::Missing)) };
+            loop {
+                let mut answer = None;
+                port.with(&mut |mailbox| answer = mailbox.take_answer());
+                if let Some(answer) = answer {
+                    return answer;
+                }
+                self.clock.delay_ms(LOOK_MS).await;
+            }
+        }
+    }
+
+    pub(super) fn set_card_job(&mut self, job: Job) {
+        self.card.set_job(job, self.clock.now_ms());
+        self.note_card_progress();
+    }
+
+    /// What M27 S reports.
+    pub(super) fn note_card_progress(&self) {
+        let size = self.card.selected.filter(|_| self.card.job != Job::None).map(|selected| selected.size);
+        self.signals.set_card_progress(size.map(|size| (self.card.position, size)));
+    }
+}
