@@ -5,6 +5,7 @@ mod chart;
 mod cycle_model;
 mod desk;
 mod emulation;
+mod figures;
 mod host;
 mod lines;
 mod page;

@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use serde_json::{Value, json};
 
-use super::page::{number, shown};
+use super::figures::{number, shown};
 use crate::steps::Failure;
 
 /// Wu 2024, tables 1 to 5: the line, its key, and how much longer the classic algorithm took.

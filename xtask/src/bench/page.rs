@@ -6,6 +6,7 @@ use serde_json::Value;
 
 use super::chart::{self, Bar, Group};
 use super::cycle_model::events_per_s;
+use super::figures::{number, shown};
 use super::{desk, lines};
 use crate::generated::Page;
 use crate::steps::Failure;
@@ -36,28 +37,6 @@ pub fn write(figures: &Value) -> Result<(), Failure> {
 /// A count by its key in `target.step_event`, if there is one.
 fn event(figures: &Value, key: &str) -> Option<f64> {
     number(figures, &format!("target.step_event.{key}"))
-}
-
-/// A number by its key with dots.
-pub fn number(figures: &Value, key: &str) -> Option<f64> {
-    key.split('.').try_fold(figures, |value, key| value.get(key))?.as_f64()
-}
-
-/// With groups of three digits, and a decimal as long as they are few; a dash for none.
-pub fn shown(count: Option<f64>) -> String {
-    let Some(count) = count else { return "-".to_owned() };
-    if count < 1000.0 && count.fract() != 0.0 {
-        return format!("{count:.1}");
-    }
-    let digits = format!("{count:.0}");
-    let mut grouped = String::new();
-    for (index, digit) in digits.chars().enumerate() {
-        if index > 0 && (digits.len() - index) % 3 == 0 {
-            grouped.push(' ');
-        }
-        grouped.push(digit);
-    }
-    grouped
 }
 
 /// Thousands a second.
@@ -252,15 +231,6 @@ mod tests {
         );
         let chart = std::fs::read_to_string(system::root().join(CHART)).unwrap();
         assert!(chart == step_chart(&figures), "`cargo xtask bench --save-baseline` writes {CHART}");
-    }
-
-    #[test]
-    fn counts_are_grouped_and_what_is_missing_is_a_dash() {
-        assert_eq!(shown(Some(1_234_567.0)), "1 234 567");
-        assert_eq!(shown(Some(120.62)), "120.6");
-        assert_eq!(shown(Some(33.0)), "33");
-        assert_eq!(shown(Some(48_530.4)), "48 530");
-        assert_eq!(shown(None), "-");
     }
 
     #[test]
