@@ -7,7 +7,7 @@ pub(crate) mod bounds;
 
 use ferrostep_planner::kinematics::UNITS_PER_MM;
 use ferrostep_planner::methods::{OtherLaw, SpeedRule};
-use ferrostep_planner::piece::{Anchor, Motion, Piece, PieceEnd};
+use ferrostep_planner::piece::{Motion, Piece, PieceEnd};
 use ferrostep_planner::real::Real;
 use ferrostep_planner::time_units::{FRACTION_BITS, HALF_TICK, UNITS_PER_SECOND};
 use ferrostep_planner::{Block, Cubic, PlannedBlock, Speed};
@@ -143,27 +143,20 @@ impl Iterator for SegmentPieces {
 
     fn next(&mut self) -> Option<Piece<f64>> {
         let Self { length, peak, up, down, down_start, duration, next } = *self;
-        let leaving = |position, time, motion, end| Piece {
-            anchor: Anchor::Start,
-            time,
-            position,
-            motion,
-            end: PieceEnd::FromStart(end),
-        };
-        let arriving = |to_end, time, motion, end| Piece { anchor: Anchor::End, time, position: to_end, motion, end };
+        let leaving = |position, time, motion, end| Piece::leaving(position, time, motion, PieceEnd::FromStart(end));
         self.next = next + 1;
         Some(match next {
             0 => leaving(0.0, 0.0, up.slow_half(), up.slow + up.bend()),
             1 => {
                 let time = up.half_time + up.half_time;
-                arriving(length - up.length(), time, up.fast_half(), PieceEnd::FromStart(up.length()))
+                Piece::arriving(length - up.length(), time, up.fast_half(), PieceEnd::FromStart(up.length()))
             }
             2 => {
                 let cruise = Motion::Constant { path: peak, time: UNITS_PER_SECOND };
                 leaving(up.length(), up.half_time + up.half_time, cruise, length - down.length())
             }
             3 => leaving(length - down.length(), down_start, down.fast_half(), length - down.slow - down.bend()),
-            4 => arriving(0.0, duration, down.slow_half(), PieceEnd::Last),
+            4 => Piece::arriving(0.0, duration, down.slow_half(), PieceEnd::Last),
             _ => {
                 self.next = next;
                 return None;

@@ -102,6 +102,20 @@ impl<F: Real> Motion<F> {
     }
 }
 
+impl<F> Piece<F> {
+    /// A piece whose figures belong to its start, which is `position` from the block's start and passed at `time`.
+    #[inline(always)]
+    pub const fn leaving(position: F, time: F, motion: Motion<F>, end: PieceEnd<F>) -> Self {
+        Self { anchor: Anchor::Start, time, position, motion, end }
+    }
+
+    /// A piece whose figures belong to its end, from which it is `position` to the block's end, passed at `time`.
+    #[inline(always)]
+    pub const fn arriving(position: F, time: F, motion: Motion<F>, end: PieceEnd<F>) -> Self {
+        Self { anchor: Anchor::End, time, position, motion, end }
+    }
+}
+
 impl<F: Real> Piece<F> {
     /// Path between the anchor and a place in the piece.
     pub(crate) fn distance(&self, place: &Place<F>) -> F {

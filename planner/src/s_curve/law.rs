@@ -5,7 +5,7 @@ use super::run::Run;
 use crate::block::Speed;
 use crate::cubic::Cubic;
 use crate::kinematics::UNITS_PER_MM;
-use crate::piece::{Anchor, Motion, Piece, PieceEnd, Place, above_zero, piece_at, time_at};
+use crate::piece::{Motion, Piece, PieceEnd, Place, above_zero, piece_at, time_at};
 use crate::real::Real;
 use crate::time_units::{FRACTION_BITS, HALF_TICK, UNITS, UNITS_PER_SECOND, cruise_time};
 
@@ -155,20 +155,8 @@ impl Iterator for CurvePieces {
 
     fn next(&mut self) -> Option<Piece<f64>> {
         let Self { curve: Curve { length, peak, up, down, down_start, duration }, offset, rest, next } = *self;
-        let leaving = |position: f64, time: f64, motion, end| Piece {
-            anchor: Anchor::Start,
-            time,
-            position: position - offset,
-            motion,
-            end,
-        };
-        let arriving = |to_end: f64, time: f64, motion, end| Piece {
-            anchor: Anchor::End,
-            time,
-            position: to_end - rest,
-            motion,
-            end,
-        };
+        let leaving = |position: f64, time, motion, end| Piece::leaving(position - offset, time, motion, end);
+        let arriving = |to_end: f64, time, motion, end| Piece::arriving(to_end - rest, time, motion, end);
         let from_start = |place: f64| PieceEnd::FromStart(place - offset);
         let to_end = |place: f64| PieceEnd::ToEnd(place - rest);
         let slow_part = |ramp: &Ramp| Motion::Jerk { curve: ramp.slow_part, duration: ramp.jerk_time };
