@@ -7,6 +7,7 @@ mod heat;
 mod heat_at_rest;
 mod live;
 mod plan_reader;
+mod queue_machine;
 mod rehearsal;
 mod session_motion;
 mod step_queue;
@@ -16,8 +17,9 @@ pub use figures::Figures;
 pub use heat::{DeskHeat, DeskHeating};
 pub use live::{LiveDesk, LiveMachine};
 pub use plan_reader::{PlanReader, PlannedMotion};
+pub use queue_machine::QueueMachine;
 pub use rehearsal::{DeskMachine, Rehearsal};
-pub use session_motion::Desk;
+pub use session_motion::{Desk, MotionState};
 pub use step_queue::VirtualStepQueue;
 
 /// Blocks in the look-ahead ring, as on the target.

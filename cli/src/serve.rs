@@ -21,7 +21,7 @@ use ferrostep_printer::SharedMotion;
 use ferrostep_printer::{Heating, Printer, Profile, Replies, temperatures};
 use ferrostep_virtual_board::{VirtualCard, VirtualClock, VirtualDelay};
 
-use crate::desk::{Desk, DeskHeating, Figures, LOOK_AHEAD_BLOCKS, LiveMachine};
+use crate::desk::{Desk, DeskHeating, Figures, LOOK_AHEAD_BLOCKS, LiveMachine, MotionState};
 use crate::session::{LiveSession, Session};
 
 pub use faults::{Fault, FaultKind, KINDS as FAULT_KINDS, LineFault};
@@ -273,7 +273,7 @@ impl Conductor {
                 }
                 // The line is a file's.
                 Emergency::QuickStop | Emergency::EndWait if session.signals().is_writing() => {}
-                Emergency::QuickStop => session.desk().stop(),
+                Emergency::QuickStop => session.desk().state().stop(),
                 Emergency::EndWait => session.signals().end_wait(),
                 Emergency::PromptAnswer(button) => session.signals().answer_prompt(button),
             }

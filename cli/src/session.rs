@@ -16,7 +16,9 @@ use ferrostep_printer::{
 };
 use ferrostep_virtual_board::{HeaterFailure, IDENTIFIER, VirtualClock, VirtualDelay, VirtualHeaters};
 
-use crate::desk::{Desk, DeskDrivers, DeskHeat, DeskHeating, DeskMachine, Figures, LiveDesk, PlanReader, Rehearsal};
+use crate::desk::{
+    Desk, DeskDrivers, DeskHeat, DeskHeating, DeskMachine, Figures, LiveDesk, MotionState, PlanReader, Rehearsal,
+};
 use crate::record::Observer;
 use crate::remarks::{RemarkKind, RemarkList};
 use crate::terminal::code;
@@ -161,7 +163,7 @@ impl<D: Desk, R: Replies> Session<D, R> {
 
     /// What was done so far.
     pub fn figures(&self) -> Figures {
-        Figures { print_time_s: self.last_step_ns.get() as f64 * 1e-9, ..self.desk.figures() }
+        Figures { print_time_s: self.last_step_ns.get() as f64 * 1e-9, ..self.desk.state().figures() }
     }
 
     /// Flags for those who act on bytes as they arrive.
@@ -182,7 +184,7 @@ impl<D: Desk, R: Replies> Session<D, R> {
     /// Everything off, as M112 does when its bytes arrive.
     pub fn halt(&self) {
         self.heat.borrow_mut().all_off();
-        self.desk.stop();
+        self.desk.state().stop();
         self.signals.halt();
     }
 
@@ -196,7 +198,7 @@ impl<D: Desk, R: Replies> Session<D, R> {
                 return output;
             }
             if let Err(fault) = self.pass_time() {
-                self.desk.stop();
+                self.desk.state().stop();
                 // Two adjacent lines, as hosts expect of a thermal error.
                 self.replies.send(Reply::Text(&fault.to_string()));
                 self.replies.send(Reply::Killed);
@@ -223,7 +225,7 @@ impl<D: Desk, R: Replies> Session<D, R> {
     /// A heater or thermometer has failed; heaters are off.
     fn pass_time(&self) -> Result<(), HeatFault> {
         self.desk.pass_motion();
-        let tick = self.desk.tick();
+        let tick = self.desk.state().tick();
         if self.last_tick.replace(tick) != tick {
             self.last_step_ns.set(self.desk.now_ns());
             self.has_moved.set(true);
@@ -233,13 +235,13 @@ impl<D: Desk, R: Replies> Session<D, R> {
         }
         let now_ns = self.desk.now_ns();
         self.clock.advance_to(now_ns);
-        self.heat.borrow_mut().pass_to(now_ns, self.desk.fan_power())
+        self.heat.borrow_mut().pass_to(now_ns, self.desk.state().fan_power())
     }
 
     /// What has happened to the motors' drivers; one that leaves a motor alone in motion halts the machine.
     fn tell_driver_events(&self) {
         while let Some(event) = self.drivers.take_event() {
-            let halts = tell_driver_event(&event, self.desk.enabled_motors(), &self.replies);
+            let halts = tell_driver_event(&event, self.desk.state().enabled_motors(), &self.replies);
             if halts && !self.signals.is_halted() {
                 self.halt();
                 self.replies.send(Reply::Killed);

@@ -7,14 +7,14 @@ use std::task::Poll;
 
 use ferrostep_papers::Papers;
 use ferrostep_planner::look_ahead::Slot;
-use ferrostep_printer::machine::{Machine, Silence};
+use ferrostep_printer::machine::Silence;
 use ferrostep_printer::{Profile, SharedMachine, SharedMotion, Signals};
 
 use super::desk_time::motion_ticks;
 use super::drivers::DeskDrivers;
-use super::figures::Figures;
+use super::queue_machine::{self, QueueMachine};
 use super::session_motion::Desk;
-use super::step_queue::{self, VirtualStepQueue};
+use super::step_queue::VirtualStepQueue;
 
 /// The planner task looks at the step queue this often, as on a board.
 const PLANNER_INTERVAL_NS: u64 = 2_000_000;
@@ -22,12 +22,9 @@ const PLANNER_INTERVAL_NS: u64 = 2_000_000;
 /// At standstill, what waits in the ring is executed after this much silence of the host, as on a board.
 const FLUSH_AFTER_NS: u64 = 100_000_000;
 
-/// Planner, motors and step queue.
-type QueueMachine = Machine<Vec<Slot>, VirtualStepQueue<()>, Papers>;
-
 /// A machine that makes every step at its time.
 pub struct LiveDesk {
-    machine: RefCell<QueueMachine>,
+    machine: RefCell<QueueMachine<()>>,
     now_ns: Cell<u64>,
     granted_ns: Cell<u64>,
     /// Since when the commands' side has waited for the host.
@@ -37,11 +34,8 @@ pub struct LiveDesk {
 impl LiveDesk {
     /// A machine that has just been switched on, with this many blocks in its look-ahead ring.
     pub fn new(profile: &Profile, look_ahead: usize, drivers: Rc<DeskDrivers>) -> Self {
-        let mut motors = profile.virtual_motors();
-        motors.set_framed(profile.framed_axes());
-        let queue = VirtualStepQueue::new(motors, drivers, ());
         Self {
-            machine: RefCell::new(Machine::new(profile, vec![Slot::EMPTY; look_ahead], queue)),
+            machine: queue_machine::machine(profile, look_ahead, drivers, ()),
             now_ns: Cell::new(0),
             granted_ns: Cell::new(0),
             host_awaited_since_ns: Cell::new(None),
@@ -91,7 +85,7 @@ impl LiveDesk {
     }
 
     /// The planner task, until it has nothing more to do.
-    fn plan(&self, machine: &mut QueueMachine) {
+    fn plan(&self, machine: &mut QueueMachine<()>) {
         let now_ns = self.now_ns.get();
         let is_silent = |since_ns| now_ns - since_ns >= FLUSH_AFTER_NS;
         let may_flush = self.host_awaited_since_ns.get().is_some_and(is_silent);
@@ -101,6 +95,8 @@ impl LiveDesk {
 
 impl Desk for LiveDesk {
     type Motion<'a> = SharedMotion<LiveMachine<'a>>;
+
+    type State = RefCell<QueueMachine<()>>;
 
     const MAKES_STEPS: bool = true;
 
@@ -125,30 +121,8 @@ impl Desk for LiveDesk {
         self.now_ns.get()
     }
 
-    fn tick(&self) -> u64 {
-        self.machine.borrow().queue().motors().ledger.tick()
-    }
-
-    fn stop(&self) {
-        let mut machine = self.machine.borrow_mut();
-        machine.request_stop();
-        machine.work(Silence::default());
-    }
-
-    fn fan_power(&self) -> u8 {
-        self.machine.borrow().fan_power()
-    }
-
-    fn enabled_motors(&self) -> u8 {
-        self.machine.borrow().enabled_motors()
-    }
-
-    fn plan_block_by_block(&self) -> bool {
-        self.machine.borrow_mut().plan_block_by_block()
-    }
-
-    fn figures(&self) -> Figures {
-        step_queue::figures(&self.machine.borrow())
+    fn state(&self) -> &Self::State {
+        &self.machine
     }
 }
 
@@ -163,7 +137,7 @@ impl SharedMachine for LiveMachine<'_> {
     type Queue = VirtualStepQueue<()>;
     type Methods = Papers;
 
-    fn with<T>(&self, act: impl FnOnce(&mut QueueMachine) -> T) -> T {
+    fn with<T>(&self, act: impl FnOnce(&mut QueueMachine<()>) -> T) -> T {
         act(&mut self.desk.machine.borrow_mut())
     }
 

@@ -21,7 +21,7 @@ use ferrostep_virtual_board::VirtualMotors;
 use super::desk_time::DeskTime;
 use super::drivers::DeskDrivers;
 use super::figures::{Figures, seconds};
-use super::session_motion::Desk;
+use super::session_motion::{Desk, MotionState};
 use crate::gpre::Script;
 
 /// Mask of all motors.
@@ -204,6 +204,8 @@ impl PlanReader {
 impl Desk for PlanReader {
     type Motion<'a> = PlannedMotion<'a>;
 
+    type State = Self;
+
     const MAKES_STEPS: bool = false;
 
     fn motion<'a>(&'a self, signals: &'a Signals) -> PlannedMotion<'a> {
@@ -222,6 +224,12 @@ impl Desk for PlanReader {
         self.time.now_ns(self.tick())
     }
 
+    fn state(&self) -> &Self {
+        self
+    }
+}
+
+impl MotionState for PlanReader {
     fn tick(&self) -> u64 {
         self.plan.borrow().tick()
     }

@@ -8,25 +8,22 @@ use std::task::Poll;
 use ferrostep_papers::Papers;
 use ferrostep_planner::TICKS_PER_SECOND;
 use ferrostep_planner::look_ahead::Slot;
-use ferrostep_printer::machine::{Machine, Silence};
+use ferrostep_printer::machine::Silence;
 use ferrostep_printer::{Profile, SharedMachine, SharedMotion, Signals};
 
 use super::desk_time::DeskTime;
 use super::drivers::DeskDrivers;
-use super::figures::Figures;
-use super::session_motion::Desk;
-use super::step_queue::{self, VirtualStepQueue};
+use super::queue_machine::{self, QueueMachine};
+use super::session_motion::{Desk, MotionState};
+use super::step_queue::VirtualStepQueue;
 use crate::record::Observer;
 
 /// Longest motion at once while a command waits for it, so that temperatures and the host are looked after.
 const LONGEST_LEAP_TICKS: u64 = TICKS_PER_SECOND as u64 / 2;
 
-/// The machine with the desk's step queue.
-type RehearsedMachine<O> = Machine<Vec<Slot>, VirtualStepQueue<O>, Papers>;
-
 /// A machine that makes every step, seen by `O`.
 pub struct Rehearsal<O> {
-    machine: RefCell<RehearsedMachine<O>>,
+    machine: RefCell<QueueMachine<O>>,
     time: DeskTime,
     /// A command waits for motion.
     awaits_motion: Cell<bool>,
@@ -35,11 +32,8 @@ pub struct Rehearsal<O> {
 impl<O: Observer> Rehearsal<O> {
     /// A machine that has just been switched on, with this many blocks in its look-ahead ring.
     pub fn new(profile: &Profile, look_ahead: usize, drivers: Rc<DeskDrivers>, observer: O) -> Self {
-        let mut motors = profile.virtual_motors();
-        motors.set_framed(profile.framed_axes());
-        let queue = VirtualStepQueue::new(motors, drivers, observer);
         Self {
-            machine: RefCell::new(Machine::new(profile, vec![Slot::EMPTY; look_ahead], queue)),
+            machine: queue_machine::machine(profile, look_ahead, drivers, observer),
             time: DeskTime::default(),
             awaits_motion: Cell::new(false),
         }
@@ -66,6 +60,8 @@ impl<O: Observer> Desk for Rehearsal<O> {
         = SharedMotion<DeskMachine<'a, O>>
     where
         O: 'a;
+
+    type State = RefCell<QueueMachine<O>>;
 
     const MAKES_STEPS: bool = true;
 
@@ -99,37 +95,15 @@ impl<O: Observer> Desk for Rehearsal<O> {
     }
 
     fn wait_until(&self, wake_ns: u64) {
-        self.time.wait_until(self.tick(), wake_ns);
+        self.time.wait_until(self.machine.tick(), wake_ns);
     }
 
     fn now_ns(&self) -> u64 {
-        self.time.now_ns(self.tick())
+        self.time.now_ns(self.machine.tick())
     }
 
-    fn tick(&self) -> u64 {
-        self.machine.borrow().queue().motors().ledger.tick()
-    }
-
-    fn stop(&self) {
-        let mut machine = self.machine.borrow_mut();
-        machine.request_stop();
-        machine.work(Silence::default());
-    }
-
-    fn fan_power(&self) -> u8 {
-        self.machine.borrow().fan_power()
-    }
-
-    fn enabled_motors(&self) -> u8 {
-        self.machine.borrow().enabled_motors()
-    }
-
-    fn plan_block_by_block(&self) -> bool {
-        self.machine.borrow_mut().plan_block_by_block()
-    }
-
-    fn figures(&self) -> Figures {
-        step_queue::figures(&self.machine.borrow())
+    fn state(&self) -> &Self::State {
+        &self.machine
     }
 }
 
@@ -144,7 +118,7 @@ impl<O: Observer> SharedMachine for DeskMachine<'_, O> {
     type Queue = VirtualStepQueue<O>;
     type Methods = Papers;
 
-    fn with<T>(&self, act: impl FnOnce(&mut RehearsedMachine<O>) -> T) -> T {
+    fn with<T>(&self, act: impl FnOnce(&mut QueueMachine<O>) -> T) -> T {
         act(&mut self.desk.machine.borrow_mut())
     }
 

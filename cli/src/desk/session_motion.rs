@@ -4,24 +4,8 @@ use ferrostep_printer::{Motion, Signals};
 
 use super::figures::Figures;
 
-/// Motion of a session, in virtual time.
-pub trait Desk {
-    /// What commands move.
-    type Motion<'a>: Motion
-    where
-        Self: 'a;
-
-    /// Whether it makes every step. If not, it is an estimate, whose cost must not follow the print's time.
-    const MAKES_STEPS: bool;
-
-    /// The motion, as commands see it; a halt ends their waits.
-    fn motion<'a>(&'a self, signals: &'a Signals) -> Self::Motion<'a>;
-    /// If a command waits for motion: lets time pass until there is something new, or for a while.
-    fn pass_motion(&self);
-    /// A command waits for a moment: lets time pass up to it.
-    fn wait_until(&self, wake_ns: u64);
-    /// Virtual time since the machine was switched on.
-    fn now_ns(&self) -> u64;
+/// What has been planned and moved so far, however time passes.
+pub trait MotionState {
     /// The motion clock: ticks of all motion so far. It stands still between motions.
     fn tick(&self) -> u64;
     /// Stops motion at once.
@@ -34,4 +18,29 @@ pub trait Desk {
     fn plan_block_by_block(&self) -> bool;
     /// What was done so far, without the print's time.
     fn figures(&self) -> Figures;
+}
+
+/// Motion of a session, in virtual time.
+pub trait Desk {
+    /// What commands move.
+    type Motion<'a>: Motion
+    where
+        Self: 'a;
+
+    /// What plans and moves.
+    type State: MotionState;
+
+    /// Whether it makes every step. If not, it is an estimate, whose cost must not follow the print's time.
+    const MAKES_STEPS: bool;
+
+    /// The motion, as commands see it; a halt ends their waits.
+    fn motion<'a>(&'a self, signals: &'a Signals) -> Self::Motion<'a>;
+    /// If a command waits for motion: lets time pass until there is something new, or for a while.
+    fn pass_motion(&self);
+    /// A command waits for a moment: lets time pass up to it.
+    fn wait_until(&self, wake_ns: u64);
+    /// Virtual time since the machine was switched on.
+    fn now_ns(&self) -> u64;
+    /// What has been planned and moved so far.
+    fn state(&self) -> &Self::State;
 }

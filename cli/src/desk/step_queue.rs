@@ -6,14 +6,10 @@ use std::rc::Rc;
 use ferrostep_hal_shim::{
     Approach, DroppedSteps, FeedError, HomingSensors, MotionWatch, MotorEnable, PlanningClock, StepLink, StepQueue,
 };
-use ferrostep_papers::Papers;
-use ferrostep_planner::look_ahead::Slot;
 use ferrostep_planner::{StepDigests, StepEntry, StepLedger, StepObserver};
-use ferrostep_printer::machine::Machine;
 use ferrostep_virtual_board::{EventRate, VirtualMotors};
 
 use super::drivers::DeskDrivers;
-use super::figures::{Figures, seconds};
 use crate::record::Observer;
 
 /// Entries that the queue holds, as many as a board's has slots.
@@ -55,22 +51,6 @@ pub struct VirtualStepQueue<O> {
     /// Where time passes by itself: the motion clock now, at or after the last event; what is earlier stands for that event.
     now_tick: u64,
     watch: Watch<O>,
-}
-
-/// What a machine with this queue has done.
-pub(super) fn figures<O: Observer>(machine: &Machine<Vec<Slot>, VirtualStepQueue<O>, Papers>) -> Figures {
-    let (figures, queue) = (machine.figures(), machine.queue());
-    Figures {
-        print_time_s: 0.0,
-        motion_time_s: seconds(machine.motion_ticks()),
-        motor_steps: figures.issued_steps,
-        max_event_rate_hz: queue.max_event_rate_hz(),
-        underruns: figures.underruns,
-        starvation_flushes: figures.starvation_flushes,
-        slowed_moves: figures.slowed_moves,
-        merged_moves: figures.merged_moves,
-        digests: StepDigests { order: figures.order_digest, step: figures.step_digest },
-    }
 }
 
 impl<O: Observer> VirtualStepQueue<O> {

@@ -2,7 +2,7 @@
 
 use std::fs::File;
 
-use ferrostep::desk::{Desk, LOOK_AHEAD_BLOCKS};
+use ferrostep::desk::{LOOK_AHEAD_BLOCKS, MotionState};
 use ferrostep::job::{self, JobProgress};
 use ferrostep::session::{JobReplies, Session};
 use ferrostep_oracle::reference::{InterpretOptions, ReferenceProfile, interpret};

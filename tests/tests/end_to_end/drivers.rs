@@ -3,7 +3,7 @@
 
 use std::cell::RefCell;
 
-use ferrostep::desk::{Desk, LOOK_AHEAD_BLOCKS};
+use ferrostep::desk::{Desk, LOOK_AHEAD_BLOCKS, MotionState};
 use ferrostep::job::{self, JobProgress};
 use ferrostep::session::{JobReplies, PrintSession, Session};
 use ferrostep_printer::{MotorDrivers, Profile};
@@ -110,7 +110,7 @@ fn m17_waits_for_the_drivers() {
     let profile = profile("prusa-mini");
     let machine = machine(&profile);
     let mut printer = machine.printer();
-    let motors_on = || machine.desk().enabled_motors();
+    let motors_on = || machine.desk().state().enabled_motors();
     (0..4).for_each(|motor| with_chip(&machine, motor, |chip| chip.set_silent(true)));
     let reason = "driver X does not answer: no reply on its serial line; is the motor supply on?";
     let replies = say(&machine, &mut printer, &["M17", "M17 E"]);

@@ -1,0 +1,72 @@
+//! The machine with the desk's step queue: one for all desks that make steps.
+
+use std::cell::RefCell;
+use std::rc::Rc;
+
+use ferrostep_papers::Papers;
+use ferrostep_planner::StepDigests;
+use ferrostep_planner::look_ahead::Slot;
+use ferrostep_printer::Profile;
+use ferrostep_printer::machine::{Machine, Silence};
+
+use super::drivers::DeskDrivers;
+use super::figures::{Figures, seconds};
+use super::session_motion::MotionState;
+use super::step_queue::VirtualStepQueue;
+use crate::record::Observer;
+
+/// Planner, step queue and motors, watched by `O`.
+pub type QueueMachine<O> = Machine<Vec<Slot>, VirtualStepQueue<O>, Papers>;
+
+/// A machine that has just been switched on, with this many blocks in its look-ahead ring.
+pub(super) fn machine<O: Observer>(
+    profile: &Profile,
+    look_ahead: usize,
+    drivers: Rc<DeskDrivers>,
+    observer: O,
+) -> RefCell<QueueMachine<O>> {
+    let mut motors = profile.virtual_motors();
+    motors.set_framed(profile.framed_axes());
+    let queue = VirtualStepQueue::new(motors, drivers, observer);
+    RefCell::new(Machine::new(profile, vec![Slot::EMPTY; look_ahead], queue))
+}
+
+impl<O: Observer> MotionState for RefCell<QueueMachine<O>> {
+    fn tick(&self) -> u64 {
+        self.borrow().queue().motors().ledger.tick()
+    }
+
+    fn stop(&self) {
+        let mut machine = self.borrow_mut();
+        machine.request_stop();
+        machine.work(Silence::default());
+    }
+
+    fn fan_power(&self) -> u8 {
+        self.borrow().fan_power()
+    }
+
+    fn enabled_motors(&self) -> u8 {
+        self.borrow().enabled_motors()
+    }
+
+    fn plan_block_by_block(&self) -> bool {
+        self.borrow_mut().plan_block_by_block()
+    }
+
+    fn figures(&self) -> Figures {
+        let machine = self.borrow();
+        let (figures, queue) = (machine.figures(), machine.queue());
+        Figures {
+            print_time_s: 0.0,
+            motion_time_s: seconds(machine.motion_ticks()),
+            motor_steps: figures.issued_steps,
+            max_event_rate_hz: queue.max_event_rate_hz(),
+            underruns: figures.underruns,
+            starvation_flushes: figures.starvation_flushes,
+            slowed_moves: figures.slowed_moves,
+            merged_moves: figures.merged_moves,
+            digests: StepDigests { order: figures.order_digest, step: figures.step_digest },
+        }
+    }
+}
