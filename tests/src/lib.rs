@@ -2,14 +2,15 @@
 //!
 //! [`board_model`] runs the crates under test as the firmware does, at any speed of host and processor. [`live_machine`] makes
 //! hostile conversations with it of any bytes. [`stress_file`] writes a print that asks much of both, [`feed_chart`] draws the
-//! result. [`program`] is the `ferrostep` command. [`step_edges`] plays a trace on the step interrupt's model at its latest. What judges the results is the crate
-//! `ferrostep-oracle`.
+//! result. [`host_side`] numbers a host's lines and receives its bytes. [`program`] is the `ferrostep` command. [`step_edges`]
+//! plays a trace on the step interrupt's model at its latest. What judges the results is the crate `ferrostep-oracle`.
 #![deny(missing_docs)]
 #![forbid(unsafe_code)]
 
 pub mod board_model;
 pub mod feed_chart;
 pub mod hand_made;
+pub mod host_side;
 pub mod hostile;
 pub mod live_machine;
 pub mod program;

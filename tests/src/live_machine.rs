@@ -12,6 +12,7 @@ use ferrostep_printer::{Host, Profile};
 use ferrostep_step_player::{BothEdges, Pulses, Stepping};
 
 use crate::board_model::{Board, BoardPrinter, CYCLES_A_MS, Costs, Ended, with_board};
+use crate::host_side::checksum;
 
 /// Lines in a conversation.
 const MAX_LINES: u32 = 200;
@@ -172,7 +173,7 @@ fn said(bytes: &mut Unstructured<'_>, number: &mut i64) -> arbitrary::Result<Sai
         }
         3 | 4 => {
             let text = format!("N{number} {}", line(bytes)?.split(['*', ';']).next().unwrap_or_default());
-            let checksum = text.bytes().fold(0, |sum, byte| sum ^ byte);
+            let checksum = checksum(&text);
             // One in sixteen has another number, or another checksum.
             *number += i64::from(!bytes.ratio(1, 16)?);
             let wrong = u8::from(bytes.ratio(1, 16)?);

@@ -1,5 +1,6 @@
 //! What hosts read of M20 to M34, M524 and M928, as OctoPrint 1.11 and Pronterface send and read it.
 
+use ferrostep_tests::host_side::numbered;
 use ferrostep_virtual_board::VirtualCard;
 
 use crate::setup::{Setup, image, nothing, profile};
@@ -225,16 +226,11 @@ fn m524_ends_a_print_and_switches_off() {
 fn a_host_writes_a_file() {
     let setup = setup();
     let mut printer = setup.printer();
-    let numbered = |number: u32, text: &str| {
-        let line = format!("N{number} {text}");
-        let sum = line.bytes().fold(0, |sum, byte| sum ^ byte);
-        format!("{line}*{sum}")
-    };
     let lines: Vec<String> =
         ["M110 N0", "M21", "M28 up.gco", "G28", "G1 X10 ; there", "M112x", "M108", "M105", "M29 up.gco"]
             .iter()
             .enumerate()
-            .map(|(number, text)| numbered(number as u32, text))
+            .map(|(number, text)| numbered(number as i64, text))
             .collect();
     let lines: Vec<&str> = lines.iter().map(String::as_str).collect();
     let said = setup.converse(&mut printer, &lines, &mut nothing);
@@ -281,11 +277,6 @@ fn a_host_writes_a_file() {
 fn a_line_without_its_number_is_not_written_by_a_host_that_numbers_its_lines() {
     let setup = setup();
     let mut printer = setup.printer();
-    let numbered = |number: u32, text: &str| {
-        let line = format!("N{number} {text}");
-        let sum = line.bytes().fold(0, |sum, byte| sum ^ byte);
-        format!("{line}*{sum}")
-    };
     setup.converse(&mut printer, &["M21"], &mut nothing);
     let garbled = numbered(3, "G1 X5").replacen('N', "F", 1);
     let lines = [numbered(0, "M110 N0"), numbered(1, "M28 UP.GCO"), numbered(2, "G28"), garbled, numbered(3, "G1 X5")];

@@ -4,6 +4,7 @@ use ferrostep::desk::LOOK_AHEAD_BLOCKS;
 use ferrostep::session::{DeskPrinter, PrintSession, Session};
 use ferrostep_gcode::LineReader;
 use ferrostep_printer::{Host, Profile};
+use ferrostep_tests::host_side::numbered;
 
 use crate::command::example;
 use crate::desk::{profile, rehearse};
@@ -63,13 +64,6 @@ impl<'a> Conversation<'a> {
     pub fn position_mm(&self) -> [f64; 4] {
         self.printer.logical_10nm().map(|units| units as f64 / 100_000.0)
     }
-}
-
-/// A line as hosts number it.
-pub fn numbered(number: i64, text: &str) -> String {
-    let line = format!("N{number} {text}");
-    let checksum = line.bytes().fold(0, |sum, byte| sum ^ byte);
-    format!("{line}*{checksum}")
 }
 
 fn oks(replies: &[String]) -> usize {

@@ -1,49 +1,22 @@
 //! A serial line that is faster than its reader: whole lines are executed or dropped, never two halves joined.
 
 use std::cell::RefCell;
-use std::collections::VecDeque;
 
-use ferrostep_gcode::Emergency;
 use ferrostep_printer::Host;
-use ferrostep_usb::{Buffers, Heard, Incoming, Lines};
+use ferrostep_tests::host_side::{PortBuffers, numbered};
+use ferrostep_usb::{Heard, Incoming, Lines};
 
 use crate::desk::profile;
-use crate::hosts::{Machine, machine, numbered};
+use crate::hosts::{Machine, machine};
 use crate::repeats::Seeded;
-
-/// A ring with little room, as between the serial interrupt and the printer's task.
-#[derive(Default)]
-struct Ring {
-    bytes: VecDeque<u8>,
-    room: usize,
-    emergencies: Vec<Emergency>,
-}
-
-impl Buffers for Ring {
-    fn put(&mut self, byte: u8) -> bool {
-        let fits = self.bytes.len() < self.room;
-        if fits {
-            self.bytes.push_back(byte);
-        }
-        fits
-    }
-
-    fn take(&mut self) -> Option<u8> {
-        None
-    }
-
-    fn emergency(&mut self, emergency: Emergency) {
-        self.emergencies.push(emergency);
-    }
-}
 
 /// Sends lines without waiting; the board reads one byte of the ring while `slowness` come. What it says, in order.
 fn send(machine: &Machine, lines: &[String], room: usize, slowness: usize, random: &mut Seeded) -> (Vec<String>, u32) {
-    let mut ring = Ring { room, ..Ring::default() };
+    let mut ring = PortBuffers { room, ..PortBuffers::default() };
     let (mut incoming, mut reader, mut host) = (Incoming::new(), Lines::new(), Host::new());
     let (mut printer, said) = (machine.printer(), RefCell::new(Vec::new()));
     let mut lost = 0;
-    let mut read = |ring: &mut Ring| {
+    let mut read = |ring: &mut PortBuffers| {
         let Some(byte) = ring.bytes.pop_front() else { return };
         let byte = [byte];
         let line = match reader.feed(&byte).1 {

@@ -2,62 +2,36 @@
 
 use ferrostep::session::DeskPrinter;
 use ferrostep_gcode::Emergency;
-use ferrostep_gcode::meatpack::{BEGIN, END, Settings, pack};
+use ferrostep_gcode::meatpack::{BEGIN, END, pack};
 use ferrostep_printer::Host;
-use ferrostep_usb::{Buffers, Heard, Incoming, Lines};
+use ferrostep_tests::host_side::{PortBuffers, numbered};
+use ferrostep_usb::{Heard, Incoming, Lines};
 
 use crate::desk::profile;
-use crate::hosts::{Machine, machine, numbered};
+use crate::hosts::{Machine, machine};
 use crate::refusals::Collector;
 use crate::repeats::Seeded;
-
-/// What the receiving interrupt fills.
-#[derive(Default)]
-struct Ring {
-    bytes: Vec<u8>,
-    emergencies: Vec<Emergency>,
-    reports: Vec<String>,
-}
-
-impl Buffers for Ring {
-    fn put(&mut self, byte: u8) -> bool {
-        self.bytes.push(byte);
-        true
-    }
-
-    fn take(&mut self) -> Option<u8> {
-        None
-    }
-
-    fn emergency(&mut self, emergency: Emergency) {
-        self.emergencies.push(emergency);
-    }
-
-    fn report_packing(&mut self, settings: Settings) {
-        self.reports.push(settings.to_string());
-    }
-}
 
 /// A port and the printer behind it.
 struct Port<'a> {
     machine: &'a Machine,
     printer: DeskPrinter<'a, (), Collector>,
     incoming: Incoming,
-    ring: Ring,
+    ring: PortBuffers,
     lines: Lines,
     host: Host,
 }
 
 impl<'a> Port<'a> {
     fn new(machine: &'a Machine) -> Self {
-        let (incoming, ring) = (Incoming::new(), Ring::default());
+        let (incoming, ring) = (Incoming::new(), PortBuffers::default());
         Self { machine, printer: machine.printer(), incoming, ring, lines: Lines::new(), host: Host::new() }
     }
 
     /// What the printer answers to these bytes.
     fn say(&mut self, bytes: &[u8]) -> Vec<String> {
         assert_eq!(self.incoming.take_in(bytes, &mut self.ring), 0);
-        let received = std::mem::take(&mut self.ring.bytes);
+        let received = Vec::from(std::mem::take(&mut self.ring.bytes));
         let mut rest = &received[..];
         while !rest.is_empty() {
             let (used, heard) = self.lines.feed(rest);
@@ -84,7 +58,8 @@ fn packed_lines_are_lines() {
     let mut port = Port::new(&machine);
     assert_eq!(port.say(b"M115\n").last().unwrap(), "ok");
     assert!(port.say(&BEGIN).is_empty());
-    assert_eq!(port.ring.reports, ["[MP] PV01 OFF ESP", "[MP] PV01 OFF ESP", "[MP] PV01 ON ESP"]);
+    let reports: Vec<String> = port.ring.reports.iter().map(ToString::to_string).collect();
+    assert_eq!(reports, ["[MP] PV01 OFF ESP", "[MP] PV01 OFF ESP", "[MP] PV01 ON ESP"]);
     let lines: [(&str, &[&str]); 3] =
         [("M110 N0", &["ok"]), ("G92 X12.5 Y3", &["ok"]), ("M117 Layer 1", &["//action:notification Layer 1", "ok"])];
     for (number, (text, said)) in lines.into_iter().enumerate() {
@@ -150,7 +125,7 @@ fn m112_acts_packed_and_plain() {
 fn no_print_stops_itself() {
     for name in ["cube.gcode", "arcs-corexy.gcode.gz", "firmware-retraction.gcode.gz", "vase.gcode.gz"] {
         let text = String::from_utf8_lossy(&crate::command::example(name)).into_owned();
-        let (mut incoming, mut ring) = (Incoming::new(), Ring::default());
+        let (mut incoming, mut ring) = (Incoming::new(), PortBuffers::default());
         incoming.take_in(&BEGIN, &mut ring);
         for (number, line) in text.lines().enumerate() {
             let command = line.split(';').next().unwrap_or_default().trim();

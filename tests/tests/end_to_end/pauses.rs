@@ -2,9 +2,10 @@
 
 use ferrostep_hal_shim::Heater;
 use ferrostep_printer::Heating;
+use ferrostep_tests::host_side::numbered;
 
 use crate::desk::{profile, rehearse};
-use crate::hosts::{Conversation, Machine, machine, numbered};
+use crate::hosts::{Conversation, Machine, machine};
 
 const KILLED: &str = "Error:Printer halted. kill() called!";
 

@@ -12,6 +12,7 @@ use ferrostep_step_player::Pulses;
 use ferrostep_tests::board_model::{
     Board, BoardPrinter, CYCLES_A_MS, CYCLES_PER_S, Costs, JobHost, LOOK_AHEAD_BLOCKS, StopReport, Watch, with_board,
 };
+use ferrostep_tests::host_side::numbered;
 
 /// Moves of the job, and what each pushes, units of 0.1 nm.
 const MOVES: u32 = 1_200;
@@ -122,12 +123,6 @@ fn is_whole(print: &Print) {
     assert_eq!(print.watch.all_stops_from_speed(), 0);
 }
 
-fn numbered(number: u32, text: &str) -> String {
-    let line = format!("N{number} {text}");
-    let sum = line.bytes().fold(0, |sum, byte| sum ^ byte);
-    format!("{line}*{sum}")
-}
-
 #[test]
 fn a_feed_percentage_changes_the_time_and_not_the_path() {
     let plain = undisturbed();
@@ -150,7 +145,7 @@ fn a_feed_percentage_changes_the_time_and_not_the_path() {
 fn a_feed_percentage_can_change_and_return() {
     let plain = undisturbed();
     let says = |host: JobHost| {
-        (0..10).fold(host, |host, number| {
+        (0..10u32).fold(host, |host, number| {
             let percent = [20, 400, 90, 110, 100][number as usize % 5];
             let at = MIDDLE / 4 + u64::from(number) * 700 * CYCLES_A_MS;
             host.says(at, &numbered(number + 1, &format!("M220 S{percent}")))

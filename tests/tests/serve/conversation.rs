@@ -3,6 +3,7 @@
 use std::process::Command;
 use std::time::{Duration, Instant};
 
+use ferrostep_tests::host_side::numbered;
 use ferrostep_tests::program::{program, repository};
 use serde_json::Value;
 
@@ -181,24 +182,20 @@ fn damaged_lines_are_asked_for_again() {
     let printer = Printer::at_pty(&["--speed", "max", "--fault", "flip-line:10%@1"]);
     let mut host = printer.connect();
     host.say("G4 S2");
-    let numbered: Vec<String> = std::iter::once(&"M110 N0".to_owned())
+    let sent: Vec<String> = std::iter::once(&"M110 N0".to_owned())
         .chain(&lines)
         .chain([&"M400".to_owned()])
         .enumerate()
-        .map(|(number, text)| {
-            let line = format!("N{number} {text}");
-            let sum = line.bytes().fold(0, |sum, byte| sum ^ byte);
-            format!("{line}*{sum}")
-        })
+        .map(|(number, text)| numbered(number as i64, text))
         .collect();
     let (mut next, mut resends) = (0, 0);
-    while next < numbered.len() {
-        let said = host.say(&numbered[next]);
+    while next < sent.len() {
+        let said = host.say(&sent[next]);
         let resend = said.iter().find_map(|line| line.strip_prefix("Resend: ")?.parse::<usize>().ok());
         resends += usize::from(resend.is_some());
         next = resend.unwrap_or(next + 1);
     }
-    assert!(resends > lines.len() / 20, "{resends}");
+    assert!(resends > sent.len() / 20, "{resends}");
     let done = printer.end();
     let expected = printed(&lines);
     assert_eq!(done["step_digest"], expected["step_digest"]);

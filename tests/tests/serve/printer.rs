@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
+use ferrostep_tests::host_side::numbered;
 use ferrostep_tests::program::{program, repository};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use serde_json::Value;
@@ -160,10 +161,9 @@ impl Host {
     /// Sends a line with number and checksum, and hears its answer.
     #[track_caller]
     pub fn say_numbered(&mut self, text: &str) -> Vec<String> {
-        let line = format!("N{} {text}", self.number);
+        let line = numbered(self.number, text);
         self.number += 1;
-        let sum = line.bytes().fold(0, |sum, byte| sum ^ byte);
-        self.say(&format!("{line}*{sum}"))
+        self.say(&line)
     }
 
     /// What M797 says of a name.

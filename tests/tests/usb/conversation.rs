@@ -7,6 +7,7 @@ use ferrostep::session::{DeskPrinter, PrintSession, Session};
 use ferrostep_gcode::{Emergency, LineReader, Reply};
 use ferrostep_planner::StepDigests;
 use ferrostep_printer::{Host as HostLine, Replies};
+use ferrostep_tests::host_side;
 use ferrostep_usb::{Heard, Lines};
 
 use crate::device::Device;
@@ -95,11 +96,9 @@ impl<'a> Conversation<'a> {
     }
 }
 
-/// A line as hosts number it.
+/// A line as hosts number it, with its line end.
 pub fn numbered(number: usize, text: &str) -> String {
-    let line = format!("N{number} {text}");
-    let checksum = line.bytes().fold(0, |sum, byte| sum ^ byte);
-    format!("{line}*{checksum}\n")
+    format!("{}\n", host_side::numbered(number as i64, text))
 }
 
 /// The first commands of a sliced file, as a host sends them, and what a host asks for in between.
