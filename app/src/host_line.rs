@@ -204,7 +204,7 @@ pub struct Reader {
 
 impl Reader {
     /// The reader; there can be one.
-    pub fn new(serial: Consumer<'static, u8>, usb: Consumer<'static, u8>, clock: MotionClock) -> Option<Self> {
+    pub fn new([serial, usb]: [Consumer<'static, u8>; 2], clock: MotionClock) -> Option<Self> {
         Some(Self { serial, usb, last: Port::Usb, signal: RECEIVED.try_take_reader()?, clock })
     }
 

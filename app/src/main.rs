@@ -28,10 +28,13 @@
 
 mod card;
 mod clock;
+mod commands;
 mod drivers;
 mod fault;
+mod greeting;
 mod heat;
 mod host_line;
+mod host_start;
 mod identity;
 mod job_line;
 mod ports;
@@ -54,48 +57,41 @@ mod app {
     use core::mem::MaybeUninit;
     use core::sync::atomic::{AtomicBool, AtomicU8, Ordering};
 
-    use ferrostep_gcode::{Emergency, Reply};
+    use ferrostep_gcode::Emergency;
     use ferrostep_planner::look_ahead::Slot;
+    use ferrostep_printer::Signals;
     use ferrostep_printer::heat::SAMPLE_MS;
-    use ferrostep_printer::{Printer, SharedMotion, Signals};
-    use ferrostep_step_player::StepFeeder;
-    use ferrostep_stm32f4::BrownOut;
-    use ferrostep_stm32f4::clock_tree::ClockSource;
     use ferrostep_stm32f4::life_signs::{LifeSigns, Task, Vigil};
-    use ferrostep_stm32f4_board::board::{self, BoardPins};
+    use ferrostep_stm32f4_board::board::BoardPins;
     use ferrostep_stm32f4_board::clock;
     use ferrostep_stm32f4_board::driver_line::DriverLine;
-    use ferrostep_stm32f4_board::identifier::identifier;
     use ferrostep_stm32f4_board::measured::Switch;
     use ferrostep_stm32f4_board::motion_clock::MotionClock;
     use ferrostep_stm32f4_board::serial::{Serial, Transmit};
-    use ferrostep_stm32f4_board::step_timer::{self, MotorQueue, StepTimer};
+    use ferrostep_stm32f4_board::step_timer::{self, StepTimer};
     use ferrostep_stm32f4_board::supervision::{self, Watchdog};
     use ferrostep_stm32f4_board::vector_table::VectorTable;
-    use ferrostep_stm32f4_usb::{Memory, Rings, Usb};
+    use ferrostep_stm32f4_usb::{Memory, Usb};
     use ferrostep_tmc2209::DriverBank;
-    use ferrostep_usb::LineWriter;
-    use heapless::spsc::{Consumer, Queue};
+    use heapless::spsc::Consumer;
     use rtic_monotonics::systick::prelude::*;
     use rtic_sync::signal::{Signal, SignalReader};
 
     use crate::card::{self, BoardCard, BoardMailbox};
-    use crate::clock::{Mono, SystemClock};
-    use crate::drivers::{self as board_drivers, BoardDrivers};
-    use crate::heat::{self, Heat};
-    use crate::host_line::{self, Patience, Port, Reader, SerialInput, To, Writer, Writers};
-    use crate::job_line::{Hosts, JOB_BYTES, JobPort};
+    use crate::clock::Mono;
+    use crate::commands;
+    use crate::drivers as board_drivers;
+    use crate::greeting::Start;
+    use crate::heat::Heat;
+    use crate::host_line::{self, Patience, Reader, SerialInput, Writers};
+    use crate::host_start::{Actions, HostLines, LineRings};
+    use crate::job_line::JOB_BYTES;
     use crate::ports::{
-        self, BoardHeating, BoardMachine, BoardMachineLock, BoardReplies, BoardStepTimer, LOOK_AHEAD_BLOCKS,
-        PLANNER_WORK, STEPS,
+        self, BoardHeating, BoardMachine, BoardReplies, BoardStepTimer, LOOK_AHEAD_BLOCKS, PLANNER_WORK, STEPS,
     };
     use crate::profile::PROFILE;
     use crate::reports::Reports;
-    use crate::timing::BoardTiming;
     use crate::wiring::{BoardDriverLine, DRIVER_PINS, SENSOR_STORES, SENSORS};
-
-    /// Speed of the host's line.
-    const BAUD: u32 = 115_200;
 
     /// SysTick, which ends the waits of the tasks: above all that wait, below the host's line.
     const WAITS_PRIORITY: u8 = 9;
@@ -159,10 +155,7 @@ mod app {
         // Filled here and not by the compiler, which would keep a copy of it in flash.
         slots: heapless::Vec<Slot, LOOK_AHEAD_BLOCKS> = heapless::Vec::new(),
         machine: MaybeUninit<BoardMachine> = MaybeUninit::uninit(),
-        receive: Queue<u8, { host_line::RECEIVE_BYTES }> = Queue::new(),
-        send: Queue<u8, { host_line::SEND_BYTES }> = Queue::new(),
-        usb_receive: Queue<u8, { host_line::RECEIVE_BYTES }> = Queue::new(),
-        usb_send: Queue<u8, { host_line::SEND_BYTES }> = Queue::new(),
+        rings: LineRings = LineRings::new(),
         usb_memory: Memory = Memory::new(),
     ])]
     fn init(cx: init::Context) -> (Shared, Local) {
@@ -178,41 +171,15 @@ mod app {
         let ports = (device.GPIOA, device.GPIOB, device.GPIOC, device.GPIOD, device.GPIOE, device.GPIOF, device.GPIOG);
         let pins = BoardPins::new(ports, SENSORS, &SENSOR_STORES);
 
-        let pin_map = board::PIN_MAP.with_inverted(PROFILE.driver.inverted);
-        let feeder = StepFeeder::new(&STEPS, pin_map, PROFILE.driver.signals(clock.slow_timers.raw()));
         let step_timer = StepTimer::start(device.TIM2, device.TIM9, &rcc, &pins, &STEPS);
-        // On the bare internal oscillator the plan shall not depend on time, as for the host's line.
-        let planning_clock = (clock.source != ClockSource::Internal).then_some(motion_clock);
-        let queue = MotorQueue::new(pins, feeder, planning_clock);
+        let queue = ports::motor_queue(pins, &clock, motion_clock);
         let machine = ports::build_machine(cx.local.machine, cx.local.slots, queue);
 
-        let port = Serial::start(device.USART1, &rcc, clock.fast_bus, BAUD);
-        let (received, to_read) = cx.local.receive.split();
-        let (to_write, to_send) = cx.local.send.split();
-        let (usb_received, usb_to_read) = cx.local.usb_receive.split();
-        let (usb_to_write, usb_to_send) = cx.local.usb_send.split();
-        let registers = (device.OTG_FS_GLOBAL, device.OTG_FS_DEVICE, device.OTG_FS_PWRCLK);
-        let rings = Rings {
-            received: usb_received,
-            to_send: usb_to_send,
-            act,
-            note_line: || SIGNALS.note_host(),
-            report_packing: |settings| host_line::note_packing(Port::Usb, settings),
-        };
-        let usb = Usb::start(cx.local.usb_memory, registers, &rcc, &clock, rings);
-        let usb_writer = usb.is_ok().then(|| LineWriter::new(usb_to_write));
-        let mut writers = Writers { serial: Writer(to_write), usb: usb_writer };
-        writers.line(To::All, Reply::Start);
-        writers.line(To::All, format_args!("echo:board: {}", board::NAME));
-        writers.line(To::All, format_args!("echo:clock: {clock}"));
-        writers.line(To::All, format_args!("echo:reset: {reset_cause}"));
-        if brown_out != BrownOut::WasSet {
-            writers.line(To::All, format_args!("echo:brown-out level: {brown_out}"));
-        }
-        supervision::take_last_words(|text| writers.line(To::All, format_args!("echo:last {text}")));
-        if let Err(why) = &usb {
-            writers.line(To::All, format_args!("echo:usb: {why}"));
-        }
+        let ports = (device.USART1, (device.OTG_FS_GLOBAL, device.OTG_FS_DEVICE, device.OTG_FS_PWRCLK));
+        let actions = Actions { act, note_line: || SIGNALS.note_host() };
+        let HostLines { port, input, to_send, usb, mut writers, to_read } =
+            HostLines::start(cx.local.rings, cx.local.usb_memory, ports, &rcc, &clock, actions);
+        Start { clock: &clock, reset_cause, brown_out, no_usb: usb.as_ref().err() }.tell(&mut writers);
 
         let converters = (device.ADC1, device.ADC3, device.ADC_COMMON, device.DMA2);
         let heat = Heat::new(&PROFILE, converters, &clock);
@@ -223,7 +190,7 @@ mod app {
 
         // Each of them is taken here and nowhere else.
         let (Some(reader), Some(planner_work), Some(halted)) =
-            (Reader::new(to_read, usb_to_read, motion_clock), PLANNER_WORK.try_take_reader(), HALTED.try_take_reader())
+            (Reader::new(to_read, motion_clock), PLANNER_WORK.try_take_reader(), HALTED.try_take_reader())
         else {
             unreachable!("init runs once")
         };
@@ -246,7 +213,7 @@ mod app {
             },
             Local {
                 port,
-                input: SerialInput::new(received, act, || SIGNALS.note_host()),
+                input,
                 to_send,
                 usb: usb.ok(),
                 reader,
@@ -408,54 +375,12 @@ mod app {
         reader, measured, job: [u8; JOB_BYTES] = [0; JOB_BYTES],
     ])]
     async fn printer(cx: printer::Context) {
-        let motion = SharedMotion::new(BoardMachineLock::new(cx.shared.machine, &SIGNALS));
-        let heating = BoardHeating(RefCell::new(cx.shared.heat));
-        let replies = BoardReplies::new(cx.shared.writers);
-        let mut printer = Printer::new(&PROFILE, motion, heating, SystemClock::default(), &replies, &SIGNALS);
-        printer.set_version(crate::identity::IDENTITY.version());
-        printer.set_identifier(identifier());
-        printer.set_emergency_parser(true);
-        printer.set_meatpack(true);
-        printer.set_equipment(heat::EQUIPMENT);
-        let drivers = BoardDrivers(RefCell::new(cx.shared.drivers));
-        if cfg!(drivers) {
-            printer.set_drivers(&drivers);
-        }
-        let timing = BoardTiming::new(cx.local.measured);
-        printer.set_timing(&timing);
-        printer.set_receives_jobs();
-        #[cfg(card)]
-        let mailbox = card::BoardMailboxLock(RefCell::new(cx.shared.mailbox));
-        #[cfg(card)]
-        if HAS_CARD.load(Ordering::Relaxed) {
-            printer.set_card(&mailbox);
-            printer.mount_card().await;
-        }
-        let mut hosts = Hosts::new();
-        let mut buffer = [0; 64];
-        loop {
-            let (port, mut bytes) = cx.local.reader.read(&mut buffer).await;
-            replies.answer(port);
-            while !bytes.is_empty() {
-                let (used, heard) = hosts.feed(port, bytes, &replies);
-                bytes = bytes.get(used..).unwrap_or_default();
-                let Some((host, line)) = heard else { continue };
-                host.answer(&mut printer, line).await;
-                if let Some(request) = printer.take_job_request() {
-                    // Who asks waits for the answer; what was sent after the question is sent again.
-                    let mut line = JobPort::new(cx.local.reader, port, &mut hosts, &replies);
-                    let ended = printer.receive_job(request, &mut line, cx.local.job).await;
-                    hosts.job_ended(port, ended);
-                    replies.answer(port);
-                    break;
-                }
-            }
-            #[cfg(card)]
-            if printer.prints_from_card() {
-                let mut lines = card::CardHosts::new(cx.local.reader, &mut hosts, &replies);
-                printer.print_from_card(&mut lines, cx.local.job).await;
-            }
-        }
+        let printer::SharedResources { machine, heat, writers, drivers, mailbox, .. } = cx.shared;
+        let printer::LocalResources { reader, measured, job, .. } = cx.local;
+        let mailbox = HAS_CARD.load(Ordering::Relaxed).then_some(mailbox);
+        let shared = commands::Shared { machine, heat, writers, drivers, mailbox };
+        let own = commands::Own { reader, measured, job };
+        commands::execute(shared, own, &SIGNALS).await;
     }
 
     #[cfg(drivers)]

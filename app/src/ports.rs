@@ -13,8 +13,10 @@ use ferrostep_planner::look_ahead::Slot;
 use ferrostep_printer::heat::HeatFault;
 use ferrostep_printer::machine::Machine;
 use ferrostep_printer::{HeaterRest, HeaterStatus, Heating, Replies, SharedMachine, Signals};
-use ferrostep_step_player::StepPlayer;
-use ferrostep_stm32f4_board::board::{BoardPins, MOTOR_PORTS, VIRTUAL_SENSORS};
+use ferrostep_step_player::{StepFeeder, StepPlayer};
+use ferrostep_stm32f4::clock_tree::{Clock, ClockSource};
+use ferrostep_stm32f4_board::board::{BoardPins, MOTOR_PORTS, PIN_MAP, VIRTUAL_SENSORS};
+use ferrostep_stm32f4_board::motion_clock::MotionClock;
 use ferrostep_stm32f4_board::step_timer::{MotorQueue, StepTimer};
 use ferrostep_virtual_board::ModelledSensors;
 use rtic::Mutex;
@@ -82,6 +84,15 @@ pub type Methods = ferrostep_papers::Papers;
 
 /// The machine of this board.
 pub type BoardMachine = Machine<&'static mut [Slot], BoardStepQueue, Methods>;
+
+/// The queue to these motors.
+pub fn motor_queue(pins: BoardPins, clock: &Clock, motion_clock: MotionClock) -> BoardMotorQueue {
+    let pin_map = PIN_MAP.with_inverted(PROFILE.driver.inverted);
+    let feeder = StepFeeder::new(&STEPS, pin_map, PROFILE.driver.signals(clock.slow_timers.raw()));
+    // On the bare internal oscillator the plan shall not depend on time, as for the host's line.
+    let planning_clock = (clock.source != ClockSource::Internal).then_some(motion_clock);
+    MotorQueue::new(pins, feeder, planning_clock)
+}
 
 /// Makes the machine in its place.
 // By itself: what is on the stack for that is gone before a task begins, and what `init` has there is not.

@@ -1,0 +1,108 @@
+//! The printer task's work: lines to commands, commands to moves and replies.
+
+use core::cell::RefCell;
+
+use ferrostep_printer::{Printer, SharedMotion, Signals};
+use ferrostep_stm32f4_board::identifier::identifier;
+use ferrostep_stm32f4_board::measured::Switch;
+use ferrostep_tmc2209::DriverBank;
+use rtic::Mutex;
+
+use crate::card::BoardMailbox;
+#[cfg(card)]
+use crate::card::{BoardMailboxLock, CardHosts};
+use crate::clock::SystemClock;
+use crate::drivers::BoardDrivers;
+use crate::heat::{EQUIPMENT, Heat};
+use crate::host_line::{Reader, Writers};
+use crate::identity::IDENTITY;
+use crate::job_line::{Hosts, JOB_BYTES, JobPort};
+use crate::ports::{BoardHeating, BoardMachine, BoardMachineLock, BoardReplies};
+use crate::profile::PROFILE;
+use crate::timing::BoardTiming;
+
+/// What the task shares with others.
+pub struct Shared<M, H, W, D, B> {
+    /// The machine, with the planner task.
+    pub machine: M,
+    /// The heaters, with their control.
+    pub heat: H,
+    /// The hosts' lines, with all who report.
+    pub writers: W,
+    /// The motors' drivers, with the task that looks after them.
+    pub drivers: D,
+    /// Questions to the card's task; `None` if the board has no slot, or no clock for it.
+    pub mailbox: Option<B>,
+}
+
+/// What only the task uses.
+pub struct Own<'a> {
+    /// Bytes of the hosts.
+    pub reader: &'a mut Reader,
+    /// What switches measuring (M798).
+    pub measured: &'a mut Switch,
+    /// Room for a job's bytes.
+    pub job: &'a mut [u8; JOB_BYTES],
+}
+
+/// Executes what the hosts send, and prints from the card.
+pub async fn execute<M, H, W, D, B>(shared: Shared<M, H, W, D, B>, own: Own<'_>, signals: &'static Signals) -> !
+where
+    M: Mutex<T = &'static mut BoardMachine>,
+    H: Mutex<T = Heat>,
+    W: Mutex<T = Writers>,
+    D: Mutex<T = DriverBank>,
+    B: Mutex<T = BoardMailbox>,
+{
+    let Shared { machine, heat, writers, drivers, mailbox } = shared;
+    let motion = SharedMotion::new(BoardMachineLock::new(machine, signals));
+    let heating = BoardHeating(RefCell::new(heat));
+    let replies = BoardReplies::new(writers);
+    let mut printer = Printer::new(&PROFILE, motion, heating, SystemClock::default(), &replies, signals);
+    printer.set_version(IDENTITY.version());
+    printer.set_identifier(identifier());
+    printer.set_emergency_parser(true);
+    printer.set_meatpack(true);
+    printer.set_equipment(EQUIPMENT);
+    let drivers = BoardDrivers(RefCell::new(drivers));
+    if cfg!(drivers) {
+        printer.set_drivers(&drivers);
+    }
+    let timing = BoardTiming::new(own.measured);
+    printer.set_timing(&timing);
+    printer.set_receives_jobs();
+    #[cfg(card)]
+    let mailbox = mailbox.map(|mailbox| BoardMailboxLock(RefCell::new(mailbox)));
+    #[cfg(card)]
+    if let Some(mailbox) = &mailbox {
+        printer.set_card(mailbox);
+        printer.mount_card().await;
+    }
+    #[cfg(not(card))]
+    let _no_slot = mailbox;
+    let mut hosts = Hosts::new();
+    let mut buffer = [0; 64];
+    loop {
+        let (port, mut bytes) = own.reader.read(&mut buffer).await;
+        replies.answer(port);
+        while !bytes.is_empty() {
+            let (used, heard) = hosts.feed(port, bytes, &replies);
+            bytes = bytes.get(used..).unwrap_or_default();
+            let Some((host, line)) = heard else { continue };
+            host.answer(&mut printer, line).await;
+            if let Some(request) = printer.take_job_request() {
+                // The host that asks waits for the answer, and sends again what it sent after the question.
+                let mut line = JobPort::new(own.reader, port, &mut hosts, &replies);
+                let ended = printer.receive_job(request, &mut line, own.job).await;
+                hosts.job_ended(port, ended);
+                replies.answer(port);
+                break;
+            }
+        }
+        #[cfg(card)]
+        if printer.prints_from_card() {
+            let mut lines = CardHosts::new(own.reader, &mut hosts, &replies);
+            printer.print_from_card(&mut lines, own.job).await;
+        }
+    }
+}

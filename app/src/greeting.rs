@@ -1,0 +1,38 @@
+//! What the hosts hear first.
+
+use ferrostep_gcode::Reply;
+use ferrostep_stm32f4::clock_tree::Clock;
+use ferrostep_stm32f4::{BrownOut, ResetCause};
+use ferrostep_stm32f4_board::{board, supervision};
+use ferrostep_stm32f4_usb::NoUsb;
+
+use crate::host_line::{To, Writers};
+
+/// How the board has started.
+pub struct Start<'a> {
+    /// Where its clock comes from.
+    pub clock: &'a Clock,
+    /// Why it has started.
+    pub reset_cause: ResetCause,
+    /// Whether the voltage below which it resets itself was set already.
+    pub brown_out: BrownOut,
+    /// Why there is no USB, if there is none.
+    pub no_usb: Option<&'a NoUsb>,
+}
+
+impl Start<'_> {
+    /// Tells every host, with the last words of a run that ended in a crash.
+    pub fn tell(&self, writers: &mut Writers) {
+        writers.line(To::All, Reply::Start);
+        writers.line(To::All, format_args!("echo:board: {}", board::NAME));
+        writers.line(To::All, format_args!("echo:clock: {}", self.clock));
+        writers.line(To::All, format_args!("echo:reset: {}", self.reset_cause));
+        if self.brown_out != BrownOut::WasSet {
+            writers.line(To::All, format_args!("echo:brown-out level: {}", self.brown_out));
+        }
+        supervision::take_last_words(|text| writers.line(To::All, format_args!("echo:last {text}")));
+        if let Some(why) = self.no_usb {
+            writers.line(To::All, format_args!("echo:usb: {why}"));
+        }
+    }
+}
