@@ -38,7 +38,7 @@ pub struct Options {
 
 /// Tries mutants, and compares or writes the page.
 pub fn run(run: &mut Run, options: &Options) -> Result<(), Failure> {
-    run.step("cargo-mutants is installed", || system::cargo_program("cargo-mutants", "mutants"))?;
+    run.step("cargo-mutants is installed", || system::cargo_program("cargo-mutants", "mutants", &[]))?;
     let tried = run.step("mutants", || try_all(options))?;
     if options.refresh {
         return run.step("page of survivors", || page::write(&tried));

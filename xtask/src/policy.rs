@@ -32,7 +32,7 @@ pub fn advisories(run: &mut Run) -> Result<(), Failure> {
 }
 
 fn deny(checks: &[&str]) -> Result<(), Failure> {
-    system::cargo_program("cargo-deny", "deny")?;
+    system::cargo_program("cargo-deny", "deny", &[])?;
     let config = system::root().join("deny.toml");
     for workspace in WORKSPACES {
         let manifest = system::root().join(workspace).join("Cargo.toml");

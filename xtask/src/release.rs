@@ -129,7 +129,7 @@ fn packages() -> [(&'static str, Option<&'static str>); 2] {
 
 /// Writes a CycloneDX parts list for the command and the firmware.
 fn parts_lists(folder: &Path) -> Result<(), Failure> {
-    system::cargo_program("cargo-cyclonedx", "cyclonedx")?;
+    system::cargo_program("cargo-cyclonedx", "cyclonedx", &[])?;
     for (package, target) in packages() {
         let manifest = system::root().join(package).join("Cargo.toml");
         let name = format!("ferrostep-{package}.cdx");
@@ -167,7 +167,7 @@ fn written_lists(name: &str) -> Result<Vec<PathBuf>, Failure> {
 
 /// Writes the notices of others whose code is in the command and the firmware.
 fn notices(folder: &Path) -> Result<(), Failure> {
-    system::cargo_program("cargo-about", "about")?;
+    system::cargo_program("cargo-about", "about", &["cli"])?;
     for (package, target) in packages() {
         let mut about = cargo();
         about.args(["about", "--offline", "generate", "--fail", "--config", "about.toml"]);

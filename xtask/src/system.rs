@@ -117,11 +117,12 @@ pub fn rustup_component(component: &str, subcommand: &str) -> Result<(), Failure
     Err(format!("`cargo {subcommand}` is missing and could not be added: {reason}"))
 }
 
-/// Makes a program of crates.io available as `cargo SUBCOMMAND`, at the version in use or newer.
-pub fn cargo_program(package: &str, subcommand: &str) -> Result<(), Failure> {
+/// Makes a program of crates.io available as `cargo SUBCOMMAND`, at the version in use or newer. `features` are those that its
+/// program needs beyond the package's default.
+pub fn cargo_program(package: &str, subcommand: &str, features: &[&str]) -> Result<(), Failure> {
     let version = || output(cargo().args([subcommand, "--version"]));
     if version().is_none() {
-        run(cargo().args(["install", package, "--locked"]))?;
+        run(cargo().args(["install", package, "--locked", "--features", &features.join(",")]))?;
     }
     let version = version()
         .ok_or_else(|| format!("{package} is installed, but `cargo {subcommand} --version` does not start"))?;
