@@ -3,7 +3,7 @@
 
 mod common;
 
-use common::{Card, IMAGES, Random, ask, image, lines_file, list, mounted, path, read, write};
+use common::{Card, IMAGES, Random, ask, image, lines_file, list, mounted, path, read, take_rest, write};
 use ferrostep_card::{Answer, CardFailure, CardPort, ListOptions, Request, Taken};
 use ferrostep_hal_shim::card::CardError;
 use ferrostep_virtual_board::{CardFault, VirtualCard};
@@ -127,31 +127,19 @@ fn a_pulled_card_loses_nothing_of_what_was_read() {
             ask(&card, Request::Mount).unwrap();
             ask(&card, Request::Open(path("MANY/GAPS.GCO"))).unwrap();
             let mut bytes: Vec<u8> = Vec::new();
-            let mut chunk = [0; 90];
             let mut pulls = 0;
             card.with_slot(|slot| slot.set_fault(Some(CardFault::PulledAfter(random.below(20) as u32))));
-            loop {
-                let mut taken = Taken::Wait;
-                card.with(&mut |mailbox| taken = mailbox.take(&mut chunk));
-                match taken {
-                    Taken::Bytes(length) => bytes.extend(&chunk[..length]),
-                    Taken::Wait => {}
-                    Taken::End => break,
-                    Taken::Failed(failure) => {
-                        pulls += 1;
-                        assert_eq!(failure, CardFailure::Slot(CardError::Missing));
-                        assert!(ask(&card, Request::Reopen).is_err(), "the card is not there");
-                        card.with_slot(VirtualCard::insert);
-                        if random.below(2) == 0 {
-                            ask(&card, Request::Mount).unwrap();
-                        }
-                        assert_eq!(ask(&card, Request::Reopen), Ok(Answer::Done));
-                        if random.below(2) == 0 {
-                            card.with_slot(|slot| {
-                                slot.set_fault(Some(CardFault::PulledAfter(random.below(20) as u32 + 8)))
-                            });
-                        }
-                    }
+            while let Err(failure) = take_rest(&card, &mut bytes) {
+                pulls += 1;
+                assert_eq!(failure, CardFailure::Slot(CardError::Missing));
+                assert!(ask(&card, Request::Reopen).is_err(), "the card is not there");
+                card.with_slot(VirtualCard::insert);
+                if random.below(2) == 0 {
+                    ask(&card, Request::Mount).unwrap();
+                }
+                assert_eq!(ask(&card, Request::Reopen), Ok(Answer::Done));
+                if random.below(2) == 0 {
+                    card.with_slot(|slot| slot.set_fault(Some(CardFault::PulledAfter(random.below(20) as u32 + 8))));
                 }
             }
             assert_eq!(bytes, whole, "{name}: seed {seed}");

@@ -106,11 +106,12 @@ impl InnerEnds {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
 
-    fn end(length_10nm: u32, line: u32) -> InnerEnd {
+    /// An end in a block: of a part of a move in line 11, of a move in any other.
+    pub(crate) fn end(length_10nm: u32, line: u32) -> InnerEnd {
         InnerEnd { length_10nm, steps: [1, -2, 3], extruder_256ths: -40, line, ends_move: line != 11 }
     }
 

@@ -108,11 +108,7 @@ mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
     use crate::block::{Acceleration, Speed};
-    use crate::inner_ends::InnerEnd;
-
-    fn end(length_10nm: u32, line: u32) -> InnerEnd {
-        InnerEnd { length_10nm, steps: [1, -2, 3], extruder_256ths: -40, line, ends_move: line != 11 }
-    }
+    use crate::inner_ends::tests::end;
 
     #[test]
     fn stretches_add_up_to_the_block() {

@@ -61,6 +61,11 @@ pub fn opened(card: &Card) -> OpenedFile {
 /// Reads to the end.
 pub fn take_all(card: &Card) -> Result<Vec<u8>, CardFailure> {
     let mut bytes = Vec::new();
+    take_rest(card, &mut bytes).map(|()| bytes)
+}
+
+/// Reads to the end, or up to a failure.
+pub fn take_rest(card: &Card, bytes: &mut Vec<u8>) -> Result<(), CardFailure> {
     let mut chunk = [0; 100];
     loop {
         let mut taken = Taken::Wait;
@@ -68,7 +73,7 @@ pub fn take_all(card: &Card) -> Result<Vec<u8>, CardFailure> {
         match taken {
             Taken::Bytes(length) => bytes.extend(&chunk[..length]),
             Taken::Wait => {}
-            Taken::End => return Ok(bytes),
+            Taken::End => return Ok(()),
             Taken::Failed(failure) => return Err(failure),
         }
     }
