@@ -15,8 +15,8 @@ use rtic::Mutex;
 use crate::profile::PROFILE;
 use crate::wiring::{BoardDriverLine, DRIVER_WIRING};
 
-/// On the bare internal oscillator the line is waited for as if it were this slow: that is also an emulator's clock, and there
-/// time may run many times faster than that of whoever answers.
+/// Baud rate by which timeouts are reckoned on the bare internal oscillator. That is also an emulator's clock, and its time may
+/// run many times faster than that of the program that answers.
 const PATIENT_BAUD: u32 = 200;
 
 /// The profile's drivers, not set up yet. Their clock is the motion clock's.

@@ -8,7 +8,7 @@ use core::sync::atomic::{AtomicBool, Ordering};
 use cortex_m_rt::exception;
 use ferrostep_stm32f4_board::safe_state::{self, LastWords};
 
-/// The log has been told, or was about to be.
+/// Whether the log has the reason, or was about to get it.
 static IS_LOGGED: AtomicBool = AtomicBool::new(false);
 
 /// Tells the log, once: if the end came in the midst of one of its lines, the log panics, and that ends here again.

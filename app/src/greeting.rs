@@ -16,7 +16,7 @@ pub struct Start<'a> {
     pub reset_cause: ResetCause,
     /// Whether the voltage below which it resets itself was set already.
     pub brown_out: BrownOut,
-    /// Why there is no USB, if there is none.
+    /// Why USB does not work, if it does not.
     pub no_usb: Option<&'a NoUsb>,
 }
 

@@ -8,7 +8,7 @@ use ferrostep_stm32f4_board::board::{THERMAL, VIRTUAL_SENSORS};
 use ferrostep_stm32f4_board::thermal::{self, Converters, Heaters};
 use ferrostep_virtual_board::VirtualHeaters;
 
-/// What of the board the firmware can use.
+/// The parts of the board that the firmware can use.
 pub const EQUIPMENT: Equipment = Equipment {
     heaters: VIRTUAL_SENSORS || THERMAL.is_some(),
     end_stops: true,
@@ -19,9 +19,9 @@ pub const EQUIPMENT: Equipment = Equipment {
         },
 };
 
-/// Heaters, thermistors and fans, of whatever kind.
+/// Heaters, thermistors and fans: the board's own, or their models.
 pub trait Parts: ThermalBoard + Fans + Sized {
-    /// Cold, or `None` where there are none.
+    /// Starts them, cold; `None` if the board has none.
     fn start(profile: &Profile, converters: Converters, clock: &Clock) -> Option<Self>;
     /// Another [`SAMPLE_MS`] have passed.
     fn pass(&mut self);
@@ -93,20 +93,20 @@ impl Heat {
         control.update(parts)
     }
 
-    /// Why the heaters are off until M999 or a reset, if they are.
+    /// The fault that keeps the heaters off until M999 or a reset, if any.
     pub fn fault(&self) -> Option<HeatFault> {
         self.0.as_ref().and_then(|heat| heat.control.fault())
     }
 
-    /// Sets a target, degrees Celsius; 0 is off. Without heaters that is what they are, and [`EQUIPMENT`] has any other
-    /// refused.
+    /// Sets a target, degrees Celsius; 0 is off. Without heaters it has no effect: [`EQUIPMENT`] lets the printer refuse
+    /// any other.
     pub fn set_target(&mut self, heater: Heater, celsius: f32) {
         if let Some(heat) = &mut self.0 {
             heat.control.set_target(heater, celsius);
         }
     }
 
-    /// How a heater is.
+    /// Temperature, target and power of a heater.
     pub fn status(&self, heater: Heater) -> HeaterStatus {
         self.0.as_ref().map_or_else(HeaterStatus::default, |heat| heat.control.status(heater))
     }

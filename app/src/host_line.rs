@@ -24,8 +24,8 @@ pub const RECEIVE_BYTES: usize = 2048;
 /// Bytes that wait to be sent: the longest reply (M115) and some.
 pub const SEND_BYTES: usize = 2048;
 
-/// How long [`Reader::read_in_time`] waits: longer than the silence after which [`Patience`] lets what waits in the ring be
-/// executed, or it would be executed only where the planner task looks at the right moment.
+/// How long [`Reader::read_in_time`] waits. It must be longer than the silence after which [`Patience`] lets the moves in the
+/// ring be executed; otherwise the planner task would have to look at just the right moment.
 const WAIT_MS: u32 = 150;
 
 /// How long [`Reader::wait`] waits.
@@ -35,12 +35,12 @@ const CARD_WAIT_MS: u32 = 20;
 static USB_HAS_FAILED: AtomicBool = AtomicBool::new(false);
 /// Bytes that were lost because they were not read in time.
 static LOST_BYTES: AtomicU32 = AtomicU32::new(0);
-/// What the hosts at the serial line and at USB wait to hear of their packing: 0 for nothing, or one of [`PACKING_REPORTS`]
-/// counted from 1.
+/// Reports on packing that the hosts at the serial line and at USB wait for: 0 for none, or the number of one of
+/// [`PACKING_REPORTS`], from 1.
 static PACKING: [AtomicU8; 2] = [AtomicU8::new(0), AtomicU8::new(0)];
 /// Whether the printer task waits for bytes.
 static IS_AWAITED: AtomicBool = AtomicBool::new(false);
-/// Since when, or the last byte since then; ticks of the motion clock.
+/// When it began to wait, or the last byte came; ticks of the motion clock.
 static QUIET_SINCE: AtomicU32 = AtomicU32::new(0);
 /// Bytes have come.
 static RECEIVED: Signal<()> = Signal::new();
@@ -103,7 +103,7 @@ impl SerialInput {
         Self { incoming: Incoming::new(), ring: SerialRing { bytes, act, note_line } }
     }
 
-    /// Takes a byte. Where there is no room its line is dropped and broken off, and the host told how much it was.
+    /// Takes a byte. Without room its line is dropped, and the host hears how many bytes were lost.
     pub fn receive(&mut self, byte: u8) {
         arrived(self.incoming.take_in(&[byte], &mut self.ring));
     }
@@ -121,13 +121,13 @@ pub fn usb_served(served: Served) {
     arrived(served.dropped);
 }
 
-/// A port's host waits to hear how it packs its bytes. Of several reports it hears the last.
+/// Notes a report on packing for a port's host. A newer one replaces it.
 pub fn note_packing(port: Port, settings: meatpack::Settings) {
     let number = (1..).zip(PACKING_REPORTS).find(|(_, report)| *report == settings).map_or(0, |(number, _)| number);
     place_of(port).store(number, Ordering::Relaxed);
 }
 
-/// Takes what a port's host waits to hear of its packing.
+/// Takes the report that a port's host waits for.
 pub fn take_packing(port: Port) -> Option<meatpack::Settings> {
     let number = place_of(port).swap(0, Ordering::Relaxed);
     PACKING_REPORTS.get(usize::from(number).checked_sub(1)?).copied()
@@ -141,7 +141,7 @@ fn place_of(port: Port) -> &'static AtomicU8 {
     }
 }
 
-/// What hosts should hear about their lines.
+/// Troubles of the hosts' lines, for a report.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LineTroubles {
     /// Bytes that came too fast.
@@ -150,7 +150,7 @@ pub struct LineTroubles {
     pub usb_has_failed: bool,
 }
 
-/// Takes what has happened since it was last asked.
+/// Takes the troubles since the last call.
 pub fn take_troubles() -> LineTroubles {
     LineTroubles {
         lost_bytes: LOST_BYTES.swap(0, Ordering::Relaxed),
@@ -168,9 +168,9 @@ pub struct Patience {
 }
 
 impl Patience {
-    /// By the clock: 100 ms, and none when steps run out. On the bare internal oscillator 10 s for both. That is how
-    /// an emulator starts, whose time may run many times faster than its host's; there a gap between steps is better
-    /// than another plan.
+    /// By the clock: 100 ms before moves in the ring are executed, and none before blocks leave it early. On the bare internal
+    /// oscillator both are 10 s: an emulator starts so, and its time may run many times faster than its host's. There a gap
+    /// between steps is better than another plan.
     pub const fn new(source: ClockSource) -> Self {
         match source {
             ClockSource::Crystal | ClockSource::InternalWithPll => {
@@ -185,7 +185,7 @@ impl Patience {
         let is_awaited = IS_AWAITED.load(Ordering::Acquire);
         let quiet_ticks = now_ticks.wrapping_sub(QUIET_SINCE.load(Ordering::Acquire));
         Silence {
-            // With the clock right steps that run out are the board's own affair, whoever is late.
+            // At its proper clock a board releases blocks when steps run out, even if the host is not the cause.
             may_release: self.release_ticks == 0 || is_awaited && quiet_ticks >= self.release_ticks,
             may_flush: is_awaited && quiet_ticks >= self.flush_ticks,
         }
@@ -196,7 +196,7 @@ impl Patience {
 pub struct Reader {
     serial: Consumer<'static, u8>,
     usb: Consumer<'static, u8>,
-    /// Whose turn is over. Who sends without end shall not keep the other out.
+    /// The port that was read last. The other comes first, so that a host that never stops sending does not keep it out.
     last: Port,
     signal: SignalReader<'static, ()>,
     clock: MotionClock,
@@ -217,7 +217,7 @@ impl Reader {
         if !self.is_ready() {
             QUIET_SINCE.store(self.clock.now_ticks(), Ordering::Release);
             IS_AWAITED.store(true, Ordering::Release);
-            // USB's interrupt has other work too, and says so each time.
+            // USB's interrupt signals its other work as well: a signal may come without bytes.
             while !self.is_ready() {
                 self.signal.wait().await;
             }
@@ -226,8 +226,7 @@ impl Reader {
         self.take(buffer)
     }
 
-    /// As [`Self::read`], but waits 150 ms at most and then returns none. `idle`: whoever reads has nothing
-    /// else to do.
+    /// As [`Self::read`], but waits 150 ms at most and then returns no bytes. `idle`: the reader has nothing else to do.
     pub async fn read_in_time<'a>(&mut self, buffer: &'a mut [u8], idle: bool) -> (Port, &'a [u8]) {
         if !self.is_ready() {
             if idle {
@@ -275,16 +274,16 @@ impl Reader {
     }
 }
 
-/// To whom a line is said.
+/// Who receives a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum To {
     /// The host whose command it answers.
     Host(Port),
-    /// Every host: none has asked for it.
+    /// Every host, unasked.
     All,
 }
 
-/// The sending ends, shared by those who reply.
+/// The sending ends, shared by the tasks that reply.
 pub struct Writers {
     /// The serial line's.
     pub serial: Writer,
@@ -314,8 +313,8 @@ impl Writers {
 pub struct Writer(pub Producer<'static, u8>);
 
 impl Writer {
-    /// Sends a text and a line end. Waits while the buffer is full; the interrupt, which is above all who call this,
-    /// empties it.
+    /// Sends a text and a line end. Waits while the buffer is full; the interrupt, whose priority is above all
+    /// callers', empties it.
     pub fn line(&mut self, text: impl fmt::Display) {
         // Writing to the buffer cannot fail.
         let _ = writeln!(self, "{text}");

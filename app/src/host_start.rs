@@ -37,7 +37,7 @@ pub struct Actions {
     pub note_line: fn(),
 }
 
-/// Both lines, for those who use them.
+/// Both lines, in the parts that interrupts and tasks use.
 pub struct HostLines {
     /// The serial port, and its interrupt's ends of the rings.
     pub port: Serial,
@@ -45,9 +45,9 @@ pub struct HostLines {
     pub input: SerialInput,
     /// See [`Self::port`].
     pub to_send: Consumer<'static, u8>,
-    /// The USB port, or why there is none.
+    /// The USB port, or the reason why it does not work.
     pub usb: Result<&'static mut Usb, NoUsb>,
-    /// The ends of those who reply.
+    /// The ends of the tasks that reply.
     pub writers: Writers,
     /// The reader's ends: serial and USB.
     pub to_read: [Consumer<'static, u8>; 2],

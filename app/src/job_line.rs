@@ -12,10 +12,10 @@ use crate::ports::BoardReplies;
 /// Room for a job's bytes: the longest frame, and as much as a host may send meanwhile.
 pub const JOB_BYTES: usize = ferrostep_gpre::compact::MAX_FRAME_BYTES + 1024;
 
-/// A line, or why it cannot be read, and who has sent it.
+/// A line or why it cannot be read, and its host.
 type Said<'a> = Option<(&'a mut Host, Result<Line<'a>, LineError>)>;
 
-/// Who talks to the board.
+/// The hosts that talk to the board.
 pub struct Hosts {
     serial: (Host, Lines),
     usb: (Host, Lines),
@@ -37,7 +37,7 @@ impl Hosts {
         }
     }
 
-    /// Reads up to the end of a port's line; how much that was.
+    /// Reads up to the end of a port's line. Returns how many bytes that took, and the line.
     pub fn feed<'a, W: Mutex<T = Writers>>(
         &'a mut self,
         port: Port,
@@ -46,7 +46,7 @@ impl Hosts {
     ) -> (usize, Said<'a>) {
         let (length, stretch) = self.frames(port).next(bytes);
         if let Stretch::Frame { ends } = stretch {
-            // A host that has not heard how its job ended.
+            // This host has not heard how its job ended.
             if ends {
                 replies.report(&self.last_job);
             }
@@ -55,7 +55,7 @@ impl Hosts {
         self.text(port, bytes.get(..length).unwrap_or_default(), replies)
     }
 
-    /// A port's text, that is no frame's.
+    /// Reads a port's text, outside frames.
     fn text<'a, W: Mutex<T = Writers>>(
         &'a mut self,
         port: Port,
@@ -69,7 +69,7 @@ impl Hosts {
         let (used, heard) = lines.feed(bytes);
         let said = match (heard, port) {
             (Some(Heard::Line(line)), _) => Some((host, line)),
-            // It came too fast; its host is there and waits.
+            // It came too fast; its host waits for an answer.
             (Some(Heard::HalfALine(incomplete)), Port::Serial) => Some((host, Err(incomplete))),
             // As a rule its host is gone.
             (Some(Heard::HalfALine(_)), Port::Usb) => {
@@ -81,7 +81,7 @@ impl Hosts {
         (used, said)
     }
 
-    /// A job has ended that came at a port, perhaps in the middle of a frame.
+    /// A port's job has ended, perhaps in the middle of a frame.
     pub fn job_ended(&mut self, port: Port, (report, in_frame): (Report, bool)) {
         self.last_job = report;
         self.frames(port).job_ended(in_frame);

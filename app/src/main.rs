@@ -15,13 +15,13 @@
 //! | 2 | `printer` | received bytes | `machine`, `heat`, `writers`, `drivers`, `mailbox` | one line, one item of a job; a wait is an await |
 //! | 1 | `drivers` | every ms while a datagram is under way | `drivers`, `driver_line`, `machine`, `writers` | a datagram's end, and the next |
 //! | 1 | `reports` | a halt, or 100 ms | `machine`, `heat`, `writers` | M155's line |
-//! | 0 | `idle` | whenever nothing else runs | `mailbox` | a block of the memory card, up to 1.1 s; everyone may interrupt it |
+//! | 0 | `idle` | whenever nothing else runs | `mailbox` | a block of the memory card, up to 1.1 s; any task may interrupt it |
 //!
 //! 16 is above what BASEPRI can mask, and critical sections mask no more than that
 //! (`hal-shim/critical-section/`): nothing delays a step. So the two step tasks must never share
 //! anything with a task below, nor use a signal or the log.
-//! `machine` has ceiling 4, `heat` 8, `writers` 2, so that heating is safe whatever the planner does, and bytes are
-//! received whatever anyone does.
+//! `machine` has ceiling 4, `heat` 8, `writers` 2: the planner cannot delay heater control, and no task can delay the receiving
+//! of bytes.
 #![no_std]
 #![no_main]
 #![deny(unsafe_code)]
@@ -45,7 +45,7 @@ mod wiring;
 
 use defmt_rtt as _;
 
-/// Sleeps until an interrupt. A function of its own in every image: where it is, tests put code that no image contains.
+/// Sleeps until an interrupt. A function of its own in every image, because tests put code in its place.
 #[inline(never)]
 fn sleep() {
     cortex_m::asm::wfi();
@@ -109,22 +109,22 @@ mod app {
     static SIGNALS: Signals = Signals::new();
     /// The fan as the planner task last set it, for the heaters' model.
     static FAN_POWER: AtomicU8 = AtomicU8::new(0);
-    /// Which tasks have run of late.
+    /// Which tasks have run lately.
     static LIFE: LifeSigns = LifeSigns::new();
     /// There is a slot for a memory card, and a clock for it.
     static HAS_CARD: AtomicBool = AtomicBool::new(false);
-    /// The machine has been halted, and the host should know.
+    /// The machine has been halted; the reports task tells the hosts.
     static HALTED: Signal<()> = Signal::new();
 
     #[shared]
     struct Shared {
-        /// Of the two tasks of priority 16 only.
+        /// For the two tasks of priority 16 only.
         #[lock_free]
         step_timer: BoardStepTimer,
-        /// Of the tasks of the sensors' lines only.
+        /// For the tasks of the sensors' lines only.
         #[lock_free]
         sensors: BoardPins,
-        /// Of one of its two interrupts, the board's, and the drivers' task.
+        /// For one of its two interrupts, the one that the board has, and for the drivers' task.
         driver_line: BoardDriverLine,
         drivers: DriverBank,
         machine: &'static mut BoardMachine,
@@ -188,7 +188,7 @@ mod app {
         let card = card::start(device.SDIO, &clock, motion_clock);
         HAS_CARD.store(card.is_some(), Ordering::Relaxed);
 
-        // Each of them is taken here and nowhere else.
+        // Each is taken here only.
         let (Some(reader), Some(planner_work), Some(halted)) =
             (Reader::new(to_read, motion_clock), PLANNER_WORK.try_take_reader(), HALTED.try_take_reader())
         else {
@@ -242,7 +242,7 @@ mod app {
         cx.shared.step_timer.start_or_end();
     }
 
-    /// The sensor that an axis seeks has triggered: the motors stand with the next instruction. One task for each interrupt
+    /// The sensor that an axis seeks has triggered: the motors stop with the next instruction. One task for each interrupt
     /// that a sensor's pin may have.
     #[task(binds = EXTI0, priority = 15, shared = [sensors])]
     fn sensor_0(cx: sensor_0::Context) {
@@ -285,7 +285,7 @@ mod app {
         cx.shared.driver_line.lock(DriverLine::interrupt);
     }
 
-    /// The drivers' own lines. Must come within a tenth of a quarter bit, 1.3 us, so that it is above all that receive.
+    /// The drivers' own lines. Must come within a tenth of a quarter bit, 1.3 us; so its priority is above all that receive.
     #[task(binds = TIM7, priority = 14, shared = [driver_line])]
     fn driver_pins(mut cx: driver_pins::Context) {
         cx.shared.driver_line.lock(DriverLine::interrupt);
@@ -310,16 +310,16 @@ mod app {
         }
     }
 
-    /// What does not wait its turn, whichever host has sent it.
+    /// Executes a command that does not wait its turn, whichever host has sent it.
     fn act(emergency: Emergency) {
         match emergency {
             Emergency::Stop => {
                 SIGNALS.halt();
                 step_timer::stop(STEPS.link());
-                // Already on its way is as good.
+                // If it is spawned already, that is enough.
                 let _ = emergency::spawn();
             }
-            // The line is a file's.
+            // The line goes into a file.
             Emergency::QuickStop | Emergency::EndWait if SIGNALS.is_writing() => {}
             Emergency::QuickStop => step_timer::stop(STEPS.link()),
             Emergency::EndWait => SIGNALS.end_wait(),
@@ -327,8 +327,8 @@ mod app {
         }
     }
 
-    /// Heater control; a fault halts the machine. Must run every 10 ms, whatever the tasks below do: a sample that is
-    /// late is made up for. Feeds the watchdog while those below are alive.
+    /// Heater control; a fault halts the machine. Must run every 10 ms, whatever the tasks below do; it catches up on late
+    /// samples. Feeds the watchdog while the tasks below are alive.
     #[task(priority = 8, shared = [heat], local = [watchdog, vigil])]
     async fn temperature(mut cx: temperature::Context) {
         let mut next = Mono::now();
@@ -347,7 +347,7 @@ mod app {
         }
     }
 
-    /// M112: the step interrupt has been told already; heaters off as soon as the line's interrupt returns.
+    /// M112, after the motors have been stopped: heaters off as soon as the line's interrupt returns.
     #[task(priority = 8, shared = [heat])]
     async fn emergency(mut cx: emergency::Context) {
         cx.shared.heat.lock(|heat| heat.all_off());
@@ -365,7 +365,7 @@ mod app {
                 FAN_POWER.store(machine.fan_power(), Ordering::Relaxed);
                 more
             }) {}
-            // Woken or not, it looks.
+            // It looks in either case, woken or after the interval.
             let _ = Mono::timeout_after(PLANNER_INTERVAL_MS.millis(), cx.local.planner_work.wait()).await;
         }
     }
@@ -403,8 +403,8 @@ mod app {
         }
     }
 
-    /// What is said without being asked: temperatures (M155), a halt, lost bytes, overload, rest; how hosts pack their bytes
-    /// (MeatPack); to the log, times (M798).
+    /// Reports that no host has asked for: temperatures (M155), a halt, lost bytes, overload, rest, how hosts pack their bytes
+    /// (MeatPack); and times (M798), to the log.
     #[task(priority = 1, shared = [machine, heat, writers], local = [halted])]
     async fn reports(cx: reports::Context) {
         let reports::SharedResources { machine, heat, writers, .. } = cx.shared;
@@ -418,7 +418,7 @@ mod app {
         }
     }
 
-    /// The card's task: it waits for the card, so that it is below all others. Otherwise sleeps until an interrupt; SysTick comes
+    /// The card's task, below all others because it waits for the card. Otherwise sleeps until an interrupt; SysTick comes
     /// every millisecond.
     #[idle(shared = [mailbox], local = [card])]
     fn idle(mut cx: idle::Context) -> ! {

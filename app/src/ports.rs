@@ -89,13 +89,13 @@ pub type BoardMachine = Machine<&'static mut [Slot], BoardStepQueue, Methods>;
 pub fn motor_queue(pins: BoardPins, clock: &Clock, motion_clock: MotionClock) -> BoardMotorQueue {
     let pin_map = PIN_MAP.with_inverted(PROFILE.driver.inverted);
     let feeder = StepFeeder::new(&STEPS, pin_map, PROFILE.driver.signals(clock.slow_timers.raw()));
-    // On the bare internal oscillator the plan shall not depend on time, as for the host's line.
+    // On the bare internal oscillator the plan must not depend on time, as for the host's line.
     let planning_clock = (clock.source != ClockSource::Internal).then_some(motion_clock);
     MotorQueue::new(pins, feeder, planning_clock)
 }
 
 /// Makes the machine in its place.
-// By itself: what is on the stack for that is gone before a task begins, and what `init` has there is not.
+// Not inlined: its stack is free again before a task begins; the stack of `init` is not.
 #[inline(never)]
 pub fn build_machine(
     place: &'static mut MaybeUninit<BoardMachine>,
@@ -106,7 +106,7 @@ pub fn build_machine(
     place.write(BoardMachine::new(&PROFILE, slots.as_mut_slice(), BoardSensors::beside(queue)))
 }
 
-/// There is something for the planner task to do.
+/// Wakes the planner task: it has something to do.
 pub static PLANNER_WORK: Signal<()> = Signal::new();
 
 /// How often a command that waits for motion looks whether it has come.
@@ -151,13 +151,13 @@ impl<M: Mutex<T = &'static mut BoardMachine>> SharedMachine for BoardMachineLock
 pub struct BoardHeating<H>(pub RefCell<H>);
 
 impl<H: Mutex<T = Heat>> BoardHeating<H> {
-    /// Why the heaters are off for good, if they are.
+    /// The fault that keeps the heaters off, if any.
     pub fn fault(&self) -> Option<HeatFault> {
         self.0.borrow_mut().lock(|heat| heat.fault())
     }
 
-    /// Switches unused heaters off where their time is over, unless a line has come since. Both within the lock, so that no
-    /// command sets a target in between. Tells the hosts.
+    /// Switches unused heaters off when their time is over, unless a line has come since. Looks and switches under one lock, so
+    /// that no command sets a target in between. Tells the hosts.
     pub fn follow<W: Mutex<T = Writers>>(&self, rest: &HeaterRest, signals: &Signals, replies: &BoardReplies<W>) {
         let goes_on = matches!(rest, HeaterRest::Over { .. })
             && self.0.borrow_mut().lock(|heat| {
@@ -203,12 +203,12 @@ impl<W: Mutex<T = Writers>> BoardReplies<W> {
         Self { writers: RefCell::new(writers), to: Cell::new(To::All) }
     }
 
-    /// From now on it is this host that is answered.
+    /// Replies to this host from now on.
     pub fn answer(&self, port: Port) {
         self.to.set(To::Host(port));
     }
 
-    /// From now on everyone is told.
+    /// Replies to every host from now on.
     #[cfg(card)]
     pub fn answer_all(&self) {
         self.to.set(To::All);
@@ -247,7 +247,7 @@ impl<W: Mutex<T = Writers>> BoardReplies<W> {
     }
 }
 
-/// How often something could not keep up, since the start.
+/// How often something could not keep up since the start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Overload {
     /// Blocks that left the look-ahead ring early because steps ran out.
@@ -260,7 +260,7 @@ pub struct Overload {
 }
 
 impl Overload {
-    /// Its part of all figures.
+    /// The part of all figures that tells of it.
     pub fn of(figures: &MotionFigures) -> Self {
         let MotionFigures {
             starvation_flushes,
@@ -276,7 +276,7 @@ impl Overload {
 }
 
 impl<W: Mutex<T = Writers>> BoardReplies<W> {
-    /// Says what could not keep up so far.
+    /// Reports how often something could not keep up.
     pub fn overload(&self, overload: Overload) {
         let Overload { starvation_flushes, planning_slowdowns, underruns, missed_updates, refused_entries, miscounts } =
             overload;

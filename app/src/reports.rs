@@ -10,7 +10,7 @@ use crate::host_line::{self, Writers};
 use crate::ports::{BoardHeating, BoardMachine, BoardReplies, Overload};
 use crate::timing;
 
-/// Looks at the machine now and then, and reports to all hosts.
+/// Looks at the machine at intervals and reports to all hosts.
 pub struct Reports<'a, M, H, W> {
     machine: M,
     heating: BoardHeating<H>,
@@ -48,8 +48,8 @@ where
 
     /// The machine has been halted: switches the motors off and tells the hosts.
     pub fn halted(&mut self) {
-        // A command at work has switched them off already; without one it is done here. Whether the machine is still halted
-        // must not change in between: after M999 the motors are needed.
+        // A command at work has switched them off already; without one it is done here. The lock keeps M999 from ending the
+        // halt in between: after it the motors are needed.
         self.machine.lock(|machine| {
             if self.signals.is_halted() {
                 machine.switch_motors_off();
@@ -87,7 +87,7 @@ where
         let keeps_heat = Heater::ALL.into_iter().any(|heater| self.heating.status(heater).target_celsius > 0.0);
         let signals = self.signals;
         let (is_off, is_idle) = self.machine.lock(|machine| {
-            // Within the lock: the command side cannot begin in between.
+            // Under one lock, so that no command begins in between.
             let timeout_s = Some(signals.idle_timeout_s()).filter(|s| *s > 0 && !keeps_heat && !signals.is_at_work());
             let is_off = machine.rest(now_ms, timeout_s.map(|seconds| seconds.saturating_mul(1000)));
             (is_off, machine.is_idle())
@@ -103,7 +103,7 @@ where
     }
 }
 
-/// Whether a report is due that is repeated every `interval_s`; never if that is 0. Notes when.
+/// Whether a report that is repeated every `interval_s` is due, never if that is 0; notes the time if so.
 fn is_due(last_ms: &mut u32, interval_s: impl Into<u32>, now_ms: u32) -> bool {
     let interval_ms = interval_s.into() * 1000;
     let is_due = interval_ms > 0 && now_ms.wrapping_sub(*last_ms) >= interval_ms;

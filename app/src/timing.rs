@@ -8,14 +8,14 @@ use ferrostep_printer::Timing;
 use ferrostep_stm32f4::histogram::Summary;
 use ferrostep_stm32f4_board::measured::{self, Measured, Switch};
 
-/// How often the log tells the times while they are measured, ms.
+/// How often the times are logged while they are measured, ms.
 pub const LOG_INTERVAL_MS: u32 = 1000;
 
 /// The switch, as the printer sees it.
 pub struct BoardTiming<'a>(RefCell<&'a mut Switch>);
 
 impl<'a> BoardTiming<'a> {
-    /// The view of a switch.
+    /// Wraps the switch.
     pub fn new(switch: &'a mut Switch) -> Self {
         Self(RefCell::new(switch))
     }
@@ -44,7 +44,7 @@ impl Timing for BoardTiming<'_> {
     }
 }
 
-/// The lines of M798 for who watches the log over a debug probe, while times are measured.
+/// Logs the lines of M798, for a debug probe, while times are measured.
 pub fn log() {
     if !measured::is_on() {
         return;

@@ -5,25 +5,25 @@ use ferrostep_stm32f4_board::motion_clock::MotionClock;
 use ferrostep_stm32f4_board::pac::SDIO;
 use rtic::Mutex;
 
-/// No card's task.
+/// In place of the card's task.
 pub struct BoardCard;
 
-/// No questions for it.
+/// In place of the questions to it.
 pub struct BoardMailbox;
 
 impl BoardMailbox {
-    /// Empty.
+    /// The only value.
     pub const fn new() -> Self {
         Self
     }
 }
 
-/// Starts nothing.
+/// Returns `None`: there is no slot to start.
 pub fn start(_: SDIO, _: &Clock, _: MotionClock) -> Option<BoardCard> {
     None
 }
 
-/// Has nothing to do.
+/// Returns `false`: there is never anything to do.
 pub fn serve(_: &mut Option<BoardCard>, _: &mut impl Mutex<T = BoardMailbox>) -> bool {
     false
 }

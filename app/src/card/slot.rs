@@ -17,12 +17,12 @@ use crate::ports::BoardReplies;
 /// The card's task.
 pub type BoardCard = ferrostep_card::CardServer<ferrostep_stm32f4_board::card::Slot>;
 
-/// Starts the slot; `None` where there is none, or no clock for it.
+/// Starts the slot; `None` if the board has none, or no clock for it.
 pub fn start(sdio: SDIO, clock: &Clock, motion_clock: MotionClock) -> Option<BoardCard> {
     ferrostep_stm32f4_board::card::start(sdio, clock, motion_clock).map(BoardCard::new)
 }
 
-/// The mailbox as a task sees it that shares it.
+/// The mailbox, as the printer task shares it.
 pub struct BoardMailboxLock<M>(pub RefCell<M>);
 
 impl<M: Mutex<T = Mailbox>> CardPort for BoardMailboxLock<M> {
@@ -31,7 +31,7 @@ impl<M: Mutex<T = Mailbox>> CardPort for BoardMailboxLock<M> {
     }
 }
 
-/// The same for the card's task.
+/// The mailbox, as the card's task shares it.
 struct TaskMailbox<'a, M>(&'a mut M);
 
 impl<M: Mutex<T = Mailbox>> SharedMailbox for TaskMailbox<'_, M> {
@@ -40,7 +40,7 @@ impl<M: Mutex<T = Mailbox>> SharedMailbox for TaskMailbox<'_, M> {
     }
 }
 
-/// Does one thing that the printer waits for, and wakes it; `false` where there is nothing to do.
+/// Does one thing that the printer waits for, and wakes it; `false` if nothing is asked for.
 pub fn serve(card: &mut Option<BoardCard>, mailbox: &mut impl Mutex<T = BoardMailbox>) -> bool {
     let served = card.as_mut().is_some_and(|card| card.serve(&mut TaskMailbox(mailbox)));
     if served {
@@ -49,7 +49,7 @@ pub fn serve(card: &mut Option<BoardCard>, mailbox: &mut impl Mutex<T = BoardMai
     served
 }
 
-/// Bytes of a host that are taken at once.
+/// Most bytes of a host that are read at once.
 const CHUNK_BYTES: usize = 64;
 
 /// The hosts' lines beside a print from the card.
