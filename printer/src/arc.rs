@@ -4,10 +4,10 @@ use ferrostep_planner::kinematics::{MAX_COORDINATE_10NM, UNITS_PER_MM, round_hal
 
 use crate::error::CommandError;
 
-/// Farthest a chord may be from its arc, mm.
+/// Greatest distance of a chord from its arc, mm.
 pub const CHORD_TOLERANCE_MM: f64 = 0.01;
 
-/// Most the radii at both ends may differ, mm, before the line is taken for an error. Slicers round coordinates to
+/// Greatest difference between the radii at both ends, mm; with more, the line is an error. Slicers round coordinates to
 /// 1 um, and old ones I and J to 10 um.
 const RADIUS_TOLERANCE_MM: f64 = 0.1;
 
@@ -29,7 +29,7 @@ fn length(vector: [f64; 2]) -> f64 {
     libm::sqrt(vector[0] * vector[0] + vector[1] * vector[1])
 }
 
-/// Cosine and sine of an angle of half a turn at most. A library's take any angle, which costs 8 KiB of flash.
+/// Cosine and sine of an angle of at most half a turn. Those of a library take any angle, which costs 8 KiB of flash.
 fn direction_at(angle: f64) -> [f64; 2] {
     // An eighth of it is so small that seven terms of its series are exact to the last bit or two.
     let eighth = angle / 8.0;
@@ -73,7 +73,7 @@ impl Arc {
         }
         // A chord over angle p is r (1 - cos(p/2)) away from its arc.
         let radius = start_radius.max(end_radius);
-        // Every chord is executable before the first one is.
+        // All chords are checked before the first one is executed.
         if centre.iter().any(|&middle| (middle as f64).abs() + radius > MAX_COORDINATE_10NM as f64) {
             return Err(CommandError::TooFar);
         }
@@ -96,7 +96,7 @@ impl Arc {
         let distance = length(chord);
         let size = radius as f64;
         let height_squared = size * size - distance * distance / 4.0;
-        // Half circles miss by the rounding of their coordinates.
+        // The rounding of coordinates may make half circles miss.
         if distance < 1.0 || height_squared < -(RADIUS_TOLERANCE_MM * MM * size.abs()) {
             return Err(CommandError::ArcRadius { radius_mm: size / MM, chord_mm: distance / MM });
         }
@@ -115,7 +115,7 @@ impl Arc {
         self.chords
     }
 
-    /// The ends of all chords but the last, whose end is the arc's own.
+    /// The ends of all chords but the last, which ends where the arc ends.
     pub fn inner_points(&self) -> InnerPoints {
         InnerPoints {
             arc: *self,

@@ -2,18 +2,18 @@
 
 use ferrostep_gcode::{CardCommand, Command};
 
-/// What becomes of a command while the machine is halted.
+/// How a command is treated while the machine is halted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum WhileHalted {
-    /// It only asks or tells, and does so.
+    /// It only asks or reports, and is executed.
     Works,
-    /// It switches off what is off already.
+    /// It switches something off that is off already, and has no effect.
     IsOff,
     /// It is refused until M999.
     Refused,
 }
 
-/// What becomes of a command while the machine is halted: a host that connects learns what it needs to say so.
+/// How a command is treated while the machine is halted. A host that connects can still learn that it is.
 pub(crate) fn while_halted(command: &Command<'_>) -> WhileHalted {
     match command {
         Command::ReportTemperatures

@@ -55,7 +55,7 @@ impl<P: Ports> Printer<'_, P> {
         Ok(Answer::Ok)
     }
 
-    /// Executes a command that never waits: one line for each. A function of its own, for in a future the compiler keeps every
+    /// Executes a command that never waits: one line for each. A function of its own, because in a future the compiler keeps every
     /// value in memory.
     #[inline(never)]
     fn dispatch_at_once(&mut self, command: &Command<'_>) -> Result<Answer, CommandError> {
@@ -133,8 +133,8 @@ impl<P: Ports> Printer<'_, P> {
             Command::SelectTool(0) => {}
             Command::SelectTool(tool) => return Err(CommandError::InvalidTool(tool)),
             Command::Unknown(text) => self.replies.unknown(self.line, text),
-            // The drivers' part is all that there is to the first four. Without a display or a second fan the next ones change
-            // nothing here. The rest may wait, see `dispatch`.
+            // The first four concern the drivers alone, which have been served. The next ones have no effect without a display or
+            // a second fan. The rest may wait, see `dispatch`.
             Command::ReportDrivers
             | Command::StealthChop { .. }
             | Command::DriverCurrent(_)

@@ -9,15 +9,15 @@ use crate::error::CommandError;
 use crate::ports::{MotorDrivers, Ports, Replies};
 use crate::printer::Printer;
 
-/// How often a wait for a driver looks. A set-up takes tenths of a second, and always ends.
+/// How often a wait for a driver looks, ms. A set-up takes tenths of a second, and always ends.
 const LOOK_MS: u32 = 10;
 
-/// Tells what has happened to a driver. `true`: a motor with current (`motors_on` is their mask) may not be where its
-/// steps say, so that who calls must halt the machine as M112 does; the host has been told, but for
-/// `Reply::Killed`.
+/// Reports what has happened to a driver. `true`: a motor with current (`motors_on` is their mask) may not be where its
+/// steps say, and the caller must halt the machine as M112 does and send `Reply::Killed`; all else has been
+/// reported.
 ///
-/// Without current only the axis' home is lost, and printers are often without motor supply: then it is only a
-/// notice, for hosts end a print at each `Error:`.
+/// Without current only the axis' home is lost. Printers are often without motor supply, so that is only a notice: hosts end a
+/// print at each `Error:`.
 pub fn tell_driver_event(event: &DriverEvent, motors_on: u8, replies: &impl Replies) -> bool {
     let halts = event.stops_motion() && motors_on >> event.motor & 1 == 1;
     if event.is_notable() {
@@ -26,7 +26,7 @@ pub fn tell_driver_event(event: &DriverEvent, motors_on: u8, replies: &impl Repl
     halts
 }
 
-/// What a motor's driver is called in a line.
+/// A driver's name in replies.
 fn name(motor: usize) -> char {
     AXIS_NAMES.get(motor).copied().unwrap_or('?')
 }
@@ -41,7 +41,7 @@ impl<P: Ports> Printer<'_, P> {
                 match drivers.state(motor) {
                     Some(DriverState::Failed(failure)) => {
                         let error = CommandError::Driver { motor, failure };
-                        // A print that cannot move shall not go on with its heat: hosts end it at this word.
+                        // Hosts end a print at this word: without motion it must not go on heating.
                         self.replies.say(format_args!("Error:{error}"));
                         return Err(error);
                     }
@@ -62,7 +62,7 @@ impl<P: Ports> Printer<'_, P> {
 
     /// The drivers' part of a command, if it has one. `true`: the command goes on when all drivers have confirmed their
     /// settings.
-    // By itself, for what a command becomes when it is inlined with others that wait is large.
+    // Not inlined: in the future of the commands that wait it would take much room.
     #[inline(never)]
     pub(crate) fn drivers_part(&self, command: &Command<'_>) -> Result<bool, CommandError> {
         let (code, setting, values) = match *command {
@@ -101,7 +101,7 @@ impl<P: Ports> Printer<'_, P> {
     }
 }
 
-/// What of a driver a command shows or changes.
+/// The setting of a driver that a command shows or changes.
 #[derive(Clone, Copy)]
 enum Setting {
     All,
@@ -110,7 +110,7 @@ enum Setting {
     StallThreshold,
 }
 
-/// For each motor: `None` if the command does not mean it, the value that it shall have, or none for a query.
+/// For each motor: `None` if the command does not name it, else the value to set, or `None` for a query.
 type Values = [Option<Option<u16>>; 4];
 
 const ALL_MOTORS: Values = [Some(None); 4];
@@ -120,7 +120,7 @@ fn values(words: DriverWords) -> Values {
     if words == DriverWords::default() { ALL_MOTORS } else { words.all().map(|value| value.map(Some)) }
 }
 
-/// Changes all the drivers that are meant, or none.
+/// Changes all drivers that the command names, or none of them.
 fn change(drivers: &dyn MotorDrivers, setting: Setting, values: Values) -> Result<(), CommandError> {
     for is_set in [false, true] {
         for (motor, value) in values.iter().enumerate() {
@@ -140,7 +140,7 @@ fn change(drivers: &dyn MotorDrivers, setting: Setting, values: Values) -> Resul
 }
 
 impl Setting {
-    /// Tells it, of one driver.
+    /// Reports the setting of one driver.
     fn say(self, name: char, report: &DriverReport, replies: &impl Replies) {
         let DriverReport { state, settings, run_ma, hold_ma, status, load, repeated } = report;
         let DriverSettings { current_ma, microsteps, stall_threshold, .. } = settings;

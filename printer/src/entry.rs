@@ -1,5 +1,5 @@
-//! A prepared job that is entered in its middle: a machine that was brought to where one of its frames begins takes over the
-//! settings in force there.
+//! Entering a prepared job in its middle: the machine has been brought to the start of a frame, and takes over the settings
+//! in force there.
 
 use core::fmt::Write;
 
@@ -16,8 +16,8 @@ use crate::settings::{LARGEST_LIMIT, PERCENTS, SMALLEST_LIMIT};
 /// Largest E, offset and lift of a frame, either sign, units of 10 nm: 10 km.
 const MAX_10NM: u64 = 1_000_000_000_000;
 
-/// The limit that a person has written, of which the frame has what single precision keeps: the shortest number that rounds to
-/// it. So a plan is followed with the very limits it was made with.
+/// The limit as it was written: the shortest decimal number that rounds to the frame's single-precision value. So a plan is
+/// followed with exactly the limits that it was made with.
 fn as_written(value: f32) -> f64 {
     let mut text = heapless::String::<64>::new();
     let written = write!(text, "{value}").ok().and_then(|()| text.parse().ok());
@@ -43,11 +43,11 @@ fn limits(values: LimitValues) -> Limits {
 }
 
 impl<P: Ports> Printer<'_, P> {
-    /// Says at which height the nozzle stands, machine coordinate in units of 10 nm: for a machine that must not home Z, because a
-    /// print is in the way. Z then counts as homed.
+    /// Sets the height of the nozzle, a machine coordinate in units of 10 nm, for a machine that must not home Z because a print
+    /// is in the way. Z then counts as homed.
     ///
     /// # Errors
-    /// Motion was stopped, or there is no such height on this machine.
+    /// Motion was stopped, or the height is outside this machine's travel.
     pub async fn take_height(&mut self, z_10nm: i64) -> Result<(), CommandError> {
         if !(self.profile.lower_end_10nm[2]..=self.profile.size_10nm[2]).contains(&z_10nm) {
             return Err(CommandError::Outside { axis: 2 });
@@ -57,16 +57,16 @@ impl<P: Ports> Printer<'_, P> {
         self.motion.set_position([x, y, z_10nm]);
         (self.interpreter.modal.machine_10nm, self.interpreter.modal.lift_10nm) = ([x, y, z_10nm], 0);
         self.interpreter.modal.homed[2] = true;
-        // A probe triggers where its offset says; without a probe, where the profile does.
+        // A probe triggers at its offset; any other sensor where the profile says.
         self.interpreter.modal.z = KnownZ { trigger_10nm: Some(self.interpreter.trigger_10nm(2)), ..KnownZ::default() };
         Ok(())
     }
 
-    /// Takes over the settings in force where a frame begins: limits, percentages, the fan, E, G92, the lift of a retraction and the feed.
-    /// The machine must stand there. Heaters are left to the caller.
+    /// Takes over the settings in force where a frame begins: limits, percentages, the fan, E, G92, the lift of a retraction and
+    /// the feed. The machine must stand there. The caller sets the heaters.
     ///
     /// # Errors
-    /// It stands elsewhere, the frame's values are out of range, or motion was stopped.
+    /// The machine stands elsewhere, the frame's values are out of range, or motion was stopped.
     pub async fn enter_prepared(&mut self, state: &FrameState) -> Result<(), CommandError> {
         let modal = &state.modal;
         let [x, y, z] = modal.offset_10nm;

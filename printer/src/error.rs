@@ -12,7 +12,7 @@ use crate::axis_names::AXIS_NAMES;
 use crate::heat::HeatFault;
 use crate::motion_fault::{Miscount, MotionError, MotionFault};
 
-/// Why a command was not executed. Nothing of it has happened then; a command that was stopped on its way
+/// Why a command was not executed. It has had no effect then; a command that was stopped on its way
 /// ([`CommandError::Stopped`]) leaves the machine where it says it stands.
 // R4.
 #[repr(u32)]
@@ -75,7 +75,7 @@ pub enum CommandError {
         /// The axis whose sensor triggered instead.
         swapped: Option<usize>,
     },
-    /// Two approaches have met the sensor at different places, twice.
+    /// Two approaches have found the sensor at different places, twice.
     HomingDisagrees {
         /// Index of the axis.
         axis: usize,
@@ -84,7 +84,7 @@ pub enum CommandError {
         /// How far apart they may be.
         agree_10nm: i64,
     },
-    /// Z homes at a place of the bed, and where the nozzle is in the plane is not known.
+    /// Z homes at one place of the bed, and an axis of the plane is not homed.
     HomeFirst {
         /// Index of the axis that is not homed.
         axis: usize,
@@ -96,21 +96,21 @@ pub enum CommandError {
     },
     /// M24 or M602 without a print that is paused.
     NotPaused,
-    /// A prepared job has heights of its own, and M290 has shifted Z.
+    /// M290 has shifted Z, and a prepared job brings its own heights.
     Shifted {
         /// By how much, units of 10 nm.
         shift_10nm: i64,
     },
     /// M290 shifts no prepared job.
     ShiftsNoJob,
-    /// M290 shifts a Z of which it is known where it is.
+    /// M290 shifts a homed Z only.
     ShiftsHomedZ,
     /// M290 moves Z alone.
     ShiftsZOnly {
         /// The word's letter.
         word: char,
     },
-    /// The axis' sensor is triggered where it should not be.
+    /// The axis' sensor is triggered away from the end of the axis.
     SensorStuck {
         /// Index of the axis.
         axis: usize,
@@ -120,27 +120,27 @@ pub enum CommandError {
         /// Index of the axis.
         axis: usize,
     },
-    /// A motor's driver is not to be relied on, so nothing may move.
+    /// A motor's driver has failed, so nothing may move.
     Driver {
         /// The motor, 0 to 3.
         motor: usize,
         /// Why.
         failure: DriverFailure,
     },
-    /// A motor's driver cannot be set to what was asked for.
+    /// A motor's driver does not have this setting.
     DriverSettings {
         /// The motor, 0 to 3.
         motor: usize,
         /// Why.
         error: SettingsError,
     },
-    /// What the command needs cannot be used on this board: `heaters`, `thermometers`, `end stops`, `fan`.
+    /// This board does not have what the command needs: `heaters`, `thermometers`, `end stops`, `fan`.
     NotEquipped(&'static str),
-    /// The memory card prints, or a file is written to it, so that it is not free for this.
+    /// The memory card is in use: it prints, or a file is being written to it.
     CardInUse,
     /// A host's line would move the head of a print from the card.
     CardPrints,
-    /// M796 chose methods that cannot be used.
+    /// M796 asked for methods that this machine cannot use.
     MotionChoice(ChoiceError),
     /// The job is for another nozzle (M862.1).
     OtherNozzle {
@@ -153,7 +153,7 @@ pub enum CommandError {
     OtherModel(&'static str),
     /// A tool that does not exist.
     InvalidTool(u32),
-    /// The machine was stopped by M112 or a heater fault, here or before, and waits for M999.
+    /// M112 or a heater fault has halted the machine, during this command or before; only M999 ends that.
     Halted,
     /// M999 does not end this heater fault.
     NeedsReset(HeatFault),
@@ -161,9 +161,9 @@ pub enum CommandError {
     HeatersTimedOut,
     /// Motion was stopped on the way.
     Stopped,
-    /// The firmware has found its own motion wrong and stopped it.
+    /// The firmware has found a fault in its own motion and stopped it.
     MotionFault(MotionFault),
-    /// A prepared job goes on where the motors do not stand.
+    /// A prepared job goes on at another place than the motors'.
     OtherPlace {
         /// Where the job goes on, units of 10 nm.
         job_10nm: [i32; 3],
@@ -177,7 +177,7 @@ pub enum CommandError {
     },
     /// The plan of a prepared job cannot be followed.
     Plan(PlanFault),
-    /// There is no line from which a job could be received.
+    /// Jobs come over a board's own ports, and here is none.
     NoJobs,
 }
 
@@ -221,14 +221,14 @@ impl fmt::Display for CommandError {
             ),
             Self::ArcGeometry { start_radius_mm, end_radius_mm } => write!(
                 out,
-                "I, J: the arc starts {} mm from its centre and ends {} mm from it, expected the same distance",
+                "I, J: the arc starts {} mm from its centre and ends {} mm from it: both must be the same",
                 Real::fixed(*start_radius_mm, 3),
                 Real::fixed(*end_radius_mm, 3)
             ),
             Self::ArcRadius { radius_mm, chord_mm } => write!(
                 out,
-                "R: a radius of {} mm does not reach over {} mm, expected at least half the way and an end apart from \
-                 the start",
+                "R: a radius of {} mm does not reach over {} mm: it must be at least half of that, and the end must not be the \
+                 start",
                 Real::fixed(*radius_mm, 3),
                 Real::fixed(*chord_mm, 3)
             ),
@@ -246,11 +246,12 @@ impl fmt::Display for CommandError {
                 write!(out, "homing {name} failed: its sensor did not trigger within {searched} mm, ")?;
                 match swapped.and_then(|swapped| AXIS_NAMES.get(swapped)) {
                     Some(other) => {
-                        write!(out, "but that of {other} did: expected each at its own axis, are the two swapped?")
+                        write!(out, "but the sensor of {other} did: are the two swapped?")
                     }
                     None if *axis == 2 => write!(
                         out,
-                        "expected it at the bed: is the sheet on it, is the sensor connected (M119)? If the nozzle is                          still above the bed, switch the motors off (M84) and home again"
+                        "expected it at the bed: is the sheet on it, is the sensor connected (M119)? If the nozzle is still above \
+                         the bed, switch the motors off (M84) and home again"
                     ),
                     None => write!(
                         out,
@@ -273,42 +274,37 @@ impl fmt::Display for CommandError {
             }
             Self::HomeFirst { axis } => {
                 let name = AXIS_NAMES.get(*axis).copied().unwrap_or('?');
-                write!(
-                    out,
-                    "homing Z refused: {name} is not homed, and Z homes at a place of the bed only, expected X and Y \
-                     homed before: G28"
-                )
+                write!(out, "homing Z refused: {name} is not homed, and Z homes at one place of the bed only: send G28")
             }
             Self::PausedUnhomed { axis } => {
                 let name = AXIS_NAMES.get(*axis).copied().unwrap_or('?');
                 write!(
                     out,
-                    "the print stays paused: {name} was homed when it paused and is not now, expected G28 {name} before it goes on \
-                     (M602)"
+                    "the print stays paused: {name} was homed when it paused and is not now: home it (G28 {name}), then go on (M602)"
                 )
             }
-            Self::NotPaused => write!(out, "no print is paused, expected M601, M600 or M25 before"),
+            Self::NotPaused => write!(out, "no print is paused: M601, M600 or M25 pauses one"),
             Self::Shifted { shift_10nm } => write!(
                 out,
-                "M290 has shifted Z by {} mm, and a prepared job has heights of its own, expected no shift: G28 Z ends it, \
-                 M851 keeps it",
+                "M290 has shifted Z by {} mm, and a prepared job brings its own heights: G28 Z ends the shift, M851 keeps it",
                 mm(*shift_10nm, 3)
             ),
-            Self::ShiftsNoJob => write!(out, "a prepared job has heights of its own, expected M290 before or after it"),
-            Self::ShiftsHomedZ => write!(out, "Z is not homed, expected G28 before M290"),
-            Self::ShiftsZOnly { word } => write!(out, "{word}: M290 shifts Z alone, expected M290 Z"),
+            Self::ShiftsNoJob => write!(out, "a prepared job brings its own heights: send M290 before or after it"),
+            Self::ShiftsHomedZ => write!(out, "Z is not homed: send G28 before M290"),
+            Self::ShiftsZOnly { word } => write!(out, "{word}: M290 shifts Z alone: send M290 Z"),
             Self::SensorStuck { axis } => {
                 let name = AXIS_NAMES.get(*axis).copied().unwrap_or('?');
                 write!(
                     out,
-                    "homing {name} failed: its sensor is triggered away from the end, expected it released: is it connected, or swapped with another's (M119)?"
+                    "homing {name} failed: its sensor is triggered away from the end of the axis: is it connected, or swapped with \
+                     another's (M119)?"
                 )
             }
             Self::NoStallSignal { axis } => {
                 let name = AXIS_NAMES.get(*axis).copied().unwrap_or('?');
                 write!(
                     out,
-                    "{name} homes by its driver's stall signal, expected it on: M914 {name}1 to 255, M569 S1 {name}"
+                    "{name} homes by its driver's stall signal, which is off: send M914 {name}1 to 255, M569 S1 {name}"
                 )
             }
             Self::Driver { motor, failure } => {
@@ -348,17 +344,16 @@ impl fmt::Display for CommandError {
                 out,
                 "T{tool} - Invalid extruder number !, this machine has one extruder, T0: slice the job for one"
             ),
-            Self::Halted => write!(out, "the printer is halted (M112 or a heater fault), expected M999 to restart"),
+            Self::Halted => write!(out, "the printer is halted (M112 or a heater fault): M999 restarts it"),
             Self::NeedsReset(HeatFault { heater, trip }) => write!(
                 out,
-                "M999 does not end \"{trip}\" of the {}: expected its cause mended, then a reset of the board (its button, or \
-                 power off and on)",
+                "M999 does not end \"{trip}\" of the {}: mend its cause, then reset the board (its button, or power off and on)",
                 heater.name()
             ),
             Self::HeatersTimedOut => {
                 write!(
                     out,
-                    "the heaters were switched off during the wait, expected a longer time for it: M86 S before it"
+                    "the heaters were switched off during the wait, as unused: allow more time with M86 S before it"
                 )
             }
             Self::Stopped => write!(out, "motion was stopped"),
@@ -386,7 +381,7 @@ impl fmt::Display for CommandError {
             ),
             Self::Outside { axis } => {
                 let name = AXIS_NAMES.get(*axis).copied().unwrap_or('?');
-                write!(out, "{name}: outside the soft limits, expected a target within the travel")
+                write!(out, "{name}: the target is outside the soft limits: a prepared job must stay within the travel")
             }
             Self::Plan(fault) => write_plan_fault(out, fault),
             Self::NoJobs => write!(out, "M790 works on a board's serial or USB port only"),
@@ -394,7 +389,7 @@ impl fmt::Display for CommandError {
     }
 }
 
-/// What is wrong with a plan, with its figures, and how to mend it.
+/// Writes a plan's fault with its figures, and how to mend it.
 fn write_plan_fault(out: &mut fmt::Formatter<'_>, fault: &PlanFault) -> fmt::Result {
     let mm_per_s = |speed: Speed| Real::fixed(speed.mm_per_s(), 1);
     match *fault {

@@ -1,8 +1,8 @@
-//! Velocity-adaptive extrusion (Wu 2024, eqs. 10 and 11): filament by the length of the path, for G-code that tells none.
+//! Velocity-adaptive extrusion (Wu 2024, eqs. 10 and 11): filament by the length of the path, for G-code without E words.
 //!
-//! What the nozzle lays along a path of length S, S h b, is what goes in, pi D^2/4 E: E = lambda S with
-//! lambda = 4 h b / (pi D^2). With E on its way as with any other move, the extruder's speed and acceleration are
-//! lambda times the nozzle's at every instant.
+//! The volume laid along a path of length S, S h b, equals the volume pushed, pi D^2/4 E. So E = lambda S with
+//! lambda = 4 h b / (pi D^2). E is planned as in any other move, and the extruder's speed and acceleration are lambda times the
+//! nozzle's at every instant.
 
 use crate::profile::ExtrusionSettings;
 
@@ -12,7 +12,7 @@ const LAMBDA_BITS: u32 = 40;
 /// Fraction bits of a path's length, beyond 10 nm.
 const LENGTH_BITS: u32 = 16;
 
-/// Turns lengths into filament. Nothing is lost by rounding: what a move is too short to push by, the next one pushes.
+/// Turns lengths into filament. Rounding loses none: what one move leaves, the next one pushes.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct AdaptiveExtrusion {
     settings: ExtrusionSettings,
@@ -23,7 +23,7 @@ pub(crate) struct AdaptiveExtrusion {
 }
 
 impl AdaptiveExtrusion {
-    /// By these settings; nothing owed.
+    /// Extrusion by these settings, with no filament owed.
     pub fn new(settings: ExtrusionSettings) -> Self {
         let (h, b, d) = (settings.layer_height_10nm, settings.line_width_10nm, settings.filament_diameter_10nm);
         let lambda = 4.0 * h as f64 * b as f64 / (core::f64::consts::PI * (d as f64 * d as f64));

@@ -35,9 +35,9 @@ pub struct HeaterStatus {
 /// Why all heaters are off: until M999, or until a reset ([`Trip::needs_reset`]).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HeatFault {
-    /// Where.
+    /// The heater.
     pub heater: Heater,
-    /// What.
+    /// What has failed.
     pub trip: Trip,
 }
 
@@ -110,12 +110,12 @@ pub struct HeatControl {
     channels: [Channel; 2],
     fault: Option<HeatFault>,
     hotend_fan: HotEndFan,
-    /// What the part-cooling fan is to have while nothing has failed, 0 to 255.
+    /// Power of the part-cooling fan while nothing has failed, 0 to 255.
     part_fan_power: u8,
 }
 
 impl HeatControl {
-    /// All heaters off, with as many readings as a median takes, so that there are temperatures from the start. The hot
+    /// All heaters off. Takes as many readings as the median needs, so that temperatures are known from the start. The hot
     /// end's fan turns until the first [`Self::update`]: after a reset the nozzle may be hot.
     pub fn new(nozzle: HeaterSettings, bed: HeaterSettings, board: &mut (impl ThermalBoard + Fans)) -> Self {
         board.set_hotend_fan(true);
@@ -153,7 +153,7 @@ impl HeatControl {
         let has_fault = self.fault.is_some();
         let nozzle_celsius = self.channels[Heater::Nozzle.index()].thermometer.celsius().ok();
         board.set_hotend_fan(self.hotend_fan.update(nozzle_celsius) || has_fault);
-        // A transistor that has failed closed cannot be switched off: moving air is all that is left.
+        // A transistor that has failed closed cannot be switched off; only moving air can cool its heater.
         board.set_fan_power(if has_fault { u8::MAX } else { self.part_fan_power });
         match self.fault {
             Some(fault) if !told => Err(fault),
@@ -161,7 +161,7 @@ impl HeatControl {
         }
     }
 
-    /// Why all heaters are off, if they are.
+    /// The fault that keeps all heaters off, if any.
     pub fn fault(&self) -> Option<HeatFault> {
         self.fault
     }
@@ -173,17 +173,17 @@ impl HeatControl {
         }
     }
 
-    /// Sets what the part-cooling fan has from the next [`Self::update`] on, 0 to 255. After a fault it has full power.
+    /// Sets the power of the part-cooling fan from the next [`Self::update`] on, 0 to 255. After a fault it has full power.
     pub fn set_part_fan_power(&mut self, power: u8) {
         self.part_fan_power = power;
     }
 
-    /// Switches all heaters off; the board hears of it with the next [`Self::update`].
+    /// Switches all heaters off; the next [`Self::update`] sets the board's outputs.
     pub fn all_off(&mut self) {
         self.channels.iter_mut().for_each(Channel::off);
     }
 
-    /// M999: the fault is over and heaters may be switched on again, unless it needs a reset or the last readings alone are
+    /// M999: clears the fault, so that heaters may be switched on again; not if it needs a reset, or if the last readings show
     /// a fault.
     ///
     /// # Errors
@@ -206,7 +206,7 @@ impl HeatControl {
         self.fault.map_or(Ok(()), Err)
     }
 
-    /// How a heater is. Its temperature is the last one, and 0 if there has never been one: too cold to extrude.
+    /// Temperature, target and power of a heater. The temperature is the last one; 0, too cold to extrude, before the first.
     pub fn status(&self, heater: Heater) -> HeaterStatus {
         let channel = &self.channels[heater.index()];
         let celsius = channel.celsius.unwrap_or(0.0);

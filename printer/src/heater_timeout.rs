@@ -1,8 +1,7 @@
-//! Heaters that have a target and no use go off: a host that has gone must not leave them on for ever.
+//! Heaters that have a target and are not used go off: a host that has gone must not leave them on for ever.
 //!
 //! Use is a line from any host, a frame of a prepared job, or motion. A dwell and a wait for heat do not count: they end by
-//! themselves, and what comes after them is a line or silence. So that no wait is cut short unannounced, a warning comes
-//! before.
+//! themselves, and then comes a line or silence. A warning comes first, so that no wait is cut short unannounced.
 
 use core::fmt;
 
@@ -11,7 +10,7 @@ use crate::profile::DEFAULT_HEATER_TIMEOUT_S;
 /// From the warning until the heaters go off, seconds; half the timeout where that is shorter.
 const WARNING_S: u32 = 300;
 
-/// What to say of heaters that rest, and perhaps to do.
+/// A report on heaters that rest, with what the caller has to do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum HeaterRest {
     /// They will go off.
@@ -45,10 +44,10 @@ impl fmt::Display for HeaterRest {
     }
 }
 
-/// Watches how long heaters have a target and no use.
+/// Watches how long heaters with a target have not been used.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct HeaterTimeout {
-    /// Since when, ms.
+    /// When that began, ms.
     since_ms: Option<u32>,
     warned: bool,
 }

@@ -12,10 +12,10 @@ use crate::profile::{AxisHoming, HomeEnd, HomeSensor};
 /// The axis that may drive the nozzle into the bed.
 const Z: usize = 2;
 
-/// How often an axis is approached as a whole before two approaches that do not agree are an error.
+/// Attempts of two approaches each before approaches that do not agree are an error.
 const ATTEMPTS: u32 = 2;
 
-/// One G28: seeks the sensors of the axes, and says to motors and interpreter where they are then.
+/// One G28: seeks the sensors of the axes, then sets the position of motors and interpreter.
 #[derive(Debug)]
 pub(crate) struct Homing<'h, 'a, M> {
     pub motion: &'h mut M,
@@ -26,7 +26,7 @@ pub(crate) struct Homing<'h, 'a, M> {
 }
 
 impl<M: Motion> Homing<'_, '_, M> {
-    /// Homes X, then Y, then Z, those that are named or all.
+    /// Homes X, then Y, then Z: those that the command names, or all.
     ///
     /// Before X and Y move, and before Z homes elsewhere than where the nozzle stands, Z is raised.
     pub async fn home(&mut self, axes: AxisFlags) -> Result<(), CommandError> {
@@ -53,9 +53,9 @@ impl<M: Motion> Homing<'_, '_, M> {
             }
             self.home_axis(Z).await?;
             if home_at_10nm.is_some() {
-                // Off the bed, and to a height that does not depend on the probe's offset.
+                // Off the bed, to a height that does not depend on the probe's offset.
                 self.raise().await?;
-                // With this homing has ended.
+                // This ends homing.
                 let position_10nm = self.motion.position_10nm();
                 self.motion.set_position(position_10nm);
             }
@@ -84,7 +84,7 @@ impl<M: Motion> Homing<'_, '_, M> {
         outcome
     }
 
-    /// Goes to a place in the plane at the height where the nozzle is.
+    /// Goes to a place in the plane, at the nozzle's present height.
     async fn travel(&mut self, [x_10nm, y_10nm]: [i64; 2]) -> Result<(), CommandError> {
         let [x, y, _] = &self.interpreter.profile.homing;
         let feed_mm_per_s = x.fast_mm_per_s.min(y.fast_mm_per_s);
@@ -94,14 +94,14 @@ impl<M: Motion> Homing<'_, '_, M> {
         Ok(())
     }
 
-    /// A move that is part of homing, to its end.
+    /// Makes a move that is part of homing, to its end.
     async fn go(&mut self, target_10nm: [i64; 3], feed_mm_per_s: f64) -> Result<(), CommandError> {
         self.motion.begin_homing();
         self.move_to(target_10nm, feed_mm_per_s).await?;
         Ok(self.motion.finish().await?)
     }
 
-    /// Homes an axis, and says where it is.
+    /// Homes an axis and sets its position.
     async fn home_axis(&mut self, axis: usize) -> Result<(), CommandError> {
         let homing = self.interpreter.profile.homing[axis];
         let towards = towards(&homing);
@@ -109,10 +109,10 @@ impl<M: Motion> Homing<'_, '_, M> {
         self.motion.set_motors_enabled(1 << axis, true);
 
         let outcome = self.find_home(axis, &homing).await;
-        // Even after a failure the G-code's position is where the motors stand.
+        // After a failure, too, the G-code's position is that of the motors.
         let found_10nm = self.motion.position_10nm()[axis];
         if axis == Z {
-            // Z is where its sensor says: the lift and the shift have gone into that.
+            // The sensor's height counts: it includes the lift and the shift.
             self.interpreter.modal.lift_10nm = 0;
             self.interpreter.modal.z.shift_10nm = 0;
             self.interpreter.modal.z.raised_to_10nm = None;
@@ -187,9 +187,8 @@ impl<M: Motion> Homing<'_, '_, M> {
     }
 
     /// Where a first approach ends at the latest, machine coordinate of the motors. Away from the bed that is the whole
-    /// travel and what the frame may be longer. Towards the bed it is a little below the place where the sensor must
-    /// trigger, as low as that can be by what is known of Z: since the last homing, or since an approach from an
-    /// unknown height has gone down all the way.
+    /// travel and the frame's possible excess. Towards the bed it is a little below the lowest place where the sensor can
+    /// trigger, as the last homing has found it, or an approach from an unknown height that has gone down all the way.
     fn end_of_search_10nm(&mut self, axis: usize, homing: &AxisHoming) -> i64 {
         let position_10nm = self.motion.position_10nm()[axis];
         let length_10nm = self.interpreter.profile.size_10nm[axis] - self.interpreter.profile.lower_end_10nm[axis];
@@ -218,7 +217,7 @@ impl<M: Motion> Homing<'_, '_, M> {
         Ok(self.motion.finish().await?)
     }
 
-    /// A sensor that is triggered away from the end is broken, or not connected.
+    /// Refuses a sensor that is triggered away from the end: it is broken, or not connected.
     fn is_released(&self, axis: usize) -> Result<(), CommandError> {
         if self.motion.is_end_stop_triggered(axis) { Err(CommandError::SensorStuck { axis }) } else { Ok(()) }
     }
@@ -237,7 +236,7 @@ impl<M: Motion> Homing<'_, '_, M> {
         }
     }
 
-    /// Adds a move that is no part of the G-code.
+    /// Adds a move that the G-code does not contain.
     async fn move_to(&mut self, target_10nm: [i64; 3], feed_mm_per_s: f64) -> Result<(), CommandError> {
         self.motion.add(self.request(target_10nm, feed_mm_per_s)).await?;
         Ok(())
@@ -250,7 +249,7 @@ impl<M: Motion> Homing<'_, '_, M> {
 
     async fn seek(&mut self, axis: usize, to_10nm: i64, feed_mm_per_s: f64) -> Result<HomingOutcome, CommandError> {
         let mut target_10nm = self.motion.position_10nm();
-        // Never away from the sensor: a sensor that must lie behind the axis is missed.
+        // Never away from the sensor: a sensor that would lie behind the axis counts as missed.
         if way_10nm(&self.interpreter.profile.homing[axis], target_10nm[axis], to_10nm) <= 0 {
             return Ok(HomingOutcome::Missed);
         }
@@ -264,12 +263,12 @@ fn towards(homing: &AxisHoming) -> i64 {
     if homing.end == HomeEnd::Max { 1 } else { -1 }
 }
 
-/// How far it is from one place of an axis to another, in the direction in which it homes.
+/// Distance from one place of an axis to another, in the direction in which it homes.
 fn way_10nm(homing: &AxisHoming, from_10nm: i64, to_10nm: i64) -> i64 {
     if homing.end == HomeEnd::Max { to_10nm - from_10nm } else { from_10nm - to_10nm }
 }
 
-/// Whether an axis homes towards the bed, into which nothing may press the nozzle.
+/// Whether an axis homes towards the bed, into which the nozzle must not be pressed.
 fn is_bed(axis: usize, homing: &AxisHoming) -> bool {
     axis == Z && homing.end == HomeEnd::Min
 }

@@ -9,9 +9,9 @@ use crate::printer::Printer;
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Host {
     numbers: LineNumbers,
-    /// Its lines go into a file (M28).
+    /// Whether its lines go into a file (M28).
     writes: bool,
-    /// And they have numbers: one without has lost it on the way.
+    /// Whether those lines have numbers; one without has lost it on the way.
     writes_numbered: bool,
 }
 
@@ -38,7 +38,7 @@ impl Host {
                         self.writes = printer.write_line(line.text).await;
                         return;
                     }
-                    // The printer has already told the host.
+                    // The printer has answered the host already.
                     let _ = printer.execute_for_host(line.line_number, line.text, line.number.is_some()).await;
                     self.writes = printer.take_begun_writing();
                     self.writes_numbered = line.number.is_some();

@@ -1,4 +1,5 @@
-//! Whether a line is meant for this machine (M862.1, M862.3), and what of it has no effect here though other machines have it.
+//! Checks whether a job is meant for this machine (M862.1, M862.3), and remarks on words that have an effect on other machines
+//! only.
 
 use ferrostep_gcode::{AxisWords, Command, Decimal, Remark, Remarks};
 
@@ -20,7 +21,7 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// An axis that the profile does not limit at corners keeps to the junction deviation alone, whatever M205 says.
+    /// Without a corner limit in the profile an axis keeps to the junction deviation alone, whatever M205 says.
     fn add_unlimited_axes(&self, corner_velocity: &AxisWords, remarks: &mut Remarks) {
         let AxisWords { x, y, z, e } = *corner_velocity;
         let limits = self.motion.limits().instantaneous_corner_velocity_mm_per_s;

@@ -1,4 +1,4 @@
-//! From the words of a G-code to the move that it asks for.
+//! From the words of a G-code line to the move that it asks for.
 
 use ferrostep_gcode::{ArcForm, AxisWords, Decimal};
 use ferrostep_planner::extruder::Extruder;
@@ -17,10 +17,10 @@ pub(crate) const MAX_EXTRUDER_10NM: i64 = 1_000_000_000_000_000;
 /// No chord is longer: 2 sqrt(2 r c) with the largest radius, 10 m, and c of 0.01 mm is 28.3 mm.
 const LONGEST_CHORD_10NM: i64 = 3_000_000;
 
-/// Turns G-code into moves: holds what lasts from line to line, and touches neither motors nor heaters.
+/// Turns G-code into moves. Holds the state that lasts from line to line; touches neither motors nor heaters.
 ///
-/// A line is first asked what it wants ([`Self::linear`], [`Self::arc`]) and becomes part of the state when the planner has
-/// taken its move ([`Self::take`]): a move that waits or is refused leaves everything as it was.
+/// A line is first turned into a move ([`Self::linear`], [`Self::arc`]). It becomes part of the state only when the planner has
+/// taken the move ([`Self::take`]): a move that waits or is refused changes nothing.
 #[derive(Debug)]
 pub(crate) struct MoveInterpreter<'a> {
     pub profile: &'a Profile,
@@ -34,7 +34,7 @@ pub(crate) struct MoveInterpreter<'a> {
 pub(crate) struct AskedMove {
     /// For the planner.
     pub request: Move,
-    /// Whether it displaces anything; the planner need not know of others.
+    /// Whether it displaces anything; the planner gets no others.
     pub displaces: bool,
     /// The axes whose target a soft limit has changed.
     pub clamped: [bool; 3],
@@ -42,7 +42,7 @@ pub(crate) struct AskedMove {
     extrusion: AdaptiveExtrusion,
 }
 
-/// Where a line asks to go.
+/// The target of a line.
 #[derive(Clone, Copy, Debug)]
 struct Target {
     machine_10nm: [i64; 3],
@@ -69,12 +69,12 @@ pub(crate) struct ArcMoves {
 }
 
 impl ArcMoves {
-    /// Shares of a whole that add up to it exactly.
+    /// Divides a whole into shares that add up to it exactly.
     fn share(&self, whole: i64) -> i64 {
         (i128::from(whole) * i128::from(self.taken) / i128::from(self.chords)) as i64
     }
 
-    /// The next move, to be asked for when the one before was taken.
+    /// The next move; to be called when the one before has been taken.
     pub fn next(&mut self, interpreter: &MoveInterpreter<'_>) -> Option<AskedMove> {
         if self.taken == self.chords {
             return None;
@@ -187,7 +187,8 @@ impl<'a> MoveInterpreter<'a> {
         })
     }
 
-    /// The planner has taken a move: state and tallies follow. A stop takes back what was not made of it, here as there.
+    /// Follows a move that the planner has taken, in state and tallies. A stop takes back the part that was not made, here and in
+    /// the planner.
     pub fn take(&mut self, asked: &AskedMove) {
         let AskedMove { request, displaces, clamped, target, extrusion } = asked;
         let from = self.modal.machine_10nm;
@@ -207,7 +208,7 @@ impl<'a> MoveInterpreter<'a> {
         }
     }
 
-    /// Where a move goes, or why it is refused.
+    /// The target of a move, or why it is refused.
     fn target(&self, axes: &AxisWords, feed: Option<Decimal>) -> Result<Target, CommandError> {
         let (machine_10nm, extruder_10nm) = self.modal.target(axes).ok_or(CommandError::TooFar)?;
         if machine_10nm.iter().any(|coordinate| coordinate.unsigned_abs() > MAX_COORDINATE_10NM as u64) {
@@ -223,7 +224,7 @@ impl<'a> MoveInterpreter<'a> {
             return Err(CommandError::FeedTooSlow { feed_mm_per_s });
         }
         let target = Target { machine_10nm, extruder_10nm, feed_10nm_per_min };
-        // Looked at here, not only by the planner: an arc goes there in many moves.
+        // Checked here and not only by the planner, because an arc reaches the planner in many moves.
         self.check_filament(self.filament(&target))?;
         Ok(target)
     }
@@ -232,7 +233,7 @@ impl<'a> MoveInterpreter<'a> {
         filament_100pm(target.extruder_10nm - self.modal.extruder_10nm, i64::from(self.modal.flow_percent))
     }
 
-    /// Whether a move may push so much.
+    /// Checks that a move may push this much filament.
     fn check_filament(&self, filament_100pm: i64) -> Result<(), CommandError> {
         if Extruder::can_push(self.profile.steps_per_mm[3], filament_100pm) {
             Ok(())
@@ -248,7 +249,7 @@ impl<'a> MoveInterpreter<'a> {
         self.modal.extrusion.settings().adaptive && axes.e.is_none() && from == to && !self.modal.retracted
     }
 
-    /// Filament along a path in the plane, and the rest that is owed after it.
+    /// Filament along a path in the plane, and the remainder owed after it.
     fn along(&self, extrusion: AdaptiveExtrusion, from: [i64; 3], to: [i64; 3]) -> (i64, AdaptiveExtrusion) {
         let [from, to] = [from, to].map(|[x, y, _]| [x, y]);
         extrusion.along(from, to, self.modal.flow_percent)
@@ -295,14 +296,14 @@ impl<'a> MoveInterpreter<'a> {
         self.lifted(machine_10nm, self.modal.lift_10nm)
     }
 
-    /// The filament of a firmware retraction was taken, to be moved where the machine stands then.
+    /// The planner has taken the filament of a firmware retraction, which is moved where the machine stands then.
     pub fn take_retraction(&mut self, filament_100pm: i64, stands_10nm: [i64; 3]) {
         self.tally.filament_100pm += filament_100pm;
         let motor_steps = self.profile.geometry().motor_steps(stands_10nm);
         self.newest_retraction = Some(NewestRetraction { motor_steps, filament_100pm });
     }
 
-    /// Motion was stopped, with so much filament unpushed and the motors of X, Y and Z at these steps.
+    /// Motion was stopped, with this much filament unpushed and the motors of X, Y and Z at these steps.
     pub fn take_back(&mut self, dropped_100pm: i64, motor_steps: [i64; 3]) {
         self.tally.filament_100pm -= dropped_100pm;
         // What moves extrude by their length is no part of the G-code's position, nor is a firmware retraction.
@@ -319,14 +320,14 @@ impl<'a> MoveInterpreter<'a> {
         self.modal.forget_home(self.profile.kinematics.axes_of_motors(motors));
     }
 
-    /// Machine coordinate at which the sensor of an axis triggers. M851 moves a probe's.
+    /// Machine coordinate at which the sensor of an axis triggers; for a probe M851 moves it.
     pub fn trigger_10nm(&self, axis: usize) -> i64 {
         let homing = &self.profile.homing[axis];
         let offset_10nm = if homing.sensor == HomeSensor::Probe { self.modal.probe_offset_10nm[2] } else { 0 };
         homing.position_10nm - offset_10nm
     }
 
-    /// G92: the coordinates change, the machine stands.
+    /// G92: the coordinates change, the machine does not move.
     pub fn set_position(&mut self, words: &AxisWords) -> Result<(), CommandError> {
         let mut offset = self.modal.offset_10nm;
         for (axis, word) in [words.x, words.y, words.z].into_iter().enumerate() {

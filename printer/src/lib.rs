@@ -1,6 +1,6 @@
 //! The machine that executes commands: modal state, moves, homing, heat, reports.
 //!
-//! Generic over what it needs of its surroundings (see [`ports`]); it knows neither registers nor tasks. Commands are
+//! Generic over its surroundings (see [`ports`]); it knows neither registers nor tasks. Commands are
 //! asynchronous: a wait is an await, and every wait ends when it is cancelled ([`Signals`]).
 #![cfg_attr(not(test), no_std)]
 

@@ -23,8 +23,8 @@ pub use homing_time::HomingTime;
 use idle_timeout::IdleTimeout;
 use workload::Workload;
 
-/// Motion at hand from which on the moves of a host wait: 2 s. A person takes that for an answer at once, and a host that must
-/// first wake up, or send a line again, takes less.
+/// With this much motion at hand the moves of a host wait: 2 s. A pause after 2 s seems immediate to a person, and a host needs
+/// less to wake up or to send a line again.
 const BOUND_TICKS: u64 = 2 * TICKS_PER_SECOND as u64;
 
 /// Mask of all motors.
@@ -52,7 +52,7 @@ struct Counts {
     underruns: u64,
     /// Waiting moves were executed because the host was silent.
     idle_flushes: u64,
-    /// A motor stood elsewhere than its block ends.
+    /// A motor did not stand where its block ends.
     miscounts: u64,
 }
 
@@ -70,15 +70,15 @@ pub struct Machine<R, Q, M: MotionMethods = Standard> {
     enabled_motors: u8,
     /// Filament that stops have left unpushed since [`Self::take_dropped_100pm`], units of 0.1 nm.
     dropped_100pm: i64,
-    /// All moves taken are to be executed, without waiting for more.
+    /// Whether all moves taken are to be executed without waiting for more.
     flushed: bool,
-    /// The entries queued so far leave the motors running.
+    /// Whether the motors run at the end of the entries queued so far.
     in_motion: bool,
-    /// Moves wait for room in time, too ([`Self::set_bounded_in_time`]).
+    /// Whether moves wait for room in time, too ([`Self::set_bounded_in_time`]).
     is_bounded: bool,
     /// How often motion was stopped.
     stops: u32,
-    /// Why motion was stopped, if it was found wrong, until the printer task has read it.
+    /// The fault that stopped motion, until the printer task has read it.
     fault: Option<MotionFault>,
 }
 
@@ -86,7 +86,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
     /// A machine that has just been switched on.
     pub fn new(profile: &Profile, ring: R, queue: Q) -> Self {
         let mut planner = Planner::new(profile.geometry(), profile.limits, ring);
-        // The image's build refuses a profile with methods that the image does not contain.
+        // The build of an image refuses a profile whose methods the image does not contain.
         planner.set_motion_choice(&profile.motion).ok();
         Self {
             planner,
@@ -105,7 +105,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
         }
     }
 
-    /// Takes motion.
+    /// Adds motion.
     ///
     /// # Errors
     /// As [`Planner::add`]; [`MoveError::NoRoom`] passes.
@@ -149,7 +149,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
         self.planner.take_plan_fault()
     }
 
-    /// Whether a move would be taken now; some are even if this says no.
+    /// Whether any move would be taken now. If not, some still are.
     pub fn has_room(&mut self) -> bool {
         self.planner.has_room() && !self.feeder.queue.link().is_stopping() && !self.holds_enough()
     }
@@ -160,8 +160,8 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
         self.is_bounded = is_bounded;
     }
 
-    /// Bounded in time: whether the motion at hand goes on for long enough, whatever comes next. What later blocks may still
-    /// make faster is not counted, so there is always enough beyond it to brake from any speed.
+    /// Bounded in time: whether the motion at hand lasts long enough, whatever comes next. Motion that later blocks may still make
+    /// faster is not counted, so that enough remains to brake from any speed.
     pub fn holds_enough(&mut self) -> bool {
         if !self.is_bounded {
             return false;
@@ -191,7 +191,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
         self.begin_homing();
         self.flush();
         self.feeder.seeking = Seeking::Approaching;
-        // First the edge, then the level: a sensor that triggers in between is seen by one of them.
+        // First the edge, then the level: if the sensor triggers in between, one of them sees it.
         self.feeder.queue.watch_sensor(Some(axis));
         if self.is_end_stop_triggered(axis) {
             self.end_seek(HomingOutcome::Triggered);
@@ -224,7 +224,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
         }
     }
 
-    /// The planner forgets the motion that has not been queued: the motors will stand where the queue ends.
+    /// Lets the planner forget the motion that has not been queued: the motors will stand where the queue ends.
     fn forget_plan(&mut self) {
         self.feeder.stand();
         let ledger = &self.feeder.ledger;
@@ -341,7 +341,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
         self.fault.take()
     }
 
-    /// Stops motion that was found wrong.
+    /// Stops motion because of a fault.
     fn stop_for(&mut self, fault: MotionFault) {
         self.fault.get_or_insert(fault);
         self.feeder.queue.request_stop();
@@ -352,7 +352,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
         core::mem::take(&mut self.dropped_100pm)
     }
 
-    /// Stops all motors before their next step; the next [`Self::work`] forgets the motion that was left.
+    /// Stops all motors before their next step; the next [`Self::work`] drops the rest of the motion.
     pub fn request_stop(&mut self) {
         self.feeder.queue.request_stop();
     }

@@ -1,4 +1,4 @@
-//! What lasts from line to line.
+//! The state that lasts from line to line.
 
 use ferrostep_gcode::{AxisWords, Decimal, Units};
 use ferrostep_planner::MIN_FEED_MM_PER_S;
@@ -6,7 +6,7 @@ use ferrostep_planner::MIN_FEED_MM_PER_S;
 use crate::extrusion::AdaptiveExtrusion;
 use crate::profile::{FirmwareRetraction, Profile};
 
-/// What a job did, in numbers.
+/// Counts of what a job did.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Tally {
     /// G0 to G3 that displaced something.
@@ -19,20 +19,20 @@ pub struct Tally {
     pub filament_100pm: i64,
 }
 
-/// What is known of Z beyond where the motors say it is. The places are those of the motors, units of 10 nm.
+/// Knowledge of Z beyond the motors' position. The places are those of the motors, units of 10 nm.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct KnownZ {
-    /// Where the sensor of Z triggers, or the lowest place where it can trigger; `None`: not known at all. Approaches to the
-    /// bed end a little below it.
+    /// Where the sensor of Z triggers, or the lowest place where it can trigger; `None`: unknown. Approaches to the bed end a
+    /// little below it.
     pub trigger_10nm: Option<i64>,
-    /// To where homing has raised a Z that is not homed: once is enough.
+    /// Where homing has raised a Z that is not homed to: it does so once.
     pub raised_to_10nm: Option<i64>,
     /// How far the motors stand above what the G-code sees (M290).
     pub shift_10nm: i64,
 }
 
-/// A firmware retraction or recovery after which no move with filament was taken. The machine stands meanwhile, which tells
-/// after a stop how far it was.
+/// A firmware retraction or recovery after which no move with filament was taken. The machine stands still during it; after a
+/// stop that shows how far it has come.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct NewestRetraction {
     /// Where the motors of X, Y and Z stand.
@@ -42,16 +42,16 @@ pub(crate) struct NewestRetraction {
 }
 
 impl NewestRetraction {
-    /// How much of the filament that a stop has left unpushed belongs to it, units of 0.1 nm; the motors stand at these steps.
+    /// How much of the filament that a stop has left unpushed belongs to it, units of 0.1 nm, if the motors stand at these steps.
     pub fn dropped(&self, dropped_100pm: i64, motor_steps: [i64; 3]) -> i64 {
         if motor_steps == self.motor_steps.map(i64::from) {
             // It is being made, has ended or is about to begin: all filament still to come was its own.
             dropped_100pm.clamp(self.filament_100pm.min(0), self.filament_100pm.max(0))
         } else if dropped_100pm == 0 {
-            // Over.
+            // It has ended.
             0
         } else {
-            // Not begun.
+            // It has not begun.
             self.filament_100pm
         }
     }
@@ -73,13 +73,14 @@ pub(crate) struct Modal {
     pub offset_10nm: [i64; 3],
     /// Logical extruder position.
     pub extruder_10nm: i64,
-    /// What moves of a prepared job have pushed that is not in it yet, units of 0.1 nm times percent.
+    /// Filament that moves of a prepared job have pushed and that [`Self::extruder_10nm`] does not contain yet, units of 0.1 nm
+    /// times percent.
     pub extruder_rest_100pm: i64,
     pub homed: [bool; 3],
-    /// Axes that were homed and no longer are, of which nobody has been told.
+    /// Axes that are no longer homed, before the host has been told.
     pub lost: [bool; 3],
     pub z: KnownZ,
-    /// A prepared job comes over the line, beside which the host's lines are executed.
+    /// Whether a prepared job is being received, between whose moves the host's lines are executed.
     pub in_prepared_job: bool,
     /// From the nozzle to the probe (M851).
     pub probe_offset_10nm: [i64; 3],
@@ -130,7 +131,7 @@ impl Modal {
         self.relative_extruder = relative;
     }
 
-    /// A paused print goes on: where it was and how it reads words; what was changed meanwhile about the machine stays.
+    /// Takes over the position and the way of reading words of a paused print that goes on; changes to the machine stay.
     pub fn go_on_as(&mut self, print: &Self) {
         self.units = print.units;
         self.relative = print.relative;
@@ -144,8 +145,7 @@ impl Modal {
         self.lift_10nm = print.lift_10nm;
     }
 
-    /// The motors of these axes may have been turned since they stood where their steps say: nothing is known of the axes in the
-    /// mask.
+    /// The motors of the axes in the mask may have been turned: these axes are no longer homed.
     pub fn forget_home(&mut self, axes: u8) {
         for (axis, (homed, lost)) in self.homed.iter_mut().zip(&mut self.lost).enumerate() {
             let is_lost = *homed && axes >> axis & 1 == 1;
@@ -153,12 +153,12 @@ impl Modal {
             *lost |= is_lost;
         }
         if axes >> 2 & 1 == 1 {
-            // The shift is one of coordinates and stays.
+            // The shift (M290) is one of coordinates and stays.
             self.z = KnownZ { shift_10nm: self.z.shift_10nm, ..KnownZ::default() };
         }
     }
 
-    /// Z of the machine where the motors stand at a height, without what the G-code does not see of it.
+    /// Machine coordinate Z for a height of the motors: without the parts that the G-code does not see.
     pub fn machine_z_10nm(&self, motors_10nm: i64) -> i64 {
         // All three are within 5 m.
         motors_10nm.wrapping_sub(self.lift_10nm).wrapping_sub(self.z.shift_10nm)
@@ -168,7 +168,7 @@ impl Modal {
     pub fn push_prepared(&mut self, filament_100pm: i64) {
         let pushed_100pm = self.extruder_rest_100pm.wrapping_add(filament_100pm);
         let flow = self.flow_percent.max(1);
-        // Up to 21 cm the processor divides.
+        // Up to 21 cm it fits in 32 bits, which the processor divides by itself.
         let (whole, rest) = match i32::try_from(pushed_100pm) {
             Ok(pushed) => (i64::from(pushed / i32::from(flow)), i64::from(pushed % i32::from(flow))),
             Err(_) => (pushed_100pm / i64::from(flow), pushed_100pm % i64::from(flow)),

@@ -9,11 +9,11 @@ pub enum MotionError {
     Move(MoveError),
     /// Motion was stopped (M112, M410) before it ended.
     Stopped,
-    /// The firmware has found its own motion wrong and stopped it.
+    /// The firmware has found a fault in its own motion and stopped it.
     Fault(MotionFault),
 }
 
-/// Motion that is not as planned: an error of the firmware or of the chip. Motion has stopped.
+/// A difference between plan and motion: an error of the firmware or of the chip. Motion has stopped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MotionFault {
     /// A motor does not stand where its block ends.

@@ -1,4 +1,4 @@
-//! G28, M18, M84 and M796: the motors as such.
+//! G28, M18, M84 and M796.
 
 use ferrostep_gcode::{AxisFlags, Reply};
 use ferrostep_planner::{AccelerationProfile, ChoiceError, Interpolation};
@@ -26,7 +26,7 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// M796. The machine stands still before its motion changes.
+    /// M796. Waits for standstill first.
     pub(crate) async fn choose_motion(
         &mut self,
         interpolation: Option<u8>,

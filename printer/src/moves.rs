@@ -1,4 +1,4 @@
-//! G0 to G4, G10, G11 and G92: what the interpreter makes of them goes to the motors.
+//! G0 to G4, G10, G11 and G92: the interpreter's moves go to the motors.
 
 use ferrostep_gcode::{ArcForm, AxisWords, Decimal, Real};
 use ferrostep_hal_shim::Heater;
@@ -51,7 +51,7 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// The planner has taken a move.
+    /// Follows a move that the planner has taken.
     fn taken(&mut self, asked: &AskedMove) {
         self.interpreter.take(asked);
         if asked.request.ends_move && asked.clamped.contains(&true) {
@@ -102,14 +102,14 @@ impl<P: Ports> Printer<'_, P> {
         } else {
             (settings.length_10nm + settings.extra_recover_10nm, settings.recover_10nm_per_s)
         };
-        // As in Marlin, the flow does not scale a retraction: what is drawn back must be what is pushed again.
+        // As in Marlin, the flow does not scale a retraction: the same length must be drawn back and pushed again.
         let filament = filament_100pm(length_10nm, 100);
         let here = self.motion.position_10nm();
         let there = self.interpreter.lifted(modal.machine_10nm, if retract { settings.lift_10nm } else { 0 });
         let feed_mm_per_s = self.motion.limits().max_feed_mm_per_s[2] as f32;
         let lift = Move { target_10nm: there, filament_100pm: 0, feed_mm_per_s, line: self.line, ends_move: false };
         let filament_move = Move { filament_100pm: filament, feed_mm_per_s: rate as f32 / 100_000.0, ..lift };
-        // Draw back before lifting, lower before pushing forward: the nozzle never oozes in the air.
+        // Draw back before lifting, lower before pushing forward, so that the nozzle never oozes in the air.
         if retract {
             self.motion.add(Move { target_10nm: here, ..filament_move }).await?;
             self.interpreter.take_retraction(filament, here);

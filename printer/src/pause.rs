@@ -1,8 +1,8 @@
 //! A print that pauses: the nozzle goes aside, waits for a person, and goes back to where it was.
 //!
-//! Whoever reads a job asks for three things only: [`Printer::pause`], [`Printer::resume`] and [`Printer::cancel`]. Commands that
-//! pause a host's print (M0, M600, ...) do all of it before their `ok`, for a host sends no more of its print until then; a
-//! reader that can wait by itself looks at [`Printer::is_paused`].
+//! A reader of jobs uses [`Printer::pause`], [`Printer::resume`] and [`Printer::cancel`] only. Commands that pause a host's print
+//! (M0, M600, ...) do all of it before their `ok`, because until then a host sends no more of its print; a reader that can wait
+//! by itself looks at [`Printer::is_paused`].
 
 use ferrostep_gcode::{AxisWords, Reply};
 use ferrostep_hal_shim::{Clock, Heater};
@@ -17,15 +17,15 @@ use crate::printer::{Printer, Source};
 /// Units of 10 nm in a millimetre.
 const MM: i64 = 100_000;
 
-/// Where the nozzle waits if the line does not say: this far from the left and the back end of the travel (Marlin's
+/// Where the nozzle waits without words in the line: this far from the left and the back end of the travel (Marlin's
 /// `NOZZLE_PARK_POINT`), and this much higher, units of 10 nm.
 const PARK_FROM_END_10NM: i64 = 10 * MM;
 const PARK_LIFT_10NM: i64 = 20 * MM;
 
-/// How far the nozzle may be asked to rise.
+/// The most by which a line may raise the nozzle.
 const MAX_LIFT_MM: f64 = 1_000.0;
 
-/// How fast it goes there and back, mm/s; the axes' own limits hold too.
+/// Feed on the way there and back, mm/s; the axes' own limits hold too.
 const PARK_FEED_MM_PER_S: f32 = 100.0;
 
 impl<P: Ports> Printer<'_, P> {
@@ -43,8 +43,8 @@ impl<P: Ports> Printer<'_, P> {
     }
 
     /// Pauses after the moves taken so far: draws the filament back, goes aside as far as the axes are homed, and tells the host.
-    /// Heaters keep their targets, as long as the [heater timeout](crate::HeaterTimeout) lets them. A print that is paused
-    /// stays so.
+    /// Heaters keep their targets, as long as the [heater timeout](crate::HeaterTimeout) lets them. A paused print
+    /// stays paused.
     ///
     /// # Errors
     /// Motion was stopped; the print is not paused then.
@@ -80,19 +80,19 @@ impl<P: Ports> Printer<'_, P> {
             self.motion.set_motors_enabled(1 << 3, false);
         }
         self.paused = Some(paused);
-        // What came before is no answer.
+        // An answer from before is not meant for this pause.
         self.signals.take_end_wait();
         self.signals.take_prompt_answer();
         self.tell_paused(reason);
         Ok(())
     }
 
-    /// Goes on with a paused print: heaters that are off get their targets back, and after they have been reached the nozzle goes back
-    /// and pushes the filament to where it was. Without a paused print there is nothing to do.
+    /// Resumes a paused print. Heaters that are off get their targets back; when these are reached, the nozzle returns and pushes
+    /// the filament to where it was. Without a paused print it does nothing.
     ///
     /// # Errors
-    /// Motion was stopped, an axis is no longer homed, or the nozzle is too cold, since M108 has ended the wait for it. The print
-    /// is still paused then, but for a halt.
+    /// Motion was stopped, an axis is no longer homed, or the nozzle is too cold because M108 has ended the wait for heat. The
+    /// print stays paused then, except after a halt.
     pub async fn resume(&mut self) -> Result<(), CommandError> {
         let Some(paused) = self.paused else { return Ok(()) };
         self.tell_host("//action:prompt_end");
@@ -126,8 +126,8 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// M0, M1, M125, M226, M600, M601: a host waits for the `ok` until a person goes on. Who reads a file has nobody to ask, and goes on
-    /// at once; a card is read on when [`Self::is_paused`] says no more.
+    /// M0, M1, M125, M226, M600, M601. A host waits for the `ok` until a person goes on. A file on the desk has no one to ask and
+    /// goes on at once. A card is read on when [`Self::is_paused`] returns `false`.
     pub(crate) async fn pause_command(
         &mut self,
         reason: PauseReason,
@@ -160,7 +160,9 @@ impl<P: Ports> Printer<'_, P> {
     fn tell_paused(&self, reason: PauseReason) {
         let (line, text) = (self.line, reason.text());
         if !self.has_host() {
-            return self.replies.say(format_args!("echo:line {line}: {text} (not here, where nobody is asked)"));
+            return self
+                .replies
+                .say(format_args!("echo:line {line}: {text} (without a pause: a file has no one to ask)"));
         }
         self.tell_host("//action:paused");
         self.replies.say(format_args!(
@@ -169,7 +171,7 @@ impl<P: Ports> Printer<'_, P> {
         self.replies.say(format_args!("echo:{text}. M108 goes on"));
     }
 
-    /// Where the nozzle goes: X, Y as the line says, and by how much it rises (Z).
+    /// Where the nozzle goes: X and Y by the line's words, and the height by which it rises (Z).
     fn park_place_10nm(&self, park: &AxisWords) -> Result<[i64; 3], CommandError> {
         let left = self.interpreter.travel_10nm(0);
         let back = self.interpreter.travel_10nm(1);
@@ -188,7 +190,7 @@ impl<P: Ports> Printer<'_, P> {
         Ok(place_10nm)
     }
 
-    /// Draws the filament back as G10 does, where it is hot and not drawn back yet.
+    /// Draws the filament back as G10 does, if it is hot and not drawn back yet.
     async fn draw_back(&mut self, paused: &mut Paused) -> Result<(), CommandError> {
         let modal = &self.interpreter.modal;
         if modal.retracted || self.check_extrusion_temperature().is_err() {
@@ -206,7 +208,7 @@ impl<P: Ports> Printer<'_, P> {
         self.move_filament(paused.drawn_100pm, rate).await
     }
 
-    /// Moves filament that E does not see.
+    /// Moves filament without changing E.
     async fn move_filament(&mut self, filament_100pm: i64, rate_10nm_per_s: i64) -> Result<(), CommandError> {
         if filament_100pm == 0 {
             return Ok(());
@@ -231,7 +233,7 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// A move that the print does not see, to its end. What a person sends then goes on from there.
+    /// Makes a move that is not the print's, to its end. A person's next commands begin there.
     async fn go(&mut self, target_10nm: [i64; 3]) -> Result<(), CommandError> {
         let feed_mm_per_s = PARK_FEED_MM_PER_S;
         let request = Move { target_10nm, filament_100pm: 0, feed_mm_per_s, line: self.line, ends_move: false };

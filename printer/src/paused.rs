@@ -1,4 +1,4 @@
-//! A print that is paused, and why.
+//! A paused print, and its reason.
 
 use crate::modal::Modal;
 
@@ -14,7 +14,7 @@ pub enum PauseReason {
 }
 
 impl PauseReason {
-    /// What a person reads.
+    /// The text for a person.
     pub(crate) fn text(self) -> &'static str {
         match self {
             Self::Stop => "The print waits for you",
@@ -26,11 +26,11 @@ impl PauseReason {
     }
 }
 
-/// A print that is paused: where and with what it goes on.
+/// A paused print: where it goes on, and with which temperatures and filament.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Paused {
-    /// The G-code's state. What a person sets meanwhile by hand (feed, limits) stays; where it goes on, and how words are read,
-    /// is the print's.
+    /// The G-code's state. On resuming, the position and the way of reading words are taken from it; settings that a person has
+    /// changed meanwhile (feed, limits) stay.
     pub(crate) modal: Modal,
     /// Where the motors stood, units of 10 nm.
     pub(crate) place_10nm: [i64; 3],
@@ -38,8 +38,8 @@ pub(crate) struct Paused {
     pub(crate) targets_celsius: [f32; 2],
     /// Filament drawn back, units of 0.1 nm.
     pub(crate) drawn_100pm: i64,
-    /// The nozzle has gone aside.
+    /// Whether the nozzle has gone aside.
     pub(crate) parked: bool,
-    /// When it goes on by itself, ms.
+    /// When it goes on by itself, ms; `None`: never.
     pub(crate) until_ms: Option<u64>,
 }

@@ -1,4 +1,4 @@
-//! What the printer needs of its surroundings.
+//! The printer's surroundings, as traits.
 
 use core::fmt;
 use core::future::Future;
@@ -13,13 +13,13 @@ use crate::error::Failure;
 use crate::heat::{HeatFault, HeaterStatus};
 use crate::motion_fault::{HomingOutcome, MotionError, MotionFault};
 
-/// A line of text that is put together here.
+/// A line of text that is formatted here.
 pub(crate) type Text = heapless::String<384>;
 
 /// The planner and the motors, seen from the command side.
 pub trait Motion {
-    /// A command begins: what it waits for ends with any stop from now on. Whether motion was stopped since the last one
-    /// began, by others than [`Self::stop`].
+    /// A command begins: any stop from now on ends its waits. Returns whether motion was stopped since the last command began, by
+    /// anything but [`Self::stop`].
     fn begin_command(&mut self) -> bool {
         false
     }
@@ -31,13 +31,13 @@ pub trait Motion {
     fn set_bounded_in_time(&mut self, _is_bounded: bool) {}
     /// Queues motion; waits for room.
     fn add(&mut self, request: impl Request) -> impl Future<Output = Result<Moved, MotionError>>;
-    /// Queues motion if that needs no waiting; `None` where it does, or might.
+    /// Queues motion if that needs no waiting; `None` if it does, or might.
     fn try_add(&mut self, _request: &impl Request) -> Option<Result<Moved, MotionError>> {
         None
     }
     /// Changes the fan with the motion queued so far; waits for room.
     fn set_fan_power(&mut self, power: u8) -> impl Future<Output = Result<(), MotionError>>;
-    /// Waits until all queued motion has ended. An error, too, where the plan of a prepared job's last block could not be
+    /// Waits until all queued motion has ended. It is an error, too, if the plan of a prepared job's last block cannot be
     /// followed.
     fn finish(&mut self) -> impl Future<Output = Result<(), MotionError>>;
     /// The moves to come, until the position is set, are part of homing: a print's motion time leaves them out.
@@ -46,7 +46,7 @@ pub trait Motion {
     fn seek(&mut self, request: Move, axis: usize) -> impl Future<Output = Result<HomingOutcome, MotionError>>;
     /// Machine position at the end of all queued motion, units of 10 nm.
     fn position_10nm(&self) -> [i64; 3];
-    /// Says where the machine is, at standstill.
+    /// Sets the machine's position, at standstill.
     fn set_position(&mut self, position_10nm: [i64; 3]);
     /// Live step counters of X, Y, Z (A, B, Z) and the extruder.
     fn motor_steps(&self) -> [i64; 4];
@@ -65,8 +65,8 @@ pub trait Motion {
     fn set_motion_choice(&mut self, choice: &MotionChoice) -> Result<(), ChoiceError>;
     /// Switches the motors of the axes in the mask on or off.
     fn set_motors_enabled(&mut self, axes: u8, enabled: bool);
-    /// Whether motors were switched off by [`crate::machine::Machine::rest`] since this was last asked: none is where its
-    /// steps say.
+    /// Takes whether [`crate::machine::Machine::rest`] has switched the motors off since the last call: they may have been turned
+    /// since.
     fn take_switched_off(&mut self) -> bool {
         false
     }
@@ -85,7 +85,7 @@ pub trait Motion {
     }
 }
 
-/// What a printer's commands act on.
+/// The parts of a machine on which commands act.
 pub trait Ports {
     /// The planner and the motors.
     type Motion: Motion;
@@ -104,8 +104,8 @@ impl<M: Motion, H: Heating, T: Clock + DelayNs + Clone, R: Replies> Ports for (M
     type Replies = R;
 }
 
-/// The parts of a board that can be used. Commands for the others are refused by name, so that nobody takes for hot or
-/// homed what is not.
+/// The usable parts of a board. Commands for the others are refused by name: a heater must not seem hot, nor an axis homed, when
+/// it is not.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Equipment {
     /// Heaters with their thermometers.
@@ -127,7 +127,7 @@ impl Equipment {
 pub trait Heating {
     /// Sets a target, degrees Celsius; 0 switches the heater off.
     fn set_target(&mut self, heater: Heater, celsius: f32);
-    /// How a heater is.
+    /// Temperature, target and power of a heater.
     fn status(&self, heater: Heater) -> HeaterStatus;
     /// Switches all heaters off.
     fn all_off(&mut self);
@@ -138,33 +138,33 @@ pub trait Heating {
     fn restart(&mut self) -> Result<(), HeatFault>;
 }
 
-/// Times that a board measures of itself while it prints (M798). A board need not have it.
+/// Times that a board measures while it prints (M798). Boards may do without.
 pub trait Timing: core::fmt::Debug {
-    /// Switches the measuring on or off; what was measured stays.
+    /// Switches the measuring on or off; measured values stay.
     fn switch(&self, on: bool);
-    /// Forgets what was measured.
+    /// Clears the measured values.
     fn clear(&self);
-    /// What was measured so far.
+    /// The values measured so far.
     fn figures(&self) -> [TimingFigures; 3];
 }
 
-/// Motor drivers that can be set. A machine need not have any. Motors are X (A), Y (B), Z and E, 0 to 3.
+/// Motor drivers that can be set; machines may have none. Motors are X (A), Y (B), Z and E, 0 to 3.
 pub trait MotorDrivers: core::fmt::Debug {
-    /// Whether a driver can be relied on; `None` for a motor without one that can be set.
+    /// Whether a driver has confirmed its settings, or has failed; `None` for a motor whose driver cannot be set.
     fn state(&self, motor: usize) -> Option<DriverState>;
-    /// How a driver is.
+    /// What a driver reports of itself.
     fn report(&self, motor: usize) -> Option<DriverReport>;
-    /// Whether a driver could be set to this.
+    /// Checks whether a driver could be set to this.
     ///
     /// # Errors
-    /// It could not.
+    /// It does not have such a setting.
     fn check(&self, motor: usize, settings: &DriverSettings) -> Result<(), SettingsError>;
     /// Sets a driver, which is then unconfirmed for a while.
     ///
     /// # Errors
-    /// It cannot be set to this; nothing has changed.
+    /// It does not have such a setting; nothing has changed.
     fn set(&self, motor: usize, settings: DriverSettings) -> Result<(), SettingsError>;
-    /// Mask of the motors that may not be where their steps say, since this was last asked.
+    /// Takes the mask of the motors that may not be where their steps say since the last call.
     fn take_moved(&self) -> u8;
 }
 
@@ -173,14 +173,15 @@ pub trait Replies {
     /// Sends a reply, line by line.
     fn send(&self, reply: Reply<'_>);
 
-    /// Sends a line that is put together here; one that is too long is cut.
+    /// Formats a line and sends it; a line that is too long is cut.
     fn say(&self, line: fmt::Arguments<'_>) {
         let mut text = Text::new();
         let _ = fmt::write(&mut text, line);
         self.send(Reply::Text(&text));
     }
 
-    /// Takes what of a line is ignored, changed or without effect; `new` is what has not been said in this job yet.
+    /// Takes a remark on a line, whose words are ignored, changed or without effect; `new` is the part that was not reported in
+    /// this job before.
     fn remark(&self, line: u32, text: &str, _remarks: &Remarks, new: &Remarks) {
         if !new.is_empty() {
             let text = ShortText::new(text);
@@ -188,7 +189,7 @@ pub trait Replies {
         }
     }
 
-    /// Takes a command that is unknown.
+    /// Takes an unknown command.
     fn unknown(&self, _line: u32, text: &str) {
         self.send(Reply::UnknownCommand(text));
     }

@@ -1,4 +1,4 @@
-//! Jobs that were planned elsewhere (GPRE): their moves bring their speeds; commands are executed as from G-code.
+//! Prepared jobs (GPRE): their moves bring their speeds; their commands are executed as from G-code.
 
 use ferrostep_gcode::parse;
 use ferrostep_gpre::{LimitValues, ModalState};
@@ -11,36 +11,36 @@ use crate::motion_fault::MotionError;
 use crate::ports::{Heating, Motion, Ports};
 use crate::printer::{Printer, Source};
 
-/// Motion of a prepared job in another encoding than the compact one: the request that its reader makes of it, and what
-/// the printer checks and counts.
+/// Motion of a prepared job in another encoding than the compact one: its request to the planner, and the values that the
+/// printer checks and counts.
 #[derive(Clone, Copy, Debug)]
 pub struct OtherMotion<R> {
-    /// What the planner is asked for.
+    /// The request to the planner.
     pub request: R,
     /// Source line.
     pub line: u32,
     /// Where X, Y and Z end, machine coordinates in units of 10 nm.
     pub end_10nm: [i64; 3],
-    /// How far they may end from there, units of 10 nm: a format of motor steps tells positions no finer.
+    /// How far they may end from there, units of 10 nm: a format of motor steps has no finer positions.
     pub tolerance_10nm: [i64; 3],
     /// Filament, units of 0.1 nm.
     pub filament_100pm: i64,
-    /// How many moves of the G-code end in it.
+    /// Number of the G-code's moves that end in it.
     pub moves: u32,
 }
 
-/// Where the machine is, units of 10 nm.
+/// Position of the machine, units of 10 nm.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PreparedPlace {
     /// Machine position.
     pub position_10nm: [i64; 3],
-    /// What of Z is the lift of a firmware retraction.
+    /// The part of Z that is the lift of a firmware retraction.
     pub lift_10nm: i64,
     /// E of the G-code.
     pub extruder_10nm: i64,
 }
 
-/// Limits in the order and precision in which a job has them.
+/// The limits, in a job's order and precision.
 fn limit_values(limits: &Limits) -> LimitValues {
     let [vx, vy, vz, ve] = limits.max_feed_mm_per_s;
     let [ax, ay, az, ae] = limits.max_acceleration_mm_per_s2;
@@ -68,13 +68,12 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// Where the motors' moves end that were taken so far, machine coordinates in units of 10 nm.
+    /// Where the moves taken so far end, machine coordinates of the motors in units of 10 nm.
     pub fn machine_10nm(&self) -> [i64; 3] {
         self.motion.position_10nm()
     }
 
-    /// Executes a move of a prepared job; `planned_with` is what its frame says of feed and flow, which may have been
-    /// changed since.
+    /// Executes a move of a prepared job; `planned_with` has the feed and flow of its frame, which may have been changed since.
     ///
     /// # Errors
     /// As for a move of G-code; a target beyond the soft limits is refused, not clamped.
@@ -87,7 +86,7 @@ impl<P: Ports> Printer<'_, P> {
         self.note_prepared(item, now.as_ref(), moved)
     }
 
-    /// As [`Self::prepared_move`], if it needs no waiting; `None`, and nothing has changed, where it does.
+    /// As [`Self::prepared_move`] if that needs no waiting; otherwise `None`, and nothing has changed.
     #[inline]
     pub fn try_prepared_move(
         &mut self,
@@ -127,7 +126,7 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// A move of a firmware retraction was taken: the G-code's Z does not see its lift, nor E its filament.
+    /// Follows a move of a firmware retraction: the G-code's Z does not contain its lift, nor E its filament.
     #[inline(never)]
     fn note_retraction(&mut self, z_10nm: i64, filament_100pm: i64) {
         let [.., z_before_10nm] = self.interpreter.modal.machine_10nm;
@@ -137,7 +136,7 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// Whether the machine may do what a move of a prepared job asks.
+    /// Checks a move of a prepared job against travel, temperature and filament.
     #[inline(always)]
     fn allow(&mut self, item: &PreparedMove) -> Result<(), CommandError> {
         if self.signals.is_halted() {
@@ -148,7 +147,7 @@ impl<P: Ports> Printer<'_, P> {
         }
         if self.interpreter.modal.soft_limits {
             for axis in 0..3 {
-                // Below the lower end it is more than any length: all are at most 5 m.
+                // A difference below zero becomes more than any length, for all are at most 5 m.
                 let (lower, upper) = (self.profile.lower_end_10nm[axis] as i32, self.profile.size_10nm[axis] as i32);
                 let above_lower = item.target[axis].units().wrapping_sub(lower).cast_unsigned();
                 let is_outside = above_lower > upper.wrapping_sub(lower).cast_unsigned();
@@ -163,7 +162,7 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// Whether feed and flow have the percentages that moves were planned with.
+    /// Whether feed and flow have the percentages with which the moves were planned.
     #[inline(always)]
     fn has_percents_of(&self, planned_with: &ModalState) -> bool {
         self.interpreter.modal.feed_percent == planned_with.feed_percent
@@ -187,7 +186,7 @@ impl<P: Ports> Printer<'_, P> {
         Some(Retuned { filament_100pm, feed_mm_per_s: (feed != planned_with.feed_percent).then_some(feed_mm_per_s) })
     }
 
-    /// A move was not taken.
+    /// Follows a move that was not taken.
     #[cold]
     #[inline(never)]
     fn refused(&mut self, error: CommandError) -> CommandError {
@@ -231,8 +230,8 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// Takes over where the machine is after the motion so far; `request` makes the planner's position exact, which is known
-    /// to less than a motor step.
+    /// Takes over the position after the motion so far; `request` makes the planner's position exact, which is known to less than
+    /// a motor step.
     ///
     /// # Errors
     /// The motors do not stand there, E is out of range (units of 10 nm, as for G92), or motion was stopped; the G-code's
@@ -254,7 +253,7 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// Sets E as the G-code sees it, units of 10 nm: a job that was refused has said another than its motion has pushed.
+    /// Sets the G-code's E, units of 10 nm: after a refused job it differs from what its motion has pushed.
     pub fn set_prepared_extruder(&mut self, extruder_10nm: i64) {
         self.interpreter.modal.extruder_10nm = extruder_10nm;
     }
@@ -264,7 +263,7 @@ impl<P: Ports> Printer<'_, P> {
         self.interpreter.modal.flow_percent
     }
 
-    /// Changes the fan as a prepared job has it.
+    /// Changes the fan by an item of a prepared job.
     ///
     /// # Errors
     /// Motion was stopped.
@@ -273,7 +272,7 @@ impl<P: Ports> Printer<'_, P> {
         Ok(self.motion.set_fan_power(power).await?)
     }
 
-    /// Executes a command of a prepared job as a line is executed, without its `ok`: no host has sent it.
+    /// Executes a command of a prepared job as a line, but without an `ok`, because no host has sent it.
     ///
     /// # Errors
     /// It cannot be read, or not be done.
@@ -287,8 +286,8 @@ impl<P: Ports> Printer<'_, P> {
         self.command_with_signs_of_life(&command).await.map(|_| ()).map_err(Failure::Command)
     }
 
-    /// Ends a prepared job of which nothing more can be trusted: what was taken of it is executed, to a standstill on the
-    /// path; the G-code's position is then where the motors stand. Heaters stay as they are.
+    /// Ends a prepared job whose rest cannot be trusted: the moves taken are executed, to a standstill on the path; the G-code's
+    /// position is then that of the motors. Heaters stay as they are.
     ///
     /// # Errors
     /// Motion was stopped.

@@ -22,17 +22,17 @@ use crate::waits::Waits;
 /// Masks of all motors.
 const ALL_MOTORS: u8 = 0b1111;
 
-/// How long the first line that a halt refuses waits, so that the halt is told before.
+/// How long the answer to the first refused line after a halt waits, ms, so that the halt is reported first.
 const TELL_HALT_MS: u32 = 2;
 
-/// How a command that has been executed is answered.
+/// The answer to an executed command.
 // R4.
 #[repr(u32)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Answer {
-    /// `ok` is to follow.
+    /// `ok` has still to be sent.
     Ok,
-    /// It has been said, and more with it.
+    /// `ok` has been sent, with more text.
     Given,
 }
 
@@ -41,21 +41,21 @@ pub(crate) enum Answer {
 pub struct JobRequest {
     /// Length of the job, bytes.
     pub size: u32,
-    /// How long the host may be silent, s.
+    /// Longest silence of the host, s.
     pub silence_s: u16,
 }
 
-/// Where a line comes from, which says who can be asked and who waits.
+/// The source of a line: it decides whether a person can be asked, and where a pause waits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Source {
-    /// A host, which waits for the answer. The lines of a print have numbers, what a person types has none.
+    /// A host, which waits for the answer. The lines of a print have numbers; those that a person types have none.
     Host {
         /// The line has a number.
         is_numbered: bool,
     },
-    /// A file that is read to its end: nobody is asked.
+    /// A file that is read to its end: there is no person to ask.
     File,
-    /// A card beside which hosts are heard: its reader waits while [`Printer::is_paused`].
+    /// A card, while hosts are heard as well: its reader waits while [`Printer::is_paused`].
     Card,
 }
 
@@ -68,10 +68,10 @@ impl core::fmt::Display for Letter {
     }
 }
 
-/// Executes commands: keeps the machine's parts together, and says of each line how it ended.
+/// Executes commands on the machine's parts, and answers each line.
 ///
-/// What a command does stands beside its theme (`moves`, `temperatures`, `settings`, ...); which command goes where is
-/// written once, in `dispatch`.
+/// The commands are in modules by their subject (`moves`, `temperatures`, `settings`, ...); only `dispatch` knows which command
+/// is where.
 pub struct Printer<'a, P: Ports> {
     pub(crate) profile: &'a Profile,
     pub(crate) motion: P::Motion,
@@ -83,7 +83,7 @@ pub struct Printer<'a, P: Ports> {
     /// Number of the line being executed.
     pub(crate) line: u32,
     pub(crate) last_line: i64,
-    /// What has been said of this job's lines.
+    /// Remarks made on this job's lines.
     pub(crate) said: Remarks,
     pub(crate) version: &'a str,
     pub(crate) identifier: Option<[u32; 3]>,
@@ -98,11 +98,11 @@ pub struct Printer<'a, P: Ports> {
     /// Of the present line.
     pub(crate) source: Source,
     pub(crate) paused: Option<Paused>,
-    /// What M73 has said: percent, and minutes left.
+    /// Progress by M73: percent, and minutes left.
     pub(crate) progress: (Option<u8>, Option<u16>),
-    /// What commands have set, degrees Celsius: what was switched off otherwise may be off by its timeout.
+    /// Targets that commands have set, degrees Celsius. A heater that is off against them was switched off by its timeout.
     pub(crate) targets_celsius: [f32; 2],
-    /// The hosts have been told that their prints end, since the machine is halted.
+    /// Whether the hosts know that their prints end because the machine is halted.
     told_halted: bool,
 }
 
@@ -161,12 +161,12 @@ impl<'a, P: Ports> Printer<'a, P> {
         self.meatpack = present;
     }
 
-    /// The board measures times of itself (M798).
+    /// The board measures its times (M798).
     pub fn set_timing(&mut self, timing: &'a dyn Timing) {
         self.timing = Some(timing);
     }
 
-    /// The motors' drivers can be set (M122, M569, M906, M914); nothing moves before all have confirmed that they are.
+    /// The motors' drivers can be set (M122, M569, M906, M914); nothing moves before all have confirmed their settings.
     pub fn set_drivers(&mut self, drivers: &'a dyn MotorDrivers) {
         self.drivers = Some(drivers);
     }
@@ -176,7 +176,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         self.equipment = equipment;
     }
 
-    /// What has been done so far.
+    /// Counts of what has been done so far.
     pub fn tally(&self) -> Tally {
         self.interpreter.tally
     }
@@ -205,16 +205,16 @@ impl<'a, P: Ports> Printer<'a, P> {
         Ok(self.motion.finish().await?)
     }
 
-    /// Executes a line of a host, which waits for each answer: as [`Self::execute`], but with about 2 s of motion at hand a move
-    /// is answered when there is less.
+    /// Executes a line of a host, which waits for each answer: as [`Self::execute`], but a move is answered only when less than
+    /// about 2 s of motion is at hand.
     pub async fn execute_for_host(&mut self, line: u32, text: &str, is_numbered: bool) -> Result<(), Failure> {
         // The moves of a prepared job, between which a host is answered, fill the ring.
         self.motion.set_bounded_in_time(!self.interpreter.modal.in_prepared_job);
         self.execute_from(Source::Host { is_numbered }, line, text).await
     }
 
-    /// Executes the text of a line and answers it with exactly one `ok`; a refused one is explained by an `echo:`
-    /// before it. Moves fill the whole look-ahead ring.
+    /// Executes the text of a line and answers it with exactly one `ok`; before it an `echo:` explains a refusal. Moves fill the
+    /// whole look-ahead ring.
     pub async fn execute(&mut self, line: u32, text: &str) -> Result<(), Failure> {
         self.motion.set_bounded_in_time(false);
         self.execute_from(Source::File, line, text).await
@@ -223,14 +223,14 @@ impl<'a, P: Ports> Printer<'a, P> {
     async fn execute_from(&mut self, source: Source, line: u32, text: &str) -> Result<(), Failure> {
         (self.source, self.line) = (source, line);
         self.signals.note_host();
-        // A command at work keeps the motors on. If the idle timeout switched them off before, it is noticed now.
+        // A command at work keeps the motors on. If the idle timeout has switched them off before, the printer learns it now.
         self.signals.set_at_work(true);
         if self.motion.take_switched_off() {
             self.interpreter.modal.forget_home(ALL_MOTORS);
         }
         self.log_line(text).await;
         let outcome = self.answer(line, text).await;
-        // So does a paused print, which must know where it is.
+        // A paused print keeps them on, too, because it must know its position.
         self.signals.set_at_work(self.is_paused());
         outcome
     }
@@ -259,7 +259,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         };
         let is_halted = matches!(failure, Failure::Command(CommandError::Halted | CommandError::NeedsReset(_)));
         if is_halted && !self.told_halted {
-            // The halt itself and the heater's fault are told by a task below this one: they come first.
+            // A task below this one reports the halt and the heater's fault; they must come first.
             self.clock.delay_ms(TELL_HALT_MS).await;
         }
         self.replies.refuse(line, &failure);
@@ -270,13 +270,13 @@ impl<'a, P: Ports> Printer<'a, P> {
         Err(failure)
     }
 
-    /// Ends or pauses the print of a host whose line was refused, in the words that hosts know: they would stream the rest of it into
-    /// a machine that does nothing.
+    /// Ends or pauses the print of a host whose line was refused, in words that hosts know. Otherwise they would stream the rest
+    /// into a machine that does nothing.
     #[cold]
     fn end_print_of_host(&mut self, error: &CommandError, is_stop: bool, is_numbered: bool) {
         match error {
             CommandError::Halted | CommandError::NeedsReset(_) => {
-                // M112 has said it, and M999 is no line of a print.
+                // The answer to M112 has told it already, and M999 is no line of a print.
                 if !is_stop {
                     self.replies.send(Reply::Killed);
                     // Printrun's word.
@@ -296,15 +296,15 @@ impl<'a, P: Ports> Printer<'a, P> {
         }
     }
 
-    /// Says what of a line is ignored or changed, each thing once a job.
+    /// Reports what is ignored or changed in a line, each thing once a job.
     #[cold]
     pub(crate) fn remark(&mut self, line: u32, text: &str, remarks: &Remarks) {
         let new = self.said.merge(remarks);
         self.replies.remark(line, text, remarks, &new);
     }
 
-    /// Executes a command and, while it takes long, says `busy` as often as M113 asks: hosts take a printer that is
-    /// silent for too long for dead. A wait for heat reports temperatures instead.
+    /// Executes a command and, while it takes long, says `busy` as often as M113 asks: after too long a silence hosts give the
+    /// printer up. A wait for heat reports temperatures instead.
     pub(crate) async fn command_with_signs_of_life(&mut self, command: &Command<'_>) -> Result<Answer, CommandError> {
         let (clock, replies, signals) = (self.clock.clone(), self.replies, self.signals);
         let mut execution = pin!(self.command(command));
@@ -331,13 +331,13 @@ impl<'a, P: Ports> Printer<'a, P> {
     async fn command(&mut self, command: &Command<'_>) -> Result<Answer, CommandError> {
         let was_stopped = self.motion.begin_command();
         if was_stopped {
-            // M410 has acted as its bytes arrived; its line may never come to be executed.
+            // M410 has acted as its bytes arrived; its line may never be executed.
             let dropped_100pm = self.motion.take_dropped_100pm();
             self.reckon_stop(dropped_100pm);
         }
         if self.signals.is_halted() && *command != Command::Restart {
             self.cancel();
-            // What is asked now is what has happened, though the planner task may not have followed the stop yet.
+            // Ask what has happened now: the planner task may not have followed the stop yet.
             self.stop_motion();
             match while_halted(command) {
                 WhileHalted::Works => {}
@@ -355,7 +355,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         result
     }
 
-    /// The next move of a print goes on with it, where its reader did not wait.
+    /// If its reader did not wait, the next move of a print resumes it.
     async fn go_on_and_dispatch(&mut self, command: &Command<'_>) -> Result<Answer, CommandError> {
         let is_of_print = match self.source {
             Source::Host { is_numbered } => is_numbered && !self.prints_from_card(),
@@ -377,7 +377,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         self.dispatch(command).await
     }
 
-    /// Says once that a move goes where nobody knows: motors that had no current may have been turned.
+    /// Reports once that the target of a move is uncertain: motors without current may have been turned.
     fn tell_lost_home(&mut self) {
         let Modal { homed, lost, .. } = &mut self.interpreter.modal;
         let untold = [0, 1, 2].map(|axis| core::mem::take(&mut lost[axis]) && !homed[axis]);
@@ -393,8 +393,8 @@ impl<'a, P: Ports> Printer<'a, P> {
         ));
     }
 
-    /// After a command that failed: where motion was stopped, the G-code's position is where the motors stand. A motor that
-    /// stands elsewhere than its block ends makes no position certain.
+    /// After a failed command: if motion was stopped, the G-code's position becomes that of the motors. If a motor does not stand
+    /// where its block ends, no position is certain.
     pub(crate) fn follow_after(&mut self, error: CommandError) {
         match error {
             CommandError::MotionFault(_) => {
@@ -406,8 +406,8 @@ impl<'a, P: Ports> Printer<'a, P> {
         }
     }
 
-    /// After a stop the G-code's position is where the motors stand. A halt also takes their current away, and with it
-    /// what homing knew.
+    /// After a stop the G-code's position becomes that of the motors. A halt also takes their current away, and with it the homed
+    /// position.
     pub(crate) fn follow_the_motors(&mut self) {
         if self.signals.is_halted() {
             self.motion.set_motors_enabled(ALL_MOTORS, false);
@@ -418,13 +418,13 @@ impl<'a, P: Ports> Printer<'a, P> {
         self.interpreter.modal.machine_10nm = [x, y, self.interpreter.modal.machine_z_10nm(z)];
     }
 
-    /// Motion stops at once; position, extruder and filament are what has really happened.
+    /// Stops motion at once; position, extruder and filament become what has really happened.
     pub(crate) fn stop_motion(&mut self) {
         let dropped_100pm = self.motion.stop();
         self.reckon_stop(dropped_100pm);
     }
 
-    /// Motion was stopped, with so much filament unpushed.
+    /// Motion was stopped, with this much filament unpushed.
     fn reckon_stop(&mut self, dropped_100pm: i64) {
         let [x, y, z, _] = self.motion.motor_steps();
         self.interpreter.take_back(dropped_100pm, [x, y, z]);
@@ -439,7 +439,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         }
         self.targets_celsius = [0.0; 2];
         self.stop_motion();
-        // First the flag, then the heaters: a fault in between would be told by the heaters themselves.
+        // First the flag, then the heaters: these report a fault in between themselves.
         self.signals.restart();
         if let Err(fault) = self.heating.restart() {
             self.signals.halt();
@@ -451,17 +451,17 @@ impl<'a, P: Ports> Printer<'a, P> {
         Ok(())
     }
 
-    /// Waits of the command at hand.
+    /// The waits of the present command.
     pub(crate) fn waits(&self) -> Waits<'a, P::Clock> {
         Waits { clock: self.clock.clone(), signals: self.signals }
     }
 
-    /// Whether there is a host to be told.
+    /// Whether the line's source is a host.
     pub(crate) fn has_host(&self) -> bool {
         self.source != Source::File
     }
 
-    /// Refuses what the board has not.
+    /// Refuses a command whose parts the board does not have.
     pub(crate) fn needs(&self, is_there: bool, what: &'static str) -> Result<(), CommandError> {
         if is_there { Ok(()) } else { Err(CommandError::NotEquipped(what)) }
     }

@@ -1,4 +1,4 @@
-//! The machine as numbers: what a profile file or a board's constants say.
+//! The machine as numbers, from a profile file or a board's constants.
 
 use ferrostep_planner::{Geometry, Kinematics, Limits, MotionChoice, StepsPerMm};
 use ferrostep_step_player::Signals;
@@ -6,22 +6,22 @@ use ferrostep_thermistor::Thermistor;
 use ferrostep_tmc2209::DriverSettings;
 use ferrostep_virtual_board::{HeatedMass, START_10NM, VirtualEndStop, VirtualHeaters, VirtualMotors, VirtualProbe};
 
-/// Step events a second that the processor can make if it has nothing else to do for motion, where a profile does not
-/// say: an STM32F407 at 168 MHz.
+/// Default for the step events a second that the processor can make if it does nothing else for motion: an STM32F407 at
+/// 168 MHz.
 ///
 /// An event takes 34 instructions in the step interrupt and 90 to work out, at 1.4 cycles an instruction, and 22 cycles to
 /// enter and leave the interrupt: 196 cycles. Motion is granted 70 % of the processor, so 600,000 events a second. A
 /// third of that is kept in reserve.
 pub const DEFAULT_EVENTS_PER_S: u32 = 400_000;
 
-/// Moves a second that the processor can read and plan if it has nothing else to do for motion, where a profile does
-/// not say: an STM32F407 at 168 MHz.
+/// Default for the moves a second that the processor can read and plan if it does nothing else for motion: an STM32F407 at
+/// 168 MHz.
 ///
 /// A move takes 7,000 instructions from its line to the first of its events, at 1.4 cycles: 12,000 moves a second in 70 %
 /// of the processor, of which a third is kept in reserve.
 pub const DEFAULT_MOVES_PER_S: u32 = 8_000;
 
-/// Seconds without use after which heaters go off, where a profile does not say: Prusa's (`SafetyTimer`, 30 minutes).
+/// Default for the seconds without use after which heaters go off: Prusa's (`SafetyTimer`, 30 minutes).
 pub const DEFAULT_HEATER_TIMEOUT_S: u16 = 1800;
 
 /// The end of its travel to which an axis homes.
@@ -44,16 +44,16 @@ pub enum HomeSensor {
     Stall,
 }
 
-/// How an axis finds its home.
+/// How an axis homes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AxisHoming {
-    /// Which end.
+    /// The end to which it homes.
     pub end: HomeEnd,
-    /// What is there.
+    /// The sensor at that end.
     pub sensor: HomeSensor,
-    /// Whether the sensor's signal is low when it triggers; a driver's stall signal is always high.
+    /// Whether the sensor's signal is low when it triggers; a driver's stall signal is high then.
     pub triggers_low: bool,
-    /// Machine coordinate at which the sensor triggers, in units of 10 nm; with a probe that of the bed, so that it triggers
+    /// Machine coordinate at which the sensor triggers, in units of 10 nm. With a probe it is that of the bed: the probe triggers
     /// at this less the Z of [`SafeHoming::probe_offset_10nm`].
     pub position_10nm: i64,
     /// Speed of the first approach, mm/s.
@@ -62,19 +62,19 @@ pub struct AxisHoming {
     pub slow_mm_per_s: f64,
     /// Path back between the two, in units of 10 nm.
     pub back_off_10nm: i64,
-    /// How much longer than the travel the frame may be: an approach from an unknown place goes no farther than the travel
-    /// and this, in units of 10 nm.
+    /// How much longer than the travel the frame may be, in units of 10 nm: an approach from an unknown place goes no farther than
+    /// the sum of both.
     pub overrun_10nm: i64,
-    /// How far apart the two approaches may trigger, in units of 10 nm.
+    /// Greatest distance between the places where the two approaches trigger, in units of 10 nm.
     pub agree_10nm: i64,
 }
 
-/// What keeps the nozzle off the bed while a machine homes. Lengths in units of 10 nm.
+/// Keeps the nozzle off the bed while a machine homes. Lengths in units of 10 nm.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SafeHoming {
-    /// Height over the bed that Z has at least while X and Y move; where Z is unknown it is raised by that.
+    /// Least height over the bed while X and Y move; a Z that is unknown is raised by this.
     pub raise_10nm: i64,
-    /// Where the nozzle stands (X, Y) while Z homes; `None`: wherever it is.
+    /// Where the nozzle stands (X, Y) while Z homes; `None`: at any place.
     pub home_at_10nm: Option<[i64; 2]>,
     /// From the nozzle's tip to where the probe triggers (X, Y, Z), as M851 has it: a Z of -1 mm says that the nozzle is 1 mm
     /// above the bed when the probe triggers.
@@ -88,16 +88,16 @@ impl SafeHoming {
     /// must be deployed, which this firmware cannot; above 0 the nozzle touches before the probe triggers.
     pub const PROBE_Z_10NM: [i64; 2] = [-1_000_000, 500_000];
 
-    /// Nothing is raised, and Z homes where it is.
+    /// Raises nothing; Z homes at any place.
     pub const NONE: Self = Self { raise_10nm: 0, home_at_10nm: None, probe_offset_10nm: [0; 3], bed_10nm: [[0; 2]; 2] };
 }
 
 impl AxisHoming {
-    /// How far below the place where its sensor must trigger an approach to the bed may go, units of 10 nm: 0.5 mm.
+    /// How far an approach to the bed may go below the place where its sensor must trigger, units of 10 nm: 0.5 mm.
     pub const MAX_PRESS_10NM: i64 = 50_000;
 }
 
-/// When a heater that should heat counts as failed ([`crate::heat::safety`]). The defaults are what Marlin has.
+/// When a heater that should heat counts as failed ([`crate::heat::safety`]). The defaults are Marlin's.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HeaterWatch {
     /// While it heats up, the temperature must rise within this time, milliseconds ...
@@ -112,16 +112,16 @@ pub struct HeaterWatch {
 }
 
 impl HeaterWatch {
-    /// The nozzle's, if a profile does not say.
+    /// The nozzle's defaults.
     pub const NOZZLE: Self = Self { watch_ms: 20_000, watch_celsius: 2.0, runaway_ms: 40_000, runaway_celsius: 4.0 };
-    /// The bed's, if a profile does not say.
+    /// The bed's defaults.
     pub const BED: Self = Self { watch_ms: 60_000, watch_celsius: 2.0, runaway_ms: 20_000, runaway_celsius: 2.0 };
 }
 
 /// Range and control of a heater; temperatures in degrees Celsius, powers from 0 to 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HeaterSettings {
-    /// What measures it.
+    /// Its thermistor.
     pub thermistor: Thermistor,
     /// Below this all heaters are switched off.
     pub min_celsius: f32,
@@ -141,11 +141,11 @@ pub struct HeaterSettings {
     pub residency_window_celsius: f32,
     /// ... for this long, milliseconds.
     pub residency_ms: u32,
-    /// What it heats on the virtual board; control and checks do not use it.
+    /// The model of it on the virtual board; control and checks do not use it.
     pub mass: HeatedMass,
 }
 
-/// G10 and G11 as M207 and M208 find them.
+/// Firmware retraction, G10 and G11, before M207 and M208.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FirmwareRetraction {
     /// Filament drawn back, units of 10 nm.
@@ -188,7 +188,7 @@ const fn ticks(ns: u32, timer_hz: u32) -> u32 {
     (ns as u64 * timer_hz as u64).div_ceil(1_000_000_000) as u32
 }
 
-/// Filament for moves whose lines name none (Wu 2024, eqs. 10 and 11).
+/// Filament for moves without E words (Wu 2024, eqs. 10 and 11).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ExtrusionSettings {
     /// Whether G1 to G3 in the plane without E extrude by their length.
@@ -205,7 +205,7 @@ impl ExtrusionSettings {
     /// Smallest and largest layer height, line width and filament diameter, units of 10 nm.
     pub const RANGES_10NM: [(i64, i64); 3] = [(1_000, 500_000), (5_000, 2_000_000), (50_000, 10_000_000)];
 
-    /// Filament as E words say; 0.2 mm by 0.45 mm of 1.75 mm filament if `adaptive` is switched on.
+    /// Filament by E words alone; 0.2 mm by 0.45 mm with 1.75 mm filament if `adaptive` is switched on.
     pub const DEFAULT: Self =
         Self { adaptive: false, layer_height_10nm: 20_000, line_width_10nm: 45_000, filament_diameter_10nm: 175_000 };
 }
@@ -215,14 +215,14 @@ impl ExtrusionSettings {
 pub struct Profile {
     /// Name, for M115 and reports.
     pub name: &'static str,
-    /// What M862.3 may name, separated by commas; empty: it is not checked.
+    /// The names that M862.3 accepts, separated by commas; empty: it is not checked.
     pub model_names: &'static str,
-    /// What M862.1 may name, mm; `None`: it is not checked.
+    /// The nozzle diameter that M862.1 accepts, mm; `None`: it is not checked.
     pub nozzle_diameter_mm: Option<f32>,
     /// Filament that the nozzle melts, mm^3/s: a rehearsal reports moves that ask for more.
     pub max_volumetric_flow_mm3_per_s: Option<f32>,
-    /// Which machine a job is prepared for: a hash of the profile's keys that a plan depends on, or must not exceed. Two
-    /// machines with the same hash may execute each other's prepared jobs.
+    /// Hash of the profile's keys on which a plan depends, or which it must not exceed. Machines with the same hash may execute
+    /// each other's prepared jobs.
     pub plan_hash: u64,
     /// How the motors drive the axes.
     pub kinematics: Kinematics,
@@ -236,7 +236,7 @@ pub struct Profile {
     pub limits: Limits,
     /// The methods that make the steps at start-up.
     pub motion: MotionChoice,
-    /// Step events nearer than this join, ticks of the nominal time base.
+    /// Step events nearer to each other than this are joined, ticks of the nominal time base.
     pub minimum_event_interval_ticks: u32,
     /// Processor time of a step event as [`Geometry::event_cost_ticks`] has it, ticks of the nominal time base.
     pub event_cost_ticks: u32,
@@ -244,7 +244,7 @@ pub struct Profile {
     pub move_cost_ticks: u32,
     /// Homing of X, Y and Z.
     pub homing: [AxisHoming; 3],
-    /// What keeps the nozzle off the bed meanwhile.
+    /// Keeps the nozzle off the bed meanwhile.
     pub safe_homing: SafeHoming,
     // ANCHOR: min_extrusion
     /// Extrusion is refused below this nozzle temperature, degrees Celsius.
@@ -260,14 +260,14 @@ pub struct Profile {
     pub retraction: FirmwareRetraction,
     /// Step and direction signals.
     pub driver: DriverTiming,
-    /// Filament for moves whose lines name none, at start-up.
+    /// Filament for moves without E words, at start-up.
     pub extrusion: ExtrusionSettings,
     /// Settings of the drivers of the X, Y, Z and extruder motors; `None` for a driver that cannot be set.
     pub drivers: [Option<DriverSettings>; 4],
 }
 
 impl Profile {
-    /// What the planner must know of the machine.
+    /// The machine's properties for the planner.
     pub const fn geometry(&self) -> Geometry {
         Geometry {
             kinematics: self.kinematics,
@@ -290,8 +290,8 @@ impl Profile {
         self.homing.iter().rev().fold(0, |axes, homing| axes << 1 | stalls(homing))
     }
 
-    /// Counting motors with this machine's end stops, as they stand when it is switched on. Where an axis homes by a stall,
-    /// there is an end stop, too; a model of the drivers takes it away ([`Self::framed_axes`]).
+    /// Counting motors with this machine's end stops, as they stand when it is switched on. An axis that homes by a stall has an
+    /// end stop, too; a model of the drivers takes it away ([`Self::framed_axes`]).
     pub fn virtual_motors(&self) -> VirtualMotors {
         let [offset_x, offset_y, offset_z] = self.safe_homing.probe_offset_10nm;
         let end_stops = self.homing.map(|homing| {

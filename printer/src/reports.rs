@@ -1,4 +1,4 @@
-//! What a host is told that asks: M114, M115, M118, M119 and M798.
+//! Reports for a host that asks: M114, M115, M117 to M119, M73 and M798.
 
 use ferrostep_gcode::{EndStopState, FirmwareInfo, Position, Reply};
 
@@ -34,7 +34,7 @@ impl<P: Ports> Printer<'_, P> {
         }));
     }
 
-    /// M798. Measuring begins anew when it is switched on, so that what is reported has all been measured alike.
+    /// M798. Switching it on clears the values, so that a report contains one measurement only.
     pub(crate) fn timing(&self, on: Option<bool>, clear: bool) {
         let Some(timing) = self.timing else {
             return self.replies.send(Reply::Text("echo:timing: this machine measures none"));
@@ -68,14 +68,14 @@ impl<P: Ports> Printer<'_, P> {
         self.replies.send(Reply::EndStops(&states));
     }
 
-    /// M117: without a display the host shows it. A file is printed where its lines are read anyway.
+    /// M117: without a display the host shows it. The text of a file on the desk is not reported.
     pub(crate) fn display(&self, text: &str) {
         if self.has_host() && !text.is_empty() {
             self.replies.say(format_args!("//action:notification {text}"));
         }
     }
 
-    /// M73: without words a query.
+    /// M73; without words it is a query.
     pub(crate) fn progress(&mut self, percent: Option<u8>, minutes_left: Option<u16>) {
         let (percent_before, minutes_before) = self.progress;
         self.progress = (percent.or(percent_before), minutes_left.or(minutes_before));

@@ -1,4 +1,4 @@
-//! M201 to M221: what a job may change about the machine.
+//! M201 to M221: the settings of the machine that a job may change.
 
 use ferrostep_gcode::{AxisWords, Decimal, Reply, RetractionWords};
 
@@ -181,7 +181,7 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// M795: holds for the moves after it.
+    /// M795; it applies to the moves after it.
     pub(crate) fn adaptive_extrusion(
         &mut self,
         on: Option<bool>,

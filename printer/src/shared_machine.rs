@@ -1,4 +1,4 @@
-//! The machine as commands see it that share it with the planner task.
+//! The machine, as commands share it with the planner task.
 
 use core::future::Future;
 
@@ -23,7 +23,7 @@ pub trait SharedMachine {
     /// Calls `act` with the machine locked.
     fn with<T>(&self, act: impl FnOnce(&mut Machine<Self::Ring, Self::Queue, Self::Methods>) -> T) -> T;
 
-    /// Wakes the planner task. It runs before the commands' task goes on, so its effects are there then.
+    /// Wakes the planner task. It runs before the commands' task goes on, which then sees its effects.
     fn wake_planner(&self);
 
     /// Does the planner task's work at once.
@@ -34,7 +34,7 @@ pub trait SharedMachine {
     /// Whether M112 has stopped everything.
     fn is_halted(&self) -> bool;
 
-    /// Lets a little time pass, before a command that waits for motion looks again.
+    /// Lets a little time pass before a command that waits for motion looks again.
     fn pause(&self) -> impl Future<Output = ()>;
 }
 
@@ -53,7 +53,7 @@ impl<S: SharedMachine> SharedMotion<S> {
         Self { machine, stops }
     }
 
-    /// Tries until it succeeds, then wakes the planner task. Any stop since the command's beginning ends the wait, be it
+    /// Tries until it succeeds, then wakes the planner task. Any stop since the command began ends the wait, even one that came
     /// before the wait, between two of the command's steps.
     async fn wait<T>(
         &self,
@@ -84,7 +84,7 @@ impl<S: SharedMachine> SharedMotion<S> {
     }
 }
 
-/// The outcome for a move; `None` if it has to wait for room.
+/// The outcome for a move; `None` if the move has to wait for room.
 fn unless_full<T>(outcome: Result<T, MoveError>) -> Option<Result<T, MotionError>> {
     match outcome {
         Err(MoveError::NoRoom) => None,

@@ -1,10 +1,10 @@
-//! Flags between the command side and those who act on bytes as they arrive.
+//! Flags between the command side and the interrupts that act on bytes as they arrive.
 
 use core::sync::atomic::{AtomicBool, AtomicU8, AtomicU16, AtomicU32, Ordering};
 
 use crate::profile::DEFAULT_HEATER_TIMEOUT_S;
 
-/// Flags between the command side and those who act on bytes as they arrive, or on time.
+/// Flags between the command side and the interrupts and tasks that act on bytes as they arrive, or on time.
 #[derive(Debug, Default)]
 pub struct Signals {
     end_wait: AtomicBool,
@@ -20,7 +20,7 @@ pub struct Signals {
     host_spoke: AtomicBool,
     is_writing: AtomicBool,
     card_report_interval_s: AtomicU8,
-    /// How far the print from the card is, and the file's length; 0 where there is none.
+    /// Progress of the print from the card, and the file's length, bytes; 0 without a print.
     card_position: AtomicU32,
     card_size: AtomicU32,
 }
@@ -29,7 +29,7 @@ pub struct Signals {
 pub const IDLE_TIMEOUT_S: u32 = 120;
 
 impl Signals {
-    /// Nothing signalled; `busy` messages every two seconds.
+    /// No flag set; `busy` messages every two seconds.
     pub const fn new() -> Self {
         Self {
             end_wait: AtomicBool::new(false),
@@ -80,7 +80,7 @@ impl Signals {
         self.paused_for_user.store(paused, Ordering::Relaxed);
     }
 
-    /// Whether a command is being executed: a wait, too, is work.
+    /// Whether a command is being executed; a wait counts.
     pub fn is_at_work(&self) -> bool {
         self.is_at_work.load(Ordering::Acquire)
     }
@@ -107,23 +107,23 @@ impl Signals {
         self.heater_timeout_s.store(seconds, Ordering::Relaxed);
     }
 
-    /// A host has sent a line, or a frame of a prepared job. From any priority: the receiving interrupt calls it, for a line may
-    /// have to wait its turn.
+    /// A host has sent a line, or a frame of a prepared job. To be called from any priority: the receiving interrupt calls it,
+    /// because a line may have to wait its turn.
     pub fn note_host(&self) {
         self.host_spoke.store(true, Ordering::Release);
     }
 
-    /// Whether a host has sent anything since this was last taken.
+    /// Whether a host has sent anything since the last [`Self::take_host_spoken`].
     pub fn has_host_spoken(&self) -> bool {
         self.host_spoke.load(Ordering::Acquire)
     }
 
-    /// Takes that.
+    /// Takes whether a host has sent anything since the last call.
     pub fn take_host_spoken(&self) -> bool {
         self.host_spoke.swap(false, Ordering::AcqRel)
     }
 
-    /// Whether lines of a host go into a file (M28): of what does not wait its turn only M112 counts then.
+    /// Whether lines of a host go into a file (M28); then only M112 acts before its turn.
     pub fn is_writing(&self) -> bool {
         self.is_writing.load(Ordering::Acquire)
     }
@@ -153,8 +153,8 @@ impl Signals {
         self.card_size.store(size, Ordering::Relaxed);
     }
 
-    /// M112, or a heater fault: every wait ends and every command is refused until M999. Who sets it has switched
-    /// heaters off and stopped the motors.
+    /// M112, or a heater fault: every wait ends and every command is refused until M999. The caller must switch heaters off and
+    /// stop the motors.
     pub fn halt(&self) {
         self.halted.store(true, Ordering::Release);
     }

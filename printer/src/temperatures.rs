@@ -20,7 +20,7 @@ impl<P: Ports> Printer<'_, P> {
     /// M104, M140.
     pub(crate) fn set_temperature(&mut self, heater: Heater, celsius: f64) -> Result<(), CommandError> {
         let settings = self.heater_settings(heater);
-        // As the control will have it: rounding may not take it to the maximum.
+        // In the control's precision: rounding must not take it to the maximum.
         let target = celsius as f32;
         if target >= settings.max_celsius || target > settings.max_target_celsius {
             return Err(CommandError::TooHot { celsius, maximum_celsius: settings.max_target_celsius });
@@ -31,7 +31,7 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// Whether the nozzle of a host's print was switched off because nobody used it: commands have set a target, and it is gone.
+    /// Whether the nozzle of a host's print was switched off as unused: commands have set a target, and it is gone.
     pub(crate) fn have_heaters_rested(&self) -> bool {
         let [nozzle_celsius, _] = self.targets_celsius;
         self.has_host() && nozzle_celsius > 0.0 && self.heating.status(Heater::Nozzle).target_celsius <= 0.0
@@ -44,7 +44,7 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// Waits for heaters to be as hot as a print left them; those that were switched off meanwhile (M86) heat up again.
+    /// Waits until heaters are as hot as a print has left them; those that were switched off meanwhile (M86) heat up again.
     pub(crate) async fn heat_again(&mut self, targets_celsius: [f32; 2]) -> Result<(), CommandError> {
         for (heater, celsius) in Heater::ALL.into_iter().zip(targets_celsius) {
             if celsius > 0.0 && self.heating.status(heater).target_celsius <= 0.0 {
@@ -76,7 +76,7 @@ impl<P: Ports> Printer<'_, P> {
             }
             WaitTarget::Current => false,
         };
-        // An M108 from before this command is not meant for it; one that comes while the motion before it ends is.
+        // An M108 from before this command is not meant for it; one during the end of the motion before it is.
         self.signals.take_end_wait();
         self.motion.finish().await?;
         self.stay_until_near(heater, cooling_counts).await

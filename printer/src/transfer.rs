@@ -1,7 +1,7 @@
 //! A prepared job from a host's line (M790), executed as it comes.
 //!
-//! While moves wait for room the line is read on, so that the host's questions are answered; what it sends beside the
-//! frames, numbered lines of G-code, is executed between two items of the job.
+//! While moves wait for room, the line is still read and the host's questions are answered. Numbered lines of G-code between the
+//! frames are executed between two items of the job.
 
 use core::fmt;
 use core::future::{Future, poll_fn};
@@ -22,27 +22,28 @@ use crate::ports::{Motion, Ports, Replies};
 use crate::printer::{JobRequest, Printer};
 use crate::signals::Signals;
 
-/// Longest silence before the first frame, s: a host that asks for a transfer has a job at hand.
+/// Longest silence before the first frame, s: a host that asks for a transfer has its job ready.
 const MAX_SILENCE_BEFORE_JOB_S: u16 = 30;
 
 /// The answer to a line that is not executed while a job is received.
 const PLAIN_LINE: &str = "echo:gpre: a prepared job is being received (M790), lines without a number are ignored until \
                           it ends; M112 ends it at once";
 
-/// Bytes that are taken from the line at once.
+/// Most bytes taken from the line at once.
 const CHUNK_BYTES: usize = 64;
 
-/// The line on which a job comes, and what else is read with it.
+/// The line on which a job comes, with the lines of all hosts.
 pub trait JobLine {
-    /// Waits for bytes of any host, at most a fifth of a second; how many there are, and whether they are of the host
-    /// that sends the job. `idle`: the machine has nothing else to do than to wait for them.
+    /// Waits for bytes of any host, at most a fifth of a second. Returns how many came, and whether the host that sends the job
+    /// has sent them. `idle`: the machine has nothing else to do meanwhile.
     fn read(&mut self, bytes: &mut [u8], idle: bool) -> impl Future<Output = (usize, bool)>;
 
-    /// Reads text of the host that was read last, up to the end of a line: how much was used, and the line if it has ended.
+    /// Reads text of the host that was read last, up to the end of a line. Returns how much was used, and the line if it has
+    /// ended.
     #[allow(clippy::type_complexity)]
     fn text<'a>(&'a mut self, bytes: &'a [u8]) -> (usize, Option<(&'a mut Host, Result<Line<'a>, LineError>)>);
 
-    /// From now on the host is answered that sends the job.
+    /// Replies go to the host that sends the job from now on.
     fn answer_job(&mut self);
 }
 
@@ -55,11 +56,11 @@ pub(crate) enum Stop {
     Done { failure: Failure, line: u32, frame: u32, offset: u64 },
     /// A move does not begin where the one before ended.
     Elsewhere { frame: u32, offset: u64 },
-    /// The host says no more.
+    /// The host was silent for too long.
     Silent { silence_s: u16 },
-    /// The host gives up.
+    /// The host has given up.
     Aborted,
-    /// What came between was M112, or motion was stopped.
+    /// M112, or motion was stopped in another way.
     Halted,
 }
 
@@ -78,37 +79,38 @@ impl fmt::Display for Stop {
             }
             Self::Elsewhere { frame, offset } => write!(
                 out,
-                "frame {frame} at byte {offset}: the machine stands elsewhere, expected it where the move before ended"
+                "frame {frame} at byte {offset}: the machine does not stand where the move before ended: home it (G28), then start \
+                 the job again"
             ),
             Self::Silent { silence_s } => write!(out, "nothing from the host for {silence_s} s"),
-            Self::Aborted => write!(out, "the host gives up"),
+            Self::Aborted => write!(out, "the host has given up"),
             Self::Halted => write!(out, "motion was stopped"),
         }
     }
 }
 
-/// What comes on the line, and how far it has been taken in.
+/// The incoming side of the line: the present chunk, and the state of text and frames.
 struct Incoming {
     receiver: Receiver,
     chunk: [u8; CHUNK_BYTES],
     /// Part of the chunk that has not been looked at.
     at: usize,
     end: usize,
-    /// The chunk is of the host that sends the job.
+    /// Whether the chunk is of the host that sends the job.
     of_job: bool,
-    /// The chunk goes on with text, which waits for the printer.
+    /// Whether the chunk goes on with text, which waits for the printer.
     text: bool,
-    /// Text of the job's host has begun and not ended with its line.
+    /// Whether text of the job's host has begun and not ended with its line.
     mid_text: bool,
     aborted: bool,
-    /// The host is to be answered.
+    /// Whether the host is to be answered.
     answer: bool,
-    /// The limit that it was told last.
+    /// The limit last reported to it.
     limit: u32,
     heard_ms: u64,
-    /// A frame has come.
+    /// Whether a frame has come.
     any_frame: bool,
-    /// How often motion had been stopped when the job began: one more ends it, whatever it was at.
+    /// How often motion had been stopped when the job began: one more stop ends the job.
     stops: u32,
 }
 
@@ -131,7 +133,7 @@ impl Incoming {
         }
     }
 
-    /// Tells the host what there is, if it should know.
+    /// Reports to the host, if a report is due.
     fn tell(&mut self, replies: &impl Replies, room: usize) {
         if core::mem::take(&mut self.answer) || self.receiver.has_opened(self.limit, room) {
             let report = self.receiver.report(room);
@@ -141,8 +143,7 @@ impl Incoming {
         }
     }
 
-    /// Reads on and answers, until there is text, or the host gives up. Where the machine is idle it returns after each
-    /// portion.
+    /// Reads and answers until text comes, or the host gives up. With an idle machine it returns after each portion.
     async fn take_in<R: Replies>(
         &mut self,
         line: &mut impl JobLine,
@@ -181,7 +182,7 @@ impl Incoming {
         }
     }
 
-    /// M790 in the middle of a transfer is of a host that was restarted: it goes on where the other one stopped.
+    /// M790 in the middle of a transfer comes from a host that was restarted: it goes on where the transfer stopped.
     fn asked_again(&mut self, request: Option<JobRequest>, replies: &impl Replies) {
         match request {
             Some(request) if request.size == self.receiver.size() => self.answer = true,
@@ -190,7 +191,7 @@ impl Incoming {
         }
     }
 
-    /// Passes what is left of the chunk up to the next text.
+    /// Passes the rest of the chunk up to the next text.
     fn skip_frames(&mut self) {
         while let Some(&byte) = self.chunk.get(self.at..self.end).and_then(|rest| rest.first()) {
             if self.receiver.take(byte, &mut []) == Event::Other {
@@ -209,7 +210,7 @@ impl Incoming {
     }
 }
 
-/// Does something while something else, that need not end, goes on beside it.
+/// Runs one future to its end, while another runs beside it that need not end.
 async fn beside<T>(main: impl Future<Output = T>, other: impl Future<Output = ()>) -> T {
     let (mut main, mut other) = (pin!(main), pin!(other));
     let mut ended = false;
@@ -224,12 +225,12 @@ async fn beside<T>(main: impl Future<Output = T>, other: impl Future<Output = ()
 }
 
 impl<P: Ports> Printer<'_, P> {
-    /// Says that [`Self::receive_job`] is called where M790 asks for it.
+    /// The caller will call [`Self::receive_job`] when M790 asks for it.
     pub fn set_receives_jobs(&mut self) {
         self.receives_jobs = true;
     }
 
-    /// Takes the request for a transfer that the last command was.
+    /// Takes the request for a transfer, if the last command was one.
     pub fn take_job_request(&mut self) -> Option<JobRequest> {
         self.job_request.take()
     }
@@ -244,8 +245,8 @@ impl<P: Ports> Printer<'_, P> {
     }
 
     /// Receives a prepared job and executes it as it comes. `buffer` must have room for the longest frame
-    /// ([`ferrostep_gpre::compact::MAX_FRAME_BYTES`]); what is more is room for what comes meanwhile. Returns how it
-    /// ended, and whether a frame has begun on the line and not ended; the host has been told.
+    /// ([`ferrostep_gpre::compact::MAX_FRAME_BYTES`]); more room is used for bytes that come meanwhile. Returns how the job
+    /// ended, and whether a frame has begun on the line and not ended; the host has heard the end already.
     pub async fn receive_job(
         &mut self,
         request: JobRequest,
@@ -261,14 +262,14 @@ impl<P: Ports> Printer<'_, P> {
         let (replies, clock, signals) = (self.replies(), self.clock.clone(), self.signals);
         incoming.text = false;
         incoming.aborted = false;
-        // No more is taken, but the host is not left without an answer while the machine comes to rest.
+        // Nothing more of the job is taken, but the host is answered while the machine comes to rest.
         let mut none = 0;
         let taken_in = incoming.take_in(line, &mut [], &mut none, (replies, &clock, signals), false);
         let ended = match outcome {
             Ok(()) => {
                 let finished = beside(self.finish(), taken_in).await;
                 if finished.is_err() {
-                    // All of the job had been taken; what of it was left undone is reckoned as anywhere else in it.
+                    // All of the job had been taken; the part left undone is counted as after any other stop.
                     self.stop_motion();
                 }
                 let Progress { frame, offset, .. } = progress;
@@ -281,19 +282,19 @@ impl<P: Ports> Printer<'_, P> {
                 })
             }
             Err(stop) => {
-                // Where the machine was halted there is no motion left to end.
+                // After a halt no motion is left to end.
                 let _ = beside(self.abandon_prepared(), taken_in).await;
                 Err(stop)
             }
         };
-        // What else has come by now.
+        // Bytes that have come by now.
         while incoming.at < incoming.end {
             let _ = self.between(line, &mut incoming).await;
             incoming.skip_frames();
         }
         self.job_request = None;
         let Progress { begun, frame, offset } = progress;
-        // What comes after a silence is no longer the rest of a frame.
+        // Bytes after a silence are no longer the rest of a frame.
         let in_frame = incoming.receiver.is_in_frame() && !matches!(ended, Err(Stop::Silent { .. }));
         let word = match ended {
             Ok(()) => Word::Done,
@@ -360,7 +361,7 @@ impl<P: Ports> Printer<'_, P> {
                         }
                         self.between(line, incoming).await?;
                     }
-                    // While the machine was at work the host may have had nothing to send, nor to ask.
+                    // While the machine was at work the host may have had nothing to send or to ask.
                     incoming.heard_ms = self.clock.now_ms();
                     filled = length + ahead;
                     progress.frame = number + 1;
@@ -368,14 +369,14 @@ impl<P: Ports> Printer<'_, P> {
                     length
                 }
             };
-            // With what has come of a frame that is not whole yet.
+            // With the part that has come of an incomplete frame.
             buffer.copy_within(used.., 0);
             filled -= used;
             incoming.tell(replies, buffer.len() - filled);
         }
     }
 
-    /// Executes the next item; `false` where there is none.
+    /// Executes the next item; `false` after the last.
     pub(crate) async fn item(&mut self, items: &mut Decoder<'_>, place: &mut Place) -> Result<bool, Stop> {
         let (frame, offset) = (place.number, place.offset);
         let fault = |fault| Stop::Read(ReadError { fault, offset, frame: Some(frame) });
@@ -384,7 +385,7 @@ impl<P: Ports> Printer<'_, P> {
             Item::Move(next) => {
                 // At the start of a frame, and wherever M410 may have stopped the moves before.
                 let expected_10nm = place.end_10nm.or((!place.begun).then_some(place.start.position_10nm));
-                // Where M290 has shifted Z, that is what is wrong.
+                // If M290 has shifted Z, the move is refused for that.
                 if expected_10nm.is_some_and(|expected| self.machine_10nm() != expected) && !self.is_shifted() {
                     return Err(Stop::Elsewhere { frame, offset });
                 }
@@ -404,11 +405,11 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// What has come beside the frames.
+    /// Text between the frames.
     async fn between(&mut self, line: &mut impl JobLine, incoming: &mut Incoming) -> Result<(), Stop> {
         while incoming.text {
             let rest = incoming.chunk.get(incoming.at..incoming.end).unwrap_or_default();
-            // What follows a line end may be a frame.
+            // A frame may follow a line end.
             let line_end = rest.iter().position(|byte| matches!(byte, b'\n' | b'\r'));
             let length = line_end.map_or(rest.len(), |end| end + 1);
             let (used, heard) = line.text(rest.get(..length).unwrap_or_default());
@@ -417,7 +418,7 @@ impl<P: Ports> Printer<'_, P> {
                     Ok(heard) => heard.number.is_some(),
                     Err(error) => error.is_numbered(),
                 };
-                // The rest of a broken frame is no line, nor text as a rule. What may be executed is known by its number.
+                // The rest of a broken frame is not a line, and usually not text. Its number shows that a line may be executed.
                 if numbered || !incoming.of_job {
                     host.answer(self, heard).await;
                     if incoming.of_job {
@@ -425,7 +426,7 @@ impl<P: Ports> Printer<'_, P> {
                     }
                     incoming.asked_again(self.job_request.take(), self.replies());
                 } else if heard.is_ok() {
-                    // By all appearances a person's, who shall not wait for an answer until the job has ended.
+                    // Probably a person's, who must not wait for an answer until the job has ended.
                     let replies = self.replies();
                     replies.send(Reply::Text(PLAIN_LINE));
                     replies.send(Reply::Ok);
@@ -446,7 +447,7 @@ impl<P: Ports> Printer<'_, P> {
 
 /// How far a job has come.
 struct Progress {
-    /// Something of it was executed.
+    /// Whether something of it was executed.
     begun: bool,
     frame: u32,
     offset: u64,
@@ -455,9 +456,9 @@ struct Progress {
 /// Where in the job an item is.
 pub(crate) struct Place {
     start: FrameState,
-    /// A move of the frame was executed.
+    /// Whether a move of the frame was executed.
     begun: bool,
-    /// Where the move before ended, if nothing but moves came since.
+    /// Where the move before ended, if only moves came since.
     end_10nm: Option<[i64; 3]>,
     number: u32,
     offset: u64,

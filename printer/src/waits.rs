@@ -15,15 +15,15 @@ const LOOK_MS: u64 = 100;
 /// Interval of the lines that M109 and M190 print.
 const REPORT_MS: u64 = 1000;
 
-/// A wait for cooling ends where the temperature falls by less than this in this time: colder than the room nothing
-/// gets. Well above what a thermistor's reading wanders, and well below what a heater loses 10 degrees above the room.
+/// A wait for cooling ends when the temperature falls by less than this in this time: no heater gets colder than the room. The
+/// slope is well above the noise of a thermistor, and well below that of a heater 10 degrees above the room.
 const MIN_COOLING_CELSIUS: f32 = 0.5;
 const MIN_COOLING_MS: u64 = 120_000;
 
 /// Watches a heater cool.
 #[derive(Clone, Copy, Debug, Default)]
 struct Cooling {
-    /// When it was looked at last, ms, and how warm it was then.
+    /// Time of the last look, ms, and the temperature then.
     before: Option<(u64, f32)>,
 }
 
@@ -67,7 +67,7 @@ impl<C: Clock + DelayNs> Waits<'_, C> {
     /// Waits for a person: M108 or the answer to a prompt (M876 S0), or until this time is over.
     pub async fn for_person(&mut self, longest_ms: Option<u64>) -> Result<(), CommandError> {
         let end = longest_ms.map(|longest| self.clock.now_ms().saturating_add(longest));
-        // What came before is not meant for this wait.
+        // An answer from before is not meant for this wait.
         self.signals.take_end_wait();
         self.signals.take_prompt_answer();
         loop {
@@ -82,8 +82,8 @@ impl<C: Clock + DelayNs> Waits<'_, C> {
         }
     }
 
-    /// Waits until the temperature of a heater has stayed near its target for the profile's residency time; for one that is too
-    /// hot only if `cooling_counts`.
+    /// Waits until the temperature of a heater has stayed near its target for the profile's residency time. A heater that is too
+    /// hot is waited for only if `cooling_counts`.
     pub async fn for_heat(
         &mut self,
         heater: Heater,
@@ -137,10 +137,10 @@ impl<C: Clock + DelayNs> Waits<'_, C> {
     }
 }
 
-/// What a wait for heat has to tell.
+/// Reports of a wait for heat.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum WaitReport<'a> {
-    /// Once a second: so many seconds are left, if the temperature stays where it is now.
+    /// Once a second: the seconds that are left if the temperature stays where it is now.
     Remaining(Option<u32>),
     /// The heater does not get colder than this: the wait has ended.
     CoolsNoFurther(&'a HeaterStatus),

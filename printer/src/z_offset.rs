@@ -1,4 +1,4 @@
-//! M851 and M290: where the probe is, and how high the nozzle prints.
+//! M851 and M290: the probe's offset, and the height of the nozzle.
 
 use ferrostep_gcode::{AxisWords, Real};
 use ferrostep_planner::Move;
@@ -12,7 +12,7 @@ use crate::profile::{HomeSensor, SafeHoming};
 /// Units of 10 nm in a millimetre.
 const MM: i64 = 100_000;
 
-/// How far one M290 may shift Z, and all since Z was homed, units of 10 nm: either way.
+/// Largest shift by one M290, and by all since Z was homed, units of 10 nm, either way.
 const MAX_SHIFT_AT_ONCE_10NM: i64 = MM;
 const MAX_SHIFT_10NM: i64 = 2 * MM;
 
@@ -67,7 +67,7 @@ impl<P: Ports> Printer<'_, P> {
     }
 
     /// M290: shifts Z under the G-code, whose coordinates stay; the probe's offset goes with it unless `keeps_offset` (P0).
-    /// The shift is a move of its own after those that were taken before.
+    /// The shift is a move of its own, after those taken before.
     pub(crate) async fn shift_z(&mut self, words: &AxisWords, keeps_offset: bool) -> Result<(), CommandError> {
         let others = [('X', words.x), ('Y', words.y), ('E', words.e)];
         if let Some((word, _)) = others.into_iter().find(|(_, word)| word.is_some()) {
@@ -96,7 +96,7 @@ impl<P: Ports> Printer<'_, P> {
             return Err(CommandError::ShiftsHomedZ);
         }
         within('Z', by_10nm, -MAX_SHIFT_AT_ONCE_10NM, MAX_SHIFT_AT_ONCE_10NM)?;
-        // What is left of the whole shift, so that the message says what would do.
+        // The rest of the largest shift, so that the message names a value that is accepted.
         let before_10nm = self.interpreter.modal.z.shift_10nm;
         within('Z', by_10nm, -MAX_SHIFT_10NM - before_10nm, MAX_SHIFT_10NM - before_10nm)?;
         let offset_10nm = self.interpreter.modal.probe_offset_10nm[2];

@@ -57,7 +57,7 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// Refuses what would take the file away that is printed or written.
+    /// Refuses a command that would take away the file that is being printed or written.
     fn unless_in_use(&self) -> Result<(), CommandError> {
         if self.card.job == Job::Printing || self.card.writing != Writing::Not {
             return Err(CommandError::CardInUse);
@@ -77,7 +77,7 @@ impl<P: Ports> Printer<'_, P> {
             let page = self.ask_card(Request::List(options, from)).await;
             if from == ListFrom::Start {
                 match page {
-                    // Where there is no card, the list is one line.
+                    // Without a card the list is one line.
                     Err(CardFailure::Slot(_) | CardFailure::NotMounted) => {
                         return self.replies.send(Reply::Text("echo:No media"));
                     }
@@ -99,7 +99,7 @@ impl<P: Ports> Printer<'_, P> {
 
     async fn release_card(&mut self) -> Result<(), CommandError> {
         self.unless_in_use()?;
-        // The file of a print that is paused is kept in mind.
+        // The file of a paused print stays selected.
         if self.card.job == Job::None {
             self.card.selected = None;
         }
@@ -108,7 +108,7 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// Selects a file; whether it could.
+    /// Selects a file. Returns whether that succeeded.
     async fn select_file(&mut self, path: &str) -> Result<bool, CommandError> {
         self.unless_in_use()?;
         if self.card.job == Job::Paused {
@@ -144,20 +144,20 @@ impl<P: Ports> Printer<'_, P> {
         self.with_opened(|file| Selected::from(file)).ok_or(CardFailure::NotFound)
     }
 
-    /// Calls `look` with the file that is open.
+    /// Calls `look` with the open file.
     fn with_opened<T>(&self, look: impl Fn(&OpenedFile) -> T) -> Option<T> {
         let mut seen = None;
         self.card.port?.with(&mut |mailbox| seen = mailbox.opened().map(&look));
         seen
     }
 
-    /// Marlin's text for a file, and why.
+    /// Marlin's text for a failure with a file, and the reason.
     pub(super) fn refuse_file(&self, what: &str, path: &str, failure: CardFailure) {
         self.replies.say(format_args!("{what}, File: {path}."));
         self.replies.say(format_args!("echo:card: {failure}"));
     }
 
-    /// M24: goes on with a print that is paused, the host's or that of the card, or begins one.
+    /// M24: resumes a paused print, the host's or the card's, or begins one.
     pub(crate) async fn start_print(&mut self, position: Option<u32>) -> Result<(), CommandError> {
         if self.is_paused() && self.card.job == Job::None {
             return self.resume().await;
@@ -169,7 +169,7 @@ impl<P: Ports> Printer<'_, P> {
         if self.card.job == Job::Printing {
             return Ok(());
         }
-        // A card that was pulled out is looked for again.
+        // The card may have been pulled out and put back.
         if let Err(failure) = self.ask_card(Request::Reopen).await {
             self.replies.say(format_args!("echo:card: {failure}; the print waits for M24"));
             return Ok(());
@@ -189,24 +189,25 @@ impl<P: Ports> Printer<'_, P> {
         Ok(())
     }
 
-    /// M25: the nozzle goes aside, whoever prints.
+    /// M25: pauses a print of the card or of a host; the nozzle goes aside.
     async fn pause_by_host(&mut self) -> Result<(), CommandError> {
         self.pause(PauseReason::Pause).await?;
         self.note_paused();
         Ok(())
     }
 
-    /// A line has paused the print: the card is read no further.
+    /// A line has paused the print: reading the card stops here.
     pub(super) fn note_paused(&mut self) {
         if self.is_paused() && self.card.job == Job::Printing {
             self.set_card_job(Job::Paused);
         }
     }
 
-    /// The print of the card cannot go on here: it pauses as by M25, the nozzle aside. Where even that fails it waits where it is.
+    /// Pauses a print of the card that cannot go on here, as M25 does, with the nozzle aside. If even that fails, the nozzle stays
+    /// where it is.
     pub(super) async fn pause_print(&mut self) {
         self.source = Source::Card;
-        // The failure has told why; a stop ends the print.
+        // The failure has been reported; a stop ends the print.
         let _ = self.command_with_signs_of_life(&Command::Card(CardCommand::Pause)).await;
         self.signals.set_at_work(self.is_paused());
         if self.card.job == Job::Printing {
@@ -234,7 +235,7 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// M524, where the print has noticed: what was planned ends, and nothing stays hot.
+    /// M524, when the print has noticed it: planned motion ends, and nothing stays hot.
     pub(super) async fn end_aborted_print(&mut self) {
         self.heating.all_off();
         let _ = self.motion.set_fan_power(0).await;
@@ -266,7 +267,7 @@ impl<P: Ports> Printer<'_, P> {
         if self.card.job == Job::Paused {
             return Err(CommandError::CardInUse);
         }
-        // The file that is selected may be the one.
+        // It may be the selected file.
         self.card.selected = None;
         let _ = self.ask_card(Request::Close).await;
         let deleted = match LongPath::try_from(path) {
@@ -310,7 +311,7 @@ impl<P: Ports> Printer<'_, P> {
     }
 }
 
-/// The last name of a path.
+/// The file name at the end of a path.
 fn file_name(path: &str) -> &str {
     path.rsplit_once('/').map_or(path, |(_, name)| name)
 }

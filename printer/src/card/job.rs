@@ -42,7 +42,7 @@ impl<P: Ports> Printer<'_, P> {
                 End::Stopped
             }
         };
-        // Of what was taken the rest is executed, to a standstill on the path.
+        // The rest of the moves taken is executed, to a standstill on the path.
         let _ = self.abandon_prepared().await;
         end
     }

@@ -11,21 +11,21 @@ use crate::host::Host;
 use crate::ports::{Motion, Ports, Replies};
 use crate::printer::Printer;
 
-/// What hosts have sent while the card prints.
+/// Something that hosts have sent while the card prints.
 pub enum HostText<'a> {
-    /// A line, or why it cannot be read, and its host, which is answered from now on.
+    /// A line or why it cannot be read, and its host, which receives the replies from now on.
     Line(&'a mut Host, Result<Line<'a>, LineError>),
-    /// A part of one; there may be more.
+    /// A part of a line; more may be waiting.
     Part,
-    /// Nothing more.
+    /// Nothing is waiting.
     Nothing,
 }
 
 /// The hosts' lines, beside a print from the card.
 pub trait HostLines {
-    /// Takes what has come, without waiting.
+    /// Takes the next of what has come, without waiting.
     fn next(&mut self) -> HostText<'_>;
-    /// From now on everyone is told: nobody has asked for it.
+    /// Replies go to all hosts from now on, since none has asked.
     fn tell_all(&mut self);
     /// Waits a little, for bytes of a host or of the card. `idle`: the machine has nothing else to do.
     fn wait(&mut self, idle: bool) -> impl Future<Output = ()>;
@@ -44,11 +44,11 @@ pub(super) enum End {
     Stopped,
 }
 
-/// What the file's next bytes are.
+/// The file's next bytes.
 pub(super) enum Bytes {
-    /// So many.
+    /// This many bytes.
     Some(usize),
-    /// There are no more.
+    /// The file has ended.
     End,
 }
 
@@ -58,8 +58,8 @@ impl<P: Ports> Printer<'_, P> {
         self.card.job != Job::None
     }
 
-    /// Prints the selected file until it has ended, hosts are answered meanwhile. `room` is where a prepared job's frames are
-    /// put together, as for [`Self::receive_job`].
+    /// Prints the selected file to its end; hosts are answered meanwhile. `room` holds the frames of a prepared job, as for
+    /// [`Self::receive_job`].
     pub async fn print_from_card(&mut self, hosts: &mut impl HostLines, room: &mut [u8]) {
         let stops = self.motion.stops();
         let end = loop {
@@ -98,10 +98,10 @@ impl<P: Ports> Printer<'_, P> {
         self.note_card_progress();
     }
 
-    /// Answers hosts, and waits while the print is paused. The next thing may be done then, unless the print ends.
+    /// Answers hosts, and waits while the print is paused.
     ///
     /// # Errors
-    /// The print does not go on here.
+    /// The print ends, or goes on at another place of the file.
     pub(super) async fn answer_hosts(&mut self, hosts: &mut impl HostLines, stops: u32) -> Result<(), End> {
         let mut has_rested = false;
         self.note_paused();
@@ -134,7 +134,7 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// A paused print goes on where a person says so.
+    /// A person decides when a paused print goes on.
     async fn go_on_if_answered(&mut self) {
         if self.is_answered()
             && let Err(error) = self.start_print(None).await
@@ -143,10 +143,10 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// The file's next bytes. Where the card has failed the print is paused until it goes on.
+    /// The file's next bytes. If the card fails, the print is paused until M24.
     ///
     /// # Errors
-    /// The print does not go on here.
+    /// The print ends, or goes on at another place of the file.
     pub(super) async fn take_bytes(
         &mut self,
         hosts: &mut impl HostLines,

@@ -1,12 +1,12 @@
-//! What is known of the card: the file that is selected, its print, what is written.
+//! The state of the card: the selected file, its print, the file that is being written.
 
 use ferrostep_card::{CardPort, OpenedFile, Request};
 
-/// A file that was selected (M23). Its names stay with the card's task.
+/// The file selected by M23. The card's task keeps its names.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Selected {
     pub(super) size: u32,
-    /// It is a prepared job, by its name.
+    /// Whether its name is that of a prepared job.
     pub(super) is_prepared: bool,
 }
 
@@ -16,33 +16,33 @@ impl From<&OpenedFile> for Selected {
     }
 }
 
-/// Whether a file's name ends so: that of 8 characters and 3, or the long one.
+/// Whether a file has this extension: `short` of its short name (8.3), or `long` of its long one.
 pub(super) fn is_a(file: &OpenedFile, short: &str, long: &str) -> bool {
     let end = file.long.len().checked_sub(long.len()).and_then(|start| file.long.get(start..));
     file.short.ends_with(short) || end.is_some_and(|end| end.eq_ignore_ascii_case(long))
 }
 
-/// What the print is at.
+/// The state of the print.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Job {
-    /// There is none.
+    /// No print.
     None,
     /// Lines are read and executed.
     Printing,
-    /// It waits for M24.
+    /// The print waits for M24.
     Paused,
 }
 
-/// Where lines of a host go.
+/// What becomes of the lines of a host.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Writing {
     /// They are executed.
     Not,
-    /// Into a file (M28).
+    /// They go into a file (M28).
     File,
-    /// They were to go into a file, which has failed: nowhere, so that none of them is executed.
+    /// Their file has failed: they are dropped, so that none of them is executed.
     Lost,
-    /// Into a file, and they are executed (M928).
+    /// They go into a file and are executed (M928).
     Log,
 }
 
@@ -52,16 +52,16 @@ pub(crate) struct Card<'a> {
     pub(super) port: Option<&'a dyn CardPort>,
     pub(super) selected: Option<Selected>,
     pub(crate) job: Job,
-    /// The print is to end (M524).
+    /// M524 has asked the print to end.
     pub(super) aborted: bool,
-    /// The print is to go on at this byte, which begins the line after so many.
+    /// The byte at which the print is to go on, and the number of lines before it.
     pub(super) seek: Option<(u32, u32)>,
-    /// Place of the next line, or of the next frame.
+    /// Byte at which the next line, or the next frame, begins.
     pub(super) position: u32,
     pub(super) writing: Writing,
     /// A host has just begun to write.
     pub(super) begun_writing: bool,
-    /// Since when it prints, ms, and for how long it has before.
+    /// When the print began or was resumed, ms; and how long it had printed before, ms.
     pub(super) since_ms: Option<u64>,
     pub(super) printed_ms: u64,
 }
@@ -88,7 +88,7 @@ impl<'a> Card<'a> {
         self.port.is_some()
     }
 
-    /// Hands a request over. By itself, so that it does not stay in the memory of whoever waits.
+    /// Hands a request to the card's task. A function of its own, so that the request does not stay in the future that waits.
     #[inline(never)]
     pub(super) fn post(&self, request: Request) -> Option<&'a dyn CardPort> {
         let port = self.port?;

@@ -1,4 +1,4 @@
-//! Questions to the card's task, and what the rest of the printer learns of the answers.
+//! Requests to the card's task.
 
 use core::future::Future;
 
@@ -11,7 +11,7 @@ use super::state::Job;
 use crate::ports::Ports;
 use crate::printer::Printer;
 
-/// How often the printer looks whether the card's task has answered.
+/// How often the printer looks for an answer of the card's task, ms.
 pub(super) const LOOK_MS: u32 = 1;
 
 impl<'a, P: Ports> Printer<'a, P> {
@@ -20,7 +20,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         self.card.port = Some(port);
     }
 
-    /// Asks the card's task at once; what is returned waits for the answer, without the request.
+    /// Hands a request to the card's task at once. The future returned waits for the answer and does not hold the request.
     pub(super) fn ask_card(&mut self, request: Request) -> impl Future<Output = Result<Answer, CardFailure>> {
         let port = self.card.post(request);
         async move {
@@ -41,7 +41,7 @@ impl<'a, P: Ports> Printer<'a, P> {
         self.note_card_progress();
     }
 
-    /// What M27 S reports.
+    /// Notes the print's progress for the reports of M27 S.
     pub(super) fn note_card_progress(&self) {
         let size = self.card.selected.filter(|_| self.card.job != Job::None).map(|selected| selected.size);
         self.signals.set_card_progress(size.map(|size| (self.card.position, size)));

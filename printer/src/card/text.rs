@@ -9,11 +9,11 @@ use crate::error::{CommandError, Failure};
 use crate::ports::{Motion, Ports, Replies, temperatures};
 use crate::printer::{Printer, Source};
 
-/// Bytes that are taken from the card's task at once.
+/// Most bytes taken from the card's task at once.
 const CHUNK_BYTES: usize = 64;
 
 impl<P: Ports> Printer<'_, P> {
-    /// Prints from the present place on, which is after so many lines.
+    /// Prints from the present place on; `lines_before` lines of the file are before it.
     pub(super) async fn print_text(&mut self, hosts: &mut impl HostLines, lines_before: u32, stops: u32) -> End {
         let mut reader = LineReader::new();
         let mut chunk = [0; CHUNK_BYTES];
@@ -53,7 +53,7 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// Executes a line. One that is refused pauses the print: it is tried again when the print goes on.
+    /// Executes a line. A refused line pauses the print, and is tried again when the print goes on.
     async fn card_line(
         &mut self,
         line: Result<Line<'_>, LineError>,
@@ -97,7 +97,7 @@ impl<P: Ports> Printer<'_, P> {
         None
     }
 
-    /// Executes a line's text without its `ok`: no host has sent it.
+    /// Executes a line's text without an `ok`, because no host has sent it.
     async fn execute_from_card(&mut self, number: u32, text: &str) -> Result<(), Failure> {
         let mut remarks = Remarks::NONE;
         let command = parse_with_remarks(text, &mut remarks).map_err(Failure::Parse)?;
@@ -105,7 +105,7 @@ impl<P: Ports> Printer<'_, P> {
             self.remark(number, text, &remarks);
         }
         match command {
-            // With the `ok` of M105 hosts would lose count.
+            // An `ok` for M105 would make hosts lose count.
             Command::ReportTemperatures => {
                 self.replies.send(Reply::Temperatures(temperatures(&self.heating)));
                 return Ok(());
@@ -121,7 +121,7 @@ impl<P: Ports> Printer<'_, P> {
             _ => {}
         }
         self.source = Source::Card;
-        // So that a pause acts within seconds.
+        // A pause must act within seconds.
         self.motion.set_bounded_in_time(true);
         self.signals.set_at_work(true);
         if self.motion.take_switched_off() {

@@ -12,7 +12,7 @@ use crate::ports::{Ports, Replies};
 use crate::printer::Printer;
 
 impl<P: Ports> Printer<'_, P> {
-    /// Whether the command just executed has begun to write the lines of its host into a file.
+    /// Takes whether the last command has begun to write the lines of its host into a file.
     pub(crate) fn take_begun_writing(&mut self) -> bool {
         core::mem::take(&mut self.card.begun_writing)
     }
@@ -53,7 +53,7 @@ impl<P: Ports> Printer<'_, P> {
         }
     }
 
-    /// A line of the host that writes; `false` where it was the last.
+    /// Writes a line of the host; `false` if it was the last.
     pub(crate) async fn write_line(&mut self, text: &str) -> bool {
         self.signals.note_host();
         if is_end_of_file(text) {
@@ -62,14 +62,14 @@ impl<P: Ports> Printer<'_, P> {
             && let Err(failure) = self.put_line(text).await
         {
             self.tell_write_error(failure);
-            // What follows is a part of the file and must not be executed.
+            // The lines that follow are a part of the file and must not be executed.
             self.card.writing = Writing::Lost;
         }
         self.replies.send(Reply::Ok);
         self.card.writing != Writing::Not
     }
 
-    /// A line that is executed as well (M928).
+    /// Writes a line that is also executed (M928).
     pub(crate) async fn log_line(&mut self, text: &str) {
         if self.card.writing == Writing::Log
             && let Err(failure) = self.put_line(text).await

@@ -1,8 +1,8 @@
 //! The hot end's own fan: it keeps the filament cold above a hot nozzle.
 
-/// At this temperature of the nozzle it is switched on, degrees Celsius ...
+/// Nozzle temperature at which it is switched on, degrees Celsius.
 const ON_CELSIUS: f32 = 50.0;
-/// ... and below this one off.
+/// Nozzle temperature below which it is switched off, degrees Celsius.
 const OFF_CELSIUS: f32 = 45.0;
 
 /// Whether it turns.
@@ -17,8 +17,8 @@ impl HotEndFan {
         Self { is_on: true }
     }
 
-    /// Takes the nozzle's temperature, degrees Celsius, and says whether the fan is to turn. It does where the temperature
-    /// is unknown: `None`, or no number.
+    /// Takes the nozzle's temperature, degrees Celsius, and returns whether the fan is to turn. It turns if the temperature is
+    /// unknown: `None`, or not a number.
     pub fn update(&mut self, celsius: Option<f32>) -> bool {
         match celsius {
             Some(celsius) if celsius < OFF_CELSIUS => self.is_on = false,

@@ -7,8 +7,8 @@ use super::sample_time::SAMPLE_S;
 /// Share of the newest slope that the filtered one takes over, a sample: a time constant of half a second.
 const SLOPE_SHARE: f32 = 2.0 * SAMPLE_S;
 
-/// Share of what it has learnt that it forgets while it is off, a sample: a time constant of 30 s. A heater that is switched
-/// on again after seconds takes about the power that it took; one that has cooled would overshoot with it.
+/// Share of its integral that it forgets each sample while it is off: a time constant of 30 s. A heater that is switched on
+/// again after seconds needs about the power that it needed; with that power one that has cooled would overshoot.
 const FORGOTTEN_SHARE: f32 = SAMPLE_S / 30.0;
 
 /// A PID loop whose derivative is that of the temperature, so that a new target gives no kick.
@@ -17,9 +17,9 @@ pub struct Pid {
     proportional: f32,
     integral: f32,
     derivative: f32,
-    /// How far the integral looks ahead, s: what the derivative is to the proportional gain.
+    /// How far the integral looks ahead, s: the derivative gain over the proportional one.
     ahead_s: f32,
-    /// Sum of errors times the integral gain, so it is a power.
+    /// Sum of errors times the integral gain: a power.
     accumulated: f32,
     /// Filtered, degrees a second.
     slope: f32,
@@ -28,7 +28,7 @@ pub struct Pid {
 }
 
 impl Pid {
-    /// At rest, at whatever temperature the first sample has.
+    /// At rest; the first sample sets the temperature.
     pub fn new(settings: &HeaterSettings) -> Self {
         let HeaterSettings { proportional, integral, derivative, .. } = *settings;
         let ahead_s = derivative / proportional;
@@ -55,7 +55,7 @@ impl Pid {
         unlimited.clamp(0.0, 1.0)
     }
 
-    /// Forgets what it has learnt of the power that a target takes.
+    /// Forgets the power that the target takes.
     pub fn reset(&mut self) {
         self.accumulated = 0.0;
     }

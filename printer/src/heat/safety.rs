@@ -1,11 +1,10 @@
 //! When a heater counts as failed: every thermal check there is, and nothing else.
 //!
 //! [`Safety::check`] sees each sample of one heater: the temperature (freed of single bad readings, see
-//! `Thermometer`), the target, and the power that was in force up to now. What it finds switches *all* heaters
-//! off, in the same sample ([`super::HeatControl`]). It commands nothing and trusts nothing that the control has worked
-//! out.
+//! `Thermometer`), the target, and the power that was in force up to now. A fault switches *all* heaters off, in the
+//! same sample ([`super::HeatControl`]). The checks use no value that the control has worked out, and set none.
 //!
-//! | what has happened | what tells it | after |
+//! | what has happened | what reports it | after |
 //! |---|---|---|
 //! | thermistor open or shorted | [`Trip::Sensor`] | 3 samples |
 //! | hotter than the maximum, colder than the minimum | [`Trip::TooHot`], [`Trip::TooCold`] | 3 samples |
@@ -23,8 +22,8 @@ use crate::profile::HeaterSettings;
 
 use super::sample_time::SAMPLE_MS;
 
-/// A heater without power that becomes this much hotter within its watch period is heated all the same, degrees. A
-/// nozzle over a hot bed, or a bed under a hot nozzle, takes minutes for that.
+/// A heater at power 0 that becomes this much hotter within its watch period is being heated, degrees. Over a hot bed a nozzle
+/// takes minutes for that, and so does a bed under a hot nozzle.
 const UNPOWERED_RISE_CELSIUS: f32 = 10.0;
 
 /// Above this temperature, degrees Celsius, a heater without power must become colder ...
@@ -34,16 +33,16 @@ const COOLING_CELSIUS: f32 = 2.0;
 /// ... within this time. A heavy bed in a chamber of 60 degrees takes a third of that.
 const COOLING_MS: u32 = 600_000;
 
-/// The room, degrees Celsius, as far as the hysteresis is concerned.
+/// The room's temperature as the hysteresis counts it, degrees Celsius.
 const ROOM_CELSIUS: f32 = 25.0;
-/// However near the room's temperature its target is, a heater may be this far below it, degrees.
+/// Least distance below its target that a heater is allowed, however near the room's temperature, degrees.
 const LEAST_HYSTERESIS_CELSIUS: f32 = 4.0;
 
 /// A change of power, as a share of full power, that no heater takes without the temperature changing by a step of its
 /// reading.
 const POWER_THAT_SHOWS: f32 = 0.05;
 
-/// What a check has found; temperatures in degrees Celsius.
+/// A fault that a check has found; temperatures in degrees Celsius.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Trip {
     /// The thermistor's circuit is open or shorted.
@@ -52,7 +51,7 @@ pub enum Trip {
     TooHot(f32),
     /// Below the minimum, or not a number.
     TooCold(f32),
-    /// On the way to the target the temperature has not risen by so much in so long.
+    /// On the way to the target the temperature has not risen by the watch's degrees in the watch period.
     HeatingFailed(f32),
     /// The target had been reached, and the temperature has been too far below it for too long.
     Runaway(f32),
@@ -65,9 +64,9 @@ pub enum Trip {
 }
 
 impl Trip {
-    /// Whether M999 does not end it, only a reset of the board: what failed is the heater, its transistor, or the
-    /// thermistor's place, and no reading can show that it is sound again. Repeated by a host, M999 and M104 would grant a
-    /// heater without a thermistor one watch period at full power after the other.
+    /// Whether only a reset of the board ends it, not M999: the heater, its transistor or the thermistor's place has failed, and
+    /// no reading can show that it is sound again. A host that repeats M999 and M104 would grant a heater without a
+    /// thermistor one watch period at full power after the other.
     ///
     /// The others end when the reading is within its limits again: a plug put back, a nozzle that has cooled.
     pub const fn needs_reset(self) -> bool {
@@ -83,7 +82,7 @@ impl Trip {
 }
 
 impl fmt::Display for Trip {
-    /// The words that hosts take for a thermal error.
+    /// The words by which hosts recognise a thermal error.
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         out.write_str(match self {
             Self::TooHot(_) | Self::Sensor(SensorError::Shorted) => "MAXTEMP triggered",
@@ -117,9 +116,9 @@ impl Since {
 enum Phase {
     /// Its target is 0.
     Off,
-    /// It has not reached its target, and last was hotter by the watch's degrees at this moment; the lowest temperature since.
+    /// It has not reached its target: when it last became hotter by the watch's degrees, and the lowest temperature since.
     Heating(Since),
-    /// It has reached its target, and has been too far below it for so many samples.
+    /// It has reached its target; since then it has been too far below it for this many samples.
     Holding(u32),
 }
 
@@ -128,17 +127,17 @@ enum Phase {
 pub struct Safety {
     settings: HeaterSettings,
     phase: Phase,
-    /// The target that the phase is about.
+    /// The target of the phase.
     target: f32,
     /// Samples without power.
     unpowered: u32,
-    /// The lowest temperature without power, of late.
+    /// The lowest temperature without power, lately.
     lowest: Since,
     /// The temperature without power from which it must fall.
     hot: Since,
-    /// The last temperature that was another than the one before, and the power then.
+    /// The last temperature that differed from the one before, and the power then.
     changed: (f32, f32),
-    /// Samples since the power has become so different that the reading should have changed again.
+    /// Samples since the power has changed so much that the reading should have changed again.
     unanswered: u32,
 }
 
@@ -151,7 +150,7 @@ impl Safety {
             target: 0.0,
             unpowered: 0,
             lowest: Since::now(0.0),
-            // The first sample is colder than that, and begins the time.
+            // Any first sample is colder, and begins the time.
             hot: Since::now(f32::INFINITY),
             changed: (0.0, 0.0),
             unanswered: 0,
@@ -192,11 +191,11 @@ impl Safety {
         };
     }
 
-    /// Whether it is no farther below the target than the runaway check allows; above is near.
+    /// Whether it is no farther below the target than the runaway check allows. Above the target counts as near.
     ///
-    /// That is the profile's hysteresis, but no more than a third of the way from the room to the target: what a draught
-    /// takes from a heater at its limit grows with that way, and a thermistor that has fallen out, which reads the room,
-    /// must never be near a low target.
+    /// The bound is the profile's hysteresis, but at most a third of the difference between room and target. The loss to a draught
+    /// grows with that difference, and a thermistor that has fallen out, which reads the room, must never be near a low
+    /// target.
     fn is_near(&self, celsius: f32) -> bool {
         let HeaterSettings { watch, residency_window_celsius, .. } = &self.settings;
         let least = residency_window_celsius.max(LEAST_HYSTERESIS_CELSIUS);
@@ -213,7 +212,7 @@ impl Safety {
             Phase::Heating(_) if is_near => self.phase = Phase::Holding(0),
             Phase::Heating(since) if celsius >= since.celsius + watch.watch_celsius => *since = Since::now(celsius),
             Phase::Heating(since) => {
-                // Just switched on again it may go on cooling, while the heat is on its way. The time runs all the same.
+                // Just switched on again it may go on cooling while the heat is on its way. The time runs nevertheless.
                 since.celsius = since.celsius.min(celsius);
                 since.tick();
                 if since.samples >= watch.watch_ms / SAMPLE_MS {
@@ -247,8 +246,8 @@ impl Safety {
         Ok(())
     }
 
-    /// Without power a heater that is far hotter than any room must become colder. One that is too weak to rise further would
-    /// else be on for ever.
+    /// Without power a heater that is far hotter than any room must become colder. Otherwise one that is too weak to rise further
+    /// would stay on for ever.
     fn check_cooling(&mut self, celsius: f32, power: f32) -> Result<(), Trip> {
         if power > 0.0 || celsius < HOT_CELSIUS || celsius <= self.hot.celsius - COOLING_CELSIUS {
             self.hot = Since::now(celsius);
@@ -260,7 +259,7 @@ impl Safety {
         Ok(())
     }
 
-    /// At the target the reading must change when the power does. On the way there the watch tells.
+    /// At the target the reading must change when the power does. On the way there the watch notices a frozen reading.
     fn check_same(&mut self, celsius: f32, power: f32) -> Result<(), Trip> {
         let (same_celsius, same_power) = self.changed;
         if celsius != same_celsius || !matches!(self.phase, Phase::Holding(_)) {

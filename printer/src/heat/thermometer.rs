@@ -3,7 +3,7 @@
 use ferrostep_hal_shim::SensorError;
 use ferrostep_thermistor::Thermistor;
 
-/// Readings that the median is taken of: two bad ones among them change nothing, the third is believed.
+/// Readings in the median: two bad ones among them change nothing, the third is believed.
 pub const MEDIAN_OF: usize = 5;
 
 /// The last readings of a thermistor.
@@ -16,7 +16,7 @@ pub struct Thermometer {
 }
 
 impl Thermometer {
-    /// With as many readings as it takes.
+    /// Takes as many readings as the median needs.
     pub fn new(thermistor: Thermistor, readings: [u16; MEDIAN_OF]) -> Self {
         Self { thermistor, readings, next: 0 }
     }
@@ -31,7 +31,7 @@ impl Thermometer {
 
     /// Temperature by the median of the last readings, degrees Celsius.
     ///
-    /// An open circuit is the highest reading and a shorted one the lowest, so that they need no care of their own.
+    /// An open circuit gives the highest reading and a shorted one the lowest; the median treats them like any other.
     ///
     /// # Errors
     /// The circuit is open or shorted.

@@ -117,8 +117,8 @@ fn an_axis_that_does_not_find_its_end_is_not_homed() {
     }
 }
 
-/// Of a Z that is not homed nothing is known but the frame. An approach that has gone down all the way is not repeated, until
-/// the motors were off and a hand may have moved it.
+/// For a Z that is not homed only the frame is known. An approach that has gone down all the way is not repeated until the motors
+/// were off and a hand may have moved it.
 #[test]
 fn an_unknown_z_is_searched_once() {
     for off in ["M84", "M18 Z"] {
@@ -144,7 +144,7 @@ fn an_unknown_z_is_searched_once() {
 }
 
 #[test]
-fn a_sensor_that_is_triggered_away_from_the_end_is_told() {
+fn a_sensor_that_is_triggered_away_from_the_end_is_reported() {
     for (axis, name) in ["X", "Y", "Z"].into_iter().enumerate() {
         let rig = Rig::new(|_| ());
         rig.sensors[axis].set(Sensor::Stuck);
@@ -218,7 +218,7 @@ fn a_corexy_that_homes_by_a_stall_leaves_the_frame() {
 }
 
 #[test]
-fn a_driver_that_tells_no_stall_homes_no_axis() {
+fn a_driver_without_stall_signal_homes_no_axis() {
     const SETTINGS: DriverSettings = DriverSettings {
         current_ma: 500,
         hold_percent: 50,
@@ -276,7 +276,7 @@ fn a_lift_ends_where_z_homes() {
     let mut printer = lifted(&rig);
     assert_eq!((rig.true_mm()[2], printer.interpreter.modal.machine_10nm[2]), (12.0, 10 * MM));
     execute(&mut printer, "G28 X").unwrap();
-    // The motors are said to be where they stand, lifted; the G-code does not see it.
+    // The motors' position includes the lift; the G-code's does not.
     assert_eq!(
         (rig.true_mm()[2], rig.believed_mm()[2], printer.interpreter.modal.machine_10nm[2]),
         (12.0, 12.0, 10 * MM)

@@ -16,7 +16,7 @@ const FAN_CHANGES: usize = 32;
 /// A move towards a sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Seeking {
-    /// There is none, or it was stopped.
+    /// No such move, or it was stopped.
     No,
     /// The watched sensor ends the present move.
     Approaching,
@@ -82,7 +82,7 @@ pub struct Feeder<Q> {
     last_block_end: u64,
     /// The move towards a sensor.
     pub seeking: Seeking,
-    /// What was found wrong with the planned steps since [`Self::take_fault`].
+    /// The fault found in the planned steps since [`Self::take_fault`].
     fault: Option<MotionFault>,
 }
 
@@ -101,7 +101,7 @@ impl<Q: StepOutput> Feeder<Q> {
         }
     }
 
-    /// Takes what was found wrong with the planned steps.
+    /// Takes the fault found in the planned steps.
     pub fn take_fault(&mut self) -> Option<MotionFault> {
         self.fault.take()
     }
@@ -118,7 +118,7 @@ impl<Q: StepOutput> Feeder<Q> {
     }
 
     /// After a stop: the queue forgets the entries that were not played, and the ledger takes their steps back. Returns
-    /// whether more than a sensor has asked for the stop.
+    /// whether anything but a sensor has asked for the stop.
     pub fn drop_all(&mut self) -> bool {
         let DroppedSteps { signed, issued, ticks, requested } = self.queue.drop_all();
         self.ledger.take_back(signed, issued);
@@ -132,7 +132,7 @@ impl<Q: StepOutput> Feeder<Q> {
 
     /// The motors stand where the ledger ends.
     pub fn stand(&mut self) {
-        // A move ends half a step after its last event; the clock does not go back behind that.
+        // A move ends half a step after its last event; the clock does not go back before that.
         self.ledger.advance_to(self.last_move_end);
         self.timeline.clear(self.ledger.tick());
         self.queue.stands_at(self.ledger.tick());
@@ -204,7 +204,7 @@ impl<Q: StepOutput> StepSink for Feeder<Q> {
                 self.last_move_end = tick;
                 self.queue.move_ended(tick, line);
             }
-            // A block that a sensor has ended early stands elsewhere.
+            // After a block that a sensor has ended early the motors stand elsewhere.
             Notice::BlockEnded { tick, motor_steps } if !matches!(self.seeking, Seeking::Ended(_)) => {
                 self.last_block_end = tick;
                 if let Some(miscount) = Miscount::between(self.ledger.motor_steps(), motor_steps) {
@@ -214,7 +214,7 @@ impl<Q: StepOutput> StepSink for Feeder<Q> {
             Notice::BlockEnded { .. } => {}
             Notice::FanPower { power, .. } => {
                 if self.fan.waiting.push_back((self.queue.queued(), power)).is_err() {
-                    // There is room whenever the planner advances; if not, early is better than never.
+                    // There is room whenever the planner advances. If there were none, an early change is better than a lost one.
                     self.fan.power = power;
                 }
             }

@@ -1,4 +1,4 @@
-//! How much of the motion is homing, which a print's motion time leaves out.
+//! Time that motion spends on homing, which a print's motion time leaves out.
 
 /// Ticks of homing.
 #[derive(Clone, Copy, Debug, Default)]
@@ -9,12 +9,12 @@ pub struct HomingTime {
 }
 
 impl HomingTime {
-    /// Homing begins, if it has not, after this many ticks of motion.
+    /// Homing begins after this many ticks of motion, unless it has begun before.
     pub fn begin(&mut self, motion_ticks: u64) {
         self.since.get_or_insert(motion_ticks);
     }
 
-    /// Homing has said where an axis is, after this many ticks of motion.
+    /// Homing has set the position of an axis, after this many ticks of motion.
     pub fn end(&mut self, motion_ticks: u64) {
         if let Some(since) = self.since.take() {
             self.ticks += motion_ticks.saturating_sub(since);

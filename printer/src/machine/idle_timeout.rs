@@ -1,9 +1,9 @@
-//! When motors that rest lose their current.
+//! Switching the motors off after a rest.
 
 /// Watches for how long the motors have rested with current.
 #[derive(Debug, Default)]
 pub struct IdleTimeout {
-    /// Since when they rest, ms of a clock that may wrap.
+    /// When their rest began, ms of a clock that may wrap.
     since_ms: Option<u32>,
     /// The timeout has switched the motors off, and the printer task has not read it yet.
     fired: bool,

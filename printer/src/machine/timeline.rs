@@ -1,4 +1,4 @@
-//! How much motion is in the step queue, in time.
+//! Duration of the motion in the step queue.
 
 use heapless::Deque;
 
@@ -18,7 +18,7 @@ pub struct Timeline {
 impl Timeline {
     /// `queued` slots have been filled so far, modulo 2^32, and end at `tick`.
     pub fn mark(&mut self, queued: u32, tick: u64) {
-        // The more is queued the coarser, so that there are always marks enough.
+        // The fuller the queue, the coarser the marks, so that they always suffice.
         let spacing = SPACING_TICKS.max(self.remaining_ticks(tick) / (MARKS as u64 / 2));
         if tick.saturating_sub(self.last_tick) < spacing {
             return;
@@ -50,8 +50,7 @@ impl Timeline {
         }
     }
 
-    /// How much motion remains at least, if the queue ends at `end_tick`: from the first mark that has not been played
-    /// to there.
+    /// Least motion that remains if the queue ends at `end_tick`: from the first mark that has not been played to there.
     pub fn remaining_ticks(&self, end_tick: u64) -> u64 {
         self.marks.front().map_or(0, |&(_, tick)| end_tick.saturating_sub(tick))
     }

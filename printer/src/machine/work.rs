@@ -24,8 +24,8 @@ const START_ENTRIES: usize = 512;
 const LOW_TICKS: u64 = 8 * MS;
 
 /// Updates of the step timer that may be missed between two visits of the planner task, 2 ms apart. Nothing in the
-/// firmware delays the step interrupt by that much, and each miss only repeats an interval. With more of them motion
-/// stops, or the hardware counts wrong.
+/// firmware delays the step interrupt by that much, and each miss only repeats an interval. With more of them the step
+/// interrupt is held up or the hardware counts wrong, and motion stops.
 pub(super) const MAX_MISSED_UPDATES: u32 = 8;
 
 /// Portions of planning in one call of [`Machine::work`], so that other users of the machine get their turn.
@@ -65,7 +65,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
         more
     }
 
-    /// Starts the motors from standstill when the head start is there, or no more is to come.
+    /// Starts the motors from standstill when the head start is queued, or no more is to come.
     fn start_when_ready(&mut self) {
         let queue = &self.feeder.queue;
         let waiting = queue.waiting();
@@ -86,7 +86,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
         }
     }
 
-    /// Bounded in time, the ring is seldom full: what is final leaves as soon as there is enough of it, and in motion always.
+    /// Bounded in time, the ring is seldom full: final blocks leave as soon as enough of them are there, and always in motion.
     fn release_final(&mut self) -> bool {
         let may_leave = self.is_bounded && (self.feeder.queue.link().is_running() || self.holds_enough());
         may_leave && self.planner.release_final()

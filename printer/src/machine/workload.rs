@@ -1,22 +1,22 @@
-//! How much of the processor planning takes, and the pace that follows from it.
+//! The share of the processor that planning takes, and the pace that follows from it.
 
 use ferrostep_planner::{Pace, TICKS_PER_SECOND};
 
 /// Planning is judged each time it has taken this long, ticks: 2 ms.
 const JUDGED_AFTER_TICKS: u64 = TICKS_PER_SECOND as u64 / 500;
 
-/// Planning may take four fifths of the time that motion takes; the rest is for reading lines, and for what varies.
+/// Planning may take four fifths of the time that motion takes; the rest is for reading lines, and a reserve.
 const SHARE: (u64, u64) = (4, 5);
 
-/// How long planning took, and how long what was planned would last at full speed.
+/// How long planning took, and how long the planned motion would last at full speed.
 ///
-/// This is known before the motors start, and does not depend on ramps. A queue that runs low tells the same too late:
-/// to brake, more blocks must be planned than the queue has time for.
+/// Both are known before the motors start, and do not depend on ramps. A queue that runs low would show it too late: braking
+/// takes more blocks than can be planned in the time that the queue has left.
 #[derive(Debug, Default)]
 pub struct Workload {
     /// Time that planning took, ticks.
     taken: u64,
-    /// Nominal ticks of all blocks before those that it was taken for.
+    /// Nominal ticks of all blocks before those that this time went into.
     before: u64,
     /// Nominal ticks of all blocks begun.
     begun: u64,

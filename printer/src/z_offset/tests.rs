@@ -43,7 +43,7 @@ fn an_offset_is_told_and_set() {
     execute(&mut printer, "M851 Y5 Z-1.25").unwrap();
     execute(&mut printer, "M851").unwrap();
     assert_eq!(rig.last_texts(), ["echo:; Z-Probe Offset:\necho:  M851 X-29.00 Y5.00 Z-1.25 ; (mm)"]);
-    // Nothing of a line that is refused happens.
+    // A refused line has no effect.
     assert_eq!(out_of_range(execute(&mut printer, "M851 X-20 Z-10.5")), [-10.0, 5.0]);
     // Where Z homes, at X150 and Y30, the probe has to stay above the bed of 200 mm.
     assert_eq!(out_of_range(execute(&mut printer, "M851 X51")), [-150.0, 50.0]);
@@ -53,7 +53,7 @@ fn an_offset_is_told_and_set() {
     assert!(matches!(execute(&mut rig.printer(), "M851"), Err(Failure::Command(CommandError::NotEquipped(_)))));
 }
 
-/// The nozzle goes down at once, the G-code sees nothing of it, and the next homing finds it where it is.
+/// The nozzle goes down at once, the G-code's Z stays, and the next homing keeps the height.
 #[test]
 fn a_shift_moves_the_nozzle_under_the_g_code_and_is_kept() {
     let rig = rig(0);

@@ -1,4 +1,4 @@
-//! Wrong files, options and profiles: the command names the mistake, its place and what would be right.
+//! Wrong files, options and profiles: the command names the mistake, its place and the cure.
 
 use std::fs;
 use std::path::Path;
@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 
 use crate::command::{Outcome, directory, example, ferrostep, file, gzip, repository};
 
-/// Homes and moves, so that a change by a bad line would show.
+/// Homes and moves, so that any effect of a bad line would show.
 const PROLOGUE: &str = "G28\nG1 X10 Y20 Z3 F3000\n";
 
 #[track_caller]
@@ -68,7 +68,7 @@ fn unreadable_lines_stop_the_job() {
     }
 }
 
-/// Without them the rest of the job would print elsewhere, or with other amounts of filament.
+/// Without them the rest of the job would be printed at another place, or with another amount of filament.
 #[test]
 fn commands_that_must_not_be_skipped_stop_the_job() {
     for (line, says) in [
@@ -98,7 +98,7 @@ fn impossible_commands_stop_the_job() {
         ("G1 X20 Y5000.001", ["G1 X20 Y5000.001", "expected coordinates within 5 m"]),
         ("G1 X-6000", ["G1 X-6000", "expected coordinates within 5 m"]),
         ("G1 X20 F0.001", ["G1 X20 F0.001", "expected at least 0.6 mm/min"]),
-        ("G2 X20 Y20 I1 J0", ["G2 X20 Y20 I1 J0", "expected the same distance"]),
+        ("G2 X20 Y20 I1 J0", ["G2 X20 Y20 I1 J0", "both must be the same"]),
         ("G2 X20 Y20 R1", ["G2 X20 Y20 R1", "R: a radius of 1.000 mm"]),
         ("G2 X10 Y20 R5", ["G2 X10 Y20 R5", "an end apart from the start"]),
         ("M104 S500", ["M104 S500", "S: 500 C is too hot, expected at most 275 C"]),
@@ -122,7 +122,7 @@ fn lines_that_are_not_text_stop_the_job() {
     // Comments may hold anything, and be of any length.
     let directory = directory();
     let long = "x".repeat(100_000);
-    // And the text of a message.
+    // So may the text of a message.
     let message = [b"M117 Gr\xfc\xdfe ", long.as_bytes(), b"\nM118 \xff\n"].concat();
     let comment = [PROLOGUE.as_bytes(), b"G1 X20 ; \xff\xfe", long.as_bytes(), b"\n", &message].concat();
     let outcome = print(&file(&directory, "comment.gcode", comment));
@@ -179,7 +179,7 @@ fn damaged_gzip_is_refused() {
     assert_eq!(cut.status, Some(1), "{cut:#?}");
     let summary = cut.json();
     let line = summary["stopped"]["line"].as_u64().unwrap();
-    assert!(line > 100, "most of what is there is printed: {line}");
+    assert!(line > 100, "most lines are printed: {line}");
     assert!(summary["moves"].as_u64().unwrap() > 100, "{summary}");
     assert!(cut.stderr.contains(&format!("after line {line}:")) && cut.stderr.contains("cut.gcode.gz"), "{cut:#?}");
 

@@ -40,7 +40,7 @@ impl<'a> Print<'a> {
         self.conversation.say(&numbered(self.number, line))
     }
 
-    /// Sends a line; a person presses a button so many seconds later.
+    /// Sends a line; a person presses a button this many seconds later.
     fn say_and_press(&mut self, line: &str, after_s: f64, press: impl Fn(&Machine)) -> Vec<String> {
         self.number += 1;
         let from_s = now_s(self.machine);
@@ -55,7 +55,7 @@ impl<'a> Print<'a> {
         })
     }
 
-    /// Where the motors of X, Y and Z stand, mm.
+    /// Position of the motors of X, Y and Z, mm.
     fn stands_mm(&self) -> [f64; 3] {
         let [x, y, z, _] = self.machine.desk().motor_steps();
         [x as f64 / 80.0, y as f64 / 80.0, z as f64 / 400.0]
@@ -113,7 +113,7 @@ fn m0_waits_where_it_is_until_it_is_answered_or_its_time_is_over() {
     print.say_and_press("M0 Look at it", 30.0, |machine| machine.signals().answer_prompt(0));
     assert!((30.0..30.3).contains(&(now_s(&machine) - from_s)));
     let from_s = now_s(&machine);
-    // Another button than the prompt has is none.
+    // A button that the prompt does not have has no effect.
     print.say_and_press("M1 S7", 2.0, |machine| machine.signals().answer_prompt(1));
     assert!((7.0..7.3).contains(&(now_s(&machine) - from_s)));
     assert_eq!(machine.desk().motor_steps(), before);
@@ -134,7 +134,7 @@ fn the_place_to_wait_is_in_the_line_and_bad_words_change_nothing() {
         ("M600 X900", "X: 900 is out of range, expected 0 to 200"),
         ("M601 Y-1", "Y: -1 is out of range, expected 0 to 200"),
         ("M125 Z-2", "Z: -2 is out of range, expected 0 or more"),
-        ("M602", "no print is paused, expected M601, M600 or M25 before"),
+        ("M602", "no print is paused: M601, M600 or M25 pauses one"),
         ("M876", "M876: expected S"),
     ] {
         let replies = print.say(line);
@@ -170,14 +170,14 @@ fn a_host_that_pauses_by_itself_finds_the_print_where_it_was() {
     let [x, y, z, e] = machine.desk().motor_steps();
     assert_eq!(([x, y, z], e), ([before.1[0], before.1[1], before.1[2]], before.1[3] + 2 * 95));
 
-    // M24 does so, too; without a home that is known nothing goes back.
+    // M24 does so, too; without a known home nothing goes back.
     print.say("M25");
     assert_eq!(count(&print.conversation.say("M24"), "//action:resumed"), 1);
     assert_eq!(machine.desk().motor_steps(), [x, y, z, e]);
     print.say("M25");
     print.conversation.say("M84 X");
     let replies = print.conversation.say("M602");
-    assert!(replies.concat().contains("X was homed when it paused and is not now, expected G28 X"), "{replies:?}");
+    assert!(replies.concat().contains("X was homed when it paused and is not now: home it (G28 X)"), "{replies:?}");
     print.conversation.say("G28 X");
     assert_eq!(count(&print.conversation.say("M602"), "//action:resumed"), 1);
     assert_eq!(print.stands_mm(), [20.0, 30.0, 5.0]);
@@ -222,7 +222,7 @@ fn a_print_that_is_too_cold_pauses_its_host() {
     let replies = print.say("G1 X5 E1 F600");
     assert!(replies[0].contains("cold extrusion prevented"), "{replies:?}");
     assert_eq!((count(&replies, "//action:pause"), count(&replies, "// action:pause")), (1, 1), "{replies:?}");
-    // What a person types is refused and no more.
+    // A person's line is refused, without ending the print.
     let replies = print.conversation.say("G1 X5 E1 F600");
     assert_eq!(replies.len(), 2, "{replies:?}");
 }
@@ -318,5 +318,5 @@ fn a_move_after_the_motors_were_off_says_so_once() {
     print.conversation.say("G28");
     print.conversation.say("M84 Y");
     print.conversation.say("G28 Y");
-    assert_eq!(print.say("G1 Y20"), ["ok"], "homed again, there is nothing to say");
+    assert_eq!(print.say("G1 Y20"), ["ok"], "homed again, so without a remark");
 }

@@ -37,7 +37,7 @@ fn send(job: &Path, port: &str, fallback: Option<&Path>) -> Outcome {
     ferrostep(arguments)
 }
 
-/// What `print` says of a file.
+/// The report of `print` for a file.
 fn printed(path: &Path) -> Value {
     let outcome = ferrostep(["print", path.to_str().unwrap(), "--json"]);
     assert_eq!(outcome.status, Some(0), "{outcome:#?}");
@@ -243,7 +243,7 @@ fn a_board_without_job_support_is_given_up() {
     let no_jobs = Settings { takes_jobs: false, ..board() };
     let halted = Settings { before: &["M112"], ..board() };
     for (settings, expected) in
-        [(no_jobs, "M790 works on a board's serial or USB port only"), (halted, "expected M999 to restart")]
+        [(no_jobs, "M790 works on a board's serial or USB port only"), (halted, "M999 restarts it")]
     {
         let board = PtyBoard::start(settings);
         let outcome = send(&job, board.port(), Some(&gcode));
@@ -258,8 +258,8 @@ fn a_board_without_job_support_is_given_up() {
 fn a_silent_board_is_given_up() {
     let directory = directory();
     let job = job(&directory, "square.gpre", "cartesian", SQUARE);
-    let nobody = Pty::new();
-    let outcome = send(&job, nobody.path().to_str().unwrap(), None);
+    let silent = Pty::new();
+    let outcome = send(&job, silent.path().to_str().unwrap(), None);
     assert_eq!(outcome.status, Some(1), "{outcome:#?}");
     says(&outcome.stderr, "error: the board does not answer");
 }
@@ -296,7 +296,7 @@ fn a_killed_host_can_resume() {
     says(&outcome.stderr, "printed");
     let served = board.end();
     assert_eq!(served.jobs, 1, "it did not go on but begin anew");
-    // What the first host had sent was not sent again: frames are a tenth longer than what is in them.
+    // The bytes of the first host were not sent again: frames are a tenth longer than their content.
     assert!(served.taken < length * 13 / 10, "{} bytes for a job of {length}", served.taken);
     assert_printed(&served, &job);
 }
@@ -339,7 +339,7 @@ fn a_silent_host_is_given_up_and_the_next_one_served() {
     assert!(served.said.iter().any(|line| line == silence), "{:#?}", served.said);
 }
 
-/// A person at a terminal: what is said on the port, without a frame of a job.
+/// A person at a terminal: lines on the port, without a frame of a job.
 fn at_terminal(board: &PtyBoard, said: &[u8], answer: &str) {
     let mut port = std::fs::OpenOptions::new().write(true).open(board.port()).unwrap();
     std::io::Write::write_all(&mut port, said).unwrap();
@@ -361,7 +361,7 @@ fn text_lines_during_a_transfer_are_answered() {
     assert_eq!(said.iter().filter(|line| *line == "ok").count(), 3, "{said:?}");
 }
 
-/// What comes after a transfer that ended in mid-frame by silence is a line, and gets its `ok`.
+/// Text after a transfer that ended in mid-frame by silence is a line, and gets its `ok`.
 #[test]
 fn a_line_after_half_a_frame_is_answered() {
     let board = PtyBoard::start(board());

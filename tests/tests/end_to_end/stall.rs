@@ -99,7 +99,8 @@ fn homing_without_a_stall_signal_is_refused() {
     for off in ["M914 X0", "M569 S0 X"] {
         let machine = machine(&profile);
         let replies = say(&machine, &mut machine.printer(), &[off, "G28 X"]);
-        let expected = "echo:line 2: X homes by its driver's stall signal, expected it on: M914 X1 to 255, M569 S1 X";
+        let expected =
+            "echo:line 2: X homes by its driver's stall signal, which is off: send M914 X1 to 255, M569 S1 X";
         assert_eq!(replies, [expected]);
         assert_eq!(machine.figures().motor_steps, [0; 4]);
     }

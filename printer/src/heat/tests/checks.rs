@@ -174,7 +174,7 @@ fn a_rise_counts_from_the_lowest_temperature() {
     assert_eq!(checked.sample(110.0), Err(Trip::RisesUnpowered(110.0)));
 }
 
-/// A nozzle over a hot bed takes hours for its ten degrees; they are none within a watch period.
+/// A nozzle over a hot bed takes hours for its ten degrees; that is not ten within a watch period.
 #[test]
 fn a_slow_rise_is_no_heater_s() {
     let mut checked = Checked::new();

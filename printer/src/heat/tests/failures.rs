@@ -237,7 +237,7 @@ fn m999_ends_a_fault_that_is_over_and_no_other() {
         assert_eq!(rig.control.restart(), Err(fault));
         assert_eq!(rig.control.fault(), Some(fault));
         rig.control.set_target(heater, 50.0);
-        assert!(rig.sample().is_ok(), "it is told once");
+        assert!(rig.sample().is_ok(), "reported once");
         assert_eq!(rig.board.power(heater), 0.0);
 
         rig.board.set_failure(heater, None);

@@ -4,7 +4,7 @@ use proptest::prelude::*;
 
 use super::*;
 
-/// A board that reads what it is told.
+/// A board whose readings a test sets.
 struct AnyBoard {
     readings: [u16; 2],
     powers: [f32; 2],
@@ -32,7 +32,7 @@ impl Fans for AnyBoard {
 /// What happens to a control.
 #[derive(Clone, Debug)]
 enum Event {
-    /// So many samples with these readings.
+    /// This many samples with these readings.
     Samples([u16; 2], u16),
     Target(Heater, f32),
     AllOff,
@@ -103,8 +103,8 @@ proptest! {
         }
     }
 
-    /// No heater is on at a reading that is none, or at or above its maximum, for longer than the median takes; nor
-    /// for longer than its watch period at a reading that does not change, below its target.
+    /// Without a valid reading, or at or above its maximum, no heater is on for longer than the median takes; nor for longer than
+    /// its watch period at a reading that does not change, below its target.
     #[test]
     fn no_heater_stays_on_where_it_must_not(
         reading in any::<u16>(),

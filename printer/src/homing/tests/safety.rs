@@ -55,7 +55,7 @@ fn the_order_of_a_machine_with_a_probe() {
     ];
     assert_eq!(events[n - 4..], expected);
     assert_eq!(printer.interpreter.modal.machine_10nm, [units(HOME_AT[0]), units(HOME_AT[1]), units(RAISE)]);
-    // Of a Z of which nothing is known: from the highest frame to half a millimetre below the trigger at 1 mm.
+    // For an unknown Z: from the highest frame to half a millimetre below the trigger at 1 mm.
     assert_eq!(ways(&events, 2)[0], -REACH + 1.0 - PRESS);
     // From a height that is known nothing is raised, and Z alone homes there too.
     execute(&mut printer, "G1 X0 Y0 Z50 F6000").unwrap();
@@ -199,7 +199,7 @@ fn a_sensor_of_another_axis_is_named() {
     }
 }
 
-/// What is known of an axis ends with its motor's current.
+/// The position of an axis is unknown once its motor has no current.
 #[test]
 fn motors_without_current_may_have_been_turned() {
     for (kinematics, off, homed) in [
