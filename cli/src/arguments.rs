@@ -70,7 +70,7 @@ pub enum Command {
     /// flashed, on an emulated chip (`cargo xtask mainboard` builds it); otherwise the board's parts in this program.
     #[cfg(unix)]
     Serve(ServeArguments),
-    /// Tells the time and the material that a file takes, without making its steps.
+    /// Estimates the time and the material that a file takes, without making its steps.
     Estimate {
         #[command(flatten)]
         job: JobArguments,
@@ -106,7 +106,7 @@ pub struct SendArguments {
     /// The printer's serial port, or tcp:HOST:PORT [default: the only one on USB].
     #[arg(long, value_name = "PATH|tcp:HOST:PORT")]
     pub port: Option<Address>,
-    /// Speed of the port; without meaning over USB.
+    /// Speed of the port; without effect over USB.
     #[arg(long, value_name = "BAUD", default_value_t = 115_200)]
     pub baud: u32,
     /// G-code to send line by line instead if the board refuses the prepared job.
@@ -142,13 +142,13 @@ pub struct ServeArguments {
     /// How many seconds of the printer pass in one second, or max; a slow computer falls behind and does not catch up.
     #[arg(long, value_name = "FACTOR|max", default_value = "1")]
     pub speed: Speed,
-    /// Lets something go wrong, at once or after so many seconds of the printer: nozzle-HOW or bed-HOW with HOW open, shorted,
+    /// Makes something fail, at once or at @SECONDS of the printer: nozzle-HOW or bed-HOW with HOW open, shorted,
     /// fell-out, frozen, dead or stuck-on; drop:RATE, flip:RATE (of the bytes), drop-line:RATE or flip-line:RATE (of the lines)
     /// with RATE such as 1%; card-pull, card-back. Can be repeated.
     #[arg(long, value_name = "KIND[@SECONDS]", conflicts_with = "board")]
     pub fault: Vec<Fault>,
-    /// The memory card in the printer's slot: an image (FAT16 or FAT32), which has the files that a host writes at the end, or a
-    /// folder, whose files are put on a card and which stays as it is.
+    /// The memory card in the printer's slot: an image (FAT16 or FAT32), which at the end contains the files that a host has
+    /// written, or a folder, whose files are copied to a card; the folder stays unchanged.
     #[arg(long, value_name = "IMAGE|FOLDER", conflicts_with = "board")]
     pub card: Option<PathBuf>,
     /// Prints what the printer has done as one JSON object, as `print` does, when it is switched off with Ctrl-C.
@@ -301,8 +301,8 @@ pub struct JobArguments {
     /// Prints the result as one JSON object.
     #[arg(long)]
     pub json: bool,
-    /// Ends with exit status 1 if there are remarks: lines without effect or read otherwise than they stand, moves before homing or
-    /// outside the travel, pauses, too much flow, heaters left on.
+    /// Ends with exit status 1 if there are remarks: lines without effect, or executed differently from their text, moves before
+    /// homing or outside the travel, pauses, too much flow, heaters left on.
     #[arg(long)]
     pub strict: bool,
 }

@@ -15,17 +15,17 @@ const MAX_BYTES: u64 = 512 << 20;
 /// Folders within each other that the firmware reads (`docs/src/card.md`).
 const MAX_DEPTH: usize = 8;
 
-/// A card for the served printer, and what becomes of what hosts write to it.
+/// A card for the served printer, and the file to which hosts' changes are written back.
 #[derive(Debug)]
 pub struct CardImage {
     /// The card's bytes.
     pub bytes: Vec<u8>,
-    /// The file that it is written back to; a folder is only read.
+    /// The file to which it is written back; `None` for a folder, which is only read.
     pub written_to: Option<PathBuf>,
 }
 
 impl CardImage {
-    /// Reads an image, whole, or makes one of a folder. An image that cannot be written back at the end is refused here.
+    /// Reads an image, whole, or makes one of a folder. Refuses an image that cannot be written back at the end.
     ///
     /// # Errors
     /// The path cannot be read, or an image not written; the folder's files do not fit.
@@ -63,7 +63,7 @@ fn of_folder(folder: &Path) -> Result<Vec<u8>, String> {
     Ok(image.into_inner())
 }
 
-/// What a folder has on a card: its entries that are files or folders and not hidden, in the order of their names.
+/// The entries of a folder that go on a card: files and folders that are not hidden, in the order of their names.
 fn entries(folder: &Path) -> Result<Vec<(String, PathBuf)>, String> {
     let fail = |error| format!("{}: {error}", folder.display());
     let mut entries = Vec::new();

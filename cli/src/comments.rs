@@ -1,8 +1,8 @@
-//! What slicers write into comments: where a layer begins, and how long they think that the print takes.
+//! Slicers' comments: the start of each layer, and the estimated time of the print.
 
 use memchr::memchr;
 
-/// Bytes of a comment that are kept: the longest that counts is a time in words.
+/// Most bytes kept of a comment: the longest that is read is a time in words.
 const KEPT_BYTES: usize = 96;
 
 /// Reads the comments at the start of lines, in a stream of portions of any size.
@@ -16,7 +16,7 @@ pub(crate) struct Comments {
     kept: Vec<u8>,
 }
 
-/// Where the stream stands.
+/// The stream's present place.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 enum Place {
     /// At the start of a line.

@@ -1,4 +1,4 @@
-//! Jobs that are planned here and executed by the board: writing, reading and looking into GPRE files.
+//! Jobs that are planned here and executed by the board: writing, reading and inspecting GPRE files.
 
 mod entry;
 mod inspect;

@@ -1,5 +1,5 @@
 //! The job's file: G-code as text or binary, or a prepared job, plain or gzip, read in portions; or the same from standard input.
-//! The content decides which it is, not the name.
+//! The content decides the kind, not the name.
 
 mod binary;
 mod foreign;
@@ -22,8 +22,8 @@ pub use foreign::Foreign;
 /// Bytes at the start of a file that are examined to tell text from binary data.
 const LOOK_BYTES: usize = 64 * 1024;
 
-/// Where a pipe brings them piece by piece, this many are waited for, or the end of a line: who types G-code into a pipe is to be
-/// answered line by line.
+/// Bytes to wait for on a pipe that brings them piece by piece, or the end of a line: a person who types G-code into a pipe gets
+/// an answer to each line.
 const AWAITED_BYTES: usize = 512;
 
 /// The name that stands for standard input.
@@ -36,7 +36,7 @@ pub enum InputError {
     Read(io::Error),
     /// The file is empty.
     Empty,
-    /// The file is no job but something else that is known.
+    /// The file is not a job but of another known kind.
     Foreign(Foreign),
     /// The file holds a byte that G-code cannot contain.
     NotText {
@@ -45,7 +45,7 @@ pub enum InputError {
         /// The byte.
         byte: u8,
     },
-    /// Binary G-code that is damaged, or of a kind that is not known here.
+    /// Binary G-code that is damaged, or of an unknown kind.
     Binary(BinaryError),
 }
 
@@ -125,7 +125,7 @@ impl Input {
     /// Opens a file, or standard input if the path is `-`, and decides from its first bytes what it is.
     ///
     /// # Errors
-    /// It cannot be read, or is no job. Of binary G-code all checksums are compared.
+    /// It cannot be read, or is not a job. All checksums of binary G-code are compared.
     pub fn open(path: &Path) -> Result<Self, InputError> {
         if is_standard_input(path) {
             return Self::new(Box::new(io::stdin()), None);
@@ -137,7 +137,7 @@ impl Input {
         Self::new(Box::new(file), size)
     }
 
-    /// The same from bytes that have been read.
+    /// The same for bytes that have been read.
     ///
     /// # Errors
     /// As [`Self::open`].
@@ -192,7 +192,7 @@ impl Input {
         self.is_prepared
     }
 
-    /// What the slicer says of its job: only in binary G-code.
+    /// The slicer's figures of its job: only in binary G-code.
     pub fn description(&self) -> Option<&Description> {
         self.description.as_ref()
     }
@@ -224,7 +224,7 @@ fn look(reader: &mut impl Read) -> io::Result<Vec<u8>> {
     Ok(start)
 }
 
-/// Refuses what is no G-code.
+/// Refuses a file that is not G-code.
 fn must_be_text(start: &[u8], size: Option<u64>) -> Result<(), InputError> {
     if let Some(foreign) = Foreign::of(start, size) {
         return Err(InputError::Foreign(foreign));

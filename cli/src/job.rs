@@ -20,7 +20,7 @@ pub enum JobError {
         line: u32,
         /// Its text, as far as it could be read.
         text: String,
-        /// What was wrong, and what was expected.
+        /// What was wrong, and how to mend it.
         message: String,
     },
     /// Reading the file failed.
@@ -36,19 +36,19 @@ pub enum JobError {
         frame: Option<u32>,
         /// Source line of the item that could not be executed, where it is one.
         line: Option<u32>,
-        /// Where the frame, or what is wrong, begins in the file.
+        /// Byte of the file at which the frame, or the fault, begins.
         offset: u64,
-        /// What was wrong, and what was expected.
+        /// What was wrong, and how to mend it.
         message: String,
     },
     /// The job cannot be entered at this frame.
     Entry {
         /// The frame.
         frame: u32,
-        /// Why, and what was expected.
+        /// Why, and how to mend it.
         message: String,
     },
-    /// Every line was executed, but their motion was stopped before its end.
+    /// All lines were executed, but their motion was stopped before its end.
     Stopped(CommandError),
 }
 
@@ -75,18 +75,18 @@ impl fmt::Display for JobError {
 
 impl std::error::Error for JobError {}
 
-/// How far a job is.
+/// Progress of a job.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct JobProgress {
-    /// Lines of the file so far.
+    /// Lines read so far.
     pub lines: u32,
     /// Layers begun, by the slicer's comments.
     pub layers: u32,
-    /// How long the print takes by the slicer's comment, s.
+    /// Time of the print by the slicer's comment, s.
     pub slicer_time_s: Option<f64>,
 }
 
-/// Looks on while lines are executed.
+/// Observes the lines of a job.
 pub trait Onlooker<P: Ports> {
     /// Called before a line is executed.
     fn begins(&mut self, printer: &Printer<'_, P>, line: u32, text: &str);
@@ -115,7 +115,7 @@ impl<P: Ports, A: Onlooker<P>, B: Onlooker<P>> Onlooker<P> for (&mut A, &mut B) 
 
 /// Executes all lines of `input` and waits for the end of their motion.
 ///
-/// A line that cannot be executed ends the job: the moves before it are finished, and the line itself has no effect. `look` is
+/// A line that cannot be executed ends the job: the moves before it are finished, and the line has no effect. `look` is
 /// called after each portion of the file.
 pub async fn run<P: Ports>(
     input: &mut impl Read,

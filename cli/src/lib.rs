@@ -1,4 +1,4 @@
-//! The desk: the whole machine in virtual time, and what the `ferrostep` command is made of.
+//! The desk: the whole machine in virtual time, and the parts of the `ferrostep` command.
 
 #[cfg(unix)]
 pub mod card_image;

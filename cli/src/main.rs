@@ -169,7 +169,7 @@ fn print(
     }
     let mut recorder = Recorder::default();
     let mut protected = inputs(job);
-    // The waveform must not replace the trace: the trace's name is protected before the waveform is opened.
+    // The waveform must not replace the trace, so the trace's name is protected before the waveform is opened.
     let trace = trace.map(|path| Output::create(path, Accepted::FileOrStream, &protected)).transpose();
     let trace = trace.map_err(|error| error.to_string())?;
     if let Some(trace) = &trace {
@@ -181,7 +181,7 @@ fn print(
     recorder.vcd = vcd.map(|out| VcdWriter::new(out, &profile)).transpose().map_err(|error| error.to_string())?;
     let session = Session::print(profile, look_ahead, recorder, replies(&progress));
     let code = run(job, input, &session, &progress, from);
-    // A job that stopped leaves complete files of everything up to there.
+    // A job that stops leaves complete files up to that place.
     match session.into_observer().finish() {
         Ok(()) => Ok(code),
         outcome => Ok(exit_code(outcome)),
@@ -259,7 +259,7 @@ fn replies(progress: &Progress) -> JobReplies<impl Fn(&str)> {
     JobReplies::new(move |text: &str| {
         shown.set(shown.get() + 1);
         match shown.get() {
-            // An error says why the machine stopped: it is shown however many notices came before.
+            // An error tells why the machine stopped, and is shown after any number of notices.
             _ if text.starts_with("Error:") => progress.say(text),
             ..=MAX_NOTICES => progress.say(text),
             count if count == MAX_NOTICES + 1 => progress.say("(further notices of the machine are left out)"),

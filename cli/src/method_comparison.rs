@@ -1,4 +1,4 @@
-//! Every way to interpolate with every way to accelerate, side by side on a real file.
+//! All methods of interpolation with all methods of acceleration, side by side on a real file.
 
 mod extruder;
 
@@ -19,24 +19,24 @@ use crate::session::{JobReplies, Session};
 use extruder::{Extruder, Way};
 use ferrostep_papers::tables::{Cell, Table};
 
-/// Speeds, accelerations and jerks are told over this many ticks, 10 ms: shorter than that a single step would show.
+/// Speeds, accelerations and jerks are measured over this many ticks, 10 ms: over less a single step would show.
 const WINDOW_TICKS: u64 = TICKS_PER_SECOND as u64 / 100;
 
 /// The same in seconds.
 const WINDOW_S: f64 = 0.01;
 
-/// Times at which the path is looked at, in a window.
+/// Number of times in a window at which the path is sampled.
 const SAMPLES: usize = 8;
 
 /// The motors that move the nozzle, as bits.
 const MOTORS: u8 = 0b111;
 
-/// Why a comparison is not there.
+/// Why a comparison failed.
 #[derive(Debug)]
 pub enum CompareError {
     /// The file cannot be opened.
     Open(InputError),
-    /// The file is a prepared job, which says itself how it is interpolated.
+    /// The file is a prepared job, which determines its own interpolation.
     Prepared,
     /// The job stopped.
     Stopped(String),
@@ -47,7 +47,7 @@ impl fmt::Display for CompareError {
         match self {
             Self::Open(error) => error.fmt(formatter),
             Self::Prepared => formatter.write_str(
-                "this is a prepared job, and --compare takes G-code: what was chosen cannot be chosen again",
+                "this is a prepared job, and --compare takes G-code: a prepared job has its methods already",
             ),
             Self::Stopped(message) => formatter.write_str(message),
         }
@@ -63,7 +63,7 @@ pub fn ways() -> impl Iterator<Item = (Interpolation, AccelerationProfile)> {
         .flat_map(|acceleration| Interpolation::ALL.into_iter().map(move |interpolation| (interpolation, acceleration)))
 }
 
-/// Prints a file in every way; `tell` is called before each.
+/// Prints a file by each combination of methods; `tell` is called before each print.
 ///
 /// # Errors
 /// The file cannot be opened, is a prepared job, or a print stopped.
@@ -103,7 +103,7 @@ pub fn compare(
     })
 }
 
-/// What the figures are, and how well the coarser ones are known.
+/// The meaning of the figures, and the precision of the coarser ones.
 fn note(profile: &Profile) -> String {
     // Positions are whole steps: each is off by half of one at the most, and in a difference all may be off the worse way.
     let [x, y, ..] = profile.steps_per_mm.map(|steps| steps.to_f64());
@@ -153,7 +153,7 @@ struct Event {
     motors: [i64; 3],
 }
 
-/// Sees how far the motors are from the straight line, and how their speed changes.
+/// Measures the distance of the motors from the straight line, and the change of their speed.
 struct Watch {
     kinematics: Kinematics,
     steps_per_mm: [f64; 3],
@@ -224,7 +224,7 @@ impl Watch {
     }
 }
 
-/// When a move's parts of its way were passed, by the steps of the motor that makes most.
+/// The times at which parts of a move's path were passed, by the steps of the motor that makes most.
 fn passed(events: &[Event]) -> Vec<(u64, f64)> {
     let counts = [0, 1, 2].map(|motor| events.iter().filter(|event| event.axes >> motor & 1 == 1).count());
     let most = counts.into_iter().max().unwrap_or(0);
@@ -269,13 +269,13 @@ impl Observer for Watch {
     }
 }
 
-/// Second and third differences of the way along the path.
+/// Second and third differences of the position along the path.
 #[derive(Default)]
 struct Changes {
-    /// Way up to the present move, mm.
+    /// Path up to the present move, mm.
     before: f64,
     last: (u64, f64),
-    /// Ways at equally spaced times, of three windows.
+    /// Positions at equally spaced times, of three windows.
     samples: std::collections::VecDeque<f64>,
     next_sample: u64,
     acceleration: f64,
@@ -289,7 +289,7 @@ impl Changes {
         self.next_sample = tick;
     }
 
-    /// So far along the present move at this tick.
+    /// The position along the present move at this tick.
     fn pass(&mut self, tick: u64, along: f64) {
         let here = (tick, self.before + along);
         let (from, way) = self.last;

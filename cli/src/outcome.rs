@@ -4,7 +4,7 @@ use std::process::ExitCode;
 
 use ferrostep::terminal::{self, tell};
 
-/// Writes the result, as JSON if there is some. Exit status 1 if it cannot be written.
+/// Writes the result, as JSON if given. Exit status 1 if it cannot be written.
 pub fn result(json: Option<impl serde::Serialize>, text: impl FnOnce() -> String) -> ExitCode {
     let written = match json {
         Some(json) => terminal::write_json(&json),

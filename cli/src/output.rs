@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 
 use tempfile::{Builder, NamedTempFile};
 
-/// What an output's name may lead to.
+/// The kinds of files to which an output's name may lead.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Accepted {
     /// A regular file, existing or new.
@@ -26,7 +26,7 @@ pub enum Accepted {
 pub struct Protected<'a> {
     /// Its path.
     pub path: &'a Path,
-    /// What it is, for the error message: "the profile".
+    /// Its description for the error message: "the profile".
     pub what: &'static str,
 }
 
@@ -52,7 +52,7 @@ impl fmt::Display for OutputError {
 
 impl std::error::Error for OutputError {}
 
-/// Where the bytes go.
+/// The place of the bytes.
 #[derive(Debug)]
 enum Sink {
     /// A temporary file in the folder of the final one.
@@ -76,8 +76,7 @@ impl Output {
     /// Opens an output. Through a link, the file that it leads to is replaced.
     ///
     /// # Errors
-    /// The path leads to something that is not accepted, to a protected file, or through a broken link, or its folder is not
-    /// writable.
+    /// The path leads to a file of another kind, to a protected file, or through a broken link, or its folder is not writable.
     pub fn create(path: &Path, accepted: Accepted, protected: &[Protected<'_>]) -> Result<Self, OutputError> {
         let refuse = |reason: String| OutputError::new(path, reason);
         let existing = fs::metadata(path).ok();

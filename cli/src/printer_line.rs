@@ -14,13 +14,13 @@ use serialport::{SerialPortInfo, SerialPortType};
 use crate::send::Port;
 use crate::terminal;
 
-/// A read that takes longer than this is begun again.
+/// Longest time of one read; a longer wait repeats it.
 const READ: Duration = Duration::from_millis(100);
 
 /// How long a connection may take.
 const CONNECT: Duration = Duration::from_secs(10);
 
-/// Where a printer is.
+/// The address of a printer.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Address {
     /// A serial port by its name: `/dev/ttyACM0`, `COM3`.
@@ -60,7 +60,7 @@ pub struct FoundPort {
     pub name: String,
     /// Vendor and product number, where it is on USB.
     pub usb: Option<(u16, u16)>,
-    /// What the device calls itself: maker, product, serial number.
+    /// The device's own names: maker, product, serial number.
     pub product: String,
 }
 
@@ -90,7 +90,7 @@ impl From<SerialPortInfo> for FoundPort {
 /// The serial ports of this computer, those on USB first.
 ///
 /// # Errors
-/// The operating system does not tell.
+/// The operating system cannot list them.
 pub fn ports() -> Result<Vec<FoundPort>, String> {
     let found = serialport::available_ports().map_err(|error| format!("the serial ports cannot be listed: {error}"))?;
     let mut ports: Vec<FoundPort> = found.into_iter().map(FoundPort::from).collect();
@@ -114,8 +114,8 @@ impl PrinterLine {
     /// Opens the line to a printer. `baud` has no effect on a USB port.
     ///
     /// # Errors
-    /// There is no such port, it is something else, this user may not open it, or it does not support the speed; nobody answers at
-    /// the address.
+    /// The port is missing or is something else, this user may not open it, or it does not support the speed; or nothing answers
+    /// at the address.
     pub fn open(address: &Address, baud: u32) -> Result<Self, String> {
         match address {
             Address::Serial(name) => {
@@ -135,14 +135,14 @@ impl PrinterLine {
         }
     }
 
-    /// A line whose ends are these.
+    /// A line with these two ends.
     fn over(input: impl Read + Send + 'static, output: impl Write + 'static) -> Self {
         let (heard, lines) = channel();
         thread::spawn(move || {
             let mut input = BufReader::new(input);
             let mut line = Vec::new();
             loop {
-                // What came of a line before the time was over stays in it.
+                // The part of a line that came before the time was over stays in the buffer.
                 match input.read_until(b'\n', &mut line) {
                     Ok(0) => break,
                     Ok(_) => {
@@ -174,7 +174,7 @@ fn connect(host: &str) -> io::Result<TcpStream> {
     Err(failed)
 }
 
-/// Looks at what has this name before it is opened for writing.
+/// Checks the file of this name before it is opened for writing.
 #[cfg(unix)]
 fn refuse_what_is_no_port(name: &str) -> Result<(), String> {
     use std::os::unix::fs::FileTypeExt;

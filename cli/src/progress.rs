@@ -8,7 +8,7 @@ use ferrostep::job::JobProgress;
 use ferrostep::terminal::tell;
 use indicatif::{ProgressBar, ProgressStyle};
 
-/// Shows how far a job is. Where standard error is no terminal only messages appear.
+/// Shows the progress of a job. If standard error is not a terminal, only messages appear.
 pub struct Progress {
     bar: ProgressBar,
 }
@@ -28,7 +28,7 @@ impl Progress {
         self.bar.set_position(read_bytes);
         let wall_s = elapsed.as_secs_f64().max(1e-6);
         let share = read_bytes as f64 / self.bar.length().unwrap_or(0).max(1) as f64;
-        // By the share of the file: what the printer will still need, not what the desk will.
+        // By the share of the file: the time that the printer will still need, not the desk.
         let left_s = if share > 0.0 { figures.print_time_s * (1.0 / share - 1.0) } else { 0.0 };
         self.bar.set_message(format!(
             "layer {}  printed {}  left {}  {:.0} x real time",

@@ -11,7 +11,7 @@ use ferrostep_planner::StepObserver;
 
 use crate::output::OutputError;
 
-/// Sees every step and every event of the motion.
+/// Observes every step and every event of the motion.
 pub trait Observer: StepObserver {
     /// A move was queued, with its filament in units of 0.1 nm. `ends_move`: the source line's move ends with it, and
     /// [`Self::move_ended`] follows when it has been executed.

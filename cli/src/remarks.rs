@@ -1,5 +1,5 @@
-//! What a person should know of a job before it is printed: lines that do nothing here or are read otherwise than they stand, and
-//! what a rehearsal sees (moves before homing, heaters left on ...).
+//! Remarks on a job before it is printed: lines that have no effect here, or are executed differently from their text, and
+//! findings of the rehearsal (moves before homing, heaters left on ...).
 
 use std::cell::RefCell;
 use std::fmt;
@@ -8,28 +8,28 @@ use serde::Serialize;
 
 use crate::terminal::one_line;
 
-/// Different remarks that are kept; a broken file could cause any number.
+/// Most different remarks kept; a broken file could cause any number.
 const MAX_REMARKS: usize = 100;
-/// Lines that a remark names.
+/// Most lines that a remark names.
 const MAX_LINES: usize = 5;
 
-/// What a remark is about.
+/// The subject of a remark.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum RemarkKind {
     /// Limits at corners (M205) that this machine takes from its profile: the part is the same, and `--strict` lets it pass.
     Corner,
-    /// A command or word that does nothing on this machine.
+    /// A command or word without effect on this machine.
     NoEffect,
     /// A word that is ignored or changed.
     Ignored,
-    /// A command that is unknown.
+    /// An unknown command.
     Unknown,
     /// A target outside the travel.
     SoftLimit,
     /// A move of an axis that is not homed.
     NotHomed,
-    /// A line for which the printer waits for a person, or is asked to.
+    /// A line at which the printer waits for a person, or is asked to.
     Pause,
     /// More filament in a time than the nozzle melts.
     Flow,
@@ -40,13 +40,13 @@ pub enum RemarkKind {
 /// A remark.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Remark {
-    /// What it is about.
+    /// Its subject.
     pub kind: RemarkKind,
-    /// What is so, and of which command.
+    /// Its text, with the command.
     pub message: String,
-    /// How many lines it is about.
+    /// Number of its lines.
     pub count: u64,
-    /// The first of them.
+    /// The first of these lines.
     pub lines: Vec<u32>,
 }
 
@@ -55,7 +55,7 @@ pub struct Remark {
 pub struct RemarkList(RefCell<Vec<Remark>>);
 
 impl RemarkList {
-    /// Notes a remark; the same about another line counts.
+    /// Notes a remark; the same remark on another line is counted.
     pub fn note(&self, kind: RemarkKind, line: Option<u32>, message: impl fmt::Display) {
         let message = message.to_string();
         let mut list = self.0.borrow_mut();
@@ -76,7 +76,7 @@ impl RemarkList {
 }
 
 impl fmt::Display for Remark {
-    /// Lines, then what is so.
+    /// The lines, then the text.
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.lines[..] {
             [] => {}

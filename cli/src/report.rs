@@ -91,7 +91,7 @@ pub struct Summary {
     pub print_time_s: f64,
     /// Sum of the blocks' durations, homing left out.
     pub motion_time_s: f64,
-    /// What the slicer wrote into a comment.
+    /// The slicer's time, from a comment.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub slicer_time_s: Option<f64>,
     /// Net filament.
@@ -107,10 +107,10 @@ pub struct Summary {
     pub realtime_factor: f64,
     /// Layers, by the slicer's comments.
     pub layers: u32,
-    /// What the slicer says, where the file tells it: binary G-code.
+    /// The slicer's figures, from binary G-code.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub slicer: Option<SlicerFigures>,
-    /// What a person should know of the job; a host was told while it sent the lines.
+    /// Remarks for a person; a host was sent them with the answers to its lines.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub remarks: Option<Vec<Remark>>,
     /// Where and why the job stopped early.

@@ -22,8 +22,8 @@ const REMEMBERED_LINES: usize = 6;
 /// Commands that open a transfer, each answered by an `ok`.
 const BEGINNING_COMMANDS: u32 = 2;
 
-/// Attempts to open a transfer that the board answers with `ok` but without a report. The first answer may belong to an
-/// earlier host; after this many the board does not know prepared jobs.
+/// Attempts to open a transfer that the board answers with `ok` but without a report. The first answer may be meant for an
+/// earlier host; after this many attempts the board does not know prepared jobs.
 const MAX_UNREPORTED: u32 = 2;
 
 /// The board's answer to a transfer that begins during another one.

@@ -20,7 +20,7 @@ use person::Person;
 /// Lists the serial ports of this computer.
 ///
 /// # Errors
-/// The operating system does not tell.
+/// The operating system cannot list them.
 pub fn list() -> Result<ExitCode, String> {
     let ports = printer_line::ports()?;
     if ports.is_empty() {
@@ -38,7 +38,7 @@ fn describe(port: &FoundPort) -> String {
         .to_owned()
 }
 
-/// The port to use where none is named: the one with this firmware, or the only one on USB.
+/// The port to use if none is named: the one with this firmware, or the only one on USB.
 fn choose() -> Result<Address, String> {
     let ports = printer_line::ports()?;
     let only = |candidates: Vec<&FoundPort>| match candidates.as_slice() {
@@ -59,7 +59,7 @@ fn choose() -> Result<Address, String> {
 pub fn run(arguments: &SendArguments) -> Result<ExitCode, String> {
     let name = input::name(&arguments.file);
     let mut input = Input::open(&arguments.file).map_err(|error| format!("{name}: {error}"))?;
-    // Opened before anything is sent: a wrong name must not turn up in mid-print.
+    // Opened before anything is sent: a wrong name must not show in the middle of a print.
     let fallback = match &arguments.fallback {
         Some(_) if !input.is_prepared() => {
             return Err(format!("{name}: this is G-code, and --fallback is for a prepared job: leave it out"));
@@ -131,8 +131,8 @@ fn send_prepared(line: &mut PrinterLine, job: Vec<u8>) -> Result<ferrostep_gpre:
     end
 }
 
-/// Sends G-code to be printed, or to be written to the card under a name; packed if that is wanted and the printer knows it. Says how
-/// it ended.
+/// Sends G-code to be printed, or to be written to the card under a name; packed if that is wanted and the printer knows it.
+/// Reports how it ended.
 fn send_gcode(line: &mut PrinterLine, input: Input, person: Person, meatpack: bool, to_card: Option<&str>) -> ExitCode {
     let packing = match choose_packing(line, meatpack) {
         Ok(packing) => packing,
@@ -164,7 +164,7 @@ fn send_gcode(line: &mut PrinterLine, input: Input, person: Person, meatpack: bo
             end_early(line, to_card);
             return failed(&error);
         }
-        // There is nobody to tell, or the printer has done it already.
+        // The line is gone, or the printer has done it already.
         Err(error) => return failed(&error),
     };
     if let Some(stop @ Stop::NotWriting(..)) = &outcome.stop {
@@ -183,7 +183,7 @@ fn send_gcode(line: &mut PrinterLine, input: Input, person: Person, meatpack: bo
     ExitCode::from(1)
 }
 
-/// Ends what the printer was doing: its print, or the file that is not complete.
+/// Ends the printer's work: its print, or the file that is not complete.
 fn end_early(line: &mut PrinterLine, to_card: Option<&str>) {
     match to_card {
         Some(name) => person::delete_upload(line, name),
@@ -195,7 +195,7 @@ fn choose_packing(line: &mut PrinterLine, meatpack: bool) -> Result<Packing, Sen
     if !meatpack {
         return Ok(Packing::Plain);
     }
-    // What M115 says would fill the screen.
+    // The answer to M115 would fill the screen.
     let packing = send::begin_packing(line, Patience::DEFAULT, |_| {})?;
     if packing == Packing::Plain {
         tell("note: the printer does not know MeatPack (M115 does not say Cap:MEATPACK:1): sending plain text");
@@ -203,7 +203,7 @@ fn choose_packing(line: &mut PrinterLine, meatpack: bool) -> Result<Packing, Sen
     Ok(packing)
 }
 
-/// What a person sees while G-code is sent.
+/// The display while G-code is sent.
 struct Show<R> {
     bar: ProgressBar,
     person: Person,
@@ -233,12 +233,12 @@ impl<R: Fn() -> u64> Watch for Show<R> {
             self.show();
             return;
         }
-        // Acknowledgements, signs of life and what is sent again would fill the screen.
+        // Acknowledgements, signs of life and repeated lines would fill the screen.
         let is_routine = line == "ok" || line.starts_with("echo:busy:") || line.starts_with("Resend:");
         if line.is_empty() || is_routine || send::is_transfer_error(line) {
             return;
         }
-        // What of a line has no effect is no refusal.
+        // A word without effect is not a refusal.
         self.refused += u32::from(line.starts_with("echo:line ") && !line.ends_with("(said once a job)"));
         self.bar.suspend(|| tell(terminal::one_line(line)));
     }

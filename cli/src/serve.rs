@@ -31,10 +31,10 @@ pub use port::HostPort;
 use host_side::{CardHost, HostSide, JobHost};
 use pace::{Doing, Next, Pace};
 
-/// While a command is executed, the host is looked after this often.
+/// Interval at which the host is served while a command is executed.
 const EXCHANGE_INTERVAL: Duration = Duration::from_millis(1);
 
-/// Motors at rest are looked at this often, ns of virtual time, as on a board.
+/// Interval of the looks at motors at rest, ns of virtual time, as on a board.
 const REST_INTERVAL_NS: u64 = 100_000_000;
 
 /// How often the state is shown.
@@ -52,23 +52,23 @@ type HostSession = LiveSession<HostPort>;
 /// Its printer.
 type HostPrinter<'a> = Printer<'a, (SharedMotion<LiveMachine<'a>>, DeskHeating<'a>, VirtualDelay<'a>, HostPort)>;
 
-/// What a served printer is to be.
+/// The settings of a served printer.
 #[derive(Clone, Debug)]
 pub struct Settings {
     /// The machine.
     pub profile: Profile,
     /// How fast its time passes.
     pub speed: Speed,
-    /// What goes wrong.
+    /// The faults to make.
     pub faults: Vec<Fault>,
-    /// The image of the card in its slot; without one it has no slot.
+    /// The image of the card in its slot; `None`: the printer has no slot.
     pub card: Option<Vec<u8>>,
 }
 
 /// A printer's state, for a person.
 #[derive(Clone, Debug)]
 pub struct Status {
-    /// What it is at.
+    /// Its activity.
     pub state: State,
     /// Whether a host is connected.
     pub is_connected: bool,
@@ -84,7 +84,7 @@ pub struct Status {
     pub time_s: f64,
 }
 
-/// What a printer is at.
+/// The activity of a printer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum State {
     /// Nothing.
@@ -109,7 +109,7 @@ impl State {
     }
 }
 
-/// What a served printer has done.
+/// The summary of a served printer.
 #[derive(Clone, Debug)]
 pub struct Served {
     /// Lines executed.
@@ -120,15 +120,15 @@ pub struct Served {
     pub tally: ferrostep_printer::Tally,
     /// Position as M114 reports it, units of 10 nm.
     pub logical_10nm: [i64; 4],
-    /// What the motors did.
+    /// Counts of the motors.
     pub figures: Figures,
-    /// Why it ended, where nobody asked for it.
+    /// Why it ended by itself; `None` if a person ended it.
     pub failed: Option<String>,
     /// The card's image as it is now.
     pub card: Option<Vec<u8>>,
 }
 
-/// Serves hosts, one after the other, until `ends` says so. `show` is called several times a second.
+/// Serves hosts, one after the other, until `ends` returns `true`. `show` is called several times a second.
 pub fn serve(line: Line, settings: &Settings, ends: impl Fn() -> bool, mut show: impl FnMut(&Status)) -> Served {
     let session = Session::live(settings.profile, LOOK_AHEAD_BLOCKS, HostPort::new(line));
     let card = settings.card.clone().map(|image| Card::new(VirtualCard::new(image)));
@@ -186,7 +186,7 @@ async fn answer_hosts(printer: &mut HostPrinter<'_>, port: &HostPort, clock: &Vi
             let Some((host, line)) = said else { continue };
             host.answer(printer, line).await;
             if let Some(request) = printer.take_job_request() {
-                // Who asks waits for the answer; what was sent after the question is sent again.
+                // The host that asks waits for the answer, and sends again what it sent after the question.
                 let mut line = JobHost::new(port, &mut side, clock);
                 let ended = printer.receive_job(request, &mut line, &mut room).await;
                 side.job_ended(ended);
@@ -202,7 +202,7 @@ async fn answer_hosts(printer: &mut HostPrinter<'_>, port: &HostPort, clock: &Vi
 /// Brings host, printer and time together between two of the printer's steps.
 struct Conductor {
     pace: Pace,
-    /// What goes wrong later, the first last.
+    /// The faults to come, the next one last.
     faults: Vec<Fault>,
     exchanged: Instant,
     shown: Option<Instant>,
@@ -224,8 +224,8 @@ impl Conductor {
         }
     }
 
-    /// Exchanges bytes with the host, acts on what does not wait its turn, and says how much time may pass next; where none
-    /// may, waits for the host.
+    /// Exchanges bytes with the host and acts on commands that do not wait their turn. Returns how much time may pass next; if none
+    /// may, it waits for the host.
     ///
     /// # Errors
     /// The host's line is broken for good.
@@ -271,7 +271,7 @@ impl Conductor {
                     session.halt();
                     session.replies().send(Reply::Killed);
                 }
-                // The line is a file's.
+                // The line goes into a file.
                 Emergency::QuickStop | Emergency::EndWait if session.signals().is_writing() => {}
                 Emergency::QuickStop => session.desk().state().stop(),
                 Emergency::EndWait => session.signals().end_wait(),
@@ -281,7 +281,7 @@ impl Conductor {
         Ok(())
     }
 
-    /// Lets fail what is to fail by now.
+    /// Makes the faults that are due.
     fn fail(&mut self, session: &HostSession, card: Option<&Card>, now_ns: u64) {
         while let Some(fault) = self.faults.pop_if(|fault| fault.at <= Duration::from_nanos(now_ns)) {
             match fault.kind {
@@ -293,7 +293,7 @@ impl Conductor {
         }
     }
 
-    /// A halt takes the motors' current away, and says so; a heater's fault has said so itself.
+    /// A halt takes the motors' current away and is reported here; a heater's fault has been reported already.
     fn follow_halt(&mut self, session: &HostSession) {
         let is_halted = session.signals().is_halted();
         if is_halted && !std::mem::replace(&mut self.was_halted, is_halted) {
@@ -318,7 +318,7 @@ impl Conductor {
         }
     }
 
-    /// The state, where it is time to show it.
+    /// Shows the state when it is due.
     fn status(&mut self, session: &HostSession) -> Option<Status> {
         let now = Instant::now();
         if self.shown.is_some_and(|shown| now.saturating_duration_since(shown) < STATUS_INTERVAL) {

@@ -21,10 +21,10 @@ use signal_hook::flag;
 use crate::arguments::ServeArguments;
 use crate::outcome::{exit_code, result};
 
-/// Serves until the process is interrupted, and says what was done.
+/// Serves until the process is interrupted, then prints a summary.
 ///
 /// # Errors
-/// The profile has an error, or the line cannot be had.
+/// The profile has an error, or the line cannot be opened.
 pub fn run(arguments: &ServeArguments) -> Result<ExitCode, String> {
     let profile = ferrostep_profiles::load(&arguments.profile).map_err(|error| error.to_string())?;
     let card = arguments.card.as_ref().map(|path| CardImage::open(path)).transpose()?;
@@ -85,7 +85,7 @@ pub fn run(arguments: &ServeArguments) -> Result<ExitCode, String> {
     Ok(failed.map_or(code, |error| exit_code(Err(format!("the line to the host is broken: {error}")))))
 }
 
-/// A line at the terminal's bottom.
+/// A status line at the terminal's bottom.
 fn status_line() -> ProgressBar {
     let bar = ProgressBar::new_spinner();
     if let Ok(style) = ProgressStyle::with_template("{wide_msg}") {

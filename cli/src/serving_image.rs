@@ -1,6 +1,6 @@
 //! A printer for hosts to connect to: a board's image, unmodified, on the virtual mainboard.
 //!
-//! The virtual mainboard is a program of its own (`mainboard/`), built only by those who use it; this module finds and starts it.
+//! The virtual mainboard is a program of its own (`mainboard/`), built only on request; this module finds and starts it.
 
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
@@ -16,13 +16,13 @@ const PROGRAM: &str = "mainboard/target/release/ferrostep-mainboard";
 /// Serves until the process is interrupted.
 ///
 /// # Errors
-/// No such board, or the virtual mainboard is not built yet.
+/// The board is unknown, or the virtual mainboard is not built yet.
 pub fn run(board: &str, arguments: &ServeArguments) -> Result<ExitCode, String> {
     let home = home().ok_or(
         "serve needs a checkout of Ferrostep: change into one, build the virtual mainboard there, and run it again",
     )?;
     let Speed::Times(speed) = arguments.speed else {
-        return Err("--speed max: an image runs as its clock does; write a number".to_owned());
+        return Err("--speed max: an image runs by its own clock; write a number".to_owned());
     };
     let named = home.join("boards").join(format!("{board}.toml"));
     let file = if named.is_file() { named } else { PathBuf::from(board) };

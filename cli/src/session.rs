@@ -24,7 +24,7 @@ use crate::remarks::{RemarkKind, RemarkList};
 use crate::terminal::code;
 use crate::version::VERSION;
 
-/// Different unknown commands that are remembered; a broken file could name any number.
+/// Most different unknown commands remembered; a broken file could name any number.
 const MAX_UNKNOWN_COMMANDS: usize = 100;
 
 /// A printer whose commands move `M`.
@@ -36,13 +36,13 @@ pub type DeskPrinter<'a, O, R> = PrinterOf<'a, SharedMotion<DeskMachine<'a, O>>,
 /// A session that makes every step, seen by `O`.
 pub type PrintSession<O, R> = Session<Rehearsal<O>, R>;
 
-/// A session whose time passes as it is allowed to, for hosts.
+/// A session whose time passes as it is granted, for hosts.
 pub type LiveSession<R> = Session<LiveDesk, R>;
 
 /// A session that only plans.
 pub type PlanSession<R> = Session<PlanReader, R>;
 
-/// The machine and all that is shared between its parts.
+/// The machine, with the state that its parts share.
 pub struct Session<D, R> {
     profile: Profile,
     clock: VirtualClock,
@@ -55,7 +55,7 @@ pub struct Session<D, R> {
     last_step_ns: Cell<u64>,
     /// The motion clock when time passed last.
     last_tick: Cell<u64>,
-    /// Motors have moved since the heaters' timeout was last looked at.
+    /// Whether motors have moved since the last look at the heaters' timeout.
     has_moved: Cell<bool>,
 }
 
@@ -65,7 +65,7 @@ impl<O: Observer, R: Replies> PrintSession<O, R> {
         Self::new(profile, replies, |drivers| Rehearsal::new(&profile, look_ahead, drivers, observer))
     }
 
-    /// What watched the motors.
+    /// The observer of the motors.
     pub fn into_observer(self) -> O {
         self.desk.into_observer()
     }
@@ -84,7 +84,7 @@ impl<R: Replies> PlanSession<R> {
         Self::new(profile, replies, |drivers| PlanReader::new(&profile, look_ahead, drivers, false))
     }
 
-    /// A machine that only plans, and whose plan is written down.
+    /// A machine that only plans, and records its plan.
     pub fn prepare(profile: Profile, look_ahead: usize, replies: R) -> Self {
         Self::new(profile, replies, |drivers| PlanReader::new(&profile, look_ahead, drivers, true))
     }
@@ -161,12 +161,12 @@ impl<D: Desk, R: Replies> Session<D, R> {
         self.heat.borrow().samples()
     }
 
-    /// What was done so far.
+    /// The counts so far.
     pub fn figures(&self) -> Figures {
         Figures { print_time_s: self.last_step_ns.get() as f64 * 1e-9, ..self.desk.state().figures() }
     }
 
-    /// Flags for those who act on bytes as they arrive.
+    /// Flags for the code that acts on bytes as they arrive.
     pub fn signals(&self) -> &Signals {
         &self.signals
     }
@@ -181,7 +181,7 @@ impl<D: Desk, R: Replies> Session<D, R> {
         &self.clock
     }
 
-    /// Everything off, as M112 does when its bytes arrive.
+    /// Switches everything off, as M112 does when its bytes arrive.
     pub fn halt(&self) {
         self.heat.borrow_mut().all_off();
         self.desk.state().stop();
@@ -218,8 +218,8 @@ impl<D: Desk, R: Replies> Session<D, R> {
         self.run_with(future, |_| {})
     }
 
-    /// Lets time pass until what the last command waits for is there: its motion, or its moment. Motion does not go on
-    /// while a command waits for a moment, so that the plan does not depend on such waits.
+    /// Lets time pass until the last command's wait is over, for motion or for a moment. Motion does not go on while a command
+    /// waits for a moment, so that the plan does not depend on such waits.
     ///
     /// # Errors
     /// A heater or thermometer has failed; heaters are off.
@@ -238,7 +238,7 @@ impl<D: Desk, R: Replies> Session<D, R> {
         self.heat.borrow_mut().pass_to(now_ns, self.desk.state().fan_power())
     }
 
-    /// What has happened to the motors' drivers; one that leaves a motor alone in motion halts the machine.
+    /// Reports the events of the motors' drivers. A driver that fails while its motor has current halts the machine.
     fn tell_driver_events(&self) {
         while let Some(event) = self.drivers.take_event() {
             let halts = tell_driver_event(&event, self.desk.state().enabled_motors(), &self.replies);
@@ -291,7 +291,7 @@ impl<D: Desk, R: Replies> Session<D, R> {
     }
 }
 
-/// Replies of a job from a file: what a person should read, and what the summary lists.
+/// Replies of a job from a file: lines for a person, and entries of the summary.
 pub struct JobReplies<F> {
     unknown: RefCell<BTreeSet<String>>,
     remarks: RemarkList,
@@ -309,7 +309,7 @@ impl<F: Fn(&str)> JobReplies<F> {
         self.unknown.borrow().iter().cloned().collect()
     }
 
-    /// What is known about the job's lines so far.
+    /// The remarks on the job's lines so far.
     pub fn remarks(&self) -> &RemarkList {
         &self.remarks
     }
@@ -347,7 +347,7 @@ impl<F: Fn(&str)> Replies for JobReplies<F> {
         }
     }
 
-    /// The job stops there, and says so itself.
+    /// The job stops there, and reports it itself.
     fn refuse(&self, _line: u32, _failure: &Failure) {}
 }
 

@@ -41,13 +41,13 @@ pub enum SimulationError {
     Job(JobError),
     /// The path cannot be read from the G-code.
     Interpret(InterpretError),
-    /// The G-code that should give the path is a prepared job or a trace.
+    /// `--path` names a prepared job or a trace, not G-code.
     PathIsNoText,
     /// The steps cannot be simulated.
     Steps(StepsError),
     /// The frame's or the nozzle's numbers are out of range.
     Machine(MachineError),
-    /// There is no G-code to plan by other rules.
+    /// `--compare` needs G-code to plan by other rules.
     NothingToCompare,
 }
 
@@ -95,7 +95,7 @@ impl From<MachineError> for SimulationError {
     }
 }
 
-/// What was simulated.
+/// The kind of the simulated file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Source {
     /// G-code, printed on the virtual board.
@@ -106,7 +106,7 @@ pub enum Source {
     Trace,
 }
 
-/// Where the steps come from.
+/// The source of the steps.
 enum Steps {
     Job(Arc<[u8]>),
     Trace(Box<dyn Read>),
@@ -123,14 +123,14 @@ pub struct Simulation {
     filament_mm2: f64,
 }
 
-/// Measures of a simulation, with what was kept for pictures.
+/// Measures of a simulation, with samples for pictures.
 pub type Measured = (Report, Option<Snapshots>);
 
 impl Simulation {
     /// Reads a job or the beginning of a trace.
     ///
     /// # Errors
-    /// It cannot be read or is neither, or the path is not of it.
+    /// It cannot be read, is neither, or the path belongs to another job.
     pub fn open(
         file: &Path,
         profile: Profile,
@@ -171,12 +171,12 @@ impl Simulation {
         Ok(Self { steps, source, profile, machine, path, filament_mm2 })
     }
 
-    /// What is simulated.
+    /// The kind of the simulated file.
     pub const fn source(&self) -> Source {
         self.source
     }
 
-    /// Whether the path is that of G-code, and not that which the steps draw.
+    /// Whether the path is that of G-code, not the one that the steps draw.
     pub const fn has_path(&self) -> bool {
         self.path.is_some()
     }
@@ -184,7 +184,7 @@ impl Simulation {
     /// Plays the plan by Klipper's rules, with its filters, and measures it.
     ///
     /// # Errors
-    /// There is no G-code to plan.
+    /// Without G-code there is no plan.
     pub fn klipper(&self, settings: &KlipperSettings, shapers: [Shaper; 2]) -> Result<Measured, SimulationError> {
         let Some((job, _)) = &self.path else { return Err(SimulationError::NothingToCompare) };
         let speeds = klipper::plan(job, settings);
@@ -210,7 +210,7 @@ impl Simulation {
     /// Plays the steps and measures them. A job that stops at a line is measured up to there, and the reason returned beside.
     ///
     /// # Errors
-    /// The trace is damaged, or the path is not of it.
+    /// The trace is damaged, or the path belongs to another job.
     pub fn run(self, mut look: impl FnMut(&JobProgress)) -> Result<(Measured, Option<JobError>), SimulationError> {
         let unshaped = match &self.path {
             None => None,

@@ -1,4 +1,4 @@
-//! How the command names itself.
+//! The command's version.
 
-/// Version and commit, `0.1.0 (commit abcdef0)`: what `--version` and M115 say, as a board does.
+/// Version and commit, `0.1.0 (commit abcdef0)`: in `--version` and M115, as on a board.
 pub const VERSION: &str = env!("FERROSTEP_VERSION");

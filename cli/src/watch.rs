@@ -1,4 +1,4 @@
-//! Looks on while a job is rehearsed, for what no single line shows.
+//! Observes a rehearsal for remarks that no single line shows.
 
 use ferrostep_hal_shim::Heater;
 use ferrostep_planner::extruder::FILAMENT_UNITS_PER_MM;
@@ -8,7 +8,7 @@ use crate::job::Onlooker;
 use crate::remarks::{RemarkKind, RemarkList};
 use crate::terminal::code;
 
-/// Commands that wait for a person where they are executed: pauses, and filament changes.
+/// Commands that wait for a person: pauses, and filament changes.
 const PAUSES: [&str; 7] = ["M0", "M1", "M25", "M125", "M226", "M600", "M601"];
 
 /// Units of 10 nm in a mm.
@@ -24,12 +24,12 @@ pub struct Watch<'a> {
     line: u32,
     tally: Tally,
     position_10nm: [i64; 4],
-    /// The line that asks for most filament in a time, and how much, mm^3/s.
+    /// The line that asks for the greatest flow, and that flow, mm^3/s.
     most: Option<(u32, f64)>,
 }
 
 impl<'a> Watch<'a> {
-    /// Of a job on this machine.
+    /// Watches a job on this machine.
     pub fn new(profile: &Profile, remarks: &'a RemarkList) -> Self {
         let diameter_mm = profile.extrusion.filament_diameter_10nm as f64 / UNITS_PER_MM;
         Self {
@@ -43,7 +43,7 @@ impl<'a> Watch<'a> {
         }
     }
 
-    /// What is so at the end.
+    /// Adds the remarks about the end.
     pub fn end(&self, heating: &impl Heating) {
         for heater in Heater::ALL {
             let celsius = heating.status(heater).target_celsius;
@@ -65,7 +65,7 @@ impl<'a> Watch<'a> {
         }
     }
 
-    /// Filament that a move asks for in a time, by its feed, mm^3/s.
+    /// The flow that a move asks for by its feed, mm^3/s.
     fn flow<P: Ports>(&self, printer: &Printer<'_, P>, tally: &Tally, position_10nm: &[i64; 4]) -> Option<f64> {
         let filament_mm = (tally.filament_100pm - self.tally.filament_100pm) as f64 / FILAMENT_UNITS_PER_MM as f64;
         let squares = (0..3).map(|axis| (position_10nm[axis] - self.position_10nm[axis]) as f64 / UNITS_PER_MM);
@@ -95,7 +95,7 @@ impl<P: Ports> Onlooker<P> for Watch<'_> {
             self.remarks.note(RemarkKind::SoftLimit, Some(self.line), message);
         }
         if tally.unhomed_moves != self.tally.unhomed_moves {
-            let message = "an axis moves that is not homed: where it is is not known, and no limit stops it";
+            let message = "an axis moves that is not homed: its position is unknown, and no limit stops it";
             self.remarks.note(RemarkKind::NotHomed, Some(self.line), message);
         }
         if let Some(limit) = self.max_flow_mm3_per_s

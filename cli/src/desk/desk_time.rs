@@ -1,4 +1,4 @@
-//! Virtual time that follows the motion, and stands where nobody lets it pass.
+//! Virtual time: it follows the motion, and otherwise passes only on request.
 
 use std::cell::Cell;
 
@@ -16,7 +16,7 @@ impl DeskTime {
         self.idle_ns.get() + motion_ns(tick)
     }
 
-    /// Lets time pass up to a moment, if that is not over, while the motion clock stands at a tick.
+    /// Lets time pass up to a moment, unless that is over, while the motion clock stands at a tick.
     pub fn wait_until(&self, tick: u64, wake_ns: u64) {
         self.idle_ns.set(self.idle_ns.get() + wake_ns.saturating_sub(self.now_ns(tick)));
     }

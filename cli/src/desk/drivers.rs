@@ -19,30 +19,30 @@ const NS_A_TICK: u64 = 1_000_000_000 / TICKS_PER_SECOND as u64;
 struct Drivers {
     bank: DriverBank,
     lines: VirtualDriverLines,
-    /// What has happened and has not been told.
+    /// Events that have not been reported.
     events: VecDeque<DriverEvent>,
     now_tick: u64,
     next_tick: u64,
-    /// Whether drivers in service are looked at.
+    /// Whether drivers in service are watched.
     watched: bool,
     polls: u64,
 }
 
 impl Drivers {
-    /// Whether each is set up as it should be.
+    /// Whether all drivers have confirmed their settings.
     fn are_in_service(&self) -> bool {
         (0..MOTORS).all(|motor| matches!(self.bank.state(motor), None | Some(DriverState::Confirmed)))
     }
 }
 
-/// The desk's motor drivers, if the machine has such that can be set.
+/// The desk's motor drivers, if the machine's can be set.
 #[derive(Debug)]
 pub struct DeskDrivers(Option<RefCell<Drivers>>);
 
 impl DeskDrivers {
-    /// Drivers with these settings on the virtual board, just switched on; `watched`: they are looked at while they are in
-    /// service, too. An estimate does not watch them: its model chips have nothing to tell, and its cost must not follow
-    /// the print's time.
+    /// Drivers with these settings on the virtual board, just switched on; `watched`: they are watched while they are in
+    /// service, too. An estimate does not do so: its model chips never fail, and its cost must not follow the print's
+    /// time.
     #[must_use]
     pub fn new(settings: &[Option<DriverSettings>; MOTORS], watched: bool) -> Self {
         if settings.iter().all(Option::is_none) {
@@ -65,7 +65,7 @@ impl DeskDrivers {
         })))
     }
 
-    /// Whether there are any.
+    /// Whether the machine has any.
     #[must_use]
     pub fn exist(&self) -> bool {
         self.0.is_some()
@@ -86,19 +86,19 @@ impl DeskDrivers {
         self.with(|drivers| drivers.lines.chip(motor).and_then(|chip| chip.stall_signal()))?
     }
 
-    /// How often their code has run, which is all that they cost.
+    /// How often their code has run: the measure of their cost.
     #[must_use]
     pub fn polls(&self) -> u64 {
         self.with(|drivers| drivers.polls).unwrap_or(0)
     }
 
-    /// What has happened, one thing at a time.
+    /// Takes the next event, in order.
     #[must_use]
     pub fn take_event(&self) -> Option<DriverEvent> {
         self.with(|drivers| drivers.events.pop_front())?
     }
 
-    /// Does what is due up to a moment.
+    /// Runs all that is due up to a moment.
     pub fn work_until(&self, now_ns: u64) {
         self.with(|drivers| {
             drivers.now_tick = now_ns / NS_A_TICK;

@@ -1,8 +1,8 @@
-//! What a print did, in numbers.
+//! The counts of a print.
 
 use ferrostep_planner::{StepDigests, TICKS_PER_SECOND};
 
-/// What a print did, in numbers.
+/// The counts of a print.
 #[derive(Clone, Copy, Debug)]
 pub struct Figures {
     /// Virtual time from the start to the last step, s.

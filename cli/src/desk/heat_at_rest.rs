@@ -1,13 +1,13 @@
-//! When the heaters' model need not be stepped.
+//! Detects that the heaters' model need not be stepped.
 
 /// Samples over which the temperatures must have stayed: 5 s.
 const REST_SAMPLES: u32 = 500;
 
-/// How far a heater that is off may cool within them, degrees: what a nozzle does half a degree above the air.
+/// The most by which a heater that is off may cool within them, degrees: a nozzle half a degree above the air cools so.
 const OFF_BAND_CELSIUS: f32 = 0.02;
 
-/// How far one with a target may move within them, degrees: it creeps towards its target, or steps around it as its
-/// thermistor's readings do.
+/// The most by which a heater with a target may change within them, degrees: it creeps towards its target, or follows the
+/// steps of its thermistor's readings.
 const HELD_BAND_CELSIUS: f32 = 0.2;
 
 /// How far from its target it may be, degrees.
@@ -22,7 +22,7 @@ pub struct HeaterSample {
     pub target_celsius: f32,
 }
 
-/// Watches the heaters until all are at rest: off and as cold as they get, or held at their targets, for [`REST_SAMPLES`].
+/// Watches the heaters until all are at rest for [`REST_SAMPLES`]: off and no longer cooling, or held at their targets.
 ///
 /// From there on the model would only repeat itself: until a target is changed no check can trip, no wait can end, and all
 /// temperatures stay within [`HELD_CELSIUS`].
@@ -88,7 +88,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_off_its_target_or_moves_is_not() {
+    fn a_heater_off_its_target_or_moving_is_not_at_rest() {
         // A heater that is too weak for its target.
         assert!(!after(std::iter::repeat_n([(150.0, 210.0), (22.0, 0.0)], 5000)).is_at_rest());
         let drift = |a_sample: f32| {

@@ -1,4 +1,4 @@
-//! A machine on the desk whose time passes by itself, as far as it is allowed to: for hosts, who come and go when they like.
+//! A machine on the desk whose time passes by itself, within the time granted: for hosts, which come and go.
 
 use std::cell::{Cell, RefCell};
 use std::future::poll_fn;
@@ -19,7 +19,7 @@ use super::step_queue::VirtualStepQueue;
 /// The planner task looks at the step queue this often, as on a board.
 const PLANNER_INTERVAL_NS: u64 = 2_000_000;
 
-/// At standstill, what waits in the ring is executed after this much silence of the host, as on a board.
+/// At standstill the moves in the ring are executed after this much silence of the host, as on a board.
 const FLUSH_AFTER_NS: u64 = 100_000_000;
 
 /// A machine that makes every step at its time.
@@ -27,7 +27,7 @@ pub struct LiveDesk {
     machine: RefCell<QueueMachine<()>>,
     now_ns: Cell<u64>,
     granted_ns: Cell<u64>,
-    /// Since when the commands' side has waited for the host.
+    /// When the command side began to wait for the host.
     host_awaited_since_ns: Cell<Option<u64>>,
 }
 
@@ -42,17 +42,17 @@ impl LiveDesk {
         }
     }
 
-    /// Allows time to pass for this much more from now on, in place of what was allowed before.
+    /// Grants this much time from now on, in place of earlier grants.
     pub fn grant(&self, ns: u64) {
         self.granted_ns.set(self.now_ns.get().saturating_add(ns));
     }
 
-    /// Whether time has passed as far as it may.
+    /// Whether the time granted has passed.
     pub fn is_held(&self) -> bool {
         self.now_ns.get() >= self.granted_ns.get()
     }
 
-    /// Says whether there is nothing to do before the host sends something.
+    /// Sets whether the command side waits for the host.
     pub fn set_host_awaited(&self, is_awaited: bool) {
         let since_ns = self.host_awaited_since_ns.get().unwrap_or(self.now_ns.get());
         self.host_awaited_since_ns.set(is_awaited.then_some(since_ns));
@@ -84,7 +84,7 @@ impl LiveDesk {
         self.machine.borrow().position_10nm()
     }
 
-    /// The planner task, until it has nothing more to do.
+    /// Runs the planner task until it has nothing more to do.
     fn plan(&self, machine: &mut QueueMachine<()>) {
         let now_ns = self.now_ns.get();
         let is_silent = |since_ns| now_ns - since_ns >= FLUSH_AFTER_NS;
@@ -104,7 +104,7 @@ impl Desk for LiveDesk {
         SharedMotion::new(LiveMachine { desk: self, signals })
     }
 
-    /// Plays what time allows, up to where the planner task looks again.
+    /// Plays the motion of the time granted, up to the planner task's next look.
     fn pass_motion(&self) {
         let now_ns = self.now_ns.get();
         let until_ns = self.granted_ns.get().clamp(now_ns, now_ns + PLANNER_INTERVAL_NS);

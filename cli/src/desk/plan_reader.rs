@@ -1,4 +1,4 @@
-//! Plans that are read and not executed: what a job takes (`estimate`), and what `preprocess` writes down.
+//! Plans that are read and not executed: for `estimate` and `preprocess`.
 
 use std::cell::{Cell, RefCell};
 use std::future::poll_fn;
@@ -30,19 +30,19 @@ const ALL_MOTORS: u8 = 0b1111;
 /// Motion that is planned before the desk lets time pass.
 const LEAP_TICKS: u64 = TICKS_PER_SECOND as u64 / 10;
 
-/// The reader's motors, which jump from block to block. Only homing makes steps, for how long it takes depends on where the
-/// sensors are.
+/// The reader's motors, which jump from block to block. Only homing makes steps, because its duration depends on the places of
+/// the sensors.
 struct Reading {
     motors: VirtualMotors,
     /// The motors' positions as the machine counts them.
     ledger: StepLedger,
-    /// Of the steps that were made.
+    /// Digests of the steps that were made.
     digests: StepDigests,
     /// Durations of the blocks that were read, ticks.
     read_ticks: u64,
     /// Where the extruder is after these blocks, 1/256 steps.
     extruder_256ths: i64,
-    /// What is written down, if anything is.
+    /// The record of the plan, if one is written.
     script: Option<Script>,
 }
 
@@ -82,7 +82,7 @@ struct Plan {
 }
 
 impl Plan {
-    /// Adds motion, which is planned once: room for it is made by reading blocks.
+    /// Adds motion; reads blocks to make room for it.
     fn add(&mut self, request: &impl Request) -> Result<Moved, MotionError> {
         let merged = self.planner.merged_moves();
         let moved = loop {
@@ -175,8 +175,8 @@ pub struct PlanReader {
 }
 
 impl PlanReader {
-    /// A machine that has just been switched on, with this many blocks in its look-ahead ring; whether the plan is
-    /// written down.
+    /// A machine that has just been switched on, with this many blocks in its look-ahead ring; `is_written`: the plan is
+    /// recorded.
     pub fn new(profile: &Profile, look_ahead: usize, drivers: Rc<DeskDrivers>, is_written: bool) -> Self {
         let mut planner = Planner::new(profile.geometry(), profile.limits, vec![Slot::EMPTY; look_ahead]);
         // The profile's file has been checked for all of them.
@@ -195,7 +195,7 @@ impl PlanReader {
         Self { plan: RefCell::new(plan), time: DeskTime::default(), drivers, passed_tick: Cell::new(0) }
     }
 
-    /// Looks at what is written down.
+    /// Gives access to the record of the plan.
     pub fn with_script<T>(&self, act: impl FnOnce(&mut Script) -> T) -> Option<T> {
         self.plan.borrow_mut().reading.script.as_mut().map(act)
     }

@@ -18,14 +18,14 @@ use super::session_motion::{Desk, MotionState};
 use super::step_queue::VirtualStepQueue;
 use crate::record::Observer;
 
-/// Longest motion at once while a command waits for it, so that temperatures and the host are looked after.
+/// Longest motion at once while a command waits for it; in between temperatures and the host get their turn.
 const LONGEST_LEAP_TICKS: u64 = TICKS_PER_SECOND as u64 / 2;
 
 /// A machine that makes every step, seen by `O`.
 pub struct Rehearsal<O> {
     machine: RefCell<QueueMachine<O>>,
     time: DeskTime,
-    /// A command waits for motion.
+    /// Whether a command waits for motion.
     awaits_motion: Cell<bool>,
 }
 
@@ -49,7 +49,7 @@ impl<O: Observer> Rehearsal<O> {
         self.machine.borrow().motor_steps()
     }
 
-    /// What watched the motors.
+    /// The observer of the motors.
     pub fn into_observer(self) -> O {
         self.machine.into_inner().into_queue().into_observer()
     }
@@ -69,8 +69,8 @@ impl<O: Observer> Desk for Rehearsal<O> {
         SharedMotion::new(DeskMachine { desk: self, signals })
     }
 
-    /// Plans and plays until a move fits that did not before, all motion has ended, or the longest leap is over. The
-    /// command that waits looks then, and waits again if it must.
+    /// Plans and plays until a move fits that did not before, all motion has ended, or the longest leap is over. Then the
+    /// waiting command looks, and waits again if it must.
     fn pass_motion(&self) {
         if !self.awaits_motion.take() {
             return;

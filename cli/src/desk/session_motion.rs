@@ -1,10 +1,10 @@
-//! What a session asks of its motion.
+//! The motion of a session, as traits.
 
 use ferrostep_printer::{Motion, Signals};
 
 use super::figures::Figures;
 
-/// What has been planned and moved so far, however time passes.
+/// The state of planner and motors, independent of how time passes.
 pub trait MotionState {
     /// The motion clock: ticks of all motion so far. It stands still between motions.
     fn tick(&self) -> u64;
@@ -16,21 +16,21 @@ pub trait MotionState {
     fn enabled_motors(&self) -> u8;
     /// For comparison: see [`ferrostep_planner::Planner::plan_block_by_block`].
     fn plan_block_by_block(&self) -> bool;
-    /// What was done so far, without the print's time.
+    /// The counts so far, without the print's time.
     fn figures(&self) -> Figures;
 }
 
 /// Motion of a session, in virtual time.
 pub trait Desk {
-    /// What commands move.
+    /// The motion, as commands see it.
     type Motion<'a>: Motion
     where
         Self: 'a;
 
-    /// What plans and moves.
+    /// Planner and motors.
     type State: MotionState;
 
-    /// Whether it makes every step. If not, it is an estimate, whose cost must not follow the print's time.
+    /// Whether it makes every step. Otherwise it is an estimate, whose cost must not follow the print's time.
     const MAKES_STEPS: bool;
 
     /// The motion, as commands see it; a halt ends their waits.
@@ -41,6 +41,6 @@ pub trait Desk {
     fn wait_until(&self, wake_ns: u64);
     /// Virtual time since the machine was switched on.
     fn now_ns(&self) -> u64;
-    /// What has been planned and moved so far.
+    /// Planner and motors.
     fn state(&self) -> &Self::State;
 }

@@ -15,10 +15,10 @@ use crate::record::Observer;
 /// Entries that the queue holds, as many as a board's has slots.
 const CAPACITY: usize = 2048;
 
-/// Entries that stay when the queue has been full: half of it at a time is kinder to the caches than one entry.
+/// Entries that stay when the queue has been full: playing half of it at a time is faster than one entry (caches).
 const KEPT_OF_A_FULL_QUEUE: usize = CAPACITY / 2;
 
-/// What watches the motors: the digests and the event rate for the report, and the session's observer.
+/// Observers of the motors: the digests and the event rate for the report, and the session's own.
 struct Watch<O> {
     digests: StepDigests,
     rate: EventRate,
@@ -34,7 +34,7 @@ impl<O: StepObserver> StepObserver for Watch<O> {
     }
 }
 
-/// The queue, and the motors behind it.
+/// The queue, and the motors that it drives.
 pub struct VirtualStepQueue<O> {
     entries: VecDeque<StepEntry>,
     /// Ends of moves that have not been reached: tick and source line.
@@ -48,7 +48,7 @@ pub struct VirtualStepQueue<O> {
     watched_axis: Option<usize>,
     /// Tick up to which motion goes before the command side looks again.
     pause_tick: u64,
-    /// Where time passes by itself: the motion clock now, at or after the last event; what is earlier stands for that event.
+    /// If time passes by itself: the motion clock now. A value before the last event stands for that event.
     now_tick: u64,
     watch: Watch<O>,
 }
@@ -264,7 +264,7 @@ impl<O> MotorEnable for VirtualStepQueue<O> {
     fn set_motors_enabled(&mut self, _motors: u8, _enabled: bool) {}
 }
 
-/// The motors are watched as they step: after a stop, the steps that were left are in no digest, as in no trace.
+/// The motors are watched as they step: after a stop, digests and traces do not contain the steps that were left.
 impl<O> StepObserver for VirtualStepQueue<O> {
     #[inline]
     fn stepped(&mut self, _tick: u64, _axes: u8, _directions: u8) {}

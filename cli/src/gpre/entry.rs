@@ -10,23 +10,23 @@ use ferrostep_printer::{CommandError, Ports, Printer, Profile};
 use super::part_reader::PartReader;
 use crate::job::JobError;
 
-/// How far the nozzle is raised above the print while X and Y are homed and while it travels, units of 10 nm: 5 mm.
+/// Height of the nozzle above the print while X and Y are homed and while it travels, units of 10 nm: 5 mm.
 const CLEARANCE_10NM: i64 = 500_000;
 
 /// Feed of the travel to the frame's start, mm/min.
 const TRAVEL_MM_PER_MIN: u32 = 3_000;
 
-/// Settings of the frames before the entry that stay in force, and that no frame says.
+/// Settings from before the entry that stay in force and that no frame contains.
 #[derive(Debug, Default)]
 pub struct Passed {
-    /// Of the motors' drivers: sent before anything moves.
+    /// Those of the motors' drivers: sent before anything moves.
     drivers: Vec<(u32, String)>,
     /// The others: sent when the machine has reached the frame's start.
     others: Vec<(u32, String)>,
 }
 
 impl Passed {
-    /// Passes over a frame.
+    /// Takes the settings of a frame that is skipped.
     pub fn pass(&mut self, items: &mut Decoder<'_>) -> Result<(), Fault> {
         while let Some(item) = items.next_item()? {
             let Item::Command { line, text } = item else { continue };
@@ -51,7 +51,7 @@ impl Passed {
                     | Command::IdleTimeout { .. }
                     | Command::HeaterTimeout(Some(_)),
                 ) => self.others.push((line, text.to_owned())),
-                // The frame itself says what these have set.
+                // The frame itself contains what these have set.
                 Ok(
                     Command::SetPosition(_)
                     | Command::SetNozzle(_)
@@ -68,7 +68,7 @@ impl Passed {
                     | Command::FeedPercent(_)
                     | Command::FlowPercent(_),
                 ) => {}
-                // These are over: motion, waits, reports, queries. M851 matters where Z is homed, which it is not here.
+                // These have no lasting effect: motion, waits, reports, queries. M851 matters when Z is homed, as it is not here.
                 Ok(
                     Command::Linear { .. }
                     | Command::Arc { .. }
@@ -144,18 +144,18 @@ pub fn not_here<R: Read>(number: u32, reader: &mut PartReader<R>, frames: u32) -
         }
     };
     let next = match next {
-        Some(next) => format!("expected another: the next one that can be entered is {next}"),
+        Some(next) => format!("the next one that can be entered is {next}"),
         None => "no later one can".to_owned(),
     };
-    let message = format!("a job cannot be entered here, for its first move goes on from the one before; {next}");
+    let message = format!("a job cannot be entered here, because its first move goes on from the one before; {next}");
     JobError::Entry { frame: number, message }
 }
 
 /// Brings the machine to where a frame begins, and takes over the settings in force there.
 ///
-/// The nozzle is taken to stand at the frame's height: after a power cut it stands in or on the print, and Z cannot be homed.
-/// Bed and nozzle are heated before anything moves, so that nothing is torn off; then it is raised, X and Y are homed, and it goes
-/// over the print to the frame's start, and down.
+/// The nozzle is assumed at the frame's height: after a power cut it stands in or on the print, and Z cannot be homed. Bed and
+/// nozzle are heated before anything moves, so that nothing is torn off. Then the nozzle is raised, X and Y are homed, and it
+/// travels over the print to the frame's start, and down.
 ///
 /// # Errors
 /// The command that could not be executed, as for a line of G-code.

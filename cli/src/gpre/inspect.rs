@@ -112,7 +112,7 @@ struct OpenFrame {
     before_s: f64,
 }
 
-/// Where a job can be entered, and how long its moves take at their feeds.
+/// The entries of a job, and the time of its moves at their feeds.
 #[derive(Default)]
 struct Entries {
     entries: Vec<OpenFrame>,
@@ -141,7 +141,7 @@ impl Entries {
         self.position_10nm = target_10nm;
     }
 
-    /// Says which they are. The time is the job's, shared out by what the moves take at their feeds.
+    /// Writes the entries. Their times are shares of the job's time, by the time of the moves at their feeds.
     fn say(&self, header: &Header, out: &mut impl Write) -> io::Result<()> {
         writeln!(out, "can be entered at")?;
         writeln!(out, "{:>8} {:>10} {:>10}   {:>16}", "frame", "after line", "Z, mm", "in motion before")?;

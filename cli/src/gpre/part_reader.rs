@@ -9,7 +9,7 @@ use ferrostep_papers::wide::Packet;
 
 use crate::job::JobError;
 
-/// Reads a prepared job's parts one after the other and knows where it is.
+/// Reads a prepared job's parts one after the other, and keeps their places.
 pub struct PartReader<R> {
     input: R,
     /// Bytes read so far.
@@ -24,7 +24,7 @@ impl<R: Read> PartReader<R> {
         Self { input, offset: 0, bytes: Vec::new(), next: 0 }
     }
 
-    /// Fills `bytes` from `from` on up to a length; says how many are there.
+    /// Fills `bytes` from `from` on up to a length. Returns how many bytes it then has.
     fn fill(&mut self, from: usize, length: usize) -> Result<usize, JobError> {
         self.bytes.resize(length, 0);
         let mut at = from;
@@ -113,7 +113,7 @@ impl<R: Read> PartReader<R> {
     }
 }
 
-/// A file that cannot be read on.
+/// The error for a file that cannot be read further.
 pub fn refused(error: ReadError) -> JobError {
     JobError::Prepared { frame: error.frame, line: None, offset: error.offset, message: error.fault.to_string() }
 }

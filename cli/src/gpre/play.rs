@@ -18,7 +18,7 @@ use crate::job::{JobError, JobProgress};
 /// A fault ends the job; the moves taken before it are executed, to a standstill on the path.
 ///
 /// # Errors
-/// As a `ReadError` or a `CommandError` has it, with the frame and its place.
+/// A `ReadError` or a `CommandError`, with the frame and its place.
 pub async fn play<P: Ports>(
     input: &mut impl Read,
     profile: &Profile,
@@ -29,11 +29,12 @@ pub async fn play<P: Ports>(
     play_from(0, input, profile, printer, progress, look).await
 }
 
-/// As [`play`], from a frame on, to whose start the machine is brought. Frame 0 is the job's start, which needs nothing of that.
+/// As [`play`], from a frame on. First brings the machine to the frame's start; for frame 0, the job's start, that is not
+/// needed.
 ///
 /// # Errors
-/// As [`play`], and [`JobError::Entry`] where there is no such frame, the job cannot be entered there, or the machine not be brought
-/// there.
+/// As [`play`], and [`JobError::Entry`] if there is no such frame, the job cannot be entered there, or the machine cannot be
+/// brought there.
 pub async fn play_from<P: Ports>(
     from: u32,
     input: &mut impl Read,
@@ -58,7 +59,7 @@ pub async fn play_from<P: Ports>(
         Encoding::Wide => packets(&mut reader, header.frames, profile, printer, progress, &mut look).await,
     };
     if let Err(error) = outcome {
-        // What stopped the job has been reported; a halt besides is known already.
+        // The reason has been reported; a halt is known already.
         let _ = printer.abandon_prepared().await;
         return Err(error);
     }
@@ -75,7 +76,7 @@ pub async fn play_from<P: Ports>(
 
 /// Frames to be executed.
 struct Frames<'a> {
-    /// How many the file has.
+    /// Number of the file's frames.
     count: u32,
     /// The first.
     from: u32,
@@ -126,9 +127,10 @@ async fn execute<P: Ports>(
         match item {
             Item::Move(next) => {
                 progress.lines = next.line;
-                // Where M290 has shifted Z, that is what is wrong.
+                // If M290 has shifted Z, the move is refused for that.
                 if !begun && printer.machine_10nm() != start.position_10nm && !printer.is_shifted() {
-                    let message = "the frame begins elsewhere, expected it where the one before ended".to_owned();
+                    let message =
+                        "the frame does not begin where the one before ended: prepare the job again".to_owned();
                     return Err(Stopped::new(next.line, message));
                 }
                 begun = true;

@@ -57,7 +57,7 @@ async fn execute_all<P: Ports>(
     Err(refused(ReadError { fault: Fault::Truncated, offset: reader.offset(), frame: None }))
 }
 
-/// Executes what packets ask for.
+/// Executes the items of packets.
 async fn execute<P: Ports>(
     request: PacketRequest<'_>,
     player: &mut PacketPlayer,

@@ -16,13 +16,13 @@ use crate::remarks::Remark;
 use crate::session::{JobReplies, Session};
 use crate::watch::Watch;
 
-/// Blocks in the look-ahead ring while a job is prepared: more than any stopping distance has.
+/// Blocks in the look-ahead ring while a job is prepared: longer than any stopping distance.
 pub const LOOK_AHEAD_BLOCKS: usize = 65_536;
 
 /// Bytes that are kept before they are written.
 const PORTION_BYTES: usize = 64 * 1024;
 
-/// Where a job goes.
+/// The target of a prepared job.
 #[derive(Debug)]
 pub struct Target<W> {
     /// The file.
@@ -31,7 +31,7 @@ pub struct Target<W> {
     pub encoding: Encoding,
 }
 
-/// What was prepared.
+/// A prepared job, and how it came about.
 #[derive(Clone, Debug)]
 pub struct Prepared {
     /// The header of the file.
@@ -42,24 +42,24 @@ pub struct Prepared {
     pub content_bytes: u64,
     /// Length of the G-code, bytes.
     pub source_bytes: u64,
-    /// How far the job was read.
+    /// How far the G-code was read.
     pub progress: JobProgress,
-    /// What it does.
+    /// Counts of what it does.
     pub tally: Tally,
-    /// What a person should know of it.
+    /// Remarks for a person.
     pub remarks: Vec<Remark>,
 }
 
-/// Why nothing, or not all, was prepared.
+/// Why a job was not, or not wholly, prepared.
 #[derive(Debug)]
 pub enum PrepareError {
     /// The machine's acceleration profile cannot be prepared.
     Acceleration(AccelerationProfile),
-    /// The G-code is not one that can be executed.
+    /// The G-code cannot be executed.
     Job(JobError),
     /// The file cannot be written.
     Write(io::Error),
-    /// A command cannot be put into a file: its line, and why.
+    /// A command cannot be written to a prepared job: its line, and the reason.
     Command(u32, &'static str),
 }
 
@@ -164,7 +164,8 @@ impl<W: Write, P: Ports> Onlooker<P> for Writer<'_, W> {
         if let Ok(Command::ShiftZ { words, .. }) = parse(text)
             && words.z.is_some()
         {
-            let why = "M290 shifts a print by hand and cannot be prepared, expected the height in the job (M851, or its G-code)";
+            let why =
+                "M290 shifts a print by hand and cannot be prepared: put the height into the job (M851, or its G-code)";
             self.failed.get_or_insert(PrepareError::Command(line, why));
         }
         self.reader.with_script(|script| script.begins(line, text));
@@ -177,9 +178,9 @@ impl<W: Write, P: Ports> Onlooker<P> for Writer<'_, W> {
     }
 }
 
-/// Prepares a job: executes it on the desk without its steps and writes what is planned.
+/// Prepares a job: executes it on the desk without its steps and writes the plan.
 ///
-/// `picture` is the slicer's, see [`super::take_thumbnail`]. The header goes to the file's start again at the end, when its numbers are known.
+/// `picture` is the slicer's, see [`super::take_thumbnail`]. The header is written again at the end, when its numbers are known.
 ///
 /// # Errors
 /// See [`PrepareError`]; the content of `out` is then useless.

@@ -19,7 +19,7 @@ enum Now {
     },
     /// A change of the fan.
     Fan { line: u32, power: u8 },
-    /// Its text; what it moves the machine does by itself (homing).
+    /// Its text; the machine makes its motion by itself (homing).
     #[default]
     Text,
 }
@@ -39,7 +39,7 @@ enum Waiting {
     First { item: Option<PreparedMove>, speeds: Option<Speeds> },
     /// Moves that the machine made by itself.
     Anew,
-    /// What waits for nothing but the parts before.
+    /// A part that waits only for the parts before.
     Ready(Ready),
 }
 
@@ -52,9 +52,9 @@ pub enum Ready {
         item: PreparedMove,
         /// The whole block.
         planned: PlannedBlock,
-        /// The most that the corner before it and both feeds allow.
+        /// The maximum that the corner before it and both feeds allow.
         bound: SquaredSpeed,
-        /// How many moves are joined to it.
+        /// Number of moves that are joined to it.
         joined: usize,
     },
     /// A move that was joined to the one before.
@@ -75,7 +75,7 @@ pub enum Ready {
     },
     /// The settings in force have changed.
     State {
-        /// It.
+        /// The state.
         modal: ModalState,
         /// Where the machine is, units of 10 nm.
         position_10nm: [i64; 3],
@@ -105,7 +105,7 @@ pub struct Script {
     unplanned: VecDeque<u64>,
     recorder: Recorder,
     pass: ForwardPass,
-    /// What the block before can reach at its end.
+    /// The speed that the block before can reach at its end.
     reachable: SquaredSpeed,
 }
 
@@ -158,7 +158,7 @@ impl Script {
         }
     }
 
-    /// Takes what leaves look-ahead next, without making its steps, and notes its speeds.
+    /// Takes the next block that leaves look-ahead, without making its steps, and notes its speeds.
     pub fn record_next<S: RingMemory>(&mut self, planner: &mut Planner<S, Papers>) -> Option<Recorded> {
         let recorded = self.recorder.next(planner)?;
         if let Recorded::Block { planned, entry, bound } = recorded
@@ -170,7 +170,7 @@ impl Script {
         Some(recorded)
     }
 
-    /// All moves that have no speeds have been made otherwise: up to an end stop.
+    /// Moves that have no speeds yet have been made in another way: up to an end stop.
     pub fn sought(&mut self) {
         self.unplanned.clear();
         for waiting in &mut self.waiting {
@@ -212,7 +212,7 @@ impl Script {
             let mut pass = self.pass;
             let most = pass.fastest();
             let wanted = pass.next(&planned.block, *bound, false, said).ok()?;
-            // A higher one would let the reader expect more speed at the block's end than is there to brake from.
+            // A higher one would make the reader expect more speed at the block's end than it has.
             let holds = wanted.min(self.reachable).root() == planned.entry && wanted.min(most) <= *entry;
             holds.then_some(pass)
         };

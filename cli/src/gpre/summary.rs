@@ -1,4 +1,4 @@
-//! What `preprocess` says at its end.
+//! The summary that `preprocess` prints.
 
 use std::fmt;
 use std::path::Path;
@@ -42,12 +42,12 @@ pub struct PreparedSummary {
     pub filament_mm: f64,
     /// Real time, s.
     pub wall_s: f64,
-    /// What a person should know of the job.
+    /// Remarks for a person.
     pub remarks: Vec<Remark>,
 }
 
 impl PreparedSummary {
-    /// Of a job that was prepared in this many seconds.
+    /// The summary of a job that was prepared in this many seconds.
     pub fn new(file: &Path, out: &Path, profile: &str, prepared: &Prepared, wall_s: f64) -> Self {
         let header = &prepared.header;
         let picture = header.thumbnail.map_or(0, |picture| u64::from(picture.length));

@@ -1,4 +1,4 @@
-//! The picture that slicers write: into the comments at a file's start, into a block of binary G-code.
+//! The picture that slicers write into the comments at a file's start, or into a block of binary G-code.
 
 use std::io::{self, BufRead};
 
@@ -6,13 +6,13 @@ use ferrostep_gpre::{Thumbnail, ThumbnailFormat};
 
 use crate::input::Input;
 
-/// No more of a file is looked at.
+/// Most bytes of a file that are searched for a picture.
 const MAX_BYTES: u64 = 2 << 20;
 
-/// What is known of a picture, and its bytes.
+/// A picture's format and size, and its bytes.
 type Picture = (Thumbnail, Vec<u8>);
 
-/// Takes the picture out of a job that is about to be read; the job stays whole.
+/// Reads the picture from a job that is about to be read; the job stays complete.
 ///
 /// # Errors
 /// The job cannot be read.
@@ -26,7 +26,7 @@ pub fn take(input: &mut Input) -> io::Result<Option<Picture>> {
     Ok(picture)
 }
 
-/// Whether a prepared job has room for a picture.
+/// Whether a picture fits into a prepared job.
 fn fits(bytes: &[u8]) -> bool {
     !bytes.is_empty() && bytes.len() < ferrostep_gpre::header::MAX_THUMBNAIL_BYTES as usize
 }
@@ -121,7 +121,7 @@ mod tests {
         let (thumbnail, bytes) = picture.unwrap();
         assert_eq!(bytes, [0, 1, 2, 3, 4]);
         assert_eq!((thumbnail.format, thumbnail.width, thumbnail.height), (ThumbnailFormat::Qoi, 32, 24));
-        // What comes after the first command has not been looked at.
+        // Nothing after the first command was searched.
         assert!(text.as_bytes().starts_with(&read) && read.ends_with(b"\nG28\n"));
         for without in ["G28\n", "", "\n\nG28", "; thumbnail begin 16x16 4\n; ???\n; thumbnail end\n"] {
             assert_eq!(find(without.as_bytes()).unwrap(), (None, without.into()), "{without:?}");

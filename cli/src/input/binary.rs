@@ -1,4 +1,4 @@
-//! Binary G-code: what its blocks say, and its G-code as text.
+//! Binary G-code: its metadata, and its G-code as text.
 
 use std::cell::Cell;
 use std::fmt;
@@ -15,7 +15,7 @@ use crate::terminal::one_line;
 /// Bytes decoded at once.
 const PORTION_BYTES: usize = 64 * 1024;
 
-/// What a slicer says of its job.
+/// A slicer's figures of its job.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct SlicerFigures {
     /// The slicer and its version.
@@ -33,7 +33,7 @@ pub struct SlicerFigures {
 }
 
 impl SlicerFigures {
-    /// Takes in a block of metadata. What is written twice, the first block says.
+    /// Takes in a block of metadata. The first of two equal keys counts.
     fn read(&mut self, text: &str) {
         for (key, value) in entries(text) {
             let value = value.trim();
@@ -62,7 +62,7 @@ fn sum(numbers: &str) -> Option<f64> {
     numbers.split(',').map(|number| number.trim().parse::<f64>().ok().filter(|number| number.is_finite())).sum()
 }
 
-/// What a file says besides its G-code.
+/// The contents of a file besides its G-code.
 #[derive(Debug, Default)]
 pub struct Description {
     /// The slicer's figures.
@@ -118,7 +118,7 @@ impl Description {
 }
 
 impl fmt::Display for Description {
-    /// A line for each thing that the file says.
+    /// A line for each entry.
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         let SlicerFigures { producer, printer_model, time_s, filament_mm } = &self.figures;
         let text = |text: &Option<String>| text.as_deref().map_or("not said".to_owned(), |text| one_line(text).into());
@@ -137,7 +137,7 @@ impl fmt::Display for Description {
     }
 }
 
-/// Bytes from where the decoder stands.
+/// Bytes from the decoder's place on.
 fn rest<'a>(file: &'a [u8], decoder: &Decoder) -> &'a [u8] {
     usize::try_from(decoder.position()).ok().and_then(|position| file.get(position..)).unwrap_or_default()
 }
@@ -151,7 +151,7 @@ pub struct GcodeText {
 }
 
 impl GcodeText {
-    /// Of a whole file.
+    /// Starts with a whole file.
     pub fn new(file: Vec<u8>, read: Rc<Cell<u64>>) -> Self {
         read.set(0);
         Self { file, decoder: Decoder::new(Selection::GCODE), read }

@@ -1,8 +1,8 @@
-//! Files that are no job, known by their first bytes, so that the error can say what to do with them.
+//! Files that are not jobs, recognised by their first bytes, so that the error can tell the cure.
 
 use std::fmt;
 
-/// What a file is that is no job.
+/// A kind of file that is not a job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Foreign {
     /// A 3MF project: a zip archive with a model.
@@ -13,7 +13,7 @@ pub enum Foreign {
     Stl,
     /// Text in UTF-16.
     Utf16,
-    /// Compressed in a way that is not read here: the name of the format.
+    /// Compressed in a format that this program does not read: its name.
     Compressed(&'static str),
 }
 
@@ -26,7 +26,7 @@ const STL_HEADER_BYTES: usize = 84;
 const STL_FACET_BYTES: usize = 50;
 
 impl Foreign {
-    /// By a file's first bytes and its size, where that is known.
+    /// Recognises a file by its first bytes and its size, if that is known.
     pub fn of(start: &[u8], size: Option<u64>) -> Option<Self> {
         let contains = |text: &[u8]| memchr::memmem::find(start, text).is_some();
         if start.starts_with(b"PK\x03\x04") || start.starts_with(b"PK\x05\x06") {
@@ -83,7 +83,7 @@ impl fmt::Display for Foreign {
 mod tests {
     use super::*;
 
-    /// A binary STL of so many facets.
+    /// A binary STL with this many facets.
     fn stl(count: u32, attribute: u8) -> Vec<u8> {
         let mut bytes = b"made by hand".to_vec();
         bytes.resize(80, 0);

@@ -1,20 +1,20 @@
-//! The extruder against lambda s(t), from the filament that the printer asked for and the way as the other motors made it.
+//! The extruder against lambda s(t), from the filament that the printer asked for and the path that the other motors made.
 
 use std::collections::VecDeque;
 
-/// When a move's way was made.
+/// The times at which a move's path was made.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Way {
     /// Tick at which it began.
     pub from_tick: u64,
-    /// Ticks at which a part of it, 0 to 1, was behind the nozzle; in order.
+    /// Ticks, in order, at which the nozzle had made a part of it, 0 to 1.
     pub passed: Vec<(u64, f64)>,
     /// Tick at which it ended.
     pub to_tick: u64,
 }
 
 impl Way {
-    /// Which part is behind the nozzle at a tick: evenly from one place to the next.
+    /// The part that the nozzle has made at a tick, evenly from one place to the next.
     fn part(&self, tick: u64) -> f64 {
         let behind = self.passed.partition_point(|(passed, _)| *passed <= tick);
         let (from, before) = behind.checked_sub(1).map_or((self.from_tick, 0.0), |index| self.passed[index]);
@@ -30,9 +30,9 @@ pub struct Extruder {
     steps_per_mm: f64,
     /// Filament of the moves that have been planned and have not ended, 0.1 nm.
     planned_100pm: VecDeque<i64>,
-    /// What leads to the next move that ends: parts that tell no end of their own.
+    /// Filament of parts that lead to the next end of a move and have none of their own.
     open_100pm: i64,
-    /// Where it should stand at the start of the present move, 0.1 nm, and where it stands, steps.
+    /// Its planned position at the start of the present move, 0.1 nm, and its real one, steps.
     start_100pm: i64,
     steps: i64,
     /// Its steps in the present move, with their ticks.
@@ -41,12 +41,12 @@ pub struct Extruder {
 }
 
 impl Extruder {
-    /// One that stands at zero.
+    /// An extruder at zero.
     pub fn new(steps_per_mm: f64) -> Self {
         Self { steps_per_mm, ..Self::default() }
     }
 
-    /// A move has been planned behind those before.
+    /// A move has been planned after the others.
     pub fn planned(&mut self, filament_100pm: i64, ends_move: bool) {
         self.open_100pm += filament_100pm;
         if ends_move {
@@ -54,7 +54,7 @@ impl Extruder {
         }
     }
 
-    /// A move has been broken off; only one that pushes nothing may be.
+    /// A move has been broken off; it must not push filament.
     pub fn broken_off(&mut self) {
         self.planned_100pm.clear();
         self.open_100pm = 0;
@@ -65,7 +65,7 @@ impl Extruder {
         self.made.push((tick, step));
     }
 
-    /// The present move has ended. Without a way the extruder was its own master.
+    /// The present move has ended. Without a path the extruder moved alone.
     pub fn move_ended(&mut self, way: Option<Way>) {
         let filament_100pm = self.planned_100pm.pop_front().unwrap_or(0);
         let steps_per_100pm = self.steps_per_mm / 1e7;
@@ -80,7 +80,7 @@ impl Extruder {
         self.start_100pm += filament_100pm;
     }
 
-    /// How far it was from lambda s(t) at most, just before or just behind one of its steps, in steps.
+    /// Its greatest distance from lambda s(t), just before or just after one of its steps, in steps.
     pub fn farthest_off_steps(&self) -> f64 {
         self.farthest_off_steps
     }

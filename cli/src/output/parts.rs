@@ -1,10 +1,10 @@
-//! The list of temporary files, for whoever must remove them all.
+//! The list of temporary files, which a signal removes.
 
 use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// All temporary files. The lock is held while one is made, renamed or removed, and while the signal thread removes them all, so
-/// that none is missed in between.
+/// All temporary files. The lock is held while one is made, renamed or removed, and while the signal thread removes them all, so that
+/// it misses none.
 static PARTS: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
 /// Locks the list.

@@ -11,14 +11,14 @@ use super::error::SendError;
 use super::packing::Packing;
 use super::port::{HALTED, Patience, Port};
 
-/// Lines that are kept because the printer may ask for them again. One is under way at a time; a printer that was asked twice may
-/// be one behind.
+/// Lines kept because the printer may ask for them again. One is under way at a time; a printer that was asked twice may be one
+/// behind.
 const KEPT_LINES: usize = 16;
 
-/// Lines that are kept of what a printer says about one of ours.
+/// Most lines kept of a printer's answer to one line.
 const MAX_SAID: usize = 20;
 
-/// Texts of errors that a request to send again follows.
+/// Texts of errors after which the printer asks for a line again.
 const TRANSFER_ERRORS: [&str; 2] = ["checksum", "line number"];
 
 /// A numbered line with its checksum.
@@ -35,11 +35,11 @@ pub enum Stop {
     Error(String),
     /// The printer asks its host to cancel the job.
     Cancelled,
-    /// The printer was reset: it says `start`.
+    /// The printer was reset: it has sent `start`.
     Reset,
-    /// [`Watch::wants_end`] has said so.
+    /// [`Watch::wants_end`] has asked for it.
     Asked,
-    /// The printer does not write the file; the command, and what it has said.
+    /// The printer does not write the file; the command, and the printer's answer.
     NotWriting(String, Vec<String>),
     /// It has not written all of the file.
     NotWritten(Vec<String>),
@@ -66,9 +66,9 @@ impl fmt::Display for Stop {
     }
 }
 
-/// Looks on while lines are sent.
+/// Observes the lines that are sent.
 pub trait Watch {
-    /// The printer has said something.
+    /// The printer has sent a line.
     fn hear(&mut self, line: &str);
     /// A line of the file, with its command, has been answered.
     fn sent(&mut self, _line: u32, _command: &str) {}
@@ -86,7 +86,7 @@ impl<F: FnMut(&str)> Watch for F {
     }
 }
 
-/// What became of a job.
+/// How a job ended.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Outcome {
     /// Lines of the file up to which commands were answered.
@@ -113,14 +113,14 @@ pub struct Frame<'a> {
     pub is_upload: bool,
 }
 
-/// What a printer says that begins to write a file, and that has written it.
+/// The lines by which a printer tells that it begins to write a file, and that it has written it.
 const WRITING: &str = "Writing to file";
 const WRITTEN: &str = "Done saving file";
 
 impl Frame<'_> {
     /// Waits for the end of the motion.
     pub const PLAIN: Self = Self { opening: &[], closing: &["M400"], is_upload: false };
-    /// Asks for temperatures every two seconds meanwhile.
+    /// Asks for temperature reports every two seconds meanwhile.
     pub const WITH_TEMPERATURES: Self = Self { opening: &["M155 S2"], closing: &["M400", "M155 S0"], is_upload: false };
 }
 
@@ -174,12 +174,12 @@ struct Command {
     number: u32,
     file_line: u32,
     text: String,
-    /// How a line begins that must be said before its `ok`.
+    /// The beginning of a line that the printer must send before its `ok`.
     expects: Option<&'static str>,
 }
 
 impl Command {
-    /// Whether a file with it cannot be uploaded: it acts as its bytes arrive, or ends the upload.
+    /// Whether it must not be in an upload: it acts as its bytes arrive, or ends the upload.
     fn acts_in_upload(&self) -> bool {
         use ferrostep_gcode::{CardCommand, Command as Parsed, parse};
         self.expects.is_none()
@@ -187,7 +187,7 @@ impl Command {
     }
 }
 
-/// What came of waiting for the answer to a line.
+/// The result of waiting for the answer to a line.
 enum Answer {
     Ok,
     Again(u32),
@@ -200,15 +200,15 @@ struct Sending<'a, P, W> {
     packing: Packing,
     patience: Patience,
     watch: &'a mut W,
-    /// Whether the printer has answered anything: before, a `start` is no reset.
+    /// Whether the printer has answered anything. Before that a `start` does not mean a reset.
     is_known: bool,
     is_held: bool,
-    /// What was said about the line at hand.
+    /// The printer's lines about the present line.
     said: Vec<String>,
 }
 
 impl<P: Port, W: Watch> Sending<'_, P, W> {
-    /// Sends a line and waits for what the printer makes of it.
+    /// Sends a line and waits for the printer's answer.
     fn ask(&mut self, line: &str) -> Result<Answer, SendError> {
         self.port.send(&self.packing.bytes(line))?;
         let (mut heard_at, mut asked_at) = (self.port.now(), self.port.now());
@@ -247,7 +247,7 @@ impl<P: Port, W: Watch> Sending<'_, P, W> {
         }
     }
 
-    /// Whether what the printer says ends the job. Notes whether the job is to be held.
+    /// Whether a line of the printer ends the job. Notes whether the job is to be held.
     fn stop_of(&mut self, said: &str) -> Result<Option<Stop>, SendError> {
         if said.starts_with(HALTED) {
             return Err(SendError::Halted(said.to_owned()));
@@ -305,10 +305,10 @@ fn resend(said: &str) -> Option<u32> {
 }
 
 /// Sends G-code with numbers and checksums, with a frame around it, and repeats lines that the printer asks for. `next` returns
-/// the bytes of the file's next line. What was packed is plain again at the end, however it ends.
+/// the bytes of the file's next line. Packing is switched off at the end in any case.
 ///
 /// # Errors
-/// The file cannot be read; the printer does not answer, has halted, asks for a line that is long over, or is gone.
+/// The file cannot be read; the printer does not answer, has halted, asks for a line from too long ago, or is gone.
 pub fn send_lines(
     port: &mut impl Port,
     packing: Packing,
@@ -388,7 +388,7 @@ fn send_each(
             }
             Answer::Again(wanted) => {
                 outcome.resends += 1;
-                // One that is not sent yet is the next, whatever the printer makes of its number.
+                // A line that is not sent yet comes next, whatever number the printer has asked for.
                 number = wanted.min(source.number + 1);
             }
             Answer::Stop(stop) => return Ok(Outcome { stop: Some(stop), ..outcome }),

@@ -11,12 +11,12 @@ use super::port::{Patience, Port};
 /// The line by which a board says, after M115, that its host may pack.
 const KNOWS_PACKING: &str = "Cap:MEATPACK:1";
 
-/// How lines of G-code go to the board.
+/// The form in which lines of G-code go to the board.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Packing {
-    /// As text.
+    /// Text.
     Plain,
-    /// Two characters in a byte: MeatPack.
+    /// MeatPack: two characters in a byte.
     MeatPack,
 }
 

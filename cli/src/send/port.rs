@@ -1,4 +1,4 @@
-//! A board at the other end of a line, and how long a host waits for it.
+//! A line to a board, and the time limits of its host.
 
 use std::io;
 use std::time::{Duration, Instant};
@@ -37,12 +37,12 @@ pub struct Patience {
     pub board_s: u16,
     /// Of G-code: after this long without any line the line under way is sent again.
     pub repeat: Duration,
-    /// How often it is looked whether a person wants the end.
+    /// Interval of the looks whether a person wants the end.
     pub look: Duration,
 }
 
 impl Patience {
-    /// For a board at a line.
+    /// The limits for a board at a real line.
     pub const DEFAULT: Self = Self {
         ask: Duration::from_millis(250),
         give_up: Duration::from_secs(20),

@@ -1,4 +1,4 @@
-//! The person at the keyboard: Ctrl-C, and what the printer is told then.
+//! The person at the keyboard: Ctrl-C, and the commands that it sends to the printer.
 
 use std::io::{BufRead, IsTerminal};
 use std::sync::Arc;
@@ -11,10 +11,10 @@ use ferrostep::send::{self, Port};
 use ferrostep::terminal::tell;
 use signal_hook::consts::{SIGINT, SIGTERM};
 
-/// How long the printer may take for the answers to what ends a job.
+/// Longest time of the answers to the commands that end a job.
 const ANSWERS: Duration = Duration::from_secs(5);
 
-/// What ends a job: waits, motion, heat. The first two act at once where the printer reads ahead of its queue.
+/// The commands that end a job: its waits, motion and heat. The first two act at once if the printer reads ahead of its queue.
 const END: [(&str, &str); 4] =
     [("M108", "waits"), ("M410", "motion"), ("M104 S0", "the nozzle's heater"), ("M140 S0", "the bed's heater")];
 
@@ -44,7 +44,7 @@ impl Person {
         Ok(Self { pressed, answer: Arc::new(AtomicU8::new(UNDECIDED)), is_asked: false })
     }
 
-    /// Whether the job is to end. The first Ctrl-C asks where there is a terminal, and the print goes on meanwhile.
+    /// Whether the job is to end. On a terminal the first Ctrl-C asks, and the print goes on meanwhile.
     pub fn wants_end(&mut self, ask: impl FnOnce(&str)) -> bool {
         if !self.pressed.swap(false, Ordering::Relaxed) {
             match self.answer.load(Ordering::Relaxed) {
@@ -75,11 +75,11 @@ impl Person {
 
 /// Ends an upload that has not begun as it should; hears all answers, which the next host must not.
 pub fn end_upload(line: &mut PrinterLine) {
-    // Where the printer was not writing, M29 does nothing.
+    // If the printer was not writing, M29 has no effect.
     hear_to_the_end(line, "M29\n");
 }
 
-/// Ends an upload and removes what has come of the file; says whether the printer has confirmed it.
+/// Ends an upload and deletes the incomplete file; reports whether the printer has confirmed it.
 pub fn delete_upload(line: &mut PrinterLine, name: &str) {
     if hear_to_the_end(line, &format!("M29\nM30 {name}\n")).iter().any(|said| said.starts_with("File deleted")) {
         tell(format_args!("{name} was not complete and has been deleted from the card"));
@@ -102,7 +102,7 @@ fn hear_to_the_end(line: &mut PrinterLine, commands: &str) -> Vec<String> {
     said
 }
 
-/// Ends waits, motion and heat, and says what the printer has confirmed.
+/// Ends waits, motion and heat, and reports what the printer has confirmed.
 pub fn cool_down(line: &mut PrinterLine) {
     let end = Instant::now() + ANSWERS;
     // The printer may still owe the answer to the line that was under way: M105's has a temperature, and is the last.

@@ -1,4 +1,4 @@
-//! What goes wrong on purpose: `serve --fault`.
+//! Faults on purpose: `serve --fault`.
 
 use std::str::FromStr;
 use std::time::Duration;
@@ -13,13 +13,13 @@ pub const KINDS: &str = "nozzle-HOW or bed-HOW with HOW open, shorted, fell-out,
 /// A fault and its time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fault {
-    /// What goes wrong.
+    /// The fault.
     pub kind: FaultKind,
-    /// When, in virtual time since the printer was switched on.
+    /// Its time, in virtual time since the printer was switched on.
     pub at: Duration,
 }
 
-/// What goes wrong.
+/// A fault.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum FaultKind {
     /// A heater, or its thermistor.
@@ -40,7 +40,7 @@ impl FaultKind {
     }
 }
 
-/// What happens to bytes on their way to the printer.
+/// Damage to bytes on their way to the printer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LineFault {
     /// Some bytes are lost.

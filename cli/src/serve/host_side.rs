@@ -13,16 +13,16 @@ use ferrostep_virtual_board::VirtualClock;
 
 use super::port::HostPort;
 
-/// Bytes that are taken from the port at once.
+/// Most bytes taken from the port at once.
 const CHUNK_BYTES: usize = 64;
 
 /// A job's reader waits for bytes this long at most, as on a board, ms.
 const WAIT_MS: u64 = 150;
 
-/// A line, or why it cannot be read, and who has sent it.
+/// A line or why it cannot be read, and its host.
 type Said<'a> = Option<(&'a mut Host, Result<Line<'a>, LineError>)>;
 
-/// The host, and what its port's next bytes belong to.
+/// The host, and the state of its port's text and frames.
 pub struct HostSide {
     host: Host,
     lines: Lines,
@@ -32,16 +32,16 @@ pub struct HostSide {
 }
 
 impl HostSide {
-    /// A host that has said nothing yet.
+    /// A host that has sent nothing yet.
     pub fn new() -> Self {
         Self { host: Host::new(), lines: Lines::new(), frames: StrayFrames::new(), last_job: Report::NONE }
     }
 
-    /// Reads up to the end of a line; how much that was.
+    /// Reads up to the end of a line. Returns how many bytes that took, and the line.
     pub fn feed<'a>(&'a mut self, bytes: &'a [u8], port: &HostPort) -> (usize, Said<'a>) {
         let (length, stretch) = self.frames.next(bytes);
         if let Stretch::Frame { ends } = stretch {
-            // A host that has not heard how its job ended.
+            // This host has not heard how its job ended.
             if ends {
                 port.say(&self.last_job.to_string());
             }
@@ -50,7 +50,7 @@ impl HostSide {
         self.text(&bytes[..length], port)
     }
 
-    /// Text that is no frame's.
+    /// Reads text, outside frames.
     fn text<'a>(&'a mut self, bytes: &'a [u8], port: &HostPort) -> (usize, Said<'a>) {
         let (used, heard) = self.lines.feed(bytes);
         let said = match heard {
@@ -105,7 +105,7 @@ impl HostLines for CardHost<'_> {
         said.map_or(HostText::Part, |(host, line)| HostText::Line(host, line))
     }
 
-    // There is one host.
+    // This port has one host.
     fn tell_all(&mut self) {}
 
     async fn wait(&mut self, idle: bool) {
@@ -152,6 +152,6 @@ impl JobLine for JobHost<'_> {
         self.host.text(bytes, self.port)
     }
 
-    // There is one host.
+    // This port has one host.
     fn answer_job(&mut self) {}
 }

@@ -4,17 +4,17 @@ use std::fmt;
 use std::str::FromStr;
 use std::time::{Duration, Instant};
 
-/// How long time stands still for a host that has its `ok`, at any speed above real time. A host that prints answers within
+/// Longest stop of time for a host that has its `ok`, at any speed above real time. A host that prints answers within
 /// milliseconds; one that takes longer than this has stopped sending.
 pub const HOST_TURN: Duration = Duration::from_millis(1000);
 
 /// Maximum delay that is caught up. A larger one stays: a host would see a printer that races.
 const CATCH_UP: Duration = Duration::from_millis(100);
 
-/// Time is given in portions of at least this, ns: less would cost more than it is worth.
+/// Least portion of time granted, ns: smaller ones would cost too much.
 const PORTION_NS: f64 = 1e6;
 
-/// What is given at once where time may pass without limit, ns.
+/// Portion granted if time may pass without limit, ns.
 const LEAP_NS: u64 = 1_000_000_000;
 
 /// Longest wait for the host before the pace is looked at again.
@@ -23,9 +23,9 @@ const MAX_WAIT: Duration = Duration::from_millis(20);
 /// How fast virtual time passes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Speed {
-    /// So many virtual seconds in a second.
+    /// This many virtual seconds in a second.
     Times(f64),
-    /// As fast as this computer can where the printer has something to do; in real time where it has not.
+    /// As fast as this computer can while the printer has something to do; otherwise in real time.
     Max,
 }
 
@@ -50,7 +50,7 @@ impl fmt::Display for Speed {
     }
 }
 
-/// What the printer is at.
+/// The printer's activity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Doing {
     /// A command is being executed.
@@ -66,7 +66,7 @@ pub struct Doing {
 pub enum Next {
     /// This much virtual time may pass, ns.
     Pass(u64),
-    /// None may; this long at most until that changes.
+    /// No time may pass; this long at most until that changes.
     Wait(Duration),
 }
 
@@ -86,18 +86,18 @@ pub struct Pace {
 }
 
 impl Pace {
-    /// From now on.
+    /// Starts now.
     pub fn new(speed: Speed, now: Instant) -> Self {
         Self { speed, looked: now, looked_ns: 0, due_ns: 0.0, host_turn_since: None }
     }
 
     /// The host has sent something.
     pub fn hear(&mut self) {
-        // Where a line is not complete, it is its turn again.
+        // If a line is not complete, it is the host's turn again.
         self.host_turn_since = None;
     }
 
-    /// How much of the time may pass at a moment, when virtual time is `now_ns`.
+    /// How much time may pass at a moment, when virtual time is `now_ns`.
     pub fn look(&mut self, now: Instant, now_ns: u64, doing: Doing) -> Next {
         let passed = now.saturating_duration_since(self.looked);
         self.due_ns = (self.due_ns - now_ns.saturating_sub(self.looked_ns) as f64).max(0.0);

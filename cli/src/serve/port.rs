@@ -21,16 +21,16 @@ const RECEIVE_BYTES: usize = 2048;
 /// Maximum bytes that are received at once, so that the printer reads them before the next ones come.
 const RECEIVED_AT_ONCE: usize = 1024;
 
-/// It is looked this often whether a host is there.
+/// Interval of the looks whether a host is there.
 const LOOK_INTERVAL: Duration = Duration::from_millis(20);
 
-/// Different unknown commands that are remembered; a host could send any number.
+/// Most different unknown commands remembered; a host could send any number.
 const MAX_UNKNOWN_COMMANDS: usize = 100;
 
-/// Bytes to a host that does not read them, above which nothing is reported that nobody asked for.
+/// Bytes that a host has not read, above which only replies are sent to it.
 const MAX_UNREAD_BYTES: usize = 4096;
 
-/// Received bytes, and what acts before it is read.
+/// Received bytes, and the commands that act before they are read.
 #[derive(Default)]
 struct Ring {
     bytes: VecDeque<u8>,
@@ -65,14 +65,14 @@ impl Buffers for Ring {
     }
 }
 
-/// What has come from the host.
+/// A summary of the bytes that have come from the host.
 #[derive(Default)]
 pub struct Received {
-    /// Whether anything has.
+    /// Whether any have come.
     pub anything: bool,
     /// Whether a line has ended.
     pub line: bool,
-    /// What acts at once.
+    /// Commands that act at once.
     pub emergencies: Vec<Emergency>,
 }
 
@@ -84,9 +84,9 @@ pub struct HostPort {
     ring: RefCell<Ring>,
     out: RefCell<String>,
     is_connected: Cell<bool>,
-    /// When it was last looked whether a host is there.
+    /// Time of the last look whether a host is there.
     looked: Cell<Instant>,
-    /// The printer waits for bytes.
+    /// Whether the printer waits for bytes.
     is_awaited: Cell<bool>,
     unknown: RefCell<BTreeSet<String>>,
     lines: Cell<u32>,
@@ -114,7 +114,7 @@ impl HostPort {
         self.damage.borrow_mut().add(fault, share);
     }
 
-    /// Sends what there is to say, and receives what the host has sent.
+    /// Sends the waiting lines, and receives the host's bytes.
     ///
     /// # Errors
     /// The line is broken for good.
@@ -134,7 +134,7 @@ impl HostPort {
         if self.is_connected.get() && !out.is_empty() {
             line.write(out.as_bytes())?;
         }
-        // As on a wire, what nobody listens to is lost.
+        // As on a wire, bytes without a listener are lost.
         out.clear();
         let anything = !bytes.is_empty();
         self.damage.borrow_mut().carry(&mut bytes);
@@ -156,7 +156,7 @@ impl HostPort {
         self.line.borrow().wait(timeout);
     }
 
-    /// Waits for bytes, and takes as many as are there and fit.
+    /// Waits for bytes, and takes as many as have come and fit.
     pub async fn read<'a>(&self, buffer: &'a mut [u8]) -> &'a [u8] {
         poll_fn(|_| {
             let is_empty = self.ring.borrow().bytes.is_empty();
@@ -168,7 +168,7 @@ impl HostPort {
         &buffer[..length]
     }
 
-    /// Takes as many bytes as are there and fit, without waiting.
+    /// Takes as many bytes as have come and fit, without waiting.
     pub fn take(&self, buffer: &mut [u8]) -> usize {
         let bytes = &mut self.ring.borrow_mut().bytes;
         let length = bytes.len().min(buffer.len());
@@ -178,12 +178,12 @@ impl HostPort {
         length
     }
 
-    /// Says that the printer has nothing to do than to wait for bytes, or no more.
+    /// Sets whether the printer only waits for bytes.
     pub fn set_awaited(&self, is_awaited: bool) {
         self.is_awaited.set(is_awaited);
     }
 
-    /// Whether the printer waits for bytes, and there are none.
+    /// Whether the printer waits for bytes, and none have come.
     pub fn is_awaited(&self) -> bool {
         self.is_awaited.get() && self.ring.borrow().bytes.is_empty()
     }

@@ -40,7 +40,7 @@ impl From<&Machine> for SimulatedMachine {
 /// The plan by other rules.
 #[derive(Clone, Debug, Serialize)]
 pub struct Compared {
-    /// Whose rules.
+    /// The firmware with these rules.
     pub rules: &'static str,
     /// Its shaper.
     pub shaper: String,
@@ -63,7 +63,7 @@ pub struct Simulated {
     pub profile: Option<String>,
     /// `gcode`, `prepared` or `trace`.
     pub source: &'static str,
-    /// What is measured against: `gcode` or `steps`.
+    /// The path measured against: `gcode` or `steps`.
     pub path: &'static str,
     /// Frame and nozzle.
     pub machine: SimulatedMachine,

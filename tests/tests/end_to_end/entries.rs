@@ -1,4 +1,4 @@
-//! Prepared jobs entered at a frame: from there on they make the steps of the whole job, and the nozzle touches nothing before.
+//! Prepared jobs entered at a frame: from there on they make the steps of the whole job, and before that the nozzle touches nothing.
 
 use std::path::Path;
 
@@ -14,7 +14,7 @@ use crate::desk::{Ended, profile, rehearse_far, rehearse_from};
 use crate::prepared::{SQUARE, prepared, says};
 use crate::programs::generator::{Program, program};
 
-/// How far the nozzle is raised on the way, units of 10 nm.
+/// Height by which the nozzle is raised on the way, units of 10 nm.
 const CLEARANCE_10NM: i64 = 500_000;
 
 /// Where the frames of a job begin.
@@ -52,7 +52,7 @@ fn behind(mut records: Vec<Record>, line: u32) -> (Vec<Record>, Vec<Record>) {
     (records, behind)
 }
 
-/// The steps of X, Y and Z in their order: which motors, and which way.
+/// The steps of X, Y and Z in their order: motors and directions.
 fn way(records: &[Record]) -> Vec<(u8, u8)> {
     let events = records.iter().filter_map(|record| if let Record::Step(event) = record { Some(event) } else { None });
     let of_way = events.map(|event| (event.axes & 0b111, event.directions & event.axes & 0b111));
@@ -174,7 +174,7 @@ proptest! {
             prop_assert!(way(&tail) == way(&expected), "frame {}: other steps", frame);
             prop_assert_eq!(&entered.logical_10nm[..3], &whole.logical_10nm[..3]);
             let extruder = entered.logical_10nm[3] - whole.logical_10nm[3];
-            // What is owed of a unit is in no frame.
+            // No frame contains a remainder of a unit.
             prop_assert!(extruder.abs() <= 1, "E is {} beside", extruder);
         }
     }
@@ -223,7 +223,7 @@ fn steps_keep_their_times_from_a_standstill_on() {
     }
 }
 
-/// What the command says that enters a job.
+/// The output of the command that enters a job.
 fn print_from(path: &Path, frame: &str, status: i32) -> String {
     let outcome = ferrostep(["print", path.to_str().unwrap(), "--from-frame", frame]);
     assert_eq!(outcome.status, Some(status), "{outcome:#?}");
@@ -244,11 +244,8 @@ fn impossible_entry_frames_are_refused() {
     ];
     let path = file(&directory, "moves.gpre", hand_made::job(machine.plan_hash, &moves));
     says(&print_from(&path, "6", 1), "frame 6: there is no such frame, expected one from 0 to 5");
-    let goes_on = "a job cannot be entered here, for its first move goes on from the one before";
-    says(
-        &print_from(&path, "2", 1),
-        &format!("frame 2: {goes_on}; expected another: the next one that can be entered is 4"),
-    );
+    let goes_on = "a job cannot be entered here, because its first move goes on from the one before";
+    says(&print_from(&path, "2", 1), &format!("frame 2: {goes_on}; the next one that can be entered is 4"));
     says(&print_from(&path, "5", 1), &format!("frame 5: {goes_on}; no later one can"));
     says(&print_from(&path, "4", 0), "");
 
@@ -293,7 +290,7 @@ fn a_resumed_job_heats_first() {
     let summary = outcome.json();
     let heating_s = summary["print_time_s"].as_f64().unwrap() - summary["motion_time_s"].as_f64().unwrap();
     assert!(heating_s > 100.0, "{summary}");
-    // From the job's start on it is the job.
+    // Entered at its start it is the whole job.
     let whole = ferrostep(["print", path.to_str().unwrap(), "--json"]).json();
     let first = ferrostep(["print", path.to_str().unwrap(), "--json", "--from-frame", "0"]).json();
     assert_eq!(whole["step_digest"], first["step_digest"]);
