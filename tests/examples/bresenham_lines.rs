@@ -1,6 +1,6 @@
-//! Holds step Bresenham against classic Bresenham on random lines, for as many points as one likes to wait for.
+//! Compares step Bresenham with classic Bresenham on random lines, for any number of points.
 //!
-//! `bresenham_lines [POINTS [SEED]]`, 10^9 points unless told. Lines have two or three axes, any direction, and lengths
+//! `bresenham_lines [POINTS [SEED]]`, 10^9 points by default. Lines have two or three axes, any direction, and lengths
 //! spread evenly over the powers of two up to 2^24 steps.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
@@ -9,7 +9,7 @@ use ferrostep_papers::bresenham::{
 };
 use indicatif::{ProgressBar, ProgressStyle};
 
-/// Longest lines, as a power of two.
+/// Length of the longest lines, as a power of two.
 const LONGEST_BITS: f64 = 24.0;
 
 fn main() {

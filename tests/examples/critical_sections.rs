@@ -1,8 +1,7 @@
-//! How many instructions the image's critical sections take, in a short print: the longest of each place.
+//! Counts the instructions of the image's critical sections in a short print: the longest of each place.
 //!
-//! The emulator tells every instruction that it executes. A section begins where the priority is raised to RTIC's 15 and
-//! ends where it is put back; what the step interrupt does in between, which alone can come then, is not counted. Takes
-//! some minutes.
+//! The emulator logs every instruction that it executes. A section begins where the priority is raised to RTIC's 15, and ends
+//! where it is restored. Only the step interrupt can come in between; its instructions are not counted. Takes some minutes.
 //!
 //! ```text
 //! cargo run --release -p ferrostep-tests --example critical_sections -- IMAGE
@@ -17,7 +16,7 @@ use std::thread;
 
 use ferrostep_image_code::code::{Code, Instruction, constant};
 
-/// The program, which is to be installed by hand. Version 7.2 is known to work.
+/// The emulator, to be installed by hand. Version 7.2 is known to work.
 const EMULATOR: &str = "qemu-system-arm";
 
 /// TIM2's number (RM0090, table 61).
@@ -53,13 +52,13 @@ const CONVERSATION: [&str; 16] = [
 const ARGUMENTS: &str = "-machine netduinoplus2 -icount shift=6 -global stm32f2xx-timer.clock-frequency=16000000 \
                          -display none -monitor none -serial stdio -singlestep -d exec,nochain -kernel";
 
-/// What instructions mean for the count.
+/// The meaning of instructions for the count.
 struct Places {
     /// Where critical sections begin.
     sections: BTreeSet<u32>,
     /// Where the priority is raised, for a section or a lock.
     raised: BTreeSet<u32>,
-    /// Where it is put back.
+    /// Where it is restored.
     restored: BTreeSet<u32>,
     /// The step interrupt's first instructions, and each one's last.
     step_interrupt: BTreeMap<u32, BTreeSet<u32>>,
@@ -135,11 +134,11 @@ impl Counter {
             return;
         }
         if address == self.previous {
-            // The step interrupt came before it was executed; it is reported a second time.
+            // The step interrupt came before it was executed; the log repeats it.
             return;
         }
         if self.section.is_some() && self.places.handlers.contains(&address) {
-            // Another interrupt can only have come before the priority was raised, which is told a second time, too.
+            // Another interrupt can only have come before the priority was raised; the log repeats that, too.
             self.section = None;
         }
         self.previous = address;
@@ -164,7 +163,7 @@ impl Counter {
     }
 }
 
-/// Says the conversation's lines, one after each `ok`, then ends the emulator.
+/// Sends the conversation's lines, one after each `ok`, then ends the emulator.
 fn converse(mut input: ChildStdin, output: ChildStdout) {
     let mut lines = CONVERSATION.iter();
     for reply in BufReader::new(output).lines().map_while(Result::ok) {

@@ -59,7 +59,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Prints the file and says what came of it.
+/// Prints the file and describes the result.
 fn panel(profile: &Profile, text: &str, label: String, costs: Costs, mut host: HostLine) -> Result<Panel, String> {
     with_board::<Pulses, _>(profile, LOOK_AHEAD_BLOCKS, costs, |board| {
         board.print(text, &mut host).map_err(|(line, failure)| format!("line {line}: {failure}"))?;

@@ -4,8 +4,8 @@
 //! cargo run --release -p ferrostep-tests --example hostile_programs -- [--programs 10000] [--moves 1000] [--first 0]
 //! ```
 //!
-//! Exit status 0 if every motor stands where it must at every end. The count knows the text, the profile and the trace, and
-//! shares nothing with the planner ([`ferrostep_oracle::trace_ends`]).
+//! Exit status 0 if every motor stands where it must at every end. The count uses the text, the profile and the trace, and
+//! shares no code with the planner ([`ferrostep_oracle::trace_ends`]).
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use std::env;
@@ -53,7 +53,7 @@ impl Observer for Records {
     }
 }
 
-/// Prints a program; its ends, or why it stopped.
+/// Prints a program. Returns the ends of its moves, or why it stopped.
 fn print(program: &Hostile) -> Result<Ends, String> {
     let profile = ferrostep_profiles::parse(&program.profile, "hostile").map_err(|error| error.to_string())?;
     let reference = ReferenceProfile::from_toml(&program.profile).map_err(|error| error.to_string())?;

@@ -1,5 +1,5 @@
-//! How close the edges of a trace's steps come to each other on a board, with the step interrupt as late as its image allows
-//! it.
+//! Measures how close the edges of a trace's steps come to each other on a board whose step interrupt is as late as its image
+//! allows.
 //!
 //! `step_edges TRACE PROFILE IMAGE.elf`: a trace of `ferrostep print --trace`, the profile that it was made with, and the
 //! image of `cargo xtask firmware`.

@@ -1,9 +1,9 @@
-//! The board as it runs, in virtual time: the firmware's own parts, and a clock that work and waiting take from.
+//! The board in virtual time: the firmware's own parts, and a clock that advances with work and waiting.
 //!
 //! G-code executor, planner, look-ahead ring, step queue, step interrupt and emergency stop are those that the firmware
-//! runs. The model adds what RTIC and the processor do: the step interrupt comes at each update of its timer, whatever
-//! else goes on; the planner task every 2 ms and after each move; the executor in the time that is left. How fast the
-//! host sends and what work costs can be chosen.
+//! runs. The model adds the parts of RTIC and the processor: the step interrupt comes at each update of its timer, whatever
+//! else runs; the planner task every 2 ms and after each move; the executor in the remaining time. The speed of the host and
+//! the cost of work can be chosen.
 
 mod host_line;
 mod impatience;
@@ -49,10 +49,10 @@ const STEP_QUEUE_SLOTS: usize = 2048;
 /// The planner task looks at the step queue this often, as in the firmware.
 const PLANNER_INTERVAL: u64 = 2 * CYCLES_A_MS;
 
-/// At standstill, what waits is executed after this much silence, as in the firmware.
+/// At standstill the waiting moves are executed after this much silence, as in the firmware.
 const FLUSH_AFTER: u64 = 100 * CYCLES_A_MS;
 
-/// No command takes longer, cycles: what does, hangs.
+/// Longest time of a command, cycles: one that takes longer hangs.
 const LONGEST_COMMAND: u64 = 3_600 * CYCLES_PER_S;
 
 /// Planner, motors and step queue of the board.
@@ -70,14 +70,14 @@ pub struct Board<'a, M> {
     clock: VirtualClock,
     replies: Transcript,
     costs: Costs,
-    /// When the planner task looks again.
+    /// Cycle at which the planner task looks again.
     next_plan: Cell<u64>,
-    /// Since when the executor waits for a line.
+    /// When the executor began to wait for a line.
     awaits_since: Cell<Option<u64>>,
     stop_reports: RefCell<Vec<StopReport>>,
 }
 
-/// What the machine believed at the moment when it had followed a stop, and what is true.
+/// The machine's belief right after it has followed a stop, and the truth.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StopReport {
     /// Where the machine believes its motors to be.
@@ -150,7 +150,7 @@ impl<'a, M: Stepping> Board<'a, M> {
         self.clock.advance_to(to_ns(self.now()));
     }
 
-    /// A portion of the planner's work; whether there is more. What the machine makes of a stop is noted before anything
+    /// A portion of the planner's work; returns whether there is more. The machine's belief after a stop is noted before anything
     /// else happens.
     fn work(&self, silence: Silence) -> bool {
         let mut machine = self.machine.borrow_mut();
@@ -244,8 +244,7 @@ impl<'a, M: Stepping> Board<'a, M> {
         }
     }
 
-    /// Prints the lines of a text as they arrive and then waits in silence until all motion has ended, as a host's file
-    /// that ends.
+    /// Prints the lines of a text as they arrive, then waits in silence until all motion has ended, as after a host's file.
     ///
     /// # Errors
     /// The number of the line that was refused, and why.
@@ -263,8 +262,8 @@ impl<'a, M: Stepping> Board<'a, M> {
         Ok(())
     }
 
-    /// M108, M112 or M410 comes at a cycle; the interrupt that receives it acts on it, whatever the tasks are at. The line
-    /// itself is the caller's to send.
+    /// M108, M112 or M410 comes at a cycle; the interrupt that receives it acts on it, whatever the tasks do. The caller sends the
+    /// line itself.
     pub fn act_at(&self, cycle: u64, emergency: Emergency) {
         self.interrupts.act_at(cycle, emergency);
     }
@@ -314,7 +313,7 @@ impl<'a, M: Stepping> Board<'a, M> {
         self.interrupts.port().port().shortest_cycles()
     }
 
-    /// What the motors did.
+    /// The record of the motors.
     pub fn watch(&self) -> Watch {
         self.interrupts.port().watch()
     }
@@ -324,12 +323,12 @@ impl<'a, M: Stepping> Board<'a, M> {
         self.interrupts.signals().is_halted()
     }
 
-    /// How often the host was answered.
+    /// Number of answers to the host.
     pub fn answers(&self) -> u32 {
         self.replies.1.get()
     }
 
-    /// What was said to the host, but for `ok`.
+    /// The lines sent to the host, without `ok`.
     pub fn replies(&self) -> Vec<String> {
         self.replies.0.borrow().clone()
     }

@@ -6,9 +6,9 @@ use ferrostep_svg::{escaped, page};
 
 /// One print.
 pub struct Panel {
-    /// What was special about it.
+    /// Its title.
     pub label: String,
-    /// What came of it.
+    /// Its result.
     pub note: String,
     /// Feed, mm/s, at each ms.
     pub feeds: Vec<f64>,
@@ -100,7 +100,7 @@ fn draw(out: &mut String, axes: &Axes, panel: &Panel, top: f64) {
     out.push_str("<path d=\"");
     let feeds = &panel.feeds[..panel.feeds.len().min(axes.end_ms + 1)];
     for (ms, feed) in feeds.iter().enumerate() {
-        // On the straight between two equal ones a point says nothing.
+        // A point between two equal ones adds nothing.
         if ms > 0 && feeds[ms - 1] == *feed && feeds.get(ms + 1) == Some(feed) {
             continue;
         }

@@ -1,4 +1,4 @@
-//! What a host sends, and where a port puts what it receives.
+//! A host's numbered lines, and the buffers of a port that receives bytes.
 
 use std::collections::VecDeque;
 

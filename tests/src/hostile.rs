@@ -34,7 +34,7 @@ impl Random {
         (self.word() >> 11) as f64 / (1u64 << 53) as f64
     }
 
-    /// From one number to another, all orders of magnitude alike.
+    /// From one number to another, evenly over the orders of magnitude.
     pub fn magnitude(&mut self, least: f64, most: f64) -> f64 {
         least * (most / least).powf(self.share())
     }
@@ -183,7 +183,7 @@ impl Writer {
         }
     }
 
-    /// Any way and any length, each with a feed of its own.
+    /// Any direction and length, each with its own feed.
     fn scattered(&mut self) {
         for _ in 0..1 + self.random.below(30) {
             let (angle, length) = (self.angle(), self.random.magnitude(0.0005, 3.0));

@@ -1,9 +1,9 @@
 //! Parts of the end-to-end tests: a board in virtual time, hostile input, step edges at their latest.
 //!
 //! [`board_model`] runs the crates under test as the firmware does, at any speed of host and processor. [`live_machine`] makes
-//! hostile conversations with it of any bytes. [`stress_file`] writes a print that asks much of both, [`feed_chart`] draws the
+//! hostile conversations with it of any bytes. [`stress_file`] writes a demanding print, [`feed_chart`] draws the
 //! result. [`host_side`] numbers a host's lines and receives its bytes. [`program`] is the `ferrostep` command. [`step_edges`]
-//! plays a trace on the step interrupt's model at its latest. What judges the results is the crate `ferrostep-oracle`.
+//! plays a trace on the step interrupt's model at its latest. The crate `ferrostep-oracle` judges the results.
 #![deny(missing_docs)]
 #![forbid(unsafe_code)]
 

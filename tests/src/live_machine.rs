@@ -1,8 +1,8 @@
 //! Any bytes as a conversation with the board in virtual time: nasty but grammatical lines, raw bytes, silences, and
 //! M108, M112 and M410 at any moment.
 //!
-//! Whatever is said, the printer must answer, nothing may panic, and the motors must stand where the machine and the G-code
-//! believe them to.
+//! For any input the printer must answer, nothing may panic, and the motors must stand where the machine and the G-code believe
+//! them to.
 
 use std::fmt::Write;
 
@@ -17,14 +17,14 @@ use crate::host_side::checksum;
 /// Lines in a conversation.
 const MAX_LINES: u32 = 200;
 
-/// How long the host waits for an answer, and for that of a homing, ms.
+/// How long the host waits for an answer, and for the answer to a homing, ms.
 const PATIENCE_MS: u64 = 500;
 const HOMING_PATIENCE_MS: u64 = 20_000;
 
-/// Virtual time of a conversation, ms: what takes longer costs more than it finds.
+/// Longest virtual time of a conversation, ms: longer ones cost more than they find.
 const LONGEST_MS: u64 = 60_000;
 
-/// Filament may be this far from the extruder's steps.
+/// Greatest difference between filament and the extruder's steps.
 const EXTRUDER_STEPS: f64 = 1.0;
 
 const CODES: [&str; 80] = [
@@ -107,7 +107,7 @@ enum Said {
     Bytes(Vec<u8>),
     /// Nothing for this many ms.
     Silence(u64),
-    /// M400, and it looks whether all is as it should be.
+    /// M400, and a check of all positions.
     Finish,
     /// These act after this many cycles, regardless of what the board does.
     Emergency(Emergency, u64),
@@ -131,7 +131,7 @@ fn line(bytes: &mut Unstructured<'_>) -> arbitrary::Result<String> {
     Ok(line)
 }
 
-/// Moves that a machine can do: a way across it, or short pieces that continue each other.
+/// Moves that a machine can do: one across it, or short pieces that continue each other.
 fn moves(bytes: &mut Unstructured<'_>) -> arbitrary::Result<String> {
     let mm = |thousandths: i32| f64::from(thousandths) / 1000.0;
     let feed = *bytes.choose(&["", " F300", " F1200", " F3000", " F6000", " F9000", " F30000"])?;
@@ -192,14 +192,14 @@ struct Talk<'b, 'a, M: Stepping> {
     host: Host,
     reader: LineReader,
     scanner: EmergencyScanner,
-    /// Where the signals have the X, Y and Z motors when the machine has them at 0: homing says so anew.
+    /// Position of the X, Y and Z motors by their signals when the machine has them at 0; homing sets it again.
     zero_steps: [i64; 3],
-    /// Homing has said so since the last look.
+    /// Whether homing has set it since the last look.
     has_homed: bool,
-    /// When M410 or M112 acts that has no answer yet.
+    /// Cycle at which an M410 or M112 acts that has no answer yet.
     stops_at: Option<(u64, Emergency)>,
     lines: u32,
-    /// What was said so far, to find out what went wrong.
+    /// The conversation so far, for failure messages.
     said: Vec<String>,
 }
 
@@ -253,7 +253,7 @@ impl<'b, 'a, M: Stepping> Talk<'b, 'a, M> {
         }
     }
 
-    /// The rest of what a host says who has stopped the machine, and what must be true then.
+    /// The remaining lines of a host that has stopped the machine, and the checks after them.
     fn settle(&mut self) {
         self.board.stay_silent(3);
         let lines: &[&str] = if self.board.is_halted() { &["M112", "M999"] } else { &["M410"] };
@@ -288,7 +288,7 @@ impl<'b, 'a, M: Stepping> Talk<'b, 'a, M> {
         }
     }
 
-    /// All motion ends, by itself or not; then everything must agree.
+    /// Ends all motion, by a stop if need be; then everything must agree.
     fn finish(&mut self) {
         if let Some((at, _)) = self.stops_at {
             self.board.wait_for_line(at);
@@ -304,7 +304,7 @@ impl<'b, 'a, M: Stepping> Talk<'b, 'a, M> {
         format!("{:#?}\n{:#?}", self.said, self.board.replies())
     }
 
-    /// Homing says where the motors are, which no signal tells.
+    /// Homing sets the motors' position, which no signal shows.
     fn look_where_zero_is(&mut self) {
         let [machine, counted] = [self.board.motor_steps(), self.board.counted_steps()];
         for ((zero, counted), machine) in self.zero_steps.iter_mut().zip(counted).zip(machine) {
@@ -373,17 +373,17 @@ fn talk<M: Stepping>(profile: &Profile, look_ahead: usize, bytes: &mut Unstructu
         // The half of a line that may be left.
         talk.say(b"\nM112\nM999\n");
         talk.check();
-        // After all that it goes where it is sent.
+        // In the end it still goes where it is sent.
         talk.say(b"G90\nG21\nM211 S0\nM220 S100\nM201 X500 Y500 Z100\nM203 X100 Y100 Z10\nM204 S500\nM205 J0.05\n");
         talk.say(b"G92 X0 Y0 Z0 E0\nG1 X1 Y2 Z0.1 F3000\nM400\n");
         talk.check();
     });
 }
 
-/// Makes a conversation of any bytes with a board of this machine, in one of the ways a board may be built.
+/// Makes a conversation of any bytes with a board of this machine, on one of the kinds of boards.
 ///
 /// # Panics
-/// Where the printer panics, does not answer, or is wrong about its motors; the message tells the conversation.
+/// If the printer panics, does not answer, or is wrong about its motors; the message contains the conversation.
 pub fn live_machine(profile: &Profile, bytes: &[u8]) {
     let mut bytes = Unstructured::new(bytes);
     let Ok(build) = bytes.int_in_range(0..=3u8) else { return };

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::OnceLock;
 
-/// The command, built with the profile and into the directory of this test. Cargo finds out whether it is stale.
+/// The command, built with the profile and into the directory of this test; Cargo rebuilds it if it is stale.
 ///
 /// # Panics
 /// It cannot be built.

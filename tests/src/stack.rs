@@ -1,8 +1,8 @@
 //! The maximum stack of an image, from its instructions.
 //!
 //! A function's frame is the sum of all that its instructions take, as if every one of them were executed: never too
-//! little. Calls are followed wherever they can lead. Where a call leads through a pointer cannot be read there, so it
-//! is taken to lead to every function of its kind whose address occurs anywhere in the image.
+//! little. Calls are followed wherever they can lead. The target of a call through a pointer cannot be read there, so it
+//! is assumed to lead to every function of its kind whose address occurs anywhere in the image.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -14,10 +14,10 @@ pub const EXCEPTION_BYTES: u32 = 4 * (8 + 18 + 1);
 
 /// A text whose arguments are texts with arguments, and so on, nested this deep.
 ///
-/// The longest chain there is: a reply, the refusal in it, the error in that, what a driver said, its error, a number.
+/// The longest chain: a reply, the refusal in it, the error in that, a driver's report, its error, a number.
 const NESTED_TEXTS: u32 = 6;
 
-/// What a pointer is called for.
+/// The purpose of a call through a pointer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Kind {
     /// To write text somewhere: `core::fmt::Write`.
@@ -28,26 +28,26 @@ enum Kind {
     Other,
 }
 
-/// What is known of a function.
+/// A function's frame and calls.
 #[derive(Default)]
 struct Function {
     frame: u32,
     calls: BTreeSet<u32>,
-    /// It calls through pointers.
+    /// Whether it calls through pointers.
     calls_pointers: bool,
 }
 
-/// The functions of an image and what they take of the stack.
+/// The functions of an image, with the stack that they take.
 pub struct StackUse<'a> {
     code: &'a Code,
     functions: BTreeMap<u32, Function>,
-    /// Functions whose address occurs, by what they are for.
+    /// Functions whose address occurs, by purpose.
     pointed_to: BTreeMap<Kind, BTreeSet<u32>>,
-    /// The panic handler, from which nothing returns: it is no part of what tasks need, but comes once on top of it.
+    /// The panic handler, which never returns: it does not count for each task, but once on top of all.
     panic_handler: Option<u32>,
 }
 
-/// The deepest that a function can get.
+/// The greatest depth of a function.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Deepest {
     /// Bytes.
@@ -60,7 +60,7 @@ impl<'a> StackUse<'a> {
     /// Looks through an image.
     ///
     /// # Errors
-    /// Something moves the stack pointer by what cannot be read, or is no instruction.
+    /// An instruction moves the stack pointer by an unknown amount, or cannot be decoded.
     pub fn of(code: &'a Code) -> Result<Self, String> {
         let mut functions = BTreeMap::<u32, Function>::new();
         let mut pointers = code.constants();
@@ -105,10 +105,10 @@ impl<'a> StackUse<'a> {
         self.panic_handler
     }
 
-    /// The deepest that the stack gets in a function and all that it calls, if nothing panics.
+    /// The greatest depth of the stack in a function and all that it calls, without a panic.
     ///
     /// # Errors
-    /// A function can call itself, with no end that is known.
+    /// A function can call itself without a known end.
     pub fn deepest(&self, start: u32) -> Result<Deepest, String> {
         Search { stack_use: self, known: BTreeMap::new(), on_the_way: Vec::new() }.deepest(start, NESTED_TEXTS)
     }
@@ -142,7 +142,7 @@ impl<'a> StackUse<'a> {
     }
 }
 
-/// A search for the deepest way.
+/// A search for the deepest path.
 struct Search<'a, 'b> {
     stack_use: &'b StackUse<'a>,
     known: BTreeMap<(u32, u32), Deepest>,

@@ -23,7 +23,7 @@ const SLOTS: usize = 2048;
 /// Step pins of the model's port.
 const STEP_PINS: u16 = 0b1111;
 
-/// How late the step interrupt is.
+/// The delays of the step interrupt.
 #[derive(Clone, Copy, Debug)]
 pub struct Lateness {
     /// Cycles from an update to the arrival of the reload value, at the most.
@@ -32,7 +32,7 @@ pub struct Lateness {
     pub handler_cycles: u64,
 }
 
-/// What the pins did. Times are in cycles of the core.
+/// Measures of the pins' edges. Times are in cycles of the core.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Edges {
     /// Step events in the trace.
@@ -43,7 +43,7 @@ pub struct Edges {
     pub smallest_pulse_cycles: u64,
     /// The shortest time between two moments at which any step pins changed.
     pub smallest_gap_cycles: u64,
-    /// How much later than planned an edge that steps came, at the most.
+    /// The greatest delay of a stepping edge after its planned time.
     pub largest_lateness_cycles: u64,
     /// Updates of the timer that the interrupt missed.
     pub missed_updates: u64,
@@ -58,7 +58,7 @@ struct Port<'a> {
     last_edge: Cell<Option<u64>>,
     pulse: Cell<u64>,
     gap: Cell<u64>,
-    /// Moment of the newest step, not yet held against its plan.
+    /// Moment of the newest step, not yet compared with its plan.
     step: Cell<Option<u64>>,
     both_edges: bool,
 }
@@ -106,7 +106,7 @@ fn entries(event: &StepEvent, last_tick: u64, directions: u8, mut take: impl FnM
         take(StepEntry::directions(event.directions));
     }
     let mut interval = event.tick - last_tick;
-    // Far below what an interval can be, and far above what one must be.
+    // Far below the longest interval of the queue, and far above the shortest.
     const LONG: u64 = 1 << 30;
     while interval > 2 * LONG {
         take(StepEntry::wait(LONG as u32));

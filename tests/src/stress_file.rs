@@ -1,7 +1,7 @@
 //! A print that needs more lines a second than any other: moves of 0.05 mm at 300 mm/s.
 //!
 //! Rounds of a spiral, whose curvature changes slowly, and straight runs between them, all with extrusion. The file is
-//! long, and made again whenever it is wanted.
+//! long, and made anew for each use.
 
 use std::f64::consts::TAU;
 use std::fmt::Write;
@@ -12,7 +12,7 @@ pub const PIECE_MM: f64 = 0.05;
 /// Feed that the file asks for, mm/s.
 pub const FEED_MM_PER_S: f64 = 300.0;
 
-/// Where the spiral has its centre, mm from the start, which is the place where the machine is switched on.
+/// Centre of the spiral, mm from the start, where the machine is switched on.
 const CENTRE_MM: [f64; 2] = [60.0, 60.0];
 
 /// The spiral's radius at its start and what a turn adds, mm.
@@ -31,8 +31,8 @@ const FILAMENT_PER_MM: f64 = 0.4 * 0.2 / (TAU / 8.0 * 1.75 * 1.75);
 /// The file with this many moves: in each line an absolute position with this many decimals, and filament with five. A preamble
 /// lets it be printed cold, from where the machine stands.
 ///
-/// With three decimals, as slicers write them, a curve of such pieces has corners of a hundredth of a radian that only
-/// rounding made, and no planner that rounds corners within the pieces takes them at full speed. With five it does.
+/// With three decimals, as slicers write them, rounding makes corners of a hundredth of a radian between such pieces, and no
+/// planner that rounds corners within the pieces takes them at full speed. With five decimals it does.
 pub fn stress_file(pieces: u32, decimals: usize) -> String {
     let mut file = File { text: preamble(), at: [0.0; 2], left: pieces, decimals };
     file.print();

@@ -1,4 +1,4 @@
-//! When the lines of a host arrive.
+//! The times at which a host's lines arrive.
 
 use super::time::CYCLES_PER_S;
 
@@ -15,7 +15,7 @@ pub struct HostLine {
 }
 
 impl HostLine {
-    /// As many lines a second, at even distances.
+    /// This many lines a second, at even intervals.
     pub fn steady(lines_per_s: u64) -> Self {
         Self::bursts(lines_per_s, 1)
     }
@@ -31,7 +31,7 @@ impl HostLine {
         self
     }
 
-    /// When the next line is there, given the cycle of the last `ok`.
+    /// Cycle at which the next line has arrived, given the cycle of the last `ok`.
     pub fn next_at(&mut self, ok_at: u64) -> u64 {
         let mut at = ok_at;
         if self.taken.is_multiple_of(self.burst) {

@@ -1,4 +1,4 @@
-//! A host that does not wait for ever: M108, M410 and M112 as they act while their bytes arrive.
+//! A host with limited patience: M108, M410 and M112 act while their bytes arrive.
 
 use std::pin::pin;
 use std::task::{Context, Poll, Waker};
@@ -13,17 +13,17 @@ use super::{Board, BoardPrinter};
 /// After each of these the next one is tried, ms: longer than a command takes to see it.
 const PATIENCE_MS: u64 = 300;
 
-/// What it took to end a command.
+/// The means that ended a command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ended {
     /// It ended by itself, or with what had acted before.
     ByItself,
-    /// M108, M410 or M112: this was the last that acted.
+    /// M108, M410 or M112: the last that acted.
     By(Emergency),
 }
 
 impl<'a, M: Stepping> Board<'a, M> {
-    /// What acts as its bytes arrive, now.
+    /// Acts now, as when its bytes arrive.
     pub fn act(&self, emergency: Emergency) {
         self.interrupts.act(emergency);
     }

@@ -14,15 +14,14 @@ use super::recording::WatchedPort;
 /// The step queue of a board whose pins are on one port.
 pub(super) type Player<M> = StepPlayer<M, 1, STEP_QUEUE_SLOTS>;
 
-/// What comes between whatever the tasks do: the step interrupt at each update of its timer, and what the emergency
-/// scanner has seen.
+/// The interrupts: that of the step timer at each update, and the actions of the emergency scanner.
 pub(super) struct Interrupts<'a, M> {
     player: &'a Player<M>,
     timer: &'a VirtualUpdateTimer,
     port: &'a WatchedPort<'a>,
     next: RefCell<NextWords<1>>,
     signals: Signals,
-    /// What is to act, and at which cycle, in this order.
+    /// The commands that are to act, with their cycles, in this order.
     acts: RefCell<VecDeque<(u64, Emergency)>>,
     /// How often motors had stepped when motion was stopped.
     events_at_stop: Cell<Option<u64>>,
@@ -49,7 +48,7 @@ impl<'a, M: Stepping> Interrupts<'a, M> {
         self.port
     }
 
-    /// Lets time pass up to a cycle, if that is not over.
+    /// Lets time pass up to a cycle, unless that is over.
     pub fn pass_to(&self, cycle: u64) {
         while let Some((at, emergency)) = self.take_due(cycle) {
             self.play_to(at);
@@ -86,12 +85,12 @@ impl<'a, M: Stepping> Interrupts<'a, M> {
         acts.insert(place, (cycle, emergency));
     }
 
-    /// What acts up to a cycle, the first of it.
+    /// Takes the first of the commands that act up to a cycle.
     fn take_due(&self, cycle: u64) -> Option<(u64, Emergency)> {
         self.acts.borrow_mut().pop_front_if(|(at, _)| *at <= cycle)
     }
 
-    /// What acts as its bytes arrive, now.
+    /// Acts now, as when its bytes arrive.
     pub fn act(&self, emergency: Emergency) {
         match emergency {
             Emergency::EndWait => self.signals.end_wait(),
@@ -104,7 +103,7 @@ impl<'a, M: Stepping> Interrupts<'a, M> {
         }
     }
 
-    /// The flags of those who act on bytes as they arrive.
+    /// The flags of the interrupts that act on bytes as they arrive.
     pub fn signals(&self) -> &Signals {
         &self.signals
     }

@@ -1,4 +1,4 @@
-//! A host that sends a prepared job, and lines beside it, in the board's time.
+//! A host that sends a prepared job and lines between its frames, in the board's time.
 
 use std::collections::VecDeque;
 use std::future::poll_fn;
@@ -25,7 +25,7 @@ pub const JOB_SILENCE_S: u16 = 30;
 /// A host asks after this long without an answer.
 const ASK_CYCLES: u64 = 250 * CYCLES_A_MS;
 
-/// As long as the firmware waits for bytes, and for how long at once it looks away here, ms.
+/// How long the firmware waits for bytes, and the longest portion of it here, ms.
 const WAIT_MS: u32 = 150;
 const LOOK_MS: u32 = 1;
 
@@ -35,13 +35,13 @@ const JOB_BYTES: usize = MAX_FRAME_BYTES + 1024;
 /// A host at a serial line.
 pub struct JobHost {
     sender: Sender,
-    /// Lines to be said, and when, cycles.
+    /// Lines to send, and their cycles.
     lines: VecDeque<(u64, String)>,
-    /// When no data are sent, only questions.
+    /// Times at which it sends no data, only questions.
     pauses: Vec<Range<u64>>,
-    /// When it is not there: nothing of it arrives, and it hears nothing.
+    /// Times of absence: it neither sends nor hears anything.
     absence: Range<u64>,
-    /// What is on the line, and when each byte arrives.
+    /// The bytes on the line, with the times of their arrival.
     wire: VecDeque<(u64, u8)>,
     last_arrival: u64,
     scanner: EmergencyScanner,
@@ -66,25 +66,25 @@ impl JobHost {
         }
     }
 
-    /// At a cycle it says a line, between two frames. Later lines must be told later.
+    /// Lets it send a line at a cycle, between two frames. To be called in the order of the cycles.
     pub fn says(mut self, at: u64, line: &str) -> Self {
         self.lines.push_back((at, format!("{line}\n")));
         self
     }
 
-    /// It sends no data meanwhile.
+    /// Lets it send no data for some time.
     pub fn pauses(mut self, cycles: Range<u64>) -> Self {
         self.pauses.push(cycles);
         self
     }
 
-    /// It is not there meanwhile, be it in the middle of a frame; what the board says then is lost.
+    /// Lets it be absent for some time, even in the middle of a frame; the board's lines are lost then.
     pub fn leaves(mut self, cycles: Range<u64>) -> Self {
         self.absence = cycles;
         self
     }
 
-    /// Hears what the board has said by now, and says what there is to say.
+    /// Hears the board's lines up to now, and sends its own.
     fn converse<M: Stepping>(&mut self, board: &Board<'_, M>) {
         let now = board.now();
         if self.absence.contains(&now) {

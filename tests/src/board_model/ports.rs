@@ -86,7 +86,7 @@ impl Heating for ColdHeaters {
     }
 }
 
-/// Everything that was said to the host, but for `ok`, and how often that was said.
+/// All lines to the host but `ok`, and the number of those.
 #[derive(Debug, Default)]
 pub struct Transcript(pub RefCell<Vec<String>>, pub Cell<u32>);
 

@@ -1,4 +1,4 @@
-//! The step queue's near end, whose every call takes time.
+//! The step queue's near end; each call takes time.
 
 use ferrostep_hal_shim::{MotionWatch, MotorEnable, PlanningClock, StepQueue};
 use ferrostep_planner::{StepDigests, StepEntry, StepObserver};
@@ -9,7 +9,7 @@ use super::STEP_QUEUE_SLOTS;
 use super::interrupts::Interrupts;
 use super::time::Costs;
 
-/// Cycles around a call: time for an interrupt to come in between.
+/// Cycles before and after a call, in which an interrupt may come.
 const CALL: u64 = 20;
 
 /// Queue of a board; the interrupts go on while it is filled.

@@ -1,4 +1,4 @@
-//! What the motors did, seen from the pins.
+//! A record of the motors, taken at the pins.
 
 use std::cell::{Cell, RefCell};
 
@@ -13,8 +13,8 @@ use super::time::{CYCLES_A_MS, CYCLES_A_US};
 /// X and Y stand still when they have not stepped for this long.
 const STANDSTILL_CYCLES: u64 = 5 * CYCLES_A_MS;
 
-/// Nearer steps than this are no end of a braking: at the accelerations here the last two steps before standstill are
-/// twice as far apart.
+/// Steps nearer than this do not end a deceleration: at the accelerations here the last two steps before standstill are twice
+/// as far apart.
 const AT_SPEED_CYCLES: u64 = 250 * CYCLES_A_US;
 
 /// A feed is the distance covered in this time.
@@ -48,7 +48,7 @@ impl Watch {
         if [x, y] == self.stands_at {
             return;
         }
-        // Before the step: at a whole ms of that same moment the motors still stood.
+        // Before the step: at a whole ms that is the same moment the motors had not moved yet.
         let upto = now.div_ceil(CYCLES_A_MS) as usize;
         self.every_ms.resize(upto.max(self.every_ms.len()), self.stands_at);
         self.stands_at = [x, y];
@@ -62,7 +62,7 @@ impl Watch {
         self.first_and_last = Some((first, now));
     }
 
-    /// Feed along the path of X and Y at each whole ms, mm/s: how far it is from where they stood 5 ms before.
+    /// Feed along the path of X and Y at each whole ms, mm/s, from the position 5 ms before.
     pub fn feeds(&self, geometry: &Geometry) -> Vec<f64> {
         let at = |[x, y]: [i64; 2]| {
             let [x, y, _] = geometry.position_10nm([x, y, 0]);

@@ -1,4 +1,4 @@
-//! Virtual time in cycles of the core, and what work costs of it.
+//! Virtual time in cycles of the core, and the cost of work.
 
 use ferrostep_planner::TICKS_PER_SECOND;
 use ferrostep_virtual_board::CYCLES_A_TICK;
@@ -22,7 +22,7 @@ pub(super) fn from_ns(ns: u64) -> u64 {
     (u128::from(ns) * u128::from(CYCLES_PER_S)).div_ceil(1_000_000_000) as u64
 }
 
-/// What work costs, cycles.
+/// The cost of work, cycles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Costs {
     /// A line, from its text to its move in look-ahead; the planner task comes in between.
@@ -45,7 +45,7 @@ impl Costs {
         Self { slower_planner: (times, from_ms * CYCLES_A_MS), ..self }
     }
 
-    /// By how much the planner task is slower at a cycle.
+    /// Factor by which the planner task is slower at a cycle.
     pub(super) fn slowness_at(&self, now: u64) -> u64 {
         let (times, from) = self.slower_planner;
         if now >= from { times } else { 1 }

@@ -1,4 +1,4 @@
-//! What hosts read of M20 to M34, M524 and M928, as OctoPrint 1.11 and Pronterface send and read it.
+//! M20 to M34, M524 and M928, as OctoPrint 1.11 and Pronterface send them and read the answers.
 
 use ferrostep_tests::host_side::numbered;
 use ferrostep_virtual_board::VirtualCard;
@@ -161,7 +161,7 @@ fn a_print_that_stops_parks_the_head_and_keeps_the_heat() {
     for pulls in [false, true] {
         let setup = setup();
         let mut printer = setup.printer();
-        // So much that it is read in several parts.
+        // Long enough to be read in several parts.
         let filler = "; a comment of no concern\n".repeat(100);
         let file = [filler.as_bytes(), text, filler.as_bytes()].concat();
         setup.put("P.GCO", &file);
@@ -190,7 +190,7 @@ fn a_print_that_stops_parks_the_head_and_keeps_the_heat() {
             lines.iter().map(|line| (*line).to_owned()).collect()
         });
         assert_eq!(said.last().unwrap(), "Done printing file", "{said:?}");
-        // Homing says the first.
+        // The first is of homing.
         let place = said.iter().filter(|line| line.starts_with("X:")).nth(1).unwrap_or_else(|| panic!("{said:?}"));
         assert!(place.starts_with("X:10.00 Y:190.00 Z:25.00"), "{pulls}: {place}");
         let heat = said.iter().find(|line| line.starts_with("ok T:")).unwrap();
@@ -271,8 +271,8 @@ fn a_host_writes_a_file() {
     );
 }
 
-/// A line whose N was changed on the way has no number, and no checksum that is looked at: in a print it is an unknown command, in a
-/// file it would stay.
+/// A line whose N was changed on the way has no number, and its checksum is not compared: in a print it is an unknown command, in
+/// a file it would stay.
 #[test]
 fn a_line_without_its_number_is_not_written_by_a_host_that_numbers_its_lines() {
     let setup = setup();
@@ -379,7 +379,7 @@ fn names_are_told() {
     );
 }
 
-/// A filament change in a file: the card is read no further until a person goes on, by M24, M602, M108 or the prompt's button; the
+/// A filament change in a file: reading the card stops until a person goes on, by M24, M602, M108 or the prompt's button; the
 /// print goes on where it was.
 #[test]
 fn a_file_that_pauses_waits_for_a_person() {

@@ -1,4 +1,4 @@
-//! Prints from a memory card: what hosts see of it, and what becomes of a print whose card is pulled out.
+//! Prints from a memory card: the conversation with hosts, and cards that are pulled out.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 mod commands;

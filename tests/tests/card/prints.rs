@@ -8,7 +8,7 @@ use ferrostep_printer::Profile;
 
 use crate::setup::{Said, Setup, gunzip, image, nothing, profile};
 
-/// What `print` makes of a file.
+/// The result of `print` for a file.
 pub fn printed(profile: Profile, text: &[u8]) -> StepDigests {
     let session = Session::print(profile, 128, (), Said::default());
     let mut printer = session.printer();

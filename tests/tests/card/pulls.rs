@@ -33,7 +33,7 @@ fn a_thousand_pulls_at_random_instants_change_no_step() {
     pull_a_thousand_times(false);
 }
 
-/// The nozzle goes aside at each pull and comes back: its way there and back is all that is new.
+/// At each pull the nozzle goes aside and comes back: only these moves are new.
 #[test]
 fn a_thousand_pulls_end_where_the_print_ends() {
     pull_a_thousand_times(true);
@@ -87,7 +87,7 @@ fn pull_a_thousand_times(is_homed: bool) {
                         vec!["M24".to_owned()]
                     }
                 }
-                // Where it was put in again before the print has missed it, the first block of it tells.
+                // If it was put in again before the print has missed it, its first block shows it.
                 30 => {
                     was_out = 0;
                     vec!["M24".to_owned()]

@@ -21,7 +21,7 @@ pub type Card = LocalCard<Slot>;
 type Desk = PrintSession<(), Said>;
 type DeskPrinter<'a> = Printer<'a, (SharedMotion<DeskMachine<'a, ()>>, DeskHeating<'a>, VirtualDelay<'a>, Said)>;
 
-/// What the printer has said.
+/// The printer's replies.
 #[derive(Default)]
 pub struct Said(pub RefCell<Vec<String>>);
 
@@ -52,14 +52,14 @@ pub fn image() -> Vec<u8> {
     gunzip("card/tests/images/fat16.img.gz")
 }
 
-/// A printer with a card, and what it has said.
+/// A printer with a card, and its replies.
 pub struct Setup {
     session: Desk,
     pub card: Card,
     host: RefCell<Host>,
 }
 
-/// What happens beside a print: called every time that the hosts are asked for lines, with the place of the print.
+/// Called every time that the hosts are asked for lines, with the place of the print. Returns their lines.
 pub type Beside<'b> = dyn FnMut(&Card, Option<(u32, u32)>) -> Vec<String> + 'b;
 
 impl Setup {
@@ -91,7 +91,7 @@ impl Setup {
         ask(Request::Release);
     }
 
-    /// Says lines to the printer and lets it print whatever they start. Each element of `lines` is a host's line.
+    /// Sends lines to the printer and lets it print what they start. Each element of `lines` is a host's line.
     pub fn say(&self, lines: &[&str], beside: &mut Beside<'_>) -> Vec<String> {
         let mut printer = self.printer();
         self.converse(&mut printer, lines, beside)
@@ -102,7 +102,7 @@ impl Setup {
         self.session.desk().motor_steps()
     }
 
-    /// Whether this line has been said in the present conversation.
+    /// Whether this line has been sent in the present conversation.
     pub fn has_said(&self, text: &str) -> bool {
         self.session.replies().0.borrow().iter().any(|line| line == text)
     }
@@ -193,14 +193,14 @@ impl HostLines for Hosts<'_, '_> {
     fn tell_all(&mut self) {}
 
     async fn wait(&mut self, _idle: bool) {
-        // Once, so that virtual time may pass.
+        // Pending once, so that virtual time may pass.
         let waited = Cell::new(false);
         let mut once = pin!(poll_fn(|_| if waited.replace(true) { Poll::Ready(()) } else { Poll::Pending }));
         once.as_mut().await;
     }
 }
 
-/// Nothing happens beside.
+/// The hosts send nothing.
 pub fn nothing(_: &Card, _: Option<(u32, u32)>) -> Vec<String> {
     Vec::new()
 }

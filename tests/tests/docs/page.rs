@@ -1,6 +1,6 @@
 //! A page of Markdown: its code spans, its links and its headings, each with its line.
 
-/// A page and where it lies.
+/// A page and its path.
 pub struct Page {
     /// Path from the repository's root.
     pub path: String,
@@ -8,7 +8,7 @@ pub struct Page {
     pub text: String,
 }
 
-/// What stands in a line of a page.
+/// A name in a line of a page.
 pub struct Place<'a> {
     /// Line of the page, from 1.
     pub line: usize,

@@ -5,13 +5,13 @@ use std::path::Path;
 use super::page::Page;
 use super::tree::Tree;
 
-/// Crates of others, of which the book names items.
+/// Crates of others whose items the book names.
 const FOREIGN: [&str; 6] = ["std", "core", "alloc", "cortex_m", "rtic_sync", "rtic_time"];
 
 /// Words in code spans that look like names of ours and are not.
 const NOT_OURS: [&str; 0] = [];
 
-/// A name that leads nowhere.
+/// A stale name.
 #[derive(Debug, PartialEq, Eq, PartialOrd, Ord)]
 struct Stale {
     page: String,
@@ -97,7 +97,7 @@ fn wrong_with_item_of_file(file: &str, item: &str, tree: &Tree) -> Option<&'stat
     }
 }
 
-/// Only what begins with a folder of the repository is taken for a path, and what ends in `.rs`.
+/// A word counts as a path if it begins with a folder of the repository or ends in `.rs`.
 fn wrong_with_path(word: &str, tree: &Tree) -> Option<&'static str> {
     let word = word.trim_matches(|c: char| !c.is_alphanumeric() && !"./*_".contains(c)).trim_end_matches(['.', ':']);
     let path = word.split_once(".rs:").map_or_else(|| word.to_owned(), |(file, _)| format!("{file}.rs"));
@@ -159,7 +159,7 @@ fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap()
 }
 
-/// The book, and what stands beside it; the changelog may name what is gone.
+/// The book and the pages beside it; the changelog may name removed things.
 fn pages() -> Vec<Page> {
     let mut paths = ["README.md", "CONTRIBUTING.md", "SECURITY.md", "examples/README.md", "fuzz/README.md"]
         .map(str::to_owned)

@@ -3,13 +3,13 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-/// Folders that hold what is built or found, and no sources.
+/// Folders with build products or findings, without sources.
 const NOT_SOURCES: [&str; 5] = ["target", "artifacts", "corpus", "book", "node_modules"];
 
 /// Ends of names of files whose words count as code.
 const CODE: [&str; 8] = [".rs", ".toml", ".lock", ".x", ".json", ".py", ".yml", "/run"];
 
-/// This test's own pages and trees, which are made up.
+/// This test's own invented pages and trees.
 const MADE_UP: &str = "tests/tests/docs/";
 
 /// Files and code of the repository.

@@ -13,8 +13,8 @@ use ferrostep_printer::Profile;
 use crate::command::{directory, example, ferrostep, file};
 use crate::desk::profile;
 
-/// The steps are looked at by the reference: where the motors stand at each move's end, how far events are apart, how
-/// fast and how much faster axes get. Its own law is the trapezoid; how these laws are kept, the planner's tests see.
+/// The reference checks the steps: the motors' positions at each move's end, the distance of events, the speed and acceleration
+/// of the axes. Its own law is the trapezoid; the planner's tests check that these laws are kept.
 fn options() -> TraceCheckOptions {
     TraceCheckOptions { duration_tolerance: f64::INFINITY, law_tolerance_steps: f64::INFINITY, ..Default::default() }
 }
@@ -89,7 +89,7 @@ fn a_cube_with_five_segments_passes_the_trace_check() {
     check("cube.gcode", AccelerationProfile::SCurveFiveSegments);
 }
 
-/// How long a file's motion takes, s.
+/// Motion time of a file, s.
 fn motion_s(machine: &str, name: &str, law: AccelerationProfile, block_by_block: bool) -> f64 {
     let mut machine = profile(machine);
     machine.motion.acceleration = law;
@@ -106,7 +106,7 @@ fn seconds_of_motion(machine: Profile, name: &str, block_by_block: bool) -> f64 
     session.figures().motion_time_s
 }
 
-/// What neighbours under one law gain over a stop of acceleration at the end of every block.
+/// The gain of one law over several blocks, compared with zero acceleration at the end of every block.
 #[test]
 fn s_curves_over_several_blocks_gain_most_in_curves() {
     for (machine, name, least) in [
@@ -123,15 +123,14 @@ fn s_curves_over_several_blocks_gain_most_in_curves() {
             "{name}: trapezoid {trapezoid:.1} s, five segments {five:.1} s, block by block {alone:.1} s, \
              shared {shared:.1} s, table {table:.1} s"
         );
-        // At 300 000 mm/s^3 moves of a millimetre hardly get to hold their acceleration.
+        // At 300 000 mm/s^3 moves of a millimetre hardly reach their full acceleration.
         assert!(alone < five * 1.001, "{name}: {alone} {five}");
         assert!(trapezoid < shared && shared <= alone * (1.0 - least), "{name}: {trapezoid} {shared} {alone}");
     }
 }
 
-/// At a jerk that takes 8 ms to the greatest acceleration, an S-curve costs little over the trapezoid. What it costs are the
-/// corners that limit: at each the acceleration has to be zero, which a trapezoid's is not. The arcs have one each
-/// millimetre.
+/// At a jerk that takes 8 ms to the greatest acceleration, an S-curve costs little over the trapezoid. The cost is in corners that
+/// limit the speed: there the acceleration has to be zero, unlike a trapezoid's. The arcs have one each millimetre.
 #[test]
 fn s_curves_of_8_ms_cost_what_their_corners_do() {
     for (machine, name, acceleration, most) in [

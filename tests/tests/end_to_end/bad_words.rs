@@ -1,5 +1,5 @@
-//! Every command that takes words, with one of them missing, malformed or out of its range: the printer says which, and a line that
-//! it refuses changes nothing.
+//! Every command that takes words, with one of them missing, malformed or out of its range: the printer names it, and a refused
+//! line changes nothing.
 
 use ferrostep::desk::LOOK_AHEAD_BLOCKS;
 use ferrostep::session::Session;
@@ -9,7 +9,7 @@ use ferrostep_printer::Profile;
 use crate::desk::profile;
 use crate::refusals::Collector;
 
-/// Commands with words that are all right together.
+/// Commands with valid words.
 const COMMANDS: [&str; 30] = [
     "G0 X40 Y50 Z4 F2400",
     "G1 X40 Y50 Z4 E1 F2400",
@@ -47,7 +47,7 @@ const COMMANDS: [&str; 30] = [
 const WITH_DRIVERS: [&str; 5] =
     ["M569 S1 X", "M851 X-29 Y-3 Z-1", "M906 X300 Y300 Z300 E300", "M914 X100 Y100", "M290 Z0.05 P1"];
 
-/// What cannot be a number.
+/// Texts that are not numbers.
 const MALFORMED: [&str; 6] = ["-", ".", "1.2.3", "--1", "nan", "99999999999"];
 
 /// Numbers that are out of the range of most words.
@@ -55,7 +55,7 @@ const EXTREME: [&str; 7] = ["-1", "-0.001", "0", "0.5", "256", "70000", "9999999
 
 const BEFORE: [&str; 6] = ["M302 P1", "G28", "G1 X10 Y20 Z3 F3000", "G1 X20 Y30 E2", "M207 S1 F1200", "M106 S80"];
 
-/// Shows what lasts from line to line: moves of all kinds of limits, and every query.
+/// Lines that show the state: moves at all kinds of limits, and every query.
 const AFTER: [&str; 22] = [
     "M114",
     "M105",
@@ -81,7 +81,7 @@ const AFTER: [&str; 22] = [
     "M105",
 ];
 
-/// What a machine has done and said after some lines.
+/// A machine's steps and replies after some lines.
 #[derive(Debug, PartialEq)]
 struct Done {
     digests: StepDigests,
@@ -90,7 +90,7 @@ struct Done {
     said: Vec<String>,
 }
 
-/// Executes [`BEFORE`], a line and [`AFTER`]; also what was said of the line, and whether it was refused.
+/// Executes [`BEFORE`], a line and [`AFTER`]. Returns also the answer to the line, and whether it was refused.
 fn execute(profile: &Profile, line: Option<&str>) -> (Done, Vec<String>, bool) {
     let session = Session::print(*profile, LOOK_AHEAD_BLOCKS, (), Collector::default());
     let mut printer = session.printer();
@@ -120,7 +120,7 @@ fn with(command: &str, word: usize, number: &str) -> String {
     words.collect::<Vec<_>>().join(" ")
 }
 
-/// Whether an answer names the word, or calls it by what it is.
+/// Whether an answer names the word, or its meaning.
 fn names(said: &[String], letter: char) -> bool {
     // An arc that does not fit is one of its centre or radius with its end; a dwell counts as P, in milliseconds.
     let others = ["the target is too far away", "I, J: the arc", "R: a radius", "P: 999999999000"];
@@ -128,7 +128,7 @@ fn names(said: &[String], letter: char) -> bool {
     said.iter().any(|text| text.starts_with("echo:") && is_named(text))
 }
 
-/// Tries each number in each word of a command; what is not as it must be.
+/// Tries each number in each word of a command. Returns the failures.
 fn faults(profile: &Profile, unharmed: &Done, command: &str) -> Vec<String> {
     let mut faults = Vec::new();
     for (at, word) in command.split(' ').enumerate().skip(1) {
@@ -170,7 +170,7 @@ fn bad_words_for_drivers_and_probe_change_nothing() {
     check("prusa-mini", &WITH_DRIVERS);
 }
 
-/// The property is tested with words that are right by themselves, and the comparison sees each of them change something.
+/// A check of the test: each valid word changes something that the comparison sees.
 #[test]
 fn the_good_words_do_change_something() {
     let cartesian = profile("cartesian");

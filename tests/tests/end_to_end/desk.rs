@@ -20,17 +20,17 @@ pub fn profile(name: &str) -> Profile {
 /// A job that has ended.
 #[derive(Debug)]
 pub struct Ended {
-    /// How.
+    /// How it ended.
     pub outcome: Result<(), JobError>,
     /// Lines that were read.
     pub lines: u32,
-    /// What the motors did.
+    /// Counts of the motors.
     pub figures: Figures,
     /// X, Y, Z and E as the G-code counts them, units of 10 nm.
     pub logical_10nm: [i64; 4],
-    /// What the printer counted.
+    /// Counts of the printer.
     pub tally: Tally,
-    /// What a person was told.
+    /// Lines for a person.
     pub notices: Vec<String>,
     /// The trace, as a file would hold it.
     pub trace: Vec<u8>,
@@ -57,7 +57,7 @@ pub fn rehearse_far(profile: &Profile, input: &mut impl Read, prepared: bool) ->
     run_either(profile, gpre::LOOK_AHEAD_BLOCKS, input, Trace::new(profile), job)
 }
 
-/// Enters a prepared job at a frame, with all look-ahead there is, and keeps its trace.
+/// Enters a prepared job at a frame, with unlimited look-ahead, and keeps its trace.
 pub fn rehearse_from(profile: &Profile, frame: u32, input: &mut impl Read) -> Ended {
     run_either(profile, gpre::LOOK_AHEAD_BLOCKS, input, Trace::new(profile), Job::Prepared { from: frame, behind: &[] })
 }

@@ -27,7 +27,7 @@ fn say(
 ) -> Vec<String> {
     let mut replies = Vec::new();
     for (number, line) in (1..).zip(lines) {
-        // What was refused is said.
+        // A refusal is reported.
         let _ = machine.run(printer.execute(number, line));
         replies.extend(
             machine.replies().take().into_iter().filter(|reply| !reply.starts_with("ok") && !reply.contains("busy")),
@@ -231,7 +231,7 @@ fn settings_are_changed_reported_and_refused() {
             "echo:driver Z: stealthChop",
         ]
     );
-    // One that cannot be leaves the others as they are.
+    // A setting that does not exist leaves the others as they are.
     assert_eq!(
         say(&machine, &mut printer, &["M906 X600 Y2500"]),
         ["echo:line 1: Y: a current of 2500 mA is out of range, expected 31 to 1768 mA"]

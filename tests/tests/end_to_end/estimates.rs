@@ -46,7 +46,7 @@ fn after_hours(seconds: u32) -> String {
     )
 }
 
-/// An hour, or ten: what is at rest is not looked at.
+/// One hour costs as much as ten: heaters at rest are not stepped.
 #[test]
 fn the_cost_of_an_estimate_is_independent_of_the_print_time() {
     for machine in ["cartesian", "corexy", "prusa-mini"] {
@@ -54,7 +54,7 @@ fn the_cost_of_an_estimate_is_independent_of_the_print_time() {
         assert!(long.print_time_s > short.print_time_s + 3900.0, "{machine}: {} s", long.print_time_s);
         assert_eq!(long.heat_samples, short.heat_samples, "{machine}");
         assert_eq!(long.driver_polls, short.driver_polls, "{machine}");
-        // A print does look.
+        // A print does step them.
         let print = print(machine, after_hours(1).as_bytes());
         assert!(print.heat_samples > short.heat_samples + 10_000, "{machine}: {}", print.heat_samples);
         let watches = print.driver_polls > 2 * short.driver_polls;
@@ -62,7 +62,7 @@ fn the_cost_of_an_estimate_is_independent_of_the_print_time() {
     }
 }
 
-/// Of a print of twenty minutes, only what comes after a change of a target is stepped.
+/// In a print of twenty minutes heaters are stepped only after a change of a target.
 #[test]
 fn an_estimate_steps_heaters_only_until_they_settle() {
     for machine in ["cartesian", "corexy", "prusa-mini"] {
@@ -74,7 +74,7 @@ fn an_estimate_steps_heaters_only_until_they_settle() {
     }
 }
 
-/// Heaters that were not stepped are where they would be: waits after hours at rest, for more heat, for less, for none.
+/// Heaters that were not stepped have the right temperatures: waits after hours at rest, for more heat, for less, for none.
 #[test]
 fn an_estimate_waits_as_long_as_a_print() {
     let text = "M86 S0\nG28\nM190 S60\nM109 S210\nG4 S900\nM109 S230\nG4 S600\nM109 R190\nG4 S600\nM190 S80\nM140 S0\nG4 S100\n\

@@ -6,7 +6,7 @@ use ferrostep_oracle::reference::{InterpretOptions, ReferenceProfile, interpret,
 use crate::desk::{profile, rehearse};
 use crate::hosts::{Conversation, machine};
 
-/// Where the motors stand after some lines, and where the G-code believes to be (mm).
+/// The motors' position after some lines, and the G-code's (mm).
 fn stands(machine_name: &str, lines: &str) -> ([i64; 4], [f64; 4]) {
     let machine = machine(&profile(machine_name));
     let mut conversation = Conversation::new(&machine);
@@ -65,7 +65,7 @@ fn a_lift_is_undone_exactly() {
     assert!(wrong.is_empty(), "{wrong:#?}");
 }
 
-/// Filament drawn back is pushed again, to the step, and the G-code's E knows nothing of it.
+/// Filament drawn back is pushed again, to the step, without changing the G-code's E.
 #[test]
 fn retractions_cancel_out() {
     let lines = "G28\nM302 P1\nM207 S1.2345 Z.3\nG1 Z2 E1 F600\n";

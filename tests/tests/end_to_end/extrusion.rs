@@ -2,7 +2,7 @@
 //! step away from lambda times the nozzle's path, also in ramps and at corners, whether lambda is the G-code's or the
 //! machine's.
 //!
-//! The nozzle's way is taken from the X and Y motors' own steps in the trace, so that no time law is needed to judge.
+//! The nozzle's path is taken from the X and Y motors' own steps in the trace, so that the check needs no time law.
 
 use std::fs::File;
 use std::path::Path;
@@ -35,7 +35,7 @@ impl Straight {
         x.hypot(y)
     }
 
-    /// Which part of the way the motors have made.
+    /// The part of the path that the motors have made.
     fn part(&self, xy_steps: [i64; 2]) -> f64 {
         let length_mm = self.length_mm();
         let along: f64 = (0..2)
@@ -87,7 +87,7 @@ fn moves(job: &str, mut lambda: impl FnMut(&str, bool) -> Option<f64>) -> Vec<St
     moves
 }
 
-/// How far the extruder is from where it should be, in its steps, at the worst of all its steps.
+/// The extruder's greatest error at any of its steps, in steps.
 #[derive(Debug, Default)]
 struct Deviations {
     steps: u64,
@@ -202,7 +202,7 @@ fn cube() -> String {
 fn filament_of_the_gcode_follows_the_nozzle() {
     let job = cube();
     let found = check("cube", &job, &moves(&job, |_, _| None));
-    // An extruder that waits for the master's steps is farther off than one with times of its own.
+    // An extruder that waits for the master's steps has a greater error than one with its own times.
     assert!(found.of_a_slave > found.of_the_machine, "{found:?}");
 }
 
@@ -294,7 +294,7 @@ fn settings_out_of_range_are_refused() {
         assert_eq!(outcome.status, Some(1), "{outcome:#?}");
         assert!(outcome.stderr.contains(&format!("{word}: ")), "{outcome:#?}");
     }
-    // And cold extrusion, as any other.
+    // Cold extrusion is refused as in any other move.
     let directory = directory();
     let path = file(&directory, "job.gcode", "G28\nM795 S1\nG1 X10 F600\n");
     let outcome = ferrostep(["print".as_ref(), path.as_os_str()]);

@@ -1,4 +1,4 @@
-//! G28 from many places, with working and broken sensors: what the motors push against, and what the host reads.
+//! G28 from many places, with working and broken sensors: how far the motors push, and what the host reads.
 //!
 //! The machine is a frame, a sheet and sensors without steps (`Mechanics`), so that a homing takes microseconds. Some of the
 //! same on the desk, with every step, is at the end.
@@ -287,14 +287,14 @@ fn from_everywhere(
     });
 }
 
-/// Whether the machine believes to be where it is, but for what its sensors cannot know.
+/// Whether the machine's position is right, as far as its sensors can tell.
 fn is_home(profile: &Profile, places: &Places) {
     let (true_10nm, believed_10nm) = (places.mechanics.borrow().true_position_10nm(), places.believed_10nm.get());
     for axis in 0..2 {
         let apart = (true_10nm[axis] - believed_10nm[axis]).abs();
         assert!(apart <= STALL_LAG_10NM.max(BOUNCE_10NM), "{} axis {axis}: {apart}", profile.name);
     }
-    // Of a probe the profile says 0 mm, which is too low a height: the nozzle is higher than it believes.
+    // The profile has 0 mm for a probe, which is too low: the nozzle is higher than the machine believes.
     let higher = true_10nm[2] - believed_10nm[2];
     let most = if profile.homing[2].sensor == HomeSensor::Probe { 250_000 } else { 0 };
     assert!((0..=most + BOUNCE_10NM).contains(&higher), "{}: {higher}", profile.name);
@@ -331,7 +331,7 @@ fn bouncing_sensors_home_from_anywhere() {
     });
 }
 
-/// Always triggered is also a sensor that is not there: inputs have pull-ups, and those of these machines trigger high.
+/// A missing sensor, too, is always triggered: inputs have pull-ups, and those of these machines trigger high.
 #[test]
 fn an_absent_or_stuck_sensor_is_named_and_z_stays_up() {
     for axis in 0..3 {
@@ -394,7 +394,7 @@ fn spikes_on_z_leave_the_nozzle_above_the_bed() {
     });
 }
 
-/// A probe that dies after it has homed once: what was known of Z bounds the next approach, from wherever the nozzle is.
+/// A probe that dies after it has homed once: the known height bounds the next approach, from any place of the nozzle.
 #[test]
 fn a_z_sensor_that_dies_after_homing_presses_half_a_millimetre_at_most() {
     for name in ["cartesian", "corexy", "prusa-mini"] {
@@ -421,8 +421,8 @@ fn a_z_sensor_that_dies_after_homing_presses_half_a_millimetre_at_most() {
     }
 }
 
-/// What physics does not permit: of a Z that has not been homed since power-on, and a sensor that never triggers, an approach
-/// cannot tell a high nozzle from a dead sensor. It goes down by the travel at most, and only once.
+/// The limit of what is possible: if Z has not been homed since power-on, an approach cannot tell a high nozzle from a sensor that
+/// never triggers. It goes down by the travel at most, and only once.
 #[test]
 fn a_dead_z_sensor_presses_once_as_documented() {
     from_everywhere(with_fault(2, SensorFault::AlwaysOff), |profile, places, true_10nm, outcome| {

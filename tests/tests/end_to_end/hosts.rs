@@ -75,7 +75,7 @@ fn resend(replies: &[String]) -> Option<i64> {
     replies.iter().find_map(|reply| reply.strip_prefix("Resend: ")?.parse().ok())
 }
 
-/// What real hosts said when they connected and printed.
+/// Lines of real hosts that connected and printed.
 #[test]
 fn recorded_host_conversations_are_answered() {
     for (name, text, end) in [
@@ -211,7 +211,7 @@ fn damaged_lines_are_requested_again() {
     assert_eq!(conversation.position_mm()[0], 5.0);
 }
 
-/// Lines that come as they were sent and cannot be read: asked for again, they would come the same for ever.
+/// Unreadable lines that arrive as they were sent: asked for again, they would come the same for ever.
 #[test]
 fn lines_that_can_never_be_read_are_refused_once() {
     let machine = machine(&profile("cartesian"));
@@ -287,7 +287,7 @@ fn answered_at_s(machine: &Machine, lines: &[String]) -> Vec<f64> {
     times
 }
 
-/// A host that stops sending stops the machine within the time that is at hand, whatever its moves are; the plan is the file's.
+/// When a host stops sending, the machine stops within the time at hand, for any moves; the plan stays that of the file.
 #[test]
 fn a_hosts_moves_wait_with_two_seconds_of_motion_at_hand() {
     let profile = profile("cartesian");

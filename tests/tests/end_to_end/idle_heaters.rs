@@ -19,7 +19,7 @@ fn now_s(machine: &Machine) -> f64 {
     machine.clock().now_ns() as f64 * 1e-9
 }
 
-/// The host says nothing; what the machine says meanwhile, and when, s.
+/// The host is silent. Returns the machine's lines meanwhile, and their times, s.
 fn silence(machine: &Machine, seconds: u32) -> Vec<(f64, String)> {
     let start_s = now_s(machine);
     let mut said = Vec::new();
@@ -38,7 +38,7 @@ fn powers(machine: &Machine) -> [f32; 2] {
     Heater::ALL.map(|heater| machine.heaters().power(heater))
 }
 
-/// What a reply says of heaters that rest.
+/// The part of a reply about heaters that rest.
 fn about_heaters(replies: &[String]) -> Vec<&str> {
     let about = replies.iter().filter(|reply| reply.starts_with(WARNING) || reply.starts_with(OFF));
     about.map(|reply| &reply[..WARNING.len().min(OFF.len())]).collect()
@@ -49,7 +49,7 @@ fn printing(profile: &Profile) -> (Machine, Vec<&'static str>) {
     (machine(profile), vec!["G28", "M140 S60", "M104 S210", "M190 S60", "M109 S210", "G1 X50 E1 F1200", "G1 X20 E2"])
 }
 
-/// The host dies in mid-print: 25 minutes later it is said, 30 minutes later all heaters are off.
+/// The host dies in mid-print: after 25 minutes comes the warning, after 30 minutes all heaters are off.
 #[test]
 fn heaters_go_off_when_the_host_is_gone() {
     for name in ["cartesian", "prusa-mini"] {
@@ -80,7 +80,7 @@ fn heaters_go_off_when_the_host_is_gone() {
     }
 }
 
-/// Hours of lines, one slow move, and a host that only asks: none of them is a host that has gone.
+/// Hours of lines, one slow move, and a host that only asks: in none of these cases has the host gone.
 #[test]
 fn heaters_stay_on_while_the_printer_is_used() {
     let (machine, start) = printing(&profile("cartesian"));
@@ -95,7 +95,7 @@ fn heaters_stay_on_while_the_printer_is_used() {
     for line in ["G1 X180 F4", "M400"] {
         assert_eq!(about_heaters(&conversation.say(line)), [""; 0], "{line}");
     }
-    // A print that is paused by a host that is there.
+    // A print that is paused by a connected host.
     for _ in 0..8 {
         assert_eq!(silence(&machine, 20 * 60), []);
         assert!(conversation.say("M105")[0].starts_with("ok T:"));
@@ -103,7 +103,7 @@ fn heaters_stay_on_while_the_printer_is_used() {
     assert!(powers(&machine).iter().all(|power| *power > 0.0));
 }
 
-/// What has to be planned only takes its time all the same.
+/// Motion that is only planned takes its time, too.
 #[test]
 fn heaters_stay_on_in_an_estimated_long_move() {
     let profile = profile("cartesian");
@@ -196,7 +196,7 @@ fn the_heater_timeout_is_the_profiles_until_m86() {
     assert!(replies[0].contains("S: ") && replies[0].contains("65535"), "{replies:?}");
 }
 
-/// Without a target there is nothing to switch off, and nothing to say.
+/// Without a target nothing is switched off, and nothing is reported.
 #[test]
 fn cold_heaters_cause_no_message() {
     let machine = machine(&profile("cartesian"));

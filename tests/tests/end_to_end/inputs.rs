@@ -1,5 +1,5 @@
-//! What the command takes as a job: text and binary G-code and prepared jobs, plain or gzip, from files and standard input; and
-//! what it says of everything else.
+//! The kinds of jobs: text and binary G-code and prepared jobs, plain or gzip, from files and standard input; and the refusal of
+//! all other files.
 
 use std::io::Write;
 use std::path::Path;
@@ -29,7 +29,7 @@ fn bytes(name: &str) -> Vec<u8> {
     std::fs::read(repository().join("examples").join(name)).unwrap()
 }
 
-/// The summary without what the run itself took, and without the file's name.
+/// The summary without the run's own time, and without the file's name.
 #[track_caller]
 fn summary(outcome: &Outcome) -> Value {
     assert_eq!(outcome.status, Some(0), "{outcome:#?}");
@@ -37,7 +37,7 @@ fn summary(outcome: &Outcome) -> Value {
     for key in ["file", "out", "wall_s", "realtime_factor", "slicer", "lines"] {
         summary.as_object_mut().unwrap().remove(key);
     }
-    // Binary G-code has the commands, not all comments: its lines are others, and so is how long the slicer takes.
+    // Binary G-code has the commands, not all comments: its lines differ, and so does the slicer's time.
     summary.as_object_mut().unwrap().remove("slicer_time_s");
     for remark in summary["remarks"].as_array_mut().unwrap() {
         remark.as_object_mut().unwrap().remove("lines");

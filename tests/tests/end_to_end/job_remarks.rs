@@ -1,4 +1,4 @@
-//! What `print`, `estimate` and `preprocess` say of a job beside its figures: lines without effect, and what a rehearsal sees.
+//! Remarks of `print`, `estimate` and `preprocess` on a job: lines without effect, and findings of the rehearsal.
 
 use std::fs;
 
@@ -113,7 +113,7 @@ fn a_job_without_remarks_has_none() {
     }
 }
 
-/// PrusaSlicer writes such a line into every file: it is listed, and no error.
+/// PrusaSlicer writes such a line into every file: it is listed, but not an error.
 #[test]
 fn limits_at_corners_that_the_profile_does_not_have_pass_strict() {
     let machine = changed("cartesian", &[]);
@@ -142,7 +142,7 @@ fn remarks_are_readable() {
     }
 }
 
-/// M862.1 and M862.3 against a profile that says what the machine is; without that they are remarks.
+/// M862.1 and M862.3 against a profile with nozzle and model; without these they are remarks.
 #[test]
 fn jobs_for_other_machines_stop() {
     let mini = changed("prusa-mini", &[("name = ", "nozzle_diameter_mm = 0.4\nname = ")]);
@@ -194,7 +194,7 @@ fn purge_lines_beside_the_bed_are_drawn_there() {
         let [x, y, z, _] = ended.logical_10nm.map(|length_10nm| length_10nm as f64 / 100_000.0);
         assert_eq!([x, y, z], end_mm, "{}", machine.name);
     }
-    // On a machine whose travel ends at the bed the line is drawn at its edge, and that is said.
+    // On a machine whose travel ends at the bed the line is drawn at its edge, and a remark says so.
     let outcome = run("print", "G28\nG1 Y-3 F1000\nM84\n", &changed("cartesian", &[]), &[]);
     assert_eq!(kinds(&outcome.json()), ["soft_limit"], "{outcome:#?}");
 }

@@ -1,4 +1,4 @@
-//! Real prints by each of the papers' methods of interpolation, every step written down and held against the reference.
+//! Real prints by each of the papers' methods of interpolation; the reference checks every step.
 
 use std::fs::{self, File};
 
@@ -7,7 +7,7 @@ use ferrostep_oracle::trace_check::{TraceCheckOptions, TraceReport, check_trace}
 
 use crate::command::{directory, example, ferrostep, file, repository};
 
-/// How far a method may lead from the line and each motor from its law, by what the method is.
+/// The greatest errors that a method may make: from the line, and of each motor from its law.
 struct Bounds {
     method: &'static str,
     /// Across the line, in pulses: steps of 1/80 mm, or of 1/160 mm of both motors of the CoreXY machine.
@@ -59,7 +59,7 @@ fn print(name: &str, machine: &str, profile: &ReferenceProfile, bounds: &Bounds)
     let options = TraceCheckOptions { plane_tolerance_steps: bounds.plane_steps, ..TraceCheckOptions::default() };
     let report = check_trace(File::open(&trace).unwrap(), &text, profile, &options).unwrap();
     assert!(report.passed(), "{} on {machine}: {report}", bounds.method);
-    // Every move has its end, where all motors were held against the definitions.
+    // Each move has its end, where all motors were compared with the definitions.
     let job = interpret(&text, profile, InterpretOptions::default()).unwrap();
     assert_eq!(report.moves, job.move_count() as u64);
     assert!(report.smallest_gap_ticks.unwrap() >= 168, "{report}");

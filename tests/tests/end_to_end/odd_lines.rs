@@ -8,7 +8,7 @@ use crate::command::{Outcome, directory, ferrostep, file};
 const PROLOGUE: &str = "G28\nG1 X10 Y20 Z3 F3000\n";
 const EPILOGUE: &str = "G1 X40\nG1 Y50\n";
 
-/// What a command of `ferrostep` makes of a job.
+/// The result of a `ferrostep` command for a job.
 #[track_caller]
 fn run(command: &str, text: &str) -> Outcome {
     let directory = directory();
@@ -18,14 +18,14 @@ fn run(command: &str, text: &str) -> Outcome {
         "preprocess" => {
             let outcome = ferrostep(["preprocess".as_ref(), job.as_os_str(), "-o".as_ref(), out.as_os_str()]);
             assert_eq!(outcome.status, Some(0), "{outcome:#?}");
-            // What was prepared can be printed.
+            // The prepared job can be printed.
             ferrostep(["print".as_ref(), out.as_os_str(), "--json".as_ref()])
         }
         command => ferrostep([command.as_ref(), job.as_os_str(), "--json".as_ref()]),
     }
 }
 
-/// Remarks of a summary: the lines, and what is said of them.
+/// Remarks of a summary: lines and texts.
 fn remarks(outcome: &Outcome) -> Vec<(Vec<u64>, String)> {
     let summary = outcome.json();
     let remarks = summary["remarks"].as_array().unwrap().iter();
@@ -34,7 +34,7 @@ fn remarks(outcome: &Outcome) -> Vec<(Vec<u64>, String)> {
     remarks.map(|remark| (lines(remark), remark["message"].as_str().unwrap().to_owned())).collect()
 }
 
-/// The end of a print with a dwell of no time, as the start of what switches everything off.
+/// The end of a print that begins with a dwell without a time, before everything is switched off.
 #[test]
 fn a_bare_dwell_does_not_stop_a_job() {
     let text =
@@ -51,7 +51,7 @@ fn a_bare_dwell_does_not_stop_a_job() {
     }
 }
 
-/// What happens with a line three times over, beside what it is read as.
+/// An odd line, three times, beside the line as which it is read.
 #[test]
 fn odd_lines_are_read_as_marlin_reads_them() {
     for (odd, as_if, says) in [

@@ -36,7 +36,7 @@ fn preprocess(input: &Path, out: &Path) -> Outcome {
     ferrostep(["preprocess".as_ref(), input.as_os_str(), "-o".as_ref(), out.as_os_str()])
 }
 
-/// Names of all that is in a folder, in alphabetical order.
+/// Names of all entries of a folder, in alphabetical order.
 fn names(directory: &TempDir) -> Vec<String> {
     let entries = fs::read_dir(directory.path()).unwrap();
     let mut names: Vec<_> = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
@@ -82,7 +82,7 @@ fn a_piped_job_is_prepared_completely() {
     assert!(fs::read(&from_fifo).unwrap() == expected, "{outcome:#?}");
 }
 
-/// The picture is looked for in what is never more than comments: all of it is still to be read as G-code.
+/// The search for a picture reads comments only, and all of them are read again as G-code.
 #[test]
 fn comments_and_a_truncated_thumbnail_are_read_to_the_end() {
     let directory = directory();
@@ -131,7 +131,7 @@ fn two_runs_with_one_output_leave_one_whole_job() {
     assert_eq!(names(&directory), ["a.gcode", "alone.gpre", "b.gcode", "both.gpre"]);
 }
 
-/// Nothing is written, and what is there stays as it is.
+/// Nothing is written, and existing files stay unchanged.
 #[track_caller]
 fn refuses(arguments: &[&str], reason: &str) {
     let outcome = ferrostep(arguments);
@@ -164,7 +164,7 @@ fn an_output_that_is_not_a_file_is_refused() {
     assert_eq!(names(&directory), before);
 }
 
-/// What is written in one go from its beginning to its end may go to a pipe or a device.
+/// An output that is written in one go may be a pipe or a device.
 #[test]
 fn a_trace_goes_through_a_pipe() {
     let directory = directory();
@@ -286,7 +286,7 @@ fn an_interrupted_command_leaves_the_old_file_and_no_part() {
     }
 }
 
-/// Who starts the command under `nohup` means it to survive the terminal.
+/// Under `nohup` the command must survive the terminal.
 #[test]
 fn an_ignored_signal_stays_ignored() {
     let directory = directory();
@@ -313,7 +313,7 @@ fn an_incomplete_trace_is_an_error() {
     let outcome = ferrostep(["print", "examples/cube.gcode", "--json", "--trace", "/dev/full"]);
     assert_eq!(outcome.status, Some(1), "{outcome:#?}");
     says(&outcome.stderr, "/dev/full: cannot be written");
-    // What could be printed was.
+    // The part that could be printed was printed.
     assert_eq!(outcome.json()["moves"], 5289);
 }
 
@@ -352,7 +352,7 @@ fn an_unwritable_result_is_an_error() {
     }
 }
 
-/// Who reads no further has read enough.
+/// A reader that closes the pipe has read enough.
 #[test]
 fn a_closed_pipe_is_not_an_error() {
     for arguments in [&["papers", "wu"][..], &["estimate", "examples/cube.gcode"]] {
@@ -363,7 +363,7 @@ fn a_closed_pipe_is_not_an_error() {
     }
 }
 
-/// What a file is named, and what is in it, must not command the terminal.
+/// A file's name and its content must not control the terminal.
 #[test]
 fn control_characters_are_escaped() {
     let directory = directory();

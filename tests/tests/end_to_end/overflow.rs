@@ -10,7 +10,7 @@ use crate::desk::profile;
 use crate::hosts::{Machine, machine};
 use crate::repeats::Seeded;
 
-/// Sends lines without waiting; the board reads one byte of the ring while `slowness` come. What it says, in order.
+/// Sends lines without waiting; the board reads one byte of the ring while `slowness` come. Returns its replies, in order.
 fn send(machine: &Machine, lines: &[String], room: usize, slowness: usize, random: &mut Seeded) -> (Vec<String>, u32) {
     let mut ring = PortBuffers { room, ..PortBuffers::default() };
     let (mut incoming, mut reader, mut host) = (Incoming::new(), Lines::new(), Host::new());
@@ -36,7 +36,7 @@ fn send(machine: &Machine, lines: &[String], room: usize, slowness: usize, rando
     while !ring.bytes.is_empty() {
         read(&mut ring);
     }
-    // What the host says next is heard, and closes what was broken off.
+    // The host's next line is heard, and closes the one that was broken off.
     for byte in *b"M105\n" {
         lost += incoming.take_in(&[byte], &mut ring);
         read(&mut ring);
@@ -56,7 +56,7 @@ fn overflowing_input_never_joins_two_lines() {
             let (said, lost) = send(&machine, &lines, room, slowness, &mut random);
             assert!(lost > 0);
             for reply in &said {
-                // No position but 0 and the one that was sent.
+                // Only positions 0 and the one that was sent.
                 if let Some(position) = reply.strip_prefix("X:") {
                     assert!(position.starts_with("0.00 ") || position.starts_with("11111.00 "), "{reply}");
                 }

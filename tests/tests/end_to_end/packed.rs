@@ -12,7 +12,7 @@ use crate::hosts::{Machine, machine};
 use crate::refusals::Collector;
 use crate::repeats::Seeded;
 
-/// A port and the printer behind it.
+/// A port with its printer.
 struct Port<'a> {
     machine: &'a Machine,
     printer: DeskPrinter<'a, (), Collector>,
@@ -28,7 +28,7 @@ impl<'a> Port<'a> {
         Self { machine, printer: machine.printer(), incoming, ring, lines: Lines::new(), host: Host::new() }
     }
 
-    /// What the printer answers to these bytes.
+    /// The printer's answers to these bytes.
     fn say(&mut self, bytes: &[u8]) -> Vec<String> {
         assert_eq!(self.incoming.take_in(bytes, &mut self.ring), 0);
         let received = Vec::from(std::mem::take(&mut self.ring.bytes));
@@ -70,8 +70,8 @@ fn packed_lines_are_lines() {
     assert_eq!(port.say(b"G92 X1\n"), ["ok"]);
 }
 
-/// A changed bit anywhere in a packed line is noticed by the line's checksum, or in what is no line at all; it is asked for
-/// again, and the next packed line is whole.
+/// A changed bit anywhere in a packed line shows in the line's checksum, or leaves no valid line. The line is asked for again, and
+/// the next packed line is whole.
 #[test]
 fn the_checksum_guards_a_packed_line() {
     let mut random = Seeded::new(12);
@@ -120,7 +120,7 @@ fn m112_acts_packed_and_plain() {
     assert!(port.ring.emergencies.is_empty());
 }
 
-/// Whole prints, packed, have nothing that could be taken for an M112 in plain text.
+/// Whole prints, packed, contain no bytes that look like an M112 in plain text.
 #[test]
 fn no_print_stops_itself() {
     for name in ["cube.gcode", "arcs-corexy.gcode.gz", "firmware-retraction.gcode.gz", "vase.gcode.gz"] {

@@ -1,4 +1,4 @@
-//! How soon a host's pause and cancel act: the time from a click to standstill and to heaters that are off, by virtual time alone.
+//! The delay of a host's pause and cancel: virtual time from a click to standstill, and to heaters that are off.
 //!
 //! A host streams a file and clicks at the worst moment, just when it has sent a line: that line is answered when there is room for
 //! it, and then the host sends no more. The same instants with Marlin's queue are computed: it ends the move under way and 15 more.
@@ -25,7 +25,7 @@ const MARLIN_BLOCKS: usize = 16;
 /// Lines of a file that are printed: the first layers.
 const LINES: usize = 6_000;
 
-/// A click every so many lines.
+/// Lines between two clicks.
 const CLICK_EVERY: usize = 211;
 
 /// The nozzle's temperature in these prints, degrees Celsius: set again after each cancel.
@@ -37,7 +37,7 @@ impl Replies for Silent {
     fn send(&self, _: Reply<'_>) {}
 }
 
-/// When each move of a file ends, ticks, where nobody clicks.
+/// Tick at which each move of a file ends, without clicks.
 #[derive(Default)]
 struct MoveEnds(Vec<(u32, u64)>);
 
@@ -73,7 +73,7 @@ fn move_ends(profile: &Profile, commands: &[String]) -> Vec<(u32, u64)> {
     session.into_observer().0
 }
 
-/// What a click brings, s.
+/// Times after a click, s.
 #[derive(Clone, Copy, Debug, Default)]
 struct Click {
     /// From a pause or cancel to standstill.
@@ -86,7 +86,7 @@ struct Click {
     marlin: f64,
 }
 
-/// Prints a file as a host does and clicks now and then.
+/// Prints a file as a host does, and clicks at intervals.
 fn clicks(profile: &Profile, commands: &[String]) -> Vec<Click> {
     let ends = move_ends(profile, commands);
     let session = Session::live(*profile, LOOK_AHEAD_BLOCKS, Silent);

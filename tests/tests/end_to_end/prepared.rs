@@ -18,7 +18,7 @@ use crate::command::{directory, example, ferrostep, file, repository};
 use crate::desk::{profile, rehearse_behind, rehearse_far};
 use crate::programs::generator::program;
 
-/// Prepares G-code in memory; what there is of a job that stops at a line is no job.
+/// Prepares G-code in memory; a job that stops at a line gives no file.
 pub fn prepared(profile: &Profile, gcode: &[u8], encoding: Encoding) -> Option<Vec<u8>> {
     let mut out = Cursor::new(Vec::new());
     let target = Target { out: &mut out, encoding };
@@ -151,7 +151,7 @@ fn square() -> (TempDir, PathBuf) {
     (directory, path)
 }
 
-/// Prints a file that is refused; what it says of it.
+/// Prints a file that is refused. Returns the message.
 #[track_caller]
 fn refusal(path: &Path, status: i32, arguments: &[&str]) -> String {
     let outcome = ferrostep(["print", path.to_str().unwrap()].iter().chain(arguments));
@@ -233,7 +233,7 @@ fn preprocess_leaves_no_file_if_the_job_stops() {
     assert_eq!(std::fs::read_dir(directory.path()).unwrap().count(), 1);
 }
 
-/// A job has heights of its own. A shift before it would be lost, or be there twice, and is refused by name.
+/// A job brings its own heights. A shift before it would be lost, or count twice, and is refused by name.
 #[test]
 fn a_prepared_job_is_refused_while_z_is_shifted() {
     let directory = directory();
@@ -290,14 +290,14 @@ fn impossible_plans_stop_where_they_begin() {
     // From 100 mm/s within 1 mm to 1 mm/s.
     let moves = [(40, EntrySpeed::Bound), (1, EntrySpeed::Bound), (40, given(1.0)), (20, EntrySpeed::Bound)];
     says(&message(&moves), "line 5: the planned speed is too low: 1.0 mm/s, where the move before slows down to ");
-    // 40 mm are no part of anything.
+    // 40 mm belong to no move.
     let moves = [(40, EntrySpeed::Bound), (40, EntrySpeed::Continues)];
     assert!(message(&moves).contains("takes this move and the one before for one"), "{}", message(&moves));
     // Beyond the end of the axis.
     let moves = [(40, EntrySpeed::Bound), (400, EntrySpeed::Bound)];
     assert!(message(&moves).contains("X: outside the soft limits"), "{}", message(&moves));
 
-    // What was sound is executed, the machine stands on the path, and knows where.
+    // The sound part is executed; the machine stands on the path, and knows its position.
     let stopped = ended(&[(40, EntrySpeed::Bound), (1, EntrySpeed::Bound), (40, given(1.0)), (20, EntrySpeed::Bound)]);
     assert_eq!(stopped.logical_10nm[0], 4_100_000);
     assert_eq!(stopped.figures.underruns, 0);
@@ -329,8 +329,8 @@ fn spiral() -> String {
     text
 }
 
-/// Part of an extruder step may be owed from before, and the flow another than the plan's: then the extruder steps elsewhere
-/// within a block that is joined of many moves, which the plan is not to blame for.
+/// Part of an extruder step may be owed from before, and the flow may differ from the plan's: then the extruder steps at other
+/// places within a block that joins many moves. That is not a fault of the plan.
 #[test]
 fn a_job_prints_after_any_filament_and_at_any_flow() {
     let machine = profile("corexy");
@@ -418,7 +418,7 @@ fn extruder_after_refusal(extruder_10nm: i64) -> f64 {
     ended.logical_10nm[3] as f64 / 100_000.0
 }
 
-/// What a job that is refused says of E does not stay: E is what the motors have pushed.
+/// A refused job does not change E: E is what the motors have pushed.
 #[test]
 fn a_refused_job_leaves_e_where_the_motors_are() {
     for (extruder_10nm, pushed_mm) in [(400_000, 4.0), (50_000_000, 4.0), (i64::MAX, 3.0), (i64::MIN, 3.0)] {

@@ -1,4 +1,4 @@
-//! Files of real slicers, printed with every step written down and held against the reference.
+//! Files of real slicers; the reference checks every step of their prints.
 
 use std::collections::VecDeque;
 use std::fs::{self, File};
@@ -86,7 +86,7 @@ fn check_summary(summary: &Value, job: &Job, report: &TraceReport) {
     assert_eq!(summary["step_digest"], report.step_digest_hex());
 }
 
-/// Prints an example and checks all that is known about it.
+/// Prints an example and makes all checks.
 #[track_caller]
 fn check(name: &str, profile_name: &str) {
     let text = example(name);
@@ -116,7 +116,7 @@ fn check(name: &str, profile_name: &str) {
         check_summary(&summary, &job, &report);
         motor_steps.push(report.motor_steps);
     }
-    // The way is the same however far ahead one looks.
+    // The path is the same for any look-ahead.
     assert_eq!(motor_steps[0], motor_steps[1]);
 
     let estimate = ferrostep(["estimate", &path, "--profile", profile_name, "--json"]);

@@ -73,7 +73,7 @@ fn almost_gcode() -> impl Strategy<Value = Vec<u8>> {
     prop::collection::vec(piece, 0..60).prop_map(|pieces| pieces.concat())
 }
 
-/// Whatever the bytes, the job ends, and says at which of its lines if not at the end.
+/// For any bytes the job ends, and names the line if it ends early.
 fn ends_well(bytes: &[u8], machine: &str) -> Result<(), TestCaseError> {
     let profile = profile(machine);
     let ended = rehearse(&profile, LOOK_AHEAD_BLOCKS, &mut &bytes[..]);
@@ -96,10 +96,10 @@ fn ends_well(bytes: &[u8], machine: &str) -> Result<(), TestCaseError> {
     Ok(())
 }
 
-/// Whether X, Y, Z hardly move while much filament does: several hundred times the way.
+/// Whether X, Y, Z hardly move while much filament does: several hundred times as far.
 ///
-/// It is a matter of choice whether such a move counts as one of the extruder alone, as are the ends of an arc's
-/// chords. The speeds next to it depend on that, the positions do not.
+/// Such a move may or may not count as one of the extruder alone, and so may the ends of an arc's chords. The speeds next to it
+/// depend on that, the positions do not.
 fn has_almost_extruder_only_moves(job: &Job) -> bool {
     job.moves.iter().any(|one| {
         let way = one.start_10nm.iter().zip(one.end_10nm).map(|(from, to)| (to - from) as f64);
@@ -109,7 +109,7 @@ fn has_almost_extruder_only_moves(job: &Job) -> bool {
     })
 }
 
-/// Prints a program and holds every step against the reference.
+/// Prints a program; the reference checks every step.
 fn prints_exactly(program: &Program) -> Result<(), TestCaseError> {
     let Program { text, machine, has_arcs } = program;
     let reference = match *machine {

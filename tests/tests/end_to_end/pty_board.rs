@@ -23,7 +23,7 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
 
-/// As long as the firmware waits for bytes while a job is received, ms.
+/// How long the firmware waits for bytes while a job is received, ms.
 const LOOK_MS: u32 = 150;
 
 /// Room for a job's bytes, as in the firmware.
@@ -32,7 +32,7 @@ const JOB_BYTES: usize = MAX_FRAME_BYTES + 1024;
 /// A pseudo-terminal: one end is a port that a program opens by its path, the other is held here.
 pub struct Pty {
     master: OwnedFd,
-    /// Somebody has it open at all times, so that it does not hang up when a host goes.
+    /// The other end, kept open so that the line does not hang up when a host goes.
     _port: std::fs::File,
     path: PathBuf,
 }
@@ -51,13 +51,13 @@ impl Pty {
         Self { master, _port: port, path }
     }
 
-    /// What a host opens.
+    /// The path that a host opens.
     pub fn path(&self) -> &Path {
         &self.path
     }
 }
 
-/// What a board is to be.
+/// The settings of a board.
 pub struct Settings {
     /// The machine.
     pub profile: Profile,
@@ -65,7 +65,7 @@ pub struct Settings {
     pub unpacks: bool,
     /// Whether it takes prepared jobs.
     pub takes_jobs: bool,
-    /// What it has executed before a host comes.
+    /// Lines that it has executed before a host comes.
     pub before: &'static [&'static str],
 }
 
@@ -76,7 +76,7 @@ impl Settings {
     }
 }
 
-/// What passes between the board's thread and the test.
+/// State shared by the board's thread and the test.
 #[derive(Default)]
 struct Shared {
     state: Mutex<State>,
@@ -89,22 +89,22 @@ struct State {
     taken: u64,
     /// The board reads no more than this.
     most: Option<u64>,
-    /// Everything that it has said.
+    /// All its lines.
     said: Vec<String>,
     /// While it waits for bytes, time passes for it without passing here.
     hurries: bool,
     ended: bool,
 }
 
-/// What a board did.
+/// The record of a board.
 pub struct Served {
-    /// What its motors did.
+    /// Counts of its motors.
     pub figures: Figures,
     /// Bytes that it has read.
     pub taken: u64,
     /// How often a transfer began.
     pub jobs: u32,
-    /// Every line that it has said.
+    /// All lines that it has sent.
     pub said: Vec<String>,
 }
 
@@ -125,7 +125,7 @@ impl PtyBoard {
         Self { path, shared, thread: thread::spawn(move || serve(&pty, &settings, &of_board)) }
     }
 
-    /// What a host opens.
+    /// The path that a host opens.
     pub fn port(&self) -> &str {
         self.path.to_str().unwrap()
     }
@@ -146,12 +146,12 @@ impl PtyBoard {
         self.shared.changed.notify_all();
     }
 
-    /// Whether seconds are short for it where it waits for bytes.
+    /// Sets whether its seconds are short while it waits for bytes.
     pub fn set_hurries(&self, hurries: bool) {
         self.shared.state.lock().unwrap().hurries = hurries;
     }
 
-    /// Waits until it has said a line that begins so.
+    /// Waits until it has sent a line with this beginning.
     pub fn wait_until_said(&self, start: &str) {
         self.wait_for(|state| state.said.iter().any(|line| line.starts_with(start)));
     }
@@ -214,7 +214,7 @@ impl Port<'_> {
         self.unpacked(&received[..length], bytes)
     }
 
-    /// What the host has packed, as text.
+    /// The host's packed bytes, as text.
     fn unpacked(&self, received: &[u8], text: &mut [u8]) -> usize {
         let Some(unpacker) = &self.unpacker else {
             text[..received.len()].copy_from_slice(received);

@@ -10,7 +10,7 @@ use ferrostep_printer::{Profile, Replies};
 
 use crate::desk::profile;
 
-/// Keeps what the printer says, line by line.
+/// Keeps the printer's replies, line by line.
 #[derive(Debug, Default)]
 pub struct Collector(RefCell<Vec<String>>);
 
@@ -27,7 +27,7 @@ impl Replies for Collector {
     }
 }
 
-/// What a machine has done after some lines.
+/// A machine's state after some lines.
 #[derive(Debug, PartialEq)]
 struct Done {
     digests: StepDigests,
@@ -38,8 +38,8 @@ struct Done {
     replies: Vec<String>,
 }
 
-/// Executes lines as a host sends them: a refused one is followed by the next. Returns what was done, and for each
-/// line whether it was refused.
+/// Executes lines as a host sends them: a refused one is followed by the next. Returns the state, and for each line
+/// whether it was refused.
 fn execute<'a>(profile: &Profile, lines: impl IntoIterator<Item = &'a str>) -> (Done, Vec<bool>) {
     let session = Session::print(*profile, LOOK_AHEAD_BLOCKS, (), Collector::default());
     let mut printer = session.printer();
@@ -64,7 +64,7 @@ fn execute<'a>(profile: &Profile, lines: impl IntoIterator<Item = &'a str>) -> (
     (done, refused)
 }
 
-/// Holds a program with one bad line in its middle against the program without it.
+/// Compares a program with one bad line in its middle with the program without it.
 #[track_caller]
 fn changes_nothing(profile: &Profile, before: &[&str], bad: &str, after: &[&str]) {
     let (expected, refused) = execute(profile, before.iter().chain(after).copied());

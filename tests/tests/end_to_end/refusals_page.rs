@@ -1,6 +1,6 @@
-//! The page of refusals in the book: what the command answers to each kind of bad input, word for word.
+//! The page of refusals in the book: the command's answer to each kind of bad input, word for word.
 //!
-//! The page is compared with what the command says now. `FERROSTEP_REFRESH=1` writes it anew; the difference then shows whether a
+//! The page is compared with the present answers. `FERROSTEP_REFRESH=1` writes it anew; the difference then shows whether a
 //! refusal lost its place, its figures or its cure.
 
 use std::fmt::Write as _;
@@ -118,7 +118,7 @@ const PROFILES: &[(&str, &str, &str)] = &[
     ("prusa-mini", "back_off_mm = 2.56", "back_off_mm = 1.99"),
 ];
 
-/// Files that are no jobs: what each is, its name, its first bytes.
+/// Files that are not jobs: kind, name, first bytes.
 const FILES: &[(&str, &str, &[u8])] = &[
     ("an empty file", "job.gcode", b""),
     ("a 3MF project", "cube.3mf", b"PK\x03\x04\x14\0\0\0\x08\0[Content_Types].xml"),
@@ -129,7 +129,7 @@ const FILES: &[(&str, &str, &[u8])] = &[
     ("a picture", "cube.png", b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR"),
 ];
 
-/// What is changed in binary G-code: what it is, the place from the end, the bits. The last of these cuts it off there.
+/// Changes to binary G-code: description, place from the end, bits. The last one cuts it off there.
 const BINARY: &[(&str, usize, u8)] =
     &[("a byte of its last block", 9, 1), ("its version", usize::MAX, 2), ("the rest missing", 50, 0)];
 
@@ -148,7 +148,7 @@ const ARGUMENTS: &[&str] = &[
     "send examples/cube.gcode --fallback examples/cube.gcode",
 ];
 
-/// What the first error line says, without the name of a temporary folder.
+/// The first error line, without the name of a temporary folder.
 fn answer(arguments: &[&str], folder: &str) -> String {
     let outcome = ferrostep(arguments);
     assert_ne!(outcome.status, Some(0), "{arguments:?} was accepted: {outcome:#?}");

@@ -83,7 +83,7 @@ fn equivalent_files_give_the_same_steps() {
     let plain = step_digest(&file(&directory, "plain.gcode", &text));
     assert_eq!(step_digest(&file(&directory, "again.gcode", &text)), plain);
     assert_eq!(step_digest(&file(&directory, "packed.gcode.gz", gzip(&text))), plain);
-    // What counts is what is in it, not what it is called.
+    // The content counts, not the name.
     assert_eq!(step_digest(&file(&directory, "packed.gcode", gzip(&text))), plain);
     let (start, end) = text.split_at(text.len() / 3);
     assert_eq!(step_digest(&file(&directory, "members.gz", [gzip(start), gzip(end)].concat())), plain);
@@ -91,7 +91,7 @@ fn equivalent_files_give_the_same_steps() {
     assert_eq!(step_digest(&file(&directory, "windows.gcode", lines.replace('\n', "\r\n"))), plain);
     assert_eq!(step_digest(&file(&directory, "mark.gcode", format!("\u{feff}{lines}"))), plain);
     assert_eq!(step_digest(&file(&directory, "open.gcode", lines.trim_end())), plain);
-    // And the digest does tell jobs apart.
+    // The digests of different jobs differ.
     assert_ne!(step_digest(&file(&directory, "other.gcode", lines.replacen("X87.153", "X87.253", 1))), plain);
 }
 
@@ -113,7 +113,7 @@ fn rings_of_any_size_give_the_same_path() {
     assert!((most.figures.motion_time_s / slower - 1.0).abs() < 1e-6);
 }
 
-/// Twice the job makes twice the steps, but for the way back to its start.
+/// Twice the job makes twice the steps, apart from the way back to its start.
 #[test]
 fn a_job_can_be_printed_twice_in_a_row() {
     let (text, profile) = (example("cube-cura.gcode.gz"), profile("cartesian"));

@@ -104,7 +104,7 @@ fn firmware_report_and_capabilities() {
     assert_eq!(has("ARCS"), Some(true));
     assert_eq!(has("Z_PROBE"), Some(true));
     assert!(replies[0].ends_with(" UUID:46737001-5649-5254-5541-4c424f415244"), "{replies:?}");
-    // Nobody reads the bytes ahead here, and the answer is honest about it.
+    // No bytes are read ahead here, and the answer says so.
     assert_eq!(has("EMERGENCY_PARSER"), Some(false));
     let area = "area:{full:{min:{x:-2.00,y:-3.00,z:0.00},max:{x:180.40,y:180.00,z:185.00}}";
     assert!(replies.last().unwrap().starts_with(area), "{replies:?}");
@@ -189,7 +189,7 @@ fn the_desk_refuses_to_measure_times() {
     assert_eq!(conversation.say("M798 S2"), ["echo:line 4: S: 2 is out of range, expected 0 to 1", "ok"]);
 }
 
-/// A board that notes what it is asked for.
+/// A board that notes its calls.
 #[derive(Debug, Default)]
 struct Noted(RefCell<Vec<&'static str>>);
 

@@ -51,7 +51,8 @@ fn a_job_its_trace_and_its_prepared_form_measure_alike() {
     // A sum of blocks beside a time from the first record to the last: they differ by the homing's last wait.
     let (simulated_s, printed_s) = (number(&of_job, &["time_s"]), number(&printed, &["motion_time_s"]));
     assert!((simulated_s - printed_s).abs() < 0.05, "{simulated_s} and {printed_s}");
-    // No shaper, and no other plan: as much as the plan without filters, but for whole steps of 12.5 um beside 20 um of ringing.
+    // Without a shaper and with the same plan it measures as much as the plan without filters, apart from whole steps of 12.5 um
+    // beside 20 um of ringing.
     assert!((number(&of_job, &["ringing", "relative"]) - 1.0).abs() < 0.35, "{of_job}");
 
     let of_trace = ferrostep(["simulate", &trace, "--path", &job, "--json"]).json();

@@ -1,5 +1,5 @@
-//! The printers for slicers in `examples/slicers/`: their figures are those of the firmware's profiles, and what the slicers
-//! write with them prints to its end with nothing to remark.
+//! The printers for slicers in `examples/slicers/`: their figures are those of the firmware's profiles, and jobs sliced with them
+//! print to their end without remarks.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -44,7 +44,7 @@ fn definition(name: &str) -> Value {
     serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap()
 }
 
-/// The figures that a slicer knows of a machine, in the order of [`figures_of_profile`].
+/// A slicer's figures of a machine, in the order of [`figures_of_profile`].
 const PRUSA_SLICER_KEYS: [&str; 11] = [
     "machine_max_feedrate_x",
     "machine_max_feedrate_y",
@@ -127,7 +127,7 @@ mod sliced {
         said
     }
 
-    /// Prints a sliced file and returns what came of it, after checking what must hold for any slicer's file.
+    /// Prints a sliced file, makes the checks for all slicers' files, and returns the report.
     #[track_caller]
     fn print(file: &Path, profile: &str) -> Value {
         let outcome = ferrostep(["print", file.to_str().unwrap(), "--profile", profile, "--json"]);

@@ -1,6 +1,6 @@
-//! The commands of PrusaSlicer's and Cura's printer profiles: what becomes of each, as a file and from a host.
+//! The commands of PrusaSlicer's and Cura's printer profiles: the outcome of each, in a file and from a host.
 //!
-//! `tests/data/slicer-commands.py` says where they come from. What becomes of them stands in the book, and set by set in
+//! `tests/data/slicer-commands.py` tells their sources. Their outcomes are in the book, and set by set in
 //! `tests/data/slicer-outcomes.tsv`; both are compared here, and `FERROSTEP_REFRESH=1` writes them anew.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -36,16 +36,16 @@ fn sets() -> impl Iterator<Item = Set> {
     })
 }
 
-/// What becomes of a line, by the printer's answer.
+/// The outcome of a line, by the printer's answer.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Fate {
-    /// It is executed, without a word.
+    /// It is executed without a remark.
     Done,
-    /// It is executed or not; what of it is ignored or has no effect is said.
+    /// A remark names the words that are ignored or have no effect.
     Remarked(String),
-    /// It is answered as unknown, and what is known about it said.
+    /// It is unknown; a remark tells its meaning, if that is known.
     Unknown(String),
-    /// It is refused, from a file with the end of the job.
+    /// It is refused, which ends the job of a file.
     Refused(String),
 }
 
@@ -67,7 +67,7 @@ impl Fate {
     }
 }
 
-/// Commands that wait for a person, who is there at once in these tests.
+/// Commands that wait for a person, who answers at once in these tests.
 const PAUSES: [&str; 7] = ["M0", "M1", "M125", "M226", "M600", "M601", "PAUSE"];
 
 /// Sends each command once, as a host does, to a printer that has just been switched on.

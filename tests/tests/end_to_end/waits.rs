@@ -10,7 +10,7 @@ fn now_s(machine: &Machine) -> f64 {
     machine.clock().now_ns() as f64 * 1e-9
 }
 
-/// Does once what a serial line's interrupt does, when the time has come.
+/// Acts once as a serial line's interrupt does, at a given time.
 fn at(when_s: f64, mut act: impl FnMut(&Machine)) -> impl FnMut(&Machine) {
     let mut done = false;
     move |machine| {
@@ -214,7 +214,7 @@ fn a_wait_for_less_than_room_temperature_ends() {
     }
 }
 
-/// What can be reached by cooling is waited for.
+/// A temperature that cooling reaches is waited for.
 #[test]
 fn a_wait_for_cooling_lasts_until_the_target() {
     let machine = machine(&profile("cartesian"));

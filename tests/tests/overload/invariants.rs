@@ -54,7 +54,7 @@ pub fn print(profile: &Profile, text: &str, speeds: &Speeds) -> Print {
 #[track_caller]
 fn printed<M: Stepping>(board: &Board<'_, M>, profile: &Profile, text: &str, mut host: HostLine) -> Print {
     assert_eq!(board.print(text, &mut host), Ok(()));
-    // A host waits for its turn, and is told that the board is busy.
+    // A host waits for its turn, and hears that the board is busy.
     let replies = board.replies();
     assert!(replies.iter().all(|reply| reply == "echo:busy: processing"), "{replies:?}");
     let figures = board.figures();

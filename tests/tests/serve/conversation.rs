@@ -71,7 +71,7 @@ fn the_next_host_finds_the_printer_as_it_was_left() {
         [(Printer::at_tcp(&["--speed", "max"]), false), (Printer::at_pty(&["--speed", "max"]), true)]
     {
         let mut first = printer.connect();
-        // A terminal keeps what was said before somebody opens it.
+        // A terminal keeps the lines from before it is opened.
         assert_eq!(first.say("G28").contains(&"start".to_owned()), hears_the_start);
         first.say("M140 S60");
         first.say("G1 X55 F6000");

@@ -149,7 +149,7 @@ fn a_printer_that_halts_ends_the_job() {
     }
 }
 
-/// Without a terminal there is nobody to ask.
+/// Without a terminal the program cannot ask.
 #[test]
 fn ctrl_c_ends_waits_motion_and_heat() {
     let folder = folder();

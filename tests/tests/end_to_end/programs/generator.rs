@@ -65,7 +65,7 @@ fn words(axes: &'static str, range: std::ops::Range<f64>) -> impl Strategy<Value
         .prop_map(|(letters, values)| letters.into_iter().zip(values).collect())
 }
 
-/// Lengths as they are found in sliced files: short ones are the rule.
+/// Lengths as in sliced files: most are short.
 fn moves() -> impl Strategy<Value = Line> {
     let feed = prop::option::weighted(0.3, 60.0f64..20_000.0);
     let place = prop_oneof![
