@@ -170,7 +170,7 @@ fn notices(folder: &Path) -> Result<(), Failure> {
     system::cargo_program("cargo-about", "about", &["cli"])?;
     for (package, target) in packages() {
         let mut about = cargo();
-        about.args(["about", "--offline", "generate", "--fail", "--config", "about.toml"]);
+        about.args(["about", "generate", "--offline", "--locked", "--fail", "--config", "about.toml"]);
         about.arg("--manifest-path").arg(system::root().join(package).join("Cargo.toml"));
         if let Some(target) = target {
             about.args(["--target", target]);
