@@ -381,7 +381,7 @@ impl fmt::Display for CommandError {
             ),
             Self::Outside { axis } => {
                 let name = AXIS_NAMES.get(*axis).copied().unwrap_or('?');
-                write!(out, "{name}: the target is outside the soft limits: a prepared job must stay within the travel")
+                write!(out, "{name}: outside the soft limits: a prepared job must stay within the travel")
             }
             Self::Plan(fault) => write_plan_fault(out, fault),
             Self::NoJobs => write!(out, "M790 works on a board's serial or USB port only"),
