@@ -74,7 +74,7 @@ impl LiveDesk {
         self.machine.borrow_mut().switch_motors_off();
     }
 
-    /// As [`Machine::rest`].
+    /// As [`QueueMachine::rest`].
     pub fn rest(&self, now_ms: u32, timeout_ms: Option<u32>) -> bool {
         self.machine.borrow_mut().rest(now_ms, timeout_ms)
     }
