@@ -97,6 +97,12 @@ impl<S: RingMemory, R: SpeedRule> BlockQueue<S, R> {
         })
     }
 
+    /// How long the first block that is not final would last at its nominal speed, ticks; 0 without one. Those after it only brake,
+    /// which takes no longer than from its speed to standstill.
+    pub fn unsettled_ticks(&self) -> u64 {
+        self.ring.first_not_final().map_or(0, |waiting| waiting.block.nominal.ticks_for(waiting.block.length_10nm))
+    }
+
     /// Lets the final places leave although the ring is not full. That changes no speed, whenever it is done.
     pub fn release_final(&mut self) {
         self.ring.release_final();

@@ -66,6 +66,11 @@ impl OpenBlock {
         self.moves > 0
     }
 
+    /// Whether it is too long to take another move in.
+    pub fn is_full(&self) -> bool {
+        self.is_some() && self.block.length_10nm >= MAX_LENGTH_10NM
+    }
+
     /// Becomes a block of one move; `nominal_now` is its nominal speed at the present feed.
     #[inline(always)]
     pub fn begin(&mut self, planned: &Planned, entry: EntrySpeed, nominal_now: Speed) {

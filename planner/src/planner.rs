@@ -290,6 +290,12 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         self.queue.final_ticks().saturating_add(rest)
     }
 
+    /// How long the machine goes on beyond [`Self::certain_ticks`] if nothing more comes, but for its braking, ticks: the first block
+    /// whose speeds are not final, at its nominal speed.
+    pub fn unsettled_ticks(&self) -> u64 {
+        self.queue.unsettled_ticks()
+    }
+
     /// Lets the blocks leave look-ahead whose speeds no later block can change; returns whether there are any. The plan does
     /// not depend on whether, and when, that is done.
     pub fn release_final(&mut self) -> bool {

@@ -268,6 +268,14 @@ impl<S: RingMemory> Ring<S> {
         self.timed_ticks
     }
 
+    /// The first block that is not final: a later one may still change the speed at its end.
+    pub(crate) fn first_not_final(&self) -> Option<&Waiting> {
+        (self.final_places..self.length).find_map(|place| match self.get(place) {
+            Some(Content::Block(waiting)) => Some(waiting),
+            _ => None,
+        })
+    }
+
     /// Lets the final places leave although the ring is not full.
     pub(crate) fn release_final(&mut self) {
         self.released = self.released.max(self.final_places);

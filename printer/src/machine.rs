@@ -23,9 +23,12 @@ pub use homing_time::HomingTime;
 use idle_timeout::IdleTimeout;
 use workload::Workload;
 
-/// With this much motion at hand the moves of a host wait: 2 s. A pause after 2 s seems immediate to a person, and a host needs
-/// less to wake up or to send a line again.
-const BOUND_TICKS: u64 = 2 * TICKS_PER_SECOND as u64;
+/// Motion at hand from which on a host waits for the `ok` of its move: 1.5 s. A person takes that for an answer at once.
+const BOUND_TICKS: u64 = 3 * TICKS_PER_SECOND as u64 / 2;
+
+/// Of this, what must be certain whatever the host sends next: 0.5 s. A host that must first wake up, or send a line again, takes
+/// less.
+const MIN_CERTAIN_TICKS: u64 = TICKS_PER_SECOND as u64 / 2;
 
 /// Mask of all motors.
 const ALL_MOTORS: u8 = 0b1111;
@@ -74,7 +77,7 @@ pub struct Machine<R, Q, M: MotionMethods = Standard> {
     flushed: bool,
     /// Whether the motors run at the end of the entries queued so far.
     in_motion: bool,
-    /// Whether moves wait for room in time, too ([`Self::set_bounded_in_time`]).
+    /// Hosts wait for room in time, too ([`Self::set_bounded_in_time`]).
     is_bounded: bool,
     /// How often motion was stopped.
     stops: u32,
@@ -149,25 +152,29 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
         self.planner.take_plan_fault()
     }
 
-    /// Whether any move would be taken now. If not, some still are.
+    /// Whether a move would be taken now, and answered at once; some are even if this says no.
     pub fn has_room(&mut self) -> bool {
         self.planner.has_room() && !self.feeder.queue.link().is_stopping() && !self.holds_enough()
     }
 
-    /// Whether the moves to come wait when 2 s (`BOUND_TICKS`) of motion are at hand, though the look-ahead ring has room: those of a
-    /// host, which is to see soon that it pauses, cancels or changes the feed.
+    /// Whether a host waits for room in time, too, with 1.5 s (`BOUND_TICKS`) of motion at hand, though the look-ahead ring has room: it is
+    /// to see soon that it pauses, cancels or changes the feed.
     pub fn set_bounded_in_time(&mut self, is_bounded: bool) {
         self.is_bounded = is_bounded;
     }
 
-    /// Bounded in time: whether the motion at hand lasts long enough, whatever comes next. Motion that later blocks may still make
-    /// faster is not counted, so that enough remains to brake from any speed.
+    /// Bounded in time: whether the motion at hand goes on for long enough. Part of it must be certain whatever comes next: what the
+    /// machine needs to brake from any speed lies beyond that part, so that no speed depends on when the next move comes.
     pub fn holds_enough(&mut self) -> bool {
         if !self.is_bounded {
             return false;
         }
         let queued = self.feeder.remaining_ticks();
-        queued >= BOUND_TICKS || queued + self.planner.certain_ticks(self.feeder.ledger.tick()) >= BOUND_TICKS
+        if queued >= BOUND_TICKS {
+            return true;
+        }
+        let certain = queued.saturating_add(self.planner.certain_ticks(self.feeder.ledger.tick()));
+        certain >= MIN_CERTAIN_TICKS && certain.saturating_add(self.planner.unsettled_ticks()) >= BOUND_TICKS
     }
 
     /// Whether all moves taken have been executed, to the last step.

@@ -29,7 +29,8 @@ impl<P: Ports> Printer<'_, P> {
             self.motion.add(asked.request).await?;
         }
         self.taken(&asked);
-        Ok(())
+        // After the move, not before: what a host sends next while it waits would be one move more to end.
+        Ok(self.motion.wait_for_room_in_time().await?)
     }
 
     /// G2, G3.
@@ -47,6 +48,7 @@ impl<P: Ports> Printer<'_, P> {
         while let Some(asked) = moves.next(&self.interpreter) {
             self.motion.add(asked.request).await?;
             self.taken(&asked);
+            self.motion.wait_for_room_in_time().await?;
         }
         Ok(())
     }

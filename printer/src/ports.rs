@@ -27,10 +27,14 @@ pub trait Motion {
     fn stops(&self) -> u32 {
         0
     }
-    /// Whether the moves to come wait for room in time, too ([`crate::machine::Machine::set_bounded_in_time`]).
+    /// Whether [`Self::wait_for_room_in_time`] waits at all ([`crate::machine::Machine::set_bounded_in_time`]).
     fn set_bounded_in_time(&mut self, _is_bounded: bool) {}
     /// Queues motion; waits for room.
     fn add(&mut self, request: impl Request) -> impl Future<Output = Result<Moved, MotionError>>;
+    /// Waits while so much motion is queued that a host should send no more ([`crate::machine::Machine::holds_enough`]).
+    fn wait_for_room_in_time(&mut self) -> impl Future<Output = Result<(), MotionError>> {
+        async { Ok(()) }
+    }
     /// Queues motion if that needs no waiting; `None` if it does, or might.
     fn try_add(&mut self, _request: &impl Request) -> Option<Result<Moved, MotionError>> {
         None

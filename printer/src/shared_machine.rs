@@ -103,7 +103,11 @@ impl<S: SharedMachine> Motion for SharedMotion<S> {
     }
 
     async fn add(&mut self, request: impl Request) -> Result<Moved, MotionError> {
-        self.wait(|machine| if machine.holds_enough() { None } else { unless_full(machine.add(&request)) }).await?
+        self.wait(|machine| unless_full(machine.add(&request))).await?
+    }
+
+    async fn wait_for_room_in_time(&mut self) -> Result<(), MotionError> {
+        self.wait(|machine| (!machine.holds_enough()).then_some(())).await
     }
 
     fn try_add(&mut self, request: &impl Request) -> Option<Result<Moved, MotionError>> {
@@ -112,7 +116,7 @@ impl<S: SharedMachine> Motion for SharedMotion<S> {
             if self.machine.is_halted() {
                 return Some(Err(MotionError::Stopped));
             }
-            if machine.holds_enough() { None } else { unless_full(machine.add(request)) }
+            unless_full(machine.add(request))
         })?;
         self.machine.wake_planner();
         Some(moved)

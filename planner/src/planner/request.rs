@@ -64,6 +64,10 @@ impl Request for Move {
             planner.close_making_room(make_room)?;
             planner.open.begin(&planned, EntrySpeed::Bound, planned.nominal);
         }
+        if planner.open.is_full() {
+            // Now, not with the next move: a host may wait until the speeds before this block are known to be final.
+            planner.close_open_block();
+        }
         planner.advance_position(&target, &planned);
         Ok(Moved::Queued)
     }

@@ -113,8 +113,7 @@ fn commands_that_do_not_wait_their_turn_act_at_once() {
     host.say("M999");
     assert!(host.say("M105")[0].contains("/0.00 B"));
     // A minute and a half of motion.
-    host.send("G1 E900 F600\nG1 X1\nM400\n");
-    host.hear_until(|line| line == "ok");
+    host.send("G1 E900 F600\nG1 X1\n");
     host.hear_until(|line| line == "ok");
     std::thread::sleep(Duration::from_millis(500));
     host.send("M410\n");
