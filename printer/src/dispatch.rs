@@ -1,12 +1,39 @@
 //! Which command goes where.
 
-use ferrostep_gcode::{AxisFlags, AxisWords, Command, Remarks, Reply};
+use ferrostep_gcode::{ArcForm, AxisFlags, AxisWords, CardCommand, Command, Decimal, Remarks, Reply, WaitTarget};
 use ferrostep_hal_shim::Heater;
 
 use crate::error::CommandError;
 use crate::paused::PauseReason;
 use crate::ports::{Motion, Ports, Replies, temperatures};
 use crate::printer::{Answer, Printer};
+
+/// A park place that the line leaves open.
+const NO_WORDS: AxisWords = AxisWords { x: None, y: None, z: None, e: None };
+
+/// A command that may wait, so that none can be named without being executed.
+enum Waiting<'a> {
+    Linear { rapid: bool, axes: &'a AxisWords, feed: Option<Decimal> },
+    Arc { clockwise: bool, axes: &'a AxisWords, form: &'a ArcForm, feed: Option<Decimal> },
+    Dwell { milliseconds: u64 },
+    Retraction { retract: bool },
+    Home(AxisFlags),
+    DisableMotors { mask: u8 },
+    Heat(Heater, WaitTarget),
+    Fan { power: u8 },
+    Pause { reason: PauseReason, park: &'a AxisWords, longest_ms: Option<u64> },
+    ResumePrint,
+    MotionChoice { interpolation: Option<u8>, acceleration: Option<u8> },
+    ShiftZ { words: &'a AxisWords, keeps_offset: bool },
+    Card(&'a CardCommand<'a>),
+    Finish,
+}
+
+/// What became of a command that was looked at.
+enum Dispatched<'a> {
+    Done(Answer),
+    Waiting(Waiting<'a>),
+}
 
 /// Mask of the motors of the axes that a command names; all where it names none.
 fn mask(axes: AxisFlags) -> u8 {
@@ -17,48 +44,44 @@ fn mask(axes: AxisFlags) -> u8 {
 }
 
 impl<P: Ports> Printer<'_, P> {
-    /// Executes a command: one line for each that may wait.
+    /// Executes a command.
     pub(crate) async fn dispatch(&mut self, command: &Command<'_>) -> Result<Answer, CommandError> {
         if self.drivers_part(command)?
             && let Some(drivers) = self.drivers
         {
             self.drivers_confirmed(drivers).await?;
         }
-        match *command {
-            Command::Linear { rapid, ref axes, feed } => self.linear(rapid, axes, feed).await?,
-            Command::Arc { clockwise, ref axes, form, feed } => self.arc(clockwise, axes, form, feed).await?,
-            Command::Dwell { milliseconds } => self.dwell(milliseconds).await?,
-            Command::Retract => self.firmware_retract(true).await?,
-            Command::Recover => self.firmware_retract(false).await?,
-            Command::Home(axes) => self.home(axes).await?,
-            Command::DisableMotors(axes) => self.disable_motors(mask(axes)).await?,
-            Command::WaitNozzle(target) => self.wait_for_heat(Heater::Nozzle, target).await?,
-            Command::WaitBed(target) => self.wait_for_heat(Heater::Bed, target).await?,
-            Command::Fan { index: 0, power } => {
-                self.needs(self.equipment.fan || power == 0, "fan")?;
-                self.motion.set_fan_power(power).await?;
-            }
-            Command::Stop { longest_ms } => {
-                self.pause_command(PauseReason::Stop, &AxisWords::default(), longest_ms).await?;
-            }
-            Command::Pause(ref park) => self.pause_command(PauseReason::Pause, park, None).await?,
-            Command::ChangeFilament(ref park) => self.pause_command(PauseReason::FilamentChange, park, None).await?,
-            Command::ResumePrint if self.is_paused() => self.start_print(None).await?,
-            Command::MotionChoice { interpolation, acceleration } => {
+        let waiting = match self.dispatch_at_once(command)? {
+            Dispatched::Done(answer) => return Ok(answer),
+            Dispatched::Waiting(waiting) => waiting,
+        };
+        match waiting {
+            Waiting::Linear { rapid, axes, feed } => self.linear(rapid, axes, feed).await?,
+            Waiting::Arc { clockwise, axes, form, feed } => self.arc(clockwise, axes, *form, feed).await?,
+            Waiting::Dwell { milliseconds } => self.dwell(milliseconds).await?,
+            Waiting::Retraction { retract } => self.firmware_retract(retract).await?,
+            Waiting::Home(axes) => self.home(axes).await?,
+            Waiting::DisableMotors { mask } => self.disable_motors(mask).await?,
+            Waiting::Heat(heater, target) => self.wait_for_heat(heater, target).await?,
+            Waiting::Fan { power } => self.motion.set_fan_power(power).await?,
+            Waiting::Pause { reason, park, longest_ms } => self.pause_command(reason, park, longest_ms).await?,
+            Waiting::ResumePrint => self.start_print(None).await?,
+            Waiting::MotionChoice { interpolation, acceleration } => {
                 self.choose_motion(interpolation, acceleration).await?;
             }
-            Command::ShiftZ { ref words, keeps_offset } => self.shift_z(words, keeps_offset).await?,
-            Command::Card(command) => self.card_command(command).await?,
-            Command::Finish => self.motion.finish().await?,
-            _ => return self.dispatch_at_once(command),
+            Waiting::ShiftZ { words, keeps_offset } => self.shift_z(words, keeps_offset).await?,
+            Waiting::Card(command) => self.card_command(*command).await?,
+            Waiting::Finish => self.motion.finish().await?,
         }
         Ok(Answer::Ok)
     }
 
-    /// Executes a command that never waits: one line for each. A function of its own, because in a future the compiler keeps every
-    /// value in memory.
+    /// Executes a command that never waits, and names the others: one line for each. A function of its own, because in a future the
+    /// compiler keeps every value in memory.
     #[inline(never)]
-    fn dispatch_at_once(&mut self, command: &Command<'_>) -> Result<Answer, CommandError> {
+    fn dispatch_at_once<'c>(&mut self, command: &'c Command<'_>) -> Result<Dispatched<'c>, CommandError> {
+        let waiting = |waiting| Ok(Dispatched::Waiting(waiting));
+        let pause = |reason, park, longest_ms| waiting(Waiting::Pause { reason, park, longest_ms });
         match *command {
             Command::SetUnits(units) => self.interpreter.modal.units = units,
             Command::AbsolutePositioning => self.interpreter.modal.set_relative(false),
@@ -79,7 +102,7 @@ impl<P: Ports> Printer<'_, P> {
             Command::ReportTemperatures => {
                 self.needs(self.equipment.heaters, "thermometers")?;
                 self.replies.send(Reply::OkTemperatures(temperatures(&self.heating)));
-                return Ok(Answer::Given);
+                return Ok(Dispatched::Done(Answer::Given));
             }
             Command::AutoReportTemperatures { seconds } => self.signals.set_report_interval_s(seconds),
             Command::EndWait => self.signals.end_wait(),
@@ -87,6 +110,7 @@ impl<P: Ports> Printer<'_, P> {
             Command::Progress { percent, minutes_left } => self.progress(percent, minutes_left),
             Command::Layer { current, total } => self.layer(current, total),
             Command::PromptAnswer(button) => self.signals.answer_prompt(button),
+            Command::ResumePrint if self.is_paused() => return waiting(Waiting::ResumePrint),
             Command::ResumePrint => return Err(CommandError::NotPaused),
             // A host begins a job with it.
             Command::SetLineNumber(Some(_)) => {
@@ -94,7 +118,7 @@ impl<P: Ports> Printer<'_, P> {
                 self.forget_rested_heaters();
             }
             Command::SetLineNumber(None) => self.replies.send(Reply::LastLine(self.last_line)),
-            Command::EmergencyStop => return self.emergency_stop(),
+            Command::EmergencyStop => return self.emergency_stop().map(Dispatched::Done),
             Command::KeepAlive(Some(seconds)) => self.signals.set_keep_alive_s(seconds),
             Command::KeepAlive(None) => self.replies.send(Reply::KeepAlive(self.signals.keep_alive_s())),
             Command::ReportPosition => self.replies.send(Reply::Position(self.position())),
@@ -133,8 +157,32 @@ impl<P: Ports> Printer<'_, P> {
             Command::SelectTool(0) => {}
             Command::SelectTool(tool) => return Err(CommandError::InvalidTool(tool)),
             Command::Unknown(text) => self.replies.unknown(self.line, text),
-            // The first four concern the drivers alone, which have been served. The next ones have no effect without a display or
-            // a second fan. The rest may wait, see `dispatch`.
+            Command::Linear { rapid, ref axes, feed } => return waiting(Waiting::Linear { rapid, axes, feed }),
+            Command::Arc { clockwise, ref axes, ref form, feed } => {
+                return waiting(Waiting::Arc { clockwise, axes, form, feed });
+            }
+            Command::Dwell { milliseconds } => return waiting(Waiting::Dwell { milliseconds }),
+            Command::Retract => return waiting(Waiting::Retraction { retract: true }),
+            Command::Recover => return waiting(Waiting::Retraction { retract: false }),
+            Command::Home(axes) => return waiting(Waiting::Home(axes)),
+            Command::DisableMotors(axes) => return waiting(Waiting::DisableMotors { mask: mask(axes) }),
+            Command::WaitNozzle(target) => return waiting(Waiting::Heat(Heater::Nozzle, target)),
+            Command::WaitBed(target) => return waiting(Waiting::Heat(Heater::Bed, target)),
+            Command::Fan { index: 0, power } => {
+                self.needs(self.equipment.fan || power == 0, "fan")?;
+                return waiting(Waiting::Fan { power });
+            }
+            Command::Stop { longest_ms } => return pause(PauseReason::Stop, &NO_WORDS, longest_ms),
+            Command::Pause(ref park) => return pause(PauseReason::Pause, park, None),
+            Command::ChangeFilament(ref park) => return pause(PauseReason::FilamentChange, park, None),
+            Command::MotionChoice { interpolation, acceleration } => {
+                return waiting(Waiting::MotionChoice { interpolation, acceleration });
+            }
+            Command::ShiftZ { ref words, keeps_offset } => return waiting(Waiting::ShiftZ { words, keeps_offset }),
+            Command::Card(ref command) => return waiting(Waiting::Card(command)),
+            Command::Finish => return waiting(Waiting::Finish),
+            // The drivers' part is all that there is to the first four. Without a display or a second fan the others change
+            // nothing here.
             Command::ReportDrivers
             | Command::StealthChop { .. }
             | Command::DriverCurrent(_)
@@ -142,24 +190,8 @@ impl<P: Ports> Printer<'_, P> {
             | Command::Fan { .. }
             | Command::SetNozzle(None)
             | Command::SetBed(None)
-            | Command::Accepted
-            | Command::Linear { .. }
-            | Command::Arc { .. }
-            | Command::Dwell { .. }
-            | Command::Retract
-            | Command::Recover
-            | Command::Home(_)
-            | Command::DisableMotors(_)
-            | Command::WaitNozzle(_)
-            | Command::WaitBed(_)
-            | Command::Stop { .. }
-            | Command::Pause(_)
-            | Command::ChangeFilament(_)
-            | Command::MotionChoice { .. }
-            | Command::ShiftZ { .. }
-            | Command::Card(_)
-            | Command::Finish => {}
+            | Command::Accepted => {}
         }
-        Ok(Answer::Ok)
+        Ok(Dispatched::Done(Answer::Ok))
     }
 }
