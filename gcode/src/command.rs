@@ -202,7 +202,14 @@ pub enum Command<'a> {
     /// M125, M226, M601: pauses and waits for a person. X and Y are where the nozzle waits, Z is by how much it rises.
     Pause(AxisWords),
     /// M600: the same, to change the filament.
-    ChangeFilament(AxisWords),
+    ChangeFilament {
+        /// Where the nozzle waits.
+        park: AxisWords,
+        /// U: how much filament is drawn out; its sign says nothing.
+        unload: Option<Decimal>,
+        /// L: how much is pushed in before the print goes on; its sign says nothing.
+        load: Option<Decimal>,
+    },
     /// M602: a paused print goes on.
     ResumePrint,
     /// M876 S: the number of the button that was pressed on a prompt.

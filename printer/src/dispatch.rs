@@ -4,12 +4,9 @@ use ferrostep_gcode::{ArcForm, AxisFlags, AxisWords, CardCommand, Command, Decim
 use ferrostep_hal_shim::Heater;
 
 use crate::error::CommandError;
-use crate::paused::PauseReason;
+use crate::paused::{PauseReason, PauseWords};
 use crate::ports::{Motion, Ports, Replies, temperatures};
 use crate::printer::{Answer, Printer};
-
-/// A park place that the line leaves open.
-const NO_WORDS: AxisWords = AxisWords { x: None, y: None, z: None, e: None };
 
 /// A command that may wait, so that none can be named without being executed.
 enum Waiting<'a> {
@@ -21,7 +18,7 @@ enum Waiting<'a> {
     DisableMotors { mask: u8 },
     Heat(Heater, WaitTarget),
     Fan { power: u8 },
-    Pause { reason: PauseReason, park: &'a AxisWords, longest_ms: Option<u64> },
+    Pause(PauseReason, PauseWords),
     ResumePrint,
     MotionChoice { interpolation: Option<u8>, acceleration: Option<u8> },
     ShiftZ { words: &'a AxisWords, keeps_offset: bool },
@@ -64,7 +61,7 @@ impl<P: Ports> Printer<'_, P> {
             Waiting::DisableMotors { mask } => self.disable_motors(mask).await?,
             Waiting::Heat(heater, target) => self.wait_for_heat(heater, target).await?,
             Waiting::Fan { power } => self.motion.set_fan_power(power).await?,
-            Waiting::Pause { reason, park, longest_ms } => self.pause_command(reason, park, longest_ms).await?,
+            Waiting::Pause(reason, words) => self.pause_command(reason, words).await?,
             Waiting::ResumePrint => self.start_print(None).await?,
             Waiting::MotionChoice { interpolation, acceleration } => {
                 self.choose_motion(interpolation, acceleration).await?;
@@ -81,7 +78,7 @@ impl<P: Ports> Printer<'_, P> {
     #[inline(never)]
     fn dispatch_at_once<'c>(&mut self, command: &'c Command<'_>) -> Result<Dispatched<'c>, CommandError> {
         let waiting = |waiting| Ok(Dispatched::Waiting(waiting));
-        let pause = |reason, park, longest_ms| waiting(Waiting::Pause { reason, park, longest_ms });
+        let pause = |reason, words| waiting(Waiting::Pause(reason, words));
         match *command {
             Command::SetUnits(units) => self.interpreter.modal.units = units,
             Command::AbsolutePositioning => self.interpreter.modal.set_relative(false),
@@ -172,9 +169,13 @@ impl<P: Ports> Printer<'_, P> {
                 self.needs(self.equipment.fan || power == 0, "fan")?;
                 return waiting(Waiting::Fan { power });
             }
-            Command::Stop { longest_ms } => return pause(PauseReason::Stop, &NO_WORDS, longest_ms),
-            Command::Pause(ref park) => return pause(PauseReason::Pause, park, None),
-            Command::ChangeFilament(ref park) => return pause(PauseReason::FilamentChange, park, None),
+            Command::Stop { longest_ms } => {
+                return pause(PauseReason::Stop, PauseWords { longest_ms, ..PauseWords::default() });
+            }
+            Command::Pause(park) => return pause(PauseReason::Pause, PauseWords { park, ..PauseWords::default() }),
+            Command::ChangeFilament { park, unload, load } => {
+                return pause(PauseReason::FilamentChange, PauseWords { park, unload, load, longest_ms: None });
+            }
             Command::MotionChoice { interpolation, acceleration } => {
                 return waiting(Waiting::MotionChoice { interpolation, acceleration });
             }

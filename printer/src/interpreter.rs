@@ -234,7 +234,7 @@ impl<'a> MoveInterpreter<'a> {
     }
 
     /// Checks that a move may push this much filament.
-    fn check_filament(&self, filament_100pm: i64) -> Result<(), CommandError> {
+    pub fn check_filament(&self, filament_100pm: i64) -> Result<(), CommandError> {
         if Extruder::can_push(self.profile.steps_per_mm[3], filament_100pm) {
             Ok(())
         } else {

@@ -55,7 +55,7 @@ pub use prepared::{OtherMotion, PreparedPlace};
 pub use printer::{JobRequest, Printer, Source};
 pub use profile::{
     AxisHoming, DEFAULT_EVENTS_PER_S, DEFAULT_HEATER_TIMEOUT_S, DEFAULT_MOVES_PER_S, DriverTiming, ExtrusionSettings,
-    FirmwareRetraction, HeaterSettings, HeaterWatch, HomeEnd, HomeSensor, Profile, SafeHoming,
+    FirmwareRetraction, HeaterSettings, HeaterWatch, HomeEnd, HomeSensor, PauseSettings, Profile, SafeHoming,
 };
 pub use shared_machine::{SharedMachine, SharedMotion};
 pub use signals::{IDLE_TIMEOUT_S, Signals};

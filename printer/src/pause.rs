@@ -4,26 +4,18 @@
 //! (M0, M600, ...) do all of it before their `ok`, because until then a host sends no more of its print; a reader that can wait
 //! by itself looks at [`Printer::is_paused`].
 
-use ferrostep_gcode::{AxisWords, Reply};
+use ferrostep_gcode::{AxisWords, Decimal, Reply};
 use ferrostep_hal_shim::{Clock, Heater};
 use ferrostep_planner::{Move, filament_100pm};
 
-use crate::axis_names::AXIS_NAMES;
 use crate::error::CommandError;
-use crate::paused::{PauseReason, Paused};
+use crate::paused::{PauseReason, PauseWords, Paused};
 use crate::ports::{Heating, Motion, Ports, Replies};
 use crate::printer::{Printer, Source};
+use crate::profile::PauseSettings;
 
 /// Units of 10 nm in a millimetre.
 const MM: i64 = 100_000;
-
-/// Where the nozzle waits without words in the line: this far from the left and the back end of the travel (Marlin's
-/// `NOZZLE_PARK_POINT`), and this much higher, units of 10 nm.
-const PARK_FROM_END_10NM: i64 = 10 * MM;
-const PARK_LIFT_10NM: i64 = 20 * MM;
-
-/// The most by which a line may raise the nozzle.
-const MAX_LIFT_MM: f64 = 1_000.0;
 
 /// Feed on the way there and back, mm/s; the axes' own limits hold too.
 const PARK_FEED_MM_PER_S: f32 = 100.0;
@@ -49,27 +41,30 @@ impl<P: Ports> Printer<'_, P> {
     /// # Errors
     /// Motion was stopped; the print is not paused then.
     pub async fn pause(&mut self, reason: PauseReason) -> Result<(), CommandError> {
-        self.pause_at(reason, &AxisWords::default(), None).await
+        self.pause_at(reason, PauseWords::default()).await
     }
 
-    async fn pause_at(
-        &mut self,
-        reason: PauseReason,
-        park: &AxisWords,
-        longest_ms: Option<u64>,
-    ) -> Result<(), CommandError> {
+    async fn pause_at(&mut self, reason: PauseReason, words: PauseWords) -> Result<(), CommandError> {
         if self.is_paused() {
             return Ok(());
         }
-        let park_10nm = self.park_place_10nm(park)?;
+        let park_10nm = self.park_place_10nm(&words.park)?;
+        let [unload_100pm, load_100pm] = match reason {
+            PauseReason::FilamentChange => self.filament_to_change_100pm(&words)?,
+            PauseReason::Stop | PauseReason::Pause => [0; 2],
+        };
+        if unload_100pm != 0 {
+            self.check_extrusion_temperature()?;
+        }
         self.motion.finish().await?;
         let mut paused = Paused {
             modal: self.interpreter.modal,
             place_10nm: self.motion.position_10nm(),
             targets_celsius: Heater::ALL.map(|heater| self.heating.status(heater).target_celsius),
             drawn_100pm: 0,
+            load_100pm,
             parked: false,
-            until_ms: longest_ms.map(|longest| self.clock.now_ms().saturating_add(longest)),
+            until_ms: words.longest_ms.map(|longest| self.clock.now_ms().saturating_add(longest)),
         };
         if reason != PauseReason::Stop {
             self.draw_back(&mut paused).await?;
@@ -77,6 +72,7 @@ impl<P: Ports> Printer<'_, P> {
             paused.parked = true;
         }
         if reason == PauseReason::FilamentChange {
+            self.move_filament(-unload_100pm, self.profile.pause.filament_10nm_per_s).await?;
             self.motion.set_motors_enabled(1 << 3, false);
         }
         self.paused = Some(paused);
@@ -102,8 +98,13 @@ impl<P: Ports> Printer<'_, P> {
         if let Some(axis) = (0..3).find(is_lost) {
             return Err(CommandError::PausedUnhomed { axis });
         }
-        if paused.drawn_100pm != 0 {
+        if paused.drawn_100pm != 0 || paused.load_100pm != 0 {
             self.check_extrusion_temperature()?;
+        }
+        self.move_filament(paused.load_100pm, self.profile.pause.filament_10nm_per_s).await?;
+        if let Some(paused) = &mut self.paused {
+            // Where the way back is stopped, the next try pushes no second time.
+            paused.load_100pm = 0;
         }
         if paused.parked {
             let [x, y, z] = paused.place_10nm;
@@ -128,19 +129,14 @@ impl<P: Ports> Printer<'_, P> {
 
     /// M0, M1, M125, M226, M600, M601. A host waits for the `ok` until a person goes on. A file on the desk has no one to ask and
     /// goes on at once. A card is read on when [`Self::is_paused`] returns `false`.
-    pub(crate) async fn pause_command(
-        &mut self,
-        reason: PauseReason,
-        park: &AxisWords,
-        longest_ms: Option<u64>,
-    ) -> Result<(), CommandError> {
-        self.pause_at(reason, park, longest_ms).await?;
+    pub(crate) async fn pause_command(&mut self, reason: PauseReason, words: PauseWords) -> Result<(), CommandError> {
+        self.pause_at(reason, words).await?;
         match self.source {
             Source::Card => return Ok(()),
             Source::File => {}
             Source::Host { .. } => {
                 self.signals.set_paused_for_user(true);
-                let waited = self.waits().for_person(longest_ms).await;
+                let waited = self.waits().for_person(words.longest_ms).await;
                 self.signals.set_paused_for_user(false);
                 if let Err(error) = waited {
                     self.cancel();
@@ -171,23 +167,43 @@ impl<P: Ports> Printer<'_, P> {
         self.replies.say(format_args!("echo:{text}. M108 goes on"));
     }
 
-    /// Where the nozzle goes: X and Y by the line's words, and the height by which it rises (Z).
+    /// Where the nozzle goes: X and Y by the line's words or the profile, and the height by which it rises (Z).
     fn park_place_10nm(&self, park: &AxisWords) -> Result<[i64; 3], CommandError> {
-        let left = self.interpreter.travel_10nm(0);
-        let back = self.interpreter.travel_10nm(1);
-        let mut place_10nm = [left[0] + PARK_FROM_END_10NM, back[1] - PARK_FROM_END_10NM, PARK_LIFT_10NM];
-        for (axis, word) in [park.x, park.y, park.z].into_iter().enumerate() {
-            let Some(value) = word else { continue };
-            let length_10nm = self.interpreter.modal.length_10nm(value).ok_or(CommandError::TooFar)?;
-            let travel = self.interpreter.travel_10nm(axis).map(|end| end as f64 / MM as f64);
-            let [minimum, maximum] = if axis == 2 { [0.0, MAX_LIFT_MM] } else { travel };
-            let value = length_10nm as f64 / MM as f64;
-            if !(minimum..=maximum).contains(&value) {
-                return Err(CommandError::OutOfRange { word: AXIS_NAMES[axis], value, minimum, maximum });
-            }
-            place_10nm[axis] = length_10nm;
+        let PauseSettings { place_10nm: [x, y], rise_10nm, .. } = self.profile.pause;
+        let travel_10nm = |axis| self.interpreter.travel_10nm(axis);
+        Ok([
+            self.length_within_10nm('X', park.x, travel_10nm(0))?.unwrap_or(x),
+            self.length_within_10nm('Y', park.y, travel_10nm(1))?.unwrap_or(y),
+            self.length_within_10nm('Z', park.z, [0, PauseSettings::MAX_RISE_10NM])?.unwrap_or(rise_10nm),
+        ])
+    }
+
+    /// How much filament is drawn out, and pushed in, units of 0.1 nm.
+    fn filament_to_change_100pm(&self, words: &PauseWords) -> Result<[i64; 2], CommandError> {
+        let PauseSettings { unload_10nm, load_10nm, .. } = self.profile.pause;
+        let length_100pm = |letter, word: Option<Decimal>, otherwise_10nm| {
+            let word = word.map(|value| Decimal::from_nanos(value.nanos().saturating_abs()));
+            let length_10nm = self.length_within_10nm(letter, word, [0, PauseSettings::MAX_FILAMENT_10NM])?;
+            let length_100pm = filament_100pm(length_10nm.unwrap_or(otherwise_10nm), 100);
+            self.interpreter.check_filament(length_100pm).map(|()| length_100pm)
+        };
+        Ok([length_100pm('U', words.unload, unload_10nm)?, length_100pm('L', words.load, load_10nm)?])
+    }
+
+    /// A word's length, units of 10 nm, which must lie between two others.
+    fn length_within_10nm(
+        &self,
+        letter: char,
+        word: Option<Decimal>,
+        [lower, upper]: [i64; 2],
+    ) -> Result<Option<i64>, CommandError> {
+        let Some(word) = word else { return Ok(None) };
+        let length_10nm = self.interpreter.modal.length_10nm(word).ok_or(CommandError::TooFar)?;
+        if (lower..=upper).contains(&length_10nm) {
+            return Ok(Some(length_10nm));
         }
-        Ok(place_10nm)
+        let [value, minimum, maximum] = [length_10nm, lower, upper].map(|length| length as f64 / MM as f64);
+        Err(CommandError::OutOfRange { word: letter, value, minimum, maximum })
     }
 
     /// Draws the filament back as G10 does, if it is hot and not drawn back yet.

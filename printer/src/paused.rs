@@ -1,5 +1,7 @@
 //! A paused print, and its reason.
 
+use ferrostep_gcode::{AxisWords, Decimal};
+
 use crate::modal::Modal;
 
 /// Why a print pauses.
@@ -26,7 +28,20 @@ impl PauseReason {
     }
 }
 
-/// A paused print: where it goes on, and with which temperatures and filament.
+/// What a line says of its pause. What it leaves open is as the profile has it.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct PauseWords {
+    /// X and Y: where the nozzle waits; Z: by how much it rises.
+    pub(crate) park: AxisWords,
+    /// Filament that is drawn out, its sign says nothing.
+    pub(crate) unload: Option<Decimal>,
+    /// Filament that is pushed in before the print goes on, its sign says nothing.
+    pub(crate) load: Option<Decimal>,
+    /// The longest wait, ms.
+    pub(crate) longest_ms: Option<u64>,
+}
+
+/// A print that is paused: where and with what it goes on.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Paused {
     /// The G-code's state. On resuming, the position and the way of reading words are taken from it; settings that a person has
@@ -38,7 +53,9 @@ pub(crate) struct Paused {
     pub(crate) targets_celsius: [f32; 2],
     /// Filament drawn back, units of 0.1 nm.
     pub(crate) drawn_100pm: i64,
-    /// Whether the nozzle has gone aside.
+    /// New filament to push in before the nozzle goes back, units of 0.1 nm.
+    pub(crate) load_100pm: i64,
+    /// The nozzle has gone aside.
     pub(crate) parked: bool,
     /// When it goes on by itself, ms; `None`: never.
     pub(crate) until_ms: Option<u64>,

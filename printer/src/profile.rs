@@ -160,6 +160,29 @@ pub struct FirmwareRetraction {
     pub lift_10nm: i64,
 }
 
+/// What a pause does (M125, M226, M600, M601, M25).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PauseSettings {
+    /// Where the nozzle waits: X and Y in machine coordinates, units of 10 nm, within the travel.
+    pub place_10nm: [i64; 2],
+    /// By how much it rises before, units of 10 nm.
+    pub rise_10nm: i64,
+    /// M600: filament that is drawn out before the motor lets it go, units of 10 nm; 0: a person pulls.
+    pub unload_10nm: i64,
+    /// M600: filament that is pushed in before the nozzle goes back, units of 10 nm; 0: a person pushes.
+    pub load_10nm: i64,
+    /// Speed of both, units of 10 nm a second.
+    pub filament_10nm_per_s: i64,
+}
+
+impl PauseSettings {
+    /// The longest rise, units of 10 nm: 1 m.
+    pub const MAX_RISE_10NM: i64 = 100_000_000;
+
+    /// The most filament that is drawn out or pushed in, units of 10 nm: 2 m.
+    pub const MAX_FILAMENT_10NM: i64 = 200_000_000;
+}
+
 /// Step and direction signals that the motor drivers need, in nanoseconds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DriverTiming {
@@ -256,6 +279,8 @@ pub struct Profile {
     pub nozzle: HeaterSettings,
     /// The bed's heater.
     pub bed: HeaterSettings,
+    /// What a pause does.
+    pub pause: PauseSettings,
     /// Firmware retraction at start-up.
     pub retraction: FirmwareRetraction,
     /// Step and direction signals.

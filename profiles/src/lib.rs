@@ -12,6 +12,7 @@ mod heaters;
 mod homing;
 mod machine;
 mod motion;
+mod pause;
 
 use ferrostep_printer::Profile;
 

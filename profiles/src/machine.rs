@@ -6,7 +6,7 @@ use ferrostep_printer::{DEFAULT_EVENTS_PER_S, DEFAULT_HEATER_TIMEOUT_S, DEFAULT_
 
 use crate::axes::{AXES, FEED, MOTORS, Travel, units_10nm};
 use crate::drivers::{self, MIN_GAP_US};
-use crate::{extrusion, heaters, homing, motion};
+use crate::{extrusion, heaters, homing, motion, pause};
 
 /// Ticks of the nominal time base in a microsecond.
 const TICKS_PER_US: f64 = TICKS_PER_SECOND as f64 / 1e6;
@@ -111,6 +111,7 @@ pub(crate) fn profile(keys: &Section<'_>) -> (Profile, [String; 2]) {
         heater_timeout_s: heater_timeout_s.round() as u16,
         nozzle,
         bed,
+        pause: pause::pause(&apart, &travel),
         retraction: extrusion::retraction(&apart),
         driver: timing,
         extrusion: extrusion::extrusion(&apart),

@@ -83,7 +83,7 @@ impl Passed {
                     | Command::Finish
                     | Command::Stop { .. }
                     | Command::Pause(_)
-                    | Command::ChangeFilament(_)
+                    | Command::ChangeFilament { .. }
                     | Command::ResumePrint
                     | Command::PromptAnswer(_)
                     | Command::QuickStop

@@ -275,7 +275,11 @@ fn stop<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseE
 fn pause<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command<'a>, ParseError> {
     let mut words = code.words(remarks)?;
     let park = AxisWords { x: words.value(b'X'), y: words.value(b'Y'), z: words.not_negative(b'Z')?, e: None };
-    Ok(if code.number == 600 { Command::ChangeFilament(park) } else { Command::Pause(park) })
+    if code.number != 600 {
+        return Ok(Command::Pause(park));
+    }
+    // Marlin's words, with either sign.
+    Ok(Command::ChangeFilament { park, unload: words.value(b'U'), load: words.value(b'L') })
 }
 
 /// M569. With P it is the M569 of another firmware, which sets a driver's direction by its number.

@@ -149,7 +149,9 @@ fn take_apart_m(command: Command<'_>) -> (u32, Words) {
         ),
         Command::Stop { longest_ms } => (0, given([('P', longest_ms.map(|milliseconds| whole(milliseconds as i64)))])),
         Command::Pause(park) => (601, axes(park)),
-        Command::ChangeFilament(park) => (600, axes(park)),
+        Command::ChangeFilament { park, unload, load } => {
+            (600, [axes(park), given([('U', unload), ('L', load)])].concat())
+        }
         Command::ResumePrint => (602, vec![]),
         Command::PromptAnswer(button) => (876, vec![('S', Some(whole(button.into())))]),
         Command::SoftLimits(on) => (211, given([('S', switch(on))])),
@@ -359,7 +361,11 @@ fn machine() -> impl Strategy<Value = Command<'static>> {
             .prop_map(|(percent, minutes_left)| Command::Progress { percent, minutes_left }),
         of(0u64..1_000_000_000).prop_map(|longest_ms| Command::Stop { longest_ms }),
         any_park().prop_map(Command::Pause),
-        any_park().prop_map(Command::ChangeFilament),
+        (any_park(), of(any_number()), of(any_number())).prop_map(|(park, unload, load)| Command::ChangeFilament {
+            park,
+            unload,
+            load
+        }),
         Just(Command::ResumePrint),
         any::<u8>().prop_map(Command::PromptAnswer),
         any_stealth_chop(),

@@ -294,13 +294,16 @@ fn pauses() {
         reads(text, Command::Stop { longest_ms });
     }
     reads_with("M0 P500 S3", Command::Stop { longest_ms: Some(3000) }, "P has no effect");
-    reads_with("M600 U50", Command::ChangeFilament(AxisWords::default()), "U has no effect");
+    let change = |park, unload, load| Command::ChangeFilament { park, unload, load };
+    reads_with("M600 E2", change(AxisWords::default(), None, None), "E has no effect");
+    reads("M600 U-400 L420.5", change(AxisWords::default(), some("-400"), some("420.5")));
     assert_eq!(refused("M0 S-1"), "S: -1 is out of range, expected 0 or more");
     for text in ["M125", "M226", "M601"] {
         reads(text, Command::Pause(AxisWords::default()));
     }
     let park = AxisWords { x: some("10"), z: some("5"), ..AxisWords::default() };
-    reads("M600 X10 Z5", Command::ChangeFilament(park));
+    reads("M600 X10 Z5", change(park, None, None));
+    reads_with("M601 U5", Command::Pause(AxisWords::default()), "U has no effect");
     assert_eq!(refused("M601 Z-5"), "Z: -5 is out of range, expected 0 or more");
     assert_eq!(parse("M226 P2 S1"), Ok(Command::Unknown("M226 P2 S1")));
     reads("M602", Command::ResumePrint);

@@ -78,6 +78,13 @@ pub(crate) fn profile() -> Profile {
         heater_timeout_s: crate::profile::DEFAULT_HEATER_TIMEOUT_S,
         nozzle: heater,
         bed: heater,
+        pause: crate::profile::PauseSettings {
+            place_10nm: [1_000_000, 19_000_000],
+            rise_10nm: 2_000_000,
+            unload_10nm: 0,
+            load_10nm: 0,
+            filament_10nm_per_s: 500_000,
+        },
         retraction: FirmwareRetraction {
             length_10nm: 0,
             retract_10nm_per_s: 1,

@@ -8,6 +8,7 @@ mod heaters;
 mod mini_heat;
 mod motor_drivers;
 mod nozzle_refusals;
+mod pauses;
 mod refusals;
 mod robustness;
 mod safe_homing;

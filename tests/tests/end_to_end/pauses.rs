@@ -1,8 +1,8 @@
 //! Pauses, and what a halted printer says.
 
+use ferrostep::desk::Desk;
 use ferrostep_hal_shim::Heater;
-use ferrostep_printer::Heating;
-use ferrostep_tests::host_side::numbered;
+use ferrostep_printer::{Heating, PauseSettings, Profile};
 
 use crate::desk::{profile, rehearse};
 use crate::hosts::{Conversation, Machine, machine};
@@ -134,7 +134,9 @@ fn the_place_to_wait_is_in_the_line_and_bad_words_change_nothing() {
         ("M600 X900", "X: 900 is out of range, expected 0 to 200"),
         ("M601 Y-1", "Y: -1 is out of range, expected 0 to 200"),
         ("M125 Z-2", "Z: -2 is out of range, expected 0 or more"),
-        ("M602", "no print is paused: M601, M600 or M25 pauses one"),
+        ("M600 U2001", "U: 2001 is out of range, expected 0 to 2000"),
+        ("M600 L-2001", "L: 2001 is out of range, expected 0 to 2000"),
+        ("M602", "no print is paused, expected M601, M600 or M25 before"),
         ("M876", "M876: expected S"),
     ] {
         let replies = print.say(line);
@@ -149,6 +151,58 @@ fn the_place_to_wait_is_in_the_line_and_bad_words_change_nothing() {
     });
     let [x, y, z, _] = parked.get();
     assert_eq!([x, y, z], [150 * 80, 20 * 80, 45 * 400]);
+}
+
+/// The profile says where the nozzle waits and how much filament M600 moves, and its words go before.
+#[test]
+fn a_filament_change_draws_the_old_filament_out_and_pushes_the_new_one_in() {
+    let place = PauseSettings {
+        place_10nm: [15_000_000, 2_500_000],
+        rise_10nm: 400_000,
+        unload_10nm: 3_000_000,
+        load_10nm: 2_800_000,
+        filament_10nm_per_s: 1_000_000,
+    };
+    let profile = Profile { pause: place, ..profile("cartesian") };
+    for (line, unload_mm, load_mm) in
+        [("M600", 30.0, 28.0), ("M600 U-50 L45", 50.0, 45.0), ("M600 U0 L0", 0.0, 0.0), ("M601", 0.0, 0.0)]
+    {
+        let machine = machine(&profile);
+        let mut print = Print::begun(&machine);
+        let before = (print.conversation.position_mm(), machine.desk().motor_steps());
+        let parked = std::cell::Cell::new(([0; 4], 0));
+        print.say_and_press(line, 30.0, |machine| {
+            parked.set((machine.desk().motor_steps(), machine.desk().enabled_motors()));
+            machine.signals().end_wait();
+        });
+        let ([x, y, z, e], enabled) = parked.get();
+        assert_eq!([x, y, z], [150 * 80, 25 * 80, 9 * 400], "{line}");
+        let steps_per_mm = 95.0;
+        let out_mm = (before.1[3] - e) as f64 / steps_per_mm;
+        let retraction_mm = out_mm - unload_mm;
+        assert!((0.1..10.0).contains(&retraction_mm), "{line}: {out_mm} mm drawn out");
+        assert_eq!(enabled & 0b1000 == 0, line.starts_with("M600"), "{line}: the extruder's motor");
+        // Where the print goes on, it lacks what was drawn out and not pushed in; E does not see it.
+        print.conversation.finish();
+        let [x, y, z, e] = machine.desk().motor_steps();
+        assert_eq!([x, y, z], before.1[..3], "{line}");
+        let lacks_mm = (before.1[3] - e) as f64 / steps_per_mm;
+        assert!((lacks_mm - (unload_mm - load_mm)).abs() < 0.02, "{line}: {lacks_mm} mm");
+        assert_eq!(print.conversation.position_mm(), before.0, "{line}");
+    }
+}
+
+/// A cold nozzle gives no filament out: the line says so and the host's print waits.
+#[test]
+fn a_cold_nozzle_is_not_unloaded() {
+    let machine = machine(&profile("cartesian"));
+    let mut print = Print::begun(&machine);
+    print.say("M109 R40");
+    let before = machine.desk().motor_steps();
+    let replies = print.say("M600 U50 L50");
+    assert!(replies[0].contains("cold extrusion prevented"), "{replies:?}");
+    assert_eq!(count(&replies, "//action:pause"), 1, "{replies:?}");
+    assert_eq!(machine.desk().motor_steps(), before);
 }
 
 /// M25 is a host's own pause: it waits itself, and its next move goes back first. Meanwhile a person moves the machine by hand.
