@@ -10,7 +10,7 @@ use crate::desk::profile;
 use crate::refusals::Collector;
 
 /// Commands with valid words.
-const COMMANDS: [&str; 30] = [
+const COMMANDS: [&str; 32] = [
     "G0 X40 Y50 Z4 F2400",
     "G1 X40 Y50 Z4 E1 F2400",
     "G2 X40 Y30 Z3 E1 I10 J0 F1200",
@@ -39,6 +39,8 @@ const COMMANDS: [&str; 30] = [
     "M221 S90",
     "M290 Z0.05 S0.05 P0",
     "M302 S160 P1",
+    "M600 X40 Y50 Z4 U20 L20",
+    "M601 X40 Y50 Z4",
     "M795 S1 H0.2 W0.4 D1.75",
     "M796 I1 A1",
 ];
