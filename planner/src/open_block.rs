@@ -3,7 +3,7 @@
 //! Slicers cut curves, and at times straight lines, into moves of a few hundredths of a mm. Were each to take a place of
 //! the look-ahead ring, the ring would see only millimetres ahead, and the machine could only be as fast as it can stop
 //! within those. So the newest block stays open, outside the ring, until the next move is there, and takes it in if the
-//! corner between them limits nothing and both want the same speed and acceleration. Look-ahead and time law then see one
+//! corner between them limits nothing and both want the same speed and acceleration. One that is too long for that enters at once. Look-ahead and time law then see one
 //! path; the steps are made move by move ([`crate::inner_ends`]), so every motor ends every move exactly where it ends
 //! without the sharing.
 
