@@ -1,8 +1,9 @@
 //! Pauses, and what a halted printer says.
 
-use ferrostep::desk::Desk;
+use ferrostep::desk::{Desk, MotionState};
 use ferrostep_hal_shim::Heater;
 use ferrostep_printer::{Heating, PauseSettings, Profile};
+use ferrostep_tests::host_side::numbered;
 
 use crate::desk::{profile, rehearse};
 use crate::hosts::{Conversation, Machine, machine};
@@ -172,7 +173,7 @@ fn a_filament_change_draws_the_old_filament_out_and_pushes_the_new_one_in() {
         let before = (print.conversation.position_mm(), machine.desk().motor_steps());
         let parked = std::cell::Cell::new(([0; 4], 0));
         print.say_and_press(line, 30.0, |machine| {
-            parked.set((machine.desk().motor_steps(), machine.desk().enabled_motors()));
+            parked.set((machine.desk().motor_steps(), machine.desk().state().enabled_motors()));
             machine.signals().end_wait();
         });
         let ([x, y, z, e], enabled) = parked.get();
