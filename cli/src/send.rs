@@ -4,6 +4,8 @@ mod error;
 mod lines;
 mod packing;
 mod port;
+#[cfg(test)]
+mod scripted;
 
 pub use error::SendError;
 pub use lines::{Frame, Outcome, Stop, Watch, is_transfer_error, send_lines};

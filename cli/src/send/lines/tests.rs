@@ -3,42 +3,11 @@
 use std::time::Duration;
 
 use super::*;
-
-/// A printer that answers by a function of the line; its clock goes on while its host waits.
-struct Scripted<F> {
-    answer: F,
-    said: VecDeque<String>,
-    heard: Vec<String>,
-    now: Instant,
-}
-
-impl<F: FnMut(&str, usize) -> Vec<&'static str>> Port for Scripted<F> {
-    fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
-        let text = String::from_utf8(bytes.to_vec()).unwrap();
-        for line in text.lines().filter(|line| !line.is_empty()) {
-            let times = self.heard.iter().filter(|heard| *heard == line).count();
-            self.heard.push(line.to_owned());
-            self.said.extend((self.answer)(line, times).into_iter().map(str::to_owned));
-        }
-        Ok(())
-    }
-
-    fn receive(&mut self, until: Instant) -> io::Result<Option<String>> {
-        let said = self.said.pop_front();
-        if said.is_none() {
-            self.now = until;
-        }
-        Ok(said)
-    }
-
-    fn now(&mut self) -> Instant {
-        self.now
-    }
-}
+use crate::send::scripted::Scripted;
 
 /// Sends two commands and a comment; the outcome, and what was sent after the first line.
 fn send(answer: impl FnMut(&str, usize) -> Vec<&'static str>) -> (Result<Outcome, SendError>, Vec<String>) {
-    let mut port = Scripted { answer, said: VecDeque::new(), heard: Vec::new(), now: Instant::now() };
+    let mut port = Scripted::new(answer);
     let mut lines = ["G28 ; home", "", "; hop", "  G1 X5"].into_iter().map(|line| Ok(line.as_bytes().to_vec()));
     let outcome =
         send_lines(&mut port, Packing::Plain, || lines.next(), Frame::PLAIN, Patience::DEFAULT, &mut |_: &str| {});
@@ -113,7 +82,7 @@ fn an_upload_sends_nothing_that_would_be_executed() {
             Some("M29") => end.clone(),
             _ => vec!["ok"],
         };
-        let mut port = Scripted { answer, said: VecDeque::new(), heard: Vec::new(), now: Instant::now() };
+        let mut port = Scripted::new(answer);
         let mut lines = lines.iter().map(|line| Ok(line.as_bytes().to_vec()));
         let mut watch = |_: &str| {};
         let outcome =
@@ -189,7 +158,7 @@ fn a_held_job_waits_as_long_as_it_takes_and_can_be_ended() {
         Some("N1") => vec!["//action:paused", "ok"],
         _ => vec!["ok"],
     };
-    let mut port = Scripted { answer, said: VecDeque::new(), heard: Vec::new(), now: Instant::now() };
+    let mut port = Scripted::new(answer);
     let begun = port.now;
     let mut lines = ["G28", "G1 X5"].into_iter().map(|line| Ok(line.as_bytes().to_vec()));
     let mut watch = Holding(Vec::new(), 1000);

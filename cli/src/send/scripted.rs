@@ -1,0 +1,51 @@
+//! A printer for tests of what is sent.
+
+use std::collections::VecDeque;
+use std::io;
+use std::time::Instant;
+
+use super::port::Port;
+
+/// A printer that answers by a function of the line and how often it was sent before; its clock goes on while its host waits.
+pub(super) struct Scripted<F> {
+    answer: F,
+    said: VecDeque<String>,
+    pub(super) heard: Vec<String>,
+    pub(super) now: Instant,
+}
+
+impl<F: FnMut(&str, usize) -> Vec<&'static str>> Scripted<F> {
+    pub(super) fn new(answer: F) -> Self {
+        Self { answer, said: VecDeque::new(), heard: Vec::new(), now: Instant::now() }
+    }
+
+    /// How many of its lines its host has not heard.
+    pub(super) fn unheard(&self) -> usize {
+        self.said.len()
+    }
+}
+
+impl<F: FnMut(&str, usize) -> Vec<&'static str>> Port for Scripted<F> {
+    fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
+        // Bytes that switch packing off are no text.
+        let text = String::from_utf8_lossy(bytes);
+        for line in text.lines().filter(|line| !line.is_empty()) {
+            let times = self.heard.iter().filter(|heard| *heard == line).count();
+            self.heard.push(line.to_owned());
+            self.said.extend((self.answer)(line, times).into_iter().map(str::to_owned));
+        }
+        Ok(())
+    }
+
+    fn receive(&mut self, until: Instant) -> io::Result<Option<String>> {
+        let said = self.said.pop_front();
+        if said.is_none() {
+            self.now = until;
+        }
+        Ok(said)
+    }
+
+    fn now(&mut self) -> Instant {
+        self.now
+    }
+}
