@@ -164,7 +164,7 @@ impl PtyBoard {
         assert!(!waited.timed_out(), "the board has read {} bytes and said {:?}", state.taken, state.said);
     }
 
-    /// Switches it off.
+    /// Switches it off when it has read all that its hosts have sent.
     pub fn end(self) -> Served {
         let mut state = self.shared.state.lock().unwrap();
         (state.ended, state.most) = (true, None);
@@ -198,9 +198,7 @@ impl Port<'_> {
         let held = |state: &mut State| state.most.is_some_and(|most| state.taken >= most);
         let state = self.shared.changed.wait_while(state, held).unwrap();
         let left = state.most.map_or(usize::MAX, |most| (most - state.taken) as usize);
-        if state.ended {
-            return 0;
-        }
+        let within = if state.ended { Duration::ZERO } else { within };
         drop(state);
         let mut ends = [PollFd::new(&self.pty.master, PollFlags::IN)];
         if poll(&mut ends, Some(&Timespec::try_from(within).unwrap())).unwrap() == 0 {
@@ -300,8 +298,13 @@ fn serve(pty: &Pty, settings: &Settings, shared: &Shared) -> Served {
     let (mut jobs, mut last_job) = (0, Report::NONE);
     let mut room = vec![0; JOB_BYTES];
     let mut buffer = [0; 64];
-    while !port.has_ended() {
+    loop {
+        // What was sent before the end is there.
+        let has_ended = port.has_ended();
         let length = port.read(&mut buffer, Duration::from_millis(100));
+        if length == 0 && has_ended {
+            break;
+        }
         let mut bytes = &buffer[..length];
         while !bytes.is_empty() {
             let line_end = bytes.iter().position(|byte| matches!(byte, b'\n' | b'\r'));

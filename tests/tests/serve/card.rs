@@ -39,10 +39,11 @@ fn a_file_is_uploaded_printed_and_still_there_at_the_end() {
     assert_eq!(host.say_numbered("M29"), ["Done saving file.", "ok"]);
     assert!(host.say_numbered("M20").iter().any(|line| line.starts_with("PART.GCO ")));
     host.say_numbered("M27 S1");
-    host.say_numbered("M32 !PART.GCO#");
-    // The host is answered while it prints.
-    assert!(host.say("M27").iter().any(|line| line.starts_with("SD printing byte ")));
-    assert!(host.say("G1 X5").concat().contains("the memory card is printing"));
+    // The host is answered while it prints: it has sent more lines than the printer takes before it begins.
+    host.send(&format!("M32 !PART.GCO#\n{}G1 X5\n", "M27\n".repeat(20)));
+    let answers: Vec<String> = (0..22).map(|_| host.hear_until(|line| line.starts_with("ok")).concat()).collect();
+    assert!(answers[20].contains("SD printing byte "), "{answers:?}");
+    assert!(answers[21].contains("the memory card is printing"), "{answers:?}");
     let heard = host.hear_until(|line| line == "Done printing file");
     assert!(heard.iter().any(|line| line.starts_with("SD printing byte ")), "{heard:?}");
     assert_eq!(host.figure("order_digest"), expected["order_digest"]);

@@ -112,10 +112,12 @@ fn commands_that_do_not_wait_their_turn_act_at_once() {
     host.hear_until(|line| line == "ok");
     host.say("M999");
     assert!(host.say("M105")[0].contains("/0.00 B"));
-    // A minute and a half of motion.
+    // A minute and a half of motion, and a report every second.
+    host.say("M155 S1");
     host.send("G1 E900 F600\nG1 X1\n");
     host.hear_until(|line| line == "ok");
-    std::thread::sleep(Duration::from_millis(500));
+    host.hear_until(|line| line.starts_with(" T:"));
+    host.hear_until(|line| line.starts_with(" T:"));
     host.send("M410\n");
     host.hear_until(|line| line == "ok");
     host.hear_until(|line| line == "ok");
