@@ -1,6 +1,8 @@
 //! The names of the methods that a profile or M796 chooses, and their parameters: data, on which nothing branches but the
 //! methods themselves ([`crate::methods`]).
 
+use crate::shaping::AxisShaper;
+
 /// How the motors' steps follow a straight line.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Interpolation {
@@ -100,6 +102,8 @@ pub struct MotionChoice {
     pub dual_rate: DualRatePeriods,
     /// The table of [`AccelerationProfile::SCurveTable`].
     pub s_curve_table: SCurveTableSettings,
+    /// Shapers of X and Y.
+    pub shapers: [AxisShaper; 2],
 }
 
 impl MotionChoice {
@@ -119,5 +123,6 @@ impl MotionChoice {
         dual_rate: DualRatePeriods { shortest_ns: 10_000, longest_ns: 3_000_000 },
         // Li 2017, experiment.
         s_curve_table: SCurveTableSettings { start_hz: 1_000, top_hz: 10_000, jerk_hz_per_s2: 100_000 },
+        shapers: [AxisShaper::NONE; 2],
     };
 }

@@ -29,6 +29,7 @@ pub(crate) fn motion(keys: &Section<'_>) -> MotionChoice {
             .number("filament_jerk_mm_per_s3", JERK)
             .or(default.filament_jerk_mm_per_s3, "the same for moves of the filament alone, which shake no frame"),
         s_curve_table: s_curve_table(&keys.apart()),
+        shapers: default.shapers,
     }
 }
 

@@ -1,0 +1,59 @@
+//! Weights and delays.
+
+/// The most impulses of a shaper: those of three humps.
+pub const MAX_IMPULSES: usize = 5;
+
+/// An impulse of a shaper.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Impulse {
+    /// Its part of the command; those of a kernel sum to 1.
+    pub weight: f64,
+    /// By how much it is later than the command, ticks.
+    pub delay_ticks: u32,
+}
+
+/// Impulses in the order of their delays.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Kernel {
+    impulses: [Impulse; MAX_IMPULSES],
+    count: usize,
+}
+
+impl Kernel {
+    /// The command itself.
+    pub const IDENTITY: Self = Self { impulses: [Impulse { weight: 1.0, delay_ticks: 0 }; MAX_IMPULSES], count: 1 };
+
+    /// The kernel of these impulses, at most [`MAX_IMPULSES`]; the weights are divided by their sum.
+    pub fn new(impulses: &[Impulse]) -> Self {
+        let mut kernel = Self { count: 0, ..Self::IDENTITY };
+        let sum: f64 = impulses.iter().map(|one| one.weight).sum();
+        for (place, one) in kernel.impulses.iter_mut().zip(impulses) {
+            *place = Impulse { weight: one.weight / sum, ..*one };
+            kernel.count += 1;
+        }
+        kernel
+    }
+
+    /// The impulses.
+    pub fn impulses(&self) -> &[Impulse] {
+        self.impulses.get(..self.count).unwrap_or_default()
+    }
+
+    /// The last delay, ticks.
+    pub fn length_ticks(&self) -> u32 {
+        self.impulses().last().map_or(0, |last| last.delay_ticks)
+    }
+
+    /// Mean delay, ticks: by how much constant speed comes late.
+    pub fn centroid_ticks(&self) -> f64 {
+        self.impulses().iter().map(|one| one.weight * f64::from(one.delay_ticks)).sum()
+    }
+
+    /// The same, so many ticks later.
+    pub fn delayed(mut self, ticks: u32) -> Self {
+        for one in &mut self.impulses {
+            one.delay_ticks = one.delay_ticks.saturating_add(ticks);
+        }
+        self
+    }
+}

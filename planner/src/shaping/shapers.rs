@@ -1,0 +1,230 @@
+//! The shapers that exist, by their published definitions.
+//!
+//! Sources: ZV, ZVD and ZVDD: Singer and Seering 1990; EI and its humps: Singhose, Seering and Singer 1996, and with damping
+//! the polynomials of Singhose and Vaughan that Klipper has since 2025; MZV: Klipper's definition.
+
+use super::MAX_LENGTH_TICKS;
+use super::kernel::{Impulse, Kernel, MAX_IMPULSES};
+use crate::square_root::square_root;
+use crate::time_units::TICKS_PER_SECOND;
+
+/// The kinds of shaper.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ShaperKind {
+    /// None: the command itself.
+    #[default]
+    None,
+    /// Zero vibration: two impulses.
+    Zv,
+    /// Klipper's modified zero vibration: three impulses over three quarters of a period.
+    Mzv,
+    /// Zero vibration and derivative: three impulses.
+    Zvd,
+    /// Zero vibration and two derivatives: four impulses.
+    Zvdd,
+    /// Extra-insensitive with fitted damping (Klipper since 2025).
+    Ei,
+    /// Extra-insensitive as it was before (Marlin, Prusa, Klipper until 2025).
+    EiOld,
+    /// Two humps, with fitted damping.
+    TwoHumpEi,
+    /// Three humps, with fitted damping.
+    ThreeHumpEi,
+}
+
+/// A shaper of an axis.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AxisShaper {
+    /// Which.
+    pub kind: ShaperKind,
+    /// Undamped frequency of the axis's mode, Hz.
+    pub frequency_hz: f64,
+    /// Damping ratio of the mode.
+    pub damping: f64,
+}
+
+/// A shaper cannot be made.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum ShaperError {
+    /// The frequency is not within [`AxisShaper::FREQUENCY_HZ`].
+    Frequency,
+    /// The damping ratio is negative or above [`ShaperKind::max_damping`].
+    Damping,
+    /// The filter is longer than [`MAX_LENGTH_TICKS`]: the frequency is too low for this shaper.
+    TooLong,
+}
+
+impl AxisShaper {
+    /// No shaper; the frequency and damping that a shaper is made for where only its kind is given.
+    pub const NONE: Self = Self { kind: ShaperKind::None, frequency_hz: 40.0, damping: 0.1 };
+
+    /// The lowest and the highest frequency, Hz.
+    pub const FREQUENCY_HZ: [f64; 2] = [5.0, 500.0];
+
+    /// The kernel.
+    ///
+    /// # Errors
+    /// [`ShaperError`].
+    pub fn kernel(&self) -> Result<Kernel, ShaperError> {
+        let [lowest, highest] = Self::FREQUENCY_HZ;
+        if self.kind == ShaperKind::None {
+            return Ok(Kernel::IDENTITY);
+        }
+        // NaN is in no range.
+        if !(self.frequency_hz >= lowest && self.frequency_hz <= highest) {
+            return Err(ShaperError::Frequency);
+        }
+        if !(self.damping >= 0.0 && self.damping <= self.kind.max_damping()) {
+            return Err(ShaperError::Damping);
+        }
+        let mode = Mode::new(self.frequency_hz, self.damping);
+        let kernel = match self.kind {
+            ShaperKind::None => Kernel::IDENTITY,
+            ShaperKind::Zv => mode.halves(&[1.0, 1.0]),
+            ShaperKind::Zvd => mode.halves(&[1.0, 2.0, 1.0]),
+            ShaperKind::Zvdd => mode.halves(&[1.0, 3.0, 3.0, 1.0]),
+            ShaperKind::EiOld => mode.halves(&[1.0 + TOLERANCE, 2.0 - 2.0 * TOLERANCE, 1.0 + TOLERANCE]),
+            ShaperKind::Mzv => {
+                let outer = 1.0 - core::f64::consts::FRAC_1_SQRT_2;
+                mode.equal_distances(0.375, &[outer, core::f64::consts::SQRT_2 - 1.0, outer])
+            }
+            ShaperKind::Ei => mode.fitted_ei(),
+            ShaperKind::TwoHumpEi => mode.fitted(&TWO_HUMP_EI),
+            ShaperKind::ThreeHumpEi => mode.fitted(&THREE_HUMP_EI),
+        };
+        if kernel.length_ticks() > MAX_LENGTH_TICKS { Err(ShaperError::TooLong) } else { Ok(kernel) }
+    }
+}
+
+impl ShaperKind {
+    /// All of them.
+    pub const ALL: [Self; 9] = [
+        Self::None,
+        Self::Zv,
+        Self::Mzv,
+        Self::Zvd,
+        Self::Zvdd,
+        Self::Ei,
+        Self::EiOld,
+        Self::TwoHumpEi,
+        Self::ThreeHumpEi,
+    ];
+
+    /// The name in profiles and in `SET_INPUT_SHAPER`.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::None => "none",
+            Self::Zv => "zv",
+            Self::Mzv => "mzv",
+            Self::Zvd => "zvd",
+            Self::Zvdd => "zvdd",
+            Self::Ei => "ei",
+            Self::EiOld => "ei_old",
+            Self::TwoHumpEi => "2hump_ei",
+            Self::ThreeHumpEi => "3hump_ei",
+        }
+    }
+
+    /// Largest damping ratio; the fitted shapers hold no farther than they were fitted.
+    pub const fn max_damping(self) -> f64 {
+        match self {
+            Self::Ei => 0.4,
+            Self::TwoHumpEi => 0.3,
+            Self::ThreeHumpEi => 0.2,
+            Self::None | Self::Zv | Self::Mzv | Self::Zvd | Self::Zvdd | Self::EiOld => 0.99,
+        }
+    }
+}
+
+/// Vibration that shapers with humps leave on purpose, as everywhere.
+const TOLERANCE: f64 = 0.05;
+
+/// An impulse's weight, and its delay in undamped periods, as polynomials in the damping ratio.
+type Fitted = [[f64; 4]; 2];
+
+/// Two humps of 5 % (Singhose and Vaughan).
+const TWO_HUMP_EI: [Fitted; 4] = [
+    [[0.16054, 0.76699, 2.26560, -1.22750], [0.0; 4]],
+    [[0.33911, 0.45081, -2.58080, 1.73650], [0.49890, 0.16270, -0.54262, 6.16180]],
+    [[0.34089, -0.61533, -0.68765, 0.42261], [0.99748, 0.18382, -1.58270, 8.17120]],
+    [[0.15997, -0.60246, 1.00280, -0.93145], [1.49920, -0.09297, -0.28338, 1.85710]],
+];
+
+/// Three humps of 5 % (Singhose and Vaughan).
+const THREE_HUMP_EI: [Fitted; 5] = [
+    [[0.11275, 0.76632, 3.29160, -1.44380], [0.0; 4]],
+    [[0.23698, 0.61164, -2.57850, 4.85220], [0.49974, 0.23834, 0.44559, 12.4720]],
+    [[0.30008, -0.19062, -2.14560, 0.13744], [0.99849, 0.29808, -2.36460, 23.3990]],
+    [[0.23775, -0.73297, 0.46885, -2.08650], [1.49870, 0.10306, -2.01390, 17.0320]],
+    [[0.11244, -0.45439, 0.96382, -1.46000], [1.99960, -0.28231, 0.61536, 5.40450]],
+];
+
+/// A polynomial with these coefficients, the constant first.
+fn polynomial(coefficients: [f64; 4], x: f64) -> f64 {
+    coefficients.into_iter().rev().fold(0.0, |sum, coefficient| sum * x + coefficient)
+}
+
+/// The mode that a shaper is made for.
+struct Mode {
+    damping: f64,
+    undamped_period_ticks: f64,
+    damped_period_ticks: f64,
+    /// How the vibration decays over a damped period: to e to the power of this.
+    decrement: f64,
+}
+
+impl Mode {
+    fn new(frequency_hz: f64, damping: f64) -> Self {
+        let root = square_root(1.0 - damping * damping);
+        let undamped_period_ticks = f64::from(TICKS_PER_SECOND) / frequency_hz;
+        Self {
+            damping,
+            undamped_period_ticks,
+            damped_period_ticks: undamped_period_ticks / root,
+            decrement: -core::f64::consts::TAU * damping / root,
+        }
+    }
+
+    /// Impulses half a damped period apart; these are the weights without damping.
+    fn halves(&self, weights: &[f64]) -> Kernel {
+        self.equal_distances(0.5, weights)
+    }
+
+    /// Impulses this part of a damped period apart; these are the weights without damping.
+    fn equal_distances(&self, periods: f64, weights: &[f64]) -> Kernel {
+        let decay = libm::exp(self.decrement * periods);
+        let mut remaining = 1.0;
+        impulses(weights.iter().enumerate().map(|(index, weight)| {
+            let impulse = (weight * remaining, index as f64 * periods * self.damped_period_ticks);
+            remaining *= decay;
+            impulse
+        }))
+    }
+
+    /// EI with the published polynomials in tolerance and damping.
+    fn fitted_ei(&self) -> Kernel {
+        let (v, damping) = (TOLERANCE, self.damping);
+        let first = polynomial([0.24968 + 0.24961 * v, 0.80008 + 1.23328 * v, 0.49599 + 3.17316 * v, 0.0], damping);
+        let last = polynomial([0.25149 + 0.21474 * v, -0.83249 + 1.41498 * v, 0.85181 - 4.90094 * v, 0.0], damping);
+        let middle = [0.4999, (0.46159 + 8.57843 * v) * v, (4.26169 - 108.644 * v) * v, (1.75601 + 336.989 * v) * v];
+        let period = self.damped_period_ticks;
+        impulses([(first, 0.0), (1.0 - first - last, polynomial(middle, damping) * period), (last, period)].into_iter())
+    }
+
+    fn fitted(&self, parts: &[Fitted]) -> Kernel {
+        impulses(parts.iter().map(|&[weight, delay]| {
+            (polynomial(weight, self.damping), polynomial(delay, self.damping) * self.undamped_period_ticks)
+        }))
+    }
+}
+
+/// The kernel of weights and delays, rounded to ticks.
+fn impulses(parts: impl Iterator<Item = (f64, f64)>) -> Kernel {
+    let mut all = [Impulse { weight: 0.0, delay_ticks: 0 }; MAX_IMPULSES];
+    let mut count = 0;
+    for (place, (weight, delay_ticks)) in all.iter_mut().zip(parts) {
+        *place = Impulse { weight, delay_ticks: (delay_ticks + 0.5) as u32 };
+        count += 1;
+    }
+    Kernel::new(all.get(..count).unwrap_or_default())
+}
