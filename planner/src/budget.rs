@@ -2,6 +2,7 @@
 
 use crate::block::{Block, Speed};
 use crate::kinematics::{Geometry, UNITS_PER_MM};
+use crate::shaping::MOST_IN_FILTER;
 use crate::time_units::TICKS_PER_SECOND;
 
 /// What moves and step events cost, in ticks of the time that motion is granted.
@@ -12,12 +13,26 @@ use crate::time_units::TICKS_PER_SECOND;
 pub(crate) struct Budget {
     event_ticks: f32,
     move_ticks: f32,
+    /// What a piece of the plan takes of the time that filters see; 0 without filters.
+    piece_ticks: f32,
 }
+
+/// Pieces that a block has besides those of its moves: its ramps, under an S-curve those of a whole run.
+const PIECES_BESIDES: u32 = 6;
 
 impl Budget {
     /// The budget of a machine.
     pub fn new(geometry: &Geometry) -> Self {
-        Self { event_ticks: geometry.event_cost_ticks as f32, move_ticks: geometry.move_cost_ticks as f32 }
+        Self {
+            event_ticks: geometry.event_cost_ticks as f32,
+            move_ticks: geometry.move_cost_ticks as f32,
+            piece_ticks: 0.0,
+        }
+    }
+
+    /// Filters of this length, ticks, see no more pieces of the plan than their ring holds.
+    pub fn hold_pieces(&mut self, length_ticks: u32) {
+        self.piece_ticks = length_ticks as f32 / MOST_IN_FILTER as f32;
     }
 
     /// What a block of `moves` moves and `events` step events costs.
@@ -28,6 +43,8 @@ impl Budget {
         // Units of 10 nm in a tick at one unit of speed.
         const PER_10NM: f32 = (65_536 * (TICKS_PER_SECOND as i64 / UNITS_PER_MM)) as f32;
         let ticks = events * self.event_ticks + moves as f32 * self.move_ticks;
+        let for_pieces = moves.saturating_add(PIECES_BESIDES) as f32 * self.piece_ticks;
+        let ticks = if for_pieces > ticks { for_pieces } else { ticks };
         Cost { ticks, distance: block.length_10nm as f32 * PER_10NM }
     }
 }
@@ -80,7 +97,7 @@ mod tests {
             mm_per_s in 0.1f64..500.0, moves in 1u32..9,
         ) {
             // 400,000 events and 8,000 moves a second.
-            let budget = Budget { event_ticks: 210.0, move_ticks: 10_500.0 };
+            let budget = Budget { event_ticks: 210.0, move_ticks: 10_500.0, piece_ticks: 0.0 };
             let block = block(length, steps, mm_per_s);
             let events = block.master_steps() as f32 + extruder;
             let slower = budget.cost(&block, events, moves).slower_nominal(block.nominal);
@@ -101,7 +118,7 @@ mod tests {
 
     #[test]
     fn without_costs_nothing_is_slowed() {
-        let budget = Budget { event_ticks: 0.0, move_ticks: 0.0 };
+        let budget = Budget { event_ticks: 0.0, move_ticks: 0.0, piece_ticks: 0.0 };
         let block = block(1, 1_000, 500.0);
         assert_eq!(budget.cost(&block, 1_000.0, 1).slower_nominal(block.nominal), None);
     }

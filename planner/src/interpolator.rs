@@ -14,6 +14,7 @@ use crate::event_buffer::{EVENTS_AT_ONCE, EventBuffer};
 use crate::extruder::rounded_steps;
 use crate::follower::Follower;
 use crate::methods::{MotionMethods, Standard};
+use crate::shaping::Standing;
 use crate::spacing::MotorSteps;
 use crate::step_queue::{EXTRUDER, Notice, StepEntry, StepSink};
 use crate::step_times::StepTimes;
@@ -145,6 +146,19 @@ impl<M: MotionMethods> Interpolator<M> {
     pub fn reset_to(&mut self, clock: u64, extruder_256ths: i64, directions: u8) {
         let Self { minimum_interval, pattern, .. } = *self;
         *self = Self { pattern, clock, extruder_256ths, directions, ..Self::new(minimum_interval) };
+    }
+
+    /// Goes on from standstill where another stepper has brought the motors.
+    pub(crate) fn resume(&mut self, standing: &Standing) {
+        let Standing { clock, last_event, extruder_256ths, directions, .. } = *standing;
+        self.reset_to(clock, extruder_256ths, directions);
+        self.last = last_event.wrapping_sub(clock) << FRACTION_BITS;
+    }
+
+    /// Where the motors stand after the last block, when these are their steps.
+    pub(crate) fn standing(&self, steps: [i32; 3]) -> Standing {
+        let Self { clock, extruder_256ths, directions, .. } = *self;
+        Standing { clock, last_event: self.tick(self.last), steps, extruder_256ths, directions }
     }
 
     /// Starts a block; the one before must be finished. Returns the block's duration in ticks.

@@ -10,6 +10,7 @@ use core::fmt::Debug;
 use crate::block::{Block, PlannedBlock, Speed};
 use crate::kinematics::Kinematics;
 use crate::motion_choice::{AccelerationProfile, Interpolation, MotionChoice};
+use crate::shaping::ShaperError;
 use crate::step_times::StepTimes;
 use crate::stretches::Stretch;
 use crate::time_law::TimeLaw;
@@ -25,6 +26,8 @@ pub enum ChoiceError {
     NotContained,
     /// A parameter of the method is out of range.
     Parameter,
+    /// A shaper cannot be made, or not for this machine.
+    Shaper(ShaperError),
 }
 
 /// A step event of X, Y and Z's motors, and when it is due.

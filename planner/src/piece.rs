@@ -91,7 +91,7 @@ impl<F: Real> PieceEnd<F> {
 
 impl<F: Real> Motion<F> {
     /// Time from the anchor over a distance.
-    fn time_over(&self, distance: F) -> F {
+    pub(crate) fn time_over(&self, distance: F) -> F {
         match *self {
             Self::Constant { path, time } => time * distance / path,
             Self::Accelerated { speed, gain } => {

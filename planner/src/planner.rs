@@ -17,12 +17,13 @@ use crate::kinematics::{Geometry, UNITS_PER_MM};
 use crate::limits::Limits;
 use crate::look_ahead::SpeedLaw;
 use crate::methods::{ChoiceError, MotionMethods, SpeedRule, Standard};
-use crate::motion_choice::{AccelerationProfile, MotionChoice};
+use crate::motion_choice::{AccelerationProfile, Interpolation, MotionChoice};
 use crate::open_block::OpenBlock;
 use crate::pace::Pace;
 use crate::ring::{Marker, RingMemory};
 use crate::s_curve::law::Curve;
 use crate::s_curve::{Jerk, Jerks};
+use crate::shaping::{ShapedStepper, ShaperError, Shaping};
 use crate::speed_plan::{Part, Released};
 use crate::step_queue::{Notice, StepSink};
 use crate::time_law::TimeLaw;
@@ -70,6 +71,11 @@ pub struct Planner<S, M: MotionMethods = Standard> {
     /// Another time law than trapezoid and S-curve.
     rule: Option<M::Rule>,
     interpolator: Interpolator<M>,
+    /// In its place while axes are shaped.
+    shaped: ShapedStepper,
+    shaping: Shaping,
+    /// The moves to come are not shaped: a sensor ends them.
+    is_unshaped: bool,
     /// Speed at the end of the last block that left look-ahead, and where the motors are there.
     exit: Speed,
     released: MotorPosition,
@@ -94,6 +100,9 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
             curve: Curve::NONE,
             rule: None,
             interpolator: Interpolator::new(geometry.minimum_event_interval_ticks),
+            shaped: ShapedStepper::new(geometry.minimum_event_interval_ticks, geometry.kinematics),
+            shaping: Shaping::NONE,
+            is_unshaped: false,
             exit: Speed::ZERO,
             released: position.motors(),
             tallies: Tallies::default(),
@@ -122,11 +131,15 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
     pub fn set_motion_choice(&mut self, choice: &MotionChoice) -> Result<(), ChoiceError> {
         let law = speed_law::<M>(choice)?;
         let pattern = M::pattern(choice, self.rules.geometry.kinematics)?;
+        let shaping = self.shaping_of(choice).map_err(ChoiceError::Shaper)?;
         if !self.is_idle() {
             return Err(ChoiceError::InMotion);
         }
         self.choice = *choice;
         self.rules.pattern = pattern;
+        self.shaping = shaping;
+        self.shaped.set_shaping(&shaping, self.rules.geometry.kinematics);
+        self.rules.set_shaped_for(self.shaped.length_ticks());
         self.interpolator.set_pattern(pattern);
         self.rule = match law {
             SpeedLaw::Other(rule) => Some(rule),
@@ -134,6 +147,30 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         };
         self.queue.look_ahead(&law);
         Ok(())
+    }
+
+    /// The filters of a choice, if this machine can have them.
+    fn shaping_of(&self, choice: &MotionChoice) -> Result<Shaping, ShaperError> {
+        let shaping = Shaping::new(&choice.shapers)?;
+        if !shaping.is_active() {
+            return Ok(shaping);
+        }
+        if choice.interpolation != Interpolation::StepBresenham {
+            return Err(ShaperError::Pattern);
+        }
+        let Geometry { kinematics, steps_per_mm, .. } = self.rules.geometry;
+        let are_equal = |axis: usize| {
+            let motors = kinematics.motors_of_axis(axis);
+            let mut steps_per_mm = steps_per_mm.iter().enumerate().filter(|(motor, _)| motors >> motor & 1 == 1);
+            let first = steps_per_mm.next();
+            steps_per_mm.all(|(_, other)| first.is_none_or(|(_, first)| first == other))
+        };
+        if !(are_equal(0) && are_equal(1)) { Err(ShaperError::UnequalMotors) } else { Ok(shaping) }
+    }
+
+    /// Lets the moves to come follow the plan itself, or the filters again: those that a sensor ends. Only at standstill.
+    pub fn set_unshaped(&mut self, is_unshaped: bool) {
+        self.is_unshaped = is_unshaped;
     }
 
     /// For comparison: under an S-curve, lets every block begin and end without acceleration instead of giving neighbours
@@ -202,7 +239,7 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
 
     /// Whether all moves taken have become step entries.
     pub fn is_idle(&self) -> bool {
-        self.is_look_ahead_empty() && !self.interpolator.is_busy()
+        self.is_look_ahead_empty() && !self.interpolator.is_busy() && self.shaped.is_at_rest()
     }
 
     /// Whether all moves have their speeds.
@@ -212,7 +249,7 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
 
     /// Whether the last entry handed out leaves the motors running.
     pub fn is_in_motion(&self) -> bool {
-        self.interpolator.is_busy() || self.exit > Speed::ZERO
+        self.interpolator.is_busy() || !self.shaped.is_at_rest() || self.exit > Speed::ZERO
     }
 
     /// Whether moves may share a block. Another pattern may decide from the start of a block, and another law count the
@@ -286,7 +323,13 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
     /// are final, and the rest of the one that is being interpolated. In ticks after `tick`, at which the entries handed out
     /// so far end.
     pub fn certain_ticks(&mut self, tick: u64) -> u64 {
-        let rest = if self.interpolator.is_busy() { self.interpolator.end_tick().saturating_sub(tick) } else { 0 };
+        let rest = if self.shaped.is_busy() {
+            self.shaped.end_tick().saturating_sub(tick)
+        } else if self.interpolator.is_busy() {
+            self.interpolator.end_tick().saturating_sub(tick)
+        } else {
+            0
+        };
         self.queue.final_ticks().saturating_add(rest)
     }
 
@@ -317,6 +360,10 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
             }
             return Progress::Worked;
         }
+        if self.shaped.is_busy() {
+            self.advance_shaped(sink);
+            return Progress::Worked;
+        }
         match self.release_next() {
             Some(Released::Block(planned)) => {
                 let law = self.law(&planned);
@@ -327,13 +374,42 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
                 self.begin(&planned, &law, sink);
             }
             Some(Released::Marker(marker)) => {
-                let tick = self.interpolator.notice_tick();
+                let is_shaped = !self.shaped.is_at_rest();
+                let tick = if is_shaped { self.shaped.notice_tick() } else { self.interpolator.notice_tick() };
                 let Marker::FanPower { power } = marker;
                 sink.notice(Notice::FanPower { tick, power });
             }
+            None if self.must_rest() => self.tallies.motion_ticks += self.shaped.begin_rest(),
             None => return Progress::Waiting,
         }
         Progress::Worked
+    }
+
+    /// The plan has come to standstill, and the motors have not: what the filters hold is to be executed.
+    fn must_rest(&self) -> bool {
+        self.shaped.is_in_motion() && self.exit == Speed::ZERO && self.is_look_ahead_empty()
+    }
+
+    /// Events of shaped motion.
+    #[inline(never)]
+    fn advance_shaped(&mut self, sink: &mut impl StepSink) {
+        self.shaped.advance(sink);
+        if self.shaped.is_at_rest() {
+            self.interpolator.resume(&self.shaped.standing());
+            let motor_steps = self.released.motor_steps();
+            sink.notice(Notice::BlockEnded { tick: self.interpolator.notice_tick(), motor_steps });
+        }
+    }
+
+    /// Begins a block whose motors follow it through their filters.
+    #[inline(never)]
+    fn begin_shaped(&mut self, planned: &PlannedBlock, law: &TimeLaw<M::Pieces>) -> u64 {
+        if !self.shaped.is_in_motion() {
+            let ([x, y, z], [dx, dy, dz]) = (self.released.steps, planned.block.steps);
+            let steps = [x.wrapping_sub(dx), y.wrapping_sub(dy), z.wrapping_sub(dz)];
+            self.shaped.start(&self.interpolator.standing(steps));
+        }
+        self.shaped.begin(planned, law)
     }
 
     /// The law of a block that has one by itself.
@@ -350,7 +426,9 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         self.exit = planned.exit;
         let nominal_ticks = self.queue.last_nominal().ticks_for(planned.block.length_10nm);
         self.tallies.nominal_ticks = self.tallies.nominal_ticks.saturating_add(nominal_ticks);
-        self.tallies.motion_ticks += self.interpolator.begin(planned, law, sink);
+        let is_shaped = self.shaping.is_active() && !self.is_unshaped;
+        self.tallies.motion_ticks +=
+            if is_shaped { self.begin_shaped(planned, law) } else { self.interpolator.begin(planned, law, sink) };
     }
 
     /// The speeds and the law of a block of a run.
@@ -437,6 +515,9 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
             curve,
             rule: _,
             interpolator,
+            shaped,
+            shaping: _,
+            is_unshaped: _,
             exit,
             released,
             tallies: _,
@@ -449,6 +530,7 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         *curve = Curve::NONE;
         *released = position.motors();
         interpolator.reset_to(tick, released.extruder_256ths, directions);
+        shaped.clear();
         *exit = Speed::ZERO;
         dropped_100pm
     }

@@ -4,10 +4,18 @@
 //! planned positions at those delays (Singer and Seering 1990).
 
 mod kernel;
+mod motor_steps;
+mod path_pieces;
+mod plan_ring;
 mod shapers;
+mod stepper;
+mod taps;
 
 pub use kernel::{Impulse, Kernel, MAX_IMPULSES};
 pub use shapers::{AxisShaper, ShaperError, ShaperKind};
+
+pub(crate) use plan_ring::MOST_IN_FILTER;
+pub(crate) use stepper::{ShapedStepper, Standing};
 
 use crate::time_units::TICKS_PER_SECOND;
 

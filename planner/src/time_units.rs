@@ -21,7 +21,7 @@ pub const HALF_TICK: u64 = 1 << (FRACTION_BITS - 1);
 pub const UNITS_PER_SECOND: f64 = TICKS_PER_SECOND as f64 * (1u64 << FRACTION_BITS) as f64;
 
 /// Ticks that one unit of path takes at one unit of speed.
-const TICKS: f64 = 65_536.0 * TICKS_PER_SECOND as f64 / UNITS_PER_MM as f64;
+pub(crate) const TICKS: f64 = 65_536.0 * TICKS_PER_SECOND as f64 / UNITS_PER_MM as f64;
 
 /// Time units that one unit of path takes at one unit of speed.
 pub(crate) const UNITS: f64 = TICKS * (1u64 << FRACTION_BITS) as f64;

@@ -86,6 +86,8 @@ pub(crate) struct BlockRules<M: MotionMethods> {
     extruder_step_mm: f32,
     /// Another step pattern than step Bresenham.
     pub pattern: Option<M::Pattern>,
+    /// Every motor steps in its own time.
+    is_shaped: bool,
     pub budget: Budget,
 }
 
@@ -98,8 +100,15 @@ impl<M: MotionMethods> BlockRules<M> {
             path_limits: PathLimits::new(&limits),
             extruder_step_mm: 1.0 / extruder.to_f64() as f32,
             pattern: None,
+            is_shaped: false,
             budget: Budget::new(&geometry),
         }
+    }
+
+    /// The axes are shaped by filters of at most this length, ticks; 0: they are not.
+    pub fn set_shaped_for(&mut self, length_ticks: u32) {
+        self.is_shaped = length_ticks > 0;
+        self.budget.hold_pieces(length_ticks);
     }
 
     pub fn set_limits(&mut self, limits: Limits) {
@@ -198,6 +207,8 @@ impl<M: MotionMethods> BlockRules<M> {
     #[inline(always)]
     fn events(&self, steps: [i32; 3], filament_10nm: f32) -> f32 {
         let motors = match &self.pattern {
+            // Saturates nowhere: each is below 2^29.
+            None if self.is_shaped => steps.iter().fold(0, |sum, steps| steps.unsigned_abs().wrapping_add(sum)),
             None => steps_of_master(steps),
             Some(pattern) => pattern.events(steps),
         } as f32;

@@ -44,7 +44,7 @@ pub struct AxisShaper {
 }
 
 /// A shaper cannot be made.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ShaperError {
     /// The frequency is not within [`AxisShaper::FREQUENCY_HZ`].
     Frequency,
@@ -52,6 +52,10 @@ pub enum ShaperError {
     Damping,
     /// The filter is longer than [`MAX_LENGTH_TICKS`]: the frequency is too low for this shaper.
     TooLong,
+    /// Two motors move one axis, with different steps/mm, and the axes have different shapers.
+    UnequalMotors,
+    /// The steps follow another pattern than step Bresenham, which knows no motor's own time.
+    Pattern,
 }
 
 impl AxisShaper {

@@ -1,0 +1,185 @@
+//! When a motor steps while its position follows a polynomial.
+
+use crate::cubic::cube_root_above;
+use crate::square_root::square_root_f32;
+
+/// Newton's steps for a piece with jerk. From a guess that is not below the root, each squares the relative error.
+const NEWTON_STEPS: usize = 4;
+
+/// A motor's motion over a window of time in which it does not turn and its speed only grows or only falls.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct WindowMotion {
+    /// Position at the start and the end, steps.
+    pub ends: [f64; 2],
+    /// Acceleration (steps/tick^2) and jerk at the start. The speed follows from the ends: added up from axes' and impulses'
+    /// speeds, that of a slow motor beside a fast one would be lost.
+    pub acceleration: f32,
+    pub jerk: f32,
+    /// Duration, ticks.
+    pub ticks: f32,
+}
+
+/// A motor: where it stands, and its steps in the present window.
+///
+/// It steps where the position passes the middle between two steps. The times count from the end of the window that is the
+/// slower one: there 20 ticks are the least part of a step.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct MotorSteps {
+    /// Where it stands after its steps so far.
+    pub steps: i64,
+    /// Steps left in the window, and whether they go backwards.
+    left: u32,
+    pub is_backwards: bool,
+    /// When the next one is due, ticks from the window's start; without steps it has no meaning.
+    due: u32,
+    /// The slow end: ticks from the window's start, the speed there, and acceleration and jerk away from it.
+    anchor: f32,
+    speed: f32,
+    acceleration: f32,
+    jerk: f32,
+    /// The slow end is the window's end.
+    from_end: bool,
+    /// Position of the step that is nearest to the slow end, steps from that end.
+    nearest: f32,
+    /// How many steps the next one is farther from the slow end than the nearest one.
+    index: u32,
+    /// Duration of the window, ticks.
+    ticks: f32,
+}
+
+impl MotorSteps {
+    /// A motor that stands there.
+    pub const fn standing(steps: i64) -> Self {
+        Self {
+            steps,
+            left: 0,
+            is_backwards: false,
+            due: 0,
+            anchor: 0.0,
+            speed: 0.0,
+            acceleration: 0.0,
+            jerk: 0.0,
+            from_end: false,
+            nearest: 0.0,
+            index: 0,
+            ticks: 0.0,
+        }
+    }
+
+    /// When the next step is due, ticks from the window's start.
+    #[inline]
+    pub fn next(&self) -> Option<u32> {
+        if self.left > 0 { Some(self.due) } else { None }
+    }
+
+    /// Begins a window.
+    #[inline]
+    pub fn begin(&mut self, motion: &WindowMotion) {
+        let WindowMotion { ends: [start, end], acceleration, jerk, ticks } = *motion;
+        // From where it stands.
+        let here = self.steps as f64;
+        let (start, end) = (start - here, end - here);
+        let backwards = end < 0.0;
+        // Middles up to the end; casts saturate.
+        let count = ((if backwards { -end } else { end }) + 0.5) as u32;
+        self.left = count;
+        if count == 0 {
+            return;
+        }
+        // The same motion, forwards.
+        let (start, end, sign) = if backwards { (-start, -end, -1.0) } else { (start, end, 1.0) };
+        let (acceleration, jerk) = (acceleration * sign, jerk * sign);
+        let mean = (end - start) as f32 / ticks;
+        let speed = mean - ticks * (0.5 * acceleration + ticks * jerk * (1.0 / 6.0));
+        let end_speed = above_zero(speed + ticks * (acceleration + 0.5 * ticks * jerk));
+        let speed = above_zero(speed);
+        let last = count.wrapping_sub(1);
+        self.is_backwards = backwards;
+        self.ticks = ticks;
+        self.jerk = jerk;
+        self.from_end = end_speed < speed;
+        if self.from_end {
+            self.anchor = ticks;
+            self.speed = end_speed;
+            self.acceleration = -(acceleration + jerk * ticks);
+            self.nearest = above_zero((end - f64::from(last) - 0.5) as f32);
+            self.index = last;
+        } else {
+            self.anchor = 0.0;
+            self.speed = speed;
+            self.acceleration = acceleration;
+            self.nearest = (0.5 - start) as f32;
+            self.index = 0;
+        }
+        self.due = 0;
+        self.solve();
+    }
+
+    /// Takes the next step.
+    #[inline]
+    pub fn take(&mut self) {
+        self.steps = self.steps.wrapping_add(if self.is_backwards { -1 } else { 1 });
+        self.left = self.left.wrapping_sub(1);
+        if self.left == 0 {
+            return;
+        }
+        self.index = if self.from_end { self.index.wrapping_sub(1) } else { self.index.wrapping_add(1) };
+        self.solve();
+    }
+
+    /// The time of the step of this index; never before that of the one before.
+    #[inline]
+    fn solve(&mut self) {
+        let distance = above_zero(self.nearest + self.index as f32);
+        let from_anchor = self.ticks_over(distance);
+        let ticks = if self.from_end { self.anchor - from_anchor } else { from_anchor };
+        let held = if ticks < self.ticks { ticks } else { self.ticks };
+        // Casts saturate: what is before the window is due at its start.
+        self.due = self.due.max((held + 0.5) as u32);
+    }
+
+    /// Ticks from the slow end over a distance.
+    #[inline]
+    fn ticks_over(&self, distance: f32) -> f32 {
+        let Self { speed, acceleration, jerk, .. } = *self;
+        if distance <= 0.0 {
+            return 0.0;
+        }
+        let root = square_root_f32(above_zero(speed * speed + 2.0 * acceleration * distance));
+        let quadratic = 2.0 * distance / (speed + root);
+        if jerk == 0.0 { quadratic } else { self.with_jerk(distance, quadratic) }
+    }
+
+    /// The same with jerk, from the time that it would take without.
+    #[inline(never)]
+    fn with_jerk(&self, distance: f32, quadratic: f32) -> f32 {
+        let Self { speed, acceleration, jerk, ticks, .. } = *self;
+        let mut time = quadratic;
+        if jerk > 0.0 {
+            let cubic = cube_root_above(6.0 * distance / jerk);
+            // Without speed and acceleration the quadratic is infinite.
+            if !(time < cubic) {
+                time = cubic;
+            }
+        }
+        if !(time < ticks) {
+            time = ticks;
+        }
+        for _ in 0..NEWTON_STEPS {
+            let bend = acceleration + 0.5 * jerk * time;
+            let slope = speed + bend * time;
+            if slope <= 0.0 {
+                break;
+            }
+            let position = time * (speed + 0.5 * time * (acceleration + jerk * time * (1.0 / 3.0)));
+            time = above_zero(time - (position - distance) / slope);
+        }
+        time
+    }
+}
+
+/// The number itself, or zero where rounding left a tiny negative one.
+#[inline]
+fn above_zero(x: f32) -> f32 {
+    if x > 0.0 { x } else { 0.0 }
+}

@@ -1,0 +1,95 @@
+//! What the plan was and is: the pieces that a filter still sees.
+
+use super::path_pieces::Polynomial;
+
+/// Pieces that the ring holds. The budget keeps moves long enough that no filter sees more ([`MOST_IN_FILTER`]).
+const PIECES: u32 = 128;
+
+/// The most pieces that may begin within the length of a filter: the ring's, less those of a block that enters it.
+pub(crate) const MOST_IN_FILTER: u32 = PIECES - 28;
+
+/// What is added to the extruder's position away from zero, 1/256 steps: more than rounding leaves, less than a tick.
+const HALF_AWAY: f64 = 1.0 / (1u32 << 24) as f64;
+
+/// A piece of the plan: all motors on a straight line, by one law.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct PlanPiece {
+    /// Tick of the motion clock at which it begins.
+    pub start: u64,
+    /// Part of the line that is done.
+    pub part: Polynomial,
+    /// Where X, Y and Z (A, B, Z) are where the line begins.
+    pub steps: [i32; 3],
+    /// Where the extruder is there, 1/256 steps.
+    pub extruder_256ths: i64,
+    /// The line, in steps, that of the extruder in 1/256 steps.
+    pub line: [i32; 4],
+    /// The move of this source line ends with the piece.
+    pub ends_line: Option<u32>,
+}
+
+impl PlanPiece {
+    /// Nothing.
+    const NONE: Self = Self {
+        start: 0,
+        part: Polynomial { position: 0.0, speed: 0.0, acceleration: 0.0, jerk: 0.0 },
+        steps: [0; 3],
+        extruder_256ths: 0,
+        line: [0; 4],
+        ends_line: None,
+    };
+
+    /// All motors stand there from a tick on.
+    pub const fn resting(start: u64, steps: [i32; 3], extruder_256ths: i64) -> Self {
+        Self { start, steps, extruder_256ths, ..Self::NONE }
+    }
+
+    /// Where all motors are, steps, where this part of the line is done; the extruder from this place, 1/256 steps. It may
+    /// have gone so far that its whole position is not exact enough.
+    #[inline]
+    pub fn motors_at(&self, part: f64, extruder_zero_256ths: i64) -> [f64; 4] {
+        let ([x, y, z], [dx, dy, dz, de]) = (self.steps, self.line);
+        let along = |start: i32, line: i32| {
+            if line == 0 { f64::from(start) } else { f64::from(start) + f64::from(line) * part }
+        };
+        let extruder = if de == 0 { 0.0 } else { f64::from(de) * part };
+        // Halves are rounded away from zero, and must be however a sum of them comes out.
+        let away = if self.extruder_256ths < 0 { -HALF_AWAY } else { HALF_AWAY };
+        let from_zero = self.extruder_256ths.wrapping_sub(extruder_zero_256ths);
+        let extruder = from_zero as f64 + extruder + away;
+        [along(x, dx), along(y, dy), along(z, dz), extruder * (1.0 / 256.0)]
+    }
+}
+
+/// Pieces by their number, counted from the first since standstill and modulo 2^32.
+#[derive(Clone, Debug)]
+pub(super) struct PlanRing {
+    pieces: [PlanPiece; PIECES as usize],
+    /// Number of the next piece.
+    end: u32,
+}
+
+impl PlanRing {
+    /// No pieces.
+    pub const NEW: Self = Self { pieces: [PlanPiece::NONE; PIECES as usize], end: 0 };
+
+    /// Adds a piece, in place of the oldest.
+    pub fn push(&mut self, piece: PlanPiece) {
+        if let Some(place) = self.pieces.get_mut((self.end % PIECES) as usize) {
+            *place = piece;
+        }
+        self.end = self.end.wrapping_add(1);
+    }
+
+    /// The piece of this number, if it has come and is still there.
+    #[inline]
+    pub fn get(&self, number: u32) -> Option<&PlanPiece> {
+        let age = self.end.wrapping_sub(number);
+        if age == 0 || age > PIECES { None } else { self.pieces.get((number % PIECES) as usize) }
+    }
+
+    /// Forgets all pieces.
+    pub fn clear(&mut self) {
+        self.end = 0;
+    }
+}

@@ -1,0 +1,443 @@
+//! From filtered positions to ordered step events, every motor in its own time.
+//!
+//! Time goes on in windows, within which every motor follows one polynomial and none turns. A window's ends are worked out
+//! afresh from the plan, so nothing drifts; within it each motor's steps are solved for, and the four streams merge. Steps
+//! that are nearer than the least interval to an event join it.
+
+use super::Shaping;
+use super::motor_steps::{MotorSteps, WindowMotion};
+use super::path_pieces::PathPieces;
+use super::plan_ring::{PlanPiece, PlanRing};
+use super::taps::{MotorStates, Taps};
+use crate::block::PlannedBlock;
+use crate::event_buffer::{EVENTS_AT_ONCE, EventBuffer};
+use crate::extruder::rounded_steps;
+use crate::kinematics::Kinematics;
+use crate::pieces::Pieces;
+use crate::step_queue::{Notice, StepEntry, StepSink};
+use crate::stretches::Stretches;
+use crate::time_law::TimeLaw;
+
+/// The longest window, ticks: single precision holds its times to a quarter of a tick.
+const LONGEST_WINDOW_TICKS: u64 = 1 << 22;
+
+/// A motor that turns this soon, ticks, turns at once.
+const SOON_TICKS: f32 = 1.0;
+
+/// Where the motors are, and the state of the output: what one stepper hands to the other.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Standing {
+    /// Motion clock, ticks.
+    pub clock: u64,
+    /// Tick of the last event.
+    pub last_event: u64,
+    /// X, Y and Z (A, B, Z).
+    pub steps: [i32; 3],
+    /// The extruder, 1/256 steps.
+    pub extruder_256ths: i64,
+    /// The direction signals.
+    pub directions: u8,
+}
+
+/// Makes the steps of filtered motion, from standstill to standstill.
+#[derive(Clone, Debug)]
+pub(crate) struct ShapedStepper {
+    taps: Taps,
+    ring: PlanRing,
+    /// Least ticks between events.
+    minimum_interval: u32,
+    /// The motors have not come to rest at the end of the plan.
+    is_in_motion: bool,
+    /// A block, or the rest at the end, is being executed.
+    is_busy: bool,
+    /// The plan so far ends at this tick.
+    plan_end: u64,
+    /// Where the motors are there.
+    plan_steps: [i32; 3],
+    plan_extruder_256ths: i64,
+    /// The present window, ticks.
+    window: [u64; 2],
+    /// Positions at the end of the window.
+    positions: [f64; 4],
+    /// The extruder's counts from [`Self::extruder_zero`].
+    motors: [MotorSteps; 4],
+    /// Where the extruder stood when the window began, steps.
+    extruder_zero: i64,
+    /// Number of the first piece that has not ended.
+    ending: u32,
+    entries: EventBuffer,
+    /// Tick of the last event handed out or held.
+    last: u64,
+    directions: u8,
+}
+
+impl ShapedStepper {
+    /// At standstill.
+    pub fn new(minimum_event_interval_ticks: u32, kinematics: Kinematics) -> Self {
+        Self {
+            taps: Taps::new(&Shaping::NONE, kinematics),
+            ring: PlanRing::NEW,
+            minimum_interval: minimum_event_interval_ticks.max(1),
+            is_in_motion: false,
+            is_busy: false,
+            plan_end: 0,
+            plan_steps: [0; 3],
+            plan_extruder_256ths: 0,
+            window: [0; 2],
+            positions: [0.0; 4],
+            motors: [MotorSteps::standing(0); 4],
+            extruder_zero: 0,
+            ending: 0,
+            entries: EventBuffer::NONE,
+            last: 0,
+            directions: 0,
+        }
+    }
+
+    /// Sets the filters, at standstill.
+    pub fn set_shaping(&mut self, shaping: &Shaping, kinematics: Kinematics) {
+        self.taps = Taps::new(shaping, kinematics);
+    }
+
+    /// The longest delay, ticks: so long after the end of the plan the motors rest.
+    pub fn length_ticks(&self) -> u32 {
+        self.taps.length_ticks()
+    }
+
+    /// Whether the motors have not come to rest.
+    pub fn is_in_motion(&self) -> bool {
+        self.is_in_motion
+    }
+
+    /// Whether the motors rest, to the last step.
+    pub fn is_at_rest(&self) -> bool {
+        !self.is_in_motion && !self.is_busy
+    }
+
+    /// Whether a block, or the rest at the end, is being executed.
+    pub fn is_busy(&self) -> bool {
+        self.is_busy
+    }
+
+    /// The end of the plan so far, a tick of the motion clock.
+    pub fn end_tick(&self) -> u64 {
+        self.plan_end
+    }
+
+    /// Forgets all motion.
+    pub fn clear(&mut self) {
+        self.is_in_motion = false;
+        self.is_busy = false;
+        self.entries.clear();
+    }
+
+    /// Takes over from standstill.
+    pub fn start(&mut self, standing: &Standing) {
+        let Standing { clock, last_event, steps, extruder_256ths, directions } = *standing;
+        self.ring.clear();
+        self.taps.rewind();
+        self.ending = 0;
+        self.is_in_motion = true;
+        self.plan_end = clock;
+        self.plan_steps = steps;
+        self.plan_extruder_256ths = extruder_256ths;
+        self.window = [clock; 2];
+        let [x, y, z] = steps.map(i64::from);
+        self.motors = [x, y, z, 0].map(MotorSteps::standing);
+        self.extruder_zero = rounded_steps(extruder_256ths);
+        let rest_256ths = extruder_256ths.wrapping_sub(self.extruder_zero.wrapping_mul(256));
+        let [x, y, z] = steps.map(f64::from);
+        self.positions = [x, y, z, (rest_256ths as f64) * (1.0 / 256.0)];
+        self.entries.clear();
+        self.last = last_event;
+        self.directions = directions;
+    }
+
+    /// Tick at which something without steps happens between the blocks.
+    pub fn notice_tick(&self) -> u64 {
+        let [_, now] = self.window;
+        now.max(self.last)
+    }
+
+    /// Where the motors rest, when they do.
+    pub fn standing(&self) -> Standing {
+        Standing {
+            clock: self.plan_end,
+            last_event: self.last,
+            steps: self.plan_steps,
+            extruder_256ths: self.plan_extruder_256ths,
+            directions: self.directions,
+        }
+    }
+
+    /// Adds a block to the plan. Returns its duration in ticks.
+    #[inline(never)]
+    pub fn begin<P: Pieces>(&mut self, planned: &PlannedBlock, law: &TimeLaw<P>) -> u64 {
+        let pieces = PathPieces::of(planned, law);
+        let duration = pieces.duration_ticks;
+        let begins = self.plan_end;
+        let mut before = 0;
+        for stretch in Stretches::of(&planned.block) {
+            let ends_block = stretch.after_10nm == 0;
+            let after = if ends_block {
+                duration
+            } else {
+                nearest_tick(law.time_at(stretch.before_10nm.saturating_add(stretch.length_10nm)))
+            };
+            let [dx, dy, dz] = stretch.steps;
+            let line = [dx, dy, dz, stretch.extruder_256ths];
+            let per_length = 1.0 / f64::from(stretch.length_10nm);
+            let zero = f64::from(stretch.before_10nm);
+            let mut last = None;
+            for piece in pieces.iter() {
+                let start = ((piece.start + 0.5) as u64).max(before);
+                let end = ((piece.end + 0.5) as u64).min(after);
+                if start >= end {
+                    continue;
+                }
+                self.push(last.take());
+                last = Some(PlanPiece {
+                    start: begins + start,
+                    part: piece.path.after(start as f64 - piece.start).scaled(zero, per_length),
+                    steps: self.plan_steps,
+                    extruder_256ths: self.plan_extruder_256ths,
+                    line,
+                    ends_line: None,
+                });
+            }
+            // A stretch without a tick of its own is passed at once.
+            let mut last =
+                last.unwrap_or(PlanPiece::resting(begins + before, self.plan_steps, self.plan_extruder_256ths));
+            last.ends_line = stretch.ends_move.then_some(stretch.line);
+            self.push(Some(last));
+            let [x, y, z] = self.plan_steps;
+            self.plan_steps = [x.wrapping_add(dx), y.wrapping_add(dy), z.wrapping_add(dz)];
+            self.plan_extruder_256ths = self.plan_extruder_256ths.wrapping_add(i64::from(stretch.extruder_256ths));
+            before = after.max(before);
+        }
+        self.plan_end = begins + duration;
+        self.is_busy = true;
+        duration
+    }
+
+    /// The plan has ended: goes on until the motors rest. Returns how many ticks that takes.
+    pub fn begin_rest(&mut self) -> u64 {
+        let length = u64::from(self.taps.length_ticks());
+        self.push(Some(PlanPiece::resting(self.plan_end, self.plan_steps, self.plan_extruder_256ths)));
+        self.plan_end += length;
+        self.is_busy = true;
+        self.is_in_motion = false;
+        length
+    }
+
+    fn push(&mut self, piece: Option<PlanPiece>) {
+        if let Some(piece) = piece {
+            self.ring.push(piece);
+        }
+    }
+
+    /// Works out the next events, or ends the block.
+    pub fn advance(&mut self, sink: &mut impl StepSink) {
+        match self.work() {
+            Work::Events => {
+                sink.entries(self.entries.all_but_last());
+                self.entries.keep_last();
+            }
+            Work::Waited => {
+                sink.entries(self.entries.all());
+                self.entries.clear();
+            }
+            Work::MoveEnded(notice) => {
+                sink.entries(self.entries.all());
+                self.entries.clear();
+                sink.notice(notice);
+            }
+            Work::BlockEnded => {
+                sink.entries(self.entries.all());
+                self.entries.clear();
+                self.is_busy = false;
+            }
+        }
+    }
+
+    /// The part without a sink, compiled once.
+    #[inline(never)]
+    fn work(&mut self) -> Work {
+        let mut room = EVENTS_AT_ONCE;
+        // An event may need a change of directions before it.
+        while room > 1 {
+            let Some((motor, due)) = self.earliest() else {
+                if let Some(notice) = self.next_notice() {
+                    return Work::MoveEnded(notice);
+                }
+                let [_, end] = self.window;
+                if end >= self.plan_end {
+                    return Work::BlockEnded;
+                }
+                self.begin_window();
+                continue;
+            };
+            let [start, _] = self.window;
+            let tick = start.wrapping_add(u64::from(due));
+            let after_last = tick.wrapping_sub(self.last).cast_signed();
+            if after_last > i64::from(u32::MAX) {
+                self.entries.push(StepEntry::wait(u32::MAX));
+                self.last = self.last.wrapping_add(u64::from(u32::MAX));
+                return Work::Waited;
+            }
+            room -= self.add_event(motor, due, after_last);
+        }
+        Work::Events
+    }
+
+    /// The motor that steps next, and when, ticks from the window's start.
+    #[inline]
+    fn earliest(&self) -> Option<(usize, u32)> {
+        let mut earliest = None;
+        for (index, motor) in self.motors.iter().enumerate() {
+            if let Some(due) = motor.next()
+                && earliest.is_none_or(|(_, before)| due < before)
+            {
+                earliest = Some((index, due));
+            }
+        }
+        earliest
+    }
+
+    /// Adds the step of a motor, and those that join it; returns for how many entries.
+    #[inline]
+    fn add_event(&mut self, motor: usize, due: u32, after_last: i64) -> usize {
+        let mut axes = 0;
+        let mut directions = self.directions;
+        let least = i64::from(self.minimum_interval);
+        let is_near = after_last < least;
+        for (index, stream) in self.motors.iter_mut().enumerate() {
+            let Some(next) = stream.next() else { continue };
+            // Those that are as good as due; beside an event that is near, only the one that is.
+            let joins = next.wrapping_sub(due) < self.minimum_interval && !is_near;
+            if index == motor || joins {
+                let bit = 1 << index;
+                axes |= bit;
+                directions = if stream.is_backwards { directions | bit } else { directions & !bit };
+                stream.take();
+            }
+        }
+        let turns = directions != self.directions;
+        if is_near
+            && !turns
+            && let Some(joint) = self.entries.last().and_then(|held| held.joined(axes))
+        {
+            if let Some(held) = self.entries.last() {
+                *held = joint;
+            }
+            return 0;
+        }
+        if turns {
+            self.entries.push(StepEntry::directions(directions));
+            self.directions = directions;
+        }
+        let interval = if is_near { least } else { after_last };
+        self.entries.push(StepEntry::event(interval as u32, axes));
+        self.last = self.last.wrapping_add_signed(interval);
+        1 + usize::from(turns)
+    }
+
+    /// The next move that has ended by the end of the window.
+    fn next_notice(&mut self) -> Option<Notice> {
+        let [_, now] = self.window;
+        loop {
+            let piece = self.ring.get(self.ending)?;
+            let end = match self.ring.get(self.ending.wrapping_add(1)) {
+                Some(next) => next.start,
+                None => self.plan_end,
+            };
+            if end > now {
+                return None;
+            }
+            let line = piece.ends_line;
+            self.ending = self.ending.wrapping_add(1);
+            if let Some(line) = line {
+                return Some(Notice::MoveEnded { tick: end.max(self.last), line });
+            }
+        }
+    }
+
+    /// The next window: up to where a filter sees another piece of the plan, or a motor turns.
+    #[inline(never)]
+    fn begin_window(&mut self) {
+        let [_, start] = self.window;
+        self.taps.move_to(start, &self.ring);
+        let most = self.plan_end.min(start.saturating_add(LONGEST_WINDOW_TICKS));
+        let end = self.taps.next_change(start, &self.ring, most);
+        let states = self.taps.states(start, &self.ring);
+        let ticks = end.wrapping_sub(start) as f32;
+        let until = states.first_turn(ticks);
+        let end = if until < ticks { start.wrapping_add((until + 0.5) as u64) } else { end };
+        let ticks = end.wrapping_sub(start) as f32;
+        let [.., extruder] = &mut self.motors;
+        let moved = core::mem::take(&mut extruder.steps);
+        self.extruder_zero = self.extruder_zero.wrapping_add(moved);
+        let [.., extruder] = &mut self.positions;
+        *extruder -= moved as f64;
+        let positions = self.taps.positions(end, &self.ring, self.extruder_zero);
+        let before = core::mem::replace(&mut self.positions, positions);
+        for (index, motor) in self.motors.iter_mut().enumerate() {
+            let value = |values: &[f32; 4]| values.get(index).copied().unwrap_or_default();
+            let place = |values: &[f64; 4]| values.get(index).copied().unwrap_or_default();
+            motor.begin(&WindowMotion {
+                ends: [place(&before), place(&positions)],
+                acceleration: value(&states.acceleration),
+                jerk: value(&states.jerk),
+                ticks,
+            });
+        }
+        self.window = [start, end];
+    }
+}
+
+impl MotorStates {
+    /// The first time within so many ticks at which a motor turns, or its acceleration, if it changes, passes zero.
+    fn first_turn(&self, ticks: f32) -> f32 {
+        let mut first = ticks;
+        let Self { speed, acceleration, jerk } = self;
+        for ((speed, acceleration), jerk) in speed.iter().zip(acceleration).zip(jerk) {
+            let mut consider = |time: f32| {
+                // NaN is in no range.
+                if time > SOON_TICKS && time < first {
+                    first = time;
+                }
+            };
+            if *jerk == 0.0 {
+                consider(-speed / acceleration);
+                continue;
+            }
+            consider(-acceleration / jerk);
+            // speed + acceleration t + jerk t^2 / 2 = 0, by the root without cancellation and the other by their product.
+            let under = acceleration * acceleration - 2.0 * jerk * speed;
+            if under >= 0.0 {
+                let root = crate::square_root::square_root_f32(under);
+                let sum = -(acceleration + if *acceleration < 0.0 { -root } else { root });
+                consider(sum / jerk);
+                consider(2.0 * speed / sum);
+            }
+        }
+        first
+    }
+}
+
+/// What [`ShapedStepper::work`] has done.
+enum Work {
+    /// Events; another may still join the last of them.
+    Events,
+    /// Time passes; nothing joins the event before.
+    Waited,
+    /// A move has ended.
+    MoveEnded(Notice),
+    /// The block has ended.
+    BlockEnded,
+}
+
+/// The tick nearest to a time of a block, in time units.
+fn nearest_tick(units: u64) -> u64 {
+    units.saturating_add(crate::time_units::HALF_TICK) >> crate::time_units::FRACTION_BITS
+}
