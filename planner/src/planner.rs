@@ -168,7 +168,8 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         if !(are_equal(0) && are_equal(1)) { Err(ShaperError::UnequalMotors) } else { Ok(shaping) }
     }
 
-    /// Lets the moves to come follow the plan itself, or the filters again: those that a sensor ends. Only at standstill.
+    /// Lets the moves to come follow the plan itself, or the filters again: a move that a sensor ends is to stop where it is.
+    /// From the next standstill on.
     pub fn set_unshaped(&mut self, is_unshaped: bool) {
         self.is_unshaped = is_unshaped;
     }
@@ -426,7 +427,7 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         self.exit = planned.exit;
         let nominal_ticks = self.queue.last_nominal().ticks_for(planned.block.length_10nm);
         self.tallies.nominal_ticks = self.tallies.nominal_ticks.saturating_add(nominal_ticks);
-        let is_shaped = self.shaping.is_active() && !self.is_unshaped;
+        let is_shaped = self.shaped.is_in_motion() || self.shaping.is_active() && !self.is_unshaped;
         self.tallies.motion_ticks +=
             if is_shaped { self.begin_shaped(planned, law) } else { self.interpolator.begin(planned, law, sink) };
     }

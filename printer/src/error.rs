@@ -1,7 +1,7 @@
 //! Why a command was refused.
 
 use core::fmt;
-use ferrostep_planner::ChoiceError;
+use ferrostep_planner::{ChoiceError, ShaperError};
 
 use ferrostep_gcode::{ParseError, Real};
 use ferrostep_planner::look_ahead::PlanFault;
@@ -327,6 +327,7 @@ impl fmt::Display for CommandError {
                 write!(out, "M796: a parameter of the method is out of range, see the machine's profile")
             }
             Self::MotionChoice(ChoiceError::InMotion) => write!(out, "M796: methods change at standstill only"),
+            Self::MotionChoice(ChoiceError::Shaper(error)) => out.write_str(shaper_text(*error)),
             Self::OtherNozzle { job_mm, machine_mm } => {
                 let [job, machine] = [job_mm, machine_mm].map(|diameter_mm| Real::short(*diameter_mm, 2));
                 write!(
@@ -452,5 +453,23 @@ impl fmt::Display for Failure {
             Self::Parse(error) => write!(out, "{error}"),
             Self::Command(error) => write!(out, "{error}"),
         }
+    }
+}
+
+/// Why a shaper cannot be had, and how to mend it.
+const fn shaper_text(error: ShaperError) -> &'static str {
+    match error {
+        ShaperError::Frequency => "the shaper's frequency is out of range, expected 5 to 500 Hz",
+        ShaperError::Damping => {
+            "the shaper's damping ratio is out of range, expected 0 to 0.99, for ei to 0.4, 2hump_ei 0.3, 3hump_ei 0.2"
+        }
+        ShaperError::TooLong => {
+            "the shaper lasts longer than 100 ms, the most that this firmware holds: choose a higher frequency or a shorter \
+             shaper, zv or mzv"
+        }
+        ShaperError::UnequalMotors => {
+            "two motors move X or Y together, and have different steps/mm: shaped axes need the same of both"
+        }
+        ShaperError::Pattern => "the axes are shaped, which needs step-bresenham (I0): switch the shapers off first",
     }
 }

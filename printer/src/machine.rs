@@ -196,6 +196,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
     /// move.
     pub fn begin_seek(&mut self, axis: usize) {
         self.begin_homing();
+        self.planner.set_unshaped(true);
         self.flush();
         self.feeder.seeking = Seeking::Approaching;
         // First the edge, then the level: if the sensor triggers in between, one of them sees it.
@@ -216,6 +217,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
         if self.feeder.seeking == Seeking::Approaching {
             self.end_seek(HomingOutcome::Missed);
         }
+        self.planner.set_unshaped(false);
         Some(match core::mem::replace(&mut self.feeder.seeking, Seeking::No) {
             Seeking::Ended(outcome) => Ok(outcome),
             Seeking::No | Seeking::Approaching => Err(MotionError::Stopped),
@@ -380,6 +382,7 @@ impl<R: AsRef<[Slot]> + AsMut<[Slot]>, Q: StepOutput, M: MotionMethods> Machine<
             self.feeder.queue.watch_sensor(None);
         }
         self.feeder.seeking = Seeking::No;
+        self.planner.set_unshaped(false);
         self.flushed = false;
         self.stops = self.stops.wrapping_add(1);
     }
