@@ -3,7 +3,7 @@
 use super::path_pieces::Polynomial;
 
 /// Pieces that the ring holds. The budget keeps moves long enough that no filter sees more ([`MOST_IN_FILTER`]).
-const PIECES: u32 = 128;
+const PIECES: u32 = 96;
 
 /// The most pieces that may begin within the length of a filter: the ring's, less those of a block that enters it.
 pub(crate) const MOST_IN_FILTER: u32 = PIECES - 28;
@@ -20,12 +20,16 @@ pub(super) struct PlanPiece {
     pub part: Polynomial,
     /// Where X, Y and Z (A, B, Z) are where the line begins.
     pub steps: [i32; 3],
-    /// Where the extruder is there, 1/256 steps.
-    pub extruder_256ths: i64,
+    /// The extruder there, 1/256 steps, modulo 2^32: it is seen from places near it.
+    pub extruder_256ths: i32,
+    /// Whether the extruder's whole position is below zero.
+    pub is_extruder_below_zero: bool,
+    /// Whether the move of [`Self::source_line`] ends with the piece.
+    pub ends_move: bool,
     /// The line, in steps, that of the extruder in 1/256 steps.
     pub line: [i32; 4],
-    /// The move of this source line ends with the piece.
-    pub ends_line: Option<u32>,
+    /// The move's source line.
+    pub source_line: u32,
 }
 
 impl PlanPiece {
@@ -35,13 +39,26 @@ impl PlanPiece {
         part: Polynomial { position: 0.0, speed: 0.0, acceleration: 0.0, jerk: 0.0 },
         steps: [0; 3],
         extruder_256ths: 0,
+        is_extruder_below_zero: false,
+        ends_move: false,
         line: [0; 4],
-        ends_line: None,
+        source_line: 0,
     };
 
     /// All motors stand there from a tick on.
     pub const fn resting(start: u64, steps: [i32; 3], extruder_256ths: i64) -> Self {
-        Self { start, steps, extruder_256ths, ..Self::NONE }
+        Self {
+            start,
+            steps,
+            extruder_256ths: extruder_256ths as i32,
+            is_extruder_below_zero: extruder_256ths < 0,
+            ..Self::NONE
+        }
+    }
+
+    /// The same with motion along a line.
+    pub const fn along(self, line: [i32; 4], part: Polynomial) -> Self {
+        Self { line, part, ..self }
     }
 
     /// Where all motors are, steps, where this part of the line is done; the extruder from this place, 1/256 steps. It may
@@ -54,9 +71,9 @@ impl PlanPiece {
         };
         let extruder = if de == 0 { 0.0 } else { f64::from(de) * part };
         // Halves are rounded away from zero, and must be however a sum of them comes out.
-        let away = if self.extruder_256ths < 0 { -HALF_AWAY } else { HALF_AWAY };
-        let from_zero = self.extruder_256ths.wrapping_sub(extruder_zero_256ths);
-        let extruder = from_zero as f64 + extruder + away;
+        let away = if self.is_extruder_below_zero { -HALF_AWAY } else { HALF_AWAY };
+        let from_zero = self.extruder_256ths.wrapping_sub(extruder_zero_256ths as i32);
+        let extruder = f64::from(from_zero) + extruder + away;
         [along(x, dx), along(y, dy), along(z, dz), extruder * (1.0 / 256.0)]
     }
 }

@@ -196,19 +196,12 @@ impl ShapedStepper {
                     continue;
                 }
                 self.push(last.take());
-                last = Some(PlanPiece {
-                    start: begins + start,
-                    part: piece.path.after(start as f64 - piece.start).scaled(zero, per_length),
-                    steps: self.plan_steps,
-                    extruder_256ths: self.plan_extruder_256ths,
-                    line,
-                    ends_line: None,
-                });
+                let part = piece.path.after(start as f64 - piece.start).scaled(zero, per_length);
+                last = Some(self.plan_rests(begins + start).along(line, part));
             }
             // A stretch without a tick of its own is passed at once.
-            let mut last =
-                last.unwrap_or(PlanPiece::resting(begins + before, self.plan_steps, self.plan_extruder_256ths));
-            last.ends_line = stretch.ends_move.then_some(stretch.line);
+            let mut last = last.unwrap_or(self.plan_rests(begins + before));
+            (last.source_line, last.ends_move) = (stretch.line, stretch.ends_move);
             self.push(Some(last));
             let [x, y, z] = self.plan_steps;
             self.plan_steps = [x.wrapping_add(dx), y.wrapping_add(dy), z.wrapping_add(dz)];
@@ -223,11 +216,16 @@ impl ShapedStepper {
     /// The plan has ended: goes on until the motors rest. Returns how many ticks that takes.
     pub fn begin_rest(&mut self) -> u64 {
         let length = u64::from(self.taps.length_ticks());
-        self.push(Some(PlanPiece::resting(self.plan_end, self.plan_steps, self.plan_extruder_256ths)));
+        self.push(Some(self.plan_rests(self.plan_end)));
         self.plan_end += length;
         self.is_busy = true;
         self.is_in_motion = false;
         length
+    }
+
+    /// The motors stand at the end of the plan so far from a tick on.
+    fn plan_rests(&self, start: u64) -> PlanPiece {
+        PlanPiece::resting(start, self.plan_steps, self.plan_extruder_256ths)
     }
 
     fn push(&mut self, piece: Option<PlanPiece>) {
@@ -354,9 +352,9 @@ impl ShapedStepper {
             if end > now {
                 return None;
             }
-            let line = piece.ends_line;
+            let (line, ends_move) = (piece.source_line, piece.ends_move);
             self.ending = self.ending.wrapping_add(1);
-            if let Some(line) = line {
+            if ends_move {
                 return Some(Notice::MoveEnded { tick: end.max(self.last), line });
             }
         }
