@@ -3,13 +3,15 @@
 //! Sources: ZV, ZVD and ZVDD: Singer and Seering 1990; EI and its humps: Singhose, Seering and Singer 1996, and with damping
 //! the polynomials of Singhose and Vaughan that Klipper has since 2025; MZV: Klipper's definition.
 
+use core::fmt;
+
 use super::MAX_LENGTH_TICKS;
 use super::kernel::{Impulse, Kernel, MAX_IMPULSES};
 use crate::square_root::square_root;
 use crate::time_units::TICKS_PER_SECOND;
 
 /// The kinds of shaper.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Default, PartialEq, Eq)]
 pub enum ShaperKind {
     /// None: the command itself.
     #[default]
@@ -81,8 +83,25 @@ impl AxisShaper {
         if !(self.damping >= 0.0 && self.damping <= self.kind.max_damping()) {
             return Err(ShaperError::Damping);
         }
+        let kernel = self.of_any_length();
+        if kernel.length_ticks() > MAX_LENGTH_TICKS { Err(ShaperError::TooLong) } else { Ok(kernel) }
+    }
+
+    /// The lowest frequency of this kind and damping ratio, both in their ranges, at which the filter is no longer than
+    /// [`MAX_LENGTH_TICKS`]; Hz, to the next hundredth above.
+    pub fn lowest_frequency_hz(&self) -> f64 {
+        let [lowest, _] = Self::FREQUENCY_HZ;
+        let at_lowest = Self { frequency_hz: lowest, ..*self }.of_any_length().length_ticks();
+        // Delays are proportional to the period. A tick more, for they are rounded.
+        let frequency_hz = lowest * f64::from(at_lowest.saturating_add(1)) / f64::from(MAX_LENGTH_TICKS);
+        let hundredths = (frequency_hz * 100.0) as u32;
+        if frequency_hz <= lowest { lowest } else { f64::from(hundredths.saturating_add(1)) / 100.0 }
+    }
+
+    /// The kernel of a frequency and damping in their ranges.
+    fn of_any_length(&self) -> Kernel {
         let mode = Mode::new(self.frequency_hz, self.damping);
-        let kernel = match self.kind {
+        match self.kind {
             ShaperKind::None => Kernel::IDENTITY,
             ShaperKind::Zv => mode.halves(&[1.0, 1.0]),
             ShaperKind::Zvd => mode.halves(&[1.0, 2.0, 1.0]),
@@ -95,8 +114,7 @@ impl AxisShaper {
             ShaperKind::Ei => mode.fitted_ei(),
             ShaperKind::TwoHumpEi => mode.fitted(&TWO_HUMP_EI),
             ShaperKind::ThreeHumpEi => mode.fitted(&THREE_HUMP_EI),
-        };
-        if kernel.length_ticks() > MAX_LENGTH_TICKS { Err(ShaperError::TooLong) } else { Ok(kernel) }
+        }
     }
 }
 
@@ -137,6 +155,23 @@ impl ShaperKind {
             Self::ThreeHumpEi => 0.2,
             Self::None | Self::Zv | Self::Mzv | Self::Zvd | Self::Zvdd | Self::EiOld => 0.99,
         }
+    }
+}
+
+impl fmt::Debug for ShaperKind {
+    /// With the type's name: an image's profile is compiled from this form, where `None` alone is an `Option`'s.
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        out.write_str(match self {
+            Self::None => "ShaperKind::None",
+            Self::Zv => "ShaperKind::Zv",
+            Self::Mzv => "ShaperKind::Mzv",
+            Self::Zvd => "ShaperKind::Zvd",
+            Self::Zvdd => "ShaperKind::Zvdd",
+            Self::Ei => "ShaperKind::Ei",
+            Self::EiOld => "ShaperKind::EiOld",
+            Self::TwoHumpEi => "ShaperKind::TwoHumpEi",
+            Self::ThreeHumpEi => "ShaperKind::ThreeHumpEi",
+        })
     }
 }
 

@@ -1,0 +1,153 @@
+//! Shapers against the simulator's, which are written by themselves, and what they leave of a mode's vibration.
+#![allow(clippy::unwrap_used)]
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use ferrostep_checked_toml::book;
+use ferrostep_planner::shaping::{Kernel, MAX_LENGTH_TICKS};
+use ferrostep_planner::{AxisShaper, ShaperError, ShaperKind, TICKS_PER_SECOND};
+use ferrostep_simulator::shapers::{Shaper as Reference, ShaperKind as ReferenceKind};
+use proptest::prelude::*;
+
+/// The simulator's kind of the same name.
+fn reference(kind: ShaperKind) -> ReferenceKind {
+    let found: ReferenceKind = kind.name().parse().unwrap();
+    assert_eq!(found.to_string(), kind.name());
+    found
+}
+
+/// Compares a shaper with the simulator's.
+fn compare(shaper: &AxisShaper) {
+    let ticks_per_second = f64::from(TICKS_PER_SECOND);
+    let reference = Reference::new(reference(shaper.kind), shaper.frequency_hz, shaper.damping).unwrap();
+    let kernel = match shaper.kernel() {
+        Ok(kernel) => kernel,
+        Err(error) => {
+            assert_eq!(error, ShaperError::TooLong, "{shaper:?}");
+            let length_ticks = reference.length_s() * ticks_per_second;
+            assert!(length_ticks > f64::from(MAX_LENGTH_TICKS) - 1.0, "{shaper:?}: {length_ticks}");
+            return;
+        }
+    };
+    assert_eq!(kernel.impulses().len(), reference.impulses().len(), "{shaper:?}");
+    for (one, other) in kernel.impulses().iter().zip(reference.impulses()) {
+        assert!((one.weight - other.weight).abs() < 1e-9, "{shaper:?}: {one:?}, {other:?}");
+        let delay_ticks = other.delay_s * ticks_per_second;
+        assert!((f64::from(one.delay_ticks) - delay_ticks).abs() <= 1.0, "{shaper:?}: {one:?}, {delay_ticks}");
+    }
+    assert!((kernel.centroid_ticks() - reference.centroid_s() * ticks_per_second).abs() <= 1.0, "{shaper:?}");
+}
+
+#[test]
+fn shapers_are_the_simulators_at_the_ends_of_their_ranges() {
+    for kind in ShaperKind::ALL {
+        for frequency_hz in [5.0, 7.5, 10.0, 20.0, 40.0, 99.9, 250.0, 500.0] {
+            for part in [0.0, 1e-6, 0.05, 0.25, 0.5, 1.0] {
+                compare(&AxisShaper { kind, frequency_hz, damping: part * kind.max_damping() });
+            }
+        }
+    }
+}
+
+proptest! {
+    #[test]
+    fn shapers_are_the_simulators(
+        kind in prop::sample::select(ShaperKind::ALL.to_vec()),
+        frequency_hz in 5.0..=500.0_f64,
+        part in 0.0..=1.0_f64,
+    ) {
+        compare(&AxisShaper { kind, frequency_hz, damping: part * kind.max_damping() });
+    }
+}
+
+#[test]
+fn the_ends_of_the_ranges_are_the_simulators() {
+    for kind in ShaperKind::ALL {
+        assert_eq!(kind.max_damping(), reference(kind).max_damping(), "{kind:?}");
+        if kind == ShaperKind::None {
+            continue;
+        }
+        let made = |frequency_hz, damping| AxisShaper { kind, frequency_hz, damping }.kernel().map(|_| ());
+        assert_eq!(made(500.1, 0.1), Err(ShaperError::Frequency));
+        assert_eq!(made(4.999, 0.1), Err(ShaperError::Frequency));
+        assert_eq!(made(f64::NAN, 0.1), Err(ShaperError::Frequency));
+        assert_eq!(made(50.0, -1e-9), Err(ShaperError::Damping));
+        assert_eq!(made(50.0, f64::NAN), Err(ShaperError::Damping));
+        assert_eq!(made(200.0, kind.max_damping()), Ok(()));
+        assert_eq!(made(200.0, kind.max_damping() + 1e-9), Err(ShaperError::Damping));
+    }
+}
+
+/// The frequency that refusals name is taken, and hardly lower ones are not.
+#[test]
+fn the_lowest_frequency_is_taken() {
+    for kind in ShaperKind::ALL {
+        for part in [0.0, 0.1, 0.3, 1.0] {
+            let shaper = AxisShaper { kind, frequency_hz: 100.0, damping: kind.max_damping() * part };
+            let lowest_hz = shaper.lowest_frequency_hz();
+            let at = |frequency_hz| AxisShaper { frequency_hz, ..shaper }.kernel();
+            assert!(at(lowest_hz).is_ok(), "{shaper:?} {lowest_hz}");
+            assert!(kind == ShaperKind::None || at(lowest_hz - 0.02).is_err(), "{shaper:?} {lowest_hz}");
+        }
+    }
+}
+
+/// What an image's profile is compiled from.
+#[test]
+fn a_shaper_is_printed_as_an_expression() {
+    let printed = format!("{:?}", [AxisShaper::NONE, AxisShaper { kind: ShaperKind::TwoHumpEi, ..AxisShaper::NONE }]);
+    let expected = "[AxisShaper { kind: ShaperKind::None, frequency_hz: 40.0, damping: 0.1 }, \
+                    AxisShaper { kind: ShaperKind::TwoHumpEi, frequency_hz: 40.0, damping: 0.1 }]";
+    assert_eq!(printed, expected);
+}
+
+/// Frequency and damping that the page's shapers are made for.
+const FREQUENCY_HZ: f64 = 40.0;
+const DAMPING: f64 = 0.1;
+
+/// Vibration after a kernel's last impulse against that after the unshaped command, of a mode with this frequency and damping.
+fn residual(kernel: &Kernel, frequency_hz: f64, damping: f64) -> f64 {
+    let omega = std::f64::consts::TAU * frequency_hz;
+    let damped = omega * (1.0 - damping * damping).sqrt();
+    let seconds = |ticks: u32| f64::from(ticks) / f64::from(TICKS_PER_SECOND);
+    let end_s = seconds(kernel.length_ticks());
+    let (mut sine, mut cosine) = (0.0, 0.0);
+    for one in kernel.impulses() {
+        let left_s = end_s - seconds(one.delay_ticks);
+        let swing = one.weight * (-damping * omega * left_s).exp();
+        sine += swing * (damped * left_s).sin();
+        cosine += swing * (damped * left_s).cos();
+    }
+    sine.hypot(cosine)
+}
+
+#[test]
+fn the_books_table_of_shapers_is_current() {
+    let mut page =
+        "| kind | ends later by, periods | corner is rounded by, a/f² | 0.8 f | 0.9 f | f | 1.1 f | 1.2 f | lowest \
+                    frequency, Hz |\n|---|---|---|---|---|---|---|---|---|\n"
+            .to_owned();
+    for kind in ShaperKind::ALL.into_iter().filter(|kind| *kind != ShaperKind::None) {
+        let shaper = AxisShaper { kind, frequency_hz: FREQUENCY_HZ, damping: DAMPING };
+        let kernel = shaper.kernel().unwrap();
+        let periods = |ticks: f64| ticks * FREQUENCY_HZ / f64::from(TICKS_PER_SECOND);
+        let centroid = kernel.centroid_ticks();
+        let variance: f64 = kernel
+            .impulses()
+            .iter()
+            .map(|one| one.weight * periods(f64::from(one.delay_ticks) - centroid).powi(2))
+            .sum();
+        write!(page, "| `{}` | {:.2} | {:.3}", kind.name(), periods(kernel.length_ticks().into()), variance / 2.0)
+            .unwrap();
+        for part in [0.8, 0.9, 1.0, 1.1, 1.2] {
+            let worst = [0.05, 0.1, 0.15]
+                .into_iter()
+                .map(|damping| residual(&kernel, FREQUENCY_HZ * part, damping))
+                .fold(0.0, f64::max);
+            write!(page, " | {:.1} %", worst * 100.0).unwrap();
+        }
+        writeln!(page, " | {:.2} |", shaper.lowest_frequency_hz()).unwrap();
+    }
+    book::keep(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/src/input-shaping.md"), "kinds", &page).unwrap();
+}
