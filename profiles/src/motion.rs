@@ -2,14 +2,20 @@
 
 use ferrostep_checked_toml::{Range, Section, range};
 use ferrostep_papers::table::FrequencyTable;
-use ferrostep_planner::{AccelerationProfile, DualRatePeriods, Interpolation, MotionChoice, SCurveTableSettings};
+use ferrostep_planner::{
+    AccelerationProfile, AxisShaper, DualRatePeriods, Interpolation, MotionChoice, SCurveTableSettings, ShaperError,
+    ShaperKind,
+};
 
 const JERK: Range = range(1.0, 10_000_000.0, "mm/s^3");
 const PERIOD: Range = range(1.0, 1_000_000.0, "us");
 const FREQUENCY: Range = range(1.0, 1_000_000.0, "steps/s");
+const SHAPER_FREQUENCY: Range = range(AxisShaper::FREQUENCY_HZ[0], AxisShaper::FREQUENCY_HZ[1], "Hz");
+const SHAPER_DAMPING: Range = range(0.0, 0.99, "");
 const TABLE_JERK: Range = range(1.0, 1_000_000_000.0, "steps/s^3");
 
-/// The methods and their settings. Prepared jobs hold trapezoids, so that settings of S-curves are apart.
+/// The methods and their settings. Prepared jobs hold trapezoids, so that settings of S-curves are apart, and what is shaped is
+/// the motion as it is played, so that shapers are.
 pub(crate) fn motion(keys: &Section<'_>) -> MotionChoice {
     let default = MotionChoice::DEFAULT;
     MotionChoice {
@@ -29,8 +35,45 @@ pub(crate) fn motion(keys: &Section<'_>) -> MotionChoice {
             .number("filament_jerk_mm_per_s3", JERK)
             .or(default.filament_jerk_mm_per_s3, "the same for moves of the filament alone, which shake no frame"),
         s_curve_table: s_curve_table(&keys.apart()),
-        shapers: default.shapers,
+        shapers: shapers(&keys.apart()),
     }
+}
+
+/// Shapers of X and Y.
+fn shapers(keys: &Section<'_>) -> [AxisShaper; 2] {
+    let about = "[filters](input-shaping.md) that keep the frame from ringing; M593 and SET_INPUT_SHAPER change them";
+    let table = keys.section_of_defaults("input_shaper", about);
+    ["x", "y"].map(|axis| table.optional_section(axis, "no filter", "").map_or(AxisShaper::NONE, |axis| shaper(&axis)))
+}
+
+/// The shaper of one axis, with a filter that is not too long.
+fn shaper(table: &Section<'_>) -> AxisShaper {
+    let kind = table
+        .word("kind", ShaperKind::ALL.map(|kind| (kind.name(), kind)))
+        .required("which filter ([which one](input-shaping.md#which-one))");
+    let frequency_hz = table
+        .number("frequency_hz", SHAPER_FREQUENCY)
+        .required("of the axis's ringing; so high that the filter lasts at most 100 ms");
+    let damping = table.number("damping", SHAPER_DAMPING).or(
+        AxisShaper::NONE.damping,
+        "ratio of the ringing; `\"ei\"` to 0.4, `\"2hump_ei\"` to 0.3, `\"3hump_ei\"` to 0.2",
+    );
+    let shaper = AxisShaper { kind, frequency_hz, damping };
+    let name = kind.name();
+    match shaper.kernel() {
+        Ok(_) => {}
+        // The ranges above have refused it.
+        Err(ShaperError::Frequency) => {}
+        Err(ShaperError::Damping) => table.refuse("damping", format!("0 to {} for {name:?}", kind.max_damping())),
+        Err(ShaperError::TooLong) => {
+            let lowest_hz = shaper.lowest_frequency_hz();
+            let expected = format!(
+                "at least {lowest_hz} Hz for {name:?}, whose filter would last longer than 100 ms; or a shorter kind"
+            );
+            table.refuse("frequency_hz", expected);
+        }
+    }
+    shaper
 }
 
 /// Periods, the longest not below the shortest.

@@ -19,8 +19,8 @@ mod names {
     pub const inf: f64 = f64::INFINITY;
 
     pub use ferrostep_planner::{
-        AccelerationProfile::*, DualRatePeriods, Interpolation::*, Kinematics::*, Limits, MotionChoice,
-        SCurveTableSettings, StepsPerMm,
+        AccelerationProfile::*, AxisShaper, DualRatePeriods, Interpolation::*, Kinematics::*, Limits, MotionChoice,
+        SCurveTableSettings, ShaperKind, StepsPerMm,
     };
     pub use ferrostep_printer::{
         AxisHoming, DriverTiming, ExtrusionSettings, FirmwareRetraction, HeaterSettings, HeaterWatch, HomeEnd::*,

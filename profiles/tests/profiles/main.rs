@@ -5,6 +5,7 @@ mod book;
 mod builtin;
 mod heater_keys;
 mod heaters;
+mod input_shaper;
 mod mini_heat;
 mod motor_drivers;
 mod nozzle_refusals;

@@ -1,0 +1,73 @@
+//! Shapers of X and Y.
+
+use ferrostep_planner::{AxisShaper, ShaperKind};
+use ferrostep_profiles::{ProfileError, builtin_text, parse};
+
+fn with(tail: &str) -> Result<([AxisShaper; 2], u64), ProfileError> {
+    let text = format!("{}\n{tail}", builtin_text("corexy").unwrap());
+    parse(&text, "test.toml").map(|profile| (profile.motion.shapers, profile.plan_hash))
+}
+
+#[test]
+fn each_axis_has_the_shaper_that_is_written() {
+    let (none, hash) = with("").unwrap();
+    assert_eq!(none, [AxisShaper::NONE; 2]);
+    let (both, shaped_hash) = with(
+        "[input_shaper.x]\nkind = \"ei_old\"\nfrequency_hz = 52.5\n\
+         [input_shaper.y]\nkind = \"3hump_ei\"\nfrequency_hz = 38\ndamping = 0.06",
+    )
+    .unwrap();
+    let x = AxisShaper { kind: ShaperKind::EiOld, frequency_hz: 52.5, damping: 0.1 };
+    let y = AxisShaper { kind: ShaperKind::ThreeHumpEi, frequency_hz: 38.0, damping: 0.06 };
+    assert_eq!(both, [x, y]);
+    // What is shaped is the motion as it is played: a job that was prepared without shapers holds with them.
+    assert_eq!(shaped_hash, hash);
+    let (one, _) = with("[input_shaper]\ny = { kind = \"mzv\", frequency_hz = 40 }").unwrap();
+    assert_eq!(one, [AxisShaper::NONE, AxisShaper { kind: ShaperKind::Mzv, ..AxisShaper::NONE }]);
+    for kind in ShaperKind::ALL {
+        let (shapers, _) =
+            with(&format!("[input_shaper]\nx = {{ kind = {:?}, frequency_hz = 60 }}", kind.name())).unwrap();
+        assert_eq!(shapers, [AxisShaper { kind, frequency_hz: 60.0, damping: 0.1 }, AxisShaper::NONE]);
+    }
+}
+
+#[test]
+fn what_cannot_be_made_is_refused_with_its_line_and_its_cure() {
+    let last = builtin_text("corexy").unwrap().lines().count() + 3;
+    for (table, blamed, says) in [
+        ("frequency_hz = 50", "input_shaper.x.kind", "\"none\", \"zv\", \"mzv\""),
+        ("kind = \"mzv\"", "input_shaper.x.frequency_hz", "5 to 500 Hz"),
+        ("kind = \"zvddd\", frequency_hz = 50", "input_shaper.x.kind", "\"2hump_ei\" or \"3hump_ei\""),
+        ("kind = \"mzv\", frequency_hz = 4.9", "input_shaper.x.frequency_hz", "5 to 500 Hz"),
+        ("kind = \"mzv\", frequency_hz = 501", "input_shaper.x.frequency_hz", "5 to 500 Hz"),
+        ("kind = \"mzv\", frequency_hz = nan", "input_shaper.x.frequency_hz", "5 to 500 Hz"),
+        ("kind = \"mzv\", frequency_hz = 50, damping = -0.1", "input_shaper.x.damping", "0 to 0.99"),
+        ("kind = \"zv\", frequency_hz = 50, damping = 1", "input_shaper.x.damping", "0 to 0.99"),
+        ("kind = \"ei\", frequency_hz = 50, damping = 0.41", "input_shaper.x.damping", "0 to 0.4 for \"ei\""),
+        ("kind = \"2hump_ei\", frequency_hz = 50, damping = 0.31", "input_shaper.x.damping", "0 to 0.3 for"),
+        ("kind = \"3hump_ei\", frequency_hz = 50, damping = 0.21", "input_shaper.x.damping", "0 to 0.2 for"),
+        ("kind = \"mzv\", frequency_hz = 7.5, damping = 0", "input_shaper.x.frequency_hz", ""),
+        ("kind = \"mzv\", frequency_hz = 7.4", "input_shaper.x.frequency_hz", "at least 7.54 Hz for \"mzv\""),
+        (
+            "kind = \"3hump_ei\", frequency_hz = 15",
+            "input_shaper.x.frequency_hz",
+            "longer than 100 ms; or a shorter kind",
+        ),
+        ("kind = \"mzv\", frequency_hz = 50, dampng = 0.1", "input_shaper.x.dampng", "damping"),
+    ] {
+        let outcome = with(&format!("[input_shaper]\nx = {{ {table} }}"));
+        if says.is_empty() {
+            assert!(outcome.is_ok(), "{table}: {outcome:?}");
+            continue;
+        }
+        let error = outcome.unwrap_err();
+        assert_eq!(error.key(), Some(blamed), "{table}");
+        let error = error.to_string();
+        assert!(error.starts_with(&format!("test.toml:{last}: ")) && error.contains(says), "{table}: {error}");
+    }
+    let error = with("[input_shaper]\nz = { kind = \"mzv\", frequency_hz = 50 }").unwrap_err();
+    assert_eq!(error.key(), Some("input_shaper.z"));
+    let text = format!("input_shaper = \"mzv\"\n{}", builtin_text("corexy").unwrap());
+    let error = parse(&text, "test.toml").unwrap_err();
+    assert!(error.to_string().contains("a table"), "{error}");
+}
