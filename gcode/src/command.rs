@@ -89,6 +89,17 @@ impl DriverWords {
     }
 }
 
+/// What M593 or SET_INPUT_SHAPER changes of an axis's filter; `None` where it stays.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ShaperWords<'a> {
+    /// P, SHAPER_TYPE: the kind's name, for the machine to know.
+    pub kind: Option<&'a str>,
+    /// F, SHAPER_FREQ: Hz; 0: no filter.
+    pub frequency: Option<Decimal>,
+    /// D, S, DAMPING_RATIO.
+    pub damping: Option<Decimal>,
+}
+
 /// Target of M104, M109, M140 and M190.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WaitTarget {
@@ -324,6 +335,14 @@ pub enum Command<'a> {
         interpolation: Option<u8>,
         /// A, 0 to 2.
         acceleration: Option<u8>,
+    },
+    /// M593, SET_INPUT_SHAPER: the filters of X and Y; without a word a query.
+    InputShaper {
+        /// What changes of X and of Y.
+        axes: [ShaperWords<'a>; 2],
+        /// The kind for an axis that gets a frequency and has no filter: `zv` in M593, as in Marlin, and `mzv` in SET_INPUT_SHAPER, as
+        /// in Klipper.
+        usual: &'static str,
     },
     /// M790: the host sends a prepared job, and G-code no more until it has ended.
     ReceiveJob {

@@ -24,7 +24,9 @@ mod reply;
 mod reply_text;
 
 pub use card_command::CardCommand;
-pub use command::{ArcForm, AxisFlags, AxisWords, Command, DriverWords, RetractionWords, Units, WaitTarget};
+pub use command::{
+    ArcForm, AxisFlags, AxisWords, Command, DriverWords, RetractionWords, ShaperWords, Units, WaitTarget,
+};
 pub use decimal::{Decimal, NumberError};
 pub use emergency::{Emergency, EmergencyScanner};
 pub use line::{Checksum, LINE_CAPACITY, Line, LineError};
@@ -36,5 +38,5 @@ pub use protocol::{LineNumbers, Verdict};
 pub use real::Real;
 pub use remarks::{Remark, Remarks};
 pub use reply::{
-    EndStopState, FirmwareInfo, MotionFigures, Position, Reply, ResendReason, Temperatures, TimingFigures,
+    EndStopState, FirmwareInfo, MotionFigures, Position, Reply, ResendReason, ShaperState, Temperatures, TimingFigures,
 };

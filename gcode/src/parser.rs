@@ -3,6 +3,7 @@
 mod card_codes;
 mod code;
 mod g_codes;
+mod input_shaper;
 mod m_codes;
 mod named;
 mod words;
@@ -116,6 +117,8 @@ impl NotExecuted {
     }
 }
 
+#[cfg(test)]
+mod input_shaper_tests;
 #[cfg(test)]
 mod named_tests;
 #[cfg(test)]

@@ -90,6 +90,17 @@ pub struct EndStopState {
     pub triggered: bool,
 }
 
+/// The filter of an axis (M593).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ShaperState<'a> {
+    /// `zv`, `none` ...
+    pub kind: &'a str,
+    /// Hz.
+    pub frequency_hz: f64,
+    /// Damping ratio.
+    pub damping: f64,
+}
+
 /// What M115 reports.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FirmwareInfo<'a> {
@@ -144,6 +155,9 @@ pub enum Reply<'a> {
         /// `trapezoid` ...
         acceleration: &'a str,
     },
+    /// `echo:SET_INPUT_SHAPER SHAPER_TYPE_X=<kind> SHAPER_FREQ_X=40 DAMPING_RATIO_X=0.1 SHAPER_TYPE_Y=...` (M593), which sets what
+    /// it says: the filters of X and Y.
+    InputShaper([ShaperState<'a>; 2]),
     /// `echo:extrusion <gcode|adaptive> H:0.200 W:0.450 D:1.750 lambda:0.037418` (M795)
     Extrusion {
         /// Whether moves without E extrude by their length.

@@ -84,6 +84,14 @@ impl Display for Reply<'_> {
             Reply::MotionChoice { interpolation, acceleration } => {
                 write!(formatter, "echo:motion interpolation:{interpolation} acceleration:{acceleration}")
             }
+            Reply::InputShaper(axes) => {
+                formatter.write_str("echo:SET_INPUT_SHAPER")?;
+                ['X', 'Y'].into_iter().zip(axes).try_for_each(|(axis, state)| {
+                    let [frequency, damping] = [state.frequency_hz, state.damping].map(|value| Real::short(value, 9));
+                    write!(formatter, " SHAPER_TYPE_{axis}={} SHAPER_FREQ_{axis}={frequency}", state.kind)?;
+                    write!(formatter, " DAMPING_RATIO_{axis}={damping}")
+                })
+            }
             Reply::Extrusion { adaptive, sizes_10nm, lambda } => {
                 let mode = if *adaptive { "adaptive" } else { "gcode" };
                 let [h, w, d] = sizes_10nm.map(|size| Real::fixed(size as f64 / 100_000.0, 3));

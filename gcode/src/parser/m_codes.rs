@@ -159,6 +159,7 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
         400 => Ok(Command::Finish),
         410 => Ok(Command::QuickStop),
         569 => stealth_chop(code, remarks),
+        593 => super::input_shaper::parse(code, remarks),
         851 => {
             let mut words = code.places(remarks)?;
             let [x, y, z] = b"XYZ".map(|axis| words.value(axis));
@@ -206,7 +207,6 @@ pub(super) fn parse<'a>(code: Code<'a>, remarks: &mut Remarks) -> Result<Command
 fn switches_off(code: Code<'_>) -> bool {
     let letter = match code.number {
         141 | 412 | 413 | 420 | 572 => b'S',
-        593 => b'F',
         900 => b'K',
         _ => return false,
     };

@@ -5,7 +5,7 @@
 use super::code::Code;
 use crate::not_executed::is_one_of;
 use crate::remarks::{Remark, Remarks};
-use crate::{AxisWords, Command, Decimal, NotExecuted, ParseError, WaitTarget};
+use crate::{AxisWords, Command, Decimal, NotExecuted, ParseError, ShaperWords, WaitTarget};
 
 /// A heater or thermometer by Klipper's name.
 enum Heater {
@@ -34,6 +34,12 @@ impl<'a> NamedWords<'a> {
             }
         }
         value
+    }
+
+    /// The value of a word as text.
+    fn value_text(&self, key: &str) -> Option<&'a str> {
+        // Cut at blanks, so that it is text still.
+        self.value(key).map(|value| core::str::from_utf8(value).unwrap_or_default())
     }
 
     /// The number of a word.
@@ -79,11 +85,16 @@ impl<'a> NamedWords<'a> {
 }
 
 /// The names that are executed, each with how its words are written.
-const EXECUTED: [(&str, &str); 7] = [
+const EXECUTED: [(&str, &str); 8] = [
     ("SET_VELOCITY_LIMIT", "VELOCITY or ACCEL with a number above 0"),
     ("SET_HEATER_TEMPERATURE", "HEATER=extruder or heater_bed, and TARGET with a number"),
     ("TEMPERATURE_WAIT", "SENSOR=extruder or heater_bed, and MINIMUM or MAXIMUM with a number"),
     ("SET_PRINT_STATS_INFO", "TOTAL_LAYER or CURRENT_LAYER with a number"),
+    (
+        "SET_INPUT_SHAPER",
+        "SHAPER_TYPE, SHAPER_TYPE_X or SHAPER_TYPE_Y with a kind, SHAPER_FREQ_X, SHAPER_FREQ_Y, DAMPING_RATIO_X or \
+         DAMPING_RATIO_Y with a number",
+    ),
     ("TURN_OFF_HEATERS", ""),
     ("PAUSE", ""),
     ("RESUME", ""),
@@ -113,8 +124,9 @@ pub(super) fn parse<'a>(code: &Code<'a>, remarks: &mut Remarks) -> Result<Comman
         }
         2 => temperature_wait(&words, remarks)?,
         3 => Command::Layer { current: words.count("CURRENT_LAYER")?, total: words.count("TOTAL_LAYER")? },
-        4 => Command::HeatersOff,
-        5 => Command::Pause(AxisWords::default()),
+        4 => input_shaper(&words)?,
+        5 => Command::HeatersOff,
+        6 => Command::Pause(AxisWords::default()),
         _ => Command::ResumePrint,
     })
 }
@@ -147,4 +159,36 @@ fn velocity_limit(words: &NamedWords<'_>, remarks: &mut Remarks) -> Result<Comma
         return Err(words.expected());
     }
     Ok(Command::VelocityLimit { velocity, acceleration })
+}
+
+/// The words of SET_INPUT_SHAPER, and those of an axis that has no filter here.
+const SHAPER_WORDS: &str =
+    "SHAPER_TYPE, SHAPER_TYPE_X, SHAPER_TYPE_Y, SHAPER_FREQ_X, SHAPER_FREQ_Y, DAMPING_RATIO_X, DAMPING_RATIO_Y";
+const SHAPER_WORDS_OF_Z: &str = "SHAPER_TYPE_Z, SHAPER_FREQ_Z, DAMPING_RATIO_Z";
+
+/// SET_INPUT_SHAPER. A misspelt word is an error: the line would be taken for a question.
+#[inline(never)]
+fn input_shaper<'a>(words: &NamedWords<'a>) -> Result<Command<'a>, ParseError> {
+    for word in words.text.split(|byte| matches!(byte, b' ' | b'\t')).filter(|word| !word.is_empty()) {
+        let key = word.iter().position(|byte| *byte == b'=').and_then(|end| word.get(..end)).unwrap_or_default();
+        if is_one_of(SHAPER_WORDS_OF_Z.as_bytes(), key) {
+            let why = "X and Y have filters, Z has none; leave its words out";
+            return Err(ParseError::NotSupported { command: "SET_INPUT_SHAPER of Z", why });
+        }
+        if !is_one_of(SHAPER_WORDS.as_bytes(), key) {
+            return Err(words.expected());
+        }
+    }
+    let both = words.value_text("SHAPER_TYPE");
+    let axis = |kind, frequency, damping| -> Result<ShaperWords<'a>, ParseError> {
+        let kind = words.value_text(kind);
+        if both.is_some() && kind.is_some() {
+            let why = "of two kinds for an axis one is meant; write SHAPER_TYPE, or SHAPER_TYPE_X and SHAPER_TYPE_Y";
+            return Err(ParseError::NotSupported { command: "SHAPER_TYPE with the type of an axis", why });
+        }
+        Ok(ShaperWords { kind: kind.or(both), frequency: words.number(frequency)?, damping: words.number(damping)? })
+    };
+    let x = axis("SHAPER_TYPE_X", "SHAPER_FREQ_X", "DAMPING_RATIO_X")?;
+    let y = axis("SHAPER_TYPE_Y", "SHAPER_FREQ_Y", "DAMPING_RATIO_Y")?;
+    Ok(Command::InputShaper { axes: [x, y], usual: "mzv" })
 }

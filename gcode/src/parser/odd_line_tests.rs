@@ -26,7 +26,7 @@ fn commands_without_effect_say_why() {
         assert!(remarks.to_string().ends_with(says) && !remarks.is_unknown(), "{text}: {remarks}");
     }
     // What they ask for is so.
-    for text in ["M141 S0", "M413 S0", "M420 S0", "M572 D0 S0", "M593 F0", "M900 K0", "M900 K0 L0"] {
+    for text in ["M141 S0", "M413 S0", "M420 S0", "M572 D0 S0", "M900 K0", "M900 K0 L0"] {
         reads(text, Command::Accepted);
     }
     reads("M862.1 P0.4 A0", Command::CheckNozzle(some("0.4")));

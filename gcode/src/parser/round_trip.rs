@@ -4,7 +4,8 @@ use proptest::option::of;
 use proptest::prelude::*;
 
 use crate::{
-    ArcForm, AxisFlags, AxisWords, Command, Decimal, DriverWords, LineReader, RetractionWords, Units, WaitTarget, parse,
+    ArcForm, AxisFlags, AxisWords, Command, Decimal, DriverWords, LineReader, RetractionWords, ShaperWords, Units,
+    WaitTarget, parse,
 };
 
 /// A command's words: letter and number.
@@ -180,6 +181,12 @@ fn take_apart_m(command: Command<'_>) -> (u32, Words) {
             let number = |value: Option<u8>| value.map(|value| whole(value.into()));
             (796, given([('I', number(interpolation)), ('A', number(acceleration))]))
         }
+        Command::InputShaper { axes: [x, y], .. } => {
+            let named = |words| words != ShaperWords::default();
+            let words = if named(x) { x } else { y };
+            let axes = AxisFlags { x: named(x) && x != y, y: named(y) && x != y, z: false, e: false };
+            (593, [flags(axes), given([('F', words.frequency), ('D', words.damping)])].concat())
+        }
         Command::ReportMotion => (797, vec![]),
         Command::Timing { on, clear } => {
             (798, [given([('S', switch(on))]), if clear { vec![('R', None)] } else { vec![] }].concat())
@@ -212,6 +219,11 @@ fn print(command: Command<'_>, style: Style) -> String {
     for (letter, value) in words {
         let value = value.map(|value| format!("{gap}{value}")).unwrap_or_default();
         line += &format!("{gap}{letter}{value}");
+    }
+    if let Command::InputShaper { axes: [x, y], .. } = command
+        && let Some(kind) = x.kind.or(y.kind)
+    {
+        line += &format!("{gap}P{gap}\"{kind}\"");
     }
     if style.comment {
         line += " (G1 X1) ; G1 X2";
@@ -268,6 +280,16 @@ fn any_stealth_chop() -> impl Strategy<Value = Command<'static>> {
     (any_flags(), of(any::<bool>()))
         .prop_filter("S needs a motor", |(motors, on)| on.is_none() || !motors.is_empty())
         .prop_map(|(motors, on)| Command::StealthChop { motors, on })
+}
+
+/// As M593 sets it: of one axis, or of both alike.
+fn any_shaper() -> impl Strategy<Value = Command<'static>> {
+    let kind = of(proptest::sample::select(&["none", "zv", "mzv", "ei2", "zvddd", ""][..]));
+    (kind, of(any_number()), of(any_number()), 1..=3_u8).prop_map(|(kind, frequency, damping, axes)| {
+        let words = ShaperWords { kind, frequency, damping };
+        let axes = [1, 2].map(|axis| if axes & axis == 0 { ShaperWords::default() } else { words });
+        Command::InputShaper { axes, usual: "zv" }
+    })
 }
 
 fn any_wait() -> impl Strategy<Value = WaitTarget> {
@@ -373,6 +395,7 @@ fn machine() -> impl Strategy<Value = Command<'static>> {
         any_drivers(255).prop_map(Command::StallThreshold),
         (of(0u8..=4), of(0u8..=3))
             .prop_map(|(interpolation, acceleration)| Command::MotionChoice { interpolation, acceleration }),
+        any_shaper(),
         (of(any::<bool>()), any::<bool>()).prop_map(|(on, clear)| Command::Timing { on, clear }),
         any::<(u8, u8)>().prop_map(|(index, power)| Command::Fan { index, power }),
         of(-9_000_000_000i64..9_000_000_000).prop_map(Command::SetLineNumber),
@@ -434,7 +457,9 @@ proptest! {
 
     #[test]
     fn any_text_is_answered(text in "\\PC{0,60}", words in "[ GMTXYZEFIJPRSN0-9.*(;-]{0,60}") {
-        for text in [&text, &words, &format!("G1 {words}"), &format!("M204{text}")] {
+        let in_quotes = format!("M593 P{text}");
+        let named = format!("SET_INPUT_SHAPER SHAPER_TYPE_X={text}");
+        for text in [&text, &words, &format!("G1 {words}"), &format!("M204{text}"), &in_quotes, &named] {
             match parse(text) {
                 Ok(Command::Unknown(unknown)) => prop_assert!(text.contains(unknown)),
                 Ok(_) => {}
