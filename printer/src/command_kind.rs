@@ -1,6 +1,6 @@
 //! Kinds of commands, before they are executed.
 
-use ferrostep_gcode::{CardCommand, Command};
+use ferrostep_gcode::{CardCommand, Command, ShaperWords};
 
 /// How a command is treated while the machine is halted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -48,6 +48,7 @@ pub(crate) fn while_halted(command: &Command<'_>) -> WhileHalted {
         | Command::Accepted
         | Command::Unknown(_)
         | Command::Restart => WhileHalted::Works,
+        Command::InputShaper { axes, .. } if *axes == [ShaperWords::default(); 2] => WhileHalted::Works,
         Command::DisableMotors(_) | Command::HeatersOff => WhileHalted::IsOff,
         Command::SetNozzle(Some(celsius)) | Command::SetBed(Some(celsius)) if celsius.nanos() <= 0 => {
             WhileHalted::IsOff

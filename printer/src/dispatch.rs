@@ -1,6 +1,6 @@
 //! Which command goes where.
 
-use ferrostep_gcode::{ArcForm, AxisFlags, AxisWords, CardCommand, Command, Decimal, Remarks, Reply, WaitTarget};
+use ferrostep_gcode::{ArcForm, AxisFlags, AxisWords, CardCommand, Command, Decimal, Remarks, Reply, WaitTarget, ShaperWords};
 use ferrostep_hal_shim::Heater;
 
 use crate::error::CommandError;
@@ -21,6 +21,7 @@ enum Waiting<'a> {
     Pause(PauseReason, PauseWords),
     ResumePrint,
     MotionChoice { interpolation: Option<u8>, acceleration: Option<u8> },
+    InputShaper { axes: &'a [ShaperWords<'a>; 2], usual: &'static str },
     ShiftZ { words: &'a AxisWords, keeps_offset: bool },
     Card(&'a CardCommand<'a>),
     Finish,
@@ -66,6 +67,7 @@ impl<P: Ports> Printer<'_, P> {
             Waiting::MotionChoice { interpolation, acceleration } => {
                 self.choose_motion(interpolation, acceleration).await?;
             }
+            Waiting::InputShaper { axes, usual } => self.shape(axes, usual).await?,
             Waiting::ShiftZ { words, keeps_offset } => self.shift_z(words, keeps_offset).await?,
             Waiting::Card(command) => self.card_command(*command).await?,
             Waiting::Finish => self.motion.finish().await?,
@@ -179,6 +181,7 @@ impl<P: Ports> Printer<'_, P> {
             Command::MotionChoice { interpolation, acceleration } => {
                 return waiting(Waiting::MotionChoice { interpolation, acceleration });
             }
+            Command::InputShaper { ref axes, usual } => return waiting(Waiting::InputShaper { axes, usual }),
             Command::ShiftZ { ref words, keeps_offset } => return waiting(Waiting::ShiftZ { words, keeps_offset }),
             Command::Card(ref command) => return waiting(Waiting::Card(command)),
             Command::Finish => return waiting(Waiting::Finish),
@@ -191,6 +194,7 @@ impl<P: Ports> Printer<'_, P> {
             | Command::Fan { .. }
             | Command::SetNozzle(None)
             | Command::SetBed(None)
+            Waiting::InputShaper { axes, usual } => self.shape(axes, usual).await?,
             | Command::Accepted => {}
         }
         Ok(Dispatched::Done(Answer::Ok))

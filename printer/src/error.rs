@@ -1,16 +1,17 @@
 //! Why a command was refused.
 
 use core::fmt;
-use ferrostep_planner::{ChoiceError, ShaperError};
+use ferrostep_planner::ChoiceError;
 
-use ferrostep_gcode::{ParseError, Real};
+use ferrostep_gcode::{ParseError, Real, ShortText};
 use ferrostep_planner::look_ahead::PlanFault;
-use ferrostep_planner::{MIN_FEED_MM_PER_S, MoveError, Speed};
+use ferrostep_planner::{AxisShaper, MIN_FEED_MM_PER_S, MoveError, ShaperError, Speed};
 use ferrostep_tmc2209::{DriverEvent, DriverEventKind, Failure as DriverFailure, SettingsError};
 
 use crate::axis_names::AXIS_NAMES;
 use crate::heat::HeatFault;
 use crate::motion_fault::{Miscount, MotionError, MotionFault};
+use crate::shapers;
 
 /// Why a command was not executed. It has had no effect then; a command that was stopped on its way
 /// ([`CommandError::Stopped`]) leaves the machine where it says it stands.
@@ -142,6 +143,19 @@ pub enum CommandError {
     CardPrints,
     /// M796 asked for methods that this machine cannot use.
     MotionChoice(ChoiceError),
+    /// M593 and SET_INPUT_SHAPER: there is no filter of this name.
+    UnknownShaper(ShortText),
+    /// The filter that was asked for cannot be made.
+    Shaper {
+        /// Index of the axis, 0 or 1.
+        axis: u8,
+        /// What is wrong with it.
+        error: ShaperError,
+        /// What was asked for.
+        shaper: AxisShaper,
+    },
+    /// Filters cannot be set.
+    Shaping(ChoiceError),
     /// The job is for another nozzle (M862.1).
     OtherNozzle {
         /// The job's diameter, mm.
@@ -327,7 +341,12 @@ impl fmt::Display for CommandError {
                 write!(out, "M796: a parameter of the method is out of range, see the machine's profile")
             }
             Self::MotionChoice(ChoiceError::InMotion) => write!(out, "M796: methods change at standstill only"),
-            Self::MotionChoice(ChoiceError::Shaper(error)) => out.write_str(shaper_text(*error)),
+            Self::MotionChoice(ChoiceError::Shaper(_)) => {
+                write!(out, "M796: input shapers need step-bresenham (I0), expected M593 F0 before")
+            }
+            Self::UnknownShaper(name) => shapers::write_unknown(out, name),
+            Self::Shaper { axis, error, shaper } => shapers::write_refusal(out, *axis, *error, shaper),
+            Self::Shaping(error) => out.write_str(shapers::choice_text(*error)),
             Self::OtherNozzle { job_mm, machine_mm } => {
                 let [job, machine] = [job_mm, machine_mm].map(|diameter_mm| Real::short(*diameter_mm, 2));
                 write!(
@@ -453,23 +472,5 @@ impl fmt::Display for Failure {
             Self::Parse(error) => write!(out, "{error}"),
             Self::Command(error) => write!(out, "{error}"),
         }
-    }
-}
-
-/// Why a shaper cannot be had, and how to mend it.
-const fn shaper_text(error: ShaperError) -> &'static str {
-    match error {
-        ShaperError::Frequency => "the shaper's frequency is out of range, expected 5 to 500 Hz",
-        ShaperError::Damping => {
-            "the shaper's damping ratio is out of range, expected 0 to 0.99, for ei to 0.4, 2hump_ei 0.3, 3hump_ei 0.2"
-        }
-        ShaperError::TooLong => {
-            "the shaper lasts longer than 100 ms, the most that this firmware holds: choose a higher frequency or a shorter \
-             shaper, zv or mzv"
-        }
-        ShaperError::UnequalMotors => {
-            "two motors move X or Y together, and have different steps/mm: shaped axes need the same of both"
-        }
-        ShaperError::Pattern => "the axes are shaped, which needs step-bresenham (I0): switch the shapers off first",
     }
 }

@@ -33,6 +33,7 @@ mod printer;
 mod profile;
 mod reports;
 mod settings;
+mod shapers;
 mod shared_machine;
 mod signals;
 mod temperatures;

@@ -1,7 +1,7 @@
 //! G28, M18, M84 and M796.
 
 use ferrostep_gcode::{AxisFlags, Reply};
-use ferrostep_planner::{AccelerationProfile, ChoiceError, Interpolation};
+use ferrostep_planner::{AccelerationProfile, ChoiceError, Interpolation, MotionChoice};
 
 use crate::error::CommandError;
 use crate::homing::Homing;
@@ -41,12 +41,7 @@ impl<P: Ports> Printer<'_, P> {
             choice.acceleration = *chosen;
         }
         if interpolation.is_some() || acceleration.is_some() {
-            let mut chosen = self.motion.set_motion_choice(&choice);
-            if chosen == Err(ChoiceError::InMotion) {
-                self.motion.finish().await?;
-                chosen = self.motion.set_motion_choice(&choice);
-            }
-            chosen.map_err(CommandError::MotionChoice)?;
+            self.set_motion_choice(&choice).await?.map_err(CommandError::MotionChoice)?;
         } else {
             self.replies.send(Reply::MotionChoice {
                 interpolation: choice.interpolation.name(),
@@ -54,5 +49,17 @@ impl<P: Ports> Printer<'_, P> {
             });
         }
         Ok(())
+    }
+    /// Sets the motion at standstill, for which it waits; what cannot be set is refused before.
+    pub(crate) async fn set_motion_choice(
+        &mut self,
+        choice: &MotionChoice,
+    ) -> Result<Result<(), ChoiceError>, CommandError> {
+        let chosen = self.motion.set_motion_choice(choice);
+        if chosen != Err(ChoiceError::InMotion) {
+            return Ok(chosen);
+        }
+        self.motion.finish().await?;
+        Ok(self.motion.set_motion_choice(choice))
     }
 }

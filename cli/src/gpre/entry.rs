@@ -45,6 +45,7 @@ impl Passed {
                     | Command::SoftLimits(_)
                     | Command::ColdExtrusion { .. }
                     | Command::MotionChoice { .. }
+                    | Command::InputShaper { .. }
                     | Command::AdaptiveExtrusion { .. }
                     | Command::AutoReportTemperatures { .. }
                     | Command::KeepAlive(Some(_))

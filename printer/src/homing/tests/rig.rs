@@ -62,6 +62,9 @@ pub struct Rig {
     true_10nm: Cell<[i64; 3]>,
     believed_10nm: Cell<[i64; 3]>,
     enabled: Cell<u8>,
+    choice: Cell<MotionChoice>,
+    /// Moves wait since the machine last stood still.
+    is_moving: Cell<bool>,
     events: RefCell<Vec<Event>>,
     texts: RefCell<Vec<String>>,
     signals: Signals,
@@ -79,6 +82,8 @@ impl Rig {
         change(&mut profile);
         Self {
             profile,
+            choice: Cell::new(profile.motion),
+            is_moving: Cell::new(false),
             sensors: [const { Cell::new(Sensor::Good) }; 3],
             early_10nm: RefCell::default(),
             stopped_seek: Cell::new(None),
@@ -113,6 +118,16 @@ impl Rig {
     /// Where they believe to stand, mm.
     pub fn believed_mm(&self) -> [f64; 3] {
         mm(self.believed_10nm.get())
+    }
+
+    /// Whether moves wait.
+    pub fn is_moving(&self) -> bool {
+        self.is_moving.get()
+    }
+
+    /// The methods and filters of the motion.
+    pub fn choice(&self) -> MotionChoice {
+        self.choice.get()
     }
 
     /// Mask of the motors with current.
@@ -170,6 +185,7 @@ impl Motion for RigMotion<'_> {
         let way = self.0.way_to(request.target_10nm);
         self.0.events.borrow_mut().push(Event::Moved(mm(way), request.feed_mm_per_s));
         self.0.go(way);
+        self.0.is_moving.set(true);
         Ok(Moved::Queued)
     }
 
@@ -178,6 +194,7 @@ impl Motion for RigMotion<'_> {
     }
 
     async fn finish(&mut self) -> Result<(), MotionError> {
+        self.0.is_moving.set(false);
         Ok(())
     }
 
@@ -235,10 +252,14 @@ impl Motion for RigMotion<'_> {
     fn set_limits(&mut self, _: Limits) {}
 
     fn motion_choice(&self) -> MotionChoice {
-        self.0.profile.motion
+        self.0.choice.get()
     }
 
-    fn set_motion_choice(&mut self, _: &MotionChoice) -> Result<(), ChoiceError> {
+    fn set_motion_choice(&mut self, choice: &MotionChoice) -> Result<(), ChoiceError> {
+        if self.0.is_moving.get() {
+            return Err(ChoiceError::InMotion);
+        }
+        self.0.choice.set(*choice);
         Ok(())
     }
 
@@ -258,8 +279,10 @@ impl Motion for RigMotion<'_> {
 
 impl Replies for Rig {
     fn send(&self, reply: Reply<'_>) {
-        if let Reply::Text(text) = reply {
-            self.texts.borrow_mut().push(text.to_owned());
+        match reply {
+            Reply::Text(text) => self.texts.borrow_mut().push(text.to_owned()),
+            Reply::InputShaper(_) => self.texts.borrow_mut().push(reply.to_string()),
+            _ => {}
         }
     }
 }

@@ -1,0 +1,142 @@
+//! M593 and SET_INPUT_SHAPER: the filters of X and Y.
+
+use core::fmt;
+
+use ferrostep_gcode::{Real, Reply, ShaperState, ShaperWords, ShortText};
+use ferrostep_planner::{AxisShaper, ChoiceError, ShaperError, ShaperKind};
+
+use crate::axis_names::AXIS_NAMES;
+use crate::error::CommandError;
+use crate::ports::{Motion, Ports, Replies};
+use crate::printer::Printer;
+
+/// What RepRapFirmware calls two and three humps.
+const OTHER_NAMES: [(&str, ShaperKind); 2] = [("ei2", ShaperKind::TwoHumpEi), ("ei3", ShaperKind::ThreeHumpEi)];
+
+/// The kind of this name, in upper or lower case.
+fn kind_of(name: &str) -> Result<ShaperKind, CommandError> {
+    let names = ShaperKind::ALL.map(|kind| (kind.name(), kind)).into_iter().chain(OTHER_NAMES);
+    let mut found = names.filter(|(known, _)| known.eq_ignore_ascii_case(name)).map(|(_, kind)| kind);
+    found.next().ok_or_else(|| CommandError::UnknownShaper(ShortText::new(name)))
+}
+
+/// What becomes of an axis's filter; `usual` is the kind where it has none and gets a frequency.
+fn changed(
+    axis: u8,
+    present: AxisShaper,
+    words: &ShaperWords<'_>,
+    usual: ShaperKind,
+) -> Result<AxisShaper, CommandError> {
+    let mut shaper = present;
+    if let Some(damping) = words.damping {
+        shaper.damping = damping.to_f64();
+    }
+    if let Some(name) = words.kind {
+        shaper.kind = kind_of(name)?;
+    }
+    match words.frequency {
+        Some(frequency) if frequency.nanos() == 0 => shaper.kind = ShaperKind::None,
+        Some(frequency) => {
+            shaper.frequency_hz = frequency.to_f64();
+            if words.kind.is_none() && shaper.kind == ShaperKind::None {
+                shaper.kind = usual;
+            }
+        }
+        None => {}
+    }
+    // The numbers of an axis without a filter are those of its next one.
+    let checked = AxisShaper { kind: if shaper.kind == ShaperKind::None { usual } else { shaper.kind }, ..shaper };
+    match checked.kernel() {
+        Ok(_) => Ok(shaper),
+        Err(ShaperError::TooLong) if shaper.kind == ShaperKind::None => Ok(shaper),
+        Err(error) => Err(CommandError::Shaper { axis, error, shaper: checked }),
+    }
+}
+
+impl<P: Ports> Printer<'_, P> {
+    /// M593, SET_INPUT_SHAPER. The machine stands still before its filters change, and they change together.
+    pub(crate) async fn shape(&mut self, axes: &[ShaperWords<'_>; 2], usual: &str) -> Result<(), CommandError> {
+        let mut choice = self.motion.motion_choice();
+        if *axes == [ShaperWords::default(); 2] {
+            let state = |shaper: AxisShaper| ShaperState {
+                kind: shaper.kind.name(),
+                frequency_hz: shaper.frequency_hz,
+                damping: shaper.damping,
+            };
+            self.replies.send(Reply::InputShaper(choice.shapers.map(state)));
+            return Ok(());
+        }
+        let usual = kind_of(usual)?;
+        for (axis, (shaper, words)) in (0..).zip(choice.shapers.iter_mut().zip(axes)) {
+            *shaper = changed(axis, *shaper, words, usual)?;
+        }
+        self.set_motion_choice(&choice).await?.map_err(CommandError::Shaping)
+    }
+}
+
+/// The refusal of a name, with those that there are.
+pub(crate) fn write_unknown(out: &mut fmt::Formatter<'_>, name: &ShortText) -> fmt::Result {
+    write!(out, "\"{name}\" is no input shaper of this machine, expected ")?;
+    for kind in ShaperKind::ALL {
+        write!(out, "{}, ", kind.name())?;
+    }
+    out.write_str("ei2 (2hump_ei) or ei3 (3hump_ei) in M593 P or SHAPER_TYPE")
+}
+
+/// The refusal of a filter, with its numbers.
+pub(crate) fn write_refusal(
+    out: &mut fmt::Formatter<'_>,
+    axis: u8,
+    error: ShaperError,
+    shaper: &AxisShaper,
+) -> fmt::Result {
+    let axis = AXIS_NAMES.get(usize::from(axis)).copied().unwrap_or('?');
+    let kind = shaper.kind.name();
+    let [frequency, damping] = [shaper.frequency_hz, shaper.damping].map(|number| Real::short(number, 6));
+    write!(out, "input shaper of {axis}: ")?;
+    match error {
+        ShaperError::Frequency => {
+            let [lowest, highest] = AxisShaper::FREQUENCY_HZ.map(|limit| Real::short(limit, 6));
+            write!(
+                out,
+                "{frequency} Hz is out of range, expected {lowest} to {highest} Hz, or 0 for none (M593 F, SHAPER_FREQ_{axis})"
+            )
+        }
+        ShaperError::Damping => {
+            let most = Real::short(shaper.kind.max_damping(), 6);
+            write!(
+                out,
+                "a damping ratio of {damping} is out of range, expected 0 to {most} for {kind} (M593 D or S, \
+                 DAMPING_RATIO_{axis})"
+            )
+        }
+        ShaperError::TooLong => {
+            let lowest = Real::short(shaper.lowest_frequency_hz(), 2);
+            write!(
+                out,
+                "{kind} for {frequency} Hz and a damping ratio of {damping} is longer than 100 ms, expected at least \
+                 {lowest} Hz (M593 F, SHAPER_FREQ_{axis}) or a shorter kind"
+            )
+        }
+        // Of the machine, whatever the filter.
+        ShaperError::Pattern | ShaperError::UnequalMotors => out.write_str(choice_text(ChoiceError::Shaper(error))),
+    }
+}
+
+/// Why a machine has no filters at all now.
+pub(crate) const fn choice_text(error: ChoiceError) -> &'static str {
+    match error {
+        ChoiceError::Shaper(ShaperError::UnequalMotors) => {
+            "input shapers need the same steps/mm of the motors that move an axis together, expected that of the profile"
+        }
+        ChoiceError::InMotion => "input shapers change at standstill only, expected M400 before",
+        ChoiceError::Shaper(
+            ShaperError::Pattern | ShaperError::Frequency | ShaperError::Damping | ShaperError::TooLong,
+        )
+        | ChoiceError::NotContained
+        | ChoiceError::Parameter => "input shapers need step-bresenham, expected M796 I0 before",
+    }
+}
+
+#[cfg(test)]
+mod tests;
