@@ -10,7 +10,7 @@ use crate::desk::profile;
 use crate::refusals::Collector;
 
 /// Commands with valid words.
-const COMMANDS: [&str; 32] = [
+const COMMANDS: [&str; 34] = [
     "G0 X40 Y50 Z4 F2400",
     "G1 X40 Y50 Z4 E1 F2400",
     "G2 X40 Y30 Z3 E1 I10 J0 F1200",
@@ -39,6 +39,8 @@ const COMMANDS: [&str; 32] = [
     "M221 S90",
     "M290 Z0.05 S0.05 P0",
     "M302 S160 P1",
+    "M593 X Y F45 D0.15",
+    "M593 F45 S0.15",
     "M600 X40 Y50 Z4 U20 L20",
     "M601 X40 Y50 Z4",
     "M795 S1 H0.2 W0.4 D1.75",
@@ -58,7 +60,7 @@ const EXTREME: [&str; 7] = ["-1", "-0.001", "0", "0.5", "256", "70000", "9999999
 const BEFORE: [&str; 6] = ["M302 P1", "G28", "G1 X10 Y20 Z3 F3000", "G1 X20 Y30 E2", "M207 S1 F1200", "M106 S80"];
 
 /// Lines that show the state: moves at all kinds of limits, and every query.
-const AFTER: [&str; 22] = [
+const AFTER: [&str; 23] = [
     "M114",
     "M105",
     "M220",
@@ -68,6 +70,7 @@ const AFTER: [&str; 22] = [
     "M302",
     "M211",
     "M290",
+    "M593",
     "M795",
     "M796",
     "G1 X40 E3",
@@ -135,8 +138,8 @@ fn faults(profile: &Profile, unharmed: &Done, command: &str) -> Vec<String> {
     let mut faults = Vec::new();
     for (at, word) in command.split(' ').enumerate().skip(1) {
         let letter = word.chars().next().unwrap();
-        // In M569 X is a flag.
-        let is_flag = command.starts_with("M569") && letter == 'X';
+        // In M569 and M593 axes are flags.
+        let is_flag = ["M569", "M593"].iter().any(|code| command.starts_with(code)) && matches!(letter, 'X' | 'Y');
         let malformed = MALFORMED.iter().map(|number| (number, true));
         for (number, is_malformed) in malformed.chain(EXTREME.iter().chain(&[""]).map(|number| (number, false))) {
             let line = with(command, at, number);

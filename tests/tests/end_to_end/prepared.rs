@@ -222,6 +222,31 @@ fn content_decides_what_a_file_is() {
     says(&outcome.stderr, "this is a prepared job already");
 }
 
+/// Filters are the machine's that prints: a job may set them, and is prepared for a machine with any.
+#[test]
+fn a_prepared_job_sets_filters_where_the_gcode_does() {
+    let directory = directory();
+    let plain = std::fs::read_to_string(repository().join("profiles/cartesian.toml")).unwrap();
+    let shaper =
+        "[input_shaper]\nx = { kind = \"mzv\", frequency_hz = 50 }\ny = { kind = \"ei\", frequency_hz = 38 }\n";
+    let profiles = [plain.clone(), format!("{plain}\n{shaper}")];
+    let [plain, shaped] = [("plain.toml", &profiles[0]), ("shaped.toml", &profiles[1])]
+        .map(|(name, text)| file(&directory, name, text).to_str().unwrap().to_owned());
+    // The first line asks for what the second machine has: that is a standstill all the same, as it is planned.
+    let gcode = "G28\nG1 X20 F6000\nG1 X40 Y1\nSET_INPUT_SHAPER SHAPER_TYPE_X=mzv SHAPER_FREQ_X=50\nG1 X60 Y2\nG1 X80\n\
+                 M593 Y P\"zvd\" F44 S0.05\nG1 X90 Y30\nG1 X70 Y60\nM593 F0\nG1 X20\nM593\n";
+    let gcode = file(&directory, "job.gcode", gcode).to_str().unwrap().to_owned();
+    let job = directory.path().join("job.gpre").to_str().unwrap().to_owned();
+    json(&["preprocess", &gcode, "-o", &job, "--profile", &plain]);
+    for profile in [&plain, &shaped] {
+        let planned = json(&["print", &gcode, "--profile", profile, "--look-ahead", "65536"]);
+        let executed = json(&["print", &job, "--profile", profile]);
+        for key in ["step_digest", "order_digest", "motor_steps", "moves", "position_mm", "motion_time_s"] {
+            assert_eq!(executed[key], planned[key], "{key} on {profile}");
+        }
+    }
+}
+
 #[test]
 fn preprocess_leaves_no_file_if_the_job_stops() {
     let directory = directory();
