@@ -59,6 +59,9 @@ pub(crate) fn profile(keys: &Section<'_>) -> (Profile, [String; 2]) {
         .number("minimum_event_interval_us", EVENT_INTERVAL)
         .required("step events nearer to each other than this leave as one");
     motor_rates(keys, kinematics, steps_per_mm, &limits, interval_us);
+    if motion::is_shaped(&motion) {
+        motors_are_alike(keys, kinematics, steps_per_mm);
+    }
     // ANCHOR: min_extrusion
     let min_extrusion = keys
         .number("min_extrusion_celsius", MIN_EXTRUSION)
@@ -196,6 +199,24 @@ fn motor_rates(keys: &Section<'_>, kinematics: Kinematics, steps_per_mm: [f64; 4
                      not {steps_per_s:.0}: lower it, or steps_per_mm.{axis} with fewer microsteps"
                 ),
             );
+        }
+    }
+}
+
+/// Motors that move X or Y together take the sum of two filtered axes, in one unit.
+fn motors_are_alike(keys: &Section<'_>, kinematics: Kinematics, steps_per_mm: [f64; 4]) {
+    for axis in 0..2 {
+        let motors = kinematics.motors_of_axis(axis);
+        let mut moved = MOTORS.into_iter().zip(steps_per_mm).zip(0..3).filter(|(_, motor)| motors >> motor & 1 == 1);
+        let Some(((first, expected), _)) = moved.next() else { continue };
+        for ((name, steps), _) in moved {
+            if StepsPerMm::nearest(steps) != StepsPerMm::nearest(expected) {
+                let same = format!(
+                    "{expected} as that of {first}: with input_shaper both are the same on {}",
+                    kinematics.name()
+                );
+                keys.refuse(&format!("steps_per_mm.{name}"), same);
+            }
         }
     }
 }

@@ -18,10 +18,11 @@ const TABLE_JERK: Range = range(1.0, 1_000_000_000.0, "steps/s^3");
 /// the motion as it is played, so that shapers are.
 pub(crate) fn motion(keys: &Section<'_>) -> MotionChoice {
     let default = MotionChoice::DEFAULT;
-    MotionChoice {
-        interpolation: keys
-            .word("interpolation", Interpolation::ALL.map(|choice| (choice.name(), choice)))
-            .or(default.interpolation, "how steps follow a straight line ([CoreXY](papers/corexy.md)); M796 I"),
+    let interpolation = keys
+        .word("interpolation", Interpolation::ALL.map(|choice| (choice.name(), choice)))
+        .or(default.interpolation, "how steps follow a straight line ([CoreXY](papers/corexy.md)); M796 I");
+    let choice = MotionChoice {
+        interpolation,
         dual_rate: dual_rate(keys),
         acceleration: keys
             .word("acceleration", AccelerationProfile::ALL.map(|choice| (choice.name(), choice)))
@@ -36,7 +37,17 @@ pub(crate) fn motion(keys: &Section<'_>) -> MotionChoice {
             .or(default.filament_jerk_mm_per_s3, "the same for moves of the filament alone, which shake no frame"),
         s_curve_table: s_curve_table(&keys.apart()),
         shapers: shapers(&keys.apart()),
+    };
+    if is_shaped(&choice) && interpolation != Interpolation::StepBresenham {
+        let expected = "\"step-bresenham\" with input_shaper: under the others the motors have no times of their own";
+        keys.refuse("interpolation", expected);
     }
+    choice
+}
+
+/// Whether an axis has a filter.
+pub(crate) fn is_shaped(choice: &MotionChoice) -> bool {
+    choice.shapers.iter().any(|shaper| shaper.kind != ShaperKind::None)
 }
 
 /// Shapers of X and Y.
@@ -62,8 +73,8 @@ fn shaper(table: &Section<'_>) -> AxisShaper {
     let name = kind.name();
     match shaper.kernel() {
         Ok(_) => {}
-        // The ranges above have refused it.
-        Err(ShaperError::Frequency) => {}
+        // The range above has refused the first; the others are no filter's own.
+        Err(ShaperError::Frequency | ShaperError::Pattern | ShaperError::UnequalMotors) => {}
         Err(ShaperError::Damping) => table.refuse("damping", format!("0 to {} for {name:?}", kind.max_damping())),
         Err(ShaperError::TooLong) => {
             let lowest_hz = shaper.lowest_frequency_hz();

@@ -71,3 +71,33 @@ fn what_cannot_be_made_is_refused_with_its_line_and_its_cure() {
     let error = parse(&text, "test.toml").unwrap_err();
     assert!(error.to_string().contains("a table"), "{error}");
 }
+
+#[test]
+fn what_the_machine_cannot_filter_is_refused() {
+    let changed = |profile: &str, from: &str, to: &str, kind: &str| {
+        let text = builtin_text(profile).unwrap();
+        assert_eq!(text.matches(from).count(), 1, "{profile}: {from}");
+        let shaper = format!("[input_shaper]\ny = {{ kind = {kind:?}, frequency_hz = 50 }}");
+        parse(&format!("{}\n{shaper}", text.replace(from, to)), "test.toml").map(|_| ())
+    };
+    let (kinematics, steps) = ("kinematics = \"corexy\"", "y = 160, z = 800");
+    let dual_rate = format!("interpolation = \"dual-rate\"\n{kinematics}");
+    let core_xz = kinematics.replace("xy", "xz");
+    for (from, to, blamed, says) in [
+        (kinematics, &*dual_rate, "interpolation", "expected \"step-bresenham\" with input_shaper"),
+        (steps, "y = 160.01, z = 800", "steps_per_mm.y", "expected 160 as that of x: with input_shaper"),
+        (
+            kinematics,
+            &core_xz,
+            "steps_per_mm.z",
+            "expected 160 as that of x: with input_shaper both are the same on corexz",
+        ),
+    ] {
+        let error = changed("corexy", from, to, "zv").unwrap_err();
+        assert_eq!(error.key(), Some(blamed), "{error}");
+        assert!(error.to_string().contains(says), "{error}");
+        changed("corexy", from, to, "none").unwrap();
+    }
+    // Motors that move an axis each may differ.
+    changed("cartesian", "y = 80, z = 400", "y = 100, z = 400", "zv").unwrap();
+}
