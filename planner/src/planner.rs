@@ -17,7 +17,7 @@ use crate::kinematics::{Geometry, UNITS_PER_MM};
 use crate::limits::Limits;
 use crate::look_ahead::SpeedLaw;
 use crate::methods::{ChoiceError, MotionMethods, SpeedRule, Standard};
-use crate::motion_choice::{AccelerationProfile, Interpolation, MotionChoice};
+use crate::motion_choice::{AccelerationProfile, MotionChoice};
 use crate::open_block::OpenBlock;
 use crate::pace::Pace;
 use crate::ring::{Marker, RingMemory};
@@ -139,7 +139,7 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         self.rules.pattern = pattern;
         self.shaping = shaping;
         self.shaped.set_shaping(&shaping, self.rules.geometry.kinematics);
-        self.rules.set_shaped_for(self.shaped.length_ticks());
+        self.rules.set_shaped_for(self.shaped.length_ticks(), choice.acceleration == AccelerationProfile::SCurve);
         self.interpolator.set_pattern(pattern);
         self.rule = match law {
             SpeedLaw::Other(rule) => Some(rule),
@@ -155,8 +155,8 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         if !shaping.is_active() {
             return Ok(shaping);
         }
-        if choice.interpolation != Interpolation::StepBresenham {
-            return Err(ShaperError::Pattern);
+        if !choice.is_standard() {
+            return Err(ShaperError::Methods);
         }
         let Geometry { kinematics, steps_per_mm, .. } = self.rules.geometry;
         let are_equal = |axis: usize| {

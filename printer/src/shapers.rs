@@ -119,7 +119,7 @@ pub(crate) fn write_refusal(
             )
         }
         // Of the machine, whatever the filter.
-        ShaperError::Pattern | ShaperError::UnequalMotors => out.write_str(choice_text(ChoiceError::Shaper(error))),
+        ShaperError::Methods | ShaperError::UnequalMotors => out.write_str(choice_text(ChoiceError::Shaper(error))),
     }
 }
 
@@ -131,10 +131,12 @@ pub(crate) const fn choice_text(error: ChoiceError) -> &'static str {
         }
         ChoiceError::InMotion => "input shapers change at standstill only, expected M400 before",
         ChoiceError::Shaper(
-            ShaperError::Pattern | ShaperError::Frequency | ShaperError::Damping | ShaperError::TooLong,
+            ShaperError::Methods | ShaperError::Frequency | ShaperError::Damping | ShaperError::TooLong,
         )
         | ChoiceError::NotContained
-        | ChoiceError::Parameter => "input shapers need step-bresenham, expected M796 I0 before",
+        | ChoiceError::Parameter => {
+            "input shapers need step-bresenham with trapezoid or s-curve, expected M796 I0 A0 before"
+        }
     }
 }
 

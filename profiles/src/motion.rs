@@ -74,7 +74,7 @@ fn shaper(table: &Section<'_>) -> AxisShaper {
     match shaper.kernel() {
         Ok(_) => {}
         // The range above has refused the first; the others are no filter's own.
-        Err(ShaperError::Frequency | ShaperError::Pattern | ShaperError::UnequalMotors) => {}
+        Err(ShaperError::Frequency | ShaperError::Methods | ShaperError::UnequalMotors) => {}
         Err(ShaperError::Damping) => table.refuse("damping", format!("0 to {} for {name:?}", kind.max_damping())),
         Err(ShaperError::TooLong) => {
             let lowest_hz = shaper.lowest_frequency_hz();

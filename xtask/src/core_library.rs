@@ -67,10 +67,22 @@ pub fn compiler_version() -> Result<String, Failure> {
         .ok_or_else(|| "`rustc --version` fails".to_owned())
 }
 
+/// Packages whose speed on the desk is worth more than on a board, where flash is short, and their level in an image.
+const IMAGE_LEVELS: [(&str, &str); 5] = [
+    ("ferrostep-gcode", "\"s\""),
+    ("ferrostep-printer", "\"s\""),
+    ("\"*\"", "\"s\""),
+    ("libm", "3"),
+    ("ferrostep-planner", "\"s\""),
+];
+
 impl CoreLibrary {
     /// Makes a cargo command build for [`TARGET`] with this library.
     pub fn apply(&self, command: &mut Command) {
         command.args(["--target", TARGET]);
+        for (package, level) in IMAGE_LEVELS {
+            command.arg("--config").arg(format!("profile.release.package.{package}.opt-level={level}"));
+        }
         if let CoreLibrary::FromSource = self {
             command.args(["-Zbuild-std=core,compiler_builtins", "-Zbuild-std-features=compiler-builtins-mem"]);
             // Most of what is linked of it writes texts: 2 KB of flash less.

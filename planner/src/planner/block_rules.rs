@@ -106,9 +106,9 @@ impl<M: MotionMethods> BlockRules<M> {
     }
 
     /// The axes are shaped by filters of at most this length, ticks; 0: they are not.
-    pub fn set_shaped_for(&mut self, length_ticks: u32) {
+    pub fn set_shaped_for(&mut self, length_ticks: u32, is_s_curve: bool) {
         self.is_shaped = length_ticks > 0;
-        self.budget.hold_pieces(length_ticks);
+        self.budget.hold_pieces(length_ticks, is_s_curve);
     }
 
     pub fn set_limits(&mut self, limits: Limits) {

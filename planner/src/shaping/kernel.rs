@@ -23,15 +23,27 @@ impl Kernel {
     /// The command itself.
     pub const IDENTITY: Self = Self { impulses: [Impulse { weight: 1.0, delay_ticks: 0 }; MAX_IMPULSES], count: 1 };
 
-    /// The kernel of these impulses, at most [`MAX_IMPULSES`]; the weights are divided by their sum.
-    pub fn new(impulses: &[Impulse]) -> Self {
-        let mut kernel = Self { count: 0, ..Self::IDENTITY };
-        let sum: f64 = impulses.iter().map(|one| one.weight).sum();
-        for (place, one) in kernel.impulses.iter_mut().zip(impulses) {
-            *place = Impulse { weight: one.weight / sum, ..*one };
-            kernel.count += 1;
+    /// No impulses.
+    pub(super) const EMPTY: Self = Self { count: 0, ..Self::IDENTITY };
+
+    /// Adds an impulse, of a weight that [`Self::normalise`] puts right; at most [`MAX_IMPULSES`].
+    #[cold]
+    #[inline(never)]
+    pub(super) fn push(&mut self, weight: f64, delay_ticks: f64) {
+        if let Some(place) = self.impulses.get_mut(self.count) {
+            *place = Impulse { weight, delay_ticks: (delay_ticks + 0.5) as u32 };
+            self.count += 1;
         }
-        kernel
+    }
+
+    /// Divides the weights by their sum.
+    #[cold]
+    #[inline(never)]
+    pub(super) fn normalise(&mut self) {
+        let sum: f64 = self.impulses().iter().map(|one| one.weight).sum();
+        for one in &mut self.impulses {
+            one.weight /= sum;
+        }
     }
 
     /// The impulses.

@@ -73,7 +73,8 @@ impl MotorSteps {
     }
 
     /// Begins a window.
-    #[inline]
+    // Compiled once, and not for each of the four motors.
+    #[inline(never)]
     pub fn begin(&mut self, motion: &WindowMotion) {
         let WindowMotion { ends: [start, end], acceleration, jerk, ticks } = *motion;
         // From where it stands.

@@ -32,7 +32,7 @@ impl Polynomial {
     }
 
     /// The motion so many ticks later.
-    #[inline]
+    #[inline(never)]
     pub fn after(&self, ticks: f64) -> Self {
         let Self { speed, acceleration, jerk, .. } = *self;
         Self {
@@ -44,6 +44,7 @@ impl Polynomial {
     }
 
     /// The same in another time, a tick of which is `1 / factor` of this.
+    #[inline(never)]
     fn hastened(&self, factor: f64) -> Self {
         let square = factor * factor;
         Self {
@@ -86,6 +87,7 @@ pub(super) struct PathPieces {
 
 impl PathPieces {
     /// Those of a planned block.
+    #[inline(never)]
     pub fn of<P: Pieces>(planned: &PlannedBlock, law: &TimeLaw<P>) -> Self {
         let mut all = Self { pieces: [PathPiece::default(); MAX_PIECES], count: 0, duration_ticks: 0 };
         let length = f64::from(planned.block.length_10nm.max(1));
@@ -109,6 +111,7 @@ impl PathPieces {
 
     /// Makes the block last a whole number of ticks: it passes each place in proportion earlier or later. Without that the
     /// position would jump where the next block begins.
+    #[inline(never)]
     fn end_at_a_tick(&mut self) {
         let end = self.iter().last().map_or(0.0, |last| last.end);
         self.duration_ticks = (end + 0.5) as u64;
@@ -118,7 +121,7 @@ impl PathPieces {
         }
         let longer = self.duration_ticks as f64 / end;
         let faster = end / self.duration_ticks as f64;
-        for piece in &mut self.pieces {
+        for piece in self.pieces.iter_mut().take(self.count) {
             *piece =
                 PathPiece { start: piece.start * longer, end: piece.end * longer, path: piece.path.hastened(faster) };
         }
@@ -130,6 +133,7 @@ impl PathPieces {
     }
 
     /// Adds a piece whose times count from `zero`, time units, in a block of this length.
+    #[inline(never)]
     fn push(&mut self, piece: &Piece<f64>, zero: f64, length: f64) {
         let start = self.count.checked_sub(1).and_then(|last| self.pieces.get(last)).map_or(0.0, |last| last.end);
         let anchor_ticks = (piece.time - zero) * (1.0 / UNITS_PER_TICK);

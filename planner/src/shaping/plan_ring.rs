@@ -3,7 +3,7 @@
 use super::path_pieces::Polynomial;
 
 /// Pieces that the ring holds. The budget keeps moves long enough that no filter sees more ([`MOST_IN_FILTER`]).
-const PIECES: u32 = 96;
+const PIECES: u32 = 64;
 
 /// The most pieces that may begin within the length of a filter: the ring's, less those of a block that enters it.
 pub(crate) const MOST_IN_FILTER: u32 = PIECES - 28;

@@ -6,7 +6,7 @@
 use core::fmt;
 
 use super::MAX_LENGTH_TICKS;
-use super::kernel::{Impulse, Kernel, MAX_IMPULSES};
+use super::kernel::Kernel;
 use crate::square_root::square_root;
 use crate::time_units::TICKS_PER_SECOND;
 
@@ -56,8 +56,8 @@ pub enum ShaperError {
     TooLong,
     /// Two motors move one axis, with different steps/mm, and the axes have different shapers.
     UnequalMotors,
-    /// The steps follow another pattern than step Bresenham, which knows no motor's own time.
-    Pattern,
+    /// The steps follow another pattern than step Bresenham, or speeds another law than trapezoid and S-curve.
+    Methods,
 }
 
 impl AxisShaper {
@@ -99,9 +99,11 @@ impl AxisShaper {
     }
 
     /// The kernel of a frequency and damping in their ranges.
+    #[cold]
+    #[inline(never)]
     fn of_any_length(&self) -> Kernel {
         let mode = Mode::new(self.frequency_hz, self.damping);
-        match self.kind {
+        let mut kernel = match self.kind {
             ShaperKind::None => Kernel::IDENTITY,
             ShaperKind::Zv => mode.halves(&[1.0, 1.0]),
             ShaperKind::Zvd => mode.halves(&[1.0, 2.0, 1.0]),
@@ -114,7 +116,9 @@ impl AxisShaper {
             ShaperKind::Ei => mode.fitted_ei(),
             ShaperKind::TwoHumpEi => mode.fitted(&TWO_HUMP_EI),
             ShaperKind::ThreeHumpEi => mode.fitted(&THREE_HUMP_EI),
-        }
+        };
+        kernel.normalise();
+        kernel
     }
 }
 
@@ -199,8 +203,10 @@ const THREE_HUMP_EI: [Fitted; 5] = [
 ];
 
 /// A polynomial with these coefficients, the constant first.
-fn polynomial(coefficients: [f64; 4], x: f64) -> f64 {
-    coefficients.into_iter().rev().fold(0.0, |sum, coefficient| sum * x + coefficient)
+#[cold]
+#[inline(never)]
+fn polynomial(coefficients: &[f64; 4], x: f64) -> f64 {
+    coefficients.iter().rev().fold(0.0, |sum, coefficient| sum * x + coefficient)
 }
 
 /// The mode that a shaper is made for.
@@ -230,40 +236,43 @@ impl Mode {
     }
 
     /// Impulses this part of a damped period apart; these are the weights without damping.
+    #[cold]
+    #[inline(never)]
     fn equal_distances(&self, periods: f64, weights: &[f64]) -> Kernel {
         let decay = libm::exp(self.decrement * periods);
-        let mut remaining = 1.0;
-        impulses(weights.iter().enumerate().map(|(index, weight)| {
-            let impulse = (weight * remaining, index as f64 * periods * self.damped_period_ticks);
+        let (mut remaining, mut delay_ticks) = (1.0, 0.0);
+        let mut kernel = Kernel::EMPTY;
+        for weight in weights {
+            kernel.push(weight * remaining, delay_ticks);
             remaining *= decay;
-            impulse
-        }))
+            delay_ticks += periods * self.damped_period_ticks;
+        }
+        kernel
     }
 
     /// EI with the published polynomials in tolerance and damping.
+    #[cold]
+    #[inline(never)]
     fn fitted_ei(&self) -> Kernel {
-        let (v, damping) = (TOLERANCE, self.damping);
-        let first = polynomial([0.24968 + 0.24961 * v, 0.80008 + 1.23328 * v, 0.49599 + 3.17316 * v, 0.0], damping);
-        let last = polynomial([0.25149 + 0.21474 * v, -0.83249 + 1.41498 * v, 0.85181 - 4.90094 * v, 0.0], damping);
+        let (v, damping, period) = (TOLERANCE, self.damping, self.damped_period_ticks);
+        let first = polynomial(&[0.24968 + 0.24961 * v, 0.80008 + 1.23328 * v, 0.49599 + 3.17316 * v, 0.0], damping);
+        let last = polynomial(&[0.25149 + 0.21474 * v, -0.83249 + 1.41498 * v, 0.85181 - 4.90094 * v, 0.0], damping);
         let middle = [0.4999, (0.46159 + 8.57843 * v) * v, (4.26169 - 108.644 * v) * v, (1.75601 + 336.989 * v) * v];
-        let period = self.damped_period_ticks;
-        impulses([(first, 0.0), (1.0 - first - last, polynomial(middle, damping) * period), (last, period)].into_iter())
+        let mut kernel = Kernel::EMPTY;
+        kernel.push(first, 0.0);
+        kernel.push(1.0 - first - last, polynomial(&middle, damping) * period);
+        kernel.push(last, period);
+        kernel
     }
 
+    #[cold]
+    #[inline(never)]
     fn fitted(&self, parts: &[Fitted]) -> Kernel {
-        impulses(parts.iter().map(|&[weight, delay]| {
-            (polynomial(weight, self.damping), polynomial(delay, self.damping) * self.undamped_period_ticks)
-        }))
+        let mut kernel = Kernel::EMPTY;
+        for [weight, delay] in parts {
+            let delay_ticks = polynomial(delay, self.damping) * self.undamped_period_ticks;
+            kernel.push(polynomial(weight, self.damping), delay_ticks);
+        }
+        kernel
     }
-}
-
-/// The kernel of weights and delays, rounded to ticks.
-fn impulses(parts: impl Iterator<Item = (f64, f64)>) -> Kernel {
-    let mut all = [Impulse { weight: 0.0, delay_ticks: 0 }; MAX_IMPULSES];
-    let mut count = 0;
-    for (place, (weight, delay_ticks)) in all.iter_mut().zip(parts) {
-        *place = Impulse { weight, delay_ticks: (delay_ticks + 0.5) as u32 };
-        count += 1;
-    }
-    Kernel::new(all.get(..count).unwrap_or_default())
 }

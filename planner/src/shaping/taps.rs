@@ -43,6 +43,8 @@ pub(super) struct Taps {
 
 impl Taps {
     /// The filters' delays.
+    #[cold]
+    #[inline(never)]
     pub fn new(shaping: &Shaping, kinematics: Kinematics) -> Self {
         let Shaping { x, y } = shaping;
         let mut taps = Self { taps: [Tap::NONE; MAX_TAPS], count: 0, kinematics };
@@ -60,6 +62,8 @@ impl Taps {
     }
 
     /// Adds weights at a delay.
+    #[cold]
+    #[inline(never)]
     fn add(&mut self, delay_ticks: u32, weights: [f64; 4]) {
         let known = self.taps.iter().take(self.count).position(|tap| tap.delay_ticks == delay_ticks);
         let index = known.unwrap_or(self.count);
@@ -111,6 +115,7 @@ impl Taps {
     }
 
     /// Where all motors are at a tick, steps; the extruder from this place.
+    #[inline(never)]
     pub fn positions(&self, tick: u64, ring: &PlanRing, extruder_zero: i64) -> [f64; 4] {
         let mut axes = [0.0; 4];
         for tap in self.taps() {
@@ -130,6 +135,7 @@ impl Taps {
     }
 
     /// How all motors move from a tick on.
+    #[inline(never)]
     pub fn states(&self, tick: u64, ring: &PlanRing) -> MotorStates {
         let mut states = MotorStates::default();
         for tap in self.taps() {
