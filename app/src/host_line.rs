@@ -21,8 +21,11 @@ use crate::clock::Mono;
 /// Bytes that wait to be read. A host that does not wait for each `ok` may keep this much in flight.
 pub const RECEIVE_BYTES: usize = 2048;
 
-/// Bytes that wait to be sent: the longest reply (M115) and some.
-pub const SEND_BYTES: usize = 2048;
+/// Bytes that wait to be sent by USB: the longest reply (M115) and some, because what does not fit is dropped.
+pub const USB_SEND_BYTES: usize = 1536;
+
+/// Bytes that wait to be sent over the serial line: two lines of an `ok` with temperatures. [`Writer`] waits for room.
+pub const SERIAL_SEND_BYTES: usize = 256;
 
 /// How long [`Reader::read_in_time`] waits. It must be longer than the silence after which [`Patience`] lets the moves in the
 /// ring be executed; otherwise the planner task would have to look at just the right moment.

@@ -8,7 +8,7 @@ use ferrostep_stm32f4_usb::{self as usb, NoUsb, Rings, Usb};
 use ferrostep_usb::LineWriter;
 use heapless::spsc::{Consumer, Queue};
 
-use crate::host_line::{self, Port, RECEIVE_BYTES, SEND_BYTES, SerialInput, Writer, Writers};
+use crate::host_line::{self, Port, RECEIVE_BYTES, SERIAL_SEND_BYTES, SerialInput, USB_SEND_BYTES, Writer, Writers};
 
 /// Speed of the serial line.
 const BAUD: u32 = 115_200;
@@ -16,9 +16,9 @@ const BAUD: u32 = 115_200;
 /// The rings of both lines.
 pub struct LineRings {
     receive: Queue<u8, RECEIVE_BYTES>,
-    send: Queue<u8, SEND_BYTES>,
+    send: Queue<u8, SERIAL_SEND_BYTES>,
     usb_receive: Queue<u8, RECEIVE_BYTES>,
-    usb_send: Queue<u8, SEND_BYTES>,
+    usb_send: Queue<u8, USB_SEND_BYTES>,
 }
 
 impl LineRings {

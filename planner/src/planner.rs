@@ -76,6 +76,8 @@ pub struct Planner<S, M: MotionMethods = Standard> {
     shaping: Shaping,
     /// The moves to come are not shaped: a sensor ends them.
     is_unshaped: bool,
+    /// Blocks were passed over without being executed, and not the time that the motors take to rest after them.
+    owes_rest: bool,
     /// Speed at the end of the last block that left look-ahead, and where the motors are there.
     exit: Speed,
     released: MotorPosition,
@@ -103,6 +105,7 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
             shaped: ShapedStepper::new(geometry.minimum_event_interval_ticks, geometry.kinematics),
             shaping: Shaping::NONE,
             is_unshaped: false,
+            owes_rest: false,
             exit: Speed::ZERO,
             released: position.motors(),
             tallies: Tallies::default(),
@@ -402,6 +405,11 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         }
     }
 
+    /// Whether the blocks to come are shaped.
+    fn is_shaping(&self) -> bool {
+        self.shaping.is_active() && !self.is_unshaped
+    }
+
     /// Begins a block whose motors follow it through their filters.
     #[inline(never)]
     fn begin_shaped(&mut self, planned: &PlannedBlock, law: &TimeLaw<M::Pieces>) -> u64 {
@@ -427,7 +435,7 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         self.exit = planned.exit;
         let nominal_ticks = self.queue.last_nominal().ticks_for(planned.block.length_10nm);
         self.tallies.nominal_ticks = self.tallies.nominal_ticks.saturating_add(nominal_ticks);
-        let is_shaped = self.shaped.is_in_motion() || self.shaping.is_active() && !self.is_unshaped;
+        let is_shaped = self.shaped.is_in_motion() || self.is_shaping();
         self.tallies.motion_ticks +=
             if is_shaped { self.begin_shaped(planned, law) } else { self.interpolator.begin(planned, law, sink) };
     }
@@ -471,6 +479,18 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         }
     }
 
+    /// For estimates: counts the time in which the motors come to rest, if all blocks were passed over. Returns how many ticks
+    /// that is.
+    pub fn pass_over_rest(&mut self) -> u64 {
+        if !self.owes_rest || !self.is_look_ahead_empty() {
+            return 0;
+        }
+        self.owes_rest = false;
+        let ticks = u64::from(self.shaped.length_ticks());
+        self.tallies.motion_ticks += ticks;
+        ticks
+    }
+
     /// Counts the time of a block that is not executed; `None` for a marker.
     fn pass_over(&mut self, released: &Released) -> Option<PlannedBlock> {
         let (planned, ticks) = match released {
@@ -482,6 +502,7 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
             Released::Marker(_) => return None,
         };
         self.tallies.motion_ticks += ticks;
+        self.owes_rest |= self.is_shaping();
         Some(planned)
     }
 
@@ -519,6 +540,7 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
             shaped,
             shaping: _,
             is_unshaped: _,
+            owes_rest,
             exit,
             released,
             tallies: _,
@@ -532,6 +554,7 @@ impl<S: RingMemory, M: MotionMethods> Planner<S, M> {
         *released = position.motors();
         interpolator.reset_to(tick, released.extruder_256ths, directions);
         shaped.clear();
+        *owes_rest = false;
         *exit = Speed::ZERO;
         dropped_100pm
     }

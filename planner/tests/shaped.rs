@@ -333,14 +333,14 @@ fn worst(case: &Case) -> (f64, usize) {
 }
 
 fn case(random: &mut Random) -> Case {
-    let kinematics = if random.next() % 3 == 0 { Kinematics::CoreXy } else { Kinematics::Cartesian };
+    let kinematics = if random.next().is_multiple_of(3) { Kinematics::CoreXy } else { Kinematics::Cartesian };
     let shaper = |random: &mut Random| AxisShaper {
         kind: ShaperKind::ALL[random.next() as usize % ShaperKind::ALL.len()],
         frequency_hz: random.magnitude(22.0, 120.0),
         damping: 0.19 * random.share(),
     };
     let x = shaper(random);
-    let y = if random.next() % 2 == 0 { x } else { shaper(random) };
+    let y = if random.next().is_multiple_of(2) { x } else { shaper(random) };
     let mut place = [0i64; 3];
     let mut moves = Vec::new();
     let mut direction = 6.3 * random.share();
@@ -352,14 +352,14 @@ fn case(random: &mut Random) -> Case {
             2 => 6.3 * random.share(),
             _ => 0.5 * random.share(),
         };
-        if random.next() % 12 != 0 {
+        if !random.next().is_multiple_of(12) {
             place[0] += (length * direction.cos() * 1e5) as i64;
             place[1] += (length * direction.sin() * 1e5) as i64;
         }
-        if random.next() % 9 == 0 {
+        if random.next().is_multiple_of(9) {
             place[2] += (random.share() * 40_000.0) as i64;
         }
-        let filament = if random.next() % 3 == 0 { 0.0 } else { (random.share() - 0.1) * 0.08 * length };
+        let filament = if random.next().is_multiple_of(3) { 0.0 } else { (random.share() - 0.1) * 0.08 * length };
         moves.push(Move {
             target_10nm: place,
             filament_100pm: (filament * 1e7) as i64,

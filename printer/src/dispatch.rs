@@ -1,6 +1,8 @@
 //! Which command goes where.
 
-use ferrostep_gcode::{ArcForm, AxisFlags, AxisWords, CardCommand, Command, Decimal, Remarks, Reply, WaitTarget, ShaperWords};
+use ferrostep_gcode::{
+    ArcForm, AxisFlags, AxisWords, CardCommand, Command, Decimal, Remarks, Reply, ShaperWords, WaitTarget,
+};
 use ferrostep_hal_shim::Heater;
 
 use crate::error::CommandError;
@@ -194,7 +196,6 @@ impl<P: Ports> Printer<'_, P> {
             | Command::Fan { .. }
             | Command::SetNozzle(None)
             | Command::SetBed(None)
-            Waiting::InputShaper { axes, usual } => self.shape(axes, usual).await?,
             | Command::Accepted => {}
         }
         Ok(Dispatched::Done(Answer::Ok))

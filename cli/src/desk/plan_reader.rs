@@ -60,7 +60,10 @@ impl Reading {
                 }
             }
         };
-        let Some(PlannedBlock { block, .. }) = planned else { return false };
+        let Some(PlannedBlock { block, .. }) = planned else {
+            self.read_ticks += planner.pass_over_rest();
+            return false;
+        };
         self.read_ticks += planner.motion_ticks() - before;
         let extruder_before = rounded_steps(self.extruder_256ths);
         self.extruder_256ths += i64::from(block.extruder_256ths);
@@ -119,6 +122,7 @@ impl Plan {
         if self.add(request)? == Moved::Nothing {
             return Ok(HomingOutcome::Missed);
         }
+        self.planner.set_unshaped(true);
         self.planner.flush();
         let Reading { motors, ledger, digests, .. } = &mut self.reading;
         let mut steps = Seek { motors, ledger, digests, axis, triggered: false };
@@ -129,6 +133,7 @@ impl Plan {
             let ledger = &self.reading.ledger;
             self.planner.reset_to(ledger.motor_steps(), ledger.tick(), ledger.directions());
         }
+        self.planner.set_unshaped(false);
         if let Some(script) = &mut self.reading.script {
             script.sought();
         }

@@ -159,11 +159,11 @@ impl MotorSteps {
         if jerk > 0.0 {
             let cubic = cube_root_above(6.0 * distance / jerk);
             // Without speed and acceleration the quadratic is infinite.
-            if !(time < cubic) {
+            if time > cubic {
                 time = cubic;
             }
         }
-        if !(time < ticks) {
+        if time > ticks {
             time = ticks;
         }
         for _ in 0..NEWTON_STEPS {

@@ -143,7 +143,7 @@ impl PathPieces {
             Anchor::End => (anchor_ticks, length - piece.position, -acceleration),
         };
         let Some(place) = self.pieces.get_mut(self.count) else { return };
-        if !(end > start) {
+        if end <= start {
             return;
         }
         let at_anchor = Polynomial { position, speed, acceleration, jerk };
@@ -164,7 +164,7 @@ fn from_anchor(piece: &Piece<f64>, length: f64) -> (f64, f64, f64, f64) {
         Motion::Constant { path, time } => (path / time * UNITS_PER_TICK, 0.0, 0.0),
         Motion::Accelerated { speed, gain } => (speed * (1.0 / TICKS), 0.5 * gain * (1.0 / TICKS / TICKS), 0.0),
         Motion::Jerk { curve, duration } => {
-            if !(duration > 0.0) {
+            if duration <= 0.0 {
                 return (0.0, 0.0, 0.0, 0.0);
             }
             let per_tick = UNITS_PER_TICK / duration;

@@ -54,7 +54,7 @@ pub enum ShaperError {
     Damping,
     /// The filter is longer than [`MAX_LENGTH_TICKS`]: the frequency is too low for this shaper.
     TooLong,
-    /// Two motors move one axis, with different steps/mm, and the axes have different shapers.
+    /// Two motors move one axis, with different steps/mm.
     UnequalMotors,
     /// The steps follow another pattern than step Bresenham, or speeds another law than trapezoid and S-curve.
     Methods,
