@@ -17,6 +17,9 @@ use crate::store::Store;
 /// KiB at the start of RAM that are the stack's. The deepest path through each image is computed and held to it.
 pub const STACK_KIB: u32 = 20;
 
+/// The same in the images that measure: each part that is counted has a planner of its own on the stack.
+pub const MEASURING_STACK_KIB: u32 = 32;
+
 /// The constants that `ferrostep-stm32f4` includes as its module `board`.
 pub fn rust(board: &Board) -> String {
     let Board { name, title, crystal_hz, clock, internal_clock, virtual_sensors, .. } = board;
@@ -194,10 +197,10 @@ fn stores(name: &str, stores: &[Store]) -> String {
     format!("pub static {name}: [Store; {}] = [\n{words}];\n", stores.len())
 }
 
-/// The linker's memories, as `memory.x` includes them.
-pub fn memories(board: &Board) -> String {
+/// The linker's memories, as `memory.x` includes them, with so much of RAM for the stack.
+pub fn memories(board: &Board, stack_kib: u32) -> String {
     let flash_length = board.flash_kib * 1024 - board.boot_offset;
-    let (stack_length, ram_length) = (STACK_KIB * 1024, (board.ram_kib - STACK_KIB) * 1024);
+    let (stack_length, ram_length) = (stack_kib * 1024, (board.ram_kib - stack_kib) * 1024);
     let ram = RAM_ADDRESS + stack_length;
     format!(
         "/* {}: {} */\nMEMORY\n{{\n    FLASH (rx)  : ORIGIN = {:#x}, LENGTH = {flash_length:#x}\n    \
@@ -247,7 +250,7 @@ mod tests {
     #[test]
     fn memories_end_where_the_chip_does() {
         let octopus = crate::load("btt-octopus-1.1").unwrap();
-        let text = memories(&octopus);
+        let text = memories(&octopus, STACK_KIB);
         assert!(text.contains("FLASH (rx)  : ORIGIN = 0x8008000, LENGTH = 0x78000"), "{text}");
         assert!(text.contains("STACK (rw)  : ORIGIN = 0x20000000, LENGTH = 0x5000"), "{text}");
         assert!(text.contains("RAM   (rwx) : ORIGIN = 0x20005000, LENGTH = 0x1b000"), "{text}");

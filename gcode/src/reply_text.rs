@@ -3,7 +3,9 @@
 use core::fmt::{self, Display, Formatter, Write};
 
 use crate::decimal::divide_half_away;
-use crate::{FirmwareInfo, MotionFigures, Position, Real, Reply, ResendReason, Temperatures, TimingFigures};
+use crate::{
+    FirmwareInfo, MotionFigures, Position, Real, Reply, ResendReason, ShaperState, Temperatures, TimingFigures,
+};
 
 /// Capabilities that M115 reports, in Marlin's order. EMERGENCY_PARSER stands between the two
 /// lists, because it depends on the port.
@@ -62,6 +64,18 @@ const CAPABILITIES_AFTER: [(&str, bool); 19] = [
     ("CONFIG_EXPORT", false),
 ];
 
+/// The filter of an axis, as the words that set it.
+struct ShaperText<'a>(char, &'a ShaperState<'a>);
+
+impl fmt::Display for ShaperText<'_> {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self(axis, state) = *self;
+        let [frequency, damping] = [state.frequency_hz, state.damping].map(|value| Real::short(value, 9));
+        write!(formatter, " SHAPER_TYPE_{axis}={} SHAPER_FREQ_{axis}={frequency}", state.kind)?;
+        write!(formatter, " DAMPING_RATIO_{axis}={damping}")
+    }
+}
+
 impl Display for Reply<'_> {
     fn fmt(&self, formatter: &mut Formatter<'_>) -> fmt::Result {
         match self {
@@ -85,12 +99,8 @@ impl Display for Reply<'_> {
                 write!(formatter, "echo:motion interpolation:{interpolation} acceleration:{acceleration}")
             }
             Reply::InputShaper(axes) => {
-                formatter.write_str("echo:SET_INPUT_SHAPER")?;
-                ['X', 'Y'].into_iter().zip(axes).try_for_each(|(axis, state)| {
-                    let [frequency, damping] = [state.frequency_hz, state.damping].map(|value| Real::short(value, 9));
-                    write!(formatter, " SHAPER_TYPE_{axis}={} SHAPER_FREQ_{axis}={frequency}", state.kind)?;
-                    write!(formatter, " DAMPING_RATIO_{axis}={damping}")
-                })
+                let [x, y] = axes;
+                write!(formatter, "echo:SET_INPUT_SHAPER{}{}", ShaperText('X', x), ShaperText('Y', y))
             }
             Reply::Extrusion { adaptive, sizes_10nm, lambda } => {
                 let mode = if *adaptive { "adaptive" } else { "gcode" };

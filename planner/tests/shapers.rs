@@ -24,7 +24,7 @@ fn compare(shaper: &AxisShaper) {
     let kernel = match shaper.kernel() {
         Ok(kernel) => kernel,
         Err(error) => {
-            assert_eq!(error, ShaperError::TooLong, "{shaper:?}");
+            assert!(matches!(error, ShaperError::TooLong { .. }), "{shaper:?}");
             let length_ticks = reference.length_s() * ticks_per_second;
             assert!(length_ticks > f64::from(MAX_LENGTH_TICKS) - 1.0, "{shaper:?}: {length_ticks}");
             return;

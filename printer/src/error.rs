@@ -1,17 +1,16 @@
 //! Why a command was refused.
 
 use core::fmt;
-use ferrostep_planner::ChoiceError;
 
 use ferrostep_gcode::{ParseError, Real, ShortText};
 use ferrostep_planner::look_ahead::PlanFault;
-use ferrostep_planner::{AxisShaper, MIN_FEED_MM_PER_S, MoveError, ShaperError, Speed};
+use ferrostep_planner::{ChoiceError, MIN_FEED_MM_PER_S, MoveError, Speed};
 use ferrostep_tmc2209::{DriverEvent, DriverEventKind, Failure as DriverFailure, SettingsError};
 
 use crate::axis_names::AXIS_NAMES;
 use crate::heat::HeatFault;
 use crate::motion_fault::{Miscount, MotionError, MotionFault};
-use crate::shapers;
+use crate::shapers::{self, ShaperRefusal};
 
 /// Why a command was not executed. It has had no effect then; a command that was stopped on its way
 /// ([`CommandError::Stopped`]) leaves the machine where it says it stands.
@@ -146,14 +145,7 @@ pub enum CommandError {
     /// M593 and SET_INPUT_SHAPER: there is no filter of this name.
     UnknownShaper(ShortText),
     /// The filter that was asked for cannot be made.
-    Shaper {
-        /// Index of the axis, 0 or 1.
-        axis: u8,
-        /// What is wrong with it.
-        error: ShaperError,
-        /// What was asked for.
-        shaper: AxisShaper,
-    },
+    Shaper(ShaperRefusal),
     /// Filters cannot be set.
     Shaping(ChoiceError),
     /// The job is for another nozzle (M862.1).
@@ -344,8 +336,10 @@ impl fmt::Display for CommandError {
             Self::MotionChoice(ChoiceError::Shaper(_)) => {
                 write!(out, "M796: input shapers need step-bresenham (I0), expected M593 F0 before")
             }
-            Self::UnknownShaper(name) => shapers::write_unknown(out, name),
-            Self::Shaper { axis, error, shaper } => shapers::write_refusal(out, *axis, *error, shaper),
+            Self::UnknownShaper(name) => {
+                write!(out, "\"{name}\" is no input shaper of this machine, expected {}", shapers::KnownShapers)
+            }
+            Self::Shaper(refusal) => write!(out, "{refusal}"),
             Self::Shaping(error) => out.write_str(shapers::choice_text(*error)),
             Self::OtherNozzle { job_mm, machine_mm } => {
                 let [job, machine] = [job_mm, machine_mm].map(|diameter_mm| Real::short(*diameter_mm, 2));

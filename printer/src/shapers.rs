@@ -48,8 +48,8 @@ fn changed(
     let checked = AxisShaper { kind: if shaper.kind == ShaperKind::None { usual } else { shaper.kind }, ..shaper };
     match checked.kernel() {
         Ok(_) => Ok(shaper),
-        Err(ShaperError::TooLong) if shaper.kind == ShaperKind::None => Ok(shaper),
-        Err(error) => Err(CommandError::Shaper { axis, error, shaper: checked }),
+        Err(ShaperError::TooLong { .. }) if shaper.kind == ShaperKind::None => Ok(shaper),
+        Err(error) => Err(CommandError::Shaper(ShaperRefusal { axis, error, shaper: checked })),
     }
 }
 
@@ -74,52 +74,76 @@ impl<P: Ports> Printer<'_, P> {
     }
 }
 
-/// The refusal of a name, with those that there are.
-pub(crate) fn write_unknown(out: &mut fmt::Formatter<'_>, name: &ShortText) -> fmt::Result {
-    write!(out, "\"{name}\" is no input shaper of this machine, expected ")?;
-    for kind in ShaperKind::ALL {
-        write!(out, "{}, ", kind.name())?;
+/// The names of filters that there are.
+pub(crate) struct KnownShapers;
+
+impl fmt::Display for KnownShapers {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for kind in ShaperKind::ALL {
+            out.write_str(kind.name())?;
+            out.write_str(", ")?;
+        }
+        out.write_str("ei2 (2hump_ei) or ei3 (3hump_ei) in M593 P or SHAPER_TYPE")
     }
-    out.write_str("ei2 (2hump_ei) or ei3 (3hump_ei) in M593 P or SHAPER_TYPE")
 }
 
-/// The refusal of a filter, with its numbers.
-pub(crate) fn write_refusal(
-    out: &mut fmt::Formatter<'_>,
+/// Why a filter cannot be made.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ShaperRefusal {
+    /// Index of the axis, 0 or 1.
     axis: u8,
+    /// What is wrong with it.
     error: ShaperError,
-    shaper: &AxisShaper,
-) -> fmt::Result {
-    let axis = AXIS_NAMES.get(usize::from(axis)).copied().unwrap_or('?');
-    let kind = shaper.kind.name();
-    let [frequency, damping] = [shaper.frequency_hz, shaper.damping].map(|number| Real::short(number, 6));
-    write!(out, "input shaper of {axis}: ")?;
-    match error {
-        ShaperError::Frequency => {
-            let [lowest, highest] = AxisShaper::FREQUENCY_HZ.map(|limit| Real::short(limit, 6));
-            write!(
-                out,
-                "{frequency} Hz is out of range, expected {lowest} to {highest} Hz, or 0 for none (M593 F, SHAPER_FREQ_{axis})"
-            )
+    /// What was asked for.
+    shaper: AxisShaper,
+}
+
+impl fmt::Display for ShaperRefusal {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let axis = AXIS_NAMES.get(usize::from(self.axis)).copied().unwrap_or('?');
+        write!(out, "input shaper of {axis}: ")?;
+        match self.error {
+            ShaperError::Frequency => self.write_frequency(out, axis),
+            ShaperError::Damping => self.write_damping(out, axis),
+            ShaperError::TooLong { lowest_hundredths_hz } => {
+                self.write_too_long(out, axis, f64::from(lowest_hundredths_hz) / 100.0)
+            }
+            // Of the machine, whatever the filter.
+            ShaperError::Methods | ShaperError::UnequalMotors => {
+                out.write_str(choice_text(ChoiceError::Shaper(self.error)))
+            }
         }
-        ShaperError::Damping => {
-            let most = Real::short(shaper.kind.max_damping(), 6);
-            write!(
-                out,
-                "a damping ratio of {damping} is out of range, expected 0 to {most} for {kind} (M593 D or S, \
-                 DAMPING_RATIO_{axis})"
-            )
-        }
-        ShaperError::TooLong => {
-            let lowest = Real::short(shaper.lowest_frequency_hz(), 2);
-            write!(
-                out,
-                "{kind} for {frequency} Hz and a damping ratio of {damping} is longer than 100 ms, expected at least \
-                 {lowest} Hz (M593 F, SHAPER_FREQ_{axis}) or a shorter kind"
-            )
-        }
-        // Of the machine, whatever the filter.
-        ShaperError::Methods | ShaperError::UnequalMotors => out.write_str(choice_text(ChoiceError::Shaper(error))),
+    }
+}
+
+/// One function for each text, so that not all their arguments are on the stack together.
+impl ShaperRefusal {
+    #[inline(never)]
+    fn write_frequency(&self, out: &mut fmt::Formatter<'_>, axis: char) -> fmt::Result {
+        let [lowest, highest] = AxisShaper::FREQUENCY_HZ.map(|limit| Real::short(limit, 6));
+        write!(
+            out,
+            "{} Hz is out of range, expected {lowest} to {highest} Hz",
+            Real::short(self.shaper.frequency_hz, 6)
+        )?;
+        write!(out, ", or 0 for none (M593 F, SHAPER_FREQ_{axis})")
+    }
+
+    #[inline(never)]
+    fn write_damping(&self, out: &mut fmt::Formatter<'_>, axis: char) -> fmt::Result {
+        let AxisShaper { kind, damping, .. } = self.shaper;
+        let [damping, most] = [damping, kind.max_damping()].map(|ratio| Real::short(ratio, 6));
+        write!(out, "a damping ratio of {damping} is out of range, expected 0 to {most} for {}", kind.name())?;
+        write!(out, " (M593 D or S, DAMPING_RATIO_{axis})")
+    }
+
+    #[inline(never)]
+    fn write_too_long(&self, out: &mut fmt::Formatter<'_>, axis: char, lowest_hz: f64) -> fmt::Result {
+        let AxisShaper { kind, frequency_hz, damping } = self.shaper;
+        write!(out, "{} for {} Hz", kind.name(), Real::short(frequency_hz, 6))?;
+        write!(out, " and a damping ratio of {} is longer than 100 ms", Real::short(damping, 6))?;
+        write!(out, ", expected at least {} Hz", Real::short(lowest_hz, 6))?;
+        write!(out, " (M593 F, SHAPER_FREQ_{axis}) or a shorter kind")
     }
 }
 
@@ -131,7 +155,7 @@ pub(crate) const fn choice_text(error: ChoiceError) -> &'static str {
         }
         ChoiceError::InMotion => "input shapers change at standstill only, expected M400 before",
         ChoiceError::Shaper(
-            ShaperError::Methods | ShaperError::Frequency | ShaperError::Damping | ShaperError::TooLong,
+            ShaperError::Methods | ShaperError::Frequency | ShaperError::Damping | ShaperError::TooLong { .. },
         )
         | ChoiceError::NotContained
         | ChoiceError::Parameter => {

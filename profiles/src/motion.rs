@@ -76,7 +76,7 @@ fn shaper(table: &Section<'_>) -> AxisShaper {
         // The range above has refused the first; the others are no filter's own.
         Err(ShaperError::Frequency | ShaperError::Methods | ShaperError::UnequalMotors) => {}
         Err(ShaperError::Damping) => table.refuse("damping", format!("0 to {} for {name:?}", kind.max_damping())),
-        Err(ShaperError::TooLong) => {
+        Err(ShaperError::TooLong { .. }) => {
             let lowest_hz = shaper.lowest_frequency_hz();
             let expected = format!(
                 "at least {lowest_hz} Hz for {name:?}, whose filter would last longer than 100 ms; or a shorter kind"

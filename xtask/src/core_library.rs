@@ -68,13 +68,8 @@ pub fn compiler_version() -> Result<String, Failure> {
 }
 
 /// Packages whose speed on the desk is worth more than on a board, where flash is short, and their level in an image.
-const IMAGE_LEVELS: [(&str, &str); 5] = [
-    ("ferrostep-gcode", "\"s\""),
-    ("ferrostep-printer", "\"s\""),
-    ("\"*\"", "\"s\""),
-    ("libm", "3"),
-    ("ferrostep-planner", "\"s\""),
-];
+const IMAGE_LEVELS: [(&str, &str); 3] =
+    [("ferrostep-gcode", "\"s\""), ("ferrostep-planner", "\"s\""), ("\"*\"", "\"s\"")];
 
 impl CoreLibrary {
     /// Makes a cargo command build for [`TARGET`] with this library.

@@ -18,7 +18,7 @@ fn every_board_is_right_and_runs_at_168_mhz() {
         assert_eq!((board.clock.core_hz, board.internal_clock.core_hz), (168_000_000, 168_000_000));
         assert!((1..=3).contains(&board.motor_ports().len()));
         assert!(ferrostep_profiles::builtin_text(&board.profile).is_some(), "{name}");
-        let memories = constants::memories(&board);
+        let memories = constants::memories(&board, constants::STACK_KIB);
         assert!(memories.contains(&format!("{:#x}", board.image_address())), "{memories}");
     }
 }
@@ -70,7 +70,7 @@ fn the_buddys_image_lies_after_its_boot_loader_or_in_its_place() {
     assert_eq!(buddy.clone().at_boot_offset(0x20200).unwrap(), buddy);
     let instead = buddy.clone().at_boot_offset(0).unwrap();
     assert_eq!((instead.image_address(), instead.boot_file.clone(), instead.takes_bbf()), (0x0800_0000, None, false));
-    let memories = constants::memories(&instead);
+    let memories = constants::memories(&instead, constants::STACK_KIB);
     assert!(memories.contains("ORIGIN = 0x8000000, LENGTH = 0x100000"), "{memories}");
     for offset in [1, 0x20400, 0xa0000, u32::MAX] {
         let error = buddy.clone().at_boot_offset(offset).unwrap_err();

@@ -9,7 +9,7 @@ fn check(text: &str) {
         Ok(board) => {
             // A board that is right can be built for.
             assert!(constants::rust(&board).contains(&board.name));
-            assert!(constants::memories(&board).contains("FLASH"));
+            assert!(constants::memories(&board, constants::STACK_KIB).contains("FLASH"));
         }
         Err(error) => {
             let shown = error.to_string();

@@ -7,8 +7,8 @@ use crate::time_law::TimeLaw;
 use crate::time_units::{FRACTION_BITS, TICKS};
 use crate::trapezoid::Trapezoid;
 
-/// The most pieces of a block's law: the seven of an S-curve, and as many as another law may have.
-const MAX_PIECES: usize = 16;
+/// The most pieces of a block's law: those of an S-curve.
+const MAX_PIECES: usize = 7;
 
 /// Time units in a tick.
 const UNITS_PER_TICK: f64 = (1u32 << FRACTION_BITS) as f64;
@@ -23,6 +23,9 @@ pub(super) struct Polynomial {
 }
 
 impl Polynomial {
+    /// Standstill.
+    pub const ZERO: Self = Self { position: 0.0, speed: 0.0, acceleration: 0.0, jerk: 0.0 };
+
     /// The position so many ticks later.
     #[inline]
     pub fn position_after(&self, ticks: f64) -> f64 {
@@ -86,30 +89,39 @@ pub(super) struct PathPieces {
 }
 
 impl PathPieces {
-    /// Those of a planned block.
+    /// None.
+    pub const NONE: Self = Self {
+        pieces: [PathPiece { start: 0.0, end: 0.0, path: Polynomial::ZERO }; MAX_PIECES],
+        count: 0,
+        duration_ticks: 0,
+    };
+
+    /// Takes those of a planned block; there are none before.
     #[inline(never)]
-    pub fn of<P: Pieces>(planned: &PlannedBlock, law: &TimeLaw<P>) -> Self {
-        let mut all = Self { pieces: [PathPiece::default(); MAX_PIECES], count: 0, duration_ticks: 0 };
+    pub fn add<P: Pieces>(&mut self, planned: &PlannedBlock, law: &TimeLaw<P>) {
         let length = f64::from(planned.block.length_10nm.max(1));
         match law {
             // Positions are added up over many blocks' time: single precision, exact enough for one, is not for these.
-            TimeLaw::Short(_) => {
-                Trapezoid::<f64>::new(planned).pieces().for_each(|piece| all.push(&piece, 0.0, length));
-            }
-            TimeLaw::Long(law) => law.pieces().for_each(|piece| all.push(&piece, 0.0, length)),
+            TimeLaw::Short(_) => self.add_trapezoid(&Trapezoid::new(planned), length),
+            TimeLaw::Long(law) => self.add_trapezoid(law, length),
             TimeLaw::Run(run) => {
-                run.pieces().for_each(|piece| all.push(&piece, run.start as f64, length));
-                all.duration_ticks = run.duration_ticks();
-                // The next block goes on along the same run, at the same fraction of a tick.
-                return all;
+                run.pieces().for_each(|piece| self.push(&piece, run.start as f64, length));
+                self.duration_ticks = run.duration_ticks();
             }
-            TimeLaw::Other(law) => law.pieces.for_each(|piece| all.push(&piece, 0.0, length)),
+            TimeLaw::Other(law) => {
+                law.pieces.for_each(|piece| self.push(&piece, 0.0, length));
+                self.end_at_a_tick();
+            }
         }
-        all.end_at_a_tick();
-        all
     }
 
-    /// Makes the block last a whole number of ticks: it passes each place in proportion earlier or later. Without that the
+    #[inline(never)]
+    fn add_trapezoid(&mut self, law: &Trapezoid<f64>, length: f64) {
+        law.pieces().for_each(|piece| self.push(&piece, 0.0, length));
+        self.end_at_a_tick();
+    }
+
+    /// Makes the block last a whole number of ticks (under an S-curve, the run's blocks go on at the same fraction of one): it passes each place in proportion earlier or later. Without that the
     /// position would jump where the next block begins.
     #[inline(never)]
     fn end_at_a_tick(&mut self) {

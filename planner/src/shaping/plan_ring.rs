@@ -36,7 +36,7 @@ impl PlanPiece {
     /// Nothing.
     const NONE: Self = Self {
         start: 0,
-        part: Polynomial { position: 0.0, speed: 0.0, acceleration: 0.0, jerk: 0.0 },
+        part: Polynomial::ZERO,
         steps: [0; 3],
         extruder_256ths: 0,
         is_extruder_below_zero: false,

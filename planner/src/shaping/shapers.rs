@@ -53,7 +53,10 @@ pub enum ShaperError {
     /// The damping ratio is negative or above [`ShaperKind::max_damping`].
     Damping,
     /// The filter is longer than [`MAX_LENGTH_TICKS`]: the frequency is too low for this shaper.
-    TooLong,
+    TooLong {
+        /// The lowest frequency at which it is not, 1/100 Hz.
+        lowest_hundredths_hz: u32,
+    },
     /// Two motors move one axis, with different steps/mm.
     UnequalMotors,
     /// The steps follow another pattern than step Bresenham, or speeds another law than trapezoid and S-curve.
@@ -84,7 +87,11 @@ impl AxisShaper {
             return Err(ShaperError::Damping);
         }
         let kernel = self.of_any_length();
-        if kernel.length_ticks() > MAX_LENGTH_TICKS { Err(ShaperError::TooLong) } else { Ok(kernel) }
+        if kernel.length_ticks() <= MAX_LENGTH_TICKS {
+            return Ok(kernel);
+        }
+        let lowest_hundredths_hz = (self.lowest_frequency_hz() * 100.0 + 0.5) as u32;
+        Err(ShaperError::TooLong { lowest_hundredths_hz })
     }
 
     /// The lowest frequency of this kind and damping ratio, both in their ranges, at which the filter is no longer than

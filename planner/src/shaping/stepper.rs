@@ -173,7 +173,8 @@ impl ShapedStepper {
     /// Adds a block to the plan. Returns its duration in ticks.
     #[inline(never)]
     pub fn begin<P: Pieces>(&mut self, planned: &PlannedBlock, law: &TimeLaw<P>) -> u64 {
-        let pieces = PathPieces::of(planned, law);
+        let mut pieces = PathPieces::NONE;
+        pieces.add(planned, law);
         let duration = pieces.duration_ticks;
         let begins = self.plan_end;
         let mut before = 0;
