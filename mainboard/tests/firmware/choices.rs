@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::num::NonZeroU64;
 
-use ferrostep::desk::{Desk, LOOK_AHEAD_BLOCKS};
+use ferrostep::desk::{LOOK_AHEAD_BLOCKS, MotionState};
 use ferrostep::job::{self, JobProgress};
 use ferrostep::session::{JobReplies, Session};
 use ferrostep_planner::AccelerationProfile;
