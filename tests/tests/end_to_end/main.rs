@@ -41,6 +41,7 @@ mod repeats;
 mod reports;
 #[cfg(unix)]
 mod sending;
+mod shaping;
 mod simulations;
 mod slaved_extruder;
 mod slicer_printers;
