@@ -5,7 +5,7 @@ use crate::host::Host;
 use crate::job::Job;
 use crate::same_steps::{LINES, assert_printed_as_rehearsed};
 
-/// Lines of the job after which the look-ahead ring is full and the motors run.
+/// Lines of the job after which the motors run, with as much motion at hand as the image takes.
 const LINES_INTO_THE_PRINT: usize = 200;
 
 /// Line before which the job pauses, so that a silent host does not affect the look-ahead.
@@ -51,13 +51,16 @@ fn nonsense_in_mid_print_is_answered_and_changes_no_step() {
         let host = &mut bench.host;
         // Lines are numbered from 1, so this is the number of the next line.
         let number = index + 1;
-        if index == LINES_INTO_THE_PRINT {
-            answered(host, &garbage(20), 20);
-            answered(host, &[&[b'x'; 1000], b"\n".as_slice()].concat(), 1);
-            resend_requested(host, format!("N{number} {}\n", "G".repeat(1000)).as_bytes(), number);
-            // The motors keep moving for as long as the look-ahead ring lasts.
-            answered(host, &b"M105\n".repeat(BURST), BURST);
-            answered(host, &b"\n\r\n;\n".repeat(50), 0);
+        // The motors keep moving for as long as there is motion at hand: 1.5 s, which the lines between bring back.
+        match index.wrapping_sub(LINES_INTO_THE_PRINT) {
+            0 => answered(host, &garbage(20), 20),
+            10 => {
+                answered(host, &[&[b'x'; 1000], b"\n".as_slice()].concat(), 1);
+                resend_requested(host, format!("N{number} {}\n", "G".repeat(1000)).as_bytes(), number);
+            }
+            20 | 30 => answered(host, &b"M105\n".repeat(BURST / 2), BURST / 2),
+            40 => answered(host, &b"\n\r\n;\n".repeat(50), 0),
+            _ => {}
         }
         if index == PAUSE + 1 {
             for _ in 0..9 {
