@@ -79,7 +79,8 @@ impl Count {
             let served = server.join().map_err(|_| "the debugger's side panicked".to_owned())?;
             let logged = log.join().map_err(|_| "the log's side panicked".to_owned())?;
             let finished = finished?;
-            served.and(logged).map(|()| finished)
+            served.or_else(|broken| broken.at_end(finished.exit_status.is_some()))?;
+            logged.map(|()| finished)
         })?;
         if let Some(error) = finished.driver.broken {
             return Err(format!("the program's output cannot be written to standard output: {error}"));

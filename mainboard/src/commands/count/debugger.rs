@@ -8,7 +8,7 @@
 //! **Left out:** all other calls. They fail, as the protocol permits.
 
 use std::fs::File;
-use std::io::{self, BufReader, Read, Write};
+use std::io::{self, BufReader, ErrorKind, Read, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::path::{Component, Path};
 
@@ -61,6 +61,43 @@ pub fn hard_fault<'a>(vectors: u64, mut segments: impl Iterator<Item = (u64, &'a
     })
 }
 
+/// Why a program was not served to its end.
+#[derive(Debug)]
+pub enum Broken {
+    /// The emulator closed the connection without a word.
+    Connection(io::Error),
+    /// The program reached its hard fault handler or stopped outside its calls, a file cannot be read, or the emulator said
+    /// something unexpected.
+    Program(io::Error),
+}
+
+impl Broken {
+    /// Nothing is wrong with a connection that closes after the program's end: the emulator, which knows the end by itself, may be
+    /// gone before the debugger has heard or acknowledged its last packet.
+    ///
+    /// # Errors
+    /// The program stopped, or the connection closed before its end.
+    pub fn at_end(self, has_ended: bool) -> Result<(), String> {
+        match self {
+            Self::Connection(_) if has_ended => Ok(()),
+            Self::Connection(error) => Err(format!("the debugger lost the emulator: {error}")),
+            Self::Program(error) => Err(format!("the debugger's side: {error}")),
+        }
+    }
+}
+
+impl From<io::Error> for Broken {
+    fn from(error: io::Error) -> Self {
+        match error.kind() {
+            ErrorKind::ConnectionReset
+            | ErrorKind::ConnectionAborted
+            | ErrorKind::BrokenPipe
+            | ErrorKind::UnexpectedEof => Self::Connection(error),
+            _ => Self::Program(error),
+        }
+    }
+}
+
 /// Serves a program from its first instruction to its end. A program without arguments runs without breakpoints at its
 /// calls.
 ///
@@ -72,9 +109,9 @@ pub fn serve(
     arguments: &str,
     calls: &[u64],
     hard_fault: u64,
-) -> Result<(), String> {
-    let mut server = Server::connect(emulator).map_err(|error| format!("the debugger lost the emulator: {error}"))?;
-    server.serve(folder, arguments, calls, hard_fault).map_err(|error| format!("the debugger's side: {error}"))
+) -> Result<(), Broken> {
+    let mut server = Server::connect(emulator)?;
+    Ok(server.serve(folder, arguments, calls, hard_fault)?)
 }
 
 struct Server {

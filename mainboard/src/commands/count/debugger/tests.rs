@@ -4,6 +4,10 @@ use super::*;
 
 /// An emulator with a script: each line is the expected packet of the debugger and the reply.
 fn conversation(lines: &'static [(&'static str, &'static str)], folder: &Path, arguments: &str) -> Result<(), String> {
+    converse(lines, folder, arguments).or_else(|broken| broken.at_end(false))
+}
+
+fn converse(lines: &'static [(&'static str, &'static str)], folder: &Path, arguments: &str) -> Result<(), Broken> {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap();
     std::thread::scope(|scope| {
@@ -100,6 +104,24 @@ fn the_command_line_reaches_the_program() {
         ("c", "W00"),
     ];
     assert_eq!(conversation(lines, Path::new("."), "run"), Ok(()));
+}
+
+#[test]
+fn an_emulator_may_be_gone_at_the_end_of_the_program_and_not_before() {
+    // It closes without the packet that says the end.
+    let lines = &[HELLO, ("?", "S05"), AT_HARD_FAULT, ("c", "O6f")];
+    let broken = || converse(lines, Path::new("."), "").unwrap_err();
+    assert_eq!(broken().at_end(true), Ok(()));
+    let error = broken().at_end(false).unwrap_err();
+    assert!(error.contains("lost the emulator"), "{error}");
+}
+
+#[test]
+fn a_connection_that_is_reset_is_not_a_fault_of_the_program() {
+    let reset = || Broken::from(io::Error::from(io::ErrorKind::ConnectionReset));
+    assert_eq!(reset().at_end(true), Ok(()));
+    assert!(reset().at_end(false).is_err());
+    assert!(Broken::from(unexpected("E01")).at_end(true).is_err());
 }
 
 #[test]
