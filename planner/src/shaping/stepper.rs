@@ -440,3 +440,6 @@ enum Work {
 fn nearest_tick(units: u64) -> u64 {
     units.saturating_add(crate::time_units::HALF_TICK) >> crate::time_units::FRACTION_BITS
 }
+
+#[cfg(test)]
+mod tests;
