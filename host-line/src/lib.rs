@@ -32,6 +32,10 @@ pub struct Line {
     end: End,
     waiting: VecDeque<u8>,
     dropped_bytes: u64,
+    /// Whether a host had the line open at the last look.
+    was_open: bool,
+    /// A host has gone since the last [`Self::take_departure`].
+    has_departed: bool,
 }
 
 #[derive(Debug)]
@@ -87,7 +91,7 @@ impl Line {
     }
 
     fn with(end: End) -> Self {
-        Self { end, waiting: VecDeque::new(), dropped_bytes: 0 }
+        Self { end, waiting: VecDeque::new(), dropped_bytes: 0, was_open: false, has_departed: false }
     }
 
     /// The address for a host: a path, or address and port.
@@ -102,12 +106,23 @@ impl Line {
     /// Whether a host has the line open.
     pub fn connected(&mut self) -> bool {
         match &mut self.end {
-            End::Pty { board_end, .. } => !hung_up(board_end),
+            End::Pty { board_end, .. } => {
+                let is_open = !hung_up(board_end);
+                self.has_departed |= std::mem::replace(&mut self.was_open, is_open) && !is_open;
+                is_open
+            }
             End::Tcp { listener, client, .. } => {
                 accept(listener, client);
                 client.is_some()
             }
         }
+    }
+
+    /// Whether a host has gone since the last call: what it has left of a line is not the beginning of the next host's. What the
+    /// [`Self::read`] that has seen it go returns comes from the next host. Of a terminal only [`Self::connected`] sees it, so that a host
+    /// that goes and comes back between two looks stays unnoticed.
+    pub fn take_departure(&mut self) -> bool {
+        std::mem::take(&mut self.has_departed)
     }
 
     /// Reads the bytes that the host has sent since the last call, at most this many (and never more than 4096).
@@ -137,6 +152,7 @@ impl Line {
                     Ok(count) if count > 0 => count,
                     _gone => {
                         *client = None;
+                        self.has_departed = true;
                         self.waiting.clear();
                         0
                     }
@@ -213,6 +229,7 @@ impl Line {
                         Ok(written) => written,
                         Err(_gone) => {
                             *client = None;
+                            self.has_departed = true;
                             self.waiting.clear();
                             return Ok(());
                         }

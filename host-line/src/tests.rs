@@ -9,23 +9,28 @@ fn path(name: &str) -> PathBuf {
     std::env::temp_dir().join(format!("ferrostep-host-line-{name}-{}", std::process::id()))
 }
 
-/// Reads until this many bytes have arrived, at most 5 s.
-fn read_all(line: &mut Line, count: usize) -> Vec<u8> {
-    let end = Instant::now() + Duration::from_secs(5);
-    let mut bytes = Vec::new();
-    while bytes.len() < count && Instant::now() < end {
-        bytes.extend(line.read(MAX_READ).unwrap());
-        std::thread::sleep(Duration::from_millis(1));
+/// Longest wait for anything: only a fault takes as long.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// Looks again and again until it is there.
+#[track_caller]
+fn wait_until(mut is_there: impl FnMut() -> bool) {
+    let end = Instant::now() + PATIENCE;
+    while !is_there() {
+        assert!(Instant::now() < end, "it does not come");
+        std::thread::yield_now();
     }
-    bytes
 }
 
-fn becomes(line: &mut Line, connected: bool) -> bool {
-    let end = Instant::now() + Duration::from_secs(5);
-    while line.connected() != connected && Instant::now() < end {
-        std::thread::sleep(Duration::from_millis(1));
-    }
-    line.connected() == connected
+/// Reads until this many bytes have arrived.
+#[track_caller]
+fn read_all(line: &mut Line, count: usize) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    wait_until(|| {
+        bytes.extend(line.read(MAX_READ).unwrap());
+        bytes.len() >= count
+    });
+    bytes
 }
 
 #[test]
@@ -43,12 +48,15 @@ fn a_terminal_passes_bytes_unchanged() {
     assert_eq!(read_all(&mut line, 256), all);
     assert!(line.read(MAX_READ).unwrap().is_empty(), "the terminal echoes nothing and does not block");
     assert!(line.connected());
+    assert!(!line.take_departure());
     drop(host);
-    assert!(becomes(&mut line, false));
+    wait_until(|| !line.connected());
+    assert!(line.take_departure() && !line.take_departure());
     assert!(line.read(MAX_READ).unwrap().is_empty());
     line.write(b"unread\n").unwrap();
     let _host = OpenOptions::new().read(true).write(true).open(&link).unwrap();
-    assert!(becomes(&mut line, true), "the next host finds it again");
+    // The next host finds it again.
+    wait_until(|| line.connected());
     drop(line);
     assert!(std::fs::symlink_metadata(&link).is_err(), "the link is removed");
 }
@@ -83,21 +91,40 @@ fn tcp_serves_one_host_at_a_time() {
     assert_eq!(line.dropped_bytes(), 4);
     for _ in 0..2 {
         let mut host = TcpStream::connect(line.address()).unwrap();
-        assert!(becomes(&mut line, true));
+        wait_until(|| line.connected());
         line.write(b"ok\n").unwrap();
         let mut heard = [0; 3];
         host.read_exact(&mut heard).unwrap();
         assert_eq!(&heard, b"ok\n");
         host.write_all(b"M105\n").unwrap();
         assert_eq!(read_all(&mut line, 5), b"M105\n");
+        assert!(!line.take_departure());
         drop(host);
-        assert!(read_all(&mut line, 0).is_empty());
-        let end = Instant::now() + Duration::from_secs(5);
-        while line.connected() && Instant::now() < end {
+        wait_until(|| {
             assert!(line.read(MAX_READ).unwrap().is_empty());
-        }
-        assert!(!line.connected());
+            !line.connected()
+        });
+        assert!(line.take_departure() && !line.take_departure());
     }
+}
+
+/// A host that is there at once does not hide that the one before it has gone.
+#[test]
+fn the_next_tcp_host_is_told_from_the_one_before() {
+    let mut line = Line::tcp(0).unwrap();
+    let mut first = TcpStream::connect(line.address()).unwrap();
+    first.write_all(b"half").unwrap();
+    assert_eq!(read_all(&mut line, 4), b"half");
+    drop(first);
+    let mut next = TcpStream::connect(line.address()).unwrap();
+    next.write_all(b"next").unwrap();
+    let mut bytes = Vec::new();
+    wait_until(|| {
+        bytes.extend(line.read(MAX_READ).unwrap());
+        assert!(bytes.is_empty() || line.has_departed);
+        bytes.len() == 4
+    });
+    assert_eq!(bytes, b"next");
 }
 
 #[test]

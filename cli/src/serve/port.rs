@@ -126,10 +126,10 @@ impl HostPort {
             self.is_connected.set(true);
         } else if self.looked.get().elapsed() >= LOOK_INTERVAL {
             self.looked.set(Instant::now());
-            let is_connected = line.connected();
-            if self.is_connected.replace(is_connected) && !is_connected {
-                self.incoming.borrow_mut().break_off();
-            }
+            self.is_connected.set(line.connected());
+        }
+        if line.take_departure() {
+            self.incoming.borrow_mut().break_off();
         }
         if self.is_connected.get() && !out.is_empty() {
             line.write(out.as_bytes())?;
@@ -229,5 +229,53 @@ impl Replies for HostPort {
         }
         // A reply of several lines and its line end are one write.
         let _ = writeln!(self.out.borrow_mut(), "{reply}");
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use std::fs::OpenOptions;
+    use std::io::Write as _;
+
+    use super::*;
+
+    /// Longest wait for anything: only a fault takes as long.
+    const PATIENCE: Duration = Duration::from_secs(60);
+
+    /// Exchanges bytes with the host until something is so.
+    #[track_caller]
+    fn exchange_until(port: &HostPort, mut is_so: impl FnMut() -> bool) {
+        let end = Instant::now() + PATIENCE;
+        while !is_so() {
+            assert!(Instant::now() < end, "it does not become so");
+            port.exchange().unwrap();
+        }
+    }
+
+    #[test]
+    fn half_a_line_is_not_the_beginning_of_the_next_hosts() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("port");
+        let port = HostPort::new(Line::pty(&path).unwrap());
+        let host = || OpenOptions::new().read(true).write(true).open(&path).unwrap();
+        let mut first = host();
+        first.write_all(b"G1 X12").unwrap();
+        exchange_until(&port, || port.ring.borrow().bytes.len() == 6);
+        drop(first);
+        exchange_until(&port, || !port.is_connected());
+        let mut next = host();
+        next.write_all(b"M114\n").unwrap();
+        // Between the two lines stands the byte that parts them.
+        exchange_until(&port, || port.ring.borrow().bytes.len() == "G1 X12".len() + 1 + "M114\n".len());
+        let mut bytes = [0; 32];
+        let length = port.take(&mut bytes);
+        let mut lines = ferrostep_usb::Lines::new();
+        let (used, half) = lines.feed(&bytes[..length]);
+        assert!(half.is_none() && used == 6, "{half:?}");
+        let (used, half) = lines.feed(&bytes[6..length]);
+        assert!(matches!(half, Some(ferrostep_usb::Heard::HalfALine(_))), "{half:?}");
+        let (_, line) = lines.feed(&bytes[6 + used..length]);
+        assert!(matches!(line, Some(ferrostep_usb::Heard::Line(Ok(line))) if line.text == "M114"), "{line:?}");
     }
 }
