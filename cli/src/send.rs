@@ -2,6 +2,7 @@
 
 mod error;
 mod lines;
+mod meeting;
 mod packing;
 mod port;
 #[cfg(test)]
@@ -17,6 +18,7 @@ use std::collections::VecDeque;
 use ferrostep_gpre::transfer::{Report, Sender, Word};
 
 use lines::numbered;
+use meeting::meet;
 
 /// How many of the board's last lines an error repeats.
 const REMEMBERED_LINES: usize = 6;
@@ -46,6 +48,7 @@ pub fn send(
     mut hear: impl FnMut(&str),
 ) -> Result<Report, SendError> {
     let mut heard = VecDeque::new();
+    meet(port, Packing::Plain, patience, &mut hear)?;
     // The line end completes a frame that an earlier host left unfinished.
     let begin = format!("\n{}{}", numbered(0, "M110 N0"), numbered(1, &sender.command(patience.board_s)));
     port.send(begin.as_bytes())?;

@@ -8,6 +8,7 @@ use std::time::Instant;
 use ferrostep_gcode::meatpack;
 
 use super::error::SendError;
+use super::meeting::{Met, meet};
 use super::packing::Packing;
 use super::port::{HALTED, Patience, Port};
 
@@ -205,14 +206,17 @@ struct Sending<'a, P, W> {
     is_held: bool,
     /// The printer's lines about the present line.
     said: Vec<String>,
+    /// How many answers may still come to lines sent before: one for each line that was sent again because the printer was silent, as
+    /// it may only have been slow.
+    owed: u32,
 }
 
 impl<P: Port, W: Watch> Sending<'_, P, W> {
-    /// Sends a line and waits for the printer's answer.
-    fn ask(&mut self, line: &str) -> Result<Answer, SendError> {
+    /// Sends a line and waits for the printer's answer, with the line that it `expects`.
+    fn ask(&mut self, line: &str, expects: Option<&str>) -> Result<Answer, SendError> {
         self.port.send(&self.packing.bytes(line))?;
         let (mut heard_at, mut asked_at) = (self.port.now(), self.port.now());
-        let mut again = None;
+        let (mut again, mut is_answered) = (None, false);
         loop {
             if self.watch.wants_end() {
                 return Ok(Answer::Stop(Stop::Asked));
@@ -223,8 +227,14 @@ impl<P: Port, W: Watch> Sending<'_, P, W> {
                     return Err(SendError::Silent(vec![format!("(nothing after {:?})", line.trim_end())]));
                 }
                 if now.duration_since(asked_at.max(heard_at)) >= self.patience.repeat && !self.is_held {
+                    if is_answered {
+                        // That was all.
+                        self.owed = 0;
+                        return Ok(Answer::Ok);
+                    }
                     // The line, or its answer, was lost. A printer that has executed it only answers.
                     asked_at = now;
+                    self.owed += 1;
                     self.port.send(&self.packing.bytes(line))?;
                 }
                 continue;
@@ -242,9 +252,19 @@ impl<P: Port, W: Watch> Sending<'_, P, W> {
             }
             if said.starts_with("ok") {
                 self.is_known = true;
+                if again.is_none() && self.owed > 0 && !self.has_said(expects) {
+                    self.owed -= 1;
+                    is_answered = true;
+                    continue;
+                }
                 return Ok(again.map_or(Answer::Ok, Answer::Again));
             }
         }
+    }
+
+    /// Whether the printer has said, about the present line, what it `expects`.
+    fn has_said(&self, expects: Option<&str>) -> bool {
+        expects.is_none_or(|expects| self.said.iter().any(|said| said.starts_with(expects)))
     }
 
     /// Whether a line of the printer ends the job. Notes whether the job is to be held.
@@ -299,7 +319,7 @@ pub fn is_transfer_error(said: &str) -> bool {
 }
 
 /// The line that a printer asks for.
-fn resend(said: &str) -> Option<u32> {
+pub(super) fn resend(said: &str) -> Option<u32> {
     let rest = said.strip_prefix("Resend:").or_else(|| said.strip_prefix("rs "))?;
     rest.trim().trim_start_matches(['N', ':', ' ']).parse().ok()
 }
@@ -338,12 +358,14 @@ fn send_each(
     let (opening, closing) = (frame.opening.iter(), frame.closing.iter());
     let mut source =
         Source { next: &mut next, opening, closing, file_line: 0, number: 0, sent: 0, is_upload: frame.is_upload };
-    let mut sending = Sending { port, packing, patience, watch, is_known: false, is_held: false, said: Vec::new() };
     let mut outcome = Outcome { file_line: 0, sent: 0, resends: 0, stop: None };
-    // Ends what an earlier host has left of a line.
-    sending.port.send(&packing.bytes("\n"))?;
+    if meet(port, packing, patience, watch)? == Met::EndWanted {
+        return Ok(Outcome { stop: Some(Stop::Asked), ..outcome });
+    }
+    let mut sending =
+        Sending { port, packing, patience, watch, is_known: false, is_held: false, said: Vec::new(), owed: 0 };
     loop {
-        match sending.ask(&numbered(0, "M110 N0"))? {
+        match sending.ask(&numbered(0, "M110 N0"), None)? {
             Answer::Ok => break,
             Answer::Again(_) => outcome.resends += 1,
             Answer::Stop(stop) => return Ok(Outcome { stop: Some(stop), ..outcome }),
@@ -358,7 +380,13 @@ fn send_each(
             return Ok(Outcome { stop: Some(stop), ..outcome });
         }
         if kept.back().is_none_or(|last| last.number < number) {
-            let Some(command) = source.take()? else { return Ok(outcome) };
+            let Some(command) = source.take()? else {
+                // What was taken for the last answer may have been an earlier one.
+                if sending.owed > 0 && !frame.is_upload {
+                    meet(sending.port, packing, patience, sending.watch)?;
+                }
+                return Ok(outcome);
+            };
             outcome.sent = source.sent;
             if kept.len() == KEPT_LINES {
                 kept.pop_front();
@@ -371,10 +399,11 @@ fn send_each(
         if frame.is_upload && command.acts_in_upload() {
             return Ok(Outcome { stop: Some(Stop::NotForCard(command.text.clone())), ..outcome });
         }
-        match sending.ask(&numbered(number, &command.text))? {
+        match sending.ask(&numbered(number, &command.text), command.expects)? {
             Answer::Ok => {
+                let has_said = sending.has_said(command.expects);
                 let said = std::mem::take(&mut sending.said);
-                if command.expects.is_some_and(|expects| !said.iter().any(|said| said.starts_with(expects))) {
+                if !has_said {
                     let said = said.into_iter().filter(|said| said != "ok").collect();
                     let stop = match command.expects {
                         Some(WRITING) => Stop::NotWriting(command.text.clone(), said),

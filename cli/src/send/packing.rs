@@ -6,13 +6,11 @@ use std::time::Duration;
 use ferrostep_gcode::meatpack;
 
 use super::error::SendError;
+use super::meeting::meet;
 use super::port::{Patience, Port};
 
 /// The line by which a board says, after M115, that its host may pack.
 const KNOWS_PACKING: &str = "Cap:MEATPACK:1";
-
-/// In the board's answer to M115, and in no other line.
-const NAME: &str = "FIRMWARE_NAME";
 
 /// The form in which lines of G-code go to the board.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -46,30 +44,19 @@ pub fn begin_packing(
     patience: Patience,
     mut hear: impl FnMut(&str),
 ) -> Result<Packing, SendError> {
-    // An earlier host may have left it on, and a line unfinished.
+    // An earlier host may have left it on. A board that does not know packing has these bytes in a line, and answers that.
     port.send(&meatpack::END)?;
-    port.send(b"\nM115\n")?;
-    let (mut is_known, mut is_named) = (false, false);
-    let mut nameless_until = None;
+    meet(port, Packing::Plain, patience, &mut hear)?;
+    port.send(b"M115\n")?;
+    let mut is_known = false;
     loop {
-        let until = nameless_until.unwrap_or(port.now() + patience.give_up);
-        let Some(said) = port.receive(until)? else {
-            // A board without an answer to M115 has at least an `ok` for it.
-            if nameless_until.is_some() {
-                break;
-            }
+        let Some(said) = receive(port, patience.give_up)? else {
             return Err(SendError::Silent(vec!["(nothing after M115)".to_owned()]));
         };
         hear(&said);
-        is_named |= said.contains(NAME);
         is_known |= said == KNOWS_PACKING;
         if said.starts_with("ok") {
-            if is_named {
-                break;
-            }
-            // It may answer the unfinished line, which a board that does not know packing has ended with bytes that it cannot
-            // read. If it were taken for M115's, every line would be sent before the one before it is executed.
-            nameless_until = Some(port.now() + patience.repeat);
+            break;
         }
     }
     if !is_known {
@@ -97,16 +84,17 @@ fn receive(port: &mut impl Port, patience: Duration) -> io::Result<Option<String
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use crate::send::scripted::Scripted;
+    use crate::send::scripted::{Scripted, echo};
 
     const NAMES: &str = "FIRMWARE_NAME:Other 1.0 (2020) MACHINE_TYPE:Mill";
 
     /// What begins with a printer that answers the bytes that end packing, and M115; and its lines that were not heard.
     fn begin(to_end: &[&'static str], to_m115: &[&'static str]) -> (Result<Packing, SendError>, usize) {
+        let lines = |lines: &[&str]| lines.iter().map(|&line| line.to_owned()).collect();
         let mut port = Scripted::new(|line: &str, _| match line {
-            "M115" => to_m115.to_vec(),
-            line if line.chars().any(|char| char.is_ascii_alphabetic()) => panic!("{line}"),
-            _ => to_end.to_vec(),
+            "M115" => lines(to_m115),
+            line if line.contains("M110") => lines(&["ok"]),
+            line => echo(line).unwrap_or_else(|| lines(to_end)),
         });
         let packing = begin_packing(&mut port, Patience::DEFAULT, |_| {});
         (packing, port.unheard())
@@ -127,7 +115,7 @@ mod tests {
     fn a_printer_that_does_not_know_m115_gets_text() {
         let (packing, unheard) = begin(&["ok"], &["echo:Unknown command: \"M115\"", "ok"]);
         assert_eq!((packing.unwrap(), unheard), (Packing::Plain, 0));
-        let (packing, _) = begin(&[], &[]);
+        let (packing, _) = begin(&["ok"], &[]);
         assert!(matches!(packing, Err(SendError::Silent(_))));
     }
 }

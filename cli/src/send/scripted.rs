@@ -6,6 +6,12 @@ use std::time::Instant;
 
 use super::port::Port;
 
+/// What a printer says to M118, and its `ok`; `None` for another line.
+pub(super) fn echo(line: &str) -> Option<Vec<String>> {
+    let text = line.split_once("M118 ")?.1.split('*').next()?;
+    Some(vec![text.to_owned(), "ok".to_owned()])
+}
+
 /// A printer that answers by a function of the line and how often it was sent before; its clock goes on while its host waits.
 pub(super) struct Scripted<F> {
     answer: F,
@@ -14,7 +20,7 @@ pub(super) struct Scripted<F> {
     pub(super) now: Instant,
 }
 
-impl<F: FnMut(&str, usize) -> Vec<&'static str>> Scripted<F> {
+impl<L: Into<String>, F: FnMut(&str, usize) -> Vec<L>> Scripted<F> {
     pub(super) fn new(answer: F) -> Self {
         Self { answer, said: VecDeque::new(), heard: Vec::new(), now: Instant::now() }
     }
@@ -25,14 +31,14 @@ impl<F: FnMut(&str, usize) -> Vec<&'static str>> Scripted<F> {
     }
 }
 
-impl<F: FnMut(&str, usize) -> Vec<&'static str>> Port for Scripted<F> {
+impl<L: Into<String>, F: FnMut(&str, usize) -> Vec<L>> Port for Scripted<F> {
     fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
         // Bytes that switch packing off are no text.
         let text = String::from_utf8_lossy(bytes);
         for line in text.lines().filter(|line| !line.is_empty()) {
             let times = self.heard.iter().filter(|heard| *heard == line).count();
             self.heard.push(line.to_owned());
-            self.said.extend((self.answer)(line, times).into_iter().map(str::to_owned));
+            self.said.extend((self.answer)(line, times).into_iter().map(Into::into));
         }
         Ok(())
     }
