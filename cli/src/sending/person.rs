@@ -11,8 +11,9 @@ use ferrostep::send::{self, Port};
 use ferrostep::terminal::tell;
 use signal_hook::consts::{SIGINT, SIGTERM};
 
-/// Longest time of the answers to the commands that end a job.
-const ANSWERS: Duration = Duration::from_secs(5);
+/// Longest time of the answers to the commands that end a job: a printer that is in order needs less than a second, a busy computer
+/// that serves a virtual one a few.
+const ANSWERS: Duration = Duration::from_secs(10);
 
 /// The commands that end a job: its waits, motion and heat. The first two act at once if the printer reads ahead of its queue.
 const END: [(&str, &str); 4] =

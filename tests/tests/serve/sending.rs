@@ -1,8 +1,8 @@
 //! `ferrostep send` at the served printer.
 
+use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
-use std::time::Duration;
 
 use ferrostep_tests::program::{program, repository};
 use tempfile::TempDir;
@@ -154,13 +154,19 @@ fn a_printer_that_halts_ends_the_job() {
 fn ctrl_c_ends_waits_motion_and_heat() {
     let folder = folder();
     let printer = Printer::at_pty(&[]);
-    let job = file(&folder, "M302 P1\nM140 S60\nG1 E900 F300\nM109 S200\nG1 X1 F600\n");
+    let job = file(&folder, "M302 P1\nM140 S60\nG1 E900 F300\nM109 S200 Q1\nG1 X1 F600\n");
     let mut command = Command::new(program());
     command.arg("send").arg(job).args(["--port", printer.port().to_str().unwrap()]);
-    let sender = command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-    std::thread::sleep(Duration::from_secs(2));
+    let mut sender = command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    // A word without effect is reported as its line begins: the printer waits for heat, behind a move of three minutes.
+    let mut messages = BufReader::new(sender.stderr.take().unwrap());
+    let mut said = String::new();
+    while !said.contains("M109 S200 Q1") {
+        assert!(messages.read_line(&mut said).unwrap() > 0, "{said}");
+    }
     assert!(Command::new("kill").args(["-INT", &sender.id().to_string()]).status().unwrap().success());
-    let output = sender.wait_with_output().unwrap();
+    let mut output = sender.wait_with_output().unwrap();
+    messages.read_to_end(&mut output.stderr).unwrap();
     says(&output, 1, "error: after line 3 of the file: stopped by Ctrl-C");
     says(
         &output,
@@ -170,8 +176,10 @@ fn ctrl_c_ends_waits_motion_and_heat() {
     let mut host = printer.connect();
     let heat = host.say("M105").join(" ");
     assert!(heat.contains("/0.00 B:") && heat.contains("/0.00 @"), "{heat}");
+    // Longer than this host's patience, if the move went on.
+    host.say("M400");
     let pushed = printer.end()["position_mm"]["e"].as_f64().unwrap();
-    assert!((0.1..100.0).contains(&pushed), "{pushed}");
+    assert!(pushed < 500.0, "{pushed}");
 }
 
 #[test]
