@@ -2,11 +2,13 @@
 
 use std::path::PathBuf;
 
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Parser, Subcommand};
 use ferrostep::printer_line::Address;
 #[cfg(unix)]
 use ferrostep::serve::{Fault, Speed};
 use ferrostep_papers::tables::Paper;
+use ferrostep_planner::ShaperKind as InputShaperKind;
 use ferrostep_simulator::shapers::ShaperKind;
 
 /// Rehearses 3D prints on the desk, with the motion code that runs on the board.
@@ -158,6 +160,7 @@ pub struct ServeArguments {
 
 /// Arguments of `simulate`.
 #[derive(clap::Args)]
+#[command(group = clap::ArgGroup::new("filtered").args(["compare", "input_shaper"]).multiple(true))]
 pub struct SimulateArguments {
     /// A job, which is printed on the virtual board first (G-code, as text or binary, plain or gzip, or a prepared job), or a trace
     /// as `print --trace` writes it, of any firmware; - is standard input.
@@ -172,12 +175,20 @@ pub struct SimulateArguments {
     /// Measures against the path that the steps draw, also for G-code.
     #[arg(long)]
     pub path_of_steps: bool,
-    /// Frequency of the frame in X, 1 to 1000 Hz.
-    #[arg(long, value_name = "HZ", default_value_t = 50.0)]
-    pub frequency_x: f64,
-    /// Frequency of the frame in Y, 1 to 1000 Hz.
-    #[arg(long, value_name = "HZ", default_value_t = 40.0)]
-    pub frequency_y: f64,
+    /// Frequency of the frame in X, 1 to 1000 Hz [default: 50].
+    #[arg(long, value_name = "HZ")]
+    pub frequency_x: Option<f64>,
+    /// Frequency of the frame in Y, 1 to 1000 Hz [default: 40].
+    #[arg(long, value_name = "HZ")]
+    pub frequency_y: Option<f64>,
+    /// Moves the frame, not the filters: its frequencies are by so much above (or, with a minus, below) those that the filters are
+    /// made for; -50 to 50 %.
+    #[arg(long, value_name = "PERCENT", allow_negative_numbers = true)]
+    pub detune: Option<f64>,
+    /// The input shaper of X and Y, in place of the profile's, and of the compared plan too; it is made for --shaper-frequency, else
+    /// for the profile's frequencies, else for the frame's. M593 and SET_INPUT_SHAPER in the job change it as on the board.
+    #[arg(long, value_name = "NAME", value_parser = input_shaper())]
+    pub input_shaper: Option<InputShaperKind>,
     /// Damping ratio of the frame, 0 to 0.95.
     #[arg(long, value_name = "RATIO", default_value_t = 0.06)]
     pub damping: f64,
@@ -194,15 +205,15 @@ pub struct SimulateArguments {
     #[arg(long, value_name = "RULES", value_enum)]
     pub compare: Option<Rules>,
     /// The compared plan's input shaper: none, zv, mzv, mzv(IMPULSES,PERIODS), zvd, zvdd, ei, 2hump_ei, 3hump_ei, or one of the last
-    /// three with _old.
-    #[arg(long, value_name = "NAME", default_value = "mzv", requires = "compare")]
-    pub shaper: ShaperKind,
-    /// The frequencies that the compared plan's shapers are made for, Hz [default: those of the frame].
-    #[arg(long, value_name = "X,Y", value_parser = two_numbers, requires = "compare")]
+    /// three with _old [default: that of --input-shaper, else mzv].
+    #[arg(long, value_name = "NAME", requires = "compare")]
+    pub shaper: Option<ShaperKind>,
+    /// The frequencies that the shapers of --input-shaper and of the compared plan are made for, Hz [default: those of the frame].
+    #[arg(long, value_name = "X,Y", value_parser = two_numbers, requires = "filtered")]
     pub shaper_frequency: Option<[f64; 2]>,
-    /// The damping ratio that the compared plan's shapers are made for.
-    #[arg(long, value_name = "RATIO", default_value_t = 0.1, requires = "compare")]
-    pub shaper_damping: f64,
+    /// The damping ratio that they are made for [default: the profile's for --input-shaper, else 0.1].
+    #[arg(long, value_name = "RATIO", requires = "filtered")]
+    pub shaper_damping: Option<f64>,
     /// The compared plan's pressure advance, s [default: the nozzle's time constant].
     #[arg(long, value_name = "SECONDS", requires = "compare")]
     pub pressure_advance: Option<f64>,
@@ -221,6 +232,14 @@ pub struct SimulateArguments {
     /// Draws the path around the largest contour error, the error against time, and the ringing after the strongest stop.
     #[arg(long, value_name = "OUT.svg")]
     pub plot: Option<PathBuf>,
+}
+
+/// The kinds of input shaper by their names.
+fn input_shaper() -> impl TypedValueParser<Value = InputShaperKind> {
+    PossibleValuesParser::new(InputShaperKind::ALL.map(InputShaperKind::name)).map(|name| {
+        // The parser knows no other names.
+        InputShaperKind::ALL.into_iter().find(|kind| kind.name() == name).unwrap_or_default()
+    })
 }
 
 /// Two numbers with a comma between them.

@@ -8,7 +8,9 @@ use ferrostep::input;
 use ferrostep::job::JobProgress;
 use ferrostep::output::{Accepted, Output, Protected};
 use ferrostep::report::Stop;
-use ferrostep::simulation::{Compared, Measured, Simulated, SimulatedMachine, Simulation, Source};
+use ferrostep::simulation::{
+    Compared, ComparedFilter, FilterWords, Measured, Simulated, SimulatedFilter, SimulatedMachine, Simulation, Source,
+};
 use ferrostep_simulator::frame::{FrameSettings, SecondMode};
 use ferrostep_simulator::klipper::KlipperSettings;
 use ferrostep_simulator::nozzle::{NozzleSettings, SecondSlope};
@@ -24,24 +26,28 @@ use crate::outcome::{exit_code, result};
 pub fn run(arguments: &SimulateArguments) -> Result<ExitCode, String> {
     let profile = ferrostep_profiles::load(&arguments.profile).map_err(|error| error.to_string())?;
     let name = input::name(&arguments.file);
-    let machine = machine(arguments)?;
+    let words = filter_words(arguments);
     let plot = arguments.plot.as_deref().map(|plot| plot_output(plot, arguments)).transpose()?;
     let path = arguments.path.as_deref();
-    let simulation = Simulation::open(&arguments.file, profile, machine, path, arguments.path_of_steps)
+    let mut simulation = Simulation::open(&arguments.file, profile, path, arguments.path_of_steps)
         .map_err(|error| format!("{name}: {error}"))?;
+    let filters = simulation.filters(&words).map_err(|error| error.to_string())?;
+    simulation.set_filters(filters.steps);
+    let machine = machine(arguments, filters.frame_hz)?;
     let (source, has_path) = (simulation.source(), simulation.has_path());
-    let compared = match arguments.compare {
-        None => None,
-        Some(Rules::Klipper) => {
-            Some(klipper(arguments, &machine, &simulation).map_err(|error| format!("{name}: {error}"))?)
+    let compared = match (arguments.compare, &filters.compared) {
+        (Some(Rules::Klipper), Some(filter)) => {
+            Some(klipper(arguments, &machine, filter, &simulation).map_err(|error| format!("{name}: {error}"))?)
         }
+        _ => None,
     };
     let bar = ProgressBar::new_spinner();
     if let Ok(style) = ProgressStyle::with_template("{spinner} {msg}") {
         bar.set_style(style);
     }
-    let outcome =
-        simulation.run(|done: &JobProgress| bar.set_message(format!("line {}, layer {}", done.lines, done.layers)));
+    let outcome = simulation.run(&machine, |done: &JobProgress| {
+        bar.set_message(format!("line {}, layer {}", done.lines, done.layers));
+    });
     bar.finish_and_clear();
     let (measured, stopped) = outcome.map_err(|error| format!("{name}: {error}"))?;
     if let Some(mut plot) = plot {
@@ -61,6 +67,8 @@ pub fn run(arguments: &SimulateArguments) -> Result<ExitCode, String> {
         },
         path: if has_path { "gcode" } else { "steps" },
         machine: SimulatedMachine::from(&machine),
+        detune_percent: arguments.detune,
+        input_shaper: SimulatedFilter::of(&filters.steps),
         report: measured.0,
         compared: compared.map(|(compared, _)| compared),
         stopped: stopped.as_ref().map(Stop::from),
@@ -82,7 +90,19 @@ fn plot_output(plot: &Path, arguments: &SimulateArguments) -> Result<Output, Str
     Output::create(plot, Accepted::FileOrStream, &protected).map_err(|error| error.to_string())
 }
 
-fn machine(arguments: &SimulateArguments) -> Result<Machine, String> {
+fn filter_words(arguments: &SimulateArguments) -> FilterWords {
+    FilterWords {
+        input_shaper: arguments.input_shaper,
+        shaper_frequency_hz: arguments.shaper_frequency,
+        shaper_damping: arguments.shaper_damping,
+        frame_hz: [arguments.frequency_x, arguments.frequency_y],
+        detune_percent: arguments.detune,
+        is_compared: arguments.compare.is_some(),
+        compared: arguments.shaper,
+    }
+}
+
+fn machine(arguments: &SimulateArguments, frequency_hz: [f64; 2]) -> Result<Machine, String> {
     let second = match &arguments.nozzle_second_slope {
         None => None,
         Some(text) => {
@@ -94,7 +114,7 @@ fn machine(arguments: &SimulateArguments) -> Result<Machine, String> {
     };
     let machine = Machine {
         frame: FrameSettings {
-            frequency_hz: [arguments.frequency_x, arguments.frequency_y],
+            frequency_hz,
             damping: arguments.damping,
             second: arguments.second_mode.then(SecondMode::default),
         },
@@ -107,6 +127,7 @@ fn machine(arguments: &SimulateArguments) -> Result<Machine, String> {
 fn klipper(
     arguments: &SimulateArguments,
     machine: &Machine,
+    filter: &ComparedFilter,
     simulation: &Simulation,
 ) -> Result<(Compared, Measured), String> {
     let settings = KlipperSettings {
@@ -117,14 +138,14 @@ fn klipper(
         ..KlipperSettings::default()
     };
     settings.check().map_err(|error| error.to_string())?;
-    let frequency_hz = arguments.shaper_frequency.unwrap_or(machine.frame.frequency_hz);
-    let [x_hz, y_hz] = frequency_hz;
-    let shaper = |hz| Shaper::new(arguments.shaper, hz, arguments.shaper_damping).map_err(|error| error.to_string());
-    let measured = simulation.klipper(&settings, [shaper(x_hz)?, shaper(y_hz)?]).map_err(|error| error.to_string())?;
+    let ComparedFilter { kind, frequency_hz: [x_hz, y_hz], damping: [x_damping, y_damping] } = *filter;
+    let shaper = |hz, damping| Shaper::new(kind, hz, damping).map_err(|error| error.to_string());
+    let shapers = [shaper(x_hz, x_damping)?, shaper(y_hz, y_damping)?];
+    let measured = simulation.klipper(machine, &settings, shapers).map_err(|error| error.to_string())?;
     let compared = Compared {
         rules: "klipper",
-        shaper: arguments.shaper.to_string(),
-        shaper_frequency_hz: frequency_hz,
+        shaper: kind.to_string(),
+        shaper_frequency_hz: filter.frequency_hz,
         pressure_advance_s: settings.pressure_advance_s,
         report: measured.0.clone(),
     };

@@ -1,11 +1,13 @@
 //! A job or a trace on a simulated frame and nozzle: what `ferrostep simulate` measures.
 
+mod filters;
 mod machine;
 mod observer;
 mod table;
 
+pub use filters::{ComparedFilter, FilterError, FilterWords, SimulatedFilters};
 pub use machine::reference_profile;
-pub use table::{Compared, Simulated, SimulatedMachine};
+pub use table::{Compared, Simulated, SimulatedFilter, SimulatedMachine};
 
 use std::fmt;
 use std::fs::File;
@@ -15,6 +17,7 @@ use std::sync::Arc;
 
 use ferrostep_oracle::reference::{InterpretError, InterpretOptions, Job, interpret, plan};
 use ferrostep_oracle::trace::{TraceError, TraceReader};
+use ferrostep_planner::AxisShaper;
 use ferrostep_printer::Profile;
 use ferrostep_simulator::klipper::{self, KlipperSettings};
 use ferrostep_simulator::measures::{Measures, Report, Snapshots};
@@ -47,6 +50,8 @@ pub enum SimulationError {
     Steps(StepsError),
     /// The frame's or the nozzle's numbers are out of range.
     Machine(MachineError),
+    /// What is said of filters and of the frame contradicts itself.
+    Filters(FilterError),
     /// `--compare` needs G-code to plan by other rules.
     NothingToCompare,
 }
@@ -65,6 +70,7 @@ impl fmt::Display for SimulationError {
             }
             Self::Steps(error) => error.fmt(out),
             Self::Machine(error) => error.fmt(out),
+            Self::Filters(error) => error.fmt(out),
             Self::NothingToCompare => {
                 write!(
                     out,
@@ -95,6 +101,12 @@ impl From<MachineError> for SimulationError {
     }
 }
 
+impl From<FilterError> for SimulationError {
+    fn from(error: FilterError) -> Self {
+        Self::Filters(error)
+    }
+}
+
 /// The kind of the simulated file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Source {
@@ -112,12 +124,11 @@ enum Steps {
     Trace(Box<dyn Read>),
 }
 
-/// A job or a trace, and a machine to play it on.
+/// A job or a trace.
 pub struct Simulation {
     steps: Steps,
     source: Source,
     profile: Profile,
-    machine: Machine,
     /// The moves of the G-code, and how the reference plans them.
     path: Option<(Job, Vec<MoveSpeeds>)>,
     filament_mm2: f64,
@@ -134,11 +145,9 @@ impl Simulation {
     pub fn open(
         file: &Path,
         profile: Profile,
-        machine: Machine,
         path: Option<&Path>,
         path_of_steps: bool,
     ) -> Result<Self, SimulationError> {
-        machine.at_rest()?;
         let steps = steps_of(file)?;
         let mut text = None;
         let source = match &steps {
@@ -168,7 +177,7 @@ impl Simulation {
         let path = text.map(|text| planned(&text, &profile)).transpose().map_err(SimulationError::Interpret)?;
         let diameter_mm = profile.extrusion.filament_diameter_10nm as f64 * 1e-5;
         let filament_mm2 = diameter_mm * diameter_mm * std::f64::consts::FRAC_PI_4;
-        Ok(Self { steps, source, profile, machine, path, filament_mm2 })
+        Ok(Self { steps, source, profile, path, filament_mm2 })
     }
 
     /// The kind of the simulated file.
@@ -181,40 +190,65 @@ impl Simulation {
         self.path.is_some()
     }
 
-    /// Plays the plan by Klipper's rules, with its filters, and measures it.
+    /// What words say of filters and frame for this job or trace.
     ///
     /// # Errors
-    /// Without G-code there is no plan.
-    pub fn klipper(&self, settings: &KlipperSettings, shapers: [Shaper; 2]) -> Result<Measured, SimulationError> {
+    /// They contradict each other, or mean nothing for it.
+    pub fn filters(&self, words: &FilterWords) -> Result<SimulatedFilters, SimulationError> {
+        Ok(words.of((self.source != Source::Trace).then_some(&self.profile))?)
+    }
+
+    /// Gives the machine of a job these filters of X and Y in place of its profile's.
+    pub const fn set_filters(&mut self, shapers: [AxisShaper; 2]) {
+        self.profile.motion.shapers = shapers;
+    }
+
+    /// Plays the plan by Klipper's rules, with its filters, on a machine and measures it.
+    ///
+    /// # Errors
+    /// Without G-code there is no plan; the machine's numbers are out of range.
+    pub fn klipper(
+        &self,
+        machine: &Machine,
+        settings: &KlipperSettings,
+        shapers: [Shaper; 2],
+    ) -> Result<Measured, SimulationError> {
         let Some((job, _)) = &self.path else { return Err(SimulationError::NothingToCompare) };
         let speeds = klipper::plan(job, settings);
         let (mut report, snapshots) =
-            self.planned(job, &speeds, &settings.filters(shapers), Measures::with_snapshots())?;
-        let (unshaped, _) = self.planned(job, &speeds, &Filters::default(), Measures::default())?;
+            self.planned(machine, job, &speeds, &settings.filters(shapers), Measures::with_snapshots())?;
+        let (unshaped, _) = self.planned(machine, job, &speeds, &Filters::default(), Measures::default())?;
         report.ringing = report.ringing.relative_to(&unshaped.ringing);
         Ok((report, snapshots))
     }
 
     fn planned(
         &self,
+        machine: &Machine,
         job: &Job,
         speeds: &[MoveSpeeds],
         filters: &Filters,
         mut measures: Measures,
     ) -> Result<Measured, SimulationError> {
         let plans = Plan::of_job(job, speeds, self.filament_mm2);
-        let time_s = simulate(&plans, filters, &self.machine, self.filament_mm2, &mut measures)?;
+        let time_s = simulate(&plans, filters, machine, self.filament_mm2, &mut measures)?;
         Ok(measures.finish(time_s))
     }
 
-    /// Plays the steps and measures them. A job that stops at a line is measured up to there, and the reason returned beside.
+    /// Plays the steps on a machine and measures them. A job that stops at a line is measured up to there, and the reason returned beside.
     ///
     /// # Errors
-    /// The trace is damaged, or the path belongs to another job.
-    pub fn run(self, mut look: impl FnMut(&JobProgress)) -> Result<(Measured, Option<JobError>), SimulationError> {
+    /// The trace is damaged, the path belongs to another job, or the machine's numbers are out of range.
+    pub fn run(
+        self,
+        machine: &Machine,
+        mut look: impl FnMut(&JobProgress),
+    ) -> Result<(Measured, Option<JobError>), SimulationError> {
         let unshaped = match &self.path {
             None => None,
-            Some((job, speeds)) => Some(self.planned(job, speeds, &Filters::default(), Measures::default())?.0),
+            Some((job, speeds)) => {
+                Some(self.planned(machine, job, speeds, &Filters::default(), Measures::default())?.0)
+            }
         };
         let path = match &self.path {
             None => PathSource::of_steps(self.filament_mm2),
@@ -225,7 +259,7 @@ impl Simulation {
             Steps::Trace(trace) => {
                 let reader = TraceReader::new(trace).map_err(trace_error)?;
                 let header = reader.header().clone();
-                let mut steps = StepSimulation::new(header, &self.machine, self.filament_mm2, path, measures)?;
+                let mut steps = StepSimulation::new(header, machine, self.filament_mm2, path, measures)?;
                 for record in reader {
                     steps.play(&record.map_err(trace_error)?)?;
                 }
@@ -234,8 +268,7 @@ impl Simulation {
             Steps::Job(bytes) => {
                 let mut input = Input::of_bytes(bytes)?;
                 let header = machine::trace_header(&self.profile);
-                let steps =
-                    StepSimulation::new(header, &self.machine, self.filament_mm2, path.may_end_early(), measures)?;
+                let steps = StepSimulation::new(header, machine, self.filament_mm2, path.may_end_early(), measures)?;
                 let session = Session::print(
                     self.profile,
                     LOOK_AHEAD_BLOCKS,

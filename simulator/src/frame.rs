@@ -121,10 +121,15 @@ pub struct FrameSettings {
     pub second: Option<SecondMode>,
 }
 
-impl Default for FrameSettings {
+impl FrameSettings {
     /// 50 Hz in X, 40 Hz in Y (the bed), damping 0.06: a printer of the usual kind.
+    pub const USUAL: Self = Self { frequency_hz: [50.0, 40.0], damping: 0.06, second: None };
+}
+
+impl Default for FrameSettings {
+    /// [`Self::USUAL`].
     fn default() -> Self {
-        Self { frequency_hz: [50.0, 40.0], damping: 0.06, second: None }
+        Self::USUAL
     }
 }
 

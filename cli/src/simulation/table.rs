@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use ferrostep_planner::{AxisShaper, ShaperKind};
 use ferrostep_simulator::measures::Report;
 use ferrostep_simulator::plan::Machine;
 use serde::Serialize;
@@ -37,6 +38,25 @@ impl From<&Machine> for SimulatedMachine {
     }
 }
 
+/// The filters of the steps when the job begins; its commands may set others.
+#[derive(Clone, Debug, Serialize)]
+pub struct SimulatedFilter {
+    /// The kinds of X and Y.
+    pub shaper: [&'static str; 2],
+    /// The frequencies that they are made for, Hz.
+    pub shaper_frequency_hz: [f64; 2],
+}
+
+impl SimulatedFilter {
+    /// These filters, if there are any.
+    pub fn of(shapers: &[AxisShaper; 2]) -> Option<Self> {
+        shapers.iter().any(|shaper| shaper.kind != ShaperKind::None).then(|| Self {
+            shaper: shapers.map(|shaper| shaper.kind.name()),
+            shaper_frequency_hz: shapers.map(|shaper| shaper.frequency_hz),
+        })
+    }
+}
+
 /// The plan by other rules.
 #[derive(Clone, Debug, Serialize)]
 pub struct Compared {
@@ -67,6 +87,12 @@ pub struct Simulated {
     pub path: &'static str,
     /// Frame and nozzle.
     pub machine: SimulatedMachine,
+    /// By how much the frame's frequencies are above those that the filters are made for, per cent, if that was said.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub detune_percent: Option<f64>,
+    /// The filters of the steps when the job begins.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub input_shaper: Option<SimulatedFilter>,
     /// The measures.
     #[serde(flatten)]
     pub report: Report,
@@ -107,19 +133,31 @@ const ROWS: [Row; 19] = [
     }),
 ];
 
+/// A frequency to the nearest millihertz, as percentages of others are seldom short.
+fn hertz(frequency_hz: f64) -> f64 {
+    (frequency_hz * 1e3).round() / 1e3
+}
+
 impl fmt::Display for Simulated {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         let machine = &self.machine;
-        let [x_hz, y_hz] = machine.frequency_hz;
+        let [x_hz, y_hz] = machine.frequency_hz.map(hertz);
+        write!(out, "{}: frame {x_hz} and {y_hz} Hz", one_line(&self.file))?;
+        if let Some(percent) = self.detune_percent {
+            write!(out, " (moved by {percent} % from what the filters are made for)")?;
+        }
         writeln!(
             out,
-            "{}: frame {x_hz} and {y_hz} Hz, damping {}{}; nozzle {} s; path of the {}",
-            one_line(&self.file),
+            ", damping {}{}; nozzle {} s; path of the {}",
             machine.damping,
             if machine.second_mode { ", second mode" } else { "" },
             machine.nozzle_time_constant_s,
             if self.path == "gcode" { "G-code" } else { "steps themselves" },
         )?;
+        if let Some(SimulatedFilter { shaper: [x, y], shaper_frequency_hz }) = &self.input_shaper {
+            let [x_hz, y_hz] = shaper_frequency_hz.map(hertz);
+            writeln!(out, "  filters of the steps: X {x} for {x_hz} Hz, Y {y} for {y_hz} Hz")?;
+        }
         if let Some(compared) = &self.compared {
             writeln!(out, "  {:34} {:>12} {:>12}  {}", "", "steps", compared.rules, compared.shaper)?;
         }

@@ -1,6 +1,6 @@
 //! `ferrostep simulate`: a job, its trace and its prepared form on a frame that rings, beside Klipper's rules.
 
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use crate::command::{directory, ferrostep, file};
 
@@ -101,6 +101,48 @@ fn klippers_rules_stand_beside_and_a_shaper_lessens_ringing() {
 }
 
 #[test]
+fn a_kind_is_given_to_both_plans_and_detuning_moves_the_frame_under_them() {
+    let folder = directory();
+    // Stops from full speed, by retractions.
+    let job = file(&folder, "square.gcode", JOB.replace("M104 S210\n", "M201 X5000 Y5000\nM204 P5000 T5000\n"));
+    let job = job.to_str().unwrap();
+    let run = |more: &[&str]| {
+        let all = [&["simulate", job, "--json", "--compare", "klipper"], more].concat();
+        let outcome = ferrostep(&all);
+        assert_eq!((outcome.status, outcome.stderr.as_str()), (Some(0), ""), "{all:?}");
+        outcome.json()
+    };
+    let filters = |result: &Value| {
+        let of = |value: &Value| (value["shaper"].clone(), value["shaper_frequency_hz"].clone());
+        (of(&result["input_shaper"]), of(&result["compared"]))
+    };
+    let frame = |result: &Value| -> Vec<f64> {
+        result["machine"]["frequency_hz"].as_array().unwrap().iter().map(|hz| hz.as_f64().unwrap()).collect()
+    };
+    let plain = run(&["--shaper", "none"]);
+    assert_eq!(plain["input_shaper"], Value::Null);
+    let exact = run(&["--input-shaper", "zv", "--shaper-damping", "0.06"]);
+    let made = ((json!(["zv", "zv"]), json!([50.0, 40.0])), (json!("zv"), json!([50.0, 40.0])));
+    assert_eq!((filters(&exact), frame(&exact)), (made.clone(), vec![50.0, 40.0]));
+    let detuned = run(&["--input-shaper", "zv", "--shaper-damping", "0.06", "--detune", "-10"]);
+    assert_eq!((filters(&detuned), frame(&detuned)), (made, vec![45.0, 36.0]));
+    assert_eq!((number(&detuned, &["detune_percent"]), &exact["detune_percent"]), (-10.0, &Value::Null));
+    // Time is that of the filters, which are the same; what rings is the frame.
+    assert_eq!(detuned["time_s"], exact["time_s"]);
+    for plan in [&[][..], &["compared"]] {
+        let ringing = [&plain, &exact, &detuned].map(|result| number(result, &[plan, &["ringing", "rms_um"]].concat()));
+        let [plain, exact, detuned] = ringing;
+        assert!(exact * 5.0 < plain && exact * 1.5 < detuned && detuned < 0.5 * plain, "{ringing:?}");
+    }
+    let other = run(&["--input-shaper", "ei", "--shaper", "mzv", "--shaper-frequency", "60,45"]);
+    let made = ((json!(["ei", "ei"]), json!([60.0, 45.0])), (json!("mzv"), json!([60.0, 45.0])));
+    assert_eq!((filters(&other), frame(&other)), (made, vec![50.0, 40.0]));
+    let text = ferrostep(["simulate", job, "--input-shaper", "zv", "--detune=5"]).stdout;
+    assert!(text.contains("frame 52.5 and 42 Hz (moved by 5 % from what the filters are made for)"), "{text}");
+    assert!(text.contains("filters of the steps: X zv for 50 Hz, Y zv for 40 Hz"), "{text}");
+}
+
+#[test]
 fn what_cannot_be_simulated_says_what_would_be_right() {
     let folder = directory();
     let job = file(&folder, "square.gcode", JOB);
@@ -114,7 +156,7 @@ fn what_cannot_be_simulated_says_what_would_be_right() {
     let cut = named("cut.trace", &bytes[..header + 12 * 100 + 5]);
     let text = String::from_utf8(bytes[..header].to_vec()).unwrap();
     let delta = named("delta.trace", text.replace("cartesian", "delta").as_bytes());
-    let rows: [(&[&str], &str); 11] = [
+    let rows: [(&[&str], &str); 19] = [
         (&[&cut], "trace ends inside the record at byte"),
         (&[&delta], "trace header: kinematics is missing or not supported"),
         (&[trace, "--path", other], "is the trace of this file?"),
@@ -132,6 +174,17 @@ fn what_cannot_be_simulated_says_what_would_be_right() {
             &[job, "--compare", "klipper", "--minimum-cruise-ratio", "1"],
             "the compared plan's minimum cruise ratio is 1, expected 0 to less than 1",
         ),
+        (&[trace, "--input-shaper", "zv"], "the steps of a trace are made already"),
+        (&[job, "--detune", "5"], "no filter is known that the frame could differ from"),
+        (&[job, "--input-shaper", "zv", "--detune", "60"], "--detune is 60 %, expected -50 to 50 %"),
+        (
+            &[job, "--input-shaper", "zv", "--detune", "5", "--frequency-x", "50"],
+            "give those with --shaper-frequency X,Y, and leave --frequency-x and --frequency-y out",
+        ),
+        (&[job, "--input-shaper", "zvdd", "--compare", "klipper"], "Klipper has no such filter"),
+        (&[job, "--input-shaper", "mzx"], "possible values: none, zv, mzv, zvd, zvdd, ei, ei_old, 2hump_ei, 3hump_ei"),
+        (&[job, "--input-shaper", "zv", "--shaper-frequency", "5,40"], "expected at least 5.03 Hz"),
+        (&[job, "--shaper-frequency", "50,40"], "--input-shaper"),
     ];
     for (arguments, expected) in rows {
         let outcome = ferrostep(["simulate"].iter().chain(arguments));
