@@ -24,6 +24,9 @@ const DIFFERENCE_S: f64 = DIFFERENCE_SAMPLES as f64 * SAMPLE_S;
 /// By how much the nozzle may be before or after the plan, s: a shaper's half length and the frame's lag.
 pub const WINDOW_S: f64 = 0.03;
 
+/// Samples that wait for the path at most: 10 min. Of a longer move only the end is measured.
+const MAX_WAITING: usize = 2_400_000;
+
 /// Motion that pauses for so long has stopped, s.
 pub const STOP_S: f64 = 0.02;
 
@@ -154,6 +157,10 @@ impl Measures {
     pub fn push_sample(&mut self, sample: Sample) {
         self.waiting.push_back(sample);
         self.work(false);
+        while self.waiting.len() > MAX_WAITING {
+            let Some(sample) = self.waiting.pop_front() else { return };
+            self.measure(sample);
+        }
     }
 
     /// X and Y have stopped, and the nozzle rings with this amplitude, mm.
@@ -163,6 +170,18 @@ impl Measures {
             snapshots.strongest_stop(time_s);
         }
         self.ringing_um.add(amplitude_um);
+    }
+
+    /// Length of the path so far, mm.
+    #[cfg(test)]
+    pub(crate) const fn path_mm(&self) -> f64 {
+        self.path.length_mm()
+    }
+
+    /// Samples that wait for the path.
+    #[cfg(test)]
+    pub(crate) fn waiting_samples(&self) -> usize {
+        self.waiting.len()
     }
 
     fn work(&mut self, to_the_end: bool) {

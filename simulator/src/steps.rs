@@ -18,9 +18,13 @@ use crossings::Crossings;
 use ferrostep_oracle::trace::{Record, TraceError, TraceHeader};
 use std::collections::VecDeque;
 use std::fmt;
+use std::ops::RangeInclusive;
 
 /// Motion is simulated through pauses of at most this, s; of a longer one only the beginning.
-const LONGEST_PAUSE_S: f64 = 2.0;
+const LONGEST_PAUSE_S: u64 = 2;
+
+/// Steps/mm of a motor: of any that there is, and so that a few steps are no path of kilometres.
+const STEPS_PER_MM: RangeInclusive<f64> = 0.1..=1e6;
 
 /// Motors of a trace that can be simulated.
 const MOTORS: usize = 4;
@@ -32,7 +36,7 @@ pub enum StepsError {
     Trace(TraceError),
     /// Its header does not name four motors, of which the last is e.
     Motors(Vec<String>),
-    /// A motor's steps/mm are not positive.
+    /// A motor's steps/mm are out of range.
     Scale(String),
     /// The time of a record is before that of the one before it.
     Backwards {
@@ -53,10 +57,14 @@ impl fmt::Display for StepsError {
             Self::Trace(error) => error.fmt(out),
             Self::Motors(names) => write!(
                 out,
-                "trace header: the motors are {}, expected three of the axes and e: the simulator knows cartesian, corexy and corexz",
-                names.join(", ")
+                "trace header: the motors are {names:?}, expected three of the axes and e: the simulator knows cartesian, corexy and corexz"
             ),
-            Self::Scale(name) => write!(out, "trace header: steps_per_mm of {name} must be positive"),
+            Self::Scale(name) => write!(
+                out,
+                "trace header: steps_per_mm of {name:?} is out of range, expected {} to {}",
+                STEPS_PER_MM.start(),
+                STEPS_PER_MM.end()
+            ),
             Self::Backwards { tick, before } => write!(
                 out,
                 "trace: a record at tick {tick} comes after one at tick {before}, expected ticks that never go back"
@@ -94,8 +102,8 @@ pub struct StepSimulation {
     motors: [i64; MOTORS],
     first_tick: Option<u64>,
     last_tick: u64,
-    /// Pauses that were left out, s.
-    left_out_s: f64,
+    /// Parts of pauses that were left out, in whole ticks: an f64 cannot hold all of them, and no sum of seconds is exact.
+    left_out_ticks: u64,
     /// The frame's time, s.
     time_s: f64,
     samples: u64,
@@ -140,7 +148,7 @@ impl StepSimulation {
             return Err(StepsError::Motors(header.axes));
         }
         for (name, scale) in header.axes.iter().zip([x, y, z, e]) {
-            if !(scale > 0.0 && scale.is_finite()) {
+            if !STEPS_PER_MM.contains(&scale) {
                 return Err(StepsError::Scale(name.clone()));
             }
         }
@@ -156,7 +164,7 @@ impl StepSimulation {
             motors: [0; MOTORS],
             first_tick: None,
             last_tick: 0,
-            left_out_s: 0.0,
+            left_out_ticks: 0,
             time_s: 0.0,
             samples: 0,
             crossings: std::array::from_fn(|_| Crossings::default()),
@@ -191,11 +199,14 @@ impl StepSimulation {
         if tick < self.last_tick {
             return Err(StepsError::Backwards { tick, before: self.last_tick });
         }
-        let hz = self.header.tick_hz as f64;
-        let pause_s = (tick - self.last_tick) as f64 / hz;
-        self.left_out_s += (pause_s - LONGEST_PAUSE_S).max(0.0);
+        let longest = LONGEST_PAUSE_S.saturating_mul(self.header.tick_hz);
+        self.left_out_ticks += (tick - self.last_tick).saturating_sub(longest);
         self.last_tick = tick;
-        Ok((tick - first) as f64 / hz - self.left_out_s)
+        Ok(self.seconds(tick - first - self.left_out_ticks))
+    }
+
+    fn seconds(&self, ticks: u64) -> f64 {
+        ticks as f64 / self.header.tick_hz as f64
     }
 
     /// Plays a record.
@@ -330,7 +341,7 @@ impl StepSimulation {
     /// The path goes on after the last step.
     pub fn finish(mut self) -> Result<(Measures, f64), StepsError> {
         let end_s = self.time_s;
-        let time_s = end_s + self.left_out_s - self.homing_s;
+        let time_s = end_s + self.seconds(self.left_out_ticks) - self.homing_s;
         self.path.finish(end_s, &mut self.measures)?;
         self.pass_to(end_s + 0.3);
         self.count_stops(end_s);

@@ -85,6 +85,12 @@ impl Bead {
     /// A difference at a place of the path; without one, where the nozzle was last. The path is known so far.
     pub(super) fn add(&mut self, place_mm: Option<f64>, difference_mm3: f64, known_mm: f64) {
         self.place_mm = place_mm.unwrap_or(self.place_mm);
+        let settled_mm = (self.place_mm - PASSED_MM).min(known_mm - REACH_MM);
+        self.settle(settled_mm);
+        if self.bins.is_empty() {
+            // What the nozzle has jumped over has no difference.
+            self.first_bin = self.first_bin.max((settled_mm / BIN_MM) as usize);
+        }
         let bin = (self.place_mm / BIN_MM) as usize;
         // A place that was passed long ago: its bin is settled, and the first that is not takes the difference.
         let index = bin.saturating_sub(self.first_bin);
@@ -92,8 +98,6 @@ impl Bead {
             self.bins.push_back(0.0);
         }
         self.bins[index] += difference_mm3.abs();
-        let settled_mm = (self.place_mm - PASSED_MM).min(known_mm - REACH_MM);
-        self.settle(settled_mm);
     }
 
     fn settle(&mut self, until_mm: f64) {
@@ -130,5 +134,20 @@ impl Bead {
             end_volume_mm3: mean(self.end_mm3, self.report.ends),
             ..self.report
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_jump_along_the_path_takes_no_memory() {
+        let mut bead = Bead::default();
+        bead.add(Some(3.0), 0.5, 1e6);
+        bead.add(Some(9e5), 0.25, 1e6);
+        assert!(bead.bins.capacity() < 1000, "{}", bead.bins.capacity());
+        bead.add(Some(9e5 + 20.0), 0.125, 1e6);
+        assert_eq!(bead.finish().elsewhere_volume_mm3, 0.875);
     }
 }

@@ -9,6 +9,9 @@ use std::fmt;
 /// Steps that are kept at most until a part of the path is drawn from them.
 const MAX_POINTS: usize = 100_000;
 
+/// The longest part of the path that is drawn at once, s.
+const MAX_PART_S: f64 = 10.0;
+
 /// The path that the steps draw is given up to this far, mm: two steps of a coarse motor.
 const STEPS_TOLERANCE_MM: f64 = 0.02;
 
@@ -107,7 +110,8 @@ impl PathSource {
     pub(super) fn stepped(&mut self, time_s: f64, place_mm: [f64; 2], filament_mm: f64, measures: &mut Measures) {
         let From::Steps { points } = &mut self.from else { return };
         let paused = points.last().is_some_and(|last| time_s - last.time_s > PAUSE_S);
-        if paused || points.len() >= MAX_POINTS {
+        let is_long = points.first().is_some_and(|first| time_s - first.time_s > MAX_PART_S);
+        if paused || is_long || points.len() >= MAX_POINTS {
             self.draw(measures);
         }
         if let From::Steps { points } = &mut self.from {
@@ -161,6 +165,10 @@ impl PathSource {
     /// The motors' positions were redefined.
     pub(super) fn restart(&mut self, time_s: f64, place_mm: [f64; 2], filament_mm: f64, measures: &mut Measures) {
         self.draw(measures);
+        if let From::Steps { points } = &mut self.from {
+            // From the old number of the place to the new one nothing moves.
+            points.clear();
+        }
         self.restart_points(time_s, place_mm, filament_mm);
         self.end_s = time_s;
         measures.nothing_until(time_s);

@@ -151,9 +151,11 @@ fn what_cannot_be_simulated_is_named() {
         "trace: a record at tick 499 comes after one at tick 500, expected ticks that never go back"
     );
     let mut three = header(Kinematics::Cartesian, 80.0);
+    three.axes[0] = "\u{1b}[2J".to_owned();
     three.axes.pop();
     three.steps_per_mm.pop();
-    assert!(matches!(play(three, &machine, steps(), &[]), Err(StepsError::Motors(_))));
+    let error = play(three, &machine, steps(), &[]).unwrap_err();
+    assert!(matches!(error, StepsError::Motors(_)) && !error.to_string().contains('\u{1b}'), "{error}");
     assert!(matches!(play(header(Kinematics::Cartesian, 0.0), &machine, steps(), &[]), Err(StepsError::Scale(_))));
     let (job, speeds) = job();
     let of_job = || PathSource::of_job(&job, &speeds, FILAMENT_MM2);
@@ -178,6 +180,76 @@ fn a_long_pause_costs_neither_time_nor_memory() {
     let path = PathSource::of_steps(FILAMENT_MM2);
     let report = play(header(Kinematics::Cartesian, 80.0), &Machine::default(), path, &records).unwrap();
     assert!((report.time_s / (u64::MAX as f64 / 2.0 / TICK_HZ as f64) - 1.0).abs() < 1e-9);
+}
+
+#[test]
+fn after_a_pause_of_ages_time_is_still_exact() {
+    // At 1 Hz an f64 knows the sum of such ticks to a thousand seconds only.
+    let mut slow = header(Kinematics::Cartesian, 80.0);
+    slow.tick_hz = 1;
+    let step = |tick| Record::Step(StepEvent { tick, axes: 1, directions: 0 });
+    let path = PathSource::of_steps(FILAMENT_MM2);
+    let mut steps = StepSimulation::new(slow, &Machine::default(), FILAMENT_MM2, path, Measures::default()).unwrap();
+    for (tick, expected_s) in [(0, 0.0), (u64::MAX / 2 + 777, 2.0), (u64::MAX / 2 + 778, 3.0), (u64::MAX, 5.0)] {
+        steps.play(&step(tick)).unwrap();
+        assert_eq!(steps.time_s, expected_s, "{tick}");
+    }
+    let (_, time_s) = steps.finish().unwrap();
+    assert_eq!(time_s, u64::MAX as f64);
+}
+
+#[test]
+fn new_numbers_far_away_are_no_path() {
+    let redefined = |tick, place| Record::PositionsRedefined { tick, positions: vec![place; 4] };
+    let step = |tick| Record::Step(StepEvent { tick, axes: 0b1001, directions: 0 });
+    let mut records = vec![redefined(0, 0), step(10), redefined(20, i32::MAX)];
+    records.extend((0..4000).map(|index| step(TICK_HZ + index * 20_000)));
+    let path = PathSource::of_steps(FILAMENT_MM2);
+    let coarse = header(Kinematics::Cartesian, 100.0);
+    let mut steps = StepSimulation::new(coarse, &Machine::default(), FILAMENT_MM2, path, Measures::default()).unwrap();
+    for record in &records {
+        steps.play(record).unwrap();
+    }
+    let (measures, _) = steps.finish().unwrap();
+    assert!((measures.path_mm() - 40.0).abs() < 0.1, "{} mm of path", measures.path_mm());
+}
+
+#[test]
+fn slow_steps_without_ends_of_moves_are_measured_as_they_come() {
+    let path = PathSource::of_steps(FILAMENT_MM2);
+    let header = header(Kinematics::Cartesian, 80.0);
+    let mut steps = StepSimulation::new(header, &Machine::default(), FILAMENT_MM2, path, Measures::default()).unwrap();
+    for index in 0..2000 {
+        steps.play(&Record::Step(StepEvent { tick: index * TICK_HZ / 20, axes: 1, directions: 0 })).unwrap();
+    }
+    // 100 s are 400,000 samples.
+    assert!(steps.measures.waiting_samples() < 100_000, "{}", steps.measures.waiting_samples());
+}
+
+#[test]
+fn a_move_of_the_gcode_that_never_ends_is_not_waited_for_for_ever() {
+    let (job, speeds) = job();
+    let path = PathSource::of_job(&job, &speeds, FILAMENT_MM2);
+    let header = header(Kinematics::Cartesian, 80.0);
+    let mut steps = StepSimulation::new(header, &Machine::default(), FILAMENT_MM2, path, Measures::default()).unwrap();
+    for index in 0..500 {
+        steps.play(&Record::Step(StepEvent { tick: 2 * index * TICK_HZ, axes: 1, directions: 0 })).unwrap();
+    }
+    // 1000 s are 4 million samples.
+    assert!(steps.measures.waiting_samples() < 3_000_000, "{}", steps.measures.waiting_samples());
+}
+
+#[test]
+fn a_motor_with_absurd_steps_is_named_without_its_control_characters() {
+    let refused = |scale: f64, name: &str| {
+        let mut header = header(Kinematics::Cartesian, scale);
+        header.axes[0] = name.to_owned();
+        play(header, &Machine::default(), PathSource::of_steps(FILAMENT_MM2), &[]).unwrap_err().to_string()
+    };
+    for scale in [-80.0, 0.0, 1e-300, 0.05, 2e6, f64::INFINITY, f64::NAN] {
+        let text = refused(scale, "x\u{1b}[2J");
+        assert!(text.contains("expected 0.1 to 1000000") && !text.contains('\u{1b}'), "{text}");
+    }
 }
 
 const TEXT: &str = concat!(
