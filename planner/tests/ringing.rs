@@ -2,6 +2,13 @@
 
 #![allow(clippy::unwrap_used, missing_docs)]
 
+#[path = "ringing/chart.rs"]
+mod chart;
+
+use std::path::Path;
+
+use chart::Panel;
+use ferrostep_checked_toml::book::REFRESH_VARIABLE;
 use ferrostep_planner::look_ahead::Slot;
 use ferrostep_planner::{
     AXES, AxisShaper, Geometry, Kinematics, Limits, MotionChoice, Move, Notice, Planner, Progress, ShaperKind,
@@ -144,4 +151,49 @@ fn shaped_steps_leave_as_much_vibration_as_the_formula_says() {
         }
     }
     println!("{tried} cases, worst: {}", worst.1);
+}
+
+/// The frequency that the shapers of the book's chart are made for, Hz.
+const CHART_HZ: f64 = 50.0;
+
+/// Points of a curve of the chart.
+const CHART_POINTS: u32 = 91;
+
+/// What the steps leave over the frame's frequency, as the book draws it.
+#[test]
+fn the_books_chart_is_what_the_steps_leave() {
+    let (unshaped, unshaped_rest_s) = line(Kinematics::Cartesian, [AxisShaper::NONE; 2]);
+    let panels: Vec<Panel> = ShaperKind::ALL
+        .into_iter()
+        .filter(|kind| *kind != ShaperKind::None)
+        .map(|kind| {
+            let shaper = AxisShaper { kind, frequency_hz: CHART_HZ, damping: DAMPING };
+            let formula = Shaper::new(kind.name().parse().unwrap(), CHART_HZ, DAMPING).unwrap();
+            let (shaped, rest_s) = line(Kinematics::Cartesian, [shaper; 2]);
+            let [low, high] = chart::ACROSS;
+            let points = (0..CHART_POINTS).map(|index| {
+                let part = low + (high - low) * f64::from(index) / f64::from(CHART_POINTS - 1);
+                let frame_hz = CHART_HZ * part;
+                let [before, _] = ringing(&unshaped, unshaped_rest_s, frame_hz, DAMPING);
+                let [after, _] = ringing(&shaped, rest_s, frame_hz, DAMPING);
+                [part, after / before, formula.residual(frame_hz, DAMPING)]
+            });
+            Panel { name: kind.name(), points: points.collect() }
+        })
+        .collect();
+    for Panel { name, points } in &panels {
+        for [part, steps, formula] in points {
+            assert!((steps - formula).abs() <= MOST, "{name} at {part}: {steps:.4}, the formula {formula:.4}");
+        }
+    }
+    let title = "What shaped steps leave of the ringing, over the frame's frequency as a part of the shaper's";
+    let note =
+        "Red: the steps on the frame. Blue: the formula. Shapers for 50 Hz, damping 0.1 of both, a stop from 160 mm/s.";
+    let drawn = chart::svg(title, note, &panels);
+    let kept = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/src/images/ringing.svg");
+    if std::env::var_os(REFRESH_VARIABLE).is_some() {
+        std::fs::write(&kept, &drawn).unwrap();
+    }
+    let kept = std::fs::read_to_string(&kept).unwrap_or_default();
+    assert!(kept == drawn, "images/ringing.svg has changed: look at it, then set {REFRESH_VARIABLE} to keep it");
 }
