@@ -132,6 +132,8 @@ pub struct Simulation {
     /// The moves of the G-code, and how the reference plans them.
     path: Option<(Job, Vec<MoveSpeeds>)>,
     filament_mm2: f64,
+    /// Whether ringing is measured as a part of the unfiltered plan's, too.
+    has_relative_ringing: bool,
 }
 
 /// Measures of a simulation, with samples for pictures.
@@ -177,7 +179,7 @@ impl Simulation {
         let path = text.map(|text| planned(&text, &profile)).transpose().map_err(SimulationError::Interpret)?;
         let diameter_mm = profile.extrusion.filament_diameter_10nm as f64 * 1e-5;
         let filament_mm2 = diameter_mm * diameter_mm * std::f64::consts::FRAC_PI_4;
-        Ok(Self { steps, source, profile, path, filament_mm2 })
+        Ok(Self { steps, source, profile, path, filament_mm2, has_relative_ringing: true })
     }
 
     /// The kind of the simulated file.
@@ -203,6 +205,11 @@ impl Simulation {
         self.profile.motion.shapers = shapers;
     }
 
+    /// Leaves `ringing.relative` out, and the time that it takes.
+    pub const fn leave_out_relative_ringing(&mut self) {
+        self.has_relative_ringing = false;
+    }
+
     /// Plays the plan by Klipper's rules, with its filters, on a machine and measures it.
     ///
     /// # Errors
@@ -217,8 +224,10 @@ impl Simulation {
         let speeds = klipper::plan(job, settings);
         let (mut report, snapshots) =
             self.planned(machine, job, &speeds, &settings.filters(shapers), Measures::with_snapshots())?;
-        let (unshaped, _) = self.planned(machine, job, &speeds, &Filters::default(), Measures::default())?;
-        report.ringing = report.ringing.relative_to(&unshaped.ringing);
+        if self.has_relative_ringing {
+            let (unshaped, _) = self.planned(machine, job, &speeds, &Filters::default(), Measures::default())?;
+            report.ringing = report.ringing.relative_to(&unshaped.ringing);
+        }
         Ok((report, snapshots))
     }
 
@@ -245,10 +254,10 @@ impl Simulation {
         mut look: impl FnMut(&JobProgress),
     ) -> Result<(Measured, Option<JobError>), SimulationError> {
         let unshaped = match &self.path {
-            None => None,
-            Some((job, speeds)) => {
+            Some((job, speeds)) if self.has_relative_ringing => {
                 Some(self.planned(machine, job, speeds, &Filters::default(), Measures::default())?.0)
             }
+            _ => None,
         };
         let path = match &self.path {
             None => PathSource::of_steps(self.filament_mm2),

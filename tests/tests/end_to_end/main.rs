@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 mod accelerations;
+mod against_klipper;
 mod bad_input;
 mod bad_words;
 mod command;

@@ -1,0 +1,40 @@
+//! The book's table of time and error beside Klipper's rules: a part of it, measured again.
+
+#[path = "../../examples/against_klipper/table.rs"]
+#[allow(dead_code, reason = "the whole table takes minutes; the example makes it")]
+mod table;
+
+use crate::command::{directory, repository};
+use ferrostep_planner::ShaperKind;
+use table::{Case, Cell, FRAMES, Plan, measure, row_start, write_job};
+
+/// Numbers of a row: time, s, and an error for each frame, um.
+fn row(page: &str, name: &str, plan: Plan, kind: ShaperKind) -> Vec<f64> {
+    let start = row_start(name, plan, kind);
+    let line = page.lines().find(|line| line.starts_with(&start)).unwrap_or_else(|| panic!("no row {start}"));
+    let cells: Vec<f64> =
+        line[start.len()..].trim_end_matches('|').split('|').map(|cell| cell.trim().parse().unwrap()).collect();
+    assert_eq!(cells.len(), 1 + FRAMES.len(), "{line}");
+    cells
+}
+
+#[test]
+fn the_books_rows_are_what_the_simulator_measures() {
+    let page = std::fs::read_to_string(repository().join("docs/src/against-klipper.md")).unwrap();
+    let folder = directory();
+    let case = Case::bed_slinger(&repository(), "cube", &repository().join("examples/cube.gcode"));
+    let job = write_job(&case, folder.path());
+    for (plan, kind, frame) in [
+        (Plan::Ferrostep, ShaperKind::Zv, 0),
+        (Plan::CloserFerrostep, ShaperKind::Mzv, 5),
+        (Plan::Klipper, ShaperKind::Mzv, 0),
+        (Plan::TunedKlipper, ShaperKind::Zv, 3),
+    ] {
+        let written = row(&page, "cube", plan, kind);
+        let (time_s, p99_um) = measure(&case, &job, Cell { plan, kind, off: FRAMES[frame] });
+        let make = "FERROSTEP_REFRESH=1 cargo run --release -p ferrostep-tests --example against_klipper";
+        let off = [time_s - written[0], p99_um - written[1 + frame]];
+        // As many digits as the book has; sine and exponential are the computer's own.
+        assert!(off[0].abs() < 0.11 && off[1].abs() < 1.01, "{plan:?} {kind:?}: {time_s} {p99_um}; {make}");
+    }
+}
