@@ -79,7 +79,7 @@ pub enum Command {
     },
     /// Measures what the steps of a file, or of a trace, do to a frame that rings and to a nozzle under pressure: contour error,
     /// ringing, misplaced material, true acceleration.
-    Simulate(SimulateArguments),
+    Simulate(Box<SimulateArguments>),
     /// Computes the tables and figures of the papers behind the motion code again, beside ours; of all papers if none is named.
     Papers {
         /// The paper.

@@ -6,8 +6,8 @@ use crate::plan::{MoveShape, MoveSpeeds, phases};
 use ferrostep_oracle::reference::{Job, Move, UNITS_PER_MM};
 use std::fmt;
 
-/// Steps that are kept at most until a part of the path is drawn from them.
-const MAX_POINTS: usize = 100_000;
+/// Steps that are kept at most until a part of the path is drawn from them, which at worst takes the square of their number.
+const MAX_POINTS: usize = 20_000;
 
 /// The longest part of the path that is drawn at once, s.
 const MAX_PART_S: f64 = 10.0;
@@ -227,13 +227,33 @@ impl PathSource {
     }
 }
 
-/// The point farthest from the line between the first and the last, if that is farther than the tolerance.
+/// The point farthest from the line between the first and the last, if that is farther than the tolerance; of several that are
+/// as far, the one nearest to the middle, so that a path to and fro is halved.
 fn farthest(points: &[Point]) -> Option<usize> {
     let [first, .., last] = points else { return None };
     let chord = PathSegment { start_s: 0.0, end_s: 0.0, from_mm: first.place_mm, to_mm: last.place_mm, bead_mm2: 0.0 };
+    let from_middle = |index: usize| index.abs_diff(points.len() / 2);
     let distances = points.iter().enumerate().map(|(index, point)| (index, chord.nearest(point.place_mm).0));
     distances
-        .max_by(|one, other| one.1.total_cmp(&other.1))
+        .max_by(|one, other| one.1.total_cmp(&other.1).then(from_middle(other.0).cmp(&from_middle(one.0))))
         .filter(|(index, distance_mm)| *distance_mm > STEPS_TOLERANCE_MM && *index > 0 && *index + 1 < points.len())
         .map(|(index, _)| index)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Split off one by one, n points would take n^2 distances.
+    #[test]
+    fn a_path_to_and_fro_is_split_in_its_middle() {
+        let point = |index: u32| Point {
+            time_s: f64::from(index),
+            place_mm: [0.1 * f64::from(index % 2), 0.0],
+            filament_mm: 0.0,
+        };
+        let points: Vec<Point> = (0..1001).map(point).collect();
+        let Some(index) = farthest(&points) else { panic!("it turns by 0.1 mm") };
+        assert!((400..600).contains(&index), "{index}");
+    }
 }
