@@ -10,7 +10,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let (board, profile) = chosen::machine()?;
     let out = PathBuf::from(env::var("OUT_DIR")?);
     let root = Path::new(&env::var("CARGO_MANIFEST_DIR")?).join("..");
-    fs::write(out.join("identity.rs"), identity(&root, &board.name, profile.name))?;
+    fs::write(out.join("identity.rs"), identity(&root, &board.name, profile.name)?)?;
     fs::write(out.join("sensors.rs"), constants::sensors(&board, &profile))?;
     fs::write(out.join("drivers.rs"), constants::drivers(&board, &profile))?;
     // Code that looks after drivers is compiled only for machines with drivers that can be set.
@@ -26,34 +26,14 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
-/// Folders and files that an image is made from.
-const SOURCES: [&str; 16] = [
-    ".cargo/config.toml",
-    "Cargo.lock",
-    "Cargo.toml",
-    "app",
-    "boards",
-    "card",
-    "checked-toml",
-    "gcode",
-    "gpre",
-    "hal-shim",
-    "planner",
-    "printer",
-    "profiles",
-    "square-root",
-    "usb",
-    "version",
-];
-
 /// The text by which an image names itself, `ferrostep 0.1.0 (commit abcdef0) prusa-buddy prusa-mini`, and the version's place
 /// in it.
-fn identity(root: &Path, board: &str, profile: &str) -> String {
-    let version = Version::of(env!("CARGO_PKG_VERSION"), root, &SOURCES);
+fn identity(root: &Path, board: &str, profile: &str) -> std::io::Result<String> {
+    let version = Version::of_package(env!("CARGO_PKG_VERSION"), root, "app")?;
     version.watch();
     let name = "ferrostep ";
     let (from, to) = (name.len(), name.len() + version.text.len());
     // A line of its own among the image's texts.
     let text = format!("{name}{} {board} {profile}\n", version.text);
-    format!("Identity {{ text: {text:?}, version: {from}..{to} }}")
+    Ok(format!("Identity {{ text: {text:?}, version: {from}..{to} }}"))
 }

@@ -4,6 +4,9 @@
 //! sources without a repository (an archive) have `commit unknown`.
 #![forbid(unsafe_code)]
 
+mod sources;
+
+use std::io;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -23,9 +26,18 @@ pub struct Version {
 }
 
 impl Version {
-    /// The version of the package that is being built, with the commit of the repository at `root`; `sources`, relative to
-    /// that, are what goes into it.
-    pub fn of(number: &str, root: &Path, sources: &[&str]) -> Self {
+    /// The version of a package that is being built, with the commit of the repository at `root`; `package` is its folder there.
+    /// What goes into it follows from the packages' manifests.
+    ///
+    /// # Errors
+    /// A manifest cannot be read.
+    pub fn of_package(number: &str, root: &Path, package: &str) -> io::Result<Self> {
+        let sources = sources::of_package(root, package)?;
+        Ok(Self::of(number, root, &sources.iter().map(String::as_str).collect::<Vec<_>>()))
+    }
+
+    /// As [`Self::of_package`], with the files and folders, relative to `root`, that go into it.
+    fn of(number: &str, root: &Path, sources: &[&str]) -> Self {
         let mut depends_on: Vec<PathBuf> = sources.iter().map(|source| root.join(source)).collect();
         let commit = Repository::at(root).map(|repository| {
             depends_on.extend(repository.says_when_it_moves());
