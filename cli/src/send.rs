@@ -1,24 +1,30 @@
 //! Sends a prepared job, or G-code, to a board.
 
+mod begin_packing;
 mod error;
 mod lines;
 mod meeting;
 mod packing;
 mod port;
+mod protocol;
 #[cfg(test)]
 mod scripted;
+mod watch;
 
+pub use begin_packing::begin_packing;
 pub use error::SendError;
-pub use lines::{Frame, Outcome, Stop, Watch, is_transfer_error, send_lines};
-pub use packing::{Packing, begin_packing};
+pub use lines::{Frame, Outcome, Stop, send_lines};
+pub use packing::Packing;
 pub use port::{HALTED, Patience, Port};
+pub use protocol::is_transfer_error;
+pub use watch::Watch;
 
 use std::collections::VecDeque;
 
 use ferrostep_gpre::transfer::{Report, Sender, Word};
 
-use lines::numbered;
 use meeting::meet;
+use protocol::numbered;
 
 /// How many of the board's last lines an error repeats.
 const REMEMBERED_LINES: usize = 6;

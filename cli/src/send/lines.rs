@@ -11,6 +11,8 @@ use super::error::SendError;
 use super::meeting::{Met, meet};
 use super::packing::Packing;
 use super::port::{HALTED, Patience, Port};
+use super::protocol::{is_transfer_error, numbered, resend};
+use super::watch::Watch;
 
 /// Lines kept because the printer may ask for them again. One is under way at a time; a printer that was asked twice may be one
 /// behind.
@@ -18,16 +20,6 @@ const KEPT_LINES: usize = 16;
 
 /// Most lines kept of a printer's answer to one line.
 const MAX_SAID: usize = 20;
-
-/// Texts of errors after which the printer asks for a line again.
-const TRANSFER_ERRORS: [&str; 2] = ["checksum", "line number"];
-
-/// A numbered line with its checksum.
-pub(super) fn numbered(number: u32, text: &str) -> String {
-    let line = format!("N{number} {text}");
-    let sum = line.bytes().fold(0, |sum, byte| sum ^ byte);
-    format!("{line}*{sum}\n")
-}
 
 /// Why a printer, or a person, has ended a job before its end.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -64,26 +56,6 @@ impl fmt::Display for Stop {
                 )
             }
         }
-    }
-}
-
-/// Observes the lines that are sent.
-pub trait Watch {
-    /// The printer has sent a line.
-    fn hear(&mut self, line: &str);
-    /// A line of the file, with its command, has been answered.
-    fn sent(&mut self, _line: u32, _command: &str) {}
-    /// The printer wants its host to hold the job, or to go on.
-    fn held(&mut self, _is_held: bool) {}
-    /// Whether a person wants the job to end.
-    fn wants_end(&mut self) -> bool {
-        false
-    }
-}
-
-impl<F: FnMut(&str)> Watch for F {
-    fn hear(&mut self, line: &str) {
-        self(line);
     }
 }
 
@@ -309,19 +281,6 @@ impl<P: Port, W: Watch> Sending<'_, P, W> {
         }
         Ok(None)
     }
-}
-
-/// Whether a line reports an error on the way, after which the printer asks for the line again.
-#[must_use]
-pub fn is_transfer_error(said: &str) -> bool {
-    let lower = said.to_ascii_lowercase();
-    lower.starts_with("error:") && TRANSFER_ERRORS.iter().any(|text| lower.contains(text))
-}
-
-/// The line that a printer asks for.
-pub(super) fn resend(said: &str) -> Option<u32> {
-    let rest = said.strip_prefix("Resend:").or_else(|| said.strip_prefix("rs "))?;
-    rest.trim().trim_start_matches(['N', ':', ' ']).parse().ok()
 }
 
 /// Sends G-code with numbers and checksums, with a frame around it, and repeats lines that the printer asks for. `next` returns

@@ -1,9 +1,10 @@
 //! The beginning of a conversation: from here on every `ok` answers a line of this host.
 
 use super::error::SendError;
-use super::lines::{Watch, numbered, resend};
 use super::packing::Packing;
 use super::port::{Patience, Port};
+use super::protocol::{numbered, resend};
+use super::watch::Watch;
 
 /// The answer of printers that do not know M118 and do not repeat its text.
 const UNKNOWN: &str = "\"M118\"";

@@ -1,0 +1,24 @@
+//! Numbers, checksums and repeats: what lines of G-code and their answers have in common.
+
+/// Texts of errors after which the printer asks for a line again.
+const TRANSFER_ERRORS: [&str; 2] = ["checksum", "line number"];
+
+/// A numbered line with its checksum.
+pub(super) fn numbered(number: u32, text: &str) -> String {
+    let line = format!("N{number} {text}");
+    let sum = line.bytes().fold(0, |sum, byte| sum ^ byte);
+    format!("{line}*{sum}\n")
+}
+
+/// Whether a line reports a transfer error, after which the printer asks for the line again.
+#[must_use]
+pub fn is_transfer_error(said: &str) -> bool {
+    let lower = said.to_ascii_lowercase();
+    lower.starts_with("error:") && TRANSFER_ERRORS.iter().any(|text| lower.contains(text))
+}
+
+/// The line that a printer asks for.
+pub(super) fn resend(said: &str) -> Option<u32> {
+    let rest = said.strip_prefix("Resend:").or_else(|| said.strip_prefix("rs "))?;
+    rest.trim().trim_start_matches(['N', ':', ' ']).parse().ok()
+}

@@ -1,0 +1,21 @@
+//! What a caller hears of a conversation with a printer.
+
+/// Observes the lines that are sent.
+pub trait Watch {
+    /// The printer has sent a line.
+    fn hear(&mut self, line: &str);
+    /// A line of the file, with its command, has been answered.
+    fn sent(&mut self, _line: u32, _command: &str) {}
+    /// The printer wants its host to hold the job, or to go on.
+    fn held(&mut self, _is_held: bool) {}
+    /// Whether a person wants the job to end.
+    fn wants_end(&mut self) -> bool {
+        false
+    }
+}
+
+impl<F: FnMut(&str)> Watch for F {
+    fn hear(&mut self, line: &str) {
+        self(line);
+    }
+}
