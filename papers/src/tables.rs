@@ -9,6 +9,7 @@ pub mod yu;
 
 mod chapter;
 mod chart;
+mod example_machine;
 mod text;
 
 use std::path::{Path, PathBuf};

@@ -10,11 +10,10 @@ use crate::segments::{Line, Segments};
 use crate::table::FrequencyTable;
 use ferrostep_planner::kinematics::UNITS_PER_MM;
 use ferrostep_planner::look_ahead::Slot;
-use ferrostep_planner::{
-    AccelerationProfile, Geometry, Kinematics, Limits, MotionChoice, Move, Planner, StepsPerMm, TICKS_PER_SECOND,
-};
+use ferrostep_planner::{AccelerationProfile, MotionChoice, Move, Planner, TICKS_PER_SECOND};
 
 use super::chapter::{Cell, Chapter, Curve, Figure, Style, Table};
+use super::example_machine::example_planner;
 
 /// The paper's experiment: start and highest frequency, Hz, and the jerk, Hz/s^2.
 const START_HZ: f64 = 1_000.0;
@@ -160,24 +159,7 @@ struct Planned {
 
 /// Plans a way; `None` where the machine cannot go it.
 fn plan(places_mm: &[(f64, f64)], law: AccelerationProfile, block_by_block: bool) -> Option<Planned> {
-    let steps_per_mm = StepsPerMm::from_f64(80.0)?;
-    let geometry = Geometry {
-        kinematics: Kinematics::Cartesian,
-        steps_per_mm: [steps_per_mm; 4],
-        minimum_event_interval_ticks: 84,
-        event_cost_ticks: 0,
-        move_cost_ticks: 0,
-    };
-    let limits = Limits {
-        max_feed_mm_per_s: [500.0; 4],
-        max_acceleration_mm_per_s2: [1e5; 4],
-        print_acceleration_mm_per_s2: 1_000.0,
-        travel_acceleration_mm_per_s2: 1_000.0,
-        retract_acceleration_mm_per_s2: 1_000.0,
-        junction_deviation_mm: 0.1,
-        instantaneous_corner_velocity_mm_per_s: [f64::INFINITY; 4],
-    };
-    let mut planner = Planner::new(geometry, limits, vec![Slot::EMPTY; 128]);
+    let mut planner = example_planner(1_000.0, 0.1, 128)?;
     let choice = MotionChoice { acceleration: law, ..MotionChoice::DEFAULT };
     let is_set = planner.set_motion_choice(&choice).is_ok() && (!block_by_block || planner.plan_block_by_block());
     if !is_set {

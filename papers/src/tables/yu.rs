@@ -1,11 +1,10 @@
 //! Yu 2019: how fast a corner may be taken, and what look-ahead makes of a chain of moves.
 
-use crate::Papers;
 use ferrostep_planner::kinematics::UNITS_PER_MM;
-use ferrostep_planner::look_ahead::Slot;
-use ferrostep_planner::{Geometry, Kinematics, Limits, Move, PlannedBlock, Planner, StepsPerMm};
+use ferrostep_planner::{Move, PlannedBlock};
 
 use super::chapter::{Cell, Chapter, Curve, Figure, Style, Table};
+use super::example_machine::example_planner;
 
 /// Yu's delta, mm.
 const DEVIATION_MM: f64 = 0.1;
@@ -26,31 +25,9 @@ pub fn chapter() -> Chapter {
     }
 }
 
-/// The machine of the examples.
-fn planner() -> Option<Planner<Vec<Slot>, Papers>> {
-    let steps_per_mm = StepsPerMm::from_f64(80.0)?;
-    let geometry = Geometry {
-        kinematics: Kinematics::Cartesian,
-        steps_per_mm: [steps_per_mm; 4],
-        minimum_event_interval_ticks: 84,
-        event_cost_ticks: 0,
-        move_cost_ticks: 0,
-    };
-    let limits = Limits {
-        max_feed_mm_per_s: [500.0; 4],
-        max_acceleration_mm_per_s2: [1e5; 4],
-        print_acceleration_mm_per_s2: ACCELERATION_MM_PER_S2,
-        travel_acceleration_mm_per_s2: ACCELERATION_MM_PER_S2,
-        retract_acceleration_mm_per_s2: ACCELERATION_MM_PER_S2,
-        junction_deviation_mm: DEVIATION_MM,
-        instantaneous_corner_velocity_mm_per_s: [f64::INFINITY; 4],
-    };
-    Some(Planner::new(geometry, limits, vec![Slot::EMPTY; 64]))
-}
-
 /// What look-ahead makes of moves to these places, mm, each with some filament, mm.
 fn planned(places_mm: &[(f64, f64)], filament_mm: f64) -> Vec<PlannedBlock> {
-    let Some(mut planner) = planner() else { return vec![] };
+    let Some(mut planner) = example_planner(ACCELERATION_MM_PER_S2, DEVIATION_MM, 64) else { return vec![] };
     let units = |mm: f64| (mm * UNITS_PER_MM as f64).round() as i64;
     for (line, &(x, y)) in (1..).zip(places_mm) {
         let request = Move {
