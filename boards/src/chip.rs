@@ -63,42 +63,37 @@ impl Buses {
     };
 }
 
+const F405RG: Chip = Chip {
+    name: "STM32F405RG",
+    package: "LQFP64",
+    feature: "stm32f405",
+    probe_name: "STM32F405RGTx",
+    flash_kib: 1024,
+    ram_kib: 128,
+    ccm_kib: 64,
+    max_core_hz: 168_000_000,
+    max_apb1_hz: 42_000_000,
+    max_apb2_hz: 84_000_000,
+    family: ChipFamily::F405,
+    buses: Buses::F405,
+    interrupt_words: 3,
+    ports: [0xffff, 0xffff, 0xffff, 1 << 2, 0, 0, 0],
+};
+
 /// All chips.
 ///
 /// Pins: DS8626, table 7 (LQFP64, LQFP100), and DS10693, table 10 (LQFP144). PH0 and PH1 are left out: they carry the
 /// crystal. Clocks: RM0090 7.2 and DS8626, table 14; RM0390 5.1.4 and 6.2: 168 MHz without over-drive.
 const CHIPS: [Chip; 3] = [
-    Chip {
-        name: "STM32F405RG",
-        package: "LQFP64",
-        feature: "stm32f405",
-        probe_name: "STM32F405RGTx",
-        flash_kib: 1024,
-        ram_kib: 128,
-        ccm_kib: 64,
-        max_core_hz: 168_000_000,
-        max_apb1_hz: 42_000_000,
-        max_apb2_hz: 84_000_000,
-        family: ChipFamily::F405,
-        buses: Buses::F405,
-        interrupt_words: 3,
-        ports: [0xffff, 0xffff, 0xffff, 1 << 2, 0, 0, 0],
-    },
+    F405RG,
+    // The same die with more pins.
     Chip {
         name: "STM32F407VG",
         package: "LQFP100",
         feature: "stm32f407",
         probe_name: "STM32F407VGTx",
-        flash_kib: 1024,
-        ram_kib: 128,
-        ccm_kib: 64,
-        max_core_hz: 168_000_000,
-        max_apb1_hz: 42_000_000,
-        max_apb2_hz: 84_000_000,
-        family: ChipFamily::F405,
-        buses: Buses::F405,
-        interrupt_words: 3,
         ports: [0xffff, 0xffff, 0xffff, 0xffff, 0xffff, 0, 0],
+        ..F405RG
     },
     Chip {
         name: "STM32F446ZE",
