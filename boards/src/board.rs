@@ -10,7 +10,7 @@ use crate::signals::AnalogueChannel;
 pub enum Driver {
     /// No driver.
     None,
-    /// Whatever is plugged in.
+    /// A socket for a driver module.
     Socket,
     /// Allegro A4988.
     A4988,
@@ -43,9 +43,9 @@ impl Driver {
 /// A board.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Board {
-    /// What commands and errors call it.
+    /// Its name in commands and errors.
     pub name: String,
-    /// What a person calls it.
+    /// Its maker's name for it.
     pub title: String,
     /// Its chip.
     pub chip: Chip,
@@ -67,11 +67,11 @@ pub struct Board {
     pub boot_file: Option<String>,
     /// The profile of an image that is built without another.
     pub profile: String,
-    /// Nothing real hangs on it: temperatures and end stops are models.
+    /// The board has no heaters and sensors: temperatures and end stops are models.
     pub virtual_sensors: bool,
     /// X (A), Y (B), Z, E.
     pub motors: [Motor; 4],
-    /// Sockets that nothing moves.
+    /// Sockets of the board that no axis uses.
     pub spare_motors: Vec<Motor>,
     /// The pin of the line that drivers share.
     pub driver_uart: Option<Pin>,
@@ -117,13 +117,13 @@ pub struct Motor {
     pub diag: Option<Pin>,
     /// The driver.
     pub driver: Driver,
-    /// How the driver is spoken to.
+    /// The serial line to the driver.
     pub uart: Option<DriverUart>,
-    /// What its current is measured at, ohm.
+    /// Sense resistors, ohm.
     pub sense_resistor_ohm: Option<f64>,
 }
 
-/// How a driver is spoken to.
+/// The serial line to a driver.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DriverUart {
     /// By a line of its own (or the chip-select of that socket).
@@ -154,7 +154,7 @@ pub struct Fan {
     pub pin: Pin,
     /// The timer channel that can switch it.
     pub timer: Option<String>,
-    /// Two pulses a turn.
+    /// The tachometer's pin: two pulses a turn.
     pub tacho: Option<Pin>,
 }
 
@@ -167,7 +167,7 @@ pub struct Thermistor {
     pub pin: Pin,
     /// The converter's channel at that pin.
     pub channel: AnalogueChannel,
-    /// What hangs on it, if the board decides that.
+    /// The type, if the board has it soldered on or prescribes it.
     pub kind: Option<String>,
     /// Resistor to the converter's reference, ohm.
     pub pull_up_ohm: f64,
@@ -187,7 +187,7 @@ impl Board {
         ports
     }
 
-    /// The same board with its image at another place, without its boot loader: that one finds nothing there.
+    /// The same board with its image at another place, without its boot loader, which would not find the image there.
     ///
     /// # Errors
     /// `offset`, bytes from the start of flash, is neither the board's own nor the beginning of a flash sector in the first
@@ -217,7 +217,7 @@ impl Board {
     }
 }
 
-/// How a file in Prusa's container is called.
+/// Ending of the name of a file in Prusa's container.
 pub const BBF_SUFFIX: &str = ".bbf";
 
 /// Bytes of flash that the container's header takes before the image, from the beginning of a sector on.

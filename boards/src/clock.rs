@@ -3,7 +3,7 @@
 //! USB wants 48 MHz and the planner counts ticks of 84 MHz, so both must come out without a remainder; a crystal that
 //! cannot do that is refused. The timers count at the slow bus's frequency, twice that where it is divided (RM0090 7.2,
 //! RM0390 6.2). 84 MHz is what they have at 168 MHz. An STM32F446 could run at 180 MHz, USB from its second PLL, but its
-//! timers would then count at 90 MHz or 180 MHz, of which 84 MHz cannot be made: motion that is true is worth 7 % of the
+//! timers would then count at 90 MHz or 180 MHz, from which 84 MHz cannot be derived: exact ticks are worth 7 % of the
 //! core's speed. So all three chips run at 168 MHz, without over-drive and without the second PLL.
 
 use ferrostep_planner::TICKS_PER_SECOND;
@@ -17,13 +17,13 @@ pub const USB_HZ: u32 = 48_000_000;
 pub const INTERNAL_HZ: u32 = 16_000_000;
 
 /// What a crystal may have, MHz: those for which this search and the one of stm32f4xx-hal find the same numbers of the PLL. The
-/// HAL stores its own numbers when it is told of the clock (`hal-shim/stm32f4-board/src/clock.rs`), and they must change nothing.
+/// HAL stores its own numbers when it takes the clock over (`hal-shim/stm32f4-board/src/clock.rs`), and they must change nothing.
 pub const CRYSTALS_MHZ: [u32; 4] = [8, 12, 16, 25];
 
-/// What the PLL multiplies, Hz (RM0090 7.3.2, RM0390 6.3.2: nearest to 2 MHz has the least jitter).
+/// Input of the PLL after its divider M, Hz (RM0090 7.3.2, RM0390 6.3.2: nearest to 2 MHz has the least jitter).
 pub const PLL_INPUT_HZ: std::ops::RangeInclusive<u32> = 1_000_000..=2_000_000;
 
-/// What it makes of that, Hz (as above).
+/// Its output, Hz (as above).
 pub const PLL_OUTPUT_HZ: std::ops::RangeInclusive<u32> = 100_000_000..=432_000_000;
 
 /// Numbers of the PLL (as above): input divided by M, multiplied by N; the core divides by P, USB by Q.
@@ -48,7 +48,7 @@ impl Pll {
     }
 }
 
-/// Frequencies and what makes them.
+/// A clock: its frequencies, and the numbers of the PLL and dividers that give them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Clock {
     /// The PLL.
@@ -156,8 +156,8 @@ mod tests {
         Pll { m, n, p, q: (input_hz * n).div_ceil(USB_HZ) }
     }
 
-    /// The HAL is told of the clock when it runs, and stores its PLL's numbers once more. With the crystals that a board may have, and
-    /// with the internal oscillator, they are the same.
+    /// The HAL takes the clock over when it runs, and stores its PLL's numbers once more. They are the same with the crystals
+    /// that a board may have, and with the internal oscillator.
     #[test]
     fn the_hal_finds_the_same_pll() {
         for chip in chips() {

@@ -14,7 +14,7 @@ use crate::pin::Pin;
 use crate::registers;
 use crate::store::Store;
 
-/// KiB at the start of RAM that are the stack's. The deepest path through each image is computed and held to it.
+/// KiB at the start of RAM for the stack. A test computes the deepest path through each image and compares it with this.
 pub const STACK_KIB: u32 = 20;
 
 /// The same in the images that measure: each part that is counted has a planner of its own on the stack.
@@ -28,7 +28,7 @@ pub fn rust(board: &Board) -> String {
     let has_card = board.card.is_some();
     let card_detect = board.card.and_then(|card| card.detect).map(|pin| (pin.port, pin.number));
     let family = board.chip.family;
-    // The core is as fast with either oscillator; what stands once below holds for both.
+    // The core is as fast with either oscillator: each constant below holds for both.
     let Clock { core_hz, apb1_divider, apb2_divider, flash_wait_states, .. } = *clock;
     let [apb1_code, apb2_code] = [apb1_divider, apb2_divider].map(Clock::divider_code);
     let plls = [clock.pll.register(true), internal_clock.pll.register(false)];
@@ -127,7 +127,7 @@ fn thermal(board: &Board) -> String {
     )
 }
 
-/// Registers that are not there: what is changed is written down.
+/// Registers in the place of a chip's: every store is recorded.
 #[derive(Default)]
 struct Script(Vec<Store>);
 
@@ -144,7 +144,7 @@ impl Registers for Script {
         self.0.push(Store { address, clear, set });
     }
 
-    /// A store that changes nothing loads first: it reads back.
+    /// A store that changes nothing stands for a read-back.
     fn switch_clocks_on(&mut self, address: u32, clocks: u32) {
         self.modify(address, 0, clocks);
         self.modify(address, 0, clocks);
@@ -197,7 +197,7 @@ fn stores(name: &str, stores: &[Store]) -> String {
     format!("pub static {name}: [Store; {}] = [\n{words}];\n", stores.len())
 }
 
-/// The linker's memories, as `memory.x` includes them, with so much of RAM for the stack.
+/// The linker's memories, as `memory.x` includes them, with this much of RAM for the stack.
 pub fn memories(board: &Board, stack_kib: u32) -> String {
     let flash_length = board.flash_kib * 1024 - board.boot_offset;
     let (stack_length, ram_length) = (stack_kib * 1024, (board.ram_kib - stack_kib) * 1024);

@@ -1,4 +1,4 @@
-//! Whether a board can be the machine that a profile describes.
+//! Whether a board has what a profile needs.
 
 use ferrostep_checked_toml::FileError;
 use ferrostep_printer::{HeaterSettings, HomeSensor, Profile};
@@ -10,7 +10,7 @@ use crate::board::{Board, Driver, DriverUart, Motor};
 use crate::pin::Pin;
 
 impl Driver {
-    /// Shortest step pulse that it sees, ns, where its data sheet says (STEP high and low time; A4988 and TMC5160:
+    /// Shortest step pulse that it counts, ns, where its data sheet says (STEP high and low time; A4988 and TMC5160:
     /// timing tables; DRV8825: 7.6; TMC2130, 2208, 2209: STEP/DIR interface).
     const fn shortest_pulse_ns(self) -> u32 {
         match self {
@@ -67,14 +67,14 @@ pub fn wiring(board: &Board, profile: &Profile) -> [Option<DriverWiring>; 4] {
     })
 }
 
-/// Holds a profile against the board.
+/// Compares a profile with the board.
 ///
 /// # Errors
 /// The board lacks something that the profile needs; the error names the profile's key and line.
 pub fn check(board: &Board, profile: &Profile, profile_name: &str) -> Result<(), FileError> {
     for (motor, settings) in board.motors.iter().zip(&profile.drivers) {
         let driver = format!("{:?}", motor.driver).to_lowercase();
-        // A driver must be told to step at both edges (its bit `dedge`).
+        // A driver steps at both edges only if its bit `dedge` is set over its serial line.
         let is_told = settings.is_some() && can_be_set(motor);
         if profile.driver.both_edges && motor.driver != Driver::None && !is_told {
             let expected = format!(
@@ -153,7 +153,7 @@ fn check_heater(board: &Board, name: &str, settings: &HeaterSettings, profile_na
     {
         return refuse("sensor", &kind, format!("\"{of_board}\", the thermistor at the input {}", thermistor.name));
     }
-    // The circuit is the board's, whatever a profile for many boards takes for granted.
+    // The pull-up resistor is the board's; a profile for many boards may assume another.
     if f64::from(settings.thermistor.pull_up_ohm) != thermistor.pull_up_ohm {
         let ohm = settings.thermistor.pull_up_ohm.to_string();
         return refuse("pull_up_ohm", &ohm, format!("{} ohm, the resistor", thermistor.pull_up_ohm));

@@ -1,4 +1,4 @@
-//! The keys of a board, each read by one line, and what concerns more than one of them.
+//! The keys of a board, each read by one line, and the checks that need more than one of them.
 
 use ferrostep_checked_toml::{Range, Section, range};
 
@@ -134,7 +134,7 @@ fn card(table: &Section<'_>, pins: &mut Pins<'_>) -> CardSlot {
     CardSlot { lines, detect }
 }
 
-/// What concerns more than one part of the board.
+/// The checks that need more than one part of the board.
 fn as_a_whole(board: &Board, keys: &Section<'_>) {
     let ports = board.motor_ports().len();
     if ports > MAX_MOTOR_PORTS {
@@ -168,7 +168,7 @@ fn as_a_whole(board: &Board, keys: &Section<'_>) {
     }
 }
 
-/// Those tables that are there.
+/// The tables that the file has.
 fn some<'r, T, const N: usize>(
     tables: &Section<'r>,
     names: [&'static str; N],

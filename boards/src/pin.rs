@@ -17,7 +17,7 @@ impl Pin {
         let mut letters = name.strip_prefix('P')?.chars();
         let port = letters.next().filter(char::is_ascii_uppercase)?;
         let digits = letters.as_str();
-        // One spelling a pin: `PE09` and `PE+9` are none.
+        // One spelling a pin: `PE09` and `PE+9` are refused.
         let number = digits.parse().ok().filter(|number: &u8| *number < 16 && number.to_string() == digits)?;
         Some(Self { port: port as u8 - b'A', number })
     }

@@ -1,4 +1,4 @@
-//! The pins of a board as they are given out: each once, and of the chip.
+//! The pins of a board as its keys claim them: each once, and only those that the chip has.
 
 use std::collections::BTreeMap;
 
@@ -8,10 +8,10 @@ use crate::chip::Chip;
 use crate::pin::Pin;
 use crate::signals::DEBUG_PINS;
 
-/// What a pin is used as.
+/// A pin's use.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Use {
-    /// As anything but what follows.
+    /// Any use without a rule of its own.
     Any,
     /// A motor's enable signal: motors may share it.
     Enable,
@@ -59,7 +59,7 @@ impl<'r> Pins<'r> {
         Some(self.take_named(&table.path(key), &name, usage))
     }
 
-    /// The pin of this name. A name that is not a pin's is refused already; PA0 then stands in for it.
+    /// The pin of this name. A name that is no pin's is refused already; PA0 replaces it then.
     pub fn take_named(&mut self, path: &str, name: &str, usage: Use) -> Pin {
         let Some(pin) = Pin::named(name) else { return Pin { port: 0, number: 0 } };
         let line = |path: &str| self.reader.line(path).unwrap_or_default();

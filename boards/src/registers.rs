@@ -20,8 +20,8 @@ const SCB_CCR: u32 = 0xe000_ed14;
 const CCR_AT_RESET: u32 = 1 << 9;
 const MPU_CTRL: u32 = 0xe000_ed94;
 
-/// In OSPEEDR, two bits a pin: the slowest edges, up to 100 ns at 50 pF (DS8626, I/O AC characteristics). That is short beside
-/// the pulses that drivers want, and faster edges ring on the long traces to them; Prusa's own firmware chooses it for these
+/// In OSPEEDR, two bits a pin: the slowest edges, up to 100 ns at 50 pF (DS8626, I/O AC characteristics). Pulses are much
+/// longer than that, and faster edges ring on the long traces to the drivers; Prusa's own firmware chooses it for these
 /// pins too.
 const LOW_SPEED: u32 = 0b00;
 /// In OSPEEDR: edges of up to 10 ns at 30 pF, for 12 MHz.
@@ -36,7 +36,7 @@ fn of_port(port: u8, offset: u32) -> u32 {
     gpio::port(port) + offset
 }
 
-/// One store for each port that has some of the pins: their fields of `width` bits get `value`.
+/// One store for each port that has any of the pins: their fields of `width` bits become `value`.
 fn fields(pins: &[Pin], offset: u32, width: u32, value: u32) -> Vec<Store> {
     let mut stores: Vec<Store> = Vec::new();
     for pin in pins {
@@ -55,7 +55,7 @@ fn fields(pins: &[Pin], offset: u32, width: u32, value: u32) -> Vec<Store> {
     stores
 }
 
-/// One store to BSRR for each port that has some of the pins.
+/// One store to BSRR for each port that has any of the pins.
 fn levels(high: &[Pin], low: &[Pin]) -> Vec<Store> {
     let mut words: Vec<(u8, u32)> = Vec::new();
     let set = high.iter().map(|pin| (pin.port, pin.bit()));
@@ -119,13 +119,13 @@ fn push_pull(pins: &[Pin]) -> Vec<Store> {
     [fields(pins, OTYPER, 1, 0), fields(pins, PUPDR, 2, 0)].concat()
 }
 
-/// Heaters off, whatever had their pins: low first, so that the change to an output is no pulse.
+/// Heaters off, whatever used their pins before: low first, so that the change to an output is no pulse.
 fn heaters_off(board: &Board) -> Vec<Store> {
     let heaters = heater_pins(board);
     [levels(&[], &heaters), fields(&heaters, MODER, 2, OUTPUT)].concat()
 }
 
-/// The image's first instructions: heaters off, motors off, and nothing left of what a boot loader may have started.
+/// The image's first instructions: heaters off, motors off, everything that a boot loader may have started off.
 pub fn first(board: &Board) -> Vec<Store> {
     let outputs = [heater_pins(board), enable_pins(board), signal_pins(board), board.serial.to_vec()].concat();
     let others = board.fans.iter().map(|fan| fan.pin).chain(thermistor_pins(board)).chain(card_pins(board));
@@ -137,7 +137,7 @@ pub fn first(board: &Board) -> Vec<Store> {
     stores.extend(levels(&enable_pins(board), &step_pins(board)));
     stores.extend(push_pull(&enable_pins(board)));
     stores.extend(fields(&enable_pins(board), MODER, 2, OUTPUT));
-    // Nothing ticks, no memory is guarded, and sleep is no deep sleep, which would stop all clocks.
+    // SysTick and the memory protection are off, and `wfi` sleeps lightly: a deep sleep would stop all clocks.
     stores.extend([SYST_CSR, MPU_CTRL, SCB_SCR].map(|register| Store::word(register, 0)));
     stores.push(Store::word(SCB_CCR, CCR_AT_RESET));
     stores.extend(as_after_reset(board.chip, ports));
@@ -150,8 +150,8 @@ pub fn first(board: &Board) -> Vec<Store> {
     stores
 }
 
-/// What the panic and fault handlers write: heaters off, motors off, the fans of nozzle and part full, and the USB port
-/// gone, so that its host ends too. A transistor that has failed closed goes on heating: what cools, cools.
+/// The stores of the panic and fault handlers: heaters off, motors off, the fans of nozzle and part full, and the USB port
+/// off the bus, so that its host stops too. A transistor that has failed closed goes on heating, so the fans cool.
 pub fn all_off(board: &Board) -> Vec<Store> {
     let fans: Vec<Pin> =
         board.fans.iter().filter(|fan| ["part", "hotend"].contains(&fan.name)).map(|fan| fan.pin).collect();
@@ -163,7 +163,7 @@ pub fn all_off(board: &Board) -> Vec<Store> {
     ]
     .concat();
     if board.usb.is_some() {
-        // Its clock may be off still.
+        // Its clock may still be off.
         let clock = Store { address: RCC_AHB2ENR, clear: 0, set: usb_controller::CLOCK };
         let disconnect = Store { address: usb_controller::DCTL, clear: 0, set: usb_controller::SOFT_DISCONNECT };
         stores.extend([clock, clock, disconnect]);
@@ -171,7 +171,7 @@ pub fn all_off(board: &Board) -> Vec<Store> {
     stores
 }
 
-/// What `init` writes: motors, thermistors and the serial line can be used, fans stand still.
+/// The stores of `init`: motors, thermistors and the serial line are ready, fans off.
 pub fn pins(board: &Board) -> Vec<Store> {
     let fans: Vec<Pin> = board.fans.iter().map(|fan| fan.pin).collect();
     let signals = signal_pins(board);
@@ -187,7 +187,7 @@ pub fn pins(board: &Board) -> Vec<Store> {
         fields(&signals, OSPEEDR, 2, LOW_SPEED),
         push_pull(&board.serial),
         fields(&board.serial, AFRL, 4, SERIAL_FUNCTION),
-        // An open line is silent.
+        // The pull-up keeps an open line silent.
         fields(&[receiver], PUPDR, 2, PULL_UP),
         fields(&board.serial, MODER, 2, ALTERNATE),
         card(board),

@@ -1,6 +1,6 @@
 //! What the chips' pins can be besides inputs and outputs: analogue channels, timer channels, serial lines.
 //!
-//! The three chips agree in what stands here; what a package lacks is refused before. Analogue channels: DS8626, table 7,
+//! The tables hold for all three chips; pins that a package lacks are refused before. Analogue channels: DS8626, table 7,
 //! and DS10693, table 10. Timers and serial lines: DS8626, table 9, and DS10693, table 11 (alternate functions).
 
 use crate::pin::Pin;
@@ -29,7 +29,7 @@ const SHARED_CHANNELS: [(&str, u8, bool); 16] = [
 const CHANNELS_OF_3: [(&str, u8); 8] =
     [("PF3", 9), ("PF4", 14), ("PF5", 15), ("PF6", 4), ("PF7", 5), ("PF8", 6), ("PF9", 7), ("PF10", 8)];
 
-/// Timers that the firmware needs for itself: steps, motion clock, count of updates.
+/// Timers that the firmware uses itself: steps, motion clock, count of updates.
 pub const TIMERS_IN_USE: [(&str, &str); 3] =
     [("TIM2", "makes the steps"), ("TIM5", "is the motion clock"), ("TIM9", "counts the step timer's updates")];
 

@@ -1,4 +1,4 @@
-//! The first stores of an image that make the chip as reset leaves it, whatever a boot loader has done with it.
+//! The first stores of an image: they restore the chip's state after reset, whatever a boot loader has changed.
 //!
 //! Addresses: RM0090 7.3 (RCC), 12.3 (EXTI), 2.3; RM0390 6.3, 10.3, 2.2. The clock's own registers follow in `init`
 //! (`hal-shim/stm32f4/src/clock_setup.rs`), for they are waited for; so does the power control, which must not be reset while a
@@ -38,7 +38,7 @@ pub fn as_after_reset(chip: Chip, ports: u32) -> Vec<Store> {
         stores.push(Store::word(ENR + offset, clocks));
         stores.push(Store::word(LPENR + offset, in_sleep));
     }
-    // No register of the RCC resets these.
+    // No bit of the RCC resets these registers.
     stores.extend(EXTI_SETTINGS.map(|offset| Store::word(EXTI + offset, 0)));
     stores.push(Store::word(EXTI_PR, EXTI_LINES));
     stores

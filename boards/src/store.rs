@@ -12,7 +12,7 @@ pub struct Store {
 }
 
 impl Store {
-    /// A register that is only written to.
+    /// A store that needs no read.
     pub(crate) fn word(address: u32, word: u32) -> Self {
         Self { address, clear: u32::MAX, set: word }
     }

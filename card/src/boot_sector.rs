@@ -1,4 +1,4 @@
-//! A volume's first block, checked before embedded-sdmmc computes with it.
+//! A volume's first block, checked before embedded-sdmmc uses its numbers.
 
 use ferrostep_hal_shim::card::Block;
 
@@ -9,15 +9,15 @@ const FAT16_CLUSTERS: u32 = 4085;
 const FAT32_CLUSTERS: u32 = 65_525;
 /// Clusters 0 and 1 do not exist.
 pub const FIRST_CLUSTER: u32 = 2;
-/// Numbers above are marks.
+/// Higher numbers are marks, not clusters.
 const MAX_CLUSTERS: u32 = 0x0FFF_FFF5;
 
-/// Why a block is no volume's first one.
+/// Why a block is not the first of a FAT volume.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NoVolume {
     /// It does not look like one.
     Foreign,
-    /// It is exFAT's.
+    /// It is the first block of an exFAT volume.
     ExFat,
     /// Its numbers contradict each other or the card.
     Damaged,

@@ -25,7 +25,7 @@ pub enum CardFailure {
     ReadOnly,
     /// The card is full.
     Full,
-    /// The file is another one than before.
+    /// The file differs from the one opened before.
     OtherFile,
     /// No file is open.
     NoFile,

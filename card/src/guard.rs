@@ -1,8 +1,8 @@
-//! A slot whose card may be damaged: what keeps embedded-sdmmc from panicking on it, or from reading without end.
+//! Guards embedded-sdmmc from a damaged card, on which it would panic or read without end.
 //!
 //! embedded-sdmmc 0.10 trusts a card: a folder whose chain of clusters is a ring is read for ever, half of a surrogate pair in
-//! a long name or a cluster number of more than 28 bits panics. The guard sits below it and sees every block. It has a
-//! budget of blocks for each task, refuses blocks that the card does not have, and mends folders on their way.
+//! a long name or a cluster number of more than 28 bits panics. The guard passes every block on. It has a budget of blocks
+//! for each task, refuses blocks that the card does not have, and repairs the entries of folders.
 
 use core::cell::Cell;
 
@@ -46,7 +46,7 @@ pub struct Guard<S> {
     budget: Cell<u32>,
     purpose: Cell<Purpose>,
     tables: Cell<Tables>,
-    /// The block after the volume's last one; as many as the card has, where none is mounted.
+    /// The block after the volume's last one; without a mounted volume, the card's number of blocks.
     end: Cell<u32>,
     /// A block after the end was asked for.
     passed_end: Cell<bool>,
@@ -77,7 +77,7 @@ impl<S: CardSlot> Guard<S> {
         self.is_whole.set(true);
     }
 
-    /// A volume is looked for: all blocks may be read.
+    /// Allows all blocks, for the search for a volume.
     pub fn open_all(&self) {
         self.end.set(u32::MAX);
         self.is_whole.set(false);
@@ -95,7 +95,7 @@ impl<S: CardSlot> Guard<S> {
         self.passed_end.take()
     }
 
-    /// A task begins that may read and write so many blocks.
+    /// Begins a task that may read and write this many blocks.
     pub fn begin(&self, purpose: Purpose, budget: u32) {
         self.purpose.set(purpose);
         self.budget.set(budget);
@@ -106,7 +106,7 @@ impl<S: CardSlot> Guard<S> {
         self.budget.get()
     }
 
-    /// From now on blocks are read for this.
+    /// Sets what the next blocks are read for.
     pub fn set_purpose(&self, purpose: Purpose) {
         self.purpose.set(purpose);
     }
@@ -146,7 +146,7 @@ fn made_up_partitions(block: &mut Block, card_blocks: u32) {
     }
 }
 
-/// Mends a folder's entries: cluster numbers have 28 bits, and no part of a long name begins with half a pair.
+/// Repairs a folder's entries: cluster numbers get 28 bits, and no part of a long name begins with half a pair.
 fn mend_folder(block: &mut Block, names_too: bool) {
     for slot in block.contents.as_chunks_mut::<SLOT_BYTES>().0 {
         let is_name = slot.get(ATTRIBUTES).is_some_and(|attributes| attributes & 0x3F == LONG_NAME);
@@ -155,7 +155,7 @@ fn mend_folder(block: &mut Block, names_too: bool) {
                 && let Some(top) = slot.get_mut(FIRST_CHARACTER_TOP)
                 && (0xD8..=0xDF).contains(top)
             {
-                // A Chinese character in its place.
+                // Replaced by a Chinese character.
                 *top = 0x4E;
             }
         } else if let Some(top) = slot.get_mut(FIRST_CLUSTER_TOP) {
@@ -184,7 +184,7 @@ impl<S: CardSlot> BlockDevice for Guard<S> {
 
     fn write(&self, blocks: &[Block], first: BlockIdx) -> Result<(), CardError> {
         for (index, block) in (first.0..=u32::MAX).zip(blocks) {
-            // What was read for its names is not what the card holds.
+            // Blocks read for their names are repaired: written back, they would change the card.
             if self.purpose.get() == Purpose::Names {
                 return Err(CardError::Damaged);
             }

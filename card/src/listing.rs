@@ -16,9 +16,9 @@ pub const SHORT_PATH_BYTES: usize = 13 * (MAX_DEPTH + 1);
 pub const LONG_PATH_BYTES: usize = 256;
 /// Bytes of a page: more than the longest line.
 pub const PAGE_BYTES: usize = 512;
-/// A list ends after so many files: the folders of a damaged card may contain each other.
+/// Maximum of files in a list: the folders of a damaged card may contain each other.
 const MAX_FILES: u16 = 4096;
-/// A list ends after so many blocks; a folder of 1000 files with long names takes 12,000, as every page looks through it anew.
+/// Maximum of blocks read for a list; a folder of 1000 files with long names takes 12,000, as every page looks through it anew.
 const MAX_BLOCKS: u32 = 65_536;
 
 /// A path of short names.
@@ -28,7 +28,7 @@ pub type LongPath = heapless::String<LONG_PATH_BYTES>;
 /// Lines, each with its line end.
 pub type Page = heapless::String<PAGE_BYTES>;
 
-/// What a line says of a file besides its path of short names and its size.
+/// Optional fields of a line, besides the path of short names and the size.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ListOptions {
     /// The path of long names.
@@ -50,7 +50,7 @@ pub struct Cursor {
     blocks: u32,
 }
 
-/// What a look into a folder has come to.
+/// How the search of a folder ended.
 // There is one at a time, and no heap.
 #[allow(clippy::large_enum_variant)]
 enum Step {
@@ -90,12 +90,12 @@ struct Names {
     long: LongPath,
 }
 
-/// A long name, without what would end a line or drive a terminal.
+/// A long name, without characters that end a line or control a terminal.
 fn clean(out: &mut LongPath, text: &str) -> fmt::Result {
     text.chars().try_for_each(|char| out.write_char(if char.is_control() || char == '/' { '_' } else { char }))
 }
 
-/// What is listed: no volume names, hidden files, links to parents.
+/// Whether an entry is listed: volume names, hidden files and links to parents are not.
 fn names(entry: &DirEntry, long: Option<&str>) -> Option<Names> {
     let mut names = Names { short: short_name(entry), long: LongPath::new() };
     if entry.attributes.is_volume() || entry.attributes.is_hidden() || names.short.starts_with('.') {
@@ -111,7 +111,7 @@ fn names(entry: &DirEntry, long: Option<&str>) -> Option<Names> {
     (!names.long.starts_with('.')).then_some(names)
 }
 
-/// Whether a file may be printed: what begins with a G, as Marlin lists it (GCO, G, GPR of prepared jobs), and binary G-code.
+/// Whether a file may be printed: extensions that begin with a G, as Marlin lists it (GCO, G, GPR of prepared jobs), and BGC.
 fn is_job(entry: &DirEntry) -> bool {
     let extension = entry.name.extension();
     matches!(extension.first(), Some(b'G' | b'g')) || extension.eq_ignore_ascii_case(b"BGC")
@@ -170,7 +170,7 @@ pub fn fill_page<S: CardSlot>(
     Ok(false)
 }
 
-/// Looks through the cursor's folder from where it is.
+/// Lists the cursor's folder from its present entry on.
 fn look<S: CardSlot>(
     manager: &Manager<S>,
     mounted: &Mounted,
@@ -202,7 +202,7 @@ fn look<S: CardSlot>(
                 let length = page.len();
                 if write_line(page, (&short, &long), entry, &names, options).is_err() {
                     page.truncate(length);
-                    // A page has room for any line; where even that fails the file is passed.
+                    // A page has room for any line; if one does not fit all the same, the file is left out.
                     if length > 0 {
                         step = Step::Full;
                         return ControlFlow::Break(());

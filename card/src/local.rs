@@ -1,4 +1,4 @@
-//! A card whose task runs whenever the printer looks at the mailbox: on the desk, where nothing else waits.
+//! A card whose task runs whenever the printer looks at the mailbox: for the desk, which has no tasks.
 
 use core::cell::RefCell;
 
@@ -11,7 +11,7 @@ use crate::server::CardServer;
 pub struct LocalCard<S: CardSlot>(RefCell<(Mailbox, CardServer<S>)>);
 
 impl<S: CardSlot> LocalCard<S> {
-    /// Of a slot.
+    /// A mailbox and a server of a slot.
     pub fn new(slot: S) -> Self {
         Self(RefCell::new((Mailbox::new(), CardServer::new(slot))))
     }

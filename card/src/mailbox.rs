@@ -1,13 +1,13 @@
-//! What the printer and the card's task exchange: requests and answers, blocks that are read ahead or wait to be written.
+//! Requests and answers between printer and card task, and blocks that are read ahead or wait to be written.
 //!
-//! The printer never waits for the card within a call: it asks, and looks later.
+//! No call of the printer waits for the card: it asks, and polls for the answer.
 
 use ferrostep_hal_shim::card::Block;
 
 use crate::failure::CardFailure;
 use crate::listing::{ListOptions, LongPath, Page, ShortPath};
 
-/// What the printer wants of the card's task.
+/// A request of the printer to the card's task.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Request {
     /// Start the card and look for its volume.
@@ -18,9 +18,9 @@ pub enum Request {
     List(ListOptions, ListFrom),
     /// Open a file to be printed; whatever was open is closed.
     Open(LongPath),
-    /// Go on with the file that could not be read any more.
+    /// Open the file again after a read failed, and continue with it.
     Reopen,
-    /// Read on from this byte.
+    /// Continue reading at this byte.
     Seek(u32),
     /// Close the file.
     Close,
@@ -54,7 +54,7 @@ pub struct OpenedFile {
     pub size: u32,
 }
 
-/// What the card's task has done.
+/// An answer of the card's task.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Answer {
     /// It is done.
@@ -66,23 +66,23 @@ pub enum Answer {
     },
 }
 
-/// What the printer gets of the file that is read.
+/// The result of taking bytes of the file that is read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Taken {
-    /// So many bytes.
+    /// This many bytes.
     Bytes(usize),
     /// The card's task is at work.
     Wait,
     /// The file has ended.
     End,
-    /// It could not be read on. What was read before has been taken.
+    /// Reading failed. Everything read before has been taken.
     Failed(CardFailure),
 }
 
-/// What became of bytes to be written.
+/// The result of putting bytes to be written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Put {
-    /// So many were taken.
+    /// This many bytes were taken.
     Bytes(usize),
     /// The card's task is at work.
     Wait,
@@ -244,13 +244,13 @@ impl Mailbox {
         &mut self.page
     }
 
-    /// Begins with a file from a place on, with nothing read or written.
+    /// Begins a file at a place; both blocks are empty.
     pub(crate) fn begin(&mut self, stream: Stream, position: u32) {
         self.buffers.iter_mut().for_each(Buffer::clear);
         (self.stream, self.position) = (stream, position);
     }
 
-    /// Goes on with the file after what was read.
+    /// Continues the file after the bytes that were read.
     pub(crate) fn go_on(&mut self) {
         self.stream = Stream::Reading;
     }
@@ -284,7 +284,7 @@ impl Mailbox {
         self.stream == Stream::Writing && first.filled == Block::LEN
     }
 
-    /// Copies the block that is to be written next; how much of it there is. `all`: also one that is not full.
+    /// Copies the block that is to be written next and returns its length. `all`: also one that is not full.
     pub(crate) fn take_block(&mut self, out: &mut [u8; Block::LEN], all: bool) -> usize {
         let [first, second] = &mut self.buffers;
         if self.stream != Stream::Writing || first.filled < if all { 1 } else { Block::LEN } {
@@ -298,13 +298,13 @@ impl Mailbox {
     }
 }
 
-/// How the printer comes to the mailbox.
+/// The printer's access to the mailbox.
 pub trait CardPort {
     /// Calls `act` with the mailbox. The card's task goes on in between.
     fn with(&self, act: &mut dyn FnMut(&mut Mailbox));
 }
 
-/// How the card's task comes to the mailbox.
+/// The card task's access to the mailbox.
 pub trait SharedMailbox {
     /// Calls `act` with the mailbox.
     fn with<T>(&mut self, act: impl FnOnce(&mut Mailbox) -> T) -> T;

@@ -13,7 +13,7 @@ use crate::volume::{Manager, Mounted, NoClock, close, find, mount, open_folder, 
 
 /// embedded-sdmmc counts its handles from here.
 const FIRST_HANDLE: u32 = 1;
-/// A block that cannot be read is tried again so often, with the card started anew.
+/// Number of further attempts to read a block, each after a new start of the card.
 const RETRIES: u32 = 2;
 
 /// What is open.
@@ -36,7 +36,7 @@ pub struct CardServer<S: CardSlot> {
 }
 
 impl<S: CardSlot> CardServer<S> {
-    /// Of a slot with whatever is in it, not mounted yet.
+    /// A server of a slot; no card is mounted yet.
     pub fn new(slot: S) -> Self {
         let manager = Manager::new_with_limits(Guard::new(slot), NoClock, FIRST_HANDLE);
         Self { manager, mounted: None, open: Open::Nothing, cursor: Cursor::new() }
@@ -47,7 +47,7 @@ impl<S: CardSlot> CardServer<S> {
         self.manager.device(|guard| act(guard.slot()))
     }
 
-    /// Does one thing that the mailbox waits for; `false` where there is nothing to do.
+    /// Does one task that the mailbox waits for; `false` if it waits for none.
     pub fn serve(&mut self, mailbox: &mut impl SharedMailbox) -> bool {
         if let Some(request) = mailbox.with(Mailbox::take_request) {
             let answer = self.fulfil(request, mailbox);
@@ -156,7 +156,7 @@ impl<S: CardSlot> CardServer<S> {
         self.manager.device(|guard| guard.begin(Purpose::Data, mounted.budget()));
         let mut outcome = source.read(&self.manager, *file, &mut block);
         for _ in 0..RETRIES {
-            // The same card, put in again, would have to be looked at first: it may hold another file.
+            // Even the same card, put in again, must be checked first: it may hold another file.
             let may_retry = outcome.is_err() && self.manager.device(|guard| guard.slot().is_still_started());
             if may_retry {
                 self.manager.device(|guard| guard.begin(Purpose::Data, mounted.budget()));
@@ -220,9 +220,9 @@ impl<S: CardSlot> CardServer<S> {
         Ok(self.manager.close_file(file)?)
     }
 
-    /// Closes whatever is open.
+    /// Closes the file that is open, if any.
     fn close(&mut self, mailbox: &mut impl SharedMailbox) {
-        // Of a file that is given up nothing more is said.
+        // The file is given up: a failure to close it changes nothing.
         let _ = self.finish(mailbox);
         if let Open::Reading(file, _) = core::mem::replace(&mut self.open, Open::Nothing) {
             let _ = self.manager.close_file(file);

@@ -13,7 +13,7 @@ use crate::volume::{Manager, Mounted, close, find, open_folder, split_file};
 const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 const BLOCK_BYTES: u32 = Block::LEN_U32;
 
-/// By what a file is known again: its path, its length, what was read of it first and last.
+/// Identifies a file after its card was pulled out: path, length, and its first and last blocks that were read.
 #[derive(Clone, Debug)]
 pub struct Source {
     path: ShortPath,
@@ -31,10 +31,10 @@ impl Source {
         Self { path, size, offset: 0, first_crc: None, last: None }
     }
 
-    /// Reads the next block, up to the next whole one; how much that was, 0 at the end.
+    /// Reads up to the end of the present block; returns the number of bytes, 0 at the end of the file.
     ///
     /// # Errors
-    /// The card cannot be read; nothing has changed.
+    /// The card cannot be read; the place is unchanged.
     pub fn read<S: CardSlot>(
         &mut self,
         manager: &Manager<S>,
@@ -58,10 +58,10 @@ impl Source {
         Ok(length)
     }
 
-    /// Reads on from here.
+    /// Continues reading at this place.
     ///
     /// # Errors
-    /// It is beyond the end.
+    /// The place is beyond the end.
     pub fn seek(&mut self, offset: u32) -> Result<(), CardFailure> {
         if offset > self.size {
             return Err(CardFailure::NotFound);
@@ -73,7 +73,7 @@ impl Source {
     /// Opens the file again, on what may be another card.
     ///
     /// # Errors
-    /// It is missing or another one, or the card cannot be read.
+    /// The file is missing or differs, or the card cannot be read.
     pub fn reopen<S: CardSlot>(&self, manager: &Manager<S>, mounted: &Mounted) -> Result<RawFile, CardFailure> {
         let (file, size) = open(manager, mounted, &self.path)?;
         let checked = if size == self.size { self.check(manager, file) } else { Err(CardFailure::OtherFile) };
@@ -95,7 +95,7 @@ impl Source {
     }
 }
 
-/// Reads a file's block; how much of it there is.
+/// Reads a file's block and returns its length.
 fn read_block<S: CardSlot>(
     manager: &Manager<S>,
     file: RawFile,
@@ -113,7 +113,7 @@ fn read_block<S: CardSlot>(
 /// Opens a file to be read: the file and its length.
 ///
 /// # Errors
-/// There is none, or it is longer than the card.
+/// The file is missing, or longer than the card.
 pub fn open<S: CardSlot>(manager: &Manager<S>, mounted: &Mounted, path: &str) -> Result<(RawFile, u32), CardFailure> {
     let (parent, name) = split_file(path);
     let folder = open_folder(manager, mounted, parent)?;

@@ -1,4 +1,4 @@
-//! The clusters of a deleted file: embedded-sdmmc leaves them taken.
+//! Frees the clusters of a deleted file, which embedded-sdmmc leaves marked as used.
 
 use ferrostep_hal_shim::card::{Block, BlockDevice, BlockIdx, CardSlot};
 

@@ -21,7 +21,7 @@ const FOLDER_BLOCKS: u32 = 4096;
 /// Folders that are open at a time: one, and the next on the path.
 const OPEN_FOLDERS: usize = 2;
 
-/// A board has no clock of the day: files get the first day of FAT.
+/// A board has no real-time clock: files get the first day of FAT.
 pub struct NoClock;
 
 impl TimeSource for NoClock {
@@ -38,7 +38,7 @@ pub type Manager<S> = VolumeManager<Guard<S>, NoClock, OPEN_FOLDERS, 1, 1>;
 pub struct Mounted {
     /// embedded-sdmmc's handle.
     pub volume: RawVolume,
-    /// Where everything is.
+    /// Its layout.
     pub layout: Layout,
     /// The block at which it begins.
     pub start: u32,
@@ -92,10 +92,10 @@ pub fn mount<S: CardSlot>(manager: &Manager<S>) -> Result<Mounted, CardFailure> 
     Ok(Mounted { volume: manager.open_raw_volume(VolumeIdx(index))?, layout, start })
 }
 
-/// A folder, which is to be closed again: [`close`].
+/// Opens a folder; the caller closes it ([`close`]).
 ///
 /// # Errors
-/// A part of the path is missing or no folder.
+/// A part of the path is missing or is not a folder.
 pub fn open_folder<S: CardSlot>(
     manager: &Manager<S>,
     mounted: &Mounted,
@@ -147,7 +147,7 @@ pub fn walk<S: CardSlot>(
     let mut name = [0; LONG_NAME_BYTES];
     manager.device(|guard| guard.set_purpose(Purpose::Names));
     let walked = manager.iterate_dir_lfn(folder, &mut LfnBuffer::new(&mut name), visit);
-    // Asking for the device forgets the block that was read last, whose names may have been mended.
+    // Asking for the device drops the cached block, whose names may have been repaired.
     manager.device(|guard| guard.set_purpose(Purpose::Folders));
     Ok(walked?)
 }
@@ -155,7 +155,7 @@ pub fn walk<S: CardSlot>(
 /// The entry of a folder with this name, short or long.
 ///
 /// # Errors
-/// There is none, or the card cannot be read.
+/// No entry has the name, or the card cannot be read.
 pub fn find<S: CardSlot>(manager: &Manager<S>, folder: RawDirectory, name: &str) -> Result<DirEntry, CardFailure> {
     let mut found = None;
     walk(manager, folder, |entry, long| {

@@ -2,7 +2,7 @@
 //!
 //! The first version of the format, which boot loaders before and after 2.0 read: a signature, the SHA-256 of all that follows,
 //! a header, the image. Source: Prusa-Firmware-Buddy, `utils/pack_fw.py` and `utils/unpack_bbf.py`. Only Prusa can sign:
-//! in place of the signature there are zeros, and a boot loader takes that once the board's appendix is broken.
+//! the signature here is zeros, which a boot loader accepts once the board's appendix is broken.
 
 use ferrostep_boards::BBF_HEADER_BYTES;
 use sha2::{Digest, Sha256};
@@ -21,13 +21,13 @@ const HEADER_BYTES: usize = BBF_HEADER_BYTES as usize - HASH_BYTES;
 /// Number of the MINI among Prusa's printers: the only one with such a chip.
 const PRINTER_MINI: u8 = 2;
 
-/// The printer's version; to a reader the same byte says that this is the format's first.
+/// The printer's version; readers take the same byte for the format's, the first.
 const PRINTER_VERSION: u8 = 1;
 
 /// A version's three numbers.
 ///
 /// # Errors
-/// It is not `major.minor.patch`, each from 0 to 255, as the header has a byte for each.
+/// It is not `major.minor.patch`, each from 0 to 255: the header has a byte for each.
 fn numbers(version: &str) -> Result<[u8; 3], Failure> {
     let core = version.split(['-', '+']).next().unwrap_or_default();
     let parts: Result<Vec<u8>, _> = core.split('.').map(str::parse).collect();

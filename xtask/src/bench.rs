@@ -23,7 +23,7 @@ use crate::steps::{Failure, Run};
 /// Arguments of `bench`.
 #[derive(Clone, Copy, Debug, clap::Args)]
 pub struct Options {
-    /// Prints one JSON object and nothing else on standard output
+    /// Prints one JSON object, alone, on standard output
     #[arg(long)]
     json: bool,
     /// Fails if a count of the target or the image's size is more than 3 % above the committed baseline

@@ -11,7 +11,7 @@ pub const TARGET: &str = "thumbv7em-none-eabihf";
 
 /// Where the target's core library comes from.
 pub enum CoreLibrary {
-    /// Installed by rustup, used as ever.
+    /// Installed by rustup.
     Installed,
     /// Compiled with the image, from the toolchain's component `rust-src`: a mirror of rustup's downloads may lack the
     /// target.
@@ -46,7 +46,7 @@ pub fn find() -> Result<CoreLibrary, Failure> {
     ))
 }
 
-/// Whether the compiler in use has the target's libraries. Asks the compiler, so that rustup need not be there.
+/// Whether the compiler in use has the target's libraries. The compiler knows, even without rustup.
 fn target_is_installed() -> bool {
     rustc_prints(&["target-libdir", "--target", TARGET]).is_some_and(|folder| Path::new(&folder).is_dir())
 }
@@ -67,7 +67,7 @@ pub fn compiler_version() -> Result<String, Failure> {
         .ok_or_else(|| "`rustc --version` fails".to_owned())
 }
 
-/// Packages whose speed on the desk is worth more than on a board, where flash is short, and their level in an image.
+/// Packages that are optimised for speed on the desk and for size in an image, and their level there.
 const IMAGE_LEVELS: [(&str, &str); 3] =
     [("ferrostep-gcode", "\"s\""), ("ferrostep-planner", "\"s\""), ("\"*\"", "\"s\"")];
 
@@ -80,7 +80,7 @@ impl CoreLibrary {
         }
         if let CoreLibrary::FromSource = self {
             command.args(["-Zbuild-std=core,compiler_builtins", "-Zbuild-std-features=compiler-builtins-mem"]);
-            // Most of what is linked of it writes texts: 2 KB of flash less.
+            // The linked part mostly formats text: optimised for size it takes 2 KB less.
             command.args(["--config", "profile.release.package.core.opt-level=\"s\""]);
             // -Zbuild-std wants a nightly compiler or this; the crates themselves use no nightly feature.
             command.env("RUSTC_BOOTSTRAP", "1");

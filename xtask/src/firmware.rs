@@ -1,4 +1,4 @@
-//! The firmware's images: built for a board, written as its boot loader wants them, and their sizes told.
+//! The firmware's images: built for a board, written in its boot loader's format, with a table of sizes.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -46,12 +46,12 @@ pub fn bytes(text: &str) -> Result<u32, String> {
 #[derive(Clone, Debug)]
 pub struct Target {
     board: Board,
-    /// As cargo's build scripts find them from wherever they run.
+    /// Names, or absolute paths, since build scripts run in other folders.
     board_variable: String,
     profile_variable: Option<String>,
-    /// Where the image begins if that is not where the board says.
+    /// Where the image begins, if not at the board's own offset.
     boot_offset: Option<u32>,
-    /// The features of the methods that its image has: all on the bench, which shows them, and else the profile's.
+    /// Features for the methods in its image: all of them on the bench, otherwise the profile's.
     methods: Vec<&'static str>,
 }
 
@@ -59,7 +59,7 @@ impl Target {
     /// A board by name or path, with a profile by name or path, or its own.
     ///
     /// # Errors
-    /// One of them is not right, or they do not fit; errors name file, line and key.
+    /// A file has a fault, or the two do not fit; errors name file, line and key.
     pub fn new(board: &str, profile: Option<&str>) -> Result<Self, Failure> {
         let loaded = ferrostep_boards::load(board).map_err(|error| error.to_string())?;
         let profile_name = profile.unwrap_or(&loaded.profile);
@@ -219,7 +219,7 @@ pub fn check(run: &mut Run) -> Result<(), Failure> {
                 system::run(&mut lint_command(&core_library, &target, &[package, chip].concat()))?;
             }
         }
-        // The tally is the bench's source over again, so that only that is looked at twice.
+        // The tally is the bench's source with another feature: only that package is linted twice.
         let bench = Target::bench()?;
         for targets in [
             ["--package", "ferrostep-bench", "--lib", "--bin=bench"].as_slice(),
@@ -238,7 +238,7 @@ pub fn sizes(image: &Path) -> Result<Sizes, Failure> {
     Sizes::of_elf(&bytes).map_err(|error| format!("{}: {error}", image.display()))
 }
 
-/// Whether a variable changes how cargo builds: it must not, so that every shell builds the same image.
+/// Whether a variable would change how cargo builds: it is removed, so that every shell builds the same image.
 fn changes_profile(variable: &str) -> bool {
     variable == "CARGO_INCREMENTAL" || variable.starts_with("CARGO_PROFILE_")
 }
@@ -281,7 +281,7 @@ fn build_command(core_library: &CoreLibrary, program: Program, target: &Target) 
     command.args(["--no-default-features", "--features", target.board.chip.feature]);
     command.arg("--target-dir").arg(system::target_directory().join("firmware"));
     match program {
-        // By its package's name, which the package alone decides. The other programs have all methods.
+        // Named after its package. The other programs have all methods.
         Program::Firmware => {
             for method in &target.methods {
                 command.args(["--features", method]);

@@ -1,4 +1,4 @@
-//! The generated parts of the book's pages: what stands between two marks is written by a task, the rest by hand.
+//! The generated parts of the book's pages: a task writes the text between two marks, a person the rest.
 
 use std::path::PathBuf;
 
@@ -13,7 +13,7 @@ const END: &str = "<!-- Here it ends. -->\n";
 pub struct Page {
     /// Where it is, from the root.
     pub path: &'static str,
-    /// What writes the part.
+    /// The command that writes the part.
     pub command: &'static str,
 }
 
@@ -50,7 +50,7 @@ impl Page {
         format!("<!-- What follows is written by `{}`. -->\n", self.command)
     }
 
-    /// What stands before the marks, between them, and after them.
+    /// The text before the marks, between them, and after them.
     fn parts(self, text: &str) -> Result<[&str; 3], Failure> {
         let parts = || {
             let (before, rest) = text.split_once(&self.begin())?;

@@ -6,11 +6,11 @@ use std::process::Command;
 use crate::steps::{Failure, Run};
 use crate::system;
 
-/// What is installed, and what without the packages that it asks for.
+/// The requirements, and those that are installed without their own dependencies.
 const REQUIREMENTS: &str = "tests/hosts/requirements.txt";
 const WITHOUT_DEPENDENCIES: &str = "tests/hosts/without-dependencies.txt";
 
-/// Makes the environment unless it is there as these files have it. Returns its folder.
+/// Makes the environment, unless one from the same files exists. Returns its folder.
 pub fn install(run: &mut Run) -> Result<PathBuf, Failure> {
     run.step("hosts: OctoPrint, printcore", || {
         let folder = system::target_directory().join("hosts");

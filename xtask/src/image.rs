@@ -1,4 +1,4 @@
-//! An image as boot loaders and programmers take it: the bytes of flash, plain or as Intel HEX.
+//! An image in the formats of boot loaders and programmers: the bytes of flash, plain or as Intel HEX.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -19,7 +19,7 @@ pub const IMAGES_VARIABLE: &str = "FERROSTEP_IMAGES";
 /// Bytes a line of Intel HEX, as programmers write it.
 const HEX_BYTES: usize = 16;
 
-/// What flash holds from an address on.
+/// The contents of flash from an address on.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Flash {
     /// The first byte's address.
@@ -32,7 +32,7 @@ impl Flash {
     /// The flash of an ELF file: its segments where they are loaded, which for variables is not where they run.
     ///
     /// # Errors
-    /// It is no ELF file of this kind, or holds nothing.
+    /// It is not such an ELF file, or has no bytes for flash.
     pub fn of_elf(elf: &[u8]) -> Result<Self, Failure> {
         let shown = |error: object::Error| format!("the image cannot be read: {error}");
         let file = ElfFile32::<LittleEndian>::parse(elf).map_err(shown)?;
@@ -76,10 +76,10 @@ impl Flash {
         ihex::create_object_file_representation(&records).map_err(|error| format!("Intel HEX: {error}"))
     }
 
-    /// Whether the board's flash has it where its boot loader looks.
+    /// Checks that it begins where the board's boot loader starts it, and fits the flash.
     ///
     /// # Errors
-    /// It has not.
+    /// It begins elsewhere, or is too long.
     pub fn check(&self, board: &Board) -> Result<(), Failure> {
         let end = u64::from(FLASH_ADDRESS) + u64::from(board.flash_kib) * 1024;
         let wanted = board.image_address();
@@ -98,8 +98,8 @@ pub fn images() -> PathBuf {
     system::target_directory().join("images")
 }
 
-/// The folder of a board's image. One that does not begin where the board's own does has another, so that neither is flashed
-/// in the other's place.
+/// The folder of a board's image. An image with another offset has a folder of its own, so that neither is flashed in the
+/// other's place.
 pub fn folder_of(board: &Board, is_elsewhere: bool) -> PathBuf {
     let place = if is_elsewhere { format!("-at-{:#010x}", board.image_address()) } else { String::new() };
     images().join(format!("{}{place}", board.name))
@@ -115,7 +115,7 @@ pub fn export(elf: &Path, board: &Board, folder: &Path) -> Result<PathBuf, Failu
     let bytes = fs::read(elf).map_err(|error| format!("{}: {error}", elf.display()))?;
     let flash = Flash::of_elf(&bytes).map_err(|error| format!("{}: {error}", elf.display()))?;
     flash.check(board)?;
-    // What another build has left under another name would be flashed by mistake.
+    // A file of an earlier build under another name could be flashed by mistake.
     if folder.exists() {
         fs::remove_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
     }
@@ -202,7 +202,7 @@ mod tests {
         assert!(folder_of(&buddy, false).ends_with("images/prusa-buddy"));
         let instead = buddy.at_boot_offset(0).unwrap();
         assert!(folder_of(&instead, true).ends_with("images/prusa-buddy-at-0x08000000"));
-        // Its flash is the whole one again.
+        // Without the boot loader all of the flash is the image's.
         let flash = |address, bytes: usize| Flash { address, bytes: vec![0; bytes] };
         assert_eq!(flash(0x0800_0000, 0x10_0000).check(&instead), Ok(()));
         assert!(flash(0x0802_0200, 4).check(&instead).unwrap_err().contains("wants 0x8000000"));

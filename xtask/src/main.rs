@@ -1,4 +1,4 @@
-//! Build, test, bench, flash: what CI and a person both type.
+//! Build, test, bench, flash: the same commands for CI and for a person.
 //!
 //! Each subcommand is a list of steps that run one after the other; the first that fails ends the run.
 #![forbid(unsafe_code)]
@@ -122,7 +122,7 @@ fn main() -> ExitCode {
     run.finish(result)
 }
 
-/// Everything a change must pass. Returns the path of the firmware image that was tested.
+/// All checks of a change. Returns the path of the firmware image that was tested.
 fn test(run: &mut Run) -> Result<PathBuf, Failure> {
     run.step("rustfmt and clippy are installed", || {
         system::rustup_component("rustfmt", "fmt")?;
@@ -168,8 +168,8 @@ fn test(run: &mut Run) -> Result<PathBuf, Failure> {
     Ok(image)
 }
 
-/// What takes too long for every change: the code as it is shipped must give the same answers as the checked one, also on
-/// cases that were not tried yet; and mutants show tests that notice nothing.
+/// Checks that take too long for every change: the tests on released code, with more and new random cases, and a part of the
+/// mutants, which show what the tests miss.
 fn slow_tests(run: &mut Run, image: &Path) -> Result<(), Failure> {
     policy::check(run)?;
     let seed = seed::of_this_run();

@@ -1,4 +1,4 @@
-//! The virtual mainboard: a workspace of its own (`mainboard/`), for its emulator wants a newer Rust than the rest.
+//! The virtual mainboard: a workspace of its own (`mainboard/`), since its emulator needs a newer Rust than the rest.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -16,7 +16,7 @@ pub struct Options {
     /// The machine: cartesian, corexy, prusa-mini or the path of a TOML file; the board's own by default
     #[arg(long)]
     profile: Option<String>,
-    /// The G-code to print; without a file, image and program are built only
+    /// The G-code to print; without a file the image and the program are only built
     file: Option<PathBuf>,
     /// The port that the host uses: "usb" or "uart"
     #[arg(long, default_value = "usb")]
@@ -58,7 +58,7 @@ fn folder() -> PathBuf {
 pub fn cargo_there() -> Command {
     let mut command = system::cargo();
     command.current_dir(folder());
-    // A target folder of the workspace around this program is not that one's.
+    // The target folder around this program belongs to the other workspace.
     command.env_remove("CARGO_TARGET_DIR");
     command
 }
@@ -77,7 +77,7 @@ const INSTRUCTIONS_PER_SECOND: u32 = 8_000_000;
 /// As many as a core at full speed has cycles: its counter of cycles then counts instructions.
 const CORE_HZ: u32 = 168_000_000;
 
-/// What a program of the bench counts with.
+/// The counter that a program of the bench reads.
 #[derive(Clone, Copy, Debug)]
 pub enum Counter {
     /// A timer, on the clock after reset.
@@ -86,7 +86,8 @@ pub enum Counter {
     Core,
 }
 
-/// A program for the bench that speaks by semihosting, so that what it counts is instructions; its files are in `folder`.
+/// The command that runs a program of the bench, which counts instructions and reports by semihosting; its files are in
+/// `folder`.
 pub fn counting(
     program: &Path,
     image: &Path,
@@ -105,7 +106,7 @@ pub fn counting(
     Ok(command)
 }
 
-/// Standard output of a program that is to end by itself, and in success.
+/// Standard output of a program that must end by itself, successfully.
 pub fn output_of(command: &mut Command) -> Result<String, Failure> {
     let output = command.output().map_err(|error| format!("cannot run {:?}: {error}", command.get_program()))?;
     let said = String::from_utf8_lossy(&output.stdout).into_owned();
@@ -165,7 +166,7 @@ pub fn check(run: &mut Run) -> Result<(), Failure> {
                 let program = &program;
                 scope.spawn(move || prints.iter().filter_map(|(board, via)| print(program, board, via).err()).collect())
             });
-            // Both begin before the first is waited for.
+            // Both run at the same time.
             let halves: Vec<_> = halves.collect();
             halves
                 .into_iter()
@@ -260,7 +261,7 @@ impl<'a> Machine<'a> {
     }
 }
 
-/// The lines before the layer after the last that is wanted. Slicers mark the beginning of a layer by one of two comments.
+/// The lines of the first layers. Slicers mark the beginning of a layer by one of two comments.
 fn first_layers(text: &str, layers: usize) -> String {
     let mut begun = 0;
     let wanted = text.lines().take_while(|line| {

@@ -1,4 +1,4 @@
-//! Mutants: the code with one small mistake each. One that no test notices survives, and is on the book's page.
+//! Mutants: the code with one small mistake each. The book's page lists the survivors, which no test notices.
 
 mod page;
 mod tried;
@@ -46,7 +46,7 @@ pub fn run(run: &mut Run, options: &Options) -> Result<(), Failure> {
     run.step("survivors against the page", || compare(&page::read()?, &tried, options.shard.is_none()))
 }
 
-/// One part of all, which follows from the seed of the run's random cases.
+/// Tries one part of all, chosen by the seed of the run's random cases.
 pub fn check_a_part(run: &mut Run, seed: u64) -> Result<(), Failure> {
     let shard = Some(format!("{}/{CI_SHARDS}", seed % CI_SHARDS));
     self::run(run, &Options { shard, ..Options::default() })
@@ -78,7 +78,7 @@ fn try_all(options: &Options) -> Result<Files, Failure> {
     files(&report)
 }
 
-/// The configuration without the files that it names, for others would be tried beside them. Where it is.
+/// Writes the configuration without its list of files, which cargo-mutants would add to those chosen; returns its path.
 fn config_without_files(folder: &Path) -> Result<PathBuf, Failure> {
     let text = std::fs::read_to_string(system::root().join(CONFIG)).map_err(|error| format!("{CONFIG}: {error}"))?;
     let mut config: toml::Table = text.parse().map_err(|error| format!("{CONFIG}: {error}"))?;
@@ -128,7 +128,7 @@ fn without_place(name: &str) -> &str {
     name.splitn(4, ':').last().unwrap_or(name).trim_start()
 }
 
-/// Nothing may survive that is not on the page. `is_whole`: all mutants of the files were tried.
+/// Compares the survivors with the page's; a new one is an error. `is_whole`: all mutants of the files were tried.
 fn compare(page: &Files, tried: &Files, is_whole: bool) -> Result<(), Failure> {
     let mut new = Vec::new();
     let mut fewer = false;
@@ -208,7 +208,7 @@ mod tests {
             let error = compare(&page, &files(tried(9, more)), false).unwrap_err();
             assert!(error.starts_with("1 survive") && error.contains(named), "{error}");
         }
-        // A file that is not there yet is only told.
+        // A file that is not on the page yet is only reported.
         assert_eq!(compare(&Files::new(), &page, true), Ok(()));
     }
 

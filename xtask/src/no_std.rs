@@ -1,4 +1,4 @@
-//! The check that the firmware's crates build where there is no std: on the board's processor.
+//! The check that the firmware's crates build for the board's processor, without std.
 
 use std::process::Command;
 
@@ -28,7 +28,7 @@ pub fn check(run: &mut Run) -> Result<(), Failure> {
     run.step("no_std check", || system::run(&mut check_command(&core_library)))
 }
 
-/// The check itself, in a target folder of its own: another compiler's results would be thrown away each time.
+/// The check itself, in a target folder of its own: sharing one with another compiler would rebuild everything each time.
 fn check_command(core_library: &CoreLibrary) -> Command {
     let mut command = cargo();
     command.args(["check", "--target-dir"]);

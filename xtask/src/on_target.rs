@@ -1,6 +1,6 @@
 //! Over a debug probe: flashing, and the tests that measure the board they run on.
 //!
-//! Without a probe those tests run on the virtual mainboard: there they count instructions, and cannot tell how late a step is.
+//! Without a probe those tests run on the virtual mainboard: there they count instructions, and do not measure how late a step is.
 
 use std::path::Path;
 use std::process::Command;
@@ -98,7 +98,7 @@ pub fn rehearse(run: &mut Run, mainboard: &Path) -> Result<(), Failure> {
     })
 }
 
-/// What the log says of a panic, with its place in the source, for a test that has to end in one.
+/// The log's line of a panic in the tests' source, for a test that must end in one.
 fn panicked(outcome: Result<String, Failure>) -> Result<String, Failure> {
     let Err(reason) = outcome else { return Err("it has not panicked".to_owned()) };
     let log: Vec<&str> = reason.lines().filter(|line| line.starts_with("log: error panicked at ")).collect();

@@ -1,4 +1,4 @@
-//! What holds for every file and every dependency: spelling, licences, sources.
+//! Rules for every file and every dependency: spelling, licences, sources.
 
 use crate::steps::{Failure, Run};
 use crate::system::{self, cargo};
@@ -6,8 +6,8 @@ use crate::system::{self, cargo};
 /// The workspaces, by their folders from the root.
 const WORKSPACES: [&str; 3] = [".", "mainboard", "fuzz"];
 
-/// Checks spelling by `typos.toml`, and all dependencies by `deny.toml`. Known vulnerabilities are not among it: their list is
-/// on the network and changes without us; [`advisories`] reads it for a release.
+/// Checks spelling by `typos.toml`, and all dependencies by `deny.toml`. It leaves known vulnerabilities
+/// out, since their list is on the network and changes daily; [`advisories`] reads it for a release.
 ///
 /// # Errors
 /// A program cannot be installed, a word is misspelt, or a dependency breaks a rule.

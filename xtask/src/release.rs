@@ -1,4 +1,4 @@
-//! A release: a folder with all that is given away, and what a stranger needs to trust it.
+//! A release: a folder with all files that users get, and what they need to check them.
 //!
 //! Images of all boards, the `ferrostep` command for this machine, a parts list (SBOM, CycloneDX) and the notices of others
 //! for each, the licence texts, this version's part of the changelog, and the SHA-256 of every file.
@@ -14,7 +14,7 @@ use crate::policy;
 use crate::steps::{Failure, Run};
 use crate::system::{self, cargo};
 
-/// What to leave out.
+/// Checks to leave out.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub struct Options {
     /// Writes a trial release although sources differ from the last commit, the commit has no tag `vVERSION`, or the list of
@@ -122,7 +122,7 @@ fn collect_images(folder: &Path, version: &str) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Packages of which something is given away, with the target that they are built for.
+/// Packages of which a release has a program, with the target that they are built for.
 fn packages() -> [(&'static str, Option<&'static str>); 2] {
     [("cli", None), ("app", Some(crate::core_library::TARGET))]
 }

@@ -7,7 +7,7 @@ use ferrostep_boards::constants::STACK_KIB;
 use object::elf::{SHF_ALLOC, SHF_WRITE};
 use object::{Object, ObjectSection, SectionFlags, SectionKind};
 
-/// What an image may take of a chip: a fifth stays free.
+/// The share of a chip that an image may use: a fifth stays free.
 const SHARE: (u64, u64) = (4, 5);
 
 /// The stack's part of that, bytes.
@@ -16,7 +16,7 @@ const STACK_BYTES: u64 = STACK_KIB as u64 * 1024;
 /// Where core-coupled memory is.
 const CCM: std::ops::Range<u64> = 0x1000_0000..0x1001_0000;
 
-/// What an image may take of its board, bytes.
+/// The memory that an image may use, bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Budget {
     /// Flash after the boot loader.
@@ -26,7 +26,7 @@ pub struct Budget {
 }
 
 impl Budget {
-    /// That of a board.
+    /// The budget of a board.
     pub fn of(board: &Board) -> Self {
         let (part, whole) = SHARE;
         let flash = u64::from(board.flash_kib) * 1024 - u64::from(board.boot_offset);
@@ -41,9 +41,9 @@ pub struct Sizes {
     pub text: u64,
     /// Variables with a first value: RAM, and the value in flash.
     pub data: u64,
-    /// Variables that begin as zero, or as anything: RAM only.
+    /// Variables that begin as zero, or uninitialised: RAM only.
     pub bss: u64,
-    /// Variables in core-coupled memory, which begin as anything.
+    /// Variables in core-coupled memory, uninitialised.
     pub ccm: u64,
 }
 
@@ -81,10 +81,10 @@ impl Sizes {
         self.data + self.bss + STACK_BYTES
     }
 
-    /// Whether the image keeps to what it may take.
+    /// Checks that the image is within its budget.
     ///
     /// # Errors
-    /// It does not.
+    /// It is not.
     pub fn check(self, budget: Budget) -> Result<(), String> {
         for (what, bytes, most) in [("flash", self.flash(), budget.flash), ("RAM", self.ram(), budget.ram)] {
             if bytes > most {
@@ -95,7 +95,7 @@ impl Sizes {
     }
 }
 
-/// The sizes of an image beside what it may take, as a table.
+/// The sizes of an image beside its budget, as a table.
 #[derive(Clone, Copy, Debug)]
 pub struct Table(pub Sizes, pub Budget);
 

@@ -18,8 +18,8 @@ const PROGRAMS: [(&str, &str); 2] = [("prusa-slicer", "prusa-slicer"), ("CuraEng
 /// Where the package `cura` puts what all printer definitions inherit.
 const CURA_RESOURCES: &str = "usr/share/cura/resources";
 
-/// Makes both slicers available; the folder of Cura's definitions. `None` on a machine where they are neither installed nor can
-/// be: on one without Debian's packages, or for a user who may not install any.
+/// Makes both slicers available and returns the folder of Cura's definitions; `None` where they are neither installed nor can
+/// be: without Debian's packages, or for a user who may not install any.
 ///
 /// # Errors
 /// Debian's packages are there, but cannot be fetched or installed.
@@ -46,7 +46,7 @@ fn is_on_path(program: &str) -> bool {
         .is_some_and(|path| std::env::split_paths(&path).any(|folder| folder.join(program).is_file()))
 }
 
-/// Cura's printer definitions: installed, or unpacked from the package, whose window nothing here needs.
+/// Cura's printer definitions: installed, or unpacked from the package, whose graphical program is not needed.
 fn definitions() -> Result<PathBuf, Failure> {
     let has_definitions = |resources: &PathBuf| resources.join("definitions/fdmprinter.def.json").is_file();
     let installed = PathBuf::from("/").join(CURA_RESOURCES);

@@ -28,7 +28,7 @@ pub fn cargo() -> Command {
     command
 }
 
-/// Runs a command with its output shown; how it ended is the caller's to judge.
+/// Runs a command with its output shown, and returns its exit status.
 pub fn exit_status(command: &mut Command) -> Result<ExitStatus, Failure> {
     let shown = show(command);
     eprintln!("    {shown}");
@@ -45,8 +45,8 @@ pub fn run(command: &mut Command) -> Result<(), Failure> {
 /// Most lines of failed tests that a failure repeats.
 const FAILED_TEST_LINES: usize = 60;
 
-/// Runs a command that tests, with its output shown; its failure repeats what the failed tests said, which stands far
-/// above the end of the output.
+/// Runs a command that tests, with its output shown; its failure repeats the output of the failed tests, which is far above
+/// the end of the whole output.
 pub fn run_tests(command: &mut Command) -> Result<(), Failure> {
     let shown = show(command);
     eprintln!("    {shown}");
@@ -65,7 +65,7 @@ pub fn run_tests(command: &mut Command) -> Result<(), Failure> {
     if status.success() { Ok(()) } else { Err(format!("`{shown}`: {status}\n{}", said.lines.join("\n"))) }
 }
 
-/// What failed tests say, out of the output of all.
+/// The output of the failed tests, taken from that of all.
 #[derive(Default)]
 struct FailedTests {
     lines: Vec<String>,
@@ -108,7 +108,7 @@ pub fn rustup_component(component: &str, subcommand: &str) -> Result<(), Failure
     if present() {
         return Ok(());
     }
-    // Whether rustup did it is seen by asking again: its own failure says less than the missing command.
+    // Asked again, the missing command says more than rustup's own failure.
     let added = run(Command::new("rustup").args(["component", "add", component]));
     if present() {
         return Ok(());

@@ -11,8 +11,8 @@ use crate::system;
 /// How much a count may grow, percent; more fails the check.
 const TOLERANCE_PERCENT: f64 = 3.0;
 
-/// The same where another compiler than the baseline's has built the images: that alone was seen to change counts by up
-/// to 10 %.
+/// The same for images of another compiler than the baseline's, which alone has changed counts by up to
+/// 10 %.
 const OTHER_COMPILER_TOLERANCE_PERCENT: f64 = 20.0;
 
 /// The parts of the figures that are the same on every run and every machine, and are costs.
@@ -21,7 +21,7 @@ const COMPARED: [&str; 3] = ["target", "image", DESK];
 /// The part that is counted only where valgrind is installed.
 pub const DESK: &str = "desk";
 
-/// A count that is not what it was.
+/// A count that differs from the baseline.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Change {
     /// Its key, with dots.
@@ -39,7 +39,7 @@ impl Change {
         Some(if before > 0.0 { (now / before - 1.0) * 100.0 } else { f64::INFINITY })
     }
 
-    /// Whether the check fails by it: it grew too much, or is no longer counted.
+    /// Whether it fails the check: it grew too much, or is no longer counted.
     fn is_failure(&self, tolerance_percent: f64) -> bool {
         match (self.before, self.now) {
             (Some(before), Some(now)) => now * 100.0 > before * (100.0 + tolerance_percent),
@@ -72,8 +72,8 @@ pub fn read() -> Result<Value, Failure> {
     serde_json::from_str(&text).map_err(|error| format!("{}: {error}", path.display()))
 }
 
-/// Makes these the committed counts: all but what differs from run to run, and with the desk's as they were if they have
-/// not been counted. Returns them.
+/// Saves these as the committed counts, without those that differ from run to run; the desk's stay unchanged if they were
+/// not counted. Returns them.
 pub fn write(figures: &Value) -> Result<Value, Failure> {
     let kept = kept(figures, &read().unwrap_or_default());
     let path = path();
@@ -82,7 +82,7 @@ pub fn write(figures: &Value) -> Result<Value, Failure> {
     Ok(kept)
 }
 
-/// What is committed of these figures.
+/// The part of these figures that is committed.
 fn kept(figures: &Value, before: &Value) -> Value {
     let mut kept = figures.clone();
     if let Some(object) = kept.as_object_mut() {
@@ -113,7 +113,7 @@ pub fn numbers(value: &Value) -> Vec<(String, f64)> {
 
 /// Every compared count that differs from the baseline.
 pub fn changes(baseline: &Value, figures: &Value) -> Vec<Change> {
-    // Where the desk's part is not counted, it is not lost.
+    // Without valgrind the desk's part is not counted, which is no loss.
     let is_counted = |part: &str| part != DESK || figures.get(DESK).is_some();
     let compared = |value: &Value| -> Vec<(String, f64)> {
         let parts = COMPARED.iter().filter(|part| is_counted(part));
@@ -165,7 +165,7 @@ pub fn check(baseline: &Value, figures: &Value) -> Result<(), Failure> {
     ))
 }
 
-/// What built the images.
+/// The compiler that built the images.
 fn compiler(figures: &Value) -> &str {
     figures.get("compiler").and_then(Value::as_str).unwrap_or("an unknown compiler")
 }

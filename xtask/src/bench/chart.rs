@@ -10,7 +10,7 @@ pub struct Bar {
     pub label: String,
     /// Its length.
     pub instructions: f64,
-    /// Whether it is Ferrostep's.
+    /// Whether Ferrostep executes it, or another firmware.
     pub own: bool,
 }
 

@@ -1,4 +1,4 @@
-//! From instructions to events a second, as long as no silicon has been measured.
+//! From instructions to events a second: an estimate until a board has been measured.
 
 /// Core clock of the STM32F405 and F407, Hz.
 const CLOCK_HZ: f64 = 168e6;
@@ -10,7 +10,7 @@ const ENTRY_AND_EXIT_CYCLES: f64 = 12.0 + 10.0;
 /// Cycles an instruction. Klipper's step, 33 instructions, takes 46 cycles on an STM32F407 by its own benchmark.
 const CYCLES_PER_INSTRUCTION: f64 = 1.4;
 
-/// Events a second when the processor does nothing else and enters its handler anew for each.
+/// Maximum of events a second for a processor that only steps and enters its handler anew for each.
 pub fn events_per_s(instructions: f64) -> f64 {
     CLOCK_HZ / (ENTRY_AND_EXIT_CYCLES + CYCLES_PER_INSTRUCTION * instructions)
 }

@@ -48,7 +48,7 @@ fn estimate(program: &Path, file: &Path) -> Result<(f64, f64), Failure> {
     Ok((collected(&said).ok_or_else(nothing)?, host::number(&summary, "lines")?))
 }
 
-/// The count in what callgrind says.
+/// The count in callgrind's output.
 fn collected(said: &str) -> Option<f64> {
     said.lines().find_map(|line| line.split_once("Collected : ")?.1.trim().parse().ok())
 }

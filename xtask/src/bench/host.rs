@@ -1,4 +1,4 @@
-//! How fast the desk is. It depends on the computer and on what else it does: for the reader, never compared.
+//! How fast the desk is. The figures depend on the computer and its load, so they are shown and never compared.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -45,7 +45,7 @@ fn examples() -> Result<Vec<PathBuf>, Failure> {
     Ok(files)
 }
 
-/// The machine an example was sliced for; its name says so.
+/// The machine an example was sliced for, by the file's name.
 pub fn profile(file: &Path) -> &'static str {
     let name = file.file_name().unwrap_or_default().to_string_lossy();
     if name.contains("corexy") { "corexy" } else { "cartesian" }

@@ -1,4 +1,4 @@
-//! Lines of two axes: what one build of the bench counts of them and what the other tells, and the book's tables.
+//! Lines of two axes: instructions from one build of the bench, entries from the other, and the book's tables of both.
 
 use std::fmt::Write;
 
@@ -19,7 +19,7 @@ const WU_LINES: [(&str, &str, &str); 5] = [
 /// The queues that Wu's lines are drawn to.
 const KINDS: [&str; 2] = ["bresenham", "bresenham_pulses"];
 
-/// The ways that lines of every slope are drawn.
+/// The methods that draw lines of every slope.
 const WAYS: [&str; 3] = ["classic", "classic_coalesced", "step"];
 
 /// Takes the lines' entries and decisions out of the workload and puts them beside the lines' instructions.
@@ -66,7 +66,7 @@ pub fn tables(out: &mut String, figures: &Value) -> std::fmt::Result {
     slopes(out, figures)
 }
 
-/// One by the other, with two decimals.
+/// The quotient, with two decimals.
 fn ratio(count: Option<f64>, by: Option<f64>) -> String {
     count.zip(by).map_or("-".to_owned(), |(count, by)| format!("{:.2}", count / by))
 }

@@ -24,7 +24,7 @@ const KLIPPER_EACH_OF_MANY: f64 = 50.0;
 const KLIPPER_ONE_MOTOR_PER_S: f64 = 3_652e3;
 const KLIPPER_THREE_MOTORS_PER_S: f64 = 2_459e3;
 
-/// Steps a second of one motor while four are on the way, from its own cycle constants at 168 MHz.
+/// Steps a second of one motor while four move, from Klipper's own cycle constants at 168 MHz.
 const MARLIN_FOUR_AXES_PER_S: f64 = 143.6e3;
 
 /// Writes tables and chart.
@@ -95,7 +95,7 @@ fn step_interrupt(out: &mut String, figures: &Value) -> std::fmt::Result {
     )
 }
 
-/// The highest rates, by how the events come. What one more motor costs nothing for is the same for three as for four.
+/// The highest rates, by the events' pattern. Where another motor costs nothing, three and four motors share a row.
 fn steps_per_second(out: &mut String, figures: &Value) -> std::fmt::Result {
     writeln!(out, "## Steps a second\n")?;
     writeln!(

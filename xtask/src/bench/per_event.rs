@@ -1,4 +1,4 @@
-//! Instructions by the step events that they make: the bench counts the former, its other build the latter.
+//! Instructions per step event: the bench counts the instructions, its other build the events.
 
 use serde_json::{Value, json};
 
@@ -35,7 +35,7 @@ pub fn target(counts: &Value, workload: &Value) -> Result<Value, Failure> {
     Ok(target)
 }
 
-/// How much there was to do.
+/// The number of events.
 pub fn workload(counts: &Value, mut workload: Value) -> Result<Value, Failure> {
     let moves = counts.get("moves").cloned().ok_or("the bench counted no moves")?;
     workload

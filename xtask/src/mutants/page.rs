@@ -1,4 +1,4 @@
-//! The book's page of survivors: what is written there is what the next run is compared with.
+//! The book's page of survivors, with which the next run is compared.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -11,12 +11,12 @@ use crate::system;
 /// The page.
 pub const PAGE: Page = Page { path: "docs/src/mutants.md", command: "cargo xtask mutants --refresh" };
 
-/// What the page says.
+/// The page's contents.
 pub fn read() -> Result<Files, Failure> {
     parsed(PAGE.generated(&PAGE.read()?)?)
 }
 
-/// Writes what became of the files that were tried; what the page says of others that still exist stays.
+/// Writes the results of the files that were tried; those of other files that still exist stay.
 pub fn write(tried: &Files) -> Result<(), Failure> {
     let mut files = read()?;
     files.retain(|file, _| system::root().join(file).is_file());
@@ -97,7 +97,7 @@ mod tests {
         }
     }
 
-    /// By hand or by a merge, the page may be wrong: its sums must be those of its lists.
+    /// An edit or a merge can damage the page: its sums must be those of its lists.
     #[test]
     fn the_page_is_as_it_was_written() {
         let text = PAGE.read().unwrap();

@@ -1,4 +1,4 @@
-//! What became of the mutants that were tried.
+//! The results of the mutants that were tried.
 
 use std::collections::BTreeMap;
 
